@@ -99,7 +99,8 @@ impl Bench {
         let clean = self.subject.with_positions(&self.truth_m);
         let base = clean.base();
         let fitted = clean.fit(&base, &[], Search::Wide).expect("fits");
-        let fitted = Fitted { noise: [1e6 * NOISE_M, 1e-3, 1.0, 1e-5, 1e-3], ..fitted };
+        let fitted =
+            Fitted { noise: vitreo_uq::criticism::NoiseValues::new([1e6 * NOISE_M, 1e-3, 1.0, 1e-5, 1e-3]), ..fitted };
         let tangent = Tangent::new(&clean, &base, &fitted).expect("derivatives");
         sigmas / tangent.visible(&[column_m.to_vec()])[0].norm()
     }

@@ -180,7 +180,7 @@ fn compliance(model: &Model, protocol: &Protocol) -> Compliance {
         Surrogate::train(stiffness(), &training).expect("training succeeds")
     });
     let compliance = surrogate.compliance(POISSON_RATIO).expect("inside the range");
-    compliance.with_spread(|stages| fields(false).spread(stages)).with_large(|| Some(large_stepper()))
+    compliance.with_spread(|stages| fields(false).spread(stages)).with_learnt(|| Some(large_stepper()))
 }
 
 fn model(effects: &[&'static dyn Effect], scales: Scales) -> Result<Model, Error> {

@@ -1,5 +1,5 @@
 //! Displacement per force of every apparatus, each computed once: for quasi-static linear laws it depends on sizes and the Poisson ratio
-//! alone (physics §3.3), and not on what a specimen is made of. Effects that change the field bring their reduced models with it; large displacements are learnt for every record.
+//! alone (physics §3.3), and not on what a specimen is made of. Effects that change the field bring their reduced models with it; some are learnt for every record.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 use super::cohort::Measurement;
 use base::error::{Error, Place, Result};
 use elements::fe::time::FullOrderModel;
-use models::effects::{Field, Library};
+use models::effects::Library;
 use models::model::Compliance;
 use posterior::cache;
 use posterior::mechanics::MODEL_LEVEL;
@@ -32,13 +32,13 @@ pub fn first_alike(measurements: &[Measurement]) -> Vec<usize> {
     measurements.iter().enumerate().map(|(index, own)| *first.entry(key(own, &library)).or_insert(index)).collect()
 }
 
-/// What the models of a measurement's apparatus depend on: sizes, what the effects of its model ask for, and, of large displacements, the record.
+/// What the models of a measurement's apparatus depend on: sizes, what the effects of its model ask for, and, of those that are learnt for one, the record.
 pub(super) fn key(own: &Measurement, library: &Library) -> String {
     // Effects may ask for other Poisson ratios, in the range that their priors give them.
     let model = if own.specification.effects.is_empty() { String::new() } else { format!("{:?}", own.specification) };
     let effects = own.specification.effects.iter().filter_map(|slug| library.get(slug));
-    let is_large = effects.into_iter().any(|effect| matches!(effect.field(), Some(Field::Large)));
-    let record = if is_large { own.inputs_sha256.as_str() } else { "" };
+    let is_learnt = effects.into_iter().any(|effect| effect.is_learnt_for_record());
+    let record = if is_learnt { own.inputs_sha256.as_str() } else { "" };
     format!("{:?} {model} {record}", own.experiment.apparatus)
 }
 

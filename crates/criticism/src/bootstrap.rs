@@ -154,6 +154,7 @@ fn largest_gain(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::NoiseValues;
     use crate::refit::refit_all;
     use crate::test_replica::{WHITE, base_fit, replica, simulated};
     use posterior::monitor::Silent;
@@ -188,7 +189,7 @@ mod tests {
     fn p_of_correct_models(n_models: u64, most: usize) -> Vec<f64> {
         let (base, fitted) = base_fit();
         let candidates = candidates();
-        let noise = [4.0, 3.0, 1.0, 0.01, 1.0];
+        let noise = NoiseValues::new([4.0, 3.0, 1.0, 0.01, 1.0]);
         let p_of = |seed: u64| {
             let data = simulated(&base, &fitted.theta, &noise, 1000 + seed);
             let reference = Refitted::new(&data, base.clone(), &[], Search::Wide).expect("fits");
@@ -255,7 +256,7 @@ mod tests {
     #[ignore = "thorough"]
     fn a_simulated_search_fits_mean_and_noise_of_every_model() {
         let (candidate, fitted) = base_fit();
-        let noise = [4.0, 3.0, 1.0, 0.01, 1.0];
+        let noise = NoiseValues::new([4.0, 3.0, 1.0, 0.01, 1.0]);
         let reference = Refitted { candidate, fitted: Fitted { noise, ..fitted }, future: None };
         let candidates = candidates();
         let mut n_of_second = 0;
@@ -280,7 +281,7 @@ mod tests {
         let subject = crate::test_subjects::subject(crate::test_subjects::Protocol::Levels);
         let position_m = crate::test_subjects::truth_of(&subject, &[], &[]);
         let mut n_left_out = 0;
-        for (seed, noise) in [(5, WHITE), (6, [4.0, 4.0, 1.0, 0.01, 1.0])] {
+        for (seed, noise) in [(5, WHITE), (6, NoiseValues::new([4.0, 4.0, 1.0, 0.01, 1.0]))] {
             let noise_m = crate::test_subjects::noise_of(&subject, &position_m, &noise, seed);
             let measured: Vec<f64> = position_m.iter().zip(noise_m).map(|(x, noise)| x + noise).collect();
             let data = subject.with_positions(&measured);

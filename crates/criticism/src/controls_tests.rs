@@ -32,10 +32,11 @@ struct Noise {
 }
 
 const NONE: f64 = 1e-6;
-const WHITE: Noise = Noise { parameters: [4.0, NONE, 1.0, NONE, NONE], off: 0.0, lost: 0.0, is_given: true };
+const WHITE: Noise =
+    Noise { parameters: NoiseValues::new([4.0, NONE, 1.0, NONE, NONE]), off: 0.0, lost: 0.0, is_given: true };
 
 fn autoregressive(sd_um: f64, time_s: f64) -> Noise {
-    Noise { parameters: [NONE, sd_um, time_s, NONE, NONE], is_given: false, ..WHITE }
+    Noise { parameters: NoiseValues::new([NONE, sd_um, time_s, NONE, NONE]), is_given: false, ..WHITE }
 }
 
 /// A subject of positions (m), one a row, and these effects, with a noise of 4 µm given or none.
@@ -85,9 +86,12 @@ fn noise_that_is_not_given_is_not_a_misfit() {
         ("white, not given", Noise { is_given: false, ..WHITE }),
         ("outliers", Noise { off: 0.01, ..WHITE }),
         ("outliers, not given", Noise { off: 0.01, is_given: false, ..WHITE }),
-        ("gain", Noise { parameters: [4.0, NONE, 1.0, 0.01, NONE], ..WHITE }),
-        ("gain, not given", Noise { parameters: [4.0, NONE, 1.0, 0.01, NONE], is_given: false, ..WHITE }),
-        ("slow beside what is given", Noise { parameters: [4.0, 4.0, 1.0, NONE, NONE], ..WHITE }),
+        ("gain", Noise { parameters: NoiseValues::new([4.0, NONE, 1.0, 0.01, NONE]), ..WHITE }),
+        (
+            "gain, not given",
+            Noise { parameters: NoiseValues::new([4.0, NONE, 1.0, 0.01, NONE]), is_given: false, ..WHITE },
+        ),
+        ("slow beside what is given", Noise { parameters: NoiseValues::new([4.0, 4.0, 1.0, NONE, NONE]), ..WHITE }),
         ("lost rows", Noise { lost: 0.1, ..WHITE }),
     ];
     let still = subject(Protocol::Paper);

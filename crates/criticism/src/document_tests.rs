@@ -3,6 +3,7 @@
 use nalgebra::DMatrix;
 
 use super::*;
+use crate::NoiseValues;
 use crate::derivatives::columns_m;
 use crate::outside::OutsideKind;
 use crate::search::tests::{BIAS, DRIFT_M_PER_S, found, found_beside, refitted, small};
@@ -66,7 +67,7 @@ fn the_verdict_follows_claim_structure_and_noise() {
     };
     let outside = [slip(&found.base)];
     // However large the noise that the model has learnt: what is left decides.
-    found.base.fitted.noise = [4.0, 5.0, 1.0, 0.01, 1.0];
+    found.base.fitted.noise = NoiseValues::new([4.0, 5.0, 1.0, 0.01, 1.0]);
     let (none, effects, sentence, statuses) = kind(&found, &[], &WITHIN);
     assert_eq!((none, effects.len()), (VerdictKind::None, 0));
     // The bias moves the whole cycle, which a gain and an offset would take up: why the noise is called none is said.
@@ -149,7 +150,7 @@ fn errors_and_predictive_noise_are_those_of_dense_algebra() {
     let data = measured(&small(), &[], &[], 34);
     let found = found(&data, &[]);
     let mut model = found.base.clone();
-    model.fitted.noise = [4.0, 2.0, 0.8, 0.002, 1.0];
+    model.fitted.noise = NoiseValues::new([4.0, 2.0, 0.8, 0.002, 1.0]);
     let request = request();
     let report = plain(&data, &request, &found);
     let errors = report.errors(&model);

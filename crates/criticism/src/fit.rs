@@ -179,7 +179,8 @@ impl Climber<'_> {
         let (lanes, is_valid) = self.subject.trajectories_m(self.candidate, points);
         let noise = noise_fit::natural(log_noise);
         let mut out = [0.0; N_LANES];
-        self.subject.fitted.ln_likelihood_lanes(&lanes, &noise.map(|value| [value; N_LANES]), &mut out);
+        let noise: Vec<[f64; N_LANES]> = noise.iter().map(|value| [*value; N_LANES]).collect();
+        self.subject.fitted.ln_likelihood_lanes(&lanes, &noise, &mut out);
         let of_noise = self.noise_prior.ln_density(log_noise);
         for (lane, value) in out.iter_mut().enumerate() {
             *value = match points.get(lane) {

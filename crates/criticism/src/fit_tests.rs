@@ -142,7 +142,7 @@ fn guessed_derivatives_agree_with_the_last_move() {
     let start = Point {
         theta: from.to_vec(),
         position_m: position(&from),
-        log_noise: [0.0; 5],
+        log_noise: NoiseValues::new([0.0; 5]),
         objective: 0.0,
         columns_m: Some(columns.clone()),
         is_guessed: false,
@@ -174,11 +174,11 @@ fn guessed_derivatives_agree_with_the_last_move() {
 fn a_fit_with_the_models_own_noise_has_no_other() {
     let (base, fitted) = base_fit();
     assert_eq!(replica().specification().noise.len(), 3);
-    let data = simulated(&base, &fitted.theta, &[4.0, 8.0, 1.0, 0.01, 1.0], 12);
+    let data = simulated(&base, &fitted.theta, &NoiseValues::new([4.0, 8.0, 1.0, 0.01, 1.0]), 12);
     let every = data.fit(&base, &[], Search::Wide).expect("fits");
     assert!(every.noise[1] > 4.0, "{:?}", every.noise);
     let found = data.with_own_noise().fit(&base, &[(every.theta, every.noise)], Search::Local).expect("fits");
-    let [white, process, _, gain, offset] = found.noise;
+    let [white, process, _, gain, offset] = found.noise[..] else { panic!("five parameters") };
     assert!(white > 6.0 && process < 0.01 && gain < 1e-4 && offset < 0.01, "{:?}", found.noise);
     assert!(found.objective < every.objective);
 }

@@ -1,6 +1,7 @@
 //! Scores against dense algebra, and against sums over a grid where the support ends.
 
 use super::*;
+use crate::NoiseValues;
 use crate::test_replica::{WHITE, base_fit, replica, simulated};
 
 /// Log density of a normal vector by dense algebra.
@@ -16,7 +17,7 @@ fn ln_normal(x: &DVector<f64>, covariance: &DMatrix<f64>) -> f64 {
 #[test]
 fn scores_are_those_of_the_joint_normal() {
     let (base, fitted) = base_fit();
-    let noise = [4.0, 3.0, 0.7, 0.012, 2.0];
+    let noise = NoiseValues::new([4.0, 3.0, 0.7, 0.012, 2.0]);
     let subject = simulated(&base, &fitted.theta, &noise, 5);
     let left_out: Vec<usize> = (0..subject.fitted_m.len()).filter(|row| row % 3 != 0).collect();
     let subject = subject.without_rows(&left_out);
@@ -56,7 +57,7 @@ fn scores_are_those_of_the_joint_normal() {
 #[test]
 fn scores_with_an_effect_are_those_of_a_mixture_of_joint_normals() {
     let (base, fitted) = base_fit();
-    let noise = [4.0, 3.0, 0.7, 0.012, 2.0];
+    let noise = NoiseValues::new([4.0, 3.0, 0.7, 0.012, 2.0]);
     let mut candidate = replica().extended(&["tracking-drift"]).expect("addable");
     let size = candidate.free.len() - 1;
     // Without ends the joint densities are normal; with them they are in the tests below.
@@ -131,7 +132,7 @@ fn the_gain_of_a_new_cycle_is_not_known_to_be_nothing() {
     let (base, fitted) = base_fit();
     let score = |gain: f64| {
         let mut noise = WHITE;
-        noise[super::super::noise_fit::GAIN] = gain;
+        noise[3] = gain;
         let fitted = Fitted { noise, ..fitted.clone() };
         future_score(replica(), &base, &fitted).expect("derivatives").expect("a cycle is held out").last
     };
@@ -162,7 +163,7 @@ fn an_effect_at_its_end_that_the_data_pull_against_gains_nothing() {
     let earlier_m: Vec<f64> = (0..law_m.len()).map(|row| law_m[(row + 1).min(law_m.len() - 1)]).collect();
     let subject = replica().with_positions(&earlier_m);
     let fitted = subject.fit(&base, &[], crate::Search::Wide).expect("fits");
-    let fitted = Fitted { noise: [4.0, 3.0, 0.7, 0.012, 2.0], ..fitted };
+    let fitted = Fitted { noise: NoiseValues::new([4.0, 3.0, 0.7, 0.012, 2.0]), ..fitted };
     let of_base = future_score(&subject, &base, &fitted).expect("derivatives").expect("a cycle is held out");
     for effects in [&["clock-offset"][..], &["actuator-lag"], &["clock-offset", "actuator-lag"]] {
         let candidate = subject.extended(effects).expect("addable");
@@ -182,7 +183,7 @@ fn scores_at_an_end_are_those_of_a_sum_over_the_size() {
     let law_m = &fitted.position_m;
     for (shift, subject) in [(1_usize, "earlier"), (0, "as the log says")] {
         let moved_m: Vec<f64> = (0..law_m.len()).map(|row| law_m[(row + shift).min(law_m.len() - 1)]).collect();
-        let noise = [4.0, 3.0, 0.7, 0.012, 2.0];
+        let noise = NoiseValues::new([4.0, 3.0, 0.7, 0.012, 2.0]);
         let errors_m: Vec<f64> = (0..law_m.len()).map(|row| 4e-6 * (1.7 * (row * row % 97) as f64).sin()).collect();
         let measured_m: Vec<f64> = moved_m.iter().zip(&errors_m).map(|(x, error)| x + error).collect();
         let data = replica().with_positions(&measured_m);

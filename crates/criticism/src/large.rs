@@ -3,7 +3,6 @@
 use base::error::Result;
 use figures::number::significant;
 use laws::stages::Stepped;
-use models::effects::Field;
 use models::surrogate::trajectory::FARTHEST_RADII;
 use posterior::large_displacement::LEAST_RADII;
 use posterior::learnt_displacement::{deviation_m, learnt};
@@ -22,7 +21,7 @@ const NATS: f64 = 1.0;
 
 /// Looks whether large displacements are worth learning for a record, at a fit of the base, and learns them.
 pub(super) fn prepare(subject: &Subject, base: &Refitted, monitor: &dyn Monitor) {
-    let wanted = subject.library().effects().iter().any(|effect| matches!(effect.field(), Some(Field::Large)));
+    let wanted = subject.library().effects().iter().any(|effect| effect.is_learnt_for_record());
     if wanted && subject.problem().model.field().is_none() && subject.large().get().is_none() {
         // Not within the cell's own initialisation: threads that wait there would take up other work of this search.
         let found = learn(subject, base, monitor);
@@ -33,8 +32,8 @@ pub(super) fn prepare(subject: &Subject, base: &Refitted, monitor: &dyn Monitor)
 /// What a record shows of the effect of this slug, if it is large displacements and one full run said that they are not worth learning.
 pub(super) fn score_where_not_learnt(subject: &Subject, slug: &str) -> Option<Score> {
     let effect = subject.library().get(slug)?;
-    match (effect.field(), subject.large().get()) {
-        (Some(Field::Large), Some(Err(not_learnt))) => not_learnt.score.clone(),
+    match subject.large().get() {
+        Some(Err(not_learnt)) if effect.is_learnt_for_record() => not_learnt.score.clone(),
         _ => None,
     }
 }

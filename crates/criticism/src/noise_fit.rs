@@ -2,45 +2,23 @@
 
 use std::cell::OnceCell;
 
-use base::distribution::Distribution;
+use base::parameter::GAIN_SD;
 use models::model::N_LANES;
-use posterior::noise::{NoiseLikelihood, NoiseModel, NoiseScales, SharedPosition};
+pub use posterior::noise::NoiseValues;
+use posterior::noise::{Learning, LearningPrior, NoiseLikelihood, NoiseModel, NoiseScales, RowShare, SharedPosition};
 use sampling::ensemble::RandomStream;
 
-/// Number of the parameters of the noise of a diagnosis: white errors, a process, a gain and an offset for each cycle.
-const N_PARAMETERS: usize = 5;
-/// Their places: σ (µm), σ_ou (µm), τ (s), s_g, s_o (µm).
-pub(super) const WHITE: usize = 0;
-pub(super) const PROCESS: usize = 1;
-const TIME: usize = 2;
-pub(super) const GAIN: usize = 3;
-const OFFSET: usize = 4;
-
-/// The noise's parameters in their units, in the order of the noise model.
-pub type NoiseValues = [f64; N_PARAMETERS];
-/// Their logarithms.
-pub(super) type LogNoise = [f64; N_PARAMETERS];
+/// Logarithms of the noise's parameters.
+pub(super) type LogNoise = NoiseValues;
 
 /// What is known of the noise before the data, and where the search ends.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct NoisePrior {
-    /// ln of the yardstick in µm.
-    ln_white_um: f64,
-    /// ln of the shortest and longest correlation time in s.
-    ln_time_s: [f64; 2],
-    /// Of σ_ou (µm), s_g and s_o (µm).
-    process: Distribution,
-    gain: Distribution,
-    offset: Distribution,
-    /// Parameters of terms that a model goes without: they stay at the least that a search allows.
-    is_absent: [bool; N_PARAMETERS],
+    learning: Learning,
+    /// Whether each parameter is one of a term that the model goes without: it stays at the least that a search allows.
+    is_absent: Vec<bool>,
 }
 
-/// Standard deviation of ln σ about the yardstick: known, yet not so well that it could stand in the way of the data.
-const WHITE_LOG_SD: f64 = 0.5;
-/// Standard deviation of ln σ_ou where the yardstick is estimated from short lags, which do not show slow noise: at ten times the sample interval it is four
-/// times the estimate, at ten seconds twenty times.
-const PROCESS_LOG_SD_OF_ESTIMATE: f64 = 2.5;
 /// A gain that a few cycles show to be smaller is not known to be: what scores of future cycles, which compare models, take for the least. It is no part of
 /// any noise that is reported, nor of what an error is measured against.
 pub(super) const GAIN_FLOOR: f64 = 0.01;
@@ -48,49 +26,43 @@ pub(super) const GAIN_FLOOR: f64 = 0.01;
 impl NoisePrior {
     /// The priors that `sample` has, but for white errors, whose yardstick is known better than any prior, and for a process that an estimated one does not show.
     pub fn new(model: NoiseModel, scales: &NoiseScales, is_known: bool) -> Self {
-        let priors = model.default_priors(scales);
-        // White errors have none, and stand first.
-        let of = |place: usize| priors[place - 1].distribution;
-        let process = match of(PROCESS) {
-            Distribution::LogNormal { median, .. } if !is_known => {
-                Distribution::LogNormal { median, log_sd: PROCESS_LOG_SD_OF_ESTIMATE }
-            }
-            known => known,
-        };
-        let (shortest_s, longest_s) = of(TIME).support();
-        Self {
-            ln_white_um: scales.noise_sd_um.ln(),
-            ln_time_s: [shortest_s.ln(), longest_s.ln()],
-            process,
-            gain: of(GAIN),
-            offset: of(OFFSET),
-            is_absent: [false; N_PARAMETERS],
-        }
+        let learning = model.learning(scales, is_known);
+        Self { is_absent: vec![false; learning.parameters.len()], learning }
     }
 
     /// The same for a model whose noise has the terms of these names and no others.
     pub fn only(self, terms: &[String]) -> Self {
-        let is_absent = |name: &str| !terms.iter().any(|term| term == name);
-        let [process, gain] = ["ou", "gain"].map(is_absent);
-        Self { is_absent: [false, process, process, gain, gain], ..self }
+        let known = self.learning.terms.iter();
+        // White errors are in every model.
+        let is_absent = known.map(|own| *own != self.learning.terms[0] && !terms.iter().any(|term| term == own));
+        Self { is_absent: is_absent.collect(), ..self }
     }
 
     /// Log density up to a constant; of the logarithms for σ, σ_ou and τ, of the values for s_g and s_o, so that these may be nothing.
     pub fn ln_density(&self, noise: &LogNoise) -> f64 {
-        let white = -0.5 * ((noise[WHITE] - self.ln_white_um) / WHITE_LOG_SD).powi(2);
-        let process = self.process.ln_pdf(noise[PROCESS].exp()) + noise[PROCESS];
-        white + process + self.gain.ln_pdf(noise[GAIN].exp()) + self.offset.ln_pdf(noise[OFFSET].exp())
+        let parts = self.learning.parameters.iter().zip(noise.iter());
+        parts
+            .filter_map(|(parameter, ln)| parameter.prior.ln_density(*ln))
+            .reduce(|sum, part| sum + part)
+            .unwrap_or(0.0)
+    }
+
+    /// What turns a density of the values, where that is what a prior is of, into one of their logarithms: added to `ln_density`.
+    fn with_jacobian(&self, ln_density: f64, noise: &LogNoise) -> f64 {
+        let parts = self.learning.parameters.iter().zip(noise.iter());
+        let of_values = parts.filter(|(parameter, _)| matches!(parameter.prior, LearningPrior::OfValue(_)));
+        of_values.fold(ln_density, |sum, (_, ln)| sum + ln)
     }
 
     fn ends(&self, index: usize) -> [f64; 2] {
-        let [lower, upper] = match index {
-            WHITE => [self.ln_white_um - 4.0, self.ln_white_um + 8.0],
-            PROCESS => [self.ln_white_um - 7.0, self.ln_white_um + 9.0],
-            TIME => self.ln_time_s,
-            GAIN => [1e-5_f64.ln(), 0.5_f64.ln()],
-            _ => [self.ln_white_um - 7.0, self.ln_white_um + 7.0],
-        };
+        let [lower, upper] = self.learning.parameters[index].ln_ends;
         [lower, if self.is_absent[index] { lower } else { upper }]
+    }
+
+    /// The parameters that say something of what differs from row to row: their places, and whether each is a standard deviation.
+    pub fn of_rows(&self) -> Vec<(usize, bool)> {
+        let all = self.learning.parameters.iter().enumerate();
+        all.filter(|(_, own)| own.of_row != RowShare::Nothing).map(|(k, own)| (k, own.of_row == RowShare::Sd)).collect()
     }
 
     /// The nearest noise that a search allows.
@@ -104,25 +76,16 @@ impl NoisePrior {
 
     /// White noise of the yardstick's size and next to nothing else: what weighs all rows alike.
     pub fn white(&self) -> LogNoise {
-        let middle = 0.5 * (self.ln_time_s[0] + self.ln_time_s[1]);
-        self.clamped([self.ln_white_um, self.ln_white_um - 3.0, middle, 1e-4_f64.ln(), self.ln_white_um - 4.0])
+        self.clamped(self.learning.parameters.iter().map(|parameter| parameter.ln_white).collect())
     }
+}
 
-    /// Starts of a search: processes of three lengths, small and large.
-    fn starts(&self) -> Vec<LogNoise> {
-        let [shortest, longest] = self.ln_time_s;
-        let mut starts = Vec::new();
-        for share in [0.15, 0.5, 0.85] {
-            for size in [-1.0, 0.5] {
-                let time = shortest + share * (longest - shortest);
-                for (gain, offset) in [(0.004_f64, -1.5), (0.02, -3.0), (0.000_5, 0.0)] {
-                    let (white, process) = (self.ln_white_um, self.ln_white_um + size);
-                    starts.push([white, process, time, gain.ln(), white + offset]);
-                }
-            }
-        }
-        starts
+/// The noise of future cycles: no gain is known to be smaller than [`GAIN_FLOOR`].
+pub(super) fn of_future(model: NoiseModel, mut noise: NoiseValues) -> NoiseValues {
+    if let Some(place) = model.place(&GAIN_SD) {
+        noise[place] = noise[place].max(GAIN_FLOOR);
     }
+    noise
 }
 
 /// The parameters from their logarithms.
@@ -170,8 +133,8 @@ fn evaluate_at(
     values
 }
 
-/// Starts of a wide search that share the length of their process.
-const STARTS_PER_LENGTH: usize = 6;
+/// Groups of starts of a wide search, of each of which the best is climbed from: those that share the length of their process.
+const N_GROUPS: usize = 3;
 const MOST_ROUNDS: usize = 40;
 /// Gain (nats) of a round below which the search narrows, and width below which it ends.
 const LEAST_GAIN: f64 = 2e-3;
@@ -193,10 +156,10 @@ pub(super) fn fit(
     if !widely {
         return climb(&evaluate, prior, &[from], SETTLING_WIDTH);
     }
-    let starts: Vec<LogNoise> = prior.starts().into_iter().map(|start| prior.clamped(start)).collect();
+    let starts: Vec<LogNoise> = prior.learning.starts.iter().map(|start| prior.clamped(*start)).collect();
     // The best starts may lie under different tops, and a top that was reached along a ridge may not be one: so a few, then again from the best of them.
     // One of each length of the process.
-    let own = starts.chunks(STARTS_PER_LENGTH).map(|starts| climb(&evaluate, prior, starts, 0.3));
+    let own = starts.chunks(starts.len().div_ceil(N_GROUPS)).map(|starts| climb(&evaluate, prior, starts, 0.3));
     let better = |best: (LogNoise, f64), top: (LogNoise, f64)| if top.1 > best.1 { top } else { best };
     let best = own.fold(climb(&evaluate, prior, &[from], 0.3), better);
     climb(&evaluate, prior, &[best.0], 0.6)
@@ -223,7 +186,7 @@ pub(super) fn settle(
         values
     };
     let mut points = vec![from];
-    points.extend(neighbours(prior, &from, &[SETTLING_WIDTH; N_PARAMETERS]));
+    points.extend(neighbours(prior, &from, &from.map(|_| SETTLING_WIDTH)));
     let first = objectives(residuals_m, &points);
     let shared_m = shared(position_m);
     let climb = |(residual_m, values): (&&[f64], Vec<f64>)| {
@@ -236,13 +199,8 @@ pub(super) fn settle(
             }
             evaluate_at(own.get_or_init(record), prior, &shared_m, points)
         };
-        let here = Climber {
-            objective: &evaluate,
-            prior,
-            here: from,
-            value: values[0],
-            widths: [SETTLING_WIDTH; N_PARAMETERS],
-        };
+        let here =
+            Climber { objective: &evaluate, prior, here: from, value: values[0], widths: from.map(|_| SETTLING_WIDTH) };
         let mut climber = here;
         let mut gain = climber.step(&points[1..], &values[1..]);
         let mut has_moved = false;
@@ -264,9 +222,9 @@ fn sums(residual_m: &[f64], position_m: &[f64]) -> Vec<Option<f64>> {
 }
 
 /// Parameters in their units, side by side; the last point stands for lanes without one.
-fn lanes<const W: usize>(points: &[LogNoise]) -> [[f64; W]; N_PARAMETERS] {
+fn lanes<const W: usize>(points: &[LogNoise]) -> Vec<[f64; W]> {
     let value = |index: usize, lane: usize| points[lane.min(points.len() - 1)][index].exp();
-    std::array::from_fn(|index| std::array::from_fn(|lane| value(index, lane)))
+    (0..points[0].len()).map(|index| std::array::from_fn(|lane| value(index, lane))).collect()
 }
 
 fn with_prior(prior: &NoisePrior, noise: &LogNoise, ln_likelihood: f64) -> f64 {
@@ -276,8 +234,8 @@ fn with_prior(prior: &NoisePrior, noise: &LogNoise, ln_likelihood: f64) -> f64 {
 
 /// Both neighbours along every coordinate.
 fn neighbours(prior: &NoisePrior, here: &LogNoise, widths: &LogNoise) -> Vec<LogNoise> {
-    let mut points = Vec::with_capacity(2 * N_PARAMETERS);
-    for index in 0..N_PARAMETERS {
+    let mut points = Vec::with_capacity(2 * here.len());
+    for index in 0..here.len() {
         for sign in [1.0, -1.0] {
             let mut point = *here;
             point[index] += sign * widths[index];
@@ -289,7 +247,7 @@ fn neighbours(prior: &NoisePrior, here: &LogNoise, widths: &LogNoise) -> Vec<Log
 
 /// Steps to the tops of the parabolas through a point and its neighbours.
 fn parabola_steps(value: f64, around: &[f64], widths: &LogNoise) -> LogNoise {
-    std::array::from_fn(|index| {
+    NoiseValues::from_fn(widths.len(), |index| {
         let (up, down) = (around[2 * index], around[2 * index + 1]);
         let curvature = up + down - 2.0 * value;
         let width = widths[index];
@@ -321,19 +279,15 @@ pub(super) fn draws(
     let objective = Objective::new(likelihood, prior, position_m);
     // Gain and offset have priors of their values, which walks in their logarithms must be weighted for.
     let density = |points: &[LogNoise]| -> Vec<f64> {
-        objective
-            .evaluate(points)
-            .iter()
-            .zip(points)
-            .map(|(value, point)| value + point[GAIN] + point[OFFSET])
-            .collect()
+        let values = objective.evaluate(points);
+        values.iter().zip(points).map(|(value, point)| prior.with_jacobian(*value, point)).collect()
     };
     let mut walkers = vec![prior.clamped(*from); N_LANES];
     let mut values = density(&walkers);
     let mut drawn = Vec::with_capacity(n + N_LANES);
     let mut sweep = 0;
     while drawn.len() < n {
-        for index in 0..N_PARAMETERS {
+        for index in 0..from.len() {
             let mut moved = |walker: &LogNoise| {
                 let mut moved = *walker;
                 moved[index] += WALK[0] * (WALK[1] / WALK[0]).powf(stream.unit()) * stream.normal();
@@ -392,7 +346,7 @@ impl<'a> Climber<'a> {
     ) -> Self {
         let values = objective(starts);
         let best = (0..starts.len()).max_by(|&a, &b| values[a].total_cmp(&values[b])).unwrap_or(0);
-        Self { objective, prior, here: starts[best], value: values[best], widths: [width; N_PARAMETERS] }
+        Self { objective, prior, here: starts[best], value: values[best], widths: starts[best].map(|_| width) }
     }
 
     /// Gain of a round.
@@ -408,10 +362,10 @@ impl<'a> Climber<'a> {
         let step = parabola_steps(value, around, &self.widths);
         let mut trials: Vec<LogNoise> = [0.25, 0.5, 1.0, 1.5]
             .iter()
-            .map(|length| prior.clamped(std::array::from_fn(|index| here[index] + length * step[index])))
+            .map(|length| prior.clamped(NoiseValues::from_fn(here.len(), |index| here[index] + length * step[index])))
             .collect();
         // Each coordinate's own step: along ridges the joint one may overshoot.
-        let largest = (0..5)
+        let largest = (0..here.len())
             .max_by(|&a, &b| (around[2 * a].max(around[2 * a + 1])).total_cmp(&around[2 * b].max(around[2 * b + 1])));
         if let Some(index) = largest {
             let mut alone = here;

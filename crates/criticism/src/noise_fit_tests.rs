@@ -10,7 +10,7 @@ use sampling::ensemble::RandomStream;
 fn by_brute_force(objective: &Objective, prior: &NoisePrior, seed: u64) -> (LogNoise, f64) {
     let mut stream = RandomStream::new(99, seed);
     let draw = |stream: &mut RandomStream| -> LogNoise {
-        std::array::from_fn(|index| {
+        NoiseValues::from_fn(5, |index| {
             let [lower, upper] = prior.ends(index);
             let (lower, upper) = if index == 2 { (lower, upper) } else { (lower + 2.0, upper - 2.0) };
             lower + (upper - lower) * stream.unit()
@@ -21,13 +21,13 @@ fn by_brute_force(objective: &Objective, prior: &NoisePrior, seed: u64) -> (LogN
     let mut order: Vec<usize> = (0..points.len()).collect();
     order.sort_by(|a, b| values[*b].total_cmp(&values[*a]));
     points = order.iter().take(8).map(|place| points[*place]).collect();
-    let mut best = ([0.0; 5], f64::NEG_INFINITY);
+    let mut best = (NoiseValues::new([0.0; 5]), f64::NEG_INFINITY);
     for mut here in points {
         let mut value = objective.evaluate(&[here])[0];
         let mut width = 1.0;
         while width > 0.01 {
             let around: Vec<LogNoise> = (0..24)
-                .map(|_| prior.clamped(std::array::from_fn(|index| here[index] + width * stream.normal())))
+                .map(|_| prior.clamped(NoiseValues::from_fn(5, |index| here[index] + width * stream.normal())))
                 .collect();
             let values = objective.evaluate(&around);
             let top = (0..24).max_by(|a, b| values[*a].total_cmp(&values[*b])).unwrap_or(0);
@@ -86,10 +86,10 @@ fn assert_nothing_better(n: u64, lacking: &[&str]) {
     let subject = subject(Protocol::Paper);
     let plain = truth_of(&subject, &[], &[]);
     let kinds = [
-        ("white", [4.0, 1e-6, 1.0, 1e-9, 1e-6]),
-        ("process", [4.0, 4.0, 1.0, 1e-9, 1e-6]),
-        ("fast process", [2.0, 5.0, 0.15, 1e-9, 1e-6]),
-        ("gain", [4.0, 1e-6, 1.0, 0.01, 2.0]),
+        ("white", NoiseValues::new([4.0, 1e-6, 1.0, 1e-9, 1e-6])),
+        ("process", NoiseValues::new([4.0, 4.0, 1.0, 1e-9, 1e-6])),
+        ("fast process", NoiseValues::new([2.0, 5.0, 0.15, 1e-9, 1e-6])),
+        ("gain", NoiseValues::new([4.0, 1e-6, 1.0, 0.01, 2.0])),
     ];
     let mut worst = 0.0_f64;
     for (name, noise) in &kinds {
@@ -118,7 +118,7 @@ fn assert_nothing_better(n: u64, lacking: &[&str]) {
 fn draws_follow_the_posterior() {
     let subject = subject(Protocol::Paper);
     let truth_m = truth_of(&subject, &[], &[]);
-    let noise_m = noise_of(&subject, &truth_m, &[4.0, 1e-6, 1.0, 1e-9, 1e-6], 12);
+    let noise_m = noise_of(&subject, &truth_m, &NoiseValues::new([4.0, 1e-6, 1.0, 1e-9, 1e-6]), 12);
     let data = subject.with_positions(&truth_m.iter().zip(noise_m).map(|(x, e)| x + e).collect::<Vec<_>>());
     let prior = data.noise_prior();
     let mut stream = RandomStream::new(8, 0);

@@ -9,10 +9,10 @@ use sampling::ensemble::RandomStream;
 const SD_M: f64 = 4e-6;
 /// White noise alone, with a process, with gain and offset.
 const NOISES: [NoiseValues; 4] = [
-    [4.0, 1e-6, 1.0, 1e-9, 1e-6],
-    [4.0, 4.0, 1.0, 1e-9, 1e-6],
-    [4.0, 4.0, 0.15, 1e-9, 1e-6],
-    [4.0, 1e-6, 1.0, 0.02, 4.0],
+    NoiseValues::new([4.0, 1e-6, 1.0, 1e-9, 1e-6]),
+    NoiseValues::new([4.0, 4.0, 1.0, 1e-9, 1e-6]),
+    NoiseValues::new([4.0, 4.0, 0.15, 1e-9, 1e-6]),
+    NoiseValues::new([4.0, 1e-6, 1.0, 0.02, 4.0]),
 ];
 
 /// Outliers of the base model's fit.
@@ -161,7 +161,7 @@ fn assert_no_outliers(n_sizes: u64, by_turns: bool) {
                 play(effect.slug(), &random_sizes(&subject, effect.slug(), seed), 2000 + seed);
             }
         }
-        let intervals: &[f64] = if by_turns { &[1.0, 2.0, 4.0] } else { &[1.0, 1.5, 2.0, 3.0, 4.0] };
+        let intervals: &[f64] = if by_turns { &[1.0, 2.0, 4.0] } else { &NoiseValues::new([1.0, 1.5, 2.0, 3.0, 4.0]) };
         for &intervals in intervals {
             for (slug, seed) in [("clock-offset", 1), ("actuator-lag", 2)] {
                 play(slug, &[intervals * interval_s], 3000 + seed + 10 * intervals as u64);

@@ -130,7 +130,8 @@ fn a_larger_model_does_not_win_by_its_noise() {
     let data = measured(&small(), &[], &[], 4);
     let good = Refitted::new(&data, data.base(), &[], Search::Wide).expect("fits");
     let mut bad = good.clone();
-    (bad.fitted.noise, bad.fitted.objective) = ([40.0, 1.0, 1.0, 0.1, 1.0], good.fitted.objective - 50.0);
+    (bad.fitted.noise, bad.fitted.objective) =
+        (crate::NoiseValues::new([40.0, 1.0, 1.0, 0.1, 1.0]), good.fitted.objective - 50.0);
     let better = base_from(&data, &bad, &[None, Some(good.clone())]).expect("a better one");
     assert!((better.fitted.objective - good.fitted.objective).abs() < 0.1);
     assert!(base_from(&data, &good, &[Some(good.clone())]).is_none());

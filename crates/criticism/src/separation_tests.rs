@@ -22,7 +22,7 @@ pub fn measured(subject: &Subject, effects: &[&str], values: &[f64], seed: u64) 
 fn dense(subject: &Subject, position_m: &[f64]) -> (DMatrix<f64>, Vec<usize>) {
     let record = &subject.experiment().record;
     let rows: Vec<usize> = (0..record.n_rows()).filter(|row| subject.fitted_m[*row].is_some()).collect();
-    let [white, process, time_s, gain, offset] = NOISE;
+    let [white, process, time_s, gain, offset] = NOISE[..] else { panic!("five parameters") };
     let covariance = DMatrix::from_fn(rows.len(), rows.len(), |a, b| {
         let (i, j) = (rows[a], rows[b]);
         let mut of = (1e-6 * process).powi(2) * (-(record.time_s[i] - record.time_s[j]).abs() / time_s).exp();

@@ -6,7 +6,7 @@ use super::{Candidate, rank::Score};
 use base::error::{Error, Place, Result};
 use base::number::Dual;
 use laws::stages::Stepped;
-use models::effects::{Effect, Field, Library};
+use models::effects::{Effect, Library};
 use models::model::{Compliance, Lanes, N_LANES, Response};
 use models::surrogate::trajectory;
 use posterior::monitor::Monitor;
@@ -16,8 +16,6 @@ use posterior::problem::Problem;
 use posterior::study::ModelSpecification;
 use record::Experiment;
 
-/// Names of the noise terms that every model is given here.
-pub const NOISE_TERMS: [&str; 3] = ["white", "ou", "gain"];
 /// The noise is taken as this where nothing is known and nothing can be estimated, relative to the range of positions.
 const UNKNOWN_NOISE: f64 = 0.005;
 
@@ -52,14 +50,14 @@ pub(super) struct Shared {
     /// The model's compliance with laws that are not linear remembering their trajectories.
     pub local: Compliance,
     pub response: Response,
-    /// What answers for large displacements, once a search has looked whether it is worth learning; or why nothing does.
+    /// What answers for the effect that is learnt for the record, once a search has looked whether it is worth learning; or why nothing does.
     pub large: Large,
 }
 
-/// What answers for large displacements, or why nothing does.
+/// What answers for the effect that is learnt for the record, or why nothing does.
 pub(super) type Large = Arc<OnceLock<std::result::Result<Stepped, NotLearnt>>>;
 
-/// Why nothing was learnt of large displacements.
+/// Why nothing was learnt for the record.
 #[derive(Debug, Clone)]
 pub(super) struct NotLearnt {
     /// In words.
@@ -97,7 +95,10 @@ impl Subject {
     pub fn with_compliance(problem: &Problem, library: &Library, compliance: Compliance) -> Result<Self> {
         let experiment = problem.experiment.for_comparison();
         let mut specification = problem.specification.clone();
-        let own_noise = std::mem::replace(&mut specification.noise, NOISE_TERMS.map(String::from).to_vec());
+        let own_noise = std::mem::replace(
+            &mut specification.noise,
+            NoiseModel::learnt_names().into_iter().map(String::from).collect(),
+        );
         specification.fixed.retain(|name, _| problem.model.parameters().iter().any(|p| p.name == name));
         let base = problem.with(experiment, specification, library)?;
         let yardstick_m = problem
@@ -112,8 +113,8 @@ impl Subject {
         let slot = large.clone();
         let compliance = match problem.model.field() {
             // Learnt with the model.
-            Some((_, Field::Large)) => compliance,
-            _ => compliance.with_large(move || slot.get().and_then(|found| found.clone().ok())),
+            Some((_, field)) if field.is_learnt_for_record() => compliance,
+            _ => compliance.with_learnt(move || slot.get().and_then(|found| found.clone().ok())),
         };
         let local = trajectory::local(&compliance, &record.time_s, record.force());
         let model = PreparedModel::given(&base, compliance, Vec::new());
@@ -246,21 +247,22 @@ impl Subject {
         }
         let problem = self.shared.model.problem.with_model(specification, &self.shared.library)?;
         let is_new = |effect: &&&'static dyn Effect| effects.contains(&effect.slug());
-        if problem.model.effects().iter().filter(is_new).any(|effect| matches!(effect.field(), Some(Field::Large))) {
+        let of_record = |effect: &&&'static dyn Effect| effect.is_learnt_for_record();
+        if let Some(effect) = problem.model.effects().iter().filter(is_new).find(of_record) {
             let reason = match self.shared.large.get() {
                 Some(Ok(_)) => None,
                 Some(Err(not_learnt)) => Some(not_learnt.why.clone()),
-                None => Some("no search has learnt large displacements for this record".into()),
+                None => effect.field().map(|field| format!("no search has learnt {} for this record", field.words())),
             };
             if let Some(reason) = reason {
-                let remedy = "leave `large-displacement` out";
+                let remedy = format!("leave `{}` out", effect.slug());
                 return Err(Error::input(Place::option("--with"), reason, remedy));
             }
         }
         Ok(Candidate::new(&problem))
     }
 
-    /// Where what answers for large displacements is put by the search that learns it.
+    /// Where what answers for the effect that is learnt for the record is put by the search that learns it.
     pub(super) fn large(&self) -> &Large {
         &self.shared.large
     }

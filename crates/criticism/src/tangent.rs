@@ -170,13 +170,14 @@ impl Tangent {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::NoiseValues;
     use crate::test_replica::{base_fit, replica};
 
     /// Against dense algebra: whitening by the Cholesky factor of the whole covariance, projection by the normal equations with prior rows.
     #[test]
     fn projection_and_steps_are_those_of_dense_algebra() {
         let (base, fitted) = base_fit();
-        let noise = [4.0, 3.0, 0.7, 0.012, 2.0];
+        let noise = NoiseValues::new([4.0, 3.0, 0.7, 0.012, 2.0]);
         let left_out: Vec<usize> = (0..replica().fitted_m.len()).filter(|row| row % 4 != 0).collect();
         let subject = replica().without_rows(&left_out);
         let fitted = Fitted { noise, ..fitted };

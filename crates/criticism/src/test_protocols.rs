@@ -8,7 +8,7 @@ use posterior::study::ModelSpecification;
 use record::{Apparatus, Experiment, Record};
 
 /// White 4 µm, a process of 2 µm and 0.8 s, gains of half a per cent, offsets of 1 µm.
-pub const NOISE: NoiseValues = [4.0, 2.0, 0.8, 0.005, 1.0];
+pub const NOISE: NoiseValues = NoiseValues::new([4.0, 2.0, 0.8, 0.005, 1.0]);
 const INTERVAL_S: f64 = 0.1;
 
 /// An instrument's record: cycles of holds of 5 s at forces in µN.

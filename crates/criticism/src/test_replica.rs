@@ -29,7 +29,7 @@ pub fn replica_with(library: &Library) -> Subject {
 }
 
 /// Noise of 4 µm and hardly anything else.
-pub const WHITE: NoiseValues = [4.0, 1e-2, 1.0, 1e-5, 1e-2];
+pub const WHITE: NoiseValues = NoiseValues::new([4.0, 1e-2, 1.0, 1e-5, 1e-2]);
 
 /// A fit of the base to the replica.
 pub fn base_fit() -> (Candidate, Fitted) {

@@ -18,7 +18,7 @@ use base::error::{Error, Result};
 use base::parameter::NOISE_SD;
 use base::parameter::ParameterSpec;
 use figures::number::significant;
-use models::effects::{Effect, EffectParameter, Field, Library};
+use models::effects::{Effect, EffectParameter, Library};
 use models::model::{Forward, ReducedForward};
 use posterior::fit;
 use posterior::learnt_displacement::deviation_m;
@@ -217,7 +217,7 @@ fn entry(
         }
         Err(other) => return Err(other),
     };
-    if matches!(effect.field(), Some(Field::Large)) {
+    if effect.is_learnt_for_record() {
         let law = &base.parameters[..problem.model.base().parameters().len()];
         let deviation_m = match deviation_m(problem, law) {
             Ok(deviation_m) => deviation_m,

@@ -8,7 +8,6 @@ use super::problem::Problem;
 use crate::noise::NoiseModel;
 use base::error::Result;
 use elements::fe::strain::largest_principal_strain;
-use models::effects::Field;
 use models::model::{Forward, FullRun};
 use sampling::pareto::pareto_k;
 
@@ -146,7 +145,7 @@ pub fn check(prepared: &PreparedModel, draws: &[NaturalDraw]) -> Result<FullChec
     let ln_weights = (!is_slow).then(|| ln_weights(problem, &draws, &trajectories_m, &beside_m));
     let comparison = problem.finite_elements().and_then(|fe| fe.comparison);
     // Fields are those of small strains.
-    let is_large = matches!(problem.model.field(), Some((_, Field::Large)));
+    let is_large = problem.model.field().is_some_and(|(_, field)| field.is_learnt_for_record());
     let relative_error = comparison.map(|other| other.relative_error(full.compliance_per_m()).abs());
     Ok(FullCheck {
         noise,

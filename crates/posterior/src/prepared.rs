@@ -55,7 +55,7 @@ pub struct PreparedModel {
     pub trained: Vec<TrainedRange>,
     /// Largest distance from full-order trajectories on runs that did not train it, relative to their amplitude; `None` for an instrument.
     pub max_relative_error: Option<f64>,
-    /// The same of large displacements that were learnt for the record, or, over the noise, of another program; `None` without them.
+    /// The same of an effect that was learnt for the record, or, over the noise, of another program; `None` without them.
     pub learnt_error: Option<f64>,
 }
 
@@ -130,11 +130,11 @@ impl PreparedModel {
         let (_, surrogate) = surrogate(problem, fe, kept, monitor)?;
         let mut compliance = with_fields(surrogate.compliance(fe.poisson_ratio)?, &fields);
         let mut learnt_error = None;
-        if let Some((_, Field::Large)) = problem.model.field() {
+        if problem.model.field().is_some_and(|(_, field)| field.is_learnt_for_record()) {
             let law = nearest_law(problem, &compliance)?;
             let with_load = problem.model.effects().iter().any(|effect| effect.stage() == Stage::Load);
             let (stepper, error) = learnt(problem, &law, with_load, monitor)?;
-            compliance = compliance.with_large(move || Some(stepper.clone()));
+            compliance = compliance.with_learnt(move || Some(stepper.clone()));
             learnt_error = Some(error);
         }
         Ok(Self {
@@ -251,7 +251,7 @@ pub fn field_models(
     let mut fields = kept.map_or_else(FieldModels::default, |kept| kept.fields.clone());
     for effect in effects {
         let slug = effect.slug();
-        let is_asked = effect.field().is_some_and(|field| !fields.has(slug) && !matches!(field, Field::Large));
+        let is_asked = effect.field().is_some_and(|field| !fields.has(slug) && !field.is_learnt_for_record());
         if is_asked {
             fields = fields.or(field_model(fe, *effect, monitor)?);
         }

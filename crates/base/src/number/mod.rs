@@ -34,6 +34,8 @@ pub trait PointScalar: Scalar {
     fn of(number: Dual) -> Self;
     /// Value, for decisions.
     fn value(self) -> f64;
+    /// Whether it is this value and carries no derivative.
+    fn is_constant(self, value: f64) -> bool;
     /// sin x.
     fn sin(self) -> Self;
     /// cos x.
@@ -230,6 +232,10 @@ impl PointScalar for f64 {
     fn value(self) -> f64 {
         self
     }
+    #[inline(always)]
+    fn is_constant(self, value: f64) -> bool {
+        self == value
+    }
     fn sin(self) -> Self {
         f64::sin(self)
     }
@@ -253,6 +259,10 @@ impl PointScalar for Dual {
     #[inline(always)]
     fn value(self) -> f64 {
         self.value
+    }
+    #[inline(always)]
+    fn is_constant(self, value: f64) -> bool {
+        Dual::is_constant(self, value)
     }
     fn sin(self) -> Self {
         Dual::sin(self)

@@ -15,6 +15,7 @@ use super::whiteness::{ljung_box, runs};
 use crate::NoiseValues;
 use crate::Subject;
 use base::error::Result;
+use base::parameter::NOISE_SD;
 use posterior::noise::NoiseLikelihood;
 use sampling::ensemble::RandomStream;
 
@@ -57,7 +58,7 @@ pub fn looks(linear: &Linear, likelihood: &NoiseLikelihood, residual_m: &[f64], 
     Ok(Looks { base, with, whitened, statistics })
 }
 
-/// Noise (m) at every row of a subject's record: white numbers from `pool`, an Ornstein–Uhlenbeck process, a gain and an offset for each cycle.
+/// Noise (m) at every row of a subject's record: white numbers from `pool`, and the other terms of the noise.
 fn simulated_noise_m(
     subject: &Subject,
     position_m: &[f64],
@@ -66,21 +67,17 @@ fn simulated_noise_m(
     stream: &mut RandomStream,
 ) -> Vec<f64> {
     let record = &subject.experiment().record;
-    let [white_um, process_um, time_s, gain_sd, offset_um] = *noise;
-    let mut process = process_um * stream.normal();
-    let (mut gain, mut offset) = (0.0, 0.0);
+    let white_um = subject.noise().value(noise, &NOISE_SD);
+    let mut terms = subject.noise().drawn(noise, stream);
     (0..record.n_rows())
         .map(|row| {
-            if row > 0 {
-                let decay = (-(record.time_s[row] - record.time_s[row - 1]) / time_s).exp();
-                process = decay * process + process_um * (1.0 - decay * decay).sqrt() * stream.normal();
-            }
-            if row == 0 || record.cycle[row] != record.cycle[row - 1] {
-                (gain, offset) = (gain_sd * stream.normal(), offset_um * stream.normal());
-            }
+            let step_s = (row > 0).then(|| record.time_s[row] - record.time_s[row - 1]);
+            let begins_cycle = row == 0 || record.cycle[row] != record.cycle[row - 1];
+            let of_terms: Vec<[f64; 2]> = terms.iter_mut().map(|draw| draw(step_s, begins_cycle, stream)).collect();
             let sign = if stream.unit() < 0.5 { -1.0 } else { 1.0 };
             let white = sign * pool[stream.below(pool.len())];
-            1e-6 * (white_um * white + process + offset) + gain * position_m[row]
+            let error_um = of_terms.iter().fold(white_um * white, |sum, [error_um, _]| sum + error_um);
+            1e-6 * error_um + of_terms.iter().map(|[_, gain]| gain).sum::<f64>() * position_m[row]
         })
         .collect()
 }

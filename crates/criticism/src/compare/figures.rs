@@ -44,12 +44,12 @@ fn comparison_figure(subject: &Subject, outcome: &Outcome, name: &str) -> Result
     let record = &experiment.record;
     let um = |values: &[f64]| values.iter().map(|x| 1e6 * x).collect::<Vec<f64>>();
     let (model_um, spread_um) = (um(&outcome.fitted.position_m), um(&outcome.position_sd_m));
-    let [white, process, _, gain, offset] = outcome.fitted.noise;
     let sd_um: Vec<f64> = model_um
         .iter()
         .zip(&spread_um)
         .map(|(x, spread)| {
-            (spread.powi(2) + white.powi(2) + process.powi(2) + (gain * x).powi(2) + offset.powi(2)).sqrt()
+            let of_noise = subject.noise().sds_um(&outcome.fitted.noise, *x);
+            of_noise.iter().fold(spread.powi(2), |sum, sd| sum + sd.powi(2)).sqrt()
         })
         .collect();
     let observed = subject.fitted_m.iter().zip(&subject.scored_m).map(|(a, b)| a.or(*b).map(|y| 1e6 * y));

@@ -57,7 +57,11 @@ fn dense(noise: &NoiseValues) -> Dense {
 
 #[test]
 fn eliminated_cycles_have_the_amplitudes_and_errors_of_the_whole_equations() {
-    for noise in [[4.0, 1e-3, 0.5, 1e-6, 1e-3], [4.0, 3.0, 0.5, 0.01, 2.0], [1.0, 20.0, 30.0, 1e-4, 0.1]] {
+    for noise in [
+        NoiseValues::new([4.0, 1e-3, 0.5, 1e-6, 1e-3]),
+        NoiseValues::new([4.0, 3.0, 0.5, 0.01, 2.0]),
+        NoiseValues::new([1.0, 20.0, 30.0, 1e-4, 0.1]),
+    ] {
         let Dense { normal, columns, residual, of_cycles } = dense(&noise);
         let all: Vec<&Vec<f64>> = columns.iter().chain(&of_cycles).collect();
         let n = all.len();

@@ -7,8 +7,11 @@ use documents::comparison::Finding;
 use sampling::ensemble::RandomStream;
 
 /// σ (µm), σ_ou (µm), τ (s), s_g, s_o (µm): white, slow, and a gain that changes by 1 %.
-const NOISES: [NoiseValues; 3] =
-    [[4.0, 1e-6, 1.0, 1e-9, 1e-6], [4.0, 4.0, 1.0, 1e-9, 1e-6], [4.0, 1e-6, 1.0, 0.01, 1e-6]];
+const NOISES: [NoiseValues; 3] = [
+    NoiseValues::new([4.0, 1e-6, 1.0, 1e-9, 1e-6]),
+    NoiseValues::new([4.0, 4.0, 1.0, 1e-9, 1e-6]),
+    NoiseValues::new([4.0, 1e-6, 1.0, 0.01, 1e-6]),
+];
 
 /// Positions of a truth with noise of a kind; the fourth kind is white with one row in a hundred moved by 10 to 20 σ.
 fn noisy(subject: &Subject, truth_m: &[f64], kind: usize, seed: u64) -> Subject {

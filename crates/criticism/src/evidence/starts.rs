@@ -70,7 +70,7 @@ impl CandidatePosterior<'_> {
     /// A point of a fit as a start: no nearer than a tail of the prior to an end of the support.
     fn start(&self, candidate: &Candidate, point: &Fitted, tail: f64) -> Vec<f64> {
         let mut natural = candidate.parameters(&point.theta);
-        natural.extend(point.noise);
+        natural.extend(point.noise.iter());
         let names: Vec<&str> = self.problem.parameters().iter().map(|spec| spec.name).collect();
         let value = |name: &str| names.iter().position(|known| *known == name).map_or(f64::NAN, |place| natural[place]);
         self.priors().priors().iter().map(|prior| moved_inside(prior, value(&prior.name), tail)).collect()
@@ -146,13 +146,14 @@ fn distinct(mut points: Vec<Fitted>, known: &[Fitted], lowest: f64) -> Vec<Fitte
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::NoiseValues;
 
     #[test]
     fn climbs_start_at_the_tops_of_a_profile_and_beside_them() {
         let kept = |heights: &[f64]| -> Vec<f64> {
             let point = |(place, objective): (usize, &f64)| Fitted {
                 theta: vec![place as f64],
-                noise: [1.0; 5],
+                noise: NoiseValues::new([1.0; 5]),
                 position_m: Vec::new(),
                 objective: *objective,
                 ln_likelihood: *objective,

@@ -41,7 +41,7 @@ fn bands_are_as_wide_as_what_is_learnt_scatters() {
     // Over the value at the state 0, and over that in the midst of the states.
     let settings = [0.0, 0.45].map(|part| part * far).map(|reference| states.map(|state| (state, reference)));
     let settings = settings.concat();
-    let noise: NoiseValues = [4.0, 0.0, 1.0, 0.0, 0.0];
+    let noise: NoiseValues = NoiseValues::new([4.0, 0.0, 1.0, 0.0, 0.0]);
     let curves = (0..N_RECORDS).into_par_iter().map(|seed| {
         let noise_m = noise_of(&subject, &truth_m, &noise, 900 + seed);
         let data = subject.with_positions(&truth_m.iter().zip(noise_m).map(|(x, e)| x + e).collect::<Vec<_>>());
@@ -50,7 +50,7 @@ fn bands_are_as_wide_as_what_is_learnt_scatters() {
         let (candidate, fitted, evidence_nats) = fit_spread(&data, &candidate, 1.0, start).unwrap();
         let learnt = Learnt { pair: 0, candidate, fitted, evidence_nats, future: None };
         let function = Function::of_search(&data, &learnt, pair).unwrap().unwrap();
-        let visited = [0.0, 0.15, 0.3, 0.45, 0.6].map(|part| part * far);
+        let visited = NoiseValues::new([0.0, 0.15, 0.3, 0.45, 0.6]).map(|part| part * far);
         let best = function.best_known(&visited).unwrap();
         let variance =
             |reference: f64| -> f64 { function.curve(&visited, reference).iter().map(|[_, sd]| sd * sd).sum() };

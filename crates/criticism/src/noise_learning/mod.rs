@@ -15,8 +15,9 @@ mod restricted;
 use super::{Candidate, Fitted, Subject};
 use crate::NoiseValues;
 use base::error::Result;
+use base::parameter::{OFFSET_SD, OU_SD};
 use documents::diagnosis::NoiseEstimate;
-use figures::number::significant;
+use posterior::noise::NoiseModel;
 use record::Record;
 
 /// A standard deviation and its standard error, both in m.
@@ -52,7 +53,9 @@ pub struct CycleSpread {
 pub struct RestrictedSpread {
     /// Of what differs from row to row: white errors and the process together.
     pub row: Spread,
-    /// The noise's parameters in their units, in the order of the noise model.
+    /// The terms of the noise.
+    pub model: NoiseModel,
+    /// Their parameters in their units, in the order of the model.
     pub noise: NoiseValues,
 }
 
@@ -136,15 +139,10 @@ impl LearntNoise {
                 )
             },
         );
-        let [white_um, process_um, time_s, gain_sd, offset_um] = self.restricted.noise;
+        let [of_rows, of_cycles] = self.restricted.model.words(&self.restricted.noise).map(|words| words.join(", "));
         let by_likelihood = format!(
-            "Restricted maximum likelihood: {} from row to row (white noise of {} µm, slow noise of {} µm that lasts {} s), a gain of {:.2} % and an offset of {} µm a cycle; what the model misses counts as noise there.",
+            "Restricted maximum likelihood: {} from row to row ({of_rows}), {of_cycles}; what the model misses counts as noise there.",
             um(self.restricted.row),
-            significant(white_um, 3),
-            significant(process_um, 3),
-            significant(time_s, 2),
-            100.0 * gain_sd,
-            significant(offset_um, 2)
         );
         vec![
             entry("rest records", self.rest, at_rest),
@@ -208,7 +206,8 @@ impl CycleSpread {
 
     /// A shift of whole cycles shows, and the likelihood does not take it for slow noise.
     fn has_offset(&self, restricted: RestrictedSpread) -> bool {
-        let [_, process_um, _, _, offset_um] = restricted.noise;
+        let [process_um, offset_um] =
+            [OU_SD, OFFSET_SD].map(|parameter| restricted.model.value(&restricted.noise, &parameter));
         self.offset_score > LEAST_GAIN_SCORE && offset_um > process_um
     }
 

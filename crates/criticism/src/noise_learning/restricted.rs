@@ -8,7 +8,7 @@ use nalgebra::{DMatrix, DVector};
 use super::{RestrictedSpread, Spread};
 use crate::NoiseValues;
 use crate::derivatives::columns_m;
-use crate::noise_fit::{LogNoise, Objective, PROCESS, WHITE, climb, natural};
+use crate::noise_fit::{LogNoise, Objective, climb, natural};
 use crate::{Candidate, Fitted, Subject};
 use base::error::Result;
 
@@ -75,44 +75,52 @@ pub(super) fn learn(subject: &Subject, candidate: &Candidate, fitted: &Fitted) -
     };
     let (log_noise, _) = climb(&objective, &prior, &[fitted.noise.map(f64::ln)], 0.1);
     let noise = natural(&log_noise);
-    let sd_um = noise[WHITE].hypot(noise[PROCESS]);
-    // d ln sd of one row, with the process's and the white part's shares of its variance.
-    let slope = [(noise[WHITE] / sd_um).powi(2), (noise[PROCESS] / sd_um).powi(2), 0.0];
-    let relative_error = relative_error(&objective, &log_noise, slope);
-    Ok(RestrictedSpread { row: Spread { sd_m: 1e-6 * sd_um, standard_error_m: 1e-6 * sd_um * relative_error }, noise })
+    let of_rows = prior.of_rows();
+    let sds_um = of_rows.iter().filter(|(_, is_sd)| *is_sd).map(|(place, _)| noise[*place]);
+    let sd_um = sds_um.reduce(f64::hypot).unwrap_or(0.0);
+    // d ln sd of one row: shares of its variance.
+    let slope = |(place, is_sd): &(usize, bool)| (*place, if *is_sd { (noise[*place] / sd_um).powi(2) } else { 0.0 });
+    let slopes: Vec<(usize, f64)> = of_rows.iter().map(slope).collect();
+    let relative_error = relative_error(&objective, &log_noise, &slopes);
+    Ok(RestrictedSpread {
+        row: Spread { sd_m: 1e-6 * sd_um, standard_error_m: 1e-6 * sd_um * relative_error },
+        model: subject.noise(),
+        noise,
+    })
 }
 
-/// Standard error of a function with this slope in ln σ, ln σ_ou and ln τ, from the curvature of the objective at its top.
-fn relative_error(objective: &dyn Fn(&[LogNoise]) -> Vec<f64>, top: &LogNoise, slope: [f64; 3]) -> f64 {
+/// Standard error of a function with these slopes in the logarithms of some parameters, by their places, from the curvature of the objective at its top.
+fn relative_error(objective: &dyn Fn(&[LogNoise]) -> Vec<f64>, top: &LogNoise, slopes: &[(usize, f64)]) -> f64 {
+    let n = slopes.len();
     let moved = |steps: &[(usize, f64)]| {
         let mut point = *top;
-        steps.iter().for_each(|(index, sign)| point[*index] += sign * DIFFERENCE);
+        steps.iter().for_each(|(index, sign)| point[slopes[*index].0] += sign * DIFFERENCE);
         point
     };
+    let pairs: Vec<(usize, usize)> = (0..n).flat_map(|i| (i + 1..n).map(move |j| (i, j))).collect();
     let mut points = vec![*top];
-    for i in 0..3 {
+    for i in 0..n {
         points.extend([moved(&[(i, 1.0)]), moved(&[(i, -1.0)])]);
     }
-    for (i, j) in [(0, 1), (0, 2), (1, 2)] {
+    for (i, j) in &pairs {
         for (a, b) in [(1.0, 1.0), (1.0, -1.0), (-1.0, 1.0), (-1.0, -1.0)] {
-            points.push(moved(&[(i, a), (j, b)]));
+            points.push(moved(&[(*i, a), (*j, b)]));
         }
     }
     let values = objective(&points);
     let over = DIFFERENCE * DIFFERENCE;
-    let mut curvature = DMatrix::zeros(3, 3);
-    for i in 0..3 {
+    let mut curvature = DMatrix::zeros(n, n);
+    for i in 0..n {
         curvature[(i, i)] = (2.0 * values[0] - values[1 + 2 * i] - values[2 + 2 * i]) / over;
     }
-    for (k, (i, j)) in [(0, 1), (0, 2), (1, 2)].into_iter().enumerate() {
-        let at = &values[7 + 4 * k..11 + 4 * k];
+    for (at, (i, j)) in values[1 + 2 * n..].chunks(4).zip(pairs) {
         curvature[(i, j)] = -(at[0] - at[1] - at[2] + at[3]) / (4.0 * over);
         curvature[(j, i)] = curvature[(i, j)];
     }
     // Where the process is next to nothing its time is anything: directions without curvature have as much play as their prior's order one.
     let eigen = curvature.symmetric_eigen();
-    let slope = DVector::from_column_slice(&slope);
+    let slope = DVector::from_iterator(n, slopes.iter().map(|(_, slope)| *slope));
     let variance: f64 =
-        (0..3).map(|k| eigen.eigenvectors.column(k).dot(&slope).powi(2) / eigen.eigenvalues[k].max(1.0)).sum();
+        (0..n).map(|k| eigen.eigenvectors.column(k).dot(&slope).powi(2) / eigen.eigenvalues[k].max(1.0)).sum();
     variance.sqrt()
 }

@@ -34,8 +34,9 @@ fn calibration(found: &[Spread], truth_um: f64) -> f64 {
 fn white_noise_is_found_every_way() {
     let subject = subject(Protocol::Levels);
     let truth_m = truth_of(&subject, &[], &[]);
-    let all: Vec<LearntNoise> =
-        (0..24).map(|seed| learnt(&noisy(&subject, &truth_m, &[4.0, 1e-6, 1.0, 1e-9, 1e-6], 50 + seed))).collect();
+    let all: Vec<LearntNoise> = (0..24)
+        .map(|seed| learnt(&noisy(&subject, &truth_m, &NoiseValues::new([4.0, 1e-6, 1.0, 1e-9, 1e-6]), 50 + seed)))
+        .collect();
     let of = |part: fn(&LearntNoise) -> Option<Spread>| all.iter().filter_map(part).collect::<Vec<_>>();
     let ways = [
         ("rest", of(|learnt| learnt.rest)),
@@ -71,7 +72,10 @@ fn only_shifts_of_cycles_are_called_that() {
         };
         (0..16).filter(is_said).count()
     };
-    let (shifted, slow) = (n_said(&[4.0, 1e-6, 1.0, 1e-9, 6.0]), n_said(&[4.0, 6.0, 1.0, 1e-9, 1e-6]));
+    let (shifted, slow) = (
+        n_said(&NoiseValues::new([4.0, 1e-6, 1.0, 1e-9, 6.0])),
+        n_said(&NoiseValues::new([4.0, 6.0, 1.0, 1e-9, 1e-6])),
+    );
     println!("said of shifts {shifted}, of slow noise {slow} of 16");
     assert!(shifted >= 3 && slow <= 2, "{shifted} {slow}");
 }
@@ -84,7 +88,7 @@ fn a_gain_shows_between_cycles() {
     let truth_m = truth_of(&subject, &[], &[]);
     let (mut n_said, mut sum) = (0, 0.0);
     for seed in 0..16 {
-        let learnt = learnt(&noisy(&subject, &truth_m, &[4.0, 1e-6, 1.0, 0.02, 1e-6], 150 + seed));
+        let learnt = learnt(&noisy(&subject, &truth_m, &NoiseValues::new([4.0, 1e-6, 1.0, 0.02, 1e-6]), 150 + seed));
         let cycles = learnt.cycles.expect("equal steps");
         sum += cycles.gain_sd.powi(2);
         let said = learnt.disagreements();
@@ -107,8 +111,9 @@ fn a_gain_shows_between_cycles() {
 fn slow_noise_hides_from_neighbours() {
     let subject = subject(Protocol::Paper);
     let truth_m = truth_of(&subject, &[], &[]);
-    let all: Vec<LearntNoise> =
-        (0..16).map(|seed| learnt(&noisy(&subject, &truth_m, &[4.0, 6.0, 1.0, 1e-9, 1e-6], 250 + seed))).collect();
+    let all: Vec<LearntNoise> = (0..16)
+        .map(|seed| learnt(&noisy(&subject, &truth_m, &NoiseValues::new([4.0, 6.0, 1.0, 1e-9, 1e-6]), 250 + seed)))
+        .collect();
     let rows: Vec<Spread> = all.iter().map(|learnt| learnt.restricted.row).collect();
     let score = calibration(&rows, 4.0_f64.hypot(6.0));
     let mean = |part: &dyn Fn(&LearntNoise) -> f64| 1e6 * all.iter().map(part).sum::<f64>() / 16.0;
@@ -126,7 +131,7 @@ fn the_restricted_likelihood_equals_dense_algebra() {
     let subject = subject(Protocol::Paper);
     let subject = subject.without_rows(&(60..800).collect::<Vec<_>>());
     let truth_m = truth_of(&subject, &[], &[]);
-    let data = noisy(&subject, &truth_m, &[4.0, 3.0, 0.5, 0.01, 2.0], 3);
+    let data = noisy(&subject, &truth_m, &NoiseValues::new([4.0, 3.0, 0.5, 0.01, 2.0]), 3);
     let base = data.base();
     let fitted = data.fit(&base, &[], Search::Wide).expect("fits");
     let absorbed = Absorbed::new(&data, &base, &fitted).expect("derivatives");
@@ -157,7 +162,11 @@ fn the_restricted_likelihood_equals_dense_algebra() {
         let step = precision.clone().lu().solve(&pull).expect("regular");
         0.5 * pull.dot(&step) - 0.5 * precision.determinant().ln()
     };
-    for noise in [[4.0, 3.0, 0.5, 0.01, 2.0], [2.0, 8.0, 2.0, 0.05, 1.0], [6.0, 0.1, 0.2, 1e-4, 0.1]] {
+    for noise in [
+        NoiseValues::new([4.0, 3.0, 0.5, 0.01, 2.0]),
+        NoiseValues::new([2.0, 8.0, 2.0, 0.05, 1.0]),
+        NoiseValues::new([6.0, 0.1, 0.2, 1e-4, 0.1]),
+    ] {
         let (ours, dense) = (absorbed.correction(&noise), dense(&noise));
         assert!((ours - dense).abs() < 1e-6 * (1.0 + dense.abs()), "{ours} against {dense}");
     }
@@ -174,7 +183,7 @@ fn restricted_estimates_make_good_what_the_mean_absorbs() {
     let truth_m = truth_of(&subject, &[], &[]);
     let (mut by_maximum, mut by_restricted) = (0.0, 0.0);
     for seed in 0..60 {
-        let data = noisy(&subject, &truth_m, &[4.0, 1e-6, 1.0, 1e-9, 1e-6], 700 + seed);
+        let data = noisy(&subject, &truth_m, &NoiseValues::new([4.0, 1e-6, 1.0, 1e-9, 1e-6]), 700 + seed);
         let fitted = data.fit(&data.base(), &[], Search::Wide).expect("fits");
         let restricted = learn(&data, &data.base(), &fitted).expect("derivatives").restricted;
         by_maximum += (fitted.noise[0].powi(2) + fitted.noise[1].powi(2)) / 60.0;

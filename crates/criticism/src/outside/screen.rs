@@ -186,6 +186,7 @@ impl Factor {
 
 #[cfg(test)]
 mod tests {
+    use crate::NoiseValues;
     use nalgebra::DVector;
 
     use super::*;
@@ -217,7 +218,7 @@ mod tests {
     #[test]
     fn scores_are_those_of_projections_over_all_rows() {
         let (candidate, fitted) = base_fit();
-        for noise in [[4.0, 3.0, 0.7, 0.012, 2.0], [4.0, 2.0, 40.0, 0.02, 1.0]] {
+        for noise in [NoiseValues::new([4.0, 3.0, 0.7, 0.012, 2.0]), NoiseValues::new([4.0, 2.0, 40.0, 0.02, 1.0])] {
             let fitted = Fitted { noise, ..fitted.clone() };
             let setting = Setting::new(replica(), &candidate, &fitted).expect("evaluates");
             let tangent = Tangent::new(replica(), &candidate, &fitted).expect("derivatives");

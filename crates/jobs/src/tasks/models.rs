@@ -14,7 +14,7 @@ use super::sample::{Sampling, read as read_measurement};
 use base::error::{Error, Place, Result};
 use cohorts::apparatus;
 use cohorts::cohort::Measurement;
-use models::effects::{Field, Library, Stage};
+use models::effects::{Library, Stage};
 use posterior::cache;
 use posterior::learnt_displacement::{nearest_law, surface};
 use posterior::mechanics::{FiniteElements, Mechanics};
@@ -129,14 +129,14 @@ fn wanted(
     }
     for effect in effects {
         match effect.field() {
-            Some(Field::Large) if problem.model.effects().iter().any(|own| own.slug() == effect.slug()) => {
-                found.push((Piece::LargeDisplacement, content(own)));
-            }
-            None | Some(Field::Large) => {}
-            Some(_) => {
+            Some(field) if !field.is_learnt_for_record() => {
                 let slug = effect.slug();
                 found.push((Piece::Field(slug.into()), cache::file_name(&field_hash(fe, slug))));
             }
+            Some(_) if problem.model.effects().iter().any(|own| own.slug() == effect.slug()) => {
+                found.push((Piece::LargeDisplacement, content(own)));
+            }
+            _ => {}
         }
     }
     Ok(found)

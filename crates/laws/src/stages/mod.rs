@@ -3,10 +3,16 @@
 //! A base law and effects write themselves into [`Stages`]; the reduced model evaluates them in closed form and the full-order model by its
 //! own time stepping. Stages say which equations hold, never how they are solved.
 
+mod load;
 mod nonlinearity;
+mod observation;
 mod state_law;
 
+pub use load::{
+    LARGEST_EXPONENT, Load, LoadNumber, LoadUnit, MOST_NEWTON_STEPS, N_LOAD_NUMBERS, Switch, balanced_exponent,
+};
 pub use nonlinearity::{NonlinearFamily, Nonlinearity, YIELD_SMOOTHING};
+pub use observation::{Approach, Observation};
 pub use state_law::{Function, Operation, Quantity, State, StateFunction, StateLaw};
 
 pub use crate::rheology::Leaf;
@@ -55,6 +61,16 @@ pub enum Spatial {
     },
     /// Another program's law, at its parameters: all of the robot's displacement is its own.
     Outside(Vec<Dual>),
+}
+
+impl Spatial {
+    /// Whether its reduced model is learnt for one record, about the law that fits it, and not built for a gel.
+    pub fn is_learnt_for_record(&self) -> bool {
+        matches!(self, Self::Large { .. })
+    }
+
+    /// Why a force that depends on the position cannot stand beside strains that may be large.
+    pub const BARS_FEEDBACK: &str = "a force that depends on the position is not run with large displacements";
 }
 
 /// What stands beside the law, and where.
@@ -114,72 +130,11 @@ impl PartialEq for Stepped {
     }
 }
 
-/// From the commanded to the acting force, in this order: delay, factors by sign, offset, lag, gradient.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Load {
-    /// δ ≥ 0 in s: F(t) = F_command(t − δ), zero before the record's start.
-    pub delay_s: Dual,
-    /// Factor of positive forces.
-    pub positive_factor: Dual,
-    /// Factor of negative forces.
-    pub negative_factor: Dual,
-    /// Added to the force from the record's start on, in N.
-    pub offset_n: Dual,
-    /// τ ≥ 0 in s of τ Ḟ = F_in − F, F = 0 at the record's start; 0 is no lag.
-    pub lag_time_s: Dual,
-    /// g in 1/m of F = F_in e^{gx}, x the robot's position; refused where the force runs away with the robot.
-    pub gradient_per_m: Dual,
-}
-
-impl Load {
-    /// Whether the force acts as it is commanded, and that does not change.
-    pub fn is_commanded(&self) -> bool {
-        let Self { delay_s, positive_factor, negative_factor, offset_n, lag_time_s, gradient_per_m } = self;
-        let is_null = |numbers: &[&Dual], null: f64| numbers.iter().all(|number| number.is_constant(null));
-        is_null(&[delay_s, offset_n, lag_time_s, gradient_per_m], 0.0)
-            && is_null(&[positive_factor, negative_factor], 1.0)
-    }
-}
-
-/// From the robot's to the recorded position: scale · x^{1/p} + b + v t + Σ A (1 − e^{−t/τ}), t from the record's start; where x < 0 an indenter (p ≠ 1) is at 0.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Observation {
-    /// Factor of the position.
-    pub scale: Dual,
-    /// b in m.
-    pub offset_m: Dual,
-    /// p of an indenter, whose depth in m is x^{1/p}, x in m^p; 1 where the position is x itself.
-    pub depth_exponent: f64,
-    /// v in m/s.
-    pub velocity_m_per_s: Dual,
-    /// Drifts that come to an end.
-    pub approaches: Vec<Approach>,
-}
-
-/// A (1 − e^{−t/τ}).
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Approach {
-    /// A in m.
-    pub amplitude_m: Dual,
-    /// τ > 0 in s.
-    pub time_s: Dual,
-}
-
-/// |g x| from which on a force gradient is refused: the force is then 10⁸ times as large as it was or as small, and what runs away passes it (physics §5).
-pub const LARGEST_EXPONENT: f64 = 20.0;
-
 impl Stages {
     /// The law alone: the force acts as commanded, and the position is recorded as it is.
     pub fn of_law(law: Vec<Element>) -> Self {
         Self {
-            load: Load {
-                delay_s: Dual::ZERO,
-                positive_factor: Dual::ONE,
-                negative_factor: Dual::ONE,
-                offset_n: Dual::ZERO,
-                lag_time_s: Dual::ZERO,
-                gradient_per_m: Dual::ZERO,
-            },
+            load: Load::COMMANDED,
             base: None,
             law,
             softening_rate_per_s: Dual::ZERO,
@@ -187,13 +142,7 @@ impl Stages {
             spatial: None,
             spread: None,
             state_law: None,
-            observation: Observation {
-                scale: Dual::ONE,
-                offset_m: Dual::ZERO,
-                depth_exponent: 1.0,
-                velocity_m_per_s: Dual::ZERO,
-                approaches: Vec::new(),
-            },
+            observation: Observation::AS_IT_IS,
         }
     }
 }

@@ -1,5 +1,6 @@
 //! What cannot stand beside an effect that changes the displacement field, and why: one place for the laws' and the effects' refusals.
 
+use super::field::SPRINGPOTS;
 use super::first_body::{body, elements_of, in_series};
 use laws::rheology::{BaseLaw, Element, RetardationSpectrum, TimeWindow};
 
@@ -8,12 +9,10 @@ pub(super) const AGEING: &str = "the field is solved for a gel that stays what i
 /// Springpots that stand for a dashpot.
 pub(super) const MEMORY: &str =
     "a springpot is not looked for beside a field that changes shape; write it into the law (--base)";
-/// Springpots of a law.
-const SPRINGPOTS: &str = "neither mass nor large displacements are solved for beside the memory of its springpot";
 /// Springs in series.
 pub(super) const WAVES: &str = "with mass, a spring in series lets waves through, which are not resolved";
 
-/// Why mass or large displacements cannot be added to a base law with springpots, if they cannot.
+/// Why mass or large strains cannot be added to a base law with springpots, if they cannot.
 pub(super) fn memory(base: &BaseLaw) -> Option<&'static str> {
     elements_of(base).iter().any(has_springpot).then_some(SPRINGPOTS)
 }

@@ -7,7 +7,7 @@ use base::error::{Error, Result};
 use elements::fe::spatial::{Sizes, SpatialJob, SpatialRun, SpatialSystem, Splitting, Surroundings};
 use elements::mesh::{ElementKind, Mesh};
 use laws::rheology::Beside;
-use laws::stages::{LinearField, NonlinearFamily};
+use laws::stages::{LinearField, NonlinearFamily, Spatial};
 
 /// How an effect changes the displacement field.
 #[derive(Clone, Copy)]
@@ -22,6 +22,10 @@ pub enum Field {
     /// Strains may be large.
     Large,
 }
+
+/// Why a field is not solved for beside springpots of a law.
+pub(super) const SPRINGPOTS: &str =
+    "neither mass nor large displacements are solved for beside the memory of its springpot";
 
 /// The matrices of one shape of the field.
 pub struct FieldSystem {
@@ -90,6 +94,21 @@ impl Field {
             }
             _ => None,
         }
+    }
+
+    /// Whether its reduced model is learnt for one record, about the law that fits it, and not built for a gel.
+    pub fn is_learnt_for_record(self) -> bool {
+        matches!(self, Self::Large)
+    }
+
+    /// Whether the law is not linear in it.
+    pub fn is_nonlinear(self) -> bool {
+        matches!(self, Self::Nonlinear(_) | Self::Large)
+    }
+
+    /// Why a force that depends on the position cannot stand beside it, if it cannot.
+    pub fn bars_feedback(self) -> Option<&'static str> {
+        matches!(self, Self::Large).then_some(Spatial::BARS_FEEDBACK)
     }
 
     /// Whether it has mass, through which waves run.

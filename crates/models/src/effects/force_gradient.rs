@@ -42,8 +42,7 @@ impl Effect for ForceGradient {
         true
     }
     fn barred_beside(&self, field: Field) -> Option<&'static str> {
-        matches!(field, Field::Large)
-            .then_some("a force that depends on the position is not run with large displacements")
+        field.bars_feedback()
     }
     fn apply(&self, parameters: &[Dual], _scales: &Scales, stages: &mut Stages) -> Result<()> {
         stages.load.gradient_per_m += parameters[0];

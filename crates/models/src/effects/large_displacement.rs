@@ -6,7 +6,7 @@
 use super::beside_fields::memory;
 use super::{Effect, EffectParameter, Field, Spatial, Stage, Stages};
 use base::distribution::Distribution;
-use base::error::Result;
+use base::error::{Error, Result};
 use base::number::Dual;
 use base::parameter::{ParameterSpec, Support};
 use laws::rheology::BaseLaw;
@@ -16,6 +16,14 @@ use record::Scales;
 pub const AMPLITUDE: &str = "large-displacement.amplitude";
 /// Name of the mobility.
 pub const MOBILITY: &str = "large-displacement.mobility";
+
+/// The refusal of surroundings and laws that the full model does not serve.
+pub fn needs_a_sphere() -> Error {
+    Error::numerical(
+        "large displacements are run around a sphere at the centre, in a gel without springpots",
+        "leave `large-displacement` out",
+    )
+}
 
 const PARAMETERS: &[EffectParameter] = &[
     EffectParameter {

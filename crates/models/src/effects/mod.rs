@@ -35,7 +35,7 @@ mod yield_stress;
 
 pub use field::{Field, FieldSystem, MatrixPair, ShapeParameter};
 pub use formula::{Formula, Mistake};
-pub use large_displacement::{AMPLITUDE, MOBILITY};
+pub use large_displacement::{AMPLITUDE, MOBILITY, needs_a_sphere};
 pub use laws::stages::{Approach, LinearField, Load, Observation, Spatial, Stages};
 pub use library::{Library, parameter_named};
 pub use state_effect::{QuantityName, StateEffect, define, defined};
@@ -201,7 +201,11 @@ pub trait Effect: Sync {
     }
     /// Whether its law is not linear: beside such an effect only those of load and observation stand.
     fn is_nonlinear(&self) -> bool {
-        matches!(self.field(), Some(Field::Nonlinear(_) | Field::Large))
+        self.field().is_some_and(Field::is_nonlinear)
+    }
+    /// Whether its reduced model is learnt for one record, about the law that fits it, and not built for a gel.
+    fn is_learnt_for_record(&self) -> bool {
+        self.field().is_some_and(Field::is_learnt_for_record)
     }
     /// Why it cannot be added to this base law, if it cannot.
     fn conflict(&self, _base: &BaseLaw) -> Option<&'static str> {

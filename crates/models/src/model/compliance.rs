@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use base::error::{Error, Result};
 use base::number::Dual;
-use laws::stages::{Spatial, Spread, Stages, Stepped};
+use laws::stages::{Spread, Stages, Stepped};
 
 /// Compliance (1/m) as a function of the Poisson ratio.
 type OfPoissonRatio = dyn Fn(Dual) -> Result<Dual> + Send + Sync;
@@ -50,11 +50,11 @@ impl Compliance {
         })
     }
 
-    /// The same with what answers for large displacements, which may come later.
-    pub fn with_large(self, stepper: impl Fn() -> Option<Stepped> + Send + Sync + 'static) -> Self {
+    /// The same with what answers for an effect that is learnt for one record, which may come later.
+    pub fn with_learnt(self, stepper: impl Fn() -> Option<Stepped> + Send + Sync + 'static) -> Self {
         let others = self.spread.clone();
         self.with_spread(move |stages| match (&stages.spatial, stepper(), &others) {
-            (Some(Spatial::Large { .. }), Some(stepper), _) => Ok(Some(Spread::Stepped(stepper))),
+            (Some(spatial), Some(stepper), _) if spatial.is_learnt_for_record() => Ok(Some(Spread::Stepped(stepper))),
             (_, _, Some(others)) => others(stages),
             (_, _, None) => Err(no_field()),
         })

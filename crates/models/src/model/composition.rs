@@ -162,10 +162,10 @@ impl Model {
         let (law, mut rest) = parameters.split_at(self.base.parameters().len());
         let mut stages = Stages::of_law(self.base.elements(law));
         stages.base = Some(self.base);
-        stages.observation.depth_exponent = self.scales.depth_exponent.unwrap_or(1.0);
+        stages.observation.depth_exponent = self.scales.depth_exponent.unwrap_or(1.0).into();
         if self.base.outside().is_some() {
             // Its answer is the position itself.
-            stages.observation.depth_exponent = 1.0;
+            stages.observation.depth_exponent = Dual::ONE;
             stages.spatial = Some(Spatial::Outside(law.to_vec()));
         }
         let mut of_field = None;

@@ -1,6 +1,7 @@
 //! One trait for the full and the reduced model, so that nothing downstream can tell them apart.
 
 use super::{Compliance, Model, Response};
+use crate::effects::needs_a_sphere;
 use base::error::{Error, Result};
 use base::number::Dual;
 use elements::fe::nonlinear::{self, NonlinearModel};
@@ -10,7 +11,7 @@ use elements::fe::stepping::Resolution;
 use elements::fe::time::{FullOrderModel, TimeScheme};
 use elements::fe::{Stiffness, transient};
 use elements::mesh::Mesh;
-use laws::stages::{Load, Nonlinearity, Spatial, Stages};
+use laws::stages::{Nonlinearity, Spatial, Stages};
 use record::Force;
 use std::sync::OnceLock;
 
@@ -130,15 +131,12 @@ impl<'a> FullForward<'a> {
         let steps_per_doubling = scaled(own.steps_per_doubling, self.resolution);
         let fineness = oldroyd::Fineness { steps_per_doubling, ..own };
         let (Some(ball), Some(law)) = (surroundings.sizes.ball, FiniteLaw::new(&stages.law, mobility)) else {
-            return Err(Error::numerical(
-                "large displacements are run around a sphere at the centre, in a gel without springpots",
-                "leave `large-displacement` out",
-            ));
+            return Err(needs_a_sphere());
         };
         let gel = FiniteGel::around_sphere(ball.robot_radius_m, ball.outer_radius_m, fineness)?;
         let larger_n: Vec<f64> = self.force.at_rows_n.iter().map(|force_n| amplitude * force_n).collect();
         let force = Force { at_rows_n: &larger_n, ..self.force };
-        let load = Load { offset_n: stages.load.offset_n * amplitude, ..stages.load.clone() };
+        let load = stages.load.of_commands_times(amplitude);
         let run = gel.run(&FiniteRun { law: &law, load: &load, time_s: self.time_s, force })?;
         let scale = stages.observation.scale.value / amplitude;
         stepped.position_m.iter_mut().zip(&run.deviation_m).for_each(|(x, deviation)| *x += scale * deviation);

@@ -40,10 +40,12 @@ pub struct FieldModels(BTreeMap<String, FieldModel>);
 /// Pieces of work that building the model of an effect takes.
 pub fn n_pieces(effect: &dyn Effect) -> usize {
     match effect.field() {
-        None | Some(Field::Large) => 0,
+        None => 0,
+        Some(field) if field.is_learnt_for_record() => 0,
         Some(Field::Pair(pair)) if pair.shape().is_some() => N_SHAPES,
         Some(Field::Pair(_) | Field::Pores(_)) => 1,
         Some(Field::Nonlinear(family)) => HyperSettings::of(family).n_runs(),
+        Some(_) => 0,
     }
 }
 
@@ -56,8 +58,6 @@ impl FieldModel {
     ) -> Result<Option<Self>> {
         let Some(field) = effect.field() else { return Ok(None) };
         Ok(Some(match field {
-            // Learnt for one record, not for a gel (`surrogate::trajectory`).
-            Field::Large => return Ok(None),
             Field::Pair(pair) => match pair.shape() {
                 Some(shape) => Self::ThreeTerms(ThreeTerms::new(pair, shape, surroundings, TOLERANCE, piece_done)?),
                 None => {
@@ -78,6 +78,8 @@ impl FieldModel {
             Field::Nonlinear(family) => {
                 Self::Nonlinear(hyper::build(surroundings, family, &HyperSettings::of(family), piece_done)?)
             }
+            // Learnt for one record, not for a gel (`surrogate::trajectory`).
+            _ => return Ok(None),
         }))
     }
 

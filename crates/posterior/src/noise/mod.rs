@@ -35,6 +35,7 @@
 
 mod filter;
 mod lanes;
+mod learning;
 mod likelihood;
 mod model;
 mod paths;
@@ -50,6 +51,7 @@ mod whitening;
 mod dense;
 
 pub use lanes::LANES;
+pub use learning::{DrawRow, Learning, LearningPrior, LearntParameter, NoiseValues, RowShare};
 pub use likelihood::{NoiseLikelihood, SharedPosition};
 pub use model::{NoiseModel, NoiseScales};
 pub use pointwise::Conditional;

@@ -19,7 +19,7 @@ pub use judgement::judged;
 use base::error::{Error, Place, Result};
 use documents::calibration::Simulator;
 use documents::posterior::ModelSummary;
-use models::effects::{Field, Library};
+use models::effects::Library;
 use models::model::{Forward, FullForward};
 use posterior::mechanics::Mechanics;
 use posterior::monitor::{Counter, Monitor, Stoppable, refuse_if_stopped};
@@ -93,11 +93,14 @@ pub fn check(experiment: &Experiment, model: &ModelSpecification, options: &Samp
     let mechanics = Arc::new(Mechanics::Instrument { compliance_per_m: 1.0 });
     let problem = Problem::with_mechanics(experiment.clone(), model.clone(), &Library::default(), mechanics)?;
     posterior::sample::refuse_nothing_to_sample(&problem)?;
-    if matches!(problem.model.field(), Some((_, Field::Large))) {
+    if let Some((slug, field)) = problem.model.field().filter(|(_, field)| field.is_learnt_for_record()) {
         return Err(Error::input(
             Place::option("--with"),
-            "large displacements are learnt about the law of one record, and every simulated record would take its own",
-            "calibrate the model without `large-displacement`",
+            format!(
+                "{} are learnt about the law of one record, and every simulated record would take its own",
+                field.words()
+            ),
+            format!("calibrate the model without `{slug}`"),
         ));
     }
     options.validate(problem.priors.priors().len())?;

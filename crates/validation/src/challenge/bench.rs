@@ -11,7 +11,7 @@ use criticism::Candidate;
 use criticism::Subject;
 use criticism::separation::{Truth as Shown, closest};
 use laws::rheology::BaseLaw;
-use models::effects::{AMPLITUDE, Effect, Field, Library};
+use models::effects::{AMPLITUDE, Effect, Library};
 use models::model::{Compliance, Model};
 use posterior::monitor::Monitor;
 use posterior::prepared::PreparedModel;
@@ -381,8 +381,7 @@ impl Bench {
 /// and whose signal is bounded.
 pub fn hideable(library: &Library) -> Vec<String> {
     let shows = |effect: &&&dyn Effect| match effect.field() {
-        Some(Field::Large) => false,
-        Some(_) => true,
+        Some(field) => !field.is_learnt_for_record(),
         None => !effect.changes_field(),
     };
     library.effects().iter().filter(shows).map(|effect| effect.slug().to_string()).collect()

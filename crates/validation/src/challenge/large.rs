@@ -10,7 +10,7 @@ use elements::fe::oldroyd::{Fineness, FiniteGel, FiniteLaw, FiniteRun};
 use elements::fe::stepping::Resolution;
 use elements::fe::time::FullOrderModel;
 use laws::rheology::BaseLaw;
-use models::effects::{Effect, Field, Stages};
+use models::effects::{Effect, Stages};
 use posterior::mechanics::robot_mesh;
 use record::{Apparatus, Record, Robot, RobotShape, Vitreous};
 
@@ -34,7 +34,7 @@ pub(super) const DATA: Cut =
 
 /// Whether an effect is that of large displacements.
 pub(super) fn is_large(effect: &dyn Effect) -> bool {
-    matches!(effect.field(), Some(Field::Large))
+    effect.is_learnt_for_record()
 }
 
 /// The mobility of a truth's gel where that has large displacements; Oldroyd-B has none.

@@ -103,7 +103,7 @@ impl NoiseKind {
         };
         let white_um = if self.has_white() { 1e6 * WHITE_M } else { NOTHING };
         let gain_sd = if self == Self::Gain { GAIN_SD } else { NOTHING };
-        [white_um, process_um, time_s, gain_sd, NOTHING]
+        NoiseValues::new([white_um, process_um, time_s, gain_sd, NOTHING])
     }
 
     /// One draw around a trajectory (m).

@@ -1,11 +1,8 @@
-//! What all time stepping shares: changes of the force, lengths of steps, coefficients of methods.
+//! What all time stepping shares: lengths of steps, coefficients of methods.
 
-mod load;
 mod steps;
 mod tableau;
 
-pub use load::Switch;
-pub use load::{MOST_NEWTON_STEPS, balanced_exponent, check_feedback, switches};
 pub(crate) use steps::{Grading, StepRule, ending_well, share_of_gap};
 pub use tableau::Scheme;
 pub use tableau::{FOURTH, Tableau};

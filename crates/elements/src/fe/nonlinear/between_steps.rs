@@ -5,9 +5,9 @@
 
 use super::run::{self, Record};
 use super::{Bodies, NonlinearModel, NonlinearResult, Options};
-use crate::fe::clock::{CLOCK_ROUNDING, switches};
+use crate::fe::clock::CLOCK_ROUNDING;
+use crate::fe::stepping::Resolution;
 use crate::fe::stepping::run::strains;
-use crate::fe::stepping::{Resolution, observed};
 use base::error::{Error, Result};
 use laws::stages::{Spatial, Stages};
 use record::Force;
@@ -40,8 +40,9 @@ impl NonlinearModel<'_> {
             ));
         }
         let bodies = Bodies::<f64>::new(&stages.law, nonlinearity)?;
+        let load = stages.load.of::<f64>();
         // A spring in series jumps with the force, and where the force follows the position its excess jumps, too: such a run stops at every row.
-        let jumps = bodies.instantaneous_per_pa > 0.0 && stages.load.gradient_per_m.value != 0.0;
+        let jumps = bodies.instantaneous_per_pa > 0.0 && load.depends_on_position();
         let wanted = rows.iter().copied().filter(|&row| row < time_s.len());
         let mut stop_rows: Vec<usize> = if jumps { (0..time_s.len()).collect() } else { wanted.collect() };
         stop_rows.extend(time_s.len().checked_sub(1));
@@ -61,8 +62,9 @@ impl NonlinearModel<'_> {
         let cost = outcome.map_err(|error| with_place(error, &steps))?;
         let mut displacement_m = displacements_m(self, stages, time_s, force, &steps)?;
         let start_s = time_s.first().copied().unwrap_or(0.0);
+        let observation = stages.observation.of::<f64>();
         for (x, t) in displacement_m.iter_mut().zip(time_s) {
-            *x = observed(&stages.observation, *x, t - start_s);
+            *x = observation.recorded_m(*x, t - start_s);
         }
         let fields = rows.iter().filter_map(|row| fields.get(row).cloned()).collect();
         Ok(NonlinearResult { displacement_m, fields, cost })
@@ -105,7 +107,8 @@ fn displacements_m(
     let rounding_s = CLOCK_ROUNDING * length_s;
     // The excess does not jump with the force: a switch finds what the step before it left.
     let excesses: Vec<(f64, f64)> = steps.iter().map(|&(t, x)| (t, x - linear_m(t))).collect();
-    let begins_s: Vec<f64> = switches::<f64>(&stages.load, time_s, force).iter().map(|switch| switch.time_s).collect();
+    let begins_s: Vec<f64> =
+        stages.load.of::<f64>().switches(time_s, force).iter().map(|switch| switch.time_s).collect();
     let mut found = Vec::with_capacity(time_s.len());
     for &row_s in time_s {
         let holds = begins_s.partition_point(|&begin_s| begin_s < row_s - rounding_s);

@@ -4,11 +4,11 @@ use super::law::Bodies;
 use super::point::{EQUIVALENT, StageLaw, Tensor, deviator_norm};
 use super::stage::{Balance, Push, Stage};
 use super::{Cost, Options};
-use crate::fe::clock::{CLOCK_ROUNDING, Grading, StepRule, Switch, Tableau, check_feedback, switches};
+use crate::fe::clock::{CLOCK_ROUNDING, Grading, StepRule, Tableau};
 use crate::fe::stepping::Resolution;
 use crate::fe::stepping::run::gap_s;
 use base::error::{Error, Result};
-use laws::stages::Load;
+use laws::stages::{Load, Switch};
 use rayon::prelude::*;
 use record::Force;
 
@@ -43,11 +43,12 @@ pub fn run(
     mut at_row: impl FnMut(AtRow),
     mut at_step: impl FnMut(f64, f64),
 ) -> Result<Cost> {
-    let switches = switches(load, time_s, force);
+    let load = load.of::<f64>();
+    let switches = load.switches(time_s, force);
     let start_s = time_s.first().copied().unwrap_or(0.0);
     let length_s = time_s.last().map_or(0.0, |end_s| end_s - start_s).max(f64::MIN_POSITIVE);
     let rounding_s = CLOCK_ROUNDING * length_s;
-    let mut run = Run::new(balance, bodies, load, &switches, options, start_s);
+    let mut run = Run::new(balance, bodies, &load, &switches, options, start_s);
     let mut coming = switches.iter().copied().enumerate().peekable();
     for (row, &row_s) in stops_s.iter().enumerate() {
         // A switch at a row comes after it: positions are limits from the left.
@@ -70,8 +71,7 @@ struct Run<'a> {
     grading: Grading,
     /// Largest residual that is accepted.
     tolerance: f64,
-    gradient_per_m: f64,
-    lag_time_s: f64,
+    load: &'a Load<f64>,
     now_s: f64,
     /// The force that enters the lag since it switched last, and what the lag made of those before.
     input: Switch,
@@ -89,12 +89,11 @@ impl<'a> Run<'a> {
     fn new(
         balance: Balance<'a>,
         bodies: &'a Bodies<f64>,
-        load: &Load,
+        load: &'a Load<f64>,
         switches: &[Switch],
         options: Options,
         start_s: f64,
     ) -> Self {
-        let lag_time_s = load.lag_time_s.value;
         let rule = StepRule::new(options.resolution.steps_per_doubling, bodies.fastest_s(0.0), false, 0.0);
         let largest_n = switches.iter().fold(0.0_f64, |most, switch| most.max(switch.force_n.abs()));
         let per_n = balance.factor.unit_response()[balance.robot].max(0.0).sqrt();
@@ -105,8 +104,7 @@ impl<'a> Run<'a> {
             resolution: options.resolution,
             rule,
             grading: rule.after_switch(start_s, f64::INFINITY, true),
-            gradient_per_m: load.gradient_per_m.value,
-            lag_time_s,
+            load,
             now_s: start_s,
             input: Switch::to(start_s, 0.0),
             lagged_n: 0.0,
@@ -126,8 +124,7 @@ impl<'a> Run<'a> {
         self.input = Switch { time_s: self.now_s, ..switch };
         let bodies = self.histories.chunks_exact(self.bodies.n_histories());
         let largest = bodies.map(|histories| deviator_norm(&histories[0])).fold(0.0, f64::max);
-        let slowest_s = if self.lag_time_s > 0.0 { self.lag_time_s } else { f64::INFINITY };
-        let fastest_s = self.bodies.fastest_s(EQUIVALENT * largest).min(slowest_s);
+        let fastest_s = self.bodies.fastest_s(EQUIVALENT * largest).min(self.load.fastest_s());
         self.rule = StepRule::new(self.resolution.steps_per_doubling, fastest_s, false, 0.0);
         self.grading = self.rule.after_switch(self.now_s, gap_s, switch.jumps);
         self.known.clear();
@@ -135,7 +132,7 @@ impl<'a> Run<'a> {
 
     /// The force after the lag.
     fn force_n(&self, time_s: f64) -> f64 {
-        self.input.after_lag_n(self.lagged_n, self.lag_time_s, time_s)
+        self.load.after_lag_n(&self.input, self.lagged_n, time_s)
     }
 
     fn advance_to(&mut self, stop_s: f64, rounding_s: f64, at_step: &mut impl FnMut(f64, f64)) -> Result<()> {
@@ -161,11 +158,7 @@ impl<'a> Run<'a> {
                 format!(
                     "the nonlinear balance is not found at {start_s} s with a step of {:.1e} s{}: {}",
                     end_s - start_s,
-                    if self.gradient_per_m == 0.0 {
-                        String::new()
-                    } else {
-                        format!(" under a force gradient of {} per m", self.gradient_per_m)
-                    },
+                    self.load.feedback_words(),
                     words(&reason)
                 ),
                 "give parameters of moderate size: a smaller coefficient, a larger index, or a stiffer gel",
@@ -192,11 +185,11 @@ impl<'a> Run<'a> {
             let mut histories = started(&self.histories, &rates, weights, step_s);
             let input_n = self.force_n(time_s);
             let force_n = self.balance.share * input_n;
-            let push = Push { force_n, gradient_per_m: self.gradient_per_m };
+            let push = Push { force_n, load: self.load };
             let mut displacement = self.extrapolated(stage, time_s);
             let problem = Stage { law: &law, histories: &histories, n_histories: n, push };
             let solved = self.balance.solve(&problem, &mut displacement, self.tolerance)?;
-            check_feedback(self.gradient_per_m, &[displacement[self.balance.robot]], time_s)?;
+            self.load.check_feedback(&[displacement[self.balance.robot]], time_s)?;
             self.cost.n_stages += 1;
             self.cost.n_evaluations += solved.n_evaluations;
             self.cost.n_gradients += solved.n_gradients;

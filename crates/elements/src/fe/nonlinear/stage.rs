@@ -8,6 +8,7 @@ use super::point::{Moduli, StageLaw, Tensor, deviator_norm};
 use super::points::IntegrationPoints;
 use crate::fe::factorisation::Factor;
 use base::error::{Error, Result};
+use laws::stages::Load;
 use rayon::prelude::*;
 
 /// Most steps of Newton's method before the time step is halved.
@@ -22,11 +23,11 @@ const FORCING: f64 = 0.05;
 /// Integration points handled together.
 const CHUNK: usize = 512;
 
-/// What pushes the robot: F e^{gx} in N on the unknowns, x the robot's displacement in m.
+/// What pushes the robot: a force in N on the unknowns that may depend on the robot's displacement.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Push {
+pub(super) struct Push<'a> {
     pub force_n: f64,
-    pub gradient_per_m: f64,
+    pub load: &'a Load<f64>,
 }
 
 /// Tangent at one point: ds = secant dε + along n (n·dε) for the deviator, volumetric dε (+ coupling n·dε) for the trace.
@@ -53,7 +54,7 @@ pub(super) struct Stage<'a> {
     pub law: &'a StageLaw<f64>,
     pub histories: &'a [Tensor<f64>],
     pub n_histories: usize,
-    pub push: Push,
+    pub push: Push<'a>,
 }
 
 /// Where a residual stands.
@@ -139,12 +140,12 @@ impl Balance<'_> {
         });
         let mut residual = self.points.forces(&stresses);
         residual.iter_mut().for_each(|f| *f = -*f);
-        let push_n = stage.push.force_n * (stage.push.gradient_per_m * displacement[self.robot]).exp();
+        let push_n = stage.push.load.acting_n(stage.push.force_n, displacement[self.robot]);
         residual[self.robot] += push_n;
         let mut preconditioned = residual.clone();
         self.factor.solve_in_place(&mut preconditioned);
         let norm = dot(&residual, &preconditioned).max(0.0).sqrt();
-        let slope_n_per_m = push_n * stage.push.gradient_per_m;
+        let slope_n_per_m = stage.push.load.acting_slope(push_n);
         Evaluated { strains, stresses, tangents, residual, slope_n_per_m, preconditioned, norm }
     }
 

@@ -39,7 +39,8 @@ fn with_stage(nonlinearity: Nonlinearity, check: impl Fn(&Balance, &Stage, Vec<f
     let strains = points.strains(&field);
     let histories: Vec<Tensor<f64>> = strains.iter().flat_map(|e| [e.map(|e| 0.3 * e), e.map(|e| -0.2 * e)]).collect();
     let force_n = unknowns.share() * FORCE_N;
-    let push = Push { force_n, gradient_per_m: 200.0 };
+    let load = Load { gradient_per_m: 200.0, ..Load::COMMANDED.of() };
+    let push = Push { force_n, load: &load };
     let stage = Stage { law: &law, histories: &histories, n_histories: 2, push };
     let wavy = field.iter().enumerate().map(|(i, u)| u * (1.0 + 0.1 * (i as f64).sin())).collect();
     check(&balance, &stage, wavy);

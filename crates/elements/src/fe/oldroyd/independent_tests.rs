@@ -5,13 +5,13 @@ use std::f64::consts::PI;
 use super::eulerian::{Cut, Eulerian, Fluid};
 use super::tests::{FORCE_N, HOLD_S, LAW, OUTER_M, RADIUS_M, ROWS_A_HOLD, coarse, farthest_apart_um, holds, record};
 use super::*;
-use crate::fe::clock::Switch;
 use crate::fe::exact::SphereInContainer;
 use crate::fe::meridional::mesh::Boundary;
 use crate::fe::meridional::{Direction, Resolution, solve};
 use base::number::Dual;
 use laws::rheology::BaseLaw;
 use laws::stages::Stages;
+use laws::stages::{Load, Switch};
 
 /// The paper's law, through holds to either side.
 fn pulled(gel: &FiniteGel, n_holds: usize) -> FiniteResult {
@@ -112,7 +112,7 @@ fn drag_in_a_tube_falls_with_elasticity() {
         let mesh = FieldMesh::new(&tube(8.0, n_each), 5, None).expect("a mesh");
         let newtonian = stiffness(&mesh).expect("a solution");
         let switches = [Switch::to(0.0, force)];
-        let pull = Pull { switches: &switches, lag_time_s: 0.0, newtons_per_pa: 1.0, end_s };
+        let pull = Pull { switches: &switches, load: &Load::COMMANDED.of(), newtons_per_pa: 1.0, end_s };
         let walked = walk(&mesh, &law, newtonian, &pull, 6);
         assert!(walked.stopped.is_none(), "the mesh carries it");
         let leg = &walked.legs[0];

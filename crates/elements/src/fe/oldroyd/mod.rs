@@ -31,13 +31,12 @@ pub use law::{FiniteLaw, RelaxationMode};
 
 use std::f64::consts::FRAC_PI_2;
 
-use super::clock::switches;
 use super::meridional::BodyOfRevolution;
 use super::meridional::basis::lagrange;
 use super::meridional::mesh::{Boundary, Mesh};
 use base::error::{Error, Result};
 use field::{BODY, FieldMesh, GivingVolume, Solver, Stage};
-use laws::stages::Load;
+use laws::stages::{Load, Spatial};
 use point::{AT_REST, StageLaw};
 use record::Force;
 use run::{Moment, Pull, walk};
@@ -202,11 +201,9 @@ impl FiniteGel {
     /// [`Error::Numerical`] for a load that depends on the position.
     pub fn follow(&self, what: &FiniteRun) -> Result<(FiniteResult, Option<Error>)> {
         let FiniteRun { law, load, time_s, force } = *what;
-        if load.gradient_per_m.value != 0.0 {
-            return Err(Error::numerical(
-                "a force that depends on the position is not run with large displacements",
-                "leave the force's gradient away",
-            ));
+        let load = load.of::<f64>();
+        if load.depends_on_position() {
+            return Err(Error::numerical(Spatial::BARS_FEEDBACK, "leave the force's gradient away"));
         }
         let Some(&end_s) = time_s.last() else {
             let nothing = FiniteResult {
@@ -219,8 +216,8 @@ impl FiniteGel {
             return Ok((nothing, None));
         };
         let pull = Pull {
-            switches: &switches::<f64>(load, time_s, force),
-            lag_time_s: load.lag_time_s.value,
+            switches: &load.switches(time_s, force),
+            load: &load,
             newtons_per_pa: self.radius_m * self.radius_m,
             end_s,
         };

@@ -5,9 +5,10 @@ use rayon::prelude::*;
 use super::field::{BODY, FieldCell, FieldMesh, Solver, Stage};
 use super::law::FiniteLaw;
 use super::point::{self, AT_REST, StageLaw, Symmetric};
-use crate::fe::clock::{FOURTH, StepRule, Switch};
+use crate::fe::clock::{FOURTH, StepRule};
 use crate::fe::meridional::basis::lagrange;
 use base::error::{Error, Result};
+use laws::stages::{Load, Switch};
 
 /// det F at a point beyond which a mesh does not follow any more. Over the paper's four cycles it goes from 0.64 to 1.37 on the mesh of [`super::Fineness::ESTIMATE`], whose places are right to 0.3 µm then; with 1.3
 /// times the force, from 0.26 to 3.6 and to 1 µm.
@@ -80,7 +81,7 @@ struct Rates {
 pub(super) struct Pull<'a> {
     /// Changes of the force, in N, before the lag.
     pub switches: &'a [Switch],
-    pub(super) lag_time_s: f64,
+    pub(super) load: &'a Load<f64>,
     /// Force per unit of the equations', the body's radius squared in m².
     pub(super) newtons_per_pa: f64,
     pub(super) end_s: f64,
@@ -88,9 +89,9 @@ pub(super) struct Pull<'a> {
 
 /// Runs a law up to the end of the pull, or as far as the mesh follows.
 pub(super) fn walk(mesh: &FieldMesh, law: &FiniteLaw, stiffness: f64, pull: &Pull, steps_per_doubling: u32) -> Walked {
-    let Pull { switches, lag_time_s, newtons_per_pa, end_s } = *pull;
+    let Pull { switches, load, newtons_per_pa, end_s } = *pull;
     let mut walker = Walker::new(mesh, law, stiffness);
-    let fastest_s = if lag_time_s > 0.0 { law.fastest_s.min(lag_time_s) } else { law.fastest_s };
+    let fastest_s = law.fastest_s.min(load.fastest_s());
     let rule = StepRule::new(steps_per_doubling, RESOLVED * fastest_s, false, 0.0);
     let mut walked = Walked {
         legs: Vec::new(),
@@ -106,7 +107,7 @@ pub(super) fn walk(mesh: &FieldMesh, law: &FiniteLaw, stiffness: f64, pull: &Pul
         if switch.time_s >= stop_s {
             continue;
         }
-        let force_pa = |time_s: f64| switch.after_lag_n(lagged_n, lag_time_s, time_s) / newtons_per_pa;
+        let force_pa = |time_s: f64| load.after_lag_n(switch, lagged_n, time_s) / newtons_per_pa;
         let grading = rule.after_switch(switch.time_s, stop_s - switch.time_s, switch.jumps);
         let mut now_s = switch.time_s;
         walker.past.clear();
@@ -149,7 +150,7 @@ pub(super) fn walk(mesh: &FieldMesh, law: &FiniteLaw, stiffness: f64, pull: &Pul
         if walked.stopped.is_some() {
             break;
         }
-        lagged_n = switch.after_lag_n(lagged_n, lag_time_s, stop_s);
+        lagged_n = load.after_lag_n(switch, lagged_n, stop_s);
     }
     (walked.iterations, walked.factorisations) = (walker.solver.iterations, walker.solver.factorisations);
     walked

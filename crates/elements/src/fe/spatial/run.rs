@@ -1,14 +1,13 @@
 //! Full-order runs of linear effects that change the displacement field, by time stepping of their definition.
 
 use super::{SpatialSystem, SteppedSystem, Surroundings};
-use crate::fe::clock::{CLOCK_ROUNDING, Switch};
+use crate::fe::clock::CLOCK_ROUNDING;
 use crate::fe::poroelastic::{CondensedPores, PoreModel};
-use crate::fe::stepping::observed;
 use crate::fe::transient::{self, ChainLaw, Load, Resolution, TransientSystem};
 use crate::mesh::Mesh;
 use base::error::{Error, Result};
 use laws::rheology::{Beside, Element, TimeWindow};
-use laws::stages::Stages;
+use laws::stages::{Stages, Switch};
 use record::Force;
 
 /// What a run gives.
@@ -71,7 +70,7 @@ fn superposed(
         }
         terms.sort_by(|a, b| a.0.total_cmp(&b.0));
         let ages_s: Vec<f64> = std::iter::once(0.0).chain(terms.iter().map(|term| term.0)).collect();
-        let unit = Load { switches: vec![unit], lag_time_s: load.lag_time_s, gradient_per_m: 0.0 };
+        let unit = Load { switches: vec![unit], equations: load.equations.clone() };
         let answer = transient::run(system, chains, &unit, &ages_s, &[], resolution)?;
         for ((_, row, change), per_unit) in terms.iter().zip(&answer.position_m[1..]) {
             position_m[*row] += change * per_unit;
@@ -119,8 +118,9 @@ impl SpatialJob<'_> {
         let window = self.window();
         let chains: Vec<ChainLaw> = laws.iter().map(|law| transient::chain_of(law, window)).collect::<Result<_>>()?;
         let start_s = self.time_s.first().copied().unwrap_or(0.0);
-        let observe = |(x, t): (&f64, &f64)| observed(&self.stages.observation, *x, t - start_s);
-        if self.rows.is_empty() && load.gradient_per_m == 0.0 {
+        let observation = self.stages.observation.of::<f64>();
+        let observe = |(x, t): (&f64, &f64)| observation.recorded_m(*x, t - start_s);
+        if self.rows.is_empty() && !load.equations.depends_on_position() {
             let position_m = superposed(system, &chains, &load, self.time_s, self.resolution)?;
             let position_m = position_m.iter().zip(self.time_s).map(observe).collect();
             return Ok(SpatialRun { position_m, fields: Vec::new(), mesh: None });

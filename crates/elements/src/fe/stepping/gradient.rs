@@ -1,6 +1,6 @@
 //! What a force that depends on the position does within a step (physics §5).
 
-use crate::fe::clock::MOST_NEWTON_STEPS;
+use laws::stages::{Load, MOST_NEWTON_STEPS};
 use nalgebra::{Matrix3, Vector3};
 
 /// What answers the force within a step: x = compliance (M F + h).
@@ -15,14 +15,15 @@ pub(crate) struct Mechanics {
 
 /// F = F_in e^{gx} at the stages, `mechanics` telling x, by Newton's method for g x from where the step begins; not a number where no balance is found.
 pub(crate) fn with_gradient(
-    gradient_per_m: f64,
+    load: &Load<f64>,
     start_m: f64,
     force_n: Vector3<f64>,
     mechanics: &Mechanics,
 ) -> Vector3<f64> {
-    if gradient_per_m == 0.0 {
+    if !load.depends_on_position() {
         return force_n;
     }
+    let gradient_per_m = load.gradient_per_m;
     let strength = gradient_per_m * mechanics.compliance_per_m;
     let mut exponent = Vector3::repeat(gradient_per_m * start_m);
     for _ in 0..MOST_NEWTON_STEPS {
@@ -36,4 +37,10 @@ pub(crate) fn with_gradient(
         }
     }
     Vector3::repeat(f64::NAN)
+}
+
+/// By how much g x changes between a step's first stage and its end, for strains (N/Pa) at the stages.
+pub(crate) fn change(load: &Load<f64>, compliance_per_m: f64, strain: &Vector3<f64>) -> f64 {
+    let exponent = strain * (compliance_per_m * load.gradient_per_m);
+    (exponent[2] - exponent[0]).abs()
 }

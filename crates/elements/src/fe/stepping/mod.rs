@@ -19,7 +19,7 @@ mod state_law;
 
 use super::time::FullOrderModel;
 use base::error::{Error, Result};
-use laws::stages::{Approach, Observation, Stages};
+use laws::stages::Stages;
 use record::Force;
 
 /// How fine the steps are.
@@ -66,7 +66,8 @@ impl FullOrderModel<'_> {
         let strain_n_per_pa: Vec<f64> = answers.iter().map(|answer| answer[0]).collect();
         let displacement_m: Vec<f64> = strain_n_per_pa.iter().map(|q| compliance_per_m * q).collect();
         let start_s = time_s.first().copied().unwrap_or(0.0);
-        let observe = |(answer, t): (&[f64; 2], &f64)| observed(&stages.observation, answer[1], t - start_s);
+        let observation = stages.observation.of::<f64>();
+        let observe = |(answer, t): (&[f64; 2], &f64)| observation.recorded_m(answer[1], t - start_s);
         let position_m: Vec<f64> = answers.iter().zip(time_s).map(observe).collect();
         if let Some(row) = position_m.iter().position(|x| !x.is_finite()) {
             return Err(Error::numerical(
@@ -83,21 +84,6 @@ impl FullOrderModel<'_> {
         let strains = rows.iter().filter_map(|&row| stepped.strain_n_per_pa.get(row));
         strains.map(|q| field_per_n.iter().map(|u| u * q).collect()).collect()
     }
-}
-
-/// The recorded position (m) for the robot's, `time_s` after the record's start.
-pub fn observed(observation: &Observation, position_m: f64, time_s: f64) -> f64 {
-    let approach = |a: &Approach| -a.amplitude_m.value * (-time_s / a.time_s.value).exp_m1();
-    let of_robot_m = match observation.depth_exponent {
-        1.0 => position_m,
-        // Before contact there is no depth.
-        _ if position_m < 0.0 => 0.0,
-        exponent => position_m.powf(exponent.recip()),
-    };
-    observation.scale.value * of_robot_m
-        + observation.offset_m.value
-        + observation.velocity_m_per_s.value * time_s
-        + observation.approaches.iter().map(approach).sum::<f64>()
 }
 
 #[cfg(test)]

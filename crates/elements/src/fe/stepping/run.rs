@@ -6,9 +6,9 @@ use super::network::{Network, NetworkStep};
 use super::radau::Radau;
 use super::springpot::RateRange;
 use super::state_law::{Followed, Stage};
-use crate::fe::clock::{CLOCK_ROUNDING, Grading, StepRule, Switch, check_feedback, switches};
+use crate::fe::clock::{CLOCK_ROUNDING, Grading, StepRule};
 use base::error::{Error, Result};
-use laws::stages::{Quantity, Stages};
+use laws::stages::{Load, Quantity, Stages, Switch};
 use nalgebra::{Matrix3, Vector3};
 use record::Force;
 use std::collections::HashMap;
@@ -32,11 +32,11 @@ pub fn answers(
     force: Force<'_>,
     resolution: Resolution,
 ) -> Result<Vec<[f64; 2]>> {
-    let switches = switches(&stages.load, time_s, force);
-    let mut run = Run::new(compliance_per_m, stages, time_s, &switches, resolution)?;
+    let load = stages.load.of::<f64>();
+    let switches = load.switches(time_s, force);
+    let mut run = Run::new(compliance_per_m, stages, &load, time_s, &switches, resolution)?;
     if let Some(law) = &stages.state_law {
-        let delay_s = stages.load.delay_s.value;
-        let steps_s = force.step_rows().iter().map(|&row| time_s[row] + delay_s).collect();
+        let steps_s = force.step_rows().iter().map(|&row| load.acts_at_s(time_s[row])).collect();
         run.state = Some(Followed::new(law, steps_s, &stages.law));
     }
     let mut coming = switches.iter().copied().enumerate().peekable();
@@ -59,6 +59,22 @@ pub(crate) fn gap_s(time_s: &[f64], switches: &[Switch], i: usize, rounding_s: f
     let row_s = time_s.get(time_s.partition_point(|&t| t <= after_s)).copied().unwrap_or(f64::INFINITY);
     let switch_s = switches[i..].iter().map(|switch| switch.time_s).find(|&t| t > after_s).unwrap_or(f64::INFINITY);
     row_s.min(switch_s) - switches[i].time_s
+}
+
+/// Share of the lag's F − F_in at a step's start that is left at the stages.
+fn lag_left(radau: &Radau, load: &Load<f64>, step_s: f64) -> Vector3<f64> {
+    load.lags_in(step_s).map_or_else(Vector3::zeros, |lags| radau.resolvent(lags) * Vector3::repeat(1.0))
+}
+
+/// The force (N) after the lag at stages (s), where it was `start_n` at the step's start and `left` of its distance from the input is left.
+fn lagged_n(
+    load: &Load<f64>,
+    input: &Switch,
+    [start_s, start_n]: [f64; 2],
+    at_s: Vector3<f64>,
+    left: &Vector3<f64>,
+) -> Vector3<f64> {
+    left * (start_n - load.followed_n(input, start_s)) + at_s.map(|t| load.followed_n(input, t))
 }
 
 /// Least time after a switch at which the response is resolved, as a share of the mean time between rows.
@@ -93,6 +109,7 @@ const MOST_LENGTHS: usize = 4096;
 /// State of one run.
 struct Run<'a> {
     stages: &'a Stages,
+    load: &'a Load<f64>,
     compliance_per_m: f64,
     radau: Radau,
     rule: StepRule,
@@ -115,6 +132,7 @@ impl<'a> Run<'a> {
     fn new(
         compliance_per_m: f64,
         stages: &'a Stages,
+        load: &'a Load<f64>,
         time_s: &[f64],
         switches: &[Switch],
         resolution: Resolution,
@@ -128,14 +146,13 @@ impl<'a> Run<'a> {
             Some(Quantity::Element(leaf)) => Network::with_depending(&stages.law, leaf, range)?,
             _ => Network::new(&stages.law, range)?,
         };
-        let lag_s = stages.load.lag_time_s.value;
-        let slowest = if lag_s > 0.0 { lag_s } else { f64::INFINITY };
-        let fastest_s = network.fastest_rate_per_s(range).recip().min(slowest);
-        let feeds_back = stages.load.gradient_per_m.value != 0.0 || stages.state_law.is_some();
+        let fastest_s = network.fastest_rate_per_s(range).recip().min(load.fastest_s());
+        let feeds_back = load.depends_on_position() || stages.state_law.is_some();
         let rule =
             StepRule::new(resolution.steps_per_doubling, fastest_s, feeds_back, stages.softening_rate_per_s.value);
         Ok(Self {
             stages,
+            load,
             compliance_per_m,
             radau: Radau::new(),
             grading: rule.after_switch(start_s, shortest_s, true),
@@ -184,13 +201,15 @@ impl<'a> Run<'a> {
     /// [`Self::step`] where a quantity depends on a state: stages are solved with its factors until these agree with the states that they lead to.
     fn step_with_state(&mut self, step_s: f64, is_optional: bool) -> Result<bool> {
         let Some(mut followed) = self.state.take() else { return Ok(true) };
-        let lag_s = self.stages.load.lag_time_s.value;
         let (start_s, since_s) = (self.now_s, self.now_s - self.start_s);
         let at_nodes_s = self.radau.nodes.map(|node| start_s + node * step_s);
-        let followed_n = at_nodes_s.map(|t| self.input.followed_n(t, lag_s));
-        let left =
-            if lag_s > 0.0 { self.radau.resolvent(step_s / lag_s) * Vector3::repeat(1.0) } else { Vector3::zeros() };
-        let lagged_n = left * (self.lagged_n - self.input.followed_n(start_s, lag_s)) + followed_n;
+        let lagged_n = lagged_n(
+            self.load,
+            &self.input,
+            [start_s, self.lagged_n],
+            at_nodes_s,
+            &lag_left(&self.radau, self.load, step_s),
+        );
         let rate = self.stages.softening_rate_per_s.value;
         let amplified = self.radau.nodes.map(|node| (rate * (since_s + node * step_s)).exp());
         let stage = Stage {
@@ -242,37 +261,29 @@ impl<'a> Run<'a> {
         if self.prepared.len() >= MOST_LENGTHS {
             self.prepared.clear();
         }
-        let lag_s = self.stages.load.lag_time_s.value;
-        let (network, radau) = (&mut self.network, &self.radau);
+        let (network, radau, load) = (&mut self.network, &self.radau, self.load);
         let prepared = self.prepared.entry(step_s.to_bits()).or_insert_with(|| Prepared {
             step_s,
             network: network.prepare(radau, step_s),
-            lag_left: if lag_s > 0.0 {
-                radau.resolvent(step_s / lag_s) * Vector3::repeat(1.0)
-            } else {
-                Vector3::zeros()
-            },
+            lag_left: lag_left(radau, load, step_s),
         });
-        let start_s = self.now_s;
-        let followed_n = self.radau.nodes.map(|node| self.input.followed_n(start_s + node * prepared.step_s, lag_s));
-        let lagged_n = prepared.lag_left * (self.lagged_n - self.input.followed_n(start_s, lag_s)) + followed_n;
+        let at_nodes_s = radau.nodes.map(|node| self.now_s + node * prepared.step_s);
+        let lagged_n = lagged_n(load, &self.input, [self.now_s, self.lagged_n], at_nodes_s, &prepared.lag_left);
         let since_s = self.now_s - self.start_s;
         let rate = self.stages.softening_rate_per_s.value;
         let amplified = self.radau.nodes.map(|node| (rate * (since_s + node * prepared.step_s)).exp());
         let history = network.begin(&prepared.network);
-        let gradient_per_m = self.stages.load.gradient_per_m.value;
         let response = prepared.network.compliance * Matrix3::from_diagonal(&amplified);
         let mechanics = Mechanics { compliance_per_m: self.compliance_per_m, response, history };
         let start_m = self.compliance_per_m * self.strain_n_per_pa;
-        let force_n = gradient::with_gradient(gradient_per_m, start_m, lagged_n, &mechanics);
+        let force_n = gradient::with_gradient(load, start_m, lagged_n, &mechanics);
         let strain = mechanics.response * force_n + mechanics.history;
-        let exponent = strain * (self.compliance_per_m * gradient_per_m);
-        let change = (exponent[2] - exponent[0]).abs();
+        let change = gradient::change(load, self.compliance_per_m, &strain);
         // What is not a number has changed too much as well.
-        if is_optional && gradient_per_m != 0.0 && (change.is_nan() || change >= MOST_CHANGE) {
+        if is_optional && load.depends_on_position() && (change.is_nan() || change >= MOST_CHANGE) {
             return Ok(false);
         }
-        check_feedback(gradient_per_m, (strain * self.compliance_per_m).as_slice(), self.now_s)?;
+        load.check_feedback((strain * self.compliance_per_m).as_slice(), self.now_s)?;
         network.end(&prepared.network, &force_n.component_mul(&amplified));
         self.lagged_n = lagged_n[2];
         self.strain_n_per_pa = strain[2];

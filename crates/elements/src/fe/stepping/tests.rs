@@ -1,11 +1,10 @@
 //! Steps against closed forms, quadrature and small explicit steps, none of which share code with them.
 
+use super::Resolution;
 use super::run::strains;
-use super::{Observation, Resolution, observed};
-use crate::fe::clock::balanced_exponent;
 use base::number::Dual;
 use laws::rheology::{BaseLaw, Element};
-use laws::stages::{Approach, Stages};
+use laws::stages::{Approach, Observation, Stages, balanced_exponent};
 use statrs::function::erf::erfc;
 use statrs::function::gamma::gamma;
 
@@ -396,12 +395,8 @@ fn the_error_falls_with_the_fifth_power_of_the_step() {
 #[test]
 fn the_recorded_position_is_scaled_and_drifts() {
     let approaches = vec![Approach { amplitude_m: dual(2.0), time_s: dual(0.5) }];
-    let observation = Observation {
-        scale: dual(1.5),
-        velocity_m_per_s: dual(0.1),
-        approaches,
-        ..Stages::of_law(Vec::new()).observation
-    };
+    let observation =
+        Observation { scale: dual(1.5), velocity_m_per_s: dual(0.1), approaches, ..Observation::AS_IT_IS };
     let exact = 1.5 * 4.0 + 0.1 * 3.0 + 2.0 * (1.0 - (-6.0_f64).exp());
-    assert!((observed(&observation, 4.0, 3.0) - exact).abs() < 1e-14);
+    assert!((observation.of::<f64>().recorded_m(4.0, 3.0) - exact).abs() < 1e-14);
 }

@@ -9,8 +9,9 @@ use super::output::{Output, State};
 use super::stages::{DIAGONAL, N_STAGES, predict};
 use super::steps::Grading;
 use super::{ChainLaw, Part, StageSolve, StageWeights, TransientSystem};
-use crate::fe::clock::{CLOCK_ROUNDING, FOURTH, Switch, balanced_exponent, check_feedback};
+use crate::fe::clock::{CLOCK_ROUNDING, FOURTH};
 use base::error::{Error, Result};
+use laws::stages::Switch;
 
 /// How fine the steps are.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -208,7 +209,7 @@ impl<'a> Run<'a> {
             mass_per_pa_s2: responses[0].rate_per_pa_s / (DIAGONAL * step_s),
         };
         let solve = self.system.factor(&weights)?;
-        let stress_per_n = if self.load.gradient_per_m == 0.0 {
+        let stress_per_n = if !self.load.equations.depends_on_position() {
             None
         } else {
             let mut stress = vec![0.0; self.system.n_unknowns()];
@@ -225,14 +226,14 @@ impl<'a> Run<'a> {
     fn step(&mut self, step_s: f64) -> Result<()> {
         let prepared = self.prepared(step_s)?;
         let implicit_s = DIAGONAL * step_s;
+        let equations = &self.load.equations;
         let (start_n, mut lag_rates) = (self.lagged_n, [0.0; N_STAGES]);
         let velocity = self.now.rates_per_s.clone();
         for stage in 0..N_STAGES {
-            let lag_s = self.load.lag_time_s;
             let input_n = self.input.input_n(self.now.time_s + FOURTH.nodes[stage] * step_s);
             let earlier: f64 = FOURTH.matrix[stage].iter().zip(lag_rates).map(|(a, rate)| a * step_s * rate).sum();
-            lag_rates[stage] = (input_n - start_n - earlier) / (lag_s + implicit_s);
-            let force_n = if lag_s > 0.0 { start_n + earlier + implicit_s * lag_rates[stage] } else { input_n };
+            let (force_n, rate) = equations.at_implicit_stage(input_n, start_n, earlier, implicit_s);
+            lag_rates[stage] = rate;
             self.lagged_n = force_n;
 
             for (chain, free) in self.chains.iter_mut().zip(&mut self.free) {
@@ -249,12 +250,10 @@ impl<'a> Run<'a> {
                 Some(stress_per_n) => {
                     (prepared.solve)(&mut stress)?;
                     let position_m = |stress: &[f64]| response.compliance_per_pa * self.system.position_m(stress);
-                    let g = self.load.gradient_per_m;
                     let history_m = position_m(&stress) + self.system.position_m(&free.strain_m);
                     let per_n = position_m(stress_per_n);
-                    let exponent = balanced_exponent(g * history_m, g * force_n * per_n);
-                    let force_n = force_n * exponent.exp();
-                    check_feedback(g, &[history_m + force_n * per_n], self.now.time_s)?;
+                    let force_n = equations.balanced_n(force_n, history_m, per_n);
+                    equations.check_feedback(&[history_m + force_n * per_n], self.now.time_s)?;
                     stress.iter_mut().zip(stress_per_n).for_each(|(w, per_n)| *w += force_n * per_n);
                 }
             }

@@ -363,7 +363,8 @@ fn lag_and_gradient_are_those_of_the_other_stepper() {
     for gradient_per_m in [0.0, 200.0, -200.0, -600.0] {
         stages.load.gradient_per_m = Dual::constant(gradient_per_m);
         let exact = model.step(&stages, &time_s, &force_n, stepping::Resolution::default()).expect("a sound model");
-        let mut load = Load { lag_time_s: 0.2, gradient_per_m, ..Load::commanded(&time_s, &force_n) };
+        let mut load = Load::commanded(&time_s, &force_n);
+        (load.equations.lag_time_s, load.equations.gradient_per_m) = (0.2, gradient_per_m);
         load.switches.iter_mut().for_each(|switch| switch.time_s += 0.0137);
         let law = [chain(BaseLaw::Burgers)];
         let found = run(&system, &law, &load, &time_s, &[], Resolution::default()).expect("a sound model");
@@ -371,7 +372,8 @@ fn lag_and_gradient_are_those_of_the_other_stepper() {
         println!("gradient {gradient_per_m}: {error:e}");
         assert!(error < if gradient_per_m < -200.0 { 5e-6 } else { 2e-6 }, "{gradient_per_m}: {error:e}");
     }
-    let load = Load { gradient_per_m: 4000.0, ..Load::commanded(&time_s, &force_n) };
+    let mut load = Load::commanded(&time_s, &force_n);
+    load.equations.gradient_per_m = 4000.0;
     let refused = run(&system, &[chain(BaseLaw::Burgers)], &load, &time_s, &[], Resolution::default());
     assert!(refused.is_err_and(|e| e.to_string().contains("pulls the robot away")));
 }

@@ -330,7 +330,7 @@ fn feedback_at_nodes<S: Number>(system: &System<S>, step: &CollocationStep<S>, s
     // g x = known + Σ by_force (e^{gx} − 1) at the nodes.
     let mut by_force = [[zero; N_NODES]; N_NODES];
     for i in 0..N_NODES {
-        let strength = system.gradient * state.growth * step.growth[i];
+        let strength = system.load.gradient_per_m * state.growth * step.growth[i];
         known[i] = strength * system.instantaneous.mul_add(force_n[i], known[i]);
         for j in 0..N_NODES {
             by_force[i][j] = strength * step.by_feedback[i][j] * force_n[j];
@@ -339,7 +339,7 @@ fn feedback_at_nodes<S: Number>(system: &System<S>, step: &CollocationStep<S>, s
     }
     // From what the state alone says of where the step begins: a point that waits for others is to end where it was, to the bit.
     let (flowed, start_n) = (flowed_m_per_growth(state), state.level_n + state.deficit_n);
-    let start = system.gradient * state.growth * system.instantaneous.mul_add(start_n, flowed);
+    let start = system.load.gradient_per_m * state.growth * system.instantaneous.mul_add(start_n, flowed);
     let mut exponent = [start; N_NODES];
     // Squared size of each point's last step of Newton's method: what a point does is not to depend on its neighbours.
     let mut size = one;
@@ -423,8 +423,8 @@ pub(super) fn position_m<S: Number>(system: &System<S>, state: &State<S>) -> S {
     let one = S::constant(1.0);
     let flowed_m = state.growth * flowed_m_per_growth(state);
     let jump_m = state.growth * system.instantaneous * (state.level_n + state.deficit_n);
-    let known = system.gradient * flowed_m;
-    let by_force = system.gradient * jump_m;
+    let known = system.load.gradient_per_m * flowed_m;
+    let by_force = system.load.gradient_per_m * jump_m;
     let mut exponent = known;
     let mut size = one;
     for _ in 0..MOST_NEWTON_STEPS {

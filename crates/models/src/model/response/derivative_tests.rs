@@ -142,7 +142,8 @@ fn depths_are_roots_of_what_answers_linearly() {
     let moving = response.derivative_m(&linear, Dual::variable(549.0)).expect("sound");
     for exponent in [1.5, 2.0] {
         let mut stages = linear.clone();
-        (stages.observation.depth_exponent, stages.observation.offset_m) = (exponent, Dual::constant(2e-6));
+        (stages.observation.depth_exponent, stages.observation.offset_m) =
+            (Dual::constant(exponent), Dual::constant(2e-6));
         let found = response.derivative_m(&stages, Dual::variable(549.0)).expect("sound");
         for (row, (found, x)) in found.iter().zip(&moving).enumerate().skip(1) {
             let (depth_m, slope) = (x.value.powf(1.0 / exponent), x.value.powf(1.0 / exponent - 1.0) / exponent);

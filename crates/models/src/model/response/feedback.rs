@@ -35,7 +35,7 @@ impl<S: Number> WithSimd for LargestExponent<'_, S> {
     fn with_simd<V: Simd>(self, _simd: V) -> [f64; N_LANES] {
         let mut largest = [0.0; N_LANES];
         for &position in self.position_m {
-            let exponent = self.system.gradient * position;
+            let exponent = self.system.load.gradient_per_m * position;
             for lane in 0..S::N_POINTS {
                 let size = exponent.lane(lane).value().abs();
                 largest[lane] = if size > largest[lane] { size } else { largest[lane] };

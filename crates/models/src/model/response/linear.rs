@@ -166,7 +166,7 @@ fn kicks<S: Number>(record: &Record, system: &System<S>) -> Vec<Kick<S::Lane>> {
         let (before_n, before_slope) = system.scaled(switch.before, switch.time_s);
         let (change_n, bend_n_per_s) = (after_n - before_n, after_slope - before_slope);
         for lane in 0..S::N_POINTS {
-            let delay_s = system.delay_s.lane(lane);
+            let delay_s = system.load.delay_s.lane(lane);
             let time_s = switch.time_s + delay_s.value();
             let mut row = rows[lane].max(switch.row);
             while row < record.n_rows && record.time_s[row] <= time_s {
@@ -241,12 +241,12 @@ pub fn run<S: Number>(record: &Record, system: &System<S>, position_m: &mut [S])
     if !system.shape.delayed {
         for hold in &record.holds {
             let (level_n, slope_n_per_s) = system.scaled(hold.line, hold.line.from_s);
-            sweep.change_level(level_n + system.offset_n, slope_n_per_s);
+            sweep.change_level(level_n + system.load.start_n(), slope_n_per_s);
             sweep.advance(hold.step, &mut position_m[hold.rows.clone()]);
         }
         return;
     }
-    sweep.change_level(system.offset_n, zero);
+    sweep.change_level(system.load.start_n(), zero);
     let kicks = kicks(record, system);
     let mut waiting = kicks.iter().peekable();
     let mut responses: Vec<Option<KickResponse<S::Lane>>> = (0..S::N_POINTS).map(|_| None).collect();

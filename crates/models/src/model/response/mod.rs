@@ -28,10 +28,10 @@ mod tests;
 
 pub use numbers::{Lanes, N_LANES};
 
-use base::error::{Error, Result};
+use base::error::Result;
 use base::number::{Dual, PointScalar, Scalar};
 use laws::rheology::TimeWindow;
-use laws::stages::{Spread, Stages};
+use laws::stages::{Observation, Spread, Stages};
 use numbers::{Number, Real, gather};
 use prepared_record::Record;
 use record::{Force, KeptForce};
@@ -83,7 +83,7 @@ impl Response {
         let point = self.lowered(stages, compliance_per_m)?;
         let mut position_m = Vec::new();
         let sound = self.run::<f64>(&[&point], &mut position_m)[0];
-        if sound { Ok(position_m) } else { Err(refusal(stages)) }
+        if sound { Ok(position_m) } else { Err(stages.load.of::<f64>().refusal()) }
     }
 
     /// Recorded position and its derivative in the direction that the stages carry, at every row.
@@ -91,17 +91,11 @@ impl Response {
     /// # Errors
     /// Those of [`Self::trajectory_m`], and [`Error::Numerical`] for a derivative with respect to the lag's time where there is no lag.
     pub fn derivative_m(&self, stages: &Stages, compliance_per_m: Dual) -> Result<Vec<Dual>> {
-        let lag_time_s = stages.load.lag_time_s;
-        if lag_time_s.value == 0.0 && lag_time_s.derivative != 0.0 {
-            return Err(Error::numerical(
-                "the position has no computable derivative with respect to the lag's time at 0",
-                "take a finite step from 0",
-            ));
-        }
+        stages.load.check_derivative()?;
         let point = self.lowered(stages, compliance_per_m)?;
         let mut position_m = Vec::new();
         let sound = self.run::<Dual>(&[&point], &mut position_m)[0];
-        if sound { Ok(position_m) } else { Err(refusal(stages)) }
+        if sound { Ok(position_m) } else { Err(stages.load.of::<f64>().refusal()) }
     }
 
     /// Recorded positions (m) of one to eight points, row by row in `position_m`; which points have one. A point's bits are those of
@@ -170,7 +164,7 @@ impl Response {
         }
         if system.shape.rooted {
             for position in position_m.iter_mut() {
-                *position = depth(*position, system.inverse_exponent);
+                *position = depth(*position, &system.observation);
             }
         }
         if system.shape.observed {
@@ -186,17 +180,6 @@ impl Response {
     }
 }
 
-fn refusal(stages: &Stages) -> Error {
-    let gradient = stages.load.gradient_per_m.value;
-    if gradient == 0.0 {
-        return Error::numerical("the position is not finite", "keep rates and times within the record's scales");
-    }
-    Error::numerical(
-        format!("a force gradient of {gradient:e} per m pulls the robot away: it grows faster than the gel holds"),
-        "take a gradient nearer to 0, or a stiffer gel",
-    )
-}
-
 /// e^{rt}, row by row.
 fn soften<S: Number>(record: &Record, system: &System<S>, position_m: &mut [S]) {
     let growths: Vec<S> = record.step_s.iter().map(|&step_s| (system.softening_rate * step_s).exp()).collect();
@@ -209,26 +192,23 @@ fn soften<S: Number>(record: &Record, system: &System<S>, position_m: &mut [S]) 
     }
 }
 
-/// x^{1/p}, point by point; none before contact. What is not a number passes.
-fn depth<S: Number>(linear: S, inverse_exponent: S) -> S {
-    gather(|lane| {
-        let (x, inverse) = (linear.lane(lane), inverse_exponent.lane(lane));
-        if x.value() <= 0.0 { S::Lane::constant(0.0) } else { x.pow(inverse) }
-    })
+/// An indenter's depth, point by point.
+fn depth<S: Number>(linear: S, observation: &Observation<S>) -> S {
+    gather(|lane| Observation::depth_m(observation.depth_exponent.lane(lane), linear.lane(lane)))
 }
 
 /// From the robot's to the recorded position.
 fn observe<S: Number>(record: &Record, system: &System<S>, position_m: &mut [S]) {
     for (position, &time_s) in position_m.iter_mut().zip(&record.time_s) {
-        *position = system.scale * *position + system.position_offset + system.velocity * time_s;
+        *position = system.observation.straight_m(*position, time_s);
     }
-    for &(amplitude, rate) in &system.approaches {
-        let decays: Vec<S> = record.step_s.iter().map(|&step_s| (rate * -step_s).exp()).collect();
+    for approach in &system.observation.approaches {
+        let decays: Vec<S> = record.step_s.iter().map(|&step_s| approach.left_after(step_s)).collect();
         let mut left = S::constant(1.0);
         for hold in &record.holds {
             for position in &mut position_m[hold.rows.clone()] {
                 left = left * decays[hold.step];
-                *position += amplitude * (S::constant(1.0) - left);
+                *position += approach.passed_m(left);
             }
         }
     }

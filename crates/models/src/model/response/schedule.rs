@@ -68,13 +68,13 @@ impl<S: Number> Schedule<S> {
     pub fn new(record: &Record, system: &System<S>) -> Self {
         let level = |line: &Line| {
             let (force_n, slope_n_per_s) = system.scaled(*line, line.from_s);
-            let from_s = system.delay_s + S::constant(line.from_s);
-            Level { force_n: force_n + system.offset_n, slope_n_per_s, from_s }
+            let from_s = system.load.acts_at_s(line.from_s);
+            Level { force_n: force_n + system.load.start_n(), slope_n_per_s, from_s }
         };
         let of_command: Vec<Level<S>> = record.commands.iter().map(level).collect();
         let is_linear = record.is_linear;
         let of_lane = |lane: usize| {
-            let delay_s = system.shape.delayed.then(|| system.delay_s.lane(lane));
+            let delay_s = system.shape.delayed.then(|| system.load.delay_s.lane(lane));
             let longest_s = system.gradings[lane].longest_s();
             let share_of_age = if system.shape.lagging { SHARE_OF_AGE_BEHIND_LAG } else { SHARE_OF_AGE };
             Parts::new(record, delay_s, longest_s, share_of_age)

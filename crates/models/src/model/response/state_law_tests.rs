@@ -2,8 +2,8 @@
 
 use super::Response;
 use base::number::{Dual, Scalar};
+use elements::fe::stepping::Resolution;
 use elements::fe::stepping::run::answers;
-use elements::fe::stepping::{Resolution, observed};
 use laws::rheology::{BaseLaw, Network};
 use laws::stages::{Function, Operation, Quantity, Stages, State, StateFunction, StateLaw};
 use record::{Force, ForceRule};
@@ -75,7 +75,11 @@ fn bounded(base: BaseLaw, parameters: &[f64], quantity: &str, state: State, size
 fn full_m(stages: &Stages, time_s: &[f64], force: Force<'_>, steps_per_doubling: u32) -> Vec<f64> {
     let resolution = Resolution { steps_per_doubling };
     let found = answers(COMPLIANCE_PER_M, stages, time_s, force, resolution).expect("a sound model");
-    found.iter().zip(time_s).map(|(answer, t)| observed(&stages.observation, answer[1], t - time_s[0])).collect()
+    found
+        .iter()
+        .zip(time_s)
+        .map(|(answer, t)| stages.observation.of::<f64>().recorded_m(answer[1], t - time_s[0]))
+        .collect()
 }
 
 fn distance(a: &[f64], b: &[f64]) -> f64 {

@@ -8,9 +8,9 @@ use super::grading::Grading;
 use super::numbers::{N_LANES, Number, Real, gather};
 use super::prepared_record::{Line, Record};
 use base::error::{Error, Result};
-use base::number::{Complex, Dual};
+use base::number::Complex;
 use laws::rheology::{Accuracy, RetardationSpectrum, TimeWindow};
-use laws::stages::{Spatial, Spread, Stages};
+use laws::stages::{Load, Observation, Spatial, Spread, Stages};
 
 /// Which parts a model has. Points of one shape are computed together: what a point's arithmetic is depends on nothing else.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -57,21 +57,11 @@ pub(super) struct System<S> {
     pub instantaneous: S,
     pub modes: Vec<Mode<S>>,
     pub oscillating: Vec<Mode<Complex<S>>>,
-    pub positive_factor: S,
-    pub negative_factor: S,
-    pub offset_n: S,
-    pub delay_s: S,
+    pub load: Load<S>,
     /// 1/τ of the lag in 1/s.
     pub lag_rate: S,
     pub softening_rate: S,
-    pub gradient: S,
-    pub scale: S,
-    pub position_offset: S,
-    /// 1/p of an indenter.
-    pub inverse_exponent: S,
-    pub velocity: S,
-    /// Amplitude in m and rate in 1/s.
-    pub approaches: Vec<(S, S)>,
+    pub observation: Observation<S>,
 }
 
 /// Shortest time after a switch that matters, as a part of the shortest step, where a switch may fall between rows or the force changes
@@ -82,20 +72,16 @@ impl<T: Real> Lowered<T> {
     /// The numbers of stages, without what a law that is not linear adds. `window` is what the record's rows ask for.
     pub fn new(stages: &Stages, compliance_per_m: T, window: TimeWindow, record: &Record) -> Result<Self> {
         let load = &stages.load;
-        check(load.delay_s.value >= 0.0, "the force's delay", load.delay_s, "s")?;
-        check(load.lag_time_s.value >= 0.0, "the force's lag", load.lag_time_s, "s")?;
+        load.check()?;
         if stages.spread.is_some() && stages.state_law.is_some()
-            || stages.state_law.is_some() && !load.gradient_per_m.is_constant(0.0)
+            || stages.state_law.is_some() && load.depends_on_position()
         {
             return Err(Error::numerical(
                 "a quantity that depends on a state stands beside a force gradient or a field that is solved for",
                 "leave one of them out",
             ));
         }
-        let at_rows = !record.is_linear
-            && load.delay_s.is_constant(0.0)
-            && load.lag_time_s.value == 0.0
-            && load.gradient_per_m.is_constant(0.0);
+        let at_rows = !record.is_linear && load.acts_at_rows();
         let shortest_s = window.shortest_s * if at_rows { 1.0 } else { BETWEEN_ROWS };
         let window = TimeWindow { shortest_s, ..window };
         let spectrum = match (&stages.spread, &stages.spatial) {
@@ -130,43 +116,29 @@ impl<T: Real> Lowered<T> {
             n_modes: spectrum.modes.len() + 1,
             n_oscillating: spectrum.oscillating.len(),
             n_approaches: observation.approaches.len(),
-            delayed: !load.delay_s.is_constant(0.0),
-            lagging: load.lag_time_s.value > 0.0,
+            delayed: load.is_delayed(),
+            lagging: load.lags(),
             softening: !stages.softening_rate_per_s.is_constant(0.0),
-            feedback: !load.gradient_per_m.is_constant(0.0),
-            observed: !(observation.scale.is_constant(1.0)
-                && observation.offset_m.is_constant(0.0)
-                && observation.velocity_m_per_s.is_constant(0.0)
-                && observation.approaches.is_empty()),
-            rooted: observation.depth_exponent != 1.0,
+            feedback: load.depends_on_position(),
+            observed: observation.is_changed(),
+            rooted: observation.is_rooted(),
         };
-        let lag = shape.lagging.then(|| 1.0 / load.lag_time_s.value);
-        let factor = load.positive_factor.value.abs().max(load.negative_factor.value.abs());
-        let pull_n = largest_n * factor + load.offset_n.value.abs();
-        let strength_pa = (load.gradient_per_m.value * compliance_per_m.value()).abs() * pull_n;
+        let lag = load.of::<f64>().lag_rate_per_s();
+        let strength_pa = load.feedback_strength_pa(compliance_per_m.value(), load.largest_n(largest_n));
         let grading = if shape.feedback { grading(spectrum, lag, strength_pa) } else { Grading::NONE };
-        let lag_rate = if shape.lagging { T::constant(1.0) / T::of(load.lag_time_s) } else { T::constant(0.0) };
-        let mut numbers = Vec::with_capacity(13 + 2 * shape.n_modes + 4 * shape.n_oscillating + 2 * shape.n_approaches);
+        let load = load.of::<T>();
+        let lag_rate = load.lag_rate_per_s().unwrap_or(T::constant(0.0));
+        let mut numbers = Vec::with_capacity(15 + 2 * shape.n_modes + 4 * shape.n_oscillating + 2 * shape.n_approaches);
         numbers.extend([
             compliance_per_m * spectrum.instantaneous_per_pa,
-            T::of(load.positive_factor),
-            T::of(load.negative_factor),
-            T::of(load.offset_n),
-            T::of(load.delay_s),
             lag_rate,
             T::of(stages.softening_rate_per_s),
-            T::of(load.gradient_per_m),
-            T::of(observation.scale),
-            T::of(observation.offset_m),
-            T::constant(observation.depth_exponent.recip()),
-            T::of(observation.velocity_m_per_s),
         ]);
+        numbers.extend(load.numbers());
+        numbers.extend(observation.numbers().into_iter().map(T::of));
         let (real, oscillating) = modes_of(spectrum, compliance_per_m, T::of(stages.softening_rate_per_s));
         numbers.extend(real.flat_map(|mode| [mode.gain, mode.rate]));
         numbers.extend(oscillating.flat_map(|mode| [mode.gain.re, mode.gain.im, mode.rate.re, mode.rate.im]));
-        for approach in &observation.approaches {
-            numbers.extend([T::of(approach.amplitude_m), T::constant(1.0) / T::of(approach.time_s)]);
-        }
         Self { shape, grading, numbers, excess_m: None }
     }
 }
@@ -210,13 +182,6 @@ pub(super) fn modes_of<T: Real>(
     (real.chain([flowing]), oscillating)
 }
 
-fn check(holds: bool, what: &str, number: Dual, unit: &str) -> Result<()> {
-    if holds {
-        return Ok(());
-    }
-    Err(Error::numerical(format!("{what} is {} {unit}", number.value), "give a value of at least 0"))
-}
-
 impl<S: Number> System<S> {
     /// Gathers points of one shape; the last stands in for those that are missing.
     pub fn gather(points: &[&Lowered<S::Lane>]) -> Self {
@@ -230,29 +195,21 @@ impl<S: Number> System<S> {
             shape,
             gradings: std::array::from_fn(|lane| points[lane.min(points.len() - 1)].grading),
             instantaneous: take(),
-            positive_factor: take(),
-            negative_factor: take(),
-            offset_n: take(),
-            delay_s: take(),
             lag_rate: take(),
             softening_rate: take(),
-            gradient: take(),
-            scale: take(),
-            position_offset: take(),
-            inverse_exponent: take(),
-            velocity: take(),
+            load: Load::of_numbers(std::array::from_fn(|_| take())),
+            observation: Observation::of_numbers(shape.n_approaches, &mut take),
             modes: (0..shape.n_modes).map(|_| Mode { gain: take(), rate: take() }).collect(),
             oscillating: (0..shape.n_oscillating)
                 .map(|_| Mode { gain: Complex { re: take(), im: take() }, rate: Complex { re: take(), im: take() } })
                 .collect(),
-            approaches: (0..shape.n_approaches).map(|_| (take(), take())).collect(),
         }
     }
 
     /// The force on its way after the factors, without the offset, in N, and by how much it rises in N/s.
     pub fn scaled(&self, line: Line, time_s: f64) -> (S, S) {
-        let factor = if line.is_positive { self.positive_factor } else { self.negative_factor };
-        (factor * line.at_n(time_s), factor * line.slope_n_per_s)
+        let scaled = |commanded: f64| self.load.scaled(commanded, line.is_positive);
+        (scaled(line.at_n(time_s)), scaled(line.slope_n_per_s))
     }
 
     /// By how long a lag follows a line late, in s.

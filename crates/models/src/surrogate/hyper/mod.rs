@@ -194,8 +194,7 @@ impl HyperModel {
         let (linear_bodies, plain_linear_bodies) = (linear_bodies(&bodies), linear_bodies(&plain_bodies));
         let Ready { reduced, points, linear, compliance_per_m: own_per_m, strain_per_force } = &*self.0;
         let scale = compliance_per_m / own_per_m;
-        let mut load = stages.load.clone();
-        load.gradient_per_m = load.gradient_per_m * scale;
+        let load = stages.load.of_positions_in(scale);
         let share = reduced.force_share;
         let law = Reduced { points, robot: reduced.robot, share };
         let alone = Reduced { points: linear, robot: [1.0], share };

@@ -8,11 +8,11 @@ use super::kernel::{self, Advance, At, BlockTensor, CubaturePoints, Forces, Forc
 use super::lanes::{Block, N_LANES, Plain};
 use base::error::{Error, Result};
 use base::number::{PointScalar, Scalar};
-use elements::fe::clock::{CLOCK_ROUNDING, Switch, Tableau, check_feedback, switches};
+use elements::fe::clock::{CLOCK_ROUNDING, Tableau};
 use elements::fe::nonlinear::Bodies;
 use elements::fe::nonlinear::Scheme;
 use elements::fe::nonlinear::point::{Number, StageLaw};
-use laws::stages::Load;
+use laws::stages::{Load, Switch};
 use pulp::Simd;
 use record::Force;
 
@@ -64,8 +64,8 @@ struct State<'a, B: Block, const M: usize> {
     reduced: Reduced<'a, M>,
     bodies: &'a Bodies<B::Scalar>,
     plain_bodies: &'a Bodies<f64>,
-    gradient_per_m: B::Scalar,
-    lag_time_s: B::Scalar,
+    load: Load<B::Scalar>,
+    plain_load: Load<f64>,
     input: Switch<B::Scalar>,
     lagged_n: B::Scalar,
     /// Strains of every body at every block.
@@ -99,10 +99,9 @@ pub fn run<B: Block, S: Simd, const M: usize>(
     let mut found = vec![zero; time_s.len()];
     let (Some(&start_s), Some(&end_s)) = (time_s.first(), time_s.last()) else { return Ok(found) };
     let rounding_s = CLOCK_ROUNDING * (end_s - start_s);
-    let switches = switches::<B::Scalar>(load, time_s, force);
+    let switches = load.of::<B::Scalar>().switches(time_s, force);
     let (mut state, mut beside) = (State::<B, M>::new(law, load), State::<B, 1>::new(linear, load));
-    let lag_s = load.lag_time_s.value;
-    let slowest_s = if lag_s > 0.0 { lag_s } else { f64::INFINITY };
+    let slowest_s = load.fastest_s();
     let mut row = time_s.partition_point(|&t| t <= start_s + rounding_s);
     for (i, switch) in switches.iter().enumerate() {
         let begin_s = switch.time_s;
@@ -187,8 +186,8 @@ impl<'a, B: Block, const M: usize> State<'a, B, M> {
             reduced,
             bodies,
             plain_bodies,
-            gradient_per_m: B::Scalar::of(load.gradient_per_m),
-            lag_time_s: B::Scalar::of(load.lag_time_s),
+            load: load.of(),
+            plain_load: load.of(),
             input: Switch::to(zero, zero),
             lagged_n: zero,
             started: histories.clone(),
@@ -213,7 +212,7 @@ impl<'a, B: Block, const M: usize> State<'a, B, M> {
     /// The force after the lag.
     #[inline(always)]
     fn force_n(&self, time_s: B::Scalar) -> B::Scalar {
-        self.input.after_lag_n(self.lagged_n, self.lag_time_s, time_s)
+        self.load.after_lag_n(&self.input, self.lagged_n, time_s)
     }
 
     #[inline(always)]
@@ -352,7 +351,7 @@ impl<'a, B: Block, const M: usize> State<'a, B, M> {
             *plain = given.values();
         }
         let input_n = self.force_n(time_s);
-        let (force_n, gradient_per_m) = (share * input_n.value(), self.gradient_per_m.value());
+        let force_n = share * input_n.value();
         let mut z = guess;
         let mut tangent;
         let mut is_near = false;
@@ -365,8 +364,8 @@ impl<'a, B: Block, const M: usize> State<'a, B, M> {
             let (given, at) = (&self.plain_given[..], &mut self.at);
             (force, tangent) = simd.vectorize(ForcesAndTangent { points, law: plain_law, given, coordinates: &z, at });
             let x: f64 = robot.iter().zip(&z).map(|(r, z)| r * z).sum();
-            let push_n = force_n * (gradient_per_m * x).exp();
-            let slope = push_n * gradient_per_m;
+            let push_n = self.plain_load.acting_n(force_n, x);
+            let slope = self.plain_load.acting_slope(push_n);
             let mut step = [0.0; M];
             for i in 0..M {
                 step[i] = robot[i] * push_n - force[i];
@@ -383,7 +382,7 @@ impl<'a, B: Block, const M: usize> State<'a, B, M> {
                 let force = simd.vectorize(Forces { points, law, given: &self.given, coordinates: &at });
                 let mut x = B::Scalar::constant(0.0);
                 robot.iter().zip(&at).for_each(|(r, z)| x += *z * *r);
-                let push = input_n * (self.gradient_per_m * x).exp() * share;
+                let push = self.load.acting_n(input_n, x) * share;
                 let mut rest = std::array::from_fn(|i| push * robot[i] - force[i]);
                 substitute(&tangent, &mut rest);
                 self.coordinates = std::array::from_fn(|i| at[i] + rest[i]);
@@ -394,7 +393,8 @@ impl<'a, B: Block, const M: usize> State<'a, B, M> {
             self.largest = z.iter().fold(self.largest, |most, z| most.max(z.abs()));
             size = step.iter().fold(0.0_f64, |most, s| most.max(s.abs()));
             // A linear balance under a force that is given is exact after one step.
-            is_near = size <= NEARLY * self.largest || (plain_law.is_linear() && gradient_per_m == 0.0);
+            is_near =
+                size <= NEARLY * self.largest || (plain_law.is_linear() && !self.plain_load.depends_on_position());
         }
         if !is_near {
             return Err(diverged(time_s.value(), size / self.largest));
@@ -406,7 +406,7 @@ impl<'a, B: Block, const M: usize> State<'a, B, M> {
         if !x.is_finite() {
             return Err(diverged(time_s.value(), f64::NAN));
         }
-        check_feedback(self.gradient_per_m.value(), &[x], time_s.value())
+        self.plain_load.check_feedback(&[x], time_s.value())
     }
 }
 

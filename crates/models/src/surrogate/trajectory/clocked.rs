@@ -3,7 +3,7 @@
 //! A law whose rest does not change with time answers a delayed force with a delayed trajectory, exactly: x(t − δ). A lagging force is to first order a delayed one; the trajectory that lags likewise,
 //! τ ż = x − z, is exact for linear laws and has the same first order for all others.
 
-use base::number::{Dual, PointScalar};
+use base::number::PointScalar;
 use laws::stages::Load;
 use record::{Force, ForceRule};
 
@@ -63,22 +63,22 @@ impl Clock {
         n_rows.checked_sub(1).and_then(|last| self.rows.get(last)).map_or(0, |last| last + 1)
     }
 
-    /// What lags and comes later, at the first points. Lags come first: a delay moves the trajectory's corners off the clock's points, and straight lines between these would cut them.
-    pub(super) fn later<N: PointScalar>(&self, mut x: Vec<N>, delay_s: Dual, lag_s: Dual) -> Vec<N> {
-        if lag_s.value > 0.0 {
-            x = self.lagging(&x, N::of(lag_s));
+    /// What lags and, where it is delayed, comes later, at the first points. Lags come first: a delay moves the trajectory's corners off the clock's points, and straight lines between these would cut them.
+    pub(super) fn later<N: PointScalar>(&self, mut x: Vec<N>, load: &Load, is_delayed: bool) -> Vec<N> {
+        if load.lags() {
+            x = self.lagging(&x, &load.of());
         }
-        if !delay_s.is_constant(0.0) {
-            x = self.delayed(&x, N::of(delay_s));
+        if is_delayed && load.is_delayed() {
+            x = self.delayed(&x, &load.of());
         }
         x
     }
 
     /// x(t − δ) at the first points; before the first the rest.
-    fn delayed<N: PointScalar>(&self, x: &[N], delay_s: N) -> Vec<N> {
+    fn delayed<N: PointScalar>(&self, x: &[N], load: &Load<N>) -> Vec<N> {
         let time_s = &self.time_s[..x.len()];
         let at = |own_s: &f64| {
-            let t = N::constant(*own_s) + -delay_s;
+            let t = load.commanded_at_s(*own_s);
             // From the left: a delay that grows from 0 goes there.
             let Some(before) = time_s.partition_point(|point| *point < t.value()).checked_sub(1) else { return x[0] };
             let begin = self.breaks.iter().rev().find(|place| **place <= before).copied().unwrap_or(0);
@@ -97,8 +97,8 @@ impl Clock {
         time_s.iter().map(at).collect()
     }
 
-    /// τ ż = x − z at the first points, by straight lines of x between them.
-    fn lagging<N: PointScalar>(&self, x: &[N], lag_s: N) -> Vec<N> {
+    /// What the load's lag makes of x at the first points, by straight lines of x between them.
+    fn lagging<N: PointScalar>(&self, x: &[N], load: &Load<N>) -> Vec<N> {
         let mut z = Vec::with_capacity(x.len());
         for (k, own) in x.iter().enumerate() {
             let Some(before) = k.checked_sub(1) else {
@@ -106,26 +106,24 @@ impl Clock {
                 continue;
             };
             let step_s = self.time_s[k] - self.time_s[before];
-            let behind = (*own + -x[before]) * lag_s * (1.0 / step_s);
-            let left = (N::constant(-step_s) / lag_s).exp();
-            z.push(*own + -behind + (z[before] + -x[before] + behind) * left);
+            z.push(load.lagged_along(z[before], x[before], *own, step_s));
         }
         z
     }
 
     /// The acting force of a load as a program is asked for it: times (s), forces (N), and where the rows stand. A delay's jumps become times of their own; a lagging force keeps its mean between two times.
     pub fn acting(&self, time_s: &[f64], force: Force<'_>, load: &Load) -> (Vec<f64>, Vec<f64>, Vec<usize>) {
-        let (delay_s, lag_s) = (load.delay_s.value, load.lag_time_s.value);
+        let load = load.of::<f64>();
         let end_s = self.time_s.last().copied().unwrap_or(0.0);
-        let jumps = std::iter::once(0).chain(self.breaks.iter().copied()).map(|place| self.time_s[place] + delay_s);
+        let jumps =
+            std::iter::once(0).chain(self.breaks.iter().copied()).map(|place| load.acts_at_s(self.time_s[place]));
         let mut times: Vec<f64> = self.time_s.iter().copied().chain(jumps.filter(|at_s| *at_s < end_s)).collect();
         times.sort_by(f64::total_cmp);
         times.dedup();
         let rows = self.rows.iter().map(|row| times.partition_point(|at_s| *at_s < self.time_s[*row])).collect();
         let entering = |at_s: f64| {
-            let own_n = force.at_n(time_s, at_s - delay_s);
-            let factor = if own_n > 0.0 { load.positive_factor } else { load.negative_factor };
-            factor.value * own_n + load.offset_n.value
+            let own_n = force.at_n(time_s, load.commanded_at_s(at_s));
+            load.entering_n(own_n, own_n > 0.0)
         };
         let holds = force.rule == ForceRule::Hold;
         let (mut acting_n, mut lagged_n) = (Vec::with_capacity(times.len()), 0.0);
@@ -133,14 +131,13 @@ impl Clock {
             let step_s = times.get(k + 1).map_or(0.0, |next| next - at_s);
             // Of a hold the middle: rounding does not decide on which side of a jump it stands.
             let entering_n = entering(if holds { at_s + 0.5 * step_s } else { *at_s });
-            if lag_s == 0.0 {
+            if !load.lags() {
                 acting_n.push(entering_n);
                 continue;
             }
-            let (rate, begin_n) = (step_s / lag_s, lagged_n);
-            lagged_n = entering_n + (begin_n - entering_n) * (-rate).exp();
-            let mean_n =
-                if rate == 0.0 { begin_n } else { entering_n + (begin_n - entering_n) * -(-rate).exp_m1() / rate };
+            let begin_n = lagged_n;
+            let mean_n;
+            [lagged_n, mean_n] = load.lagged_of_hold(begin_n, entering_n, step_s);
             acting_n.push(if holds { mean_n } else { begin_n });
         }
         (times, acting_n, rows)
@@ -151,6 +148,7 @@ impl Clock {
 mod tests {
     use super::*;
     use crate::model::Response;
+    use base::number::Dual;
     use laws::rheology::BaseLaw;
     use laws::stages::Stages;
 
@@ -165,8 +163,9 @@ mod tests {
         let fine_n = clock.commanded_n(&time_s, force);
         let x = Response::new(&clock.time_s, &fine_n, fine_n.len()).trajectory_m(&stages, 549.0).expect("a trajectory");
         let most = x.iter().fold(0.0_f64, |most, x| most.max(x.abs()));
+        let load = |delay_s: Dual, lag_time_s: Dual| Load { delay_s, lag_time_s, ..Load::COMMANDED };
         let found = |delay_s: f64, lag_s: f64| -> Vec<f64> {
-            let later = clock.later(x.clone(), delay_s.into(), lag_s.into());
+            let later = clock.later(x.clone(), &load(delay_s.into(), lag_s.into()), true);
             clock.rows.iter().map(|row| later[*row]).collect()
         };
         for (delay_s, lag_s) in
@@ -180,7 +179,7 @@ mod tests {
         let constants: Vec<Dual> = x.iter().map(|x| Dual::constant(*x)).collect();
         // Not where cubics meet: their slopes differ there.
         let (delay_s, lag_s, step_s) = (0.19, 0.1, 1e-5);
-        let lagging = |delay_s: Dual, lag_s: Dual| clock.later(constants.clone(), delay_s, lag_s);
+        let lagging = |delay_s: Dual, lag_s: Dual| clock.later(constants.clone(), &load(delay_s, lag_s), true);
         let slopes = [
             (
                 lagging(Dual::variable(delay_s), lag_s.into()),

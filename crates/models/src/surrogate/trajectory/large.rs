@@ -16,7 +16,7 @@ use base::error::{Error, Result};
 use base::number::{Dual, Scalar};
 use elements::fe::oldroyd::{Fineness, FiniteGel, FiniteLaw, FiniteRun};
 use laws::rheology::Element;
-use laws::stages::{FieldStepper, Load, Spatial, Stages};
+use laws::stages::{FieldStepper, Load, LoadNumber, LoadUnit, Spatial, Stages};
 use record::{Force, KeptForce};
 
 /// Half the box's width in the logarithm of a ratio.
@@ -56,53 +56,16 @@ impl Mobilities {
     pub const OLDROYD_B: Self = Self::Held(0.0);
 }
 
-/// A number of the load that the deviation is followed in to first order.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-enum LoadNumber {
-    PositiveFactor,
-    NegativeFactor,
-    Offset,
-    Delay,
-    Lag,
-}
-
 /// Steps by which slopes are taken: of factors, of the offset over the largest force, and of times in s.
 const FACTOR_STEP: f64 = 0.03;
 const TIME_STEP_S: f64 = 0.03;
 
-impl LoadNumber {
-    const ALL: [Self; 5] = [Self::PositiveFactor, Self::NegativeFactor, Self::Offset, Self::Delay, Self::Lag];
-
-    /// How far a load is from doing nothing.
-    fn of(self, load: &Load) -> Dual {
-        match self {
-            Self::PositiveFactor => load.positive_factor - Dual::ONE,
-            Self::NegativeFactor => load.negative_factor - Dual::ONE,
-            Self::Offset => load.offset_n,
-            Self::Delay => load.delay_s,
-            Self::Lag => load.lag_time_s,
-        }
-    }
-
-    /// A load that does this alone.
-    fn alone(self, size: f64) -> Load {
-        let mut load = Stages::of_law(Vec::new()).load;
-        match self {
-            Self::PositiveFactor => load.positive_factor = (1.0 + size).into(),
-            Self::NegativeFactor => load.negative_factor = (1.0 + size).into(),
-            Self::Offset => load.offset_n = size.into(),
-            Self::Delay => load.delay_s = size.into(),
-            Self::Lag => load.lag_time_s = size.into(),
-        }
-        load
-    }
-
-    fn step(self, largest_n: f64) -> f64 {
-        match self {
-            Self::PositiveFactor | Self::NegativeFactor => FACTOR_STEP,
-            Self::Offset => FACTOR_STEP * largest_n,
-            Self::Delay | Self::Lag => TIME_STEP_S,
-        }
+/// Step of a number of the load, under commands of a largest size (N).
+fn step(number: &LoadNumber, largest_n: f64) -> f64 {
+    match number.unit {
+        LoadUnit::Factor => FACTOR_STEP,
+        LoadUnit::Force => FACTOR_STEP * largest_n,
+        LoadUnit::Time => TIME_STEP_S,
     }
 }
 
@@ -243,7 +206,7 @@ impl LargeSurface {
         // In m at every row; the load's offset is that at the force as it is commanded.
         let deviation_m = |elements: &[Element], mobility: f64, load: &Load, scale: f64| -> Result<Vec<f64>> {
             let law = FiniteLaw::new(elements, mobility).ok_or_else(no_law)?;
-            let load = Load { offset_n: load.offset_n * scale, ..load.clone() };
+            let load = load.of_commands_times(scale);
             let scaled_n: Vec<f64> = force.at_rows_n.iter().map(|force_n| scale * force_n).collect();
             let force = Force { at_rows_n: &scaled_n, ..force };
             let run = gel.run(&FiniteRun { law: &law, load: &load, time_s, force })?;
@@ -260,7 +223,7 @@ impl LargeSurface {
             let share = LEAST_SQUARE + (1.0 - LEAST_SQUARE) * 0.5 * (1.0 + square);
             let scale = (share * largest_per_pa2).sqrt();
             let elements = ratios.law(law, &ln).ok_or_else(no_law)?;
-            let deviation_m = deviation_m(&elements, mobility, &Stages::of_law(Vec::new()).load, scale)?;
+            let deviation_m = deviation_m(&elements, mobility, &Load::COMMANDED, scale)?;
             let cubed = scale.powi(3);
             Ok((deviation_m.iter().map(|x| x / cubed).collect(), amplitude_m / scale.powi(2)))
         };
@@ -284,8 +247,8 @@ impl LargeSurface {
                 Mobilities::Free => 0.5 * MOST_MOBILITY,
             };
             let largest_n = force.at_rows_n.iter().fold(0.0_f64, |most, force_n| most.max(force_n.abs()));
-            let sizes = LoadNumber::ALL.map(|number| number.step(largest_n));
-            let loads: Vec<Load> = std::iter::once(Stages::of_law(Vec::new()).load)
+            let sizes = LoadNumber::ALL.map(|number| step(&number, largest_n));
+            let loads: Vec<Load> = std::iter::once(Load::COMMANDED)
                 .chain(LoadNumber::ALL.into_iter().zip(sizes).map(|(number, size)| number.alone(size)))
                 .collect();
             let run = |load: &Load| deviation_m(&elements, mobility, load, scale);
@@ -335,8 +298,8 @@ impl LargeStepper {
         let n_rows = time_s.len();
         let is_own = self.time_s.get(..n_rows) == Some(time_s)
             && self.force.get().first(force.at_rows_n.len()) == force
-            && (!self.learnt.by_load.is_empty() || stages.load == Stages::of_law(Vec::new()).load)
-            && stages.load.gradient_per_m.is_constant(0.0);
+            && (!self.learnt.by_load.is_empty() || stages.load.is_commanded())
+            && !stages.load.depends_on_position();
         let (Some(Spatial::Large { amplitude, mobility }), true) = (&stages.spatial, is_own) else {
             return Err(Error::numerical(
                 "large displacements were learnt for another record, or for the force as it is commanded",
@@ -526,12 +489,13 @@ mod tests {
         let (still_exact_m, still_found_m) = (exact_m(&still), found_m(&still));
         let together = Load {
             positive_factor: 0.98.into(),
+            offset_n: 0.07e-6.into(),
             delay_s: 0.01.into(),
             lag_time_s: 0.02.into(),
-            ..LoadNumber::Offset.alone(0.07e-6)
+            ..Load::COMMANDED
         };
-        let alone = LoadNumber::ALL.map(|number| number.alone(-0.04 * number.step(3.5e-6) / FACTOR_STEP));
-        let up = [LoadNumber::Delay, LoadNumber::Lag].map(|number| number.alone(0.02));
+        let alone = LoadNumber::ALL.map(|number| number.alone(-0.04 * step(&number, 3.5e-6) / FACTOR_STEP));
+        let up = [3, 4].map(|time: usize| LoadNumber::ALL[time].alone(0.02));
         let loads = alone[..3].iter().chain(&up).chain([&together]);
         for load in loads {
             let (exact_m, found_m) = (exact_m(load), found_m(load));

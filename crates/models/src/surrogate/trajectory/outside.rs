@@ -10,7 +10,7 @@ use super::clocked::Clock;
 use super::polynomial::Basis;
 use base::error::{Error, Result};
 use base::number::{Dual, PointScalar};
-use laws::stages::{FieldStepper, Load, Spatial, Stages};
+use laws::stages::{FieldStepper, LoadNumber, LoadUnit, Spatial, Stages};
 use record::{Force, KeptForce};
 
 /// What modes and polynomials may leave at any row, over the noise.
@@ -127,16 +127,11 @@ impl OutsideSurface {
         let mut by_load = Vec::new();
         if with_load {
             let largest_n = commanded_n.iter().fold(0.0_f64, |most, force_n| most.max(force_n.abs()));
-            let factor = |is_own: fn(f64) -> bool| -> Vec<f64> {
-                commanded_n.iter().map(|f| if is_own(*f) { (1.0 + LOAD_STEP) * f } else { *f }).collect()
-            };
-            let moved = [
-                (factor(|f| f > 0.0), 1.0),
-                (factor(|f| f <= 0.0), 1.0),
-                (commanded_n.iter().map(|f| f + LOAD_STEP * largest_n).collect(), largest_n),
-            ];
-            for (force_n, unit) in moved {
+            for number in LoadNumber::of_size() {
+                let unit = if number.unit == LoadUnit::Force { largest_n } else { 1.0 };
                 let (size, usual) = (LOAD_STEP * unit, USUAL_SIZE * unit);
+                let load = number.alone(size).of::<f64>();
+                let force_n: Vec<f64> = commanded_n.iter().map(|f| load.entering_n(*f, *f > 0.0)).collect();
                 let points = [&basis.checks[..], &basis.design[..]].concat();
                 let bare = asked[0].iter().chain(&asked[1][..basis.design.len()]);
                 let slope = |(moved, bare): (Vec<f64>, &Vec<f64>)| -> Trained {
@@ -185,7 +180,7 @@ impl OutsideStepper {
         let n_rows = time_s.len();
         let is_own = self.time_s.get(..n_rows) == Some(time_s)
             && self.force.get().first(force.at_rows_n.len()) == force
-            && stages.load.gradient_per_m.is_constant(0.0);
+            && !stages.load.depends_on_position();
         let (Some(Spatial::Outside(parameters)), true) = (&stages.spatial, is_own) else {
             return Err(Error::numerical(
                 "the other program's trajectories were learnt for another record or force",
@@ -212,30 +207,24 @@ impl OutsideStepper {
         if stages.load.is_commanded() {
             return Ok(at_rows.excess_m(bases, &place, one, n_rows));
         }
-        let [of_positive, of_negative, of_offset] = &by_load[..] else {
+        if by_load.is_empty() {
             return Err(Error::numerical(
                 "the other program was learnt for the force as it is commanded",
                 "leave effects of load out",
             ));
-        };
-        let Load { delay_s, positive_factor, negative_factor, offset_n, lag_time_s, .. } = &stages.load;
-        let n = self.clock.n_points(n_rows);
-        let mut x = surface.excess_m(bases, &place, one, n);
-        let mut add = |own: &Surface, by: Dual| {
-            if !by.is_constant(0.0) {
-                let change = own.excess_m(bases, &place, N::of(by), n);
-                x.iter_mut().zip(change).for_each(|(x, change)| *x += change);
-            }
-        };
-        add(of_positive, *positive_factor - Dual::ONE);
-        add(of_negative, *negative_factor - Dual::ONE);
-        let mut x = self.clock.later(x, *delay_s, *lag_time_s);
-        // The offset acts from the beginning on, whatever the delay.
-        if !offset_n.is_constant(0.0) {
-            let change = of_offset.excess_m(bases, &place, N::of(*offset_n), n);
-            let change = self.clock.later(change, Dual::constant(0.0), *lag_time_s);
-            x.iter_mut().zip(change).for_each(|(x, change)| *x += change);
         }
+        let n = self.clock.n_points(n_rows);
+        let changes = |is_delayed: bool| {
+            let numbers = LoadNumber::of_size().zip(by_load).filter(move |(number, _)| number.is_delayed == is_delayed);
+            let by = numbers.map(|(number, own)| (number.of(&stages.load), own));
+            by.filter(|(by, _)| !by.is_constant(0.0)).map(|(by, own)| own.excess_m(bases, &place, N::of(by), n))
+        };
+        let add = |x: &mut Vec<N>, change: Vec<N>| x.iter_mut().zip(change).for_each(|(x, change)| *x += change);
+        let mut x = surface.excess_m(bases, &place, one, n);
+        changes(true).for_each(|change| add(&mut x, change));
+        let mut x = self.clock.later(x, &stages.load, true);
+        // What acts from the beginning on does so whatever the delay.
+        changes(false).for_each(|change| add(&mut x, self.clock.later(change, &stages.load, false)));
         Ok(self.clock.rows[..n_rows].iter().map(|row| x[*row]).collect())
     }
 }

@@ -1,5 +1,5 @@
-//! The terms of the noise, one file each. A term says what it is called, what its parameters are and what is known of them, and writes itself into the
-//! [`Scales`] that the filter takes. A new one is a file and a line in [`TERMS`]; only one whose equation the filter does not have touches that, too.
+//! The terms of the noise, one file each. A term says what it is called, what its parameters are and what is known of them, how a
+//! search learns them, and writes itself into the [`Scales`] that the filter takes. A new one is a file and a line in [`TERMS`]; only one whose equation the filter does not have touches that, too.
 
 mod gain;
 mod ornstein_uhlenbeck;
@@ -7,6 +7,7 @@ mod student;
 mod white;
 
 use super::NoiseScales;
+use super::learning::LearntTerm;
 use super::scales::Scales;
 use base::distribution::Distribution;
 use base::parameter::ParameterSpec;
@@ -24,6 +25,11 @@ pub(super) trait NoiseTerm: Sync {
 
     /// What of the filter it needs.
     fn equations(&self) -> Equations;
+
+    /// How a search learns it; `None` where none does.
+    fn learning(&'static self) -> Option<&'static dyn LearntTerm> {
+        None
+    }
 
     /// Writes values of its parameters, which lie in their supports, beside what the terms before it have written.
     fn write(&self, values: &[f64], scales: &mut Scales);

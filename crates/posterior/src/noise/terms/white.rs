@@ -2,9 +2,11 @@
 
 use super::{Equations, NoiseTerm};
 use crate::noise::NoiseScales;
+use crate::noise::learning::{LearningPrior, LearntParameter, LearntTerm, RowShare};
 use crate::noise::scales::Scales;
 use base::distribution::Distribution;
 use base::parameter::{NOISE_SD, ParameterSpec};
+use figures::number::significant;
 
 pub(super) struct White;
 
@@ -25,7 +27,39 @@ impl NoiseTerm for White {
         Equations::default()
     }
 
+    fn learning(&'static self) -> Option<&'static dyn LearntTerm> {
+        Some(self)
+    }
+
     fn write(&self, values: &[f64], scales: &mut Scales) {
         scales.noise_sd_m = 1e-6 * values[0];
+    }
+}
+
+/// Standard deviation of ln σ about the yardstick: known, yet not so well that it could stand in the way of the data.
+const LOG_SD: f64 = 0.5;
+
+impl LearntTerm for White {
+    fn learnt(&self, scales: &NoiseScales, _: &[Distribution], _: bool) -> Vec<LearntParameter> {
+        let ln_um = scales.noise_sd_um.ln();
+        vec![LearntParameter {
+            spec: NOISE_SD,
+            prior: LearningPrior::NormalLog { mean: ln_um, sd: LOG_SD },
+            ln_ends: [ln_um - 4.0, ln_um + 8.0],
+            ln_white: ln_um,
+            of_row: RowShare::Sd,
+        }]
+    }
+
+    fn starts(&self, scales: &NoiseScales, _: &[Distribution]) -> Vec<Vec<f64>> {
+        vec![vec![scales.noise_sd_um.ln()]]
+    }
+
+    fn words(&self, values: &[f64]) -> String {
+        format!("white noise of {} µm", significant(values[0], 3))
+    }
+
+    fn sds_um(&self, values: &[f64], _: f64) -> Vec<f64> {
+        vec![values[0]]
     }
 }

@@ -75,8 +75,7 @@ pub(super) fn excess_m<T: Real>(
     compliance_per_m: T,
 ) -> Result<Vec<T>> {
     let TimeWindow { shortest_s, longest_s } = response.window;
-    let at_rows =
-        !response.record.is_linear && stages.load.delay_s.is_constant(0.0) && stages.load.lag_time_s.value == 0.0;
+    let at_rows = !response.record.is_linear && stages.load.acts_at_rows();
     let window = TimeWindow { shortest_s: shortest_s * if at_rows { WITHIN_ROWS } else { BETWEEN_ROWS }, longest_s };
     let spectrum = |law: &[Element]| RetardationSpectrum::<T>::with_accuracy(law, window, Accuracy::Fast);
     let (own, others): (&[Element], Vec<Element>) = match law.quantity {
@@ -96,7 +95,7 @@ pub(super) fn excess_m<T: Real>(
     whole.fluidity_per_pa_s += of_others.fluidity_per_pa_s;
     let record = &response.record;
     let mut lowered = Lowered::with_spectrum(stages, &whole, compliance_per_m, record.largest_n);
-    let lag_rate = (stages.load.lag_time_s.value > 0.0).then(|| 1.0 / stages.load.lag_time_s.value);
+    let lag_rate = stages.load.of::<f64>().lag_rate_per_s();
     let total = whole.instantaneous_per_pa.value()
         + whole.modes.iter().map(|mode| mode.compliance_per_pa.value()).sum::<f64>()
         + whole.fluidity_per_pa_s.value() * longest_s;
@@ -104,7 +103,7 @@ pub(super) fn excess_m<T: Real>(
     let system = System::<T>::gather(&[&lowered]);
     let schedule = Schedule::new(record, &system);
     let (source, quantity) = source(law, &stages.law, compliance_per_m)?;
-    let delay_s = T::of(stages.load.delay_s);
+    let load = stages.load.of::<T>();
     let start_s = response.time_s.first().copied().unwrap_or(0.0);
     let steps = response.force.get().step_rows();
     let mut run = Run {
@@ -114,8 +113,8 @@ pub(super) fn excess_m<T: Real>(
         quantity,
         modes,
         rises: record.is_linear,
-        steps_s: steps.iter().map(|&row| delay_s + T::constant(response.time_s[row] - start_s)).collect(),
-        largest_n: record.largest_n.max(stages.load.offset_n.value.abs()).max(f64::MIN_POSITIVE),
+        steps_s: steps.iter().map(|&row| load.acts_at_s(response.time_s[row] - start_s)).collect(),
+        largest_n: record.largest_n.max(load.start_n().value().abs()).max(f64::MIN_POSITIVE),
         slopes: slopes(),
         next: next(1.0),
     };

@@ -1,0 +1,242 @@
+//! How a search learns the noise of a record: what each term says of its parameters, and their values.
+
+use std::ops::{Deref, DerefMut};
+
+use base::distribution::Distribution;
+use base::parameter::ParameterSpec;
+use sampling::ensemble::RandomStream;
+
+use super::terms::{MOST_PARAMETERS, NoiseTerm, TERMS};
+use super::{NoiseModel, NoiseScales};
+
+/// Values of a noise model's parameters, in its order and in their units; or their logarithms.
+#[derive(Clone, Copy)]
+pub struct NoiseValues {
+    values: [f64; MOST_PARAMETERS],
+    n: usize,
+}
+
+impl NoiseValues {
+    /// These values.
+    ///
+    /// # Panics
+    /// For more values than all terms have parameters.
+    pub const fn new<const N: usize>(values: [f64; N]) -> Self {
+        let mut all = [0.0; MOST_PARAMETERS];
+        let mut k = 0;
+        while k < N {
+            all[k] = values[k];
+            k += 1;
+        }
+        Self { values: all, n: N }
+    }
+
+    /// A function of every value.
+    pub fn map(mut self, of: impl Fn(f64) -> f64) -> Self {
+        self.iter_mut().for_each(|value| *value = of(*value));
+        self
+    }
+
+    /// One value for each of `n` parameters.
+    pub fn from_fn(n: usize, mut of: impl FnMut(usize) -> f64) -> Self {
+        (0..n).map(&mut of).collect()
+    }
+}
+
+impl FromIterator<f64> for NoiseValues {
+    fn from_iter<I: IntoIterator<Item = f64>>(values: I) -> Self {
+        let mut all = Self::new([]);
+        for value in values {
+            all.values[all.n] = value;
+            all.n += 1;
+        }
+        all
+    }
+}
+
+impl Deref for NoiseValues {
+    type Target = [f64];
+    fn deref(&self) -> &[f64] {
+        &self.values[..self.n]
+    }
+}
+
+impl DerefMut for NoiseValues {
+    fn deref_mut(&mut self) -> &mut [f64] {
+        &mut self.values[..self.n]
+    }
+}
+
+impl PartialEq for NoiseValues {
+    fn eq(&self, other: &Self) -> bool {
+        **self == **other
+    }
+}
+
+impl std::fmt::Debug for NoiseValues {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        (**self).fmt(f)
+    }
+}
+
+/// How a search learns one parameter of the noise, in the logarithm of its value.
+#[derive(Debug, Clone, PartialEq)]
+pub struct LearntParameter {
+    /// Name, unit, support.
+    pub spec: ParameterSpec,
+    /// What is known of it before the data.
+    pub prior: LearningPrior,
+    /// Where the search ends.
+    pub ln_ends: [f64; 2],
+    /// Where there is white noise of the yardstick's size and next to nothing else.
+    pub ln_white: f64,
+    /// What it says of a row's noise.
+    pub of_row: RowShare,
+}
+
+/// What is known of a parameter before the data.
+#[derive(Debug, Clone, PartialEq)]
+pub enum LearningPrior {
+    /// Nothing, between the search's ends.
+    Flat,
+    /// Its logarithm is normal.
+    NormalLog {
+        /// Mean of the logarithm.
+        mean: f64,
+        /// Standard deviation of it.
+        sd: f64,
+    },
+    /// This, as a density of the logarithm.
+    OfLog(Distribution),
+    /// This, as a density of the value itself, which may be nothing.
+    OfValue(Distribution),
+}
+
+/// What a parameter says of what differs from row to row.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum RowShare {
+    /// A standard deviation, in µm.
+    Sd,
+    /// How a part of that goes on from row to row.
+    Shape,
+    /// Nothing: it is the same for many rows.
+    Nothing,
+}
+
+impl LearningPrior {
+    /// Log density at a logarithm, up to a constant; `None` where it is flat.
+    pub fn ln_density(&self, ln: f64) -> Option<f64> {
+        Some(match self {
+            Self::Flat => return None,
+            Self::NormalLog { mean, sd } => -0.5 * ((ln - mean) / sd).powi(2),
+            Self::OfLog(distribution) => distribution.ln_pdf(ln.exp()) + ln,
+            Self::OfValue(distribution) => distribution.ln_pdf(ln.exp()),
+        })
+    }
+}
+
+/// A term that a search learns.
+pub(super) trait LearntTerm {
+    /// Its parameters, in order; `priors` are those of `sample`, in the same order but for the white noise, and `is_known` says whether the yardstick is known or estimated
+    /// from short lags.
+    fn learnt(&self, scales: &NoiseScales, priors: &[Distribution], is_known: bool) -> Vec<LearntParameter>;
+
+    /// Logarithms of its parameters from which searches start.
+    fn starts(&self, scales: &NoiseScales, priors: &[Distribution]) -> Vec<Vec<f64>>;
+
+    /// Values of its parameters in a few words.
+    fn words(&self, values: &[f64]) -> String;
+
+    /// Standard deviations (µm) that it adds to one position (µm), independent of each other.
+    fn sds_um(&self, values: &[f64], position_um: f64) -> Vec<f64>;
+
+    /// What it adds to a record, drawn row by row; nothing where whitened residuals are drawn in its place.
+    fn drawn(&self, _values: &[f64], _stream: &mut RandomStream) -> Box<DrawRow> {
+        Box::new(|_, _, _| [0.0; 2])
+    }
+}
+
+/// The error (µm) and the gain of a row, given the time since the row before (s, `None` at the first) and whether a cycle begins.
+pub type DrawRow = dyn FnMut(Option<f64>, bool, &mut RandomStream) -> [f64; 2];
+
+/// How a search learns a noise model.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Learning {
+    /// Its parameters, in order.
+    pub parameters: Vec<LearntParameter>,
+    /// Term of each.
+    pub terms: Vec<&'static str>,
+    /// Where searches start: the first term's starts change last.
+    pub starts: Vec<NoiseValues>,
+}
+
+impl NoiseModel {
+    /// Names of all terms that a search learns.
+    pub fn learnt_names() -> Vec<&'static str> {
+        TERMS.iter().filter(|term| term.learning().is_some()).map(|term| term.name()).collect()
+    }
+
+    /// How a search learns its parameters; `is_known` says whether the yardstick is known or estimated from short lags. Terms that no search learns are left out.
+    pub fn learning(self, scales: &NoiseScales, is_known: bool) -> Learning {
+        let (mut parameters, mut terms, mut starts) = (Vec::new(), Vec::new(), vec![NoiseValues::new([])]);
+        for (term, learnt) in self.learnt_terms() {
+            let specs = term.parameters().iter();
+            let priors: Vec<Distribution> =
+                specs.filter_map(|spec| term.default_prior(spec, scales)).map(|(prior, _)| prior).collect();
+            parameters.extend(learnt.learnt(scales, &priors, is_known));
+            terms.resize(parameters.len(), term.name());
+            let own = learnt.starts(scales, &priors);
+            let joined = |start: &NoiseValues| -> Vec<NoiseValues> {
+                own.iter().map(|own| start.iter().chain(own).copied().collect()).collect()
+            };
+            starts = starts.iter().flat_map(joined).collect();
+        }
+        Learning { parameters, terms, starts }
+    }
+
+    /// Values of its parameters in words: what differs from row to row, and what from cycle to cycle.
+    pub fn words(self, values: &[f64]) -> [Vec<String>; 2] {
+        let mut words = [Vec::new(), Vec::new()];
+        self.with_values(values, |term, learnt, own| {
+            words[usize::from(term.equations().cycles)].push(learnt.words(own));
+        });
+        words
+    }
+
+    /// Standard deviations (µm) that its terms add to one position (µm), independent of each other.
+    pub fn sds_um(self, values: &[f64], position_um: f64) -> Vec<f64> {
+        let mut sds_um = Vec::new();
+        self.with_values(values, |_, learnt, own| sds_um.extend(learnt.sds_um(own, position_um)));
+        sds_um
+    }
+
+    /// What its terms but the white noise add to a record, drawn row by row.
+    pub fn drawn(self, values: &[f64], stream: &mut RandomStream) -> Vec<Box<DrawRow>> {
+        let mut drawn = Vec::new();
+        self.with_values(values, |_, learnt, own| drawn.push(learnt.drawn(own, stream)));
+        drawn
+    }
+
+    fn with_values(self, values: &[f64], mut of: impl FnMut(&dyn NoiseTerm, &dyn LearntTerm, &[f64])) {
+        let mut left = values;
+        for (term, learnt) in self.learnt_terms() {
+            let (own, others) = left.split_at(term.parameters().len());
+            of(term, learnt, own);
+            left = others;
+        }
+    }
+
+    fn learnt_terms(self) -> impl Iterator<Item = (&'static dyn NoiseTerm, &'static dyn LearntTerm)> {
+        self.terms().filter_map(|term| Some((term, term.learning()?)))
+    }
+
+    /// The place of a parameter among those of this model.
+    pub fn place(self, parameter: &ParameterSpec) -> Option<usize> {
+        self.parameters().iter().position(|own| own == parameter)
+    }
+
+    /// The value of a parameter; 0 where the model does not have it.
+    pub fn value(self, values: &[f64], parameter: &ParameterSpec) -> f64 {
+        self.place(parameter).map_or(0.0, |place| values[place])
+    }
+}
