@@ -31,6 +31,11 @@ impl Addition {
     pub fn single(effect: &str, gain: Gain, p: f64) -> Self {
         Self { effects: vec![effect.into()], gain, over_base: gain, p, round: 0 }
     }
+
+    /// One effect of a sweep or a cohort: gains on fitted data, on future cycles and on the last held-out data.
+    pub fn of_gains(effect: &str, fitted: f64, [future, last]: [Option<f64>; 2], p: f64) -> Self {
+        Self::single(effect, Gain { fitted, future, last, largest_change: f64::INFINITY, rank: fitted }, p)
+    }
 }
 
 /// Structure outside the library in a residual.

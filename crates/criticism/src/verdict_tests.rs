@@ -198,14 +198,14 @@ fn several_effects_are_equivalent() {
 #[test]
 fn a_sweep_is_judged_by_p_and_held_out_frequencies() {
     let criteria = Criteria::SWEEP;
-    let gain = |last: Option<f64>| Gain { future: None, last, largest_change: f64::INFINITY, ..GAIN };
-    let passes = |p: f64, last: Option<f64>| criteria.passes(&Addition::single("mass", gain(last), p));
+    let addition = |p: f64, last: Option<f64>| Addition::of_gains("mass", 20.0, [None, last], p);
+    let passes = |p: f64, last: Option<f64>| criteria.passes(&addition(p, last));
     assert!(passes(0.01, None) && passes(0.01, Some(-0.09)));
     assert!(!passes(0.01, Some(-0.1)) && !passes(0.011, None));
     assert!(criteria.is_equivalent(&rival(1.9, None, None)) && !criteria.is_equivalent(&rival(2.1, None, None)));
     let kind = |p: f64| {
         let mut evidence = claim(Residual::Sweep(p));
-        evidence.proposals[0].addition = Addition::single("mass", gain(None), 0.005);
+        evidence.proposals[0].addition = addition(0.005, None);
         verdict(&evidence, &criteria).kind
     };
     assert_eq!(
@@ -218,10 +218,7 @@ fn a_sweep_is_judged_by_p_and_held_out_frequencies() {
 #[test]
 fn a_cohort_is_judged_by_p_and_held_out_cycles() {
     let criteria = Criteria::COHORT;
-    let addition = |heldout: Option<f64>, p: f64| {
-        let gain = Gain { future: heldout, last: heldout, largest_change: f64::INFINITY, ..GAIN };
-        Addition::single("mass", gain, p)
-    };
+    let addition = |heldout: Option<f64>, p: f64| Addition::of_gains("mass", 20.0, [heldout; 2], p);
     assert!(criteria.passes(&addition(Some(2.1), 0.01)) && !criteria.passes(&addition(Some(2.1), 0.011)));
     assert!(!criteria.passes(&addition(Some(2.0), 0.01)) && !criteria.passes(&addition(None, 0.01)));
     assert!(criteria.is_equivalent(&rival(30.0, None, Some(0.021))));

@@ -9,7 +9,7 @@ use std::collections::BTreeMap;
 use rayon::prelude::*;
 
 use super::Subject;
-use super::evidence::{Care, Evidence, evidence, evidence_with, posterior_by_importance};
+use super::evidence::{Care, ModelEvidence, evidence, evidence_with, posterior_by_importance};
 use super::predicted::laplace;
 use super::refit::Refitted;
 use super::request::DiagnosisRequest;
@@ -41,8 +41,8 @@ pub(super) struct Parameters {
     pub answers: Vec<Answer>,
 }
 
-impl From<Evidence> for Parameters {
-    fn from(evidence: Evidence) -> Self {
+impl From<ModelEvidence> for Parameters {
+    fn from(evidence: ModelEvidence) -> Self {
         Self { all: evidence.parameters, answers: evidence.answers }
     }
 }
@@ -50,7 +50,7 @@ impl From<Evidence> for Parameters {
 /// The evidences that were computed.
 pub(super) struct Weighing {
     ln_base: f64,
-    singles: BTreeMap<&'static str, Evidence>,
+    singles: BTreeMap<&'static str, ModelEvidence>,
     /// What effects whose evidence was not computed for that reason stay below.
     bounds: BTreeMap<&'static str, f64>,
     /// Parameters of a claim of several effects, which all of them share; none for other claims.
@@ -61,7 +61,7 @@ pub(super) struct Weighing {
 
 /// What became of an effect that was worth weighing.
 enum Weighed {
-    By(Result<Evidence>),
+    By(Result<ModelEvidence>),
     /// Its gain leaves it out of reach of the best.
     Far,
     /// A law that is not linear beside a claim.

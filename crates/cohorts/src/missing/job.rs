@@ -16,7 +16,6 @@ use crate::design::Labels;
 use base::error::{Error, Place, Result};
 use criticism::Subject;
 use criticism::criteria::Criteria;
-use criticism::refit::Gain;
 use criticism::sketch::{Based, Reading, Said, sketch, whole};
 use criticism::verdict::{Addition, EffectEvidence, Evidence, Proposal, Residual, ResidualTest, Verdict, verdict};
 use documents::cohort::{
@@ -239,18 +238,13 @@ impl Found<'_> {
 
     /// The evidence of the search: the leading effect, which alone is judged and whose residuals are not tested, and the residuals of all records without it.
     fn evidence(&self, leading: Option<usize>) -> Evidence {
-        let addition = |place: usize| {
-            let Gained { best, p_familywise, .. } = &self.judged.effects[place];
-            let gain = Gain {
-                fitted: best.gain_nats,
-                future: best.heldout_nats,
-                last: best.heldout_nats,
-                largest_change: f64::INFINITY,
-                rank: best.rank_nats(),
-            };
-            Addition::single(self.slug(&self.judged.effects[place]), gain, *p_familywise)
+        let proposal = |place: usize| {
+            let gained = &self.judged.effects[place];
+            let Gained { best, p_familywise, .. } = gained;
+            let heldout = [best.heldout_nats; 2];
+            let addition = Addition::of_gains(self.slug(gained), best.gain_nats, heldout, *p_familywise);
+            Proposal { addition, test: Some(ResidualTest::default()), alone: None }
         };
-        let proposal = |place| Proposal { addition: addition(place), test: Some(ResidualTest::default()), alone: None };
         let n_too_much = self.based.iter().filter(|own| own.leaves_too_much).count();
         let base = ResidualTest { residual: Some(Residual::Cohort(n_too_much)), ..ResidualTest::default() };
         Evidence { proposals: leading.map(proposal).into_iter().collect(), base: Some(base), rivals: Vec::new() }

@@ -10,7 +10,6 @@ use super::noise_like::{NoiseLike, noise_like};
 use super::problem::{SweepFit, SweepProblem};
 use base::error::{Error, Result};
 use criticism::criteria::Criteria;
-use criticism::refit::Gain;
 use criticism::verdict::{Addition, Evidence, Residual, ResidualTest, Rival, Verdict, verdict};
 use documents::diagnosis::VerdictKind;
 use documents::oscillation::{OscillationCandidate, OscillationDiagnosis, OscillationEstimate};
@@ -182,14 +181,7 @@ fn candidate(tried: &Tried, base: &SweepFit, chance: &[f64], has_heldout: bool) 
 /// The search's evidence, and the test of the law's residual.
 fn evidence(candidates: &[OscillationCandidate], left: &NoiseLike) -> Evidence {
     let addition = |own: &OscillationCandidate| {
-        let gain = Gain {
-            fitted: own.gain_nats,
-            future: None,
-            last: own.heldout_gain_nats,
-            largest_change: f64::INFINITY,
-            rank: own.gain_nats,
-        };
-        Addition::single(&own.effect, gain, own.p_familywise)
+        Addition::of_gains(&own.effect, own.gain_nats, [None, own.heldout_gain_nats], own.p_familywise)
     };
     let proposals = candidates.iter().map(|own| addition(own).into()).collect();
     Evidence { proposals, base: Some(test(Some(left))), rivals: Vec::new() }
