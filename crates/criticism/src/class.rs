@@ -1,37 +1,39 @@
-//! What an experiment cannot tell from a claim.
+//! Rivals of a claim: models in which another effect stands for one of it.
 
 use super::Subject;
+use super::criteria::Criteria;
 use super::refit::Refitted;
-use super::search::{Found, replacements};
-use super::separation::{SEPARATED_SIGMA, distance};
+use super::search::{SearchResult, replacements};
+use super::separation::distance;
+use super::verdict::Rival;
 use base::error::{Error, Result};
 
-/// Models whose rank is within so many nats of the claim are within reach of the data.
-const REACH_NATS: f64 = 6.0;
-
-/// An effect that stands for one of the claim as well as it does itself, and the model in which it does.
-pub(super) struct Equivalent {
-    pub slug: &'static str,
-    pub model: Refitted,
-}
-
-/// Effects within reach of the data that this experiment does not separate from one of the claim.
-pub(super) fn class_of(subject: &Subject, found: &Found, claimed: &Refitted) -> Result<Vec<Equivalent>> {
+/// Rivals of a claim with their models: how far they rank behind it and, where that is within reach of the data, how far the experiment separates them from it.
+pub(super) fn rivals(
+    subject: &Subject,
+    criteria: &Criteria,
+    found: &SearchResult,
+    claimed: &Refitted,
+) -> Result<Vec<(Rival, Refitted)>> {
     let rank = |model: &Refitted| model.gain_over(&found.base, subject).rank;
     let best = rank(claimed);
-    let mut class: Vec<Equivalent> = Vec::new();
+    let mut rivals: Vec<(Rival, Refitted)> = Vec::new();
     for (slug, model) in replacements(subject, found, claimed) {
-        if class.iter().any(|own| own.slug == slug) || best - rank(&model) > REACH_NATS {
+        // Once is enough, in whichever place of the claim.
+        if rivals.iter().any(|(own, _)| own.effect == slug && criteria.is_equivalent(own)) {
             continue;
         }
-        // A model that cannot come near the claim at all stands apart from it.
-        let apart = match distance(subject, &model.candidate, (&claimed.candidate, &claimed.fitted)) {
-            Err(Error::Numerical { .. }) => f64::INFINITY,
-            other => other?,
-        };
-        if apart < SEPARATED_SIGMA {
-            class.push(Equivalent { slug, model });
+        let deficit_nats = best - rank(&model);
+        let mut rival = Rival { effect: slug.into(), deficit_nats, separation_sigma: None, lead_p: None };
+        if criteria.is_equivalent(&rival) {
+            // A model that cannot come near the claim at all stands apart from it.
+            let apart = match distance(subject, &model.candidate, (&claimed.candidate, &claimed.fitted)) {
+                Err(Error::Numerical { .. }) => f64::INFINITY,
+                other => other?,
+            };
+            rival.separation_sigma = Some(apart);
         }
+        rivals.push((rival, model));
     }
-    Ok(class)
+    Ok(rivals)
 }

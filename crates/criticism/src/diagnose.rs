@@ -1,38 +1,33 @@
 //! Which effect is missing: the search, what stands beside its claim, and the words for it.
 
 use super::bootstrap::simulated;
-use super::class::class_of;
+use super::class::rivals;
 use super::document::Report;
 use super::leftover::{Leftover, event_in_any_cycle, is_gain_of_a_cycle, misfit};
 use super::outside::{self, Outside, OutsideNull, OutsideRequest, outside_gain};
 use super::refit::Refitted;
 pub use super::request::DiagnosisRequest;
-use super::search::{Effort, Found, LARGER_NATS, search};
+use super::search::{SearchResult, Step, search};
+use super::verdict::{Evidence, Residual, ResidualTest, verdict};
 use super::{Search, Subject, outliers};
 use documents::diagnosis::Diagnosis;
 use rayon::prelude::*;
 
-use base::error::Result;
-use posterior::misfit::Misfit;
+use base::error::{Error, Result};
 use posterior::monitor::{Counter, Monitor};
 
-/// What was found, with the models behind it.
+/// A diagnosis, with the models behind it.
 pub struct Outcome {
     /// The document.
     pub diagnosis: Diagnosis,
     /// The search, on the positions without outliers.
-    pub found: Found,
-    /// Structure outside the library, the leading one first, with its fit.
-    pub unexplained: Vec<Outside>,
-    /// The same taken together, with its picture; `None` where nothing is unexplained, or nobody asked.
+    pub found: SearchResult,
+    /// What is unexplained, taken together, with its picture; `None` where nothing is, or nobody asked.
     pub leftover: Option<Leftover>,
     /// The subject without outliers.
     pub subject: Subject,
 }
 
-/// p and gain (nats, less what chance gives) that structure outside the library needs.
-const LARGEST_OUTSIDE_P: f64 = 0.02;
-const LEAST_OUTSIDE_NATS: f64 = 5.5;
 const N_OUTSIDE_SIMULATIONS: usize = 199;
 /// Simulated data sets by which a finding is confirmed: none of them may show as much. They are made so many at a time, three times at least, and no more
 /// where the finding is out of their reach.
@@ -41,16 +36,8 @@ const CONFIRMING_BATCH: usize = 13;
 const FEWEST_CONFIRMING: usize = 39;
 const OUT_OF_REACH: f64 = 2.0;
 const CONFIRMING_STREAMS: u64 = 0xc0f1;
-/// What the best effect of the library gains by chance, in nats; each further one is asked for more.
-const CHANCE_NATS: f64 = 1.5;
-/// Lead (nats) that structure needs to take the place of a claim that leaves nothing.
-const LEAST_LEAD_NATS: f64 = 4.0;
-/// Cosine above which structure outside the library looks like one of its effects.
-const TWIN_COSINE: f64 = 0.95;
-/// What is left beside a claim counts when it gains this share of the claim's gain.
-const LEAST_OUTSIDE_SHARE: f64 = 0.1;
 
-/// Diagnoses.
+/// Diagnoses: outliers, search, evidence, verdict, document.
 ///
 /// # Errors
 /// Whatever fitting the base model refuses.
@@ -59,116 +46,137 @@ pub fn diagnose(subject: &Subject, request: &DiagnosisRequest, monitor: &dyn Mon
     let first = subject.fit(&base, &[], Search::Wide)?;
     let outlier_rows = outliers::find(subject, &first);
     let subject = if outlier_rows.is_empty() { subject.clone() } else { subject.without_rows(&outlier_rows) };
-    let DiagnosisRequest { n_simulations, in_full, seed, .. } = *request;
-    let effort = Effort { n_simulations, in_full, seed };
-    let mut found = search(&subject, &request.bars, &effort, monitor)?;
+    let found = search(&subject, request, monitor)?;
     monitor.stage("looking for structure outside the library");
-    let (unexplained, left) = judged(&subject, request, &mut found, monitor)?;
-    let class = match &found.claimed {
-        Some(claimed) if !left.is_too_large() => class_of(&subject, &found, claimed)?,
-        _ => Vec::new(),
+    let Gathered { evidence, models, unexplained, equivalent } = gather(&subject, request, &found, monitor)?;
+    let verdict = verdict(&evidence, &request.criteria);
+    let Some(Residual::Record(left, _)) = verdict.residual else {
+        return Err(Error::numerical("the residual was not tested", "examine another revision with `--from`"));
     };
-    let (mut leftover, mut event) = (None, None);
     let mut report = Report {
         subject: &subject,
         request,
         found: &found,
+        verdict: &verdict,
+        model: verdict.proposal.map(|place| models[place]),
         unexplained: &unexplained,
         left: &left,
         leftover: None,
         event: None,
-        class: &class,
+        equivalent: &equivalent,
     };
-    if in_full {
+    if request.in_full {
         monitor.stage("looking for events in all cycles");
-        let model = found.claimed.as_ref().unwrap_or(&found.base);
-        let outside = OutsideRequest { n_simulations: N_OUTSIDE_SIMULATIONS, seed };
+        let model = report.model.unwrap_or(&found.base);
+        let outside = outside_request(request);
         if report.remains() {
-            leftover = Some(Leftover::of(&subject, model, &unexplained, &outside)?);
+            report.leftover = Some(Leftover::of(&subject, model, &unexplained, (&request.criteria, &outside))?);
         }
-        event = event_in_any_cycle(&subject, model, &unexplained, &outside, is_significant)?;
+        report.event = event_in_any_cycle(&subject, model, &unexplained, (&request.criteria, &outside))?;
     }
-    (report.leftover, report.event) = (leftover.as_ref(), event.as_ref());
     let diagnosis = report.document(outlier_rows, monitor)?;
-    Ok(Outcome { diagnosis, found, unexplained, leftover, subject })
+    let leftover = report.leftover;
+    Ok(Outcome { diagnosis, found, leftover, subject })
 }
 
-/// Whether structure outside the library is more than chance.
-fn is_significant(outside: &Outside) -> bool {
-    outside.p_familywise <= LARGEST_OUTSIDE_P && outside.penalised_gain_nats >= LEAST_OUTSIDE_NATS
+fn outside_request(request: &DiagnosisRequest) -> OutsideRequest {
+    OutsideRequest { n_simulations: N_OUTSIDE_SIMULATIONS, seed: request.seed }
 }
 
-/// Structure that is not of the library, and what the best model leaves. Where that is more than the noise allows, the law is still wrong: one effect may
-/// be said to help, and none is added for the sake of what is left. The same goes for an effect that structure of
-/// the law takes the place of.
-fn judged(
+/// The evidence of a record, with the models and structure behind it.
+struct Gathered<'a> {
+    evidence: Evidence,
+    /// Models of the proposals.
+    models: Vec<&'a Refitted>,
+    /// Structure outside the library beside the model that stands.
+    unexplained: Vec<Outside>,
+    /// Models of the rivals that are equivalent to the claim.
+    equivalent: Vec<Refitted>,
+}
+
+/// Tests residuals until a model stands, and finds the rivals of a claim.
+fn gather<'a>(
     subject: &Subject,
     request: &DiagnosisRequest,
-    found: &mut Found,
+    found: &'a SearchResult,
     monitor: &dyn Monitor,
-) -> Result<(Vec<Outside>, Misfit)> {
-    let mut structure = unexplained(subject, request, found, monitor)?;
-    let left_by = |found: &Found, structure: &[Outside]| {
-        misfit(subject, found.claimed.as_ref().unwrap_or(&found.base), structure)
-    };
-    let mut left = left_by(found, &structure)?;
-    let is_larger = found.claimed.as_ref().is_some_and(|claimed| found.added(claimed).len() > 1);
-    if left.is_too_large() && is_larger {
-        found.claimed = found.first_claimed().cloned();
-        structure = unexplained(subject, request, found, monitor)?;
-        left = left_by(found, &structure)?;
-    }
-    let is_of_law = structure.first().is_some_and(|first| !first.kind.is_apart_from_law());
-    if let (None, Some(first), true) = (&found.claimed, found.first_claimed().cloned(), is_of_law) {
-        let left_by_it = misfit(subject, &first, &[])?;
-        if left_by_it.is_too_large() {
-            (found.claimed, left) = (Some(first), left_by_it);
+) -> Result<Gathered<'a>> {
+    let criteria = &request.criteria;
+    let steps: Vec<&Step> = found.largest.iter().chain(found.leading(criteria)).collect();
+    let proposals = steps.iter().map(|step| step.addition.clone().into()).collect();
+    let mut evidence = Evidence { proposals, ..Evidence::default() };
+    let mut unexplained = Vec::new();
+    while let Some(proposal) = evidence.open_test(criteria) {
+        let step = proposal.map(|place| steps[place]);
+        let (structure, replaces_effects) = structure_beside(subject, request, &found.base, step, monitor)?;
+        let model = step.filter(|_| !replaces_effects).map_or(&found.base, |step| &step.refitted);
+        let test = ResidualTest {
+            structure: structure.iter().map(Outside::evidence).collect(),
+            replaces_effects,
+            residual: Some(residual(subject, model, &structure)?),
+        };
+        unexplained = structure;
+        match proposal {
+            Some(place) => evidence.proposals[place].test = Some(test),
+            None => evidence.base = Some(test),
         }
     }
-    Ok((structure, left))
+    if evidence.is_replaced_by_law(criteria)
+        && let (Some(leading), Some(proposal)) = (found.leading(criteria), evidence.proposals.last_mut())
+    {
+        proposal.alone = Some(residual(subject, &leading.refitted, &[])?);
+    }
+    let mut equivalent = Vec::new();
+    if let Some(claim) = evidence.claim(criteria) {
+        for (rival, model) in rivals(subject, criteria, found, &steps[claim].refitted)? {
+            equivalent.extend(criteria.is_equivalent(&rival).then_some(model));
+            evidence.rivals.push(rival);
+        }
+    }
+    Ok(Gathered { evidence, models: steps.iter().map(|step| &step.refitted).collect(), unexplained, equivalent })
 }
 
-/// Structure that is not of the library. Withdraws a claim that such structure explains better.
-fn unexplained(
+/// What a model leaves, without structure that is no part of any law, and the number of positions by which it is judged.
+fn residual(subject: &Subject, model: &Refitted, structure: &[Outside]) -> Result<Residual> {
+    let n = |positions: &[Option<f64>]| positions.iter().flatten().count();
+    let n_positions = if n(&subject.scored_m) > 0 { n(&subject.scored_m) } else { n(&subject.fitted_m) };
+    Ok(Residual::Record(misfit(subject, model, structure)?, n_positions))
+}
+
+/// Structure outside the library beside a step, or beside the base; and whether it is the base's and explains more than the step's effects.
+fn structure_beside(
     subject: &Subject,
     request: &DiagnosisRequest,
-    found: &mut Found,
+    base: &Refitted,
+    step: Option<&Step>,
     monitor: &dyn Monitor,
-) -> Result<Vec<Outside>> {
-    let search = OutsideRequest { n_simulations: N_OUTSIDE_SIMULATIONS, seed: request.seed };
-    let look = |model: &Refitted| -> Result<Vec<Outside>> {
-        let mut list = outside::search(subject, &model.candidate, &model.fitted, &search)?;
-        list.retain(|outside| is_significant(outside) && !is_gain_of_a_cycle(subject, outside));
+) -> Result<(Vec<Outside>, bool)> {
+    let criteria = &request.criteria;
+    let significant = |model: &Refitted| -> Result<Vec<Outside>> {
+        let mut list = outside::search(subject, &model.candidate, &model.fitted, &outside_request(request))?;
+        list.retain(|own| criteria.is_significant(&own.evidence()) && !is_gain_of_a_cycle(subject, own));
         Ok(list)
     };
-    let Some(claimed) = &found.claimed else {
+    let Some(Step { addition, refitted }) = step else {
         // What looks like an effect of the library, and was not claimed as one, is at most suggestive.
-        let mut list = look(&found.base)?;
-        list.retain(|outside| outside.twins.iter().all(|(_, cosine)| *cosine <= TWIN_COSINE));
-        return confirmed(subject, &found.base, list, &search, monitor);
+        let mut list = significant(base)?;
+        list.retain(|own| !criteria.looks_like(&own.evidence(), |_| true));
+        return Ok((confirmed(subject, base, list, request, monitor)?, false));
     };
-    let effects = found.added(claimed);
-    // What looks like a claimed effect (backlash is a delay on a square wave) is not beside it.
-    let is_other = |outside: &Outside| {
-        let stands_for = |(slug, cosine): &(String, f64)| *cosine > TWIN_COSINE && effects.contains(&slug.as_str());
-        !outside.twins.iter().any(stands_for)
-    };
-    let gain = claimed.fitted.objective - found.base.fitted.objective;
-    let mut left = look(claimed)?;
-    left.retain(|outside| outside.penalised_gain_nats >= LEAST_OUTSIDE_SHARE * gain);
-    // One structure alone may explain the misfit better than all that is claimed.
-    let chance = CHANCE_NATS + LARGER_NATS * effects.len().saturating_sub(1) as f64;
-    let lead = if left.is_empty() { LEAST_LEAD_NATS + LEAST_OUTSIDE_SHARE * gain } else { 0.0 };
-    let mut alone = look(&found.base)?;
-    alone.retain(|outside| outside.penalised_gain_nats > gain - chance + lead);
-    left.retain(is_other);
-    alone.retain(is_other);
-    let alone = confirmed(subject, &found.base, alone, &search, monitor)?;
-    if alone.is_empty() {
-        return confirmed(subject, claimed, left, &search, monitor);
+    // What looks like an effect of the step is neither beside it nor in its place.
+    let is_own = |slug: &str| addition.effects.iter().any(|own| own == slug);
+    let is_other = |own: &Outside| !criteria.looks_like(&own.evidence(), is_own);
+    let mut beside = significant(refitted)?;
+    beside.retain(|own| criteria.is_beside(&own.evidence(), addition));
+    let has_beside = !beside.is_empty();
+    let mut instead = significant(base)?;
+    instead.retain(|own| criteria.is_instead(&own.evidence(), addition, has_beside) && is_other(own));
+    let instead = confirmed(subject, base, instead, request, monitor)?;
+    if !instead.is_empty() {
+        return Ok((instead, true));
     }
-    found.claimed = None;
-    Ok(alone)
+    beside.retain(is_other);
+    Ok((confirmed(subject, refitted, beside, request, monitor)?, false))
 }
 
 /// Structure that data simulated from the model and its noise, searched alike with the noise estimated anew, do not show by chance: correlated noise
@@ -177,11 +185,11 @@ fn confirmed(
     subject: &Subject,
     model: &Refitted,
     mut list: Vec<Outside>,
-    request: &OutsideRequest,
+    request: &DiagnosisRequest,
     monitor: &dyn Monitor,
 ) -> Result<Vec<Outside>> {
     let Some(gain) = list.first().map(|first| first.penalised_gain_nats) else { return Ok(list) };
-    let null = OutsideNull::of(subject, &model.candidate, &model.fitted, request)?;
+    let null = OutsideNull::of(subject, &model.candidate, &model.fitted, &outside_request(request))?;
     let counter = Counter::new(monitor, N_CONFIRMING);
     let gain_of = |number: usize| -> Result<f64> {
         let data = simulated(subject, model, request.seed ^ CONFIRMING_STREAMS, number);
@@ -191,7 +199,7 @@ fn confirmed(
         counter.add_one();
         Ok(simulated)
     };
-    let (mut largest, mut n_made) = (LEAST_OUTSIDE_NATS, 0);
+    let (mut largest, mut n_made) = (request.criteria.least_structure_nats, 0);
     while n_made < N_CONFIRMING && (n_made < FEWEST_CONFIRMING || gain <= OUT_OF_REACH * largest) {
         let batch = (n_made..n_made + CONFIRMING_BATCH).into_par_iter().map(gain_of);
         largest = batch.collect::<Result<Vec<f64>>>()?.into_iter().fold(largest, f64::max);

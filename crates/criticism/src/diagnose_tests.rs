@@ -1,9 +1,11 @@
 //! What stands beside a claim, what takes its place, and all of it once.
 
 use super::*;
+use crate::criteria::Criteria;
 use crate::document::tests::slip;
 use crate::search::tests::{BIAS, found, small};
 use crate::separation::tests::{ONE_LEVEL, measured, subject_with};
+use crate::verdict::Addition;
 use documents::diagnosis::VerdictKind;
 use models::effects::Library;
 use posterior::monitor::Silent;
@@ -16,10 +18,11 @@ fn a_class_is_within_reach_and_not_separated_from_the_claim() {
     let data = measured(&subject_with(&ONE_LEVEL, &library, &[]), &["force-bias"], &[0.25 * BIAS], 41);
     let mut found = found(&data, &[]);
     let claimed = found.singles[2].refitted.clone().expect("fits");
-    let slugs = |found: &Found| -> Vec<&str> {
-        class_of(&data, found, &claimed).expect("a class").iter().map(|own| own.slug).collect()
+    let slugs = |found: &SearchResult| -> Vec<String> {
+        let rivals = rivals(&data, &Criteria::RECORD, found, &claimed).expect("rivals").into_iter();
+        rivals.filter(|(rival, _)| Criteria::RECORD.is_equivalent(rival)).map(|(rival, _)| rival.effect).collect()
     };
-    let raise = |found: &mut Found, place: usize, to: f64| {
+    let raise = |found: &mut SearchResult, place: usize, to: f64| {
         let single = found.singles[place].refitted.as_mut().expect("fits");
         (single.fitted.objective, single.future) = (to, claimed.future);
     };
@@ -42,10 +45,11 @@ fn structure_takes_the_place_of_a_claim_that_it_explains_better() {
         .map(|row| still.fitted_m[row].or(still.scored_m[row]).unwrap_or(0.0) + if row > 170 { 6e-5 } else { 0.0 })
         .collect();
     let data = still.with_positions(&slipped_m);
-    let mut withdrawn = found(&data, &[]);
-    withdrawn.claimed = withdrawn.singles[2].refitted.clone();
-    let list = unexplained(&data, &request, &mut withdrawn, &Silent).expect("a search");
-    assert!(withdrawn.claimed.is_none());
+    let found = found(&data, &[]);
+    let drift = step(&found, 2);
+    let (list, replaces_effects) =
+        structure_beside(&data, &request, &found.base, Some(&drift), &Silent).expect("a search");
+    assert!(replaces_effects);
     assert_eq!(list.first().map(|outside| outside.kind), Some(outside::OutsideKind::Slip));
 }
 
@@ -55,10 +59,17 @@ fn structure_takes_the_place_of_a_claim_that_it_explains_better() {
 fn a_claim_stays_where_there_is_no_structure() {
     let request = DiagnosisRequest { in_full: false, ..DiagnosisRequest::default() };
     let data = measured(&small(), &["force-bias"], &[BIAS], 43);
-    let mut kept = found(&data, &[]);
-    kept.claimed = kept.singles[1].refitted.clone();
-    assert!(unexplained(&data, &request, &mut kept, &Silent).expect("a search").is_empty());
-    assert!(kept.claimed.is_some());
+    let found = found(&data, &[]);
+    let bias = step(&found, 1);
+    let (list, replaces_effects) =
+        structure_beside(&data, &request, &found.base, Some(&bias), &Silent).expect("a search");
+    assert!(list.is_empty() && !replaces_effects);
+}
+
+fn step(found: &SearchResult, place: usize) -> Step {
+    let single = &found.singles[place];
+    let addition = Addition::single(single.slug, single.gain.expect("fits"), 0.01);
+    Step { addition, refitted: single.refitted.clone().expect("fits") }
 }
 
 /// What every simulated record shows is no finding.
@@ -77,7 +88,7 @@ fn what_no_simulated_record_shows_is_a_finding() {
 fn p_of_finding(gain: f64) -> Vec<f64> {
     let data = measured(&small(), &[], &[], 45);
     let base = found(&data, &[]).base;
-    let request = OutsideRequest { n_simulations: N_OUTSIDE_SIMULATIONS, seed: 1 };
+    let request = DiagnosisRequest::default();
     let finding = Outside { penalised_gain_nats: gain, ..slip(&base) };
     let list = confirmed(&data, &base, vec![finding], &request, &Silent).expect("searches");
     list.iter().map(|outside| outside.p_familywise).collect()

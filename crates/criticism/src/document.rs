@@ -1,34 +1,28 @@
 //! A diagnosis in its document: what stands beside the claim, and the words for it.
 
-use statrs::distribution::{ChiSquared, ContinuousCDF};
-
-use super::class::Equivalent;
 use super::detectable::{Detectable, smallest_detectable};
 use super::leftover::{Leftover, event_remark};
 use super::outside::Outside;
 use super::predicted::predictive_noise_um;
 use super::refit::{Gain, Refitted};
 use super::request::DiagnosisRequest;
-use super::search::{Found, Single};
-use super::weighing::{Factor, LEAST_GAIN, Weighing};
+use super::search::{SearchResult, Single};
+use super::verdict::{EffectEvidence, Verdict};
+use super::weighing::{Factor, Weighing};
 use super::{Candidate, Fitted, Subject, noise_learning, protocol, rank};
 use base::error::Result;
 use documents::diagnosis::{
     Answer, BaseErrors, CandidateEntry, Diagnosis, Errors, PairEntry, Refit, RefitParameter, SmallestDetectable,
-    Status, UnexplainedEntry, Verdict, VerdictKind,
+    Status, UnexplainedEntry, VerdictKind,
 };
 use figures::number::significant;
 use models::effects::AMPLITUDE;
 use posterior::large_displacement::interpretation;
-use posterior::misfit::{FALSE_ALARM, Misfit};
+use posterior::misfit::Misfit;
 use posterior::monitor::Monitor;
 
-/// Visible shares below this are blind spots.
-const LEAST_VISIBLE: f64 = 1e-3;
 /// Simulated repeats by which a change of the protocol is confirmed.
 const N_REPEATS: usize = 40;
-/// Times the given noise beyond which an error is not said to look like noise, where white errors of that noise are beyond it once in a thousand times at most.
-const LARGEST_SILENT_FACTOR: f64 = 1.3;
 /// An error so many times what is left without the cycles' own gains and offsets needs a word on them.
 const WORTH_SAYING: f64 = 1.1;
 /// Pairs that are reported.
@@ -38,15 +32,20 @@ const N_PAIRS: usize = 5;
 pub(super) struct Report<'a> {
     pub subject: &'a Subject,
     pub request: &'a DiagnosisRequest,
-    pub found: &'a Found,
+    pub found: &'a SearchResult,
+    pub verdict: &'a Verdict,
+    /// The model of the verdict's effects; `None` where it names none.
+    pub model: Option<&'a Refitted>,
+    /// Structure outside the library, the leading one first.
     pub unexplained: &'a [Outside],
-    /// What the best model leaves, beside what the noise allows.
+    /// The residual that the verdict rests on.
     pub left: &'a Misfit,
     /// What is unexplained, taken together; `None` where nothing is, or nobody asked.
-    pub leftover: Option<&'a Leftover>,
+    pub leftover: Option<Leftover>,
     /// An event in any cycle, the scored one included.
-    pub event: Option<&'a Outside>,
-    pub class: &'a [Equivalent],
+    pub event: Option<Outside>,
+    /// Models of the effects that are equivalent to the claim.
+    pub equivalent: &'a [Refitted],
 }
 
 impl Report<'_> {
@@ -63,7 +62,7 @@ impl Report<'_> {
         let twins: Vec<Vec<String>> =
             rank::twins(&cosines).iter().map(|list| list.iter().map(slug).collect()).collect();
         monitor.stage("weighing the evidence");
-        let weighing = Weighing::new(subject, found, (self.request.in_full, self.request.seed), monitor)?;
+        let weighing = Weighing::new(subject, self.request, (found, self.model), monitor)?;
         let mut candidates = Vec::new();
         for single in &found.singles {
             let place = scored.iter().position(|other| other.slug == single.slug);
@@ -72,7 +71,7 @@ impl Report<'_> {
         }
         let learnt = noise_learning::learn(subject, &found.base.candidate, &found.base.fitted)?;
         let mut remarks = self.remarks(&scores, &cosines);
-        remarks.extend(self.event.map(|event| event_remark(subject, event)));
+        remarks.extend(self.event.as_ref().map(|event| event_remark(subject, event)));
         let amplitudes = candidates.iter().filter(|entry| entry.status == Status::Claimed);
         let amplitudes = amplitudes.filter_map(|entry| entry.refit.as_ref()).flat_map(|refit| &refit.parameters);
         let amplitude = amplitudes.filter(|found| found.name == AMPLITUDE).map(|p| [p.mean, p.q05, p.q95]);
@@ -101,7 +100,6 @@ impl Report<'_> {
         let invisible = |c: &&CandidateEntry| c.status == Status::Invisible || is_blind(&c.effect);
         let blind_spots = candidates.iter().filter(invisible).map(|c| c.effect.clone()).collect();
         let smallest = |d: &Detectable| SmallestDetectable { effect: d.effect.clone(), parameter: d.smallest };
-        let verdict = self.verdict(&candidates);
         let pair = |(refitted, gain): &(Refitted, Gain)| PairEntry {
             effects: found.added(refitted).into_iter().map(String::from).collect(),
             gain_nats: gain.fitted,
@@ -109,11 +107,11 @@ impl Report<'_> {
         };
         Ok(Diagnosis {
             experiment: experiment.specimen_id.clone(),
-            verdict,
+            verdict: self.verdict.document(self.sentence(&candidates)),
             fitted_cycles: experiment.calibration_cycles.clone(),
             heldout_cycles: experiment.heldout_cycles.clone(),
             base: BaseErrors { rmse_fitted_um: base.rmse_fitted_um, rmse_heldout_um: base.rmse_heldout_um, noise_um },
-            extended: found.claimed.as_ref().map(|claimed| self.errors(claimed)),
+            extended: self.model.map(|model| self.errors(model)),
             candidates,
             pairs: found.pairs.iter().take(N_PAIRS).map(pair).collect(),
             blind_spots,
@@ -121,7 +119,7 @@ impl Report<'_> {
             separating_protocol,
             noise: learnt.estimates(),
             unexplained: self.unexplained.iter().map(entry).collect(),
-            discrepancy: self.leftover.map(|leftover| leftover.entry.clone()),
+            discrepancy: self.leftover.as_ref().map(|leftover| leftover.entry.clone()),
             outlier_rows,
             remarks,
         })
@@ -129,15 +127,13 @@ impl Report<'_> {
 
     /// The signal, in σ, whose expected gain is the one that simulated searches stay below.
     fn threshold_sigma(&self) -> f64 {
-        (2.0 * self.found.bootstrap.threshold().max(LEAST_GAIN)).sqrt() + 1.0
+        (2.0 * self.found.bootstrap.threshold().max(self.request.criteria.least_gain_nats)).sqrt() + 1.0
     }
 
     /// The change of the protocol that would tell the claim from what stands for it; empty where nothing does.
     fn separating_protocol(&self) -> Result<String> {
-        let Some(claimed) = self.found.claimed.as_ref().filter(|_| !self.class.is_empty()) else {
-            return Ok(String::new());
-        };
-        let models = std::iter::once(claimed).chain(self.class.iter().map(|own| &own.model));
+        let Some(claimed) = self.model.filter(|_| !self.equivalent.is_empty()) else { return Ok(String::new()) };
+        let models = std::iter::once(claimed).chain(self.equivalent);
         let members: Vec<(&Candidate, &Fitted)> = models.map(|model| (&model.candidate, &model.fitted)).collect();
         let advice = protocol::advise(self.subject, &members, N_REPEATS, self.request.seed)?;
         Ok(advice.map_or(String::new(), |advice| advice.sentence))
@@ -157,28 +153,18 @@ impl Report<'_> {
         }
     }
 
-    fn class_slugs(&self) -> Vec<String> {
-        self.class.iter().map(|own| own.slug.to_string()).collect()
-    }
-
-    fn claimed(&self) -> Vec<&str> {
-        self.found.claimed.as_ref().map_or(Vec::new(), |claimed| self.found.added(claimed))
-    }
-
     fn status(&self, single: &Single) -> Status {
-        let gain = single.gain.map_or(0.0, |gain| gain.fitted);
-        if self.claimed().contains(&single.slug) {
-            if self.left.is_too_large() { Status::Suggestive } else { Status::Claimed }
-        } else if self.class.iter().any(|own| own.slug == single.slug) {
-            Status::Equivalent
-        } else if single.score.as_ref().is_none_or(|score| score.visible_fraction < LEAST_VISIBLE) && gain < LEAST_GAIN
-        {
-            Status::Invisible
-        } else if self.found.claimed.is_none() && self.unexplained.is_empty() && gain > LEAST_GAIN {
-            Status::Suggestive
-        } else {
-            Status::Unsupported
-        }
+        let evidence = EffectEvidence {
+            effect: single.slug,
+            gain_nats: single.gain.map(|gain| gain.fitted),
+            p: self.p(single),
+            visible_fraction: single.score.as_ref().map(|score| score.visible_fraction),
+        };
+        self.verdict.status(&evidence, &self.request.criteria)
+    }
+
+    fn p(&self, single: &Single) -> f64 {
+        single.gain.map_or(1.0, |gain| self.found.bootstrap.p(gain.fitted))
     }
 
     fn candidate(&self, single: &Single, twins: Vec<String>, weighing: &Weighing) -> Result<CandidateEntry> {
@@ -188,12 +174,11 @@ impl Report<'_> {
             (Some(refitted), Some(gain)) => Some(self.refit(single, refitted, gain, weighing)?),
             _ => None,
         };
-        let p = single.gain.map_or(1.0, |gain| self.found.bootstrap.p(gain.fitted));
         Ok(CandidateEntry {
             effect: single.slug.into(),
             status,
             z: score.map_or(0.0, |score| score.z),
-            p_familywise: p,
+            p_familywise: self.p(single),
             visible_fraction: score.map_or(0.0, |score| score.visible_fraction),
             expected_parameter: score.map(|score| score.expected_parameter).filter(|value| value.is_finite()),
             refit,
@@ -204,7 +189,8 @@ impl Report<'_> {
 
     /// The refit with an effect. Of a claim of several, its parameters are those of the whole model; all else is of the effect alone.
     fn refit(&self, single: &Single, refitted: &Refitted, gain: Gain, weighing: &Weighing) -> Result<Refit> {
-        let parameters = weighing.parameters(self.subject, single, self.claimed().contains(&single.slug))?;
+        let parameters =
+            weighing.parameters(self.subject, single, self.verdict.effects.iter().any(|own| own == single.slug))?;
         let parameters = parameters.of(&self.found.added(refitted));
         let (log_bayes_factor, log_bayes_factor_at_most) = match weighing.factor(single.slug) {
             Factor::Known(value) => (Some(value), None),
@@ -241,36 +227,26 @@ impl Report<'_> {
         list
     }
 
-    fn verdict(&self, candidates: &[CandidateEntry]) -> Verdict {
-        let effects: Vec<String> = self.claimed().into_iter().map(String::from).collect();
-        let kind = if self.left.is_too_large() || (effects.is_empty() && !self.unexplained.is_empty()) {
-            VerdictKind::Unexplained
-        } else if effects.is_empty() {
-            VerdictKind::None
-        } else {
-            VerdictKind::Missing
-        };
-        let sentence = match kind {
-            VerdictKind::Missing => self.missing_sentence(&effects, candidates),
+    fn sentence(&self, candidates: &[CandidateEntry]) -> String {
+        match self.verdict.kind {
+            VerdictKind::Missing => self.missing_sentence(candidates),
             VerdictKind::Unexplained => self.unexplained_sentence(),
             VerdictKind::None => self.none_sentence(candidates),
-        };
-        let equivalent = self.class_slugs();
-        Verdict { kind, effects, equivalent, sentence }
+        }
     }
 
     /// Whether something remains that the best model does not explain.
     pub fn remains(&self) -> bool {
-        !self.unexplained.is_empty() || self.left.is_too_large()
+        self.verdict.has_structure || self.verdict.exceeds_noise
     }
 
     /// The noise of one position (µm): known, or else what is estimated beside the best model, white and slow together, or, where that holds a misfit,
     /// what does not come again in every cycle.
     fn noise_um(&self) -> f64 {
-        let model = self.found.claimed.as_ref().unwrap_or(&self.found.base);
+        let model = self.model.unwrap_or(&self.found.base);
         let learnt_um = self.subject.noise().row_sd_um(&model.fitted.noise);
         let least_um = 1e6 * self.subject.yardstick_m();
-        match (self.left.is_known, self.left.is_too_large()) {
+        match (self.left.is_known, self.verdict.exceeds_noise) {
             (true, _) => least_um,
             (false, true) => 1e6 * self.left.noise_m,
             (false, false) => learnt_um.max(least_um),
@@ -297,15 +273,16 @@ impl Report<'_> {
         }
     }
 
-    fn missing_sentence(&self, effects: &[String], candidates: &[CandidateEntry]) -> String {
-        let Some(claimed) = &self.found.claimed else { return String::new() };
+    fn missing_sentence(&self, candidates: &[CandidateEntry]) -> String {
+        let Some(claimed) = self.model else { return String::new() };
+        let effects = &self.verdict.effects;
         let errors = self.errors_words(claimed);
         let claimed = candidates.iter().filter(|candidate| candidate.status == Status::Claimed);
         let refits: Vec<&Refit> = claimed.filter_map(|candidate| candidate.refit.as_ref()).collect();
         let sizes: Vec<String> = refits.iter().filter_map(|refit| refit.parameters.first().map(size)).collect();
         let several: Vec<String> = refits.iter().filter_map(|refit| in_words(&refit.answers)).collect();
         let several = several.concat();
-        let class = match &self.class_slugs()[..] {
+        let class = match &self.verdict.equivalent[..] {
             [] => String::new(),
             class => {
                 let which = if effects.len() > 1 { "one of them" } else { "it" };
@@ -325,21 +302,21 @@ impl Report<'_> {
     /// What no effect explains, in words; `None` where nothing is found, or nobody asked and only the size of the noise gives it away.
     fn what_remains(&self) -> Option<String> {
         let first = || self.unexplained.first().map(|first| first.sentence.clone());
-        self.leftover.map(|leftover| leftover.entry.sentence.clone()).or_else(first)
+        self.leftover.as_ref().map(|leftover| leftover.entry.sentence.clone()).or_else(first)
     }
 
     fn unexplained_sentence(&self) -> String {
         let what = self.what_remains().unwrap_or_default();
         let rest = if what.is_empty() { String::new() } else { format!(" Unexplained, here: {what}") };
-        if let Some(helping) = &self.found.claimed {
-            let effects = listed(&self.found.added(helping).into_iter().map(String::from).collect::<Vec<_>>(), "and");
+        if let Some(helping) = self.model {
+            let effects = listed(&self.verdict.effects, "and");
             return format!(
                 "The model is still wrong with all that was tried: with {effects} it leaves {}. Of the library {effects} helps most, but it is not the cause ({}): read no property from its size.{rest}",
                 self.excess_words(),
                 self.errors_words(helping)
             );
         }
-        if !self.unexplained.is_empty() {
+        if self.verdict.has_structure {
             return format!("No effect of the library explains what the model leaves.{rest}");
         }
         format!(
@@ -376,15 +353,11 @@ impl Report<'_> {
         let rows = if errors.rmse_heldout_um.is_some() { "held-out cycle" } else { "fitted cycles" };
         let rmse_um = errors.rmse_heldout_um.unwrap_or(errors.rmse_fitted_um);
         let left = self.left.heldout.unwrap_or(self.left.fitted).rms_m;
-        let over = left / self.left.noise_m;
-        let positions = if errors.rmse_heldout_um.is_some() { &self.subject.scored_m } else { &self.subject.fitted_m };
-        let n = positions.iter().flatten().count() as f64;
-        let by_chance = ChiSquared::new(n).map_or(1.0, |chi| chi.sf(n * over * over));
-        if self.left.is_known && over > LARGEST_SILENT_FACTOR && by_chance < FALSE_ALARM {
+        if self.verdict.is_doubtful {
             return format!(
                 "Something may be missing: the model leaves {} µm on the {rows}, {} times the given noise. No effect of the library explains it, and slow noise beside the given one would look the same.{hint}",
                 short(1e6 * left),
-                short(over),
+                short(left / self.left.noise_m),
             );
         }
         format!(

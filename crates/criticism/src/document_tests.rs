@@ -4,11 +4,13 @@ use nalgebra::DMatrix;
 
 use super::*;
 use crate::NoiseValues;
+use crate::criteria::Criteria;
 use crate::derivatives::columns_m;
 use crate::outside::OutsideKind;
 use crate::search::tests::{BIAS, DRIFT_M_PER_S, found, found_beside, refitted, small};
 use crate::separation::tests::measured;
 use crate::test_replica::replica_with;
+use crate::verdict::{Addition, Evidence, Proposal, Residual, ResidualTest, Rival, verdict};
 use models::effects::Library;
 use posterior::misfit::Size;
 use posterior::monitor::Silent;
@@ -25,9 +27,44 @@ const WITHIN: Misfit = Misfit {
     learnt_degrees: 1.0,
 };
 
-/// Of a search alone: nothing is unexplained, and no other effect stands for a claimed one.
-fn plain<'a>(subject: &'a Subject, request: &'a DiagnosisRequest, found: &'a Found) -> Report<'a> {
-    Report { subject, request, found, unexplained: &[], left: &WITHIN, class: &[], leftover: None, event: None }
+/// The verdict on a model that passes, or on the base, with what is left beside it and rivals that are not separated from it.
+fn decided(
+    model: Option<&Refitted>,
+    found: &SearchResult,
+    left: &Misfit,
+    outside: &[Outside],
+    rivals: &[&str],
+) -> Verdict {
+    let test = ResidualTest {
+        structure: outside.iter().map(Outside::evidence).collect(),
+        replaces_effects: false,
+        residual: Some(Residual::Record(*left, 100)),
+    };
+    let gain = Gain { fitted: 20.0, future: Some(9.0), last: Some(3.0), largest_change: 1.0, rank: 23.0 };
+    let proposal = |model: &Refitted| {
+        let effects = found.added(model).into_iter().map(String::from).collect();
+        let addition = Addition { effects, gain, over_base: gain, p: 0.01, round: 0 };
+        Proposal { addition, test: Some(test.clone()), alone: None }
+    };
+    let rival =
+        |slug: &&str| Rival { effect: slug.to_string(), deficit_nats: 1.0, separation_sigma: Some(1.0), lead_p: None };
+    let evidence = Evidence {
+        proposals: model.map(proposal).into_iter().collect(),
+        base: Some(test.clone()),
+        rivals: rivals.iter().map(rival).collect(),
+    };
+    verdict(&evidence, &Criteria::RECORD)
+}
+
+/// Of a search and its verdict alone: nothing is unexplained.
+fn plain<'a>(
+    subject: &'a Subject,
+    request: &'a DiagnosisRequest,
+    found: &'a SearchResult,
+    (verdict, model): (&'a Verdict, Option<&'a Refitted>),
+) -> Report<'a> {
+    let (unexplained, left, equivalent) = (&[], &WITHIN, &[]);
+    Report { subject, request, found, verdict, model, unexplained, left, leftover: None, event: None, equivalent }
 }
 
 /// Something outside the library; what stands in it but its words is not looked at.
@@ -59,43 +96,43 @@ fn the_verdict_follows_claim_structure_and_noise() {
     let mut found = found(&data, &[1.0; 99]);
     let request = request();
     let too_large = Misfit { heldout: Some(LARGE), returning_m: Some(5e-6), ..WITHIN };
-    let kind = |found: &Found, unexplained: &[Outside], left: &Misfit| {
-        let report = Report { unexplained, left, ..plain(&data, &request, found) };
+    let kind = |found: &SearchResult, model: Option<&Refitted>, unexplained: &[Outside], left: &Misfit| {
+        let verdict = decided(model, found, left, unexplained, &[]);
+        let report = Report { unexplained, left, ..plain(&data, &request, found, (&verdict, model)) };
         let statuses: Vec<Status> = found.singles.iter().map(|single| report.status(single)).collect();
-        let verdict = report.verdict(&[]);
-        (verdict.kind, verdict.effects, verdict.sentence, statuses)
+        (verdict.kind, verdict.effects.clone(), report.sentence(&[]), statuses)
     };
     let outside = [slip(&found.base)];
     // However large the noise that the model has learnt: what is left decides.
     found.base.fitted.noise = NoiseValues::new([4.0, 5.0, 1.0, 0.01, 1.0]);
-    let (none, effects, sentence, statuses) = kind(&found, &[], &WITHIN);
+    let (none, effects, sentence, statuses) = kind(&found, None, &[], &WITHIN);
     assert_eq!((none, effects.len()), (VerdictKind::None, 0));
     // The bias moves the whole cycle, which a gain and an offset would take up: why the noise is called none is said.
     let own = "on the held-out cycle, 4.00 µm of it when a gain and an offset of the cycle are taken out, which the noise has (noise 4.00)";
     assert!(sentence.contains(own), "{sentence}");
     assert_eq!(statuses[1], Status::Suggestive);
-    let (unexplained, _, sentence, statuses) = kind(&found, &outside, &WITHIN);
+    let (unexplained, _, sentence, statuses) = kind(&found, None, &outside, &WITHIN);
     assert_eq!(unexplained, VerdictKind::Unexplained);
     assert!(sentence.ends_with("a slip.") && statuses[1] == Status::Unsupported, "{sentence}");
-    let (unexplained, effects, sentence, _) = kind(&found, &[], &too_large);
+    let (unexplained, effects, sentence, _) = kind(&found, None, &[], &too_large);
     assert_eq!((unexplained, effects.len()), (VerdictKind::Unexplained, 0));
     assert!(sentence.contains("6.40 µm on the held-out cycle, 1.6 times the known noise of 4.00 µm"), "{sentence}");
     assert!(sentence.contains("5.00 µm of it come again in every cycle"), "{sentence}");
     // Where none was given, none is called known.
     let estimated = Misfit { is_known: false, ..WITHIN };
-    let (none, _, sentence, _) = kind(&found, &[], &estimated);
+    let (none, _, sentence, _) = kind(&found, None, &[], &estimated);
     assert_eq!(none, VerdictKind::None);
     assert!(sentence.contains("(noise 6.40, estimated)") && !sentence.contains("known"), "{sentence}");
-    found.claimed = found.singles[1].refitted.clone();
+    let claimed = found.singles[1].refitted.as_ref();
     for (list, remains) in [(&outside[..0], false), (&outside[..], true)] {
-        let (missing, effects, sentence, statuses) = kind(&found, list, &WITHIN);
+        let (missing, effects, sentence, statuses) = kind(&found, claimed, list, &WITHIN);
         assert_eq!((missing, effects), (VerdictKind::Missing, vec!["force-bias".to_string()]));
         assert_eq!(sentence.contains("Unexplained, here: a slip."), remains);
         assert_eq!(statuses[1], Status::Claimed);
         assert!(statuses[0] != Status::Suggestive && statuses[2] != Status::Suggestive);
     }
     // What helps without being enough is no cause.
-    let (unexplained, effects, sentence, statuses) = kind(&found, &[], &too_large);
+    let (unexplained, effects, sentence, statuses) = kind(&found, claimed, &[], &too_large);
     assert_eq!((unexplained, effects), (VerdictKind::Unexplained, vec!["force-bias".to_string()]));
     assert!(sentence.starts_with("The model is still wrong") && sentence.contains("not the cause"), "{sentence}");
     assert_eq!(statuses[1], Status::Suggestive);
@@ -103,32 +140,17 @@ fn the_verdict_follows_claim_structure_and_noise() {
 
 #[test]
 #[ignore = "thorough"]
-fn a_standing_is_that_of_gain_visibility_and_class() {
+fn a_rival_that_is_not_separated_is_named() {
     let data = measured(&small(), &["force-bias"], &[BIAS], 32);
-    let mut found = found(&data, &[1.0; 99]);
-    let of = |found: &mut Found, gain: f64, visible: Option<f64>| {
-        let single = &mut found.singles[2];
-        single.gain = single.gain.map(|own| Gain { fitted: gain, ..own });
-        single.score = single.score.take().map(|own| rank::Score { visible_fraction: visible.unwrap_or(0.5), ..own });
-        if visible.is_none() {
-            single.score = None;
-        }
-        plain(&data, &request(), found).status(&found.singles[2])
-    };
-    assert_eq!(of(&mut found, 2.1, Some(0.5)), Status::Suggestive);
-    assert_eq!(of(&mut found, 1.9, Some(0.5)), Status::Unsupported);
-    assert_eq!(of(&mut found, 1.9, Some(0.9e-3)), Status::Invisible);
-    assert_eq!(of(&mut found, 2.1, Some(0.9e-3)), Status::Suggestive);
-    assert_eq!(of(&mut found, 1.9, None), Status::Invisible);
-    let class = [Equivalent { slug: "force-asymmetry", model: found.base.clone() }];
-    found.claimed = found.singles[1].refitted.clone();
+    let found = found(&data, &[1.0; 99]);
+    let claimed = found.singles[1].refitted.as_ref();
+    let verdict = decided(claimed, &found, &WITHIN, &[], &["force-asymmetry"]);
     let request = request();
-    let report = Report { class: &class, ..plain(&data, &request, &found) };
-    let statuses: Vec<Status> = found.singles.iter().map(|single| report.status(single)).collect();
-    assert_eq!(statuses, [Status::Equivalent, Status::Claimed, Status::Invisible]);
-    let verdict = report.verdict(&[]);
-    assert_eq!(verdict.equivalent, ["force-asymmetry"]);
-    assert!(verdict.sentence.contains("cannot tell it from force-asymmetry"), "{}", verdict.sentence);
+    let report = plain(&data, &request, &found, (&verdict, claimed));
+    let statuses: Vec<Status> = found.singles[..2].iter().map(|single| report.status(single)).collect();
+    assert_eq!(statuses, [Status::Equivalent, Status::Claimed]);
+    let sentence = report.sentence(&[]);
+    assert!(sentence.contains("cannot tell it from force-asymmetry"), "{sentence}");
 }
 
 /// Half the square of a signal is what it gains on average: the threshold of simulated searches in σ, and one more.
@@ -138,7 +160,8 @@ fn the_threshold_is_the_signal_that_gains_it() {
     for (simulated, sigma) in [(8.0, 5.0), (0.5, 3.0)] {
         let found = found(&data, &[simulated; 20]);
         let request = request();
-        let report = plain(&data, &request, &found);
+        let nothing = decided(None, &found, &WITHIN, &[], &[]);
+        let report = plain(&data, &request, &found, (&nothing, None));
         assert!((report.threshold_sigma() - sigma).abs() < 1e-12);
     }
 }
@@ -152,7 +175,8 @@ fn errors_and_predictive_noise_are_those_of_dense_algebra() {
     let mut model = found.base.clone();
     model.fitted.noise = NoiseValues::new([4.0, 2.0, 0.8, 0.002, 1.0]);
     let request = request();
-    let report = plain(&data, &request, &found);
+    let nothing = decided(None, &found, &WITHIN, &[], &[]);
+    let report = plain(&data, &request, &found, (&nothing, None));
     let errors = report.errors(&model);
     let scored: Vec<usize> = (0..data.scored_m.len()).filter(|row| data.scored_m[*row].is_some()).collect();
     let x_m = &model.fitted.position_m;
@@ -193,11 +217,11 @@ fn errors_and_predictive_noise_are_those_of_dense_algebra() {
 #[ignore = "thorough"]
 fn a_document_holds_the_claim_with_sizes_of_the_whole_model() {
     let data = measured(&small(), &["force-bias", "tracking-drift"], &[BIAS, DRIFT_M_PER_S], 35);
-    let mut found = found(&data, &[1.0, 1e9, 2.0, 1e9]);
+    let found = found(&data, &[1.0, 1e9, 2.0, 1e9]);
     let pair = refitted(&data, &found, &["force-bias", "tracking-drift"]);
-    found.claimed = Some(pair.clone());
+    let verdict = decided(Some(&pair), &found, &WITHIN, &[], &[]);
     let request = request();
-    let report = plain(&data, &request, &found);
+    let report = plain(&data, &request, &found, (&verdict, Some(&pair)));
     let document = report.document(vec![3], &Silent).expect("a document");
     assert_eq!(document.verdict.effects, ["force-bias", "tracking-drift"]);
     assert_eq!((&document.outlier_rows[..], &document.heldout_cycles[..]), (&[3][..], &[4][..]));
@@ -244,13 +268,17 @@ fn a_document_holds_the_claim_with_sizes_of_the_whole_model() {
 fn what_cannot_come_near_the_claim_gets_a_bound() {
     let data = measured(&small(), &["force-bias"], &[BIAS], 36);
     let mut found = found(&data, &[1.0; 99]);
-    found.claimed = found.single("force-bias").and_then(|single| single.refitted.clone());
-    let at = |found: &Found, slug: &str| Weighing::new(&data, found, (true, 1), &Silent).expect("weighed").factor(slug);
+    let claimed = found.single("force-bias").and_then(|single| single.refitted.clone());
+    let verdict = decided(claimed.as_ref(), &found, &WITHIN, &[], &[]);
+    let request = DiagnosisRequest::default();
+    let weighed =
+        |found: &SearchResult| Weighing::new(&data, &request, (found, claimed.as_ref()), &Silent).expect("weighed");
+    let at = |found: &SearchResult, slug: &str| weighed(found).factor(slug);
     let Factor::Known(claim) = at(&found, "force-bias") else { panic!("the claim is weighed") };
     let gain = found.single("force-bias").and_then(|single| single.gain).expect("refitted").fitted;
     assert!(claim > 20.0 && claim < gain + 5.0, "{claim} {gain}");
     let drift = found.singles.iter().position(|single| single.slug == "tracking-drift").expect("of the library");
-    let with_gain = |found: &mut Found, nats: f64| {
+    let with_gain = |found: &mut SearchResult, nats: f64| {
         let single = &mut found.singles[drift];
         single.gain = single.gain.map(|own| Gain { fitted: nats, ..own });
     };
@@ -263,10 +291,9 @@ fn what_cannot_come_near_the_claim_gets_a_bound() {
     let single = found.single("tracking-drift").and_then(|single| single.refitted.as_ref()).expect("refitted");
     assert!(near < single.fitted.objective - found.base.fitted.objective + 5.0, "{near}");
     with_gain(&mut found, 3.0);
-    let request = DiagnosisRequest::default();
-    let weighing = Weighing::new(&data, &found, (true, request.seed), &Silent).expect("weighed");
+    let weighing = weighed(&found);
     assert!(weighing.remarks.iter().any(|remark| remark.contains("tracking-drift")), "{:?}", weighing.remarks);
-    let report = plain(&data, &request, &found);
+    let report = plain(&data, &request, &found, (&verdict, claimed.as_ref()));
     let entry = report.candidate(&found.singles[drift], Vec::new(), &weighing).expect("derivatives");
     let refit = entry.refit.expect("refitted");
     assert_eq!((refit.log_bayes_factor, refit.log_bayes_factor_at_most), (None, Some(8.0)));
@@ -282,8 +309,9 @@ fn a_law_that_is_not_linear_is_not_weighed_beside_a_claim() {
     let mut found = found_beside(&data, &SLUGS);
     let near = Gain { fitted: 1e3, future: None, last: None, largest_change: 1.0, rank: 1e3 };
     found.singles.iter_mut().for_each(|single| single.gain = Some(near));
-    found.claimed = found.singles[0].refitted.clone();
-    let weighing = Weighing::new(&data, &found, (true, 1), &Silent).expect("weighed");
+    let claimed = found.singles[0].refitted.as_ref();
+    let request = DiagnosisRequest::default();
+    let weighing = Weighing::new(&data, &request, (&found, claimed), &Silent).expect("weighed");
     assert!(matches!(weighing.factor("force-bias"), Factor::Known(_)));
     assert_eq!(weighing.factor("strain-stiffening"), Factor::AtMost(1005.0));
     let [remark] = &weighing.remarks[..] else { panic!("{:?}", weighing.remarks) };

@@ -1,6 +1,6 @@
 //! What every effect would explain of what the base leaves: the change of the fitted curve.
 
-use super::search::{Found, Single};
+use super::search::{SearchResult, Single};
 use super::subject::Subject;
 use figures::fingerprints::Fingerprints;
 
@@ -8,7 +8,7 @@ use figures::fingerprints::Fingerprints;
 const MOST_ROWS: usize = 2000;
 
 /// The fingerprints of all effects that were refitted, what gains most first.
-pub fn fingerprints(subject: &Subject, found: &Found) -> Fingerprints {
+pub fn fingerprints(subject: &Subject, found: &SearchResult) -> Fingerprints {
     let experiment = subject.experiment();
     let record = &experiment.record;
     let base_m = &found.base.fitted.position_m;

@@ -5,6 +5,7 @@
 //! parameters, so that these mean what they meant. Nobody knows whether, when and with which sign such a thing comes again: predictions are not moved
 //! by it, and their variance grows by its mean square, s² → s² + ⟨m² + v⟩, with m its mean and v its variance in the fitted rows.
 
+use super::criteria::Criteria;
 use super::derivatives::columns_m;
 use super::outside::{Axis, Discrepancy, Outside, OutsideKind, OutsideRequest, discrepancies, events_over_all_cycles};
 use super::predicted::predictive_noise_um;
@@ -20,8 +21,6 @@ use posterior::misfit::{Misfit, Remainder};
 
 /// Share of a cycle within which a change of gain counts as one between cycles: positions near zero do not show the moment.
 const CYCLE_EDGE: f64 = 0.05;
-/// p above which a process beside a known shape is not spoken of.
-const LARGEST_P: f64 = 0.05;
 
 /// What a model leaves, beside what the noise allows. What was recognised as no part of any law, as a slip, has been taken out.
 ///
@@ -57,7 +56,12 @@ impl Leftover {
     ///
     /// # Errors
     /// As [`discrepancies`].
-    pub fn of(subject: &Subject, model: &Refitted, unexplained: &[Outside], request: &OutsideRequest) -> Result<Self> {
+    pub fn of(
+        subject: &Subject,
+        model: &Refitted,
+        unexplained: &[Outside],
+        (criteria, request): (&Criteria, &OutsideRequest),
+    ) -> Result<Self> {
         let leading = unexplained.first();
         let curve = leading.and_then(|outside| outside.kind.axis_of_curve());
         let shape = leading.filter(|_| curve.is_none());
@@ -65,7 +69,9 @@ impl Leftover {
         let processes = discrepancies(subject, candidate, fitted, request)?;
         let process = match (curve, shape) {
             (Some(axis), _) => processes.into_iter().find(|process| process.axis == axis),
-            (None, Some(_)) => processes.into_iter().next().filter(|process| process.p_familywise <= LARGEST_P),
+            (None, Some(_)) => {
+                processes.into_iter().next().filter(|process| process.p_familywise <= criteria.largest_process_p)
+            }
             (None, None) => processes.into_iter().next(),
         };
         let rows: Vec<usize> = (0..subject.fitted_m.len()).filter(|row| subject.fitted_m[*row].is_some()).collect();
@@ -121,7 +127,7 @@ impl Leftover {
     }
 }
 
-/// The leading event of a significance, over all cycles, the scored one included, beside what has been found in the fitted ones; where something has
+/// The leading significant event, over all cycles, the scored one included, beside what has been found in the fitted ones; where something has
 /// been, one in the scored cycle only, since the fitted ones have been searched and one structure looks like others.
 ///
 /// # Errors
@@ -130,15 +136,15 @@ pub(super) fn event_in_any_cycle(
     subject: &Subject,
     model: &Refitted,
     unexplained: &[Outside],
-    request: &OutsideRequest,
-    is_significant: impl Fn(&Outside) -> bool,
+    (criteria, request): (&Criteria, &OutsideRequest),
 ) -> Result<Option<Outside>> {
     let (candidate, fitted) = with_shape(model, unexplained.first());
     let found = events_over_all_cycles(subject, candidate, fitted, request)?;
     let is_new = |event: &Outside| unexplained.is_empty() || scored_cycle_of(subject, event).is_some();
-    let mut wanted =
-        found.into_iter().filter(|event| is_significant(event) && is_new(event) && !is_gain_of_a_cycle(subject, event));
-    Ok(wanted.next())
+    let is_wanted = |event: &Outside| {
+        criteria.is_significant(&event.evidence()) && is_new(event) && !is_gain_of_a_cycle(subject, event)
+    };
+    Ok(found.into_iter().find(is_wanted))
 }
 
 /// A gain that changes where a cycle begins is what the noise holds for every cycle.

@@ -12,6 +12,7 @@ mod class;
 pub mod compare;
 #[cfg(test)]
 mod controls_tests;
+pub mod criteria;
 pub mod derivatives;
 pub mod detectable;
 pub mod diagnose;
@@ -46,6 +47,7 @@ mod test_protocols;
 mod test_replica;
 #[cfg(test)]
 pub(crate) mod test_subjects;
+pub mod verdict;
 mod weighing;
 
 // Tests that other crates share name this crate as those do.

@@ -1,23 +1,22 @@
 //! What a caller of `diagnose` decides.
 
-use super::search::Bars;
+use super::criteria::Criteria;
 
-/// What a caller decides.
+/// Request of a diagnosis.
 #[derive(Debug, Clone, PartialEq)]
 pub struct DiagnosisRequest {
-    /// What a claim has to pass.
-    pub bars: Bars,
+    /// Thresholds of the verdict.
+    pub criteria: Criteria,
     /// Most simulated searches a round.
     pub n_simulations: usize,
     /// Seed of all random numbers.
     pub seed: u64,
-    /// Whether to look for what only words need: evidence of all candidates, protocols, smallest sizes. `challenge run` leaves them out.
+    /// Whether to compute every p, and what only words need: evidence of all candidates, protocols, smallest sizes. `challenge run` leaves them out.
     pub in_full: bool,
 }
 
 impl Default for DiagnosisRequest {
     fn default() -> Self {
-        let bars = Bars { largest_p: 0.05, least_future_nats: 2.0, smallest_change: 0.25 };
-        Self { bars, n_simulations: 99, seed: 1, in_full: true }
+        Self { criteria: Criteria::RECORD, n_simulations: 99, seed: 1, in_full: true }
     }
 }

@@ -3,44 +3,20 @@
 use rayon::prelude::*;
 
 use super::bootstrap::{Bootstrap, Simulations};
+use super::criteria::Criteria;
 use super::rank::{Score, pair_score};
 use super::refit::{Gain, Refitted, refit_all};
+use super::request::DiagnosisRequest;
 use super::screen::Screen;
+use super::verdict::Addition;
 use super::{Candidate, Search, Subject, large};
 use crate::NoiseValues;
 use base::error::Result;
 use posterior::monitor::Monitor;
 
-/// What an addition has to pass to be claimed.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Bars {
-    /// Largest familywise p of the first round; each further round spends half of the one before.
-    pub largest_p: f64,
-    /// Smallest gain, nats, in the log score of future cycles.
-    pub least_future_nats: f64,
-    /// Smallest change of a prediction, over the noise.
-    pub smallest_change: f64,
-}
-
-impl Bars {
-    /// Largest p of a round, from 0.
-    fn p_of_round(&self, round: usize) -> f64 {
-        self.largest_p / 2.0_f64.powi(round as i32)
-    }
-}
-
-/// Most effects that one search adds.
-const MOST_EFFECTS: usize = 3;
-/// What a claim may lose in the log score of the cycle that no fit has seen, nats: an effect that does not show there gains and loses next to nothing.
-const LARGEST_LOSS_NATS: f64 = 0.1;
-/// A larger model has to outrank a smaller one by this factor and so many nats.
-const LARGER_FACTOR: f64 = 1.03;
-pub(super) const LARGER_NATS: f64 = 8.0;
-/// An effect whose removal costs less stays out.
-const LEAST_REMOVAL_NATS: f64 = 4.0;
 /// Pairs that are refitted for their grouped score, besides all of the best single effect.
 const N_LEADING_PAIRS: usize = 10;
-/// A second effect whose bound ([`Screen`]) stays below this adds too little to be wanted, by [`LARGER_NATS`], and is not refitted.
+/// A second effect whose bound ([`Screen`]) stays below this adds too little to be wanted, by [`Criteria::larger_nats`], and is not refitted.
 const LEAST_BOUND_NATS: f64 = 4.0;
 /// Pairs that are refitted from every start.
 const N_WIDE_PAIRS: usize = 6;
@@ -59,22 +35,17 @@ pub struct Single {
     pub score: Option<Score>,
 }
 
-/// A claim, or what comes nearest to one.
+/// A model with effects, as one round proposes it.
+#[derive(Clone)]
 pub struct Step {
-    /// Slugs beside the base.
-    pub effects: Vec<String>,
+    /// Its effects, with gains and p.
+    pub addition: Addition,
     /// The model.
     pub refitted: Refitted,
-    /// Its gain over the model before.
-    pub gain: Gain,
-    /// p of that gain, corrected for the search of its round.
-    pub p: f64,
-    /// Whether it passes the bars.
-    pub is_claimed: bool,
 }
 
-/// What the search found.
-pub struct Found {
+/// Result of a search.
+pub struct SearchResult {
     /// The base at its fit.
     pub base: Refitted,
     /// Every effect of the library, in its order.
@@ -83,22 +54,22 @@ pub struct Found {
     pub bootstrap: Bootstrap,
     /// Pairs, best first, with their gains over the base.
     pub pairs: Vec<(Refitted, Gain)>,
-    /// One step a round, in order; the last may be unclaimed.
+    /// One step a round, in order; the last may fail.
     pub steps: Vec<Step>,
-    /// The model that is claimed; `None` when none is.
-    pub claimed: Option<Refitted>,
+    /// The largest model that passes, less what it does not need; `None` where none passes.
+    pub largest: Option<Step>,
 }
 
-impl Found {
+impl SearchResult {
     /// Effects beside the base of a model.
     pub fn added<'a>(&self, model: &'a Refitted) -> Vec<&'a str> {
         let n_base = self.base.candidate.effects.len();
         model.candidate.effects[n_base..].iter().map(String::as_str).collect()
     }
 
-    /// The model of the first round, where that was claimed: the one effect that helps most.
-    pub fn first_claimed(&self) -> Option<&Refitted> {
-        self.steps.first().filter(|step| step.is_claimed).map(|step| &step.refitted)
+    /// The best single effect, if it passes.
+    pub fn leading(&self, criteria: &Criteria) -> Option<&Step> {
+        self.steps.first().filter(|step| criteria.passes(&step.addition))
     }
 
     /// A single effect by its slug.
@@ -107,28 +78,11 @@ impl Found {
     }
 }
 
-/// How the search is run.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Effort {
-    /// Most simulated searches a round.
-    pub n_simulations: usize,
-    /// Whether every p is wanted, and not only what it decides.
-    pub in_full: bool,
-    /// Seed of all random numbers.
-    pub seed: u64,
-}
-
-impl Effort {
-    fn simulations(&self, p: f64) -> Simulations {
-        Simulations { most: self.n_simulations, only_for: (!self.in_full).then_some(p) }
-    }
-}
-
 /// Searches.
 ///
 /// # Errors
 /// Whatever fitting the base refuses.
-pub fn search(subject: &Subject, bars: &Bars, effort: &Effort, monitor: &dyn Monitor) -> Result<Found> {
+pub fn search(subject: &Subject, request: &DiagnosisRequest, monitor: &dyn Monitor) -> Result<SearchResult> {
     monitor.stage("fitting the model");
     let mut base = Refitted::new(subject, subject.base(), &[], Search::Wide)?;
     large::prepare(subject, &base, monitor);
@@ -144,7 +98,7 @@ pub fn search(subject: &Subject, bars: &Bars, effort: &Effort, monitor: &dyn Mon
         refitted = refitted.into_iter().zip(again).map(|(first, again)| better_of(first, again)).collect();
     }
     let scores =
-        super::rank::scores(subject, &base.candidate, &base.fitted, &models.iter().collect::<Vec<_>>(), effort.seed)?;
+        super::rank::scores(subject, &base.candidate, &base.fitted, &models.iter().collect::<Vec<_>>(), request.seed)?;
     let mut results = refitted.into_iter().zip(scores);
     let singles: Vec<Single> = slugs
         .into_iter()
@@ -160,12 +114,13 @@ pub fn search(subject: &Subject, bars: &Bars, effort: &Effort, monitor: &dyn Mon
     monitor.stage("simulating searches where nothing is missing");
     // As many as decide about the gain that is judged.
     let judged = best_single(&singles).and_then(|single| single.gain).map_or(0.0, |gain| gain.fitted);
-    let simulations = effort.simulations(bars.p_of_round(0));
-    let bootstrap = Bootstrap::run(subject, &base, &models, judged, simulations, effort.seed ^ 0x5eed, monitor);
-    let mut found = Found { base, singles, bootstrap, pairs: Vec::new(), steps: Vec::new(), claimed: None };
+    let decides = (!request.in_full).then_some(request.criteria.p_of_round(0));
+    let simulations = Simulations { most: request.n_simulations, only_for: decides };
+    let bootstrap = Bootstrap::run(subject, &base, &models, judged, simulations, request.seed ^ 0x5eed, monitor);
+    let mut found = SearchResult { base, singles, bootstrap, pairs: Vec::new(), steps: Vec::new(), largest: None };
     monitor.stage("refitting pairs of effects");
-    found.pairs = pairs(subject, &found, monitor);
-    rounds(subject, bars, effort, &mut found, monitor);
+    found.pairs = pairs(subject, &request.criteria, &found, monitor);
+    rounds(subject, request, &mut found, monitor);
     Ok(found)
 }
 
@@ -197,7 +152,7 @@ fn base_from(subject: &Subject, base: &Refitted, larger: &[Option<Refitted>]) ->
 }
 
 /// Pairs with the best grouped scores, and those with the best single effect to which the other one adds anything to first order.
-fn pairs(subject: &Subject, found: &Found, monitor: &dyn Monitor) -> Vec<(Refitted, Gain)> {
+fn pairs(subject: &Subject, criteria: &Criteria, found: &SearchResult, monitor: &dyn Monitor) -> Vec<(Refitted, Gain)> {
     let usable: Vec<&Single> = found.singles.iter().filter(|single| single.refitted.is_some()).collect();
     let mut scored: Vec<(f64, [&str; 2])> = Vec::new();
     for (i, a) in usable.iter().enumerate() {
@@ -230,7 +185,7 @@ fn pairs(subject: &Subject, found: &Found, monitor: &dyn Monitor) -> Vec<(Refitt
     };
     let mut list = ranked(refit_all(subject, &candidates, &contained, Search::Local, monitor));
     // Where a pair comes near to being wanted, the leaders deserve every start.
-    let wanted_rank = LARGER_FACTOR * best_single(&found.singles).map_or(0.0, rank_of).max(0.0) + LARGER_NATS;
+    let wanted_rank = criteria.rank_of_larger(best_single(&found.singles).map_or(0.0, rank_of));
     if list.first().is_some_and(|(_, gain)| gain.rank > 0.5 * wanted_rank) {
         let n_wide = N_WIDE_PAIRS.min(list.len());
         let leaders: Vec<Candidate> = list[..n_wide].iter().map(|(pair, _)| pair.candidate.clone()).collect();
@@ -261,59 +216,44 @@ fn rank_of(single: &Single) -> f64 {
     single.gain.map_or(f64::NEG_INFINITY, |gain| gain.rank)
 }
 
-/// Adds effects, one a round, while each passes the bars; then takes back what is not needed any more.
-fn rounds(subject: &Subject, bars: &Bars, effort: &Effort, found: &mut Found, monitor: &dyn Monitor) {
+/// Adds effects, one a round, while each passes; then takes back what is not needed any more.
+fn rounds(subject: &Subject, request: &DiagnosisRequest, found: &mut SearchResult, monitor: &dyn Monitor) {
+    let criteria = &request.criteria;
     let Some(first) = best_single(&found.singles) else { return };
     let (Some(refitted), Some(gain)) = (first.refitted.clone(), first.gain) else { return };
-    let p = found.bootstrap.p(gain.fitted);
-    let is_claimed = passes(bars, &gain, p, 0);
-    let slug = first.slug.to_string();
-    found.steps.push(Step { effects: vec![slug], refitted: refitted.clone(), gain, p, is_claimed });
+    let addition = Addition::single(first.slug, gain, found.bootstrap.p(gain.fitted));
+    found.steps.push(Step { addition, refitted: refitted.clone() });
+    found.largest = found.leading(criteria).cloned();
     let mut current = refitted;
-    let mut standing = is_claimed;
-    for round in 1..MOST_EFFECTS {
+    for round in 1..criteria.most_effects {
         let Some((larger, gain)) = next_larger(subject, found, &current, round, monitor) else { break };
-        let rank_now = current.gain_over(&found.base, subject).rank;
         let over_base = larger.gain_over(&found.base, subject);
-        if over_base.rank < LARGER_FACTOR * rank_now.max(0.0) + LARGER_NATS {
+        if over_base.rank < criteria.rank_of_larger(current.gain_over(&found.base, subject).rank) {
             break;
         }
         monitor.stage("simulating searches for one effect more");
         let additions = additions_to(subject, &current);
         // Of later rounds the decision is reported, not p.
-        let simulations = Simulations { most: effort.n_simulations, only_for: Some(bars.p_of_round(round)) };
-        let seed = effort.seed ^ (0xb007 + round as u64);
+        let simulations = Simulations { most: request.n_simulations, only_for: Some(criteria.p_of_round(round)) };
+        let seed = request.seed ^ (0xb007 + round as u64);
         let simulated = Bootstrap::run(subject, &current, &additions, gain.fitted, simulations, seed, monitor);
-        let p = simulated.p(gain.fitted);
-        // Where the step before failed, what it lost counts too.
-        let claimed = passes(bars, &gain, p, round) && predicts(bars, &over_base);
         let effects = found.added(&larger).into_iter().map(String::from).collect();
-        found.steps.push(Step { effects, refitted: larger.clone(), gain, p, is_claimed: claimed });
-        if !claimed {
+        let addition = Addition { effects, gain, over_base, p: simulated.p(gain.fitted), round };
+        let step = Step { addition, refitted: larger.clone() };
+        found.steps.push(step.clone());
+        if !criteria.passes(&step.addition) {
             break;
         }
-        (current, standing) = (larger, true);
+        (current, found.largest) = (larger, Some(step));
     }
-    if standing {
-        found.claimed = Some(without_needless(subject, bars, found, current));
-    }
-}
-
-fn passes(bars: &Bars, gain: &Gain, p: f64, round: usize) -> bool {
-    p <= bars.p_of_round(round) && predicts(bars, gain) && gain.largest_change >= bars.smallest_change
-}
-
-/// Whether future cycles are predicted better, and the last one, which no fit has seen, not worse.
-fn predicts(bars: &Bars, gain: &Gain) -> bool {
-    let is_kept = |last: f64| last > -LARGEST_LOSS_NATS;
-    gain.future.is_some_and(|future| future > bars.least_future_nats) && gain.last.is_some_and(is_kept)
+    found.largest = found.largest.take().map(|largest| without_needless(subject, criteria, found, largest));
 }
 
 /// The best model with one effect more than `current`, and its gain over `current`. After the first round any pair will do, also one without the best
 /// single effect, which may have stood for two others.
 fn next_larger(
     subject: &Subject,
-    found: &Found,
+    found: &SearchResult,
     current: &Refitted,
     round: usize,
     monitor: &dyn Monitor,
@@ -356,35 +296,38 @@ fn additions_to(subject: &Subject, model: &Refitted) -> Vec<Candidate> {
     others.filter_map(|slug| subject.extended(&[&own[..], &[slug]].concat()).ok()).collect()
 }
 
-/// Takes out, one by one, effects whose removal costs next to nothing, while what is left would be claimed by itself.
-fn without_needless(subject: &Subject, bars: &Bars, found: &Found, mut model: Refitted) -> Refitted {
+/// Takes out, one by one, effects whose removal costs next to nothing, while what is left passes by itself.
+fn without_needless(subject: &Subject, criteria: &Criteria, found: &SearchResult, mut step: Step) -> Step {
     loop {
-        let own: Vec<String> = found.added(&model).into_iter().map(String::from).collect();
+        let own = &step.addition.effects;
         if own.len() < 2 {
-            return model;
+            return step;
         }
-        let smaller: Vec<Refitted> = own
+        let smaller: Vec<Step> = own
             .par_iter()
             .filter_map(|slug| {
                 let rest: Vec<&str> = own.iter().filter(|other| *other != slug).map(String::as_str).collect();
-                Refitted::new(subject, subject.extended(&rest).ok()?, &[&found.base], Search::Wide).ok()
+                let candidate = subject.extended(&rest).ok()?;
+                let refitted = Refitted::new(subject, candidate, &[&found.base], Search::Wide).ok()?;
+                let gain = refitted.gain_over(&found.base, subject);
+                let effects = found.added(&refitted).into_iter().map(String::from).collect();
+                let p = found.bootstrap.p(gain.fitted);
+                Some(Step { addition: Addition { effects, gain, over_base: gain, p, round: 0 }, refitted })
             })
             .collect();
-        let cost = |smaller: &Refitted| model.fitted.objective - smaller.fitted.objective;
-        let stands = |smaller: &Refitted| {
-            let gain = smaller.gain_over(&found.base, subject);
-            passes(bars, &gain, found.bootstrap.p(gain.fitted), 0)
-        };
-        let needless = smaller.into_iter().filter(|smaller| cost(smaller) < LEAST_REMOVAL_NATS && stands(smaller));
+        let cost = |smaller: &Step| step.refitted.fitted.objective - smaller.refitted.fitted.objective;
+        let is_needless =
+            |smaller: &Step| cost(smaller) < criteria.least_removal_nats && criteria.passes(&smaller.addition);
+        let needless = smaller.into_iter().filter(is_needless);
         match needless.min_by(|a, b| cost(a).total_cmp(&cost(b))) {
-            Some(smaller) => model = smaller,
-            None => return model,
+            Some(smaller) => step = smaller,
+            None => return step,
         }
     }
 }
 
 /// Models in which one effect of a claim is replaced by another one, with the effect that comes in.
-pub fn replacements(subject: &Subject, found: &Found, claimed: &Refitted) -> Vec<(&'static str, Refitted)> {
+pub fn replacements(subject: &Subject, found: &SearchResult, claimed: &Refitted) -> Vec<(&'static str, Refitted)> {
     let own = found.added(claimed);
     let others: Vec<&'static str> =
         found.singles.iter().filter(|s| s.refitted.is_some() && !own.contains(&s.slug)).map(|s| s.slug).collect();

@@ -7,7 +7,7 @@ use crate::{Fitted, rank};
 use models::effects::Library;
 use posterior::monitor::Silent;
 
-const BARS: Bars = Bars { largest_p: 0.05, least_future_nats: 2.0, smallest_change: 0.25 };
+const CRITERIA: Criteria = Criteria::RECORD;
 const SLUGS: [&str; 3] = ["force-asymmetry", "force-bias", "tracking-drift"];
 /// 8 % of the force, and 0.6 mm/h: each some ten σ and more of the records used here.
 pub const BIAS: f64 = 0.08;
@@ -17,24 +17,8 @@ pub fn small() -> Subject {
     subject_with(&TWO_LEVELS, &Library::only(&SLUGS), &[])
 }
 
-/// A claim predicts future cycles, and does not lose on the one that no fit has seen: a gain on earlier cycles alone was chance in six of eight records in which nothing
-/// was hidden and an effect was claimed.
-#[test]
-fn a_claim_does_not_lose_on_the_last_cycle() {
-    let gain = |future: f64, last: f64| Gain {
-        fitted: 5.0,
-        future: Some(future),
-        last: Some(last),
-        largest_change: 1.0,
-        rank: 5.0 + last,
-    };
-    assert!(predicts(&BARS, &gain(3.0, 2.0)) && predicts(&BARS, &gain(3.0, -0.05)));
-    assert!(!predicts(&BARS, &gain(3.0, -1.0)) && !predicts(&BARS, &gain(1.9, 1.0)));
-    assert!(!predicts(&BARS, &Gain { last: None, future: None, ..gain(3.0, 2.0) }));
-}
-
 /// Base and singles at their fits, with the gains of simulated searches given.
-pub fn found(data: &Subject, simulated: &[f64]) -> Found {
+pub fn found(data: &Subject, simulated: &[f64]) -> SearchResult {
     let base = Refitted::new(data, data.base(), &[], Search::Wide).expect("fits");
     let slugs: Vec<&'static str> = data.library().effects().iter().map(|effect| effect.slug()).collect();
     let models: Vec<Candidate> = slugs.iter().map(|slug| data.extended(&[slug]).expect("addable")).collect();
@@ -48,27 +32,18 @@ pub fn found(data: &Subject, simulated: &[f64]) -> Found {
     let singles = slugs.into_iter().zip(&models).zip(scores).map(single).collect();
     let simulations = Simulations { most: simulated.len(), only_for: None };
     let bootstrap = Bootstrap::of(f64::INFINITY, simulations, |number| simulated[number]);
-    Found { base, singles, bootstrap, pairs: Vec::new(), steps: Vec::new(), claimed: None }
+    SearchResult { base, singles, bootstrap, pairs: Vec::new(), steps: Vec::new(), largest: None }
 }
 
-pub fn refitted(data: &Subject, found: &Found, effects: &[&str]) -> Refitted {
+fn request(n_simulations: usize, criteria: Criteria) -> DiagnosisRequest {
+    DiagnosisRequest { criteria, n_simulations, seed: 1, in_full: false }
+}
+
+pub fn refitted(data: &Subject, found: &SearchResult, effects: &[&str]) -> Refitted {
     let singles: Vec<&Refitted> = found.singles.iter().filter_map(|single| single.refitted.as_ref()).collect();
     let inside = singles.into_iter().filter(|s| s.candidate.effects.iter().all(|e| effects.contains(&e.as_str())));
     let contained: Vec<&Refitted> = inside.chain([&found.base]).collect();
     Refitted::new(data, data.extended(effects).expect("addable"), &contained, Search::Local).expect("fits")
-}
-
-#[test]
-fn each_round_spends_half_of_the_one_before_and_every_bar_has_to_be_passed() {
-    assert_eq!([0, 1, 2].map(|round| BARS.p_of_round(round)), [0.05, 0.025, 0.0125]);
-    let gain = Gain { fitted: 20.0, future: Some(2.1), last: Some(1.0), largest_change: 0.25, rank: 20.0 };
-    assert!(passes(&BARS, &gain, 0.05, 0));
-    assert!(passes(&BARS, &gain, 0.025, 1) && !passes(&BARS, &gain, 0.026, 1));
-    assert!(!passes(&BARS, &gain, 0.051, 0));
-    assert!(!passes(&BARS, &Gain { largest_change: 0.24, ..gain }, 0.01, 0));
-    for future in [Some(2.0), Some(-5.0), None] {
-        assert!(!passes(&BARS, &Gain { future, ..gain }, 0.01, 0), "{future:?}");
-    }
 }
 
 /// Models with numbers of their own: a gain is made of differences, and changes are counted in the noise.
@@ -103,7 +78,7 @@ fn what_a_base_has_is_not_added() {
     let subject = subject_with(&TWO_LEVELS, &Library::only(&SLUGS), &["tracking-drift"]);
     let data = measured(&subject, &[], &[DRIFT_M_PER_S], 3);
     assert_eq!(addable(&data, "tracking-drift").err().as_deref(), Some("the model has `tracking-drift` already"));
-    let found = Found { claimed: None, ..found_beside(&data, &["force-bias"]) };
+    let found = found_beside(&data, &["force-bias"]);
     let bias = found.single("force-bias").and_then(|single| single.refitted.as_ref()).expect("fits");
     assert_eq!(found.added(bias), ["force-bias"]);
     assert!(found.added(&found.base).is_empty());
@@ -112,7 +87,7 @@ fn what_a_base_has_is_not_added() {
 }
 
 /// Base and some singles, none of which is judged.
-pub fn found_beside(data: &Subject, slugs: &[&'static str]) -> Found {
+pub fn found_beside(data: &Subject, slugs: &[&'static str]) -> SearchResult {
     let base = Refitted::new(data, data.base(), &[], Search::Local).expect("fits");
     let single = |slug: &&'static str| {
         let candidate = data.extended(&[slug]).expect("addable");
@@ -121,7 +96,7 @@ pub fn found_beside(data: &Subject, slugs: &[&'static str]) -> Found {
     };
     let singles = slugs.iter().map(single).collect();
     let bootstrap = Bootstrap::of(0.0, Simulations { most: 1, only_for: None }, |_| 0.0);
-    Found { base, singles, bootstrap, pairs: Vec::new(), steps: Vec::new(), claimed: None }
+    SearchResult { base, singles, bootstrap, pairs: Vec::new(), steps: Vec::new(), largest: None }
 }
 
 /// A base whose noise was badly searched gets the noise that a larger model was given.
@@ -150,11 +125,16 @@ fn a_needless_effect_is_taken_back() {
         let found = found_beside(&data, &["force-bias", "tracking-drift"]);
         let pair = refitted(&data, &found, &["force-bias", "tracking-drift"]);
         // One simulated search has no p below a half.
-        let kept = without_needless(&data, &Bars { largest_p: 0.5, ..BARS }, &found, pair.clone());
-        assert_eq!(found.added(&kept), left);
+        let gain = pair.gain_over(&found.base, &data);
+        let effects = found.added(&pair).into_iter().map(String::from).collect();
+        let step = Step { addition: Addition { effects, gain, over_base: gain, p: 0.01, round: 1 }, refitted: pair };
+        let kept = |largest_p: f64| {
+            let criteria = Criteria { largest_p, ..CRITERIA };
+            without_needless(&data, &criteria, &found, step.clone()).addition.effects
+        };
+        assert_eq!(kept(0.5), left);
         // What would not be claimed by itself is not what a claim is cut down to.
-        let kept = without_needless(&data, &Bars { largest_p: 0.4, ..BARS }, &found, pair);
-        assert_eq!(found.added(&kept), ["force-bias", "tracking-drift"]);
+        assert_eq!(kept(0.4), ["force-bias", "tracking-drift"]);
     }
 }
 
@@ -174,25 +154,23 @@ fn a_pair_is_weighed_against_the_single() {
     let change = |(a, b): (&f64, &f64)| (a - b).abs() / 4e-6;
     let largest = pair.fitted.position_m.iter().zip(&single.fitted.position_m).map(change).fold(0.0, f64::max);
     assert!((difference.largest_change - largest).abs() < 1e-9);
-    let effort = Effort { n_simulations: 99, in_full: false, seed: 1 };
-    rounds(&data, &BARS, &effort, &mut found, &Silent);
-    let added = found.claimed.as_ref().map(|claimed| found.added(claimed));
-    assert_eq!(added, Some(vec!["tracking-drift"]));
-    assert_eq!((found.steps.len(), found.steps[0].p), (1, 0.01));
+    rounds(&data, &request(99, CRITERIA), &mut found, &Silent);
+    assert_eq!(found.largest.as_ref().expect("claimed").addition.effects, ["tracking-drift"]);
+    assert_eq!((found.steps.len(), found.steps[0].addition.p), (1, 0.01));
 }
 
 /// Where the single fails, a pair has to pass beside it and to predict as a whole; what fails is reported and not claimed.
 #[test]
 fn a_pair_beside_a_failed_single_has_to_make_good_what_that_lost() {
     let data = measured(&small(), &["force-bias", "tracking-drift"], &[BIAS, DRIFT_M_PER_S], 7);
-    let effort = Effort { n_simulations: 19, in_full: false, seed: 1 };
     // Ten simulated searches decide the second round.
-    let bars = Bars { largest_p: 0.2, ..BARS };
+    let criteria = Criteria { largest_p: 0.2, ..CRITERIA };
+    let request = request(19, criteria);
     let mut found = found(&data, &[1.0; 99]);
     let pair = refitted(&data, &found, &["force-bias", "tracking-drift"]);
     let gain = pair.gain_over(&found.base, &data);
     found.pairs = vec![(pair, gain)];
-    let claim = |found: &mut Found, base_ahead: f64, first_p_is_large: bool| {
+    let claim = |found: &mut SearchResult, base_ahead: f64, first_p_is_large: bool| {
         if first_p_is_large {
             found.bootstrap = Bootstrap::of(0.0, Simulations { most: 99, only_for: None }, |_| 1e9);
         }
@@ -201,10 +179,10 @@ fn a_pair_beside_a_failed_single_has_to_make_good_what_that_lost() {
         for single in &mut found.singles {
             single.gain = single.refitted.as_ref().map(|refitted| refitted.gain_over(&found.base, &data));
         }
-        found.claimed = None;
-        rounds(&data, &bars, &effort, found, &Silent);
-        let steps: Vec<bool> = found.steps.iter().map(|step| step.is_claimed).collect();
-        (steps, found.claimed.as_ref().map(|claimed| found.added(claimed).len()))
+        found.largest = None;
+        rounds(&data, &request, found, &Silent);
+        let steps: Vec<bool> = found.steps.iter().map(|step| criteria.passes(&step.addition)).collect();
+        (steps, found.largest.as_ref().map(|largest| largest.addition.effects.len()))
     };
     assert_eq!(claim(&mut found, 0.0, false), (vec![true, true], Some(2)));
     // A single whose p is large stands for nothing, and the pair for itself.
@@ -247,12 +225,10 @@ fn a_search_adds_what_is_missing_and_no_more() {
         [(&[][..], &[][..]), (&["force-bias"], &[BIAS]), (&["force-bias", "tracking-drift"], &[BIAS, DRIFT_M_PER_S])]
     {
         let data = measured(&small(), truth, values, 9);
-        let effort = Effort { n_simulations: 99, in_full: false, seed: 1 };
-        let found = search(&data, &BARS, &effort, &Silent).expect("a search");
-        let claimed = found.claimed.as_ref().map_or(Vec::new(), |claimed| found.added(claimed));
+        let found = search(&data, &request(99, CRITERIA), &Silent).expect("a search");
+        let claimed = found.largest.as_ref().map_or(&[][..], |largest| &largest.addition.effects);
         assert_eq!(claimed, truth);
-        assert_eq!(found.steps.iter().filter(|step| step.is_claimed).count(), truth.len());
-        assert!(found.steps.iter().zip(0..).all(|(step, round)| !step.is_claimed || step.p <= BARS.p_of_round(round)));
+        assert_eq!(found.steps.iter().filter(|step| CRITERIA.passes(&step.addition)).count(), truth.len());
         assert!(found.pairs.is_sorted_by(|a, b| a.1.rank >= b.1.rank));
         for (pair, _) in &found.pairs {
             let best = found

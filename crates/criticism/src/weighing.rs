@@ -9,16 +9,15 @@ use std::collections::BTreeMap;
 use rayon::prelude::*;
 
 use super::Subject;
-use super::evidence::{Care, Evidence, evidence, evidence_with, posterior_by_importance};
+use super::evidence::{Care, ModelEvidence, evidence, evidence_with, posterior_by_importance};
 use super::predicted::laplace;
 use super::refit::Refitted;
-use super::search::{Found, Single};
+use super::request::DiagnosisRequest;
+use super::search::{SearchResult, Single};
 use base::error::{Error, Result};
 use documents::diagnosis::{Answer, RefitParameter};
 use posterior::monitor::{Counter, Monitor};
 
-/// Gains (nats) below this are not worth a computation of evidence, and nothing to speak of.
-pub(super) const LEAST_GAIN: f64 = 2.0;
 /// An effect whose Bayes factor stays further (nats) below the best is as good as none.
 const REACH_NATS: f64 = 10.0;
 /// What the posterior of law and noise may widen by beside an effect, in nats: ln B stays below the gain and this.
@@ -42,8 +41,8 @@ pub(super) struct Parameters {
     pub answers: Vec<Answer>,
 }
 
-impl From<Evidence> for Parameters {
-    fn from(evidence: Evidence) -> Self {
+impl From<ModelEvidence> for Parameters {
+    fn from(evidence: ModelEvidence) -> Self {
         Self { all: evidence.parameters, answers: evidence.answers }
     }
 }
@@ -51,7 +50,7 @@ impl From<Evidence> for Parameters {
 /// The evidences that were computed.
 pub(super) struct Weighing {
     ln_base: f64,
-    singles: BTreeMap<&'static str, Evidence>,
+    singles: BTreeMap<&'static str, ModelEvidence>,
     /// What effects whose evidence was not computed for that reason stay below.
     bounds: BTreeMap<&'static str, f64>,
     /// Parameters of a claim of several effects, which all of them share; none for other claims.
@@ -62,7 +61,7 @@ pub(super) struct Weighing {
 
 /// What became of an effect that was worth weighing.
 enum Weighed {
-    By(Result<Evidence>),
+    By(Result<ModelEvidence>),
     /// Its gain leaves it out of reach of the best.
     Far,
     /// A law that is not linear beside a claim.
@@ -70,8 +69,14 @@ enum Weighed {
 }
 
 impl Weighing {
-    /// Weighs the claim, and with `in_full` all that may come near it.
-    pub fn new(subject: &Subject, found: &Found, (in_full, seed): (bool, u64), monitor: &dyn Monitor) -> Result<Self> {
+    /// Weighs a claim, and, where the request is in full, all that may come near it.
+    pub fn new(
+        subject: &Subject,
+        request: &DiagnosisRequest,
+        (found, claim): (&SearchResult, Option<&Refitted>),
+        monitor: &dyn Monitor,
+    ) -> Result<Self> {
+        let seed = request.seed;
         let mut own = Self {
             ln_base: f64::NAN,
             singles: BTreeMap::new(),
@@ -79,13 +84,15 @@ impl Weighing {
             of_claim: None,
             remarks: Vec::new(),
         };
-        let claimed = found.claimed.as_ref().map_or(Vec::new(), |claimed| found.added(claimed));
+        let claimed = claim.map_or(Vec::new(), |claim| found.added(claim));
         let gain = |single: &Single| single.gain.map_or(f64::NEG_INFINITY, |gain| gain.fitted);
         let at_most = |single: &Single| gain(single) + WIDENING_NATS;
         let mut worth: Vec<&Single> = found
             .singles
             .iter()
-            .filter(|single| claimed.contains(&single.slug) || (in_full && gain(single) > LEAST_GAIN))
+            .filter(|single| {
+                claimed.contains(&single.slug) || (request.in_full && gain(single) > request.criteria.least_gain_nats)
+            })
             .collect();
         // The claim first, then by gain: the best that is known bounds the reach.
         worth.sort_by(|a, b| {
@@ -150,8 +157,8 @@ impl Weighing {
                 failed.join(", ")
             )
         }));
-        if let Some(claimed) = found.claimed.as_ref().filter(|_| claimed.len() > 1) {
-            own.of_claim = Some(own.of_larger_claim(subject, claimed, seed)?);
+        if let Some(claim) = claim.filter(|_| claimed.len() > 1) {
+            own.of_claim = Some(own.of_larger_claim(subject, claim, seed)?);
         }
         Ok(own)
     }

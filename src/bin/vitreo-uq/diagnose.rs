@@ -5,10 +5,10 @@ use std::time::Instant;
 
 use vitreo_uq::base::error::{Error, Place, Result};
 use vitreo_uq::base::files::write_json_atomically;
+use vitreo_uq::criticism::criteria::Criteria;
 use vitreo_uq::criticism::diagnose::{DiagnosisRequest, diagnose};
 use vitreo_uq::criticism::fingerprints::fingerprints;
 use vitreo_uq::criticism::learn::first_look;
-use vitreo_uq::criticism::search::Bars;
 use vitreo_uq::documents::diagnosis::{CandidateEntry, Diagnosis, Status, VerdictKind, by_reason};
 use vitreo_uq::figures::diagnosis as figure;
 use vitreo_uq::figures::fingerprints::{fingerprints as fingerprints_figure, write_fingerprints};
@@ -76,8 +76,8 @@ fn request(arguments: &DiagnoseArguments) -> Result<DiagnosisRequest> {
         return Err(Error::input(Place::option("--smallest"), format!("{smallest} is no size"), remedy));
     }
     options::check_simulations(simulations, FEWEST_SIMULATIONS)?;
-    let bars = Bars { smallest_change: smallest, ..default.bars };
-    Ok(DiagnosisRequest { bars, n_simulations: simulations, seed: arguments.common.seed, ..default })
+    let criteria = Criteria { smallest_change: smallest, ..default.criteria };
+    Ok(DiagnosisRequest { criteria, n_simulations: simulations, seed: arguments.common.seed, ..default })
 }
 
 fn words(diagnosis: &Diagnosis, revision: &str) -> String {

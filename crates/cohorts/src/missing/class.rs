@@ -1,4 +1,4 @@
-//! What a cohort cannot tell from a claim.
+//! Rivals of a cohort's claim.
 //!
 //! A rival is believed for a moment: cohorts are simulated in which records have it as its own law and each record's own data say, with the noise of a
 //! simulated record. Where the claim leads the rival there as often as in the data, the rival may be the truth (Cox, J. R. Stat. Soc. B 24:406, 1962).
@@ -10,29 +10,34 @@ use rayon::prelude::*;
 
 use super::judge::Gained;
 use super::scan::{Best, Scan, Weighed};
+use criticism::criteria::Criteria;
 use criticism::sketch::{Said, Told};
+use criticism::verdict::Rival;
 use sampling::ensemble::RandomStream;
 
 /// Simulated cohorts a rival.
 const N_COHORTS: usize = 199;
-/// A rival whose lead is seen in fewer of them is told from the claim.
-const LEAST_P: f64 = 0.02;
-/// A rival that gains less than this share of the claim's is not looked at closer: no twin does.
-const LEAST_SHARE: f64 = 0.2;
 const RIVAL_STREAMS: u64 = 0xc1a55;
 
-/// Places in `gained` of the effects that the cohort cannot tell from the one at place `claimed`.
-pub fn class_of(records: &[Said], gained: &[Gained], claimed: usize, seed: u64) -> Vec<usize> {
+/// Effects that may be the claim's twins, each with the share of simulated cohorts in which the claim leads it by as much.
+pub fn rivals(records: &[Said], criteria: &Criteria, gained: &[Gained], claimed: usize, seed: u64) -> Vec<Rival> {
     let claim = &gained[claimed];
-    let least = LEAST_SHARE * claim.best.rank_nats();
-    let rivals: Vec<usize> =
-        (0..gained.len()).filter(|k| *k != claimed && gained[*k].best.rank_nats() > least).collect();
-    let is_in_class = |rival: &usize| is_equivalent(records, claim, &gained[*rival], seed).unwrap_or(false);
-    rivals.into_par_iter().filter(is_in_class).collect()
+    let least = criteria.least_rival_share * claim.best.rank_nats();
+    let others: Vec<&Gained> =
+        gained.iter().filter(|own| own.effect != claim.effect && own.best.rank_nats() > least).collect();
+    let rival = |own: &Gained| {
+        Some(Rival {
+            effect: records[0].effects[own.effect].slug.into(),
+            deficit_nats: claim.best.rank_nats() - own.best.rank_nats(),
+            separation_sigma: None,
+            lead_p: Some(lead_p(records, claim, own, seed)?),
+        })
+    };
+    others.into_par_iter().filter_map(rival).collect()
 }
 
-/// Whether the claim leads by as much, under common laws or record by record, in more than a few cohorts in which the rival is the truth.
-fn is_equivalent(records: &[Said], claim: &Gained, rival: &Gained, seed: u64) -> Option<bool> {
+/// The share of cohorts, made with the rival, in which the claim leads by as much: the larger one of under common laws and record by record.
+fn lead_p(records: &[Said], claim: &Gained, rival: &Gained, seed: u64) -> Option<f64> {
     let (of_claim, of_rival) = (Scan::new(records, claim.effect)?, Scan::new(records, rival.effect)?);
     let by_itself = |scan: &Scan, cohort: &[&Told]| -> f64 {
         cohort.iter().enumerate().map(|(k, told)| scan.own_gain(k, told.all())).sum()
@@ -41,7 +46,7 @@ fn is_equivalent(records: &[Said], claim: &Gained, rival: &Gained, seed: u64) ->
     let measured: Vec<&Told> = records.iter().map(|record| &record.told).collect();
     let leads = [claim.best.rank_nats() - rival.best.rank_nats(), lead_by_itself(&measured)];
     if leads.iter().any(|lead| *lead <= 0.0) {
-        return Some(true);
+        return Some(1.0);
     }
     let carriers: Vec<Carrier> = (0..records.len()).map(|k| Carrier::of(&records[k], &of_rival, rival, k)).collect();
     let simulated_leads = |number: usize| {
@@ -52,11 +57,11 @@ fn is_equivalent(records: &[Said], claim: &Gained, rival: &Gained, seed: u64) ->
         [rank_nats(&of_claim, &cohort) - rank_nats(&of_rival, &cohort), lead_by_itself(&cohort)]
     };
     let simulated: Vec<[f64; 2]> = (0..N_COHORTS).into_par_iter().map(simulated_leads).collect();
-    let is_chance = |which: usize| {
+    let p = |which: usize| {
         let reached = simulated.iter().filter(|own| own[which] >= leads[which]).count();
-        (1 + reached) as f64 / (1 + N_COHORTS) as f64 > LEAST_P
+        (1 + reached) as f64 / (1 + N_COHORTS) as f64
     };
-    Some(is_chance(0) || is_chance(1))
+    Some(p(0).max(p(1)))
 }
 
 /// What a cohort gains on fitted and last cycles together, at the shape and the law that suit the fitted ones best.

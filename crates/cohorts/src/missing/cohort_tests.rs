@@ -3,11 +3,12 @@
 use nalgebra::DMatrix;
 use rayon::prelude::*;
 
-use super::class::class_of;
+use super::class::rivals;
 use super::compare::{compared, fine_laws};
-use super::judge::{Judged, judge};
+use super::judge::{Gained, Judged, judge};
 use super::law::Nodes;
 use super::likelihood::Likelihood;
+use criticism::criteria::Criteria;
 use criticism::sketch::{Asked, Reading, Said, Told};
 use documents::groups::RatioVerdict;
 use posterior::monitor::Silent;
@@ -36,6 +37,12 @@ fn readings(root: &DMatrix<f64>, cosines: &DMatrix<f64>, shifts: [f64; 2], strea
     let z = root * white;
     let shifted = |k: usize| z[k] + shifts[0] * cosines[(0, k)] + shifts[1] * cosines[(4, k)];
     (0..N_READINGS).map(|k| Reading { z: shifted(k), norm: NORM }).collect()
+}
+
+/// Effects that the cohort cannot tell from a claim.
+fn class_of(records: &[Said], gained: &[Gained], claimed: usize, seed: u64) -> Vec<String> {
+    let rivals = rivals(records, &Criteria::COHORT, gained, claimed, seed).into_iter();
+    rivals.filter(|rival| Criteria::COHORT.is_equivalent(rival)).map(|rival| rival.effect).collect()
 }
 
 /// A cohort whose records have these shifts, with so many simulated records each; its last cycles tell a third of what the fitted ones do.
@@ -120,8 +127,7 @@ fn weak_effects_add_up_and_twins_stay() {
         heldout_nats += own.best.heldout_nats.expect("cycles are held out") / 16.0;
         let sum: f64 = own.of_records.iter().sum();
         assert!((sum - own.best.gain_nats).abs() < 1e-9);
-        let class = class_of(&said, &judged.effects, best, seed);
-        let slugs: Vec<&str> = class.iter().map(|k| said[0].effects[judged.effects[*k].effect].slug).collect();
+        let slugs = class_of(&said, &judged.effects, best, seed);
         let is_true = said[0].effects[own.effect].slug == "one";
         let twin = if is_true { "twin of one" } else { "one" };
         assert!(slugs.iter().all(|slug| *slug == twin), "{slugs:?}");
@@ -171,8 +177,7 @@ fn like_sizes_are_no_proof() {
     assert_eq!(slug(best), "twin of one");
     let first = judged.effects.iter().find(|own| said[0].effects[own.effect].slug == "one").expect("searched");
     assert!(judged.effects[best].best.gain_nats > first.best.gain_nats + 5.0, "{first:?}");
-    let class: Vec<&str> = class_of(&said, &judged.effects, best, 3).into_iter().map(slug).collect();
-    assert_eq!(class, ["one"]);
+    assert_eq!(class_of(&said, &judged.effects, best, 3), ["one"]);
 }
 
 /// Signs that differ from record to record add up as well, and say so.

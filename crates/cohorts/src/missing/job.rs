@@ -3,7 +3,7 @@
 use rayon::prelude::*;
 
 use super::apparatus::Apparatuses;
-use super::class::class_of;
+use super::class::rivals;
 use super::compare::{Compared, Sizes, compared, fine_laws, sizes};
 use super::judge::{Gained, Judged, N_COHORTS, judge};
 use super::law::{Laws, Nodes, Ratios, Sides};
@@ -15,12 +15,13 @@ use crate::cohort::{self, Key, Measurement};
 use crate::design::Labels;
 use base::error::{Error, Place, Result};
 use criticism::Subject;
+use criticism::criteria::Criteria;
 use criticism::sketch::{Based, Reading, Said, sketch, whole};
+use criticism::verdict::{Addition, EffectEvidence, Evidence, Proposal, Residual, ResidualTest, Verdict, verdict};
 use documents::cohort::{
     CohortContrast, CohortDiagnosis, CohortEffect, CohortErrors, CohortGain, CohortGroup, CohortLaw, CohortSimulations,
     CohortSizes, CohortSpecimen, CohortVerdict, SidesName,
 };
-use documents::diagnosis::{Status, VerdictKind};
 use posterior::monitor::{Counter, Monitor};
 
 /// What a caller decides.
@@ -36,12 +37,7 @@ pub struct CohortRequest {
     pub seed: u64,
 }
 
-/// Largest p over the whole search of a claim.
-const LARGEST_P: f64 = 0.01;
-/// Least gain (nats) of a claim on the cycles that no fit has seen, over all records.
-const LEAST_HELDOUT_NATS: f64 = 2.0;
-/// p of what is called suggestive.
-const SUGGESTIVE_P: f64 = 0.05;
+const CRITERIA: Criteria = Criteria::COHORT;
 /// Streams of simulated records lie so far apart.
 const RECORD_STREAMS: u64 = 0x5eed_c040;
 const STREAM_OF_RECORD: u32 = 24;
@@ -71,14 +67,16 @@ pub fn run(measurements: &[Measurement], request: &CohortRequest, monitor: &dyn 
     let judged = judge(&said, request.seed, monitor);
     let mut found =
         Found { measurements, labels: &labels, request, said: &said, based: &based, judged: &judged, claim: None };
-    if let Some(claimed) = found.claimed() {
+    let leading = found.leading();
+    let mut evidence = found.evidence(leading);
+    if let Some(claimed) = evidence.claim(&CRITERIA).and(leading) {
         stopped(monitor)?;
         monitor.stage("comparing the claim with its rivals");
-        let class = class_of(&said, &judged.effects, claimed, request.seed);
+        evidence.rivals = rivals(&said, &CRITERIA, &judged.effects, claimed, request.seed);
         monitor.stage("fitting what is claimed to every record");
-        found.claim = Some(Claim::new(&found, &apparatuses, (claimed, class), monitor)?);
+        found.claim = Some(Claim::new(&found, &apparatuses, claimed, monitor)?);
     }
-    Ok(found.document())
+    Ok(found.document(leading, verdict(&evidence, &CRITERIA)))
 }
 
 /// # Errors
@@ -124,8 +122,6 @@ struct Found<'a> {
 struct Claim {
     /// Place among the judged effects.
     claimed: usize,
-    /// Places of those that the cohort cannot tell from it.
-    class: Vec<usize>,
     /// What each record gives when the effect has the size that the cohort predicts for it; `None` where no size could be fitted.
     predicted: Vec<Predicted>,
     /// Sizes over all records.
@@ -135,12 +131,7 @@ struct Claim {
 }
 
 impl Claim {
-    fn new(
-        found: &Found,
-        apparatuses: &Apparatuses,
-        (claimed, class): (usize, Vec<usize>),
-        monitor: &dyn Monitor,
-    ) -> Result<Self> {
+    fn new(found: &Found, apparatuses: &Apparatuses, claimed: usize, monitor: &dyn Monitor) -> Result<Self> {
         let (said, based) = (found.said, found.based);
         let gained = &found.judged.effects[claimed];
         let counter = Counter::new(monitor, 3 * said.len());
@@ -167,7 +158,7 @@ impl Claim {
         let each_group: Vec<Vec<&Nodes>> = groups.iter().map(of_group).collect();
         let compared = (groups.len() > 1).then(|| compared(&all.laws, &each_group, found.request.margin));
         let all = sizes(&all.laws, &all.nodes.iter().collect::<Vec<_>>());
-        Ok(Self { claimed, class, predicted, all, compared })
+        Ok(Self { claimed, predicted, all, compared })
     }
 }
 
@@ -245,12 +236,18 @@ impl Found<'_> {
         (0..effects.len()).filter(|k| effects[*k].best.gain_nats > 0.0).reduce(of)
     }
 
-    /// The leading effect, if it passes the bars.
-    fn claimed(&self) -> Option<usize> {
-        self.leading().filter(|k| {
-            let gained = &self.judged.effects[*k];
-            gained.p_familywise <= LARGEST_P && gained.best.heldout_nats.is_some_and(|gain| gain > LEAST_HELDOUT_NATS)
-        })
+    /// The evidence of the search: the leading effect, which alone is judged and whose residuals are not tested, and the residuals of all records without it.
+    fn evidence(&self, leading: Option<usize>) -> Evidence {
+        let proposal = |place: usize| {
+            let gained = &self.judged.effects[place];
+            let Gained { best, p_familywise, .. } = gained;
+            let heldout = [best.heldout_nats; 2];
+            let addition = Addition::of_gains(self.slug(gained), best.gain_nats, heldout, *p_familywise);
+            Proposal { addition, test: Some(ResidualTest::default()), alone: None }
+        };
+        let n_too_much = self.based.iter().filter(|own| own.leaves_too_much).count();
+        let base = ResidualTest { residual: Some(Residual::Cohort(n_too_much)), ..ResidualTest::default() };
+        Evidence { proposals: leading.map(proposal).into_iter().collect(), base: Some(base), rivals: Vec::new() }
     }
 
     /// Groups in the order of their names, with the places of their records; none without keys.
@@ -270,19 +267,16 @@ impl Found<'_> {
         groups
     }
 
-    fn status(&self, place: usize) -> Status {
-        let gained = &self.judged.effects[place];
-        match &self.claim {
-            Some(claim) if claim.claimed == place => Status::Claimed,
-            Some(claim) if claim.class.contains(&place) => Status::Equivalent,
-            None if gained.p_familywise <= SUGGESTIVE_P => Status::Suggestive,
-            _ => Status::Unsupported,
-        }
-    }
-
-    fn effect(&self, effect: usize) -> CohortEffect {
-        let place = self.judged.effects.iter().position(|gained| gained.effect == effect);
-        let gained = place.map(|place| &self.judged.effects[place]);
+    fn effect(&self, effect: usize, verdict: &Verdict) -> CohortEffect {
+        let gained = self.judged.effects.iter().find(|gained| gained.effect == effect);
+        let slug = self.said[0].effects[effect].slug;
+        let p = gained.map_or(1.0, |gained| gained.p_familywise);
+        let evidence = EffectEvidence {
+            effect: slug,
+            gain_nats: gained.map(|gained| gained.best.gain_nats),
+            p,
+            visible_fraction: gained.map(|_| 1.0),
+        };
         let asked = |said: &Said| said.effects[effect].clone();
         let can = self.said.iter().filter(|said| asked(said).refused.is_none()).count();
         let law = gained.filter(|gained| gained.best.gain_nats > 0.0).map(|gained| CohortSizes {
@@ -293,11 +287,11 @@ impl Found<'_> {
         });
         let refused = (can == 0).then(|| self.said.iter().find_map(|said| asked(said).refused)).flatten();
         CohortEffect {
-            effect: self.said[0].effects[effect].slug.into(),
+            effect: slug.into(),
             parameter: Some(self.parameter(effect)).filter(|name| !name.is_empty()).map(String::from),
-            status: place.map_or(Status::Invisible, |place| self.status(place)),
+            status: verdict.status(&evidence, &CRITERIA),
             gain_nats: gained.map_or(0.0, |gained| gained.best.gain_nats),
-            p_familywise: gained.map_or(1.0, |gained| gained.p_familywise),
+            p_familywise: p,
             heldout_gain_nats: gained.and_then(|gained| gained.best.heldout_nats),
             law,
             records: can,
@@ -402,9 +396,9 @@ impl Found<'_> {
         groups.iter().flat_map(of_group).collect()
     }
 
-    fn document(&self) -> CohortDiagnosis {
+    fn document(&self, leading: Option<usize>, verdict: Verdict) -> CohortDiagnosis {
         let n_effects = self.said[0].effects.len();
-        let effects: Vec<CohortEffect> = (0..n_effects).map(|effect| self.effect(effect)).collect();
+        let effects: Vec<CohortEffect> = (0..n_effects).map(|effect| self.effect(effect, &verdict)).collect();
         let named = self.groups();
         let groups: Vec<CohortGroup> = match &self.claim {
             None => Vec::new(),
@@ -426,7 +420,10 @@ impl Found<'_> {
             None => Vec::new(),
         };
         let specimens: Vec<CohortSpecimen> = (0..self.said.len()).map(|number| self.specimen(number)).collect();
-        let verdict = self.verdict(&effects, &specimens, &groups);
+        let of_leading = leading.map(|place| &effects[self.judged.effects[place].effect]);
+        let pooled = self.claim.as_ref().map(|claim| self.group(claim, ("all", self.said.len()), &claim.all));
+        let Verdict { kind, effects: named_effects, equivalent, .. } = verdict;
+        let sentence = wording::verdict(kind, of_leading, &equivalent, pooled.as_ref(), &groups, &specimens);
         let extended = self
             .claim
             .as_ref()
@@ -434,8 +431,8 @@ impl Found<'_> {
         let base = root_mean_square(self.based.iter().map(|own| own.rmse_heldout));
         let threshold = self.judged.threshold();
         CohortDiagnosis {
-            remarks: wording::remarks(&effects, &specimens, verdict.kind),
-            verdict,
+            remarks: wording::remarks(&effects, &specimens, kind),
+            verdict: CohortVerdict { kind, effects: named_effects, equivalent, sentence },
             effects,
             specimens,
             by: self.request.keys.iter().map(|key| key.name().to_string()).collect(),
@@ -451,23 +448,6 @@ impl Found<'_> {
                 threshold_nats: threshold.is_finite().then_some(threshold),
             },
         }
-    }
-
-    fn verdict(&self, effects: &[CohortEffect], specimens: &[CohortSpecimen], groups: &[CohortGroup]) -> CohortVerdict {
-        let slugs = |places: &[usize]| -> Vec<String> {
-            places.iter().map(|place| self.slug(&self.judged.effects[*place]).to_string()).collect()
-        };
-        let (kind, named, equivalent) = match &self.claim {
-            Some(claim) => (VerdictKind::Missing, slugs(&[claim.claimed]), slugs(&claim.class)),
-            None if specimens.iter().any(|own| own.leaves_too_much) => {
-                (VerdictKind::Unexplained, Vec::new(), Vec::new())
-            }
-            None => (VerdictKind::None, Vec::new(), Vec::new()),
-        };
-        let leading = self.leading().map(|place| &effects[self.judged.effects[place].effect]);
-        let pooled = self.claim.as_ref().map(|claim| self.group(claim, ("all", self.said.len()), &claim.all));
-        let sentence = wording::verdict(kind, leading, &equivalent, pooled.as_ref(), groups, specimens);
-        CohortVerdict { kind, effects: named, equivalent, sentence }
     }
 }
 

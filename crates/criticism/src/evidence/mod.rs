@@ -37,7 +37,7 @@ pub enum EvidenceMethod {
 
 /// A candidate's evidence and what its parameters are.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Evidence {
+pub struct ModelEvidence {
     /// Log probability density of the fitted positions, in nats for positions in m.
     pub ln_evidence: f64,
     /// Its standard error; where importance weights could not be believed, no less than how far the two methods are apart.
@@ -189,7 +189,7 @@ impl<'a> CandidatePosterior<'a> {
 ///
 /// # Errors
 /// [`Error::Input`] for a candidate with columns of free amplitude, [`Error::Numerical`] when its posterior cannot be sampled.
-pub fn evidence(subject: &Subject, candidate: &Candidate, fitted: &Fitted, seed: u64) -> Result<Evidence> {
+pub fn evidence(subject: &Subject, candidate: &Candidate, fitted: &Fitted, seed: u64) -> Result<ModelEvidence> {
     evidence_with(subject, candidate, fitted, (Care::Full, seed))
 }
 
@@ -202,7 +202,7 @@ pub(super) fn evidence_with(
     candidate: &Candidate,
     fitted: &Fitted,
     (care, seed): (Care, u64),
-) -> Result<Evidence> {
+) -> Result<ModelEvidence> {
     let posterior = CandidatePosterior { care, ..CandidatePosterior::new(subject, candidate)? };
     let (estimate, method) = posterior.estimate(candidate, fitted, seed)?;
     Ok(evidence_of(&posterior, &estimate, method))
@@ -218,7 +218,7 @@ pub fn posterior_by_importance(
     candidate: &Candidate,
     fitted: &Fitted,
     seed: u64,
-) -> Result<Option<Evidence>> {
+) -> Result<Option<ModelEvidence>> {
     let posterior = CandidatePosterior::new(subject, candidate)?;
     match posterior.modes(candidate, fitted).and_then(|modes| posterior.by_importance(&modes, seed)) {
         Ok(estimate) if importance::is_reliable(&estimate) => {
@@ -239,7 +239,7 @@ pub fn evidence_by(
     fitted: &Fitted,
     seed: u64,
     method: EvidenceMethod,
-) -> Result<Evidence> {
+) -> Result<ModelEvidence> {
     let posterior = CandidatePosterior::new(subject, candidate)?;
     let modes = posterior.modes(candidate, fitted)?;
     let estimate = match method {
@@ -295,13 +295,13 @@ pub fn bayes_factor_at_null(
     Ok(savage_dickey(&estimate.draws, value, null, &prior.distribution))
 }
 
-fn evidence_of(posterior: &CandidatePosterior, estimate: &Estimate, method: EvidenceMethod) -> Evidence {
+fn evidence_of(posterior: &CandidatePosterior, estimate: &Estimate, method: EvidenceMethod) -> ModelEvidence {
     let density = posterior.density();
     let seen = PriorCoordinates::new(&density, posterior.priors().distributions());
     let parameters = parameters_of(posterior, &seen, &estimate.draws);
     let answers = answers(posterior, &seen, &estimate.draws);
     let Estimate { ln_evidence, standard_error, pareto_k, .. } = *estimate;
-    Evidence { ln_evidence, standard_error, pareto_k, method, parameters, answers }
+    ModelEvidence { ln_evidence, standard_error, pareto_k, method, parameters, answers }
 }
 
 fn parameters_of(

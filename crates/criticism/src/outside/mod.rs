@@ -30,6 +30,7 @@ mod shape;
 pub use discrepancy::{Axis, Discrepancy, discrepancies};
 pub use look::{OutsideNull, events_over_all_cycles, outside_gain, search};
 
+use super::verdict::Structure;
 use super::{Candidate, Fitted};
 
 /// Kinds of structure outside the library.
@@ -141,4 +142,16 @@ pub struct Outside {
     pub fitted: Fitted,
     /// What the model's parameters cannot absorb of it (m), one value a row of the record.
     pub discrepancy_m: Vec<f64>,
+}
+
+impl Outside {
+    /// What a verdict takes into account of it.
+    pub(crate) fn evidence(&self) -> Structure {
+        Structure {
+            gain_nats: self.penalised_gain_nats,
+            p_familywise: self.p_familywise,
+            is_of_law: !self.kind.is_apart_from_law(),
+            twins: self.twins.clone(),
+        }
+    }
 }

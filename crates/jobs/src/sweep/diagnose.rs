@@ -6,10 +6,12 @@
 use rayon::prelude::*;
 
 use super::job::{misfit, model_summary, no_fit};
-use super::noise_like::{LEAST_P, NoiseLike, noise_like};
+use super::noise_like::{NoiseLike, noise_like};
 use super::problem::{SweepFit, SweepProblem};
 use base::error::{Error, Result};
-use documents::diagnosis::{Verdict, VerdictKind};
+use criticism::criteria::Criteria;
+use criticism::verdict::{Addition, Evidence, Residual, ResidualTest, Rival, Verdict, verdict};
+use documents::diagnosis::VerdictKind;
 use documents::oscillation::{OscillationCandidate, OscillationDiagnosis, OscillationEstimate};
 use models::effects::{Effect, Library, Stage};
 use posterior::monitor::{Counter, Monitor};
@@ -20,14 +22,12 @@ use sampling::ensemble::RandomStream;
 const N_SEARCHES: usize = 199;
 /// Streams of the simulations, apart from others of the seed.
 const STREAM: u64 = 1 << 41;
-/// Nats within which two effects are not told apart.
-const ALIKE_NATS: f64 = 2.0;
-/// What held-out frequencies may lose by chance where an effect does not show in them.
-const HELDOUT_ROOM_NATS: f64 = 0.1;
 /// Starts of a fit with an effect that know nothing of the one without it.
 const N_WIDE_STARTS: usize = 24;
 /// Starts of an effect's parameters from its prior, the law's from the fit without it.
 const N_STARTS: usize = 6;
+
+const CRITERIA: Criteria = Criteria::SWEEP;
 
 /// An effect beside the law, fitted.
 struct Tried {
@@ -62,15 +62,17 @@ pub fn run(
         tried.iter().map(|tried| candidate(tried, &base, &chance, has_heldout)).collect();
     monitor.stage("asking whether what is left is noise");
     let left = noise_like(problem, &base, seed)?.ok_or_else(no_fit)?;
-    let helps = |candidate: &OscillationCandidate| {
-        candidate.p_familywise <= LEAST_P && candidate.heldout_gain_nats.is_none_or(|gain| gain > -HELDOUT_ROOM_NATS)
-    };
-    let best = candidates.iter().position(helps);
+    let mut evidence = evidence(&candidates, &left);
+    let best = evidence.open_test(&CRITERIA).flatten();
     let left_with = match best {
         Some(best) => noise_like(&tried[best].problem, &tried[best].fit, seed)?,
         None => None,
     };
-    let verdict = verdict(&candidates, best, &left, left_with.as_ref());
+    if let Some(best) = best {
+        evidence.proposals[best].test = Some(test(left_with.as_ref()));
+        evidence.rivals = rivals(&candidates, best);
+    }
+    let verdict = verdict(&evidence, &CRITERIA);
     let predicted = problem.predicted(&base.values).ok_or_else(no_fit)?;
     let with = best.map(|best| &tried[best]).zip(left_with);
     let extended = with.and_then(|(tried, left)| {
@@ -80,7 +82,7 @@ pub fn run(
     Ok(OscillationDiagnosis {
         experiment: problem.sweep.specimen_id.clone(),
         model: model_summary(problem),
-        verdict,
+        verdict: verdict.document(sentence(&verdict, &candidates)),
         base: misfit(problem, &predicted, &base, &left),
         extended,
         candidates,
@@ -104,7 +106,7 @@ fn fitted_beside(problem: &SweepProblem, base: &SweepFit, with: &SweepProblem, s
     let starts = [with.starts(seed, N_WIDE_STARTS), beginnings(problem, base, with, seed)].concat();
     let mut fits = with.maxima(&starts)?;
     let highest = fits.first().map_or(f64::NAN, |fit| fit.ln_posterior);
-    fits.retain(|fit| fit.ln_posterior > highest - ALIKE_NATS);
+    fits.retain(|fit| fit.ln_posterior > highest - CRITERIA.equivalent_nats);
     let law = problem.model.base().parameters();
     let distance = |fit: &SweepFit| -> f64 {
         let of = |own: &SweepProblem, point: &[f64], name: &str| {
@@ -176,58 +178,59 @@ fn candidate(tried: &Tried, base: &SweepFit, chance: &[f64], has_heldout: bool) 
     }
 }
 
-fn verdict(
-    candidates: &[OscillationCandidate],
-    best: Option<usize>,
-    left: &NoiseLike,
-    left_with: Option<&NoiseLike>,
-) -> Verdict {
-    let alike = |best: usize| -> Vec<String> {
-        let near = |candidate: &&OscillationCandidate| {
-            let heldout = |own: &OscillationCandidate| own.heldout_gain_nats.unwrap_or(0.0);
-            candidate.effect != candidates[best].effect
-                && candidate.gain_nats > candidates[best].gain_nats - ALIKE_NATS
-                && heldout(candidate) > heldout(&candidates[best]) - ALIKE_NATS
-        };
-        candidates.iter().filter(near).map(|candidate| candidate.effect.clone()).collect()
+/// The search's evidence, and the test of the law's residual.
+fn evidence(candidates: &[OscillationCandidate], left: &NoiseLike) -> Evidence {
+    let addition = |own: &OscillationCandidate| {
+        Addition::of_gains(&own.effect, own.gain_nats, [None, own.heldout_gain_nats], own.p_familywise)
     };
-    let p = left.p();
-    match (best, left_with) {
-        (Some(best), Some(after)) if after.is_noise() => {
-            let (effect, equivalent) = (candidates[best].effect.clone(), alike(best));
-            let others = if equivalent.is_empty() {
-                String::new()
-            } else {
-                format!("; these frequencies cannot tell it from {}", equivalent.join(" or "))
+    let proposals = candidates.iter().map(|own| addition(own).into()).collect();
+    Evidence { proposals, base: Some(test(Some(left))), rivals: Vec::new() }
+}
+
+fn test(left: Option<&NoiseLike>) -> ResidualTest {
+    let residual = Some(Residual::Sweep(left.map_or(f64::NAN, NoiseLike::p)));
+    ResidualTest { residual, ..ResidualTest::default() }
+}
+
+/// The other effects: how far they stay behind the best, in fitted or in held-out frequencies.
+fn rivals(candidates: &[OscillationCandidate], best: usize) -> Vec<Rival> {
+    let heldout = |own: &OscillationCandidate| own.heldout_gain_nats.unwrap_or(0.0);
+    let best = &candidates[best];
+    let rival = |own: &OscillationCandidate| Rival {
+        effect: own.effect.clone(),
+        deficit_nats: (best.gain_nats - own.gain_nats).max(heldout(best) - heldout(own)),
+        separation_sigma: None,
+        lead_p: None,
+    };
+    candidates.iter().filter(|own| own.effect != best.effect).map(rival).collect()
+}
+
+fn sentence(verdict: &Verdict, candidates: &[OscillationCandidate]) -> String {
+    let Some(Residual::Sweep(p)) = verdict.residual else { return String::new() };
+    match (verdict.kind, verdict.proposal.map(|place| &candidates[place])) {
+        (VerdictKind::Missing, Some(own)) => {
+            let others = match &verdict.equivalent[..] {
+                [] => String::new(),
+                equivalent => format!("; these frequencies cannot tell it from {}", equivalent.join(" or ")),
             };
-            let sentence = format!(
-                "{effect} is missing: it gains {:.1} nats, as {} of simulated searches do by chance, and what is left is noise (p = {:.2}){others}.",
-                candidates[best].gain_nats,
-                share(candidates[best].p_familywise),
-                after.p()
-            );
-            Verdict { kind: VerdictKind::Missing, effects: vec![effect], equivalent, sentence }
+            format!(
+                "{} is missing: it gains {:.1} nats, as {} of simulated searches do by chance, and what is left is noise (p = {p:.2}){others}.",
+                own.effect,
+                own.gain_nats,
+                share(own.p_familywise)
+            )
         }
-        (Some(best), after) => {
-            let effect = candidates[best].effect.clone();
-            let after = after.map_or(f64::NAN, NoiseLike::p);
-            let sentence = format!(
-                "The law is wrong, and no effect of the library mends it: {effect} helps most ({:.1} nats), and what it leaves is no noise (p = {after:.3}).",
-                candidates[best].gain_nats
-            );
-            Verdict { kind: VerdictKind::Unexplained, effects: vec![effect], equivalent: Vec::new(), sentence }
+        (_, Some(own)) => format!(
+            "The law is wrong, and no effect of the library mends it: {} helps most ({:.1} nats), and what it leaves is no noise (p = {p:.3}).",
+            own.effect, own.gain_nats
+        ),
+        (VerdictKind::Unexplained, None) => {
+            format!("The law is wrong (p = {p:.3}), and no effect of the library helps: try another law with --base.")
         }
-        (None, _) if left.is_noise() => {
-            let sentence = format!(
+        (_, None) => {
+            format!(
                 "Nothing is missing: what the law leaves is noise (p = {p:.2}), and no effect gains more than chance."
-            );
-            Verdict { kind: VerdictKind::None, effects: Vec::new(), equivalent: Vec::new(), sentence }
-        }
-        (None, _) => {
-            let sentence = format!(
-                "The law is wrong (p = {p:.3}), and no effect of the library helps: try another law with --base."
-            );
-            Verdict { kind: VerdictKind::Unexplained, effects: Vec::new(), equivalent: Vec::new(), sentence }
+            )
         }
     }
 }

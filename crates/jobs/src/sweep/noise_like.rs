@@ -4,12 +4,13 @@ use rayon::prelude::*;
 
 use super::problem::{SweepFit, SweepProblem};
 use base::error::Result;
+use criticism::criteria::Criteria;
 use sampling::ensemble::RandomStream;
 
 /// Simulated oscillations: three questions at once at one per cent need probabilities of a three-hundredth.
 const N_SIMULATED: usize = 499;
 /// Probability, all questions together, below which what is left is no noise.
-pub const LEAST_P: f64 = 0.01;
+pub const LEAST_P: f64 = Criteria::SWEEP.least_noise_p;
 /// Streams of the simulations, apart from others of the seed.
 const STREAM: u64 = 1 << 40;
 

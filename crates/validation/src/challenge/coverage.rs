@@ -201,7 +201,7 @@ fn drawn(
 }
 
 /// The posterior of the model with an effect, from fits as the diagnosis makes them.
-fn posterior_of(subject: &Subject, slug: &str, seed: u64) -> Result<criticism::evidence::Evidence> {
+fn posterior_of(subject: &Subject, slug: &str, seed: u64) -> Result<criticism::evidence::ModelEvidence> {
     let base = Refitted::new(subject, subject.base(), &[], Search::Wide)?;
     let with = Refitted::new(subject, subject.extended(&[slug])?, &[&base], Search::Wide)?;
     evidence(subject, &with.candidate, &with.fitted, seed)
