@@ -51,6 +51,7 @@ mod dense;
 
 pub use lanes::LANES;
 pub use likelihood::{NoiseLikelihood, SharedPosition};
-pub use model::{NoiseModel, NoiseScales};
+pub use model::NoiseModel;
 pub use pointwise::Conditional;
+pub use scales::NoiseScales;
 pub use whitening::{Asked, CycleProducts, Whitening, dot};
