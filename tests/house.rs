@@ -1,4 +1,4 @@
-//! What holds of the project's own text: modules use only those before them, rooms have no circles, citations lead somewhere.
+//! Properties of the project's own text: crates stand in one order, files form no cycle, crates stay small, citations lead somewhere.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
@@ -19,38 +19,10 @@ const CITING: [&str; 10] = [
     "CONTRIBUTING.md",
 ];
 
-/// Modules of the library in the order in which data flow, as `lib.rs` and ARCHITECTURE.md name them.
-const ORDER: [&str; 29] = [
-    "error",
-    "files",
-    "units",
-    "parameter",
-    "elementary",
-    "number",
-    "distribution",
-    "toml_input",
-    "experiment",
-    "rheology",
-    "stages",
-    "mesh",
-    "fe",
-    "effects",
-    "model",
-    "surrogate",
-    "inference",
-    "documents",
-    "report",
-    "page",
-    "study",
-    "workflow",
-    "sweep",
-    "critique",
-    "learn",
-    "shapes",
-    "groups",
-    "tasks",
-    "schemas",
-];
+/// Largest library crate, in lines of code.
+const MOST_LINES: usize = 12_000;
+/// Crates that stand beside the library: a Python module and a build script's helper.
+const BESIDE: [&str; 2] = ["python", "source-hash"];
 
 fn root() -> &'static Path {
     Path::new(env!("CARGO_MANIFEST_DIR"))
@@ -66,13 +38,6 @@ fn files(place: &Path) -> Vec<PathBuf> {
     let mut inside: Vec<PathBuf> = entries.map(|entry| entry.expect("an entry").path()).collect();
     inside.sort();
     inside.iter().flat_map(|path| files(path)).collect()
-}
-
-/// Sources of all crates, each with its crate's `src`.
-fn sources() -> Vec<(PathBuf, PathBuf)> {
-    let crates =
-        ["", "crates/figures", "crates/inference", "crates/mechanics"].map(|place| root().join(place).join("src"));
-    crates.into_iter().flat_map(|src| files(&src).into_iter().map(move |path| (src.clone(), path))).collect()
 }
 
 /// Numbers of a page's headings: "## 3 Finite elements", "### 3.1 Balance".
@@ -119,101 +84,370 @@ fn every_cited_section_exists() {
     }
 }
 
-/// Modules of the crate that a text names, tests left out: "crate::fe::exact" is fe.
-fn named_modules(text: &str) -> BTreeSet<&str> {
-    let own = text.split("#[cfg(test)]\nmod tests {").next().unwrap_or(text);
-    let after = own.split("crate::").skip(1);
-    after.map(|rest| rest.split(|c: char| !c.is_ascii_lowercase() && c != '_').next().unwrap_or("")).collect()
+/// Names of the workspace's library crates.
+fn library_crates() -> BTreeSet<String> {
+    let entries = fs::read_dir(root().join("crates")).expect("crates");
+    let names = entries.map(|entry| entry.expect("an entry").file_name().to_string_lossy().into_owned());
+    names.filter(|name| !BESIDE.contains(&name.as_str())).collect()
 }
 
-/// Data flow one way: a module uses only those before it, and the two places that name their order agree.
+/// Dependencies that a manifest lists under `[dependencies]`.
+fn dependencies(manifest: &str) -> Vec<&str> {
+    let lines = manifest.lines().skip_while(|line| *line != "[dependencies]").skip(1);
+    let entries = lines.take_while(|line| !line.starts_with('['));
+    entries.filter_map(|line| line.split(['.', ' ', '=']).next()).filter(|name| !name.is_empty()).collect()
+}
+
+/// The map in `lib.rs` lists every library crate, and a crate depends only on those before it.
 #[test]
-fn modules_use_only_those_before_them() {
-    assert_eq!(named_modules("use crate::fe::exact;\n#[cfg(test)]\nmod tests {\nuse crate::model;"), ["fe"].into());
+fn crates_stand_in_their_order() {
+    assert_eq!(dependencies("[a]\nz = 1\n[dependencies]\nb.workspace = true\nc = \"1\"\n\n[d]\ne = 1"), ["b", "c"]);
     let lib = fs::read_to_string(root().join("src/lib.rs")).expect("lib.rs");
-    let entries = lib.lines().filter(|line| line.starts_with("//! - "));
-    let documented: Vec<&str> = entries.filter_map(|line| line.split('`').nth(1)).collect();
-    assert_eq!(documented, ORDER, "the order in lib.rs");
-    let architecture = fs::read_to_string(root().join("ARCHITECTURE.md")).expect("ARCHITECTURE.md");
-    let drawn = architecture.split("```").nth(1).expect("the house, drawn");
-    let mut rest = drawn;
-    for module in ORDER {
-        let at = rest.find(module).unwrap_or_else(|| panic!("ARCHITECTURE.md does not draw {module} here: {rest}"));
-        rest = &rest[at + module.len()..];
+    let map = lib.split("//! # Map\n").nth(1).expect("a map");
+    let order: Vec<&str> = map
+        .lines()
+        .filter_map(|line| line.strip_prefix("//! - [`")?.split_once("`]: "))
+        .map(|(name, _)| name)
+        .collect();
+    let crates = library_crates();
+    let listed: BTreeSet<String> = order.iter().map(|name| name.to_string()).collect();
+    assert_eq!(listed, crates, "the map in src/lib.rs lists other crates than there are");
+    assert_eq!(order.len(), crates.len(), "the map in src/lib.rs lists a crate twice: {order:?}");
+    let mut n_internal = 0;
+    for (place, name) in order.iter().enumerate() {
+        let manifest = fs::read_to_string(root().join("crates").join(name).join("Cargo.toml")).expect("a manifest");
+        for used in dependencies(&manifest).into_iter().filter(|used| crates.contains(*used)) {
+            n_internal += 1;
+            assert!(order[..place].contains(&used), "{name} depends on {used}, which the map does not list before it");
+        }
     }
-    for (src, path) in sources() {
-        let inside = path.strip_prefix(&src).expect("inside its crate");
-        let name = inside.components().next().expect("a name").as_os_str().to_string_lossy().replace(".rs", "");
-        let Some(own) = ORDER.iter().position(|module| *module == name) else {
-            assert!(["lib", "bin"].contains(&&*name), "{name} is in no order");
-            continue;
-        };
-        if inside.to_string_lossy().ends_with("tests.rs") {
-            continue;
-        }
-        let text = fs::read_to_string(&path).expect("text");
-        for used in named_modules(&text) {
-            let place = ORDER.iter().position(|module| *module == used);
-            assert!(place.is_none_or(|place| place <= own), "{}: {used} comes after {name}", inside.display());
-        }
+    assert!(n_internal > 30, "{n_internal} dependencies between crates were found");
+}
+
+/// A word, a sign or a string of a source text.
+#[derive(Debug, Clone, Copy)]
+struct Token<'a> {
+    text: &'a str,
+    line: usize,
+}
+
+fn is_word_part(c: char) -> bool {
+    c.is_alphanumeric() || c == '_'
+}
+
+/// Length of the string literal at the start of a text, raw ones included; 0 where there is none.
+fn string_len(text: &str) -> usize {
+    let body = text.strip_prefix('b').unwrap_or(text);
+    let raw = body.strip_prefix('r').map(|rest| rest.trim_start_matches('#'));
+    if let Some(inside) = raw.and_then(|rest| rest.strip_prefix('"')) {
+        let n_hashes = body.len() - 1 - inside.len() - 1;
+        let end = format!("\"{}", "#".repeat(n_hashes));
+        return text.len() - inside.len() + inside.find(&end).map_or(inside.len(), |at| at + end.len());
+    }
+    let Some(inside) = body.strip_prefix('"') else { return 0 };
+    let mut is_escaped = false;
+    let end = inside.find(|c| {
+        let is_end = c == '"' && !is_escaped;
+        is_escaped = c == '\\' && !is_escaped;
+        is_end
+    });
+    text.len() - inside.len() + end.map_or(inside.len(), |at| at + 1)
+}
+
+/// Length of the character literal at the start of a text; 1, the sign alone, for a lifetime.
+fn quote_len(text: &str) -> usize {
+    let mut inside = text[1..].char_indices();
+    match inside.next() {
+        Some((_, '\\')) => text[3..].find('\'').map_or(text.len(), |at| at + 4),
+        _ => match inside.next() {
+            Some((at, '\'')) => at + 2,
+            _ => 1,
+        },
     }
 }
 
-/// Modules beside one that it names: "super::a::x" and "super::{b, c::y}" are a, b and c.
-fn named_siblings(text: &str, path: &str) -> BTreeSet<String> {
-    let own = text.split("#[cfg(test)]\nmod tests {").next().unwrap_or(text);
-    let code: String = own.lines().filter(|line| !line.trim_start().starts_with("//")).collect();
-    let word = |from: &str| from.trim().chars().take_while(|c| c.is_ascii_alphanumeric() || *c == '_').collect();
-    let mut found = BTreeSet::new();
-    for (at, _) in code.match_indices(path) {
-        let rest = &code[at + path.len()..];
-        // Not super::super, which is named elsewhere.
-        if code[..at].ends_with("super::") {
-            continue;
-        }
-        let Some(group) = rest.strip_prefix('{') else {
-            found.insert(word(rest));
-            continue;
+/// Tokens of a source text, comments left out.
+fn tokens(text: &str) -> Vec<Token<'_>> {
+    let (mut found, mut at, mut line) = (Vec::new(), 0, 1);
+    while let Some(next) = text[at..].chars().next() {
+        let rest = &text[at..];
+        let is_comment = rest.starts_with("//");
+        let length = match next {
+            _ if is_comment => rest.find('\n').unwrap_or(rest.len()),
+            _ if string_len(rest) > 0 => string_len(rest),
+            '\'' => quote_len(rest),
+            ':' if rest.starts_with("::") => 2,
+            _ if is_word_part(next) => rest.find(|c| !is_word_part(c)).unwrap_or(rest.len()),
+            _ => next.len_utf8(),
         };
-        let mut depth = 0;
-        for part in group.split_inclusive([',', '{', '}']) {
-            if depth == 0 {
-                found.insert(word(part));
-            }
-            depth += i32::from(part.ends_with('{')) - i32::from(part.ends_with('}'));
-            if depth < 0 {
-                break;
-            }
+        if !is_comment && !next.is_whitespace() {
+            found.push(Token { text: &rest[..length], line });
         }
+        line += rest[..length].matches('\n').count();
+        at += length;
     }
-    found.remove("");
     found
 }
 
-/// Inside a room, too, nobody leans on whom he holds: files beside each other can be put in an order.
-#[test]
-fn no_room_has_a_circle() {
-    assert_eq!(named_siblings("use super::{a, b::{C, D}, e};", "super::"), ["a", "b", "e"].map(String::from).into());
-    let mut rooms: BTreeMap<PathBuf, Vec<PathBuf>> = BTreeMap::new();
-    for (_, path) in sources() {
-        let room = path.parent().expect("a room").to_path_buf();
-        rooms.entry(room).or_default().push(path);
-    }
-    for (room, inside) in rooms {
-        let name = |path: &Path| path.file_stem().expect("a name").to_string_lossy().into_owned();
-        let is_program = room.ends_with("bin/vitreo-uq");
-        let uses = |path: &PathBuf| {
-            let text = fs::read_to_string(path).expect("text");
-            (name(path), named_siblings(&text, if is_program { "crate::" } else { "super::" }))
-        };
-        let is_house =
-            |path: &&PathBuf| !["mod", "lib", "main"].contains(&&*name(path)) && !name(path).ends_with("tests");
-        let mut left: BTreeMap<String, BTreeSet<String>> = inside.iter().filter(is_house).map(uses).collect();
-        // Those that use nobody who is left go, one after another.
-        while let Some(free) = left.iter().find(|(own, uses)| !uses.iter().any(|x| x != *own && left.contains_key(x))) {
-            let free = free.0.clone();
-            left.remove(&free);
+/// Place behind the item at the start of some tokens: behind its attributes, and its `;` or block.
+fn item_len(tokens: &[Token]) -> usize {
+    let (mut depth, mut is_attribute) = (0, false);
+    for (place, token) in tokens.iter().enumerate() {
+        if depth == 0 && token.text == "#" {
+            is_attribute = true;
         }
-        assert!(left.is_empty(), "in {} stand in a circle, or use one: {:?}", room.display(), left.keys());
+        depth += i32::from(["{", "(", "["].contains(&token.text)) - i32::from(["}", ")", "]"].contains(&token.text));
+        let ends = !is_attribute && ["}", ";"].contains(&token.text);
+        is_attribute &= !(depth == 0 && token.text == "]");
+        if depth == 0 && ends {
+            return place + 1;
+        }
     }
+    tokens.len()
+}
+
+/// Tokens of the code that is no test.
+fn code_tokens(text: &str) -> Vec<Token<'_>> {
+    let all = tokens(text);
+    let (mut code, mut at) = (Vec::new(), 0);
+    while at < all.len() {
+        let is_for_tests =
+            all[at..].iter().map(|token| token.text).take(7).eq(["#", "[", "cfg", "(", "test", ")", "]"]);
+        if is_for_tests {
+            at += item_len(&all[at..]);
+        } else {
+            code.push(all[at]);
+            at += 1;
+        }
+    }
+    code
+}
+
+/// Whether a file holds tests alone, by its name.
+fn is_test_file(path: &Path) -> bool {
+    let name = path.file_stem().expect("a name").to_string_lossy();
+    name == "tests" || name.ends_with("_tests") || name.starts_with("test_")
+}
+
+/// Sources of the library crates and the program without tests: module paths and texts. The program's begin with `program`.
+fn sources() -> BTreeMap<String, String> {
+    let crates = library_crates().into_iter().map(|name| (root().join("crates").join(&name).join("src"), name));
+    let program = (root().join("src/bin/vitreo-uq"), "program".to_string());
+    let mut sources = BTreeMap::new();
+    for (place, name) in crates.chain([program]) {
+        for path in files(&place).iter().filter(|path| !is_test_file(path)) {
+            let inside = path.strip_prefix(&place).expect("inside its crate").with_extension("");
+            let parts = inside.iter().map(|part| part.to_string_lossy());
+            let modules = parts.filter(|part| !["lib", "main", "mod"].contains(&&**part));
+            let module = modules.fold(name.clone(), |path, part| format!("{path}::{part}"));
+            sources.insert(module, fs::read_to_string(path).expect("text"));
+        }
+    }
+    sources
+}
+
+/// A path that a file names.
+struct Named<'a> {
+    path: Vec<&'a str>,
+    /// Name under which `use` makes it known; empty in an expression.
+    name: &'a str,
+    /// Whether it is only exported again.
+    is_export: bool,
+}
+
+/// Reads a tree of `use` that begins at `at`: paths and the names they are known under. Returns the place behind it.
+fn read_tree<'a>(
+    tokens: &[Token<'a>],
+    mut at: usize,
+    prefix: &[&'a str],
+    found: &mut Vec<(Vec<&'a str>, &'a str)>,
+) -> usize {
+    let mut path = prefix.to_vec();
+    while let Some(token) = tokens.get(at) {
+        match token.text {
+            "{" => {
+                at += 1;
+                while tokens[at].text != "}" {
+                    at = read_tree(tokens, at, &path, found);
+                    at += usize::from(tokens[at].text == ",");
+                }
+                return at + 1;
+            }
+            "as" => {
+                found.push((path, tokens[at + 1].text));
+                return at + 2;
+            }
+            "self" if !path.is_empty() => {}
+            "::" => {}
+            word if word.starts_with(is_word_part) || word == "*" => path.push(word),
+            _ => break,
+        }
+        at += 1;
+    }
+    // Without a path it is the `use<…>` of a type.
+    if let Some(&name) = path.last() {
+        found.push((path, name));
+    }
+    at
+}
+
+/// Paths that a file names, in `use` and in expressions.
+fn named_paths(text: &str) -> Vec<Named<'_>> {
+    let tokens = code_tokens(text);
+    let (mut named, mut at) = (Vec::new(), 0);
+    while at < tokens.len() {
+        let before = if at == 0 { "" } else { tokens[at - 1].text };
+        if tokens[at].text == "use" {
+            let visibility = tokens[..at].iter().rev().take(5).take_while(|token| ![";", "}"].contains(&token.text));
+            let is_export = visibility.into_iter().any(|token| token.text == "pub");
+            let mut found = Vec::new();
+            at = read_tree(&tokens, at + 1, &[], &mut found);
+            named.extend(found.into_iter().map(|(path, name)| Named { path, name, is_export }));
+        } else if tokens[at].text.starts_with(is_word_part) && before != "::" {
+            let mut path = vec![tokens[at].text];
+            while let [joint, word, ..] = &tokens[at + 1..]
+                && joint.text == "::"
+                && word.text.starts_with(is_word_part)
+            {
+                path.push(word.text);
+                at += 2;
+            }
+            at += 1;
+            if path.len() > 1 {
+                named.push(Named { path, name: "", is_export: false });
+            }
+        } else {
+            at += 1;
+        }
+    }
+    named
+}
+
+/// A path from its crate on, as a file of a module means it; `None` where it leads out of the workspace.
+fn absolute(path: &[&str], module: &str, sources: &BTreeMap<String, String>) -> Option<String> {
+    let own = module.split("::").next().unwrap_or(module);
+    let first = path[0];
+    let (base, rest) = match first {
+        "crate" => (own.to_string(), &path[1..]),
+        "self" => (module.to_string(), &path[1..]),
+        "super" => {
+            let n_up = path.iter().take_while(|part| **part == "super").count();
+            let parts: Vec<&str> = module.split("::").collect();
+            (parts[..parts.len().saturating_sub(n_up).max(1)].join("::"), &path[n_up..])
+        }
+        "vitreo_uq" => (path.get(1)?.to_string(), &path[2..]),
+        _ if sources.contains_key(&format!("{module}::{first}")) => (module.to_string(), path),
+        _ => (first.to_string(), &path[1..]),
+    };
+    let top = base.split("::").next().unwrap_or(&base);
+    sources.contains_key(top).then(|| rest.iter().fold(base.clone(), |path, part| format!("{path}::{part}")))
+}
+
+/// The file that defines what a path leads to, through the names that `use` makes known.
+fn definition(path: &str, known: &BTreeMap<String, String>, sources: &BTreeMap<String, String>) -> String {
+    let mut path = path.to_string();
+    // Names may be passed on several times; a ring of names ends as well.
+    for _ in 0..8 {
+        let mut file = path.as_str();
+        while !sources.contains_key(file) {
+            file = file.rsplit_once("::").expect("its crate is a file").0;
+        }
+        let name_len = path[file.len()..].trim_start_matches("::").split("::").next().map_or(0, str::len);
+        let name = &path[..path.len().min(file.len() + 2 + name_len)];
+        match known.get(name).filter(|to| to.as_str() != name) {
+            Some(to) => path = format!("{to}{}", &path[name.len()..]),
+            None => return file.to_string(),
+        }
+    }
+    path
+}
+
+/// Files that each file uses, with the paths by which it does. Exports, and what a module itself holds, are left out.
+type Uses = BTreeMap<String, BTreeMap<String, BTreeSet<String>>>;
+
+fn uses(sources: &BTreeMap<String, String>) -> Uses {
+    let named: Vec<(&String, Vec<Named>)> = sources.iter().map(|(module, text)| (module, named_paths(text))).collect();
+    let mut known = BTreeMap::new();
+    for (module, paths) in &named {
+        for Named { path, name, .. } in paths.iter().filter(|named| !named.name.is_empty()) {
+            if let Some(to) = absolute(path, module, sources) {
+                known.insert(format!("{module}::{name}"), to);
+            }
+        }
+    }
+    let mut uses: Uses = sources.keys().map(|module| (module.clone(), BTreeMap::new())).collect();
+    for (module, paths) in &named {
+        for Named { path, .. } in paths.iter().filter(|named| !named.is_export) {
+            let Some(to) = absolute(path, module, sources) else { continue };
+            let file = definition(&to, &known, sources);
+            if file != **module && !file.starts_with(&format!("{module}::")) {
+                uses.get_mut(*module).expect("a file").entry(file).or_default().insert(path.join("::"));
+            }
+        }
+    }
+    uses
+}
+
+/// A cycle among files, each with what it uses of the next; `None` where the files can be put in an order.
+fn cycle(uses: &Uses) -> Option<String> {
+    let mut left: BTreeSet<&String> = uses.keys().collect();
+    // Those that use nobody who is left go, one after another.
+    while let Some(free) = left.iter().find(|file| !uses[**file].keys().any(|used| left.contains(used))).copied() {
+        left.remove(free);
+    }
+    let mut walked: Vec<&String> = vec![left.first().copied()?];
+    loop {
+        let next = uses[walked[walked.len() - 1]].keys().find(|used| left.contains(used)).expect("it uses one");
+        walked.push(next);
+        if let Some(first) = walked[..walked.len() - 1].iter().position(|file| *file == next) {
+            let step = |pair: &[&String]| format!("{} uses {}: {:?}", pair[0], pair[1], uses[pair[0]][pair[1]]);
+            return Some(walked[first..].windows(2).map(step).collect::<Vec<_>>().join("\n"));
+        }
+    }
+}
+
+/// Files can be put in an order in which each uses only those before it, and a module what it holds.
+#[test]
+fn no_files_form_a_cycle() {
+    let texts = |b: &str| -> BTreeMap<String, String> {
+        let lib = "mod a; pub mod b; pub use b::{Thing as Other, x}; fn own() { a::f() }";
+        let a = "use crate::{Other, b::{self as c}}; /// super::none\nfn f<'a>(x: &'a str) -> char { '\"' }";
+        let other = "use one::b::Thing; fn g() { one::own(\"two::h\", r#\"\"two::i\"#) }";
+        [("one", lib), ("one::a", a), ("one::b", b), ("two", other)].map(|(m, text)| (m.into(), text.into())).into()
+    };
+    let none =
+        uses(&texts("pub struct Thing; // super::a\n#[cfg(test)]\n#[path = \"x\"]\nmod tests { use super::a; }"));
+    assert_eq!(none["one"].len(), 0, "a module may use what it holds");
+    assert_eq!(none["two"].keys().collect::<Vec<_>>(), ["one", "one::b"], "exports and strings");
+    assert_eq!(cycle(&none), None);
+    let ring = cycle(&uses(&texts("#[cfg(test)]\nuse x::y; fn g() -> super::a::F { todo!() }"))).expect("a cycle");
+    assert_eq!(ring, "one::a uses one::b: {\"crate::Other\", \"crate::b\"}\none::b uses one::a: {\"super::a::F\"}");
+
+    let uses = uses(&sources());
+    let n_uses: usize = uses.values().map(BTreeMap::len).sum();
+    assert!(n_uses > 1000, "{n_uses} uses of one file by another were found");
+    if let Some(cycle) = cycle(&uses) {
+        panic!("files use each other:\n{cycle}");
+    }
+}
+
+/// Lines that hold code, tests left out.
+fn n_lines(text: &str) -> usize {
+    let lines = code_tokens(text).into_iter().flat_map(|token| {
+        let inside = token.text.lines().enumerate().filter(|(_, line)| !line.trim().is_empty());
+        inside.map(move |(below, _)| token.line + below)
+    });
+    lines.collect::<BTreeSet<usize>>().len()
+}
+
+/// A crate can be read by one person.
+#[test]
+fn no_crate_is_too_large() {
+    assert_eq!(n_lines("fn f() {\n// no\n\n    \"a\n\nb\" }\n#[cfg(test)]\nmod tests {\n}\nfn g() {}"), 4);
+    let mut sizes: BTreeMap<String, usize> = BTreeMap::new();
+    for (module, text) in sources().iter().filter(|(module, _)| !module.starts_with("program")) {
+        *sizes.entry(module.split("::").next().unwrap_or(module).into()).or_default() += n_lines(text);
+    }
+    assert!(sizes.values().sum::<usize>() > 20_000, "lines of code: {sizes:?}");
+    assert!(sizes.values().all(|n| *n <= MOST_LINES), "more than {MOST_LINES} lines of code: {sizes:?}");
 }

@@ -33,6 +33,7 @@ pub mod protocol;
 pub mod rank;
 pub mod refit;
 mod request;
+mod score;
 pub mod score_test;
 mod screen;
 pub mod search;

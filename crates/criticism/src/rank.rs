@@ -10,6 +10,7 @@ use rayon::prelude::*;
 
 use super::candidate::Coordinate;
 use super::derivatives::column_m;
+pub use super::score::Score;
 use super::separation::{Truth, closest};
 use super::{Candidate, Fitted, Subject, Tangent};
 use base::error::Result;
@@ -25,23 +26,6 @@ const TWIN_COSINE: f64 = 0.99;
 const LEAST_VISIBLE: f64 = 1e-6;
 /// Simulations of the largest score.
 const N_LARGEST: usize = 4_000;
-
-/// An effect's score.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Score {
-    /// z in the direction of the support, averaged over draws; of the grid point with the largest.
-    pub z: f64,
-    /// z over ‖Pg‖: the first parameter's expected distance from its null, in its unit, plus the null.
-    pub expected_parameter: f64,
-    /// ‖Pg‖²/‖g‖², the largest over the grid.
-    pub visible_fraction: f64,
-    /// ‖Pg‖ a unit of the first parameter, at the grid point with the largest z.
-    pub signature_per_unit: f64,
-    /// Unit vector along Pg there; `None` where nothing is visible.
-    pub direction: Option<DVector<f64>>,
-    /// Whether the effect has one sign; then z counts upwards only.
-    pub is_one_sided: bool,
-}
 
 /// Scores of candidates that each add effects to the base, in their order.
 ///

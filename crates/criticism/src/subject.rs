@@ -2,7 +2,7 @@
 
 use std::sync::{Arc, OnceLock};
 
-use super::{Candidate, rank::Score};
+use super::{Candidate, score::Score};
 use base::error::{Error, Place, Result};
 use base::number::Dual;
 use laws::stages::Stepped;

@@ -134,7 +134,7 @@ fn main() -> ExitCode {
         Command::Workbench(arguments) => workbench::run(arguments),
         Command::Serve(arguments) => serve::run(arguments),
         Command::Groups(arguments) => groups::run(arguments),
-        Command::Tasks(arguments) => tasks::run(arguments),
+        Command::Tasks(arguments) => tasks::run(arguments, refuse_as_task),
         Command::Gather(arguments) => gather::run(arguments),
         Command::Shapes(arguments) => shapes::run(arguments),
         Command::Challenge(arguments) => challenge::run(arguments),

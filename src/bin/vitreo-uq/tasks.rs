@@ -9,6 +9,7 @@ use clap::{Args, Subcommand, ValueEnum};
 use vitreo_uq::base::error::{Error, Place, Result};
 use vitreo_uq::cohorts::cohort;
 use vitreo_uq::documents::tasks::TaskKind;
+use vitreo_uq::jobs::tasks::commands::Line;
 use vitreo_uq::jobs::tasks::list::{List, Making, Work, absolute};
 use vitreo_uq::jobs::tasks::submit::{self, Engine, Resources};
 use vitreo_uq::jobs::tasks::worker::{Ran, Worker, serve};
@@ -176,7 +177,8 @@ enum EngineName {
 /// Failures that are said; `gather --json` has all.
 const MOST_SAID: usize = 10;
 
-pub fn run(arguments: &TasksArguments) -> Result<ExitCode> {
+/// Makes or runs a list; `refuse_line` refuses a line of a list of commands that is no command to run as a task.
+pub fn run(arguments: &TasksArguments, refuse_line: impl Fn(&Path, &Line) -> Result<()>) -> Result<ExitCode> {
     match &arguments.action {
         Action::Sample(arguments) => {
             let terminal = begin(&arguments.list)?;
@@ -210,7 +212,7 @@ pub fn run(arguments: &TasksArguments) -> Result<ExitCode> {
         Action::Commands(arguments) => {
             let terminal = begin_at(&arguments.list)?;
             let lines = commands::read(&arguments.file)?;
-            lines.iter().try_for_each(|line| crate::refuse_as_task(&arguments.file, line))?;
+            lines.iter().try_for_each(|line| refuse_line(&arguments.file, line))?;
             make(&arguments.list, TaskKind::Commands, 0, commands::work(&lines)?, &terminal)
         }
         Action::Run(arguments) => run_tasks(arguments),

@@ -5,7 +5,7 @@ use super::drawn::drawn;
 use super::fit::Learnt;
 use super::function::Function;
 use super::pairs::Kind;
-use super::search::{EQUAL_NATS, Found, fitted_base};
+use super::search::{EQUAL_NATS, Found, Request, fitted_base};
 use super::words::{rises, words};
 use crate::Subject;
 use crate::leftover::misfit;
@@ -13,23 +13,6 @@ use crate::refit::Refitted;
 use base::error::Result;
 use documents::learned::{EquivalentPair, Learned, LearnedKind, LearnedPair, LearnedVerdict, Retardation};
 use posterior::monitor::Monitor;
-
-/// What a caller decides.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Request {
-    /// Most simulated searches.
-    pub n_simulations: usize,
-    /// Seed of all random numbers.
-    pub seed: u64,
-    /// Whether functions of a state may only rise or only fall.
-    pub is_monotone: bool,
-}
-
-impl Default for Request {
-    fn default() -> Self {
-        Self { n_simulations: 99, seed: 1, is_monotone: false }
-    }
-}
 
 /// What was learnt, with the file of its formula.
 pub struct Outcome {

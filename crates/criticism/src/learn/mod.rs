@@ -20,6 +20,8 @@ mod truncated;
 mod words;
 
 pub use distil::FILE_NAME;
-pub use job::{Outcome, Request, first_look, learn};
-pub use search::{EQUAL_NATS, FORMULA_LOSS, FORMULA_LOSS_NATS, LARGEST_P, LEAST_EVIDENCE_NATS, LEAST_FUTURE_NATS};
+pub use job::{Outcome, first_look, learn};
+pub use search::{
+    EQUAL_NATS, FORMULA_LOSS, FORMULA_LOSS_NATS, LARGEST_P, LEAST_EVIDENCE_NATS, LEAST_FUTURE_NATS, Request,
+};
 pub use words::quantity_words;

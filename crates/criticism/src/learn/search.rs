@@ -4,7 +4,6 @@ use super::distil::{Distilled, distil};
 use super::fit::{Base, Learnt, Screen, fit_all, fit_under, largest_gain};
 use super::pairs::{Pair, pairs};
 use crate::bootstrap::{Bootstrap, Simulations, simulated};
-use crate::learn::Request;
 use crate::outliers;
 use crate::refit::{Refitted, refit_all};
 use crate::{Candidate, Fitted, Search, Subject};
@@ -30,6 +29,23 @@ const LIBRARY_NATS: f64 = 4.0;
 const LIBRARY_SHARE: f64 = 0.02;
 /// Streams of the simulated searches, apart from others of the seed.
 const STREAM: u64 = 0x1ea4;
+
+/// What a caller decides.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Request {
+    /// Most simulated searches.
+    pub n_simulations: usize,
+    /// Seed of all random numbers.
+    pub seed: u64,
+    /// Whether functions of a state may only rise or only fall.
+    pub is_monotone: bool,
+}
+
+impl Default for Request {
+    fn default() -> Self {
+        Self { n_simulations: 99, seed: 1, is_monotone: false }
+    }
+}
 
 /// A search among pairs.
 pub struct Found {

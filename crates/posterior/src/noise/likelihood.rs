@@ -50,7 +50,7 @@ impl NoiseLikelihood {
     /// Log-likelihood, in nats for positions in m, of one point: its position in m at every row of the record, and the noise's parameters in
     /// their units, in the order of [`NoiseModel::parameters`]. −∞ for parameters outside their support, NaN for positions that are.
     pub fn ln_likelihood(&self, position_m: &[f64], parameters: &[f64]) -> f64 {
-        let scales = Scales::new(self.model, parameters);
+        let scales = self.model.scales(parameters);
         let mut out = [0.0];
         self.evaluate::<_, [f64; 1], 1>(Scalars, position_m.as_chunks().0, &[scales], &mut out);
         out[0]
@@ -83,7 +83,7 @@ impl NoiseLikelihood {
             for (value, lanes) in values.iter_mut().zip(parameters) {
                 *value = lanes[lane];
             }
-            Scales::new(self.model, &values[..parameters.len().min(values.len())])
+            self.model.scales(&values[..parameters.len().min(values.len())])
         })
     }
 

@@ -53,6 +53,7 @@ mod dense;
 pub use lanes::LANES;
 pub use learning::{DrawRow, Learning, LearningPrior, LearntParameter, NoiseValues, RowShare};
 pub use likelihood::{NoiseLikelihood, SharedPosition};
-pub use model::{NoiseModel, NoiseScales};
+pub use model::NoiseModel;
 pub use pointwise::Conditional;
+pub use scales::NoiseScales;
 pub use whitening::{Asked, CycleProducts, Whitening, dot};

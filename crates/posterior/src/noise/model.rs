@@ -1,22 +1,11 @@
 //! Which noise terms a model has, their parameters and default priors.
 
-use super::scales::Scales;
+use super::scales::{NoiseScales, Scales};
 use super::terms::{Equations, NoiseTerm, TERMS};
 use crate::prior::Prior;
 use base::error::{Error, Place, Result};
 use base::parameter::ParameterSpec;
 use base::units::nearest_name;
-
-/// What default priors are scaled by.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct NoiseScales {
-    /// Median of the white noise's prior in µm.
-    pub noise_sd_um: f64,
-    /// Median time between rows in s.
-    pub sample_interval_s: f64,
-    /// Duration of a cycle in s.
-    pub cycle_s: f64,
-}
 
 /// White noise and whatever is combined with it. The default is white noise alone.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -74,6 +63,21 @@ impl NoiseModel {
         TERMS.iter().flat_map(|term| term.parameters())
     }
 
+    /// From parameters in the model's order and units; `None` outside their support.
+    pub(super) fn scales(self, parameters: &[f64]) -> Option<Scales> {
+        let (mut scales, mut left) = (Scales::UNIT, parameters);
+        for term in self.terms() {
+            let (own, others) = left.split_at_checked(term.parameters().len())?;
+            let is_inside = |(spec, value): (&ParameterSpec, &f64)| value.is_finite() && spec.support.contains(*value);
+            if !term.parameters().iter().zip(own).all(is_inside) {
+                return None;
+            }
+            term.write(own, &mut scales);
+            left = others;
+        }
+        scales.are_moderate().then_some(scales)
+    }
+
     /// What of the filter its terms need.
     pub(super) fn equations(self) -> Equations {
         self.terms().map(|term| term.equations()).fold(Equations::default(), |all, own| Equations {
@@ -98,12 +102,12 @@ impl NoiseModel {
     /// same all through a cycle, so that a misfit which they take up still stands between prediction and positions. NaN outside the parameters' support.
     pub fn row_sd_um(self, parameters: &[f64]) -> f64 {
         let of_scales = |scales: Scales| 1e6 * scales.noise_sd_m * (scales.variance_factor() + scales.ou).sqrt();
-        Scales::new(self, parameters).map_or(f64::NAN, of_scales)
+        self.scales(parameters).map_or(f64::NAN, of_scales)
     }
 
     /// Degrees of freedom that the parameters give the tails, if these are heavy.
     pub fn student_dof(self, parameters: &[f64]) -> Option<f64> {
-        Scales::new(self, parameters).map(|scales| scales.dof).filter(|dof| dof.is_finite())
+        self.scales(parameters).map(|scales| scales.dof).filter(|dof| dof.is_finite())
     }
 }
 

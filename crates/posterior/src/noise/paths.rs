@@ -56,7 +56,7 @@ impl NoiseModel {
     /// With `student` it follows from the filter: the score-driven mean has (ν + 1)/(ν + 3) of the variance that the Gaussian filter's mean has, and
     /// what is left to predict has ν/(ν − 2) of it. Infinite at ν = 2, NaN for parameters outside their support.
     pub fn marginal_sd_m(self, time_s: &[f64], cycle: &[u32], position_m: &[f64], parameters: &[f64]) -> Vec<f64> {
-        let Some(scales) = Scales::new(self, parameters) else {
+        let Some(scales) = self.scales(parameters) else {
             return vec![f64::NAN; position_m.len()];
         };
         let prior = |x: f64| scales.ou + scales.gain_per_m2 * x * x + scales.offset;
@@ -87,7 +87,7 @@ impl NoiseModel {
         parameters: &[f64],
         rng: &mut (impl Rng + ?Sized),
     ) -> Vec<f64> {
-        let Some(scales) = Scales::new(self, parameters) else {
+        let Some(scales) = self.scales(parameters) else {
             return vec![f64::NAN; position_m.len()];
         };
         if self == Self::default() {

@@ -53,7 +53,7 @@ impl NoiseLikelihood {
     /// Log-density, in nats for positions in m, of each compared position given the parameters and what [`NoiseLikelihood::conditional`] says. Arguments
     /// as those of [`NoiseLikelihood::ln_likelihood`]; −∞ for parameters outside their support.
     pub fn ln_pointwise(&self, position_m: &[f64], parameters: &[f64]) -> Vec<f64> {
-        let Some(scales) = Scales::new(self.model, parameters) else {
+        let Some(scales) = self.model.scales(parameters) else {
             return vec![f64::NEG_INFINITY; self.n_observed()];
         };
         let ln_density = |variance: f64, distance_m: f64| {

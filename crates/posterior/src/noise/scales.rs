@@ -1,10 +1,18 @@
-//! A point's noise parameters in the form that the filter takes.
-
-use super::NoiseModel;
-use base::parameter::ParameterSpec;
+//! A point's noise parameters in the form that the filter takes, and the scales of their default priors.
 
 /// Ratios of variances above this are refused: their products would leave the range of numbers.
 const LARGEST_RATIO: f64 = 1e100;
+
+/// What default priors are scaled by.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct NoiseScales {
+    /// Median of the white noise's prior in µm.
+    pub noise_sd_um: f64,
+    /// Median time between rows in s.
+    pub sample_interval_s: f64,
+    /// Duration of a cycle in s.
+    pub cycle_s: f64,
+}
 
 /// Parameters in SI, variances over the white noise's. Terms that the model lacks have variance 0.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -28,21 +36,10 @@ impl Scales {
     pub const UNIT: Self =
         Self { noise_sd_m: 1.0, ou: 0.0, ou_time_s: 1.0, gain_per_m2: 0.0, offset: 0.0, dof: f64::INFINITY };
 
-    /// From parameters in the model's order and units; `None` outside their support.
-    pub fn new(model: NoiseModel, parameters: &[f64]) -> Option<Self> {
-        let (mut scales, mut left) = (Self::UNIT, parameters);
-        for term in model.terms() {
-            let (own, others) = left.split_at_checked(term.parameters().len())?;
-            let is_inside = |(spec, value): (&ParameterSpec, &f64)| value.is_finite() && spec.support.contains(*value);
-            if !term.parameters().iter().zip(own).all(is_inside) {
-                return None;
-            }
-            term.write(own, &mut scales);
-            left = others;
-        }
+    /// Whether the filter can take them: white noise that is positive, and ratios that are not too large.
+    pub fn are_moderate(&self) -> bool {
         let small = |ratio: f64| ratio <= LARGEST_RATIO;
-        let inside = scales.noise_sd_m > 0.0;
-        (inside && small(scales.ou) && small(scales.gain_per_m2) && small(scales.offset)).then_some(scales)
+        self.noise_sd_m > 0.0 && small(self.ou) && small(self.gain_per_m2) && small(self.offset)
     }
 
     /// The variance of a standard deviation in m (or of a number, in 1/m²) over the white noise's.

@@ -118,7 +118,7 @@ impl NoiseLikelihood {
 
     /// L⁻¹ at a point, for any number of columns; `None` for parameters outside their support.
     pub fn whitening(&self, position_m: &[f64], parameters: &[f64]) -> Option<Whitening> {
-        let scales = Scales::new(self.model, parameters)?;
+        let scales = self.model.scales(parameters)?;
         let mut walk = Walk::new(&scales, &self.rows.step_s);
         let rows: Vec<RowGain> = self.rows.rows.iter().map(|row| RowGain::of(&mut walk, row, position_m)).collect();
         let largest_m = rows.iter().fold(0.0, |largest: f64, row| largest.max(row.x.abs()));
@@ -127,7 +127,7 @@ impl NoiseLikelihood {
 
     /// Inner products of whitened columns, in one pass and without keeping them; `None` for parameters outside their support.
     pub fn white_products(&self, asked: &Asked, position_m: &[f64], parameters: &[f64]) -> Option<WhiteProducts> {
-        let scales = Scales::new(self.model, parameters)?;
+        let scales = self.model.scales(parameters)?;
         let n = asked.columns.len();
         let mut sums = vec![0.0; n * n];
         let members = |set: &Range<usize>| (0..asked.n_common).chain(set.clone());

@@ -29,5 +29,4 @@ pub use moves::Move;
 pub use options::{Batches, Checkpointing, Demands, Phase, Progress, RunControl, SamplerOptions};
 pub use random::RandomStream;
 pub use run::{SampleOutcome, sample};
-pub(crate) use walkers::check as check_log_densities;
 pub use walkers::{Ensemble, EnsembleState, JumpCount, Kernel};

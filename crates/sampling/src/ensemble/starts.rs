@@ -66,7 +66,7 @@ pub(super) fn reach(dimension: usize) -> f64 {
 pub(super) fn evaluate_one(density: &dyn LogDensity, point: &[f64]) -> Result<f64> {
     let mut value = [0.0];
     density.log_density(point, &mut value);
-    super::check_log_densities(point.len(), point, &value)?;
+    crate::check_log_densities(point.len(), point, &value)?;
     Ok(value[0])
 }
 

@@ -2,9 +2,9 @@
 
 use super::moves::{Independence, Move, Points};
 use super::random::RandomStream;
-use crate::LogDensity;
+use crate::{LogDensity, check_log_densities};
+use base::Result;
 use base::elementary;
-use base::{Error, Result};
 
 /// How the walkers of a run are moved: the moves that know only the ensemble, and jumps into a fixed approximation.
 #[derive(Clone, Copy)]
@@ -104,7 +104,7 @@ impl Ensemble {
     /// Moves every walker once.
     ///
     /// # Errors
-    /// [`Error::Numerical`] when a log density is NaN or +∞.
+    /// [`base::Error::Numerical`] when a log density is NaN or +∞.
     pub fn step(&mut self, density: &dyn LogDensity, kernel: &Kernel) -> Result<()> {
         for moving in 0..2 {
             self.half_step(moving, density, kernel)?;
@@ -130,7 +130,7 @@ impl Ensemble {
             &mut proposal.log_factors,
         );
         density.log_density(&proposal.positions, &mut proposal.log_density);
-        check(dimension, &proposal.positions, &proposal.log_density)?;
+        check_log_densities(dimension, &proposal.positions, &proposal.log_density)?;
         let n_accepted = half.accept(proposal, dimension);
         if jump.is_some() {
             self.jumps.proposed += n as u64;
@@ -256,19 +256,4 @@ impl Half {
         }
         n_accepted
     }
-}
-
-/// Refuses NaN and +∞, naming the point.
-pub(crate) fn check(dimension: usize, points: &[f64], log_density: &[f64]) -> Result<()> {
-    // Without an early exit the scan is one vector instruction a few values.
-    if log_density.iter().fold(true, |good, value| good & (*value < f64::INFINITY)) {
-        return Ok(());
-    }
-    let n = log_density.len();
-    let Some(i) = log_density.iter().position(|value| value.is_nan() || *value == f64::INFINITY) else { return Ok(()) };
-    let point: Vec<f64> = (0..dimension).map(|d| points[d * n + i]).collect();
-    Err(Error::numerical(
-        format!("the log density is {} at the unconstrained point {point:?}", log_density[i]),
-        "this is a fault of the model, not of the data: narrow the prior around this point, and report it",
-    ))
 }

@@ -18,7 +18,7 @@ pub use valley::valley;
 pub use weighted::WeightedDraws;
 
 use crate::LogDensity;
-use crate::ensemble::check_log_densities;
+use crate::check_log_densities;
 use base::error::{Error, Result};
 use rayon::prelude::*;
 

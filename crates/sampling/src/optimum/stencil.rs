@@ -1,7 +1,7 @@
 //! Gradient and Hessian by central differences, all points in one batch.
 
 use crate::LogDensity;
-use crate::ensemble::check_log_densities;
+use crate::check_log_densities;
 use base::Result;
 use nalgebra::{DMatrix, DVector};
 

@@ -5,6 +5,7 @@ use rayon::prelude::*;
 use super::large::{self, LargeGel};
 use super::motion::Motion;
 use super::protocol::WHITE_M;
+use super::strength::Strength;
 use super::{Disturbance, Hidden, HiddenEffect, NamedValue, NoiseKind, OutsideKind, Protocol, Truth};
 use base::error::{Error, Place, Result};
 use criticism::Candidate;
@@ -37,27 +38,6 @@ pub struct Order {
     pub is_noise_given: bool,
     /// How much of it.
     pub strength: Strength,
-}
-
-/// How much of something is hidden.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Strength {
-    /// So much that each hidden thing has this signal, in standard deviations.
-    Sigma(f64),
-    /// A size from the effect's prior.
-    Prior,
-    /// The one effect's first parameter so far from its null, in its unit; downwards where it can only lie below.
-    Size(f64),
-}
-
-impl Strength {
-    /// The signal that is asked for, in standard deviations; `otherwise` where a size is: what is outside the library, and large displacements, have no such parameter.
-    fn sigma_or(self, otherwise: f64) -> f64 {
-        match self {
-            Self::Sigma(sigma) => sigma,
-            Self::Prior | Self::Size(_) => otherwise,
-        }
-    }
 }
 
 /// The reference apparatus with its reduced model, on which truths are drawn and sized.

@@ -21,8 +21,9 @@ mod strength;
 pub mod tally;
 mod truth;
 
-pub use bench::{Bench, Order, Strength, draw_pair, hideable};
+pub use bench::{Bench, Order, draw_pair, hideable};
 pub use noise::{Noise, NoiseKind};
 pub use outside::{Disturbance, OutsideKind};
 pub use protocol::Protocol;
+pub use strength::Strength;
 pub use truth::{ApparatusError, Hidden, HiddenEffect, NamedValue, Truth};

@@ -1,7 +1,7 @@
 //! A law's motion, to which something is added at the size of a signal.
 
-use super::strength::scaled_to;
-use super::{Disturbance, HiddenEffect, NamedValue, Strength, Truth};
+use super::strength::{Strength, scaled_to};
+use super::{Disturbance, HiddenEffect, NamedValue, Truth};
 use base::error::Result;
 use criticism::NoiseValues;
 use criticism::separation::{SEPARATED_SIGMA, Truth as Shown, closest};

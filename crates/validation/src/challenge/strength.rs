@@ -1,8 +1,29 @@
-//! How large something has to be to show as strongly as is asked.
+//! How much of something is hidden, and how large it has to be to show as strongly as is asked.
 
 /// A size is found when its signal is what was asked for to this fraction.
 const TOLERANCE: f64 = 0.02;
 const MOST_ROUNDS: usize = 24;
+
+/// How much of something is hidden.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Strength {
+    /// So much that each hidden thing has this signal, in standard deviations.
+    Sigma(f64),
+    /// A size from the effect's prior.
+    Prior,
+    /// The one effect's first parameter so far from its null, in its unit; downwards where it can only lie below.
+    Size(f64),
+}
+
+impl Strength {
+    /// The signal that is asked for, in standard deviations; `otherwise` where a size is: what is outside the library, and large displacements, have no such parameter.
+    pub(super) fn sigma_or(self, otherwise: f64) -> f64 {
+        match self {
+            Self::Sigma(sigma) => sigma,
+            Self::Prior | Self::Size(_) => otherwise,
+        }
+    }
+}
 
 /// Scales sizes until each signal is `asked_sigma`. `signals` gives the signals at sizes, `None` where there is no model; a size at `largest` that shows
 /// less ends the search.

@@ -22,7 +22,8 @@ mod stages;
 mod steps;
 
 pub use load::Load;
-pub use run::{Resolution, TransientRun, run};
+pub use run::{TransientRun, run};
+pub use steps::Resolution;
 
 use base::error::Result;
 use laws::rheology::{

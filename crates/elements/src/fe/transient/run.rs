@@ -7,27 +7,11 @@ use super::history::{Chain, Free, Response};
 use super::load::Load;
 use super::output::{Output, State};
 use super::stages::{DIAGONAL, N_STAGES, predict};
-use super::steps::Grading;
+use super::steps::{Grading, Resolution};
 use super::{ChainLaw, Part, StageSolve, StageWeights, TransientSystem};
 use crate::fe::clock::{CLOCK_ROUNDING, FOURTH};
 use base::error::{Error, Result};
 use laws::stages::Switch;
-
-/// How fine the steps are.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Resolution {
-    /// n ≥ 1: steps are between 1/2n and 1/n of the time since the switch. The error falls with the fourth power of 1/n.
-    pub steps_per_doubling: u32,
-    /// Steps are no longer than this, in s: a system that rings long after a switch needs about ten a period.
-    pub longest_step_s: f64,
-}
-
-impl Default for Resolution {
-    /// Errors of less than 1e-6 of the largest position where nothing rings.
-    fn default() -> Self {
-        Self { steps_per_doubling: 10, longest_step_s: f64::INFINITY }
-    }
-}
 
 /// What a run gives.
 #[derive(Debug, Clone, PartialEq)]

@@ -1,7 +1,22 @@
 //! How long steps are: powers of two that grow with the time since the last switch.
 
-use super::Resolution;
 use crate::fe::clock::{ending_well, share_of_gap};
+
+/// How fine the steps are.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Resolution {
+    /// n ≥ 1: steps are between 1/2n and 1/n of the time since the switch. The error falls with the fourth power of 1/n.
+    pub steps_per_doubling: u32,
+    /// Steps are no longer than this, in s: a system that rings long after a switch needs about ten a period.
+    pub longest_step_s: f64,
+}
+
+impl Default for Resolution {
+    /// Errors of less than 1e-6 of the largest position where nothing rings.
+    fn default() -> Self {
+        Self { steps_per_doubling: 10, longest_step_s: f64::INFINITY }
+    }
+}
 
 /// Steps since one switch: h ≤ η (time since the switch + scale).
 #[derive(Debug, Clone, Copy)]

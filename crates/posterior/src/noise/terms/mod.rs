@@ -6,9 +6,8 @@ mod ornstein_uhlenbeck;
 mod student;
 mod white;
 
-use super::NoiseScales;
 use super::learning::LearntTerm;
-use super::scales::Scales;
+use super::scales::{NoiseScales, Scales};
 use base::distribution::Distribution;
 use base::parameter::ParameterSpec;
 
