@@ -2,6 +2,7 @@
 
 pub mod artefacts;
 pub mod bridge;
+pub mod compare;
 pub mod convergence;
 mod exchange;
 pub mod extend;
@@ -10,10 +11,12 @@ pub mod init;
 mod init_creep;
 mod init_sweep;
 pub mod ladder;
+pub mod outcome;
 pub mod pages;
 pub mod schemas;
 pub mod simulate;
 pub mod simulation_files;
 pub mod sweep;
+pub mod target;
 pub mod tasks;
 pub mod visibility;

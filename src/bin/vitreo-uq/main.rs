@@ -31,6 +31,7 @@ mod questions;
 mod report;
 mod sample;
 mod serve;
+mod session;
 mod shapes;
 mod shapes_words;
 mod shell;
