@@ -7,7 +7,7 @@ use posterior::monitor::Monitor;
 use posterior::study::{COMPARISON_NAME, WithProvenance};
 use sampling::SamplerOptions;
 
-use crate::outcome::{Outcome, publish};
+use crate::outcome::Outcome;
 use crate::target::Target;
 
 /// What a caller decides.
@@ -33,7 +33,6 @@ pub fn run(target: &Target, request: &CompareRequest, monitor: &dyn Monitor) -> 
     let document =
         WithProvenance { provenance: revision.provenance("comparison", seed), body: found.comparison.clone() };
     let writer = revision.study.amend_revision(&revision.name)?;
-    let written =
-        publish(writer, COMPARISON_NAME, &document, |dir| figures::write(&dir.join("figures"), &found))?;
+    let written = writer.publish(COMPARISON_NAME, &document, |dir| figures::write(&dir.join("figures"), &found))?;
     Ok(Outcome { document, is_sound: true, written, study: Some(revision.study) })
 }

@@ -1,11 +1,8 @@
-//! What a command on a target leads to, and the one way in which it is written.
+//! What a command on a target leads to.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
-use base::error::Result;
-use base::files::write_json_atomically;
-use posterior::study::{RevisionWriter, Study, WithProvenance};
-use serde::Serialize;
+use posterior::study::{Study, WithProvenance};
 
 /// What a command led to.
 pub struct Outcome<D> {
@@ -24,19 +21,4 @@ impl<D> Outcome<D> {
     pub fn name(&self) -> String {
         self.written.file_name().map_or_else(String::new, |name| name.to_string_lossy().into_owned())
     }
-}
-
-/// Writes a document and the files beside it into a directory of a study, whole or not at all. Returns the directory.
-///
-/// # Errors
-/// [`base::Error::File`] where the operating system refuses, and those of `files`.
-pub fn publish<D: Serialize>(
-    writer: RevisionWriter,
-    name: &str,
-    document: &WithProvenance<D>,
-    files: impl FnOnce(&Path) -> Result<()>,
-) -> Result<PathBuf> {
-    write_json_atomically(&writer.path().join(name), document)?;
-    files(writer.path())?;
-    writer.commit()
 }

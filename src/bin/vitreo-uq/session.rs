@@ -6,6 +6,7 @@ use std::time::Instant;
 
 use serde::Serialize;
 use vitreo_uq::base::error::Result;
+use vitreo_uq::jobs::first_revision::FIRST_REVISION;
 use vitreo_uq::jobs::outcome::Outcome;
 use vitreo_uq::jobs::target::{Kind, ModelRequest, Target, TargetRequest};
 use vitreo_uq::posterior::mechanics::MeshFile;
@@ -44,6 +45,21 @@ impl<'a> Session<'a> {
         Target::open(target_request(self.common, model, others), taken, None, &self.terminal)
     }
 
+    /// What `sample` works on: the model is that of a study's m0, which it makes anew.
+    pub fn open_first(&self, model: &Model, others: &[PathBuf], taken: &[Kind]) -> Result<Target> {
+        Target::open(target_request(self.common, model, others), taken, Some(FIRST_REVISION), &self.terminal)
+    }
+
+    /// The sampler's settings of a command that has options for them.
+    pub fn sampler(&self, chains: usize, steps: u64) -> SamplerOptions {
+        options::sampler(chains, steps, self.common.seed, self.threads)
+    }
+
+    /// Which sort of target that will be.
+    pub fn kind(&self, others: &[PathBuf], taken: &[Kind]) -> Kind {
+        Kind::of(&paths(self.common, others), taken)
+    }
+
     /// Shows what a command led to, says where it is, and writes the page of the study that was changed.
     pub fn end<D: Serialize>(
         &self,
@@ -52,17 +68,25 @@ impl<'a> Session<'a> {
         label: &str,
         page: &PageArguments,
     ) -> Result<ExitCode> {
-        let quiet = self.common.quiet;
-        self.terminal.finish();
-        crate::output::show(self.common.json.as_deref(), &outcome.document, words)?;
-        if !quiet {
-            let seconds = self.began.elapsed().as_secs_f64();
-            crate::interrupt::say(&format!("{label}: {} ({seconds:.1} s)", outcome.written.display()));
-        }
+        self.show(&outcome.document, words)?;
+        self.say(&format!("{label}: {} ({:.1} s)", outcome.written.display(), self.began.elapsed().as_secs_f64()));
         if let Some(study) = &outcome.study {
-            crate::report::refresh(study, page, quiet);
+            crate::report::refresh(study, page, self.common.quiet);
         }
         Ok(ExitCode::from(u8::from(!outcome.is_sound)))
+    }
+
+    /// Ends progress, and shows a document and its words where the user wants them.
+    pub fn show(&self, document: &impl Serialize, words: &str) -> Result<()> {
+        self.terminal.finish();
+        crate::output::show(self.common.json.as_deref(), document, words)
+    }
+
+    /// Says something beside the result, unless the user wants quiet.
+    pub fn say(&self, text: &str) {
+        if !self.common.quiet {
+            crate::interrupt::say(text);
+        }
     }
 }
 
@@ -72,11 +96,15 @@ pub const RESULTS: &str = "Results and figures";
 /// What the user named.
 pub fn target_request(common: &Common, model: &Model, others: &[PathBuf]) -> TargetRequest {
     TargetRequest {
-        paths: common.target.iter().chain(others).cloned().collect(),
+        paths: paths(common, others),
         out: common.out.clone(),
         force: common.force,
         model: model_request(model),
     }
+}
+
+fn paths(common: &Common, others: &[PathBuf]) -> Vec<PathBuf> {
+    common.target.iter().chain(others).cloned().collect()
 }
 
 fn model_request(model: &Model) -> ModelRequest {
