@@ -69,7 +69,7 @@ fn main() -> Result<()> {
     let effects = [ThermalDrift.slug().to_string()];
     let request = ExtensionRequest { effects: &effects, ..ExtensionRequest::default() };
     let pair = extend::compared(&base, &request, &library)?;
-    let summary = extend::run(pair, &request, &Silent)?.summary;
+    let summary = extend::refit(pair, &request, &Silent)?.summary;
     println!("{}", summary.sentence);
     summary.parameters.iter().for_each(|p| println!("{} = {:.3e} ± {:.1e}", p.name, p.mean, p.sd));
     println!("On figures the first is {}.", labels::of_parameter(PARAMETERS[0].spec.name).axis());

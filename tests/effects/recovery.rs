@@ -7,7 +7,7 @@ use rand_distr::{Distribution, StandardNormal};
 use rayon::prelude::*;
 use vitreo_uq::elements::fe::Stiffness;
 use vitreo_uq::elements::fe::stepping::Resolution;
-use vitreo_uq::jobs::extend::{ExtensionRequest, compared, run};
+use vitreo_uq::jobs::extend::{ExtensionRequest, compared, refit};
 use vitreo_uq::models::effects::{EFFECTS, Effect, Library};
 use vitreo_uq::models::model::{Forward, FullForward};
 use vitreo_uq::posterior::mechanics::{MODEL_LEVEL, robot_mesh};
@@ -181,7 +181,7 @@ fn assert_error_falls(is_asked: fn(&dyn Effect) -> bool) {
         let effects = [effect.slug().to_string()];
         let request = ExtensionRequest { effects: &effects, ..ExtensionRequest::default() };
         let pair = compared(&lacking, &request, &library).expect("an effect alone is a model");
-        let summary = run(pair, &request, &Silent).expect("extending succeeds").summary;
+        let summary = refit(pair, &request, &Silent).expect("extending succeeds").summary;
         let (before, after) =
             (summary.before.rmse_heldout_um.expect("scored"), summary.after.rmse_heldout_um.expect("scored"));
         println!("{:<26} held-out error {before:.2} → {after:.2} µm (noise 4)", effect.slug());

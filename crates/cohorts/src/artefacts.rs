@@ -7,7 +7,7 @@ use super::cohort::{Key, Measurement};
 use super::figures;
 use super::job::Comparison;
 use base::error::{Error, Place, Result};
-use base::files::{Content, read_if_there, write_atomically, write_json_atomically};
+use base::files::{Content, read_if_there, write_atomically};
 use documents::groups::GroupsSummary;
 use posterior::study::{Provenance, RevisionWriter, WithProvenance};
 
@@ -79,15 +79,14 @@ pub fn write(
     summary: &GroupsSummary,
     provenance: Provenance,
 ) -> Result<PathBuf> {
-    let writer = RevisionWriter::begin(out, &folder_name(keys))?;
-    let dir = writer.path();
-    write_json_atomically(&dir.join(DOCUMENT), &WithProvenance { provenance, body: summary })?;
-    write_atomically(&dir.join("groups.csv"), &groups_csv(summary)?)?;
-    write_atomically(&dir.join("contrasts.csv"), &contrasts_csv(summary)?)?;
-    write_atomically(&dir.join("specimens.csv"), &specimens_csv(summary)?)?;
-    figures::write_netcdf(&dir.join("population.nc"), found)?;
-    figures::write(&dir.join("figures"), found, summary)?;
-    writer.commit()
+    let document = WithProvenance { provenance, body: summary };
+    RevisionWriter::begin(out, &folder_name(keys))?.publish(DOCUMENT, &document, |dir| {
+        write_atomically(&dir.join("groups.csv"), &groups_csv(summary)?)?;
+        write_atomically(&dir.join("contrasts.csv"), &contrasts_csv(summary)?)?;
+        write_atomically(&dir.join("specimens.csv"), &specimens_csv(summary)?)?;
+        figures::write_netcdf(&dir.join("population.nc"), found)?;
+        figures::write(&dir.join("figures"), found, summary)
+    })
 }
 
 /// A table of text, as CSV.

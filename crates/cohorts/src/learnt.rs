@@ -11,7 +11,7 @@ use super::cohort::Measurement;
 use super::missing::apparatus::Apparatuses;
 use super::missing::job::{FEWEST_RECORDS, stopped};
 use base::error::{Error, Place, Result};
-use base::files::{remove_if_there, write_atomically, write_json_atomically};
+use base::files::{remove_if_there, write_atomically};
 use criticism::learn::record::{Formula, Record, Told, tried};
 use criticism::learn::{
     EQUAL_NATS, FILE_NAME, FORMULA_LOSS, FORMULA_LOSS_NATS, LARGEST_P, LEAST_EVIDENCE_NATS, LEAST_FUTURE_NATS,
@@ -278,12 +278,9 @@ pub fn check_place(out: &Path, provenance: &Provenance, force: bool) -> Result<(
 pub fn write(out: &Path, outcome: &Outcome, provenance: Provenance) -> Result<PathBuf> {
     let remedy = "choose a writable place with `--out`";
     std::fs::create_dir_all(out).map_err(|source| Error::at_path("create", out, source, remedy))?;
-    let writer = RevisionWriter::begin(out, FOLDER)?;
-    let dir = writer.path();
-    write_json_atomically(&dir.join(DOCUMENT), &WithProvenance { provenance, body: &outcome.learned })?;
-    match &outcome.file {
-        Some(text) => write_atomically(&dir.join(FILE_NAME), text.as_bytes())?,
-        None => remove_if_there(&dir.join(FILE_NAME))?,
-    }
-    writer.commit()
+    let document = WithProvenance { provenance, body: &outcome.learned };
+    RevisionWriter::begin(out, FOLDER)?.publish(DOCUMENT, &document, |dir| match &outcome.file {
+        Some(text) => write_atomically(&dir.join(FILE_NAME), text.as_bytes()),
+        None => remove_if_there(&dir.join(FILE_NAME)),
+    })
 }

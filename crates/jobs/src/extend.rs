@@ -1,19 +1,194 @@
 //! The next revision of a study: an effect added, both models refitted on all cycles but the last, the last one scored (formats §4).
 
+use std::path::{Path, PathBuf};
+
 use base::error::{Error, Place, Result};
+use cohorts::cohort::{self, Measurement};
 use documents::extension::{ExtensionAnswer, ExtensionSummary, Misfit};
 use documents::posterior::PosteriorSummary;
 use figures::number::significant;
 use models::effects::Library;
 use posterior::monitor::Monitor;
 use posterior::problem::Problem;
-use posterior::sample::{self, SampleRequest, SampleResult};
-use posterior::study::{Assignments, ModelSpecification};
+use posterior::sample::{self, SampleRequest, SampleResult, refuse_nothing_to_sample};
+use posterior::study::{Assignments, EXTENSION_NAME, ModelSpecification, Provenance, Study, WithProvenance};
 use sampling::SamplerOptions;
 use sampling::diagnostics::DrawColumn;
 use sampling::evidence::{WeightedDraws, normal_of, valley};
+use serde::Serialize;
+
+use crate::first_revision::{FIRST_REVISION, make_first_revision};
+use crate::outcome::Outcome;
+use crate::target::{CohortTarget, CreepTarget, Target, TargetRequest, not_taken};
+use crate::{artefacts, pages};
+
+/// Directory of a cohort's studies where none is named: one folder a record.
+const COHORT_OUT: &str = "vitreo-uq-out/cohort-studies";
 
 /// What a caller decides.
+pub struct ExtendRequest {
+    /// Slugs of the effects to add.
+    pub effects: Vec<String>,
+    /// Parameters to fix or to free, as `name=value` or `name=free`: of both models where they have them.
+    pub set: Vec<String>,
+    /// The sampler's settings.
+    pub sampler: SamplerOptions,
+    /// Cohorts only: whether every study's page is written anew.
+    pub pages: bool,
+}
+
+/// The document of an extension.
+#[derive(Serialize)]
+#[serde(untagged)]
+pub enum ExtendDocument {
+    /// Of a creep record.
+    Creep(Box<ExtensionSummary>),
+    /// Of a cohort.
+    Cohort {
+        /// Every record's, which its own study has, too.
+        records: Vec<ExtendedRecord>,
+    },
+}
+
+/// A record of a cohort after `extend`.
+#[derive(Serialize)]
+pub struct ExtendedRecord {
+    /// Name of its directory.
+    pub name: String,
+    /// The revision that has the effects.
+    pub revision: String,
+    /// What the extension led to; `None` where the revision was there already.
+    pub extension: Option<ExtensionSummary>,
+}
+
+/// Adds effects to a target's last or named revision, and writes the next revision; of a cohort, to every record's.
+///
+/// # Errors
+/// [`Error::Input`] where the effects or values are refused, for an oscillation and for several records of one specimen; otherwise those of sampling and of writing.
+pub fn run(target: &Target, request: &ExtendRequest, monitor: &dyn Monitor) -> Result<Outcome<ExtendDocument>> {
+    match target {
+        Target::Creep(creep) => {
+            let Outcome { document, is_sound, written, study } = of_creep(creep, request, monitor)?;
+            let WithProvenance { provenance, body } = document;
+            let document = WithProvenance { provenance, body: ExtendDocument::Creep(Box::new(body)) };
+            Ok(Outcome { document, is_sound, written, study })
+        }
+        Target::Cohort(cohort) => of_cohort(cohort, request, monitor),
+        Target::Oscillation(_) | Target::Joint(_) => Err(not_taken()),
+    }
+}
+
+fn of_creep(target: &CreepTarget, request: &ExtendRequest, monitor: &dyn Monitor) -> Result<Outcome<ExtensionSummary>> {
+    let (options, library) = (request.sampler.clone(), Library::default());
+    target.check(monitor)?;
+    if let (Some(_), Some(study)) = (target.request.law(), target.existing_study())
+        && !study.revisions()?.is_empty()
+    {
+        return Err(Error::input(
+            Place::option("--base"),
+            "the study has a base law already",
+            "leave --base (or --forward) away, or make a study of another law with `sample --base … --out DIR`",
+        ));
+    }
+    let specification = extended(&target.specification, &request.effects, &library)?;
+    let values = specification.values_from_options(&request.set, &library)?;
+    let before = target.problem(monitor)?;
+    let (from, revision, earlier) = match target.existing_study() {
+        Some(study) => revisions(study, target.request.from.as_deref())?,
+        None => (FIRST_REVISION.into(), "m1".into(), 0),
+    };
+    let request =
+        ExtensionRequest { from: &from, revision: &revision, effects: &request.effects, values, earlier, options };
+    // What can be refused is refused here, before anything is sampled or written.
+    let pair = compared(&before, &request, &library)?;
+    for problem in [&before, &pair.before, &pair.after] {
+        refuse_nothing_to_sample(problem)?;
+        request.options.validate(problem.priors.priors().len())?;
+    }
+    let study = target.make_study()?;
+    if study.revisions()?.is_empty() {
+        monitor.stage("m0, the model to extend, on the calibration cycles");
+        make_first_revision(&study, &before, request.options.clone(), false, monitor)?;
+    }
+    let writer = study.begin_revision(&revision)?;
+    let Extension { summary, problem, after } = refit(pair, &request, monitor)?;
+    monitor.stage("writing results and figures");
+    let header = |kind: &str| artefacts::with_inputs(study.provenance(kind, 1, request.options.seed), &problem);
+    let document = WithProvenance { provenance: header("extension"), body: summary };
+    let written = writer.publish(EXTENSION_NAME, &document, |dir| {
+        artefacts::write(dir, &after, &header)?;
+        artefacts::write_timing(dir, &after.timing_s, header("timing"))
+    })?;
+    Ok(Outcome { is_sound: document.body.is_sound(), document, written, study: Some(study) })
+}
+
+/// The revision to extend, the one to make, and the number of earlier extensions.
+fn revisions(study: &Study, from: Option<&str>) -> Result<(String, String, usize)> {
+    let there = study.revisions()?;
+    let last = there.last().cloned().unwrap_or_else(|| FIRST_REVISION.into());
+    let number = last[1..].parse::<u32>().unwrap_or(0);
+    Ok((from.map_or(last, String::from), format!("m{}", number + 1), there.len().saturating_sub(1)))
+}
+
+fn of_cohort(cohort: &CohortTarget, request: &ExtendRequest, monitor: &dyn Monitor) -> Result<Outcome<ExtendDocument>> {
+    let measurements = cohort::read(&cohort.request.paths, &[], &Ok, monitor)?;
+    let out = cohort.out(COHORT_OUT);
+    let places = places(&measurements, out)?;
+    let (mut records, mut is_sound) = (Vec::new(), true);
+    for (number, (own, place)) in measurements.iter().zip(&places).enumerate() {
+        let name = own.name();
+        monitor.stage(&format!("{name} ({} of {})", number + 1, measurements.len()));
+        if let Some(revision) = revision_with(place, &request.effects)? {
+            records.push(ExtendedRecord { name, revision, extension: None });
+            continue;
+        }
+        let path = if Study::is_study(place) { place } else { &own.path };
+        let study_out = (!Study::is_study(path)).then(|| place.clone());
+        let one = TargetRequest { paths: vec![path.clone()], out: study_out, ..cohort.request.clone() };
+        let outcome = CreepTarget::open(one, None, monitor)
+            .and_then(|target| of_creep(&target, request, monitor))
+            .map_err(|error| own.named(error))?;
+        if let (true, Some(study)) = (request.pages, &outcome.study)
+            && let Err(error) = pages::write(study.dir(), None)
+        {
+            monitor.warn(&format!("no report: {error}"));
+        }
+        is_sound &= outcome.is_sound;
+        let extension = outcome.document.body;
+        records.push(ExtendedRecord { name, revision: extension.revision.clone(), extension: Some(extension) });
+    }
+    let hashes = measurements.iter().map(|own| (own.name(), own.inputs_sha256.clone())).collect();
+    let provenance = Provenance::new("cohort-extension", 1, request.sampler.seed, hashes);
+    let document = WithProvenance { provenance, body: ExtendDocument::Cohort { records } };
+    Ok(Outcome { document, is_sound, written: out.to_path_buf(), study: None })
+}
+
+/// The study of every record: itself, or a folder of its name.
+fn places(measurements: &[Measurement], out: &Path) -> Result<Vec<PathBuf>> {
+    let place = |own: &Measurement| if Study::is_study(&own.path) { own.path.clone() } else { out.join(own.name()) };
+    let places: Vec<PathBuf> = measurements.iter().map(place).collect();
+    match (0..places.len()).find(|k| places[..*k].contains(&places[*k])) {
+        Some(second) => Err(Error::input(
+            Place::file(&measurements[second].path),
+            format!("another record's directory is called {}, too", measurements[second].name()),
+            "give them different names, or extend one of them by itself with `--out`",
+        )),
+        None => Ok(places),
+    }
+}
+
+/// The last revision of a study, if it has the effects already: what an earlier run of the same command made.
+fn revision_with(place: &Path, effects: &[String]) -> Result<Option<String>> {
+    if !Study::is_study(place) {
+        return Ok(None);
+    }
+    let study = Study::open(place)?;
+    let Some(last) = study.revisions()?.pop() else { return Ok(None) };
+    let model = ModelSpecification::of_revision(&study.revision_dir(&last)?, &Library::default())?;
+    Ok(effects.iter().all(|slug| model.effects.contains(slug)).then_some(last))
+}
+
+/// How two models are refitted and compared.
 pub struct ExtensionRequest<'a> {
     /// Name of the revision to extend.
     pub from: &'a str,
@@ -111,7 +286,7 @@ pub fn compared(before: &Problem, request: &ExtensionRequest, library: &Library)
 ///
 /// # Errors
 /// As [`sample::run`].
-pub fn run(pair: Pair, request: &ExtensionRequest, monitor: &dyn Monitor) -> Result<Extension> {
+pub fn refit(pair: Pair, request: &ExtensionRequest, monitor: &dyn Monitor) -> Result<Extension> {
     let Pair { before, after: problem } = pair;
     let sampled = |problem: &Problem, kept_surrogate| {
         let request =

@@ -6,10 +6,11 @@
 
 use super::artefacts::with_inputs;
 use base::error::{Error, Place, Result};
-use base::files::{Content, read_if_there};
+use base::files::{self, Content, read_if_there};
 use documents::extension::ExtensionSummary;
 use documents::ladder::{LadderSummary, Rung, RungParameter, Shift};
 use documents::posterior::PosteriorSummary;
+use figures::svg::figure_files;
 use laws::rheology::BaseLaw;
 use models::effects::Library;
 use posterior::monitor::Monitor;
@@ -20,14 +21,49 @@ use posterior::study::ModelSpecification;
 use posterior::study::{EXTENSION_NAME, LADDER_NAME, POSTERIOR_NAME, Provenance, Study, WithProvenance, sha256_hex};
 use sampling::SamplerOptions;
 
+use crate::outcome::Outcome;
+use crate::target::Target;
+
 /// What a caller decides.
-pub struct LadderRequest<'a> {
+pub struct LadderRequest {
     /// The last revision to show; `None` for all.
-    pub up_to: Option<&'a str>,
+    pub up_to: Option<String>,
     /// The sampler's settings for revisions that must be fitted.
     pub options: SamplerOptions,
     /// Fit all anew.
     pub anew: bool,
+}
+
+/// Compares the revisions of a creep record's study, and writes the comparison into the study.
+///
+/// # Errors
+/// [`Error::Input`] for any target but a creep record; otherwise those of sampling and of writing.
+pub fn run(target: &Target, request: &LadderRequest, monitor: &dyn Monitor) -> Result<Outcome<LadderSummary>> {
+    let seed = request.options.seed;
+    let crate::target::Revision { study, problem, .. } = target.creep()?.revision(request.options.clone(), monitor)?;
+    let summary = compared(&study, &problem, request, monitor)?;
+    monitor.stage("writing results and figures");
+    let provenance = provenance(&study, &summary, seed)?;
+    let document = WithProvenance { provenance, body: summary };
+    let [svg, png] = figure_files(study.dir(), "ladder", &figures::ladder::ladder(&document.body)?)?;
+    let json = study.dir().join(LADDER_NAME);
+    let json = (json.clone(), files::to_json(&json, &document)?);
+    files::write_together(&[&svg, &png, &json].map(|(path, bytes)| (path.as_path(), bytes.as_slice())))?;
+    Ok(Outcome { is_sound: document.body.is_sound(), document, written: svg.0, study: Some(study) })
+}
+
+/// The header, with the models and posteriors of the ladder.
+fn provenance(study: &Study, summary: &LadderSummary, seed: u64) -> Result<Provenance> {
+    let mut provenance = study.provenance("ladder", 1, seed);
+    for rung in &summary.revisions {
+        let dir = study.revision_dir(&rung.revision)?;
+        for name in ["model.toml", POSTERIOR_NAME] {
+            let bytes =
+                files::read(&dir.join(name), Content::Document, "check that the study is complete and readable")?;
+            provenance = provenance.with_input(format!("{}/{name}", rung.revision), &bytes);
+        }
+    }
+    Ok(provenance)
 }
 
 /// Compares the revisions of a study.
@@ -36,9 +72,9 @@ pub struct LadderRequest<'a> {
 ///
 /// # Errors
 /// [`Error::Input`] when the study has no revision, or one on another mesh; otherwise as [`sample::run`].
-pub fn run(study: &Study, first: &Problem, request: &LadderRequest, monitor: &dyn Monitor) -> Result<LadderSummary> {
+fn compared(study: &Study, first: &Problem, request: &LadderRequest, monitor: &dyn Monitor) -> Result<LadderSummary> {
     let mut names = study.revisions()?;
-    if let Some(last) = request.up_to {
+    if let Some(last) = request.up_to.as_deref() {
         study.revision_dir(last)?;
         let end = names.iter().position(|name| name == last).map_or(names.len(), |place| place + 1);
         names.truncate(end);
@@ -67,7 +103,7 @@ pub fn run(study: &Study, first: &Problem, request: &LadderRequest, monitor: &dy
 /// Where rungs come from.
 struct Fits<'a> {
     study: &'a Study,
-    request: &'a LadderRequest<'a>,
+    request: &'a LadderRequest,
     /// What an earlier ladder found.
     earlier: Option<LadderSummary>,
     /// The surrogate of the last fit, which serves the next one if it was built from the same input.

@@ -6,18 +6,25 @@
 
 pub mod artefacts;
 pub mod bridge;
+pub mod compare;
 pub mod convergence;
+pub mod diagnose;
 mod exchange;
 pub mod extend;
 pub mod first_revision;
+pub mod fit;
 pub mod init;
 mod init_creep;
 mod init_sweep;
 pub mod ladder;
+pub mod learn;
+pub mod outcome;
 pub mod pages;
+pub mod sample;
 pub mod schemas;
 pub mod simulate;
 pub mod simulation_files;
 pub mod sweep;
+pub mod target;
 pub mod tasks;
 pub mod visibility;

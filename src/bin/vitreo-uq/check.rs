@@ -10,7 +10,7 @@ use vitreo_uq::figures::record::{RawRecord, raw_record};
 use vitreo_uq::figures::svg::write_figure;
 use vitreo_uq::posterior::study::{Provenance, Study, WithProvenance};
 use vitreo_uq::posterior::{check, replica};
-use vitreo_uq::record::{Experiment, ExperimentFiles};
+use vitreo_uq::record::{Experiment, ExperimentFiles, Sweep};
 
 /// Exit code where something is certainly wrong.
 const WRONG: u8 = 2;
@@ -34,7 +34,7 @@ pub struct CheckArguments {
 
 pub fn run(arguments: &CheckArguments) -> Result<ExitCode> {
     crate::output::check(arguments.json.as_deref())?;
-    if let Some(path) = arguments.target.as_ref().filter(|path| crate::sweep::is_one(Some(path))) {
+    if let Some(path) = arguments.target.as_ref().filter(|path| Sweep::is_one(path)) {
         return crate::sweep::check(path, &arguments.out, arguments.json.as_deref(), arguments.quiet);
     }
     let (experiment, files) = match &arguments.target {

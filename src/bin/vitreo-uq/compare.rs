@@ -1,47 +1,28 @@
 //! `compare`: where the model fails.
 
 use std::process::ExitCode;
-use std::time::Instant;
 
 use vitreo_uq::base::error::Result;
-use vitreo_uq::base::files::write_json_atomically;
-use vitreo_uq::criticism::compare::{self, SIGNIFICANT, figures};
+use vitreo_uq::criticism::compare::SIGNIFICANT;
 use vitreo_uq::documents::comparison::{Comparison, Finding, PanelEntry};
-use vitreo_uq::posterior::monitor::Monitor;
-use vitreo_uq::posterior::study::{COMPARISON_NAME, WithProvenance};
+use vitreo_uq::jobs::compare::{self, CompareRequest};
 
-use crate::examine::{Begun, Examined};
 use crate::options::{self, CompareArguments};
-use crate::terminal::Terminal;
+use crate::session::{RESULTS, Session};
 use crate::text::{outliers_left_out, significant};
 
 /// Family-wise probabilities of 5 % cannot be resolved with fewer simulated records.
 const FEWEST_SIMULATIONS: usize = 39;
 
 pub fn run(arguments: &CompareArguments) -> Result<ExitCode> {
-    let at = Instant::now();
-    let common = &arguments.common;
-    let threads = options::use_threads(common.threads)?;
-    crate::output::check(common.json.as_deref())?;
+    let session = Session::begin(&arguments.common)?;
     if let Some(simulations) = arguments.simulations {
         options::check_simulations(simulations, FEWEST_SIMULATIONS)?;
     }
-    let terminal = Terminal::new(common.quiet);
-    let begun = Begun { at, common, page: &arguments.page, terminal: &terminal };
-    let sampler = options::default_sampler(common.seed, threads);
-    let examined = Examined::open(common, &arguments.model, sampler, &terminal)?;
-    terminal.stage("looking where the model fails");
-    let subject = examined.subject(&terminal)?;
-    let simulations = arguments.simulations.unwrap_or_else(|| compare::default_simulations(subject.n_fitted()));
-    let outcome = compare::run(&subject, &subject.base(), simulations, common.seed)?;
-    terminal.stage("writing results and figures");
-    let document =
-        WithProvenance { provenance: examined.provenance("comparison", common.seed), body: &outcome.comparison };
-    let writer = examined.study.amend_revision(&examined.revision)?;
-    write_json_atomically(&writer.path().join(COMPARISON_NAME), &document)?;
-    figures::write(&writer.path().join("figures"), &outcome)?;
-    begun.end(&examined.study, writer, &document, &words(&outcome.comparison, &examined.revision))?;
-    Ok(ExitCode::SUCCESS)
+    let target = session.open(&arguments.model, &[], &[])?;
+    let request = CompareRequest { simulations: arguments.simulations, sampler: session.default_sampler() };
+    let outcome = compare::run(&target, &request, &session.terminal)?;
+    session.end(&outcome, &words(&outcome.document.body, &outcome.name()), RESULTS, &arguments.page)
 }
 
 /// Findings that are told in full; the document has all of them.

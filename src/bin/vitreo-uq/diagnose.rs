@@ -1,83 +1,59 @@
 //! `diagnose`: which physical effect is missing.
 
 use std::process::ExitCode;
-use std::time::Instant;
 
 use vitreo_uq::base::error::{Error, Place, Result};
-use vitreo_uq::base::files::write_json_atomically;
-use vitreo_uq::criticism::criteria::Criteria;
-use vitreo_uq::criticism::diagnose::{DiagnosisRequest, diagnose};
-use vitreo_uq::criticism::fingerprints::fingerprints;
-use vitreo_uq::criticism::learn::first_look;
 use vitreo_uq::documents::diagnosis::{CandidateEntry, Diagnosis, Status, VerdictKind, by_reason};
-use vitreo_uq::figures::diagnosis as figure;
-use vitreo_uq::figures::fingerprints::{fingerprints as fingerprints_figure, write_fingerprints};
 use vitreo_uq::figures::number::listed;
-use vitreo_uq::figures::svg::{remove_figure, write_figure};
-use vitreo_uq::posterior::monitor::Monitor;
-use vitreo_uq::posterior::study::{DIAGNOSIS_NAME, FINGERPRINTS_NAME, WithProvenance};
+use vitreo_uq::jobs::diagnose::{self, DISCREPANCY_FIGURE, DiagnoseDocument, DiagnoseRequest};
+use vitreo_uq::jobs::target::Kind;
 
-use crate::examine::{Begun, Examined};
 use crate::options::{self, DiagnoseArguments};
-use crate::terminal::Terminal;
+use crate::session::{RESULTS, Session};
 use crate::text::{outliers_left_out, significant};
 
 /// p < 0.05 is asked for in the first round, and half of it in each further one.
 const FEWEST_SIMULATIONS: usize = 99;
-/// The figure of what is unexplained.
-const DISCREPANCY: &str = "discrepancy";
+/// Fewest simulated records of each record of a cohort: fewer show no tail.
+const FEWEST_SIMULATIONS_OF_EACH: usize = 19;
 
 pub fn run(arguments: &DiagnoseArguments) -> Result<ExitCode> {
-    if crate::cohort::is_cohort(arguments.common.target.as_ref(), &arguments.others) {
-        return crate::cohort::diagnose(arguments);
-    }
-    if crate::sweep::is_one(arguments.common.target.as_ref()) {
-        return crate::sweep::diagnose(arguments);
-    }
-    let at = Instant::now();
-    let common = &arguments.common;
-    let threads = options::use_threads(common.threads)?;
-    crate::output::check(common.json.as_deref())?;
-    let request = request(arguments)?;
-    let terminal = Terminal::new(common.quiet);
-    let begun = Begun { at, common, page: &arguments.page, terminal: &terminal };
-    let sampler = options::default_sampler(common.seed, threads);
-    let examined = Examined::open(common, &arguments.model, sampler, &terminal)?;
-    let mut outcome = diagnose(&examined.subject_for_effects(&terminal)?, &request, &terminal)?;
-    if outcome.diagnosis.verdict.kind == VerdictKind::Unexplained {
-        // What no effect explains may be a law that no one wrote down.
-        outcome.diagnosis.remarks.extend(first_look(&outcome.subject, &outcome.found.base, &terminal)?);
-    }
-    let diagnosis = &outcome.diagnosis;
-    terminal.stage("writing results and figures");
-    let document = WithProvenance { provenance: examined.provenance("diagnosis", common.seed), body: diagnosis };
-    let writer = examined.study.amend_revision(&examined.revision)?;
-    write_json_atomically(&writer.path().join(DIAGNOSIS_NAME), &document)?;
-    let figures = writer.path().join("figures");
-    write_figure(&figures, "diagnosis", &figure::diagnosis(diagnosis)?)?;
-    let of_effects = fingerprints(&outcome.subject, &outcome.found);
-    write_fingerprints(&writer.path().join(FINGERPRINTS_NAME), &of_effects)?;
-    if !of_effects.effects.is_empty() {
-        write_figure(&figures, "fingerprints", &fingerprints_figure(&of_effects, &diagnosis.experiment)?)?;
-    }
-    match &outcome.leftover {
-        Some(leftover) => write_figure(&figures, DISCREPANCY, &leftover.figure(&diagnosis.experiment)?)?,
-        None => remove_figure(&figures, DISCREPANCY)?,
-    }
-    begun.end(&examined.study, writer, &document, &words(diagnosis, &examined.revision))?;
-    Ok(ExitCode::SUCCESS)
+    let session = Session::begin(&arguments.common)?;
+    let taken = [Kind::Cohort, Kind::Oscillation];
+    let request = request(arguments, session.kind(&arguments.others, &taken), &session)?;
+    let target = session.open(&arguments.model, &arguments.others, &taken)?;
+    let outcome = diagnose::run(&target, &request, &session.terminal)?;
+    let (words, label) = match &outcome.document.body {
+        DiagnoseDocument::Creep(diagnosis) => (words(diagnosis, &outcome.name()), RESULTS),
+        DiagnoseDocument::Oscillation(diagnosis) => (crate::sweep::diagnosis_words(diagnosis), "Result"),
+        DiagnoseDocument::Cohort(diagnosis) => (crate::cohort::words(diagnosis), RESULTS),
+    };
+    session.end(&outcome, &words, label, &arguments.page)
 }
 
-fn request(arguments: &DiagnoseArguments) -> Result<DiagnosisRequest> {
-    let default = DiagnosisRequest::default();
-    let (smallest, simulations) = (arguments.smallest, arguments.simulations);
-    if !(smallest.is_finite() && smallest >= 0.0) {
-        let remedy = "give a number of noise standard deviations, as in `--smallest 0.25`";
-        return Err(Error::input(Place::option("--smallest"), format!("{smallest} is no size"), remedy));
+fn request(arguments: &DiagnoseArguments, kind: Kind, session: &Session) -> Result<DiagnoseRequest> {
+    let DiagnoseArguments { smallest, simulations, margin, .. } = *arguments;
+    let mut keys = Vec::new();
+    match kind {
+        Kind::Cohort => {
+            options::check_simulations(simulations, FEWEST_SIMULATIONS_OF_EACH)?;
+            if !(margin >= 0.0 && margin.is_finite()) {
+                let found = format!("a margin of {margin}");
+                return Err(Error::input(Place::option("--margin"), found, "give a fraction such as 0.2, for 20 %"));
+            }
+            keys = crate::groups::keys(&arguments.by)?;
+        }
+        Kind::Creep => {
+            if !(smallest.is_finite() && smallest >= 0.0) {
+                let remedy = "give a number of noise standard deviations, as in `--smallest 0.25`";
+                return Err(Error::input(Place::option("--smallest"), format!("{smallest} is no size"), remedy));
+            }
+            options::check_simulations(simulations, FEWEST_SIMULATIONS)?;
+        }
+        Kind::Oscillation | Kind::Joint => {}
     }
-    options::check_simulations(simulations, FEWEST_SIMULATIONS)?;
-    let criteria = Criteria { smallest_change: smallest, ..default.criteria };
-    Ok(DiagnosisRequest { criteria, n_simulations: simulations, seed: arguments.common.seed, ..default })
+    let (sampler, leave_out) = (session.default_sampler(), arguments.leave_out.clone());
+    Ok(DiagnoseRequest { smallest, simulations, sampler, keys, margin, leave_out })
 }
 
 fn words(diagnosis: &Diagnosis, revision: &str) -> String {
@@ -141,7 +117,7 @@ fn unexplained(diagnosis: &Diagnosis) -> Vec<String> {
     let mut lines = Vec::new();
     let Some(discrepancy) = &diagnosis.discrepancy else { return lines };
     lines.push(format!(
-        "What is unexplained is {} µm (root mean square): predictions are widened from a standard deviation of {} to {} µm. See figures/{DISCREPANCY}.png.",
+        "What is unexplained is {} µm (root mean square): predictions are widened from a standard deviation of {} to {} µm. See figures/{DISCREPANCY_FIGURE}.png.",
         significant(discrepancy.size_um),
         significant(discrepancy.predictive_noise_um),
         significant(discrepancy.predictive_noise_with_discrepancy_um)

@@ -1,33 +1,29 @@
 //! `effects`: the library, and what an experiment can see of it.
 
 use std::process::ExitCode;
-use vitreo_uq::figures::labels::model_title;
 
 use vitreo_uq::base::error::Result;
 use vitreo_uq::documents::effects::{EffectEntry, EffectsSummary, ParameterEntry};
+use vitreo_uq::figures::labels::model_title;
 use vitreo_uq::jobs::artefacts;
+use vitreo_uq::jobs::first_revision::kept_surrogate;
 use vitreo_uq::jobs::visibility;
 use vitreo_uq::models::effects::Library;
 use vitreo_uq::posterior::study::WithProvenance;
 
-use crate::options::{self, EffectsArguments};
-use crate::target::Target;
-use crate::terminal::Terminal;
+use crate::options::EffectsArguments;
+use crate::session::Session;
 use crate::text::significant;
-use vitreo_uq::jobs::first_revision::kept_surrogate;
 
 pub fn run(arguments: &EffectsArguments) -> Result<ExitCode> {
-    let common = &arguments.common;
-    options::use_threads(common.threads)?;
-    crate::output::check(common.json.as_deref())?;
-    let terminal = Terminal::new(common.quiet);
-    let target = Target::open(common, &arguments.model, &terminal)?;
-    let problem = target.problem(&arguments.model, &terminal)?;
-    let kept = target.existing_study().and_then(|study| kept_surrogate(study, &terminal));
-    let summary = visibility::run(&problem, &Library::default(), kept, &terminal)?;
-    terminal.finish();
-    let provenance = artefacts::with_inputs(target.provenance("effects", common.seed)?, &problem);
-    crate::output::show(common.json.as_deref(), &WithProvenance { provenance, body: &summary }, &words(&summary))?;
+    let session = Session::begin(&arguments.common)?;
+    let target = session.open(&arguments.model, &[], &[])?;
+    let target = target.creep()?;
+    let problem = target.problem(&session.terminal)?;
+    let kept = target.existing_study().and_then(|study| kept_surrogate(study, &session.terminal));
+    let summary = visibility::run(&problem, &Library::default(), kept, &session.terminal)?;
+    let provenance = artefacts::with_inputs(target.provenance("effects", arguments.common.seed)?, &problem);
+    session.show(&WithProvenance { provenance, body: &summary }, &words(&summary))?;
     Ok(ExitCode::SUCCESS)
 }
 

@@ -1,44 +1,24 @@
 //! `fit`: the paper's point estimate, with standard errors.
 
 use std::process::ExitCode;
-use vitreo_uq::figures::labels::model_title;
 
 use vitreo_uq::base::error::Result;
-use vitreo_uq::base::files::write_json_atomically;
 use vitreo_uq::base::parameter::NOISE_SD;
 use vitreo_uq::documents::fit::{FitSummary, FittedParameter};
-use vitreo_uq::figures::labels::of_parameter;
-use vitreo_uq::jobs::artefacts;
-use vitreo_uq::posterior::fit;
-use vitreo_uq::posterior::study::{FIT_NAME, WithProvenance};
+use vitreo_uq::figures::labels::{model_title, of_parameter};
+use vitreo_uq::jobs::fit;
 
-use crate::options::{self, FitArguments};
-use crate::target::Target;
-use crate::terminal::Terminal;
+use crate::options::FitArguments;
+use crate::session::Session;
 use crate::text::{column_width, significant, warning_text};
-use vitreo_uq::jobs::first_revision::kept_surrogate;
 
 pub fn run(arguments: &FitArguments) -> Result<ExitCode> {
-    let common = &arguments.common;
-    options::use_threads(common.threads)?;
-    crate::output::check(common.json.as_deref())?;
-    let terminal = Terminal::new(common.quiet);
-    let target = Target::open(common, &arguments.model, &terminal)?;
-    target.check(&terminal)?;
-    let problem = target.problem(&arguments.model, &terminal)?;
-    let kept = target.existing_study().and_then(|study| kept_surrogate(study, &terminal));
-    let result = fit::run(&problem, kept, &terminal)?;
-    let study = target.make_study()?;
-    let provenance = artefacts::with_inputs(study.provenance("fit", 1, common.seed), &problem);
-    let document = WithProvenance { provenance, body: &result.summary };
-    let path = study.dir().join(FIT_NAME);
-    write_json_atomically(&path, &document)?;
-    terminal.finish();
-    crate::output::show(common.json.as_deref(), &document, &words(&result.summary))?;
-    if !common.quiet {
-        crate::interrupt::say(&format!("Result: {}", path.display()));
-    }
-    Ok(ExitCode::from(u8::from(!result.summary.is_sound())))
+    let session = Session::begin(&arguments.common)?;
+    let target = session.open(&arguments.model, &[], &[])?;
+    let outcome = fit::run(&target, arguments.common.seed, &session.terminal)?;
+    session.show(&outcome.document, &words(&outcome.document.body))?;
+    session.say(&format!("Result: {}", outcome.written.display()));
+    Ok(ExitCode::from(u8::from(!outcome.is_sound)))
 }
 
 fn words(summary: &FitSummary) -> String {

@@ -1,23 +1,15 @@
 //! `ladder`: all revisions of a study on the same footing.
 
 use std::process::ExitCode;
-use std::time::Instant;
-use vitreo_uq::figures::labels::model_title;
 
 use vitreo_uq::base::error::Result;
-use vitreo_uq::base::files::{self, Content};
 use vitreo_uq::documents::ladder::{LadderSummary, Rung, RungParameter, Shift};
-use vitreo_uq::figures;
-use vitreo_uq::figures::labels::of_parameter;
+use vitreo_uq::figures::labels::{model_title, of_parameter};
 use vitreo_uq::figures::number::listed;
-use vitreo_uq::figures::svg::figure_files;
 use vitreo_uq::jobs::ladder::{self, LadderRequest};
-use vitreo_uq::posterior::monitor::Monitor;
-use vitreo_uq::posterior::study::{LADDER_NAME, POSTERIOR_NAME, Study, WithProvenance};
 
-use crate::examine::Examined;
-use crate::options::{self, LadderArguments};
-use crate::terminal::Terminal;
+use crate::options::LadderArguments;
+use crate::session::Session;
 use crate::text::{column_width, significant, warning_text};
 
 /// Width of the longest bar, in characters.
@@ -26,45 +18,12 @@ const BAR_WIDTH: usize = 32;
 const LABEL_WIDTH: usize = 34;
 
 pub fn run(arguments: &LadderArguments) -> Result<ExitCode> {
-    let began = Instant::now();
-    let common = &arguments.common;
-    let threads = options::use_threads(common.threads)?;
-    crate::output::check(common.json.as_deref())?;
-    let options = options::sampler(arguments.chains, arguments.steps, common.seed, threads);
-    let terminal = Terminal::new(common.quiet);
-    let model = &arguments.model;
-    let Examined { study, problem, .. } = &Examined::open(common, model, options.clone(), &terminal)?;
-    let request = LadderRequest { up_to: model.from.as_deref(), options, anew: common.force };
-    let summary = ladder::run(study, problem, &request, &terminal)?;
-    terminal.stage("writing results and figures");
-    let provenance = provenance(study, &summary, common.seed)?;
-    let document = WithProvenance { provenance, body: &summary };
-    let [svg, png] = figure_files(study.dir(), "ladder", &figures::ladder::ladder(&summary)?)?;
-    let json = study.dir().join(LADDER_NAME);
-    let json = (json.clone(), files::to_json(&json, &document)?);
-    files::write_together(&[&svg, &png, &json].map(|(path, bytes)| (path.as_path(), bytes.as_slice())))?;
-    terminal.finish();
-    crate::output::show(common.json.as_deref(), &document, &words(&summary))?;
-    if !common.quiet {
-        let (figure, seconds) = (study.dir().join("ladder.svg"), began.elapsed().as_secs_f64());
-        crate::interrupt::say(&format!("Figure: {} ({seconds:.1} s)", figure.display()));
-    }
-    crate::report::refresh(study, &arguments.page, common.quiet);
-    Ok(ExitCode::from(u8::from(!summary.is_sound())))
-}
-
-/// The header, with the models and posteriors that the ladder is of.
-fn provenance(study: &Study, summary: &LadderSummary, seed: u64) -> Result<vitreo_uq::posterior::study::Provenance> {
-    let mut provenance = study.provenance("ladder", 1, seed);
-    for rung in &summary.revisions {
-        let dir = study.revision_dir(&rung.revision)?;
-        for name in ["model.toml", POSTERIOR_NAME] {
-            let bytes =
-                files::read(&dir.join(name), Content::Document, "check that the study is complete and readable")?;
-            provenance = provenance.with_input(format!("{}/{name}", rung.revision), &bytes);
-        }
-    }
-    Ok(provenance)
+    let session = Session::begin(&arguments.common)?;
+    let options = session.sampler(arguments.chains, arguments.steps);
+    let target = session.open(&arguments.model, &[], &[])?;
+    let request = LadderRequest { up_to: arguments.model.from.clone(), options, anew: arguments.common.force };
+    let outcome = ladder::run(&target, &request, &session.terminal)?;
+    session.end(&outcome, &words(&outcome.document.body), "Figure", &arguments.page)
 }
 
 fn words(summary: &LadderSummary) -> String {

@@ -1,82 +1,45 @@
 //! `learn`: the law that nobody wrote down.
 
+use std::path::Path;
 use std::process::ExitCode;
-use std::time::Instant;
 
-use vitreo_uq::base::error::{Error, Place, Result};
-use vitreo_uq::base::files::{remove_if_there, write_atomically, write_json_atomically};
-use vitreo_uq::criticism::Subject;
-use vitreo_uq::criticism::learn::{FILE_NAME, Request, learn};
+use vitreo_uq::base::error::Result;
 use vitreo_uq::documents::learned::{Learned, LearnedErrors, LearnedKind, LearnedPair, LearnedVerdict};
-use vitreo_uq::figures::learned as figure;
+use vitreo_uq::documents::learned_cohort::{CohortPair, ConfirmedOn, LearnedCohort, LearnedCohortKind};
 use vitreo_uq::figures::number::listed;
-use vitreo_uq::figures::svg::{remove_figure, write_figure};
-use vitreo_uq::posterior::monitor::Monitor;
-use vitreo_uq::posterior::study::{LEARNED_NAME, WithProvenance};
+use vitreo_uq::jobs::learn::{self, LearnDocument, LearnRequest};
+use vitreo_uq::jobs::target::Kind;
 
-use crate::examine::{Begun, Examined};
 use crate::options::{self, LearnArguments};
-use crate::terminal::Terminal;
+use crate::session::{RESULTS, Session};
 use crate::text::significant;
 
 /// p of at most 0.02 is asked for.
 const FEWEST_SIMULATIONS: usize = 49;
-/// Stem of the figure.
-const FIGURE: &str = "learned";
 /// Pairs that are shown.
 const N_SHOWN: usize = 12;
+/// Pairs that are shown of a cohort.
+const N_SHOWN_OF_COHORT: usize = 6;
 
 pub fn run(arguments: &LearnArguments) -> Result<ExitCode> {
-    let at = Instant::now();
-    let common = &arguments.common;
-    if crate::cohort::is_cohort(common.target.as_ref(), &arguments.others) {
-        return crate::learn_cohort::run(arguments);
+    let session = Session::begin(&arguments.common)?;
+    let taken = [Kind::Cohort];
+    if session.kind(&arguments.others, &taken) == Kind::Creep {
+        options::check_simulations(arguments.simulations, FEWEST_SIMULATIONS)?;
     }
-    let threads = options::use_threads(common.threads)?;
-    crate::output::check(common.json.as_deref())?;
-    options::check_simulations(arguments.simulations, FEWEST_SIMULATIONS)?;
-    let terminal = Terminal::new(common.quiet);
-    let begun = Begun { at, common, page: &arguments.page, terminal: &terminal };
-    let sampler = options::default_sampler(common.seed, threads);
-    let examined = Examined::open(common, &arguments.model, sampler, &terminal)?;
-    let request = Request { n_simulations: arguments.simulations, seed: common.seed, is_monotone: arguments.monotone };
-    let subject = of_first_cycles(examined.subject_for_effects(&terminal)?, arguments.first_cycles)?;
-    let outcome = learn(&subject, &request, &terminal)?;
-    terminal.stage("writing results and figures");
-    let learned = &outcome.learned;
-    let document = WithProvenance { provenance: examined.provenance("learned", common.seed), body: learned };
-    let writer = examined.study.amend_revision(&examined.revision)?;
-    write_json_atomically(&writer.path().join(LEARNED_NAME), &document)?;
-    let file = writer.path().join(FILE_NAME);
-    match &outcome.file {
-        Some(text) => write_atomically(&file, text.as_bytes())?,
-        None => remove_if_there(&file)?,
-    }
-    let figures = writer.path().join("figures");
-    match learned.function {
-        Some(_) => write_figure(&figures, FIGURE, &figure::learned(learned)?)?,
-        None => remove_figure(&figures, FIGURE)?,
-    }
-    begun.end(&examined.study, writer, &document, &words(learned, &examined.revision))?;
-    Ok(ExitCode::SUCCESS)
-}
-
-/// The subject whose first cycles are fitted and whose later ones are scored, where that is asked for.
-fn of_first_cycles(subject: Subject, first: Option<u32>) -> Result<Subject> {
-    let Some(first) = first else { return Ok(subject) };
-    let experiment = subject.experiment();
-    let mut cycles = [&experiment.calibration_cycles[..], &experiment.heldout_cycles].concat();
-    cycles.sort_unstable();
-    let (fitted, scored): (Vec<u32>, Vec<u32>) = cycles.into_iter().partition(|cycle| *cycle <= first);
-    if fitted.is_empty() || scored.is_empty() {
-        let remedy = "give a number that leaves cycles on both sides";
-        return Err(Error::input(
-            Place::option("--first-cycles"),
-            format!("{first} leaves nothing to fit or to score"),
-            remedy,
-        ));
-    }
-    subject.with_cycles(&fitted, &scored)
+    let target = session.open(&arguments.model, &arguments.others, &taken)?;
+    let request = LearnRequest {
+        simulations: arguments.simulations,
+        first_cycles: arguments.first_cycles,
+        is_monotone: arguments.monotone,
+        sampler: session.default_sampler(),
+    };
+    let outcome = learn::run(&target, &request, &session.terminal)?;
+    let words = match &outcome.document.body {
+        LearnDocument::Creep(learned) => words(learned, &outcome.name()),
+        LearnDocument::Cohort(learned) => cohort_words(learned, &outcome.written),
+    };
+    session.end(&outcome, &words, RESULTS, &arguments.page)
 }
 
 fn words(learned: &Learned, revision: &str) -> String {
@@ -174,4 +137,54 @@ fn row(pair: &LearnedPair) -> String {
 fn errors(label: &str, own: &LearnedErrors) -> String {
     let heldout = own.rmse_heldout_um.map_or("–".into(), significant);
     format!("  {label:<24}{:>18}{heldout:>20}", significant(own.rmse_fitted_um))
+}
+
+fn cohort_words(learned: &LearnedCohort, written: &Path) -> String {
+    let mut lines = vec![
+        learned.verdict.sentence.clone(),
+        String::new(),
+        format!("  {:<28}{:<20}{:>11}{:>11}", "quantity", "state", "evidence", "held-out"),
+    ];
+    lines.extend(learned.pairs.iter().take(N_SHOWN_OF_COHORT).map(cohort_row));
+    lines.push("  (gains in nats over all records that were learnt from)".into());
+    if let Some(formula) = &learned.formula {
+        lines.push(String::new());
+        let units = formula.parameters.iter().zip(&formula.units);
+        let names: Vec<String> = units.map(|(name, unit)| format!("{name} ({unit})")).collect();
+        lines.push(format!(
+            "  {:<28}{:>11}{:>13}{:>11}   {}",
+            "confirmed on",
+            "gain",
+            "error before",
+            "after",
+            names.join(", ")
+        ));
+        lines.extend(learned.confirmed_on.iter().map(confirmed_row));
+        lines.push("  (gains in nats and errors in µm on the last cycle, which no fit has seen)".into());
+    }
+    if learned.verdict.kind == LearnedCohortKind::Confirmed
+        && let Some(formula) = &learned.formula
+    {
+        lines.push(String::new());
+        let file = written.join(&formula.file);
+        lines.push(format!("Add it to every record with `vitreo-uq extend DIR… --with {}`.", file.display()));
+    }
+    lines.join("\n") + "\n"
+}
+
+fn cohort_row(own: &CohortPair) -> String {
+    let state = own.state.replace('_', " ");
+    format!("  {:<28}{state:<20}{:>11.1}{:>11.1}", own.quantity, own.evidence_nats, own.heldout_gain_nats)
+}
+
+fn confirmed_row(own: &ConfirmedOn) -> String {
+    let values: Vec<String> = own.values.iter().map(|value| significant(*value)).collect();
+    format!(
+        "  {:<28}{:>11.1}{:>13}{:>11}   {}",
+        own.experiment,
+        own.last_cycle_gain_nats,
+        significant(own.rmse_before_um),
+        significant(own.rmse_after_um),
+        values.join(", ")
+    )
 }

@@ -11,9 +11,7 @@ mod corner;
 mod corner_data;
 mod diagnose;
 mod effects;
-mod examine;
 mod extend;
-mod extend_cohort;
 mod fit;
 mod gather;
 mod groups;
@@ -24,19 +22,18 @@ mod interrupt;
 mod joint;
 mod ladder;
 mod learn;
-mod learn_cohort;
 mod options;
 mod output;
 mod questions;
 mod report;
 mod sample;
 mod serve;
+mod session;
 mod shapes;
 mod shapes_words;
 mod shell;
 mod simulate;
 mod sweep;
-mod target;
 mod tasks;
 mod terminal;
 mod text;
@@ -128,7 +125,7 @@ fn main() -> ExitCode {
         Command::Compare(arguments) => compare::run(arguments),
         Command::Diagnose(arguments) => diagnose::run(arguments),
         Command::Learn(arguments) => learn::run(arguments),
-        Command::Extend(arguments) => extend_cohort::run(arguments),
+        Command::Extend(arguments) => extend::run(arguments),
         Command::Ladder(arguments) => ladder::run(arguments),
         Command::Report(arguments) => report::run(arguments),
         Command::Workbench(arguments) => workbench::run(arguments),

@@ -80,19 +80,6 @@ impl Model {
         let model = self.forward_model.as_ref().map_or(String::new(), |name| format!("#{name}"));
         self.forward.as_ref().map(|url| format!("{url}{model}")).or_else(|| self.base.clone())
     }
-
-    /// The first option given that says what the model is, and not which revision or mesh is meant.
-    pub fn changing_option(&self) -> Option<&'static str> {
-        let given = [
-            ("--base", self.base.is_some()),
-            ("--forward", self.forward.is_some()),
-            ("--with", !self.with.is_empty()),
-            ("--noise", !self.noise.is_empty()),
-            ("--prior", self.prior.is_some()),
-            ("--set", !self.set.is_empty()),
-        ];
-        given.into_iter().find(|(_, is_given)| *is_given).map(|(option, _)| option)
-    }
 }
 
 /// Arguments of `sample`.

@@ -19,12 +19,13 @@ use vitreo_uq::figures::labels::model_title;
 use vitreo_uq::figures::number::listed;
 use vitreo_uq::jobs::bridge::{Endpoint, MOST_POINTS, Models, OUTSIDE};
 use vitreo_uq::jobs::first_revision::{as_fitted, kept_surrogate};
+use vitreo_uq::jobs::target::CreepTarget;
 use vitreo_uq::posterior::prepared::PreparedModel;
 
 use crate::guard::{Guard, guard};
 use crate::interrupt::say;
 use crate::options::{self, Common, Model};
-use crate::target::Target;
+use crate::session::target_request;
 use crate::terminal::Terminal;
 use crate::text::significant;
 use crate::{http, output};
@@ -57,14 +58,14 @@ pub fn run(arguments: &ServeArguments) -> Result<ExitCode> {
     let terminal = Terminal::new(arguments.quiet);
     let (target, quiet) = (arguments.target.clone(), arguments.quiet);
     let common = Common { target, out: None, json: None, seed: 1, threads, quiet, force: false };
-    let mut target = Target::open(&common, &arguments.model, &terminal)?;
+    let mut target = CreepTarget::open(target_request(&common, &arguments.model, &[]), None, &terminal)?;
     target.check(&terminal)?;
     let revision = match (&arguments.model.from, target.existing_study()) {
         (None, Some(study)) => study.revisions()?.pop(),
         (from, _) => from.clone(),
     };
     target.experiment = as_fitted(target.experiment, revision.as_deref());
-    let problem = target.problem(&arguments.model, &terminal)?;
+    let problem = target.problem(&terminal)?;
     let kept = target.existing_study().and_then(|study| kept_surrogate(study, &terminal));
     // It is served until the program ends, by tasks of which none ends before.
     let model: &'static PreparedModel = Box::leak(Box::new(PreparedModel::new(&problem, kept, &terminal)?));

@@ -2,7 +2,6 @@
 
 use std::path::PathBuf;
 use std::process::ExitCode;
-use std::time::Instant;
 
 use clap::Args;
 use vitreo_uq::base::error::{Error, Place, Result};
@@ -11,6 +10,8 @@ use vitreo_uq::documents::posterior::Warning;
 use vitreo_uq::documents::shapes::ShapesSummary;
 use vitreo_uq::elements::fe::oldroyd::FiniteLaw;
 use vitreo_uq::figures::draws::read_draws_csv;
+use vitreo_uq::jobs::outcome::Outcome;
+use vitreo_uq::jobs::target::Revision;
 use vitreo_uq::laws::rheology::CreepCompliance;
 use vitreo_uq::posterior::mechanics::{MeshFile, read_mesh};
 use vitreo_uq::posterior::monitor::Monitor;
@@ -21,10 +22,10 @@ use vitreo_uq::validation::shapes::bodies::PAPER_ASPECT;
 use vitreo_uq::validation::shapes::job::{self, ShapesRequest};
 use vitreo_uq::validation::shapes::summary::summarise;
 
-use crate::examine::Examined;
-use crate::options::{self, Common, Model};
+use crate::options::{Common, Model};
+use crate::report::PageArguments;
+use crate::session::{RESULTS, Session};
 use crate::shapes_words;
-use crate::terminal::Terminal;
 
 /// Arguments of `shapes`.
 #[derive(Args)]
@@ -93,30 +94,27 @@ const HOLD_S: f64 = 5.0;
 const N_DRAWS: usize = 1_000;
 
 pub fn run(arguments: &ShapesArguments) -> Result<ExitCode> {
-    let began = Instant::now();
     let common = &arguments.common()?;
     check(arguments)?;
-    let threads = options::use_threads(common.threads)?;
-    crate::output::check(common.json.as_deref())?;
-    let terminal = Terminal::new(common.quiet);
-    let sampler = options::default_sampler(common.seed, threads);
+    let session = Session::begin(common)?;
+    let terminal = &session.terminal;
     // The mesh is of a body to compare: the gel comes from the experiment with its own robot.
     let model = Model { mesh: None, ..arguments.model.clone() };
-    let examined = Examined::open(common, &model, sampler, &terminal)?;
-    let (request, warnings) = request(arguments, &examined)?;
-    let found = job::run(&request, &terminal)?;
+    let revision = session.open(&model, &[], &[])?.creep()?.revision(session.default_sampler(), terminal)?;
+    let (request, warnings) = request(arguments, &revision)?;
+    let found = job::run(&request, terminal)?;
     let summary = ShapesSummary { warnings, ..summarise(&request, &found, &forces_n(arguments, &request)) };
     terminal.stage("writing results and figures");
-    let provenance = examined.provenance("shapes", common.seed);
-    let written = artefacts::write(&examined.study, &found, &summary, provenance.clone())?;
-    terminal.finish();
-    crate::output::show(
-        common.json.as_deref(),
-        &WithProvenance { provenance, body: &summary },
-        &shapes_words::words(&summary),
-    )?;
-    crate::output::say_where(common.quiet, &written, began);
-    Ok(ExitCode::SUCCESS)
+    let provenance = revision.provenance("shapes", common.seed);
+    let written = artefacts::write(&revision.study, &found, &summary, provenance.clone())?;
+    let document = WithProvenance { provenance, body: summary };
+    let words = shapes_words::words(&document.body);
+    session.end(
+        &Outcome { document, is_sound: true, written, study: None },
+        &words,
+        RESULTS,
+        &PageArguments { no_report: true },
+    )
 }
 
 fn check(arguments: &ShapesArguments) -> Result<()> {
@@ -136,11 +134,11 @@ fn check(arguments: &ShapesArguments) -> Result<()> {
     Ok(())
 }
 
-fn request(arguments: &ShapesArguments, examined: &Examined) -> Result<(ShapesRequest, Vec<Warning>)> {
-    let experiment = &examined.problem.experiment;
+fn request(arguments: &ShapesArguments, revision: &Revision) -> Result<(ShapesRequest, Vec<Warning>)> {
+    let experiment = &revision.problem.experiment;
     let Apparatus::Robot { robot, vitreous } = &experiment.apparatus else {
         return Err(Error::input(
-            Place::file(examined.study.dir().join("experiment.toml")).at_key("instrument"),
+            Place::file(revision.study.dir().join("experiment.toml")).at_key("instrument"),
             "shapes need the size of the gel around the robot, and this experiment is another instrument's",
             "give an experiment with [robot] and [vitreous], or none for the embedded replica",
         ));
@@ -163,7 +161,7 @@ fn request(arguments: &ShapesArguments, examined: &Examined) -> Result<(ShapesRe
         None => (None, Vec::new()),
     };
     let amplitude = experiment.record.force_n.iter().fold(0.0_f64, |most, force| most.max(force.abs()));
-    let (laws, mean) = laws(examined)?;
+    let (laws, mean) = laws(revision)?;
     let request = ShapesRequest {
         sphere_diameter_m,
         vitreous: *vitreous,
@@ -173,7 +171,7 @@ fn request(arguments: &ShapesArguments, examined: &Examined) -> Result<(ShapesRe
         hold_s: HOLD_S,
         distance_m: 1e-3 * arguments.distance,
         laws,
-        finite_law: mean.and_then(|mean| FiniteLaw::new(&examined.problem.model.base().elements(&mean), 0.0)),
+        finite_law: mean.and_then(|mean| FiniteLaw::new(&revision.problem.model.base().elements(&mean), 0.0)),
         own_mesh,
     };
     Ok((request, warnings))
@@ -188,18 +186,18 @@ fn forces_n(arguments: &ShapesArguments, request: &ShapesRequest) -> Vec<f64> {
 }
 
 /// Posterior draws of the revision as creep compliances, and the law's parameters at their mean; none without draws.
-fn laws(examined: &Examined) -> Result<(Vec<CreepCompliance>, Option<Vec<Dual>>)> {
-    let model = &examined.problem.model;
+fn laws(revision: &Revision) -> Result<(Vec<CreepCompliance>, Option<Vec<Dual>>)> {
+    let model = &revision.problem.model;
     if !model.effects().is_empty() || !model.base().is_exponential() {
         return Err(Error::input(
-            Place::file(examined.study.dir()).at_key(&examined.revision),
+            Place::file(revision.study.dir()).at_key(&revision.name),
             "shapes are compared in a gel of springs and dashpots alone, and this revision's model is more",
             "choose a revision without effects (--from m0)",
         ));
     }
-    let table = read_draws_csv(&examined.study.revision_dir(&examined.revision)?.join("draws.csv"))?;
+    let table = read_draws_csv(&revision.study.revision_dir(&revision.name)?.join("draws.csv"))?;
     let column = |name: &str| table.parameter_names.iter().position(|own| own == name).map(|index| table.column(index));
-    let fixed = &examined.problem.specification.fixed;
+    let fixed = &revision.problem.specification.fixed;
     let columns: Vec<(Option<Vec<f64>>, f64)> = model
         .base()
         .parameters()

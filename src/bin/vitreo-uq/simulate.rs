@@ -17,18 +17,17 @@ use vitreo_uq::posterior::problem::Problem;
 use vitreo_uq::posterior::study::{ModelSpecification, POSTERIOR_NAME, Study, WithProvenance};
 
 use crate::options::{self, Scheme, SimulateArguments};
-use crate::target::Target;
-use crate::terminal::Terminal;
+use crate::session::Session;
 use crate::text::{column_width, significant, warning_text};
 
 pub fn run(arguments: &SimulateArguments) -> Result<ExitCode> {
     let common = &arguments.common;
-    options::use_threads(common.threads)?;
-    crate::output::check(common.json.as_deref())?;
-    let terminal = Terminal::new(common.quiet);
+    let session = Session::begin(common)?;
+    let terminal = &session.terminal;
     // Here --set gives values; it does not choose a model.
     let model = options::Model { set: Vec::new(), ..arguments.model.clone() };
-    let target = Target::open(common, &model, &terminal)?;
+    let target = session.open(&model, &[], &[])?;
+    let target = target.creep()?;
     let set = target.specification.values_from_options(&arguments.model.set, &Library::default())?;
     let value = |(name, value): (String, Option<f64>)| match value {
         Some(value) => Ok((name, value)),
@@ -39,7 +38,7 @@ pub fn run(arguments: &SimulateArguments) -> Result<ExitCode> {
         )),
     };
     let set = set.into_iter().map(value).collect::<Result<BTreeMap<String, f64>>>()?;
-    let problem = target.problem(&model, &terminal)?;
+    let problem = target.problem(terminal)?;
     let posterior = match target.existing_study() {
         Some(study) => posterior(study, model.from.as_deref(), &target.specification)?,
         None => None,
@@ -55,24 +54,19 @@ pub fn run(arguments: &SimulateArguments) -> Result<ExitCode> {
     simulate::check_request(&problem, &request, has_mesh_file)?;
     let study = target.make_study()?;
     let writer = study.begin_simulation()?;
-    let simulation = simulate::run(&problem, &request, has_mesh_file, &terminal)?;
+    let simulation = simulate::run(&problem, &request, has_mesh_file, terminal)?;
     terminal.stage("writing trajectory and fields");
-    simulation_files::write(writer.path(), &problem, &simulation)?;
     let document =
         WithProvenance { provenance: study.provenance("simulation", 1, common.seed), body: &simulation.summary };
-    write_json_atomically(&writer.path().join("simulation.json"), &document)?;
     let stages: BTreeMap<&str, f64> = simulation.timing_s.iter().map(|(stage, s)| (stage.as_str(), *s)).collect();
     let timing = serde_json::json!({ "schema": "vitreo-uq/timing/1", "wall_s": stages });
-    write_json_atomically(&writer.path().join("timing.json"), &timing)?;
-    let written = writer.commit()?;
-    terminal.finish();
-    crate::output::show(common.json.as_deref(), &document, &words(&simulation.summary, &stages))?;
-    if !common.quiet {
-        crate::interrupt::say(&format!(
-            "Trajectory, experiment.toml and fields (open fields.pvd in ParaView): {}",
-            written.display()
-        ));
-    }
+    let written = writer.publish("simulation.json", &document, |dir| {
+        simulation_files::write(dir, &problem, &simulation)?;
+        write_json_atomically(&dir.join("timing.json"), &timing)
+    })?;
+    session.show(&document, &words(&simulation.summary, &stages))?;
+    session
+        .say(&format!("Trajectory, experiment.toml and fields (open fields.pvd in ParaView): {}", written.display()));
     Ok(ExitCode::SUCCESS)
 }
 

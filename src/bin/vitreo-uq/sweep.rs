@@ -1,130 +1,20 @@
-//! `check`, `sample` and `diagnose` on an oscillation of a rheometer.
+//! The words of `sample` and `diagnose` on an oscillation of a rheometer, and `check` of one.
 
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
-use std::time::Instant;
 
-use vitreo_uq::base::error::{Error, Place, Result};
-use vitreo_uq::base::files::write_json_atomically;
+use vitreo_uq::base::error::Result;
 use vitreo_uq::documents::check::{CheckSummary, UnderstoodRecord};
 use vitreo_uq::documents::oscillation::{
     OscillationCandidate, OscillationDiagnosis, OscillationMisfit, OscillationSummary,
 };
 use vitreo_uq::figures::labels::{model_title, of_parameter};
 use vitreo_uq::figures::svg::write_figure;
-use vitreo_uq::jobs::first_revision::{FIRST_REVISION, refuse_other_model};
-use vitreo_uq::jobs::sweep::problem::{DEFAULT_PRIOR, SweepProblem};
-use vitreo_uq::jobs::sweep::{artefacts, diagnose, job};
-use vitreo_uq::models::effects::Library;
-use vitreo_uq::posterior::monitor::Monitor;
-use vitreo_uq::posterior::study::{DIAGNOSIS_NAME, ModelSpecification, Provenance, Study, WithProvenance};
-use vitreo_uq::record::{ExperimentFiles, Sweep, SweepForm};
+use vitreo_uq::jobs::sweep::artefacts;
+use vitreo_uq::posterior::study::{Provenance, Study, WithProvenance};
+use vitreo_uq::record::{Sweep, SweepForm};
 
-use crate::options::{self, Common, DiagnoseArguments, Model, SampleArguments};
-use crate::terminal::Terminal;
 use crate::text::{parameter_table, significant, warning_text};
-
-/// Whether a command is to work on an oscillation.
-pub fn is_one(target: Option<&PathBuf>) -> bool {
-    target.is_some_and(|path| Sweep::is_one(path))
-}
-
-/// An oscillation and its study, or where that will be.
-struct SweepTarget {
-    sweep: Sweep,
-    files: ExperimentFiles,
-    dir: PathBuf,
-    force: bool,
-}
-
-impl SweepTarget {
-    fn open(common: &Common) -> Result<Self> {
-        let path = common.target.as_deref().unwrap_or(Path::new("."));
-        let (sweep, files) = Sweep::read(path)?;
-        let dir = match (&common.out, Study::is_study(path)) {
-            (None, true) => path.to_path_buf(),
-            (Some(_), true) => {
-                let found = format!("{} is a study already", path.display());
-                let remedy = "leave --out away, or give the experiment instead of the study";
-                return Err(Error::input(Place::option("--out"), found, remedy));
-            }
-            (out, false) => out.clone().unwrap_or_else(|| Study::default_dir(&sweep.specimen_id)),
-        };
-        if !Study::is_study(&dir) {
-            Study::check_place(&dir)?;
-        }
-        Ok(Self { sweep, files, dir, force: common.force })
-    }
-
-    /// The model of the study's posterior, if it has one of this oscillation.
-    fn model(&self) -> Result<ModelSpecification> {
-        let default = ModelSpecification { prior: DEFAULT_PRIOR.into(), ..ModelSpecification::default() };
-        if !Study::is_study(&self.dir) {
-            return Ok(default);
-        }
-        let study = Study::open(&self.dir)?;
-        let is_same = *study.inputs_sha256() == Study::hashes_of(&self.files)?;
-        match study.revision_dir(FIRST_REVISION).ok().filter(|_| is_same) {
-            Some(dir) => ModelSpecification::of_revision(&dir, &Library::default()),
-            None => Ok(default),
-        }
-    }
-
-    fn problem(&self, model: &Model) -> Result<SweepProblem> {
-        for (option, is_given) in [("--mesh", model.mesh.is_some()), ("--from", model.from.is_some())] {
-            if is_given {
-                let found = "an oscillation has neither finite elements nor later revisions";
-                return Err(Error::input(Place::option(option), found, format!("leave {option} away")));
-            }
-        }
-        let specification = self.model()?.with_options(
-            model.law().as_deref(),
-            &model.with,
-            &model.noise,
-            model.prior.as_deref(),
-            &model.set,
-        )?;
-        SweepProblem::new(self.sweep.clone(), specification, &Library::default())
-    }
-
-    fn study(&self) -> Result<Study> {
-        Study::open_or_create(&self.dir, &self.files, self.force)
-    }
-}
-
-/// `sample`.
-pub fn sample(arguments: &SampleArguments) -> Result<ExitCode> {
-    let began = Instant::now();
-    let common = &arguments.common;
-    let threads = options::use_threads(common.threads)?;
-    crate::output::check(common.json.as_deref())?;
-    let options = options::sampler(arguments.chains, arguments.steps, common.seed, threads);
-    let terminal = Terminal::new(common.quiet);
-    let target = SweepTarget::open(common)?;
-    let problem = target.problem(&arguments.model)?;
-    if problem.priors.priors().is_empty() {
-        let found = "every parameter is fixed, so there is nothing to infer";
-        return Err(Error::input(Place::option("--set"), found, "leave at least one parameter free"));
-    }
-    options.validate(problem.priors.priors().len())?;
-    let study = target.study()?;
-    refuse_other_model(&study, &problem.specification, common.force)?;
-    let revision = study.begin_revision(FIRST_REVISION)?;
-    let result = job::run(&problem, &options, &terminal)?;
-    terminal.stage("writing results and figures");
-    let header = |kind: &str| provenance(study.provenance(kind, 1, common.seed), &problem);
-    artefacts::write(revision.path(), &problem, &result, &header)?;
-    let written = revision.commit()?;
-    terminal.finish();
-    let document = WithProvenance { provenance: header("oscillation"), body: &result.summary };
-    crate::output::show(common.json.as_deref(), &document, &posterior_words(&result.summary))?;
-    crate::output::say_where(common.quiet, &written, began);
-    Ok(ExitCode::from(u8::from(!result.summary.is_sound())))
-}
-
-fn provenance(header: Provenance, problem: &SweepProblem) -> Provenance {
-    vitreo_uq::jobs::artefacts::with_prior(header, &problem.priors)
-}
 
 fn errors_words(misfit: &OscillationMisfit) -> String {
     let percent = |share: f64| format!("{} %", significant(100.0 * share));
@@ -143,7 +33,8 @@ fn errors_words(misfit: &OscillationMisfit) -> String {
     )
 }
 
-fn posterior_words(summary: &OscillationSummary) -> String {
+/// The posterior in words.
+pub fn posterior_words(summary: &OscillationSummary) -> String {
     let verdict = if summary.converged { "converged" } else { "NOT CONVERGED" };
     let frequencies = &summary.frequencies;
     let mut lines = vec![
@@ -168,30 +59,8 @@ fn posterior_words(summary: &OscillationSummary) -> String {
     lines.join("\n") + "\n"
 }
 
-/// `diagnose`.
-pub fn diagnose(arguments: &DiagnoseArguments) -> Result<ExitCode> {
-    let began = Instant::now();
-    let common = &arguments.common;
-    options::use_threads(common.threads)?;
-    crate::output::check(common.json.as_deref())?;
-    let terminal = Terminal::new(common.quiet);
-    let target = SweepTarget::open(common)?;
-    let problem = target.problem(&arguments.model)?;
-    let study = target.study()?;
-    let found = diagnose::run(&problem, common.seed, &Library::default(), &terminal)?;
-    let header = provenance(study.provenance("oscillation-diagnosis", 1, common.seed), &problem);
-    let document = WithProvenance { provenance: header, body: &found };
-    let path = study.dir().join(DIAGNOSIS_NAME);
-    write_json_atomically(&path, &document)?;
-    terminal.finish();
-    crate::output::show(common.json.as_deref(), &document, &diagnosis_words(&found))?;
-    if !common.quiet {
-        crate::interrupt::say(&format!("Result: {} ({:.1} s)", path.display(), began.elapsed().as_secs_f64()));
-    }
-    Ok(ExitCode::SUCCESS)
-}
-
-fn diagnosis_words(found: &OscillationDiagnosis) -> String {
+/// The diagnosis in words.
+pub fn diagnosis_words(found: &OscillationDiagnosis) -> String {
     let mut lines = vec![
         format!("{}: {} model", found.experiment, model_title(&found.model)),
         String::new(),

@@ -2,9 +2,12 @@
 
 use std::path::{Path, PathBuf};
 
+use serde::Serialize;
+
+use super::WithProvenance;
 use super::atomic::{Lock, remove_tree, replace_directory, restore, sync_tree};
 use base::error::{Error, Result};
-use base::files::TemporaryDirectory;
+use base::files::{TemporaryDirectory, write_json_atomically};
 
 /// A revision or simulation under construction in a hidden directory of the study; dropping it discards it.
 ///
@@ -29,6 +32,21 @@ impl RevisionWriter {
     /// Directory to write the revision's files into.
     pub fn path(&self) -> &Path {
         self.building.path()
+    }
+
+    /// Writes a document and the files beside it, and makes the revision visible, whole or not at all. Returns its directory.
+    ///
+    /// # Errors
+    /// [`Error::File`] if the operating system refuses, and those of `files`.
+    pub fn publish<D: Serialize>(
+        self,
+        name: &str,
+        document: &WithProvenance<D>,
+        files: impl FnOnce(&Path) -> Result<()>,
+    ) -> Result<PathBuf> {
+        write_json_atomically(&self.path().join(name), document)?;
+        files(self.path())?;
+        self.commit()
     }
 
     /// Makes the revision visible under its name, replacing an earlier one of that name in one step.

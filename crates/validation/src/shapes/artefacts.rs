@@ -5,7 +5,6 @@ use std::path::PathBuf;
 use super::figures::shapes_figure;
 use super::job::ShapesResult;
 use base::error::Result;
-use base::files::write_json_atomically;
 use documents::shapes::ShapesSummary;
 use elements::mesh::vtu::{PointData, write_vtu};
 use figures::svg::write_figure;
@@ -19,17 +18,18 @@ const FOLDER: &str = "shapes";
 /// # Errors
 /// [`base::Error::File`] where the file system refuses.
 pub fn write(study: &Study, found: &ShapesResult, summary: &ShapesSummary, provenance: Provenance) -> Result<PathBuf> {
-    let writer = RevisionWriter::begin(study.dir(), FOLDER)?;
-    write_json_atomically(&writer.path().join("shapes.json"), &WithProvenance { provenance, body: summary })?;
-    write_figure(writer.path(), FOLDER, &shapes_figure(found, summary)?)?;
-    for own in &found.fields {
-        let displacement = PointData {
-            name: "displacement_per_displacement_of_robot",
-            components: 3,
-            values: own.displacement.as_flattened(),
-        };
-        let name = own.body.label().replace(", ", "_");
-        write_vtu(writer.path().join(format!("{name}.vtu")), &own.mesh, &[displacement])?;
-    }
-    writer.commit()
+    let document = WithProvenance { provenance, body: summary };
+    RevisionWriter::begin(study.dir(), FOLDER)?.publish("shapes.json", &document, |dir| {
+        write_figure(dir, FOLDER, &shapes_figure(found, summary)?)?;
+        for own in &found.fields {
+            let displacement = PointData {
+                name: "displacement_per_displacement_of_robot",
+                components: 3,
+                values: own.displacement.as_flattened(),
+            };
+            let name = own.body.label().replace(", ", "_");
+            write_vtu(dir.join(format!("{name}.vtu")), &own.mesh, &[displacement])?;
+        }
+        Ok(())
+    })
 }

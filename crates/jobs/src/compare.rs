@@ -1,0 +1,38 @@
+//! `compare`: where the model fails.
+
+use base::error::Result;
+use criticism::compare::{self, figures};
+use documents::comparison::Comparison;
+use posterior::monitor::Monitor;
+use posterior::study::{COMPARISON_NAME, WithProvenance};
+use sampling::SamplerOptions;
+
+use crate::outcome::Outcome;
+use crate::target::Target;
+
+/// What a caller decides.
+pub struct CompareRequest {
+    /// Simulated records by which all tests are corrected together; `None` for the default.
+    pub simulations: Option<usize>,
+    /// The sampler's settings for a first revision; the comparison uses their seed.
+    pub sampler: SamplerOptions,
+}
+
+/// Compares a revision with the measurement, and writes the comparison into the revision.
+///
+/// # Errors
+/// [`base::Error::Input`] for any target but a creep record; otherwise those of fits and of writing.
+pub fn run(target: &Target, request: &CompareRequest, monitor: &dyn Monitor) -> Result<Outcome<Comparison>> {
+    let seed = request.sampler.seed;
+    let revision = target.creep()?.revision(request.sampler.clone(), monitor)?;
+    monitor.stage("looking where the model fails");
+    let subject = revision.subject(monitor)?;
+    let simulations = request.simulations.unwrap_or_else(|| compare::default_simulations(subject.n_fitted()));
+    let found = compare::run(&subject, &subject.base(), simulations, seed)?;
+    monitor.stage("writing results and figures");
+    let document =
+        WithProvenance { provenance: revision.provenance("comparison", seed), body: found.comparison.clone() };
+    let writer = revision.study.amend_revision(&revision.name)?;
+    let written = writer.publish(COMPARISON_NAME, &document, |dir| figures::write(&dir.join("figures"), &found))?;
+    Ok(Outcome { document, is_sound: true, written, study: Some(revision.study) })
+}

@@ -1,0 +1,162 @@
+//! `diagnose`: which effect is missing.
+
+use std::path::Path;
+
+use base::error::{Error, Place, Result};
+use base::files::write_json_atomically;
+use cohorts::cohort::{Key, Measurement};
+use cohorts::missing::artefacts as cohort_artefacts;
+use cohorts::missing::job::{self as cohort_job, CohortRequest};
+use criticism::diagnose::{DiagnosisRequest, diagnose};
+use criticism::fingerprints::fingerprints;
+use criticism::learn::first_look;
+use criticism::criteria::Criteria;
+use documents::cohort::CohortDiagnosis;
+use documents::diagnosis::{Diagnosis, VerdictKind};
+use documents::oscillation::OscillationDiagnosis;
+use figures::diagnosis as figure;
+use figures::fingerprints::{fingerprints as fingerprints_figure, write_fingerprints};
+use figures::svg::{remove_figure, write_figure};
+use models::effects::Library;
+use posterior::monitor::Monitor;
+use posterior::study::{DIAGNOSIS_NAME, FINGERPRINTS_NAME, WithProvenance};
+use sampling::SamplerOptions;
+use serde::Serialize;
+
+use crate::artefacts::with_prior;
+use crate::outcome::Outcome;
+use crate::sweep;
+use crate::target::{CohortTarget, CreepTarget, SweepTarget, Target, not_taken};
+
+/// The figure of the unexplained part.
+pub const DISCREPANCY_FIGURE: &str = "discrepancy";
+/// Directory of a cohort's results where none is named.
+pub const COHORT_OUT: &str = "vitreo-uq-out/cohort";
+
+/// What a caller decides.
+pub struct DiagnoseRequest {
+    /// Smallest change of a predicted position that is worth a claim, in noise standard deviations.
+    pub smallest: f64,
+    /// Most simulated searches; of a cohort, simulated records of each record.
+    pub simulations: usize,
+    /// The sampler's settings for a first revision; the diagnosis uses their seed.
+    pub sampler: SamplerOptions,
+    /// Cohorts only: keys that define the groups; empty for species, where there are several.
+    pub keys: Vec<Key>,
+    /// Cohorts only: ratios of sizes within 1 + margin of 1 are no difference in practice.
+    pub margin: f64,
+    /// Cohorts only: records or specimens to leave out.
+    pub leave_out: Vec<String>,
+}
+
+/// The document of a diagnosis.
+#[derive(Serialize)]
+#[serde(untagged)]
+pub enum DiagnoseDocument {
+    /// Of a creep record.
+    Creep(Box<Diagnosis>),
+    /// Of an oscillation.
+    Oscillation(OscillationDiagnosis),
+    /// Of a cohort.
+    Cohort(CohortDiagnosis),
+}
+
+/// Diagnoses a target, and writes the diagnosis: into the revision, the oscillation's study or the cohort's directory.
+///
+/// # Errors
+/// [`Error::Input`] for several records of one specimen; otherwise those of fits and of writing.
+pub fn run(target: &Target, request: &DiagnoseRequest, monitor: &dyn Monitor) -> Result<Outcome<DiagnoseDocument>> {
+    match target {
+        Target::Creep(creep) => of_creep(creep, request, monitor),
+        Target::Oscillation(sweep) => of_oscillation(sweep, request, monitor),
+        Target::Cohort(cohort) => of_cohort(cohort, request, monitor),
+        Target::Joint(_) => Err(not_taken()),
+    }
+}
+
+fn of_creep(
+    creep: &CreepTarget,
+    request: &DiagnoseRequest,
+    monitor: &dyn Monitor,
+) -> Result<Outcome<DiagnoseDocument>> {
+    let seed = request.sampler.seed;
+    let revision = creep.revision(request.sampler.clone(), monitor)?;
+    let default = DiagnosisRequest::default();
+    let criteria = Criteria { smallest_change: request.smallest, ..default.criteria };
+    let of_search = DiagnosisRequest { criteria, n_simulations: request.simulations, seed, ..default };
+    let mut found = diagnose(&revision.subject_for_effects(monitor)?, &of_search, monitor)?;
+    if found.diagnosis.verdict.kind == VerdictKind::Unexplained {
+        // What no effect explains may be a law that no one wrote down.
+        found.diagnosis.remarks.extend(first_look(&found.subject, &found.found.base, monitor)?);
+    }
+    monitor.stage("writing results and figures");
+    let diagnosis = found.diagnosis;
+    let files = |dir: &Path| -> Result<()> {
+        let figures = dir.join("figures");
+        write_figure(&figures, "diagnosis", &figure::diagnosis(&diagnosis)?)?;
+        let of_effects = fingerprints(&found.subject, &found.found);
+        write_fingerprints(&dir.join(FINGERPRINTS_NAME), &of_effects)?;
+        if !of_effects.effects.is_empty() {
+            write_figure(&figures, "fingerprints", &fingerprints_figure(&of_effects, &diagnosis.experiment)?)?;
+        }
+        match &found.leftover {
+            Some(leftover) => write_figure(&figures, DISCREPANCY_FIGURE, &leftover.figure(&diagnosis.experiment)?),
+            None => remove_figure(&figures, DISCREPANCY_FIGURE),
+        }
+    };
+    let provenance = revision.provenance("diagnosis", seed);
+    let writer = revision.study.amend_revision(&revision.name)?;
+    let written =
+        writer.publish(DIAGNOSIS_NAME, &WithProvenance { provenance: provenance.clone(), body: &diagnosis }, files)?;
+    let document = WithProvenance { provenance, body: DiagnoseDocument::Creep(Box::new(diagnosis)) };
+    Ok(Outcome { document, is_sound: true, written, study: Some(revision.study) })
+}
+
+fn of_oscillation(
+    target: &SweepTarget,
+    request: &DiagnoseRequest,
+    monitor: &dyn Monitor,
+) -> Result<Outcome<DiagnoseDocument>> {
+    let seed = request.sampler.seed;
+    let problem = target.problem()?;
+    let study = target.make_study()?;
+    let found = sweep::diagnose::run(&problem, seed, &Library::default(), monitor)?;
+    let provenance = with_prior(study.provenance("oscillation-diagnosis", 1, seed), &problem.priors);
+    let document = WithProvenance { provenance, body: DiagnoseDocument::Oscillation(found) };
+    let written = study.dir().join(DIAGNOSIS_NAME);
+    write_json_atomically(&written, &document)?;
+    Ok(Outcome { document, is_sound: true, written, study: None })
+}
+
+fn of_cohort(
+    cohort: &CohortTarget,
+    request: &DiagnoseRequest,
+    monitor: &dyn Monitor,
+) -> Result<Outcome<DiagnoseDocument>> {
+    cohort.refuse_options_of_one(&[], "diagnose")?;
+    if let Some(path) = cohort.request.paths.iter().find(|path| record::Sweep::is_one(path)) {
+        let remedy = "give records in time; diagnose an oscillation by itself";
+        return Err(Error::input(Place::file(path), "an oscillation shows the law alone", remedy));
+    }
+    let measurements = cohort.measurements(&request.leave_out, monitor)?;
+    let keys = if request.keys.is_empty() { default_keys(&measurements) } else { request.keys.clone() };
+    let (out, seed) = (cohort.out(COHORT_OUT), request.sampler.seed);
+    let provenance = cohort_artefacts::provenance(&measurements, seed);
+    cohort_artefacts::check_place(out, &provenance, cohort.request.force)?;
+    let of_cohort = CohortRequest { keys, margin: request.margin, n_simulations: request.simulations, seed };
+    let diagnosis = cohort_job::run(&measurements, &of_cohort, monitor)?;
+    monitor.stage("writing results and figures");
+    let written = cohort_artefacts::write(out, &diagnosis, provenance.clone())?;
+    let document = WithProvenance { provenance, body: DiagnoseDocument::Cohort(diagnosis) };
+    Ok(Outcome { document, is_sound: true, written, study: None })
+}
+
+/// Species, where every record names its own and there are two at least.
+fn default_keys(measurements: &[Measurement]) -> Vec<Key> {
+    let mut species: Vec<Option<&str>> =
+        measurements.iter().map(|own| own.experiment.species.as_deref().map(str::trim)).collect();
+    species.sort_unstable();
+    species.dedup();
+    let is_grouped = species.len() > 1 && species.iter().all(|own| own.is_some_and(|own| !own.is_empty()));
+    if is_grouped { vec![Key::Species] } else { Vec::new() }
+}

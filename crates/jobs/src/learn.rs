@@ -1,0 +1,116 @@
+//! `learn`: a constitutive correction from data, of one record or confirmed on several.
+
+use std::path::Path;
+
+use base::error::{Error, Place, Result};
+use base::files::{remove_if_there, write_atomically};
+use cohorts::learnt;
+use criticism::Subject;
+use criticism::learn::{FILE_NAME, Request, learn};
+use documents::learned::Learned;
+use documents::learned_cohort::LearnedCohort;
+use figures::learned as figure;
+use figures::svg::{remove_figure, write_figure};
+use posterior::monitor::Monitor;
+use posterior::study::{LEARNED_NAME, WithProvenance};
+use sampling::SamplerOptions;
+use serde::Serialize;
+
+use crate::diagnose::COHORT_OUT;
+use crate::outcome::Outcome;
+use crate::target::{CohortTarget, CreepTarget, Target, not_taken};
+
+/// Stem of the figure.
+const FIGURE: &str = "learned";
+
+/// What a caller decides.
+pub struct LearnRequest {
+    /// Most simulated searches by which a gain is judged.
+    pub simulations: usize,
+    /// Learn from the first cycles and score all later ones; `None` to score the last held-out one.
+    pub first_cycles: Option<u32>,
+    /// Whether functions of a state may only rise or only fall.
+    pub is_monotone: bool,
+    /// The sampler's settings for a first revision; learning uses their seed.
+    pub sampler: SamplerOptions,
+}
+
+/// The document of what was learnt.
+#[derive(Serialize)]
+#[serde(untagged)]
+pub enum LearnDocument {
+    /// From a creep record.
+    Creep(Box<Learned>),
+    /// From half of a cohort, confirmed on the other half.
+    Cohort(LearnedCohort),
+}
+
+/// Learns a correction of the law, and writes it into the revision or the cohort's directory.
+///
+/// # Errors
+/// [`Error::Input`] for an oscillation and for several records of one specimen; otherwise those of fits and of writing.
+pub fn run(target: &Target, request: &LearnRequest, monitor: &dyn Monitor) -> Result<Outcome<LearnDocument>> {
+    match target {
+        Target::Creep(creep) => of_creep(creep, request, monitor),
+        Target::Cohort(cohort) => of_cohort(cohort, request, monitor),
+        Target::Oscillation(_) | Target::Joint(_) => Err(not_taken()),
+    }
+}
+
+fn of_creep(creep: &CreepTarget, request: &LearnRequest, monitor: &dyn Monitor) -> Result<Outcome<LearnDocument>> {
+    let seed = request.sampler.seed;
+    let revision = creep.revision(request.sampler.clone(), monitor)?;
+    let subject = of_first_cycles(revision.subject_for_effects(monitor)?, request.first_cycles)?;
+    let of_search = Request { n_simulations: request.simulations, seed, is_monotone: request.is_monotone };
+    let found = learn(&subject, &of_search, monitor)?;
+    monitor.stage("writing results and figures");
+    let files = |dir: &Path| -> Result<()> {
+        let file = dir.join(FILE_NAME);
+        match &found.file {
+            Some(text) => write_atomically(&file, text.as_bytes())?,
+            None => remove_if_there(&file)?,
+        }
+        let figures = dir.join("figures");
+        match found.learned.function {
+            Some(_) => write_figure(&figures, FIGURE, &figure::learned(&found.learned)?),
+            None => remove_figure(&figures, FIGURE),
+        }
+    };
+    let provenance = revision.provenance("learned", seed);
+    let writer = revision.study.amend_revision(&revision.name)?;
+    let document = WithProvenance { provenance: provenance.clone(), body: &found.learned };
+    let written = writer.publish(LEARNED_NAME, &document, files)?;
+    let document = WithProvenance { provenance, body: LearnDocument::Creep(Box::new(found.learned)) };
+    Ok(Outcome { document, is_sound: true, written, study: Some(revision.study) })
+}
+
+/// The subject whose first cycles are fitted and whose later ones are scored, where a number of them is given.
+fn of_first_cycles(subject: Subject, first: Option<u32>) -> Result<Subject> {
+    let Some(first) = first else { return Ok(subject) };
+    let experiment = subject.experiment();
+    let mut cycles = [&experiment.calibration_cycles[..], &experiment.heldout_cycles].concat();
+    cycles.sort_unstable();
+    let (fitted, scored): (Vec<u32>, Vec<u32>) = cycles.into_iter().partition(|cycle| *cycle <= first);
+    if fitted.is_empty() || scored.is_empty() {
+        let remedy = "give a number that leaves cycles on both sides";
+        return Err(Error::input(
+            Place::option("--first-cycles"),
+            format!("{first} leaves nothing to fit or to score"),
+            remedy,
+        ));
+    }
+    subject.with_cycles(&fitted, &scored)
+}
+
+fn of_cohort(cohort: &CohortTarget, request: &LearnRequest, monitor: &dyn Monitor) -> Result<Outcome<LearnDocument>> {
+    cohort.refuse_options_of_one(&[("--first-cycles", request.first_cycles.is_some())], "learn from")?;
+    let measurements = cohort.measurements(&[], monitor)?;
+    let out = cohort.out(COHORT_OUT);
+    let provenance = learnt::provenance(&measurements, request.sampler.seed);
+    learnt::check_place(out, &provenance, cohort.request.force)?;
+    let found = learnt::run(&measurements, request.is_monotone, monitor)?;
+    monitor.stage("writing results");
+    let written = learnt::write(out, &found, provenance.clone())?;
+    let document = WithProvenance { provenance, body: LearnDocument::Cohort(found.learned) };
+    Ok(Outcome { document, is_sound: true, written, study: None })
+}

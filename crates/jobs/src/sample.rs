@@ -1,0 +1,212 @@
+//! `sample`: from a target to a posterior.
+
+use std::collections::BTreeMap;
+
+use base::error::{Error, Place, Result};
+use base::files::{Content, read_if_there, write_json_atomically};
+use documents::joint::JointSummary;
+use documents::oscillation::OscillationSummary;
+use documents::posterior::{ModelSummary, PosteriorSummary};
+use figures::svg::write_figure;
+use models::effects::Library;
+use posterior::check;
+use posterior::likelihood::ReducedPosterior;
+use posterior::monitor::Monitor;
+use posterior::prepared::PreparedModel;
+use posterior::problem::Problem;
+use posterior::sample::refuse_nothing_to_sample;
+use posterior::study::{POSTERIOR_NAME, Provenance, Study, WithProvenance};
+use sampling::SamplerOptions;
+use serde::Serialize;
+
+use crate::artefacts;
+use crate::first_revision::{FIRST_REVISION, make_first_revision, refuse_other_model};
+use crate::outcome::Outcome;
+use crate::sweep::joint::{Joint, Member};
+use crate::sweep::problem::SweepProblem;
+use crate::sweep::{self, job};
+use crate::target::{CreepTarget, JointTarget, Record, SweepTarget, Target, not_taken, refuse_options_of_one};
+
+/// Name of the posterior of several records, and of its figure.
+const JOINT: &str = "joint";
+
+/// What a caller decides.
+pub struct SampleRequest {
+    /// The sampler's settings.
+    pub sampler: SamplerOptions,
+    /// Whether to go on from where an interrupted run stopped: of one creep record only.
+    pub resume: bool,
+}
+
+/// The document of a posterior.
+#[derive(Serialize)]
+#[serde(untagged)]
+pub enum SampleDocument {
+    /// Of a creep record.
+    Creep(Box<PosteriorSummary>),
+    /// Of an oscillation.
+    Oscillation(Box<OscillationSummary>),
+    /// Of several records of one specimen.
+    Joint(Box<JointSummary>),
+}
+
+/// Samples the posterior of a target, and writes it: as the study's m0, or into the directory of several records.
+///
+/// # Errors
+/// [`Error::Input`] for a cohort, and where m0 would be of another model or mesh; otherwise those of sampling and of writing.
+pub fn run(target: &Target, request: &SampleRequest, monitor: &dyn Monitor) -> Result<Outcome<SampleDocument>> {
+    match target {
+        Target::Creep(creep) => of_creep(creep, request, monitor),
+        Target::Oscillation(sweep) => of_oscillation(sweep, request, monitor),
+        Target::Joint(joint) => of_several(joint, request, monitor),
+        Target::Cohort(_) => Err(not_taken()),
+    }
+}
+
+fn of_creep(target: &CreepTarget, request: &SampleRequest, monitor: &dyn Monitor) -> Result<Outcome<SampleDocument>> {
+    target.check(monitor)?;
+    if let Some(study) = target.existing_study() {
+        refuse_other_model(study, &target.specification, target.force)?;
+    }
+    let problem = target.problem(monitor)?;
+    if let Some(study) = target.existing_study() {
+        refuse_other_mesh(study, &problem, target.force)?;
+    }
+    refuse_nothing_to_sample(&problem)?;
+    request.sampler.validate(problem.priors.priors().len())?;
+    let study = target.make_study()?;
+    if study.revision_dir(FIRST_REVISION).is_ok() {
+        monitor.warn(&format!("the study's {FIRST_REVISION} is replaced when this run ends"));
+    }
+    let (result, written) = make_first_revision(&study, &problem, request.sampler.clone(), request.resume, monitor)?;
+    let is_sound = result.summary.is_sound();
+    let provenance = artefacts::with_inputs(study.provenance("posterior", 1, request.sampler.seed), &problem);
+    let document = WithProvenance { provenance, body: SampleDocument::Creep(Box::new(result.summary)) };
+    Ok(Outcome { document, is_sound, written, study: Some(study) })
+}
+
+/// A revision on another mesh is not overwritten unless `force` is set.
+fn refuse_other_mesh(study: &Study, problem: &Problem, force: bool) -> Result<()> {
+    let Ok(dir) = study.revision_dir(FIRST_REVISION) else { return Ok(()) };
+    let path = dir.join(POSTERIOR_NAME);
+    let Some(bytes) = read_if_there(&path, Content::Document) else { return Ok(()) };
+    let before: Option<Provenance> = serde_json::from_slice(&bytes).ok();
+    let mesh_of = |provenance: &Provenance| provenance.inputs_sha256.get(artefacts::MESH_INPUT).cloned();
+    let now = mesh_of(&artefacts::with_inputs(study.provenance("posterior", 1, 0), problem));
+    if force || before.is_none_or(|before| mesh_of(&before) == now) {
+        return Ok(());
+    }
+    Err(Error::input(
+        Place::file(path),
+        "the study's m0 is on another mesh",
+        "choose another directory with `--out`, or replace m0 with `--force`",
+    ))
+}
+
+fn of_oscillation(
+    target: &SweepTarget,
+    request: &SampleRequest,
+    monitor: &dyn Monitor,
+) -> Result<Outcome<SampleDocument>> {
+    let options = &request.sampler;
+    let problem = target.problem()?;
+    if problem.priors.priors().is_empty() {
+        let found = "every parameter is fixed, so there is nothing to infer";
+        return Err(Error::input(Place::option("--set"), found, "leave at least one parameter free"));
+    }
+    options.validate(problem.priors.priors().len())?;
+    let study = target.make_study()?;
+    refuse_other_model(&study, &problem.specification, target.force)?;
+    let revision = study.begin_revision(FIRST_REVISION)?;
+    let result = job::run(&problem, options, monitor)?;
+    monitor.stage("writing results and figures");
+    let header = |kind: &str| artefacts::with_prior(study.provenance(kind, 1, options.seed), &problem.priors);
+    sweep::artefacts::write(revision.path(), &problem, &result, &header)?;
+    let written = revision.commit()?;
+    let is_sound = result.summary.is_sound();
+    let body = SampleDocument::Oscillation(Box::new(result.summary));
+    let document = WithProvenance { provenance: header("oscillation"), body };
+    Ok(Outcome { document, is_sound, written, study: None })
+}
+
+/// A record joined with the law, ready to be computed.
+enum Prepared {
+    Creep(Box<PreparedModel>),
+    Oscillation(Box<SweepProblem>),
+}
+
+impl Prepared {
+    fn of(record: &Record, target: &JointTarget, monitor: &dyn Monitor) -> Result<Self> {
+        let specification = target.specification.clone();
+        Ok(match record {
+            Record::Creep(experiment, files) => {
+                check::refuse_certain(experiment, &files.understood, monitor)?;
+                let problem = Problem::new((**experiment).clone(), specification, None, monitor)?;
+                Self::Creep(Box::new(PreparedModel::new(&problem, None, monitor)?))
+            }
+            Record::Oscillation(sweep, _) => {
+                let problem = SweepProblem::new((**sweep).clone(), specification, &Library::default())?;
+                Self::Oscillation(Box::new(problem))
+            }
+        })
+    }
+
+    fn density(&self) -> Option<ReducedPosterior<'_>> {
+        match self {
+            Self::Creep(creep) => Some(creep.posterior()),
+            Self::Oscillation(_) => None,
+        }
+    }
+
+    fn member<'a>(&'a self, density: Option<&'a ReducedPosterior<'a>>) -> Option<Member<'a>> {
+        match self {
+            Self::Creep(creep) => density.map(|density| Member {
+                id: creep.problem.experiment.specimen_id.clone(),
+                kind: "creep",
+                density,
+                priors: &creep.problem.priors,
+            }),
+            Self::Oscillation(problem) => Some(Member {
+                id: problem.sweep.specimen_id.clone(),
+                kind: "oscillation",
+                density: &**problem,
+                priors: &problem.priors,
+            }),
+        }
+    }
+}
+
+fn of_several(target: &JointTarget, request: &SampleRequest, monitor: &dyn Monitor) -> Result<Outcome<SampleDocument>> {
+    refuse_options_of_one(&[("--resume", request.resume)])?;
+    let options = &request.sampler;
+    let records: Vec<Prepared> =
+        target.records.iter().map(|record| Prepared::of(record, target, monitor)).collect::<Result<_>>()?;
+    let mut header = Provenance::new(JOINT, 1, options.seed, BTreeMap::new());
+    for (number, record) in target.records.iter().enumerate() {
+        for (name, hash) in Study::hashes_of(record.files())? {
+            header.inputs_sha256.insert(format!("record {}: {name}", number + 1), hash);
+        }
+    }
+    let densities: Vec<_> = records.iter().map(Prepared::density).collect();
+    let pairs = records.iter().zip(&densities);
+    let members: Vec<Member<'_>> = pairs.filter_map(|(record, density)| record.member(density.as_ref())).collect();
+    let joint = Joint::new(members, target.specification.base.parameters())?;
+    options.validate(joint.priors.priors().len())?;
+    let id = target.records.first().map_or("", Record::specimen_id);
+    let dir = target.out.clone().unwrap_or_else(|| Study::default_dir(&format!("{id}-{JOINT}")));
+    let written = dir.join(format!("{JOINT}.json"));
+    if !written.is_file() {
+        Study::check_place(&dir)?;
+    }
+    let summary = ModelSummary { noise: vec!["own".into()], ..target.specification.summary() };
+    let result = joint.run(summary, options, monitor)?;
+    monitor.stage("writing results and figures");
+    std::fs::create_dir_all(&dir)
+        .map_err(|error| Error::at_path("create", &dir, error, "choose a writable place with `--out`"))?;
+    write_figure(&dir, JOINT, &sweep::artefacts::joint_figure(id, &joint.priors, &result)?)?;
+    let provenance = artefacts::with_prior(header, &joint.priors);
+    let is_sound = result.summary.is_sound();
+    let document = WithProvenance { provenance, body: SampleDocument::Joint(Box::new(result.summary)) };
+    write_json_atomically(&written, &document)?;
+    Ok(Outcome { document, is_sound, written: dir, study: None })
+}

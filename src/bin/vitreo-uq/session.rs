@@ -1,0 +1,122 @@
+//! How every command begins and ends: threads, terminal and target from the arguments; results to where the user wants them.
+
+use std::path::PathBuf;
+use std::process::ExitCode;
+use std::time::Instant;
+
+use serde::Serialize;
+use vitreo_uq::base::error::Result;
+use vitreo_uq::jobs::first_revision::FIRST_REVISION;
+use vitreo_uq::jobs::outcome::Outcome;
+use vitreo_uq::jobs::target::{Kind, ModelRequest, Target, TargetRequest};
+use vitreo_uq::posterior::mechanics::MeshFile;
+use vitreo_uq::sampling::SamplerOptions;
+
+use crate::options::{self, Common, Model};
+use crate::report::PageArguments;
+use crate::terminal::Terminal;
+
+/// One run of a command.
+pub struct Session<'a> {
+    began: Instant,
+    common: &'a Common,
+    /// Threads in use.
+    pub threads: usize,
+    /// Who watches.
+    pub terminal: Terminal,
+}
+
+impl<'a> Session<'a> {
+    /// Refuses a place for the document that cannot be written, and takes the threads.
+    pub fn begin(common: &'a Common) -> Result<Self> {
+        let began = Instant::now();
+        let threads = options::use_threads(common.threads)?;
+        crate::output::check(common.json.as_deref())?;
+        Ok(Self { began, common, threads, terminal: Terminal::new(common.quiet) })
+    }
+
+    /// The sampler's settings of a command that has no options for them.
+    pub fn default_sampler(&self) -> SamplerOptions {
+        options::default_sampler(self.common.seed, self.threads)
+    }
+
+    /// What the command works on; `taken` are the sorts of targets that it takes beside a creep record.
+    pub fn open(&self, model: &Model, others: &[PathBuf], taken: &[Kind]) -> Result<Target> {
+        Target::open(target_request(self.common, model, others), taken, None, &self.terminal)
+    }
+
+    /// What `sample` works on: the model is that of a study's m0, which it makes anew.
+    pub fn open_first(&self, model: &Model, others: &[PathBuf], taken: &[Kind]) -> Result<Target> {
+        Target::open(target_request(self.common, model, others), taken, Some(FIRST_REVISION), &self.terminal)
+    }
+
+    /// The sampler's settings of a command that has options for them.
+    pub fn sampler(&self, chains: usize, steps: u64) -> SamplerOptions {
+        options::sampler(chains, steps, self.common.seed, self.threads)
+    }
+
+    /// Which sort of target that will be.
+    pub fn kind(&self, others: &[PathBuf], taken: &[Kind]) -> Kind {
+        Kind::of(&paths(self.common, others), taken)
+    }
+
+    /// Shows what a command led to, says where it is, and writes the page of the study that was changed.
+    pub fn end<D: Serialize>(
+        &self,
+        outcome: &Outcome<D>,
+        words: &str,
+        label: &str,
+        page: &PageArguments,
+    ) -> Result<ExitCode> {
+        self.show(&outcome.document, words)?;
+        self.say(&format!("{label}: {} ({:.1} s)", outcome.written.display(), self.began.elapsed().as_secs_f64()));
+        if let Some(study) = &outcome.study {
+            crate::report::refresh(study, page, self.common.quiet);
+        }
+        Ok(ExitCode::from(u8::from(!outcome.is_sound)))
+    }
+
+    /// Ends progress, and shows a document and its words where the user wants them.
+    pub fn show(&self, document: &impl Serialize, words: &str) -> Result<()> {
+        self.terminal.finish();
+        crate::output::show(self.common.json.as_deref(), document, words)
+    }
+
+    /// Says something beside the result, unless the user wants quiet.
+    pub fn say(&self, text: &str) {
+        if !self.common.quiet {
+            crate::interrupt::say(text);
+        }
+    }
+}
+
+/// What [`Session::end`] calls a revision and all that is in it.
+pub const RESULTS: &str = "Results and figures";
+
+/// What the user named.
+pub fn target_request(common: &Common, model: &Model, others: &[PathBuf]) -> TargetRequest {
+    TargetRequest {
+        paths: paths(common, others),
+        out: common.out.clone(),
+        force: common.force,
+        model: model_request(model),
+    }
+}
+
+fn paths(common: &Common, others: &[PathBuf]) -> Vec<PathBuf> {
+    common.target.iter().chain(others).cloned().collect()
+}
+
+fn model_request(model: &Model) -> ModelRequest {
+    let Model { base, with, noise, prior, set, from, mesh, mesh_unit, .. } = model.clone();
+    ModelRequest {
+        forward: model.forward.as_ref().and_then(|_| model.law()),
+        mesh: mesh.map(|path| MeshFile { path, metres_per_unit: mesh_unit }),
+        base,
+        with,
+        noise,
+        prior,
+        set,
+        from,
+    }
+}
