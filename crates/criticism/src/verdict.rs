@@ -135,6 +135,54 @@ pub struct EffectEvidence<'a> {
     pub visible_fraction: Option<f64>,
 }
 
+impl Criteria {
+    /// Whether an addition may be claimed. An addition to a model that was not claimed itself has to predict better than the base, too.
+    pub fn passes(&self, addition: &Addition) -> bool {
+        addition.p <= self.p_of_round(addition.round)
+            && addition.gain.largest_change >= self.smallest_change
+            && self.predicts(&addition.gain)
+            && self.predicts(&addition.over_base)
+    }
+
+    /// Whether future cycles are predicted better, and the last one, which no fit has seen, not worse.
+    fn predicts(&self, gain: &Gain) -> bool {
+        let is_better = |least: f64| gain.future.is_some_and(|future| future > least);
+        let is_kept = |last: f64| last > -self.largest_loss_nats;
+        self.least_future_nats.is_none_or(is_better) && gain.last.map_or(self.least_future_nats.is_none(), is_kept)
+    }
+
+    /// Whether structure outside the library is more than chance.
+    pub fn is_significant(&self, structure: &Structure) -> bool {
+        structure.p_familywise <= self.largest_structure_p && structure.gain_nats >= self.least_structure_nats
+    }
+
+    /// Whether structure in the residual of a claim is more than an error of the claim's shape.
+    pub fn is_beside(&self, structure: &Structure, claim: &Addition) -> bool {
+        structure.gain_nats >= self.least_structure_share * claim.over_base.fitted
+    }
+
+    /// Whether structure in the base's residual explains more than a claim, whose own residual shows structure or none.
+    pub fn is_instead(&self, structure: &Structure, claim: &Addition, has_beside: bool) -> bool {
+        let gain_nats = claim.over_base.fitted;
+        let chance_nats = self.chance_nats + self.larger_nats * claim.effects.len().saturating_sub(1) as f64;
+        let lead_nats =
+            if has_beside { 0.0 } else { self.structure_lead_nats + self.least_structure_share * gain_nats };
+        structure.gain_nats > gain_nats - chance_nats + lead_nats
+    }
+
+    /// Whether structure looks like an effect of a kind.
+    pub fn looks_like(&self, structure: &Structure, is_effect: impl Fn(&str) -> bool) -> bool {
+        structure.twins.iter().any(|(slug, cosine)| *cosine > self.twin_cosine && is_effect(slug))
+    }
+
+    /// Whether the data cannot tell a rival from the claim.
+    pub fn is_equivalent(&self, rival: &Rival) -> bool {
+        rival.deficit_nats < self.equivalent_nats
+            && rival.separation_sigma.is_none_or(|sigma| sigma < self.separated_sigma)
+            && rival.lead_p.is_none_or(|p| p > self.least_rival_p)
+    }
+}
+
 /// The evidence of a search.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Evidence {

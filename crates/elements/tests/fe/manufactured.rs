@@ -3,11 +3,11 @@
 use std::collections::BTreeMap;
 use std::ops::{Add, Mul};
 
-use nalgebra::{Matrix3, Vector3};
 use elements::fe::Stiffness;
 use elements::fe::assembly::unit_moduli;
 use elements::fe::element::TabulatedElement;
 use elements::mesh::{Mesh, QuarterBall};
+use nalgebra::{Matrix3, Vector3};
 
 const ROBOT_RADIUS_M: f64 = 1.0;
 const OUTER_RADIUS_M: f64 = 2.0;

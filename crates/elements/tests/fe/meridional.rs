@@ -3,9 +3,7 @@
 use std::f64::consts::PI;
 
 use elements::fe::exact::{AxialAndTransverse, SphereInContainer, spheroid_in_container};
-use elements::fe::meridional::{
-    BodyOfRevolution, Direction, Formulation, MeridionalSolution, Resolution, solve,
-};
+use elements::fe::meridional::{BodyOfRevolution, Direction, Formulation, MeridionalSolution, Resolution, solve};
 
 const RADIUS_M: f64 = 0.275e-3;
 const OUTER_RADIUS_M: f64 = 10e-3;

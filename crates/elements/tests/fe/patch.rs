@@ -2,14 +2,14 @@
 
 use std::path::Path;
 
-use nalgebra::{Matrix3, Vector3};
-use rand::{RngExt, SeedableRng};
-use rand_chacha::ChaCha8Rng;
 use elements::fe::Assembly;
 use elements::fe::assembly::unit_moduli;
 use elements::fe::factorisation::add_symmetric_product;
 use elements::mesh::gmsh::read_gmsh;
 use elements::mesh::{ElementKind, HEXAHEDRON27_REFERENCE_NODES, Mesh};
+use nalgebra::{Matrix3, Vector3};
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
 
 const POISSON_RATIOS: [f64; 3] = [0.0, 0.3, 0.499];
 

@@ -3,7 +3,6 @@
 use std::f64::consts::PI;
 use std::path::Path;
 
-use nalgebra::{DMatrix, DVector};
 use base::Result;
 use base::number::{Dual, Scalar};
 use elements::fe::Stiffness;
@@ -14,6 +13,7 @@ use elements::fe::transient::{self, Load, Part, Resolution, StageSolve, StageWei
 use elements::mesh::gmsh::read_gmsh;
 use elements::mesh::{Cylinder, ElementKind, HEXAHEDRON27_REFERENCE_NODES, Mesh, QuarterBall, Spheroid};
 use laws::rheology::{BaseLaw, CreepCompliance, RetardationSpectrum, TimeWindow};
+use nalgebra::{DMatrix, DVector};
 use record::Orientation;
 
 /// Of the quarter model.

@@ -4,7 +4,6 @@ use crate::closed_forms;
 
 use std::f64::consts::PI;
 
-use nalgebra::DVector;
 use elements::fe::Stiffness;
 use elements::fe::assembly::unit_moduli;
 use elements::fe::element::TabulatedElement;
@@ -13,6 +12,7 @@ use elements::fe::factorisation::add_symmetric_product;
 use elements::fe::meridional::{self, BodyOfRevolution, Direction, Resolution};
 use elements::fe::time::FullOrderModel;
 use elements::mesh::{Cylinder, HEXAHEDRON27_REFERENCE_NODES, Mesh, Spheroid};
+use nalgebra::DVector;
 use record::Orientation;
 
 const SPHERE_RADIUS_M: f64 = 0.275e-3;

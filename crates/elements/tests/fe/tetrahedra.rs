@@ -2,12 +2,12 @@
 
 use std::path::Path;
 
-use nalgebra::{Matrix3, Vector3};
 use elements::fe::Stiffness;
 use elements::fe::exact::SphereInContainer;
 use elements::fe::time::FullOrderModel;
 use elements::mesh::gmsh::read_gmsh;
 use elements::mesh::{ElementKind, HEXAHEDRON27_REFERENCE_NODES, Mesh, QuarterBall};
+use nalgebra::{Matrix3, Vector3};
 
 const ROBOT_RADIUS_M: f64 = 0.275e-3;
 const OUTER_RADIUS_M: f64 = 10e-3;

@@ -36,6 +36,7 @@
 mod filter;
 mod lanes;
 mod learning;
+mod learnt_term;
 mod likelihood;
 mod model;
 mod paths;
@@ -51,7 +52,8 @@ mod whitening;
 mod dense;
 
 pub use lanes::LANES;
-pub use learning::{DrawRow, Learning, LearningPrior, LearntParameter, NoiseValues, RowShare};
+pub use learning::{Learning, NoiseValues};
+pub use learnt_term::{DrawRow, LearningPrior, LearntParameter, RowShare};
 pub use likelihood::{NoiseLikelihood, SharedPosition};
 pub use model::NoiseModel;
 pub use pointwise::Conditional;

@@ -6,7 +6,7 @@ mod ornstein_uhlenbeck;
 mod student;
 mod white;
 
-use super::learning::LearntTerm;
+use super::learnt_term::LearntTerm;
 use super::scales::{NoiseScales, Scales};
 use base::distribution::Distribution;
 use base::parameter::ParameterSpec;

@@ -2,7 +2,7 @@
 
 use super::{Equations, NoiseTerm};
 use crate::noise::NoiseScales;
-use crate::noise::learning::{DrawRow, LearningPrior, LearntParameter, LearntTerm, RowShare};
+use crate::noise::learnt_term::{DrawRow, LearningPrior, LearntParameter, LearntTerm, RowShare};
 use crate::noise::scales::Scales;
 use base::distribution::Distribution;
 use base::parameter::{OU_SD, OU_TIME, ParameterSpec};
