@@ -7,6 +7,9 @@ use std::path::Path;
 use program::{tree, vitreo, write_instrument_experiment};
 use serde_json::Value;
 
+/// Law and noise (µm) of [`write_instrument_experiment`].
+const INSTRUMENT: [f64; 4] = [3.5, 1.4, 47.0, 0.5];
+
 fn place() -> tempfile::TempDir {
     tempfile::tempdir().unwrap()
 }
@@ -18,8 +21,13 @@ fn has_numbers(object: &Value, keys: &[&str]) {
     }
 }
 
-/// The keys of formats §5, written out.
-fn check_contract(document: &Value) {
+#[track_caller]
+fn number(value: &Value) -> f64 {
+    value.as_f64().unwrap_or_else(|| panic!("{value} is no number"))
+}
+
+/// The keys of formats §5, written out; and draws of a posterior that is nearly normal about the truth (law, noise in µm), as the data of these tests give it.
+fn check_contract(document: &Value, truth: [f64; 4]) {
     assert_eq!(document["schema"], "vitreo-uq/posterior/1");
     assert_eq!(document["version"], env!("CARGO_PKG_VERSION"));
     assert!(document["seed"].is_u64() && document["inputs_sha256"].is_object() && document["converged"].is_boolean());
@@ -28,8 +36,16 @@ fn check_contract(document: &Value) {
     let names: Vec<&str> =
         document["parameters"].as_array().unwrap().iter().map(|p| p["name"].as_str().unwrap()).collect();
     assert_eq!(names, ["young_modulus_pa", "viscosity_1_pa_s", "viscosity_2_pa_s", "noise_sd_um"]);
-    for parameter in document["parameters"].as_array().unwrap() {
-        has_numbers(parameter, &["mean", "sd", "q05", "median", "q95", "ess_bulk", "ess_tail", "rhat", "mcse_mean"]);
+    for (parameter, truth) in document["parameters"].as_array().unwrap().iter().zip(truth) {
+        let of = |key: &str| number(&parameter[key]);
+        // Five standard deviations: one false failure in 10⁶.
+        assert!((of("mean") - truth).abs() < 5.0 * of("sd"), "{parameter} against {truth}");
+        // Of a normal posterior 3.29 and 0; the noise's, with 100 rows or more, is skewed by less than these bounds.
+        assert!(((of("q95") - of("q05")) / of("sd") - 3.29).abs() < 0.15, "{parameter}");
+        assert!(((of("median") - of("mean")) / of("sd")).abs() < 0.15, "{parameter}");
+        // By definition sd/√ESS; the ESS here is that of ranks, which is nearly the same where tails are normal.
+        assert!((of("mcse_mean") * of("ess_bulk").sqrt() / of("sd") - 1.0).abs() < 0.1, "{parameter}");
+        assert!(of("ess_bulk") > 400.0 && of("ess_tail") > 400.0 && (0.99..1.01).contains(&of("rhat")), "{parameter}");
     }
     let sampler = [
         "walkers",
@@ -41,6 +57,14 @@ fn check_contract(document: &Value) {
         "walkers_reseeded",
     ];
     has_numbers(&document["sampler"], &sampler);
+    let [walkers, ensembles, steps, acceptance, autocorrelation_steps, evaluations, n_reseeded] =
+        sampler.map(|key| number(&document["sampler"][key]));
+    assert!(evaluations >= walkers * ensembles * steps && n_reseeded == 0.0, "{}", document["sampler"]);
+    assert!(
+        (0.1..1.0).contains(&acceptance) && (1.0..steps / 10.0).contains(&autocorrelation_steps),
+        "{}",
+        document["sampler"]
+    );
     for (object, keys) in [
         ("surrogate", &["modes", "max_relative_error", "fe_unknowns", "snapshot_runs"][..]),
         (
@@ -69,6 +93,22 @@ fn check_contract(document: &Value) {
     }
 }
 
+/// Errors of held-out positions whose noise is known, and whose model is right.
+fn check_heldout(heldout: &Value, n_rows: f64, noise_um: f64) {
+    let of = |key: &str| number(&heldout[key]);
+    // Five standard deviations of what so many independent normal errors give: one false failure in 10⁶. Parameters are known far better than the noise.
+    let is_near = |key: &str, expected: f64, sd_of_one: f64| {
+        let found = of(key);
+        assert!((found - expected).abs() < 5.0 * sd_of_one / n_rows.sqrt(), "{key} {found} against {expected}");
+    };
+    assert_eq!(of("noise_um"), noise_um);
+    is_near("rmse_um", noise_um, noise_um / 2.0_f64.sqrt());
+    is_near("coverage_50", 0.5, 0.5);
+    is_near("coverage_90", 0.9, 0.3);
+    // σ/√π; of one error the standard deviation is 0.403 σ.
+    is_near("crps_um", noise_um / std::f64::consts::PI.sqrt(), 0.403 * noise_um);
+}
+
 /// The main job without a file: JSON alone on standard output, nothing on standard error when quiet, every file of the revision; a second
 /// run with other threads writes the same bytes, and goes on in the same study with the surrogate that is there; another seed draws other draws.
 #[test]
@@ -78,12 +118,27 @@ fn the_replica_runs_without_any_file_and_gives_the_same_bytes_again() {
     let first = run(&["--json", "-", "--quiet", "--threads", "1"]).exits(0);
     assert_eq!(first.stderr, "");
     let document = first.json();
-    check_contract(&document);
+    // Table I, and the replica's noise.
+    check_contract(&document, [3.527, 1.402, 47.37, 4.0]);
     assert_eq!(document["heldout"]["cycles"], serde_json::json!([2, 3, 4]));
-    has_numbers(&document["surrogate"], &["modes", "max_relative_error", "fe_unknowns", "snapshot_runs"]);
-    has_numbers(&document["error_budget_um"], &["noise", "fe_discretisation", "surrogate", "monte_carlo"]);
-    has_numbers(&document["heldout"], &["rmse_um", "noise_um", "coverage_50", "coverage_90", "crps_um", "pareto_k"]);
-    has_numbers(&document, &["largest_strain"]);
+    check_heldout(&document["heldout"], 600.0, 4.0);
+    assert!((0.0..0.7).contains(&number(&document["heldout"]["pareto_k"])), "{}", document["heldout"]);
+    // The base model is one field times a function of time, so that one mode holds it to rounding.
+    assert_eq!(document["surrogate"]["modes"], 1);
+    assert!((0.0..1e-9).contains(&number(&document["surrogate"]["max_relative_error"])), "{}", document["surrogate"]);
+    assert!(
+        number(&document["surrogate"]["fe_unknowns"]) > 1e4 && number(&document["surrogate"]["snapshot_runs"]) > 3.0
+    );
+    // Errors of the computation are below a tenth of the noise.
+    let budget = &document["error_budget_um"];
+    assert!((3.0..5.0).contains(&number(&budget["noise"])), "{budget}");
+    for key in ["fe_discretisation", "surrogate", "monte_carlo"] {
+        assert!((0.0..0.4).contains(&number(&budget[key])), "{key}: {budget}");
+    }
+    // Around a sphere that sticks to an incompressible gel the strain is ¾ of displacement over radius; integration points lie up to a tenth beside it.
+    let farthest_radii = number(&document["large_displacement"]["farthest_radii"]);
+    let strain = number(&document["largest_strain"]) / (0.75 * farthest_radii);
+    assert!((0.9..1.02).contains(&strain), "{strain} of ¾ · {farthest_radii}");
     let revision = place.path().join("vitreo-uq-out/porcine-replica/m0");
     let files = tree(&revision);
     for name in ["model.toml", "posterior.json", "surrogate.json", "draws.csv", "posterior.nc", "timing.json"] {
@@ -120,7 +175,8 @@ fn an_instrument_has_null_for_finite_elements_and_does_not_fail() {
     write_instrument_experiment(&place.path().join("gel"), true, 0.0);
     let run = vitreo(place.path(), &["sample", "gel", "--out", "study", "--json", "-"]).exits(0);
     let document = run.json();
-    check_contract(&document);
+    check_contract(&document, INSTRUMENT);
+    check_heldout(&document["heldout"], 100.0, 0.5);
     for (object, keys) in [
         ("surrogate", &["modes", "max_relative_error", "fe_unknowns", "snapshot_runs"][..]),
         ("heldout", &["surrogate_vs_fe_max_um", "pareto_k"]),
@@ -146,7 +202,7 @@ fn without_held_out_cycles_nothing_is_claimed_about_prediction() {
     assert!(run.stdout.contains("no cycle is held out"), "{run}");
     let text = std::fs::read_to_string(place.path().join("result.json")).unwrap();
     let document: Value = serde_json::from_str(&text).unwrap();
-    check_contract(&document);
+    check_contract(&document, INSTRUMENT);
     assert_eq!(document["heldout"]["cycles"], serde_json::json!([]));
     for key in ["rmse_um", "coverage_50", "coverage_90", "crps_um"] {
         assert!(document["heldout"][key].is_null(), "{key}");

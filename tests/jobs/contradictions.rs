@@ -49,7 +49,8 @@ fn what_is_certain_is_refused_with_its_remedy() {
     assert!(refused.to_string().contains("direction = \"-\""), "{refused}");
     // The remedy of another kind works: the rule of the force is said.
     let (experiment, mut files) = record(Some("force_between_rows"), 1);
-    assert!(refuse_certain(&experiment, &files.understood, &Silent).is_err());
+    let refused = refuse_certain(&experiment, &files.understood, &Silent).unwrap_err().to_string();
+    assert!(refused.contains("`force_between_rows`"), "{refused}");
     files.understood.force_rule_given = true;
     assert!(refuse_certain(&experiment, &files.understood, &Silent).is_ok());
     let document = summary(&experiment, &files);

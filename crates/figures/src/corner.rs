@@ -176,7 +176,8 @@ mod tests {
         }
         let posterior = Posterior { label: "p", colour: series(0), parameters: vec![column("a", &good)] };
         let options = CornerOptions { masses: &[90.0], ..CornerOptions::default() };
-        assert!(corner(&[posterior], &options).is_err());
+        let message = corner(&[posterior], &options).unwrap_err().to_string();
+        assert!(message.contains("90") && message.contains("probabilities between 0 and 1"), "{message}");
     }
 
     #[test]

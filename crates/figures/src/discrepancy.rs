@@ -178,9 +178,9 @@ mod tests {
 
     #[test]
     fn what_cannot_be_drawn_is_refused() {
-        let refused = |panel: DiscrepancyPanel| discrepancy(&[panel], "", "").is_err();
-        assert!(refused(panel(&[], &[])));
-        assert!(refused(panel(&[2.0, 2.0], &[1.0, 1.0])));
-        assert!(refused(panel(&[1.0, 2.0], &[1.0])));
+        let refused = |panel: DiscrepancyPanel| discrepancy(&[panel], "", "").unwrap_err().to_string();
+        assert!(refused(panel(&[], &[])).contains("0 rows at one place of the axis"));
+        assert!(refused(panel(&[2.0, 2.0], &[1.0, 1.0])).contains("2 rows at one place of the axis"));
+        assert!(refused(panel(&[1.0, 2.0], &[1.0])).contains("series of unequal length"));
     }
 }

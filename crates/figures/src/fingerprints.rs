@@ -128,6 +128,8 @@ mod tests {
         let svg = fingerprints(&example(), "eye").unwrap().document();
         assert!(svg.contains("softening") && svg.contains("inertia"));
         let nothing = Fingerprints { effects: Vec::new(), ..example() };
-        assert!(fingerprints(&nothing, "eye").is_err());
+        assert!(
+            fingerprints(&nothing, "eye").is_err_and(|error| error.to_string().contains("there is nothing to draw"))
+        );
     }
 }

@@ -211,7 +211,8 @@ mod tests {
             let message = result.unwrap_err().to_string();
             assert!(message.contains(words), "`{words}` in {message}");
         }
-        assert!(write_labelled_netcdf(&path, 0, N_DRAWS, &dimensions(), &variables()).is_err());
+        let empty = write_labelled_netcdf(&path, 0, N_DRAWS, &dimensions(), &variables());
+        assert!(empty.is_err_and(|error| error.to_string().contains("keep at least one draw")));
         assert!(!path.exists());
     }
 }

@@ -169,6 +169,6 @@ mod tests {
         let text = learned(&document()).unwrap().document();
         assert!(text.contains("path (µm)") && text.contains("no data") && text.contains("1 + rate*path"));
         let nothing = Learned { function: None, ..document() };
-        assert!(learned(&nothing).is_err());
+        assert!(learned(&nothing).is_err_and(|error| error.to_string().contains("no function was learnt")));
     }
 }

@@ -155,14 +155,19 @@ mod tests {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("a.nc");
         let none = RecordGroups::default();
-        assert!(write_draws_netcdf(&path, &table("a/b"), &none).is_err());
-        assert!(write_draws_netcdf(&path, &table(""), &none).is_err());
+        let refuses = |table: &DrawTable, record: &RecordGroups, words: &str| {
+            let error = write_draws_netcdf(&path, table, record).unwrap_err().to_string();
+            assert!(error.contains(words), "`{words}` in {error}");
+        };
+        refuses(&table("a/b"), &none, "a parameter is called `a/b`");
+        refuses(&table(""), &none, "a parameter is called ``");
         let mut short = table("x");
         short.values.pop();
-        assert!(write_draws_netcdf(&path, &short, &none).is_err());
+        refuses(&short, &none, "values has 59 entries instead of 60");
         let uneven = RecordGroups { observed_rows: vec![3], ..RecordGroups::default() };
         let column = RowColumn { name: "position_um", unit: "µm", values: vec![0.5, 0.6] };
-        assert!(write_draws_netcdf(&path, &table("x"), &RecordGroups { observed: vec![column], ..uneven }).is_err());
+        let uneven = RecordGroups { observed: vec![column], ..uneven };
+        refuses(&table("x"), &uneven, "columns of rows are not equally long");
         assert!(!path.exists());
     }
 }

@@ -139,6 +139,7 @@ mod tests {
         assert_eq!(forces(&linear).0.len(), 4);
         let document = raw_record(&linear, "bead", "").unwrap().document();
         assert!(document.contains("across the line of motion") && document.contains("a cycle begins"));
-        assert!(raw_record(&RawRecord { cycle: &[1], ..record }, "bead", "").is_err());
+        let uneven = raw_record(&RawRecord { cycle: &[1], ..record }, "bead", "");
+        assert!(uneven.is_err_and(|error| error.to_string().contains("columns of different lengths")));
     }
 }

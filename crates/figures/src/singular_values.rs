@@ -126,10 +126,14 @@ mod tests {
 
     #[test]
     fn empty_families_are_refused() {
-        assert!(singular_values(&[], 1e-6, "").is_err());
+        let refuses = |families: &[Family], tolerance: f64, words: &str| {
+            let error = singular_values(families, tolerance, "").unwrap_err().to_string();
+            assert!(error.contains(words), "`{words}` in {error}");
+        };
+        refuses(&[], 1e-6, "no snapshots");
         let family = |values| Family { label: "x", singular_values: values, n_chosen: 1 };
-        assert!(singular_values(&[family(&[])], 1e-6, "").is_err());
-        assert!(singular_values(&[family(&[0.0])], 1e-6, "").is_err());
-        assert!(singular_values(&[family(&[1.0])], 0.0, "").is_err());
+        refuses(&[family(&[])], 1e-6, "`x` has no positive singular value");
+        refuses(&[family(&[0.0])], 1e-6, "`x` has no positive singular value");
+        refuses(&[family(&[1.0])], 0.0, "a tolerance of 0");
     }
 }

@@ -243,8 +243,10 @@ mod tests {
         let (long, short) = (vec![0.0; 10], vec![0.0; 9]);
         let mut bad = parameter(&long, &long);
         bad.ensembles[0].upper = &short;
-        assert!(trace(&[bad], 0, "").is_err());
-        assert!(trace(&[], 0, "").is_err());
+        let label = bad.label.to_string();
+        let refused = |parameters: &[ParameterTrace]| trace(parameters, 0, "").unwrap_err().to_string();
+        assert!(refused(&[bad]).contains(&format!("series of unequal length for `{label}`")));
+        assert!(refused(&[]).contains("0 parameters, 0 steps"));
         let mut without_band = parameter(&long, &long);
         without_band.ensembles[0].lower = &[];
         without_band.ensembles[0].upper = &[];

@@ -130,7 +130,8 @@ fn values_come_from_the_option_then_the_model_then_the_prior() {
     // The porcine prior is log-normal with median 30.
     assert!((found[2].value - 30.0).abs() < 1e-9 && found[2].origin.contains("prior"), "{found:?}");
     let noise = BTreeMap::from([("noise_sd_um".to_string(), 2.0)]);
-    assert!(parameters(&problem, &noise, None).is_err());
+    let refused = parameters(&problem, &noise, None).unwrap_err().to_string();
+    assert!(refused.contains("noise_sd_um is given, but a simulation has no noise"), "{refused}");
 }
 
 #[test]

@@ -393,6 +393,7 @@ mod tests {
                 None
             }
         }
-        assert!(fit(&Nothing, &[1.0], &Tolerances::default()).is_err());
+        let error = fit(&Nothing, &[1.0], &Tolerances::default()).unwrap_err().to_string();
+        assert!(error.contains("the residuals cannot be computed at the start [1.0]"), "{error}");
     }
 }

@@ -48,7 +48,8 @@ fn files_that_belong_together_are_all_replaced_or_none() {
     let (first, second) = (folder.path().join("a"), folder.path().join("b"));
     write_together(&[(&first, b"1"), (&second, b"2")]).unwrap();
     let nowhere = folder.path().join("missing").join("c");
-    assert!(write_together(&[(&first, b"3"), (&nowhere, b"4")]).is_err());
+    let error = write_together(&[(&first, b"3"), (&nowhere, b"4")]).unwrap_err();
+    assert!(matches!(&error, Error::File { source, .. } if source.kind() == std::io::ErrorKind::NotFound), "{error}");
     assert_eq!(std::fs::read(&first).unwrap(), b"1");
     assert_eq!(names(folder.path()), ["a", "b"]);
 }

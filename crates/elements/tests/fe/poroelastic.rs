@@ -3,7 +3,7 @@
 use std::f64::consts::PI;
 use std::path::Path;
 
-use base::Result;
+use base::{Error, Result};
 use base::number::{Dual, Scalar};
 use elements::fe::Stiffness;
 use elements::fe::exact::SphereInContainer;
@@ -399,7 +399,12 @@ fn the_spectrum_is_right_between_the_ratios_it_was_computed_at() {
         assert!((found / difference - 1.0).abs() < 1e-3, "τ = {area}: {found} against {difference}");
     }
     for outside in [-0.01, 0.46] {
-        assert!(spectrum.terms(Dual::constant(outside)).is_err());
+        match spectrum.terms(Dual::constant(outside)) {
+            Err(Error::OutsideTrainedRange { parameter, value, lower, upper }) => {
+                assert_eq!((parameter.as_str(), value, lower, upper), ("drained_poisson_ratio", outside, 0.0, 0.45));
+            }
+            other => panic!("{outside}: {other:?}"),
+        }
     }
     let text = serde_json::to_string(&spectrum).expect("numbers");
     assert_eq!(serde_json::from_str::<PoreSpectrum>(&text).expect("the same"), spectrum);
@@ -544,8 +549,17 @@ fn other_shapes_and_tetrahedra() {
 fn ratios_out_of_order_are_refused() {
     let mesh = ball(3e-3, 1, 2);
     let stiffness = Stiffness::new(&mesh).expect("a sound mesh");
-    assert!(PoreModel::new(&mesh, &stiffness, 0.5).is_err());
+    let undrained = PoreModel::new(&mesh, &stiffness, 0.5).err().expect("refused").to_string();
+    assert!(undrained.contains("the undrained Poisson ratio is 0.5\n"), "{undrained}");
     let model = PoreModel::new(&mesh, &stiffness, 0.4).expect("hexahedra");
-    assert!(model.drained(0.4).is_err() && model.drained(f64::NAN).is_err());
-    assert!(PoreSpectrum::build(&model, &SpectrumSettings::default()).is_err());
+    for (ratio, words) in [(0.4, "is 0.4 and the undrained one 0.4"), (f64::NAN, "is NaN and the undrained one 0.4")] {
+        let drained = model.drained(ratio).err().expect("refused").to_string();
+        assert!(drained.contains("the drained Poisson ratio") && drained.contains(words), "{drained}");
+    }
+    // Trained up to 0.45, which is above the undrained ratio.
+    let spectrum = PoreSpectrum::build(&model, &SpectrumSettings::default()).expect_err("refused").to_string();
+    assert!(
+        spectrum.contains("undrained ratio 0.4\n") && spectrum.contains("ratios below the undrained one"),
+        "{spectrum}"
+    );
 }

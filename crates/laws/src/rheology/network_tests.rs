@@ -245,7 +245,8 @@ fn orders_without_a_spectrum_are_refused() {
         let body = Parallel(vec![spring(1.0.into()), alone.clone()]);
         let network = Parallel(vec![spring(1.0.into()), dashpot(1.0.into()), alone.clone()]);
         for element in [alone, body, network] {
-            assert!(RetardationSpectrum::of(&[element], WINDOW).is_err(), "{order}");
+            let error = RetardationSpectrum::of(&[element], WINDOW).unwrap_err().to_string();
+            assert!(error.contains(&format!("a springpot has the order {order}\n")), "{order}: {error}");
         }
     }
 }
@@ -276,7 +277,7 @@ fn networks_are_right_at_random_parameters() {
 #[test]
 fn degenerate_networks_behave() {
     let empty = RetardationSpectrum::of(&[Parallel(Vec::new())], WINDOW);
-    assert!(empty.is_err());
+    assert!(empty.is_err_and(|error| error.to_string().contains("a network has no element in parallel")));
     // Springs beside each other are a spring, dashpots a dashpot, and so inside other bodies.
     let springs = Parallel(vec![spring(1.0.into()), spring(3.0.into())]);
     let dashpots = Parallel(vec![dashpot(2.0.into()), dashpot(5.0.into())]);
@@ -288,9 +289,11 @@ fn degenerate_networks_behave() {
     assert!((of(&[body]).creep_compliance_per_pa(1.0) - expected).abs() < 1e-15);
     // A springpot whose time is beyond all numbers, and windows that are none.
     let overflow = Parallel(vec![spring(1e-30.into()), springpot(1e30.into(), 0.05.into())]);
-    assert!(RetardationSpectrum::of(&[overflow], WINDOW).is_err());
+    let overflow = RetardationSpectrum::of(&[overflow], WINDOW).unwrap_err().to_string();
+    assert!(overflow.contains("the creep compliance of") && overflow.contains("is not finite"), "{overflow}");
     for (shortest_s, longest_s) in [(0.0, 1.0), (2.0, 1.0), (f64::NAN, 1.0), (1.0, f64::INFINITY)] {
         let window = super::TimeWindow { shortest_s, longest_s };
-        assert!(RetardationSpectrum::of(&[spring(1.0.into())], window).is_err());
+        let error = RetardationSpectrum::of(&[spring(1.0.into())], window).unwrap_err().to_string();
+        assert!(error.contains(&format!("a spectrum cannot hold from {shortest_s} s to {longest_s} s")), "{error}");
     }
 }

@@ -416,9 +416,13 @@ mod tests {
             let mistake = Formula::parse(text, "path", &[]).expect_err(text);
             assert!(mistake.column == column && mistake.remedy.contains(remedy), "{text}: {mistake:?}");
         }
-        let deep = format!("{}1{}", "(".repeat(5_000), ")".repeat(5_000));
-        assert!(Formula::parse(&deep, "path", &[]).is_err());
-        assert!(Formula::parse(&"-".repeat(5_000), "path", &[]).is_err());
-        assert!(Formula::parse(&["1"; 2_000].join("+"), "path", &[]).is_err());
+        for (text, found) in [
+            (format!("{}1{}", "(".repeat(5_000), ")".repeat(5_000)), "parentheses stand too deep in each other"),
+            ("-".repeat(5_000), "signs follow each other"),
+            (["1"; 2_000].join("+"), "this is part 501 of the formula"),
+        ] {
+            let mistake = Formula::parse(&text, "path", &[]).expect_err(found);
+            assert_eq!(mistake.found, found);
+        }
     }
 }

@@ -144,7 +144,8 @@ fn a_revision_is_invisible_until_committed_and_gone_when_dropped() {
     let writer = study.begin_revision("m0").unwrap();
     std::fs::write(writer.path().join("posterior.json"), "half").unwrap();
     assert_eq!(visible_names(place.path()), before);
-    assert!(study.revisions().unwrap().is_empty() && study.revision_dir("m0").is_err());
+    assert!(study.revisions().unwrap().is_empty());
+    assert!(study.revision_dir("m0").is_err_and(|error| error.to_string().contains("this study has no such revision")));
     let hidden = writer.path().to_path_buf();
     drop(writer);
     assert!(!hidden.exists() && visible_names(place.path()) == before);
@@ -153,7 +154,10 @@ fn a_revision_is_invisible_until_committed_and_gone_when_dropped() {
     assert_eq!(study.revisions().unwrap(), ["m2", "m10"]);
     assert!(study.revision_dir("m2").unwrap().join("model.toml").is_file());
     for name in ["m", "m01", "../m1", "m-1", "x"] {
-        assert!(study.begin_revision(name).is_err() && study.checkpoint_dir(name).is_err());
+        for error in [study.begin_revision(name).err(), study.checkpoint_dir(name).err()] {
+            let error = error.expect(name).to_string();
+            assert!(error.contains("this is not the name of a revision"), "{error}");
+        }
     }
 }
 

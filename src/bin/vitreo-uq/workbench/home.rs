@@ -255,7 +255,10 @@ mod tests {
         assert_eq!(names, ["eye", "vitreo-uq-out/other"]);
         assert_eq!(items[0].study, Path::new("vitreo-uq-out/left-eye"));
         assert_eq!(items[0].revisions, ["m0", "m2", "m10"]);
-        assert!(home.find("../secret").is_err() && home.find("vitreo-uq-out/../..").is_err());
+        for name in ["../secret", "vitreo-uq-out/../.."] {
+            let error = home.find(name).err().unwrap().to_string();
+            assert!(error.contains(&format!("there is no experiment or study `{name}` here")), "{error}");
+        }
         let (found, name) = Home::of(&home.dir.join("vitreo-uq-out/left-eye")).unwrap();
         assert_eq!(name.as_deref(), Some("eye"));
         assert_eq!(found.dir(), std::fs::canonicalize(&home.dir).unwrap());
@@ -279,13 +282,17 @@ mod tests {
             "",
             "m0/posterior.json\0",
         ] {
-            assert!(home.file(&item, path).is_err(), "{path}");
+            let error = home.file(&item, path).unwrap_err().to_string();
+            assert!(error.contains("this is no file of the study"), "{path}: {error}");
         }
         #[cfg(unix)]
         {
             let link = home.dir.join(&item.study).join("m0/link.json");
             std::os::unix::fs::symlink(&whole, link).unwrap();
-            assert!(home.file(&item, "m0/link.json").is_err());
+            assert!(
+                home.file(&item, "m0/link.json")
+                    .is_err_and(|error| error.to_string().contains("this is no file of the study"))
+            );
         }
     }
 

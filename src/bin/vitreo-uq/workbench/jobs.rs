@@ -462,17 +462,20 @@ mod tests {
 
     #[test]
     fn no_word_of_a_wish_becomes_another_option() {
+        let refuses = |wish: Wish, revisions: &[&str], words: &str| {
+            let error = commands(&wish, &item(revisions), false, &[]).unwrap_err().to_string();
+            assert!(error.contains(words), "`{words}` in {error}");
+        };
         for with in [&["--force"][..], &["../x.toml"], &["a b"], &[]] {
-            assert!(commands(&wish(Kind::Extend, None, with), &item(&["m0"]), false, &[]).is_err(), "{with:?}");
+            refuses(wish(Kind::Extend, None, with), &["m0"], "`--with`: these are no effects' names");
         }
-        assert!(commands(&wish(Kind::Groups, None, &["--force"]), &item(&[]), false, &[]).is_err());
+        for with in [&["--force"][..], &[]] {
+            refuses(wish(Kind::Groups, None, with), &[], "`--by`: groups are not formed by that");
+        }
         for revision in ["--out", "m7", ""] {
-            assert!(
-                commands(&wish(Kind::Diagnose, Some(revision), &[]), &item(&["m0"]), false, &[]).is_err(),
-                "{revision}"
-            );
+            refuses(wish(Kind::Diagnose, Some(revision), &[]), &["m0"], "there is no such revision");
         }
-        assert!(commands(&wish(Kind::Compare, None, &[]), &item(&[]), false, &[]).is_err());
+        refuses(wish(Kind::Compare, None, &[]), &[], "there is no such revision");
     }
 
     #[test]

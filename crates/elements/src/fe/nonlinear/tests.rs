@@ -312,8 +312,11 @@ fn a_balance_that_is_not_found_is_an_error() {
 
 #[test]
 fn a_stiffness_of_another_mesh_is_refused() {
-    let stiffness = Stiffness::new(&ball()).unwrap();
-    assert!(matches!(NonlinearModel::new(&cube(0), &stiffness, 0.48), Err(Error::Numerical { .. })));
+    let (ball, cube) = (ball(), cube(0));
+    let stiffness = Stiffness::new(&ball).unwrap();
+    let error = NonlinearModel::new(&cube, &stiffness, 0.48).err().expect("refused").to_string();
+    let words = format!("the stiffness has {} nodes and the mesh {}", ball.n_nodes(), cube.n_nodes());
+    assert!(error.contains(&words) && ball.n_nodes() != cube.n_nodes(), "`{words}` in {error}");
 }
 
 /// Steps that do not end at rows against steps that do, for every law and every effect of the load; and the fields at the chosen rows.

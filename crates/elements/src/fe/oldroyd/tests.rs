@@ -191,5 +191,6 @@ fn what_goes_too_far_is_refused() {
     let whole = gel.run(&shorter).expect("a mesh that follows");
     let apart_m = (found.displacement_m[n - 1] - whole.displacement_m[n - 1]).abs();
     assert!(apart_m < 1e-3 * whole.farthest_m, "{apart_m} of {}", whole.farthest_m);
-    assert!(FiniteGel::around_sphere(OUTER_M, RADIUS_M, coarse()).is_err());
+    let outside = FiniteGel::around_sphere(OUTER_M, RADIUS_M, coarse()).err().expect("refused").to_string();
+    assert!(outside.contains("no mesh fits between") && outside.contains(&format!("{RADIUS_M} m")), "{outside}");
 }

@@ -364,7 +364,11 @@ fn a_dashpot_under_a_strong_gradient_is_a_closed_form() {
         assert!(error < 1e-7, "{gradient}: {error:e}");
     }
     stages.load.gradient_per_m = dual(0.26);
-    assert!(strains(1.0, &stages, &time_s, (&[1.0; 40]).into(), Resolution::default()).is_err());
+    let refused = strains(1.0, &stages, &time_s, (&[1.0; 40]).into(), Resolution::default()).unwrap_err().to_string();
+    // 1 − g F t/c is 0 at 2/0.26 = 7.69 s, in a step that begins a little before and ends a little later.
+    let said = refused.split("pulls the robot away at ").nth(1).and_then(|rest| rest.split(' ').next());
+    let at_s: f64 = said.and_then(|word| word.parse().ok()).unwrap_or(f64::NAN);
+    assert!((5.0..8.0).contains(&at_s), "{refused}");
 }
 
 /// Few rows, so that the rule and not the rows set the steps: fifth order, and small errors.

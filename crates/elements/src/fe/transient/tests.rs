@@ -412,8 +412,13 @@ fn laws_that_do_not_fit_are_refused() {
     let (system, (time_s, force_n)) = (base(), record());
     let load = Load::commanded(&time_s, &force_n);
     let rigid = CreepCompliance { instantaneous_per_pa: 0.0, retarded: Vec::new(), fluidity_per_pa_s: 0.0 };
-    for laws in [vec![], vec![rigid], vec![chain(BaseLaw::Burgers); 2]] {
-        assert!(run(&system, &laws, &load, &time_s, &[], Resolution::default()).is_err());
+    for (laws, words) in [
+        (vec![], "the system has 1 laws and 0 are given"),
+        (vec![rigid], "a law answers a step of"),
+        (vec![chain(BaseLaw::Burgers); 2], "the system has 1 laws and 2 are given"),
+    ] {
+        let error = run(&system, &laws, &load, &time_s, &[], Resolution::default()).unwrap_err().to_string();
+        assert!(error.contains(words), "`{words}` in {error}");
     }
     let nothing =
         run(&system, &[chain(BaseLaw::Burgers)], &Load::commanded(&[], &[]), &[1.0, 2.0], &[], Resolution::default());

@@ -458,7 +458,10 @@ mod tests {
             let slope = (up.value - down.value) / 2e-4;
             assert!((slope - here.derivative).abs() < 1e-6, "{slope} {here:?}");
         }
-        assert!(excess_m(1.0, 0.04.into()).is_err());
+        assert!(
+            excess_m(1.0, 0.04.into())
+                .is_err_and(|error| error.to_string().contains("a mobility of 0.04 was not learnt"))
+        );
     }
 
     /// Loads of a few hundredths and hundredths of a second, one at a time and together, against full runs on a finer mesh: what they change of the deviation, of 12 µm, is right to a tenth of a µm or two.
