@@ -1,6 +1,6 @@
 //! The next revision of a study: an effect added, both models refitted on all cycles but the last, the last one scored (formats §4).
 
-use base::error::{Error, Place, Result};
+use base::error::{Error, Place, Result, Setting};
 use documents::extension::{ExtensionAnswer, ExtensionSummary, Misfit};
 use documents::posterior::PosteriorSummary;
 use figures::number::significant;
@@ -56,10 +56,13 @@ pub fn extended(
     effects: &[String],
     library: &Library,
 ) -> Result<ModelSpecification> {
-    let refuse = |found: String, remedy: String| Err(Error::input(Place::option("--with"), found, remedy));
+    let refuse = |found: String, remedy: String| Err(Error::input(Place::setting(Setting::Effects), found, remedy));
     let mut model = specification.clone();
     if effects.is_empty() {
-        return refuse("no effect is named".into(), "name one or more, as in `--with clock-offset`".into());
+        return refuse(
+            "no effect is named".into(),
+            format!("name one or more, as in `{} clock-offset`", Setting::Effects),
+        );
     }
     for (index, slug) in effects.iter().enumerate() {
         if effects[..index].contains(slug) {
@@ -72,8 +75,8 @@ pub fn extended(
             return refuse(format!("`{slug}` is not available"), format!("{hint}`vitreo-uq effects` lists what is"));
         }
         if model.effects.contains(slug) {
-            let remedy = "leave it out, or extend an earlier revision with `--from`";
-            return refuse(format!("the model has `{slug}` already"), remedy.into());
+            let remedy = format!("leave it out, or extend an earlier revision with `{}`", Setting::Revision);
+            return refuse(format!("the model has `{slug}` already"), remedy);
         }
         model.effects.push(slug.clone());
     }

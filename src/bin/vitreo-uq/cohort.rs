@@ -44,7 +44,7 @@ pub fn diagnose(arguments: &DiagnoseArguments) -> Result<ExitCode> {
     options::check_simulations(arguments.simulations, FEWEST_SIMULATIONS)?;
     if !(arguments.margin >= 0.0 && arguments.margin.is_finite()) {
         let found = format!("a margin of {}", arguments.margin);
-        return Err(Error::input(Place::option("--margin"), found, "give a fraction such as 0.2, for 20 %"));
+        return Err(Error::input(Place::default().at_key("--margin"), found, "give a fraction such as 0.2, for 20 %"));
     }
     options::use_threads(common.threads)?;
     crate::output::check(common.json.as_deref())?;
@@ -80,7 +80,7 @@ pub fn refuse_what_is_of_one_record(options: &[(&'static str, bool)], instead: &
     match options.iter().find(|(_, is_given)| *is_given) {
         Some((option, _)) => {
             let remedy = format!("leave {option} away, or {instead} one record");
-            Err(Error::input(Place::option(*option), "of several records each has its own", remedy))
+            Err(Error::input(Place::default().at_key(*option), "of several records each has its own", remedy))
         }
         None => Ok(()),
     }

@@ -73,7 +73,7 @@ fn request(arguments: &DiagnoseArguments) -> Result<DiagnosisRequest> {
     let (smallest, simulations) = (arguments.smallest, arguments.simulations);
     if !(smallest.is_finite() && smallest >= 0.0) {
         let remedy = "give a number of noise standard deviations, as in `--smallest 0.25`";
-        return Err(Error::input(Place::option("--smallest"), format!("{smallest} is no size"), remedy));
+        return Err(Error::input(Place::default().at_key("--smallest"), format!("{smallest} is no size"), remedy));
     }
     options::check_simulations(simulations, FEWEST_SIMULATIONS)?;
     let bars = Bars { smallest_change: smallest, ..default.bars };

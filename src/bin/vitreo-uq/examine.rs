@@ -98,7 +98,7 @@ impl Begun<'_> {
 fn refuse_changes(model: &Model) -> Result<()> {
     match model.changing_option() {
         Some(option) => Err(Error::input(
-            Place::option(option),
+            Place::default().at_key(option),
             "the study has revisions, which are taken as they are",
             "leave the option away, choose a revision with `--from`, or make the next one with `vitreo-uq extend --with EFFECT`",
         )),

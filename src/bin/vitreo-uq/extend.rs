@@ -4,7 +4,7 @@ use std::process::ExitCode;
 use std::time::Instant;
 use vitreo_uq::figures::labels::model_title;
 
-use vitreo_uq::base::error::{Error, Place, Result};
+use vitreo_uq::base::error::{Error, Place, Result, Setting};
 use vitreo_uq::base::files::write_json_atomically;
 use vitreo_uq::documents::extension::{ExtensionSummary, Misfit};
 use vitreo_uq::figures::number::listed;
@@ -59,7 +59,7 @@ pub fn extended(common: &Common, arguments: &ExtendArguments, threads: usize, te
         && !study.revisions()?.is_empty()
     {
         return Err(Error::input(
-            Place::option("--base"),
+            Place::setting(Setting::Base),
             "the study has a base law already",
             "leave --base (or --forward) away, or make a study of another law with `sample --base … --out DIR`",
         ));

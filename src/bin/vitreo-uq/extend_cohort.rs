@@ -28,7 +28,7 @@ pub fn run(arguments: &ExtendArguments) -> Result<ExitCode> {
     let began = Instant::now();
     if common.json.is_some() {
         let found = "every record has a document of its own, in its study";
-        return Err(Error::input(Place::option("--json"), found, "leave --json away, or extend one record"));
+        return Err(Error::input(Place::default().at_key("--json"), found, "leave --json away, or extend one record"));
     }
     let threads = options::use_threads(common.threads)?;
     let terminal = Terminal::new(common.quiet);

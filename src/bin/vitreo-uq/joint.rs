@@ -52,7 +52,7 @@ pub fn sample(arguments: &SampleArguments) -> Result<ExitCode> {
         if is_given {
             let found = "several records share the law alone, with white noise each";
             return Err(Error::input(
-                Place::option(option),
+                Place::default().at_key(option),
                 found,
                 format!("leave {option} away, or sample one record"),
             ));

@@ -71,7 +71,7 @@ fn of_first_cycles(subject: Subject, first: Option<u32>) -> Result<Subject> {
     if fitted.is_empty() || scored.is_empty() {
         let remedy = "give a number that leaves cycles on both sides";
         return Err(Error::input(
-            Place::option("--first-cycles"),
+            Place::default().at_key("--first-cycles"),
             format!("{first} leaves nothing to fit or to score"),
             remedy,
         ));

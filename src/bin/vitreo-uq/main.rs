@@ -31,6 +31,7 @@ mod questions;
 mod report;
 mod sample;
 mod serve;
+mod settings;
 mod shapes;
 mod shapes_words;
 mod shell;
@@ -52,7 +53,7 @@ use options::{
     LadderArguments, LearnArguments, SampleArguments, SimulateArguments,
 };
 use vitreo_uq::Error;
-use vitreo_uq::base::error::Place;
+use vitreo_uq::base::error::{Place, rename_settings};
 use vitreo_uq::jobs::tasks::commands::Line;
 
 /// Bayesian uncertainty quantification for creep experiments in soft gels.
@@ -114,6 +115,7 @@ enum Command {
 }
 
 fn main() -> ExitCode {
+    rename_settings("command line", settings::option);
     let program = Program::parse();
     let how_to_go_on = how_to_go_on(&program.command);
     interrupt::watch(how_to_go_on);

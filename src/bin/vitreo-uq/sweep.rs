@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::time::Instant;
 
-use vitreo_uq::base::error::{Error, Place, Result};
+use vitreo_uq::base::error::{Error, Place, Result, Setting};
 use vitreo_uq::base::files::write_json_atomically;
 use vitreo_uq::documents::check::{CheckSummary, UnderstoodRecord};
 use vitreo_uq::documents::oscillation::{
@@ -46,7 +46,7 @@ impl SweepTarget {
             (Some(_), true) => {
                 let found = format!("{} is a study already", path.display());
                 let remedy = "leave --out away, or give the experiment instead of the study";
-                return Err(Error::input(Place::option("--out"), found, remedy));
+                return Err(Error::input(Place::setting(Setting::Out), found, remedy));
             }
             (out, false) => out.clone().unwrap_or_else(|| Study::default_dir(&sweep.specimen_id)),
         };
@@ -74,7 +74,7 @@ impl SweepTarget {
         for (option, is_given) in [("--mesh", model.mesh.is_some()), ("--from", model.from.is_some())] {
             if is_given {
                 let found = "an oscillation has neither finite elements nor later revisions";
-                return Err(Error::input(Place::option(option), found, format!("leave {option} away")));
+                return Err(Error::input(Place::default().at_key(option), found, format!("leave {option} away")));
             }
         }
         let specification = self.model()?.with_options(
@@ -104,7 +104,7 @@ pub fn sample(arguments: &SampleArguments) -> Result<ExitCode> {
     let problem = target.problem(&arguments.model)?;
     if problem.priors.priors().is_empty() {
         let found = "every parameter is fixed, so there is nothing to infer";
-        return Err(Error::input(Place::option("--set"), found, "leave at least one parameter free"));
+        return Err(Error::input(Place::setting(Setting::Fixed), found, "leave at least one parameter free"));
     }
     options.validate(problem.priors.priors().len())?;
     let study = target.study()?;

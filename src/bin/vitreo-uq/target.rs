@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use vitreo_uq::base::error::{Error, Place, Result};
+use vitreo_uq::base::error::{Error, Place, Result, Setting};
 use vitreo_uq::models::effects::Library;
 use vitreo_uq::posterior::mechanics::MeshFile;
 use vitreo_uq::posterior::monitor::Monitor;
@@ -49,7 +49,7 @@ impl Target {
             Some(path) if Study::is_study(path) => {
                 if common.out.is_some() {
                     return Err(Error::input(
-                        Place::option("--out"),
+                        Place::setting(Setting::Out),
                         format!("{} is a study already", path.display()),
                         "leave --out away, or give the experiment instead of the study",
                     ));
@@ -146,7 +146,7 @@ fn specification(study: Option<&Study>, model: &Model, default_revision: Option<
         (Some(name), Some(study)) => Some((study, name.clone())),
         (Some(name), None) => {
             return Err(Error::input(
-                Place::option("--from"),
+                Place::setting(Setting::Revision),
                 format!("there is no study yet, and so no revision {name}"),
                 "leave --from away, or give the study that an earlier command made",
             ));

@@ -12,7 +12,7 @@ pub use posterior::outside::Endpoint;
 pub use protocol::{Answer, OUTSIDE};
 pub use trajectory::Trajectory;
 
-use base::error::{Error, Place, Result};
+use base::error::{Error, Place, Result, Setting};
 use posterior::prior::Prior;
 use posterior::problem::Problem;
 use posterior::reduced::Reduced;
@@ -41,7 +41,7 @@ impl<'a> Models<'a> {
     pub fn new(problem: &'a Problem, reduced: &'a Reduced) -> Result<Self> {
         if problem.priors.priors().is_empty() {
             return Err(Error::input(
-                Place::option("--set"),
+                Place::setting(Setting::Fixed),
                 "every parameter is fixed, so that the models have no input",
                 "leave at least one parameter free",
             ));
