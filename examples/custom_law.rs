@@ -4,7 +4,7 @@
 //! In `model.toml` the same text stands under `[base.network]`.
 
 use vitreo_uq::Result;
-use vitreo_uq::base::error::Place;
+use vitreo_uq::base::error::{Place, Setting};
 use vitreo_uq::laws::rheology::{BaseLaw, Network};
 use vitreo_uq::models::model::{Compliance, Forward, Model, ReducedForward, Response};
 use vitreo_uq::record::Scales;
@@ -15,7 +15,7 @@ fn main() -> Result<()> {
     let law = BaseLaw::Network(Network::from_text("network.toml".as_ref(), NETWORK)?);
     let names: Vec<&str> = law.parameters().iter().map(|parameter| parameter.name).collect();
     println!("parameters: {}", names.join(", "));
-    let model = Model::new(law, Vec::new(), Scales::default(), &Place::option("--base"))?;
+    let model = Model::new(law, Vec::new(), Scales::default(), &Place::setting(Setting::Base))?;
     // A force of 1 µN that is held for 5 s, and 5 s of rest.
     let time_s: Vec<f64> = (0..=100).map(|row| 0.1 * f64::from(row)).collect();
     let force_n: Vec<f64> = time_s.iter().map(|time| if *time < 5.0 { 1e-6 } else { 0.0 }).collect();

@@ -15,7 +15,8 @@ use vitreo_uq::validation::challenge::coverage::{CoverageRequest, count};
 const EFFECTS: [&str; 4] = ["interface-slip", "poroelasticity", "liquefied-pocket", "second-retardation"];
 
 fn parsed<T: FromStr>(option: &'static str, text: &str) -> Result<T> {
-    text.parse().map_err(|_| Error::input(Place::option(option), format!("`{text}` is no number"), "give a number"))
+    text.parse()
+        .map_err(|_| Error::input(Place::default().at_key(option), format!("`{text}` is no number"), "give a number"))
 }
 
 fn main() -> Result<()> {
@@ -35,7 +36,7 @@ fn main() -> Result<()> {
             _ => {
                 let found = format!("`{option}` is no option of this");
                 let remedy = "give --count, --first, --seed, --least-sigma, --effects or --json";
-                return Err(Error::input(Place::option("interval_coverage"), found, remedy));
+                return Err(Error::input(Place::default().at_key("interval_coverage"), found, remedy));
             }
         }
     }

@@ -451,3 +451,44 @@ fn no_crate_is_too_large() {
     assert!(sizes.values().sum::<usize>() > 20_000, "lines of code: {sizes:?}");
     assert!(sizes.values().all(|n| *n <= MOST_LINES), "more than {MOST_LINES} lines of code: {sizes:?}");
 }
+
+/// Files of libraries that write commands of the program, options included.
+const WRITING_COMMANDS: [&str; 2] = ["crates/figures/src/page/study.rs", "crates/jobs/src/tasks/list.rs"];
+
+/// Numbers of the lines before a file's tests that name an option of the command line.
+fn lines_naming_flags(text: &str) -> Vec<usize> {
+    let before_tests = text.lines().take_while(|line| *line != "#[cfg(test)]");
+    let names_a_flag = |line: &str| {
+        let is_code = !line.trim_start().starts_with("//");
+        let after_quote =
+            line.match_indices("\"--").any(|(at, _)| line[at + 3..].starts_with(|c: char| c.is_ascii_lowercase()));
+        is_code && (after_quote || line.contains("Place::option"))
+    };
+    before_tests.enumerate().filter(|(_, line)| names_a_flag(line)).map(|(index, _)| index + 1).collect()
+}
+
+/// Errors of libraries name settings; the program alone knows its options.
+#[test]
+fn libraries_name_no_flags() {
+    let made_up = "let a = Place::option(x);\n// \"--out\"\nlet b = \"--out\";\nlet c = \"--\";\n#[cfg(test)]\nlet d = \"--out\";";
+    assert_eq!(lines_naming_flags(made_up), [1, 3]);
+    let is_test = |path: &Path| {
+        let name = path.file_stem().and_then(|name| name.to_str()).unwrap_or_default();
+        name == "tests" || name.ends_with("_tests")
+    };
+    let mut n_files = 0;
+    for path in files(&root().join("crates")) {
+        let place = path.strip_prefix(root()).unwrap_or(&path).to_string_lossy().replace('\\', "/");
+        let is_library = place.contains("/src/") && !place.starts_with("crates/python/") && place.ends_with(".rs");
+        if !is_library || is_test(&path) || WRITING_COMMANDS.contains(&place.as_str()) {
+            continue;
+        }
+        n_files += 1;
+        let found = lines_naming_flags(&fs::read_to_string(&path).expect("text"));
+        assert!(
+            found.is_empty(),
+            "{place}: lines {found:?} name options: name a `Setting` of crates/base/src/error.rs"
+        );
+    }
+    assert!(n_files > 100, "{n_files} files");
+}

@@ -1,7 +1,7 @@
 //! What every effect of the library must keep (physics §5), as far as it can be seen without solving a model.
 
 use vitreo_uq::base::distribution::Distribution;
-use vitreo_uq::base::error::{Error, Place};
+use vitreo_uq::base::error::{Error, Place, Setting};
 use vitreo_uq::base::number::Dual;
 use vitreo_uq::laws::rheology::BaseLaw;
 use vitreo_uq::models::effects::{EFFECTS, Effect, EffectParameter, Stage, Stages};
@@ -74,7 +74,7 @@ fn parameters() -> impl Iterator<Item = &'static EffectParameter> {
 
 /// A model of one effect at unit parameters of the base law.
 fn model(base: BaseLaw, effects: &[&'static dyn Effect], scales: Scales) -> Result<Model, Error> {
-    Model::new(base, effects.to_vec(), scales, &Place::option("--with"))
+    Model::new(base, effects.to_vec(), scales, &Place::setting(Setting::Effects))
 }
 
 /// The effect's parameters at the null; where one means nothing, at its prior's median.

@@ -3,7 +3,7 @@
 
 use std::sync::{Arc, OnceLock};
 
-use vitreo_uq::base::error::{Error, Place};
+use vitreo_uq::base::error::{Error, Place, Setting};
 use vitreo_uq::base::number::Dual;
 use vitreo_uq::elements::fe::Stiffness;
 use vitreo_uq::elements::fe::spatial::{Sizes, Surroundings};
@@ -184,7 +184,7 @@ fn compliance(model: &Model, protocol: &Protocol) -> Compliance {
 }
 
 fn model(effects: &[&'static dyn Effect], scales: Scales) -> Result<Model, Error> {
-    Model::new(BaseLaw::Lethersich, effects.to_vec(), scales, &Place::option("--with"))
+    Model::new(BaseLaw::Lethersich, effects.to_vec(), scales, &Place::setting(Setting::Effects))
 }
 
 fn reduced<'a>(model: &'a Model, protocol: &Protocol) -> ReducedForward<'a> {

@@ -84,10 +84,10 @@ fn bodies_that_are_not_meshed_are_refused_with_a_reason() {
     let orientation = Orientation::Vertical;
     let cylinder = |length_m, diameter_m| RobotShape::Cylinder { length_m, diameter_m, orientation };
     let ellipsoid = |length_m, diameter_m| RobotShape::Ellipsoid { length_m, diameter_m, orientation };
-    refused(cylinder(4e-3, 0.1e-3), &["`robot`", "from 0.1 to 30 times", "40.000", "--mesh"]);
+    refused(cylinder(4e-3, 0.1e-3), &["`robot`", "from 0.1 to 30 times", "40.000", "mesh FILE.msh"]);
     refused(cylinder(0.1e-3, 4e-3), &["0.025 times"]);
-    refused(cylinder(15e-3, 9e-3), &["rim is 0.875", "0.8 is the most", "--mesh"]);
-    refused(ellipsoid(4e-3, 0.1e-3), &["`robot`", "from 1 to 30 times", "40.000", "--mesh"]);
+    refused(cylinder(15e-3, 9e-3), &["rim is 0.875", "0.8 is the most", "mesh FILE.msh"]);
+    refused(ellipsoid(4e-3, 0.1e-3), &["`robot`", "from 1 to 30 times", "40.000", "mesh FILE.msh"]);
     refused(ellipsoid(1e-3, 2e-3), &["0.500 times"]);
     refused(ellipsoid(21e-3, 9e-3), &["lies inside the vitreous"]);
     refused(ellipsoid(f64::NAN, 9e-3), &["NaN"]);

@@ -279,7 +279,7 @@ fn tables_of_forty_five_looks_are_one_record() {
             Err(error) => {
                 assert!(is_asked, "{name}: {error}");
                 let text = error.to_string();
-                assert!(text.contains("--unit-"), "{name}: {text}");
+                assert!(text.contains("unit_"), "{name}: {text}");
                 // The remedy works.
                 initialised(folder.path(), number, look, look.said.map(|unit| unit.map(String::from))).unwrap()
             }

@@ -1,6 +1,7 @@
 //! The one error type of the crate.
 
 use std::path::PathBuf;
+use std::sync::OnceLock;
 
 /// Result with the crate's [`Error`].
 pub type Result<T> = std::result::Result<T, Error>;
@@ -62,14 +63,157 @@ pub enum Error {
     },
 }
 
+macro_rules! settings {
+    ($($(#[$doc:meta])* $setting:ident $name:literal)*) => {
+        /// An input that a caller gives to the library, such as the noise model. Errors name it by its [`Display`](std::fmt::Display): its plain name, or what the program calls it.
+        ///
+        /// To add a setting, add a line with its documentation and its plain name to the list in this file.
+        /// The compiler then asks for its option in the program's table (`src/bin/vitreo-uq/settings.rs`), and a test checks that a command has this option.
+        #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+        pub enum Setting {
+            $($(#[$doc])* $setting,)*
+        }
+
+        impl Setting {
+            /// All settings.
+            pub const ALL: &[Self] = &[$(Self::$setting),*];
+
+            /// The plain name, such as `noise`.
+            pub fn name(self) -> &'static str {
+                match self {
+                    $(Self::$setting => $name,)*
+                }
+            }
+        }
+    };
+}
+
+settings! {
+    /// Base law.
+    Base "base"
+    /// Effects added to the base law.
+    Effects "effects"
+    /// Noise model.
+    Noise "noise"
+    /// Prior: the name of a built-in one, or a file.
+    Prior "prior"
+    /// Parameters held at given values.
+    Fixed "fixed"
+    /// Server of an external model.
+    Forward "forward"
+    /// Name of a model on that server.
+    ForwardModel "forward_model"
+    /// Mesh file.
+    Mesh "mesh"
+    /// Unit of the mesh file's coordinates.
+    MeshUnit "mesh_unit"
+    /// Revision of a study.
+    Revision "revision"
+    /// Number of walkers of the sampler.
+    Chains "chains"
+    /// Largest number of steps of the sampler.
+    Steps "steps"
+    /// Whether to go on from a checkpoint.
+    Resume "resume"
+    /// Number of threads.
+    Threads "threads"
+    /// Directory of the results.
+    Out "out"
+    /// Whether existing results are replaced.
+    Force "force"
+    /// Whether an existing experiment is replaced.
+    Replace "replace"
+    /// Time scheme of a simulation.
+    Scheme "scheme"
+    /// Time step of a simulation in s.
+    TimeStep "time_step_s"
+    /// Number of mesh levels of a convergence study.
+    Refine "refine"
+    /// Number of first cycles that a function is learnt from.
+    FirstCycles "first_cycles"
+    /// Keys that define the groups of a cohort.
+    By "by"
+    /// Measurements left out of a cohort.
+    LeaveOut "leave_out"
+    /// Column of the time in a table.
+    TimeColumn "time"
+    /// Column of the force in a table.
+    ForceColumn "force"
+    /// Column of the position in a table.
+    PositionColumn "position"
+    /// Column of the cycle in a table.
+    CycleColumn "cycle"
+    /// Column of x in a table.
+    XColumn "x"
+    /// Column of y in a table.
+    YColumn "y"
+    /// Unit of the time in a table.
+    TimeUnit "unit_time"
+    /// Unit of the force in a table.
+    ForceUnit "unit_force"
+    /// Unit of the position in a table.
+    PositionUnit "unit_position"
+    /// Number of a task.
+    Task "task"
+    /// Part of a list of tasks.
+    Part "part"
+    /// Number of parts of a list of tasks.
+    Parts "parts"
+    /// Processor cores of a worker.
+    Cores "cores"
+    /// Time limit of a worker in minutes.
+    Minutes "minutes"
+    /// Memory of a worker in MiB.
+    Memory "memory_mib"
+    /// Number of simulated records.
+    Count "count"
+    /// Hidden effect of a challenge.
+    HiddenEffect "effect"
+    /// Pair of hidden effects of a challenge.
+    Pair "pair"
+    /// Hidden physics outside the library of effects.
+    Outside "outside"
+    /// Size of a hidden effect in standard deviations of the data.
+    Strength "strength"
+    /// Size of a hidden effect in its own unit.
+    Size "size"
+    /// Sizes of the hidden effects of many challenges, in standard deviations of the data.
+    Signal "signal"
+    /// Force protocol of a challenge.
+    Protocol "protocol"
+    /// Directory of cached trajectories.
+    Cache "cache"
+}
+
+/// The names under which a program shows settings, see [`rename_settings`].
+struct Naming {
+    source: &'static str,
+    name: fn(Setting) -> &'static str,
+}
+
+static NAMING: OnceLock<Naming> = OnceLock::new();
+
+/// Sets how all later errors of this process name settings, and the source of the settings, such as "command line". Only the first call counts.
+///
+/// A program calls this before anything else. Without it settings have their plain names.
+pub fn rename_settings(source: &'static str, name: fn(Setting) -> &'static str) {
+    NAMING.get_or_init(|| Naming { source, name });
+}
+
+impl std::fmt::Display for Setting {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(NAMING.get().map_or(self.name(), |naming| (naming.name)(*self)))
+    }
+}
+
 /// Where in the input something stands: a file, and where known its line (from 1) and its column or key.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Place {
-    /// File, or `None` for the command line.
+    /// File, or `None` for what the caller gave.
     pub file: Option<PathBuf>,
     /// Line, counted from 1.
     pub line: Option<usize>,
-    /// Column name, TOML key or option.
+    /// Column name, TOML key or setting.
     pub key: Option<String>,
 }
 
@@ -78,9 +222,9 @@ impl Place {
     pub fn file(file: impl Into<PathBuf>) -> Self {
         Self { file: Some(file.into()), ..Self::default() }
     }
-    /// A command-line option such as `--set`.
-    pub fn option(name: impl Into<String>) -> Self {
-        Self { key: Some(name.into()), ..Self::default() }
+    /// A setting that the caller gave.
+    pub fn setting(setting: Setting) -> Self {
+        Self::default().at_key(setting.to_string())
     }
     /// The same place, at a line counted from 1.
     pub fn at_line(mut self, line: usize) -> Self {
@@ -96,17 +240,13 @@ impl Place {
 
 impl std::fmt::Display for Place {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        match &self.file {
-            Some(file) => write!(f, "{}", file.display())?,
-            None => write!(f, "command line")?,
-        }
-        if let Some(line) = self.line {
-            write!(f, ", line {line}")?;
-        }
-        if let Some(key) = &self.key {
-            write!(f, ", `{key}`")?;
-        }
-        Ok(())
+        let source = || NAMING.get().map(|naming| naming.source);
+        let key = self.key.as_ref().map(|key| format!("`{key}`"));
+        let line = self.line.map(|line| format!("line {line}"));
+        let file = self.file.as_ref().map(|file| file.display().to_string());
+        let parts: Vec<String> =
+            [file.or_else(|| source().map(String::from)), line, key].into_iter().flatten().collect();
+        if parts.is_empty() { f.write_str("input") } else { f.write_str(&parts.join(", ")) }
     }
 }
 

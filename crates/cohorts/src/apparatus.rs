@@ -7,7 +7,7 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use super::cohort::Measurement;
-use base::error::{Error, Place, Result};
+use base::error::{Error, Place, Result, Setting};
 use elements::fe::time::FullOrderModel;
 use models::effects::Library;
 use models::model::Compliance;
@@ -67,9 +67,9 @@ pub fn compliances(measurements: &[Measurement], monitor: &dyn Monitor) -> Resul
 pub fn compliance(measurement: &Measurement) -> Result<Compliance> {
     if let Some(law) = measurement.specification.base.outside() {
         return Err(Error::input(
-            Place::option("--base"),
+            Place::setting(Setting::Base),
             format!("{} answers for one record at a time, and groups compare laws of this program", law.url()),
-            "sample each experiment with --forward, or group them by another law",
+            format!("sample each experiment with {}, or group them by another law", Setting::Forward),
         ));
     }
     let apparatus = &measurement.experiment.apparatus;

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use super::cohort::{Key, Measurement};
 use super::figures;
 use super::job::Comparison;
-use base::error::{Error, Place, Result};
+use base::error::{Error, Place, Result, Setting};
 use base::files::{Content, read_if_there, write_atomically};
 use documents::groups::GroupsSummary;
 use posterior::study::{Provenance, RevisionWriter, WithProvenance};
@@ -39,8 +39,12 @@ pub(super) fn provenance_of(kind: &str, measurements: &[Measurement], seed: u64)
 /// [`Error::Input`] unless `force` is set.
 pub fn check_place(out: &Path, keys: &[Key], provenance: &Provenance, force: bool) -> Result<()> {
     let found = "this is a comparison of other experiments";
-    let remedy = "choose another directory with `--out`, or replace the comparison with `--force` (experiments that were sampled are kept and used)";
-    refuse_other(out.join(folder_name(keys)).join(DOCUMENT), provenance, force, (found, remedy))
+    let remedy = format!(
+        "choose another directory with `{}`, or replace the comparison with `{}` (experiments that were sampled are kept and used)",
+        Setting::Out,
+        Setting::Force
+    );
+    refuse_other(out.join(folder_name(keys)).join(DOCUMENT), provenance, force, (found, &remedy))
 }
 
 /// Refuses a place whose document is of other experiments, in the caller's words: what was found, and what to do.

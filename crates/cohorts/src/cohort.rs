@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use sha2::{Digest, Sha256};
 
 use super::design::Labels;
-use base::error::{Error, Place, Result};
+use base::error::{Error, Place, Result, Setting};
 use models::effects::Library;
 use posterior::monitor::Monitor;
 use posterior::study::{ModelSpecification, Study};
@@ -66,7 +66,7 @@ impl Measurement {
     /// An error in working on it, with its name and how to go on without it.
     pub fn named(&self, error: Error) -> Error {
         let name = self.name();
-        let or_leave_out = |remedy: String| format!("{remedy}; or leave it out: --leave-out {name}");
+        let or_leave_out = |remedy: String| format!("{remedy}; or leave it out: {} {name}", Setting::LeaveOut);
         match error {
             Error::Input { place, found, remedy } => {
                 Error::input(place, format!("{name}: {found}"), or_leave_out(remedy))
@@ -89,8 +89,10 @@ impl Measurement {
                     Place::file(&self.path).at_key(format!("specimen.{}", key.name())),
                     format!("the experiment does not say its {}", key.name()),
                     format!(
-                        "add `{} = \"…\"` to [specimen], group by another key (--by), or leave it out (--leave-out {})",
+                        "add `{} = \"…\"` to [specimen], group by another key ({}), or leave it out ({} {})",
                         key.name(),
+                        Setting::By,
+                        Setting::LeaveOut,
                         self.name()
                     ),
                 )
@@ -185,7 +187,7 @@ pub fn read(
     }
     if let Some(index) = used.iter().position(|used| !used) {
         return Err(Error::input(
-            Place::option("--leave-out"),
+            Place::setting(Setting::LeaveOut),
             format!("no experiment is called `{}`", leave_out[index]),
             "give an experiment's directory or its name, or a specimen's id",
         ));
@@ -254,7 +256,7 @@ fn refuse_broken(mut broken: Vec<(PathBuf, Error)>) -> Result<()> {
         return Ok(());
     }
     let names: Vec<String> = broken.iter().map(|(path, _)| name_of(path)).collect();
-    let options: Vec<String> = names.iter().map(|name| format!("--leave-out {name}")).collect();
+    let options: Vec<String> = names.iter().map(|name| format!("{} {name}", Setting::LeaveOut)).collect();
     let more = match &names[1..] {
         [] => String::new(),
         others => format!(" (and {} more cannot be used: {})", others.len(), others.join(", ")),

@@ -5,7 +5,7 @@ use std::path::Path;
 use super::hierarchy::PopulationDraw;
 use super::job::Comparison;
 use super::scale::Scale;
-use base::error::{Error, Result};
+use base::error::{Error, Result, Setting};
 use documents::groups::{CreepSummary, GroupsSummary, SpecimenSummary};
 use figures::contrasts::{ContrastCell, ContrastMatrix, ContrastPanel, contrast_matrix};
 use figures::corner::{CornerOptions, ParameterColumn, Posterior, corner};
@@ -28,8 +28,9 @@ const MOST_GROUPS_TOLD: usize = 4;
 /// # Errors
 /// [`Error::File`] where the file system refuses, and what figures refuse.
 pub fn write(dir: &Path, found: &Comparison, summary: &GroupsSummary) -> Result<()> {
-    std::fs::create_dir_all(dir)
-        .map_err(|source| Error::at_path("create", dir, source, "choose a writable place with `--out`"))?;
+    std::fs::create_dir_all(dir).map_err(|source| {
+        Error::at_path("create", dir, source, format!("choose a writable place with `{}`", Setting::Out))
+    })?;
     let labels: Vec<ParameterLabel> = found.parameters.iter().map(|name| of_parameter(name)).collect();
     let mut figures = vec![("groups", forest_figure(summary, &labels)?), ("corner", corner_figure(found, &labels)?)];
     if !summary.contrasts.is_empty() {

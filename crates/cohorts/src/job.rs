@@ -13,7 +13,7 @@ use super::hierarchy::{
 use super::interim::{Interim, Specimen, SpecimenDensity};
 use super::predict::{PredictedGroup, predicted_groups};
 use super::scale::Scale;
-use base::error::{Error, Place, Result};
+use base::error::{Error, Place, Result, Setting};
 use laws::rheology::BaseLaw;
 use models::model::Compliance;
 use nalgebra::DMatrix;
@@ -204,7 +204,10 @@ fn common_parameters(measurements: &[Measurement], specimens: &[Specimen]) -> Re
                     parameters.join(", ")
                 ),
                 format!(
-                    "give all experiments the same base law (--base) and fix the same parameters (--set), or leave it out (--leave-out {})",
+                    "give all experiments the same base law ({}) and fix the same parameters ({}), or leave it out ({} {})",
+                    Setting::Base,
+                    Setting::Fixed,
+                    Setting::LeaveOut,
                     measurement.name()
                 ),
             ));
@@ -212,7 +215,7 @@ fn common_parameters(measurements: &[Measurement], specimens: &[Specimen]) -> Re
     }
     if parameters.is_empty() {
         return Err(Error::input(
-            Place::option("--set"),
+            Place::setting(Setting::Fixed),
             "every parameter of the law is fixed, so there is nothing to compare",
             "leave at least one free",
         ));
@@ -227,8 +230,9 @@ fn interims(
     request: &GroupsRequest,
     monitor: &dyn Monitor,
 ) -> Result<Vec<Interim>> {
-    std::fs::create_dir_all(request.kept)
-        .map_err(|source| Error::at_path("create", request.kept, source, "choose a writable place with `--out`"))?;
+    std::fs::create_dir_all(request.kept).map_err(|source| {
+        Error::at_path("create", request.kept, source, format!("choose a writable place with `{}`", Setting::Out))
+    })?;
     let options = SamplerOptions { threads: 1, ..request.sampler.clone() };
     let counter = Counter::new(monitor, specimens.len());
     let one = |(own, measurement): (&Specimen, &Measurement)| {

@@ -10,7 +10,7 @@ use super::artefacts::{provenance_of, refuse_other};
 use super::cohort::Measurement;
 use super::missing::apparatus::Apparatuses;
 use super::missing::job::{FEWEST_RECORDS, stopped};
-use base::error::{Error, Place, Result};
+use base::error::{Error, Place, Result, Setting};
 use base::files::{remove_if_there, write_atomically};
 use criticism::learn::record::{Formula, Record, Told, tried};
 use criticism::learn::{
@@ -266,9 +266,11 @@ pub fn provenance(measurements: &[Measurement], seed: u64) -> Provenance {
 /// # Errors
 /// [`Error::Input`] unless `force` is set.
 pub fn check_place(out: &Path, provenance: &Provenance, force: bool) -> Result<()> {
-    let words =
-        ("this was learnt from other records", "choose another directory with `--out`, or replace it with `--force`");
-    refuse_other(out.join(FOLDER).join(DOCUMENT), provenance, force, words)
+    let (found, remedy) = (
+        "this was learnt from other records",
+        format!("choose another directory with `{}`, or replace it with `{}`", Setting::Out, Setting::Force),
+    );
+    refuse_other(out.join(FOLDER).join(DOCUMENT), provenance, force, (found, &remedy))
 }
 
 /// Writes the document and the formula's file, whole or not at all. Returns their folder.
@@ -276,7 +278,7 @@ pub fn check_place(out: &Path, provenance: &Provenance, force: bool) -> Result<(
 /// # Errors
 /// [`Error::File`] where the file system refuses.
 pub fn write(out: &Path, outcome: &Outcome, provenance: Provenance) -> Result<PathBuf> {
-    let remedy = "choose a writable place with `--out`";
+    let remedy = format!("choose a writable place with `{}`", Setting::Out);
     std::fs::create_dir_all(out).map_err(|source| Error::at_path("create", out, source, remedy))?;
     let document = WithProvenance { provenance, body: &outcome.learned };
     RevisionWriter::begin(out, FOLDER)?.publish(DOCUMENT, &document, |dir| match &outcome.file {

@@ -9,7 +9,7 @@ use rand_distr::{ChiSquared, Distribution, StandardNormal};
 use super::design::Design;
 use super::hierarchy::{Layout, PopulationDraw};
 use super::scale::Scale;
-use base::error::Result;
+use base::error::{Result, Setting};
 use base::number::Dual;
 use figures::density::{quantile_of_sorted, sorted};
 use laws::rheology::{BaseLaw, RetardationSpectrum, TimeWindow};
@@ -149,7 +149,7 @@ pub fn creep(law: BaseLaw, scales: &[Scale], group: &PredictedGroup, time_s: &[f
         if at_time.iter().any(Vec::is_empty) {
             return Err(base::Error::numerical(
                 format!("the law has no creep at any draw of {}", group.name),
-                "give narrower priors (--prior), or fix a parameter (--set)",
+                format!("give narrower priors ({}), or fix a parameter ({})", Setting::Prior, Setting::Fixed),
             ));
         }
         Ok(at_time.iter().map(|values| sorted(values)).collect())

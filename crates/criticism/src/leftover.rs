@@ -11,7 +11,7 @@ use super::outside::{Axis, Discrepancy, Outside, OutsideKind, OutsideRequest, di
 use super::predicted::predictive_noise_um;
 use super::refit::Refitted;
 use super::{Candidate, Fitted, Subject};
-use base::error::{Error, Result};
+use base::error::{Error, Result, Setting};
 use documents::diagnosis::DiscrepancyEntry;
 use figures::discrepancy::{DiscrepancyPanel, discrepancy};
 use figures::number::significant;
@@ -86,7 +86,10 @@ impl Leftover {
             if subject.scored_m.iter().any(Option::is_some) { &subject.scored_m } else { &subject.fitted_m };
         let beside = process.as_ref().map_or(fitted, |own| &own.fitted);
         let noise_um = predictive_noise_um(subject, candidate, beside, predicted).ok_or_else(|| {
-            Error::numerical("the model has no derivatives at its fit", "examine another revision with `--from`")
+            Error::numerical(
+                "the model has no derivatives at its fit",
+                format!("examine another revision with `{}`", Setting::Revision),
+            )
         })?;
         let widened_um = (noise_um.powi(2) + 1e12 * (size_m2 + mean_square(&variance_m2))).sqrt();
         let axis = match (shape, &process) {

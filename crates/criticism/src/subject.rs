@@ -3,7 +3,7 @@
 use std::sync::{Arc, OnceLock};
 
 use super::{Candidate, score::Score};
-use base::error::{Error, Place, Result};
+use base::error::{Error, Place, Result, Setting};
 use base::number::Dual;
 use laws::stages::Stepped;
 use models::effects::{Effect, Library};
@@ -238,7 +238,7 @@ impl Subject {
         for slug in effects {
             if specification.effects.iter().any(|own| own == slug) {
                 return Err(Error::input(
-                    Place::option("--with"),
+                    Place::setting(Setting::Effects),
                     format!("the model has `{slug}` already"),
                     "name effects that it lacks",
                 ));
@@ -256,7 +256,7 @@ impl Subject {
             };
             if let Some(reason) = reason {
                 let remedy = format!("leave `{}` out", effect.slug());
-                return Err(Error::input(Place::option("--with"), reason, remedy));
+                return Err(Error::input(Place::setting(Setting::Effects), reason, remedy));
             }
         }
         Ok(Candidate::new(&problem))

@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use base::error::{Error, Place, Result};
+use base::error::{Error, Place, Result, Setting};
 use cohorts::cohort::{self, Measurement};
 use documents::extension::{ExtensionAnswer, ExtensionSummary, Misfit};
 use documents::posterior::PosteriorSummary;
@@ -85,9 +85,15 @@ fn of_creep(target: &CreepTarget, request: &ExtendRequest, monitor: &dyn Monitor
         && !study.revisions()?.is_empty()
     {
         return Err(Error::input(
-            Place::option("--base"),
+            Place::setting(Setting::Base),
             "the study has a base law already",
-            "leave --base (or --forward) away, or make a study of another law with `sample --base … --out DIR`",
+            format!(
+                "leave {} (or {}) away, or make a study of another law with `sample {} … {} DIR`",
+                Setting::Base,
+                Setting::Forward,
+                Setting::Base,
+                Setting::Out
+            ),
         ));
     }
     let specification = extended(&target.specification, &request.effects, &library)?;
@@ -171,7 +177,7 @@ fn places(measurements: &[Measurement], out: &Path) -> Result<Vec<PathBuf>> {
         Some(second) => Err(Error::input(
             Place::file(&measurements[second].path),
             format!("another record's directory is called {}, too", measurements[second].name()),
-            "give them different names, or extend one of them by itself with `--out`",
+            format!("give them different names, or extend one of them by itself with `{}`", Setting::Out),
         )),
         None => Ok(places),
     }
@@ -231,10 +237,13 @@ pub fn extended(
     effects: &[String],
     library: &Library,
 ) -> Result<ModelSpecification> {
-    let refuse = |found: String, remedy: String| Err(Error::input(Place::option("--with"), found, remedy));
+    let refuse = |found: String, remedy: String| Err(Error::input(Place::setting(Setting::Effects), found, remedy));
     let mut model = specification.clone();
     if effects.is_empty() {
-        return refuse("no effect is named".into(), "name one or more, as in `--with clock-offset`".into());
+        return refuse(
+            "no effect is named".into(),
+            format!("name one or more, as in `{} clock-offset`", Setting::Effects),
+        );
     }
     for (index, slug) in effects.iter().enumerate() {
         if effects[..index].contains(slug) {
@@ -247,8 +256,8 @@ pub fn extended(
             return refuse(format!("`{slug}` is not available"), format!("{hint}`vitreo-uq effects` lists what is"));
         }
         if model.effects.contains(slug) {
-            let remedy = "leave it out, or extend an earlier revision with `--from`";
-            return refuse(format!("the model has `{slug}` already"), remedy.into());
+            let remedy = format!("leave it out, or extend an earlier revision with `{}`", Setting::Revision);
+            return refuse(format!("the model has `{slug}` already"), remedy);
         }
         model.effects.push(slug.clone());
     }

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 use std::time::Instant;
 
 use super::artefacts;
-use base::error::{Error, Place, Result};
+use base::error::{Error, Place, Result, Setting};
 use models::effects::Library;
 use posterior::monitor::Monitor;
 use posterior::prepared::KeptSurrogate;
@@ -73,7 +73,11 @@ pub fn refuse_other_model(study: &Study, specification: &ModelSpecification, for
     Err(Error::input(
         Place::file(path),
         "the study's m0 is of another model, and `sample` makes m0 only",
-        "choose another directory with `--out`, replace m0 with `--force`, or add effects with `extend`",
+        format!(
+            "choose another directory with `{}`, replace m0 with `{}`, or add effects with `extend`",
+            Setting::Out,
+            Setting::Force
+        ),
     ))
 }
 

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use super::init_creep::RheometerCreep;
 use super::init_sweep::described;
-use base::error::{Error, Place, Result};
+use base::error::{Error, Place, Result, Setting};
 use base::files::{self, Content, write_together};
 use base::toml_input::{UNKNOWN, quoted};
 use documents::init::{InitColumn, InitSummary};
@@ -49,7 +49,7 @@ pub fn run(request: &InitRequest, ask: Ask<'_>) -> Result<(InitSummary, String)>
         return Err(Error::input(
             Place::file(&toml_path),
             "an experiment is there already",
-            "give another directory with `--out`, or `--replace` to write over it",
+            format!("give another directory with `{}`, or `{}` to write over it", Setting::Out, Setting::Replace),
         ));
     }
     if let Some(summary) = oscillation(request, &name, &bytes, &out)? {

@@ -5,7 +5,7 @@
 //! again, unless an earlier ladder did. Nothing but a converged fit of exactly the same inputs is taken over.
 
 use super::artefacts::with_inputs;
-use base::error::{Error, Place, Result};
+use base::error::{Error, Place, Result, Setting};
 use base::files::{self, Content, read_if_there};
 use documents::extension::ExtensionSummary;
 use documents::ladder::{LadderSummary, Rung, RungParameter, Shift};
@@ -152,7 +152,7 @@ impl Revision {
             return Err(Error::input(
                 Place::file(dir.join(POSTERIOR_NAME)),
                 "this revision is on another mesh",
-                "name the mesh that its study was made with (`--mesh`, `--mesh-unit`)",
+                format!("name the mesh that its study was made with (`{}`, `{}`)", Setting::Mesh, Setting::MeshUnit),
             ));
         }
         let stored = document.filter(|document| {

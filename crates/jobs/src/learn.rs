@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use base::error::{Error, Place, Result};
+use base::error::{Error, Place, Result, Setting};
 use base::files::{remove_if_there, write_atomically};
 use cohorts::learnt;
 use criticism::Subject;
@@ -94,7 +94,7 @@ fn of_first_cycles(subject: Subject, first: Option<u32>) -> Result<Subject> {
     if fitted.is_empty() || scored.is_empty() {
         let remedy = "give a number that leaves cycles on both sides";
         return Err(Error::input(
-            Place::option("--first-cycles"),
+            Place::setting(Setting::FirstCycles),
             format!("{first} leaves nothing to fit or to score"),
             remedy,
         ));
@@ -103,7 +103,7 @@ fn of_first_cycles(subject: Subject, first: Option<u32>) -> Result<Subject> {
 }
 
 fn of_cohort(cohort: &CohortTarget, request: &LearnRequest, monitor: &dyn Monitor) -> Result<Outcome<LearnDocument>> {
-    cohort.refuse_options_of_one(&[("--first-cycles", request.first_cycles.is_some())], "learn from")?;
+    cohort.refuse_options_of_one(&[(Setting::FirstCycles, request.first_cycles.is_some())], "learn from")?;
     let measurements = cohort.measurements(&[], monitor)?;
     let out = cohort.out(COHORT_OUT);
     let provenance = learnt::provenance(&measurements, request.sampler.seed);

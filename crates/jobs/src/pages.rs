@@ -160,12 +160,12 @@ impl Kept {
         let made = match extension {
             None => {
                 let (before, now) = (ModelSpecification::default(), model(name)?);
-                let with = option("--with", &named(&now.effects, name));
+                let with = option("with", &named(&now.effects, name));
                 format!("vitreo-uq sample EXPERIMENT --out STUDY{with}{}{settings}", options(&before, &now, name))
             }
             Some(WithProvenance { body, .. }) => {
                 let (before, now) = (model(&body.from)?, model(name)?);
-                let with = option("--with", &named(&body.effects, name));
+                let with = option("with", &named(&body.effects, name));
                 format!("vitreo-uq extend STUDY --from {}{with}{}{settings}", body.from, options(&before, &now, name))
             }
         };
@@ -234,25 +234,25 @@ fn options(before: &ModelSpecification, now: &ModelSpecification, name: &str) ->
             BaseLaw::Network(_) | BaseLaw::Outside(_) => format!("{name}/model.toml"),
             named => named.name().into(),
         };
-        text += &option("--base", &base);
+        text += &option("base", &base);
     }
     if now.noise != before.noise {
-        text += &option("--noise", &now.noise.join(","));
+        text += &option("noise", &now.noise.join(","));
     }
     if now.prior != before.prior {
         let is_file = now.prior.ends_with(".toml");
-        text += &option("--prior", &if is_file { format!("{name}/{}", now.prior) } else { now.prior.clone() });
+        text += &option("prior", &if is_file { format!("{name}/{}", now.prior) } else { now.prior.clone() });
     }
     let is_new = |name: &String| !before.freed.contains(name);
-    now.freed.iter().filter(|name| is_new(name)).for_each(|name| text += &option("--set", &format!("{name}=free")));
+    now.freed.iter().filter(|name| is_new(name)).for_each(|name| text += &option("set", &format!("{name}=free")));
     for (name, value) in now.fixed.iter().filter(|(name, value)| before.fixed.get(*name) != Some(*value)) {
-        text += &option("--set", &format!("{name}={value}"));
+        text += &option("set", &format!("{name}={value}"));
     }
     text
 }
 
 fn option(name: &str, value: &str) -> String {
-    if value.is_empty() { String::new() } else { format!(" {name} {value}") }
+    if value.is_empty() { String::new() } else { format!(" --{name} {value}") }
 }
 
 /// A document, if it is there.

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use base::error::{Error, Place, Result};
+use base::error::{Error, Place, Result, Setting};
 use base::files::{Content, read_if_there, write_json_atomically};
 use documents::joint::JointSummary;
 use documents::oscillation::OscillationSummary;
@@ -99,7 +99,7 @@ fn refuse_other_mesh(study: &Study, problem: &Problem, force: bool) -> Result<()
     Err(Error::input(
         Place::file(path),
         "the study's m0 is on another mesh",
-        "choose another directory with `--out`, or replace m0 with `--force`",
+        format!("choose another directory with `{}`, or replace m0 with `{}`", Setting::Out, Setting::Force),
     ))
 }
 
@@ -112,7 +112,7 @@ fn of_oscillation(
     let problem = target.problem()?;
     if problem.priors.priors().is_empty() {
         let found = "every parameter is fixed, so there is nothing to infer";
-        return Err(Error::input(Place::option("--set"), found, "leave at least one parameter free"));
+        return Err(Error::input(Place::setting(Setting::Fixed), found, "leave at least one parameter free"));
     }
     options.validate(problem.priors.priors().len())?;
     let study = target.make_study()?;
@@ -177,7 +177,7 @@ impl Prepared {
 }
 
 fn of_several(target: &JointTarget, request: &SampleRequest, monitor: &dyn Monitor) -> Result<Outcome<SampleDocument>> {
-    refuse_options_of_one(&[("--resume", request.resume)])?;
+    refuse_options_of_one(&[(Setting::Resume, request.resume)])?;
     let options = &request.sampler;
     let records: Vec<Prepared> =
         target.records.iter().map(|record| Prepared::of(record, target, monitor)).collect::<Result<_>>()?;
@@ -201,8 +201,9 @@ fn of_several(target: &JointTarget, request: &SampleRequest, monitor: &dyn Monit
     let summary = ModelSummary { noise: vec!["own".into()], ..target.specification.summary() };
     let result = joint.run(summary, options, monitor)?;
     monitor.stage("writing results and figures");
-    std::fs::create_dir_all(&dir)
-        .map_err(|error| Error::at_path("create", &dir, error, "choose a writable place with `--out`"))?;
+    std::fs::create_dir_all(&dir).map_err(|error| {
+        Error::at_path("create", &dir, error, format!("choose a writable place with `{}`", Setting::Out))
+    })?;
     write_figure(&dir, JOINT, &sweep::artefacts::joint_figure(id, &joint.priors, &result)?)?;
     let provenance = artefacts::with_prior(header, &joint.priors);
     let is_sound = result.summary.is_sound();

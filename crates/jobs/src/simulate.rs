@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use std::time::Instant;
 
 use super::convergence;
-use base::error::{Error, Place, Result};
+use base::error::{Error, Place, Result, Setting};
 use base::number::Dual;
 use documents::posterior::PosteriorSummary;
 use elements::fe::stepping::Resolution;
@@ -63,7 +63,7 @@ pub fn parameters(
 ) -> Result<Vec<SimulationParameter>> {
     if let Some(noise) = problem.noise.parameters().iter().find(|p| set.contains_key(p.name)) {
         return Err(Error::input(
-            Place::option("--set"),
+            Place::setting(Setting::Fixed),
             format!("{} is given, but a simulation has no noise", noise.name),
             "leave it away; add noise to the trajectory afterwards if it is wanted",
         ));
@@ -83,9 +83,9 @@ pub fn parameters(
         };
         sampled.or_else(fixed).or_else(prior).ok_or_else(|| {
             Error::input(
-                Place::option("--set"),
+                Place::setting(Setting::Fixed),
                 format!("{name} has no value"),
-                format!("give one with `--set {name}=VALUE`"),
+                format!("give one with `{} {name}=VALUE`", Setting::Fixed),
             )
         })
     };
@@ -103,25 +103,26 @@ pub fn parameters(
 /// or of a mesh that cannot be refined.
 pub fn check_request(problem: &Problem, request: &SimulationRequest, has_mesh_file: bool) -> Result<()> {
     finite_elements(problem)?;
-    let refuse = |option: &str, found: String, remedy: &str| Err(Error::input(Place::option(option), found, remedy));
+    let refuse =
+        |setting: Setting, found: String, remedy: &str| Err(Error::input(Place::setting(setting), found, remedy));
     if request.scheme.is_some() && !problem.is_exponential() {
         return refuse(
-            "--scheme",
+            Setting::Scheme,
             format!("the {} scheme steps a law of springs and dashpots alone", scheme_name(request.scheme)),
-            "leave --scheme away: models with effects, and networks, are stepped by `radau`",
+            &format!("leave {} away: models with effects, and networks, are stepped by `radau`", Setting::Scheme),
         );
     }
     if let Some(step_s) = request.time_step_s {
         if request.scheme != Some(TimeScheme::Midpoint) {
             return refuse(
-                "--time-step-s",
+                Setting::TimeStep,
                 format!("the {} scheme chooses its own steps", scheme_name(request.scheme)),
-                "leave it away, or choose `--scheme midpoint`",
+                &format!("leave it away, or choose `{} midpoint`", Setting::Scheme),
             );
         }
         if !(step_s.is_finite() && step_s > 0.0) {
             return refuse(
-                "--time-step-s",
+                Setting::TimeStep,
                 format!("{step_s} is not a time step"),
                 "give a number above zero, in seconds",
             );
@@ -130,7 +131,7 @@ pub fn check_request(problem: &Problem, request: &SimulationRequest, has_mesh_fi
     let steps = n_steps(&problem.experiment.record, request.time_step_s);
     if steps > MOST_STEPS as f64 {
         return refuse(
-            "--time-step-s",
+            Setting::TimeStep,
             format!("the run would take {steps:.1e} time steps"),
             &format!("give a longer step: at most {MOST_STEPS} steps are taken"),
         );
@@ -138,13 +139,16 @@ pub fn check_request(problem: &Problem, request: &SimulationRequest, has_mesh_fi
     if let Some(levels) = request.refine {
         let finest = convergence::finest_level(&problem.experiment.apparatus);
         if levels == 0 || levels > finest {
-            return refuse("--refine", format!("{levels} mesh levels"), &format!("ask for 1 to {finest} levels"));
+            return refuse(Setting::Refine, format!("{levels} mesh levels"), &format!("ask for 1 to {finest} levels"));
         }
         if has_mesh_file {
             return refuse(
-                "--refine",
+                Setting::Refine,
                 "a mesh from a file cannot be refined here".into(),
-                "leave --mesh away for the built-in meshes, or run `simulate` on several files and compare their stiffness",
+                &format!(
+                    "leave {} away for the built-in meshes, or run `simulate` on several files and compare their stiffness",
+                    Setting::Mesh
+                ),
             );
         }
     }
@@ -154,9 +158,9 @@ pub fn check_request(problem: &Problem, request: &SimulationRequest, has_mesh_fi
 pub(super) fn finite_elements(problem: &Problem) -> Result<&FiniteElements> {
     if let Some(outside) = problem.outside() {
         return Err(Error::input(
-            Place::option("--forward"),
+            Place::setting(Setting::Forward),
             format!("{} is no model of this program's to simulate", outside.title()),
-            "ask its server, or leave --forward away",
+            format!("ask its server, or leave {} away", Setting::Forward),
         ));
     }
     problem.finite_elements().ok_or_else(|| {

@@ -143,12 +143,12 @@ fn impossible_requests_are_refused_with_their_option() {
         assert!(error.exit_code() == 2 && error.to_string().contains(option), "{error}");
     };
     for step in [0.0, -1.0, f64::NAN, f64::INFINITY, 1e-12] {
-        refused(SimulationRequest { time_step_s: Some(step), ..base.clone() }, false, "--time-step-s");
+        refused(SimulationRequest { time_step_s: Some(step), ..base.clone() }, false, "`time_step_s`");
     }
     let exact = SimulationRequest { scheme: Some(TimeScheme::Exponential), time_step_s: Some(0.1), ..base.clone() };
-    refused(exact, false, "--scheme midpoint");
-    refused(SimulationRequest { refine: Some(0), ..base.clone() }, false, "--refine");
-    refused(SimulationRequest { refine: Some(99), ..base.clone() }, false, "--refine");
-    refused(SimulationRequest { refine: Some(2), ..base.clone() }, true, "--mesh");
+    refused(exact, false, "scheme midpoint");
+    refused(SimulationRequest { refine: Some(0), ..base.clone() }, false, "`refine`");
+    refused(SimulationRequest { refine: Some(99), ..base.clone() }, false, "`refine`");
+    refused(SimulationRequest { refine: Some(2), ..base.clone() }, true, "leave mesh away");
     assert!(check_request(&problem, &base, true).is_ok());
 }

@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use base::error::{Error, Place, Result};
+use base::error::{Error, Place, Result, Setting};
 use cohorts::cohort::{self, Measurement};
 use criticism::Subject;
 use models::effects::Library;
@@ -69,14 +69,14 @@ impl ModelRequest {
     }
 
     /// The first option given that says what the model is, and not which revision or mesh is meant.
-    fn changing_option(&self) -> Option<&'static str> {
+    fn changing_setting(&self) -> Option<Setting> {
         first_given(&[
-            ("--base", self.base.is_some()),
-            ("--forward", self.forward.is_some()),
-            ("--with", !self.with.is_empty()),
-            ("--noise", !self.noise.is_empty()),
-            ("--prior", self.prior.is_some()),
-            ("--set", !self.set.is_empty()),
+            (Setting::Base, self.base.is_some()),
+            (Setting::Forward, self.forward.is_some()),
+            (Setting::Effects, !self.with.is_empty()),
+            (Setting::Noise, !self.noise.is_empty()),
+            (Setting::Prior, self.prior.is_some()),
+            (Setting::Fixed, !self.set.is_empty()),
         ])
     }
 }
@@ -161,7 +161,7 @@ pub(crate) fn not_taken() -> Error {
 }
 
 /// The first of some options that is given.
-fn first_given(options: &[(&'static str, bool)]) -> Option<&'static str> {
+fn first_given(options: &[(Setting, bool)]) -> Option<Setting> {
     options.iter().find(|(_, is_given)| *is_given).map(|(option, _)| *option)
 }
 
@@ -208,7 +208,7 @@ impl CreepTarget {
                     return Err(Error::input(
                         Place::file(dir.as_path()),
                         "this is a revision of a study",
-                        "give the study, and the revision with `--from`",
+                        format!("give the study, and the revision with `{}`", Setting::Revision),
                     ));
                 }
                 let (experiment, files) = match path {
@@ -278,11 +278,15 @@ impl CreepTarget {
             Some(study) => study.revisions()?,
             None => Vec::new(),
         };
-        if let (false, Some(option)) = (there.is_empty(), self.request.changing_option()) {
+        if let (false, Some(option)) = (there.is_empty(), self.request.changing_setting()) {
             return Err(Error::input(
-                Place::option(option),
+                Place::setting(option),
                 "the study has revisions, which are taken as they are",
-                "leave the option away, choose a revision with `--from`, or make the next one with `vitreo-uq extend --with EFFECT`",
+                format!(
+                    "leave the option away, choose a revision with `{}`, or make the next one with `vitreo-uq extend {} EFFECT`",
+                    Setting::Revision,
+                    Setting::Effects
+                ),
             ));
         }
         let problem = self.problem(monitor)?;
@@ -358,9 +362,9 @@ fn place_of(dir: PathBuf, files: ExperimentFiles, force: bool) -> Result<StudyPl
 fn refuse_out_of_study(study: &Path, out: Option<&Path>) -> Result<()> {
     match out {
         Some(_) => Err(Error::input(
-            Place::option("--out"),
+            Place::setting(Setting::Out),
             format!("{} is a study already", study.display()),
-            "leave --out away, or give the experiment instead of the study",
+            format!("leave {} away, or give the experiment instead of the study", Setting::Out),
         )),
         None => Ok(()),
     }
@@ -380,9 +384,9 @@ fn specification(
         (Some(name), Some(study)) => Some((study, name.clone())),
         (Some(name), None) => {
             return Err(Error::input(
-                Place::option("--from"),
+                Place::setting(Setting::Revision),
                 format!("there is no study yet, and so no revision {name}"),
-                "leave --from away, or give the study that an earlier command made",
+                format!("leave {} away, or give the study that an earlier command made", Setting::Revision),
             ));
         }
         (None, Some(study)) => {
@@ -445,9 +449,9 @@ impl SweepTarget {
     /// [`Error::Input`] for options that an oscillation does not have; otherwise as [`SweepProblem::new`].
     pub fn problem(&self) -> Result<SweepProblem> {
         let ModelRequest { mesh, from, .. } = &self.model;
-        if let Some(option) = first_given(&[("--mesh", mesh.is_some()), ("--from", from.is_some())]) {
+        if let Some(option) = first_given(&[(Setting::Mesh, mesh.is_some()), (Setting::Revision, from.is_some())]) {
             let found = "an oscillation has neither finite elements nor later revisions";
-            return Err(Error::input(Place::option(option), found, format!("leave {option} away")));
+            return Err(Error::input(Place::setting(option), found, format!("leave {option} away")));
         }
         let specification = self.model.applied_to(self.specification()?)?;
         SweepProblem::new(self.sweep.clone(), specification, &Library::default())
@@ -506,10 +510,10 @@ impl JointTarget {
     fn open(request: TargetRequest) -> Result<Self> {
         let TargetRequest { paths, out, model, .. } = request;
         refuse_options_of_one(&[
-            ("--with", !model.with.is_empty()),
-            ("--noise", !model.noise.is_empty()),
-            ("--mesh", model.mesh.is_some()),
-            ("--from", model.from.is_some()),
+            (Setting::Effects, !model.with.is_empty()),
+            (Setting::Noise, !model.noise.is_empty()),
+            (Setting::Mesh, model.mesh.is_some()),
+            (Setting::Revision, model.from.is_some()),
         ])?;
         let specification = model.applied_to(of_several())?;
         let record = |path: &PathBuf| -> Result<Record> {
@@ -525,10 +529,10 @@ impl JointTarget {
 }
 
 /// Refuses options, each with whether it is given, that records of one law do not share.
-pub(crate) fn refuse_options_of_one(options: &[(&'static str, bool)]) -> Result<()> {
+pub(crate) fn refuse_options_of_one(options: &[(Setting, bool)]) -> Result<()> {
     match first_given(options) {
         Some(option) => Err(Error::input(
-            Place::option(option),
+            Place::setting(option),
             "several records share the law alone, with white noise each",
             format!("leave {option} away, or sample one record"),
         )),
@@ -561,13 +565,13 @@ impl CohortTarget {
     ///
     /// # Errors
     /// [`Error::Input`] for the first that is given.
-    pub fn refuse_options_of_one(&self, more: &[(&'static str, bool)], command: &str) -> Result<()> {
+    pub fn refuse_options_of_one(&self, more: &[(Setting, bool)], command: &str) -> Result<()> {
         let model = &self.request.model;
-        let of_model = [("--from", model.from.is_some()), ("--mesh", model.mesh.is_some())];
+        let of_model = [(Setting::Revision, model.from.is_some()), (Setting::Mesh, model.mesh.is_some())];
         match first_given(&of_model).or_else(|| first_given(more)) {
             Some(option) => {
                 let remedy = format!("leave {option} away, or {command} one record");
-                Err(Error::input(Place::option(option), "of several records each has its own", remedy))
+                Err(Error::input(Place::setting(option), "of several records each has its own", remedy))
             }
             None => Ok(()),
         }

@@ -53,7 +53,7 @@ pub fn file_of(hash: &str, model: &impl Serialize) -> Result<(String, Vec<u8>)> 
 pub fn adopt(name: &str, bytes: &[u8]) -> Result<bool> {
     let Some(directory) = cache_directory() else {
         return Err(Error::input(
-            Place::option(PLACE),
+            Place::default().at_key(PLACE),
             "no models are kept here: the variable is empty, or the system has no directory for caches",
             format!("name a directory for them: {PLACE}=DIR"),
         ));

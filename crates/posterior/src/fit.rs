@@ -15,7 +15,7 @@ use crate::full_check::rmse_m;
 use crate::monitor::Monitor;
 use crate::prepared::{KeptSurrogate, PreparedModel};
 use crate::problem::{Problem, TAIL_MASS};
-use base::error::{Error, Place, Result};
+use base::error::{Error, Place, Result, Setting};
 use documents::posterior::{Warning, WarningKind};
 use models::effects::EffectParameter;
 use models::model::{Forward, ReducedForward, TrainedRange};
@@ -60,7 +60,7 @@ pub fn run(problem: &Problem, kept_surrogate: Option<KeptSurrogate>, monitor: &d
     let free: Vec<usize> = (0..names.len()).filter(|&j| !problem.specification.fixed.contains_key(names[j])).collect();
     if free.is_empty() {
         return Err(Error::input(
-            Place::option("--set"),
+            Place::setting(Setting::Fixed),
             "every parameter of the model is fixed, so nothing is left to fit",
             format!("leave one of {} free, or use `simulate`", names.join(", ")),
         ));

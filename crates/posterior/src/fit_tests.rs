@@ -120,7 +120,7 @@ fn nothing_left_to_fit_is_refused() {
     let set = ["young_modulus_pa=1", "viscosity_1_pa_s=1", "viscosity_2_pa_s=1"];
     let error = run(&problem(replica, &set), None, &Silent).err().unwrap();
     assert!(matches!(error, Error::Input { .. }), "{error}");
-    assert!(error.to_string().contains("--set"));
+    assert!(error.to_string().contains("`fixed`"));
 }
 
 /// A force that never acts on the fitted rows leaves every parameter undetermined; that is said and is not sound.

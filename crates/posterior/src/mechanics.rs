@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use super::mesh_check;
 use super::outside::Outside;
 use crate::study::sha256_hex;
-use base::error::{Error, Place, Result};
+use base::error::{Error, Place, Result, Setting};
 use base::files::{self, Content};
 use documents::posterior::Warning;
 use elements::fe::Stiffness;
@@ -184,12 +184,12 @@ pub fn read_mesh(file: &MeshFile, robot: Option<&Robot>, vitreous: &Vitreous) ->
 fn refuse_across(robot: &Robot) -> Result<()> {
     match robot.offset {
         Some(Offset { direction: OffsetDirection::Across, distance_m }) => Err(Error::input(
-            Place::option("--mesh"),
+            Place::setting(Setting::Mesh),
             format!(
                 "the robot is {:.4} mm off the centre across the force, and a mesh from a file is a quarter model, symmetric about that line",
                 1e3 * distance_m
             ),
-            "leave `--mesh` out: the built-in mesh has the half model that this takes",
+            format!("leave `{}` out: the built-in mesh has the half model that this takes", Setting::Mesh),
         )),
         _ => Ok(()),
     }

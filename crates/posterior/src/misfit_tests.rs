@@ -4,7 +4,7 @@ use rayon::prelude::*;
 
 use super::*;
 use crate::noise::NoiseModel;
-use base::error::Place;
+use base::error::{Place, Setting};
 use sampling::ensemble::RandomStream;
 
 const KNOWN_M: f64 = 4e-6;
@@ -45,7 +45,7 @@ fn kind(noise: [f64; 5], lost: f64, off: f64) -> Kind {
 fn left_of(kind: &Kind, record: &Record, position_m: &[f64], seed: u64) -> Vec<Option<f64>> {
     use rand::SeedableRng;
     let model =
-        NoiseModel::named(&["white", "ou", "gain"].map(String::from), &Place::option("--noise")).expect("named");
+        NoiseModel::named(&["white", "ou", "gain"].map(String::from), &Place::setting(Setting::Noise)).expect("named");
     let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(seed);
     let noise_m = model.simulate_m(&record.time_s, &record.cycle, position_m, &kind.noise, &mut rng);
     let mut stream = RandomStream::new(77, seed);

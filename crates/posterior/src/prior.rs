@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use rand::Rng;
 
 pub use base::distribution::{Distribution, UnconstrainedDensity};
-use base::error::{Error, Place, Result};
+use base::error::{Error, Place, Result, Setting};
 use base::files::{self, Content};
 use base::parameter::{NOISE_SD, ParameterSpec};
 use base::toml_input::{Table, TomlInput, text_of};
@@ -246,7 +246,7 @@ fn unknown_name(name: &str) -> Error {
     let near = base::units::nearest_name(name, names.iter().copied());
     let hint = near.map_or(String::new(), |near| format!("did you mean `{near}`? "));
     Error::input(
-        Place::option("--prior"),
+        Place::setting(Setting::Prior),
         format!("`{name}` is neither a file nor the name of a prior"),
         format!("{hint}give the path of a TOML file or one of {}", names.join(", ")),
     )

@@ -162,7 +162,7 @@ fn files_and_names_are_told_apart() {
     assert_eq!(from_file.priors(), PriorSet::named("lee-1994").unwrap().priors());
     assert_eq!(from_file.text(), PriorSet::named("lee-1994").unwrap().text());
     let message = PriorSet::read("lee-1949").unwrap_err().to_string();
-    assert!(message.contains("--prior") && message.contains("did you mean `lee-1994`?"), "{message}");
+    assert!(message.contains("`prior`") && message.contains("did you mean `lee-1994`?"), "{message}");
 }
 
 #[test]

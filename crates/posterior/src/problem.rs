@@ -10,7 +10,7 @@ use crate::noise::{NoiseLikelihood, NoiseModel};
 use crate::prior::PriorSet;
 use crate::study::ModelSpecification;
 use base::distribution::Distribution;
-use base::error::{Error, Place, Result};
+use base::error::{Error, Place, Result, Setting};
 use base::number::Dual;
 use base::parameter::ParameterSpec;
 use models::effects::{Library, Stage};
@@ -242,7 +242,7 @@ fn refuse_without_mesh(model: &Model, mechanics: &Mechanics) -> Result<()> {
     match model.field().and_then(|(slug, field)| Some((slug, field.lacks(&fe.surroundings())?))) {
         None => Ok(()),
         Some((slug, reason)) => Err(Error::input(
-            Place::option("--with"),
+            Place::setting(Setting::Effects),
             format!("`{slug}` cannot be computed for this robot and mesh: {reason}"),
             "leave it out, or use another mesh",
         )),
@@ -254,7 +254,7 @@ fn refuse_loads_unheeded(model: &Model, outside: &Outside) -> Result<()> {
     let load = model.effects().iter().find(|effect| effect.stage() == Stage::Load);
     match (load, outside.answers_own_force_alone()) {
         (Some(effect), Some(reason)) => Err(Error::input(
-            Place::option("--with"),
+            Place::setting(Setting::Effects),
             format!(
                 "`{}` changes the force, and the other program answers the record's own alone: {reason}",
                 effect.slug()
@@ -268,7 +268,7 @@ fn refuse_loads_unheeded(model: &Model, outside: &Outside) -> Result<()> {
 fn refuse_mesh_outside(mesh_file: Option<&MeshFile>) -> Result<()> {
     mesh_file.map_or(Ok(()), |_| {
         let found = "the law is another program's, which has no mesh here";
-        Err(Error::input(Place::option("--mesh"), found, "leave it out"))
+        Err(Error::input(Place::setting(Setting::Mesh), found, "leave it out"))
     })
 }
 
@@ -283,7 +283,7 @@ fn refuse_fixed_without_model(specification: &ModelSpecification, model: &Model,
     };
     let middle: Vec<Dual> = model.parameters().iter().map(|p| value(p.name).into()).collect();
     match model.stages(&middle) {
-        Err(Error::Numerical { what, remedy }) => Err(Error::input(Place::option("--set"), what, remedy)),
+        Err(Error::Numerical { what, remedy }) => Err(Error::input(Place::setting(Setting::Fixed), what, remedy)),
         other => other.map(|_| ()),
     }
 }
@@ -312,20 +312,20 @@ fn check(experiment: &Experiment, specification: ModelSpecification, library: &L
     let effects = specification.effects(library);
     if let Some(unknown) = specification.effects.iter().find(|slug| library.get(slug).is_none()) {
         return Err(Error::input(
-            Place::option("--with"),
+            Place::setting(Setting::Effects),
             format!("there is no effect `{unknown}`"),
             "name effects that `vitreo-uq effects` lists, or give the library that has it",
         ));
     }
-    let model = Model::new(specification.base, effects, scales, &Place::option("--with"))?;
-    let noise = specification.noise_model(&Place::option("--noise"))?;
+    let model = Model::new(specification.base, effects, scales, &Place::setting(Setting::Effects))?;
+    let noise = specification.noise_model(&Place::setting(Setting::Noise))?;
     let all_priors = read_priors(&specification.prior, &model, noise, library)?;
     for (name, value) in &specification.fixed {
         let spec = model.parameters().iter().copied().chain(noise.parameters()).find(|spec| spec.name == name);
         if !spec.is_some_and(|spec| value.is_finite() && spec.support.contains(*value)) {
             let names: Vec<&str> = all_priors.names().collect();
             return Err(Error::input(
-                Place::option("--set"),
+                Place::setting(Setting::Fixed),
                 format!("{name} = {value}"),
                 format!("set one of {} to a value inside its support", names.join(", ")),
             ));

@@ -18,7 +18,7 @@ use crate::likelihood::ReducedPosterior;
 use crate::monitor::Monitor;
 use crate::prior::PriorSet;
 use base::distribution::Distribution;
-use base::error::{Error, Place, Result};
+use base::error::{Error, Place, Result, Setting};
 use base::files::write_atomically;
 use documents::posterior::*;
 use laws::rheology::BaseLaw;
@@ -99,7 +99,7 @@ pub fn refuse_nothing_to_sample(problem: &Problem) -> Result<()> {
     refuse_too_many_rows(problem.experiment.record.n_rows())?;
     if problem.priors.priors().is_empty() {
         return Err(Error::input(
-            Place::option("--set"),
+            Place::setting(Setting::Fixed),
             "every parameter is fixed, so there is nothing to infer",
             "leave at least one parameter free, or use `simulate`",
         ));
@@ -190,7 +190,7 @@ pub fn sample(
     if outcome.draws.is_empty() {
         return Err(Error::numerical(
             format!("burn-in took all {} steps, so no draw was kept", request.options.max_steps),
-            "give more steps (--steps); thousands are usual",
+            format!("give more steps ({}); thousands are usual", Setting::Steps),
         ));
     }
     Ok(outcome)

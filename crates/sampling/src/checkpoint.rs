@@ -1,6 +1,6 @@
 //! Files that hold a run's state: written whole or not at all, and refused when damaged or another problem's.
 
-use base::error::Place;
+use base::error::{Place, Setting};
 use base::files::{self, Content};
 use base::{Error, Result};
 use sha2::{Digest, Sha256};
@@ -51,7 +51,10 @@ pub(super) fn unpack(problem: &str, bytes: &[u8]) -> Result<(String, Vec<f64>)> 
     if Sha256::digest(problem.as_bytes())[..] != hash[..] {
         return Err(refuse(
             "the checkpoint belongs to another problem (data, prior, model, seed, or sampler settings differ)",
-            "resume with the inputs and options of the interrupted run, or start again without --resume",
+            &format!(
+                "resume with the inputs and options of the interrupted run, or start again without {}",
+                Setting::Resume
+            ),
         ));
     }
     let (header_length, rest) = rest.split_first_chunk::<8>().ok_or_else(damaged)?;
@@ -68,7 +71,7 @@ pub(super) fn unpack(problem: &str, bytes: &[u8]) -> Result<(String, Vec<f64>)> 
 
 /// A checkpoint that cannot be used.
 pub(super) fn refuse(found: &str, remedy: &str) -> Error {
-    Error::input(Place::option("--resume"), found, remedy)
+    Error::input(Place::setting(Setting::Resume), found, remedy)
 }
 
 #[cfg(test)]

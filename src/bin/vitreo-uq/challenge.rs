@@ -7,7 +7,7 @@ use std::process::ExitCode;
 
 use clap::builder::{BoolishValueParser, RangedU64ValueParser};
 use clap::{ArgAction, Args, Subcommand, ValueEnum};
-use vitreo_uq::base::error::{Error, Place, Result};
+use vitreo_uq::base::error::{Error, Place, Result, Setting};
 use vitreo_uq::base::files::{Content, read_if_there};
 use vitreo_uq::documents::diagnosis::Diagnosis;
 use vitreo_uq::models::effects::Library;
@@ -249,7 +249,7 @@ fn named<T: Copy>(option: &str, text: &str, all: &[T], name: impl Fn(T) -> &'sta
     all.iter().copied().find(|one| name(*one) == text).ok_or_else(|| {
         let names: Vec<&str> = all.iter().map(|one| name(*one)).collect();
         Error::input(
-            Place::option(option),
+            Place::default().at_key(option),
             format!("there is no `{text}`"),
             format!("give one of {}", names.join(", ")),
         )
@@ -263,7 +263,7 @@ fn strength(text: Option<&str>, stream: &mut RandomStream) -> Result<Strength> {
         Some(text) => match text.parse::<f64>() {
             Ok(sigma) if (0.5..=1e3).contains(&sigma) => Ok(Strength::Sigma(sigma)),
             _ => Err(Error::input(
-                Place::option("--strength"),
+                Place::setting(Setting::Strength),
                 format!("`{text}`"),
                 "give a number from 0.5 to 1000, or `prior`",
             )),
@@ -282,7 +282,7 @@ fn hidden(arguments: &NewArguments, protocol: Protocol, stream: &mut RandomStrea
         return match arguments.pair.as_slice() {
             [a, b] if a != b => Ok(Hidden::Effects(vec![a.clone(), b.clone()])),
             _ => Err(Error::input(
-                Place::option("--pair"),
+                Place::setting(Setting::Pair),
                 arguments.pair.join(","),
                 "give two different effects, as in `--pair softening,force-bias`",
             )),
@@ -351,7 +351,7 @@ fn diagnosis_of(opened: &Opened, study: Option<&Path>) -> Result<Option<Diagnosi
     let study = Study::open(&dir)?;
     if !study.inputs_sha256().values().any(|hash| *hash == opened.answer.trajectory_sha256) {
         return Err(Error::input(
-            Place::option("--study"),
+            Place::default().at_key("--study"),
             format!("{} is a study of other data", dir.display()),
             "give the study that `vitreo-uq diagnose` made of this challenge",
         ));
@@ -376,11 +376,19 @@ impl PlaysArguments {
     pub fn request(&self) -> Result<PlaysRequest> {
         if self.count > MOST_PLAYS {
             let found = format!("{} challenges", self.count);
-            return Err(Error::input(Place::option("--count"), found, format!("play at most {MOST_PLAYS} at a time")));
+            return Err(Error::input(
+                Place::setting(Setting::Count),
+                found,
+                format!("play at most {MOST_PLAYS} at a time"),
+            ));
         }
         if self.first > MOST_PLAYS {
             let found = format!("number {}", self.first);
-            return Err(Error::input(Place::option("--first"), found, format!("begin at {MOST_PLAYS} at most")));
+            return Err(Error::input(
+                Place::default().at_key("--first"),
+                found,
+                format!("begin at {MOST_PLAYS} at most"),
+            ));
         }
         let many = |texts: &[String], all: Vec<String>| if texts.is_empty() { all } else { texts.to_vec() };
         let protocols = many(&self.protocol, Protocol::ALL.map(|p| p.name().to_string()).to_vec());

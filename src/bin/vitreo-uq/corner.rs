@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use vitreo_uq::posterior::study::ModelSpecification;
 
-use vitreo_uq::base::error::{Error, Place, Result};
+use vitreo_uq::base::error::{Error, Place, Result, Setting};
 use vitreo_uq::figures::corner::{CornerOptions, ParameterColumn, Posterior, PriorCurve, corner};
 use vitreo_uq::figures::density::{Support, guessed_support, sorted};
 use vitreo_uq::figures::draws::read_draws_csv;
@@ -100,7 +100,7 @@ pub fn run(arguments: &CornerArguments) -> Result<ExitCode> {
 
 /// `NAME=VALUE` pairs.
 fn references(texts: &[String]) -> Result<BTreeMap<String, f64>> {
-    let refuse = |found: String, remedy: &str| Err(Error::input(Place::option("--reference"), found, remedy));
+    let refuse = |found: String, remedy: &str| Err(Error::input(Place::default().at_key("--reference"), found, remedy));
     let mut references = BTreeMap::new();
     for text in texts {
         let remedy = "write NAME=VALUE with a finite number, as in `--reference young_modulus_pa=3.527`";
@@ -125,7 +125,7 @@ fn refuse_unknown_references(references: &BTreeMap<String, f64>, loaded: &[Loade
     known.dedup();
     match references.keys().find(|name| !known.contains(&name.as_str())) {
         Some(unknown) => Err(Error::input(
-            Place::option("--reference"),
+            Place::default().at_key("--reference"),
             format!("no posterior has a parameter `{unknown}`"),
             format!("use one of {}", known.join(", ")),
         )),
@@ -231,7 +231,7 @@ fn place_of(out: &Path) -> Result<(PathBuf, String)> {
     let name = if is_figure { out.file_stem() } else { out.file_name() };
     let Some(stem) = name.filter(|_| !out.is_dir()) else {
         return Err(Error::input(
-            Place::option("--out"),
+            Place::setting(Setting::Out),
             format!("{} is a directory", out.display()),
             "give a file name without extension, such as `--out figures/corner`",
         ));

@@ -39,14 +39,22 @@ fn request(arguments: &DiagnoseArguments, kind: Kind, session: &Session) -> Resu
             options::check_simulations(simulations, FEWEST_SIMULATIONS_OF_EACH)?;
             if !(margin >= 0.0 && margin.is_finite()) {
                 let found = format!("a margin of {margin}");
-                return Err(Error::input(Place::option("--margin"), found, "give a fraction such as 0.2, for 20 %"));
+                return Err(Error::input(
+                    Place::default().at_key("--margin"),
+                    found,
+                    "give a fraction such as 0.2, for 20 %",
+                ));
             }
             keys = crate::groups::keys(&arguments.by)?;
         }
         Kind::Creep => {
             if !(smallest.is_finite() && smallest >= 0.0) {
                 let remedy = "give a number of noise standard deviations, as in `--smallest 0.25`";
-                return Err(Error::input(Place::option("--smallest"), format!("{smallest} is no size"), remedy));
+                return Err(Error::input(
+                    Place::default().at_key("--smallest"),
+                    format!("{smallest} is no size"),
+                    remedy,
+                ));
             }
             options::check_simulations(simulations, FEWEST_SIMULATIONS)?;
         }

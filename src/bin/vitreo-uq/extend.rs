@@ -21,7 +21,7 @@ pub fn run(arguments: &ExtendArguments) -> Result<ExitCode> {
     let is_cohort = session.kind(&arguments.others, &taken) == Kind::Cohort;
     if is_cohort && arguments.common.json.is_some() {
         let found = "every record has a document of its own, in its study";
-        return Err(Error::input(Place::option("--json"), found, "leave --json away, or extend one record"));
+        return Err(Error::input(Place::default().at_key("--json"), found, "leave --json away, or extend one record"));
     }
     let request = ExtendRequest {
         effects: named_effects(&arguments.model.with)?,

@@ -5,7 +5,7 @@ use std::process::ExitCode;
 use std::time::Instant;
 
 use clap::Args;
-use vitreo_uq::base::error::{Error, Place, Result};
+use vitreo_uq::base::error::{Error, Place, Result, Setting};
 use vitreo_uq::cohorts::cohort::{self, Key, Measurement};
 use vitreo_uq::cohorts::job::{self, GroupsRequest};
 use vitreo_uq::cohorts::summary;
@@ -187,7 +187,7 @@ pub fn run(arguments: &GroupsArguments) -> Result<ExitCode> {
 /// The keys of their names.
 pub fn keys(names: &[String]) -> Result<Vec<Key>> {
     let refuse = |found: String| {
-        Err(Error::input(Place::option("--by"), found, "group by `species`, `region` or `species,region`"))
+        Err(Error::input(Place::setting(Setting::By), found, "group by `species`, `region` or `species,region`"))
     };
     let mut keys = Vec::new();
     for name in names {
@@ -203,12 +203,12 @@ pub fn keys(names: &[String]) -> Result<Vec<Key>> {
 fn check(arguments: &GroupsArguments) -> Result<()> {
     if !(arguments.margin >= 0.0 && arguments.margin.is_finite()) {
         let found = format!("a margin of {}", arguments.margin);
-        return Err(Error::input(Place::option("--margin"), found, "give a fraction such as 0.2, for 20 %"));
+        return Err(Error::input(Place::default().at_key("--margin"), found, "give a fraction such as 0.2, for 20 %"));
     }
     if !(FEWEST_SWEEPS..=MOST_SWEEPS).contains(&arguments.sweeps) {
         let found = format!("{} sweeps", arguments.sweeps);
         let remedy = format!("give at least {FEWEST_SWEEPS} and at most {MOST_SWEEPS}");
-        return Err(Error::input(Place::option("--sweeps"), found, remedy));
+        return Err(Error::input(Place::default().at_key("--sweeps"), found, remedy));
     }
     Ok(())
 }

@@ -27,7 +27,7 @@ pub fn listen(address: IpAddr, ports: &[u16]) -> Result<(TcpListener, SocketAddr
         };
         let is_taken = error.kind() == std::io::ErrorKind::AddrInUse;
         refusal.get_or_insert(Error::input(
-            Place::option("--port"),
+            Place::default().at_key("--port"),
             format!("{address}:{port} cannot be listened on: {error}"),
             "give another port, or `--port 0` for any that is free",
         ));
@@ -35,7 +35,7 @@ pub fn listen(address: IpAddr, ports: &[u16]) -> Result<(TcpListener, SocketAddr
             break;
         }
     }
-    Err(refusal.unwrap_or_else(|| Error::input(Place::option("--port"), "no port is given", "give one")))
+    Err(refusal.unwrap_or_else(|| Error::input(Place::default().at_key("--port"), "no port is given", "give one")))
 }
 
 /// Serves until the program is ended. `router` is called inside the runtime, so that it may start tasks of its own.

@@ -29,6 +29,7 @@ mod report;
 mod sample;
 mod serve;
 mod session;
+mod settings;
 mod shapes;
 mod shapes_words;
 mod shell;
@@ -49,7 +50,7 @@ use options::{
     LadderArguments, LearnArguments, SampleArguments, SimulateArguments,
 };
 use vitreo_uq::Error;
-use vitreo_uq::base::error::Place;
+use vitreo_uq::base::error::{Place, rename_settings};
 use vitreo_uq::jobs::tasks::commands::Line;
 
 /// Bayesian uncertainty quantification for creep experiments in soft gels.
@@ -111,6 +112,7 @@ enum Command {
 }
 
 fn main() -> ExitCode {
+    rename_settings("command line", settings::option);
     let program = Program::parse();
     let how_to_go_on = how_to_go_on(&program.command);
     interrupt::watch(how_to_go_on);

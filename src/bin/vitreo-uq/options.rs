@@ -301,7 +301,7 @@ pub fn check_simulations(simulations: usize, fewest: usize) -> vitreo_uq::Result
     } else {
         return Ok(());
     };
-    Err(Error::input(Place::option("--simulations"), found, remedy))
+    Err(Error::input(Place::default().at_key("--simulations"), found, remedy))
 }
 
 /// Uses so many threads everywhere (0: as many as the environment says, or as there are cores), at most one a core: more would only get in each

@@ -16,7 +16,7 @@ pub fn check(json: Option<&Path>) -> Result<()> {
         return Ok(());
     }
     Err(Error::input(
-        Place::option("--json"),
+        Place::default().at_key("--json"),
         format!("{} cannot be written: it is a directory, or its directory does not exist", path.display()),
         "give a file in a directory that exists, or `-` for standard output",
     ))

@@ -75,7 +75,7 @@ impl ShapesArguments {
         if let Some(Some(text)) = &self.force {
             if target.is_some() || text.split(',').all(|part| part.trim().parse::<f64>().is_ok()) {
                 return Err(Error::input(
-                    Place::option("--force"),
+                    Place::default().at_key("--force"),
                     format!("`{text}` follows it, and `--force` replaces a study that was made from another input"),
                     format!("give forces in µN by `--force-un {text}`"),
                 ));
@@ -118,7 +118,8 @@ pub fn run(arguments: &ShapesArguments) -> Result<ExitCode> {
 }
 
 fn check(arguments: &ShapesArguments) -> Result<()> {
-    let refuse = |option: &str, found: String, remedy: &str| Err(Error::input(Place::option(option), found, remedy));
+    let refuse =
+        |option: &str, found: String, remedy: &str| Err(Error::input(Place::default().at_key(option), found, remedy));
     if let Some(aspect) = arguments.aspect.iter().find(|own| !(1.0..=20.0).contains(*own)) {
         return refuse("--aspect", format!("an aspect ratio of {aspect}"), "give one between 1 and 20");
     }

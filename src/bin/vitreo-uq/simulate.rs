@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::process::ExitCode;
 
-use vitreo_uq::base::error::{Error, Place, Result};
+use vitreo_uq::base::error::{Error, Place, Result, Setting};
 use vitreo_uq::base::files::{self, Content, write_json_atomically};
 use vitreo_uq::documents::posterior::PosteriorSummary;
 use vitreo_uq::documents::simulation::MeshLevel;
@@ -32,7 +32,7 @@ pub fn run(arguments: &SimulateArguments) -> Result<ExitCode> {
     let value = |(name, value): (String, Option<f64>)| match value {
         Some(value) => Ok((name, value)),
         None => Err(Error::input(
-            Place::option("--set"),
+            Place::setting(Setting::Fixed),
             format!("{name} is to be free"),
             format!("a simulation needs a value, as in `--set {name}=0.01`"),
         )),

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, ExitCode};
 
 use clap::{Args, Subcommand, ValueEnum};
-use vitreo_uq::base::error::{Error, Place, Result};
+use vitreo_uq::base::error::{Error, Place, Result, Setting};
 use vitreo_uq::cohorts::cohort;
 use vitreo_uq::documents::tasks::TaskKind;
 use vitreo_uq::jobs::tasks::commands::Line;
@@ -221,7 +221,7 @@ pub fn run(arguments: &TasksArguments, refuse_line: impl Fn(&Path, &Line) -> Res
 
 fn begin(arguments: &ListArguments) -> Result<Terminal> {
     if arguments.block == 0 {
-        return Err(Error::input(Place::option("--block"), "nothing a task", "give a positive number"));
+        return Err(Error::input(Place::default().at_key("--block"), "nothing a task", "give a positive number"));
     }
     begin_at(&arguments.place)
 }
@@ -305,7 +305,7 @@ fn go_to(list: &List) -> Result<()> {
 fn run_here(arguments: &RunTasks, list: &List, terminal: &Terminal) -> Result<ExitCode> {
     let cores = std::thread::available_parallelism().map_or(1, usize::from);
     let jobs = match arguments.jobs {
-        Some(0) => return Err(Error::input(Place::option("--jobs"), "no workers", "give a positive number")),
+        Some(0) => return Err(Error::input(Place::default().at_key("--jobs"), "no workers", "give a positive number")),
         jobs => jobs.unwrap_or(cores),
     };
     let range = part(arguments, list)?;
@@ -339,7 +339,7 @@ fn part(arguments: &RunTasks, list: &List) -> Result<Range<usize>> {
         Some((part, parts)) if parts <= 1_000_000 => submit::tasks_of_part(list.n_tasks(), part, parts),
         _ => {
             let remedy = "give the number of a part, from 0, and how many there are: `3/100`";
-            Err(Error::input(Place::option("--part"), format!("`{text}`"), remedy))
+            Err(Error::input(Place::setting(Setting::Part), format!("`{text}`"), remedy))
         }
     }
 }
@@ -384,7 +384,7 @@ fn submit(arguments: &RunTasks, list: &List, engine: Engine) -> Result<ExitCode>
         .find_map(|(option, is_given)| is_given.then_some(*option))
     {
         return Err(Error::input(
-            Place::option(option),
+            Place::default().at_key(option),
             "this is for workers on this machine",
             "leave it out; `--parts` and `--cores` say how an engine divides the list",
         ));

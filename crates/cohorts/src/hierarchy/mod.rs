@@ -33,7 +33,7 @@ pub use members::{ExperimentDensity, InterimDraws, Member};
 use random::{factor, gamma, normal_of_information, normals, wishart_of_scatter};
 
 use super::design::Design;
-use base::error::{Error, Result};
+use base::error::{Error, Result, Setting};
 use posterior::monitor::{Counter, Monitor};
 use sampling::diagnostics::ranks::BlomScores;
 use sampling::diagnostics::{DrawColumn, diagnose};
@@ -162,7 +162,7 @@ pub fn sample_population(
     monitor: &dyn Monitor,
 ) -> Result<Population> {
     if members.iter().any(Member::is_empty) {
-        return Err(Error::numerical("an experiment has no draws", "sample it longer (--steps)"));
+        return Err(Error::numerical("an experiment has no draws", format!("sample it longer ({})", Setting::Steps)));
     }
     let start = |number: usize| {
         let mut rng = ChaCha8Rng::seed_from_u64(options.seed);

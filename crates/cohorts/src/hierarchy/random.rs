@@ -4,14 +4,17 @@ use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 use rand::Rng;
 use rand_distr::{Distribution, Gamma, StandardNormal};
 
-use base::error::{Error, Result};
+use base::error::{Error, Result, Setting};
 
 /// A Cholesky factor, or why there is none.
 pub fn factor(matrix: DMatrix<f64>) -> Result<Cholesky<f64, Dyn>> {
     Cholesky::new(matrix).ok_or_else(|| {
         Error::numerical(
             "a covariance of the hierarchy lost its positive definiteness",
-            "look for an experiment whose parameters are hardly determined, or leave it out (--leave-out)",
+            format!(
+                "look for an experiment whose parameters are hardly determined, or leave it out ({})",
+                Setting::LeaveOut
+            ),
         )
     })
 }

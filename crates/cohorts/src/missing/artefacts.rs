@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use crate::artefacts::{provenance_of, refuse_other};
 use crate::cohort::Measurement;
-use base::error::{Error, Result};
+use base::error::{Error, Result, Setting};
 use base::files::{write_atomically, write_json_atomically};
 use documents::cohort::CohortDiagnosis;
 use figures::cohort::cohort;
@@ -30,11 +30,11 @@ pub fn provenance(measurements: &[Measurement], seed: u64) -> Provenance {
 /// # Errors
 /// [`Error::Input`] unless `force` is set.
 pub fn check_place(out: &Path, provenance: &Provenance, force: bool) -> Result<()> {
-    let words = (
+    let (found, remedy) = (
         "this is a diagnosis of other records",
-        "choose another directory with `--out`, or replace the diagnosis with `--force`",
+        format!("choose another directory with `{}`, or replace the diagnosis with `{}`", Setting::Out, Setting::Force),
     );
-    refuse_other(out.join(FOLDER).join(DOCUMENT), provenance, force, words)
+    refuse_other(out.join(FOLDER).join(DOCUMENT), provenance, force, (found, &remedy))
 }
 
 /// Writes the diagnosis. Returns its folder.
@@ -43,7 +43,7 @@ pub fn check_place(out: &Path, provenance: &Provenance, force: bool) -> Result<(
 /// [`Error::File`] where the file system refuses, and what figures refuse.
 pub fn write(out: &Path, diagnosis: &CohortDiagnosis, provenance: Provenance) -> Result<PathBuf> {
     let make = |dir: &Path| {
-        let remedy = "choose a writable place with `--out`";
+        let remedy = format!("choose a writable place with `{}`", Setting::Out);
         std::fs::create_dir_all(dir).map_err(|source| Error::at_path("create", dir, source, remedy))
     };
     make(out)?;

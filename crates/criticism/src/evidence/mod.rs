@@ -13,7 +13,7 @@ mod starts;
 use std::collections::BTreeMap;
 
 use super::{Candidate, Fitted, Free, Subject};
-use base::error::{Error, Place, Result};
+use base::error::{Error, Place, Result, Setting};
 use documents::diagnosis::{Answer, RefitParameter};
 use models::model::Compliance;
 use posterior::likelihood::{FittedRecord, PosteriorParts, ReducedPosterior};
@@ -77,7 +77,7 @@ impl<'a> CandidatePosterior<'a> {
     pub fn new(subject: &'a Subject, candidate: &Candidate) -> Result<Self> {
         if !candidate.columns.is_empty() {
             return Err(Error::input(
-                Place::option("--with"),
+                Place::setting(Setting::Effects),
                 "columns of free amplitude have no prior, and so no evidence",
                 "ask for the evidence of a law with effects",
             ));

@@ -10,7 +10,7 @@ use std::ops::RangeInclusive;
 
 use super::Mesh;
 use super::box_surface::{BoxSurface, layers_per_level, long_axis};
-use base::error::{Error, Result};
+use base::error::{Error, Result, Setting};
 use record::Orientation;
 
 /// Power that places of nodes are graded by. An element's error in the energy goes with its size to the power 2 · 0.54 at the rim; from 3.7 on that is
@@ -81,7 +81,10 @@ impl Cylinder {
                     Self::ASPECTS.start(),
                     Self::ASPECTS.end()
                 ),
-                "check the robot's length and diameter, or bring a Gmsh mesh with `--mesh FILE.msh`",
+                format!(
+                    "check the robot's length and diameter, or bring a Gmsh mesh with `{} FILE.msh`",
+                    Setting::Mesh
+                ),
             ));
         }
         let reach = self.length_m.hypot(self.diameter_m) / (2.0 * self.outer_radius_m);
@@ -92,7 +95,10 @@ impl Cylinder {
                     self.level,
                     Self::LARGEST_REACH
                 ),
-                "check the sizes of robot and vitreous, or bring a Gmsh mesh with `--mesh FILE.msh`",
+                format!(
+                    "check the sizes of robot and vitreous, or bring a Gmsh mesh with `{} FILE.msh`",
+                    Setting::Mesh
+                ),
             ));
         }
         Ok(())

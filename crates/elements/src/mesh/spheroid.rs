@@ -7,7 +7,7 @@ use std::ops::RangeInclusive;
 
 use super::Mesh;
 use super::box_surface::{BoxSurface, equiangular_direction, layers_per_level, long_axis};
-use base::error::{Error, Result};
+use base::error::{Error, Result, Setting};
 use record::Orientation;
 
 /// Largest step of ln r from layer to layer, at level 1.
@@ -55,7 +55,10 @@ impl Spheroid {
                     Self::ASPECTS.start(),
                     Self::ASPECTS.end()
                 ),
-                "check the robot's length and diameter, or bring a Gmsh mesh with `--mesh FILE.msh`",
+                format!(
+                    "check the robot's length and diameter, or bring a Gmsh mesh with `{} FILE.msh`",
+                    Setting::Mesh
+                ),
             ));
         }
         let is_inside = 0.5 * self.length_m < self.outer_radius_m && self.outer_radius_m.is_finite();

@@ -3,8 +3,8 @@
 use std::f64::consts::PI;
 use std::path::Path;
 
-use base::{Error, Result};
 use base::number::{Dual, Scalar};
+use base::{Error, Result};
 use elements::fe::Stiffness;
 use elements::fe::exact::SphereInContainer;
 use elements::fe::poroelastic::{CondensedPores, PoreModel, PoreSpectrum, PressureSpace, SpectrumSettings};

@@ -12,7 +12,7 @@ pub use posterior::outside::Endpoint;
 pub use protocol::{Answer, OUTSIDE};
 pub use trajectory::Trajectory;
 
-use base::error::{Error, Place, Result};
+use base::error::{Error, Place, Result, Setting};
 use posterior::prepared::PreparedModel;
 use posterior::prior::Prior;
 use protocol::Served;
@@ -40,7 +40,7 @@ impl<'a> Models<'a> {
     pub fn new(model: &'a PreparedModel) -> Result<Self> {
         if model.problem.priors.priors().is_empty() {
             return Err(Error::input(
-                Place::option("--set"),
+                Place::setting(Setting::Fixed),
                 "every parameter is fixed, so that the models have no input",
                 "leave at least one parameter free",
             ));

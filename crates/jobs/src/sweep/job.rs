@@ -2,7 +2,7 @@
 
 use super::noise_like::{LEAST_P, NoiseLike, noise_like};
 use super::problem::{SweepFit, SweepProblem};
-use base::error::{Error, Result};
+use base::error::{Error, Result, Setting};
 use base::parameter::RELATIVE_NOISE;
 use documents::oscillation::{Frequencies, OscillationMisfit, OscillationSummary};
 use documents::posterior::{ModelSummary, Warning, WarningKind};
@@ -47,7 +47,7 @@ pub fn run(problem: &SweepProblem, options: &SamplerOptions, monitor: &dyn Monit
     let outcome = sample_density(problem, &starts, options, &control)?;
     if outcome.draws.is_empty() {
         let found = format!("burn-in took all {} steps, so no draw was kept", options.max_steps);
-        return Err(Error::numerical(found, "give more steps (--steps); thousands are usual"));
+        return Err(Error::numerical(found, format!("give more steps ({}); thousands are usual", Setting::Steps)));
     }
     monitor.stage("asking whether what is left is noise");
     let columns = natural_columns(&problem.priors, &outcome);

@@ -5,7 +5,7 @@
 
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 
-use base::error::{Error, Place, Result};
+use base::error::{Error, Place, Result, Setting};
 use base::parameter::ParameterSpec;
 use documents::joint::{Agreement, JointRecord, JointSummary, LawEstimate};
 use documents::posterior::{ModelSummary, Warning, WarningKind};
@@ -80,7 +80,10 @@ impl<'a> Joint<'a> {
         }
         let n_law = of_law.priors().len();
         if members.iter().any(|member| member.priors.priors()[..n_law] != *of_law.priors()) {
-            return refuse("the records' laws have different priors".into(), "name one prior for all with --prior");
+            return refuse(
+                "the records' laws have different priors".into(),
+                &format!("name one prior for all with {}", Setting::Prior),
+            );
         }
         let named = |(number, member): (usize, &Member<'_>)| -> Vec<Prior> {
             let own = member.priors.priors()[n_law..].iter();
@@ -169,7 +172,7 @@ impl<'a> Joint<'a> {
         let outcome = sample_density(self, &starts, options, &control)?;
         if outcome.draws.is_empty() {
             let found = format!("burn-in took all {} steps, so no draw was kept", options.max_steps);
-            return Err(Error::numerical(found, "give more steps (--steps); thousands are usual"));
+            return Err(Error::numerical(found, format!("give more steps ({}); thousands are usual", Setting::Steps)));
         }
         let columns = natural_columns(priors, &outcome);
         let blom = BlomScores::new(columns.first().map_or(0, |column| column.values.len()));

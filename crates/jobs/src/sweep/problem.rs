@@ -3,7 +3,7 @@
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 
-use base::error::{Error, Place, Result};
+use base::error::{Error, Place, Result, Setting};
 use base::number::Dual;
 use base::parameter::{ParameterSpec, RELATIVE_NOISE};
 use laws::rheology::complex_modulus_pa;
@@ -89,19 +89,22 @@ impl SweepProblem {
             return Err(Error::input(Place::default().at_key("sweep"), found, remedy));
         }
         let effects = specification.effects(library);
-        let model = Model::new(specification.base, effects, scales(&sweep), &Place::option("--with"))?;
+        let model = Model::new(specification.base, effects, scales(&sweep), &Place::setting(Setting::Effects))?;
         if let Some(law) = specification.base.outside() {
             return Err(Error::input(
-                Place::option("--forward"),
+                Place::setting(Setting::Forward),
                 format!("{} answers with positions in time, and this is an oscillation", law.url()),
                 "leave it away: oscillations take laws of springs, dashpots and springpots",
             ));
         }
         if specification.noise != ModelSpecification::default().noise {
             return Err(Error::input(
-                Place::option("--noise"),
+                Place::setting(Setting::Noise),
                 "an oscillation has no rows in time, and so no terms of noise",
-                "leave --noise away: errors are the table's own, or one relative size that is learnt",
+                format!(
+                    "leave {} away: errors are the table's own, or one relative size that is learnt",
+                    Setting::Noise
+                ),
             ));
         }
         let of_errors: &[ParameterSpec] = if sweep.has_errors() { &[] } else { &[RELATIVE_NOISE] };
@@ -119,7 +122,7 @@ impl SweepProblem {
             if !spec.is_some_and(|spec| value.is_finite() && spec.support.contains(*value)) {
                 let names: Vec<&str> = all.names().collect();
                 let remedy = format!("set one of {} to a value inside its support", names.join(", "));
-                return Err(Error::input(Place::option("--set"), format!("{name} = {value}"), remedy));
+                return Err(Error::input(Place::setting(Setting::Fixed), format!("{name} = {value}"), remedy));
             }
         }
         let fixed: Vec<&str> = specification.fixed.keys().map(String::as_str).collect();
@@ -152,7 +155,7 @@ impl SweepProblem {
         }
         let slugs: Vec<&str> = self.model.effects().iter().map(|effect| effect.slug()).collect();
         Err(Error::input(
-            Place::option("--with"),
+            Place::setting(Setting::Effects),
             format!("{}: an oscillation shows effects that change the law only", slugs.join(", ")),
             "leave it out, or measure a creep record",
         ))

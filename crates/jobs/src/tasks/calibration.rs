@@ -8,7 +8,7 @@ use serde_json::json;
 
 use super::list::{List, Task, Work, not_json};
 use super::sample::{Sampling, read as read_measurement};
-use base::error::{Error, Place, Result};
+use base::error::{Error, Place, Result, Setting};
 use base::files::{refused, write_json_atomically};
 use cohorts::cohort::Measurement;
 use documents::calibration::Calibration;
@@ -50,7 +50,7 @@ struct Arguments {
 pub fn work(own: &Measurement, sampling: &Sampling, count: usize, block: usize) -> Result<Vec<Work>> {
     if !(FEWEST..=MOST).contains(&count) {
         let remedy = format!("give {FEWEST} to {MOST}; some hundred show errors that matter");
-        return Err(Error::input(Place::option("--count"), format!("{count} simulated records"), remedy));
+        return Err(Error::input(Place::setting(Setting::Count), format!("{count} simulated records"), remedy));
     }
     let (name, content_sha256) = (own.name(), content(own, sampling)?);
     let parts = (0..count).step_by(block.max(1)).map(|first| {
@@ -113,14 +113,14 @@ impl Simulator {
 fn prepared(task: &Task, arguments: &Arguments, monitor: &dyn Monitor) -> Result<Bench> {
     let Some(path) = task.paths.first() else {
         let found = format!("task {} has no path", task.task);
-        return Err(Error::input(Place::default(), found, "make the list again with `--force`"));
+        return Err(Error::input(Place::default(), found, format!("make the list again with `{}`", Setting::Force)));
     };
     let own = read_measurement(Path::new(path), &arguments.sampling, &Silent)?;
     if content(&own, &arguments.sampling)? != arguments.content_sha256 {
         return Err(Error::input(
             Place::file(&own.path),
             "this experiment, its model or its priors have changed since the list was made",
-            "make the list again with the same command and `--force`",
+            format!("make the list again with the same command and `{}`", Setting::Force),
         ));
     }
     Bench::new(own.experiment, own.specification, monitor)

@@ -13,7 +13,7 @@ use serde_json::json;
 use sha2::{Digest, Sha256};
 
 use super::list::{List, Task, Work};
-use base::error::{Error, Place, Result};
+use base::error::{Error, Place, Result, Setting};
 use base::files::{self, Content, write_atomically};
 use posterior::monitor::{Monitor, THREADS_VARIABLE, refuse_if_stopped};
 use posterior::study::sha256_hex;
@@ -105,7 +105,10 @@ pub fn run(task: &Task, monitor: &dyn Monitor) -> Result<Vec<u8>> {
         return Err(Error::input(
             Place::file(changed.0),
             "this has changed since the list was made",
-            "make the list again with the same command and `--force`: results of what did not change are used",
+            format!(
+                "make the list again with the same command and `{}`: results of what did not change are used",
+                Setting::Force
+            ),
         ));
     }
     let place = tempfile::Builder::new().prefix("vitreo-uq-task-").tempdir();
@@ -151,7 +154,9 @@ fn failure(words: &[String], code: Option<i32>, said: &str) -> Error {
     let last = lines[lines.len().saturating_sub(MOST_LINES)..].join("; ");
     let what = format!("`{}`: {}", as_line(words), last.strip_prefix("error: ").unwrap_or(&last));
     match code {
-        Some(2) => Error::input(Place::default(), what, "mend it, and make the list again with `--force`"),
+        Some(2) => {
+            Error::input(Place::default(), what, format!("mend it, and make the list again with `{}`", Setting::Force))
+        }
         Some(code) => Error::numerical(format!("{what} (exit code {code})"), "run the command by itself"),
         None => Error::numerical(format!("{what} (killed)"), "give it more memory or time"),
     }

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
-use base::error::{Error, Place, Result};
+use base::error::{Error, Place, Result, Setting};
 use base::files::{self, Content, to_json, write_together};
 use documents::tasks::{TaskKind, TaskList};
 use posterior::study::{Provenance, WithProvenance, sha256_hex};
@@ -19,8 +19,12 @@ const ID_DIGITS: usize = 24;
 /// Most tasks of a list.
 const MOST_TASKS: usize = 1_000_000;
 const REMEDY: &str = "give the directory that `vitreo-uq tasks KIND --out DIR` made";
-const DAMAGED: &str =
-    "make the list again with the same command and `--force`: results that are there are kept and used";
+fn damaged() -> String {
+    format!(
+        "make the list again with the same command and `{}`: results that are there are kept and used",
+        Setting::Force
+    )
+}
 
 /// One task: a line of `tasks.jsonl`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -63,7 +67,7 @@ impl Task {
             Error::input(
                 Place::file(LINES).at_line(self.task + 1),
                 format!("these are no arguments of this program: {error}"),
-                DAMAGED,
+                damaged(),
             )
         })
     }
@@ -151,7 +155,11 @@ impl List {
                 (false, false) => Err(Error::input(
                     Place::file(head),
                     "this is a list of other tasks: of other input, other options or another program",
-                    "choose another directory with `--out`, or replace the list with `--force` (results that are there are kept, and those of the same tasks used)",
+                    format!(
+                        "choose another directory with `{}`, or replace the list with `{}` (results that are there are kept, and those of the same tasks used)",
+                        Setting::Out,
+                        Setting::Force
+                    ),
                 )),
             };
         }
@@ -166,7 +174,7 @@ impl List {
         Err(Error::input(
             Place::file(&self.dir),
             "this is no list of tasks, and it is not empty",
-            "choose a new or empty directory with `--out`",
+            format!("choose a new or empty directory with `{}`", Setting::Out),
         ))
     }
 
@@ -182,11 +190,11 @@ impl List {
             Error::input(place, format!("this is no list of tasks of this program: {error}"), REMEDY)
         })?;
         let path = dir.join(LINES);
-        let text = files::read(&path, Content::Table, DAMAGED)?;
+        let text = files::read(&path, Content::Table, &damaged())?;
         let starts = starts(&text);
         if sha256_hex(&text) != head.body.lines_sha256 || starts.len() != head.body.tasks + 1 {
             let found = format!("these lines are not those that {HEAD} speaks of: the file was changed or cut short");
-            return Err(Error::input(Place::file(&path), found, DAMAGED));
+            return Err(Error::input(Place::file(&path), found, damaged()));
         }
         Ok(Self { dir: dir.to_path_buf(), head, text, starts })
     }
@@ -202,7 +210,10 @@ impl List {
         Err(Error::input(
             Place::file(self.dir.join(HEAD)),
             format!("this list was made by vitreo-uq {}, and this is {program}", self.head.body.program),
-            "use the program that made it; or make the list again with this one and `--force`, and all is computed again",
+            format!(
+                "use the program that made it; or make the list again with this one and `{}`, and all is computed again",
+                Setting::Force
+            ),
         ))
     }
 
@@ -239,11 +250,11 @@ impl List {
         let (Some(from), Some(to)) = (self.starts.get(number), self.starts.get(number + 1)) else {
             let found = format!("there is no task {number}");
             let remedy = format!("give a number from 0 to {}", self.n_tasks() - 1);
-            return Err(Error::input(Place::option("--task"), found, remedy));
+            return Err(Error::input(Place::setting(Setting::Task), found, remedy));
         };
         serde_json::from_slice(&self.text[*from..*to]).map_err(|error| {
             let place = Place::file(self.dir.join(LINES)).at_line(number + 1);
-            Error::input(place, format!("this is no task of this program: {error}"), DAMAGED)
+            Error::input(place, format!("this is no task of this program: {error}"), damaged())
         })
     }
 

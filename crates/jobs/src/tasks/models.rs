@@ -11,7 +11,7 @@ use serde_json::json;
 
 use super::list::{Task, Work, not_json};
 use super::sample::{Sampling, read as read_measurement};
-use base::error::{Error, Place, Result};
+use base::error::{Error, Place, Result, Setting};
 use cohorts::apparatus;
 use cohorts::cohort::Measurement;
 use models::effects::{Library, Stage};
@@ -155,14 +155,17 @@ pub fn run(task: &Task, monitor: &dyn Monitor) -> Result<Vec<u8>> {
     let Arguments { piece, content: wanted, sampling } = task.understood()?;
     let Some(path) = task.paths.first() else {
         let found = format!("task {} has no path", task.task);
-        return Err(Error::input(Place::default(), found, "make the list again with `--force`"));
+        return Err(Error::input(Place::default(), found, format!("make the list again with `{}`", Setting::Force)));
     };
     let own = read_measurement(Path::new(path), &sampling, &Silent)?;
     let has_changed = || {
         Error::input(
             Place::file(&own.path),
             "this experiment, its model or its priors have changed since the list was made",
-            "make the list again with the same command and `--force`: results of what did not change are used",
+            format!(
+                "make the list again with the same command and `{}`: results of what did not change are used",
+                Setting::Force
+            ),
         )
     };
     if piece == Piece::LargeDisplacement && content(&own) != wanted {
@@ -217,7 +220,7 @@ fn large(problem: &Problem, fe: &FiniteElements, monitor: &dyn Monitor) -> Resul
 }
 
 fn no_longer(found: &str) -> Error {
-    Error::input(Place::default(), found, "make the list again with the same command and `--force`")
+    Error::input(Place::default(), found, format!("make the list again with the same command and `{}`", Setting::Force))
 }
 
 #[derive(Deserialize)]

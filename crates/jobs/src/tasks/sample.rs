@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::json;
 
 use super::list::{Task, Work, not_json};
-use base::error::{Error, Place, Result};
+use base::error::{Error, Place, Result, Setting};
 use cohorts::apparatus::{compliance, first_alike};
 use cohorts::cohort::{self, Measurement};
 use cohorts::interim::Specimen;
@@ -127,7 +127,11 @@ impl Laboratory {
         let (pairs, rest) = task.paths.as_chunks::<2>();
         if pairs.len() != experiments.len() || !rest.is_empty() {
             let found = format!("task {} has not two paths for each experiment", task.task);
-            return Err(Error::input(Place::default(), found, "make the list again with `--force`"));
+            return Err(Error::input(
+                Place::default(),
+                found,
+                format!("make the list again with `{}`", Setting::Force),
+            ));
         }
         let mut files = Vec::new();
         for (wanted, [own, stands_for_its]) in experiments.iter().zip(pairs) {
@@ -141,7 +145,10 @@ impl Laboratory {
                 return Err(Error::input(
                     Place::file(&own.path),
                     "this experiment, its model or its priors have changed since the list was made",
-                    "make the list again with the same command and `--force`: results of what did not change are used",
+                    format!(
+                        "make the list again with the same command and `{}`: results of what did not change are used",
+                        Setting::Force
+                    ),
                 ));
             }
             let (name, bytes) =
@@ -175,7 +182,10 @@ pub fn read(path: &Path, sampling: &Sampling, monitor: &dyn Monitor) -> Result<M
         _ => Err(Error::input(
             Place::file(path),
             "this is not one experiment",
-            "give one experiment; a list of tasks is made again with the same command and `--force`",
+            format!(
+                "give one experiment; a list of tasks is made again with the same command and `{}`",
+                Setting::Force
+            ),
         )),
     }
 }

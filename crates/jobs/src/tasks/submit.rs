@@ -7,7 +7,7 @@ use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
 use super::list::{List, absolute};
-use base::error::{Error, Place, Result};
+use base::error::{Error, Place, Result, Setting};
 use base::files::{refused, write_atomically};
 
 /// Who starts the workers.
@@ -40,7 +40,7 @@ const MOST_PARTS: usize = 1_000;
 pub fn tasks_of_part(n_tasks: usize, part: usize, parts: usize) -> Result<std::ops::Range<usize>> {
     if part >= parts {
         let found = format!("part {part} of {parts}");
-        return Err(Error::input(Place::option("--part"), found, "count parts from 0: `0/10` to `9/10`"));
+        return Err(Error::input(Place::setting(Setting::Part), found, "count parts from 0: `0/10` to `9/10`"));
     }
     // Tasks and parts are at most millions, and their products far from overflowing.
     Ok(part * n_tasks / parts..(part + 1) * n_tasks / parts)
@@ -52,7 +52,7 @@ pub fn tasks_of_part(n_tasks: usize, part: usize, parts: usize) -> Result<std::o
 /// [`Error::Input`] where it is asked for none.
 pub fn n_parts(n_tasks: usize, asked_for: Option<usize>) -> Result<usize> {
     match asked_for {
-        Some(0) => Err(Error::input(Place::option("--parts"), "no parts", "give a positive number")),
+        Some(0) => Err(Error::input(Place::setting(Setting::Parts), "no parts", "give a positive number")),
         Some(parts) => Ok(parts.min(n_tasks)),
         None => Ok(n_tasks.min(MOST_PARTS)),
     }
@@ -64,9 +64,10 @@ pub fn n_parts(n_tasks: usize, asked_for: Option<usize>) -> Result<usize> {
 /// [`Error::Input`] for resources that nobody has, [`Error::File`] where the file system refuses.
 pub fn write(list: &List, program: &Path, engine: Engine, resources: Resources, parts: usize) -> Result<PathBuf> {
     let Resources { cores, minutes, memory_mib } = resources;
-    for (option, value) in [("--cores", cores as u64), ("--minutes", minutes), ("--memory-mib", memory_mib)] {
+    for (setting, value) in [(Setting::Cores, cores as u64), (Setting::Minutes, minutes), (Setting::Memory, memory_mib)]
+    {
         if value == 0 {
-            return Err(Error::input(Place::option(option), "0", "give a positive number"));
+            return Err(Error::input(Place::setting(setting), "0", "give a positive number"));
         }
     }
     let dir = absolute(list.dir())?;

@@ -39,7 +39,7 @@ impl Model {
             if let Some(reason) = barred_outside(*effect, &base).or_else(|| effect.conflict(&base)) {
                 return refuse(
                     format!("`{slug}` cannot be added to the {} law: {reason}", base.title()),
-                    "use another base law (--base), or leave the effect out",
+                    &format!("use another base law ({}), or leave the effect out", base::error::Setting::Base),
                 );
             }
             if effect.needs_finite_elements() && scales.poisson_ratio.is_none() {

@@ -7,7 +7,7 @@ use std::sync::Arc;
 use super::outside::{Ground, Outside};
 use super::problem::{Problem, TAIL_MASS};
 use crate::monitor::{Counter, Monitor};
-use base::error::{Error, Result};
+use base::error::{Error, Result, Setting};
 use laws::stages::Stepped;
 use models::model::TrainedRange;
 use models::surrogate::trajectory::{
@@ -101,7 +101,11 @@ pub fn learnt(problem: &Problem, outside: &Outside, with_load: bool, monitor: &d
                 outside.title(),
                 surface.n_points()
             ),
-            "narrow the prior (--prior), hold parameters that the data do not determine (--set), or smooth what is rough in the model",
+            format!(
+                "narrow the prior ({}), hold parameters that the data do not determine ({}), or smooth what is rough in the model",
+                Setting::Prior,
+                Setting::Fixed
+            ),
         ));
     }
     if over_noise > allowed {

@@ -8,7 +8,7 @@ use ureq::Agent;
 use ureq::http::Uri;
 
 use super::endpoint::Endpoint;
-use base::error::{Error, Place, Result};
+use base::error::{Error, Place, Result, Setting};
 
 /// How long a connection, and then an answer, is waited for.
 const CONNECTING: Duration = Duration::from_secs(10);
@@ -26,7 +26,7 @@ pub struct Client {
 }
 
 fn refuse(found: impl Into<String>, remedy: impl Into<String>) -> Error {
-    Error::input(Place::option("--forward"), found, remedy)
+    Error::input(Place::setting(Setting::Forward), found, remedy)
 }
 
 impl Client {
@@ -101,7 +101,10 @@ impl Client {
     pub fn not_finite(&self, found: &str) -> Error {
         Error::numerical(
             format!("{} answers with {found} among its positions", self.url),
-            "let the model give a number wherever the prior leads, or narrow the prior (--prior) to where it does",
+            format!(
+                "let the model give a number wherever the prior leads, or narrow the prior ({}) to where it does",
+                Setting::Prior
+            ),
         )
     }
 
@@ -136,7 +139,7 @@ impl Client {
     fn not_reached(&self, error: &dyn std::error::Error) -> Error {
         Error::numerical(
             format!("{} cannot be reached: {error}", self.url),
-            "start the server, and compare its address and port with --forward",
+            format!("start the server, and compare its address and port with {}", Setting::Forward),
         )
     }
 }
@@ -175,7 +178,7 @@ mod tests {
             ("http://gel.org#2", "no address"),
         ] {
             let message = of(url).unwrap_err().to_string();
-            assert!(message.contains(words) && message.contains("--forward"), "{url}: {message}");
+            assert!(message.contains(words) && message.contains("forward"), "{url}: {message}");
         }
     }
 

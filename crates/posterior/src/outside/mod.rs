@@ -15,7 +15,7 @@ use serde_json::{Value, json};
 use sha2::{Digest, Sha256};
 
 use super::cache;
-use base::error::{Error, Result};
+use base::error::{Error, Result, Setting};
 use client::Client;
 use laws::rheology::OutsideLaw;
 use models::model::TrainedRange;
@@ -70,7 +70,7 @@ impl Outside {
         if info.pointer("/support/Evaluate") != Some(&Value::Bool(true)) {
             return Err(Error::numerical(
                 format!("the model `{name}` at {} does not support Evaluate", client.url()),
-                "name another model with --forward-model",
+                format!("name another model with {}", Setting::ForwardModel),
             ));
         }
         let mut own = Self {
@@ -247,7 +247,10 @@ fn name_of(client: &Client, wanted: Option<&str>) -> Result<String> {
                 None => format!("{} has not one model, and none is called `{USUAL_NAME}`", client.url()),
             };
             let names = if models.is_empty() { "none".into() } else { models.join(", ") };
-            Err(Error::numerical(found, format!("name one of its models with --forward-model; it has {names}")))
+            Err(Error::numerical(
+                found,
+                format!("name one of its models with {}; it has {names}", Setting::ForwardModel),
+            ))
         }
     }
 }

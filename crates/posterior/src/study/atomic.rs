@@ -3,7 +3,7 @@
 use std::fs::{self, File, TryLockError};
 use std::path::Path;
 
-use base::error::{Error, Place, Result};
+use base::error::{Error, Place, Result, Setting};
 use base::files::{TemporaryDirectory, folder_of, refused, sync_directory, together};
 
 /// Flushes every file and directory below `path` to the disk.
@@ -111,7 +111,7 @@ impl Lock {
             Err(TryLockError::WouldBlock) => Err(Error::input(
                 Place::file(dir),
                 "another program is writing to this study",
-                "wait until it has finished, or choose another directory with `--out`",
+                format!("wait until it has finished, or choose another directory with `{}`", Setting::Out),
             )),
             // Some network file systems have no locks; a revision is still written whole or not at all there.
             Ok(()) | Err(TryLockError::Error(_)) => Ok(Self { _file: file }),

@@ -27,7 +27,7 @@ pub use provenance::{Kept, Provenance, WithProvenance, sha256_hex};
 pub use revision::RevisionWriter;
 
 use atomic::{Lock, replace_directory, sync_tree};
-use base::error::{Error, Place, Result};
+use base::error::{Error, Place, Result, Setting};
 use base::files::{self, Content, TemporaryDirectory};
 use record::{Experiment, ExperimentFiles};
 
@@ -57,7 +57,9 @@ pub const FINGERPRINTS_NAME: &str = "fingerprints.csv";
 pub const DIAGNOSIS_NAME: &str = "diagnosis.json";
 /// The file of a revision that says what extending led to.
 pub const EXTENSION_NAME: &str = "extension.json";
-const OUT_REMEDY: &str = "choose a writable place with `--out`";
+fn out_remedy() -> String {
+    format!("choose a writable place with `{}`", Setting::Out)
+}
 const INCOMPLETE_REMEDY: &str = "check that the study is complete and readable";
 const LONGEST_NAME_BYTES: usize = 80;
 /// Studies go here when no directory is named.
@@ -113,7 +115,11 @@ impl Study {
                 return Err(Error::input(
                     Place::file(dir.join(HASHES_NAME)),
                     "this directory holds a study of another input",
-                    "choose another directory with `--out`, or replace the study and all its revisions with `--force`",
+                    format!(
+                        "choose another directory with `{}`, or replace the study and all its revisions with `{}`",
+                        Setting::Out,
+                        Setting::Force
+                    ),
                 ));
             }
             let lock = Lock::acquire(dir)?;
@@ -141,7 +147,11 @@ impl Study {
         Err(Error::input(
             Place::file(dir),
             "this is not a study, and it is not empty",
-            "choose a new or empty directory with `--out`; `--force` replaces studies only",
+            format!(
+                "choose a new or empty directory with `{}`; `{}` replaces studies only",
+                Setting::Out,
+                Setting::Force
+            ),
         ))
     }
 
@@ -353,7 +363,7 @@ fn hashes_of(files: &ExperimentFiles) -> Result<BTreeMap<String, String>> {
 
 /// Builds the study in a hidden directory and moves it to its place in one step; `replace` allows that a study is there.
 fn create(dir: &Path, files: &ExperimentFiles, hashes: &BTreeMap<String, String>, replace: bool) -> Result<()> {
-    let refused = |action, path: &Path, source| Error::at_path(action, path, source, OUT_REMEDY);
+    let refused = |action, path: &Path, source| Error::at_path(action, path, source, out_remedy());
     // Behind a symbolic link the directory itself is meant, and `.` has a name only in full.
     let dir = &dir.canonicalize().unwrap_or_else(|_| dir.to_path_buf());
     let parent = base::files::folder_of(dir);
@@ -366,11 +376,11 @@ fn create(dir: &Path, files: &ExperimentFiles, hashes: &BTreeMap<String, String>
     if replace {
         return replace_directory(building, dir);
     }
-    building.move_to(dir, HASHES_NAME, OUT_REMEDY)
+    building.move_to(dir, HASHES_NAME, &out_remedy())
 }
 
 fn write_inputs(folder: &Path, files: &ExperimentFiles, hashes: &BTreeMap<String, String>) -> Result<()> {
-    let refused = |action, path: &Path, source| Error::at_path(action, path, source, OUT_REMEDY);
+    let refused = |action, path: &Path, source| Error::at_path(action, path, source, out_remedy());
     let write = |name: &str, bytes: &[u8]| -> Result<()> {
         let path = folder.join(name);
         let parent = base::files::folder_of(&path);
@@ -395,7 +405,10 @@ fn read_hashes(dir: &Path) -> Result<BTreeMap<String, String>> {
             Error::input(
                 Place::file(&path).at_line(index + 1),
                 "expected a hash, two spaces and a file name",
-                "the study's record is damaged: make the study anew with `--force` or in another place",
+                format!(
+                    "the study's record is damaged: make the study anew with `{}` or in another place",
+                    Setting::Force
+                ),
             )
         })?;
         hashes.insert(name.to_string(), hash.to_string());
@@ -411,7 +424,10 @@ fn check_copies(dir: &Path, hashes: &BTreeMap<String, String>) -> Result<()> {
             return Err(Error::input(
                 Place::file(&path),
                 "this copy has been changed since the study was made",
-                "restore it from the original, or make a new study of the changed input with `--out`",
+                format!(
+                    "restore it from the original, or make a new study of the changed input with `{}`",
+                    Setting::Out
+                ),
             ));
         }
     }
@@ -422,7 +438,9 @@ fn is_absent_or_empty(dir: &Path) -> Result<bool> {
     match std::fs::read_dir(dir) {
         Ok(mut entries) => Ok(entries.next().is_none()),
         Err(error) if error.kind() == std::io::ErrorKind::NotFound => Ok(true),
-        Err(error) => Err(Error::at_path("use", dir, error, "choose another directory with `--out`")),
+        Err(error) => {
+            Err(Error::at_path("use", dir, error, format!("choose another directory with `{}`", Setting::Out)))
+        }
     }
 }
 

@@ -8,7 +8,7 @@ use serde::Serialize;
 use super::effect_file;
 use crate::noise::NoiseModel;
 use crate::prior::PriorSet;
-use base::error::{Error, Place, Result};
+use base::error::{Error, Place, Result, Setting};
 use base::files::{self, Content, write_atomically};
 use base::parameter::{ParameterSpec, RELATIVE_NOISE};
 use base::toml_input::{Table, TomlInput, text_of};
@@ -190,7 +190,11 @@ impl ModelSpecification {
         let mut specification = self;
         let (effects, noise) = (trimmed(effects), trimmed(noise));
         if let Some(twice) = effects.iter().enumerate().find(|(i, slug)| effects[..*i].contains(slug)) {
-            return Err(Error::input(Place::option("--with"), format!("`{}` is named twice", twice.1), "name it once"));
+            return Err(Error::input(
+                Place::setting(Setting::Effects),
+                format!("`{}` is named twice", twice.1),
+                "name it once",
+            ));
         }
         for slug in named_effects(&effects)? {
             if !specification.effects.contains(&slug) {
@@ -204,7 +208,7 @@ impl ModelSpecification {
             } else if base.contains("://") {
                 base_at(base, prior.unwrap_or(&specification.prior))?
             } else {
-                base_named(base, Place::option("--base"))?
+                base_named(base, Place::setting(Setting::Base))?
             };
         }
         if !noise.is_empty() {
@@ -215,12 +219,12 @@ impl ModelSpecification {
         }
         specification.set(&assignments(set)?);
         let place = |key: &str| {
-            Place::option(match key {
-                "base" => "--base",
-                "effects" => "--with",
-                "noise" => "--noise",
-                "prior" => "--prior",
-                _ => "--set",
+            Place::setting(match key {
+                "base" => Setting::Base,
+                "effects" => Setting::Effects,
+                "noise" => Setting::Noise,
+                "prior" => Setting::Prior,
+                _ => Setting::Fixed,
             })
         };
         specification.check(&Places { of: &place }, &Library::default())?;
@@ -235,7 +239,7 @@ impl ModelSpecification {
         let assignments = assignments(set)?;
         let mut model = Self { fixed: BTreeMap::new(), ..self.clone() };
         model.set(&assignments);
-        model.check(&Places { of: &|_| Place::option("--set") }, library)?;
+        model.check(&Places { of: &|_| Place::setting(Setting::Fixed) }, library)?;
         Ok(assignments)
     }
 
@@ -395,7 +399,13 @@ fn base_of_file(file: &Path) -> Result<BaseLaw> {
         return Err(Error::input(
             Place::file(file),
             "this file holds more than a base law",
-            "keep its base alone, and give effects, noise, prior and values by --with, --noise, --prior and --set",
+            format!(
+                "keep its base alone, and give effects, noise, prior and values by {}, {}, {} and {}",
+                Setting::Effects,
+                Setting::Noise,
+                Setting::Prior,
+                Setting::Fixed
+            ),
         ));
     }
     Ok(base)
@@ -407,7 +417,7 @@ fn base_at(address: &str, prior: &str) -> Result<BaseLaw> {
     let of_noise: Vec<&str> = NoiseModel::known_parameters().map(|spec| spec.name).collect();
     let is_own = |name: &str| !name.contains('.') && !of_noise.contains(&name) && name != RELATIVE_NOISE.name;
     let parameters: Vec<_> = PriorSet::listed(prior)?.into_iter().filter(|(name, _)| is_own(name)).collect();
-    let refuse = |found: String, remedy: String| Err(Error::input(Place::option("--prior"), found, remedy));
+    let refuse = |found: String, remedy: String| Err(Error::input(Place::setting(Setting::Prior), found, remedy));
     for (k, (name, _)) in parameters.iter().enumerate() {
         if let Some((found, remedy)) = OutsideLaw::mistake(name, parameters[..k].iter().map(|(name, _)| name.as_str()))
         {
@@ -468,7 +478,7 @@ fn assignments(set: &[String]) -> Result<Assignments> {
         let (name, value) = assignment_from(assignment)?;
         if values.insert(name.clone(), value).is_some() {
             let found = format!("{name} is set twice");
-            return Err(Error::input(Place::option("--set"), found, "set each parameter once"));
+            return Err(Error::input(Place::setting(Setting::Fixed), found, "set each parameter once"));
         }
     }
     Ok(values)
@@ -476,7 +486,11 @@ fn assignments(set: &[String]) -> Result<Assignments> {
 
 fn assignment_from(text: &str) -> Result<(String, Option<f64>)> {
     let refuse = |found: String| {
-        Error::input(Place::option("--set"), found, "write NAME=VALUE, as in `--set young_modulus_pa=3.5`")
+        Error::input(
+            Place::setting(Setting::Fixed),
+            found,
+            format!("write NAME=VALUE, as in `{} young_modulus_pa=3.5`", Setting::Fixed),
+        )
     };
     let (name, value) = text.split_once('=').ok_or_else(|| refuse(format!("`{text}` has no `=`")))?;
     if value.trim() == "free" {

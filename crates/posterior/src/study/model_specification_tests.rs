@@ -106,9 +106,9 @@ fn options_are_refused_by_their_names() {
             other => panic!("{other:?}"),
         }
     };
-    assert_eq!(refused(Some("maxwell"), &[], &[], &[]), "--base");
-    assert_eq!(refused(None, &["astrology"], &[], &[]), "--with");
-    assert_eq!(refused(None, &[], &["pink"], &[]), "--noise");
+    assert_eq!(refused(Some("maxwell"), &[], &[], &[]), "base");
+    assert_eq!(refused(None, &["astrology"], &[], &[]), "effects");
+    assert_eq!(refused(None, &[], &["pink"], &[]), "noise");
     for set in [
         &["young_modulus_pa"][..],
         &["young_modulus_pa=x"],
@@ -116,7 +116,7 @@ fn options_are_refused_by_their_names() {
         &["young_modulus_pa=-1"],
         &["noise_sd_um=1", "noise_sd_um=2"],
     ] {
-        assert_eq!(refused(None, &[], &[], set), "--set");
+        assert_eq!(refused(None, &[], &[], set), "fixed");
     }
     let set = ["young_modulus_pa = 3.5".to_string()];
     let specification = ModelSpecification::from_options(None, &[], &[], Some("generic"), &set).unwrap();

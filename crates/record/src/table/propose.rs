@@ -9,7 +9,7 @@ use super::spelling::{Spelt, clock_s, counted, iso_s, split_unit, unit};
 use super::text::{Decimal, Delimiter, Encoding, cells, comment_sign, header_cells, is_aside, table_text};
 use crate::frame::{Direction, Frame, Zero, is_clearly_against, rest_m};
 use crate::trajectory::{Trajectory, is_lost};
-use base::error::{Error, Place, Result};
+use base::error::{Error, Place, Result, Setting};
 use base::units::Dimension;
 
 /// Lines that are looked at for the layout.
@@ -90,7 +90,26 @@ impl Role {
         }
     }
 
-    /// An example of the option that says its unit, of a column of that name.
+    /// The setting that says which column it is.
+    fn column_setting(self) -> Setting {
+        match self {
+            Self::Time => Setting::TimeColumn,
+            Self::Force => Setting::ForceColumn,
+            Self::Position => Setting::PositionColumn,
+            Self::Cycle => Setting::CycleColumn,
+        }
+    }
+
+    /// The setting that says its unit; a cycle has none.
+    fn unit_setting(self) -> Setting {
+        match self {
+            Self::Time => Setting::TimeUnit,
+            Self::Force => Setting::ForceUnit,
+            Self::Position | Self::Cycle => Setting::PositionUnit,
+        }
+    }
+
+    /// An example of the setting that says its unit, of a column of that name.
     fn unit_option(self, column: &str) -> String {
         let unit = match (self, counted(column)) {
             (Self::Time, None) => "s",
@@ -99,7 +118,7 @@ impl Role {
             (Self::Position | Self::Cycle, None) => "um",
             (Self::Position | Self::Cycle, Some(_)) => "\"0.65 um\"",
         };
-        format!("--unit-{} {unit}", self.name())
+        format!("{} {unit}", self.unit_setting())
     }
 
     fn unit_question(self) -> Question {
@@ -294,7 +313,7 @@ pub fn propose(file: &Path, bytes: &[u8], given: &Given, ask: Ask<'_>) -> Result
         let counts: Vec<&str> = missing.iter().filter_map(|role| Some(counted(called(*role))?.1)).collect();
         let of_counts = counts.first().map_or(String::new(), |what| format!(" where a {what} is as long as that"));
         return Err(Error::input(
-            Place::option(format!("--unit-{}", first.name())),
+            Place::setting(first.unit_setting()),
             format!("{}: the table does not say the unit of {}", file.display(), names.join(" and ")),
             format!("say it, as in `{}`{of_counts}", options.join(" ")),
         ));
@@ -305,7 +324,7 @@ pub fn propose(file: &Path, bytes: &[u8], given: &Given, ask: Ask<'_>) -> Result
         found.filter(|unit| Some(unit.dimension) == role.dimension()).ok_or_else(|| {
             let found = format!("`{}` is no unit of a {}", told(role).unwrap_or_default(), role.name());
             let remedy = format!("say it, as in `{}`", role.unit_option(called(role)));
-            Error::input(Place::option(format!("--unit-{}", role.name())), found, remedy)
+            Error::input(Place::setting(role.unit_setting()), found, remedy)
         })
     };
     let time_format = match told(Role::Time) {
@@ -459,26 +478,28 @@ impl Seen<'_> {
         by_name.or_else(|| told.parse::<usize>().ok().filter(|n| numbers.contains(n)).map(|n| n - 1))
     }
 
-    fn told(&self, option: &str, told: &str) -> Result<usize> {
+    fn told(&self, setting: Setting, told: &str) -> Result<usize> {
         self.at(told).ok_or_else(|| {
             let remedy = format!("{}; give a name or a number", self.listed());
-            Error::input(Place::option(option), format!("there is no column `{told}`"), remedy)
+            Error::input(Place::setting(setting), format!("there is no column `{told}`"), remedy)
         })
     }
 
     /// x and y as they are given.
     fn given_plane(&self) -> Result<Option<[usize; 2]>> {
+        let [x, y, position] = [Setting::XColumn, Setting::YColumn, Setting::PositionColumn];
+        let one_way = format!("give `{x}` and `{y}`, or `{position}` alone");
         match (&self.given.plane, &self.given.columns[Role::Position as usize]) {
             ([None, None], _) => Ok(None),
-            ([Some(x), Some(y)], None) => Ok(Some([self.told("--x", x)?, self.told("--y", y)?])),
+            ([Some(x), Some(y)], None) => Ok(Some([self.told(Setting::XColumn, x)?, self.told(Setting::YColumn, y)?])),
             ([x, _], None) => {
-                let missing = if x.is_none() { "--x" } else { "--y" };
+                let missing = if x.is_none() { Setting::XColumn } else { Setting::YColumn };
                 let found = "one coordinate is given without the other";
-                Err(Error::input(Place::option(missing), found, "give `--x` and `--y`, or `--position` alone"))
+                Err(Error::input(Place::setting(missing), found, one_way))
             }
             (_, Some(_)) => {
                 let found = "the position is given beside x and y";
-                Err(Error::input(Place::option("--position"), found, "give `--x` and `--y`, or `--position` alone"))
+                Err(Error::input(Place::setting(Setting::PositionColumn), found, one_way))
             }
         }
     }
@@ -508,9 +529,9 @@ impl Seen<'_> {
         {
             return Ok(Found::Plane(plane));
         }
-        let option = format!("--{}", role.name());
+        let setting = role.column_setting();
         if let Some(told) = &self.given.columns[role as usize] {
-            return self.told(&option, told).map(Found::Alone);
+            return self.told(setting, told).map(Found::Alone);
         }
         let header = self.header;
         let free = (0..header.names.len()).filter(|at| !taken.contains(at) && !header.foreign.contains(at));
@@ -537,7 +558,7 @@ impl Seen<'_> {
         let choices: Vec<String> = left.map(|at| called(at).unwrap_or_else(|| (at + 1).to_string())).collect();
         let proposal = best.first().and_then(|at| called(*at)).or_else(|| choices.first().cloned());
         let question = Question { text: format!("column of the {}", role.name()), choices, proposal };
-        match ask(&question).map(|told| self.told(&option, &told)) {
+        match ask(&question).map(|told| self.told(setting, &told)) {
             Some(at) => at.map(Found::Alone),
             None => {
                 let is_current =
@@ -547,12 +568,9 @@ impl Seen<'_> {
                 } else {
                     ""
                 };
-                let remedy = format!(
-                    "say which it is with `--{0} NAME` or its number; {1}{of_current}",
-                    role.name(),
-                    self.listed()
-                );
-                Err(Error::input(Place::option(option), found, remedy))
+                let remedy =
+                    format!("say which it is with `{setting} NAME` or its number; {}{of_current}", self.listed());
+                Err(Error::input(Place::setting(setting), found, remedy))
             }
         }
     }
@@ -612,13 +630,13 @@ mod tests {
             propose(Path::new("t.csv"), text.as_bytes(), &Given::default(), &mut |_| None).unwrap_err().to_string()
         };
         let rows = "0,1,0\n1,1,2\n2,1,3\n";
-        assert!(refused(rows).contains("--time"));
-        assert!(refused(&format!("t,F,x\n{rows}")).contains("--unit-time s --unit-force uN --unit-position um"));
-        assert!(refused(&format!("t [s],F [V],x [um]\n{rows}")).contains("--force"));
+        assert!(refused(rows).contains("`time`"));
+        assert!(refused(&format!("t,F,x\n{rows}")).contains("unit_time s unit_force uN unit_position um"));
+        assert!(refused(&format!("t [s],F [V],x [um]\n{rows}")).contains("`force`"));
         let two = refused("t [s],F [uN],position a [um],position b [um]\n0,1,0,0\n1,1,2,2\n");
         assert!(two.contains("several columns may be the position"), "{two}");
         let counts = refused("frame,F [uN],x (px)\n0,1,0\n1,1,2\n");
-        assert!(counts.contains("--unit-time \"0.05 s\" --unit-position \"0.65 um\"` where a frame"), "{counts}");
+        assert!(counts.contains("unit_time \"0.05 s\" unit_position \"0.65 um\"` where a frame"), "{counts}");
         let current = refused("t [s],coil [A],x [um]\n0,1,0\n1,1,2\n");
         assert!(current.contains("[actuation]"), "{current}");
         assert!(refused("nothing\nhere\n").contains("no two columns"));

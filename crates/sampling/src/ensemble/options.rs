@@ -1,7 +1,7 @@
 //! What a caller decides about a run.
 
 use super::moves::{Move, default_move};
-use base::error::Place;
+use base::error::{Place, Setting};
 use base::{Error, Result};
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
@@ -101,12 +101,11 @@ impl SamplerOptions {
     /// # Errors
     /// [`Error::Input`] naming the option.
     pub fn validate(&self, dimension: usize) -> Result<()> {
-        let refuse =
-            |option: &str, found: String, remedy: String| Err(Error::input(Place::option(option), found, remedy));
+        let refuse = |place: Place, found: String, remedy: String| Err(Error::input(place, found, remedy));
         let fewest = self.fewest_walkers(dimension);
         if !self.n_walkers.is_multiple_of(2) || self.n_walkers < fewest {
             return refuse(
-                "--chains",
+                Place::setting(Setting::Chains),
                 format!("{} walkers for {dimension} parameters", self.n_walkers),
                 format!(
                     "use an even number of walkers, at least {fewest} (more than twice the parameters); 32 is a good choice"
@@ -115,27 +114,39 @@ impl SamplerOptions {
         }
         if self.n_walkers > MOST_WALKERS {
             let found = format!("{} walkers", self.n_walkers);
-            return refuse("--chains", found, format!("use at most {MOST_WALKERS} walkers; 32 is a good choice"));
+            return refuse(
+                Place::setting(Setting::Chains),
+                found,
+                format!("use at most {MOST_WALKERS} walkers; 32 is a good choice"),
+            );
         }
         if self.max_steps > MOST_STEPS {
             let found = format!("{} steps", self.max_steps);
-            return refuse("--steps", found, format!("allow at most {MOST_STEPS} steps; thousands are usual"));
+            return refuse(
+                Place::setting(Setting::Steps),
+                found,
+                format!("allow at most {MOST_STEPS} steps; thousands are usual"),
+            );
         }
         if self.n_ensembles < 4 {
             let found = format!("{} ensembles", self.n_ensembles);
             return refuse(
-                "ensembles",
+                Place::default().at_key("ensembles"),
                 found,
                 "use at least 4 independent ensembles: convergence is judged between them".into(),
             );
         }
         if self.max_steps < FEWEST_STEPS {
             let found = format!("{} steps", self.max_steps);
-            return refuse("--steps", found, format!("allow at least {FEWEST_STEPS} steps; thousands are usual"));
+            return refuse(
+                Place::setting(Setting::Steps),
+                found,
+                format!("allow at least {FEWEST_STEPS} steps; thousands are usual"),
+            );
         }
         if self.store_every == Some(0) || self.max_stored_steps < 16 || !self.max_stored_steps.is_multiple_of(2) {
             return refuse(
-                "store_every",
+                Place::default().at_key("store_every"),
                 format!("keep every {:?} steps, at most {}", self.store_every, self.max_stored_steps),
                 "keep every 1 or more steps, and an even number of at least 16".into(),
             );
@@ -143,7 +154,7 @@ impl SamplerOptions {
         if !(0.0..=0.9).contains(&self.jump_fraction) {
             let found = format!("a jump fraction of {}", self.jump_fraction);
             return refuse(
-                "jump_fraction",
+                Place::default().at_key("jump_fraction"),
                 found,
                 "use 0 to 0.9: more would leave nothing to the ensemble's moves".into(),
             );

@@ -12,7 +12,7 @@ use super::walkers::{Ensemble, Kernel};
 use crate::LogDensity;
 use crate::diagnostics::ParameterDiagnostics;
 use crate::optimum::{Mode, find_modes};
-use base::error::Place;
+use base::error::{Place, Setting};
 use base::{Error, Result};
 use rayon::prelude::*;
 use std::sync::atomic::Ordering;
@@ -74,15 +74,14 @@ pub fn sample(
     options.validate(dimension)?;
     if dimension == 0 || start_points.is_empty() || start_points.iter().any(|start| start.len() != dimension) {
         return Err(Error::input(
-            Place::option("starts"),
+            Place::default().at_key("starts"),
             format!("{} starts for a log density of {dimension} parameters", start_points.len()),
             "give at least one start with one coordinate for every parameter",
         ));
     }
-    let pool = rayon::ThreadPoolBuilder::new()
-        .num_threads(options.threads)
-        .build()
-        .map_err(|error| Error::numerical(format!("no threads to be had: {error}"), "use fewer threads (--threads)"))?;
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(options.threads).build().map_err(|error| {
+        Error::numerical(format!("no threads to be had: {error}"), format!("use fewer threads ({})", Setting::Threads))
+    })?;
     pool.install(|| {
         let problem = problem(options, dimension, start_points, &control.fingerprint);
         let mut run = match control.resume {
@@ -227,7 +226,9 @@ impl<'a> Run<'a> {
             return Error::Interrupted { kept: "nothing was kept: the run had no checkpoint".into() };
         };
         match to_bytes(&self.problem, &self.course, &self.lanes).and_then(|bytes| (checkpoint.sink)(&bytes)) {
-            Ok(()) => Error::Interrupted { kept: "the sampler's state was saved: go on with --resume".into() },
+            Ok(()) => {
+                Error::Interrupted { kept: format!("the sampler's state was saved: go on with {}", Setting::Resume) }
+            }
             Err(error) => error,
         }
     }

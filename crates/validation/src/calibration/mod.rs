@@ -16,7 +16,7 @@ use serde::{Deserialize, Serialize};
 
 pub use judgement::judged;
 
-use base::error::{Error, Place, Result};
+use base::error::{Error, Place, Result, Setting};
 use documents::calibration::Simulator;
 use documents::posterior::ModelSummary;
 use models::effects::Library;
@@ -95,7 +95,7 @@ pub fn check(experiment: &Experiment, model: &ModelSpecification, options: &Samp
     posterior::sample::refuse_nothing_to_sample(&problem)?;
     if let Some((slug, field)) = problem.model.field().filter(|(_, field)| field.is_learnt_for_record()) {
         return Err(Error::input(
-            Place::option("--with"),
+            Place::setting(Setting::Effects),
             format!(
                 "{} are learnt about the law of one record, and every simulated record would take its own",
                 field.words()
@@ -211,7 +211,7 @@ impl Bench {
         }
         Err(Error::numerical(
             format!("of {MOST_DRAWN} draws from the prior none has a model for this record"),
-            "give a narrower prior (--prior), or fix what makes it fail (--set)",
+            format!("give a narrower prior ({}), or fix what makes it fail ({})", Setting::Prior, Setting::Fixed),
         ))
     }
 
@@ -241,7 +241,7 @@ fn ranked(point: &[f64], log_density: f64, outcome: &SampleOutcome) -> Result<Ra
     if places.len() < N_DRAWS {
         return Err(Error::numerical(
             format!("{} draws were kept, and {N_DRAWS} are ranked among", places.len()),
-            "give more steps (--steps) or walkers (--chains)",
+            format!("give more steps ({}) or walkers ({})", Setting::Steps, Setting::Chains),
         ));
     }
     let of = |value: &dyn Fn(&[usize; 3]) -> f64| places.iter().map(value).collect::<Vec<f64>>();
@@ -261,7 +261,7 @@ fn ranked(point: &[f64], log_density: f64, outcome: &SampleOutcome) -> Result<Ra
     });
     let z: Vec<f64> = z.collect();
     if z.iter().any(|z| !z.is_finite()) {
-        return Err(Error::numerical("the draws do not differ", "give more steps (--steps)"));
+        return Err(Error::numerical("the draws do not differ", format!("give more steps ({})", Setting::Steps)));
     }
     Ok(Ranked { ranks, z, converged: outcome.converged })
 }

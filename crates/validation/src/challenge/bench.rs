@@ -7,7 +7,7 @@ use super::motion::Motion;
 use super::protocol::WHITE_M;
 use super::strength::Strength;
 use super::{Disturbance, Hidden, HiddenEffect, NamedValue, NoiseKind, OutsideKind, Protocol, Truth};
-use base::error::{Error, Place, Result};
+use base::error::{Error, Place, Result, Setting};
 use criticism::Candidate;
 use criticism::Subject;
 use criticism::separation::{Truth as Shown, closest};
@@ -380,14 +380,14 @@ pub fn draw_pair(library: &Library, slugs: &[String], stream: &mut RandomStream)
             return Ok([slugs[a].clone(), slugs[b].clone()]);
         }
     }
-    Err(Error::input(Place::option("--pair"), "no two of these effects can stand together", "name other effects"))
+    Err(Error::input(Place::setting(Setting::Pair), "no two of these effects can stand together", "name other effects"))
 }
 
 fn not_beside() -> Error {
     Error::input(
-        Place::option("--pair"),
+        Place::setting(Setting::Pair),
         "large displacements are hidden alone",
-        "ask for `--effect large-displacement`",
+        format!("ask for `{} large-displacement`", Setting::HiddenEffect),
     )
 }
 
@@ -395,7 +395,7 @@ fn refuse_unknown(library: &Library, slugs: &[String]) -> Result<()> {
     match slugs.iter().find(|slug| library.get(slug).is_none()) {
         None => Ok(()),
         Some(unknown) => Err(Error::input(
-            Place::option("--effect"),
+            Place::setting(Setting::HiddenEffect),
             format!("there is no effect `{unknown}`"),
             "name effects that `vitreo-uq effects` lists",
         )),
@@ -404,12 +404,12 @@ fn refuse_unknown(library: &Library, slugs: &[String]) -> Result<()> {
 
 fn unsuited(kind: OutsideKind) -> Error {
     Error::input(
-        Place::option("--outside"),
+        Place::setting(Setting::Outside),
         format!(
             "`{}` is no unknown physics with the paper's protocol: with one force level it is a delay or a scale",
             kind.name()
         ),
-        "ask for `--protocol levels`, or leave the kind away",
+        format!("ask for `{} levels`, or leave the kind away", Setting::Protocol),
     )
 }
 
@@ -419,13 +419,13 @@ fn out_of_reach(order: &Order) -> Error {
         Hidden::Outside(kind) => kind.name().into(),
         _ => "this".into(),
     };
-    let (option, strength) = match order.strength {
-        Strength::Sigma(sigma) => ("--strength", format!(" by {sigma} standard deviations")),
-        Strength::Prior => ("--strength", String::new()),
-        Strength::Size(size) => ("--size", format!(" at a size of {size}")),
+    let (setting, strength) = match order.strength {
+        Strength::Sigma(sigma) => (Setting::Strength, format!(" by {sigma} standard deviations")),
+        Strength::Prior => (Setting::Strength, String::new()),
+        Strength::Size(size) => (Setting::Size, format!(" at a size of {size}")),
     };
     Error::input(
-        Place::option(option),
+        Place::setting(setting),
         format!("{what} cannot be made to show{strength} under the {} protocol", order.protocol.name()),
         "ask for less, for another effect, or for the other protocol; `vitreo-uq effects` says what an experiment can see",
     )

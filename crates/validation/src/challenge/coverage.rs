@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 
 use super::bench::FromPriors;
 use super::{Bench, NamedValue, NoiseKind, Protocol};
-use base::error::{Error, Place, Result};
+use base::error::{Error, Place, Result, Setting};
 use criticism::evidence::{EvidenceMethod, evidence};
 use criticism::refit::Refitted;
 use criticism::{Search, Subject};
@@ -104,7 +104,7 @@ const NOISES: [NoiseKind; 3] = [NoiseKind::White, NoiseKind::Ou, NoiseKind::Gain
 /// [`Error::Input`] for effects that are not of the library or never show; whatever the base model's fit refuses.
 pub fn count(bench: &Bench, request: &CoverageRequest, monitor: &dyn Monitor) -> Result<Coverage> {
     if request.count == 0 || request.effects.is_empty() {
-        return Err(Error::input(Place::option("--count"), "nothing to count", "give a number and an effect"));
+        return Err(Error::input(Place::setting(Setting::Count), "nothing to count", "give a number and an effect"));
     }
     monitor.stage(&format!("counting intervals of {} records", request.count));
     let counter = Counter::new(monitor, request.count);
@@ -194,7 +194,7 @@ fn drawn(
         }
     }
     Err(Error::input(
-        Place::option("--effect"),
+        Place::setting(Setting::HiddenEffect),
         format!("none of {MOST_DRAWS} draws of {slug} shows by {least_sigma} standard deviations"),
         "name another effect",
     ))

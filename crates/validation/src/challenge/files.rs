@@ -9,7 +9,7 @@ use super::full_order::trajectories_m;
 use super::protocol::WHITE_M;
 use super::seal::{SALT_BYTES, Sealed, open, seal};
 use super::{Bench, Noise, Order, Truth};
-use base::error::{Error, Place, Result};
+use base::error::{Error, Place, Result, Setting};
 use base::files::{self, Content, TemporaryDirectory, write_atomically, write_json_atomically};
 use posterior::monitor::Monitor;
 use posterior::study::sha256_hex;
@@ -108,11 +108,11 @@ fn make_one(case: &Case, bench: &Bench, truth: Truth, position_m: &[f64]) -> Res
 
 /// Writes the four files, all of them or none.
 fn write(dir: &Path, sealed: &Sealed, csv: &str, toml: &str) -> Result<()> {
-    const REMEDY: &str = "give another `--out`";
+    let remedy = format!("give another `{}`", Setting::Out);
     // Behind a symbolic link the directory itself is meant, and `.` has a name only in full.
     let dir = &dir.canonicalize().unwrap_or_else(|_| dir.to_path_buf());
     let parent = files::folder_of(dir);
-    std::fs::create_dir_all(parent).map_err(|source| Error::at_path("create", parent, source, REMEDY))?;
+    std::fs::create_dir_all(parent).map_err(|source| Error::at_path("create", parent, source, &*remedy))?;
     let name = dir.file_name().map_or("challenge".into(), |name| name.to_string_lossy());
     let building = TemporaryDirectory::new(if dir.is_dir() { dir } else { parent }, &name)?;
     let at = |name: &str| building.path().join(name);
@@ -120,7 +120,7 @@ fn write(dir: &Path, sealed: &Sealed, csv: &str, toml: &str) -> Result<()> {
     write_json_atomically(&at(SEALED_FILE), sealed)?;
     write_atomically(&at("trajectory.csv"), csv.as_bytes())?;
     write_atomically(&at("experiment.toml"), toml.as_bytes())?;
-    building.move_to(dir, "experiment.toml", REMEDY)
+    building.move_to(dir, "experiment.toml", &remedy)
 }
 
 /// Refuses a directory that holds anything.
@@ -136,7 +136,7 @@ pub fn check_place(dir: &Path) -> Result<()> {
         return Ok(());
     }
     Err(Error::input(
-        Place::option("--out"),
+        Place::setting(Setting::Out),
         format!("{} is not an empty directory", dir.display()),
         "give a directory that does not exist yet; a challenge replaces nothing",
     ))

@@ -7,7 +7,7 @@ use rayon::prelude::*;
 
 use super::large::{self, LargeGel, robot_of};
 use super::{ApparatusError, Bench, Truth};
-use base::error::{Error, Result};
+use base::error::{Error, Result, Setting};
 use base::files::{Content, read_if_there, write_atomically};
 use base::number::Dual;
 use elements::fe::Stiffness;
@@ -42,7 +42,12 @@ pub fn trajectories_m(
 ) -> Result<Vec<Vec<f64>>> {
     if let Some(folder) = cache {
         std::fs::create_dir_all(folder).map_err(|source| {
-            Error::at_path("create", folder, source, "give a directory that can be written with `--cache`")
+            Error::at_path(
+                "create",
+                folder,
+                source,
+                format!("give a directory that can be written with `{}`", Setting::Cache),
+            )
         })?;
     }
     // Controls share their truths: each is computed once.

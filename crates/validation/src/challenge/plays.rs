@@ -12,7 +12,7 @@ use super::play::{NamedSize, Play, Sort};
 use super::tally::{Tally, tally};
 use super::truth::joined;
 use super::{ApparatusError, Bench, Hidden, Noise, NoiseKind, Order, OutsideKind, Protocol, Strength, Truth, hideable};
-use base::error::{Error, Place, Result};
+use base::error::{Error, Place, Result, Setting};
 use criticism::Subject;
 use criticism::diagnose::{DiagnosisRequest, diagnose};
 use documents::diagnosis::{Diagnosis, VerdictKind};
@@ -169,26 +169,31 @@ pub fn run(
 /// # Errors
 /// [`Error::Input`] with the option and what to give.
 pub fn check(library: &Library, request: &PlaysRequest) -> Result<()> {
-    let refuse = |option: &str, found: String, remedy: &str| Err(Error::input(Place::option(option), found, remedy));
+    let refuse =
+        |setting: Setting, found: String, remedy: &str| Err(Error::input(Place::setting(setting), found, remedy));
     if request.count == 0 {
-        return refuse("--count", "nothing to play".into(), "give a positive number");
+        return refuse(Setting::Count, "nothing to play".into(), "give a positive number");
     }
     let is_signal = |sigma: &f64| sigma.is_finite() && (0.5..=1e3).contains(sigma);
     if request.signals_sigma.is_empty() || !request.signals_sigma.iter().all(is_signal) {
-        return refuse("--signal", format!("{:?}", request.signals_sigma), "give numbers from 0.5 to 1000");
+        return refuse(Setting::Signal, format!("{:?}", request.signals_sigma), "give numbers from 0.5 to 1000");
     }
     if let Some(unknown) = request.effects.iter().find(|slug| library.get(slug).is_none()) {
         return refuse(
-            "--effect",
+            Setting::HiddenEffect,
             format!("there is no effect `{unknown}`"),
             "name effects that `vitreo-uq effects` lists",
         );
     }
     if request.effects.len() == 1 && request.only == Some(Sort::Pair) {
-        return refuse("--effect", "a pair of one effect".into(), "name two effects at least");
+        return refuse(Setting::HiddenEffect, "a pair of one effect".into(), "name two effects at least");
     }
     if request.protocols.is_empty() || request.noises.is_empty() {
-        return refuse("--protocol", "no protocol or no noise".into(), "name one at least, or leave the options away");
+        return refuse(
+            Setting::Protocol,
+            "no protocol or no noise".into(),
+            "name one at least, or leave the options away",
+        );
     }
     Ok(())
 }

@@ -13,7 +13,7 @@ use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
 use serde::{Deserialize, Serialize};
 use tokio::sync::watch;
-use vitreo_uq::base::error::{Error, Place, Result};
+use vitreo_uq::base::error::{Error, Place, Result, Setting};
 use vitreo_uq::base::files::{self, Content};
 use vitreo_uq::posterior::study::CORNER_NAME;
 
@@ -334,14 +334,14 @@ fn commands(wish: &Wish, item: &Item, is_replaced: bool, members: &[PathBuf]) ->
             let is_slug = |slug: &String| !slug.is_empty() && !slug.starts_with('-') && slug.chars().all(is_letter);
             if wish.with.is_empty() || !wish.with.iter().all(is_slug) {
                 let remedy = "choose effects of the list";
-                return Err(Error::input(Place::option("--with"), "these are no effects' names", remedy));
+                return Err(Error::input(Place::setting(Setting::Effects), "these are no effects' names", remedy));
             }
             extended(&wish.with.join(","))
         }
         Kind::Groups => {
             if wish.with.is_empty() || !wish.with.iter().all(|key| key == "species" || key == "region") {
                 let remedy = "choose species, region, or both";
-                return Err(Error::input(Place::option("--by"), "groups are not formed by that", remedy));
+                return Err(Error::input(Place::setting(Setting::By), "groups are not formed by that", remedy));
             }
             let mut groups = words(&["groups"]);
             groups.extend(members.iter().map(|member| member.display().to_string()));

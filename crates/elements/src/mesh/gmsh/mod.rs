@@ -109,7 +109,7 @@ pub fn read_gmsh(path: impl AsRef<Path>, metres_per_unit: f64) -> Result<GmshMes
     let path = path.as_ref();
     if !(UNITS_M[0]..=UNITS_M[1]).contains(&metres_per_unit) {
         return Err(Error::input(
-            Place::option("metres_per_unit"),
+            Place::default().at_key("metres_per_unit"),
             format!("{metres_per_unit} is not a length"),
             "give the file's unit in m, 1e-3 for mm",
         ));

@@ -8,7 +8,7 @@ use rayon::prelude::*;
 use super::chart::{Surface, Trained};
 use super::clocked::Clock;
 use super::polynomial::Basis;
-use base::error::{Error, Result};
+use base::error::{Error, Result, Setting};
 use base::number::{Dual, PointScalar};
 use laws::stages::{FieldStepper, LoadNumber, LoadUnit, Spatial, Stages};
 use record::{Force, KeptForce};
@@ -120,7 +120,7 @@ impl OutsideSurface {
         let Some((basis, own)) = best else {
             return Err(Error::numerical(
                 format!("no polynomials of {} parameters could be fitted", free.len()),
-                "hold some of them at values (--set)",
+                format!("hold some of them at values ({})", Setting::Fixed),
             ));
         };
         let n_points = asked[0].len() + asked[1].len();
