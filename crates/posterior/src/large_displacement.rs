@@ -6,12 +6,13 @@ use nalgebra::{DMatrix, DVector};
 
 use base::error::Result;
 use base::number::Dual;
-use documents::posterior::{LargeDisplacement, ParameterShift, Warning, WarningKind};
+use documents::posterior::{LargeDisplacement, ParameterShift, PosteriorSummary, Warning, WarningKind};
 use elements::fe::oldroyd::{Fineness, FiniteGel, FiniteLaw, FiniteRun};
 use figures::labels::of_parameter;
 use figures::number::significant;
 use laws::stages::Stages;
-use models::effects::MOBILITY;
+use models::effects::{AMPLITUDE, MOBILITY};
+use models::surrogate::trajectory::MOST_MOBILITY;
 use record::{Apparatus, Robot, RobotShape, Vitreous};
 use sampling::diagnostics::DrawColumn;
 
@@ -25,6 +26,8 @@ pub const LEAST_RADII: f64 = 0.2;
 const WORTH_SAYING: f64 = 0.1;
 /// Share of a parameter's mean that its standard deviation may be for a shift of first order to mean something.
 const WELL_KNOWN: f64 = 0.1;
+/// A mobility whose 95 % quantile is beyond this share of the largest that is learnt lies at its end.
+const NEARLY: f64 = 0.9;
 
 /// What a gel of large strains with the posterior's mean law would do in this record; `None` where the model is more than a law around a sphere at the centre, the law is no sum of exponentials, the robot hardly
 /// moves, or its force changes too often for a run in passing.
@@ -126,8 +129,28 @@ fn sphere(apparatus: &Apparatus) -> Option<(f64, f64)> {
     }
 }
 
+/// What is said of them beside a posterior: what they would do to it, what a fitted amplitude says, and a mobility at the end of what is learnt.
+pub fn warnings(summary: &PosteriorSummary) -> Vec<Warning> {
+    let large = summary.large_displacement.as_ref();
+    let large = large.and_then(|large| warning(large, summary.heldout.noise_um));
+    let amplitude = summary.parameters.iter().find(|parameter| parameter.name == AMPLITUDE);
+    let mobility = summary.parameters.iter().find(|parameter| parameter.name == MOBILITY);
+    let interpreted = amplitude.map(|found| Warning {
+        kind: WarningKind::LargeDisplacement,
+        text: interpretation([found.mean, found.q05, found.q95], mobility.is_some()),
+        advice: "read E, c₁ and c₂ as the gel's own where the amplitude is 1, and as effective values elsewhere".into(),
+    });
+    let at_end = mobility.is_some_and(|mobility| mobility.q95 > NEARLY * MOST_MOBILITY);
+    let at_end = at_end.then(|| Warning {
+        kind: WarningKind::EdgeOfRange,
+        text: format!("the mobility of large displacements lies at the end of what is learnt, {MOST_MOBILITY}: its interval and those of the others are cut off"),
+        advice: format!("hold it at larger values (--set {MOBILITY}=0.05), and compare the errors"),
+    });
+    large.into_iter().chain(interpreted).chain(at_end).collect()
+}
+
 /// What is said of it beside a noise (µm), if it is worth saying.
-pub fn warning(found: &LargeDisplacement, noise_um: Option<f64>) -> Option<Warning> {
+fn warning(found: &LargeDisplacement, noise_um: Option<f64>) -> Option<Warning> {
     let digits = |x: f64| significant(x, 2);
     let kind = WarningKind::LargeDisplacement;
     let advice = "read the law's parameters as effective values at this amplitude, or repeat with a smaller force; other gels with the same small strains (Giesekus's, or one whose volume gives) deviate otherwise, so this is what is at stake and no correction".into();

@@ -22,8 +22,6 @@ use base::error::{Error, Place, Result, Setting};
 use base::files::write_atomically;
 use documents::posterior::*;
 use laws::rheology::BaseLaw;
-use models::effects::{AMPLITUDE, MOBILITY};
-use models::surrogate::trajectory::MOST_MOBILITY;
 use record::{Experiment, NoiseOrigin, NoiseYardstick};
 use sampling::checkpoint;
 use sampling::diagnostics::ranks::BlomScores;
@@ -41,8 +39,6 @@ const START_STREAM: u64 = u64::MAX / 2;
 const MOST_ROWS: usize = 1_200_000;
 /// Time between checkpoints.
 const CHECKPOINT_INTERVAL: std::time::Duration = std::time::Duration::from_secs(10);
-/// A mobility whose 95 % quantile is beyond this share of the largest that is learnt lies at its end.
-const NEARLY: f64 = 0.9;
 
 /// What a caller decides.
 #[derive(Clone)]
@@ -299,25 +295,8 @@ fn summarise(
     let findings =
         Findings { summary: &summary, misfit: misfit.as_ref(), sampler_messages: &messages, impossible_positions };
     summary.warnings = warnings(&findings);
-    let large = summary.large_displacement.as_ref();
-    let large = large.and_then(|large| large_displacement::warning(large, summary.heldout.noise_um));
-    summary.warnings.extend(large);
-    let amplitude = summary.parameters.iter().find(|parameter| parameter.name == AMPLITUDE);
-    let mobility = summary.parameters.iter().find(|parameter| parameter.name == MOBILITY);
-    let has_mobility = mobility.is_some();
-    let interpreted = amplitude.map(|found| Warning {
-        kind: WarningKind::LargeDisplacement,
-        text: large_displacement::interpretation([found.mean, found.q05, found.q95], has_mobility),
-        advice: "read E, c₁ and c₂ as the gel's own where the amplitude is 1, and as effective values elsewhere".into(),
-    });
-    let at_end = mobility.is_some_and(|mobility| mobility.q95 > NEARLY * MOST_MOBILITY);
-    let at_end = at_end.then(|| Warning {
-        kind: WarningKind::EdgeOfRange,
-        text: format!("the mobility of large displacements lies at the end of what is learnt, {MOST_MOBILITY}: its interval and those of the others are cut off"),
-        advice: format!("hold it at larger values (--set {MOBILITY}=0.05), and compare the errors"),
-    });
-    summary.warnings.extend(interpreted);
-    summary.warnings.extend(at_end);
+    let of_large = large_displacement::warnings(&summary);
+    summary.warnings.extend(of_large);
     summary.warnings.extend(check.n_refused.map(refused_warning));
     summary.warnings.extend(at_edge_of_box(prepared, columns));
     summary.warnings.extend(problem.finite_elements().into_iter().flat_map(|fe| fe.mesh_warnings.clone()));

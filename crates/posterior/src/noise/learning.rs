@@ -140,9 +140,11 @@ impl NoiseModel {
 
     fn with_values(self, values: &[f64], mut of: impl FnMut(&dyn NoiseTerm, &dyn LearntTerm, &[f64])) {
         let mut left = values;
-        for (term, learnt) in self.learnt_terms() {
+        for term in self.terms() {
             let (own, others) = left.split_at(term.parameters().len());
-            of(term, learnt, own);
+            if let Some(learnt) = term.learning() {
+                of(term, learnt, own);
+            }
             left = others;
         }
     }
@@ -159,5 +161,33 @@ impl NoiseModel {
     /// The value of a parameter; 0 where the model does not have it.
     pub fn value(self, values: &[f64], parameter: &ParameterSpec) -> f64 {
         self.place(parameter).map_or(0.0, |place| values[place])
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use base::error::Place;
+
+    /// Every term that is learnt gives one rule a parameter, in order, and starts inside the ends of the search.
+    #[test]
+    fn rules_go_with_the_parameters() {
+        let names: Vec<String> = NoiseModel::learnt_names().into_iter().map(String::from).collect();
+        assert_eq!(names, ["white", "ou", "gain"]);
+        let model = NoiseModel::named(&names, &Place::default()).expect("sound");
+        let scales = NoiseScales { noise_sd_um: 4.0, sample_interval_s: 0.05, cycle_s: 10.0 };
+        let learning = model.learning(&scales, false);
+        let specs: Vec<ParameterSpec> = learning.parameters.iter().map(|parameter| parameter.spec).collect();
+        assert_eq!(specs, model.parameters());
+        assert_eq!(learning.terms, ["white", "ou", "ou", "gain", "gain"]);
+        assert_eq!(learning.starts.len(), 18);
+        for start in learning.starts.iter().chain([&learning.parameters.iter().map(|own| own.ln_white).collect()]) {
+            assert_eq!(start.len(), specs.len());
+            let inside = |(own, ln): (&LearntParameter, &f64)| own.ln_ends[0] <= *ln && *ln <= own.ln_ends[1];
+            assert!(learning.parameters.iter().zip(start.iter()).all(inside), "{start:?}");
+        }
+        let values = [4.0, 2.0, 0.8, 0.005, 1.0];
+        assert_eq!(model.words(&values)[1], ["a gain of 0.50 % and an offset of 1.0 µm a cycle"]);
+        assert_eq!(model.sds_um(&values, 100.0), [4.0, 2.0, 0.5, 1.0]);
     }
 }
