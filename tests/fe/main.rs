@@ -12,6 +12,7 @@ mod patch;
 mod poroelastic;
 mod shapes;
 mod spatial;
+mod spheroids;
 mod stepping;
 mod tetrahedra;
 mod time;

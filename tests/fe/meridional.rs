@@ -2,7 +2,9 @@
 
 use std::f64::consts::PI;
 
-use vitreo_uq::elements::fe::exact::{AxialAndTransverse, SphereInContainer, spheroid_in_container};
+use crate::spheroids::{AxialAndTransverse, spheroid_in_container};
+
+use vitreo_uq::elements::fe::exact::SphereInContainer;
 use vitreo_uq::elements::fe::meridional::{
     BodyOfRevolution, Direction, Formulation, MeridionalSolution, Resolution, solve,
 };

@@ -32,7 +32,6 @@ pub mod protocol;
 pub mod rank;
 pub mod refit;
 mod request;
-pub mod score_test;
 mod screen;
 pub mod search;
 pub mod separation;
