@@ -11,6 +11,7 @@ mod init_creep;
 mod init_sweep;
 pub mod ladder;
 pub mod pages;
+#[cfg(feature = "schemas")]
 pub mod schemas;
 pub mod simulate;
 pub mod simulation_files;
