@@ -1,5 +1,8 @@
 //! Diagnosis and challenges.
 
+#[path = "../density_ratio/mod.rs"]
+mod density_ratio;
+
 mod challenge;
 mod evidence;
 mod large;

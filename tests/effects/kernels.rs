@@ -15,7 +15,7 @@ use vitreo_uq::models::effects::{EFFECTS, Effect, EffectParameter, Field, Stage}
 use vitreo_uq::models::model::{
     Compliance, Forward, FullForward, Model, ReducedForward, Response, TrainedRange, convolve_m,
 };
-use vitreo_uq::models::surrogate::trajectory::{LargeScope, LargeStepper, LargeSurface};
+use vitreo_uq::models::surrogate::trajectory::{LargeScope, LargeStepper, LargeSurface, Mobilities};
 use vitreo_uq::models::surrogate::{FieldModels, Surrogate, Training};
 use vitreo_uq::record::{Force, ForceRule, Scales};
 
@@ -135,7 +135,7 @@ fn large_stepper() -> Stepped {
         let radii_m = [BALL.robot_radius_m, BALL.outer_radius_m];
         let learnt = LargeSurface::learn(
             radii_m,
-            (&law, LargeScope { with_load: true, ..LargeScope::COMMANDED }),
+            (&law, LargeScope { mobilities: Mobilities::OLDROYD_B, with_load: true }),
             &protocol.time_s,
             protocol.force(),
             &|| (),

@@ -238,8 +238,7 @@ fn inertia_meets_basset_boussinesq() {
     }
 }
 
-/// Between the snapshots: the error is below 1e-6 of the compliance at rest. With few modes it is seen, and the indicator is above it: by Galerkin's
-/// orthogonality it is the error in the energy norm of x = 0, which every other is a part of.
+/// Between the snapshots: the error is below 1e-6 of the compliance at rest.
 #[test]
 #[ignore = "thorough"]
 fn reduced_terms_agree_with_the_full_model_between_snapshots() {
@@ -256,29 +255,20 @@ fn reduced_terms_agree_with_the_full_model_between_snapshots() {
                 (mean - splitting.reference, 1.0 / stiffness(&system, [1.0, mean]))
             })
             .collect();
-        for (tolerance, largest) in [(1e-6, 1e-6), (0.1, f64::INFINITY)] {
-            let modes = SpreadModes::new(&system, &splitting, tolerance).unwrap();
-            let mut effectivities: Vec<f64> = Vec::new();
-            for (x, full_per_m) in &between {
-                let exact = full_per_m / modes.compliance_per_m;
-                // Of the compliance at rest, or where a soft wall lets the gel go of its own.
-                let scale = exact.max(1.0);
-                let error = (exact - modes.relative_compliance(*x)).abs() / scale;
-                let indicator = modes.error_indicator(*x) / scale;
-                assert!(error < largest, "{slug}, {x:e}: {error:e}");
-                assert!(indicator > 0.99 * error - 1e-10, "{slug}, {x:e}: {indicator:e} {error:e}");
-                if error > 1e-8 {
-                    effectivities.push(indicator / error);
-                }
-            }
-            println!(
-                "{slug}, {tolerance:e}: {} terms of {} snapshots, singular values [{}], effectivities {effectivities:.1?}",
-                modes.weights.len(),
-                modes.snapshots,
-                modes.singular_values[..8].iter().map(|s| format!("{s:.1e}")).collect::<Vec<_>>().join(", ")
-            );
-            assert!(tolerance < 0.1 || !effectivities.is_empty(), "{slug}: the indicator was never put to the test");
+        let modes = SpreadModes::new(&system, &splitting, 1e-6).unwrap();
+        for (x, full_per_m) in &between {
+            let exact = full_per_m / modes.compliance_per_m;
+            // Of the compliance at rest, or where a soft wall lets the gel go of its own.
+            let scale = exact.max(1.0);
+            let error = (exact - modes.relative_compliance(*x)).abs() / scale;
+            assert!(error < 1e-6, "{slug}, {x:e}: {error:e}");
         }
+        println!(
+            "{slug}: {} terms of {} snapshots, singular values [{}]",
+            modes.weights.len(),
+            modes.snapshots,
+            modes.singular_values[..8].iter().map(|s| format!("{s:.1e}")).collect::<Vec<_>>().join(", ")
+        );
     }
 }
 

@@ -3,6 +3,7 @@
 //! A standard error of importance sampling is that of thousands of weights: 6 of them fail falsely below 1e-6. One of sequential Monte Carlo is at least
 //! that of independent particles; theirs are dependent, so that 8 of them are allowed (below 1e-4 if the true error is twice as large).
 
+use crate::density_ratio::{SavageDickey, savage_dickey};
 use std::path::Path;
 
 use nalgebra::{DMatrix, DVector};
@@ -14,7 +15,7 @@ use vitreo_uq::sampling::LogDensity;
 use vitreo_uq::sampling::ensemble::RandomStream;
 use vitreo_uq::sampling::evidence::importance::{self, ImportanceOptions, LARGEST_PARETO_K};
 use vitreo_uq::sampling::evidence::tempering::{self, TemperingOptions};
-use vitreo_uq::sampling::evidence::{Estimate, PriorCoordinates, SavageDickey, WeightedDraws, savage_dickey};
+use vitreo_uq::sampling::evidence::{Estimate, PriorCoordinates, WeightedDraws};
 use vitreo_uq::sampling::optimum::{Modes, find_modes};
 
 #[path = "../../crates/sampling/src/test_densities.rs"]

@@ -1,5 +1,8 @@
 //! Ensembles, evidence and noise against known densities.
 
+#[path = "../density_ratio/mod.rs"]
+mod density_ratio;
+
 mod creep_posterior;
 mod diagnostics;
 mod ensemble_truth;

@@ -12,3 +12,4 @@ mod groups_walk;
 mod indentation;
 mod laboratory_tables;
 mod main_job;
+mod schemas;

@@ -34,7 +34,6 @@ pub mod rank;
 pub mod refit;
 mod request;
 mod score;
-pub mod score_test;
 mod screen;
 pub mod search;
 pub mod separation;

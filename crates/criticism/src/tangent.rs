@@ -12,7 +12,6 @@ use posterior::noise::Whitening;
 /// With whitening L⁻¹ of the noise: r = L⁻¹(y − f), A = L⁻¹∂f/∂θ with a row a prior, P = I − AA⁺.
 pub struct Tangent {
     whitening: Whitening,
-    observed_rows: Vec<usize>,
     /// Orthonormal basis of the columns of A, prior rows last; one column a free coordinate.
     absorbed: DMatrix<f64>,
     /// Factor R of A = QR with its columns' norms taken out, and those norms: what turns Qᵀx into coordinates.
@@ -61,13 +60,7 @@ impl Tangent {
         let white_residual = whitening.whiten(&[residual_m]);
         residual.iter_mut().zip(&white_residual[0]).for_each(|(r, w)| *r = *w);
         prior_rows.iter().enumerate().for_each(|(row, (_, _, value))| residual[n + row] = *value);
-        let observed_rows = (0..observed_m.len()).filter(|row| observed_m[*row].is_some()).collect();
-        Ok(Self { whitening, observed_rows, absorbed, triangle, norms, residual })
-    }
-
-    /// Rows of the record that are observed, in the order of whitened vectors.
-    pub fn observed_rows(&self) -> &[usize] {
-        &self.observed_rows
+        Ok(Self { whitening, absorbed, triangle, norms, residual })
     }
 
     /// Number of whitened rows, those of priors included.
@@ -183,7 +176,7 @@ mod tests {
         let fitted = Fitted { noise, ..fitted };
         let tangent = Tangent::new(&subject, &base, &fitted).expect("derivatives");
         let record = &subject.experiment().record;
-        let rows = tangent.observed_rows();
+        let rows: Vec<usize> = (0..record.n_rows()).filter(|row| subject.fitted_m[*row].is_some()).collect();
         let covariance = DMatrix::from_fn(rows.len(), rows.len(), |i, j| {
             let (a, b) = (rows[i], rows[j]);
             let white = if a == b { 4e-6_f64.powi(2) } else { 0.0 };

@@ -5,7 +5,8 @@ use serde::{Deserialize, Serialize};
 use super::posterior::ModelSummary;
 
 /// Body of `vitreo-uq/calibration/1`.
-#[derive(Debug, Clone, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct Calibration {
     /// Specimen of the experiment.
     pub experiment: String,
@@ -34,7 +35,8 @@ pub struct Calibration {
 }
 
 /// What simulated the records.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, schemars::JsonSchema, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 #[serde(rename_all = "kebab-case")]
 pub enum Simulator {
     /// The full finite-element model: the reduced model's error is part of what is tested.
@@ -44,7 +46,8 @@ pub enum Simulator {
 }
 
 /// One quantity: where its truths rank among posterior draws.
-#[derive(Debug, Clone, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct CalibratedQuantity {
     /// Name of the parameter, with unit; or `log_density`.
     pub name: String,
@@ -71,7 +74,8 @@ pub struct CalibratedQuantity {
 }
 
 /// How many truths intervals hold.
-#[derive(Debug, Clone, Copy, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct Coverage {
     /// Share of the truths that are inside; `null` where nothing is ranked.
     pub share: Option<f64>,
@@ -80,7 +84,8 @@ pub struct Coverage {
 }
 
 /// What a calibration comes to.
-#[derive(Debug, Clone, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct CalibrationVerdict {
     /// In one word.
     pub kind: CalibrationKind,
@@ -89,7 +94,8 @@ pub struct CalibrationVerdict {
 }
 
 /// Verdicts.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, schemars::JsonSchema, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 #[serde(rename_all = "kebab-case")]
 pub enum CalibrationKind {
     /// Nothing speaks against the posteriors.

@@ -3,7 +3,8 @@
 use serde::{Deserialize, Serialize};
 
 /// Body of `vitreo-uq/check/1`.
-#[derive(Debug, Clone, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct CheckSummary {
     /// Specimen identifier.
     pub experiment: String,
@@ -14,7 +15,8 @@ pub struct CheckSummary {
 }
 
 /// What was understood of a record.
-#[derive(Debug, Clone, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct UnderstoodRecord {
     /// Rows.
     pub rows: usize,
@@ -27,7 +29,8 @@ pub struct UnderstoodRecord {
 }
 
 /// Something in the rows that contradicts their description.
-#[derive(Debug, Clone, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct Contradiction {
     /// Which kind it is.
     pub kind: String,

@@ -7,7 +7,8 @@ use super::groups::RatioVerdict;
 
 /// Body of `vitreo-uq/cohort-diagnosis/1`. Gains are in nats of log likelihood over the model without the effect; sizes count from the null of the
 /// effect's first parameter, in that parameter's unit.
-#[derive(Debug, Clone, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct CohortDiagnosis {
     /// What is said.
     pub verdict: CohortVerdict,
@@ -36,7 +37,8 @@ pub struct CohortDiagnosis {
 }
 
 /// What is said of a cohort.
-#[derive(Debug, Clone, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct CohortVerdict {
     /// `missing`, `none`, or `unexplained` where records have more in them than noise and no effect is claimed.
     pub kind: VerdictKind,
@@ -49,7 +51,8 @@ pub struct CohortVerdict {
 }
 
 /// An effect over the cohort.
-#[derive(Debug, Clone, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct CohortEffect {
     /// Slug.
     pub effect: String,
@@ -72,7 +75,8 @@ pub struct CohortEffect {
 }
 
 /// The law of sizes that fits best.
-#[derive(Debug, Clone, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct CohortSizes {
     /// Median size of records that have the effect.
     pub median: f64,
@@ -85,7 +89,8 @@ pub struct CohortSizes {
 }
 
 /// On which side of its null an effect's sizes lie.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, schemars::JsonSchema, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum SidesName {
     /// Above.
@@ -97,7 +102,8 @@ pub enum SidesName {
 }
 
 /// A record.
-#[derive(Debug, Clone, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct CohortSpecimen {
     /// Specimen.
     pub id: String,
@@ -118,7 +124,8 @@ pub struct CohortSpecimen {
 }
 
 /// What a record gains.
-#[derive(Debug, Clone, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct CohortGain {
     /// Slug.
     pub effect: String,
@@ -129,7 +136,8 @@ pub struct CohortGain {
 }
 
 /// Sizes of an effect in a group.
-#[derive(Debug, Clone, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct CohortGroup {
     /// Name; `all` where none are formed.
     pub name: String,
@@ -162,7 +170,8 @@ pub struct CohortGroup {
 }
 
 /// A ratio of two groups' mean sizes.
-#[derive(Debug, Clone, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct CohortContrast {
     /// Effect.
     pub effect: String,
@@ -193,7 +202,8 @@ pub struct CohortContrast {
 }
 
 /// A parameter of the law in a group, before and after.
-#[derive(Debug, Clone, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct CohortLaw {
     /// Group.
     pub group: String,
@@ -206,14 +216,16 @@ pub struct CohortLaw {
 }
 
 /// Errors over all records.
-#[derive(Debug, Clone, Copy, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct CohortErrors {
     /// Root mean square (µm) over the scored cycles of all records; `None` where none is held out.
     pub rmse_heldout_um: Option<f64>,
 }
 
 /// How p was found.
-#[derive(Debug, Clone, Copy, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct CohortSimulations {
     /// Simulated records of each record.
     pub of_each_record: usize,

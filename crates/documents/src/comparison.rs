@@ -3,7 +3,8 @@
 use serde::{Deserialize, Serialize};
 
 /// Body of `vitreo-uq/comparison/1`.
-#[derive(Debug, Clone, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct Comparison {
     /// Specimen identifier.
     pub experiment: String,
@@ -34,7 +35,8 @@ pub struct Comparison {
 }
 
 /// A place where the model fails.
-#[derive(Debug, Clone, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct Finding {
     /// Stable name of the look.
     #[serde(rename = "where")]
@@ -53,7 +55,8 @@ pub struct Finding {
 }
 
 /// One look.
-#[derive(Debug, Clone, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct PanelEntry {
     /// Stable name.
     #[serde(rename = "where")]
@@ -77,7 +80,8 @@ pub struct PanelEntry {
 }
 
 /// The bias in one column of a look.
-#[derive(Debug, Clone, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct Bar {
     /// Short name.
     pub label: String,
@@ -92,7 +96,8 @@ pub struct Bar {
 }
 
 /// A look that was left out.
-#[derive(Debug, Clone, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct LeftOutEntry {
     /// Stable name.
     #[serde(rename = "where")]

@@ -3,7 +3,8 @@
 use serde::{Deserialize, Serialize};
 
 /// Body of `vitreo-uq/diagnosis/1`.
-#[derive(Debug, Clone, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct Diagnosis {
     /// Specimen identifier.
     pub experiment: String,
@@ -75,7 +76,8 @@ pub fn by_reason<'a>(effects: impl Iterator<Item = (&'a str, Option<&'a str>)>) 
 }
 
 /// The conclusion.
-#[derive(Debug, Clone, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct Verdict {
     /// Of which kind it is.
     pub kind: VerdictKind,
@@ -88,7 +90,8 @@ pub struct Verdict {
 }
 
 /// Kinds of conclusion.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, schemars::JsonSchema, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 #[serde(rename_all = "lowercase")]
 pub enum VerdictKind {
     /// Effects of the library are needed.
@@ -100,7 +103,8 @@ pub enum VerdictKind {
 }
 
 /// Errors of the base model.
-#[derive(Debug, Clone, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct BaseErrors {
     /// Root mean square error of the fitted cycles, in µm.
     pub rmse_fitted_um: f64,
@@ -111,7 +115,8 @@ pub struct BaseErrors {
 }
 
 /// Errors of another model.
-#[derive(Debug, Clone, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct Errors {
     /// Root mean square error of the fitted cycles, in µm.
     pub rmse_fitted_um: f64,
@@ -123,7 +128,8 @@ pub struct Errors {
 }
 
 /// Standing of a candidate.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, schemars::JsonSchema, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 #[serde(rename_all = "lowercase")]
 pub enum Status {
     /// Part of the verdict.
@@ -139,7 +145,8 @@ pub enum Status {
 }
 
 /// One effect.
-#[derive(Debug, Clone, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct CandidateEntry {
     /// Slug.
     pub effect: String,
@@ -162,7 +169,8 @@ pub struct CandidateEntry {
 }
 
 /// A refit with an effect.
-#[derive(Debug, Clone, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct Refit {
     /// Gain in log likelihood over the base, noise estimated anew for both.
     pub gain_nats: f64,
@@ -187,7 +195,8 @@ pub struct Refit {
 }
 
 /// One answer of a posterior that gives several: a part of it, with a valley between it and the rest.
-#[derive(Debug, Clone, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct Answer {
     /// Its share of the posterior.
     pub probability: f64,
@@ -196,7 +205,8 @@ pub struct Answer {
 }
 
 /// A parameter of a refit.
-#[derive(Debug, Clone, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct RefitParameter {
     /// Name.
     pub name: String,
@@ -209,7 +219,8 @@ pub struct RefitParameter {
 }
 
 /// A pair of effects.
-#[derive(Debug, Clone, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct PairEntry {
     /// Slugs.
     pub effects: Vec<String>,
@@ -220,7 +231,8 @@ pub struct PairEntry {
 }
 
 /// The smallest size of an effect that would have been seen.
-#[derive(Debug, Clone, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct SmallestDetectable {
     /// Slug.
     pub effect: String,
@@ -229,7 +241,8 @@ pub struct SmallestDetectable {
 }
 
 /// The noise, as one way of learning shows it.
-#[derive(Debug, Clone, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct NoiseEstimate {
     /// How it was learnt: `rest records`, `short-lag differences`, `cycle-to-cycle differences` or `restricted maximum likelihood`.
     pub from: String,
@@ -242,7 +255,8 @@ pub struct NoiseEstimate {
 }
 
 /// Structure that no effect of the library explains.
-#[derive(Debug, Clone, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct UnexplainedEntry {
     /// `slip`, `vibration`, `backlash`, `cycle-locked`, …
     pub kind: String,
@@ -257,7 +271,8 @@ pub struct UnexplainedEntry {
 }
 
 /// What no effect of the library explains, all of it together.
-#[derive(Debug, Clone, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct DiscrepancyEntry {
     /// Along what it was found: `time`, `cycle_phase`, `time_since_step`, `force` or `position`.
     pub axis: String,

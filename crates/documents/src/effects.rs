@@ -5,7 +5,8 @@ use serde::{Deserialize, Serialize};
 use super::posterior::ModelSummary;
 
 /// Body of `vitreo-uq/effects/1`.
-#[derive(Debug, Clone, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct EffectsSummary {
     /// Specimen identifier.
     pub experiment: String,
@@ -18,7 +19,8 @@ pub struct EffectsSummary {
 }
 
 /// One effect.
-#[derive(Debug, Clone, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct EffectEntry {
     /// Name in commands and files.
     pub slug: String,
@@ -42,7 +44,8 @@ pub struct EffectEntry {
 }
 
 /// One parameter of an effect.
-#[derive(Debug, Clone, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct ParameterEntry {
     /// Name `slug.name`.
     pub name: String,

@@ -5,7 +5,8 @@ use serde::{Deserialize, Serialize};
 use super::posterior::{ModelSummary, ParameterSummary, Warning};
 
 /// Body of `vitreo-uq/extension/1`.
-#[derive(Debug, Clone, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct ExtensionSummary {
     /// Specimen identifier.
     pub experiment: String,
@@ -41,7 +42,8 @@ pub struct ExtensionSummary {
 }
 
 /// One of several answers: a part of the posterior, with a valley between it and the rest.
-#[derive(Debug, Clone, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct ExtensionAnswer {
     /// The parameter that the answers differ in.
     pub parameter: String,
@@ -56,7 +58,8 @@ pub struct ExtensionAnswer {
 }
 
 /// Root mean square distance of the posterior mean from the positions, by full finite elements, in µm.
-#[derive(Debug, Clone, Copy, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct Misfit {
     /// On the fitted cycles.
     pub rmse_fitted_um: f64,

@@ -7,7 +7,8 @@ use serde::{Deserialize, Serialize};
 use super::posterior::{ModelSummary, Warning};
 
 /// Body of `vitreo-uq/fit/1`.
-#[derive(Debug, Clone, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct FitSummary {
     /// Specimen identifier.
     pub experiment: String,
@@ -53,7 +54,8 @@ impl FitSummary {
 }
 
 /// Estimate of one parameter, in the unit of its name.
-#[derive(Debug, Clone, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct FittedParameter {
     /// Name, with unit.
     pub name: String,

@@ -5,7 +5,8 @@ use serde::{Deserialize, Serialize};
 use super::posterior::Warning;
 
 /// Body of `vitreo-uq/groups/1`. Ratios are of groups' typical (median) specimens.
-#[derive(Debug, Clone, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct GroupsSummary {
     /// What groups were formed by.
     pub by: Vec<String>,
@@ -51,7 +52,8 @@ impl GroupsSummary {
 }
 
 /// Median and central 90 % of a quantity.
-#[derive(Debug, Clone, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct IntervalSummary {
     /// The parameter that it belongs to.
     pub name: String,
@@ -64,7 +66,8 @@ pub struct IntervalSummary {
 }
 
 /// A group.
-#[derive(Debug, Clone, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct GroupSummary {
     /// Levels of the keys, joined by a comma.
     pub name: String,
@@ -79,7 +82,8 @@ pub struct GroupSummary {
 }
 
 /// A parameter of a group.
-#[derive(Debug, Clone, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct GroupParameter {
     /// Name.
     pub name: String,
@@ -102,7 +106,8 @@ pub struct GroupParameter {
 }
 
 /// A ratio of two groups.
-#[derive(Debug, Clone, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct ContrastSummary {
     /// Parameter.
     pub parameter: String,
@@ -131,7 +136,8 @@ pub struct ContrastSummary {
 }
 
 /// A specimen in a group.
-#[derive(Debug, Clone, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct SpecimenSummary {
     /// Name.
     pub name: String,
@@ -144,7 +150,8 @@ pub struct SpecimenSummary {
 }
 
 /// A parameter of a specimen.
-#[derive(Debug, Clone, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct SpecimenParameter {
     /// Name.
     pub name: String,
@@ -155,7 +162,8 @@ pub struct SpecimenParameter {
 }
 
 /// An experiment.
-#[derive(Debug, Clone, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct ExperimentSummary {
     /// Name of its directory.
     pub name: String,
@@ -182,7 +190,8 @@ pub struct ExperimentSummary {
 }
 
 /// Predicted creep.
-#[derive(Debug, Clone, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct CreepSummary {
     /// Times in s.
     pub time_s: Vec<f64>,
@@ -191,7 +200,8 @@ pub struct CreepSummary {
 }
 
 /// How the population was sampled.
-#[derive(Debug, Clone, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct PopulationSampler {
     /// Chains.
     pub chains: usize,
@@ -204,7 +214,8 @@ pub struct PopulationSampler {
 }
 
 /// What can be said of a ratio in view of the margin.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, schemars::JsonSchema, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum RatioVerdict {
     /// Above 1 + margin, with a probability of 95 %.
@@ -218,7 +229,8 @@ pub enum RatioVerdict {
 }
 
 /// What to expect of measuring more.
-#[derive(Debug, Clone, Copy, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct Plan {
     /// Smallest number of new specimens a group that settles the question with a chance of 80 %; `None` if 512 do not.
     pub specimens_per_group: Option<u32>,
@@ -227,7 +239,8 @@ pub struct Plan {
 }
 
 /// Creep compliance of a group: times, and at each the median and central 90 % of the typical specimen and of a new one.
-#[derive(Debug, Clone, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct CreepPrediction {
     /// Median of the typical specimen's creep compliance, in 1/Pa.
     pub median_per_pa: Vec<f64>,
@@ -245,7 +258,8 @@ pub struct CreepPrediction {
 }
 
 /// A published value.
-#[derive(Debug, Clone, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct Published {
     /// Parameter.
     pub parameter: String,
@@ -260,7 +274,8 @@ pub struct Published {
 }
 
 /// A scale's name in documents.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, schemars::JsonSchema, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum ScaleName {
     /// ln x.

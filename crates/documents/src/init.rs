@@ -3,7 +3,8 @@
 use serde::{Deserialize, Serialize};
 
 /// Body of `vitreo-uq/init/1`.
-#[derive(Debug, Clone, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct InitSummary {
     /// The directory that was written.
     pub directory: String,
@@ -24,7 +25,8 @@ pub struct InitSummary {
 }
 
 /// One column.
-#[derive(Debug, Clone, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct InitColumn {
     /// time, force, position, position_x, position_y or cycle; frequency, storage, loss, modulus or phase.
     pub role: String,

@@ -5,7 +5,8 @@ use serde::{Deserialize, Serialize};
 use super::posterior::{ModelSummary, ParameterSummary, SamplerSummary, Warning};
 
 /// Body of `vitreo-uq/joint/1`.
-#[derive(Debug, Clone, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct JointSummary {
     /// The model, with the noise of every record.
     pub model: ModelSummary,
@@ -31,7 +32,8 @@ impl JointSummary {
 }
 
 /// One record.
-#[derive(Debug, Clone, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct JointRecord {
     /// Specimen identifier.
     pub id: String,
@@ -42,7 +44,8 @@ pub struct JointRecord {
 }
 
 /// A parameter of the law at one record's best fit.
-#[derive(Debug, Clone, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct LawEstimate {
     /// Name, with unit.
     pub name: String,
@@ -55,7 +58,8 @@ pub struct LawEstimate {
 }
 
 /// A law for each record against one for all.
-#[derive(Debug, Clone, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct Agreement {
     /// Twice the difference of the log-likelihoods.
     pub statistic: f64,

@@ -5,7 +5,8 @@ use serde::{Deserialize, Serialize};
 use super::posterior::{ModelSummary, ParameterSummary, Warning, WarningKind};
 
 /// Body of `vitreo-uq/ladder/1`.
-#[derive(Debug, Clone, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct LadderSummary {
     /// Specimen identifier.
     pub experiment: String,
@@ -26,7 +27,8 @@ pub struct LadderSummary {
 }
 
 /// A revision.
-#[derive(Debug, Clone, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct Rung {
     /// Its name.
     pub revision: String,
@@ -69,7 +71,8 @@ pub struct Rung {
 }
 
 /// A parameter of a revision.
-#[derive(Debug, Clone, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct RungParameter {
     /// Name, with unit.
     pub name: String,
@@ -93,7 +96,8 @@ impl From<ParameterSummary> for RungParameter {
 }
 
 /// How far the missing effects had bent a parameter of the law.
-#[derive(Debug, Clone, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct Shift {
     /// Name of the parameter.
     pub name: String,

@@ -3,7 +3,8 @@
 use serde::{Deserialize, Serialize};
 
 /// Body of `vitreo-uq/learned/1`.
-#[derive(Debug, Clone, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct Learned {
     /// Specimen identifier.
     pub experiment: String,
@@ -39,7 +40,8 @@ pub struct Learned {
 }
 
 /// The conclusion.
-#[derive(Debug, Clone, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct LearnedVerdict {
     /// Whether anything was learnt.
     pub kind: LearnedKind,
@@ -56,7 +58,8 @@ pub struct LearnedVerdict {
 }
 
 /// Whether anything was learnt.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, schemars::JsonSchema, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum LearnedKind {
     /// Something was.
@@ -66,7 +69,8 @@ pub enum LearnedKind {
 }
 
 /// A pair of a quantity and a state.
-#[derive(Debug, Clone, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct EquivalentPair {
     /// What depends.
     pub quantity: String,
@@ -75,7 +79,8 @@ pub struct EquivalentPair {
 }
 
 /// A learnt function.
-#[derive(Debug, Clone, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct LearnedFunction {
     /// Unit of the state.
     pub state_unit: String,
@@ -90,7 +95,8 @@ pub struct LearnedFunction {
 }
 
 /// The quantity that depends, at the reference state, in its parameter's unit.
-#[derive(Debug, Clone, Copy, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct QuantityAtReference {
     /// Median.
     pub value: f64,
@@ -101,7 +107,8 @@ pub struct QuantityAtReference {
 }
 
 /// A value of the function: the quantity over what it is at the reference state.
-#[derive(Debug, Clone, Copy, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct LearnedPoint {
     /// State.
     pub state: f64,
@@ -114,7 +121,8 @@ pub struct LearnedPoint {
 }
 
 /// A formula.
-#[derive(Debug, Clone, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct LearnedFormula {
     /// The formula, of the state and the parameters.
     pub text: String,
@@ -143,7 +151,8 @@ impl LearnedFormula {
 }
 
 /// A parameter of a formula.
-#[derive(Debug, Clone, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct FormulaParameter {
     /// Name.
     pub name: String,
@@ -158,7 +167,8 @@ pub struct FormulaParameter {
 }
 
 /// A retardation beside the law.
-#[derive(Debug, Clone, Copy, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct Retardation {
     /// Its time in s.
     pub time_s: f64,
@@ -167,7 +177,8 @@ pub struct Retardation {
 }
 
 /// Errors of one model.
-#[derive(Debug, Clone, Copy, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct LearnedErrors {
     /// Root mean square over the fitted cycles.
     pub rmse_fitted_um: f64,
@@ -176,7 +187,8 @@ pub struct LearnedErrors {
 }
 
 /// A pair that was looked at.
-#[derive(Debug, Clone, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct LearnedPair {
     /// What depends.
     pub quantity: String,

@@ -5,7 +5,8 @@ use serde::{Deserialize, Serialize};
 use super::learned::EquivalentPair;
 
 /// Body of `vitreo-uq/learned-cohort/1`.
-#[derive(Debug, Clone, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct LearnedCohort {
     /// What is concluded.
     pub verdict: LearnedCohortVerdict,
@@ -34,7 +35,8 @@ pub struct LearnedCohort {
 }
 
 /// The conclusion.
-#[derive(Debug, Clone, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct LearnedCohortVerdict {
     /// Whether anything was learnt, and confirmed.
     pub kind: LearnedCohortKind,
@@ -43,7 +45,8 @@ pub struct LearnedCohortVerdict {
 }
 
 /// Whether anything was learnt, and confirmed.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, schemars::JsonSchema, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum LearnedCohortKind {
     /// Something was learnt, and records that had no part in it have it.
@@ -55,7 +58,8 @@ pub enum LearnedCohortKind {
 }
 
 /// A formula for all records, each with parameters of its own.
-#[derive(Debug, Clone, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct CohortFormula {
     /// Of the state and the parameters, SI units.
     pub text: String,
@@ -70,7 +74,8 @@ pub struct CohortFormula {
 }
 
 /// A record that was learnt from.
-#[derive(Debug, Clone, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct LearntFrom {
     /// Name of the record.
     pub experiment: String,
@@ -81,7 +86,8 @@ pub struct LearntFrom {
 }
 
 /// A record that the formula was tried on.
-#[derive(Debug, Clone, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct ConfirmedOn {
     /// Name of the record.
     pub experiment: String,
@@ -96,7 +102,8 @@ pub struct ConfirmedOn {
 }
 
 /// A pair over all records that were learnt from.
-#[derive(Debug, Clone, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct CohortPair {
     /// What depends.
     pub quantity: String,

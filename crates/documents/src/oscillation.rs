@@ -6,7 +6,8 @@ use super::diagnosis::Verdict;
 use super::posterior::{ModelSummary, ParameterSummary, SamplerSummary, Warning};
 
 /// Body of `vitreo-uq/oscillation/1`.
-#[derive(Debug, Clone, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct OscillationSummary {
     /// Specimen identifier.
     pub experiment: String,
@@ -36,7 +37,8 @@ impl OscillationSummary {
 }
 
 /// The frequencies of an oscillation.
-#[derive(Debug, Clone, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct Frequencies {
     /// Frequencies that were fitted.
     pub fitted: usize,
@@ -49,7 +51,8 @@ pub struct Frequencies {
 }
 
 /// What a model leaves of an oscillation.
-#[derive(Debug, Clone, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct OscillationMisfit {
     /// Root mean square distance of G′ and G″ from the model, over |G*|, fitted frequencies.
     pub relative_fitted: f64,
@@ -67,7 +70,8 @@ pub struct OscillationMisfit {
 }
 
 /// Body of `vitreo-uq/oscillation-diagnosis/1`.
-#[derive(Debug, Clone, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct OscillationDiagnosis {
     /// Specimen identifier.
     pub experiment: String,
@@ -86,7 +90,8 @@ pub struct OscillationDiagnosis {
 }
 
 /// An effect that was tried.
-#[derive(Debug, Clone, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct OscillationCandidate {
     /// Its slug.
     pub effect: String,
@@ -101,7 +106,8 @@ pub struct OscillationCandidate {
 }
 
 /// A fitted parameter.
-#[derive(Debug, Clone, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct OscillationEstimate {
     /// Name, with unit.
     pub name: String,

@@ -4,7 +4,8 @@ use laws::rheology::OUTSIDE;
 use serde::{Deserialize, Serialize};
 
 /// Body of `vitreo-uq/posterior/1`. Figures that do not apply (an instrument has no finite elements) are `null`.
-#[derive(Debug, Clone, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct PosteriorSummary {
     /// Specimen identifier.
     pub experiment: String,
@@ -33,7 +34,8 @@ pub struct PosteriorSummary {
 }
 
 /// What a gel of the posterior's law does whose strains may be large, beside the linear model (physics §7.6).
-#[derive(Debug, Clone, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct LargeDisplacement {
     /// Farthest that the robot comes from its start in the fitted cycles, in its radii.
     pub farthest_radii: f64,
@@ -46,7 +48,8 @@ pub struct LargeDisplacement {
 }
 
 /// A parameter that is found away from the gel's own.
-#[derive(Debug, Clone, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct ParameterShift {
     /// Name, with unit.
     pub name: String,
@@ -57,7 +60,8 @@ pub struct ParameterShift {
 }
 
 /// The model that was fitted.
-#[derive(Debug, Clone, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct ModelSummary {
     /// Base law.
     pub base: String,
@@ -89,7 +93,8 @@ impl ModelSummary {
 }
 
 /// Posterior of one parameter, in the unit of its name.
-#[derive(Debug, Clone, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct ParameterSummary {
     /// Name, with unit.
     pub name: String,
@@ -119,7 +124,8 @@ pub struct ParameterSummary {
 }
 
 /// How the draws were made.
-#[derive(Debug, Clone, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct SamplerSummary {
     /// Walkers of one ensemble.
     pub walkers: usize,
@@ -138,7 +144,8 @@ pub struct SamplerSummary {
 }
 
 /// How good the reduced model is.
-#[derive(Debug, Clone, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct SurrogateSummary {
     /// Modes kept.
     pub modes: Option<usize>,
@@ -155,7 +162,8 @@ pub struct SurrogateSummary {
 }
 
 /// How the posterior predicts the held-out cycles.
-#[derive(Debug, Clone, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct HeldoutSummary {
     /// The cycles that were fitted.
     pub fitted_cycles: Vec<u32>,
@@ -194,7 +202,8 @@ pub struct HeldoutSummary {
 }
 
 /// Where the uncertainty of a predicted position comes from, in µm.
-#[derive(Debug, Clone, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct ErrorBudget {
     /// Learnt noise from row to row, posterior median.
     pub noise: f64,
@@ -207,7 +216,8 @@ pub struct ErrorBudget {
 }
 
 /// Something that the user should know, with advice.
-#[derive(Debug, Clone, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct Warning {
     /// Which.
     pub kind: WarningKind,
@@ -218,7 +228,8 @@ pub struct Warning {
 }
 
 /// Kinds of warnings.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, schemars::JsonSchema, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 #[serde(rename_all = "snake_case")]
 #[non_exhaustive]
 pub enum WarningKind {

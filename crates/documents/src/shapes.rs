@@ -5,7 +5,8 @@ use serde::{Deserialize, Serialize};
 use super::posterior::Warning;
 
 /// Body of `vitreo-uq/shapes/1`.
-#[derive(Debug, Clone, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct ShapesSummary {
     /// Poisson ratio of the gel.
     pub poisson_ratio: f64,
@@ -41,7 +42,8 @@ pub struct ShapesSummary {
 }
 
 /// One body.
-#[derive(Debug, Clone, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct BodySummary {
     /// What it is.
     pub shape: Shape,
@@ -72,7 +74,8 @@ pub struct BodySummary {
 }
 
 /// A three-dimensional mesh.
-#[derive(Debug, Clone, Copy, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct MeshSummary {
     /// Unknowns of the quarter model.
     pub unknowns: usize,
@@ -83,7 +86,8 @@ pub struct MeshSummary {
 }
 
 /// The bodies of one aspect ratio in one gel under one force.
-#[derive(Debug, Clone, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct SweepSummary {
     /// Length to diameter.
     pub aspect: f64,
@@ -101,7 +105,8 @@ pub struct SweepSummary {
 }
 
 /// The body of the user's own mesh.
-#[derive(Debug, Clone, Copy, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct OwnBody {
     /// Surface of the body that the mesh goes around, in mm².
     pub surface_area_mm2: f64,
@@ -120,7 +125,8 @@ pub struct OwnBody {
 }
 
 /// Posterior of a displacement, in µm.
-#[derive(Debug, Clone, Copy, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct Displacement {
     /// Median.
     pub median: f64,
@@ -131,7 +137,8 @@ pub struct Displacement {
 }
 
 /// What a body has in common with the sphere.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, schemars::JsonSchema, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum SizeRule {
     /// Its volume (Fig. 7).
@@ -154,7 +161,8 @@ impl SizeRule {
 }
 
 /// A kind of body.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, schemars::JsonSchema, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum Shape {
     /// The reference.
@@ -177,7 +185,8 @@ impl Shape {
 }
 
 /// A claim of the paper, or the converse of a comparison that it makes.
-#[derive(Debug, Clone, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct Claim {
     /// What is claimed.
     pub claim: String,
@@ -190,7 +199,8 @@ pub struct Claim {
 }
 
 /// What is to be said of a claim.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, schemars::JsonSchema, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub enum ClaimVerdict {
     /// It is so.
     #[serde(rename = "holds")]
@@ -204,7 +214,8 @@ pub enum ClaimVerdict {
 }
 
 /// The longest robot of a shape, at the volume of the sphere and under the same force.
-#[derive(Debug, Clone, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct LongestRobot {
     /// Which shape.
     pub shape: Shape,
@@ -221,7 +232,8 @@ pub struct LongestRobot {
 }
 
 /// Bodies along the force over one hold, in fluids of the law whose strains may be large: Oldroyd-B, and Giesekus's of a mobility.
-#[derive(Debug, Clone, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct LargeStrains {
     /// Mobility of the other fluid.
     pub other_mobility: f64,
@@ -232,7 +244,8 @@ pub struct LargeStrains {
 }
 
 /// A body along the force, as far as the mesh follows it.
-#[derive(Debug, Clone, Copy, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct LargeShape {
     /// What it is.
     pub shape: Shape,
@@ -259,7 +272,8 @@ pub struct LargeShape {
 }
 
 /// Elastic robots of one modulus.
-#[derive(Debug, Clone, Copy, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct ElasticRecord {
     /// The robot's Young's modulus over the gel's.
     pub modulus_ratio: f64,
@@ -268,7 +282,8 @@ pub struct ElasticRecord {
 }
 
 /// A candidate's record over the sweep.
-#[derive(Debug, Clone, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct PredictorRecord {
     /// In words.
     pub predictor: String,

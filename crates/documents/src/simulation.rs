@@ -5,7 +5,8 @@ use serde::{Deserialize, Serialize};
 use super::posterior::Warning;
 
 /// Body of `vitreo-uq/simulation/1`.
-#[derive(Debug, Clone, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct SimulationSummary {
     /// Specimen identifier of the experiment whose protocol was run.
     pub experiment: String,
@@ -32,7 +33,8 @@ pub struct SimulationSummary {
 }
 
 /// Value of one parameter of the law.
-#[derive(Debug, Clone, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct SimulationParameter {
     /// Name, with unit.
     pub name: String,
@@ -43,7 +45,8 @@ pub struct SimulationParameter {
 }
 
 /// One line of the convergence table.
-#[derive(Debug, Clone, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct MeshLevel {
     /// Level 1, 2, 3, …; the element size goes with its inverse.
     pub level: usize,

@@ -3,7 +3,8 @@
 use serde::{Deserialize, Serialize};
 
 /// What a list's tasks do.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, schemars::JsonSchema, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 #[serde(rename_all = "lowercase")]
 pub enum TaskKind {
     /// Experiments of a cohort, each sampled on its own as `groups` takes it.
@@ -32,7 +33,8 @@ impl TaskKind {
 }
 
 /// Body of `vitreo-uq/tasks/1`: the head of a list.
-#[derive(Debug, Clone, PartialEq, Eq, schemars::JsonSchema, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct TaskList {
     /// What the tasks do.
     pub kind: TaskKind,
@@ -47,7 +49,8 @@ pub struct TaskList {
 }
 
 /// Body of `vitreo-uq/gathered/1`: what was there of a list's results.
-#[derive(Debug, Clone, PartialEq, Eq, schemars::JsonSchema, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct Gathered {
     /// What the tasks do.
     pub kind: TaskKind,
@@ -64,7 +67,8 @@ pub struct Gathered {
 }
 
 /// A task without a sound result.
-#[derive(Debug, Clone, PartialEq, Eq, schemars::JsonSchema, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct MissingResult {
     /// Number of the task, from 0.
     pub task: usize,
@@ -75,7 +79,8 @@ pub struct MissingResult {
 }
 
 /// Why a result is not taken.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, schemars::JsonSchema, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 #[serde(rename_all = "kebab-case")]
 pub enum Fault {
     /// There is no file.

@@ -111,12 +111,6 @@ fn join(segments: &[(Edge, Edge)]) -> Vec<Vec<Edge>> {
     loops
 }
 
-/// Signed area of a closed loop (shoelace); positive where it runs anticlockwise.
-pub fn signed_area(points: &[(f64, f64)]) -> f64 {
-    let next = points.iter().cycle().skip(1);
-    points.iter().zip(next).map(|(a, b)| 0.5 * (a.0 * b.1 - b.0 * a.1)).sum()
-}
-
 /// Leaves out points that lie within `tolerance` of the line through the neighbours that stay (Ramer, Douglas, Peucker).
 pub fn simplify(points: &[(f64, f64)], tolerance: f64) -> Vec<(f64, f64)> {
     if points.len() < 3 {
@@ -149,8 +143,14 @@ fn distance_to_line(p: (f64, f64), a: (f64, f64), b: (f64, f64)) -> f64 {
 }
 
 #[cfg(test)]
-mod tests {
+pub mod tests {
     use super::*;
+
+    /// Signed area of a closed loop (shoelace); positive where it runs anticlockwise.
+    pub fn signed_area(points: &[(f64, f64)]) -> f64 {
+        let next = points.iter().cycle().skip(1);
+        points.iter().zip(next).map(|(a, b)| 0.5 * (a.0 * b.1 - b.0 * a.1)).sum()
+    }
 
     fn grid(n: usize, f: impl Fn(f64, f64) -> f64) -> Grid {
         let values = (0..n * n).map(|k| f((k % n) as f64, (k / n) as f64)).collect();

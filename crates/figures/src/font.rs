@@ -1,12 +1,12 @@
 //! The embedded font and the width of text set in it.
 
-use std::sync::{Arc, OnceLock};
-
-use resvg::usvg::fontdb;
-use skrifa::MetadataProvider;
+use skrifa::instance::{LocationRef, Size};
+use skrifa::outline::{DrawSettings, OutlinePen};
+use skrifa::{FontRef, GlyphId, MetadataProvider};
+use tiny_skia::{Path, PathBuilder, Transform};
 
 /// DejaVu Sans, cut down to Latin, Greek, super- and subscripts, mathematics and arrows (licence beside the file).
-static FONT: &[u8] = include_bytes!("../assets/DejaVuSans-subset.ttf");
+pub(crate) static FONT: &[u8] = include_bytes!("../assets/DejaVuSans-subset.ttf");
 
 /// Families named in the SVG: the embedded one first, then one with nearly the same widths.
 pub const FAMILIES: &str = "DejaVu Sans, Verdana, sans-serif";
@@ -14,34 +14,71 @@ pub const FAMILIES: &str = "DejaVu Sans, Verdana, sans-serif";
 /// Advance of a character that the font lacks, as a fraction of the size.
 const UNKNOWN_ADVANCE: f64 = 0.6;
 
-/// Font database that holds the embedded font and nothing of the machine's.
-pub fn database() -> Arc<fontdb::Database> {
-    static DATABASE: OnceLock<Arc<fontdb::Database>> = OnceLock::new();
-    Arc::clone(DATABASE.get_or_init(|| {
-        let mut database = fontdb::Database::new();
-        database.load_font_data(FONT.to_vec());
-        Arc::new(database)
-    }))
+/// The embedded font with its units per em; `None` where its bytes are damaged.
+fn font() -> Option<(FontRef<'static>, f64)> {
+    let font = FontRef::new(FONT).ok()?;
+    let units_per_em = font.metrics(Size::unscaled(), LocationRef::default()).units_per_em;
+    Some((font, f64::from(units_per_em)))
 }
 
 /// Width in pixels of one line of text at `size_px`.
 pub fn text_width_px(text: &str, size_px: f64) -> f64 {
-    let Ok(font) = skrifa::FontRef::new(FONT) else {
+    let Some((font, units_per_em)) = font() else {
         return UNKNOWN_ADVANCE * size_px * text.chars().count() as f64;
     };
+    glyphs(&font, units_per_em, text).map(|(_, ems)| ems).sum::<f64>() * size_px
+}
+
+/// The glyph of every character, and its advance as a fraction of the size.
+fn glyphs(font: &FontRef, units_per_em: f64, text: &str) -> impl Iterator<Item = (GlyphId, f64)> {
     let characters = font.charmap();
-    let metrics = font.glyph_metrics(skrifa::instance::Size::unscaled(), skrifa::instance::LocationRef::default());
-    let units_per_em = f64::from(
-        font.metrics(skrifa::instance::Size::unscaled(), skrifa::instance::LocationRef::default()).units_per_em,
-    );
-    let ems: f64 = text
-        .chars()
-        .map(|character| {
-            let advance = characters.map(character).and_then(|glyph| metrics.advance_width(glyph));
-            advance.map_or(UNKNOWN_ADVANCE, |units| f64::from(units) / units_per_em)
-        })
-        .sum();
-    ems * size_px
+    let metrics = font.glyph_metrics(Size::unscaled(), LocationRef::default());
+    text.chars().map(move |character| {
+        let glyph = characters.map(character);
+        let advance = glyph.and_then(|glyph| metrics.advance_width(glyph));
+        let ems = advance.map_or(UNKNOWN_ADVANCE, |units| f64::from(units) / units_per_em);
+        (glyph.unwrap_or_default(), ems)
+    })
+}
+
+/// Outline of one line of text in pixels at `size_px`: the baseline runs from the origin along x, y is downwards. `None` where there is no ink.
+pub fn text_outline(text: &str, size_px: f64) -> Option<Path> {
+    let (font, units_per_em) = font()?;
+    let outlines = font.outline_glyphs();
+    let mut pen = Pen { outline: PathBuilder::new(), x: 0.0 };
+    for (glyph, ems) in glyphs(&font, units_per_em, text) {
+        if let Some(outline) = outlines.get(glyph) {
+            outline.draw(DrawSettings::unhinted(Size::unscaled(), LocationRef::default()), &mut pen).ok()?;
+        }
+        pen.x += (ems * units_per_em) as f32;
+    }
+    let scale = (size_px / units_per_em) as f32;
+    pen.outline.finish()?.transform(Transform::from_scale(scale, -scale))
+}
+
+/// Collects glyphs side by side, in units of the font.
+struct Pen {
+    outline: PathBuilder,
+    /// Where the present glyph begins.
+    x: f32,
+}
+
+impl OutlinePen for Pen {
+    fn move_to(&mut self, x: f32, y: f32) {
+        self.outline.move_to(self.x + x, y);
+    }
+    fn line_to(&mut self, x: f32, y: f32) {
+        self.outline.line_to(self.x + x, y);
+    }
+    fn quad_to(&mut self, x1: f32, y1: f32, x: f32, y: f32) {
+        self.outline.quad_to(self.x + x1, y1, self.x + x, y);
+    }
+    fn curve_to(&mut self, x1: f32, y1: f32, x2: f32, y2: f32, x: f32, y: f32) {
+        self.outline.cubic_to(self.x + x1, y1, self.x + x2, y2, self.x + x, y);
+    }
+    fn close(&mut self) {
+        self.outline.close();
+    }
 }
 
 /// `text`, or its beginning and `…` where it is wider than `width_px`.
@@ -111,7 +148,7 @@ mod tests {
         let svg = format!(
             "<svg xmlns='http://www.w3.org/2000/svg' width='900' height='90'><text x='10' y='50' font-family='DejaVu Sans' font-size='20'>{text}</text></svg>"
         );
-        let options = resvg::usvg::Options { fontdb: database(), ..Default::default() };
+        let options = resvg::usvg::Options { fontdb: crate::layout_tests::database(), ..Default::default() };
         let tree = resvg::usvg::Tree::from_str(&svg, &options).unwrap();
         let rendered = f64::from(tree.root().layer_bounding_box().width());
         let computed = text_width_px(text, 20.0);

@@ -1,6 +1,8 @@
 //! Every figure, laid out by the renderer itself: no two texts overlap and none leaves the page.
 
-use resvg::usvg;
+use std::sync::{Arc, OnceLock};
+
+use resvg::{tiny_skia, usvg};
 
 use super::corner::{CornerOptions, ParameterColumn, Posterior, PriorCurve, corner};
 use super::density::Support;
@@ -13,6 +15,32 @@ use super::trace::{EnsembleTrace, ParameterTrace, trace};
 
 pub(super) const LONG: &str =
     "human donor 17, left eye, central vitreous, 36 hours post mortem, second insertion, temperature 37 °C, repeated";
+
+/// Font database that holds the embedded font and nothing of the machine's.
+pub(super) fn database() -> Arc<usvg::fontdb::Database> {
+    static DATABASE: OnceLock<Arc<usvg::fontdb::Database>> = OnceLock::new();
+    Arc::clone(DATABASE.get_or_init(|| {
+        let mut database = usvg::fontdb::Database::new();
+        database.load_font_data(font::FONT.to_vec());
+        Arc::new(database)
+    }))
+}
+
+fn tree(svg: &Svg) -> usvg::Tree {
+    let options = usvg::Options { fontdb: database(), ..usvg::Options::default() };
+    usvg::Tree::from_str(&svg.document(), &options).unwrap()
+}
+
+/// The PNG shows what another renderer makes of the SVG: a channel differs by less than 4 of 255 on average, since that renderer kerns texts.
+fn assert_same_picture(what: &str, svg: &Svg) {
+    let own = tiny_skia::Pixmap::decode_png(&svg.png().unwrap()).unwrap();
+    let mut other = tiny_skia::Pixmap::new(own.width(), own.height()).unwrap();
+    resvg::render(&tree(svg), tiny_skia::Transform::from_scale(1.5, 1.5), &mut other.as_mut());
+    let differences = own.data().iter().zip(other.data()).map(|(a, b)| f64::from(a.abs_diff(*b)));
+    let mean = differences.sum::<f64>() / own.data().len() as f64;
+    println!("{what}: mean difference {mean}");
+    assert!(mean < 4.0, "{what}: {mean}");
+}
 
 /// Ink of every text of a drawing.
 fn texts(svg: &Svg) -> Vec<(String, usvg::Rect)> {
@@ -28,14 +56,14 @@ fn texts(svg: &Svg) -> Vec<(String, usvg::Rect)> {
             }
         }
     }
-    let options = usvg::Options { fontdb: font::database(), ..usvg::Options::default() };
-    let tree = usvg::Tree::from_str(&svg.document(), &options).unwrap();
+    let tree = tree(svg);
     let mut found = Vec::new();
     collect(tree.root(), &mut found);
     found
 }
 
 pub(super) fn assert_legible(what: &str, svg: &Svg) {
+    assert_same_picture(what, svg);
     let texts = texts(svg);
     assert!(texts.len() > 5, "{what}: text is found");
     for (i, (words, ink)) in texts.iter().enumerate() {

@@ -3,7 +3,7 @@
 use std::fmt::Write as _;
 use std::path::{Path as FilePath, PathBuf};
 
-use resvg::{tiny_skia, usvg};
+use tiny_skia::{FillRule, LineCap, LineJoin, Mask, Paint, PathBuilder, Pixmap, StrokeDash, Transform};
 
 use super::font;
 use super::palette::{Colour, INK, WHITE};
@@ -37,6 +37,12 @@ impl Rect {
     /// Lower edge.
     pub fn bottom(&self) -> f64 {
         self.y + self.height
+    }
+    /// What it has in common with another.
+    fn common(&self, other: Self) -> Self {
+        let (x, y) = (self.x.max(other.x), self.y.max(other.y));
+        let (right, bottom) = (self.right().min(other.right()), self.bottom().min(other.bottom()));
+        Self { x, y, width: (right - x).max(0.0), height: (bottom - y).max(0.0) }
     }
 }
 
@@ -145,24 +151,33 @@ impl TextStyle {
 
 /// Outline under construction: any number of open or closed pieces.
 #[derive(Debug, Clone, Default)]
-pub struct Path(String);
+pub struct Path {
+    text: String,
+    outline: PathBuilder,
+}
 
 impl Path {
     /// Starts a new piece.
     pub fn move_to(&mut self, at: Point) {
-        let _ = write!(self.0, "M{} {}", Px(at.0), Px(at.1));
+        let _ = write!(self.text, "M{} {}", Px(at.0), Px(at.1));
+        self.outline.move_to(Px(at.0).shown(), Px(at.1).shown());
     }
     /// Continues the piece by a straight line.
     pub fn line_to(&mut self, at: Point) {
-        let _ = write!(self.0, "L{} {}", Px(at.0), Px(at.1));
+        let _ = write!(self.text, "L{} {}", Px(at.0), Px(at.1));
+        self.outline.line_to(Px(at.0).shown(), Px(at.1).shown());
     }
     /// Closes the piece.
     pub fn close(&mut self) {
-        self.0.push('Z');
+        self.text.push('Z');
+        self.outline.close();
     }
     /// A dot: with round caps, a stroke of no length.
     pub fn dot(&mut self, at: Point) {
-        let _ = write!(self.0, "M{:.1} {:.1}h0", Px(at.0).drawable(), Px(at.1).drawable());
+        let (x, y) = (Px(at.0).drawable(), Px(at.1).drawable());
+        let _ = write!(self.text, "M{x:.1} {y:.1}h0");
+        self.outline.move_to(x as f32, y as f32);
+        self.outline.line_to(x as f32, y as f32);
     }
     /// Appends a polyline, closed if asked.
     pub fn polyline(&mut self, points: impl IntoIterator<Item = Point>, closed: bool) {
@@ -181,7 +196,7 @@ impl Path {
     }
     /// True where nothing has been drawn.
     pub fn is_empty(&self) -> bool {
-        self.0.is_empty()
+        self.text.is_empty()
     }
 }
 
@@ -193,12 +208,54 @@ pub struct Svg {
     height_px: f64,
     description: String,
     body: String,
+    /// What `body` says, for the PNG.
+    shapes: Vec<Shape>,
+    /// Only what falls into it is drawn now.
+    window: Option<Rect>,
+}
+
+/// One shape of a drawing.
+#[derive(Debug, Clone)]
+struct Shape {
+    outline: tiny_skia::Path,
+    style: Style,
+    rule: FillRule,
+    cap: LineCap,
+    window: Option<Rect>,
+}
+
+impl Shape {
+    fn draw(&self, pixels: &mut Pixmap, mask: Option<&Mask>) {
+        let scale = Transform::from_scale(PNG_SCALE, PNG_SCALE);
+        let paint = |Colour(red, green, blue): Colour, opacity: f64| {
+            let mut paint = Paint::default();
+            paint.set_color_rgba8(red, green, blue, (255.0 * opacity.clamp(0.0, 1.0)).round() as u8);
+            paint
+        };
+        if let Some(Fill { colour, opacity }) = self.style.fill {
+            pixels.fill_path(&self.outline, &paint(colour, opacity), self.rule, scale, mask);
+        }
+        // A width of 0 is a hairline to the rasteriser, and nothing to SVG.
+        if let Some(Stroke { colour, width_px, opacity, dash }) =
+            self.style.stroke.filter(|s| Px(s.width_px).shown() > 0.0)
+        {
+            let stroke = tiny_skia::Stroke {
+                width: Px(width_px).shown(),
+                line_cap: self.cap,
+                line_join: LineJoin::Round,
+                dash: dash.and_then(|(dash, gap)| StrokeDash::new(vec![Px(dash).shown(), Px(gap).shown()], 0.0)),
+                ..tiny_skia::Stroke::default()
+            };
+            pixels.stroke_path(&self.outline, &paint(colour, opacity), &stroke, scale, mask);
+        }
+    }
 }
 
 impl Svg {
     /// An empty white canvas. The description is read aloud by screen readers.
     pub fn new(width_px: f64, height_px: f64, description: &str) -> Self {
-        Self { width_px, height_px, description: description.to_owned(), body: String::new() }
+        let (description, body) = (description.to_owned(), String::new());
+        Self { width_px, height_px, description, body, shapes: Vec::new(), window: None }
     }
     /// Width in SVG units.
     pub fn width_px(&self) -> f64 {
@@ -219,7 +276,8 @@ impl Svg {
         if !path.is_empty() {
             let style = style.into();
             let rule = if style.fill.is_some() { " fill-rule=\"evenodd\"" } else { "" };
-            let _ = writeln!(self.body, "<path d=\"{}\"{rule}{}/>", path.0, Attributes(style));
+            let _ = writeln!(self.body, "<path d=\"{}\"{rule}{}/>", path.text, Attributes(style));
+            self.push(path.outline.clone().finish(), style, FillRule::EvenOdd, LineCap::Butt);
         }
     }
     /// Dots of one size drawn as one element; made by [`Path::dot`].
@@ -227,19 +285,25 @@ impl Svg {
         if !dots.is_empty() {
             let stroke = Stroke::solid(colour, diameter_px).opacity(opacity);
             let attributes = Attributes(stroke.into());
-            let _ = writeln!(self.body, "<path d=\"{}\" stroke-linecap=\"round\"{attributes}/>", dots.0);
+            let _ = writeln!(self.body, "<path d=\"{}\" stroke-linecap=\"round\"{attributes}/>", dots.text);
+            self.push(dots.outline.clone().finish(), stroke.into(), FillRule::Winding, LineCap::Round);
         }
     }
     /// A rectangle.
     pub fn rect(&mut self, rect: Rect, style: impl Into<Style>) {
         let Rect { x, y, width, height } = rect;
         let (x, y, width, height) = (Px(x), Px(y), Px(width.max(0.0)), Px(height.max(0.0)));
-        let attributes = Attributes(style.into());
+        let style = style.into();
+        self.push(outline_of(rect), style, FillRule::Winding, LineCap::Butt);
+        let attributes = Attributes(style);
         let _ = writeln!(self.body, "<rect x=\"{x}\" y=\"{y}\" width=\"{width}\" height=\"{height}\"{attributes}/>");
     }
     /// A circle.
     pub fn circle(&mut self, centre: Point, radius_px: f64, style: impl Into<Style>) {
-        let (x, y, radius, attributes) = (Px(centre.0), Px(centre.1), Px(radius_px), Attributes(style.into()));
+        let style = style.into();
+        let (x, y, radius, attributes) = (Px(centre.0), Px(centre.1), Px(radius_px), Attributes(style));
+        let outline = PathBuilder::from_circle(x.shown(), y.shown(), radius.shown());
+        self.push(outline, style, FillRule::Winding, LineCap::Butt);
         let _ = writeln!(self.body, "<circle cx=\"{x}\" cy=\"{y}\" r=\"{radius}\"{attributes}/>");
     }
     /// One line of text whose baseline passes through `at`.
@@ -254,6 +318,16 @@ impl Svg {
             Anchor::End => " text-anchor=\"end\"",
         };
         let turn = if style.upwards { format!(" transform=\"rotate(-90 {x} {y})\"") } else { String::new() };
+        let width_px = font::text_width_px(text, style.size_px);
+        let along = match style.anchor {
+            Anchor::Start => 0.0,
+            Anchor::Middle => -0.5 * width_px as f32,
+            Anchor::End => -width_px as f32,
+        };
+        let turn_deg = if style.upwards { -90.0 } else { 0.0 };
+        let place = Transform::from_rotate(turn_deg).post_translate(x.shown(), y.shown()).pre_translate(along, 0.0);
+        let outline = font::text_outline(text, style.size_px).and_then(|outline| outline.transform(place));
+        self.push(outline, Fill::new(colour, 1.0).into(), FillRule::Winding, LineCap::Butt);
         let text = xml_text(text);
         let _ = writeln!(
             self.body,
@@ -270,8 +344,14 @@ impl Svg {
             self.body,
             "<svg x=\"{x}\" y=\"{y}\" width=\"{width}\" height=\"{height}\" viewBox=\"{x} {y} {width} {height}\" preserveAspectRatio=\"none\" overflow=\"hidden\">"
         );
+        let outer = self.window;
+        self.window = Some(outer.map_or(window, |outer| outer.common(window)));
         draw(self);
+        self.window = outer;
         self.body.push_str("</svg>\n");
+    }
+    fn push(&mut self, outline: Option<tiny_skia::Path>, style: Style, rule: FillRule, cap: LineCap) {
+        self.shapes.extend(outline.map(|outline| Shape { outline, style, rule, cap, window: self.window }));
     }
     /// The whole document.
     pub fn document(&self) -> String {
@@ -285,17 +365,28 @@ impl Svg {
     /// The drawing as PNG, 1.5 pixels per unit, set in the embedded font.
     ///
     /// # Errors
-    /// [`Error::Numerical`] where the drawing is too large to be held in memory or is no valid SVG.
+    /// [`Error::Numerical`] where the drawing is too large to be held in memory.
     pub fn png(&self) -> Result<Vec<u8>> {
-        let options = usvg::Options { fontdb: font::database(), ..usvg::Options::default() };
         let failed =
             |what: String| Error::numerical(format!("the figure could not be rendered: {what}"), "use the SVG");
-        let tree = usvg::Tree::from_str(&self.document(), &options).map_err(|error| failed(error.to_string()))?;
-        let size = tree.size();
-        let (width, height) = ((size.width() * PNG_SCALE).ceil(), (size.height() * PNG_SCALE).ceil());
-        let mut pixels = tiny_skia::Pixmap::new(width as u32, height as u32)
-            .ok_or_else(|| failed(format!("{width} × {height} pixels are too many")))?;
-        resvg::render(&tree, tiny_skia::Transform::from_scale(PNG_SCALE, PNG_SCALE), &mut pixels.as_mut());
+        let [width, height] = [self.width_px, self.height_px].map(|size| (Px(size).shown() * PNG_SCALE).ceil() as u32);
+        let too_large = || failed(format!("{width} × {height} pixels are too many"));
+        let mut pixels = Pixmap::new(width, height).ok_or_else(too_large)?;
+        pixels.fill(tiny_skia::Color::WHITE);
+        let mut mask: Option<(Rect, Mask)> = None;
+        for shape in &self.shapes {
+            if let Some(window) = shape.window
+                && mask.as_ref().is_none_or(|(drawn, _)| *drawn != window)
+            {
+                let mut inside = Mask::new(width, height).ok_or_else(too_large)?;
+                if let Some(outline) = outline_of(window) {
+                    let scale = Transform::from_scale(PNG_SCALE, PNG_SCALE);
+                    inside.fill_path(&outline, FillRule::Winding, true, scale);
+                }
+                mask = Some((window, inside));
+            }
+            shape.draw(&mut pixels, mask.as_ref().filter(|_| shape.window.is_some()).map(|(_, inside)| inside));
+        }
         pixels.encode_png().map_err(|error| failed(error.to_string()))
     }
 }
@@ -328,7 +419,15 @@ pub fn remove_figure(dir: &FilePath, stem: &str) -> Result<()> {
     remove_if_there(&dir.join(format!("{stem}.png")))
 }
 
+/// Outline of a rectangle; `None` where it has no area.
+fn outline_of(rect: Rect) -> Option<tiny_skia::Path> {
+    let [x, y, width, height] = [rect.x, rect.y, rect.width, rect.height].map(|at| Px(at).shown());
+    let rect = tiny_skia::Rect::from_xywh(x, y, width, height)?;
+    (width > 0.0 && height > 0.0).then(|| PathBuilder::from_rect(rect))
+}
+
 /// A coordinate with at most two decimals.
+#[derive(Clone, Copy)]
 struct Px(f64);
 
 /// Farthest coordinate that is drawn: far outside of every figure, and inside of what rasterisers can count.
@@ -338,6 +437,10 @@ impl Px {
     /// What is farther away is drawn at the limit, and what is no number at 0.
     fn drawable(self) -> f64 {
         if self.0.is_nan() { 0.0 } else { self.0.clamp(-FARTHEST_PX, FARTHEST_PX) }
+    }
+    /// As it is printed.
+    fn shown(self) -> f32 {
+        ((self.drawable() * 100.0).round() / 100.0) as f32
     }
 }
 

@@ -21,6 +21,7 @@ pub mod learn;
 pub mod outcome;
 pub mod pages;
 pub mod sample;
+#[cfg(feature = "schemas")]
 pub mod schemas;
 pub mod simulate;
 pub mod simulation_files;

@@ -60,12 +60,6 @@ impl Record {
         self.cycle.last().copied().unwrap_or(0)
     }
 
-    /// Indices of the rows that belong to one of `cycles` and hold a position, in order of time.
-    pub fn rows_with_position(&self, cycles: &[u32]) -> Vec<usize> {
-        let is_wanted = self.are_among(cycles);
-        (0..self.n_rows()).filter(|&i| self.position_m[i].is_some() && is_wanted(self.cycle[i])).collect()
-    }
-
     /// Whether a cycle is one of `cycles`, at a cost that does not grow with their number: records have a hundred thousand.
     pub fn are_among(&self, cycles: &[u32]) -> impl Fn(u32) -> bool + use<> {
         let mut is_wanted = vec![false; self.largest_cycle() + 1];
@@ -186,9 +180,8 @@ mod tests {
     }
 
     #[test]
-    fn rows_of_cycles_leave_out_lost_positions() {
+    fn lost_positions_are_not_counted() {
         let record = record(&[0.0; 10]);
-        assert_eq!(record.rows_with_position(&[1, 3]), [0, 1, 3, 9]);
         assert_eq!(record.n_positions(), [0, 3, 3, 1]);
         assert_eq!(record.n_cycles(), 3);
     }

@@ -12,7 +12,7 @@ mod starts;
 
 use std::collections::BTreeMap;
 
-use super::{Candidate, Fitted, Free, Subject};
+use super::{Candidate, Fitted, Subject};
 use base::error::{Error, Place, Result, Setting};
 use documents::diagnosis::{Answer, RefitParameter};
 use models::model::Compliance;
@@ -21,7 +21,7 @@ use posterior::prior::PriorSet;
 use posterior::problem::Problem;
 use sampling::evidence::importance::{self, ImportanceOptions};
 use sampling::evidence::tempering::{self, TemperingOptions};
-use sampling::evidence::{Estimate, PriorCoordinates, SavageDickey, WeightedDraws, savage_dickey, valley};
+use sampling::evidence::{Estimate, PriorCoordinates, WeightedDraws, valley};
 use sampling::optimum::{Modes, find_modes, touching};
 
 pub use starts::Starts;
@@ -138,7 +138,11 @@ impl<'a> CandidatePosterior<'a> {
         Ok(modes)
     }
 
-    fn by_importance(&self, modes: &Modes, seed: u64) -> Result<Estimate> {
+    /// The evidence by importance sampling from the modes.
+    ///
+    /// # Errors
+    /// As [`importance::evidence`].
+    pub fn by_importance(&self, modes: &Modes, seed: u64) -> Result<Estimate> {
         let options = match (self.is_slow(), self.care) {
             (true, _) => ImportanceOptions::of_slow_density(),
             (false, Care::Full) => ImportanceOptions::default(),
@@ -149,7 +153,11 @@ impl<'a> CandidatePosterior<'a> {
         importance::evidence(&seen, modes, &ImportanceOptions { seed, ..options })
     }
 
-    fn by_tempering(&self, modes: &Modes, seed: u64) -> Result<Estimate> {
+    /// The evidence by sequential Monte Carlo.
+    ///
+    /// # Errors
+    /// As [`tempering::evidence`].
+    pub fn by_tempering(&self, modes: &Modes, seed: u64) -> Result<Estimate> {
         let density = self.density_of_draws();
         let seen = PriorCoordinates::new(&density, self.priors().distributions());
         tempering::evidence(&seen, modes, &TemperingOptions { seed, ..TemperingOptions::default() })
@@ -227,72 +235,6 @@ pub fn posterior_by_importance(
         Ok(_) | Err(Error::Numerical { .. }) => Ok(None),
         Err(other) => Err(other),
     }
-}
-
-/// [`evidence`] by a method of the caller's choice.
-///
-/// # Errors
-/// As [`evidence`].
-pub fn evidence_by(
-    subject: &Subject,
-    candidate: &Candidate,
-    fitted: &Fitted,
-    seed: u64,
-    method: EvidenceMethod,
-) -> Result<ModelEvidence> {
-    let posterior = CandidatePosterior::new(subject, candidate)?;
-    let modes = posterior.modes(candidate, fitted)?;
-    let estimate = match method {
-        EvidenceMethod::ImportanceSampling => posterior.by_importance(&modes, seed)?,
-        EvidenceMethod::SequentialMonteCarlo => posterior.by_tempering(&modes, seed)?,
-    };
-    Ok(evidence_of(&posterior, &estimate, method))
-}
-
-/// ln of the Bayes factor of a candidate over the subject's base by the posterior density at the null of the one effect that the base does not
-/// have.
-///
-/// # Errors
-/// As [`evidence`].
-pub fn bayes_factor_at_null(
-    subject: &Subject,
-    candidate: &Candidate,
-    fitted: &Fitted,
-    seed: u64,
-) -> Result<SavageDickey> {
-    let base = subject.base();
-    let added: Vec<&Free> =
-        candidate.free.iter().filter(|free| base.free.iter().all(|known| known.name != free.name)).collect();
-    let refuse = |reason: String| Ok(SavageDickey::NotApplicable(reason));
-    let (only, null) = match added[..] {
-        [only] => match only.null {
-            Some(null) => (only, only.coordinate.value(null)),
-            None => return refuse(format!("{} has no null", only.name)),
-        },
-        [] => return refuse("the base has all of its parameters".into()),
-        _ => {
-            let unidentified: Vec<&str> =
-                added.iter().filter(|free| free.is_unidentified_at_null()).map(|free| free.name).collect();
-            return refuse(if unidentified.is_empty() {
-                "more than one parameter is added to the base".into()
-            } else {
-                format!(
-                    "{} means nothing at the null, where the density is then one of many widths that draws do not resolve",
-                    unidentified.join(", ")
-                )
-            });
-        }
-    };
-    let posterior = CandidatePosterior::new(subject, candidate)?;
-    let (estimate, _) = posterior.estimate(candidate, fitted, seed)?;
-    let place = posterior.priors().names().position(|name| name == only.name);
-    let Some((place, prior)) = place.and_then(|place| Some((place, posterior.priors().priors().get(place)?))) else {
-        return refuse(format!("{} is fixed", only.name));
-    };
-    let density = posterior.density();
-    let seen = PriorCoordinates::new(&density, posterior.priors().distributions());
-    let value = |point: &[f64]| seen.natural(place, point[place]);
-    Ok(savage_dickey(&estimate.draws, value, null, &prior.distribution))
 }
 
 fn evidence_of(posterior: &CandidatePosterior, estimate: &Estimate, method: EvidenceMethod) -> ModelEvidence {

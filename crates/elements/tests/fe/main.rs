@@ -10,5 +10,6 @@ mod meridional;
 mod patch;
 mod poroelastic;
 mod shapes;
+mod spheroids;
 mod tetrahedra;
 mod time;

@@ -2,7 +2,9 @@
 
 use std::f64::consts::PI;
 
-use elements::fe::exact::{AxialAndTransverse, SphereInContainer, spheroid_in_container};
+use crate::spheroids::{AxialAndTransverse, spheroid_in_container};
+
+use elements::fe::exact::SphereInContainer;
 use elements::fe::meridional::{BodyOfRevolution, Direction, Formulation, MeridionalSolution, Resolution, solve};
 
 const RADIUS_M: f64 = 0.275e-3;

@@ -5,7 +5,8 @@ mod element;
 mod fractional;
 mod lumped;
 mod mass;
-mod mittag_leffler;
+#[cfg(test)]
+mod mittag_leffler_for_tests;
 mod network;
 mod of_law;
 mod oscillation;
@@ -15,7 +16,6 @@ mod spread;
 pub mod stieltjes;
 
 pub use element::{Element, Leaf};
-pub use mittag_leffler::mittag_leffler;
 pub use network::Network;
 pub use oscillation::complex_modulus_pa;
 pub use outside::{MOST_PARAMETERS, OutsideLaw};

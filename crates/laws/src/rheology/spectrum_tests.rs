@@ -1,6 +1,7 @@
 //! Spectra of fractional bodies against the Mittag-Leffler function.
 
-use super::{Accuracy, Element, RetardationSpectrum, TimeWindow, mittag_leffler};
+use super::mittag_leffler_for_tests::mittag_leffler;
+use super::{Accuracy, Element, RetardationSpectrum, TimeWindow};
 use base::number::{Dual, Scalar};
 
 pub(super) const WINDOW: TimeWindow = TimeWindow { shortest_s: 0.05, longest_s: 40.0 };

@@ -4,9 +4,6 @@
 //! friction or the mass; where a second law has a share, A is the whole stiffness, B that share's, and x is above −1. Solutions at values of x over many decades are
 //! snapshots; their POD in the energy norm of A gives modes; and the common eigenvectors of the two matrices, projected on the modes, give the robot's
 //! compliance as C Σ w/(1 + x μ) for every x, complex ones included: an affine split whose online part does not know the mesh.
-//!
-//! Since the compliance is an energy, its error is the square of the energy norm of the field's: what Galerkin's residual r says of it, rᵀA⁻¹r,
-//! bounds the error from above for x ≥ 0, and after division by 1 + x below 0. It is kept in a small matrix ([`SpreadModes::error_indicator`]).
 
 use faer::{Mat, Side};
 use rayon::prelude::*;
@@ -14,7 +11,7 @@ use serde::{Deserialize, Serialize};
 
 use super::pod::{EnergyProduct, Pod, dot};
 use base::error::{Error, Result};
-use elements::fe::spatial::{SpatialSystem, Splitting, SymmetricMatrix};
+use elements::fe::spatial::{SpatialSystem, Splitting};
 
 /// Weights below this part of the whole are left out.
 const LEAST_WEIGHT: f64 = 1e-10;
@@ -36,8 +33,6 @@ pub struct SpreadModes {
     pub snapshots: usize,
     /// Unknowns of the full model.
     pub unknowns: usize,
-    /// Products in A⁻¹ of f, and of A and B times each eigenvector, relative to the compliance: row by row.
-    gram: Vec<f64>,
 }
 
 impl SpreadModes {
@@ -47,7 +42,6 @@ impl SpreadModes {
     /// Those of the factors and of the decomposition.
     pub fn new(system: &SpatialSystem, splitting: &Splitting, tolerance: f64) -> Result<Self> {
         let values = &splitting.snapshots;
-        let first = [1.0, splitting.reference];
         let n = system.n_unknowns();
         let mut force = vec![0.0; n];
         force[system.freedoms.robot()] = 1.0;
@@ -63,7 +57,7 @@ impl SpreadModes {
             Some(k) => snapshots[k].clone(),
             None => solve(0.0)?,
         };
-        let whole = system.sum(first)?;
+        let whole = system.sum([1.0, splitting.reference])?;
         let energy = EnergyProduct(whole.upper());
         let pod = Pod::new(&snapshots, energy, tolerance)?;
         let applied: Vec<Vec<f64>> = pod.modes.iter().map(|mode| system.second.product(mode)).collect();
@@ -85,27 +79,24 @@ impl SpreadModes {
         let compliance = at_rest[system.freedoms.robot()];
         let robot = system.freedoms.robot();
         let largest = eigen.S().column_vector().iter().copied().fold(0.0, f64::max);
-        let mut terms: Vec<(f64, f64, usize)> = (0..r)
+        let mut terms: Vec<(f64, f64)> = (0..r)
             .map(|k| {
                 let number = eigen.S().column_vector()[k].max(0.0);
                 let number = if splitting.reference == 1.0 && number > 1.0 - NO_SHARE { 1.0 } else { number };
                 let number = if number < NO_SHARE * largest && splitting.is_rigid_at_null { 0.0 } else { number };
-                (vectors[k][robot] * vectors[k][robot] / compliance, number, k)
+                (vectors[k][robot] * vectors[k][robot] / compliance, number)
             })
-            .filter(|(weight, ..)| *weight > LEAST_WEIGHT)
+            .filter(|(weight, _)| *weight > LEAST_WEIGHT)
             .collect();
         terms.sort_by(|a, b| a.1.total_cmp(&b.1));
-        let kept: Vec<&Vec<f64>> = terms.iter().map(|(.., k)| &vectors[*k]).collect();
-        let gram = gram(system, first, &whole, &force, &kept, compliance)?;
         let largest_singular = pod.singular_values[0];
         Ok(Self {
             compliance_per_m: system.freedoms.share() * compliance,
-            weights: terms.iter().map(|(weight, ..)| *weight).collect(),
-            numbers: terms.iter().map(|(_, number, _)| *number).collect(),
+            weights: terms.iter().map(|(weight, _)| *weight).collect(),
+            numbers: terms.iter().map(|(_, number)| *number).collect(),
             singular_values: pod.singular_values.iter().map(|s| s / largest_singular).collect(),
             snapshots: values.len(),
             unknowns: n,
-            gram,
         })
     }
 
@@ -113,51 +104,4 @@ impl SpreadModes {
     pub fn relative_compliance(&self, x: f64) -> f64 {
         self.weights.iter().zip(&self.numbers).map(|(weight, number)| weight / (1.0 + x * number)).sum()
     }
-
-    /// Upper bound of the error of [`Self::relative_compliance`] at a real x, by the residual.
-    pub fn error_indicator(&self, x: f64) -> f64 {
-        let n = self.weights.len();
-        let size = 2 * n + 1;
-        let mut coefficients = vec![1.0];
-        let amplitudes: Vec<f64> =
-            self.weights.iter().zip(&self.numbers).map(|(weight, number)| weight.sqrt() / (1.0 + x * number)).collect();
-        coefficients.extend(amplitudes.iter().map(|a| -a));
-        coefficients.extend(amplitudes.iter().map(|a| -x * a));
-        let mut sum = 0.0;
-        for i in 0..size {
-            for j in 0..size {
-                sum += coefficients[i] * coefficients[j] * self.gram[i * size + j];
-            }
-        }
-        sum.max(0.0) / if x < 0.0 { 1.0 + x } else { 1.0 }
-    }
-}
-
-/// Products in A⁻¹ of f, then A v, then B v for every eigenvector v, relative to the compliance.
-fn gram(
-    system: &SpatialSystem,
-    first: [f64; 2],
-    whole: &SymmetricMatrix,
-    force: &[f64],
-    vectors: &[&Vec<f64>],
-    compliance: f64,
-) -> Result<Vec<f64>> {
-    let factor = system.factor(first)?;
-    let robot = system.freedoms.robot();
-    let mut sides: Vec<Vec<f64>> = vec![force.to_vec()];
-    // Eigenvectors are of unit energy: the field at x is Σ v_robot/(1 + xμ) v, and v_robot is ±√(w C), the sign of which is put to the vector.
-    let scales: Vec<f64> = vectors.iter().map(|v| compliance.sqrt().copysign(v[robot])).collect();
-    let scaled = |product: Vec<f64>, scale: &f64| product.iter().map(|p| scale * p).collect::<Vec<f64>>();
-    sides.extend(vectors.iter().zip(&scales).map(|(v, scale)| scaled(whole.product(v), scale)));
-    sides.extend(vectors.iter().zip(&scales).map(|(v, scale)| scaled(system.second.product(v), scale)));
-    let solved: Vec<Vec<f64>> = sides
-        .iter()
-        .map(|side| {
-            let mut solution = side.clone();
-            factor.solve_in_place(&mut solution);
-            solution
-        })
-        .collect();
-    let size = sides.len();
-    Ok((0..size * size).map(|at| dot(&sides[at / size], &solved[at % size]) / compliance).collect())
 }

@@ -1,6 +1,8 @@
 //! The likelihood against dense algebra, closed forms and quadrature; lanes against single points.
 
-use super::super::dense::{POINTS, TestRecord, covariance_m2, gaussian_models, ln_density, model, parameters};
+use super::super::dense_for_tests::{
+    POINTS, TestRecord, covariance_m2, gaussian_models, ln_density, model, parameters,
+};
 use super::*;
 use statrs::distribution::{Continuous, StudentsT};
 

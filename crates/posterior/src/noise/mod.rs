@@ -49,7 +49,7 @@ mod terms;
 mod whitening;
 
 #[cfg(test)]
-mod dense;
+mod dense_for_tests;
 
 pub use lanes::LANES;
 pub use learning::{Learning, NoiseValues};

@@ -1,7 +1,9 @@
 //! Whitening, marginal standard deviations and simulated noise against dense algebra and the likelihood.
 
 use super::super::NoiseLikelihood;
-use super::super::dense::{POINTS, TestRecord, covariance_m2, gaussian_models, ln_density, model, parameters};
+use super::super::dense_for_tests::{
+    POINTS, TestRecord, covariance_m2, gaussian_models, ln_density, model, parameters,
+};
 use super::*;
 use nalgebra::DMatrix;
 use rand::SeedableRng;

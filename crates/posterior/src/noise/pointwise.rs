@@ -131,7 +131,7 @@ mod tests {
     use nalgebra::DVector;
 
     use super::super::NoiseModel;
-    use super::super::dense::{POINTS, TestRecord, covariance_m2, gaussian_models, model, parameters};
+    use super::super::dense_for_tests::{POINTS, TestRecord, covariance_m2, gaussian_models, model, parameters};
     use super::*;
 
     /// By dense algebra: precision and mean of each position given all others. Points whose covariances lose more than half of their digits in the dense

@@ -1,6 +1,6 @@
 //! Products of whitened columns against the whitened columns themselves.
 
-use super::super::dense::{POINTS, TestRecord, gaussian_models, parameters};
+use super::super::dense_for_tests::{POINTS, TestRecord, gaussian_models, parameters};
 use super::*;
 
 fn dot(a: &[f64], b: &[f64]) -> f64 {

@@ -6,7 +6,8 @@ use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 
 /// Header of a JSON document; flattened into it, so that its keys stand at the top.
-#[derive(Debug, Clone, PartialEq, Eq, schemars::JsonSchema, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct Provenance {
     /// `vitreo-uq/<kind>/<number>`.
     pub schema: String,
@@ -33,7 +34,8 @@ impl Provenance {
 }
 
 /// A JSON document: header and body side by side.
-#[derive(Debug, Clone, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct WithProvenance<T> {
     /// Header.
     #[serde(flatten)]

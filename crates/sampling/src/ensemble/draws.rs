@@ -75,11 +75,6 @@ impl Draws {
         points
     }
 
-    /// The log density in the layout of a column.
-    pub fn log_density_column(&self) -> DrawColumn {
-        self.with_values(self.log_density.clone())
-    }
-
     fn with_values(&self, values: Vec<f64>) -> DrawColumn {
         DrawColumn { n_ensembles: self.n_ensembles, n_steps: self.n_steps, n_walkers: self.n_walkers, values }
     }

@@ -1,19 +1,17 @@
 //! The evidence ∫ p(data | θ) p(θ) dθ of a model, and weighted draws from its posterior.
 //!
-//! Three ways, which must agree: importance sampling from a mixture that is adapted to the posterior ([`importance`]), sequential Monte Carlo from
-//! the prior ([`tempering`]), and, for the ratio of two nested models, the posterior density at the null ([`savage_dickey()`]).
+//! Two ways, which must agree: importance sampling from a mixture that is adapted to the posterior ([`importance`]), and sequential Monte Carlo from
+//! the prior ([`tempering`]).
 
 mod charts;
 mod coordinates;
 pub mod importance;
 mod proposal;
-mod savage_dickey;
 pub mod tempering;
 mod valley;
 mod weighted;
 
 pub use coordinates::{PriorCoordinates, normal_of};
-pub use savage_dickey::{SavageDickey, savage_dickey};
 pub use valley::valley;
 pub use weighted::WeightedDraws;
 

@@ -56,11 +56,6 @@ impl WeightedDraws {
         part.weights.iter_mut().for_each(|weight| *weight /= total);
         part
     }
-
-    /// Draws of equal weight, as many as asked for: systematic resampling.
-    pub fn resampled(&self, n: usize, stream: &mut RandomStream) -> Vec<Vec<f64>> {
-        resampled_indices(&self.weights, n, stream).into_iter().map(|i| self.points[i].clone()).collect()
-    }
 }
 
 /// Value at a probability on the line through (value, probability) knots in ascending order; the end knots' values beyond them.

@@ -8,7 +8,8 @@ use record::Record;
 use sampling::ensemble::RandomStream;
 
 /// What noise a challenge has. Its size is what the experiment states as `noise_um`, where it states any; the rest is for the diagnosis to find out.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, schemars::JsonSchema, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 #[serde(rename_all = "kebab-case")]
 pub enum NoiseKind {
     /// White alone, of 4 µm.

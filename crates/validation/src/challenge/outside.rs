@@ -9,7 +9,8 @@ use record::Record;
 use sampling::ensemble::RandomStream;
 
 /// What is outside the library.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, schemars::JsonSchema, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 #[serde(rename_all = "kebab-case")]
 pub enum OutsideKind {
     /// A vibration of the camera at a frequency of its own.
@@ -94,7 +95,8 @@ impl OutsideKind {
 }
 
 /// Something outside the library, with its numbers.
-#[derive(Debug, Clone, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct Disturbance {
     /// What it is.
     pub kind: OutsideKind,

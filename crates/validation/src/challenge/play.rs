@@ -5,7 +5,8 @@ use serde::{Deserialize, Serialize};
 use super::Truth;
 
 /// Kinds of hidden things.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, schemars::JsonSchema, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 #[serde(rename_all = "lowercase")]
 pub enum Sort {
     /// Nothing.
@@ -45,7 +46,8 @@ impl Sort {
 }
 
 /// One challenge as it was played.
-#[derive(Debug, Clone, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct Play {
     /// Number, from 0.
     pub number: usize,
@@ -88,7 +90,8 @@ pub struct Play {
 }
 
 /// The size of a hidden effect beside what the diagnosis says of it.
-#[derive(Debug, Clone, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct NamedSize {
     /// Name of the parameter, with unit.
     pub name: String,

@@ -98,7 +98,8 @@ const LEAST_PAIR_SIGMA: f64 = 10.0;
 const GOLDEN: f64 = 0.618_033_988_749_894_9;
 
 /// All challenges as they were played.
-#[derive(Debug, Clone, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct Plays {
     /// Counts.
     #[serde(flatten)]

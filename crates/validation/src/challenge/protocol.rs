@@ -5,7 +5,8 @@ use serde::{Deserialize, Serialize};
 use record::{Apparatus, Experiment, Record};
 
 /// A protocol: which force, when. All have four cycles of 10 s at 20 Hz.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, schemars::JsonSchema, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 #[serde(rename_all = "lowercase")]
 pub enum Protocol {
     /// The paper's: ±F, 5 s each.

@@ -8,7 +8,8 @@ use super::play::{Play, Sort};
 use super::{NoiseKind, Protocol};
 
 /// Body of `vitreo-uq/challenge/1`. Rates are from 0 to 1, `None` where nothing of the sort was played.
-#[derive(Debug, Clone, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct Tally {
     /// Number of plays.
     pub played: usize,
@@ -46,7 +47,8 @@ pub struct Tally {
 }
 
 /// An entry of the confusion matrix.
-#[derive(Debug, Clone, PartialEq, Eq, schemars::JsonSchema, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct Confusion {
     /// Slugs joined by `+`, `none` or `outside`.
     pub truth: String,
@@ -57,7 +59,8 @@ pub struct Confusion {
 }
 
 /// Plays of one sort, protocol, noise and signal.
-#[derive(Debug, Clone, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct Group {
     /// Sort.
     pub sort: Sort,

@@ -20,7 +20,8 @@ pub enum Hidden {
 }
 
 /// A constant of the apparatus that is not what the experiment says.
-#[derive(Debug, Clone, Copy, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 #[serde(rename_all = "kebab-case")]
 pub enum ApparatusError {
     /// The gel's Poisson ratio.
@@ -52,7 +53,8 @@ impl ApparatusError {
 }
 
 /// A parameter and its value.
-#[derive(Debug, Clone, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct NamedValue {
     /// Name, with unit.
     pub name: String,
@@ -61,7 +63,8 @@ pub struct NamedValue {
 }
 
 /// An effect of the library with its parameters.
-#[derive(Debug, Clone, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct HiddenEffect {
     /// Slug.
     pub slug: String,
@@ -72,7 +75,8 @@ pub struct HiddenEffect {
 }
 
 /// Everything that the data of a challenge were made from, but for the noise's random numbers.
-#[derive(Debug, Clone, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct Truth {
     /// Protocol.
     pub protocol: Protocol,

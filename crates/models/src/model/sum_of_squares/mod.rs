@@ -85,11 +85,6 @@ impl SumOfSquares {
         self
     }
 
-    /// Whether there is a table.
-    pub fn is_tabulated(&self) -> bool {
-        self.table.is_some()
-    }
-
     /// Number of positions that are compared.
     pub fn n_observed(&self) -> usize {
         self.n_observed
@@ -290,7 +285,7 @@ mod tests {
     fn the_table_is_as_good_as_the_rows() {
         for (n, irregular) in [(300, false), (301, true), (200_000, false)] {
             let record = noisy_record(n, irregular).tabulated((-9.0, 11.0));
-            assert!(record.is_tabulated(), "{n} rows");
+            assert!(record.table.is_some(), "{n} rows");
             let near = 6.0 / (n as f64).sqrt() * 0.01;
             for (size, most_left) in [(near, 0), (0.3, 0), (2.0, 20), (6.0, 200)] {
                 let (sums, n_left) = sums_around_the_truth(&record, size, 500);
@@ -313,7 +308,7 @@ mod tests {
         let (one, mut sum) = ([1.0], [0.0]);
         record.evaluate(CreepLanes { retarded_m_per_n: &one, rate_per_s: &one, flow_m_per_n_s: &one }, &mut sum);
         assert!((sum[0] / 12e-12 - 1.0).abs() < 1e-12);
-        assert!(!noisy_record(300, false).tabulated((f64::NAN, 1.0)).is_tabulated());
+        assert!(!noisy_record(300, false).tabulated((f64::NAN, 1.0)).table.is_some());
     }
 
     /// Ten thousand steps, all of other lengths, are prepared in one pass.

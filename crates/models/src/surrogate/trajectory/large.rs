@@ -78,11 +78,6 @@ pub struct LargeScope {
     pub with_load: bool,
 }
 
-impl LargeScope {
-    /// Oldroyd-B under the force as it is commanded.
-    pub const COMMANDED: Self = Self { mobilities: Mobilities::OLDROYD_B, with_load: false };
-}
-
 /// What was learnt for one record.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct LargeSurface {
@@ -367,6 +362,9 @@ mod tests {
     use super::*;
     use laws::rheology::BaseLaw;
 
+    /// Oldroyd-B under the force as it is commanded.
+    const COMMANDED: LargeScope = LargeScope { mobilities: Mobilities::OLDROYD_B, with_load: false };
+
     /// The paper's bead over one cycle: laws and amplitudes that trained nothing, among them the paper's own, against full runs on a finer mesh with finer steps; and the derivatives against differences.
     #[test]
     #[ignore = "thorough"]
@@ -377,13 +375,9 @@ mod tests {
         let force = Force::from(&force_n);
         let law = |p: [f64; 3]| BaseLaw::Lethersich.elements(&p.map(Dual::constant));
         let own = [3.527, 1.402, 47.370];
-        let learnt = LargeSurface::learn(RADII_M, (&law(own), LargeScope::COMMANDED), &time_s, force, &|| ());
+        let learnt = LargeSurface::learn(RADII_M, (&law(own), COMMANDED), &time_s, force, &|| ());
         let learnt = learnt.expect("learns");
-        println!(
-            "{} runs, certified {:.1e}",
-            LargeSurface::n_runs(&law(own), LargeScope::COMMANDED),
-            learnt.certified()
-        );
+        println!("{} runs, certified {:.1e}", LargeSurface::n_runs(&law(own), COMMANDED), learnt.certified());
         assert!(learnt.certified() < LARGEST_ERROR);
         let stepper = LargeStepper::new(learnt, &time_s, force).expect("a basis");
         let gel = FiniteGel::around_sphere(RADII_M[0], RADII_M[1], Fineness::default()).expect("a mesh");
@@ -473,7 +467,7 @@ mod tests {
         let force_n: Vec<f64> = (0..=40).map(|row| if row < 20 { 3.5e-6 } else { -3.5e-6 }).collect();
         let force = Force::from(&force_n);
         let law = BaseLaw::Lethersich.elements(&[3.527, 1.402, 47.370].map(Dual::constant));
-        let scope = LargeScope { with_load: true, ..LargeScope::COMMANDED };
+        let scope = LargeScope { with_load: true, ..COMMANDED };
         let learnt = LargeSurface::learn(RADII_M, (&law, scope), &time_s, force, &|| ()).expect("learns");
         let stepper = LargeStepper::new(learnt, &time_s, force).expect("a basis");
         let gel = FiniteGel::around_sphere(RADII_M[0], RADII_M[1], Fineness::default()).expect("a mesh");

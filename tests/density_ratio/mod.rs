@@ -5,9 +5,9 @@
 //! doi:10.1214/aos/1032298287): near the null its logarithm is a parabola over what the support leaves, so that a null at an end of the support is
 //! estimated as well as one inside.
 
-use super::WeightedDraws;
-use base::distribution::Distribution;
 use nalgebra::{Matrix3, Vector3};
+use vitreo_uq::base::distribution::Distribution;
+use vitreo_uq::sampling::evidence::WeightedDraws;
 
 /// A Bayes factor by the density ratio, or why there is none.
 #[derive(Debug, Clone, PartialEq)]
