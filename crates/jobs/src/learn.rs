@@ -1,7 +1,5 @@
 //! `learn`: a constitutive correction from data, of one record or confirmed on several.
 
-use std::path::Path;
-
 use base::error::{Error, Place, Result};
 use base::files::{remove_if_there, write_atomically};
 use cohorts::learnt;
@@ -12,7 +10,7 @@ use documents::learned_cohort::LearnedCohort;
 use figures::learned as figure;
 use figures::svg::{remove_figure, write_figure};
 use posterior::monitor::Monitor;
-use posterior::study::{LEARNED_NAME, WithProvenance};
+use posterior::study::WithProvenance;
 use sampling::SamplerOptions;
 use serde::Serialize;
 
@@ -64,24 +62,18 @@ fn of_creep(creep: &CreepTarget, request: &LearnRequest, monitor: &dyn Monitor) 
     let of_search = Request { n_simulations: request.simulations, seed, is_monotone: request.is_monotone };
     let found = learn(&subject, &of_search, monitor)?;
     monitor.stage("writing results and figures");
-    let files = |dir: &Path| -> Result<()> {
-        let file = dir.join(FILE_NAME);
+    let body = LearnDocument::Creep(Box::new(found.learned.clone()));
+    revision.amend("learned", seed, body, |dir| {
+        let (file, figures) = (dir.join(FILE_NAME), dir.join("figures"));
         match &found.file {
             Some(text) => write_atomically(&file, text.as_bytes())?,
             None => remove_if_there(&file)?,
         }
-        let figures = dir.join("figures");
         match found.learned.function {
             Some(_) => write_figure(&figures, FIGURE, &figure::learned(&found.learned)?),
             None => remove_figure(&figures, FIGURE),
         }
-    };
-    let provenance = revision.provenance("learned", seed);
-    let writer = revision.study.amend_revision(&revision.name)?;
-    let document = WithProvenance { provenance: provenance.clone(), body: &found.learned };
-    let written = writer.publish(LEARNED_NAME, &document, files)?;
-    let document = WithProvenance { provenance, body: LearnDocument::Creep(Box::new(found.learned)) };
-    Ok(Outcome { document, is_sound: true, written, study: Some(revision.study) })
+    })
 }
 
 /// The subject whose first cycles are fitted and whose later ones are scored, where a number of them is given.
