@@ -34,8 +34,6 @@ use sampling::diagnostics::autocovariance::autocovariance;
 use sampling::diagnostics::ensembles::walker_averages;
 use sampling::ensemble::SampleOutcome;
 
-/// A prior file's copy in a revision.
-
 /// Copies in a revision of effects that files have defined: in a folder of their own, since an effect may be called `prior`.
 const EFFECT_COPIES: &str = "effects";
 

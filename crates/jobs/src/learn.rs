@@ -40,7 +40,7 @@ pub enum LearnDocument {
     /// From a creep record.
     Creep(Box<Learned>),
     /// From half of a cohort, confirmed on the other half.
-    Cohort(LearnedCohort),
+    Cohort(Box<LearnedCohort>),
 }
 
 /// Learns a correction of the law, and writes it into the revision or the cohort's directory.
@@ -103,6 +103,6 @@ fn of_cohort(cohort: &CohortTarget, request: &LearnRequest, monitor: &dyn Monito
     let found = learnt::run(&measurements, request.is_monotone, monitor)?;
     monitor.stage("writing results");
     let written = learnt::write(out, &found, provenance.clone())?;
-    let document = WithProvenance { provenance, body: LearnDocument::Cohort(found.learned) };
+    let document = WithProvenance { provenance, body: LearnDocument::Cohort(Box::new(found.learned)) };
     Ok(Outcome { document, is_sound: true, written, study: None })
 }
