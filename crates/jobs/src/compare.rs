@@ -4,7 +4,6 @@ use base::error::Result;
 use criticism::compare::{self, figures};
 use documents::comparison::Comparison;
 use posterior::monitor::Monitor;
-use posterior::study::{COMPARISON_NAME, WithProvenance};
 use sampling::SamplerOptions;
 
 use crate::outcome::Outcome;
@@ -30,9 +29,5 @@ pub fn run(target: &Target, request: &CompareRequest, monitor: &dyn Monitor) -> 
     let simulations = request.simulations.unwrap_or_else(|| compare::default_simulations(subject.n_fitted()));
     let found = compare::run(&subject, &subject.base(), simulations, seed)?;
     monitor.stage("writing results and figures");
-    let document =
-        WithProvenance { provenance: revision.provenance("comparison", seed), body: found.comparison.clone() };
-    let writer = revision.study.amend_revision(&revision.name)?;
-    let written = writer.publish(COMPARISON_NAME, &document, |dir| figures::write(&dir.join("figures"), &found))?;
-    Ok(Outcome { document, is_sound: true, written, study: Some(revision.study) })
+    revision.amend("comparison", seed, found.comparison.clone(), |dir| figures::write(&dir.join("figures"), &found))
 }

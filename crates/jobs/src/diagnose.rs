@@ -1,7 +1,5 @@
 //! `diagnose`: which effect is missing.
 
-use std::path::Path;
-
 use base::error::{Error, Place, Result};
 use base::files::write_json_atomically;
 use cohorts::cohort::{Key, Measurement};
@@ -90,26 +88,20 @@ fn of_creep(
         found.diagnosis.remarks.extend(first_look(&found.subject, &found.found.base, monitor)?);
     }
     monitor.stage("writing results and figures");
-    let diagnosis = found.diagnosis;
-    let files = |dir: &Path| -> Result<()> {
-        let figures = dir.join("figures");
-        write_figure(&figures, "diagnosis", &figure::diagnosis(&diagnosis)?)?;
+    let body = DiagnoseDocument::Creep(Box::new(found.diagnosis.clone()));
+    revision.amend("diagnosis", seed, body, |dir| {
+        let (figures, id) = (dir.join("figures"), &found.diagnosis.experiment);
+        write_figure(&figures, "diagnosis", &figure::diagnosis(&found.diagnosis)?)?;
         let of_effects = fingerprints(&found.subject, &found.found);
         write_fingerprints(&dir.join(FINGERPRINTS_NAME), &of_effects)?;
         if !of_effects.effects.is_empty() {
-            write_figure(&figures, "fingerprints", &fingerprints_figure(&of_effects, &diagnosis.experiment)?)?;
+            write_figure(&figures, "fingerprints", &fingerprints_figure(&of_effects, id)?)?;
         }
         match &found.leftover {
-            Some(leftover) => write_figure(&figures, DISCREPANCY_FIGURE, &leftover.figure(&diagnosis.experiment)?),
+            Some(leftover) => write_figure(&figures, DISCREPANCY_FIGURE, &leftover.figure(id)?),
             None => remove_figure(&figures, DISCREPANCY_FIGURE),
         }
-    };
-    let provenance = revision.provenance("diagnosis", seed);
-    let writer = revision.study.amend_revision(&revision.name)?;
-    let written =
-        writer.publish(DIAGNOSIS_NAME, &WithProvenance { provenance: provenance.clone(), body: &diagnosis }, files)?;
-    let document = WithProvenance { provenance, body: DiagnoseDocument::Creep(Box::new(diagnosis)) };
-    Ok(Outcome { document, is_sound: true, written, study: Some(revision.study) })
+    })
 }
 
 fn of_oscillation(

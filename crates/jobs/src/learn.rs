@@ -1,7 +1,5 @@
 //! `learn`: a constitutive correction from data, of one record or confirmed on several.
 
-use std::path::Path;
-
 use base::error::{Error, Place, Result, Setting};
 use base::files::{remove_if_there, write_atomically};
 use cohorts::learnt;
@@ -12,7 +10,7 @@ use documents::learned_cohort::LearnedCohort;
 use figures::learned as figure;
 use figures::svg::{remove_figure, write_figure};
 use posterior::monitor::Monitor;
-use posterior::study::{LEARNED_NAME, WithProvenance};
+use posterior::study::WithProvenance;
 use sampling::SamplerOptions;
 use serde::Serialize;
 
@@ -42,7 +40,7 @@ pub enum LearnDocument {
     /// From a creep record.
     Creep(Box<Learned>),
     /// From half of a cohort, confirmed on the other half.
-    Cohort(LearnedCohort),
+    Cohort(Box<LearnedCohort>),
 }
 
 /// Learns a correction of the law, and writes it into the revision or the cohort's directory.
@@ -64,24 +62,18 @@ fn of_creep(creep: &CreepTarget, request: &LearnRequest, monitor: &dyn Monitor) 
     let of_search = Request { n_simulations: request.simulations, seed, is_monotone: request.is_monotone };
     let found = learn(&subject, &of_search, monitor)?;
     monitor.stage("writing results and figures");
-    let files = |dir: &Path| -> Result<()> {
-        let file = dir.join(FILE_NAME);
+    let body = LearnDocument::Creep(Box::new(found.learned.clone()));
+    revision.amend("learned", seed, body, |dir| {
+        let (file, figures) = (dir.join(FILE_NAME), dir.join("figures"));
         match &found.file {
             Some(text) => write_atomically(&file, text.as_bytes())?,
             None => remove_if_there(&file)?,
         }
-        let figures = dir.join("figures");
         match found.learned.function {
             Some(_) => write_figure(&figures, FIGURE, &figure::learned(&found.learned)?),
             None => remove_figure(&figures, FIGURE),
         }
-    };
-    let provenance = revision.provenance("learned", seed);
-    let writer = revision.study.amend_revision(&revision.name)?;
-    let document = WithProvenance { provenance: provenance.clone(), body: &found.learned };
-    let written = writer.publish(LEARNED_NAME, &document, files)?;
-    let document = WithProvenance { provenance, body: LearnDocument::Creep(Box::new(found.learned)) };
-    Ok(Outcome { document, is_sound: true, written, study: Some(revision.study) })
+    })
 }
 
 /// The subject whose first cycles are fitted and whose later ones are scored, where a number of them is given.
@@ -111,6 +103,6 @@ fn of_cohort(cohort: &CohortTarget, request: &LearnRequest, monitor: &dyn Monito
     let found = learnt::run(&measurements, request.is_monotone, monitor)?;
     monitor.stage("writing results");
     let written = learnt::write(out, &found, provenance.clone())?;
-    let document = WithProvenance { provenance, body: LearnDocument::Cohort(found.learned) };
+    let document = WithProvenance { provenance, body: LearnDocument::Cohort(Box::new(found.learned)) };
     Ok(Outcome { document, is_sound: true, written, study: None })
 }

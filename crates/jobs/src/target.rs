@@ -11,13 +11,15 @@ use posterior::monitor::Monitor;
 use posterior::prepared::PreparedModel;
 use posterior::problem::Problem;
 use posterior::sample::refuse_nothing_to_sample;
-use posterior::study::{ModelSpecification, Provenance, Study};
+use posterior::study::{ModelSpecification, Provenance, Study, WithProvenance};
 use posterior::{check, replica};
 use record::{Experiment, ExperimentFiles, Sweep, Understood};
 use sampling::SamplerOptions;
+use serde::Serialize;
 
 use crate::artefacts;
 use crate::first_revision::{FIRST_REVISION, kept_surrogate, make_first_revision};
+use crate::outcome::Outcome;
 use crate::sweep::problem::{DEFAULT_PRIOR, SweepProblem};
 
 /// What the user names: records, a place, and a model.
@@ -334,6 +336,23 @@ impl Revision {
     /// The header of a document about the revision.
     pub fn provenance(&self, kind: &str, seed: u64) -> Provenance {
         artefacts::with_inputs(self.study.provenance(kind, 1, seed), &self.problem)
+    }
+
+    /// Adds a document of a kind, and the files beside it, to the revision: whole or not at all.
+    ///
+    /// # Errors
+    /// [`Error::File`] where the operating system refuses, and those of `files`.
+    pub fn amend<D: Serialize>(
+        self,
+        kind: &str,
+        seed: u64,
+        body: D,
+        files: impl FnOnce(&Path) -> Result<()>,
+    ) -> Result<Outcome<D>> {
+        let document = WithProvenance { provenance: self.provenance(kind, seed), body };
+        let writer = self.study.amend_revision(&self.name)?;
+        let written = writer.publish(&format!("{kind}.json"), &document, files)?;
+        Ok(Outcome { document, is_sound: true, written, study: Some(self.study) })
     }
 }
 
