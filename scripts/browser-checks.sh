@@ -32,5 +32,5 @@ cp tests/browser/workbench.test.mjs tests/browser/tsconfig.json "$place/"
 # Paths in the copy lead to the same page.
 "$place/node_modules/.bin/tsc" --project "$place/tsconfig.json"
 
-cargo build --quiet --bins
+cargo build --quiet --examples --bins
 COHORT=$PWD/data/cohort VITREO_UQ=$PWD/target/debug/vitreo-uq PICTURES=$PWD/$place/pictures node --test "$place/workbench.test.mjs"
