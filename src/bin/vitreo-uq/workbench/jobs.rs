@@ -462,6 +462,7 @@ mod tests {
 
     #[test]
     fn no_word_of_a_wish_becomes_another_option() {
+        vitreo_uq::base::error::rename_settings("command line", crate::settings::option);
         let refuses = |wish: Wish, revisions: &[&str], words: &str| {
             let error = commands(&wish, &item(revisions), false, &[]).unwrap_err().to_string();
             assert!(error.contains(words), "`{words}` in {error}");

@@ -78,7 +78,7 @@ impl Response {
     /// Recorded position (m) at every row, the limit from the left. `compliance_per_m` is the displacement per force at unit creep compliance.
     ///
     /// # Errors
-    /// [`Error::Numerical`] where the law has no spectrum, a force gradient pulls the robot away or the position is not finite.
+    /// [`base::Error::Numerical`] where the law has no spectrum, a force gradient pulls the robot away or the position is not finite.
     pub fn trajectory_m(&self, stages: &Stages, compliance_per_m: f64) -> Result<Vec<f64>> {
         let point = self.lowered(stages, compliance_per_m)?;
         let mut position_m = Vec::new();
@@ -89,7 +89,7 @@ impl Response {
     /// Recorded position and its derivative in the direction that the stages carry, at every row.
     ///
     /// # Errors
-    /// Those of [`Self::trajectory_m`], and [`Error::Numerical`] for a derivative with respect to the lag's time where there is no lag.
+    /// Those of [`Self::trajectory_m`], and [`base::Error::Numerical`] for a derivative with respect to the lag's time where there is no lag.
     pub fn derivative_m(&self, stages: &Stages, compliance_per_m: Dual) -> Result<Vec<Dual>> {
         stages.load.check_derivative()?;
         let point = self.lowered(stages, compliance_per_m)?;
