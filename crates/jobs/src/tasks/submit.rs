@@ -156,7 +156,7 @@ mod tests {
                 assert!(all.eq(0..n_tasks), "{n_tasks} in {parts}");
             }
         }
-        assert!(tasks_of_part(10, 10, 10).is_err_and(|error| error.to_string().contains("`--part`: part 10 of 10")));
+        assert!(tasks_of_part(10, 10, 10).is_err_and(|error| error.to_string().contains("`part`: part 10 of 10")));
         assert_eq!((n_parts(300, None).unwrap(), n_parts(100_000, None).unwrap()), (300, 1_000));
     }
 

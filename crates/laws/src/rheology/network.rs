@@ -95,7 +95,7 @@ impl Network {
     /// Reads a network from the text of its table, for models that are made without a `model.toml`; `file` is only named in errors.
     ///
     /// ```
-    /// use crate::rheology::{BaseLaw, Network};
+    /// use vitreo_uq_laws::rheology::{BaseLaw, Network};
     /// let text = "series = [{ parallel = [{ spring = \"gel\" }, { springpot = \"mesh\" }] }, { dashpot = \"flow\" }]";
     /// let law = BaseLaw::Network(Network::from_text("network.toml".as_ref(), text)?);
     /// let names: Vec<&str> = law.parameters().iter().map(|parameter| parameter.name).collect();
