@@ -15,7 +15,7 @@ FIGURE = re.compile(
     r"\d\s?(?:%|×|µs|ms|s|min|h|µm|mm|nm|nats|GB|MB|Pa)(?![\w·/])|\d of [\d,]+|10[⁻⁰¹²³⁴⁵⁶⁷⁸⁹]+(?!\w)"
 )
 CAMPAIGN = re.compile(r"campaigns/([a-z][a-z-]*)")
-TEST = re.compile(r"\b((?:crates/\w+/src|tests|src)/[\w/]+\.(?:rs|py))")
+TEST = re.compile(r"\b((?:crates/\w+/(?:src|tests)|(?<!/)tests|(?<!/)src)/[\w/]+\.(?:rs|py))")
 NUMBER = re.compile(r"\d[\d,]*(?:\.\d+)?(?:·10[⁻⁰¹²³⁴⁵⁶⁷⁸⁹]+)?")
 GIVEN = "<!-- given -->"
 
