@@ -194,13 +194,13 @@ impl Species {
     pub fn apparatus(&self) -> (Robot, Vitreous) {
         let robot = Robot {
             shape: RobotShape::Sphere { diameter_m: ROBOT_DIAMETER_MM / MM_PER_M },
-            density_kg_m3: ROBOT_DENSITY_KG_M3,
+            density_kg_m3: Some(ROBOT_DENSITY_KG_M3),
             offset: None,
         };
         let vitreous = Vitreous {
             diameter_m: self.vitreous_diameter_mm / MM_PER_M,
             poisson_ratio: POISSON_RATIO,
-            density_kg_m3: VITREOUS_DENSITY_KG_M3,
+            density_kg_m3: Some(VITREOUS_DENSITY_KG_M3),
         };
         (robot, vitreous)
     }

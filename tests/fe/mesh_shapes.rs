@@ -74,9 +74,9 @@ fn nodes_stand_where_they_belong() {
 
 #[test]
 fn bodies_that_are_not_meshed_are_refused_with_a_reason() {
-    let vitreous = Vitreous { diameter_m: 20e-3, poisson_ratio: 0.48, density_kg_m3: 1000.0 };
+    let vitreous = Vitreous { diameter_m: 20e-3, poisson_ratio: 0.48, density_kg_m3: None };
     let refused = |shape: RobotShape, words: &[&str]| {
-        let robot = Robot { shape, density_kg_m3: 7500.0, offset: None };
+        let robot = Robot { shape, density_kg_m3: None, offset: None };
         let error = robot_mesh(&robot, &vitreous, 1).unwrap_err();
         let text = error.to_string();
         assert!(error.exit_code() == 2 && words.iter().all(|word| text.contains(word)), "{text}");

@@ -123,8 +123,8 @@ fn rotation_does_not_matter() {
 
 fn apparatus(shape: RobotShape, offset_mm: f64, direction: OffsetDirection) -> (Robot, Vitreous) {
     let offset = Some(Offset { distance_m: 1e-3 * offset_mm, direction });
-    let vitreous = Vitreous { diameter_m: 2.0 * OUTER_M, poisson_ratio: 0.48, density_kg_m3: 1000.0 };
-    (Robot { shape, density_kg_m3: 7500.0, offset }, vitreous)
+    let vitreous = Vitreous { diameter_m: 2.0 * OUTER_M, poisson_ratio: 0.48, density_kg_m3: None };
+    (Robot { shape, density_kg_m3: None, offset }, vitreous)
 }
 
 fn mesh_of(shape: RobotShape, offset_mm: f64, direction: OffsetDirection, level: usize) -> Mesh {

@@ -10,7 +10,7 @@ use vitreo_uq::record::table::Given;
 const INTERVAL_S: f64 = 0.1;
 const N_ROWS: usize = 200;
 /// Instrument, so that nothing is meshed: the sizes of a robot are given all the same.
-const SIZES: [Option<f64>; 4] = [Some(0.55), Some(7500.0), Some(20.0), Some(0.48)];
+const SIZES: [Option<f64>; 3] = [Some(0.55), Some(20.0), Some(0.48)];
 
 /// Time (s), force (µN), position (µm): two cycles of a pull each way, of a Lethersich body in closed form.
 fn truth() -> Vec<[f64; 3]> {

@@ -147,6 +147,22 @@ settings! {
     XColumn "x"
     /// Column of y in a table.
     YColumn "y"
+    /// Column of z in a table.
+    ZColumn "z"
+    /// Tables that are read of a file that holds several.
+    Tables "table"
+    /// Column of the tracks in a table.
+    TrackColumn "track_column"
+    /// Track that is read.
+    Track "track"
+    /// What a blank force stands for.
+    BlankForce "blank_force"
+    /// Sign between thousands.
+    Thousands "thousands"
+    /// Whether times that begin again go on.
+    TimeRestarts "time_restarts"
+    /// Whether equal times of a coarse clock are spread.
+    TimeTies "time_ties"
     /// Unit of the time in a table.
     TimeUnit "unit_time"
     /// Unit of the force in a table.

@@ -11,7 +11,7 @@ use base::toml_input::{UNKNOWN, quoted};
 use documents::init::{InitColumn, InitSummary};
 use posterior::study::sha256_hex;
 use record::table::{
-    Ask, ColumnName, Given, PositionColumns, Proposal, Question, TableDescription, TimeFormat, look, propose,
+    Ask, ColumnName, Given, PositionColumns, Proposal, Question, TableDescription, look, propose,
 };
 use record::{Direction, Sweep, Zero, sweep_columns};
 
@@ -28,8 +28,10 @@ pub struct InitRequest {
     pub id: Option<String>,
     /// Its species and the region of its eye.
     pub groups: [Option<String>; 2],
-    /// Diameter of a spherical robot in mm, its density in kg/m³, the vitreous's diameter in mm and Poisson ratio.
-    pub sizes: [Option<f64>; 4],
+    /// Diameter of a spherical robot in mm, the vitreous's diameter in mm and Poisson ratio.
+    pub sizes: [Option<f64>; 3],
+    /// Density of the robot in kg/m³.
+    pub robot_density_kg_m3: Option<f64>,
     /// Noise of the tracker in µm.
     pub noise_um: Option<f64>,
     /// Write over an experiment that is there.
@@ -56,7 +58,7 @@ pub fn run(request: &InitRequest, ask: Ask<'_>) -> Result<(InitSummary, String)>
         return Ok((summary, sha256_hex(&bytes)));
     }
     let looked = look(&request.file, &bytes).ok();
-    let creep = looked.and_then(|looked| RheometerCreep::of(&looked, &request.given, request.sizes[3]));
+    let creep = looked.and_then(|looked| RheometerCreep::of(&looked, &request.given, request.sizes[2]));
     let given = creep.as_ref().map_or(&request.given, |creep| &creep.given);
     let mut proposal = propose(&request.file, &bytes, given, ask)?;
     if let Some(creep) = &creep {
@@ -66,9 +68,9 @@ pub fn run(request: &InitRequest, ask: Ask<'_>) -> Result<(InitSummary, String)>
     let mut request = request.clone();
     let mut unknown = Vec::new();
     if creep.is_none() {
-        for (size, (key, what)) in request.sizes.iter_mut().zip(SIZES) {
-            *size = size.or_else(|| asked_size(what, ask));
-            unknown.extend(size.is_none().then(|| key.to_string()));
+        for (size, asked) in request.sizes.iter_mut().zip(&SIZES) {
+            *size = size.or_else(|| asked_size(asked, ask));
+            unknown.extend(size.is_none().then(|| asked.key.to_string()));
         }
     }
     let toml = experiment_toml(&request, &name, &proposal, creep.as_ref());
@@ -96,12 +98,12 @@ fn write(out: &Path, name: &str, bytes: &[u8], toml: &str) -> Result<()> {
 /// Writes the description of a rheometer's oscillation; `None` where the table is none, or where the user says that it is a record in time.
 fn oscillation(request: &InitRequest, name: &str, bytes: &[u8], out: &Path) -> Result<Option<InitSummary>> {
     let given = &request.given;
-    if given.columns.iter().chain(&given.plane).any(Option::is_some) {
+    if given.columns.iter().chain(&given.axes).any(Option::is_some) {
         return Ok(None);
     }
     let Ok(looked) = look(&request.file, bytes) else { return Ok(None) };
     let Some(columns) = sweep_columns(&looked) else { return Ok(None) };
-    let (toml, mut summary) = described(name, request.id.as_deref(), request.sizes[3], &looked, &columns)?;
+    let (toml, mut summary) = described(name, request.id.as_deref(), request.sizes[2], &looked, &columns)?;
     summary.reasons.extend(sizes_are_idle(request));
     write(out, name, bytes, &toml)?;
     let (sweep, _) = Sweep::read(out)?;
@@ -114,33 +116,54 @@ fn oscillation(request: &InitRequest, name: &str, bytes: &[u8], out: &Path) -> R
 
 /// Said where sizes are given that a rheometer does not have.
 fn sizes_are_idle(request: &InitRequest) -> Option<String> {
-    let is_given = request.sizes[..3].iter().any(Option::is_some);
+    let is_given = request.sizes[..2].iter().chain([&request.robot_density_kg_m3]).any(Option::is_some);
     is_given.then(|| "the sizes of robot and vitreous are not used: a rheometer has none of them".into())
 }
 
-/// Keys of [`InitRequest::sizes`], and what they are.
-const SIZES: [(&str, &str); 4] = [
-    ("robot.diameter_mm", "diameter of the robot, a sphere, in mm"),
-    ("robot.density_kg_m3", "density of the robot in kg/m³"),
-    ("vitreous.diameter_mm", "diameter of the vitreous in mm"),
-    ("vitreous.poisson_ratio", "Poisson ratio of the vitreous (0.48 to 0.499 for a gel that is nearly incompressible)"),
-];
-/// Answers that are no numbers before a question is given up.
-const TRIES: usize = 3;
+/// A size that is asked for: its key, what it is, and the values that it may have.
+struct AskedSize {
+    key: &'static str,
+    what: &'static str,
+    allowed: fn(f64) -> bool,
+    allowed_in_words: &'static str,
+}
 
-fn asked_size(what: &str, ask: Ask<'_>) -> Option<f64> {
-    let mut text = what.to_string();
-    for _ in 0..TRIES {
+/// In the order of [`InitRequest::sizes`].
+const SIZES: [AskedSize; 3] = [
+    AskedSize {
+        key: "robot.diameter_mm",
+        what: "diameter of the robot, a sphere, in mm",
+        allowed: |x| x > 0.0,
+        allowed_in_words: "a diameter is above 0",
+    },
+    AskedSize {
+        key: "vitreous.diameter_mm",
+        what: "diameter of the vitreous in mm",
+        allowed: |x| x > 0.0,
+        allowed_in_words: "a diameter is above 0",
+    },
+    AskedSize {
+        key: "vitreous.poisson_ratio",
+        what: "Poisson ratio of the vitreous (0.48 to 0.499 for a gel that is nearly incompressible)",
+        allowed: |x| x > -1.0 && x < 0.5,
+        allowed_in_words: "a Poisson ratio lies between −1 and 0.5, both excluded",
+    },
+];
+
+/// Asks until the answer is a value that the size may have; `None` where nobody knows it.
+fn asked_size(size: &AskedSize, ask: Ask<'_>) -> Option<f64> {
+    let mut text = size.what.to_string();
+    loop {
         let answer = ask(&Question { text, choices: Vec::new(), proposal: Some(UNKNOWN.into()) })?;
         if answer == UNKNOWN {
             return None;
         }
         match answer.replace(',', ".").parse::<f64>() {
-            Ok(size) if size.is_finite() => return Some(size),
-            _ => text = format!("`{answer}` is no number; {what}"),
+            Ok(value) if value.is_finite() && (size.allowed)(value) => return Some(value),
+            Ok(_) => text = format!("`{answer}`: {}; {}", size.allowed_in_words, size.what),
+            Err(_) => text = format!("`{answer}` is no number; {}", size.what),
         }
     }
-    None
 }
 
 fn file_name(file: &Path) -> Result<String> {
@@ -161,13 +184,8 @@ fn name_of(column: &ColumnName) -> String {
     }
 }
 
-fn time_unit(format: &TimeFormat) -> String {
-    match format {
-        TimeFormat::Unit(unit) => unit.name.clone(),
-        TimeFormat::Clock => "clock".into(),
-        TimeFormat::Iso => "iso".into(),
-    }
-}
+/// Keys of several coordinates.
+const AXES: [&str; 3] = ["position_x", "position_y", "position_z"];
 
 fn columns(proposal: &Proposal) -> Vec<InitColumn> {
     let TableDescription { time, force, position, cycle, .. } = &proposal.description;
@@ -178,16 +196,15 @@ fn columns(proposal: &Proposal) -> Vec<InitColumn> {
         range,
     };
     let micro = |range: [f64; 2]| Some(range.map(|x| 1e6 * x));
-    let mut columns = vec![column("time", &time.0, time_unit(&time.1), Some([0.0, proposal.duration_s]))];
+    let mut columns = vec![column("time", &time.0, time.1.name().into(), Some([0.0, proposal.duration_s]))];
     columns
         .extend(force.as_ref().map(|(name, unit)| column("force", name, unit.name.clone(), micro(proposal.force_n))));
     match position {
         Some((PositionColumns::Along(name), unit)) => {
             columns.push(column("position", name, unit.name.clone(), micro(proposal.position_m)));
         }
-        Some((PositionColumns::Plane([x, y]), unit)) => {
-            columns.push(column("position_x", x, unit.name.clone(), None));
-            columns.push(column("position_y", y, unit.name.clone(), None));
+        Some((PositionColumns::Axes(axes), unit)) => {
+            columns.extend(AXES.iter().zip(axes).map(|(key, axis)| column(key, axis, unit.name.clone(), None)));
         }
         None => {}
     }
@@ -196,10 +213,11 @@ fn columns(proposal: &Proposal) -> Vec<InitColumn> {
 }
 
 fn others(proposal: &Proposal) -> Vec<String> {
-    let TableDescription { time, force, position, cycle, .. } = &proposal.description;
+    let TableDescription { time, force, position, cycle, track, .. } = &proposal.description;
     let positions = position.iter().flat_map(|(columns, _)| columns.all());
-    let force = force.iter().map(|(name, _)| name);
-    let used: Vec<&ColumnName> = std::iter::once(&time.0).chain(force).chain(positions).chain(cycle).collect();
+    let [force, track] = [force.iter().map(|(name, _)| name).next(), track.iter().map(|(name, _)| name).next()];
+    let used: Vec<&ColumnName> =
+        std::iter::once(&time.0).chain(force).chain(positions).chain(cycle).chain(track).collect();
     let is_used = |(at, name): &(usize, &String)| {
         used.iter().any(|column| match column {
             ColumnName::Named(own) => own == *name,
@@ -222,7 +240,7 @@ fn experiment_toml(request: &InitRequest, file: &str, proposal: &Proposal, creep
     let table = &proposal.description;
     let layout = &table.layout;
     let stem = Path::new(file).file_stem().map_or("specimen".into(), |stem| stem.to_string_lossy().into_owned());
-    let [diameter, density, vitreous, poisson] =
+    let [diameter, vitreous, poisson] =
         request.sizes.map(|size| size.map_or_else(|| quoted(UNKNOWN), |size| format!("{size:?}")));
     let mut lines = String::from("# What was measured. Lines with \"?\" need a number before this can be read.\n");
     // A key after the head of a table stands in its own line.
@@ -251,7 +269,10 @@ fn experiment_toml(request: &InitRequest, file: &str, proposal: &Proposal, creep
     } else {
         line("\n[robot]\nshape", quoted("sphere"), "or \"ellipsoid\", \"cylinder\" with `length_mm` and `orientation`");
         line("diameter_mm", diameter, "of the moving body");
-        line("density_kg_m3", density, "of the moving body");
+        match request.robot_density_kg_m3 {
+            Some(density) => line("density_kg_m3", format!("{density:?}"), "of the moving body; inertia alone needs it"),
+            None => line("# density_kg_m3", "7500.0".into(), "of the moving body; inertia alone needs it"),
+        }
         line("\n[vitreous]\ndiameter_mm", vitreous, "of the gel around it, whose outer surface is fixed");
         line("poisson_ratio", poisson, "0.48 to 0.499 for a gel that is nearly incompressible");
         line("density_kg_m3", "1000.0".into(), "of water, if nothing better is known");
@@ -275,7 +296,30 @@ fn experiment_toml(request: &InitRequest, file: &str, proposal: &Proposal, creep
     if let Some(header) = layout.header_line {
         line("header_line", header.to_string(), "line of the columns' names");
     }
-    line("first_row_line", layout.first_row_line.to_string(), "line of the first row");
+    if layout.row_lines.is_empty() {
+        line("first_row_line", layout.first_row_line.to_string(), "line of the first row");
+    } else {
+        let lines = format!("{:?}", layout.row_lines);
+        line("row_lines", lines, "first and last line of each table, read one after the other");
+    }
+    if let Some(sign) = layout.thousands {
+        line("thousands", quoted(sign.name()), "sign between thousands");
+    }
+    if table.time_rules.joins_restarts {
+        line("time_restarts", quoted("join"), "times that begin again go on from the row before");
+    }
+    if table.time_rules.spreads_ties {
+        line("time_ties", quoted("spread"), "equal times of a coarse clock are spread evenly");
+    }
+    if let Some(blank) = table.blank_force {
+        line("blank_force", quoted(blank.name()), "a blank force is that of the row \"above\", or \"zero\"");
+    }
+    if !table.lost.is_empty() {
+        line("lost", format!("{:?}", table.lost), "positions that stand for lost tracking, in the column's unit");
+    }
+    if let Some((_, track)) = &table.track {
+        line("track", quoted(track), "the rows of this track are read");
+    }
     match proposal.frame.zero {
         Zero::AsWritten => line("# zero", quoted("first"), "which position is 0: \"first\", \"rest\" or a number"),
         Zero::First => line("zero", quoted("first"), "the first position is 0"),
@@ -289,26 +333,35 @@ fn experiment_toml(request: &InitRequest, file: &str, proposal: &Proposal, creep
         Direction::Fit => line("direction", quoted("fit"), "the line of motion of x and y, or its degrees from x to y"),
         Direction::Degrees(degrees) => line("direction", format!("{degrees:?}"), "degrees from x to y"),
     }
-    line("# force", quoted("hold"), "\"hold\" until the next row, or \"linear\" between rows");
+    if proposal.has_noisy_levels {
+        line("force", quoted("levels"), "a sensor's: each hold has its median; or \"hold\", \"linear\"");
+    } else {
+        line("# force", quoted("hold"), "\"hold\" until the next row, or \"linear\" between rows");
+    }
+    line("# load_start_s", "-3.0".into(), "when the first row's force began, in the table's time, if before the first row");
     line("\n[measurement.columns]\ntime", column_name(&table.time.0), "name in the header, or number from 1");
     if let Some((force, _)) = &table.force {
         line("force", column_name(force), "the commanded force");
     }
     match table.position.as_ref().map(|(columns, _)| columns) {
         Some(PositionColumns::Along(position)) => line("position", column_name(position), "along the force"),
-        Some(PositionColumns::Plane([x, y])) => {
-            line("position_x", column_name(x), "projected on the line that `direction` names");
-            line("position_y", column_name(y), "with it");
+        Some(PositionColumns::Axes(axes)) => {
+            for (key, axis) in AXES.iter().zip(axes) {
+                line(key, column_name(axis), "projected on the line that `direction` names");
+            }
         }
         None => {}
     }
     if let Some(cycle) = &table.cycle {
         line("cycle", column_name(cycle), "left out, cycles are found from the force");
     }
+    if let Some((track, _)) = &table.track {
+        line("track", column_name(track), "number or name of each row's track");
+    }
     line(
         "\n[measurement.units]\ntime",
-        quoted(&time_unit(&table.time.1)),
-        "s, ms, min, h, \"clock\" (hh:mm:ss) or \"iso\"",
+        quoted(table.time.1.name()),
+        "s, ms, min, h, \"clock\" (hh:mm:ss), or dates: \"iso\", \"day-first\", \"month-first\"",
     );
     if let Some((_, unit)) = &table.force {
         let units = if creep.is_some() { "a pascal stands for a newton" } else { "N, mN, uN, nN or pN" };

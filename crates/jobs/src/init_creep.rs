@@ -22,7 +22,7 @@ pub(super) struct RheometerCreep {
 impl RheometerCreep {
     /// What a table of stress and strain says; `None` where it is another.
     pub fn of(looked: &Looked, given: &Given, poisson_ratio: Option<f64>) -> Option<Self> {
-        if given.columns.iter().chain(&given.plane).any(Option::is_some) {
+        if given.columns.iter().chain(&given.axes).any(Option::is_some) {
             return None;
         }
         let columns = || looked.columns.iter().zip(&looked.units).enumerate();
@@ -48,7 +48,7 @@ impl RheometerCreep {
             given: Given {
                 columns: [None, number(stress), number(strain), None],
                 units: [given.units[0].clone(), so_many(pascals, "N"), so_many(part, "m")],
-                ..Given::default()
+                ..given.clone()
             },
             compliance: 2.0 + 2.0 * poisson_ratio.unwrap_or(OF_WATER),
         })

@@ -8,7 +8,7 @@ use base::toml_input::quoted;
 use documents::simulation::SimulationSummary;
 use elements::mesh::vtu::{PointData, TimeStep, write_pvd, write_vtu};
 use posterior::problem::Problem;
-use record::{Apparatus, Offset, Orientation, Record, RobotShape};
+use record::{Apparatus, Offset, Orientation, Record, RobotShape, density_toml};
 
 /// Writes trajectory, experiment and fields into `dir`: the directory is itself an experiment.
 ///
@@ -89,12 +89,12 @@ fn apparatus_toml(apparatus: &Apparatus) -> String {
                 }
             };
             format!(
-                "[robot]\n{shape}\ndensity_kg_m3 = {}\n{}[vitreous]\ndiameter_mm = {}\npoisson_ratio = {}\ndensity_kg_m3 = {}",
-                robot.density_kg_m3,
+                "[robot]\n{shape}\n{}{}[vitreous]\ndiameter_mm = {}\npoisson_ratio = {}\n{}",
+                density_toml(robot.density_kg_m3),
                 offset_toml(robot.offset),
                 mm(vitreous.diameter_m),
                 vitreous.poisson_ratio,
-                vitreous.density_kg_m3
+                density_toml(vitreous.density_kg_m3)
             )
         }
     }

@@ -92,12 +92,16 @@ impl FiniteElements {
     }
 }
 
+/// Density of water.
+const WATER_KG_M3: f64 = 1000.0;
+
 /// Sizes and weights of gel and robot in a mesh of the program's, or, with no level, in another.
 pub fn sizes_of(robot: &Robot, vitreous: &Vitreous, level: Option<usize>) -> Sizes {
     let ball = |diameter_m: f64| level.map(|level| ball(diameter_m, 0.5 * vitreous.diameter_m, level));
     Sizes {
-        gel_density_kg_m3: vitreous.density_kg_m3,
-        robot_mass_kg: robot.density_kg_m3 * robot.shape.volume_m3(),
+        // Without a density inertia is refused, and nothing else weighs anything.
+        gel_density_kg_m3: vitreous.density_kg_m3.unwrap_or(WATER_KG_M3),
+        robot_mass_kg: robot.density_kg_m3.unwrap_or(WATER_KG_M3) * robot.shape.volume_m3(),
         robot_radius_m: robot.shape.equivalent_radius_m(),
         outer_radius_m: 0.5 * vitreous.diameter_m,
         ball: match (robot.shape, robot.offset) {

@@ -76,8 +76,8 @@ mod tests {
     fn apparatus(robot_mm: f64, vitreous_mm: f64, poisson_ratio: f64) -> (Robot, Vitreous) {
         let shape = RobotShape::Sphere { diameter_m: 1e-3 * robot_mm };
         (
-            Robot { shape, density_kg_m3: 7500.0, offset: None },
-            Vitreous { diameter_m: 1e-3 * vitreous_mm, poisson_ratio, density_kg_m3: 1000.0 },
+            Robot { shape, density_kg_m3: None, offset: None },
+            Vitreous { diameter_m: 1e-3 * vitreous_mm, poisson_ratio, density_kg_m3: None },
         )
     }
 

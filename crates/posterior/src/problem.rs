@@ -13,7 +13,7 @@ use base::distribution::Distribution;
 use base::error::{Error, Place, Result, Setting};
 use base::number::Dual;
 use base::parameter::ParameterSpec;
-use models::effects::{Library, Stage};
+use models::effects::{Field, Library, Stage};
 use models::model::{FullForward, Model, TrainedRange};
 use record::{Apparatus, Experiment};
 
@@ -76,6 +76,7 @@ impl Problem {
         }
         let Checked { specification, model, noise, priors } = checked;
         refuse_without_mesh(&model, &mechanics)?;
+        refuse_without_density(&model, &experiment)?;
         Ok(Self { experiment, specification, model, noise, priors, mechanics: Arc::new(mechanics) })
     }
 
@@ -91,6 +92,7 @@ impl Problem {
     ) -> Result<Self> {
         let Checked { specification, model, noise, priors } = check(&experiment, specification, library)?;
         refuse_without_mesh(&model, &mechanics)?;
+        refuse_without_density(&model, &experiment)?;
         Ok(Self { experiment, specification, model, noise, priors, mechanics })
     }
 
@@ -246,6 +248,21 @@ fn refuse_without_mesh(model: &Model, mechanics: &Mechanics) -> Result<()> {
             format!("`{slug}` cannot be computed for this robot and mesh: {reason}"),
             "leave it out, or use another mesh",
         )),
+    }
+}
+
+/// Masses need the densities of robot and gel.
+fn refuse_without_density(model: &Model, experiment: &Experiment) -> Result<()> {
+    let Apparatus::Robot { robot, vitreous } = &experiment.apparatus else { return Ok(()) };
+    let missing = [("robot", robot.density_kg_m3), ("vitreous", vitreous.density_kg_m3)];
+    let missing = missing.iter().find(|(_, density)| density.is_none());
+    match (model.field(), missing) {
+        (Some((slug, Field::Pair(pair))), Some((table, _))) if pair.has_mass() => Err(Error::input(
+            Place::setting(Setting::Effects),
+            format!("`{slug}` needs a density, and [{table}] states none"),
+            format!("add `density_kg_m3` to [{table}] of experiment.toml"),
+        )),
+        _ => Ok(()),
     }
 }
 

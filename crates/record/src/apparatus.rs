@@ -30,8 +30,8 @@ pub enum Apparatus {
 pub struct Robot {
     /// Its shape and sizes.
     pub shape: RobotShape,
-    /// Density in kg/m³.
-    pub density_kg_m3: f64,
+    /// Density in kg/m³, which inertia alone needs; `None` where it is not stated.
+    pub density_kg_m3: Option<f64>,
     /// Where its centre lies; `None` in the middle of the vitreous.
     pub offset: Option<Offset>,
 }
@@ -116,8 +116,13 @@ pub struct Vitreous {
     pub diameter_m: f64,
     /// Poisson ratio, in (−1, 0.5).
     pub poisson_ratio: f64,
-    /// Density in kg/m³.
-    pub density_kg_m3: f64,
+    /// Density in kg/m³, which inertia alone needs; `None` where it is not stated.
+    pub density_kg_m3: Option<f64>,
+}
+
+/// The line of `experiment.toml` that states a density (kg/m³); empty where none is stated.
+pub fn density_toml(density_kg_m3: Option<f64>) -> String {
+    density_kg_m3.map_or(String::new(), |density| format!("density_kg_m3 = {density}\n"))
 }
 
 impl RobotShape {
@@ -303,7 +308,7 @@ fn robot_from(table: Table<'_>) -> Result<Robot> {
             ));
         }
     };
-    let density_kg_m3 = table.required_within("density_kg_m3", "density_kg_m3 = 7500", DENSITIES_KG_M3)?;
+    let density_kg_m3 = density(table, "density_kg_m3 = 7500")?;
     let offset = offset_from(table)?;
     Ok(Robot { shape, density_kg_m3, offset })
 }
@@ -346,6 +351,11 @@ fn orientation_from(table: Table<'_>) -> Result<Orientation> {
     }
 }
 
+fn density(table: Table<'_>, example: &str) -> Result<Option<f64>> {
+    let key = "density_kg_m3";
+    table.positive(key, example)?.map(|density| table.check_within(key, density, DENSITIES_KG_M3)).transpose()
+}
+
 fn vitreous_from(table: Table<'_>) -> Result<Vitreous> {
     table.only(&["diameter_mm", "poisson_ratio", "density_kg_m3"])?;
     let diameter_m = size_m(table, "diameter_mm", "diameter_mm = 20.0")?;
@@ -357,7 +367,7 @@ fn vitreous_from(table: Table<'_>) -> Result<Vitreous> {
             "give a Poisson ratio above −1 and below 0.5; 0.48 for vitreous, 0.499 for nearly incompressible",
         ));
     }
-    let density_kg_m3 = table.required_within("density_kg_m3", "density_kg_m3 = 1000", DENSITIES_KG_M3)?;
+    let density_kg_m3 = density(table, "density_kg_m3 = 1000")?;
     Ok(Vitreous { diameter_m, poisson_ratio, density_kg_m3 })
 }
 
@@ -380,8 +390,8 @@ mod tests {
         let vitreous = "[vitreous]\ndiameter_mm = 20\npoisson_ratio = 0.48\ndensity_kg_m3 = 1000\n";
         let robot = |lines: &str| match read(&format!("[robot]\ndensity_kg_m3 = 7500\n{lines}\n{vitreous}")) {
             Apparatus::Robot { robot, vitreous } => {
-                assert_eq!(vitreous, Vitreous { diameter_m: 0.02, poisson_ratio: 0.48, density_kg_m3: 1000.0 });
-                assert_eq!(robot.density_kg_m3, 7500.0);
+                assert_eq!(vitreous, Vitreous { diameter_m: 0.02, poisson_ratio: 0.48, density_kg_m3: Some(1000.0) });
+                assert_eq!(robot.density_kg_m3, Some(7500.0));
                 robot.shape
             }
             other => panic!("{other:?}"),
@@ -444,7 +454,7 @@ mod tests {
                 for distance_m in [0.1, 1.0, 4.0] {
                     let found = |shape| {
                         let offset = Some(Offset { distance_m, direction });
-                        Robot { shape, density_kg_m3: 1.0, offset }.farthest_point_m()
+                        Robot { shape, density_kg_m3: None, offset }.farthest_point_m()
                     };
                     let (mut ellipsoid, mut cylinder) = (0.0_f64, 0.0_f64);
                     for (i, j) in (0..=400).flat_map(|i| (0..400).map(move |j| (i, j))) {

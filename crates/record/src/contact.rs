@@ -10,7 +10,7 @@ use super::indenter::Indenter;
 use super::line::Line;
 use super::noise::SD_PER_MAD;
 use super::notes::Note;
-use super::record::median;
+use super::robust::median;
 use super::trajectory::Trajectory;
 use base::error::{Error, Place, Result};
 

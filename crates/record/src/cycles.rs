@@ -6,7 +6,8 @@
 //! ramp to and fro, steps so close to 20 % that only some of them cut) is compared with itself at growing lags instead.
 
 use super::notes::Note;
-use super::record::{Record, median};
+use super::record::Record;
+use super::robust::median;
 
 /// Levels count as equal within this fraction of the force's range: what is not a step is not a difference.
 const LEVEL_TOLERANCE: f64 = 0.2;

@@ -1,5 +1,7 @@
 //! The commanded force between the rows at which it is given.
 
+use super::robust::{SD_PER_MAD, median};
+
 /// Share of the force's range above which a change is a step (formats §1).
 const STEP_FRACTION: f64 = 0.2;
 
@@ -125,9 +127,77 @@ impl<'a> Force<'a> {
     }
 }
 
+/// Rows of a hold at least, for its level to be known.
+const LEVEL_ROWS: usize = 3;
+/// Share of the rows at which a noisy force changes.
+const CHANGES: f64 = 0.5;
+/// Share of the force's range that its noise about a level may have.
+const NOISE_SHARE: f64 = 0.05;
+/// Standard deviations from its level within which every row of a hold lies.
+const FARTHEST: f64 = 6.0;
+/// Standard errors within which the halves of a hold agree, and within which a level is 0.
+const ERRORS: f64 = 4.0;
+
+/// The force without a sensor's noise: in each hold between steps its median, and 0 where that is 0 within its error. `None` where the force does not scatter about levels.
+pub(super) fn levels(force_n: &[f64]) -> Option<Vec<f64>> {
+    let force = Force::from(&force_n);
+    let n_changes = force_n.windows(2).filter(|pair| pair[0] != pair[1]).count();
+    if (n_changes as f64) < CHANGES * force_n.len() as f64 {
+        return None;
+    }
+    let mut starts = force.step_rows();
+    if starts.first() != Some(&0) {
+        starts.insert(0, 0);
+    }
+    let ends: Vec<usize> = starts.iter().skip(1).copied().chain([force_n.len()]).collect();
+    let mut made = Vec::with_capacity(force_n.len());
+    for (start, end) in starts.into_iter().zip(ends) {
+        let hold = &force_n[start..end];
+        let level = median(hold.to_vec())?;
+        let sd = SD_PER_MAD * median(hold.iter().map(|force| (force - level).abs()).collect())?;
+        // From row to row, which a slow change does not touch.
+        let steps = hold.windows(2).map(|pair| (pair[1] - pair[0]).abs()).collect();
+        let short_sd = SD_PER_MAD / std::f64::consts::SQRT_2 * median(steps)?;
+        let farthest = hold.iter().map(|force| (force - level).abs()).fold(0.0, f64::max);
+        // The error of a median is 1.25 that of a mean.
+        let error = |n: usize| 1.25 * short_sd / (n as f64).sqrt();
+        let (first, second) = hold.split_at(hold.len() / 2);
+        let apart = (median(first.to_vec())? - median(second.to_vec())?).abs();
+        let is_level = hold.len() >= LEVEL_ROWS
+            && sd <= NOISE_SHARE * force.range_n()
+            && farthest <= FARTHEST * sd
+            && apart <= ERRORS * error(first.len()) * std::f64::consts::SQRT_2;
+        if !is_level {
+            return None;
+        }
+        let level = if level.abs() <= ERRORS * error(hold.len()) { 0.0 } else { level };
+        made.extend(std::iter::repeat_n(level, hold.len()));
+    }
+    Some(made)
+}
+
+/// Whether a force scatters about the levels between which it was switched, as a sensor shows it.
+pub fn has_noisy_levels(force_n: &[f64]) -> bool {
+    levels(force_n).is_some()
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_noisy_force_has_levels_and_a_curve_or_a_clean_one_has_none() {
+        let noise = |row: usize| 0.05 * (2.0 * (row as f64 * 0.754_877_666).fract() - 1.0);
+        let steps: Vec<f64> = (0..300).map(|row| if row / 50 % 2 == 0 { 4.6 } else { 0.0 }).collect();
+        let noisy: Vec<f64> = steps.iter().enumerate().map(|(row, force)| force + noise(row)).collect();
+        let found = levels(&noisy).expect("levels");
+        assert!(found.iter().zip(&steps).all(|(found, force)| (found - force).abs() < 0.02 && (*force > 0.0 || *found == 0.0)));
+        let sine: Vec<f64> = (0..300).map(|row| (row as f64 * 0.1).sin() + noise(row)).collect();
+        let ramps: Vec<f64> = noisy.iter().enumerate().map(|(row, force)| force + 0.01 * (row % 50) as f64).collect();
+        for other in [sine, ramps, steps] {
+            assert_eq!(levels(&other), None);
+        }
+    }
 
     #[test]
     fn a_line_between_rows_has_its_slope_value_and_impulse() {

@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use super::frame::Settled;
 use super::notes::Note;
+use super::table::UnreadColumn;
 use base::error::Result;
 use base::toml_input::Table;
 
@@ -40,6 +41,8 @@ pub struct Understood {
     pub settled: Settled,
     /// Positions that `left_out_s` leaves out.
     pub n_left_out: usize,
+    /// Columns that are not read although they follow the position.
+    pub unread: Vec<UnreadColumn>,
 }
 
 /// Path of the TOML of an experiment that is named by its directory or by the TOML itself.

@@ -11,25 +11,30 @@ mod frame;
 mod indenter;
 mod inputs;
 mod line;
+mod lost;
 pub mod noise;
 mod notes;
 mod read;
 mod record;
+pub mod robust;
 mod scales;
 mod sweep;
 pub mod table;
+mod times;
 mod trajectory;
 
-pub use apparatus::{Apparatus, Offset, OffsetDirection, Orientation, Robot, RobotShape, Vitreous};
-pub use force::{Force, ForceRule, KeptForce};
+pub use apparatus::{Apparatus, Offset, OffsetDirection, Orientation, Robot, RobotShape, Vitreous, density_toml};
+pub use force::{Force, ForceRule, KeptForce, has_noisy_levels};
 pub use frame::{Direction, Frame, Projection, Settled, Zero, is_against};
 pub use indenter::{Indenter, Tip};
 pub use inputs::{ExperimentFiles, OSCILLATION, Understood};
 pub use line::Line;
+pub use lost::repeated_outliers;
 pub use noise::{NoiseOrigin, NoiseYardstick};
 pub use notes::Note;
 pub use record::Record;
 pub use scales::Scales;
+pub use times::TimeRules;
 pub use sweep::{Sweep, SweepColumn, SweepForm, SweepRow, sweep_columns};
 
 /// One experiment, validated, in SI units.

@@ -2,7 +2,8 @@
 
 use super::Experiment;
 use super::line::Line;
-use super::record::{Record, median};
+use super::record::Record;
+use super::robust::median;
 
 /// Noise against which a misfit is measured.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -29,24 +30,43 @@ pub enum NoiseOrigin {
         /// The short-lag estimate beside it, in m; much smaller means that the noise is correlated in time.
         short_lag_sd_m: Option<f64>,
     },
-    /// Scaled median absolute deviation of second differences of neighbouring positions, late in each hold.
+    /// Scaled median absolute deviation of neighbouring positions from a polynomial through those around them: a line, late in each hold, unless a polynomial of higher order leaves clearly less.
     ///
     /// Assumes independent Gaussian errors: noise with correlation r₁, r₂ at one and two samples is multiplied by
     /// √(1 − 4r₁/3 + r₂/3), hence understated when it is smooth. Curvature of the true motion raises it.
     ShortLag {
-        /// Second differences used.
+        /// Deviations used.
         n_differences: usize,
     },
 }
 
-/// Ratio of a Gaussian's standard deviation to its median absolute deviation.
-pub const SD_PER_MAD: f64 = 1.482_602_218_505_602;
+pub use super::robust::SD_PER_MAD;
 /// The part of each hold after which the motion is taken as smooth.
 const EARLY_FRACTION: f64 = 0.5;
 /// The part of a rest after which it is taken as rest.
 pub const RECOVERY_FRACTION: f64 = 0.75;
 /// Neighbours farther apart than this many median intervals are separated by a gap.
 const GAP_INTERVALS: f64 = 2.5;
+/// Order of the deviations from a line, and the highest that is tried.
+const LINE: usize = 2;
+const MOST_ORDER: usize = 5;
+/// Longest interval over the shortest within one window of rows.
+const UNEVEN: f64 = 4.0;
+/// Standard error of a scaled median absolute deviation of n correlated deviations, times √n; and how many of them an order must leave more than the next.
+const MAD_ERROR: f64 = 1.65;
+const ORDER_ERRORS: f64 = 3.0;
+/// Unequal neighbours that show a step between positions, the parts into which their smallest gap is divided, and the part of a step within which gaps are multiples of it.
+/// Of positions without a step 8 gaps pass one of 1,000 trials with a probability of 1000 (2·10⁻³)⁷.
+const FEWEST_GAPS: usize = 8;
+const WIDEST_GAP: u32 = 1_000;
+const DIVISIBLE: f64 = 1e-3;
+/// Standard deviations beyond which a position at rest is an outlier: 2·10⁻⁹ of normal errors.
+const FAR_SDS: f64 = 6.0;
+/// Passes that leave outliers out.
+const PASSES: usize = 6;
+/// Standard deviations, and distances of the rows around from each other, beyond which a position is an outlier.
+const OUTLIER_SDS: f64 = 8.0;
+const OUTLIER_FLOWS: f64 = 3.0;
 pub const MIN_DIFFERENCES: usize = 8;
 pub const MIN_PER_WINDOW: usize = 8;
 pub const MIN_REST_POSITIONS: usize = 20;
@@ -80,36 +100,66 @@ impl std::fmt::Display for NoiseYardstick {
 }
 
 fn estimate(record: &Record) -> Option<NoiseYardstick> {
-    let differences = second_differences(record);
-    let n_differences = differences.len();
     // Rounded positions of a smooth motion may lie on lines to the last digit: their errors are those of the rounding all the same.
     let rounding_sd_m = written_step_m(record).map_or(0.0, |step_m| step_m / 12_f64.sqrt());
-    let short_lag_sd_m = (n_differences >= MIN_DIFFERENCES)
-        .then(|| median(differences.iter().map(|difference| difference.abs()).collect()))
-        .flatten()
-        .map(|mad| SD_PER_MAD * mad)
-        .filter(|sd_m| *sd_m > 0.0)
-        .map(|sd_m| sd_m.max(rounding_sd_m));
+    let short_lag = short_lag(record).map(|(sd_m, n_differences)| (sd_m.max(rounding_sd_m), n_differences));
     let rest = rest_residuals(record);
     if rest.n_positions >= MIN_REST_POSITIONS && rest.sum_of_squares > 0.0 {
         let sd_m = (rest.sum_of_squares / rest.degrees_of_freedom as f64).sqrt().max(rounding_sd_m);
+        let short_lag_sd_m = short_lag.map(|(sd_m, _)| sd_m);
         let origin = NoiseOrigin::Rest { n_positions: rest.n_positions, n_windows: rest.n_windows, short_lag_sd_m };
         return Some(NoiseYardstick { sd_m, origin });
     }
-    short_lag_sd_m.map(|sd_m| NoiseYardstick { sd_m, origin: NoiseOrigin::ShortLag { n_differences } })
+    let (sd_m, n_differences) = short_lag?;
+    Some(NoiseYardstick { sd_m, origin: NoiseOrigin::ShortLag { n_differences } })
 }
 
-/// The last decimal (m) with which positions are written: the largest power of ten of which all their differences are multiples; `None` where there is none.
-fn written_step_m(record: &Record) -> Option<f64> {
-    let mut positions = record.position_m.iter().flatten();
-    let first = *positions.next()?;
-    // Down to 10⁻¹⁴ m: there a millimetre's own rounding begins.
-    (3..=14).map(|decimals| 10_f64.powi(-decimals)).find(|step_m| {
-        positions.clone().all(|x| {
-            let steps = (x - first) / step_m;
-            (steps - steps.round()).abs() < 1e-3
-        })
+/// Noise (m) by neighbouring positions, and how many deviations show it: late in each hold, and in all rows where these are too few.
+fn short_lag(record: &Record) -> Option<(f64, usize)> {
+    [EARLY_FRACTION, 0.0].into_iter().find_map(|fraction| {
+        let found = |order: usize| {
+            let deviations = if order == LINE { late_deviations(record, fraction) } else { local_deviations(record, order, fraction) };
+            let sd_m = SD_PER_MAD * median(deviations.iter().map(|deviation| deviation.abs()).collect())?;
+            (deviations.len() >= MIN_DIFFERENCES && sd_m > 0.0).then_some((sd_m, deviations.len()))
+        };
+        let mut best = found(LINE)?;
+        for order in LINE + 1..=MOST_ORDER {
+            let Some(next) = found(order) else { break };
+            // What curvature adds to one order the next is free of.
+            if best.0 <= next.0 * (1.0 + ORDER_ERRORS * MAD_ERROR / (next.1 as f64).sqrt()) {
+                break;
+            }
+            best = next;
+        }
+        Some(best)
     })
+}
+
+/// The step (m) between written positions: the largest number of which all differences are multiples; `None` where there is none.
+fn written_step_m(record: &Record) -> Option<f64> {
+    let mut sorted: Vec<f64> = record.position_m.iter().flatten().copied().collect();
+    sorted.sort_unstable_by(f64::total_cmp);
+    let (first, last) = (*sorted.first()?, *sorted.last()?);
+    // Equal positions differ by their rounding where another zero was subtracted.
+    let rounding = 4.0 * f64::EPSILON * first.abs().max(last.abs()).max(last - first);
+    let gaps: Vec<f64> = sorted.windows(2).map(|pair| pair[1] - pair[0]).filter(|gap| *gap > rounding).collect();
+    let smallest = gaps.iter().copied().reduce(f64::min)?;
+    if gaps.len() < FEWEST_GAPS {
+        return None;
+    }
+    let is_step = |step: f64| {
+        gaps.iter().all(|gap| {
+            let steps = gap / step;
+            (steps - steps.round()).abs() < DIVISIBLE
+        })
+    };
+    // The smallest gap may be some steps wide.
+    let steps = (1..=WIDEST_GAP).map(|parts| smallest / f64::from(parts));
+    // Below, rounding would make any number a multiple.
+    let step = steps.take_while(|step| rounding < DIVISIBLE * step).find(|step| is_step(*step))?;
+    // A mean over the whole range has the least rounding.
+    let n_steps: f64 = gaps.iter().map(|gap| (gap / step).round()).sum();
+    Some(gaps.iter().sum::<f64>() / n_steps)
 }
 
 /// Row ranges between force steps.
@@ -133,12 +183,19 @@ fn points(record: &Record, rows: &[usize]) -> Vec<(f64, f64)> {
     rows.iter().filter_map(|row| Some((record.time_s[*row], record.position_m[*row]?))).collect()
 }
 
-/// Deviation of each position from the line through its neighbours, scaled to the sd of one position.
+/// Deviation of each position from the line through its neighbours, late in each hold, scaled to the sd of one position.
 pub fn second_differences(record: &Record) -> Vec<f64> {
+    late_deviations(record, EARLY_FRACTION)
+}
+
+fn late_deviations(record: &Record, fraction: f64) -> Vec<f64> {
+    if fraction == 0.0 {
+        return local_deviations(record, LINE, fraction);
+    }
     let longest_s = GAP_INTERVALS * record.median_interval_s().unwrap_or(0.0);
     let mut differences = Vec::new();
     for hold in holds(record) {
-        let points = points(record, &late_rows(record, &hold, EARLY_FRACTION));
+        let points = points(record, &late_rows(record, &hold, fraction));
         for triple in points.windows(3) {
             let [(t0, x0), (t1, x1), (t2, x2)] = [triple[0], triple[1], triple[2]];
             if t1 - t0 <= longest_s && t2 - t1 <= longest_s {
@@ -149,6 +206,69 @@ pub fn second_differences(record: &Record) -> Vec<f64> {
         }
     }
     differences
+}
+
+/// Deviation of each position from the polynomial of one order less through its neighbours, scaled to the sd of one position: a divided difference. Rows may be spaced in any way that changes slowly.
+fn local_deviations(record: &Record, order: usize, fraction: f64) -> Vec<f64> {
+    let mut deviations = Vec::new();
+    for hold in holds(record) {
+        let points = points(record, &late_rows(record, &hold, fraction));
+        for window in points.windows(order + 1) {
+            let intervals_s = || window.windows(2).map(|pair| pair[1].0 - pair[0].0);
+            let (shortest_s, longest_s) = (intervals_s().fold(f64::INFINITY, f64::min), intervals_s().fold(0.0, f64::max));
+            if longest_s > UNEVEN * shortest_s {
+                continue;
+            }
+            let weight = |k: usize| -> f64 {
+                let others = window.iter().enumerate().filter(|(j, _)| *j != k);
+                others.map(|(_, (other_s, _))| (window[k].0 - other_s) / longest_s).product::<f64>().recip()
+            };
+            let weights: Vec<f64> = (0..=order).map(weight).collect();
+            let length = weights.iter().map(|w| w * w).sum::<f64>().sqrt();
+            // Sums of products of large positions would lose what small noise is.
+            let first_m = window[0].1;
+            deviations.push(window.iter().zip(&weights).map(|((_, x), w)| (x - first_m) * w).sum::<f64>() / length);
+        }
+    }
+    deviations
+}
+
+/// A position far from the rows around it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Outlier {
+    /// Row, from 0.
+    pub row: usize,
+    /// Distance from what the rows around say, in m.
+    pub distance_m: f64,
+}
+
+/// Single positions far from the rows around them, by many standard deviations and by more than the motion itself explains.
+pub fn outliers(record: &Record) -> Vec<Outlier> {
+    let Some((sd_m, _)) = short_lag(record) else { return Vec::new() };
+    let rows: Vec<usize> = (0..record.n_rows()).filter(|row| record.position_m[*row].is_some()).collect();
+    let at = |place: usize| (record.time_s[rows[place]], record.position_m[rows[place]].unwrap_or(0.0));
+    // From the line through two others; inside or, at an end, beyond them.
+    let distance = |place: usize, a: usize, b: usize| {
+        let ((t, x), (ta, xa), (tb, xb)) = (at(place), at(a), at(b));
+        let weight = (t - ta) / (tb - ta);
+        (x - xa - weight * (xb - xa), (xb - xa).abs(), 1.0 + weight.abs() + (1.0 - weight).abs())
+    };
+    let n = rows.len();
+    let far = |place: usize| {
+        let (a, b) = match place {
+            _ if n < 5 => return None,
+            0 => (1, 2),
+            _ if place + 1 == n => (n - 2, n - 3),
+            _ => (place - 1, place + 1),
+        };
+        let (distance_m, flow_m, scale) = distance(place, a, b);
+        let is_far = distance_m.abs() > (OUTLIER_SDS * scale * sd_m).max(OUTLIER_FLOWS * flow_m);
+        is_far.then_some(Outlier { row: rows[place], distance_m })
+    };
+    let starts = record.force_step_rows();
+    // Right after a switch the motion itself is fast: the first row that has moved stands alone between two speeds.
+    let is_after_switch = |row: usize| starts.iter().any(|start| (*start..start + 3).contains(&row));
+    (0..n).filter_map(far).filter(|outlier| !is_after_switch(outlier.row)).collect()
 }
 
 #[derive(Default)]
@@ -172,19 +292,30 @@ fn rest_residuals(record: &Record) -> RestResiduals {
         // Nothing moves before the first force, so there the whole rest counts.
         let points = points(record, &late_rows(record, &hold, if loaded { RECOVERY_FRACTION } else { 0.0 }));
         if points.len() >= MIN_PER_WINDOW {
-            rest.sum_of_squares += squares_about_line(&points);
-            rest.degrees_of_freedom += points.len() - 2;
-            rest.n_positions += points.len();
+            let (squares, n_kept) = squares_about_line(&points);
+            rest.sum_of_squares += squares;
+            rest.degrees_of_freedom += n_kept - 2;
+            rest.n_positions += n_kept;
             rest.n_windows += 1;
         }
     }
     rest
 }
 
-/// Sum of squared residuals about the least-squares line.
-fn squares_about_line(points: &[(f64, f64)]) -> f64 {
-    let line = Line::through(points.iter().copied());
-    points.iter().map(|point| line.excess(*point).powi(2)).sum()
+/// Sum of squared residuals about the least-squares line, and how many points it has: those far from it do not count.
+fn squares_about_line(points: &[(f64, f64)]) -> (f64, usize) {
+    let mut kept = points.to_vec();
+    for _ in 0..PASSES {
+        let line = Line::through(kept.iter().copied());
+        let sd = SD_PER_MAD * median(kept.iter().map(|point| line.excess(*point).abs()).collect()).unwrap_or(0.0);
+        let near: Vec<(f64, f64)> = kept.iter().copied().filter(|point| line.excess(*point).abs() <= FAR_SDS * sd).collect();
+        if near.len() == kept.len() || 2 * near.len() < points.len() || near.len() < 3 {
+            break;
+        }
+        kept = near;
+    }
+    let line = Line::through(kept.iter().copied());
+    (kept.iter().map(|point| line.excess(*point).powi(2)).sum(), kept.len())
 }
 
 #[cfg(test)]
@@ -261,7 +392,8 @@ mod tests {
         };
         let to_a_tenth = |x: f64| (1e7 * x).round() / 1e7 + 0.123_456_789e-3;
         let record = smooth(&to_a_tenth);
-        assert_eq!(written_step_m(&record), Some(1e-7));
+        let step_m = written_step_m(&record).expect("a step");
+        assert!((step_m / 1e-7 - 1.0).abs() < 1e-9, "{step_m:e}");
         let found = estimate(&record).expect("an estimate");
         assert!(found.sd_m >= 1e-7 / 12_f64.sqrt() && found.sd_m < 1.5e-7, "{found}");
         assert_eq!(written_step_m(&smooth(&|x| x.sqrt())), None);
@@ -270,6 +402,57 @@ mod tests {
         fine.position_m.iter_mut().flatten().for_each(|x| *x = (1e10 * *x).round() / 1e10);
         let after = estimate(&fine).expect("an estimate");
         assert!((after.sd_m / before.sd_m - 1.0).abs() < 1e-2, "{before} {after}");
+    }
+
+    /// Any step at any scale: 13 µm pixels, 0.1 nm digits of a travel of 1 µm, over 12 decades, from a zero that is no multiple of it.
+    #[test]
+    fn the_step_between_positions_is_found_at_any_scale() {
+        let creep = noisy(&[(5.0, 1.0), (5.0, -1.0)].repeat(2), 16);
+        for decade in -6..=6 {
+            let scale = 10_f64.powi(decade);
+            for step in [13e-6, 1e-7, 0.7e-6] {
+                let mut record = creep.clone();
+                let written = |x: f64| scale * (step * (x / step).round() + 0.123_456_789e-3);
+                record.position_m.iter_mut().flatten().for_each(|x| *x = written(*x));
+                let found = written_step_m(&record).map(|found| found / scale / step);
+                assert!(found.is_some_and(|ratio| (ratio - 1.0).abs() < 1e-6), "{decade} {step}: {found:?}");
+                // Unwritten digits are no step.
+                record.position_m.iter_mut().flatten().for_each(|x| *x = scale * (x.abs() / scale).sqrt());
+                assert_eq!(written_step_m(&record), None, "{decade} {step}");
+            }
+        }
+    }
+
+    /// A power law at 200 rows that are spaced evenly in log time, noise 0.5 % of its travel: the estimate's standard error is near 9 %, so that ±50 % fails falsely below 1e-6.
+    #[test]
+    fn rows_spaced_in_log_time_show_the_noise() {
+        let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(17);
+        let (sd_m, mut record) = (1e-6, Record::default());
+        let noise = Normal::new(0.0, sd_m).unwrap();
+        for row in 0..200 {
+            let t_s = 0.05 * 1.048_f64.powi(row);
+            record.time_s.push(t_s);
+            record.force_n.push(1.0);
+            record.position_m.push(Some(20e-6 * t_s.powf(0.35) + noise.sample(&mut rng)));
+            record.cycle.push(1);
+        }
+        let found = estimate(&record).expect("an estimate");
+        assert!((found.sd_m / sd_m - 1.0).abs() < 0.5, "{found}");
+    }
+
+    /// Two outliers of 100 standard deviations, one at rest and one at the very end: the estimate stays, and both are named.
+    #[test]
+    fn outliers_do_not_inflate_the_noise_and_are_named() {
+        let clean = noisy(&[(10.0, 0.0), (5.0, 1.0), (5.0, -1.0)], 12);
+        let mut record = clean.clone();
+        let last = record.n_rows() - 1;
+        for row in [60, last] {
+            record.position_m[row] = record.position_m[row].map(|x| x + 100.0 * NOISE_M);
+        }
+        let (before, after) = (estimate(&clean).unwrap(), estimate(&record).unwrap());
+        assert!((after.sd_m / before.sd_m - 1.0).abs() < 0.02, "{before} {after}");
+        assert_eq!(outliers(&record).iter().map(|outlier| outlier.row).collect::<Vec<_>>(), [60, last]);
+        assert!(outliers(&clean).is_empty());
     }
 
     #[test]
@@ -282,8 +465,8 @@ mod tests {
     #[test]
     fn a_line_has_no_residuals_and_a_zigzag_its_own() {
         let line: Vec<(f64, f64)> = (0..9).map(|i| (f64::from(i), 3.0 - 0.5 * f64::from(i))).collect();
-        assert!(squares_about_line(&line) < 1e-25);
+        assert!(squares_about_line(&line).0 < 1e-25);
         // x = 1, −1, −1, 1 at t = 0..3 has no slope and no mean.
-        assert_eq!(squares_about_line(&[(0.0, 1.0), (1.0, -1.0), (2.0, -1.0), (3.0, 1.0)]), 4.0);
+        assert_eq!(squares_about_line(&[(0.0, 1.0), (1.0, -1.0), (2.0, -1.0), (3.0, 1.0)]), (4.0, 4));
     }
 }

@@ -40,10 +40,10 @@ pub enum Note {
         /// The first position in m.
         position_m: f64,
     },
-    /// x and y were projected on a line, and this is what moved across it.
+    /// Coordinates were projected on a line, and this is what moved across it.
     MovesAcross {
-        /// Direction of the line, from x towards y.
-        degrees: f64,
+        /// The coordinates and their line, in words.
+        line: String,
         /// Root mean square across it, in m.
         rms_m: f64,
         /// Largest minus smallest position along it, in m.
@@ -92,9 +92,9 @@ impl std::fmt::Display for Note {
                 "the first position is {:.4} µm, but the record should start at 0, before the force acts; subtract the rest position",
                 position_m * UM_PER_M
             ),
-            Self::MovesAcross { degrees, rms_m, range_m } => write!(
+            Self::MovesAcross { line, rms_m, range_m } => write!(
                 f,
-                "x and y are projected on a line at {degrees:.2}° from x; along it positions range over {:.4} µm, across it they scatter by {:.4} µm (root mean square), which no model sees",
+                "positions are {line}; along it they range over {:.4} µm, across it they scatter by {:.4} µm (root mean square), which no model sees",
                 range_m * UM_PER_M,
                 rms_m * UM_PER_M
             ),

@@ -6,12 +6,12 @@ use std::path::{Path, PathBuf};
 use super::actuation::Actuation;
 use super::contact::settle_contact;
 use super::cycles::find_cycles;
-use super::force::ForceRule;
+use super::force::{ForceRule, levels};
 use super::frame::{Frame, Zero};
 use super::inputs::{ExperimentFiles, Understood, is_oscillation, plain_path, toml_path_of};
 use super::notes::{Note, UM_PER_M};
 use super::record::Record;
-use super::table::{KEYS, TableDescription, one_of, read_described, text_in};
+use super::table::{KEYS, TableDescription, one_of, read_described, text_in, unread_columns};
 use super::trajectory::{Trajectory, read_trajectory};
 use super::{Apparatus, Experiment};
 use base::error::{Error, Place, Result};
@@ -20,6 +20,8 @@ use base::toml_input::{Table, TomlInput, text_of};
 
 /// Positions that a calibration cycle needs at least: twice the parameters of the base law with its noise.
 const MIN_POSITIONS: usize = 8;
+/// Word for a force that is a sensor's, noisy about the levels between which it was switched.
+const LEVELS: &str = "levels";
 /// Standard deviations that a tracker's noise can have.
 const NOISES_UM: [f64; 2] = [1e-9, 1e9];
 
@@ -68,6 +70,10 @@ struct Specification {
     frame: Frame,
     force_rule: ForceRule,
     force_rule_given: bool,
+    /// Whether the force is a sensor's, whose noise about the levels of the holds is taken off; and where that is written.
+    levels: Option<Place>,
+    /// When the first row's force began to act, in s of the table's clock.
+    load_start: Option<(Place, f64)>,
     /// Whether where the position is 0 is fitted.
     fits_position_offset: bool,
     cycle_starts: Option<CycleStarts>,
@@ -210,6 +216,7 @@ impl Specification {
                     "heldout_cycles",
                     "cycle_starts_s",
                     "left_out_s",
+                    "load_start_s",
                     "noise_um",
                     "source",
                 ],
@@ -224,11 +231,15 @@ impl Specification {
             let remedy = "say what the force does between rows in [actuation]";
             return Err(measurement.refuse("force", "the force is logged in [actuation]", remedy));
         }
-        let of_rows = one_of(measurement, "force", &ForceRule::ALL, ForceRule::name)?.unwrap_or_default();
+        let has_levels = measurement.text("force")?.as_deref() == Some(LEVELS);
+        let of_rows = match has_levels {
+            true => ForceRule::Hold,
+            false => one_of(measurement, "force", &ForceRule::ALL, ForceRule::name)?.unwrap_or_default(),
+        };
         let (force_rule, force_rule_given) =
             actuation.as_ref().map_or((of_rows, measurement.has("force")), |log| (log.rule, log.rule_given));
         let table = TableDescription::read(measurement, actuation.is_some())?;
-        let frame = Frame::read(measurement, table.as_ref().is_some_and(TableDescription::is_plane))?;
+        let frame = Frame::read(measurement, table.as_ref().map_or(1, TableDescription::n_axes))?;
         let csv_name = plain_path(measurement, "trajectory.csv")?;
         let is_indenter = matches!(apparatus, Apparatus::Indenter(_));
         if is_indenter && measurement.has("zero") && frame.zero != Zero::Fit {
@@ -258,6 +269,8 @@ impl Specification {
             frame,
             force_rule,
             force_rule_given,
+            levels: has_levels.then(|| measurement.place("force")),
+            load_start: measurement.number("load_start_s")?.map(|start_s| (measurement.place("load_start_s"), start_s)),
             fits_position_offset,
             cycle_starts: CycleStarts::read(measurement)?,
             calibration: CycleList::read(measurement, "calibration_cycles")?,
@@ -275,9 +288,15 @@ impl Specification {
         csv_place: &Path,
         csv_bytes: &[u8],
     ) -> Result<(Experiment, ExperimentFiles)> {
+        let mut unread = Vec::new();
         let mut trajectory = match &self.table {
             None => read_trajectory(csv_place, text_of(csv_place, csv_bytes)?, self.actuation.is_some())?,
-            Some(table) => read_described(csv_place, &text_in(csv_place, csv_bytes, table.layout.encoding)?, table)?,
+            Some(table) => {
+                let text = text_in(csv_place, csv_bytes, table.layout.encoding)?;
+                let trajectory = read_described(csv_place, &text, table)?;
+                unread = unread_columns(csv_place, &text, table, &trajectory.lines, &trajectory.position_m);
+                trajectory
+            }
         };
         let (mut driven_place, mut force_rows, mut log_file) = (csv_place.to_path_buf(), Vec::new(), None);
         if let Some(actuation) = &self.actuation {
@@ -287,11 +306,25 @@ impl Specification {
             (trajectory, force_rows) = actuation.merged(&driven_place, &bytes, trajectory)?;
             log_file = (actuation.file != self.csv_name).then(|| (actuation.file.clone(), bytes));
         }
+        if let Some(place) = &self.levels {
+            trajectory.force_n = levels(&trajectory.force_n).ok_or_else(|| {
+                Error::input(
+                    place.clone(),
+                    "the force does not scatter about levels between which it is switched",
+                    "write \"hold\" or \"linear\"",
+                )
+            })?;
+        }
         check_driven(&driven_place, &trajectory)?;
         let mut notes = Vec::new();
         let settled = self.frame.settle(csv_place, &mut trajectory)?;
         if let Some(starts) = &self.cycle_starts {
             starts.number(&mut trajectory)?;
+        }
+        if let Some((place, start_s)) = &self.load_start {
+            trajectory.load_from(place, *start_s)?;
+            force_rows.iter_mut().for_each(|row| *row += 1);
+            force_rows.insert(0, 0);
         }
         if let Apparatus::Indenter(indenter) = &self.apparatus {
             notes.push(settle_contact(csv_place, &mut trajectory, indenter)?);
@@ -310,7 +343,7 @@ impl Specification {
         note_data(&record, &heldout_cycles, self.source.is_none(), &mut notes);
         if let Some(projection) = &settled.projection {
             let range_m = range_m(&record);
-            notes.push(Note::MovesAcross { degrees: projection.degrees, rms_m: projection.across_rms_m, range_m });
+            notes.push(Note::MovesAcross { line: projection.to_string(), rms_m: projection.across_rms_m, range_m });
         }
         let files = ExperimentFiles {
             toml_name: toml_place
@@ -321,7 +354,7 @@ impl Specification {
             csv_bytes: csv_bytes.to_vec(),
             log_file,
             notes,
-            understood: Understood { force_rule_given: self.force_rule_given, settled, n_left_out },
+            understood: Understood { force_rule_given: self.force_rule_given, settled, n_left_out, unread },
         };
         let experiment = Experiment {
             specimen_id: self.specimen_id,

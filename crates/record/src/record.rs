@@ -1,6 +1,7 @@
 //! The rows of a trajectory and what can be asked of them.
 
 use super::force::{Force, ForceRule};
+use super::robust::median;
 use sha2::{Digest, Sha256};
 
 /// Rows of the trajectory, SI. All vectors have the same length.
@@ -141,17 +142,6 @@ impl Record {
     }
 }
 
-/// Median of finite values, `None` if there are none.
-pub(super) fn median(mut values: Vec<f64>) -> Option<f64> {
-    if values.is_empty() {
-        return None;
-    }
-    let (n, middle) = (values.len(), values.len() / 2);
-    let (before, upper, _) = values.select_nth_unstable_by(middle, f64::total_cmp);
-    let lower = if n % 2 == 1 { *upper } else { before.iter().copied().max_by(f64::total_cmp)? };
-    Some(0.5 * (lower + *upper))
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -211,10 +201,4 @@ mod tests {
         assert_eq!((record.n_samples(), record.median_interval_s()), (3, Some(2.0)));
     }
 
-    #[test]
-    fn median_of_even_and_odd_counts() {
-        assert_eq!(median(vec![3.0, 1.0, 2.0]), Some(2.0));
-        assert_eq!(median(vec![4.0, 1.0, 2.0, 3.0]), Some(2.5));
-        assert_eq!(median(vec![]), None);
-    }
 }

@@ -49,7 +49,7 @@ impl Experiment {
         Scales {
             largest_force_n: record.force_n.iter().fold(0.0_f64, |largest, force| largest.max(force.abs())),
             position_range_m: if highest > lowest { highest - lowest } else { 0.0 },
-            hold_s: super::record::median(between_s).unwrap_or(duration_s),
+            hold_s: super::robust::median(between_s).unwrap_or(duration_s),
             sample_interval_s: record.median_interval_s().unwrap_or(duration_s),
             cycle_s: duration_s / f64::from(record.n_cycles().max(1)),
             duration_s,

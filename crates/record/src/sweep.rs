@@ -6,7 +6,7 @@ use std::path::Path;
 
 use super::inputs::{ExperimentFiles, Understood, is_oscillation, plain_path, toml_path_of};
 use super::table::{
-    ColumnName, ColumnNames, KEYS, Looked, Spelt, TableLayout, Units, cells, column, is_aside, split_unit, text_in,
+    ColumnName, ColumnNames, Looked, SWEEP_KEYS, Spelt, TableLayout, Units, cells, column, is_aside, split_unit, text_in,
 };
 use base::error::{Error, Place, Result};
 use base::files::{self, Content, refuse_long_lines};
@@ -209,7 +209,7 @@ impl Sweep {
         let specimen = root.required_table("specimen")?;
         specimen.only(&["id", "species", "region"])?;
         let measurement = root.required_table("measurement")?;
-        measurement.only(&[&["kind", "file", "heldout_hz", "source"], &KEYS[..]].concat())?;
+        measurement.only(&[&["kind", "file", "heldout_hz", "source"], SWEEP_KEYS].concat())?;
         let csv_name = plain_path(measurement, "sweep.csv")?;
         let csv_path = toml_path.with_file_name(&csv_name);
         let csv_bytes = files::read(
@@ -353,7 +353,7 @@ impl Columns {
                 if cell.is_empty() {
                     return Ok(None);
                 }
-                let found = layout.decimal.number(cell).ok_or_else(|| {
+                let found = layout.number(cell).ok_or_else(|| {
                     let decimal = layout.decimal.name();
                     let found = format!("`{cell}` is not a number with `{decimal}` before its decimals");
                     let remedy = "correct it, or leave the cell empty where nothing was measured";

@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+use super::times::Ordered;
 use base::error::{Error, Place, Result};
 use base::files::refuse_long_lines;
 use base::units::{Dimension, UNITS, Unit, nearest_name};
@@ -11,10 +12,10 @@ use base::units::{Dimension, UNITS, Unit, nearest_name};
 pub(super) struct Trajectory {
     pub time_s: Vec<f64>,
     pub force_n: Vec<f64>,
-    /// As written; of x and y, x.
+    /// As written; of x, y and z, x.
     pub position_m: Vec<Option<f64>>,
-    /// The other coordinate of a table with x and y.
-    pub y_m: Option<Vec<Option<f64>>>,
+    /// The other coordinates of a table with x and y, or with x, y and z.
+    pub others_m: Vec<Vec<Option<f64>>>,
     /// Metres in a unit of the position's column.
     pub position_unit_m: f64,
     /// What the table's own clock shows at time 0, in s.
@@ -26,6 +27,8 @@ pub(super) struct Trajectory {
     /// Names of the force and position columns as they stand in the header.
     pub force_column: String,
     pub position_column: String,
+    /// What was done to the times.
+    pub ordered: Ordered,
 }
 
 /// One row in SI, with the text of its cycle.
@@ -49,9 +52,9 @@ const QUANTITIES: [(&str, Dimension, &str); 3] = [
     ("force", Dimension::Force, "force_uN"),
     ("position", Dimension::Length, "position_um"),
 ];
-const TIME: usize = 0;
-const FORCE: usize = 1;
-const POSITION: usize = 2;
+pub(super) const TIME: usize = 0;
+pub(super) const FORCE: usize = 1;
+pub(super) const POSITION: usize = 2;
 /// Not a quantity, but a place.
 pub(super) const CYCLE: usize = 3;
 
@@ -253,9 +256,10 @@ impl Trajectory {
         let cell = |(index, unit): (usize, Unit)| (&cells[index], unit, move || at(index));
         let (text, unit, place_of_time) = cell(header.time);
         let time_s = unit.to_si(finite(&place_of_time, text, "correct the time or remove the row")?);
+        self.check_time(&place_of_time, time_s)?;
         let force_n = match header.force.map(cell) {
             Some((text, unit, place_of_force)) => {
-                let remedy = "give the force that was commanded in this row; 0 if none was";
+                let remedy = "give the force that was commanded in this row; `vitreo-uq init` describes tables whose blank forces have a meaning";
                 unit.to_si(finite(&place_of_force, text, remedy)?)
             }
             None => 0.0,
@@ -282,7 +286,8 @@ impl Trajectory {
             time_s: Vec::new(),
             force_n: Vec::new(),
             position_m: Vec::new(),
-            y_m: None,
+            others_m: Vec::new(),
+            ordered: Ordered::default(),
             position_unit_m: 1.0,
             clock_zero_s: 0.0,
             cycle: has_cycles.then(Vec::new),
@@ -296,7 +301,6 @@ impl Trajectory {
     pub(super) fn add(&mut self, row: Row<'_>, place: &dyn Fn(usize) -> Place) -> Result<()> {
         let Row { time_s, force_n, position_m, cycle } = row;
         plausible(&|| place(TIME), time_s, TIMES_S, "s")?;
-        self.check_time(&|| place(TIME), time_s)?;
         plausible(&|| place(FORCE), force_n, FORCES_N, "N")?;
         if let Some(position_m) = position_m {
             plausible(&|| place(POSITION), position_m, POSITIONS_M, "m")?;
@@ -314,7 +318,7 @@ impl Trajectory {
     pub(super) fn emptied(&self) -> Self {
         let mut emptied = Self::empty(self.cycle.is_some(), &self.force_column, &self.position_column);
         (emptied.position_unit_m, emptied.clock_zero_s) = (self.position_unit_m, self.clock_zero_s);
-        emptied.y_m = self.y_m.as_ref().map(|_| Vec::new());
+        emptied.others_m = vec![Vec::new(); self.others_m.len()];
         emptied
     }
 
@@ -324,13 +328,36 @@ impl Trajectory {
         self.time_s.push(time_s);
         self.force_n.push(force_n);
         self.position_m.push(kept(other.position_m[row]));
-        if let Some((own, theirs)) = self.y_m.as_mut().zip(other.y_m.as_ref()) {
-            own.push(kept(theirs[row]));
+        for (coordinate, theirs) in self.others_m.iter_mut().zip(&other.others_m) {
+            coordinate.push(kept(theirs[row]));
         }
         if let Some((own, theirs)) = self.cycle.as_mut().zip(other.cycle.as_ref()) {
             own.push(theirs[row]);
         }
         self.lines.push(other.lines[row]);
+    }
+
+    /// Puts a row without a position before the first, at which the first row's force began to act: the record was started under load. Times are then counted from there.
+    pub(super) fn load_from(&mut self, place: &Place, start_s: f64) -> Result<()> {
+        let first_s = self.time_s.first().copied().unwrap_or(0.0);
+        if start_s >= first_s || (first_s - start_s).abs() > TIMES_S[1] {
+            return Err(Error::input(
+                place.clone(),
+                format!("the first row is at {first_s} s, so that its force cannot have begun at {start_s} s"),
+                "give a time before the first row in s of the table's clock, such as -3.0",
+            ));
+        }
+        self.time_s.insert(0, start_s);
+        self.time_s.iter_mut().for_each(|time_s| *time_s -= start_s);
+        self.force_n.insert(0, self.force_n[0]);
+        self.position_m.insert(0, None);
+        self.others_m.iter_mut().for_each(|coordinate| coordinate.insert(0, None));
+        self.lines.insert(0, self.lines[0]);
+        if let Some(cycle) = &mut self.cycle {
+            cycle.insert(0, cycle[0]);
+        }
+        self.clock_zero_s += start_s;
+        Ok(())
     }
 
     /// Notes the line of the row that was added last.
@@ -368,7 +395,7 @@ impl Trajectory {
             Some(before) if time_s <= *before => Err(Error::input(
                 place(),
                 format!("time is not increasing: {time_s} s follows {before} s"),
-                "sort the rows by time and remove repeated ones",
+                "sort the rows by time; where times repeat or begin again, `vitreo-uq init` describes the table",
             )),
             _ => Ok(()),
         }

@@ -57,14 +57,11 @@ fn draw(arguments: &CheckArguments, experiment: &Experiment, files: &ExperimentF
     let settled = &files.understood.settled;
     let mut text = Vec::new();
     if let Some(projection) = &settled.projection {
-        text.push(format!("x and y are projected on a line at {:.1}° from x.", projection.degrees));
+        text.push(format!("Positions are {projection}."));
     }
-    let zero_um = settled.zero_m.map(|zero| 1e6 * zero);
-    if zero_um != [0.0; 2] {
-        text.push(match settled.projection {
-            Some(_) => format!("{:.3} and {:.3} µm were subtracted from them.", zero_um[0], zero_um[1]),
-            None => format!("{:.3} µm were subtracted from the positions.", zero_um[0]),
-        });
+    if settled.zero_m.iter().any(|zero| *zero != 0.0) {
+        let zeros: Vec<String> = settled.zero_m.iter().map(|zero| format!("{:.3}", 1e6 * zero)).collect();
+        text.push(format!("{} µm were subtracted.", zeros.join(", ")));
     }
     if settled.is_reversed {
         text.push("The positions' sign was turned.".into());

@@ -38,10 +38,34 @@ pub struct InitArguments {
     /// Column of y
     #[arg(long, value_name = "COLUMN")]
     y: Option<String>,
+    /// Column of z
+    #[arg(long, value_name = "COLUMN")]
+    z: Option<String>,
+    /// Tables to read from a file that holds several: numbers such as 1 or 1,2 (joined in time), or all
+    #[arg(long, value_name = "LIST")]
+    table: Option<String>,
+    /// Track to read from a table of several tracks
+    #[arg(long, value_name = "TRACK")]
+    track: Option<String>,
+    /// Column of the track
+    #[arg(long, value_name = "COLUMN")]
+    track_column: Option<String>,
+    /// Force of rows whose force is blank: above (that of the row above) or zero
+    #[arg(long, value_name = "MEANING")]
+    blank_force: Option<String>,
+    /// Sign between thousands: `.`, `,` or none
+    #[arg(long, value_name = "SIGN")]
+    thousands: Option<String>,
+    /// join: times that begin again go on from the row before
+    #[arg(long, value_name = "join")]
+    time_restarts: Option<String>,
+    /// spread: equal times of a coarse clock are spread evenly
+    #[arg(long, value_name = "spread")]
+    time_ties: Option<String>,
     /// Column of the cycle
     #[arg(long, value_name = "COLUMN")]
     cycle: Option<String>,
-    /// Unit of the time: s, ms, min, h, clock (hh:mm:ss) or iso, or so many of one, as "0.05 s" a frame
+    /// Unit of the time: s, ms, min, h, clock (hh:mm:ss), iso, day-first or month-first (dates), or so many of one, as "0.05 s" a frame
     #[arg(long, value_name = "UNIT")]
     unit_time: Option<String>,
     /// Unit of the force: N, mN, uN, nN or pN
@@ -62,7 +86,7 @@ pub struct InitArguments {
     /// Diameter of the robot, a sphere, in mm
     #[arg(long, value_name = "MM")]
     robot_diameter_mm: Option<f64>,
-    /// Density of the robot in kg/m³
+    /// Density of the robot in kg/m³, which inertia alone needs
     #[arg(long, value_name = "KG/M3")]
     robot_density_kg_m3: Option<f64>,
     /// Diameter of the vitreous in mm
@@ -89,8 +113,14 @@ pub fn run(arguments: &InitArguments) -> Result<ExitCode> {
     crate::output::check(arguments.json.as_deref())?;
     let given = Given {
         columns: [&arguments.time, &arguments.force, &arguments.position, &arguments.cycle].map(Clone::clone),
-        plane: [arguments.x.clone(), arguments.y.clone()],
+        axes: [&arguments.x, &arguments.y, &arguments.z].map(Clone::clone),
         units: [&arguments.unit_time, &arguments.unit_force, &arguments.unit_position].map(Clone::clone),
+        tables: arguments.table.clone(),
+        track: [arguments.track_column.clone(), arguments.track.clone()],
+        blank_force: arguments.blank_force.clone(),
+        thousands: arguments.thousands.clone(),
+        time_restarts: arguments.time_restarts.clone(),
+        time_ties: arguments.time_ties.clone(),
     };
     let request = InitRequest {
         file: arguments.file.clone(),
@@ -100,10 +130,10 @@ pub fn run(arguments: &InitArguments) -> Result<ExitCode> {
         groups: [arguments.species.clone(), arguments.region.clone()],
         sizes: [
             arguments.robot_diameter_mm,
-            arguments.robot_density_kg_m3,
             arguments.vitreous_diameter_mm,
             arguments.poisson_ratio,
         ],
+        robot_density_kg_m3: arguments.robot_density_kg_m3,
         noise_um: arguments.noise_um,
         replace: arguments.replace,
     };

@@ -3,7 +3,7 @@
 use super::quick_fit::{curve_beyond_lines, distance_between_rules_m};
 use super::{Looked, found, um};
 use documents::check::Contradiction;
-use record::{ForceRule, is_against};
+use record::{ForceRule, has_noisy_levels, is_against};
 
 /// Share of the rows at which a force changes that is not switched.
 const MOST: f64 = 0.5;
@@ -37,7 +37,11 @@ pub(super) fn between_rows(looked: &Looked<'_>) -> Option<Contradiction> {
         um(apart_m),
         um(looked.noise_m)
     );
-    let advice = "write `force = \"linear\"` in [measurement] if the force is a sampled curve, `force = \"hold\"` if it was switched at every row";
+    let advice = if has_noisy_levels(&record.force_n) {
+        "write `force = \"levels\"` in [measurement]: the force scatters about levels between which it was switched, as a sensor shows it"
+    } else {
+        "write `force = \"linear\"` in [measurement] if the force is a sampled curve, `force = \"hold\"` if it was switched at every row"
+    };
     Some(found("force_between_rows", true, text, advice))
 }
 

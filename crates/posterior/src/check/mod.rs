@@ -78,17 +78,46 @@ pub fn contradictions(experiment: &Experiment, understood: &Understood) -> Vec<C
         noise::above_the_motion,
         times::units,
         times::few_rows,
+        times::gaps,
         positions::clipped,
         positions::repeated,
+        positions::lost,
+        positions::outliers,
+        positions::unread,
         switches::between_rows,
+        switches::logged_late,
+        zero::starts_under_load,
     ];
     // The quick fit takes positions for linear in the force, which an indenter's depth is not, and its contact is found where it is read.
     let of_indenter = [times::units, positions::clipped, positions::repeated];
     let looks = if matches!(experiment.apparatus, Apparatus::Indenter(_)) { &of_indenter[..] } else { &looks[..] };
     let mut all: Vec<Contradiction> = looks.iter().filter_map(|look| look(&looked)).collect();
+    // A cause makes what follows from it worthless advice.
+    for (cause, consequences) in CAUSES {
+        if all.iter().any(|contradiction| contradiction.kind == cause) {
+            all.retain(|contradiction| !consequences.contains(&contradiction.kind.as_str()));
+        }
+    }
     all.sort_by_key(|contradiction| !contradiction.certain);
     all
 }
+
+/// Kinds that explain others, which are then left out.
+const CAUSES: [(&str, &[&str]); 3] = [
+    (
+        "force_logged_late",
+        &[
+            "against_force",
+            "drift_at_rest",
+            "zero_off",
+            "few_rows_in_a_retardation_time",
+            "switch_between_rows",
+            "starts_under_load",
+        ],
+    ),
+    ("starts_under_load", &["few_rows_in_a_retardation_time", "zero_off"]),
+    ("lost_positions", &["outliers", "clipped_positions", "repeated_positions"]),
+];
 
 /// Refuses what is certain, and says what may be.
 ///
@@ -152,15 +181,11 @@ fn sentences(experiment: &Experiment, understood: &Understood) -> [String; 5] {
         format!("{} to {}", number(1e6 * low), number(1e6 * high))
     };
     let settled = &understood.settled;
-    let counted = match (&settled.projection, settled.is_reversed, settled.zero_m[0] != 0.0) {
-        (Some(projection), _, _) => format!(
-            ", x and y seen along {}° with {} µm across",
-            number(projection.degrees),
-            um(projection.across_rms_m)
-        ),
-        (None, true, _) => format!(", from {} µm, sign turned", um(settled.zero_m[0])),
-        (None, false, true) => format!(", from {} µm", um(settled.zero_m[0])),
-        (None, false, false) => String::new(),
+    let counted = match (&settled.projection, settled.is_reversed, settled.zero_m.first().copied().unwrap_or(0.0)) {
+        (Some(projection), ..) => format!(", {projection} with {} µm across", um(projection.across_rms_m)),
+        (None, true, zero_m) => format!(", from {} µm, sign turned", um(zero_m)),
+        (None, false, 0.0) => String::new(),
+        (None, false, zero_m) => format!(", from {} µm", um(zero_m)),
     };
     let left_out = match understood.n_left_out {
         0 => String::new(),

@@ -4,6 +4,9 @@ use std::collections::HashMap;
 
 use super::{Looked, found, um};
 use documents::check::Contradiction;
+use figures::number::significant;
+use record::noise::Outlier;
+use record::repeated_outliers;
 
 /// Rows at one end that are no chance, as a number and as a share, and how many of them follow each other.
 const CLIPPED: usize = 5;
@@ -67,4 +70,59 @@ pub(super) fn repeated(looked: &Looked<'_>) -> Option<Contradiction> {
     let advice =
         "leave the position empty where the tracker gave nothing new: the log seems to be faster than the camera";
     Some(found("repeated_positions", false, text, advice))
+}
+
+/// Rows that are listed.
+const LISTED: usize = 5;
+
+/// Single positions far from the rows around them.
+pub(super) fn outliers(looked: &Looked<'_>) -> Option<Contradiction> {
+    let record = looked.record;
+    let outliers = record::noise::outliers(record);
+    let at = |outlier: &Outlier| {
+        let time_s = record.time_s[outlier.row];
+        format!("{} s (row {}) by {} µm", significant(time_s, 6), outlier.row + 1, um(outlier.distance_m))
+    };
+    let said: Vec<String> = outliers.iter().take(LISTED).map(at).collect();
+    let more = outliers.len().saturating_sub(LISTED);
+    let more = if more > 0 { format!(", and {more} more") } else { String::new() };
+    let first = outliers.first()?;
+    let half_s = 0.25 * record.median_interval_s()?;
+    let time_s = record.time_s[first.row];
+    let text = format!(
+        "{} {} far from the rows around: at {}{more}",
+        outliers.len(),
+        if outliers.len() == 1 { "position lies" } else { "positions lie" },
+        said.join(", ")
+    );
+    let advice = format!(
+        "leave them out with `left_out_s = [[{}, {}]]` in [measurement], a pair for each; or let the noise have heavy tails (`student`)",
+        significant(time_s - half_s, 6),
+        significant(time_s + half_s, 6)
+    );
+    Some(found("outliers", false, text, advice))
+}
+
+/// A value that stands for a lost position.
+pub(super) fn lost(looked: &Looked<'_>) -> Option<Contradiction> {
+    let positions = &looked.record.position_m;
+    let values = repeated_outliers(positions);
+    let value = *values.first()?;
+    let n = positions.iter().filter(|x| x.is_some_and(|x| values.contains(&x))).count();
+    let text = format!("{n} positions are exactly {} µm while the rows around them are elsewhere: they seem to stand for lost tracking", um(value));
+    let advice = "leave the position empty in these rows, or let `vitreo-uq init` describe the table, which finds such values";
+    Some(found("lost_positions", true, text, advice))
+}
+
+/// A column that is not read although it moves with the position.
+pub(super) fn unread(looked: &Looked<'_>) -> Option<Contradiction> {
+    let columns: Vec<String> = looked
+        .understood
+        .unread
+        .iter()
+        .map(|column| format!("`{}` (correlation {:.2})", column.name, column.correlation))
+        .collect();
+    let text = format!("not read although the motion shows in it: {}", columns.join(", "));
+    let advice = "if it is a coordinate, name position_x, position_y and position_z in [measurement.columns]";
+    (!columns.is_empty()).then(|| found("unread_column_follows", false, text, advice))
 }

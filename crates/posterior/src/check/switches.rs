@@ -1,8 +1,10 @@
 //! Whether the force switched where the rows say.
 
+use super::quick_fit::quick_fit;
 use super::{Looked, found, um};
 use documents::check::Contradiction;
-use record::Line;
+use figures::number::significant;
+use record::{Line, Record};
 
 /// Positions before a switch that are drawn out to it, after as many that are drawn out to the row before.
 const BEFORE: usize = 4;
@@ -61,4 +63,56 @@ pub(super) fn between_rows(looked: &Looked<'_>) -> Option<Contradiction> {
     );
     let advice = "give every switch a row of its own, at its time, with the new force and an empty position";
     Some(found("switch_between_rows", true, text, advice))
+}
+
+/// Rows by which a force may be logged late, and the share of the residual that is left where it is moved to its place.
+const MOST_LAG: usize = 200;
+const LEFT: f64 = 0.5;
+/// Share of the positions' range that must be explained by moving it.
+const MATTERS: f64 = 0.01;
+/// Rows that must move the same way for a motion to have begun.
+const SUSTAINED: usize = 3;
+/// Times that are listed.
+const LISTED: usize = 8;
+
+/// A force that stands in the rows later than the body feels it: logged late, or more rarely than the positions.
+pub(super) fn logged_late(looked: &Looked<'_>) -> Option<Contradiction> {
+    let record = looked.record;
+    let fit = looked.fit.as_ref()?;
+    let steps = record.force_step_rows();
+    let shortest = steps.windows(2).map(|pair| pair[1] - pair[0]).min()?;
+    let moved = |lag: usize| {
+        let last_n = record.force_n.last().copied().unwrap_or(0.0);
+        let earlier = record.force_n[lag..].iter().copied().chain(std::iter::repeat_n(last_n, lag)).collect();
+        quick_fit(&Record { force_n: earlier, ..record.clone() }, record.force_rule).map(|fit| fit.left_sd_m)
+    };
+    let most = MOST_LAG.min(shortest / 2);
+    let lags = std::iter::successors(Some(1), |lag| Some((lag + lag / 4).max(lag + 1))).take_while(|lag| *lag <= most);
+    let (left_m, _) = lags.filter_map(|lag| Some((moved(lag)?, lag))).min_by(|a, b| a.0.total_cmp(&b.0))?;
+    if left_m > LEFT * fit.left_sd_m || fit.left_sd_m - left_m < MATTERS * looked.range_m {
+        return None;
+    }
+    let noise_m = left_m.min(looked.noise_m);
+    let begin = |step: usize| {
+        let first = step.saturating_sub(most).max(WITHIN);
+        (first..step).find(|row| {
+            let ahead: Vec<f64> = (*row..row + SUSTAINED).filter_map(|row| excess_m(looked, row)).collect();
+            ahead.len() == SUSTAINED && ahead.iter().all(|x| x * ahead[0] > 0.0 && x.abs() > ERRORS * noise_m)
+        })
+    };
+    // The row before the first that has moved.
+    let begins: Vec<(f64, f64)> =
+        steps.iter().filter_map(|step| Some((record.time_s[begin(*step)? - 1], record.time_s[*step]))).collect();
+    let late_s = record::robust::median(begins.iter().map(|(begin_s, step_s)| step_s - begin_s).collect())?;
+    let listed: Vec<String> = begins.iter().take(LISTED).map(|(begin_s, _)| significant(*begin_s, 5)).collect();
+    let text = format!(
+        "the force column lags the motion: the body moves about {} s before the rows in which the force switches, so that the force was logged late or too rarely",
+        significant(late_s, 2)
+    );
+    let advice = format!(
+        "give the force in a log of its own ([actuation]) with the times at which it switched; the motion begins at {} s{}",
+        listed.join(", "),
+        if begins.len() > LISTED { ", …" } else { "" }
+    );
+    Some(found("force_logged_late", true, text, advice))
 }

@@ -1,6 +1,6 @@
 //! Whether times are in their unit, and dense enough.
 
-use super::{Looked, found};
+use super::{Looked, found, um};
 use documents::check::Contradiction;
 use figures::number::significant;
 use record::Apparatus;
@@ -40,4 +40,47 @@ pub(super) fn few_rows(looked: &Looked<'_>) -> Option<Contradiction> {
         significant(1.0 / fit.rate_per_s, 2)
     );
     Some(found("few_rows_in_a_retardation_time", false, text, "sample faster right after every switch of the force"))
+}
+
+/// Sampling intervals around it that a gap exceeds its neighbours by, and how many gaps are listed.
+const GAP: f64 = 10.0;
+const LISTED: usize = 4;
+/// Size of a jump over a gap in noise.
+const JUMP_NOISES: f64 = 6.0;
+
+/// Stretches of time without rows, in which the last row's force is assumed to have acted.
+pub(super) fn gaps(looked: &Looked<'_>) -> Option<Contradiction> {
+    let record = looked.record;
+    let interval_s = |row: usize| record.time_s[row + 1] - record.time_s[row];
+    let n_intervals = record.n_rows().saturating_sub(1);
+    let is_gap = |row: usize| {
+        let around = [row.checked_sub(1), Some(row + 1).filter(|next| *next < n_intervals)];
+        let longest_s = around.into_iter().flatten().map(interval_s).fold(0.0, f64::max);
+        longest_s > 0.0 && interval_s(row) > GAP * longest_s
+    };
+    let gaps: Vec<usize> = (0..n_intervals).filter(|row| is_gap(*row)).collect();
+    let median_s = record.median_interval_s()?;
+    let said = gaps.iter().take(LISTED).map(|&row| {
+        let jump_m = record.position_m[row].zip(record.position_m[row + 1]).map_or(0.0, |(a, b)| b - a);
+        let jump = if jump_m.abs() > JUMP_NOISES * looked.noise_m {
+            format!(", over which the position jumps by {} µm", um(jump_m))
+        } else {
+            String::new()
+        };
+        format!(
+            "from {} to {} s ({} sampling intervals; {} µN is assumed to act){jump}",
+            significant(record.time_s[row], 4),
+            significant(record.time_s[row + 1], 4),
+            significant(interval_s(row) / median_s, 3),
+            significant(1e6 * record.force_n[row], 3)
+        )
+    });
+    let said: Vec<String> = said.collect();
+    let more = gaps.len().saturating_sub(LISTED);
+    let more = if more > 0 { format!(", and {more} more") } else { String::new() };
+    (!gaps.is_empty()).then(|| {
+        let text = format!("the record has no rows {}{more}", said.join("; "));
+        let advice = "add rows with the force of that time and an empty position; if it is unknown, make an experiment of each part";
+        found("gap", false, text, advice)
+    })
 }

@@ -1,8 +1,9 @@
 //! Whether positions count from where the body rests.
 
-use super::quick_fit::median;
+use super::quick_fit::{median, quick_fit};
 use super::{Looked, found, um};
 use documents::check::Contradiction;
+use figures::number::significant;
 use record::Line;
 
 /// First positions that are looked at.
@@ -104,4 +105,48 @@ pub(super) fn drifts_at_rest(looked: &Looked<'_>) -> Option<Contradiction> {
         text,
         "look for a drift of the stage or the camera, or a force that is not switched off; `--with tracking-drift` or `--with force-bias` may describe it",
     ))
+}
+
+/// Share of the residual that is left where the load is let begin earlier, and the residual in noise from which that is looked at.
+const LEFT: f64 = 0.5;
+const MISFIT_NOISES: f64 = 2.0;
+/// Trials of an earlier start, each twice as early.
+const TRIALS: i32 = 14;
+
+/// A record that begins while a load already acts: its first rows creep on instead of starting.
+pub(super) fn starts_under_load(looked: &Looked<'_>) -> Option<Contradiction> {
+    let record = looked.record;
+    let fit = looked.fit.as_ref()?;
+    let first_n = *record.force_n.first()?;
+    if first_n.abs() < 0.1 * record.force_range_n() || record.position_m.first()?.is_none() {
+        return None;
+    }
+    let interval_s = record.median_interval_s()?;
+    let earlier = |before_s: f64| {
+        let mut loaded = record.clone();
+        loaded.time_s.iter_mut().for_each(|time_s| *time_s += before_s);
+        loaded.time_s.insert(0, 0.0);
+        loaded.force_n.insert(0, first_n);
+        loaded.position_m.insert(0, None);
+        loaded.cycle.insert(0, 1);
+        loaded.force_rows = std::iter::once(0).chain(record.force_rows.iter().map(|row| row + 1)).collect();
+        quick_fit(&loaded, record.force_rule).map(|fit| (fit.left_sd_m, before_s))
+    };
+    let trials = (0..TRIALS).map(|k| interval_s * f64::from(k).exp2());
+    let (left_m, before_s) = trials.filter_map(earlier).min_by(|a, b| a.0.total_cmp(&b.0))?;
+    let noise_m = if looked.noise_m > 0.0 { looked.noise_m } else { left_m };
+    if left_m > LEFT * fit.left_sd_m || fit.left_sd_m < MISFIT_NOISES * noise_m {
+        return None;
+    }
+    let text = format!(
+        "the record starts under load: positions fit a force that began about {} s before the first row ({} µm are left instead of {} µm)",
+        significant(before_s, 1),
+        um(left_m),
+        um(fit.left_sd_m)
+    );
+    let advice = format!(
+        "write when the first row's force began, in the table's time, as in `load_start_s = {}` in [measurement]",
+        significant(-before_s, 1).replace('−', "-")
+    );
+    Some(found("starts_under_load", true, text, advice))
 }

@@ -1,7 +1,8 @@
 //! How a table of another maker is written: what `[measurement]` says of it beside its name (formats §1).
 
-use super::spelling::{Spelt, split_unit, unit};
-use super::text::{Decimal, Delimiter, Encoding};
+use super::spelling::{DateOrder, Spelt, split_unit, unit};
+use super::text::{Decimal, Delimiter, Encoding, Thousands};
+use crate::times::TimeRules;
 use base::error::Result;
 use base::toml_input::Table;
 use base::units::Dimension;
@@ -22,8 +23,54 @@ pub enum TimeFormat {
     Unit(Spelt),
     /// `hh:mm:ss`, counted from the first row; past midnight it goes on.
     Clock,
-    /// ISO 8601, counted from the first row.
-    Iso,
+    /// A date with a time, counted from the first row. Without an order the dates must show it themselves.
+    Date(Option<DateOrder>),
+}
+
+impl TimeFormat {
+    /// The format that a word names: `clock`, `iso`, `day-first` or `month-first`.
+    pub fn named(word: &str) -> Option<Self> {
+        Some(match word {
+            "clock" => Self::Clock,
+            "iso" => Self::Date(None),
+            "day-first" => Self::Date(Some(DateOrder::Day)),
+            "month-first" => Self::Date(Some(DateOrder::Month)),
+            _ => return None,
+        })
+    }
+
+    /// The unit, or the word that names the format.
+    pub fn name(&self) -> &str {
+        match self {
+            Self::Unit(unit) => &unit.name,
+            Self::Clock => "clock",
+            Self::Date(None | Some(DateOrder::Year)) => "iso",
+            Self::Date(Some(DateOrder::Day)) => "day-first",
+            Self::Date(Some(DateOrder::Month)) => "month-first",
+        }
+    }
+}
+
+/// The force of a row whose force cell is blank.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum BlankForce {
+    /// That of the row above: the log shows changes alone.
+    Above,
+    /// None.
+    Zero,
+}
+
+impl BlankForce {
+    /// Both.
+    pub const ALL: [Self; 2] = [Self::Above, Self::Zero];
+
+    /// Name in `experiment.toml`.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Above => "above",
+            Self::Zero => "zero",
+        }
+    }
 }
 
 /// Where the position stands.
@@ -31,8 +78,8 @@ pub enum TimeFormat {
 pub enum PositionColumns {
     /// In one column, along the force.
     Along(ColumnName),
-    /// In two, x and y.
-    Plane([ColumnName; 2]),
+    /// In two or three: x, y and z.
+    Axes(Vec<ColumnName>),
 }
 
 impl PositionColumns {
@@ -40,7 +87,7 @@ impl PositionColumns {
     pub fn all(&self) -> &[ColumnName] {
         match self {
             Self::Along(column) => std::slice::from_ref(column),
-            Self::Plane(columns) => columns,
+            Self::Axes(columns) => columns,
         }
     }
 }
@@ -60,6 +107,10 @@ pub struct TableLayout {
     pub header_line: Option<usize>,
     /// Line of the first row, from 1.
     pub first_row_line: usize,
+    /// First and last line of each table that is read, from 1, one after the other; empty: all lines from the first row on.
+    pub row_lines: Vec<[usize; 2]>,
+    /// The sign between thousands, where numbers have one that could be taken for a decimal sign.
+    pub thousands: Option<Thousands>,
 }
 
 /// A table of force and position against time.
@@ -75,11 +126,38 @@ pub struct TableDescription {
     pub position: Option<(PositionColumns, Spelt)>,
     /// Cycles; found from the force where there is no such column.
     pub cycle: Option<ColumnName>,
+    /// Column of a tracker's tracks, and the track that is read.
+    pub track: Option<(ColumnName, String)>,
+    /// What a blank force stands for; `None`: blank forces are refused.
+    pub blank_force: Option<BlankForce>,
+    /// Positions, in the column's unit, that stand for lost tracking.
+    pub lost: Vec<f64>,
+    /// What is done to times that do not ascend.
+    pub time_rules: TimeRules,
 }
 
 /// Keys of `[measurement]` and `[actuation]` that describe a table of another form than the program's own.
-pub(crate) const KEYS: [&str; 8] =
-    ["columns", "units", "delimiter", "decimal", "encoding", "comment", "header_line", "first_row_line"];
+pub(crate) const KEYS: [&str; 15] = [
+    // Those of the layout, which every kind of table has.
+    "columns",
+    "units",
+    "delimiter",
+    "decimal",
+    "encoding",
+    "comment",
+    "header_line",
+    "first_row_line",
+    "thousands",
+    "row_lines",
+    "track",
+    "blank_force",
+    "lost",
+    "time_restarts",
+    "time_ties",
+];
+
+/// Those of a table of moduli.
+pub(crate) const SWEEP_KEYS: &[&str] = KEYS.split_at(9).0;
 
 const EXAMPLE: &str = "position = \"x [µm]\"";
 
@@ -97,7 +175,7 @@ impl TableDescription {
                 )),
             };
         };
-        columns.only(&["time", "force", "position", "position_x", "position_y", "cycle"])?;
+        columns.only(&["time", "force", "position", "position_x", "position_y", "position_z", "cycle", "track"])?;
         let units = Units::read(measurement, &["time", "force", "position"])?;
         if is_driven_elsewhere && columns.has("force") {
             let remedy = "remove one of them";
@@ -107,7 +185,8 @@ impl TableDescription {
         let position = position_columns(columns)?;
         let position = Some((position.clone(), units.of("position", Dimension::Length, &position.all()[0])?));
         let cycle = if columns.has("cycle") { Some(column(columns, "cycle")?) } else { None };
-        Ok(Some(Self { force, position, cycle, ..Self::of_times(measurement, columns, &units)? }))
+        let lost = measurement.numbers("lost")?.unwrap_or_default();
+        Ok(Some(Self { force, position, cycle, lost, ..Self::of_times(measurement, columns, &units)? }))
     }
 
     /// What `[actuation]` says of its log.
@@ -129,18 +208,45 @@ impl TableDescription {
     /// The layout and the times alone.
     fn of_times(measurement: Table<'_>, columns: Table<'_>, units: &Units<'_>) -> Result<Self> {
         let time = column(columns, "time")?;
-        let format = match units.text("time")?.as_deref() {
-            Some("clock") => TimeFormat::Clock,
-            Some("iso") => TimeFormat::Iso,
-            _ => TimeFormat::Unit(units.of("time", Dimension::Time, &time)?),
+        let format = match units.text("time")?.as_deref().and_then(TimeFormat::named) {
+            Some(format) => format,
+            None => TimeFormat::Unit(units.of("time", Dimension::Time, &time)?),
         };
-        let layout = TableLayout::read(measurement)?;
-        Ok(Self { layout, force: None, position: None, time: (time, format), cycle: None })
+        Ok(Self {
+            layout: TableLayout::read(measurement)?,
+            force: None,
+            position: None,
+            time: (time, format),
+            cycle: None,
+            track: track(measurement, columns)?,
+            blank_force: one_of(measurement, "blank_force", &BlankForce::ALL, BlankForce::name)?,
+            lost: Vec::new(),
+            time_rules: TimeRules {
+                joins_restarts: is_said(measurement, "time_restarts", "join")?,
+                spreads_ties: is_said(measurement, "time_ties", "spread")?,
+            },
+        })
     }
 
-    /// Whether positions are x and y.
-    pub fn is_plane(&self) -> bool {
-        matches!(self.position, Some((PositionColumns::Plane(_), _)))
+    /// Number of coordinates of a position: 1 along the force; 2 or 3 where positions are x, y and z.
+    pub fn n_axes(&self) -> usize {
+        self.position.as_ref().map_or(1, |(columns, _)| columns.all().len())
+    }
+}
+
+/// Whether a key has the only word that it may have.
+fn is_said(table: Table<'_>, key: &str, word: &'static str) -> Result<bool> {
+    Ok(one_of(table, key, &[word], |word| word)?.is_some())
+}
+
+fn track(measurement: Table<'_>, columns: Table<'_>) -> Result<Option<(ColumnName, String)>> {
+    match (columns.has("track"), measurement.has("track")) {
+        (false, false) => Ok(None),
+        (true, false) => Err(measurement.missing("track", "track = \"0\"")),
+        (false, true) => Err(columns.missing("track", "track = \"TRACK_ID\"")),
+        (true, true) => {
+            Ok(Some((column(columns, "track")?, measurement.required_text("track", "track = \"0\"")?)))
+        }
     }
 }
 
@@ -154,7 +260,15 @@ impl TableLayout {
             return Err(measurement.refuse("decimal", "commas stand between cells and before decimals", remedy));
         }
         let header_line = line(measurement, "header_line")?;
-        let first_row_line = line(measurement, "first_row_line")?;
+        let row_lines = row_lines(measurement)?;
+        let first_row_line = match row_lines.first() {
+            Some([first, _]) if measurement.has("first_row_line") => {
+                let remedy = format!("keep `row_lines`, which begins with line {first}");
+                return Err(measurement.refuse("first_row_line", "`row_lines` says the same", remedy));
+            }
+            Some([first, _]) => Some(*first),
+            None => line(measurement, "first_row_line")?,
+        };
         let header_line = if header_line.is_none() && first_row_line.is_none() { Some(1) } else { header_line };
         let layout = Self {
             delimiter,
@@ -163,13 +277,49 @@ impl TableLayout {
             comment: measurement.text("comment")?,
             header_line,
             first_row_line: first_row_line.unwrap_or(header_line.map_or(1, |line| line + 1)),
+            row_lines,
+            thousands: one_of(measurement, "thousands", &Thousands::ALL, Thousands::name)?,
         };
+        if layout.thousands.is_some_and(|thousands| thousands.name() == decimal.name()) {
+            let remedy = "one of `thousands` and `decimal` must be another sign";
+            return Err(measurement.refuse("thousands", "the same sign stands before decimals", remedy));
+        }
         if layout.header_line.is_some_and(|header| header >= layout.first_row_line) {
             let remedy = "the header stands above the first row";
             return Err(measurement.refuse("header_line", "the header stands below the first row", remedy));
         }
         Ok(layout)
     }
+
+    /// The number that a cell holds, if it is one.
+    pub fn number(&self, cell: &str) -> Option<f64> {
+        match self.thousands {
+            Some(thousands) => self.decimal.number(&thousands.removed(cell)?),
+            None => self.decimal.number(cell),
+        }
+    }
+
+    /// The table, counted from 0, whose rows include a line (from 1); `None` where the line is not read.
+    pub fn table_of(&self, line: usize) -> Option<usize> {
+        if self.row_lines.is_empty() {
+            return (line >= self.first_row_line).then_some(0);
+        }
+        let table = self.row_lines.partition_point(|[first, _]| *first <= line).checked_sub(1)?;
+        (line <= self.row_lines[table][1]).then_some(table)
+    }
+}
+
+/// Pairs of first and last lines, in order.
+fn row_lines(measurement: Table<'_>) -> Result<Vec<[usize; 2]>> {
+    let key = "row_lines";
+    let Some(pairs) = measurement.intervals(key)? else { return Ok(Vec::new()) };
+    let are_lines = pairs.iter().flatten().all(|line| *line >= 1.0 && line.fract() == 0.0 && *line < 1e9);
+    let ascend = pairs.windows(2).all(|two| two[0][1] < two[1][0]);
+    if !are_lines || !ascend || pairs.is_empty() {
+        let remedy = "give first and last lines, counted from 1 and one after the other, as in `row_lines = [[4, 103], [108, 207]]`";
+        return Err(measurement.refuse(key, "these are no lines of tables one after the other", remedy));
+    }
+    Ok(pairs.into_iter().map(|pair| pair.map(|line| line as usize)).collect())
 }
 
 /// One of a few words.
@@ -208,15 +358,19 @@ pub(crate) fn column(columns: Table<'_>, key: &str) -> Result<ColumnName> {
 }
 
 fn position_columns(columns: Table<'_>) -> Result<PositionColumns> {
-    let is_plane = columns.has("position_x") || columns.has("position_y");
-    if !is_plane {
+    let has_axes = ["position_x", "position_y", "position_z"].iter().any(|key| columns.has(key));
+    if !has_axes {
         return column(columns, "position").map(PositionColumns::Along);
     }
     if columns.has("position") {
-        let remedy = "keep `position`, or `position_x` with `position_y`";
+        let remedy = "keep `position`, or `position_x` with `position_y` (and `position_z`)";
         return Err(columns.refuse("position", "the position is named twice", remedy));
     }
-    Ok(PositionColumns::Plane([column(columns, "position_x")?, column(columns, "position_y")?]))
+    let mut axes = vec![column(columns, "position_x")?, column(columns, "position_y")?];
+    if columns.has("position_z") {
+        axes.push(column(columns, "position_z")?);
+    }
+    Ok(PositionColumns::Axes(axes))
 }
 
 /// `[measurement.units]`; a column whose name ends in its unit needs none there.
@@ -267,7 +421,7 @@ impl<'a> Units<'a> {
         unit(&text).filter(|unit| unit.dimension == dimension).ok_or_else(|| {
             let known = dimension.accepted_suffixes().replace('_', "");
             let others = match dimension {
-                Dimension::Time => ", min, h, clock (hh:mm:ss), iso",
+                Dimension::Time => ", min, h, clock (hh:mm:ss), iso, day-first or month-first (dates)",
                 Dimension::Frequency => ", rad/s",
                 Dimension::Pressure => ", kPa, MPa",
                 Dimension::Angle => ", deg",

@@ -1,23 +1,29 @@
 //! Looks at a table and says how it is written, and why it thinks so.
 
-use std::borrow::Cow;
 use std::path::Path;
 
-use super::description::{ColumnName, PositionColumns, TableDescription, TableLayout, TimeFormat};
+use super::blocks::{Block, Header, blocks};
+use super::description::{BlankForce, ColumnName, PositionColumns, TableDescription, TableLayout, TimeFormat};
 use super::read::read_described;
-use super::spelling::{Spelt, clock_s, counted, iso_s, split_unit, unit};
-use super::text::{Decimal, Delimiter, Encoding, cells, comment_sign, header_cells, is_aside, table_text};
-use crate::frame::{Direction, Frame, Zero, is_clearly_against, rest_m};
+use super::spelling::{Spelt, clock_s, counted, is_date_time, split_unit, unit};
+use super::text::{Decimal, Delimiter, Encoding, Thousands, cells, comment_sign, is_aside, table_text};
+use crate::force::has_noisy_levels;
+use crate::frame::{Direction, Frame, Zero, rest_m, turns_against};
+use crate::lost::repeated_outliers;
+use crate::times::TimeRules;
 use crate::trajectory::{Trajectory, is_lost};
 use base::error::{Error, Place, Result, Setting};
 use base::units::Dimension;
 
-/// Lines that are looked at for the layout.
-const LOOKED_AT: usize = 5_000;
-/// Letters of a cell in a line of units.
-const LONGEST_UNIT: usize = 8;
-/// Names of columns of remarks.
-const REMARKS: [&str; 6] = ["", "comment", "comments", "note", "notes", "remarks"];
+/// Tracks of a table that are told apart.
+const MOST_TRACKS: usize = 1_000;
+/// Numbers with a sign between thousands, and smaller numbers without one, that show what the sign is. A sign before decimals would leave one and two decimals in ten of a hundred numbers each.
+const FEWEST_GROUPED: usize = 8;
+const FEWEST_SMALL: usize = 2;
+/// Share of rows with the time of the row before, from which a clock is coarse.
+const COARSE: f64 = 0.2;
+/// Share of a table's range of positions within which the next table begins where it ended.
+const GOES_ON: f64 = 0.1;
 /// Share of the positions' range by which a record that starts at 0 may miss it.
 const NEAR_ZERO: f64 = 0.02;
 
@@ -26,10 +32,22 @@ const NEAR_ZERO: f64 = 0.02;
 pub struct Given {
     /// Columns of time, force, position and cycle, by name or number.
     pub columns: [Option<String>; 4],
-    /// Columns of x and y, where the position is not in one column.
-    pub plane: [Option<String>; 2],
+    /// Columns of x, y and z, where the position is not in one column.
+    pub axes: [Option<String>; 3],
     /// Units of time, force and position.
     pub units: [Option<String>; 3],
+    /// The tables of a file that holds several, such as `1,2`, or `all`.
+    pub tables: Option<String>,
+    /// Column of a tracker's tracks, and the track that is read.
+    pub track: [Option<String>; 2],
+    /// What a blank force stands for: `above` or `zero`.
+    pub blank_force: Option<String>,
+    /// The sign between thousands, or `none`.
+    pub thousands: Option<String>,
+    /// `join` where times that begin again go on.
+    pub time_restarts: Option<String>,
+    /// `spread` where equal times are spread over a clock's steps.
+    pub time_ties: Option<String>,
 }
 
 /// What a table does not say, for whoever can.
@@ -53,6 +71,8 @@ pub struct Proposal {
     pub description: TableDescription,
     /// Where positions are zero and which way they grow.
     pub frame: Frame,
+    /// Whether the force is a sensor's noise about the levels between which it was switched.
+    pub has_noisy_levels: bool,
     /// Names of all columns, empty where there is no header.
     pub columns: Vec<String>,
     /// In words, one sentence each.
@@ -153,102 +173,11 @@ impl Role {
             Self::Force => (&["f", "force", "kraft", "fx", "load"], &["force", "kraft"]),
             Self::Position => (
                 &["x", "position", "pos", "displacement", "weg"],
-                &["position", "displac", "auslenk", "posx", "xpos", "xcoord"],
+                &["position", "displac", "déplac", "deplac", "auslenk", "posx", "xpos", "xcoord"],
             ),
             Self::Cycle => (&["cycle", "zyklus", "cyc"], &["cycle", "zyklus"]),
         }
     }
-}
-
-/// The rows of a table, and between what its cells stand.
-struct Layout {
-    delimiter: Delimiter,
-    decimal: Decimal,
-    /// Index of the first row's line.
-    first: usize,
-    n_cells: usize,
-}
-
-fn is_value(cell: &str, decimal: Decimal) -> bool {
-    decimal.number(cell).is_some() || clock_s(cell).is_some() || iso_s(cell).is_some()
-}
-
-/// The layout in which most cells of one block of lines are numbers or times.
-fn layout(lines: &[&str]) -> Option<Layout> {
-    let mut best: Option<(i64, Layout)> = None;
-    for delimiter in Delimiter::ALL {
-        for decimal in Decimal::ALL {
-            if (delimiter, decimal) == (Delimiter::Comma, Decimal::Comma) {
-                continue;
-            }
-            let mut run: Option<(i64, Layout)> = None;
-            let mut finish = |run: &mut Option<(i64, Layout)>| {
-                if let Some((score, layout)) = run.take()
-                    && best.as_ref().is_none_or(|(most, _)| score > *most)
-                {
-                    best = Some((score, layout));
-                }
-            };
-            for (index, line) in lines.iter().enumerate().filter(|(_, line)| !is_aside(line, None)) {
-                let cells = cells(line, delimiter);
-                let n_values = cells.iter().filter(|cell| is_value(cell, decimal)).count() as i64;
-                let n_others = cells.iter().filter(|cell| !is_value(cell, decimal) && !is_lost(cell)).count() as i64;
-                if n_values < 2 || n_values < n_others {
-                    finish(&mut run);
-                    continue;
-                }
-                if run.as_ref().is_some_and(|(_, layout)| layout.n_cells != cells.len()) {
-                    finish(&mut run);
-                }
-                let fresh = Layout { delimiter, decimal, first: index, n_cells: cells.len() };
-                run.get_or_insert((0, fresh)).0 += n_values - n_others;
-            }
-            finish(&mut run);
-        }
-    }
-    best.map(|(_, layout)| layout)
-}
-
-/// The header's line, its names and the units beneath them.
-#[derive(Default)]
-struct Header {
-    line: Option<usize>,
-    names: Vec<String>,
-    units: Vec<Option<Spelt>>,
-    /// Columns whose unit is none of ours: a temperature, a voltage.
-    foreign: Vec<usize>,
-}
-
-/// A line's cells as names, if it has as many as the rows have and two of them are words.
-fn names_in(line: &str, layout: &Layout) -> Option<Vec<String>> {
-    let mut found: Vec<String> =
-        header_cells(line, layout.delimiter, None, layout.n_cells).into_iter().map(Cow::into_owned).collect();
-    // A column of remarks may have a name and no cells.
-    while found.len() > layout.n_cells
-        && found.last().is_some_and(|last| REMARKS.contains(&last.to_lowercase().as_str()))
-    {
-        found.pop();
-    }
-    let n_words = found.iter().filter(|cell| !cell.is_empty() && !is_value(cell, layout.decimal)).count();
-    (found.len() == layout.n_cells && n_words >= 2).then_some(found)
-}
-
-fn header(lines: &[&str], layout: &Layout) -> Header {
-    let above: Vec<usize> = (0..layout.first).rev().filter(|index| !lines[*index].trim().is_empty()).take(2).collect();
-    let names = |place: usize| above.get(place).and_then(|index| Some((*index, names_in(lines[*index], layout)?)));
-    let Some((line, nearest)) = names(0) else { return Header::default() };
-    let units: Vec<Option<Spelt>> = nearest.iter().map(|cell| unit(cell)).collect();
-    // A line of units may have some that are none of ours, such as °C.
-    if let Some((line, names)) = names(1)
-        && units.iter().flatten().count() >= 2
-        && nearest.iter().all(|cell| cell.chars().count() <= LONGEST_UNIT)
-    {
-        let is_foreign = |at: &usize| units[*at].is_none() && nearest[*at].chars().any(char::is_alphabetic);
-        let foreign = (0..units.len()).filter(is_foreign).collect();
-        return Header { line: Some(line), names, units, foreign };
-    }
-    let units = nearest.iter().map(|name| split_unit(name).1).collect();
-    Header { line: Some(line), names: nearest, units, foreign: Vec::new() }
 }
 
 /// How well a column fits a role; `None` where its unit speaks against it.
@@ -273,92 +202,43 @@ fn fit(role: Role, name: &str, unit: Option<&Spelt>) -> Option<u32> {
 /// Finds how a table is written; `file` is only named in errors. What cannot be told is asked for.
 ///
 /// # Errors
-/// [`Error::Input`] where no block of numbers is found, where a column or a unit cannot be told, and what reading the table so refuses; with the option that helps.
+/// [`Error::Input`] where no block of numbers is found, where a column, a unit or one of several tables cannot be told, and what reading the table so refuses; with the option that helps.
 pub fn propose(file: &Path, bytes: &[u8], given: &Given, ask: Ask<'_>) -> Result<Proposal> {
     let text = &*table_text(bytes);
-    let lines: Vec<&str> = text.lines().take(LOOKED_AT).collect();
-    let (layout, header) = layout_and_header(file, &lines)?;
-    let mut reasons = vec![said_of(&layout, &header, &lines)];
-    let seen = Seen { file, given, header: &header, layout: &layout };
-    let mut columns: [Option<usize>; 4] = [None; 4];
-    let mut y_column = None;
-    for role in Role::ALL {
-        let taken: Vec<usize> = columns.into_iter().chain([y_column]).flatten().collect();
-        match seen.column(role, &taken, ask)? {
-            Found::Nowhere => {}
-            Found::Alone(at) => columns[role as usize] = Some(at),
-            Found::Plane([x, y]) => (columns[role as usize], y_column) = (Some(x), Some(y)),
+    let lines: Vec<&str> = text.lines().collect();
+    let all = tables_of(file, &lines)?;
+    let mut reasons = Vec::new();
+    let mut chosen = chosen_tables(file, &all, given, ask)?;
+    if let Chosen::Joined(tables) = &chosen
+        && given.tables.is_none()
+        && tables.len() > 1
+    {
+        // One recording in several tables shows in its times and positions.
+        let described = Described { file, bytes, text, lines: &lines, given, tables };
+        let description = described.description(&mut Vec::new(), ask)?;
+        if !described.goes_on(&description)? {
+            chosen = Chosen::One(asked_table(file, &all, "each begins anew, so that they are no one recording", ask)?);
         }
     }
-    let first_row = cells(lines[layout.first], layout.delimiter);
-    let cell = |role: Role| columns[role as usize].and_then(|at| first_row.get(at)).map_or("", |cell| cell.as_ref());
-    let own_unit = |role: Role| columns[role as usize].and_then(|at| header.units.get(at).cloned().flatten());
-    let mut said = given.units.clone();
-    let has_form = |role: Role| {
-        let cell = cell(role);
-        role == Role::Time && (clock_s(cell).is_some() || iso_s(cell).is_some())
+    let tables = match chosen {
+        Chosen::Joined(tables) => tables,
+        Chosen::One(table) => vec![table],
     };
-    let called = |role: Role| columns[role as usize].and_then(|at| header.names.get(at)).map_or("", String::as_str);
-    let mut missing: Vec<Role> = [Role::Time, Role::Force, Role::Position]
-        .into_iter()
-        .filter(|role| said[*role as usize].is_none() && own_unit(*role).is_none() && !has_form(*role))
-        .collect();
-    missing.retain(|role| {
-        said[*role as usize] = ask(&role.unit_question());
-        said[*role as usize].is_none()
-    });
-    if let Some(first) = missing.first() {
-        let names: Vec<&str> = missing.iter().map(|role| role.name()).collect();
-        let options: Vec<String> = missing.iter().map(|role| role.unit_option(called(*role))).collect();
-        let counts: Vec<&str> = missing.iter().filter_map(|role| Some(counted(called(*role))?.1)).collect();
-        let of_counts = counts.first().map_or(String::new(), |what| format!(" where a {what} is as long as that"));
-        return Err(Error::input(
-            Place::setting(first.unit_setting()),
-            format!("{}: the table does not say the unit of {}", file.display(), names.join(" and ")),
-            format!("say it, as in `{}`{of_counts}", options.join(" ")),
-        ));
+    reasons.push(said_of(&tables, &lines));
+    reasons.extend(said_of_tables(&all, &tables));
+    let described = Described { file, bytes, text, lines: &lines, given, tables: &tables };
+    let mut description = described.description(&mut reasons, ask)?;
+    let mut trajectory = described.completed(&mut description, &mut reasons)?;
+    let has_noisy_levels = has_noisy_levels(&trajectory.force_n);
+    if has_noisy_levels {
+        reasons.push(
+            "the force scatters about the levels between which it is switched, as a sensor's does: each hold has its median (force = \"levels\")".into(),
+        );
     }
-    let told = |role: Role| said[role as usize].as_deref();
-    let unit_of = |role: Role| -> Result<Spelt> {
-        let found = told(role).map_or_else(|| own_unit(role), unit);
-        found.filter(|unit| Some(unit.dimension) == role.dimension()).ok_or_else(|| {
-            let found = format!("`{}` is no unit of a {}", told(role).unwrap_or_default(), role.name());
-            let remedy = format!("say it, as in `{}`", role.unit_option(called(role)));
-            Error::input(Place::setting(role.unit_setting()), found, remedy)
-        })
-    };
-    let time_format = match told(Role::Time) {
-        Some("clock") => TimeFormat::Clock,
-        Some("iso") => TimeFormat::Iso,
-        None if iso_s(cell(Role::Time)).is_some() => TimeFormat::Iso,
-        None if clock_s(cell(Role::Time)).is_some() => TimeFormat::Clock,
-        _ => TimeFormat::Unit(unit_of(Role::Time)?),
-    };
-    let name_at = |at: usize| match header.names.get(at) {
-        Some(name) if header.names.iter().filter(|other| *other == name).count() == 1 && !name.is_empty() => {
-            ColumnName::Named(name.clone())
-        }
-        _ => ColumnName::Number(at + 1),
-    };
-    let name = |role: Role| columns[role as usize].map(name_at);
-    let wanted = |role: Role| name(role).unwrap_or(ColumnName::Number(1));
-    let position = match y_column {
-        None => PositionColumns::Along(wanted(Role::Position)),
-        Some(y) => PositionColumns::Plane([wanted(Role::Position), name_at(y)]),
-    };
-    let description = TableDescription {
-        layout: written(bytes, &lines, &layout, &header),
-        time: (wanted(Role::Time), time_format),
-        force: Some((wanted(Role::Force), unit_of(Role::Force)?)),
-        position: Some((position, unit_of(Role::Position)?)),
-        cycle: name(Role::Cycle),
-    };
-    let mut trajectory = read_described(file, text, &description)?;
     let frame = frame(&trajectory, &mut reasons);
     if let Some(projection) = frame.settle(file, &mut trajectory)?.projection {
         reasons.push(format!(
-            "x and y are projected on the line of motion, at {:.1}° from x; across it they scatter by {:.3} µm (root mean square)",
-            projection.degrees,
+            "positions are {projection}; across it they scatter by {:.3} µm (root mean square)",
             1e6 * projection.across_rms_m
         ));
     }
@@ -366,7 +246,7 @@ pub fn propose(file: &Path, bytes: &[u8], given: &Given, ask: Ask<'_>) -> Result
         values.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], x| [low.min(x), high.max(x)])
     };
     Ok(Proposal {
-        columns: header.names,
+        columns: described.header().names.clone(),
         reasons,
         n_rows: trajectory.time_s.len(),
         n_lost: trajectory.position_m.iter().filter(|x| x.is_none()).count(),
@@ -375,19 +255,444 @@ pub fn propose(file: &Path, bytes: &[u8], given: &Given, ask: Ask<'_>) -> Result
         position_m: ends(&mut trajectory.position_m.iter().flatten().copied()),
         description,
         frame,
+        has_noisy_levels,
     })
 }
 
-fn layout_and_header(file: &Path, lines: &[&str]) -> Result<(Layout, Header)> {
-    let layout = layout(lines).ok_or_else(|| {
+fn tables_of(file: &Path, lines: &[&str]) -> Result<Vec<Block>> {
+    blocks(lines).filter(|blocks| !blocks.is_empty()).ok_or_else(|| {
         Error::input(
             Place::file(file),
             "no two columns of numbers are found",
             "export the table as text: one sample a line, cells between commas, semicolons, tabulators or blanks",
         )
+    })
+}
+
+/// The tables that are read.
+enum Chosen<'a> {
+    /// One after the other.
+    Joined(Vec<&'a Block>),
+    /// This alone.
+    One(&'a Block),
+}
+
+/// A table in a list: its number, lines, rows, title and columns.
+fn listed_table(number: usize, table: &Block) -> String {
+    let [first, last] = table.lines();
+    let title = if table.title.is_empty() { String::new() } else { format!(" \"{}\"", table.title) };
+    format!("table {number}{title}: lines {first} to {last}, {} rows of {}", table.n_rows, table.header.names.join(", "))
+}
+
+fn chosen_tables<'a>(file: &Path, all: &'a [Block], given: &Given, ask: Ask<'_>) -> Result<Chosen<'a>> {
+    let setting = Setting::Tables;
+    let Some(said) = given.tables.as_deref() else {
+        let first = &all[0];
+        let is_like = |other: &Block| other.header.names == first.header.names && other.header.units == first.header.units;
+        if all.iter().all(is_like) {
+            return Ok(Chosen::Joined(all.iter().collect()));
+        }
+        return asked_table(file, all, "their columns differ", ask).map(Chosen::One);
+    };
+    if said == "all" {
+        return Ok(Chosen::Joined(all.iter().collect()));
+    }
+    let numbers = said.split(',').map(|number| number.trim().parse::<usize>().ok().filter(|n| (1..=all.len()).contains(n)));
+    let mut numbers: Vec<usize> = numbers.collect::<Option<_>>().ok_or_else(|| {
+        let remedy = format!("give numbers from 1 to {}, as in `{setting} 1` or `{setting} 1,2`, or `{setting} all`", all.len());
+        Error::input(Place::setting(setting), format!("`{said}` names no tables of {}", file.display()), remedy)
     })?;
-    let header = header(lines, &layout);
-    Ok((layout, header))
+    numbers.sort_unstable();
+    numbers.dedup();
+    Ok(Chosen::Joined(numbers.into_iter().map(|number| &all[number - 1]).collect()))
+}
+
+/// The table that is asked for, of several that cannot be read as one.
+fn asked_table<'a>(file: &Path, all: &'a [Block], why: &str, ask: Ask<'_>) -> Result<&'a Block> {
+    let list: Vec<String> = all.iter().enumerate().map(|(place, table)| listed_table(place + 1, table)).collect();
+    let question = Question {
+        text: format!("which table ({})", list.join("; ")),
+        choices: (1..=all.len()).map(|number| number.to_string()).collect(),
+        proposal: None,
+    };
+    match ask(&question).and_then(|answer| all.get(answer.parse::<usize>().ok()?.checked_sub(1)?)) {
+        Some(table) => Ok(table),
+        None => Err(Error::input(
+            Place::file(file),
+            format!("the file holds {} tables, and {why}:\n    {}", all.len(), list.join("\n    ")),
+            format!(
+                "choose one with `{0} 1`, or several steps of one test, joined in time, with `{0} 1,2` or `{0} all`",
+                Setting::Tables
+            ),
+        )),
+    }
+}
+
+/// What is done with the tables of a file that holds several.
+fn said_of_tables(all: &[Block], read: &[&Block]) -> Vec<String> {
+    if all.len() == 1 {
+        return Vec::new();
+    }
+    let is_read = |table: &Block| read.iter().any(|other| other.lines() == table.lines());
+    let said = |(place, table): (usize, &Block)| {
+        let how = if is_read(table) { "read" } else { "not read" };
+        format!("{}: {how}", listed_table(place + 1, table))
+    };
+    let mut sentences: Vec<String> = all.iter().enumerate().map(said).collect();
+    if read.len() > 1 {
+        sentences.push("the tables are joined in time, with the force of each".into());
+    }
+    sentences
+}
+
+/// A file, what is known of it, and the tables that are read.
+struct Described<'a> {
+    file: &'a Path,
+    bytes: &'a [u8],
+    text: &'a str,
+    lines: &'a [&'a str],
+    given: &'a Given,
+    tables: &'a [&'a Block],
+}
+
+impl Described<'_> {
+    fn header(&self) -> &Header {
+        &self.tables[0].header
+    }
+
+    /// Cells of the rows that are read, without blanks and comments.
+    fn rows(&self) -> impl Iterator<Item = Vec<std::borrow::Cow<'_, str>>> {
+        let lines = self.tables.iter().flat_map(|table| &self.lines[table.layout.first..table.end]);
+        lines.filter(|line| !is_aside(line, None)).map(|line| cells(line, self.tables[0].layout.delimiter))
+    }
+
+    /// The columns, units and layout.
+    fn description(&self, reasons: &mut Vec<String>, ask: Ask<'_>) -> Result<TableDescription> {
+        let Self { file, bytes, lines, given, tables, .. } = *self;
+        let (header, layout) = (self.header(), &tables[0].layout);
+        let seen = Seen { file, given, header, n_cells: layout.n_cells };
+        let mut columns: [Option<usize>; 4] = [None; 4];
+        let mut other_axes: Vec<usize> = Vec::new();
+        for role in Role::ALL {
+            let taken: Vec<usize> = columns.into_iter().flatten().chain(other_axes.iter().copied()).collect();
+            match seen.column(role, &taken, ask)? {
+                Found::Nowhere => {}
+                Found::Alone(at) => columns[role as usize] = Some(at),
+                Found::Axes(axes) => {
+                    (columns[role as usize], other_axes) = (axes.first().copied(), axes[1..].to_vec());
+                }
+            }
+        }
+        let taken: Vec<usize> = columns.into_iter().flatten().chain(other_axes.iter().copied()).collect();
+        let first_row = cells(lines[layout.first], layout.delimiter);
+        let cell = |role: Role| columns[role as usize].and_then(|at| first_row.get(at)).map_or("", |cell| cell.as_ref());
+        let own_unit = |role: Role| columns[role as usize].and_then(|at| header.units.get(at).cloned().flatten());
+        let called = |role: Role| columns[role as usize].and_then(|at| header.names.get(at)).map_or("", String::as_str);
+        let has_form = |role: Role| {
+            let cell = cell(role);
+            role == Role::Time && (clock_s(cell).is_some() || is_date_time(cell))
+        };
+        let mut said = given.units.clone();
+        let mut missing: Vec<Role> = [Role::Time, Role::Force, Role::Position]
+            .into_iter()
+            .filter(|role| said[*role as usize].is_none() && own_unit(*role).is_none() && !has_form(*role))
+            .collect();
+        missing.retain(|role| {
+            said[*role as usize] = ask(&role.unit_question());
+            said[*role as usize].is_none()
+        });
+        if let Some(first) = missing.first() {
+            let names: Vec<&str> = missing.iter().map(|role| role.name()).collect();
+            let options: Vec<String> = missing.iter().map(|role| role.unit_option(called(*role))).collect();
+            let counts: Vec<&str> = missing.iter().filter_map(|role| Some(counted(called(*role))?.1)).collect();
+            let of_counts = counts.first().map_or(String::new(), |what| format!(" where a {what} is as long as that"));
+            return Err(Error::input(
+                Place::setting(first.unit_setting()),
+                format!("{}: the table does not say the unit of {}", file.display(), names.join(" and ")),
+                format!("say it, as in `{}`{of_counts}", options.join(" ")),
+            ));
+        }
+        let told = |role: Role| said[role as usize].as_deref();
+        let unit_of = |role: Role| -> Result<Spelt> {
+            let found = told(role).map_or_else(|| own_unit(role), unit);
+            found.filter(|unit| Some(unit.dimension) == role.dimension()).ok_or_else(|| {
+                let found = format!("`{}` is no unit of a {}", told(role).unwrap_or_default(), role.name());
+                let remedy = format!("say it, as in `{}`", role.unit_option(called(role)));
+                Error::input(Place::setting(role.unit_setting()), found, remedy)
+            })
+        };
+        let time_format = match told(Role::Time).and_then(TimeFormat::named) {
+            Some(format) => format,
+            None if told(Role::Time).is_none() && is_date_time(cell(Role::Time)) => TimeFormat::Date(None),
+            None if told(Role::Time).is_none() && clock_s(cell(Role::Time)).is_some() => TimeFormat::Clock,
+            None => TimeFormat::Unit(unit_of(Role::Time)?),
+        };
+        let name_at = |at: usize| match header.names.get(at) {
+            Some(name) if header.names.iter().filter(|other| *other == name).count() == 1 && !name.is_empty() => {
+                ColumnName::Named(name.clone())
+            }
+            _ => ColumnName::Number(at + 1),
+        };
+        let name = |role: Role| columns[role as usize].map(name_at);
+        let wanted = |role: Role| name(role).unwrap_or(ColumnName::Number(1));
+        let position = if other_axes.is_empty() {
+            PositionColumns::Along(wanted(Role::Position))
+        } else {
+            let axes = std::iter::once(wanted(Role::Position)).chain(other_axes.iter().map(|at| name_at(*at)));
+            PositionColumns::Axes(axes.collect())
+        };
+        let track = self.track(&seen, &taken, ask)?.map(|(at, track)| (name_at(at), track));
+        if let Some((column, track)) = &track {
+            reasons.push(format!("the rows of track `{track}` are read, by the column {}", spoken(column)));
+        }
+        let force_at = columns[Role::Force as usize];
+        Ok(TableDescription {
+            layout: TableLayout {
+                thousands: self.thousands(&taken, reasons)?,
+                row_lines: if tables.len() > 1 || self.is_followed() { tables.iter().map(|table| table.lines()).collect() } else { Vec::new() },
+                ..written(bytes, lines, tables[0])
+            },
+            time: (wanted(Role::Time), time_format),
+            force: Some((wanted(Role::Force), unit_of(Role::Force)?)),
+            position: Some((position, unit_of(Role::Position)?)),
+            cycle: name(Role::Cycle),
+            track,
+            blank_force: self.blank_force(force_at, ask)?,
+            lost: Vec::new(),
+            time_rules: TimeRules {
+                joins_restarts: one_word(Setting::TimeRestarts, given.time_restarts.as_deref(), "join")?,
+                spreads_ties: one_word(Setting::TimeTies, given.time_ties.as_deref(), "spread")?,
+            },
+        })
+    }
+
+    /// Whether other lines than blank ones and comments follow the last row that is read.
+    fn is_followed(&self) -> bool {
+        let end = self.tables.last().map_or(0, |table| table.end);
+        self.lines[end..].iter().any(|line| !is_aside(line, None))
+    }
+
+    /// The column of tracks and the track that is read, where rows are of several.
+    fn track(&self, seen: &Seen<'_>, taken: &[usize], ask: Ask<'_>) -> Result<Option<(usize, String)>> {
+        let [column, track] = &self.given.track;
+        let names = &self.header().names;
+        let by_name = || {
+            let is_track = |name: &String| {
+                let plain: String = name.to_lowercase().chars().filter(|c| c.is_alphanumeric()).collect();
+                ["track", "trackid", "particle", "particleid", "trajectory", "trajectoryid", "bead", "beadid"].contains(&plain.as_str())
+            };
+            names.iter().position(is_track).filter(|at| !taken.contains(at))
+        };
+        let at = match column {
+            Some(column) => Some(seen.told(Setting::TrackColumn, column)?),
+            None => by_name(),
+        };
+        let Some(at) = at else { return Ok(None) };
+        let mut tracks: Vec<(String, usize)> = Vec::new();
+        for row in self.rows() {
+            let Some(cell) = row.get(at) else { continue };
+            match tracks.iter().position(|(track, _)| track == cell) {
+                Some(place) => tracks[place].1 += 1,
+                None if tracks.len() < MOST_TRACKS => tracks.push((cell.to_string(), 1)),
+                None => {}
+            }
+        }
+        if let Some(track) = track {
+            return Ok(Some((at, track.clone())));
+        }
+        if tracks.len() < 2 {
+            return Ok(None);
+        }
+        let list: Vec<String> = tracks.iter().map(|(track, count)| format!("{track} ({count} rows)")).collect();
+        let question = Question {
+            text: format!("which track ({})", list.join(", ")),
+            choices: tracks.iter().map(|(track, _)| track.clone()).collect(),
+            proposal: None,
+        };
+        match ask(&question) {
+            Some(track) => Ok(Some((at, track))),
+            None => Err(Error::input(
+                Place::setting(Setting::Track),
+                format!("the rows are of several tracks: {}", list.join(", ")),
+                format!(
+                    "choose one with `{0} {1}`; for a cohort, make an experiment of each with `{2}`",
+                    Setting::Track, tracks[0].0, Setting::Out
+                ),
+            )),
+        }
+    }
+
+    /// What a blank force stands for, where a force is blank.
+    fn blank_force(&self, force: Option<usize>, ask: Ask<'_>) -> Result<Option<BlankForce>> {
+        let setting = Setting::BlankForce;
+        let named = |word: &str| BlankForce::ALL.into_iter().find(|blank| blank.name() == word);
+        if let Some(word) = &self.given.blank_force {
+            return named(word).map(Some).ok_or_else(|| {
+                Error::input(Place::setting(setting), format!("`{word}` is no meaning of a blank force"), "give `above` or `zero`")
+            });
+        }
+        let is_blank = |row: &Vec<std::borrow::Cow<'_, str>>| force.and_then(|at| row.get(at)).is_some_and(|cell| is_lost(cell));
+        if !self.rows().any(|row| is_blank(&row)) {
+            return Ok(None);
+        }
+        let question = Question {
+            text: "force of the rows whose force is blank (above: that of the row above; zero: none)".into(),
+            choices: BlankForce::ALL.map(|blank| blank.name().to_string()).to_vec(),
+            proposal: None,
+        };
+        Ok(ask(&question).and_then(|word| named(&word)))
+    }
+
+    /// The sign that stands between thousands though it could stand before decimals: all numbers that have it are of groups of three digits, and those below 1,000 do without.
+    fn thousands(&self, taken: &[usize], reasons: &mut Vec<String>) -> Result<Option<Thousands>> {
+        let setting = Setting::Thousands;
+        match self.given.thousands.as_deref() {
+            None => {}
+            Some("none") => return Ok(None),
+            Some(word) => {
+                return Thousands::ALL.into_iter().find(|sign| sign.name() == word).map(Some).ok_or_else(|| {
+                    let remedy = format!("give `{setting} .`, `{setting} ,` or `{setting} none`");
+                    Error::input(Place::setting(setting), format!("`{word}` is no sign between thousands"), remedy)
+                });
+            }
+        }
+        let sign = match self.tables[0].layout.decimal {
+            Decimal::Point => Thousands::Point,
+            Decimal::Comma => Thousands::Comma,
+        };
+        let (mut n_grouped, mut n_small) = (0, 0);
+        for row in self.rows() {
+            for cell in taken.iter().filter_map(|at| row.get(*at)).filter(|cell| !is_lost(cell)) {
+                if cell.contains(sign.name()) {
+                    if sign.removed(cell).is_none() {
+                        return Ok(None);
+                    }
+                    n_grouped += 1;
+                } else if cell.trim_start_matches(['+', '-']).len() <= 3 && cell.parse::<f64>().is_ok_and(|number| number != 0.0) {
+                    n_small += 1;
+                }
+            }
+        }
+        if n_grouped < FEWEST_GROUPED || n_small < FEWEST_SMALL {
+            return Ok(None);
+        }
+        let sign_name = sign.name();
+        reasons.push(format!(
+            "`{sign_name}` stands between thousands: all {n_grouped} numbers that have it end in groups of three digits, and {n_small} smaller ones do without (thousands = \"{sign_name}\"); `{setting} none` if it stands before decimals"
+        ));
+        Ok(Some(sign))
+    }
+
+    /// Whether several tables are one recording: each follows the one before in time and begins near where it ended.
+    fn goes_on(&self, description: &TableDescription) -> Result<bool> {
+        let joined = with_times(description, TimeRules { joins_restarts: true, spreads_ties: true });
+        let trajectory = read_described(self.file, self.text, &joined)?;
+        let mut ends = Vec::new();
+        for table in self.tables {
+            let [first, last] = table.lines();
+            let rows = trajectory.lines.partition_point(|line| *line < first)..trajectory.lines.partition_point(|line| *line <= last);
+            let known = trajectory.position_m[rows].iter().flatten().copied();
+            let Some([first, last, low, high]) = known.fold(None, |ends: Option<[f64; 4]>, x| {
+                Some(ends.map_or([x; 4], |[first, _, low, high]| [first, x, low.min(x), high.max(x)]))
+            }) else {
+                return Ok(false);
+            };
+            ends.push([first, last, high - low]);
+        }
+        let follows = |pair: &[[f64; 3]]| (pair[1][0] - pair[0][1]).abs() <= GOES_ON * pair[0][2];
+        Ok(ends.windows(2).all(follows))
+    }
+
+    /// Reads the rows, and adds to the description what they show: a clock that begins again or is coarse, positions that stand for lost ones, a coordinate that never changes.
+    fn completed(&self, description: &mut TableDescription, reasons: &mut Vec<String>) -> Result<Trajectory> {
+        let read = |description: &TableDescription| read_described(self.file, self.text, description);
+        let told = description.time_rules;
+        let lenient = with_times(description, TimeRules { joins_restarts: true, spreads_ties: true });
+        if let Ok(trajectory) = read(&lenient) {
+            let restarts = &trajectory.ordered.restart_rows;
+            // With a column of cycles, or at the border of two tables, the clock is known to begin anew within one recording.
+            let cycle_begins = |row: usize| trajectory.cycle.as_ref().is_some_and(|cycle| cycle[row] > cycle[row - 1]);
+            let table_begins = |row: usize| self.tables.iter().any(|table| table.lines()[0] == trajectory.lines[row]);
+            if !restarts.is_empty() && !told.joins_restarts && restarts.iter().all(|row| cycle_begins(*row) || table_begins(*row)) {
+                description.time_rules.joins_restarts = true;
+                reasons.push(format!(
+                    "the clock begins again {} times and is taken to go on from the row before (time_restarts = \"join\")",
+                    restarts.len()
+                ));
+            }
+            let n_ties = trajectory.ordered.n_ties;
+            if n_ties as f64 >= COARSE * trajectory.time_s.len() as f64 && description.track.is_none() && !told.spreads_ties {
+                let strict = with_times(description, TimeRules { spreads_ties: false, ..description.time_rules });
+                // Rows of several tracks have equal times, too, and are refused by name.
+                if read(&strict).err().is_some_and(|error| error.to_string().contains(Setting::TimeTies.to_string().as_str())) {
+                    description.time_rules.spreads_ties = true;
+                    reasons.push(format!(
+                        "{n_ties} rows have the time of the row before, for the clock is coarse: they are spread evenly over its steps (time_ties = \"spread\")"
+                    ));
+                }
+            }
+        }
+        let mut trajectory = read(description)?;
+        if let Some((PositionColumns::Axes(axes), _)) = &mut description.position
+            && axes.len() == 3
+        {
+            let is_constant = |positions: &[Option<f64>]| {
+                let mut known = positions.iter().flatten();
+                known.next().is_none_or(|first| known.all(|x| x == first))
+            };
+            if is_constant(&trajectory.others_m[1]) {
+                axes.pop();
+                trajectory = read(description)?;
+            }
+        }
+        let unit_m = trajectory.position_unit_m;
+        let coordinates = || std::iter::once(&trajectory.position_m).chain(&trajectory.others_m);
+        let mut lost: Vec<f64> = coordinates().flat_map(|positions| repeated_outliers(positions)).collect();
+        lost.sort_unstable_by(f64::total_cmp);
+        lost.dedup();
+        if lost.is_empty() {
+            return Ok(trajectory);
+        }
+        for value_m in &lost {
+            let count = coordinates().map(|positions| positions.iter().filter(|x| **x == Some(*value_m)).count()).max();
+            let (count, value) = (count.unwrap_or(0), as_written(*value_m, unit_m));
+            reasons.push(format!(
+                "{count} positions are exactly {value} while the rows around them are elsewhere: they are taken as lost (lost = [{value:?}])"
+            ));
+        }
+        description.lost = lost.iter().map(|value_m| as_written(*value_m, unit_m)).collect();
+        read(description)
+    }
+}
+
+/// A position in the unit of its column, rounded as it was written.
+fn as_written(value_m: f64, unit_m: f64) -> f64 {
+    let value = value_m / unit_m;
+    let rounded = (1e6 * value).round() / 1e6;
+    // No minus before a zero.
+    if (rounded - value).abs() <= 1e-9 * value.abs() { rounded + 0.0 } else { value }
+}
+
+fn with_times(description: &TableDescription, time_rules: TimeRules) -> TableDescription {
+    TableDescription { time_rules, ..description.clone() }
+}
+
+/// Whether a setting with one word is given.
+fn one_word(setting: Setting, given: Option<&str>, word: &str) -> Result<bool> {
+    match given {
+        None => Ok(false),
+        Some(given) if given == word => Ok(true),
+        Some(other) => {
+            Err(Error::input(Place::setting(setting), format!("unknown `{other}`"), format!("give `{setting} {word}`")))
+        }
+    }
+}
+
+fn spoken(column: &ColumnName) -> String {
+    match column {
+        ColumnName::Named(name) => format!("`{name}`"),
+        ColumnName::Number(number) => number.to_string(),
+    }
 }
 
 /// A table's layout and what its columns are called.
@@ -401,6 +706,8 @@ pub struct Looked {
     pub units: Vec<Option<Spelt>>,
     /// The layout in words.
     pub said: String,
+    /// Tables in the file; the rest is said of the first.
+    pub n_tables: usize,
 }
 
 /// Finds a table's layout and header; `file` is only named in errors.
@@ -409,25 +716,30 @@ pub struct Looked {
 /// [`Error::Input`] where no block of numbers is found.
 pub fn look(file: &Path, bytes: &[u8]) -> Result<Looked> {
     let text = &*table_text(bytes);
-    let lines: Vec<&str> = text.lines().take(LOOKED_AT).collect();
-    let (layout, header) = layout_and_header(file, &lines)?;
-    let said = said_of(&layout, &header, &lines);
-    Ok(Looked { layout: written(bytes, &lines, &layout, &header), columns: header.names, units: header.units, said })
+    let lines: Vec<&str> = text.lines().collect();
+    let all = tables_of(file, &lines)?;
+    let first = &all[0];
+    let said = said_of(&[first], &lines);
+    let Header { names, units, .. } = first.header.clone();
+    Ok(Looked { layout: written(bytes, &lines, first), columns: names, units, said, n_tables: all.len() })
 }
 
-/// The layout as it is described.
-fn written(bytes: &[u8], lines: &[&str], layout: &Layout, header: &Header) -> TableLayout {
+/// The layout as it is described, all lines from the first row on.
+fn written(bytes: &[u8], lines: &[&str], table: &Block) -> TableLayout {
     TableLayout {
-        delimiter: layout.delimiter,
-        decimal: layout.decimal,
+        delimiter: table.layout.delimiter,
+        decimal: table.layout.decimal,
         encoding: Some(Encoding::of(bytes)),
         comment: lines.iter().find_map(|line| comment_sign(line, None)).map(String::from),
-        header_line: header.line.map(|index| index + 1),
-        first_row_line: layout.first + 1,
+        header_line: table.header.line.map(|index| index + 1),
+        first_row_line: table.layout.first + 1,
+        row_lines: Vec::new(),
+        thousands: None,
     }
 }
 
-fn said_of(layout: &Layout, header: &Header, lines: &[&str]) -> String {
+fn said_of(tables: &[&Block], lines: &[&str]) -> String {
+    let Block { layout, header, .. } = tables[0];
     let between = match layout.delimiter {
         Delimiter::Comma => "commas",
         Delimiter::Semicolon => "semicolons",
@@ -452,7 +764,7 @@ fn said_of(layout: &Layout, header: &Header, lines: &[&str]) -> String {
 enum Found {
     Nowhere,
     Alone(usize),
-    Plane([usize; 2]),
+    Axes(Vec<usize>),
 }
 
 /// What is known of a table's columns.
@@ -460,13 +772,13 @@ struct Seen<'a> {
     file: &'a Path,
     given: &'a Given,
     header: &'a Header,
-    layout: &'a Layout,
+    n_cells: usize,
 }
 
 impl Seen<'_> {
     fn listed(&self) -> String {
         if self.header.names.is_empty() {
-            return format!("columns are counted from 1 to {}", self.layout.n_cells);
+            return format!("columns are counted from 1 to {}", self.n_cells);
         }
         let names: Vec<String> = self.header.names.iter().map(|name| format!("`{name}`")).collect();
         format!("the columns are {}", names.join(", "))
@@ -474,7 +786,7 @@ impl Seen<'_> {
 
     fn at(&self, told: &str) -> Option<usize> {
         let by_name = self.header.names.iter().position(|name| name == told);
-        let numbers = 1..=self.layout.n_cells;
+        let numbers = 1..=self.n_cells;
         by_name.or_else(|| told.parse::<usize>().ok().filter(|n| numbers.contains(n)).map(|n| n - 1))
     }
 
@@ -485,16 +797,22 @@ impl Seen<'_> {
         })
     }
 
-    /// x and y as they are given.
-    fn given_plane(&self) -> Result<Option<[usize; 2]>> {
+    /// x and y, with z or without, as they are given.
+    fn given_axes(&self) -> Result<Option<Vec<usize>>> {
         let [x, y, position] = [Setting::XColumn, Setting::YColumn, Setting::PositionColumn];
         let one_way = format!("give `{x}` and `{y}`, or `{position}` alone");
-        match (&self.given.plane, &self.given.columns[Role::Position as usize]) {
-            ([None, None], _) => Ok(None),
-            ([Some(x), Some(y)], None) => Ok(Some([self.told(Setting::XColumn, x)?, self.told(Setting::YColumn, y)?])),
-            ([x, _], None) => {
+        match (&self.given.axes, &self.given.columns[Role::Position as usize]) {
+            ([None, None, None], _) => Ok(None),
+            ([Some(x), Some(y), z], None) => {
+                let mut axes = vec![self.told(Setting::XColumn, x)?, self.told(Setting::YColumn, y)?];
+                if let Some(z) = z {
+                    axes.push(self.told(Setting::ZColumn, z)?);
+                }
+                Ok(Some(axes))
+            }
+            ([x, ..], None) => {
                 let missing = if x.is_none() { Setting::XColumn } else { Setting::YColumn };
-                let found = "one coordinate is given without the other";
+                let found = "one coordinate is given without the others";
                 Err(Error::input(Place::setting(missing), found, one_way))
             }
             (_, Some(_)) => {
@@ -504,17 +822,17 @@ impl Seen<'_> {
         }
     }
 
-    /// The column that is called as this one with y for an x, with the same unit.
-    fn partner(&self, at: usize, taken: &[usize]) -> Option<usize> {
+    /// The column that is called as this one with another letter, such as `y`, for an x, with the same unit.
+    fn partner(&self, at: usize, letter: char, taken: &[usize]) -> Option<usize> {
         let (names, units) = (&self.header.names, &self.header.units);
         let name = names.get(at)?;
-        let turned = name.char_indices().filter_map(|(place, letter)| {
-            let y = match letter {
-                'x' => "y",
-                'X' => "Y",
+        let turned = name.char_indices().filter_map(|(place, of_name)| {
+            let other = match of_name {
+                'x' => letter,
+                'X' => letter.to_ascii_uppercase(),
                 _ => return None,
             };
-            Some(format!("{}{y}{}", &name[..place], &name[place + 1..]))
+            Some(format!("{}{other}{}", &name[..place], &name[place + 1..]))
         });
         let free = |other: &usize| *other != at && !taken.contains(other) && !self.header.foreign.contains(other);
         turned
@@ -525,9 +843,9 @@ impl Seen<'_> {
     /// Where a role's column is: where it is said, where it fits best, or where the answer to a question says.
     fn column(&self, role: Role, taken: &[usize], ask: Ask<'_>) -> Result<Found> {
         if role == Role::Position
-            && let Some(plane) = self.given_plane()?
+            && let Some(axes) = self.given_axes()?
         {
-            return Ok(Found::Plane(plane));
+            return Ok(Found::Axes(axes));
         }
         let setting = role.column_setting();
         if let Some(told) = &self.given.columns[role as usize] {
@@ -541,9 +859,12 @@ impl Seen<'_> {
         fits.sort_by_key(|(fit, at)| (std::cmp::Reverse(*fit), *at));
         let best: Vec<usize> = fits.iter().filter(|(fit, _)| *fit == fits[0].0).map(|(_, at)| *at).collect();
         if role == Role::Position {
-            let plane = best.iter().find_map(|at| Some([*at, self.partner(*at, taken)?]));
-            if let Some(plane) = plane.filter(|plane| best.iter().all(|at| plane.contains(at))) {
-                return Ok(Found::Plane(plane));
+            let axes = best.iter().find_map(|at| {
+                let y = self.partner(*at, 'y', taken)?;
+                Some([*at, y].into_iter().chain(self.partner(*at, 'z', taken)).collect::<Vec<_>>())
+            });
+            if let Some(axes) = axes.filter(|axes| best.iter().all(|at| axes.contains(at))) {
+                return Ok(Found::Axes(axes));
             }
         }
         let found = match best.as_slice() {
@@ -553,7 +874,7 @@ impl Seen<'_> {
             _ => format!("{}: several columns may be the {}", self.file.display(), role.name()),
         };
         // A header may say which columns are left; without one every number may be meant.
-        let left = (0..self.layout.n_cells).filter(|at| !taken.contains(at));
+        let left = (0..self.n_cells).filter(|at| !taken.contains(at));
         let called = |at: usize| header.names.get(at).filter(|name| !name.is_empty()).cloned();
         let choices: Vec<String> = left.map(|at| called(at).unwrap_or_else(|| (at + 1).to_string())).collect();
         let proposal = best.first().and_then(|at| called(*at)).or_else(|| choices.first().cloned());
@@ -578,9 +899,8 @@ impl Seen<'_> {
 
 /// Where the position is 0 and which way it grows, with the reasons.
 fn frame(trajectory: &Trajectory, reasons: &mut Vec<String>) -> Frame {
-    let Trajectory { force_n, position_m, y_m, .. } = trajectory;
-    let coordinates: Vec<&[Option<f64>]> =
-        [Some(position_m), y_m.as_ref()].into_iter().flatten().map(Vec::as_slice).collect();
+    let Trajectory { time_s, force_n, position_m, others_m, .. } = trajectory;
+    let coordinates: Vec<&[Option<f64>]> = std::iter::once(position_m).chain(others_m).map(Vec::as_slice).collect();
     let range_m = |positions: &[Option<f64>]| {
         let known = || positions.iter().flatten().copied();
         known().fold(f64::NEG_INFINITY, f64::max) - known().fold(f64::INFINITY, f64::min)
@@ -610,10 +930,10 @@ fn frame(trajectory: &Trajectory, reasons: &mut Vec<String>) -> Frame {
         }
         _ => Zero::AsWritten,
     };
-    if y_m.is_some() {
+    if !others_m.is_empty() {
         return Frame { zero, direction: Direction::Fit };
     }
-    if is_clearly_against(force_n, position_m) {
+    if turns_against(time_s, force_n, position_m) {
         reasons.push("the position grows against the force, so that its sign is turned (direction = \"-\")".into());
         return Frame { zero, direction: Direction::Backward };
     }
@@ -686,9 +1006,9 @@ mod tests {
             ["t_s,F_uN,x (um),y (um)", "t_s,F_uN,position_x_um,position_y_um", "t_s,F_uN,Pos X [um],Pos Y [um]"]
         {
             let proposal = plane(header);
-            assert!(proposal.description.is_plane(), "{header}");
+            assert!((proposal.description.n_axes() == 2), "{header}");
             assert!((proposal.position_m[1] - 10e-6).abs() < 1e-12, "{header}: {:?}", proposal.position_m);
         }
-        assert!(!plane("t_s,F_uN,x (um),y (mm)").description.is_plane());
+        assert!(!(plane("t_s,F_uN,x (um),y (mm)").description.n_axes() == 2));
     }
 }

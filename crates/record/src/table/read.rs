@@ -3,11 +3,12 @@
 use std::borrow::Cow;
 use std::path::Path;
 
-use super::description::{ColumnName, PositionColumns, TableDescription, TableLayout, TimeFormat};
-use super::spelling::{clock_s, iso_s};
-use super::text::{Decimal, Encoding, cells, header_cells, is_aside};
-use crate::trajectory::{Row, Trajectory, is_lost};
-use base::error::{Error, Place, Result};
+use super::description::{BlankForce, ColumnName, TableDescription, TableLayout, TimeFormat};
+use super::spelling::{DateOrder, clock_s, date_time_s};
+use super::text::{Encoding, cells, header_cells, is_aside};
+use crate::times::{Rows, order_times};
+use crate::trajectory::{CYCLE, FORCE, POSITION, Row, TIME, Trajectory, is_lost};
+use base::error::{Error, Place, Result, Setting};
 use base::files::refuse_long_lines;
 
 /// A day; a clock that runs back by more than half of one has passed midnight.
@@ -17,9 +18,10 @@ const DAY_S: f64 = 86_400.0;
 struct Columns {
     time: (usize, String),
     force: Option<(usize, String)>,
-    position: Option<(usize, String)>,
-    y: Option<(usize, String)>,
+    /// One, or those of x, y and z.
+    positions: Vec<(usize, String)>,
     cycle: Option<(usize, String)>,
+    track: Option<(usize, String)>,
 }
 
 /// The columns of a table by their names, where it has a header.
@@ -77,17 +79,13 @@ impl Columns {
     fn new(file: &Path, text: &str, description: &TableDescription) -> Result<Self> {
         let names = ColumnNames::new(file, text, &description.layout);
         let place_of = |name: &ColumnName| names.place(name);
-        let (x, y) = match description.position.as_ref().map(|(columns, _)| columns) {
-            Some(PositionColumns::Along(column)) => (Some(column), None),
-            Some(PositionColumns::Plane([x, y])) => (Some(x), Some(y)),
-            None => (None, None),
-        };
+        let positions = description.position.iter().flat_map(|(columns, _)| columns.all());
         Ok(Self {
             time: place_of(&description.time.0)?,
             force: description.force.as_ref().map(|(name, _)| place_of(name)).transpose()?,
-            position: x.map(place_of).transpose()?,
-            y: y.map(place_of).transpose()?,
+            positions: positions.map(place_of).collect::<Result<_>>()?,
             cycle: description.cycle.as_ref().map(place_of).transpose()?,
+            track: description.track.as_ref().map(|(name, _)| place_of(name)).transpose()?,
         })
     }
 }
@@ -110,74 +108,123 @@ pub fn text_in<'a>(file: &Path, bytes: &'a [u8], encoding: Option<Encoding>) -> 
 pub(crate) fn read_described(file: &Path, text: &str, description: &TableDescription) -> Result<Trajectory> {
     refuse_long_lines(file, text.as_bytes())?;
     let columns = Columns::new(file, text, description)?;
-    let name_of = |column: &Option<(usize, String)>| column.as_ref().map_or("", |(_, name)| name.as_str()).to_string();
-    let mut trajectory =
-        Trajectory::empty(columns.cycle.is_some(), &name_of(&columns.force), &name_of(&columns.position));
+    let name_of = |column: Option<&(usize, String)>| column.map_or("", |(_, name)| name.as_str()).to_string();
+    let mut trajectory = Trajectory::empty(
+        columns.cycle.is_some(),
+        &name_of(columns.force.as_ref()),
+        &name_of(columns.positions.first()),
+    );
     trajectory.position_unit_m = description.position.as_ref().map_or(1.0, |(_, unit)| unit.to_si(1.0));
-    let mut y_m = columns.y.is_some().then(Vec::new);
+    trajectory.others_m = vec![Vec::new(); columns.positions.len().saturating_sub(1)];
     let layout = &description.layout;
     let comment = layout.comment.as_deref();
     let mut clock = Clock::default();
-    let rows = text.lines().enumerate().skip(layout.first_row_line - 1);
-    for (index, line) in rows.filter(|(_, line)| !is_aside(line, comment)) {
+    // First row of each table.
+    let mut starts: Vec<usize> = Vec::new();
+    let mut table = None;
+    for (index, line) in text.lines().enumerate().skip(layout.first_row_line - 1) {
+        let Some(of_line) = layout.table_of(index + 1) else { continue };
+        if is_aside(line, comment) {
+            continue;
+        }
         let place = || Place::file(file).at_line(index + 1);
         let cells = cells(line, layout.delimiter);
-        let cell = |at: usize, name: &str| match cells.get(at) {
+        let cell = |(at, name): &(usize, String)| match cells.get(*at) {
             Some(cell) => Ok(cell.as_ref()),
             None => Err(Error::input(
-                place().at_key(name),
+                place().at_key(name.as_str()),
                 format!("the row ends after {} cells", cells.len()),
                 "give every row all of its cells; leave the position empty where tracking was lost",
             )),
         };
-        let quantities = [None, columns.force.as_ref(), columns.position.as_ref(), columns.cycle.as_ref()];
-        let at = |k: usize| {
-            let (_, name) = quantities.get(k).copied().flatten().unwrap_or(&columns.time);
-            place().at_key(name.as_str())
+        if let Some((column, (_, track))) = columns.track.as_ref().zip(description.track.as_ref())
+            && cell(column)? != track
+        {
+            continue;
+        }
+        if table != Some(of_line) {
+            (table, _) = (Some(of_line), starts.push(trajectory.time_s.len()));
+        }
+        let at = |quantity: usize| {
+            let column = match quantity {
+                FORCE => columns.force.as_ref(),
+                POSITION => columns.positions.first(),
+                CYCLE => columns.cycle.as_ref(),
+                _ => None,
+            };
+            place().at_key(column.unwrap_or(&columns.time).1.as_str())
         };
-        let time = cell(columns.time.0, &columns.time.1)?;
-        let time_s = clock.seconds(time, &description.time.1, layout.decimal, &|| at(0))?;
-        let number = |cell: &str, at: &dyn Fn() -> Place, remedy: &str| {
-            layout.decimal.number(cell).ok_or_else(|| {
-                Error::input(
-                    at(),
-                    format!("`{cell}` is not a number with `{}` before its decimals", layout.decimal.name()),
-                    remedy,
-                )
-            })
+        let time_s = clock.seconds(cell(&columns.time)?, &description.time.1, layout, &|| at(TIME))?;
+        let number = |cell: &str, at: &dyn Fn() -> Place, remedy: &dyn Fn() -> String| {
+            layout.number(cell).ok_or_else(|| Error::input(at(), not_a_number(cell, layout), remedy()))
         };
         let force_n = match columns.force.as_ref().zip(description.force.as_ref()) {
-            Some(((index, name), (_, unit))) => {
-                let remedy = "give the force that was commanded in this row; 0 if none was";
-                unit.to_si(number(cell(*index, name)?, &|| at(1), remedy)?)
+            Some((column, (_, unit))) => {
+                let text = cell(column)?;
+                match (is_lost(text), description.blank_force, trajectory.force_n.last()) {
+                    (true, Some(BlankForce::Zero), _) => 0.0,
+                    (true, Some(BlankForce::Above), Some(above_n)) => *above_n,
+                    (true, Some(BlankForce::Above), None) => {
+                        let remedy = "give the force of the first row; the rows below take it over";
+                        return Err(Error::input(at(FORCE), "the first row has no force", remedy));
+                    }
+                    (true, None, _) => return Err(blank_force(at(FORCE))),
+                    (false, ..) => unit.to_si(number(text, &|| at(FORCE), &|| {
+                        "correct the force that was commanded in this row".into()
+                    })?),
+                }
             }
             None => 0.0,
         };
-        let coordinate = |cell: &str, at: &dyn Fn() -> Place| match &description.position {
-            Some((_, unit)) if !is_lost(cell) => {
-                let remedy = "correct the position, or leave the cell empty where tracking was lost";
-                Ok(Some(unit.to_si(number(cell, at, remedy)?)))
-            }
-            _ => Ok(None),
+        let coordinate = |column: &(usize, String)| {
+            let text = cell(column)?;
+            let Some((_, unit)) = description.position.as_ref().filter(|_| !is_lost(text)) else { return Ok(None) };
+            let value = number(text, &|| place().at_key(column.1.as_str()), &|| {
+                "correct the position, or leave the cell empty where tracking was lost".into()
+            })?;
+            Ok((!description.lost.contains(&value)).then(|| unit.to_si(value)))
         };
-        let mut position_m = match &columns.position {
-            Some((index, name)) => coordinate(cell(*index, name)?, &|| at(2))?,
-            None => None,
-        };
-        if let (Some((index, name)), Some(y_m)) = (&columns.y, &mut y_m) {
-            let y = coordinate(cell(*index, name)?, &|| place().at_key(name.as_str()))?;
-            // A point that misses one coordinate is lost.
-            position_m = y.and(position_m);
-            y_m.push(position_m.and(y));
+        let coordinates: Vec<Option<f64>> = columns.positions.iter().map(coordinate).collect::<Result<_>>()?;
+        // A point that misses one coordinate is lost.
+        let is_whole = coordinates.iter().all(Option::is_some);
+        for (others_m, coordinate) in trajectory.others_m.iter_mut().zip(coordinates.iter().skip(1)) {
+            others_m.push(coordinate.filter(|_| is_whole));
         }
-        let cycle = columns.cycle.as_ref().map(|(index, name)| cell(*index, name)).transpose()?;
+        let position_m = coordinates.first().copied().flatten().filter(|_| is_whole);
+        let cycle = columns.cycle.as_ref().map(cell).transpose()?;
         trajectory.note_line(file, index + 1)?;
         trajectory.add(Row { time_s, force_n, position_m, cycle }, &at)?;
     }
+    if let (Some((_, track)), true) = (&description.track, trajectory.time_s.is_empty()) {
+        let remedy = "name one of the tracks that the table has";
+        return Err(Error::input(Place::file(file).at_key("track"), format!("no row is of track `{track}`"), remedy));
+    }
     trajectory.check_length(file, layout.first_row_line)?;
-    trajectory.y_m = y_m;
+    let place = |row: usize| Place::file(file).at_line(trajectory.lines[row]).at_key(columns.time.1.as_str());
+    let rows = Rows {
+        time_s: &mut trajectory.time_s,
+        force_n: &mut trajectory.force_n,
+        position_m: &trajectory.position_m,
+    };
+    trajectory.ordered = order_times(&place, description.time_rules, &starts, rows)?;
     trajectory.clock_zero_s = clock.first_s.unwrap_or(0.0);
     Ok(trajectory)
+}
+
+fn not_a_number(cell: &str, layout: &TableLayout) -> String {
+    let thousands = layout.thousands.map_or(String::new(), |sign| format!(" and `{}` between thousands", sign.name()));
+    format!("`{cell}` is not a number with `{}` before its decimals{thousands}", layout.decimal.name())
+}
+
+fn blank_force(place: Place) -> Error {
+    let option = Setting::BlankForce;
+    Error::input(
+        place,
+        "the cell is blank",
+        format!(
+            "say what a blank force stands for: `{option} above` (in [measurement]: blank_force = \"above\") where the log shows changes alone, `{option} zero` where no force acted"
+        ),
+    )
 }
 
 /// Times that are counted from the first row.
@@ -186,16 +233,24 @@ struct Clock {
     first_s: Option<f64>,
     last_s: f64,
     days: f64,
+    /// Orders in which all dates so far can be read, each with its first time.
+    orders: Option<Vec<(DateOrder, f64)>>,
 }
 
 impl Clock {
-    fn seconds(&mut self, cell: &str, format: &TimeFormat, decimal: Decimal, place: &dyn Fn() -> Place) -> Result<f64> {
+    fn seconds(
+        &mut self,
+        cell: &str,
+        format: &TimeFormat,
+        layout: &TableLayout,
+        place: &dyn Fn() -> Place,
+    ) -> Result<f64> {
         let refuse = |what: &str| {
             Error::input(place(), format!("`{cell}` is {what}"), "correct the time, or `time` in [measurement.units]")
         };
         let since = match format {
             TimeFormat::Unit(unit) => {
-                let number = decimal.number(cell).ok_or_else(|| refuse("not a number"))?;
+                let number = layout.number(cell).ok_or_else(|| refuse("not a number"))?;
                 let time_s = unit.to_si(number);
                 // A clock that starts before zero is shifted; one that starts later is a record's own affair.
                 let first_s = *self.first_s.get_or_insert(time_s.min(0.0));
@@ -209,8 +264,39 @@ impl Clock {
                 self.last_s = time_s;
                 time_s + DAY_S * self.days
             }
-            TimeFormat::Iso => iso_s(cell).ok_or_else(|| refuse("no ISO time such as 2026-11-22T10:15:00.25Z"))?,
+            TimeFormat::Date(Some(order)) => {
+                date_time_s(cell, *order).ok_or_else(|| refuse("no date of this order with a time"))?
+            }
+            TimeFormat::Date(None) => return self.dated(cell, place),
         };
         Ok(since - *self.first_s.get_or_insert(since))
+    }
+
+    /// Seconds since the first row of dates whose order nobody said: all orders that are left must agree.
+    fn dated(&mut self, cell: &str, place: &dyn Fn() -> Place) -> Result<f64> {
+        let refuse = |what: &str, remedy: String| Err(Error::input(place(), format!("`{cell}` {what}"), remedy));
+        let read = |order| Some((order, date_time_s(cell, order)?));
+        let now: Vec<(DateOrder, f64)> = DateOrder::ALL.into_iter().filter_map(read).collect();
+        let firsts = self.orders.get_or_insert_with(|| now.clone());
+        firsts.retain(|(order, _)| now.iter().any(|(other, _)| other == order));
+        let elapsed_s: Vec<f64> = firsts
+            .iter()
+            .filter_map(|(order, first_s)| Some(now.iter().find(|(other, _)| other == order)?.1 - first_s))
+            .collect();
+        match elapsed_s.as_slice() {
+            [] => refuse(
+                "is no date with a time such as 2026-11-22T10:15:00.25Z or 22.11.2026 10:15:00",
+                "correct the time, or `time` in [measurement.units]".into(),
+            ),
+            [first, others @ ..] if others.iter().any(|other| other != first) => refuse(
+                "may begin with the day or with the month, which makes different times",
+                format!("say it: `{0} day-first` or `{0} month-first`", Setting::TimeUnit),
+            ),
+            [elapsed_s, ..] => {
+                // What the clock shows at time 0; orders that agree differ by whole days, which no other table can show.
+                self.first_s = firsts.first().map(|(_, first_s)| *first_s);
+                Ok(*elapsed_s)
+            }
+        }
     }
 }

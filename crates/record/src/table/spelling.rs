@@ -81,15 +81,39 @@ pub fn unit(text: &str) -> Option<Spelt> {
     }
 }
 
+/// Prefixes written out, with the letter that they stand for.
+const PREFIXES: [(&str, &str); 6] =
+    [("micro", "u"), ("milli", "m"), ("nano", "n"), ("pico", "p"), ("femto", "f"), ("kilo", "k")];
+
 fn one_unit(text: &str) -> Option<Spelt> {
-    let plain = text.trim().trim_matches(['[', ']', '(', ')', '"', '.', ' ']);
+    let plain = text.trim().trim_matches(['[', ']', '(', ')', '{', '}', '<', '>', '"', '.', ' ']);
     let plain = plain.replace(['µ', 'μ'], "u");
+    let lower = plain.to_lowercase();
+    let prefix = PREFIXES.into_iter().find(|(prefix, _)| lower.starts_with(prefix));
+    let rest = prefix.and_then(|(prefix, letter)| Some((letter, plain.get(prefix.len()..)?.trim_start_matches('-'))));
+    // `microN` is a force, though `micron` is a length.
+    let by_prefix = |(letter, rest): (&str, &str)| {
+        let symbol = match rest.to_lowercase().as_str() {
+            _ if ["N", "Pa", "A", "s", "m"].contains(&rest) => rest,
+            "newton" | "newtons" => "N",
+            "second" | "seconds" | "sec" => "s",
+            "meter" | "metre" | "meters" | "metres" => "m",
+            "pascal" | "pascals" => "Pa",
+            "ampere" | "amperes" | "amp" => "A",
+            _ => return None,
+        };
+        known_unit(&format!("{letter}{symbol}"))
+    };
+    rest.and_then(by_prefix).or_else(|| known_unit(&plain))
+}
+
+fn known_unit(plain: &str) -> Option<Spelt> {
     let own = UNITS.iter().find(|unit| unit.suffix == plain);
     if let Some(own) = own {
-        return Some(Spelt { dimension: own.dimension, name: plain, scale: Scale::Over(own.per_si_unit) });
+        return Some(Spelt { dimension: own.dimension, name: plain.into(), scale: Scale::Over(own.per_si_unit) });
     }
     let is_word = plain.len() > 2;
-    let same = |known: &str| if is_word { known.eq_ignore_ascii_case(&plain) } else { known == plain };
+    let same = |known: &str| if is_word { known.eq_ignore_ascii_case(plain) } else { known == plain };
     let (name, dimension, si_units) = SPELLINGS.iter().find(|(known, ..)| same(known))?;
     Some(Spelt { dimension: *dimension, name: (*name).into(), scale: Scale::Times(*si_units) })
 }
@@ -153,11 +177,38 @@ pub fn clock_s(cell: &str) -> Option<f64> {
     Some(larger?.iter().fold(0.0, |sum, part| (sum + f64::from(*part)) * 60.0) + seconds)
 }
 
-/// Seconds since 1970 of an ISO 8601 time such as `2026-11-22T10:00:00.25Z`, also with a blank for the T and with an offset.
-pub fn iso_s(cell: &str) -> Option<f64> {
+/// What comes first in a date.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum DateOrder {
+    /// ISO 8601: `2026-11-22`.
+    Year,
+    /// `22.11.2026`, `22/11/2026`.
+    Day,
+    /// `11/22/2026`.
+    Month,
+}
+
+impl DateOrder {
+    /// All of them.
+    pub const ALL: [Self; 3] = [Self::Year, Self::Day, Self::Month];
+}
+
+/// Seconds since 1970 of a date with a time, such as ISO 8601's `2026-11-22T10:00:00.25Z`, `22.11.2026 10:00:00,25` or `11/22/2026 10:00 AM`, whose date has this order.
+pub fn date_time_s(cell: &str, order: DateOrder) -> Option<f64> {
     let (date, time) = cell.split_once(['T', ' '])?;
-    let mut date = date.splitn(3, '-').map(|part| part.parse::<i64>().ok());
-    let (year, month, day) = (date.next()??, date.next()??, date.next()??);
+    let date = date.trim_end_matches(',');
+    let signs: &[char] = if order == DateOrder::Year { &['-', '/'] } else { &['.', '/', '-'] };
+    let sign = date.chars().find(|c| signs.contains(c))?;
+    let numbers: Vec<i64> = date.split(sign).map(|part| part.parse().ok()).collect::<Option<_>>()?;
+    let [first, second, third] = *numbers.as_slice() else { return None };
+    let (year, month, day) = match order {
+        DateOrder::Year => (first, second, third),
+        // Points stand in dates that begin with the day.
+        DateOrder::Month if sign == '.' => return None,
+        DateOrder::Day => (third, second, first),
+        DateOrder::Month => (third, first, second),
+    };
+    let year = if order != DateOrder::Year && (0..=99).contains(&year) { 2000 + year } else { year };
     if !((1..=12).contains(&month) && (1..=31).contains(&day) && (1900..=2999).contains(&year)) {
         return None;
     }
@@ -181,6 +232,11 @@ pub fn iso_s(cell: &str) -> Option<f64> {
     Some(86_400.0 * days as f64 + clock_s(time)? - offset_s)
 }
 
+/// Whether a cell is a date with a time, in any order.
+pub fn is_date_time(cell: &str) -> bool {
+    DateOrder::ALL.into_iter().any(|order| date_time_s(cell, order).is_some())
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -196,6 +252,11 @@ mod tests {
             ("MSEC", "msec", 1e-3),
             ("nN", "nN", 1e-9),
             ("cm", "cm", 1e-2),
+            ("microN", "uN", 1e-6),
+            ("[micro-Newton]", "uN", 1e-6),
+            ("micron", "micron", 1e-6),
+            ("nanometers", "nm", 1e-9),
+            ("{millisec}", "ms", 1e-3),
         ] {
             let found = unit(text).unwrap_or_else(|| panic!("{text}"));
             assert_eq!((found.name.as_str(), found.to_si(1.0)), (name, value), "{text}");
@@ -239,6 +300,7 @@ mod tests {
         assert_eq!(clock_s("12:00:01.5 AM"), Some(1.5));
         assert_eq!(clock_s("12:00:01 pm"), Some(43_201.0));
         assert_eq!(clock_s("1:00:00 PM"), Some(46_800.0));
+        let iso_s = |text| date_time_s(text, DateOrder::Year);
         assert_eq!(iso_s("1970-01-02T00:00:01Z"), Some(86_401.0));
         assert_eq!(iso_s("2000-03-01 12:00:00"), Some(951_912_000.0));
         assert_eq!(iso_s("2024-02-29T01:00:00.25+01:00"), Some(1_709_164_800.25));
@@ -248,5 +310,21 @@ mod tests {
         for text in ["2024-13-01T00:00:00", "2024-02-29", "yesterday 10:00"] {
             assert_eq!(iso_s(text), None, "{text}");
         }
+    }
+
+    #[test]
+    fn dates_may_begin_with_the_day_or_the_month() {
+        let iso = date_time_s("2020-02-17 10:02:00.05", DateOrder::Year);
+        for (text, order) in [
+            ("17.02.2020 10:02:00,050", DateOrder::Day),
+            ("17/02/2020 10:02:00.05", DateOrder::Day),
+            ("2/17/2020 10:02:00.05 AM", DateOrder::Month),
+            ("2/17/20, 10:02:00.05", DateOrder::Month),
+        ] {
+            assert_eq!(date_time_s(text, order), iso, "{text}");
+            let others = DateOrder::ALL.into_iter().filter(|other| *other != order);
+            assert!(others.into_iter().all(|other| date_time_s(text, other).is_none()), "{text}");
+        }
+        assert!(is_date_time("1/2/2020 3:04:05") && !is_date_time("10:02:00") && !is_date_time("1.2 3.4"));
     }
 }

@@ -54,29 +54,93 @@ impl Decimal {
         }
     }
 
-    /// The number that a cell holds, if it is one; not finite ones are none.
+    /// The number that a cell holds, if it is one; infinite values and NaN are none. A minus may be typeset (U+2212), and thousands may stand apart (`4 600`, `4'600`).
     pub fn number(self, cell: &str) -> Option<f64> {
-        let plain = match self {
+        let cell = &*plain(cell)?;
+        let number = match self {
             Self::Point if cell.contains(',') => Cow::Owned(without_groups(cell, ',', '.')?),
             Self::Point => Cow::Borrowed(cell),
             Self::Comma if cell.contains('.') => Cow::Owned(without_groups(cell, '.', ',')?.replacen(',', ".", 1)),
             Self::Comma => Cow::Owned(cell.replacen(',', ".", 1)),
         };
-        let is_written_out = plain.chars().all(|c| c.is_ascii_digit() || "+-.eE".contains(c));
-        plain.parse().ok().filter(|number: &f64| is_written_out && number.is_finite())
+        let is_written_out = number.chars().all(|c| c.is_ascii_digit() || "+-.eE".contains(c));
+        number.parse().ok().filter(|number: &f64| is_written_out && number.is_finite())
     }
+}
+
+/// Signs that typeset tables and word processors write for a minus.
+const MINUS: [char; 3] = ['\u{2212}', '\u{2013}', '\u{2012}'];
+/// Signs between thousands that cannot be decimal signs: blanks of fixed width, apostrophes.
+const APART: [char; 6] = [' ', '\u{a0}', '\u{202f}', '\u{2009}', '\'', '\u{2019}'];
+
+/// A number's text with an ASCII minus and without signs between its thousands; `None` where such a sign stands elsewhere.
+fn plain(cell: &str) -> Option<Cow<'_, str>> {
+    let has = |signs: &[char]| cell.contains(signs);
+    if !has(&MINUS) && !has(&APART) {
+        return Some(Cow::Borrowed(cell));
+    }
+    let mut text = cell.replace(MINUS, "-");
+    if let Some(sign) = APART.into_iter().find(|sign| text.contains(*sign)) {
+        let end = text.find(['.', ',']).unwrap_or(text.len());
+        text = format!("{}{}", joined_groups(&text[..end], sign)?, &text[end..]);
+    }
+    Some(Cow::Owned(text))
+}
+
+/// A whole number whose thousands stand apart, such as `-1'234'567`, without the signs between them; `None` where its groups are not of three digits.
+fn joined_groups(whole: &str, between: char) -> Option<String> {
+    let mut groups = whole.trim_start_matches(['+', '-']).split(between);
+    let first = groups.next()?;
+    let are_digits = |text: &str| text.bytes().all(|byte| byte.is_ascii_digit());
+    let is_first = (1..=3).contains(&first.len()) && are_digits(first) && !first.starts_with('0');
+    (is_first && groups.all(|group| group.len() == 3 && are_digits(group))).then(|| whole.replace(between, ""))
 }
 
 /// A number such as `1,234.5` without the signs between its thousands. Decimals must follow: `1,234` alone may be another number with a decimal comma.
 fn without_groups(cell: &str, between: char, before_decimals: char) -> Option<String> {
     let (whole, decimals) = cell.split_once(before_decimals)?;
-    let mut groups = whole.trim_start_matches(['+', '-']).split(between);
-    let first = groups.next()?;
-    let are_digits = |text: &str| text.bytes().all(|byte| byte.is_ascii_digit());
-    let is_first = (1..=3).contains(&first.len()) && are_digits(first) && !first.starts_with('0');
-    let are_thousands = is_first && groups.all(|group| group.len() == 3 && are_digits(group));
-    (are_thousands && !decimals.contains(between))
-        .then(|| format!("{}{before_decimals}{decimals}", whole.replace(between, "")))
+    let whole = joined_groups(whole, between)?;
+    (!decimals.contains(between)).then(|| format!("{whole}{before_decimals}{decimals}"))
+}
+
+/// The sign between the thousands of whole numbers, where a table's numbers show that it is none before decimals.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Thousands {
+    /// `1.234`
+    Point,
+    /// `1,234`
+    Comma,
+}
+
+impl Thousands {
+    /// Both.
+    pub const ALL: [Self; 2] = [Self::Point, Self::Comma];
+
+    /// Name in `experiment.toml`.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Point => ".",
+            Self::Comma => ",",
+        }
+    }
+
+    fn sign(self) -> char {
+        match self {
+            Self::Point => '.',
+            Self::Comma => ',',
+        }
+    }
+
+    /// The cell without the signs between its thousands; `None` where such a sign stands elsewhere.
+    pub fn removed(self, cell: &str) -> Option<Cow<'_, str>> {
+        let plain = plain(cell)?;
+        if !plain.contains(self.sign()) {
+            return Some(plain);
+        }
+        let decimal = if self == Self::Point { ',' } else { '.' };
+        let end = plain.find(decimal).unwrap_or(plain.len());
+        Some(Cow::Owned(format!("{}{}", joined_groups(&plain[..end], self.sign())?, &plain[end..])))
+    }
 }
 
 /// How letters are written as bytes.
@@ -125,8 +189,15 @@ impl Encoding {
         if std::str::from_utf8(bytes).is_ok() { Self::Utf8 } else { Self::Latin1 }
     }
 
-    /// Bytes as text, without their mark; `None` where UTF-8 is said and they are none.
+    /// Bytes as text with line feeds, without their mark; `None` where UTF-8 is said and they are none.
     pub fn text(self, bytes: &[u8]) -> Option<Cow<'_, str>> {
+        let text = self.decoded(bytes)?;
+        // Old instruments end lines with a carriage return alone.
+        let has_lone_returns = text.contains('\r') && !text.contains('\n');
+        Some(if has_lone_returns { Cow::Owned(text.replace('\r', "\n")) } else { text })
+    }
+
+    fn decoded(self, bytes: &[u8]) -> Option<Cow<'_, str>> {
         let utf16 = |unit: fn([u8; 2]) -> u16| {
             let units = bytes.chunks_exact(2).map(|pair| unit([pair[0], pair[1]]));
             let text: String = char::decode_utf16(units).map(|c| c.unwrap_or('\u{fffd}')).collect();
@@ -242,6 +313,12 @@ mod tests {
     }
 
     #[test]
+    fn lines_may_end_in_a_carriage_return_alone() {
+        assert_eq!(table_text(b"t,x\r0,1\r"), "t,x\n0,1\n");
+        assert_eq!(table_text(b"t,x\r\n0,1\r\n"), "t,x\r\n0,1\r\n");
+    }
+
+    #[test]
     fn a_said_encoding_is_taken_or_refused() {
         assert_eq!(Encoding::Latin1.text(b"\xb5m").unwrap(), "µm");
         assert_eq!(Encoding::Utf8.text(b"\xb5m"), None);
@@ -277,6 +354,14 @@ mod tests {
         assert_eq!(Decimal::Point.number("1.5"), Some(1.5));
         assert_eq!(Decimal::Point.number("-4,600.25"), Some(-4600.25));
         assert_eq!(Decimal::Comma.number("1.234.567,5"), Some(1_234_567.5));
+        assert_eq!(Decimal::Point.number("\u{2212}4.6"), Some(-4.6));
+        assert_eq!(Decimal::Point.number("\u{2013}4'600.5"), Some(-4600.5));
+        assert_eq!(Decimal::Comma.number("12\u{a0}345,5"), Some(12_345.5));
+        assert_eq!(Thousands::Point.removed("-1.078").as_deref(), Some("-1078"));
+        assert_eq!(Thousands::Comma.removed("1,234.5").as_deref(), Some("1234.5"));
+        for cell in ["0.123", "12.34", "1234.567"] {
+            assert_eq!(Thousands::Point.removed(cell), None, "{cell}");
+        }
         for (decimal, cell) in [
             (Decimal::Comma, "1.5"),
             (Decimal::Comma, "1.234"),
@@ -288,6 +373,9 @@ mod tests {
             (Decimal::Comma, "1,234,5"),
             (Decimal::Point, "inf"),
             (Decimal::Point, "nan"),
+            (Decimal::Point, "1 2"),
+            (Decimal::Point, "12 34.5"),
+            (Decimal::Point, "4-600"),
             (Decimal::Point, ""),
         ] {
             assert_eq!(decimal.number(cell), None, "{cell}");

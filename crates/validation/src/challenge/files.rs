@@ -13,7 +13,7 @@ use base::error::{Error, Place, Result, Setting};
 use base::files::{self, Content, TemporaryDirectory, write_atomically, write_json_atomically};
 use posterior::monitor::Monitor;
 use posterior::study::sha256_hex;
-use record::{Apparatus, Record, RobotShape};
+use record::{Apparatus, Record, RobotShape, density_toml};
 use sampling::ensemble::RandomStream;
 
 /// The hash of salt and answer; written first.
@@ -209,12 +209,12 @@ fn experiment_toml(apparatus: &Apparatus, commitment: &str, noise_um: Option<f64
                 | RobotShape::Cylinder { diameter_m, .. } => diameter_m,
             };
             format!(
-                "[robot]\nshape = \"sphere\"\ndiameter_mm = {}\ndensity_kg_m3 = {}\n\n[vitreous]\ndiameter_mm = {}\npoisson_ratio = {}\ndensity_kg_m3 = {}\n",
+                "[robot]\nshape = \"sphere\"\ndiameter_mm = {}\n{}\n[vitreous]\ndiameter_mm = {}\npoisson_ratio = {}\n{}",
                 decimal(1e3 * diameter_m),
-                robot.density_kg_m3,
+                density_toml(robot.density_kg_m3),
                 decimal(1e3 * vitreous.diameter_m),
                 vitreous.poisson_ratio,
-                vitreous.density_kg_m3
+                density_toml(vitreous.density_kg_m3)
             )
         }
     };

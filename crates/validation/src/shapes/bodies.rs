@@ -54,14 +54,14 @@ impl Body {
     }
 
     /// The same body as an experiment describes it.
-    pub fn robot(&self, density_kg_m3: f64) -> Robot {
+    pub fn robot(&self) -> Robot {
         let ([length_m, diameter_m], orientation) = (self.sizes_m(), self.orientation);
         let shape = match self.shape {
             Shape::Sphere => RobotShape::Sphere { diameter_m },
             Shape::Ellipsoid => RobotShape::Ellipsoid { length_m, diameter_m, orientation },
             Shape::Cylinder => RobotShape::Cylinder { length_m, diameter_m, orientation },
         };
-        Robot { shape, density_kg_m3, offset: None }
+        Robot { shape, density_kg_m3: None, offset: None }
     }
 
     /// What figures and sentences call it.

@@ -154,7 +154,7 @@ fn elastic(bodies: &[Body], outer_radius_m: f64, poisson_ratio: f64) -> Result<V
 
 /// A body's stiffness at every Poisson ratio, the mesh made once, and its field at the first.
 fn solve_body(body: &Body, vitreous: &Vitreous, poisson_ratios: &[f64]) -> Result<(Vec<Solved>, BodyField)> {
-    let mesh = robot_mesh(&body.robot(0.0), vitreous, MODEL_LEVEL)?;
+    let mesh = robot_mesh(&body.robot(), vitreous, MODEL_LEVEL)?;
     let stiffness = Stiffness::new(&mesh)?;
     let (quality, unknowns) = (MeshQuality::of(&mesh), &stiffness.assembly.unknowns);
     let (mut solved, mut displacement) = (Vec::new(), Vec::new());

@@ -34,6 +34,9 @@ pub struct WorkbenchArguments {
     /// Address to listen on, where others than this machine shall reach the page: whoever has its link may run commands here
     #[arg(long, value_name = "ADDRESS", default_value_t = IpAddr::V4(Ipv4Addr::LOCALHOST))]
     listen: IpAddr,
+    /// Do not open the page in a browser: the program never does, so that this changes nothing
+    #[arg(long)]
+    no_open: bool,
     /// Say the link alone on standard output
     #[arg(long)]
     quiet: bool,

@@ -1,0 +1,82 @@
+//! Positions that a tracker writes where it lost the body, such as −9999 or 0: found by their repetition far from the rows around them.
+
+use std::collections::HashMap;
+
+use super::robust::median;
+
+/// Times that a value stands far from its neighbours at least, and as a share of all rows that have it.
+const FEWEST: usize = 3;
+const MOSTLY: f64 = 0.5;
+/// Distance from the rows around, in median steps from row to row, in steps of the written digits, and in distances of the rows around from each other.
+const STEPS: f64 = 20.0;
+const DIGITS: f64 = 20.0;
+const FLOWS: f64 = 5.0;
+
+/// Values that stand several times, mostly far from the rows before and after; in the unit of the positions, ascending.
+pub fn repeated_outliers(positions: &[Option<f64>]) -> Vec<f64> {
+    let known: Vec<f64> = positions.iter().flatten().copied().collect();
+    let mut rows: HashMap<u64, Vec<usize>> = HashMap::new();
+    for (row, x) in known.iter().enumerate() {
+        rows.entry(x.to_bits()).or_default().push(row);
+    }
+    let mut sorted = known.clone();
+    sorted.sort_unstable_by(f64::total_cmp);
+    let digit = sorted.windows(2).map(|pair| pair[1] - pair[0]).filter(|gap| *gap > 0.0).fold(f64::INFINITY, f64::min);
+    let step = median(known.windows(2).map(|pair| (pair[1] - pair[0]).abs()).collect()).unwrap_or(0.0);
+    let is_far = |row: usize| {
+        let x = known[row];
+        let before = known[..row].iter().rev().find(|other| **other != x);
+        let after = known[row + 1..].iter().find(|other| **other != x);
+        let Some((before, after)) = before.zip(after) else { return false };
+        let distance = (x - before).abs().min((x - after).abs());
+        // Between the two a value is on their way.
+        let is_between = (before - x) * (after - x) < 0.0;
+        !is_between && distance > (STEPS * step).max(DIGITS * digit).max(FLOWS * (after - before).abs())
+    };
+    let mut found: Vec<f64> = rows
+        .iter()
+        .filter(|(_, rows)| rows.len() >= FEWEST)
+        .filter(|(_, rows)| {
+            let n_far = rows.iter().filter(|row| is_far(**row)).count();
+            n_far >= FEWEST && n_far as f64 >= MOSTLY * rows.len() as f64
+        })
+        .map(|(bits, _)| f64::from_bits(*bits))
+        .collect();
+    found.sort_unstable_by(f64::total_cmp);
+    found
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn motion(row: usize) -> f64 {
+        let t = (row % 200) as f64;
+        if row % 400 < 200 { 700.0 * (1.0 - (-t / 20.0).exp()) } else { 700.0 * (-t / 20.0).exp() }
+    }
+
+    /// Noise that every seed shares: an irrational rotation, uniform in ±1.
+    fn noise(row: usize) -> f64 {
+        2.0 * (row as f64 * 0.754_877_666).fract() - 1.0
+    }
+
+    #[test]
+    fn a_repeated_value_far_from_its_neighbours_is_lost_tracking() {
+        for sentinel in [-9999.0, 0.0, 65535.0] {
+            let positions: Vec<Option<f64>> =
+                (0..1200).map(|row| Some(if row % 17 == 5 { sentinel } else { motion(row) + noise(row) })).collect();
+            assert_eq!(repeated_outliers(&positions), [sentinel]);
+        }
+    }
+
+    #[test]
+    fn rounded_clipped_and_resting_positions_are_none() {
+        let rounded = |digit: f64| (0..1200).map(move |row| Some(digit * ((motion(row) + noise(row)) / digit).round()));
+        assert!(repeated_outliers(&rounded(13.0).collect::<Vec<_>>()).is_empty());
+        assert!(repeated_outliers(&rounded(0.1).collect::<Vec<_>>()).is_empty());
+        let clipped: Vec<Option<f64>> = rounded(0.1).map(|x| x.map(|x: f64| x.min(600.0))).collect();
+        assert!(repeated_outliers(&clipped).is_empty());
+        let steps: Vec<Option<f64>> = (0..400).map(|row| Some(if row % 100 < 50 { 0.0 } else { 500.0 })).collect();
+        assert!(repeated_outliers(&steps).is_empty());
+    }
+}

@@ -1,0 +1,208 @@
+//! The tables that a text holds: how their rows are laid out, their headers, and the lines between which they stand.
+
+use std::borrow::Cow;
+
+use super::spelling::{Spelt, clock_s, is_date_time, split_unit, unit};
+use super::text::{Decimal, Delimiter, cells, header_cells, is_aside};
+use crate::trajectory::is_lost;
+
+/// Lines that are looked at for the layout.
+const LOOKED_AT: usize = 5_000;
+/// Letters of a cell in a line of units, brackets left out.
+const LONGEST_UNIT: usize = 8;
+/// Names of columns of remarks.
+const REMARKS: [&str; 6] = ["", "comment", "comments", "note", "notes", "remarks"];
+/// Rows that a table has at least; fewer numbers are a preamble.
+const FEWEST_ROWS: usize = 3;
+/// Letters of a table's title that are shown.
+const LONGEST_TITLE: usize = 60;
+
+/// Between what the cells of a table stand.
+#[derive(Debug, Clone)]
+pub(super) struct Layout {
+    pub delimiter: Delimiter,
+    pub decimal: Decimal,
+    /// Index of the first row's line.
+    pub first: usize,
+    pub n_cells: usize,
+}
+
+/// Rows that follow each other under one header.
+#[derive(Debug, Clone)]
+pub(super) struct Block {
+    pub layout: Layout,
+    /// Index of the line after the last row.
+    pub end: usize,
+    pub n_rows: usize,
+    pub header: Header,
+    /// What stands above the header; empty where nothing does.
+    pub title: String,
+}
+
+impl Block {
+    /// First and last line, from 1.
+    pub fn lines(&self) -> [usize; 2] {
+        [self.layout.first + 1, self.end]
+    }
+}
+
+pub(super) fn is_value(cell: &str, decimal: Decimal) -> bool {
+    decimal.number(cell).is_some() || clock_s(cell).is_some() || is_date_time(cell)
+}
+
+/// Whether a line is a row of numbers: how many of its cells are values, and how many are something else.
+fn counts(cells: &[Cow<'_, str>], decimal: Decimal) -> (i64, i64) {
+    let n_values = cells.iter().filter(|cell| is_value(cell, decimal)).count() as i64;
+    let n_others = cells.iter().filter(|cell| !is_value(cell, decimal) && !is_lost(cell)).count() as i64;
+    (n_values, n_others)
+}
+
+/// The layout in which most cells of one block of lines are numbers or times.
+fn layout(lines: &[&str]) -> Option<Layout> {
+    let mut best: Option<(i64, Layout)> = None;
+    for delimiter in Delimiter::ALL {
+        for decimal in Decimal::ALL {
+            if (delimiter, decimal) == (Delimiter::Comma, Decimal::Comma) {
+                continue;
+            }
+            let mut run: Option<(i64, Layout)> = None;
+            let mut finish = |run: &mut Option<(i64, Layout)>| {
+                if let Some((score, layout)) = run.take()
+                    && best.as_ref().is_none_or(|(most, _)| score > *most)
+                {
+                    best = Some((score, layout));
+                }
+            };
+            for (index, line) in lines.iter().enumerate().filter(|(_, line)| !is_aside(line, None)) {
+                let cells = cells(line, delimiter);
+                let (n_values, n_others) = counts(&cells, decimal);
+                if n_values < 2 || n_values < n_others {
+                    finish(&mut run);
+                    continue;
+                }
+                if run.as_ref().is_some_and(|(_, layout)| layout.n_cells != cells.len()) {
+                    finish(&mut run);
+                }
+                let fresh = Layout { delimiter, decimal, first: index, n_cells: cells.len() };
+                run.get_or_insert((0, fresh)).0 += n_values - n_others;
+            }
+            finish(&mut run);
+        }
+    }
+    best.map(|(_, layout)| layout)
+}
+
+/// The tables of a text, in order, at least one; `None` where no block of numbers is found.
+///
+/// A new table begins where a header stands between rows. Other lines between rows belong to the table, and are refused when they are read.
+pub(super) fn blocks(lines: &[&str]) -> Option<Vec<Block>> {
+    let found = layout(&lines[..lines.len().min(LOOKED_AT)])?;
+    let mut blocks: Vec<Block> = Vec::new();
+    // Where what may be a header begins: after the last row.
+    let mut after = 0;
+    for (index, line) in lines.iter().enumerate().filter(|(_, line)| !is_aside(line, None)) {
+        let cells = cells(line, found.delimiter);
+        let (n_values, n_others) = counts(&cells, found.decimal);
+        // A row of a table may have lost all but its time.
+        let is_row = n_values >= 2 && n_values >= n_others || n_values == 1 && n_others == 0 && !blocks.is_empty();
+        if !is_row {
+            continue;
+        }
+        let fresh = Layout { first: index, n_cells: cells.len(), ..found.clone() };
+        let begins = match blocks.last() {
+            None => true,
+            Some(_) if after == index => false,
+            Some(_) => header(lines, after, &fresh, 0).line.is_some(),
+        };
+        if begins {
+            blocks.push(Block { layout: fresh, end: 0, n_rows: 0, header: Header::default(), title: String::new() });
+        }
+        if let Some(block) = blocks.last_mut() {
+            // Short lines of numbers above a table are its preamble.
+            if block.layout.n_cells != cells.len() && block.n_rows < FEWEST_ROWS {
+                block.layout = Layout { first: index, n_cells: cells.len(), ..found.clone() };
+                block.n_rows = 0;
+            }
+            (block.end, block.n_rows) = (index + 1, block.n_rows + 1);
+        }
+        after = index + 1;
+    }
+    let mut before = 0;
+    for block in &mut blocks {
+        let rows = &lines[block.layout.first..block.end];
+        let n_empty = n_empty_at_end(rows, &block.layout);
+        block.header = header(lines, before, &block.layout, n_empty);
+        block.title = title(lines, before, block);
+        before = block.end;
+    }
+    let has_tables = blocks.iter().any(|block| block.n_rows >= FEWEST_ROWS);
+    blocks.retain(|block| !has_tables || block.n_rows >= FEWEST_ROWS);
+    Some(blocks)
+}
+
+/// Number of last cells that are empty in every row: rows may end in a delimiter.
+fn n_empty_at_end(rows: &[&str], layout: &Layout) -> usize {
+    let rows = rows.iter().filter(|line| !is_aside(line, None)).take(LOOKED_AT);
+    let empty = rows.map(|line| {
+        let cells = cells(line, layout.delimiter);
+        cells.iter().rev().take_while(|cell| cell.is_empty()).count()
+    });
+    empty.min().unwrap_or(0)
+}
+
+/// The header's line, its names and the units beneath them.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Header {
+    /// Index of the line.
+    pub line: Option<usize>,
+    pub names: Vec<String>,
+    pub units: Vec<Option<Spelt>>,
+    /// Columns whose unit is none of ours: a temperature, a voltage.
+    pub foreign: Vec<usize>,
+}
+
+/// A line's cells as names, if it has as many as the rows have and two of them are words; `n_empty` last cells of the rows may have no name.
+fn names_in(line: &str, layout: &Layout, n_empty: usize) -> Option<Vec<String>> {
+    let mut found: Vec<String> =
+        header_cells(line, layout.delimiter, None, layout.n_cells).into_iter().map(Cow::into_owned).collect();
+    // A column of remarks may have a name and no cells.
+    while found.len() > layout.n_cells
+        && found.last().is_some_and(|last| REMARKS.contains(&last.to_lowercase().as_str()))
+    {
+        found.pop();
+    }
+    if (layout.n_cells - n_empty.min(layout.n_cells)..layout.n_cells).contains(&found.len()) {
+        found.resize(layout.n_cells, String::new());
+    }
+    let n_words = found.iter().filter(|cell| !cell.is_empty() && !is_value(cell, layout.decimal)).count();
+    (found.len() == layout.n_cells && n_words >= 2).then_some(found)
+}
+
+/// The header of the rows of a layout, among the lines from `from` on.
+fn header(lines: &[&str], from: usize, layout: &Layout, n_empty: usize) -> Header {
+    let above: Vec<usize> =
+        (from..layout.first).rev().filter(|index| !lines[*index].trim().is_empty()).take(2).collect();
+    let names =
+        |place: usize| above.get(place).and_then(|index| Some((*index, names_in(lines[*index], layout, n_empty)?)));
+    let Some((line, nearest)) = names(0) else { return Header::default() };
+    let units: Vec<Option<Spelt>> = nearest.iter().map(|cell| unit(cell)).collect();
+    let length = |cell: &String| cell.trim_matches(['[', ']', '(', ')']).chars().count();
+    // A line of units may have some that are none of ours, such as °C.
+    if let Some((line, names)) = names(1)
+        && units.iter().flatten().count() >= 2
+        && nearest.iter().all(|cell| length(cell) <= LONGEST_UNIT)
+    {
+        let is_foreign = |at: &usize| units[*at].is_none() && nearest[*at].chars().any(char::is_alphabetic);
+        let foreign = (0..units.len()).filter(is_foreign).collect();
+        return Header { line: Some(line), names, units, foreign };
+    }
+    let units = nearest.iter().map(|name| split_unit(name).1).collect();
+    Header { line: Some(line), names: nearest, units, foreign: Vec::new() }
+}
+
+/// The nearest line above a table's header, as words.
+fn title(lines: &[&str], from: usize, block: &Block) -> String {
+    let above = (from..block.header.line.unwrap_or(block.layout.first)).rev().find(|index| !lines[*index].trim().is_empty());
+    let words = above.map_or(Vec::new(), |index| lines[index].split_whitespace().collect());
+    words.join(" ").chars().take(LONGEST_TITLE).collect()
+}

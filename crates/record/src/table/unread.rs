@@ -1,0 +1,91 @@
+//! Columns that are not read although they move with the position: a coordinate that was left out.
+
+use super::description::TableDescription;
+use super::read::ColumnNames;
+use super::spelling::split_unit;
+use super::text::cells;
+use base::units::Dimension;
+
+/// A column that is not read.
+#[derive(Debug, Clone, PartialEq)]
+pub struct UnreadColumn {
+    /// Its name.
+    pub name: String,
+    /// Correlation with the position.
+    pub correlation: f64,
+}
+
+/// Rows that are looked at: more say nothing new.
+const MOST_ROWS: usize = 20_000;
+/// Share of the rows that must hold a number.
+const MOSTLY: f64 = 0.9;
+/// Correlation from which a column follows the position.
+const FOLLOWS: f64 = 0.7;
+
+/// Columns of lengths, or without a unit, that follow the position; `lines` are those of the rows, from 1, and `position_m` their positions.
+pub(crate) fn unread_columns(
+    file: &std::path::Path,
+    text: &str,
+    description: &TableDescription,
+    lines: &[usize],
+    position_m: &[Option<f64>],
+) -> Vec<UnreadColumn> {
+    let layout = &description.layout;
+    let names = ColumnNames::new(file, text, layout);
+    let TableDescription { time, force, position, cycle, track, .. } = description;
+    let positions = position.iter().flat_map(|(columns, _)| columns.all());
+    let others = force.iter().map(|(name, _)| name).chain(cycle).chain(track.iter().map(|(name, _)| name));
+    let read: Vec<usize> = std::iter::once(&time.0)
+        .chain(positions)
+        .chain(others)
+        .filter_map(|name| names.place(name).ok().map(|(at, _)| at))
+        .collect();
+    let is_coordinate = |name: &str| {
+        let unit = split_unit(name).1;
+        !name.is_empty() && unit.is_none_or(|unit| unit.dimension == Dimension::Length)
+    };
+    let all = names.all();
+    let candidates: Vec<usize> = (0..all.len()).filter(|at| !read.contains(at) && is_coordinate(&all[*at])).collect();
+    if candidates.is_empty() {
+        return Vec::new();
+    }
+    let step = lines.len().div_ceil(MOST_ROWS).max(1);
+    let mut wanted = lines.iter().zip(position_m).step_by(step).peekable();
+    let mut values: Vec<Vec<(f64, f64)>> = vec![Vec::new(); candidates.len()];
+    let (mut n_rows, mut n_numbers) = (0_usize, vec![0_usize; candidates.len()]);
+    for (index, line) in text.lines().enumerate() {
+        let Some((_, position)) = wanted.next_if(|(number, _)| **number == index + 1) else { continue };
+        let Some(position) = position else { continue };
+        let cells = cells(line, layout.delimiter);
+        n_rows += 1;
+        for (place, at) in candidates.iter().enumerate() {
+            if let Some(value) = cells.get(*at).and_then(|cell| layout.number(cell)) {
+                n_numbers[place] += 1;
+                values[place].push((value, *position));
+            }
+        }
+    }
+    let follows = |place: usize| {
+        let pairs = &values[place];
+        // Counters and clocks only grow.
+        let is_monotone = pairs.windows(2).all(|two| two[0].0 <= two[1].0) || pairs.windows(2).all(|two| two[0].0 >= two[1].0);
+        if is_monotone || (n_numbers[place] as f64) < MOSTLY * n_rows as f64 {
+            return None;
+        }
+        let correlation = correlation(pairs)?;
+        (correlation.abs() >= FOLLOWS).then(|| UnreadColumn { name: all[candidates[place]].to_string(), correlation })
+    };
+    (0..candidates.len()).filter_map(follows).collect()
+}
+
+/// Pearson's correlation; `None` where a value never changes.
+fn correlation(pairs: &[(f64, f64)]) -> Option<f64> {
+    let n = pairs.len() as f64;
+    let mean = pairs.iter().fold((0.0, 0.0), |sum, pair| (sum.0 + pair.0 / n, sum.1 + pair.1 / n));
+    let sums = pairs.iter().fold([0.0; 3], |[aa, ab, bb], pair| {
+        let (a, b) = (pair.0 - mean.0, pair.1 - mean.1);
+        [aa + a * a, ab + a * b, bb + b * b]
+    });
+    let size = (sums[0] * sums[2]).sqrt();
+    (size > 0.0).then(|| sums[1] / size)
+}

@@ -1,0 +1,198 @@
+//! Times that ascend: a clock that begins again is joined, and rows within one step of a coarse clock are spread.
+
+use super::robust::median;
+use base::error::{Error, Place, Result, Setting};
+
+/// Share of the last interval within which a table that follows another began with the other's last row.
+const BEGAN_BEFORE: f64 = 0.5;
+/// Share of an interval by which the last row of a table precedes the first row of the next, where both have one time.
+const JUST_BEFORE: f64 = 1e-6;
+/// Share of rows with the time of the row before, from which a clock is coarse.
+const COARSE: f64 = 0.2;
+/// How much farther apart neighbouring rows of several tracks are than rows of one track.
+const TRACKS: f64 = 3.0;
+
+/// What was done to the times of a table.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub(crate) struct Ordered {
+    /// Rows at which the clock began again.
+    pub restart_rows: Vec<usize>,
+    /// Rows that had the time of the row before.
+    pub n_ties: usize,
+}
+
+/// Rows whose times are put in order.
+pub(super) struct Rows<'a> {
+    pub time_s: &'a mut [f64],
+    pub force_n: &'a mut [f64],
+    pub position_m: &'a [Option<f64>],
+}
+
+/// What a description says of times that do not ascend.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct TimeRules {
+    /// Times that fall back to the start go on from the row before.
+    pub joins_restarts: bool,
+    /// Equal times of a coarse clock are spread evenly.
+    pub spreads_ties: bool,
+}
+
+/// Puts times (s) in order, as the rules say, and sets the force of a table's last row to that of a next table which begins with it. `starts` are the tables' first rows.
+///
+/// # Errors
+/// [`Error::Input`] at the first time that does not follow the one before, with the cause that the rows show.
+pub(super) fn order_times(
+    place: &dyn Fn(usize) -> Place,
+    rules: TimeRules,
+    starts: &[usize],
+    rows: Rows<'_>,
+) -> Result<Ordered> {
+    let Rows { time_s, force_n, position_m } = rows;
+    let mut ordered = Ordered::default();
+    if rules.joins_restarts {
+        ordered.restart_rows = join_restarts(time_s);
+    }
+    for &start in starts.iter().filter(|start| **start >= 2) {
+        let (gap_s, before_s) = (time_s[start] - time_s[start - 1], time_s[start - 1] - time_s[start - 2]);
+        if gap_s == 0.0 {
+            time_s[start - 1] -= JUST_BEFORE * before_s;
+        } else if (0.0..BEGAN_BEFORE * before_s).contains(&gap_s) {
+            force_n[start - 1] = force_n[start];
+        }
+    }
+    if rules.spreads_ties {
+        ordered.n_ties = spread_ties(time_s);
+    }
+    match time_s.windows(2).position(|pair| pair[1] <= pair[0]) {
+        None => Ok(ordered),
+        Some(before) => Err(refused(place(before + 1), before + 1, time_s, position_m)),
+    }
+}
+
+/// Adds to each run of times of a clock that begins again what the clock showed before; gives the first rows of the runs.
+///
+/// A run that begins with time 0 follows one interval after the last row; one that begins later follows from the last row on.
+fn join_restarts(time_s: &mut [f64]) -> Vec<usize> {
+    let (mut rows, mut offset_s, mut before_s) = (Vec::new(), 0.0, None);
+    for row in 0..time_s.len() {
+        let raw_s = time_s[row];
+        if let Some(last_s) = before_s
+            && is_restart(raw_s, last_s, time_s[0])
+        {
+            let interval_s = if row >= 2 { time_s[row - 1] - time_s[row - 2] } else { 0.0 };
+            offset_s = time_s[row - 1] + if raw_s <= 0.0 { interval_s } else { 0.0 };
+            rows.push(row);
+        }
+        time_s[row] = raw_s + offset_s;
+        before_s = Some(raw_s);
+    }
+    rows
+}
+
+/// Whether a time that follows another shows that the clock began again: it falls back to about the first.
+fn is_restart(time_s: f64, before_s: f64, first_s: f64) -> bool {
+    time_s < before_s && time_s - first_s <= 0.1 * (before_s - first_s)
+}
+
+/// Spreads rows of equal times evenly over the step of their clock; gives their number.
+fn spread_ties(time_s: &mut [f64]) -> usize {
+    let mut runs: Vec<(usize, f64)> = Vec::new();
+    for time in time_s.iter() {
+        match runs.last_mut() {
+            Some((count, value)) if value == time => *count += 1,
+            _ => runs.push((1, *time)),
+        }
+    }
+    let n_ties = time_s.len() - runs.len();
+    if n_ties == 0 || runs.len() < 3 || runs.windows(2).any(|pair| pair[1].1 < pair[0].1) {
+        return 0;
+    }
+    let step_s = runs.windows(2).map(|pair| pair[1].1 - pair[0].1).fold(f64::INFINITY, f64::min);
+    let usual = median(runs[1..runs.len() - 1].iter().map(|(count, _)| *count as f64).collect()).unwrap_or(1.0);
+    let mut row = 0;
+    for (place, (count, value)) in runs.iter().enumerate() {
+        // The first and the last step may have begun before the record, or ended after it.
+        let rows_a_step = if place == 0 || place + 1 == runs.len() { usual.max(*count as f64) } else { *count as f64 };
+        let left_out = if place == 0 { rows_a_step - *count as f64 } else { 0.0 };
+        for k in 0..*count {
+            time_s[row] = value + step_s * (left_out + k as f64) / rows_a_step;
+            row += 1;
+        }
+    }
+    n_ties
+}
+
+/// The refusal of a time, with the cause that the rows show and its remedy.
+fn refused(place: Place, row: usize, time_s: &[f64], position_m: &[Option<f64>]) -> Error {
+    let (time, before) = (time_s[row], time_s[row - 1]);
+    let n_ties = time_s.windows(2).filter(|pair| pair[1] == pair[0]).count();
+    let is_coarse = n_ties as f64 >= COARSE * time_s.len() as f64;
+    let (found, remedy) = if time == before && is_coarse && alternate(time_s, position_m) {
+        (
+            format!("{time} s stands in several rows whose positions alternate: the rows are of several tracks"),
+            format!("name the column of tracks with `{}`, and one of them with `{}`", Setting::TrackColumn, Setting::Track),
+        )
+    } else if time == before && is_coarse {
+        (
+            format!("{time} s stands in several rows: the clock is coarser than the rows"),
+            format!("`{} spread` (in [measurement]: time_ties = \"spread\") spreads them evenly over the clock's steps", Setting::TimeTies),
+        )
+    } else if time == before {
+        (
+            format!("time is not increasing: {time} s stands in two rows"),
+            "remove the row if it is repeated, or give it its own time".to_string(),
+        )
+    } else if is_restart(time, before, time_s[0]) {
+        (
+            format!("time begins again: {time} s follows {before} s"),
+            format!("`{} join` (in [measurement]: time_restarts = \"join\") where the recording went on; otherwise give each recording a file of its own", Setting::TimeRestarts),
+        )
+    } else {
+        (format!("time is not increasing: {time} s follows {before} s"), "sort the rows by time".to_string())
+    };
+    Error::input(place, found, remedy)
+}
+
+/// Whether neighbouring rows are much farther apart than rows of neighbouring times: they are of several tracks.
+fn alternate(time_s: &[f64], position_m: &[Option<f64>]) -> bool {
+    let together = time_s.iter().take_while(|time| **time == time_s[0]).count();
+    let apart = |step: usize| {
+        let pairs = position_m.iter().zip(position_m.iter().skip(step));
+        median(pairs.filter_map(|(a, b)| Some(((*b)? - (*a)?).abs())).collect())
+    };
+    together >= 2 && apart(1).zip(apart(together)).is_some_and(|(next, same)| next > TRACKS * same)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_clock_that_begins_again_goes_on() {
+        // Rows at the start of each interval, then rows at its end.
+        for (first_s, expected) in [(0.0, [0.0, 0.5, 1.0, 1.5]), (0.5, [0.5, 1.0, 1.5, 2.0])] {
+            let mut time_s = [first_s, first_s + 0.5, first_s, first_s + 0.5];
+            assert_eq!(join_restarts(&mut time_s), [2]);
+            assert_eq!(time_s, expected);
+        }
+        let mut unsorted = [0.0, 1.0, 2.0, 1.5];
+        assert!(join_restarts(&mut unsorted).is_empty());
+    }
+
+    /// 4 Hz under a clock of whole seconds: the first second has two rows and the last one.
+    #[test]
+    fn rows_of_a_coarse_clock_are_spread() {
+        let truth: Vec<f64> = (2..13).map(|row| 0.25 * f64::from(row)).collect();
+        let mut time_s: Vec<f64> = truth.iter().map(|time| time.floor()).collect();
+        assert_eq!(spread_ties(&mut time_s), 7);
+        assert_eq!(time_s, truth);
+    }
+
+    #[test]
+    fn rows_of_several_tracks_alternate() {
+        let time_s: Vec<f64> = (0..20).map(|row| f64::from(row / 2)).collect();
+        let tracks: Vec<Option<f64>> = (0..20).map(|row| Some(f64::from(100 * (row % 2) + row))).collect();
+        let one: Vec<Option<f64>> = (0..20).map(|row| Some(f64::from(row))).collect();
+        assert!(alternate(&time_s, &tracks) && !alternate(&time_s, &one));
+    }
+}
