@@ -302,7 +302,7 @@ fn sizes_that_are_not_known_are_marked() {
     let out = folder.path().join("bead");
     let request = InitRequest { file, out: Some(out.clone()), ..InitRequest::default() };
     let (summary, _) = run(&request, &mut |_| None).unwrap();
-    assert_eq!(summary.unknown.len(), 4);
+    assert_eq!(summary.unknown.len(), 3);
     let refused = Experiment::read(&out).unwrap_err().to_string();
     assert!(refused.contains("robot.diameter_mm") && refused.contains("not filled in yet"), "{refused}");
     assert!(run(&request, &mut |_| None).unwrap_err().to_string().contains("an experiment is there already"));

@@ -13,3 +13,4 @@ mod indentation;
 mod laboratory_tables;
 mod main_job;
 mod schemas;
+mod table_kinds;

@@ -10,9 +10,7 @@ use base::files::{self, Content, write_together};
 use base::toml_input::{UNKNOWN, quoted};
 use documents::init::{InitColumn, InitSummary};
 use posterior::study::sha256_hex;
-use record::table::{
-    Ask, ColumnName, Given, PositionColumns, Proposal, Question, TableDescription, look, propose,
-};
+use record::table::{Ask, ColumnName, Given, PositionColumns, Proposal, Question, TableDescription, look, propose};
 use record::{Direction, Sweep, Zero, sweep_columns};
 
 /// What a caller says.
@@ -63,6 +61,9 @@ pub fn run(request: &InitRequest, ask: Ask<'_>) -> Result<(InitSummary, String)>
     let mut proposal = propose(&request.file, &bytes, given, ask)?;
     if let Some(creep) = &creep {
         proposal.reasons.push(creep.reason());
+        if load_start_s(&proposal, Some(creep)).is_some() {
+            proposal.reasons.push("the first row is later than 0, where the step began (load_start_s = 0)".into());
+        }
         proposal.reasons.extend(sizes_are_idle(request));
     }
     let mut request = request.clone();
@@ -235,6 +236,15 @@ fn column_name(column: &ColumnName) -> String {
     }
 }
 
+/// Share of a record's length up to which a rheometer's first row may follow the beginning of its step.
+const FIRST_ROW: f64 = 0.01;
+
+/// When a rheometer's load began, in s of the table's time: a step begins at 0, and its first row follows.
+fn load_start_s(proposal: &Proposal, creep: Option<&RheometerCreep>) -> Option<f64> {
+    let first_s = proposal.loaded_from_s.filter(|_| creep.is_some())?;
+    (first_s > 0.0 && first_s <= FIRST_ROW * proposal.duration_s).then_some(0.0)
+}
+
 /// `experiment.toml`, with a comment a line.
 fn experiment_toml(request: &InitRequest, file: &str, proposal: &Proposal, creep: Option<&RheometerCreep>) -> String {
     let table = &proposal.description;
@@ -270,7 +280,9 @@ fn experiment_toml(request: &InitRequest, file: &str, proposal: &Proposal, creep
         line("\n[robot]\nshape", quoted("sphere"), "or \"ellipsoid\", \"cylinder\" with `length_mm` and `orientation`");
         line("diameter_mm", diameter, "of the moving body");
         match request.robot_density_kg_m3 {
-            Some(density) => line("density_kg_m3", format!("{density:?}"), "of the moving body; inertia alone needs it"),
+            Some(density) => {
+                line("density_kg_m3", format!("{density:?}"), "of the moving body; inertia alone needs it")
+            }
             None => line("# density_kg_m3", "7500.0".into(), "of the moving body; inertia alone needs it"),
         }
         line("\n[vitreous]\ndiameter_mm", vitreous, "of the gel around it, whose outer surface is fixed");
@@ -338,7 +350,14 @@ fn experiment_toml(request: &InitRequest, file: &str, proposal: &Proposal, creep
     } else {
         line("# force", quoted("hold"), "\"hold\" until the next row, or \"linear\" between rows");
     }
-    line("# load_start_s", "-3.0".into(), "when the first row's force began, in the table's time, if before the first row");
+    match load_start_s(proposal, creep) {
+        Some(start_s) => {
+            line("load_start_s", format!("{start_s:?}"), "when the first row's force began, in the table's time");
+        }
+        None => {
+            line("# load_start_s", "-3.0".into(), "when the first row's force began, if that was before the first row")
+        }
+    }
     line("\n[measurement.columns]\ntime", column_name(&table.time.0), "name in the header, or number from 1");
     if let Some((force, _)) = &table.force {
         line("force", column_name(force), "the commanded force");

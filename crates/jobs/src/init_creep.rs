@@ -1,5 +1,6 @@
 //! `init` of a rheometer's creep: stress and strain against time stand for force and position (docs/experiment.md).
 
+use base::error::Setting;
 use base::units::Dimension;
 use record::table::{Given, Looked};
 
@@ -57,8 +58,9 @@ impl RheometerCreep {
     /// Why it was taken for one.
     pub fn reason(&self) -> String {
         format!(
-            "stress and strain against time: a rheometer's creep; a pascal stands for a newton and a strain of 1 for a metre, with compliance_per_m = {} = 2 + 2ν",
-            self.compliance
+            "stress and strain against time: a rheometer's creep; a pascal stands for a newton and a strain of 1 for a metre, with compliance_per_m = {} = 2 + 2ν; `{} generic` suits a gel that is no vitreous humour",
+            self.compliance,
+            Setting::Prior
         )
     }
 }

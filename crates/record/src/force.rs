@@ -191,7 +191,12 @@ mod tests {
         let steps: Vec<f64> = (0..300).map(|row| if row / 50 % 2 == 0 { 4.6 } else { 0.0 }).collect();
         let noisy: Vec<f64> = steps.iter().enumerate().map(|(row, force)| force + noise(row)).collect();
         let found = levels(&noisy).expect("levels");
-        assert!(found.iter().zip(&steps).all(|(found, force)| (found - force).abs() < 0.02 && (*force > 0.0 || *found == 0.0)));
+        assert!(
+            found
+                .iter()
+                .zip(&steps)
+                .all(|(found, force)| (found - force).abs() < 0.02 && (*force > 0.0 || *found == 0.0))
+        );
         let sine: Vec<f64> = (0..300).map(|row| (row as f64 * 0.1).sin() + noise(row)).collect();
         let ramps: Vec<f64> = noisy.iter().enumerate().map(|(row, force)| force + 0.01 * (row % 50) as f64).collect();
         for other in [sine, ramps, steps] {

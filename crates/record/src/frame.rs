@@ -135,7 +135,8 @@ impl Frame {
                 Some(point)
             })
             .collect();
-        let along = |axis: Point| -> Vec<Option<f64>> { points.iter().map(|point| Some(dot(axis, (*point)?))).collect() };
+        let along =
+            |axis: Point| -> Vec<Option<f64>> { points.iter().map(|point| Some(dot(axis, (*point)?))).collect() };
         let axis = match self.direction {
             Direction::Forward => [1.0, 0.0, 0.0],
             Direction::Backward => [-1.0, 0.0, 0.0],
@@ -149,7 +150,7 @@ impl Frame {
         let off_line = |point: Point| without(point, axis);
         let first_across = match n_axes {
             2 => [-axis[1], axis[0], 0.0],
-            _ => line_of_motion(&points.iter().map(|point| point.map(off_line)).collect::<Vec<_>>()),
+            _ => normal(line_of_motion(&points.iter().map(|point| point.map(off_line)).collect::<Vec<_>>()), axis),
         };
         let across_m = along(first_across);
         // The third direction, which a plane does not have.
@@ -189,9 +190,9 @@ impl Frame {
                 "write `zero = \"rest\"`, or the position itself where there is one column of it",
             ),
             Zero::Rest => match rest_m(&trajectory.force_n, &trajectory.position_m) {
-                Some(_) => Ok(coordinates()
-                    .map(|positions| rest_m(&trajectory.force_n, positions).unwrap_or(0.0))
-                    .collect()),
+                Some(_) => {
+                    Ok(coordinates().map(|positions| rest_m(&trajectory.force_n, positions).unwrap_or(0.0)).collect())
+                }
                 None => refuse(
                     "there is no row before the force acts",
                     "write `zero = \"first\"`, or the position itself where there is one column of it",
@@ -243,6 +244,19 @@ pub(super) fn turns_against(time_s: &[f64], force_n: &[f64], position_m: &[Optio
     let lags = 0..=(shortest / 2).min(MOST_LAGS).min(time_s.len() / 4);
     let best = lags.map(share).max_by(|a, b| a.abs().total_cmp(&b.abs()));
     best.is_some_and(|share| share < -CLEARLY)
+}
+
+/// A unit vector normal to an axis, near a direction unless that lies on the axis.
+fn normal(direction: Point, axis: Point) -> Point {
+    let smallest = (0..3).min_by(|a, b| axis[*a].abs().total_cmp(&axis[*b].abs())).unwrap_or(0);
+    let across = without(direction, axis);
+    let across = if dot(across, across) > 0.25 {
+        across
+    } else {
+        without([0, 1, 2].map(|k| f64::from(u8::from(k == smallest))), axis)
+    };
+    let length = dot(across, across).sqrt();
+    across.map(|x| x / length)
 }
 
 /// Unit vector of the line on which most of a motion lies; rows far from the line do not turn it.

@@ -34,8 +34,8 @@ pub use noise::{NoiseOrigin, NoiseYardstick};
 pub use notes::Note;
 pub use record::Record;
 pub use scales::Scales;
-pub use times::TimeRules;
 pub use sweep::{Sweep, SweepColumn, SweepForm, SweepRow, sweep_columns};
+pub use times::TimeRules;
 
 /// One experiment, validated, in SI units.
 #[derive(Debug, Clone, PartialEq)]

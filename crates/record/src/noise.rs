@@ -118,7 +118,11 @@ fn estimate(record: &Record) -> Option<NoiseYardstick> {
 fn short_lag(record: &Record) -> Option<(f64, usize)> {
     [EARLY_FRACTION, 0.0].into_iter().find_map(|fraction| {
         let found = |order: usize| {
-            let deviations = if order == LINE { late_deviations(record, fraction) } else { local_deviations(record, order, fraction) };
+            let deviations = if order == LINE {
+                late_deviations(record, fraction)
+            } else {
+                local_deviations(record, order, fraction)
+            };
             let sd_m = SD_PER_MAD * median(deviations.iter().map(|deviation| deviation.abs()).collect())?;
             (deviations.len() >= MIN_DIFFERENCES && sd_m > 0.0).then_some((sd_m, deviations.len()))
         };
@@ -215,7 +219,8 @@ fn local_deviations(record: &Record, order: usize, fraction: f64) -> Vec<f64> {
         let points = points(record, &late_rows(record, &hold, fraction));
         for window in points.windows(order + 1) {
             let intervals_s = || window.windows(2).map(|pair| pair[1].0 - pair[0].0);
-            let (shortest_s, longest_s) = (intervals_s().fold(f64::INFINITY, f64::min), intervals_s().fold(0.0, f64::max));
+            let (shortest_s, longest_s) =
+                (intervals_s().fold(f64::INFINITY, f64::min), intervals_s().fold(0.0, f64::max));
             if longest_s > UNEVEN * shortest_s {
                 continue;
             }
@@ -308,7 +313,8 @@ fn squares_about_line(points: &[(f64, f64)]) -> (f64, usize) {
     for _ in 0..PASSES {
         let line = Line::through(kept.iter().copied());
         let sd = SD_PER_MAD * median(kept.iter().map(|point| line.excess(*point).abs()).collect()).unwrap_or(0.0);
-        let near: Vec<(f64, f64)> = kept.iter().copied().filter(|point| line.excess(*point).abs() <= FAR_SDS * sd).collect();
+        let near: Vec<(f64, f64)> =
+            kept.iter().copied().filter(|point| line.excess(*point).abs() <= FAR_SDS * sd).collect();
         if near.len() == kept.len() || 2 * near.len() < points.len() || near.len() < 3 {
             break;
         }

@@ -200,5 +200,4 @@ mod tests {
         let record = Record { force_rows: vec![1, 3], ..record(&[0.0; 5]) };
         assert_eq!((record.n_samples(), record.median_interval_s()), (3, Some(2.0)));
     }
-
 }

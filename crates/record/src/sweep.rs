@@ -6,7 +6,8 @@ use std::path::Path;
 
 use super::inputs::{ExperimentFiles, Understood, is_oscillation, plain_path, toml_path_of};
 use super::table::{
-    ColumnName, ColumnNames, Looked, SWEEP_KEYS, Spelt, TableLayout, Units, cells, column, is_aside, split_unit, text_in,
+    ColumnName, ColumnNames, Looked, SWEEP_KEYS, Spelt, TableLayout, Units, cells, column, is_aside, split_unit,
+    text_in,
 };
 use base::error::{Error, Place, Result};
 use base::files::{self, Content, refuse_long_lines};

@@ -130,12 +130,19 @@ fn refused(place: Place, row: usize, time_s: &[f64], position_m: &[Option<f64>])
     let (found, remedy) = if time == before && is_coarse && alternate(time_s, position_m) {
         (
             format!("{time} s stands in several rows whose positions alternate: the rows are of several tracks"),
-            format!("name the column of tracks with `{}`, and one of them with `{}`", Setting::TrackColumn, Setting::Track),
+            format!(
+                "name the column of tracks with `{}`, and one of them with `{}`",
+                Setting::TrackColumn,
+                Setting::Track
+            ),
         )
     } else if time == before && is_coarse {
         (
             format!("{time} s stands in several rows: the clock is coarser than the rows"),
-            format!("`{} spread` (in [measurement]: time_ties = \"spread\") spreads them evenly over the clock's steps", Setting::TimeTies),
+            format!(
+                "`{} spread` (in [measurement]: time_ties = \"spread\") spreads them evenly over the clock's steps",
+                Setting::TimeTies
+            ),
         )
     } else if time == before {
         (
@@ -145,7 +152,10 @@ fn refused(place: Place, row: usize, time_s: &[f64], position_m: &[Option<f64>])
     } else if is_restart(time, before, time_s[0]) {
         (
             format!("time begins again: {time} s follows {before} s"),
-            format!("`{} join` (in [measurement]: time_restarts = \"join\") where the recording went on; otherwise give each recording a file of its own", Setting::TimeRestarts),
+            format!(
+                "`{} join` (in [measurement]: time_restarts = \"join\") where the recording went on; otherwise give each recording a file of its own",
+                Setting::TimeRestarts
+            ),
         )
     } else {
         (format!("time is not increasing: {time} s follows {before} s"), "sort the rows by time".to_string())

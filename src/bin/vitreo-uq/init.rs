@@ -128,11 +128,7 @@ pub fn run(arguments: &InitArguments) -> Result<ExitCode> {
         given,
         id: arguments.id.clone(),
         groups: [arguments.species.clone(), arguments.region.clone()],
-        sizes: [
-            arguments.robot_diameter_mm,
-            arguments.vitreous_diameter_mm,
-            arguments.poisson_ratio,
-        ],
+        sizes: [arguments.robot_diameter_mm, arguments.vitreous_diameter_mm, arguments.poisson_ratio],
         robot_density_kg_m3: arguments.robot_density_kg_m3,
         noise_um: arguments.noise_um,
         replace: arguments.replace,

@@ -109,8 +109,12 @@ pub(super) fn lost(looked: &Looked<'_>) -> Option<Contradiction> {
     let values = repeated_outliers(positions);
     let value = *values.first()?;
     let n = positions.iter().filter(|x| x.is_some_and(|x| values.contains(&x))).count();
-    let text = format!("{n} positions are exactly {} µm while the rows around them are elsewhere: they seem to stand for lost tracking", um(value));
-    let advice = "leave the position empty in these rows, or let `vitreo-uq init` describe the table, which finds such values";
+    let text = format!(
+        "{n} positions are exactly {} µm while the rows around them are elsewhere: they seem to stand for lost tracking",
+        um(value)
+    );
+    let advice =
+        "leave the position empty in these rows, or let `vitreo-uq init` describe the table, which finds such values";
     Some(found("lost_positions", true, text, advice))
 }
 

@@ -44,6 +44,8 @@ pub(super) fn few_rows(looked: &Looked<'_>) -> Option<Contradiction> {
 
 /// Sampling intervals around it that a gap exceeds its neighbours by, and how many gaps are listed.
 const GAP: f64 = 10.0;
+/// Median intervals that a gap is longer than: rows may be dense after a switch.
+const LONG: f64 = 3.0;
 const LISTED: usize = 4;
 /// Size of a jump over a gap in noise.
 const JUMP_NOISES: f64 = 6.0;
@@ -51,15 +53,15 @@ const JUMP_NOISES: f64 = 6.0;
 /// Stretches of time without rows, in which the last row's force is assumed to have acted.
 pub(super) fn gaps(looked: &Looked<'_>) -> Option<Contradiction> {
     let record = looked.record;
+    let median_s = record.median_interval_s()?;
     let interval_s = |row: usize| record.time_s[row + 1] - record.time_s[row];
     let n_intervals = record.n_rows().saturating_sub(1);
     let is_gap = |row: usize| {
         let around = [row.checked_sub(1), Some(row + 1).filter(|next| *next < n_intervals)];
         let longest_s = around.into_iter().flatten().map(interval_s).fold(0.0, f64::max);
-        longest_s > 0.0 && interval_s(row) > GAP * longest_s
+        longest_s > 0.0 && interval_s(row) > GAP * longest_s && interval_s(row) > LONG * median_s
     };
     let gaps: Vec<usize> = (0..n_intervals).filter(|row| is_gap(*row)).collect();
-    let median_s = record.median_interval_s()?;
     let said = gaps.iter().take(LISTED).map(|&row| {
         let jump_m = record.position_m[row].zip(record.position_m[row + 1]).map_or(0.0, |(a, b)| b - a);
         let jump = if jump_m.abs() > JUMP_NOISES * looked.noise_m {

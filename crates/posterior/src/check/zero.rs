@@ -1,6 +1,6 @@
 //! Whether positions count from where the body rests.
 
-use super::quick_fit::{median, quick_fit};
+use super::quick_fit::median;
 use super::{Looked, found, um};
 use documents::check::Contradiction;
 use figures::number::significant;
@@ -27,6 +27,9 @@ const DRIFT_ERRORS: f64 = 8.0;
 /// A record that does not start at zero, though no force has acted: camera coordinates.
 pub(super) fn off(looked: &Looked<'_>) -> Option<Contradiction> {
     let record = looked.record;
+    if looked.experiment.fits_position_offset {
+        return None;
+    }
     let fit = looked.fit.as_ref()?;
     let first: Vec<(usize, f64)> =
         (0..fit.motion_m.len()).filter_map(|row| Some((row, record.position_m[row]?))).take(FIRST).collect();
@@ -107,46 +110,53 @@ pub(super) fn drifts_at_rest(looked: &Looked<'_>) -> Option<Contradiction> {
     ))
 }
 
-/// Share of the residual that is left where the load is let begin earlier, and the residual in noise from which that is looked at.
-const LEFT: f64 = 0.5;
-const MISFIT_NOISES: f64 = 2.0;
-/// Trials of an earlier start, each twice as early.
-const TRIALS: i32 = 14;
+/// Median intervals after a switch in which the elastic motion shows, the share of that time within which a row must lie, and the noise above which a motion shows.
+const ROWS_AFTER: f64 = 5.0;
+const NEAR: f64 = 0.3;
+const SHOWS_NOISES: f64 = 10.0;
+/// Share of the motion after other switches below which the first row is no switch.
+const SLOWER: f64 = 0.3;
+/// Share of the first force that another switch must have.
+const ALIKE: f64 = 0.3;
 
-/// A record that begins while a load already acts: its first rows creep on instead of starting.
+/// A record that begins while a load already acts: its first rows creep on, where the same force makes a fast motion at other switches.
 pub(super) fn starts_under_load(looked: &Looked<'_>) -> Option<Contradiction> {
     let record = looked.record;
-    let fit = looked.fit.as_ref()?;
     let first_n = *record.force_n.first()?;
-    if first_n.abs() < 0.1 * record.force_range_n() || record.position_m.first()?.is_none() {
+    if first_n.abs() < ALIKE * record.force_range_n() {
         return None;
     }
-    let interval_s = record.median_interval_s()?;
-    let earlier = |before_s: f64| {
-        let mut loaded = record.clone();
-        loaded.time_s.iter_mut().for_each(|time_s| *time_s += before_s);
-        loaded.time_s.insert(0, 0.0);
-        loaded.force_n.insert(0, first_n);
-        loaded.position_m.insert(0, None);
-        loaded.cycle.insert(0, 1);
-        loaded.force_rows = std::iter::once(0).chain(record.force_rows.iter().map(|row| row + 1)).collect();
-        quick_fit(&loaded, record.force_rule).map(|fit| (fit.left_sd_m, before_s))
+    let after_s = ROWS_AFTER * record.median_interval_s()?;
+    // Motion (m) in a while after a row, less that in as long a while before it.
+    let motion_m = |row: usize| {
+        let at = |row: usize| record.position_m.get(row).copied().flatten();
+        let near = |wanted_s: f64| {
+            let after = record.time_s.partition_point(|time_s| *time_s < wanted_s);
+            let rows = [after.checked_sub(1), Some(after)].into_iter().flatten().filter(|row| at(*row).is_some());
+            let distance_s = |row: &usize| (record.time_s[*row] - wanted_s).abs();
+            rows.min_by(|a, b| distance_s(a).total_cmp(&distance_s(b))).filter(|row| distance_s(row) < NEAR * after_s)
+        };
+        let (here_s, here_m) = (record.time_s[row], at(row)?);
+        let before_m = if row == 0 { 0.0 } else { here_m - at(near(here_s - after_s)?)? };
+        Some(at(near(here_s + after_s)?)? - here_m - before_m)
     };
-    let trials = (0..TRIALS).map(|k| interval_s * f64::from(k).exp2());
-    let (left_m, before_s) = trials.filter_map(earlier).min_by(|a, b| a.0.total_cmp(&b.0))?;
-    let noise_m = if looked.noise_m > 0.0 { looked.noise_m } else { left_m };
-    if left_m > LEFT * fit.left_sd_m || fit.left_sd_m < MISFIT_NOISES * noise_m {
+    let switched_n = |row: usize| record.force_n[row] - record.before_n(row);
+    let steps = record.force_step_rows();
+    let alike = steps.iter().filter(|row| **row > 0 && switched_n(**row).abs() > ALIKE * first_n.abs());
+    let others: Vec<f64> = alike.filter_map(|row| Some(motion_m(*row)? / switched_n(*row))).collect();
+    let other_m_per_n = record::robust::median(others)?;
+    let expected_m = other_m_per_n * first_n;
+    let found_m = motion_m(0)?;
+    if expected_m.abs() < (SHOWS_NOISES * looked.noise_m).max(1e-3 * looked.range_m) || found_m / expected_m > SLOWER {
         return None;
     }
     let text = format!(
-        "the record starts under load: positions fit a force that began about {} s before the first row ({} µm are left instead of {} µm)",
-        significant(before_s, 1),
-        um(left_m),
-        um(fit.left_sd_m)
+        "the record starts under load: {} µN act from the first row on, and the body moves by {} µm in the first {} s, where other switches make {} µm",
+        um(first_n),
+        um(found_m),
+        significant(after_s, 2),
+        um(expected_m)
     );
-    let advice = format!(
-        "write when the first row's force began, in the table's time, as in `load_start_s = {}` in [measurement]",
-        significant(-before_s, 1).replace('−', "-")
-    );
+    let advice = "say when the first force began, in s of the table's time: `load_start_s = -3.0` in [measurement] if that was 3 s before time 0; or begin the table before the load";
     Some(found("starts_under_load", true, text, advice))
 }

@@ -37,6 +37,8 @@ pub(super) struct Block {
     pub header: Header,
     /// What stands above the header; empty where nothing does.
     pub title: String,
+    /// Last columns that are empty in every row: rows may end in a delimiter.
+    pub n_empty: usize,
 }
 
 impl Block {
@@ -105,7 +107,10 @@ pub(super) fn blocks(lines: &[&str]) -> Option<Vec<Block>> {
         let (n_values, n_others) = counts(&cells, found.decimal);
         // A row of a table may have lost all but its time.
         let is_row = n_values >= 2 && n_values >= n_others || n_values == 1 && n_others == 0 && !blocks.is_empty();
-        if !is_row {
+        // Words with two numbers, as above the next table of an export.
+        let is_preamble = n_others > 0
+            && blocks.last().is_some_and(|block| block.n_rows >= FEWEST_ROWS && cells.len() < block.layout.n_cells);
+        if !is_row || is_preamble {
             continue;
         }
         let fresh = Layout { first: index, n_cells: cells.len(), ..found.clone() };
@@ -115,7 +120,14 @@ pub(super) fn blocks(lines: &[&str]) -> Option<Vec<Block>> {
             Some(_) => header(lines, after, &fresh, 0).line.is_some(),
         };
         if begins {
-            blocks.push(Block { layout: fresh, end: 0, n_rows: 0, header: Header::default(), title: String::new() });
+            blocks.push(Block {
+                layout: fresh,
+                end: 0,
+                n_rows: 0,
+                header: Header::default(),
+                title: String::new(),
+                n_empty: 0,
+            });
         }
         if let Some(block) = blocks.last_mut() {
             // Short lines of numbers above a table are its preamble.
@@ -130,8 +142,8 @@ pub(super) fn blocks(lines: &[&str]) -> Option<Vec<Block>> {
     let mut before = 0;
     for block in &mut blocks {
         let rows = &lines[block.layout.first..block.end];
-        let n_empty = n_empty_at_end(rows, &block.layout);
-        block.header = header(lines, before, &block.layout, n_empty);
+        block.n_empty = n_empty_at_end(rows, &block.layout);
+        block.header = header(lines, before, &block.layout, block.n_empty);
         block.title = title(lines, before, block);
         before = block.end;
     }
@@ -202,7 +214,8 @@ fn header(lines: &[&str], from: usize, layout: &Layout, n_empty: usize) -> Heade
 
 /// The nearest line above a table's header, as words.
 fn title(lines: &[&str], from: usize, block: &Block) -> String {
-    let above = (from..block.header.line.unwrap_or(block.layout.first)).rev().find(|index| !lines[*index].trim().is_empty());
+    let above =
+        (from..block.header.line.unwrap_or(block.layout.first)).rev().find(|index| !lines[*index].trim().is_empty());
     let words = above.map_or(Vec::new(), |index| lines[index].split_whitespace().collect());
     words.join(" ").chars().take(LONGEST_TITLE).collect()
 }

@@ -244,9 +244,7 @@ fn track(measurement: Table<'_>, columns: Table<'_>) -> Result<Option<(ColumnNam
         (false, false) => Ok(None),
         (true, false) => Err(measurement.missing("track", "track = \"0\"")),
         (false, true) => Err(columns.missing("track", "track = \"TRACK_ID\"")),
-        (true, true) => {
-            Ok(Some((column(columns, "track")?, measurement.required_text("track", "track = \"0\"")?)))
-        }
+        (true, true) => Ok(Some((column(columns, "track")?, measurement.required_text("track", "track = \"0\"")?))),
     }
 }
 

@@ -15,10 +15,10 @@ pub use description::{BlankForce, ColumnName, PositionColumns, TableDescription,
 pub(super) use description::{KEYS, SWEEP_KEYS, Units, column, one_of};
 pub use propose::{Ask, Given, Looked, Proposal, Question, look, propose};
 pub(crate) use read::read_described;
-pub use unread::UnreadColumn;
-pub(crate) use unread::unread_columns;
 pub use read::{ColumnNames, text_in};
 pub(super) use spelling::split_unit;
 pub use spelling::{Spelt, unit};
 pub use text::{Decimal, Delimiter, Encoding, Thousands, table_text};
 pub(super) use text::{cells, is_aside};
+pub use unread::UnreadColumn;
+pub(crate) use unread::unread_columns;

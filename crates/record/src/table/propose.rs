@@ -83,6 +83,8 @@ pub struct Proposal {
     pub n_lost: usize,
     /// Length of the record, in s.
     pub duration_s: f64,
+    /// Time of the first row if a force acts in it, in s.
+    pub loaded_from_s: Option<f64>,
     /// Smallest and largest force, in N.
     pub force_n: [f64; 2],
     /// Smallest and largest position from where it is 0, in m.
@@ -246,10 +248,11 @@ pub fn propose(file: &Path, bytes: &[u8], given: &Given, ask: Ask<'_>) -> Result
         values.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], x| [low.min(x), high.max(x)])
     };
     Ok(Proposal {
-        columns: described.header().names.clone(),
+        columns: named_columns(tables[0]),
         reasons,
         n_rows: trajectory.time_s.len(),
         n_lost: trajectory.position_m.iter().filter(|x| x.is_none()).count(),
+        loaded_from_s: trajectory.time_s.first().copied().filter(|_| trajectory.force_n.first() != Some(&0.0)),
         duration_s: trajectory.time_s.last().zip(trajectory.time_s.first()).map_or(0.0, |(last, first)| last - first),
         force_n: ends(&mut trajectory.force_n.iter().copied()),
         position_m: ends(&mut trajectory.position_m.iter().flatten().copied()),
@@ -257,6 +260,15 @@ pub fn propose(file: &Path, bytes: &[u8], given: &Given, ask: Ask<'_>) -> Result
         frame,
         has_noisy_levels,
     })
+}
+
+/// Names of the columns but for those at the end that have neither a name nor a cell.
+fn named_columns(table: &Block) -> Vec<String> {
+    let mut names = table.header.names.clone();
+    while names.len() + table.n_empty > table.layout.n_cells && names.last().is_some_and(String::is_empty) {
+        names.pop();
+    }
+    names
 }
 
 fn tables_of(file: &Path, lines: &[&str]) -> Result<Vec<Block>> {
@@ -281,14 +293,19 @@ enum Chosen<'a> {
 fn listed_table(number: usize, table: &Block) -> String {
     let [first, last] = table.lines();
     let title = if table.title.is_empty() { String::new() } else { format!(" \"{}\"", table.title) };
-    format!("table {number}{title}: lines {first} to {last}, {} rows of {}", table.n_rows, table.header.names.join(", "))
+    format!(
+        "table {number}{title}: lines {first} to {last}, {} rows of {}",
+        table.n_rows,
+        table.header.names.join(", ")
+    )
 }
 
 fn chosen_tables<'a>(file: &Path, all: &'a [Block], given: &Given, ask: Ask<'_>) -> Result<Chosen<'a>> {
     let setting = Setting::Tables;
     let Some(said) = given.tables.as_deref() else {
         let first = &all[0];
-        let is_like = |other: &Block| other.header.names == first.header.names && other.header.units == first.header.units;
+        let is_like =
+            |other: &Block| other.header.names == first.header.names && other.header.units == first.header.units;
         if all.iter().all(is_like) {
             return Ok(Chosen::Joined(all.iter().collect()));
         }
@@ -297,9 +314,11 @@ fn chosen_tables<'a>(file: &Path, all: &'a [Block], given: &Given, ask: Ask<'_>)
     if said == "all" {
         return Ok(Chosen::Joined(all.iter().collect()));
     }
-    let numbers = said.split(',').map(|number| number.trim().parse::<usize>().ok().filter(|n| (1..=all.len()).contains(n)));
+    let numbers =
+        said.split(',').map(|number| number.trim().parse::<usize>().ok().filter(|n| (1..=all.len()).contains(n)));
     let mut numbers: Vec<usize> = numbers.collect::<Option<_>>().ok_or_else(|| {
-        let remedy = format!("give numbers from 1 to {}, as in `{setting} 1` or `{setting} 1,2`, or `{setting} all`", all.len());
+        let remedy =
+            format!("give numbers from 1 to {}, as in `{setting} 1` or `{setting} 1,2`, or `{setting} all`", all.len());
         Error::input(Place::setting(setting), format!("`{said}` names no tables of {}", file.display()), remedy)
     })?;
     numbers.sort_unstable();
@@ -385,7 +404,8 @@ impl Described<'_> {
         }
         let taken: Vec<usize> = columns.into_iter().flatten().chain(other_axes.iter().copied()).collect();
         let first_row = cells(lines[layout.first], layout.delimiter);
-        let cell = |role: Role| columns[role as usize].and_then(|at| first_row.get(at)).map_or("", |cell| cell.as_ref());
+        let cell =
+            |role: Role| columns[role as usize].and_then(|at| first_row.get(at)).map_or("", |cell| cell.as_ref());
         let own_unit = |role: Role| columns[role as usize].and_then(|at| header.units.get(at).cloned().flatten());
         let called = |role: Role| columns[role as usize].and_then(|at| header.names.get(at)).map_or("", String::as_str);
         let has_form = |role: Role| {
@@ -446,11 +466,23 @@ impl Described<'_> {
             reasons.push(format!("the rows of track `{track}` are read, by the column {}", spoken(column)));
         }
         let force_at = columns[Role::Force as usize];
+        let thousands = self.thousands(&taken, reasons)?;
+        let written = written(bytes, lines, tables[0]);
+        let decimal = match thousands {
+            Some(Thousands::Point) => Decimal::Comma,
+            Some(Thousands::Comma) => Decimal::Point,
+            None => written.decimal,
+        };
         Ok(TableDescription {
             layout: TableLayout {
-                thousands: self.thousands(&taken, reasons)?,
-                row_lines: if tables.len() > 1 || self.is_followed() { tables.iter().map(|table| table.lines()).collect() } else { Vec::new() },
-                ..written(bytes, lines, tables[0])
+                thousands,
+                decimal,
+                row_lines: if tables.len() > 1 || self.is_followed() {
+                    tables.iter().map(|table| table.lines()).collect()
+                } else {
+                    Vec::new()
+                },
+                ..written
             },
             time: (wanted(Role::Time), time_format),
             force: Some((wanted(Role::Force), unit_of(Role::Force)?)),
@@ -479,7 +511,8 @@ impl Described<'_> {
         let by_name = || {
             let is_track = |name: &String| {
                 let plain: String = name.to_lowercase().chars().filter(|c| c.is_alphanumeric()).collect();
-                ["track", "trackid", "particle", "particleid", "trajectory", "trajectoryid", "bead", "beadid"].contains(&plain.as_str())
+                ["track", "trackid", "particle", "particleid", "trajectory", "trajectoryid", "bead", "beadid"]
+                    .contains(&plain.as_str())
             };
             names.iter().position(is_track).filter(|at| !taken.contains(at))
         };
@@ -516,7 +549,9 @@ impl Described<'_> {
                 format!("the rows are of several tracks: {}", list.join(", ")),
                 format!(
                     "choose one with `{0} {1}`; for a cohort, make an experiment of each with `{2}`",
-                    Setting::Track, tracks[0].0, Setting::Out
+                    Setting::Track,
+                    tracks[0].0,
+                    Setting::Out
                 ),
             )),
         }
@@ -528,10 +563,15 @@ impl Described<'_> {
         let named = |word: &str| BlankForce::ALL.into_iter().find(|blank| blank.name() == word);
         if let Some(word) = &self.given.blank_force {
             return named(word).map(Some).ok_or_else(|| {
-                Error::input(Place::setting(setting), format!("`{word}` is no meaning of a blank force"), "give `above` or `zero`")
+                Error::input(
+                    Place::setting(setting),
+                    format!("`{word}` is no meaning of a blank force"),
+                    "give `above` or `zero`",
+                )
             });
         }
-        let is_blank = |row: &Vec<std::borrow::Cow<'_, str>>| force.and_then(|at| row.get(at)).is_some_and(|cell| is_lost(cell));
+        let is_blank =
+            |row: &Vec<std::borrow::Cow<'_, str>>| force.and_then(|at| row.get(at)).is_some_and(|cell| is_lost(cell));
         if !self.rows().any(|row| is_blank(&row)) {
             return Ok(None);
         }
@@ -568,7 +608,9 @@ impl Described<'_> {
                         return Ok(None);
                     }
                     n_grouped += 1;
-                } else if cell.trim_start_matches(['+', '-']).len() <= 3 && cell.parse::<f64>().is_ok_and(|number| number != 0.0) {
+                } else if cell.trim_start_matches(['+', '-']).len() <= 3
+                    && cell.parse::<f64>().is_ok_and(|number| number != 0.0)
+                {
                     n_small += 1;
                 }
             }
@@ -590,7 +632,8 @@ impl Described<'_> {
         let mut ends = Vec::new();
         for table in self.tables {
             let [first, last] = table.lines();
-            let rows = trajectory.lines.partition_point(|line| *line < first)..trajectory.lines.partition_point(|line| *line <= last);
+            let rows = trajectory.lines.partition_point(|line| *line < first)
+                ..trajectory.lines.partition_point(|line| *line <= last);
             let known = trajectory.position_m[rows].iter().flatten().copied();
             let Some([first, last, low, high]) = known.fold(None, |ends: Option<[f64; 4]>, x| {
                 Some(ends.map_or([x; 4], |[first, _, low, high]| [first, x, low.min(x), high.max(x)]))
@@ -613,7 +656,10 @@ impl Described<'_> {
             // With a column of cycles, or at the border of two tables, the clock is known to begin anew within one recording.
             let cycle_begins = |row: usize| trajectory.cycle.as_ref().is_some_and(|cycle| cycle[row] > cycle[row - 1]);
             let table_begins = |row: usize| self.tables.iter().any(|table| table.lines()[0] == trajectory.lines[row]);
-            if !restarts.is_empty() && !told.joins_restarts && restarts.iter().all(|row| cycle_begins(*row) || table_begins(*row)) {
+            if !restarts.is_empty()
+                && !told.joins_restarts
+                && restarts.iter().all(|row| cycle_begins(*row) || table_begins(*row))
+            {
                 description.time_rules.joins_restarts = true;
                 reasons.push(format!(
                     "the clock begins again {} times and is taken to go on from the row before (time_restarts = \"join\")",
@@ -621,10 +667,16 @@ impl Described<'_> {
                 ));
             }
             let n_ties = trajectory.ordered.n_ties;
-            if n_ties as f64 >= COARSE * trajectory.time_s.len() as f64 && description.track.is_none() && !told.spreads_ties {
+            if n_ties as f64 >= COARSE * trajectory.time_s.len() as f64
+                && description.track.is_none()
+                && !told.spreads_ties
+            {
                 let strict = with_times(description, TimeRules { spreads_ties: false, ..description.time_rules });
                 // Rows of several tracks have equal times, too, and are refused by name.
-                if read(&strict).err().is_some_and(|error| error.to_string().contains(Setting::TimeTies.to_string().as_str())) {
+                if read(&strict)
+                    .err()
+                    .is_some_and(|error| error.to_string().contains(Setting::TimeTies.to_string().as_str()))
+                {
                     description.time_rules.spreads_ties = true;
                     reasons.push(format!(
                         "{n_ties} rows have the time of the row before, for the clock is coarse: they are spread evenly over its steps (time_ties = \"spread\")"
@@ -884,10 +936,12 @@ impl Seen<'_> {
             None => {
                 let is_current =
                     |unit: &Option<Spelt>| unit.as_ref().is_some_and(|unit| unit.dimension == Dimension::Current);
-                let of_current = if role == Role::Force && header.units.iter().any(is_current) {
-                    "; a coil's current becomes a force in [actuation], which docs/experiment.md describes"
-                } else {
-                    ""
+                let of_current = match role {
+                    Role::Force if header.units.iter().any(is_current) => {
+                        "; a coil's current becomes a force in [actuation], which docs/experiment.md describes"
+                    }
+                    Role::Force => "; a force in a file of its own is described in [actuation], see docs/experiment.md",
+                    _ => "",
                 };
                 let remedy =
                     format!("say which it is with `{setting} NAME` or its number; {}{of_current}", self.listed());

@@ -201,11 +201,8 @@ pub(crate) fn read_described(file: &Path, text: &str, description: &TableDescrip
     }
     trajectory.check_length(file, layout.first_row_line)?;
     let place = |row: usize| Place::file(file).at_line(trajectory.lines[row]).at_key(columns.time.1.as_str());
-    let rows = Rows {
-        time_s: &mut trajectory.time_s,
-        force_n: &mut trajectory.force_n,
-        position_m: &trajectory.position_m,
-    };
+    let rows =
+        Rows { time_s: &mut trajectory.time_s, force_n: &mut trajectory.force_n, position_m: &trajectory.position_m };
     trajectory.ordered = order_times(&place, description.time_rules, &starts, rows)?;
     trajectory.clock_zero_s = clock.first_s.unwrap_or(0.0);
     Ok(trajectory)

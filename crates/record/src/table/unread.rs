@@ -68,7 +68,8 @@ pub(crate) fn unread_columns(
     let follows = |place: usize| {
         let pairs = &values[place];
         // Counters and clocks only grow.
-        let is_monotone = pairs.windows(2).all(|two| two[0].0 <= two[1].0) || pairs.windows(2).all(|two| two[0].0 >= two[1].0);
+        let is_monotone =
+            pairs.windows(2).all(|two| two[0].0 <= two[1].0) || pairs.windows(2).all(|two| two[0].0 >= two[1].0);
         if is_monotone || (n_numbers[place] as f64) < MOSTLY * n_rows as f64 {
             return None;
         }

@@ -1,0 +1,403 @@
+//! Tables that a reader can misread: each kind in some variants, written here by hand, ends as the record that was written or is refused with its cause.
+
+use std::fmt::Write as _;
+
+use vitreo_uq::documents::init::InitSummary;
+use vitreo_uq::jobs::init::{InitRequest, run};
+use vitreo_uq::posterior::check::contradictions;
+use vitreo_uq::record::table::Given;
+use vitreo_uq::record::{Experiment, ExperimentFiles};
+
+const INTERVAL_S: f64 = 0.05;
+const N_ROWS: usize = 600;
+const N_CYCLE: usize = 200;
+
+/// Time (s), force (µN), position (µm): three cycles of a pull and a rest, of a Lethersich body in closed form with uniform noise of ±1 µm.
+fn truth() -> Vec<[f64; 3]> {
+    let creep = |t: f64| 700.0 * (1.0 - (-t / 0.4).exp()) + 50.0 * t;
+    (0..N_ROWS)
+        .map(|row| {
+            let t = INTERVAL_S * row as f64;
+            let switches = (0..6).map(|k| (5.0 * f64::from(k), if k % 2 == 0 { 1.0 } else { -1.0 }));
+            let x: f64 = switches.filter(|(at, _)| t > *at).map(|(at, sign)| sign * creep(t - at)).sum();
+            let force = if row / 100 % 2 == 0 { 4.6 } else { 0.0 };
+            [t, force, x + noise(row)]
+        })
+        .collect()
+}
+
+/// Between −1 and 1, of an irrational rotation.
+fn noise(row: usize) -> f64 {
+    2.0 * (row as f64 * 0.754_877_666).fract() - 1.0
+}
+
+fn rows(line: impl Fn(usize, [f64; 3]) -> String) -> String {
+    truth().into_iter().enumerate().map(|(row, values)| line(row, values) + "\n").collect()
+}
+
+fn plain() -> String {
+    format!("Time (s),Force (uN),Position (um)\n{}", rows(|_, [t, f, x]| format!("{t:.3},{f},{x:.3}")))
+}
+
+type Read = (InitSummary, Experiment, ExperimentFiles);
+
+/// `init` of a table, an edit of its description, and the experiment.
+fn edited(text: &str, given: Given, edit: impl Fn(&str) -> String) -> Result<Read, String> {
+    let folder = tempfile::tempdir().expect("a folder");
+    let (file, out) = (folder.path().join("a.csv"), folder.path().join("a"));
+    std::fs::write(&file, text).expect("room on the disk");
+    let sizes = [Some(0.55), Some(20.0), Some(0.48)];
+    let request = InitRequest { file, out: Some(out.clone()), given, sizes, ..InitRequest::default() };
+    let (summary, _) = run(&request, &mut |_| None).map_err(|error| error.to_string())?;
+    let toml = out.join("experiment.toml");
+    let description = std::fs::read_to_string(&toml).expect("a description");
+    std::fs::write(&toml, edit(&description)).expect("room on the disk");
+    let (experiment, files) = Experiment::read(&out).map_err(|error| error.to_string())?;
+    Ok((summary, experiment, files))
+}
+
+fn read(text: &str, given: Given) -> Result<Read, String> {
+    edited(text, given, str::to_string)
+}
+
+fn refused(text: &str, given: Given) -> String {
+    read(text, given).err().expect("a refusal")
+}
+
+/// Largest differences in time (s), force (µN) and position (µm) from the truth, positions up to their zero.
+fn distances(experiment: &Experiment) -> [f64; 3] {
+    let record = &experiment.record;
+    assert_eq!(record.n_rows(), N_ROWS);
+    let mut largest = [0.0_f64; 3];
+    let shift = record.position_m[0].map_or(0.0, |x| 1e6 * x) - truth()[0][2];
+    for (row, [t, f, x]) in truth().into_iter().enumerate() {
+        let position = record.position_m[row].map_or(x, |position_m| 1e6 * position_m - shift);
+        let apart = [record.time_s[row] - t, 1e6 * record.force_n[row] - f, position - x];
+        (0..3).for_each(|k| largest[k] = largest[k].max(apart[k].abs()));
+    }
+    largest
+}
+
+#[track_caller]
+fn assert_is_truth(text: &str, given: Given) -> InitSummary {
+    let (summary, experiment, _) = read(text, given).expect("an experiment");
+    let apart = distances(&experiment);
+    assert!(apart[0] < 1e-6 && apart[1] < 1e-6 && apart[2] < 2e-3, "{apart:?} {summary:?}");
+    summary
+}
+
+fn kinds(experiment: &Experiment, files: &ExperimentFiles) -> Vec<String> {
+    contradictions(experiment, &files.understood).into_iter().map(|found| found.kind).collect()
+}
+
+fn said(word: &str) -> Option<String> {
+    Some(word.into())
+}
+
+#[test]
+fn a_sound_record_has_no_contradiction() {
+    let (_, experiment, files) = read(&plain(), Given::default()).expect("an experiment");
+    assert_eq!(kinds(&experiment, &files), [""; 0]);
+}
+
+#[test]
+fn several_tables_of_one_recording_are_joined() {
+    let header = "Time (s)\tForce (uN)\tPosition (um)";
+    let table = |from: usize, to: usize, zero_s: f64| -> String {
+        truth()[from..to].iter().fold(String::new(), |mut text, [t, f, x]| {
+            let _ = writeln!(text, "{:.3}\t{f}\t{x:.3}", t - zero_s);
+            text
+        })
+    };
+    // One clock, a clock for each step, and titles above.
+    let one_clock = format!("{header}\n{}\n{header}\n{}", table(0, 200, 0.0), table(200, 600, 0.0));
+    let own_clocks = format!("{header}\n{}\n\n{header}\n{}", table(0, 200, 0.0), table(200, 600, 10.0));
+    let step = |title: &str, rows: String| format!("[step]\n{title}\nTime\tForce\tPosition\ns\tuN\tum\n{rows}\n");
+    let steps = step("Pull - 1", table(0, 200, 0.0))
+        + &step("Pull - 2", table(200, 400, 0.0))
+        + &step("Pull - 3", table(400, 600, 0.0));
+    for text in [one_clock.clone(), own_clocks, steps] {
+        let summary = assert_is_truth(&text, Given::default());
+        assert!(summary.reasons.iter().any(|reason| reason.contains("joined in time")), "{summary:?}");
+    }
+    let (summary, experiment, _) = read(&one_clock, Given { tables: said("2"), ..Given::default() }).expect("one");
+    assert_eq!(experiment.record.n_rows(), 400);
+    assert!(summary.reasons.iter().any(|reason| reason.contains("lines 2 to 201") && reason.ends_with("not read")));
+}
+
+#[test]
+fn tables_that_are_no_one_recording_are_listed_and_chosen() {
+    let fresh = |from: usize, to: usize, shift_um: f64| -> String {
+        truth()[from..to]
+            .iter()
+            .map(|[t, f, x]| format!("{:.3},{f},{:.3}\n", t - 0.05 * from as f64, x + shift_um))
+            .collect()
+    };
+    let header = "Time (s),Force (uN),Position (um)\n";
+    let two_beads = format!("{header}{}\n{header}{}", fresh(0, 300, 0.0), fresh(0, 300, 5000.0));
+    let other_columns = format!("{}\nTime (s),Force (uN),Temperature (C)\n0,1,20\n1,1,20\n2,1,21\n", plain());
+    for text in [two_beads, other_columns.clone()] {
+        let text = refused(&text, Given::default());
+        assert!(text.contains("table 1: lines 2 to") && text.contains("table 2: lines"), "{text}");
+    }
+    assert_is_truth(&other_columns, Given { tables: said("1"), ..Given::default() });
+}
+
+#[test]
+fn a_motion_in_space_is_projected_and_an_unread_coordinate_is_named() {
+    let along = |line: [f64; 3]| {
+        rows(move |_, [t, f, x]| {
+            let at = |k: usize| 100.0 * (k + 1) as f64 + x * line[k];
+            format!("{t:.3},{f},{:.6},{:.6},{:.6}", at(0), at(1), at(2))
+        })
+    };
+    let third = 3.0_f64.sqrt().recip();
+    for line in [[third; 3], [2.0 / 3.0, -1.0 / 3.0, 2.0 / 3.0], [0.6, 0.8, 0.0]] {
+        let text = format!("time_s,force_uN,x_um,y_um,z_um\n{}", along(line));
+        let summary = assert_is_truth(&text, Given::default());
+        assert_eq!(summary.columns.iter().any(|column| column.role == "position_z"), line[2] != 0.0);
+        let axes = [said("x_um"), said("y_um"), None];
+        let (_, experiment, files) = read(&text, Given { axes, ..Given::default() }).expect("an experiment");
+        let is_named = kinds(&experiment, &files).contains(&"unread_column_follows".to_string());
+        assert_eq!(is_named, line[2] != 0.0, "{line:?}");
+    }
+}
+
+#[test]
+fn times_that_begin_again_are_joined_where_the_recording_went_on() {
+    let cycles = |first_row_s: f64, with_cycle: bool| {
+        let line = move |row: usize, [_, f, x]: [f64; 3]| {
+            let t = INTERVAL_S * (row % N_CYCLE) as f64 + first_row_s;
+            let cycle = if with_cycle { format!(",{}", row / N_CYCLE + 1) } else { String::new() };
+            format!("{t:.3},{f},{x:.3}{cycle}")
+        };
+        let cycle = if with_cycle { ",cycle" } else { "" };
+        format!("time_s,force_uN,position_um{cycle}\n{}", rows(line))
+    };
+    assert_is_truth(&cycles(0.0, true), Given::default());
+    let text = refused(&cycles(0.0, false), Given::default());
+    assert!(text.contains("time begins again") && text.contains("time_restarts = \"join\""), "{text}");
+    assert_is_truth(&cycles(0.0, false), Given { time_restarts: said("join"), ..Given::default() });
+    let unsorted = plain().replace("0.400,4.6,", "0.300,4.6,");
+    assert!(refused(&unsorted, Given::default()).contains("stands in two rows"));
+}
+
+#[test]
+fn a_coarse_clock_is_spread_and_tracks_are_told_apart() {
+    let clock = rows(|row, [_, f, x]| format!("10:00:{:02},{f},{x:.3}", row / 20));
+    let seconds = rows(|_, [t, f, x]| format!("{:.0},{f},{x:.3}", t.floor()));
+    let late = rows(|row, [_, f, x]| format!("10:00:{:02},{f},{x:.3}", (row + 10) / 20));
+    for (header, text) in [("time", clock), ("time_s", seconds)] {
+        let summary = assert_is_truth(&format!("{header},force_uN,position_um\n{text}"), Given::default());
+        assert!(summary.reasons.iter().any(|reason| reason.contains("spread evenly")), "{summary:?}");
+    }
+    // The first second has ten rows: the record began within it.
+    let (_, experiment, _) = read(&format!("time,force_uN,position_um\n{late}"), Given::default()).expect("a record");
+    let steps: Vec<f64> = experiment.record.time_s.windows(2).map(|pair| pair[1] - pair[0]).collect();
+    assert!(steps.iter().all(|step| (step - INTERVAL_S).abs() < 1e-9), "{steps:?}");
+
+    let beads = rows(|_, [t, f, x]| format!("0,{t:.3},{f},{x:.3}\n1,{t:.3},{f},{:.3}", 900.0 - 0.01 * x));
+    let named = format!("TRACK_ID,time_s,force_uN,position_um\n{beads}");
+    let text = refused(&named, Given::default());
+    assert!(text.contains("0 (600 rows), 1 (600 rows)"), "{text}");
+    assert_is_truth(&named, Given { track: [None, said("0")], ..Given::default() });
+    let nameless = format!("id,time_s,force_uN,position_um\n{beads}");
+    let text = refused(&nameless, Given::default());
+    assert!(text.contains("several tracks"), "{text}");
+    assert_is_truth(&nameless, Given { track: [said("id"), said("0")], ..Given::default() });
+}
+
+#[test]
+fn header_lines_of_a_tracker_are_names_and_units() {
+    let line = |row: usize, [t, f, x]: [f64; 3]| format!("ID{row},0,{:.4},299.5,0.0,{t:.3},{row},{f}", 512.0 + x);
+    let above =
+        "LABEL,TRACK_ID,POSITION_X,POSITION_Y,POSITION_Z,POSITION_T,FRAME,FORCE\nLabel,Track ID,X,Y,Z,T,Frame,Force\n";
+    let text =
+        format!("{above}Label,Track ID,X,Y,Z,T,Frame,F\n,,(micron),(micron),(micron),(sec),,(uN)\n{}", rows(line));
+    let summary = assert_is_truth(&text, Given::default());
+    let names: Vec<&str> = summary.columns.iter().map(|column| column.name.as_str()).collect();
+    assert_eq!(names, ["T", "F", "X", "Y"]);
+}
+
+#[test]
+fn dates_may_begin_with_the_day_or_the_month() {
+    let at = |row: usize, date: &str, between: &str| {
+        let t = INTERVAL_S * row as f64;
+        format!("{date} 10:02:{:02}{between}{:03}", t as usize, (1000.0 * t).round() as usize % 1000)
+    };
+    let german = rows(|row, [_, f, x]| {
+        format!("{};{f};{x:.3}", at(row, "17.02.2020", ",")).replace('.', ",").replace("17,02,2020", "17.02.2020")
+    });
+    let american = rows(|row, [_, f, x]| format!("{} AM;{f};{x:.3}", at(row, "2/17/2020", ".")));
+    let unclear = rows(|row, [_, f, x]| format!("{};{f};{x:.3}", at(row, "02/03/2020", ".")));
+    for text in [german, american, unclear] {
+        assert_is_truth(&format!("time;force [uN];position [um]\n{text}"), Given::default());
+    }
+    let midnight = rows(|row, [_, f, x]| {
+        let (date, second) =
+            if row < 300 { ("02/03/2020 23:59:4", row / 60) } else { ("03/03/2020 00:00:0", (row - 300) / 60) };
+        format!("{date}{second}.{:03};{f};{x:.3}", 16 * (row % 60))
+    });
+    let text = format!("time;force [uN];position [um]\n{midnight}");
+    assert!(refused(&text, Given::default()).contains("day or with the month"));
+    let units = [said("day-first"), None, None];
+    let (_, experiment, _) = read(&text, Given { units, ..Given::default() }).expect("a record");
+    assert!(experiment.record.time_s[599] < 30.0);
+}
+
+#[test]
+fn signs_between_thousands_are_told_from_decimal_signs() {
+    let grouped = |value: f64| {
+        let whole = value.round().abs() as u64;
+        let sign = if value < 0.0 && whole > 0 { "-" } else { "" };
+        if whole < 1000 { format!("{sign}{whole}") } else { format!("{sign}{}.{:03}", whole / 1000, whole % 1000) }
+    };
+    let text = rows(|row, [_, f, x]| format!("{};{:.0};{}", 50 * row, 1000.0 * f, grouped(1000.0 * x)));
+    let text = format!("Zeit [ms];Kraft [nN];Weg [nm]\n{text}");
+    let summary = assert_is_truth(&text, Given::default());
+    assert!(summary.reasons.iter().any(|reason| reason.contains("between thousands")), "{summary:?}");
+    let as_decimals = read(&text, Given { thousands: said("none"), ..Given::default() }).expect("a record").1;
+    assert!(distances(&as_decimals)[2] > 100.0);
+    // Three decimals in every row are decimals.
+    let decimals = rows(|_, [t, f, x]| format!("{t:.3};{f:.3};{:.3}", 100.0 + x));
+    assert_is_truth(&format!("Zeit [s];Kraft [uN];Weg [um]\n{decimals}"), Given::default());
+}
+
+#[test]
+fn a_blank_force_is_asked_for() {
+    let on_change = rows(|row, [t, f, x]| {
+        let force = if row % 100 == 0 { f.to_string() } else { String::new() };
+        format!("{t:.3},{force},{x:.3}")
+    });
+    let text = format!("time_s,force_uN,position_um\n{on_change}");
+    let refusal = refused(&text, Given::default());
+    assert!(refusal.contains("line 3") && refusal.contains("blank_force = \"above\""), "{refusal}");
+    assert_is_truth(&text, Given { blank_force: said("above"), ..Given::default() });
+    let at_rest = plain().replace(",0,", ",,");
+    assert_is_truth(&at_rest, Given { blank_force: said("zero"), ..Given::default() });
+}
+
+#[test]
+fn values_that_stand_for_lost_tracking_are_found() {
+    for sentinel in ["-9999", "0.000", "65535"] {
+        let text = rows(|row, [t, f, x]| {
+            let position = if row % 23 == 7 { sentinel.to_string() } else { format!("{:.3}", 300.0 + x) };
+            format!("{t:.3},{f},{position}")
+        });
+        let text = format!("time_s,force_uN,position_um\n{text}");
+        let summary = assert_is_truth(&text, Given::default());
+        assert_eq!(summary.rows_without_position, N_ROWS.div_ceil(23) - usize::from(N_ROWS % 23 <= 7), "{sentinel}");
+        // Without that line of the description the record says so.
+        let dropped = |toml: &str| {
+            toml.lines().filter(|line| !line.starts_with("lost")).map(|line| format!("{line}\n")).collect()
+        };
+        let (_, experiment, files) = edited(&text, Given::default(), dropped).expect("an experiment");
+        assert!(kinds(&experiment, &files).contains(&"lost_positions".to_string()), "{sentinel}");
+    }
+}
+
+#[test]
+fn spellings_of_numbers_units_and_lines_are_known() {
+    let minus = plain().replace('-', "\u{2212}");
+    let trailing: String = plain()
+        .lines()
+        .enumerate()
+        .map(|(n, line)| if n == 0 { format!("{line}\n") } else { format!("{line},\n") })
+        .collect();
+    for text in [
+        minus,
+        trailing,
+        plain().replace('\n', "\r"),
+        plain().replace("(uN)", "(microN)").replace("(um)", "(microns)").replace("(s)", "(sec)"),
+    ] {
+        assert_is_truth(&text, Given::default());
+    }
+}
+
+#[test]
+fn a_sensors_noise_about_levels_is_taken_off() {
+    for size in [0.02, 0.05] {
+        let text = rows(|row, [t, f, x]| format!("{t:.3},{:.5},{x:.3}", f + size * noise(7 * row + 3)));
+        let (_, experiment, files) =
+            read(&format!("time_s,force_uN,position_um\n{text}"), Given::default()).expect("a record");
+        let apart = distances(&experiment);
+        assert!(apart[1] < 0.2 * size && kinds(&experiment, &files).is_empty(), "{size} {apart:?}");
+    }
+    let sine = rows(|row, [t, _, x]| format!("{t:.3},{:.5},{x:.3}", 4.6 * (0.1 * t).sin() + 0.02 * noise(row)));
+    let (_, experiment, _) = read(&format!("time_s,force_uN,position_um\n{sine}"), Given::default()).expect("a record");
+    assert!(experiment.record.force_n.windows(2).filter(|pair| pair[0] == pair[1]).count() < 5);
+}
+
+#[test]
+fn a_gap_and_outliers_are_named_by_row() {
+    let text: String = plain()
+        .lines()
+        .enumerate()
+        .filter(|(n, _)| !(201..401).contains(n))
+        .map(|(_, line)| format!("{line}\n"))
+        .collect();
+    let (_, experiment, files) = read(&text, Given::default()).expect("a record");
+    let found = contradictions(&experiment, &files.understood);
+    let gap = found.iter().find(|found| found.kind == "gap").expect("a gap");
+    assert!(gap.text.contains("from 9.950 to 20.00 s (201 sampling intervals; 0.00 µN"), "{gap:?}");
+
+    let text =
+        rows(|row, [t, f, x]| format!("{t:.3},{f},{:.3}", if [150, 340, 599].contains(&row) { x + 400.0 } else { x }));
+    let (_, experiment, files) =
+        read(&format!("time_s,force_uN,position_um\n{text}"), Given::default()).expect("a record");
+    let found = contradictions(&experiment, &files.understood);
+    let outliers = found.iter().find(|found| found.kind == "outliers").expect("outliers");
+    assert!(
+        ["3 positions", "(row 151)", "(row 341)", "(row 600)"].iter().all(|part| outliers.text.contains(part)),
+        "{outliers:?}"
+    );
+    let clean = read(&plain(), Given::default()).expect("a record").1.noise_yardstick().expect("a noise").sd_m;
+    assert!((experiment.noise_yardstick().expect("a noise").sd_m / clean - 1.0).abs() < 0.05);
+    // The remedy, followed.
+    let left_out = |toml: &str| {
+        toml.replace("delimiter", "left_out_s = [[7.49, 7.51], [16.99, 17.01], [29.94, 29.96]]\ndelimiter")
+    };
+    let (_, experiment, files) =
+        edited(&format!("time_s,force_uN,position_um\n{text}"), Given::default(), left_out).expect("a record");
+    assert!(kinds(&experiment, &files).is_empty() && distances(&experiment)[2] < 2e-3);
+}
+
+/// A force that a program polls once a second: the rows show it up to a second late. The remedy is a log with the times that the message lists.
+#[test]
+fn a_force_that_is_logged_late_is_recognised() {
+    for (late, sign) in [(13, 1.0), (6, 1.0), (13, -1.0)] {
+        let all = truth();
+        let force = |row: usize| if row < late { 0.0 } else { all[row - late][1] };
+        let text = rows(|row, [t, _, x]| format!("{t:.3},{},{:.3}", force(row), sign * x));
+        let text = format!("time_s,force_uN,position_um\n{text}");
+        let (_, experiment, files) = read(&text, Given::default()).expect("a record");
+        let found = contradictions(&experiment, &files.understood);
+        let late_found = found.iter().find(|found| found.kind == "force_logged_late").expect("found");
+        assert!(
+            late_found.advice.contains("5.0000") && !found.iter().any(|found| found.kind == "against_force"),
+            "{found:?}"
+        );
+        assert_eq!(files.understood.settled.is_reversed, sign < 0.0);
+    }
+}
+
+/// A record whose first rows, up to 3 s, were not kept. The remedy, followed, ends in the truth.
+#[test]
+fn a_record_that_starts_under_load_is_recognised() {
+    let kept = |from: usize| -> String {
+        let rows =
+            truth().into_iter().skip(from).map(|[t, f, x]| format!("{:.3},{f},{x:.3}\n", t - INTERVAL_S * from as f64));
+        format!("time_s,force_uN,position_um\n{}", rows.collect::<String>())
+    };
+    for from in [20, 60] {
+        let (_, experiment, files) = read(&kept(from), Given::default()).expect("a record");
+        assert!(kinds(&experiment, &files).contains(&"starts_under_load".to_string()), "{from}");
+        let start_s = -INTERVAL_S * from as f64;
+        let told = |toml: &str| toml.replace("# load_start_s = -3.0", &format!("load_start_s = {start_s:.3}"));
+        let (_, experiment, files) = edited(&kept(from), Given::default(), told).expect("a record");
+        assert!(kinds(&experiment, &files).is_empty(), "{:?}", kinds(&experiment, &files));
+        let record = &experiment.record;
+        assert_eq!((record.position_m[0], record.n_rows()), (None, N_ROWS - from + 1));
+        assert!((record.time_s[1] + start_s).abs() < 1e-9 && record.time_s[0] == 0.0);
+    }
+}
