@@ -11,7 +11,7 @@ if [[ -z ${VITREO_UQ:-} ]]; then
     cargo build --quiet --examples --bins
     export VITREO_UQ=$root/target/debug/vitreo-uq
 fi
-rm -rf target/wheels "$environment"
+rm -rf target/wheels "$environment" "$environment-newest"
 scripts/wheel.sh --debug
 "${PYTHON:-python3}" -m venv "$environment"
 # A user has this and nothing else: the module must do without ArviZ and PyTensor.
@@ -31,3 +31,19 @@ for script in module_and_program notebook pymc_ten_lines; do
     run "$script"
 done
 mypy --strict --no-error-summary --ignore-missing-imports --package vitreo_uq
+
+# The other generation of ArviZ and PyMC, which needs Python 3.12.
+newest=$(for name in python3.14 python3.13 python3.12 "${PYENV_ROOT:-$HOME/.pyenv}"/versions/3.1[2-4].*/bin/python3; do "$name" -c 'import sys; print(sys.executable)' 2>/dev/null && break; done || true)
+if [[ -z $newest ]]; then
+    echo "ArviZ 1 and PyMC 6: not checked, for no Python from 3.12 on is installed"
+    exit 0
+fi
+"$newest" -m venv "$environment-newest"
+PATH=$environment-newest/bin:$PATH
+python -m pip install --quiet --disable-pip-version-check "$root"/target/wheels/vitreo_uq-*.whl \
+    --requirement "$root/tests/python/wheel/requirements-newest.txt"
+mkdir newest
+cd newest
+for script in module_and_program pymc_ten_lines; do
+    run "$script"
+done

@@ -9,15 +9,16 @@ from vitreo_uq.errors import Error, InputError
 
 if TYPE_CHECKING:
     import arviz
+    import xarray
 
 GROUPS = ("posterior", "sample_stats", "log_likelihood", "observed_data")
 
 
-def read_study(path: str | os.PathLike[str], revision: str | None = None) -> "arviz.InferenceData":
+def read_study(path: str | os.PathLike[str], revision: str | None = None) -> "arviz.InferenceData | xarray.DataTree":
     """The draws of a study's revision (the last unless said), as ``posterior.nc`` holds them.
 
     ``posterior`` has one variable a parameter, shape (chain, draw), in the unit of its name; a chain is an independent ensemble. ``observed_data`` and
-    ``posterior_predictive`` are positions in µm, one a row. Raises `InputError` where there is no such revision, `Error` without ArviZ.
+    ``posterior_predictive`` are positions in µm, one a row. ArviZ 0.x gives its ``InferenceData``, ArviZ 1 an ``xarray.DataTree`` of the same groups. Raises `InputError` where there is no such revision, `Error` without ArviZ.
     """
     study = Path(path)
     if not (study / "inputs.sha256").is_file():
@@ -36,7 +37,6 @@ def read_study(path: str | os.PathLike[str], revision: str | None = None) -> "ar
         import arviz
     except ImportError:
         raise Error("ArviZ is not installed\n  what to do: pip install 'vitreo-uq[arviz]'") from None
-    # ArviZ 0.x gives InferenceData, 1.x a tree of the same groups.
     data: Any = arviz.from_netcdf(str(file))  # type: ignore[no-untyped-call, unused-ignore]
     missing = [group for group in GROUPS if not hasattr(data, group)]
     if missing:
