@@ -155,14 +155,19 @@ const SIZES: [AskedSize; 3] = [
 fn asked_size(size: &AskedSize, ask: Ask<'_>) -> Option<f64> {
     let mut text = size.what.to_string();
     loop {
-        let answer = ask(&Question { text, choices: Vec::new(), proposal: Some(UNKNOWN.into()) })?;
+        let question = Question { text, choices: Vec::new(), also: Vec::new(), proposal: Some(UNKNOWN.into()) };
+        let answer = ask(&question)?;
         if answer == UNKNOWN {
             return None;
         }
-        match answer.replace(',', ".").parse::<f64>() {
+        text = match answer.replace(',', ".").parse::<f64>() {
             Ok(value) if value.is_finite() && (size.allowed)(value) => return Some(value),
-            Ok(_) => text = format!("`{answer}`: {}; {}", size.allowed_in_words, size.what),
-            Err(_) => text = format!("`{answer}` is no number; {}", size.what),
+            Ok(_) => format!("`{answer}`: {}; {}", size.allowed_in_words, size.what),
+            Err(_) => format!("`{answer}` is no number; {}", size.what),
+        };
+        // A program that gives one answer for ever is not asked for ever.
+        if text == question.text {
+            return None;
         }
     }
 }

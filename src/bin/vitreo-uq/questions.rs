@@ -17,7 +17,7 @@ pub fn ask(question: &Question) -> Option<String> {
 }
 
 fn answer(question: &Question, input: &mut dyn std::io::BufRead, output: &mut dyn Write) -> Option<String> {
-    let Question { text, choices, proposal } = question;
+    let Question { text, choices, also, proposal } = question;
     let choices_said = if choices.is_empty() { String::new() } else { format!(" ({})", choices.join(", ")) };
     let proposed = proposal.as_ref().map_or(String::new(), |proposal| format!(" [{proposal}]"));
     loop {
@@ -30,7 +30,9 @@ fn answer(question: &Question, input: &mut dyn std::io::BufRead, output: &mut dy
         match proposal {
             Some(proposal) if said.is_empty() => return Some(proposal.clone()),
             _ if said.is_empty() => {}
-            _ if choices.is_empty() || choices.iter().any(|choice| choice == said) => return Some(said.into()),
+            _ if choices.is_empty() || choices.iter().chain(also).any(|choice| choice == said) => {
+                return Some(said.into());
+            }
             _ => writeln!(output, "`{said}` is none of them.").ok()?,
         }
     }
@@ -43,7 +45,7 @@ mod tests {
     #[test]
     fn an_answer_is_one_of_the_choices_or_the_proposal() {
         let choices = ["mN", "uN"].map(String::from).to_vec();
-        let question = Question { text: "unit".into(), choices, proposal: Some("uN".into()) };
+        let question = Question { text: "unit".into(), choices, also: vec!["1".into()], proposal: Some("uN".into()) };
         let answered = |typed: &str| {
             let mut shown = Vec::new();
             let said = answer(&question, &mut typed.as_bytes(), &mut shown);
@@ -53,6 +55,7 @@ mod tests {
         let (said, shown) = answered("kg\n mN \n");
         assert_eq!(said.as_deref(), Some("mN"));
         assert_eq!(shown, "unit (mN, uN) [uN]: `kg` is none of them.\nunit (mN, uN) [uN]: ");
+        assert_eq!(answered("1\n").0.as_deref(), Some("1"));
         assert_eq!(answered("").0, None);
     }
 }

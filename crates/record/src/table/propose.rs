@@ -57,6 +57,8 @@ pub struct Question {
     pub text: String,
     /// What may be answered; empty where anything may.
     pub choices: Vec<String>,
+    /// What may be answered, too, without being listed.
+    pub also: Vec<String>,
     /// What is proposed.
     pub proposal: Option<String>,
 }
@@ -145,14 +147,33 @@ impl Role {
 
     fn unit_question(self) -> Question {
         let (choices, proposal) = match self {
-            Self::Time => ("s ms us min h", "s"),
-            Self::Force => ("N mN uN nN pN", "uN"),
-            Self::Position | Self::Cycle => ("m mm um nm", "um"),
+            Self::Time => ("s, ms, us, min, h, clock, iso", "s"),
+            Self::Force => ("N, mN, uN, nN, pN", "uN"),
+            Self::Position | Self::Cycle => ("m, mm, um, nm", "um"),
         };
         Question {
-            text: format!("unit of the {}", self.name()),
-            choices: choices.split(' ').map(String::from).collect(),
+            text: format!("unit of the {} ({choices}, or so many of one as in `0.65 um`)", self.name()),
+            choices: Vec::new(),
+            also: Vec::new(),
             proposal: Some(proposal.into()),
+        }
+    }
+
+    /// Asks until the answer is a unit of this; `None` where nobody answers.
+    fn asked_unit(self, ask: Ask<'_>) -> Option<String> {
+        let mut question = self.unit_question();
+        loop {
+            let answer = ask(&question)?;
+            let is_format = self == Self::Time && TimeFormat::named(&answer).is_some();
+            if is_format || unit(&answer).is_some_and(|unit| Some(unit.dimension) == self.dimension()) {
+                return Some(answer);
+            }
+            let text = format!("`{answer}` is no unit of a {}; {}", self.name(), self.unit_question().text);
+            // A program that gives one answer for ever is not asked for ever.
+            if text == question.text {
+                return None;
+            }
+            question.text = text;
         }
     }
 
@@ -332,6 +353,7 @@ fn asked_table<'a>(file: &Path, all: &'a [Block], why: &str, ask: Ask<'_>) -> Re
     let question = Question {
         text: format!("which table ({})", list.join("; ")),
         choices: (1..=all.len()).map(|number| number.to_string()).collect(),
+        also: Vec::new(),
         proposal: None,
     };
     match ask(&question).and_then(|answer| all.get(answer.parse::<usize>().ok()?.checked_sub(1)?)) {
@@ -418,7 +440,7 @@ impl Described<'_> {
             .filter(|role| said[*role as usize].is_none() && own_unit(*role).is_none() && !has_form(*role))
             .collect();
         missing.retain(|role| {
-            said[*role as usize] = ask(&role.unit_question());
+            said[*role as usize] = role.asked_unit(ask);
             said[*role as usize].is_none()
         });
         if let Some(first) = missing.first() {
@@ -540,6 +562,7 @@ impl Described<'_> {
         let question = Question {
             text: format!("which track ({})", list.join(", ")),
             choices: tracks.iter().map(|(track, _)| track.clone()).collect(),
+            also: Vec::new(),
             proposal: None,
         };
         match ask(&question) {
@@ -578,6 +601,7 @@ impl Described<'_> {
         let question = Question {
             text: "force of the rows whose force is blank (above: that of the row above; zero: none)".into(),
             choices: BlankForce::ALL.map(|blank| blank.name().to_string()).to_vec(),
+            also: Vec::new(),
             proposal: None,
         };
         Ok(ask(&question).and_then(|word| named(&word)))
@@ -929,8 +953,9 @@ impl Seen<'_> {
         let left = (0..self.n_cells).filter(|at| !taken.contains(at));
         let called = |at: usize| header.names.get(at).filter(|name| !name.is_empty()).cloned();
         let choices: Vec<String> = left.map(|at| called(at).unwrap_or_else(|| (at + 1).to_string())).collect();
-        let proposal = best.first().and_then(|at| called(*at)).or_else(|| choices.first().cloned());
-        let question = Question { text: format!("column of the {}", role.name()), choices, proposal };
+        let proposal = best.first().and_then(|at| called(*at));
+        let also = (1..=self.n_cells).map(|number| number.to_string()).collect();
+        let question = Question { text: format!("column of the {}", role.name()), choices, also, proposal };
         match ask(&question).map(|told| self.told(setting, &told)) {
             Some(at) => at.map(Found::Alone),
             None => {

@@ -104,7 +104,7 @@ fn written(home: &Home, file: &Path, described: &Described) -> Result<Answered> 
     let mut answer = |question: &Question| {
         let known = known(question);
         if known.is_none() && questions.iter().all(|asked| asked.text != question.text) {
-            let Question { text, choices, proposal } = question.clone();
+            let Question { text, choices, proposal, .. } = question.clone();
             questions.push(Asked { text, choices, proposal: proposal.filter(|proposal| proposal != "?") });
         }
         known
