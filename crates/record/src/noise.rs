@@ -65,8 +65,11 @@ const FAR_SDS: f64 = 6.0;
 /// Passes that leave outliers out.
 const PASSES: usize = 6;
 /// Standard deviations, and distances of the rows around from each other, beyond which a position is an outlier.
-const OUTLIER_SDS: f64 = 8.0;
+const OUTLIER_SDS: f64 = 20.0;
 const OUTLIER_FLOWS: f64 = 3.0;
+/// Rows before and after an outlier in which the force changes by no more than a share of its range.
+const AROUND: usize = 3;
+const STEADY: f64 = 0.05;
 pub const MIN_DIFFERENCES: usize = 8;
 pub const MIN_PER_WINDOW: usize = 8;
 pub const MIN_REST_POSITIONS: usize = 20;
@@ -270,10 +273,16 @@ pub fn outliers(record: &Record) -> Vec<Outlier> {
         let is_far = distance_m.abs() > (OUTLIER_SDS * scale * sd_m).max(OUTLIER_FLOWS * flow_m);
         is_far.then_some(Outlier { row: rows[place], distance_m })
     };
-    let starts = record.force_step_rows();
-    // Right after a switch the motion itself is fast: the first row that has moved stands alone between two speeds.
-    let is_after_switch = |row: usize| starts.iter().any(|start| (*start..start + 3).contains(&row));
-    (0..n).filter_map(far).filter(|outlier| !is_after_switch(outlier.row)).collect()
+    // At a switch the motion turns at once.
+    let least_n = STEADY * record.force_range_n();
+    let is_steady = |outlier: &Outlier| {
+        let around = outlier.row.saturating_sub(AROUND)..(outlier.row + AROUND).min(record.n_rows());
+        let force_n = &record.force_n[around];
+        let ends =
+            force_n.iter().fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], x| [low.min(*x), high.max(*x)]);
+        outlier.row >= AROUND && ends[1] - ends[0] <= least_n
+    };
+    (0..n).filter_map(far).filter(is_steady).collect()
 }
 
 #[derive(Default)]

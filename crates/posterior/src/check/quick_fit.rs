@@ -132,6 +132,15 @@ fn fit_at(
     Some((squares, fit))
 }
 
+impl QuickFit {
+    /// Mean distance of the positions from the law, in m: also what fails in few rows shows in it.
+    pub fn mean_left_m(&self, record: &Record) -> f64 {
+        let left = self.motion_m.iter().zip(&record.position_m);
+        let left: Vec<f64> = left.filter_map(|(motion, x)| Some(((*x)? - motion - self.offset_m).abs())).collect();
+        left.iter().sum::<f64>() / left.len().max(1) as f64
+    }
+}
+
 /// How far apart the two rules are for a fitted law, as a root mean square over the rows in m.
 pub fn distance_between_rules_m(record: &Record, fit: &QuickFit) -> f64 {
     let n_rows = fit.motion_m.len();

@@ -69,7 +69,7 @@ pub(super) fn between_rows(looked: &Looked<'_>) -> Option<Contradiction> {
 const MOST_LAG: usize = 200;
 const LEFT: f64 = 0.5;
 /// Share of the positions' range that must be explained by moving it.
-const MATTERS: f64 = 0.01;
+const MATTERS: f64 = 0.003;
 /// Rows that must move the same way for a motion to have begun.
 const SUSTAINED: usize = 3;
 /// Times that are listed.
@@ -84,15 +84,17 @@ pub(super) fn logged_late(looked: &Looked<'_>) -> Option<Contradiction> {
     let moved = |lag: usize| {
         let last_n = record.force_n.last().copied().unwrap_or(0.0);
         let earlier = record.force_n[lag..].iter().copied().chain(std::iter::repeat_n(last_n, lag)).collect();
-        quick_fit(&Record { force_n: earlier, ..record.clone() }, record.force_rule).map(|fit| fit.left_sd_m)
+        let moved = quick_fit(&Record { force_n: earlier, ..record.clone() }, record.force_rule)?;
+        Some((moved.mean_left_m(record), lag, moved.left_sd_m))
     };
     let most = MOST_LAG.min(shortest / 2);
     let lags = std::iter::successors(Some(1), |lag| Some((lag + lag / 4).max(lag + 1))).take_while(|lag| *lag <= most);
-    let (left_m, _) = lags.filter_map(|lag| Some((moved(lag)?, lag))).min_by(|a, b| a.0.total_cmp(&b.0))?;
-    if left_m > LEFT * fit.left_sd_m || fit.left_sd_m - left_m < MATTERS * looked.range_m {
+    let (left_m, _, noise_m) = lags.filter_map(moved).min_by(|a, b| a.0.total_cmp(&b.0))?;
+    let here_m = fit.mean_left_m(record);
+    if left_m > LEFT * here_m || here_m - left_m < MATTERS * looked.range_m {
         return None;
     }
-    let noise_m = left_m.min(looked.noise_m);
+    let noise_m = noise_m.min(looked.noise_m);
     let begin = |step: usize| {
         let first = step.saturating_sub(most).max(WITHIN);
         (first..step).find(|row| {

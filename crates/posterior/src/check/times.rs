@@ -56,7 +56,12 @@ pub(super) fn gaps(looked: &Looked<'_>) -> Option<Contradiction> {
     let median_s = record.median_interval_s()?;
     let interval_s = |row: usize| record.time_s[row + 1] - record.time_s[row];
     let n_intervals = record.n_rows().saturating_sub(1);
+    // A row without a position states the force.
+    let is_sample = |row: usize| record.position_m[row].is_some();
     let is_gap = |row: usize| {
+        if !is_sample(row) || !is_sample(row + 1) {
+            return false;
+        }
         let around = [row.checked_sub(1), Some(row + 1).filter(|next| *next < n_intervals)];
         let longest_s = around.into_iter().flatten().map(interval_s).fold(0.0, f64::max);
         longest_s > 0.0 && interval_s(row) > GAP * longest_s && interval_s(row) > LONG * median_s

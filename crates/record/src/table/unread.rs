@@ -22,7 +22,7 @@ const MOSTLY: f64 = 0.9;
 /// Correlation from which a column follows the position.
 const FOLLOWS: f64 = 0.7;
 
-/// Columns of lengths, or without a unit, that follow the position; `lines` are those of the rows, from 1, and `position_m` their positions.
+/// Columns of lengths, or called as coordinates are, that follow the position; `lines` are those of the rows, from 1, and `position_m` their positions.
 pub(crate) fn unread_columns(
     file: &std::path::Path,
     text: &str,
@@ -40,9 +40,14 @@ pub(crate) fn unread_columns(
         .chain(others)
         .filter_map(|name| names.place(name).ok().map(|(at, _)| at))
         .collect();
-    let is_coordinate = |name: &str| {
-        let unit = split_unit(name).1;
-        !name.is_empty() && unit.is_none_or(|unit| unit.dimension == Dimension::Length)
+    // Without a unit in its name a column may be anything that follows the motion: a compliance, a torque.
+    let is_coordinate = |name: &str| match split_unit(name) {
+        (_, Some(unit)) => unit.dimension == Dimension::Length,
+        (stem, None) => {
+            let plain = stem.trim().to_lowercase();
+            ["x", "y", "z"].contains(&plain.as_str())
+                || ["pos", "displac", "coord"].iter().any(|part| plain.contains(part))
+        }
     };
     let all = names.all();
     let candidates: Vec<usize> = (0..all.len()).filter(|at| !read.contains(at) && is_coordinate(&all[*at])).collect();

@@ -1,0 +1,279 @@
+//! Which column is the time, the force, the position and the cycle.
+
+use std::path::Path;
+
+use super::asked::{Ask, Given, Question};
+use super::blocks::Header;
+use super::description::TimeFormat;
+use super::spelling::{Spelt, counted, split_unit, unit};
+use base::error::{Error, Place, Result, Setting};
+use base::units::Dimension;
+
+/// What a column is for; in the order of [`Given::columns`].
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Role {
+    Time,
+    Force,
+    Position,
+    Cycle,
+}
+
+impl Role {
+    pub const ALL: [Self; 4] = [Self::Time, Self::Force, Self::Position, Self::Cycle];
+
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Time => "time",
+            Self::Force => "force",
+            Self::Position => "position",
+            Self::Cycle => "cycle",
+        }
+    }
+
+    /// The setting that says which column it is.
+    fn column_setting(self) -> Setting {
+        match self {
+            Self::Time => Setting::TimeColumn,
+            Self::Force => Setting::ForceColumn,
+            Self::Position => Setting::PositionColumn,
+            Self::Cycle => Setting::CycleColumn,
+        }
+    }
+
+    /// The setting that says its unit; a cycle has none.
+    pub fn unit_setting(self) -> Setting {
+        match self {
+            Self::Time => Setting::TimeUnit,
+            Self::Force => Setting::ForceUnit,
+            Self::Position | Self::Cycle => Setting::PositionUnit,
+        }
+    }
+
+    /// An example of the setting that says its unit, of a column of that name.
+    pub fn unit_option(self, column: &str) -> String {
+        let unit = match (self, counted(column)) {
+            (Self::Time, None) => "s",
+            (Self::Time, Some(_)) => "\"0.05 s\"",
+            (Self::Force, _) => "uN",
+            (Self::Position | Self::Cycle, None) => "um",
+            (Self::Position | Self::Cycle, Some(_)) => "\"0.65 um\"",
+        };
+        format!("{} {unit}", self.unit_setting())
+    }
+
+    fn unit_question(self) -> Question {
+        let (choices, proposal) = match self {
+            Self::Time => ("s, ms, us, min, h, clock, iso", "s"),
+            Self::Force => ("N, mN, uN, nN, pN", "uN"),
+            Self::Position | Self::Cycle => ("m, mm, um, nm", "um"),
+        };
+        Question {
+            text: format!("unit of the {} ({choices}, or so many of one as in `0.65 um`)", self.name()),
+            choices: Vec::new(),
+            also: Vec::new(),
+            proposal: Some(proposal.into()),
+        }
+    }
+
+    /// Asks until the answer is a unit of this; `None` where nobody answers.
+    pub fn asked_unit(self, ask: Ask<'_>) -> Option<String> {
+        let mut question = self.unit_question();
+        loop {
+            let answer = ask(&question)?;
+            let is_format = self == Self::Time && TimeFormat::named(&answer).is_some();
+            if is_format || unit(&answer).is_some_and(|unit| Some(unit.dimension) == self.dimension()) {
+                return Some(answer);
+            }
+            let text = format!("`{answer}` is no unit of a {}; {}", self.name(), self.unit_question().text);
+            // A program that gives one answer for ever is not asked for ever.
+            if text == question.text {
+                return None;
+            }
+            question.text = text;
+        }
+    }
+
+    pub fn dimension(self) -> Option<Dimension> {
+        match self {
+            Self::Time => Some(Dimension::Time),
+            Self::Force => Some(Dimension::Force),
+            Self::Position => Some(Dimension::Length),
+            Self::Cycle => None,
+        }
+    }
+
+    /// Names that are this and nothing else, and parts of names that suggest it.
+    fn words(self) -> (&'static [&'static str], &'static [&'static str]) {
+        match self {
+            Self::Time => (
+                &["t", "time", "zeit", "temps", "timestamp", "elapsed", "xvalue"],
+                &["time", "zeit", "elapsed", "frame"],
+            ),
+            Self::Force => (&["f", "force", "kraft", "fx", "load"], &["force", "kraft"]),
+            Self::Position => (
+                &["x", "position", "pos", "displacement", "weg"],
+                &["position", "displac", "déplac", "deplac", "auslenk", "posx", "xpos", "xcoord"],
+            ),
+            Self::Cycle => (&["cycle", "zyklus", "cyc"], &["cycle", "zyklus"]),
+        }
+    }
+}
+
+/// How well a column fits a role; `None` where its unit speaks against it.
+fn fit(role: Role, name: &str, unit: Option<&Spelt>) -> Option<u32> {
+    let stem = counted(name).map_or_else(|| split_unit(name).0, |(stem, _)| stem);
+    let plain: String = stem.to_lowercase().chars().filter(|c| c.is_alphanumeric()).collect();
+    let (exact, parts) = role.words();
+    let by_name = match plain.as_str() {
+        plain if exact.contains(&plain) => 4,
+        plain if parts.iter().any(|part| plain.contains(part)) => 2,
+        _ => 0,
+    };
+    let by_unit = match (role.dimension(), unit) {
+        (Some(wanted), Some(unit)) if unit.dimension == wanted => 1,
+        (_, Some(_)) => return None,
+        _ => 0,
+    };
+    // A unit alone says what is measured, not what of.
+    Some(by_name + by_unit)
+}
+
+/// Where a quantity stands.
+pub(super) enum Found {
+    Nowhere,
+    Alone(usize),
+    Axes(Vec<usize>),
+}
+
+/// What is known of a table's columns.
+pub(super) struct Seen<'a> {
+    pub file: &'a Path,
+    pub given: &'a Given,
+    pub header: &'a Header,
+    pub n_cells: usize,
+}
+
+impl Seen<'_> {
+    fn listed(&self) -> String {
+        if self.header.names.is_empty() {
+            return format!("columns are counted from 1 to {}", self.n_cells);
+        }
+        let names: Vec<String> = self.header.names.iter().map(|name| format!("`{name}`")).collect();
+        format!("the columns are {}", names.join(", "))
+    }
+
+    fn at(&self, told: &str) -> Option<usize> {
+        let by_name = self.header.names.iter().position(|name| name == told);
+        let numbers = 1..=self.n_cells;
+        by_name.or_else(|| told.parse::<usize>().ok().filter(|n| numbers.contains(n)).map(|n| n - 1))
+    }
+
+    pub fn told(&self, setting: Setting, told: &str) -> Result<usize> {
+        self.at(told).ok_or_else(|| {
+            let remedy = format!("{}; give a name or a number", self.listed());
+            Error::input(Place::setting(setting), format!("there is no column `{told}`"), remedy)
+        })
+    }
+
+    /// x and y, with z or without, as they are given.
+    fn given_axes(&self) -> Result<Option<Vec<usize>>> {
+        let [x, y, position] = [Setting::XColumn, Setting::YColumn, Setting::PositionColumn];
+        let one_way = format!("give `{x}` and `{y}`, or `{position}` alone");
+        match (&self.given.axes, &self.given.columns[Role::Position as usize]) {
+            ([None, None, None], _) => Ok(None),
+            ([Some(x), Some(y), z], None) => {
+                let mut axes = vec![self.told(Setting::XColumn, x)?, self.told(Setting::YColumn, y)?];
+                if let Some(z) = z {
+                    axes.push(self.told(Setting::ZColumn, z)?);
+                }
+                Ok(Some(axes))
+            }
+            ([x, ..], None) => {
+                let missing = if x.is_none() { Setting::XColumn } else { Setting::YColumn };
+                let found = "one coordinate is given without the others";
+                Err(Error::input(Place::setting(missing), found, one_way))
+            }
+            (_, Some(_)) => {
+                let found = "the position is given beside x and y";
+                Err(Error::input(Place::setting(Setting::PositionColumn), found, one_way))
+            }
+        }
+    }
+
+    /// The column that is called as this one with another letter, such as `y`, for an x, with the same unit.
+    fn partner(&self, at: usize, letter: char, taken: &[usize]) -> Option<usize> {
+        let (names, units) = (&self.header.names, &self.header.units);
+        let name = names.get(at)?;
+        let turned = name.char_indices().filter_map(|(place, of_name)| {
+            let other = match of_name {
+                'x' => letter,
+                'X' => letter.to_ascii_uppercase(),
+                _ => return None,
+            };
+            Some(format!("{}{other}{}", &name[..place], &name[place + 1..]))
+        });
+        let free = |other: &usize| *other != at && !taken.contains(other) && !self.header.foreign.contains(other);
+        turned
+            .filter_map(|turned| names.iter().position(|other| *other == turned))
+            .find(|other| free(other) && units.get(*other) == units.get(at))
+    }
+
+    /// Where a role's column is: where it is said, where it fits best, or where the answer to a question says.
+    pub fn column(&self, role: Role, taken: &[usize], ask: Ask<'_>) -> Result<Found> {
+        if role == Role::Position
+            && let Some(axes) = self.given_axes()?
+        {
+            return Ok(Found::Axes(axes));
+        }
+        let setting = role.column_setting();
+        if let Some(told) = &self.given.columns[role as usize] {
+            return self.told(setting, told).map(Found::Alone);
+        }
+        let header = self.header;
+        let free = (0..header.names.len()).filter(|at| !taken.contains(at) && !header.foreign.contains(at));
+        let mut fits: Vec<(u32, usize)> =
+            free.filter_map(|at| Some((fit(role, &header.names[at], header.units[at].as_ref())?, at))).collect();
+        fits.retain(|(fit, _)| *fit > u32::from(role == Role::Cycle));
+        fits.sort_by_key(|(fit, at)| (std::cmp::Reverse(*fit), *at));
+        let best: Vec<usize> = fits.iter().filter(|(fit, _)| *fit == fits[0].0).map(|(_, at)| *at).collect();
+        if role == Role::Position {
+            let axes = best.iter().find_map(|at| {
+                let y = self.partner(*at, 'y', taken)?;
+                Some([*at, y].into_iter().chain(self.partner(*at, 'z', taken)).collect::<Vec<_>>())
+            });
+            if let Some(axes) = axes.filter(|axes| best.iter().all(|at| axes.contains(at))) {
+                return Ok(Found::Axes(axes));
+            }
+        }
+        let found = match best.as_slice() {
+            [] if role == Role::Cycle => return Ok(Found::Nowhere),
+            [at] => return Ok(Found::Alone(*at)),
+            [] => format!("{}: no column is called as a {} is", self.file.display(), role.name()),
+            _ => format!("{}: several columns may be the {}", self.file.display(), role.name()),
+        };
+        // A header may say which columns are left; without one every number may be meant.
+        let left = (0..self.n_cells).filter(|at| !taken.contains(at));
+        let called = |at: usize| header.names.get(at).filter(|name| !name.is_empty()).cloned();
+        let choices: Vec<String> = left.map(|at| called(at).unwrap_or_else(|| (at + 1).to_string())).collect();
+        let proposal = best.first().and_then(|at| called(*at));
+        let also = (1..=self.n_cells).map(|number| number.to_string()).collect();
+        let question = Question { text: format!("column of the {}", role.name()), choices, also, proposal };
+        match ask(&question).map(|told| self.told(setting, &told)) {
+            Some(at) => at.map(Found::Alone),
+            None => {
+                let is_current =
+                    |unit: &Option<Spelt>| unit.as_ref().is_some_and(|unit| unit.dimension == Dimension::Current);
+                let of_current = match role {
+                    Role::Force if header.units.iter().any(is_current) => {
+                        "; a coil's current becomes a force in [actuation], which docs/experiment.md describes"
+                    }
+                    Role::Force => "; a force in a file of its own is described in [actuation], see docs/experiment.md",
+                    _ => "",
+                };
+                let remedy =
+                    format!("say which it is with `{setting} NAME` or its number; {}{of_current}", self.listed());
+                Err(Error::input(Place::setting(setting), found, remedy))
+            }
+        }
+    }
+}
