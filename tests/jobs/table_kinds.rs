@@ -211,6 +211,25 @@ fn a_coarse_clock_is_spread_and_tracks_are_told_apart() {
 }
 
 #[test]
+fn all_tracks_become_a_cohort() {
+    let beads = rows(|_, [t, f, x]| format!("7,{t:.3},{f},{x:.3}\n9,{t:.3},{f},{:.3}", 2.0 * x));
+    let folder = tempfile::tempdir().expect("a folder");
+    let (file, out) = (folder.path().join("beads.csv"), folder.path().join("beads"));
+    std::fs::write(&file, format!("particle,time_s,force_uN,position_um\n{beads}")).expect("room on the disk");
+    let given = Given { track: [None, said("all")], ..Given::default() };
+    let sizes = [Some(0.55), Some(20.0), Some(0.48)];
+    let request = InitRequest { file, out: Some(out.clone()), given, sizes, ..InitRequest::default() };
+    let (summary, _) = run(&request, &mut |_| None).expect("two experiments");
+    assert_eq!(summary.experiments, [out.join("7").display().to_string(), out.join("9").display().to_string()]);
+    let travel = |track: &str| {
+        let (experiment, _) = Experiment::read(&out.join(track)).expect("an experiment");
+        assert_eq!(experiment.specimen_id, format!("beads-{track}"));
+        experiment.record.position_m[90].expect("a position")
+    };
+    assert!((travel("9") / travel("7") - 2.0).abs() < 1e-3);
+}
+
+#[test]
 fn header_lines_of_a_tracker_are_names_and_units() {
     let line = |row: usize, [t, f, x]: [f64; 3]| format!("ID{row},0,{:.4},299.5,0.0,{t:.3},{row},{f}", 512.0 + x);
     let above =
@@ -263,8 +282,8 @@ fn signs_between_thousands_are_told_from_decimal_signs() {
     let text = format!("Zeit [ms];Kraft [nN];Weg [nm]\n{text}");
     let summary = assert_is_truth(&text, Given::default());
     assert!(summary.reasons.iter().any(|reason| reason.contains("between thousands")), "{summary:?}");
-    let as_decimals = read(&text, Given { thousands: said("none"), ..Given::default() }).expect("a record").1;
-    assert!(distances(&as_decimals)[2] > 100.0);
+    let as_decimals = refused(&text, Given { thousands: said("none"), ..Given::default() });
+    assert!(as_decimals.contains("is not a number"), "{as_decimals}");
     // Three decimals in every row are decimals.
     let decimals = rows(|_, [t, f, x]| format!("{t:.3};{f:.3};{:.3}", 100.0 + x));
     assert_is_truth(&format!("Zeit [s];Kraft [uN];Weg [um]\n{decimals}"), Given::default());

@@ -8,6 +8,9 @@ use serde::{Deserialize, Serialize};
 pub struct InitSummary {
     /// The directory that was written.
     pub directory: String,
+    /// Directories of the experiments, one a track, where a table of several tracks became a cohort; else empty.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub experiments: Vec<String>,
     /// Name of the table in it.
     pub file: String,
     /// What was understood of the table, one sentence each.

@@ -10,7 +10,9 @@ use base::files::{self, Content, write_together};
 use base::toml_input::{UNKNOWN, quoted};
 use documents::init::{InitColumn, InitSummary};
 use posterior::study::sha256_hex;
-use record::table::{Ask, ColumnName, Given, PositionColumns, Proposal, Question, TableDescription, look, propose};
+use record::table::{
+    Ask, ColumnName, Given, PositionColumns, Proposal, Question, TableDescription, look, propose, tracks,
+};
 use record::{Direction, Sweep, Zero, sweep_columns};
 
 /// What a caller says.
@@ -43,7 +45,11 @@ pub struct InitRequest {
 pub fn run(request: &InitRequest, ask: Ask<'_>) -> Result<(InitSummary, String)> {
     let bytes = files::read(&request.file, Content::Table, "give a table that can be read")?;
     let name = file_name(&request.file)?;
-    let out = request.out.clone().unwrap_or_else(|| PathBuf::from(Path::new(&name).file_stem().unwrap_or_default()));
+    let stem = PathBuf::from(Path::new(&name).file_stem().unwrap_or_default());
+    let out = request.out.clone().unwrap_or_else(|| stem.clone());
+    if request.given.track[1].as_deref() == Some(ALL_TRACKS) {
+        return cohort(request, &bytes, &stem.to_string_lossy(), &out, ask);
+    }
     let toml_path = out.join("experiment.toml");
     if toml_path.exists() && !request.replace {
         return Err(Error::input(
@@ -77,6 +83,7 @@ pub fn run(request: &InitRequest, ask: Ask<'_>) -> Result<(InitSummary, String)>
     let toml = experiment_toml(&request, &name, &proposal, creep.as_ref());
     write(&out, &name, &bytes, &toml)?;
     let summary = InitSummary {
+        experiments: Vec::new(),
         directory: out.display().to_string(),
         file: name,
         columns: columns(&proposal),
@@ -87,6 +94,30 @@ pub fn run(request: &InitRequest, ask: Ask<'_>) -> Result<(InitSummary, String)>
         unknown,
     };
     Ok((summary, sha256_hex(&bytes)))
+}
+
+/// Word for all tracks of a table.
+const ALL_TRACKS: &str = "all";
+
+/// An experiment of each track, in a directory of its own under `out`.
+fn cohort(request: &InitRequest, bytes: &[u8], stem: &str, out: &Path, ask: Ask<'_>) -> Result<(InitSummary, String)> {
+    let mut made = None;
+    let mut experiments = Vec::new();
+    for track in tracks(&request.file, bytes, &request.given)? {
+        // A track's name may hold any letter, a directory's may not.
+        let safe: String = track.chars().map(|c| if c.is_ascii_alphanumeric() { c } else { '_' }).collect();
+        let given = Given { track: [request.given.track[0].clone(), Some(track)], ..request.given.clone() };
+        let id = Some(format!("{}-{safe}", request.id.as_deref().unwrap_or(stem)));
+        let of_track = InitRequest { out: Some(out.join(&safe)), id, given, ..request.clone() };
+        let (summary, sha256) = run(&of_track, ask)?;
+        experiments.push(summary.directory.clone());
+        made.get_or_insert((summary, sha256));
+    }
+    let (first, sha256) = made.ok_or_else(|| {
+        let remedy = format!("name it with `{}`", Setting::TrackColumn);
+        Error::input(Place::file(&request.file), "the table has no column of tracks", remedy)
+    })?;
+    Ok((InitSummary { directory: out.display().to_string(), experiments, ..first }, sha256))
 }
 
 /// The experiment and a copy of its table, both or neither.

@@ -92,6 +92,7 @@ pub(super) fn described(
     let is_used = |place: usize| columns.iter().any(|(_, used)| *used == place);
     let others = looked.columns.iter().enumerate().filter(|(place, _)| !is_used(*place));
     let summary = InitSummary {
+        experiments: Vec::new(),
         directory: String::new(),
         file: file.into(),
         reasons: vec![looked.said.clone(), "frequencies and shear moduli: an oscillation of a rheometer".into()],

@@ -44,7 +44,7 @@ pub struct InitArguments {
     /// Tables to read from a file that holds several: numbers such as 1 or 1,2 (joined in time), or all
     #[arg(long, value_name = "LIST")]
     table: Option<String>,
-    /// Track to read from a table of several tracks
+    /// Track to read from a table of several tracks, or all: an experiment of each
     #[arg(long, value_name = "TRACK")]
     track: Option<String>,
     /// Column of the track
@@ -183,6 +183,13 @@ fn column(column: &InitColumn) -> String {
 
 fn next(summary: &InitSummary) -> String {
     let toml = format!("{}/experiment.toml", summary.directory);
+    if !summary.experiments.is_empty() {
+        let n = summary.experiments.len();
+        return format!(
+            "Wrote {n} experiments under {0}. Next: vitreo-uq check on each, then vitreo-uq groups {0}/*",
+            summary.directory
+        );
+    }
     if summary.is_complete() {
         return format!("Wrote {toml}. Next: vitreo-uq sample {}", summary.directory);
     }

@@ -16,7 +16,7 @@ mod unread;
 pub use asked::{Ask, Given, Question};
 pub use description::{BlankForce, ColumnName, PositionColumns, TableDescription, TableLayout, TimeFormat};
 pub(super) use description::{KEYS, SWEEP_KEYS, Units, column, one_of};
-pub use propose::{Looked, Proposal, look, propose};
+pub use propose::{Looked, Proposal, look, propose, tracks};
 pub(crate) use read::read_described;
 pub use read::{ColumnNames, text_in};
 pub(super) use spelling::split_unit;

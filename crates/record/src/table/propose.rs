@@ -16,6 +16,8 @@ use crate::times::TimeRules;
 use crate::trajectory::{Trajectory, is_lost};
 use base::error::{Error, Place, Result, Setting};
 
+/// Names of columns of tracks, without the `ID` that may follow.
+const TRACKS: [&str; 5] = ["track", "particle", "trajectory", "bead", "spottrack"];
 /// Tracks of a table that are told apart.
 const MOST_TRACKS: usize = 1_000;
 /// Numbers with a sign between thousands, and smaller numbers without one, that show what the sign is. A sign before decimals would leave one and two decimals in ten of a hundred numbers each.
@@ -123,6 +125,21 @@ fn named_columns(table: &Block) -> Vec<String> {
         names.pop();
     }
     names
+}
+
+/// The tracks of a table, in order; empty where it has no column of them. `file` is only named in errors.
+///
+/// # Errors
+/// [`Error::Input`] where no block of numbers is found, or the given column is not there.
+pub fn tracks(file: &Path, bytes: &[u8], given: &Given) -> Result<Vec<String>> {
+    let text = &*table_text(bytes);
+    let lines: Vec<&str> = text.lines().collect();
+    let all = tables_of(file, &lines)?;
+    let tables = [&all[0]];
+    let described = Described { file, bytes, text, lines: &lines, given, tables: &tables };
+    let seen = Seen { file, given, header: described.header(), n_cells: all[0].layout.n_cells };
+    let column = described.track_column(&seen, &[])?;
+    Ok(column.map_or(Vec::new(), |at| described.tracks(at).into_iter().map(|(track, _)| track).collect()))
 }
 
 fn tables_of(file: &Path, lines: &[&str]) -> Result<Vec<Block>> {
@@ -359,23 +376,20 @@ impl Described<'_> {
         self.lines[end..].iter().any(|line| !is_aside(line, None))
     }
 
-    /// The column of tracks and the track that is read, where rows are of several.
-    fn track(&self, seen: &Seen<'_>, taken: &[usize], ask: Ask<'_>) -> Result<Option<(usize, String)>> {
-        let [column, track] = &self.given.track;
-        let names = &self.header().names;
-        let by_name = || {
-            let is_track = |name: &String| {
-                let plain: String = name.to_lowercase().chars().filter(|c| c.is_alphanumeric()).collect();
-                ["track", "trackid", "particle", "particleid", "trajectory", "trajectoryid", "bead", "beadid"]
-                    .contains(&plain.as_str())
-            };
-            names.iter().position(is_track).filter(|at| !taken.contains(at))
+    /// The column of tracks: the given one, or the one that is called so.
+    fn track_column(&self, seen: &Seen<'_>, taken: &[usize]) -> Result<Option<usize>> {
+        if let Some(column) = &self.given.track[0] {
+            return seen.told(Setting::TrackColumn, column).map(Some);
+        }
+        let is_track = |name: &String| {
+            let plain: String = name.to_lowercase().chars().filter(|c| c.is_alphanumeric()).collect();
+            TRACKS.contains(&plain.strip_suffix("id").unwrap_or(&plain))
         };
-        let at = match column {
-            Some(column) => Some(seen.told(Setting::TrackColumn, column)?),
-            None => by_name(),
-        };
-        let Some(at) = at else { return Ok(None) };
+        Ok(self.header().names.iter().position(is_track).filter(|at| !taken.contains(at)))
+    }
+
+    /// The tracks in a column, each with its number of rows.
+    fn tracks(&self, at: usize) -> Vec<(String, usize)> {
         let mut tracks: Vec<(String, usize)> = Vec::new();
         for row in self.rows() {
             let Some(cell) = row.get(at) else { continue };
@@ -385,9 +399,16 @@ impl Described<'_> {
                 None => {}
             }
         }
-        if let Some(track) = track {
+        tracks
+    }
+
+    /// The column of tracks and the track that is read, where rows are of several.
+    fn track(&self, seen: &Seen<'_>, taken: &[usize], ask: Ask<'_>) -> Result<Option<(usize, String)>> {
+        let Some(at) = self.track_column(seen, taken)? else { return Ok(None) };
+        if let Some(track) = &self.given.track[1] {
             return Ok(Some((at, track.clone())));
         }
+        let tracks = self.tracks(at);
         if tracks.len() < 2 {
             return Ok(None);
         }
@@ -404,10 +425,9 @@ impl Described<'_> {
                 Place::setting(Setting::Track),
                 format!("the rows are of several tracks: {}", list.join(", ")),
                 format!(
-                    "choose one with `{0} {1}`; for a cohort, make an experiment of each with `{2}`",
+                    "choose one with `{0} {1}`, or make an experiment of each with `{0} all`",
                     Setting::Track,
-                    tracks[0].0,
-                    Setting::Out
+                    tracks[0].0
                 ),
             )),
         }
