@@ -77,5 +77,10 @@ pub(super) fn against(looked: &Looked<'_>) -> Option<Contradiction> {
         return None;
     }
     let text = "the position goes against the force: it would give work instead of taking it up".to_string();
-    Some(found("against_force", true, text, "write `direction = \"-\"` in [measurement], or `direction = \"fit\"`"))
+    let advice = if looked.understood.settled.is_reversed {
+        "remove `direction = \"-\"` in [measurement], which turned the sign, or write `direction = \"fit\"`"
+    } else {
+        "write `direction = \"-\"` in [measurement], or `direction = \"fit\"`"
+    };
+    Some(found("against_force", true, text, advice))
 }
