@@ -798,9 +798,9 @@ mod tests {
             ["t_s,F_uN,x (um),y (um)", "t_s,F_uN,position_x_um,position_y_um", "t_s,F_uN,Pos X [um],Pos Y [um]"]
         {
             let proposal = plane(header);
-            assert!((proposal.description.n_axes() == 2), "{header}");
+            assert_eq!(proposal.description.n_axes(), 2, "{header}");
             assert!((proposal.position_m[1] - 10e-6).abs() < 1e-12, "{header}: {:?}", proposal.position_m);
         }
-        assert!(!(plane("t_s,F_uN,x (um),y (mm)").description.n_axes() == 2));
+        assert_eq!(plane("t_s,F_uN,x (um),y (mm)").description.n_axes(), 1);
     }
 }
