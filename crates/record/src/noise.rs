@@ -50,6 +50,9 @@ const GAP_INTERVALS: f64 = 2.5;
 /// Order of the deviations from a line, and the highest that is tried.
 const LINE: usize = 2;
 const MOST_ORDER: usize = 5;
+/// Share of neighbouring deviations that have opposite signs, and of the positions' range, above which deviations are noise.
+const TURNS: f64 = 0.5;
+const NOISELESS: f64 = 1e-7;
 /// Longest interval over the shortest within one window of rows.
 const UNEVEN: f64 = 4.0;
 /// Standard error of a scaled median absolute deviation of n correlated deviations, times √n; and how many of them an order must leave more than the next.
@@ -119,17 +122,22 @@ fn estimate(record: &Record) -> Option<NoiseYardstick> {
 
 /// Noise (m) by neighbouring positions, and how many deviations show it: late in each hold, and in all rows where these are too few.
 fn short_lag(record: &Record) -> Option<(f64, usize)> {
+    let ends = record.position_m.iter().flatten();
+    let [low_m, high_m] = ends.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], x| [low.min(*x), high.max(*x)]);
     [EARLY_FRACTION, 0.0].into_iter().find_map(|fraction| {
         let found = |order: usize| {
-            let deviations = if order == LINE {
-                late_deviations(record, fraction)
-            } else {
-                local_deviations(record, order, fraction)
+            let deviations = match order {
+                LINE => late_deviations(record, fraction),
+                _ => local_deviations(record, order, fraction),
             };
             let sd_m = SD_PER_MAD * median(deviations.iter().map(|deviation| deviation.abs()).collect())?;
-            (deviations.len() >= MIN_DIFFERENCES && sd_m > 0.0).then_some((sd_m, deviations.len()))
+            let n_turns = deviations.windows(2).filter(|pair| pair[0] * pair[1] < 0.0).count();
+            // Deviations of independent errors change sign in more than 7 of 10 pairs, those of a smooth motion in few.
+            let is_noise = n_turns as f64 > TURNS * deviations.len() as f64 && sd_m > NOISELESS * (high_m - low_m);
+            (deviations.len() >= MIN_DIFFERENCES && sd_m > 0.0).then_some((sd_m, deviations.len(), is_noise))
         };
-        let mut best = found(LINE)?;
+        let line = found(LINE)?;
+        let mut best = line;
         for order in LINE + 1..=MOST_ORDER {
             let Some(next) = found(order) else { break };
             // What curvature adds to one order the next is free of.
@@ -138,7 +146,9 @@ fn short_lag(record: &Record) -> Option<(f64, usize)> {
             }
             best = next;
         }
-        Some(best)
+        // A motion that is smooth to the last digit has no noise to be found.
+        let (sd_m, n_deviations, _) = if best.2 { best } else { line };
+        Some((sd_m, n_deviations))
     })
 }
 
