@@ -56,7 +56,7 @@ impl Creep {
         let Self { time_s, force_n, .. } = self;
         ReducedPosterior::new(
             parts,
-            FittedRecord { time_s, force: force_n.into(), cycle: &cycle, observed_m: &observed },
+            FittedRecord { time_s, force: force_n.into(), recording: &cycle, observed_m: &observed },
         )
     }
 

@@ -29,4 +29,5 @@ mod shell;
 mod tasks;
 mod tasks_commands;
 mod tasks_models;
+mod trust;
 mod workbench;

@@ -81,9 +81,14 @@ fn a_study_is_one_page_whose_commands_make_it_again() {
         let sentence = document["sentence"].as_str().unwrap();
         assert!(whole.contains(sentence), "`{sentence}`");
     }
-    for words in
-        ["Sound, as far as these data can tell", "Exit code 0", "Failure map", "in sd", "vitreo-uq diagnose STUDY"]
-    {
+    for words in [
+        "Predictions can be trusted; parameters are effective values",
+        "The largest strain at the integration points is",
+        "Exit code 0",
+        "Failure map",
+        "in sd",
+        "vitreo-uq diagnose STUDY",
+    ] {
         assert!(whole.contains(words), "`{words}`");
     }
     assert_self_contained(&whole);

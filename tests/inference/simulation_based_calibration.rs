@@ -155,7 +155,8 @@ fn reduced_posterior(truth: &[f64], stream: &mut RandomStream, noise_factor: f64
         priors: priors(),
         fixed: &FIXED,
     };
-    let record = FittedRecord { time_s: &time_s, force: (&force_n).into(), cycle: &[1; 200], observed_m: &observed };
+    let record =
+        FittedRecord { time_s: &time_s, force: (&force_n).into(), recording: &[1; 200], observed_m: &observed };
     ReducedPosterior::new(parts, record)
 }
 

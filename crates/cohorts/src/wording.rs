@@ -4,7 +4,7 @@ use super::hierarchy::{FEWEST_EFFECTIVE_DRAWS, LARGEST_RHAT};
 use documents::groups::{ContrastSummary, ExperimentSummary, GroupSummary, GroupsSummary, Plan, RatioVerdict};
 use documents::posterior::{Warning, WarningKind};
 use figures::labels::of_parameter;
-use posterior::advice::NOISE_FACTOR;
+use posterior::misfit::NOISE_FACTOR;
 
 /// Pairs of groups, and names, that a sentence lists.
 const MOST_PAIRS: usize = 3;
@@ -143,7 +143,7 @@ pub fn warnings(summary: &GroupsSummary) -> Vec<Warning> {
     let unknown = names(&|own| own.noise_um.is_none());
     if !unknown.is_empty() {
         let text = format!("the noise of {} is neither given nor can it be estimated", listed(&unknown));
-        add(WarningKind::NoiseUnknown, text, "give `noise_um` in [measurement]");
+        add(WarningKind::ResidualsUntested, text, "give `noise_um` in [measurement]");
     }
     let alone: Vec<&str> =
         summary.groups.iter().filter(|own| own.specimens == 1).map(|own| own.name.as_str()).collect();

@@ -124,7 +124,8 @@ pub fn simulated_m(subject: &Subject, reference: &Refitted, seed: u64, number: u
     rng.set_stream(number as u64);
     let record = &subject.experiment().record;
     let Fitted { position_m, noise, .. } = &reference.fitted;
-    let noise_m = subject.noise().simulate_m(&record.time_s, &record.cycle, position_m, noise, &mut rng);
+    let noise_m =
+        subject.noise().simulate_m(&record.time_s, &subject.problem().recordings(), position_m, noise, &mut rng);
     position_m.iter().zip(&noise_m).map(|(x, e)| x + e).collect()
 }
 

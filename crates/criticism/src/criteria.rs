@@ -46,6 +46,9 @@ pub struct Criteria {
 
     /// Probability, over all tests of a sweep's residual, below which it is not noise; shared with `sample` (sweeps).
     pub least_noise_p: f64,
+    /// Multiple of its predictive noise above which the error of a claim on held-out cycles leaves the cause unexplained, as of a misfit in [`posterior::misfit`]; the noise of a model that lacks more holds
+    /// what it lacks (pairs, cohorts).
+    pub claim_factor: f64,
     /// Multiple of the known noise above which a residual is not said to look like noise, though nothing is claimed: slow noise may have made it (controls).
     pub doubtful_factor: f64,
     /// Probability of such a residual under white noise of the known size above which it is not doubtful: one in a thousand, as in [`posterior::misfit`].
@@ -88,6 +91,7 @@ impl Criteria {
         twin_cosine: 0.95,
         largest_process_p: 0.05,
         least_noise_p: 0.01,
+        claim_factor: posterior::misfit::NOISE_FACTOR,
         doubtful_factor: 1.3,
         doubtful_p: posterior::misfit::FALSE_ALARM,
         equivalent_nats: 6.0,

@@ -3,8 +3,9 @@
 use super::bootstrap::simulated;
 use super::class::rivals;
 use super::document::Report;
-use super::leftover::{Leftover, event_in_any_cycle, is_gain_of_a_cycle, misfit};
+use super::leftover::{Leftover, event_in_any_cycle, is_gain_of_a_cycle, misfit, without_shape_of_no_law};
 use super::outside::{self, Outside, OutsideNull, OutsideRequest, outside_gain};
+use super::predicted::{over_predicted, over_white};
 use super::refit::Refitted;
 pub use super::request::DiagnosisRequest;
 use super::search::{SearchResult, Step, search};
@@ -50,7 +51,7 @@ pub fn diagnose(subject: &Subject, request: &DiagnosisRequest, monitor: &dyn Mon
     monitor.stage("looking for structure outside the library");
     let Gathered { evidence, models, unexplained, equivalent } = gather(&subject, request, &found, monitor)?;
     let verdict = verdict(&evidence, &request.criteria);
-    let Some(Residual::Record(left, _)) = verdict.residual else {
+    let Some(Residual::Record { misfit: left, over_predicted, .. }) = verdict.residual else {
         return Err(Error::numerical("the residual was not tested", "examine another revision with `--from`"));
     };
     let mut report = Report {
@@ -61,6 +62,7 @@ pub fn diagnose(subject: &Subject, request: &DiagnosisRequest, monitor: &dyn Mon
         model: verdict.proposal.map(|place| models[place]),
         unexplained: &unexplained,
         left: &left,
+        over_predicted: over_predicted.filter(|factor| *factor > request.criteria.claim_factor),
         leftover: None,
         event: None,
         equivalent: &equivalent,
@@ -113,7 +115,7 @@ fn gather<'a>(
         let test = ResidualTest {
             structure: structure.iter().map(Outside::evidence).collect(),
             replaces_effects,
-            residual: Some(residual(subject, model, &structure)?),
+            residual: Some(residual(subject, model, &structure, step.is_some() && !replaces_effects)?),
         };
         unexplained = structure;
         match proposal {
@@ -124,7 +126,7 @@ fn gather<'a>(
     if evidence.is_replaced_by_law(criteria)
         && let (Some(leading), Some(proposal)) = (found.leading(criteria), evidence.proposals.last_mut())
     {
-        proposal.alone = Some(residual(subject, &leading.refitted, &[])?);
+        proposal.alone = Some(residual(subject, &leading.refitted, &[], true)?);
     }
     let mut equivalent = Vec::new();
     if let Some(claim) = evidence.claim(criteria) {
@@ -136,11 +138,17 @@ fn gather<'a>(
     Ok(Gathered { evidence, models: steps.iter().map(|step| &step.refitted).collect(), unexplained, equivalent })
 }
 
-/// What a model leaves, without structure that is no part of any law, and the number of positions by which it is judged.
-fn residual(subject: &Subject, model: &Refitted, structure: &[Outside]) -> Result<Residual> {
+/// What a model leaves, without structure that is no part of any law, and the number of positions by which it is judged; the error of a claim counts as well, and that of a base where no recordings show slow noise.
+fn residual(subject: &Subject, model: &Refitted, structure: &[Outside], is_claim: bool) -> Result<Residual> {
     let n = |positions: &[Option<f64>]| positions.iter().flatten().count();
     let n_positions = if n(&subject.scored_m) > 0 { n(&subject.scored_m) } else { n(&subject.fitted_m) };
-    Ok(Residual::Record(misfit(subject, model, structure)?, n_positions))
+    let without_shape = without_shape_of_no_law(model, structure);
+    let over_predicted = match is_claim {
+        true => over_predicted(subject, without_shape),
+        false if subject.can_show_slow_noise() => None,
+        false => over_white(subject, without_shape),
+    };
+    Ok(Residual::Record { misfit: misfit(subject, model, structure)?, n_positions, over_predicted })
 }
 
 /// Structure outside the library beside a step, or beside the base; and whether it is the base's and explains more than the step's effects.

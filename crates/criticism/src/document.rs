@@ -40,6 +40,8 @@ pub(super) struct Report<'a> {
     pub unexplained: &'a [Outside],
     /// The residual that the verdict rests on.
     pub left: &'a Misfit,
+    /// Error of the claim over its predictive noise, where that is too much.
+    pub over_predicted: Option<f64>,
     /// What is unexplained, taken together; `None` where nothing is, or nobody asked.
     pub leftover: Option<Leftover>,
     /// An event in any cycle, the scored one included.
@@ -258,6 +260,15 @@ impl Report<'_> {
         format!("{}{}", short(self.noise_um()), if self.left.is_known { "" } else { ", estimated" })
     }
 
+    /// That nothing says how large the noise is, where nothing does.
+    fn unknown_noise(&self) -> &'static str {
+        if self.subject.is_noise_unknown() {
+            " The noise is neither given nor can it be estimated: a misfit that looks like slow noise would not be seen, so this is no all-clear. Give `noise_um` in [measurement]."
+        } else {
+            ""
+        }
+    }
+
     /// Where the error on the held-out cycle goes with the model that is claimed or helps.
     fn errors_words(&self, model: &Refitted) -> String {
         let (before, after) = (self.errors(&self.found.base), self.errors(model));
@@ -327,6 +338,19 @@ impl Report<'_> {
 
     /// How much more than the noise is left, and where.
     fn excess_words(&self) -> String {
+        if let (false, Some(factor)) = (self.left.is_too_large(), self.over_predicted) {
+            let rmse_um = self.errors(self.model.unwrap_or(&self.found.base)).rmse_heldout_um.unwrap_or(0.0);
+            let noise = match (self.model, self.left.is_known) {
+                (None, _) => "white noise and the model's parameters",
+                (Some(_), true) => "the known noise and the model's parameters",
+                (Some(_), false) => "the model's own noise and parameters",
+            };
+            return format!(
+                "{} µm on the held-out cycle, {factor:.1} times the {} µm that {noise} allow",
+                short(rmse_um),
+                short(rmse_um / factor)
+            );
+        }
         let heldout = self.left.heldout.filter(|size| size.is_too_large);
         let (size, which) = heldout.map_or((self.left.fitted, "fitted cycles"), |size| (size, "held-out cycle"));
         let origin = if self.left.is_known { "known" } else { "estimated" };
@@ -361,10 +385,11 @@ impl Report<'_> {
             );
         }
         format!(
-            "Nothing is missing that this experiment could show: the model's error is {} µm on the {rows}{} (noise {}), and what it leaves looks like noise.{hint}",
+            "Nothing is missing that this experiment could show: the model's error is {} µm on the {rows}{} (noise {}), and what it leaves looks like noise.{}{hint}",
             short(rmse_um),
             without_the_cycles_own(rmse_um, 1e6 * left),
             self.noise_words(),
+            self.unknown_noise(),
         )
     }
 }

@@ -38,7 +38,7 @@ fn decided(
     let test = ResidualTest {
         structure: outside.iter().map(Outside::evidence).collect(),
         replaces_effects: false,
-        residual: Some(Residual::Record(*left, 100)),
+        residual: Some(Residual::Record { misfit: *left, n_positions: 100, over_predicted: None }),
     };
     let gain = Gain { fitted: 20.0, future: Some(9.0), last: Some(3.0), largest_change: 1.0, rank: 23.0 };
     let proposal = |model: &Refitted| {
@@ -64,7 +64,19 @@ fn plain<'a>(
     (verdict, model): (&'a Verdict, Option<&'a Refitted>),
 ) -> Report<'a> {
     let (unexplained, left, equivalent) = (&[], &WITHIN, &[]);
-    Report { subject, request, found, verdict, model, unexplained, left, leftover: None, event: None, equivalent }
+    Report {
+        subject,
+        request,
+        found,
+        verdict,
+        model,
+        unexplained,
+        left,
+        over_predicted: None,
+        leftover: None,
+        event: None,
+        equivalent,
+    }
 }
 
 /// Something outside the library; what stands in it but its words is not looked at.

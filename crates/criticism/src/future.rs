@@ -74,11 +74,12 @@ pub fn future_score(subject: &Subject, candidate: &Candidate, fitted: &Fitted) -
         precision
     });
     let precisions: Vec<Vec<f64>> = precisions.collect();
+    let recordings = subject.problem().recordings();
     let ln_evidence = |until: u32| {
         let n_rows = observed.iter().take_while(|row| record.cycle[**row] <= until).count();
         let rows: Vec<Option<f64>> =
             both.iter().zip(&record.cycle).map(|(y, cycle)| y.filter(|_| *cycle <= until)).collect();
-        let likelihood = NoiseLikelihood::new(subject.noise(), &record.time_s, &record.cycle, &rows);
+        let likelihood = NoiseLikelihood::new(subject.noise(), &record.time_s, &recordings, &rows);
         let ln_likelihood = likelihood.ln_likelihood(&fitted.position_m, &noise);
         let dot = |i: usize, j: usize| -> f64 {
             white[i][..n_rows].iter().zip(&white[j][..n_rows]).map(|(a, b)| a * b).sum()

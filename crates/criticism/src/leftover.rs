@@ -17,7 +17,7 @@ use figures::discrepancy::{DiscrepancyPanel, discrepancy};
 use figures::number::significant;
 use figures::number::with_decimals;
 use figures::svg::Svg;
-use posterior::misfit::{Misfit, Remainder};
+use posterior::misfit::{Gains, Misfit, Remainder};
 
 /// Share of a cycle within which a change of gain counts as one between cycles: positions near zero do not show the moment.
 const CYCLE_EDGE: f64 = 0.05;
@@ -27,8 +27,7 @@ const CYCLE_EDGE: f64 = 0.05;
 /// # Errors
 /// [`base::Error::Numerical`] where the model has no derivatives at its fit.
 pub fn misfit(subject: &Subject, model: &Refitted, unexplained: &[Outside]) -> Result<Misfit> {
-    let shape = unexplained.first().filter(|outside| outside.kind.is_apart_from_law());
-    let (candidate, fitted) = with_shape(model, shape);
+    let (candidate, fitted) = without_shape_of_no_law(model, unexplained);
     let left = |positions_m: &[Option<f64>]| -> Vec<Option<f64>> {
         positions_m.iter().zip(&fitted.position_m).map(|(y, x)| y.map(|y| y - x)).collect()
     };
@@ -38,10 +37,22 @@ pub fn misfit(subject: &Subject, model: &Refitted, unexplained: &[Outside]) -> R
         heldout_m: &left(&subject.scored_m),
         position_m: &fitted.position_m,
         absorbed_m: &columns_m(subject, candidate, &fitted.theta)?,
-        has_gain: true,
+        gains: if subject.declares_gains() { Gains::Declared } else { Gains::Learnt },
     };
-    Misfit::of(&remainder, subject.yardstick_m(), subject.is_noise_known())
-        .ok_or_else(|| Error::numerical("no position is fitted", "fit a cycle that has positions"))
+    let misfit = if subject.is_noise_unknown() {
+        Misfit::beside_fitted(&remainder)
+    } else {
+        Misfit::of(&remainder, subject.yardstick_m(), subject.is_noise_known())
+    };
+    misfit.ok_or_else(|| Error::numerical("no position is fitted", "fit a cycle that has positions"))
+}
+
+/// A model beside the leading structure, where that is no part of any law.
+pub(super) fn without_shape_of_no_law<'a>(
+    model: &'a Refitted,
+    unexplained: &'a [Outside],
+) -> (&'a Candidate, &'a Fitted) {
+    with_shape(model, unexplained.first().filter(|outside| outside.kind.is_apart_from_law()))
 }
 
 /// What no effect explains, and its picture.

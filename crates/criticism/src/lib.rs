@@ -28,7 +28,7 @@ mod noise_fit;
 pub mod noise_learning;
 pub mod outliers;
 pub mod outside;
-mod predicted;
+pub mod predicted;
 pub mod protocol;
 pub mod rank;
 pub mod refit;

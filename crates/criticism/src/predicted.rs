@@ -16,11 +16,51 @@ pub(super) fn predictive_noise_um(
     fitted: &Fitted,
     positions_m: &[Option<f64>],
 ) -> Option<f64> {
+    noise_um(subject, (candidate, fitted), positions_m, f64::INFINITY)
+}
+
+/// What a claim may leave (µm, root mean square) of the rows that have a position: its predictive noise. Where the noise is given, what differs from row to
+/// row counts no more than white and slow noise of the given size each: a learnt noise may hold a misfit.
+pub fn allowed_noise_um(
+    subject: &Subject,
+    (candidate, fitted): (&Candidate, &Fitted),
+    positions_m: &[Option<f64>],
+) -> Option<f64> {
+    let given_m = if subject.is_noise_known() { subject.yardstick_m() } else { f64::INFINITY };
+    noise_um(subject, (candidate, fitted), positions_m, 2.0 * given_m * given_m)
+}
+
+/// Error of a claim on the scored cycle over what its predictive noise allows; `None` where no cycle is scored.
+pub fn over_predicted(subject: &Subject, model: (&Candidate, &Fitted)) -> Option<f64> {
+    let error_m = model.1.rmse_m(&subject.scored_m)?;
+    Some(1e6 * error_m / allowed_noise_um(subject, model, &subject.scored_m)?)
+}
+
+/// Error of a model on the scored cycle over what white noise and its parameters allow, as `sample` predicts by default. The noise is the yardstick, or what is left of the fitted cycles where
+/// that is more; `None` where no cycle is scored.
+pub fn over_white(subject: &Subject, model: (&Candidate, &Fitted)) -> Option<f64> {
+    let (candidate, fitted) = model;
+    let (error_m, left_m) = (fitted.rmse_m(&subject.scored_m)?, fitted.rmse_m(&subject.fitted_m)?);
+    let white = Fitted { noise: subject.noise_prior().white().map(f64::exp), ..fitted.clone() };
+    let of_parameters_um = noise_um(subject, (candidate, &white), &subject.scored_m, 0.0)?;
+    Some(1e6 * error_m / of_parameters_um.hypot(1e6 * subject.yardstick_m().max(left_m)))
+}
+
+/// The same with a variance from row to row of `most_m2` at most.
+fn noise_um(
+    subject: &Subject,
+    (candidate, fitted): (&Candidate, &Fitted),
+    positions_m: &[Option<f64>],
+    most_m2: f64,
+) -> Option<f64> {
     let record = &subject.experiment().record;
     let tangent = Tangent::new(subject, candidate, fitted).ok()?;
     let of_parameters_m2 = tangent.position_variance_m2(subject, candidate, fitted).ok()?;
-    let of_noise_m = subject.noise().marginal_sd_m(&record.time_s, &record.cycle, &fitted.position_m, &fitted.noise);
-    let variances_m2 = of_parameters_m2.iter().zip(&of_noise_m).map(|(variance, sd)| variance + sd * sd);
+    let recordings = subject.problem().recordings();
+    let of_noise_m = subject.noise().marginal_sd_m(&record.time_s, &recordings, &fitted.position_m, &fitted.noise);
+    let of_rows_m2 = (1e-6 * subject.noise().row_sd_um(&fitted.noise)).powi(2);
+    let excess_m2 = (of_rows_m2 - most_m2).max(0.0);
+    let variances_m2 = of_parameters_m2.iter().zip(&of_noise_m).map(|(variance, sd)| variance + sd * sd - excess_m2);
     let of_rows: Vec<f64> =
         positions_m.iter().zip(variances_m2).filter_map(|(y, variance)| y.map(|_| variance)).collect();
     (!of_rows.is_empty()).then(|| 1e6 * (of_rows.iter().sum::<f64>() / of_rows.len() as f64).sqrt())

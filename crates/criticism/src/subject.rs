@@ -161,9 +161,9 @@ impl Subject {
 
     fn of(shared: Arc<Shared>, fitted_m: Vec<Option<f64>>, scored_m: Vec<Option<f64>>) -> Self {
         let Problem { experiment, noise, .. } = &shared.model.problem;
-        let record = &experiment.record;
+        let (record, recordings) = (&experiment.record, shared.model.problem.recordings());
         let likelihood =
-            |positions: &[Option<f64>]| NoiseLikelihood::new(*noise, &record.time_s, &record.cycle, positions);
+            |positions: &[Option<f64>]| NoiseLikelihood::new(*noise, &record.time_s, &recordings, positions);
         let both: Vec<Option<f64>> = fitted_m.iter().zip(&scored_m).map(|(a, b)| a.or(*b)).collect();
         let (fitted, all) = (likelihood(&fitted_m), likelihood(&both));
         Self { shared, is_local: false, has_own_noise: false, fitted_m, scored_m, fitted, all }
@@ -277,9 +277,28 @@ impl Subject {
         self.has_own_noise.then_some(&self.shared.own_noise[..])
     }
 
+    /// Whether the model as it is written has a gain and an offset for each recording.
+    pub fn declares_gains(&self) -> bool {
+        self.shared.own_noise.iter().any(|term| term == "gain")
+    }
+
     /// The known or estimated noise (m) that misfits are measured against.
     pub fn yardstick_m(&self) -> f64 {
         self.shared.yardstick_m
+    }
+
+    /// Whether what differs between recordings, or slowly, can be told from a misfit: the model declares it, or two fitted recordings or more show it.
+    pub fn can_show_slow_noise(&self) -> bool {
+        let recordings = self.problem().recordings();
+        let mut fitted: Vec<u32> =
+            (0..recordings.len()).filter(|row| self.fitted_m[*row].is_some()).map(|row| recordings[row]).collect();
+        fitted.dedup();
+        fitted.len() > 1 || self.shared.own_noise.len() > 1
+    }
+
+    /// Whether the noise is neither given nor can it be estimated.
+    pub fn is_noise_unknown(&self) -> bool {
+        self.problem().experiment.noise_yardstick().is_none()
     }
 
     /// Whether the noise was given with the experiment.

@@ -54,27 +54,39 @@ pub struct Structure {
 /// A residual beside the noise.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Residual {
-    /// Size and return of one record's, with the number of positions that were held out, or else fitted.
-    Record(Misfit, usize),
+    /// Of one record.
+    Record {
+        /// Size and return.
+        misfit: Misfit,
+        /// Positions that were held out, or else fitted.
+        n_positions: usize,
+        /// Error on the held-out cycle over the predictive noise: of a claim, and of a base where fitted recordings cannot show slow noise and gains. `None` where no cycle is held out.
+        over_predicted: Option<f64>,
+    },
     /// Probability that noise leaves as much of a sweep; NaN where the model cannot be evaluated.
     Sweep(f64),
     /// Number of a cohort's records that leave more than noise.
     Cohort(usize),
+    /// Error of a cohort's claim on all held-out cycles over its predictive noise; `None` where no cycle is held out.
+    CohortClaim(Option<f64>),
 }
 
 impl Residual {
     /// Whether it is more than the noise allows.
     pub fn exceeds_noise(&self, criteria: &Criteria) -> bool {
         match self {
-            Self::Record(misfit, _) => misfit.is_too_large(),
+            Self::Record { misfit, over_predicted, .. } => {
+                misfit.is_too_large() || over_predicted.is_some_and(|factor| factor > criteria.claim_factor)
+            }
             Self::Sweep(p) => p.is_nan() || *p < criteria.least_noise_p,
             Self::Cohort(n_records) => *n_records > 0,
+            Self::CohortClaim(factor) => factor.is_some_and(|factor| factor > criteria.claim_factor),
         }
     }
 
     /// Whether it is larger than white noise of the known size, by no more than slow noise may make.
     fn is_doubtful(&self, criteria: &Criteria) -> bool {
-        let Self::Record(misfit, n_positions) = self else { return false };
+        let Self::Record { misfit, n_positions, .. } = self else { return false };
         let (factor, n) = (misfit.heldout.unwrap_or(misfit.fitted).rms_m / misfit.noise_m, *n_positions as f64);
         let by_chance = ChiSquared::new(n).map_or(1.0, |chi| chi.sf(n * factor * factor));
         misfit.is_known && factor > criteria.doubtful_factor && by_chance < criteria.doubtful_p

@@ -17,7 +17,7 @@ fn misfit(factor: f64, is_known: bool, is_too_large: bool) -> Residual {
     let size = Size { rms_m: factor * 4e-6, is_too_large };
     let misfit =
         Misfit { fitted: size, heldout: Some(size), noise_m: 4e-6, is_known, returning_m: None, learnt_degrees: 1.0 };
-    Residual::Record(misfit, 100)
+    Residual::Record { misfit, n_positions: 100, over_predicted: None }
 }
 
 fn noise() -> Residual {
@@ -117,6 +117,33 @@ fn a_misfit_that_stays_is_unexplained() {
     // The effect helps, and is not the cause: it has no rivals.
     assert_eq!(decide(&claim(excess())), (VerdictKind::Unexplained, vec!["force-bias".into()]));
     assert_eq!(claim(excess()).claim(&CRITERIA), None);
+}
+
+/// A noise model may swallow what a claim leaves: its error on the held-out cycle is judged by its own predictive noise. The base's is not: nothing is claimed.
+#[test]
+fn a_claim_that_leaves_more_than_its_predictive_noise_is_unexplained() {
+    let leaves = |factor: f64| {
+        let Residual::Record { misfit, n_positions, .. } = noise() else { unreachable!("of a record") };
+        Residual::Record { misfit, n_positions, over_predicted: Some(factor) }
+    };
+    assert_eq!(decide(&claim(leaves(1.49))), (VerdictKind::Missing, vec!["force-bias".into()]));
+    // 24.6 µm beside a predictive noise of 9.4 µm.
+    assert_eq!(decide(&claim(leaves(24.6 / 9.4))), (VerdictKind::Unexplained, vec!["force-bias".into()]));
+    // Of a pair the leading effect alone helps, and is judged alike.
+    let pair =
+        Proposal { test: Some(test(leaves(2.6))), ..addition(&["force-bias", "tracking-drift"], 0.01, 1).into() };
+    let mut evidence = Evidence { proposals: vec![pair, addition(&["force-bias"], 0.01, 0).into()], ..claim(noise()) };
+    assert_eq!(evidence.open_test(&CRITERIA), Some(Some(1)));
+    evidence.proposals[1].test = Some(test(leaves(2.7)));
+    assert_eq!(decide(&evidence), (VerdictKind::Unexplained, vec!["force-bias".into()]));
+    // A cohort's claim: 1.76 µm at a noise of 0.1 µm.
+    let of_cohort = |factor: f64| {
+        let mut evidence = claim(Residual::CohortClaim(Some(factor)));
+        evidence.proposals[0].addition = Addition::of_gains("force-bias", 20.0, [Some(9.0); 2], 0.005);
+        (verdict(&evidence, &Criteria::COHORT).kind, evidence.claim(&Criteria::COHORT))
+    };
+    assert_eq!(of_cohort(1.49), (VerdictKind::Missing, Some(0)));
+    assert_eq!(of_cohort(17.6), (VerdictKind::Unexplained, None));
 }
 
 /// Where a larger model leaves a misfit, the leading effect alone is considered, and then the base.

@@ -42,7 +42,7 @@ pub struct CohortDiagnosis {
 pub struct CohortVerdict {
     /// `missing`, `none`, or `unexplained` where records have more in them than noise and no effect is claimed.
     pub kind: VerdictKind,
-    /// Claimed.
+    /// Claimed, or, where the verdict is `unexplained`, what helps most without being enough.
     pub effects: Vec<String>,
     /// What the cohort cannot tell from it.
     pub equivalent: Vec<String>,

@@ -2,7 +2,9 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::diagnosis::RefitParameter;
 use super::posterior::{ModelSummary, ParameterSummary, Warning};
+use super::trust::Trust;
 
 /// Body of `vitreo-uq/extension/1`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -35,8 +37,14 @@ pub struct ExtensionSummary {
     /// Answers that the posterior gives for a parameter of the added effects, the likelier first; empty where it gives one.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub answers: Vec<ExtensionAnswer>,
+    /// For the added effects and those of earlier revisions: what their diagnosis could not tell from them.
+    #[serde(default)]
+    pub equivalents: Vec<EquivalentEffects>,
     /// What the figures say.
     pub sentence: String,
+    /// How far the extended model can be trusted, and why.
+    #[serde(default)]
+    pub trust: Trust,
     /// What the user should know of the extended model.
     pub warnings: Vec<Warning>,
 }
@@ -57,6 +65,58 @@ pub struct ExtensionAnswer {
     pub q95: f64,
 }
 
+/// Effects of a model, with those that the diagnosis before they were added could not tell from them.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
+pub struct EquivalentEffects {
+    /// The revision that added the effects.
+    pub revision: String,
+    /// The effects that were added.
+    pub effects: Vec<String>,
+    /// Effects that may stand for them, or for one of them where there are several; empty where there is none.
+    pub rivals: Vec<String>,
+    /// The revision whose diagnosis says so; `None` where no diagnosis claimed the effects before, so that their rivals were not tested.
+    pub diagnosis_of: Option<String>,
+    /// Refits of that diagnosis: of every effect, then of every rival. Empty where there is no rival.
+    pub refits: Vec<EquivalentRefit>,
+}
+
+/// A refit with one of several equivalent effects.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
+pub struct EquivalentRefit {
+    /// Slug of the effect.
+    pub effect: String,
+    /// Root mean square error on the scored cycle, in µm; `None` where none is held out.
+    pub rmse_heldout_um: Option<f64>,
+    /// Parameters of the effect.
+    pub parameters: Vec<RefitParameter>,
+}
+
+impl EquivalentEffects {
+    /// "or: a, b", as it stands beside the effects' names; `None` without rivals.
+    pub fn alternative(&self) -> Option<String> {
+        (!self.rivals.is_empty()).then(|| format!("or: {}", self.rivals.join(", ")))
+    }
+
+    /// What a reader must know of the effects' names; `None` where the diagnosis found no rival.
+    pub fn sentence(&self) -> Option<String> {
+        let names = self.effects.join(" and ");
+        match &self.diagnosis_of {
+            None => Some(format!(
+                "The rivals of {names} were not tested: no diagnosis claimed it before {} added it.",
+                self.revision
+            )),
+            Some(_) if self.rivals.is_empty() => None,
+            Some(diagnosed) => {
+                let which = if self.effects.len() > 1 { "one of " } else { "" };
+                let rivals = self.rivals.join(" or ");
+                Some(format!("The diagnosis of {diagnosed} cannot tell {which}{names} from {rivals}."))
+            }
+        }
+    }
+}
+
 /// Root mean square distance of the posterior mean from the positions, by full finite elements, in µm.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
@@ -70,6 +130,6 @@ pub struct Misfit {
 impl ExtensionSummary {
     /// Whether the result is sound (exit code 0).
     pub fn is_sound(&self) -> bool {
-        self.converged && !self.warnings.iter().any(|warning| warning.kind.is_fatal())
+        self.converged && self.trust.is_sound()
     }
 }

@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 use serde::{Deserialize, Serialize};
 
 use super::posterior::{ModelSummary, Warning};
+use super::trust::Trust;
 
 /// Body of `vitreo-uq/fit/1`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -42,6 +43,9 @@ pub struct FitSummary {
     pub surrogate_vs_fe_max_um: Option<f64>,
     /// Displacement that the mesh's error makes, in µm; `None` where it is not known.
     pub fe_discretisation_um: Option<f64>,
+    /// How far the result can be trusted, and why.
+    #[serde(default)]
+    pub trust: Trust,
     /// What the user should know.
     pub warnings: Vec<Warning>,
 }
@@ -49,7 +53,7 @@ pub struct FitSummary {
 impl FitSummary {
     /// Whether the result is sound (exit code 0).
     pub fn is_sound(&self) -> bool {
-        !self.warnings.iter().any(|warning| warning.kind.is_fatal())
+        self.trust.is_sound()
     }
 }
 

@@ -2,7 +2,9 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::extension::EquivalentEffects;
 use super::posterior::{ModelSummary, ParameterSummary, Warning, WarningKind};
+use super::trust::Trust;
 
 /// Body of `vitreo-uq/ladder/1`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -24,6 +26,9 @@ pub struct LadderSummary {
     pub shifts: Vec<Shift>,
     /// What the figures say.
     pub sentence: String,
+    /// How far the last revision and the comparison can be trusted, and why.
+    #[serde(default)]
+    pub trust: Trust,
 }
 
 /// A revision.
@@ -38,6 +43,9 @@ pub struct Rung {
     pub from: Option<String>,
     /// Effects that it has and that one has not.
     pub added: Vec<String>,
+    /// What a diagnosis could not tell from its effects.
+    #[serde(default)]
+    pub equivalents: Vec<EquivalentEffects>,
     /// The whole model, noise terms included.
     pub model: ModelSummary,
     /// Root mean square distance of the posterior mean from the fitted positions, by full finite elements, in µm.
@@ -112,9 +120,10 @@ pub struct Shift {
 }
 
 impl LadderSummary {
-    /// Whether the figures can be trusted (exit code 0): every posterior converged, every reduced model and mesh accurate. A misfit is a result.
+    /// Whether the result is sound (exit code 0): every posterior converged, every reduced model and mesh accurate, and the last revision is not to be distrusted.
+    /// That earlier ones miss the measurement is a result.
     pub fn is_sound(&self) -> bool {
-        self.revisions.iter().all(|rung| rung.converged) && !self.warnings().any(|(_, warning)| spoils(warning.kind))
+        self.revisions.iter().all(|rung| rung.converged) && self.trust.is_sound()
     }
 
     /// Warnings that a reader of the whole must see, with their revisions: what spoils the figures of any, and what is left to say of the last. That

@@ -19,3 +19,4 @@ pub mod posterior;
 pub mod shapes;
 pub mod simulation;
 pub mod tasks;
+pub mod trust;

@@ -3,6 +3,8 @@
 use laws::rheology::OUTSIDE;
 use serde::{Deserialize, Serialize};
 
+use super::trust::{Trust, TrustLevel};
+
 /// Body of `vitreo-uq/posterior/1`. Figures that do not apply (an instrument has no finite elements) are `null`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
@@ -29,6 +31,9 @@ pub struct PosteriorSummary {
     pub at_edge_of_range: Vec<String>,
     /// Whether the draws have converged.
     pub converged: bool,
+    /// How far the result can be trusted, and why.
+    #[serde(default)]
+    pub trust: Trust,
     /// What the user should know.
     pub warnings: Vec<Warning>,
 }
@@ -255,10 +260,16 @@ pub enum WarningKind {
     LargeStrain,
     /// Displacements are so large that a gel of the law would deviate from the linear model.
     LargeDisplacement,
+    /// Large displacements are part of the model, and their fitted amplitude is that of the geometry.
+    LargeDisplacementFitted,
     /// The mesh's error exceeds the noise.
     MeshInaccurate,
-    /// The tracker's noise is not known.
+    /// The tracker's noise is not known, and the residuals look like noise of the learnt size.
     NoiseUnknown,
+    /// The tracker's noise is not known, and the residuals are too few to be tested.
+    ResidualsUntested,
+    /// The residuals follow a pattern that noise of the fitted kind does not make.
+    SystematicResidual,
     /// The learnt noise is far below the known noise.
     LearntNoiseBelowKnown,
     /// The posterior leans against the end of the prior's range.
@@ -282,28 +293,46 @@ pub enum WarningKind {
 }
 
 impl WarningKind {
+    /// The highest level of trust that a result with this warning can have.
+    pub fn level(self) -> TrustLevel {
+        use WarningKind::*;
+        match self {
+            NotConverged
+            | EdgeOfRange
+            | ImpossiblePositions
+            | MeshInaccurate
+            | Undetermined
+            | SurrogateInaccurate
+            | HeldoutOutsideBand
+            | MisfitAboveNoise
+            | DrawsRefused
+            | LearntNoiseAboveKnown
+            | ResidualsUntested
+            | SystematicResidual => TrustLevel::Untrusted,
+            LargeStrain | LargeDisplacement | NoiseUnknown => TrustLevel::Effective,
+            Sampler
+            | Mesh
+            | MeshTooCoarse
+            | LargeDisplacementFitted
+            | LearntNoiseBelowKnown
+            | NothingHeldOut
+            | AtNull
+            | NoFiniteElements
+            | GroupOfOne
+            | GroupPredicted
+            | OutlyingSpecimen => TrustLevel::Trusted,
+        }
+    }
+
     /// Whether the result is not to be trusted as it stands (exit code 1).
     pub fn is_fatal(self) -> bool {
-        use WarningKind::*;
-        matches!(
-            self,
-            NotConverged
-                | EdgeOfRange
-                | ImpossiblePositions
-                | MeshInaccurate
-                | Undetermined
-                | SurrogateInaccurate
-                | HeldoutOutsideBand
-                | MisfitAboveNoise
-                | DrawsRefused
-                | LearntNoiseAboveKnown
-        )
+        self.level() == TrustLevel::Untrusted
     }
 }
 
 impl PosteriorSummary {
     /// Whether the result is sound (exit code 0).
     pub fn is_sound(&self) -> bool {
-        !self.warnings.iter().any(|warning| warning.kind.is_fatal())
+        self.trust.is_sound()
     }
 }

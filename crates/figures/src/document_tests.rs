@@ -5,7 +5,9 @@ use super::ladder::ladder;
 use super::layout_tests::{LONG, assert_legible};
 use crate::rung_for_tests::rung_of;
 use documents::diagnosis::*;
+use documents::extension::EquivalentEffects;
 use documents::ladder::{LadderSummary, Rung};
+use documents::trust::{Trust, TrustLevel};
 
 fn ladder_of(revisions: Vec<Rung>, experiment: &str, sentence: &str) -> LadderSummary {
     LadderSummary {
@@ -17,6 +19,7 @@ fn ladder_of(revisions: Vec<Rung>, experiment: &str, sentence: &str) -> LadderSu
         revisions,
         shifts: vec![],
         sentence: sentence.into(),
+        trust: Trust { level: TrustLevel::Trusted, reason: "all is well".into() },
     }
 }
 
@@ -27,6 +30,13 @@ fn three_rungs() -> Vec<Rung> {
         rung_of("m12", Some("m1"), &["instantaneous-elasticity", "second-retardation", "tracking-drift"], Some(4.1)),
     ];
     rungs[2].added = vec!["second-retardation".into(), "tracking-drift".into()];
+    rungs[1].equivalents = vec![EquivalentEffects {
+        revision: "m1".into(),
+        effects: vec!["instantaneous-elasticity".into()],
+        rivals: vec!["actuator-lag".into(), "clock-offset".into()],
+        diagnosis_of: Some("m0".into()),
+        refits: Vec::new(),
+    }];
     let names =
         ["viscosity_1_pa_s", "noise_sd_um", "tracking-drift.velocity_m_per_s", "instantaneous-elasticity.modulus_pa"];
     for (k, name) in names.into_iter().enumerate() {

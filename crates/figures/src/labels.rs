@@ -1,6 +1,7 @@
 //! Symbols and units of parameters as figures show them: from what models say of them, of networks' parameters from their names (formats §5).
 
 use base::parameter::named;
+use documents::extension::EquivalentEffects;
 use documents::posterior::ModelSummary;
 use laws::rheology::{BaseLaw, OutsideLaw};
 use models::effects::parameter_named;
@@ -26,6 +27,22 @@ pub fn model_title(model: &ModelSummary) -> String {
     let law = BaseLaw::named(&model.base).map_or(model.base.as_str(), |law| law.title());
     let effects: String = model.effects.iter().map(|slug| format!(" + {slug}")).collect();
     format!("{law}{effects}")
+}
+
+/// The same with "(or: …)" beside effects that a diagnosis could not tell from others.
+pub fn model_title_with(model: &ModelSummary, equivalents: &[EquivalentEffects]) -> String {
+    let law = model_title(&ModelSummary { effects: Vec::new(), ..model.clone() });
+    format!("{law}{}", effects_with(&model.effects, equivalents))
+}
+
+/// " + effect" of every effect, with "(or: …)" behind the last of those that others may stand for.
+pub fn effects_with(effects: &[String], equivalents: &[EquivalentEffects]) -> String {
+    let words = |slug: &String| {
+        let is_last = |own: &&EquivalentEffects| own.effects.last() == Some(slug);
+        let or = equivalents.iter().find(is_last).and_then(EquivalentEffects::alternative);
+        format!(" + {slug}{}", or.map_or(String::new(), |or| format!(" ({or})")))
+    };
+    effects.iter().map(words).collect()
 }
 
 /// `symbol (unit)`; a quantity without unit is marked by `–`.

@@ -8,7 +8,7 @@ use super::number::{listed, significant};
 use super::palette::{BLUE, Colour, GRID, INK, MUTED, SKY, VERMILLION};
 use super::svg::{Anchor, Fill, Path, Rect, Stroke, Style, Svg, TextStyle};
 use super::ticks::Scale;
-use crate::labels::model_title;
+use crate::labels::{effects_with, model_title};
 use base::error::Place;
 use base::{Error, Result};
 use documents::ladder::{LadderSummary, Rung, RungParameter};
@@ -146,7 +146,7 @@ fn bars(svg: &mut Svg, axes: &Axes, summary: &LadderSummary, rung: &Rung, row: R
 fn label(svg: &mut Svg, rung: &Rung, row: Rect) {
     let words = match &rung.from {
         None => model_title(&rung.model),
-        Some(from) => format!("{from} + {}", rung.added.join(" + ")),
+        Some(from) => format!("{from}{}", effects_with(&rung.added, &rung.equivalents)),
     };
     let room = LABEL_PX - 50.0;
     let lines: Vec<String> = wrapped(&words, 12.0, room).into_iter().take(3).collect();

@@ -19,6 +19,7 @@ pub(crate) fn rung_of(revision: &str, from: Option<&str>, effects: &[&str], held
         effects: effects.clone(),
         from: from.map(String::from),
         added: effects.clone(),
+        equivalents: Vec::new(),
         model: ModelSummary { base: "lethersich".into(), effects, noise: vec!["white".into()] },
         rmse_fitted_um: 0.9 * heldout_um.unwrap_or(5.0),
         rmse_heldout_um: heldout_um,

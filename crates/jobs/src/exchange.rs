@@ -117,7 +117,8 @@ impl<'a> Predictor<'a> {
     fn with_noise_um(&self, trajectory_m: &[f64], noise: &[f64], rng: &mut ChaCha8Rng) -> Vec<f64> {
         let record = &self.problem.experiment.record;
         let time_s: Vec<f64> = self.rows.iter().map(|row| record.time_s[*row]).collect();
-        let cycle: Vec<u32> = self.rows.iter().map(|row| record.cycle[*row]).collect();
+        let recordings = self.problem.recordings();
+        let cycle: Vec<u32> = self.rows.iter().map(|row| recordings[*row]).collect();
         let position_m: Vec<f64> = self.rows.iter().map(|row| trajectory_m[*row]).collect();
         let noise_m = self.problem.noise.simulate_m(&time_s, &cycle, &position_m, noise, rng);
         position_m.iter().zip(noise_m).map(|(x, e)| 1e6 * (x + e)).collect()

@@ -4,8 +4,9 @@ use std::path::{Path, PathBuf};
 
 use base::error::{Error, Place, Result, Setting};
 use cohorts::cohort::{self, Measurement};
-use documents::extension::{ExtensionAnswer, ExtensionSummary, Misfit};
+use documents::extension::{EquivalentEffects, ExtensionAnswer, ExtensionSummary, Misfit};
 use documents::posterior::PosteriorSummary;
+use documents::trust::{Trust, TrustLevel};
 use figures::number::significant;
 use models::effects::Library;
 use posterior::monitor::Monitor;
@@ -20,7 +21,7 @@ use serde::Serialize;
 use crate::first_revision::{FIRST_REVISION, make_first_revision};
 use crate::outcome::Outcome;
 use crate::target::{CohortTarget, CreepTarget, Target, TargetRequest, not_taken};
-use crate::{artefacts, pages};
+use crate::{artefacts, equivalents, pages};
 
 /// Directory of a cohort's studies where none is named: one folder a record.
 const COHORT_OUT: &str = "vitreo-uq-out/cohort-studies";
@@ -117,7 +118,11 @@ fn of_creep(target: &CreepTarget, request: &ExtendRequest, monitor: &dyn Monitor
         make_first_revision(&study, &before, request.options.clone(), false, monitor)?;
     }
     let writer = study.begin_revision(&revision)?;
-    let Extension { summary, problem, after } = refit(pair, &request, monitor)?;
+    let Extension { mut summary, problem, after } = refit(pair, &request, monitor)?;
+    summary.equivalents = equivalents::of_extension(&study, &from, &revision, request.effects)?;
+    let of_equivalents = summary.equivalents.iter().filter(|own| own.revision == revision);
+    let sentences: Vec<String> = of_equivalents.filter_map(EquivalentEffects::sentence).collect();
+    sentences.iter().for_each(|sentence| summary.sentence += &format!(" {sentence}"));
     monitor.stage("writing results and figures");
     let header = |kind: &str| artefacts::with_inputs(study.provenance(kind, 1, request.options.seed), &problem);
     let document = WithProvenance { provenance: header("extension"), body: summary };
@@ -338,9 +343,21 @@ fn summarise(
         parameters: after.parameters.clone(),
         converged: base.converged && after.converged,
         answers: Vec::new(),
+        equivalents: Vec::new(),
+        trust: trust(base, after),
         sentence: sentence(&request.effects.join(" and "), before, now, &Scoring::of(problem, request, after)),
         warnings: after.warnings.clone(),
     }
+}
+
+/// What the extended model says of itself, if the comparison with the model before stands.
+fn trust(base: &PosteriorSummary, after: &PosteriorSummary) -> Trust {
+    if base.converged || !after.trust.is_sound() {
+        return after.trust.clone();
+    }
+    let reason =
+        "the draws of the model before the extension have not converged, so the comparison means nothing".into();
+    Trust { level: TrustLevel::Untrusted, reason }
 }
 
 /// Draws that are looked at for a valley: evenly spread over all.

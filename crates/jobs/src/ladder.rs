@@ -7,9 +7,10 @@
 use super::artefacts::with_inputs;
 use base::error::{Error, Place, Result, Setting};
 use base::files::{self, Content, read_if_there};
-use documents::extension::ExtensionSummary;
+use documents::extension::{EquivalentEffects, ExtensionSummary};
 use documents::ladder::{LadderSummary, Rung, RungParameter, Shift};
 use documents::posterior::PosteriorSummary;
+use documents::trust::Trust;
 use figures::svg::figure_files;
 use laws::rheology::BaseLaw;
 use models::effects::Library;
@@ -19,8 +20,10 @@ use posterior::problem::Problem;
 use posterior::sample::{self, SampleRequest};
 use posterior::study::ModelSpecification;
 use posterior::study::{EXTENSION_NAME, LADDER_NAME, POSTERIOR_NAME, Provenance, Study, WithProvenance, sha256_hex};
+use posterior::trust::trust;
 use sampling::SamplerOptions;
 
+use crate::equivalents;
 use crate::outcome::Outcome;
 use crate::target::Target;
 
@@ -96,6 +99,7 @@ fn compared(study: &Study, first: &Problem, request: &LadderRequest, monitor: &d
         rungs.iter().map(|rung| (rung.revision.clone(), rung.effects.clone())).collect();
     for rung in &mut rungs {
         rung.added = added(rung, &effects_of);
+        rung.equivalents = equivalents::of_revision(study, &rung.revision)?;
     }
     summarise(&revisions, rungs)
 }
@@ -201,6 +205,7 @@ fn rung(revision: &Revision, posterior: PosteriorSummary, refit_sha256: Option<S
         effects: model.effects.clone(),
         from: revision.from.clone(),
         added: Vec::new(),
+        equivalents: Vec::new(),
         model,
         rmse_fitted_um: heldout.rmse_fitted_um,
         rmse_heldout_um: heldout.rmse_um,
@@ -239,7 +244,7 @@ fn summarise(revisions: &[Revision], rungs: Vec<Rung>) -> Result<LadderSummary> 
     let yardstick = experiment.noise_yardstick();
     let noise_um = yardstick.map(|yardstick| 1e6 * yardstick.sd_m);
     let n_scored = problem.positions_of(&experiment.heldout_cycles).iter().flatten().count();
-    Ok(LadderSummary {
+    let mut summary = LadderSummary {
         experiment: experiment.specimen_id.clone(),
         fitted_cycles: experiment.calibration_cycles.clone(),
         heldout_cycles: experiment.heldout_cycles.clone(),
@@ -247,8 +252,15 @@ fn summarise(revisions: &[Revision], rungs: Vec<Rung>) -> Result<LadderSummary> 
         noise_origin: yardstick.map_or("unknown", |yardstick| sample::origin(yardstick.origin)).into(),
         shifts: shifts(problem.model.base(), &rungs),
         sentence: sentence(&rungs, noise_um, n_scored),
+        trust: Trust::default(),
         revisions: rungs,
-    })
+    };
+    let of_last = summary.revisions.last().into_iter().flat_map(|rung| &rung.warnings);
+    summary.trust = trust(summary.warnings().map(|(_, warning)| warning).chain(of_last));
+    let of_last = summary.revisions.last().into_iter().flat_map(|rung| &rung.equivalents);
+    let sentences: Vec<String> = of_last.filter_map(EquivalentEffects::sentence).collect();
+    sentences.iter().for_each(|sentence| summary.sentence += &format!(" {sentence}"));
+    Ok(summary)
 }
 
 /// Shifts of the law's parameters that are sampled in both the first and the last revision.

@@ -9,6 +9,7 @@ pub mod bridge;
 pub mod compare;
 pub mod convergence;
 pub mod diagnose;
+pub mod equivalents;
 mod exchange;
 pub mod extend;
 pub mod first_revision;

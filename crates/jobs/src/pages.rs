@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 use serde::de::DeserializeOwned;
 
 use super::artefacts::{MESH_INPUT, effect_copy};
+use super::equivalents;
 use base::error::{Error, Place, Result};
 use base::files::{Content, read_if_there, write_atomically};
 use documents::groups::GroupsSummary;
@@ -91,7 +92,8 @@ fn content(study: &Study) -> Result<StudyPage> {
         content.inputs_sha256.extend(posterior.inputs_sha256.clone());
         content.commands.extend(revision.commands(study, name, &experiment)?);
         posteriors_sha256.insert(format!("{name}/{POSTERIOR_NAME}"), revision.posterior_sha256.clone());
-        content.revisions.push(revision.into_page(name)?);
+        let page = revision.into_page(name)?;
+        content.revisions.push(RevisionPage { equivalents: equivalents::of_revision(study, name)?, ..page });
     }
     if content.revisions.is_empty() {
         return Err(Error::input(
@@ -212,6 +214,7 @@ impl Kept {
             diagnosis: self.diagnosis.map(|document| document.body),
             learned: self.learned.map(|document| document.body),
             extension: self.extension.map(|document| document.body),
+            equivalents: Vec::new(),
             figures,
         })
     }

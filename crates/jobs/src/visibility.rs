@@ -69,7 +69,7 @@ struct Base {
 impl Base {
     fn new(problem: &Problem, calibrated: &fit::FitResult) -> Result<Self> {
         let record = &problem.experiment.record;
-        let noise = NoiseLikelihood::new(problem.noise, &record.time_s, &record.cycle, &record.position_m);
+        let noise = NoiseLikelihood::new(problem.noise, &record.time_s, &problem.recordings(), &record.position_m);
         let noise_parameters = noise_parameters(problem, calibrated.summary.rmse_um);
         let forward = calibrated.model.forward();
         let parameters = calibrated.model_parameters.clone();

@@ -1,7 +1,6 @@
 //! What a posterior's figures mean, in words, with advice.
 
-use super::misfit::Misfit;
-pub use super::misfit::NOISE_FACTOR;
+use super::judgement::Judgement;
 use documents::posterior::{ModelSummary, PosteriorSummary, Warning, WarningKind};
 use figures::number::significant;
 use models::effects::Library;
@@ -9,8 +8,6 @@ use record::{Apparatus, Experiment};
 
 /// Learnt noise so many times below the known one is not the tracker's.
 const LOW_NOISE_FACTOR: f64 = 3.0;
-/// A joint probability below this lies outside the 99.9 % band.
-const OUTSIDE_BAND: f64 = 0.001;
 /// Largest tolerated error of the reduced model, in units of the noise.
 const SURROGATE_SHARE: f64 = 0.1;
 /// Largest tolerated discretisation error, in units of the noise.
@@ -29,8 +26,8 @@ const UNITS_FIRST: &str =
 pub struct Findings<'a> {
     /// The summary without its warnings.
     pub summary: &'a PosteriorSummary,
-    /// What the posterior's mean leaves, beside what the noise allows; `None` where no noise is known.
-    pub misfit: Option<&'a Misfit>,
+    /// What the posterior's mean leaves, judged.
+    pub judgement: &'a Judgement,
     /// What the sampler said of itself.
     pub sampler_messages: &'a [String],
     /// Positions that cannot be.
@@ -67,33 +64,15 @@ pub fn warnings(findings: &Findings) -> Vec<Warning> {
     } else if !messages.is_empty() {
         add(WarningKind::Sampler, messages, "look at the trace plot before relying on the tails");
     }
-    match heldout.noise_um {
-        Some(noise) => {
-            if let Some(left) = findings.misfit {
-                misfit(summary, left, &mut add);
-            }
-            noise_below(summary, noise, &mut add);
-            model_error(summary, noise, units_first, &mut add);
-        }
-        None => {
-            let text = "the tracker's noise is neither given nor can it be estimated, so nothing says how much misfit is too much";
-            add(WarningKind::NoiseUnknown, text.into(), "give `noise_um` in [measurement]");
-            model_error(summary, summary.error_budget_um.noise, units_first, &mut add);
-        }
+    list.extend(findings.judgement.warnings());
+    let mut add = |kind, text: String, advice: &str| list.push(Warning { kind, text, advice: advice.into() });
+    if let Some(noise) = heldout.noise_um {
+        noise_below(summary, noise, &mut add);
     }
-    if let Some(p) = heldout.joint_p.filter(|p| *p < OUTSIDE_BAND) {
-        let text = format!(
-            "the held-out cycles lie outside the 99.9 % joint predictive band (probability at most {p:.1e}): the fitted model does not predict them"
-        );
-        add(
-            WarningKind::HeldoutOutsideBand,
-            text,
-            "look at the predictive figure for where it fails; the model lacks something that these cycles show",
-        );
-    }
+    model_error(summary, heldout.noise_um.unwrap_or(summary.error_budget_um.noise), units_first, &mut add);
     if heldout.rmse_um.is_none() {
-        let text = "no cycle is held out, so nothing is known about how the model predicts".to_string();
-        add(WarningKind::NothingHeldOut, text, "hold a cycle out in [measurement], or record another one");
+        let Warning { kind, text, advice } = nothing_held_out();
+        add(kind, text, &advice);
     }
     if let Some(warning) = summary.largest_strain.and_then(strain_warning) {
         add(warning.kind, warning.text, &warning.advice);
@@ -109,27 +88,13 @@ pub fn warnings(findings: &Findings) -> Vec<Warning> {
     list
 }
 
-/// The misfits (µm, with the name of their cycles) that are too large to be the noise.
-pub fn misfit_warning(misfits_um: &[(&str, Option<f64>)], noise_um: f64) -> Option<Warning> {
-    let larger = misfits_um.iter().filter_map(|(which, rmse)| Some((*which, (*rmse)?)));
-    let larger: Vec<(&str, f64)> = larger.filter(|(_, rmse)| *rmse > NOISE_FACTOR * noise_um).collect();
-    missed(&larger, noise_um)
-}
-
-/// What is said of cycles that are missed by so much (µm); `None` where none is.
-fn missed(misses_um: &[(&str, f64)], noise_um: f64) -> Option<Warning> {
-    let miss = |(which, rmse): &(&str, f64)| {
-        let over_noise = rmse / noise_um;
-        let [rmse_um, noise_um] = [*rmse, noise_um].map(|um| significant(um, 3));
-        format!("the {which} cycles by {rmse_um} µm ({over_noise:.1} × the noise of {noise_um} µm)")
-    };
-    let misses: Vec<String> = misses_um.iter().map(miss).collect();
-    (!misses.is_empty()).then(|| Warning {
-        kind: WarningKind::MisfitAboveNoise,
-        text: format!("the model misses {}", misses.join(" and ")),
-        advice: "the model is not enough for this measurement; do not read its parameters as material properties: `vitreo-uq effects` lists what it may lack, `vitreo-uq extend --with EFFECT` adds it"
-            .into(),
-    })
+/// No cycle tests the predictions.
+pub fn nothing_held_out() -> Warning {
+    Warning {
+        kind: WarningKind::NothingHeldOut,
+        text: "no cycle is held out, so nothing is known about how the model predicts".into(),
+        advice: "hold a cycle out in [measurement], or record another one".into(),
+    }
 }
 
 /// A reduced model that is too far (µm) from the full one, or whose importance weights cannot be trusted.
@@ -166,7 +131,7 @@ pub fn strain_warning(largest_strain: f64) -> Option<Warning> {
     (largest_strain > LINEAR_STRAIN).then(|| Warning {
         kind: WarningKind::LargeStrain,
         text: format!(
-            "the largest strain at the integration points is {largest_strain:.2} (at the robot's surface up to a tenth more); the gel is known to be linear below {LINEAR_STRAIN}, so the linear model is used beyond its proven range"
+            "the largest strain at the integration points is {largest_strain:.2} (at the robot's surface up to a tenth more), and the gel is known to be linear below {LINEAR_STRAIN}: the linear model is used beyond its proven range"
         ),
         advice: if largest_strain > IMPOSSIBLE_STRAIN {
             "no gel is strained by twenty times its own length: check the units of force, position and sizes first"
@@ -175,42 +140,6 @@ pub fn strain_warning(largest_strain: f64) -> Option<Warning> {
         }
         .into(),
     })
-}
-
-fn misfit(summary: &PosteriorSummary, left: &Misfit, add: &mut impl FnMut(WarningKind, String, &str)) {
-    let heldout = &summary.heldout;
-    let learnt = summary.error_budget_um.noise;
-    let (noise, is_learnt_too_large) = (1e6 * left.noise_m, left.is_learnt_too_large(1e-6 * learnt));
-    let sizes = [("fitted", Some(left.fitted)), ("held-out", left.heldout)];
-    let too_large = sizes.into_iter().filter_map(|(which, size)| Some((which, size?))).filter(|own| own.1.is_too_large);
-    let misses: Vec<(&str, f64)> = too_large.map(|(which, size)| (which, 1e6 * size.rms_m)).collect();
-    if let Some(mut warning) = missed(&misses, noise) {
-        if let Some(returning_m) = left.returning_m {
-            warning.text += &format!(", and {} µm of it come again in every cycle", significant(1e6 * returning_m, 3));
-        }
-        // Where the noise is as it should be, and not of another kind in each cycle, only the parameters' spread is left to cover a misfit.
-        let is_small = !is_learnt_too_large && !summary.model.noise.iter().any(|n| n == "gain");
-        if !left.fitted.is_too_large && is_small && heldout.joint_p.is_some_and(|p| p >= OUTSIDE_BAND) {
-            warning.text +=
-                ", which the posterior's own spread covers: the fitted cycles do not determine the parameters";
-            warning.advice = "fit more cycles or longer ones, or give a more informative prior (--prior)".into();
-        }
-        add(warning.kind, warning.text, &warning.advice);
-    }
-    if is_learnt_too_large {
-        let origin = if left.is_known { "known" } else { "estimated" };
-        let text = format!(
-            "the learnt noise, {} µm, is {:.1} × the {origin} noise of {} µm: it has swallowed a misfit",
-            significant(learnt, 3),
-            learnt / noise,
-            significant(noise, 3)
-        );
-        add(
-            WarningKind::LearntNoiseAboveKnown,
-            text,
-            "the posterior's widths describe the misfit, not the measurement's precision",
-        );
-    }
 }
 
 /// A learnt noise far below the one (µm) that is known or estimated.
@@ -303,9 +232,12 @@ pub fn mesh_warning(error_um: Option<f64>, noise_um: f64, units_first: bool) -> 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::misfit::Size;
+    use crate::misfit::{Misfit, Size};
+    use crate::systematic::SystematicTest;
+    use crate::trust::trust;
     use WarningKind::*;
     use documents::posterior::*;
+    use documents::trust::Trust;
 
     /// A sound result: noise 4 µm, nothing wrong.
     fn sound() -> PosteriorSummary {
@@ -359,7 +291,21 @@ mod tests {
             large_displacement: None,
             at_edge_of_range: vec![],
             converged: true,
+            trust: Trust::default(),
             warnings: vec![],
+        }
+    }
+
+    fn judgement_of(summary: &PosteriorSummary) -> Judgement {
+        let is_noise_unknown = summary.heldout.noise_um.is_none();
+        let white = SystematicTest { p: 0.5, first_autocorrelation: 0.0, runs_score: 0.0 };
+        Judgement {
+            misfit: Some(misfit_of(summary)).filter(|_| !is_noise_unknown),
+            is_noise_unknown,
+            systematic: is_noise_unknown.then_some(white),
+            learnt_noise_m: Some(1e-6 * summary.error_budget_um.noise),
+            joint_p: summary.heldout.joint_p,
+            has_gain: false,
         }
     }
 
@@ -380,10 +326,10 @@ mod tests {
     fn after(change: impl Fn(&mut PosteriorSummary)) -> (Vec<WarningKind>, bool) {
         let mut summary = sound();
         change(&mut summary);
-        let misfit = misfit_of(&summary);
-        let misfit = summary.heldout.noise_um.map(|_| &misfit);
+        let judgement = &judgement_of(&summary);
         summary.warnings =
-            warnings(&Findings { summary: &summary, misfit, sampler_messages: &[], impossible_positions: None });
+            warnings(&Findings { summary: &summary, judgement, sampler_messages: &[], impossible_positions: None });
+        summary.trust = trust(&summary.warnings);
         (summary.warnings.iter().map(|warning| warning.kind).collect(), summary.is_sound())
     }
 
@@ -438,7 +384,7 @@ mod tests {
             change(&mut summary);
             let all = warnings(&Findings {
                 summary: &summary,
-                misfit: None,
+                judgement: &judgement_of(&summary),
                 sampler_messages: &[],
                 impossible_positions: None,
             });
@@ -467,7 +413,7 @@ mod tests {
         summary.heldout.rmse_um = Some(4e3);
         let all = warnings(&Findings {
             summary: &summary,
-            misfit: Some(&misfit_of(&summary)),
+            judgement: &judgement_of(&summary),
             sampler_messages: &[],
             impossible_positions: Some(impossible.clone()),
         });

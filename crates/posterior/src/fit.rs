@@ -10,13 +10,17 @@ use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
 use super::fitted_rows::{FittedRows, MOST_SEARCHED, SAME_MINIMUM, finished, is_same_minimum};
-use crate::advice::{impossible_positions, mesh_warning, misfit_warning, surrogate_warning};
-use crate::full_check::rmse_m;
+use crate::advice::{impossible_positions, mesh_warning, nothing_held_out, strain_warning, surrogate_warning};
+use crate::full_check::{largest_strain, rmse_m};
+use crate::judgement::{Judgement, Prediction};
 use crate::monitor::Monitor;
+use crate::noise::NoiseModel;
 use crate::prepared::{KeptSurrogate, PreparedModel};
 use crate::problem::{Problem, TAIL_MASS};
+use crate::trust::trust;
 use base::error::{Error, Place, Result, Setting};
 use documents::posterior::{Warning, WarningKind};
+use documents::trust::Trust;
 use models::effects::EffectParameter;
 use models::model::{Forward, ReducedForward, TrainedRange};
 use sampling::least_squares::{Fit, Residuals, Tolerances, fit};
@@ -35,6 +39,8 @@ const SPREAD_TAIL: f64 = 0.25;
 const FINITE_STEP: f64 = 1e-4;
 /// The same for a parameter that moves by itself, in units of its prior's spread.
 const AT_LINEAR_END: f64 = 1e-6;
+/// Rows beyond which the derivatives of all are not kept: a gigabyte.
+const MOST_ROWS_OF_COLUMNS: usize = 10_000_000;
 /// Most effects that are held at their nulls in turn.
 const MOST_HELD: usize = 4;
 
@@ -78,9 +84,7 @@ pub fn run(problem: &Problem, kept_surrogate: Option<KeptSurrogate>, monitor: &d
     }
     let reduced_m = model.forward().trajectory_m(&model_parameters)?;
     let full = full_run(problem, &reduced_m, &model_parameters)?;
-    let mut summary = summarise(problem, data, &free, searches, best, full);
-    let heldout_m = problem.positions_of(&problem.experiment.heldout_cycles);
-    summary.rmse_heldout_um = heldout_m.iter().any(Option::is_some).then(|| 1e6 * rmse_m(&reduced_m, &heldout_m));
+    let summary = summarise(&model, data, &free, searches, best, (full, &reduced_m));
     let covariance = best.covariance.clone();
     Ok(FitResult { summary, model_parameters, covariance, model })
 }
@@ -271,6 +275,22 @@ impl<'a> CreepResiduals<'a> {
         Some(here.iter().zip(&there).map(|(a, b)| (b - a) / step).collect())
     }
 
+    /// Derivatives of the positions (m) at every row of the record by the free coordinates; none where the model or the memory allows none.
+    fn columns_m(&self, prepared: &PreparedModel, theta: &[f64]) -> Vec<Vec<f64>> {
+        if prepared.problem.experiment.record.n_rows() > MOST_ROWS_OF_COLUMNS {
+            return Vec::new();
+        }
+        let whole = CreepResiduals {
+            forward: prepared.forward(),
+            template: self.template.clone(),
+            free: self.free.clone(),
+            ranges: self.ranges.clone(),
+            observed: Vec::new(),
+        };
+        let parameters = self.model_parameters(theta);
+        self.free.iter().filter_map(|&free| whole.column_m(&parameters, free)).collect()
+    }
+
     /// Fits from every start; a start at which the model cannot be evaluated is left out unless there is no other.
     fn search(&self, starts: &[Vec<f64>]) -> Result<Vec<Fit>> {
         let tolerances = Tolerances::default();
@@ -330,6 +350,8 @@ struct FullRun {
     distance_m: f64,
     /// Largest displacement that the mesh's error makes, in m; `None` where it is not known.
     discretisation_m: Option<f64>,
+    /// Largest absolute principal strain at the largest displacement; `None` where strains are large by the model itself.
+    largest_strain: Option<f64>,
 }
 
 /// One full-order run; `None` without finite elements.
@@ -337,26 +359,31 @@ fn full_run(problem: &Problem, reduced_m: &[f64], model_parameters: &[f64]) -> R
     let distance_m = |full_m: &[f64]| full_m.iter().zip(reduced_m).fold(0.0, |d: f64, (x, y)| d.max((x - y).abs()));
     if let Some(outside) = problem.outside_forward() {
         let distance_m = distance_m(&outside.trajectory_m(model_parameters)?);
-        return Ok(Some(FullRun { distance_m, discretisation_m: None }));
+        return Ok(Some(FullRun { distance_m, discretisation_m: None, largest_strain: None }));
     }
     let Some(full) = problem.full_forward()? else { return Ok(None) };
-    let full_m = full.trajectory_m(model_parameters)?;
+    let extreme = reduced_m.iter().enumerate().max_by(|a, b| a.1.abs().total_cmp(&b.1.abs())).map_or(0, |(row, _)| row);
+    let run = full.run(model_parameters, &[extreme])?;
+    let largest_strain = largest_strain(problem, &run)?;
+    let full_m = run.position_m;
     let distance_m = distance_m(&full_m);
     let amplitude_m = full_m.iter().fold(0.0, |a: f64, x| a.max(x.abs()));
     let comparison = problem.finite_elements().and_then(|fe| fe.comparison);
     let relative = comparison.map(|other| other.relative_error(full.compliance_per_m()).abs());
-    Ok(Some(FullRun { distance_m, discretisation_m: relative.map(|error| error * amplitude_m) }))
+    let discretisation_m = relative.map(|error| error * amplitude_m);
+    Ok(Some(FullRun { distance_m, discretisation_m, largest_strain }))
 }
 
 fn summarise(
-    problem: &Problem,
+    prepared: &PreparedModel,
     data: &CreepResiduals,
     free: &[usize],
     searches: &[Fit],
     best: &Fit,
-    full: Option<FullRun>,
+    (full, reduced_m): (Option<FullRun>, &[f64]),
 ) -> FitSummary {
-    let n = data.observed.len();
+    let (problem, n) = (&prepared.problem, data.observed.len());
+    let heldout_m = problem.positions_of(&problem.experiment.heldout_cycles);
     let estimate = |&j: &usize| {
         let name = problem.model.parameters()[j].name.to_string();
         let Some((k, &(_, coordinate))) = data.free.iter().enumerate().find(|(_, (index, _))| *index == j) else {
@@ -382,7 +409,7 @@ fn summarise(
         parameters: free.iter().map(estimate).collect(),
         objective_m2: best.objective,
         rmse_um: 1e6 * (best.objective / n as f64).sqrt(),
-        rmse_heldout_um: None,
+        rmse_heldout_um: heldout_m.iter().any(Option::is_some).then(|| 1e6 * rmse_m(reduced_m, &heldout_m)),
         fitted_positions: n,
         noise_um: yardstick.map(|y| 1e6 * y.sd_m),
         iterations: best.iterations,
@@ -391,19 +418,33 @@ fn summarise(
         starts_agreeing: searches.iter().filter(|search| is_same_minimum(search, best)).count(),
         surrogate_vs_fe_max_um: full.as_ref().map(|full| 1e6 * full.distance_m),
         fe_discretisation_um: full.as_ref().and_then(|full| full.discretisation_m).map(|x| 1e6 * x),
+        trust: Trust::default(),
         warnings: Vec::new(),
     };
+    let columns_m = data.columns_m(prepared, &best.theta);
+    let noise_um = [summary.rmse_um];
+    let prediction = Prediction {
+        position_m: reduced_m,
+        columns_m: &columns_m,
+        noise: (NoiseModel::default(), &noise_um),
+        learnt_noise_m: None,
+        joint_p: None,
+    };
+    let judgement = Judgement::of(problem, &prediction, yardstick);
     let at_end = data.at_end_of_range(&best.theta);
     summary.converged &= at_end.is_empty();
-    summary.warnings = warnings(&summary, &at_end, &at_null, impossible_positions(&problem.experiment));
+    let impossible = impossible_positions(&problem.experiment);
+    summary.warnings = warnings(&summary, &judgement, (&at_end, &at_null), impossible);
+    summary.warnings.extend(full.and_then(|full| full.largest_strain).and_then(strain_warning));
     summary.warnings.extend(problem.finite_elements().into_iter().flat_map(|fe| fe.mesh_warnings.clone()));
+    summary.trust = trust(&summary.warnings);
     summary
 }
 
 fn warnings(
     summary: &FitSummary,
-    at_end: &[&str],
-    at_null: &[&str],
+    judgement: &Judgement,
+    (at_end, at_null): (&[&str], &[&str]),
     impossible_positions: Option<Warning>,
 ) -> Vec<Warning> {
     let units_first = !at_end.is_empty() || impossible_positions.is_some();
@@ -448,8 +489,11 @@ fn warnings(
             advice: "fix one of them (--set), or fit cycles in which the force is held longer and switched".into(),
         });
     }
+    list.extend(judgement.warnings());
+    if summary.rmse_heldout_um.is_none() {
+        list.push(nothing_held_out());
+    }
     if let Some(noise_um) = summary.noise_um {
-        list.extend(misfit_warning(&[("fitted", Some(summary.rmse_um))], noise_um));
         let distance_um = summary.surrogate_vs_fe_max_um.unwrap_or(0.0);
         list.extend(surrogate_warning(distance_um, None, noise_um, &summary.model));
         if summary.surrogate_vs_fe_max_um.is_some() && !summary.model.is_outside() {

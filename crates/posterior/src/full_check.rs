@@ -65,7 +65,8 @@ impl DrawnNoise {
         let (n_model, model, record) = (problem.model.parameters().len(), problem.noise, &problem.experiment.record);
         let parameters: Vec<Vec<f64>> = draws.iter().map(|draw| draw[n_model..].to_vec()).collect();
         let pairs = parameters.par_iter().zip(trajectories_m);
-        let sd_m = pairs.map(|(own, x)| model.marginal_sd_m(&record.time_s, &record.cycle, x, own)).collect();
+        let recordings = problem.recordings();
+        let sd_m = pairs.map(|(own, x)| model.marginal_sd_m(&record.time_s, &recordings, x, own)).collect();
         let components = parameters.iter().map(|own| normal_components(model.student_dof(own))).collect();
         Self { model, parameters, sd_m, components }
     }
@@ -127,7 +128,7 @@ pub fn check(prepared: &PreparedModel, draws: &[NaturalDraw]) -> Result<FullChec
         (0..draws.len()).collect()
     };
     let parameters = |draw: usize| &draws[draw][..n_model];
-    let strain = |run: &FullRun| strain_of(problem, run);
+    let strain = |run: &FullRun| largest_strain(problem, run);
     let (beside_m, largest_strain): (Vec<Vec<f64>>, Option<f64>) = if is_slow {
         let rows = [extreme_row];
         let run = |draw: &usize| full.run(parameters(*draw), if *draw == middle { &rows } else { &[] });
@@ -144,8 +145,6 @@ pub fn check(prepared: &PreparedModel, draws: &[NaturalDraw]) -> Result<FullChec
     let surrogate_vs_full_max_m = compared.iter().zip(&beside_m).map(distance).fold(0.0, f64::max);
     let ln_weights = (!is_slow).then(|| ln_weights(problem, &draws, &trajectories_m, &beside_m));
     let comparison = problem.finite_elements().and_then(|fe| fe.comparison);
-    // Fields are those of small strains.
-    let is_large = problem.model.field().is_some_and(|(_, field)| field.is_learnt_for_record());
     let relative_error = comparison.map(|other| other.relative_error(full.compliance_per_m()).abs());
     Ok(FullCheck {
         noise,
@@ -156,7 +155,7 @@ pub fn check(prepared: &PreparedModel, draws: &[NaturalDraw]) -> Result<FullChec
         surrogate_vs_full_max_m: Some(surrogate_vs_full_max_m),
         pareto_k: ln_weights.as_deref().map(pareto_k),
         weights: ln_weights.as_deref().map(normalised),
-        largest_strain: largest_strain.filter(|_| !is_large),
+        largest_strain,
         discretisation_m: relative_error.map(|error| amplitude_m * error),
     })
 }
@@ -203,8 +202,13 @@ fn middle_draw(trajectories_m: &[Vec<f64>], row: usize) -> usize {
     order[order.len() / 2]
 }
 
-fn strain_of(problem: &Problem, run: &FullRun) -> Result<Option<f64>> {
+/// Largest absolute principal strain of a run's first field; `None` where there is none, or where strains are large by the model itself.
+pub(crate) fn largest_strain(problem: &Problem, run: &FullRun) -> Result<Option<f64>> {
     let Some(fe) = problem.finite_elements() else { return Ok(None) };
+    // Fields are those of small strains.
+    if problem.model.field().is_some_and(|(_, field)| field.is_learnt_for_record()) {
+        return Ok(None);
+    }
     let mesh = run.mesh.as_ref().unwrap_or(&fe.mesh);
     run.fields.first().map(|field| largest_principal_strain(mesh, field)).transpose()
 }

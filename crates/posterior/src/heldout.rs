@@ -9,6 +9,7 @@ use super::joint::{Predicted, joint};
 use super::mixture::Mixture;
 use super::near_normal::{BAND_PROBABILITIES, NearNormal, band_normals, near_normals};
 use crate::noise::NoiseModel;
+use crate::recordings::recordings;
 use record::Record;
 
 /// Simulated measurements that the misfit and the coverage are judged by.
@@ -134,7 +135,8 @@ pub fn score(
         return Some(scored(joint.coverage, joint.p_largest, joint.p_square));
     }
     let time_s: Vec<f64> = rows.iter().map(|(row, _)| record.time_s[*row]).collect();
-    let cycle: Vec<u32> = rows.iter().map(|(row, _)| record.cycle[*row]).collect();
+    let recordings = recordings(record);
+    let cycle: Vec<u32> = rows.iter().map(|(row, _)| recordings[*row]).collect();
     let simulated: Vec<[f64; 4]> = (0..n_simulations)
         .into_par_iter()
         .map(|simulation| {

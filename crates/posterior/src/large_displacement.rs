@@ -6,7 +6,9 @@ use nalgebra::{DMatrix, DVector};
 
 use base::error::Result;
 use base::number::Dual;
-use documents::posterior::{LargeDisplacement, ParameterShift, PosteriorSummary, Warning, WarningKind};
+use documents::posterior::{
+    LargeDisplacement, ParameterShift, ParameterSummary, PosteriorSummary, Warning, WarningKind,
+};
 use elements::fe::oldroyd::{Fineness, FiniteGel, FiniteLaw, FiniteRun};
 use figures::labels::of_parameter;
 use figures::number::significant;
@@ -135,8 +137,9 @@ pub fn warnings(summary: &PosteriorSummary) -> Vec<Warning> {
     let large = large.and_then(|large| warning(large, summary.heldout.noise_um));
     let amplitude = summary.parameters.iter().find(|parameter| parameter.name == AMPLITUDE);
     let mobility = summary.parameters.iter().find(|parameter| parameter.name == MOBILITY);
+    let is_of_geometry = |found: &ParameterSummary| (found.q05..=found.q95).contains(&1.0);
     let interpreted = amplitude.map(|found| Warning {
-        kind: WarningKind::LargeDisplacement,
+        kind: if is_of_geometry(found) { WarningKind::LargeDisplacementFitted } else { WarningKind::LargeDisplacement },
         text: interpretation([found.mean, found.q05, found.q95], mobility.is_some()),
         advice: "read E, c₁ and c₂ as the gel's own where the amplitude is 1, and as effective values elsewhere".into(),
     });

@@ -76,8 +76,8 @@ pub struct FittedRecord<'a> {
     pub time_s: &'a [f64],
     /// Commanded force.
     pub force: Force<'a>,
-    /// Cycle of each row.
-    pub cycle: &'a [u32],
+    /// Recording of each row ([`super::recordings`]).
+    pub recording: &'a [u32],
     /// Positions (m) that are compared, `None` where there is nothing to compare.
     pub observed_m: &'a [Option<f64>],
 }
@@ -104,7 +104,7 @@ impl<'a> ReducedPosterior<'a> {
     /// Prepares the record.
     pub fn new(parts: PosteriorParts<'a>, record: FittedRecord<'_>) -> Self {
         let PosteriorParts { model, noise, priors, fixed, .. } = parts;
-        let FittedRecord { time_s, force, cycle, observed_m } = record;
+        let FittedRecord { time_s, force, recording, observed_m } = record;
         let sources = sources(model, noise, priors, fixed);
         let is_plain = model.base() == BaseLaw::Lethersich && model.is_law_alone();
         let kernel = if is_plain && noise == NoiseModel::default() && !force.is_linear() {
@@ -113,7 +113,7 @@ impl<'a> ReducedPosterior<'a> {
             let n_rows = observed_m.iter().rposition(Option::is_some).map_or(0, |last| last + 1);
             Kernel::Stages {
                 response: Response::new(time_s, force, n_rows),
-                noise: NoiseLikelihood::new(noise, time_s, cycle, observed_m),
+                noise: NoiseLikelihood::new(noise, time_s, recording, observed_m),
             }
         };
         Self { parts, sources, kernel }
@@ -411,7 +411,8 @@ mod tests {
             fixed: &fixed,
         };
         let cycle = [1; 80];
-        let record = FittedRecord { time_s: &time_s, force: (&force_n).into(), cycle: &cycle, observed_m: &observed };
+        let record =
+            FittedRecord { time_s: &time_s, force: (&force_n).into(), recording: &cycle, observed_m: &observed };
         let posterior = ReducedPosterior::new(parts, record);
         let response = Response::new(&time_s, &force_n, time_s.len());
         let forward = ReducedForward { model: &model, compliance, response, trained: &trained };
@@ -453,7 +454,8 @@ mod tests {
             priors: &priors,
             fixed: &fixed,
         };
-        let record = FittedRecord { time_s: &time_s, force: (&force_n).into(), cycle: &cycle, observed_m: &observed };
+        let record =
+            FittedRecord { time_s: &time_s, force: (&force_n).into(), recording: &cycle, observed_m: &observed };
         let posterior = ReducedPosterior::new(parts, record);
         let coordinate = |point: usize, d: usize| (1.0 + d as f64) * (0.37 * point as f64 + d as f64).sin();
         let log_density = |points: &[usize]| {

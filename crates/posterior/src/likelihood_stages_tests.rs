@@ -68,7 +68,7 @@ impl Case {
 
     fn record(&self) -> FittedRecord<'_> {
         let Self { time_s, force_n, cycle, observed_m, .. } = self;
-        FittedRecord { time_s, force: force_n.into(), cycle, observed_m }
+        FittedRecord { time_s, force: force_n.into(), recording: cycle, observed_m }
     }
 
     /// Log-densities of a batch of points in natural units.

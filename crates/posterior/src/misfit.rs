@@ -16,18 +16,35 @@
 //! than 1.5 times the noise, given, or else estimated from what does not come again. No size of the slow noise and no time of it enters. What is taken out
 //! of each cycle makes harmonics of very slow noise depend on each other: up to 1.5 records of noise alone in a thousand lie beyond that point.
 //!
+//! *Size in the held-out cycles*, whether it is given or not. Noise is as large there as in the fitted cycles. Mean squares V of ν independent numbers in both are
+//! compared: V_held-out / V_fitted above 1.5² and beyond the 99.9 % point of F(ν, ν) is a misfit that the fitted cycles do not show. V_fitted counts the
+//! parameters that were fitted, and is no less than the noise's square.
+//!
+//! *Gain and offset.* Where the noise has them, they are taken out of every recording ([`super::recordings`]) before its size is judged. Held-out cycles give up
+//! theirs only if the model declares them, or if fitted recordings show such: mean squares of two or more fitted recordings and of the held-out ones, two numbers
+//! each, are compared by F. A held-out cycle in a recording with fitted rows has the gain and the offset of those.
+//!
 //! γₖ is the squared inter-trial coherence of evoked responses (Jervis et al., *IEEE Trans. Biomed. Eng.* 30, 43, 1983, doi:10.1109/TBME.1983.325165).
 
-use statrs::distribution::{ChiSquared, ContinuousCDF, Gamma};
+use std::ops::Range;
+
+use statrs::distribution::{ChiSquared, ContinuousCDF, FisherSnedecor, Gamma};
 
 use record::Record;
+
+use super::recordings::recordings;
 
 /// Misfit or learnt noise above this multiple of the known noise is not the noise (formats §4).
 pub const NOISE_FACTOR: f64 = 1.5;
 /// Share of records of noise alone whose size is called too large.
 pub const FALSE_ALARM: f64 = 0.001;
+/// A joint probability of the held-out cycles below this lies outside the 99.9 % band.
+pub const OUTSIDE_BAND: f64 = 0.001;
 /// p below which something comes again; it is one in a thousand for noise of any time, with what the harmonics have in common.
 const RETURN_P: f64 = 1e-4;
+/// Share of the independent numbers that a record shows which count where its cycles are compared: autocorrelations from few of them are too small. With it five of a thousand
+/// records of slow noise that lasts for ten seconds, one cycle of four, are called a misfit by one of the conditions.
+const SHARE_OF_NUMBERS: f64 = 0.5;
 /// Harmonics of the cycle that are looked at, and rows that each needs.
 const MOST_HARMONICS: usize = 8;
 const ROWS_PER_HARMONIC: usize = 6;
@@ -51,8 +68,19 @@ pub struct Remainder<'a> {
     pub position_m: &'a [f64],
     /// Columns (m) along which the model's parameters can move its position: no misfit, whatever comes again along them.
     pub absorbed_m: &'a [Vec<f64>],
-    /// Whether the noise has a gain and an offset for each cycle.
-    pub has_gain: bool,
+    /// What is known of a gain and an offset of each recording.
+    pub gains: Gains,
+}
+
+/// What is known of a gain and an offset of each recording.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Gains {
+    /// The noise has none.
+    None,
+    /// The model declares them.
+    Declared,
+    /// They are learnt with every model: fitted recordings have to show them.
+    Learnt,
 }
 
 /// A mean square beside the noise.
@@ -85,30 +113,46 @@ impl Misfit {
     /// Measures against a noise (m) that is known, or else estimated from rests or short lags, where slow noise does not show; `None` where no position
     /// is fitted.
     pub fn of(remainder: &Remainder, noise_m: f64, is_known: bool) -> Option<Self> {
+        Self::beside(remainder, noise_m, is_known, true)
+    }
+
+    /// Where the noise is not `is_measured`, its size bounds nothing by itself.
+    fn beside(remainder: &Remainder, noise_m: f64, is_known: bool, is_measured: bool) -> Option<Self> {
         let returning = Returning::of(remainder);
-        let [fitted, heldout] = [remainder.fitted_m, remainder.heldout_m].map(|rows| Series::of(remainder, rows));
-        let fitted = fitted?;
-        let comes_again = returning.as_ref().is_some_and(|own| own.p < RETURN_P);
+        let has_gain = remainder.gains != Gains::None;
+        let fitted = Series::of(remainder, remainder.fitted_m, has_gain)?;
+        let heldout = Series::of(remainder, remainder.heldout_m, has_gain && remainder.shows_gains());
+        // A misfit of the held-out cycles alone is shared out by the parameters' columns: what comes again is in the fitted cycles, too.
+        let most_m2 = NOISE_FACTOR * NOISE_FACTOR * fitted.mean_square_m2;
+        let comes_again = returning.as_ref().is_some_and(|own| own.p < RETURN_P && own.returning_m2 <= most_m2);
         // Nothing but its return tells a misfit from slow noise of unknown size.
         let noise_m = match &returning {
-            Some(own) if !is_known => noise_m.max(own.noise_m2.sqrt()),
+            Some(own) if !is_known => noise_m.max(own.noise_m2.min(fitted.mean_square_m2).sqrt()),
             _ => noise_m,
         };
-        let has_bound = is_known || returning.is_none();
-        let judged = |series: &Series| Size {
+        let has_bound = is_known || is_measured && returning.is_none();
+        let judged = |series: &Series, is_beyond: bool| Size {
             rms_m: series.mean_square_m2.sqrt(),
             is_too_large: series.mean_square_m2.sqrt() > NOISE_FACTOR * noise_m
                 && (comes_again
+                    || is_beyond
                     || has_bound && is_beyond_slow_noise(series.mean_square_m2, noise_m, series.degrees(noise_m))),
         };
+        let beyond_fitted = |series: &Series| series.is_beyond(&fitted, remainder.absorbed_m.len(), noise_m);
         Some(Self {
-            fitted: judged(&fitted),
-            heldout: heldout.as_ref().map(judged),
+            fitted: judged(&fitted, false),
+            heldout: heldout.as_ref().map(|series| judged(series, beyond_fitted(series))),
             noise_m,
             is_known,
             returning_m: returning.filter(|_| comes_again).map(|own| own.returning_m2.max(0.0).sqrt()),
             learnt_degrees: if has_bound { fitted.degrees(noise_m) } else { 0.0 },
         })
+    }
+
+    /// Measures the held-out cycles against what is left of the fitted ones, where the noise is unknown; `None` where no position is fitted.
+    pub fn beside_fitted(remainder: &Remainder) -> Option<Self> {
+        let fitted = Series::of(remainder, remainder.fitted_m, remainder.gains != Gains::None)?;
+        Self::beside(remainder, fitted.corrected_m2(remainder.absorbed_m.len()).sqrt(), false, false)
     }
 
     /// Whether the model leaves more than the noise allows.
@@ -160,6 +204,62 @@ fn is_beyond_slow_noise(mean_square_m2: f64, noise_m: f64, degrees: f64) -> bool
     slow > 0.0 && ChiSquared::new(degrees.max(1.0)).is_ok_and(|chi| chi.sf(degrees.max(1.0) * slow) < FALSE_ALARM)
 }
 
+/// What is left of some rows of a recording, in order of time.
+struct Recording {
+    left_m: Vec<f64>,
+    /// The same without a gain and an offset; as it is where fitted rows of the same recording have determined them.
+    without_gain_m: Vec<f64>,
+    /// Whether a gain and an offset were taken out.
+    has_own_gain: bool,
+}
+
+impl Recording {
+    /// Mean square (m²) of what a gain and an offset took.
+    fn taken_m2(&self) -> f64 {
+        let taken = self.left_m.iter().zip(&self.without_gain_m).map(|(all, left)| (all - left).powi(2));
+        taken.sum::<f64>() / self.left_m.len().max(1) as f64
+    }
+}
+
+impl Remainder<'_> {
+    /// The recordings that have some of the rows.
+    fn recordings(&self, rows: &[Option<f64>]) -> Vec<Recording> {
+        let numbers = recordings(self.record);
+        let of_rows = |range: Range<usize>| {
+            let has_fitted = range.clone().any(|row| self.fitted_m[row].is_some());
+            let there: Vec<usize> = range.filter(|row| rows[*row].is_some()).collect();
+            let left_m: Vec<f64> = there.iter().filter_map(|row| rows[*row]).collect();
+            let has_own_gain = !has_fitted || there.iter().any(|row| self.fitted_m[*row].is_some());
+            let mut without_gain_m = left_m.clone();
+            if has_own_gain {
+                let position_m: Vec<f64> = there.iter().map(|row| self.position_m[*row]).collect();
+                take_out(&mut without_gain_m, vec![vec![1.0; there.len()], position_m]);
+            }
+            (!there.is_empty()).then_some(Recording { left_m, without_gain_m, has_own_gain })
+        };
+        numbers.chunk_by(|a, b| a == b).scan(0, next_range).filter_map(of_rows).collect()
+    }
+
+    /// Whether held-out recordings may have a gain and an offset of their own: declared, or as large as fitted recordings show.
+    fn shows_gains(&self) -> bool {
+        if self.gains != Gains::Learnt {
+            return self.gains == Gains::Declared;
+        }
+        let taken_m2 = |rows: &[Option<f64>]| -> Vec<f64> {
+            self.recordings(rows).iter().filter(|own| own.has_own_gain).map(Recording::taken_m2).collect()
+        };
+        let (fitted, heldout) = (taken_m2(self.fitted_m), taken_m2(self.heldout_m));
+        if heldout.is_empty() || fitted.len() < 2 {
+            return false;
+        }
+        let mean = |values: &[f64]| values.iter().sum::<f64>() / values.len() as f64;
+        // The law takes up what all gains and offsets have in common.
+        let (of_heldout, of_fitted) = (2.0 * heldout.len() as f64, 2.0 * (fitted.len() - 1) as f64);
+        let ratio = mean(&heldout) / (mean(&fitted) * fitted.len() as f64 / (fitted.len() - 1) as f64);
+        FisherSnedecor::new(of_heldout, of_fitted).is_ok_and(|f| !ratio.is_finite() || f.sf(ratio) >= FALSE_ALARM)
+    }
+}
+
 /// What is left of some cycles, in order of time.
 struct Series {
     left_m: Vec<f64>,
@@ -167,20 +267,39 @@ struct Series {
 }
 
 impl Series {
-    fn of(remainder: &Remainder, rows: &[Option<f64>]) -> Option<Self> {
-        let mut left_m = Vec::new();
-        for cycle in cycles_of(remainder.record) {
-            let there: Vec<usize> = cycle.filter(|row| rows[*row].is_some()).collect();
-            let mut of_cycle: Vec<f64> = there.iter().filter_map(|row| rows[*row]).collect();
-            if remainder.has_gain {
-                let position_m: Vec<f64> = there.iter().map(|row| remainder.position_m[*row]).collect();
-                take_out(&mut of_cycle, vec![vec![1.0; there.len()], position_m]);
-            }
-            left_m.extend(of_cycle);
-        }
+    /// `gives_up_gains` says whether a gain and an offset are taken out of each recording.
+    fn of(remainder: &Remainder, rows: &[Option<f64>], gives_up_gains: bool) -> Option<Self> {
+        let of = |own: Recording| if gives_up_gains { own.without_gain_m } else { own.left_m };
+        let left_m: Vec<f64> = remainder.recordings(rows).into_iter().flat_map(of).collect();
         let n = left_m.len();
         let mean_square_m2 = left_m.iter().map(|left| left * left).sum::<f64>() / n.max(1) as f64;
         (n > 0).then_some(Self { left_m, mean_square_m2 })
+    }
+
+    /// Mean square (m²), corrected for the parameters that were fitted to it.
+    fn corrected_m2(&self, n_parameters: usize) -> f64 {
+        let n = self.left_m.len();
+        self.mean_square_m2 * n as f64 / n.saturating_sub(n_parameters).max(1) as f64
+    }
+
+    /// Whether noise that is as large as in the fitted cycles leaves so large a mean square once in a thousand times at most.
+    fn is_beyond(&self, fitted: &Self, n_parameters: usize, noise_m: f64) -> bool {
+        let expected_m2 = fitted.corrected_m2(n_parameters).max(noise_m * noise_m);
+        let ratio = self.mean_square_m2 / expected_m2;
+        let of_fitted = (fitted.degrees_of_square() - n_parameters as f64).max(1.0);
+        ratio > NOISE_FACTOR * NOISE_FACTOR
+            && FisherSnedecor::new(self.degrees_of_square().max(1.0), of_fitted)
+                .is_ok_and(|f| f.sf(ratio) < FALSE_ALARM)
+    }
+
+    /// Degrees of freedom of its mean square: as many as it has independent numbers, and fewer where a few outliers make it. A mean square of kurtosis κ varies like a normal
+    /// one of 2/(κ − 1) as many numbers.
+    fn degrees_of_square(&self) -> f64 {
+        let n = self.left_m.len().max(1) as f64;
+        let fourth_m4 = self.left_m.iter().map(|left| left.powi(4)).sum::<f64>() / n;
+        let kurtosis = fourth_m4 / self.mean_square_m2.powi(2);
+        let share = if kurtosis.is_finite() { (2.0 / (kurtosis - 1.0).max(f64::MIN_POSITIVE)).min(1.0) } else { 1.0 };
+        SHARE_OF_NUMBERS * share * self.degrees(0.0)
     }
 
     /// Independent numbers that what is slow in it is worth: n/(1 + 2Σρ²), over lags up to the first at which the correlation is lost in its scatter.
@@ -233,7 +352,7 @@ impl Returning {
         for cycle in &cycles {
             let mut of_cycle: Vec<f64> = cycle.rows.iter().filter_map(|row| left_m[*row]).collect();
             let mut nuisance = vec![vec![1.0; cycle.rows.len()], cycle.phase.clone()];
-            if remainder.has_gain {
+            if remainder.gains != Gains::None {
                 nuisance.push(cycle.rows.iter().map(|row| remainder.position_m[*row]).collect());
             }
             take_out(&mut of_cycle, nuisance);
@@ -261,13 +380,16 @@ impl Returning {
 }
 
 /// Rows of each cycle of a record, in order.
-fn cycles_of(record: &Record) -> impl Iterator<Item = std::ops::Range<usize>> {
-    let mut start = 0;
-    record.cycle.chunk_by(|a, b| a == b).map(move |rows| {
-        let range = start..start + rows.len();
-        start = range.end;
-        range
-    })
+fn cycles_of(record: &Record) -> impl Iterator<Item = Range<usize>> {
+    record.cycle.chunk_by(|a, b| a == b).scan(0, next_range)
+}
+
+/// Range of the next chunk.
+#[expect(clippy::unnecessary_wraps, reason = "`scan` asks for an option")]
+fn next_range(start: &mut usize, chunk: &[u32]) -> Option<Range<usize>> {
+    let range = *start..*start + chunk.len();
+    *start = range.end;
+    Some(range)
 }
 
 /// Rows of a cycle that have a position, with their share of the cycle.
@@ -279,11 +401,10 @@ struct Cycle {
 /// The most cycles that have the same command.
 fn same_command(record: &Record, left_m: &[Option<f64>]) -> Vec<Cycle> {
     let interval_s = record.median_interval_s().unwrap_or(0.0);
-    let duration_s =
-        |rows: &std::ops::Range<usize>| record.time_s[rows.end - 1] - record.time_s[rows.start] + interval_s;
-    let mut groups: Vec<Vec<std::ops::Range<usize>>> = Vec::new();
+    let duration_s = |rows: &Range<usize>| record.time_s[rows.end - 1] - record.time_s[rows.start] + interval_s;
+    let mut groups: Vec<Vec<Range<usize>>> = Vec::new();
     for rows in cycles_of(record) {
-        let alike = |group: &&mut Vec<std::ops::Range<usize>>| {
+        let alike = |group: &&mut Vec<Range<usize>>| {
             let (own_s, other_s) = (duration_s(&rows), duration_s(&group[0]));
             (own_s - other_s).abs() <= SAME_DURATION * other_s && has_same_force(record, &rows, &group[0])
         };
@@ -292,7 +413,7 @@ fn same_command(record: &Record, left_m: &[Option<f64>]) -> Vec<Cycle> {
             None => groups.push(vec![rows]),
         }
     }
-    let with_positions = |rows: std::ops::Range<usize>| {
+    let with_positions = |rows: Range<usize>| {
         let (start_s, whole_s) = (record.time_s[rows.start], duration_s(&rows));
         let rows: Vec<usize> = rows.filter(|row| left_m[*row].is_some()).collect();
         let phase = rows.iter().map(|row| (record.time_s[*row] - start_s) / whole_s).collect();
@@ -305,7 +426,7 @@ fn same_command(record: &Record, left_m: &[Option<f64>]) -> Vec<Cycle> {
     groups.fold(Vec::new(), |most, group| if group.len() > most.len() { group } else { most })
 }
 
-fn has_same_force(record: &Record, rows: &std::ops::Range<usize>, other: &std::ops::Range<usize>) -> bool {
+fn has_same_force(record: &Record, rows: &Range<usize>, other: &Range<usize>) -> bool {
     let tolerance_n = SAME_FORCE * record.force_range_n();
     let times_s = &record.time_s[other.clone()];
     let differs = |row: &usize| {

@@ -68,14 +68,14 @@ fn misfit(record: &Record, position_m: &[f64], left_m: &[Option<f64>], is_known:
         heldout_m: &split(&|cycle| cycle == 4),
         position_m,
         absorbed_m: &[],
-        has_gain,
+        gains: if has_gain { Gains::Learnt } else { Gains::None },
     };
     let noise_m = if is_known { KNOWN_M } else { 1e-6 };
     Misfit::of(&remainder, noise_m, is_known).expect("positions")
 }
 
 /// Noise alone is more than noise in one or two records of a thousand for each of the tests that there are, of which the size has two and the return one: of
-/// 250 records of a kind 0.9 are expected at most, and 8 or more have a probability below 1e-5 (Poisson). The yardstick of what is not given is 1 µm, as short lags
+/// 250 records of a kind 0.9 are expected, and 1.3 of slow noise of ten seconds, which few numbers stand for: 10 or more have a probability below 1e-5 (Poisson). The yardstick of what is not given is 1 µm, as short lags
 /// have it of slow noise.
 #[test]
 fn noise_of_every_kind_is_noise() {
@@ -103,7 +103,7 @@ fn noise_of_every_kind_is_noise() {
         };
         let alarms = (0..250_u64).into_par_iter().filter(is_alarm).count();
         println!("{name}: {alarms} of 250");
-        assert!(alarms < 8, "{name}: {alarms}");
+        assert!(alarms < 10, "{name}: {alarms}");
     }
 }
 
@@ -167,7 +167,7 @@ fn what_parameters_can_make_and_other_commands_do_not_count() {
             heldout_m: &none,
             position_m: &position_m,
             absorbed_m,
-            has_gain: true,
+            gains: Gains::Learnt,
         };
         Misfit::of(&remainder, 1e-6, false).expect("positions").returning_m
     };
@@ -186,4 +186,86 @@ fn directions_are_those_in_which_draws_spread() {
     let directions = directions_of_spread(&draws, &mean_m, 5);
     assert_eq!(directions.len(), 2);
     assert!(directions.iter().all(|direction| direction[2] == 0.0 && (dot(direction, direction) - 1.0).abs() < 1e-12));
+}
+
+/// Held-out cycles that are missed by five times what the fitted ones leave are too large in every one of 100 records, whatever the noise is, and though nothing comes
+/// again; so they are where the noise is unknown. The fitted cycles are not called too large.
+#[test]
+fn noise_is_as_large_in_held_out_cycles_as_in_fitted_ones() {
+    let (record, position_m) = record();
+    let white = kind([4.0, 0.01, 1.0, 1e-6, 1e-6], 0.0, 0.0);
+    let is_found = |seed: &u64| {
+        let mut left_m = left_of(&white, &record, &position_m, 700 + seed);
+        let held_out = left_m.iter_mut().zip(&record.cycle).filter(|(_, cycle)| **cycle == 4);
+        held_out.for_each(|(left, _)| *left = left.map(|left| left + 2e-5));
+        let estimated = misfit(&record, &position_m, &left_m, false, false);
+        let split = |is_wanted: &dyn Fn(u32) -> bool| -> Vec<Option<f64>> {
+            left_m.iter().zip(&record.cycle).map(|(left, cycle)| left.filter(|_| is_wanted(*cycle))).collect()
+        };
+        let remainder = Remainder {
+            record: &record,
+            fitted_m: &split(&|cycle| cycle < 4),
+            heldout_m: &split(&|cycle| cycle == 4),
+            position_m: &position_m,
+            absorbed_m: &[],
+            gains: Gains::None,
+        };
+        let unknown = Misfit::beside_fitted(&remainder).expect("positions");
+        [estimated, unknown]
+            .iter()
+            .all(|own| own.heldout.is_some_and(|size| size.is_too_large) && !own.fitted.is_too_large)
+    };
+    assert_eq!((0..100_u64).into_par_iter().filter(is_found).count(), 100);
+}
+
+/// A gain of 3 % and an offset in the held-out cycle beside 4 µm of known noise: a misfit where the fitted cycles show none, noise where they show as much or the model declares them.
+/// Gains of 3 % in all cycles exceed it in one record of a thousand.
+#[test]
+fn a_held_out_gain_needs_fitted_ones() {
+    let (record, position_m) = record();
+    let white = [4.0, 0.01, 1.0, 1e-6, 1e-6];
+    let found = |noise: [f64; 5], heldout_gain: f64, gains: Gains, seed: u64| {
+        let left_m = left_of(&kind(noise, 0.0, 0.0), &record, &position_m, 900 + seed);
+        let own = |(row, left): (usize, &Option<f64>)| left.map(|left| left + heldout_gain * position_m[row]);
+        let part = |is_wanted: &dyn Fn(u32) -> bool| -> Vec<Option<f64>> {
+            let all = left_m.iter().enumerate().zip(&record.cycle);
+            all.map(|(own_row, cycle)| own(own_row).filter(|_| is_wanted(*cycle))).collect()
+        };
+        let mut fitted_m = part(&|cycle| cycle < 4);
+        fitted_m
+            .iter_mut()
+            .enumerate()
+            .for_each(|(row, left)| *left = left.map(|left| left - heldout_gain * position_m[row]));
+        let remainder = Remainder {
+            record: &record,
+            fitted_m: &fitted_m,
+            heldout_m: &part(&|cycle| cycle == 4),
+            position_m: &position_m,
+            absorbed_m: &[],
+            gains,
+        };
+        Misfit::of(&remainder, KNOWN_M, true).expect("positions").heldout.is_some_and(|size| size.is_too_large)
+    };
+    let count = |noise: [f64; 5], gain: f64, gains: Gains| {
+        (0..100_u64).into_par_iter().filter(|seed| found(noise, gain, gains, *seed)).count()
+    };
+    let with_gains = [4.0, 0.01, 1.0, 0.03, 1e-6];
+    assert_eq!(count(white, 0.15, Gains::Learnt), 100);
+    assert_eq!(count(white, 0.15, Gains::Declared), 0);
+    // Of 100 records 0.1 are expected: 4 or more have a probability below 1e-5.
+    assert!(count(with_gains, 0.0, Gains::Learnt) < 4);
+}
+
+/// Rows of one unbroken hold: the held-out ones have the gain and the offset of the fitted ones, declared or not, so that a growing misfit stays.
+#[test]
+fn a_cycle_within_an_unbroken_hold_has_no_gain_of_its_own() {
+    let (mut record, _) = record();
+    record.force_n.fill(1.0);
+    let position_m: Vec<f64> = record.time_s.iter().map(|t| 1e-4 * t).collect();
+    let white = kind([4.0, 0.01, 1.0, 1e-6, 1e-6], 0.0, 0.0);
+    let mut left_m = left_of(&white, &record, &position_m, 40);
+    let held_out = left_m.iter_mut().zip(&record.cycle).filter(|(_, cycle)| **cycle == 4);
+    held_out.for_each(|(left, _)| *left = left.map(|left| left + 2e-5));
+    let found = misfit(&record, &position_m, &left_m, true, true);
+    assert!(found.heldout.is_some_and(|size| size.is_too_large && size.rms_m > 1.5e-5), "{found:?}");
 }

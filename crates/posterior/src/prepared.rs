@@ -294,7 +294,7 @@ impl PreparedModel {
     pub fn posterior(&self) -> ReducedPosterior<'_> {
         let problem = &self.problem;
         let record = &problem.experiment.record;
-        let (Record { time_s, cycle, .. }, force) = (record, record.force());
+        let (Record { time_s, .. }, force) = (record, record.force());
         let parts = PosteriorParts {
             model: &problem.model,
             noise: problem.noise,
@@ -304,7 +304,7 @@ impl PreparedModel {
             fixed: &problem.specification.fixed,
         };
         let observed_m = &problem.positions_of(&problem.experiment.calibration_cycles);
-        ReducedPosterior::new(parts, FittedRecord { time_s, force, cycle, observed_m })
+        ReducedPosterior::new(parts, FittedRecord { time_s, force, recording: &problem.recordings(), observed_m })
     }
 
     /// The reduced forward model over the whole record.

@@ -8,6 +8,7 @@ use super::outside::{Outside, OutsideForward};
 use crate::monitor::Monitor;
 use crate::noise::{NoiseLikelihood, NoiseModel};
 use crate::prior::PriorSet;
+use crate::recordings::recordings;
 use crate::study::ModelSpecification;
 use base::distribution::Distribution;
 use base::error::{Error, Place, Result, Setting};
@@ -216,10 +217,15 @@ impl Problem {
         pairs.map(|(position, cycle)| position.filter(|_| is_wanted(*cycle))).collect()
     }
 
+    /// Number of the recording of each row: what gains and offsets belong to.
+    pub fn recordings(&self) -> Vec<u32> {
+        recordings(&self.experiment.record)
+    }
+
     /// The likelihood of some cycles' positions under the model's noise.
     pub fn noise_likelihood(&self, cycles: &[u32]) -> NoiseLikelihood {
         let record = &self.experiment.record;
-        NoiseLikelihood::new(self.noise, &record.time_s, &record.cycle, &self.positions_of(cycles))
+        NoiseLikelihood::new(self.noise, &record.time_s, &self.recordings(), &self.positions_of(cycles))
     }
 
     /// The full-order forward model over the whole record; `None` for an instrument.

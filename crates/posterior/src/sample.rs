@@ -9,18 +9,21 @@ use rand_chacha::ChaCha8Rng;
 use super::advice::{Findings, impossible_positions, warnings};
 use super::full_check::{self, FullCheck, N_CHECK_DRAWS, NaturalDraw, mean_trajectory, rmse_m};
 use super::heldout::{self, Score};
+use super::judgement::{Judgement, Prediction};
 use super::large_displacement;
 use super::log_score::log_score;
-use super::misfit::{Misfit, Remainder, directions_of_spread};
+use super::misfit::directions_of_spread;
 use super::prepared::{KeptSurrogate, PreparedModel};
 use super::problem::{Problem, TAIL_MASS};
 use crate::likelihood::ReducedPosterior;
 use crate::monitor::Monitor;
 use crate::prior::PriorSet;
+use crate::trust::trust;
 use base::distribution::Distribution;
 use base::error::{Error, Place, Result, Setting};
 use base::files::write_atomically;
 use documents::posterior::*;
+use documents::trust::Trust;
 use laws::rheology::BaseLaw;
 use record::{Experiment, NoiseOrigin, NoiseYardstick};
 use sampling::checkpoint;
@@ -287,38 +290,40 @@ fn summarise(
         large_displacement,
         at_edge_of_range: at_edge_of_range(prepared, columns),
         converged: outcome.converged,
+        trust: Trust::default(),
         warnings: Vec::new(),
     };
     let messages = with_names(&outcome.messages, &problem.priors);
-    let misfit = misfit(problem, &mean_m, check, yardstick);
+    let columns_m = directions_of_spread(&check.trajectories_m, &mean_m, problem.model.parameters().len());
+    let prediction = Prediction {
+        position_m: &mean_m,
+        columns_m: &columns_m,
+        noise: (problem.noise, &median_noise(check)),
+        learnt_noise_m: Some(1e-6 * learnt_noise_um),
+        joint_p: summary.heldout.joint_p,
+    };
+    let judgement = &Judgement::of(problem, &prediction, yardstick);
     let impossible_positions = impossible_positions(&problem.experiment);
-    let findings =
-        Findings { summary: &summary, misfit: misfit.as_ref(), sampler_messages: &messages, impossible_positions };
+    let findings = Findings { summary: &summary, judgement, sampler_messages: &messages, impossible_positions };
     summary.warnings = warnings(&findings);
     let of_large = large_displacement::warnings(&summary);
     summary.warnings.extend(of_large);
     summary.warnings.extend(check.n_refused.map(refused_warning));
     summary.warnings.extend(at_edge_of_box(prepared, columns));
     summary.warnings.extend(problem.finite_elements().into_iter().flat_map(|fe| fe.mesh_warnings.clone()));
+    summary.trust = trust(&summary.warnings);
     summary
 }
 
-/// What the posterior's mean leaves, beside what the noise allows.
-fn misfit(problem: &Problem, mean_m: &[f64], check: &FullCheck, yardstick: Option<NoiseYardstick>) -> Option<Misfit> {
-    let left = |cycles: &[u32]| -> Vec<Option<f64>> {
-        problem.positions_of(cycles).iter().zip(mean_m).map(|(y, x)| y.map(|y| y - x)).collect()
+/// Median over the draws of each parameter of the noise.
+fn median_noise(check: &FullCheck) -> Vec<f64> {
+    let draws = &check.noise.parameters;
+    let median = |k: usize| {
+        let mut values: Vec<f64> = draws.iter().map(|own| own[k]).collect();
+        values.sort_by(f64::total_cmp);
+        values[values.len() / 2]
     };
-    let Problem { experiment, specification, model, .. } = problem;
-    let remainder = Remainder {
-        record: &experiment.record,
-        fitted_m: &left(&experiment.calibration_cycles),
-        heldout_m: &left(&experiment.heldout_cycles),
-        position_m: mean_m,
-        absorbed_m: &directions_of_spread(&check.trajectories_m, mean_m, model.parameters().len()),
-        has_gain: specification.noise.iter().any(|n| n == "gain"),
-    };
-    let NoiseYardstick { sd_m, origin } = yardstick?;
-    Misfit::of(&remainder, sd_m, matches!(origin, NoiseOrigin::Known))
+    (0..draws.first().map_or(0, Vec::len)).map(median).collect()
 }
 
 /// Sampled law parameters of which a twentieth of the draws lie in the outermost thousandth of the trained range (on a logarithmic

@@ -4,8 +4,8 @@ use std::path::Path;
 use std::process::ExitCode;
 
 use vitreo_uq::base::error::{Error, Place, Result};
-use vitreo_uq::documents::extension::{ExtensionSummary, Misfit};
-use vitreo_uq::figures::labels::model_title;
+use vitreo_uq::documents::extension::{EquivalentEffects, ExtensionSummary, Misfit};
+use vitreo_uq::figures::labels::model_title_with;
 use vitreo_uq::figures::number::listed;
 use vitreo_uq::jobs::extend::{self, ExtendDocument, ExtendRequest, ExtendedRecord};
 use vitreo_uq::jobs::target::Kind;
@@ -47,8 +47,10 @@ fn words(summary: &ExtensionSummary) -> String {
     } else {
         format!("scored on cycle {}", listed(&summary.heldout_cycles))
     };
+    let title = model_title_with(&summary.model, &summary.equivalents);
     let mut lines = vec![
-        format!("{}: {} ({}): {verdict}", summary.experiment, model_title(&summary.model), summary.revision),
+        format!("{}: {title} ({}): {verdict}", summary.experiment, summary.revision),
+        summary.trust.to_string(),
         format!("Both models fitted to cycles {}, {heldout}.", listed(&summary.fitted_cycles)),
         String::new(),
         parameter_table(&summary.parameters),
@@ -62,11 +64,32 @@ fn words(summary: &ExtensionSummary) -> String {
     );
     lines.push(String::new());
     lines.push(summary.sentence.clone());
+    lines.extend(summary.equivalents.iter().filter(|own| !own.refits.is_empty()).flat_map(equivalents));
     for warning in &summary.warnings {
         lines.push(String::new());
         lines.push(warning_text(warning));
     }
     lines.join("\n") + "\n"
+}
+
+/// Parameters of effects that the diagnosis could not tell from each other.
+fn equivalents(own: &EquivalentEffects) -> Vec<String> {
+    let heading = format!("  {} ({})", own.effects.join(" + "), own.alternative().unwrap_or_default());
+    let width = own.refits.iter().flat_map(|refit| &refit.parameters).map(|p| p.name.chars().count() + 2).max();
+    let width = width.unwrap_or(0).max(24);
+    let mut lines = vec![
+        String::new(),
+        heading,
+        format!("  {:<width$}{:>11}{:>11}{:>11}{:>20}", "each by itself", "mean", "5 %", "95 %", "held-out error (µm)"),
+    ];
+    for refit in &own.refits {
+        let error = refit.rmse_heldout_um.map_or("–".into(), significant);
+        lines.extend(refit.parameters.iter().map(|p| {
+            let [mean, q05, q95] = [p.mean, p.q05, p.q95].map(significant);
+            format!("  {:<width$}{mean:>11}{q05:>11}{q95:>11}{error:>20}", p.name)
+        }));
+    }
+    lines
 }
 
 fn row(label: &str, misfit: Misfit) -> String {

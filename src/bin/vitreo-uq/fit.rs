@@ -33,6 +33,7 @@ fn words(summary: &FitSummary) -> String {
             summary.fitted_positions,
             summary.iterations
         ),
+        summary.trust.to_string(),
         String::new(),
         format!("  {:<width$}{:>11}{:>18}", "parameter", "estimate", "standard error"),
     ];

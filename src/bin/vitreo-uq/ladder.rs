@@ -4,7 +4,7 @@ use std::process::ExitCode;
 
 use vitreo_uq::base::error::Result;
 use vitreo_uq::documents::ladder::{LadderSummary, Rung, RungParameter, Shift};
-use vitreo_uq::figures::labels::{model_title, of_parameter};
+use vitreo_uq::figures::labels::{effects_with, model_title, of_parameter};
 use vitreo_uq::figures::number::listed;
 use vitreo_uq::jobs::ladder::{self, LadderRequest};
 
@@ -14,8 +14,8 @@ use crate::text::{column_width, significant, warning_text};
 
 /// Width of the longest bar, in characters.
 const BAR_WIDTH: usize = 32;
-/// Widest first column of the bars.
-const LABEL_WIDTH: usize = 34;
+/// Least and most width of the first column of the bars.
+const LABEL_WIDTH: [usize; 2] = [34, 72];
 
 pub fn run(arguments: &LadderArguments) -> Result<ExitCode> {
     let session = Session::begin(&arguments.common)?;
@@ -27,7 +27,7 @@ pub fn run(arguments: &LadderArguments) -> Result<ExitCode> {
 }
 
 fn words(summary: &LadderSummary) -> String {
-    let mut lines = vec![heading(summary), String::new()];
+    let mut lines = vec![heading(summary), summary.trust.to_string(), String::new()];
     lines.extend(bars(summary));
     lines.push(String::new());
     lines.extend(table(summary));
@@ -63,7 +63,7 @@ fn heading(summary: &LadderSummary) -> String {
 fn label(rung: &Rung) -> String {
     match &rung.from {
         None => model_title(&rung.model),
-        Some(_) => format!("+ {}", rung.added.join(" + ")),
+        Some(_) => effects_with(&rung.added, &rung.equivalents).trim_start().into(),
     }
 }
 
@@ -75,10 +75,12 @@ fn bars(summary: &LadderSummary) -> Vec<String> {
     let rows: Vec<(String, String, f64)> = rows.chain(noise).collect();
     let largest = rows.iter().map(|row| row.2).fold(f64::MIN_POSITIVE, f64::max);
     let which = if summary.heldout_cycles.is_empty() { "fitted cycles" } else { "held-out cycle" };
+    let [least, most] = LABEL_WIDTH;
+    let width = rows.iter().map(|row| row.1.chars().count()).max().unwrap_or(0).clamp(least, most);
     let mut lines = vec![format!("  Error on the {which} (µm)")];
     lines.extend(rows.iter().map(|(revision, label, error_um)| {
-        let label: String = label.chars().take(LABEL_WIDTH).collect();
-        format!("  {revision:<4}{label:<LABEL_WIDTH$}  {} {}", bar(error_um / largest), significant(*error_um))
+        let label: String = label.chars().take(width).collect();
+        format!("  {revision:<4}{label:<width$}  {} {}", bar(error_um / largest), significant(*error_um))
     }));
     lines
 }

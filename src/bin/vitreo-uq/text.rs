@@ -22,6 +22,7 @@ pub fn posterior(summary: &PosteriorSummary) -> String {
         sampler.walkers,
         sampler.steps
     ));
+    line(summary.trust.to_string());
     line(String::new());
     parameter_table(&summary.parameters).lines().for_each(|row| line(row.into()));
     line(String::new());

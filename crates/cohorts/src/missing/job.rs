@@ -74,7 +74,12 @@ pub fn run(measurements: &[Measurement], request: &CohortRequest, monitor: &dyn 
         monitor.stage("comparing the claim with its rivals");
         evidence.rivals = rivals(&said, &CRITERIA, &judged.effects, claimed, request.seed);
         monitor.stage("fitting what is claimed to every record");
-        found.claim = Some(Claim::new(&found, &apparatuses, claimed, monitor)?);
+        let claim = Claim::new(&found, &apparatuses, claimed, monitor)?;
+        if let Some(proposal) = evidence.proposals.first_mut() {
+            let residual = Some(Residual::CohortClaim(claim.over_predicted()));
+            proposal.test = Some(ResidualTest { residual, ..ResidualTest::default() });
+        }
+        found.claim = Some(claim);
     }
     Ok(found.document(leading, verdict(&evidence, &CRITERIA)))
 }
@@ -160,6 +165,18 @@ impl Claim {
         let all = sizes(&all.laws, &all.nodes.iter().collect::<Vec<_>>());
         Ok(Self { claimed, predicted, all, compared })
     }
+
+    /// Error on all held-out cycles over what the predictive noise of all records allows; `None` where no cycle is held out.
+    fn over_predicted(&self) -> Option<f64> {
+        let rows = |own: &Predicted| own.heldout.map(|(_, n)| n);
+        let allowed = root_mean_square(self.predicted.iter().map(|own| own.allowed_um.zip(rows(own))));
+        Some(self.errors().rmse_heldout_um? / allowed.rmse_heldout_um?)
+    }
+
+    /// Errors with the effect.
+    fn errors(&self) -> CohortErrors {
+        root_mean_square(self.predicted.iter().map(|own| own.heldout))
+    }
 }
 
 /// What some cycles of every record say of the size of what is claimed.
@@ -236,7 +253,7 @@ impl Found<'_> {
         (0..effects.len()).filter(|k| effects[*k].best.gain_nats > 0.0).reduce(of)
     }
 
-    /// The evidence of the search: the leading effect, which alone is judged and whose residuals are not tested, and the residuals of all records without it.
+    /// The evidence of the search: the leading effect, which alone is judged and whose residuals are tested once it is fitted, and the residuals of all records without it.
     fn evidence(&self, leading: Option<usize>) -> Evidence {
         let proposal = |place: usize| {
             let gained = &self.judged.effects[place];
@@ -423,11 +440,12 @@ impl Found<'_> {
         let of_leading = leading.map(|place| &effects[self.judged.effects[place].effect]);
         let pooled = self.claim.as_ref().map(|claim| self.group(claim, ("all", self.said.len()), &claim.all));
         let Verdict { kind, effects: named_effects, equivalent, .. } = verdict;
-        let sentence = wording::verdict(kind, of_leading, &equivalent, pooled.as_ref(), &groups, &specimens);
-        let extended = self
-            .claim
-            .as_ref()
-            .map(|claim| root_mean_square(claim.predicted.iter().map(|predicted| predicted.heldout)));
+        let sentence = wording::verdict(
+            (kind, of_leading, &equivalent),
+            (pooled.as_ref(), &groups, &specimens),
+            self.claim.as_ref().and_then(|claim| Some((claim.errors().rmse_heldout_um?, claim.over_predicted()?))),
+        );
+        let extended = self.claim.as_ref().map(Claim::errors);
         let base = root_mean_square(self.based.iter().map(|own| own.rmse_heldout));
         let threshold = self.judged.threshold();
         CohortDiagnosis {

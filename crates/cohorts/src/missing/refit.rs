@@ -3,6 +3,7 @@
 use super::law::{Laws, Nodes, Place};
 use super::likelihood::Likelihood;
 use base::error::Result;
+use criticism::predicted::allowed_noise_um;
 use criticism::sketch::{Asked, Based};
 use criticism::{Fitted, Search, Subject, Tangent};
 
@@ -60,6 +61,8 @@ pub struct Predicted {
     pub law: Vec<f64>,
     /// Root mean square error (µm) on the scored cycle and the positions there; `None` where none is held out.
     pub heldout: Option<(f64, usize)>,
+    /// Size (µm, root mean square) that its predictive noise allows the error there.
+    pub allowed_um: Option<f64>,
 }
 
 /// Puts the effect at the size that the cohort's law predicts for a record, and fits law and noise beside it.
@@ -80,6 +83,7 @@ pub fn predicted(
         value,
         law: law_of(record, &record.base.fitted.theta),
         heldout: heldout_um(subject, &record.base.fitted),
+        allowed_um: allowed_noise_um(subject, (&record.base.candidate, &record.base.fitted), &subject.scored_m),
     };
     let Some(start) = &sized.start else { return Ok(of_base()) };
     let candidate = subject.extended(&[asked.slug])?;
@@ -93,7 +97,8 @@ pub fn predicted(
     let Ok(fitted) = subject.fit(&held, &[(theta, start.noise)], Search::Local) else { return Ok(of_base()) };
     let parameters = held.parameters(&fitted.theta);
     let law = parameters[..held.model.base().parameters().len()].to_vec();
-    Ok(Predicted { has, value, law, heldout: heldout_um(subject, &fitted) })
+    let allowed_um = allowed_noise_um(subject, (&held, &fitted), &subject.scored_m);
+    Ok(Predicted { has, value, law, heldout: heldout_um(subject, &fitted), allowed_um })
 }
 
 /// The law's parameters of a record's base.

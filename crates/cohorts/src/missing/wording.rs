@@ -43,14 +43,11 @@ pub fn sizes(group: &CohortGroup) -> String {
     )
 }
 
-/// The verdict.
+/// The verdict; `left` is the error of a claim (µm) on all held-out cycles, and that over its predictive noise.
 pub fn verdict(
-    kind: VerdictKind,
-    leading: Option<&CohortEffect>,
-    equivalent: &[String],
-    pooled: Option<&CohortGroup>,
-    groups: &[CohortGroup],
-    specimens: &[CohortSpecimen],
+    (kind, leading, equivalent): (VerdictKind, Option<&CohortEffect>, &[String]),
+    (pooled, groups, specimens): (Option<&CohortGroup>, &[CohortGroup], &[CohortSpecimen]),
+    left: Option<(f64, f64)>,
 ) -> String {
     let n = specimens.len();
     let gained = leading.map(|own| {
@@ -74,6 +71,14 @@ pub fn verdict(
                 format!(" No sign of it in {}.", listed(&absent))
             };
             format!("{} is missing: {gained}.{sizes}{absent}{alike}", leading.effect)
+        }
+        (VerdictKind::Unexplained, Some(leading), Some(gained)) if left.is_some() => {
+            let (error_um, factor) = left.unwrap_or_default();
+            format!(
+                "the law is wrong, and no effect of the library accounts for it: {} helps most ({gained}), and with it {} µm are left on the held-out cycles, {factor:.1} times what noise and parameters allow. Read no property from its size.",
+                leading.effect,
+                significant(error_um, 3)
+            )
         }
         (VerdictKind::Unexplained, ..) => {
             let left: Vec<&str> = too_much(specimens);

@@ -11,12 +11,12 @@ use statrs::distribution::{ContinuousCDF, Gamma};
 use super::SIGNIFICANT;
 use super::linear::{Linear, LinearFit};
 use super::rows::Columns;
-use super::whiteness::{ljung_box, runs};
 use crate::NoiseValues;
 use crate::Subject;
 use base::error::Result;
 use base::parameter::NOISE_SD;
 use posterior::noise::NoiseLikelihood;
+use posterior::whiteness::{ljung_box, runs};
 use sampling::ensemble::RandomStream;
 
 /// Fits of one record: the model alone, and with each panel's columns.
@@ -66,13 +66,13 @@ fn simulated_noise_m(
     pool: &[f64],
     stream: &mut RandomStream,
 ) -> Vec<f64> {
-    let record = &subject.experiment().record;
+    let (record, recordings) = (&subject.experiment().record, subject.problem().recordings());
     let white_um = subject.noise().value(noise, &NOISE_SD);
     let mut terms = subject.noise().drawn(noise, stream);
     (0..record.n_rows())
         .map(|row| {
             let step_s = (row > 0).then(|| record.time_s[row] - record.time_s[row - 1]);
-            let begins_cycle = row == 0 || record.cycle[row] != record.cycle[row - 1];
+            let begins_cycle = row == 0 || recordings[row] != recordings[row - 1];
             let of_terms: Vec<[f64; 2]> = terms.iter_mut().map(|draw| draw(step_s, begins_cycle, stream)).collect();
             let sign = if stream.unit() < 0.5 { -1.0 } else { 1.0 };
             let white = sign * pool[stream.below(pool.len())];

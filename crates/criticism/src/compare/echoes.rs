@@ -7,9 +7,9 @@
 use super::calibration::{Looks, Significance};
 use super::linear::Linear;
 use super::rows::Columns;
-use super::whiteness::{ljung_box, runs};
 use base::error::Result;
 use posterior::noise::NoiseLikelihood;
+use posterior::whiteness::{ljung_box, runs};
 
 /// What is left of an echo's gain beside its source, at most.
 const SHARE_OF_ECHO: f64 = 0.5;

@@ -11,7 +11,6 @@ mod normal;
 pub mod panels;
 pub mod rows;
 mod sentences;
-pub mod whiteness;
 
 use crate::NoiseValues;
 use calibration::{Looks, Significance, looks, significance};
@@ -21,8 +20,11 @@ use linear::Linear;
 use panels::Panel;
 use rows::{Column, Columns, Rows};
 
+use super::leftover::misfit;
+use super::refit::Refitted;
 use super::{Candidate, Fitted, Subject, outliers};
 use base::error::Result;
+use posterior::whiteness;
 
 /// Family-wise probability below which a look is a finding.
 pub const SIGNIFICANT: f64 = 0.05;
@@ -114,7 +116,9 @@ pub fn run(subject: &Subject, candidate: &Candidate, n_simulations: usize, seed:
             .collect(),
         simulated_records: n_simulations,
     };
-    comparison.sentence = sentences::overall(&comparison);
+    let compared = Refitted { candidate: candidate.clone(), fitted: fitted.clone(), future: None };
+    let misfit = (!subject.is_noise_unknown()).then(|| misfit(subject, &compared, &[])).transpose()?;
+    comparison.sentence = sentences::overall(&comparison, misfit);
     Ok(Outcome {
         comparison,
         position_sd_m: linear.position_sd_m(&subject.fitted, &fitted.noise)?,

@@ -1,5 +1,6 @@
 //! What panels are made from: the rows of a record, and columns over them.
 
+use posterior::recordings::recordings;
 use record::Record;
 
 /// Columns with fewer fitted rows than this say nothing.
@@ -115,11 +116,13 @@ impl<'a> Rows<'a> {
         (0..self.n()).filter(|row| self.is_fitted[*row])
     }
 
-    /// Cycles with fitted rows, and their columns where those are enough.
+    /// Cycles that begin a recording with fitted rows, and their columns where those are enough.
     pub(super) fn by_cycle(&self) -> (Vec<u32>, ByCycle) {
-        let (mut cycles, mut counts) = (Vec::<u32>::new(), Vec::<usize>::new());
+        let recordings = recordings(self.record);
+        let (mut own, mut cycles, mut counts) = (Vec::<u32>::new(), Vec::<u32>::new(), Vec::<usize>::new());
         for row in self.fitted_rows() {
-            if cycles.last() != Some(&self.record.cycle[row]) {
+            if own.last() != Some(&recordings[row]) {
+                own.push(recordings[row]);
                 cycles.push(self.record.cycle[row]);
                 counts.push(0);
             }
@@ -129,13 +132,13 @@ impl<'a> Rows<'a> {
         }
         let has_column: Vec<bool> = counts.iter().map(|count| *count >= FEWEST_ROWS).collect();
         let mut next = 0;
-        let place_of = |cycle: &u32| {
-            while next < cycles.len() && cycles[next] < *cycle {
+        let place_of = |recording: &u32| {
+            while next < own.len() && own[next] < *recording {
                 next += 1;
             }
-            (cycles.get(next) == Some(cycle) && has_column[next]).then_some(next)
+            (own.get(next) == Some(recording) && has_column[next]).then_some(next)
         };
-        let place = self.record.cycle.iter().map(place_of).collect();
+        let place = recordings.iter().map(place_of).collect();
         (cycles, ByCycle { place, has_column })
     }
 

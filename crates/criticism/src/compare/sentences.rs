@@ -3,9 +3,8 @@
 use super::panels::lag_phrase;
 use documents::comparison::{Bar, Comparison, Finding, PanelEntry};
 use figures::number::significant;
+use posterior::misfit::{Misfit, NOISE_FACTOR};
 
-/// Misfit over the yardstick above which the noise that the fit found is not what is known of it.
-const LARGE_MISFIT: f64 = 1.5;
 /// Neighbouring bars of one sign belong together down to this fraction of the largest.
 const SHARE_OF_LARGEST: f64 = 0.5;
 /// A bar that stands less than so many errors from nothing is no place to point at.
@@ -142,8 +141,8 @@ fn about_whiteness(entry: &PanelEntry) -> Option<String> {
     }
 }
 
-/// All in all.
-pub fn overall(comparison: &Comparison) -> String {
+/// All in all; `judged` is the misfit as `diagnose` judges it, `None` where the noise is unknown.
+pub fn overall(comparison: &Comparison, judged: Option<Misfit>) -> String {
     let um = |value: f64| significant(value, 2);
     let noise_um = comparison.noise_um;
     let (n, of) = (comparison.findings.len(), comparison.panels.len());
@@ -151,13 +150,15 @@ pub fn overall(comparison: &Comparison) -> String {
         .rmse_heldout_um
         .map_or("; no cycle is held out".into(), |rmse| format!(" and {} µm on the held-out cycle", um(rmse)));
     let fitted = um(comparison.rmse_fitted_um);
-    let misfit = format!("misfit {fitted} µm on the fitted cycles{heldout}; noise {} µm", um(noise_um));
+    let noise = if judged.is_some() { format!("{} µm", um(noise_um)) } else { "unknown".into() };
+    let misfit = format!("misfit {fitted} µm on the fitted cycles{heldout}; noise {noise}");
+    let heldout = judged.and_then(|misfit| misfit.heldout).filter(|heldout| heldout.is_too_large);
     if let Some(first) = comparison.findings.first() {
         let place = first.place.replace('_', " ");
-        return format!("The model fails: {n} of {of} looks show it, most clearly {place} ({misfit}).");
+        let also = heldout.map_or("", |_| " The held-out cycle is not predicted down to the noise, either.");
+        return format!("The model fails: {n} of {of} looks show it, most clearly {place} ({misfit}).{also}");
     }
-    let is_large = |rmse: f64| rmse > LARGE_MISFIT * noise_um;
-    if let Some(rmse) = comparison.rmse_heldout_um.filter(|rmse| is_large(*rmse)) {
+    if let Some(rmse) = comparison.rmse_heldout_um.filter(|_| heldout.is_some()) {
         return format!(
             "The model does not predict the held-out cycle: it misses that by {} µm, {} times the noise, although none of {of} looks at the \
              fitted cycles tells the misfit from noise ({misfit}). Something differs between cycles, be it only their gain.",
@@ -165,10 +166,15 @@ pub fn overall(comparison: &Comparison) -> String {
             um(rmse / noise_um)
         );
     }
-    let doubt = if is_large(comparison.rmse_fitted_um) {
-        " The misfit is larger than the noise that is known, yet looks like noise: this is no all-clear."
-    } else {
-        ""
+    let is_large = |misfit: Misfit| comparison.rmse_fitted_um > NOISE_FACTOR * 1e6 * misfit.noise_m;
+    let doubt = match judged {
+        None => {
+            " The noise is neither given nor can it be estimated: a misfit that looks like noise would not be seen, so this is no all-clear."
+        }
+        Some(misfit) if is_large(misfit) => {
+            " The misfit is larger than the noise that is known, yet looks like noise: this is no all-clear."
+        }
+        Some(_) => "",
     };
     format!("Nothing found: none of {of} looks tells the misfit from noise ({misfit}).{doubt}")
 }
@@ -176,6 +182,7 @@ pub fn overall(comparison: &Comparison) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use posterior::misfit::Size;
 
     fn bar(bias_um: f64, sd_um: f64, lag_s: [f64; 2]) -> Bar {
         Bar { label: String::new(), phrase: lag_phrase(lag_s), lag_s: Some(lag_s), bias_um, sd_um }
@@ -236,12 +243,20 @@ mod tests {
             left_out: Vec::new(),
             simulated_records: 199,
         };
-        let said = overall(&comparison);
+        let size = |rms_um: f64| Size { rms_m: 1e-6 * rms_um, is_too_large: rms_um > 6.0 };
+        let judged = |heldout_um: f64| {
+            let (fitted, heldout) = (size(4.2), Some(size(heldout_um)));
+            Some(Misfit { fitted, heldout, noise_m: 4e-6, is_known: true, returning_m: None, learnt_degrees: 1.0 })
+        };
+        let said = overall(&comparison, judged(14.0));
         assert!(
             said.starts_with("The model does not predict the held-out cycle") && said.contains("3.5 times"),
             "{said}"
         );
         comparison.rmse_heldout_um = Some(4.4);
-        assert!(overall(&comparison).starts_with("Nothing found"));
+        let sound = overall(&comparison, judged(4.4));
+        assert!(sound.starts_with("Nothing found") && !sound.contains("no all-clear"), "{sound}");
+        let unknown = overall(&comparison, None);
+        assert!(unknown.contains("noise unknown") && unknown.contains("no all-clear"), "{unknown}");
     }
 }

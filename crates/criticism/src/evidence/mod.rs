@@ -114,10 +114,10 @@ impl<'a> CandidatePosterior<'a> {
             priors: &self.problem.priors,
             fixed: &self.fixed,
         };
-        let observed_m = &self.subject.fitted_m;
+        let (observed_m, recordings) = (&self.subject.fitted_m, self.problem.recordings());
         ReducedPosterior::new(
             parts,
-            FittedRecord { time_s: &record.time_s, force: record.force(), cycle: &record.cycle, observed_m },
+            FittedRecord { time_s: &record.time_s, force: record.force(), recording: &recordings, observed_m },
         )
     }
 

@@ -192,7 +192,8 @@ impl Repeated {
     /// Positions with noise, of one draw.
     fn with_noise(&self, subject: &Subject, noise: NoiseValues, random: &mut ChaCha8Rng) -> Vec<f64> {
         let record = &subject.experiment().record;
-        let drawn_m = subject.noise().simulate_m(&record.time_s, &record.cycle, &self.position_m, &noise, random);
+        let recordings = subject.problem().recordings();
+        let drawn_m = subject.noise().simulate_m(&record.time_s, &recordings, &self.position_m, &noise, random);
         self.position_m.iter().zip(drawn_m).map(|(x, noise)| x + noise).collect()
     }
 }

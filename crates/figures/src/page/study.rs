@@ -5,15 +5,16 @@ use std::collections::BTreeMap;
 use maud::{Markup, html};
 
 use super::{Figure, Tone, figure, fit, folded, hashes, interval, page, section, table, table_that_ends_in_words};
-use crate::labels::{model_title, of_parameter};
+use crate::labels::{model_title_with, of_parameter};
 use crate::number::{listed, significant, with_decimals};
 use documents::check::CheckSummary;
 use documents::comparison::Comparison;
-use documents::diagnosis::{CandidateEntry, Diagnosis, VerdictKind};
-use documents::extension::ExtensionSummary;
+use documents::diagnosis::{CandidateEntry, Diagnosis, RefitParameter, VerdictKind};
+use documents::extension::{EquivalentEffects, EquivalentRefit, ExtensionSummary};
 use documents::ladder::LadderSummary;
 use documents::learned::{FormulaParameter, Learned, LearnedPair};
 use documents::posterior::{PosteriorSummary, Warning};
+use documents::trust::{Trust, TrustLevel};
 
 /// All that a study holds, as it stands on disk.
 #[derive(Debug)]
@@ -47,6 +48,8 @@ pub struct RevisionPage {
     pub learned: Option<Learned>,
     /// What it changed, if it extends another.
     pub extension: Option<ExtensionSummary>,
+    /// What diagnoses could not tell from its effects.
+    pub equivalents: Vec<EquivalentEffects>,
     /// Its figures, by the stems of their names.
     pub figures: BTreeMap<String, Figure>,
 }
@@ -70,6 +73,28 @@ impl RevisionPage {
         self.posterior.is_sound() && self.extension.as_ref().is_none_or(ExtensionSummary::is_sound)
     }
 
+    /// The lower of what the posterior and the extension say, and no more than a diagnosis or a comparison allows.
+    fn trust(&self) -> Trust {
+        let of_extension = self.extension.iter().map(|extension| &extension.trust);
+        let own = of_extension.chain([&self.posterior.trust]).max_by_key(|trust| trust.level).cloned();
+        let own = own.unwrap_or_default();
+        let is_lacking = self.diagnosis.as_ref().is_some_and(|own| own.verdict.kind != VerdictKind::None);
+        let fails = self.comparison.as_ref().is_some_and(|own| !own.findings.is_empty());
+        if own.level == TrustLevel::Trusted && (is_lacking || fails) {
+            let reason = if is_lacking {
+                "the diagnosis finds that the model lacks something"
+            } else {
+                "the comparison finds places where the model fails"
+            };
+            return Trust { level: TrustLevel::Effective, reason: reason.into() };
+        }
+        own
+    }
+
+    fn title(&self) -> String {
+        model_title_with(&self.posterior.model, &self.equivalents)
+    }
+
     fn shown(&self, stem: &str, caption: &str) -> Markup {
         html! { @if let Some(drawing) = self.figures.get(stem) { (figure(drawing, caption)) } }
     }
@@ -89,7 +114,7 @@ pub fn study(mut content: StudyPage) -> String {
     let body = html! {
         h1 { (name) }
         @if let Some(last) = content.revisions.last() {
-            p.lead { (model_title(&last.posterior.model)) " model, revision " (last.name) }
+            p.lead { (last.title()) " model, revision " (last.name) }
             (verdict(content, last))
             (parameters(last))
         }
@@ -131,7 +156,7 @@ fn verdict(content: &StudyPage, last: &RevisionPage) -> Markup {
     let diagnosed = last.diagnosis.as_ref().map(|diagnosis| &diagnosis.verdict);
     let is_lacking = diagnosed.is_some_and(|verdict| verdict.kind != VerdictKind::None);
     let fails = last.comparison.as_ref().filter(|comparison| !comparison.findings.is_empty());
-    let heldout = &last.posterior.heldout;
+    let (heldout, trust) = (&last.posterior.heldout, last.trust());
     let (tone, heading) = if !last.is_sound() {
         (Tone::Wrong, "Not to be trusted as it stands")
     } else if is_lacking {
@@ -140,9 +165,13 @@ fn verdict(content: &StudyPage, last: &RevisionPage) -> Markup {
         (Tone::Doubtful, "The model fails in places")
     } else if heldout.rmse_um.is_none() {
         (Tone::Doubtful, "Nothing tests this result")
+    } else if trust.level == TrustLevel::Effective {
+        (Tone::Doubtful, trust.level.words())
     } else {
-        (Tone::Sound, "Sound, as far as these data can tell")
+        (Tone::Sound, trust.level.words())
     };
+    // The heading is the level, or something graver that a diagnosis or a comparison has found.
+    let reason = if heading == trust.level.words() { sentence(&trust.reason) } else { trust.to_string() };
     let extended = last.extension.as_ref().map(|extension| extension.sentence.as_str());
     let misfit = heldout.rmse_um.map(|rmse| {
         let noise = heldout
@@ -158,6 +187,8 @@ fn verdict(content: &StudyPage, last: &RevisionPage) -> Markup {
     html! {
         div class={ "verdict " (tone.class()) } role="status" {
             h2 { span aria-hidden="true" { (tone.mark()) " " } (heading) }
+            @if fatal.is_empty() { p { (reason) } }
+            @for sentence in last.equivalents.iter().filter(|own| own.revision != last.name).filter_map(EquivalentEffects::sentence) { p { (sentence) } }
             @if let Some(sentence) = extended { p { (sentence) } }
             @if let Some(verdict) = diagnosed { p { (verdict.sentence) } }
             @else if let Some(comparison) = fails { p { (comparison.sentence) } }
@@ -173,13 +204,41 @@ fn verdict(content: &StudyPage, last: &RevisionPage) -> Markup {
     }
 }
 
+/// With a capital and a full stop.
+fn sentence(words: &str) -> String {
+    let mut letters = words.chars();
+    let first: String = letters.next().map_or(String::new(), |first| first.to_uppercase().collect());
+    format!("{first}{}.", letters.as_str())
+}
+
 /// The law and what was added to it.
 fn parameters(last: &RevisionPage) -> Markup {
     let rows = last.posterior.parameters.iter().map(|p| {
         let label = of_parameter(&p.name);
         vec![label.symbol, significant(p.median, 4), interval(p.q05, p.q95), label.unit]
     });
-    table("What the gel is", &["parameter", "median", "90 % interval", "unit"], &rows.collect::<Vec<_>>())
+    html! {
+        (table("What the gel is", &["parameter", "median", "90 % interval", "unit"], &rows.collect::<Vec<_>>()))
+        @for own in last.equivalents.iter().filter(|own| !own.refits.is_empty()) { (equivalent_refits(own)) }
+    }
+}
+
+/// Parameters of effects that the diagnosis could not tell from each other, side by side.
+fn equivalent_refits(own: &EquivalentEffects) -> Markup {
+    let row = |refit: &EquivalentRefit| {
+        let of = |p: &RefitParameter| {
+            vec![p.name.clone(), significant(p.mean, 4), interval(p.q05, p.q95), optional(refit.rmse_heldout_um, 3)]
+        };
+        refit.parameters.iter().map(of).collect::<Vec<_>>()
+    };
+    let rows: Vec<Vec<String>> = own.refits.iter().flat_map(row).collect();
+    let diagnosed = own.diagnosis_of.as_deref().unwrap_or("an earlier revision");
+    let caption = format!(
+        "{} ({}): not told apart by the diagnosis of {diagnosed}, which refitted each by itself",
+        own.effects.join(" + "),
+        own.alternative().unwrap_or_default()
+    );
+    table(&caption, &["parameter", "mean", "90 % interval", "held-out error (µm)"], &rows)
 }
 
 fn optional(value: Option<f64>, digits: usize) -> String {
@@ -194,11 +253,11 @@ fn against_measurement(content: &StudyPage) -> Markup {
     let captions = "Measured positions over the bands of the prediction, residuals and force below";
     html! {
         @if let Some((last, earlier)) = content.revisions.split_last() {
-            h3 { (last.name) ": " (model_title(&last.posterior.model)) }
+            h3 { (last.name) ": " (last.title()) }
             (last.shown("predictive", captions))
             (heldout_table(last))
             @for revision in earlier {
-                (revision.folded("predictive", &format!("{}: {}", revision.name, model_title(&revision.posterior.model))))
+                (revision.folded("predictive", &format!("{}: {}", revision.name, revision.title())))
             }
         }
     }

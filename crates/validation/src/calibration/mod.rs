@@ -198,7 +198,8 @@ impl Bench {
             let Ok(trajectory_m) = forwards.trajectory_m(parameters) else { continue };
             // Where tracking was lost nothing is simulated: a heavy-tailed noise that is seen everywhere would not be that of what is left.
             let time_s: Vec<f64> = rows.iter().map(|row| record.time_s[*row]).collect();
-            let cycle: Vec<u32> = rows.iter().map(|row| record.cycle[*row]).collect();
+            let recordings = self.model.problem.recordings();
+            let cycle: Vec<u32> = rows.iter().map(|row| recordings[*row]).collect();
             let at_rows_m: Vec<f64> = rows.iter().map(|row| trajectory_m[*row]).collect();
             let errors_m = noise.simulate_m(&time_s, &cycle, &at_rows_m, of_noise, rng);
             let mut position_m = vec![None; record.n_rows()];

@@ -1,0 +1,57 @@
+//! How far a result can be trusted: the three levels that every result shows first (formats §4).
+
+use serde::{Deserialize, Serialize};
+
+/// Levels of trust, best first.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
+#[serde(rename_all = "lowercase")]
+pub enum TrustLevel {
+    /// Parameters can be trusted.
+    Trusted,
+    /// Predictions can be trusted; parameters are effective values at this amplitude.
+    Effective,
+    /// Neither can be trusted.
+    Untrusted,
+}
+
+impl TrustLevel {
+    /// The level in words.
+    pub fn words(self) -> &'static str {
+        match self {
+            Self::Trusted => "Parameters can be trusted",
+            Self::Effective => "Predictions can be trusted; parameters are effective values",
+            Self::Untrusted => "Not to be trusted as it stands",
+        }
+    }
+}
+
+/// A level with its reason.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
+pub struct Trust {
+    /// The level.
+    pub level: TrustLevel,
+    /// Why it is that level, in plain words.
+    pub reason: String,
+}
+
+impl Default for Trust {
+    /// Trust in a document that does not state it.
+    fn default() -> Self {
+        Self { level: TrustLevel::Untrusted, reason: "an earlier version made this result and did not judge it".into() }
+    }
+}
+
+impl Trust {
+    /// Whether the result is sound (exit code 0).
+    pub fn is_sound(&self) -> bool {
+        self.level != TrustLevel::Untrusted
+    }
+}
+
+impl std::fmt::Display for Trust {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "{}: {}.", self.level.words(), self.reason)
+    }
+}

@@ -1,0 +1,216 @@
+//! What a study's diagnoses could not tell from the effects of a revision.
+//!
+//! Diagnoses are read where they stand: one that is made anew and separates the effects ends the equivalence in everything that is written later.
+
+use base::error::Result;
+use base::files::{Content, read_if_there};
+use documents::diagnosis::{CandidateEntry, Diagnosis};
+use documents::extension::{EquivalentEffects, EquivalentRefit, ExtensionSummary};
+use posterior::study::{DIAGNOSIS_NAME, EXTENSION_NAME, Study, WithProvenance};
+use serde::de::DeserializeOwned;
+
+/// Of all effects that a revision and those before it have added, the first addition first.
+///
+/// # Errors
+/// Where the study has no such revision.
+pub fn of_revision(study: &Study, revision: &str) -> Result<Vec<EquivalentEffects>> {
+    let extension: Option<ExtensionSummary> = document(study, revision, EXTENSION_NAME)?;
+    // A revision extends an earlier one: what a file says otherwise is not followed.
+    let number = |name: &str| name.get(1..).and_then(|digits| digits.parse::<u32>().ok());
+    let Some(extension) = extension.filter(|own| number(&own.from) < number(revision)) else { return Ok(Vec::new()) };
+    let mut list = of_revision(study, &extension.from)?;
+    let diagnosis: Option<Diagnosis> = document(study, &extension.from, DIAGNOSIS_NAME)?;
+    let as_written = extension.equivalents.iter().filter(|own| own.revision == revision);
+    match &diagnosis {
+        // The diagnosis was taken away: what it said stands.
+        None if as_written.clone().next().is_some() => list.extend(as_written.cloned()),
+        _ => list.extend(of_added(diagnosis.as_ref(), &extension.from, revision, &extension.effects)),
+    }
+    Ok(list)
+}
+
+/// Of effects that are to be added to a revision, and of those that it has.
+///
+/// # Errors
+/// As [`of_revision`].
+pub fn of_extension(study: &Study, from: &str, revision: &str, added: &[String]) -> Result<Vec<EquivalentEffects>> {
+    let mut list = of_revision(study, from)?;
+    let diagnosis: Option<Diagnosis> = document(study, from, DIAGNOSIS_NAME)?;
+    list.extend(of_added(diagnosis.as_ref(), from, revision, added));
+    Ok(list)
+}
+
+/// What a diagnosis says of effects that are added: those of its class, and those that it did not claim.
+fn of_added(diagnosis: Option<&Diagnosis>, from: &str, revision: &str, added: &[String]) -> Vec<EquivalentEffects> {
+    let class = diagnosis.map(class_of).unwrap_or_default();
+    let is_claimed = |slug: &&String| class.claimed.contains(slug);
+    let (claimed, others): (Vec<&String>, Vec<&String>) = added.iter().partition(is_claimed);
+    let rivals: Vec<String> = class.rivals(&claimed);
+    let refits = match diagnosis {
+        Some(diagnosis) if !rivals.is_empty() => {
+            let all = claimed.iter().copied().chain(&rivals);
+            all.filter_map(|slug| diagnosis.candidates.iter().find(|own| own.effect == **slug)).map(refit).collect()
+        }
+        _ => Vec::new(),
+    };
+    let entry = |effects: Vec<&String>, diagnosis_of: Option<&str>, rivals, refits| EquivalentEffects {
+        revision: revision.into(),
+        effects: effects.into_iter().cloned().collect(),
+        rivals,
+        diagnosis_of: diagnosis_of.map(String::from),
+        refits,
+    };
+    let tested = (!claimed.is_empty()).then(|| entry(claimed, Some(from), rivals, refits));
+    let untested = (!others.is_empty()).then(|| entry(others, None, Vec::new(), Vec::new()));
+    tested.into_iter().chain(untested).collect()
+}
+
+/// Effects that a diagnosis claims or cannot tell from its claim.
+#[derive(Default)]
+struct Class {
+    claimed: Vec<String>,
+    equivalent: Vec<String>,
+    /// Whether each effect may stand for the claim: it is of one effect.
+    is_single: bool,
+}
+
+impl Class {
+    /// Rivals of effects that were added.
+    fn rivals(&self, added: &[&String]) -> Vec<String> {
+        if added.is_empty() {
+            return Vec::new();
+        }
+        let all = if self.is_single { &self.claimed } else { &self.equivalent };
+        all.iter().filter(|slug| !added.contains(slug)).cloned().collect()
+    }
+}
+
+/// A single claim and its equivalents are one class: whichever is added has all others as rivals.
+fn class_of(diagnosis: &Diagnosis) -> Class {
+    let verdict = &diagnosis.verdict;
+    let is_single = verdict.effects.len() == 1;
+    let mut claimed = verdict.effects.clone();
+    if is_single {
+        claimed.extend(verdict.equivalent.iter().cloned());
+    }
+    Class { claimed, equivalent: verdict.equivalent.clone(), is_single }
+}
+
+fn refit(candidate: &CandidateEntry) -> EquivalentRefit {
+    let own = candidate.refit.as_ref();
+    EquivalentRefit {
+        effect: candidate.effect.clone(),
+        rmse_heldout_um: own.and_then(|own| own.rmse_heldout_um),
+        parameters: own.map_or(Vec::new(), |own| own.parameters.clone()),
+    }
+}
+
+/// A document of a revision, if it is there and can be read.
+fn document<T: DeserializeOwned>(study: &Study, revision: &str, name: &str) -> Result<Option<T>> {
+    let path = study.revision_dir(revision)?.join(name);
+    let read = || serde_json::from_slice::<WithProvenance<T>>(&read_if_there(&path, Content::Document)?).ok();
+    Ok(read().map(|document| document.body))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use documents::diagnosis::{BaseErrors, Refit, RefitParameter, Status, Verdict, VerdictKind};
+
+    fn candidate(effect: &str, status: Status) -> CandidateEntry {
+        let parameters = vec![RefitParameter { name: format!("{effect}.x"), mean: 1.0, q05: 0.5, q95: 1.5 }];
+        CandidateEntry {
+            effect: effect.into(),
+            status,
+            z: 5.0,
+            p_familywise: 0.01,
+            visible_fraction: 0.5,
+            expected_parameter: None,
+            refit: Some(Refit {
+                gain_nats: 20.0,
+                heldout_gain_nats: None,
+                last_cycle_gain_nats: None,
+                rmse_heldout_um: Some(4.0),
+                largest_change: 1.0,
+                log_bayes_factor: None,
+                log_bayes_factor_at_most: None,
+                parameters,
+                answers: Vec::new(),
+            }),
+            twins: Vec::new(),
+            refused: None,
+        }
+    }
+
+    fn diagnosis(effects: &[&str], equivalent: &[&str]) -> Diagnosis {
+        let names = |list: &[&str]| -> Vec<String> { list.iter().map(|slug| slug.to_string()).collect() };
+        Diagnosis {
+            experiment: "gel".into(),
+            verdict: Verdict {
+                kind: VerdictKind::Missing,
+                effects: names(effects),
+                equivalent: names(equivalent),
+                sentence: String::new(),
+            },
+            fitted_cycles: vec![1, 2],
+            heldout_cycles: vec![3],
+            base: BaseErrors { rmse_fitted_um: 5.0, rmse_heldout_um: Some(6.0), noise_um: 4.0 },
+            extended: None,
+            candidates: [effects, equivalent].concat().iter().map(|slug| candidate(slug, Status::Claimed)).collect(),
+            pairs: Vec::new(),
+            blind_spots: Vec::new(),
+            smallest_detectable: Vec::new(),
+            separating_protocol: String::new(),
+            noise: Vec::new(),
+            unexplained: Vec::new(),
+            discrepancy: None,
+            outlier_rows: Vec::new(),
+            remarks: Vec::new(),
+        }
+    }
+
+    fn added(diagnosis: Option<&Diagnosis>, effects: &[&str]) -> Vec<EquivalentEffects> {
+        let effects: Vec<String> = effects.iter().map(|slug| slug.to_string()).collect();
+        of_added(diagnosis, "m0", "m1", &effects)
+    }
+
+    #[test]
+    fn a_claim_keeps_its_equivalents_with_both_refits() {
+        let found = &added(Some(&diagnosis(&["clock-offset"], &["actuator-lag"])), &["clock-offset"])[..];
+        let [own] = found else { panic!("{found:?}") };
+        assert_eq!((own.rivals.clone(), own.diagnosis_of.as_deref()), (vec!["actuator-lag".to_string()], Some("m0")));
+        let refits: Vec<&str> = own.refits.iter().map(|refit| refit.effect.as_str()).collect();
+        assert_eq!(refits, ["clock-offset", "actuator-lag"]);
+        assert_eq!(own.alternative().as_deref(), Some("or: actuator-lag"));
+        assert!(own.sentence().expect("a rival").contains("cannot tell clock-offset from actuator-lag"));
+    }
+
+    /// Whoever adds the rival has the claim as a rival.
+    #[test]
+    fn a_rival_that_is_added_has_the_claim_for_a_rival() {
+        let found = added(Some(&diagnosis(&["clock-offset"], &["actuator-lag"])), &["actuator-lag"]);
+        assert_eq!((found.len(), &found[0].rivals[..]), (1, &["clock-offset".to_string()][..]));
+    }
+
+    #[test]
+    fn rivals_of_a_pair_stand_for_one_of_it() {
+        let of_pair = diagnosis(&["clock-offset", "force-bias"], &["actuator-lag"]);
+        let found = added(Some(&of_pair), &["clock-offset", "force-bias"]);
+        assert_eq!((found.len(), &found[0].rivals[..]), (1, &["actuator-lag".to_string()][..]));
+        assert!(found[0].sentence().expect("a rival").contains("one of clock-offset and force-bias"));
+    }
+
+    #[test]
+    fn what_no_diagnosis_claimed_was_not_tested() {
+        let separated = diagnosis(&["clock-offset"], &[]);
+        for (diagnosis, effect) in [(None, "clock-offset"), (Some(&separated), "force-bias")] {
+            let found = &added(diagnosis, &[effect])[..];
+            let [own] = found else { panic!("{found:?}") };
+            assert!(own.diagnosis_of.is_none() && own.rivals.is_empty() && own.alternative().is_none());
+            assert!(own.sentence().expect("untested").contains("were not tested"), "{own:?}");
+        }
+        // A claim that the diagnosis has separated needs no word.
+        let found = added(Some(&separated), &["clock-offset"]);
+        assert!(found[0].sentence().is_none() && found[0].refits.is_empty());
+    }
+}

@@ -1,0 +1,68 @@
+//! Parts of a record that were taken in one go: what a gain and an offset of the tracker belong to.
+
+use record::Record;
+
+/// Gap, over the longer of the intervals beside it, from which on tracking began anew.
+const GAP: f64 = 3.0;
+/// Forces that differ by less than this share of the range are the same.
+const SAME_FORCE: f64 = 1e-9;
+
+/// Number of the recording of each row, from 1. A cycle begins a recording only where the force changes or where there is a gap in time: a cycle that begins
+/// within an unbroken hold is a name for more of the same.
+pub fn recordings(record: &Record) -> Vec<u32> {
+    let tolerance_n = SAME_FORCE * record.force_range_n();
+    let interval_s = |row: usize| row.checked_sub(1).map(|before| record.time_s[row] - record.time_s[before]);
+    let is_new = |row: usize| {
+        if record.cycle[row] == record.cycle[row - 1] {
+            return false;
+        }
+        let beside_s = [interval_s(row - 1), (row + 1 < record.n_rows()).then(|| interval_s(row + 1)).flatten()];
+        let longer_s = beside_s.into_iter().flatten().fold(0.0, f64::max);
+        let has_gap = interval_s(row).is_some_and(|gap_s| gap_s > GAP * longer_s);
+        (record.force_n[row] - record.force_n[row - 1]).abs() > tolerance_n || has_gap
+    };
+    let mut number = 1;
+    (0..record.n_rows())
+        .map(|row| {
+            number += u32::from(row > 0 && is_new(row));
+            number
+        })
+        .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn record(time_s: &[f64], force_n: &[f64], cycle: &[u32]) -> Record {
+        Record {
+            time_s: time_s.to_vec(),
+            force_n: force_n.to_vec(),
+            position_m: vec![None; time_s.len()],
+            cycle: cycle.to_vec(),
+            ..Record::default()
+        }
+    }
+
+    #[test]
+    fn a_cycle_within_an_unbroken_hold_is_no_recording() {
+        let time_s: Vec<f64> = (0..9).map(f64::from).collect();
+        let cycle = [1, 1, 1, 2, 2, 2, 3, 3, 3];
+        assert_eq!(recordings(&record(&time_s, &[2.0; 9], &cycle)), [1; 9]);
+        let changed = [2.0, 2.0, 2.0, 2.0, 2.0, 2.0, 1.0, 1.0, 1.0];
+        assert_eq!(recordings(&record(&time_s, &changed, &cycle)), [1, 1, 1, 1, 1, 1, 2, 2, 2]);
+        // The force changes within a cycle: that is no new recording.
+        let within = [2.0, 2.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0];
+        assert_eq!(recordings(&record(&time_s, &within, &cycle)), [1; 9]);
+    }
+
+    #[test]
+    fn a_gap_begins_a_recording_and_growing_intervals_do_not() {
+        let cycle = [1, 1, 1, 2, 2, 2];
+        let gap = [0.0, 1.0, 2.0, 6.0, 7.0, 8.0];
+        assert_eq!(recordings(&record(&gap, &[2.0; 6], &cycle)), [1, 1, 1, 2, 2, 2]);
+        let logarithmic = [1.0, 2.0, 4.0, 8.0, 16.0, 32.0];
+        assert_eq!(recordings(&record(&logarithmic, &[2.0; 6], &cycle)), [1; 6]);
+        assert!(recordings(&record(&[], &[], &[])).is_empty());
+    }
+}

@@ -1,0 +1,165 @@
+//! Whether the residuals of a fit follow a pattern, whatever the level of the noise.
+//!
+//! Two statistics of the whitened residuals of the fitted rows do not depend on the level: the runs of one sign and the autocorrelation up to lag 10
+//! ([`whiteness`](super::whiteness)). Both are compared with those of simulated noise, from which the same parameters are taken out.
+
+use nalgebra::DVector;
+use rayon::prelude::*;
+use sampling::ensemble::RandomStream;
+use statrs::distribution::{ChiSquared, ContinuousCDF, Normal};
+
+use super::whiteness::{N_LAGS, autocorrelation, ljung_box, runs_score};
+
+/// Share of records of noise alone whose residuals are called systematic.
+const FALSE_ALARM: f64 = 0.001;
+/// Simulated records: the smallest p that they resolve is half of [`FALSE_ALARM`].
+const N_SIMULATIONS: usize = 3_999;
+/// Residuals from which on closed forms replace the simulation: what a few parameters take out of so many is nothing.
+const MOST_SIMULATED: usize = 5_000;
+/// Fewest residuals beyond the number of parameters: twice the largest lag.
+const LEAST_DEGREES: usize = 2 * N_LAGS;
+/// Seed of the simulated records, which are part of the method and not of a run.
+const SEED: u64 = 0x5157;
+
+/// The test of one record.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct SystematicTest {
+    /// Probability that noise alone is as far from white, over both statistics.
+    pub p: f64,
+    /// Autocorrelation at lag 1.
+    pub first_autocorrelation: f64,
+    /// Standard score of the number of runs; negative where runs are long.
+    pub runs_score: f64,
+}
+
+impl SystematicTest {
+    /// Tests whitened residuals (dimensionless, one a fitted row in order of time) beside the whitened derivatives by the fitted parameters.
+    /// `None` where there are too few residuals, or where one is not finite.
+    pub fn of(residuals: &[f64], columns: &[Vec<f64>]) -> Option<Self> {
+        let n = residuals.len();
+        let basis = orthonormal(columns);
+        let is_finite = residuals.iter().all(|r| r.is_finite()) && residuals.iter().any(|r| *r != 0.0);
+        if n < basis.len() + LEAST_DEGREES || !is_finite {
+            return None;
+        }
+        let own = statistics(residuals);
+        let each = if n > MOST_SIMULATED { in_closed_form(own) } else { by_simulation(own, n, &basis) };
+        Some(Self {
+            p: (2.0 * each[0].min(each[1])).min(1.0),
+            first_autocorrelation: autocorrelation(residuals)[0],
+            runs_score: runs_score(residuals),
+        })
+    }
+
+    /// Whether the residuals are systematic.
+    pub fn is_systematic(&self) -> bool {
+        self.p <= FALSE_ALARM
+    }
+}
+
+/// Ljung and Box's statistic, and how few the runs are. Many short runs are no misfit of a law.
+fn statistics(residuals: &[f64]) -> [f64; 2] {
+    [ljung_box(residuals), -runs_score(residuals)]
+}
+
+fn in_closed_form([correlated, few_runs]: [f64; 2]) -> [f64; 2] {
+    let of_lags = ChiSquared::new(N_LAGS as f64).map_or(1.0, |chi| chi.sf(2.0 * correlated));
+    [of_lags, Normal::standard().sf(few_runs)]
+}
+
+fn by_simulation(own: [f64; 2], n: usize, basis: &[DVector<f64>]) -> [f64; 2] {
+    let simulated = |number: usize| {
+        let mut stream = RandomStream::new(SEED, number as u64);
+        let mut noise = DVector::from_fn(n, |_, _| stream.normal());
+        for direction in basis {
+            let along = direction.dot(&noise);
+            noise.axpy(-along, direction, 1.0);
+        }
+        statistics(noise.as_slice())
+    };
+    let all: Vec<[f64; 2]> = (0..N_SIMULATIONS).into_par_iter().map(simulated).collect();
+    [0, 1].map(|k| {
+        let at_least = all.iter().filter(|other| other[k] >= own[k]).count();
+        (1 + at_least) as f64 / (1 + N_SIMULATIONS) as f64
+    })
+}
+
+/// Orthonormal columns that span the same space; dependent and non-finite ones are left out.
+fn orthonormal(columns: &[Vec<f64>]) -> Vec<DVector<f64>> {
+    let mut basis: Vec<DVector<f64>> = Vec::with_capacity(columns.len());
+    for column in columns {
+        let mut own = DVector::from_column_slice(column);
+        let whole = own.norm();
+        // Twice is enough for orthogonality to rounding.
+        for _ in 0..2 {
+            for direction in &basis {
+                let along = direction.dot(&own);
+                own.axpy(-along, direction, 1.0);
+            }
+        }
+        let norm = own.norm();
+        if norm > 1e-9 * whole && norm.is_finite() {
+            basis.push(own / norm);
+        }
+    }
+    basis
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn white(n: usize, stream: u64) -> Vec<f64> {
+        let mut stream = RandomStream::new(91, stream);
+        (0..n).map(|_| stream.normal()).collect()
+    }
+
+    /// Residuals of a fit of five smooth columns.
+    fn residuals(data: &[f64]) -> (Vec<f64>, Vec<Vec<f64>>) {
+        let n = data.len();
+        let column =
+            |k: usize| (0..n).map(|row| (k as f64 * std::f64::consts::PI * row as f64 / n as f64).cos()).collect();
+        let columns: Vec<Vec<f64>> = (0..5).map(column).collect();
+        let mut left = DVector::from_column_slice(data);
+        for direction in orthonormal(&columns) {
+            let along = direction.dot(&left);
+            left.axpy(-along, &direction, 1.0);
+        }
+        (left.as_slice().to_vec(), columns)
+    }
+
+    /// The false-alarm rate is 0.001: of 300 records at most 5 are called systematic but for a probability of 1e-6 (Poisson with mean 0.3).
+    #[test]
+    fn residuals_of_white_noise_are_not_systematic() {
+        for n in [40, 200] {
+            let is_alarm = |seed: &u64| {
+                let (left, columns) = residuals(&white(n, *seed));
+                SystematicTest::of(&left, &columns).expect("enough rows").is_systematic()
+            };
+            let alarms = (0..300_u64).into_par_iter().filter(is_alarm).count();
+            assert!(alarms <= 5, "{alarms} of 300 records of {n} rows");
+        }
+        let long = SystematicTest::of(&white(MOST_SIMULATED + 1, 3), &[]).expect("enough rows");
+        assert!(!long.is_systematic(), "{long:?}");
+    }
+
+    /// A wave as large as the noise is found at any level of both, by simulation and by closed forms.
+    #[test]
+    fn a_pattern_is_found_whatever_the_level() {
+        for (n, level) in [(200, 1e-9), (200, 1.0), (200, 1e6), (8_000, 1.0)] {
+            let wave = |(row, noise): (usize, f64)| level * (noise + 1.4 * (0.2 * row as f64).sin());
+            let data: Vec<f64> = white(n, 5).into_iter().enumerate().map(wave).collect();
+            let (left, columns) = residuals(&data);
+            let test = SystematicTest::of(&left, &columns).expect("enough rows");
+            assert!(test.is_systematic() && test.first_autocorrelation > 0.3, "{n} {level}: {test:?}");
+        }
+    }
+
+    #[test]
+    fn too_few_residuals_are_not_tested() {
+        assert_eq!(SystematicTest::of(&white(19, 1), &[]), None);
+        assert_eq!(SystematicTest::of(&[0.0; 100], &[]), None);
+        assert_eq!(SystematicTest::of(&[f64::NAN; 100], &[]), None);
+        assert!(SystematicTest::of(&white(20, 1), &[]).is_some());
+    }
+}
