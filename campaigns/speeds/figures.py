@@ -16,15 +16,25 @@ def words(value):
 def figures(raw):
     measured = {path.stem: seconds(path) for path in sorted(raw.glob("*.seconds"))}
     hidden = {name: both for name, both in measured.items() if re.fullmatch(r"diagnose-[a-z].*-\d\d", name)}
-    new = [both[0] for name, both in measured.items() if name.startswith("challenge-new-")]
-    worst = max(hidden, key=lambda name: hidden[name][0])
-    commands = {name: words(both[0]) for name, both in measured.items() if name not in hidden and "challenge" not in name}
+    def of(prefix):
+        return {name.removeprefix(prefix): both for name, both in measured.items() if name.startswith(prefix)}
+
+    def worst(found):
+        slowest = max(found, key=lambda name: found[name][0])
+        return f"{words(found[slowest][0])} ({slowest})"
+
+    new, effects, extensions, cold = of("challenge-new-"), of("challenge-effect-"), of("extend-"), of("cold-diagnose-")
+    several = ("challenge-", "extend-", "cold-")
+    commands = {name: words(both[0]) for name, both in measured.items() if name not in hidden and not name.startswith(several)}
     benches = {}
     for path in sorted(raw.glob("bench-*.txt")):
         for name, time in re.findall(r"^(\S.*?)\s+time:\s+\[\S+ \S+ (\S+ \S+) ", path.read_text(encoding="utf-8"), re.M):
             benches[name] = time
     return commands | benches | {
-        "challenge new, nothing kept, worst of three seeds": words(max(new)),
+        "challenge new, nothing kept, worst of three seeds": words(max(both[0] for both in new.values())),
+        "challenge new, nothing kept, worst of all effects": worst(effects),
+        "extend, worst of effects that change the field": worst(extensions),
         "diagnose, median": words(statistics.median(both[0] for both in hidden.values())),
-        "diagnose, worst": f"{words(hidden[worst][0])} ({worst.removeprefix('diagnose-')})",
+        "diagnose, worst": worst({name.removeprefix("diagnose-"): both for name, both in hidden.items()}),
+        "diagnose, empty cache, worst": worst(cold),
     }, {name: {"wall_s": both[0], "processor_s": round(both[1], 2)} for name, both in measured.items()}

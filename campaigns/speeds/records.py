@@ -45,5 +45,5 @@ def write(folder, n_rows, n_cycles, seed=1):
 
 
 place = pathlib.Path(sys.argv[1])
-for rows, cycles in [(10_000, 200), (30_000, 100), (100_000, 100), (200_000, 4)]:
+for rows, cycles in [(800, 4), (10_000, 4), (10_000, 200), (30_000, 100), (100_000, 100), (200_000, 4)]:
     write(place / f"rows-{rows}-cycles-{cycles}", rows, cycles)

@@ -37,6 +37,9 @@ const CONFIRMING_BATCH: usize = 13;
 const FEWEST_CONFIRMING: usize = 39;
 const OUT_OF_REACH: f64 = 2.0;
 const CONFIRMING_STREAMS: u64 = 0xc0f1;
+/// Rows of trajectories in which a finding is confirmed; those of a law that is not linear count as so many. A search that would take more is cut short after the data sets that were made.
+const MOST_ROWS_EVALUATED: usize = 50_000_000_000;
+const NONLINEAR_COUNTS_AS: usize = 50;
 
 /// Diagnoses: outliers, search, evidence, verdict, document.
 ///
@@ -199,18 +202,27 @@ fn confirmed(
     let Some(gain) = list.first().map(|first| first.penalised_gain_nats) else { return Ok(list) };
     let null = OutsideNull::of(subject, &model.candidate, &model.fitted, &outside_request(request))?;
     let counter = Counter::new(monitor, N_CONFIRMING);
-    let gain_of = |number: usize| -> Result<f64> {
-        let data = simulated(subject, model, request.seed ^ CONFIRMING_STREAMS, number);
+    // Trajectories of a law that is not linear are those that are remembered: every data set asks for hundreds, all near the fit.
+    let gain_of = |number: usize| -> Result<(f64, usize)> {
+        let data = simulated(subject, model, request.seed ^ CONFIRMING_STREAMS, number).locally().counting();
         let start = (model.fitted.theta.clone(), model.fitted.noise);
         let fitted = data.fit(&model.candidate, &[start], Search::Local)?;
         let simulated = outside_gain(&data, &model.candidate, &fitted, &null)?.0;
         counter.add_one();
-        Ok(simulated)
+        Ok((simulated, data.n_evaluated()))
     };
-    let (mut largest, mut n_made) = (request.criteria.least_structure_nats, 0);
-    while n_made < N_CONFIRMING && (n_made < FEWEST_CONFIRMING || gain <= OUT_OF_REACH * largest) {
+    let weight = if model.candidate.model.is_nonlinear() { NONLINEAR_COUNTS_AS } else { 1 };
+    let most_evaluated = MOST_ROWS_EVALUATED / (weight * subject.experiment().record.n_rows().max(1));
+    let (mut largest, mut n_made, mut n_evaluated) = (request.criteria.least_structure_nats, 0, 0);
+    while n_evaluated < most_evaluated
+        && n_made < N_CONFIRMING
+        && (n_made < FEWEST_CONFIRMING || gain <= OUT_OF_REACH * largest)
+    {
         let batch = (n_made..n_made + CONFIRMING_BATCH).into_par_iter().map(gain_of);
-        largest = batch.collect::<Result<Vec<f64>>>()?.into_iter().fold(largest, f64::max);
+        for (gain, evaluated) in batch.collect::<Result<Vec<(f64, usize)>>>()? {
+            largest = largest.max(gain);
+            n_evaluated += evaluated;
+        }
         n_made += CONFIRMING_BATCH;
         // The first that reaches it ends the search: the rest would change nothing.
         if largest >= gain {
@@ -218,7 +230,11 @@ fn confirmed(
         }
     }
     let p = 1.0 / (1 + n_made) as f64;
-    list.iter_mut().for_each(|outside| outside.p_familywise = outside.p_familywise.max(p));
+    let cut_short_after = (n_made < FEWEST_CONFIRMING).then_some(n_made);
+    for outside in &mut list {
+        outside.p_familywise = outside.p_familywise.max(p);
+        outside.cut_short_after = cut_short_after;
+    }
     Ok(list)
 }
 

@@ -219,6 +219,12 @@ impl Report<'_> {
             "without any effect the largest score stays below {threshold:.2} standard deviations in 95 of 100 experiments"
         ));
         list.extend(self.found.bootstrap.sentence());
+        if let Some(n) = self.unexplained.iter().find_map(|outside| outside.cut_short_after) {
+            list.push(format!(
+                "confirming structure outside the library was cut short after {n} simulated records, which this model takes long to fit: none shows as much, so its p is at most 1 in {}",
+                n + 1
+            ));
+        }
         match self.subject.experiment().heldout_cycles[..] {
             [] => list.push("no cycle is held out, so nothing is claimed beyond \"suggestive\"".into()),
             [cycle] if self.subject.problem().experiment.calibration_cycles.len() == 1 => list.push(format!(

@@ -1,5 +1,6 @@
 //! One experiment, prepared for the fits of many models.
 
+use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, OnceLock};
 
 use super::{Candidate, score::Score};
@@ -14,7 +15,7 @@ use posterior::noise::{NoiseLikelihood, NoiseModel};
 use posterior::prepared::{KeptSurrogate, PreparedModel};
 use posterior::problem::Problem;
 use posterior::study::ModelSpecification;
-use record::Experiment;
+use record::{Experiment, Record};
 
 /// The noise is taken as this where nothing is known and nothing can be estimated, relative to the range of positions.
 const UNKNOWN_NOISE: f64 = 0.005;
@@ -29,6 +30,8 @@ pub struct Subject {
     is_local: bool,
     /// Whether the noise has the terms of the model as it is written, and no others.
     has_own_noise: bool,
+    /// Trajectories that this subject and those made from it were asked for.
+    n_evaluated: Arc<AtomicUsize>,
     /// Positions (m) of the fitted cycles, `None` elsewhere; one entry a row of the record.
     pub fitted_m: Vec<Option<f64>>,
     /// Positions (m) of the scored cycle, `None` elsewhere.
@@ -166,7 +169,16 @@ impl Subject {
             |positions: &[Option<f64>]| NoiseLikelihood::new(*noise, &record.time_s, &recordings, positions);
         let both: Vec<Option<f64>> = fitted_m.iter().zip(&scored_m).map(|(a, b)| a.or(*b)).collect();
         let (fitted, all) = (likelihood(&fitted_m), likelihood(&both));
-        Self { shared, is_local: false, has_own_noise: false, fitted_m, scored_m, fitted, all }
+        Self {
+            shared,
+            is_local: false,
+            has_own_noise: false,
+            n_evaluated: Arc::default(),
+            fitted_m,
+            scored_m,
+            fitted,
+            all,
+        }
     }
 
     /// The same experiment with other positions (m), one a row; rows without a position stay without.
@@ -191,7 +203,43 @@ impl Subject {
             left
         };
         let other = Self::of(self.shared.clone(), left(&self.fitted_m), left(&self.scored_m));
-        Self { is_local: self.is_local, has_own_noise: self.has_own_noise, ..other }
+        let n_evaluated = self.n_evaluated.clone();
+        Self { is_local: self.is_local, has_own_noise: self.has_own_noise, n_evaluated, ..other }
+    }
+
+    /// The same with at most about so many of its positions, evenly chosen, and the rows at which the force begins to be another, so that trajectories at the rows that are left are the same;
+    /// `None` where it has no more positions than that.
+    ///
+    /// # Errors
+    /// As [`Self::with_compliance`].
+    pub fn thinned(&self, most: usize) -> Result<Option<Self>> {
+        let (shared, record) = (&self.shared, &self.experiment().record);
+        let is_of_record = self.problem().model.effects().iter().any(|effect| effect.is_learnt_for_record());
+        if is_of_record || self.problem().outside().is_some() {
+            // What was learnt for the record answers for its rows alone.
+            return Ok(None);
+        }
+        let is_placed = |row: usize| self.fitted_m[row].is_some() || self.scored_m[row].is_some();
+        let Some(is_kept) = kept_rows(record, most, is_placed) else { return Ok(None) };
+        let mut experiment = self.experiment().clone();
+        experiment.record = of_rows(record, &is_kept);
+        let base = self.problem();
+        let problem = base.with(experiment, base.specification.clone(), &shared.library)?;
+        let record = &problem.experiment.record;
+        let own = Shared {
+            response: Response::new(&record.time_s, record.force(), record.n_rows()),
+            local: trajectory::local(&shared.model.compliance, &record.time_s, record.force()),
+            model: PreparedModel { problem, ..shared.model.clone() },
+            library: shared.library.clone(),
+            own_noise: shared.own_noise.clone(),
+            yardstick_m: shared.yardstick_m,
+            large: shared.large.clone(),
+        };
+        let kept = |positions: &[Option<f64>]| {
+            positions.iter().zip(&is_kept).filter(|(_, is_kept)| **is_kept).map(|(position, _)| *position).collect()
+        };
+        let other = Self::of(Arc::new(own), kept(&self.fitted_m), kept(&self.scored_m));
+        Ok(Some(Self { is_local: self.is_local, has_own_noise: self.has_own_noise, ..other }))
     }
 
     /// The same where a model's noise has the terms that it is written with, and no others: what a fit of that model by `sample` or `extend` is given.
@@ -202,6 +250,16 @@ impl Subject {
     /// The same where many models of one law that is not linear are asked for, near to each other: its trajectories are learnt once, and then remembered.
     pub fn locally(self) -> Self {
         Self { is_local: true, ..self }
+    }
+
+    /// The same, counting the trajectories that it is asked for anew.
+    pub(super) fn counting(self) -> Self {
+        Self { n_evaluated: Arc::default(), ..self }
+    }
+
+    /// Trajectories that it, and subjects made from it, were asked for.
+    pub(super) fn n_evaluated(&self) -> usize {
+        self.n_evaluated.load(Ordering::Relaxed)
     }
 
     /// The experiment, split into fitted and scored cycles. Its positions are those of the measurement, outliers included.
@@ -323,6 +381,7 @@ impl Subject {
 
     /// Positions (m) at every row of the record for one to eight points of a candidate, row by row and lane by lane; which points have one.
     pub(super) fn trajectories_m(&self, candidate: &Candidate, points: &[Vec<f64>]) -> (Vec<Lanes>, [bool; N_LANES]) {
+        self.n_evaluated.fetch_add(points.len().min(N_LANES), Ordering::Relaxed);
         let mut lanes = Vec::with_capacity(N_LANES);
         let (mut stages, mut compliances_per_m) = (Vec::new(), Vec::new());
         for (lane, theta) in points.iter().enumerate().take(N_LANES) {
@@ -375,5 +434,67 @@ impl Subject {
             format!("{} has no model at {:?}", candidate.effects.join(" + "), candidate.parameters(theta)),
             "stay inside the supports of its parameters",
         ))
+    }
+}
+
+/// Which rows are left of a record of at most about so many of its positions: those, evenly chosen, and rows at which the force begins or ends to be another. `None` where there are no more.
+fn kept_rows(record: &Record, most: usize, is_placed: impl Fn(usize) -> bool) -> Option<Vec<bool>> {
+    let n_rows = record.n_rows();
+    let n_placed = (0..n_rows).filter(|row| is_placed(*row)).count();
+    let every = n_placed.div_ceil(most);
+    if every <= 1 {
+        return None;
+    }
+    let force_n = &record.force_n;
+    let mut n_before = 0;
+    let is_kept = |row: usize| {
+        let is_chosen = is_placed(row) && n_before % every == 0;
+        n_before += usize::from(is_placed(row));
+        let changes = row == 0
+            || force_n[row] != force_n[row - 1]
+            || (record.force().is_linear() && force_n.get(row + 1).is_some_and(|next| *next != force_n[row]));
+        is_chosen || changes
+    };
+    Some((0..n_rows).map(is_kept).collect())
+}
+
+/// The rows of a record that are kept.
+fn of_rows(record: &Record, is_kept: &[bool]) -> Record {
+    let rows: Vec<usize> = (0..record.n_rows()).filter(|row| is_kept[*row]).collect();
+    let is_of_force = |row: &usize| record.force_rows.binary_search(row).is_ok();
+    Record {
+        time_s: rows.iter().map(|row| record.time_s[*row]).collect(),
+        force_n: rows.iter().map(|row| record.force_n[*row]).collect(),
+        position_m: rows.iter().map(|row| record.position_m[*row]).collect(),
+        cycle: rows.iter().map(|row| record.cycle[*row]).collect(),
+        force_rule: record.force_rule,
+        force_rows: (0..rows.len()).filter(|place| is_of_force(&rows[*place])).collect(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::test_replica::{base_fit, replica};
+
+    /// One position in eight of the replica, and the rows at which its force changes: the model's positions there are those that it has among all, so are the data, and nothing is left out of
+    /// a record that is short enough.
+    #[test]
+    fn few_positions_show_the_same_motion() {
+        let (base, fitted) = base_fit();
+        let few = replica().thinned(100).expect("a record").expect("fewer positions");
+        let record = &replica().experiment().record;
+        let positions_m = few.trajectory_m(&base, &fitted.theta).expect("a model");
+        let times_s = &few.experiment().record.time_s;
+        assert!(times_s.len() < 100 + 20 && few.n_fitted() > 60, "{} {}", times_s.len(), few.n_fitted());
+        for (k, time_s) in times_s.iter().enumerate() {
+            let row = record.time_s.iter().position(|t| t == time_s).expect("a row of the record");
+            assert!((positions_m[k] - fitted.position_m[row]).abs() < 1e-12, "{time_s}");
+            assert_eq!((few.fitted_m[k], few.scored_m[k]), (replica().fitted_m[row], replica().scored_m[row]));
+        }
+        let steps = |record: &record::Record| -> Vec<f64> {
+            record.force_step_rows().into_iter().map(|row| record.time_s[row]).collect()
+        };
+        assert_eq!(steps(&few.experiment().record), steps(record));
+        assert!(replica().thinned(800).expect("a record").is_none());
     }
 }

@@ -126,18 +126,40 @@ fn fit(
     best
 }
 
-/// Fits all pairs, each beside the base; those that have no model are left out.
-pub fn fit_all(subject: &Subject, base: &Base<'_>, pairs: &[Pair], candidates: &[Option<Candidate>]) -> Vec<Learnt> {
+/// A pair's model at its fit in the search, and what it gains in ln evidence there, in nats.
+pub type Sought = (Candidate, Fitted, f64);
+
+/// Fits all pairs, each beside the base; `None` where one has no model.
+pub fn search_all(
+    subject: &Subject,
+    base: &Base<'_>,
+    pairs: &[Pair],
+    candidates: &[Option<Candidate>],
+) -> Vec<Option<Sought>> {
     let start = (base.refitted.fitted.theta.clone(), base.refitted.fitted.noise);
     let of = |place: usize| {
         let candidate = candidates[place].as_ref()?;
         let spreads: &[f64] = if matches!(pairs[place].kind, Kind::Memory(_)) { &SPREADS[..1] } else { &SPREADS };
-        let smaller = &base.refitted.candidate;
-        let (candidate, fitted, evidence_nats) = fit(subject, (&start, base.ln_evidence), smaller, candidate, spreads)?;
-        let future = future(subject, &candidate, &fitted).ok()?;
-        Some(Learnt { pair: place, candidate, fitted, evidence_nats, future })
+        fit(subject, (&start, base.ln_evidence), &base.refitted.candidate, candidate, spreads)
     };
-    (0..pairs.len()).into_par_iter().filter_map(of).collect()
+    (0..pairs.len()).into_par_iter().map(of).collect()
+}
+
+/// The same fits among all positions, where the search was among few of them; those that have none are left out.
+pub fn finish_all(subject: &Subject, base: &Base<'_>, sought: Vec<Option<Sought>>, was_thinned: bool) -> Vec<Learnt> {
+    let of = |(pair, sought): (usize, Option<Sought>)| {
+        let (candidate, fitted, evidence_nats) = match sought? {
+            (candidate, fitted, _) if was_thinned => {
+                let start = (fitted.theta, fitted.noise);
+                let (candidate, fitted, ln_evidence) = fit_with_evidence(subject, candidate, start)?;
+                (candidate, fitted, ln_evidence - base.ln_evidence)
+            }
+            sought => sought,
+        };
+        let future = future(subject, &candidate, &fitted).ok()?;
+        Some(Learnt { pair, candidate, fitted, evidence_nats, future })
+    };
+    sought.into_par_iter().enumerate().filter_map(of).collect()
 }
 
 /// A pair's fit with the noise of another subject, and its log scores there; `None` where it has no fit or no cycle is held out.

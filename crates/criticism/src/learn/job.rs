@@ -30,9 +30,8 @@ pub fn learn(subject: &Subject, request: &Request, monitor: &dyn Monitor) -> Res
     monitor.stage("fitting the model");
     let (subject, base) = fitted_base(subject)?;
     let found = Found::new(&subject, base, request.is_monotone, monitor)?;
-    let gain = found.learnt.first().map_or(0.0, |leading| leading.evidence_nats);
     monitor.stage("simulating searches where nothing is to be learnt");
-    let p = found.p(gain, request, monitor)?;
+    let p = found.p(request, monitor)?;
     let chosen = match found.chosen(p) {
         Ok(chosen) => chosen,
         Err(why) => return found.nothing(p, &why),

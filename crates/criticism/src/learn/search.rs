@@ -1,7 +1,7 @@
 //! Every pair fitted beside a record's model, and what may be said of the leading one.
 
 use super::distil::{Distilled, distil};
-use super::fit::{Base, Learnt, Screen, fit_all, fit_under, largest_gain};
+use super::fit::{Base, Learnt, Screen, finish_all, fit_under, largest_gain, search_all};
 use super::pairs::{Pair, pairs};
 use crate::bootstrap::{Bootstrap, Simulations, simulated};
 use crate::outliers;
@@ -27,6 +27,8 @@ const SIMPLER_WITHIN_NATS: f64 = 40.0;
 /// What an effect of the library may lack of the function's log score of unseen cycles to be preferred: nats, and a share of what that gains. A formula has a few parameters, and the function eight.
 const LIBRARY_NATS: f64 = 4.0;
 const LIBRARY_SHARE: f64 = 0.02;
+/// Positions among which pairs are searched; where there are more, each pair's fit is finished among all.
+const MOST_SEARCHED: usize = 800;
 /// Streams of the simulated searches, apart from others of the seed.
 const STREAM: u64 = 0x1ea4;
 
@@ -61,6 +63,15 @@ pub struct Found {
     pub base: Refitted,
     /// Best first.
     pub learnt: Vec<Learnt>,
+    /// What was searched.
+    searched: Searched,
+}
+
+/// The positions among which pairs were searched: all, or few of many, with the base's fit to them and the largest gain in ln evidence.
+struct Searched {
+    subject: Subject,
+    base: Refitted,
+    gain_nats: f64,
 }
 
 impl Found {
@@ -75,25 +86,40 @@ impl Found {
         let candidates: Vec<Option<Candidate>> =
             pairs.iter().map(|pair| subject.extended(&[pair.effect.slug()]).ok()).collect();
         monitor.stage("fitting every quantity as a function of every state");
-        let mut learnt = fit_all(&subject, &Base::new(&subject, &base)?, &pairs, &candidates);
+        let few = subject.thinned(MOST_SEARCHED)?;
+        let was_thinned = few.is_some();
+        let (few, few_base) = match few {
+            None => (subject.clone(), base.clone()),
+            Some(few) => {
+                let start = (base.fitted.theta.clone(), base.fitted.noise);
+                let fitted = few.fit(&base.candidate, &[start], Search::Local)?;
+                let few_base = Refitted { fitted, future: None, ..base.clone() };
+                (few, few_base)
+            }
+        };
+        let sought = search_all(&few, &Base::new(&few, &few_base)?, &pairs, &candidates);
+        let gain_nats = sought.iter().flatten().map(|(.., gain)| *gain).fold(f64::NEG_INFINITY, f64::max).max(0.0);
+        let mut learnt = finish_all(&subject, &Base::new(&subject, &base)?, sought, was_thinned);
         learnt.sort_by(|a, b| b.evidence_nats.total_cmp(&a.evidence_nats));
-        Ok(Self { subject, pairs, is_monotone, candidates, base, learnt })
+        let searched = Searched { subject: few, base: few_base, gain_nats };
+        Ok(Self { subject, pairs, is_monotone, candidates, base, learnt, searched })
     }
 }
 
 impl Found {
-    /// p of a gain, by searches in data that were simulated from the base.
-    pub fn p(&self, gain: f64, request: &Request, monitor: &dyn Monitor) -> Result<f64> {
-        let screen = Screen::new(&self.subject, &self.base, &self.candidates)?;
+    /// p of the largest gain, by searches in data that were simulated from the base.
+    pub fn p(&self, request: &Request, monitor: &dyn Monitor) -> Result<f64> {
+        let Searched { subject, base, gain_nats } = &self.searched;
+        let screen = Screen::new(subject, base, &self.candidates)?;
         let simulations = Simulations { most: request.n_simulations, only_for: Some(LARGEST_P) };
         let counter = Counter::new(monitor, request.n_simulations);
         let largest = |number: usize| {
-            let data = simulated(&self.subject, &self.base, request.seed ^ STREAM, number);
-            let gain = largest_gain(&data, &self.base, &screen, &self.candidates);
+            let data = simulated(subject, base, request.seed ^ STREAM, number);
+            let gain = largest_gain(&data, base, &screen, &self.candidates);
             counter.add_one();
             gain
         };
-        Ok(Bootstrap::of(gain, simulations, largest).p(gain))
+        Ok(Bootstrap::of(*gain_nats, simulations, largest).p(*gain_nats))
     }
 
     /// The leading pair that predicts what was not seen; or why there is none, in words.

@@ -130,6 +130,8 @@ pub struct Outside {
     pub p_familywise: f64,
     /// Root mean square (µm) over the fitted rows of what the model's parameters cannot absorb of it.
     pub size_um: f64,
+    /// Simulated data sets that did not show as much, where the budget of such a search ended them; `None` where it did not.
+    pub cut_short_after: Option<usize>,
     /// Moment (s) of an event.
     pub event_time_s: Option<f64>,
     /// Period (s) of what repeats.

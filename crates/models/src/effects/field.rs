@@ -4,6 +4,7 @@
 //! ([`elements::fe::spatial`] steps them, `surrogate` reduces them to terms, `rheology::Beside` turns the terms into creep).
 
 use base::error::{Error, Result};
+use elements::fe::meridional::{SecondMatrix, pair_around_sphere};
 use elements::fe::spatial::{Sizes, SpatialJob, SpatialRun, SpatialSystem, Splitting, Surroundings};
 use elements::mesh::{ElementKind, Mesh};
 use laws::rheology::Beside;
@@ -67,6 +68,10 @@ pub trait MatrixPair: Sync {
     /// # Errors
     /// [`Error::Numerical`] for inverted elements, for meshes without a robot, and for meshes that [`Self::lacks`] refuses.
     fn system(&self, surroundings: &Surroundings<'_>, shape: Option<f64>) -> Result<FieldSystem>;
+    /// What stands beside the law around a sphere, for the second full model, at a value of [`Self::shape`] if there is one; `None` where that model does not have it.
+    fn around_sphere(&self, _sizes: &Sizes, _shape: Option<f64>) -> Option<SecondMatrix> {
+        None
+    }
 }
 
 impl Field {
@@ -135,5 +140,24 @@ impl Field {
                 "run it by the balance of `fe::nonlinear`, or by `fe::oldroyd`",
             )),
         }
+    }
+
+    /// Recorded positions (m) by the second full model of a linear field: elements of high order in the half meridian around a sphere at the centre, stepped through a record. `None` for
+    /// other robots, for pore flow and for laws that are not linear.
+    ///
+    /// # Errors
+    /// As [`Self::run`].
+    pub fn run_in_half_meridian(
+        self,
+        surroundings: &Surroundings<'_>,
+        field: &LinearField,
+        job: &SpatialJob<'_>,
+    ) -> Result<Option<Vec<f64>>> {
+        let (Self::Pair(pair), Some(ball)) = (self, surroundings.sizes.ball) else { return Ok(None) };
+        let shape = field.shape.map(|shape| shape.value);
+        let Some(second) = pair.around_sphere(&surroundings.sizes, shape) else { return Ok(None) };
+        let (radius_m, outer_radius_m) = (ball.robot_radius_m, ball.outer_radius_m);
+        let system = pair_around_sphere(radius_m, outer_radius_m, surroundings.poisson_ratio, second)?;
+        Ok(Some(SpatialJob { rows: &[], ..*job }.run(&system, &field.beside)?.position_m))
     }
 }

@@ -14,6 +14,7 @@ use base::error::Result;
 use base::number::Dual;
 use base::parameter::{ParameterSpec, Support};
 use elements::fe::element::TabulatedElement;
+use elements::fe::meridional::SecondMatrix;
 use elements::fe::spatial::{
     Freedoms, Sizes, SpatialSystem, Splitting, Surroundings, SymmetricMatrix, decades, element_matrices, stiffness,
 };
@@ -86,6 +87,9 @@ impl MatrixPair for Inertia {
         let gel = stiffness(surroundings, mesh, &freedoms, |_| true)?;
         let second = mass(surroundings, mesh, &freedoms)?;
         Ok(FieldSystem { mesh: None, system: SpatialSystem::new(mesh, freedoms, gel, second)? })
+    }
+    fn around_sphere(&self, sizes: &Sizes, _shape: Option<f64>) -> Option<SecondMatrix> {
+        Some(SecondMatrix::Mass { gel_density_kg_m3: sizes.gel_density_kg_m3, body_kg: sizes.robot_mass_kg })
     }
 }
 

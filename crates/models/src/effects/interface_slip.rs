@@ -16,6 +16,7 @@ use base::distribution::Distribution;
 use base::error::Result;
 use base::number::Dual;
 use base::parameter::{ParameterSpec, Support};
+use elements::fe::meridional::SecondMatrix;
 use elements::fe::spatial::{
     Freedoms, Sizes, SpatialSystem, Splitting, Surroundings, SymmetricMatrix, decades, stiffness,
 };
@@ -93,6 +94,9 @@ impl MatrixPair for InterfaceSlip {
         let gel = stiffness(surroundings, mesh, &freedoms, |_| true)?;
         let second = friction(mesh, &freedoms)?;
         Ok(FieldSystem { mesh: None, system: SpatialSystem::new(mesh, freedoms, gel, second)? })
+    }
+    fn around_sphere(&self, _sizes: &Sizes, _shape: Option<f64>) -> Option<SecondMatrix> {
+        Some(SecondMatrix::Slip)
     }
 }
 

@@ -16,6 +16,7 @@ use base::distribution::Distribution;
 use base::error::{Error, Result};
 use base::number::Dual;
 use base::parameter::{ParameterSpec, Support};
+use elements::fe::meridional::SecondMatrix;
 use elements::fe::spatial::{Freedoms, Sizes, SpatialSystem, Splitting, Surroundings, decades, stiffness};
 use elements::mesh::{Mesh, QuarterBall};
 use laws::rheology::{BaseLaw, Beside, Element};
@@ -156,6 +157,9 @@ impl MatrixPair for LiquefiedPocket {
         let gel = stiffness(surroundings, &mesh, &freedoms, |nodes| !is_inside(nodes))?;
         let system = SpatialSystem::new(&mesh, freedoms, gel, second)?;
         Ok(FieldSystem { mesh: Some(mesh), system })
+    }
+    fn around_sphere(&self, sizes: &Sizes, shape: Option<f64>) -> Option<SecondMatrix> {
+        Some(SecondMatrix::GelWithin { radius_m: shape.unwrap_or(f64::NAN) * sizes.robot_radius_m })
     }
 }
 

@@ -15,6 +15,7 @@ use base::distribution::Distribution;
 use base::error::Result;
 use base::number::Dual;
 use base::parameter::{ParameterSpec, Support};
+use elements::fe::meridional::SecondMatrix;
 use elements::fe::spatial::{
     Freedoms, Sizes, SpatialSystem, Splitting, Surroundings, SymmetricMatrix, decades, stiffness,
 };
@@ -87,6 +88,9 @@ impl MatrixPair for OuterWallCompliance {
         let gel = stiffness(surroundings, mesh, &freedoms, |_| true)?;
         let second = springs(mesh, &freedoms, surroundings.sizes.outer_radius_m)?;
         Ok(FieldSystem { mesh: None, system: SpatialSystem::new(mesh, freedoms, gel, second)? })
+    }
+    fn around_sphere(&self, _sizes: &Sizes, _shape: Option<f64>) -> Option<SecondMatrix> {
+        Some(SecondMatrix::OuterSprings)
     }
 }
 

@@ -10,11 +10,12 @@ use super::{ApparatusError, Bench, Truth};
 use base::error::{Error, Result, Setting};
 use base::files::{Content, read_if_there, write_atomically};
 use base::number::Dual;
-use elements::fe::Stiffness;
-use elements::fe::spatial::{Sizes, Surroundings};
+use elements::fe::spatial::{Sizes, SpatialJob, Surroundings};
 use elements::fe::stepping::Resolution;
 use elements::fe::time::FullOrderModel;
+use elements::fe::{Stiffness, transient};
 use elements::mesh::Mesh;
+use laws::stages::Spatial;
 use models::model::{Forward, FullForward};
 use posterior::mechanics::{MODEL_LEVEL, robot_mesh, sizes_of};
 use posterior::monitor::Monitor;
@@ -28,9 +29,8 @@ const NONLINEAR_DATA_LEVEL: usize = MODEL_LEVEL;
 /// The data's time steps are this much shorter; but where an effect changes the displacement field: the reduced models of such effects have no steps, or steps of their own.
 const FINER_STEPS: u32 = 2;
 
-/// Position (m) at every row for each truth, without noise: full finite elements on a finer mesh and with finer time steps than the fitted model's; laws that are not linear and large
-/// displacements on meshes of their own. Those
-/// in the directory `cache` are read, others are computed, and kept there.
+/// Position (m) at every row for each truth, without noise: full finite elements on a finer mesh and with finer time steps than the fitted model's; linear effects that change the displacement
+/// field around a sphere, laws that are not linear and large displacements on meshes of their own. Those in the directory `cache` are read, others are computed, and kept there.
 ///
 /// # Errors
 /// [`Error::Numerical`] where a truth has no full-order model; [`Error::File`] where the cache cannot be written.
@@ -180,10 +180,20 @@ impl Workshop {
         };
         let force_n = truth.outside.as_ref().map_or_else(|| record.force_n.clone(), |outside| outside.force_n(&record));
         let force = Force { at_rows_n: &force_n, rule: record.force_rule };
-        let position_m = if stages.spatial.is_some() {
-            let Self { mesh, stiffness, sizes, .. } = self;
-            let poisson_ratio = wrong_ratio.unwrap_or(self.poisson_ratio);
-            let surroundings = Surroundings { mesh, stiffness, poisson_ratio, sizes: *sizes };
+        let Self { mesh, stiffness, sizes, .. } = self;
+        let poisson_ratio = wrong_ratio.unwrap_or(self.poisson_ratio);
+        let surroundings = Surroundings { mesh, stiffness, poisson_ratio, sizes: *sizes };
+        let in_half_meridian = match (&stages.spatial, model.field()) {
+            (Some(Spatial::Linear(linear)), Some((_, field))) => {
+                let (time_s, resolution) = (&record.time_s, transient::Resolution::default());
+                let job = SpatialJob { stages: &stages, time_s, force, rows: &[], resolution };
+                field.run_in_half_meridian(&surroundings, linear, &job)?
+            }
+            _ => None,
+        };
+        let position_m = if let Some(position_m) = in_half_meridian {
+            position_m
+        } else if stages.spatial.is_some() {
             let values: Vec<f64> = values.iter().map(|value| value.value).collect();
             FullForward::new(&model, stiffness, poisson_ratio, &record.time_s, force)?
                 .in_surroundings(surroundings)

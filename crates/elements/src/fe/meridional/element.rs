@@ -180,6 +180,16 @@ impl Table {
         Ok((0..self.n_functions()).map(integral).collect())
     }
 
+    /// ∫ N M r dr dz of every two functions N and M of one component.
+    pub(super) fn products(&self, map: &Ruled) -> Result<Mat<f64>> {
+        let (_, roots) = self.operators(map)?;
+        let mut values = self.value.clone();
+        for a in 0..values.ncols() {
+            values.col_as_slice_mut(a).iter_mut().zip(&roots).for_each(|(v, root)| *v *= root);
+        }
+        Ok(product_of_transpose(&values, &values))
+    }
+
     /// Derivatives by r and by z and values over r of every function (columns, one operator after the other) at every point (rows), times the root
     /// of the point's weight; and the roots.
     fn operators(&self, map: &Ruled) -> Result<(Mat<f64>, Vec<f64>)> {

@@ -17,6 +17,7 @@ mod elastic;
 mod element;
 pub(super) mod geometry;
 pub(super) mod mesh;
+mod pair;
 #[cfg(test)]
 mod patch_tests;
 pub(super) mod solver;
@@ -29,6 +30,7 @@ pub use eccentric::{EccentricSphere, EccentricStiffness};
 pub use elastic::{ElasticRobot, solve_elastic};
 use element::Table;
 use mesh::Mesh;
+pub use pair::{SecondMatrix, pair_around_sphere};
 
 /// A rigid body of revolution about z, symmetric about z = 0. Lengths in m.
 #[derive(Debug, Clone, Copy, PartialEq)]

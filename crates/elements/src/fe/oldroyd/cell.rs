@@ -200,10 +200,10 @@ impl CellShape {
 
 /// A cell's matrix with its interior eliminated.
 pub(super) struct Condensed {
-    /// K_II⁻¹, K_EI K_II⁻¹ and K_II⁻¹ K_IE: a kept matrix serves many iterations.
-    inverse: Mat<f64>,
-    edge_by_inverse: Mat<f64>,
-    inverse_by_edge: Mat<f64>,
+    /// Factors of K_II, K_EI and K_II⁻¹ K_IE.
+    interior: DenseLu,
+    edge_by_interior: Mat<f64>,
+    interior_by_edge: Mat<f64>,
     /// Between what lies on the edges.
     pub(super) matrix: Mat<f64>,
 }
@@ -211,27 +211,39 @@ pub(super) struct Condensed {
 impl Condensed {
     pub fn new(matrix: &Mat<f64>, interior: &[usize], edge: &[usize]) -> Self {
         let part = |rows: &[usize], columns: &[usize]| {
-            Mat::from_fn(rows.len(), columns.len(), |a, b| matrix[(rows[a], columns[b])])
+            let mut found = Mat::zeros(rows.len(), columns.len());
+            for (b, column) in columns.iter().enumerate() {
+                let (from, to) = (matrix.col_as_slice(*column), found.col_as_slice_mut(b));
+                to.iter_mut().zip(rows).for_each(|(to, row)| *to = from[*row]);
+            }
+            found
         };
-        let mut inverse = Mat::identity(interior.len(), interior.len());
-        DenseLu::new(part(interior, interior)).solve(inverse.as_mut());
-        let edge_by_inverse = product(part(edge, interior).as_ref(), inverse.as_ref());
-        let interior_by_edge = part(interior, edge);
-        let inverse_by_edge = product(inverse.as_ref(), interior_by_edge.as_ref());
-        let matrix = part(edge, edge) - product(edge_by_inverse.as_ref(), interior_by_edge.as_ref());
-        Self { inverse, edge_by_inverse, inverse_by_edge, matrix }
+        let mut interior_by_edge = part(interior, edge);
+        let (edge_by_interior, mut condensed) = (part(edge, interior), part(edge, edge));
+        let interior = DenseLu::new(part(interior, interior));
+        interior.solve(interior_by_edge.as_mut());
+        let (left, right) = (edge_by_interior.as_ref(), interior_by_edge.as_ref());
+        matmul(condensed.as_mut(), Accum::Add, left, right, -1.0, Par::Seq);
+        Self { interior, edge_by_interior, interior_by_edge, matrix: condensed }
     }
 
-    /// What the interior's forces leave on the edges: those less K_EI K_II⁻¹ of the interior's.
-    pub(super) fn reduce(&self, interior: &[f64], edge: &mut [f64]) {
-        let moved = product(self.edge_by_inverse.as_ref(), column(interior));
-        edge.iter_mut().zip(moved.col_as_slice(0)).for_each(|(force, moved)| *force -= moved);
+    /// Takes what the interior's forces leave on the edges off those, K_EI K_II⁻¹ times them, and replaces the interior's by K_II⁻¹ times them.
+    pub(super) fn reduce(&self, interior: &mut [f64], edge: &mut [f64]) {
+        self.interior.solve_one(interior);
+        subtract_product(&self.edge_by_interior, interior, edge);
     }
 
-    /// Changes of the interior where the edges change: K_II⁻¹ (−forces − K_IE changes).
-    pub(super) fn interior(&self, forces: &[f64], changes: &[f64]) -> Vec<f64> {
-        let mut found = product(self.inverse.as_ref(), column(forces));
-        matmul(found.as_mut(), Accum::Add, self.inverse_by_edge.as_ref(), column(changes), 1.0, Par::Seq);
-        found.col_as_slice(0).iter().map(|x| -x).collect()
+    /// Changes of the interior where the edges change, from what [`Self::reduce`] made of its forces: −(K_II⁻¹ forces + K_II⁻¹ K_IE changes).
+    pub(super) fn interior(&self, mut reduced: Vec<f64>, changes: &[f64]) -> Vec<f64> {
+        reduced.iter_mut().for_each(|x| *x = -*x);
+        subtract_product(&self.interior_by_edge, changes, &mut reduced);
+        reduced
+    }
+}
+
+/// `to` −= matrix · x, column by column.
+fn subtract_product(matrix: &Mat<f64>, x: &[f64], to: &mut [f64]) {
+    for (k, x) in x.iter().enumerate() {
+        to.iter_mut().zip(matrix.col_as_slice(k)).for_each(|(to, value)| *to -= value * x);
     }
 }

@@ -158,7 +158,7 @@ impl Stage<'_> {
     }
 }
 
-/// What is out of balance in a cell: inside, and on its edges after the inside is condensed.
+/// What is out of balance in a cell: on its edges, after the inside is condensed, and K_II⁻¹ times that inside.
 struct CellForces {
     interior: Vec<f64>,
     edge: Vec<f64>,
@@ -236,9 +236,9 @@ impl<'a> Solver<'a> {
             let (displacement, pressures) = mesh.local(cell, x);
             let f = cell.shape.gradients(&displacement);
             let all = cell.shape.forces(&mesh.reference, held, &f, &pressures);
-            let interior: Vec<f64> = cell.interior.iter().map(|i| all[*i]).collect();
+            let mut interior: Vec<f64> = cell.interior.iter().map(|i| all[*i]).collect();
             let mut edge: Vec<f64> = cell.edge.iter().map(|i| all[*i]).collect();
-            condensed.reduce(&interior, &mut edge);
+            condensed.reduce(&mut interior, &mut edge);
             CellForces { interior, edge }
         };
         let forces: Vec<CellForces> = mesh.cells.par_iter().zip(held).zip(&factorised.cells).map(of_cell).collect();
@@ -252,11 +252,11 @@ impl<'a> Solver<'a> {
             }
         }
         factorised.lu.solve(&mut changes);
-        let inside = |((cell, forces), condensed): ((&FieldCell, &CellForces), &Condensed)| {
+        let inside = |((cell, forces), condensed): ((&FieldCell, CellForces), &Condensed)| {
             let on_edge = cell.edge.iter().map(|place| cell.unknown[*place].map_or(0.0, |u| changes[u]));
-            condensed.interior(&forces.interior, &on_edge.collect::<Vec<f64>>())
+            condensed.interior(forces.interior, &on_edge.collect::<Vec<f64>>())
         };
-        let insides: Vec<Vec<f64>> = mesh.cells.par_iter().zip(&forces).zip(&factorised.cells).map(inside).collect();
+        let insides: Vec<Vec<f64>> = mesh.cells.par_iter().zip(forces).zip(&factorised.cells).map(inside).collect();
         let mut largest = 0.0_f64;
         let mut change = |unknown: usize, by: f64| {
             x[unknown] += by;

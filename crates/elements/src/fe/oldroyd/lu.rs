@@ -34,6 +34,23 @@ impl DenseLu {
         Self { factors: matrix, rows }
     }
 
+    /// Solves for one column, in place: plain loops, since a block's machinery costs more than so few numbers.
+    pub(super) fn solve_one(&self, right: &mut [f64]) {
+        let moved: Vec<f64> = self.rows[0].iter().map(|row| right[*row as usize]).collect();
+        right.copy_from_slice(&moved);
+        let n = right.len();
+        for k in 0..n {
+            let (value, below) = (right[k], &self.factors.col_as_slice(k)[k + 1..]);
+            right[k + 1..].iter_mut().zip(below).for_each(|(x, factor)| *x -= factor * value);
+        }
+        for k in (0..n).rev() {
+            let column = self.factors.col_as_slice(k);
+            let value = right[k] / column[k];
+            right[k] = value;
+            right[..k].iter_mut().zip(column).for_each(|(x, factor)| *x -= factor * value);
+        }
+    }
+
     /// Solves for every column, in place.
     pub(super) fn solve(&self, right: MatMut<'_, f64>) {
         let (n, n_right) = (self.factors.nrows(), right.ncols());

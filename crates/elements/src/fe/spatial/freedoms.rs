@@ -103,15 +103,32 @@ impl Freedoms {
                 count += 1;
             }
         }
-        for &node in &mesh.robot_nodes {
-            combinations[node as usize][0].push((count, 1.0));
+        let robot_nodes = mesh.robot_nodes.iter().map(|&node| node as usize);
+        Ok(Self::of_combinations(combinations, robot_nodes, [first_slip, count as usize], mesh.share()))
+    }
+
+    /// So many unknowns that belong to no node, the last being the robot's.
+    pub(super) fn without_nodes(count: usize, share: f64) -> Self {
+        Self { start: vec![0], terms: Vec::new(), count, first_slip: count, share }
+    }
+
+    /// From what every node's components are without the robot's translation, which is added to the first component of its nodes; unknowns from the first slip to the last one are
+    /// slips.
+    pub(in crate::fe) fn of_combinations(
+        mut combinations: Vec<[Vec<(u32, f64)>; 3]>,
+        robot_nodes: impl Iterator<Item = usize>,
+        [first_slip, count]: [usize; 2],
+        share: f64,
+    ) -> Self {
+        for node in robot_nodes {
+            combinations[node][0].push((count as u32, 1.0));
         }
         let (mut start, mut terms) = (vec![0], Vec::new());
         for component in combinations.into_iter().flatten() {
             terms.extend(component);
             start.push(terms.len() as u32);
         }
-        Ok(Self { start, terms, count: count as usize + 1, first_slip, share: mesh.share() })
+        Self { start, terms, count: count + 1, first_slip, share }
     }
 
     /// Number of unknowns.

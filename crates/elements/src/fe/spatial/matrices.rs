@@ -86,7 +86,7 @@ impl SymmetricMatrix {
 }
 
 /// Entries of an upper triangle.
-fn triplets_of(upper: SparseColMatRef<'_, u32, f64>) -> impl Iterator<Item = Triplet<u32, u32, f64>> + '_ {
+pub(super) fn triplets_of(upper: SparseColMatRef<'_, u32, f64>) -> impl Iterator<Item = Triplet<u32, u32, f64>> + '_ {
     (0..upper.ncols()).flat_map(move |column| {
         let range = upper.col_ptr()[column] as usize..upper.col_ptr()[column + 1] as usize;
         upper.row_idx()[range.clone()]

@@ -6,8 +6,9 @@
 //! - A second law: K₁ w₁ + K₂ w₂ = f, the stiffness of some elements, or of springs, and of the rest.
 //!
 //! With G(s) the law's modulus all of them are f = (A a(s) + B b(s)) z with two symmetric matrices and scalars a, b: what the surrogate rests on.
-//! The time stepping of [`crate::fe::transient`] needs the matrices alone.
+//! The time stepping of [`crate::fe::transient`] needs the matrices alone, between the unknowns that both know.
 
+mod condensed;
 mod freedoms;
 mod matrices;
 mod run;

@@ -1,9 +1,10 @@
 //! Full-order runs of linear effects that change the displacement field, by time stepping of their definition.
 
+use super::condensed::Condensed;
 use super::{SpatialSystem, SteppedSystem, Surroundings};
 use crate::fe::clock::CLOCK_ROUNDING;
 use crate::fe::poroelastic::{CondensedPores, PoreModel};
-use crate::fe::transient::{self, ChainLaw, Load, Resolution, TransientSystem};
+use crate::fe::transient::{self, ChainLaw, FieldTerm, Load, Resolution, TransientSystem};
 use crate::mesh::Mesh;
 use base::error::{Error, Result};
 use laws::rheology::{Beside, Element, TimeWindow};
@@ -35,18 +36,19 @@ pub struct SpatialJob<'a> {
     pub resolution: Resolution,
 }
 
-/// Positions (m) at rows by superposition: a force that does not depend on the position acts on a linear system, so that one step and one ramp of it, stepped
-/// once through the record's length, give the answer to any.
+/// Positions (m) at rows, and unknowns at the rows of `job`, by superposition: a force that does not depend on the position acts on a linear system, so that one step and
+/// one ramp of it, stepped once through the record's length, give the answer to any.
 fn superposed(
+    job: &SpatialJob<'_>,
     system: &dyn TransientSystem,
     chains: &[ChainLaw],
     load: &Load,
-    time_s: &[f64],
-    resolution: Resolution,
-) -> Result<Vec<f64>> {
-    let (Some(first_s), Some(last_s)) = (time_s.first(), time_s.last()) else { return Ok(Vec::new()) };
-    let rounding_s = CLOCK_ROUNDING * (last_s - first_s);
+) -> Result<(Vec<f64>, Vec<Vec<f64>>)> {
+    let time_s = job.time_s;
     let mut position_m = vec![0.0; time_s.len()];
+    let mut fields = vec![vec![0.0; system.n_unknowns()]; job.rows.len()];
+    let (Some(first_s), Some(last_s)) = (time_s.first(), time_s.last()) else { return Ok((position_m, fields)) };
+    let rounding_s = CLOCK_ROUNDING * (last_s - first_s);
     let (mut steps, mut kinks) = (Vec::new(), Vec::new());
     let mut before = Switch::to(*first_s, 0.0);
     for switch in &load.switches {
@@ -58,25 +60,33 @@ fn superposed(
     }
     let step = Switch::to(0.0, 1.0);
     let ramp = Switch { force_n: 0.0, slope_n_per_s: 1.0, jumps: false, ..step };
-    for (unit, changes) in [(step, steps), (ramp, kinks)] {
-        // Time since a change, the row, and the change.
-        let mut terms: Vec<(f64, usize, f64)> = Vec::new();
-        for (switched_s, change) in changes.into_iter().filter(|(_, change)| *change != 0.0) {
-            let ages = time_s.iter().map(|t| t - switched_s).enumerate().filter(|(_, age_s)| *age_s > rounding_s);
-            terms.extend(ages.map(|(row, age_s)| (age_s, row, change)));
-        }
-        if terms.is_empty() {
-            continue;
-        }
-        terms.sort_by(|a, b| a.0.total_cmp(&b.0));
-        let ages_s: Vec<f64> = std::iter::once(0.0).chain(terms.iter().map(|term| term.0)).collect();
+    for (unit, mut changes) in [(step, steps), (ramp, kinks)] {
+        changes.retain(|(switched_s, change)| *change != 0.0 && last_s - switched_s > rounding_s);
+        let Some(first_change_s) = changes.iter().map(|(switched_s, _)| *switched_s).reduce(f64::min) else { continue };
+        let rows_after = |switched_s: f64| time_s.partition_point(|t| t - switched_s <= rounding_s);
+        let first_age_s = changes.iter().map(|(switched_s, _)| time_s[rows_after(*switched_s)] - switched_s);
+        let ages_s = [first_age_s.fold(f64::INFINITY, f64::min), last_s - first_change_s];
+        let term = |(sum, row): (usize, &usize), (switched_s, factor): &(f64, f64)| {
+            let age_s = time_s.get(*row)? - switched_s;
+            (age_s > rounding_s).then_some(FieldTerm { age_s, sum, factor: *factor })
+        };
+        let rows = job.rows.iter().enumerate();
+        let mut terms: Vec<FieldTerm> =
+            rows.flat_map(|row| changes.iter().filter_map(move |change| term(row, change))).collect();
+        terms.sort_by(|a, b| a.age_s.total_cmp(&b.age_s));
         let unit = Load { switches: vec![unit], equations: load.equations.clone() };
-        let answer = transient::run(system, chains, &unit, &ages_s, &[], resolution)?;
-        for ((_, row, change), per_unit) in terms.iter().zip(&answer.position_m[1..]) {
-            position_m[*row] += change * per_unit;
+        let response = transient::respond(system, chains, &unit, ages_s, &terms, job.resolution)?;
+        for (switched_s, change) in changes {
+            let first = rows_after(switched_s);
+            for (x, t) in position_m[first..].iter_mut().zip(&time_s[first..]) {
+                *x += change * response.position_m(t - switched_s);
+            }
+        }
+        for (sum, field) in fields.iter_mut().zip(&response.fields) {
+            sum.iter_mut().zip(field).for_each(|(sum, value)| *sum += value);
         }
     }
-    Ok(position_m)
+    Ok((position_m, fields))
 }
 
 impl SpatialJob<'_> {
@@ -85,8 +95,16 @@ impl SpatialJob<'_> {
     /// # Errors
     /// [`Error::Numerical`] where the gel softens beside it, or the run fails.
     pub fn run(&self, system: &SpatialSystem, beside: &Beside) -> Result<SpatialRun> {
-        let (stepped, laws) = SteppedSystem::new(system, &self.stages.law, beside);
-        self.step(&stepped, &laws, |z| system.freedoms.nodal_displacement(z))
+        let condensed = Condensed::of(system)?;
+        let (stepped, laws) =
+            SteppedSystem::new(condensed.as_ref().map_or(system, |own| &own.system), &self.stages.law, beside);
+        self.step(&stepped, &laws, |fields| {
+            let fields = match &condensed {
+                Some(condensed) => condensed.expanded(fields)?,
+                None => fields,
+            };
+            Ok(fields.iter().map(|z| system.freedoms.nodal_displacement(z)).collect())
+        })
     }
 
     /// Steps a gel that water leaves: mobility in m²/(Pa·s), Poisson ratio of the skeleton.
@@ -99,14 +117,16 @@ impl SpatialJob<'_> {
         let pores = CondensedPores::new(&body, mobility);
         let unknowns = &surroundings.stiffness.assembly.unknowns;
         let laws = [self.stages.law.clone()];
-        self.step(&pores, &laws, |z| unknowns.nodal_displacement(&pores.displacements(z)))
+        self.step(&pores, &laws, |fields| {
+            Ok(fields.iter().map(|z| unknowns.nodal_displacement(&pores.displacements(z))).collect())
+        })
     }
 
     fn step(
         &self,
         system: &dyn TransientSystem,
         laws: &[Vec<Element>],
-        nodal: impl Fn(&[f64]) -> Vec<[f64; 3]>,
+        nodal: impl Fn(Vec<Vec<f64>>) -> Result<Vec<Vec<[f64; 3]>>>,
     ) -> Result<SpatialRun> {
         if !self.stages.softening_rate_per_s.is_constant(0.0) {
             return Err(Error::numerical(
@@ -120,15 +140,15 @@ impl SpatialJob<'_> {
         let start_s = self.time_s.first().copied().unwrap_or(0.0);
         let observation = self.stages.observation.of::<f64>();
         let observe = |(x, t): (&f64, &f64)| observation.recorded_m(*x, t - start_s);
-        if self.rows.is_empty() && !load.equations.depends_on_position() {
-            let position_m = superposed(system, &chains, &load, self.time_s, self.resolution)?;
-            let position_m = position_m.iter().zip(self.time_s).map(observe).collect();
-            return Ok(SpatialRun { position_m, fields: Vec::new(), mesh: None });
-        }
-        let stepped = transient::run(system, &chains, &load, self.time_s, self.rows, self.resolution)?;
+        let (position_m, fields) = if load.equations.depends_on_position() {
+            let stepped = transient::run(system, &chains, &load, self.time_s, self.rows, self.resolution)?;
+            (stepped.position_m, stepped.fields)
+        } else {
+            superposed(self, system, &chains, &load)?
+        };
         Ok(SpatialRun {
-            position_m: stepped.position_m.iter().zip(self.time_s).map(observe).collect(),
-            fields: stepped.fields.iter().map(|z| nodal(z)).collect(),
+            position_m: position_m.iter().zip(self.time_s).map(observe).collect(),
+            fields: nodal(fields)?,
             mesh: None,
         })
     }

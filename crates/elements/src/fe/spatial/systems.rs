@@ -23,6 +23,8 @@ pub struct SpatialSystem {
     /// What stands beside it: a stiffness for unit modulus (m), a mass for unit density scale (kg), or a friction for unit coefficient (m²).
     pub second: SymmetricMatrix,
     solver: SymmetricSolver,
+    /// Unknowns in the order of elimination.
+    pub(super) order: Vec<usize>,
 }
 
 /// How two matrices are split into terms.
@@ -51,8 +53,32 @@ impl SpatialSystem {
         let n_nodes_per_element = mesh.element_kind.n_nodes();
         let node_order =
             nested_dissection(mesh.n_nodes(), &mesh.connectivity, n_nodes_per_element, &mesh.node_coordinates_m);
-        let solver = SymmetricSolver::new(&[&gel, &second], &freedoms.elimination_order(&node_order))?;
-        Ok(Self { freedoms, gel, second, solver })
+        Self::in_order(freedoms, gel, second, &node_order)
+    }
+
+    /// The same for nodes that are eliminated in a given order.
+    ///
+    /// # Errors
+    /// As [`SymmetricSolver::new`].
+    pub(in crate::fe) fn in_order(
+        freedoms: Freedoms,
+        gel: SymmetricMatrix,
+        second: SymmetricMatrix,
+        node_order: &[usize],
+    ) -> Result<Self> {
+        let order = freedoms.elimination_order(node_order);
+        Self::of_unknowns(freedoms, gel, second, order)
+    }
+
+    /// The same for unknowns that are eliminated in a given order.
+    pub(super) fn of_unknowns(
+        freedoms: Freedoms,
+        gel: SymmetricMatrix,
+        second: SymmetricMatrix,
+        order: Vec<usize>,
+    ) -> Result<Self> {
+        let solver = SymmetricSolver::new(&[&gel, &second], &order)?;
+        Ok(Self { freedoms, gel, second, solver, order })
     }
 
     /// Number of unknowns.

@@ -12,7 +12,7 @@
 //! autonomous and linear, so the method keeps its order on stiff parts too.
 //!
 //! Steps end at the switches of the force, not at rows; positions at rows are read off by cubic Hermite interpolation, whose error is of the method's order with
-//! a smaller constant. Step lengths are powers of two that grow with the time since the switch, so that few factors serve a run.
+//! a smaller constant. A force that does not depend on the position acts on a linear system, so that one step and one ramp of it give the answer to any (`respond`). Step lengths are powers of two that grow with the time since the switch, so that few factors serve a run.
 
 mod history;
 mod load;
@@ -22,7 +22,8 @@ mod stages;
 mod steps;
 
 pub use load::Load;
-pub use run::{TransientRun, run};
+pub use output::{FieldTerm, UnitResponse};
+pub use run::{TransientRun, respond, run};
 pub use steps::Resolution;
 
 use base::error::Result;

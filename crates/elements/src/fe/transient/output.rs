@@ -1,6 +1,12 @@
-//! Positions and fields at rows, between the ends of steps.
+//! Positions and fields at rows and at ages of a change, between the ends of steps.
 
 use super::TransientSystem;
+
+/// Sees the steps of a run, one after the other.
+pub(super) trait Recorder {
+    /// Takes note of a step.
+    fn record(&mut self, from: &State, to: &State, system: &dyn TransientSystem);
+}
 
 /// Unknowns and their rates at one time.
 #[derive(Debug, Clone)]
@@ -20,17 +26,21 @@ pub(super) struct Output<'a> {
     pub fields: Vec<Vec<f64>>,
 }
 
-impl Output<'_> {
+/// Weights at `time_s` of value and rate at a step's start, and of value and rate at its end, in the cubic that has them.
+fn cubic_weights(from_s: f64, to_s: f64, time_s: f64) -> [f64; 4] {
+    let step_s = to_s - from_s;
+    let x = if step_s > 0.0 { ((time_s - from_s) / step_s).min(1.0) } else { 1.0 };
+    let (x2, x3) = (x * x, x * x * x);
+    [2.0 * x3 - 3.0 * x2 + 1.0, (x3 - 2.0 * x2 + x) * step_s, 3.0 * x2 - 2.0 * x3, (x3 - x2) * step_s]
+}
+
+impl Recorder for Output<'_> {
     /// Gives the rows up to the end of a step, by the cubic of values and rates at its ends.
-    pub(super) fn until(&mut self, from: &State, to: &State, system: &dyn TransientSystem) {
-        let step_s = to.time_s - from.time_s;
+    fn record(&mut self, from: &State, to: &State, system: &dyn TransientSystem) {
         let ends = [&from.unknowns, &from.rates_per_s, &to.unknowns, &to.rates_per_s];
         let mut at_ends = None;
         while let Some(&row_s) = self.time_s.get(self.row).filter(|&&t| t <= to.time_s + self.rounding_s) {
-            let x = if step_s > 0.0 { ((row_s - from.time_s) / step_s).min(1.0) } else { 1.0 };
-            let (x2, x3) = (x * x, x * x * x);
-            let weights =
-                [2.0 * x3 - 3.0 * x2 + 1.0, (x3 - 2.0 * x2 + x) * step_s, 3.0 * x2 - 2.0 * x3, (x3 - x2) * step_s];
+            let weights = cubic_weights(from.time_s, to.time_s, row_s);
             let positions: &[f64; 4] = at_ends.get_or_insert_with(|| ends.map(|end| system.position_m(end)));
             self.position_m.push(weights.iter().zip(positions).map(|(w, p)| w * p).sum());
             if self.rows_of_fields.contains(&self.row) {
@@ -38,6 +48,72 @@ impl Output<'_> {
                 self.fields.push((0..to.unknowns.len()).map(value).collect());
             }
             self.row += 1;
+        }
+    }
+}
+
+/// A share of the field of a unit change that is wanted in a sum of fields.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct FieldTerm {
+    /// Time since the change, in s.
+    pub age_s: f64,
+    /// Index of the sum.
+    pub sum: usize,
+    /// Factor of the field.
+    pub factor: f64,
+}
+
+/// Position of a system after one change of the force, at any age of it, and sums of its fields.
+#[derive(Debug, Clone, PartialEq)]
+pub struct UnitResponse {
+    /// Age (s), position (m) and its rate (m/s) at the ends of steps.
+    moments: Vec<[f64; 3]>,
+    /// Unknowns of each sum.
+    pub fields: Vec<Vec<f64>>,
+}
+
+impl UnitResponse {
+    /// Position (m) at an age (s) up to the last one.
+    pub fn position_m(&self, age_s: f64) -> f64 {
+        let after = self.moments.partition_point(|[t, ..]| *t < age_s).clamp(1, self.moments.len() - 1);
+        let ([from_s, x, v], [to_s, y, w]) = (self.moments[after - 1], self.moments[after]);
+        let weights = cubic_weights(from_s, to_s, age_s);
+        weights.iter().zip([x, v, y, w]).map(|(weight, value)| weight * value).sum()
+    }
+}
+
+/// What a response is made of while it is stepped.
+pub(super) struct ResponseRecorder<'a> {
+    /// In the order of their ages.
+    terms: std::iter::Peekable<std::slice::Iter<'a, FieldTerm>>,
+    pub(super) response: UnitResponse,
+}
+
+impl<'a> ResponseRecorder<'a> {
+    /// `terms` ascend by age; there are as many sums as they name.
+    pub(super) fn new(terms: &'a [FieldTerm], n_unknowns: usize) -> Self {
+        let n_sums = terms.iter().map(|term| term.sum + 1).max().unwrap_or(0);
+        let response = UnitResponse { moments: Vec::new(), fields: vec![vec![0.0; n_unknowns]; n_sums] };
+        Self { terms: terms.iter().peekable(), response }
+    }
+}
+
+impl Recorder for ResponseRecorder<'_> {
+    fn record(&mut self, from: &State, to: &State, system: &dyn TransientSystem) {
+        let moment = |at: &State| [at.time_s, system.position_m(&at.unknowns), system.position_m(&at.rates_per_s)];
+        if self.response.moments.is_empty() {
+            self.response.moments.push(moment(from));
+        }
+        self.response.moments.push(moment(to));
+        while let Some(term) = self.terms.next_if(|term| term.age_s <= to.time_s) {
+            let weights = cubic_weights(from.time_s, to.time_s, term.age_s).map(|weight| term.factor * weight);
+            let sum = self.response.fields[term.sum].iter_mut().enumerate();
+            sum.for_each(|(k, value)| {
+                *value += weights[0] * from.unknowns[k]
+                    + weights[1] * from.rates_per_s[k]
+                    + weights[2] * to.unknowns[k]
+                    + weights[3] * to.rates_per_s[k];
+            });
         }
     }
 }

@@ -5,7 +5,7 @@ use std::rc::Rc;
 
 use super::history::{Chain, Free, Response};
 use super::load::Load;
-use super::output::{Output, State};
+use super::output::{FieldTerm, Output, Recorder, ResponseRecorder, State, UnitResponse};
 use super::stages::{DIAGONAL, N_STAGES, predict};
 use super::steps::{Grading, Resolution};
 use super::{ChainLaw, Part, StageSolve, StageWeights, TransientSystem};
@@ -25,6 +25,9 @@ pub struct TransientRun {
     /// Factors that were made.
     pub n_factors: usize,
 }
+
+/// Scale of the first steps of a response, as a share of the first age at which it is wanted. Whatever decays within a step is gone by then, since the method is L-stable.
+const SHARE_OF_FIRST_AGE: f64 = 0.03;
 
 /// Factors kept at once: a run of one hold needs about two for every decade of time.
 const MOST_FACTORS: usize = 48;
@@ -57,7 +60,7 @@ pub fn run<L: Clone + Into<ChainLaw>>(
         position_m: Vec::with_capacity(time_s.len()),
         fields: vec![],
     };
-    output.until(&run.rest(start_s), &run.rest(start_s), system);
+    output.record(&run.rest(start_s), &run.rest(start_s), system);
     for (i, switch) in load.switches.iter().enumerate() {
         if switch.time_s >= last_s - rounding_s {
             break;
@@ -77,6 +80,36 @@ pub fn run<L: Clone + Into<ChainLaw>>(
         ));
     }
     Ok(TransientRun { position_m: output.position_m, fields: output.fields, n_steps, n_factors })
+}
+
+/// Steps a system, at rest, through one change of the force at time 0; one law for each of the system's. Positions are known from `first_age_s` to `last_age_s` after it
+/// (s, both above 0), and sums of fields at the ages of `terms`, which ascend and lie between the two.
+///
+/// # Errors
+/// As [`run`].
+pub fn respond(
+    system: &dyn TransientSystem,
+    laws: &[ChainLaw],
+    load: &Load,
+    [first_age_s, last_age_s]: [f64; 2],
+    terms: &[FieldTerm],
+    resolution: Resolution,
+) -> Result<UnitResponse> {
+    let mut run = Run::new(system, laws, load, 0.0)?;
+    let mut recorder = ResponseRecorder::new(terms, system.n_unknowns());
+    if let Some(change) = load.switches.first() {
+        run.input = *change;
+        run.grading = Grading::within(resolution, SHARE_OF_FIRST_AGE * first_age_s);
+    }
+    run.advance_to(last_age_s, 0.0, &mut recorder)?;
+    let response = recorder.response;
+    if response.position_m(last_age_s).is_finite() {
+        return Ok(response);
+    }
+    Err(Error::numerical(
+        format!("the position {last_age_s} s after a change of the force is not finite"),
+        "give parameters of moderate size",
+    ))
 }
 
 /// Time from switch `i` to the next row or switch that is later by more than rounding; infinite if there is none.
@@ -148,11 +181,11 @@ impl<'a> Run<'a> {
         State { time_s, unknowns: zeros.clone(), rates_per_s: zeros }
     }
 
-    fn advance_to(&mut self, stop_s: f64, rounding_s: f64, output: &mut Output) -> Result<()> {
+    fn advance_to(&mut self, stop_s: f64, rounding_s: f64, recorder: &mut dyn Recorder) -> Result<()> {
         // Before the first switch nothing moves.
         if self.n_steps == 0 && self.input.force_n == 0.0 && self.input.slope_n_per_s == 0.0 {
             let rest = self.rest(stop_s);
-            output.until(&self.now, &rest, self.system);
+            recorder.record(&self.now, &rest, self.system);
             self.now = rest;
             return Ok(());
         }
@@ -164,7 +197,7 @@ impl<'a> Run<'a> {
             // The last step is `left_s` but for rounding.
             self.now.time_s = if step_s > 0.75 * left_s { stop_s } else { before.time_s + step_s };
             let rates_per_s = if self.is_fresh { self.now.rates_per_s.clone() } else { before.rates_per_s };
-            output.until(&State { rates_per_s, ..before }, &self.now, self.system);
+            recorder.record(&State { rates_per_s, ..before }, &self.now, self.system);
             self.is_fresh = false;
         }
         Ok(())

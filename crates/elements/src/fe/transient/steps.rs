@@ -35,6 +35,11 @@ impl Grading {
         Self { growth, switched_s, scale_s: share_of_gap(jumps) * gap_s, longest_step_s }
     }
 
+    /// Steps after a change at time 0 of which the first resolve `scale_s`.
+    pub fn within(resolution: Resolution, scale_s: f64) -> Self {
+        Self { scale_s, ..Self::new(resolution, 0.0, 0.0, true) }
+    }
+
     /// Length of the step from `now_s`, with `left_s` to the next switch.
     pub(super) fn step_s(&self, now_s: f64, left_s: f64) -> f64 {
         let wanted_s = (self.growth * (now_s - self.switched_s + self.scale_s)).min(self.longest_step_s);

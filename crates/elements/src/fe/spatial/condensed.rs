@@ -1,0 +1,130 @@
+//! Unknowns that one of two matrices alone knows, eliminated exactly before time is stepped.
+//!
+//! Where only one law acts, K_ee w_e + K_ek w_k = 0 at all times, so that z_e = −K_ee⁻¹K_ek z_k whatever the law: only what both matrices know has a motion of its own. That is the robot's surface
+//! where the gel slips, the outer surface where it gives way, and the edge of a pocket; with mass it is all of the gel.
+
+use faer::Mat;
+use faer::sparse::Triplet;
+
+use super::matrices::triplets_of;
+use super::{Freedoms, SpatialSystem, SymmetricMatrix, SymmetricSolver};
+use base::error::Result;
+
+/// Columns that are solved for at once.
+const BLOCK: usize = 64;
+/// Nothing is eliminated where more than this share of the unknowns stays.
+const MOST_KEPT: f64 = 0.25;
+
+/// The matrices between the unknowns that both know, and what follows from those.
+pub(super) struct Condensed<'a> {
+    whole: &'a SpatialSystem,
+    /// The system between unknowns that are kept.
+    pub(super) system: SpatialSystem,
+    kept: Vec<usize>,
+    eliminated: Vec<usize>,
+    /// Both matrices together between what is eliminated, ready to be factorised.
+    between: SymmetricMatrix,
+    solver: SymmetricSolver,
+}
+
+impl<'a> Condensed<'a> {
+    /// Eliminates what one matrix alone knows; `None` where that is little.
+    ///
+    /// # Errors
+    /// As [`SymmetricSolver::factor`].
+    pub(super) fn of(whole: &'a SpatialSystem) -> Result<Option<Self>> {
+        let n = whole.n_unknowns();
+        let both = [&whole.gel, &whole.second];
+        let known = both.map(|matrix| {
+            let mut known = vec![false; n];
+            for entry in triplets_of(matrix.upper()).filter(|entry| entry.val != 0.0) {
+                (known[entry.row as usize], known[entry.col as usize]) = (true, true);
+            }
+            known
+        });
+        // The robot is the last.
+        let is_kept = |k: &usize| (known[0][*k] && known[1][*k]) || *k + 1 == n;
+        let (kept, eliminated): (Vec<usize>, Vec<usize>) = (0..n).partition(is_kept);
+        if kept.len() as f64 > MOST_KEPT * n as f64 {
+            return Ok(None);
+        }
+        let mut place = vec![0_u32; n];
+        for list in [&kept, &eliminated] {
+            list.iter().zip(0_u32..).for_each(|(unknown, number)| place[*unknown] = number);
+        }
+        let is_kept: Vec<bool> = (0..n).map(|k| is_kept(&k)).collect();
+        // By matrix: between what is kept, and from what is kept to what is eliminated.
+        let mut condensed = both.map(|_| Mat::<f64>::zeros(kept.len(), kept.len()));
+        let mut couplings: [Vec<(usize, usize, f64)>; 2] = [Vec::new(), Vec::new()];
+        let mut between = Vec::new();
+        for ((matrix, condensed), couplings) in both.iter().zip(&mut condensed).zip(&mut couplings) {
+            for Triplet { row, col, val } in triplets_of(matrix.upper()) {
+                let (i, j) = (place[row as usize], place[col as usize]);
+                match (is_kept[row as usize], is_kept[col as usize]) {
+                    (true, true) => {
+                        condensed[(i as usize, j as usize)] += val;
+                        if i != j {
+                            condensed[(j as usize, i as usize)] += val;
+                        }
+                    }
+                    (true, false) => couplings.push((i as usize, j as usize, val)),
+                    (false, true) => couplings.push((j as usize, i as usize, val)),
+                    (false, false) => between.push(Triplet::new(i, j, val)),
+                }
+            }
+        }
+        let between = SymmetricMatrix::from_triplets(eliminated.len(), &between)?;
+        let order: Vec<usize> =
+            whole.order.iter().filter(|unknown| !is_kept[**unknown]).map(|unknown| place[*unknown] as usize).collect();
+        let solver = SymmetricSolver::new(&[&between], &order)?;
+        let factor = solver.factor(&[&between], &[1.0])?;
+        let n_eliminated = eliminated.len();
+        for first in (0..kept.len()).step_by(BLOCK) {
+            let columns = first..kept.len().min(first + BLOCK);
+            let mut block = vec![0.0; n_eliminated * columns.len()];
+            for (k, e, value) in couplings.iter().flatten().filter(|(k, ..)| columns.contains(k)) {
+                block[(k - first) * n_eliminated + e] += value;
+            }
+            factor.solve_in_place(&mut block);
+            for (condensed, couplings) in condensed.iter_mut().zip(&couplings) {
+                for (column, solved) in columns.clone().zip(block.chunks_exact(n_eliminated)) {
+                    let column = condensed.col_as_slice_mut(column);
+                    couplings.iter().for_each(|(k, e, value)| column[*k] -= value * solved[*e]);
+                }
+            }
+        }
+        drop(factor);
+        let [gel, second] = condensed.map(|matrix| {
+            // Symmetric but for rounding.
+            let entry = |i: usize, j: usize| 0.5 * (matrix[(i, j)] + matrix[(j, i)]);
+            let upper = (0..matrix.ncols()).flat_map(|j| (0..=j).map(move |i| (i, j)));
+            let upper: Vec<_> = upper.map(|(i, j)| Triplet::new(i as u32, j as u32, entry(i, j))).collect();
+            SymmetricMatrix::from_triplets(matrix.ncols(), &upper)
+        });
+        let freedoms = Freedoms::without_nodes(kept.len(), whole.freedoms.share());
+        let system = SpatialSystem::of_unknowns(freedoms, gel?, second?, (0..kept.len()).collect())?;
+        Ok(Some(Self { whole, system, kept, eliminated, between, solver }))
+    }
+
+    /// All unknowns, where those that are kept have these values, one vector after the other.
+    ///
+    /// # Errors
+    /// As [`SymmetricSolver::factor`].
+    pub(super) fn expanded(&self, kept: Vec<Vec<f64>>) -> Result<Vec<Vec<f64>>> {
+        if kept.is_empty() {
+            return Ok(kept);
+        }
+        let factor = self.solver.factor(&[&self.between], &[1.0])?;
+        let expand = |values: Vec<f64>| {
+            let mut all = vec![0.0; self.whole.n_unknowns()];
+            self.kept.iter().zip(values).for_each(|(unknown, value)| all[*unknown] = value);
+            let mut forces = self.whole.gel.product(&all);
+            self.whole.second.add_product(&all, &mut forces);
+            let mut follow: Vec<f64> = self.eliminated.iter().map(|unknown| -forces[*unknown]).collect();
+            factor.solve_in_place(&mut follow);
+            self.eliminated.iter().zip(follow).for_each(|(unknown, value)| all[*unknown] = value);
+            all
+        };
+        Ok(kept.into_iter().map(expand).collect())
+    }
+}
