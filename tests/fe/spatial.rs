@@ -404,23 +404,23 @@ fn elements_in_the_half_meridian_meet_the_closed_forms() {
             let error = found / exact - 1.0;
             assert!(error.abs() < 1e-7, "{what}, ν = {nu}: {error:e}");
         };
-        let wall = system(pair("outer-wall-compliance").around_sphere(&sizes(1), None));
+        let wall = system(pair("outer-wall-compliance").around_sphere(&sizes(1), None).expect("a sphere"));
         for k in [1e-2, 1.0, 1e2, 1e4] {
             check("wall", stiffness(&wall, [1.0, k * OUTER_RADIUS_M]), sphere_within_springs(nu, k));
         }
-        let slip = system(pair("interface-slip").around_sphere(&sizes(1), None));
+        let slip = system(pair("interface-slip").around_sphere(&sizes(1), None).expect("a sphere"));
         for kappa in [0.0, 0.1, 1.0, 10.0].map(|scaled| scaled / RADIUS_M) {
             check("slip", stiffness(&slip, [1.0, kappa]), slipping_sphere(nu, kappa, OUTER_RADIUS_M));
         }
         for ratio in [1.5, 3.0, 5.0] {
-            let pocket = system(pair("liquefied-pocket").around_sphere(&sizes(1), Some(ratio)));
+            let pocket = system(pair("liquefied-pocket").around_sphere(&sizes(1), Some(ratio)).expect("a sphere"));
             for soft in [1.0, 0.3, 0.03] {
                 check("pocket", stiffness(&pocket, [1.0, soft]), sphere_in_pocket(nu, soft, ratio));
             }
         }
     }
     let nu = 0.499_999;
-    let second = pair("inertia").around_sphere(&sizes(1), None);
+    let second = pair("inertia").around_sphere(&sizes(1), None).expect("a sphere");
     let inertia = pair_around_sphere(RADIUS_M, OUTER_RADIUS_M, nu, second).unwrap();
     let mu = 1.0 / (2.0 * (1.0 + nu));
     for y in [0.2, 1.0, 5.0] {
