@@ -64,7 +64,7 @@ fn read(text: &str, given: Given) -> Result<Read, String> {
 }
 
 fn refused(text: &str, given: Given) -> String {
-    read(text, given).err().expect("a refusal")
+    read(text, given).expect_err("a refusal")
 }
 
 /// Largest differences in time (s), force (µN) and position (µm) from the truth, positions up to their zero.

@@ -66,7 +66,7 @@ struct Program {
 #[derive(Subcommand)]
 enum Command {
     /// From a table of numbers, however it is written, to an experiment
-    Init(init::InitArguments),
+    Init(Box<init::InitArguments>),
     /// What was understood of a record, the record drawn, and what contradicts its description
     Check(check::CheckArguments),
     /// From a measurement to a posterior that full finite elements have checked
