@@ -445,15 +445,11 @@ fn kept_rows(record: &Record, most: usize, is_placed: impl Fn(usize) -> bool) ->
     if every <= 1 {
         return None;
     }
-    let force_n = &record.force_n;
     let mut n_before = 0;
     let is_kept = |row: usize| {
         let is_chosen = is_placed(row) && n_before % every == 0;
         n_before += usize::from(is_placed(row));
-        let changes = row == 0
-            || force_n[row] != force_n[row - 1]
-            || (record.force().is_linear() && force_n.get(row + 1).is_some_and(|next| *next != force_n[row]));
-        is_chosen || changes
+        is_chosen || record.force().is_needed(row)
     };
     Some((0..n_rows).map(is_kept).collect())
 }

@@ -3,7 +3,7 @@
 use crate::problem::Problem;
 use base::error::Result;
 use models::model::Response;
-use record::{ForceRule, KeptForce};
+use record::KeptForce;
 use sampling::least_squares::{Fit, Residuals, Tolerances, fit};
 
 /// Positions among which minima are searched for from all starts; where there are more, the best are finished among all of them.
@@ -45,10 +45,7 @@ impl FittedRows {
             if let Some((_, position_m)) = fitted {
                 thinned.observed.push((thinned.time_s.len(), *position_m));
             }
-            let changes = row == 0
-                || force_n != at_rows_n[row - 1]
-                || (*rule == ForceRule::Linear && at_rows_n.get(row + 1).is_some_and(|next| *next != force_n));
-            if fitted.is_some() || changes {
+            if fitted.is_some() || self.force.get().is_needed(row) {
                 thinned.time_s.push(time_s);
                 thinned.force.at_rows_n.push(force_n);
             }
@@ -93,6 +90,7 @@ mod tests {
     use base::number::Dual;
     use laws::rheology::Element;
     use models::effects::Stages;
+    use record::ForceRule;
 
     /// 3000 rows at irregular times under a force that changes at some: one position in forty is left, at the same places of the same trajectory.
     #[test]

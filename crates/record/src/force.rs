@@ -109,6 +109,24 @@ impl<'a> Force<'a> {
         steps.filter(|(_, (before, after))| (*after - *before).abs() > threshold_n).map(|(row, _)| row).collect()
     }
 
+    /// Whether the force begins or ends at a row to be another: a record that keeps these rows has the same force.
+    pub fn is_needed(self, row: usize) -> bool {
+        let force_n = self.at_rows_n;
+        row == 0
+            || force_n[row] != force_n[row - 1]
+            || (self.is_linear() && force_n.get(row + 1).is_some_and(|next| *next != force_n[row]))
+    }
+
+    /// Row ranges between steps; the first begins with row 0.
+    pub fn holds(self) -> Vec<std::ops::Range<usize>> {
+        let mut starts = self.step_rows();
+        if starts.first() != Some(&0) {
+            starts.insert(0, 0);
+        }
+        let ends = starts.iter().skip(1).copied().chain([self.at_rows_n.len()]);
+        starts.iter().zip(ends).map(|(start, end)| *start..end).collect()
+    }
+
     /// The force at a time, in N: from the right where it jumps; zero before the first row.
     pub fn at_n(self, time_s: &[f64], at_s: f64) -> f64 {
         let Some(row) = time_s.partition_point(|&row_s| row_s <= at_s).checked_sub(1) else { return 0.0 };
@@ -145,14 +163,9 @@ pub(super) fn levels(force_n: &[f64]) -> Option<Vec<f64>> {
     if (n_changes as f64) < CHANGES * force_n.len() as f64 {
         return None;
     }
-    let mut starts = force.step_rows();
-    if starts.first() != Some(&0) {
-        starts.insert(0, 0);
-    }
-    let ends: Vec<usize> = starts.iter().skip(1).copied().chain([force_n.len()]).collect();
     let mut made = Vec::with_capacity(force_n.len());
-    for (start, end) in starts.into_iter().zip(ends) {
-        let hold = &force_n[start..end];
+    for rows in force.holds() {
+        let hold = &force_n[rows];
         let level = median(hold.to_vec())?;
         let sd = SD_PER_MAD * median(hold.iter().map(|force| (force - level).abs()).collect())?;
         // From row to row, which a slow change does not touch.
@@ -202,6 +215,16 @@ mod tests {
         for other in [sine, ramps, steps] {
             assert_eq!(levels(&other), None);
         }
+    }
+
+    #[test]
+    fn rows_at_which_a_force_changes_are_needed() {
+        let force_n = [1.0, 1.0, 1.0, 3.0, 3.0];
+        let needed =
+            |rule| -> Vec<usize> { (0..5).filter(|row| Force { at_rows_n: &force_n, rule }.is_needed(*row)).collect() };
+        assert_eq!((needed(ForceRule::Hold), needed(ForceRule::Linear)), (vec![0, 3], vec![0, 2, 3]));
+        assert_eq!(Force::from(&force_n).holds(), [0..3, 3..5]);
+        assert_eq!(Force::from(&[0.0, 0.0, 2.0]).holds(), [0..2, 2..3]);
     }
 
     #[test]

@@ -222,26 +222,27 @@ pub(super) fn rest_m(force_n: &[f64], position_m: &[Option<f64>]) -> Option<f64>
     median(position_m.iter().take(n_rest).copied().flatten().collect())
 }
 
+/// The force's work on the way from row to row, and the sum of its sizes.
+fn work_and_size(force_n: &[f64], position_m: &[Option<f64>]) -> (f64, f64) {
+    let moved = position_m.windows(2).zip(force_n).filter_map(|(pair, force)| Some((pair[1]? - pair[0]?, *force)));
+    moved.fold((0.0, 0.0), |(work, size), (way, force)| (work + way * force, size + (way * force).abs()))
+}
+
 /// Whether the force's work on the way from row to row is negative, by more than a share of its size.
 pub fn is_against(force_n: &[f64], position_m: &[Option<f64>], share: f64) -> bool {
-    let moved = position_m.windows(2).zip(force_n).filter_map(|(pair, force)| Some((pair[1]? - pair[0]?, *force)));
-    let (work, size) =
-        moved.fold((0.0, 0.0), |(work, size), (way, force)| (work + way * force, size + (way * force).abs()));
+    let (work, size) = work_and_size(force_n, position_m);
     work < -share * size && work < 0.0
 }
 
 /// Whether positions clearly grow against the force: a passive body takes work up. A force that was logged late is moved to where it goes best with the motion, for its work has no sign of its own.
-pub(super) fn turns_against(time_s: &[f64], force_n: &[f64], position_m: &[Option<f64>]) -> bool {
+pub(super) fn turns_against(force_n: &[f64], position_m: &[Option<f64>]) -> bool {
     let steps = Force::from(force_n).step_rows();
     let shortest = steps.windows(2).map(|pair| pair[1] - pair[0]).min().unwrap_or(0);
     let share = |lag: usize| {
-        let moved = position_m.windows(2).zip(&force_n[lag.min(force_n.len())..]);
-        let moved = moved.filter_map(|(pair, force)| Some((pair[1]? - pair[0]?, *force)));
-        let (work, size) =
-            moved.fold((0.0, 0.0), |(work, size), (way, force)| (work + way * force, size + (way * force).abs()));
+        let (work, size) = work_and_size(&force_n[lag.min(force_n.len())..], position_m);
         if size > 0.0 { work / size } else { 0.0 }
     };
-    let lags = 0..=(shortest / 2).min(MOST_LAGS).min(time_s.len() / 4);
+    let lags = 0..=(shortest / 2).min(MOST_LAGS).min(force_n.len() / 4);
     let best = lags.map(share).max_by(|a, b| a.abs().total_cmp(&b.abs()));
     best.is_some_and(|share| share < -CLEARLY)
 }

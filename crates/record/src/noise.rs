@@ -127,7 +127,7 @@ fn short_lag(record: &Record) -> Option<(f64, usize)> {
     [EARLY_FRACTION, 0.0].into_iter().find_map(|fraction| {
         let found = |order: usize| {
             let deviations = match order {
-                LINE => late_deviations(record, fraction),
+                LINE if fraction == EARLY_FRACTION => second_differences(record),
                 _ => local_deviations(record, order, fraction),
             };
             let sd_m = SD_PER_MAD * median(deviations.iter().map(|deviation| deviation.abs()).collect())?;
@@ -181,12 +181,7 @@ fn written_step_m(record: &Record) -> Option<f64> {
 
 /// Row ranges between force steps.
 pub fn holds(record: &Record) -> Vec<std::ops::Range<usize>> {
-    let mut starts: Vec<usize> = record.force_step_rows();
-    if starts.first() != Some(&0) {
-        starts.insert(0, 0);
-    }
-    let ends = starts.iter().skip(1).copied().chain([record.n_rows()]);
-    starts.iter().zip(ends).map(|(start, end)| *start..end).collect()
+    record.force().holds()
 }
 
 /// Rows of a hold that hold a position, later than `fraction` of it.
@@ -202,17 +197,10 @@ fn points(record: &Record, rows: &[usize]) -> Vec<(f64, f64)> {
 
 /// Deviation of each position from the line through its neighbours, late in each hold, scaled to the sd of one position.
 pub fn second_differences(record: &Record) -> Vec<f64> {
-    late_deviations(record, EARLY_FRACTION)
-}
-
-fn late_deviations(record: &Record, fraction: f64) -> Vec<f64> {
-    if fraction == 0.0 {
-        return local_deviations(record, LINE, fraction);
-    }
     let longest_s = GAP_INTERVALS * record.median_interval_s().unwrap_or(0.0);
     let mut differences = Vec::new();
     for hold in holds(record) {
-        let points = points(record, &late_rows(record, &hold, fraction));
+        let points = points(record, &late_rows(record, &hold, EARLY_FRACTION));
         for triple in points.windows(3) {
             let [(t0, x0), (t1, x1), (t2, x2)] = [triple[0], triple[1], triple[2]];
             if t1 - t0 <= longest_s && t2 - t1 <= longest_s {

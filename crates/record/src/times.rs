@@ -19,6 +19,15 @@ pub(crate) struct Ordered {
     pub restart_rows: Vec<usize>,
     /// Rows that had the time of the row before.
     pub n_ties: usize,
+    /// Whether rows of one time are of several tracks.
+    pub are_tracks: bool,
+}
+
+impl Ordered {
+    /// Whether the clock is coarser than the rows of one track.
+    pub fn is_coarse(&self, n_rows: usize) -> bool {
+        !self.are_tracks && self.n_ties as f64 >= COARSE * n_rows as f64
+    }
 }
 
 /// Rows whose times are put in order.
@@ -61,6 +70,7 @@ pub(super) fn order_times(
         }
     }
     if rules.spreads_ties {
+        ordered.are_tracks = alternate(time_s, position_m);
         ordered.n_ties = spread_ties(time_s);
     }
     match time_s.windows(2).position(|pair| pair[1] <= pair[0]) {
@@ -126,7 +136,7 @@ fn spread_ties(time_s: &mut [f64]) -> usize {
 fn refused(place: Place, row: usize, time_s: &[f64], position_m: &[Option<f64>]) -> Error {
     let (time, before) = (time_s[row], time_s[row - 1]);
     let n_ties = time_s.windows(2).filter(|pair| pair[1] == pair[0]).count();
-    let is_coarse = n_ties as f64 >= COARSE * time_s.len() as f64;
+    let is_coarse = Ordered { n_ties, ..Ordered::default() }.is_coarse(time_s.len());
     let (found, remedy) = if time == before && is_coarse && alternate(time_s, position_m) {
         (
             format!("{time} s stands in several rows whose positions alternate: the rows are of several tracks"),

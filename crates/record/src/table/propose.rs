@@ -23,8 +23,6 @@ const MOST_TRACKS: usize = 1_000;
 /// Numbers with a sign between thousands, and smaller numbers without one, that show what the sign is. A sign before decimals would leave one and two decimals in ten of a hundred numbers each.
 const FEWEST_GROUPED: usize = 8;
 const FEWEST_SMALL: usize = 2;
-/// Share of rows with the time of the row before, from which a clock is coarse.
-const COARSE: f64 = 0.2;
 /// Share of a table's range of positions within which the next table begins where it ended.
 const GOES_ON: f64 = 0.1;
 /// Share of the positions' range by which a record that starts at 0 may miss it.
@@ -543,22 +541,13 @@ impl Described<'_> {
                     restarts.len()
                 ));
             }
-            let n_ties = trajectory.ordered.n_ties;
-            if n_ties as f64 >= COARSE * trajectory.time_s.len() as f64
-                && description.track.is_none()
-                && !told.spreads_ties
-            {
-                let strict = with_times(description, TimeRules { spreads_ties: false, ..description.time_rules });
-                // Rows of several tracks have equal times, too, and are refused by name.
-                if read(&strict)
-                    .err()
-                    .is_some_and(|error| error.to_string().contains(Setting::TimeTies.to_string().as_str()))
-                {
-                    description.time_rules.spreads_ties = true;
-                    reasons.push(format!(
-                        "{n_ties} rows have the time of the row before, for the clock is coarse: they are spread evenly over its steps (time_ties = \"spread\")"
-                    ));
-                }
+            let is_coarse = trajectory.ordered.is_coarse(trajectory.time_s.len());
+            if is_coarse && description.track.is_none() && !told.spreads_ties {
+                description.time_rules.spreads_ties = true;
+                reasons.push(format!(
+                    "{} rows have the time of the row before, for the clock is coarse: they are spread evenly over its steps (time_ties = \"spread\")",
+                    trajectory.ordered.n_ties
+                ));
             }
         }
         let mut trajectory = read(description)?;
@@ -635,8 +624,6 @@ pub struct Looked {
     pub units: Vec<Option<Spelt>>,
     /// The layout in words.
     pub said: String,
-    /// Tables in the file; the rest is said of the first.
-    pub n_tables: usize,
 }
 
 /// Finds a table's layout and header; `file` is only named in errors.
@@ -650,7 +637,7 @@ pub fn look(file: &Path, bytes: &[u8]) -> Result<Looked> {
     let first = &all[0];
     let said = said_of(&[first], &lines);
     let Header { names, units, .. } = first.header.clone();
-    Ok(Looked { layout: written(bytes, &lines, first), columns: names, units, said, n_tables: all.len() })
+    Ok(Looked { layout: written(bytes, &lines, first), columns: names, units, said })
 }
 
 /// The layout as it is described, all lines from the first row on.
@@ -691,7 +678,7 @@ fn said_of(tables: &[&Block], lines: &[&str]) -> String {
 
 /// Where the position is 0 and which way it grows, with the reasons.
 fn frame(trajectory: &Trajectory, reasons: &mut Vec<String>) -> Frame {
-    let Trajectory { time_s, force_n, position_m, others_m, .. } = trajectory;
+    let Trajectory { force_n, position_m, others_m, .. } = trajectory;
     let coordinates: Vec<&[Option<f64>]> = std::iter::once(position_m).chain(others_m).map(Vec::as_slice).collect();
     let range_m = |positions: &[Option<f64>]| {
         let known = || positions.iter().flatten().copied();
@@ -725,7 +712,7 @@ fn frame(trajectory: &Trajectory, reasons: &mut Vec<String>) -> Frame {
     if !others_m.is_empty() {
         return Frame { zero, direction: Direction::Fit };
     }
-    if turns_against(time_s, force_n, position_m) {
+    if turns_against(force_n, position_m) {
         reasons.push("the position grows against the force, so that its sign is turned (direction = \"-\")".into());
         return Frame { zero, direction: Direction::Backward };
     }
