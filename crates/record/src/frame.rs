@@ -385,16 +385,18 @@ mod tests {
         projection.axis[1].atan2(projection.axis[0]).to_degrees()
     }
 
-    /// A pull along (2, −1, 2)/3 with a wobble of 0.5 µm along (1, 2, 0)/√5, which is normal to it.
+    /// A pull along (2, −1, 2)/3 with wobbles of 0.5 µm along (1, 2, 0)/√5 and of 0.2 µm along (4, −2, −5)/√45, which are normal to it and to each other.
     #[test]
     fn a_motion_in_space_becomes_one_along_the_force() {
         let mut trajectory = Trajectory::empty(false, "F", "x");
         trajectory.others_m = vec![Vec::new(), Vec::new()];
         let (line, across) = ([2.0 / 3.0, -1.0 / 3.0, 2.0 / 3.0], [1.0, 2.0, 0.0].map(|x: f64| x / 5.0_f64.sqrt()));
+        let third = [4.0, -2.0, -5.0].map(|x: f64| x / 45.0_f64.sqrt());
         let truth: Vec<f64> = (0..200).map(|row| 3e-6 * f64::from(row)).collect();
         for (row, along) in truth.iter().enumerate() {
             let wobble = if row % 2 == 0 { 0.5e-6 } else { -0.5e-6 };
-            let at = |k: usize| Some(1e-3 + along * line[k] + wobble * across[k]);
+            let slower = if row / 2 % 2 == 0 { 0.2e-6 } else { -0.2e-6 };
+            let at = |k: usize| Some(1e-3 + along * line[k] + wobble * across[k] + slower * third[k]);
             trajectory.time_s.push(row as f64);
             trajectory.force_n.push(1e-6);
             trajectory.lines.push(row + 2);
@@ -404,7 +406,8 @@ mod tests {
         let frame = Frame { zero: Zero::First, direction: Direction::Fit };
         let projection = frame.settle(Path::new("t.csv"), &mut trajectory).unwrap().projection.unwrap();
         assert!(projection.axis.iter().zip(line).all(|(found, line)| (found - line).abs() < 1e-3), "{projection}");
-        assert!((projection.across_rms_m - 0.5e-6).abs() < 1e-8, "{}", projection.across_rms_m);
+        let rms_m = (0.5_f64.powi(2) + 0.2_f64.powi(2)).sqrt() * 1e-6;
+        assert!((projection.across_rms_m - rms_m).abs() < 2e-9, "{}", projection.across_rms_m);
         for (found, truth) in trajectory.position_m.iter().zip(&truth) {
             assert!(found.is_some_and(|found| (found - truth).abs() < 1e-8), "{found:?} {truth}");
         }

@@ -11,6 +11,8 @@ const MOSTLY: f64 = 0.5;
 const STEPS: f64 = 20.0;
 const DIGITS: f64 = 20.0;
 const FLOWS: f64 = 5.0;
+/// Rows in which a body may stand at one written position: where more follow each other it rests there, unless the value is beyond all others by their range.
+const LONGEST: usize = 10;
 
 /// Values that stand several times, mostly far from the rows before and after; in the unit of the positions, ascending.
 pub fn repeated_outliers(positions: &[Option<f64>]) -> Vec<f64> {
@@ -23,15 +25,26 @@ pub fn repeated_outliers(positions: &[Option<f64>]) -> Vec<f64> {
     sorted.sort_unstable_by(f64::total_cmp);
     let digit = sorted.windows(2).map(|pair| pair[1] - pair[0]).filter(|gap| *gap > 0.0).fold(f64::INFINITY, f64::min);
     let step = median(known.windows(2).map(|pair| (pair[1] - pair[0]).abs()).collect()).unwrap_or(0.0);
+    let is_beyond = |x: f64| {
+        let (below, above) = (sorted.partition_point(|other| *other < x), sorted.partition_point(|other| *other <= x));
+        let (lower, higher) = (&sorted[..below], &sorted[above..]);
+        let is_apart = |others: &[f64]| match others {
+            [first, .., last] => (x - first).abs().min((x - last).abs()) > last - first,
+            _ => false,
+        };
+        lower.is_empty() && is_apart(higher) || higher.is_empty() && is_apart(lower)
+    };
     let is_far = |row: usize| {
         let x = known[row];
-        let before = known[..row].iter().rev().find(|other| **other != x);
-        let after = known[row + 1..].iter().find(|other| **other != x);
+        let before = known[..row].iter().rposition(|other| *other != x);
+        let after = known[row + 1..].iter().position(|other| *other != x).map(|place| row + 1 + place);
         let Some((before, after)) = before.zip(after) else { return false };
+        let is_rest = after - before > LONGEST + 1 && !is_beyond(x);
+        let (before, after) = (known[before], known[after]);
         let distance = (x - before).abs().min((x - after).abs());
         // Between the two a value is on their way.
         let is_between = (before - x) * (after - x) < 0.0;
-        !is_between && distance > (STEPS * step).max(DIGITS * digit).max(FLOWS * (after - before).abs())
+        !is_between && !is_rest && distance > (STEPS * step).max(DIGITS * digit).max(FLOWS * (after - before).abs())
     };
     let mut found: Vec<f64> = rows
         .iter()
@@ -66,6 +79,29 @@ mod tests {
             let positions: Vec<Option<f64>> =
                 (0..1200).map(|row| Some(if row % 17 == 5 { sentinel } else { motion(row) + noise(row) })).collect();
             assert_eq!(repeated_outliers(&positions), [sentinel]);
+        }
+    }
+
+    /// Bursts of 30 lost rows: a value beyond all others is lost tracking however long it stands.
+    #[test]
+    fn long_bursts_of_a_value_beyond_all_others_are_found() {
+        let positions: Vec<Option<f64>> =
+            (0..1200).map(|row| Some(if row % 300 > 269 { -9999.0 } else { motion(row) + noise(row) })).collect();
+        assert_eq!(repeated_outliers(&positions), [-9999.0]);
+    }
+
+    /// A body that rests at exactly 0 in half of the rows, of which a few are lost elsewhere: 0 is a position.
+    #[test]
+    fn a_value_that_is_mostly_a_position_is_kept() {
+        let phase = |row: usize| (row % 100) as f64 / 100.0;
+        let rises = |row: usize| 300.0 + 400.0 * (1.0 - (-5.0 * phase(row)).exp());
+        // It ends where it began, so that a rest looks like a burst of lost rows.
+        let returns = |row: usize| 300.0 + 400.0 * (std::f64::consts::PI * phase(row)).sin();
+        for pulled in [&rises as &dyn Fn(usize) -> f64, &returns] {
+            let at = |row: usize| if row % 200 < 100 { 0.0 } else { pulled(row) + noise(row) };
+            let positions: Vec<Option<f64>> =
+                (0..1200).map(|row| Some(if row % 200 == 150 { 0.0 } else { at(row) })).collect();
+            assert!(repeated_outliers(&positions).is_empty());
         }
     }
 

@@ -199,6 +199,25 @@ mod tests {
         assert!(join_restarts(&mut unsorted).is_empty());
     }
 
+    /// A step whose first row follows its beginning, as a rheometer logs it; one that begins with a row of its own; and one whose first row has the time of the last.
+    #[test]
+    fn a_table_that_begins_with_the_last_row_of_another_switches_there() {
+        let place = |row: usize| Place::file("t.csv").at_line(row + 2);
+        let position_m = [Some(0.0); 5];
+        for (third_s, expected_n, is_nudged) in [
+            (60.01, [1.0, 1.0, 2.0, 2.0, 2.0], false),
+            (90.0, [1.0, 1.0, 1.0, 2.0, 2.0], false),
+            (60.0, [1.0, 1.0, 1.0, 2.0, 2.0], true),
+        ] {
+            let (mut time_s, mut force_n) = ([0.01, 30.0, 60.0, third_s, 100.0], [1.0, 1.0, 1.0, 2.0, 2.0]);
+            let rows = Rows { time_s: &mut time_s, force_n: &mut force_n, position_m: &position_m };
+            order_times(&place, TimeRules::default(), &[0, 3], rows).expect("times that ascend");
+            assert_eq!(force_n, expected_n, "{third_s}");
+            assert_eq!(time_s[2] < 60.0, is_nudged, "{third_s}");
+            assert!((time_s[2] - 60.0).abs() < 1e-3, "{third_s}");
+        }
+    }
+
     /// 4 Hz under a clock of whole seconds: the first second has two rows and the last one.
     #[test]
     fn rows_of_a_coarse_clock_are_spread() {
