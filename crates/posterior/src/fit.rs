@@ -109,6 +109,9 @@ fn best_support<'a>(prepared: &'a PreparedModel, free: &[usize], rows: &FittedRo
             let few = CreepResiduals::new(prepared, &left, held, &rows.thinned(MOST_SEARCHED));
             finished(&residuals, &few.search(&starts)?, rows.observed.len() as f64 / few.observed.len() as f64)?
         };
+        let in_order: Vec<Vec<f64>> = searches.iter().map(|found| residuals.in_order(problem, &found.theta)).collect();
+        let is_changed = in_order.iter().zip(&searches).any(|(theta, found)| *theta != found.theta);
+        let searches = if is_changed { residuals.search(&in_order)? } else { searches };
         Ok(Searched { residuals, searches })
     };
     let effects = effects_with_null_at_end(problem, free);
@@ -243,6 +246,25 @@ impl<'a> CreepResiduals<'a> {
             parameters[j] = coordinate.value(*theta).max(self.ranges[j].lower).min(self.ranges[j].upper);
         }
         parameters
+    }
+
+    /// Coordinates at which parts of the law that may trade places stand in order, as they do in every draw of the posterior.
+    fn in_order(&self, problem: &Problem, theta: &[f64]) -> Vec<f64> {
+        let mut parameters = self.model_parameters(theta);
+        let specs = problem.model.parameters();
+        let places: Vec<Option<usize>> =
+            problem.priors.names().map(|name| specs.iter().position(|spec| spec.name == name)).collect();
+        let natural = places.iter().map(|place| place.map_or(f64::NAN, |j| parameters[j])).collect();
+        for (place, value) in places.iter().zip(problem.priors.ordered(natural)) {
+            if let Some(j) = place {
+                parameters[*j] = value;
+            }
+        }
+        let is_same = |&(j, coordinate): &(usize, Coordinate), theta: f64| parameters[j] == coordinate.value(theta);
+        let coordinates = self.free.iter().zip(theta);
+        coordinates
+            .map(|(free, theta)| if is_same(free, *theta) { *theta } else { free.1.theta(parameters[free.0]) })
+            .collect()
     }
 
     /// The prior's medians, then Sobol points of its quantiles.

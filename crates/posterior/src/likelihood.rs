@@ -138,11 +138,7 @@ impl<'a> ReducedPosterior<'a> {
         self.fill(
             log_density,
             |index, out| out.copy_from_slice(&points[index * n..(index + 1) * n]),
-            |log_density| {
-                for (prior, values) in self.parts.priors.priors().iter().zip(points.chunks_exact(n)) {
-                    log_density.iter_mut().zip(values).for_each(|(out, x)| *out += prior.distribution.ln_pdf(*x));
-                }
-            },
+            |log_density| self.parts.priors.add_ln_pdf(points, log_density),
         );
     }
 

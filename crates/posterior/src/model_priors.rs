@@ -66,7 +66,7 @@ pub fn read_priors_with(
         }
         prior_of_error(spec, &median_of)
     };
-    PriorSet::read_for(name_or_file, &wanted, &others, &default)
+    Ok(PriorSet::read_for(name_or_file, &wanted, &others, &default)?.with_order(model.base().alike()))
 }
 
 #[cfg(test)]

@@ -9,7 +9,7 @@ use base::error::{Error, Place, Result, Setting};
 use base::files::{self, Content};
 use base::parameter::{NOISE_SD, ParameterSpec};
 use base::toml_input::{Table, TomlInput, text_of};
-use laws::rheology::LETHERSICH;
+use laws::rheology::{Alike, LETHERSICH};
 
 /// The base law's parameters (physics §2) and the white noise, in the order used everywhere.
 pub const BASE_PARAMETERS: &[ParameterSpec] = &[LETHERSICH[0], LETHERSICH[1], LETHERSICH[2], NOISE_SD];
@@ -54,6 +54,8 @@ pub struct PriorSet {
     priors: Vec<Prior>,
     /// One for each prior, worked out once because the sampler asks millions of times.
     densities: Vec<UnconstrainedDensity>,
+    /// Parts of the law that may trade places, with the places of their parameters here. They are put in order, so that each name means one part.
+    alike: Vec<(Alike, Vec<Vec<usize>>)>,
 }
 
 impl PriorSet {
@@ -158,7 +160,7 @@ impl PriorSet {
             });
         }
         let densities = priors.iter().map(|prior| prior.distribution.unconstrained()).collect();
-        Ok(Self { name: file.display().to_string(), text: text.to_string(), priors, densities })
+        Ok(Self { name: file.display().to_string(), text: text.to_string(), priors, densities, alike: Vec::new() })
     }
 
     /// Name or file as it was asked for.
@@ -196,7 +198,7 @@ impl PriorSet {
         let mut left = self.clone();
         left.priors.retain(|prior| !fixed.contains(&prior.name.as_str()));
         left.densities = left.priors.iter().map(|prior| prior.distribution.unconstrained()).collect();
-        left
+        left.with_order(self.alike.iter().map(|(alike, _)| alike.clone()).collect())
     }
 
     /// The set with others after its own.
@@ -207,6 +209,59 @@ impl PriorSet {
         all
     }
 
+    /// The set under which parts of a law stand in order, if they have the same priors: their parameters would else be exchanged from draw to draw, and each
+    /// would have the distribution of both.
+    pub fn with_order(mut self, alike: Vec<Alike>) -> Self {
+        let placed = |alike: Alike| {
+            let place = |spec: &ParameterSpec| self.priors.iter().position(|prior| prior.name == spec.name);
+            let places = |part: &Vec<ParameterSpec>| part.iter().map(place).collect::<Option<Vec<usize>>>();
+            let places = alike.0.iter().map(places).collect::<Option<Vec<_>>>()?;
+            let distributions =
+                |part: &Vec<usize>| part.iter().map(|place| self.priors[*place].distribution).collect::<Vec<_>>();
+            let is_same = |part: &Vec<usize>| distributions(part) == distributions(&places[0]);
+            places.iter().all(is_same).then_some((alike, places))
+        };
+        let placed = alike.into_iter().filter_map(placed).collect();
+        self.alike = placed;
+        self
+    }
+
+    /// Natural values with the parts of a law in order.
+    pub fn ordered(&self, mut natural: Vec<f64>) -> Vec<f64> {
+        for (alike, places) in &self.alike {
+            let values = |part: &Vec<usize>| part.iter().map(|place| natural[*place]).collect::<Vec<f64>>();
+            let mut parts: Vec<Vec<f64>> = places.iter().map(values).collect();
+            parts.sort_by(|a, b| Alike::slowness(&alike.0[0], a).total_cmp(&Alike::slowness(&alike.0[0], b)));
+            for (place, value) in places.iter().flatten().zip(parts.iter().flatten()) {
+                natural[*place] = *value;
+            }
+        }
+        natural
+    }
+
+    /// Adds the density of the order to points whose natural values are given by place and point: as many times as there are orders, in one of them.
+    fn add_ln_order(&self, natural: impl Fn(usize, usize) -> f64, log_density: &mut [f64]) {
+        for (alike, places) in &self.alike {
+            let ln_orders: f64 = (1..=places.len()).map(|n| (n as f64).ln()).sum();
+            for (point, out) in log_density.iter_mut().enumerate() {
+                let slowness = places.iter().zip(&alike.0).map(|(part, specs)| {
+                    let values: Vec<f64> = part.iter().map(|place| natural(*place, point)).collect();
+                    Alike::slowness(specs, &values)
+                });
+                *out += if slowness.is_sorted() { ln_orders } else { f64::NEG_INFINITY };
+            }
+        }
+    }
+
+    /// Adds the log-density of natural values to each point of a batch, laid out as in [`Self::add_ln_pdf_unconstrained`].
+    pub fn add_ln_pdf(&self, points: &[f64], log_density: &mut [f64]) {
+        let n = log_density.len();
+        for (prior, values) in self.priors.iter().zip(points.chunks_exact(n.max(1))) {
+            log_density.iter_mut().zip(values).for_each(|(out, x)| *out += prior.distribution.ln_pdf(*x));
+        }
+        self.add_ln_order(|place, point| points[place * n + point], log_density);
+    }
+
     /// For each parameter the interval that leaves `tail` on either side.
     pub fn box_quantiles(&self, tail: f64) -> Vec<(f64, f64)> {
         let ends = |prior: &Prior| (prior.distribution.quantile(tail), prior.distribution.quantile(1.0 - tail));
@@ -215,7 +270,7 @@ impl PriorSet {
 
     /// One draw of every parameter, in natural units.
     pub fn draw(&self, rng: &mut (impl Rng + ?Sized)) -> Vec<f64> {
-        self.priors.iter().map(|prior| prior.distribution.draw(rng)).collect()
+        self.ordered(self.priors.iter().map(|prior| prior.distribution.draw(rng)).collect())
     }
 
     /// The sampler's coordinates of natural values, in order.
@@ -238,6 +293,9 @@ impl PriorSet {
         for (density, z) in self.densities.iter().zip(points.chunks_exact(n)) {
             density.add_ln_pdf(z, log_density);
         }
+        let natural =
+            |place: usize, point: usize| self.priors[place].distribution.from_unconstrained(points[place * n + point]);
+        self.add_ln_order(natural, log_density);
     }
 }
 

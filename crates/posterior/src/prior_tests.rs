@@ -1,4 +1,5 @@
 use super::*;
+use laws::rheology::{BaseLaw, Network};
 use rand::SeedableRng;
 
 const VALID: &str = "\
@@ -263,4 +264,53 @@ fn boxes_batches_and_subsets_agree_with_the_single_priors() {
             .sum();
         assert!((value - 0.5 - expected).abs() < 1e-11);
     }
+}
+
+/// Two springpots in parallel under one prior: in one of two orders the density is doubled, in the other there is none. A draw is in order, and a prior of its own for one of them keeps the names
+/// apart by itself.
+#[test]
+fn parts_that_may_trade_places_stand_in_order() {
+    let text = "parallel = [{ springpot = \"fast\" }, { springpot = \"slow\" }]";
+    let law = BaseLaw::Network(Network::from_text("law.toml".as_ref(), text).expect("a network"));
+    let of = |slow_order: Distribution| {
+        let prior = |name: &str, unit: &str, distribution| Prior {
+            name: name.into(),
+            distribution,
+            unit: unit.into(),
+            source: String::new(),
+        };
+        let modulus = Distribution::LogNormal { median: 3.0, log_sd: 1.0 };
+        let order = Distribution::Uniform { lower: 0.0, upper: 1.0 };
+        let all = [
+            prior("fast_modulus_pa", "Pa", modulus),
+            prior("fast_order", "1", order),
+            prior("slow_modulus_pa", "Pa", modulus),
+            prior("slow_order", "1", slow_order),
+        ];
+        PriorSet::from_text(Path::new("p.toml"), b"", &[], &[], &no_default)
+            .expect("no prior")
+            .with(&all)
+            .with_order(law.alike())
+    };
+    let ln_density = |set: &PriorSet, natural: &[f64]| {
+        let (mut by_value, mut by_coordinate) = ([0.0], [0.0]);
+        set.add_ln_pdf(natural, &mut by_value);
+        set.add_ln_pdf_unconstrained(&set.to_unconstrained(natural), &mut by_coordinate);
+        assert_eq!(by_value[0].is_finite(), by_coordinate[0].is_finite());
+        let each: f64 = set.distributions().zip(natural).map(|(own, x)| own.ln_pdf(*x)).sum();
+        by_value[0] - each
+    };
+    let alike = of(Distribution::Uniform { lower: 0.0, upper: 1.0 });
+    // Of two springpots in parallel the one of higher order acts faster.
+    assert_eq!(ln_density(&alike, &[2.0, 0.8, 5.0, 0.3]), 2.0_f64.ln());
+    assert_eq!(ln_density(&alike, &[5.0, 0.3, 2.0, 0.8]), f64::NEG_INFINITY);
+    assert_eq!(alike.ordered(vec![5.0, 0.3, 2.0, 0.8]), [2.0, 0.8, 5.0, 0.3]);
+    let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(3);
+    for _ in 0..50 {
+        let draw = alike.draw(&mut rng);
+        assert!(draw[1] >= draw[3], "{draw:?}");
+    }
+    let known_apart = of(Distribution::Uniform { lower: 0.0, upper: 0.5 });
+    assert_eq!(ln_density(&known_apart, &[5.0, 0.2, 2.0, 0.4]), 0.0);
+    assert_eq!(ln_density(&alike.without(&["slow_order"]), &[5.0, 0.3, 2.0]), 0.0);
 }

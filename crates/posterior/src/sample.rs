@@ -168,7 +168,8 @@ pub fn sample(
     let names: Vec<&str> = problem.priors.names().collect();
     let from: Vec<Distribution> = names.iter().filter_map(|name| problem.starts_of(name)).collect();
     let mut start = || -> Vec<f64> { from.iter().map(|own| own.draw(&mut rng)).collect() };
-    let starts: Vec<Vec<f64>> = (0..n_starts).map(|_| problem.priors.to_unconstrained(&start())).collect();
+    let starts: Vec<Vec<f64>> =
+        (0..n_starts).map(|_| problem.priors.to_unconstrained(&problem.priors.ordered(start()))).collect();
     let resumed = match request.checkpoint {
         Some(path) if request.resume => checkpoint::read(path)?,
         _ => None,

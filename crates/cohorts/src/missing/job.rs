@@ -8,7 +8,7 @@ use super::compare::{Compared, Sizes, compared, fine_laws, sizes};
 use super::judge::{Gained, Judged, N_COHORTS, judge};
 use super::law::{Laws, Nodes, Ratios, Sides};
 use super::likelihood::Likelihood;
-use super::refit::{Predicted, Sized, law_of, predicted, sized};
+use super::refit::{Predicted, Sized, gain_nats, law_of, predicted, sized};
 use super::scan::Scan;
 use super::wording;
 use crate::cohort::{self, Key, Measurement};
@@ -67,7 +67,10 @@ pub fn run(measurements: &[Measurement], request: &CohortRequest, monitor: &dyn 
     let judged = judge(&said, request.seed, monitor);
     let mut found =
         Found { measurements, labels: &labels, request, said: &said, based: &based, judged: &judged, claim: None };
-    let leading = found.leading();
+    let leading = match found.leading() {
+        Some(leading) => Some(found.nearest_by_fits(leading, &apparatuses, monitor)?),
+        None => None,
+    };
     let mut evidence = found.evidence(leading);
     if let Some(claimed) = evidence.claim(&CRITERIA).and(leading) {
         stopped(monitor)?;
@@ -140,13 +143,7 @@ impl Claim {
         let (said, based) = (found.said, found.based);
         let gained = &found.judged.effects[claimed];
         let counter = Counter::new(monitor, 3 * said.len());
-        let subject = |number: usize| -> Result<Subject> {
-            stopped(monitor)?;
-            counter.add_one();
-            let subject = apparatuses.subject(&found.measurements[number])?;
-            let rows = &based[number].outlier_rows;
-            Ok(if rows.is_empty() { subject } else { subject.without_rows(rows) })
-        };
+        let subject = |number: usize| found.subject(number, apparatuses, &counter, monitor);
         // Of the last cycle nothing is known yet when it is predicted; sizes are what all cycles say.
         let fitted = Fits::new(found, gained, &subject, |said| &said.told.fitted)?;
         let (_, place) = fitted.laws.best(&fitted.ratios().iter().collect::<Vec<_>>());
@@ -251,6 +248,49 @@ impl Found<'_> {
         let effects = &self.judged.effects;
         let of = |best: usize, other: usize| if rank(other) > rank(best) { other } else { best };
         (0..effects.len()).filter(|k| effects[*k].best.gain_nats > 0.0).reduce(of)
+    }
+
+    /// Of the leading effect and those whose rank is near to its own, the one that gains most when it is fitted to every record: ranks are of the first order, and a
+    /// size at which an effect is not linear may gain more, or less, than they say.
+    fn nearest_by_fits(&self, leading: usize, apparatuses: &Apparatuses, monitor: &dyn Monitor) -> Result<usize> {
+        let effects = &self.judged.effects;
+        let rank = |place: usize| effects[place].best.rank_nats();
+        let is_near =
+            |place: &usize| effects[*place].best.gain_nats > 0.0 && rank(*place) >= CRITERIA.near_rank * rank(leading);
+        let near: Vec<usize> = (0..effects.len()).filter(is_near).collect();
+        if near.len() < 2 {
+            return Ok(leading);
+        }
+        monitor.stage("fitting effects that rank nearly alike to every record");
+        let counter = Counter::new(monitor, self.said.len());
+        let of_record = |number: usize| -> Result<Vec<f64>> {
+            let subject = self.subject(number, apparatuses, &counter, monitor)?;
+            let gain = |place: &usize| {
+                let asked = &self.said[number].effects[effects[*place].effect];
+                gain_nats(&subject, &self.based[number], asked)
+            };
+            near.iter().map(gain).collect::<Result<_>>().map_err(|error| self.measurements[number].named(error))
+        };
+        let gains: Vec<Vec<f64>> = (0..self.said.len()).into_par_iter().map(of_record).collect::<Result<_>>()?;
+        let total = |k: usize| gains.iter().map(|own| own[k]).sum::<f64>();
+        // Of equals the first.
+        let best = (0..near.len()).reduce(|best, other| if total(other) > total(best) { other } else { best });
+        Ok(best.map_or(leading, |best| near[best]))
+    }
+
+    /// A record without its outliers.
+    fn subject(
+        &self,
+        number: usize,
+        apparatuses: &Apparatuses,
+        counter: &Counter,
+        monitor: &dyn Monitor,
+    ) -> Result<Subject> {
+        stopped(monitor)?;
+        counter.add_one();
+        let subject = apparatuses.subject(&self.measurements[number])?;
+        let rows = &self.based[number].outlier_rows;
+        Ok(if rows.is_empty() { subject } else { subject.without_rows(rows) })
     }
 
     /// The evidence of the search: the leading effect, which alone is judged and whose residuals are tested once it is fitted, and the residuals of all records without it.

@@ -5,7 +5,7 @@ use super::likelihood::Likelihood;
 use base::error::Result;
 use criticism::predicted::allowed_noise_um;
 use criticism::sketch::{Asked, Based};
-use criticism::{Fitted, Search, Subject, Tangent};
+use criticism::{Candidate, Fitted, Search, Subject, Tangent};
 
 /// Gains (nats) from which on a fitted size stands for what a record says of it: below, the size may be at its null, and the first order says all.
 const LEAST_NATS: f64 = 4.5;
@@ -18,24 +18,54 @@ pub struct Sized {
     start: Option<Fitted>,
 }
 
+/// The base and the effect fitted to the same cycles of a record.
+struct Both {
+    candidate: Candidate,
+    without: Fitted,
+    fitted: Fitted,
+}
+
+impl Both {
+    /// # Errors
+    /// Whatever building the effect's model refuses; `None` for an effect that cannot be added, and where a model cannot be evaluated anywhere.
+    fn new(subject: &Subject, record: &Based, asked: &Asked) -> Result<Option<Self>> {
+        if asked.refused.is_some() {
+            return Ok(None);
+        }
+        let candidate = subject.extended(&[asked.slug])?;
+        let base = &record.base.candidate;
+        let start = (record.base.fitted.theta.clone(), record.base.fitted.noise);
+        let Ok(without) = subject.fit(base, &[start], Search::Local) else { return Ok(None) };
+        let start = (candidate.embed(base, &without.theta), without.noise);
+        let Ok(fitted) = subject.fit(&candidate, &[start], Search::Local) else { return Ok(None) };
+        Ok(Some(Self { candidate, without, fitted }))
+    }
+
+    fn gain_nats(&self) -> f64 {
+        self.fitted.objective - self.without.objective
+    }
+}
+
+/// What the effect gains when it is fitted to the cycles of a record that a subject has among the fitted ones, less half a nat for each of its parameters, which is what chance gives, in nats;
+/// 0 where it cannot be fitted.
+///
+/// # Errors
+/// Whatever building its model refuses, but for an effect that cannot be added.
+pub fn gain_nats(subject: &Subject, record: &Based, asked: &Asked) -> Result<f64> {
+    let Some(both) = Both::new(subject, record, asked)? else { return Ok(0.0) };
+    let n_more = both.candidate.free.len() - record.base.candidate.free.len();
+    Ok(both.gain_nats() - 0.5 * n_more as f64)
+}
+
 /// Fits the effect to the cycles of a record that a subject has among the fitted ones.
 ///
 /// # Errors
 /// Whatever building its model refuses, but for an effect that cannot be added.
 pub fn sized(subject: &Subject, record: &Based, asked: &Asked) -> Result<Sized> {
     let none = Sized { likelihood: None, start: None };
-    if asked.refused.is_some() {
-        return Ok(none);
-    }
-    let candidate = subject.extended(&[asked.slug])?;
+    let Some(both) = Both::new(subject, record, asked)? else { return Ok(none) };
+    let (gain, Both { candidate, fitted, .. }) = (both.gain_nats(), both);
     let Some(place) = candidate.free.iter().position(|free| free.name == asked.parameter) else { return Ok(none) };
-    let base = &record.base.candidate;
-    let start = (record.base.fitted.theta.clone(), record.base.fitted.noise);
-    // A model that cannot be evaluated anywhere says nothing.
-    let Ok(without) = subject.fit(base, &[start], Search::Local) else { return Ok(none) };
-    let start = (candidate.embed(base, &without.theta), without.noise);
-    let Ok(fitted) = subject.fit(&candidate, &[start], Search::Local) else { return Ok(none) };
-    let gain = fitted.objective - without.objective;
     let likelihood = if gain > LEAST_NATS {
         let sd = Tangent::new(subject, &candidate, &fitted)?.standard_deviations()[place];
         let (free, theta) = (&candidate.free[place], fitted.theta[place]);

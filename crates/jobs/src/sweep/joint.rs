@@ -250,6 +250,7 @@ impl LogDensity for Joint<'_> {
         let mut prior = vec![0.0; n];
         self.law.add_ln_pdf_unconstrained(&points[..self.law.priors().len() * n], &mut prior);
         let others = (self.members.len() - 1) as f64;
-        log_density.iter_mut().zip(&prior).for_each(|(sum, prior)| *sum -= others * prior);
+        let inside = log_density.iter_mut().zip(&prior).filter(|(sum, _)| **sum > f64::NEG_INFINITY);
+        inside.for_each(|(sum, prior)| *sum -= others * prior);
     }
 }

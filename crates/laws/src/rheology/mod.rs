@@ -1,5 +1,6 @@
 //! Springs, dashpots and their creep compliance (physics §2). Scalar: space enters only through the finite elements.
 
+mod alike;
 mod branch_cut;
 mod element;
 mod fractional;
@@ -15,6 +16,7 @@ mod spectrum;
 mod spread;
 pub mod stieltjes;
 
+pub use alike::Alike;
 pub use element::{Element, Leaf};
 pub use network::Network;
 pub use oscillation::complex_modulus_pa;
@@ -206,6 +208,17 @@ impl BaseLaw {
             )),
             (Self::Network(network), name) => network.default_prior(name),
             _ => None,
+        }
+    }
+
+    /// Its parts that may trade places.
+    pub fn alike(self) -> Vec<Alike> {
+        match self {
+            Self::TwoElement => {
+                vec![Alike(vec![vec![YOUNG_MODULUS, VISCOSITY_1], vec![SECOND_MODULUS, SECOND_VISCOSITY]])]
+            }
+            Self::Network(network) => network.alike(),
+            Self::Lethersich | Self::Burgers | Self::Outside(_) => Vec::new(),
         }
     }
 

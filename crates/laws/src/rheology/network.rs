@@ -16,7 +16,7 @@
 use std::path::Path;
 use std::sync::{Mutex, PoisonError};
 
-use super::{Element, Leaf};
+use super::{Alike, Element, Leaf};
 use base::distribution::Distribution;
 use base::error::Result;
 use base::number::Dual;
@@ -176,6 +176,17 @@ impl Network {
         }
     }
 
+    /// Its parts that may trade places, elements that stand in it twice left out.
+    pub(super) fn alike(&self) -> Vec<Alike> {
+        let (mut found, mut places) = (Vec::new(), Vec::new());
+        self.root.add_alike(&mut found);
+        self.root.shape(&mut places);
+        let is_single = |place: &usize| places.iter().filter(|other| *other == place).count() == 1;
+        found.retain(|parts: &Vec<Vec<usize>>| parts.iter().flatten().all(is_single));
+        let specs = |part: Vec<usize>| part.into_iter().map(|place| self.parameters[place]).collect();
+        found.into_iter().map(|parts| Alike(parts.into_iter().map(specs).collect())).collect()
+    }
+
     /// The prior of one of its parameters, and where its numbers come from.
     pub(super) fn default_prior(&self, name: &str) -> Option<(Distribution, &'static str)> {
         let spec = self.parameters.iter().find(|spec| spec.name == name)?;
@@ -293,6 +304,41 @@ impl Node {
         }
     }
 
+    /// What it is but for names, and adds the places of its parameters; what stands beside each other is put in an order.
+    fn shape(&self, places: &mut Vec<usize>) -> String {
+        let (key, nodes) = match self {
+            Self::Leaf { kind, first, .. } => {
+                places.extend((0..kind.parameters().len()).map(|place| first + place));
+                return kind.key().into();
+            }
+            Self::Series(nodes) => (SERIES, nodes),
+            Self::Parallel(nodes) => (PARALLEL, nodes),
+        };
+        let mut parts: Vec<(String, Vec<usize>)> = nodes.iter().map(Self::shape_and_places).collect();
+        parts.sort();
+        places.extend(parts.iter().flat_map(|(_, own)| own));
+        format!("{key}({})", parts.into_iter().map(|(shape, _)| shape).collect::<Vec<_>>().join(","))
+    }
+
+    fn shape_and_places(&self) -> (String, Vec<usize>) {
+        let mut places = Vec::new();
+        (self.shape(&mut places), places)
+    }
+
+    /// Adds the parameters' places of parts of one shape that stand beside each other, here and below.
+    fn add_alike(&self, found: &mut Vec<Vec<Vec<usize>>>) {
+        let (Self::Series(nodes) | Self::Parallel(nodes)) = self else { return };
+        let mut groups: Vec<(String, Vec<Vec<usize>>)> = Vec::new();
+        for (shape, places) in nodes.iter().map(Self::shape_and_places) {
+            match groups.iter_mut().find(|(known, _)| *known == shape) {
+                Some((_, parts)) => parts.push(places),
+                None => groups.push((shape, vec![places])),
+            }
+        }
+        found.extend(groups.into_iter().map(|(_, parts)| parts).filter(|parts| parts.len() > 1));
+        nodes.iter().for_each(|node| node.add_alike(found));
+    }
+
     fn to_toml_value(&self) -> toml::Value {
         let all = |nodes: &[Node]| toml::Value::Array(nodes.iter().map(Self::to_toml_value).collect());
         let (key, value) = match self {
@@ -313,6 +359,29 @@ mod tests {
         let document = TomlInput::parse(Path::new("model.toml"), text)?;
         let base = document.root().required_table("base")?;
         Network::from_toml(&base.required_table("network")?)
+    }
+
+    /// Parts of one shape beside each other, whatever stands between them and in whichever order their own parts stand; not an element that stands there twice.
+    #[test]
+    fn parts_that_may_trade_places() {
+        let alike = |text: &str| -> Vec<Vec<Vec<&str>>> {
+            let network = Network::from_text(Path::new("law.toml"), text).unwrap();
+            let names = |part: &Vec<ParameterSpec>| part.iter().map(|spec| spec.name).collect();
+            network.alike().iter().map(|Alike(parts)| parts.iter().map(names).collect()).collect()
+        };
+        assert_eq!(
+            alike("parallel = [{ springpot = \"a\" }, { spring = \"e\" }, { springpot = \"b\" }]"),
+            [[["a_modulus_pa", "a_order"], ["b_modulus_pa", "b_order"]]]
+        );
+        assert_eq!(
+            alike(
+                "series = [{ parallel = [{ spring = \"e\" }, { dashpot = \"c\" }] }, { parallel = [{ dashpot = \"d\" }, { spring = \"f\" }] }, { dashpot = \"g\" }]"
+            ),
+            [[["c_viscosity_pa_s", "e_modulus_pa"], ["d_viscosity_pa_s", "f_modulus_pa"]]]
+        );
+        let none: [Vec<Vec<&str>>; 0] = [];
+        assert_eq!(alike("series = [{ spring = \"e\" }, { dashpot = \"c\" }]"), none);
+        assert_eq!(alike("series = [{ dashpot = \"c\" }, { dashpot = \"c\" }]"), none);
     }
 
     const ZENER: &str = "[base.network]\nseries = [\n  { parallel = [{ spring = \"e\" }, { springpot = \"p\" }] },\n  { dashpot = \"c\" },\n]\n";
