@@ -181,15 +181,46 @@ fn run(
     (positions, states)
 }
 
-/// What the best law without anything hidden leaves of positions, as a root of a sum of squares in m: Gauss and Newton by differences.
-fn left_by_base(drive: Drive, largest_n: f64, positions: &[f64]) -> f64 {
+/// Correlation time of slow noise in s, and standard deviation of the gains of cycles.
+const SLOW_S: f64 = 1.0;
+const GAIN_SD: f64 = 0.01;
+
+/// Norm of what a law leaves of positions (both in m) under the noise that a record has, in standard deviations: slow noise and gains hide more of it than white noise of the stated size.
+fn under_own_noise(noise: &str, left_m: &[f64], positions_m: &[f64], sigma_m: f64) -> f64 {
+    let squares = |values: &[f64]| values.iter().map(|x| x * x).sum::<f64>() / (sigma_m * sigma_m);
+    match noise {
+        "ou" => {
+            let keep = (-ROW_S / SLOW_S).exp();
+            // In units of σ: mean and variance of the process, given the rows before.
+            let (mut mean, mut variance, mut sum) = (0.0, 1.0, 0.0);
+            for left in left_m.iter().map(|left| left / sigma_m) {
+                let total = variance + 1.0;
+                sum += (left - mean) * (left - mean) / total;
+                mean = keep * (mean + variance / total * (left - mean));
+                variance = keep * keep * variance / total + 1.0 - keep * keep;
+            }
+            sum.sqrt()
+        }
+        "gain" => {
+            let per_cycle = (CYCLE_S / ROW_S) as usize;
+            let of_cycle = |(left, x): (&[f64], &[f64])| {
+                let dot = left.iter().zip(x).map(|(a, b)| a * b).sum::<f64>() / (sigma_m * sigma_m);
+                squares(left) - dot * dot / (squares(x) + GAIN_SD.powi(-2))
+            };
+            left_m.chunks(per_cycle).zip(positions_m.chunks(per_cycle)).map(of_cycle).sum::<f64>().sqrt()
+        }
+        _ => squares(left_m).sqrt(),
+    }
+}
+
+/// What the best law without anything hidden leaves of positions (m): Gauss and Newton by differences.
+fn left_by_base(drive: Drive, largest_n: f64, positions: &[f64]) -> Vec<f64> {
     let mut log = LAW.map(f64::ln);
     let at = |log: &[f64; 3]| run(log.map(f64::exp), drive, largest_n, None, "position", "force").0;
-    let mut left = f64::INFINITY;
+    let mut residual = Vec::new();
     for _ in 0..6 {
         let here = at(&log);
-        let residual: Vec<f64> = positions.iter().zip(&here).map(|(x, y)| x - y).collect();
-        left = residual.iter().map(|r| r * r).sum::<f64>().sqrt();
+        residual = positions.iter().zip(&here).map(|(x, y)| x - y).collect();
         let columns: Vec<Vec<f64>> = (0..3)
             .map(|k| {
                 let mut moved = log;
@@ -215,7 +246,7 @@ fn left_by_base(drive: Drive, largest_n: f64, positions: &[f64]) -> f64 {
             log[i] += step[i].clamp(-0.5, 0.5);
         }
     }
-    left
+    residual
 }
 
 fn main() {
@@ -250,7 +281,7 @@ fn main() {
         }
         let (mut positions, mut states_at) = run(LAW, drive, largest_n, None, state, quantity);
         let size = states_at.iter().fold(0.0_f64, |size, s| size.max(s.abs()));
-        let mut strength = 0.0;
+        let (mut strength, mut seen_sigma) = (0.0, 0.0);
         if !nothing {
             // Stronger until the base's best fit leaves the signal that is asked for.
             let (mut low, mut high) = (0.0, 0.05);
@@ -259,7 +290,8 @@ fn main() {
                 let trial = if found.is_some() { 0.5 * (low + high) } else { high };
                 let hidden = Hidden { strength: sign * trial, shape: &*shape, size };
                 let (x, s) = run(LAW, drive, largest_n, Some(&hidden), state, quantity);
-                let z = left_by_base(drive, largest_n, &x) / sigma_m;
+                let left_m = left_by_base(drive, largest_n, &x);
+                let z = under_own_noise("white", &left_m, &x, sigma_m);
                 let is_sound = x.iter().all(|x| x.abs() < 2e-3);
                 if !is_sound || z > target * 1.1 {
                     high = trial;
@@ -272,6 +304,7 @@ fn main() {
                     }
                 } else {
                     strength = sign * trial;
+                    seen_sigma = under_own_noise(noise, &left_m, &x, sigma_m);
                     (positions, states_at) = (x, s);
                     break;
                 }
@@ -287,14 +320,14 @@ fn main() {
         fs::create_dir_all(&place).expect("a directory");
         let mut csv = String::from("time_s,force_uN,position_um,cycle\n");
         let mut slow = sigma_m * random.normal();
-        let keep = (-ROW_S / 1.0_f64).exp();
+        let keep = (-ROW_S / SLOW_S).exp();
         let mut gain = 0.0;
         let (mut squares, mut n_last) = (0.0, 0);
         let per_cycle = (CYCLE_S / ROW_S) as usize;
         for (row, x) in positions.iter().enumerate() {
             let cycle = row / per_cycle;
             if row % per_cycle == 0 {
-                gain = 0.01 * random.normal();
+                gain = GAIN_SD * random.normal();
             }
             slow = keep * slow + (1.0 - keep * keep).sqrt() * sigma_m * random.normal();
             let mut error = sigma_m * random.normal();
@@ -332,7 +365,7 @@ fn main() {
         let rows: Vec<String> = (0..positions.len()).step_by(5).map(row).collect();
         let (q, s) = if nothing { ("none", "none") } else { (quantity, state) };
         let truth = format!(
-            "{{\"quantity\":\"{q}\",\"state\":\"{s}\",\"shape\":\"{name}\",\"noise\":\"{noise}\",\"drive\":\"{rule}\",\"signal_sigma\":{target:.1},\"true_noise_um\":{:.4},\"factors\":[{}]}}\n",
+            "{{\"quantity\":\"{q}\",\"state\":\"{s}\",\"shape\":\"{name}\",\"noise\":\"{noise}\",\"drive\":\"{rule}\",\"signal_sigma\":{target:.1},\"seen_sigma\":{seen_sigma:.1},\"true_noise_um\":{:.4},\"factors\":[{}]}}\n",
             1e6 * (squares / f64::from(n_last)).sqrt(),
             rows.join(",")
         );
