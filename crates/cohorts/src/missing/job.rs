@@ -250,8 +250,8 @@ impl Found<'_> {
         (0..effects.len()).filter(|k| effects[*k].best.gain_nats > 0.0).reduce(of)
     }
 
-    /// Of the leading effect and those whose rank is near to its own, the one that gains most when it is fitted to every record: ranks are of the first order, and a
-    /// size at which an effect is not linear may gain more, or less, than they say.
+    /// Of the leading effect and those whose rank is near to its own, the one that ranks first once each record's gain of the first order is replaced by that of a
+    /// fit: a size at which an effect is not linear may gain more, or less.
     fn nearest_by_fits(&self, leading: usize, apparatuses: &Apparatuses, monitor: &dyn Monitor) -> Result<usize> {
         let effects = &self.judged.effects;
         let rank = |place: usize| effects[place].best.rank_nats();
@@ -263,16 +263,19 @@ impl Found<'_> {
         }
         monitor.stage("fitting effects that rank nearly alike to every record");
         let counter = Counter::new(monitor, self.said.len());
-        let of_record = |number: usize| -> Result<Vec<f64>> {
+        let more = |number: usize| -> Result<Vec<f64>> {
             let subject = self.subject(number, apparatuses, &counter, monitor)?;
-            let gain = |place: &usize| {
-                let asked = &self.said[number].effects[effects[*place].effect];
-                gain_nats(&subject, &self.based[number], asked)
+            let (said, based) = (&self.said[number], &self.based[number]);
+            let more = |place: &usize| -> Result<f64> {
+                let effect = effects[*place].effect;
+                let first_order = Scan::new(self.said, effect).map(|scan| scan.own_gain(number, &said.told.fitted));
+                let fitted = gain_nats(&subject, based, &said.effects[effect])?;
+                Ok(fitted.zip(first_order).map_or(0.0, |(fitted, first_order)| fitted - first_order))
             };
-            near.iter().map(gain).collect::<Result<_>>().map_err(|error| self.measurements[number].named(error))
+            near.iter().map(more).collect::<Result<_>>().map_err(|error| self.measurements[number].named(error))
         };
-        let gains: Vec<Vec<f64>> = (0..self.said.len()).into_par_iter().map(of_record).collect::<Result<_>>()?;
-        let total = |k: usize| gains.iter().map(|own| own[k]).sum::<f64>();
+        let each: Vec<Vec<f64>> = (0..self.said.len()).into_par_iter().map(more).collect::<Result<_>>()?;
+        let total = |k: usize| rank(near[k]) + each.iter().map(|own| own[k]).sum::<f64>();
         // Of equals the first.
         let best = (0..near.len()).reduce(|best, other| if total(other) > total(best) { other } else { best });
         Ok(best.map_or(leading, |best| near[best]))

@@ -46,15 +46,12 @@ impl Both {
     }
 }
 
-/// What the effect gains when it is fitted to the cycles of a record that a subject has among the fitted ones, less half a nat for each of its parameters, which is what chance gives, in nats;
-/// 0 where it cannot be fitted.
+/// What the effect gains when it is fitted to the cycles of a record that a subject has among the fitted ones, in nats; `None` where it cannot be fitted.
 ///
 /// # Errors
 /// Whatever building its model refuses, but for an effect that cannot be added.
-pub fn gain_nats(subject: &Subject, record: &Based, asked: &Asked) -> Result<f64> {
-    let Some(both) = Both::new(subject, record, asked)? else { return Ok(0.0) };
-    let n_more = both.candidate.free.len() - record.base.candidate.free.len();
-    Ok(both.gain_nats() - 0.5 * n_more as f64)
+pub fn gain_nats(subject: &Subject, record: &Based, asked: &Asked) -> Result<Option<f64>> {
+    Ok(Both::new(subject, record, asked)?.map(|both| both.gain_nats()))
 }
 
 /// Fits the effect to the cycles of a record that a subject has among the fitted ones.
