@@ -165,6 +165,11 @@ impl Candidate {
         held
     }
 
+    /// Whether every trajectory is computed by itself: of a law that is not linear, or of a quantity that depends on a state.
+    pub fn is_slow(&self) -> bool {
+        self.model.effects().iter().any(|effect| effect.is_nonlinear() || effect.depends_on_state())
+    }
+
     /// Number of coordinates: free parameters, then amplitudes of columns.
     pub fn dimension(&self) -> usize {
         self.free.len() + self.columns.len()

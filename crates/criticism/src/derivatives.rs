@@ -1,7 +1,10 @@
-//! Derivatives of a candidate's position by differences.
+//! Derivatives of a candidate's position by differences; by the parameters of a function of a state as they are.
 
+use super::candidate::Coordinate;
 use super::{Candidate, Subject};
 use base::error::{Error, Result};
+use base::number::Dual;
+use models::effects::EffectParameter;
 use models::model::{Lanes, N_LANES};
 
 /// Step of a difference, in a search coordinate, whose unit is the spread of a prior.
@@ -57,18 +60,22 @@ pub(super) fn derivatives_m(
     theta: &[f64],
     known_m: Option<&[f64]>,
 ) -> Option<Vec<Vec<f64>>> {
-    let n_free = candidate.free.len();
+    let exact = by_function_m(subject, candidate, theta).unwrap_or_default();
+    let is_exact = |k: &usize| exact.iter().any(|(place, _)| place == k);
+    let moved: Vec<usize> = (0..candidate.free.len()).filter(|k| !is_exact(k)).collect();
     let step = |k: usize| difference_step(candidate, theta, k);
-    let moved = |k: usize| {
+    let moved_point = |k: &usize| {
         let mut moved = theta.to_vec();
-        moved[k] += step(k);
+        moved[*k] += step(*k);
         moved
     };
     // Beside the moved points the position costs nothing, but where every trajectory is computed by itself.
-    let centre = known_m.is_none().then(|| theta.to_vec());
-    let points: Vec<Vec<f64>> = centre.into_iter().chain((0..n_free).map(moved)).collect();
+    let centre = (known_m.is_none() && !moved.is_empty()).then(|| theta.to_vec());
+    let points: Vec<Vec<f64>> = centre.into_iter().chain(moved.iter().map(moved_point)).collect();
     let mut position_m = known_m.map(<[f64]>::to_vec);
-    let mut columns = Vec::with_capacity(candidate.dimension());
+    let mut columns = vec![Vec::new(); candidate.free.len()];
+    exact.into_iter().for_each(|(place, column)| columns[place] = column);
+    let mut coordinates = moved.into_iter();
     for chunk in points.chunks(N_LANES) {
         let (lanes, is_valid) = subject.trajectories_m(candidate, chunk);
         for (lane, is_valid) in is_valid.iter().enumerate().take(chunk.len()) {
@@ -77,19 +84,41 @@ pub(super) fn derivatives_m(
                 position_m.as_ref()?;
                 continue;
             };
-            let coordinate = columns.len();
-            columns.push(if *is_valid {
+            let coordinate = coordinates.next()?;
+            columns[coordinate] = if *is_valid {
                 let inverse = 1.0 / step(coordinate);
                 let difference = |(row, x): (&Lanes, &f64)| (row.0[lane] - x) * inverse;
                 lanes.iter().zip(position_m).map(difference).collect()
             } else {
                 let back = (coordinate, -step(coordinate));
                 difference_m(subject, candidate, (theta, position_m), back).ok()?
-            });
+            };
         }
     }
     columns.extend(candidate.columns.iter().cloned());
     Some(columns)
+}
+
+/// The derivatives by the parameters of a function of a state, with their coordinates' places.
+fn by_function_m(subject: &Subject, candidate: &Candidate, theta: &[f64]) -> Result<Vec<(usize, Vec<f64>)>> {
+    let Some(effect) = candidate.model.effects().iter().find(|effect| effect.depends_on_state()) else {
+        return Ok(Vec::new());
+    };
+    let parameters: Vec<Dual> = candidate.parameters(theta).into_iter().map(Dual::constant).collect();
+    let mut stages = candidate.model.stages(&parameters)?;
+    let compliance_per_m = subject.compliance().resolve(&mut stages)?.value;
+    let columns = subject.response().by_function_m(&stages, compliance_per_m)?;
+    let column = |(parameter, mut column): (&EffectParameter, Vec<f64>)| {
+        let place = candidate.free.iter().position(|free| free.name == parameter.spec.name)?;
+        let coordinate = candidate.free[place].coordinate;
+        if matches!(coordinate, Coordinate::Square { .. }) {
+            return None;
+        }
+        let unit = coordinate.unit(theta[place]);
+        column.iter_mut().for_each(|x| *x *= unit);
+        Some((place, column))
+    };
+    Ok(effect.parameters().iter().zip(columns).filter_map(column).collect())
 }
 
 #[cfg(test)]

@@ -38,8 +38,7 @@ impl Screen {
 
     /// What candidates may gain at most in other positions of the same rows; infinite where the first order says nothing.
     pub fn bounds_nats(&self, data: &Subject) -> Vec<f64> {
-        let left_m = data.fitted_m.iter().zip(&self.position_m).map(|(y, x)| y.map_or(0.0, |y| y - x)).collect();
-        let residual = self.tangent.project(self.tangent.whiten(&[left_m]).swap_remove(0));
+        let residual = self.residual(data);
         let bound = |(directions, sign): &(Vec<DVector<f64>>, Option<f64>)| {
             if directions.is_empty() {
                 return f64::INFINITY;
@@ -52,5 +51,18 @@ impl Screen {
             FACTOR * 0.5 * largest * largest + NATS
         };
         self.directions.iter().map(bound).collect()
+    }
+
+    /// What other positions (m) than the reference's gain to first order, at the size of the change that gains most.
+    pub fn gain_nats(&self, data: &Subject, position_m: &[f64]) -> f64 {
+        let change_m = position_m.iter().zip(&self.position_m).map(|(a, b)| a - b).collect();
+        let change = self.tangent.project(self.tangent.whiten(&[change_m]).swap_remove(0));
+        let along = change.dot(&self.residual(data)) / change.norm().max(f64::MIN_POSITIVE);
+        0.5 * along * along
+    }
+
+    fn residual(&self, data: &Subject) -> DVector<f64> {
+        let left_m = data.fitted_m.iter().zip(&self.position_m).map(|(y, x)| y.map_or(0.0, |y| y - x)).collect();
+        self.tangent.project(self.tangent.whiten(&[left_m]).swap_remove(0))
     }
 }

@@ -41,7 +41,7 @@ pub(super) struct Steps {
 impl Steps {
     /// The steps to try at once, one group after another: one by one where every trajectory is computed by itself.
     pub fn in_turn(&self, candidate: &Candidate) -> std::slice::Chunks<'_, Vec<f64>> {
-        self.trials.chunks(if candidate.model.is_nonlinear() { 1 } else { N_LANES })
+        self.trials.chunks(if candidate.is_slow() { 1 } else { N_LANES })
     }
 }
 
@@ -66,7 +66,7 @@ pub(super) fn damped_steps(
         DMatrix::from_fn(active.len(), active.len(), |i, j| normal[(active[i], active[j])] / (scale[i] * scale[j]));
     let slope = DVector::from_fn(active.len(), |i, _| slope[active[i]] / scale[i]);
     let (mut trials, mut promised) = (Vec::with_capacity(N_LANES), None);
-    let is_slow = candidate.model.is_nonlinear();
+    let is_slow = candidate.is_slow();
     let (undamped, dampings) = if is_slow { (&PARTS[..], &SLOW_DAMPINGS[..]) } else { (&PARTS[..1], &DAMPINGS[..]) };
     let damped = dampings.iter().map(|damping| (*damping, &PARTS[..1]));
     for (damping, parts) in std::iter::once((0.0, undamped)).chain(damped) {

@@ -336,6 +336,11 @@ impl Subject {
         &self.shared.large
     }
 
+    /// The record, prepared for models.
+    pub(super) fn response(&self) -> &Response {
+        &self.shared.response
+    }
+
     /// The noise model.
     pub fn noise(&self) -> NoiseModel {
         self.problem().noise

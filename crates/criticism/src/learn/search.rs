@@ -6,7 +6,7 @@ use super::pairs::{Pair, pairs};
 use crate::bootstrap::{Bootstrap, Simulations, simulated};
 use crate::outliers;
 use crate::refit::{Refitted, refit_all};
-use crate::{Candidate, Fitted, Search, Subject};
+use crate::{Candidate, Fitted, Search, Subject, screen};
 use base::error::Result;
 use documents::learned::LearnedErrors;
 use posterior::monitor::{Counter, Monitor};
@@ -27,6 +27,9 @@ const SIMPLER_WITHIN_NATS: f64 = 40.0;
 /// What an effect of the library may lack of the function's log score of unseen cycles to be preferred: nats, and a share of what that gains. A formula has a few parameters, and the function eight.
 const LIBRARY_NATS: f64 = 4.0;
 const LIBRARY_SHARE: f64 = 0.02;
+/// Positions among which models are searched whose every trajectory takes long, and the share of the function's gain, both to first order, below which they are not.
+const MOST_SEARCHED_SLOWLY: usize = 200;
+const WITHIN_REACH: f64 = 0.5;
 /// Positions among which pairs are searched; where there are more, each pair's fit is finished among all.
 const MOST_SEARCHED: usize = 800;
 /// Streams of the simulated searches, apart from others of the seed.
@@ -161,9 +164,10 @@ impl Found {
     pub fn preferred(&self, chosen: &Learnt, monitor: &dyn Monitor) -> Vec<String> {
         let own: Vec<&str> = self.pairs.iter().map(|pair| pair.effect.slug()).collect();
         let others = self.subject.library().effects().iter().filter(|effect| !own.contains(&effect.slug()));
-        let candidates: Vec<Candidate> =
-            others.filter_map(|effect| self.subject.extended(&[effect.slug()]).ok()).collect();
-        let refitted = refit_all(&self.subject, &candidates, &[&self.base], Search::Wide, monitor);
+        let candidates = others.filter_map(|effect| self.subject.extended(&[effect.slug()]).ok());
+        let (slow, quick): (Vec<Candidate>, _) = candidates.partition(|candidate| candidate.model.is_nonlinear());
+        let mut refitted = refit_all(&self.subject, &quick, &[&self.base], Search::Wide, monitor);
+        refitted.extend(self.refit_slow(slow, chosen, monitor).unwrap_or_default());
         let Some((learnt, base)) = chosen.future.zip(self.base.future) else { return Vec::new() };
         let allowed = LIBRARY_NATS + LIBRARY_SHARE * (learnt.all - base.all).max(0.0);
         let mut good: Vec<(f64, String)> = refitted
@@ -174,6 +178,32 @@ impl Found {
             .collect();
         good.sort_by(|a, b| b.0.total_cmp(&a.0));
         good.into_iter().map(|(_, slug)| slug).collect()
+    }
+
+    /// Models whose every trajectory takes long: those that may gain enough to first order, sought among few positions and then fitted to all.
+    fn refit_slow(
+        &self,
+        mut candidates: Vec<Candidate>,
+        chosen: &Learnt,
+        monitor: &dyn Monitor,
+    ) -> Result<Vec<Option<Refitted>>> {
+        let screen = screen::Screen::new(&self.subject, &self.base, &candidates)?;
+        let least = WITHIN_REACH * screen.gain_nats(&self.subject, &chosen.fitted.position_m);
+        let mut bounds = screen.bounds_nats(&self.subject).into_iter();
+        candidates.retain(|_| bounds.next().is_some_and(|bound| bound >= least));
+        let Some(few) = self.subject.thinned(MOST_SEARCHED_SLOWLY)? else {
+            return Ok(refit_all(&self.subject, &candidates, &[&self.base], Search::Wide, monitor));
+        };
+        let start = (self.base.fitted.theta.clone(), self.base.fitted.noise);
+        let fitted = few.fit(&self.base.candidate, &[start], Search::Local)?;
+        let base = Refitted { fitted, future: None, ..self.base.clone() };
+        let sought = refit_all(&few, &candidates, &[&base], Search::Wide, monitor).into_iter().flatten();
+        let finished = sought.map(|own| {
+            let start = (own.fitted.theta, own.fitted.noise);
+            let fitted = self.subject.fit(&own.candidate, &[start], Search::Local).ok()?;
+            Refitted::at(&self.subject, own.candidate, fitted).ok()
+        });
+        Ok(finished.collect())
     }
 
     /// Share of the squared error that goes, the noise's taken off.

@@ -134,7 +134,11 @@ impl Smooth {
         let warped = match self.bent_at {
             Some(own) => {
                 let x = state * own.recip();
-                Dual { value: x.value.asinh(), derivative: x.derivative / (1.0 + x.value * x.value).sqrt() }
+                let (square, size) = (x.value * x.value, x.value.abs());
+                let root = (1.0 + square).sqrt();
+                // The library's asinh, without its care for squares that overflow.
+                let value = (size + square / (1.0 + root)).ln_1p().copysign(x.value);
+                Dual { value, derivative: x.derivative / root }
             }
             None => state,
         };
@@ -170,6 +174,13 @@ impl StateFunction for Smooth {
         }
         let functions = self.first(parameters.len(), state);
         parameters.iter().zip(functions).fold(Dual::ZERO, |sum, (weight, function)| sum + *weight * function).exp()
+    }
+
+    fn by_parameters(&self, state: f64, parameters: &[Dual], slopes: &mut [f64]) {
+        let functions = self.first(parameters.len(), Dual::constant(state));
+        let each = parameters.iter().zip(&functions);
+        let factor = each.map(|(weight, function)| weight.value * function.value).sum::<f64>().exp();
+        slopes.iter_mut().zip(&functions).for_each(|(slope, function)| *slope = factor * function.value);
     }
 }
 

@@ -92,6 +92,16 @@ pub enum Operation {
 pub trait StateFunction: std::fmt::Debug + Send + Sync {
     /// Its value at a state and at parameters (SI), with the derivative that they carry.
     fn value(&self, state: Dual, parameters: &[Dual]) -> Dual;
+
+    /// Its derivatives by the parameters at a state.
+    fn by_parameters(&self, state: f64, parameters: &[Dual], slopes: &mut [f64]) {
+        let mut moving: Vec<Dual> = parameters.iter().map(|own| Dual::constant(own.value)).collect();
+        for (k, slope) in slopes.iter_mut().enumerate() {
+            moving[k].derivative = 1.0;
+            *slope = self.value(Dual::constant(state), &moving).derivative;
+            moving[k].derivative = 0.0;
+        }
+    }
 }
 
 /// A function that lives as long as the program.

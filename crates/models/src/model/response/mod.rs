@@ -98,6 +98,27 @@ impl Response {
         if sound { Ok(position_m) } else { Err(stages.load.of::<f64>().refusal()) }
     }
 
+    /// Derivatives of the recorded position at every row by each parameter of the function of a state; none where no quantity depends on one.
+    ///
+    /// # Errors
+    /// Those of [`Self::trajectory_m`].
+    pub fn by_function_m(&self, stages: &Stages, compliance_per_m: f64) -> Result<Vec<Vec<f64>>> {
+        let Some(law) = &stages.state_law else { return Ok(Vec::new()) };
+        let mut point = Lowered::<Dual>::new(stages, Dual::constant(compliance_per_m), self.window, &self.record)?;
+        let (excess_m, slopes) = state_law::excess_and_slopes_m(self, stages, law, compliance_per_m)?;
+        if !(point.shape.rooted || point.shape.observed) {
+            return Ok(slopes);
+        }
+        let mut position_m = Vec::new();
+        let recorded = |slope: Vec<f64>| {
+            let both = excess_m.iter().zip(slope);
+            point.excess_m = Some(both.map(|(value, derivative)| Dual { value: *value, derivative }).collect());
+            self.run::<Dual>(&[&point], &mut position_m);
+            position_m.iter().map(|x| x.derivative).collect()
+        };
+        Ok(slopes.into_iter().map(recorded).collect())
+    }
+
     /// Recorded positions (m) of one to eight points, row by row in `position_m`; which points have one. A point's bits are those of
     /// [`Self::trajectory_m`], whatever the other points are; a lane beyond the points, or of a point that has no position, means nothing.
     pub fn trajectories_m(

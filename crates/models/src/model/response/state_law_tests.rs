@@ -176,6 +176,43 @@ fn sensitivities_equal_differences() {
     }
 }
 
+/// Derivatives by the function's parameters that are followed beside a run are those that numbers carry through it, for every quantity and state.
+#[test]
+fn followed_slopes_are_those_that_numbers_carry() {
+    let (time_s, force_n) = record();
+    let mut n_cases = 0;
+    for rule in [ForceRule::Hold, ForceRule::Linear] {
+        let response = Response::new(&time_s, Force { at_rows_n: &force_n, rule }, time_s.len());
+        for (base, parameters, quantity) in [
+            (BaseLaw::Lethersich, &LETHERSICH[..], "force"),
+            (BaseLaw::Lethersich, &LETHERSICH, "position"),
+            (BaseLaw::Lethersich, &LETHERSICH, "young_modulus_pa"),
+            (BaseLaw::Lethersich, &LETHERSICH, "viscosity_2_pa_s"),
+            (springpot_law(), &[3.5, 1.4, 0.6, 47.0], "mesh_modulus_pa"),
+            (BaseLaw::Burgers, &[3.527, 1.402, 47.37, 20.0], "instantaneous_modulus_pa"),
+        ] {
+            for (state, name) in State::ALL {
+                if state == State::Strain && !quantity.contains("pa") {
+                    continue;
+                }
+                let stages = bounded(base, parameters, quantity, state, 0.4);
+                // Where the position runs away there is neither.
+                let Ok(found) = response.by_function_m(&stages, COMPLIANCE_PER_M) else { continue };
+                n_cases += found.len();
+                for (place, found) in found.iter().enumerate() {
+                    let mut moving = stages.clone();
+                    moving.state_law.as_mut().expect("a state law").parameters[place].derivative = 1.0;
+                    let expected = response.derivative_m(&moving, Dual::constant(COMPLIANCE_PER_M)).expect("sound");
+                    let expected: Vec<f64> = expected.iter().map(|x| x.derivative).collect();
+                    let error = distance(found, &expected);
+                    assert!(error < 1e-9, "{rule:?} {quantity} of {name} by {place}: {error}");
+                }
+            }
+        }
+    }
+    assert!(n_cases > 170, "{n_cases}");
+}
+
 /// A dashpot whose viscosity grows as e^{b x} under a held force: e^{bx} = 1 + b C F t/c; and one whose force falls with the path, the same.
 #[test]
 fn a_dashpot_that_hardens_has_a_closed_form() {

@@ -4,7 +4,7 @@ use super::super::collocation::{END, N_NODES};
 use super::super::numbers::Real;
 use super::{Carried, Run, size};
 use base::error::{Error, Result};
-use base::number::Dual;
+use base::number::{Dual, Scalar};
 use laws::rheology::Element;
 use laws::stages::{Leaf, Operation, Quantity, State, StateLaw};
 
@@ -47,6 +47,20 @@ impl<T: Real, const N: usize> Nodes<T, N> {
             self.growth[i] * answered
         })
     }
+}
+
+/// What R lacks at the nodes, and the equations about that.
+pub struct Imbalance<T, const N: usize> {
+    pub left: [T; N],
+    /// Derivatives of R less that of what it is to be, by R.
+    pub matrix: [[f64; N]; N],
+    pub states: [f64; N],
+    /// Of the states by the positions at the nodes.
+    pub by_position: [[f64; N]; N],
+    /// Of the function by the state, and of what R is to be by the function and by the strain.
+    pub by_state: [f64; N],
+    pub by_value: [f64; N],
+    pub by_strain: [f64; N],
 }
 
 /// How R follows, and the quantity where the function is added to it.
@@ -108,12 +122,14 @@ impl<T: Real> Run<'_, T> {
         if matches!(self.source, Source::Position) {
             return ended([T::constant(0.0); N]);
         }
+        // Where the state is known beforehand the equations are linear: the first step is the last.
+        let is_linear = !self.law.state.is_of_motion() && !T::CARRIES;
         let mut feedback = guess;
         let mut before = f64::INFINITY;
         let mut last_step: Option<([T; N], f64)> = None;
         let mut is_last = false;
         for _ in 0..MOST_NEWTON_STEPS {
-            let (left, matrix) = self.imbalance(nodes, now, &feedback, length_s);
+            let Imbalance { left, matrix, .. } = self.imbalance(nodes, now, &feedback, length_s);
             let size = left.iter().fold(0.0_f64, |most, left| most.max(left.value().abs()));
             // A step that leads away was too long. What is not a number leads away.
             if let Some((step, share)) =
@@ -129,7 +145,7 @@ impl<T: Real> Run<'_, T> {
             let step = solved(matrix, left).ok_or_else(|| no_balance(now.now_s.value()))?;
             feedback = std::array::from_fn(|i| feedback[i] + step[i]);
             let is_small = step.iter().all(|step| step.value().abs() <= LAST_STEP * self.largest_n);
-            if is_last || (is_small && !T::CARRIES) {
+            if is_last || is_linear || (is_small && !T::CARRIES) {
                 return ended(feedback);
             }
             is_last = is_small;
@@ -138,32 +154,44 @@ impl<T: Real> Run<'_, T> {
         Err(no_balance(now.now_s.value()))
     }
 
-    /// What R lacks at the nodes, and the derivatives of R less that by R.
-    fn imbalance<const N: usize>(
+    /// What R lacks at the nodes, with what it depends on.
+    pub fn imbalance<const N: usize>(
         &self,
         nodes: &Nodes<T, N>,
         now: &Carried<T>,
         feedback: &[T; N],
         length_s: Option<T>,
-    ) -> ([T; N], [[f64; N]; N]) {
+    ) -> Imbalance<T, N> {
         let [position_m, share_m] = [0, 1].map(|which| nodes.answers(which, feedback));
         let (states, by_position) = self.states(nodes, now, &position_m, &share_m, length_s);
-        let mut matrix = [[0.0; N]; N];
-        let mut left = [T::constant(0.0); N];
+        let mut at = Imbalance {
+            left: [T::constant(0.0); N],
+            matrix: [[0.0; N]; N],
+            states: states.map(|state| state.value()),
+            by_position,
+            by_state: [0.0; N],
+            by_value: [0.0; N],
+            by_strain: [0.0; N],
+        };
         for i in 0..N {
             let strain = share_m[i] / nodes.growth[i];
             let slope = self.law.function.0.value(Dual::variable(states[i].value()), &self.constants);
             let value = if T::CARRIES { T::of(self.law.value(states[i].carried())) } else { T::of(slope) };
             let (target, by_value, by_strain) = self.feedback(value, nodes.force_n[i], strain);
-            left[i] = target - feedback[i];
+            at.left[i] = target - feedback[i];
+            (at.by_state[i], at.by_value[i], at.by_strain[i]) = (slope.derivative, by_value, by_strain);
+            // The state by R at the nodes.
+            let mut state = [0.0; N];
+            for k in (0..N).filter(|k| by_position[i][*k] != 0.0) {
+                let by_answer = by_position[i][k] * nodes.growth[k].value();
+                (0..N).for_each(|j| state[j] += by_answer * nodes.by_feedback[k][j].value());
+            }
             for j in 0..N {
-                let moved = |k: usize| nodes.growth[k].value() * nodes.by_feedback[k][j].value();
-                let state: f64 = (0..N).map(|k| by_position[i][k] * moved(k)).sum();
-                let by_state = by_value * slope.derivative * state;
-                matrix[i][j] = f64::from(u8::from(i == j)) - by_state - by_strain * nodes.by_feedback[i][j].value();
+                let by_state = by_value * slope.derivative * state[j];
+                at.matrix[i][j] = f64::from(u8::from(i == j)) - by_state - by_strain * nodes.by_feedback[i][j].value();
             }
         }
-        (left, matrix)
+        at
     }
 
     /// R, and its derivatives by the function's value and by the strain.
@@ -270,7 +298,7 @@ impl<T: Real> Run<'_, T> {
 }
 
 /// The solution of a system of values for numbers that may carry a derivative, by elimination with pivots; none where there is none.
-fn solved<T: Real, const N: usize>(mut matrix: [[f64; N]; N], mut right: [T; N]) -> Option<[T; N]> {
+pub fn solved<T: Scalar, const N: usize>(mut matrix: [[f64; N]; N], mut right: [T; N]) -> Option<[T; N]> {
     for k in 0..N {
         let pivot = (k..N).max_by(|&a, &b| matrix[a][k].abs().total_cmp(&matrix[b][k].abs()))?;
         if matrix[pivot][k] == 0.0 || !matrix[pivot][k].is_finite() {
@@ -295,7 +323,7 @@ fn solved<T: Real, const N: usize>(mut matrix: [[f64; N]; N], mut right: [T; N])
     Some(right)
 }
 
-fn no_balance(time_s: f64) -> Error {
+pub fn no_balance(time_s: f64) -> Error {
     Error::numerical(
         format!(
             "no force and position that agree are found {time_s} s after the record's start: the quantity changes too fast with its state"

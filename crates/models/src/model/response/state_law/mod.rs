@@ -7,9 +7,11 @@
 
 mod balance;
 mod modes;
+mod slopes;
 
 use self::balance::{Nodes, Source, no_element, source};
 use self::modes::{Modes, Step, next, slopes};
+use self::slopes::Slopes;
 use super::Response;
 use super::collocation::{END, N_NODES, NODES};
 use super::numbers::Real;
@@ -74,6 +76,26 @@ pub(super) fn excess_m<T: Real>(
     law: &StateLaw,
     compliance_per_m: T,
 ) -> Result<Vec<T>> {
+    excess(response, stages, law, compliance_per_m, false).map(|(excess_m, _)| excess_m)
+}
+
+/// The same with its derivatives by the function's parameters, one value a row each.
+pub(super) fn excess_and_slopes_m(
+    response: &Response,
+    stages: &Stages,
+    law: &StateLaw,
+    compliance_per_m: f64,
+) -> Result<(Vec<f64>, Vec<Vec<f64>>)> {
+    excess(response, stages, law, compliance_per_m, true)
+}
+
+fn excess<T: Real>(
+    response: &Response,
+    stages: &Stages,
+    law: &StateLaw,
+    compliance_per_m: T,
+    has_slopes: bool,
+) -> Result<(Vec<T>, Vec<Vec<f64>>)> {
     let TimeWindow { shortest_s, longest_s } = response.window;
     let at_rows = !response.record.is_linear && stages.load.acts_at_rows();
     let window = TimeWindow { shortest_s: shortest_s * if at_rows { WITHIN_ROWS } else { BETWEEN_ROWS }, longest_s };
@@ -120,7 +142,10 @@ pub(super) fn excess_m<T: Real>(
     };
     let steps: Vec<Step<T>> =
         schedule.length_s.iter().map(|&length_s| Step::new(&run.modes, &system, length_s, run.rises)).collect();
-    run.through(&system, &schedule, &steps, record.n_rows)
+    let n_parameters = if has_slopes { law.parameters.len() } else { 0 };
+    let mut slopes = Slopes::new(n_parameters, &run.modes, record.n_rows);
+    let excess_m = run.through(&system, &schedule, &steps, has_slopes.then_some(&mut slopes), record.n_rows)?;
+    Ok((excess_m, slopes.excess_m()))
 }
 
 impl<T: Real> Run<'_, T> {
@@ -130,6 +155,7 @@ impl<T: Real> Run<'_, T> {
         system: &System<T>,
         schedule: &Schedule<T>,
         steps: &[Step<T>],
+        mut slopes: Option<&mut Slopes>,
         n_rows: usize,
     ) -> Result<Vec<T>> {
         let zero = T::constant(0.0);
@@ -154,6 +180,9 @@ impl<T: Real> Run<'_, T> {
         let mut excess_m = vec![zero; n_rows];
         if let Some(first) = excess_m.first_mut() {
             *first = self.excess(&now);
+            if let Some(slopes) = &mut slopes {
+                self.note_slopes(slopes, &now, 0);
+            }
         }
         for piece in &schedule.pieces {
             let level: &Level<T> = &schedule.levels[piece.level];
@@ -168,12 +197,15 @@ impl<T: Real> Run<'_, T> {
             now.level_n = level_n;
             if (now.level_n + now.deficit_n).value() != before_n.value() {
                 now.before = None;
-                self.jump(&mut now)?;
+                self.jump(&mut now, slopes.as_deref_mut())?;
             }
             for step in 0..piece.n_steps() {
-                self.advance(&steps[piece.length], &mut now)?;
+                self.advance(&steps[piece.length], &mut now, slopes.as_deref_mut())?;
                 if let Some(row) = piece.end_row(step) {
                     excess_m[row] = self.excess(&now);
+                    if let Some(slopes) = &mut slopes {
+                        self.note_slopes(slopes, &now, row);
+                    }
                 }
             }
         }
@@ -215,7 +247,7 @@ impl<T: Real> Run<'_, T> {
     }
 
     /// The force has jumped: the position and R do, where something answers at once.
-    fn jump(&self, now: &mut Carried<T>) -> Result<()> {
+    fn jump(&self, now: &mut Carried<T>, slopes: Option<&mut Slopes>) -> Result<()> {
         let force_n = now.level_n + now.deficit_n;
         let [whole, own] = self.modes.instantaneous;
         if whole.value() == 0.0 {
@@ -230,6 +262,9 @@ impl<T: Real> Run<'_, T> {
             by_feedback: [[own]],
         };
         let (feedback, position, _) = self.balance(&nodes, now, None, [now.feedback_n])?;
+        if let Some(slopes) = slopes {
+            self.follow(slopes, (&nodes, now), (&feedback, &position), None)?;
+        }
         now.feedback_n = feedback[0];
         self.moved(now, &position);
         Ok(())
@@ -275,7 +310,7 @@ impl<T: Real> Run<'_, T> {
         if parts { tangent } else { polynomial }
     }
 
-    fn advance(&self, step: &Step<T>, now: &mut Carried<T>) -> Result<()> {
+    fn advance(&self, step: &Step<T>, now: &mut Carried<T>, slopes: Option<&mut Slopes>) -> Result<()> {
         let zero = T::constant(0.0);
         let [whole, own] = self.modes.instantaneous;
         let mut known = [[zero; N_NODES]; 2];
@@ -319,6 +354,9 @@ impl<T: Real> Run<'_, T> {
         let nodes = Nodes { force_n, growth, time_s, known, by_feedback };
         let guess = self.ahead(now, step.length_s.value());
         let (feedback, position_m, velocity) = self.balance(&nodes, now, Some(step.length_s), guess)?;
+        if let Some(slopes) = slopes {
+            self.follow(slopes, (&nodes, now), (&feedback, &position_m), Some(step))?;
+        }
         let mut at = [now.feedback_n; N_NODES + 1];
         at[1..].copy_from_slice(&feedback);
         now.before = Some((at, step.length_s.value()));
