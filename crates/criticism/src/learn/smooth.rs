@@ -209,7 +209,7 @@ mod tests {
             assert_eq!(smooth.value(Dual::constant(3e-4), &[Dual::ZERO; MOST_WEIGHTS]), Dual::ONE);
         }
     }
-    /// The factor of weights that do not move is that of the functions one by one, with its slope: within the range and beyond both of its ends, for every number of weights.
+    /// The factor of weights that do not move is that of the functions one by one, with its slopes: within the range and beyond both of its ends, for every number of weights.
     #[test]
     fn sums_of_cosines_are_those_of_the_functions() {
         for bent_at in [None, Some(3e-5)] {
@@ -226,6 +226,14 @@ mod tests {
                         (found.derivative - g.derivative).abs() < 1e-12 * 1e6,
                         "{n_weights} {state:?}: {found:?} {g:?}"
                     );
+                    let mut slopes = vec![0.0; n_weights];
+                    smooth.by_parameters(state.value, &weights, &mut slopes);
+                    for (k, slope) in slopes.iter().enumerate() {
+                        let mut moving = weights.clone();
+                        moving[k].derivative = 1.0;
+                        let expected = smooth.value(Dual::constant(state.value), &moving).derivative;
+                        assert!((slope - expected).abs() < 1e-12 * expected.abs().max(1.0), "{slope} {expected}");
+                    }
                 }
             }
         }
