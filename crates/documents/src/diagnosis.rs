@@ -40,6 +40,8 @@ pub struct Diagnosis {
     pub remarks: Vec<String>,
 }
 
+/// Share by which an error has to fall to be seen.
+const LEAST_FALL: f64 = 0.01;
 /// p above which a gain is no more than chance makes.
 const CHANCE_P: f64 = 0.05;
 
@@ -59,6 +61,23 @@ impl Diagnosis {
             Status::Unsupported if !self.verdict.effects.is_empty() => "helps less",
             Status::Unsupported => "not what is left",
         }
+    }
+
+    /// Which effects gain likelihood beyond chance although the error on the scored cycle does not fall with them; `None` where there are none.
+    pub fn gains_without_error(&self) -> Option<String> {
+        let before_um = self.base.rmse_heldout_um?;
+        let is_so = |own: &&CandidateEntry| {
+            let after_um = own.refit.as_ref().and_then(|refit| refit.rmse_heldout_um);
+            own.p_familywise <= CHANCE_P && after_um.is_some_and(|after_um| after_um > (1.0 - LEAST_FALL) * before_um)
+        };
+        let named: Vec<&str> = self.candidates.iter().filter(is_so).map(|own| own.effect.as_str()).collect();
+        let verb = if named.len() == 1 { "gains" } else { "gain" };
+        (!named.is_empty()).then(|| {
+            format!(
+                "{} {verb} likelihood, but the error does not fall: correlated noise can make such gains.",
+                named.join(", ")
+            )
+        })
     }
 }
 

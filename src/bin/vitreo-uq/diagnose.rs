@@ -75,14 +75,18 @@ fn words(diagnosis: &Diagnosis, revision: &str) -> String {
         format!("(every model fitted to cycles {}, {scored})", listed(&diagnosis.fitted_cycles)),
         String::new(),
         format!(
-            "  {:<26}{:>8}{:>11}{:>11}{:>9}{:>10}   {}",
-            "effect", "score z", "gain", "held-out", "p", "ln Bayes", "standing"
+            "  {:<26}{:>8}{:>11}{:>11}{:>10}{:>9}{:>10}   {}",
+            "effect", "score z", "gain", "held-out", "error", "p", "ln Bayes", "standing"
         ),
     ];
     let mut candidates: Vec<&CandidateEntry> = diagnosis.candidates.iter().collect();
     candidates.sort_by(|a, b| gain(b).total_cmp(&gain(a)));
     lines.extend(candidates.iter().filter(|own| own.refused.is_none()).map(|candidate| row(diagnosis, candidate)));
-    lines.push("  (gains in nats over the model without the effect; p for the whole search)".into());
+    let error = diagnosis.base.rmse_heldout_um.map_or(String::new(), |um| {
+        format!(" error in µm on cycle {}, {} without any effect;", listed(&diagnosis.heldout_cycles), significant(um))
+    });
+    lines.push(format!("  (gains in nats over the model without the effect;{error} p for the whole search)"));
+    lines.extend(diagnosis.gains_without_error().map(|sentence| format!("  {sentence}")));
     let reasons = by_reason(candidates.iter().map(|own| (own.effect.as_str(), own.refused.as_deref())));
     lines.extend(reasons.iter().map(|(reason, effects)| format!("  not here: {}: {reason}", effects.join(", "))));
     if let Some(pair) = diagnosis.pairs.first() {
@@ -151,11 +155,12 @@ fn row(diagnosis: &Diagnosis, candidate: &CandidateEntry) -> String {
     };
     let p = refit.map_or("–".into(), |_| format!("{:.3}", candidate.p_familywise));
     format!(
-        "  {:<26}{:>8}{:>11}{:>11}{p:>9}{:>10}   {standing}",
+        "  {:<26}{:>8}{:>11}{:>11}{:>10}{p:>9}{:>10}   {standing}",
         candidate.effect,
         number(refit.map(|_| candidate.z)),
         number(refit.map(|refit| refit.gain_nats)),
         number(refit.and_then(|refit| refit.heldout_gain_nats)),
+        refit.and_then(|refit| refit.rmse_heldout_um).map_or("–".into(), significant),
         ln_bayes,
     )
     .trim_end()

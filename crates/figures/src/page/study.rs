@@ -376,6 +376,7 @@ fn suspects(diagnosis: &Diagnosis) -> Markup {
             candidate.effect.clone(),
             refit.map_or("–".into(), |refit| with_decimals(refit.gain_nats, 1)),
             refit.and_then(|refit| refit.heldout_gain_nats).map_or("–".into(), |gain| with_decimals(gain, 1)),
+            refit.and_then(|refit| refit.rmse_heldout_um).map_or("–".into(), |um| significant(um, 3)),
             chance,
             smallest(&candidate.effect),
             candidate.twins.join(", "),
@@ -387,8 +388,16 @@ fn suspects(diagnosis: &Diagnosis) -> Markup {
     let mut candidates: Vec<&CandidateEntry> = diagnosis.candidates.iter().collect();
     candidates.sort_by(|a, b| gain(b).total_cmp(&gain(a)));
     let rows: Vec<Vec<String>> = candidates.into_iter().map(row).collect();
-    let heads =
-        ["effect", "gain (nats)", "held-out gain (nats)", "p of the search", "smallest seen", "looks like", "standing"];
+    let heads = [
+        "effect",
+        "gain (nats)",
+        "held-out gain (nats)",
+        "error (µm)",
+        "p of the search",
+        "smallest seen",
+        "looks like",
+        "standing",
+    ];
     table_that_ends_in_words("Suspects: what a refit with each effect gains", &heads, &rows)
 }
 
