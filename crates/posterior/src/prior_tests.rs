@@ -287,10 +287,8 @@ fn parts_that_may_trade_places_stand_in_order() {
             prior("slow_modulus_pa", "Pa", modulus),
             prior("slow_order", "1", slow_order),
         ];
-        PriorSet::from_text(Path::new("p.toml"), b"", &[], &[], &no_default)
-            .expect("no prior")
-            .with(&all)
-            .with_order(law.alike())
+        let others = read(VALID).expect("sound").without(&["young_modulus_pa", "fraction"]);
+        others.with(&all).with_order(law.alike())
     };
     let ln_density = |set: &PriorSet, natural: &[f64]| {
         let (mut by_value, mut by_coordinate) = ([0.0], [0.0]);
@@ -302,7 +300,7 @@ fn parts_that_may_trade_places_stand_in_order() {
     };
     let alike = of(Distribution::Uniform { lower: 0.0, upper: 1.0 });
     // Of two springpots in parallel the one of higher order acts faster.
-    assert_eq!(ln_density(&alike, &[2.0, 0.8, 5.0, 0.3]), 2.0_f64.ln());
+    assert!((ln_density(&alike, &[2.0, 0.8, 5.0, 0.3]) - 2.0_f64.ln()).abs() < 1e-12);
     assert_eq!(ln_density(&alike, &[5.0, 0.3, 2.0, 0.8]), f64::NEG_INFINITY);
     assert_eq!(alike.ordered(vec![5.0, 0.3, 2.0, 0.8]), [2.0, 0.8, 5.0, 0.3]);
     let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(3);
