@@ -18,7 +18,7 @@ use vitreo_uq::sampling::evidence::importance::{self, ImportanceOptions};
 use vitreo_uq::sampling::{SamplerOptions, sample};
 
 /// The drift (m/s) that is added: about three of its posterior standard deviations, so that the null is still within reach of draws.
-const DRIFT_M_PER_S: f64 = 1.2e-7;
+const DRIFT_M_PER_S: f64 = 1.5e-7;
 
 /// The embedded replica with a small drift.
 fn subject() -> &'static Subject {

@@ -152,7 +152,7 @@ impl Subject {
             sample_interval_s: scales.sample_interval_s,
             cycle_s: scales.cycle_s,
         };
-        let all = NoisePrior::new(self.noise(), &scales, self.shown_noise());
+        let all = NoisePrior::new(self.noise(), &scales, self.is_noise_known());
         match self.own_noise() {
             Some(terms) => all.only(terms),
             None => all,

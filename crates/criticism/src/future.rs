@@ -50,7 +50,7 @@ pub fn future_score(subject: &Subject, candidate: &Candidate, fitted: &Fitted) -
     let both: Vec<Option<f64>> = subject.fitted_m.iter().zip(&subject.scored_m).map(|(a, b)| a.or(*b)).collect();
     // Three cycles may show next to no scatter of their gains by chance, and a fourth would then be scored by a certainty that nobody has. The floor is the
     // same for all models, so that what one gains over another is not the floor's.
-    let noise = of_future(subject, fitted.noise);
+    let noise = of_future(subject.noise(), fitted.noise);
     let mut columns = columns_m(subject, candidate, &fitted.theta)?;
     let n = columns.len();
     columns.push(both.iter().zip(&fitted.position_m).map(|(y, x)| y.map_or(0.0, |y| y - x)).collect());

@@ -2,7 +2,6 @@
 
 use super::*;
 use crate::NoiseValues;
-use crate::noise_fit::gain_floor;
 use crate::test_replica::{WHITE, base_fit, replica, simulated};
 
 /// Log density of a normal vector by dense algebra.
@@ -127,7 +126,7 @@ fn scores_with_an_effect_are_those_of_a_mixture_of_joint_normals() {
     assert!((score.last - last).abs() < 1e-5, "{} {last}", score.last);
 }
 
-/// A gain that three cycles show to be nothing is floored: the score of the last cycle is that of the gain that the known noise allows, or of a per cent.
+/// A gain that three cycles show to be nothing is floored: the score of the last cycle is that of a per cent.
 #[test]
 fn the_gain_of_a_new_cycle_is_not_known_to_be_nothing() {
     let (base, fitted) = base_fit();
@@ -137,10 +136,8 @@ fn the_gain_of_a_new_cycle_is_not_known_to_be_nothing() {
         let fitted = Fitted { noise, ..fitted.clone() };
         future_score(replica(), &base, &fitted).expect("derivatives").expect("a cycle is held out").last
     };
-    let floor = gain_floor(replica());
-    assert!((1e-3..=0.01).contains(&floor), "{floor}");
-    assert_eq!(score(1e-5), score(floor));
-    assert!(score(0.05) < score(floor));
+    assert_eq!(score(1e-5), score(0.01));
+    assert!(score(0.05) < score(0.01));
 }
 
 /// ln of the sum of exponentials of values.

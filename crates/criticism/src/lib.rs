@@ -32,7 +32,6 @@ pub mod predicted;
 pub mod protocol;
 pub mod rank;
 pub mod refit;
-mod repeats;
 mod request;
 mod score;
 mod screen;

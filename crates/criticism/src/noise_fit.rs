@@ -2,13 +2,10 @@
 
 use std::cell::OnceCell;
 
-use super::Subject;
 use base::parameter::GAIN_SD;
 use models::model::N_LANES;
 pub use posterior::noise::NoiseValues;
-use posterior::noise::{
-    Learning, LearningPrior, NoiseLikelihood, NoiseModel, NoiseScales, RowShare, SharedPosition, ShownNoise,
-};
+use posterior::noise::{Learning, LearningPrior, NoiseLikelihood, NoiseModel, NoiseScales, RowShare, SharedPosition};
 use sampling::ensemble::RandomStream;
 
 /// Logarithms of the noise's parameters.
@@ -24,13 +21,12 @@ pub(super) struct NoisePrior {
 
 /// A gain that a few cycles show to be smaller is not known to be: what scores of future cycles, which compare models, take for the least. It is no part of
 /// any noise that is reported, nor of what an error is measured against.
-const GAIN_FLOOR: f64 = 0.01;
+pub(super) const GAIN_FLOOR: f64 = 0.01;
 
 impl NoisePrior {
-    /// The priors that `sample` has, but for white errors, whose yardstick is known better than any prior, for a process that an estimated one does not show, and for
-    /// whatever is not white beside white noise that is known.
-    pub fn new(model: NoiseModel, scales: &NoiseScales, shown: Option<&ShownNoise>) -> Self {
-        let learning = model.learning(scales, shown);
+    /// The priors that `sample` has, but for white errors, whose yardstick is known better than any prior, and for a process that an estimated one does not show.
+    pub fn new(model: NoiseModel, scales: &NoiseScales, is_known: bool) -> Self {
+        let learning = model.learning(scales, is_known);
         Self { is_absent: vec![false; learning.parameters.len()], learning }
     }
 
@@ -84,15 +80,10 @@ impl NoisePrior {
     }
 }
 
-/// The least gain of a future cycle.
-pub(super) fn gain_floor(subject: &Subject) -> f64 {
-    subject.shown_noise().map_or(GAIN_FLOOR, |shown| shown.gain_sd.min(GAIN_FLOOR))
-}
-
-/// The noise of future cycles: no gain is known to be smaller than the floor.
-pub(super) fn of_future(subject: &Subject, mut noise: NoiseValues) -> NoiseValues {
-    if let Some(place) = subject.noise().place(&GAIN_SD) {
-        noise[place] = noise[place].max(gain_floor(subject));
+/// The noise of future cycles: no gain is known to be smaller than [`GAIN_FLOOR`].
+pub(super) fn of_future(model: NoiseModel, mut noise: NoiseValues) -> NoiseValues {
+    if let Some(place) = model.place(&GAIN_SD) {
+        noise[place] = noise[place].max(GAIN_FLOOR);
     }
     noise
 }

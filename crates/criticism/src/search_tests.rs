@@ -162,7 +162,7 @@ fn a_pair_is_weighed_against_the_single() {
 /// Where the single fails, a pair has to pass beside it and to predict as a whole; what fails is reported and not claimed.
 #[test]
 fn a_pair_beside_a_failed_single_has_to_make_good_what_that_lost() {
-    let data = measured(&small(), &["force-bias", "tracking-drift"], &[BIAS, 2.0 * DRIFT_M_PER_S], 7);
+    let data = measured(&small(), &["force-bias", "tracking-drift"], &[BIAS, DRIFT_M_PER_S], 7);
     // Ten simulated searches decide the second round.
     let criteria = Criteria { largest_p: 0.2, ..CRITERIA };
     let request = request(19, criteria);

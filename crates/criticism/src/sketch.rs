@@ -10,7 +10,7 @@ use rayon::prelude::*;
 
 use super::bootstrap::simulated_m;
 use super::leftover::misfit;
-use super::noise_fit::{gain_floor, of_future};
+use super::noise_fit::{GAIN_FLOOR, of_future};
 use super::rank::{Signature, signature};
 use super::refit::Refitted;
 use super::{Candidate, Fitted, Search, Subject, Tangent, outliers};
@@ -157,7 +157,7 @@ fn told(
     let Some(whole) = whole else {
         return Ok((Told { fitted: readings, before_and_after: None }, vec![directions]));
     };
-    let noise = of_future(subject, fitted.noise);
+    let noise = of_future(subject.noise(), fitted.noise);
     let wary = Fitted { noise, ..fitted.clone() };
     let (before, of_before) = read(subject, candidate, &wary, columns_m)?;
     let (after, of_after) = read(whole, candidate, &wary, columns_m)?;
@@ -168,8 +168,7 @@ fn told(
 /// Positions (m) simulated from the base and its noise. A cycle that no fit has seen has a gain of its own: as large as they are scored by, also where few fitted cycles show none.
 fn with_gains_of_future_cycles(subject: &Subject, base: &Refitted, (seed, number): (u64, usize)) -> Vec<f64> {
     let mut position_m = simulated_m(subject, base, seed, number);
-    let gain_sd =
-        (gain_floor(subject).powi(2) - subject.noise().value(&base.fitted.noise, &GAIN_SD).powi(2)).max(0.0).sqrt();
+    let gain_sd = (GAIN_FLOOR.powi(2) - subject.noise().value(&base.fitted.noise, &GAIN_SD).powi(2)).max(0.0).sqrt();
     let mut stream = RandomStream::new(seed ^ GAIN_STREAMS, number as u64);
     let experiment = subject.experiment();
     for cycle in &experiment.heldout_cycles {

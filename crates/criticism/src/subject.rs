@@ -3,7 +3,7 @@
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, OnceLock};
 
-use super::{Candidate, repeats, score::Score};
+use super::{Candidate, score::Score};
 use base::error::{Error, Place, Result, Setting};
 use base::number::Dual;
 use laws::stages::Stepped;
@@ -11,7 +11,7 @@ use models::effects::{Effect, Library};
 use models::model::{Compliance, Lanes, N_LANES, Response};
 use models::surrogate::trajectory;
 use posterior::monitor::Monitor;
-use posterior::noise::{NoiseLikelihood, NoiseModel, ShownNoise};
+use posterior::noise::{NoiseLikelihood, NoiseModel};
 use posterior::prepared::{KeptSurrogate, PreparedModel};
 use posterior::problem::Problem;
 use posterior::study::ModelSpecification;
@@ -32,8 +32,6 @@ pub struct Subject {
     has_own_noise: bool,
     /// Trajectories that this subject and those made from it were asked for.
     n_evaluated: Arc<AtomicUsize>,
-    /// Sizes of noise beside the white one, where that is known.
-    shown_noise: Option<ShownNoise>,
     /// Positions (m) of the fitted cycles, `None` elsewhere; one entry a row of the record.
     pub fitted_m: Vec<Option<f64>>,
     /// Positions (m) of the scored cycle, `None` elsewhere.
@@ -124,10 +122,7 @@ impl Subject {
         let local = trajectory::local(&compliance, &record.time_s, record.force());
         let model = PreparedModel::given(&base, compliance, Vec::new());
         let shared = Shared { model, library, own_noise, yardstick_m, local, response, large };
-        let subject = Self::of(Arc::new(shared), fitted_m, scored_m);
-        let shown_noise =
-            subject.is_noise_known().then(|| repeats::shown_noise(&problem.experiment.record, yardstick_m));
-        Ok(Self { shown_noise, ..subject })
+        Ok(Self::of(Arc::new(shared), fitted_m, scored_m))
     }
 
     /// The same with another library, whose effects the compliance serves already.
@@ -164,7 +159,7 @@ impl Subject {
         let own = self.with_experiment(experiment, &self.shared.library)?;
         let (fitted_m, scored_m) = (own.problem().positions_of(fitted), own.problem().positions_of(scored));
         let other = Self::of(own.shared, fitted_m, scored_m);
-        Ok(other.like(self))
+        Ok(Self { is_local: self.is_local, has_own_noise: self.has_own_noise, ..other })
     }
 
     fn of(shared: Arc<Shared>, fitted_m: Vec<Option<f64>>, scored_m: Vec<Option<f64>>) -> Self {
@@ -179,7 +174,6 @@ impl Subject {
             is_local: false,
             has_own_noise: false,
             n_evaluated: Arc::default(),
-            shown_noise: None,
             fitted_m,
             scored_m,
             fitted,
@@ -209,13 +203,8 @@ impl Subject {
             left
         };
         let other = Self::of(self.shared.clone(), left(&self.fitted_m), left(&self.scored_m));
-        Self { n_evaluated: self.n_evaluated.clone(), ..other.like(self) }
-    }
-
-    /// The same, treated as another one.
-    fn like(self, other: &Self) -> Self {
-        let Self { is_local, has_own_noise, shown_noise, .. } = *other;
-        Self { is_local, has_own_noise, shown_noise, ..self }
+        let n_evaluated = self.n_evaluated.clone();
+        Self { is_local: self.is_local, has_own_noise: self.has_own_noise, n_evaluated, ..other }
     }
 
     /// The same with at most about so many of its positions, evenly chosen, and the rows at which the force begins to be another, so that trajectories at the rows that are left are the same;
@@ -250,7 +239,7 @@ impl Subject {
             positions.iter().zip(&is_kept).filter(|(_, is_kept)| **is_kept).map(|(position, _)| *position).collect()
         };
         let other = Self::of(Arc::new(own), kept(&self.fitted_m), kept(&self.scored_m));
-        Ok(Some(other.like(self)))
+        Ok(Some(Self { is_local: self.is_local, has_own_noise: self.has_own_noise, ..other }))
     }
 
     /// The same where a model's noise has the terms that it is written with, and no others: what a fit of that model by `sample` or `extend` is given.
@@ -378,11 +367,6 @@ impl Subject {
     /// Whether the noise was given with the experiment.
     pub fn is_noise_known(&self) -> bool {
         self.problem().experiment.noise_sd_m.is_some()
-    }
-
-    /// Sizes of noise beside the white one, where that is known.
-    pub(super) fn shown_noise(&self) -> Option<&ShownNoise> {
-        self.shown_noise.as_ref()
     }
 
     /// What turns ∫J dF into a position, for every effect of the library.

@@ -1,7 +1,6 @@
 //! The noise from the record itself: rests, neighbouring positions, successive cycles.
 
 use super::{CycleSpread, Spread};
-use crate::repeats::{FEWEST_PER_PAIR, Phase, Same, about_line, cycles};
 use record::Record;
 use record::noise::{
     MIN_DIFFERENCES, MIN_PER_WINDOW, MIN_REST_POSITIONS, NO_FORCE_FRACTION, RECOVERY_FRACTION, SD_PER_MAD, holds,
@@ -11,6 +10,11 @@ use record::noise::{
 /// Standard error of a standard deviation from the median absolute deviation of n second differences of neighbours, over it and by √n: 1.167 for
 /// independent ones (Rousseeuw & Croux, *JASA* 88, 1273, 1993), times √(1 + 2(⅔² + ⅙²)), since neighbouring ones overlap.
 const MAD_ERROR: f64 = 1.63;
+/// Rows of two cycles are at the same time in them to this fraction of the sample interval.
+const SAME_TIME_INTERVALS: f64 = 0.1;
+/// Force steps are equal to this fraction of the force's range.
+const EQUAL_STEP_FRACTION: f64 = 0.05;
+const FEWEST_PER_PAIR: usize = 20;
 
 /// Scatter about straight lines where no force acts: before the first force, and late in rests.
 pub(super) fn at_rest(record: &Record) -> Option<Spread> {
@@ -48,8 +52,12 @@ pub(super) fn of_neighbours(record: &Record) -> Option<Spread> {
 /// Differences of what a fit (positions in m) leaves at the same time in successive cycles, where the last force step was the same in both: after
 /// another step, as after the first of all, the true motions differ.
 pub(super) fn of_cycles(record: &Record, fitted_m: &[f64]) -> Option<CycleSpread> {
-    let same = Same::of(record)?;
-    let cycles = cycles(record);
+    let steps = record.force_step_rows();
+    let same = Same {
+        time_s: SAME_TIME_INTERVALS * record.median_interval_s()?,
+        force_n: EQUAL_STEP_FRACTION * record.force_range_n(),
+    };
+    let cycles: Vec<Vec<Phase>> = (1..=record.n_cycles()).map(|cycle| phases(record, &steps, cycle)).collect();
     let pairs = cycles.windows(2).filter_map(|pair| Pair::new(record, fitted_m, [&pair[0], &pair[1]], &same));
     let pairs: Vec<Pair> = pairs.collect();
     let n_pairs = pairs.len();
@@ -82,6 +90,12 @@ pub(super) fn of_cycles(record: &Record, fitted_m: &[f64]) -> Option<CycleSpread
     Some(CycleSpread { whole, within: within_one, gain_sd, gain_standard_error, gain_score, offset_score, n_pairs })
 }
 
+/// What counts as the same time and as the same force.
+struct Same {
+    time_s: f64,
+    force_n: f64,
+}
+
 /// A cycle against the next.
 struct Pair {
     difference_m: Vec<f64>,
@@ -96,10 +110,15 @@ struct Pair {
 
 impl Pair {
     fn new(record: &Record, fitted_m: &[f64], [own, next]: [&[Phase]; 2], same: &Same) -> Option<Self> {
+        let (same_s, equal_n) = (same.time_s, same.force_n);
         let (mut difference_m, mut position_m) = (Vec::new(), Vec::new());
         for row in own {
-            if let (Some(other), Some(one_m)) = (same.in_cycle(next, row), record.position_m[row.row])
+            let at = next.partition_point(|other| other.after_s < row.after_s - same_s);
+            if let (Some(other), Some(one_m)) = (next.get(at), record.position_m[row.row])
+                && other.after_s <= row.after_s + same_s
                 && let Some(other_m) = record.position_m[other.row]
+                && (row.from_n - other.from_n).abs() <= equal_n
+                && (row.to_n - other.to_n).abs() <= equal_n
             {
                 difference_m.push((other_m - fitted_m[other.row]) - (one_m - fitted_m[row.row]));
                 position_m.push(0.5 * (fitted_m[row.row] + fitted_m[other.row]));
@@ -112,6 +131,37 @@ impl Pair {
         let ((gain_change, gain_weight_m2), left_m) = about_line(&position_m, &difference_m);
         Some(Self { difference_m, left_m, gain_change, shift_m, gain_weight_m2 })
     }
+}
+
+/// A row of a cycle: its time in it, and the forces before and after the last force step.
+struct Phase {
+    row: usize,
+    after_s: f64,
+    from_n: f64,
+    to_n: f64,
+}
+
+/// Of the rows of a cycle, with the rows of all force steps.
+fn phases(record: &Record, steps: &[usize], cycle: u32) -> Vec<Phase> {
+    let first = record.cycle.partition_point(|other| *other < cycle);
+    let end = record.cycle.partition_point(|other| *other <= cycle);
+    let phase = |row: usize| {
+        // A position is the limit from the left: that of the step's own row still belongs to what was before.
+        let step = steps.partition_point(|step| *step < row).checked_sub(1).map(|place| steps[place]);
+        let before = |step: usize| step.checked_sub(1).map_or(0.0, |before| record.force_n[before]);
+        let (from_n, to_n) = step.map_or((0.0, 0.0), |step| (before(step), record.force_n[step]));
+        Phase { row, after_s: record.time_s[row] - record.time_s[first], from_n, to_n }
+    };
+    (first..end).map(phase).collect()
+}
+
+/// Slope of the least-squares line of y over x with the sum of squares of x about its mean, and what the line leaves.
+fn about_line(x: &[f64], y: &[f64]) -> ((f64, f64), Vec<f64>) {
+    let n = x.len() as f64;
+    let (mean_x, mean_y) = (x.iter().sum::<f64>() / n, y.iter().sum::<f64>() / n);
+    let weight = x.iter().map(|x| (x - mean_x).powi(2)).sum::<f64>().max(f64::MIN_POSITIVE);
+    let slope = x.iter().zip(y).map(|(x, y)| (x - mean_x) * (y - mean_y)).sum::<f64>() / weight;
+    ((slope, weight), x.iter().zip(y).map(|(x, y)| y - mean_y - slope * (x - mean_x)).collect())
 }
 
 /// Standard deviation of series about 0 with so many degrees of freedom, and its error, with the correlation that the series show.

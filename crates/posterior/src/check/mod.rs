@@ -17,7 +17,7 @@ use record::{Apparatus, Experiment, ExperimentFiles, ForceRule, Record, Understo
 
 use crate::monitor::Monitor;
 use figures::number::listed;
-pub use quick_fit::{QuickFit, quick_fit};
+use quick_fit::{QuickFit, quick_fit};
 
 /// An experiment, and what every look shares.
 struct Looked<'a> {

@@ -6,7 +6,7 @@ use base::distribution::Distribution;
 use base::parameter::ParameterSpec;
 use sampling::ensemble::RandomStream;
 
-use super::learnt_term::{DrawRow, LearntParameter, LearntTerm, ShownNoise};
+use super::learnt_term::{DrawRow, LearntParameter, LearntTerm};
 use super::terms::{MOST_PARAMETERS, NoiseTerm, TERMS};
 use super::{NoiseModel, NoiseScales};
 
@@ -97,14 +97,14 @@ impl NoiseModel {
         TERMS.iter().filter(|term| term.learning().is_some()).map(|term| term.name()).collect()
     }
 
-    /// How a search learns its parameters; `shown` bounds what is not white where the white noise is known. Terms that no search learns are left out.
-    pub fn learning(self, scales: &NoiseScales, shown: Option<&ShownNoise>) -> Learning {
+    /// How a search learns its parameters; `is_known` says whether the yardstick is known or estimated from short lags. Terms that no search learns are left out.
+    pub fn learning(self, scales: &NoiseScales, is_known: bool) -> Learning {
         let (mut parameters, mut terms, mut starts) = (Vec::new(), Vec::new(), vec![NoiseValues::new([])]);
         for (term, learnt) in self.learnt_terms() {
             let specs = term.parameters().iter();
             let priors: Vec<Distribution> =
                 specs.filter_map(|spec| term.default_prior(spec, scales)).map(|(prior, _)| prior).collect();
-            parameters.extend(learnt.learnt(scales, &priors, shown));
+            parameters.extend(learnt.learnt(scales, &priors, is_known));
             terms.resize(parameters.len(), term.name());
             let own = learnt.starts(scales, &priors);
             let joined = |start: &NoiseValues| -> Vec<NoiseValues> {
@@ -176,7 +176,7 @@ mod tests {
         assert_eq!(names, ["white", "ou", "gain"]);
         let model = NoiseModel::named(&names, &Place::default()).expect("sound");
         let scales = NoiseScales { noise_sd_um: 4.0, sample_interval_s: 0.05, cycle_s: 10.0 };
-        let learning = model.learning(&scales, None);
+        let learning = model.learning(&scales, false);
         let specs: Vec<ParameterSpec> = learning.parameters.iter().map(|parameter| parameter.spec).collect();
         assert_eq!(specs, model.parameters());
         assert_eq!(learning.terms, ["white", "ou", "ou", "gain", "gain"]);

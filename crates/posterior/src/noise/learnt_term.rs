@@ -62,23 +62,11 @@ impl LearningPrior {
     }
 }
 
-/// Sizes that noise may have beside white noise that is known: as large as that, or as large as the record itself shows. A model that misses something would
-/// otherwise have what it misses explained as noise of any size.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct ShownNoise {
-    /// Of slow noise, in µm.
-    pub slow_sd_um: f64,
-    /// Of the gains of cycles.
-    pub gain_sd: f64,
-    /// Of the offsets of cycles, in µm.
-    pub offset_sd_um: f64,
-}
-
 /// A term that a search learns.
 pub(super) trait LearntTerm {
-    /// Its parameters, in order; `priors` are those of `sample`, in the same order but for the white noise. `shown` is given where the white noise is known.
-    fn learnt(&self, scales: &NoiseScales, priors: &[Distribution], shown: Option<&ShownNoise>)
-    -> Vec<LearntParameter>;
+    /// Its parameters, in order; `priors` are those of `sample`, in the same order but for the white noise, and `is_known` says whether the yardstick is known or estimated
+    /// from short lags.
+    fn learnt(&self, scales: &NoiseScales, priors: &[Distribution], is_known: bool) -> Vec<LearntParameter>;
 
     /// Logarithms of its parameters from which searches start.
     fn starts(&self, scales: &NoiseScales, priors: &[Distribution]) -> Vec<Vec<f64>>;

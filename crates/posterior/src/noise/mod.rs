@@ -53,7 +53,7 @@ mod dense_for_tests;
 
 pub use lanes::LANES;
 pub use learning::{Learning, NoiseValues};
-pub use learnt_term::{DrawRow, LearningPrior, LearntParameter, RowShare, ShownNoise};
+pub use learnt_term::{DrawRow, LearningPrior, LearntParameter, RowShare};
 pub use likelihood::{NoiseLikelihood, SharedPosition};
 pub use model::NoiseModel;
 pub use pointwise::Conditional;

@@ -2,7 +2,7 @@
 
 use super::{Equations, NoiseTerm};
 use crate::noise::NoiseScales;
-use crate::noise::learnt_term::{DrawRow, LearningPrior, LearntParameter, LearntTerm, RowShare, ShownNoise};
+use crate::noise::learnt_term::{DrawRow, LearningPrior, LearntParameter, LearntTerm, RowShare};
 use crate::noise::scales::Scales;
 use base::distribution::Distribution;
 use base::parameter::{GAIN_SD, OFFSET_SD, ParameterSpec};
@@ -43,26 +43,18 @@ impl NoiseTerm for Gain {
 }
 
 impl LearntTerm for Gain {
-    fn learnt(
-        &self,
-        scales: &NoiseScales,
-        priors: &[Distribution],
-        shown: Option<&ShownNoise>,
-    ) -> Vec<LearntParameter> {
+    fn learnt(&self, scales: &NoiseScales, priors: &[Distribution], _: bool) -> Vec<LearntParameter> {
         let ln_white_um = scales.noise_sd_um.ln();
-        let prior = |place: usize, sd: fn(&ShownNoise) -> f64| {
-            LearningPrior::OfValue(shown.map_or(priors[place], |shown| Distribution::HalfNormal { sd: sd(shown) }))
-        };
         let gain = LearntParameter {
             spec: GAIN_SD,
-            prior: prior(0, |shown| shown.gain_sd),
+            prior: LearningPrior::OfValue(priors[0]),
             ln_ends: [1e-5_f64.ln(), 0.5_f64.ln()],
             ln_white: 1e-4_f64.ln(),
             of_row: RowShare::Nothing,
         };
         let offset = LearntParameter {
             spec: OFFSET_SD,
-            prior: prior(1, |shown| shown.offset_sd_um),
+            prior: LearningPrior::OfValue(priors[1]),
             ln_ends: [ln_white_um - 7.0, ln_white_um + 7.0],
             ln_white: ln_white_um - 4.0,
             of_row: RowShare::Nothing,

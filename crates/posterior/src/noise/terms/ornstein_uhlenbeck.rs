@@ -2,7 +2,7 @@
 
 use super::{Equations, NoiseTerm};
 use crate::noise::NoiseScales;
-use crate::noise::learnt_term::{DrawRow, LearningPrior, LearntParameter, LearntTerm, RowShare, ShownNoise};
+use crate::noise::learnt_term::{DrawRow, LearningPrior, LearntParameter, LearntTerm, RowShare};
 use crate::noise::scales::Scales;
 use base::distribution::Distribution;
 use base::parameter::{OU_SD, OU_TIME, ParameterSpec};
@@ -56,24 +56,18 @@ fn ln_time_s(priors: &[Distribution]) -> [f64; 2] {
 }
 
 impl LearntTerm for OrnsteinUhlenbeck {
-    fn learnt(
-        &self,
-        scales: &NoiseScales,
-        priors: &[Distribution],
-        shown: Option<&ShownNoise>,
-    ) -> Vec<LearntParameter> {
+    fn learnt(&self, scales: &NoiseScales, priors: &[Distribution], is_known: bool) -> Vec<LearntParameter> {
         let ln_white_um = scales.noise_sd_um.ln();
         let [shortest, longest] = ln_time_s(priors);
-        let prior = match (shown, priors[0]) {
-            (Some(shown), _) => LearningPrior::OfValue(Distribution::HalfNormal { sd: shown.slow_sd_um }),
-            (None, Distribution::LogNormal { median, .. }) => {
-                LearningPrior::OfLog(Distribution::LogNormal { median, log_sd: LOG_SD_OF_ESTIMATE })
+        let sd = match priors[0] {
+            Distribution::LogNormal { median, .. } if !is_known => {
+                Distribution::LogNormal { median, log_sd: LOG_SD_OF_ESTIMATE }
             }
-            (None, other) => LearningPrior::OfLog(other),
+            known => known,
         };
         let sd = LearntParameter {
             spec: OU_SD,
-            prior,
+            prior: LearningPrior::OfLog(sd),
             ln_ends: [ln_white_um - 7.0, ln_white_um + 9.0],
             ln_white: ln_white_um - 3.0,
             of_row: RowShare::Sd,
