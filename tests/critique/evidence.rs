@@ -6,13 +6,15 @@ use crate::density_ratio::{SavageDickey, savage_dickey};
 
 use vitreo_uq::criticism::evidence::{CandidatePosterior, EvidenceMethod, evidence};
 use vitreo_uq::criticism::{Candidate, Fitted, Search, Subject};
+use vitreo_uq::laws::rheology::{BaseLaw, Network};
 use vitreo_uq::models::effects::Library;
 use vitreo_uq::posterior::monitor::Silent;
 use vitreo_uq::posterior::problem::Problem;
 use vitreo_uq::posterior::replica::embedded;
 use vitreo_uq::posterior::study::ModelSpecification;
+use vitreo_uq::record::Apparatus;
 use vitreo_uq::sampling::diagnostics::ensembles::ess;
-use vitreo_uq::sampling::ensemble::RunControl;
+use vitreo_uq::sampling::ensemble::{RandomStream, RunControl};
 use vitreo_uq::sampling::evidence::PriorCoordinates;
 use vitreo_uq::sampling::evidence::importance::{self, ImportanceOptions};
 use vitreo_uq::sampling::{SamplerOptions, sample};
@@ -99,6 +101,31 @@ fn bayes_factors_agree_by_importance_and_by_the_density_at_the_null() {
     let SavageDickey::Ratio { ln_bayes_factor, standard_error } = ratio else { panic!("{ratio:?}") };
     assert_agree((found.0 - base.0, found.1.hypot(base.1)), (ln_bayes_factor, standard_error));
     assert!(found.1 < 0.1 && standard_error < 0.3, "{found:?} {standard_error}");
+}
+
+/// Two springpots in parallel: a fit that has their parameters exchanged gives the same evidence, and draws in which each name means one of them.
+#[test]
+fn exchanged_parts_have_one_evidence() {
+    let (mut experiment, _) = embedded().expect("embedded");
+    experiment.apparatus = Apparatus::Instrument { compliance_per_m: 549.178 };
+    let text = "parallel = [{ springpot = \"fast\" }, { springpot = \"slow\" }]";
+    let base = BaseLaw::Network(Network::from_text("law.toml".as_ref(), text).expect("a network"));
+    let specification = ModelSpecification { base, ..ModelSpecification::default() };
+    let problem = Problem::new(experiment, specification, None, &Silent).expect("sound");
+    let data = Subject::new(&problem, &Library::default(), None, &Silent).expect("sound");
+    let candidate = data.base();
+    let truth = candidate.free.iter().zip([2.0, 0.8, 3.0, 0.2]);
+    let theta: Vec<f64> = truth.map(|(free, value)| free.coordinate.theta(value)).collect();
+    let mut stream = RandomStream::new(7, 0);
+    let truth_m = data.trajectory_m(&candidate, &theta).expect("a model");
+    let data = data.with_positions(&truth_m.iter().map(|x| x + 4e-6 * stream.normal()).collect::<Vec<_>>());
+    let fit = data.fit(&candidate, &[], Search::Wide).expect("fits");
+    let exchanged = Fitted { theta: [2, 3, 0, 1].map(|k| fit.theta[k]).to_vec(), ..fit.clone() };
+    let [one, other] = [fit, exchanged].map(|fit| evidence(&data, &candidate, &fit, 3).expect("can be sampled"));
+    assert!((one.ln_evidence - other.ln_evidence).abs() < 1e-6, "{} {}", one.ln_evidence, other.ln_evidence);
+    let [fast, slow] = ["fast_order", "slow_order"]
+        .map(|name| one.parameters.iter().find(|parameter| parameter.name == name).expect("sampled"));
+    assert!((0.75..0.85).contains(&fast.q05) && (0.15..0.25).contains(&slow.q95), "{fast:?} {slow:?}");
 }
 
 /// A drift, whose null lies inside, and a spring in series, whose null is an end of its support: the ways to each evidence, and the Bayes factor's three.

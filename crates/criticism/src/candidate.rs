@@ -165,7 +165,7 @@ impl Candidate {
         held
     }
 
-    /// Whether every trajectory is computed by itself: of a law that is not linear, or of a quantity that depends on a state.
+    /// Whether trajectories cannot be computed eight at a time: the law is nonlinear, or a quantity depends on a state.
     pub fn is_slow(&self) -> bool {
         self.model.effects().iter().any(|effect| effect.is_nonlinear() || effect.depends_on_state())
     }

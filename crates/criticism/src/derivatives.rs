@@ -1,4 +1,4 @@
-//! Derivatives of a candidate's position by differences; by the parameters of a function of a state as they are.
+//! Derivatives of a candidate's position: exact by the parameters of a function of a state, by finite differences otherwise.
 
 use super::candidate::Coordinate;
 use super::{Candidate, Subject};

@@ -27,7 +27,7 @@ const SAME_PLACE: f64 = 0.1;
 const HIGHER_NATS: f64 = 0.01;
 /// Sizes of effects that begin with their square from which they are tried beside the null.
 const FULL_SIZES: [f64; 2] = [1.0, 0.5];
-/// As [`Search::least_gains`], of quantities that depend on a state: a formula that fits badly creeps along bent valleys for hundreds of steps, each a hundredth of a nat.
+/// [`Search::least_gains`] where a quantity depends on a state. A formula that fits badly would otherwise go on for hundreds of steps that gain a hundredth of a nat each.
 const LEAST_GAINS_OF_STATE_LAWS: [f64; 2] = [2e-2, 5e-2];
 const MOST_STEPS: usize = 60;
 const MOST_ROUNDS: usize = 12;

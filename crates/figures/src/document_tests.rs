@@ -188,3 +188,19 @@ fn the_class_stands_first_and_losses_go_left() {
     let ((loss_x, loss_width), (gain_x, _)) = (outlined(super::palette::MUTED), outlined(super::palette::GREEN));
     assert!((loss_x + loss_width - gain_x).abs() < 0.02, "both begin at zero");
 }
+
+/// An effect that gains likelihood beyond chance is named where the error stays, and is not where the error falls or the gain is chance.
+#[test]
+fn gains_that_leave_the_error_are_named() {
+    let mut diagnosis = a_diagnosis("e", "s");
+    assert_eq!(diagnosis.gains_without_error(), None);
+    for candidate in &mut diagnosis.candidates {
+        if let Some(refit) = &mut candidate.refit {
+            refit.rmse_heldout_um = Some(if candidate.effect == "clock-offset" { 15.8 } else { 16.5 });
+        }
+    }
+    let named = diagnosis.gains_without_error().expect("effects");
+    assert!(named.starts_with("actuator-lag, fractional-damping, instantaneous-elasticity gain likelihood"), "{named}");
+    diagnosis.base.rmse_heldout_um = None;
+    assert_eq!(diagnosis.gains_without_error(), None);
+}

@@ -109,9 +109,14 @@ fn best_support<'a>(prepared: &'a PreparedModel, free: &[usize], rows: &FittedRo
             let few = CreepResiduals::new(prepared, &left, held, &rows.thinned(MOST_SEARCHED));
             finished(&residuals, &few.search(&starts)?, rows.observed.len() as f64 / few.observed.len() as f64)?
         };
-        let in_order: Vec<Vec<f64>> = searches.iter().map(|found| residuals.in_order(problem, &found.theta)).collect();
-        let is_changed = in_order.iter().zip(&searches).any(|(theta, found)| *theta != found.theta);
-        let searches = if is_changed { residuals.search(&in_order)? } else { searches };
+        let in_order = |found: Fit| match residuals.reordered(problem, &found.theta) {
+            Some(theta) => {
+                let again = fit(&residuals, &theta, &Tolerances::default())?;
+                Ok(Fit { iterations: found.iterations + again.iterations, ..again })
+            }
+            None => Ok(found),
+        };
+        let searches = searches.into_iter().map(in_order).collect::<Result<_>>()?;
         Ok(Searched { residuals, searches })
     };
     let effects = effects_with_null_at_end(problem, free);
@@ -248,23 +253,23 @@ impl<'a> CreepResiduals<'a> {
         parameters
     }
 
-    /// Coordinates at which parts of the law that may trade places stand in order, as they do in every draw of the posterior.
-    fn in_order(&self, problem: &Problem, theta: &[f64]) -> Vec<f64> {
+    /// The same fit with interchangeable parts of the law in order, as in every draw of the posterior; `None` where they are in order.
+    fn reordered(&self, problem: &Problem, theta: &[f64]) -> Option<Vec<f64>> {
         let mut parameters = self.model_parameters(theta);
         let specs = problem.model.parameters();
-        let places: Vec<Option<usize>> =
-            problem.priors.names().map(|name| specs.iter().position(|spec| spec.name == name)).collect();
-        let natural = places.iter().map(|place| place.map_or(f64::NAN, |j| parameters[j])).collect();
-        for (place, value) in places.iter().zip(problem.priors.ordered(natural)) {
-            if let Some(j) = place {
-                parameters[*j] = value;
+        let place = |name: &str| specs.iter().position(|spec| spec.name == name);
+        // Parameters of the noise, which the fit does not have, stay out of it.
+        let natural: Vec<f64> = problem.priors.names().map(|name| place(name).map_or(0.0, |j| parameters[j])).collect();
+        let ordered = problem.priors.ordered(natural.clone());
+        if ordered == natural {
+            return None;
+        }
+        for (name, value) in problem.priors.names().zip(ordered) {
+            if let Some(j) = place(name) {
+                parameters[j] = value;
             }
         }
-        let is_same = |&(j, coordinate): &(usize, Coordinate), theta: f64| parameters[j] == coordinate.value(theta);
-        let coordinates = self.free.iter().zip(theta);
-        coordinates
-            .map(|(free, theta)| if is_same(free, *theta) { *theta } else { free.1.theta(parameters[free.0]) })
-            .collect()
+        Some(self.free.iter().map(|&(j, coordinate)| coordinate.theta(parameters[j])).collect())
     }
 
     /// The prior's medians, then Sobol points of its quantiles.

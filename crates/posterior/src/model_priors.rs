@@ -5,7 +5,7 @@ use crate::prior::{Prior, PriorSet};
 use base::error::Result;
 use base::parameter::{NOISE_SD, ParameterSpec, RELATIVE_NOISE};
 use laws::rheology::BaseLaw;
-use models::effects::{Library, NUISANCES};
+use models::effects::{Effect, Library, NUISANCES, Stage};
 use models::model::Model;
 
 /// Priors of all parameters of a model by a prior's name or file.
@@ -66,7 +66,11 @@ pub fn read_priors_with(
         }
         prior_of_error(spec, &median_of)
     };
-    Ok(PriorSet::read_for(name_or_file, &wanted, &others, &default)?.with_order(model.base().alike()))
+    let priors = PriorSet::read_for(name_or_file, &wanted, &others, &default)?;
+    // An effect of the mechanics may act on one of two parts, which are then not interchangeable.
+    let is_of_law = |effect: &&dyn Effect| effect.stage() == Stage::Mechanics;
+    let changes_law = model.effects().iter().any(is_of_law);
+    Ok(if changes_law { priors } else { priors.with_order(model.base().interchangeable_parts()) })
 }
 
 #[cfg(test)]

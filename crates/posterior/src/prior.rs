@@ -9,7 +9,7 @@ use base::error::{Error, Place, Result, Setting};
 use base::files::{self, Content};
 use base::parameter::{NOISE_SD, ParameterSpec};
 use base::toml_input::{Table, TomlInput, text_of};
-use laws::rheology::{Alike, LETHERSICH};
+use laws::rheology::{InterchangeableParts, LETHERSICH};
 
 /// The base law's parameters (physics §2) and the white noise, in the order used everywhere.
 pub const BASE_PARAMETERS: &[ParameterSpec] = &[LETHERSICH[0], LETHERSICH[1], LETHERSICH[2], NOISE_SD];
@@ -54,8 +54,8 @@ pub struct PriorSet {
     priors: Vec<Prior>,
     /// One for each prior, worked out once because the sampler asks millions of times.
     densities: Vec<UnconstrainedDensity>,
-    /// Parts of the law that may trade places, with the places of their parameters here. They are put in order, so that each name means one part.
-    alike: Vec<(Alike, Vec<Vec<usize>>)>,
+    /// Interchangeable parts of the law, with the places of their parameters among the priors. They stand in order, so that each name means one part.
+    ordered: Vec<(InterchangeableParts, Vec<Vec<usize>>)>,
 }
 
 impl PriorSet {
@@ -160,7 +160,7 @@ impl PriorSet {
             });
         }
         let densities = priors.iter().map(|prior| prior.distribution.unconstrained()).collect();
-        Ok(Self { name: file.display().to_string(), text: text.to_string(), priors, densities, alike: Vec::new() })
+        Ok(Self { name: file.display().to_string(), text: text.to_string(), priors, densities, ordered: Vec::new() })
     }
 
     /// Name or file as it was asked for.
@@ -198,7 +198,7 @@ impl PriorSet {
         let mut left = self.clone();
         left.priors.retain(|prior| !fixed.contains(&prior.name.as_str()));
         left.densities = left.priors.iter().map(|prior| prior.distribution.unconstrained()).collect();
-        left.with_order(self.alike.iter().map(|(alike, _)| alike.clone()).collect())
+        left.with_order(self.ordered.iter().map(|(parts, _)| parts.clone()).collect())
     }
 
     /// The set with others after its own.
@@ -209,29 +209,29 @@ impl PriorSet {
         all
     }
 
-    /// The set under which parts of a law stand in order, if they have the same priors: their parameters would else be exchanged from draw to draw, and each
-    /// would have the distribution of both.
-    pub fn with_order(mut self, alike: Vec<Alike>) -> Self {
-        let placed = |alike: Alike| {
-            let place = |spec: &ParameterSpec| self.priors.iter().position(|prior| prior.name == spec.name);
+    /// The set with interchangeable parts in order, where their priors are equal. Otherwise their parameters would be exchanged from draw to draw, and each would
+    /// have the distribution of both.
+    pub fn with_order(mut self, groups: Vec<InterchangeableParts>) -> Self {
+        let place = |spec: &ParameterSpec| self.priors.iter().position(|prior| prior.name == spec.name);
+        let placed = |parts: InterchangeableParts| {
             let places = |part: &Vec<ParameterSpec>| part.iter().map(place).collect::<Option<Vec<usize>>>();
-            let places = alike.0.iter().map(places).collect::<Option<Vec<_>>>()?;
+            let places = parts.0.iter().map(places).collect::<Option<Vec<_>>>()?;
             let distributions =
                 |part: &Vec<usize>| part.iter().map(|place| self.priors[*place].distribution).collect::<Vec<_>>();
             let is_same = |part: &Vec<usize>| distributions(part) == distributions(&places[0]);
-            places.iter().all(is_same).then_some((alike, places))
+            places.iter().all(is_same).then_some((parts, places))
         };
-        let placed = alike.into_iter().filter_map(placed).collect();
-        self.alike = placed;
+        self.ordered = groups.into_iter().filter_map(placed).collect();
         self
     }
 
-    /// Natural values with the parts of a law in order.
+    /// Natural values with interchangeable parts in order.
     pub fn ordered(&self, mut natural: Vec<f64>) -> Vec<f64> {
-        for (alike, places) in &self.alike {
+        for (group, places) in &self.ordered {
             let values = |part: &Vec<usize>| part.iter().map(|place| natural[*place]).collect::<Vec<f64>>();
             let mut parts: Vec<Vec<f64>> = places.iter().map(values).collect();
-            parts.sort_by(|a, b| Alike::slowness(&alike.0[0], a).total_cmp(&Alike::slowness(&alike.0[0], b)));
+            let slowness = |part: &[f64]| InterchangeableParts::slowness(&group.0[0], part);
+            parts.sort_by(|a, b| slowness(a).total_cmp(&slowness(b)));
             for (place, value) in places.iter().flatten().zip(parts.iter().flatten()) {
                 natural[*place] = *value;
             }
@@ -239,14 +239,14 @@ impl PriorSet {
         natural
     }
 
-    /// Adds the density of the order to points whose natural values are given by place and point: as many times as there are orders, in one of them.
+    /// Multiplies the density by the number of possible orders where interchangeable parts stand in order, and by 0 elsewhere. `natural` gives a value by its place and its point.
     fn add_ln_order(&self, natural: impl Fn(usize, usize) -> f64, log_density: &mut [f64]) {
-        for (alike, places) in &self.alike {
+        for (group, places) in &self.ordered {
             let ln_orders: f64 = (1..=places.len()).map(|n| (n as f64).ln()).sum();
             for (point, out) in log_density.iter_mut().enumerate() {
-                let slowness = places.iter().zip(&alike.0).map(|(part, specs)| {
+                let slowness = places.iter().zip(&group.0).map(|(part, specs)| {
                     let values: Vec<f64> = part.iter().map(|place| natural(*place, point)).collect();
-                    Alike::slowness(specs, &values)
+                    InterchangeableParts::slowness(specs, &values)
                 });
                 *out += if slowness.is_sorted() { ln_orders } else { f64::NEG_INFINITY };
             }

@@ -266,10 +266,9 @@ fn boxes_batches_and_subsets_agree_with_the_single_priors() {
     }
 }
 
-/// Two springpots in parallel under one prior: in one of two orders the density is doubled, in the other there is none. A draw is in order, and a prior of its own for one of them keeps the names
-/// apart by itself.
+/// Two springpots in parallel under one prior: the density is doubled in one order and nothing in the other, and every draw is in order. Where their priors differ, nothing is ordered.
 #[test]
-fn parts_that_may_trade_places_stand_in_order() {
+fn interchangeable_parts_stand_in_order() {
     let text = "parallel = [{ springpot = \"fast\" }, { springpot = \"slow\" }]";
     let law = BaseLaw::Network(Network::from_text("law.toml".as_ref(), text).expect("a network"));
     let of = |slow_order: Distribution| {
@@ -288,7 +287,7 @@ fn parts_that_may_trade_places_stand_in_order() {
             prior("slow_order", "1", slow_order),
         ];
         let others = read(VALID).expect("sound").without(&["young_modulus_pa", "fraction"]);
-        others.with(&all).with_order(law.alike())
+        others.with(&all).with_order(law.interchangeable_parts())
     };
     let ln_density = |set: &PriorSet, natural: &[f64]| {
         let (mut by_value, mut by_coordinate) = ([0.0], [0.0]);

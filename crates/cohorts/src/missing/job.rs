@@ -250,8 +250,8 @@ impl Found<'_> {
         (0..effects.len()).filter(|k| effects[*k].best.gain_nats > 0.0).reduce(of)
     }
 
-    /// Of the leading effect and those whose rank is near to its own, the one that ranks first once each record's gain of the first order is replaced by that of a
-    /// fit: a size at which an effect is not linear may gain more, or less.
+    /// The effect that leads after full fits. Effects that rank nearly as high as the leading one are fitted to every record. The gains of these fits replace the
+    /// first-order gains, which are wrong for sizes at which an effect is not linear.
     fn nearest_by_fits(&self, leading: usize, apparatuses: &Apparatuses, monitor: &dyn Monitor) -> Result<usize> {
         let effects = &self.judged.effects;
         let rank = |place: usize| effects[place].best.rank_nats();
@@ -261,18 +261,22 @@ impl Found<'_> {
         if near.len() < 2 {
             return Ok(leading);
         }
+        let scans: Vec<Option<Scan>> = near.iter().map(|place| Scan::new(self.said, effects[*place].effect)).collect();
         monitor.stage("fitting effects that rank nearly alike to every record");
         let counter = Counter::new(monitor, self.said.len());
         let more = |number: usize| -> Result<Vec<f64>> {
             let subject = self.subject(number, apparatuses, &counter, monitor)?;
             let (said, based) = (&self.said[number], &self.based[number]);
-            let more = |place: &usize| -> Result<f64> {
-                let effect = effects[*place].effect;
-                let first_order = Scan::new(self.said, effect).map(|scan| scan.own_gain(number, &said.told.fitted));
-                let fitted = gain_nats(&subject, based, &said.effects[effect])?;
+            let more = |(place, scan): (&usize, &Option<Scan>)| -> Result<f64> {
+                let first_order = scan.as_ref().map(|scan| scan.own_gain(number, &said.told.fitted));
+                let fitted = gain_nats(&subject, based, &said.effects[effects[*place].effect])?;
                 Ok(fitted.zip(first_order).map_or(0.0, |(fitted, first_order)| fitted - first_order))
             };
-            near.iter().map(more).collect::<Result<_>>().map_err(|error| self.measurements[number].named(error))
+            near.iter()
+                .zip(&scans)
+                .map(more)
+                .collect::<Result<_>>()
+                .map_err(|error| self.measurements[number].named(error))
         };
         let each: Vec<Vec<f64>> = (0..self.said.len()).into_par_iter().map(more).collect::<Result<_>>()?;
         let total = |k: usize| rank(near[k]) + each.iter().map(|own| own[k]).sum::<f64>();

@@ -26,8 +26,10 @@ struct Both {
 }
 
 impl Both {
+    /// Fits both; `None` where the effect cannot be added or a model cannot be evaluated.
+    ///
     /// # Errors
-    /// Whatever building the effect's model refuses; `None` for an effect that cannot be added, and where a model cannot be evaluated anywhere.
+    /// As [`Subject::extended`].
     fn new(subject: &Subject, record: &Based, asked: &Asked) -> Result<Option<Self>> {
         if asked.refused.is_some() {
             return Ok(None);
@@ -46,10 +48,10 @@ impl Both {
     }
 }
 
-/// What the effect gains when it is fitted to the cycles of a record that a subject has among the fitted ones, in nats; `None` where it cannot be fitted.
+/// Gain of the effect (nats) by a fit to the fitted cycles of a record; `None` where it cannot be fitted.
 ///
 /// # Errors
-/// Whatever building its model refuses, but for an effect that cannot be added.
+/// As [`Subject::extended`].
 pub fn gain_nats(subject: &Subject, record: &Based, asked: &Asked) -> Result<Option<f64>> {
     Ok(Both::new(subject, record, asked)?.map(|both| both.gain_nats()))
 }

@@ -67,13 +67,14 @@ impl CandidatePosterior<'_> {
         Starts { climbs, ridges: ridges.iter().map(inside).collect() }
     }
 
-    /// A point of a fit as a start: no nearer than a tail of the prior to an end of the support.
+    /// A point of a fit as a start: no nearer than a tail of the prior to an end of the support, interchangeable parts in order.
     fn start(&self, candidate: &Candidate, point: &Fitted, tail: f64) -> Vec<f64> {
         let mut natural = candidate.parameters(&point.theta);
         natural.extend(point.noise.iter());
         let names: Vec<&str> = self.problem.parameters().iter().map(|spec| spec.name).collect();
         let value = |name: &str| names.iter().position(|known| *known == name).map_or(f64::NAN, |place| natural[place]);
-        self.priors().priors().iter().map(|prior| moved_inside(prior, value(&prior.name), tail)).collect()
+        let inside = |prior: &Prior| moved_inside(prior, value(&prior.name), tail);
+        self.priors().ordered(self.priors().priors().iter().map(inside).collect())
     }
 
     /// Tops of the fit's objective, but the best, that are within reach of it, and ridges: from a design in the effects' parameters, law and noise fitted

@@ -27,7 +27,7 @@ const SIMPLER_WITHIN_NATS: f64 = 40.0;
 /// What an effect of the library may lack of the function's log score of unseen cycles to be preferred: nats, and a share of what that gains. A formula has a few parameters, and the function eight.
 const LIBRARY_NATS: f64 = 4.0;
 const LIBRARY_SHARE: f64 = 0.02;
-/// Positions among which models are searched whose every trajectory takes long, and the share of the function's gain, both to first order, below which they are not.
+/// Nonlinear models are searched with so many positions. They are not fitted where their largest first-order gain is below this share of the function's.
 const MOST_SEARCHED_SLOWLY: usize = 200;
 const WITHIN_REACH: f64 = 0.5;
 /// Positions among which pairs are searched; where there are more, each pair's fit is finished among all.
@@ -167,7 +167,8 @@ impl Found {
         let candidates = others.filter_map(|effect| self.subject.extended(&[effect.slug()]).ok());
         let (slow, quick): (Vec<Candidate>, _) = candidates.partition(|candidate| candidate.model.is_nonlinear());
         let mut refitted = refit_all(&self.subject, &quick, &[&self.base], Search::Wide, monitor);
-        refitted.extend(self.refit_slow(slow, chosen, monitor).unwrap_or_default());
+        let all_slow = || refit_all(&self.subject, &slow, &[&self.base], Search::Wide, monitor);
+        refitted.extend(self.refit_slow(&slow, chosen, monitor).unwrap_or_else(|_| all_slow()));
         let Some((learnt, base)) = chosen.future.zip(self.base.future) else { return Vec::new() };
         let allowed = LIBRARY_NATS + LIBRARY_SHARE * (learnt.all - base.all).max(0.0);
         let mut good: Vec<(f64, String)> = refitted
@@ -180,17 +181,18 @@ impl Found {
         good.into_iter().map(|(_, slug)| slug).collect()
     }
 
-    /// Models whose every trajectory takes long: those that may gain enough to first order, sought among few positions and then fitted to all.
+    /// Fits nonlinear models. Those that may gain enough to first order are searched with few positions, and their fits are then finished with all.
     fn refit_slow(
         &self,
-        mut candidates: Vec<Candidate>,
+        candidates: &[Candidate],
         chosen: &Learnt,
         monitor: &dyn Monitor,
     ) -> Result<Vec<Option<Refitted>>> {
-        let screen = screen::Screen::new(&self.subject, &self.base, &candidates)?;
+        let screen = screen::Screen::new(&self.subject, &self.base, candidates)?;
         let least = WITHIN_REACH * screen.gain_nats(&self.subject, &chosen.fitted.position_m);
-        let mut bounds = screen.bounds_nats(&self.subject).into_iter();
-        candidates.retain(|_| bounds.next().is_some_and(|bound| bound >= least));
+        let bounded = candidates.iter().zip(screen.bounds_nats(&self.subject));
+        let candidates: Vec<Candidate> =
+            bounded.filter(|(_, bound)| *bound >= least).map(|(candidate, _)| candidate.clone()).collect();
         let Some(few) = self.subject.thinned(MOST_SEARCHED_SLOWLY)? else {
             return Ok(refit_all(&self.subject, &candidates, &[&self.base], Search::Wide, monitor));
         };

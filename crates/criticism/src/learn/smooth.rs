@@ -134,11 +134,7 @@ impl Smooth {
         let warped = match self.bent_at {
             Some(own) => {
                 let x = state * own.recip();
-                let (square, size) = (x.value * x.value, x.value.abs());
-                let root = (1.0 + square).sqrt();
-                // The library's asinh, without its care for squares that overflow.
-                let value = (size + square / (1.0 + root)).ln_1p().copysign(x.value);
-                Dual { value, derivative: x.derivative / root }
+                Dual { value: x.value.asinh(), derivative: x.derivative / (1.0 + x.value * x.value).sqrt() }
             }
             None => state,
         };

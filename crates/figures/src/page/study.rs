@@ -398,7 +398,10 @@ fn suspects(diagnosis: &Diagnosis) -> Markup {
         "looks like",
         "standing",
     ];
-    table_that_ends_in_words("Suspects: what a refit with each effect gains", &heads, &rows)
+    html! {
+        (table_that_ends_in_words("Suspects: what a refit with each effect gains", &heads, &rows))
+        @if let Some(sentence) = diagnosis.gains_without_error() { p { (sentence) } }
+    }
 }
 
 fn ladder_section(content: &StudyPage) -> Markup {

@@ -1,9 +1,9 @@
 //! Springs, dashpots and their creep compliance (physics §2). Scalar: space enters only through the finite elements.
 
-mod alike;
 mod branch_cut;
 mod element;
 mod fractional;
+mod interchangeable;
 mod lumped;
 mod mass;
 #[cfg(test)]
@@ -16,8 +16,8 @@ mod spectrum;
 mod spread;
 pub mod stieltjes;
 
-pub use alike::Alike;
 pub use element::{Element, Leaf};
+pub use interchangeable::InterchangeableParts;
 pub use network::Network;
 pub use oscillation::complex_modulus_pa;
 pub use outside::{MOST_PARAMETERS, OutsideLaw};
@@ -211,13 +211,16 @@ impl BaseLaw {
         }
     }
 
-    /// Its parts that may trade places.
-    pub fn alike(self) -> Vec<Alike> {
+    /// Its interchangeable parts, one entry for each group of them.
+    pub fn interchangeable_parts(self) -> Vec<InterchangeableParts> {
         match self {
             Self::TwoElement => {
-                vec![Alike(vec![vec![YOUNG_MODULUS, VISCOSITY_1], vec![SECOND_MODULUS, SECOND_VISCOSITY]])]
+                vec![InterchangeableParts(vec![
+                    vec![YOUNG_MODULUS, VISCOSITY_1],
+                    vec![SECOND_MODULUS, SECOND_VISCOSITY],
+                ])]
             }
-            Self::Network(network) => network.alike(),
+            Self::Network(network) => network.interchangeable_parts(),
             Self::Lethersich | Self::Burgers | Self::Outside(_) => Vec::new(),
         }
     }

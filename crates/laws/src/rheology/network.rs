@@ -16,7 +16,7 @@
 use std::path::Path;
 use std::sync::{Mutex, PoisonError};
 
-use super::{Alike, Element, Leaf};
+use super::{Element, InterchangeableParts, Leaf};
 use base::distribution::Distribution;
 use base::error::Result;
 use base::number::Dual;
@@ -176,15 +176,15 @@ impl Network {
         }
     }
 
-    /// Its parts that may trade places, elements that stand in it twice left out.
-    pub(super) fn alike(&self) -> Vec<Alike> {
+    /// As [`super::BaseLaw::interchangeable_parts`]. An element that stands in the network twice is in none.
+    pub(super) fn interchangeable_parts(&self) -> Vec<InterchangeableParts> {
         let (mut found, mut places) = (Vec::new(), Vec::new());
-        self.root.add_alike(&mut found);
+        self.root.add_interchangeable(&mut found);
         self.root.shape(&mut places);
         let is_single = |place: &usize| places.iter().filter(|other| *other == place).count() == 1;
         found.retain(|parts: &Vec<Vec<usize>>| parts.iter().flatten().all(is_single));
         let specs = |part: Vec<usize>| part.into_iter().map(|place| self.parameters[place]).collect();
-        found.into_iter().map(|parts| Alike(parts.into_iter().map(specs).collect())).collect()
+        found.into_iter().map(|parts| InterchangeableParts(parts.into_iter().map(specs).collect())).collect()
     }
 
     /// The prior of one of its parameters, and where its numbers come from.
@@ -304,7 +304,7 @@ impl Node {
         }
     }
 
-    /// What it is but for names, and adds the places of its parameters; what stands beside each other is put in an order.
+    /// The structure without names, and its parameters' places, which are added. Nodes beside each other are sorted, so that their order in the file does not matter.
     fn shape(&self, places: &mut Vec<usize>) -> String {
         let (key, nodes) = match self {
             Self::Leaf { kind, first, .. } => {
@@ -325,8 +325,8 @@ impl Node {
         (self.shape(&mut places), places)
     }
 
-    /// Adds the parameters' places of parts of one shape that stand beside each other, here and below.
-    fn add_alike(&self, found: &mut Vec<Vec<Vec<usize>>>) {
+    /// Adds every group of nodes of one structure beside each other, here and below: for each node the places of its parameters.
+    fn add_interchangeable(&self, found: &mut Vec<Vec<Vec<usize>>>) {
         let (Self::Series(nodes) | Self::Parallel(nodes)) = self else { return };
         let mut groups: Vec<(String, Vec<Vec<usize>>)> = Vec::new();
         for (shape, places) in nodes.iter().map(Self::shape_and_places) {
@@ -336,7 +336,7 @@ impl Node {
             }
         }
         found.extend(groups.into_iter().map(|(_, parts)| parts).filter(|parts| parts.len() > 1));
-        nodes.iter().for_each(|node| node.add_alike(found));
+        nodes.iter().for_each(|node| node.add_interchangeable(found));
     }
 
     fn to_toml_value(&self) -> toml::Value {
@@ -361,13 +361,17 @@ mod tests {
         Network::from_toml(&base.required_table("network")?)
     }
 
-    /// Parts of one shape beside each other, whatever stands between them and in whichever order their own parts stand; not an element that stands there twice.
+    /// Parts of one structure beside each other are interchangeable, also with another part between them and with their own parts in another order. An element that stands there twice is not.
     #[test]
-    fn parts_that_may_trade_places() {
+    fn parts_of_one_structure_are_interchangeable() {
         let alike = |text: &str| -> Vec<Vec<Vec<&str>>> {
             let network = Network::from_text(Path::new("law.toml"), text).unwrap();
             let names = |part: &Vec<ParameterSpec>| part.iter().map(|spec| spec.name).collect();
-            network.alike().iter().map(|Alike(parts)| parts.iter().map(names).collect()).collect()
+            network
+                .interchangeable_parts()
+                .iter()
+                .map(|InterchangeableParts(parts)| parts.iter().map(names).collect())
+                .collect()
         };
         assert_eq!(
             alike("parallel = [{ springpot = \"a\" }, { spring = \"e\" }, { springpot = \"b\" }]"),

@@ -49,7 +49,7 @@ impl<T: Real, const N: usize> Nodes<T, N> {
     }
 }
 
-/// What R lacks at the nodes, and the equations about that.
+/// The residual of R at the nodes, with its derivatives.
 pub struct Imbalance<T, const N: usize> {
     pub left: [T; N],
     /// Derivatives of R less that of what it is to be, by R.
@@ -57,7 +57,7 @@ pub struct Imbalance<T, const N: usize> {
     pub states: [f64; N],
     /// Of the states by the positions at the nodes.
     pub by_position: [[f64; N]; N],
-    /// Of the function by the state, and of what R is to be by the function and by the strain.
+    /// Derivatives of the function by the state, and of the target of R by the function and by the strain.
     pub by_state: [f64; N],
     pub by_value: [f64; N],
     pub by_strain: [f64; N],
@@ -154,7 +154,7 @@ impl<T: Real> Run<'_, T> {
         Err(no_balance(now.now_s.value()))
     }
 
-    /// What R lacks at the nodes, with what it depends on.
+    /// The residual at the nodes, with its derivatives.
     pub fn imbalance<const N: usize>(
         &self,
         nodes: &Nodes<T, N>,

@@ -1,4 +1,4 @@
-//! Derivatives by the function's parameters, beside a run: what Newton's method solved at a step, solved once more for each of them.
+//! Derivatives by the function's parameters, computed beside a run. Each step solves its Newton equations once more for every parameter.
 
 use super::super::collocation::{END, N_NODES};
 use super::super::numbers::{Lanes, N_LANES, Real};

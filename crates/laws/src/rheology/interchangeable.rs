@@ -1,0 +1,24 @@
+//! Interchangeable parts of a law. Two springpots in parallel are the same law when their parameters are exchanged, so data cannot say which name belongs to which.
+
+use base::parameter::ParameterSpec;
+
+/// Parts of one kind beside each other, as they are listed. The parameters of all parts are in the same order.
+#[derive(Debug, Clone, PartialEq)]
+pub struct InterchangeableParts(pub Vec<Vec<ParameterSpec>>);
+
+impl InterchangeableParts {
+    /// The number by which parts are ordered, smallest first, from the values (SI) of one part. With a viscosity and a modulus it is the part's time. With a
+    /// springpot it is minus the order, because the springpot of higher order acts faster. Otherwise it is the modulus or viscosity itself.
+    pub fn slowness(part: &[ParameterSpec], values: &[f64]) -> f64 {
+        let sum = |unit: &str| -> f64 {
+            let own = part.iter().zip(values).filter(|(spec, _)| spec.unit == unit);
+            own.map(|(_, value)| value).sum()
+        };
+        let has = |unit: &str| part.iter().any(|spec| spec.unit == unit);
+        match (has("Pa s"), has("1"), has("Pa")) {
+            (true, _, true) => sum("Pa s") / sum("Pa"),
+            (_, true, _) => -sum("1"),
+            _ => values.iter().sum(),
+        }
+    }
+}
