@@ -54,7 +54,7 @@ fn a_missing_drift_is_added_and_the_error_falls() {
 
     let again = ["extend", path, "--with", "tracking-drift", "--out", "b", "--threads", "1", "--quiet"];
     let words = vitreo(dir.path(), &again).exits(0);
-    assert!(words.stderr.is_empty() && words.stdout.contains("the error on the held-out cycle falls"), "{words}");
+    assert!(words.stderr.is_empty() && words.stdout.contains("the error on the last held-out cycle falls"), "{words}");
     for (name, bytes) in tree(&dir.path().join("b")) {
         assert!(name.ends_with("timing.json") || files[&name] == bytes, "{} differs", name.display());
     }

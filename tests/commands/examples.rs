@@ -33,7 +33,7 @@ fn poisson_family() {
 #[test]
 fn custom_effect() {
     let text = output_of("custom_effect", &[]);
-    assert!(text.contains("With thermal-drift the error on the held-out cycle falls"), "{text}");
+    assert!(text.contains("With thermal-drift the error on the last held-out cycle falls"), "{text}");
     let number = |after: &str| number(&text, after);
     assert!(number(" before, ") < 5.0 && number("held-out cycle falls: ") > 6.0, "{text}");
     // Its parameters carry its own symbols into figures.

@@ -60,7 +60,7 @@ fn the_error_falls_to_the_noise_and_nothing_is_fitted_twice() {
 
     let again = vitreo(dir.path(), &["ladder", "a", "--threads", "1"]).exits(0);
     assert!(!again.stderr.contains("fitted to all cycles"), "{again}");
-    for word in ["Error on the held-out cycle", "+ tracking-drift", "█", "falls", "E (Pa)"] {
+    for word in ["Error on the last held-out cycle", "+ tracking-drift", "█", "falls", "E (Pa)"] {
         assert!(again.stdout.contains(word), "`{word}` in {again}");
     }
     assert_eq!(tree(&dir.path().join("a")), files, "the second call changes nothing");

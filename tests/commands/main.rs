@@ -16,6 +16,7 @@ mod ladder;
 mod learn;
 #[path = "../mutators/mod.rs"]
 mod mutators;
+mod numbers;
 mod oscillation;
 mod outside;
 #[path = "../program/mod.rs"]

@@ -49,7 +49,8 @@ pub fn diagnose(subject: &Subject, request: &DiagnosisRequest, monitor: &dyn Mon
     let base = subject.base();
     let first = subject.fit(&base, &[], Search::Wide)?;
     let outlier_rows = outliers::find(subject, &first);
-    let subject = if outlier_rows.is_empty() { subject.clone() } else { subject.without_rows(&outlier_rows) };
+    let whole = subject;
+    let subject = if outlier_rows.is_empty() { whole.clone() } else { whole.without_rows(&outlier_rows) };
     let found = search(&subject, request, monitor)?;
     monitor.stage("looking for structure outside the library");
     let Gathered { evidence, models, unexplained, equivalent } = gather(&subject, request, &found, monitor)?;
@@ -69,6 +70,7 @@ pub fn diagnose(subject: &Subject, request: &DiagnosisRequest, monitor: &dyn Mon
         leftover: None,
         event: None,
         equivalent: &equivalent,
+        every_position: whole,
     };
     if request.in_full {
         monitor.stage("looking for events in all cycles");

@@ -3,6 +3,7 @@
 use super::detectable::{Detectable, smallest_detectable};
 use super::leftover::{Leftover, event_remark};
 use super::outside::Outside;
+use super::own_errors::own_errors;
 use super::predicted::predictive_noise_um;
 use super::refit::{Gain, Refitted};
 use super::request::DiagnosisRequest;
@@ -16,10 +17,12 @@ use documents::diagnosis::{
     Status, UnexplainedEntry, VerdictKind,
 };
 use figures::number::significant;
+use documents::errors::ModelErrors;
 use models::effects::AMPLITUDE;
 use posterior::large_displacement::interpretation;
 use posterior::misfit::Misfit;
 use posterior::monitor::Monitor;
+use rayon::prelude::*;
 
 /// Simulated repeats by which a change of the protocol is confirmed.
 const N_REPEATS: usize = 40;
@@ -48,6 +51,8 @@ pub(super) struct Report<'a> {
     pub event: Option<Outside>,
     /// Models of the effects that are equivalent to the claim.
     pub equivalent: &'a [Refitted],
+    /// The subject with its outliers.
+    pub every_position: &'a Subject,
 }
 
 impl Report<'_> {
@@ -55,8 +60,9 @@ impl Report<'_> {
     pub fn document(&self, outlier_rows: Vec<usize>, monitor: &dyn Monitor) -> Result<Diagnosis> {
         let (subject, found) = (self.subject, self.found);
         let experiment = subject.experiment();
-        let noise_um = self.noise_um();
-        let base = self.errors(&found.base);
+        let base = self.request.base_errors.map_or_else(|| self.own_errors(&found.base), Ok)?;
+        let extended = self.model.map(|model| self.errors(model)).transpose()?;
+        let shown = Shown { base, extended: extended.as_ref() };
         let scored: Vec<&Single> = found.singles.iter().filter(|single| single.score.is_some()).collect();
         let scores: Vec<rank::Score> = scored.iter().filter_map(|single| single.score.clone()).collect();
         let cosines = rank::cosines(&scores);
@@ -65,11 +71,16 @@ impl Report<'_> {
             rank::twins(&cosines).iter().map(|list| list.iter().map(slug).collect()).collect();
         monitor.stage("weighing the evidence");
         let weighing = Weighing::new(subject, self.request, (found, self.model), monitor)?;
+        let own = |single: &Single| {
+            let refitted = single.refitted.as_ref().filter(|_| self.request.in_full);
+            refitted.map(|refitted| self.own_errors(refitted)).transpose()
+        };
+        let own: Vec<Option<ModelErrors>> = found.singles.par_iter().map(own).collect::<Result<_>>()?;
         let mut candidates = Vec::new();
-        for single in &found.singles {
+        for (single, own) in found.singles.iter().zip(own) {
             let place = scored.iter().position(|other| other.slug == single.slug);
             let twins = place.map_or(Vec::new(), |place| twins[place].clone());
-            candidates.push(self.candidate(single, twins, &weighing)?);
+            candidates.push(self.candidate(single, twins, own.and_then(|own| own.rmse_heldout_um), &weighing)?);
         }
         let learnt = noise_learning::learn(subject, &found.base.candidate, &found.base.fitted)?;
         let mut remarks = self.remarks(&scores, &cosines);
@@ -109,11 +120,15 @@ impl Report<'_> {
         };
         Ok(Diagnosis {
             experiment: experiment.specimen_id.clone(),
-            verdict: self.verdict.document(self.sentence(&candidates)),
+            verdict: self.verdict.document(self.sentence(&candidates, &shown)),
             fitted_cycles: experiment.calibration_cycles.clone(),
             heldout_cycles: experiment.heldout_cycles.clone(),
-            base: BaseErrors { rmse_fitted_um: base.rmse_fitted_um, rmse_heldout_um: base.rmse_heldout_um, noise_um },
-            extended: self.model.map(|model| self.errors(model)),
+            base: BaseErrors {
+                rmse_fitted_um: base.rmse_fitted_um,
+                rmse_heldout_um: base.rmse_heldout_um,
+                noise_um: (!subject.is_noise_unknown()).then_some(1e6 * subject.yardstick_m()),
+            },
+            extended,
             candidates,
             pairs: found.pairs.iter().take(N_PAIRS).map(pair).collect(),
             blind_spots,
@@ -141,18 +156,15 @@ impl Report<'_> {
         Ok(advice.map_or(String::new(), |advice| advice.sentence))
     }
 
-    fn errors(&self, model: &Refitted) -> Errors {
-        let rmse_um = |positions: &[Option<f64>]| model.fitted.rmse_m(positions).map(|rmse| 1e6 * rmse);
-        Errors {
-            rmse_fitted_um: rmse_um(&self.subject.fitted_m).unwrap_or(0.0),
-            rmse_heldout_um: rmse_um(&self.subject.scored_m),
-            predictive_noise_um: predictive_noise_um(
-                self.subject,
-                &model.candidate,
-                &model.fitted,
-                &self.subject.scored_m,
-            ),
-        }
+    fn own_errors(&self, model: &Refitted) -> Result<ModelErrors> {
+        own_errors(self.every_position, model)
+    }
+
+    fn errors(&self, model: &Refitted) -> Result<Errors> {
+        let ModelErrors { rmse_fitted_um, rmse_heldout_um } = self.own_errors(model)?;
+        let Refitted { candidate, fitted, .. } = model;
+        let predictive_noise_um = predictive_noise_um(self.subject, candidate, fitted, &self.subject.scored_m);
+        Ok(Errors { rmse_fitted_um, rmse_heldout_um, predictive_noise_um })
     }
 
     fn status(&self, single: &Single) -> Status {
@@ -169,11 +181,19 @@ impl Report<'_> {
         single.gain.map_or(1.0, |gain| self.found.bootstrap.p(gain.fitted))
     }
 
-    fn candidate(&self, single: &Single, twins: Vec<String>, weighing: &Weighing) -> Result<CandidateEntry> {
+    fn candidate(
+        &self,
+        single: &Single,
+        twins: Vec<String>,
+        rmse_heldout_um: Option<f64>,
+        weighing: &Weighing,
+    ) -> Result<CandidateEntry> {
         let status = self.status(single);
         let score = single.score.as_ref();
         let refit = match (&single.refitted, single.gain) {
-            (Some(refitted), Some(gain)) => Some(self.refit(single, refitted, gain, weighing)?),
+            (Some(refitted), Some(gain)) => {
+                Some(Refit { rmse_heldout_um, ..self.refit(single, refitted, gain, weighing)? })
+            }
             _ => None,
         };
         Ok(CandidateEntry {
@@ -203,7 +223,7 @@ impl Report<'_> {
             gain_nats: gain.fitted,
             heldout_gain_nats: gain.future,
             last_cycle_gain_nats: gain.last,
-            rmse_heldout_um: self.errors(refitted).rmse_heldout_um,
+            rmse_heldout_um: None,
             largest_change: gain.largest_change,
             log_bayes_factor,
             log_bayes_factor_at_most,
@@ -235,11 +255,11 @@ impl Report<'_> {
         list
     }
 
-    fn sentence(&self, candidates: &[CandidateEntry]) -> String {
+    fn sentence(&self, candidates: &[CandidateEntry], shown: &Shown) -> String {
         match self.verdict.kind {
-            VerdictKind::Missing => self.missing_sentence(candidates),
-            VerdictKind::Unexplained => self.unexplained_sentence(),
-            VerdictKind::None => self.none_sentence(candidates),
+            VerdictKind::Missing => self.missing_sentence(candidates, shown),
+            VerdictKind::Unexplained => self.unexplained_sentence(shown),
+            VerdictKind::None => self.none_sentence(candidates, shown),
         }
     }
 
@@ -248,22 +268,13 @@ impl Report<'_> {
         self.verdict.has_structure || self.verdict.exceeds_noise
     }
 
-    /// The noise of one position (µm): known, or else what is estimated beside the best model, white and slow together, or, where that holds a misfit,
-    /// what does not come again in every cycle.
-    fn noise_um(&self) -> f64 {
-        let model = self.model.unwrap_or(&self.found.base);
-        let learnt_um = self.subject.noise().row_sd_um(&model.fitted.noise);
-        let least_um = 1e6 * self.subject.yardstick_m();
-        match (self.left.is_known, self.verdict.exceeds_noise) {
-            (true, _) => least_um,
-            (false, true) => 1e6 * self.left.noise_m,
-            (false, false) => learnt_um.max(least_um),
-        }
-    }
-
-    /// The noise in µm, and whether it was given.
+    /// The noise of one position in µm, and whether it was given.
     fn noise_words(&self) -> String {
-        format!("{}{}", short(self.noise_um()), if self.left.is_known { "" } else { ", estimated" })
+        if self.subject.is_noise_unknown() {
+            return "unknown".into();
+        }
+        let estimated = if self.subject.is_noise_known() { "" } else { ", estimated" };
+        format!("{}{estimated}", short(1e6 * self.subject.yardstick_m()))
     }
 
     /// That nothing says how large the noise is, where nothing does.
@@ -275,25 +286,9 @@ impl Report<'_> {
         }
     }
 
-    /// Where the error on the held-out cycle goes with the model that is claimed or helps.
-    fn errors_words(&self, model: &Refitted) -> String {
-        let (before, after) = (self.errors(&self.found.base), self.errors(model));
-        match (before.rmse_heldout_um, after.rmse_heldout_um) {
-            (Some(was), Some(is)) => {
-                format!("on the held-out cycle the error goes from {} to {} µm", short(was), short(is))
-            }
-            _ => format!(
-                "on the fitted cycles the error goes from {} to {} µm",
-                short(before.rmse_fitted_um),
-                short(after.rmse_fitted_um)
-            ),
-        }
-    }
-
-    fn missing_sentence(&self, candidates: &[CandidateEntry]) -> String {
-        let Some(claimed) = self.model else { return String::new() };
+    fn missing_sentence(&self, candidates: &[CandidateEntry], shown: &Shown) -> String {
         let effects = &self.verdict.effects;
-        let errors = self.errors_words(claimed);
+        let errors = shown.change_in_words();
         let claimed = candidates.iter().filter(|candidate| candidate.status == Status::Claimed);
         let refits: Vec<&Refit> = claimed.filter_map(|candidate| candidate.refit.as_ref()).collect();
         let sizes: Vec<String> = refits.iter().filter_map(|refit| refit.parameters.first().map(size)).collect();
@@ -322,15 +317,15 @@ impl Report<'_> {
         self.leftover.as_ref().map(|leftover| leftover.entry.sentence.clone()).or_else(first)
     }
 
-    fn unexplained_sentence(&self) -> String {
+    fn unexplained_sentence(&self, shown: &Shown) -> String {
         let what = self.what_remains().unwrap_or_default();
         let rest = if what.is_empty() { String::new() } else { format!(" Unexplained, here: {what}") };
-        if let Some(helping) = self.model {
+        if self.model.is_some() {
             let effects = listed(&self.verdict.effects, "and");
             return format!(
                 "The model is still wrong with all that was tried: with {effects} it leaves {}. Of the library {effects} helps most, but it is not the cause ({}): read no property from its size.{rest}",
                 self.excess_words(),
-                self.errors_words(helping)
+                shown.change_in_words()
             );
         }
         if self.verdict.has_structure {
@@ -345,33 +340,30 @@ impl Report<'_> {
     /// How much more than the noise is left, and where.
     fn excess_words(&self) -> String {
         if let (false, Some(factor)) = (self.left.is_too_large(), self.over_predicted) {
-            let rmse_um = self.errors(self.model.unwrap_or(&self.found.base)).rmse_heldout_um.unwrap_or(0.0);
             let noise = match (self.model, self.left.is_known) {
                 (None, _) => "white noise and the model's parameters",
                 (Some(_), true) => "the known noise and the model's parameters",
                 (Some(_), false) => "the model's own noise and parameters",
             };
-            return format!(
-                "{} µm on the held-out cycle, {factor:.1} times the {} µm that {noise} allow",
-                short(rmse_um),
-                short(rmse_um / factor)
-            );
+            return format!("{factor:.1} times as much on the last held-out cycle as {noise} allow");
         }
         let heldout = self.left.heldout.filter(|size| size.is_too_large);
-        let (size, which) = heldout.map_or((self.left.fitted, "fitted cycles"), |size| (size, "held-out cycle"));
-        let origin = if self.left.is_known { "known" } else { "estimated" };
+        let (size, which) = heldout.map_or((self.left.fitted, "fitted cycles"), |size| (size, "last held-out cycle"));
+        let noise_m = self.left.noise_m;
+        let noise = match self.left.is_known {
+            true => format!("the known noise of {} µm", short(1e6 * noise_m)),
+            false if noise_m > self.subject.yardstick_m() => {
+                format!("the {} µm that do not come again in every cycle", short(1e6 * noise_m))
+            }
+            false => format!("the estimated noise of {} µm", short(1e6 * noise_m)),
+        };
         let returning = self.left.returning_m.map_or(String::new(), |returning_m| {
             format!("; {} µm of it come again in every cycle, which noise does not", short(1e6 * returning_m))
         });
-        format!(
-            "{} µm on the {which}, {:.1} times the {origin} noise of {} µm{returning}",
-            short(1e6 * size.rms_m),
-            size.rms_m / self.left.noise_m,
-            short(1e6 * self.left.noise_m)
-        )
+        format!("{:.1} times {noise} on the {which}{returning}", size.rms_m / noise_m)
     }
 
-    fn none_sentence(&self, candidates: &[CandidateEntry]) -> String {
+    fn none_sentence(&self, candidates: &[CandidateEntry], shown: &Shown) -> String {
         let suggestive: Vec<String> =
             candidates.iter().filter(|c| c.status == Status::Suggestive).map(|c| c.effect.clone()).collect();
         let hint = if suggestive.is_empty() {
@@ -379,14 +371,13 @@ impl Report<'_> {
         } else {
             format!(" Suggestive at most: {}.", listed(&suggestive, "and"))
         };
-        let errors = self.errors(&self.found.base);
-        let rows = if errors.rmse_heldout_um.is_some() { "held-out cycle" } else { "fitted cycles" };
+        let errors = shown.base;
+        let rows = if errors.rmse_heldout_um.is_some() { "last held-out cycle" } else { "fitted cycles" };
         let rmse_um = errors.rmse_heldout_um.unwrap_or(errors.rmse_fitted_um);
         let left = self.left.heldout.unwrap_or(self.left.fitted).rms_m;
         if self.verdict.is_doubtful {
             return format!(
-                "Something may be missing: the model leaves {} µm on the {rows}, {} times the given noise. No effect of the library explains it, and slow noise beside the given one would look the same.{hint}",
-                short(1e6 * left),
+                "Something may be missing: the model leaves {} times the given noise on the {rows}. No effect of the library explains it, and slow noise beside the given one would look the same.{hint}",
                 short(left / self.left.noise_m),
             );
         }
@@ -397,6 +388,24 @@ impl Report<'_> {
             self.noise_words(),
             self.unknown_noise(),
         )
+    }
+}
+
+/// Errors that sentences name.
+struct Shown<'a> {
+    base: ModelErrors,
+    extended: Option<&'a Errors>,
+}
+
+impl Shown<'_> {
+    /// Where the error goes with the model that is claimed or helps; empty where none is.
+    fn change_in_words(&self) -> String {
+        let Some(after) = self.extended else { return String::new() };
+        let (which, was, is) = match (self.base.rmse_heldout_um, after.rmse_heldout_um) {
+            (Some(was), Some(is)) => ("last held-out cycle", was, is),
+            _ => ("fitted cycles", self.base.rmse_fitted_um, after.rmse_fitted_um),
+        };
+        format!("on the {which} the error goes from {} to {} µm", short(was), short(is))
     }
 }
 

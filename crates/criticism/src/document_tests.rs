@@ -121,7 +121,7 @@ fn the_verdict_follows_claim_structure_and_noise() {
     let (none, effects, sentence, statuses) = kind(&found, None, &[], &WITHIN);
     assert_eq!((none, effects.len()), (VerdictKind::None, 0));
     // The bias moves the whole cycle, which a gain and an offset would take up: why the noise is called none is said.
-    let own = "on the held-out cycle, 4.00 µm of it when a gain and an offset of the cycle are taken out, which the noise has (noise 4.00)";
+    let own = "on the last held-out cycle, 4.00 µm of it when a gain and an offset of the cycle are taken out, which the noise has (noise 4.00)";
     assert!(sentence.contains(own), "{sentence}");
     assert_eq!(statuses[1], Status::Suggestive);
     let (unexplained, _, sentence, statuses) = kind(&found, None, &outside, &WITHIN);
@@ -129,7 +129,7 @@ fn the_verdict_follows_claim_structure_and_noise() {
     assert!(sentence.ends_with("a slip.") && statuses[1] == Status::Unsupported, "{sentence}");
     let (unexplained, effects, sentence, _) = kind(&found, None, &[], &too_large);
     assert_eq!((unexplained, effects.len()), (VerdictKind::Unexplained, 0));
-    assert!(sentence.contains("6.40 µm on the held-out cycle, 1.6 times the known noise of 4.00 µm"), "{sentence}");
+    assert!(sentence.contains("1.6 times the known noise of 4.00 µm on the last held-out cycle"), "{sentence}");
     assert!(sentence.contains("5.00 µm of it come again in every cycle"), "{sentence}");
     // Where none was given, none is called known.
     let estimated = Misfit { is_known: false, ..WITHIN };

@@ -28,6 +28,7 @@ mod noise_fit;
 pub mod noise_learning;
 pub mod outliers;
 pub mod outside;
+pub mod own_errors;
 pub mod predicted;
 pub mod protocol;
 pub mod rank;

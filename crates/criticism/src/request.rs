@@ -1,6 +1,7 @@
 //! What a caller of `diagnose` decides.
 
 use super::criteria::Criteria;
+use documents::errors::ModelErrors;
 
 /// Request of a diagnosis.
 #[derive(Debug, Clone, PartialEq)]
@@ -13,10 +14,12 @@ pub struct DiagnosisRequest {
     pub seed: u64,
     /// Whether to compute every p, and what only words need: evidence of all candidates, protocols, smallest sizes. `challenge run` leaves them out.
     pub in_full: bool,
+    /// Errors of the base model's posterior on the same cycles, where it was sampled; else those of its best fit are shown.
+    pub base_errors: Option<ModelErrors>,
 }
 
 impl Default for DiagnosisRequest {
     fn default() -> Self {
-        Self { criteria: Criteria::RECORD, n_simulations: 99, seed: 1, in_full: true }
+        Self { criteria: Criteria::RECORD, n_simulations: 99, seed: 1, in_full: true, base_errors: None }
     }
 }

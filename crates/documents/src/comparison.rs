@@ -16,12 +16,12 @@ pub struct Comparison {
     pub heldout_cycles: Vec<u32>,
     /// Rows (from 0) that were left out as outliers.
     pub outlier_rows: Vec<usize>,
-    /// Root mean square error of the fitted cycles, in µm.
+    /// Root mean square error of the fitted cycles, in µm: of the model's posterior, as `extend` and `ladder` show it.
     pub rmse_fitted_um: f64,
     /// Of the scored cycle, in µm.
     pub rmse_heldout_um: Option<f64>,
-    /// Known or estimated noise, in µm.
-    pub noise_um: f64,
+    /// The noise that errors are measured against, known or estimated, in µm; `None` where it is unknown.
+    pub noise_um: Option<f64>,
     /// All in all, in plain words.
     pub sentence: String,
     /// Where the model fails, clearest first; what only echoes another finding comes after those.

@@ -121,7 +121,7 @@ pub enum VerdictKind {
     Unexplained,
 }
 
-/// Errors of the base model.
+/// Errors of the base model: of its posterior, as `extend` and `ladder` show them.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct BaseErrors {
@@ -129,11 +129,11 @@ pub struct BaseErrors {
     pub rmse_fitted_um: f64,
     /// Of the scored cycle.
     pub rmse_heldout_um: Option<f64>,
-    /// Known noise; or the estimated one, white and slow together.
-    pub noise_um: f64,
+    /// The noise that errors are measured against, known or estimated, in µm; `None` where it is unknown.
+    pub noise_um: Option<f64>,
 }
 
-/// Errors of another model.
+/// Errors of another model: of its best fit with the study's own noise terms, close to those that `extend` finds.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct Errors {
@@ -197,7 +197,7 @@ pub struct Refit {
     pub heldout_gain_nats: Option<f64>,
     /// The part of it that the last cycle gives.
     pub last_cycle_gain_nats: Option<f64>,
-    /// Root mean square error of the scored cycle.
+    /// Root mean square error of the scored cycle, as in [`Errors`].
     pub rmse_heldout_um: Option<f64>,
     /// Largest change of the predicted positions against the base's refit, over the noise.
     pub largest_change: f64,

@@ -3,6 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::diagnosis::RefitParameter;
+use super::errors::ModelErrors;
 use super::posterior::{ModelSummary, ParameterSummary, Warning};
 use super::trust::Trust;
 
@@ -27,9 +28,9 @@ pub struct ExtensionSummary {
     /// The noise that misfits are measured against, in µm.
     pub noise_um: Option<f64>,
     /// The model without the added effects.
-    pub before: Misfit,
+    pub before: ModelErrors,
     /// The model with them.
-    pub after: Misfit,
+    pub after: ModelErrors,
     /// Posterior of the extended model's parameters.
     pub parameters: Vec<ParameterSummary>,
     /// Whether both posteriors have converged.
@@ -115,16 +116,6 @@ impl EquivalentEffects {
             }
         }
     }
-}
-
-/// Root mean square distance of the posterior mean from the positions, by full finite elements, in µm.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
-pub struct Misfit {
-    /// On the fitted cycles.
-    pub rmse_fitted_um: f64,
-    /// On the cycle that was held out; `None` if there is none.
-    pub rmse_heldout_um: Option<f64>,
 }
 
 impl ExtensionSummary {

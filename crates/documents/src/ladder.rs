@@ -74,8 +74,6 @@ pub struct Rung {
     pub converged: bool,
     /// What the user should know of this revision.
     pub warnings: Vec<Warning>,
-    /// SHA-256 of all that fixes a fit: program, inputs, model, priors, cycles, sampler and seed. `None` where the revision's own posterior was read.
-    pub refit_sha256: Option<String>,
 }
 
 /// A parameter of a revision.

@@ -2,6 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::errors::ModelErrors;
+
 /// Body of `vitreo-uq/learned/1`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
@@ -23,12 +25,12 @@ pub struct Learned {
     pub formula: Option<LearnedFormula>,
     /// The retardations that were learnt; empty where a function was.
     pub memory: Vec<Retardation>,
-    /// Errors of the model without it.
-    pub base: LearnedErrors,
-    /// Errors with it; `None` where nothing was learnt.
-    pub learned: Option<LearnedErrors>,
-    /// Errors with the formula; `None` where there is none.
-    pub with_formula: Option<LearnedErrors>,
+    /// Errors of the model without it: of its posterior, as `extend` and `ladder` show them, where the last cycle is scored.
+    pub base: ModelErrors,
+    /// Errors with it, of the best fit with the study's own noise terms; `None` where nothing was learnt.
+    pub learned: Option<ModelErrors>,
+    /// Errors with the formula, likewise; `None` where there is none.
+    pub with_formula: Option<ModelErrors>,
     /// The known or estimated noise of one position.
     pub noise_um: f64,
     /// p of the leading pair's gain, corrected for the whole search.
@@ -176,16 +178,6 @@ pub struct Retardation {
     pub share: f64,
 }
 
-/// Errors of one model.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
-pub struct LearnedErrors {
-    /// Root mean square over the fitted cycles.
-    pub rmse_fitted_um: f64,
-    /// The same over the scored cycle.
-    pub rmse_heldout_um: Option<f64>,
-}
-
 /// A pair that was looked at.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
@@ -200,7 +192,7 @@ pub struct LearnedPair {
     pub heldout_gain_nats: Option<f64>,
     /// The part of it that the last cycle gives.
     pub last_cycle_gain_nats: Option<f64>,
-    /// Error on the scored cycle.
+    /// Error of the search on the scored cycle: of a fit with every kind of noise.
     pub rmse_heldout_um: Option<f64>,
 }
 

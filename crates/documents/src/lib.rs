@@ -6,6 +6,7 @@ pub mod cohort;
 pub mod comparison;
 pub mod diagnosis;
 pub mod effects;
+pub mod errors;
 pub mod extension;
 pub mod fit;
 pub mod groups;

@@ -37,8 +37,8 @@ pub struct ComparisonData<'a> {
     pub step_s: &'a [f64],
     /// From and to of what was kept from the fit.
     pub heldout_s: Option<[f64; 2]>,
-    /// Noise that misfits are measured against.
-    pub noise_um: f64,
+    /// Noise (µm) that misfits are measured against and where that comes from; `None` where it is unknown.
+    pub noise: Option<(f64, &'a str)>,
 }
 
 /// Draws the figure.
@@ -62,8 +62,9 @@ pub fn comparison(data: &ComparisonData) -> Result<Svg> {
     let white = Scale::over(data.whitened.iter().flatten().copied().chain([-3.5, 3.5]), 0.06);
     let residuals = data.time_s.iter().zip(data.position_um).zip(data.model_um);
     let left_um: Vec<(f64, f64)> = residuals.filter_map(|((t, y), x)| y.map(|y| (*t, y - x))).collect();
-    let known_um = NORMAL_90 * data.noise_um;
-    let left_scale = Scale::over(left_um.iter().map(|(_, left)| *left).chain([-2.0 * known_um, 2.0 * known_um]), 0.06);
+    let limits_um: Vec<f64> = data.noise.iter().flat_map(|(um, _)| [-NORMAL_90 * um, NORMAL_90 * um]).collect();
+    let room_um = limits_um.iter().map(|limit_um| 2.0 * limit_um);
+    let left_scale = Scale::over(left_um.iter().map(|(_, left)| *left).chain(room_um), 0.06);
     let left = [(&position, 8), (&left_scale, 6), (&white, 6)]
         .map(|(scale, most)| widest_y_number_px(scale, most))
         .into_iter()
@@ -92,7 +93,7 @@ pub fn comparison(data: &ComparisonData) -> Result<Svg> {
     draw_main(&mut svg, &main, data);
     svg.clipped(difference.frame, |svg| {
         difference.horizontal(svg, 0.0, Stroke::solid(BLUE, 1.3));
-        for limit in [-known_um, known_um] {
+        for limit in limits_um {
             difference.horizontal(svg, limit, KNOWN);
         }
         difference.scatter(svg, left_um.iter().copied(), INK, 2.6, 0.75);
@@ -112,9 +113,12 @@ fn entries(data: &ComparisonData) -> Vec<Entry> {
         Entry::new(Mark::Dot(INK, 3.6), "measured"),
         Entry::new(Mark::Line(Stroke::solid(BLUE, 1.8)), "model"),
         Entry::new(Mark::Area(Fill::new(BLUE, 0.3).into()), "90 % predictive band, noise as learnt"),
-        Entry::new(Mark::Line(KNOWN), format!("90 % of the known noise of {} µm", significant(data.noise_um, 2))),
         Entry::new(Mark::Dot(VERMILLION, 4.5), "whitened residual beyond 3 σ"),
     ];
+    if let Some((um, origin)) = data.noise {
+        let text = format!("90 % of the noise of {} µm ({origin})", significant(um, 2));
+        entries.insert(3, Entry::new(Mark::Line(KNOWN), text));
+    }
     if !data.outliers.is_empty() {
         entries.push(Entry::new(Mark::Dot(MUTED, 5.0), "outlier, left out"));
     }

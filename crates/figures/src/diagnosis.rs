@@ -377,14 +377,14 @@ fn errors(svg: &mut Svg, diagnosis: &Diagnosis, top: f64) -> f64 {
     let area = |colour| Mark::Area(Fill::new(colour, 1.0).into());
     let mut entries = vec![Entry::new(area(SKY), format!("fitted cycles {}", listed(&diagnosis.fitted_cycles)))];
     if !diagnosis.heldout_cycles.is_empty() {
-        entries.insert(0, Entry::new(area(BLUE), format!("held-out cycle {}", listed(&diagnosis.heldout_cycles))));
+        entries.insert(0, Entry::new(area(BLUE), format!("last held-out cycle {}", listed(&diagnosis.heldout_cycles))));
     }
-    entries.push(Entry::new(Mark::Line(NOISE), format!("noise {} µm", significant(noise_um, 3))));
+    entries.extend(noise_um.map(|um| Entry::new(Mark::Line(NOISE), format!("noise {} µm", significant(um, 3)))));
     let left = MARGIN_PX + BRACKET_PX + LABEL_PX;
     let width = WIDTH_PX - MARGIN_PX - left - 62.0;
     let top = top + legend::row(svg, &entries, (left, top), width) + 4.0;
     let frame = Rect { x: left, y: top, width, height: (ROW_PX + 6.0) * rows.len() as f64 };
-    let largest = rows.iter().flat_map(|row| [Some(row.1), row.2]).flatten().fold(noise_um, f64::max);
+    let largest = rows.iter().flat_map(|row| [Some(row.1), row.2]).chain([noise_um]).flatten().fold(0.0, f64::max);
     let axes = Axes { frame, x: Scale::linear(0.0, 1.04 * largest), y: Scale::linear(0.0, 1.0) };
     axes.x_axis(svg, AxisStyle::new(Some("root mean square error (µm)"), 10, 36.0).grid());
     for (k, (label, fitted, heldout)) in rows.iter().enumerate() {
@@ -399,7 +399,9 @@ fn errors(svg: &mut Svg, diagnosis: &Diagnosis, top: f64) -> f64 {
         let text = format!("{} µm", significant(heldout.unwrap_or(*fitted), 3));
         svg.text(&text, (frame.right() + 62.0, middle), TextStyle::new(12.0, Anchor::End));
     }
-    axes.vertical(svg, noise_um, NOISE);
+    if let Some(noise_um) = noise_um {
+        axes.vertical(svg, noise_um, NOISE);
+    }
     axes.outline(svg);
     frame.bottom() + 44.0
 }

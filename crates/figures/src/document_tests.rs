@@ -115,7 +115,7 @@ fn a_diagnosis(experiment: &str, sentence: &str) -> Diagnosis {
         },
         fitted_cycles: vec![1, 2, 3],
         heldout_cycles: vec![4],
-        base: BaseErrors { rmse_fitted_um: 14.0, rmse_heldout_um: Some(16.0), noise_um: 4.0 },
+        base: BaseErrors { rmse_fitted_um: 14.0, rmse_heldout_um: Some(16.0), noise_um: Some(4.0) },
         extended: Some(Errors { rmse_fitted_um: 3.9, rmse_heldout_um: Some(4.1), predictive_noise_um: Some(4.2) }),
         candidates: vec![
             candidate("force-bias", Unsupported, Some(1.3), Some(-14.0)),

@@ -61,7 +61,7 @@ fn entries(summary: &LadderSummary) -> Vec<Entry> {
     let area = |colour| Mark::Area(Fill::new(colour, 1.0).into());
     let mut entries = Vec::new();
     if !summary.heldout_cycles.is_empty() {
-        entries.push(Entry::new(area(HELDOUT), format!("held-out cycle {}", listed(&summary.heldout_cycles))));
+        entries.push(Entry::new(area(HELDOUT), format!("last held-out cycle {}", listed(&summary.heldout_cycles))));
     }
     entries.push(Entry::new(area(FITTED), format!("fitted cycles {}", listed(&summary.fitted_cycles))));
     if summary.revisions.len() > 1 && !summary.heldout_cycles.is_empty() {

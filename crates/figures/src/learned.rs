@@ -116,7 +116,8 @@ fn plot(svg: &mut Svg, document: &Learned, function: &LearnedFunction, frame: Re
 #[cfg(test)]
 mod tests {
     use super::*;
-    use documents::learned::{LearnedErrors, LearnedFormula, LearnedKind, LearnedVerdict};
+    use documents::errors::ModelErrors;
+    use documents::learned::{LearnedFormula, LearnedKind, LearnedVerdict};
 
     fn document() -> Learned {
         let points = (0..21).map(|k| {
@@ -125,7 +126,7 @@ mod tests {
         });
         let points: Vec<LearnedPoint> = points.collect();
         let factors = points.iter().map(|point| point.factor).collect();
-        let errors = LearnedErrors { rmse_fitted_um: 4.0, rmse_heldout_um: Some(4.1) };
+        let errors = ModelErrors { rmse_fitted_um: 4.0, rmse_heldout_um: Some(4.1) };
         Learned {
             experiment: "a gel".into(),
             verdict: LearnedVerdict {

@@ -34,6 +34,5 @@ pub(crate) fn rung_of(revision: &str, from: Option<&str>, effects: &[&str], held
         surrogate_vs_fe_max_um: Some(1e-9),
         converged: true,
         warnings: vec![],
-        refit_sha256: None,
     }
 }

@@ -24,10 +24,11 @@ pub struct CompareRequest {
 pub fn run(target: &Target, request: &CompareRequest, monitor: &dyn Monitor) -> Result<Outcome<Comparison>> {
     let seed = request.sampler.seed;
     let revision = target.creep()?.revision(request.sampler.clone(), monitor)?;
+    let errors = revision.errors(&request.sampler, monitor)?;
     monitor.stage("looking where the model fails");
     let subject = revision.subject(monitor)?;
     let simulations = request.simulations.unwrap_or_else(|| compare::default_simulations(subject.n_fitted()));
-    let found = compare::run(&subject, &subject.base(), simulations, seed)?;
+    let found = compare::run(&subject, &subject.base(), Some(errors), simulations, seed)?;
     monitor.stage("writing results and figures");
     revision.amend("comparison", seed, found.comparison.clone(), |dir| figures::write(&dir.join("figures"), &found))
 }

@@ -79,9 +79,10 @@ fn of_creep(
 ) -> Result<Outcome<DiagnoseDocument>> {
     let seed = request.sampler.seed;
     let revision = creep.revision(request.sampler.clone(), monitor)?;
+    let base_errors = Some(revision.errors(&request.sampler, monitor)?);
     let default = DiagnosisRequest::default();
     let criteria = Criteria { smallest_change: request.smallest, ..default.criteria };
-    let of_search = DiagnosisRequest { criteria, n_simulations: request.simulations, seed, ..default };
+    let of_search = DiagnosisRequest { criteria, n_simulations: request.simulations, seed, base_errors, ..default };
     let mut found = diagnose(&revision.subject_for_effects(monitor)?, &of_search, monitor)?;
     if found.diagnosis.verdict.kind == VerdictKind::Unexplained {
         // What no effect explains may be a law that no one wrote down.

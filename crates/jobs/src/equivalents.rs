@@ -154,7 +154,7 @@ mod tests {
             },
             fitted_cycles: vec![1, 2],
             heldout_cycles: vec![3],
-            base: BaseErrors { rmse_fitted_um: 5.0, rmse_heldout_um: Some(6.0), noise_um: 4.0 },
+            base: BaseErrors { rmse_fitted_um: 5.0, rmse_heldout_um: Some(6.0), noise_um: Some(4.0) },
             extended: None,
             candidates: [effects, equivalent].concat().iter().map(|slug| candidate(slug, Status::Claimed)).collect(),
             pairs: Vec::new(),

@@ -4,12 +4,14 @@ use std::path::{Path, PathBuf};
 
 use base::error::{Error, Place, Result, Setting};
 use cohorts::cohort::{self, Measurement};
-use documents::extension::{EquivalentEffects, ExtensionAnswer, ExtensionSummary, Misfit};
+use documents::errors::ModelErrors;
+use documents::extension::{EquivalentEffects, ExtensionAnswer, ExtensionSummary};
 use documents::posterior::PosteriorSummary;
 use documents::trust::{Trust, TrustLevel};
 use figures::number::significant;
 use models::effects::Library;
 use posterior::monitor::Monitor;
+use posterior::prepared::KeptSurrogate;
 use posterior::problem::Problem;
 use posterior::sample::{self, SampleRequest, SampleResult, refuse_nothing_to_sample};
 use posterior::study::{Assignments, EXTENSION_NAME, ModelSpecification, Provenance, Study, WithProvenance};
@@ -18,7 +20,8 @@ use sampling::diagnostics::DrawColumn;
 use sampling::evidence::{WeightedDraws, normal_of, valley};
 use serde::Serialize;
 
-use crate::first_revision::{FIRST_REVISION, make_first_revision};
+use crate::first_revision::{FIRST_REVISION, kept_surrogate, make_first_revision};
+use crate::last_cycle::{LastCycle, errors};
 use crate::outcome::Outcome;
 use crate::target::{CohortTarget, CreepTarget, Target, TargetRequest, not_taken};
 use crate::{artefacts, equivalents, pages};
@@ -117,8 +120,14 @@ fn of_creep(target: &CreepTarget, request: &ExtendRequest, monitor: &dyn Monitor
         monitor.stage("m0, the model to extend, on the calibration cycles");
         make_first_revision(&study, &before, request.options.clone(), false, monitor)?;
     }
+    let stored = if pair.is_before_as_stored {
+        let kept = kept_surrogate(&study, monitor);
+        Some(LastCycle::of(&study, &before, &from)?.posterior(&request.options, false, kept, monitor)?)
+    } else {
+        None
+    };
     let writer = study.begin_revision(&revision)?;
-    let Extension { mut summary, problem, after } = refit(pair, &request, monitor)?;
+    let Extension { mut summary, problem, after } = refit(pair, stored, kept_surrogate(&study, monitor), &request, monitor)?;
     summary.equivalents = equivalents::of_extension(&study, &from, &revision, request.effects)?;
     let of_equivalents = summary.equivalents.iter().filter(|own| own.revision == revision);
     let sentences: Vec<String> = of_equivalents.filter_map(EquivalentEffects::sentence).collect();
@@ -275,6 +284,8 @@ pub struct Pair {
     pub before: Problem,
     /// The extended one.
     pub after: Problem,
+    /// Whether `before` is a revision as it stands: nothing was fixed or freed in it.
+    pub is_before_as_stored: bool,
 }
 
 /// Joins both models with the experiment as revisions are compared on it; `before` is the model to extend, of the whole experiment.
@@ -291,28 +302,41 @@ pub fn compared(before: &Problem, request: &ExtensionRequest, library: &Library)
     larger.set(&request.values);
     let experiment = before.experiment.for_comparison();
     Ok(Pair {
+        is_before_as_stored: of_both.is_empty(),
         before: before.with(experiment.clone(), specification, library)?,
         after: before.with(experiment, larger, library)?,
     })
 }
 
-/// Samples both models on the same cycles and scores them.
+/// Samples both models on the same cycles and scores them; `before` is the posterior of the smaller one where that was sampled already.
 ///
 /// # Errors
 /// As [`sample::run`].
-pub fn refit(pair: Pair, request: &ExtensionRequest, monitor: &dyn Monitor) -> Result<Extension> {
-    let Pair { before, after: problem } = pair;
+pub fn refit(
+    pair: Pair,
+    before: Option<PosteriorSummary>,
+    kept: Option<KeptSurrogate>,
+    request: &ExtensionRequest,
+    monitor: &dyn Monitor,
+) -> Result<Extension> {
+    let problem = pair.after;
     let sampled = |problem: &Problem, kept_surrogate| {
         let request =
             SampleRequest { options: request.options.clone(), kept_surrogate, checkpoint: None, resume: false };
         sample::run(problem, &request, monitor)
     };
-    monitor.stage(&format!("the model of {}, refitted on the same cycles", request.from));
-    let base = sampled(&before, None)?;
-    let kept = base.model.to_keep()?;
+    let (base, kept) = match before {
+        Some(base) => (base, kept),
+        None => {
+            monitor.stage(&format!("the model of {}, refitted on the same cycles", request.from));
+            let base = sampled(&pair.before, kept)?;
+            let kept = base.model.to_keep()?;
+            (base.summary, kept)
+        }
+    };
     monitor.stage(&format!("the model with {}", request.effects.join(", ")));
     let after = sampled(&problem, kept)?;
-    let mut summary = summarise(&problem, request, &base.summary, &after.summary);
+    let mut summary = summarise(&problem, request, &base, &after.summary);
     summary.answers = answers(&problem, request.effects, &after.columns);
     summary.sentence.push_str(&in_words(&summary.answers));
     Ok(Extension { summary, problem, after })
@@ -324,11 +348,7 @@ fn summarise(
     base: &PosteriorSummary,
     after: &PosteriorSummary,
 ) -> ExtensionSummary {
-    let misfit = |summary: &PosteriorSummary| Misfit {
-        rmse_fitted_um: summary.heldout.rmse_fitted_um,
-        rmse_heldout_um: summary.heldout.rmse_um,
-    };
-    let (before, now) = (misfit(base), misfit(after));
+    let (before, now) = (errors(base), errors(after));
     ExtensionSummary {
         experiment: problem.experiment.specimen_id.clone(),
         revision: request.revision.into(),
@@ -430,7 +450,7 @@ impl Scoring {
 const CHANGE_IN_ERRORS: f64 = 2.0;
 
 /// What the figures say, and no more.
-fn sentence(effects: &str, before: Misfit, after: Misfit, scoring: &Scoring) -> String {
+fn sentence(effects: &str, before: ModelErrors, after: ModelErrors, scoring: &Scoring) -> String {
     let noise = scoring.noise_um.map_or(String::new(), |noise| format!(" (noise {noise:.3} µm)"));
     let (Some(was), Some(is)) = (before.rmse_heldout_um, after.rmse_heldout_um) else {
         return format!(
@@ -451,7 +471,7 @@ fn sentence(effects: &str, before: Misfit, after: Misfit, scoring: &Scoring) -> 
         n => format!("The same cycle has judged {n} earlier revision{} of this study.", if n == 1 { "" } else { "s" }),
     };
     format!(
-        "With {effects} the error on the held-out cycle {verb}: {was:.3} µm before, {is:.3} µm after{noise}. {times}"
+        "With {effects} the error on the last held-out cycle {verb}: {was:.3} µm before, {is:.3} µm after{noise}. {times}"
     )
 }
 
@@ -461,7 +481,7 @@ mod tests {
 
     #[test]
     fn sentences_claim_what_was_scored() {
-        let misfit = |fitted, heldout| Misfit { rmse_fitted_um: fitted, rmse_heldout_um: heldout };
+        let misfit = |fitted, heldout| ModelErrors { rmse_fitted_um: fitted, rmse_heldout_um: heldout };
         let say = |was: f64, is: f64, earlier: usize| {
             let scoring = Scoring { noise_um: Some(4.0), n_scored: 200, earlier };
             sentence("x", misfit(9.0, Some(was)), misfit(4.0, Some(is)), &scoring)

@@ -2,28 +2,26 @@
 //! (formats §4).
 //!
 //! A revision that `extend` made was fitted so, and its posterior is read; others (m0 above all, which fits the calibration cycles only) are fitted
-//! again, unless an earlier ladder did. Nothing but a converged fit of exactly the same inputs is taken over.
+//! again, unless an earlier command did.
 
-use super::artefacts::with_inputs;
-use base::error::{Error, Place, Result, Setting};
-use base::files::{self, Content, read_if_there};
+use base::error::{Error, Place, Result};
+use base::files::{self, Content};
 use documents::extension::{EquivalentEffects, ExtensionSummary};
 use documents::ladder::{LadderSummary, Rung, RungParameter, Shift};
 use documents::posterior::PosteriorSummary;
 use documents::trust::Trust;
 use figures::svg::figure_files;
 use laws::rheology::BaseLaw;
-use models::effects::Library;
 use posterior::monitor::Monitor;
-use posterior::prepared::KeptSurrogate;
 use posterior::problem::Problem;
-use posterior::sample::{self, SampleRequest};
-use posterior::study::ModelSpecification;
-use posterior::study::{EXTENSION_NAME, LADDER_NAME, POSTERIOR_NAME, Provenance, Study, WithProvenance, sha256_hex};
+use posterior::sample;
+use posterior::study::{EXTENSION_NAME, LADDER_NAME, POSTERIOR_NAME, Provenance, Study, WithProvenance};
 use posterior::trust::trust;
 use sampling::SamplerOptions;
 
 use crate::equivalents;
+use crate::first_revision::kept_surrogate;
+use crate::last_cycle::{LastCycle, errors, read_document};
 use crate::outcome::Outcome;
 use crate::target::Target;
 
@@ -33,7 +31,7 @@ pub struct LadderRequest {
     pub up_to: Option<String>,
     /// The sampler's settings for revisions that must be fitted.
     pub options: SamplerOptions,
-    /// Fit all anew.
+    /// Whether to fit anew what is no revision's own posterior.
     pub anew: bool,
 }
 
@@ -82,19 +80,18 @@ fn compared(study: &Study, first: &Problem, request: &LadderRequest, monitor: &d
         let end = names.iter().position(|name| name == last).map_or(names.len(), |place| place + 1);
         names.truncate(end);
     }
-    let library = Library::default();
-    let revisions: Vec<Revision> =
-        names.iter().map(|name| Revision::open(study, first, name, &library)).collect::<Result<_>>()?;
+    let revisions: Vec<LastCycle> = names.iter().map(|name| LastCycle::of(study, first, name)).collect::<Result<_>>()?;
     // What can be refused is refused before anything is fitted.
     for revision in &revisions {
         request.options.validate(revision.problem.priors.priors().len())?;
     }
-    let mut fits = Fits { study, request, earlier: None, kept: None };
-    if !request.anew {
-        fits.earlier = earlier_ladder(study);
+    let mut rungs = Vec::with_capacity(revisions.len());
+    for revision in &revisions {
+        let kept = kept_surrogate(study, monitor);
+        let posterior = revision.posterior(&request.options, request.anew, kept, monitor)?;
+        let extension = read_document::<ExtensionSummary>(&study.revision_dir(&revision.name)?.join(EXTENSION_NAME));
+        rungs.push(rung(&revision.name, extension.map(|own| own.body.from), posterior));
     }
-    let mut rungs: Vec<Rung> =
-        revisions.iter().map(|revision| fits.rung_of(revision, monitor)).collect::<Result<_>>()?;
     let effects_of: Vec<(String, Vec<String>)> =
         rungs.iter().map(|rung| (rung.revision.clone(), rung.effects.clone())).collect();
     for rung in &mut rungs {
@@ -104,111 +101,18 @@ fn compared(study: &Study, first: &Problem, request: &LadderRequest, monitor: &d
     summarise(&revisions, rungs)
 }
 
-/// Where rungs come from.
-struct Fits<'a> {
-    study: &'a Study,
-    request: &'a LadderRequest,
-    /// What an earlier ladder found.
-    earlier: Option<LadderSummary>,
-    /// The surrogate of the last fit, which serves the next one if it was built from the same input.
-    kept: Option<KeptSurrogate>,
-}
-
-impl Fits<'_> {
-    /// The revision's own posterior, or what an earlier ladder found, or a new fit.
-    fn rung_of(&mut self, revision: &Revision, monitor: &dyn Monitor) -> Result<Rung> {
-        if let Some(stored) = revision.stored.as_ref().filter(|_| !self.request.anew) {
-            return Ok(rung(revision, stored.clone(), None));
-        }
-        let hash = revision.refit_sha256(self.study, &self.request.options);
-        let same = |rung: &&Rung| rung.refit_sha256.as_ref() == Some(&hash);
-        if let Some(found) = self.earlier.as_ref().and_then(|earlier| earlier.revisions.iter().find(same)) {
-            return Ok(Rung { revision: revision.name.clone(), from: revision.from.clone(), ..found.clone() });
-        }
-        monitor.stage(&format!("{}, fitted to all cycles but the last", revision.name));
-        let (options, kept_surrogate) = (self.request.options.clone(), self.kept.take());
-        let request = SampleRequest { options, kept_surrogate, checkpoint: None, resume: false };
-        let result = sample::run(&revision.problem, &request, monitor)?;
-        self.kept = result.model.to_keep()?;
-        Ok(rung(revision, result.summary, Some(hash)))
-    }
-}
-
-/// A revision joined with the experiment as revisions are compared on it.
-struct Revision {
-    name: String,
-    from: Option<String>,
-    problem: Problem,
-    /// Its posterior on disk, if it is of this problem and has converged.
-    stored: Option<PosteriorSummary>,
-}
-
-impl Revision {
-    fn open(study: &Study, first: &Problem, name: &str, library: &Library) -> Result<Self> {
-        let dir = study.revision_dir(name)?;
-        let problem =
-            first.with(first.experiment.for_comparison(), ModelSpecification::of_revision(&dir, library)?, library)?;
-        let inputs = with_inputs(study.provenance("posterior", 1, 0), &problem).inputs_sha256;
-        let document = read_document::<PosteriorSummary>(&dir.join(POSTERIOR_NAME));
-        let mesh_of =
-            |inputs: &std::collections::BTreeMap<String, String>| inputs.get(super::artefacts::MESH_INPUT).cloned();
-        if document.as_ref().is_some_and(|document| mesh_of(&document.provenance.inputs_sha256) != mesh_of(&inputs)) {
-            return Err(Error::input(
-                Place::file(dir.join(POSTERIOR_NAME)),
-                "this revision is on another mesh",
-                format!("name the mesh that its study was made with (`{}`, `{}`)", Setting::Mesh, Setting::MeshUnit),
-            ));
-        }
-        let stored = document.filter(|document| {
-            let (ours, heldout) = (env!("CARGO_PKG_VERSION"), &document.body.heldout);
-            let experiment = &problem.experiment;
-            document.provenance.version == ours
-                && document.provenance.inputs_sha256 == inputs
-                && document.body.model == problem.specification.summary()
-                && heldout.fitted_cycles == experiment.calibration_cycles
-                && heldout.cycles == experiment.heldout_cycles
-                && (heldout.log_score_nats.is_some() || heldout.rmse_um.is_none())
-                && document.body.converged
-        });
-        let extension = read_document::<ExtensionSummary>(&dir.join(EXTENSION_NAME));
-        let (from, stored) = (extension.map(|e| e.body.from), stored.map(|document| document.body));
-        Ok(Self { name: name.into(), from, problem, stored })
-    }
-
-    /// SHA-256 of all that fixes a fit to the last bit.
-    fn refit_sha256(&self, study: &Study, options: &SamplerOptions) -> String {
-        let Problem { experiment, specification, .. } = &self.problem;
-        let inputs = with_inputs(study.provenance("ladder", 1, options.seed), &self.problem);
-        // A prior counts by its content, which the inputs hold.
-        let model = posterior::study::ModelSpecification { prior: String::new(), ..specification.clone() };
-        let cycles = (&experiment.calibration_cycles, &experiment.heldout_cycles);
-        let sampler = (options.n_walkers, options.n_ensembles, options.max_steps);
-        sha256_hex(format!("{inputs:?} {model:?} {cycles:?} {sampler:?}").as_bytes())
-    }
-}
-
-/// A document that can be read; one that cannot is made again.
-fn read_document<T: serde::de::DeserializeOwned>(path: &std::path::Path) -> Option<WithProvenance<T>> {
-    serde_json::from_slice(&read_if_there(path, Content::Document)?).ok()
-}
-
-fn earlier_ladder(study: &Study) -> Option<LadderSummary> {
-    let document = read_document::<LadderSummary>(&study.dir().join(LADDER_NAME))?;
-    let Provenance { inputs_sha256, .. } = document.provenance;
-    study.inputs_sha256().iter().all(|(name, hash)| inputs_sha256.get(name) == Some(hash)).then_some(document.body)
-}
-
-fn rung(revision: &Revision, posterior: PosteriorSummary, refit_sha256: Option<String>) -> Rung {
+fn rung(revision: &str, from: Option<String>, posterior: PosteriorSummary) -> Rung {
+    let errors = errors(&posterior);
     let PosteriorSummary { model, parameters, heldout, error_budget_um, converged, warnings, .. } = posterior;
     Rung {
-        revision: revision.name.clone(),
+        revision: revision.into(),
         effects: model.effects.clone(),
-        from: revision.from.clone(),
+        from,
         added: Vec::new(),
         equivalents: Vec::new(),
         model,
-        rmse_fitted_um: heldout.rmse_fitted_um,
-        rmse_heldout_um: heldout.rmse_um,
+        rmse_fitted_um: errors.rmse_fitted_um,
+        rmse_heldout_um: errors.rmse_heldout_um,
         heldout_log_score_nats: heldout.log_score_nats,
         heldout_log_score_mcse_nats: heldout.log_score_mcse_nats,
         parameters: parameters.into_iter().map(RungParameter::from).collect(),
@@ -220,7 +124,6 @@ fn rung(revision: &Revision, posterior: PosteriorSummary, refit_sha256: Option<S
         surrogate_vs_fe_max_um: heldout.surrogate_vs_fe_max_um,
         converged,
         warnings,
-        refit_sha256,
     }
 }
 
@@ -232,8 +135,8 @@ fn added(rung: &Rung, effects_of: &[(String, Vec<String>)]) -> Vec<String> {
     rung.effects.iter().filter(is_new).cloned().collect()
 }
 
-fn summarise(revisions: &[Revision], rungs: Vec<Rung>) -> Result<LadderSummary> {
-    let Some(Revision { problem, .. }) = revisions.first() else {
+fn summarise(revisions: &[LastCycle], rungs: Vec<Rung>) -> Result<LadderSummary> {
+    let Some(LastCycle { problem, .. }) = revisions.first() else {
         return Err(Error::input(
             Place::default(),
             "this study has no revision",

@@ -58,8 +58,12 @@ pub fn run(target: &Target, request: &LearnRequest, monitor: &dyn Monitor) -> Re
 fn of_creep(creep: &CreepTarget, request: &LearnRequest, monitor: &dyn Monitor) -> Result<Outcome<LearnDocument>> {
     let seed = request.sampler.seed;
     let revision = creep.revision(request.sampler.clone(), monitor)?;
+    let base_errors = match request.first_cycles {
+        None => Some(revision.errors(&request.sampler, monitor)?),
+        Some(_) => None,
+    };
     let subject = of_first_cycles(revision.subject_for_effects(monitor)?, request.first_cycles)?;
-    let of_search = Request { n_simulations: request.simulations, seed, is_monotone: request.is_monotone };
+    let of_search = Request { n_simulations: request.simulations, seed, is_monotone: request.is_monotone, base_errors };
     let found = learn(&subject, &of_search, monitor)?;
     monitor.stage("writing results and figures");
     let body = LearnDocument::Creep(Box::new(found.learned.clone()));

@@ -18,6 +18,7 @@ pub mod init;
 mod init_creep;
 mod init_sweep;
 pub mod ladder;
+pub mod last_cycle;
 pub mod learn;
 pub mod outcome;
 pub mod pages;

@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use base::error::{Error, Place, Result, Setting};
 use cohorts::cohort::{self, Measurement};
 use criticism::Subject;
+use documents::errors::ModelErrors;
 use models::effects::Library;
 use posterior::mechanics::MeshFile;
 use posterior::monitor::Monitor;
@@ -19,6 +20,7 @@ use serde::Serialize;
 
 use crate::artefacts;
 use crate::first_revision::{FIRST_REVISION, kept_surrogate, make_first_revision};
+use crate::last_cycle::{self, LastCycle};
 use crate::outcome::Outcome;
 use crate::sweep::problem::{DEFAULT_PRIOR, SweepProblem};
 
@@ -331,6 +333,16 @@ impl Revision {
     /// As [`Subject::new`].
     pub fn subject_for_effects(&self, monitor: &dyn Monitor) -> Result<Subject> {
         Subject::new(&self.problem, &Library::default(), kept_surrogate(&self.study, monitor), monitor)
+    }
+
+    /// Errors of its posterior given all cycles but the last.
+    ///
+    /// # Errors
+    /// As [`LastCycle::posterior`].
+    pub fn errors(&self, options: &SamplerOptions, monitor: &dyn Monitor) -> Result<ModelErrors> {
+        let kept = kept_surrogate(&self.study, monitor);
+        let fitted = LastCycle::of(&self.study, &self.problem, &self.name)?;
+        Ok(last_cycle::errors(&fitted.posterior(options, false, kept, monitor)?))
     }
 
     /// The header of a document about the revision.

@@ -102,7 +102,7 @@ pub fn words_of_truth(
 /// The error on the scored cycle beside the noise that was drawn and the noise that the diagnosis predicts; `None` where no cycle was scored.
 fn error_of(play: &Play) -> Option<String> {
     let what = if play.class.is_empty() { "without anything added" } else { "with what was named" };
-    let error = format!("The error on the held-out cycle, {what}, is {} µm", significant(play.rmse_heldout_um?));
+    let error = format!("The error on the last held-out cycle, {what}, is {} µm", significant(play.rmse_heldout_um?));
     let of_truth = match (play.heldout_over_true_noise, play.true_noise_um) {
         (Some(ratio), Some(noise_um)) => {
             format!("{ratio:.2} of the {} µm of noise that were put there", significant(noise_um))

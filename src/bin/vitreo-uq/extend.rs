@@ -4,7 +4,8 @@ use std::path::Path;
 use std::process::ExitCode;
 
 use vitreo_uq::base::error::{Error, Place, Result};
-use vitreo_uq::documents::extension::{EquivalentEffects, ExtensionSummary, Misfit};
+use vitreo_uq::documents::errors::ModelErrors;
+use vitreo_uq::documents::extension::{EquivalentEffects, ExtensionSummary};
 use vitreo_uq::figures::labels::model_title_with;
 use vitreo_uq::figures::number::listed;
 use vitreo_uq::jobs::extend::{self, ExtendDocument, ExtendRequest, ExtendedRecord};
@@ -55,7 +56,7 @@ fn words(summary: &ExtensionSummary) -> String {
         String::new(),
         parameter_table(&summary.parameters),
         String::new(),
-        format!("  {:<24}{:>18}{:>20}", "error (µm)", "fitted cycles", "held-out cycle"),
+        format!("  {:<24}{:>18}{:>20}", "error (µm)", "fitted cycles", "last held-out cycle"),
         row(&format!("before ({})", summary.from), summary.before),
         row(&format!("after ({})", summary.revision), summary.after),
     ];
@@ -92,7 +93,7 @@ fn equivalents(own: &EquivalentEffects) -> Vec<String> {
     lines
 }
 
-fn row(label: &str, misfit: Misfit) -> String {
+fn row(label: &str, misfit: ModelErrors) -> String {
     let heldout = misfit.rmse_heldout_um.map_or("–".into(), significant);
     format!("  {label:<24}{:>18}{heldout:>20}", significant(misfit.rmse_fitted_um))
 }

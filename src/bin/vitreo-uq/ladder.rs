@@ -74,7 +74,7 @@ fn bars(summary: &LadderSummary) -> Vec<String> {
     let rows = summary.revisions.iter().map(|rung| (rung.revision.clone(), label(rung), error_um(rung)));
     let rows: Vec<(String, String, f64)> = rows.chain(noise).collect();
     let largest = rows.iter().map(|row| row.2).fold(f64::MIN_POSITIVE, f64::max);
-    let which = if summary.heldout_cycles.is_empty() { "fitted cycles" } else { "held-out cycle" };
+    let which = if summary.heldout_cycles.is_empty() { "fitted cycles" } else { "last held-out cycle" };
     let [least, most] = LABEL_WIDTH;
     let width = rows.iter().map(|row| row.1.chars().count()).max().unwrap_or(0).clamp(least, most);
     let mut lines = vec![format!("  Error on the {which} (µm)")];

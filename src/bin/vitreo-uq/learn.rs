@@ -4,7 +4,8 @@ use std::path::Path;
 use std::process::ExitCode;
 
 use vitreo_uq::base::error::Result;
-use vitreo_uq::documents::learned::{Learned, LearnedErrors, LearnedKind, LearnedPair, LearnedVerdict};
+use vitreo_uq::documents::errors::ModelErrors;
+use vitreo_uq::documents::learned::{Learned, LearnedKind, LearnedPair, LearnedVerdict};
 use vitreo_uq::documents::learned_cohort::{CohortPair, ConfirmedOn, LearnedCohort, LearnedCohortKind};
 use vitreo_uq::figures::number::listed;
 use vitreo_uq::jobs::learn::{self, LearnDocument, LearnRequest};
@@ -57,16 +58,16 @@ fn words(learned: &Learned, revision: &str) -> String {
         String::new(),
         format!(
             "  {:<28}{:<20}{:>11}{:>11}{:>11}{:>16}",
-            "quantity", "state", "evidence", "held-out", "last", "held-out error"
+            "quantity", "state", "evidence", "held-out", "last", "error of search"
         ),
     ];
     lines.extend(learned.pairs.iter().take(N_SHOWN).map(row));
-    lines.push("  (gains in nats over the model without; error in µm on the held-out cycle)".into());
+    lines.push("  (gains in nats over the model without; error in µm on the last held-out cycle, of a search with every kind of noise)".into());
     if learned.pairs.len() > N_SHOWN {
         lines.push(format!("  and {} more, which gain less", learned.pairs.len() - N_SHOWN));
     }
     lines.push(String::new());
-    lines.push(format!("  {:<24}{:>18}{:>20}", "error (µm)", "fitted cycles", "held-out cycle"));
+    lines.push(format!("  {:<24}{:>18}{:>20}", "error (µm)", "fitted cycles", "last held-out cycle"));
     lines.push(errors("without", &learned.base));
     lines.extend(learned.learned.as_ref().map(|own| errors("as learnt", own)));
     lines.extend(learned.with_formula.as_ref().map(|own| errors("by the formula", own)));
@@ -134,7 +135,7 @@ fn row(pair: &LearnedPair) -> String {
     )
 }
 
-fn errors(label: &str, own: &LearnedErrors) -> String {
+fn errors(label: &str, own: &ModelErrors) -> String {
     let heldout = own.rmse_heldout_um.map_or("–".into(), significant);
     format!("  {label:<24}{:>18}{heldout:>20}", significant(own.rmse_fitted_um))
 }

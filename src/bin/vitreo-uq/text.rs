@@ -76,7 +76,7 @@ fn heldout_lines(summary: &PosteriorSummary, line: &mut impl FnMut(String)) {
     let heldout = &summary.heldout;
     let noise =
         heldout.noise_um.map_or("unknown".into(), |n| format!("{} µm, {}", significant(n), heldout.noise_origin));
-    line(format!("Fitted cycles: misfit {} µm (noise {noise}).", significant(heldout.rmse_fitted_um)));
+    line(format!("Fitted cycles: error {} µm (noise {noise}).", significant(heldout.rmse_fitted_um)));
     if let (Some(rmse), Some(coverage_50), Some(coverage_90), Some(p)) =
         (heldout.rmse_um, heldout.coverage_50, heldout.coverage_90, heldout.joint_p)
     {
@@ -86,7 +86,7 @@ fn heldout_lines(summary: &PosteriorSummary, line: &mut impl FnMut(String)) {
             "the creep law (no finite elements for an instrument)".into()
         };
         line(format!(
-            "Held-out cycles {}, predicted by {by}: misfit {} µm.",
+            "Held-out cycles {}, predicted by {by}: held-out error {} µm.",
             listed(&heldout.cycles),
             significant(rmse)
         ));

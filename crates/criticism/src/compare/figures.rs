@@ -11,6 +11,7 @@ use figures::comparison::{ComparisonData, comparison};
 use figures::comparison_bars::{BarPanel, bias_sheet};
 use figures::comparison_map::{MapData, MapRow, failure_map};
 use figures::svg::write_figure;
+use posterior::sample::origin;
 
 /// Writes `comparison`, `comparison_map` and `comparison_bias` as SVG and PNG into a directory.
 ///
@@ -72,7 +73,7 @@ fn comparison_figure(subject: &Subject, outcome: &Outcome, name: &str) -> Result
         outliers,
         step_s: &step_s,
         heldout_s,
-        noise_um: outcome.comparison.noise_um,
+        noise: experiment.noise_yardstick().map(|own| (1e6 * own.sd_m, origin(own.origin))),
     })
 }
 

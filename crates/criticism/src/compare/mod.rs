@@ -15,12 +15,14 @@ mod sentences;
 use crate::NoiseValues;
 use calibration::{Looks, Significance, looks, significance};
 use documents::comparison::{Bar, Comparison, LeftOutEntry, PanelEntry};
+use documents::errors::ModelErrors;
 use echoes::Shown;
 use linear::Linear;
 use panels::Panel;
 use rows::{Column, Columns, Rows};
 
 use super::leftover::misfit;
+use super::own_errors::own_errors;
 use super::refit::Refitted;
 use super::{Candidate, Fitted, Subject, outliers};
 use base::error::Result;
@@ -57,12 +59,19 @@ pub struct Outcome {
     pub lag_ends_s: Vec<f64>,
 }
 
-/// Looks where a candidate fails.
+/// Looks where a candidate fails. `errors` are those of its posterior on the same cycles, where it was sampled; else those of its best fit are shown.
 ///
 /// # Errors
 /// [`base::Error::Numerical`] when it cannot be fitted or has no derivatives.
-pub fn run(subject: &Subject, candidate: &Candidate, n_simulations: usize, seed: u64) -> Result<Outcome> {
-    let (subject, fitted, outlier_rows) = outliers::without(subject, candidate)?;
+pub fn run(
+    subject: &Subject,
+    candidate: &Candidate,
+    errors: Option<ModelErrors>,
+    n_simulations: usize,
+    seed: u64,
+) -> Result<Outcome> {
+    let whole = subject;
+    let (subject, fitted, outlier_rows) = outliers::without(whole, candidate)?;
     let subject = &subject;
     let linear = Linear::new(subject, candidate, &fitted)?;
     let record = &subject.experiment().record;
@@ -80,7 +89,7 @@ pub fn run(subject: &Subject, candidate: &Candidate, n_simulations: usize, seed:
         entries.push(entry(panel, bars, rms_um, k, &own, &significance));
     }
     entries.extend(whiteness_entries(&own, &significance));
-    let noise_um = 1e6 * subject.yardstick_m();
+    let noise_um = (!subject.is_noise_unknown()).then_some(1e6 * subject.yardstick_m());
     let significant: Vec<usize> = (0..entries.len()).filter(|k| entries[*k].p_familywise < SIGNIFICANT).collect();
     let shown = Shown {
         linear: &linear,
@@ -97,6 +106,8 @@ pub fn run(subject: &Subject, candidate: &Candidate, n_simulations: usize, seed:
         .iter()
         .map(|s| sentences::finding(&entries[s.look], noise_um, s.echo_of.map(|source| &entries[source])))
         .collect();
+    let compared = Refitted { candidate: candidate.clone(), fitted: fitted.clone(), future: None };
+    let errors = errors.map_or_else(|| own_errors(whole, &compared), Ok)?;
     let experiment = subject.experiment();
     let mut comparison = Comparison {
         experiment: experiment.specimen_id.clone(),
@@ -104,8 +115,8 @@ pub fn run(subject: &Subject, candidate: &Candidate, n_simulations: usize, seed:
         fitted_cycles: experiment.calibration_cycles.clone(),
         heldout_cycles: experiment.heldout_cycles.clone(),
         outlier_rows,
-        rmse_fitted_um: 1e6 * fitted.rmse_m(&subject.fitted_m).unwrap_or(0.0),
-        rmse_heldout_um: fitted.rmse_m(&subject.scored_m).map(|rmse_m| 1e6 * rmse_m),
+        rmse_fitted_um: errors.rmse_fitted_um,
+        rmse_heldout_um: errors.rmse_heldout_um,
         noise_um,
         sentence: String::new(),
         findings,
@@ -116,7 +127,6 @@ pub fn run(subject: &Subject, candidate: &Candidate, n_simulations: usize, seed:
             .collect(),
         simulated_records: n_simulations,
     };
-    let compared = Refitted { candidate: candidate.clone(), fitted: fitted.clone(), future: None };
     let misfit = (!subject.is_noise_unknown()).then(|| misfit(subject, &compared, &[])).transpose()?;
     comparison.sentence = sentences::overall(&comparison, misfit);
     Ok(Outcome {

@@ -13,7 +13,7 @@ const CLEAR: f64 = 3.0;
 const LEAST_SHARE: f64 = 0.5;
 
 /// A significant look as a finding; `echo_of` names the one whose echo it is.
-pub fn finding(entry: &PanelEntry, noise_um: f64, echo_of: Option<&PanelEntry>) -> Finding {
+pub fn finding(entry: &PanelEntry, noise_um: Option<f64>, echo_of: Option<&PanelEntry>) -> Finding {
     let is_telling = |k: &usize| entry.rms_um.is_some_and(|rms_um| is_clear(&entry.bars[*k], rms_um));
     let clearest = clearest(&entry.bars).filter(is_telling);
     let bar = clearest.map(|k| &entry.bars[k]);
@@ -53,23 +53,28 @@ fn clearest(bars: &[Bar]) -> Option<usize> {
     (0..bars.len()).max_by(|a, b| over_error(&bars[*a]).total_cmp(&over_error(&bars[*b])))
 }
 
-fn about_place(entry: &PanelEntry, clearest: usize, noise_um: f64) -> String {
+/// What noise may explain, where it is known.
+fn of_noise(noise_um: Option<f64>) -> String {
+    noise_um.map_or(String::new(), |noise_um| format!("; noise explains {} µm", significant(noise_um, 2)))
+}
+
+fn about_place(entry: &PanelEntry, clearest: usize, noise_um: Option<f64>) -> String {
     let bar = &entry.bars[clearest];
     format!(
-        "The model misses {} µm{}, mostly {}; noise explains {} µm.",
+        "The model misses {} µm{}, mostly {}{}.",
         with_error(bar.bias_um.abs(), bar.sd_um),
         direction(entry, bar),
         phrase(&entry.bars, clearest),
-        significant(noise_um, 2)
+        of_noise(noise_um)
     )
 }
 
-fn about_whole(entry: &PanelEntry, noise_um: f64) -> String {
+fn about_whole(entry: &PanelEntry, noise_um: Option<f64>) -> String {
     format!(
-        "The model misses {} µm (root mean square) {}, and no single place stands out; noise explains {} µm.",
+        "The model misses {} µm (root mean square) {}, and no single place stands out{}.",
         significant(entry.rms_um.unwrap_or(0.0), 2),
         whole(&entry.place),
-        significant(noise_um, 2)
+        of_noise(noise_um)
     )
 }
 
@@ -148,22 +153,22 @@ pub fn overall(comparison: &Comparison, judged: Option<Misfit>) -> String {
     let (n, of) = (comparison.findings.len(), comparison.panels.len());
     let heldout = comparison
         .rmse_heldout_um
-        .map_or("; no cycle is held out".into(), |rmse| format!(" and {} µm on the held-out cycle", um(rmse)));
+        .map_or("; no cycle is held out".into(), |rmse| format!(" and {} µm on the last held-out cycle", um(rmse)));
     let fitted = um(comparison.rmse_fitted_um);
-    let noise = if judged.is_some() { format!("{} µm", um(noise_um)) } else { "unknown".into() };
+    let noise = noise_um.map_or("unknown".into(), |noise_um| format!("{} µm", um(noise_um)));
     let misfit = format!("misfit {fitted} µm on the fitted cycles{heldout}; noise {noise}");
     let heldout = judged.and_then(|misfit| misfit.heldout).filter(|heldout| heldout.is_too_large);
     if let Some(first) = comparison.findings.first() {
         let place = first.place.replace('_', " ");
-        let also = heldout.map_or("", |_| " The held-out cycle is not predicted down to the noise, either.");
+        let also = heldout.map_or("", |_| " The last held-out cycle is not predicted down to the noise, either.");
         return format!("The model fails: {n} of {of} looks show it, most clearly {place} ({misfit}).{also}");
     }
     if let Some(rmse) = comparison.rmse_heldout_um.filter(|_| heldout.is_some()) {
+        let times = noise_um.map_or(String::new(), |noise_um| format!(", {} times the noise", um(rmse / noise_um)));
         return format!(
-            "The model does not predict the held-out cycle: it misses that by {} µm, {} times the noise, although none of {of} looks at the \
+            "The model does not predict the last held-out cycle: it misses that by {} µm{times}, although none of {of} looks at the \
              fitted cycles tells the misfit from noise ({misfit}). Something differs between cycles, be it only their gain.",
             um(rmse),
-            um(rmse / noise_um)
         );
     }
     let is_large = |misfit: Misfit| comparison.rmse_fitted_um > NOISE_FACTOR * 1e6 * misfit.noise_m;
@@ -205,7 +210,7 @@ mod tests {
     #[test]
     fn like_neighbours_in_time_make_one_place() {
         let bars = vec![bar(-12.0, 2.0, [0.0, 0.1]), bar(-9.0, 2.0, [0.1, 0.3]), bar(-3.0, 2.0, [0.3, 1.0])];
-        let finding = finding(&entry(bars), 4.0, None);
+        let finding = finding(&entry(bars), Some(4.0), None);
         let expected = "The model misses 12 ± 2 µm (the bead lags behind it), mostly within 0.30 s after each force step; noise explains 4.0 µm.";
         assert_eq!((finding.sentence.as_str(), finding.size_um, finding.size_sd_um), (expected, Some(12.0), Some(2.0)));
     }
@@ -220,7 +225,7 @@ mod tests {
 
     #[test]
     fn a_feeble_bar_is_no_place() {
-        let finding = finding(&entry(vec![bar(0.59, 0.3, [0.0, 0.1]), bar(-0.5, 0.3, [0.1, 0.3])]), 4.0, None);
+        let finding = finding(&entry(vec![bar(0.59, 0.3, [0.0, 0.1]), bar(-0.5, 0.3, [0.1, 0.3])]), Some(4.0), None);
         assert!(finding.sentence.contains("1.2 µm (root mean square)"), "{}", finding.sentence);
         assert!(!finding.sentence.contains('±'), "{}", finding.sentence);
         assert_eq!((finding.size_um, finding.size_sd_um), (Some(1.21), None));
@@ -236,7 +241,7 @@ mod tests {
             outlier_rows: Vec::new(),
             rmse_fitted_um: 4.2,
             rmse_heldout_um: Some(14.0),
-            noise_um: 4.0,
+            noise_um: Some(4.0),
             sentence: String::new(),
             findings: Vec::new(),
             panels: vec![entry(Vec::new())],
@@ -250,7 +255,7 @@ mod tests {
         };
         let said = overall(&comparison, judged(14.0));
         assert!(
-            said.starts_with("The model does not predict the held-out cycle") && said.contains("3.5 times"),
+            said.starts_with("The model does not predict the last held-out cycle") && said.contains("3.5 times"),
             "{said}"
         );
         comparison.rmse_heldout_um = Some(4.4);

@@ -9,8 +9,10 @@ use super::search::{EQUAL_NATS, Found, Request, fitted_base};
 use super::words::{rises, words};
 use crate::Subject;
 use crate::leftover::misfit;
+use crate::own_errors::own_errors;
 use crate::refit::Refitted;
 use base::error::Result;
+use documents::errors::ModelErrors;
 use documents::learned::{EquivalentPair, Learned, LearnedKind, LearnedPair, LearnedVerdict, Retardation};
 use posterior::monitor::Monitor;
 
@@ -28,13 +30,15 @@ pub struct Outcome {
 /// Whatever fitting the base model refuses.
 pub fn learn(subject: &Subject, request: &Request, monitor: &dyn Monitor) -> Result<Outcome> {
     monitor.stage("fitting the model");
-    let (subject, base) = fitted_base(subject)?;
+    let whole = subject;
+    let (subject, base) = fitted_base(whole)?;
     let found = Found::new(&subject, base, request.is_monotone, monitor)?;
+    let base_errors = request.base_errors.map_or_else(|| own_errors(whole, &found.base), Ok)?;
     monitor.stage("simulating searches where nothing is to be learnt");
     let p = found.p(request, monitor)?;
     let chosen = match found.chosen(p) {
         Ok(chosen) => chosen,
-        Err(why) => return found.nothing(p, &why),
+        Err(why) => return found.nothing(base_errors, p, &why),
     };
     monitor.stage("comparing with the library");
     let preferred = found.preferred(chosen, monitor);
@@ -42,7 +46,8 @@ pub fn learn(subject: &Subject, request: &Request, monitor: &dyn Monitor) -> Res
     let (chosen, distilled) = found.written(chosen);
     monitor.stage("averaging it over priors");
     let function = Function::averaged(&found.subject, chosen, &found.pairs[chosen.pair])?;
-    found.learned(chosen, distilled, function.as_ref(), (p, preferred))
+    let errors = Errors { whole, base: base_errors };
+    found.learned(chosen, distilled, function.as_ref(), (p, preferred), &errors)
 }
 
 /// What `learn` would give for what a model at its fit leaves, outliers left out, in words, without the simulated searches that would confirm it; `None` where nothing helps.
@@ -63,8 +68,16 @@ pub fn first_look(subject: &Subject, base: &Refitted, monitor: &dyn Monitor) -> 
     )))
 }
 
+/// What errors are shown of.
+struct Errors<'a> {
+    /// The record with its outliers.
+    whole: &'a Subject,
+    /// The model without.
+    base: ModelErrors,
+}
+
 impl Found {
-    fn document(&self, p: f64, verdict: LearnedVerdict) -> Learned {
+    fn document(&self, base: ModelErrors, p: f64, verdict: LearnedVerdict) -> Learned {
         let experiment = self.subject.experiment();
         let of_base = self.base.future;
         let entry = |learnt: &Learnt| {
@@ -76,7 +89,7 @@ impl Found {
                 evidence_nats: learnt.evidence_nats,
                 heldout_gain_nats: future.map(|(own, base)| own.all - base.all),
                 last_cycle_gain_nats: future.map(|(own, base)| own.last - base.last),
-                rmse_heldout_um: self.errors(&learnt.fitted).rmse_heldout_um,
+                rmse_heldout_um: learnt.fitted.rmse_m(&self.subject.scored_m).map(|rmse_m| 1e6 * rmse_m),
             }
         };
         Learned {
@@ -88,7 +101,7 @@ impl Found {
             function: None,
             formula: None,
             memory: Vec::new(),
-            base: self.errors(&self.base.fitted),
+            base,
             learned: None,
             with_formula: None,
             noise_um: 1e6 * self.subject.yardstick_m(),
@@ -98,7 +111,7 @@ impl Found {
         }
     }
 
-    fn nothing(&self, p: f64, why: &str) -> Result<Outcome> {
+    fn nothing(&self, base: ModelErrors, p: f64, why: &str) -> Result<Outcome> {
         let mut sentence = format!(
             "Nothing was learnt: no quantity that depends on a state explains more than the model does ({why})."
         );
@@ -113,7 +126,7 @@ impl Found {
             library: Vec::new(),
             sentence,
         };
-        Ok(Outcome { learned: self.document(p, verdict), file: None })
+        Ok(Outcome { learned: self.document(base, p, verdict), file: None })
     }
 
     fn learned(
@@ -122,6 +135,7 @@ impl Found {
         distilled: Option<Distilled>,
         function: Option<&Function>,
         (p, library): (f64, Vec<String>),
+        errors: &Errors,
     ) -> Result<Outcome> {
         let pair = &self.pairs[chosen.pair];
         let (candidate, fitted) = function.map_or((&chosen.candidate, &chosen.fitted), Function::best);
@@ -135,8 +149,10 @@ impl Found {
             EquivalentPair { quantity: pair.quantity.into(), state: pair.state.into() }
         });
         let equivalent: Vec<EquivalentPair> = equal.collect();
-        let mut sentence = self.gain_in_words(pair, &model, drawn.as_ref());
-        sentence += &self.formula_in_words(pair, distilled.as_ref(), formula.as_ref().zip(drawn.as_ref()));
+        let after = own_errors(errors.whole, &model)?;
+        let with_formula = distilled.as_ref().map(|own| own_errors(errors.whole, &own.refitted)).transpose()?;
+        let mut sentence = self.gain_in_words(pair, errors.base, after, drawn.as_ref());
+        sentence += &self.formula_in_words(pair, with_formula, formula.as_ref().zip(drawn.as_ref()));
         sentence += &self.limits_in_words(chosen, &model, &library)?;
         let verdict = LearnedVerdict {
             kind: LearnedKind::Learned,
@@ -146,8 +162,8 @@ impl Found {
             library,
             sentence,
         };
-        let mut learned = self.document(p, verdict);
-        learned.learned = Some(self.errors(&model.fitted));
+        let mut learned = self.document(errors.base, p, verdict);
+        learned.learned = Some(after);
         learned.explained_fraction = self.explained(&model.fitted);
         learned.function = drawn;
         if let Kind::Memory(creep) = &pair.kind {
@@ -156,7 +172,7 @@ impl Found {
             let all = creep.times_s.iter().zip(&shares[first..]);
             learned.memory = all.map(|(time_s, share)| Retardation { time_s: *time_s, share: *share }).collect();
         }
-        learned.with_formula = distilled.as_ref().map(|own| self.errors(&own.refitted.fitted));
+        learned.with_formula = with_formula;
         learned.formula = formula;
         Ok(Outcome { learned, file: distilled.map(|own| own.file) })
     }

@@ -8,7 +8,7 @@ use crate::outliers;
 use crate::refit::{Refitted, refit_all};
 use crate::{Candidate, Fitted, Search, Subject, screen};
 use base::error::Result;
-use documents::learned::LearnedErrors;
+use documents::errors::ModelErrors;
 use posterior::monitor::{Counter, Monitor};
 
 /// Largest p, least evidence (nats; e⁵ is 150 to 1), least gain (nats) in the log score of unseen cycles, most that the last of them may lose, and the least change of a position over the noise.
@@ -44,11 +44,13 @@ pub struct Request {
     pub seed: u64,
     /// Whether functions of a state may only rise or only fall.
     pub is_monotone: bool,
+    /// Errors of the base model's posterior on the same cycles, where it was sampled; else those of its best fit are shown.
+    pub base_errors: Option<ModelErrors>,
 }
 
 impl Default for Request {
     fn default() -> Self {
-        Self { n_simulations: 99, seed: 1, is_monotone: false }
+        Self { n_simulations: 99, seed: 1, is_monotone: false, base_errors: None }
     }
 }
 
@@ -217,13 +219,6 @@ impl Found {
             [&self.base.fitted, fitted].map(|own| own.rmse_m(rows).map(|rmse| (rmse * rmse - noise).max(0.0)));
         let (before, after) = (before?, after?);
         (before > 0.0).then(|| (1.0 - after / before).clamp(-1.0, 1.0))
-    }
-
-    pub fn errors(&self, fitted: &Fitted) -> LearnedErrors {
-        LearnedErrors {
-            rmse_fitted_um: 1e6 * fitted.rmse_m(&self.subject.fitted_m).unwrap_or(f64::NAN),
-            rmse_heldout_um: fitted.rmse_m(&self.subject.scored_m).map(|rmse| 1e6 * rmse),
-        }
     }
 
     /// The simplest formula that predicts unseen cycles nearly as well as the function: of the leading pair, or with one parameter of another pair that is within reach. Eight weights may hide

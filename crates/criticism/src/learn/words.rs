@@ -1,6 +1,5 @@
 //! What was learnt, in words.
 
-use super::distil::Distilled;
 use super::drawn::{leaves_band, share_beyond};
 use super::fit::Learnt;
 use super::pairs::{Kind, Pair};
@@ -8,7 +7,8 @@ use super::search::{EQUAL_NATS, Found};
 use crate::leftover::misfit;
 use crate::refit::Refitted;
 use base::error::Result;
-use documents::learned::{LearnedErrors, LearnedFormula, LearnedFunction, LearnedPoint};
+use documents::errors::ModelErrors;
+use documents::learned::{LearnedFormula, LearnedFunction, LearnedPoint};
 use figures::number::significant;
 
 /// Share of held-out rows beyond the fitted states that a verdict speaks of.
@@ -16,10 +16,15 @@ const MOST_BEYOND: f64 = 0.1;
 
 impl Found {
     /// What depends on what, and what that gains.
-    pub fn gain_in_words(&self, pair: &Pair, model: &Refitted, drawn: Option<&LearnedFunction>) -> String {
-        let [before, after] = [&self.base.fitted, &model.fitted].map(|own| self.errors(own));
-        let error = |own: LearnedErrors| own.rmse_heldout_um.unwrap_or(own.rmse_fitted_um);
-        let cycle = if after.rmse_heldout_um.is_some() { "held-out cycle" } else { "fitted cycles" };
+    pub fn gain_in_words(
+        &self,
+        pair: &Pair,
+        before: ModelErrors,
+        after: ModelErrors,
+        drawn: Option<&LearnedFunction>,
+    ) -> String {
+        let error = |own: ModelErrors| own.rmse_heldout_um.unwrap_or(own.rmse_fitted_um);
+        let cycle = if after.rmse_heldout_um.is_some() { "last held-out cycle" } else { "fitted cycles" };
         let words = words(pair, drawn.map(rises));
         let first = words.chars().next().map_or(String::new(), |c| c.to_uppercase().to_string());
         format!(
@@ -34,13 +39,12 @@ impl Found {
     pub fn formula_in_words(
         &self,
         pair: &Pair,
-        distilled: Option<&Distilled>,
+        with_formula: Option<ModelErrors>,
         written: Option<(&LearnedFormula, &LearnedFunction)>,
     ) -> String {
         let mut sentence = String::new();
-        match distilled.zip(written) {
-            Some((own, (formula, drawn))) => {
-                let errors = self.errors(&own.refitted.fitted);
+        match with_formula.zip(written) {
+            Some((errors, (formula, drawn))) => {
                 let left = errors.rmse_heldout_um.unwrap_or(errors.rmse_fitted_um);
                 sentence += &format!(" As a formula: {}, {} µm.", formula.product(pair.quantity), significant(left, 3));
                 if leaves_band(&formula.factors, &drawn.points) {

@@ -273,8 +273,8 @@ fn heldout_table(last: &RevisionPage) -> Markup {
     let row = |name: &str, value: String, right: String| vec![name.to_string(), value, right];
     let noise = optional(heldout.noise_um, 3);
     let rows = [
-        row("misfit of the fitted cycles (µm)", significant(heldout.rmse_fitted_um, 3), noise.clone()),
-        row("misfit of the held-out cycles (µm)", optional(heldout.rmse_um, 3), noise),
+        row("error of the fitted cycles (µm)", significant(heldout.rmse_fitted_um, 3), noise.clone()),
+        row("held-out error (µm)", optional(heldout.rmse_um, 3), noise),
         row("positions inside the 50 % band", percent(heldout.coverage_50), expected(heldout.coverage_50_expected)),
         row("positions inside the 90 % band", percent(heldout.coverage_90), expected(heldout.coverage_90_expected)),
         row("probability of a misfit this large", optional(heldout.joint_p, 2), "above 0.001".into()),
@@ -355,7 +355,7 @@ fn learnt(learned: &Learned) -> Markup {
         ]
     };
     let rows: Vec<Vec<String>> = learned.pairs.iter().map(row).collect();
-    let heads = ["quantity and state", "evidence (nats)", "held-out gain (nats)", "held-out error (µm)"];
+    let heads = ["quantity and state", "evidence (nats)", "held-out gain (nats)", "error of the search (µm)"];
     html! {
         @if let Some(formula) = formula { (formula) }
         details { summary { "Every pair that was looked at" } (table("Gains over the model without", &heads, &rows)) }
@@ -392,7 +392,7 @@ fn suspects(diagnosis: &Diagnosis) -> Markup {
         "effect",
         "gain (nats)",
         "held-out gain (nats)",
-        "error (µm)",
+        "expected error (µm)",
         "p of the search",
         "smallest seen",
         "looks like",

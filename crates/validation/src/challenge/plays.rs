@@ -358,7 +358,7 @@ pub fn judged(number: usize, sort: Sort, truth: Truth, diagnosis: &Diagnosis, no
         gains,
         sentence: verdict.sentence.clone(),
         seed: 0,
-        yardstick_um: Some(diagnosis.base.noise_um),
+        yardstick_um: diagnosis.base.noise_um,
         rmse_heldout_um,
         true_noise_um,
         heldout_over_true_noise: error_over(true_noise_um),
@@ -367,13 +367,10 @@ pub fn judged(number: usize, sort: Sort, truth: Truth, diagnosis: &Diagnosis, no
     }
 }
 
-/// Root mean square (µm) of the drawn noise over the rows whose error a diagnosis reports: those of the scored cycle, without what it left out as outliers.
+/// Root mean square (µm) of the drawn noise over the rows whose error a diagnosis reports: those of the scored cycle.
 fn true_noise_um(truth: &Truth, diagnosis: &Diagnosis, noise: &Noise) -> Option<f64> {
     let cycle = truth.protocol.record().cycle;
-    let is_scored = |row: usize| {
-        cycle.get(row).is_some_and(|cycle| diagnosis.heldout_cycles.contains(cycle))
-            && !diagnosis.outlier_rows.contains(&row)
-    };
+    let is_scored = |row: usize| cycle.get(row).is_some_and(|cycle| diagnosis.heldout_cycles.contains(cycle));
     noise.rms_m(is_scored).map(|rms_m| 1e6 * rms_m)
 }
 

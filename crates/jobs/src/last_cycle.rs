@@ -1,0 +1,110 @@
+//! A revision given all cycles but the last (formats §4): whatever compares revisions shows errors of this one posterior.
+
+use base::error::{Error, Place, Result, Setting};
+use base::files::{Content, read_if_there};
+use documents::errors::ModelErrors;
+use documents::posterior::PosteriorSummary;
+use models::effects::Library;
+use posterior::monitor::Monitor;
+use posterior::prepared::KeptSurrogate;
+use posterior::problem::Problem;
+use posterior::sample::{self, SampleRequest};
+use posterior::study::{ModelSpecification, POSTERIOR_NAME, Provenance, Study, WithProvenance};
+use sampling::SamplerOptions;
+
+use crate::artefacts::{MESH_INPUT, with_inputs};
+
+/// Document of the posterior, in a revision whose own posterior is of other cycles.
+const LAST_CYCLE_NAME: &str = "last_cycle.json";
+
+/// A revision joined with the experiment as revisions are compared on it: all cycles but the last are fitted, and the last is scored.
+pub struct LastCycle<'a> {
+    study: &'a Study,
+    /// Name of the revision.
+    pub name: String,
+    /// Its model and the experiment.
+    pub problem: Problem,
+}
+
+impl<'a> LastCycle<'a> {
+    /// `of_study` is any problem of the study, for its mechanics.
+    ///
+    /// # Errors
+    /// [`Error::Input`] for a revision that is not there, or on another mesh.
+    pub fn of(study: &'a Study, of_study: &Problem, name: &str) -> Result<Self> {
+        let (dir, library) = (study.revision_dir(name)?, Library::default());
+        let specification = ModelSpecification::of_revision(&dir, &library)?;
+        let problem = of_study.with(of_study.experiment.for_comparison(), specification, &library)?;
+        let own = Self { study, name: name.into(), problem };
+        let mesh_of = |provenance: &Provenance| provenance.inputs_sha256.get(MESH_INPUT).cloned();
+        let path = dir.join(POSTERIOR_NAME);
+        let there: Option<WithProvenance<PosteriorSummary>> = read_document(&path);
+        if there.is_some_and(|document| mesh_of(&document.provenance) != mesh_of(&own.provenance(0))) {
+            return Err(Error::input(
+                Place::file(path),
+                "this revision is on another mesh",
+                format!("name the mesh that its study was made with (`{}`, `{}`)", Setting::Mesh, Setting::MeshUnit),
+            ));
+        }
+        Ok(own)
+    }
+
+    fn provenance(&self, seed: u64) -> Provenance {
+        with_inputs(self.study.provenance("posterior", 1, seed), &self.problem)
+    }
+
+    /// Its posterior: the revision's own where that is of these cycles. Of others, what an earlier command made, unless it is wanted `anew`; else it is sampled and written into the revision.
+    ///
+    /// # Errors
+    /// Those of sampling and of writing.
+    pub fn posterior(
+        &self,
+        options: &SamplerOptions,
+        anew: bool,
+        kept_surrogate: Option<KeptSurrogate>,
+        monitor: &dyn Monitor,
+    ) -> Result<PosteriorSummary> {
+        let names = if anew { &[POSTERIOR_NAME][..] } else { &[POSTERIOR_NAME, LAST_CYCLE_NAME] };
+        if let Some(stored) = self.stored(names, options) {
+            return Ok(stored);
+        }
+        monitor.stage(&format!("{}, fitted to all cycles but the last", self.name));
+        let request = SampleRequest { options: options.clone(), kept_surrogate, checkpoint: None, resume: false };
+        let body = sample::run(&self.problem, &request, monitor)?.summary;
+        if !body.converged {
+            monitor.warn(&format!("{}: its draws have not converged, so its errors are uncertain", self.name));
+        }
+        let document = WithProvenance { provenance: self.provenance(options.seed), body };
+        self.study.amend_revision(&self.name)?.publish(LAST_CYCLE_NAME, &document, |_| Ok(()))?;
+        Ok(document.body)
+    }
+
+    fn stored(&self, names: &[&str], options: &SamplerOptions) -> Option<PosteriorSummary> {
+        let (dir, inputs) = (self.study.revision_dir(&self.name).ok()?, self.provenance(0).inputs_sha256);
+        let (model, experiment) = (self.problem.specification.summary(), &self.problem.experiment);
+        let is_of_this = |document: &WithProvenance<PosteriorSummary>| {
+            let (heldout, sampler) = (&document.body.heldout, &document.body.sampler);
+            let is_as_long = (sampler.walkers, sampler.ensembles) == (options.n_walkers, options.n_ensembles)
+                && sampler.steps >= options.max_steps;
+            document.provenance.version == env!("CARGO_PKG_VERSION")
+                && document.provenance.inputs_sha256 == inputs
+                && document.body.model == model
+                && heldout.fitted_cycles == experiment.calibration_cycles
+                && heldout.cycles == experiment.heldout_cycles
+                && (heldout.log_score_nats.is_some() || heldout.rmse_um.is_none())
+                && (document.body.converged || is_as_long)
+        };
+        let read = |name: &&str| read_document::<PosteriorSummary>(&dir.join(name));
+        names.iter().filter_map(read).find(is_of_this).map(|document| document.body)
+    }
+}
+
+/// Errors of a posterior.
+pub fn errors(posterior: &PosteriorSummary) -> ModelErrors {
+    ModelErrors { rmse_fitted_um: posterior.heldout.rmse_fitted_um, rmse_heldout_um: posterior.heldout.rmse_um }
+}
+
+/// A document that can be read; one that cannot is made again.
+pub fn read_document<T: serde::de::DeserializeOwned>(path: &std::path::Path) -> Option<WithProvenance<T>> {
+    serde_json::from_slice(&read_if_there(path, Content::Document)?).ok()
+}

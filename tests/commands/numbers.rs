@@ -1,0 +1,219 @@
+//! One number for one quantity: a study's documents, its page and the words of all commands agree.
+
+use crate::program;
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::Path;
+
+use program::{normals, vitreo};
+use serde_json::Value;
+use vitreo_uq::jobs::pages;
+
+/// Four cycles of ±1 µN for 2 s each by an instrument, 3 µm of noise that is not given, and a spring in series of a twentieth of 1/E.
+fn write_with_spring(dir: &Path) {
+    std::fs::create_dir_all(dir).unwrap();
+    let toml = "[specimen]\nid = \"gel\"\n[instrument]\ncompliance_per_m = 549.0\n[measurement]\nfile = \"trajectory.csv\"\n\
+        calibration_cycles = [1]\nheldout_cycles = [2, 3, 4]\nsource = \"synthetic: closed form\"\n";
+    std::fs::write(dir.join("experiment.toml"), toml).unwrap();
+    let (young_modulus_pa, viscosity_1_pa_s, viscosity_2_pa_s, compliance_per_m, step_s) =
+        (3.5, 1.4, 47.0, 549.0, 0.08);
+    let decay = f64::exp(-step_s * young_modulus_pa / viscosity_1_pa_s);
+    let (mut retarded_un, mut impulse_un_s, mut before_un, mut normal) = (0.0, 0.0, 0.0, normals());
+    let mut csv = String::from("time_s,force_uN,position_um,cycle\n");
+    for row in 0..200 {
+        let force_un = if (row / 25) % 2 == 0 { 1.0 } else { -1.0 };
+        let strain = (retarded_un + 0.05 * before_un) / young_modulus_pa + impulse_un_s / viscosity_2_pa_s;
+        let position_um = compliance_per_m * strain + 3.0 * normal();
+        csv += &format!("{:.2},{force_un},{position_um:.4},{}\n", step_s * f64::from(row), 1 + row / 50);
+        retarded_un = decay * retarded_un + (1.0 - decay) * force_un;
+        impulse_un_s += step_s * force_un;
+        before_un = force_un;
+    }
+    std::fs::write(dir.join("trajectory.csv"), csv).unwrap();
+}
+
+/// Values of quantities, with the places where they stand: of a revision, given the cycles that it was fitted to, by name.
+#[derive(Default)]
+struct Quantities(BTreeMap<(String, String), BTreeMap<String, Vec<String>>>);
+
+/// What a document speaks of.
+#[derive(Clone)]
+struct About {
+    /// The revision.
+    revision: String,
+    /// The cycles that it was fitted to.
+    cycles: String,
+    /// The revision that it extends.
+    from: String,
+}
+
+impl Quantities {
+    /// Names of quantities, and names of the same in the document of `sample`.
+    const NAMES: [(&str, &str); 3] =
+        [("rmse_fitted_um", "rmse_fitted_um"), ("rmse_heldout_um", "rmse_um"), ("noise_um", "noise_um")];
+    /// Models other than revisions: fits of a search, and those beside a diagnosis.
+    const OTHER_MODELS: [&str; 4] = ["candidates", "extended", "equivalents", "shifts"];
+
+    fn add(&mut self, about: &About, name: &str, value: &Value, place: &str) {
+        let model = if name == "noise_um" { "study".into() } else { format!("{} given {}", about.revision, about.cycles) };
+        let values = self.0.entry((model, name.into())).or_default();
+        values.entry(value.to_string()).or_default().push(place.into());
+    }
+
+    /// Adds all of a document.
+    fn read(&mut self, document: &Value, about: &About, place: &str) {
+        if let Value::Array(list) = document {
+            list.iter().enumerate().for_each(|(k, own)| self.read(own, about, &format!("{place}[{k}]")));
+        }
+        let Value::Object(map) = document else { return };
+        let mut about = about.clone();
+        if let Some(revision) = map.get("revision").and_then(Value::as_str) {
+            about.revision = revision.into();
+        }
+        let is_of_sample = document["heldout"]["fitted_cycles"].is_array();
+        for cycles in [&document["fitted_cycles"], &document["heldout"]["fitted_cycles"]] {
+            if cycles.is_array() {
+                about.cycles = cycles.to_string();
+            }
+        }
+        for (key, value) in map {
+            let at = format!("{place}.{key}");
+            let known = Self::NAMES.iter().find(|names| *key == if place.ends_with(".heldout") { names.1 } else { names.0 });
+            match (known, key.as_str()) {
+                (Some((name, _)), _) => self.add(&about, name, value, &at),
+                (None, "parameters") => {
+                    for own in value.as_array().into_iter().flatten().filter(|own| own["median"].is_number()) {
+                        self.add(&about, own["name"].as_str().unwrap_or("?"), &own["median"], &at);
+                    }
+                }
+                (None, "before") => self.read(value, &About { revision: about.from.clone(), ..about.clone() }, &at),
+                (None, key) if Self::OTHER_MODELS.contains(&key) || is_of_sample && key == "error_budget_um" => {}
+                _ => self.read(value, &about, &at),
+            }
+        }
+    }
+
+    fn value(&self, model: &str, name: &str) -> f64 {
+        let values = &self.0[&(model.to_string(), name.to_string())];
+        values.keys().next().and_then(|value| value.parse().ok()).expect("a number")
+    }
+
+    /// Quantities with several values.
+    fn disagreements(&self) -> Vec<String> {
+        let several = self.0.iter().filter(|(_, values)| values.len() > 1);
+        several.map(|((model, name), values)| format!("{name} of {model}: {values:?}")).collect()
+    }
+
+    /// Places in which quantities stand.
+    fn n_places(&self, model: &str, name: &str) -> usize {
+        self.0[&(model.to_string(), name.to_string())].values().map(Vec::len).sum()
+    }
+}
+
+/// Words without marks of a page.
+fn words(page: &str) -> String {
+    let inside = page.split('<').map(|part| part.split_once('>').map_or(part, |(_, text)| text));
+    inside.collect::<Vec<_>>().join(" ").split_whitespace().collect::<Vec<_>>().join(" ")
+}
+
+/// Numbers in words that follow a name, as they are written.
+fn numbers_after<'a>(words: &'a str, name: &str) -> Vec<&'a str> {
+    let is_number = |text: &&str| text.parse::<f64>().is_ok();
+    let first = |(at, _): (usize, &str)| {
+        let rest = words[at + name.len()..].trim_start_matches([' ', ':', '(']).trim_start_matches("is ");
+        let text = rest.split(|c: char| !c.is_ascii_digit() && c != '.').next();
+        text.map(|text| text.trim_end_matches('.')).filter(is_number)
+    };
+    // A learnt noise is another quantity.
+    let is_own = |(at, _): &(usize, &str)| !words[..*at].ends_with("learnt ");
+    words.match_indices(name).filter(is_own).filter_map(first).collect()
+}
+
+/// Whether a number as it is written is a value to the digits that it has.
+fn is_rounded(text: &str, value: f64) -> bool {
+    let decimals = text.split_once('.').map_or(0, |(_, decimals)| decimals.len() as i32);
+    text.parse::<f64>().is_ok_and(|shown| (shown - value).abs() <= 0.501 * 10_f64.powi(-decimals))
+}
+
+/// Numbers in words before a name, as they are written.
+fn numbers_before<'a>(words: &'a str, name: &str) -> Vec<&'a str> {
+    let last = |(at, _): (usize, &str)| words[..at].trim_end_matches(" µm").rsplit(' ').next();
+    words.match_indices(name).filter_map(last).filter(|text| text.parse::<f64>().is_ok()).collect()
+}
+
+/// Errors, noise and every parameter of a revision, given the cycles that it was fitted to, have one value in all documents; so have the words of every command, the page, and
+/// the parts that the workbench shows. What a diagnosis expects of an effect is what `extend` finds, within a twentieth: a best fit stands for the posterior there.
+#[test]
+fn one_quantity_has_one_value_everywhere() {
+    let dir = tempfile::tempdir().unwrap();
+    write_with_spring(&dir.path().join("gel"));
+    let study = dir.path().join("study");
+    let mut said = Vec::new();
+    let mut run = |arguments: &[&str]| {
+        let run = vitreo(dir.path(), &[arguments, &["--quiet"]].concat()).exits(0);
+        said.push((arguments.join(" "), run.stdout.clone()));
+        said.push((
+            format!("the page after {}", arguments.join(" ")),
+            words(&std::fs::read_to_string(study.join("report.html")).unwrap()),
+        ));
+        for revision in ["m0", "m1"].into_iter().filter(|revision| study.join(revision).is_dir()) {
+            let parts = pages::parts(&study, revision).unwrap();
+            said.extend(parts.into_iter().map(|(id, html)| (format!("the workbench's {id}"), words(&html))));
+        }
+    };
+    run(&["sample", "gel", "--out", "study"]);
+    run(&["compare", "study"]);
+    run(&["diagnose", "study"]);
+    run(&["extend", "study", "--with", "instantaneous-elasticity"]);
+    run(&["compare", "study"]);
+    run(&["diagnose", "study"]);
+    run(&["ladder", "study"]);
+    let read = |name: &str| -> Value { serde_json::from_slice(&std::fs::read(study.join(name)).unwrap()).unwrap() };
+    let mut quantities = Quantities::default();
+    let documents = ["posterior.json", "last_cycle.json", "comparison.json", "diagnosis.json", "extension.json"];
+    for (revision, name) in ["m0", "m1"].iter().flat_map(|revision| documents.map(|name| (*revision, name))) {
+        let place = format!("{revision}/{name}");
+        if study.join(&place).is_file() {
+            let about = About { revision: revision.into(), cycles: String::new(), from: "m0".into() };
+            quantities.read(&read(&place), &about, &place);
+        }
+    }
+    let about = About { revision: "study".into(), cycles: String::new(), from: String::new() };
+    quantities.read(&read("ladder.json"), &about, "ladder.json");
+    assert_eq!(quantities.disagreements(), Vec::<String>::new());
+    // Of m0: its second posterior, `compare`, `diagnose`, `extend`, `ladder`. Of m1 the same but for `extend`, whose `after` and own posterior are two.
+    let [first, second] = ["m0 given [1,2,3]", "m1 given [1,2,3]"];
+    assert_eq!([first, second].map(|model| quantities.n_places(model, "rmse_heldout_um")), [5, 5]);
+
+    let noise_um = quantities.value("study", "noise_um");
+    let heldout_um = [quantities.value("m0 given [1]", "rmse_heldout_um"), quantities.value(second, "rmse_heldout_um")];
+    let last_um = [first, second].map(|model| quantities.value(model, "rmse_heldout_um"));
+    let named: [(&str, &[f64]); 5] = [
+        ("noise", &[noise_um]),
+        ("held-out error", &heldout_um),
+        ("on the last held-out cycle the error goes from", &last_um[..1]),
+        ("error on the last held-out cycle falls:", &last_um[..1]),
+        ("the cycle that no fit has seen falls: from", &last_um[..1]),
+    ];
+    let mut wrong = BTreeSet::new();
+    let mut n_said = BTreeMap::new();
+    for (place, text) in &said {
+        let after = named.iter().map(|(name, values)| (*name, numbers_after(text, name), *values));
+        let before = ["on the last held-out cycle; noise", "on the last held-out cycle (noise"];
+        let before = before.iter().map(|name| (*name, numbers_before(text, name), &last_um[..]));
+        for (name, numbers, values) in after.chain(before) {
+            *n_said.entry(name).or_insert(0) += numbers.len();
+            let others = numbers.into_iter().filter(|number| !values.iter().any(|value| is_rounded(number, *value)));
+            wrong.extend(others.map(|number| format!("{name} {number} in {place}")));
+        }
+    }
+    assert!(wrong.is_empty(), "{wrong:#?} beside noise {noise_um}, {heldout_um:?}, {last_um:?}");
+    assert!(n_said.values().all(|n| *n > 1), "the words give the numbers: {n_said:?}");
+
+    let diagnosis = read("m0/diagnosis.json");
+    let expected_um = diagnosis["extended"]["rmse_heldout_um"].as_f64().expect("a claim");
+    assert!(last_um[1] < last_um[0] && (expected_um / last_um[1] - 1.0).abs() < 0.05, "{expected_um} {last_um:?}");
+    let is_claimed = |own: &&Value| own["effect"] == "instantaneous-elasticity";
+    let candidate = diagnosis["candidates"].as_array().unwrap().iter().find(is_claimed).unwrap();
+    assert_eq!(candidate["refit"]["rmse_heldout_um"], diagnosis["extended"]["rmse_heldout_um"]);
+}
