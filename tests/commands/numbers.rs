@@ -55,7 +55,8 @@ impl Quantities {
     const OTHER_MODELS: [&str; 4] = ["candidates", "extended", "equivalents", "shifts"];
 
     fn add(&mut self, about: &About, name: &str, value: &Value, place: &str) {
-        let model = if name == "noise_um" { "study".into() } else { format!("{} given {}", about.revision, about.cycles) };
+        let model =
+            if name == "noise_um" { "study".into() } else { format!("{} given {}", about.revision, about.cycles) };
         let values = self.0.entry((model, name.into())).or_default();
         values.entry(value.to_string()).or_default().push(place.into());
     }
@@ -78,7 +79,8 @@ impl Quantities {
         }
         for (key, value) in map {
             let at = format!("{place}.{key}");
-            let known = Self::NAMES.iter().find(|names| *key == if place.ends_with(".heldout") { names.1 } else { names.0 });
+            let known =
+                Self::NAMES.iter().find(|names| *key == if place.ends_with(".heldout") { names.1 } else { names.0 });
             match (known, key.as_str()) {
                 (Some((name, _)), _) => self.add(&about, name, value, &at),
                 (None, "parameters") => {

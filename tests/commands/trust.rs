@@ -168,6 +168,7 @@ fn put_diagnosis(study: &Path, rivals: &[&str]) {
     let diagnosis = json!({"schema": "vitreo-uq/diagnosis/1", "version": posterior["version"], "seed": 1, "inputs_sha256": posterior["inputs_sha256"], "experiment": "gel",
         "verdict": {"kind": "missing", "effects": ["clock-offset"], "equivalent": rivals, "sentence": "The model lacks clock-offset."},
         "fitted_cycles": [1], "heldout_cycles": [2], "base": {"rmse_fitted_um": 2.0, "rmse_heldout_um": 2.0, "noise_um": 0.5},
+        "search_noise_um": 0.5,
         "extended": null, "candidates": [candidate("clock-offset", "claimed", "clock-offset.delay_s", 0.0512), candidate("actuator-lag", status, "actuator-lag.time_s", 0.0487)],
         "pairs": [], "blind_spots": [], "smallest_detectable": [], "separating_protocol": "", "noise": [], "unexplained": [], "discrepancy": null, "outlier_rows": [], "remarks": []});
     std::fs::write(study.join("m0/diagnosis.json"), serde_json::to_vec(&diagnosis).unwrap()).unwrap();

@@ -100,6 +100,7 @@ fn best_of<'a>(subject: &Subject, slugs: impl Iterator<Item = &'a str>) -> Resul
         fitted_cycles: vec![1, 2, 3],
         heldout_cycles: vec![4],
         base: BaseErrors { rmse_fitted_um: 0.0, rmse_heldout_um: None, noise_um: Some(4.0) },
+        search_noise_um: 4.0,
         candidates: candidates.collect(),
         pairs: Vec::new(),
         blind_spots: Vec::new(),

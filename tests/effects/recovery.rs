@@ -181,7 +181,7 @@ fn assert_error_falls(is_asked: fn(&dyn Effect) -> bool) {
         let effects = [effect.slug().to_string()];
         let request = ExtensionRequest { effects: &effects, ..ExtensionRequest::default() };
         let pair = compared(&lacking, &request, &library).expect("an effect alone is a model");
-        let summary = refit(pair, None, None, &request, &Silent).expect("extending succeeds").summary;
+        let summary = refit(pair, &request, &Silent).expect("extending succeeds").summary;
         let (before, after) =
             (summary.before.rmse_heldout_um.expect("scored"), summary.after.rmse_heldout_um.expect("scored"));
         println!("{:<26} held-out error {before:.2} → {after:.2} µm (noise 4)", effect.slug());

@@ -111,7 +111,7 @@ fn noise_that_is_not_given_is_not_a_misfit() {
             assert_eq!(diagnosis.verdict.sentence.contains("estimated"), !noise.is_given);
             let true_um = noise.parameters[0].hypot(noise.parameters[1]);
             // Of slow noise of ten seconds four cycles have a few numbers; of that of half a second some sixty, a tenth either way.
-            let ratio = diagnosis.base.noise_um / true_um;
+            let ratio = diagnosis.search_noise_um / true_um;
             assert!(noise.parameters[2] > 0.5 || noise.is_given || (0.6..1.6).contains(&ratio), "{ratio}");
         }
     }
@@ -126,7 +126,7 @@ fn slow_noise_with_outliers_is_not_a_misfit() {
     let diagnosis = diagnosed(&measured(&position_m, false, &FEW[..2]), 0);
     assert_eq!(diagnosis.verdict.kind, VerdictKind::None, "{}", diagnosis.verdict.sentence);
     assert!(diagnosis.verdict.sentence.contains("estimated"));
-    let ratio = diagnosis.base.noise_um / 6.0;
+    let ratio = diagnosis.search_noise_um / 6.0;
     assert!((0.6..1.6).contains(&ratio), "{ratio}");
 }
 

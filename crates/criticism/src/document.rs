@@ -16,8 +16,8 @@ use documents::diagnosis::{
     Answer, BaseErrors, CandidateEntry, Diagnosis, Errors, PairEntry, Refit, RefitParameter, SmallestDetectable,
     Status, UnexplainedEntry, VerdictKind,
 };
-use figures::number::significant;
 use documents::errors::ModelErrors;
+use figures::number::significant;
 use models::effects::AMPLITUDE;
 use posterior::large_displacement::interpretation;
 use posterior::misfit::Misfit;
@@ -129,6 +129,7 @@ impl Report<'_> {
                 noise_um: (!subject.is_noise_unknown()).then_some(1e6 * subject.yardstick_m()),
             },
             extended,
+            search_noise_um: self.search_noise_um(),
             candidates,
             pairs: found.pairs.iter().take(N_PAIRS).map(pair).collect(),
             blind_spots,
@@ -268,13 +269,22 @@ impl Report<'_> {
         self.verdict.has_structure || self.verdict.exceeds_noise
     }
 
-    /// The noise of one position in µm, and whether it was given.
+    /// The noise (µm) that the search learnt beside the best model, white and slow together.
+    fn search_noise_um(&self) -> f64 {
+        let model = self.model.unwrap_or(&self.found.base);
+        self.subject.noise().row_sd_um(&model.fitted.noise)
+    }
+
+    /// The noise of one position in µm; where it was not given, also what was learnt.
     fn noise_words(&self) -> String {
         if self.subject.is_noise_unknown() {
             return "unknown".into();
         }
-        let estimated = if self.subject.is_noise_known() { "" } else { ", estimated" };
-        format!("{}{estimated}", short(1e6 * self.subject.yardstick_m()))
+        let noise = short(1e6 * self.subject.yardstick_m());
+        if self.left.is_known {
+            return noise;
+        }
+        format!("{noise}, estimated; {} learnt, slow noise included", short(self.search_noise_um()))
     }
 
     /// That nothing says how large the noise is, where nothing does.

@@ -76,7 +76,13 @@ fn plain<'a>(
         leftover: None,
         event: None,
         equivalent,
+        every_position: subject,
     }
+}
+
+/// Errors as a sentence takes them.
+fn shown(extended: Option<&Errors>) -> Shown<'_> {
+    Shown { base: ModelErrors { rmse_fitted_um: 4.1, rmse_heldout_um: Some(9.0) }, extended }
 }
 
 /// Something outside the library; what stands in it but its words is not looked at.
@@ -108,12 +114,13 @@ fn the_verdict_follows_claim_structure_and_noise() {
     let data = measured(&small(), &["force-bias"], &[BIAS], 31);
     let mut found = found(&data, &[1.0; 99]);
     let request = request();
+    let after = Errors { rmse_fitted_um: 4.0, rmse_heldout_um: Some(4.2), predictive_noise_um: None };
     let too_large = Misfit { heldout: Some(LARGE), returning_m: Some(5e-6), ..WITHIN };
     let kind = |found: &SearchResult, model: Option<&Refitted>, unexplained: &[Outside], left: &Misfit| {
         let verdict = decided(model, found, left, unexplained, &[]);
         let report = Report { unexplained, left, ..plain(&data, &request, found, (&verdict, model)) };
         let statuses: Vec<Status> = found.singles.iter().map(|single| report.status(single)).collect();
-        (verdict.kind, verdict.effects.clone(), report.sentence(&[]), statuses)
+        (verdict.kind, verdict.effects.clone(), report.sentence(&[], &shown(model.map(|_| &after))), statuses)
     };
     let outside = [slip(&found.base)];
     // However large the noise that the model has learnt: what is left decides.
@@ -135,10 +142,14 @@ fn the_verdict_follows_claim_structure_and_noise() {
     let estimated = Misfit { is_known: false, ..WITHIN };
     let (none, _, sentence, _) = kind(&found, None, &[], &estimated);
     assert_eq!(none, VerdictKind::None);
-    assert!(sentence.contains("(noise 6.40, estimated)") && !sentence.contains("known"), "{sentence}");
+    assert!(
+        sentence.contains("(noise 4.00, estimated; 6.40 learnt, slow noise included)") && !sentence.contains("known"),
+        "{sentence}"
+    );
     let claimed = found.singles[1].refitted.as_ref();
     for (list, remains) in [(&outside[..0], false), (&outside[..], true)] {
         let (missing, effects, sentence, statuses) = kind(&found, claimed, list, &WITHIN);
+        assert!(sentence.contains("on the last held-out cycle the error goes from 9.00 to 4.20 µm"), "{sentence}");
         assert_eq!((missing, effects), (VerdictKind::Missing, vec!["force-bias".to_string()]));
         assert_eq!(sentence.contains("Unexplained, here: a slip."), remains);
         assert_eq!(statuses[1], Status::Claimed);
@@ -162,7 +173,7 @@ fn a_rival_that_is_not_separated_is_named() {
     let report = plain(&data, &request, &found, (&verdict, claimed));
     let statuses: Vec<Status> = found.singles[..2].iter().map(|single| report.status(single)).collect();
     assert_eq!(statuses, [Status::Equivalent, Status::Claimed]);
-    let sentence = report.sentence(&[]);
+    let sentence = report.sentence(&[], &shown(None));
     assert!(sentence.contains("cannot tell it from force-asymmetry"), "{sentence}");
 }
 
@@ -179,10 +190,10 @@ fn the_threshold_is_the_signal_that_gains_it() {
     }
 }
 
-/// Errors of the scored rows by their definition, and the noise of a prediction by dense algebra: that of the parameters, given the fitted rows, and that of
+/// The noise of a prediction by dense algebra: that of the parameters, given the fitted rows, and that of
 /// one position, with the gain that was fitted, small as it is.
 #[test]
-fn errors_and_predictive_noise_are_those_of_dense_algebra() {
+fn predictive_noise_is_that_of_dense_algebra() {
     let data = measured(&small(), &[], &[], 34);
     let found = found(&data, &[]);
     let mut model = found.base.clone();
@@ -190,12 +201,9 @@ fn errors_and_predictive_noise_are_those_of_dense_algebra() {
     let request = request();
     let nothing = decided(None, &found, &WITHIN, &[], &[]);
     let report = plain(&data, &request, &found, (&nothing, None));
-    let errors = report.errors(&model);
+    let errors = report.errors(&model).expect("a fit");
     let scored: Vec<usize> = (0..data.scored_m.len()).filter(|row| data.scored_m[*row].is_some()).collect();
     let x_m = &model.fitted.position_m;
-    let left = |row: &usize| data.scored_m[*row].map_or(0.0, |y| 1e12 * (y - x_m[*row]).powi(2));
-    let mean_square = scored.iter().map(left).sum::<f64>() / scored.len() as f64;
-    assert!((errors.rmse_heldout_um.expect("scored") - mean_square.sqrt()).abs() < 1e-9);
     let record = &data.experiment().record;
     let rows: Vec<usize> = (0..data.fitted_m.len()).filter(|row| data.fitted_m[*row].is_some()).collect();
     let inverse = DMatrix::from_fn(rows.len(), rows.len(), |i, j| {
@@ -307,7 +315,7 @@ fn what_cannot_come_near_the_claim_gets_a_bound() {
     let weighing = weighed(&found);
     assert!(weighing.remarks.iter().any(|remark| remark.contains("tracking-drift")), "{:?}", weighing.remarks);
     let report = plain(&data, &request, &found, (&verdict, claimed.as_ref()));
-    let entry = report.candidate(&found.singles[drift], Vec::new(), &weighing).expect("derivatives");
+    let entry = report.candidate(&found.singles[drift], Vec::new(), None, &weighing).expect("derivatives");
     let refit = entry.refit.expect("refitted");
     assert_eq!((refit.log_bayes_factor, refit.log_bayes_factor_at_most), (None, Some(8.0)));
     assert_eq!(refit.parameters.len(), 1);

@@ -16,8 +16,5 @@ pub fn own_errors(subject: &Subject, model: &Refitted) -> Result<ModelErrors> {
     let start = (model.fitted.theta.clone(), model.fitted.noise);
     let fitted = subject.fit(&model.candidate, &[start], Search::Local)?;
     let um = |positions_m: &[Option<f64>]| fitted.rmse_m(positions_m).map(|rmse_m| 1e6 * rmse_m);
-    Ok(ModelErrors {
-        rmse_fitted_um: um(&subject.fitted_m).unwrap_or(0.0),
-        rmse_heldout_um: um(&subject.scored_m),
-    })
+    Ok(ModelErrors { rmse_fitted_um: um(&subject.fitted_m).unwrap_or(0.0), rmse_heldout_um: um(&subject.scored_m) })
 }

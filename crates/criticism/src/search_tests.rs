@@ -36,7 +36,7 @@ pub fn found(data: &Subject, simulated: &[f64]) -> SearchResult {
 }
 
 fn request(n_simulations: usize, criteria: Criteria) -> DiagnosisRequest {
-    DiagnosisRequest { criteria, n_simulations, seed: 1, in_full: false }
+    DiagnosisRequest { criteria, n_simulations, seed: 1, in_full: false, base_errors: None }
 }
 
 pub fn refitted(data: &Subject, found: &SearchResult, effects: &[&str]) -> Refitted {

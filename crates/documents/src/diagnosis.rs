@@ -18,6 +18,8 @@ pub struct Diagnosis {
     pub base: BaseErrors,
     /// Errors of the model with the effects of the verdict; `None` when it names none.
     pub extended: Option<Errors>,
+    /// The noise that the search learnt beside the best model, white and slow together, in µm; it may hold a misfit.
+    pub search_noise_um: f64,
     /// Every effect of the library.
     pub candidates: Vec<CandidateEntry>,
     /// Pairs of effects that were refitted, best first.

@@ -117,6 +117,7 @@ fn a_diagnosis(experiment: &str, sentence: &str) -> Diagnosis {
         heldout_cycles: vec![4],
         base: BaseErrors { rmse_fitted_um: 14.0, rmse_heldout_um: Some(16.0), noise_um: Some(4.0) },
         extended: Some(Errors { rmse_fitted_um: 3.9, rmse_heldout_um: Some(4.1), predictive_noise_um: Some(4.2) }),
+        search_noise_um: 4.2,
         candidates: vec![
             candidate("force-bias", Unsupported, Some(1.3), Some(-14.0)),
             candidate("clock-offset", Equivalent, Some(1180.0), Some(390.0)),

@@ -156,6 +156,7 @@ mod tests {
             heldout_cycles: vec![3],
             base: BaseErrors { rmse_fitted_um: 5.0, rmse_heldout_um: Some(6.0), noise_um: Some(4.0) },
             extended: None,
+            search_noise_um: 4.2,
             candidates: [effects, equivalent].concat().iter().map(|slug| candidate(slug, Status::Claimed)).collect(),
             pairs: Vec::new(),
             blind_spots: Vec::new(),

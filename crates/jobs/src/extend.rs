@@ -110,7 +110,7 @@ fn of_creep(target: &CreepTarget, request: &ExtendRequest, monitor: &dyn Monitor
     let request =
         ExtensionRequest { from: &from, revision: &revision, effects: &request.effects, values, earlier, options };
     // What can be refused is refused here, before anything is sampled or written.
-    let pair = compared(&before, &request, &library)?;
+    let mut pair = compared(&before, &request, &library)?;
     for problem in [&before, &pair.before, &pair.after] {
         refuse_nothing_to_sample(problem)?;
         request.options.validate(problem.priors.priors().len())?;
@@ -120,14 +120,14 @@ fn of_creep(target: &CreepTarget, request: &ExtendRequest, monitor: &dyn Monitor
         monitor.stage("m0, the model to extend, on the calibration cycles");
         make_first_revision(&study, &before, request.options.clone(), false, monitor)?;
     }
-    let stored = if pair.is_before_as_stored {
-        let kept = kept_surrogate(&study, monitor);
-        Some(LastCycle::of(&study, &before, &from)?.posterior(&request.options, false, kept, monitor)?)
-    } else {
-        None
-    };
+    pair.kept_surrogate = kept_surrogate(&study, monitor);
+    if pair.is_before_as_stored {
+        let fitted = LastCycle::of(&study, &before, &from)?;
+        pair.posterior_before =
+            Some(fitted.posterior(&request.options, false, pair.kept_surrogate.clone(), monitor)?);
+    }
     let writer = study.begin_revision(&revision)?;
-    let Extension { mut summary, problem, after } = refit(pair, stored, kept_surrogate(&study, monitor), &request, monitor)?;
+    let Extension { mut summary, problem, after } = refit(pair, &request, monitor)?;
     summary.equivalents = equivalents::of_extension(&study, &from, &revision, request.effects)?;
     let of_equivalents = summary.equivalents.iter().filter(|own| own.revision == revision);
     let sentences: Vec<String> = of_equivalents.filter_map(EquivalentEffects::sentence).collect();
@@ -286,6 +286,10 @@ pub struct Pair {
     pub after: Problem,
     /// Whether `before` is a revision as it stands: nothing was fixed or freed in it.
     pub is_before_as_stored: bool,
+    /// The posterior of `before` on these cycles, where it was sampled already.
+    pub posterior_before: Option<PosteriorSummary>,
+    /// A surrogate that may serve both.
+    pub kept_surrogate: Option<KeptSurrogate>,
 }
 
 /// Joins both models with the experiment as revisions are compared on it; `before` is the model to extend, of the whole experiment.
@@ -305,27 +309,23 @@ pub fn compared(before: &Problem, request: &ExtensionRequest, library: &Library)
         is_before_as_stored: of_both.is_empty(),
         before: before.with(experiment.clone(), specification, library)?,
         after: before.with(experiment, larger, library)?,
+        posterior_before: None,
+        kept_surrogate: None,
     })
 }
 
-/// Samples both models on the same cycles and scores them; `before` is the posterior of the smaller one where that was sampled already.
+/// Samples both models on the same cycles and scores them.
 ///
 /// # Errors
 /// As [`sample::run`].
-pub fn refit(
-    pair: Pair,
-    before: Option<PosteriorSummary>,
-    kept: Option<KeptSurrogate>,
-    request: &ExtensionRequest,
-    monitor: &dyn Monitor,
-) -> Result<Extension> {
-    let problem = pair.after;
+pub fn refit(pair: Pair, request: &ExtensionRequest, monitor: &dyn Monitor) -> Result<Extension> {
+    let (problem, kept) = (pair.after, pair.kept_surrogate);
     let sampled = |problem: &Problem, kept_surrogate| {
         let request =
             SampleRequest { options: request.options.clone(), kept_surrogate, checkpoint: None, resume: false };
         sample::run(problem, &request, monitor)
     };
-    let (base, kept) = match before {
+    let (base, kept) = match pair.posterior_before {
         Some(base) => (base, kept),
         None => {
             monitor.stage(&format!("the model of {}, refitted on the same cycles", request.from));

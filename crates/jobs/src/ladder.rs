@@ -80,7 +80,8 @@ fn compared(study: &Study, first: &Problem, request: &LadderRequest, monitor: &d
         let end = names.iter().position(|name| name == last).map_or(names.len(), |place| place + 1);
         names.truncate(end);
     }
-    let revisions: Vec<LastCycle> = names.iter().map(|name| LastCycle::of(study, first, name)).collect::<Result<_>>()?;
+    let revisions: Vec<LastCycle> =
+        names.iter().map(|name| LastCycle::of(study, first, name)).collect::<Result<_>>()?;
     // What can be refused is refused before anything is fitted.
     for revision in &revisions {
         request.options.validate(revision.problem.priors.priors().len())?;

@@ -83,7 +83,11 @@ fn words(diagnosis: &Diagnosis, revision: &str) -> String {
     candidates.sort_by(|a, b| gain(b).total_cmp(&gain(a)));
     lines.extend(candidates.iter().filter(|own| own.refused.is_none()).map(|candidate| row(diagnosis, candidate)));
     let error = diagnosis.base.rmse_heldout_um.map_or(String::new(), |um| {
-        format!(" expected error in µm on cycle {}, {} without any effect;", listed(&diagnosis.heldout_cycles), significant(um))
+        format!(
+            " expected error in µm on cycle {}, {} without any effect;",
+            listed(&diagnosis.heldout_cycles),
+            significant(um)
+        )
     });
     lines.push(format!("  (gains in nats over the model without the effect;{error} p for the whole search)"));
     lines.extend(diagnosis.gains_without_error().map(|sentence| format!("  {sentence}")));

@@ -129,7 +129,10 @@ fn shifts(summary: &LadderSummary) -> Vec<String> {
     let (before, after) = (name(summary.revisions.first()), name(summary.revisions.last()));
     let width = column_width(summary.shifts.iter().map(|shift| shift.name.as_str()));
     let mut lines = vec![
-        format!("  What was missing in {before} had bent the law (median, 90 % interval):"),
+        format!(
+            "  What was missing in {before} had bent the law (median, 90 % interval; both fitted to cycles {}):",
+            listed(&summary.fitted_cycles)
+        ),
         format!("  {:<width$}{before:>26}{after:>26}{:>10}{:>12}", "parameter", "shift", "in sd"),
     ];
     let interval =

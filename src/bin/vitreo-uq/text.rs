@@ -108,7 +108,7 @@ fn budget_lines(summary: &PosteriorSummary, line: &mut impl FnMut(String)) {
     let budget = &summary.error_budget_um;
     let part = |name: &str, value: Option<f64>| value.map(|v| format!("{name} {}", significant(v)));
     let parts = [
-        part("noise", Some(budget.noise)),
+        part("learnt noise", Some(budget.noise)),
         part("mesh", budget.fe_discretisation),
         part("surrogate", budget.surrogate),
         part("Monte Carlo", Some(budget.monte_carlo)),

@@ -29,7 +29,7 @@ fn noisy(subject: &Subject, truth_m: &[f64], kind: usize, seed: u64) -> Subject 
 }
 
 fn compared(data: &Subject, n_simulations: usize) -> Comparison {
-    run(data, &data.base(), n_simulations, 1).expect("a model").comparison
+    run(data, &data.base(), None, n_simulations, 1).expect("a model").comparison
 }
 
 /// 8 correct models with white, slow, gain and outlier noise: with 39 simulated records one in forty may show anything, and one in twenty would still

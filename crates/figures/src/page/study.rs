@@ -429,7 +429,7 @@ fn ladder_section(content: &StudyPage) -> Markup {
         p { (summary.sentence) }
         (figure(drawing, "The error on the cycle that no fit has seen, revision by revision, down to the noise"))
         @if !shifts.is_empty() {
-            (table("What was missing had bent the law: median and 90 % interval", &["parameter", &before, &after, "shift", "in sd"], &shifts))
+            (table(&format!("What was missing had bent the law: median and 90 % interval, both fitted to cycles {}", listed(&summary.fitted_cycles)), &["parameter", &before, &after, "shift", "in sd"], &shifts))
         }
     }
 }

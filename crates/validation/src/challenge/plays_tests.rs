@@ -67,6 +67,7 @@ fn diagnosis(kind: VerdictKind, effects: &[&str], equivalent: &[&str]) -> Diagno
             rmse_heldout_um: Some(4.2),
             predictive_noise_um: Some(4.0),
         }),
+        search_noise_um: 4.0,
         candidates: vec![
             candidate("delay", 3.0, [1.0, 3.0]),
             candidate("bias", 30.0, [2.1, 3.0]),
