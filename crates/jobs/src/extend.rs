@@ -123,8 +123,7 @@ fn of_creep(target: &CreepTarget, request: &ExtendRequest, monitor: &dyn Monitor
     pair.kept_surrogate = kept_surrogate(&study, monitor);
     if pair.is_before_as_stored {
         let fitted = LastCycle::of(&study, &before, &from)?;
-        pair.posterior_before =
-            Some(fitted.posterior(&request.options, false, pair.kept_surrogate.clone(), monitor)?);
+        pair.posterior_before = Some(fitted.posterior(&request.options, false, monitor)?);
     }
     let writer = study.begin_revision(&revision)?;
     let Extension { mut summary, problem, after } = refit(pair, &request, monitor)?;

@@ -20,7 +20,6 @@ use posterior::trust::trust;
 use sampling::SamplerOptions;
 
 use crate::equivalents;
-use crate::first_revision::kept_surrogate;
 use crate::last_cycle::{LastCycle, errors, read_document};
 use crate::outcome::Outcome;
 use crate::target::Target;
@@ -88,8 +87,7 @@ fn compared(study: &Study, first: &Problem, request: &LadderRequest, monitor: &d
     }
     let mut rungs = Vec::with_capacity(revisions.len());
     for revision in &revisions {
-        let kept = kept_surrogate(study, monitor);
-        let posterior = revision.posterior(&request.options, request.anew, kept, monitor)?;
+        let posterior = revision.posterior(&request.options, request.anew, monitor)?;
         let extension = read_document::<ExtensionSummary>(&study.revision_dir(&revision.name)?.join(EXTENSION_NAME));
         rungs.push(rung(&revision.name, extension.map(|own| own.body.from), posterior));
     }

@@ -6,13 +6,13 @@ use documents::errors::ModelErrors;
 use documents::posterior::PosteriorSummary;
 use models::effects::Library;
 use posterior::monitor::Monitor;
-use posterior::prepared::KeptSurrogate;
 use posterior::problem::Problem;
 use posterior::sample::{self, SampleRequest};
 use posterior::study::{ModelSpecification, POSTERIOR_NAME, Provenance, Study, WithProvenance};
 use sampling::SamplerOptions;
 
 use crate::artefacts::{MESH_INPUT, with_inputs};
+use crate::first_revision::kept_surrogate;
 
 /// Document of the posterior, in a revision whose own posterior is of other cycles.
 const LAST_CYCLE_NAME: &str = "last_cycle.json";
@@ -57,18 +57,13 @@ impl<'a> LastCycle<'a> {
     ///
     /// # Errors
     /// Those of sampling and of writing.
-    pub fn posterior(
-        &self,
-        options: &SamplerOptions,
-        anew: bool,
-        kept_surrogate: Option<KeptSurrogate>,
-        monitor: &dyn Monitor,
-    ) -> Result<PosteriorSummary> {
+    pub fn posterior(&self, options: &SamplerOptions, anew: bool, monitor: &dyn Monitor) -> Result<PosteriorSummary> {
         let names = if anew { &[POSTERIOR_NAME][..] } else { &[POSTERIOR_NAME, LAST_CYCLE_NAME] };
         if let Some(stored) = self.stored(names, options) {
             return Ok(stored);
         }
         monitor.stage(&format!("{}, fitted to all cycles but the last", self.name));
+        let kept_surrogate = kept_surrogate(self.study, monitor);
         let request = SampleRequest { options: options.clone(), kept_surrogate, checkpoint: None, resume: false };
         let body = sample::run(&self.problem, &request, monitor)?.summary;
         if !body.converged {

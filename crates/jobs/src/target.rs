@@ -340,9 +340,8 @@ impl Revision {
     /// # Errors
     /// As [`LastCycle::posterior`].
     pub fn errors(&self, options: &SamplerOptions, monitor: &dyn Monitor) -> Result<ModelErrors> {
-        let kept = kept_surrogate(&self.study, monitor);
         let fitted = LastCycle::of(&self.study, &self.problem, &self.name)?;
-        Ok(last_cycle::errors(&fitted.posterior(options, false, kept, monitor)?))
+        Ok(last_cycle::errors(&fitted.posterior(options, false, monitor)?))
     }
 
     /// The header of a document about the revision.
