@@ -126,7 +126,7 @@ impl Report<'_> {
             base: BaseErrors {
                 rmse_fitted_um: base.rmse_fitted_um,
                 rmse_heldout_um: base.rmse_heldout_um,
-                noise_um: (!subject.is_noise_unknown()).then_some(1e6 * subject.yardstick_m()),
+                noise_um: subject.noise_um(),
             },
             extended,
             search_noise_um: self.search_noise_um(),
@@ -277,10 +277,8 @@ impl Report<'_> {
 
     /// The noise of one position in µm; where it was not given, also what was learnt.
     fn noise_words(&self) -> String {
-        if self.subject.is_noise_unknown() {
-            return "unknown".into();
-        }
-        let noise = short(1e6 * self.subject.yardstick_m());
+        let Some(noise_um) = self.subject.noise_um() else { return "unknown".into() };
+        let noise = short(noise_um);
         if self.left.is_known {
             return noise;
         }

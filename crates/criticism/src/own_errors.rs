@@ -18,3 +18,35 @@ pub fn own_errors(subject: &Subject, model: &Refitted) -> Result<ModelErrors> {
     let um = |positions_m: &[Option<f64>]| fitted.rmse_m(positions_m).map(|rmse_m| 1e6 * rmse_m);
     Ok(ModelErrors { rmse_fitted_um: um(&subject.fitted_m).unwrap_or(0.0), rmse_heldout_um: um(&subject.scored_m) })
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::NoiseValues;
+    use crate::test_replica::{base_fit, simulated};
+
+    /// Errors by their definition, whatever the prediction is: a scored position moved by d either way adds 2d²/n to the two mean squares together, and leaves what was fitted as it is. Slow
+    /// noise, which the search weighs and the model's own noise does not know, leaves the own fit nearer to the fitted positions.
+    #[test]
+    fn errors_are_root_mean_squares_of_the_own_fit() {
+        let (base, fitted) = base_fit();
+        let data = simulated(&base, &fitted.theta, &NoiseValues::new([4.0, 8.0, 1.0, 0.01, 1.0]), 12);
+        let of_search = data.fit(&base, &[], Search::Wide).expect("fits");
+        let search_um = 1e6 * of_search.rmse_m(&data.fitted_m).expect("fitted");
+        let model = Refitted::at(&data, base, of_search).expect("a model");
+        let moved = |by_um: f64| {
+            let mut position_m: Vec<f64> =
+                data.fitted_m.iter().zip(&data.scored_m).map(|(a, b)| a.or(*b).unwrap_or(0.0)).collect();
+            let row = data.scored_m.iter().rposition(Option::is_some).expect("scored");
+            position_m[row] += 1e-6 * by_um;
+            own_errors(&data.with_positions(&position_m), &model).expect("fits")
+        };
+        let [left, still, right] = [-300.0, 0.0, 300.0].map(moved);
+        let square = |errors: ModelErrors| errors.rmse_heldout_um.expect("scored").powi(2);
+        let n = data.scored_m.iter().flatten().count() as f64;
+        let added = n * (square(left) + square(right) - 2.0 * square(still)) / (2.0 * 300.0 * 300.0);
+        assert!((added - 1.0).abs() < 1e-9, "{added}");
+        assert_eq!((left.rmse_fitted_um, right.rmse_fitted_um), (still.rmse_fitted_um, still.rmse_fitted_um));
+        assert!(still.rmse_fitted_um < search_um - 0.001, "{} {search_um}", still.rmse_fitted_um);
+    }
+}

@@ -364,6 +364,11 @@ impl Subject {
         self.problem().experiment.noise_yardstick().is_none()
     }
 
+    /// The known or estimated noise in µm, as documents show it; `None` where it is unknown.
+    pub fn noise_um(&self) -> Option<f64> {
+        self.problem().experiment.noise_yardstick().map(|yardstick| 1e6 * yardstick.sd_m)
+    }
+
     /// Whether the noise was given with the experiment.
     pub fn is_noise_known(&self) -> bool {
         self.problem().experiment.noise_sd_m.is_some()

@@ -31,8 +31,8 @@ pub struct Learned {
     pub learned: Option<ModelErrors>,
     /// Errors with the formula, likewise; `None` where there is none.
     pub with_formula: Option<ModelErrors>,
-    /// The known or estimated noise of one position.
-    pub noise_um: f64,
+    /// The noise that errors are measured against, known or estimated, in µm; `None` where it is unknown.
+    pub noise_um: Option<f64>,
     /// p of the leading pair's gain, corrected for the whole search.
     pub p_familywise: f64,
     /// Share of the squared error on the held-out cycle that goes, the noise's taken off; of the fitted ones where none is held out.

@@ -157,7 +157,7 @@ mod tests {
             base: errors,
             learned: Some(errors),
             with_formula: Some(errors),
-            noise_um: 4.0,
+            noise_um: Some(4.0),
             p_familywise: 0.01,
             explained_fraction: Some(0.9),
             pairs: vec![],

@@ -71,7 +71,7 @@ fn words(learned: &Learned, revision: &str) -> String {
     lines.push(errors("without", &learned.base));
     lines.extend(learned.learned.as_ref().map(|own| errors("as learnt", own)));
     lines.extend(learned.with_formula.as_ref().map(|own| errors("by the formula", own)));
-    lines.push(format!("  {:<24}{:>18}", "noise", significant(learned.noise_um)));
+    lines.extend(learned.noise_um.map(|noise_um| format!("  {:<24}{:>18}", "noise", significant(noise_um))));
     lines.extend(at_reference(learned));
     if let Some(formula) = &learned.formula {
         lines.push(String::new());

@@ -89,7 +89,7 @@ pub fn run(
         entries.push(entry(panel, bars, rms_um, k, &own, &significance));
     }
     entries.extend(whiteness_entries(&own, &significance));
-    let noise_um = (!subject.is_noise_unknown()).then_some(1e6 * subject.yardstick_m());
+    let noise_um = subject.noise_um();
     let significant: Vec<usize> = (0..entries.len()).filter(|k| entries[*k].p_familywise < SIGNIFICANT).collect();
     let shown = Shown {
         linear: &linear,

@@ -104,7 +104,7 @@ impl Found {
             base,
             learned: None,
             with_formula: None,
-            noise_um: 1e6 * self.subject.yardstick_m(),
+            noise_um: self.subject.noise_um(),
             p_familywise: p,
             explained_fraction: None,
             pairs: self.learnt.iter().map(entry).collect(),

@@ -28,11 +28,11 @@ impl Found {
         let words = words(pair, drawn.map(rises));
         let first = words.chars().next().map_or(String::new(), |c| c.to_uppercase().to_string());
         format!(
-            "{first}{} brings the error on the {cycle} from {} to {} µm (noise {} µm).",
+            "{first}{} brings the error on the {cycle} from {} to {} µm (noise {}).",
             words.chars().skip(1).collect::<String>(),
             significant(error(before), 3),
             significant(error(after), 3),
-            significant(1e6 * self.subject.yardstick_m(), 3)
+            self.subject.noise_um().map_or("unknown".into(), |noise_um| format!("{} µm", significant(noise_um, 3)))
         )
     }
 
