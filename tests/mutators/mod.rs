@@ -317,7 +317,7 @@ fn ladder_json() -> Vec<u8> {
             "model": { "base": "lethersich", "effects": effects, "noise": ["white"] },
             "rmse_fitted_um": rmse, "rmse_heldout_um": rmse, "heldout_log_score_nats": -10.0, "heldout_log_score_mcse_nats": 0.1,
             "parameters": [parameter(3.5)], "learnt_noise_um": 0.5, "coverage_50": 0.5, "coverage_90": 0.9, "joint_p": 0.5,
-            "fe_runs": null, "surrogate_vs_fe_max_um": null, "converged": true, "warnings": [], "refit_sha256": null })
+            "fe_runs": null, "surrogate_vs_fe_max_um": null, "converged": true, "warnings": [] })
     };
     let summary = serde_json::json!({ "schema": "vitreo-uq/ladder/1", "version": "0.1.0", "seed": 1, "inputs_sha256": {},
         "experiment": "gel", "fitted_cycles": [1], "heldout_cycles": [2], "noise_um": 0.5, "noise_origin": "known",
