@@ -333,12 +333,16 @@ function showNext(study, revision) {
   at("next").replaceChildren(...lines);
 }
 
-/** How the error falls: of the ladder where it is of these revisions, else of each posterior. @param {Study} study */
+/** How the error falls on the last held-out cycle, as the ladder or any other document of a revision gives it; of a first model of which nothing more was asked, on all held-out cycles. @param {Study} study */
 function showLadder(study) {
   const isWhole = study.ladder?.revisions.length === study.revisions.length;
-  const rungs = study.revisions.map((revision, place) => {
-    const own = isWhole ? study.ladder.revisions[place] : { ...revision.posterior.heldout, rmse_heldout_um: revision.posterior.heldout.rmse_um };
-    return { name: titleOf(study, revision.name), error: own.rmse_heldout_um ?? own.rmse_fitted_um };
+  const extending = (/** @type {Revision} */ { name }) => study.revisions.find((other) => other.extension?.from === name)?.extension;
+  const onLast = study.revisions.map((own, place) =>
+    isWhole ? study.ladder.revisions[place] : own.extension?.after ?? extending(own)?.before ?? own.diagnosis?.base ?? own.comparison);
+  const isOnLast = onLast.every(Boolean);
+  const rungs = study.revisions.map(({ name, posterior }, place) => {
+    const own = isOnLast ? onLast[place] : { ...posterior.heldout, rmse_heldout_um: posterior.heldout.rmse_um };
+    return { name: titleOf(study, name), error: own.rmse_heldout_um ?? own.rmse_fitted_um };
   });
   at("rungs").hidden = rungs.length === 0;
   if (rungs.length === 0) return;
@@ -351,7 +355,7 @@ function showLadder(study) {
   at("ladder").replaceChildren(
     ...rungs.map(({ name, error }) => line(name, error, "")),
     ...(study.noise_um ? [line("noise", study.noise_um, "noise")] : []),
-    make("p", { className: "lead", textContent: isWhole ? study.ladder.sentence : "Root mean square on the held-out cycles." }),
+    make("p", { className: "lead", textContent: isWhole ? study.ladder.sentence : `Root mean square on ${isOnLast ? "the last held-out cycle" : "the held-out cycles"}.` }),
   );
 }
 
