@@ -211,7 +211,11 @@ fn only_regular_files_of_a_bounded_size_are_read() {
     }
     std::fs::remove_file(experiment.join("trajectory.csv")).unwrap();
     std::os::unix::fs::symlink("/dev/zero", experiment.join("trajectory.csv")).unwrap();
-    refused_soon(place.path(), &["fit", "gel"], &["trajectory.csv", "a device"]);
+    let words = "this is a symbolic link; links inside an experiment are not followed";
+    refused_soon(place.path(), &["fit", "gel"], &["trajectory.csv", words]);
+    std::fs::remove_file(experiment.join("trajectory.csv")).unwrap();
+    assert!(Command::new("mkfifo").arg(experiment.join("trajectory.csv")).status().unwrap().success());
+    refused_soon(place.path(), &["fit", "gel"], &["trajectory.csv", "a pipe"]);
     std::fs::remove_file(experiment.join("trajectory.csv")).unwrap();
     hole(&experiment.join("trajectory.csv"));
     refused_soon(place.path(), &["fit", "gel"], &["trajectory.csv", "1024 MiB"]);

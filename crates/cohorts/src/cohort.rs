@@ -208,6 +208,14 @@ fn find(path: &Path, places: &mut Vec<PathBuf>) -> Result<()> {
     for entry in std::fs::read_dir(path).map_err(refused)? {
         let entry = entry.map_err(refused)?;
         if entry.path().is_dir() && !entry.file_name().to_string_lossy().starts_with('.') {
+            // It may lead round in a circle, or to what nobody means.
+            if entry.file_type().map_err(refused)?.is_symlink() {
+                return Err(Error::input(
+                    Place::file(entry.path()),
+                    "this is a symbolic link; links inside a directory of experiments are not followed",
+                    "name the directory that it leads to among the experiments, or remove the link",
+                ));
+            }
             below.push(entry.path());
         }
     }

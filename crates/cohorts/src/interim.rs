@@ -306,7 +306,7 @@ impl ExperimentDensity for SpecimenDensity<'_> {
 
 fn file_name(name: &str, hash: &str) -> String {
     let short = &hash[..12.min(hash.len())];
-    format!("{}-{short}.json", posterior::study::safe_file_name(name))
+    format!("{}-{short}.json", base::files::safe_name(name))
 }
 
 fn to_keep(measurement: &Measurement, options: &SamplerOptions, interim: &Interim) -> Result<Vec<u8>> {

@@ -230,9 +230,8 @@ fn interims(
     request: &GroupsRequest,
     monitor: &dyn Monitor,
 ) -> Result<Vec<Interim>> {
-    std::fs::create_dir_all(request.kept).map_err(|source| {
-        Error::at_path("create", request.kept, source, format!("choose a writable place with `{}`", Setting::Out))
-    })?;
+    base::files::enclose(base::files::folder_of(request.kept), "a comparison");
+    base::files::create_folders(request.kept, &format!("choose a writable place with `{}`", Setting::Out))?;
     let options = SamplerOptions { threads: 1, ..request.sampler.clone() };
     let counter = Counter::new(monitor, specimens.len());
     let one = |(own, measurement): (&Specimen, &Measurement)| {

@@ -51,7 +51,7 @@ pub fn run(request: &InitRequest, ask: Ask<'_>) -> Result<(InitSummary, String)>
         return cohort(request, &bytes, &stem.to_string_lossy(), &out, ask);
     }
     let toml_path = out.join("experiment.toml");
-    if toml_path.exists() && !request.replace {
+    if files::kind(&toml_path).is_some() && !request.replace {
         return Err(Error::input(
             Place::file(&toml_path),
             "an experiment is there already",
@@ -122,8 +122,7 @@ fn cohort(request: &InitRequest, bytes: &[u8], stem: &str, out: &Path, ask: Ask<
 
 /// The experiment and a copy of its table, both or neither.
 fn write(out: &Path, name: &str, bytes: &[u8], toml: &str) -> Result<()> {
-    std::fs::create_dir_all(out)
-        .map_err(|error| Error::at_path("create", out, error, "give a directory that can be written to"))?;
+    files::create_folders(out, "give a directory that can be written to")?;
     write_together(&[(&out.join(name), bytes), (&out.join("experiment.toml"), toml.as_bytes())])
 }
 

@@ -8,7 +8,7 @@ use serde::de::DeserializeOwned;
 use super::artefacts::{MESH_INPUT, effect_copy};
 use super::equivalents;
 use base::error::{Error, Place, Result};
-use base::files::{Content, read_if_there, write_atomically};
+use base::files::{Content, Kind, enclose, entries, is_folder, kind, read_if_there, refuse_link, write_atomically};
 use documents::groups::GroupsSummary;
 use documents::posterior::PosteriorSummary;
 use documents::shapes::ShapesSummary;
@@ -29,6 +29,9 @@ const AGAIN: &str = "run the command that wrote it again";
 /// # Errors
 /// [`Error::Input`] where there is nothing to show, or a document cannot be read; [`Error::File`] if the operating system refuses.
 pub fn write(dir: &Path, out: Option<&Path>) -> Result<PathBuf> {
+    if is_folder(dir) {
+        enclose(dir, "a study or a comparison");
+    }
     let html = if let Some(document) = read::<GroupsSummary>(&dir.join("groups.json"))? {
         page::groups(&document.body, drawings(dir)?, &origin(document.provenance))
     } else if let Some(document) = read::<ShapesSummary>(&dir.join("shapes.json"))? {
@@ -60,15 +63,10 @@ fn origin(provenance: Provenance) -> Origin {
 
 /// All figures of a result, in the order of their names: they stand beside its document, or in a folder of their own.
 fn drawings(dir: &Path) -> Result<Vec<Figure>> {
-    let folder = if dir.join("figures").is_dir() { "figures/" } else { "" };
-    let place = dir.join(folder);
-    let refused = |source| Error::at_path("read", &place, source, "make the directory readable");
-    let mut names = Vec::new();
-    for entry in std::fs::read_dir(&place).map_err(refused)? {
-        let name = entry.map_err(refused)?.file_name();
-        names.extend(name.to_str().filter(|name| name.ends_with(".svg")).map(|name| format!("{folder}{name}")));
-    }
-    names.sort();
+    let folder = if is_folder(&dir.join("figures")) { "figures/" } else { "" };
+    let names = entries(&dir.join(folder), "make the directory readable")?.into_iter();
+    let svg = |(name, _): (std::ffi::OsString, Kind)| name.into_string().ok().filter(|name| name.ends_with(".svg"));
+    let names: Vec<String> = names.filter_map(svg).map(|name| format!("{folder}{name}")).collect();
     names.iter().filter_map(|name| drawing(dir, name).transpose()).collect()
 }
 
@@ -149,7 +147,7 @@ impl Kept {
         let Self { posterior, comparison, diagnosis, learned, extension, .. } = self;
         let library = Library::default();
         let model = |revision: &str| -> Result<ModelSpecification> {
-            ModelSpecification::read(&study.revision_dir(revision)?.join("model.toml"), &library)
+            ModelSpecification::kept(&study.revision_dir(revision)?, &library)
         };
         let mut settings = format!(" --seed {} --chains {}", posterior.provenance.seed, posterior.body.sampler.walkers);
         // A run that did not converge ended where its steps did.
@@ -260,7 +258,7 @@ fn option(name: &str, value: &str) -> String {
 
 /// A document, if it is there.
 fn read<T: DeserializeOwned>(path: &Path) -> Result<Option<WithProvenance<T>>> {
-    if !path.exists() {
+    if kind(path).is_none() {
         return Ok(None);
     }
     parsed(path, &base::files::read(path, Content::Document, AGAIN)?).map(Some)
@@ -276,6 +274,7 @@ fn parsed<T: DeserializeOwned>(path: &Path, bytes: &[u8]) -> Result<T> {
 /// A figure, if it is there and is a drawing.
 fn drawing(dir: &Path, file: &str) -> Result<Option<Figure>> {
     let path = dir.join(file);
+    refuse_link(&path)?;
     let Some(bytes) = read_if_there(&path, Content::Document) else { return Ok(None) };
     let refused = || Error::input(Place::file(&path), "this is no figure of this program", AGAIN);
     let svg = String::from_utf8(bytes).map_err(|_| refused())?;

@@ -18,7 +18,7 @@ use crate::likelihood::{FittedRecord, PosteriorParts, ReducedPosterior};
 use crate::prior::PriorSet;
 use crate::study::{Kept, WithProvenance};
 use base::error::Result;
-use base::files::{Content, read_if_there};
+use base::files::{Content, kind, read_if_there};
 use elements::mesh::Mesh;
 use laws::rheology::BaseLaw;
 use laws::stages::{Spread, Stages};
@@ -80,7 +80,7 @@ impl KeptSurrogate {
     /// is. One that was changed since is not used, and `monitor` says so.
     pub fn read(revision_dir: &Path, monitor: &dyn Monitor) -> Option<Self> {
         let path = revision_dir.join(SURROGATE_NAME);
-        if !path.exists() {
+        if kind(&path).is_none() {
             return None;
         }
         let document: Option<WithProvenance<Kept<Self>>> =

@@ -6,6 +6,7 @@ use super::frame::Settled;
 use super::notes::Note;
 use super::table::UnreadColumn;
 use base::error::Result;
+use base::files::{self, Content};
 use base::toml_input::Table;
 
 /// Word of `kind` that says that a table is an oscillation.
@@ -45,9 +46,22 @@ pub struct Understood {
     pub unread: Vec<UnreadColumn>,
 }
 
-/// Path of the TOML of an experiment that is named by its directory or by the TOML itself.
-pub(super) fn toml_path_of(path: &Path) -> PathBuf {
-    if path.is_dir() { path.join("experiment.toml") } else { path.to_path_buf() }
+/// What a directory of measurements is, for messages.
+const WHAT: &str = "an experiment";
+
+/// Path and bytes of the TOML of an experiment that is named by its directory or by the TOML itself.
+pub(super) fn read_toml(path: &Path) -> Result<(PathBuf, Vec<u8>)> {
+    let remedy = "give a directory that holds experiment.toml, or the path of the TOML file";
+    if !path.is_dir() {
+        return Ok((path.to_path_buf(), files::read(path, Content::Settings, remedy)?));
+    }
+    let name = "experiment.toml";
+    Ok((path.join(name), files::read_inside(path, name, WHAT, Content::Settings, remedy)?))
+}
+
+/// Bytes of a table that the TOML names; it lies in the TOML's directory, and no link leads out of that.
+pub(super) fn read_table(toml_path: &Path, name: &str, remedy: &str) -> Result<Vec<u8>> {
+    files::read_inside(files::folder_of(toml_path), name, WHAT, Content::Table, remedy)
 }
 
 /// What `kind` says, under `[measurement]` or by itself; a creep where it is left out.

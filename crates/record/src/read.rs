@@ -8,14 +8,13 @@ use super::contact::settle_contact;
 use super::cycles::find_cycles;
 use super::force::{ForceRule, levels};
 use super::frame::{Frame, Zero};
-use super::inputs::{ExperimentFiles, Understood, is_oscillation, plain_path, toml_path_of};
+use super::inputs::{ExperimentFiles, Understood, is_oscillation, plain_path, read_table, read_toml};
 use super::notes::{Note, UM_PER_M};
 use super::record::Record;
 use super::table::{KEYS, TableDescription, one_of, read_described, text_in, unread_columns};
 use super::trajectory::{Trajectory, read_trajectory};
 use super::{Apparatus, Experiment};
 use base::error::{Error, Place, Result};
-use base::files::{self, Content};
 use base::toml_input::{Table, TomlInput, text_of};
 
 /// Positions that a calibration cycle needs at least: twice the parameters of the base law with its noise.
@@ -31,13 +30,11 @@ impl Experiment {
     /// # Errors
     /// [`Error::File`] if a file cannot be read, [`Error::Input`] for everything formats §1 refuses.
     pub fn read(path: &Path) -> Result<(Self, ExperimentFiles)> {
-        let toml_path = toml_path_of(path);
-        let remedy = "give a directory that holds experiment.toml, or the path of the TOML file";
-        let toml_bytes = files::read(&toml_path, Content::Settings, remedy)?;
+        let (toml_path, toml_bytes) = read_toml(path)?;
         let specification = Specification::read(&toml_path, &toml_bytes)?;
         let csv_path = toml_path.with_file_name(&specification.csv_name);
         let remedy = "put the CSV where `file` in [measurement] says, beside the TOML";
-        let csv_bytes = files::read(&csv_path, Content::Table, remedy)?;
+        let csv_bytes = read_table(&toml_path, &specification.csv_name, remedy)?;
         specification.complete(&toml_path, &toml_bytes, &csv_path, &csv_bytes)
     }
 
@@ -302,7 +299,7 @@ impl Specification {
         if let Some(actuation) = &self.actuation {
             driven_place = toml_place.with_file_name(&actuation.file);
             let remedy = "put the log where `file` in [actuation] says, beside the TOML";
-            let bytes = files::read(&driven_place, Content::Table, remedy)?;
+            let bytes = read_table(toml_place, &actuation.file, remedy)?;
             (trajectory, force_rows) = actuation.merged(&driven_place, &bytes, trajectory)?;
             log_file = (actuation.file != self.csv_name).then(|| (actuation.file.clone(), bytes));
         }

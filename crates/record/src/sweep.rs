@@ -4,13 +4,13 @@
 
 use std::path::Path;
 
-use super::inputs::{ExperimentFiles, Understood, is_oscillation, plain_path, toml_path_of};
+use super::inputs::{ExperimentFiles, Understood, is_oscillation, plain_path, read_table, read_toml};
 use super::table::{
     ColumnName, ColumnNames, Looked, SWEEP_KEYS, Spelt, TableLayout, Units, cells, column, is_aside, split_unit,
     text_in,
 };
 use base::error::{Error, Place, Result};
-use base::files::{self, Content, refuse_long_lines};
+use base::files::refuse_long_lines;
 use base::toml_input::{Table, TomlInput, text_of};
 use base::units::Dimension;
 
@@ -186,8 +186,7 @@ pub fn sweep_columns(looked: &Looked) -> Option<Vec<(SweepColumn, usize)>> {
 impl Sweep {
     /// Whether an experiment says that it is an oscillation; what cannot be read is none, for its reader to refuse.
     pub fn is_one(path: &Path) -> bool {
-        let toml_path = toml_path_of(path);
-        let Ok(bytes) = files::read(&toml_path, Content::Settings, "") else { return false };
+        let Ok((toml_path, bytes)) = read_toml(path) else { return false };
         let found =
             text_of(&toml_path, &bytes).and_then(|text| TomlInput::parse(&toml_path, text)).and_then(|document| {
                 let root = document.root();
@@ -201,9 +200,7 @@ impl Sweep {
     /// # Errors
     /// [`Error::File`] if a file cannot be read, [`Error::Input`] for everything that formats §1.2 refuses.
     pub fn read(path: &Path) -> Result<(Self, ExperimentFiles)> {
-        let toml_path = toml_path_of(path);
-        let remedy = "give a directory that holds experiment.toml, or the path of the TOML file";
-        let toml_bytes = files::read(&toml_path, Content::Settings, remedy)?;
+        let (toml_path, toml_bytes) = read_toml(path)?;
         let document = TomlInput::parse(&toml_path, text_of(&toml_path, &toml_bytes)?)?;
         let root = document.root();
         root.only(&["kind", "specimen", "rheometer", "vitreous", "robot", "instrument", "measurement"])?;
@@ -213,11 +210,8 @@ impl Sweep {
         measurement.only(&[&["kind", "file", "heldout_hz", "source"], SWEEP_KEYS].concat())?;
         let csv_name = plain_path(measurement, "sweep.csv")?;
         let csv_path = toml_path.with_file_name(&csv_name);
-        let csv_bytes = files::read(
-            &csv_path,
-            Content::Table,
-            "put the table where `file` in [measurement] says, beside the TOML",
-        )?;
+        let remedy = "put the table where `file` in [measurement] says, beside the TOML";
+        let csv_bytes = read_table(&toml_path, &csv_name, remedy)?;
         let layout = TableLayout::read(measurement)?;
         let text = text_in(&csv_path, &csv_bytes, layout.encoding)?;
         refuse_long_lines(&csv_path, text.as_bytes())?;

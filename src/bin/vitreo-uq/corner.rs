@@ -6,6 +6,7 @@ use std::process::ExitCode;
 use vitreo_uq::posterior::study::ModelSpecification;
 
 use vitreo_uq::base::error::{Error, Place, Result, Setting};
+use vitreo_uq::base::files;
 use vitreo_uq::figures::corner::{CornerOptions, ParameterColumn, Posterior, PriorCurve, corner};
 use vitreo_uq::figures::density::{Support, guessed_support, sorted};
 use vitreo_uq::figures::draws::read_draws_csv;
@@ -140,7 +141,7 @@ fn load(path: &Path) -> Result<Loaded> {
         })?;
         return load_revision(&path.join(revision));
     }
-    if path.is_dir() {
+    if files::is_folder(path) {
         return load_revision(path);
     }
     let label = path.file_stem().map_or_else(String::new, |stem| stem.to_string_lossy().into_owned());
@@ -154,8 +155,10 @@ fn load(path: &Path) -> Result<Loaded> {
 }
 
 fn load_revision(dir: &Path) -> Result<Loaded> {
+    files::enclose(dir, "a revision");
     let draws = dir.join("draws.csv");
-    if !draws.is_file() {
+    files::refuse_link(&draws)?;
+    if !files::is_file(&draws) {
         return Err(Error::input(Place::file(dir), "there are no draws in this directory", PATH_REMEDY));
     }
     let name = |path: &Path| path.file_name().map(|name| name.to_string_lossy().into_owned());
@@ -169,7 +172,7 @@ fn load_revision(dir: &Path) -> Result<Loaded> {
 }
 
 fn load_csv(path: &Path, label: String, priors: Option<&PriorSet>) -> Result<Loaded> {
-    if !path.exists() {
+    if files::kind(path).is_none() {
         return Err(Error::input(Place::file(path), "there is no such file or directory", NOTHING_REMEDY));
     }
     let table = read_draws_csv(path)?;

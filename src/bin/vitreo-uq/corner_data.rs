@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use serde::{Deserialize, Serialize};
+use vitreo_uq::base::files::{Content, read_if_there};
 use vitreo_uq::jobs::artefacts::of_measurement;
 use vitreo_uq::posterior::study::{POSTERIOR_NAME, Provenance, WithProvenance};
 
@@ -30,7 +31,7 @@ struct OfHeldout {
 impl FittedData {
     /// Of a revision; `None` where its document does not say.
     pub fn of_revision(dir: &Path) -> Option<Self> {
-        let bytes = std::fs::read(dir.join(POSTERIOR_NAME)).ok()?;
+        let bytes = read_if_there(&dir.join(POSTERIOR_NAME), Content::Document)?;
         let document: WithProvenance<OfPosterior> = serde_json::from_slice(&bytes).ok()?;
         let Provenance { inputs_sha256, .. } = document.provenance;
         Some(Self {

@@ -5,6 +5,7 @@ mod calibration_words;
 mod challenge;
 mod challenge_words;
 mod check;
+mod child;
 mod cohort;
 mod compare;
 mod corner;
@@ -40,10 +41,11 @@ mod terminal;
 mod text;
 mod workbench;
 
-use std::path::Path;
+use std::path::{Component, Path};
 use std::process::ExitCode;
 
-use clap::{CommandFactory, Parser, Subcommand};
+use clap::parser::ValueSource;
+use clap::{ArgMatches, CommandFactory, Parser, Subcommand};
 
 use options::{
     CompareArguments, CornerArguments, DiagnoseArguments, EffectsArguments, ExtendArguments, FitArguments,
@@ -51,7 +53,11 @@ use options::{
 };
 use vitreo_uq::Error;
 use vitreo_uq::base::error::{Place, rename_settings};
-use vitreo_uq::jobs::tasks::commands::Line;
+use vitreo_uq::base::files::enclose_folder;
+use vitreo_uq::jobs::tasks::commands::{Line, OUT};
+
+/// Options that name what a command writes.
+const WRITTEN: [&str; 3] = ["cache", "json", "out"];
 
 /// Bayesian uncertainty quantification for creep experiments in soft gels.
 #[derive(Parser)]
@@ -113,6 +119,10 @@ enum Command {
 
 fn main() -> ExitCode {
     rename_settings("command line", settings::option);
+    // What a workbench starts keeps to the workbench's rule for its folder.
+    if let Some(folder) = std::env::var_os(workbench::FOLDER_VARIABLE) {
+        enclose_folder(Path::new(&folder), "a workbench's folder");
+    }
     let program = Program::parse();
     let how_to_go_on = how_to_go_on(&program.command);
     interrupt::watch(how_to_go_on);
@@ -157,13 +167,20 @@ fn main() -> ExitCode {
 /// Refuses a line of a list that is no command of this program, or none that ends by itself.
 fn refuse_as_task(file: &Path, line: &Line) -> vitreo_uq::Result<()> {
     let refuse = |found: String, remedy: &str| Err(Error::input(Place::file(file).at_line(line.number), found, remedy));
-    let words = ["vitreo-uq"].into_iter().chain(line.words.iter().map(String::as_str));
-    match Program::try_parse_from(words).map(|program| program.command) {
+    let words = || ["vitreo-uq"].into_iter().chain(line.words.iter().map(String::as_str));
+    let astray = Program::command().try_get_matches_from(words()).ok().and_then(|found| written_astray(&found));
+    match Program::try_parse_from(words()).map(|program| program.command) {
         Ok(Command::Tasks(_) | Command::Gather(_)) => refuse("a list of lists".into(), "write the commands themselves"),
         Ok(Command::Serve(_) | Command::Workbench(_)) => {
             refuse("this command does not end by itself".into(), "leave it out")
         }
-        Ok(_) => Ok(()),
+        Ok(_) => match astray {
+            Some(path) => refuse(
+                format!("`{path}` is not below `{OUT}`, and a task writes nowhere else"),
+                "let every result of the command go below `{out}`, without `..`",
+            ),
+            None => Ok(()),
+        },
         Err(error) => {
             let text = error.to_string();
             let first = text.lines().next().unwrap_or_default();
@@ -171,6 +188,20 @@ fn refuse_as_task(file: &Path, line: &Line) -> vitreo_uq::Result<()> {
             refuse(found, "write a command of this program, as `vitreo-uq --help` lists them")
         }
     }
+}
+
+/// A place that options tell a command to write to, and that is not below the directory of its task.
+fn written_astray(found: &ArgMatches) -> Option<String> {
+    if let Some((_, inner)) = found.subcommand() {
+        return written_astray(inner);
+    }
+    let given =
+        |id: &&str| found.try_contains_id(id).is_ok() && found.value_source(id) == Some(ValueSource::CommandLine);
+    let values = WRITTEN.into_iter().filter(given).filter_map(|id| found.get_raw(id)).flatten();
+    let is_below =
+        |path: &Path| path.starts_with(OUT) && path.components().all(|part| matches!(part, Component::Normal(_)));
+    let mut astray = values.filter(|value| *value != "-" && !is_below(Path::new(value)));
+    astray.next().map(|value| value.to_string_lossy().into_owned())
 }
 
 /// What a stopped command leaves to do.

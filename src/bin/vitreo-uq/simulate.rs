@@ -92,7 +92,7 @@ fn posterior(
     };
     let Some(name) = name else { return Ok(None) };
     let dir = study.revision_dir(&name)?;
-    let its_model = ModelSpecification::read(&dir.join("model.toml"), &Library::default())?;
+    let its_model = ModelSpecification::kept(&dir, &Library::default())?;
     if its_model.base != specification.base || its_model.effects != specification.effects {
         return Ok(None);
     }

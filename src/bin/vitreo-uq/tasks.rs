@@ -17,6 +17,7 @@ use vitreo_uq::jobs::tasks::{calibration, challenge, commands, gather, local, mo
 use vitreo_uq::posterior::monitor::{Monitor, Stoppable};
 
 use crate::challenge::PlaysArguments;
+use crate::child;
 use crate::groups::{CohortArguments, ModelArguments, SamplingArguments};
 use crate::options::use_threads;
 use crate::terminal::Terminal;
@@ -215,7 +216,7 @@ pub fn run(arguments: &TasksArguments, refuse_line: impl Fn(&Path, &Line) -> Res
             lines.iter().try_for_each(|line| refuse_line(&arguments.file, line))?;
             make(&arguments.list, TaskKind::Commands, 0, commands::work(&lines)?, &terminal)
         }
-        Action::Run(arguments) => run_tasks(arguments),
+        Action::Run(arguments) => run_tasks(arguments, &refuse_line),
     }
 }
 
@@ -256,8 +257,10 @@ fn make(
     Ok(ExitCode::SUCCESS)
 }
 
-fn run_tasks(arguments: &RunTasks) -> Result<ExitCode> {
+fn run_tasks(arguments: &RunTasks, refuse_line: &dyn Fn(&Path, &Line) -> Result<()>) -> Result<ExitCode> {
     let list = List::open(&absolute(&arguments.dir)?)?.of_program(vitreo_uq::PROGRAM)?;
+    // The list may be somebody else's: its commands are looked at again.
+    let refuse_line = |line: &Line| refuse_line(list.dir(), line);
     match arguments.engine {
         EngineName::Hq => return submit(arguments, &list, Engine::HyperQueue),
         EngineName::Slurm => return submit(arguments, &list, Engine::Slurm),
@@ -266,14 +269,15 @@ fn run_tasks(arguments: &RunTasks) -> Result<ExitCode> {
     if arguments.serve {
         go_to(&list)?;
         use_threads(arguments.threads.unwrap_or(1))?;
-        serve(&list, std::io::stdin().lock(), std::io::stdout().lock(), &Stoppable(Some(crate::interrupt::flag())))?;
+        let monitor = Stoppable(Some(crate::interrupt::flag()));
+        serve(&list, &refuse_line, std::io::stdin().lock(), std::io::stdout().lock(), &monitor)?;
         return Ok(ExitCode::SUCCESS);
     }
     let terminal = Terminal::new(arguments.quiet);
     if let Some(number) = arguments.task {
         go_to(&list)?;
         use_threads(arguments.threads.unwrap_or(0))?;
-        let ran = Worker::new(&list, &terminal).run(number)?;
+        let ran = Worker::new(&list, &refuse_line, &terminal).run(number)?;
         terminal.finish();
         let words = match ran {
             Ran::Now => format!("Task {number} is done.\n"),
@@ -316,9 +320,14 @@ fn run_here(arguments: &RunTasks, list: &List, terminal: &Terminal) -> Result<Ex
     let n_before = n_asked_for - missing.len();
     let program = this_program()?;
     let threads = arguments.threads.unwrap_or(1).to_string();
+    let words = child::words(
+        &["tasks", "run"],
+        &[("serve", None), ("quiet", None), ("threads", Some(threads))],
+        &[child::absolute(list.dir())?],
+    );
     let worker = || {
         let mut command = Command::new(&program);
-        command.args(["tasks", "run"]).arg(list.dir()).args(["--serve", "--quiet", "--threads", &threads]);
+        command.args(&words);
         // A group of its own: Ctrl-C is for this process, which ends its workers.
         #[cfg(unix)]
         std::os::unix::process::CommandExt::process_group(&mut command, 0);
@@ -327,7 +336,7 @@ fn run_here(arguments: &RunTasks, list: &List, terminal: &Terminal) -> Result<Ex
     terminal.stage(&format!("running {} tasks in {} workers", missing.len(), jobs.min(missing.len())));
     let outcome = local::run(&missing, jobs, &worker, terminal)?;
     terminal.finish();
-    crate::output::print(&words(&outcome, n_before, list.dir()))?;
+    crate::output::print(&summary(&outcome, n_before, list.dir()))?;
     Ok(ExitCode::from(u8::from(!(outcome.failed.is_empty() && outcome.left.is_empty()))))
 }
 
@@ -349,7 +358,7 @@ fn this_program() -> Result<PathBuf> {
         .map_err(|source| Error::at_path("find", "the program itself", source, "call it by its full path"))
 }
 
-fn words(outcome: &local::Outcome, n_before: usize, dir: &Path) -> String {
+fn summary(outcome: &local::Outcome, n_before: usize, dir: &Path) -> String {
     let n = |count: usize| if count == 1 { "1 task".to_string() } else { format!("{count} tasks") };
     let mut text = format!("{} run; {} had their results.\n", n(outcome.done), n(n_before + outcome.before));
     if outcome.deaths > 0 {

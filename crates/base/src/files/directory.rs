@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use tempfile::TempDir;
 
-use super::{UnderWay, leftovers, refused, sweep, together};
+use super::{Kind, UnderWay, kind, leftovers, refuse_link, refused, sweep, together};
 use crate::error::{Error, Result};
 
 /// A directory that removes itself unless it is moved away, however the program ends; readable like any other.
@@ -49,15 +49,13 @@ impl TemporaryDirectory {
     pub fn move_to(self, target: &Path, last: &str, remedy: &str) -> Result<()> {
         let refused = |action, source| Error::at_path(action, target, source, remedy);
         let _uninterrupted = together();
-        if !target.is_dir() {
+        if kind(target) != Some(Kind::Folder) {
+            refuse_link(target)?;
             fs::rename(self.path(), target).map_err(|source| refused("create", source))?;
             let _ = self.keep();
             return super::sync_directory(super::folder_of(target));
         }
-        let mut names = Vec::new();
-        for entry in fs::read_dir(self.path()).map_err(|source| refused("read", source))? {
-            names.push(entry.map_err(|source| refused("read", source))?.file_name());
-        }
+        let mut names: Vec<_> = super::entries(self.path(), remedy)?.into_iter().map(|(name, _)| name).collect();
         names.sort_by_key(|name| name == last);
         for name in names {
             fs::rename(self.path().join(&name), target.join(&name)).map_err(|source| refused("write", source))?;

@@ -6,7 +6,8 @@ use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
 use std::time::Duration;
 
-use super::under_way::remove;
+use super::enclosed;
+use super::folder::Kind;
 
 /// What stands in the name of everything that is being written.
 const MARK: &str = ".partial-";
@@ -34,12 +35,13 @@ pub fn sweep(folder: &Path) {
     if !SWEPT.lock().unwrap_or_else(PoisonError::into_inner).insert(full) {
         return;
     }
-    let Ok(entries) = std::fs::read_dir(folder) else { return };
-    for entry in entries.flatten() {
-        if process_of(&entry.file_name().to_string_lossy()).is_some_and(|process| !is_alive(process))
-            && is_given_up(&entry.path())
+    let Ok(held) = enclosed::folder(folder) else { return };
+    for (name, kind) in held.entries().unwrap_or_default() {
+        if process_of(&name.to_string_lossy()).is_some_and(|process| !is_alive(process))
+            && matches!(kind, Kind::File | Kind::Folder)
+            && held.read(&name).is_ok_and(|file| is_given_up(&file))
         {
-            remove(&entry.path());
+            let _ = held.remove_all(&name);
         }
     }
 }
@@ -51,9 +53,7 @@ fn process_of(name: &str) -> Option<u32> {
 }
 
 /// Whether nobody holds the lock of [`mark_alive`].
-fn is_given_up(path: &Path) -> bool {
-    let is_plain = path.symlink_metadata().is_ok_and(|own| own.is_file() || own.is_dir());
-    let Some(file) = is_plain.then(|| File::open(path).ok()).flatten() else { return false };
+fn is_given_up(file: &File) -> bool {
     match file.try_lock() {
         Ok(()) => true,
         Err(TryLockError::WouldBlock) => false,

@@ -1,10 +1,14 @@
 //! Every file that the program reads or writes goes through here.
 //!
 //! Written so that a reader sees the old content or the new, never a part, and a kill or a signal leaves one of them (`under_way`); read only
-//! where it is a regular file of a size that the program can hold ([`read`]).
+//! where it is a regular file of a size that the program can hold ([`read`]); and, beneath directories that may come from somebody else, never through
+//! a link ([`enclose`]).
 
 mod directory;
+mod enclosed;
+mod folder;
 mod leftovers;
+mod name;
 mod reading;
 mod under_way;
 mod xml;
@@ -16,10 +20,18 @@ use std::path::Path;
 use serde::Serialize;
 use tempfile::NamedTempFile;
 
+use folder::Folder;
+
 pub use directory::TemporaryDirectory;
+pub use enclosed::{
+    copy, create_anew, create_folders, enclose, enclose_folder, entries, exchange, is_file, is_folder, kind, open_file,
+    open_lock, refuse_link, remove_all, rename,
+};
+pub use folder::Kind;
 pub use leftovers::sweep;
+pub use name::safe_name;
 pub use reading::refuse_long_lines;
-pub use reading::{Content, read, read_if_there};
+pub use reading::{Content, read, read_if_there, read_inside};
 pub(crate) use under_way::UnderWay;
 pub use under_way::{stop_writing, together};
 pub use xml::xml_text;
@@ -46,9 +58,9 @@ pub fn write_atomically(path: &Path, bytes: &[u8]) -> Result<()> {
 /// # Errors
 /// [`Error::File`] if the operating system refuses.
 pub fn remove_if_there(path: &Path) -> Result<()> {
-    match std::fs::remove_file(path) {
-        Err(source) if source.kind() != std::io::ErrorKind::NotFound => Err(refused("remove", path)(source)),
-        _ => Ok(()),
+    match kind(path) {
+        Some(Kind::Folder) => Err(refused("remove", path)(std::io::ErrorKind::IsADirectory.into())),
+        _ => remove_all(path),
     }
 }
 
@@ -76,21 +88,21 @@ pub fn write_together(files: &[(&Path, &[u8])]) -> Result<()> {
 /// A file that is written and flushed, under a hidden name beside its place.
 struct Prepared<'a> {
     path: &'a Path,
-    file: NamedTempFile,
+    folder: Folder,
+    file: NamedTempFile<File>,
     _under_way: UnderWay,
 }
 
 impl<'a> Prepared<'a> {
     fn new(path: &'a Path, write: impl FnOnce(&mut dyn Write) -> std::io::Result<()>) -> Result<Self> {
-        let folder = folder_of(path);
-        sweep(folder);
+        let place = folder_of(path);
+        let folder = enclosed::folder(place).map_err(|refusal| refusal.error("create a file beside", path, REMEDY))?;
+        sweep(place);
         let mut builder = tempfile::Builder::new();
         let prefix = leftovers::prefix("");
         builder.prefix(&prefix);
-        // As readable as any file that a program creates; temporary files are private otherwise.
-        #[cfg(unix)]
-        builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
-        let create = || builder.tempfile_in(folder);
+        // As readable as any file that a program creates.
+        let create = || builder.make_in(place, |hidden| folder.create_new(hidden.file_name().unwrap_or_default()));
         let (file, under_way) =
             UnderWay::begin(create, |file| file.path().to_path_buf()).map_err(refused("create a file beside", path))?;
         leftovers::mark_alive(file.as_file());
@@ -98,12 +110,16 @@ impl<'a> Prepared<'a> {
         write(&mut writer).map_err(refused("write", path))?;
         let file = writer.into_inner().map_err(|error| refused("write", path)(error.into_error()))?;
         file.as_file().sync_all().map_err(refused("write", path))?;
-        Ok(Self { path, file, _under_way: under_way })
+        Ok(Self { path, folder, file, _under_way: under_way })
     }
 
     fn publish(self) -> Result<()> {
         let _uninterrupted = together();
-        self.file.persist(self.path).map_err(|error| refused("write", self.path)(error.error))?;
+        let (hidden, name) = (self.file.path().file_name(), self.path.file_name());
+        let (hidden, name) = (hidden.unwrap_or_default(), name.unwrap_or_default());
+        self.folder.rename(hidden, &self.folder, name).map_err(refused("write", self.path))?;
+        // It has its name, and nothing is left under the hidden one.
+        let _ = self.file.keep();
         Ok(())
     }
 }
@@ -141,10 +157,8 @@ pub fn folder_of(path: &Path) -> &Path {
 
 /// Makes names in a directory durable; only Unix can.
 pub fn sync_directory(path: &Path) -> Result<()> {
-    if cfg!(unix) {
-        File::open(path).and_then(|directory| directory.sync_all()).map_err(refused("write", path))?;
-    }
-    Ok(())
+    let folder = enclosed::folder(path).map_err(|refusal| refusal.error("write", path, REMEDY))?;
+    folder.sync().map_err(refused("write", path))
 }
 
 #[cfg(test)]

@@ -6,6 +6,8 @@ use std::fs::File;
 use std::io::Read;
 use std::path::Path;
 
+use super::enclosed::{self, Refusal};
+use super::folder::Kind;
 use crate::error::{Error, Place, Result};
 
 const MIB: u64 = 1 << 20;
@@ -52,21 +54,40 @@ impl Content {
 /// # Errors
 /// [`Error::File`] with `remedy` if the operating system refuses, [`Error::Input`] for what is no regular file or larger than its kind may be.
 pub fn read(path: &Path, content: Content, remedy: &str) -> Result<Vec<u8>> {
+    // Looked at before it is opened: opening a pipe would wait for somebody to write into it.
+    content_of(enclosed::open(path), path, content, remedy)
+}
+
+/// The same of a file in a directory that is `what` ("an experiment") and names it: no link leads there, since what it names may come from somebody else.
+///
+/// # Errors
+/// As [`read`]; [`Error::Input`] for a link, and for a path that leads out of the directory.
+pub fn read_inside(folder: &Path, inside: &str, what: &'static str, content: Content, remedy: &str) -> Result<Vec<u8>> {
+    let path = folder.join(inside);
+    content_of(enclosed::open_inside(folder, Path::new(inside), what), &path, content, remedy)
+}
+
+fn content_of(
+    opened: std::result::Result<std::result::Result<File, Kind>, Refusal>,
+    path: &Path,
+    content: Content,
+    remedy: &str,
+) -> Result<Vec<u8>> {
     let refused = |source| Error::at_path("read", path, source, remedy);
-    // Looked at first: opening a pipe would wait for somebody to write into it.
-    let metadata = std::fs::metadata(path).map_err(refused)?;
-    if !metadata.is_file() {
-        let what = if metadata.is_dir() { "a directory" } else { "a pipe or a device" };
-        return Err(Error::input(
-            Place::file(path),
-            format!("this is {what}, not a regular file"),
-            if metadata.is_dir() { remedy } else { "write the content to a file and give that" },
-        ));
-    }
-    if metadata.len() > content.most_bytes() {
+    let file = match opened.map_err(|refusal| refusal.error("read", path, remedy))? {
+        Ok(file) => file,
+        Err(kind) => {
+            let (what, remedy) = match kind {
+                Kind::Folder => ("a directory", remedy),
+                _ => ("a pipe or a device", "write the content to a file and give that"),
+            };
+            return Err(Error::input(Place::file(path), format!("this is {what}, not a regular file"), remedy));
+        }
+    };
+    let metadata = file.metadata().map_err(refused)?;
+    if !metadata.is_file() || metadata.len() > content.most_bytes() {
         return Err(too_large(path, content));
     }
-    let file = File::open(path).map_err(refused)?;
     let mut bytes = Vec::new();
     // One byte more, by which a file that grows or does not say its size is found out.
     file.take(content.most_bytes() + 1).read_to_end(&mut bytes).map_err(refused)?;

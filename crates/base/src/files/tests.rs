@@ -83,3 +83,116 @@ fn what_is_too_large_is_refused_without_being_read() {
     File::create(&path).unwrap().set_len(Content::Settings.most_bytes()).unwrap();
     assert_eq!(read(&path, Content::Settings, "").unwrap().len() as u64, Content::Settings.most_bytes());
 }
+
+/// A directory `in/` that is enclosed and reached by a link, and a secret beside it.
+#[cfg(any(target_os = "linux", target_vendor = "apple"))]
+fn enclosed_place() -> (tempfile::TempDir, std::path::PathBuf) {
+    let place = tempfile::tempdir().unwrap();
+    std::fs::create_dir_all(place.path().join("in/m0")).unwrap();
+    std::fs::create_dir(place.path().join("out")).unwrap();
+    std::fs::write(place.path().join("out/secret"), "secret").unwrap();
+    let named = place.path().join("named");
+    std::os::unix::fs::symlink("in", &named).unwrap();
+    enclose(&named, "a study");
+    (place, named)
+}
+
+#[cfg(any(target_os = "linux", target_vendor = "apple"))]
+#[test]
+fn no_link_beneath_an_enclosed_directory_is_followed() {
+    use std::os::unix::fs::symlink;
+    let (place, named) = enclosed_place();
+    let outside = place.path().join("out");
+    symlink(outside.join("secret"), named.join("m0/file")).unwrap();
+    symlink(&outside, named.join("folder")).unwrap();
+    symlink("..", named.join("m0/up")).unwrap();
+    symlink("loop", named.join("loop")).unwrap();
+    symlink(outside.join("new"), named.join("dangling")).unwrap();
+    let is_refused = |found: Error, path: &Path, link: &str| {
+        let (text, place) = (found.to_string(), named.join(link).display().to_string());
+        let words = "this is a symbolic link; links inside a study are not followed";
+        assert!(text.starts_with(&place) && text.contains(words) && text.contains("what to do: put a copy"), "{text}");
+        assert_eq!(found.exit_code(), 2, "{}", path.display());
+    };
+    for (path, link) in [
+        ("m0/file", "m0/file"),
+        ("folder/secret", "folder"),
+        ("m0/up/m0/file", "m0/up"),
+        ("loop", "loop"),
+        ("dangling", "dangling"),
+        ("folder", "folder"),
+    ] {
+        // By the name that the user gave, and by the full one.
+        for root in [named.clone(), place.path().canonicalize().unwrap().join("in")] {
+            let path = root.join(path);
+            let error = read(&path, Content::Table, "").unwrap_err();
+            assert!(error.to_string().contains("links inside a study are not followed"), "{error}");
+            assert!(read_if_there(&path, Content::Table).is_none() && !is_file(&path) && !is_folder(&path));
+            assert!(refuse_link(&path).is_err());
+        }
+        is_refused(read(&named.join(path), Content::Table, "").unwrap_err(), Path::new(path), link);
+    }
+    for path in ["folder/new", "m0/up/new", "loop/new", "dangling/new"] {
+        let path = named.join(path);
+        assert!(write_atomically(&path, b"x").is_err(), "{}", path.display());
+        assert!(create_folders(&path, "").is_err() && create_anew(&path, "").is_err() && open_lock(&path).is_err());
+        assert!(entries(folder_of(&path), "").is_err());
+        assert!(remove_all(&path).is_err() && rename(&named.join("m0"), &path).is_err());
+    }
+    assert!(open_lock(&named.join("m0/file")).is_err() && open_lock(&named.join("dangling")).is_err());
+    let listed = entries(&named, "").unwrap();
+    let kind = |name: &str| listed.iter().find(|own| own.0 == name).unwrap().1;
+    assert_eq!([kind("folder"), kind("loop"), kind("m0")], [Kind::Link, Kind::Link, Kind::Folder]);
+    assert!(
+        read(&named.join("m0/../../out/secret"), Content::Table, "")
+            .is_err_and(|own| own.to_string().contains("leads out of a study"))
+    );
+    // What is written takes the place of a link, and what is removed is the link.
+    write_atomically(&named.join("m0/file"), b"own").unwrap();
+    assert_eq!(read(&named.join("m0/file"), Content::Table, "").unwrap(), b"own");
+    create_anew(&named.join("dangling"), "").unwrap();
+    std::fs::remove_file(named.join("m0/file")).unwrap();
+    symlink(&outside, named.join("m0/deep")).unwrap();
+    remove_all(&named.join("m0")).unwrap();
+    remove_all(&named.join("folder")).unwrap();
+    assert_eq!(names(&outside), ["secret"]);
+    assert_eq!(std::fs::read(outside.join("secret")).unwrap(), b"secret");
+}
+
+/// Two threads put a link and a directory in each other's place as quickly as they can, while files are read and written beneath.
+#[cfg(any(target_os = "linux", target_vendor = "apple"))]
+#[test]
+fn a_link_that_comes_in_the_meantime_is_not_followed() {
+    use std::sync::atomic::{AtomicBool, Ordering};
+    let (place, named) = enclosed_place();
+    let (outside, m0) = (place.path().join("out"), named.join("m0"));
+    std::fs::write(m0.join("secret"), "harmless").unwrap();
+    let link = place.path().join("link");
+    std::os::unix::fs::symlink(&outside, &link).unwrap();
+    let is_over = AtomicBool::new(false);
+    let mut n_read = [0, 0];
+    std::thread::scope(|scope| {
+        scope.spawn(|| {
+            while !is_over.load(Ordering::Relaxed) {
+                let _ = exchange(&link, &place.path().join("in/m0"));
+            }
+        });
+        for round in 0..3000 {
+            match read(&m0.join("secret"), Content::Table, "") {
+                Ok(bytes) => {
+                    assert_eq!(bytes, b"harmless");
+                    n_read[0] += 1;
+                }
+                Err(_) => n_read[1] += 1,
+            }
+            if round % 30 == 0 {
+                let _ = write_atomically(&m0.join("written"), b"x");
+                let _ = create_folders(&m0.join("made"), "");
+                let _ = remove_all(&m0.join("secret-of-nobody"));
+            }
+        }
+        is_over.store(true, Ordering::Relaxed);
+    });
+    assert_eq!(names(&outside), ["secret"], "something was written outside");
+    assert!(n_read.iter().all(|n| *n > 0), "the race was not run: {n_read:?}");
+}

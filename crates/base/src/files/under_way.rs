@@ -68,7 +68,7 @@ pub fn stop_writing(patience: Duration) {
 }
 
 /// Removes a file or a directory with all that it holds, as far as the operating system lets.
-pub(super) fn remove(path: &Path) {
+fn remove(path: &Path) {
     for _ in 0..MOST_TRIES {
         let removed = if path.is_dir() { std::fs::remove_dir_all(path) } else { std::fs::remove_file(path) };
         if removed.is_ok() || !path.exists() {

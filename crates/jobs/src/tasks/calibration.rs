@@ -9,7 +9,7 @@ use serde_json::json;
 use super::list::{List, Task, Work, not_json};
 use super::sample::{Sampling, read as read_measurement};
 use base::error::{Error, Place, Result, Setting};
-use base::files::{refused, write_json_atomically};
+use base::files::{create_folders, write_json_atomically};
 use cohorts::cohort::Measurement;
 use documents::calibration::Calibration;
 use figures::calibration::rank_histograms;
@@ -166,7 +166,7 @@ pub fn write(list: &List, found: &Calibration, out: &Path) -> Result<()> {
     let Arguments { name, inputs_sha256, .. } = list.task(0)?.understood()?;
     let provenance = Provenance::new("calibration", 1, list.seed(), BTreeMap::from([(name, inputs_sha256)]));
     let figures = out.join(FIGURES);
-    std::fs::create_dir_all(&figures).map_err(refused("create", &figures))?;
+    create_folders(&figures, "choose a directory that can be written to")?;
     write_json_atomically(&out.join(DOCUMENT), &WithProvenance { provenance, body: found })?;
     write_figure(&figures, STEM, &rank_histograms(found))
 }

@@ -49,6 +49,9 @@ pub struct Line {
     pub words: Vec<String>,
 }
 
+/// Refuses a line that is no command of the program, or none that a task may run.
+pub type RefuseLine<'a> = &'a dyn Fn(&Line) -> Result<()>;
+
 /// The commands of a text: one a line, as a shell splits words, without comments and empty lines.
 ///
 /// # Errors
@@ -94,12 +97,13 @@ pub fn work(lines: &[Line]) -> Result<Vec<Work>> {
     lines.iter().map(one).collect()
 }
 
-/// Runs a task's command.
+/// Runs a task's command, unless `refuse` refuses it: who made the list may be somebody else.
 ///
 /// # Errors
-/// [`Error::Input`] where an input is not what it was, or the command refuses its input; [`Error::Numerical`] with what the command said where it fails otherwise.
-pub fn run(task: &Task, monitor: &dyn Monitor) -> Result<Vec<u8>> {
+/// Those of `refuse`; [`Error::Input`] where an input is not what it was, or the command refuses its input; [`Error::Numerical`] with what the command said where it fails otherwise.
+pub fn run(task: &Task, refuse: RefuseLine<'_>, monitor: &dyn Monitor) -> Result<Vec<u8>> {
     let Arguments { words, inputs: wanted } = task.understood()?;
+    refuse(&Line { number: task.task + 1, words: words.clone() })?;
     let found = inputs(&words, &mut BTreeMap::new())?;
     if let Some(changed) = wanted.iter().chain(&found).find(|(word, _)| wanted.get(*word) != found.get(*word)) {
         return Err(Error::input(
@@ -206,7 +210,7 @@ fn input(path: &Path) -> Result<Vec<u8>> {
     files::read(path, Content::State, "name an input that can be read, or leave it away")
 }
 
-/// All files below a directory, sorted. Links to directories are not followed, since they may lead round in a circle.
+/// All files below a directory, sorted. Links are left out: they may lead round in a circle, or to what nobody means.
 fn files_below(folder: &Path) -> Result<Vec<PathBuf>> {
     let (mut found, mut waiting) = (Vec::new(), vec![folder.to_path_buf()]);
     while let Some(folder) = waiting.pop() {
@@ -215,7 +219,7 @@ fn files_below(folder: &Path) -> Result<Vec<PathBuf>> {
             let kind = entry.file_type().map_err(files::refused("read", &folder))?;
             if kind.is_dir() {
                 waiting.push(entry.path());
-            } else if entry.path().is_file() {
+            } else if kind.is_file() {
                 found.push(entry.path());
             }
         }
@@ -255,11 +259,10 @@ pub(super) fn keep(folder: &Path, body: &[u8]) -> Result<Option<i32>> {
     let Some(all) = entries(&body[end + 1..]) else { return Ok(None) };
     for (name, bytes) in all {
         let path = folder.join(name);
-        if std::fs::read(&path).is_ok_and(|there| there == bytes) {
+        if files::read_if_there(&path, Content::State).is_some_and(|there| there == bytes) {
             continue;
         }
-        let parent = files::folder_of(&path);
-        std::fs::create_dir_all(parent).map_err(files::refused("create", parent))?;
+        files::create_folders(files::folder_of(&path), "choose a directory that can be written to")?;
         write_atomically(&path, &bytes)?;
     }
     Ok(Some(code))

@@ -8,7 +8,7 @@ use rayon::prelude::*;
 use super::list::{List, Task};
 use super::{calibration, challenge, commands, models, result, sample};
 use base::error::Result;
-use base::files::{Content, read_if_there, refused, stream_atomically, write_atomically};
+use base::files::{Content, create_folders, read_if_there, stream_atomically, write_atomically};
 use cohorts::artefacts::EXPERIMENTS;
 use documents::calibration::Calibration;
 use documents::tasks::{Fault, Gathered, MissingResult, TaskKind};
@@ -21,6 +21,8 @@ pub use super::commands::TABLE as COMMANDS;
 
 /// The document of challenges in the folder of what was gathered.
 pub const CHALLENGE: &str = "challenge.json";
+
+const WRITABLE: &str = "choose a directory that can be written to";
 
 /// What gathering came to.
 #[derive(Debug, Clone, PartialEq)]
@@ -41,6 +43,7 @@ pub struct Outcome {
 /// # Errors
 /// [`base::Error::File`] where the file system refuses, [`base::Error::Interrupted`] when stopped.
 pub fn gather(list: &List, out: &Path, monitor: &dyn Monitor) -> Result<Outcome> {
+    base::files::enclose(out, "what was gathered");
     monitor.stage(&format!("reading the results of {} tasks", list.n_tasks()));
     let found = match list.head().kind {
         TaskKind::Challenge => {
@@ -52,7 +55,7 @@ pub fn gather(list: &List, out: &Path, monitor: &dyn Monitor) -> Result<Outcome>
         }
         TaskKind::Sample => {
             let folder = out.join(EXPERIMENTS);
-            std::fs::create_dir_all(&folder).map_err(refused("create", &folder))?;
+            create_folders(&folder, WRITABLE)?;
             let parts = over_tasks(list, monitor, |_, body| keep(&folder, &body))?;
             Found::of(faults(&parts))
         }
@@ -71,14 +74,14 @@ pub fn gather(list: &List, out: &Path, monitor: &dyn Monitor) -> Result<Outcome>
             let folder = |task: &Task| out.join(commands::folder_name(task, list.n_tasks()));
             let parts = over_tasks(list, monitor, |task, body| commands::keep(&folder(task), &body))?;
             let codes: Vec<Option<i32>> = parts.iter().map(|part| part.as_ref().ok().copied()).collect();
-            std::fs::create_dir_all(out).map_err(refused("create", out))?;
+            create_folders(out, WRITABLE)?;
             write_atomically(&out.join(COMMANDS), &commands::table(list, &codes)?)?;
             Found::of(faults(&parts))
         }
     };
     monitor.stage("writing what was gathered");
     if let Some(plays) = &found.plays {
-        std::fs::create_dir_all(out).map_err(refused("create", out))?;
+        create_folders(out, WRITABLE)?;
         let document = plays.document(list.seed());
         // As `--json` writes it, without holding all of it as text.
         stream_atomically(&out.join(CHALLENGE), |file| {

@@ -14,6 +14,8 @@ use posterior::study::{Provenance, WithProvenance, sha256_hex};
 const HEAD: &str = "tasks.json";
 const LINES: &str = "tasks.jsonl";
 const RESULTS: &str = "results";
+/// What its directory is, for messages.
+const WHAT: &str = "a list of tasks";
 /// Digits of its id that name a task's result.
 const ID_DIGITS: usize = 24;
 /// Most tasks of a list.
@@ -33,7 +35,7 @@ pub struct Task {
     pub task: usize,
     /// SHA-256 of program, kind and arguments.
     pub id: String,
-    /// Where its result goes, below the list's directory.
+    /// Where its result goes, below the list's directory: named after the id, for those who look for it.
     pub result: String,
     /// The command that runs it.
     pub command: Vec<String>,
@@ -111,11 +113,12 @@ impl List {
             let found = format!("{} tasks", work.len());
             return Err(Error::input(Place::file(dir), found, format!("make lists of 1 to {MOST_TASKS} tasks")));
         }
+        files::enclose(dir, WHAT);
         let absolute = absolute(dir)?;
         let mut text = Vec::new();
         for (task, Work { arguments, paths }) in work.into_iter().enumerate() {
-            let id = sha256_hex(format!("{program}\n{}\n{arguments}", kind.name()).as_bytes());
-            let result = format!("{RESULTS}/{}.task", &id[..ID_DIGITS]);
+            let id = id_of(program, kind, &arguments);
+            let result = result_of(&id);
             let place = absolute.display().to_string();
             let command = ["vitreo-uq", "tasks", "run", &place, "--task", &task.to_string()].map(String::from).to_vec();
             let line = Task { task, id, result, command, arguments, paths };
@@ -136,7 +139,8 @@ impl List {
         let making = list.place(force)?;
         if making != Making::WasThere {
             let results = dir.join(RESULTS);
-            std::fs::create_dir_all(&results).map_err(files::refused("create", &results))?;
+            files::create_folders(&results, &format!("choose a writable place with `{}`", Setting::Out))?;
+            files::enclose(dir, WHAT);
             let (head, lines) = (dir.join(HEAD), dir.join(LINES));
             let document = to_json(&head, &list.head)?;
             write_together(&[(lines.as_path(), list.text.as_slice()), (head.as_path(), document.as_slice())])?;
@@ -147,7 +151,7 @@ impl List {
     /// Whether the list may stand in its directory.
     fn place(&self, force: bool) -> Result<Making> {
         let head = self.dir.join(HEAD);
-        if head.exists() || self.dir.join(LINES).exists() {
+        if files::kind(&head).is_some() || files::kind(&self.dir.join(LINES)).is_some() {
             let is_same = Self::open(&self.dir).is_ok_and(|there| there.head == self.head);
             return match (is_same, force) {
                 (true, _) => Ok(Making::WasThere),
@@ -183,6 +187,7 @@ impl List {
     /// # Errors
     /// [`Error::File`] or [`Error::Input`] where there is none, or where it is not as it was written.
     pub fn open(dir: &Path) -> Result<Self> {
+        files::enclose(dir, WHAT);
         let path = dir.join(HEAD);
         let bytes = files::read(&path, Content::Document, REMEDY)?;
         let head: WithProvenance<TaskList> = serde_json::from_slice(&bytes).map_err(|error| {
@@ -252,15 +257,24 @@ impl List {
             let remedy = format!("give a number from 0 to {}", self.n_tasks() - 1);
             return Err(Error::input(Place::setting(Setting::Task), found, remedy));
         };
-        serde_json::from_slice(&self.text[*from..*to]).map_err(|error| {
-            let place = Place::file(self.dir.join(LINES)).at_line(number + 1);
-            Error::input(place, format!("this is no task of this program: {error}"), damaged())
-        })
+        let refuse =
+            |found: String| Error::input(Place::file(self.dir.join(LINES)).at_line(number + 1), found, damaged());
+        let task: Task = serde_json::from_slice(&self.text[*from..*to])
+            .map_err(|error| refuse(format!("this is no task of this program: {error}")))?;
+        let TaskList { program, kind, .. } = &self.head.body;
+        let id = id_of(program, *kind, &task.arguments);
+        if task.task != number || task.id != id || task.result != result_of(&id) {
+            return Err(refuse(format!(
+                "number, id or result are not those of this task: expected {number}, {id} and {}",
+                result_of(&id)
+            )));
+        }
+        Ok(task)
     }
 
     /// Where a task's result goes.
     pub fn result_path(&self, task: &Task) -> PathBuf {
-        self.dir.join(&task.result)
+        self.dir.join(result_of(&task.id))
     }
 
     /// Names of the files among the results; those that are being written are left out.
@@ -270,8 +284,8 @@ impl List {
     pub fn result_names(&self) -> Result<Vec<String>> {
         let folder = self.dir.join(RESULTS);
         let mut names = Vec::new();
-        for entry in std::fs::read_dir(&folder).map_err(files::refused("read", &folder))? {
-            let name = entry.map_err(files::refused("read", &folder))?.file_name().to_string_lossy().into_owned();
+        for (name, _) in files::entries(&folder, "make the directory readable")? {
+            let name = name.to_string_lossy();
             if !name.starts_with('.') {
                 names.push(format!("{RESULTS}/{name}"));
             }
@@ -279,6 +293,16 @@ impl List {
         names.sort();
         Ok(names)
     }
+}
+
+/// A task's id: the hash of what it computes.
+fn id_of(program: &str, kind: TaskKind, arguments: &Value) -> String {
+    sha256_hex(format!("{program}\n{}\n{arguments}", kind.name()).as_bytes())
+}
+
+/// Where the result of a task goes, below the list's directory. An id is hexadecimal, so that this leads nowhere else.
+fn result_of(id: &str) -> String {
+    format!("{RESULTS}/{}.task", &id[..ID_DIGITS])
 }
 
 /// A path that means the same from any directory.

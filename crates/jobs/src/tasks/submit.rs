@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 
 use super::list::{List, absolute};
 use base::error::{Error, Place, Result, Setting};
-use base::files::{refused, write_atomically};
+use base::files::{create_folders, refused, write_atomically};
 
 /// Who starts the workers.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -72,7 +72,7 @@ pub fn write(list: &List, program: &Path, engine: Engine, resources: Resources, 
     }
     let dir = absolute(list.dir())?;
     let logs = dir.join("logs");
-    std::fs::create_dir_all(&logs).map_err(refused("create", &logs))?;
+    create_folders(&logs, "make the list's directory writable")?;
     let name = match engine {
         Engine::HyperQueue => "submit-hq.sh",
         Engine::Slurm => "submit-slurm.sh",

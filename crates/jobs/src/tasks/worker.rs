@@ -2,6 +2,7 @@
 
 use std::io::{BufRead, Write};
 
+use super::commands::RefuseLine;
 use super::list::List;
 use super::sample::Laboratory;
 use super::{calibration, challenge, commands, models, result};
@@ -25,13 +26,15 @@ pub struct Worker<'a> {
     bench: Option<Bench>,
     laboratory: Laboratory,
     simulator: calibration::Simulator,
+    refuse_line: RefuseLine<'a>,
     monitor: &'a dyn Monitor,
 }
 
 impl<'a> Worker<'a> {
-    /// Nothing is prepared before the first task that needs it.
-    pub fn new(list: &'a List, monitor: &'a dyn Monitor) -> Self {
-        Self { list, bench: None, laboratory: Laboratory::default(), simulator: Default::default(), monitor }
+    /// Nothing is prepared before the first task that needs it. Commands that `refuse_line` refuses are not run.
+    pub fn new(list: &'a List, refuse_line: RefuseLine<'a>, monitor: &'a dyn Monitor) -> Self {
+        let (laboratory, simulator) = (Laboratory::default(), calibration::Simulator::default());
+        Self { list, bench: None, laboratory, simulator, refuse_line, monitor }
     }
 
     /// Runs a task unless its result is there.
@@ -55,7 +58,7 @@ impl<'a> Worker<'a> {
             TaskKind::Sample => self.laboratory.run(&task, &quiet)?,
             TaskKind::Calibration => self.simulator.run(&task, self.monitor)?,
             TaskKind::Models => models::run(&task, self.monitor)?,
-            TaskKind::Commands => commands::run(&task, &quiet)?,
+            TaskKind::Commands => commands::run(&task, self.refuse_line, &quiet)?,
         };
         result::write(self.list, &task, &body)?;
         Ok(Ran::Now)
@@ -80,8 +83,14 @@ pub(super) enum Answer {
 ///
 /// # Errors
 /// [`Error::Interrupted`] when stopped; [`Error::File`] where nobody listens any longer.
-pub fn serve(list: &List, numbers: impl BufRead, mut answers: impl Write, monitor: &dyn Monitor) -> Result<()> {
-    let mut worker = Worker::new(list, monitor);
+pub fn serve(
+    list: &List,
+    refuse_line: RefuseLine<'_>,
+    numbers: impl BufRead,
+    mut answers: impl Write,
+    monitor: &dyn Monitor,
+) -> Result<()> {
+    let mut worker = Worker::new(list, refuse_line, monitor);
     for line in numbers.lines() {
         let Some(number) = line.ok().and_then(|line| line.trim().parse().ok()) else { return Ok(()) };
         let answer = match worker.run(number) {

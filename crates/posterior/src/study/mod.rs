@@ -20,7 +20,7 @@ mod provenance;
 mod revision;
 
 use std::collections::BTreeMap;
-use std::path::{Path, PathBuf};
+use std::path::{Component, Path, PathBuf};
 
 pub use model_specification::{Assignments, ModelSpecification, PRIOR_COPY, named_effects};
 pub use provenance::{Kept, Provenance, WithProvenance, sha256_hex};
@@ -28,7 +28,7 @@ pub use revision::RevisionWriter;
 
 use atomic::{Lock, replace_directory, sync_tree};
 use base::error::{Error, Place, Result, Setting};
-use base::files::{self, Content, TemporaryDirectory};
+use base::files::{self, Content, Kind, TemporaryDirectory};
 use record::{Experiment, ExperimentFiles};
 
 const TOML_NAME: &str = "experiment.toml";
@@ -61,7 +61,7 @@ fn out_remedy() -> String {
     format!("choose a writable place with `{}`", Setting::Out)
 }
 const INCOMPLETE_REMEDY: &str = "check that the study is complete and readable";
-const LONGEST_NAME_BYTES: usize = 80;
+const WHAT: &str = "a study";
 /// Studies go here when no directory is named.
 const DEFAULT_PARENT: &str = "vitreo-uq-out";
 
@@ -87,7 +87,7 @@ pub enum Opening {
 impl Study {
     /// Where a study goes when no directory is named: `vitreo-uq-out/<specimen id>/`, the id made safe as a file name.
     pub fn default_dir(specimen_id: &str) -> PathBuf {
-        Path::new(DEFAULT_PARENT).join(safe_file_name(specimen_id))
+        Path::new(DEFAULT_PARENT).join(files::safe_name(specimen_id))
     }
 
     /// Whether a path is a study directory, as opposed to an experiment.
@@ -106,6 +106,7 @@ impl Study {
         let inputs_sha256 = hashes_of(files)?;
         let study = |opening| Self { dir: dir.to_path_buf(), inputs_sha256: inputs_sha256.clone(), opening };
         if Self::is_study(dir) {
+            files::enclose(dir, WHAT);
             files::sweep(dir);
             if read_hashes(dir)? == inputs_sha256 {
                 check_copies(dir, &inputs_sha256)?;
@@ -128,7 +129,9 @@ impl Study {
             return Ok(study(Opening::Replaced));
         }
         Self::check_place(dir)?;
-        match create(dir, files, &inputs_sha256, false) {
+        let created = create(dir, files, &inputs_sha256, false);
+        files::enclose(dir, WHAT);
+        match created {
             Ok(()) => Ok(study(Opening::Created)),
             // Another program made the same study in the meantime.
             Err(_) if Self::is_study(dir) && read_hashes(dir)? == inputs_sha256 => Ok(study(Opening::Continued)),
@@ -167,6 +170,7 @@ impl Study {
                 "give the directory that an earlier command made, or an experiment",
             ));
         }
+        files::enclose(dir, WHAT);
         files::sweep(dir);
         let inputs_sha256 = read_hashes(dir)?;
         check_copies(dir, &inputs_sha256)?;
@@ -215,12 +219,11 @@ impl Study {
     /// [`Error::File`] if the directory cannot be read.
     pub fn revisions(&self) -> Result<Vec<String>> {
         let mut numbers = Vec::new();
-        for entry in read_dir(&self.dir)? {
-            let entry = entry.map_err(|source| unreadable(&self.dir, source))?;
-            if let Some(number) = entry.file_name().to_str().and_then(revision_number)
-                && entry.path().is_dir()
-            {
-                numbers.push(number);
+        for (name, kind) in files::entries(&self.dir, INCOMPLETE_REMEDY)? {
+            let Some(number) = name.to_str().and_then(revision_number) else { continue };
+            match kind {
+                Kind::Folder => numbers.push(number),
+                _ => files::refuse_link(&self.dir.join(&name))?,
             }
         }
         numbers.sort_unstable();
@@ -233,8 +236,11 @@ impl Study {
     /// [`Error::Input`] if there is none of this name.
     pub fn revision_dir(&self, name: &str) -> Result<PathBuf> {
         let dir = self.dir.join(name);
-        if revision_number(name).is_some() && dir.is_dir() {
-            return Ok(dir);
+        if revision_number(name).is_some() {
+            files::refuse_link(&dir)?;
+            if files::is_folder(&dir) {
+                return Ok(dir);
+            }
         }
         let known = self.revisions()?.join(", ");
         let remedy = if known.is_empty() {
@@ -279,8 +285,7 @@ impl Study {
     /// [`Error::Input`] if the name is not a revision's, [`Error::File`] if the directory cannot be made.
     pub fn checkpoint_dir(&self, name: &str) -> Result<PathBuf> {
         let dir = self.dir.join(format!(".{}.checkpoint", self.checked(name)?));
-        std::fs::create_dir_all(&dir)
-            .map_err(|source| Error::at_path("create", &dir, source, "make the study directory writable"))?;
+        files::create_folders(&dir, "make the study directory writable")?;
         Ok(dir)
     }
 
@@ -289,7 +294,7 @@ impl Study {
     /// # Errors
     /// [`Error::Input`] if the name is not a revision's, [`Error::File`] if it cannot be removed.
     pub fn discard_checkpoint(&self, name: &str) -> Result<()> {
-        atomic::remove_tree(&self.dir.join(format!(".{}.checkpoint", self.checked(name)?)))
+        files::remove_all(&self.dir.join(format!(".{}.checkpoint", self.checked(name)?)))
     }
 
     fn checked<'a>(&self, name: &'a str) -> Result<&'a str> {
@@ -308,21 +313,6 @@ impl Study {
 fn revision_number(name: &str) -> Option<u32> {
     let number = name.strip_prefix('m')?.parse::<u32>().ok()?;
     (name == format!("m{number}")).then_some(number)
-}
-
-/// Letters, digits, `-`, `_` and `.` stay, everything else becomes `-`; never empty, hidden or longer than 80 characters.
-pub fn safe_file_name(id: &str) -> String {
-    let keep = |c: char| if c.is_alphanumeric() || matches!(c, '-' | '_' | '.') { c } else { '-' };
-    // File systems limit names by bytes, and temporary neighbours need some of them.
-    let mut safe = String::new();
-    for c in id.trim().chars().map(keep) {
-        if safe.len() + c.len_utf8() > LONGEST_NAME_BYTES {
-            break;
-        }
-        safe.push(c);
-    }
-    let safe = safe.trim_start_matches('.');
-    if safe.is_empty() { "specimen".to_string() } else { safe.to_string() }
 }
 
 /// Names and bytes of the experiment's tables.
@@ -411,6 +401,14 @@ fn read_hashes(dir: &Path) -> Result<BTreeMap<String, String>> {
                 ),
             )
         })?;
+        let is_plain = Path::new(name).components().all(|part| matches!(part, Component::Normal(_)));
+        if !is_plain {
+            return Err(Error::input(
+                Place::file(&path).at_line(index + 1),
+                format!("`{name}` is not a path inside the study"),
+                "the study's record was changed: make the study anew in another place",
+            ));
+        }
         hashes.insert(name.to_string(), hash.to_string());
     }
     Ok(hashes)
@@ -442,14 +440,6 @@ fn is_absent_or_empty(dir: &Path) -> Result<bool> {
             Err(Error::at_path("use", dir, error, format!("choose another directory with `{}`", Setting::Out)))
         }
     }
-}
-
-fn read_dir(dir: &Path) -> Result<std::fs::ReadDir> {
-    std::fs::read_dir(dir).map_err(|source| unreadable(dir, source))
-}
-
-fn unreadable(path: &Path, source: std::io::Error) -> Error {
-    Error::at_path("read", path, source, INCOMPLETE_REMEDY)
 }
 
 #[cfg(test)]

@@ -90,11 +90,29 @@ impl ModelSpecification {
     /// # Errors
     /// As [`ModelSpecification::read`].
     pub fn of_revision(revision_dir: &Path, library: &Library) -> Result<Self> {
-        let mut specification = Self::read(&revision_dir.join("model.toml"), library)?;
+        let mut specification = Self::kept(revision_dir, library)?;
         if specification.prior == PRIOR_COPY {
             specification.prior = revision_dir.join(PRIOR_COPY).display().to_string();
         }
         Ok(specification)
+    }
+
+    /// The same as it stands there. Its prior is one of the program's or the copy in the revision: a study that was received names no other file.
+    ///
+    /// # Errors
+    /// As [`ModelSpecification::read`].
+    pub fn kept(revision_dir: &Path, library: &Library) -> Result<Self> {
+        let path = revision_dir.join("model.toml");
+        let specification = Self::read(&path, library)?;
+        let prior = &specification.prior;
+        if prior == PRIOR_COPY || PriorSet::embedded_names().any(|name| name == prior) {
+            return Ok(specification);
+        }
+        Err(Error::input(
+            Place::file(path).at_key("prior"),
+            format!("`{prior}` is neither a prior of this program nor the revision's own copy, `{PRIOR_COPY}`"),
+            format!("copy the prior into the revision as `{PRIOR_COPY}`, if you trust it, and write that name"),
+        ))
     }
 
     /// Reads and checks a `model.toml` whose effects are in the library; only `base` must be there.

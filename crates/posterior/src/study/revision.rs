@@ -5,9 +5,9 @@ use std::path::{Path, PathBuf};
 use serde::Serialize;
 
 use super::WithProvenance;
-use super::atomic::{Lock, remove_tree, replace_directory, restore, sync_tree};
-use base::error::{Error, Result};
-use base::files::{TemporaryDirectory, write_json_atomically};
+use super::atomic::{Lock, replace_directory, restore, sync_tree};
+use base::error::Result;
+use base::files::{Kind, TemporaryDirectory, enclose, entries, remove_all, write_json_atomically};
 
 /// A revision or simulation under construction in a hidden directory of the study; dropping it discards it.
 ///
@@ -21,6 +21,7 @@ pub struct RevisionWriter {
 
 impl RevisionWriter {
     pub fn begin(study_dir: &Path, name: &str) -> Result<Self> {
+        enclose(study_dir, super::WHAT);
         let lock = Lock::acquire(study_dir)?;
         let target = study_dir.join(name);
         restore(&target)?;
@@ -62,13 +63,10 @@ impl RevisionWriter {
 
 /// Removes what killed programs left; the lock says that none of them is still at work.
 fn remove_leftovers(study_dir: &Path) -> Result<()> {
-    let unreadable = |source| Error::at_path("read", study_dir, source, "check that the study is readable");
-    for entry in std::fs::read_dir(study_dir).map_err(unreadable)? {
-        let entry = entry.map_err(unreadable)?;
-        let name = entry.file_name();
-        let name = name.to_string_lossy();
-        if name.starts_with('.') && name.contains(".partial-") && entry.path().is_dir() {
-            remove_tree(&entry.path())?;
+    for (name, kind) in entries(study_dir, "check that the study is readable")? {
+        let text = name.to_string_lossy();
+        if text.starts_with('.') && text.contains(".partial-") && kind == Kind::Folder {
+            remove_all(&study_dir.join(&name))?;
         }
     }
     Ok(())

@@ -147,6 +147,7 @@ pub fn check_place(dir: &Path) -> Result<()> {
 /// # Errors
 /// [`Error::Input`] with the file that does not fit; [`Error::File`] where one cannot be read.
 pub fn reveal(dir: &Path) -> Result<Opened> {
+    files::enclose(dir, "a challenge");
     let text = |name: &str| {
         let (path, remedy) = (dir.join(name), "give the directory that `vitreo-uq challenge new` made");
         let content = if name.ends_with(".csv") { Content::Table } else { Content::Document };

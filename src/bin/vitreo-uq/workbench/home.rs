@@ -1,11 +1,15 @@
 //! The folder of a workbench: which experiments and studies stand in it, and what may be read of them.
 
+use std::ffi::OsString;
 use std::path::{Component, Path, PathBuf};
 
 use serde::Serialize;
 use vitreo_uq::base::error::{Error, Place, Result};
+use vitreo_uq::base::files::{self, Content, Kind};
 use vitreo_uq::posterior::study::Study;
 
+/// In the environment of what a workbench starts: its folder, which is data to its commands, too.
+pub const FOLDER_VARIABLE: &str = "VITREO_UQ_WORKBENCH";
 /// Where the workbench keeps its own: uploads, and what it runs.
 const OWN: &str = ".vitreo-uq-workbench";
 /// Where `groups` writes when no directory is named.
@@ -57,18 +61,24 @@ impl Home {
             ));
         }
         if !(Study::is_study(&whole) || whole.join(DESCRIPTION).is_file()) {
-            return Ok((Self { dir: whole }, None));
+            return Ok((Self::in_folder(whole), None));
         }
         let parent = whole.parent().unwrap_or(&whole);
         let dir = match parent.file_name() {
             Some(name) if name == STUDIES => parent.parent().unwrap_or(parent),
             _ => parent,
         };
-        let home = Self { dir: dir.to_path_buf() };
+        let home = Self::in_folder(dir.to_path_buf());
         let inside = whole.strip_prefix(dir).unwrap_or(&whole).to_path_buf();
         let of = |item: &Item| item.experiment.as_ref() == Some(&inside) || item.study == inside;
         let name = home.items().into_iter().find(of).map(|item| item.name);
         Ok((home, name))
+    }
+
+    /// What stands in the folder may come from somebody else.
+    fn in_folder(dir: PathBuf) -> Self {
+        files::enclose_folder(&dir, "a workbench's folder");
+        Self { dir }
     }
 
     /// The folder.
@@ -88,7 +98,7 @@ impl Home {
             let inside = PathBuf::from(&name);
             if Study::is_study(&self.dir.join(&inside)) {
                 items.push(self.item(name, None, inside));
-            } else if self.dir.join(&inside).join(DESCRIPTION).is_file() {
+            } else if files::is_file(&self.dir.join(&inside).join(DESCRIPTION)) {
                 let id = of_specimen(&self.dir.join(&inside), "id").unwrap_or_else(|| name.clone());
                 items.push(self.item(name, Some(inside), Study::default_dir(&id)));
             }
@@ -99,7 +109,7 @@ impl Home {
         for inside in within(STUDIES).chain(within(GROUPS)).collect::<Vec<PathBuf>>() {
             let whole = self.dir.join(&inside);
             let is_known = items.iter().any(|item| item.study == inside);
-            let is_sheet = ["groups.json", "shapes.json"].iter().any(|document| whole.join(document).is_file());
+            let is_sheet = ["groups.json", "shapes.json"].iter().any(|document| files::is_file(&whole.join(document)));
             if !is_known && (is_sheet || Study::is_study(&whole)) {
                 let mut item = self.item(inside.display().to_string(), None, inside);
                 if is_sheet {
@@ -144,11 +154,10 @@ impl Home {
         })
     }
 
-    /// A file of a study: of a kind that is shown, and in the study itself, links followed.
+    /// A file of a study: of a kind that is shown, and in the study itself, without links on the way.
     pub fn file(&self, item: &Item, path: &str) -> Result<PathBuf> {
         let refused =
             || Error::input(Place::file(path), "this is no file of the study", "follow the links on the page");
-        let study = std::fs::canonicalize(self.dir.join(&item.study)).map_err(|_| refused())?;
         let inside = Path::new(path);
         let is_plain = |part: Component<'_>| match part {
             Component::Normal(name) => !name.to_string_lossy().starts_with('.'),
@@ -158,18 +167,17 @@ impl Home {
         if !(is_shown && inside.components().all(is_plain)) {
             return Err(refused());
         }
-        let whole = std::fs::canonicalize(study.join(inside)).map_err(|_| refused())?;
-        if whole.starts_with(&study) && whole.is_file() { Ok(whole) } else { Err(refused()) }
+        let whole = self.dir.join(&item.study).join(inside);
+        if files::is_file(&whole) { Ok(whole) } else { Err(refused()) }
     }
 
     /// A folder for a new experiment, after the table's name: one that is not there.
     pub fn new_experiment(&self, table: &str) -> String {
         let stem = Path::new(table).file_stem().map_or(String::new(), |stem| stem.to_string_lossy().into_owned());
-        let default = Study::default_dir(&stem);
-        let safe = default.file_name().map_or("record".into(), |name| name.to_string_lossy().into_owned());
+        let safe = files::safe_name(&stem);
         let numbered = (2..).map(|number| format!("{safe}-{number}"));
         let mut names = std::iter::once(safe.clone()).chain(numbered);
-        names.find(|name| name != STUDIES && !self.dir.join(name).exists()).unwrap_or(safe)
+        names.find(|name| name != STUDIES && files::kind(&self.dir.join(name)).is_none()).unwrap_or(safe)
     }
 
     /// What changes when anything of the items does.
@@ -181,7 +189,7 @@ impl Home {
             let revisions = item.revisions.iter().map(|name| study.join(name));
             let description = item.experiment.iter().map(|inside| self.dir.join(inside).join(DESCRIPTION));
             for path in revisions.chain(description).chain([study.join("ladder.json"), study.join("report.html")]) {
-                std::fs::metadata(path).and_then(|metadata| metadata.modified()).ok().hash(&mut hasher);
+                std::fs::symlink_metadata(path).and_then(|metadata| metadata.modified()).ok().hash(&mut hasher);
             }
             item.name.hash(&mut hasher);
             item.revisions.hash(&mut hasher);
@@ -190,24 +198,20 @@ impl Home {
     }
 }
 
-/// Names of the folders in a folder, hidden ones left out, in their order.
+/// Names of the folders in a folder, in their order; links and hidden ones are left out.
 fn folders(dir: &Path) -> Vec<String> {
-    let Ok(entries) = std::fs::read_dir(dir) else { return Vec::new() };
-    let names = entries.take(MOST_ENTRIES).filter_map(|entry| {
-        let entry = entry.ok()?;
-        let name = entry.file_name().into_string().ok()?;
-        (!name.starts_with('.') && entry.path().is_dir()).then_some(name)
-    });
-    let mut names: Vec<String> = names.collect();
-    names.sort();
-    names
+    let entries = files::entries(dir, "").unwrap_or_default().into_iter().take(MOST_ENTRIES);
+    let folder = |(name, kind): (OsString, Kind)| {
+        name.into_string().ok().filter(|name| kind == Kind::Folder && !name.starts_with('.'))
+    };
+    entries.filter_map(folder).collect()
 }
 
 /// Names of the drawings in a folder, and in its folder of figures.
 fn drawings(dir: &Path) -> Vec<String> {
     let of = |folder: &str| {
-        let entries = std::fs::read_dir(dir.join(folder)).into_iter().flatten().flatten();
-        let names = entries.filter_map(|entry| entry.file_name().into_string().ok());
+        let entries = files::entries(&dir.join(folder), "").unwrap_or_default().into_iter();
+        let names = entries.filter_map(|(name, _)| name.into_string().ok());
         names.filter(|name| name.ends_with(".svg")).map(|name| format!("{folder}{name}")).collect::<Vec<String>>()
     };
     let mut all = [of(""), of("figures/")].concat();
@@ -217,8 +221,7 @@ fn drawings(dir: &Path) -> Vec<String> {
 
 /// What a description says of its specimen.
 fn of_specimen(dir: &Path, key: &str) -> Option<String> {
-    let bytes =
-        vitreo_uq::base::files::read_if_there(&dir.join(DESCRIPTION), vitreo_uq::base::files::Content::Settings)?;
+    let bytes = files::read_if_there(&dir.join(DESCRIPTION), Content::Settings)?;
     let table: toml::Table = toml::from_str(std::str::from_utf8(&bytes).ok()?).ok()?;
     Some(table.get("specimen")?.get(key)?.as_str()?.to_string())
 }
@@ -243,7 +246,7 @@ mod tests {
         put("home/vitreo-uq-out/left-eye/m2/posterior.json", "{}");
         put("home/vitreo-uq-out/left-eye/.hidden.json", "{}");
         put("home/vitreo-uq-out/other/inputs.sha256", "");
-        let home = Home { dir: place.path().join("home") };
+        let home = Home::in_folder(place.path().join("home"));
         (place, home)
     }
 

@@ -3,12 +3,11 @@
 //! A command that a terminal would run is the same command here, with the same results on disk. It outlives a workbench that is killed, and a workbench that is started again
 //! looks after it.
 
-use std::fs::File;
 use std::io::{Read, Seek, SeekFrom};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Arc, Mutex};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
 use serde::{Deserialize, Serialize};
@@ -17,7 +16,9 @@ use vitreo_uq::base::error::{Error, Place, Result, Setting};
 use vitreo_uq::base::files::{self, Content};
 use vitreo_uq::posterior::study::CORNER_NAME;
 
-use super::home::{GROUPS, Home, Item};
+use super::home::{FOLDER_VARIABLE, GROUPS, Home, Item};
+use super::process::{Process, stop_child};
+use crate::child::{absolute, words};
 
 /// Time between two looks at a command's words.
 const LOOK: Duration = Duration::from_millis(150);
@@ -25,6 +26,9 @@ const LOOK: Duration = Duration::from_millis(150);
 const TAIL_BYTES: u64 = 16_384;
 /// Posteriors of so many revisions are laid over each other at most.
 const MOST_OVERLAID: usize = 4;
+/// Exit code of a program that was asked to end by another: what it started goes on.
+const TERMINATED: u8 = 143;
+const WRITABLE: &str = "make the folder writable";
 /// Exit code of a result that is not to be trusted: the command came to its end all the same.
 const DOUBTFUL: i32 = 1;
 
@@ -90,7 +94,7 @@ pub struct Job {
     /// The command that runs.
     pub at: usize,
     /// Its process.
-    pub process: u32,
+    pub process: Process,
     /// Seconds since 1970 at which the job began.
     pub began_s: u64,
     /// How it stands.
@@ -106,6 +110,8 @@ pub struct Jobs {
     home: Home,
     program: PathBuf,
     present: Mutex<Option<Job>>,
+    /// The process that this workbench has started and not yet waited for: its number is nobody else's.
+    child: Mutex<Option<Child>>,
     is_stopped: AtomicBool,
     news: watch::Sender<u64>,
 }
@@ -117,8 +123,14 @@ impl Jobs {
             .map_err(|error| Error::at_path("find", "the program", error, "start it by its whole path"))?;
         let left: Option<Job> = files::read_if_there(&home.own().join("job.json"), Content::Document)
             .and_then(|bytes| serde_json::from_slice(&bytes).ok());
-        let jobs =
-            Arc::new(Self { home, program, present: Mutex::new(left), is_stopped: AtomicBool::new(false), news });
+        let jobs = Arc::new(Self {
+            home,
+            program,
+            present: Mutex::new(left),
+            child: Mutex::default(),
+            is_stopped: AtomicBool::new(false),
+            news,
+        });
         if jobs.present().is_some_and(|job| job.standing == Standing::Running) {
             let own = Arc::clone(&jobs);
             std::thread::spawn(move || own.look_after_left());
@@ -134,14 +146,14 @@ impl Jobs {
     /// Starts what a page asks for; a study of another record is replaced by the first model of this one.
     pub fn start(self: &Arc<Self>, wish: &Wish, item: &Item, is_replaced: bool) -> Result<Job> {
         let members = if wish.kind == Kind::Groups { self.home.labelled(&wish.with) } else { Vec::new() };
-        let commands = commands(wish, item, is_replaced, &members)?;
+        let commands = commands(self.home.dir(), wish, item, is_replaced, &members)?;
         let began_s = SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |since| since.as_secs());
         let job = Job {
             item: item.name.clone(),
             kind: wish.kind,
             commands,
             at: 0,
-            process: 0,
+            process: Process::default(),
             began_s,
             standing: Standing::Running,
             words: "starting".into(),
@@ -167,9 +179,16 @@ impl Jobs {
     /// Stops the job: its process has a second to leave nothing half-written.
     pub fn stop(&self) {
         self.is_stopped.store(true, Ordering::SeqCst);
-        if let Some(job) = self.present().filter(|job| job.standing == Standing::Running && job.process > 0) {
-            terminate(job.process);
+        if let Some(child) = self.child().as_mut() {
+            return stop_child(child);
         }
+        if let Some(job) = self.present().filter(|job| job.standing == Standing::Running) {
+            job.process.stop();
+        }
+    }
+
+    fn child(&self) -> MutexGuard<'_, Option<Child>> {
+        self.child.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     fn change(&self, how: impl FnOnce(&mut Job)) {
@@ -185,7 +204,7 @@ impl Jobs {
         drop(present);
         if is_kept {
             // What cannot be kept is lost to the next workbench only.
-            let _ = std::fs::create_dir_all(self.home.own());
+            let _ = files::create_folders(&self.home.own(), WRITABLE);
             let _ = files::write_json_atomically(&self.home.own().join("job.json"), &after);
         }
         self.news.send_modify(|number| *number += 1);
@@ -196,7 +215,7 @@ impl Jobs {
             job.standing = standing;
             job.words = words;
             job.progress = None;
-            job.process = 0;
+            job.process = Process::default();
         });
     }
 
@@ -204,9 +223,9 @@ impl Jobs {
         for at in 0..n_commands {
             self.change(|job| job.at = at);
             let arguments = self.present().map_or(Vec::new(), |job| job.commands[at].clone());
-            let code = self.spawn(&arguments).and_then(|mut child| {
-                self.change(|job| job.process = child.id());
-                self.watch(&mut child)
+            let code = self.spawn(&arguments).and_then(|process| {
+                self.change(|job| job.process = process);
+                self.watch()
             });
             if self.is_stopped.load(Ordering::SeqCst) {
                 let words = "stopped; nothing is half-written, and what was finished is kept";
@@ -221,31 +240,50 @@ impl Jobs {
         self.end(Standing::Done, String::new());
     }
 
-    fn spawn(&self, arguments: &[String]) -> Result<Child> {
+    fn spawn(&self, arguments: &[String]) -> Result<Process> {
         let own = self.home.own();
-        let refused = |error| Error::at_path("write", &own, error, "make the folder writable");
-        std::fs::create_dir_all(&own).map_err(refused)?;
+        files::create_folders(&own, WRITABLE)?;
         // Files, not pipes: the command goes on when the workbench is killed.
-        let [out, log] = ["job.out", "job.log"].map(|name| File::create(own.join(name)).map_err(refused));
-        Command::new(&self.program)
+        let [out, log] = ["job.out", "job.log"].map(|name| files::create_anew(&own.join(name), WRITABLE));
+        let mut command = Command::new(&self.program);
+        command
             .args(arguments)
             .current_dir(self.home.dir())
             .env(crate::terminal::PROGRESS_VARIABLE, crate::terminal::PROGRESS_IN_LINES)
+            .env(FOLDER_VARIABLE, self.home.dir())
             .stdin(Stdio::null())
             .stdout(out?)
-            .stderr(log?)
-            .spawn()
-            .map_err(|error| Error::at_path("start", &self.program, error, "install the program anew"))
+            .stderr(log?);
+        let token = super::token()?;
+        // Held, so that a stop comes before its start or finds it.
+        let mut child = self.child();
+        let (started, process) = Process::spawn(&mut command, token)
+            .map_err(|error| Error::at_path("start", &self.program, error, "install the program anew"))?;
+        if self.is_stopped.load(Ordering::SeqCst) {
+            stop_child(child.insert(started));
+        } else {
+            *child = Some(started);
+        }
+        Ok(process)
     }
 
     /// Waits for a command, and passes its words on; its exit code, if it ended by itself.
-    fn watch(&self, child: &mut Child) -> Result<Option<i32>> {
+    fn watch(&self) -> Result<Option<i32>> {
         loop {
-            let ended = child
-                .try_wait()
-                .map_err(|error| Error::at_path("wait for", &self.program, error, "start the workbench again"))?;
-            if let Some(status) = ended {
-                return Ok(status.code());
+            {
+                let mut held = self.child();
+                let Some(child) = held.as_mut() else { return Ok(None) };
+                let ended = child
+                    .try_wait()
+                    .map_err(|error| Error::at_path("wait for", &self.program, error, "start the workbench again"))?;
+                if let Some(status) = ended {
+                    *held = None;
+                    return Ok(status.code());
+                }
+                // Its group is not the terminal's: what Ctrl-C or a closed terminal ends, this ends.
+                if crate::interrupt::flag().load(Ordering::SeqCst) && crate::interrupt::exit_code() != TERMINATED {
+                    stop_child(child);
+                }
             }
             self.pass_on();
             std::thread::sleep(LOOK);
@@ -265,11 +303,11 @@ impl Jobs {
     /// Waits for the command of an earlier workbench. What was to come after it is left to the user.
     fn look_after_left(&self) {
         let Some(job) = self.present() else { return };
-        if !runs(job.process) {
+        if !job.process.is_running() {
             let words = "the workbench ended while this ran: start it again; what was finished is kept";
             return self.end(Standing::Broken, words.into());
         }
-        while runs(job.process) {
+        while job.process.is_running() {
             self.pass_on();
             std::thread::sleep(LOOK);
         }
@@ -285,7 +323,7 @@ impl Jobs {
     /// The last words of the command.
     fn tail(&self) -> String {
         let read = || -> std::io::Result<String> {
-            let mut file = File::open(self.home.own().join("job.log"))?;
+            let mut file = files::open_file(&self.home.own().join("job.log")).map_err(std::io::Error::other)?;
             let length = file.metadata()?.len();
             file.seek(SeekFrom::Start(length.saturating_sub(TAIL_BYTES)))?;
             let mut bytes = Vec::new();
@@ -300,10 +338,16 @@ fn broken() -> Error {
     Error::numerical("the workbench has lost its jobs", "start it again")
 }
 
-/// The commands that a wish comes to; `members` are the experiments that groups are made of.
-fn commands(wish: &Wish, item: &Item, is_replaced: bool, members: &[PathBuf]) -> Result<Vec<Vec<String>>> {
-    let study = item.study.display().to_string();
-    let words = |words: &[&str]| words.iter().map(|word| (*word).to_string()).collect::<Vec<String>>();
+/// The commands that a wish comes to, in a folder; `members` are the experiments that groups are made of.
+pub(super) fn commands(
+    home: &Path,
+    wish: &Wish,
+    item: &Item,
+    is_replaced: bool,
+    members: &[PathBuf],
+) -> Result<Vec<Vec<String>>> {
+    let place = |inside: &Path| absolute(&home.join(inside));
+    let study = place(&item.study)?;
     let named = || -> Result<&String> {
         let revision = wish.revision.as_ref().or(item.revisions.last());
         revision.filter(|name| item.revisions.contains(name)).ok_or_else(|| {
@@ -311,24 +355,32 @@ fn commands(wish: &Wish, item: &Item, is_replaced: bool, members: &[PathBuf]) ->
             Error::input(Place::file(&item.study), "there is no such revision", remedy)
         })
     };
-    let of_revision = |command: &str| -> Result<Vec<String>> { Ok(words(&[command, &study, "--from", named()?])) };
-    let extended = |with: &str| -> Result<Vec<Vec<String>>> {
-        let mut extend = of_revision("extend")?;
-        extend.extend(words(&["--with", with]));
-        Ok(vec![extend, words(&["compare", &study]), words(&["ladder", &study]), overlaid(item)])
+    let of_study = |command: &str| words(&[command], &[], std::slice::from_ref(&study));
+    let of_revision = |command: &str, with: Option<String>| -> Result<Vec<String>> {
+        let mut options = vec![("from", Some(named()?.clone()))];
+        options.extend(with.map(|with| ("with", Some(with))));
+        Ok(words(&[command], &options, std::slice::from_ref(&study)))
+    };
+    let extended = |with: String| -> Result<Vec<Vec<String>>> {
+        Ok(vec![of_revision("extend", Some(with))?, of_study("compare"), of_study("ladder"), overlaid(home, item)?])
     };
     match wish.kind {
         Kind::Sample => {
-            let mut sample = match &item.experiment {
-                Some(experiment) => words(&["sample", &experiment.display().to_string(), "--out", &study]),
-                None => words(&["sample", &study]),
+            let mut options: Vec<(&str, Option<String>)> = Vec::new();
+            let target = match &item.experiment {
+                Some(experiment) => {
+                    options.push(("out", Some(study.clone())));
+                    place(experiment)?
+                }
+                None => study.clone(),
             };
-            sample.extend(is_replaced.then(|| "--force".to_string()));
-            Ok(vec![sample, words(&["compare", &study, "--from", "m0"])])
+            options.extend(is_replaced.then_some(("force", None)));
+            let compare = words(&["compare"], &[("from", Some("m0".into()))], std::slice::from_ref(&study));
+            Ok(vec![words(&["sample"], &options, &[target]), compare])
         }
-        Kind::Compare => Ok(vec![of_revision("compare")?]),
-        Kind::Diagnose => Ok(vec![of_revision("diagnose")?]),
-        Kind::Learn => Ok(vec![of_revision("learn")?]),
+        Kind::Compare => Ok(vec![of_revision("compare", None)?]),
+        Kind::Diagnose => Ok(vec![of_revision("diagnose", None)?]),
+        Kind::Learn => Ok(vec![of_revision("learn", None)?]),
         Kind::Extend => {
             let is_letter = |c: char| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '-';
             let is_slug = |slug: &String| !slug.is_empty() && !slug.starts_with('-') && slug.chars().all(is_letter);
@@ -336,34 +388,39 @@ fn commands(wish: &Wish, item: &Item, is_replaced: bool, members: &[PathBuf]) ->
                 let remedy = "choose effects of the list";
                 return Err(Error::input(Place::setting(Setting::Effects), "these are no effects' names", remedy));
             }
-            extended(&wish.with.join(","))
+            extended(wish.with.join(","))
         }
         Kind::Groups => {
             if wish.with.is_empty() || !wish.with.iter().all(|key| key == "species" || key == "region") {
                 let remedy = "choose species, region, or both";
                 return Err(Error::input(Place::setting(Setting::By), "groups are not formed by that", remedy));
             }
-            let mut groups = words(&["groups"]);
-            groups.extend(members.iter().map(|member| member.display().to_string()));
-            groups.extend(words(&["--by", &wish.with.join(","), "--out", GROUPS]));
-            Ok(vec![groups, words(&["report", &study])])
+            let options = [("by", Some(wish.with.join(","))), ("out", Some(place(Path::new(GROUPS))?))];
+            // The comparison names its members as they are named here, and goes with its folder.
+            let members: Vec<String> = members.iter().map(|member| member.display().to_string()).collect();
+            Ok(vec![words(&["groups"], &options, &members), of_study("report")])
         }
         Kind::Adopt => {
-            let file = item.study.join(named()?).join(vitreo_uq::criticism::learn::FILE_NAME);
-            extended(&file.display().to_string())
+            // Named from the folder, in which the command runs: a comma would divide the path, and the folder's own name may hold one.
+            let file = Path::new(".").join(&item.study).join(named()?).join(vitreo_uq::criticism::learn::FILE_NAME);
+            let file = file.display().to_string();
+            if file.contains(',') {
+                return Err(Error::input(Place::file(&item.study), "this name has a comma", "rename it without one"));
+            }
+            extended(file)
         }
     }
 }
 
 /// The command that lays the posteriors of the latest revisions over each other, the next one among them.
-fn overlaid(item: &Item) -> Vec<String> {
+fn overlaid(home: &Path, item: &Item) -> Result<Vec<String>> {
     let last = item.revisions.last().and_then(|name| name.strip_prefix('m')?.parse::<u32>().ok());
     let next = last.map(|number| format!("m{}", number + 1));
     let first = item.revisions.len().saturating_sub(MOST_OVERLAID - 1);
+    let study = home.join(&item.study);
     let revisions = item.revisions[first..].iter().chain(&next);
-    let paths = revisions.map(|name| item.study.join(name).display().to_string());
-    let out = item.study.join(CORNER_NAME).with_extension("").display().to_string();
-    std::iter::once("corner".to_string()).chain(paths).chain(["--out".to_string(), out]).collect()
+    let paths: Vec<String> = revisions.map(|name| absolute(&study.join(name))).collect::<Result<_>>()?;
+    Ok(words(&["corner"], &[("out", Some(absolute(&study.join(CORNER_NAME).with_extension(""))?))], &paths))
 }
 
 /// What a command says last, and how far it is.
@@ -381,37 +438,6 @@ fn error_in(tail: &str) -> String {
         Some(at) => tail[at + "error: ".len()..].trim_end().to_string(),
         None => tail.lines().last().unwrap_or("it ended without a word").to_string(),
     }
-}
-
-#[cfg(any(target_os = "linux", target_vendor = "apple"))]
-fn terminate(process: u32) {
-    use rustix::process::{Pid, Signal, kill_process};
-    if let Some(pid) = i32::try_from(process).ok().and_then(Pid::from_raw) {
-        let _ = kill_process(pid, Signal::TERM);
-    }
-}
-
-#[cfg(not(any(target_os = "linux", target_vendor = "apple")))]
-fn terminate(process: u32) {
-    let _ = Command::new("taskkill").args(["/F", "/PID", &process.to_string()]).status();
-}
-
-/// Whether a process runs that is one of this program's.
-#[cfg(any(target_os = "linux", target_vendor = "apple"))]
-fn runs(process: u32) -> bool {
-    use rustix::process::{Pid, test_kill_process};
-    let pid = i32::try_from(process).ok().and_then(Pid::from_raw);
-    let is_ours = match std::fs::read(format!("/proc/{process}/cmdline")) {
-        Ok(line) => String::from_utf8_lossy(&line).contains("vitreo-uq"),
-        // Where there is no such file, as elsewhere than on Linux.
-        Err(_) => !std::path::Path::new("/proc/self").exists(),
-    };
-    is_ours && pid.is_some_and(|pid| test_kill_process(pid).is_ok())
-}
-
-#[cfg(not(any(target_os = "linux", target_vendor = "apple")))]
-fn runs(_: u32) -> bool {
-    false
 }
 
 #[cfg(test)]
@@ -436,27 +462,27 @@ mod tests {
     #[test]
     fn wishes_are_commands_of_a_terminal() {
         let lines = |wish: &Wish, item: &Item| -> Vec<String> {
-            commands(wish, item, false, &[]).unwrap().iter().map(|words| words.join(" ")).collect()
+            commands(Path::new("/eyes"), wish, item, false, &[]).unwrap().iter().map(|words| words.join(" ")).collect()
         };
         assert_eq!(
             lines(&wish(Kind::Sample, None, &[]), &item(&[])),
-            ["sample eye --out vitreo-uq-out/eye", "compare vitreo-uq-out/eye --from m0"]
+            ["sample --out=/eyes/vitreo-uq-out/eye -- /eyes/eye", "compare --from=m0 -- /eyes/vitreo-uq-out/eye"]
         );
         assert_eq!(
             lines(&wish(Kind::Diagnose, None, &[]), &item(&["m0", "m1"])),
-            ["diagnose vitreo-uq-out/eye --from m1"]
+            ["diagnose --from=m1 -- /eyes/vitreo-uq-out/eye"]
         );
         assert_eq!(
             lines(&wish(Kind::Extend, Some("m0"), &["wall-slip", "drift"]), &item(&["m0"]))[0],
-            "extend vitreo-uq-out/eye --from m0 --with wall-slip,drift"
+            "extend --from=m0 --with=wall-slip,drift -- /eyes/vitreo-uq-out/eye"
         );
         assert_eq!(
             lines(&wish(Kind::Extend, Some("m0"), &["drift"]), &item(&["m0", "m1"]))[3],
-            "corner vitreo-uq-out/eye/m0 vitreo-uq-out/eye/m1 vitreo-uq-out/eye/m2 --out vitreo-uq-out/eye/corner"
+            "corner --out=/eyes/vitreo-uq-out/eye/corner -- /eyes/vitreo-uq-out/eye/m0 /eyes/vitreo-uq-out/eye/m1 /eyes/vitreo-uq-out/eye/m2"
         );
         assert_eq!(
             lines(&wish(Kind::Adopt, None, &[]), &item(&["m0"]))[0],
-            "extend vitreo-uq-out/eye --from m0 --with vitreo-uq-out/eye/m0/learned-effect.toml"
+            "extend --from=m0 --with=./vitreo-uq-out/eye/m0/learned-effect.toml -- /eyes/vitreo-uq-out/eye"
         );
     }
 
@@ -464,7 +490,7 @@ mod tests {
     fn no_word_of_a_wish_becomes_another_option() {
         vitreo_uq::base::error::rename_settings("command line", crate::settings::option);
         let refuses = |wish: Wish, revisions: &[&str], words: &str| {
-            let error = commands(&wish, &item(revisions), false, &[]).unwrap_err().to_string();
+            let error = commands(Path::new("/eyes"), &wish, &item(revisions), false, &[]).unwrap_err().to_string();
             assert!(error.contains(words), "`{words}` in {error}");
         };
         for with in [&["--force"][..], &["../x.toml"], &["a b"], &[]] {

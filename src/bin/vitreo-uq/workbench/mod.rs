@@ -5,10 +5,14 @@
 mod choice;
 mod home;
 mod jobs;
+mod process;
 mod rows;
 mod server;
 mod tables;
 mod trial;
+
+#[cfg(test)]
+mod name_tests;
 
 use std::net::{IpAddr, Ipv4Addr};
 use std::path::{Path, PathBuf};
@@ -18,6 +22,7 @@ use clap::Args;
 use vitreo_uq::base::error::{Error, Result};
 
 use crate::interrupt::say;
+pub use home::FOLDER_VARIABLE;
 use home::Home;
 
 const USUAL_PORT: u16 = 8421;

@@ -7,6 +7,7 @@ use std::time::SystemTime;
 
 use serde::Serialize;
 use vitreo_uq::base::error::Result;
+use vitreo_uq::base::files::{self, Kind};
 use vitreo_uq::documents::check::CheckSummary;
 use vitreo_uq::figures::predictions::{Predictions, read_predictions};
 use vitreo_uq::posterior::check;
@@ -65,9 +66,8 @@ impl<T> Memory<T> {
 
 /// The record that a folder describes.
 pub fn read_record(memory: &Memory<Read>, dir: &Path) -> Result<Arc<Read>> {
-    let entries = std::fs::read_dir(dir).into_iter().flatten().flatten();
-    let mut files: Vec<PathBuf> = entries.map(|entry| entry.path()).filter(|path| path.is_file()).collect();
-    files.sort();
+    let entries = files::entries(dir, "").unwrap_or_default().into_iter();
+    let files: Vec<PathBuf> = entries.filter(|(_, kind)| *kind == Kind::File).map(|(name, _)| dir.join(name)).collect();
     memory.get(dir, &files, || {
         let (experiment, files) = Experiment::read(dir)?;
         let summary = check::summary(&experiment, &files);
@@ -78,7 +78,8 @@ pub fn read_record(memory: &Memory<Read>, dir: &Path) -> Result<Arc<Read>> {
 /// What a revision predicts; `None` where it was written by a version that did not say.
 pub fn read_revision(memory: &Memory<Predictions>, dir: &Path) -> Result<Option<Arc<Predictions>>> {
     let path = dir.join(PREDICTIONS_NAME);
-    if !path.is_file() {
+    files::refuse_link(&path)?;
+    if !files::is_file(&path) {
         return Ok(None);
     }
     memory.get(&path, std::slice::from_ref(&path), || read_predictions(&path)).map(Some)

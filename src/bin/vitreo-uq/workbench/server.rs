@@ -234,7 +234,7 @@ fn study_of(bench: &Bench, name: &str, revision: Option<String>) -> Result<Value
         "revisions": revisions,
         "ladder": if item.revisions.is_empty() { Value::Null } else { document(&dir.join(LADDER_NAME)) },
         "item": item,
-        "overlay": dir.join(CORNER_NAME).is_file().then_some(CORNER_NAME),
+        "overlay": files::is_file(&dir.join(CORNER_NAME)).then_some(CORNER_NAME),
         "parts": parts.into_iter().collect::<std::collections::BTreeMap<_, _>>(),
     }))
 }

@@ -12,6 +12,9 @@ use vitreo_uq::record::table::Question;
 
 use super::home::Home;
 
+/// Longest ending of a table's name that is kept.
+const LONGEST_ENDING: usize = 10;
+
 /// What a page knows of a table.
 #[derive(Debug, Clone, Default, Deserialize)]
 pub struct Described {
@@ -55,29 +58,32 @@ pub enum Answered {
     },
 }
 
-/// Keeps a table that came; gives the name under which it is asked for.
+/// Keeps a table that came, whatever its name; gives the name under which it is asked for.
 pub fn keep(home: &Home, name: &str, number: u64, bytes: &[u8]) -> Result<String> {
-    let is_plain = !name.is_empty()
-        && name.len() <= 200
-        && !name.starts_with('.')
-        && !name.contains(|c: char| c.is_control() || matches!(c, '/' | '\\'));
-    if !is_plain {
-        let remedy = "rename the table to letters, digits and dots";
-        return Err(Error::input(Place::file(name), "this is no plain name of a file", remedy));
-    }
     let upload = format!("upload-{number}");
     let folder = home.own().join(&upload);
-    std::fs::create_dir_all(&folder)
-        .map_err(|error| Error::at_path("create", &folder, error, "make the folder writable"))?;
-    files::write_atomically(&folder.join(name), bytes)?;
+    files::create_folders(&folder, "make the folder writable")?;
+    files::write_atomically(&folder.join(stored(name)), bytes)?;
     Ok(upload)
+}
+
+/// The name under which a table is kept: letters, digits, dots and hyphens, with the ending that it had.
+fn stored(name: &str) -> String {
+    let name = Path::new(name);
+    let stem = files::safe_name(&name.file_stem().unwrap_or_default().to_string_lossy());
+    let ending = name.extension().map(|ending| files::safe_name(&ending.to_string_lossy()));
+    match ending.filter(|ending| ending.len() <= LONGEST_ENDING) {
+        Some(ending) => format!("{stem}.{ending}"),
+        None => stem,
+    }
 }
 
 /// Removes what earlier workbenches kept.
 pub fn forget(home: &Home) {
-    let Ok(entries) = std::fs::read_dir(home.own()) else { return };
-    for entry in entries.flatten().filter(|entry| entry.file_name().to_string_lossy().starts_with("upload-")) {
-        let _ = std::fs::remove_dir_all(entry.path());
+    for (name, _) in files::entries(&home.own(), "").unwrap_or_default() {
+        if name.to_string_lossy().starts_with("upload-") {
+            let _ = files::remove_all(&home.own().join(name));
+        }
     }
 }
 
@@ -109,6 +115,7 @@ fn written(home: &Home, file: &Path, described: &Described) -> Result<Answered> 
         }
         known
     };
+    files::refuse_link(&home.own())?;
     let trial = tempfile::tempdir_in(home.own())
         .map_err(|error| Error::at_path("create", home.own(), error, "make the folder writable"))?;
     let tried = init::run(&request(trial.path().join("trial")), &mut answer);
@@ -140,10 +147,8 @@ fn named_alone(error: Error, file: &Path) -> Error {
 fn kept(home: &Home, described: &Described) -> Result<PathBuf> {
     let is_number = |name: &str| !name.is_empty() && name.chars().all(|c| c.is_ascii_digit());
     let is_upload = described.upload.strip_prefix("upload-").is_some_and(is_number);
-    let is_plain =
-        !described.file.is_empty() && !described.file.contains(['/', '\\']) && !described.file.starts_with('.');
-    let path = home.own().join(&described.upload).join(&described.file);
-    if is_upload && is_plain && path.is_file() {
+    let path = home.own().join(&described.upload).join(stored(&described.file));
+    if is_upload && files::is_file(&path) {
         return Ok(path);
     }
     Err(Error::input(Place::file(&described.file), "this table is not here any more", "drop it on the page again"))

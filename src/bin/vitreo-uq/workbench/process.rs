@@ -1,0 +1,173 @@
+//! The process of a job, told from every other that has or had its number.
+
+use std::process::{Child, Command};
+
+use serde::{Deserialize, Serialize};
+
+/// In the environment of a job's process: the token of the job.
+const TOKEN: &str = "VITREO_UQ_JOB";
+
+/// A process by its number, its start and a token that nobody guesses. The system gives numbers again, and a list of jobs that was received names any.
+#[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Process {
+    number: u32,
+    /// As the system tells it; empty where it does not.
+    started: String,
+    token: String,
+}
+
+impl Process {
+    /// Starts a command as the first of a process group of its own, which [`Process::stop`] ends.
+    pub fn spawn(command: &mut Command, token: String) -> std::io::Result<(Child, Self)> {
+        command.env(TOKEN, &token);
+        #[cfg(unix)]
+        std::os::unix::process::CommandExt::process_group(command, 0);
+        let child = command.spawn()?;
+        let number = child.id();
+        Ok((child, Self { number, started: system::start_of(number).unwrap_or_default(), token }))
+    }
+
+    /// Whether it runs; another process that has its number now does not count.
+    pub fn is_running(&self) -> bool {
+        !self.token.is_empty()
+            && !self.started.is_empty()
+            && system::start_of(self.number).as_ref() == Some(&self.started)
+            && system::has_in_environment(self.number, &format!("{TOKEN}={}", self.token))
+    }
+
+    /// Asks it and what it has started to end, if it runs.
+    pub fn stop(&self) {
+        if self.is_running() {
+            end_group(self.number);
+        }
+    }
+}
+
+/// Asks a child that was not waited for, and what it has started, to end.
+pub fn stop_child(child: &mut Child) {
+    if cfg!(any(target_os = "linux", target_vendor = "apple")) {
+        end_group(child.id());
+    } else {
+        // One that has ended is no longer there to be ended.
+        let _ = child.kill();
+    }
+}
+
+#[cfg(any(target_os = "linux", target_vendor = "apple"))]
+fn end_group(number: u32) {
+    use rustix::process::{Pid, Signal, kill_process_group};
+    if let Some(pid) = i32::try_from(number).ok().and_then(Pid::from_raw) {
+        let _ = kill_process_group(pid, Signal::TERM);
+    }
+}
+
+#[cfg(not(any(target_os = "linux", target_vendor = "apple")))]
+fn end_group(_: u32) {}
+
+#[cfg(target_os = "linux")]
+mod system {
+    /// Place of the start among what follows a process's name, from its state on (`man 5 proc_pid_stat`).
+    const START: usize = 19;
+
+    /// Clock ticks between the system's start and the process's; `None` for one that is not there, or has ended and was not waited for.
+    pub fn start_of(number: u32) -> Option<String> {
+        let text = std::fs::read_to_string(format!("/proc/{number}/stat")).ok()?;
+        // The name may hold anything.
+        let mut fields = text.rsplit_once(')')?.1.split_whitespace();
+        let state = fields.next()?;
+        (!["Z", "X"].contains(&state)).then_some(())?;
+        fields.nth(START - 1).map(String::from)
+    }
+
+    /// Whether a process began with a variable; one whose environment is not to be seen is somebody else's.
+    pub fn has_in_environment(number: u32, variable: &str) -> bool {
+        let bytes = std::fs::read(format!("/proc/{number}/environ")).unwrap_or_default();
+        bytes.split(|byte| *byte == 0).any(|own| own == variable.as_bytes())
+    }
+}
+
+#[cfg(target_vendor = "apple")]
+mod system {
+    fn told(number: u32, arguments: &[&str]) -> Option<String> {
+        let output = std::process::Command::new("/bin/ps").args(arguments).args(["-p", &number.to_string()]).output();
+        let text = String::from_utf8_lossy(&output.ok()?.stdout).trim().to_string();
+        (!text.is_empty()).then_some(text)
+    }
+
+    /// Second at which the process began.
+    pub fn start_of(number: u32) -> Option<String> {
+        told(number, &["-o", "lstart="])
+    }
+
+    /// Whether a process began with a variable.
+    pub fn has_in_environment(number: u32, variable: &str) -> bool {
+        told(number, &["-E", "-ww", "-o", "command="]).is_some_and(|text| text.split(' ').any(|own| own == variable))
+    }
+}
+
+/// Elsewhere a process of an earlier workbench is not known again.
+#[cfg(not(any(target_os = "linux", target_vendor = "apple")))]
+mod system {
+    pub fn start_of(_: u32) -> Option<String> {
+        None
+    }
+
+    pub fn has_in_environment(_: u32, _: &str) -> bool {
+        false
+    }
+}
+
+#[cfg(all(test, target_os = "linux"))]
+mod tests {
+    use super::*;
+
+    fn sleeping(token: &str) -> (Child, Process) {
+        Process::spawn(Command::new("sleep").arg("60"), token.into()).unwrap()
+    }
+
+    #[test]
+    fn only_the_process_itself_is_known_and_stopped() {
+        let (mut own, process) = sleeping("0a1b");
+        let (mut other, of_other) = sleeping("ffff");
+        assert!(process.is_running() && of_other.is_running());
+        // Whatever of it is another's, it is not the process.
+        for foreign in [
+            Process { number: of_other.number, ..process.clone() },
+            Process { number: of_other.number, started: of_other.started.clone(), token: "0a1b".into() },
+            Process { token: String::new(), ..of_other.clone() },
+            Process { token: "0a1".into(), ..process.clone() },
+            Process { started: "1".into(), ..process.clone() },
+            Process { number: std::process::id(), ..process.clone() },
+            Process { number: 0, ..process.clone() },
+            Process { number: u32::MAX, ..process.clone() },
+        ] {
+            assert!(!foreign.is_running(), "{foreign:?}");
+            foreign.stop();
+        }
+        assert!(own.try_wait().unwrap().is_none() && other.try_wait().unwrap().is_none());
+        process.stop();
+        assert!(!own.wait().unwrap().success());
+        assert!(!process.is_running() && of_other.is_running());
+        stop_child(&mut other);
+        assert!(!other.wait().unwrap().success());
+    }
+
+    /// A shell and what it has started end together, and nobody else of the group that tests run in.
+    #[test]
+    fn a_stop_ends_the_group_alone() {
+        let mut command = Command::new("sh");
+        command.args(["-c", "sleep 60 & echo $!; wait"]).stdout(std::process::Stdio::piped());
+        let (mut child, process) = Process::spawn(&mut command, "0a1b".into()).unwrap();
+        let mut line = String::new();
+        std::io::BufRead::read_line(&mut std::io::BufReader::new(child.stdout.take().unwrap()), &mut line).unwrap();
+        let inner: u32 = line.trim().parse().unwrap();
+        assert!(system::start_of(inner).is_some());
+        process.stop();
+        child.wait().unwrap();
+        let began = std::time::Instant::now();
+        while system::start_of(inner).is_some() {
+            assert!(began.elapsed() < std::time::Duration::from_secs(10), "what it had started goes on");
+            std::thread::sleep(std::time::Duration::from_millis(5));
+        }
+    }
+}
