@@ -14,6 +14,7 @@ mod http;
 mod indentation;
 mod ladder;
 mod learn;
+mod links;
 #[path = "../mutators/mod.rs"]
 mod mutators;
 mod numbers;

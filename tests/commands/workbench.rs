@@ -10,6 +10,9 @@ use crate::http;
 
 use rand::{Rng, RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
+use serde_json::{Value, json};
+
+use crate::program::write_instrument_experiment;
 
 /// A workbench in a folder of its own, ended with the test.
 struct Bench {
@@ -30,12 +33,27 @@ impl Drop for Bench {
 impl Bench {
     fn start() -> Self {
         let outside = tempfile::tempdir().unwrap();
+        std::fs::create_dir(outside.path().join("home")).unwrap();
+        Self::start_in(outside)
+    }
+
+    /// In the folder `home` of a directory, which has a secret beside it.
+    fn start_in(outside: tempfile::TempDir) -> Self {
         let home = outside.path().join("home");
-        std::fs::create_dir(&home).unwrap();
         std::fs::write(outside.path().join("secret.json"), "{\"secret\": 1}").unwrap();
+        let (child, address, token) = Self::begin(&home);
+        Self { child, address, token, _outside: outside, home }
+    }
+
+    /// Another workbench of the same folder, after this one has ended.
+    fn restart(&mut self) {
+        (self.child, self.address, self.token) = Self::begin(&self.home);
+    }
+
+    fn begin(home: &Path) -> (Child, SocketAddr, String) {
         let mut child = Command::new(env!("CARGO_BIN_EXE_vitreo-uq"))
             .args(["workbench", "--port", "0", "--quiet"])
-            .current_dir(&home)
+            .current_dir(home)
             .stdout(Stdio::piped())
             .spawn()
             .unwrap();
@@ -43,7 +61,7 @@ impl Bench {
         BufReader::new(child.stdout.take().unwrap()).read_line(&mut link).unwrap();
         let (address, token) = link.trim().trim_start_matches("http://").split_once('/').unwrap();
         let (address, token) = (address.parse().unwrap(), token.trim_end_matches('/').to_string());
-        Self { child, address, token, _outside: outside, home }
+        (child, address, token)
     }
 
     fn send(&self, bytes: &[u8], patience: Duration) -> Vec<u8> {
@@ -57,6 +75,38 @@ impl Bench {
 
     fn get(&self, path: &str) -> (u16, String) {
         self.ask("GET", &format!("/{}/{path}", self.token), "", b"")
+    }
+
+    fn post(&self, path: &str, document: &Value) -> (u16, Value) {
+        let headers = "Content-Type: application/json\r\n";
+        let patience = Duration::from_secs(60);
+        let path = format!("/{}/{path}", self.token);
+        let (status, body) = http::ask(self.address, "POST", &path, headers, document.to_string().as_bytes(), patience);
+        (status, serde_json::from_str(&body).unwrap_or_else(|_| panic!("{status} {body}")))
+    }
+
+    /// The job as it is kept on disk; `None` before the first.
+    fn job(&self) -> Option<Value> {
+        let bytes = std::fs::read(self.home.join(".vitreo-uq-workbench/job.json")).ok()?;
+        serde_json::from_slice(&bytes).ok()
+    }
+
+    /// Does what the page asks for, to its end.
+    #[track_caller]
+    fn does(&self, wish: &Value) {
+        let (status, answer) = self.post("api/job", wish);
+        assert_eq!(status, 200, "{answer}");
+        let began = Instant::now();
+        loop {
+            let job = self.job().filter(|job| job["began_s"] == answer["began_s"] && job["kind"] == wish["kind"]);
+            match job.as_ref().and_then(|job| job["standing"].as_str()) {
+                Some("done") => return,
+                Some("running") | None => {}
+                Some(_) => panic!("{job:?}"),
+            }
+            assert!(began.elapsed() < Duration::from_secs(300), "{wish} does not end: {job:?}");
+            std::thread::sleep(Duration::from_millis(20));
+        }
     }
 
     fn lives(&self) {
@@ -118,14 +168,23 @@ fn nothing_outside_is_read_or_written() {
             assert!(status >= 400 && !body.contains("secret\": 1"), "{item} {path}: {status} {body}");
         }
     }
-    let before = files(bench.home.parent().unwrap());
+    // Whatever its name, a table is kept in the workbench's own folder, under a plain name.
     for name in
         ["../x.csv", "..%2fx.csv", "%2e%2e%2fx.csv", ".hidden.csv", "a%00b.csv", "", "x%5cy.csv", &"x".repeat(300)]
     {
         let (status, body) =
             bench.ask("POST", &format!("/{}/api/table?name={name}", bench.token), "", b"t,f,x\n0,1,2\n");
-        assert_eq!(status, 422, "{name}: {body}");
+        assert_eq!(status, 200, "{name}: {body}");
     }
+    let before = files(bench.home.parent().unwrap());
+    let own = bench.home.join(".vitreo-uq-workbench");
+    let is_plain = |path: &&std::path::PathBuf| {
+        let name = path.file_name().unwrap().to_str().unwrap();
+        name.starts_with(|c: char| c.is_alphanumeric()) && name.len() < 100
+    };
+    assert_eq!(before.iter().filter(|path| path.starts_with(&own)).filter(is_plain).count(), 16, "{before:?}");
+    let elsewhere = before.iter().filter(|path| !path.starts_with(&own)).collect::<Vec<_>>();
+    assert_eq!(elsewhere, [&bench.home, &secret]);
     let document = "Content-Type: application/json\r\n";
     for (upload, file) in
         [("upload-0", "../../secret.json"), ("../..", "secret.json"), ("upload-0/..", "x"), ("upload-99", "x.csv")]
@@ -245,4 +304,190 @@ fn no_request_brings_it_down() {
     assert!(n_answered > 9_000, "{n_answered}");
     bench.lives();
     assert_eq!(files(bench.home.parent().unwrap()), before);
+}
+
+/// A name as it stands in a query.
+fn in_query(name: &str) -> String {
+    name.bytes().map(|byte| format!("%{byte:02x}")).collect()
+}
+
+/// Tables whose names are options or paths, from the drop to the second revision: the results are the table's, and nothing else is written.
+#[test]
+#[ignore = "thorough"]
+fn hostile_names_go_all_the_way() {
+    let bench = Bench::start();
+    write_instrument_experiment(&bench.home.parent().unwrap().join("gel"), true, 0.3);
+    let gel = |name: &str| std::fs::read_to_string(bench.home.parent().unwrap().join("gel").join(name)).unwrap();
+    let mut items = Vec::new();
+    for name in ["--force.csv", "../$(touch pwned)\n\u{202e}--json=pwned.json.csv"] {
+        let path = format!("/{}/api/table?name={}", bench.token, in_query(name));
+        let (status, body) = bench.ask("POST", &path, "", gel("trajectory.csv").as_bytes());
+        assert_eq!(status, 200, "{body}");
+        let upload = serde_json::from_str::<Value>(&body).unwrap()["upload"].clone();
+        let mut answers = serde_json::Map::new();
+        let item = loop {
+            let (status, answer) = bench.post("api/init", &json!({"upload": upload, "file": name, "answers": answers}));
+            assert_eq!(status, 200, "{answer}");
+            let Some(questions) = answer["questions"].as_array() else {
+                break answer["item"].as_str().unwrap().to_string();
+            };
+            for own in questions {
+                let answer = own["proposal"].as_str().or(own["choices"][0].as_str()).unwrap_or("1");
+                assert!(answers.insert(own["text"].as_str().unwrap().into(), answer.into()).is_none(), "{own}");
+            }
+        };
+        items.push(item);
+    }
+    assert_eq!(items, ["force", "touch-pwned----json-pwned.json"]);
+    // A folder that was not made by the page.
+    std::fs::create_dir(bench.home.join("--json=pwned.json")).unwrap();
+    items.push("--json=pwned.json".into());
+    for item in &items {
+        // The same table of an instrument, whose models are cheap.
+        let id = format!("id = \"{}\"", item.replace("json=", "of-"));
+        std::fs::write(
+            bench.home.join(item).join("experiment.toml"),
+            gel("experiment.toml").replace("id = \"gel\"", &id),
+        )
+        .unwrap();
+        std::fs::write(bench.home.join(item).join("trajectory.csv"), gel("trajectory.csv")).unwrap();
+        for wish in [
+            json!({"item": item, "kind": "sample"}),
+            json!({"item": item, "kind": "diagnose"}),
+            json!({"item": item, "kind": "extend", "with": ["tracking-drift"]}),
+        ] {
+            bench.does(&wish);
+        }
+        let (status, study) = bench.get(&format!("api/study?item={}", in_query(item)));
+        let study: Value = serde_json::from_str(&study).unwrap();
+        assert_eq!(status, 200, "{study}");
+        assert_eq!(study["revisions"].as_array().unwrap().len(), 2, "{study}");
+        let inputs = bench.home.join(study["item"]["study"].as_str().unwrap()).join("inputs.sha256");
+        assert!(std::fs::read_to_string(inputs).unwrap().contains("trajectory.csv"));
+    }
+    let mut names: Vec<_> = std::fs::read_dir(&bench.home).unwrap().map(|own| own.unwrap().file_name()).collect();
+    names.sort();
+    let mut expected = [&items[..], &[".vitreo-uq-workbench".into(), "vitreo-uq-out".into()]].concat();
+    expected.sort();
+    assert_eq!(names, expected.iter().map(std::ffi::OsString::from).collect::<Vec<_>>());
+    let studies = bench.home.join("vitreo-uq-out");
+    let studies: Vec<_> = std::fs::read_dir(studies).unwrap().map(|own| own.unwrap().file_name()).collect();
+    assert!(
+        studies.len() == 3 && studies.iter().all(|name| !name.to_string_lossy().starts_with(['-', '.'])),
+        "{studies:?}"
+    );
+}
+
+/// A folder that was received names any process as its job's, and has links where the workbench keeps its own: neither is a process ended nor a file written outside.
+#[cfg(target_os = "linux")]
+#[test]
+fn a_received_folder_ends_no_process_and_writes_no_file_elsewhere() {
+    let outside = tempfile::tempdir().unwrap();
+    let (home, own) = (outside.path().join("home"), outside.path().join("home/.vitreo-uq-workbench"));
+    std::fs::create_dir_all(&own).unwrap();
+    write_instrument_experiment(&home.join("gel"), true, 0.0);
+    // Another's process with this program's name in its command line.
+    let foreign = outside.path().join("vitreo-uq-of-somebody");
+    std::fs::copy("/bin/sleep", &foreign).unwrap();
+    let mut foreign = Command::new(foreign).arg("60").spawn().unwrap();
+    let stat = std::fs::read_to_string(format!("/proc/{}/stat", foreign.id())).unwrap();
+    let started = stat.rsplit_once(')').unwrap().1.split_whitespace().nth(19).unwrap().to_string();
+    let job = json!({
+        "item": "gel", "kind": "sample", "commands": [["sample"]], "at": 0, "began_s": 1, "standing": "running", "words": "", "progress": null,
+        "process": {"number": foreign.id(), "started": started, "token": "0123456789abcdef"}
+    });
+    std::fs::write(own.join("job.json"), job.to_string()).unwrap();
+    let victim = outside.path().join("victim");
+    std::fs::write(&victim, "kept").unwrap();
+    for name in ["job.log", "job.out", "upload-0"] {
+        std::os::unix::fs::symlink(&victim, own.join(name)).unwrap();
+    }
+    let bench = Bench::start_in(outside);
+    let began = Instant::now();
+    while bench.job().unwrap()["standing"] != "broken" {
+        assert!(began.elapsed() < Duration::from_secs(20), "{:?}", bench.job());
+        std::thread::sleep(Duration::from_millis(10));
+    }
+    assert_eq!(bench.ask("DELETE", &format!("/{}/api/job", bench.token), "", b"").0, 200);
+    // Its own job is ended, although it is not of the terminal's group.
+    let (status, answer) = bench.post("api/job", &json!({"item": "gel", "kind": "sample"}));
+    assert_eq!(status, 200, "{answer}");
+    let running = || bench.job().filter(|job| job["process"]["number"].as_u64().is_some_and(|number| number > 0));
+    while running().is_none() {
+        assert!(began.elapsed() < Duration::from_secs(40), "{:?}", bench.job());
+        std::thread::sleep(Duration::from_millis(2));
+    }
+    assert_eq!(bench.ask("DELETE", &format!("/{}/api/job", bench.token), "", b"").0, 200);
+    while bench.job().unwrap()["standing"] == "running" {
+        assert!(began.elapsed() < Duration::from_secs(60), "{:?}", bench.job());
+        std::thread::sleep(Duration::from_millis(10));
+    }
+    assert_eq!(bench.job().unwrap()["standing"], "stopped");
+    assert!(foreign.try_wait().unwrap().is_none(), "a foreign process was ended");
+    assert_eq!(std::fs::read_to_string(&victim).unwrap(), "kept");
+    let log = bench.home.join(".vitreo-uq-workbench/job.log");
+    assert!(log.symlink_metadata().unwrap().is_file());
+    foreign.kill().unwrap();
+    foreign.wait().unwrap();
+}
+
+/// Ctrl-C ends the workbench and its job; a workbench that is killed leaves its job to the next one, which finds and stops it.
+#[cfg(target_os = "linux")]
+#[test]
+fn a_job_ends_with_ctrl_c_and_is_found_after_a_kill() {
+    let outside = tempfile::tempdir().unwrap();
+    let gel = outside.path().join("home/gel");
+    write_instrument_experiment(&gel, true, 0.0);
+    // A long record, so that the job runs as long as nobody stops it.
+    let head = "time_s,force_uN,position_um,cycle\n".to_string();
+    let row = |row: u32| {
+        format!(
+            "{:.2},{},{:.3},{}\n",
+            0.01 * f64::from(row),
+            if row / 500 % 2 == 0 { 1 } else { -1 },
+            f64::from(row % 500),
+            1 + row / 100_000
+        )
+    };
+    std::fs::write(gel.join("trajectory.csv"), head + &(0..200_000).map(row).collect::<String>()).unwrap();
+    let mut bench = Bench::start_in(outside);
+    let process = |bench: &Bench| {
+        let (status, answer) = bench.post("api/job", &json!({"item": "gel", "kind": "sample"}));
+        assert_eq!(status, 200, "{answer}");
+        let began = Instant::now();
+        loop {
+            let number = bench.job().and_then(|job| job["process"]["number"].as_u64()).unwrap_or(0);
+            if number > 0 {
+                return number;
+            }
+            assert!(began.elapsed() < Duration::from_secs(20));
+            std::thread::sleep(Duration::from_millis(2));
+        }
+    };
+    let is_gone = |process: u64| {
+        let state = std::fs::read_to_string(format!("/proc/{process}/stat")).unwrap_or_default();
+        state.rsplit_once(')').is_none_or(|(_, rest)| rest.trim_start().starts_with('Z'))
+    };
+    let wait_for_end = |process: u64| {
+        let began = Instant::now();
+        while !is_gone(process) {
+            assert!(began.elapsed() < Duration::from_secs(20), "the job goes on");
+            std::thread::sleep(Duration::from_millis(5));
+        }
+    };
+    let first = process(&bench);
+    let signal = |signal: &str, number: u32| {
+        assert!(Command::new("kill").args([signal, &number.to_string()]).status().unwrap().success());
+    };
+    signal("-INT", bench.child.id());
+    assert_eq!(bench.child.wait().unwrap().code(), Some(130));
+    wait_for_end(first);
+    bench.restart();
+    let second = process(&bench);
+    bench.child.kill().unwrap();
+    bench.child.wait().unwrap();
+    assert!(!is_gone(second), "the job has ended with its workbench");
+    bench.restart();
+    assert_eq!(bench.ask("DELETE", &format!("/{}/api/job", bench.token), "", b"").0, 200);
+    wait_for_end(second);
 }
