@@ -172,9 +172,8 @@ fn craft(study: &Path, outside: &Path, random: &mut ChaCha8Rng) -> Vec<String> {
     let secret = outside.join("secret.toml").display().to_string();
     let edit = |name: &str, from: &str, to: &str| {
         let path = study.join(name);
-        if let (true, Ok(text)) =
-            (path.symlink_metadata().is_ok_and(|own| own.is_file()), std::fs::read_to_string(&path))
-        {
+        if path.symlink_metadata().is_ok_and(|own| own.is_file()) {
+            let text = std::fs::read_to_string(&path).unwrap();
             std::fs::write(&path, text.replacen(from, to, 1)).unwrap();
         }
     };

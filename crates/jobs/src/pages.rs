@@ -30,7 +30,7 @@ const AGAIN: &str = "run the command that wrote it again";
 /// [`Error::Input`] where there is nothing to show, or a document cannot be read; [`Error::File`] if the operating system refuses.
 pub fn write(dir: &Path, out: Option<&Path>) -> Result<PathBuf> {
     if is_folder(dir) {
-        enclose(dir, "a study or a comparison");
+        enclose(dir, if Study::is_study(dir) { "a study" } else { "a comparison" });
     }
     let html = if let Some(document) = read::<GroupsSummary>(&dir.join("groups.json"))? {
         page::groups(&document.body, drawings(dir)?, &origin(document.provenance))
