@@ -338,7 +338,7 @@ fn hostile_names_go_all_the_way() {
         };
         items.push(item);
     }
-    assert_eq!(items, ["force", "touch-pwned----json-pwned.json"]);
+    assert_eq!(items, ["force", "touch-pwned-----json-pwned.json"]);
     // A folder that was not made by the page.
     std::fs::create_dir(bench.home.join("--json=pwned.json")).unwrap();
     items.push("--json=pwned.json".into());

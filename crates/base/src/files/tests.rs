@@ -159,40 +159,55 @@ fn no_link_beneath_an_enclosed_directory_is_followed() {
     assert_eq!(std::fs::read(outside.join("secret")).unwrap(), b"secret");
 }
 
-/// Two threads put a link and a directory in each other's place as quickly as they can, while files are read and written beneath.
+/// Another thread puts a link and a directory, or a link and a file, in each other's place as quickly as it can, while files are read and written.
 #[cfg(any(target_os = "linux", target_vendor = "apple"))]
 #[test]
 fn a_link_that_comes_in_the_meantime_is_not_followed() {
     use std::sync::atomic::{AtomicBool, Ordering};
-    let (place, named) = enclosed_place();
-    let (outside, m0) = (place.path().join("out"), named.join("m0"));
-    std::fs::write(m0.join("secret"), "harmless").unwrap();
-    let link = place.path().join("link");
-    std::os::unix::fs::symlink(&outside, &link).unwrap();
-    let is_over = AtomicBool::new(false);
-    let mut n_read = [0, 0];
-    std::thread::scope(|scope| {
-        scope.spawn(|| {
-            while !is_over.load(Ordering::Relaxed) {
-                let _ = exchange(&link, &place.path().join("in/m0"));
+    // Set also where the test fails: the other thread would never end.
+    struct Over<'a>(&'a AtomicBool);
+    impl Drop for Over<'_> {
+        fn drop(&mut self) {
+            self.0.store(true, Ordering::Relaxed);
+        }
+    }
+    for (target, changed) in [("out", "in/m0"), ("out/secret", "in/m0/secret")] {
+        let (place, named) = enclosed_place();
+        let (outside, m0) = (place.path().join("out"), named.join("m0"));
+        std::fs::write(m0.join("secret"), "harmless").unwrap();
+        let link = place.path().join("link");
+        std::os::unix::fs::symlink(place.path().join(target), &link).unwrap();
+        let is_over = AtomicBool::new(false);
+        let mut n_read = [0, 0];
+        std::thread::scope(|scope| {
+            let _over = Over(&is_over);
+            scope.spawn(|| {
+                while !is_over.load(Ordering::Relaxed) {
+                    let _ = exchange(&link, &place.path().join(changed));
+                }
+            });
+            // Where the processor is busy, until both were seen.
+            for round in 0..300_000 {
+                if round > 3000 && !n_read.contains(&0) {
+                    break;
+                }
+                match read(&m0.join("secret"), Content::Table, "") {
+                    Ok(bytes) => {
+                        assert_eq!(bytes, b"harmless");
+                        n_read[0] += 1;
+                    }
+                    Err(_) => n_read[1] += 1,
+                }
+                if round % 30 == 0 {
+                    let _ = write_atomically(&m0.join("written"), b"x");
+                    let _ = create_folders(&m0.join("made"), "");
+                    let _ = remove_all(&m0.join("secret-of-nobody"));
+                    let _ = open_lock(&m0.join("secret"));
+                }
             }
         });
-        for round in 0..3000 {
-            match read(&m0.join("secret"), Content::Table, "") {
-                Ok(bytes) => {
-                    assert_eq!(bytes, b"harmless");
-                    n_read[0] += 1;
-                }
-                Err(_) => n_read[1] += 1,
-            }
-            if round % 30 == 0 {
-                let _ = write_atomically(&m0.join("written"), b"x");
-                let _ = create_folders(&m0.join("made"), "");
-                let _ = remove_all(&m0.join("secret-of-nobody"));
-            }
-        }
-        is_over.store(true, Ordering::Relaxed);
-    });
-    assert_eq!(names(&outside), ["secret"], "something was written outside");
-    assert!(n_read.iter().all(|n| *n > 0), "the race was not run: {n_read:?}");
+        assert_eq!(names(&outside), ["secret"], "something was written outside");
+        assert_eq!(std::fs::read(outside.join("secret")).unwrap(), b"secret");
+        assert!(n_read.iter().all(|n| *n > 0), "the race was not run: {n_read:?}");
+    }
 }

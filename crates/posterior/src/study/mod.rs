@@ -90,9 +90,9 @@ impl Study {
         Path::new(DEFAULT_PARENT).join(files::safe_name(specimen_id))
     }
 
-    /// Whether a path is a study directory, as opposed to an experiment.
+    /// Whether a path is a study directory, as opposed to an experiment. One whose hashes are a link or no file is a study that is refused when it is opened.
     pub fn is_study(path: &Path) -> bool {
-        path.join(HASHES_NAME).is_file()
+        path.join(HASHES_NAME).symlink_metadata().is_ok()
     }
 
     /// Makes the study of an experiment, or continues it if it is there with the same input.
