@@ -444,7 +444,7 @@ fn a_job_ends_with_ctrl_c_and_is_found_after_a_kill() {
         format!(
             "{:.2},{},{:.3},{}\n",
             0.01 * f64::from(row),
-            if row / 500 % 2 == 0 { 1 } else { -1 },
+            if (row / 500).is_multiple_of(2) { 1 } else { -1 },
             f64::from(row % 500),
             1 + row / 100_000
         )

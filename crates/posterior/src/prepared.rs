@@ -80,9 +80,7 @@ impl KeptSurrogate {
     /// is. One that was changed since is not used, and `monitor` says so.
     pub fn read(revision_dir: &Path, monitor: &dyn Monitor) -> Option<Self> {
         let path = revision_dir.join(SURROGATE_NAME);
-        if kind(&path).is_none() {
-            return None;
-        }
+        kind(&path)?;
         let document: Option<WithProvenance<Kept<Self>>> =
             read_if_there(&path, Content::Document).and_then(|bytes| serde_json::from_slice(&bytes).ok());
         let kept = document.and_then(|document| document.body.unchanged()).filter(|kept| kept.surrogate.is_whole());

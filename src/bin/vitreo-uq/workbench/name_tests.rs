@@ -159,7 +159,7 @@ fn is_understood(home: &Home, item: &Item) {
     }
     check(&sample[1], "compare", &[("target", &[&study]), ("from", &["m0"])]);
     let (_, given) = understood(&built(Kind::Sample, &[], true).unwrap()[0]);
-    assert_eq!(given.contains_key("force"), true);
+    assert!(given.contains_key("force"));
     for (kind, command) in [(Kind::Compare, "compare"), (Kind::Diagnose, "diagnose"), (Kind::Learn, "learn")] {
         check(&built(kind, &[], false).unwrap()[0], command, &[("target", &[&study]), ("from", &["m1"])]);
     }
@@ -214,7 +214,7 @@ fn answers(home: &Home) -> BTreeMap<String, String> {
 
 fn table() -> String {
     let row = |row: usize| {
-        let force_un = if row / 10 % 2 == 0 { 1.0 } else { -1.0 };
+        let force_un = if (row / 10).is_multiple_of(2) { 1.0 } else { -1.0 };
         format!("{:.2},{force_un},{:.3},{}\n", 0.1 * row as f64, (row % 10) as f64 * force_un, 1 + row / 20)
     };
     "time_s,force_uN,position_um,cycle\n".to_string() + &(0..TABLE_ROWS).map(row).collect::<String>()
