@@ -438,7 +438,7 @@ fn a_crafted_list_of_tasks_writes_nowhere_else() {
         ] {
             write(&with_words(&words));
             let text = format!("`{place_of}` is not below `{{out}}`");
-            vitreo(place.path(), &["tasks", "run", "list", "--task", "0"]).refuses(&["line 1", &text]);
+            vitreo(place.path(), &["tasks", "run", "list", "--task", "0"]).refuses(&["tasks.jsonl, line 1", &text]);
             assert_eq!(names(), before, "{words:?}");
         }
     }

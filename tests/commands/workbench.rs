@@ -438,29 +438,37 @@ fn a_job_ends_with_ctrl_c_and_is_found_after_a_kill() {
     let outside = tempfile::tempdir().unwrap();
     let gel = outside.path().join("home/gel");
     write_instrument_experiment(&gel, true, 0.0);
-    // A long record, so that the job runs as long as nobody stops it.
-    let head = "time_s,force_uN,position_um,cycle\n".to_string();
-    let row = |row: u32| {
-        format!(
-            "{:.2},{},{:.3},{}\n",
-            0.01 * f64::from(row),
-            if (row / 500).is_multiple_of(2) { 1 } else { -1 },
-            f64::from(row % 500),
-            1 + row / 100_000
-        )
-    };
-    std::fs::write(gel.join("trajectory.csv"), head + &(0..200_000).map(row).collect::<String>()).unwrap();
+    // A long record, whose diagnosis takes minutes where nobody stops it.
+    let (n_rows, step_s, mut retarded_un, mut impulse_un_s) = (100_000_u32, 0.04, 0.0, 0.0);
+    let (decay, mut noise) = (f64::exp(-step_s * 3.5 / 1.4), crate::program::normals());
+    let mut csv = "time_s,force_uN,position_um,cycle\n".to_string();
+    for row in 0..n_rows {
+        let force_un = if (row / 50).is_multiple_of(2) { 1.0 } else { -1.0 };
+        let position_um = 549.0 * (retarded_un / 3.5 + impulse_un_s / 47.0) + 0.5 * noise();
+        let (time_s, cycle) = (step_s * f64::from(row), 1 + row * 2 / n_rows);
+        csv += &format!("{time_s:.2},{force_un},{position_um:.4},{cycle}\n");
+        retarded_un = decay * retarded_un + (1.0 - decay) * force_un;
+        impulse_un_s += step_s * force_un;
+    }
+    std::fs::write(gel.join("trajectory.csv"), csv).unwrap();
+    let home = outside.path().join("home");
+    crate::program::vitreo(&home, &["sample", "gel", "--no-report", "--quiet"]).exits(0);
     let mut bench = Bench::start_in(outside);
-    let process = |bench: &Bench| {
-        let (status, answer) = bench.post("api/job", &json!({"item": "gel", "kind": "sample"}));
-        assert_eq!(status, 200, "{answer}");
+    // The process of a new job, which is not that of the job before.
+    let process = |bench: &Bench, before: u64| {
         let began = Instant::now();
+        let mut answer = bench.post("api/job", &json!({"item": "gel", "kind": "diagnose"}));
+        while answer.0 != 200 {
+            assert!(began.elapsed() < Duration::from_secs(20), "{answer:?}");
+            std::thread::sleep(Duration::from_millis(20));
+            answer = bench.post("api/job", &json!({"item": "gel", "kind": "diagnose"}));
+        }
         loop {
             let number = bench.job().and_then(|job| job["process"]["number"].as_u64()).unwrap_or(0);
-            if number > 0 {
+            if number > 0 && number != before {
                 return number;
             }
-            assert!(began.elapsed() < Duration::from_secs(20));
+            assert!(began.elapsed() < Duration::from_secs(40));
             std::thread::sleep(Duration::from_millis(2));
         }
     };
@@ -475,7 +483,9 @@ fn a_job_ends_with_ctrl_c_and_is_found_after_a_kill() {
             std::thread::sleep(Duration::from_millis(5));
         }
     };
-    let first = process(&bench);
+    let first = process(&bench, 0);
+    std::thread::sleep(Duration::from_millis(300));
+    assert!(!is_gone(first), "the job does not run");
     let signal = |signal: &str, number: u32| {
         assert!(Command::new("kill").args([signal, &number.to_string()]).status().unwrap().success());
     };
@@ -483,7 +493,7 @@ fn a_job_ends_with_ctrl_c_and_is_found_after_a_kill() {
     assert_eq!(bench.child.wait().unwrap().code(), Some(130));
     wait_for_end(first);
     bench.restart();
-    let second = process(&bench);
+    let second = process(&bench, first);
     bench.child.kill().unwrap();
     bench.child.wait().unwrap();
     assert!(!is_gone(second), "the job has ended with its workbench");

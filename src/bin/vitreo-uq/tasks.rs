@@ -260,7 +260,8 @@ fn make(
 fn run_tasks(arguments: &RunTasks, refuse_line: &dyn Fn(&Path, &Line) -> Result<()>) -> Result<ExitCode> {
     let list = List::open(&absolute(&arguments.dir)?)?.of_program(vitreo_uq::PROGRAM)?;
     // The list may be somebody else's: its commands are looked at again.
-    let refuse_line = |line: &Line| refuse_line(list.dir(), line);
+    let file = list.dir().join("tasks.jsonl");
+    let refuse_line = |line: &Line| refuse_line(&file, line);
     match arguments.engine {
         EngineName::Hq => return submit(arguments, &list, Engine::HyperQueue),
         EngineName::Slurm => return submit(arguments, &list, Engine::Slurm),
