@@ -86,15 +86,11 @@ pub fn shorten(text: &str, size_px: f64, width_px: f64) -> String {
     if text_width_px(text, size_px) <= width_px {
         return text.to_owned();
     }
-    let mut kept: Vec<char> = text.chars().collect();
-    while !kept.is_empty() {
-        kept.pop();
-        let candidate: String = kept.iter().collect::<String>().trim_end().to_owned() + "…";
-        if text_width_px(&candidate, size_px) <= width_px {
-            return candidate;
-        }
-    }
-    String::new()
+    // Widths grow with every character, so the longest beginning that fits is found by halving.
+    let ends: Vec<usize> = text.char_indices().map(|(end, _)| end).collect();
+    let shortened = |end: usize| text[..end].trim_end().to_owned() + "…";
+    let n_fitting = ends.partition_point(|end| text_width_px(&shortened(*end), size_px) <= width_px);
+    n_fitting.checked_sub(1).map_or_else(String::new, |last| shortened(ends[last]))
 }
 
 /// `text` broken at spaces into lines that fit into `width_px`; a word that does not is shortened.
@@ -162,6 +158,8 @@ mod tests {
         let short = shorten(long, 12.0, 120.0);
         assert!(short.ends_with('…') && text_width_px(&short, 12.0) <= 120.0);
         assert_eq!(shorten("E (Pa)", 12.0, 120.0), "E (Pa)");
+        assert_eq!(shorten("ab   cdefghijk", 12.0, text_width_px("ab …", 12.0)), "ab…");
+        assert_eq!((shorten("abc", 12.0, 13.0), shorten("abc", 12.0, 1.0)), ("…".into(), String::new()));
     }
 
     #[test]
