@@ -4,7 +4,7 @@ use crate::program;
 
 use std::path::Path;
 
-use program::{tree, vitreo, write_instrument_experiment};
+use program::{replica_with_id, tree, vitreo, vitreo_with_cache, write_instrument_experiment};
 use serde_json::Value;
 
 fn place() -> tempfile::TempDir {
@@ -181,4 +181,48 @@ fn a_mesh_that_is_not_of_the_experiment_is_used_and_doubted() {
     assert!(run.stderr.contains("0.3000 mm in [robot]") && run.stderr.contains("0.495"), "{run}");
     vitreo(place.path(), &["simulate", "--out", "fits", "--mesh", mesh, "--refine", "2"])
         .refuses(&["--refine", "--mesh"]);
+}
+
+/// A surrogate under the file name of another bead's is found out, named with its place, and made anew: the estimate is that of an empty cache. Takes ten seconds: three surrogates are trained.
+#[test]
+fn a_model_of_another_bead_is_not_taken_from_the_cache() {
+    let place = place();
+    replica_with_id(&place.path().join("small"), "small");
+    replica_with_id(&place.path().join("large"), "large");
+    let toml = place.path().join("large/experiment.toml");
+    let text = std::fs::read_to_string(&toml).unwrap();
+    assert!(text.contains("diameter_mm = 0.55"));
+    std::fs::write(&toml, text.replace("diameter_mm = 0.55", "diameter_mm = 1.1")).unwrap();
+    let fit = |name: &str, cache: &str| {
+        let options = ["fit", name, "--out", &format!("{name}-{cache}"), "--json", "-"];
+        vitreo_with_cache(place.path(), cache, &options)
+    };
+    let kept = |cache: &str| {
+        let mut files: Vec<_> = tree(&place.path().join(cache)).into_keys().collect();
+        assert_eq!(files.len(), 1, "{files:?}");
+        place.path().join(cache).join(files.remove(0))
+    };
+    let expected = fit("small", "a");
+    fit("large", "b");
+    let file = kept("a");
+    std::fs::copy(kept("b"), &file).unwrap();
+    let found = fit("small", "a");
+    assert_eq!(found.json()["parameters"], expected.json()["parameters"]);
+    for words in [file.file_name().unwrap().to_str().unwrap(), "is not used", "radius_m", "models are kept in a,"] {
+        assert!(found.stderr.contains(words), "`{words}` is missing in {found}");
+    }
+    assert!(!fit("small", "a").stderr.contains("is not used"));
+}
+
+/// Names of 100 kB are drawn as far as they fit, in seconds.
+#[test]
+fn a_column_with_a_long_name_is_drawn() {
+    let place = place();
+    let (long, spaced) = ("x".repeat(100_000), "a bc ".repeat(20_000));
+    let rows: String = (0..200).map(|k| format!("{},{},{}\n", k % 17, k % 13, k % 7)).collect();
+    std::fs::write(place.path().join("draws.csv"), format!("{long},{spaced},c\n{rows}")).unwrap();
+    let began = std::time::Instant::now();
+    vitreo(place.path(), &["corner", "draws.csv", "--out", "figure", "--quiet"]).exits(0);
+    assert!(began.elapsed() < std::time::Duration::from_secs(20), "{:?}", began.elapsed());
+    assert!(place.path().join("figure.png").is_file());
 }

@@ -11,12 +11,11 @@ use base::error::{Error, Place, Result, Setting};
 use elements::fe::time::FullOrderModel;
 use models::effects::Library;
 use models::model::Compliance;
-use posterior::cache;
+use posterior::cache::{self, BuiltFrom};
 use posterior::mechanics::MODEL_LEVEL;
-use posterior::monitor::{Counter, Monitor, Silent};
+use posterior::monitor::{Counter, Monitor, Silent, Warnings};
 use posterior::prepared::PreparedModel;
 use posterior::problem::Problem;
-use posterior::study::sha256_hex;
 use record::Apparatus;
 
 /// A compliance, between commands: it depends on the apparatus alone.
@@ -52,7 +51,7 @@ pub fn compliances(measurements: &[Measurement], monitor: &dyn Monitor) -> Resul
     let counter = Counter::new(monitor, needed.len());
     let of_apparatus = |index: &usize| {
         let own = &measurements[*index];
-        let compliance = compliance(own).map_err(|error| own.named(error))?;
+        let compliance = compliance(own, monitor).map_err(|error| own.named(error))?;
         counter.add_one();
         Ok((*index, compliance))
     };
@@ -60,11 +59,11 @@ pub fn compliances(measurements: &[Measurement], monitor: &dyn Monitor) -> Resul
     Ok(first.iter().map(|index| found[index].clone()).collect())
 }
 
-/// The compliance of one measurement.
+/// The compliance of one measurement; `monitor` hears of a kept one that cannot be used.
 ///
 /// # Errors
 /// As [`compliances`].
-pub fn compliance(measurement: &Measurement) -> Result<Compliance> {
+pub fn compliance(measurement: &Measurement, monitor: &dyn Monitor) -> Result<Compliance> {
     if let Some(law) = measurement.specification.base.outside() {
         return Err(Error::input(
             Place::setting(Setting::Base),
@@ -78,9 +77,9 @@ pub fn compliance(measurement: &Measurement) -> Result<Compliance> {
         Apparatus::Indenter(indenter) => return Ok(Compliance::given(indenter.compliance())),
         Apparatus::Robot { .. } => (),
     }
-    let hash = compliance_hash(apparatus);
+    let built_from = compliance_built_from(apparatus);
     if measurement.specification.effects.is_empty()
-        && let Some(kept) = cache::read::<KeptCompliance>(&hash)
+        && let Some(kept) = cache::read::<KeptCompliance>(&built_from, monitor)
     {
         return Ok(Compliance::given(kept.compliance_per_m));
     }
@@ -88,30 +87,30 @@ pub fn compliance(measurement: &Measurement) -> Result<Compliance> {
     match problem.finite_elements() {
         Some(fe) if problem.model.field().is_none() && problem.poisson_ratios(fe)? == [fe.poisson_ratio; 2] => {
             let compliance_per_m = FullOrderModel::new(&fe.stiffness, fe.poisson_ratio)?.compliance_per_m();
-            cache::write(&hash, &KeptCompliance { compliance_per_m });
+            cache::write(&built_from, &KeptCompliance { compliance_per_m });
             Ok(Compliance::given(compliance_per_m))
         }
-        _ => Ok(PreparedModel::unverified(&problem, None, &Silent)?.compliance),
+        _ => Ok(PreparedModel::unverified(&problem, None, &Warnings(monitor))?.compliance),
     }
 }
 
-/// The hash under which the compliance of an apparatus is kept.
-fn compliance_hash(apparatus: &Apparatus) -> String {
-    sha256_hex(format!("compliance {MODEL_LEVEL} {apparatus:?}").as_bytes())
+/// What the compliance of an apparatus is built from.
+fn compliance_built_from(apparatus: &Apparatus) -> BuiltFrom {
+    BuiltFrom::new("compliance").with("mesh level", MODEL_LEVEL).with("apparatus", apparatus)
 }
 
 /// The name of the file that keeps the compliance of a measurement's apparatus; `None` where none is kept: of instruments, and of models with effects.
 pub fn kept_name(own: &Measurement) -> Option<String> {
     let apparatus = &own.experiment.apparatus;
     let is_kept = matches!(apparatus, Apparatus::Robot { .. }) && own.specification.effects.is_empty();
-    is_kept.then(|| cache::file_name(&compliance_hash(apparatus)))
+    is_kept.then(|| compliance_built_from(apparatus).file_name())
 }
 
 /// That file: its name and its bytes.
 ///
 /// # Errors
 /// As [`compliances`].
-pub fn kept_file(own: &Measurement) -> Result<(String, Vec<u8>)> {
-    let compliance_per_m = compliance(own)?.given_per_m();
-    cache::file_of(&compliance_hash(&own.experiment.apparatus), &KeptCompliance { compliance_per_m })
+pub fn kept_file(own: &Measurement, monitor: &dyn Monitor) -> Result<(String, Vec<u8>)> {
+    let compliance_per_m = compliance(own, monitor)?.given_per_m();
+    cache::file_of(&compliance_built_from(&own.experiment.apparatus), &KeptCompliance { compliance_per_m })
 }

@@ -1,6 +1,8 @@
 //! What a posterior's figures mean, in words, with advice.
 
+use super::cache;
 use super::judgement::Judgement;
+use super::prepared::{SURROGATE_NAME, Verification};
 use documents::posterior::{ModelSummary, PosteriorSummary, Warning, WarningKind};
 use figures::number::significant;
 use models::effects::Library;
@@ -10,6 +12,8 @@ use record::{Apparatus, Experiment};
 const LOW_NOISE_FACTOR: f64 = 3.0;
 /// Largest tolerated error of the reduced model, in units of the noise.
 const SURROGATE_SHARE: f64 = 0.1;
+/// The same of a check at points of the prior, in units of the amplitude there, which may be many times the record's.
+const SURROGATE_PART: f64 = 0.01;
 /// Largest tolerated discretisation error, in units of the noise.
 const MESH_SHARE: f64 = 0.25;
 /// Above this, importance weights cannot be trusted.
@@ -108,11 +112,14 @@ pub fn surrogate_warning(
     let weights = pareto_k.map_or(String::new(), |k| format!(", Pareto k {k:.2}"));
     // Modes and points of a law that is not linear are as many as they are, whatever the prior.
     let advice = if Library::default().any_nonlinear(model.effects.iter().map(String::as_str)) {
-        "the reduced model of a law that is not linear is right to a thousandth of the amplitude: the parameters may err by more than their intervals say; measure at a smaller amplitude"
+        format!(
+            "the reduced model of a law that is not linear is right to a thousandth of the amplitude: the parameters may err by more than their intervals say; measure at a smaller amplitude; where it is off by more, {}",
+            make_anew()
+        )
     } else if model.is_outside() {
-        "narrow the prior, or hold a parameter that the data do not determine: what is learnt of the other program is then closer"
+        "narrow the prior, or hold a parameter that the data do not determine: what is learnt of the other program is then closer".into()
     } else {
-        "delete the kept surrogate and narrow the prior"
+        format!("{}; where that changes nothing, narrow the prior", make_anew())
     };
     is_inaccurate.then(|| Warning {
         kind: WarningKind::SurrogateInaccurate,
@@ -122,8 +129,28 @@ pub fn surrogate_warning(
             significant(distance_um, 3),
             significant(noise_um, 3)
         ),
-        advice: advice.into(),
+        advice,
     })
+}
+
+/// A reduced model that is too far from the full runs of a check.
+pub fn check_warning(check: &Verification) -> Option<Warning> {
+    (check.relative_error > SURROGATE_PART).then(|| Warning {
+        kind: WarningKind::SurrogateInaccurate,
+        text: format!(
+            "the reduced model differs from full finite elements of this apparatus by {} % of the amplitude",
+            significant(100.0 * check.relative_error, 2)
+        ),
+        advice: make_anew(),
+    })
+}
+
+/// How a reduced model is made anew.
+fn make_anew() -> String {
+    format!(
+        "make the reduced model anew: {}; delete `{SURROGATE_NAME}` in the study's revisions, too",
+        cache::how_to_empty()
+    )
 }
 
 /// A strain beyond the range in which the gel is known to be linear (physics §6).
@@ -352,6 +379,8 @@ mod tests {
         // Reduced model: a tenth of the noise, k̂ of 0.7.
         assert_eq!(after(|s| s.heldout.surrogate_vs_fe_max_um = Some(0.39)), none);
         assert_eq!(after(|s| s.heldout.surrogate_vs_fe_max_um = Some(0.41)), (vec![SurrogateInaccurate], false));
+        let inaccurate = surrogate_warning(0.41, None, 4.0, &sound().model).expect("it is too far");
+        assert!(inaccurate.advice.contains(&cache::how_to_empty()), "{inaccurate:?}");
         assert_eq!(after(|s| s.heldout.pareto_k = Some(0.69)), none);
         assert_eq!(after(|s| s.heldout.pareto_k = Some(0.71)), (vec![SurrogateInaccurate], false));
         // Mesh: a quarter of the noise, and the noise.

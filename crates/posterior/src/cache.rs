@@ -1,38 +1,173 @@
 //! Reduced models that took long to build, kept on disk under the hash of all that they were built from.
 //!
+//! The file also says what its model was built from ([`BuiltFrom`]), and a reader compares that with what it asks for: a file that came under another one's name is
+//! not used.
+//!
 //! Those of fields depend on the apparatus, not on what is measured with it: one serves every experiment of a laboratory. The surrogate of the law depends on the
 //! record's times and forces, too: one serves every command on that record. A cache is a convenience: what cannot be read is built again, and what cannot be
 //! written is not kept.
 
+use std::collections::BTreeMap;
 use std::ffi::OsString;
+use std::fmt::Debug;
 use std::path::{Path, PathBuf};
 
 use etcetera::base_strategy::{BaseStrategy, choose_native_strategy};
-use serde::Serialize;
 use serde::de::DeserializeOwned;
+use serde::{Deserialize, Serialize};
+use sha2::{Digest, Sha256};
 
-use crate::study::Kept;
+use crate::monitor::Monitor;
+use crate::study::{Kept, sha256_hex};
 use base::error::{Error, Place, Result};
-use base::files::{Content, folder_of, read_if_there, refused, to_json, write_atomically, write_json_atomically};
+use base::files::{Content, folder_of, read_if_there, refused, to_json, write_atomically};
+use elements::mesh::Mesh;
+use record::Force;
 
 /// Where models are kept, instead of the user's directory for caches; empty for nowhere.
 const PLACE: &str = "VITREO_UQ_CACHE";
 /// The folder of this program's models there.
 const FOLDER: &str = models::SOURCE_HASH;
 
-/// The model that is kept under a hash; `None` where there is none that can be read, or where it was changed.
-pub fn read<T: Serialize + DeserializeOwned>(hash: &str) -> Option<T> {
-    let bytes = read_if_there(&path(hash)?, Content::Document)?;
-    serde_json::from_slice::<Kept<T>>(&bytes).ok()?.unchanged()
+/// What a kept model was built from, which stands in its file. Long lists of numbers stand there by their length and SHA-256.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct BuiltFrom {
+    model: String,
+    program: String,
+    code_sha256: String,
+    input: BTreeMap<String, String>,
+}
+
+impl BuiltFrom {
+    /// A kind of model of this program, without any input yet.
+    pub fn new(model: &str) -> Self {
+        Self {
+            model: model.into(),
+            program: env!("CARGO_PKG_VERSION").into(),
+            code_sha256: models::SOURCE_HASH.into(),
+            input: BTreeMap::new(),
+        }
+    }
+
+    /// One more input. Numbers in it are written so that they read back to the last bit.
+    #[must_use]
+    pub fn with(mut self, name: &str, value: impl Debug) -> Self {
+        self.input.insert(name.into(), format!("{value:?}"));
+        self
+    }
+
+    /// Many numbers.
+    #[must_use]
+    pub fn with_numbers<'a>(self, name: &str, numbers: impl IntoIterator<Item = &'a f64>) -> Self {
+        self.with_bytes(name, numbers.into_iter().map(|x| x.to_le_bytes()))
+    }
+
+    /// Times (s) and commanded forces (N) of a record.
+    #[must_use]
+    pub fn with_record(self, time_s: &[f64], force: Force<'_>) -> Self {
+        self.with_numbers("record time_s", time_s)
+            .with_numbers("record force_n", force.at_rows_n)
+            .with("record force between rows", force.rule)
+    }
+
+    /// Nodes, elements and surfaces of a mesh.
+    #[must_use]
+    pub fn with_mesh(self, mesh: &Mesh) -> Self {
+        let Mesh { connectivity, robot_nodes, outer_nodes, symmetry_y_nodes, symmetry_z_nodes, .. } = mesh;
+        let places = |nodes: &[u32]| nodes.iter().map(|node| node.to_le_bytes()).collect::<Vec<_>>();
+        self.with("mesh element", mesh.element_kind)
+            .with_numbers("mesh node_coordinates_m", mesh.node_coordinates_m.iter().flatten())
+            .with_bytes("mesh connectivity", places(connectivity))
+            .with_bytes("mesh robot_nodes", places(robot_nodes))
+            .with_bytes("mesh outer_nodes", places(outer_nodes))
+            .with_bytes("mesh symmetry_y_nodes", places(symmetry_y_nodes))
+            .with_bytes("mesh symmetry_z_nodes", places(symmetry_z_nodes))
+    }
+
+    fn with_bytes<const N: usize>(mut self, name: &str, values: impl IntoIterator<Item = [u8; N]>) -> Self {
+        let (mut hash, mut count) = (Sha256::new(), 0_usize);
+        for bytes in values {
+            hash.update(bytes);
+            count += 1;
+        }
+        let hash: String = hash.finalize().iter().map(|byte| format!("{byte:02x}")).collect();
+        self.input.insert(name.into(), format!("{count} values, SHA-256 {hash}"));
+        self
+    }
+
+    /// SHA-256 of all of it, which names the model.
+    pub fn sha256(&self) -> String {
+        sha256_hex(format!("{self:?}").as_bytes())
+    }
+
+    /// Name of the model's file below the cache's directory.
+    pub fn file_name(&self) -> String {
+        format!("{FOLDER}/{}.json", self.sha256())
+    }
+
+    fn path(&self) -> Option<PathBuf> {
+        Some(cache_directory()?.join(self.file_name()))
+    }
+}
+
+/// A model with what it was built from, as it stands in a file.
+#[derive(Serialize, Deserialize)]
+struct Entry<T> {
+    built_from: BuiltFrom,
+    #[serde(flatten)]
+    model: T,
+}
+
+/// The model that is kept for an input; `None` where there is none. A file that was changed, or that holds a model of another input, is not used, and `monitor` says so.
+pub fn read<T: Serialize + DeserializeOwned>(built_from: &BuiltFrom, monitor: &dyn Monitor) -> Option<T> {
+    let path = built_from.path()?;
+    let bytes = read_if_there(&path, Content::Document)?;
+    let entry = serde_json::from_slice::<Kept<Entry<T>>>(&bytes).ok().and_then(Kept::unchanged);
+    let fault = match entry {
+        Some(entry) if entry.built_from == *built_from => return Some(entry.model),
+        Some(entry) => entry.built_from.difference(built_from),
+        None => "it is not as this program wrote it".into(),
+    };
+    monitor.warn(&format!("{} is not used: {fault}; the model is made anew ({})", path.display(), how_to_empty()));
+    None
+}
+
+impl BuiltFrom {
+    /// Where this input is another than the one that is asked for, in words.
+    fn difference(&self, asked_for: &Self) -> String {
+        let parts = |own: &Self| {
+            let fixed = [("model", &own.model), ("program", &own.program), ("code", &own.code_sha256)];
+            let fixed = fixed.map(|(name, value)| (name.to_string(), value.clone()));
+            fixed.into_iter().chain(own.input.clone()).collect::<BTreeMap<_, _>>()
+        };
+        let (found, expected) = (parts(self), parts(asked_for));
+        let names = found.keys().chain(expected.keys()).filter(|name| found.get(*name) != expected.get(*name));
+        let value =
+            |parts: &BTreeMap<String, String>, name: &str| parts.get(name).cloned().unwrap_or_else(|| "nothing".into());
+        // What people can read first: long lists stand there by their hashes.
+        let readable = |name: &&String| (value(&found, name).contains("SHA-256"), (*name).clone());
+        let words = names.min_by_key(readable).map_or_else(String::new, |name| {
+            format!(" ({name} is {}, where {} is asked for)", value(&found, name), value(&expected, name))
+        });
+        format!("it holds a model of another input{words}")
+    }
+}
+
+/// Where models are kept, and how nothing that is kept there is used again.
+pub fn how_to_empty() -> String {
+    match cache_directory() {
+        Some(directory) => format!("models are kept in {}, and deleting it makes all anew", directory.display()),
+        None => "no models are kept between commands".into(),
+    }
 }
 
 /// Keeps a model.
-pub fn write(hash: &str, model: &impl Serialize) {
-    let Some(path) = path(hash) else { return };
+pub fn write(built_from: &BuiltFrom, model: &impl Serialize) {
+    let Some(path) = built_from.path() else { return };
     let is_there = path.parent().is_some_and(|folder| std::fs::create_dir_all(folder).is_ok());
-    if is_there {
+    if is_there && let Ok((_, bytes)) = file_of(built_from, model) {
         // Refused where there is no room or no right to write: the model is then built again the next time.
-        let _ = write_json_atomically(&path, &Kept::new(model));
+        let _ = write_atomically(&path, &bytes);
     }
 }
 
@@ -40,9 +175,9 @@ pub fn write(hash: &str, model: &impl Serialize) {
 ///
 /// # Errors
 /// [`base::Error::Numerical`] where it cannot be written as JSON.
-pub fn file_of(hash: &str, model: &impl Serialize) -> Result<(String, Vec<u8>)> {
-    let name = file_name(hash);
-    let bytes = to_json(Path::new(&name), &Kept::new(model))?;
+pub fn file_of(built_from: &BuiltFrom, model: &impl Serialize) -> Result<(String, Vec<u8>)> {
+    let name = built_from.file_name();
+    let bytes = to_json(Path::new(&name), &Kept::new(Entry { built_from: built_from.clone(), model }))?;
     Ok((name, bytes))
 }
 
@@ -68,21 +203,13 @@ pub fn adopt(name: &str, bytes: &[u8]) -> Result<bool> {
     Ok(true)
 }
 
-/// Whether a name is one that [`file_of`] gives: nothing else is ever put into the cache.
-pub fn is_file_name(name: &str) -> bool {
-    let hash =
-        name.strip_prefix(FOLDER).and_then(|rest| rest.strip_prefix('/')).and_then(|own| own.strip_suffix(".json"));
-    hash.is_some_and(|hash| hash.len() == 64 && hash.bytes().all(|byte| byte.is_ascii_hexdigit()))
-}
-
-/// Name of a model's file below the cache's directory.
-pub fn file_name(hash: &str) -> String {
-    format!("{FOLDER}/{hash}.json")
-}
-
-/// The hash is that of content; that of the sources of mechanics keeps programs apart that would build another model from it.
-fn path(hash: &str) -> Option<PathBuf> {
-    Some(cache_directory()?.join(file_name(hash)))
+/// Whether a name and bytes are those that [`file_of`] gives to one model: nothing else is ever put into the cache.
+pub fn is_entry(name: &str, bytes: &[u8]) -> bool {
+    #[derive(Deserialize)]
+    struct Named {
+        built_from: BuiltFrom,
+    }
+    serde_json::from_slice::<Named>(bytes).is_ok_and(|own| own.built_from.file_name() == name)
 }
 
 /// The directory for all that is kept between commands and belongs to no study: the one in `VITREO_UQ_CACHE`, or else the system's for users' caches; `None` where
@@ -101,6 +228,7 @@ fn directory(asked_for: Option<OsString>) -> Option<PathBuf> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::monitor::{Collected, Silent};
 
     #[test]
     fn the_place_can_be_asked_for_or_switched_off() {
@@ -109,22 +237,60 @@ mod tests {
         assert!(directory(None).is_none_or(|place| place.is_absolute() && place.ends_with("vitreo-uq")));
     }
 
+    #[derive(Debug, PartialEq, Serialize, Deserialize)]
+    struct Model {
+        values: Vec<f64>,
+    }
+
+    /// An input that no other test has.
+    fn input(diameter_mm: f64) -> BuiltFrom {
+        BuiltFrom::new("test").with("diameter_mm", diameter_mm).with("process", std::process::id())
+    }
+
     #[test]
     fn what_is_kept_comes_back_and_damage_is_none() {
-        #[derive(Debug, PartialEq, Serialize, serde::Deserialize)]
-        struct Model {
-            values: Vec<f64>,
-        }
-        let hash = format!("test-{}", std::process::id());
-        let Some(path) = path(&hash) else { return };
-        assert_eq!(read::<Model>(&hash), None);
-        write(&hash, &Model { values: vec![0.1, 1e-300] });
-        assert_eq!(read::<Model>(&hash), Some(Model { values: vec![0.1, 1e-300] }));
+        let built_from = input(0.1);
+        let Some(path) = built_from.path() else { return };
+        let warned = Collected::new(&Silent);
+        assert_eq!(read::<Model>(&built_from, &warned), None);
+        write(&built_from, &Model { values: vec![0.1, 1e-300] });
+        assert_eq!(read::<Model>(&built_from, &warned), Some(Model { values: vec![0.1, 1e-300] }));
+        assert!(warned.take().is_empty());
         let text = std::fs::read_to_string(&path).unwrap();
         for changed in [text.replace("0.1", "0.2"), text[..text.len() / 2].into()] {
             std::fs::write(&path, changed).unwrap();
-            assert_eq!(read::<Model>(&hash), None);
+            assert_eq!(read::<Model>(&built_from, &warned), None);
+            let text = warned.take().concat();
+            assert!(text.contains(&path.display().to_string()) && text.contains("not as this program wrote it"));
         }
         std::fs::remove_file(path).unwrap();
+    }
+
+    #[test]
+    fn a_model_under_the_name_of_another_is_not_used() {
+        let (small, large) = (input(0.55), input(1.1));
+        let (Some(small_path), Some(large_path)) = (small.path(), large.path()) else { return };
+        write(&large, &Model { values: vec![2.0] });
+        std::fs::rename(large_path, &small_path).unwrap();
+        let warned = Collected::new(&Silent);
+        assert_eq!(read::<Model>(&small, &warned), None);
+        let text = warned.take().concat();
+        let directory = cache_directory().unwrap();
+        for words in [&small_path, &directory].map(|path| path.display().to_string()) {
+            assert!(text.contains(&words), "`{words}` is missing in {text}");
+        }
+        assert!(text.contains("diameter_mm is 1.1, where 0.55 is asked for"), "{text}");
+        std::fs::remove_file(small_path).unwrap();
+    }
+
+    #[test]
+    fn inputs_that_differ_anywhere_have_other_names() {
+        let force = Force { at_rows_n: &[1.0, 2.0], rule: record::ForceRule::Hold };
+        let of = |time_s: &[f64], force| BuiltFrom::new("test").with_record(time_s, force).sha256();
+        let first = of(&[0.0, 1.0], force);
+        assert_eq!(first, of(&[0.0, 1.0], force));
+        assert_ne!(first, of(&[0.0, 1.0 + f64::EPSILON], force));
+        assert_ne!(first, of(&[0.0, 1.0], Force { rule: record::ForceRule::Linear, ..force }));
+        assert_ne!(first, of(&[0.0, 1.0], Force { at_rows_n: &[1.0], ..force }));
     }
 }

@@ -4,9 +4,8 @@ use std::sync::Arc;
 
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
-use sha2::{Digest, Sha256};
 
-use super::cache;
+use super::cache::{self, BuiltFrom};
 use super::problem::Problem;
 use crate::monitor::{Counter, Monitor};
 use crate::study::ModelSpecification;
@@ -58,7 +57,7 @@ pub fn learnt(problem: &Problem, law: &[f64], with_load: bool, monitor: &dyn Mon
     Ok((Stepped(Arc::new(stepper)), error))
 }
 
-/// What [`learnt`] is made of, with its hash: kept, or learnt now.
+/// What [`learnt`] is made of, with what it was built from: kept, or learnt now.
 ///
 /// # Errors
 /// As [`learnt`].
@@ -67,7 +66,7 @@ pub fn surface(
     law: &[f64],
     with_load: bool,
     monitor: &dyn Monitor,
-) -> Result<(String, LargeSurface)> {
+) -> Result<(BuiltFrom, LargeSurface)> {
     let Some(ball) = problem.finite_elements().and_then(|fe| fe.sizes.ball) else { return Err(no_sphere()) };
     let elements = problem.model.base().elements(&law.iter().copied().map(Dual::constant).collect::<Vec<Dual>>());
     let record = &problem.experiment.record;
@@ -83,11 +82,11 @@ pub fn surface(
     // What was learnt with loads serves without them.
     let scopes = [true, false].map(|with_load| LargeScope { mobilities, with_load });
     let suited = scopes.into_iter().filter(|scope| scope.with_load || !with_load);
-    let hash_of = |scope| built_from(radii_m, (&elements, scope), record);
+    let input_of = |scope| built_from(radii_m, (&elements, scope), record);
     for scope in suited {
-        let hash = hash_of(scope)?;
-        if let Some(kept) = cache::read::<LargeSurface>(&hash) {
-            return Ok((hash, kept));
+        let input = input_of(scope)?;
+        if let Some(kept) = cache::read::<LargeSurface>(&input, monitor) {
+            return Ok((input, kept));
         }
     }
     monitor.stage("learning large displacements from full runs of this record");
@@ -95,9 +94,9 @@ pub fn surface(
     let counter = Counter::new(monitor, LargeSurface::n_runs(&elements, scope));
     let done = || counter.add_one();
     let learnt = LargeSurface::learn(radii_m, (&elements, scope), &record.time_s, record.force(), &done)?;
-    let hash = hash_of(scope)?;
-    cache::write(&hash, &learnt);
-    Ok((hash, learnt))
+    let input = input_of(scope)?;
+    cache::write(&input, &learnt);
+    Ok((input, learnt))
 }
 
 /// By how much (m, at every row) the robot would be farther than with small strains in a gel of the base law at these parameters, by one full run of some seconds.
@@ -122,13 +121,12 @@ fn no_sphere() -> Error {
     Error::numerical("large displacements are run around a sphere at the centre", "leave `large-displacement` out")
 }
 
-fn built_from(radii_m: [f64; 2], (law, scope): (&[Element], LargeScope), record: &Record) -> Result<String> {
-    let mut hash = Sha256::new();
-    hash.update(env!("CARGO_PKG_VERSION"));
-    let force = record.force();
-    hash.update(format!("large {radii_m:?} {:?} {scope:?} {:?}", LargeSurface::place(law, scope)?, force.rule));
-    record.time_s.iter().chain(force.at_rows_n).for_each(|x| hash.update(x.to_le_bytes()));
-    Ok(hash.finalize().iter().map(|byte| format!("{byte:02x}")).collect())
+fn built_from(radii_m: [f64; 2], (law, scope): (&[Element], LargeScope), record: &Record) -> Result<BuiltFrom> {
+    Ok(BuiltFrom::new("large displacements")
+        .with("radii_m", radii_m)
+        .with("law", LargeSurface::place(law, scope)?)
+        .with("scope", scope)
+        .with_record(&record.time_s, record.force()))
 }
 
 /// The base law that comes nearest to the calibration cycles with small strains, with the parameters that are fixed at their values.

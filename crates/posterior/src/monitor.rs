@@ -1,6 +1,7 @@
 //! Who watches a job, and how it is stopped.
 
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::sync::{Mutex, PoisonError};
 
 use base::error::{Error, Result};
 use sampling::ensemble::Progress;
@@ -54,6 +55,51 @@ impl Monitor for Stoppable<'_> {
     fn warn(&self, _text: &str) {}
     fn stop(&self) -> Option<&AtomicBool> {
         self.0
+    }
+}
+
+/// Passes warnings on and says nothing else: for work beside a stage that somebody watches.
+pub struct Warnings<'a>(pub &'a dyn Monitor);
+
+impl Monitor for Warnings<'_> {
+    fn stage(&self, _text: &str) {}
+    fn sampling(&self, _progress: &Progress) {}
+    fn progress(&self, _done: usize, _most: usize) {}
+    fn warn(&self, text: &str) {
+        self.0.warn(text);
+    }
+    fn stop(&self) -> Option<&AtomicBool> {
+        self.0.stop()
+    }
+}
+
+/// Collects warnings in their order, and says nothing else.
+pub struct Collected<'a> {
+    monitor: &'a dyn Monitor,
+    warnings: Mutex<Vec<String>>,
+}
+
+impl<'a> Collected<'a> {
+    /// For work that `monitor` can stop.
+    pub fn new(monitor: &'a dyn Monitor) -> Self {
+        Self { monitor, warnings: Mutex::default() }
+    }
+
+    /// What has been warned of since the last time.
+    pub fn take(&self) -> Vec<String> {
+        std::mem::take(&mut self.warnings.lock().unwrap_or_else(PoisonError::into_inner))
+    }
+}
+
+impl Monitor for Collected<'_> {
+    fn stage(&self, _text: &str) {}
+    fn sampling(&self, _progress: &Progress) {}
+    fn progress(&self, _done: usize, _most: usize) {}
+    fn warn(&self, text: &str) {
+        self.warnings.lock().unwrap_or_else(PoisonError::into_inner).push(text.into());
+    }
+    fn stop(&self) -> Option<&AtomicBool> {
+        self.monitor.stop()
     }
 }
 

@@ -5,13 +5,12 @@ use std::sync::Arc;
 
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
-use sha2::{Digest, Sha256};
 
-use super::cache;
+use super::cache::{self, BuiltFrom};
 use super::learnt_displacement::{learnt, nearest_law};
 use super::learnt_outside::{self, Learnt};
 use super::mechanics::{FiniteElements, Mechanics};
-use super::monitor::{Counter, Monitor, Silent};
+use super::monitor::{Counter, Monitor, Warnings};
 use super::outside::Outside;
 use super::problem::{Problem, TAIL_MASS};
 use crate::likelihood::{FittedRecord, PosteriorParts, ReducedPosterior};
@@ -19,7 +18,6 @@ use crate::prior::PriorSet;
 use crate::study::{Kept, WithProvenance};
 use base::error::Result;
 use base::files::{Content, kind, read_if_there};
-use elements::mesh::Mesh;
 use laws::rheology::BaseLaw;
 use laws::stages::{Spread, Stages};
 use models::effects::{Effect, Field, Library, Stage};
@@ -107,7 +105,9 @@ impl PreparedModel {
                 Some(found) => found,
                 None => {
                     monitor.stage("verifying the reduced model on full finite-element runs");
-                    verify(problem, fe, &prepared.compliance)?
+                    let n_runs =
+                        if problem.model.field().is_none() { VERIFICATION_RUNS } else { SLOW_VERIFICATION_RUNS };
+                    verify(problem, fe, &prepared.compliance, n_runs)?.relative_error
                 }
             };
             prepared.max_relative_error = prepared.max_relative_error.map(|error| error.max(found));
@@ -115,7 +115,18 @@ impl PreparedModel {
         Ok(prepared)
     }
 
-    /// The same, verified for the law alone.
+    /// Compares two trajectories of the reduced model, as it is asked now, with full finite elements of the apparatus: what a kept model says of itself is of the day it was
+    /// built. `None` without finite elements.
+    ///
+    /// # Errors
+    /// Whatever the full model refuses.
+    pub fn check_now(&self, monitor: &dyn Monitor) -> Result<Option<Verification>> {
+        let Some(fe) = self.problem.finite_elements() else { return Ok(None) };
+        monitor.stage("checking the reduced model on two full finite-element runs");
+        verify(&self.problem, fe, &self.compliance, SLOW_VERIFICATION_RUNS).map(Some)
+    }
+
+    /// As [`PreparedModel::new`], verified for the law alone.
     pub fn unverified(problem: &Problem, kept: Option<KeptSurrogate>, monitor: &dyn Monitor) -> Result<Self> {
         let fe = match &*problem.mechanics {
             Mechanics::Instrument { compliance_per_m } => {
@@ -188,10 +199,10 @@ impl PreparedModel {
         if let Some(outside) = problem.outside() {
             return Self::of_outside(problem, outside, &[problem.model.effects(), effects].concat(), monitor);
         }
-        let Some(fe) = problem.finite_elements() else { return Self::unverified(problem, kept, &Silent) };
+        let Some(fe) = problem.finite_elements() else { return Self::unverified(problem, kept, &Warnings(monitor)) };
         let (widest, wanted) = asked_for(problem, fe, library, effects)?;
         let fields = field_models(fe, kept.as_ref(), &wanted, monitor)?;
-        let widest = Self::unverified(widest.as_ref().unwrap_or(problem), kept, &Silent)?;
+        let widest = Self::unverified(widest.as_ref().unwrap_or(problem), kept, &Warnings(monitor))?;
         Ok(Self { compliance: with_fields(widest.compliance.clone(), &fields), problem: problem.clone(), ..widest })
     }
 
@@ -199,24 +210,25 @@ impl PreparedModel {
     pub fn to_keep(&self) -> Result<Option<KeptSurrogate>> {
         let problem = &self.problem;
         let (Some(fe), Some(surrogate)) = (problem.finite_elements(), self.surrogate.clone()) else { return Ok(None) };
-        let fields_built_from_sha256 = fields_built_from(fe);
-        let (built_from_sha256, fields) = (surrogate_hash(problem, fe)?, self.fields.clone());
+        let fields_built_from_sha256 = fields_built_from(fe).sha256();
+        let (built_from_sha256, fields) = (surrogate_built_from(problem, fe)?.sha256(), self.fields.clone());
         Ok(Some(KeptSurrogate { built_from_sha256, fields_built_from_sha256, fields, surrogate }))
     }
 }
 
-/// The law's surrogate with its hash: a kept one where it was built from the same, in the study or in the cache, else a new one.
+/// The law's surrogate with what it was built from: a kept one where that was the same, in the study or in the cache, else a new one.
 pub fn surrogate(
     problem: &Problem,
     fe: &FiniteElements,
     kept: Option<KeptSurrogate>,
     monitor: &dyn Monitor,
-) -> Result<(String, Surrogate)> {
+) -> Result<(BuiltFrom, Surrogate)> {
     let (law, parameters) = training_law(problem)?;
     let training = training(problem, fe, law, &parameters)?;
-    let hash = built_from(fe, &training);
-    let kept = kept.filter(|kept| kept.built_from_sha256 == hash).map(|kept| kept.surrogate);
-    let cached = || cache::read::<Surrogate>(&hash).filter(Surrogate::is_whole);
+    let built_from = built_from(fe, &training);
+    let sha256 = built_from.sha256();
+    let kept = kept.filter(|kept| kept.built_from_sha256 == sha256).map(|kept| kept.surrogate);
+    let cached = || cache::read::<Surrogate>(&built_from, monitor).filter(Surrogate::is_whole);
     let surrogate = match kept.or_else(cached) {
         Some(kept) => {
             monitor.stage("taking the surrogate that is there");
@@ -225,15 +237,15 @@ pub fn surrogate(
         None => {
             monitor.stage("training the surrogate on full finite-element runs");
             let trained = Surrogate::train(&fe.stiffness, &training)?;
-            cache::write(&hash, &trained);
+            cache::write(&built_from, &trained);
             trained
         }
     };
-    Ok((hash, surrogate))
+    Ok((built_from, surrogate))
 }
 
-/// The hash of the surrogate that a problem takes.
-pub fn surrogate_hash(problem: &Problem, fe: &FiniteElements) -> Result<String> {
+/// What the surrogate that a problem takes is built from.
+pub fn surrogate_built_from(problem: &Problem, fe: &FiniteElements) -> Result<BuiltFrom> {
     let (law, parameters) = training_law(problem)?;
     Ok(built_from(fe, &training(problem, fe, law, &parameters)?))
 }
@@ -245,7 +257,7 @@ pub fn field_models(
     effects: &[&'static dyn Effect],
     monitor: &dyn Monitor,
 ) -> Result<FieldModels> {
-    let kept = kept.filter(|kept| kept.fields_built_from_sha256 == fields_built_from(fe));
+    let kept = kept.filter(|kept| kept.fields_built_from_sha256 == fields_built_from(fe).sha256());
     let mut fields = kept.map_or_else(FieldModels::default, |kept| kept.fields.clone());
     for effect in effects {
         let slug = effect.slug();
@@ -259,21 +271,22 @@ pub fn field_models(
 
 /// The model of the field that one effect asks for: a kept one where it was built from the same, else a new one.
 pub fn field_model(fe: &FiniteElements, effect: &'static dyn Effect, monitor: &dyn Monitor) -> Result<FieldModels> {
-    let hash = field_hash(fe, effect.slug());
-    if let Some(cached) = cache::read::<FieldModels>(&hash).filter(|cached| cached.has(effect.slug())) {
+    let built_from = field_built_from(fe, effect.slug());
+    let cached = cache::read::<FieldModels>(&built_from, monitor);
+    if let Some(cached) = cached.filter(|cached| cached.has(effect.slug())) {
         return Ok(cached);
     }
     let words = effect.field().map_or("an effect", Field::words);
     monitor.stage(&format!("reducing full finite elements with {words}"));
     let counter = Counter::new(monitor, n_pieces(effect));
     let built = FieldModels::build(effect, &fe.surroundings(), &|| counter.add_one())?;
-    cache::write(&hash, &built);
+    cache::write(&built_from, &built);
     Ok(built)
 }
 
-/// The hash of the model of an effect's field: of the apparatus alone.
-pub fn field_hash(fe: &FiniteElements, slug: &str) -> String {
-    hash_of(fe, &format!("{} {slug}", weighed(fe)))
+/// What the model of an effect's field is built from: the apparatus alone.
+pub fn field_built_from(fe: &FiniteElements, slug: &str) -> BuiltFrom {
+    fields_built_from(fe).with("effect", slug)
 }
 
 /// The compliance with the terms of fields.
@@ -389,9 +402,17 @@ pub fn training_load(problem: &Problem) -> (&[f64], Force<'_>) {
     (&record.time_s[..n_rows], record.force().first(n_rows))
 }
 
-/// Largest distance of the reduced model with its effects from the full-order one, relative to the latter's amplitude, over Sobol points of the
-/// priors. Points at which an effect has no model are left out.
-fn verify(problem: &Problem, fe: &FiniteElements, compliance: &Compliance) -> Result<f64> {
+/// What full finite elements say of a reduced model.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Verification {
+    /// Full-order runs that it was compared with.
+    pub n_runs: usize,
+    /// Largest distance of the reduced from the full-order trajectory, relative to the latter's amplitude.
+    pub relative_error: f64,
+}
+
+/// Compares the reduced model with its effects with the full-order one at Sobol points of the priors. Points at which an effect has no model are left out.
+fn verify(problem: &Problem, fe: &FiniteElements, compliance: &Compliance, n_runs: u32) -> Result<Verification> {
     let (time_s, force) = training_load(problem);
     let model = &problem.model;
     let full =
@@ -406,44 +427,33 @@ fn verify(problem: &Problem, fe: &FiniteElements, compliance: &Compliance) -> Re
         };
         let names = model.parameters().iter().map(|p| p.name);
         let parameters: Vec<f64> = (0_u32..).zip(names).map(quantile).collect();
-        let (Ok(full_m), Ok(reduced_m)) = (full.trajectory_m(&parameters), reduced.trajectory_m(&parameters)) else {
-            return 0.0;
-        };
+        let (full_m, reduced_m) = (full.trajectory_m(&parameters).ok()?, reduced.trajectory_m(&parameters).ok()?);
         let amplitude = full_m.iter().fold(0.0_f64, |a, x| a.max(x.abs()));
         let distance = reduced_m.iter().zip(&full_m).fold(0.0_f64, |d, (r, x)| d.max((r - x).abs()));
-        if amplitude > 0.0 { distance / amplitude } else { 0.0 }
+        Some(if amplitude > 0.0 { distance / amplitude } else { 0.0 })
     };
-    let n_runs = if model.field().is_none() { VERIFICATION_RUNS } else { SLOW_VERIFICATION_RUNS };
-    let errors: Vec<f64> = (0..n_runs).into_par_iter().map(relative_error).collect();
-    Ok(errors.into_iter().fold(0.0, f64::max))
+    let errors: Vec<f64> = (0..n_runs).into_par_iter().filter_map(relative_error).collect();
+    Ok(Verification { n_runs: errors.len(), relative_error: errors.into_iter().fold(0.0, f64::max) })
 }
 
-/// SHA-256 over the program's version, the mesh, what it weighs and the Poisson ratio.
-fn fields_built_from(fe: &FiniteElements) -> String {
-    hash_of(fe, &weighed(fe))
+/// What models of fields are built from: the mesh, sizes, weights and the Poisson ratio.
+fn fields_built_from(fe: &FiniteElements) -> BuiltFrom {
+    BuiltFrom::new("displacement field")
+        .with_mesh(&fe.mesh)
+        .with("apparatus", fe.sizes)
+        .with("poisson_ratio", fe.poisson_ratio)
 }
 
-/// What models of fields depend on beside the mesh.
-fn weighed(fe: &FiniteElements) -> String {
-    format!("{:e} {:?}", fe.poisson_ratio, fe.sizes)
-}
-
-/// SHA-256 over the program's version, the mesh and everything in the training.
-fn built_from(fe: &FiniteElements, training: &Training) -> String {
-    hash_of(fe, &format!("{training:?}"))
-}
-
-/// SHA-256 over the program's version, the mesh and what else counts.
-fn hash_of(fe: &FiniteElements, rest: &str) -> String {
-    let mut hash = Sha256::new();
-    hash.update(env!("CARGO_PKG_VERSION"));
-    hash.update(format!("{:?}", fe.mesh.element_kind));
-    fe.mesh.node_coordinates_m.iter().flatten().for_each(|x| hash.update(x.to_le_bytes()));
-    let Mesh { connectivity, robot_nodes, outer_nodes, symmetry_y_nodes, symmetry_z_nodes, .. } = &fe.mesh;
-    for nodes in [connectivity, robot_nodes, outer_nodes, symmetry_y_nodes, symmetry_z_nodes] {
-        hash.update(nodes.len().to_le_bytes());
-        nodes.iter().for_each(|n| hash.update(n.to_le_bytes()));
-    }
-    hash.update(rest);
-    hash.finalize().iter().map(|byte| format!("{byte:02x}")).collect()
+/// What a law's surrogate is built from: the mesh and everything in the training.
+fn built_from(fe: &FiniteElements, training: &Training) -> BuiltFrom {
+    let Training { law, parameters, poisson_ratio, time_s, force, tolerance } = training;
+    BuiltFrom::new("surrogate")
+        .with_mesh(&fe.mesh)
+        .with("robot_radius_m", fe.sizes.robot_radius_m)
+        .with("outer_radius_m", fe.sizes.outer_radius_m)
+        .with("law", law)
+        .with("parameters", parameters)
+        .with("poisson_ratio", poisson_ratio)
+        .with_record(time_s, *force)
+        .with("tolerance", tolerance)
 }

@@ -19,7 +19,9 @@ use posterior::cache;
 use posterior::learnt_displacement::{nearest_law, surface};
 use posterior::mechanics::{FiniteElements, Mechanics};
 use posterior::monitor::{Counter, Monitor, Silent, refuse_if_stopped};
-use posterior::prepared::{asked_for, field_hash, field_model, field_models, surrogate, surrogate_hash, with_fields};
+use posterior::prepared::{
+    asked_for, field_built_from, field_model, field_models, surrogate, surrogate_built_from, with_fields,
+};
 use posterior::problem::Problem;
 use posterior::study::sha256_hex;
 use record::Apparatus;
@@ -116,14 +118,14 @@ fn wanted(
     };
     *mechanics = Some(problem.mechanics.clone());
     let Some(fe) = problem.finite_elements() else { return Ok(Vec::new()) };
-    let mut found = vec![(Piece::Surrogate, cache::file_name(&surrogate_hash(&problem, fe)?))];
+    let mut found = vec![(Piece::Surrogate, surrogate_built_from(&problem, fe)?.file_name())];
     found.extend(apparatus::kept_name(own).map(|name| (Piece::Compliance, name)));
     let mut effects = problem.model.effects().to_vec();
     if every_effect {
         let library = Library::default();
         let (widest, all) = asked_for(&problem, fe, &library, library.effects())?;
         if let Some(widest) = widest {
-            found.push((Piece::WidestSurrogate, cache::file_name(&surrogate_hash(&widest, fe)?)));
+            found.push((Piece::WidestSurrogate, surrogate_built_from(&widest, fe)?.file_name()));
         }
         effects = all;
     }
@@ -131,7 +133,7 @@ fn wanted(
         match effect.field() {
             Some(field) if !field.is_learnt_for_record() => {
                 let slug = effect.slug();
-                found.push((Piece::Field(slug.into()), cache::file_name(&field_hash(fe, slug))));
+                found.push((Piece::Field(slug.into()), field_built_from(fe, slug).file_name()));
             }
             Some(_) if problem.model.effects().iter().any(|own| own.slug() == effect.slug()) => {
                 found.push((Piece::LargeDisplacement, content(own)));
@@ -184,25 +186,25 @@ pub fn run(task: &Task, monitor: &dyn Monitor) -> Result<Vec<u8>> {
 /// A model's file: its name below a cache's directory, and its bytes.
 fn built(own: &Measurement, piece: &Piece, monitor: &dyn Monitor) -> Result<(String, Vec<u8>)> {
     if *piece == Piece::Compliance {
-        return apparatus::kept_file(own);
+        return apparatus::kept_file(own, monitor);
     }
     let problem = Problem::new(own.experiment.clone(), own.specification.clone(), None, monitor)?;
     let fe = problem.finite_elements().ok_or_else(|| no_longer("it has no finite elements"))?;
     let library = Library::default();
     match piece {
         Piece::Compliance | Piece::Surrogate => {
-            let (hash, found) = surrogate(&problem, fe, None, monitor)?;
-            cache::file_of(&hash, &found)
+            let (built_from, found) = surrogate(&problem, fe, None, monitor)?;
+            cache::file_of(&built_from, &found)
         }
         Piece::WidestSurrogate => {
             let (widest, _) = asked_for(&problem, fe, &library, library.effects())?;
-            let (hash, found) = surrogate(widest.as_ref().unwrap_or(&problem), fe, None, monitor)?;
-            cache::file_of(&hash, &found)
+            let (built_from, found) = surrogate(widest.as_ref().unwrap_or(&problem), fe, None, monitor)?;
+            cache::file_of(&built_from, &found)
         }
         Piece::Field(slug) => {
             let own = problem.model.effects().iter().copied().find(|effect| effect.slug() == slug);
             let effect = own.or_else(|| library.get(slug)).ok_or_else(|| no_longer("there is no such effect"))?;
-            cache::file_of(&field_hash(fe, slug), &field_model(fe, effect, monitor)?)
+            cache::file_of(&field_built_from(fe, slug), &field_model(fe, effect, monitor)?)
         }
         Piece::LargeDisplacement => large(&problem, fe, monitor),
     }
@@ -215,8 +217,8 @@ fn large(problem: &Problem, fe: &FiniteElements, monitor: &dyn Monitor) -> Resul
     let compliance = with_fields(surrogate.compliance(fe.poisson_ratio)?, &fields);
     let law = nearest_law(problem, &compliance)?;
     let with_load = problem.model.effects().iter().any(|effect| effect.stage() == Stage::Load);
-    let (hash, found) = surface(problem, &law, with_load, monitor)?;
-    cache::file_of(&hash, &found)
+    let (built_from, found) = surface(problem, &law, with_load, monitor)?;
+    cache::file_of(&built_from, &found)
 }
 
 fn no_longer(found: &str) -> Error {
@@ -239,21 +241,25 @@ pub fn adopt(body: &[u8]) -> Result<Option<bool>> {
 
 fn file_of(body: &[u8]) -> Option<(String, &[u8])> {
     let end = body.iter().position(|byte| *byte == b'\n')?;
-    let Manifest { file } = serde_json::from_slice(&body[..end]).ok()?;
-    cache::is_file_name(&file).then_some((file, &body[end + 1..]))
+    let (Manifest { file }, bytes) = (serde_json::from_slice(&body[..end]).ok()?, &body[end + 1..]);
+    cache::is_entry(&file, bytes).then_some((file, bytes))
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    /// Nothing but a model of this program's is ever put into a cache, whatever a result says.
+    /// Nothing but a model of this program's under its own name is ever put into a cache, whatever a result says.
     #[test]
     fn no_other_file_is_written() {
-        let name = cache::file_name(&"0a".repeat(32));
-        let body = |name: &str| [serde_json::to_vec(&json!({ "file": name })).unwrap(), b"\n{}".to_vec()].concat();
-        assert_eq!(file_of(&body(&name)), Some((name.clone(), b"{}".as_slice())));
-        for other in ["../x.json", "/etc/x.json", &name[1..], &name.replace("0a", "../"), &format!("{name}/x"), ""] {
+        let entry = |diameter_mm: f64| {
+            cache::file_of(&cache::BuiltFrom::new("test").with("diameter_mm", diameter_mm), &json!({})).unwrap()
+        };
+        let (name, bytes) = entry(0.55);
+        let body = |name: &str| [&serde_json::to_vec(&json!({ "file": name })).unwrap(), &b"\n"[..], &bytes].concat();
+        assert_eq!(file_of(&body(&name)), Some((name.clone(), &bytes[..])));
+        let (of_another, _) = entry(1.1);
+        for other in ["../x.json", "/etc/x.json", &name[1..], &format!("{name}/x"), "", &of_another] {
             assert_eq!(file_of(&body(other)), None, "{other}");
         }
         assert_eq!(file_of(b"{}"), None);

@@ -164,7 +164,7 @@ impl Laboratory {
             return Ok(known.clone());
         }
         let own = read(path, sampling, &Silent)?;
-        let found = (own.inputs_sha256.clone(), compliance(&own).map_err(|error| own.named(error))?);
+        let found = (own.inputs_sha256.clone(), compliance(&own, &Silent).map_err(|error| own.named(error))?);
         self.compliances.insert(path.to_path_buf(), found.clone());
         Ok(found)
     }

@@ -12,9 +12,9 @@ use std::sync::OnceLock;
 
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
-use sha2::{Digest, Sha256};
 
-use super::cache;
+use super::cache::{self, BuiltFrom};
+use super::monitor::Silent;
 use base::error::{Error, Result, Setting};
 use client::Client;
 use laws::rheology::OutsideLaw;
@@ -117,13 +117,15 @@ impl Outside {
     /// # Errors
     /// [`Error::Numerical`] with the server's words, or for an answer that is none.
     pub fn position_m(&self, parameters: &[f64], time_s: &[f64], force: Force<'_>) -> Result<Vec<f64>> {
-        let hash = self.hash(parameters, time_s, force);
-        let kept = cache::read::<KeptAnswer>(&hash).filter(|kept| kept.position_um.len() == time_s.len());
+        let built_from = self.built_from(parameters, time_s, force);
+        // An answer that cannot be used is asked for again, which costs little and needs no word.
+        let kept =
+            cache::read::<KeptAnswer>(&built_from, &Silent).filter(|kept| kept.position_um.len() == time_s.len());
         let answer = match kept {
             Some(kept) => kept,
             None => {
                 let fresh = KeptAnswer { position_um: self.fresh_um(parameters, time_s, force)? };
-                cache::write(&hash, &fresh);
+                cache::write(&built_from, &fresh);
                 fresh
             }
         };
@@ -131,15 +133,14 @@ impl Outside {
     }
 
     /// Everything that an answer depends on.
-    fn hash(&self, parameters: &[f64], time_s: &[f64], force: Force<'_>) -> String {
-        let mut hash = Sha256::new();
+    fn built_from(&self, parameters: &[f64], time_s: &[f64], force: Force<'_>) -> BuiltFrom {
         let names: Vec<&str> = self.law.parameters().iter().map(|spec| spec.name).collect();
-        hash.update(format!("outside {} {} {names:?} {:?}", self.client.url(), self.name, force.rule));
-        for numbers in [parameters, time_s, force.at_rows_n, &self.at_medians_um] {
-            hash.update(numbers.len().to_le_bytes());
-            numbers.iter().for_each(|x| hash.update(x.to_le_bytes()));
-        }
-        hash.finalize().iter().map(|byte| format!("{byte:02x}")).collect()
+        BuiltFrom::new("answer of another program")
+            .with("url", self.client.url())
+            .with("name", &self.name)
+            .with("parameters", (names, parameters))
+            .with_record(time_s, force)
+            .with_numbers("answer at the prior's medians, um", &self.at_medians_um)
     }
 
     fn config(&self, time_s: &[f64], force: Force<'_>) -> Value {
