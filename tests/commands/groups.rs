@@ -6,6 +6,8 @@ use std::path::{Path, PathBuf};
 
 use program::{tree, vitreo};
 use serde_json::Value;
+use vitreo_uq::cohorts::cohort;
+use vitreo_uq::posterior::monitor::{Collected, Silent};
 
 const SOME: [&str; 8] = [
     "bovine-01-central",
@@ -133,4 +135,25 @@ fn what_cannot_be_compared_is_refused() {
         &["groups", "cohort", "--leave-out", "human-01-central", "--leave-out", "human-02", "--out", "without"],
     );
     run.refuses(&["comparison of other experiments", "--force"]);
+}
+
+/// What is the same for many experiments is said once, with the names of a few.
+#[test]
+fn the_same_note_of_many_experiments_is_said_once() {
+    let place = tempfile::tempdir().unwrap();
+    for k in 0..20 {
+        let gel = place.path().join(format!("eyes/gel-{k:02}"));
+        program::write_instrument_experiment(&gel, true, 0.0);
+        let toml = std::fs::read_to_string(gel.join("experiment.toml")).unwrap();
+        let without = toml.replace("source = \"synthetic: closed form\"\n", "");
+        std::fs::write(gel.join("experiment.toml"), without.replace("id = \"gel\"", &format!("id = \"{k}\""))).unwrap();
+    }
+    let heard = Collected::new(&Silent);
+    let measurements = cohort::read(&[place.path().join("eyes")], &[], &Ok, &heard).unwrap();
+    let notes = heard.take();
+    assert_eq!((measurements.len(), notes.len()), (20, 1), "{notes:?}");
+    assert!(
+        notes[0].starts_with("gel-00, gel-01, gel-02 and 17 others: `measurement.source` is not given"),
+        "{notes:?}"
+    );
 }

@@ -8,7 +8,7 @@ use sha2::{Digest, Sha256};
 use super::design::Labels;
 use base::error::{Error, Place, Result, Setting};
 use models::effects::Library;
-use posterior::monitor::Monitor;
+use posterior::monitor::{Collected, Monitor};
 use posterior::study::{ModelSpecification, Study};
 use record::{Experiment, ExperimentFiles};
 
@@ -175,16 +175,21 @@ pub fn read(
     };
     let mut measurements: Vec<Measurement> = Vec::new();
     let mut broken: Vec<(PathBuf, Error)> = Vec::new();
+    let mut notes = Notes::default();
     for path in places {
         if is_left_out(&|name| is_path_called(&path, name)) {
             continue;
         }
-        match measurement(&path, model, monitor) {
+        let collected = Collected::new(monitor);
+        let found = measurement(&path, model, &collected);
+        notes.add(&path, collected.take());
+        match found {
             Ok(own) if is_left_out(&|name| own.is_called(name)) => {}
             Ok(own) => measurements.push(own),
             Err(error) => broken.push((path, error)),
         }
     }
+    notes.lines().iter().for_each(|line| monitor.warn(line));
     if let Some(index) = used.iter().position(|used| !used) {
         return Err(Error::input(
             Place::setting(Setting::LeaveOut),
@@ -195,6 +200,38 @@ pub fn read(
     refuse_broken(broken)?;
     refuse_twice(&measurements)?;
     Ok(measurements)
+}
+
+/// Experiments that a note names at most.
+const MOST_NAMED: usize = 3;
+
+/// What there is to say of experiments: each note once, with the experiments that it is about.
+#[derive(Default)]
+struct Notes {
+    texts: Vec<String>,
+    places: BTreeMap<String, Vec<String>>,
+}
+
+impl Notes {
+    fn add(&mut self, path: &Path, notes: Vec<String>) {
+        for note in notes {
+            let names = self.places.entry(note.clone()).or_insert_with(|| {
+                self.texts.push(note);
+                Vec::new()
+            });
+            names.push(name_of(path));
+        }
+    }
+
+    fn lines(&self) -> Vec<String> {
+        let line = |text: &String| {
+            let names = &self.places[text];
+            let (named, rest) = names.split_at(names.len().min(MOST_NAMED));
+            let rest = if rest.is_empty() { String::new() } else { format!(" and {} others", rest.len()) };
+            format!("{}{rest}: {text}", named.join(", "))
+        };
+        self.texts.iter().map(line).collect()
+    }
 }
 
 /// Experiments and studies at or below a path, in the order of their names; what is inside one is its own affair.
@@ -238,7 +275,7 @@ fn measurement(
     } else {
         (Experiment::read(path)?, ModelSpecification::default())
     };
-    files.notes.iter().for_each(|note| monitor.warn(&format!("{}: {note}", name_of(path))));
+    files.notes.iter().for_each(|note| monitor.warn(&note.to_string()));
     posterior::check::refuse_certain(&experiment, &files.understood, monitor)?;
     Ok(Measurement {
         path: path.to_path_buf(),
