@@ -1,7 +1,7 @@
 //! The workbench's server: who may ask, what is never read or written, and that nothing a client sends brings it down. The page itself is tested in a browser (tests/browser).
 
-use std::io::{BufRead, BufReader, Write};
-use std::net::{SocketAddr, TcpStream};
+use std::io::{BufRead, BufReader};
+use std::net::SocketAddr;
 use std::path::Path;
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
@@ -15,10 +15,10 @@ use serde_json::{Value, json};
 use crate::program::write_instrument_experiment;
 
 /// A workbench in a folder of its own, ended with the test.
-struct Bench {
+pub struct Bench {
     child: Child,
-    address: SocketAddr,
-    token: String,
+    pub address: SocketAddr,
+    pub token: String,
     _outside: tempfile::TempDir,
     home: std::path::PathBuf,
 }
@@ -31,7 +31,7 @@ impl Drop for Bench {
 }
 
 impl Bench {
-    fn start() -> Self {
+    pub fn start() -> Self {
         let outside = tempfile::tempdir().unwrap();
         std::fs::create_dir(outside.path().join("home")).unwrap();
         Self::start_in(outside)
@@ -109,7 +109,7 @@ impl Bench {
         }
     }
 
-    fn lives(&self) {
+    pub fn lives(&self) {
         let (status, body) = self.get("api/items");
         assert_eq!(status, 200, "{body}");
     }
@@ -215,21 +215,48 @@ fn what_is_too_large_or_too_slow_is_cut_off() {
     assert_eq!(status, 413);
     let long = format!("/{}/{}", bench.token, "x".repeat(1 << 16));
     assert!([414, 431].contains(&bench.ask("GET", &long, "", b"").0));
-    // More connections than are served at once, none of which says what it wants: each is closed in its turn, and a page is answered in the end.
-    let began = Instant::now();
-    let idle: Vec<TcpStream> = (0..80)
-        .map(|_| {
-            let mut stream = TcpStream::connect(bench.address).unwrap();
-            stream.write_all(b"GET / HTTP/1.1\r\nHost: ").unwrap();
-            stream
-        })
-        .collect();
-    let is_answered = || bench.get("api/items").0 == 200;
-    while !is_answered() {
-        assert!(began.elapsed() < Duration::from_secs(60), "idle connections keep the page out");
-    }
-    drop(idle);
     bench.lives();
+}
+
+/// A signal to the workbench alone ends the command that it has started, and leaves nothing half-written.
+#[cfg(unix)]
+#[test]
+fn a_signal_to_the_workbench_ends_its_job() {
+    let mut bench = Bench::start();
+    crate::program::write_instrument_experiment(&bench.home.join("gel"), true, 0.0);
+    let wish = b"{\"item\": \"gel\", \"kind\": \"sample\"}";
+    let path = format!("/{}/api/job", bench.token);
+    let (status, answer) = bench.ask("POST", &path, "Content-Type: application/json\r\n", wish);
+    assert_eq!(status, 200, "{answer}");
+    let kept = bench.home.join(".vitreo-uq-workbench/job.json");
+    let process = || -> Option<u64> {
+        let job: serde_json::Value = serde_json::from_slice(&std::fs::read(&kept).ok()?).ok()?;
+        job["process"]["number"].as_u64().filter(|process| *process > 0)
+    };
+    let began = Instant::now();
+    let job = loop {
+        assert!(began.elapsed() < Duration::from_secs(60), "no job has begun");
+        if let Some(process) = process() {
+            break process;
+        }
+        std::thread::sleep(Duration::from_millis(5));
+    };
+    let name = format!("/proc/{job}/cmdline");
+    assert!(!std::fs::read(&name).unwrap().is_empty(), "the job is over before it could be stopped");
+    let sent = Command::new("kill").args(["-TERM", &bench.child.id().to_string()]).status().unwrap();
+    assert!(sent.success());
+    assert_eq!(bench.child.wait().unwrap().code(), Some(143));
+    // A process that nobody has waited for is there without a command line.
+    let is_gone = || std::fs::read(&name).map_or(true, |line| line.is_empty());
+    let began = Instant::now();
+    while !is_gone() {
+        assert!(began.elapsed() < Duration::from_secs(5), "the job goes on");
+        std::thread::sleep(Duration::from_millis(5));
+    }
+    let job: serde_json::Value = serde_json::from_slice(&std::fs::read(&kept).unwrap()).unwrap();
+    assert_eq!((&job["standing"], &job["process"]["number"]), (&"stopped".into(), &0.into()), "{job}");
+    let left = files(&bench.home);
+    assert!(!left.iter().any(|path| path.to_string_lossy().contains(".partial-")), "{left:?}");
 }
 
 /// 10,000 requests that are nearly right: parts of good ones changed, cut and put together at random (seed 8421).

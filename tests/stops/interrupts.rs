@@ -115,6 +115,21 @@ fn prepared(place: &Path) {
     assert!([0, 1].contains(&code));
 }
 
+/// A job that is too short to hear the signal comes to its end, and the program says all the same that it was stopped.
+#[test]
+fn a_signal_in_the_last_moment_is_told() {
+    let place = tempfile::tempdir().unwrap();
+    write_instrument_experiment(&place.path().join("gel"), true, 0.0);
+    for (signal, code) in [("INT", 130), ("TERM", 143)] {
+        let mut child = start(place.path(), &["fit", "gel", "--out", "new"]);
+        first_word(&mut child);
+        assert!(child.try_wait().unwrap().is_none());
+        send(signal, &child);
+        let ending = ends(child, code, place.path(), signal);
+        assert!(ending == Ending::Stopped, "the signal is lost");
+    }
+}
+
 /// Every command: stopped at three moments, by each signal; then run to the end. Most are nearly over before they can be stopped. Two have finite elements
 /// before them at their first word, and have to be stopped there. Forty runs of the program, and a few where a moment was missed, take a minute.
 #[test]

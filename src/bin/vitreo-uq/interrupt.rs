@@ -5,9 +5,9 @@
 //! [`vitreo_uq::base::files`], which leaves the old content or the new.
 
 use std::io::Write;
-use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU32, AtomicUsize, Ordering};
 use std::sync::{Arc, OnceLock, mpsc};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use indicatif::ProgressBar;
 use signal_hook::consts::{SIGINT, SIGTERM};
@@ -20,12 +20,16 @@ const LOOK: Duration = Duration::from_millis(20);
 const GRACE: Duration = Duration::from_millis(500);
 const LAST_STEPS: Duration = Duration::from_millis(250);
 const LAST_WORD: Duration = Duration::from_millis(100);
+/// Time that a command which this program has started has to end, with all of the above.
+const CHILDREN_GRACE: Duration = Duration::from_millis(900);
 /// What shells add to a signal's number.
 const SIGNAL_BASE: usize = 128;
 
 static STOP: AtomicBool = AtomicBool::new(false);
 /// Set before the first file is taken away from a job that goes on.
 static ENDING: AtomicBool = AtomicBool::new(false);
+/// The process group of the command that this program has started; 0 for none.
+static CHILDREN: AtomicU32 = AtomicU32::new(0);
 static BAR: OnceLock<ProgressBar> = OnceLock::new();
 static SIGNAL: OnceLock<Arc<AtomicUsize>> = OnceLock::new();
 
@@ -43,7 +47,7 @@ pub fn watch(how_to_go_on: &'static str) {
             std::thread::sleep(LOOK);
         }
         STOP.store(true, Ordering::SeqCst);
-        std::thread::sleep(GRACE);
+        end_children();
         ENDING.store(true, Ordering::SeqCst);
         stop_writing(LAST_STEPS);
         // A terminal that is stopped or gone may keep whoever writes to it waiting.
@@ -65,6 +69,57 @@ pub fn wait_for_an_end_under_way() {
     while ENDING.load(Ordering::SeqCst) {
         std::thread::park();
     }
+}
+
+/// Whether a signal has come that ends the program.
+pub fn has_come() -> bool {
+    signal() != 0
+}
+
+/// From now on the program ends this process group before itself, where a signal ends it; 0 when the group has ended and that is written down. The group is that of its first process.
+pub fn owns_group(process: u32) {
+    CHILDREN.store(process, Ordering::SeqCst);
+}
+
+/// How a process group is ended.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Urgency {
+    /// It has a second to leave nothing half-written.
+    Ask,
+    /// At once.
+    Kill,
+}
+
+/// Gives the job of this program its time to stop; where that is a command of its own, sees to its end.
+fn end_children() {
+    let process = CHILDREN.load(Ordering::SeqCst);
+    if process == 0 {
+        return std::thread::sleep(GRACE);
+    }
+    end_group(process, Urgency::Ask);
+    let began = Instant::now();
+    while CHILDREN.load(Ordering::SeqCst) != 0 {
+        if began.elapsed() > CHILDREN_GRACE {
+            return end_group(CHILDREN.load(Ordering::SeqCst), Urgency::Kill);
+        }
+        std::thread::sleep(LOOK);
+    }
+}
+
+/// Ends the process group of a command that this program has started.
+#[cfg(any(target_os = "linux", target_vendor = "apple"))]
+pub fn end_group(process: u32, urgency: Urgency) {
+    use rustix::process::{Pid, Signal, kill_process_group};
+    let signal = if urgency == Urgency::Ask { Signal::TERM } else { Signal::KILL };
+    if let Some(pid) = i32::try_from(process).ok().and_then(Pid::from_raw) {
+        // One that has ended is no longer there to be ended.
+        let _ = kill_process_group(pid, signal);
+    }
+}
+
+#[cfg(not(any(target_os = "linux", target_vendor = "apple")))]
+pub fn end_group(process: u32, _: Urgency) {
+    let _ = std::process::Command::new("taskkill").args(["/T", "/F", "/PID", &process.to_string()]).status();
 }
 
 /// Set when the job should stop.

@@ -151,8 +151,10 @@ fn main() -> ExitCode {
         Command::Man(arguments) => shell::man(arguments, Program::command()),
     };
     match outcome {
-        Ok(code) => code,
-        Err(Error::Interrupted { .. }) => {
+        Ok(code) if !interrupt::has_come() => code,
+        // Work that hears no signal may come to its end in the moment that it is given: who sent the signal has to know that it came.
+        Ok(_) | Err(Error::Interrupted { .. }) => {
+            interrupt::wait_for_an_end_under_way();
             interrupt::say(&interrupt::last_word(how_to_go_on));
             ExitCode::from(interrupt::exit_code())
         }

@@ -1,7 +1,7 @@
 //! What the page starts: the program's own commands, one after the other, each a process of its own.
 //!
-//! A command that a terminal would run is the same command here, with the same results on disk. It outlives a workbench that is killed, and a workbench that is started again
-//! looks after it.
+//! A command that a terminal would run is the same command here, with the same results on disk. A workbench that ends by Ctrl-C or another signal ends the command, too. The command outlives a
+//! workbench that is killed, and a workbench that is started again looks after it.
 
 use std::io::{Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
@@ -19,15 +19,16 @@ use vitreo_uq::posterior::study::CORNER_NAME;
 use super::home::{FOLDER_VARIABLE, GROUPS, Home, Item};
 use super::process::{Process, stop_child};
 use crate::child::{absolute, words};
+use crate::interrupt;
 
 /// Time between two looks at a command's words.
 const LOOK: Duration = Duration::from_millis(150);
+/// The same while the workbench waits for the command's end.
+const LAST_LOOK: Duration = Duration::from_millis(20);
 /// Of a command's words, the last so many bytes are looked at.
 const TAIL_BYTES: u64 = 16_384;
 /// Posteriors of so many revisions are laid over each other at most.
 const MOST_OVERLAID: usize = 4;
-/// Exit code of a program that was asked to end by another: what it started goes on.
-const TERMINATED: u8 = 143;
 const WRITABLE: &str = "make the folder writable";
 /// Exit code of a result that is not to be trusted: the command came to its end all the same.
 const DOUBTFUL: i32 = 1;
@@ -179,7 +180,7 @@ impl Jobs {
     /// Stops the job: its process has a second to leave nothing half-written.
     pub fn stop(&self) {
         self.is_stopped.store(true, Ordering::SeqCst);
-        if let Some(child) = self.child().as_mut() {
+        if let Some(child) = self.child().as_ref() {
             return stop_child(child);
         }
         if let Some(job) = self.present().filter(|job| job.standing == Standing::Running) {
@@ -224,12 +225,18 @@ impl Jobs {
             self.change(|job| job.at = at);
             let arguments = self.present().map_or(Vec::new(), |job| job.commands[at].clone());
             let code = self.spawn(&arguments).and_then(|process| {
+                // The workbench that ends by a signal ends what it had started.
+                interrupt::owns_group(process.number());
                 self.change(|job| job.process = process);
                 self.watch()
             });
-            if self.is_stopped.load(Ordering::SeqCst) {
-                let words = "stopped; nothing is half-written, and what was finished is kept";
-                return self.end(Standing::Stopped, words.into());
+            let is_stopped = self.is_stopped.load(Ordering::SeqCst) || interrupt::has_come();
+            if is_stopped {
+                self.end(Standing::Stopped, "stopped; nothing is half-written, and what was finished is kept".into());
+            }
+            interrupt::owns_group(0);
+            if is_stopped {
+                return;
             }
             match code {
                 Ok(Some(0 | DOUBTFUL)) => {}
@@ -280,13 +287,9 @@ impl Jobs {
                     *held = None;
                     return Ok(status.code());
                 }
-                // Its group is not the terminal's: what Ctrl-C or a closed terminal ends, this ends.
-                if crate::interrupt::flag().load(Ordering::SeqCst) && crate::interrupt::exit_code() != TERMINATED {
-                    stop_child(child);
-                }
             }
             self.pass_on();
-            std::thread::sleep(LOOK);
+            std::thread::sleep(if interrupt::has_come() { LAST_LOOK } else { LOOK });
         }
     }
 
@@ -307,17 +310,19 @@ impl Jobs {
             let words = "the workbench ended while this ran: start it again; what was finished is kept";
             return self.end(Standing::Broken, words.into());
         }
+        interrupt::owns_group(job.process.number());
         while job.process.is_running() {
             self.pass_on();
-            std::thread::sleep(LOOK);
+            std::thread::sleep(if interrupt::has_come() { LAST_LOOK } else { LOOK });
         }
         let tail = self.tail();
-        let stopped = self.is_stopped.load(Ordering::SeqCst);
+        let is_stopped = self.is_stopped.load(Ordering::SeqCst) || interrupt::has_come();
         match tail.lines().any(|line| line.starts_with("error: ")) {
-            _ if stopped => self.end(Standing::Stopped, "stopped; nothing is half-written".into()),
+            _ if is_stopped => self.end(Standing::Stopped, "stopped; nothing is half-written".into()),
             true => self.end(Standing::Failed, error_in(&tail)),
             false => self.end(Standing::Done, String::new()),
         }
+        interrupt::owns_group(0);
     }
 
     /// The last words of the command.

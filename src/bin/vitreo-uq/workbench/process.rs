@@ -4,6 +4,8 @@ use std::process::{Child, Command};
 
 use serde::{Deserialize, Serialize};
 
+use crate::interrupt::{self, Urgency};
+
 /// In the environment of a job's process: the token of the job.
 const TOKEN: &str = "VITREO_UQ_JOB";
 
@@ -27,6 +29,11 @@ impl Process {
         Ok((child, Self { number, started: system::start_of(number).unwrap_or_default(), token }))
     }
 
+    /// Its number, which is its group's too; 0 before the first.
+    pub fn number(&self) -> u32 {
+        self.number
+    }
+
     /// Whether it runs; another process that has its number now does not count.
     pub fn is_running(&self) -> bool {
         !self.token.is_empty()
@@ -38,31 +45,15 @@ impl Process {
     /// Asks it and what it has started to end, if it runs.
     pub fn stop(&self) {
         if self.is_running() {
-            end_group(self.number);
+            interrupt::end_group(self.number, Urgency::Ask);
         }
     }
 }
 
 /// Asks a child that was not waited for, and what it has started, to end.
-pub fn stop_child(child: &mut Child) {
-    if cfg!(any(target_os = "linux", target_vendor = "apple")) {
-        end_group(child.id());
-    } else {
-        // One that has ended is no longer there to be ended.
-        let _ = child.kill();
-    }
+pub fn stop_child(child: &Child) {
+    interrupt::end_group(child.id(), Urgency::Ask);
 }
-
-#[cfg(any(target_os = "linux", target_vendor = "apple"))]
-fn end_group(number: u32) {
-    use rustix::process::{Pid, Signal, kill_process_group};
-    if let Some(pid) = i32::try_from(number).ok().and_then(Pid::from_raw) {
-        let _ = kill_process_group(pid, Signal::TERM);
-    }
-}
-
-#[cfg(not(any(target_os = "linux", target_vendor = "apple")))]
-fn end_group(_: u32) {}
 
 #[cfg(target_os = "linux")]
 mod system {
@@ -148,7 +139,7 @@ mod tests {
         process.stop();
         assert!(!own.wait().unwrap().success());
         assert!(!process.is_running() && of_other.is_running());
-        stop_child(&mut other);
+        stop_child(&other);
         assert!(!other.wait().unwrap().success());
     }
 
