@@ -28,6 +28,7 @@ mod serve;
 mod shape_study;
 mod shapes;
 mod shell;
+mod slow_clients;
 mod tasks;
 mod tasks_commands;
 mod tasks_models;

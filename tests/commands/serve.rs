@@ -9,7 +9,8 @@ use std::process::{Child, ChildStdout, Command, Stdio};
 use std::time::Duration;
 
 use serde_json::{Value, json};
-use vitreo_uq::models::model::Forward;
+use vitreo_uq::models::model::{Compliance, Forward};
+use vitreo_uq::posterior::advice::check_warning;
 use vitreo_uq::posterior::monitor::Silent;
 use vitreo_uq::posterior::prepared::PreparedModel;
 use vitreo_uq::posterior::prior::PriorSet;
@@ -18,9 +19,9 @@ use vitreo_uq::posterior::study::ModelSpecification;
 use vitreo_uq::record::Experiment;
 
 /// A server, ended with the test.
-struct Server {
+pub struct Server {
     child: Child,
-    address: SocketAddr,
+    pub address: SocketAddr,
     /// Its words after the link.
     words: BufReader<ChildStdout>,
     place: tempfile::TempDir,
@@ -35,7 +36,7 @@ impl Drop for Server {
 
 impl Server {
     /// In an empty directory, which `prepare` may fill; `arguments` come after `serve`.
-    fn start(prepare: impl FnOnce(&Path), arguments: &[&str]) -> Self {
+    pub fn start(prepare: impl FnOnce(&Path), arguments: &[&str]) -> Self {
         let place = tempfile::tempdir().unwrap();
         prepare(place.path());
         let mut child = Command::new(env!("CARGO_BIN_EXE_vitreo-uq"))
@@ -319,6 +320,17 @@ fn full_and_reduced_agree_within_what_the_reduced_model_states() {
     assert_eq!(reduced_um, own_m.iter().map(|x| 1e6 * x).collect::<Vec<f64>>());
     let amplitude = full_um.iter().fold(0.0_f64, |a, x| a.max(x.abs()));
     let stated = prepared.max_relative_error.unwrap().max(1e-12);
+    // What is said of a model is measured at its start: a reduced model that is wrong is found out, whatever it says of itself.
+    let check = prepared.check_now(&Silent).unwrap().unwrap();
+    assert!(check.n_runs == 2 && check.relative_error <= stated && check_warning(&check).is_none(), "{check:?}");
+    let compliance = Compliance::given(0.5 * prepared.compliance.given_per_m());
+    let wrong = PreparedModel { compliance, ..prepared.clone() }.check_now(&Silent).unwrap().unwrap();
+    assert!((wrong.relative_error - 0.5).abs() < 1e-6, "{wrong:?}");
+    let warning = check_warning(&wrong).unwrap();
+    assert!(
+        warning.text.contains("50 % of the amplitude") && warning.advice.contains("models are kept in"),
+        "{warning:?}"
+    );
     assert!(reduced_um.iter().zip(&full_um).all(|(r, f)| (r - f).abs() <= stated * amplitude), "{stated}");
     // Physics from elsewhere: the data were made by another mesh and integrator, with 4 µm of noise.
     let squares: f64 = full_um.iter().zip(&observed_um).map(|(x, y)| (x - y).powi(2)).sum();
@@ -328,6 +340,8 @@ fn full_and_reduced_agree_within_what_the_reduced_model_states() {
     let mut words = String::new();
     server.words.read_to_string(&mut words).unwrap();
     for part in ["porcine-replica: Lethersich", "young_modulus_pa", "Pa s", "noise_sd_um", "800 positions in um", "−∞"]
+        .into_iter()
+        .chain(["2 points of the prior were run in full just now"])
     {
         assert!(words.contains(part), "`{part}` is missing in {words}");
     }

@@ -1,6 +1,7 @@
 //! Who may ask a local server: programs, and its own page, under names that are its own.
 
-use std::net::SocketAddr;
+use std::net::{IpAddr, SocketAddr};
+use std::sync::Arc;
 
 use axum::extract::{Request, State};
 use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
@@ -10,34 +11,56 @@ use axum::response::{IntoResponse, Response};
 /// What the page may load: its own files, and drawings.
 const POLICY: &str = "default-src 'self'; img-src 'self' data:; style-src 'self' 'unsafe-inline'; frame-ancestors 'none'; base-uri 'none'; form-action 'none'";
 
-/// Names under which a browser reaches this server.
+/// What is answered to any other name.
+const REFUSAL: &str = "This server is asked under another name than its own, or by another site's page. Ask it by its IP address, or start it with `--allow-host NAME`.\n";
+
+/// Names under which this server may be asked, beside any address in numbers: no other site can turn those to it.
 #[derive(Debug, Clone)]
 pub struct Guard {
-    /// `host:port`; empty where other machines may reach it, under names that it does not know.
-    hosts: Vec<String>,
+    names: Arc<[String]>,
 }
 
 impl Guard {
-    /// Of a server at this address.
-    pub fn of(address: SocketAddr) -> Self {
-        let names = [address.to_string(), format!("localhost:{}", address.port())];
-        Self { hosts: if address.ip().is_loopback() { names.to_vec() } else { Vec::new() } }
+    /// Of a server at this address. Where other machines reach it, it has this machine's name, too; `others` are names that it does not know of.
+    pub fn of(address: SocketAddr, others: &[String]) -> Self {
+        let machine = if address.ip().is_loopback() { None } else { machine_name() };
+        let short = machine.as_ref().and_then(|name| name.split('.').next()).map(String::from);
+        let names = ["localhost".to_string()].into_iter().chain(machine).chain(short).chain(others.iter().cloned());
+        Self { names: names.collect() }
     }
 
     /// Whether headers are those of a page of this server: a name that another site has turned to this address (DNS rebinding) is not, nor is a request that another site's script makes.
     fn admits(&self, headers: &HeaderMap) -> bool {
         let text = |name| headers.get(name).and_then(|value| value.to_str().ok());
         let Some(host) = text(header::HOST) else { return false };
-        let is_known = self.hosts.is_empty() || self.hosts.iter().any(|own| own == host);
         let is_own = |origin: &str| origin.strip_prefix("http://") == Some(host);
-        is_known && headers.get(header::ORIGIN).is_none_or(|_| text(header::ORIGIN).is_some_and(is_own))
+        self.knows(host) && headers.get(header::ORIGIN).is_none_or(|_| text(header::ORIGIN).is_some_and(is_own))
     }
+
+    /// Whether a host, with or without a port, is one of the server's names.
+    fn knows(&self, host: &str) -> bool {
+        if host.parse::<SocketAddr>().is_ok() || host.trim_matches(['[', ']']).parse::<IpAddr>().is_ok() {
+            return true;
+        }
+        let name = match host.rsplit_once(':') {
+            Some((name, port)) if port.parse::<u16>().is_ok() => name,
+            _ => host,
+        };
+        self.names.iter().any(|known| known.eq_ignore_ascii_case(name.trim_end_matches('.')))
+    }
+}
+
+/// The name of this machine, as its own command says it.
+fn machine_name() -> Option<String> {
+    let output = std::process::Command::new("hostname").stdin(std::process::Stdio::null()).output().ok()?;
+    let name = String::from_utf8(output.stdout).ok()?.trim().to_string();
+    (!name.is_empty()).then_some(name)
 }
 
 /// Lets requests of the page through, and tells browsers what the page may do.
 pub async fn guard(State(guard): State<Guard>, request: Request, next: Next) -> Response {
     if !guard.admits(request.headers()) {
-        return (StatusCode::FORBIDDEN, "This server is asked under another name than its own.\n").into_response();
+        return (StatusCode::FORBIDDEN, REFUSAL).into_response();
     }
     let mut response = next.run(request).await;
     let headers = response.headers_mut();
@@ -56,18 +79,35 @@ pub async fn guard(State(guard): State<Guard>, request: Request, next: Next) -> 
 mod tests {
     use super::*;
 
+    fn admits(guard: &Guard, pairs: &[(header::HeaderName, &'static str)]) -> bool {
+        let headers = pairs.iter().map(|(name, value)| (name.clone(), HeaderValue::from_static(value)));
+        guard.admits(&headers.collect())
+    }
+
     #[test]
     fn other_names_and_other_sites_are_refused() {
-        let guard = Guard::of(SocketAddr::from(([127, 0, 0, 1], 8421)));
-        let admits = |pairs: &[(header::HeaderName, &'static str)]| {
-            let own = pairs.iter().map(|(name, value)| (name.clone(), HeaderValue::from_static(value)));
-            guard.admits(&own.collect())
-        };
-        assert!(admits(&[(header::HOST, "localhost:8421")]));
-        assert!(admits(&[(header::HOST, "localhost:8421"), (header::ORIGIN, "http://localhost:8421")]));
-        assert!(!admits(&[]));
-        assert!(!admits(&[(header::HOST, "evil.example:8421")]));
-        assert!(!admits(&[(header::HOST, "localhost:8421"), (header::ORIGIN, "http://evil.example")]));
-        assert!(!admits(&[(header::HOST, "localhost:8421"), (header::ORIGIN, "null")]));
+        for address in [[127, 0, 0, 1], [0, 0, 0, 0], [192, 168, 0, 7]] {
+            let guard = Guard::of(SocketAddr::from((address, 8421)), &[]);
+            assert!(admits(&guard, &[(header::HOST, "localhost:8421")]));
+            assert!(admits(&guard, &[(header::HOST, "localhost:8421"), (header::ORIGIN, "http://localhost:8421")]));
+            for host in ["127.0.0.1:8421", "192.168.0.7", "[::1]:8421", "[fe80::1]", "LOCALHOST."] {
+                assert!(admits(&guard, &[(header::HOST, host)]), "{host}");
+            }
+            assert!(!admits(&guard, &[]));
+            for host in
+                ["evil.example:8421", "evil.example", "localhost.evil.example", "127.0.0.1.evil.example:8421", ""]
+            {
+                assert!(!admits(&guard, &[(header::HOST, host)]), "{host} at {address:?}");
+            }
+            assert!(!admits(&guard, &[(header::HOST, "localhost:8421"), (header::ORIGIN, "http://evil.example")]));
+            assert!(!admits(&guard, &[(header::HOST, "localhost:8421"), (header::ORIGIN, "null")]));
+        }
+    }
+
+    #[test]
+    fn further_names_are_those_that_were_given() {
+        let guard = Guard::of(SocketAddr::from(([0, 0, 0, 0], 8421)), &["gel.example".into()]);
+        assert!(admits(&guard, &[(header::HOST, "gel.example:8421"), (header::ORIGIN, "http://gel.example:8421")]));
+        assert!(!admits(&guard, &[(header::HOST, "bad.gel.example:8421")]));
     }
 }

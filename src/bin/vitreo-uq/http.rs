@@ -1,20 +1,47 @@
 //! What local servers share: listening, and connections of which none keeps the others out.
+//!
+//! A connection is in the hands of its peer (who sends a request or reads an answer) or of the program (which works out an answer). The peer has a limited time for
+//! each step, and where places are scarce, the connection whose peer has the least of that time left gives up its place. So slow clients cost the others nothing, however many
+//! they are. Event streams stay open by nature; they are counted apart.
 
+use std::future::{Future, poll_fn};
 use std::net::{IpAddr, SocketAddr, TcpListener};
-use std::sync::Arc;
+use std::pin::{Pin, pin};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::task::{Context, Poll};
 use std::time::Duration;
 
-use axum::Router;
-use hyper_util::rt::{TokioIo, TokioTimer};
+use axum::body::{Body, Bytes};
+use axum::extract::{Extension, Request};
+use axum::http::StatusCode;
+use axum::middleware::Next;
+use axum::response::{IntoResponse, Response};
+use axum::{RequestExt, Router};
+use hyper::service::{Service, service_fn};
+use hyper_util::rt::TokioIo;
 use hyper_util::service::TowerToHyperService;
-use tokio::sync::Semaphore;
+use tokio::io::{AsyncRead, AsyncWrite, ReadBuf};
+use tokio::net::TcpStream;
+use tokio::sync::Notify;
+use tokio::time::Instant;
 use vitreo_uq::base::error::{Error, Place, Result};
 
-/// Connections at once; headers of a request have so long to come.
-const MOST_CONNECTIONS: usize = 64;
-const HEADERS: Duration = Duration::from_secs(10);
+/// Connections at once, those of one peer, and event streams beside them.
+const MOST_CONNECTIONS: usize = 512;
+const MOST_OF_PEER: usize = 256;
+const MOST_STREAMS: usize = 64;
+/// Time for the head of a first request, and for that of a next one.
+const HEAD: Duration = Duration::from_secs(10);
+const NEXT_HEAD: Duration = Duration::from_secs(30);
+/// Time for the body of a request.
+const BODY: Duration = Duration::from_secs(30);
+/// Time for the next bytes of an answer to be taken.
+const ANSWER: Duration = Duration::from_secs(30);
 /// Bytes of a request's head.
 const MOST_HEAD_BYTES: usize = 1 << 15;
+/// What a peer hears that has no connection left to give up.
+const BUSY: &[u8] =
+    b"HTTP/1.1 503 Service Unavailable\r\nRetry-After: 1\r\nContent-Length: 0\r\nConnection: close\r\n\r\n";
 
 /// Listens at the first of `ports` that nobody else has, of which 0 is any that is free; says where, too.
 pub fn listen(address: IpAddr, ports: &[u16]) -> Result<(TcpListener, SocketAddr)> {
@@ -44,28 +71,321 @@ pub fn serve(listener: TcpListener, router: impl FnOnce() -> Router) -> std::io:
     listener.set_nonblocking(true)?;
     runtime.block_on(async move {
         let listener = tokio::net::TcpListener::from_std(listener)?;
-        connections(listener, router()).await;
+        accept(listener, router()).await;
         Ok(())
     })
 }
 
-/// Connections, so many at once, none of which may hold back its headers.
-async fn connections(listener: tokio::net::TcpListener, app: Router) {
-    let free = Arc::new(Semaphore::new(MOST_CONNECTIONS));
+/// Who has to do the next step on a connection.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Turn {
+    /// The peer, by this time.
+    Peer { until: Instant },
+    /// The program.
+    Program,
+    /// Nobody: news is sent as it comes.
+    Stream { since: Instant },
+}
+
+/// A connection of a local server, which handlers find among a request's extensions.
+#[derive(Clone)]
+pub struct Connection {
+    state: Arc<State>,
+    all: Arc<Connections>,
+}
+
+struct State {
+    peer: IpAddr,
+    turn: Mutex<Turn>,
+    is_closed: Notify,
+}
+
+impl State {
+    fn turn(&self) -> Turn {
+        *locked(&self.turn)
+    }
+
+    fn pass_to(&self, next: Turn) {
+        *locked(&self.turn) = next;
+    }
+}
+
+/// A panic while one of these locks is held leaves what it guards sound.
+fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+impl Connection {
+    fn new(peer: IpAddr, all: &Arc<Connections>) -> Self {
+        let turn = Mutex::new(Turn::Peer { until: Instant::now() + HEAD });
+        Self { state: Arc::new(State { peer, turn, is_closed: Notify::new() }), all: Arc::clone(all) }
+    }
+
+    /// The peer has so long for its next step.
+    pub fn give_time(&self, time: Duration) {
+        self.state.pass_to(Turn::Peer { until: Instant::now() + time });
+    }
+
+    /// The request is whole: what comes next is up to the program.
+    pub fn has_whole_request(&self) {
+        self.state.pass_to(Turn::Program);
+    }
+
+    /// What is answered is an event stream: the oldest of too many ends.
+    pub fn becomes_stream(&self) {
+        self.state.pass_to(Turn::Stream { since: Instant::now() });
+        self.all.keep_streams();
+    }
+
+    /// An answer is there to be read.
+    fn is_answered(&self) {
+        if self.state.turn() == Turn::Program {
+            self.give_time(NEXT_HEAD);
+        }
+    }
+
+    /// The peer takes its answer.
+    fn has_written(&self) {
+        if let Turn::Peer { until } = self.state.turn() {
+            self.state.pass_to(Turn::Peer { until: until.max(Instant::now() + ANSWER) });
+        }
+    }
+
+    /// Ends when the peer has let its time pass, or when its place is given away.
+    async fn outlived(&self) {
+        let is_late = async {
+            loop {
+                // While the program works, or a stream is open, no time runs.
+                let look_at = match self.state.turn() {
+                    Turn::Peer { until } if until <= Instant::now() => return,
+                    Turn::Peer { until } => until,
+                    Turn::Program | Turn::Stream { .. } => Instant::now() + HEAD,
+                };
+                tokio::time::sleep_until(look_at).await;
+            }
+        };
+        either(is_late, self.state.is_closed.notified()).await;
+    }
+}
+
+/// All connections of a server.
+#[derive(Default)]
+struct Connections(Mutex<Vec<Arc<State>>>);
+
+impl Connections {
+    /// A place for a peer's next connection; `None` where every place is of a request that is being answered.
+    fn place_for(self: &Arc<Self>, peer: IpAddr) -> Option<Connection> {
+        let mut all = locked(&self.0);
+        let of_peer = |state: &State| state.peer == peer;
+        for (most, is_meant) in [(MOST_OF_PEER, &of_peer as &dyn Fn(&State) -> bool), (MOST_CONNECTIONS, &|_| true)] {
+            let is_counted = |state: &&Arc<State>| is_meant(state) && !matches!(state.turn(), Turn::Stream { .. });
+            if all.iter().filter(is_counted).count() >= most && !close_latest(&mut all, is_meant) {
+                return None;
+            }
+        }
+        let connection = Connection::new(peer, self);
+        all.push(Arc::clone(&connection.state));
+        Some(connection)
+    }
+
+    /// Closes the connection whose peer has the least time left, if any is in a peer's hands.
+    fn make_room(&self) {
+        close_latest(&mut locked(&self.0), &|_| true);
+    }
+
+    fn keep_streams(&self) {
+        let mut all = locked(&self.0);
+        let since = |state: &State| match state.turn() {
+            Turn::Stream { since } => Some(since),
+            _ => None,
+        };
+        while all.iter().filter(|state| since(state).is_some()).count() > MOST_STREAMS {
+            let streams = all.iter().enumerate().filter_map(|(index, state)| Some((since(state)?, index)));
+            let Some((_, oldest)) = streams.min() else { return };
+            all.swap_remove(oldest).is_closed.notify_one();
+        }
+    }
+
+    fn forget(&self, connection: &Connection) {
+        locked(&self.0).retain(|state| !Arc::ptr_eq(state, &connection.state));
+    }
+}
+
+/// Closes that connection of some peers whose time ends first; whether there was one.
+fn close_latest(all: &mut Vec<Arc<State>>, is_meant: &dyn Fn(&State) -> bool) -> bool {
+    let until = |(index, state): (usize, &Arc<State>)| match state.turn() {
+        Turn::Peer { until } if is_meant(state) => Some((until, index)),
+        _ => None,
+    };
+    let Some((_, index)) = all.iter().enumerate().filter_map(until).min() else { return false };
+    all.swap_remove(index).is_closed.notify_one();
+    true
+}
+
+async fn accept(listener: tokio::net::TcpListener, app: Router) {
+    let all = Arc::new(Connections::default());
     loop {
-        let Ok(place) = Arc::clone(&free).acquire_owned().await else { return };
-        let Ok((stream, _)) = listener.accept().await else {
+        let Ok((stream, address)) = listener.accept().await else {
             // Out of file handles, or a peer that was gone at once.
+            all.make_room();
             tokio::time::sleep(Duration::from_millis(50)).await;
             continue;
         };
-        let service = TowerToHyperService::new(app.clone());
-        tokio::spawn(async move {
-            let mut builder = hyper::server::conn::http1::Builder::new();
-            builder.timer(TokioTimer::new()).header_read_timeout(HEADERS).max_buf_size(MOST_HEAD_BYTES);
-            // A peer that breaks off is its own affair.
-            let _ = builder.serve_connection(TokioIo::new(stream), service).await;
-            drop(place);
-        });
+        let Some(connection) = all.place_for(address.ip()) else {
+            let _ = stream.try_write(BUSY);
+            continue;
+        };
+        tokio::spawn(answer(stream, connection, app.clone()));
+    }
+}
+
+/// Answers one connection's requests until its end.
+async fn answer(stream: TcpStream, connection: Connection, app: Router) {
+    let app = TowerToHyperService::new(app);
+    let each = service_fn(|mut request: hyper::Request<hyper::body::Incoming>| {
+        connection.give_time(BODY);
+        request.extensions_mut().insert(connection.clone());
+        let (response, connection) = (app.call(request), connection.clone());
+        async move {
+            let response = response.await;
+            connection.is_answered();
+            response
+        }
+    });
+    let mut builder = hyper::server::conn::http1::Builder::new();
+    // Hyper's own limit for heads would also cut answers that are read slowly.
+    builder.header_read_timeout(None).max_buf_size(MOST_HEAD_BYTES);
+    let io = TokioIo::new(WatchedStream { stream, connection: connection.clone() });
+    // A peer that breaks off is its own affair.
+    either(builder.serve_connection(io, each), connection.outlived()).await;
+    connection.all.forget(&connection);
+}
+
+/// Waits for the first of two to end, and drops the other.
+async fn either(first: impl Future, second: impl Future) {
+    let (mut first, mut second) = (pin!(first), pin!(second));
+    poll_fn(|cx| {
+        let is_over = first.as_mut().poll(cx).is_ready() || second.as_mut().poll(cx).is_ready();
+        if is_over { Poll::Ready(()) } else { Poll::Pending }
+    })
+    .await;
+}
+
+/// Reads a request's body whole before its handler begins, so that a peer that sends slowly keeps nothing but its own connection.
+pub async fn whole_body(Extension(connection): Extension<Connection>, request: Request, next: Next) -> Response {
+    let (parts, body) = request.into_parts();
+    match Request::from_parts(parts.clone(), body).extract::<Bytes, _>().await {
+        Ok(bytes) => {
+            connection.has_whole_request();
+            next.run(Request::from_parts(parts, Body::from(bytes))).await
+        }
+        Err(rejection) => rejection.into_response(),
+    }
+}
+
+/// A document as the body of an answer, made beside the server by whoever made the document.
+pub fn json_body(status: StatusCode, document: &impl serde::Serialize) -> Response {
+    match serde_json::to_vec(document) {
+        Ok(bytes) => (status, [(axum::http::header::CONTENT_TYPE, "application/json")], bytes).into_response(),
+        Err(error) => (StatusCode::INTERNAL_SERVER_ERROR, error.to_string()).into_response(),
+    }
+}
+
+/// A stream that tells its connection when bytes are taken.
+struct WatchedStream {
+    stream: TcpStream,
+    connection: Connection,
+}
+
+impl WatchedStream {
+    fn tell(&self, written: Poll<std::io::Result<usize>>) -> Poll<std::io::Result<usize>> {
+        if matches!(written, Poll::Ready(Ok(n)) if n > 0) {
+            self.connection.has_written();
+        }
+        written
+    }
+}
+
+impl AsyncRead for WatchedStream {
+    fn poll_read(
+        mut self: Pin<&mut Self>,
+        cx: &mut Context<'_>,
+        buffer: &mut ReadBuf<'_>,
+    ) -> Poll<std::io::Result<()>> {
+        Pin::new(&mut self.stream).poll_read(cx, buffer)
+    }
+}
+
+impl AsyncWrite for WatchedStream {
+    fn poll_write(mut self: Pin<&mut Self>, cx: &mut Context<'_>, bytes: &[u8]) -> Poll<std::io::Result<usize>> {
+        let written = Pin::new(&mut self.stream).poll_write(cx, bytes);
+        self.tell(written)
+    }
+
+    fn poll_write_vectored(
+        mut self: Pin<&mut Self>,
+        cx: &mut Context<'_>,
+        parts: &[std::io::IoSlice<'_>],
+    ) -> Poll<std::io::Result<usize>> {
+        let written = Pin::new(&mut self.stream).poll_write_vectored(cx, parts);
+        self.tell(written)
+    }
+
+    fn is_write_vectored(&self) -> bool {
+        self.stream.is_write_vectored()
+    }
+
+    fn poll_flush(mut self: Pin<&mut Self>, cx: &mut Context<'_>) -> Poll<std::io::Result<()>> {
+        Pin::new(&mut self.stream).poll_flush(cx)
+    }
+
+    fn poll_shutdown(mut self: Pin<&mut Self>, cx: &mut Context<'_>) -> Poll<std::io::Result<()>> {
+        Pin::new(&mut self.stream).poll_shutdown(cx)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const A: IpAddr = IpAddr::V4(std::net::Ipv4Addr::new(10, 0, 0, 1));
+    const B: IpAddr = IpAddr::V4(std::net::Ipv4Addr::new(10, 0, 0, 2));
+
+    fn is_open(connection: &Connection) -> bool {
+        locked(&connection.all.0).iter().any(|state| Arc::ptr_eq(state, &connection.state))
+    }
+
+    #[test]
+    fn a_peer_gives_up_its_own_slowest_connection() {
+        let all = Arc::new(Connections::default());
+        let of_b = all.place_for(B).unwrap();
+        of_b.give_time(Duration::ZERO);
+        let of_a: Vec<Connection> = (0..MOST_OF_PEER).map(|_| all.place_for(A).unwrap()).collect();
+        of_a.iter().for_each(|connection| connection.give_time(BODY));
+        of_a[0].has_whole_request();
+        of_a[7].give_time(Duration::from_secs(1));
+        assert!(all.place_for(A).is_some());
+        let closed: Vec<usize> = (0..of_a.len()).filter(|index| !is_open(&of_a[*index])).collect();
+        assert_eq!((closed, is_open(&of_b)), (vec![7], true));
+    }
+
+    #[test]
+    fn requests_that_are_being_answered_keep_their_places() {
+        let all = Arc::new(Connections::default());
+        let of_a: Vec<Connection> = (0..MOST_OF_PEER).map(|_| all.place_for(A).unwrap()).collect();
+        of_a.iter().for_each(Connection::has_whole_request);
+        assert!(all.place_for(A).is_none() && all.place_for(B).is_some() && of_a.iter().all(is_open));
+        of_a[3].is_answered();
+        assert!(all.place_for(A).is_some() && !is_open(&of_a[3]));
+    }
+
+    #[test]
+    fn event_streams_take_no_place_and_the_oldest_of_too_many_ends() {
+        let all = Arc::new(Connections::default());
+        let streams: Vec<Connection> = (0..=MOST_STREAMS).map(|_| all.place_for(A).unwrap()).collect();
+        streams.iter().for_each(Connection::becomes_stream);
+        assert!(!is_open(&streams[0]) && streams[1..].iter().all(is_open));
+        let of_a: Vec<Connection> = (0..MOST_OF_PEER).map(|_| all.place_for(A).unwrap()).collect();
+        assert!(of_a.iter().all(is_open) && streams[1..].iter().all(is_open));
     }
 }

@@ -1,12 +1,12 @@
 //! `serve`: the models of a study for other programs, by the protocol of UM-Bridge.
 
-use std::net::{IpAddr, Ipv4Addr, SocketAddr};
+use std::net::{IpAddr, Ipv4Addr};
 use std::path::PathBuf;
 use std::process::ExitCode;
 use std::sync::Arc;
 
 use axum::body::Bytes;
-use axum::extract::{DefaultBodyLimit, Json};
+use axum::extract::DefaultBodyLimit;
 use axum::http::StatusCode;
 use axum::response::{IntoResponse, Response};
 use axum::routing::{MethodRouter, get, post};
@@ -15,12 +15,15 @@ use clap::Args;
 use serde_json::json;
 use tokio::sync::Semaphore;
 use vitreo_uq::base::error::{Error, Result};
+use vitreo_uq::documents::posterior::Warning;
 use vitreo_uq::figures::labels::model_title;
 use vitreo_uq::figures::number::listed;
 use vitreo_uq::jobs::bridge::{Endpoint, MOST_POINTS, Models, OUTSIDE};
 use vitreo_uq::jobs::first_revision::{as_fitted, kept_surrogate};
 use vitreo_uq::jobs::target::CreepTarget;
-use vitreo_uq::posterior::prepared::PreparedModel;
+use vitreo_uq::posterior::advice::check_warning;
+use vitreo_uq::posterior::monitor::Monitor;
+use vitreo_uq::posterior::prepared::{PreparedModel, Verification};
 
 use crate::guard::{Guard, guard};
 use crate::interrupt::say;
@@ -42,6 +45,9 @@ pub struct ServeArguments {
     /// Address to listen on, where others than this machine shall reach the models: the protocol knows no password
     #[arg(long, value_name = "ADDRESS", default_value_t = IpAddr::V4(Ipv4Addr::LOCALHOST))]
     host: IpAddr,
+    /// A further name under which the server may be asked, beside addresses, localhost and this machine's name; may be repeated
+    #[arg(long, value_name = "NAME")]
+    allow_host: Vec<String>,
     /// Requests that are answered at once; 0 for as many as there are cores
     #[arg(long, value_name = "N", default_value_t = 0, allow_negative_numbers = true)]
     threads: usize,
@@ -70,17 +76,22 @@ pub fn run(arguments: &ServeArguments) -> Result<ExitCode> {
     // It is served until the program ends, by tasks of which none ends before.
     let model: &'static PreparedModel = Box::leak(Box::new(PreparedModel::new(&problem, kept, &terminal)?));
     let models = Arc::new(Models::new(model)?);
+    let check = model.check_now(&terminal)?;
     terminal.finish();
+    if let Some(Warning { text, advice, .. }) = check.as_ref().and_then(check_warning) {
+        terminal.warn(&format!("{text}\n  what to do: {advice}"));
+    }
     output::print(&format!("http://{address}\n"))?;
     if !quiet {
-        output::print(&words(model, &models))?;
+        output::print(&words(model, &models, check))?;
         if !address.ip().is_loopback() {
             say("note: other machines reach these models, and whoever does may have this one compute");
         }
         say("Serving; Ctrl-C ends it.");
     }
     let refused = |error| Error::at_path("serve", address.to_string(), error, "start the command again");
-    http::serve(listener, || router(models, threads, address)).map_err(refused)?;
+    let guard = Guard::of(address, &arguments.allow_host);
+    http::serve(listener, || router(models, threads, guard)).map_err(refused)?;
     Ok(ExitCode::SUCCESS)
 }
 
@@ -92,7 +103,7 @@ struct Shared {
     free: Arc<Semaphore>,
 }
 
-fn router(models: Arc<Models<'static>>, threads: usize, address: SocketAddr) -> Router {
+fn router(models: Arc<Models<'static>>, threads: usize, names: Guard) -> Router {
     let most_bytes = models.most_bytes();
     let shared = Shared { models, free: Arc::new(Semaphore::new(threads)) };
     let endpoint = |endpoint: Endpoint| -> MethodRouter {
@@ -103,8 +114,12 @@ fn router(models: Arc<Models<'static>>, threads: usize, address: SocketAddr) -> 
     let nothing = || async { (StatusCode::NOT_FOUND, "This is a server of UM-Bridge models: ask for /Info.\n") };
     let routes = Endpoint::ALL.into_iter();
     let router = routes.fold(Router::new(), |router, own| router.route(own.path(), endpoint(own)));
-    let guarded = middleware::from_fn_with_state(Guard::of(address), guard);
-    router.layer(DefaultBodyLimit::max(most_bytes)).fallback(nothing).layer(guarded)
+    let guarded = middleware::from_fn_with_state(names, guard);
+    router
+        .layer(middleware::from_fn(http::whole_body))
+        .layer(DefaultBodyLimit::max(most_bytes))
+        .fallback(nothing)
+        .layer(guarded)
 }
 
 /// Answers beside the server: what takes long keeps nobody from being heard.
@@ -115,21 +130,16 @@ async fn answer(shared: Shared, endpoint: Endpoint, body: Bytes) -> Response {
     let work = move || {
         let answer = models.answer(endpoint, &body);
         drop(place);
-        answer
+        let status = StatusCode::from_u16(answer.status).unwrap_or(StatusCode::INTERNAL_SERVER_ERROR);
+        http::json_body(status, &answer.body)
     };
-    match tokio::task::spawn_blocking(work).await {
-        Ok(answer) => {
-            let status = StatusCode::from_u16(answer.status).unwrap_or(StatusCode::INTERNAL_SERVER_ERROR);
-            (status, Json(answer.body)).into_response()
-        }
-        Err(_) => {
-            let error = json!({ "error": { "type": "InvalidOutput", "message": "this broke the model; the server's log says why" } });
-            (StatusCode::INTERNAL_SERVER_ERROR, Json(error)).into_response()
-        }
-    }
+    tokio::task::spawn_blocking(work).await.unwrap_or_else(|_| {
+        let error = json!({ "error": { "type": "InvalidOutput", "message": "this broke the model; the server's log says why" } });
+        http::json_body(StatusCode::INTERNAL_SERVER_ERROR, &error)
+    })
 }
 
-fn words(model: &PreparedModel, models: &Models) -> String {
+fn words(model: &PreparedModel, models: &Models, check: Option<Verification>) -> String {
     let problem = &model.problem;
     let experiment = &problem.experiment;
     let (inputs, n) = (models.inputs(), models.n_of_trajectory());
@@ -164,12 +174,17 @@ fn words(model: &PreparedModel, models: &Models) -> String {
         "trajectory: [[inputs 1 to {n}]] → [[{} positions in um, one a row of the record]]",
         models.n_rows()
     ));
-    if let Some(error) = model.max_relative_error {
+    if let Some(Verification { n_runs, relative_error }) = check {
         lines.push(
             "  config {\"model\": \"reduced\"} (unless said), or {\"model\": \"full\"} for full finite elements;"
                 .into(),
         );
-        lines.push(format!("  the two differ by {error:.0e} of the amplitude on parameters outside the training set."));
+        lines.push(match n_runs {
+            0 => "  the two could not be compared: the model has no trajectory at the points that were tried.".into(),
+            _ => format!(
+                "  the two differ by up to {relative_error:.0e} of the amplitude: {n_runs} points of the prior were run in full just now."
+            ),
+        });
     }
     lines.push(format!(
         "posterior: [[inputs 1 to {}]] → [[ln(prior × likelihood), over the inputs as they are]]",

@@ -21,6 +21,7 @@ use std::process::ExitCode;
 use clap::Args;
 use vitreo_uq::base::error::{Error, Result};
 
+use crate::guard::Guard;
 use crate::interrupt::say;
 pub use home::FOLDER_VARIABLE;
 use home::Home;
@@ -39,6 +40,9 @@ pub struct WorkbenchArguments {
     /// Address to listen on, where others than this machine shall reach the page: whoever has its link may run commands here
     #[arg(long, value_name = "ADDRESS", default_value_t = IpAddr::V4(Ipv4Addr::LOCALHOST))]
     listen: IpAddr,
+    /// A further name under which the page may be asked for, beside addresses, localhost and this machine's name; may be repeated
+    #[arg(long, value_name = "NAME")]
+    allow_host: Vec<String>,
     /// Do not open the page in a browser: the program never does, so that this changes nothing
     #[arg(long)]
     no_open: bool,
@@ -62,7 +66,7 @@ pub fn run(arguments: &WorkbenchArguments) -> Result<ExitCode> {
         say("Open this link in a browser:");
     }
     crate::output::print(&format!("{link}\n"))?;
-    server::run(listener, home, token)?;
+    server::run(listener, home, token, Guard::of(address, &arguments.allow_host))?;
     Ok(ExitCode::SUCCESS)
 }
 

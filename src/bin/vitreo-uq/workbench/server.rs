@@ -7,7 +7,7 @@ use std::time::Duration;
 
 use axum::Router;
 use axum::body::{Body, to_bytes};
-use axum::extract::{DefaultBodyLimit, Json, Query, State};
+use axum::extract::{DefaultBodyLimit, Extension, Json, Query, State};
 use axum::http::{StatusCode, header};
 use axum::middleware;
 use axum::response::sse::{Event, KeepAlive, Sse};
@@ -34,7 +34,7 @@ use super::rows::{Memory, Read, Window, read_record, read_revision, shown};
 use super::tables::{self, Described};
 use super::trial::{Trial, Tried, trial};
 use crate::guard::{Guard, guard};
-use crate::http;
+use crate::http::{self, Connection};
 use vitreo_uq::figures::predictions::Predictions;
 
 /// A table that is sent has so long to come.
@@ -62,18 +62,19 @@ struct Bench {
     predictions: Memory<Predictions>,
     trials: Memory<Trial>,
     news: watch::Sender<u64>,
+    /// The folder's state, with the number of the news for which it was looked for.
+    folder: tokio::sync::Mutex<Option<(u64, String)>>,
     uploads: AtomicU64,
 }
 
 type Shared = Arc<Bench>;
 
 /// Serves until the program is ended.
-pub fn run(listener: TcpListener, home: Home, token: String) -> Result<()> {
+pub fn run(listener: TcpListener, home: Home, token: String, names: Guard) -> Result<()> {
     let refused = |error| Error::at_path("serve", home.dir(), error, "start the workbench again");
     tables::forget(&home);
     let news = watch::Sender::new(0);
     let jobs = Jobs::new(home.clone(), news.clone())?;
-    let guard = Guard::of(listener.local_addr().map_err(refused)?);
     let bench = Arc::new(Bench {
         home: home.clone(),
         jobs,
@@ -81,16 +82,17 @@ pub fn run(listener: TcpListener, home: Home, token: String) -> Result<()> {
         predictions: Memory::default(),
         trials: Memory::default(),
         news,
+        folder: tokio::sync::Mutex::default(),
         uploads: AtomicU64::new(0),
     });
     let app = move || {
         tokio::spawn(watch_folder(Arc::clone(&bench)));
-        router(bench, &token, guard)
+        router(bench, &token, names)
     };
     http::serve(listener, app).map_err(refused)
 }
 
-fn router(bench: Shared, token: &str, own: Guard) -> Router {
+fn router(bench: Shared, token: &str, names: Guard) -> Router {
     let at = |path: &str| format!("/{token}/{path}");
     let mut router = Router::new()
         .route(&at("api/items"), get(items))
@@ -103,6 +105,7 @@ fn router(bench: Shared, token: &str, own: Guard) -> Router {
         .route(&at("api/job"), post(start).delete(stop))
         .route(&at("api/events"), get(events))
         .route(&at("file"), get(file))
+        .layer(middleware::from_fn(http::whole_body))
         .layer(DefaultBodyLimit::max(MOST_BYTES))
         .route(&at("api/table"), post(table));
     for (name, kind, text) in FILES {
@@ -110,7 +113,7 @@ fn router(bench: Shared, token: &str, own: Guard) -> Router {
     }
     let nothing =
         || async { (StatusCode::NOT_FOUND, "There is nothing here. Open the link that `vitreo-uq workbench` said.\n") };
-    router.fallback(nothing).layer(middleware::from_fn_with_state(own, guard)).with_state(bench)
+    router.fallback(nothing).layer(middleware::from_fn_with_state(names, guard)).with_state(bench)
 }
 
 /// Looks whether something was changed from elsewhere, as long as a page listens.
@@ -132,14 +135,14 @@ async fn watch_folder(bench: Shared) {
 
 /// Runs what may take a while beside the server, and answers with its document, or with words for people.
 async fn answer<T: Serialize + Send + 'static>(work: impl FnOnce() -> Result<T> + Send + 'static) -> Response {
-    let refused = |status: StatusCode, words: String| (status, Json(json!({ "error": words }))).into_response();
-    match tokio::task::spawn_blocking(work).await {
-        Ok(Ok(document)) => Json(document).into_response(),
-        Ok(Err(error)) => refused(StatusCode::UNPROCESSABLE_ENTITY, error.to_string()),
-        Err(_) => {
-            refused(StatusCode::INTERNAL_SERVER_ERROR, "this broke the workbench's work; its log says why".into())
-        }
-    }
+    let refused = |status: StatusCode, words: &str| http::json_body(status, &json!({ "error": words }));
+    let written = move || match work() {
+        Ok(document) => http::json_body(StatusCode::OK, &document),
+        Err(error) => refused(StatusCode::UNPROCESSABLE_ENTITY, &error.to_string()),
+    };
+    tokio::task::spawn_blocking(written).await.unwrap_or_else(|_| {
+        refused(StatusCode::INTERNAL_SERVER_ERROR, "this broke the workbench's work; its log says why")
+    })
 }
 
 /// An item by its name, and the revision that is looked at.
@@ -344,7 +347,14 @@ struct Upload {
     name: String,
 }
 
-async fn table(State(bench): State<Shared>, Query(upload): Query<Upload>, body: Body) -> Response {
+async fn table(
+    State(bench): State<Shared>,
+    Extension(connection): Extension<Connection>,
+    Query(upload): Query<Upload>,
+    body: Body,
+) -> Response {
+    // Longer than the upload may take, so that there are words where it takes too long.
+    connection.give_time(2 * UPLOAD);
     let most = usize::try_from(Content::Table.most_bytes()).unwrap_or(usize::MAX);
     let refused = |words: &str| (StatusCode::UNPROCESSABLE_ENTITY, Json(json!({ "error": words }))).into_response();
     let bytes = match tokio::time::timeout(UPLOAD, to_bytes(body, most)).await {
@@ -352,6 +362,7 @@ async fn table(State(bench): State<Shared>, Query(upload): Query<Upload>, body: 
         Ok(Err(_)) => return refused("the table did not come whole, or is larger than this program reads"),
         Err(_) => return refused("the table did not come within two minutes"),
     };
+    connection.has_whole_request();
     let number = bench.uploads.fetch_add(1, Ordering::Relaxed);
     answer(move || Ok(json!({ "upload": tables::keep(&bench.home, &upload.name, number, &bytes)? }))).await
 }
@@ -380,12 +391,31 @@ async fn stop(State(bench): State<Shared>) -> Response {
 }
 
 /// News: the present job, and a number that changes with the folder.
-async fn events(State(bench): State<Shared>) -> impl IntoResponse {
-    let stream = WatchStream::new(bench.news.subscribe()).map(move |_| {
-        let news = json!({ "state": bench.home.state().to_string(), "job": bench.jobs.present() });
-        Ok::<Event, std::convert::Infallible>(Event::default().data(news.to_string()))
+async fn events(State(bench): State<Shared>, Extension(connection): Extension<Connection>) -> impl IntoResponse {
+    connection.becomes_stream();
+    let news = WatchStream::new(bench.news.subscribe());
+    let events = news.then(move |number| {
+        let bench = Arc::clone(&bench);
+        async move {
+            let news = json!({ "state": bench.state_at(number).await, "job": bench.jobs.present() });
+            Ok::<Event, std::convert::Infallible>(Event::default().data(news.to_string()))
+        }
     });
-    Sse::new(stream).keep_alive(KeepAlive::default())
+    Sse::new(events).keep_alive(KeepAlive::default())
+}
+
+impl Bench {
+    /// The folder's state when the news had this number, looked for once however many pages are open.
+    async fn state_at(self: &Arc<Self>, number: u64) -> String {
+        let mut known = self.folder.lock().await;
+        if let Some((_, state)) = known.as_ref().filter(|(at, _)| *at >= number) {
+            return state.clone();
+        }
+        let bench = Arc::clone(self);
+        let state = tokio::task::spawn_blocking(move || bench.home.state().to_string()).await.unwrap_or_default();
+        *known = Some((number, state.clone()));
+        state
+    }
 }
 
 #[derive(Deserialize)]
