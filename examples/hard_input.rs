@@ -1,6 +1,9 @@
 //! Plays mutated files to every reader and counts what becomes of them: the program of `campaigns/hard-input`.
 //!
-//! `cargo run --release --example hard_input -- COUNT SEED [SECONDS [PROGRAM]]` prints one JSON document. It ends with exit code 1 if anything panicked, took longer
+//! `cargo run --release --example hard_input -- variants COUNT SEED` plays so many valid variants to every reader that has a grammar, and ends with exit code 1 if anything panicked, took
+//! longer than ten seconds or more than a gigabyte, or if less than half were accepted.
+//!
+//! `cargo run --release --example hard_input -- COUNT SEED [SECONDS [PROGRAM]]` plays damaged files and prints one JSON document. It ends with exit code 1 if anything panicked, took longer
 //! than a minute or was left half-written; what did is kept in a folder that it names. One in a hundred inputs goes through PROGRAM, too.
 
 #[path = "../tests/mutators/mod.rs"]
@@ -12,7 +15,8 @@ use std::process::{Command, ExitCode};
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::{Duration, Instant};
 
-use mutators::{Outcome, Place, Reader, input, readers};
+use mutators::{Outcome, Place, Reader, input, readers, variant};
+use rayon::prelude::*;
 
 /// An input that takes longer is a hang.
 const HANG: Duration = Duration::from_secs(60);
@@ -25,6 +29,9 @@ fn main() -> ExitCode {
     let most_seconds = arguments.get(2).copied().unwrap_or(u64::MAX);
     let program = std::env::args().nth(4);
     std::panic::set_hook(Box::new(|_| {}));
+    if std::env::args().nth(1).is_some_and(|word| word == "variants") {
+        return play_variants(count, seed);
+    }
     let Ok(folder) = tempfile::tempdir().map(tempfile::TempDir::keep) else { return ExitCode::from(2) };
     let (place, readers) = (Place::new(&folder), readers());
     let began = Instant::now();
@@ -88,6 +95,52 @@ fn main() -> ExitCode {
     }
     let _ = std::fs::remove_dir_all(&folder);
     ExitCode::SUCCESS
+}
+
+/// A valid variant that takes longer, or all of them that take more memory, are faults.
+const LONG: Duration = Duration::from_secs(10);
+const MOST_MIB: u64 = 1024;
+
+/// Plays valid variants to every reader with a grammar, one reader a thread.
+fn play_variants(count: u64, seed: u64) -> ExitCode {
+    let began = Instant::now();
+    let of_reader = |reader: &Reader| {
+        let Ok(folder) = tempfile::tempdir() else { return serde_json::json!({ "panicked": "no room" }) };
+        let place = Place::new(folder.path());
+        let (mut outcomes, mut panicked, mut slowest, mut bytes_read) =
+            (BTreeMap::<String, u64>::new(), Vec::new(), Duration::ZERO, 0);
+        for number in 0..count {
+            let Some(bytes) = variant(reader, seed, number) else { continue };
+            bytes_read += bytes.len();
+            let clock = Instant::now();
+            let outcome = reader.play(&place, &bytes);
+            slowest = slowest.max(clock.elapsed());
+            if outcome == Outcome::Panicked {
+                panicked.push(number);
+            }
+            *outcomes.entry(word(outcome)).or_default() += 1;
+        }
+        let is_sound = panicked.is_empty()
+            && slowest < LONG
+            && outcomes.get("accepted").is_some_and(|accepted| 2 * accepted >= count);
+        serde_json::json!({ "outcomes": outcomes, "panicked": panicked, "slowest_s": slowest.as_secs_f64(), "bytes": bytes_read, "is_sound": is_sound })
+    };
+    let readers: Vec<Reader> = readers().into_iter().filter(|reader| reader.grammar.is_some()).collect();
+    let played: BTreeMap<&str, serde_json::Value> =
+        readers.par_iter().map(|reader| (reader.name, of_reader(reader))).collect();
+    let most_mib = largest_memory_mib();
+    let is_sound = played.values().all(|own| own["is_sound"] == true) && most_mib.is_none_or(|most| most < MOST_MIB);
+    let document = serde_json::json!({ "schema": "vitreo-uq/valid-variants/1", "count": count, "seed": seed, "readers": played,
+        "largest_memory_mib": most_mib, "is_sound": is_sound, "seconds": began.elapsed().as_secs_f64() });
+    println!("{document:#}");
+    if is_sound { ExitCode::SUCCESS } else { ExitCode::FAILURE }
+}
+
+/// Most memory that this process has had, as Linux tells.
+fn largest_memory_mib() -> Option<u64> {
+    let status = std::fs::read_to_string("/proc/self/status").ok()?;
+    let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"))?;
+    Some(line.trim().strip_suffix(" kB")?.parse::<u64>().ok()? / 1024)
 }
 
 fn word(outcome: Outcome) -> String {

@@ -7,9 +7,9 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
-use mutators::{Outcome, Place, input, readers};
+use mutators::{Outcome, Place, input, readers, variant};
 use program::{Run, tree, vitreo, write_instrument_experiment};
-use vitreo_uq::posterior::monitor::{Monitor, Silent};
+use vitreo_uq::posterior::monitor::{Collected, Silent};
 use vitreo_uq::posterior::prepared::KeptSurrogate;
 
 /// A refusal takes less on a quiet machine; a test machine may be loaded. What the program did before took minutes or gigabytes.
@@ -87,30 +87,14 @@ fn absurd_priors_are_refused() {
     }
 }
 
-/// Says what the program would have said on the terminal.
-#[derive(Default)]
-struct Heard(std::sync::Mutex<Vec<String>>);
-
-impl Monitor for Heard {
-    fn stage(&self, _text: &str) {}
-    fn sampling(&self, _progress: &vitreo_uq::sampling::ensemble::Progress) {}
-    fn progress(&self, _done: usize, _most: usize) {}
-    fn warn(&self, text: &str) {
-        self.0.lock().unwrap().push(text.into());
-    }
-    fn stop(&self) -> Option<&std::sync::atomic::AtomicBool> {
-        None
-    }
-}
-
 #[test]
 fn an_edited_surrogate_is_not_used() {
     let place = tempfile::tempdir().unwrap();
     let text = String::from_utf8(mutators::surrogate_json()).unwrap();
     let read = |text: &str| {
         std::fs::write(place.path().join("surrogate.json"), text).unwrap();
-        let heard = Heard::default();
-        (KeptSurrogate::read(place.path(), &heard).is_some(), heard.0.into_inner().unwrap().join("; "))
+        let heard = Collected::new(&Silent);
+        (KeptSurrogate::read(place.path(), &heard).is_some(), heard.take().join("; "))
     };
     assert_eq!(read(&text), (true, String::new()));
     for (was, is) in [
@@ -262,6 +246,30 @@ fn mutated_files_never_panic() {
     assert!(panicked.is_empty(), "{panicked:?}");
     // The mutations are neither all harmless nor all fatal.
     assert!(n_accepted > 100 && n_refused > 500, "{n_accepted} accepted, {n_refused} refused");
+}
+
+/// Five hundred valid variants for every reader of what people and other programs write: at least half are accepted, none panics or takes long. The campaign
+/// `campaigns/hard-input` plays a hundred thousand for each.
+#[test]
+fn valid_variants_are_read() {
+    let folder = tempfile::tempdir().unwrap();
+    let place = Place::new(folder.path());
+    let mut n_readers = 0;
+    for reader in readers().iter().filter(|reader| reader.grammar.is_some()) {
+        n_readers += 1;
+        let (mut n_accepted, mut slowest) = (0, Duration::ZERO);
+        for number in 0..500 {
+            let bytes = variant(reader, 22, number).unwrap();
+            let began = Instant::now();
+            let outcome = reader.play(&place, &bytes);
+            slowest = slowest.max(began.elapsed());
+            assert!(outcome != Outcome::Panicked, "{} {number}: {}", reader.name, String::from_utf8_lossy(&bytes));
+            n_accepted += u64::from(outcome == Outcome::Accepted);
+        }
+        println!("{}: {n_accepted} of 500 accepted, {slowest:.1?} at most", reader.name);
+        assert!(n_accepted >= 250 && slowest < SOON, "{}: {n_accepted} accepted, {slowest:?}", reader.name);
+    }
+    assert_eq!(n_readers, 9);
 }
 
 /// Through the program: it says so in words, and leaves nothing behind.

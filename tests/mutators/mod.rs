@@ -1,17 +1,22 @@
 //! Hard input: files that were damaged, edited or made up, and every reader that they can be given to.
 //!
-//! The test suite plays seconds of it, the campaign `campaigns/hard-input` hours; both with these mutators.
+//! The test suite plays seconds of it, the campaign `campaigns/hard-input` hours; both with these mutators: damage ([`input`]), and valid files with other values and spellings ([`variant`]).
 #![allow(dead_code, reason = "the test and the campaign each use their own part")]
+
+mod grammar;
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Arc, Mutex};
+use std::sync::{Arc, Mutex, OnceLock};
 use std::time::Duration;
 
 use sha2::{Digest, Sha256};
 
+use grammar::Grammar;
 use vitreo_uq::Result;
+use vitreo_uq::base::error::{self, Error};
+use vitreo_uq::base::toml_input::text_of;
 use vitreo_uq::documents::ladder::LadderSummary;
 use vitreo_uq::elements::mesh::gmsh::read_gmsh;
 use vitreo_uq::figures;
@@ -19,6 +24,9 @@ use vitreo_uq::figures::corner::{CornerOptions, ParameterColumn, Posterior, corn
 use vitreo_uq::figures::density::{guessed_support, sorted};
 use vitreo_uq::figures::draws::read_draws_csv;
 use vitreo_uq::figures::palette::series;
+use vitreo_uq::jobs::bridge::{Endpoint, Models};
+use vitreo_uq::jobs::tasks::commands;
+use vitreo_uq::jobs::tasks::list::List;
 use vitreo_uq::laws::rheology::Network;
 use vitreo_uq::models::effects::Library;
 use vitreo_uq::models::surrogate::{ReducedOperators, Surrogate};
@@ -28,8 +36,9 @@ use vitreo_uq::posterior::prepared::{KeptSurrogate, PreparedModel};
 use vitreo_uq::posterior::prior::PriorSet;
 use vitreo_uq::posterior::problem::Problem;
 use vitreo_uq::posterior::replica;
-use vitreo_uq::posterior::study::{Kept, ModelSpecification, Study, WithProvenance};
+use vitreo_uq::posterior::study::{Kept, ModelSpecification, Study, WithProvenance, effect_file, sha256_hex};
 use vitreo_uq::record::Experiment;
+use vitreo_uq::record::table::{Given, propose};
 use vitreo_uq::sampling::ensemble::{Checkpointing, Progress, RunControl};
 use vitreo_uq::sampling::{LogDensity, SamplerOptions, sample};
 use vitreo_uq::validation::challenge::files::reveal;
@@ -198,6 +207,8 @@ fn with_lines(bytes: &mut Vec<u8>, dice: &mut Dice, change: impl FnOnce(&mut Vec
 /// A reader with files that it accepts.
 pub struct Reader {
     pub name: &'static str,
+    /// Of files that people and other programs write.
+    pub grammar: Option<Grammar>,
     pub samples: Vec<Vec<u8>>,
     read: fn(&Place, &[u8]) -> Result<()>,
 }
@@ -255,12 +266,39 @@ pub fn input(reader: &Reader, seed: u64, number: u64) -> Vec<u8> {
     bytes
 }
 
+/// The valid variant of a number of one of the reader's samples; of a reader with a grammar.
+pub fn variant(reader: &Reader, seed: u64, number: u64) -> Option<Vec<u8>> {
+    let mut dice = Dice::new(seed.wrapping_add(number.wrapping_mul(0x1_0000_0001)));
+    let sample = &reader.samples[dice.below(reader.samples.len())];
+    Some(grammar::variant(reader.grammar?, sample, &mut dice))
+}
+
 const SMALL_TOML: &str = "[specimen]\nid = \"gel\"\n[instrument]\ncompliance_per_m = 549.0\n[measurement]\nfile = \"trajectory.csv\"\ncalibration_cycles = [1]\nheldout_cycles = [2]\nnoise_um = 0.5\nsource = \"synthetic: a line\"\n";
 const ROBOT_TOML: &str = "[specimen]\nid = \"eye\"\nspecies = \"porcine\"\n[robot]\nshape = \"cylinder\"\nlength_mm = 1.8\ndiameter_mm = 0.28\norientation = \"horizontal\"\ndensity_kg_m3 = 7500\noffset_mm = 0.5\noffset_direction = \"along\"\n[vitreous]\ndiameter_mm = 20.0\npoisson_ratio = 0.48\ndensity_kg_m3 = 1000\n[measurement]\nfile = \"trajectory.csv\"\n";
 const NETWORK: &str =
     "series = [\n  { parallel = [{ spring = \"e\" }, { springpot = \"p\" }] },\n  { dashpot = \"c\" },\n]\n";
 const MODEL: &str = "base = \"lethersich\"\neffects = [\"clock-offset\", \"tracking-drift\"]\nnoise = [\"white\", \"gain\"]\nprior = \"generic\"\n[fixed]\nyoung_modulus_pa = 3.5\n";
 const NETWORK_MODEL: &str = "effects = []\nnoise = [\"white\"]\nprior = \"generic\"\n[base.network]\nseries = [\n  { parallel = [{ spring = \"e\" }, { springpot = \"p\" }] },\n  { dashpot = \"c\" },\n]\n";
+
+const EFFECT: &str = "name = \"hardening\"\nquantity = \"young_modulus_pa\"\nstate = \"path\"\nfactor = \"exp(rate * path)\"\nsummary = \"harder\"\n[parameters.rate]\nunit = \"1/m\"\nnull = 0.0\nprior = { distribution = \"normal\", mean = 0.0, sd = 1000.0 }\n";
+const TABLE_EFFECT: &str = "name = \"fading\"\nquantity = \"force\"\nstate = \"time\"\ntable = { state = [0.0, 5.0, 20.0], factor = [1.0, 0.9, 0.75] }\n[parameters.strength]\nunit = \"1\"\nnull = 0.0\nlower = 0.0\nprior = { distribution = \"half_normal\", sd = 1.0 }\n";
+const COMMANDS: &str = "sample eyes/a --steps 3000 --seed 7 --out {out}\ndiagnose eyes/a --out {out} --simulations 40\nfit eyes/b --set young_modulus_pa=3.5 --out {out}/fit --quiet\n";
+const REQUESTS: [&str; 4] = [
+    "Evaluate {\"name\": \"trajectory\", \"input\": [[3.3, 1.5, 44.0]], \"config\": {\"model\": \"reduced\"}}",
+    "Evaluate {\"name\": \"posterior\", \"input\": [[3.3, 1.5, 44.0, 0.7, 3.4, 1.4, 45.0, 0.6]], \"config\": {\"points\": 2}}",
+    "Gradient {\"name\": \"posterior\", \"input\": [[3.3, 1.5, 44.0, 0.7]], \"outWrt\": 0, \"inWrt\": 0, \"sens\": [1.0], \"config\": {}}",
+    "ApplyJacobian {\"name\": \"trajectory\", \"input\": [[3.3, 1.5, 44.0]], \"outWrt\": 0, \"inWrt\": 0, \"vec\": [0.1, 0.2, -0.3]}",
+];
+
+/// Three tasks, a line each.
+fn task_lines() -> String {
+    let line = |k: usize| {
+        let id = sha256_hex(&[k as u8]);
+        serde_json::json!({ "task": k, "id": id, "result": format!("results/{}.task", &id[..24]), "command": ["vitreo-uq", "tasks", "run", "list", "--task", k.to_string()],
+            "arguments": { "words": ["fit", "gel", "--out", "{out}"], "inputs": { "gel": id }, "weight": 0.5 + k as f64 }, "paths": ["eyes/a"] })
+    };
+    (0..3).map(|k| line(k).to_string() + "\n").collect()
+}
 
 /// Forty rows of two cycles.
 fn small_csv() -> String {
@@ -409,6 +447,51 @@ fn read_mesh(place: &Place, bytes: &[u8]) -> Result<()> {
     read_gmsh(place.put("mesh.msh", bytes), 1e-3).map(drop)
 }
 
+fn read_table(_: &Place, bytes: &[u8]) -> Result<()> {
+    propose(Path::new("table.csv"), bytes, &Given::default(), &mut |_| None).map(drop)
+}
+
+fn read_effect(_: &Place, bytes: &[u8]) -> Result<()> {
+    let path = Path::new("effect.toml");
+    effect_file::parsed(path, text_of(path, bytes)?).map(drop)
+}
+
+fn read_commands(place: &Place, bytes: &[u8]) -> Result<()> {
+    commands::read(&place.put("commands.txt", bytes)).map(drop)
+}
+
+/// A list whose head speaks of these lines.
+fn read_tasks(place: &Place, bytes: &[u8]) -> Result<()> {
+    place.put("tasks.jsonl", bytes);
+    let head = serde_json::json!({ "schema": "vitreo-uq/tasks/1", "version": "0.1.0", "seed": 1, "inputs_sha256": {}, "kind": "commands", "program": "0.1.0", "directory": "/",
+        "tasks": bytes.iter().filter(|byte| **byte == b'\n').count(), "lines_sha256": sha256_hex(bytes) });
+    place.put("tasks.json", head.to_string().as_bytes());
+    let list = List::open(&place.folder)?;
+    (0..list.n_tasks()).try_for_each(|number| list.task(number).map(drop))
+}
+
+/// What a client sends to an endpoint, whose name stands before it.
+fn read_request(_: &Place, bytes: &[u8]) -> Result<()> {
+    static MODEL: OnceLock<PreparedModel> = OnceLock::new();
+    let model = MODEL.get_or_init(|| {
+        let experiment = instrument(SMALL_TOML.as_bytes(), small_csv().as_bytes()).expect("it is sound");
+        let mechanics = Arc::new(Mechanics::Instrument { compliance_per_m: 549.0 });
+        let problem =
+            Problem::with_mechanics(experiment, ModelSpecification::default(), &Library::default(), mechanics);
+        PreparedModel::new(&problem.expect("it is sound"), None, &Silent).expect("an instrument")
+    });
+    let end = bytes.iter().position(|byte| *byte == b' ').unwrap_or(bytes.len());
+    let (path, body) = (format!("/{}", String::from_utf8_lossy(&bytes[..end])), &bytes[(end + 1).min(bytes.len())..]);
+    let endpoint = Endpoint::ALL.into_iter().find(|own| own.path() == path).unwrap_or(Endpoint::Evaluate);
+    let answer = Models::new(model)?.answer(endpoint, body);
+    let words = answer.body.to_string();
+    match answer.status {
+        200 => Ok(()),
+        400 => Err(Error::input(error::Place::default(), words, "as the answer says")),
+        _ => Err(Error::numerical(words, "as the answer says")),
+    }
+}
+
 /// A normal density.
 struct Bowl;
 
@@ -482,17 +565,36 @@ pub fn readers() -> Vec<Reader> {
     let data =
         |name: &str| std::fs::read(Path::new(env!("CARGO_MANIFEST_DIR")).join(name)).expect("it is in the sources");
     let text = |text: &str| text.as_bytes().to_vec();
-    let reader = |name, samples, read| Reader { name, samples, read };
+    let reader = |name, samples, read| Reader { name, grammar: None, samples, read };
+    let of = |grammar, reader: Reader| Reader { grammar: Some(grammar), ..reader };
     vec![
-        reader(
-            "experiment.toml",
-            vec![text(SMALL_TOML), text(ROBOT_TOML)],
-            read_experiment as fn(&Place, &[u8]) -> Result<()>,
+        of(
+            Grammar::Toml,
+            reader(
+                "experiment.toml",
+                vec![text(SMALL_TOML), text(ROBOT_TOML)],
+                read_experiment as fn(&Place, &[u8]) -> Result<()>,
+            ),
         ),
-        reader("trajectory.csv", vec![text(&small_csv()), text(&small_csv().replace("_um", "_nm"))], read_trajectory),
+        of(
+            Grammar::OwnTable,
+            reader(
+                "trajectory.csv",
+                vec![text(&small_csv()), text(&small_csv().replace("_um", "_nm"))],
+                read_trajectory,
+            ),
+        ),
+        of(Grammar::AnyTable, reader("table", vec![text(&small_csv())], read_table)),
+        of(Grammar::Toml, reader("effect.toml", vec![text(EFFECT), text(TABLE_EFFECT)], read_effect)),
+        of(Grammar::Commands, reader("commands", vec![text(COMMANDS)], read_commands)),
+        of(Grammar::JsonLines, reader("tasks", vec![text(&task_lines())], read_tasks)),
+        of(Grammar::Request, reader("request", REQUESTS.map(text).to_vec(), read_request)),
         reader("model.toml", vec![text(MODEL), text(NETWORK_MODEL)], read_model),
         reader("network", vec![text(NETWORK)], read_network),
-        reader("prior", vec![data("priors/generic.toml"), data("priors/nickerson-2008-bovine.toml")], read_prior),
+        of(
+            Grammar::Toml,
+            reader("prior", vec![data("priors/generic.toml"), data("priors/nickerson-2008-bovine.toml")], read_prior),
+        ),
         reader("surrogate.json", vec![surrogate_json()], read_surrogate),
         reader("draws.csv", draws_csv(), read_draws),
         reader("ladder.json", vec![ladder_json()], read_ladder),
@@ -502,6 +604,16 @@ pub fn readers() -> Vec<Reader> {
                 .map(|name| data(&format!("tests/data/gmsh/{name}")))
                 .to_vec(),
             read_mesh,
+        ),
+        of(
+            Grammar::Mesh,
+            reader(
+                "ASCII mesh",
+                ["quarter_sphere_tet10.msh", "quarter_sphere_tet4.msh"]
+                    .map(|name| data(&format!("tests/data/gmsh/{name}")))
+                    .to_vec(),
+                read_mesh,
+            ),
         ),
         reader("checkpoint", vec![checkpoint()], read_checkpoint),
         reader(
