@@ -290,12 +290,11 @@ const REQUESTS: [&str; 4] = [
     "ApplyJacobian {\"name\": \"trajectory\", \"input\": [[3.3, 1.5, 44.0]], \"outWrt\": 0, \"inWrt\": 0, \"vec\": [0.1, 0.2, -0.3]}",
 ];
 
-/// Three tasks, a line each.
+/// Three tasks, a line each, whose ids `read_tasks` writes.
 fn task_lines() -> String {
     let line = |k: usize| {
-        let id = sha256_hex(&[k as u8]);
-        serde_json::json!({ "task": k, "id": id, "result": format!("results/{}.task", &id[..24]), "command": ["vitreo-uq", "tasks", "run", "list", "--task", k.to_string()],
-            "arguments": { "words": ["fit", "gel", "--out", "{out}"], "inputs": { "gel": id }, "weight": 0.5 + k as f64 }, "paths": ["eyes/a"] })
+        serde_json::json!({ "task": k, "id": "", "result": "", "command": ["vitreo-uq", "tasks", "run", "list", "--task", k.to_string()],
+            "arguments": { "words": ["fit", "gel", "--out", "{out}"], "inputs": { "gel": sha256_hex(&[k as u8]) }, "weight": 0.5 + k as f64 }, "paths": ["eyes/a"] })
     };
     (0..3).map(|k| line(k).to_string() + "\n").collect()
 }
@@ -460,11 +459,23 @@ fn read_commands(place: &Place, bytes: &[u8]) -> Result<()> {
     commands::read(&place.put("commands.txt", bytes)).map(drop)
 }
 
-/// A list whose head speaks of these lines.
+/// A list whose head, numbers, ids and names of results are those of these lines, as an attacker would write them.
 fn read_tasks(place: &Place, bytes: &[u8]) -> Result<()> {
-    place.put("tasks.jsonl", bytes);
+    let mut text = Vec::new();
+    for (number, line) in bytes.split_inclusive(|byte| *byte == b'\n').enumerate() {
+        match serde_json::from_slice::<serde_json::Value>(line) {
+            Ok(mut task) if task["arguments"].is_object() => {
+                let id = sha256_hex(format!("0.1.0\ncommands\n{}", task["arguments"]).as_bytes());
+                let result = format!("results/{}.task", &id[..24]);
+                (task["task"], task["id"], task["result"]) = (number.into(), id.into(), result.into());
+                text.extend(format!("{task}\n").into_bytes());
+            }
+            _ => text.extend(line),
+        }
+    }
+    place.put("tasks.jsonl", &text);
     let head = serde_json::json!({ "schema": "vitreo-uq/tasks/1", "version": "0.1.0", "seed": 1, "inputs_sha256": {}, "kind": "commands", "program": "0.1.0", "directory": "/",
-        "tasks": bytes.iter().filter(|byte| **byte == b'\n').count(), "lines_sha256": sha256_hex(bytes) });
+        "tasks": text.iter().filter(|byte| **byte == b'\n').count(), "lines_sha256": sha256_hex(&text) });
     place.put("tasks.json", head.to_string().as_bytes());
     let list = List::open(&place.folder)?;
     (0..list.n_tasks()).try_for_each(|number| list.task(number).map(drop))
