@@ -1,4 +1,4 @@
-//! Hashes the sources of the whole program, so that results which several machines made for one list are known to be of one program.
+//! Hashes the sources of the whole program. The hash shows that results from several machines come from the same program.
 
 use std::path::PathBuf;
 
@@ -6,7 +6,7 @@ use std::path::PathBuf;
 const PROGRAM: [&str; 4] = ["src", "priors", "data/porcine-replica", "Cargo.lock"];
 
 fn main() -> std::io::Result<()> {
-    // Sources of the library's crates alone: their tests change no result, and the Python module holds a built program.
+    // Only the sources of the library's crates count: their tests change no result, and the Python module contains a built program.
     let mut crates = std::fs::read_dir("crates")?
         .map(|entry| entry.map(|entry| entry.path().join("src")))
         .collect::<std::io::Result<Vec<PathBuf>>>()?;

@@ -1,7 +1,7 @@
-//! Counts what `check` finds in records that contradict their description and in records that do not: the program of `campaigns/contradictions`.
+//! Counts the contradictions that `check` finds in records with and without one. It is the program of `campaigns/contradictions`.
 //!
-//! `cargo run --release --example contradictions -- COUNT SOUND SEED` prints one JSON document: of COUNT records of each kind how many are found, and of SOUND sound
-//! ones how many are called anything.
+//! `cargo run --release --example contradictions -- COUNT SOUND SEED` prints one JSON document. It gives the number of detections in COUNT records of each kind,
+//! and the number of false detections in SOUND correct records.
 
 #[path = "../tests/contradictory/mod.rs"]
 mod contradictory;
@@ -12,13 +12,13 @@ use contradictory::{KINDS, record};
 use rayon::prelude::*;
 use vitreo_uq::posterior::check::contradictions;
 
-/// Seeds of one kind are so many apart from those of the next.
+/// Distance between the seeds of two kinds.
 const APART: u64 = 1_000_000;
 
 fn called(wrong: Option<&str>, seed: u64) -> Vec<String> {
     let (experiment, files) = record(wrong, seed);
     let kinds = contradictions(&experiment, &files.understood).into_iter().map(|contradiction| contradiction.kind);
-    // Sound sines are made as curves and stated as lines, so that this is so.
+    // Correct sines are sampled as curves but described as lines, so this finding is correct.
     kinds.filter(|kind| kind != "curve_between_rows").collect()
 }
 

@@ -1,4 +1,4 @@
-//! Corner plot of one or several CSV files of draws: `cargo run --example corner_plot -- OUT_DIR DRAWS.csv…`.
+//! Corner plot of one or more CSV files of draws: `cargo run --example corner_plot -- OUT_DIR DRAWS.csv…`.
 
 use std::path::PathBuf;
 

@@ -1,6 +1,6 @@
-//! An effect of your own, added from outside the crate, and the loop run on it: `cargo run --release --example custom_effect`.
+//! Adds an effect from outside the crate and runs the loop on it: `cargo run --release --example custom_effect`.
 //!
-//! `thermal-drift`: the stage warms up and carries the camera along, x_obs = x + A (1 − e^{−t/τ}). Null: A = 0, where τ means nothing.
+//! `thermal-drift`: the stage warms up and moves the camera, x_obs = x + A (1 − e^{−t/τ}). The null is A = 0, where τ is unidentified.
 
 use vitreo_uq::Result;
 use vitreo_uq::base::distribution::Distribution;
@@ -60,7 +60,7 @@ impl Effect for ThermalDrift {
 
 fn main() -> Result<()> {
     let library = Library::default().with(&ThermalDrift);
-    // The replica as a warming stage would have recorded it: 30 µm within some 8 s.
+    // The replica as recorded on a warming stage: 30 µm within about 8 s.
     let (mut experiment, _) = replica::embedded()?;
     let record = &mut experiment.record;
     let drift_m = |t: &f64| 30e-6 * (1.0 - (-t / 8.0).exp());

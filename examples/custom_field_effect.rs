@@ -1,7 +1,7 @@
-//! An effect of your own that changes the displacement field: `cargo run --release --example custom_field_effect`.
+//! Adds an effect that changes the displacement field: `cargo run --release --example custom_field_effect`.
 //!
-//! `stiff-rim`: the outer third of the gel has another modulus, E → (1 + a) E. Null: a = 0. The effect assembles two stiffness matrices; time stepping in full and the reduced
-//! model follow from them, and are compared here.
+//! `stiff-rim`: the outer third of the gel has another modulus, E → (1 + a) E. The null is a = 0. The effect assembles two stiffness matrices.
+//! Full time stepping and the reduced model follow from them and are compared here.
 
 use nalgebra::Vector3;
 use vitreo_uq::Result;
@@ -31,7 +31,7 @@ const PARAMETERS: &[EffectParameter] = &[EffectParameter {
     finite_step: None,
 }];
 
-/// The law with (1 + a) times the modulus of every spring outside of a network.
+/// The element with the modulus of every spring multiplied by `factor`. Other elements are left unchanged.
 fn stiffened(element: &Element, factor: Dual) -> Element {
     match element {
         Element::Spring { modulus_pa } => Element::Spring { modulus_pa: *modulus_pa * factor },

@@ -1,7 +1,7 @@
-//! A law of your own, as a network of springs, dashpots and springpots: `cargo run --release --example custom_law`.
+//! Defines a law as a network of springs, dashpots and springpots: `cargo run --release --example custom_law`.
 //!
-//! The standard linear solid, a spring in series with a Kelvin–Voigt body, on an instrument of which the displacement per force at unit creep compliance is known.
-//! In `model.toml` the same text stands under `[base.network]`.
+//! It is the standard linear solid (a spring in series with a Kelvin–Voigt body) on an instrument with a known displacement per force at unit creep compliance.
+//! `model.toml` contains the same text under `[base.network]`.
 
 use vitreo_uq::Result;
 use vitreo_uq::base::error::{Place, Setting};
@@ -16,7 +16,7 @@ fn main() -> Result<()> {
     let names: Vec<&str> = law.parameters().iter().map(|parameter| parameter.name).collect();
     println!("parameters: {}", names.join(", "));
     let model = Model::new(law, Vec::new(), Scales::default(), &Place::setting(Setting::Base))?;
-    // A force of 1 µN that is held for 5 s, and 5 s of rest.
+    // A force of 1 µN for 5 s, then 5 s of rest.
     let time_s: Vec<f64> = (0..=100).map(|row| 0.1 * f64::from(row)).collect();
     let force_n: Vec<f64> = time_s.iter().map(|time| if *time < 5.0 { 1e-6 } else { 0.0 }).collect();
     let forward = ReducedForward {

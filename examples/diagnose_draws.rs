@@ -1,4 +1,4 @@
-//! Diagnostics of draws in a CSV with the columns `chain,draw,value`, printed as JSON.
+//! Prints diagnostics of draws as JSON. The input is a CSV with the columns `chain,draw,value`.
 //!
 //! `cargo run --example diagnose_draws -- draws.csv`
 

@@ -1,6 +1,6 @@
-//! Writes the same small posterior as CSV and as NetCDF-4 in ArviZ's layout: `cargo run --example export_draws -- DIR`.
-//! `tests/python/open_netcdf.py DIR/draws.nc DIR/draws.csv` then opens both with ArviZ. The chains again over named dimensions, as a
-//! hierarchy of groups has them, are `labelled.nc`, which `tests/python/open_labelled_netcdf.py` opens.
+//! Writes one small posterior as CSV and as NetCDF-4 in ArviZ's layout: `cargo run --example export_draws -- DIR`.
+//! `tests/python/open_netcdf.py DIR/draws.nc DIR/draws.csv` then opens both with ArviZ. `labelled.nc` holds the chains over named dimensions,
+//! as for a hierarchy of groups; `tests/python/open_labelled_netcdf.py` opens it.
 
 use std::path::PathBuf;
 
@@ -46,7 +46,7 @@ fn main() -> vitreo_uq::Result<()> {
     Ok(())
 }
 
-/// Ensembles as groups: their draws over (chain, draw, group, parameter), the first parameter alone over (chain, draw, group), and the
+/// Writes ensembles as groups: draws over (chain, draw, group, parameter), the first parameter also over (chain, draw, group), and the
 /// log density of the first ensemble.
 fn write_labelled(dir: &std::path::Path, table: &DrawTable) -> vitreo_uq::Result<()> {
     let (n_chains, n_draws, n_groups) = (table.n_walkers, table.n_steps, table.n_ensembles);

@@ -1,7 +1,7 @@
-//! What the direct solver takes on meshes around a sphere: unknowns, seconds of assembly with analysis, of factorisation and of a solve, the robot's displacement (m) at unit modulus and
-//! force, and the most memory.
+//! Measures the direct solver on meshes around a sphere: unknowns, seconds of assembly with analysis, of factorisation and of a solve,
+//! the robot's displacement (m) at unit modulus and force, and the peak memory.
 //!
-//! `cargo run --release --example factorisations -- LEVEL`, one level a process, so that its memory is its own. Prints one line of JSON.
+//! `cargo run --release --example factorisations -- LEVEL` handles one level, so the memory belongs to that level alone. It prints one line of JSON.
 
 use std::time::Instant;
 

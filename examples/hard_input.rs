@@ -1,10 +1,10 @@
-//! Plays mutated files to every reader and counts what becomes of them: the program of `campaigns/hard-input`.
+//! Gives mutated files to every reader and counts the outcomes. It is the program of `campaigns/hard-input`.
 //!
-//! `cargo run --release --example hard_input -- variants COUNT SEED` plays so many valid variants to every reader that has a grammar, and ends with exit code 1 if anything panicked, took
-//! longer than ten seconds or more than a gigabyte, or if less than half were accepted.
+//! `cargo run --release --example hard_input -- variants COUNT SEED` gives COUNT valid variants to every reader that has a grammar. It ends with exit code 1 if anything panicked,
+//! took longer than ten seconds or more than a gigabyte, or if less than half were accepted.
 //!
-//! `cargo run --release --example hard_input -- COUNT SEED [SECONDS [PROGRAM]]` plays damaged files and prints one JSON document. It ends with exit code 1 if anything panicked, took longer
-//! than a minute or was left half-written; what did is kept in a folder that it names. One in a hundred inputs goes through PROGRAM, too.
+//! `cargo run --release --example hard_input -- COUNT SEED [SECONDS [PROGRAM]]` gives damaged files and prints one JSON document. It ends with exit code 1 if anything panicked,
+//! took longer than a minute or was left half-written; such cases are kept in a folder that it names. One in a hundred inputs also goes through PROGRAM.
 
 #[path = "../tests/mutators/mod.rs"]
 mod mutators;
@@ -18,9 +18,9 @@ use std::time::{Duration, Instant};
 use mutators::{Outcome, Place, Reader, input, readers, variant};
 use rayon::prelude::*;
 
-/// An input that takes longer is a hang.
+/// An input that takes longer counts as a hang.
 const HANG: Duration = Duration::from_secs(60);
-/// Three inputs in so many go through the program.
+/// Three of this many inputs go through the program.
 const EVERY: u64 = 300;
 
 fn main() -> ExitCode {
@@ -97,11 +97,11 @@ fn main() -> ExitCode {
     ExitCode::SUCCESS
 }
 
-/// A valid variant that takes longer, or all of them that take more memory, are faults.
+/// Limits for a valid variant's time, and for the memory of all variants.
 const LONG: Duration = Duration::from_secs(10);
 const MOST_MIB: u64 = 1024;
 
-/// Plays valid variants to every reader with a grammar, one reader a thread.
+/// Gives valid variants to every reader with a grammar, one reader per thread.
 fn play_variants(count: u64, seed: u64) -> ExitCode {
     let began = Instant::now();
     let of_reader = |reader: &Reader| {
@@ -136,7 +136,7 @@ fn play_variants(count: u64, seed: u64) -> ExitCode {
     if is_sound { ExitCode::SUCCESS } else { ExitCode::FAILURE }
 }
 
-/// Most memory that this process has had, as Linux tells.
+/// Peak memory of this process in MiB, as reported by Linux.
 fn largest_memory_mib() -> Option<u64> {
     let status = std::fs::read_to_string("/proc/self/status").ok()?;
     let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"))?;
@@ -147,7 +147,7 @@ fn word(outcome: Outcome) -> String {
     format!("{outcome:?}").to_lowercase()
 }
 
-/// Gives a mutated experiment or table of draws to the program itself, and looks at how it ended and what it left.
+/// Gives a mutated experiment or table of draws to the program itself. Checks its exit and its remaining files.
 fn through_program(program: &str, folder: &Path, readers: &[Reader], seed: u64, number: u64) -> &'static str {
     let names = ["experiment.toml", "trajectory.csv", "draws.csv"];
     let name = names[usize::try_from(number % 3).unwrap_or(0)];

@@ -1,13 +1,13 @@
-//! Draws records of gels one of whose quantities depends on a state, by a stepper of its own: nothing of the library is used but the numbers of the paper.
+//! Simulates records of gels in which one quantity depends on a state. It has its own stepper and shares only the paper's numbers with the library.
 //!
-//! `hidden_laws DIRECTORY COUNT SEED [none]` writes COUNT experiments, each with its `truth.json`; with `none` nothing depends on anything.
-//! The law is stepped by the classical Runge–Kutta method in steps of a millisecond, and the force acts between them as it is commanded.
+//! `hidden_laws DIRECTORY COUNT SEED [none]` writes COUNT experiments, each with its `truth.json`. With `none` nothing depends on a state.
+//! The classical Runge–Kutta method steps the law in steps of a millisecond. Between them the force acts as commanded.
 
 use std::fmt::Write as _;
 use std::fs;
 use std::path::Path;
 
-/// Displacement per force at unit creep compliance of the paper's sphere and ball, in 1/m: 1/(1.820902396 mm).
+/// Displacement per force at unit creep compliance for the paper's sphere and ball, in 1/m: 1/(1.820902396 mm).
 const COMPLIANCE_PER_M: f64 = 1.0 / 1.820_902_396e-3;
 const STEP_S: f64 = 1e-3;
 const ROW_S: f64 = 0.05;
@@ -15,7 +15,7 @@ const CYCLE_S: f64 = 10.0;
 const N_CYCLES: usize = 4;
 const LAW: [f64; 3] = [3.527, 1.402, 47.37];
 
-/// SplitMix64.
+/// SplitMix64 random number generator.
 struct Random(u64);
 
 impl Random {
@@ -45,7 +45,7 @@ enum Drive {
     Ramps,
 }
 
-/// The force at a time, in N.
+/// Force at a time, in N.
 fn force_n(drive: Drive, largest_n: f64, time_s: f64) -> f64 {
     let phase = (time_s / CYCLE_S).fract();
     let triangle = 1.0 - (4.0 * (phase - 0.25).rem_euclid(1.0) - 2.0).abs();
@@ -64,7 +64,7 @@ fn force_n(drive: Drive, largest_n: f64, time_s: f64) -> f64 {
         }
 }
 
-/// ln of the factor at u, the state over its largest size.
+/// Logarithm of the factor at u, the state divided by its largest size.
 type Shape = dyn Fn(f64) -> f64;
 
 fn shape(name: &str, random: &mut Random) -> Box<Shape> {
@@ -92,10 +92,10 @@ fn shape(name: &str, random: &mut Random) -> Box<Shape> {
 }
 
 struct Hidden<'a> {
-    /// Size of ln factor.
+    /// Size of the factor's logarithm.
     strength: f64,
     shape: &'a Shape,
-    /// Largest size of the state without it.
+    /// Largest size of the state without the dependence.
     size: f64,
 }
 
@@ -110,7 +110,7 @@ fn run(
 ) -> (Vec<f64>, Vec<f64>) {
     let n_rows = (N_CYCLES as f64 * CYCLE_S / ROW_S) as usize;
     let n_steps = (ROW_S / STEP_S).round() as usize;
-    // Strains (N/Pa) of both bodies, path, largest excursion.
+    // Strains (N/Pa) of both bodies; path; largest excursion.
     let mut y = [0.0_f64; 2];
     let (mut path, mut largest, mut step_at) = (0.0_f64, 0.0_f64, 0.0);
     let mut before_n = force_n(drive, largest_n, 0.0);
@@ -129,7 +129,7 @@ fn run(
             _ => c * if quantity == "viscosity_2_pa_s" { y[1] } else { y[0] },
         };
         let factor = |s: f64| hidden.map_or(1.0, |own| (own.strength * (own.shape)(s / own.size)).exp());
-        // Rates at a time just after `t`; the velocity that a state asks for is found by iteration.
+        // Rates at a time just after `t`. If the state is the velocity, it is found by iteration.
         let rates = |y: &[f64; 2], path: f64, largest: f64, t: f64, since: f64| -> [f64; 2] {
             let f = force_n(drive, largest_n, t);
             let mut v = 0.0;
@@ -154,7 +154,7 @@ fn run(
         positions.push(c * (y[0] + y[1]));
         states.push(value(&y, path, largest, t, force_n(drive, largest_n, (t - 1e-9).max(0.0)), v, t - step_at));
         for step in 0..n_steps {
-            // A hair after the step's begin and before its end, so that the force is that of the step.
+            // Times slightly inside the step, so the force belongs to the step.
             let (from, to) = (t + step as f64 * STEP_S + 1e-9, t + (step + 1) as f64 * STEP_S - 1e-9);
             let now_n = force_n(drive, largest_n, from);
             if matches!(drive, Drive::Steps | Drive::Levels) && (now_n - before_n).abs() > threshold {
@@ -181,17 +181,17 @@ fn run(
     (positions, states)
 }
 
-/// Correlation time of slow noise in s, and standard deviation of the gains of cycles.
+/// Correlation time of slow noise in s, and standard deviation of the cycles' gains.
 const SLOW_S: f64 = 1.0;
 const GAIN_SD: f64 = 0.01;
 
-/// Norm of what a law leaves of positions (both in m) under the noise that a record has, in standard deviations: slow noise and gains hide more of it than white noise of the stated size.
+/// Norm of residuals of positions (both in m) under the record's noise, in standard deviations. Slow noise and gains hide more of them than white noise of the stated size.
 fn under_own_noise(noise: &str, left_m: &[f64], positions_m: &[f64], sigma_m: f64) -> f64 {
     let squares = |values: &[f64]| values.iter().map(|x| x * x).sum::<f64>() / (sigma_m * sigma_m);
     match noise {
         "ou" => {
             let keep = (-ROW_S / SLOW_S).exp();
-            // In units of σ: mean and variance of the process, given the rows before.
+            // Mean and variance of the process in units of σ, given the rows before.
             let (mut mean, mut variance, mut sum) = (0.0, 1.0, 0.0);
             for left in left_m.iter().map(|left| left / sigma_m) {
                 let total = variance + 1.0;
@@ -213,7 +213,7 @@ fn under_own_noise(noise: &str, left_m: &[f64], positions_m: &[f64], sigma_m: f6
     }
 }
 
-/// What the best law without anything hidden leaves of positions (m): Gauss and Newton by differences.
+/// Residuals of positions (m) from the best law without a hidden dependence, by the Gauss–Newton method with finite differences.
 fn left_by_base(drive: Drive, largest_n: f64, positions: &[f64]) -> Vec<f64> {
     let mut log = LAW.map(f64::ln);
     let at = |log: &[f64; 3]| run(log.map(f64::exp), drive, largest_n, None, "position", "force").0;
@@ -283,7 +283,7 @@ fn main() {
         let size = states_at.iter().fold(0.0_f64, |size, s| size.max(s.abs()));
         let (mut strength, mut seen_sigma) = (0.0, 0.0);
         if !nothing {
-            // Stronger until the base's best fit leaves the signal that is asked for.
+            // The strength is adjusted until the residuals of the base's best fit have the requested signal.
             let (mut low, mut high) = (0.0, 0.05);
             let mut found = None;
             for _ in 0..12 {

@@ -1,4 +1,4 @@
-//! Counts how often 90 % intervals of an effect's first parameter hold a truth that was drawn from the priors.
+//! Counts how often 90 % intervals of an effect's first parameter contain a truth drawn from the priors.
 //!
 //! `cargo run --release --example interval_coverage -- --count 240 --first 0 --seed 1 --json coverage.json [--effects a,b] [--least-sigma 5]`
 
@@ -11,7 +11,7 @@ use vitreo_uq::posterior::monitor::Silent;
 use vitreo_uq::validation::challenge::Bench;
 use vitreo_uq::validation::challenge::coverage::{CoverageRequest, count};
 
-/// Effects whose posteriors are the hardest: two answers, ridges, parameters that mean nothing at the null.
+/// Effects with the most difficult posteriors: two modes, ridges, parameters that are unidentified at the null.
 const EFFECTS: [&str; 4] = ["interface-slip", "poroelasticity", "liquefied-pocket", "second-retardation"];
 
 fn parsed<T: FromStr>(option: &'static str, text: &str) -> Result<T> {

@@ -1,8 +1,8 @@
-//! What an iterative solver takes on the meshes of `factorisations`: conjugate gradients, preconditioned by two grids. The fine one is the program's, smoothed by Gauss and Seidel's
-//! sweep; the coarse one keeps the elements' corners alone, and is solved directly.
+//! Measures an iterative solver on the meshes of `factorisations`: conjugate gradients with a two-grid preconditioner. The program's grid is the fine one, smoothed by Gauss–Seidel
+//! sweeps. The coarse grid keeps only the elements' corners and is solved directly.
 //!
-//! `cargo run --release --example iterative_solver -- LEVEL`, one level a process. Prints one line of JSON: unknowns, seconds of assembly, of the coarse grid, of a solve, its iterations,
-//! the robot's displacement (m) at unit modulus and force, and the most memory.
+//! `cargo run --release --example iterative_solver -- LEVEL` handles one level and prints one line of JSON: unknowns, seconds of assembly, of the coarse grid and of a solve, its iterations,
+//! the robot's displacement (m) at unit modulus and force, and the peak memory.
 
 use std::time::Instant;
 
@@ -20,10 +20,10 @@ mod solver_mesh;
 
 use solver_mesh::{POISSON_RATIO, asked_for, peak_mib};
 
-/// Residual over right-hand side at which a solve ends.
+/// Ratio of residual to right-hand side at which a solve ends.
 const TOLERANCE: f64 = 1e-10;
 const MOST_ITERATIONS: usize = 1_000;
-/// Corners come first among the nodes of an element.
+/// The corners come first among the nodes of an element.
 const N_CORNERS: usize = 8;
 
 type Matrix = SparseColMat<u32, f64>;
@@ -65,7 +65,7 @@ fn refused(what: String) -> Error {
     Error::numerical(what, "take a coarser mesh, or a smaller Poisson ratio")
 }
 
-/// All of a symmetric matrix that is given by its upper triangle.
+/// Full symmetric matrix from its upper triangle.
 fn whole(upper: SparseColMatRef<'_, u32, f64>) -> Matrix {
     let n = upper.ncols();
     let mut start = vec![0_u32; n + 1];
@@ -83,7 +83,7 @@ fn whole(upper: SparseColMatRef<'_, u32, f64>) -> Matrix {
         (rows[next[column] as usize], values[next[column] as usize]) = (row as u32, value);
         next[column] += 1;
     };
-    // Columns come in order, so that every column is filled from its first row to its last.
+    // Columns come in order, so every column is filled from its first row to its last.
     for column in 0..n {
         for (row, value) in entries(column) {
             put(row, column, *value);
@@ -95,7 +95,7 @@ fn whole(upper: SparseColMatRef<'_, u32, f64>) -> Matrix {
     Matrix::new(SymbolicSparseColMat::new_checked(n, n, start, None, rows), values)
 }
 
-/// Each column's product with a vector: the transpose times it, which is the matrix itself where that is symmetric.
+/// Product of each column with a vector, which is the transpose times the vector; for a symmetric matrix, the matrix itself.
 fn products(matrix: &Matrix, x: &[f64]) -> Vec<f64> {
     let of = |column: usize| {
         matrix.row_idx_of_col(column).zip(matrix.val_of_col(column)).map(|(row, value)| value * x[row]).sum()
@@ -103,7 +103,7 @@ fn products(matrix: &Matrix, x: &[f64]) -> Vec<f64> {
     (0..matrix.ncols()).map(of).collect()
 }
 
-/// One of Gauss and Seidel's sweeps towards A x = b with a symmetric A, in place.
+/// One in-place Gauss–Seidel sweep towards A x = b with a symmetric A.
 fn sweep(matrix: &Matrix, unknowns: impl Iterator<Item = usize>, b: &[f64], x: &mut [f64]) {
     for unknown in unknowns {
         let (mut sum, mut diagonal) = (b[unknown], 1.0);
@@ -117,11 +117,11 @@ fn sweep(matrix: &Matrix, unknowns: impl Iterator<Item = usize>, b: &[f64], x: &
     }
 }
 
-/// Unknowns of the fine grid from those of the coarse one, which are the fine ones that belong to corners: trilinear inside an element.
+/// Prolongation from the coarse to the fine grid: trilinear inside an element. The coarse unknowns are the fine ones at corners.
 fn prolongation(mesh: &Mesh, assembly: &Assembly) -> Result<Matrix> {
     assert_eq!(mesh.element_kind, ElementKind::Hexahedron27, "built-in meshes around spheres have these elements");
     let n = assembly.unknowns.count();
-    // The unknown of every component of every node, counted from 1; 0 where it is fixed.
+    // Number of each component's unknown at every node, from 1; 0 if it is fixed.
     let numbers: Vec<f64> = (1..=n).map(|number| number as f64).collect();
     let unknowns: Vec<[usize; 3]> =
         assembly.unknowns.nodal_displacement(&numbers).into_iter().map(|node| node.map(|u| u as usize)).collect();
@@ -148,7 +148,7 @@ fn prolongation(mesh: &Mesh, assembly: &Assembly) -> Result<Matrix> {
                 for (corner, at) in corners(nodes).into_iter().zip(&HEXAHEDRON27_REFERENCE_NODES) {
                     let weight: f64 = (0..3).map(|d| 0.5 * (1.0 + at[d] * place[d])).product();
                     if let Some(column) = coarse[unknowns[corner][component]].filter(|_| weight > 0.0) {
-                        // Corners on the robot share an unknown: their weights add up.
+                        // Corners on the robot share an unknown, so their weights add up.
                         weights.push(Triplet::new(unknown as u32 - 1, column, weight));
                     }
                 }
@@ -158,18 +158,18 @@ fn prolongation(mesh: &Mesh, assembly: &Assembly) -> Result<Matrix> {
     Matrix::try_new_from_triplets(n, n_coarse as usize, &weights).map_err(|error| refused(format!("{error:?}")))
 }
 
-/// The preconditioner.
+/// Two-grid preconditioner.
 struct TwoGrids<'a> {
     fine: &'a Matrix,
-    /// From the coarse grid to the fine one.
+    /// Prolongation from the coarse grid to the fine one.
     up: &'a Matrix,
-    /// Its transpose.
+    /// Transpose of the prolongation.
     down: Matrix,
     coarse: Llt<u32, f64>,
 }
 
 impl<'a> TwoGrids<'a> {
-    /// Projects the fine matrix and factorises it.
+    /// Projects the fine matrix onto the coarse grid and factorises it.
     fn new(fine: &'a Matrix, up: &'a Matrix) -> Result<Self> {
         let down = up.transpose().to_col_major().map_err(|error| refused(format!("{error:?}")))?;
         let projected = &down * &(fine * up);
@@ -184,7 +184,7 @@ impl<'a> TwoGrids<'a> {
         self.up.ncols()
     }
 
-    /// A sweep, the coarse grid's correction, and the sweep in the other order: symmetric and positive definite.
+    /// A sweep, the coarse grid's correction, and the reversed sweep: symmetric and positive definite.
     fn apply(&self, residual: &[f64]) -> Vec<f64> {
         let n = residual.len();
         let mut x = vec![0.0; n];
@@ -199,7 +199,7 @@ impl<'a> TwoGrids<'a> {
     }
 }
 
-/// Conjugate gradients from 0; the solution and the number of iterations.
+/// Conjugate gradients from 0. Returns the solution and the number of iterations.
 fn solve(matrix: &Matrix, grids: &TwoGrids, force: &[f64]) -> Result<(Vec<f64>, usize)> {
     let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
     let mut x = vec![0.0; force.len()];

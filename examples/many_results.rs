@@ -1,6 +1,6 @@
-//! Writes a list of challenges with a sound result for each, made from plays that were played once: to measure what gathering costs.
+//! Writes a list of challenges with a valid result for each, repeated from a few plays, to measure the cost of gathering.
 //!
-//! `cargo run --release --example many_results -- DIR COUNT PLAYS.json`, where `challenge run --json PLAYS.json` wrote the plays.
+//! `cargo run --release --example many_results -- DIR COUNT PLAYS.json`; `challenge run --json PLAYS.json` writes the plays.
 
 use std::path::PathBuf;
 
@@ -19,7 +19,7 @@ fn main() -> Result<()> {
     let [dir, count, plays] = arguments.as_slice() else { return Err(usage()) };
     let (dir, plays) = (PathBuf::from(dir), PathBuf::from(plays));
     let count: usize = count.parse().map_err(|_| usage())?;
-    let bytes = read(&plays, Content::Document, "give what `challenge run --json` wrote")?;
+    let bytes = read(&plays, Content::Document, "give the file of `challenge run --json`")?;
     let played: WithProvenance<Plays> = serde_json::from_slice(&bytes)
         .map_err(|error| Error::input(Place::file(&plays).at_line(error.line()), error.to_string(), "give plays"))?;
     let played = played.body.plays;
@@ -30,7 +30,7 @@ fn main() -> Result<()> {
         let task = list.task(number)?;
         let play = Play { number, ..played[number % played.len()].clone() };
         let body = serde_json::to_vec(&[play]).map_err(|error| Error::numerical(error.to_string(), "report this"))?;
-        // Not flushed one by one, as a worker does: what is measured is how they are read.
+        // Files are not flushed one by one as in a worker, because only reading is measured.
         let path = list.result_path(&task);
         std::fs::write(&path, result::bytes(vitreo_uq::PROGRAM, &task, &body)?).map_err(refused("write", &path))?;
     }

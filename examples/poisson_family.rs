@@ -1,4 +1,4 @@
-//! One mode at one Poisson ratio, three over a range: `cargo run --release --example poisson_family -- [DIR for the figure]`.
+//! Shows that one mode suffices at one Poisson ratio, and three over a range: `cargo run --release --example poisson_family -- [DIR for the figure]`.
 
 use vitreo_uq::elements::fe::Stiffness;
 use vitreo_uq::elements::mesh::QuarterBall;
@@ -48,7 +48,7 @@ fn main() -> vitreo_uq::Result<()> {
     Ok(())
 }
 
-/// The first dozen singular values.
+/// The first twelve singular values.
 fn first(surrogate: &Surrogate) -> &[f64] {
     let n = surrogate.singular_values.len().min(12);
     &surrogate.singular_values[..n]

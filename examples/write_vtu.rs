@@ -1,4 +1,4 @@
-//! Writes meshes of every element kind with fields on their nodes, ready for ParaView: `cargo run --example write_vtu -- FOLDER`.
+//! Writes meshes of every element kind with fields on their nodes, for ParaView: `cargo run --example write_vtu -- FOLDER`.
 
 use std::path::PathBuf;
 
@@ -30,7 +30,7 @@ fn main() -> vitreo_uq::Result<()> {
     ];
     for (file, mesh) in &meshes {
         let nodes = &mesh.node_coordinates_m;
-        // (x, xy, x²y²z²), which a 27-node brick represents exactly.
+        // The field (x, xy, x²y²z²), which a 27-node brick represents exactly.
         let vector: Vec<f64> = nodes.iter().flat_map(|&[x, y, z]| [x, x * y, x * x * y * y * z * z]).collect();
         let distance_m: Vec<f64> = nodes.iter().map(|[x, y, z]| (x * x + y * y + z * z).sqrt()).collect();
         let fields = [

@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
-# The workbench in a real browser, and its page's types. Needs cargo, Node 20 or newer with npm, Chromium (CHROMIUM=… where it is not /usr/bin/chromium) and, the first time, the network.
-# On Debian and Ubuntu, as root, what is missing is installed. Pictures of every view go to target/browser-checks/.
+# Tests the workbench in a real browser, and its page's types. Needs cargo, Node 20 or newer with npm, Chromium (CHROMIUM=… unless it is /usr/bin/chromium) and, the first time, the network.
+# As root on Debian and Ubuntu, missing packages are installed. Pictures of every view go to target/browser-checks/.
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 
@@ -21,7 +21,7 @@ if ((${#packages[@]} > 0)); then
     DEBIAN_FRONTEND=noninteractive apt-get install -y -qq --no-install-recommends "${packages[@]}" >/dev/null
 fi
 
-# Made anew where the lock has changed.
+# Made again if the lock file has changed.
 place=target/browser-checks
 mkdir -p "$place/pictures"
 if ! cmp -s tests/browser/package-lock.json "$place/package-lock.json"; then

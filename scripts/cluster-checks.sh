@@ -1,8 +1,8 @@
 #!/usr/bin/env bash
-# Runs a list of tasks under the engines that laboratories have: HyperQueue (its server and two workers on loopback, from PyPI, in an environment of its own under
-# target/) and Slurm (a controller and one node on this machine, as root, from Debian's slurmctld, slurmd, slurm-client and munge). What the engines make must
-# be, byte for byte, what one machine makes; a worker that is killed, a truncated result and a full disk must be noticed. Takes less than three minutes once the
-# program is built; what is not to be had here is skipped, and said.
+# Runs a list of tasks under the engines of laboratories. HyperQueue has its server and two workers on loopback, from PyPI, in an environment of its own under
+# target/. Slurm has a controller and one node on this machine, as root, from Debian's slurmctld, slurmd, slurm-client and munge. The engines' files must equal
+# those of one machine, byte for byte. A killed worker, a truncated result and a full disk must be detected. Takes less than three minutes once the
+# program is built. Engines that are not available here are skipped with a message.
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 root=$PWD
@@ -21,7 +21,7 @@ fail() {
 
 source scripts/environment.sh
 
-# Ends what was started here and nothing else.
+# Ends the processes started here and no others.
 cleanup() {
     local pid
     for pid in "${pids[@]}"; do
@@ -48,7 +48,7 @@ skip() {
     printf '%s: SKIPPED: %s\n' "$1" "$2"
 }
 
-# wait_for SECONDS WHAT COMMAND…: until the command succeeds.
+# wait_for SECONDS WHAT COMMAND…: waits until the command succeeds.
 wait_for() {
     local seconds=$1 what=$2 end=$((SECONDS + $1))
     shift 2
@@ -58,14 +58,14 @@ wait_for() {
     done
 }
 
-# Another build than the one that tests use: VITREO_UQ=…
+# VITREO_UQ=… uses another build than the one of the tests.
 if [[ -z ${VITREO_UQ:-} ]]; then
     cargo build --quiet --examples --bins
 fi
 program=${VITREO_UQ:-$root/target/debug/vitreo-uq}
 export VITREO_UQ_CACHE=${VITREO_UQ_CACHE:-$root/target/cache}
 cd "$place"
-# Eight records of an instrument, and what one machine makes of them: so few sweeps of the population that it says it is not to be trusted, which is no matter here.
+# Eight records of an instrument and their comparison on one machine. It has so few sweeps of the population that the result is not trusted, which does not matter here.
 command -v "$python" >/dev/null || fail "$python is not installed; install Python 3.9 or newer, or set PYTHON"
 "$python" "$root/campaigns/scale/specimens.py" 8 cohort
 compared() {
@@ -78,7 +78,7 @@ new_list() {
     "$program" tasks sample cohort --out "$1" --quiet >/dev/null
 }
 
-# gathered DIR NAME: gathers, and compares with one machine.
+# gathered DIR NAME: gathers the results and compares them with those of one machine.
 gathered() {
     "$program" gather "$1" --quiet >"$1.txt" || { cat "$1.txt" >&2; fail "$2: results are missing"; }
     diff -r one/experiments "$1/gathered/experiments" >&2 || fail "$2: other bytes than on one machine"
@@ -88,7 +88,7 @@ gathered() {
 new_list local
 "$program" tasks run local --jobs 2 --quiet >/dev/null
 gathered local 'local workers'
-"$program" tasks run local --quiet | grep -q '^0 tasks run' || fail 'tasks whose results are there were run again'
+"$program" tasks run local --quiet | grep -q '^0 tasks finished' || fail 'tasks whose results are there were run again'
 compared local/gathered two.txt
 diff one.txt two.txt >&2 && diff -r one local/gathered >&2 || fail 'groups says something else of what was gathered'
 pass 'local workers'
@@ -137,7 +137,7 @@ else
 fi
 
 ## Slurm: one node, whose cores are said to be two, so that two parts run at once.
-# As root on Debian and Ubuntu, what is missing is installed; services are not started by that.
+# As root on Debian and Ubuntu, missing packages are installed; this starts no services.
 missing() {
     local tool
     for tool in munged slurmctld slurmd sbatch squeue scancel; do
@@ -203,7 +203,7 @@ CONF
     new_list slurm-list
     "$program" tasks run slurm-list --engine slurm --parts 4 --memory-mib 500 --minutes 5 >/dev/null
     has_ended() { [[ -z $(squeue --noheader --jobs "$1" 2>/dev/null) ]]; }
-    # One part is ended while it runs, and another is run twice: the script is submitted again.
+    # One part is ended while it runs, and another is run twice, because the script is submitted again.
     job=$(sbatch --parsable slurm-list/submit-slurm.sh)
     scancel "${job}_3"
     again=$(sbatch --parsable slurm-list/submit-slurm.sh)

@@ -1,7 +1,7 @@
 # Sourced by scripts that need Python packages, after they have defined `python` and `fail`.
 
-# python_environment PLACE REQUIREMENTS: a virtual environment with what the file pins. It is current when it was made from the same requirements by the same Python; the stamp is written
-# last. Fails where the packages are not to be had: the network is needed the first time.
+# python_environment PLACE REQUIREMENTS: makes a virtual environment with the packages that the file pins. It is current if the same Python made it from the same requirements;
+# the stamp is written last. Fails if the packages are not available: the network is needed the first time.
 python_environment() {
     local place=$1 requirements=$2 wanted
     wanted=$("$python" --version; cat "$requirements")

@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
-# Runs every tests/python/*.py against the Python tools that users have (ArviZ, VTK, corner, emcee, UM-Bridge), in an environment of its own
-# under target/. Needs Python 3.9 or newer (another one than python3: PYTHON=…), cargo and, the first time, the network.
+# Runs every tests/python/*.py against common Python tools (ArviZ, VTK, corner, emcee, UM-Bridge), in an environment of its own
+# under target/. Needs Python 3.9 or newer (PYTHON=… for another one than python3), cargo and, the first time, the network.
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 
@@ -20,16 +20,16 @@ command -v "$python" >/dev/null || fail "$python is not installed; install Pytho
 
 python_environment "$environment" "$requirements" || fail "cannot install $requirements; the network is needed the first time"
 
-# No window system is needed to draw, and no byte code is left in the source tree.
+# Drawing needs no window system, and no byte code stays in the source tree.
 export MPLBACKEND=Agg PYTHONDONTWRITEBYTECODE=1
-# Compiled once here, so that no check's time or output includes it.
+# Compiled once here, so no check's time or output includes it.
 cargo build --quiet --examples --bins
-# Checks run this program: building it alone would compile dependencies once more, with fewer features.
+# Checks run this program. Building it alone would compile dependencies once more, with fewer features.
 export VITREO_UQ=$PWD/target/debug/vitreo-uq
 
 passed=0 failed=0
 for script in tests/python/*.py; do
-    # Others import it.
+    # Other checks import this file.
     [[ $script == */small_experiment.py ]] && continue
     printf '%s: ' "${script##*/}"
     if "$environment/bin/python" "$script" </dev/null; then

@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
-# Builds the program as one file that needs no library of the system it runs on: for clusters with old ones, and for containers. With musl where Rust's target is installed
-# (`rustup target add x86_64-unknown-linux-musl`); `--gnu` links glibc statically, which needs its libc.a (Debian and Ubuntu: libc6-dev). `--if-possible` says so and ends well where musl's
-# target is not there. `--debug` builds as tests do. What was built is run where there is nothing else: as root in an empty directory by chroot.
+# Builds the program as one file that needs no system library, for clusters with old libraries and for containers. It uses musl if Rust's target is installed
+# (`rustup target add x86_64-unknown-linux-musl`). `--gnu` links glibc statically, which needs its libc.a (Debian and Ubuntu: libc6-dev). `--if-possible` succeeds with a message if musl's
+# target is missing. `--debug` builds as for the tests. As root, the program is then run in an empty directory by chroot.
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 

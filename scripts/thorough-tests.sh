@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Runs the tests that `cargo test` leaves out to be done in three minutes, and that have to hold before a change lands: those marked `#[ignore = "thorough"]`.
+# Runs the tests marked `#[ignore = "thorough"]`. `cargo test` omits them to finish in three minutes, but they must pass before a change lands.
 # Tests marked `campaigns/long-tests` take minutes each and run as that campaign.
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
@@ -14,7 +14,7 @@ log=$(mktemp)
 trap 'rm -f "$log"' EXIT
 # shellcheck disable=SC2086 # every name is a word of its own
 cargo test --locked -- --ignored $names | tee "$log"
-# A name that no binary knows would be left out in silence.
+# A name that no binary knows would be skipped silently.
 ran=$(grep -c '^test .* \.\.\. ok' "$log")
 if ((ran < count)); then
     printf 'thorough-tests: %s tests are marked, and %s were run\n' "$count" "$ran" >&2

@@ -1,12 +1,12 @@
 #!/usr/bin/env bash
 # Builds the wheel (without optimisation for release), installs it with pip into an environment of its own under target/, and runs tests/python/wheel/*.py
-# there, outside the source tree. Needs Python 3.10 or newer (PYTHON=…), cargo and the network. VITREO_UQ=path takes a program that is built.
+# there, outside the source tree. Needs Python 3.10 or newer (PYTHON=…), cargo and the network. VITREO_UQ=path uses an existing program.
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 
 root=$PWD
 environment=$root/target/wheel-checks-venv
-# As the other checks build it: the program alone would compile dependencies once more, with fewer features.
+# Built like the other checks: the program alone would compile dependencies once more, with fewer features.
 if [[ -z ${VITREO_UQ:-} ]]; then
     cargo build --quiet --examples --bins
     export VITREO_UQ=$root/target/debug/vitreo-uq
@@ -14,12 +14,12 @@ fi
 rm -rf target/wheels "$environment" "$environment-newest"
 scripts/wheel.sh --debug
 "${PYTHON:-python3}" -m venv "$environment"
-# A user has this and nothing else: the module must do without ArviZ and PyTensor.
+# The module must work without ArviZ and PyTensor, in a plain installation.
 "$environment/bin/python" -m pip install --quiet --disable-pip-version-check target/wheels/vitreo_uq-*.whl
 cd "$(mktemp -d)"
 trap 'rm -rf "$PWD"' EXIT
 export MPLBACKEND=Agg PYTHONDONTWRITEBYTECODE=1 VITREO_UQ_SOURCE=$root PATH=$environment/bin:$PATH
-# Each in a directory of its own.
+# Each check runs in a directory of its own.
 run() {
     mkdir "$1"
     printf '%s: ' "$1"

@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # Builds the Python wheel, with the module and the program, into target/wheels/. Needs Python 3.10 or newer (PYTHON=… for another than python3),
-# cargo and, the first time, the network. `--debug` builds both as tests do; VITREO_UQ=path takes a program that is built.
+# cargo and, the first time, the network. `--debug` builds both as for the tests; VITREO_UQ=path uses an existing program.
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 
@@ -32,6 +32,6 @@ program=${VITREO_UQ:-target/$directory/vitreo-uq}
 scripts=crates/python/vitreo_uq.data/scripts
 mkdir -p "$scripts"
 cp "$program" "$scripts/vitreo-uq"
-# Names of functions are of no use to those who install it, and are half of a debug build.
+# Function names are of no use to users and take half of a debug build.
 if command -v strip >/dev/null; then strip "$scripts/vitreo-uq"; fi
 "$environment/bin/maturin" build --quiet --locked "${profile[@]}" --manifest-path crates/python/Cargo.toml --out target/wheels

@@ -15,14 +15,14 @@
 //! for parameter in &fit.parameters {
 //!     println!("{} = {:.3}", parameter.name, parameter.value);
 //! }
-//! // What is left is the replica's noise of 4 µm.
+//! // The residual is the replica's noise of 4 µm.
 //! assert!(fit.converged && (3.5..4.5).contains(&fit.rmse_um));
 //! # Ok::<(), vitreo_uq::Error>(())
 //! ```
 //!
-//! [`posterior::sample`] samples the posterior, [`criticism`] says where the model fails and what it lacks, [`jobs::extend`] adds it.
+//! [`posterior::sample`] samples the posterior, [`criticism`] finds misfits and missing effects, [`jobs::extend`] adds effects.
 //!
-//! | to bring your own | see |
+//! | to add your own | see |
 //! |---|---|
 //! | law | `examples/custom_law.rs` |
 //! | effect | `examples/custom_effect.rs` |
@@ -34,16 +34,16 @@
 //! Every crate uses only those before it.
 //!
 //! - [`base`]: errors, files, units, parameters, distributions
-//! - [`record`]: experiments and tables: what was measured
+//! - [`record`]: experiments and tables of measurements
 //! - [`laws`]: viscoelastic laws, and the stages of a model
 //! - [`elements`]: meshes and full finite elements
 //! - [`models`]: physical effects, full and reduced models
-//! - [`sampling`]: ensembles, diagnostics, evidence, optimisation; knows no gel
-//! - [`documents`]: plain types of everything that is written
+//! - [`sampling`]: ensembles, diagnostics, evidence, optimisation; independent of gels
+//! - [`documents`]: plain types of all written documents
 //! - [`figures`]: drawings and pages; reads documents
 //! - [`posterior`]: priors, noise, likelihood, the prepared model, its posterior
-//! - [`criticism`]: where a model fails and which effect it lacks
-//! - [`cohorts`]: groups of specimens, and what a cohort lacks
+//! - [`criticism`]: misfits of a model, and missing effects
+//! - [`cohorts`]: groups of specimens, and effects that a cohort lacks
 //! - [`validation`]: challenges, calibration, the study of robot shapes
 //! - [`jobs`]: the function behind every command
 
@@ -63,5 +63,5 @@ pub use validation;
 
 pub use base::{Error, Result};
 
-/// The program's version and the hash of its sources: results of tasks are joined only if they are of one program.
+/// Version of the program and hash of its sources. Results of tasks are joined only if this is equal.
 pub const PROGRAM: &str = concat!(env!("CARGO_PKG_VERSION"), "+", env!("VITREO_UQ_PROGRAM"));

@@ -1,10 +1,10 @@
-//! Properties of the project's own text: crates stand in one order, files form no cycle, crates stay small, citations lead somewhere.
+//! Properties of the project's own text: order of crates, no cycles among files, small crates, valid citations.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::{Path, PathBuf};
 
-/// Pages that the code cites by section, under the word that stands before the sign.
+/// Pages that the code cites by section, with the word before the sign.
 const PAGES: [(&str, &str); 2] = [("physics", "docs/physics.md"), ("formats", "docs/formats.md")];
 const CITING: [&str; 10] = [
     "src",
@@ -21,14 +21,14 @@ const CITING: [&str; 10] = [
 
 /// Largest library crate, in lines of code.
 const MOST_LINES: usize = 12_000;
-/// Crates that stand beside the library: a Python module and a build script's helper.
+/// Crates outside the library: a Python module and a build script's helper.
 const BESIDE: [&str; 2] = ["python", "source-hash"];
 
 fn root() -> &'static Path {
     Path::new(env!("CARGO_MANIFEST_DIR"))
 }
 
-/// Text files under a place, in the order of their names.
+/// Text files under a path, sorted by name.
 fn files(place: &Path) -> Vec<PathBuf> {
     if place.is_file() {
         let is_text = place.extension().is_some_and(|ending| ["rs", "md", "py", "sh"].iter().any(|own| ending == *own));
@@ -47,7 +47,7 @@ fn sections(page: &str) -> BTreeSet<String> {
     numbers.filter(|word| word.starts_with(|c: char| c.is_ascii_digit())).map(String::from).collect()
 }
 
-/// Sections that a line cites of a page: "physics §4.1–§4.3, §4.8" are 4.1, 4.3 and 4.8.
+/// Sections of a page that a line cites: "physics §4.1–§4.3, §4.8" are 4.1, 4.3 and 4.8.
 fn cited(line: &str, word: &str) -> Vec<String> {
     let line = line.replace('P', "p");
     let mut found = Vec::new();
@@ -63,7 +63,7 @@ fn cited(line: &str, word: &str) -> Vec<String> {
     found
 }
 
-/// A reader who follows a citation arrives.
+/// Every cited section exists.
 #[test]
 fn every_cited_section_exists() {
     assert_eq!(cited("by Physics §4.1–§4.3, §4.8. See physics §3", "physics"), ["4.1", "4.3", "4.8", "3"]);
@@ -135,7 +135,7 @@ fn is_word_part(c: char) -> bool {
     c.is_alphanumeric() || c == '_'
 }
 
-/// Length of the string literal at the start of a text, raw ones included; 0 where there is none.
+/// Length of the string literal at the start of a text, also of a raw one; 0 if there is none.
 fn string_len(text: &str) -> usize {
     let body = text.strip_prefix('b').unwrap_or(text);
     let raw = body.strip_prefix('r').map(|rest| rest.trim_start_matches('#'));
@@ -166,7 +166,7 @@ fn quote_len(text: &str) -> usize {
     }
 }
 
-/// Tokens of a source text, comments left out.
+/// Tokens of a source text without comments.
 fn tokens(text: &str) -> Vec<Token<'_>> {
     let (mut found, mut at, mut line) = (Vec::new(), 0, 1);
     while let Some(next) = text[at..].chars().next() {
@@ -189,7 +189,7 @@ fn tokens(text: &str) -> Vec<Token<'_>> {
     found
 }
 
-/// Place behind the item at the start of some tokens: behind its attributes, and its `;` or block.
+/// Index after the item at the start of some tokens: after its attributes, and its `;` or block.
 fn item_len(tokens: &[Token]) -> usize {
     let (mut depth, mut is_attribute) = (0, false);
     for (place, token) in tokens.iter().enumerate() {
@@ -206,7 +206,7 @@ fn item_len(tokens: &[Token]) -> usize {
     tokens.len()
 }
 
-/// Tokens of the code that is no test.
+/// Tokens of the code without tests.
 fn code_tokens(text: &str) -> Vec<Token<'_>> {
     let all = tokens(text);
     let (mut code, mut at) = (Vec::new(), 0);
@@ -223,13 +223,13 @@ fn code_tokens(text: &str) -> Vec<Token<'_>> {
     code
 }
 
-/// Whether a file holds tests alone, by its name.
+/// Returns `true` if a file's name marks it as a test file.
 fn is_test_file(path: &Path) -> bool {
     let name = path.file_stem().expect("a name").to_string_lossy();
     name == "tests" || name.ends_with("_tests") || name.starts_with("test_")
 }
 
-/// Sources of the library crates and the program without tests: module paths and texts. The program's begin with `program`.
+/// Sources of the library crates and the program without tests, as texts by module path. The program's paths begin with `program`.
 fn sources() -> BTreeMap<String, String> {
     let crates = library_crates().into_iter().map(|name| (root().join("crates").join(&name).join("src"), name));
     let program = (root().join("src/bin/vitreo-uq"), "program".to_string());
@@ -246,16 +246,16 @@ fn sources() -> BTreeMap<String, String> {
     sources
 }
 
-/// A path that a file names.
+/// Path that a file names.
 struct Named<'a> {
     path: Vec<&'a str>,
-    /// Name under which `use` makes it known; empty in an expression.
+    /// Name that `use` gives it; empty in an expression.
     name: &'a str,
-    /// Whether it is only exported again.
+    /// The path is only re-exported.
     is_export: bool,
 }
 
-/// Reads a tree of `use` that begins at `at`: paths and the names they are known under. Returns the place behind it.
+/// Reads a tree of `use` that begins at `at`: paths and their local names. Returns the index after it.
 fn read_tree<'a>(
     tokens: &[Token<'a>],
     mut at: usize,
@@ -323,7 +323,7 @@ fn named_paths(text: &str) -> Vec<Named<'_>> {
     named
 }
 
-/// A path from its crate on, as a file of a module means it; `None` where it leads out of the workspace.
+/// Path from its crate on, as seen from a module; `None` if it leads out of the workspace.
 fn absolute(path: &[&str], module: &str, sources: &BTreeMap<String, String>) -> Option<String> {
     let own = module.split("::").next().unwrap_or(module);
     let first = path[0];
@@ -343,10 +343,10 @@ fn absolute(path: &[&str], module: &str, sources: &BTreeMap<String, String>) -> 
     sources.contains_key(top).then(|| rest.iter().fold(base.clone(), |path, part| format!("{path}::{part}")))
 }
 
-/// The file that defines what a path leads to, through the names that `use` makes known.
+/// File that defines the item of a path, resolved through `use` names.
 fn definition(path: &str, known: &BTreeMap<String, String>, sources: &BTreeMap<String, String>) -> String {
     let mut path = path.to_string();
-    // Names may be passed on several times; a ring of names ends as well.
+    // Names may be re-exported several times. The limit also ends a ring of names.
     for _ in 0..8 {
         let mut file = path.as_str();
         while !sources.contains_key(file) {
@@ -362,7 +362,7 @@ fn definition(path: &str, known: &BTreeMap<String, String>, sources: &BTreeMap<S
     path
 }
 
-/// Files that each file uses, with the paths by which it does. Exports, and what a module itself holds, are left out.
+/// Files that each file uses, with the paths. Re-exports and a module's own items are left out.
 type Uses = BTreeMap<String, BTreeMap<String, BTreeSet<String>>>;
 
 fn uses(sources: &BTreeMap<String, String>) -> Uses {
@@ -388,10 +388,10 @@ fn uses(sources: &BTreeMap<String, String>) -> Uses {
     uses
 }
 
-/// A cycle among files, each with what it uses of the next; `None` where the files can be put in an order.
+/// A cycle among files, with the items used; `None` if the files can be ordered.
 fn cycle(uses: &Uses) -> Option<String> {
     let mut left: BTreeSet<&String> = uses.keys().collect();
-    // Those that use nobody who is left go, one after another.
+    // Files that use no remaining file are removed, one after another.
     while let Some(free) = left.iter().find(|file| !uses[**file].keys().any(|used| left.contains(used))).copied() {
         left.remove(free);
     }
@@ -406,7 +406,7 @@ fn cycle(uses: &Uses) -> Option<String> {
     }
 }
 
-/// Files can be put in an order in which each uses only those before it, and a module what it holds.
+/// The files can be ordered so that each uses only earlier ones, and a module its own content.
 #[test]
 fn no_files_form_a_cycle() {
     let texts = |b: &str| -> BTreeMap<String, String> {
@@ -417,7 +417,7 @@ fn no_files_form_a_cycle() {
     };
     let none =
         uses(&texts("pub struct Thing; // super::a\n#[cfg(test)]\n#[path = \"x\"]\nmod tests { use super::a; }"));
-    assert_eq!(none["one"].len(), 0, "a module may use what it holds");
+    assert_eq!(none["one"].len(), 0, "a module may use its own content");
     assert_eq!(none["two"].keys().collect::<Vec<_>>(), ["one", "one::b"], "exports and strings");
     assert_eq!(cycle(&none), None);
     let ring = cycle(&uses(&texts("#[cfg(test)]\nuse x::y; fn g() -> super::a::F { todo!() }"))).expect("a cycle");
@@ -431,7 +431,7 @@ fn no_files_form_a_cycle() {
     }
 }
 
-/// Lines that hold code, tests left out.
+/// Number of lines with code, without tests.
 fn n_lines(text: &str) -> usize {
     let lines = code_tokens(text).into_iter().flat_map(|token| {
         let inside = token.text.lines().enumerate().filter(|(_, line)| !line.trim().is_empty());
@@ -440,7 +440,7 @@ fn n_lines(text: &str) -> usize {
     lines.collect::<BTreeSet<usize>>().len()
 }
 
-/// A crate can be read by one person.
+/// Every crate is small enough for one reader.
 #[test]
 fn no_crate_is_too_large() {
     assert_eq!(n_lines("fn f() {\n// no\n\n    \"a\n\nb\" }\n#[cfg(test)]\nmod tests {\n}\nfn g() {}"), 4);
@@ -452,10 +452,10 @@ fn no_crate_is_too_large() {
     assert!(sizes.values().all(|n| *n <= MOST_LINES), "more than {MOST_LINES} lines of code: {sizes:?}");
 }
 
-/// Files of libraries that write commands of the program, options included.
+/// Library files that write commands of the program, with options.
 const WRITING_COMMANDS: [&str; 2] = ["crates/figures/src/page/study.rs", "crates/jobs/src/tasks/list.rs"];
 
-/// Numbers of the lines before a file's tests that name an option of the command line.
+/// Numbers of the lines before a file's tests that name a command-line option.
 fn lines_naming_flags(text: &str) -> Vec<usize> {
     let before_tests = text.lines().take_while(|line| *line != "#[cfg(test)]");
     let names_a_flag = |line: &str| {
@@ -467,7 +467,7 @@ fn lines_naming_flags(text: &str) -> Vec<usize> {
     before_tests.enumerate().filter(|(_, line)| names_a_flag(line)).map(|(index, _)| index + 1).collect()
 }
 
-/// Errors of libraries name settings; the program alone knows its options.
+/// Library errors name settings. Only the program knows its options.
 #[test]
 fn libraries_name_no_flags() {
     let made_up = "let a = Place::option(x);\n// \"--out\"\nlet b = \"--out\";\nlet c = \"--\";\n#[cfg(test)]\nlet d = \"--out\";";

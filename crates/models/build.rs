@@ -1,8 +1,8 @@
-//! Hashes the sources that reduced models are computed by, so that models that one build has cached serve another as long as the mechanics are the same.
+//! Hashes the sources on which reduced models depend. Builds with equal sources then share their cached models.
 
 use std::path::Path;
 
-/// Every crate whose code a reduced model may depend on.
+/// Crates whose code a reduced model may depend on.
 const MECHANICS: [&str; 5] = ["base", "record", "laws", "elements", "models"];
 
 fn main() -> std::io::Result<()> {

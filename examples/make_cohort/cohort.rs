@@ -1,6 +1,6 @@
-//! A synthetic cohort: three species, three regions, specimens that differ, repeats, one outlier, one missing cell.
+//! A synthetic cohort: three species, three regions, differing specimens, repeats, one outlier, one missing cell.
 //!
-//! Every number's origin stands in `data/cohort/README.md`. The logarithms of the parameters φ = (ln E, ln c₁, ln c₂) of an experiment are
+//! `data/cohort/README.md` gives the origin of every number. The log parameters φ = (ln E, ln c₁, ln c₂) of an experiment are
 //! those of its species and region, plus a deviation of the specimen, plus one of the experiment (location or repeat).
 
 use rand::{RngExt, SeedableRng};
@@ -16,12 +16,12 @@ use vitreo_uq::record::{Robot, RobotShape, Vitreous};
 
 const SEED: u64 = 20080917;
 
-/// A species: its eyes and what is taken for their median.
+/// A species: its eyes and assumed medians.
 pub struct Species {
     pub name: &'static str,
     n_specimens: u64,
     regions: &'static [Region],
-    /// Of E, c₁, c₂ to those of Table I.
+    /// Ratios of E, c₁, c₂ to those of Table I.
     pub ratio_to_porcine: [f64; 3],
     pub vitreous_diameter_mm: f64,
     /// Specimens, counted from 1, whose central region is measured twice.
@@ -58,7 +58,7 @@ pub const SPECIES: [Species; 3] = [
     },
 ];
 
-/// A region and the factor on all parameters there.
+/// A region with its factor on all parameters.
 pub struct Region {
     pub name: &'static str,
     pub factor: f64,
@@ -72,13 +72,13 @@ pub const REGIONS: [Region; 3] = [
 
 /// Standard deviations of ln E, ln c₁, ln c₂ between specimens of a species.
 pub const BETWEEN_LOG_SD: [f64; 3] = [0.31, 0.29, 0.35];
-/// The same between experiments on one specimen.
+/// Standard deviations of ln E, ln c₁, ln c₂ between experiments on one specimen.
 pub const WITHIN_LOG_SD: [f64; 3] = [0.21; 3];
-/// Of any two of them, in both.
+/// Correlation of any two log parameters, between specimens and between experiments.
 pub const CORRELATION: f64 = 0.5;
-/// One specimen is not of its population: factor on all its parameters.
+/// A specimen outside its population, with the factor on all its parameters.
 pub const OUTLIER: (&str, f64) = ("bovine-05", 0.2);
-/// White noise in µm, one of them for every experiment.
+/// White noise in µm; every experiment has one of these values.
 pub const NOISE_UM: [f64; 5] = [3.0, 4.0, 5.0, 6.0, 8.0];
 
 const MM_PER_M: f64 = 1e3;
@@ -90,19 +90,19 @@ const FORCE_UN: f64 = 4.6;
 const INTERVAL_S: f64 = 0.08;
 const ROWS_PER_HOLD: usize = 50;
 const N_ROWS: usize = 6 * ROWS_PER_HOLD;
-/// Mesh level of the data; the program's own model stands one level below.
+/// Mesh level of the data, one above the program's own model.
 const MESH_LEVEL: usize = 4;
-/// Time steps a sample, by the implicit midpoint rule: the fewest whose error stays below a fiftieth of every experiment's noise.
+/// Number of time steps per sample, by the implicit midpoint rule: the fewest with an error below a fiftieth of every experiment's noise.
 pub const STEPS_PER_SAMPLE: usize = 10;
 
-/// What is missing in a record.
+/// Missing part of a record.
 #[derive(Clone, Copy, PartialEq)]
 enum Missing {
-    /// Every position with this probability.
+    /// Every position is missing with this probability.
     Positions(f64),
-    /// Positions of these rows.
+    /// Positions of these rows are missing.
     Blink(usize, usize),
-    /// These rows altogether, the force being constant from the row before to the row after.
+    /// These rows are missing completely. The force is constant from the row before to the row after.
     Rows(usize, usize),
 }
 
@@ -115,7 +115,7 @@ const MISSING: [(&str, Missing); 4] = [
 
 /// One experiment of the cohort.
 pub struct Experiment {
-    /// Its directory.
+    /// Name of its directory.
     pub name: String,
     pub specimen: String,
     pub species: &'static Species,
@@ -123,9 +123,9 @@ pub struct Experiment {
     /// E (Pa), c₁ (Pa·s), c₂ (Pa·s).
     pub parameters: [f64; 3],
     pub noise_um: f64,
-    /// What is unusual about it.
+    /// Unusual property of the experiment.
     pub note: &'static str,
-    /// Its random numbers, after the parameters and the noise's size were drawn.
+    /// Random numbers, after the parameters and the noise's size were drawn.
     random: ChaCha8Rng,
     missing: Option<Missing>,
 }
@@ -136,7 +136,7 @@ pub fn experiments() -> Vec<Experiment> {
     for (code, species) in (1..).zip(&SPECIES) {
         for number in 1..=species.n_specimens {
             let specimen = format!("{}-{number:02}", species.name);
-            // Streams of their own for every specimen and every experiment on it, so that adding one changes no other.
+            // Every specimen and every experiment on it has its own stream, so adding one leaves the others unchanged.
             let stream = |place: u64| {
                 let mut random = ChaCha8Rng::seed_from_u64(SEED);
                 random.set_stream(16 * (1000 * code + number) + place);
@@ -182,7 +182,7 @@ pub fn experiments() -> Vec<Experiment> {
     all
 }
 
-/// Normal numbers of these standard deviations, any two correlated by [`CORRELATION`] through a share that they have in common.
+/// Normal numbers with these standard deviations. A common part correlates any two by [`CORRELATION`].
 pub fn deviation(log_sd: [f64; 3], random: &mut ChaCha8Rng) -> [f64; 3] {
     let mut normal = || -> f64 { StandardNormal.sample(random) };
     let common = CORRELATION.sqrt() * normal();
@@ -190,7 +190,7 @@ pub fn deviation(log_sd: [f64; 3], random: &mut ChaCha8Rng) -> [f64; 3] {
 }
 
 impl Species {
-    /// The moving body and what it moves in.
+    /// The moving body and its surroundings.
     pub fn apparatus(&self) -> (Robot, Vitreous) {
         let robot = Robot {
             shape: RobotShape::Sphere { diameter_m: ROBOT_DIAMETER_MM / MM_PER_M },
@@ -205,20 +205,20 @@ impl Species {
         (robot, vitreous)
     }
 
-    /// Full finite elements of the apparatus, ready to be factorised.
+    /// Full finite elements of the apparatus, before factorisation.
     pub fn stiffness(&self) -> Result<Stiffness> {
         let (robot, vitreous) = self.apparatus();
         Stiffness::new(&robot_mesh(&robot, &vitreous, MESH_LEVEL)?)
     }
 }
 
-/// A species' finite elements factorised, once for all its experiments.
+/// Factorised finite elements of a species, shared by all its experiments.
 pub fn model(stiffness: &Stiffness) -> Result<FullOrderModel<'_>> {
     FullOrderModel::new(stiffness, POISSON_RATIO)
 }
 
 impl Experiment {
-    /// Positions (µm) without noise, one a row.
+    /// Positions (µm) without noise, one per row.
     pub fn positions_um(&self, model: &FullOrderModel, scheme: TimeScheme) -> Vec<f64> {
         let n_steps = N_ROWS * STEPS_PER_SAMPLE;
         let time_s: Vec<f64> = (0..n_steps).map(|i| INTERVAL_S * i as f64 / STEPS_PER_SAMPLE as f64).collect();
@@ -228,7 +228,7 @@ impl Experiment {
         position_m.iter().step_by(STEPS_PER_SAMPLE).map(|x| 1e6 * x).collect()
     }
 
-    /// `trajectory.csv`.
+    /// Text of `trajectory.csv`.
     pub fn trajectory_csv(&self, model: &FullOrderModel) -> String {
         let mut random = self.random.clone();
         let mut csv = String::from("time_s,force_uN,position_um,cycle\n");
@@ -247,7 +247,7 @@ impl Experiment {
         csv
     }
 
-    /// `experiment.toml`.
+    /// Text of `experiment.toml`.
     pub fn toml(&self) -> String {
         let Self { name, specimen, species, region, noise_um, .. } = self;
         format!(
@@ -264,12 +264,12 @@ impl Experiment {
     }
 }
 
-/// The force (µN) that holds from a row to the next.
+/// Force (µN) that holds from a row to the next.
 fn force_un(row: usize) -> f64 {
     if (row / ROWS_PER_HOLD).is_multiple_of(2) { FORCE_UN } else { -FORCE_UN }
 }
 
-/// `truth.csv`.
+/// Text of `truth.csv`.
 pub fn truth_csv(experiments: &[Experiment]) -> String {
     let mut csv = String::from(
         "experiment,specimen,species,region,young_modulus_pa,viscosity_1_pa_s,viscosity_2_pa_s,noise_um,note\n",

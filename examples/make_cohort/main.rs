@@ -1,4 +1,4 @@
-//! Makes `data/cohort/` but for its README: `cargo run --release --example make_cohort`.
+//! Makes `data/cohort/` except its README: `cargo run --release --example make_cohort`.
 
 mod cohort;
 

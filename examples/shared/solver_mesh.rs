@@ -1,12 +1,12 @@
-//! The meshes on which solvers are measured, and what a process takes.
+//! Meshes for measuring solvers, and the memory of a process.
 
 use vitreo_uq::base::error::{Error, Place, Result};
 use vitreo_uq::elements::mesh::QuarterBall;
 
-/// Of the gel.
+/// Poisson ratio of the gel.
 pub const POISSON_RATIO: f64 = 0.48;
 
-/// The level that the program's argument names, and its mesh around a sphere.
+/// Level named by the program's argument, and its mesh around a sphere.
 pub fn asked_for() -> Result<(usize, QuarterBall)> {
     let level = std::env::args().nth(1).and_then(|text| text.parse().ok()).filter(|level| (1..=40).contains(level));
     let level: usize =
@@ -15,7 +15,7 @@ pub fn asked_for() -> Result<(usize, QuarterBall)> {
     Ok((level, ball))
 }
 
-/// The most memory that this process has held, as Linux tells.
+/// Peak memory of this process in MiB, as reported by Linux.
 pub fn peak_mib() -> Option<f64> {
     let status = std::fs::read_to_string("/proc/self/status").ok()?;
     let line = status.lines().find(|line| line.starts_with("VmHWM"))?;

@@ -1,4 +1,4 @@
-// The workbench in a real browser, on hidden data: from a table as laboratories write it to an error at the noise. Pictures of every view go to $PICTURES.
+// Tests of the workbench in a real browser, with hidden data: from a laboratory's table to an error equal to the noise. Pictures of all views go to $PICTURES.
 import assert from "node:assert/strict";
 import { execFileSync, spawn } from "node:child_process";
 import { cpSync, existsSync, mkdirSync, mkdtempSync, readFileSync, rmSync, utimesSync, writeFileSync } from "node:fs";
@@ -12,16 +12,16 @@ const program = process.env.VITREO_UQ;
 const pictures = process.env.PICTURES ?? mkdtempSync(join(tmpdir(), "pictures-"));
 const cohort = process.env.COHORT;
 const axe = createRequire(import.meta.url).resolve("axe-core/axe.min.js");
-/** Name of the table: German and Chinese letters. */
+/** Name of the table, with German and Chinese letters. */
 const TABLE = "Glaskörper 眼睛.csv";
 const ITEM = "Glaskörper-眼睛";
-/** What a job may take: far more than it does, so that a busy machine is no failure. */
+/** Maximum duration of a job in ms. It is far longer than needed, so that a busy machine causes no failure. */
 const PATIENCE_MS = 300_000;
 
 let home, server, link, browser, page;
 const faults = [];
 
-/** Starts the workbench in a folder; gives its link. */
+/** Starts the workbench in a folder, and returns its link. */
 async function start(folder) {
   server = spawn(program, ["workbench", ".", "--port", "0", "--quiet"], { cwd: folder, stdio: ["ignore", "pipe", "inherit"] });
   const [line] = await once(server.stdout, "data");
@@ -29,7 +29,7 @@ async function start(folder) {
 }
 const once = (emitter, event) => new Promise((resolve) => emitter.once(event, (...values) => resolve(values)));
 
-/** The record of an experiment with semicolons, decimal commas and words of a laboratory's own. */
+/** Returns the record of an experiment as a table with semicolons, decimal commas and other column names. */
 function asLaboratoriesWrite(folder) {
   const [head, ...rows] = readFileSync(join(folder, "trajectory.csv"), "utf8").trim().split("\n");
   assert.deepEqual(head.split(",").slice(0, 3), ["time_s", "force_uN", "position_um"]);
@@ -40,7 +40,7 @@ function asLaboratoriesWrite(folder) {
 const picture = (name) => page.screenshot({ path: join(pictures, `${name}.png`), fullPage: true });
 const isIdle = () => page.waitForFunction(() => document.getElementById("job").hidden, null, { timeout: PATIENCE_MS });
 
-/** Starts what a button starts, and waits for its end. */
+/** Presses a button of a job, and waits for the job's end. */
 async function run(kind) {
   await page.locator(`#next [data-action=${kind}]`).first().click();
   await page.waitForSelector("#job:not([hidden])");
@@ -80,7 +80,7 @@ test("an empty folder asks for a table", async () => {
   await picture("1-start");
 });
 
-test("a table that is wrong says where", async () => {
+test("an error names the line of a bad table", async () => {
   const rows = readFileSync(join(home, ".table.csv"), "utf8").replace(/\r\n[^\r]*\r\n$/, "\r\n") + "40,1;4,6;zwölf\r\n";
   await page.setInputFiles("#table", { name: "falsch.csv", mimeType: "text/csv", buffer: Buffer.from(rows) });
   await page.waitForSelector("#fault:visible, #questions:visible");
@@ -89,7 +89,7 @@ test("a table that is wrong says where", async () => {
   assert.match(words, /zwölf/);
   await picture("2-wrong-table");
   await page.click("#fault-close");
-  assert.ok(!existsSync(join(home, "falsch")), "nothing is written of a table that is refused");
+  assert.ok(!existsSync(join(home, "falsch")), "a refused table leaves no files");
 });
 
 test("a table with semicolons and decimal commas becomes an experiment", async () => {
@@ -109,16 +109,16 @@ test("a table with semicolons and decimal commas becomes an experiment", async (
   await picture("4-record");
 });
 
-test("a stretch of time is dragged out and left out", async () => {
+test("a selected time range is left out", async () => {
   const plot = await page.locator("#plot-position .u-over").boundingBox();
   await page.mouse.move(plot.x + 0.52 * plot.width, plot.y + 50);
   await page.mouse.down();
   await page.mouse.move(plot.x + 0.54 * plot.width, plot.y + 80, { steps: 5 });
   await page.mouse.up();
   await page.locator("#choice summary").click();
-  await page.click("text=Leave out what the plots show now");
+  await page.click("text=Leave out the shown time range");
   await page.waitForSelector("#choices li");
-  // News of the folder shows the record anew, and keeps what was chosen and not used yet.
+  // A change of the folder reloads the record, and keeps the choice that is not applied yet.
   const shownAnew = page.waitForResponse((response) => response.url().includes("/api/study")).then(() => page.waitForResponse((response) => response.url().includes("/api/rows")));
   utimesSync(join(home, ITEM, "experiment.toml"), 1, 1);
   await shownAnew;
@@ -141,7 +141,7 @@ test("the model is fitted, and fails", async () => {
   await page.selectOption("#window", "");
 });
 
-test("a person may try an effect by hand", async () => {
+test("an effect is tried by hand", async () => {
   await page.selectOption("#try-effect", "softening");
   const slider = page.locator("#sliders label", { hasText: "softening" }).locator("input");
   await slider.waitFor();
@@ -155,13 +155,13 @@ test("a person may try an effect by hand", async () => {
   await page.click("#try-reset");
 });
 
-test("what is missing is named, added, and the error falls to the noise", async () => {
+test("the missing effect is found and added, and the error falls to the noise", async () => {
   await run("diagnose");
   await page.waitForSelector("#suspects table");
   assert.match(await page.locator("#next").textContent(), /softening/);
   await hasNoSeriousFaults("suspects");
   await picture("8-suspects");
-  // Another tab sees the same job.
+  // Another tab shows the same job.
   const other = await browser.newPage();
   await other.goto(link);
   await page.locator("#next [data-action=extend]").click();
@@ -178,7 +178,7 @@ test("what is missing is named, added, and the error falls to the noise", async 
   await page.screenshot({ path: join(pictures, "workbench.png") });
 });
 
-test("a workbench that is killed in the middle of a job loses nothing", async () => {
+test("a workbench that is killed during a job loses nothing", async () => {
   await page.locator("#next [data-action=diagnose]").first().click();
   await page.waitForSelector("#job:not([hidden])");
   server.kill("SIGKILL");
@@ -191,19 +191,19 @@ test("a workbench that is killed in the middle of a job loses nothing", async ()
   await page.waitForFunction(() => /nothing is missing|is missing|unexplained/i.test(document.getElementById("missing-sentence").textContent), null, { timeout: 20_000 });
 });
 
-test("a job that is stopped leaves nothing half-written", async () => {
+test("a stopped job leaves no file half-written", async () => {
   await page.locator("#next [data-action=diagnose]").first().click();
   await page.waitForSelector("#job:not([hidden])");
   const began = Date.now();
   await page.click("#job-stop");
   await isIdle();
-  assert.ok(Date.now() - began < 3000, "a second for the command, and the way there and back");
+  assert.ok(Date.now() - began < 3000, "the job ends within 3 s: one second for the command, and the time of two requests");
   await page.waitForSelector("#fault:visible");
   assert.match(await page.locator("#fault-words").textContent(), /stopped/);
   await page.click("#fault-close");
 });
 
-test("models of other rows do not stand for these", async () => {
+test("models of another choice of rows are not shown", async () => {
   await page.locator("#choice summary").click();
   await page.locator("#choices select").nth(1).selectOption("unused");
   await page.click("text=Use these rows");
@@ -214,18 +214,18 @@ test("models of other rows do not stand for these", async () => {
   await page.locator("#choices select").nth(1).selectOption("unused");
   await page.click("text=Use these rows");
   await page.waitForSelector("#fault:visible");
-  assert.match(await page.locator("#fault-words").textContent(), /no cycle calibrates/);
+  assert.match(await page.locator("#fault-words").textContent(), /no cycle is fitted/);
   await page.click("#fault-close");
 });
 
-test("the page stands in the dark and on a narrow screen", async () => {
+test("the page works in dark mode and on a narrow screen", async () => {
   await page.emulateMedia({ colorScheme: "dark" });
   await hasNoSeriousFaults("dark");
   await picture("10-dark");
   await page.setViewportSize({ width: 720, height: 900 });
   await picture("11-narrow");
   const isTooWide = await page.evaluate(() => document.documentElement.scrollWidth > innerWidth + 1);
-  assert.ok(!isTooWide, "nothing sticks out sideways");
+  assert.ok(!isTooWide, "no element is wider than the window");
 });
 
 test("groups are compared", async () => {
@@ -247,8 +247,8 @@ test("groups are compared", async () => {
   await picture("13-groups");
 });
 
-test("the page has said no error of its own", () => {
-  // The refusals that tests above ask for are answers, not faults.
+test("the page has reported no unexpected error", () => {
+  // The refusals that tests above provoke are expected.
   const unexpected = faults.filter((text) => !/422|net::ERR|ERR_CONNECTION|ERR_INCOMPLETE/.test(text));
   assert.deepEqual(unexpected, []);
 });

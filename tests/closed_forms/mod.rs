@@ -1,4 +1,4 @@
-//! Closed forms that tests compare with, written from the physics and not from the library.
+//! Closed forms for comparison in tests, written from the physics and independent of the library.
 #![allow(dead_code, reason = "each test file uses its own part")]
 
 use std::f64::consts::PI;
@@ -15,7 +15,7 @@ pub struct Spheroid {
 }
 
 impl Spheroid {
-    /// Force per displacement (N/m, whole body) at a Young's modulus of 1 Pa, moved along its long axis or across it.
+    /// Force per displacement (N/m, whole body) at a Young's modulus of 1 Pa, for motion along the long axis or across it.
     pub fn stiffness_n_per_m(self, poisson_ratio: f64, along: bool) -> f64 {
         let Self { semi_major_m: a, semi_minor_m: b, outer_radius_m: outer } = self;
         let nu = poisson_ratio;

@@ -1,4 +1,4 @@
-//! `diagnose` and `extend` over several records as a user meets them, on instruments whose positions are closed forms.
+//! User tests of `diagnose` and `extend` over several records, on instruments with closed-form positions.
 
 use crate::program;
 
@@ -12,11 +12,11 @@ const COMPLIANCE_PER_M: f64 = 549.178;
 const ROWS_A_HOLD: usize = 25;
 const HOLD_S: f64 = 5.0;
 const N_CYCLES: usize = 4;
-/// A spring in series: each force step moves the robot by 30 µm at once, of which the law takes up nearly all.
+/// A spring in series: each force step moves the robot by 30 µm at once, and the law can absorb nearly all of it.
 const SERIES_PER_PA: f64 = 0.006;
 const SIMULATIONS: [&str; 2] = ["--simulations", "39"];
 
-/// Numbers that are nearly normal with variance 1, the same on every machine.
+/// Nearly normal numbers with variance 1, equal on every machine.
 struct Noise(u64);
 
 impl Noise {
@@ -30,7 +30,7 @@ impl Noise {
     }
 }
 
-/// Lethersich's law in series with a spring, by superposition of its steps, and noise of 4 µm.
+/// The Lethersich law in series with a spring, by superposition of its steps, plus noise of 4 µm.
 fn write(dir: &Path, name: &str, species: &str, (law, series_per_pa): ([f64; 3], f64), seed: u64) -> PathBuf {
     let [e, c1, c2] = law;
     let creep = |t: f64| if t > 0.0 { (1.0 - (-e * t / c1).exp()) / e + t / c2 + series_per_pa } else { 0.0 };
@@ -55,7 +55,7 @@ fn write(dir: &Path, name: &str, species: &str, (law, series_per_pa): ([f64; 3],
     place
 }
 
-/// Records of two species, each with a law of its own.
+/// Records of two species, each with its own law.
 fn cohort(dir: &Path, n: usize, series_per_pa: f64, seed: u64) {
     for k in 0..n {
         let stretch = |j: usize| 1.0 + 0.25 * ((3 * k + 5 * j) % 7) as f64 / 6.0;
@@ -70,7 +70,7 @@ fn effect<'a>(document: &'a Value, slug: &str) -> &'a Value {
     effects.iter().find(|own| own["effect"] == slug).unwrap()
 }
 
-/// A spring in series in all of six records is claimed, or called equivalent to what is; the document has the keys that others rely on, every file is there, and one thread and two write the same bytes.
+/// A spring in series in all six records is claimed, or equivalent to the claim. The document has all required keys, every file exists, and one and two threads write the same bytes.
 #[test]
 fn what_records_have_in_common_is_found_and_written_down() {
     let dir = tempfile::tempdir().unwrap();
@@ -96,12 +96,12 @@ fn what_records_have_in_common_is_found_and_written_down() {
     let sum: f64 = specimens.iter().map(gain_of).sum();
     assert_eq!(specimens.len(), 6);
     assert!((sum - claimed["gain_nats"].as_f64().unwrap()).abs() < 1e-6, "{sum} {claimed}");
-    // What needs finite elements is not looked for on an instrument, and the document says so.
+    // Effects that need finite elements are not tried on an instrument, and the document says so.
     assert!(effect(&document, "interface-slip")["refused"].is_string());
     let names: Vec<&str> =
         document["groups"].as_array().unwrap().iter().map(|own| own["name"].as_str().unwrap()).collect();
     assert_eq!(names, ["bovine", "porcine"]);
-    // Both species have as much of it.
+    // The effect is equally large in both species.
     assert_eq!(document["contrasts"][0]["is_declared"], false, "{}", document["contrasts"]);
     let second = [&["diagnose", "eyes", "--out", "two", "--threads", "2", "--quiet"][..], &SIMULATIONS].concat();
     let words = vitreo(dir.path(), &second).exits(0).stdout;
@@ -113,7 +113,7 @@ fn what_records_have_in_common_is_found_and_written_down() {
     }
 }
 
-/// Where nothing is hidden nothing is claimed.
+/// Nothing is claimed in records without an effect.
 #[test]
 fn records_that_lack_nothing_are_left_alone() {
     let dir = tempfile::tempdir().unwrap();
@@ -125,7 +125,7 @@ fn records_that_lack_nothing_are_left_alone() {
     assert!(dir.path().join("vitreo-uq-out/cohort/diagnosis/cohort-diagnosis.json").is_file());
 }
 
-/// What is no cohort is refused with what to do, and nothing is written.
+/// Input that is not a cohort is refused with a remedy, and nothing is written.
 #[test]
 fn what_is_no_cohort_is_refused() {
     let dir = tempfile::tempdir().unwrap();
@@ -136,16 +136,16 @@ fn what_is_no_cohort_is_refused() {
         assert!(run.stderr.contains("what to do") && !dir.path().join("vitreo-uq-out").exists(), "{run}");
     };
     refuses(&["empty"], &["no experiment was found"]);
-    refuses(&["eyes", "--leave-out", "bovine-1"], &["1 record is no cohort"]);
+    refuses(&["eyes", "--leave-out", "bovine-1"], &["1 record is too few for a cohort"]);
     refuses(&["eyes", "--by", "colour"], &["there is no key `colour`"]);
-    refuses(&["eyes", "--by", "region"], &["does not say its region"]);
+    refuses(&["eyes", "--by", "region"], &["the experiment has no region"]);
     refuses(&["eyes", "--margin", "-1"], &["--margin"]);
     refuses(&["eyes", "--simulations", "5"], &["5 simulations"]);
     refuses(&["eyes", "--from", "m0"], &["--from"]);
     refuses(&["eyes/porcine-0", "eyes/porcine-0"], &["same measurement"]);
 }
 
-/// Every record gets the effect, in a study of its own; the same command again leaves them as they are.
+/// Every record gets the effect in its own study. Repeating the command changes nothing.
 #[test]
 fn a_cohort_is_extended_in_one_command() {
     let dir = tempfile::tempdir().unwrap();
@@ -159,7 +159,7 @@ fn a_cohort_is_extended_in_one_command() {
     }
     let before = tree(&dir.path().join("studies"));
     let again = vitreo(dir.path(), &arguments).exits(0);
-    assert_eq!(again.stdout.matches("has it already").count(), 2, "{again}");
+    assert_eq!(again.stdout.matches("already has the effect").count(), 2, "{again}");
     assert!(before == tree(&dir.path().join("studies")));
     vitreo(dir.path(), &["extend", "eyes", "--with", "instantaneous-elasticity", "--json", "-"]).refuses(&["--json"]);
 }

@@ -1,4 +1,4 @@
-//! `compare` as a user meets it: a correct model, and one that lacks a tracker's delay.
+//! User tests of `compare`: a correct model, and one that lacks a tracker's delay.
 
 use crate::program;
 
@@ -6,10 +6,10 @@ use std::path::{Path, PathBuf};
 
 use program::{tree, vitreo};
 
-/// Samples (of 0.05 s) by which the late tracker's positions come too late.
+/// Delay of the late tracker in samples of 0.05 s.
 const N_LATE: usize = 1;
 
-/// The replica with positions that come a sample too late, in `dir`.
+/// Writes the replica with positions that are one sample late into `dir`.
 fn late_replica(dir: &Path) -> PathBuf {
     let replica = Path::new(env!("CARGO_MANIFEST_DIR")).join("data/porcine-replica");
     let experiment = dir.join("late");
@@ -29,8 +29,8 @@ fn late_replica(dir: &Path) -> PathBuf {
     experiment
 }
 
-/// The delay is found by the primary look, soon after steps; on a study that is there the revision gains the comparison and loses nothing; the same
-/// bytes with another number of threads.
+/// The primary test finds the delay soon after force steps. An existing revision gains the comparison and loses nothing. Another number of threads
+/// gives the same bytes.
 #[test]
 #[ignore = "thorough"]
 fn a_delay_is_found_where_it_is() {
@@ -50,7 +50,7 @@ fn a_delay_is_found_where_it_is() {
     assert!(sentence.contains("after each force step") && sentence.contains("noise explains"), "{sentence}");
     assert!(document["rmse_fitted_um"].as_f64().unwrap() > 5.0, "{document}");
     let after = tree(&dir.path().join("study"));
-    // Only the page shows what is new.
+    // Only the page shows the new document.
     for (name, bytes) in before.iter().filter(|(name, _)| !name.ends_with("report.html")) {
         assert!(after.get(name) == Some(bytes), "{}", name.display());
     }
@@ -63,7 +63,7 @@ fn a_delay_is_found_where_it_is() {
     assert_eq!(tree(&dir.path().join("study")), after);
 }
 
-/// The replica's model is right: nothing is found (a seed that finds something would be one in twenty). What cannot be is refused.
+/// The replica's model is correct, so nothing is found (one seed in twenty would find something). Impossible requests are refused.
 #[test]
 #[ignore = "thorough"]
 fn a_right_model_is_left_alone() {

@@ -1,4 +1,4 @@
-//! `diagnose` as a user meets it: a sealed case, data with something that is not of the library, and what is refused.
+//! User tests of `diagnose`: a sealed case, data with a misfit outside the library, and refusals.
 
 use crate::program;
 
@@ -41,7 +41,7 @@ fn jumping(dir: &Path, from_row: usize, jump_um: f64) -> PathBuf {
     experiment
 }
 
-/// A sealed challenge: all keys of the document, all files, nothing else of the study touched, and no control characters where there is no terminal.
+/// A sealed challenge: the document has all keys, all files exist, and nothing else in the study changes. Without a terminal there are no control characters.
 #[test]
 #[ignore = "thorough"]
 fn a_sealed_case_is_diagnosed_and_written_down() {
@@ -74,7 +74,7 @@ fn a_sealed_case_is_diagnosed_and_written_down() {
     has(&document["base"], &["rmse_fitted_um", "rmse_heldout_um", "noise_um"]);
     assert_eq!(document["fitted_cycles"], serde_json::json!([1, 2, 3]));
     assert_eq!(document["heldout_cycles"], serde_json::json!([4]));
-    // A spring in series is hidden, of ten standard deviations.
+    // A spring in series of ten standard deviations is hidden.
     let verdict = &document["verdict"];
     assert_eq!(verdict["kind"], "missing", "{verdict}");
     let named = [&verdict["effects"], &verdict["equivalent"]].map(|list| list.as_array().unwrap());
@@ -89,10 +89,10 @@ fn a_sealed_case_is_diagnosed_and_written_down() {
         let status = candidate["status"].as_str().unwrap();
         assert!(["claimed", "equivalent", "suggestive", "unsupported", "invisible"].contains(&status), "{status}");
         let refit = &candidate["refit"];
-        // The robot goes farther here than large displacements are followed, and the document says so.
+        // Here the robot moves beyond the range of the large-displacement model, and the document says so.
         if candidate["effect"] == "large-displacement" {
             assert!(
-                refit.is_null() && candidate["refused"].as_str().unwrap().contains("of its radii, and"),
+                refit.is_null() && candidate["refused"].as_str().unwrap().contains("of its radii, but"),
                 "{candidate}"
             );
             continue;
@@ -101,7 +101,7 @@ fn a_sealed_case_is_diagnosed_and_written_down() {
         refit["parameters"].as_array().unwrap().iter().for_each(|p| has(p, &["name", "mean", "q05", "q95"]));
     }
     document["smallest_detectable"].as_array().unwrap().iter().for_each(|d| has(d, &["effect", "parameter"]));
-    // What is seen at some size is neither a blind spot nor invisible.
+    // An effect that is visible at some size is neither a blind spot nor invisible.
     let sizes = document["smallest_detectable"].as_array().unwrap().iter();
     for seen in sizes.filter(|d| d["parameter"].is_number()) {
         assert!(!document["blind_spots"].as_array().unwrap().contains(&seen["effect"]), "{seen}");
@@ -114,7 +114,7 @@ fn a_sealed_case_is_diagnosed_and_written_down() {
         ["rest records", "short-lag differences", "cycle-to-cycle differences", "restricted maximum likelihood"]
     );
     let after = tree(&dir.path().join("study"));
-    // Only the page shows what is new.
+    // Only the page shows the new document.
     for (name, bytes) in before.iter().filter(|(name, _)| !name.ends_with("report.html")) {
         assert!(after.get(name) == Some(bytes), "{}", name.display());
     }
@@ -123,12 +123,12 @@ fn a_sealed_case_is_diagnosed_and_written_down() {
     }
     let is_drawn = after.contains_key(Path::new("m0/figures/discrepancy.png"));
     assert_eq!(is_drawn, document["discrepancy"].is_object());
-    // What the document in the study says is what was printed.
+    // The document in the study equals the printed one.
     let kept: Value = serde_json::from_slice(&after[Path::new("m0/diagnosis.json")]).unwrap();
     assert_eq!(kept, document);
 }
 
-/// A jump in a fitted cycle is no effect: it is described, drawn, and widens predictions by its size; the same bytes with one thread.
+/// A jump in a fitted cycle is not an effect. It is described and drawn, and widens predictions by its size. One thread gives the same bytes.
 #[test]
 #[ignore = "thorough"]
 fn what_is_not_of_the_library_is_named_and_drawn() {
@@ -136,10 +136,14 @@ fn what_is_not_of_the_library_is_named_and_drawn() {
     let experiment = jumping(dir.path(), 60, 8.0);
     let path = experiment.to_str().unwrap();
     let words = vitreo(dir.path(), &[&["diagnose", path, "--out", "study"][..], &SIMULATIONS].concat()).exits(0);
-    for part in ["Unexplained, here: The position jumps", "predictions are widened", "figures/discrepancy.png"] {
+    for part in [
+        "Unexplained in this experiment: The position jumps",
+        "widens the standard deviation of predictions",
+        "figures/discrepancy.png",
+    ] {
         assert!(words.stdout.contains(part), "`{part}` is missing in {words}");
     }
-    assert_eq!(words.stdout.matches("Unexplained, here").count(), 1, "{words}");
+    assert_eq!(words.stdout.matches("Unexplained in this experiment").count(), 1, "{words}");
     let study = tree(&dir.path().join("study"));
     for file in ["m0/figures/discrepancy.png", "m0/figures/discrepancy.svg"] {
         assert!(study.contains_key(Path::new(file)), "{file}");
@@ -158,7 +162,7 @@ fn what_is_not_of_the_library_is_named_and_drawn() {
     assert_eq!(tree(&dir.path().join("study")), study);
 }
 
-/// A jump in the sealed cycle is seen by no fit; the diagnosis says that it is there, and claims nothing of it.
+/// No fit uses the jump in the held-out cycle. The diagnosis reports it and claims nothing from it.
 #[test]
 fn an_event_in_the_held_out_cycle_is_said() {
     let dir = tempfile::tempdir().unwrap();
@@ -186,8 +190,8 @@ fn what_cannot_be_asked_is_refused() {
     assert!(!dir.path().join("study").exists(), "something was written");
 }
 
-/// A shape of 1.2 µm, in its own phase in every cycle alike, beside the known 0.5 µm: `sample` does not trust its posterior for the misfit, and `diagnose` does not say that
-/// nothing is missing; without the shape neither complains.
+/// A misfit of 1.2 µm, fixed in the phase of every cycle, exceeds the known noise of 0.5 µm. Then `sample` does not trust its posterior, and `diagnose` does not say that
+/// nothing is missing. Without the misfit neither complains.
 #[test]
 #[ignore = "thorough"]
 fn sample_and_diagnose_agree_on_what_the_known_noise_allows() {

@@ -1,4 +1,4 @@
-//! `effects` and `extend` as a user meets them: the replica as a drifting camera would have recorded it.
+//! User tests of `effects` and `extend` on the replica as recorded by a drifting camera.
 
 use crate::program;
 
@@ -17,8 +17,8 @@ fn parameter<'a>(document: &'a Value, name: &str) -> &'a Value {
     found.unwrap_or_else(|| panic!("no `{name}` in {document}"))
 }
 
-/// One command makes the study, its m0, and m1 with the drift; the error falls to the noise and the drift is the one that was added. Again on
-/// the study: the same effect is refused, another one makes m2. Same bytes with another number of threads.
+/// One command makes the study, its m0, and m1 with the drift. The error falls to the noise, and the estimate covers the added drift. On the existing study
+/// the same effect is refused, and another one makes m2. Another number of threads gives the same bytes.
 #[test]
 #[ignore = "thorough"]
 fn a_missing_drift_is_added_and_the_error_falls() {
@@ -33,7 +33,7 @@ fn a_missing_drift_is_added_and_the_error_falls() {
     assert_eq!(document["heldout_cycles"], serde_json::json!([4]));
     assert_eq!(document["noise_um"], 4.0);
     let heldout = |which: &str| document[which]["rmse_heldout_um"].as_f64().unwrap();
-    // 200 positions: noise within 25 % of 4 µm but for one time in 10⁶.
+    // 200 positions give a noise within 25 % of 4 µm, except once in 10⁶.
     assert!(heldout("before") > 6.0 && heldout("after") < 5.0, "{document}");
     let drift = parameter(document, "tracking-drift.velocity_m_per_s");
     let (mean, sd) = (drift["mean"].as_f64().unwrap(), drift["sd"].as_f64().unwrap());
@@ -74,8 +74,8 @@ fn a_missing_drift_is_added_and_the_error_falls() {
     assert!(entry("clock-offset")["visible_fraction"].as_f64().unwrap() > 0.01);
 }
 
-/// The list's keys are those of formats §5, and what this protocol cannot see is said: of compressibility next to nothing is left once E, c₁
-/// and c₂ have absorbed what they can (physics §5).
+/// The list has the keys of formats §5 and reports effects that this protocol cannot show: almost nothing remains of compressibility after E, c₁
+/// and c₂ have absorbed their part (physics §5).
 #[test]
 #[ignore = "thorough"]
 fn the_list_has_every_effect_with_what_is_visible() {
@@ -89,7 +89,7 @@ fn the_list_has_every_effect_with_what_is_visible() {
     for entry in list {
         let visible = entry["visible_fraction"].as_f64().unwrap();
         assert!((0.0..=1.0).contains(&visible), "{entry}");
-        // At one level of force a dashpot that thins or yields is hardly more than another c₂ (physics §5).
+        // At one level of force a thinning or yielding dashpot hardly differs from another c₂ (physics §5).
         let may_hide = ["shear-thinning", "yield-stress"].contains(&entry["slug"].as_str().unwrap());
         assert!(may_hide || (visible < 1e-3) == (entry["slug"] == "compressibility"), "{entry}");
         assert!(["load", "mechanics", "observation"].contains(&entry["stage"].as_str().unwrap()));
@@ -106,7 +106,7 @@ fn the_list_has_every_effect_with_what_is_visible() {
     assert!(slugs.iter().all(|slug| words.stdout.contains(slug)), "{words}");
 }
 
-/// An instrument takes all effects but those that need finite elements, and they work on it.
+/// An instrument accepts all effects except those that need finite elements, and they work on it.
 #[test]
 fn instruments_have_effects_too() {
     let dir = place();
@@ -126,7 +126,7 @@ fn instruments_have_effects_too() {
         .refuses(&["compressibility", "finite elements"]);
 }
 
-/// What is the same thing twice is refused with the reason (physics §5), before anything is written.
+/// Effects that duplicate a part of the base law are refused with the reason (physics §5), before anything is written.
 #[test]
 fn effects_that_a_base_law_has_already_are_refused() {
     let dir = place();
@@ -136,18 +136,18 @@ fn effects_that_a_base_law_has_already_are_refused() {
     assert_eq!(std::fs::read_dir(dir.path()).unwrap().count(), 0);
 }
 
-/// A law with more parameters than the paper's table has, on the replica whose figures mark that table.
+/// A law with more parameters than the paper's table, on the replica, whose figures mark that table.
 #[test]
 fn a_larger_base_law_is_sampled_with_its_figures() {
     let dir = place();
     let document = vitreo(dir.path(), &["sample", "--base", "burgers", "--json", "-", "--quiet"]).exits(0).json();
     assert_eq!(document["model"]["base"], "burgers");
-    // The replica has no instantaneous spring: its modulus is far above E.
+    // The replica has no instantaneous spring, so its modulus is far above E.
     assert!(parameter(&document, "instantaneous_modulus_pa")["q05"].as_f64().unwrap() > 100.0, "{document}");
     assert!(dir.path().join("vitreo-uq-out/porcine-replica/m0/figures/corner.png").is_file());
 }
 
-/// A network from a file is a base law like any other, its parameters are sampled and written back.
+/// A network from a file works as a base law. Its parameters are sampled and written to the model.
 #[test]
 fn a_network_in_a_file_is_a_base_law() {
     let dir = place();
@@ -156,7 +156,7 @@ fn a_network_in_a_file_is_a_base_law() {
     std::fs::write(dir.path().join("network.toml"), network).unwrap();
     let document = vitreo(dir.path(), &["sample", "gel", "--base", "network.toml", "--json", "-"]).exits(0).json();
     assert_eq!(document["model"]["base"], "network");
-    // The law that made the data, by other names: E, c₁, c₂ come back.
+    // The network is the law of the data under other names, so E, c₁, c₂ are recovered.
     for (name, truth) in [("gel_modulus_pa", 3.5), ("drag_viscosity_pa_s", 1.4), ("flow_viscosity_pa_s", 47.0)] {
         let found = parameter(&document, name);
         let (mean, sd) = (found["mean"].as_f64().unwrap(), found["sd"].as_f64().unwrap());

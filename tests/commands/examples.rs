@@ -1,4 +1,4 @@
-//! Every example runs, and says the number that it is there for.
+//! Every example runs and prints its main result.
 
 use std::process::Command;
 
@@ -18,7 +18,7 @@ fn number(text: &str, after: &str) -> f64 {
     word.trim_end_matches([',', ';']).parse().unwrap_or_else(|_| panic!("`{word}` after `{after}`: {text}"))
 }
 
-/// The compliance is the exact one of physics §4.10, 1/1.820902396 mm, to the mesh's error.
+/// The compliance equals the exact one of physics §4.10, 1/1.820902396 mm, within the mesh's error.
 #[test]
 #[ignore = "thorough"]
 fn poisson_family() {
@@ -29,20 +29,20 @@ fn poisson_family() {
     assert!(dir.path().join("singular_values.png").is_file());
 }
 
-/// An effect from outside the crate is extended by: the 30 µm that the data were given come back, the error falls to the noise of 4 µm.
+/// An effect from outside the crate is added: the estimate is 30 µm as in the data, and the error falls to the noise of 4 µm.
 #[test]
 fn custom_effect() {
     let text = output_of("custom_effect", &[]);
     assert!(text.contains("With thermal-drift the error on the last held-out cycle falls"), "{text}");
     let number = |after: &str| number(&text, after);
     assert!(number(" before, ") < 5.0 && number("held-out cycle falls: ") > 6.0, "{text}");
-    // Its parameters carry its own symbols into figures.
+    // Figures show the symbols of its parameters.
     assert!(text.contains("thermal-drift A (m)"), "{text}");
     let amplitude_um = 1e6 * number("thermal-drift.amplitude_m = ");
     assert!((amplitude_um - 30.0).abs() < 10.0, "{text}");
 }
 
-/// A field effect from outside the crate: full and reduced model agree, and it does something.
+/// A field effect from outside the crate: full and reduced model agree, and the effect is not zero.
 #[test]
 #[ignore = "thorough"]
 fn custom_field_effect() {
@@ -66,7 +66,7 @@ fn custom_law() {
     }
 }
 
-/// Somebody else's model under the sampler: its posterior is that of brute force, to three Monte Carlo errors and more (sd/√400 at the fewest draws that count as converged).
+/// A custom model under the sampler: its posterior agrees with quadrature within three Monte Carlo errors or a little more (sd/√400 at the fewest draws that count as converged).
 #[test]
 #[ignore = "thorough"]
 fn custom_forward_model() {

@@ -1,4 +1,4 @@
-//! `fit`, `simulate` and `corner` as a user meets them.
+//! User tests of `fit`, `simulate` and `corner`.
 
 use crate::program;
 
@@ -15,8 +15,8 @@ fn read_json(path: &Path) -> Value {
     serde_json::from_slice(&std::fs::read(path).unwrap()).unwrap()
 }
 
-/// The document of formats §5 on standard output and in the study; the estimate is near what the data were made of (5 of the
-/// standard errors: one failure in 10⁶ for another seed of the replica).
+/// Standard output and the study hold the document of formats §5. The estimate is within 5
+/// standard errors of the truth (one failure in 10⁶ for another seed of the replica).
 #[test]
 fn fit_of_the_replica_writes_the_contracts_document() {
     let place = place();
@@ -37,7 +37,7 @@ fn fit_of_the_replica_writes_the_contracts_document() {
     let words = vitreo(place.path(), &["fit", "--threads", "1"]).exits(0);
     assert!(words.stdout.contains("converged") && words.stdout.contains("c₂ (Pa·s)"), "{words}");
     assert!(words.stderr.contains("fit.json"), "{words}");
-    // The same again by another number of threads.
+    // Another number of threads gives the same document.
     assert_eq!(read_json(&place.path().join("vitreo-uq-out/porcine-replica/fit.json")), document);
 }
 
@@ -54,7 +54,7 @@ fn fit_serves_instruments_and_holds_what_is_set() {
     run(&all).refuses(&["--set", "what to do"]);
 }
 
-/// A stiffness that is held at ten times the truth: the misfit is far above the known noise, so the estimate is not to be trusted.
+/// The stiffness is fixed at ten times the truth. The misfit is far above the known noise, so the estimate is not trusted.
 #[test]
 fn a_fit_that_misses_the_data_ends_in_exit_code_1() {
     let place = place();
@@ -64,7 +64,7 @@ fn a_fit_that_misses_the_data_ends_in_exit_code_1() {
     assert!(place.path().join("study/fit.json").is_file());
 }
 
-/// The simulation is itself an experiment, and the fit of it returns the parameters that were set.
+/// The simulation is itself an experiment, and its fit returns the parameters that were set.
 #[test]
 fn a_simulation_is_an_experiment_that_fit_takes_back() {
     let place = place();
@@ -91,7 +91,7 @@ fn a_simulation_is_an_experiment_that_fit_takes_back() {
     }
 }
 
-/// Without `--set` the prior's medians serve, and that is said; the midpoint rule by sub-steps comes near the exact step.
+/// Without `--set` the prior's medians are used, and the output says so. The midpoint rule with sub-steps comes near the exact step.
 #[test]
 fn simulate_says_where_its_values_come_from_and_replaces_itself_whole() {
     let place = place();
@@ -128,7 +128,7 @@ fn corner_overlays_studies_and_csv_of_any_tool() {
     let place = place();
     write_instrument_experiment(&place.path().join("gel"), true, 0.0);
     vitreo(place.path(), &["sample", "gel", "--out", "study", "--quiet"]).exits(0);
-    // As another tool might write it: no index columns, another order, one parameter more.
+    // A file from another tool: no index columns, another order, one more parameter.
     let rows = (0..400).map(|i| f64::from(i) / 400.0).map(|u| format!("{},{},{}\n", 47.0 + u, 3.4 + 0.2 * u * u, u));
     let csv: String = std::iter::once("viscosity_2_pa_s,young_modulus_pa,gain\n".to_string()).chain(rows).collect();
     std::fs::write(place.path().join("other.csv"), csv).unwrap();
@@ -137,12 +137,12 @@ fn corner_overlays_studies_and_csv_of_any_tool() {
     assert!(shown.stdout.contains("study m0, other") && shown.stdout.contains("both.svg"), "{shown}");
     let svg = std::fs::read_to_string(place.path().join("figures/both.svg")).unwrap();
     assert!(svg.contains("c₂") && svg.contains("gain") && svg.contains("other") && svg.contains("reference"));
-    // Overlaid posteriors that are not known to be of the same data: said beside the figure and in its legend.
+    // Overlaid posteriors of possibly different data are marked in the output and in the legend.
     assert!(shown.stderr.contains("not of the same data") && shown.stderr.contains("fitted to cycle 1"), "{shown}");
     assert!(svg.contains("(fitted to cycle 1)") && svg.contains("(data not known)"), "{svg}");
     let png = std::fs::read(place.path().join("figures/both.png")).unwrap();
     assert_eq!(&png[1..4], b"PNG");
-    // A revision, and the draws inside one, are the same posterior.
+    // A revision and the draws in it are the same posterior.
     let quiet = run(&["study/m0", "study/m0/draws.csv", "--quiet"]).exits(0);
     assert_eq!((quiet.stdout.as_str(), quiet.stderr.as_str()), ("", ""));
     let same = run(&["study/m0", "study/m0/draws.csv"]).exits(0);
@@ -159,7 +159,7 @@ fn corner_overlays_studies_and_csv_of_any_tool() {
     run(&["bad.csv"]).refuses(&["bad.csv", "line 3"]);
 }
 
-/// The mesh of the test data is of the paper's apparatus; an experiment with another robot is told so, in words and in JSON.
+/// The test data's mesh belongs to the paper's apparatus. An experiment with another robot gets a warning, in words and in JSON.
 #[test]
 fn a_mesh_that_is_not_of_the_experiment_is_used_and_doubted() {
     let place = place();
@@ -183,7 +183,7 @@ fn a_mesh_that_is_not_of_the_experiment_is_used_and_doubted() {
         .refuses(&["--refine", "--mesh"]);
 }
 
-/// A surrogate under the file name of another bead's is found out, named with its place, and made anew: the estimate is that of an empty cache. Takes ten seconds: three surrogates are trained.
+/// A surrogate under the file name of another bead is detected, named with its path and made again. The estimate equals that of an empty cache. The test takes ten seconds because it trains three surrogates.
 #[test]
 fn a_model_of_another_bead_is_not_taken_from_the_cache() {
     let place = place();
@@ -214,7 +214,7 @@ fn a_model_of_another_bead_is_not_taken_from_the_cache() {
     assert!(!fit("small", "a").stderr.contains("is not used"));
 }
 
-/// Names of 100 kB are drawn as far as they fit, in seconds.
+/// Names of 100 kB are truncated in figures, within seconds.
 #[test]
 fn a_column_with_a_long_name_is_drawn() {
     let place = place();

@@ -1,4 +1,4 @@
-//! `groups` as a user meets it, on some of the synthetic cohort.
+//! User tests of `groups` on a part of the synthetic cohort.
 
 use crate::program;
 
@@ -46,7 +46,7 @@ fn has(value: &Value, keys: &[&str]) {
     }
 }
 
-/// The document has the keys that others rely on, every file is there, one thread and two write the same bytes, and what was kept is used again.
+/// The document has all required keys, every file exists, one and two threads write the same bytes, and kept results are used again.
 #[test]
 #[ignore = "thorough"]
 fn a_cohort_is_compared_and_written_down() {
@@ -84,7 +84,7 @@ fn a_cohort_is_compared_and_written_down() {
     assert!(tree(&dir.path().join("one/experiments")) == tree(&dir.path().join("two/experiments")));
 }
 
-/// A study is taken with its last revision's model.
+/// A study is used with the model of its last revision.
 #[test]
 #[ignore = "thorough"]
 fn studies_bring_their_models() {
@@ -102,7 +102,7 @@ fn studies_bring_their_models() {
     vitreo(dir.path(), &["groups", "studies", "cohort/human-01-central", "--quiet"]).refuses(&["same measurement"]);
 }
 
-/// What cannot be compared is named, with what to do; nothing is written.
+/// Experiments that cannot be compared are named with a remedy, and nothing is written.
 #[test]
 fn what_cannot_be_compared_is_refused() {
     let dir = tempfile::tempdir().unwrap();
@@ -114,8 +114,8 @@ fn what_cannot_be_compared_is_refused() {
     };
     refuses(&["nowhere"], &["nowhere"]);
     refuses(&["empty"], &["no experiment was found"]);
-    refuses(&["cohort", "--by", "colour"], &["there is no key `colour`"]);
-    refuses(&["cohort", "--by", "species,species"], &["twice"]);
+    refuses(&["cohort", "--by", "colour"], &["`colour` is not a known key"]);
+    refuses(&["cohort", "--by", "species,species"], &["more than once"]);
     refuses(&["cohort", "--margin", "-1"], &["--margin"]);
     refuses(&["cohort", "--leave-out", "nobody"], &["no experiment is called `nobody`"]);
     refuses(&["cohort", "cohort/bovine-01-central"], &["same measurement"]);
@@ -128,7 +128,7 @@ fn what_cannot_be_compared_is_refused() {
     edited(&cohort.join("human-02-anterior/experiment.toml"), "species = \"human\"\n", "");
     refuses(
         &["cohort", "--leave-out", "human-01-central"],
-        &["human-02-anterior", "does not say its species", "--leave-out human-02-anterior"],
+        &["human-02-anterior", "the experiment has no species", "--leave-out human-02-anterior"],
     );
     let run = vitreo(
         dir.path(),
@@ -137,7 +137,7 @@ fn what_cannot_be_compared_is_refused() {
     run.refuses(&["comparison of other experiments", "--force"]);
 }
 
-/// What is the same for many experiments is said once, with the names of a few.
+/// A remark about many experiments appears once, with a few of their names.
 #[test]
 fn the_same_note_of_many_experiments_is_said_once() {
     let place = tempfile::tempdir().unwrap();

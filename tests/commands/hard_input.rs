@@ -1,4 +1,4 @@
-//! Input that no program should be given: each ends with exit code 2 and says what to do, in seconds, with nothing written.
+//! Malicious or broken input: every case ends with exit code 2 and a remedy, within seconds, and writes nothing.
 
 use crate::mutators;
 use crate::program;
@@ -12,7 +12,7 @@ use program::{Run, tree, vitreo, write_instrument_experiment};
 use vitreo_uq::posterior::monitor::{Collected, Silent};
 use vitreo_uq::posterior::prepared::KeptSurrogate;
 
-/// A refusal takes less on a quiet machine; a test machine may be loaded. What the program did before took minutes or gigabytes.
+/// Time limit of a refusal. It is much shorter on an idle machine; unguarded input would take minutes or gigabytes.
 const SOON: Duration = Duration::from_secs(20);
 
 fn refused_soon(dir: &Path, arguments: &[&str], words: &[&str]) -> Run {
@@ -203,9 +203,9 @@ fn only_regular_files_of_a_bounded_size_are_read() {
     std::fs::remove_file(experiment.join("trajectory.csv")).unwrap();
     hole(&experiment.join("trajectory.csv"));
     refused_soon(place.path(), &["fit", "gel"], &["trajectory.csv", "1024 MiB"]);
-    // No line ends, a hundred million cells.
+    // A line of a hundred million cells without a line end.
     std::fs::write(experiment.join("trajectory.csv"), ",".repeat(100_000_000)).unwrap();
-    refused_soon(place.path(), &["fit", "gel"], &["trajectory.csv, line 1", "one row a line"]);
+    refused_soon(place.path(), &["fit", "gel"], &["trajectory.csv, line 1", "one row per line"]);
     assert!(!at("vitreo-uq-out").exists());
 }
 
@@ -221,14 +221,14 @@ fn more_threads_than_cores_are_not_made() {
     assert!(began.elapsed() < 2 * SOON);
 }
 
-/// Fifteen hundred mutated files, the same in every run. The campaign `campaigns/hard-input` plays a hundred thousand.
+/// Fifteen hundred mutated files, the same in every run. The campaign `campaigns/hard-input` uses a hundred thousand.
 #[test]
 #[ignore = "thorough"]
 fn mutated_files_never_panic() {
     let folder = tempfile::tempdir().unwrap();
     let (place, readers) = (Place::new(folder.path()), readers());
     let (mut panicked, mut n_accepted, mut n_refused) = (Vec::new(), 0, 0);
-    // Samples are accepted, so that their mutations come far.
+    // The unmutated samples are accepted, so their mutations get far into the readers.
     for reader in readers.iter().filter(|reader| !["inputs.sha256", "sealed.json"].contains(&reader.name)) {
         for sample in &reader.samples {
             assert_eq!(reader.play(&place, sample), Outcome::Accepted, "{}", reader.name);
@@ -248,8 +248,8 @@ fn mutated_files_never_panic() {
     assert!(n_accepted > 100 && n_refused > 500, "{n_accepted} accepted, {n_refused} refused");
 }
 
-/// Five hundred valid variants for every reader of what people and other programs write: at least half are accepted, none panics or takes long. The campaign
-/// `campaigns/hard-input` plays a hundred thousand for each.
+/// Five hundred valid variants for every reader of files from people and other programs: at least half are accepted, and none panics or takes long. The campaign
+/// `campaigns/hard-input` uses a hundred thousand for each.
 #[test]
 fn valid_variants_are_read() {
     let folder = tempfile::tempdir().unwrap();
@@ -272,7 +272,7 @@ fn valid_variants_are_read() {
     assert_eq!(n_readers, 9);
 }
 
-/// Through the program: it says so in words, and leaves nothing behind.
+/// The program refuses mutated files in words and leaves nothing behind.
 #[test]
 fn mutated_files_are_refused_by_the_program_in_words() {
     let place = tempfile::tempdir().unwrap();

@@ -1,21 +1,21 @@
-//! Requests to a server of the program, by the bytes of HTTP.
+//! Raw HTTP requests to a server of the program.
 
 use std::io::{Read, Write};
 use std::net::{SocketAddr, TcpStream};
 use std::time::Duration;
 
-/// Sends bytes as they are; gives what comes back before the server closes or nothing more comes for so long.
+/// Sends bytes unchanged. Returns the answer until the server closes the connection or is silent for `patience`.
 pub fn send(address: SocketAddr, bytes: &[u8], patience: Duration) -> Vec<u8> {
     let mut stream = TcpStream::connect(address).unwrap();
     stream.set_read_timeout(Some(patience)).unwrap();
-    // The server may close on what it refuses before all is sent.
+    // The server may close a refused request before all of it is sent.
     let _ = stream.write_all(bytes);
     let mut answer = Vec::new();
     let _ = stream.read_to_end(&mut answer);
     answer
 }
 
-/// Status and body of a request; a host among the headers takes the place of the server's own.
+/// Status and body of a request. A host among the headers replaces the server's own.
 pub fn ask(
     address: SocketAddr,
     method: &str,

@@ -1,4 +1,4 @@
-//! Every command on an indentation: it works, or says why it cannot.
+//! Every command on an indentation: it works or explains why it cannot.
 
 use crate::program;
 
@@ -8,8 +8,8 @@ use program::vitreo;
 use serde_json::Value;
 use vitreo_uq::models::effects::EFFECTS;
 
-/// E = 400 Pa, c₁ = 200 Pa·s, c₂ = 3,000 Pa·s under a sphere of 5 µm: 1 s free, 1 s in which the force grows to 10 nN, 3 s of hold, 0.6 s drawn back, at 25 Hz, with 11.2 nN on the free tip and 5 nm of
-/// noise made by a fixed recurrence.
+/// E = 400 Pa, c₁ = 200 Pa·s, c₂ = 3,000 Pa·s under a sphere of 5 µm, at 25 Hz: 1 s free, 1 s with the force growing to 10 nN, 3 s of hold, 0.6 s of retraction.
+/// The free tip has 11.2 nN, and a fixed recurrence makes 5 nm of noise.
 fn write_indentation(dir: &Path) {
     std::fs::create_dir_all(dir).unwrap();
     let toml = "[specimen]\nid = \"gel\"\n[indenter]\nexponent = 1.5\ntip_radius_um = 5\n[measurement]\nfile = \"clamp.csv\"\ndirection = \"-\"\nnoise_um = 0.005\ncycle_starts_s = [0, 4]\nsource = \"synthetic\"\n[measurement.columns]\ntime = 1\nforce = 2\nposition = 3\n[measurement.units]\ntime = \"s\"\nforce = \"nN\"\nposition = \"um\"\n";
@@ -46,7 +46,7 @@ fn names(parameters: &Value) -> Vec<&str> {
 
 const OFFSET: &str = "position-offset.offset_m";
 
-/// The estimate is near what the data were made of (5 of the standard errors: one failure in 10⁶ for another seed), and a person reads what was done to the record.
+/// The estimate is within 5 standard errors of the truth (one failure in 10⁶ for another seed), and the output describes the processing of the record.
 #[test]
 fn fit_says_what_is_left_of_the_record() {
     let dir = tempfile::tempdir().unwrap();
@@ -59,17 +59,17 @@ fn fit_says_what_is_left_of_the_record() {
         let (value, error) = (parameter["value"].as_f64().unwrap(), parameter["standard_error"].as_f64().unwrap());
         assert!((value - truth).abs() < 5.0 * error, "{parameter} for {truth}");
     }
-    for words in ["the contact grows from", "nN, is taken off", "rows before", "are left out", "position-offset"] {
+    for words in ["the contact grows from", "nN is subtracted", "rows before", "are left out", "position-offset"] {
         assert!(run.stderr.contains(words), "`{words}` is missing in {run}");
     }
     let toml = dir.path().join("gel/experiment.toml");
     let unknown = std::fs::read_to_string(&toml).unwrap().replace("tip_radius_um = 5\n", "");
     std::fs::write(&toml, unknown).unwrap();
     let run = vitreo(dir.path(), &[&["fit", "gel", "--out", "nominal"][..], &PRIOR].concat()).exits(0);
-    assert!(run.stderr.contains("one unknown factor"), "{run}");
+    assert!(run.stderr.contains("one unknown common factor"), "{run}");
 }
 
-/// The library without what needs finite elements or a position that answers linearly; `simulate` and `shapes` say what they need.
+/// The library omits effects that need finite elements or a linear position; `simulate` and `shapes` name their requirements.
 #[test]
 fn what_makes_no_sense_is_left_out_with_the_reason() {
     let dir = tempfile::tempdir().unwrap();
@@ -91,7 +91,7 @@ fn what_makes_no_sense_is_left_out_with_the_reason() {
     vitreo(dir.path(), &["fit", "gel", "--with", "position-offset"]).refuses(&["position-offset"]);
 }
 
-/// Sample, compare, diagnose, extend and ladder each write their document, with the contact point in it; a right model lacks nothing.
+/// Sample, compare, diagnose, extend and ladder each write their document, with the contact point. A correct model lacks nothing.
 #[test]
 #[ignore = "thorough"]
 fn the_loop_goes_round() {
@@ -102,7 +102,7 @@ fn the_loop_goes_round() {
     let document = sample.json();
     assert!(names(&document["parameters"]).contains(&OFFSET), "{document}");
     assert_eq!(document["heldout"]["cycles"], serde_json::json!([2]));
-    // 25 positions of 5 nm, predicted: below twice the noise, and above half of it, but once in 10⁵.
+    // 25 predicted positions with noise of 5 nm: the error is below twice the noise and above half of it, except once in 10⁵.
     let rmse_um = document["heldout"]["rmse_um"].as_f64().unwrap();
     assert!((0.0025..0.01).contains(&rmse_um), "{rmse_um}");
     let compared = vitreo(dir.path(), &["compare", "a", "--json", "-", "--quiet"]).exits(0).json();

@@ -1,4 +1,4 @@
-//! `ladder` as a user meets it: the replica as a drifting camera would have recorded it, and a gel with one revision.
+//! User tests of `ladder`: the replica as recorded by a drifting camera, and a gel with one revision.
 
 use crate::program;
 
@@ -11,8 +11,8 @@ fn number(value: &Value) -> f64 {
     value.as_f64().unwrap_or_else(|| panic!("{value} is no number"))
 }
 
-/// m0, which fits one cycle, was fitted again to three by `extend`, and m1 is what `extend` wrote: nothing is fitted again. What the drift had bent comes back. Where m0 is wanted anew, it is
-/// fitted again, and another number of threads gives the same bytes; m1 stays as it is.
+/// `extend` has fitted m0 again to three cycles and written m1, so nothing is fitted again. The parameters that the drift had biased are recovered. `--force` fits m0
+/// again, and another number of threads gives the same bytes; m1 stays unchanged.
 #[test]
 #[ignore = "thorough"]
 fn the_error_falls_to_the_noise_and_nothing_is_fitted_twice() {
@@ -38,15 +38,15 @@ fn the_error_falls_to_the_noise_and_nothing_is_fitted_twice() {
     }
     assert_eq!(rungs[1]["added"], serde_json::json!(["tracking-drift"]));
     let score = |rung: &Value| number(&rung["heldout_log_score_nats"]);
-    // 200 positions missed by more than 1.5 σ where the noise can hardly grow: tens of nats.
+    // 200 positions miss by more than 1.5 σ, and the noise can hardly grow: tens of nats.
     assert!(score(&rungs[1]) > score(&rungs[0]) + 20.0, "{document}");
-    // 200 errors of the replica's noise, 4 µm: their root mean square has a standard deviation of 4/√400 µm, here five.
+    // 200 errors with the replica's noise of 4 µm: their root mean square has a standard deviation of 4/√400 µm. The test allows five.
     let rmse_um = number(&rungs[1]["rmse_heldout_um"]);
     assert!((rmse_um - 4.0).abs() < 1.0, "{rmse_um}");
-    // The density of these errors under N(0, 4²). Five parameters from 600 rows cost about ½ · 200/600 nats each, 0.8 in all, and the learnt noise moves it by as much.
+    // Density of these errors under N(0, 4²). Five parameters from 600 rows cost about ½ · 200/600 nats each, 0.8 in all, and the inferred noise changes it by as much.
     let at_truth = -200.0 * (4.0_f64.ln() + 0.5 * (2.0 * std::f64::consts::PI).ln() + 0.5 * (rmse_um / 4.0).powi(2));
     assert!((score(&rungs[1]) - at_truth).abs() < 3.0, "{} against {at_truth}", score(&rungs[1]));
-    // The law that made the replica: Table I, within five standard deviations.
+    // The replica's law, Table I, is recovered within five standard deviations.
     for (shift, truth) in document["shifts"].as_array().unwrap().iter().zip([3.527, 1.402, 47.37]) {
         let (mean, sd) = (number(&shift["after"]["mean"]), number(&shift["after"]["sd"]));
         assert!((mean - truth).abs() < 5.0 * sd, "{shift} against {truth}");
@@ -63,7 +63,7 @@ fn the_error_falls_to_the_noise_and_nothing_is_fitted_twice() {
     assert_eq!(tree(&dir.path().join("a")), files, "the second call changes nothing");
     let anew = vitreo(dir.path(), &["ladder", "a", "--force", "--threads", "1"]).exits(0);
     assert!(
-        anew.stderr.contains("m0, fitted to all cycles but the last") && !anew.stderr.contains("m1, fitted"),
+        anew.stderr.contains("m0, fitted to all cycles except the last") && !anew.stderr.contains("m1, fitted"),
         "{anew}"
     );
     let forced: Value = serde_json::from_slice(&std::fs::read(dir.path().join("a/ladder.json")).unwrap()).unwrap();
@@ -72,13 +72,13 @@ fn the_error_falls_to_the_noise_and_nothing_is_fitted_twice() {
 
     vitreo(dir.path(), &["ladder", "a", "--with", "clock-offset"]).refuses(&["--with", "extend"]);
     vitreo(dir.path(), &["ladder", "a", "--from", "m7"]).refuses(&["m7", "m0, m1"]);
-    // The drift is a misfit of m0: where that is the last revision, the ladder is not to be trusted.
+    // The drift is a misfit of m0. If m0 is the last revision, the ladder is not trusted.
     let first = vitreo(dir.path(), &["ladder", "a", "--from", "m0", "--json", "-", "--quiet"]).exits(1).json();
     assert_eq!(first["revisions"].as_array().unwrap().len(), 1);
     assert_eq!((&first["trust"]["level"], &document["trust"]["level"]), (&"untrusted".into(), &"effective".into()));
 }
 
-/// From an experiment the study is made; one revision is one rung, and how to add the next is said.
+/// The study is made from an experiment. One revision is one rung, and the output says how to add the next.
 #[test]
 fn one_revision_is_one_rung() {
     let dir = tempfile::tempdir().unwrap();

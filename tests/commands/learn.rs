@@ -1,4 +1,4 @@
-//! `learn` as a user meets it: a law that no list holds, found, read, added; a record without one; files that define effects.
+//! User tests of `learn`: a law outside the library is found, read and added; a record without one; files that define effects.
 
 use crate::program;
 
@@ -13,13 +13,13 @@ const NOISE_M: f64 = 1e-6;
 const ROW_S: f64 = 0.1;
 const ROWS_OF_CYCLE: usize = 80;
 
-/// An instrument's record of a dashpot whose viscosity grows as e^{bP} with the path P, in closed form: under the force F the path goes on by ln(1 + b C |F| t e^{−bP₀}/c)/b. Two sizes of
-/// forces, so that path and time are not one.
+/// An instrument's record with a dashpot whose viscosity grows as e^{bP} with the path P, in closed form: under the force F the path grows by ln(1 + b C |F| t e^{−bP₀}/c)/b. Two
+/// force levels keep path and time distinguishable.
 fn write_record(dir: &Path, growth_per_m: f64) -> PathBuf {
     write_numbered(dir, "hardening", 0, growth_per_m)
 }
 
-/// One of several records, each with errors of its own.
+/// One of several records, each with its own errors.
 fn write_numbered(dir: &Path, name: &str, number: usize, growth_per_m: f64) -> PathBuf {
     let experiment = dir.join(name);
     std::fs::create_dir_all(&experiment).unwrap();
@@ -59,7 +59,7 @@ fn learned(dir: &Path, growth_per_m: f64) -> Value {
     serde_json::from_str(&run.stdout).unwrap()
 }
 
-/// The pair is in the class, the error falls to the noise by the function and by its formula, and the file that was written is an effect that `extend` adds.
+/// The true pair is among the equivalent ones, and the error falls to the noise by the function and by its formula. `extend` accepts the written file as an effect.
 #[test]
 #[ignore = "thorough"]
 fn a_law_that_no_list_holds_is_found_and_added() {
@@ -73,7 +73,7 @@ fn a_law_that_no_list_holds_is_found_and_added() {
     assert!(all.iter().any(|own| is_it(own) || is_force(own)), "{verdict}");
     let error = |which: &str| document[which]["rmse_heldout_um"].as_f64().unwrap();
     assert!(error("base") > 5.0, "{}", error("base"));
-    // 80 errors of 1 µm: their root mean square is 1 ± 0.08, passed by five standard deviations once in 10⁶.
+    // The root mean square of 80 errors of 1 µm is 1 ± 0.08; five standard deviations are exceeded once in 10⁶.
     assert!(error("learned") < 1.4 && error("with_formula") < 1.4, "{document}");
     let file = dir.path().join("study/m0/learned-effect.toml");
     let text = std::fs::read_to_string(&file).unwrap();
@@ -81,13 +81,13 @@ fn a_law_that_no_list_holds_is_found_and_added() {
     let run = vitreo(dir.path(), &["extend", "study", "--with", file.to_str().unwrap(), "--json", "-", "--quiet"]);
     let extension: Value = serde_json::from_str(&run.stdout).unwrap_or_else(|_| panic!("{}", run.stderr));
     assert!(extension["after"]["rmse_heldout_um"].as_f64().unwrap() < 1.4, "{extension}");
-    // The revision carries its effect: another command reads it.
+    // The revision contains its effect, so another command can read it.
     let run = vitreo(dir.path(), &["ladder", "study", "--quiet"]);
     assert!(run.code < 2, "{}", run.stderr);
-    // The page shows what was learnt, and its commands name a file that is there: extended by that, the same comes again.
+    // The page shows the learned law, and its commands name an existing file. Extending with that file reproduces the result.
     let page = std::fs::read_to_string(dir.path().join("study/report.html")).unwrap();
     for words in [
-        "what the data write by themselves",
+        "correction of the law learnt from data",
         "vitreo-uq learn STUDY --from m0 --seed 1",
         "(<code>m0/figures/learned.svg</code>)",
     ] {
@@ -102,7 +102,7 @@ fn a_law_that_no_list_holds_is_found_and_added() {
     assert_eq!(again["after"], extension["after"]);
 }
 
-/// Where nothing depends on anything, nothing is learnt, and what an earlier run wrote does not stay beside that.
+/// Nothing is learned from data without a dependence, and no result of an earlier run remains.
 #[test]
 fn nothing_is_learnt_where_there_is_nothing() {
     let dir = tempfile::tempdir().unwrap();
@@ -110,10 +110,10 @@ fn nothing_is_learnt_where_there_is_nothing() {
     assert_eq!(document["verdict"]["kind"], "nothing", "{}", document["verdict"]);
     assert!(document["function"].is_null());
     let sentence = |document: &Value| document["verdict"]["sentence"].as_str().unwrap().to_string();
-    assert!(!sentence(&document).contains("more than noise"), "{}", sentence(&document));
+    assert!(!sentence(&document).contains("exceeds the noise"), "{}", sentence(&document));
     let file = dir.path().join("study/m0/learned-effect.toml");
     assert!(!file.exists());
-    // The same errors, said to be a third as large: no law explains them, and it is said that they are left.
+    // With the stated noise reduced to a third no law explains the errors, and the output says that they remain.
     let described = dir.path().join("hardening/experiment.toml");
     let toml = std::fs::read_to_string(&described).unwrap().replace("noise_um = 1.0", "noise_um = 0.3");
     std::fs::create_dir(dir.path().join("quiet")).unwrap();
@@ -125,7 +125,7 @@ fn nothing_is_learnt_where_there_is_nothing() {
     );
     let document: Value = serde_json::from_str(&run.stdout).unwrap_or_else(|_| panic!("{}", run.stderr));
     assert_eq!(document["verdict"]["kind"], "nothing", "{}", document["verdict"]);
-    assert!(sentence(&document).contains("leaves more than noise"), "{}", sentence(&document));
+    assert!(sentence(&document).contains("residual exceeds the noise"), "{}", sentence(&document));
     std::fs::write(&file, "of an earlier run").unwrap();
     let run = vitreo(dir.path(), &["learn", "study", "--quiet"]);
     assert!(run.code == 0 && run.stdout.contains("Nothing was learnt"), "{}", run.stderr);
@@ -150,7 +150,7 @@ fn a_mistake_in_a_file_is_named() {
     assert!(!dir.path().join("study").exists());
 }
 
-/// Functions that go one way find the same law, and go one way.
+/// Monotone functions find the same law and are monotone.
 #[test]
 #[ignore = "thorough"]
 fn a_function_that_may_only_rise_or_fall_does() {
@@ -170,7 +170,7 @@ fn a_function_that_may_only_rise_or_fall_does() {
     assert!(factors.windows(2).all(goes_on), "{factors:?}");
 }
 
-/// Six dashpots, each hardening at a rate of its own: the law is learnt from three of them and confirmed on the other three. Without hardening nothing is confirmed.
+/// Six dashpots, each hardening at its own rate: the law is learned from three and confirmed on the other three. Without hardening nothing is confirmed.
 #[test]
 #[ignore = "thorough"]
 fn half_of_a_cohort_confirms_what_the_other_half_wrote() {
@@ -195,7 +195,7 @@ fn half_of_a_cohort_confirms_what_the_other_half_wrote() {
         let names: Vec<&str> = confirmed.iter().map(|own| own["experiment"].as_str().unwrap()).collect();
         assert_eq!(names, ["eye-1", "eye-3", "eye-5"]);
         for own in confirmed {
-            // 80 errors of 1 µm, as above.
+            // The bound for 80 errors of 1 µm, as above.
             assert!(own["rmse_after_um"].as_f64().unwrap() < 1.4, "{own}");
         }
         let extended =

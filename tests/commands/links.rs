@@ -1,4 +1,4 @@
-//! Studies that somebody else has made, with links, pipes and names of all sorts in them: nothing outside a study is read, written or removed, and no command hangs.
+//! Studies crafted by another person, with links, pipes and all sorts of names. Nothing outside a study is read, written or removed, and no command hangs.
 #![cfg(unix)]
 
 use crate::program;
@@ -17,13 +17,13 @@ use crate::http;
 use program::{tree, vitreo, write_instrument_experiment};
 
 const N_STUDIES: usize = 200;
-/// Of these, the quick tests play so many.
+/// Number of cases in the quick test.
 const N_QUICK: usize = 20;
-/// Far more than any of the commands needs.
+/// Time limit, far above the need of any of the commands.
 const PATIENCE: Duration = Duration::from_secs(60);
-/// What stands outside and may be seen nowhere.
+/// Text outside the study that must never appear.
 const SECRET: &str = "SECRETOFNOBODY";
-/// Names that shells, options and file systems know.
+/// Names with a meaning to shells, options and file systems.
 const NAMES: [&str; 24] = [
     ".lock",
     ".m0.checkpoint",
@@ -51,7 +51,7 @@ const NAMES: [&str; 24] = [
     "up",
 ];
 
-/// A study with one revision, compared and on a ladder; small.
+/// A small study with one revision, a comparison and a ladder.
 fn put_study(place: &Path) -> PathBuf {
     write_instrument_experiment(&place.join("gel"), true, 0.0);
     let study = place.join("study");
@@ -67,7 +67,7 @@ fn put_study(place: &Path) -> PathBuf {
     study
 }
 
-/// A directory with a study that has the secret in all its texts, and with other things that nobody shall see.
+/// A directory with a study that has the secret in all its texts, and other private files.
 fn put_outside(study: &Path, outside: &Path) {
     for (path, bytes) in tree(study) {
         let path = outside.join(path);
@@ -83,7 +83,7 @@ fn put_outside(study: &Path, outside: &Path) {
     std::fs::write(outside.join("secret.toml"), format!("{SECRET} = ]\n")).unwrap();
 }
 
-/// All that stands in a directory, links not followed: what it is, its rights and its content.
+/// All entries of a directory without following links: kind, permissions and content.
 fn state(dir: &Path) -> BTreeMap<PathBuf, (String, u32, Vec<u8>)> {
     let mut found = BTreeMap::new();
     let mut waiting = vec![dir.to_path_buf()];
@@ -118,7 +118,7 @@ fn pick<'a, T>(random: &mut ChaCha8Rng, all: &'a [T]) -> &'a T {
     &all[random.random_range(0..all.len())]
 }
 
-/// Puts what a hostile sender may put into a study; gives a name to what was done.
+/// Changes a study as a hostile sender might, and returns descriptions of the changes.
 fn craft(study: &Path, outside: &Path, random: &mut ChaCha8Rng) -> Vec<String> {
     let mut done = Vec::new();
     for _ in 0..random.random_range(1..4) {
@@ -128,7 +128,7 @@ fn craft(study: &Path, outside: &Path, random: &mut ChaCha8Rng) -> Vec<String> {
         let root = study.to_path_buf();
         folders.push(&root);
         let relative = |path: &Path| path.strip_prefix(study).unwrap().to_path_buf();
-        // Where it is put: in the place of a file or of a directory, or beside others under a name that means something.
+        // Position of the change: in place of a file or directory, or beside others under a meaningful name.
         let place = match random.random_range(0..5) {
             0 | 1 if !files.is_empty() => (*pick(random, &files)).clone(),
             2 if folders.len() > 1 => folders[random.random_range(0..folders.len() - 1)].clone(),
@@ -158,7 +158,7 @@ fn craft(study: &Path, outside: &Path, random: &mut ChaCha8Rng) -> Vec<String> {
                 continue;
             }
             _ => {
-                // Longer paths than a socket may have are left out.
+                // Paths longer than a socket allows are skipped.
                 if std::os::unix::net::UnixListener::bind(&place).is_ok() {
                     done.push(format!("{inside:?} is a socket"));
                 }
@@ -168,7 +168,7 @@ fn craft(study: &Path, outside: &Path, random: &mut ChaCha8Rng) -> Vec<String> {
         symlink(&target, &place).unwrap();
         done.push(format!("{inside:?} -> {target:?}"));
     }
-    // Names in the study's own texts.
+    // Names in the study's own texts are changed.
     let secret = outside.join("secret.toml").display().to_string();
     let edit = |name: &str, from: &str, to: &str| {
         let path = study.join(name);
@@ -192,7 +192,7 @@ fn craft(study: &Path, outside: &Path, random: &mut ChaCha8Rng) -> Vec<String> {
     done
 }
 
-/// Runs the program, and ends it where it does not end by itself; exit code and all that it said.
+/// Runs the program and kills it after the time limit. Returns the exit code and all output.
 #[track_caller]
 fn said(dir: &Path, arguments: &[&str]) -> (i32, String) {
     let mut command = Command::new(env!("CARGO_BIN_EXE_vitreo-uq"));
@@ -224,7 +224,7 @@ fn said(dir: &Path, arguments: &[&str]) -> (i32, String) {
     (code, String::from_utf8_lossy(&all).into_owned())
 }
 
-/// Nothing of the secret stands in a file that is no link.
+/// Asserts that no regular file contains the secret.
 #[track_caller]
 fn has_no_secret(dir: &Path, what: &dyn std::fmt::Debug) {
     for (path, (kind, _, bytes)) in state(dir) {
@@ -260,7 +260,7 @@ fn play(numbers: std::ops::Range<usize>) {
             assert!((0..=2).contains(&code) && !text.contains("panicked"), "{arguments:?} on {done:?}: {code} {text}");
             assert!(!text.contains(SECRET), "{arguments:?} on {done:?} says the secret: {text}");
             n_refused += usize::from(text.contains("symbolic link"));
-            assert!(state(&at("outside")) == before, "{arguments:?} on {done:?} changed what is outside");
+            assert!(state(&at("outside")) == before, "{arguments:?} on {done:?} changed files outside");
             assert!(
                 std::fs::read_dir(at("work")).unwrap().next().is_none(),
                 "{arguments:?} on {done:?} wrote elsewhere"
@@ -270,18 +270,18 @@ fn play(numbers: std::ops::Range<usize>) {
         crafted.insert(name, done);
     }
     assert!(n_refused > crafted.len() / 2, "{n_refused} refusals of links");
-    // The folder of a workbench holds links, too.
+    // The folder of a workbench contains links, too.
     symlink(at("outside"), at("home").join("linked")).unwrap();
     symlink(at("outside"), at("home").join("vitreo-uq-out")).unwrap();
     look_by_workbench(&at("home"), &crafted);
-    assert!(state(&at("outside")) == before, "the workbench changed what is outside");
+    assert!(state(&at("outside")) == before, "the workbench changed files outside");
     has_no_secret(&at("home"), &"workbench");
     let mut names: Vec<_> = std::fs::read_dir(place.path()).unwrap().map(|entry| entry.unwrap().file_name()).collect();
     names.sort();
     assert_eq!(names, ["gel", "home", "outside", "study", "work"]);
 }
 
-/// Looks at all studies of a folder as the page does.
+/// Reads all studies of a folder as the page does.
 fn look_by_workbench(home: &Path, crafted: &BTreeMap<String, Vec<String>>) {
     let mut command = Command::new(env!("CARGO_BIN_EXE_vitreo-uq"));
     command.args(["workbench", "--port", "0", "--quiet"]).current_dir(home).stdout(Stdio::piped());
@@ -324,7 +324,7 @@ fn nothing_outside_200_crafted_studies_is_touched() {
     play(0..N_STUDIES);
 }
 
-/// The links that were once followed, each by its command and its words.
+/// Links inside a study are named by every command, with the expected words.
 #[test]
 fn links_in_a_study_are_named() {
     let place = tempfile::tempdir().unwrap();
@@ -362,7 +362,7 @@ fn links_in_a_study_are_named() {
     std::fs::remove_file(study.join("trajectory.csv")).unwrap();
     symlink(at("outside/trajectory.csv"), study.join("trajectory.csv")).unwrap();
     refused(&study, "report", "table/trajectory.csv");
-    // The study itself may be reached by a link, and what is written takes the place of a link.
+    // The study itself may be reached by a link, and writing replaces a link.
     let study = studies("real");
     std::fs::remove_file(study.join("report.html")).unwrap();
     symlink(at("outside/secret"), study.join("report.html")).unwrap();
@@ -373,7 +373,7 @@ fn links_in_a_study_are_named() {
     assert!(state(&at("outside")) == before);
 }
 
-/// A list of tasks that somebody has changed, hashes and all, writes nothing outside its directory.
+/// A manipulated list of tasks, with recomputed hashes, writes nothing outside its directory.
 #[test]
 fn a_crafted_list_of_tasks_writes_nowhere_else() {
     use sha2::{Digest, Sha256};
@@ -424,7 +424,7 @@ fn a_crafted_list_of_tasks_writes_nowhere_else() {
         changed[key] = value.into();
         write(&changed);
         for arguments in [&["tasks", "run", "list", "--task", "0"][..], &["gather", "list", "--quiet"]] {
-            vitreo(place.path(), arguments).refuses(&["tasks.jsonl, line 1", "not those of this task"]);
+            vitreo(place.path(), arguments).refuses(&["tasks.jsonl, line 1", "do not match this task"]);
         }
         assert_eq!(names(), before, "{key}");
     }
@@ -446,7 +446,7 @@ fn a_crafted_list_of_tasks_writes_nowhere_else() {
         write(&with_words(words));
         vitreo(place.path(), &["tasks", "run", "list", "--task", "0"]).refuses(&["line 1"]);
     }
-    // Results that are to go through a link.
+    // Results that would go through a link.
     write(&line);
     std::fs::create_dir(at("elsewhere")).unwrap();
     std::fs::remove_dir_all(at("list/results")).unwrap();
@@ -456,7 +456,7 @@ fn a_crafted_list_of_tasks_writes_nowhere_else() {
     assert!(std::fs::read_dir(at("elsewhere")).unwrap().next().is_none());
 }
 
-/// What the tests above put into studies is there.
+/// The crafted studies of the tests above contain all kinds of changes.
 #[test]
 fn crafted_studies_have_all_sorts_of_things() {
     let place = tempfile::tempdir().unwrap();

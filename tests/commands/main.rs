@@ -1,4 +1,4 @@
-//! Commands as a user meets them, and the examples.
+//! User tests of the commands and the examples.
 
 #[path = "../closed_forms/mod.rs"]
 mod closed_forms;

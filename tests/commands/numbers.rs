@@ -1,4 +1,4 @@
-//! One number for one quantity: a study's documents, its page and the words of all commands agree.
+//! One quantity has one value: a study's documents, its page and the output of all commands agree.
 
 use crate::program;
 
@@ -9,7 +9,7 @@ use program::{normals, vitreo};
 use serde_json::Value;
 use vitreo_uq::jobs::pages;
 
-/// Four cycles of ±1 µN for 2 s each by an instrument, 3 µm of noise that is not given, and a spring in series of a twentieth of 1/E.
+/// Four cycles of ±1 µN for 2 s each by an instrument, with 3 µm of unstated noise and a spring in series of a twentieth of 1/E.
 fn write_with_spring(dir: &Path) {
     std::fs::create_dir_all(dir).unwrap();
     let toml = "[specimen]\nid = \"gel\"\n[instrument]\ncompliance_per_m = 549.0\n[measurement]\nfile = \"trajectory.csv\"\n\
@@ -32,23 +32,23 @@ fn write_with_spring(dir: &Path) {
     std::fs::write(dir.join("trajectory.csv"), csv).unwrap();
 }
 
-/// Values of quantities, with the places where they stand: of a revision, given the cycles that it was fitted to, by name.
+/// Values of quantities with the places where they appear. The keys are the revision with its fitted cycles, and the quantity's name.
 #[derive(Default)]
 struct Quantities(BTreeMap<(String, String), BTreeMap<String, Vec<String>>>);
 
-/// What a document speaks of.
+/// Subject of a document.
 #[derive(Clone)]
 struct About {
-    /// The revision.
+    /// Revision.
     revision: String,
-    /// The cycles that it was fitted to.
+    /// Cycles that the revision was fitted to.
     cycles: String,
-    /// The revision that it extends.
+    /// Revision that it extends.
     from: String,
 }
 
 impl Quantities {
-    /// Names of quantities, and names of the same in the document of `sample`.
+    /// Names of quantities, and their names in the document of `sample`.
     const NAMES: [(&str, &str); 3] =
         [("rmse_fitted_um", "rmse_fitted_um"), ("rmse_heldout_um", "rmse_um"), ("noise_um", "noise_um")];
     /// Models other than revisions: fits of a search, and those beside a diagnosis.
@@ -61,7 +61,7 @@ impl Quantities {
         values.entry(value.to_string()).or_default().push(place.into());
     }
 
-    /// Adds all of a document.
+    /// Adds all quantities of a document.
     fn read(&mut self, document: &Value, about: &About, place: &str) {
         if let Value::Array(list) = document {
             list.iter().enumerate().for_each(|(k, own)| self.read(own, about, &format!("{place}[{k}]")));
@@ -106,19 +106,19 @@ impl Quantities {
         several.map(|((model, name), values)| format!("{name} of {model}: {values:?}")).collect()
     }
 
-    /// Places in which quantities stand.
+    /// Number of places of a quantity.
     fn n_places(&self, model: &str, name: &str) -> usize {
         self.0[&(model.to_string(), name.to_string())].values().map(Vec::len).sum()
     }
 }
 
-/// Words without marks of a page.
+/// Text of a page without markup.
 fn words(page: &str) -> String {
     let inside = page.split('<').map(|part| part.split_once('>').map_or(part, |(_, text)| text));
     inside.collect::<Vec<_>>().join(" ").split_whitespace().collect::<Vec<_>>().join(" ")
 }
 
-/// Numbers in words that follow a name, as they are written.
+/// Numbers in a text that follow a name, as written.
 fn numbers_after<'a>(words: &'a str, name: &str) -> Vec<&'a str> {
     let is_number = |text: &&str| text.parse::<f64>().is_ok();
     let first = |(at, _): (usize, &str)| {
@@ -126,25 +126,25 @@ fn numbers_after<'a>(words: &'a str, name: &str) -> Vec<&'a str> {
         let text = rest.split(|c: char| !c.is_ascii_digit() && c != '.').next();
         text.map(|text| text.trim_end_matches('.')).filter(is_number)
     };
-    // A learnt noise is another quantity.
+    // The inferred noise is another quantity.
     let is_own = |(at, _): &(usize, &str)| !words[..*at].ends_with("learnt ");
     words.match_indices(name).filter(is_own).filter_map(first).collect()
 }
 
-/// Whether a number as it is written is a value to the digits that it has.
+/// Returns `true` if a written number is a value rounded to the written digits.
 fn is_rounded(text: &str, value: f64) -> bool {
     let decimals = text.split_once('.').map_or(0, |(_, decimals)| decimals.len() as i32);
     text.parse::<f64>().is_ok_and(|shown| (shown - value).abs() <= 0.501 * 10_f64.powi(-decimals))
 }
 
-/// Numbers in words before a name, as they are written.
+/// Numbers in a text before a name, as written.
 fn numbers_before<'a>(words: &'a str, name: &str) -> Vec<&'a str> {
     let last = |(at, _): (usize, &str)| words[..at].trim_end().trim_end_matches(" µm").rsplit(' ').next();
     words.match_indices(name).filter_map(last).filter(|text| text.parse::<f64>().is_ok()).collect()
 }
 
-/// Errors, noise and every parameter of a revision, given the cycles that it was fitted to, have one value in all documents; so have the words of every command, the page, and
-/// the parts that the workbench shows. What a diagnosis expects of an effect is what `extend` finds, within a twentieth: a best fit stands for the posterior there.
+/// Errors, noise and every parameter of a revision with given fitted cycles have one value in all documents, in the output of every command, on the page and in
+/// the workbench's parts. The expected error of an effect agrees with the result of `extend` within a twentieth, because a best fit replaces the posterior.
 #[test]
 fn one_quantity_has_one_value_everywhere() {
     let dir = tempfile::tempdir().unwrap();
@@ -183,7 +183,7 @@ fn one_quantity_has_one_value_everywhere() {
     let about = About { revision: "study".into(), cycles: String::new(), from: String::new() };
     quantities.read(&read("ladder.json"), &about, "ladder.json");
     assert_eq!(quantities.disagreements(), Vec::<String>::new());
-    // Of m0: its second posterior, `compare`, `diagnose`, `extend`, `ladder`. Of m1 the same but for `extend`, whose `after` and own posterior are two.
+    // m0: its second posterior, `compare`, `diagnose`, `extend`, `ladder`. m1: likewise without `extend`, whose `after` and own posterior count as two.
     let [first, second] = ["m0 given [1,2,3]", "m1 given [1,2,3]"];
     assert_eq!([first, second].map(|model| quantities.n_places(model, "rmse_heldout_um")), [5, 5]);
 
@@ -193,9 +193,9 @@ fn one_quantity_has_one_value_everywhere() {
     let named: [(&str, &[f64]); 5] = [
         ("noise", &[noise_um]),
         ("held-out error", &heldout_um),
-        ("on the last held-out cycle the error goes from", &last_um[..1]),
+        ("the error on the last held-out cycle goes from", &last_um[..1]),
         ("error on the last held-out cycle falls:", &last_um[..1]),
-        ("the cycle that no fit has seen falls: from", &last_um[..1]),
+        ("the error on the last held-out cycle falls: from", &last_um[..1]),
     ];
     let mut wrong = BTreeSet::new();
     let mut n_said = BTreeMap::new();

@@ -1,4 +1,4 @@
-//! A rheometer's oscillation, from its table to a claim, and beside a creep record of the same gel.
+//! A rheometer's oscillation, from its table to a claim, and joined with a creep record of the same gel.
 
 use crate::program;
 
@@ -7,8 +7,8 @@ use std::path::Path;
 use program::{vitreo, write_instrument_experiment};
 use serde_json::Value;
 
-/// Moduli of a gel of E = 3.5 Pa, c₁ = 1.4 Pa·s, c₂ = `c2_pa_s`, with a spring of `spring_pa` in series, at 25 frequencies from 0.02 to 20 Hz, with 2 % of noise by a fixed recurrence:
-/// tabulators, decimal commas, a line of units and a column that is not needed.
+/// Moduli of a gel of E = 3.5 Pa, c₁ = 1.4 Pa·s, c₂ = `c2_pa_s`, with a spring of `spring_pa` in series, at 25 frequencies from 0.02 to 20 Hz. A fixed recurrence adds 2 % of noise.
+/// The table has tabs, decimal commas, a line of units and an unused column.
 fn write_table(file: &Path, c2_pa_s: f64, spring_pa: f64) {
     let mut normal = program::normals();
     let mut text = String::from(
@@ -62,12 +62,12 @@ fn a_table_of_moduli_becomes_a_posterior() {
     assert!(again.stdout.contains("converged"));
     let draws = |study: &str| std::fs::read(dir.join(study).join("m0/draws.csv")).unwrap();
     assert!(draws("study") == draws("other"), "the bytes depend on the number of threads");
-    // Other commands say what they need.
-    vitreo(dir, &["fit", "sweep"]).refuses(&["this is an oscillation", "force and position against time"]);
-    vitreo(dir, &["sample", "sweep", "--noise", "white,ou"]).refuses(&["--noise", "no rows in time"]);
+    // Other commands name their requirements.
+    vitreo(dir, &["fit", "sweep"]).refuses(&["this is an oscillation", "force and position over time"]);
+    vitreo(dir, &["sample", "sweep", "--noise", "white,ou"]).refuses(&["--noise", "no rows over time"]);
 }
 
-/// `sample` and `diagnose` say the same of a law that lacks a spring, and with it nothing is missing.
+/// `sample` and `diagnose` agree on a law that lacks a spring. With the spring nothing is missing.
 #[test]
 #[ignore = "thorough"]
 fn a_missing_spring_is_found_and_added() {
@@ -84,12 +84,12 @@ fn a_missing_spring_is_found_and_added() {
     let with = ["sample", "study", "--with", "instantaneous-elasticity", "--quiet"];
     vitreo(dir, &with).refuses(&["m0 is of another model", "--force"]);
     vitreo(dir, &[&with[..], &["--force"]].concat()).exits(0);
-    // The study's own model is the one that is diagnosed now.
+    // The diagnosis uses the study's own model.
     let found = vitreo(dir, &["diagnose", "study", "--json", "-"]).exits(0).json();
     assert_eq!(found["verdict"]["kind"], "none", "{found}");
 }
 
-/// Creep and oscillation of one gel share a law; of two gels they do not, and that is said.
+/// Creep and oscillation of one gel share a law. Those of two gels do not, and the output says so.
 #[test]
 fn records_of_one_gel_share_its_law() {
     let place = tempfile::tempdir().unwrap();
@@ -111,5 +111,5 @@ fn records_of_one_gel_share_its_law() {
     assert!(dir.join("joint/joint.png").is_file());
     let apart = vitreo(dir, &["sample", "creep", "another", "--out", "apart", "--json", "-"]).exits(1).json();
     assert!(apart["agreement"]["p"].as_f64().unwrap() < 1e-3, "{}", apart["agreement"]);
-    vitreo(dir, &["sample", "creep", "same", "--with", "tracking-drift"]).refuses(&["--with", "share the law alone"]);
+    vitreo(dir, &["sample", "creep", "same", "--with", "tracking-drift"]).refuses(&["--with", "share only the law"]);
 }

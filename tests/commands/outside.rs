@@ -1,4 +1,4 @@
-//! Somebody else's model in place of the base law: a server that is written here, whose physics shares no code with the program's.
+//! Another program's model in place of the base law: a server in this file, whose physics shares no code with the program's.
 
 use crate::program;
 
@@ -17,12 +17,12 @@ const COMPLIANCE_PER_M: f64 = 549.0;
 /// E (Pa), c₁ and c₂ (Pa s).
 const LAW: [f64; 3] = [3.5, 1.4, 47.0];
 const NOISE_UM: f64 = 0.5;
-/// Longer than any test waits.
+/// Time limit above every test's duration.
 const PATIENCE: Duration = Duration::from_secs(120);
 /// Longest step of the server's integrator, in s.
 const STEP_S: f64 = 0.004;
 
-/// A Kelvin–Voigt body and a dashpot under a force (N) that holds between times (s), by Runge and Kutta's method: positions in µm.
+/// Positions in µm of a Kelvin–Voigt body and a dashpot by the Runge–Kutta method, under a force (N) that holds between times (s).
 fn stepped_um([young, viscosity_1, viscosity_2]: [f64; 3], time_s: &[f64], force_n: &[f64]) -> Vec<f64> {
     let rate = |x: [f64; 2], force_n: f64| {
         let pull = COMPLIANCE_PER_M * force_n;
@@ -49,7 +49,7 @@ fn stepped_um([young, viscosity_1, viscosity_2]: [f64; 3], time_s: &[f64], force
     position_um
 }
 
-/// Runs the program, its cache beside the experiment: answers of a server that is gone are of no use to anyone.
+/// Runs the program with a cache beside the experiment, because answers of a past server are useless to others.
 fn vitreo(dir: &Path, arguments: &[&str]) -> Run {
     let cache = dir.join("cache");
     program::run(
@@ -57,19 +57,19 @@ fn vitreo(dir: &Path, arguments: &[&str]) -> Run {
     )
 }
 
-/// What a server does otherwise than docs/serve.md says.
+/// Deviation of a server from docs/serve.md.
 #[derive(Clone, Copy, PartialEq)]
 enum Kind {
     Sound,
-    /// Forces come as the second vector of inputs.
+    /// Takes forces as the second input vector.
     TakesForce,
-    /// One position too few.
+    /// Returns one position too few.
     Short,
-    /// Not a number where E is above 3.9 Pa: at its prior's median.
+    /// Returns NaN if E is above 3.9 Pa, as at its prior's median.
     Broken,
-    /// The record's own force whatever is asked.
+    /// Uses the record's own force for every request.
     Deaf,
-    /// No answer.
+    /// Never answers.
     Silent,
 }
 
@@ -79,7 +79,7 @@ struct Server {
 }
 
 impl Server {
-    /// Until the test's process ends.
+    /// Starts a server that runs until the test's process ends.
     fn start(kind: Kind) -> Self {
         let listener = TcpListener::bind("127.0.0.1:0").unwrap();
         let url = format!("http://{}", listener.local_addr().unwrap());
@@ -168,7 +168,7 @@ fn commanded_n(time_s: f64) -> f64 {
     if ((time_s + 1e-9) / 2.0).floor() as i64 % 2 == 0 { 1e-6 } else { -1e-6 }
 }
 
-/// An experiment whose force lags by a time that its description does not know, by the server's physics; and a prior that names the law's parameters.
+/// An experiment by the server's physics whose force lags by a time unknown to its description, with a prior that names the law's parameters.
 fn lagging(dir: &Path, lag_s: f64) -> PathBuf {
     let experiment = dir.join("gel");
     std::fs::create_dir_all(&experiment).unwrap();
@@ -179,7 +179,7 @@ fn lagging(dir: &Path, lag_s: f64) -> PathBuf {
         ),
     )
     .unwrap();
-    // The acting force on times so fine that it may hold between them.
+    // The acting force at times so fine that it may hold between them.
     let (n_between, step_s) = (40, 0.04);
     let fine_s: Vec<f64> = (0..200 * n_between).map(|k| step_s * k as f64 / n_between as f64).collect();
     let mut acting_n = Vec::new();
@@ -223,7 +223,7 @@ fn moments(document: &Value, name: &str) -> (f64, f64) {
     (own["mean"].as_f64().unwrap(), own["sd"].as_f64().unwrap())
 }
 
-/// The outside model of the built-in law's equations has the built-in law's posterior, checked by its own answers; a second run asks nothing again, and threads do not show.
+/// An external model with the built-in law's equations has the built-in law's posterior, checked by its own answers. A second run repeats no request, and the number of threads does not matter.
 #[test]
 fn an_outside_model_is_sampled_as_our_own() {
     let dir = tempfile::tempdir().unwrap();
@@ -238,7 +238,7 @@ fn an_outside_model_is_sampled_as_our_own() {
         let (heldout, n) = (&outside["heldout"], server.n_evaluations());
         assert!(n < 500, "{n} evaluations");
         assert_eq!(heldout["fe_runs"], 128, "{heldout}");
-        // A share of the noise of half a micrometre.
+        // A fraction of the noise of half a micrometre.
         let distance_um = heldout["surrogate_vs_fe_max_um"].as_f64().unwrap();
         assert!(distance_um > 0.0 && distance_um < 0.05 * NOISE_UM, "{distance_um}");
         let own = sample("own", &[]);
@@ -258,7 +258,7 @@ fn an_outside_model_is_sampled_as_our_own() {
     }
 }
 
-/// A lag that is hidden in the record is named, by calling the server under other forces; where the server does not heed them, effects of load are left out with the reason.
+/// A hidden lag is found by calling the server with other forces. If the server ignores them, effects of load are left out with the reason.
 #[test]
 fn a_hidden_lag_is_diagnosed_with_an_outside_model() {
     let dir = tempfile::tempdir().unwrap();
@@ -297,7 +297,7 @@ fn a_hidden_lag_is_diagnosed_with_an_outside_model() {
     assert!(sentence.contains("another program computes the law") && sentence.contains("diagnose"), "{sentence}");
     let deaf = diagnosed(&Server::start(Kind::Deaf), "deaf");
     assert_ne!(deaf["verdict"]["effects"], json!(["actuator-lag"]));
-    assert!(refusal(&deaf, "actuator-lag").is_some_and(|why| why.contains("does not heed the forces")), "{deaf}");
+    assert!(refusal(&deaf, "actuator-lag").is_some_and(|why| why.contains("ignores the forces")), "{deaf}");
     assert_eq!(refusal(&deaf, "tracking-drift"), None);
 }
 
@@ -336,7 +336,7 @@ fn servers_that_do_not_do_are_refused_in_words() {
     }
 }
 
-/// Ctrl-C ends a program that waits for an answer as it ends any other: within a second; the rest is for a machine that is busy with other tests.
+/// Ctrl-C ends a program that waits for an answer within a second. The rest of the limit is for a busy machine.
 #[cfg(unix)]
 #[test]
 fn waiting_for_a_server_can_be_interrupted() {

@@ -1,4 +1,4 @@
-//! `report` as a user meets it: one page that fetches nothing, says what the documents say, and whose commands make the study again.
+//! User tests of `report`: one page that fetches nothing, agrees with the documents, and lists commands that reproduce the study.
 
 use crate::program;
 
@@ -11,21 +11,21 @@ fn page(study: &Path) -> String {
     std::fs::read_to_string(study.join("report.html")).expect("a page")
 }
 
-/// What stands in the page's list of commands.
+/// Text of the page's list of commands.
 fn commands(page: &str) -> Vec<String> {
     let (_, rest) = page.split_once("<pre>").expect("commands");
     let (list, _) = rest.split_once("</pre>").expect("an end");
     list.lines().map(|line| line.replace("&quot;", "\"")).collect()
 }
 
-/// What a study holds that a second run makes again: all but wall-clock times and locks.
+/// Files of a study that a second run reproduces: all except wall-clock times and locks.
 fn lasting(study: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
     let mut files = tree(study);
     files.retain(|path, _| !path.ends_with("timing.json") && !path.ends_with(".lock"));
     files
 }
 
-/// Runs a page's commands anew: the files are those of the study, to the last byte.
+/// Runs a page's commands again and compares the files with the study's, byte for byte.
 fn assert_made_again(dir: &Path, experiment: &str, study: &str) {
     for line in commands(&page(&dir.join(study))) {
         let words: Vec<String> = line
@@ -49,7 +49,7 @@ fn assert_made_again(dir: &Path, experiment: &str, study: &str) {
     assert!(other.is_empty(), "{other:?}");
 }
 
-/// Nothing is fetched and nothing runs: no address, no script, links within the page only.
+/// Asserts that nothing is fetched and nothing runs: no address, no script, links only within the page.
 fn assert_self_contained(page: &str) {
     for word in ["<script", "<link", "<img", "<iframe", "src=", "url(", "@import", "javascript:"] {
         assert!(!page.contains(word), "{word}");
@@ -58,7 +58,7 @@ fn assert_self_contained(page: &str) {
     assert!(page.len() < 3_000_000, "{} bytes", page.len());
 }
 
-/// The drift makes m0 fail, and the page says so; with the effect it is sound. A ladder of a posterior that is no longer there is not shown.
+/// The drift makes m0 fail, and the page says so; with the effect it is sound. A ladder of a replaced posterior is not shown.
 #[test]
 #[ignore = "thorough"]
 fn a_study_is_one_page_whose_commands_make_it_again() {
@@ -100,7 +100,7 @@ fn a_study_is_one_page_whose_commands_make_it_again() {
     assert!(!page(&study).contains(ladder["sentence"].as_str().unwrap()), "an old ladder is shown");
 }
 
-/// Options of the model come back as they were given; a name that looks like markup stays a name.
+/// Commands reproduce the model's options as given. A name that looks like markup stays text.
 #[test]
 #[ignore = "thorough"]
 fn commands_have_the_models_options_and_names_are_only_names() {
@@ -151,16 +151,16 @@ fn what_cannot_be_shown_is_refused_and_what_is_not_wanted_is_not_written() {
     let corner = at.join("a/m0/figures/corner.svg");
     let drawing = std::fs::read_to_string(&corner).unwrap();
     std::fs::write(&corner, drawing.replace("</svg>", "<script>1</script></svg>")).unwrap();
-    vitreo(at, &["report", "a"]).refuses(&["corner.svg", "no figure of this program"]);
+    vitreo(at, &["report", "a"]).refuses(&["corner.svg", "not a figure of this program"]);
     std::fs::write(&corner, drawing).unwrap();
     let posterior = at.join("a/m0/posterior.json");
     let text = std::fs::read_to_string(&posterior).unwrap();
     std::fs::write(&posterior, text.replace("\"heldout\"", "\"held\"")).unwrap();
-    vitreo(at, &["report", "a"]).refuses(&["posterior.json", "cannot show this document", "again"]);
+    vitreo(at, &["report", "a"]).refuses(&["posterior.json", "this document is unreadable", "again"]);
     assert!(!at.join("a/report.html").exists());
 }
 
-/// What `challenge run` wrote is a page, too; a document of something else is refused with its line.
+/// The document of `challenge run` becomes a page. Any other document is refused with its line.
 #[test]
 #[ignore = "thorough"]
 fn played_challenges_are_a_page() {

@@ -1,4 +1,4 @@
-//! `sample` as a user meets it: exit codes, streams, files, the same bytes again.
+//! User tests of `sample`: exit codes, streams, files, reproducible bytes.
 
 use crate::program;
 
@@ -26,7 +26,7 @@ fn number(value: &Value) -> f64 {
     value.as_f64().unwrap_or_else(|| panic!("{value} is no number"))
 }
 
-/// The keys of formats §5, written out; and draws of a posterior that is nearly normal about the truth (law, noise in µm), as the data of these tests give it.
+/// Checks the keys of formats §5, and that the draws are nearly normal about the truth (law, noise in µm), as in the data of these tests.
 fn check_contract(document: &Value, truth: [f64; 4]) {
     assert_eq!(document["schema"], "vitreo-uq/posterior/1");
     assert_eq!(document["version"], env!("CARGO_PKG_VERSION"));
@@ -40,10 +40,10 @@ fn check_contract(document: &Value, truth: [f64; 4]) {
         let of = |key: &str| number(&parameter[key]);
         // Five standard deviations: one false failure in 10⁶.
         assert!((of("mean") - truth).abs() < 5.0 * of("sd"), "{parameter} against {truth}");
-        // Of a normal posterior 3.29 and 0; the noise's, with 100 rows or more, is skewed by less than these bounds.
+        // A normal posterior has 3.29 and 0. The noise's posterior, with 100 rows or more, is skewed by less than these bounds.
         assert!(((of("q95") - of("q05")) / of("sd") - 3.29).abs() < 0.15, "{parameter}");
         assert!(((of("median") - of("mean")) / of("sd")).abs() < 0.15, "{parameter}");
-        // By definition sd/√ESS; the ESS here is that of ranks, which is nearly the same where tails are normal.
+        // By definition this is sd/√ESS. The ESS here is that of ranks, which is nearly equal for normal tails.
         assert!((of("mcse_mean") * of("ess_bulk").sqrt() / of("sd") - 1.0).abs() < 0.1, "{parameter}");
         assert!(of("ess_bulk") > 400.0 && of("ess_tail") > 400.0 && (0.99..1.01).contains(&of("rhat")), "{parameter}");
     }
@@ -93,10 +93,10 @@ fn check_contract(document: &Value, truth: [f64; 4]) {
     }
 }
 
-/// Errors of held-out positions whose noise is known, and whose model is right.
+/// Checks the errors of held-out positions for a correct model with known noise.
 fn check_heldout(heldout: &Value, n_rows: f64, noise_um: f64) {
     let of = |key: &str| number(&heldout[key]);
-    // Five standard deviations of what so many independent normal errors give: one false failure in 10⁶. Parameters are known far better than the noise.
+    // Five standard deviations for this number of independent normal errors: one false failure in 10⁶. The parameters are known far better than the noise.
     let is_near = |key: &str, expected: f64, sd_of_one: f64| {
         let found = of(key);
         assert!((found - expected).abs() < 5.0 * sd_of_one / n_rows.sqrt(), "{key} {found} against {expected}");
@@ -105,12 +105,12 @@ fn check_heldout(heldout: &Value, n_rows: f64, noise_um: f64) {
     is_near("rmse_um", noise_um, noise_um / 2.0_f64.sqrt());
     is_near("coverage_50", 0.5, 0.5);
     is_near("coverage_90", 0.9, 0.3);
-    // σ/√π; of one error the standard deviation is 0.403 σ.
+    // The expected value is σ/√π; one error has a standard deviation of 0.403 σ.
     is_near("crps_um", noise_um / std::f64::consts::PI.sqrt(), 0.403 * noise_um);
 }
 
-/// The main job without a file: JSON alone on standard output, nothing on standard error when quiet, every file of the revision; a second
-/// run with other threads writes the same bytes, and goes on in the same study with the surrogate that is there; another seed draws other draws.
+/// The main job without a file. Standard output holds only JSON, `--quiet` silences standard error, and every file of the revision exists. A second run with other threads
+/// writes the same bytes and continues in the same study with its surrogate. Another seed gives other draws.
 #[test]
 fn the_replica_runs_without_any_file_and_gives_the_same_bytes_again() {
     let place = place();
@@ -118,12 +118,12 @@ fn the_replica_runs_without_any_file_and_gives_the_same_bytes_again() {
     let first = run(&["--json", "-", "--quiet", "--threads", "1"]).exits(0);
     assert_eq!(first.stderr, "");
     let document = first.json();
-    // Table I, and the replica's noise.
+    // Table I and the replica's noise.
     check_contract(&document, [3.527, 1.402, 47.37, 4.0]);
     assert_eq!(document["heldout"]["cycles"], serde_json::json!([2, 3, 4]));
     check_heldout(&document["heldout"], 600.0, 4.0);
     assert!((0.0..0.7).contains(&number(&document["heldout"]["pareto_k"])), "{}", document["heldout"]);
-    // The base model is one field times a function of time, so that one mode holds it to rounding.
+    // The base model is one field times a function of time, so one mode represents it to rounding.
     assert_eq!(document["surrogate"]["modes"], 1);
     assert!((0.0..1e-9).contains(&number(&document["surrogate"]["max_relative_error"])), "{}", document["surrogate"]);
     assert!(
@@ -135,7 +135,7 @@ fn the_replica_runs_without_any_file_and_gives_the_same_bytes_again() {
     for key in ["fe_discretisation", "surrogate", "monte_carlo"] {
         assert!((0.0..0.4).contains(&number(&budget[key])), "{key}: {budget}");
     }
-    // Around a sphere that sticks to an incompressible gel the strain is ¾ of displacement over radius; integration points lie up to a tenth beside it.
+    // Around a sphere bonded to an incompressible gel the strain is ¾ of displacement over radius. Integration points lie up to a tenth away from it.
     let farthest_radii = number(&document["large_displacement"]["farthest_radii"]);
     let strain = number(&document["largest_strain"]) / (0.75 * farthest_radii);
     assert!((0.9..1.02).contains(&strain), "{strain} of ¾ · {farthest_radii}");
@@ -152,10 +152,7 @@ fn the_replica_runs_without_any_file_and_gives_the_same_bytes_again() {
     assert_eq!(written, document);
 
     let again = run(&["--threads", "2"]).exits(0);
-    assert!(
-        again.stdout.contains("converged") && again.stderr.contains("taking the surrogate that is there"),
-        "{again}"
-    );
+    assert!(again.stdout.contains("converged") && again.stderr.contains("using the kept surrogate"), "{again}");
     let other = run(&["--out", "other", "--threads", "2", "--quiet"]).exits(0);
     assert_eq!(other.stderr, "");
     for (again, dir) in [(tree(&revision), "continued"), (tree(&place.path().join("other/m0")), "new")] {
@@ -209,7 +206,7 @@ fn without_held_out_cycles_nothing_is_claimed_about_prediction() {
     }
 }
 
-/// A drift of 2 µm/s in the held-out cycle, which the model lacks: results are written, marked, and the exit code is 1.
+/// The model lacks a drift of 2 µm/s in the held-out cycle: results are written and marked, and the exit code is 1.
 #[test]
 fn held_out_cycles_that_the_model_misses_end_in_exit_code_1() {
     let place = place();
@@ -224,7 +221,7 @@ fn held_out_cycles_that_the_model_misses_end_in_exit_code_1() {
     assert!(kinds.contains(&"heldout_outside_band") && kinds.contains(&"misfit_above_noise"), "{kinds:?}");
 }
 
-/// Too few steps: written, marked, exit code 1.
+/// Too few steps: results are written and marked, and the exit code is 1.
 #[test]
 fn draws_that_have_not_converged_end_in_exit_code_1() {
     let place = place();
@@ -282,12 +279,12 @@ fn the_same_model_is_continued_another_refused_and_replaced_by_force() {
     run(&["sample", "study", "--set", "viscosity_1_pa_s=1.4", "--force"]).exits(0);
     let model = std::fs::read_to_string(place.path().join("study/m0/model.toml")).unwrap();
     assert!(model.contains("viscosity_1_pa_s = 1.4"), "{model}");
-    // The model that stands there is taken without being named again.
+    // The existing model is used without being named again.
     let document = run(&["sample", "study", "--json", "-"]).exits(0).json();
     assert_eq!(document["parameters"].as_array().unwrap().len(), 3);
 }
 
-/// A prior file is part of a revision: kept with it, and not replaced silently when the file changes.
+/// A prior file is part of a revision. The revision keeps a copy and is not replaced silently when the file changes.
 #[test]
 #[ignore = "thorough"]
 fn a_prior_file_is_kept_and_compared_by_content() {
@@ -302,7 +299,7 @@ fn a_prior_file_is_kept_and_compared_by_content() {
     sample(&["--prior", "mine.toml"]).refuses(&["another model", "--force"]);
     let run = sample(&["--prior", "mine.toml", "--force"]).exits(1);
     assert!(run.stdout.contains("NOT TO BE TRUSTED"), "{run}");
-    // The study stands alone: without the file, from its own copy.
+    // The study works without the file, from its own copy.
     std::fs::remove_file(&prior).unwrap();
     vitreo(place.path(), &["fit", "study", "--quiet"]).exits(1);
     vitreo(place.path(), &["fit", "study/m0"]).refuses(&["study/m0", "--from"]);
@@ -322,7 +319,7 @@ fn json_goes_through_links_and_into_pipes_without_replacing_them() {
     assert!(!Path::new("/dev/null").metadata().unwrap().is_file());
 }
 
-/// The coarse imported mesh is wrong by a few per cent, which the fit's moduli absorb: exact theory tells, and the exit code is 1. A mesh is an
+/// The coarse imported mesh is wrong by a few per cent, and the fit's moduli absorb this. Exact theory reveals it, and the exit code is 1. A mesh is an
 /// input: another one does not replace the result silently.
 #[test]
 #[ignore = "thorough"]
@@ -335,7 +332,7 @@ fn an_imported_mesh_is_judged_and_is_an_input() {
         document["warnings"].as_array().unwrap().iter().map(|w| w["kind"].as_str().unwrap()).collect();
     assert!(kinds.contains(&"mesh_inaccurate"), "{kinds:?}");
     assert!(document["inputs_sha256"]["mesh"].is_string());
-    // −3.7 % in the moduli is −84 standard deviations; the summary gives the bias with its sign.
+    // −3.7 % in the moduli is −84 standard deviations. The summary gives the bias with its sign.
     let bias = document["parameters"][0]["discretisation_bias_sd"].as_f64().unwrap();
     assert!((-120.0..-50.0).contains(&bias), "{bias}");
     sample(&[]).refuses(&["another mesh", "--force"]);

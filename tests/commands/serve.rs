@@ -1,4 +1,4 @@
-//! Models over HTTP: what the protocol says, against closed forms that are written here and against the library by its own way.
+//! Models over HTTP: the protocol's answers against closed forms in this file and against the library.
 
 use crate::{http, program};
 
@@ -18,11 +18,11 @@ use vitreo_uq::posterior::problem::Problem;
 use vitreo_uq::posterior::study::ModelSpecification;
 use vitreo_uq::record::Experiment;
 
-/// A server, ended with the test.
+/// A server that ends with the test.
 pub struct Server {
     child: Child,
     pub address: SocketAddr,
-    /// Its words after the link.
+    /// Its output after the link.
     words: BufReader<ChildStdout>,
     place: tempfile::TempDir,
 }
@@ -35,7 +35,7 @@ impl Drop for Server {
 }
 
 impl Server {
-    /// In an empty directory, which `prepare` may fill; `arguments` come after `serve`.
+    /// Starts a server in an empty directory, which `prepare` may fill. `arguments` come after `serve`.
     pub fn start(prepare: impl FnOnce(&Path), arguments: &[&str]) -> Self {
         let place = tempfile::tempdir().unwrap();
         prepare(place.path());
@@ -55,7 +55,7 @@ impl Server {
         Self { child, address, words, place }
     }
 
-    /// Of the instrument's experiment, whose trajectory is a closed form.
+    /// Server of the instrument's experiment, whose trajectory is a closed form.
     fn of_instrument(arguments: &[&str]) -> Self {
         let prepare = |place: &Path| program::write_instrument_experiment(&place.join("gel"), true, 0.0);
         Self::start(prepare, &[&["gel"], arguments].concat())
@@ -76,7 +76,7 @@ impl Server {
         answer
     }
 
-    /// The one vector of outputs at a point.
+    /// The output vector at a point.
     #[track_caller]
     fn evaluate(&self, name: &str, point: &[f64], config: Value) -> Vec<f64> {
         let answer = self.answers("Evaluate", json!({ "name": name, "input": [point], "config": config }));
@@ -129,7 +129,7 @@ fn closed_form_um([young_pa, viscosity_1_pa_s, viscosity_2_pa_s]: [f64; 3]) -> V
 
 const POINT: [f64; 4] = [3.3, 1.5, 44.0, 0.7];
 
-/// Whether numbers differ by this part of the largest one at most.
+/// Asserts that numbers differ by at most this fraction of the largest one.
 fn close(own: &[f64], expected: &[f64], part: f64) {
     assert_eq!(own.len(), expected.len());
     let largest = expected.iter().fold(0.0_f64, |largest, x| largest.max(x.abs()));
@@ -156,7 +156,7 @@ fn the_trajectory_is_the_closed_form_and_its_derivatives_are_differences() {
     let position_um = server.evaluate("trajectory", &law, Value::Null);
     close(&position_um, &closed_form_um(law), 1e-11);
     assert_eq!(position_um, server.evaluate("trajectory", &law, json!({ "model": "reduced" })));
-    // Against differences of the closed form.
+    // Comparison with differences of the closed form.
     let direction = [0.3, -0.2, 5.0];
     let moved = |step: f64| closed_form_um(std::array::from_fn(|d| law[d] + step * direction[d]));
     let pairs = moved(1e-5).into_iter().zip(moved(-1e-5));
@@ -171,7 +171,7 @@ fn the_trajectory_is_the_closed_form_and_its_derivatives_are_differences() {
     assert!((left / right - 1.0).abs() < 1e-11, "{left} {right}");
 }
 
-/// ln(prior × likelihood) written out: normal errors around the closed form on the first cycle's rows, and the prior's densities over the parameters themselves.
+/// Compares with ln(prior × likelihood) written out: normal errors around the closed form on the first cycle's rows, and the prior's densities over the untransformed parameters.
 #[test]
 fn the_posterior_is_the_formula_and_its_gradient_a_difference() {
     let server = Server::of_instrument(&["--quiet"]);
@@ -182,7 +182,7 @@ fn the_posterior_is_the_formula_and_its_gradient_a_difference() {
     let expected = |point: [f64; 4]| {
         let [young, viscosity_1, viscosity_2, sd_um] = point;
         let predicted = closed_form_um([young, viscosity_1, viscosity_2]);
-        // The density of positions in m, as the documents give it.
+        // Density of positions in m, as in the documents.
         let normal = |(y, x): (&f64, &f64)| {
             -0.5 * ((y - x) / sd_um).powi(2) - (1e-6 * sd_um * (2.0 * std::f64::consts::PI).sqrt()).ln()
         };
@@ -208,7 +208,7 @@ fn the_posterior_is_the_formula_and_its_gradient_a_difference() {
     let along: f64 = gradient.iter().zip(direction).map(|(own, v)| 0.5 * own * v).sum();
     let own = server.apply_jacobian("posterior", &POINT, &direction)[0];
     assert!((own / along - 1.0).abs() < 1e-12, "{own} {along}");
-    // Many points in one request, one of them outside the support: each as if it were alone.
+    // Several points in one request, one of them outside the support: each has the value that it has alone.
     let points = [[3.3, 1.5, 44.0, 0.7], [3.3, 1.5, -44.0, 0.7], [2.0, 1.0, 70.0, 5.0]];
     let config = json!({ "points": 3 });
     let sizes = json!({ "name": "posterior", "config": config });
@@ -261,7 +261,7 @@ fn what_is_wrong_is_refused_by_the_protocols_objects() {
     server.refuses("Evaluate", config("trajectory", json!({ "model": "full" })), "InvalidInput", "no full model");
     server.refuses("InputSizes", config("posterior", json!({ "points": 0 })), "InvalidInput", "`points` is 0");
     server.refuses("InputSizes", config("posterior", json!({ "point": 2 })), "InvalidInput", "`points`");
-    // What is no request at all, and what another site's page sends.
+    // Malformed requests, and requests from another site's page.
     let patience = Duration::from_secs(10);
     let ask = |headers: &str, body: &[u8]| http::ask(server.address, "POST", "/Evaluate", headers, body, patience);
     assert_eq!(ask("", b"{").0, 400);
@@ -271,7 +271,7 @@ fn what_is_wrong_is_refused_by_the_protocols_objects() {
     assert_eq!(server.evaluate("trajectory", &law, Value::Null).len(), 200);
 }
 
-/// Requests of several clients at once, in an order of their own, are answered as one after another.
+/// Interleaved requests of several clients get the same answers as sequential ones.
 #[test]
 fn answers_do_not_depend_on_their_order() {
     let server = Server::of_instrument(&["--quiet", "--threads", "2"]);
@@ -295,8 +295,8 @@ fn answers_do_not_depend_on_their_order() {
     assert!(at_once.iter().all(|own| *own == one_by_one));
 }
 
-/// The replica by full finite elements and reduced, over HTTP: the latter has the bits that the library computes on its own, and the two differ by no more than the
-/// reduced model says of itself. The words give names and units. Takes ten seconds, most of them for meshing twice.
+/// The replica by full finite elements and the reduced model, over HTTP. The reduced positions equal the library's bit by bit, and differ from the full ones by at most the
+/// stated error. The output gives names and units. The test takes ten seconds, mostly for meshing twice.
 #[test]
 fn full_and_reduced_agree_within_what_the_reduced_model_states() {
     let mut server = Server::start(|_| {}, &[]);
@@ -320,7 +320,7 @@ fn full_and_reduced_agree_within_what_the_reduced_model_states() {
     assert_eq!(reduced_um, own_m.iter().map(|x| 1e6 * x).collect::<Vec<f64>>());
     let amplitude = full_um.iter().fold(0.0_f64, |a, x| a.max(x.abs()));
     let stated = prepared.max_relative_error.unwrap().max(1e-12);
-    // What is said of a model is measured at its start: a reduced model that is wrong is found out, whatever it says of itself.
+    // The stated error is measured at the start, so a wrong reduced model is detected in spite of its own statement.
     let check = prepared.check_now(&Silent).unwrap().unwrap();
     assert!(check.n_runs == 2 && check.relative_error <= stated && check_warning(&check).is_none(), "{check:?}");
     let compliance = Compliance::given(0.5 * prepared.compliance.given_per_m());
@@ -332,7 +332,7 @@ fn full_and_reduced_agree_within_what_the_reduced_model_states() {
         "{warning:?}"
     );
     assert!(reduced_um.iter().zip(&full_um).all(|(r, f)| (r - f).abs() <= stated * amplitude), "{stated}");
-    // Physics from elsewhere: the data were made by another mesh and integrator, with 4 µm of noise.
+    // Independent physics: the data come from another mesh and integrator, with 4 µm of noise.
     let squares: f64 = full_um.iter().zip(&observed_um).map(|(x, y)| (x - y).powi(2)).sum();
     let rmse_um = (squares / 800.0).sqrt();
     assert!((3.6..4.4).contains(&rmse_um), "{rmse_um}");
@@ -341,7 +341,7 @@ fn full_and_reduced_agree_within_what_the_reduced_model_states() {
     server.words.read_to_string(&mut words).unwrap();
     for part in ["porcine-replica: Lethersich", "young_modulus_pa", "Pa s", "noise_sd_um", "800 positions in um", "−∞"]
         .into_iter()
-        .chain(["2 points of the prior were run in full just now"])
+        .chain(["measured at 2 points of the prior"])
     {
         assert!(words.contains(part), "`{part}` is missing in {words}");
     }

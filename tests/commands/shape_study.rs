@@ -1,4 +1,4 @@
-//! `shapes` as a user meets it: the paper's claims, the second solver beside the first, sweeps and refusals.
+//! User tests of `shapes`: the paper's claims, the second solver beside the first, sweeps and refusals.
 
 use crate::closed_forms;
 use crate::program;
@@ -17,7 +17,7 @@ fn verdict<'a>(document: &'a Value, claim: &str) -> &'a str {
     claims.iter().find(|own| own["claim"] == claim).unwrap_or_else(|| panic!("{claim}"))["verdict"].as_str().unwrap()
 }
 
-/// Stiffness (m) of the ellipsoid of equal surface along the force by the closed form (physics §4.3, §4.8).
+/// Closed-form stiffness (m) of the ellipsoid of equal surface along the force (physics §4.3, §4.8).
 fn exact_m(document: &Value, poisson_ratio: f64) -> f64 {
     let horizontal = body(document, "ellipsoid", Some("horizontal"), "equal_surface");
     let half_m = |key: &str| 0.5e-3 * horizontal[key].as_f64().unwrap();
@@ -25,8 +25,8 @@ fn exact_m(document: &Value, poisson_ratio: f64) -> f64 {
     closed_forms::Spheroid { semi_major_m, semi_minor_m, outer_radius_m: 10e-3 }.stiffness_n_per_m(poisson_ratio, true)
 }
 
-/// The paper's study: every key of the contract, two solvers that agree, a closed form, and what holds. The axial ellipsoid of equal surface
-/// moves easier than the sphere at this Poisson ratio, whatever the paper says.
+/// The paper's study: every required key, two solvers that agree, a closed form, and the verdicts. At this Poisson ratio the axial ellipsoid of equal surface
+/// moves more easily than the sphere, contrary to the paper.
 #[test]
 #[ignore = "thorough"]
 fn the_papers_claims_are_judged() {
@@ -50,7 +50,7 @@ fn the_papers_claims_are_judged() {
     let horizontal = body(&document, "ellipsoid", Some("horizontal"), "equal_surface");
     let exact = exact_m(&document, 0.48);
     assert!((stiffness(horizontal) / exact - 1.0).abs() < 3e-5, "{horizontal} {exact}");
-    // Physics §4.10.
+    // Exact stiffness of physics §4.10.
     let sphere = body(&document, "sphere", None, "equal_volume");
     assert!((stiffness(sphere) / 1.820_902_396e-3 - 1.0).abs() < 1e-8);
     assert_eq!(verdict(&document, "at equal volume, the sphere moves easiest"), "holds");
@@ -79,8 +79,8 @@ fn the_papers_claims_are_judged() {
     assert!(longest.iter().all(|own| own["surrogate_relative_error"].as_f64().unwrap() < 1e-3), "{longest:?}");
 }
 
-/// Bodies along the force with strains of any size. Of the sphere another program found 27 µm at the end of the first pull, with laws that are 1 % apart from this posterior's. Blunt bodies deviate most, and what a mesh
-/// does not follow to the end says so.
+/// Bodies along the force with large strains. For the sphere an independent program found 27 µm at the end of the first pull, with laws 1 % away from this posterior's.
+/// Blunt bodies deviate most. Meshes that fail before the end are marked.
 fn assert_large_strains(document: &Value) {
     let large = &document["large_strains"];
     let all = large["bodies"].as_array().unwrap();
@@ -123,8 +123,8 @@ fn assert_large_strains(document: &Value) {
     }
 }
 
-/// Sweeps over Poisson ratios: the errors' bars at each, and the axial ellipsoid of equal surface against the closed form at every one. Which side of the
-/// sphere it is on depends on the Poisson ratio, and the words say so.
+/// Sweeps over Poisson ratios: the error bounds at each, and the axial ellipsoid of equal surface against the closed form at every one. Its order relative to the
+/// sphere depends on the Poisson ratio, and the output says so.
 #[test]
 #[ignore = "thorough"]
 fn sweeps_keep_to_the_bars_and_say_which_claims_they_change() {
@@ -141,9 +141,10 @@ fn assert_swept(poisson_ratios: &str, n_settings: usize) {
     let dir = tempfile::tempdir().unwrap();
     let arguments = ["shapes", "--poisson", poisson_ratios, "--force-un", "4.6,9.2", "--quiet", "--out", "study"];
     let run = vitreo(dir.path(), &arguments).exits(0);
-    for words in
-        ["0.48", "elsewhere, at equal surface, the sphere moves easiest: holds at aspect 9.714 and Poisson ratio 0.3"]
-    {
+    for words in [
+        "0.48",
+        "for other values, at equal surface, the sphere moves easiest: holds at aspect 9.714 and Poisson ratio 0.3",
+    ] {
         assert!(run.stdout.contains(words), "{words}\n{run}");
     }
     let text = std::fs::read_to_string(dir.path().join("study/shapes/shapes.json")).unwrap();
@@ -167,12 +168,12 @@ fn assert_swept(poisson_ratios: &str, n_settings: usize) {
         let expected = if nu == 0.3 { "holds" } else { "does not hold" };
         assert_eq!(verdict(setting, "at equal surface, the sphere moves easiest"), expected);
     }
-    // Twice the force, twice the way.
+    // Twice the force gives twice the displacement.
     let moved = |k: usize| number(&sweep[k]["bodies"][0]["displacement_5s_um"]["median"]);
     assert!((moved(1) / moved(0) - 2.0).abs() < 1e-12);
 }
 
-/// The user's own mesh beside the five bodies: of the sphere that the experiment has, so that everything about it is known.
+/// The user's own mesh beside the five bodies. It is a mesh of the experiment's sphere, so all its results are known.
 #[test]
 #[ignore = "thorough"]
 fn the_users_mesh_is_set_beside_the_bodies() {
@@ -205,7 +206,7 @@ fn what_makes_no_study_is_refused() {
     refuses(&["--aspect", "3,0.5"], &["--aspect", "0.5"]);
     refuses(&["--poisson", "0.48,0.5"], &["--poisson", "0.4999"]);
     refuses(&["--force-un", "-1"], &["--force-un"]);
-    // `--force` replaces, as everywhere; it was a force here once.
+    // `--force` means replacing; a force value after it gets a hint to `--force-un`.
     refuses(&["--force", "4.6,9.2"], &["--force", "--force-un 4.6,9.2"]);
     refuses(&["somewhere", "--force", "4.6"], &["--force-un 4.6"]);
     refuses(&["--force", "-1"], &["--force-un -1"]);

@@ -13,7 +13,7 @@ use vitreo_uq::elements::fe::meridional::{self, BodyOfRevolution, Direction, Res
 const TRUTH: [f64; 3] = [3.527, 1.402, 47.37];
 const POISSON_RATIO: f64 = 0.48;
 
-/// An experiment with three cycles of ±4.6 µN for 5 s each, whose position is `compliance_per_m` × ∫J dF and 4 µm of noise; `robot` is the table's shape
+/// An experiment with three cycles of ±4.6 µN for 5 s each. The position is `compliance_per_m` × ∫J dF plus 4 µm of noise; `robot` gives the table's shape
 /// and sizes.
 fn write_experiment(dir: &Path, robot: &str, compliance_per_m: f64) {
     std::fs::create_dir_all(dir).unwrap();
@@ -47,8 +47,8 @@ fn length_and_diameter(aspect: f64) -> (f64, String) {
     (diameter_mm, format!("length_mm = {}\ndiameter_mm = {diameter_mm}", aspect * diameter_mm))
 }
 
-/// Data by the closed form (physics §4.8), which knows no mesh: the truth comes back. Each of three numbers lies within 5.1 standard
-/// deviations but once in 10⁶ other data.
+/// Data from the mesh-free closed form (physics §4.8): the truth is recovered. Each of three numbers lies within 5.1 standard
+/// deviations, except once in 10⁶ data sets.
 #[test]
 #[ignore = "thorough"]
 fn an_ellipsoid_gives_the_truth_back() {
@@ -85,7 +85,7 @@ fn assert_ellipsoids(ways: &[(&str, bool)]) {
                 parameter["name"], parameter["mean"], parameter["sd"]
             );
             assert!(distance.abs() < 5.1, "{parameter}");
-            // The mesh's part is seen and small.
+            // The mesh's bias is reported and small.
             let of_mesh = number(&parameter["discretisation_bias_sd"]).abs();
             assert!(of_mesh > 0.0 && of_mesh < 1.0, "{parameter}");
         }
@@ -95,8 +95,8 @@ fn assert_ellipsoids(ways: &[(&str, bool)]) {
     }
 }
 
-/// The same of cylinders, whose stiffness comes from the second solver, high-order elements in the meridian; each number within 5.1 standard
-/// deviations, once in 10⁶.
+/// The truth is recovered for cylinders, whose stiffness comes from the second solver (high-order elements in the meridian). Each number lies within 5.1 standard
+/// deviations, except once in 10⁶.
 #[test]
 #[ignore = "thorough"]
 fn a_cylinder_gives_the_truth_back() {
@@ -131,7 +131,7 @@ fn assert_cylinders(ways: &[(&str, Direction)]) {
     }
 }
 
-/// `simulate --refine` has no exact value for these bodies: differences and an order are what it can say.
+/// `simulate --refine` has no exact value for these bodies and reports differences and an order.
 #[test]
 #[ignore = "thorough"]
 fn simulate_refines_other_shapes() {

@@ -1,4 +1,4 @@
-//! Completions and manual pages: every command is in them.
+//! Completions and manual pages contain every command.
 
 use crate::program;
 
@@ -36,7 +36,7 @@ fn every_command_is_completed_and_bash_reads_it() {
             assert!(script.contains(name.as_str()), "{name} is missing for {shell}");
         }
         if shell == "bash" {
-            // Every command leads to a case of its own.
+            // Every command has its own case.
             for name in &names {
                 assert!(script.contains(&format!("vitreo__uq,{name})\n")), "{name}");
             }
@@ -65,12 +65,12 @@ fn every_command_has_a_manual_page() {
         let text = page(&format!("vitreo-uq-{name}"));
         assert!(text.contains(".SH SYNOPSIS") && text.contains("vitreo\\-uq"), "{name}: {text}");
     }
-    // Commands within commands, and their options.
+    // Nested commands and their options.
     assert!(page("vitreo-uq-challenge-new").contains("seed"));
     assert!(page("vitreo-uq-serve").contains("port"));
-    // Again over what is there: the same bytes, and nothing else.
+    // Writing again over existing pages gives the same bytes and nothing else.
     vitreo(place.path(), &["man", "--out", "pages/man1", "--quiet"]).exits(0);
     assert_eq!(tree(&place.path().join("pages/man1")), pages);
     std::fs::write(place.path().join("file"), "x").unwrap();
-    vitreo(place.path(), &["man", "--out", "file"]).refuses(&["file", "give a directory"]);
+    vitreo(place.path(), &["man", "--out", "file"]).refuses(&["file", "give a writable directory"]);
 }

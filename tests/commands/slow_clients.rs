@@ -1,4 +1,4 @@
-//! Clients that send or read slowly, or not at all: however many there are, they keep nobody else waiting.
+//! Clients that send or read slowly, or not at all, do not delay other clients, however many there are.
 
 use std::io::{ErrorKind, Read, Write};
 use std::net::{SocketAddr, TcpStream};
@@ -10,14 +10,14 @@ use crate::serve::Server;
 use crate::workbench::Bench;
 use crate::{http, program};
 
-/// The bar is a second; the rest is for a test machine that is busy with other tests.
+/// Time limit: one second, plus a margin for a busy test machine.
 const SOON: Duration = Duration::from_secs(1 + 4);
 /// Time between two bytes of a slow client.
 const DRIP: Duration = Duration::from_millis(300);
-/// Requests that a good client makes, one after the other, while the crowd is there.
+/// Number of consecutive requests of a good client while the slow ones are connected.
 const N_GOOD: usize = 8;
 
-/// What one slow client sends at once, what it goes on with byte by byte, and how much it takes in.
+/// Behaviour of a slow client: bytes sent at once, the byte repeated afterwards, and the size of its receive buffer.
 struct Slow {
     first: Vec<u8>,
     then: u8,
@@ -35,7 +35,7 @@ fn slow_body(address: SocketAddr, path: &str) -> Slow {
     Slow { first: head.into_bytes(), then: b' ', receive_buffer: None }
 }
 
-/// Asks for more than the system keeps for who does not read.
+/// Requests more data than the system buffers for a client that does not read.
 fn never_reading(request: &str, n_requests: usize) -> Slow {
     Slow { first: request.repeat(n_requests).into_bytes(), then: b' ', receive_buffer: Some(4096) }
 }
@@ -56,12 +56,12 @@ fn connect(address: SocketAddr, slow: &Slow) -> TcpStream {
     stream
 }
 
-/// The longest that a good client waits, with a crowd of slow ones that come first and go on.
+/// Longest wait of a good client while slow ones, connected before it, go on.
 fn longest_wait(address: SocketAddr, crowd: &[Slow], good: &dyn Fn()) -> Duration {
     let is_over = &AtomicBool::new(false);
     let mut streams: Vec<(TcpStream, &Slow)> = crowd.iter().map(|slow| (connect(address, slow), slow)).collect();
     for (stream, slow) in &mut streams {
-        // A server that has closed the connection already is in its right.
+        // A server may already have closed the connection.
         let mut rest = &slow.first[..];
         while let Ok(n) = stream.write(rest) {
             rest = &rest[n..];
@@ -89,7 +89,7 @@ fn longest_wait(address: SocketAddr, crowd: &[Slow], good: &dyn Fn()) -> Duratio
     })
 }
 
-/// Ends the crowd, also where the good client fails.
+/// Ends the slow clients, also if the good client fails.
 struct EndsWithScope<'a>(&'a AtomicBool);
 
 impl Drop for EndsWithScope<'_> {
@@ -98,7 +98,7 @@ impl Drop for EndsWithScope<'_> {
     }
 }
 
-/// An instrument's experiment of many rows, whose trajectory is a large answer.
+/// An instrument's experiment with many rows, whose trajectory is a large answer.
 fn long_experiment(dir: &Path) {
     program::write_instrument_experiment(dir, true, 0.0);
     let csv: String = (0..20_000)
@@ -109,7 +109,7 @@ fn long_experiment(dir: &Path) {
     std::fs::write(dir.join("trajectory.csv"), "time_s,force_uN,position_um,cycle\n".to_string() + &csv).unwrap();
 }
 
-/// Five hundred at once, at either server; those of the workbench hold its link. The good client's bar is a second.
+/// Five hundred slow clients at once on either server; those of the workbench hold its link. The good client's limit is a second.
 #[test]
 fn five_hundred_slow_clients_keep_nobody_waiting() {
     let server = Server::start(|place| long_experiment(&place.join("gel")), &["gel", "--quiet"]);
@@ -163,7 +163,7 @@ fn five_hundred_slow_clients_keep_nobody_waiting() {
     println!("workbench: {longest:?}");
 }
 
-/// Each is cut off, and not only where others need its place: a request whose head or body does not come to its end, and an answer that nobody reads.
+/// The server ends every incomplete request and every unread answer, even without other clients waiting.
 #[test]
 #[ignore = "thorough"]
 fn slow_requests_and_unread_answers_end() {
@@ -176,7 +176,7 @@ fn slow_requests_and_unread_answers_end() {
     let mut streams: Vec<(TcpStream, &Slow)> = slow.iter().map(|slow| (connect(address, slow), slow)).collect();
     streams.iter_mut().for_each(|(stream, slow)| assert_eq!(stream.write(&slow.first).unwrap(), slow.first.len()));
     let began = Instant::now();
-    // A write to a connection that the server has closed fails, at the second time at the latest.
+    // A write to a closed connection fails, at the latest the second time.
     let is_open = |(stream, slow): &mut (TcpStream, &Slow)| {
         let written = stream.write(&[slow.then]);
         written.is_ok() || written.is_err_and(|error| error.kind() == ErrorKind::WouldBlock)

@@ -1,4 +1,4 @@
-//! `tasks` and `gather` as a user and an engine meet them, on small experiments: the same bytes as on one machine, whatever happens on the way.
+//! User and engine tests of `tasks` and `gather` on small experiments: the bytes equal those of one machine, even after failures.
 
 use crate::program;
 
@@ -50,7 +50,7 @@ fn says(run: &Run, words: &[&str]) {
     }
 }
 
-/// A shell's command line in `dir`, with the program as `$VITREO`.
+/// Runs a shell command line in `dir`, with the program as `$VITREO`.
 fn shell(dir: &Path, line: &str) -> Run {
     let output = Command::new("bash")
         .args(["-c", line])
@@ -65,7 +65,7 @@ fn shell(dir: &Path, line: &str) -> Run {
     }
 }
 
-/// What was gathered is what `groups` keeps on one machine, and `groups` says the same of it without sampling anything again.
+/// The gathered files equal those of `groups` on one machine, and `groups` uses them without sampling again.
 #[test]
 fn a_gathered_cohort_has_the_bytes_of_one_machine() {
     let dir = tempfile::tempdir().unwrap();
@@ -79,9 +79,9 @@ fn a_gathered_cohort_has_the_bytes_of_one_machine() {
     );
     twice.exits(0);
     let partial = vitreo(dir.path(), &["gather", "list", "--quiet"]).exits(1);
-    says(&partial, &["3 of 4 results are there", "Task 3 is missing", "not there"]);
+    says(&partial, &["3 of 4 results exist", "Task 3 has no result", "absent"]);
     let rest = vitreo(dir.path(), &["tasks", "run", "list", "--jobs", "2", "--quiet"]).exits(0);
-    says(&rest, &["1 task run; 3 tasks had their results"]);
+    says(&rest, &["1 task finished; 3 tasks had results before"]);
     let whole = vitreo(dir.path(), &["gather", "list", "--json", "-", "--quiet"]).exits(0).json();
     assert_eq!((&whole["schema"], &whole["kind"]), (&"vitreo-uq/gathered/1".into(), &"sample".into()));
     assert_eq!((&whole["results"], &whole["missing"]), (&4.into(), &serde_json::json!([])));
@@ -93,7 +93,7 @@ fn a_gathered_cohort_has_the_bytes_of_one_machine() {
     assert!(tree(&dir.path().join("one")) == tree(&dir.path().join("list/gathered")));
 }
 
-/// A result that is cut short, changed, another task's or another program's is named and never used; running the list again mends it.
+/// Truncated, changed and foreign results are named and never used. Running the list again replaces them.
 #[test]
 fn no_damaged_result_is_taken() {
     let dir = tempfile::tempdir().unwrap();
@@ -124,13 +124,13 @@ fn no_damaged_result_is_taken() {
     }
 }
 
-/// A worker that dies while it writes, and a disk that takes no more, are named after three attempts; nothing is left of the result, and the next run mends it.
+/// A worker that dies while it writes, and a full disk, are named after three attempts. No partial result remains, and the next run completes the list.
 #[cfg(unix)]
 #[test]
 fn dying_workers_and_full_disks_lose_nothing() {
     let dir = tempfile::tempdir().unwrap();
     make_list(dir.path());
-    // A file beyond the limit ends the process by a signal, and is an error where that signal is ignored.
+    // A file beyond the limit ends the process by a signal; if the signal is ignored, it is an error.
     for (limit, words) in [("ulimit -f 8", "its worker died (signal"), ("trap '' XFSZ; ulimit -f 8", "File too large")]
     {
         let line = format!("{limit}; \"$VITREO\" tasks run list --jobs 2 --quiet");
@@ -139,10 +139,10 @@ fn dying_workers_and_full_disks_lose_nothing() {
         assert!(results(dir.path()).iter().all(|file| !file.exists()), "{run}");
     }
     says(&vitreo(dir.path(), &["tasks", "run", "list", "--quiet"]).exits(0), &["4 tasks run"]);
-    says(&vitreo(dir.path(), &["gather", "list", "--quiet"]).exits(0), &["4 of 4 results are there"]);
+    says(&vitreo(dir.path(), &["gather", "list", "--quiet"]).exits(0), &["4 of 4 results exist"]);
 }
 
-/// What changed since the list was made is refused by name; a list that is made again uses the results of what did not.
+/// Inputs that changed since the list was made are refused by name. A new list reuses the results of unchanged inputs.
 #[test]
 fn changed_input_is_named_and_the_rest_is_kept() {
     let dir = tempfile::tempdir().unwrap();
@@ -151,12 +151,12 @@ fn changed_input_is_named_and_the_rest_is_kept() {
     write_instrument_experiment(&dir.path().join("cohort/eye-1"), true, 0.5);
     let run = vitreo(dir.path(), &["tasks", "run", "list", "--quiet"]).exits(1);
     says(&run, &["2 tasks run; 1 task had", "Task 1 failed", "eye-1", "have changed since the list was made"]);
-    vitreo(dir.path(), &["tasks", "sample", "cohort", "--out", "list"]).refuses(&["list of other tasks", "--force"]);
+    vitreo(dir.path(), &["tasks", "sample", "cohort", "--out", "list"]).refuses(&["list has other tasks", "--force"]);
     vitreo(dir.path(), &["tasks", "sample", "cohort", "--out", "list", "--force", "--quiet"]).exits(0);
     let run = vitreo(dir.path(), &["tasks", "run", "list", "--quiet"]).exits(0);
-    says(&run, &["1 task run; 3 tasks had their results"]);
+    says(&run, &["1 task finished; 3 tasks had results before"]);
     let same = vitreo(dir.path(), &["tasks", "sample", "cohort", "--out", "list", "--quiet"]).exits(0);
-    says(&same, &["was there already"]);
+    says(&same, &["exists already"]);
 }
 
 /// The scripts run the whole list when an engine calls every part, also from another directory and with a space in the path.
@@ -181,7 +181,7 @@ fn scripts_hand_over_every_task_once() {
         &format!("SLURM_ARRAY_TASK_ID=1 '{}'", dir.path().join("my list/submit-slurm.sh").display()),
     );
     says(&run.exits(0), &["1 task run"]);
-    // Stands in for HyperQueue: runs the command that follows `--` for every number of the array.
+    // Substitute for HyperQueue: runs the command that follows `--` for every number of the array.
     let engine = r#"#!/usr/bin/env bash
 [[ "$*" == *"--array 0-2 --cpus 2 --resource mem=700 --time-limit 90m"* ]] || exit 9
 while [[ $1 != -- ]]; do shift; done; shift
@@ -195,7 +195,7 @@ for id in 0 1 2; do HQ_TASK_ID=$id "$@" || exit; done
     vitreo(dir.path(), &["gather", "my list", "--quiet"]).exits(0);
 }
 
-/// Refusals say what to do.
+/// Refusals contain a remedy.
 #[test]
 fn what_is_no_list_is_refused() {
     let dir = tempfile::tempdir().unwrap();
@@ -223,7 +223,7 @@ fn what_is_no_list_is_refused() {
     refuses(&["gather", "list"], &["tasks.jsonl"]);
 }
 
-/// Challenges in blocks: as many tasks as there are blocks, by number, and the last one short.
+/// Challenges in blocks: one task per block, in order, the last one shorter.
 #[test]
 fn challenges_come_in_blocks() {
     let dir = tempfile::tempdir().unwrap();
@@ -237,8 +237,8 @@ fn challenges_come_in_blocks() {
     assert_eq!((of("first"), of("count")), (vec![10, 13, 16], vec![3, 3, 1]));
 }
 
-/// A calibration in a few blocks by two workers has, byte for byte, the gathered files of one task in one process; and its document says what its ranks are. Of 30 replicates a right program is called
-/// wrong in one of a hundred seeds at most; this one is fixed.
+/// A calibration in several blocks by two workers equals, byte for byte, that of one task in one process. The document judges its ranks. With 30 replicates a correct program is called
+/// wrong in at most one of a hundred seeds; this seed is fixed.
 #[test]
 fn a_calibration_is_the_same_in_any_blocks() {
     let dir = tempfile::tempdir().unwrap();
@@ -252,18 +252,15 @@ fn a_calibration_is_the_same_in_any_blocks() {
     vitreo(dir.path(), &["tasks", "run", "one", "--task", "0", "--threads", "1", "--quiet"]).exits(0);
     vitreo(dir.path(), &["tasks", "run", "many", "--task", "3", "--quiet"]).exits(0);
     let partial = vitreo(dir.path(), &["gather", "many", "--out", "part", "--quiet"]).exits(1);
-    says(&partial, &["1 of 5 results are there", "Nothing is said of the posteriors", "20 are needed"]);
+    says(&partial, &["1 of 5 results exist", "There is no verdict on the posteriors", "20 are needed"]);
     vitreo(dir.path(), &["tasks", "run", "many", "--jobs", "2", "--quiet"]).exits(0);
     let run = vitreo(dir.path(), &["gather", "many", "--quiet"]).exits(0);
-    says(
-        &run,
-        &["5 of 5 results are there", "hold the truths as often as they say", "log_density", "calibration.json"],
-    );
+    says(&run, &["5 of 5 results exist", "The posteriors are calibrated", "log_density", "calibration.json"]);
     vitreo(dir.path(), &["gather", "one", "--quiet"]).exits(0);
     let (one, many) = (tree(&dir.path().join("one/gathered")), tree(&dir.path().join("many/gathered")));
     let names: Vec<String> = one.keys().map(|path| path.display().to_string()).collect();
     assert_eq!(names, ["calibration.json", "figures/calibration.png", "figures/calibration.svg"]);
-    assert!(one == many, "blocks show in what is gathered");
+    assert!(one == many, "the gathered files depend on the blocks");
     let found: serde_json::Value = serde_json::from_slice(&one[Path::new("calibration.json")]).unwrap();
     assert_eq!((&found["schema"], &found["simulated_by"]), (&"vitreo-uq/calibration/1".into(), &"closed-form".into()));
     let (ranked, unranked) = (&found["ranked"], found["not_converged"].as_u64().unwrap());
@@ -279,7 +276,7 @@ fn a_calibration_is_the_same_in_any_blocks() {
     assert!(!id("other").contains(id("one").split('"').nth(5).unwrap()));
 }
 
-/// What cannot be calibrated is refused before anything is computed, and an experiment that changed is refused by its task.
+/// Impossible calibrations are refused before any computation, and a task refuses an experiment that has changed.
 #[test]
 fn calibrations_that_cannot_be_are_refused() {
     let dir = tempfile::tempdir().unwrap();

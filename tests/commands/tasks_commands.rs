@@ -1,4 +1,4 @@
-//! `tasks commands`: whatever a text asks for is run anywhere and gathered as if it had been run here.
+//! `tasks commands`: commands run anywhere, and the gathered files equal those of a local run.
 
 use crate::program;
 
@@ -26,7 +26,7 @@ fn says(run: &Run, words: &[&str]) {
     words.iter().for_each(|word| assert!(run.stdout.contains(word), "`{word}` is missing in {run}"));
 }
 
-/// Every file has the bytes that the command writes by itself, but for how long it took; exit codes are kept, and what changed is named.
+/// Every file equals that of a separate run, except for run times. Exit codes are kept, and changed inputs are named.
 #[test]
 fn gathered_commands_have_the_bytes_of_one_machine() {
     let dir = tempfile::tempdir().unwrap();
@@ -34,7 +34,7 @@ fn gathered_commands_have_the_bytes_of_one_machine() {
     let run = |arguments: &[&str]| vitreo(dir.path(), arguments);
     says(&run(&["tasks", "commands", "list.txt", "--out", "list"]).exits(0), &["A list of 3 tasks is in list"]);
     says(&run(&["tasks", "run", "list", "--jobs", "2", "--quiet"]).exits(0), &["3 tasks run"]);
-    says(&run(&["gather", "list", "--quiet"]).exits(0), &["3 of 3 results are there", "commands.csv"]);
+    says(&run(&["gather", "list", "--quiet"]).exits(0), &["3 of 3 results exist", "commands.csv"]);
     std::fs::create_dir(dir.path().join("direct")).unwrap();
     std::fs::create_dir_all(dir.path().join("direct/0")).unwrap();
     std::fs::create_dir_all(dir.path().join("direct/1")).unwrap();
@@ -53,11 +53,11 @@ fn gathered_commands_have_the_bytes_of_one_machine() {
     assert_eq!(rows[0], "folder,exit_code,command");
     assert!(rows[1].starts_with("0,0,fit 'gel a' --out ") && rows[2].starts_with("1,0,check gel-b"), "{table}");
     assert!(rows[3].starts_with(&format!("2,{},sample gel-b", sampled.code)), "{table}");
-    // One eye changes: its results are not those of the list, and the other's are used.
+    // One experiment changes: its results do not match the list, and those of the other are reused.
     write_instrument_experiment(&dir.path().join("gel-b"), true, 0.5);
-    run(&["tasks", "commands", "list.txt", "--out", "list"]).refuses(&["list of other tasks", "--force"]);
+    run(&["tasks", "commands", "list.txt", "--out", "list"]).refuses(&["list has other tasks", "--force"]);
     let old = run(&["tasks", "run", "list", "--task", "1", "--quiet"]).exits(0);
-    says(&old, &["The result of task 1 was there"]);
+    says(&old, &["Task 1 already has its result"]);
     std::fs::remove_dir_all(dir.path().join("list/results")).unwrap();
     std::fs::create_dir(dir.path().join("list/results")).unwrap();
     let run_again = run(&["tasks", "run", "list", "--quiet"]).exits(1);
@@ -66,7 +66,7 @@ fn gathered_commands_have_the_bytes_of_one_machine() {
     says(&run(&["tasks", "run", "list", "--quiet"]).exits(0), &["2 tasks run; 1 task had"]);
 }
 
-/// What is no command is refused with its line before anything runs; what fails later is named with its own words.
+/// Invalid commands are refused with their line before anything runs. Later failures are reported with the command's own message.
 #[test]
 fn broken_commands_are_named() {
     let dir = tempfile::tempdir().unwrap();
@@ -78,7 +78,7 @@ fn broken_commands_are_named() {
         ("fit gel-b --cains 3 --out {out}", "--cains"),
         ("fti gel-b --out {out}", "fti"),
         ("serve {out} --quiet", "does not end by itself"),
-        ("gather gel-b --out {out}", "a list of lists"),
+        ("gather gel-b --out {out}", "a list cannot contain lists"),
         ("fit gel-b --out study", "{out}"),
     ] {
         list(&format!("check gel-b --json {{out}}/a.json\n\n{line}\n")).refuses(&["list.txt, line 3", words]);
@@ -89,7 +89,7 @@ fn broken_commands_are_named() {
     let run = vitreo(dir.path(), &["tasks", "run", "list", "--quiet"]).exits(1);
     says(&run, &["1 task run", "Task 0 failed", "fit gel-c", "gel-c"]);
     let gathered = vitreo(dir.path(), &["gather", "list", "--quiet"]).exits(1);
-    says(&gathered, &["1 of 2 results are there", "Task 0 is missing"]);
+    says(&gathered, &["1 of 2 results exist", "Task 0 has no result"]);
     let table = std::fs::read_to_string(dir.path().join("list/gathered/commands.csv")).unwrap();
     assert!(table.contains("\n0,,fit gel-c") && table.contains("\n1,0,check gel-b"), "{table}");
 }
@@ -105,7 +105,7 @@ fn no_command_outlives_its_list() {
     let program = env!("CARGO_BIN_EXE_vitreo-uq");
     let mut child = Command::new(program).args(["tasks", "run", "list", "--quiet"]).current_dir(&dir).spawn().unwrap();
     let place = std::fs::canonicalize(dir.path()).unwrap();
-    // Processes whose working directory is this test's, which the workers' and their commands' is.
+    // Processes whose working directory is this test's, such as the workers and their commands.
     let running = || {
         let all = std::fs::read_dir("/proc").unwrap().filter_map(|entry| Some(entry.ok()?.path()));
         let is_here = |path: &std::path::PathBuf| std::fs::read_link(path.join("cwd")).is_ok_and(|cwd| cwd == place);

@@ -1,4 +1,4 @@
-//! `tasks models`: models trained elsewhere serve as those trained here.
+//! `tasks models`: models trained elsewhere replace those trained here.
 
 use crate::program;
 
@@ -18,8 +18,8 @@ fn models(cache: &Path) -> Vec<String> {
     tree(cache).keys().map(|path| path.display().to_string()).collect()
 }
 
-/// Two eyes with one apparatus and one protocol need a surrogate and a compliance between them. Trained where nothing is kept, gathered into an empty cache, they are the files that `sample` and
-/// `tasks sample` would have kept themselves; both find them, keep nothing new, and write the same bytes. Takes some twenty seconds: finite elements are solved five times.
+/// Two eyes with one apparatus and one protocol share a surrogate and a compliance. Trained without a cache and gathered into an empty one, the files equal those of `sample` and
+/// `tasks sample`. Both commands find them, add nothing, and write the same bytes. The test takes about twenty seconds: finite elements are solved five times.
 #[test]
 fn gathered_models_serve_as_trained_ones() {
     let dir = tempfile::tempdir().unwrap();
@@ -31,8 +31,14 @@ fn gathered_models_serve_as_trained_ones() {
     says(&run("", &list).exits(0), &["A list of 2 tasks is in list"]);
     says(&run("", &["tasks", "run", "list", "--jobs", "2", "--quiet"]).exits(0), &["2 tasks run"]);
     run("", &["gather", "list", "--quiet"]).refuses(&["VITREO_UQ_CACHE", "no models are kept here"]);
-    says(&run("other", &["gather", "list", "--quiet"]).exits(0), &["2 models were put into other; 0 were there"]);
-    says(&run("other", &["gather", "list", "--quiet"]).exits(0), &["0 models were put into other; 2 were there"]);
+    says(
+        &run("other", &["gather", "list", "--quiet"]).exits(0),
+        &["2 models were added to other; 0 were already there"],
+    );
+    says(
+        &run("other", &["gather", "list", "--quiet"]).exits(0),
+        &["0 models were added to other; 2 were already there"],
+    );
     let gathered = models(&dir.path().join("other"));
     assert_eq!(gathered.len(), 2, "{gathered:?}");
     let of_study = |cache: &str| {
@@ -43,7 +49,7 @@ fn gathered_models_serve_as_trained_ones() {
             .exits(0);
         run(cache, &["tasks", "run", &format!("{out}-list"), "--task", "0", "--quiet"]).exits(0);
         let mut files = tree(&dir.path().join(&out));
-        // How long it took is not what was found.
+        // Run times are not results.
         files.retain(|path, _| !path.ends_with("timing.json"));
         (found.code, files, tree(&dir.path().join(format!("{out}-list/results"))))
     };
@@ -57,7 +63,7 @@ fn gathered_models_serve_as_trained_ones() {
     assert!(with.2 == without.2 && !with.2.is_empty());
 }
 
-/// Effects bring their fields, once for all eyes; another protocol brings another surrogate; and a model is not taken from a damaged result.
+/// Effects add their fields, once for all eyes, and another protocol adds another surrogate. A damaged result is not used.
 #[test]
 fn models_are_listed_by_content() {
     let dir = tempfile::tempdir().unwrap();
@@ -87,9 +93,9 @@ fn models_are_listed_by_content() {
     let bytes = std::fs::read(&file).unwrap();
     std::fs::write(&file, &bytes[..bytes.len() - 1]).unwrap();
     let gathered = vitreo_with_cache(dir.path(), "cache", &["gather", "laws", "--quiet"]).exits(1);
-    says(&gathered, &["0 of 3 results are there", "0 models were put into cache"]);
+    says(&gathered, &["0 of 3 results exist", "0 models were added to cache"]);
     assert!(models(&dir.path().join("cache")).is_empty());
-    // The apparatus is another than when the list was made.
+    // The apparatus has changed since the list was made.
     std::fs::write(&toml, text.replace("diameter_mm = 0.55", "diameter_mm = 0.6")).unwrap();
     let run = run(&["tasks", "run", "laws", "--task", "2", "--quiet"]);
     assert!(run.code == 2 && run.stderr.contains("have changed since the list was made"), "{run}");

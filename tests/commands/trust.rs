@@ -1,4 +1,4 @@
-//! How far results are to be trusted, as every command says it first.
+//! Trust in results: every command states it first.
 
 use crate::program;
 
@@ -26,12 +26,12 @@ fn positions_um(force_un: &[f64]) -> Vec<f64> {
 /// A row: time (s), force (µN), position (µm) and cycle.
 type Row = (f64, f64, f64, usize);
 
-/// An experiment on an instrument with 0.5 µm of noise that is added here, given or not; the last cycle is held out.
+/// An experiment on an instrument with 0.5 µm of added noise, stated or not. The last cycle is held out.
 fn write(dir: &Path, rows: &[Row], is_noise_given: bool) {
     write_with_noise(dir, rows, is_noise_given.then_some(0.5), 0.5, &mut normals());
 }
 
-/// The same with noise of another size (µm).
+/// An experiment with noise of another size (µm).
 fn write_with_noise(dir: &Path, rows: &[Row], given_um: Option<f64>, noise_um: f64, normal: &mut impl FnMut() -> f64) {
     std::fs::create_dir_all(dir).unwrap();
     let last = rows.last().unwrap().3;
@@ -48,7 +48,7 @@ fn write_with_noise(dir: &Path, rows: &[Row], given_um: Option<f64>, noise_um: f
     std::fs::write(dir.join("trajectory.csv"), csv).unwrap();
 }
 
-/// Cycles of ±1 µN, as many as `kept` names of those that were made; they are numbered anew.
+/// Cycles of ±1 µN: those of the made ones that `kept` lists, renumbered.
 fn cycles(kept: &[usize], stiffer: f64) -> Vec<Row> {
     let n_made = kept.iter().max().unwrap() + 1;
     let force_un: Vec<f64> = (0..n_made * ROWS_OF_CYCLE)
@@ -71,8 +71,8 @@ fn kinds(document: &Value) -> Vec<&str> {
     document["warnings"].as_array().unwrap().iter().map(|own| own["kind"].as_str().unwrap()).collect()
 }
 
-/// A cycle that was not recorded, and one in which the gel is 20 % stiffer: `fit` judges the held-out cycle as `sample` does, with noise that is given and with noise
-/// that is estimated. A record without a fault is trusted by both.
+/// A missing cycle, and a cycle with a 20 % stiffer gel: `fit` judges the held-out cycle as `sample` does, with stated and with
+/// estimated noise. Both trust a record without a fault.
 #[test]
 fn fit_judges_held_out_cycles_like_sample() {
     let dir = tempfile::tempdir().unwrap();
@@ -102,8 +102,8 @@ fn fit_judges_held_out_cycles_like_sample() {
     assert!(words.contains("What to do: the model is not enough"), "{words}");
 }
 
-/// Rows at logarithmic times, where neighbours say little of the noise: a power law under the program's law is not trusted, whether or not its noise can be
-/// estimated. The program's own law is not distrusted.
+/// Rows at logarithmic times, whose neighbours reveal little of the noise: a power law fitted by the program's law is not trusted, with or without an estimate of the noise.
+/// The program's own law stays trusted.
 #[test]
 fn a_wrong_law_at_logarithmic_times_is_not_trusted() {
     let dir = tempfile::tempdir().unwrap();
@@ -112,7 +112,7 @@ fn a_wrong_law_at_logarithmic_times_is_not_trusted() {
     let of_power_law = |t: f64| 100.0 * t.powf(0.35);
     for (name, position_um, code) in [("own", &of_own_law as &dyn Fn(f64) -> f64, 0), ("power", &of_power_law, 1)] {
         let first: Vec<Row> = times_s.iter().map(|t| (*t, 1.0, position_um(*t), 1)).collect();
-        // Held out: the same again after an interval of the same length, from a rest that has no end.
+        // The held-out part repeats the fitted one after an interval of the same length, after a long rest.
         write(&dir.path().join(name), &first, false);
         let toml = dir.path().join(name).join("experiment.toml");
         let text = std::fs::read_to_string(&toml).unwrap();
@@ -130,7 +130,7 @@ fn a_wrong_law_at_logarithmic_times_is_not_trusted() {
     }
 }
 
-/// The replica strains its gel by more than 1 %: its parameters are effective values, and that is said first, with the reason.
+/// The replica strains its gel by more than 1 %. Its parameters are effective values, and the output says so first, with the reason.
 #[test]
 fn a_large_strain_makes_parameters_effective() {
     let dir = tempfile::tempdir().unwrap();
@@ -145,7 +145,7 @@ fn a_large_strain_makes_parameters_effective() {
             .unwrap();
     assert_eq!(level(&document), "effective");
     assert!(document["trust"]["reason"].as_str().unwrap().contains("largest strain"));
-    // Without finite elements no strain is known, and nothing else stands against the parameters.
+    // Without finite elements no strain is known, so the parameters stay trusted.
     write_instrument_experiment(&dir.path().join("gel"), true, 0.0);
     let run = vitreo(dir.path(), &["sample", "gel", "--out", "study"]).exits(0);
     assert!(run.stdout.lines().nth(1).unwrap().starts_with("Parameters can be trusted: "), "{run}");
@@ -156,7 +156,7 @@ fn a_large_strain_makes_parameters_effective() {
     );
 }
 
-/// A diagnosis of `clock-offset` with these rivals, as `diagnose` writes it.
+/// A diagnosis of `clock-offset` with these rivals, in the format of `diagnose`.
 fn put_diagnosis(study: &Path, rivals: &[&str]) {
     let posterior: Value = serde_json::from_slice(&std::fs::read(study.join("m0/posterior.json")).unwrap()).unwrap();
     let candidate = |effect: &str, status: &str, name: &str, mean: f64| {
@@ -174,8 +174,8 @@ fn put_diagnosis(study: &Path, rivals: &[&str]) {
     std::fs::write(study.join("m0/diagnosis.json"), serde_json::to_vec(&diagnosis).unwrap()).unwrap();
 }
 
-/// What a diagnosis cannot tell apart stays beside the name: in the document, the words, the ladder and the page of every later revision, with both tables, until a
-/// later diagnosis separates it. What no diagnosis claimed was not tested against rivals.
+/// Equivalent effects stay beside the name in every later revision: in the document, the output, the ladder and the page, with both tables. A later diagnosis that separates them
+/// ends this. Effects that no diagnosis claimed count as untested.
 #[test]
 fn equivalent_effects_stay_beside_the_name() {
     let dir = tempfile::tempdir().unwrap();
@@ -194,7 +194,7 @@ fn equivalent_effects_stay_beside_the_name() {
     let own = &read("m1/extension.json")["equivalents"][0];
     assert_eq!((&own["rivals"], &own["diagnosis_of"]), (&json!(["actuator-lag"]), &json!("m0")));
     assert_eq!(own["refits"][1]["parameters"][0]["name"], "actuator-lag.time_s");
-    // One more effect that nobody asked for: the first class stands, and the second has no test.
+    // One more, untested effect is added: the first class stays, and the second has no test.
     let run = vitreo(dir.path(), &["extend", "study", "--with", "tracking-drift"]);
     assert!(run.code < 2, "{run}");
     for words in ["+ clock-offset (or: actuator-lag) + tracking-drift", "The rivals of tracking-drift were not tested"]
@@ -218,7 +218,7 @@ fn equivalent_effects_stay_beside_the_name() {
     assert_eq!(ladder["revisions"][1]["equivalents"][0]["rivals"], json!([]));
 }
 
-/// Four records of a bias of the force beside a wave of 2 µm that no effect makes, at a known noise of 0.1 µm. The bias gains in all of them and leaves most: it is named as what helps, and the law is called
+/// Four records of a force bias with a wave of 2 µm outside the library, at a known noise of 0.1 µm. The bias gains in all of them but leaves most of the misfit: it is named as helpful, and the law is called
 /// wrong. Without the wave it is missing.
 #[test]
 fn a_claim_of_a_cohort_that_leaves_most_is_unexplained() {
@@ -249,7 +249,7 @@ fn a_claim_of_a_cohort_that_leaves_most_is_unexplained() {
         let verdict = &document["verdict"];
         assert_eq!(verdict["kind"], kind, "{verdict}");
         assert_eq!(verdict["effects"].as_array().unwrap().len(), 1, "{verdict}");
-        let says = verdict["sentence"].as_str().unwrap().contains("times what noise and parameters allow");
+        let says = verdict["sentence"].as_str().unwrap().contains("times the error that noise and parameters allow");
         assert_eq!(says, wave_um > 0.0, "{verdict}");
     }
 }

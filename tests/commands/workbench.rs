@@ -1,4 +1,4 @@
-//! The workbench's server: who may ask, what is never read or written, and that nothing a client sends brings it down. The page itself is tested in a browser (tests/browser).
+//! Server of the workbench: access, protected files, and resistance to any client input. Browser tests cover the page itself (tests/browser).
 
 use std::io::{BufRead, BufReader};
 use std::net::SocketAddr;
@@ -14,7 +14,7 @@ use serde_json::{Value, json};
 
 use crate::program::write_instrument_experiment;
 
-/// A workbench in a folder of its own, ended with the test.
+/// A workbench in its own folder that ends with the test.
 pub struct Bench {
     child: Child,
     pub address: SocketAddr,
@@ -37,7 +37,7 @@ impl Bench {
         Self::start_in(outside)
     }
 
-    /// In the folder `home` of a directory, which has a secret beside it.
+    /// Starts in the folder `home` of a directory that has a secret beside it.
     fn start_in(outside: tempfile::TempDir) -> Self {
         let home = outside.path().join("home");
         std::fs::write(outside.path().join("secret.json"), "{\"secret\": 1}").unwrap();
@@ -45,7 +45,7 @@ impl Bench {
         Self { child, address, token, _outside: outside, home }
     }
 
-    /// Another workbench of the same folder, after this one has ended.
+    /// Starts another workbench of the same folder after this one has ended.
     fn restart(&mut self) {
         (self.child, self.address, self.token) = Self::begin(&self.home);
     }
@@ -68,7 +68,7 @@ impl Bench {
         http::send(self.address, bytes, patience)
     }
 
-    /// Status and body of a request with headers of the page's own, or others.
+    /// Status and body of a request with the given headers.
     fn ask(&self, method: &str, path: &str, headers: &str, body: &[u8]) -> (u16, String) {
         http::ask(self.address, method, path, headers, body, Duration::from_secs(5))
     }
@@ -85,13 +85,13 @@ impl Bench {
         (status, serde_json::from_str(&body).unwrap_or_else(|_| panic!("{status} {body}")))
     }
 
-    /// The job as it is kept on disk; `None` before the first.
+    /// The job as stored on disk; `None` before the first.
     fn job(&self) -> Option<Value> {
         let bytes = std::fs::read(self.home.join(".vitreo-uq-workbench/job.json")).ok()?;
         serde_json::from_slice(&bytes).ok()
     }
 
-    /// Does what the page asks for, to its end.
+    /// Runs a requested job to its end.
     #[track_caller]
     fn does(&self, wish: &Value) {
         let (status, answer) = self.post("api/job", wish);
@@ -138,7 +138,7 @@ fn only_the_page_of_this_link_is_answered() {
     for path in ["/", "/api/items", "/0123456789abcdef0123456789abcdef/", &own[..own.len() - 2]] {
         assert_eq!(bench.ask("GET", path, "", b"").0, 404, "{path}");
     }
-    // A name of another site that leads here, and a script of another site.
+    // A host name of another site that leads here, and a script of another site.
     for headers in [
         "Host: evil.example\r\n".to_string(),
         format!("Host: evil.example:{}\r\n", bench.address.port()),
@@ -168,7 +168,7 @@ fn nothing_outside_is_read_or_written() {
             assert!(status >= 400 && !body.contains("secret\": 1"), "{item} {path}: {status} {body}");
         }
     }
-    // Whatever its name, a table is kept in the workbench's own folder, under a plain name.
+    // A table is stored in the workbench's own folder under a plain name, for any original name.
     for name in
         ["../x.csv", "..%2fx.csv", "%2e%2e%2fx.csv", ".hidden.csv", "a%00b.csv", "", "x%5cy.csv", &"x".repeat(300)]
     {
@@ -246,7 +246,7 @@ fn a_signal_to_the_workbench_ends_its_job() {
     let sent = Command::new("kill").args(["-TERM", &bench.child.id().to_string()]).status().unwrap();
     assert!(sent.success());
     assert_eq!(bench.child.wait().unwrap().code(), Some(143));
-    // A process that nobody has waited for is there without a command line.
+    // A process that nobody has waited for is listed without a command line.
     let is_gone = || std::fs::read(&name).map_or(true, |line| line.is_empty());
     let began = Instant::now();
     while !is_gone() {
@@ -259,7 +259,7 @@ fn a_signal_to_the_workbench_ends_its_job() {
     assert!(!left.iter().any(|path| path.to_string_lossy().contains(".partial-")), "{left:?}");
 }
 
-/// 10,000 requests that are nearly right: parts of good ones changed, cut and put together at random (seed 8421).
+/// 10,000 requests that are nearly valid: parts of valid ones, randomly changed, cut and combined (seed 8421).
 #[test]
 fn no_request_brings_it_down() {
     let bench = Bench::start();
@@ -304,7 +304,7 @@ fn no_request_brings_it_down() {
         let method = ["GET", "POST", "DELETE", "PUT", "HEAD", "OPTIONS", "X"][random.random_range(0..7)];
         let path = paths[random.random_range(0..paths.len())];
         let body = text(random);
-        // One in 200 promises more than it sends.
+        // One in 200 announces more bytes than it sends.
         let length =
             if random.random_range(0..200) == 0 { body.len() + 7 } else { random.random_range(0..=body.len()) };
         let kind = if random.random_range(0..2) == 0 { "Content-Type: application/json\r\n" } else { "" };
@@ -333,12 +333,12 @@ fn no_request_brings_it_down() {
     assert_eq!(files(bench.home.parent().unwrap()), before);
 }
 
-/// A name as it stands in a query.
+/// A name in the form of a query.
 fn in_query(name: &str) -> String {
     name.bytes().map(|byte| format!("%{byte:02x}")).collect()
 }
 
-/// Tables whose names are options or paths, from the drop to the second revision: the results are the table's, and nothing else is written.
+/// Tables whose names are options or paths, from the upload to the second revision: the results are the table's, and nothing else is written.
 #[test]
 #[ignore = "thorough"]
 fn hostile_names_go_all_the_way() {
@@ -370,7 +370,7 @@ fn hostile_names_go_all_the_way() {
     std::fs::create_dir(bench.home.join("--json=pwned.json")).unwrap();
     items.push("--json=pwned.json".into());
     for item in &items {
-        // The same table of an instrument, whose models are cheap.
+        // The table on an instrument, whose models are cheap.
         let id = format!("id = \"{}\"", item.replace("json=", "of-"));
         std::fs::write(
             bench.home.join(item).join("experiment.toml"),
@@ -405,7 +405,7 @@ fn hostile_names_go_all_the_way() {
     );
 }
 
-/// A folder that was received names any process as its job's, and has links where the workbench keeps its own: neither is a process ended nor a file written outside.
+/// A received folder names a foreign process as its job and has links in place of the workbench's files. No process is ended, and no file is written outside.
 #[cfg(target_os = "linux")]
 #[test]
 fn a_received_folder_ends_no_process_and_writes_no_file_elsewhere() {
@@ -413,7 +413,7 @@ fn a_received_folder_ends_no_process_and_writes_no_file_elsewhere() {
     let (home, own) = (outside.path().join("home"), outside.path().join("home/.vitreo-uq-workbench"));
     std::fs::create_dir_all(&own).unwrap();
     write_instrument_experiment(&home.join("gel"), true, 0.0);
-    // Another's process with this program's name in its command line.
+    // A foreign process with this program's name in its command line.
     let foreign = outside.path().join("vitreo-uq-of-somebody");
     std::fs::copy("/bin/sleep", &foreign).unwrap();
     let mut foreign = Command::new(foreign).arg("60").spawn().unwrap();
@@ -436,7 +436,7 @@ fn a_received_folder_ends_no_process_and_writes_no_file_elsewhere() {
         std::thread::sleep(Duration::from_millis(10));
     }
     assert_eq!(bench.ask("DELETE", &format!("/{}/api/job", bench.token), "", b"").0, 200);
-    // Its own job is ended, although it is not of the terminal's group.
+    // Its own job is ended, although it is not in the terminal's process group.
     let (status, answer) = bench.post("api/job", &json!({"item": "gel", "kind": "sample"}));
     assert_eq!(status, 200, "{answer}");
     let running = || bench.job().filter(|job| job["process"]["number"].as_u64().is_some_and(|number| number > 0));
@@ -458,14 +458,14 @@ fn a_received_folder_ends_no_process_and_writes_no_file_elsewhere() {
     foreign.wait().unwrap();
 }
 
-/// Ctrl-C ends the workbench and its job; a workbench that is killed leaves its job to the next one, which finds and stops it.
+/// Ctrl-C ends the workbench and its job. A killed workbench leaves its job to the next one, which finds and stops it.
 #[cfg(target_os = "linux")]
 #[test]
 fn a_job_ends_with_ctrl_c_and_is_found_after_a_kill() {
     let outside = tempfile::tempdir().unwrap();
     let gel = outside.path().join("home/gel");
     write_instrument_experiment(&gel, true, 0.0);
-    // A long record, whose diagnosis takes minutes where nobody stops it.
+    // A long record, whose diagnosis takes minutes unless it is stopped.
     let (n_rows, step_s, mut retarded_un, mut impulse_un_s) = (100_000_u32, 0.04, 0.0, 0.0);
     let (decay, mut noise) = (f64::exp(-step_s * 3.5 / 1.4), crate::program::normals());
     let mut csv = "time_s,force_uN,position_um,cycle\n".to_string();
@@ -481,7 +481,7 @@ fn a_job_ends_with_ctrl_c_and_is_found_after_a_kill() {
     let home = outside.path().join("home");
     crate::program::vitreo(&home, &["sample", "gel", "--no-report", "--quiet"]).exits(0);
     let mut bench = Bench::start_in(outside);
-    // The process of a new job, which is not that of the job before.
+    // Process of a new job, which differs from that of the job before.
     let process = |bench: &Bench, before: u64| {
         let began = Instant::now();
         let mut answer = bench.post("api/job", &json!({"item": "gel", "kind": "diagnose"}));

@@ -1,12 +1,12 @@
-//! Records that contradict their description in one way each, and records that do not: made by a simulator that shares nothing with the models.
+//! Records that contradict their description in one way each, and records that do not. The simulator shares nothing with the models.
 //!
-//! A bead in a gel is a retarded spring and a dashpot, stepped exactly between switches that may lie anywhere; tracker, clock and laboratory are then done to it.
+//! A bead in a gel is a delayed spring and a dashpot, stepped exactly between switches at arbitrary times. Then the faults of tracker, clock and laboratory are applied.
 
 use rand::{Rng, RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use vitreo_uq::record::{Experiment, ExperimentFiles};
 
-/// What can be wrong, by the name that `check` has for it.
+/// Kinds of faults, by the names that `check` uses.
 pub const KINDS: [&str; 13] = [
     "force_between_rows",
     "against_force",
@@ -23,24 +23,24 @@ pub const KINDS: [&str; 13] = [
     "zero_is_a_row",
 ];
 
-/// Effects that a record may have without contradicting its description.
+/// Number of effects that a record may have without contradicting its description.
 const HIDDEN: usize = 12;
 
-/// What a load may do beside its log, and a gel beside its law.
+/// Deviations of a load from its log, and of a gel from its law.
 #[derive(Default)]
 struct Beside {
-    /// Time in s by which a force acts before its row, and with which it lags.
+    /// Time in s by which a force acts before its row, and its lag.
     early_s: f64,
     lag_s: f64,
-    /// Displacement at once per force, in µm/µN.
+    /// Instantaneous displacement per force, in µm/µN.
     jump: f64,
-    /// Share by which forces backwards are smaller, and a force in µN that is always there.
+    /// Fraction by which backward forces are smaller, and a constant force in µN.
     asymmetry: f64,
     bias_un: f64,
 }
 
 struct Bead {
-    /// Displacement per force of the retarded part in µm/µN, its time in s, and the flow in µm/(µN s).
+    /// Displacement per force of the delayed part in µm/µN, its time in s, and the flow in µm/(µN s).
     retarded: f64,
     time_s: f64,
     flow: f64,
@@ -64,9 +64,9 @@ struct Row {
     position_um: Option<f64>,
 }
 
-/// A drive: force in µN at any time, and when it switches.
+/// A drive: force in µN at any time, with its switching times.
 enum Drive {
-    /// Pulls of one length, each way in turn, after a rest.
+    /// Pulls of one length in alternating directions, after a rest.
     Square { size_un: f64, half_s: f64, rest_s: f64 },
     /// A sampled curve.
     Sine { size_un: f64, period_s: f64 },
@@ -87,7 +87,7 @@ impl Drive {
     }
 }
 
-/// Standard normal, by Box and Muller.
+/// Standard normal number by the Box–Muller method.
 fn normal(rng: &mut impl Rng) -> f64 {
     let (u, v): (f64, f64) = (rng.random(), rng.random());
     (-2.0 * (1.0 - u).ln()).sqrt() * (std::f64::consts::TAU * v).cos()
@@ -114,10 +114,10 @@ fn motion(bead: &Bead, drive: &Drive, times: &[f64], beside: &Beside) -> Vec<f64
     positions
 }
 
-/// A record; `wrong` is what is wrong with it, if anything. The same seed gives the same record.
+/// A record with the fault `wrong`, if any. The same seed gives the same record.
 ///
 /// # Panics
-/// Where the library refuses to read what was written.
+/// If the library refuses the written files.
 pub fn record(wrong: Option<&str>, seed: u64) -> (Experiment, ExperimentFiles) {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     let rng = &mut rng;
@@ -147,7 +147,7 @@ pub fn record(wrong: Option<&str>, seed: u64) -> (Experiment, ExperimentFiles) {
         0 => beside.lag_s = between(rng, 0.5, 2.0) * interval_s,
         8 => beside.jump = bead.retarded * between(rng, 0.03, 0.3),
         9 => beside.asymmetry = between(rng, 0.02, 0.1),
-        // A force that is always there moves the bead at rest, too, which is a drift that the check is to find.
+        // A constant force also moves the bead at rest, which is a drift that the check finds.
         10 if n_rest == 0 => beside.bias_un = size_un * between(rng, -0.05, 0.05),
         _ => {}
     }
@@ -157,14 +157,14 @@ pub fn record(wrong: Option<&str>, seed: u64) -> (Experiment, ExperimentFiles) {
     let mut positions = motion(&bead, &drive, &times, &beside);
     let size_um = positions.iter().fold(0.0_f64, |size, x| size.max(x.abs()));
     let end_um = 0.85 * positions.iter().copied().fold(0.0, f64::max);
-    // What is missed must have been there to see.
+    // A missing feature must be visible in the complete record.
     let seen_um = if is("few_rows_in_a_retardation_time") { bead.retarded * size_un } else { size_um };
-    // Some sound records are simulated ones.
+    // Some correct records are simulated without noise.
     let is_exact = wrong.is_none() && rng.random_bool(0.05);
     let noise_um = if is_exact { 0.0 } else { 1.0 }
         * seen_um
         * between(rng, 0.003, if is("switch_between_rows") { 0.006 } else { 0.02 });
-    // What a law may lack, and a laboratory may have.
+    // Imperfections that laws and laboratories may have.
     let (part, period) = (between(rng, 0.02, 0.08), n_half as f64);
     for (row, x) in positions.iter_mut().enumerate() {
         let share = row as f64 / n_rows as f64;

@@ -1,4 +1,4 @@
-//! Challenges: data with a hidden effect, sealed answers, plays.
+//! Challenges: data with a hidden effect, sealed truths, plays.
 
 use std::path::{Path, PathBuf};
 use std::sync::LazyLock;
@@ -25,20 +25,20 @@ use vitreo_uq::validation::challenge::{
 /// The reference apparatus, meshed once.
 static BENCH: LazyLock<Bench> = LazyLock::new(|| Bench::new(&Silent).expect("the reference apparatus"));
 
-/// Effects that leave the displacement field as it is: full runs of the others take a minute and more.
+/// Effects that leave the displacement field unchanged. Full runs of the others take a minute or more.
 fn by_factor() -> Vec<String> {
     let effects = BENCH.library().effects().iter().filter(|effect| !effect.changes_field());
     effects.map(|effect| effect.slug().to_string()).collect()
 }
 
-/// A stand-in for the diagnosis: every effect is fitted but the laws that are not linear, which take seconds each and are hidden in none of these; the best is
+/// Simple substitute for the diagnosis. It fits every effect except the nonlinear laws, which take seconds each and are hidden in none of these cases. The best one is
 /// claimed if it gains enough on fitted and scored cycles.
 fn by_gain(subject: &Subject, _seed: u64) -> Result<Diagnosis> {
     let effects = subject.library().effects().iter().filter(|effect| !effect.is_nonlinear());
     best_of(subject, effects.map(|effect| effect.slug()))
 }
 
-/// The same of one effect, where it does not matter what is said.
+/// The substitute with a single effect, for tests in which its result does not matter.
 fn by_gain_of_one(subject: &Subject, _seed: u64) -> Result<Diagnosis> {
     best_of(subject, ["tracking-drift"].into_iter())
 }
@@ -118,8 +118,8 @@ fn order(hidden: Hidden, protocol: Protocol, strength_sigma: f64) -> Order {
     Order { hidden, protocol, noise: NoiseKind::White, is_noise_given: true, strength: Strength::Sigma(strength_sigma) }
 }
 
-/// An effect of each stage, a pair and physics outside the library, singles on one protocol or the other by turns: the signal is the one that was asked for, and full finite elements agree with the reduced model by which it was
-/// sized to a fraction of the noise.
+/// An effect of each stage, a pair and physics outside the library, single ones on alternating protocols. The signal is the requested one, and full finite elements agree with the reduced model
+/// that sized it, to a fraction of the noise.
 #[test]
 #[ignore = "thorough"]
 fn truths_show_as_strongly_as_they_were_asked_to() {
@@ -127,7 +127,7 @@ fn truths_show_as_strongly_as_they_were_asked_to() {
     assert_shown_as_asked(slugs, &OutsideKind::DRAWN[..1]);
 }
 
-/// Every effect that leaves the field as it is, and all physics outside the library.
+/// Every effect that leaves the field unchanged, and all physics outside the library.
 #[test]
 #[ignore = "campaigns/long-tests"]
 fn all_truths_show_as_strongly_as_they_were_asked_to() {
@@ -169,13 +169,13 @@ fn assert_shown_as_asked(slugs: Vec<String>, outside: &[OutsideKind]) {
         let reduced_m = subject.trajectory_m(&candidate, &theta).expect("a model");
         let distance_m = full_m.iter().zip(&reduced_m).fold(0.0_f64, |d, (a, b)| d.max((a - b).abs()));
         let largest_m = full_m.iter().fold(0.0_f64, |d, x| d.max(x.abs()));
-        // The coarser mesh is 0.1 % softer or stiffer: that is in the law's parameters, and not in what they cannot absorb.
+        // The coarser mesh is 0.1 % softer or stiffer. The law's parameters absorb this, so the remainder is unaffected.
         assert!(distance_m < 5e-3 * largest_m, "{slugs:?}: {distance_m} of {largest_m}");
     }
 }
 
-/// A bench that serves one effect has no other reduced models, and draws the same: to the last digits of a compliance that is trained over fewer Poisson ratios. What it
-/// did not compare is compared by the whole one.
+/// A bench for one effect lacks the other reduced models and draws the same cases, to the last digits of a compliance trained over fewer Poisson ratios. Its skipped comparisons
+/// are made by the whole bench.
 #[test]
 #[ignore = "thorough"]
 fn a_bench_for_one_effect_draws_what_the_whole_one_draws() {
@@ -202,8 +202,8 @@ fn a_bench_for_one_effect_draws_what_the_whole_one_draws() {
     assert!(refusal.contains("wormhole"), "{refusal}");
 }
 
-/// Large displacements: sized on a coarse mesh, made on a finer one. S standard deviations of 4 µm over a cycle of 200 rows are a root mean square of S 4 µm/√200. The base law's best fit to noise-free data leaves no
-/// less than that, and up to twice as much as it weighs rows by a noise that is correlated; a robot that moves as in a linear gel leaves nothing.
+/// Large displacements are sized on a coarse mesh and made on a finer one. S standard deviations of 4 µm over a cycle of 200 rows are a root mean square of S 4 µm/√200. The residuals of the base law's best fit to
+/// noise-free data are at least that, and up to twice as large, because correlated noise weighs rows differently. A robot that moves as in a linear gel leaves no residuals.
 #[test]
 #[ignore = "campaigns/long-tests"]
 fn large_displacements_leave_the_signal_that_is_stated() {
@@ -235,7 +235,7 @@ fn plays_are_the_same_for_any_number_of_threads_with_kept_trajectories_and_in_pa
     let first = two.install(|| run(bench, &request, Some(cache.path()), &by_gain_of_one, &Silent)).expect("plays");
     let n_kept = std::fs::read_dir(cache.path()).expect("readable").count();
     assert!(n_kept > 0 && n_kept <= request.count, "{n_kept}");
-    // The last two again, by one thread, from what was kept.
+    // The last two plays again, by one thread, from the cache.
     let part = PlaysRequest { count: 2, first: 8, ..request.clone() };
     let one = rayon::ThreadPoolBuilder::new().num_threads(1).build().expect("a thread");
     let part = one.install(|| run(bench, &part, Some(cache.path()), &by_gain_of_one, &Silent)).expect("plays");
@@ -248,7 +248,7 @@ fn plays_are_the_same_for_any_number_of_threads_with_kept_trajectories_and_in_pa
     assert!([Sort::None, Sort::Single, Sort::Pair, Sort::Outside, Sort::Apparatus].iter().all(|s| sorts.contains(s)));
 }
 
-/// Easy cases, white noise: at 40 standard deviations the best of the refits is the hidden effect or one that cannot be told from it.
+/// Easy cases with white noise: at 40 standard deviations the best refit is the hidden effect or an equivalent one.
 #[test]
 #[ignore = "thorough"]
 fn a_strong_effect_is_first() {
@@ -277,7 +277,7 @@ fn a_sealed_challenge_is_an_experiment_that_does_not_tell_its_answer() {
     let order = order(Hidden::Effects(vec!["softening".into()]), Protocol::Paper, 20.0);
     let case = |name: &str, seed: u64| Case { dir: folder.path().join(name), order: order.clone(), seed };
     let commitment = files::make(&[case("case", 11)], bench, &Silent).expect("made").remove(0);
-    // Beside others it is the same, to the byte.
+    // The challenge is identical, to the byte, when made together with others.
     let beside = files::make(&[case("1", 10), case("2", 11)], bench, &Silent).expect("made");
     assert!(beside[1] == commitment && beside[0] != commitment);
     for entry in std::fs::read_dir(&dir).expect("readable") {
@@ -294,10 +294,10 @@ fn a_sealed_challenge_is_an_experiment_that_does_not_tell_its_answer() {
     }
     let opened = files::reveal(&dir).expect("whole");
     assert_eq!((opened.answer.truth.label(), opened.commitment_sha256), ("softening".into(), commitment));
-    // Of 200 rows of 4 µm: five standard deviations of 5 %.
+    // 200 rows with 4 µm: five standard deviations of 5 %.
     let noise_um = 1e6 * opened.noise.and_then(|noise| noise.rms_m(|row| row >= 600)).expect("sealed");
     assert!((3.0..5.0).contains(&noise_um), "{noise_um}");
-    // A second challenge does not replace the first, and changed data are told.
+    // A second challenge does not replace the first, and changed data are detected.
     assert_eq!(files::make(&[case("new", 12), case("case", 12)], bench, &Silent).expect_err("in use").exit_code(), 2);
     assert!(!folder.path().join("new").exists(), "half a cohort");
     let csv = dir.join("trajectory.csv");
@@ -313,14 +313,14 @@ fn what_cannot_be_hidden_is_refused() {
     let unknown = order(Hidden::Effects(vec!["ghost".into()]), Protocol::Paper, 10.0);
     assert!(refused(&unknown).contains("there is no effect `ghost`"));
     let hidden = order(Hidden::Effects(vec!["compressibility".into()]), Protocol::Paper, 10.0);
-    assert!(refused(&hidden).contains("compressibility cannot be made to show by 10 standard deviations"));
+    assert!(refused(&hidden).contains("compressibility is out of reach at a signal of 10 standard deviations"));
     let pair = Hidden::Effects(vec!["large-displacement".into(), "force-bias".into()]);
     assert!(refused(&order(pair, Protocol::Paper, 6.0)).contains("alone"));
     let delay = order(Hidden::Outside(OutsideKind::Backlash), Protocol::Paper, 10.0);
-    assert!(refused(&delay).contains("`backlash` is no unknown physics"));
+    assert!(refused(&delay).contains("`backlash` is not outside the library"));
 }
 
-/// The challenges of `data/hidden`, each of them whole.
+/// The challenges of `data/hidden`, each complete.
 fn committed() -> Vec<PathBuf> {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("data/hidden");
     let mut dirs: Vec<PathBuf> =
@@ -334,12 +334,12 @@ fn committed() -> Vec<PathBuf> {
     dirs
 }
 
-/// The diagnosis is right on each of them where nothing or one effect is hidden. tests/commands/diagnose.rs asks the command of one.
+/// The diagnosis is right on each challenge with no or one hidden effect. tests/commands/diagnose.rs tests the command with one.
 #[test]
 #[ignore = "campaigns/long-tests"]
 fn committed_challenges_are_rightly_diagnosed() {
     let dirs = committed();
-    // Now, and not by a thread that others wait for.
+    // The bench is made here, before other threads wait for it.
     let bench = &*BENCH;
     let diagnosed = |dir: &PathBuf| {
         let (experiment, _) = Experiment::read(dir).expect("an experiment");
@@ -365,7 +365,7 @@ fn committed_challenges_are_rightly_diagnosed() {
     }
 }
 
-/// A pair that no model can have is drawn anew: of 200 first draws some are such pairs, of the pairs none.
+/// A pair that no model can combine is drawn again: 200 first draws contain such pairs, the drawn pairs none.
 #[test]
 fn pairs_that_are_drawn_can_stand_together() {
     let library = Library::default();
@@ -386,7 +386,7 @@ fn committed_challenges_are_whole() {
     committed();
 }
 
-/// Without a hidden effect, noise-free data of the finer mesh and steps are the base model's, to far below the noise of 4 µm: no effect has anything to gain.
+/// Noise-free data of the finer mesh and steps, without a hidden effect, equal the base model's far below the noise of 4 µm. No effect can gain.
 #[test]
 #[ignore = "thorough"]
 fn controls_hold_nothing_but_the_law() {

@@ -1,4 +1,4 @@
-//! Evidence of real candidates: the ways to it against each other, and its posterior against the ensemble sampler's.
+//! Evidence of real candidates: the methods against each other, and the posterior against the ensemble sampler's.
 
 use std::sync::OnceLock;
 
@@ -19,7 +19,7 @@ use vitreo_uq::sampling::evidence::PriorCoordinates;
 use vitreo_uq::sampling::evidence::importance::{self, ImportanceOptions};
 use vitreo_uq::sampling::{SamplerOptions, sample};
 
-/// The drift (m/s) that is added: about three of its posterior standard deviations, so that the null is still within reach of draws.
+/// The added drift (m/s) is about three posterior standard deviations, so draws still reach the null.
 const DRIFT_M_PER_S: f64 = 1.5e-7;
 
 /// The embedded replica with a small drift.
@@ -66,7 +66,7 @@ fn by(method: EvidenceMethod, (candidate, fit): &(Candidate, Fitted)) -> Value {
     (found.ln_evidence, found.standard_error)
 }
 
-/// The Bayes factor of a candidate over the base by the posterior density at the null of the one parameter that the base does not have.
+/// Bayes factor of a candidate over the base from the posterior density at the null of the additional parameter.
 fn at_null((candidate, fit): &(Candidate, Fitted)) -> SavageDickey {
     let base = &base_fit().0;
     let added =
@@ -86,12 +86,12 @@ fn at_null((candidate, fit): &(Candidate, Fitted)) -> SavageDickey {
     )
 }
 
-/// Both have errors of their own right: 4 of them together fail falsely once in 16,000 if the errors are what they say.
+/// Asserts that two values agree within 4 of their joint errors. Correct errors fail falsely once in 16,000.
 fn assert_agree(a: Value, b: Value) {
     assert!((a.0 - b.0).abs() < 4.0 * a.1.hypot(b.1), "{a:?} {b:?}");
 }
 
-/// The Bayes factor of a drift by importance sampling of either model, and by the density ratio at the null of one.
+/// The Bayes factor of a drift by importance sampling of both models, and by the density ratio at the null of one.
 #[test]
 fn bayes_factors_agree_by_importance_and_by_the_density_at_the_null() {
     let base = by(EvidenceMethod::ImportanceSampling, base_fit());
@@ -103,7 +103,7 @@ fn bayes_factors_agree_by_importance_and_by_the_density_at_the_null() {
     assert!(found.1 < 0.1 && standard_error < 0.3, "{found:?} {standard_error}");
 }
 
-/// Two springpots in parallel: a fit that has their parameters exchanged gives the same evidence, and draws in which each name means one of them.
+/// Two springpots in parallel: a fit with exchanged parameters gives the same evidence, and in the draws each name stays with one springpot.
 #[test]
 fn exchanged_parts_have_one_evidence() {
     let (mut experiment, _) = embedded().expect("embedded");
@@ -128,7 +128,7 @@ fn exchanged_parts_have_one_evidence() {
     assert!((0.75..0.85).contains(&fast.q05) && (0.15..0.25).contains(&slow.q95), "{fast:?} {slow:?}");
 }
 
-/// A drift, whose null lies inside, and a spring in series, whose null is an end of its support: the ways to each evidence, and the Bayes factor's three.
+/// A drift, whose null lies inside the support, and a spring in series, whose null is an end of it: all methods of evidence, and the three of the Bayes factor.
 #[test]
 #[ignore = "campaigns/long-tests"]
 fn bayes_factors_agree_however_they_are_computed() {
@@ -148,10 +148,10 @@ fn bayes_factors_agree_however_they_are_computed() {
     }
 }
 
-/// A retardation beside another one: where its amplitude is nothing its time means nothing, and where their times are alike they share an amplitude, a
-/// narrow ridge that draws around the top miss. The error that is given holds the estimate of a longer run, whose own is well
-/// below a nat: 3 of both together fail falsely once in 370 if they are what they say; the seed is fixed. Both runs start from the same places,
-/// so that the ridge is asked for by itself.
+/// A retardation beside another one is unidentified in two places: its time at zero amplitude, and both amplitudes at equal times. The latter is a
+/// narrow ridge, which draws around the maximum miss. The stated error covers the estimate of a longer run, whose own error is well
+/// below a nat: 3 of both together fail falsely once in 370 if they are correct; the seed is fixed. Both runs have the same starts,
+/// so the test concerns the ridge alone.
 #[test]
 #[ignore = "campaigns/long-tests"]
 fn the_evidence_of_a_second_retardation_holds_its_error() {
@@ -172,7 +172,7 @@ fn the_evidence_of_a_second_retardation_holds_its_error() {
     );
 }
 
-/// That ridge is among the places from which a second retardation is sampled.
+/// That ridge is among the starts of a second retardation's sampling.
 #[test]
 fn the_ridge_of_two_alike_retardations_is_a_start() {
     let (candidate, fit) = extended_fit("second-retardation");
@@ -186,10 +186,10 @@ fn the_ridge_of_two_alike_retardations_is_a_start() {
     assert!(posterior.starts(&candidate, &fit).ridges.iter().any(|at| is_on_ridge(at)));
 }
 
-/// Shares of the ensemble sampler's draws below and above the weighted quantiles: 5 % each, to within 4 errors: the sampler's, whose walkers are slow in
-/// these posteriors (a share may have an error of 0.015), and 0.007, that of a thousand effective draws here. 4 of them fail falsely once in 16,000 if
-/// the sampler's estimate of its error is right. A second retardation would be no such test: the sampler's walkers keep to the parts of its posterior that
-/// they began in, which it says.
+/// Fractions of the ensemble sampler's draws outside the weighted quantiles: 5 % on each side, within 4 errors. The errors are the sampler's, whose walkers are slow in
+/// these posteriors (a fraction may have an error of 0.015), and 0.007 of a thousand effective draws here. If the sampler's estimate of its error
+/// is correct, 4 of them fail falsely once in 16,000. A second retardation is unsuitable for this test: the sampler's walkers stay in the parts of its posterior
+/// in which they started, and the sampler reports this.
 #[test]
 #[ignore = "campaigns/long-tests"]
 fn intervals_are_those_of_the_ensemble_sampler() {
@@ -237,7 +237,7 @@ fn the_same_seed_gives_the_same_numbers_and_what_has_no_evidence_is_refused() {
     assert!(refused.to_string().contains("no prior"), "{refused}");
 }
 
-/// Outliers that a subject leaves out do not count: the evidence is that of fewer positions.
+/// Outliers that a subject leaves out do not count. The evidence is that of fewer positions.
 #[test]
 fn rows_that_are_left_out_do_not_count() {
     let subject = subject();

@@ -1,4 +1,4 @@
-//! The loop on data from a gel whose strains are large: named, sized, and the law's own parameters found again.
+//! The loop on data from a gel with large strains: the effect is named and sized, and the law's parameters are recovered.
 
 use std::time::Instant;
 
@@ -29,7 +29,7 @@ fn keep_two_cycles(record: &mut Record) {
     record.cycle.truncate(n_rows);
 }
 
-/// The replica's experiment of two cycles, whose positions go as far as the fluid's in place of the linear model's, on a mesh and with steps that are finer than those that are learnt from.
+/// The replica's experiment with two cycles and the positions of the fluid instead of the linear model's. Its mesh and steps are finer than those of the training.
 fn experiment() -> Experiment {
     let (mut experiment, _) = replica::embedded().expect("the replica");
     keep_two_cycles(&mut experiment.record);
@@ -47,8 +47,8 @@ fn experiment() -> Experiment {
     experiment
 }
 
-/// At 3.6 radii and 4 µm of noise the geometry is named, comes out at 1, and the law's parameters are those of the gel, which small strains miss by 30 standard deviations. Data and seeds are fixed; with others a
-/// normal error is beyond four standard deviations once in 16,000.
+/// At 3.6 radii and 4 µm of noise the geometry is named and its size is 1. The law's parameters are those of the gel; small strains miss them by 30 standard deviations. Data and seeds are fixed; with others a
+/// normal error exceeds four standard deviations once in 16,000.
 #[test]
 #[ignore = "campaigns/long-tests"]
 fn large_displacements_are_named_and_come_out_at_one() {
@@ -88,8 +88,8 @@ fn large_displacements_are_named_and_come_out_at_one() {
     }
 }
 
-/// Two cycles of three force levels and rests, positions in closed form with the deviation of the finer fluid, and white noise of 2 µm: the geometry is in the class, and nothing that is asked about other forces, such as
-/// whether the force goes with the square of its command, stops the diagnosis. With other seeds it would be missed once in a thousand: it shows by more than 6 standard deviations.
+/// Two cycles of three force levels and rests: closed-form positions with the deviation of the finer fluid, and white noise of 2 µm. The geometry is among the equivalent effects. Tests of other forces,
+/// such as a force quadratic in its command, do not stop the diagnosis. With other seeds it would fail once in a thousand: the signal exceeds 6 standard deviations.
 #[test]
 #[ignore = "campaigns/long-tests"]
 fn a_protocol_of_levels_is_learnt_too() {

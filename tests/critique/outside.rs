@@ -1,4 +1,4 @@
-//! Structure outside the library: how often it is seen where there is none, and whether it is called by its name where there is.
+//! Misfits outside the library: the rate of false findings, and the right names for real ones.
 //!
 //! Data are made by full finite elements on a finer mesh and finer steps than the fitted model's.
 
@@ -78,10 +78,10 @@ impl Bench {
         self.subject.with_positions(&positions)
     }
 
-    /// Data with a structure of so many standard deviations.
+    /// Data with a structure of `sigmas` standard deviations.
     fn with_structure(&self, kind: OutsideKind, sigmas: f64, noise: Noise, seed: u64) -> Subject {
         let mut column_m = structure(kind, self, seed);
-        // Play has the size that it has.
+        // Backlash keeps its own size.
         let factor = if kind == OutsideKind::Backlash { 1.0 } else { self.factor(&column_m, sigmas) };
         column_m.iter_mut().for_each(|value| *value *= factor);
         let position_m: Vec<f64> = self.truth_m.iter().zip(&column_m).map(|(x, added)| x + added).collect();
@@ -94,7 +94,7 @@ impl Bench {
         search(data, &base, &fitted, &OutsideRequest { n_simulations, seed: 3 }).expect("searches")
     }
 
-    /// The factor by which a column (m) is a signal of so many standard deviations, in white noise, that the base cannot absorb.
+    /// Factor that gives a column (m) a signal of `sigmas` standard deviations in white noise, after the base has absorbed its part.
     fn factor(&self, column_m: &[f64], sigmas: f64) -> f64 {
         let clean = self.subject.with_positions(&self.truth_m);
         let base = clean.base();
@@ -118,7 +118,7 @@ fn is_finding(found: &Outside) -> bool {
     found.p_familywise < 0.01 && found.gain_nats >= 10.0
 }
 
-/// Structure of a kind in unit size (m), with randomness of a seed.
+/// Structure of a kind in unit size (m), with randomness from a seed.
 fn structure(kind: OutsideKind, bench: &Bench, seed: u64) -> Vec<f64> {
     let mut stream = RandomStream::new(seed, 7);
     let time_s = &bench.experiment.record.time_s;
@@ -148,13 +148,13 @@ fn structure(kind: OutsideKind, bench: &Bench, seed: u64) -> Vec<f64> {
     }
 }
 
-/// Correct models under four kinds of noise. At a rate of 1 % two or more findings in four come once in 1,700 times; the seeds are fixed.
+/// Correct models under four kinds of noise. At a rate of 1 % two or more findings in four occur once in 1,700 times; the seeds are fixed.
 #[test]
 fn correct_models_have_next_to_no_findings() {
     assert_hardly_found(1, 2);
 }
 
-/// At a rate of 1 % four or more findings in 24 come once in ten thousand times.
+/// At a rate of 1 % four or more findings in 24 occur once in ten thousand times.
 #[test]
 #[ignore = "campaigns/long-tests"]
 fn many_correct_models_have_next_to_no_findings() {
@@ -177,11 +177,11 @@ fn assert_hardly_found(n_each: u64, too_many: usize) {
     assert!(found.len() < too_many, "{found:#?}");
 }
 
-/// Signals of 30 standard deviations of the white noise. Much of what is slow is left to the correlated noise, which is estimated anew for either fit.
+/// Signals of 30 standard deviations of the white noise. The correlated noise, estimated again for each fit, absorbs most slow structures.
 #[test]
 fn what_is_there_is_called_by_its_name() {
     let bench = &*BENCH;
-    // A slip is dated below, a vibration bends no parameter.
+    // A slip is dated below, and a vibration biases no parameter.
     let kinds = [OutsideKind::Ramp, OutsideKind::GainChange, OutsideKind::Disturbance];
     kinds.into_par_iter().for_each(|kind| {
         let data = bench.with_structure(kind, 30.0, Noise::White, 5);
@@ -191,7 +191,7 @@ fn what_is_there_is_called_by_its_name() {
     });
 }
 
-/// A jump of 40 µm, ten times the noise: its moment is known to a row but for one time in a million, its size to five standard deviations.
+/// A jump of 40 µm, ten times the noise: its time is known to one row except once in a million, its size to five standard deviations.
 #[test]
 fn a_slip_is_dated_and_sized() {
     let bench = &*BENCH;
@@ -208,7 +208,7 @@ fn a_slip_is_dated_and_sized() {
     assert!(first.sentence.contains("cycle 2") && first.sentence.contains("up"), "{}", first.sentence);
 }
 
-/// The scored cycle is not seen by the search, but by the one that says so.
+/// The search does not see the scored cycle; the search over all cycles does.
 #[test]
 #[ignore = "thorough"]
 fn an_event_in_the_scored_cycle_is_found_over_all_cycles_only() {
@@ -226,8 +226,8 @@ fn an_event_in_the_scored_cycle_is_found_over_all_cycles_only() {
     assert!((all[0].event_time_s.expect("an event") - 33.0).abs() < 0.06, "{}", all[0].sentence);
 }
 
-/// What is reported of a structure has next to nothing along the derivatives of the model, taken at the base's fit and not at the structure's; bands are
-/// numbers of a sensible size.
+/// The reported structure is nearly orthogonal to the derivatives of the model at the base's fit. Its bands have
+/// plausible sizes.
 #[test]
 fn a_discrepancy_bends_no_parameter() {
     let bench = &*BENCH;
@@ -247,7 +247,7 @@ fn a_discrepancy_bends_no_parameter() {
     assert!((left.norm() / whole.norm() - 1.0).abs() < 0.02, "{} of {}", left.norm(), whole.norm());
 }
 
-/// Rows far off are named, and only those.
+/// Only rows far from the prediction are named.
 #[test]
 fn single_rows_far_off_are_outliers() {
     let bench = &*BENCH;
@@ -260,14 +260,14 @@ fn single_rows_far_off_are_outliers() {
     assert_eq!(outliers::find(&data, &fitted), [57, 310, 488]);
 }
 
-/// The same four kinds of noise, events over all cycles: of 320 controls three had one that gains 7 nats at p ≤ 1 %, so that two or more in four come less than
+/// Events over all cycles under the four kinds of noise: three of 320 controls had one that gains 7 nats at p ≤ 1 %. So two or more in four occur less than
 /// once in 1,900 times.
 #[test]
 fn correct_models_have_next_to_no_events() {
     assert_hardly_any_event(1, 2);
 }
 
-/// Three or more in 12 come less than once in five thousand times.
+/// Three or more in 12 occur less than once in five thousand times.
 #[test]
 #[ignore = "campaigns/long-tests"]
 fn many_correct_models_have_next_to_no_events() {

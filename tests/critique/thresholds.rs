@@ -1,4 +1,4 @@
-//! How large a score may be by chance.
+//! Thresholds of the largest score by chance.
 
 use nalgebra::{DMatrix, DVector};
 use vitreo_uq::criticism::rank::{Score, largest_score_threshold};
@@ -14,8 +14,8 @@ fn score(is_one_sided: bool) -> Score {
     }
 }
 
-/// Of one effect: the 95 % quantile of |z|, 1.960, and of a z that counts upwards only, 1.645; of two that are independent the roots of those shares, 2.236 and 1.955. Quantiles of some thousands of draws
-/// err by about 0.03; a fifth of the distance between the two is allowed for each.
+/// For one effect: the 95 % quantile of |z|, 1.960, and of a one-sided z, 1.645. For two independent ones the square roots of these probabilities give 2.236 and 1.955. Quantiles of some thousands of draws
+/// have errors of about 0.03; each may deviate by a fifth of the distance between the two.
 #[test]
 fn the_largest_score_by_chance_knows_which_way_effects_may_go() {
     for (n, two_sided, one_sided) in [(1, 1.960, 1.645), (2, 2.236, 1.955)] {

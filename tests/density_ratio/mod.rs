@@ -1,38 +1,38 @@
-//! The Bayes factor of two nested models from the larger one's posterior alone: B = p(null) / p(null | data), the prior over the posterior density of
+//! The Bayes factor of two nested models from the larger one's posterior: B = p(null) / p(null | data), the prior over the posterior density of
 //! the parameter at its null (Dickey 1971, doi:10.1214/aoms/1177693507).
 //!
-//! It holds where the other parameters' priors do not depend on that parameter. The posterior density comes from draws by local likelihood (Loader 1996,
-//! doi:10.1214/aos/1032298287): near the null its logarithm is a parabola over what the support leaves, so that a null at an end of the support is
+//! It is valid if the other parameters' priors do not depend on that parameter. Local likelihood gives the posterior density from draws (Loader 1996,
+//! doi:10.1214/aos/1032298287). Near the null its logarithm is a parabola on the support, so a null at an end of the support is
 //! estimated as well as one inside.
 
 use nalgebra::{Matrix3, Vector3};
 use vitreo_uq::base::distribution::Distribution;
 use vitreo_uq::sampling::evidence::WeightedDraws;
 
-/// A Bayes factor by the density ratio, or why there is none.
+/// Bayes factor by the density ratio, or the reason for its absence.
 #[derive(Debug, Clone, PartialEq)]
 pub enum SavageDickey {
-    /// The ratio.
+    /// Density ratio.
     Ratio {
         /// ln of the Bayes factor, the larger model over the smaller one.
         ln_bayes_factor: f64,
-        /// Its standard error.
+        /// Standard error of the logarithm.
         standard_error: f64,
     },
-    /// None, for this reason.
+    /// No ratio, for this reason.
     NotApplicable(String),
 }
 
-/// Half width of the window around the null, in standard deviations of the posterior.
+/// Half width of the window around the null, in posterior standard deviations.
 const WINDOW_SDS: f64 = 2.0;
-/// Effective draws that the window must hold.
+/// Number of effective draws that the window needs.
 const FEWEST_DRAWS: f64 = 100.0;
-/// Parts of the draws, each left out in turn for the error (jackknife): single parts may be too few for a fit.
+/// Number of parts of the draws. Each is left out in turn for the error (jackknife), because a single part may be too small for a fit.
 const N_BATCHES: usize = 10;
-/// Panels of Simpson's rule over the window.
+/// Number of panels of Simpson's rule over the window.
 const N_PANELS: usize = 200;
 
-/// The ratio for one parameter, a function of the draws, with its null and its prior. Draws must be independent of each other or in random order.
+/// Density ratio of one parameter, a function of the draws, with its null and prior. Draws must be independent or in random order.
 pub fn savage_dickey(
     draws: &WeightedDraws,
     of: impl Fn(&[f64]) -> f64,
@@ -73,17 +73,17 @@ pub fn savage_dickey(
     SavageDickey::Ratio { ln_bayes_factor: ln_prior - whole, standard_error: variance.sqrt() }
 }
 
-/// All values but every tenth one from this on.
+/// All values except one in ten, starting at `left_out`.
 fn without_part(values: &[(f64, f64)], left_out: usize) -> impl Iterator<Item = &(f64, f64)> {
     values.iter().enumerate().filter(move |(place, _)| place % N_BATCHES != left_out).map(|(_, value)| value)
 }
 
-/// (1 − t²)².
+/// Kernel (1 − t²)².
 fn kernel(t: f64) -> f64 {
     (1.0 - t * t).max(0.0).powi(2)
 }
 
-/// ln density at t = 0 of weighted values t, over the window between the ends: the a of a + bt + ct² that maximises
+/// ln density at t = 0 of weighted values t in the window between the ends. It is the a of a + bt + ct² that maximises
 /// Σ w K(t)(a + bt + ct²) − Σw ∫ K(t) exp(a + bt + ct²) dt, whose gradient equates moments.
 fn ln_density_at_zero(values: impl Iterator<Item = (f64, f64)>, ends: [f64; 2]) -> Option<f64> {
     let (mut moments, mut total) = (Vector3::zeros(), 0.0);
@@ -115,7 +115,7 @@ fn ln_density_at_zero(values: impl Iterator<Item = (f64, f64)>, ends: [f64; 2]) 
             curvature += powers * powers.transpose() * share;
         }
         let change = curvature.cholesky()?.solve(&(moments - expected));
-        // Newton's method on a concave function, its step halved until it climbs.
+        // Newton's method on a concave function. The step is halved until the objective increases.
         let mut length = 1.0;
         while objective(&(shape + change * length)) < objective(&shape) && length > 1e-6 {
             length *= 0.5;

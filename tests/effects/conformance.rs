@@ -1,4 +1,4 @@
-//! What every effect of the library must keep (physics §5), as far as it can be seen without solving a model.
+//! Rules for every effect of the library (physics §5) that can be checked without solving a model.
 
 use vitreo_uq::base::distribution::Distribution;
 use vitreo_uq::base::error::{Error, Place, Setting};
@@ -22,7 +22,7 @@ const PORCINE: Scales = Scales {
     fits_position_offset: false,
 };
 
-/// Experiments at the edges of what formats §1 accepts: nothing measured, one constant pull, hardly any rows, any Poisson ratio, an
+/// Experiments at the limits of formats §1: nothing measured, one constant pull, hardly any rows, any Poisson ratio, an
 /// instrument far from the scales of a bead.
 fn experiments() -> Vec<Scales> {
     let one_pull = Scales { hold_s: PORCINE.duration_s, ..PORCINE };
@@ -48,7 +48,7 @@ fn experiments() -> Vec<Scales> {
     [PORCINE, one_pull, three_rows, two_rows, fast_switching, indenter, unmeasured].into_iter().chain(gels).collect()
 }
 
-/// Laws that are no series of Kelvin–Voigt bodies and a dashpot: a springpot, one beside a spring, Maxwell's fluid, and a network of all there is.
+/// Laws other than a series of Kelvin–Voigt bodies and a dashpot: a springpot, one beside a spring, Maxwell's fluid, and a network of all elements.
 const SPRINGPOT: &str = r#"springpot = "mesh""#;
 const SPRINGPOT_BESIDE_SPRING: &str = r#"parallel = [{ spring = "gel" }, { springpot = "mesh" }]"#;
 const MAXWELL: &str = r#"series = [{ spring = "gel" }, { dashpot = "flow" }]"#;
@@ -65,19 +65,19 @@ fn networks() -> [BaseLaw; 4] {
     [SPRINGPOT, SPRINGPOT_BESIDE_SPRING, MAXWELL, GENERALISED].map(network)
 }
 
-/// Beside it no force that depends on the position.
+/// Effect that excludes a position-dependent force.
 const LARGE: &str = "large-displacement";
 
 fn parameters() -> impl Iterator<Item = &'static EffectParameter> {
     EFFECTS.iter().copied().flat_map(|effect| effect.parameters())
 }
 
-/// A model of one effect at unit parameters of the base law.
+/// Model of one effect at unit parameters of the base law.
 fn model(base: BaseLaw, effects: &[&'static dyn Effect], scales: Scales) -> Result<Model, Error> {
     Model::new(base, effects.to_vec(), scales, &Place::setting(Setting::Effects))
 }
 
-/// The effect's parameters at the null; where one means nothing, at its prior's median.
+/// The effect's parameters at the null; an unidentified one is set to its prior's median.
 fn null_of(effect: &dyn Effect, scales: &Scales) -> Vec<f64> {
     let value = |p: &EffectParameter| (p.null)(scales).unwrap_or_else(|| (p.prior)(scales).quantile(0.5));
     effect.parameters().iter().map(value).collect()
@@ -87,7 +87,7 @@ fn stages_at(model: &Model, of_effects: &[f64]) -> Result<Stages, Error> {
     let n_law = model.base().parameters().len();
     let at = |spec: &vitreo_uq::base::parameter::ParameterSpec| if spec.support.contains(2.5) { 2.5 } else { 0.6 };
     let mut of_law: Vec<Dual> = model.base().parameters()[..n_law].iter().map(|spec| at(spec).into()).collect();
-    // What no one knows of the experiment itself is at its null.
+    // Unknowns of the experiment itself are at their null.
     of_law.resize(model.n_before_effects(), Dual::ZERO);
     let all: Vec<Dual> = of_law.into_iter().chain(of_effects.iter().map(|value| Dual::constant(*value))).collect();
     model.stages(&all)
@@ -97,7 +97,7 @@ fn effect(slug: &str) -> &'static dyn Effect {
     EFFECTS.iter().copied().find(|effect| effect.slug() == slug).unwrap()
 }
 
-/// The page has every effect, its stage and its number of parameters, in the order in which a model applies them; and no other.
+/// The page lists exactly the library's effects, with stage and number of parameters, in the order of their application.
 #[test]
 fn the_library_is_the_one_that_the_page_on_physics_has() {
     let page = include_str!("../../docs/physics.md");
@@ -128,7 +128,7 @@ fn slugs_are_kebab_case_and_parameters_are_unique() {
     assert!(names.windows(2).all(|pair| pair[0] != pair[1]), "{names:?}");
 }
 
-/// `1/m` as `_per_m`, `m/s` as `_m_per_s`, `m²/(Pa s)` as `_m2_per_pa_s`.
+/// `1/m` becomes `_per_m`, `m/s` `_m_per_s`, `m²/(Pa s)` `_m2_per_pa_s`.
 fn suffix(unit: &str) -> String {
     let plain = unit.replace(['(', ')'], "").replace('²', "2").replace(' ', "_").to_lowercase();
     match plain.split_once('/') {
@@ -165,7 +165,7 @@ fn nothing_that_people_read_is_empty() {
     }
 }
 
-/// Every number of a distribution is finite, and those that must be are positive and in order.
+/// Returns `true` if all numbers of a distribution are finite, and positive and ordered as required.
 fn is_proper(prior: Distribution) -> bool {
     let positive = |x: f64| x > 0.0 && x.is_finite();
     let ordered = |lower: f64, upper: f64| lower.is_finite() && upper.is_finite() && lower < upper;
@@ -232,7 +232,7 @@ fn at_its_null_every_effect_leaves_the_stages_as_they_are() {
     }
 }
 
-/// Away from the null something is written, and in the stage that the effect names.
+/// Away from the null an effect writes something, and only in its stage.
 #[test]
 fn every_effect_writes_into_its_own_stage_only() {
     let bare = stages_at(&model(BaseLaw::Lethersich, &[], PORCINE).unwrap(), &[]).unwrap();
@@ -255,7 +255,7 @@ fn every_effect_writes_into_its_own_stage_only() {
     }
 }
 
-/// A parameter that moves at the null must reach the stages, or its sensitivity would be lost there; one that means nothing there, or is held beside another's null, must not.
+/// A parameter that moves at the null must reach the stages, or its sensitivity would be lost. An unidentified parameter, or one held beside another's null, must not.
 #[test]
 fn a_moving_null_reaches_the_stages() {
     let bare = stages_at(&model(BaseLaw::Lethersich, &[], PORCINE).unwrap(), &[]).unwrap();
@@ -291,10 +291,10 @@ fn parameters_outside_their_supports_are_refused_by_name() {
     }
 }
 
-/// The pairs that physics §5 refuses, and mass beside a spring in series, through which waves run; all others are allowed.
+/// The pairs that physics §5 refuses, and mass beside a spring in series, because of waves. All others are allowed.
 #[test]
 fn laws_and_effects_are_refused_exactly_where_physics_says() {
-    let twice = "the same thing twice";
+    let twice = "a second one would be redundant";
     let refused = [
         ("burgers", "instantaneous-elasticity", twice),
         ("two-element", "second-retardation", twice),
@@ -313,11 +313,15 @@ fn laws_and_effects_are_refused_exactly_where_physics_says() {
     }
 }
 
-/// What every law of springs, dashpots and springpots takes, and what it lacks where it does not: each refusal names what the effect needs.
+/// Effects that every law of springs, dashpots and springpots accepts, and the missing elements of the others: each refusal names the effect's requirement.
 #[test]
 fn any_law_takes_what_it_has_the_elements_for() {
-    let (twice, dashpot, memory, body) =
-        ("the same thing twice", "no dashpot", "springpot", "Kelvin–Voigt bodies, springs and one dashpot in series");
+    let (twice, dashpot, memory, body) = (
+        "a second one would be redundant",
+        "no dashpot",
+        "springpot",
+        "Kelvin–Voigt bodies, springs and one dashpot in series",
+    );
     let of_nonlinear = |slug: &str| effect(slug).is_nonlinear() && slug != LARGE;
     let reason = |text: &str, slug: &str| match (text, slug) {
         (MAXWELL, "instantaneous-elasticity") => Some(twice),
@@ -342,8 +346,8 @@ fn any_law_takes_what_it_has_the_elements_for() {
     }
 }
 
-/// Every pair stands together but two that change the field; those whose field is solved for fixed coefficients beside `softening` and springpots; mass beside a
-/// spring in series; and a law that is not linear beside any other mechanics.
+/// All pairs are allowed with these exceptions: two effects that change the field; an effect with a field for fixed coefficients beside `softening` or a springpot; mass beside a
+/// spring in series; a nonlinear law beside any other mechanics.
 #[test]
 fn every_pair_of_effects_stands_together_and_takes_its_parameters_in_order() {
     let barred = |a: &str, b: &dyn Effect| {
@@ -375,7 +379,7 @@ fn every_pair_of_effects_stands_together_and_takes_its_parameters_in_order() {
             let (of_first, of_second) = values.split_at(first.parameters().len());
             let reversed = model(BaseLaw::Lethersich, &[*second, *first], PORCINE).unwrap();
             let turned = stages_at(&reversed, &[of_second, of_first].concat()).unwrap();
-            // The law's elements are in series, so that their order means nothing.
+            // The law's elements are in series, so their order does not matter.
             let sorted = |mut stages: Stages| {
                 stages.law.sort_by_key(|element| format!("{element:?}"));
                 stages
@@ -391,7 +395,7 @@ fn instruments_take_all_but_what_needs_finite_elements() {
     let bare = stages_at(&model(BaseLaw::Lethersich, &[], PORCINE).unwrap(), &[]).unwrap();
     for &effect in EFFECTS {
         let outcome = model(BaseLaw::Lethersich, &[effect], instrument);
-        // What stands beside the law in space, or changes how the gel yields in it, shows in the stages.
+        // Changes beside the law in space, or of the gel's compressibility, are visible in the stages.
         let away: Vec<f64> = effect.parameters().iter().map(|p| (p.prior)(&PORCINE).quantile(0.8)).collect();
         let found = stages_at(&model(BaseLaw::Lethersich, &[effect], PORCINE).unwrap(), &away).unwrap();
         let needs_a_field = found.spatial != bare.spatial || found.poisson_ratio != bare.poisson_ratio;
@@ -402,7 +406,7 @@ fn instruments_take_all_but_what_needs_finite_elements() {
     }
 }
 
-/// Only series of Kelvin–Voigt bodies, springs and one dashpot can have a body that is not linear; the message says which law cannot.
+/// Only series of Kelvin–Voigt bodies, springs and one dashpot can contain a nonlinear body. The message names the law that cannot.
 #[test]
 fn nonlinear_laws_refuse_networks_that_they_cannot_take_apart() {
     let read = |text: &str| {
@@ -428,7 +432,7 @@ fn nonlinear_laws_refuse_networks_that_they_cannot_take_apart() {
     }
 }
 
-/// The order in which effects are written means nothing to what they refer to, in laws that have no Kelvin–Voigt body as in those that have.
+/// The order of the effects does not change their reference elements, in laws with and without a Kelvin–Voigt body.
 #[test]
 fn effects_of_the_law_mean_the_same_in_any_order() {
     let slugs = ["instantaneous-elasticity", "second-retardation", "fractional-damping"];
@@ -458,7 +462,7 @@ fn effects_of_the_law_mean_the_same_in_any_order() {
     assert_eq!(n_compared, 3 + 1 + 1 + 1 + 3);
 }
 
-/// E in the effects' equations is the first Kelvin–Voigt spring of the law, whatever stands beside it.
+/// E in the effects' equations is the first Kelvin–Voigt spring of the law, also with other elements.
 #[test]
 fn effects_refer_to_the_first_kelvin_voigt_spring() {
     let together = ["fractional-damping", "instantaneous-elasticity"].map(effect);

@@ -1,5 +1,5 @@
-//! What every effect keeps in the kernels: at its null the base returns; the reduced model agrees with full finite elements, which
-//! step it by other means; sensitivities agree with finite differences; every pair gives finite positions.
+//! Properties of every effect in the kernels. At its null the base returns. The reduced model agrees with full finite elements, which
+//! use another stepping method. Sensitivities agree with finite differences. Every pair gives finite positions.
 
 use std::sync::{Arc, OnceLock};
 
@@ -20,7 +20,7 @@ use vitreo_uq::models::surrogate::{FieldModels, Surrogate, Training};
 use vitreo_uq::record::{Force, ForceRule, Scales};
 
 const POISSON_RATIO: f64 = 0.48;
-/// E, c₁, c₂, then what Burgers and the two-element law add.
+/// E, c₁, c₂, then the additional parameters of Burgers and of the two-element law.
 const LETHERSICH: [f64; 3] = [3.527, 1.402, 47.370];
 
 /// Irregular rows, several force levels, holds of two to three seconds.
@@ -56,7 +56,7 @@ fn protocol() -> Protocol {
     Protocol { time_s, force_n, rule: ForceRule::Hold, scales }
 }
 
-/// A force that goes in lines: it jumps at the first row, swings, bends sharply, holds, and has a row wherever it crosses zero.
+/// A piecewise linear force. It jumps at the first row, swings, bends sharply, holds, and has a row at each zero crossing.
 fn lines() -> Protocol {
     let mut made = Protocol { time_s: Vec::new(), force_n: Vec::new(), rule: ForceRule::Linear, ..protocol() };
     for i in 0..64 {
@@ -79,17 +79,17 @@ fn lines() -> Protocol {
     made
 }
 
-/// A coarse mesh: what is compared is time, not space.
+/// A coarse mesh suffices, because the comparison concerns time, not space.
 const BALL: QuarterBall = QuarterBall { robot_radius_m: 0.275e-3, outer_radius_m: 10e-3, n_per_edge: 1, n_layers: 6 };
 
-/// A still coarser one for laws that are not linear, whose full-order runs solve thousands of balances.
+/// A still coarser mesh for nonlinear laws, whose full-order runs solve thousands of balances.
 const COARSER_BALL: QuarterBall = QuarterBall { n_per_edge: 1, n_layers: 4, ..BALL };
 
 fn stiffness() -> &'static Stiffness {
     surroundings(false).stiffness
 }
 
-/// The gel, on the mesh of linear effects or of those that are not.
+/// The gel on the mesh for linear or nonlinear effects.
 fn surroundings(is_nonlinear: bool) -> Surroundings<'static> {
     static MESHES: [OnceLock<(Mesh, Stiffness)>; 2] = [const { OnceLock::new() }; 2];
     let ball = if is_nonlinear { COARSER_BALL } else { BALL };
@@ -108,7 +108,7 @@ fn surroundings(is_nonlinear: bool) -> Surroundings<'static> {
             robot_mass_kg,
             robot_radius_m: ball.robot_radius_m,
             outer_radius_m: ball.outer_radius_m,
-            // A law that thins would bring a mesh of its own around a sphere, with another compliance.
+            // Around a sphere a thinning law would bring its own mesh, with another compliance.
             ball: (!is_nonlinear).then_some(ball),
         },
     }
@@ -126,7 +126,7 @@ fn is_large(model: &Model) -> bool {
     matches!(model.field(), Some((_, Field::Large)))
 }
 
-/// What was learnt of large displacements in the protocol of holds, which are the only ones that are learnt.
+/// Large displacements learned in the protocol of holds; only holds are supported.
 fn large_stepper() -> Stepped {
     static LEARNT: OnceLock<Stepped> = OnceLock::new();
     let learn = || {
@@ -146,7 +146,7 @@ fn large_stepper() -> Stepped {
     LEARNT.get_or_init(learn).clone()
 }
 
-/// Whether full runs are so slow that a coarser mesh must do.
+/// Returns `true` if full runs are so slow that a coarser mesh is needed.
 fn is_slow(model: &Model) -> bool {
     is_nonlinear(model) && !is_large(model)
 }
@@ -155,7 +155,7 @@ fn is_nonlinear(model: &Model) -> bool {
     model.effects().iter().any(|effect| effect.is_nonlinear())
 }
 
-/// The reduced family over the Poisson ratios that priors ask for; of laws that are not linear at the experiment's.
+/// Compliance: the reduced family over the priors' Poisson ratios; for nonlinear laws at the experiment's ratio.
 fn compliance(model: &Model, protocol: &Protocol) -> Compliance {
     if is_slow(model) {
         let coarser = FullOrderModel::new(surroundings(true).stiffness, POISSON_RATIO).expect("positive definite");
@@ -199,7 +199,7 @@ fn full<'a>(model: &'a Model, protocol: &'a Protocol) -> FullForward<'a> {
         .in_surroundings(surroundings)
 }
 
-/// The law's parameters, then each effect's at a quantile of its prior; those that are held unless they are asked for, at their null.
+/// The law's parameters, then each effect's at a quantile of its prior. Optional parameters are at their null.
 fn parameters_at(model: &Model, probability: impl Fn(usize) -> f64) -> Vec<f64> {
     let of_effects = model.effects().iter().flat_map(|effect| effect.parameters());
     let held = |p: &EffectParameter| (p.null)(model.scales()).filter(|_| p.spec.is_optional);
@@ -209,7 +209,7 @@ fn parameters_at(model: &Model, probability: impl Fn(usize) -> f64) -> Vec<f64> 
     LETHERSICH.into_iter().chain(values).collect()
 }
 
-/// The same with the effects at their nulls; what means nothing there at its prior's median.
+/// The law's parameters with the effects at their nulls. Unidentified parameters are at their prior's median.
 fn null_of(model: &Model) -> Vec<f64> {
     let of_effects = model.effects().iter().flat_map(|effect| effect.parameters());
     let scales = model.scales();
@@ -221,12 +221,12 @@ fn amplitude(x: &[f64]) -> f64 {
     x.iter().fold(0.0, |a: f64, x| a.max(x.abs()))
 }
 
-/// Largest distance relative to the amplitude of the second.
+/// Largest difference relative to the amplitude of the second.
 fn distance(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).fold(0.0, |d: f64, (a, b)| d.max((a - b).abs())) / amplitude(b)
 }
 
-/// Every effect alone and every pair that may stand together.
+/// Every effect alone and every allowed pair.
 fn models(scales: Scales) -> Vec<Model> {
     let mut list: Vec<Model> = EFFECTS.iter().copied().filter_map(|effect| model(&[effect], scales).ok()).collect();
     for (i, first) in EFFECTS.iter().enumerate() {
@@ -240,8 +240,8 @@ fn at_the_null_the_base_returns() {
     let protocol = protocol();
     let law = CreepCompliance::lethersich(&LETHERSICH);
     let models = models(protocol.scales);
-    // All may stand alone. Of pairs, two that change the field are refused; of the effects whose fields are solved for each beside `softening` and
-    // `fractional-damping`, mass beside `instantaneous-elasticity`, laws that are not linear beside that and `second-retardation`, and large displacements beside the force's gradient.
+    // All are allowed alone. These pairs are refused: two effects that change the field; solved fields beside `softening` and
+    // `fractional-damping`; mass beside `instantaneous-elasticity`; nonlinear laws beside that and `second-retardation`; large displacements beside the force's gradient.
     let n_fields = EFFECTS.iter().copied().filter(|effect| effect.changes_field()).count();
     let n_solved = EFFECTS.iter().copied().filter(|effect| effect.field().is_some()).count();
     let n_nonlinear = EFFECTS.iter().copied().filter(|effect| effect.is_nonlinear()).count();
@@ -255,23 +255,23 @@ fn at_the_null_the_base_returns() {
     }
 }
 
-/// The full-order model steps effects by Radau's method on the network of elements, the reduced one has closed forms: both follow from the stages
+/// The full-order model steps effects by Radau's method on the network of elements, and the reduced one has closed forms: both follow from the stages
 /// alone. Errors of the step: 1e-7, with springpots 1e-6; of the modes over Poisson ratios: 1e-7.
-/// Laws that are not linear take seconds a run, and are asked at one point; large displacements, which tests of their own compare with full runs, in the long test.
+/// Nonlinear laws take seconds per run and are tested at one point. Large displacements have their own comparisons with full runs and are in the long test.
 #[test]
 fn the_reduced_model_agrees_with_full_finite_elements() {
     assert_agreement(&protocol(), &[0.15, 0.4, 0.8], |model| !is_nonlinear(model));
     assert_agreement(&protocol(), &[0.4], is_slow);
 }
 
-/// The same under a force that goes in lines between rows, a sine sampled far too seldom to be held; at one point of the prior, since what is new is the force.
+/// Comparison under a piecewise linear force, a sine sampled too coarsely to be held. One point of the prior suffices, because only the force is new.
 #[test]
 #[ignore = "thorough"]
 fn the_reduced_model_agrees_with_full_finite_elements_under_lines() {
     assert_agreement(&lines(), &[0.4], |model| !is_nonlinear(model));
 }
 
-/// Large displacements are learnt for holds only.
+/// Large displacements are learned for holds only.
 #[test]
 #[ignore = "campaigns/long-tests"]
 fn laws_that_are_not_linear_agree_with_full_finite_elements() {
@@ -291,7 +291,7 @@ fn assert_agreement(protocol: &Protocol, probabilities: &[f64], is_asked: fn(&Mo
             let parameters = parameters_at(&model, |i| if i % 2 == 0 { probability } else { 1.0 - probability });
             let full_m = full.trajectory_m(&parameters).expect("a model");
             largest = largest.max(distance(&reduced.trajectory_m(&parameters).expect("a model"), &full_m));
-            // The effect is there at all.
+            // The effect is not zero.
             let null_m = reduced.trajectory_m(&null_of(&model)).expect("a model");
             assert!(distance(&full_m, &null_m) > 1e-4, "{}: {:e}", effect.slug(), distance(&full_m, &null_m));
         }
@@ -300,9 +300,9 @@ fn assert_agreement(protocol: &Protocol, probabilities: &[f64], is_asked: fn(&Mo
     }
 }
 
-/// What the reduced model may be off, as a share of the amplitude: fields are reduced to 1e-4; pockets are meshed in another way than the base, and pore flow has an
-/// undrained limit of its own, which on this coarse mesh make 4e-4 and 8e-4. Laws that are not linear are reduced to 1e-3; what a load does to large displacements, to
-/// first order in it.
+/// Tolerance of the reduced model relative to the amplitude. Fields are reduced to 1e-4. Pockets have another mesh than the base, and pore flow has its own
+/// undrained limit; on this coarse mesh they cause 4e-4 and 8e-4. Nonlinear laws are reduced to 1e-3. The action of a load on large displacements is
+/// first order in the load.
 fn tolerance(model: &Model, of_time: f64) -> f64 {
     if is_large(model) && model.effects().iter().any(|effect| effect.stage() == Stage::Load) {
         return 3e-3;
@@ -318,7 +318,7 @@ fn tolerance(model: &Model, of_time: f64) -> f64 {
     }
 }
 
-/// Pairs, each effect somewhere inside its prior: finite in both models, and the same within 2e-6.
+/// Asserts that pairs, with each effect inside its prior, are finite in both models and agree within 2e-6.
 fn assert_same_in_both_models(is_asked: fn(usize, &Model) -> bool) {
     let protocol = protocol();
     let distance_of = |(number, model): (usize, &Model)| {
@@ -334,7 +334,7 @@ fn assert_same_in_both_models(is_asked: fn(usize, &Model) -> bool) {
     }
 }
 
-/// Every twentieth with linear laws: effects by themselves are asked above, and the order in which stages are applied is the same for all pairs (conformance.rs).
+/// Every twentieth pair with linear laws. Single effects are tested above, and all pairs apply the stages in the same order (conformance.rs).
 #[test]
 #[ignore = "thorough"]
 fn pairs_are_finite_and_the_same_in_both_models() {
@@ -347,8 +347,8 @@ fn every_pair_is_finite_and_the_same_in_both_models() {
     assert_same_in_both_models(|_, _| true);
 }
 
-/// Derivatives with respect to every parameter, against central differences inside the prior, and against one-sided ones, with Richardson's
-/// extrapolation, at the null. Differences of step 1e-4 of the prior's spread err by about 1e-7 of the column.
+/// Derivatives with respect to every parameter against central differences inside the prior. At the null they are compared with one-sided ones, with Richardson's
+/// extrapolation. Differences with a step of 1e-4 of the prior's spread have errors of about 1e-7 of the column.
 #[test]
 fn sensitivities_agree_with_finite_differences() {
     let protocol = protocol();
@@ -392,20 +392,20 @@ fn sensitivities_agree_with_finite_differences() {
             if (parameter.null)(&protocol.scales).is_none() {
                 continue;
             }
-            // Towards the inside of the support.
+            // The step points into the support.
             let h = if parameter.spec.support.contains(null[index] + h) { h } else { -h };
             let (here, near, far) = (shifted(&null, 0.0), shifted(&null, h), shifted(&null, 2.0 * h));
             let one_sided: Vec<f64> =
                 (0..here.len()).map(|i| (4.0 * near[i] - far[i] - 3.0 * here[i]) / (2.0 * h)).collect();
             let exact = forward.derivative_m(&null, index).expect("differentiable at the null");
-            // With pore flow the response grows as k + O(k^{3/2}): differences come near the derivative slowly.
+            // With pore flow the response grows as k + O(k^{3/2}), so differences approach the derivative slowly.
             let largest = if effect.field().is_some() { 1e-3 } else { 2e-5 };
             assert!(distance(&exact, &one_sided) < largest, "{name} at null: {:e}", distance(&exact, &one_sided));
         }
     }
 }
 
-/// The documented step from a null without derivative gives a signature that is near the limit of ever smaller ones.
+/// The documented step from a null without derivative gives a signature near the limit of small steps.
 #[test]
 #[ignore = "thorough"]
 fn finite_steps_are_near_their_limit() {
@@ -427,7 +427,7 @@ fn finite_steps_are_near_their_limit() {
     }
 }
 
-/// A retarded body, by its compliance and time, is the spring and the dashpot side by side: what it answers to an oscillation is theirs, though another arm of the code makes it.
+/// A retarded body, given by compliance and time, oscillates like its spring and dashpot in parallel, although another branch of the code computes it.
 #[test]
 fn a_retarded_body_oscillates_as_its_spring_and_dashpot() {
     let retarded = Element::Retarded { compliance_per_pa: 0.125.into(), time_s: 3.75.into() };
@@ -441,7 +441,7 @@ fn a_retarded_body_oscillates_as_its_spring_and_dashpot() {
     }
 }
 
-/// Burgers and two-element laws are what the effects that they stand for make of the Lethersich law.
+/// Burgers and two-element laws equal the Lethersich law with the corresponding effect.
 #[test]
 fn larger_laws_are_smaller_laws_with_an_effect() {
     let protocol = protocol();
@@ -490,14 +490,14 @@ fn of_effects(model: &Model, probability: f64) -> Vec<f64> {
         .collect()
 }
 
-/// Every effect that a network takes, alone: the reduced model by the network's retardation spectrum, the full one by stepping its elements and, where the field
-/// changes, the bodies of the law's own spectrum. At the null the network returns. A gel that changes while a springpot remembers is stepped to 4e-6.
+/// Every effect that a network accepts, alone. The reduced model uses the network's retardation spectrum. The full one steps its elements and, if the field
+/// changes, the bodies of the law's spectrum. At the null the network returns. A gel that changes while a springpot remembers is stepped to 4e-6.
 #[test]
 fn effects_of_networks_agree_with_full_finite_elements() {
     assert_networks_agree(|has_field, _| !has_field);
 }
 
-/// The network with a springpot beside a spring: the hundred bodies of a spectrum, each a field, take some seconds to step.
+/// The network with a springpot beside a spring. Its spectrum has a hundred bodies, each a field, which take some seconds to step.
 #[test]
 #[ignore = "campaigns/long-tests"]
 fn field_effects_of_a_network_agree_with_full_finite_elements() {
@@ -538,12 +538,12 @@ fn assert_networks_agree(is_asked: fn(bool, usize) -> bool) {
             assert!(largest < tolerance(&model, of_time), "{} on {of_law:?}: {largest:e}", effect.slug());
         }
     }
-    // Load and observation are six, softening and compressibility two, fields four. Of the law a springpot takes two, beside a spring or not; Maxwell's fluid two
-    // and large displacements; the last network three.
+    // Six of load and observation, two of softening and compressibility, four of fields. Effects of the law: two for a springpot, with or without a spring; two for Maxwell's fluid,
+    // plus large displacements; three for the last network.
     assert_eq!(n_found, [14, 14, 15, 15]);
 }
 
-/// What effects make of a network is the network with that element written into it.
+/// An effect on a network equals the network with that element added.
 #[test]
 fn effects_of_networks_are_larger_networks() {
     let protocol = protocol();
@@ -618,7 +618,7 @@ fn sensitivities_of_networks_agree_with_finite_differences() {
     }
 }
 
-/// By an order of 1, where the springpot is still a dashpot among others: against one-sided differences of the full model, with Richardson's extrapolation.
+/// Derivative at an order of 1, where the springpot still equals a dashpot: against one-sided differences of the full model, with Richardson's extrapolation.
 #[test]
 fn a_springpot_for_a_dashpot_has_a_derivative_where_it_is_one() {
     let protocol = protocol();

@@ -1,4 +1,4 @@
-//! Effects: what every one of them must hold, and whether they are found again.
+//! Effects: properties of every effect, and their recovery from data.
 
 mod conformance;
 mod kernels;

@@ -1,5 +1,5 @@
-//! Every effect: data made with it by full finite elements on a finer mesh and finer steps than the fitted model's, and posteriors that cover the
-//! truth as often as they say; and the held-out error that falls to the noise when the effect is added.
+//! Recovery of every effect from data by full finite elements on a finer mesh and finer steps than the fitted model's. Posteriors cover the
+//! truth as often as stated, and the held-out error falls to the noise when the effect is added.
 
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
@@ -21,7 +21,7 @@ use vitreo_uq::sampling::ensemble::RunControl;
 use vitreo_uq::sampling::{SamplerOptions, sample};
 
 const NOISE_SD_M: f64 = 4e-6;
-/// Prior of the law, from which truths are drawn: near Table I, so that positions are those of an experiment.
+/// Prior of the law, from which truths are drawn: near Table I, so positions resemble an experiment's.
 const PRIOR: &str = r#"
 young_modulus_pa = { distribution = "log_normal", median = 3.527, log_sd = 0.3, unit = "Pa", source = "this test" }
 viscosity_1_pa_s = { distribution = "log_normal", median = 1.402, log_sd = 0.3, unit = "Pa s", source = "this test" }
@@ -35,8 +35,8 @@ fn finer_stiffness(experiment: &Experiment) -> Stiffness {
     Stiffness::new(&robot_mesh(robot, vitreous, MODEL_LEVEL + 1).expect("a sphere")).expect("a good mesh")
 }
 
-/// Effects that leave the displacement field's shape as it is, or change the Poisson ratio alone: runs of the others take a minute each, and are compared with closed
-/// forms and with their reduced models in tests of their own.
+/// Effects that keep the displacement field's shape or change only the Poisson ratio. Runs of the others take a minute each. Their own tests compare them with closed
+/// forms and with their reduced models.
 fn by_factor() -> impl Iterator<Item = &'static dyn Effect> {
     EFFECTS.iter().copied().filter(|effect| effect.field().is_none())
 }
@@ -46,7 +46,7 @@ fn problem_of(base: &Problem, effect: &dyn Effect) -> Problem {
     base.with_model(specification, &Library::default()).expect("an effect alone is a model")
 }
 
-/// Positions (m) by the finer model; `None` where the effect has no model.
+/// Positions (m) by the finer model; `None` if the effect has no model.
 fn finer_run(problem: &Problem, stiffness: &Stiffness, parameters: &[f64]) -> Option<Vec<f64>> {
     let (record, poisson_ratio) = (&problem.experiment.record, problem.model.scales().poisson_ratio.expect("a robot"));
     let full = FullForward::new(&problem.model, stiffness, poisson_ratio, &record.time_s, &record.force_n);
@@ -64,7 +64,7 @@ fn noisy(experiment: &Experiment, position_m: &[f64], rng: &mut ChaCha8Rng) -> E
     made
 }
 
-/// Truths of a model from its priors, drawn again where the effect has no model, and the positions (m) that they make.
+/// Truth drawn from a model's priors until the effect has a model, with its positions (m).
 fn truth_of(problem: &Problem, stiffness: &Stiffness, rng: &mut ChaCha8Rng) -> (Vec<f64>, Vec<f64>) {
     loop {
         let mut truth = problem.priors.draw(rng);
@@ -80,7 +80,7 @@ fn quantile(sorted: &[f64], probability: f64) -> f64 {
     sorted[((sorted.len() - 1) as f64 * probability).round() as usize]
 }
 
-/// Whether each parameter of the effect lies in its central 50 % and 90 % intervals.
+/// Returns for each parameter of the effect if the central 50 % and 90 % intervals contain it.
 fn covered(
     base: &Problem,
     effect: &dyn Effect,
@@ -92,7 +92,7 @@ fn covered(
     let problem = problem_of(base, effect);
     let (truth, position_m) = truth_of(&problem, stiffness, &mut rng);
     let made = noisy(&base.experiment, &position_m, &mut rng);
-    // Priors stay those of the replica's sizes, from which the truth was drawn.
+    // The priors keep the scales of the replica, from which the truth was drawn.
     let problem = Problem { experiment: made.for_comparison(), ..problem };
     let prepared = prepared.for_problem(problem);
     let (problem, posterior) = (&prepared.problem, prepared.posterior());
@@ -115,8 +115,8 @@ fn covered(
         .collect()
 }
 
-/// 20 replicates an effect: intervals of 90 % cover each parameter 13 times at least, and all together as often as they say, at 50 % and 90 %: within five standard deviations of a binomial count (false
-/// failures below 2e-6). An interval that covers rightly covers fewer than 13 of 20 with a probability of 6e-5, for each of twelve parameters.
+/// 20 replicates per effect: 90 % intervals cover each parameter at least 13 times. All intervals together cover as stated, at 50 % and 90 %, within five standard deviations of a binomial count (false
+/// failures below 2e-6). A correct interval covers fewer than 13 of 20 with a probability of 6e-5, for each of twelve parameters.
 #[test]
 #[ignore = "campaigns/long-tests"]
 fn posteriors_cover_many_truths_as_often_as_they_say() {
@@ -156,8 +156,8 @@ fn posteriors_cover_many_truths_as_often_as_they_say() {
     }
 }
 
-/// Data made with an effect that the base model lacks: the base misses the cycle that no fit has seen, the extended model misses it by the noise.
-/// 200 positions: their root mean square noise lies within 25 % of 4 µm but for one time in 10⁶. Soundness includes a joint check at 0.1 % for each
+/// Data with an effect that the base model lacks: the base misses the held-out cycle, and the extended model's error is the noise.
+/// 200 positions have a root mean square noise within 25 % of 4 µm, except once in 10⁶. Soundness includes a joint check at 0.1 % per
 /// effect: one failure in a hundred for other seeds than these.
 fn assert_error_falls(is_asked: fn(&dyn Effect) -> bool) {
     let (experiment, _) = embedded().expect("embedded");
@@ -165,7 +165,7 @@ fn assert_error_falls(is_asked: fn(&dyn Effect) -> bool) {
     let base = Problem::new(experiment, ModelSpecification::default(), None, &Silent).expect("sound");
     for (number, effect) in (0_u64..).zip(by_factor()).filter(|(_, effect)| is_asked(*effect)) {
         let problem = problem_of(&base, effect);
-        // Well inside the prior, away from the null.
+        // A value well inside the prior, away from the null.
         let value = |p: &vitreo_uq::models::effects::EffectParameter| {
             let (low, high) =
                 ((p.prior)(problem.model.scales()).quantile(0.2), (p.prior)(problem.model.scales()).quantile(0.8));
@@ -193,7 +193,7 @@ fn assert_error_falls(is_asked: fn(&dyn Effect) -> bool) {
     }
 }
 
-/// A gel that softens; tests/commands/effects_extend.rs asks the command of a drift.
+/// A softening gel. tests/commands/effects_extend.rs tests the command with a drift.
 #[test]
 #[ignore = "thorough"]
 fn extending_by_the_right_effect_brings_the_heldout_error_to_the_noise() {

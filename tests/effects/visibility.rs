@@ -1,4 +1,4 @@
-//! What an experiment can see of an effect, against generalised least squares with dense matrices: covariances from the terms' definitions,
+//! Detectability of effects against generalised least squares with dense matrices: covariances from the terms' definitions,
 //! signatures by finite differences, the base absorbed by its normal equations.
 
 use nalgebra::{DMatrix, DVector};
@@ -14,7 +14,7 @@ use vitreo_uq::posterior::problem::Problem;
 use vitreo_uq::posterior::replica::embedded;
 use vitreo_uq::posterior::study::ModelSpecification;
 
-/// So narrow that they count beside the data: the replica alone knows the parameters to about a per cent.
+/// Priors narrow enough to count beside the data. The replica alone gives the parameters to about a per cent.
 const PRIORS: &str = r#"
 [young_modulus_pa]
 distribution = "log_normal"
@@ -45,13 +45,13 @@ unit = "um"
 source = "a test"
 "#;
 const LOG_SD: [f64; 3] = [0.01, 0.02, 0.02];
-/// The yardstick: neither the data's noise (4 µm), nor what the fit leaves, nor the prior's median.
+/// Reference noise. It differs from the data's noise (4 µm), the residuals of the fit and the prior's median.
 const NOISE_SD_M: f64 = 3e-6;
-/// Quantiles of a free parameter's prior that are tried.
+/// Tested quantiles of a free parameter's prior.
 const GRID: [f64; 9] = [0.02, 0.1, 0.2, 0.35, 0.5, 0.65, 0.8, 0.9, 0.98];
 const AGREEMENT: f64 = 1e-7;
 
-/// What is changed in the reference, to show that the comparison would see it.
+/// Deliberate mistakes in the reference, to show that the comparison would detect them.
 #[derive(Clone, Copy, PartialEq)]
 enum Variant {
     Right,
@@ -61,11 +61,11 @@ enum Variant {
     LeastOverGrid,
 }
 
-/// The calibrated base with everything dense.
+/// The calibrated base with dense matrices.
 struct Reference {
     parameters: Vec<f64>,
     kept: Option<KeptSurrogate>,
-    /// L⁻¹ is applied by solving with this factor of the covariance.
+    /// Factor of the covariance. Solving with it applies L⁻¹.
     factor: DMatrix<f64>,
     /// Whitened columns of the base.
     columns: DMatrix<f64>,
@@ -87,7 +87,7 @@ impl Reference {
         Self { parameters, kept, factor, columns }
     }
 
-    /// Share and standard error of a signature (m a unit).
+    /// Visible fraction and standard error of a signature (m per unit).
     fn seen(&self, signature_m: &[f64], variant: Variant) -> (f64, f64) {
         let (a, g) = (&self.columns, whitened(&self.factor, signature_m));
         let mut normal = a.transpose() * a;
@@ -105,7 +105,7 @@ impl Reference {
         (left / whole, 1.0 / left.sqrt())
     }
 
-    /// Share and standard error of an effect.
+    /// Visible fraction and standard error of an effect.
     fn effect(&self, problem: &Problem, slug: &str, variant: Variant) -> (f64, f64) {
         let mut specification = problem.specification.clone();
         specification.effects.push(slug.into());
@@ -153,7 +153,7 @@ fn central(forward: &ReducedForward, parameters: &[f64], index: usize, step: f64
     difference(&run(1.0), &run(-1.0), 2.0 * step)
 }
 
-/// The covariance (m²) of all rows, from the definition of each noise term; terms beside the white noise at their priors' medians.
+/// Covariance (m²) of all rows from the definition of each noise term. Terms other than white noise are at their priors' medians.
 fn covariance_m2(problem: &Problem, position_m: &[f64]) -> DMatrix<f64> {
     let record = &problem.experiment.record;
     let median = |name: &str| problem.priors.get(name).map_or(0.0, |prior| prior.distribution.quantile(0.5));
@@ -175,7 +175,7 @@ fn whitened(factor: &DMatrix<f64>, column_m: &[f64]) -> DVector<f64> {
     factor.solve_lower_triangular(&DVector::from_column_slice(column_m)).expect("regular")
 }
 
-/// The replica with a yardstick of its own, by a prior file in a temporary folder.
+/// The replica with another noise, and a prior from a file in a temporary folder.
 fn problem(prior: &str) -> Problem {
     let (mut experiment, _) = embedded().expect("embedded");
     experiment.noise_sd_m = Some(NOISE_SD_M);
@@ -188,7 +188,7 @@ fn found_in(summary: &EffectsSummary, slug: &str) -> (f64, f64) {
     (entry.visible_fraction.expect("it can be added"), entry.standard_error.expect("visible"))
 }
 
-/// Largest relative difference of share and error.
+/// Largest relative difference of fraction and error.
 fn distance(found: (f64, f64), expected: (f64, f64)) -> f64 {
     (found.0 / expected.0 - 1.0).abs().max((found.1 / expected.1 - 1.0).abs())
 }
@@ -222,14 +222,14 @@ fn visible_shares_and_errors_are_those_of_generalised_least_squares() {
             println!("{slug:<20} {:?} {found:?} against {expected:?}", problem.noise.names());
             assert!(distance(found, expected) < AGREEMENT, "{slug}: {found:?} against {expected:?}");
         }
-        // What the comparison is there to see stands far above what it allows.
+        // The deliberate mistakes exceed the tolerance by far.
         for variant in [Variant::NoPrior, Variant::PriorOfLogarithm, Variant::NothingAbsorbed, Variant::LeastOverGrid] {
             assert!(farthest(variant) > 1e-3, "{}", farthest(variant));
         }
     }
 }
 
-/// Before anything is fitted with it, the library says how far large displacements would move the record at its amplitude: 27 µm where the replica's bead goes 3.5 radii under its first pull, over a noise of 4 µm.
+/// Before any fit of the effect, the library states the movement by large displacements at the record's amplitude. It is 27 µm for the replica's bead, which goes 3.5 radii in its first pull, over a noise of 4 µm.
 #[test]
 #[ignore = "thorough"]
 fn what_large_displacements_would_move_is_said() {

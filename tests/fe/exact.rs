@@ -21,14 +21,14 @@ fn ball(outer_radius_m: f64, n_per_edge: usize, n_layers: usize) -> Mesh {
     ball.mesh().expect("the radii are in order")
 }
 
-/// Relative error of the stiffness that the robot feels.
+/// Relative error of the robot's stiffness.
 fn stiffness_error(stiffness: &Stiffness, outer_radius_m: f64, poisson_ratio: f64) -> f64 {
     let model = FullOrderModel::new(stiffness, poisson_ratio).expect("positive definite");
     let exact = SphereInContainer::new(poisson_ratio, ROBOT_RADIUS_M, outer_radius_m).stiffness_n_per_m(1.0);
     1.0 / (model.compliance_per_m() * exact) - 1.0
 }
 
-/// Finite-element field for unit displacement of the robot, one vector a node.
+/// Finite-element field for unit displacement of the robot, one vector per node.
 fn unit_displacement(stiffness: &Stiffness, poisson_ratio: f64) -> Vec<[f64; 3]> {
     let unknowns = &stiffness.assembly.unknowns;
     let mut field = stiffness.factor(poisson_ratio).expect("positive definite").unit_response();
@@ -37,7 +37,7 @@ fn unit_displacement(stiffness: &Stiffness, poisson_ratio: f64) -> Vec<[f64; 3]>
     unknowns.nodal_displacement(&field)
 }
 
-/// Errors of the field for unit displacement over the norm of the exact one: L2, and H1 seminorm by differences of the exact field.
+/// Errors of the field for unit displacement, relative to the exact norms: L2, and H1 seminorm by differences of the exact field.
 fn field_errors(mesh: &Mesh, nodal: &[[f64; 3]], exact: &SphereInContainer) -> [f64; 2] {
     let table = TabulatedElement::of(mesh.element_kind);
     let mut squares = [[0.0; 2]; 2];
@@ -74,7 +74,7 @@ fn exact_gradient(exact: &SphereInContainer, x: Vector3<f64>) -> Matrix3<f64> {
     Matrix3::from_columns(&columns)
 }
 
-/// The bars of the project: 2·10⁻⁴ with 12,000 unknowns, 3·10⁻⁵ with 60,000.
+/// Error bounds of the project: 2·10⁻⁴ with 12,000 unknowns, 3·10⁻⁵ with 60,000.
 #[test]
 fn stiffness_meets_the_bars() {
     for (n_per_edge, n_layers, most_unknowns, largest_error) in [(3, 8, 12_000, 2e-4), (4, 16, 60_000, 3e-5)] {
@@ -105,7 +105,7 @@ fn the_error_falls_at_the_order_of_the_element() {
         let slopes = [0, 1, 2].map(slope);
         println!("ν = {poisson_ratio}: slopes {slopes:?}, errors {:?}", errors.map(|level| level[nu]));
         // A functional of the energy converges twice as fast as the energy norm. Towards ν = ½ the error changes sign on finer meshes, and
-        // its slope here says little; the field's does not.
+        // its slope is uninformative there; the field's slope is informative.
         assert!(slopes[0] >= 3.8, "ν = {poisson_ratio}: stiffness {}", slopes[0]);
         assert!(slopes[1] >= 2.7 && slopes[2] >= 1.85, "ν = {poisson_ratio}: field {slopes:?}");
         let [stiffness, l2, h1] = errors[2][nu];
@@ -125,8 +125,8 @@ fn other_radius_ratios_and_the_infinite_medium() {
     }
 }
 
-/// In λ = R/R_out the compliance is that of the infinite medium, less a part linear in λ, up to λ³ (physics §4.2's Stokes limit): from two
-/// containers the finite elements find §4.1 without help of §4.2.
+/// In λ = R/R_out the compliance is that of the infinite medium minus a part linear in λ, up to λ³ (physics §4.2's Stokes limit). Extrapolating from two
+/// containers, the finite elements yield §4.1 without use of §4.2.
 #[test]
 fn the_infinite_medium_is_the_limit() {
     let compliance_per_m = |ratio: f64, poisson_ratio| {
@@ -159,14 +159,14 @@ fn compliance_is_twice_the_strain_energy() {
     }
 }
 
-/// Largest absolute principal value of the exact strain, for unit displacement, at a point.
+/// Largest absolute principal value of the exact strain at a point, for unit displacement.
 fn exact_principal_strain(exact: &SphereInContainer, x: Vector3<f64>) -> f64 {
     let gradient = exact_gradient(exact, x);
     ((gradient + gradient.transpose()) * 0.5).symmetric_eigenvalues().amax()
 }
 
-/// The largest strain is the exact field's at the same integration points, and below the surface's by what a distance of a
-/// fraction of the first layer costs.
+/// The largest strain equals the exact field's at the integration points. It is below the strain at the surface, because the points are a
+/// fraction of the first layer away.
 #[test]
 fn largest_strain_is_the_exact_fields() {
     let mesh = ball(OUTER_RADIUS_M, 3, 12);
@@ -196,7 +196,7 @@ fn largest_strain_is_the_exact_fields() {
     }
 }
 
-/// The reduced model, trained once for a range of Poisson ratios, against full finite elements at ratios across it.
+/// The reduced model, trained once for a range of Poisson ratios, against full finite elements across the range.
 #[test]
 fn reduced_model_follows_the_finite_elements_over_poisson_ratios() {
     let stiffness = Stiffness::new(&ball(OUTER_RADIUS_M, 2, 8)).expect("a sound mesh");
@@ -222,9 +222,9 @@ fn reduced_model_follows_the_finite_elements_over_poisson_ratios() {
         let poisson_ratio = 0.3 + 0.199 * f64::from(k) / 16.0;
         let full = FullOrderModel::new(&stiffness, poisson_ratio).expect("positive definite").compliance_per_m();
         let reduced = surrogate.compliance_per_m(poisson_ratio).expect("inside the trained range");
-        // The square of what the modes leave out, 10⁻⁴ in the energy of the middle ratio; at the incompressible end energies are up to 100 times that.
+        // Square of the modes' truncation error, 10⁻⁴ in the energy of the middle ratio. At the incompressible end energies are up to 100 times that.
         assert!((reduced / full - 1.0).abs() < 1e-6, "ν = {poisson_ratio}: {:e}", reduced / full - 1.0);
-        // A Galerkin model is too stiff, if anything.
+        // The error of a Galerkin model can only make it too stiff.
         assert!(reduced <= full * (1.0 + 1e-12), "ν = {poisson_ratio}: {reduced} above {full}");
     }
 }

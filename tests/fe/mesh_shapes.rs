@@ -1,4 +1,4 @@
-//! Built-in meshes of spheroids and cylinders: every element sound over the whole range, nodes where they belong, refusals beyond.
+//! Built-in meshes of spheroids and cylinders: valid elements over the whole range, correct node positions, refusals beyond the range.
 
 use vitreo_uq::elements::fe::quality::MeshQuality;
 use vitreo_uq::elements::mesh::{Cylinder, Mesh, Spheroid};
@@ -18,7 +18,7 @@ fn spheroid(aspect: f64, reach: f64, orientation: Orientation, level: usize) -> 
     Spheroid { length_m, diameter_m, orientation, outer_radius_m: 1.0, level }.mesh().expect("in range")
 }
 
-/// From discs to needles, from tiny ones to those that nearly touch, at every level that the program uses.
+/// From discs to needles, from tiny bodies to nearly touching ones, at every level of the program.
 #[test]
 fn every_element_is_sound() {
     for reach in [1e-3, 0.03, 0.125, 0.4, 0.79] {
@@ -27,13 +27,13 @@ fn every_element_is_sound() {
                 let found = MeshQuality::of(&cylinder(aspect, reach, Orientation::Vertical, level));
                 let what = format!("cylinder of aspect {aspect}, reach {reach}, level {level}: {found:?}");
                 assert!(found.n_inverted == 0 && found.smallest_scaled_jacobian > 0.19, "{what}");
-                // Layers at the surface are thin for the rim's sake.
+                // Layers at the surface are thin because of the rim.
                 assert!(found.largest_aspect < 150.0 * (level as f64).powi(3), "{what}");
             }
             for aspect in [1.0, 2.0, 5.0, 68.0 / 7.0, 20.0, 30.0] {
                 let found = MeshQuality::of(&spheroid(aspect, reach, Orientation::Vertical, level));
                 let what = format!("spheroid of aspect {aspect}, reach {reach}, level {level}: {found:?}");
-                // Diamonds where three patches meet, as slender as the body.
+                // Diamond-shaped elements where three patches meet, as slender as the body.
                 assert!(found.n_inverted == 0 && found.smallest_scaled_jacobian > (2.0 / aspect).min(0.7), "{what}");
                 assert!(found.largest_aspect < 40.0, "{what}");
             }
@@ -45,7 +45,7 @@ fn every_element_is_sound() {
 fn nodes_stand_where_they_belong() {
     for orientation in ORIENTATIONS {
         let (aspect, reach) = (3.0, 0.3);
-        // Along the axis, and from it.
+        // Coordinates along the axis and away from it.
         let meridian = |[x, y, z]: [f64; 3]| match orientation {
             Orientation::Horizontal => [x.abs(), y.hypot(z)],
             Orientation::Vertical => [y.abs(), x.hypot(z)],
@@ -86,7 +86,7 @@ fn bodies_that_are_not_meshed_are_refused_with_a_reason() {
     let ellipsoid = |length_m, diameter_m| RobotShape::Ellipsoid { length_m, diameter_m, orientation };
     refused(cylinder(4e-3, 0.1e-3), &["`robot`", "from 0.1 to 30 times", "40.000", "mesh FILE.msh"]);
     refused(cylinder(0.1e-3, 4e-3), &["0.025 times"]);
-    refused(cylinder(15e-3, 9e-3), &["rim is 0.875", "0.8 is the most", "mesh FILE.msh"]);
+    refused(cylinder(15e-3, 9e-3), &["rim is 0.875", "0.8 is the limit", "mesh FILE.msh"]);
     refused(ellipsoid(4e-3, 0.1e-3), &["`robot`", "from 1 to 30 times", "40.000", "mesh FILE.msh"]);
     refused(ellipsoid(1e-3, 2e-3), &["0.500 times"]);
     refused(ellipsoid(21e-3, 9e-3), &["lies inside the vitreous"]);

@@ -1,4 +1,4 @@
-//! A robot off the vitreous's centre: the half-meridian reference against what is known of it, the three-dimensional elements against the reference.
+//! A robot off the vitreous's centre: the half-meridian reference against known results, the three-dimensional elements against the reference.
 
 use std::f64::consts::PI;
 
@@ -30,7 +30,7 @@ fn eccentric(offset_m: f64, nu: f64, direction: Direction, resolution: Resolutio
     found
 }
 
-/// In the middle translation is physics §4.2's, rotation 8πμR³/(1 − λ³) at any Poisson ratio, and the two are apart.
+/// At the centre translation agrees with physics §4.2 and rotation with 8πμR³/(1 − λ³) at any Poisson ratio, and the two are uncoupled.
 #[test]
 fn the_reference_in_the_middle_is_the_closed_form() {
     for nu in [0.0, 0.3, 0.48, 0.499] {
@@ -47,8 +47,8 @@ fn the_reference_in_the_middle_is_the_closed_form() {
     }
 }
 
-/// The exact series of a sphere that moves towards a plane wall in Stokes flow, its centre `height` radii above (H. Brenner, Chem. Eng. Sci. 16, 242, 1961,
-/// doi:10.1016/0009-2509(61)80035-3), over 6πμR.
+/// Exact series of a sphere that moves towards a plane wall in Stokes flow, its centre `height` radii above, over 6πμR (H. Brenner, Chem. Eng. Sci. 16, 242, 1961,
+/// doi:10.1016/0009-2509(61)80035-3).
 fn towards_a_wall(height: f64) -> f64 {
     let alpha = height.acosh();
     let term = |n: f64| {
@@ -61,7 +61,7 @@ fn towards_a_wall(height: f64) -> f64 {
     4.0 / 3.0 * alpha.sinh() * (1..60).map(|n| term(f64::from(n))).sum::<f64>()
 }
 
-/// Faxén's series of one that moves along the wall and does not rotate, to the fifth power.
+/// Faxén's series, to the fifth power, of a sphere that moves along the wall without rotation.
 fn along_a_wall(height: f64) -> f64 {
     let x = 1.0 / height;
     1.0 / (1.0 - 9.0 / 16.0 * x + x.powi(3) / 8.0 - 45.0 / 256.0 * x.powi(4) - x.powi(5) / 16.0)
@@ -90,7 +90,7 @@ fn the_reference_by_a_wall_is_brenners_and_faxens() {
     }
 }
 
-/// Errors fall exponentially with the order, the displacements alone come from above to the same, and the estimate covers the error of one order less.
+/// Errors fall exponentially with the order. The displacement-only form converges to the same value from above, and the estimate covers the error of the next lower order.
 #[test]
 #[ignore = "thorough"]
 fn the_reference_converges_and_knows_its_error() {
@@ -110,8 +110,8 @@ fn the_reference_converges_and_knows_its_error() {
     }
 }
 
-/// A sphere that is free to rotate feels less across the line of centres, by 3·10⁻⁸, 2.2·10⁻⁷ and 1.1·10⁻⁶ of its stiffness at 2, 5 and 8 mm: that the
-/// robot is tied to a translation does not matter.
+/// A freely rotating sphere has a lower stiffness across the line of centres, by 3·10⁻⁸, 2.2·10⁻⁷ and 1.1·10⁻⁶ at 2, 5 and 8 mm. Restricting the
+/// robot to translation is therefore harmless.
 #[test]
 fn rotation_does_not_matter() {
     for (offset_mm, share) in [(2.0, 2.8e-8), (5.0, 2.2e-7), (8.0, 1.05e-6)] {
@@ -134,7 +134,7 @@ fn mesh_of(shape: RobotShape, offset_mm: f64, direction: OffsetDirection, level:
 
 const SPHERE: RobotShape = RobotShape::Sphere { diameter_m: 2.0 * RADIUS_M };
 
-/// Below 2·10⁻⁴ at the model's level (15,480 unknowns along, 30,430 across), and falling.
+/// Errors are below 2·10⁻⁴ at the model's level (15,480 unknowns along, 30,430 across), and decrease.
 #[test]
 #[ignore = "thorough"]
 fn elements_off_the_centre_converge_to_the_reference() {
@@ -154,7 +154,7 @@ fn elements_off_the_centre_converge_to_the_reference() {
     }
 }
 
-/// The robot keeps its shape to the last bit, the outer surface lies around the vitreous's centre, and elements stay well shaped; the half model carries half of the robot.
+/// The robot keeps its shape exactly, the outer surface is centred on the vitreous, and elements stay well shaped. The half model contains half of the robot.
 #[test]
 fn meshes_have_their_surfaces_where_they_belong() {
     let cylinder = RobotShape::Cylinder { length_m: 1.8e-3, diameter_m: 0.28e-3, orientation: Orientation::Vertical };
@@ -195,14 +195,14 @@ fn meshes_have_their_surfaces_where_they_belong() {
     }
 }
 
-/// Across by nothing, the half model is the quarter model twice: its matrices of inertia and slip give the same responses.
+/// At zero offset the half model equals two quarter models: its matrices of inertia and slip give the same responses.
 #[test]
 fn the_half_model_is_the_quarter_model_where_both_hold() {
     let shift = 1e-9;
     let (centred, vitreous) = apparatus(SPHERE, 1.0, OffsetDirection::Across);
     let centred = Robot { offset: None, ..centred };
     let across = Robot { offset: Some(Offset { distance_m: shift, direction: OffsetDirection::Across }), ..centred };
-    // Stiffness and mass or friction of comparable weight.
+    // Stiffness and mass or friction have comparable weight.
     for (slug, weight) in [("inertia", 1e4), ("interface-slip", 1e3)] {
         let effect = EFFECTS.iter().find(|effect| effect.slug() == slug).expect("an effect");
         let Some(Field::Pair(pair)) = effect.field() else { panic!("{slug} has no matrices") };

@@ -1,4 +1,4 @@
-//! Linear effects that change the displacement field: full finite elements against closed forms, reduced terms against full finite elements, and creep against time stepping.
+//! Linear effects that change the displacement field: full finite elements against closed forms, reduced terms against full finite elements, creep against time stepping.
 
 use std::f64::consts::PI;
 
@@ -58,7 +58,7 @@ fn system(level: usize, poisson_ratio: f64, pair: &dyn MatrixPair, shape: Option
     with_surroundings(level, poisson_ratio, |gel| pair.system(gel, shape).expect("a sound mesh").system)
 }
 
-/// Force per displacement of the whole body (N/m) with these weights of the gel's matrix and of the second.
+/// Force per displacement of the whole body (N/m), with these weights of the gel's matrix and the second one.
 fn stiffness(system: &SpatialSystem, weights: [f64; 2]) -> f64 {
     let mut field = vec![0.0; system.n_unknowns()];
     let robot = system.freedoms.robot();
@@ -88,12 +88,12 @@ fn tractions(nu: f64, mu: f64, r: f64, [_, b, da, db]: [f64; 4]) -> [f64; 2] {
     [mu * (da + b / r), lambda * (da + db + 2.0 * b / r) + 2.0 * mu * (da + db)]
 }
 
-/// Force per displacement (N/m) of a sphere on whose surface the gel (E = 1 Pa) slips against κ (Pa/m), in a rigid container.
+/// Force per displacement (N/m) of a sphere in a rigid container. On its surface the gel (E = 1 Pa) slips against κ (Pa/m).
 ///
-/// Written down here from the modes: normal displacement tied, shear stress κ times the slip.
+/// Derived here from the modes: normal displacement tied, shear stress κ times the slip.
 fn slipping_sphere(nu: f64, kappa: f64, outer_radius_m: f64) -> f64 {
     let mu = 1.0 / (2.0 * (1.0 + nu));
-    // Lengths in radii, so that the modes are of one size.
+    // Lengths in radii give the modes comparable sizes.
     let (inner, outer) = (modes(nu, 1.0), modes(nu, outer_radius_m / RADIUS_M));
     let mut matrix = DMatrix::zeros(4, 4);
     for k in 0..4 {
@@ -106,7 +106,7 @@ fn slipping_sphere(nu: f64, kappa: f64, outer_radius_m: f64) -> f64 {
     16.0 * PI * mu * (1.0 - nu) * amplitudes[1] * RADIUS_M
 }
 
-/// The same of a tied sphere in two concentric layers with Young's moduli `soft` inside a radius of ρ robots and 1 Pa outside.
+/// Force per displacement of a tied sphere in two concentric layers, with Young's moduli `soft` inside a radius of ρ robots and 1 Pa outside.
 fn sphere_in_pocket(nu: f64, soft: f64, ratio: f64) -> f64 {
     let mu = 1.0 / (2.0 * (1.0 + nu));
     let (inner, outer) = (modes(nu, 1.0), modes(nu, OUTER_RADIUS_M / RADIUS_M));
@@ -129,7 +129,7 @@ fn sphere_in_pocket(nu: f64, soft: f64, ratio: f64) -> f64 {
     16.0 * PI * soft * mu * (1.0 - nu) * amplitudes[1] * RADIUS_M
 }
 
-/// The same of a tied sphere in a gel (E = 1 Pa) whose outer surface stands on springs of k Pa/m.
+/// Force per displacement of a tied sphere in a gel (E = 1 Pa) whose outer surface rests on springs of k Pa/m.
 fn sphere_within_springs(nu: f64, k_pa_per_m: f64) -> f64 {
     let mu = 1.0 / (2.0 * (1.0 + nu));
     let ratio = OUTER_RADIUS_M / RADIUS_M;
@@ -146,7 +146,7 @@ fn sphere_within_springs(nu: f64, k_pa_per_m: f64) -> f64 {
     16.0 * PI * mu * (1.0 - nu) * amplitudes[1] * RADIUS_M
 }
 
-/// The closed form itself: a fixed surface is physics §4.2; on soft springs the gel moves as a body.
+/// Limits of the closed form: a fixed surface gives physics §4.2, and on soft springs the gel moves as a rigid body.
 #[test]
 fn the_closed_form_of_the_wall_has_the_known_limits() {
     assert!((sphere_within_springs(0.48, 1e12) / 1.820_902_396e-3 - 1.0).abs() < 1e-6);
@@ -171,7 +171,7 @@ fn the_wall_meets_the_closed_form_and_converges() {
     }
 }
 
-/// The closed form itself: no slip is physics §4.2, free slip and what is between tend to §4.7 far from the wall in an incompressible gel.
+/// Limits of the closed form: no slip gives physics §4.2. Free and partial slip tend to §4.7 far from the wall in an incompressible gel.
 #[test]
 fn the_closed_form_of_slip_has_the_known_limits() {
     let nu = 0.499_999_9;
@@ -181,7 +181,7 @@ fn the_closed_form_of_slip_has_the_known_limits() {
         let kappa = if ratio == 0.0 { 1e12 } else { mu / (ratio * RADIUS_M) };
         let found = slipping_sphere(nu, kappa, 1e4 * RADIUS_M) / (6.0 * PI * mu * RADIUS_M);
         let known = (1.0 + 2.0 * ratio) / (1.0 + 3.0 * ratio);
-        // The wall's share is 9/4 R/R_o = 2.2e-4.
+        // The wall's contribution is 9/4 R/R_o = 2.2e-4.
         assert!((found / known - 1.0).abs() < 3e-4, "{ratio}: {found} {known}");
     }
     assert!((slipping_sphere(0.48, 1e12, OUTER_RADIUS_M) / 1.820_902_396e-3 - 1.0).abs() < 1e-6);
@@ -221,7 +221,7 @@ fn the_pocket_meets_the_two_layer_solution() {
     }
 }
 
-/// Physics §4.6 at real s, for y at which momentum does not reach the wall: e^{−√y R_o/R} of the wall's share is below 1e-6.
+/// Physics §4.6 at real s, for y at which momentum does not reach the wall: e^{−√y R_o/R} of the wall's contribution is below 1e-6.
 #[test]
 fn inertia_meets_basset_boussinesq() {
     let nu = 0.499_99;
@@ -238,7 +238,7 @@ fn inertia_meets_basset_boussinesq() {
     }
 }
 
-/// Between the snapshots: the error is below 1e-6 of the compliance at rest.
+/// Between the snapshots the error is below 1e-6 of the compliance at rest.
 #[test]
 #[ignore = "thorough"]
 fn reduced_terms_agree_with_the_full_model_between_snapshots() {
@@ -258,7 +258,7 @@ fn reduced_terms_agree_with_the_full_model_between_snapshots() {
         let modes = SpreadModes::new(&system, &splitting, 1e-6).unwrap();
         for (x, full_per_m) in &between {
             let exact = full_per_m / modes.compliance_per_m;
-            // Of the compliance at rest, or where a soft wall lets the gel go of its own.
+            // Scale: the compliance at rest, or the actual one if a soft wall makes it larger.
             let scale = exact.max(1.0);
             let error = (exact - modes.relative_compliance(*x)).abs() / scale;
             assert!(error < 1e-6, "{slug}, {x:e}: {error:e}");
@@ -296,7 +296,7 @@ const SCALES: Scales = Scales {
     fits_position_offset: false,
 };
 
-/// The stages of the law with an effect at parameters inside its prior.
+/// Stages of the law with an effect at parameters inside its prior.
 fn stages(effect: &dyn Effect) -> (Stages, LinearField) {
     let value =
         |parameter: &vitreo_uq::models::effects::EffectParameter| (parameter.prior)(&SCALES).quantile(0.6).into();
@@ -309,7 +309,7 @@ fn stages(effect: &dyn Effect) -> (Stages, LinearField) {
     }
 }
 
-/// Creep after one step by the terms' spectrum against time stepping of the full model, which shares no more than the matrices.
+/// Creep after one step by the terms' spectrum, against time stepping of the full model. The two share only the matrices.
 #[test]
 #[ignore = "thorough"]
 fn creep_by_terms_agrees_with_time_stepping() {
@@ -344,8 +344,8 @@ fn creep_by_terms_agrees_with_time_stepping() {
     }
 }
 
-/// Positions and fields by superposition of one step's answer against steps through every change of the force: delay, lag, factors, an offset from the start, changes that fall between
-/// rows, rows at which the force changes, and a force in straight lines.
+/// Positions and fields by superposition of one step response, against steps through every change of the force: delay, lag, factors, an offset from the start, changes between
+/// rows, rows at which the force changes, and a piecewise linear force.
 #[test]
 fn superposition_is_what_steps_through_every_switch_give() {
     let time_s: Vec<f64> = (0..40).map(|row| 3.0 + 0.1 * f64::from(row)).collect();
@@ -360,7 +360,7 @@ fn superposition_is_what_steps_through_every_switch_give() {
             let mut stages = stages.clone();
             stages.load.delay_s = delay_s.into();
             stages.load.lag_time_s = lag_s.into();
-            // A line that crosses zero has a row there in a record, and none here.
+            // In a record a line has a row at each zero crossing; this one does not.
             stages.load.negative_factor = if rule == ForceRule::Hold { 0.9.into() } else { Dual::ONE };
             stages.load.offset_n = 2e-7.into();
             let (force, resolution) = (Force { at_rows_n: &force_n, rule }, Resolution::default());
@@ -384,7 +384,7 @@ fn superposition_is_what_steps_through_every_switch_give() {
             });
             let of_fields = of_fields.fold(0.0, f64::max);
             println!("{}, delay {delay_s} s, lag {lag_s} s, {rule:?}: {error:.1e}, {of_fields:.1e}", effect.slug());
-            // A line's share is the difference of ramps that last to the record's end, 39 times as long as the line: so are their errors.
+            // The response to a line is the difference of ramps that last to the record's end, 39 times as long as the line. Its error is larger by the same factor.
             let bound = if rule == ForceRule::Hold { 2e-6 } else { 39.0 * 2e-6 };
             assert!(
                 amplitude > 1e-5 && error < bound && of_fields < bound,
@@ -395,7 +395,7 @@ fn superposition_is_what_steps_through_every_switch_give() {
     }
 }
 
-/// The second full model against the closed forms: no more than rounding and its own error of 10⁻⁸ is left.
+/// The second full model against the closed forms: only rounding and its own error of 10⁻⁸ remain.
 #[test]
 fn elements_in_the_half_meridian_meet_the_closed_forms() {
     for nu in [0.3, 0.48, 0.499] {
@@ -427,7 +427,7 @@ fn elements_in_the_half_meridian_meet_the_closed_forms() {
         let s_squared = y * mu / (GEL_DENSITY * RADIUS_M * RADIUS_M);
         let known = 6.0 * PI * mu * RADIUS_M * (1.0 + f64::sqrt(y) + y / 9.0) + sizes(1).robot_mass_kg * s_squared;
         let error = stiffness(&inertia, [1.0, s_squared]) / known - 1.0;
-        // What is left is the container's: it turns the dipole flow back, and is no part of the closed form.
+        // The remainder comes from the container, which reflects the dipole flow and is not part of the closed form.
         let dipole = 1.0 + 3.0 / f64::sqrt(y) + 3.0 / y;
         let container =
             y / 3.0 * (dipole * dipole) * (RADIUS_M / OUTER_RADIUS_M).powi(3) / (1.0 + f64::sqrt(y) + y / 9.0);
@@ -435,7 +435,7 @@ fn elements_in_the_half_meridian_meet_the_closed_forms() {
     }
 }
 
-/// Runs in the half meridian approach those of the three-dimensional elements, whose error falls with their fineness.
+/// Runs of the three-dimensional elements approach those in the half meridian as the mesh gets finer.
 #[test]
 fn runs_in_the_half_meridian_are_those_that_finer_meshes_tend_to() {
     let time_s: Vec<f64> = (0..40).map(|row| 0.1 * f64::from(row)).collect();

@@ -1,10 +1,10 @@
-//! What convergence diagnostics must see, on draws made for it.
+//! Convergence diagnostics on made-up draws with known problems.
 
 use vitreo_uq::sampling::diagnostics::{Chains, rhat};
 use vitreo_uq::sampling::ensemble::RandomStream;
 
-/// Four chains of 1,000 normal draws that drift alike, by three standard deviations each: at every step they agree, and only their halves differ. With d the drift, halves' means
-/// lie d/4 from the whole's, and within a half the variance is 1 + d²/48: R̂ = √(1 + (8/7)(d/4)²/(1 + d²/48)) = 1.24. Without the drift it is below 1.01.
+/// Four chains of 1,000 normal draws share a drift of three standard deviations: they agree at every step, and only their halves differ. With the drift d, the halves' means
+/// are d/4 away from the whole's, and the variance within a half is 1 + d²/48: R̂ = √(1 + (8/7)(d/4)²/(1 + d²/48)) = 1.24. Without the drift it is below 1.01.
 #[test]
 fn a_drift_that_all_chains_share_is_seen() {
     let chains = |drift: f64| {

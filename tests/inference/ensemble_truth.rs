@@ -1,4 +1,4 @@
-//! The bar on truth: no wrong posterior in 400 runs started 10 % off and in 400 started from the prior; in few of them unless long tests are asked for.
+//! Truth test of the sampler: no wrong posterior in 400 runs started 10 % off and in 400 started from the prior. The quick test has fewer runs.
 
 use crate::creep_posterior;
 
@@ -8,11 +8,11 @@ use vitreo_uq::sampling::{SamplerOptions, sample};
 
 const N_RUNS: u64 = 12;
 const N_LONG_RUNS: u64 = 400;
-/// The default of a run.
+/// Default of a run.
 const JUMP_FRACTION: f64 = 0.8;
 
-/// One run: whether a standard deviation is off by more than half, whether it calls itself converged, and how far off the
-/// worst standard deviation and the worst mean (in exact standard deviations) are.
+/// Result of one run: is a standard deviation off by more than half, does the run call itself converged, and the largest errors
+/// of a standard deviation and of a mean (in exact standard deviations).
 struct Run {
     wrong: bool,
     converged: bool,
@@ -39,8 +39,8 @@ fn run(posterior: &CreepPosterior, exact: &Exact, starts: &[Vec<f64>], seed: u64
     }
 }
 
-/// Runs all seeds. With at least 6,000 effective draws, a standard deviation's relative error is about 1 % and a mean's
-/// 0.013 standard deviations; six of those (and a little for the number of runs) are asserted.
+/// Runs all seeds. With at least 6,000 effective draws, a standard deviation has a relative error of about 1 % and a mean one of
+/// 0.013 standard deviations; six of those, with a margin for the number of runs, are allowed.
 fn assert_truth(n_runs: u64, jump_fraction: f64, start_of: impl Fn(&CreepPosterior, u64) -> Vec<Vec<f64>> + Sync) {
     let posterior = CreepPosterior::reference(1);
     let exact = posterior.exact();
@@ -82,7 +82,7 @@ fn started_from_the_prior_with_the_ensemble_s_moves_alone() {
     assert_truth(N_RUNS, 0.0, from_the_prior);
 }
 
-/// Every natural parameter 10 % too large or too small; a start for each of eight walkers.
+/// Starts for eight walkers, with every natural parameter 10 % too large or too small.
 fn ten_percent_off(posterior: &CreepPosterior, seed: u64) -> Vec<Vec<f64>> {
     let mut stream = RandomStream::new(seed, 1 << 62);
     let off = |stream: &mut RandomStream| if stream.unit() < 0.5 { 0.9_f64.ln() } else { 1.1_f64.ln() };

@@ -1,7 +1,7 @@
-//! The ways to an evidence against closed forms, quadrature and each other.
+//! Methods of evidence against closed forms, quadrature and each other.
 //!
-//! A standard error of importance sampling is that of thousands of weights: 6 of them fail falsely below 1e-6. One of sequential Monte Carlo is at least
-//! that of independent particles; theirs are dependent, so that 8 of them are allowed (below 1e-4 if the true error is twice as large).
+//! The standard error of importance sampling comes from thousands of weights: 6 of them fail falsely below 1e-6. That of sequential Monte Carlo is at least
+//! the one of independent particles. Its particles are dependent, so 8 of them are allowed (below 1e-4 if the true error is twice as large).
 
 use crate::density_ratio::{SavageDickey, savage_dickey};
 use std::path::Path;
@@ -54,7 +54,7 @@ fn importance_sampling_gives_the_evidence_of_gaussians() {
     }
 }
 
-/// ∫∫ exp(−x²/2 − (y − bx²)²/2) = 2π whatever the bend; two normalised bumps far apart have 1.
+/// ∫∫ exp(−x²/2 − (y − bx²)²/2) = 2π for any bend. Two normalised bumps far apart have evidence 1.
 #[test]
 fn importance_sampling_gives_the_evidence_of_bent_and_of_separate_bumps() {
     let bent = by_importance(&Banana { bend: 1.5 }, &[vec![0.1, 0.1]]);
@@ -67,7 +67,7 @@ fn importance_sampling_gives_the_evidence_of_bent_and_of_separate_bumps() {
     assert!((two.draws.mean(|x| f64::from(u8::from(x[0] > 10.0))) - 0.3).abs() < 0.03);
 }
 
-/// A Gaussian of which an edge leaves x₀ > −1: mass Φ(1).
+/// A Gaussian cut off at x₀ > −1: mass Φ(1).
 struct Cut;
 
 impl LogDensity for Cut {
@@ -90,7 +90,7 @@ fn an_edge_of_the_support_is_kept() {
     assert!(found.draws.points.iter().zip(&found.draws.weights).all(|(x, w)| x[0] > -1.0 || *w == 0.0));
 }
 
-/// Amplitude a ≥ 0 with a half-normal prior (sd 1) and a level b ~ N(0, 2²), seen as a + b = 0.1 ± 0.1 and b = 0.3 ± 0.2 (data at an end of a's
+/// Amplitude a ≥ 0 with a half-normal prior (sd 1) and a level b ~ N(0, 2²), observed as a + b = 0.1 ± 0.1 and b = 0.3 ± 0.2 (data at an end of a's
 /// support), in the sampler's coordinates ln a and b.
 struct Amplitude {
     prior: PriorSet,
@@ -162,13 +162,13 @@ fn all_three_ways_agree_with_quadrature_where_an_amplitude_is_next_to_nothing() 
     for draws in [&weighted.draws, &tempered.draws] {
         let ratio = savage_dickey(draws, |u| seen.natural(0, u[0]), 0.0, &Distribution::HalfNormal { sd: 1.0 });
         let SavageDickey::Ratio { ln_bayes_factor, standard_error } = ratio else { panic!("{ratio:?}") };
-        // The error comes from ten parts; the shape of the density adds a little of its own.
+        // The error comes from ten parts; the shape of the density adds a little.
         let off = (ln_bayes_factor - exact_ratio).abs();
         assert!(off < 8.0 * standard_error + 0.05 && standard_error < 0.1, "{ratio:?} against {exact_ratio}");
     }
 }
 
-/// A standard normal prior in twelve dimensions and a likelihood exp(−(u − m)ᵀA(u − m)/2) of neighbours that depend on each other:
+/// A standard normal prior in twelve dimensions and a likelihood exp(−(u − m)ᵀA(u − m)/2) with correlated neighbours:
 /// Z = det(I + A)^(−1/2) exp(−mᵀ(I + A⁻¹)⁻¹m/2).
 struct Gaussian {
     precision: DMatrix<f64>,
@@ -216,7 +216,7 @@ fn both_ways_give_the_evidence_of_twelve_dimensions() {
     assert_tempering(&tempering::evidence(&target, &Modes::default(), &options).expect("finite"), exact, 0.15);
 }
 
-/// Gaussian likelihoods of every coordinate, one of them bimodal: ±3 alike. Z of a coordinate with prior N(0, 5²) and likelihood N(x; m, s²) is
+/// Gaussian likelihoods of every coordinate; one is bimodal with equal modes ±3. Z of a coordinate with prior N(0, 5²) and likelihood N(x; m, s²) is
 /// N(m; 0, 25 + s²).
 struct Tempered {
     prior: PriorSet,
@@ -263,14 +263,14 @@ fn both_ways_give_the_evidence_of_two_modes_and_do_not_depend_on_threads() {
     let starts: Vec<Vec<f64>> =
         [-3.0, 3.0].map(|a| (0..5).map(|d| seen.of_natural(d, if d == 0 { a } else { d as f64 })).collect()).to_vec();
     assert_importance(&by_importance(&seen, &starts), exact, 0.03);
-    // Shares of modes wander as 500 particles are resampled some sixty times: 0.2 is about four errors of three replicates.
+    // The weights of modes fluctuate, as 500 particles are resampled about sixty times: 0.2 is about four errors of three replicates.
     assert!((found.draws.mean(|x| f64::from(u8::from(x[0] > 0.0))) - 0.5).abs() < 0.2);
     let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().expect("a thread");
     let alone = pool.install(|| tempering::evidence(&seen, &Modes::default(), &options)).expect("finite");
     assert_eq!(alone, found);
 }
 
-/// Normal draws: the density at a null inside, at three errors of 0.02, and one out of reach.
+/// Normal draws: the density at a null inside, at three errors of 0.02, and at one out of reach.
 #[test]
 fn the_density_ratio_is_exact_for_a_gaussian_and_refuses_what_it_cannot_see() {
     let mut stream = RandomStream::new(6, 0);

@@ -1,8 +1,8 @@
-//! Every move must leave correlated, bounded and heavy-tailed targets invariant; moves that do not must be caught.
+//! Every move must leave correlated, bounded and heavy-tailed targets invariant; incorrect moves must be caught.
 //!
-//! Ensembles begin from exact draws of the target, so that any departure is the move's doing. The averages of a functional
-//! over 64 independent ensembles are compared with its exact expectation by Student's t with 63 degrees of freedom; the
-//! threshold is such that all comparisons of this file together fail once in 10⁶ if every move is right.
+//! Ensembles begin from exact draws of the target, so any deviation comes from the move. Student's t with 63 degrees of freedom compares the averages of a functional
+//! over 64 independent ensembles with its exact expectation. With correct moves all
+//! comparisons of this file together fail once in 10⁶.
 
 use statrs::distribution::{ContinuousCDF, StudentsT};
 use std::sync::Arc;
@@ -79,7 +79,7 @@ impl Target for Correlated {
     }
 }
 
-/// x₀ uniform on (0, 1), x₁ exponential, x₂ of density 2x on (0, 1): hard edges, the highest density on one of them.
+/// x₀ uniform on (0, 1), x₁ exponential, x₂ of density 2x on (0, 1): hard edges, with the highest density on one of them.
 struct Bounded;
 
 impl LogDensity for Bounded {
@@ -134,7 +134,7 @@ impl Target for HeavyTailed {
     }
 }
 
-/// A move with its correction left out.
+/// A move without its correction.
 struct WithoutFactor(Arc<dyn Move>);
 
 impl Move for WithoutFactor {
@@ -195,7 +195,7 @@ fn threshold() -> f64 {
     StudentsT::new(0.0, 1.0, dof).unwrap().inverse_cdf(1.0 - 0.5 * FALSE_FAILURE_RATE / N_COMPARISONS)
 }
 
-/// Two modes, neither at the right place nor of the right width: a correct independence move must not mind.
+/// Two modes at wrong places with wrong widths. A correct independence move tolerates them.
 fn misplaced_jumps() -> Independence {
     let mut modes = Modes::default();
     for (location, precision) in [(0.3, 4.0), (2.0, 1.0)] {
@@ -244,7 +244,7 @@ fn misplaced_jumps_are_invariant() {
     assert_invariant(&mixed, &[&Bounded, &HeavyTailed]);
 }
 
-/// The harness can fail: each correction left out is found on at least one target.
+/// The harness can fail: each missing correction is found on at least one target.
 #[test]
 fn wrong_moves_are_caught() {
     let moves: [Arc<dyn Move>; 3] =

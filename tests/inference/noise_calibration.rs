@@ -1,4 +1,4 @@
-//! All noise terms at once: data simulated from them have the density that the likelihood gives them, and truths drawn from the priors rank uniformly in their
+//! All noise terms together: simulated data have the likelihood's density. Truths drawn from the priors rank uniformly in their
 //! posteriors (long test).
 
 use rand::SeedableRng;
@@ -16,7 +16,7 @@ use vitreo_uq::record::{Apparatus, Experiment};
 use vitreo_uq::sampling::ensemble::RunControl;
 use vitreo_uq::sampling::{SamplerOptions, sample};
 
-/// Priors as narrow as positions of an experiment ask for; those of the noise terms are the program's own.
+/// Priors narrow enough for realistic positions; those of the noise terms are the program's own.
 const PRIOR: &str = r#"
 [young_modulus_pa]
 distribution = "log_normal"
@@ -47,12 +47,12 @@ unit = "um"
 source = "chosen for this test"
 "#;
 
-/// Eight cycles of 25 rows, since gains and offsets are learnt from cycles; an instrument, since space is not what is tested.
+/// Eight cycles of 25 rows, because cycles identify gains and offsets. An instrument suffices, because the test does not concern space.
 fn experiment() -> Experiment {
     let (mut experiment, _) = embedded().expect("embedded");
     experiment.apparatus = Apparatus::Instrument { compliance_per_m: 549.178 };
     let record = &mut experiment.record;
-    // Irregular and with a gap.
+    // Irregular times with a gap.
     record.time_s = (0..200).map(|i| 0.2 * f64::from(i) + if i % 3 == 1 { 0.05 } else { 0.0 }).collect();
     record.time_s.iter_mut().skip(120).for_each(|t| *t += 3.0);
     record.force_n = (0..200).map(|i| if (i / 12) % 2 == 0 { 4.6e-6 } else { -4.6e-6 }).collect();
@@ -90,8 +90,8 @@ fn ranks(base: &Problem, seed: u64) -> Vec<f64> {
         .collect()
 }
 
-/// For nine parameters: place of the ranks (mean of uniforms) and spread (mean square about one half), each within 5.5 standard deviations of
-/// what uniform ranks have. 18 assertions at 4e-8: false failures below 1e-6.
+/// Location (mean) and spread (mean square about one half) of the ranks of nine parameters, each within 5.5 standard deviations of
+/// uniform ranks. 18 assertions at 4e-8: false failures below 1e-6.
 fn assert_uniform(n_replicates: u64) {
     let directory = tempfile::tempdir().expect("a temporary directory");
     let file = directory.path().join("prior.toml");
@@ -114,13 +114,13 @@ fn assert_uniform(n_replicates: u64) {
     }
 }
 
-/// Noise of all terms, each as large as the others over a few rows: σ, σ_ou (µm), τ (s), s_g, s_o (µm), ν.
+/// Noise of all terms, comparable in size over a few rows: σ, σ_ou (µm), τ (s), s_g, s_o (µm), ν.
 const ALL_TERMS: [f64; 6] = [4.0, 3.0, 0.7, 0.03, 5.0, 4.0];
 const N_SIMULATED: usize = 1_500;
 
-/// Where data have the likelihood's own density p(y; η), its score s = ∂ ln p/∂η has mean 0 and s² + ∂² ln p/∂η² has mean 0, for every parameter and for the size of
-/// the motion. Both means of 1,500 records lie within 6 of their standard errors: false failures below 1e-6 for all fourteen together, skewness included. A density
-/// whose parameter is off by a sixth of what one record of 200 rows tells of it is found.
+/// For data with the likelihood's density p(y; η), the score s = ∂ ln p/∂η and s² + ∂² ln p/∂η² have mean 0, for every parameter and for the size of
+/// the motion. Both means of 1,500 records lie within 6 of their standard errors: false failures below 1e-6 for all fourteen together, skewness included. The test detects
+/// a parameter that is off by a sixth of its standard error from one record of 200 rows.
 #[test]
 fn simulated_noise_has_the_density_of_the_likelihood() {
     let experiment = experiment();

@@ -1,4 +1,4 @@
-//! Whole runs: the same bytes whatever the threads and interruptions; modes with mass are kept, walkers without are not.
+//! Whole runs: the bytes are independent of threads and interruptions; modes with mass keep their walkers, and those without lose them.
 
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
@@ -8,7 +8,7 @@ use vitreo_uq::sampling::LogDensity;
 use vitreo_uq::sampling::ensemble::{Batches, Checkpointing, Demands, RunControl, SampleOutcome};
 use vitreo_uq::sampling::{SamplerOptions, sample};
 
-/// A curved ridge, x₀ ~ N(0, 1), x₁ | x₀ ~ N(x₀², 1), x₂ ~ N(0, 1). Counts its points and sets a flag at one of them.
+/// A curved ridge, x₀ ~ N(0, 1), x₁ | x₀ ~ N(x₀², 1), x₂ ~ N(0, 1). It counts its points and sets a flag at one of them.
 struct Banana {
     count: AtomicU64,
     stop_at: u64,
@@ -45,7 +45,7 @@ fn starts() -> Vec<Vec<f64>> {
     vec![vec![0.5, -1.0, 2.0], vec![3.0, 3.0, 3.0]]
 }
 
-/// All that must not depend on threads or interruptions, bit by bit.
+/// Bits of all results that must be independent of threads and interruptions.
 fn bits(outcome: &SampleOutcome) -> Vec<u64> {
     let parameters =
         outcome.parameters.iter().flat_map(|p| [p.mean, p.sd, p.rhat, p.ess_bulk, p.ess_tail, p.mcse_mean]);
@@ -80,7 +80,7 @@ fn interruptions_do_not_change_a_bit() {
         Ok(())
     };
     let mut n_interruptions = 0;
-    // Gaps without a common divisor with steps, rounds or judgements; threads change on the way.
+    // The gaps have no common divisor with steps, rounds or convergence checks; the number of threads changes in between.
     let gaps = [9_001_u64, 333, 20_011, 3_001, 1, 50_021, 7_919];
     let outcome = loop {
         let density = Banana::stopping_at(gaps[n_interruptions % gaps.len()]);
@@ -170,8 +170,8 @@ fn spread_starts() -> Vec<Vec<f64>> {
     (0..12).map(|k| vec![f64::from(k) * 5.0 - 10.0, f64::from(k % 3) - 1.0]).collect()
 }
 
-/// Both weights within 0.05, no walker of the minority moved. A run has more than 1,000 effective draws: one standard error
-/// of a weight is below √(0.21/1000) = 0.0145, and three of those (2 in 1,000) are asserted for fixed seeds.
+/// Both weights are within 0.05, and no walker of the minority is moved. A run has more than 1,000 effective draws: one standard error
+/// of a weight is below √(0.21/1000) = 0.0145, and three of those (2 in 1,000) are allowed for fixed seeds.
 fn assert_both_weights(jump_fraction: f64, ratio: f64) {
     for seed in 1..=5 {
         let target = TwoBumps { weight: 0.7, gap: 30.0, ratio };
@@ -197,7 +197,7 @@ fn two_modes_keep_their_weights_by_the_ensemble_s_moves_alone() {
     assert_both_weights(0.0, 1.0);
 }
 
-/// A spike of no mass (10⁻⁸) but nine nats above the bulk, where an optimiser ends and walkers would stay: not one may.
+/// A spike with negligible mass (10⁻⁸) but nine nats above the bulk. Optimisers end there and walkers would stay; none may.
 #[test]
 fn a_mode_without_mass_keeps_no_walker() {
     let target = TwoBumps { weight: 1e-8, gap: 8.0, ratio: 1.0 };
@@ -232,15 +232,15 @@ fn too_few_steps_are_said_in_words() {
     let options = SamplerOptions { max_steps: 64, ..SamplerOptions::default() };
     let outcome = sample(&Banana::stopping_at(u64::MAX), &starts(), &options, &RunControl::default()).unwrap();
     assert!(!outcome.converged);
-    assert!(outcome.messages.iter().any(|message| message.contains("wanted")), "{:?}", outcome.messages);
+    assert!(outcome.messages.iter().any(|message| message.contains("required")), "{:?}", outcome.messages);
     assert_eq!(outcome.n_steps, 64);
     assert!(!outcome.draws.is_empty());
 }
 
-/// Demands that any run meets.
+/// Convergence criteria that any run meets.
 const NO_DEMANDS: Demands = Demands { autocorrelation_times: 1.0, rhat: 10.0, ess: 1.0, rhat_walkers: 10.0 };
 
-/// Only what follows the freeze is kept: as many steps as were made since.
+/// Only steps after the burn-in are kept, all of them.
 #[test]
 fn a_freeze_discards_the_burn_in() {
     let options = SamplerOptions { store_every: Some(1), ..options(1, Batches::Whole) };
@@ -249,7 +249,7 @@ fn a_freeze_discards_the_burn_in() {
     assert_eq!(outcome.draws.n_steps as u64, outcome.n_steps - outcome.freeze_step);
 }
 
-/// Two bumps of which the starts know the first only; a few walkers come upon the other, and neither is of no weight.
+/// Two bumps with starts in the first only. A few walkers find the other, and both have weight.
 fn unknown_bump(seed: u64, gap: f64, max_steps: u64, stop_when_converged: bool) -> SampleOutcome {
     let target = TwoBumps { weight: 0.3, gap, ratio: 2.0 };
     let options = SamplerOptions {
@@ -264,8 +264,8 @@ fn unknown_bump(seed: u64, gap: f64, max_steps: u64, stop_when_converged: bool) 
     sample(&target, &[vec![-0.5, 0.5]], &options, &RunControl::default()).unwrap()
 }
 
-/// A quarter of 400 steps is past at the first judgement. Where that finds walkers in a bump that none began from, there is no time to burn in again, and demands that are met otherwise do not make the run
-/// a converged one; where it finds none, nothing is said. With more steps there is time. Seeds are taken as they come, and the bump is found with some of them.
+/// At the first check a quarter of 400 steps is over. If walkers are then in a bump without starts, no time is left to burn in again, and the run does not count as converged
+/// even if it meets the other criteria. Otherwise there is no remark. With more steps there is time. Seeds are consecutive, and some of them find the bump.
 #[test]
 fn walkers_left_behind_to_the_end_are_said_and_not_called_converged() {
     let mut n_found = 0;
@@ -285,8 +285,8 @@ fn walkers_left_behind_to_the_end_are_said_and_not_called_converged() {
     assert!(n_found > 0);
 }
 
-/// Where the other bump is come upon when burning in again is out of the question, and before the end, that is said; but walkers drawn anew would break the chains whose draws are kept: more than half of
-/// the 128 would change bumps at once, where the moves take a dozen or two. Seeds are taken as they come: no run moves many at once, and in some the bump is found that late.
+/// The other bump may be found too late for another burn-in but before the end; this is reported. New walkers would break the chains of the kept draws: more than half of
+/// the 128 would change bumps at once, whereas the moves change a dozen or two. Seeds are consecutive: no run moves many at once, and some find the bump that late.
 #[test]
 fn a_mode_found_after_the_last_freeze_moves_nobody() {
     let mut n_late = 0;
@@ -303,7 +303,7 @@ fn a_mode_found_after_the_last_freeze_moves_nobody() {
     assert!(n_late > 0);
 }
 
-/// Most walkers of all ensembles that change bumps in one kept step.
+/// Largest number of walkers of all ensembles that change bumps in one kept step.
 fn most_walkers_that_leap(outcome: &SampleOutcome) -> usize {
     let draws = &outcome.draws;
     let walkers = || (0..draws.n_ensembles).flat_map(|e| (0..draws.n_walkers).map(move |w| (e, w)));
@@ -312,8 +312,8 @@ fn most_walkers_that_leap(outcome: &SampleOutcome) -> usize {
     (1..draws.n_steps).map(|step| walkers().filter(|&walker| leaps(step, walker)).count()).max().unwrap_or(0)
 }
 
-/// Walkers that share themselves out rightly between two bumps but never change over know nothing of the weights: the bumps'
-/// scales are so different that no move of the ensemble leads from one to the other. Only R̂ over walkers tells.
+/// Walkers that divide correctly between two bumps but never change over contain no information about the weights. The bumps'
+/// scales are so different that no move leads from one to the other. Only R̂ over walkers reveals this.
 #[test]
 fn walkers_that_keep_to_their_bumps_are_not_called_converged() {
     let target = TwoBumps { weight: 0.6, gap: 30.0, ratio: 1e-4 };
@@ -325,5 +325,5 @@ fn walkers_that_keep_to_their_bumps_are_not_called_converged() {
     let share = column.iter().filter(|&&x| x < 15.0).count() as f64 / column.len() as f64;
     assert!((share - 0.6).abs() < 0.02, "{share}");
     assert!(!outcome.converged);
-    assert!(outcome.messages.iter().any(|message| message.contains("walkers keep")), "{:?}", outcome.messages);
+    assert!(outcome.messages.iter().any(|message| message.contains("walkers stay")), "{:?}", outcome.messages);
 }

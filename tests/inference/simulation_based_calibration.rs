@@ -1,5 +1,5 @@
-//! Simulation-based calibration (Talts et al. 2018, arXiv:1804.06788) of the whole inference: parameters drawn from the prior,
-//! data simulated from them, the posterior sampled; the truth's rank among independent posterior draws must be uniform.
+//! Simulation-based calibration (Talts et al. 2018, arXiv:1804.06788) of the whole inference. Parameters are drawn from the prior,
+//! data simulated from them, and the posterior sampled. The truth's rank among independent posterior draws must be uniform.
 
 use crate::creep_posterior;
 
@@ -19,14 +19,14 @@ use vitreo_uq::sampling::{LogDensity, SamplerOptions, sample};
 
 const N_REPLICATES: u64 = 192;
 const N_LONG_REPLICATES: u64 = 512;
-/// Enough to catch noise taken for 1.3 times less than it is.
+/// Enough replicates to detect a noise underestimated by a factor of 1.3.
 const N_REPLICATES_WRONG: u64 = 32;
-/// Posterior draws that the truth is ranked among: one less than a multiple of the number of bins.
+/// Number of posterior draws for the rank: one less than a multiple of the number of bins.
 const N_DRAWS: usize = 127;
-/// From so wide a prior the data of about one draw in twelve leave a thin, curved ridge, on which walkers need tens of thousands of
-/// steps. Such runs say that they have not converged; they are ranked like all others, but not waited for.
+/// Limit of steps. With such a wide prior the data of about one draw in twelve give a thin, curved ridge, on which walkers need tens of thousands of
+/// steps. Such runs report that they have not converged; they are ranked like all others.
 const MAX_STEPS: u64 = 4_000;
-/// Share of such data, of which a run leaves so many more that the bar fails with a probability of 1e-5 (binomial).
+/// Fraction of such data. The test fails if so many more runs are unconverged that the probability is 1e-5 (binomial).
 const RIDGE_SHARE: f64 = 1.0 / 12.0;
 const N_BINS: usize = 16;
 const FALSE_FAILURE_RATE: f64 = 1e-6;
@@ -40,7 +40,7 @@ struct Problem<Draw, Build> {
 }
 
 struct Replicates {
-    /// For every replicate the rank of each coordinate, last that of the log density.
+    /// Ranks of each coordinate, and of the log density at the end, for every replicate.
     ranks: Vec<Vec<usize>>,
     n_unconverged: usize,
 }
@@ -79,7 +79,7 @@ where
 }
 
 impl Replicates {
-    /// The ranks of each quantity.
+    /// Ranks of each quantity.
     fn quantities(&self) -> Vec<Ranks> {
         let of = |q: usize| Ranks { ranks: self.ranks.iter().map(|row| row[q]).collect(), n_draws: N_DRAWS };
         (0..self.ranks[0].len()).map(of).collect()
@@ -96,18 +96,18 @@ fn chi_squares(replicates: &Replicates) -> Vec<f64> {
     replicates.quantities().iter().map(of_quantity).collect()
 }
 
-/// Place and spread of each quantity's ranks, standard normal if ranks are uniform.
+/// Location and spread of each quantity's ranks, standard normal if ranks are uniform.
 ///
-/// For a Gaussian posterior whose sd is wrong by a factor f, u = Φ(z/f): with the long test's 512 replicates the expected spread reaches the limit at
-/// f = 0.83 or 1.22, that is, half of such mistakes are caught; the χ² of 16 bins needs 0.80 or 1.31. With 192 replicates the spread reaches it at 0.72 or 1.4.
+/// For a Gaussian posterior whose sd is wrong by a factor f, u = Φ(z/f). With the long test's 512 replicates the expected spread reaches the limit at
+/// f = 0.83 or 1.22, so half of such mistakes are caught; the χ² of 16 bins needs 0.80 or 1.31. With 192 replicates the spread reaches it at 0.72 or 1.4.
 fn scores(replicates: &Replicates) -> Vec<[f64; 2]> {
     replicates.quantities().iter().map(|ranks| [ranks.place(), ranks.spread()]).collect()
 }
 
-/// Statistics asserted of a right program: χ², place and spread of five quantities.
+/// Number of statistics asserted for a correct program: χ², location and spread of five quantities.
 const N_ASSERTIONS: f64 = 15.0;
 
-/// Exceeded by one or more of all χ² and scores once in 10⁶ calibrations of a right program, together with [`score_limit`].
+/// Limit that all χ² and scores of a correct program exceed once in 10⁶ calibrations, together with [`score_limit`].
 fn chi_square_limit() -> f64 {
     ChiSquared::new(N_BINS as f64 - 1.0).unwrap().inverse_cdf(1.0 - FALSE_FAILURE_RATE / N_ASSERTIONS)
 }
@@ -125,7 +125,7 @@ fn priors() -> &'static PriorSet {
     PRIORS.get_or_init(|| PriorSet::named("porcine").unwrap())
 }
 
-/// The range on which `sample` trains its surrogate: the prior's box.
+/// Training range of the surrogate in `sample`: the prior's box.
 fn trained() -> &'static [TrainedRange] {
     static TRAINED: OnceLock<Vec<TrainedRange>> = OnceLock::new();
     TRAINED.get_or_init(|| {
@@ -135,7 +135,7 @@ fn trained() -> &'static [TrainedRange] {
     })
 }
 
-/// The posterior that `sample` samples: porcine prior, reduced model, vectorised likelihood, one cycle at 20 Hz.
+/// Posterior of `sample`: porcine prior, reduced model, vectorised likelihood, one cycle at 20 Hz.
 /// `noise_factor` multiplies σ in the data: 1, or a deliberate mistake.
 fn reduced_posterior(truth: &[f64], stream: &mut RandomStream, noise_factor: f64) -> ReducedPosterior<'static> {
     let natural = priors().from_unconstrained(truth);
@@ -194,7 +194,7 @@ fn assert_uniform(n_replicates: u64) {
     assert!((ranks.n_unconverged as f64) < most, "{} unconverged, at most {most:.0}", ranks.n_unconverged);
 }
 
-/// The harness can fail: data with 1.3 times the noise of the truth give too large a σ, which is caught by the place of σ's rank.
+/// The harness can fail: data with 1.3 times the noise of the truth give too large a σ, and the location of σ's rank reveals this.
 #[test]
 fn a_wrong_likelihood_is_caught() {
     let scores = scores(&reduced_ranks(N_REPLICATES_WRONG, 1.3));

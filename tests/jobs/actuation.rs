@@ -1,4 +1,4 @@
-//! A force logged on its own: exact where it switches between samples, as a force or as a coil's current; refused with a remedy where the two tables cannot be brought together.
+//! A separately logged force: it is exact if it switches between samples, as a force or as a coil's current. Tables that cannot be aligned are refused with a remedy.
 
 use std::path::{Path, PathBuf};
 
@@ -13,7 +13,7 @@ use vitreo_uq::record::Experiment;
 
 const TRUTH: [f64; 3] = [3.5, 1.4, 47.0];
 const COMPLIANCE_PER_M: f64 = 549.0;
-/// Time (s) and force (µN) of every switch: none falls on a sample.
+/// Time (s) and force (µN) of every switch; none coincides with a sample.
 const SWITCHES: [(f64, f64); 6] =
     [(0.013, 4.6), (2.487, -4.6), (5.021, 2.3), (7.533, 0.0), (9.969, 4.6), (12.511, -2.3)];
 const N_ROWS: usize = 300;
@@ -33,7 +33,7 @@ struct Files {
 }
 
 impl Files {
-    /// The directory of an experiment whose camera rows carry this noise (µm), with a log and what the TOML says of it.
+    /// Directory of an experiment with noise (µm) in the camera's rows, a force log and its TOML lines.
     fn new(noise_um: f64, seed: u64, camera_zero_s: f64, log: &str, actuation: &str) -> Self {
         let folder = tempfile::tempdir().expect("a folder");
         let mut rng = ChaCha8Rng::seed_from_u64(seed);
@@ -74,7 +74,7 @@ fn log_of_force() -> String {
     format!("t_ms,F_nN\n{}", rows.collect::<String>())
 }
 
-/// The fitted parameters over the true ones.
+/// Fitted parameters over the true ones.
 fn ratios(experiment: Experiment) -> [f64; 3] {
     let problem = Problem::new(experiment, ModelSpecification::default(), None, &Silent).expect("a problem");
     let summary = fit::run(&problem, None, &Silent).expect("a fit").summary;
@@ -95,7 +95,7 @@ fn switches_between_samples_are_exact() {
     }
 }
 
-/// The same forces as a current with an offset and a square, on a clock that runs from another zero, in a table with semicolons and decimal commas.
+/// The forces as a current with an offset and a square, on a clock with another zero, in a table with semicolons and decimal commas.
 #[test]
 fn a_current_is_calibrated_on_the_cameras_clock() {
     let calibration = [1e-7, 2e-6, 1e-7];
@@ -116,8 +116,8 @@ fn a_current_is_calibrated_on_the_cameras_clock() {
     }
 }
 
-/// With 4 µm of noise: a mean of 20 fits lies within 4 of its standard errors of the truth, each about 3·10⁻³; false failures 2 in 10,000. What the camera's own rows say of the
-/// force, switches at the next sample, is off by more than that.
+/// The noise is 4 µm. The mean of 20 fits is within 4 of its standard errors, about 3·10⁻³ each, of the truth; false failures 2 in 10,000. The camera's own rows show each
+/// force switch at the next sample, which biases the fit by more than that.
 #[test]
 fn a_log_leaves_no_bias_where_the_cameras_rows_do() {
     let mut sums = [[0.0; 3]; 2];
@@ -148,9 +148,13 @@ fn what_cannot_be_brought_together_is_refused() {
     for (log, actuation, words) in [
         (later, OF_FORCE.to_string(), "one clock"),
         (&log_of_force(), format!("{OF_FORCE}current = 2\n"), "a force and a current"),
-        (&log_of_force(), OF_FORCE.replace("F_nN", "G_nN"), "no such column"),
+        (&log_of_force(), OF_FORCE.replace("F_nN", "G_nN"), "lacks this column"),
         (&log_of_force(), OF_FORCE.replace("F_nN\"\n", "F_nN\"\n[actuation.units]\nforce = \"T\"\n"), "no unit"),
-        (&log_of_force(), OF_FORCE.replace("file =", "calibration = [1.0]\nfile ="), "a calibration makes one"),
+        (
+            &log_of_force(),
+            OF_FORCE.replace("file =", "calibration = [1.0]\nfile ="),
+            "the calibration converts a current",
+        ),
         (&log_of_force(), OF_FORCE.replace("coil.csv", "../coil.csv"), "plain path"),
         (&log_of_force(), OF_FORCE.replace("coil.csv", "gone.csv"), "gone.csv"),
         ("t_ms,I_mA\n13,1\n2000,2\n", OF_FORCE.replace("force = \"F_nN\"", "current = \"I_mA\""), "calibration"),

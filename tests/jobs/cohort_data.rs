@@ -1,4 +1,4 @@
-//! The committed synthetic cohort is what `examples/make_cohort` makes, and its README says what it was made with.
+//! The committed synthetic cohort equals the output of `examples/make_cohort`, and its README states the settings.
 
 #[path = "../../examples/make_cohort/cohort.rs"]
 mod cohort;
@@ -17,7 +17,7 @@ fn committed(file: &str) -> String {
     std::fs::read_to_string(directory().join(file)).unwrap_or_else(|error| panic!("{file}: {error}"))
 }
 
-/// Fields agree as texts, or as numbers within one unit of the last printed digit.
+/// Asserts that fields are equal as texts, or as numbers within one unit of the last printed digit.
 fn assert_same_table(name: &str, made: &str, committed: &str, unit: f64) {
     assert_eq!(made.lines().count(), committed.lines().count(), "{name}: rows");
     for (made, committed) in made.lines().zip(committed.lines()) {
@@ -41,7 +41,7 @@ fn the_truth_and_every_description_are_what_the_code_makes() {
     assert_eq!(entries.filter(|path| path.is_dir()).count(), experiments.len(), "directories of data/cohort");
 }
 
-/// All of them; and the time steps' error stays below a fiftieth of the noise in every experiment, by the exact step.
+/// All trajectories are reproduced. In every experiment the time steps' error is below a fiftieth of the noise, by the exact step.
 #[test]
 #[ignore = "thorough"]
 fn trajectories_are_what_full_finite_elements_make() {
@@ -60,7 +60,7 @@ fn trajectories_are_what_full_finite_elements_make() {
     }
 }
 
-/// Read as the program reads them: labelled, of this apparatus, with what is missing where the note says so.
+/// The program reads every experiment: labelled, of this apparatus, with the missing parts that the note names.
 #[test]
 fn every_experiment_is_read_and_says_that_it_is_synthetic() {
     for own in cohort::experiments() {
@@ -77,7 +77,7 @@ fn every_experiment_is_read_and_says_that_it_is_synthetic() {
     }
 }
 
-/// 40,000 draws: a variance is known to 0.0071, a covariance to 0.0056; the limits are five standard errors of six numbers, false failures 3 in a million.
+/// 40,000 draws give a variance to 0.0071 and a covariance to 0.0056. The limits are five standard errors of six numbers: false failures 3 in a million.
 #[test]
 fn deviations_have_the_spread_and_the_correlation_that_are_stated() {
     let mut random = rand_chacha::ChaCha8Rng::seed_from_u64(3);

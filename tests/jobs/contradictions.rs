@@ -1,6 +1,6 @@
-//! What contradicts a record's description is found, and sound records are left alone: a tenth of campaigns/contradictions.
+//! Contradictions between a record and its description are found, and correct records have none: a tenth of campaigns/contradictions.
 //!
-//! Seeds are fixed. With others a kind that is found in 97 % of its records would fail by chance in 6·10⁻⁶ of all runs, and sound records of which one in 400 is called in 6·10⁻⁸.
+//! Seeds are fixed. With others a kind found in 97 % of its records fails by chance in 6·10⁻⁶ of all runs, and correct records with one false finding in 400 fail in 6·10⁻⁸.
 
 #[path = "../contradictory/mod.rs"]
 mod contradictory;
@@ -30,7 +30,7 @@ fn sound_records_are_left_alone() {
         .map(|seed| {
             let (experiment, files) = record(None, seed);
             let mut called = contradictions(&experiment, &files.understood);
-            // Sines are made as curves and stated as lines, so that this is so.
+            // Sines are sampled as curves but described as lines, so this finding is correct.
             called.retain(|one| one.kind != "curve_between_rows" || experiment.record.force_rule == ForceRule::Hold);
             (seed, called)
         })
@@ -47,7 +47,7 @@ fn what_is_certain_is_refused_with_its_remedy() {
     let refused = refuse_certain(&experiment, &files.understood, &Silent).unwrap_err();
     assert_eq!(refused.exit_code(), 2);
     assert!(refused.to_string().contains("direction = \"-\""), "{refused}");
-    // The remedy of another kind works: the rule of the force is said.
+    // The remedy of another kind works: stating the force rule.
     let (experiment, mut files) = record(Some("force_between_rows"), 1);
     let refused = refuse_certain(&experiment, &files.understood, &Silent).unwrap_err().to_string();
     assert!(refused.contains("`force_between_rows`"), "{refused}");

@@ -1,8 +1,8 @@
-//! The table of draws: its two ways of reading one shape.
+//! Two ways of reading a table of draws give the same numbers.
 
 use vitreo_uq::figures::draws::DrawTable;
 
-/// Numbers that say where they stand, in a table whose sides all differ: a place and a column are the same place.
+/// The numbers encode their positions, in a table with different side lengths. Reading by position and by column agree.
 #[test]
 fn a_place_and_a_column_of_a_table_are_the_same() {
     let (n_ensembles, n_walkers, n_steps, n_parameters) = (2, 3, 5, 2);
@@ -24,6 +24,6 @@ fn a_place_and_a_column_of_a_table_are_the_same() {
             assert_eq!((table.value(at.0, at.1, at.2, p), in_column), (place(at, p), place(at, p)));
         }
     }
-    // Over the three walkers of the second ensemble at step 4: 1040, 1140, 1240.
+    // Mean over the three walkers of the second ensemble at step 4: 1040, 1140, 1240.
     assert_eq!(table.walker_summary(1, 0).mean[4], 1140.0);
 }

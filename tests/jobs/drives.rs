@@ -1,6 +1,6 @@
-//! Forces of every shape, as they are and not as rows show them: what is fitted under the rule that the experiment states is unbiased, with intervals that hold their share.
+//! Forces of every shape, continuous in time and not as the rows show them. Fits under the experiment's force rule are unbiased, and their intervals cover the truth as stated.
 //!
-//! The motion comes from steps of a Runge–Kutta method on the definition of the law, a hundredth of a row long, under the continuous force.
+//! The motion comes from Runge–Kutta steps on the law's definition, a hundredth of a row long, under the continuous force.
 
 use std::f64::consts::PI;
 
@@ -22,10 +22,10 @@ const NOISE_UM: f64 = 4.0;
 const INTERVAL_S: f64 = 0.02;
 const N_ROWS: usize = 1000;
 const STEPS_A_ROW: usize = 100;
-/// Half of the 90 % interval of a normal.
+/// Half width of the 90 % interval of a standard normal.
 const Z_90: f64 = 1.644_854;
 
-/// A drive: what the experiment says of it between rows, and the force in µN at a time in s.
+/// A drive: the experiment's force rule, and the force in µN at a time in s.
 struct Drive {
     name: &'static str,
     rule: &'static str,
@@ -45,7 +45,7 @@ fn drives() -> Vec<Drive> {
         linear("sine", Box::new(|t: f64| (2.0 * PI * 0.25 * t).sin())),
         linear("triangle", Box::new(|t: f64| 1.0 - 4.0 * ((0.2 * t).fract() - 0.5).abs())),
         linear("ramp", Box::new(|t: f64| 0.1 * t - 0.7)),
-        // Up to 0.5 Hz: lines between 100 rows a period are smaller than a sine by (2π/100)²/12 of it, 0.03 %.
+        // Up to 0.5 Hz: lines between 100 rows per period are smaller than a sine by (2π/100)²/12 of it, 0.03 %.
         linear("chirp", Box::new(|t: f64| (2.0 * PI * (0.1 + 0.01 * t) * t).cos())),
         Drive {
             name: "random telegraph",
@@ -55,7 +55,7 @@ fn drives() -> Vec<Drive> {
     ]
 }
 
-/// Position (µm) at every row without noise, the limit from the left: c₁ ẏ + E y = F, ż = F/c₂ by the classical Runge–Kutta method.
+/// Position (µm) at every row without noise, as the limit from the left: c₁ ẏ + E y = F, ż = F/c₂ by the classical Runge–Kutta method.
 fn motion_um(drive: &Drive) -> Vec<f64> {
     let [e, c1, c2] = TRUTH;
     let step_s = INTERVAL_S / STEPS_A_ROW as f64;
@@ -95,7 +95,7 @@ fn experiment(drive: &Drive, rule: &str, motion_um: &[f64], seed: u64) -> Experi
     Experiment::from_texts("experiment.toml", toml, "drive.csv", csv).expect("a sound experiment").0
 }
 
-/// Errors of E, c₁ and c₂ over their standard errors.
+/// Errors of E, c₁ and c₂ in their standard errors.
 fn standardised(experiment: Experiment) -> [f64; 3] {
     let problem = Problem::new(experiment, ModelSpecification::default(), None, &Silent).expect("a problem");
     let summary = fit::run(&problem, None, &Silent).expect("a fit").summary;
@@ -105,7 +105,7 @@ fn standardised(experiment: Experiment) -> [f64; 3] {
     })
 }
 
-/// Intervals that hold the truth, and the mean error over its own standard error, for every drive and parameter.
+/// Asserts coverage and mean error (in its own standard error) for every drive and parameter.
 fn assert_unbiased(n_replicates: u64, covered_between: [usize; 2], largest_mean: f64) {
     for drive in drives() {
         let motion_um = motion_um(&drive);
@@ -124,21 +124,21 @@ fn assert_unbiased(n_replicates: u64, covered_between: [usize; 2], largest_mean:
     }
 }
 
-/// 30 replicates: of 30 a sound interval covers 21 to 30 with probability 0.9998, a mean beyond 4 standard errors has 6·10⁻⁵; 15 of each: false failures 4 in 1000.
+/// 30 replicates: a correct interval covers 21 to 30 with probability 0.9998, and a mean exceeds 4 standard errors with 6·10⁻⁵. With 15 of each, 4 in 1000 runs fail falsely.
 #[test]
 fn forces_of_any_shape_are_fitted_without_bias() {
     assert_unbiased(30, [21, 30], 4.0);
 }
 
-/// 200 replicates: a sound interval covers 164 to 195 of them with probability 0.9997; false failures 5 in 1000 for all 15. What it prints is held against 85 to 95 %. Lines between
-/// 200 rows a period are smaller than a sine by (2π/200)²/12 = 8·10⁻⁵: E comes out by as much too low, which is a quarter of its standard error here.
+/// 200 replicates: a correct interval covers 164 to 195 of them with probability 0.9997; 5 in 1000 runs fail falsely for all 15. Compare the printed coverage with 85 to 95 %. Lines between
+/// 200 rows per period are smaller than a sine by (2π/200)²/12 = 8·10⁻⁵. E is too low by this fraction, a quarter of its standard error here.
 #[test]
 #[ignore = "campaigns/long-tests: 1,000 fits"]
 fn forces_of_any_shape_are_covered_in_200_replicates() {
     assert_unbiased(200, [164, 195], 4.0);
 }
 
-/// Lines between few rows of a sine are said to be too few, and corners of a triangle are no curve.
+/// A warning names too few rows of a sine with lines between them. The corners of a triangle are not taken for a curve.
 #[test]
 fn too_few_rows_of_a_curve_are_said() {
     for (name, every, is_said) in [("sine", 1, false), ("sine", 4, true), ("triangle", 4, false), ("ramp", 4, false)] {
@@ -148,7 +148,7 @@ fn too_few_rows_of_a_curve_are_said() {
         let keep = |row: &usize| row.is_multiple_of(every);
         let kept = |values: &[f64]| (0..values.len()).filter(keep).map(|row| values[row]).collect::<Vec<f64>>();
         if every > 1 {
-            // Rows that were put in where the force crosses zero go with those that are left out.
+            // Rows inserted at zero crossings of the force are removed with the omitted rows.
             let own: Vec<usize> = (0..record.n_rows()).filter(|row| !record.force_rows.contains(row)).collect();
             for values in [&mut record.time_s, &mut record.force_n] {
                 *values = kept(&own.iter().map(|&row| values[row]).collect::<Vec<f64>>());
@@ -163,7 +163,7 @@ fn too_few_rows_of_a_curve_are_said() {
     }
 }
 
-/// The same records under the other rule are biased by many standard errors, so that the tests above can fail.
+/// Fits of the records under the wrong rule are biased by many standard errors, so the tests above can fail.
 #[test]
 fn a_force_held_that_goes_in_lines_is_biased() {
     for drive in drives().into_iter().filter(|drive| drive.rule == "linear") {

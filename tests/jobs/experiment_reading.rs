@@ -1,10 +1,10 @@
-//! What is read of an experiment where its description leaves it open: cycles, held-out cycles, the noise; and a force that begins before the camera.
+//! Defaults in reading an experiment: cycles, held-out cycles, noise, and a force that begins before the camera.
 
 use std::path::Path;
 
 use vitreo_uq::record::{Experiment, NoiseOrigin};
 
-/// An instrument's experiment of these rows (a header and lines) with more lines of TOML, read.
+/// Reads an instrument's experiment with these rows (a header and lines) and additional lines of TOML.
 fn read(csv: &str, more: &[(&str, &str)], toml: &str) -> Experiment {
     let folder = tempfile::tempdir().expect("a folder");
     let text = format!(
@@ -16,7 +16,7 @@ fn read(csv: &str, more: &[(&str, &str)], toml: &str) -> Experiment {
     Experiment::read(Path::new(folder.path())).expect("a sound experiment").0
 }
 
-/// A stage that is 1.5 % fast in one half of a record and slow in the other: cycles begin where the force steps up, though none lies a whole number of periods from the first.
+/// A stage that is 1.5 % fast in one half of a record and slow in the other. Cycles begin at upward force steps, although none lies a whole number of periods from the first.
 #[test]
 fn cycles_without_a_column_follow_a_period_that_drifts() {
     let mut starts_s = vec![0.0];
@@ -36,7 +36,7 @@ fn cycles_without_a_column_follow_a_period_that_drifts() {
     assert_eq!(read(&csv, &[], "").record.cycle, expected);
 }
 
-/// Without a word about cycles the first is fitted and all others are held out, the last one, too.
+/// By default the first cycle is fitted and all others are held out, including the last.
 #[test]
 fn all_cycles_but_the_first_are_held_out() {
     let row = |row: u32| {
@@ -48,7 +48,7 @@ fn all_cycles_but_the_first_are_held_out() {
     assert_eq!((experiment.calibration_cycles, experiment.heldout_cycles), (vec![1], vec![2, 3]));
 }
 
-/// Three rests of eight positions ±1 µm about a line: 24 squares, and a slope and a level taken from each, leave √(24/18) µm. The pattern + − − + + − − + has neither.
+/// Three rests of eight positions ±1 µm about a line: 24 squares, minus a slope and a level each, leave √(24/18) µm. The pattern + − − + + − − + has neither.
 #[test]
 fn a_line_through_each_rest_is_taken_from_its_noise() {
     let pattern = [1.0, -1.0, -1.0, 1.0, 1.0, -1.0, -1.0, 1.0];
@@ -56,7 +56,7 @@ fn a_line_through_each_rest_is_taken_from_its_noise() {
     let mut row = 0;
     for cycle in 1..=3 {
         for place in 0..40 {
-            // Eight rows of force, then a rest of which the last quarter counts.
+            // Eight rows of force, then a rest whose last quarter counts.
             let (force_un, position_um) = match place {
                 0..8 => (1.0, 40.0 * f64::from(place)),
                 8..32 => (0.0, 300.0 - 9.0 * f64::from(place)),
@@ -72,8 +72,8 @@ fn a_line_through_each_rest_is_taken_from_its_noise() {
     assert!((1e6 * found.sd_m - (24.0_f64 / 18.0).sqrt()).abs() < 1e-6, "{found:?}");
 }
 
-/// Rows by turns 20 and 40 ms apart, and white noise of 4 µm on a straight motion: a position lies off the line through its neighbours by √(1 + w² + (1 − w)²) times the noise, w = ⅓ or ⅔. Of 3,000 such
-/// differences the median has a standard error of 2 %, correlated as they are; four of them are allowed.
+/// Rows alternately 20 and 40 ms apart, with white noise of 4 µm on a straight motion. A position deviates from the line through its neighbours by √(1 + w² + (1 − w)²) times the noise, w = ⅓ or ⅔. The median of 3,000 such
+/// correlated differences has a standard error of 2 %; four of them are allowed.
 #[test]
 fn short_lags_are_right_on_uneven_rows() {
     let mut state = 1_u64;
@@ -94,7 +94,7 @@ fn short_lags_are_right_on_uneven_rows() {
     assert!((found.sd_m / 4e-6 - 1.0).abs() < 0.08, "{found:?}");
 }
 
-/// A coil that is switched on 0.7 s before the camera: times count from then, so that the position is 0 where the force begins.
+/// A coil is switched on 0.7 s before the camera. Times count from then, so the position is 0 at the start of the force.
 #[test]
 fn a_force_before_the_camera_moves_the_clock() {
     let camera: String = (0..40).map(|row| format!("{:.2},{},{}\n", 0.1 * f64::from(row), row, 1 + row / 20)).collect();
@@ -114,7 +114,7 @@ fn a_force_before_the_camera_moves_the_clock() {
     }
 }
 
-/// Positions of an interval are lost, with those at its ends; times, forces and cycles stay as they are.
+/// Positions of an interval, ends included, are lost. Times, forces and cycles stay unchanged.
 #[test]
 fn positions_that_are_left_out_are_lost() {
     let rows: String = (0..40)

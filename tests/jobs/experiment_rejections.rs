@@ -1,4 +1,4 @@
-//! Every rejection of formats §1: file, line, column or key, and a remedy that says what to do here.
+//! Every rejection of formats §1: file, line, column or key, and a specific remedy.
 
 use rand::{RngExt, SeedableRng};
 use vitreo_uq::record::{Experiment, ExperimentFiles};
@@ -67,10 +67,10 @@ const TOML_CASES: &[Case] = &[
     ("text for a number", "0.55", "\"0.55\"", 6, "robot.diameter_mm", "expected a decimal number, found string", "diameter_mm = 1.0"),
     ("number for text", "\"porcine\"", "3", 3, "specimen.species", "expected text, found integer", "species = \"…\""),
     ("key for a table", SPECIMEN, "specimen = 3\n", 1, "specimen", "expected a table", "[specimen]"),
-    ("no interval", "noise_um = 4.0", "left_out_s = [1.0, 2.0]", 16, "measurement.left_out_s", "no pair of numbers", "left_out_s = [[1.0, 2.5]"),
-    ("interval backwards", "noise_um = 4.0", "left_out_s = [[2.0, 1.0]]", 16, "measurement.left_out_s", "no pair of numbers", "[[1.0, 2.5]"),
-    ("interval of nothing", "noise_um = 4.0", "left_out_s = [[100, 200]]", 16, "measurement.left_out_s", "no position lies between 100 and 200 s", "times of the record"),
-    ("interval given twice", "noise_um = 4.0", "left_out_s = [[1, 2], [1, 2]]", 16, "measurement.left_out_s", "left out already", "times of the record"),
+    ("no interval", "noise_um = 4.0", "left_out_s = [1.0, 2.0]", 16, "measurement.left_out_s", "not a pair of numbers", "left_out_s = [[1.0, 2.5]"),
+    ("interval backwards", "noise_um = 4.0", "left_out_s = [[2.0, 1.0]]", 16, "measurement.left_out_s", "not a pair of numbers", "[[1.0, 2.5]"),
+    ("interval of nothing", "noise_um = 4.0", "left_out_s = [[100, 200]]", 16, "measurement.left_out_s", "no further position between 100 and 200 s", "times of the record"),
+    ("interval given twice", "noise_um = 4.0", "left_out_s = [[1, 2], [1, 2]]", 16, "measurement.left_out_s", "no further position between 1 and 2 s to leave out", "times of the record"),
     ("NaN size", "0.55", "nan", 6, "robot.diameter_mm", "not a finite number", "finite decimal"),
     ("infinite size", "20.0", "inf", 9, "vitreous.diameter_mm", "not a finite number", "finite decimal"),
     ("zero size", "0.55", "0", 6, "robot.diameter_mm", "0 is not above zero", "above zero, as in `diameter_mm = 0.55`"),
@@ -82,25 +82,25 @@ const TOML_CASES: &[Case] = &[
     ("missing compliance", BOTH_BODIES, "[instrument]\n", 4, "instrument.compliance_per_m", "missing", "add `compliance_per_m = 1.59e6`"),
     ("Poisson ratio 0.5", "0.48", "0.5", 10, "vitreous.poisson_ratio", "0.5 lies outside (−1, 0.5)", "0.499"),
     ("Poisson ratio −1", "0.48", "-1.0", 10, "vitreous.poisson_ratio", "outside (−1, 0.5)", "above −1 and below 0.5"),
-    ("robot not inside", "0.55", "20.0", 9, "vitreous.diameter_mm", "not inside", "both are in millimetres"),
-    ("corner not inside", "\"sphere\"\ndiameter_mm = 0.55", "\"cylinder\"\nlength_mm = 16.0\norientation = \"vertical\"\ndiameter_mm = 12.1", 11, "vitreous.diameter_mm", "not inside", "sizes in [robot]"),
+    ("robot not inside", "0.55", "20.0", 9, "vitreous.diameter_mm", "does not fit inside", "lengths in millimetres"),
+    ("corner not inside", "\"sphere\"\ndiameter_mm = 0.55", "\"cylinder\"\nlength_mm = 16.0\norientation = \"vertical\"\ndiameter_mm = 12.1", 11, "vitreous.diameter_mm", "does not fit inside", "sizes in [robot]"),
     ("unknown shape", "\"sphere\"", "\"cube\"", 5, "robot.shape", "unknown shape `cube`", "\"ellipsoid\""),
     ("length of a sphere", "0.55", "0.55\nlength_mm = 1", 7, "robot.length_mm", "unknown key", "known here: shape, diameter_mm"),
     ("missing length", "\"sphere\"", "\"cylinder\"\norientation = \"vertical\"", 4, "robot.length_mm", "missing", "length_mm = 1.8"),
     ("missing orientation", "\"sphere\"", "\"cylinder\"\nlength_mm = 1.8", 4, "robot.orientation", "missing", "orientation = \"horizontal\""),
     ("unknown orientation", "\"sphere\"", "\"cylinder\"\nlength_mm = 1.8\norientation = \"diagonal\"", 7, "robot.orientation", "`diagonal`", "\"vertical\""),
     ("oblate ellipsoid", "\"sphere\"", "\"ellipsoid\"\nlength_mm = 0.5\norientation = \"vertical\"", 6, "robot.length_mm", "prolate", "exchange"),
-    ("robot and instrument", "[vitreous]", "[instrument]\ncompliance_per_m = 1\n[vitreous]", 4, "robot", "both [instrument] and [robot]", "alone"),
-    ("neither robot nor instrument", BOTH_BODIES, "", 1, "robot", "neither", "compliance_per_m"),
+    ("robot and instrument", "[vitreous]", "[instrument]\ncompliance_per_m = 1\n[vitreous]", 4, "robot", "both [instrument] and [robot]", "only [instrument]"),
+    ("neither robot nor instrument", BOTH_BODIES, "", 1, "robot", "there is no [robot], [instrument] or [indenter]", "compliance_per_m"),
     ("file outside the directory", "\"trajectory.csv\"", "\"../trajectory.csv\"", 13, "measurement.file", "not a plain path", "beside experiment.toml"),
     ("absolute file", "\"trajectory.csv\"", "\"/data/trajectory.csv\"", 13, "measurement.file", "not a plain path", "beside experiment.toml"),
-    ("calibrated and held out", "[2]", "[1, 2]", 15, "measurement.heldout_cycles", "cycle 1 is both calibrated and held out", "from `calibration_cycles` or"),
+    ("calibrated and held out", "[2]", "[1, 2]", 15, "measurement.heldout_cycles", "cycle 1 is both fitted and held out", "from `calibration_cycles` or"),
     ("default calibration held out", "calibration_cycles = [1]\nheldout_cycles = [2]", "heldout_cycles = [1]", 14, "measurement.heldout_cycles", "both", "the default is the first cycle"),
-    ("cycle that does not exist", "[2]", "[3]", 15, "measurement.heldout_cycles", "cycle 3 does not exist, the record has 2", "from 1 to 2"),
+    ("cycle that does not exist", "[2]", "[3]", 15, "measurement.heldout_cycles", "cycle 3 does not exist; the record has 2", "from 1 to 2"),
     ("cycle listed twice", "[1]", "[1, 1]", 14, "measurement.calibration_cycles", "listed twice", "once"),
     ("cycle zero", "[1]", "[0]", 14, "measurement.calibration_cycles", "whole number from 1", "calibration_cycles = [1, 2]"),
     ("cycle without a list", "[1]", "1", 14, "measurement.calibration_cycles", "expected a list of cycle numbers", "calibration_cycles = [1, 2]"),
-    ("no calibration cycle", "[1]", "[]", 14, "measurement.calibration_cycles", "no cycle calibrates", "such as [1]"),
+    ("no calibration cycle", "[1]", "[]", 14, "measurement.calibration_cycles", "no cycle is fitted", "such as [1]"),
 ];
 
 #[rustfmt::skip]
@@ -111,7 +111,7 @@ const CSV_CASES: &[Case] = &[
     ("misspelt quantity", "position_um", "positon_um", 1, "positon_um", "unknown column", "did you mean `position_um`"),
     ("unknown unit", "time_s", "time_min", 1, "time_min", "unknown unit `_min`", "_s, _ms"),
     ("unit of another quantity", "position_um", "position_uN", 1, "position_uN", "unknown unit `_uN`", "_m, _mm, _um, _nm"),
-    ("unit in the wrong case", "force_uN", "force_UN", 1, "force_UN", "unknown unit `_UN`", "upper and lower case"),
+    ("unit in the wrong case", "force_uN", "force_UN", 1, "force_UN", "unknown unit `_UN`", "case matters"),
     ("no unit", "time_s", "time", 1, "time", "no unit", "_s, _ms"),
     ("duplicate column", "cycle", "position_um", 1, "position_um", "two columns", "keep one"),
     ("two units for one quantity", "cycle", "position_mm", 1, "position_mm", "two columns, the other is `position_um`", "keep one"),
@@ -125,18 +125,18 @@ const CSV_CASES: &[Case] = &[
     ("NaN force", "\n3.5,4.6", "\n3.5,NaN", 5, "force_uN", "`NaN` is not a finite number", "commanded"),
     ("infinite force", "\n13.5,4.6", "\n13.5,-inf", 15, "force_uN", "`-inf` is not a finite", "commanded"),
     ("force that overflows", "\n3.5,4.6", "\n3.5,1e999", 5, "force_uN", "not a finite", "commanded"),
-    ("empty force", "\n3.5,4.6", "\n3.5,", 5, "force_uN", "the cell is empty", "`vitreo-uq init` describes tables whose blank forces"),
-    ("impossible force", "\n13.5,4.6", "\n13.5,1e300", 15, "force_uN", "not a size that an experiment has", "unit at the end"),
-    ("impossible position", "3.25,1", "1e200,1", 5, "position_um", "not a size that an experiment has", "unit at the end"),
+    ("empty force", "\n3.5,4.6", "\n3.5,", 5, "force_uN", "the cell is empty", "use `vitreo-uq init` for tables in which blank forces"),
+    ("impossible force", "\n13.5,4.6", "\n13.5,1e300", 15, "force_uN", "outside the range of possible experiments", "unit at the end"),
+    ("impossible position", "3.25,1", "1e200,1", 5, "position_um", "outside the range of possible experiments", "unit at the end"),
     ("infinite position", "3.25,1", "inf,1", 5, "position_um", "not a finite", "leave the cell empty"),
     ("position is no number", "3.25,1", "lost,1", 5, "position_um", "`lost` is not a number", "leave the cell empty"),
-    ("ragged row, short", "3.25,1", "3.25", 5, "", "3 cells where the header has 4", "one cell for each column"),
-    ("ragged row, decimal comma", "3.25,1", "3,25,1", 5, "", "5 cells where the header has 4", "decimal point"),
+    ("ragged row, short", "3.25,1", "3.25", 5, "", "3 cells, but the header has 4", "one cell for each column"),
+    ("ragged row, decimal comma", "3.25,1", "3,25,1", 5, "", "5 cells, but the header has 4", "decimal point"),
     ("cycle runs back", "5.25,2", "5.25,1", 17, "cycle", "cycle 1 follows cycle 2", "in the order of time"),
     ("cycle is skipped", "0.25,2", "0.25,3", 12, "cycle", "cycle 3 follows cycle 1", "in the order of time"),
     ("cycles from 0", "0.25,1", "0.25,0", 2, "cycle", "`0` is not a cycle number", "1, 2, 3"),
     ("first cycle is not 1", "0.25,1", "0.25,2", 2, "cycle", "cycle 2 follows the first row", "1, 2, 3"),
-    ("cycle is no number", "3.25,1", "3.25,one", 5, "cycle", "`one` is not a cycle number", "remove the whole `cycle` column"),
+    ("cycle is no number", "3.25,1", "3.25,one", 5, "cycle", "`one` is not a cycle number", "remove the `cycle` column"),
 ];
 
 #[track_caller]
@@ -179,7 +179,7 @@ fn every_unacceptable_toml_is_refused_at_its_line_and_key() {
         let broken = TOML.replacen(from, to, 1);
         assert_ne!(broken, TOML, "{name}");
         assert_refused(name, read(&broken, csv()), "dir/experiment.toml", line, key, (found, remedy));
-        // Windows line ends and a byte-order mark move nothing.
+        // Windows line ends and a byte-order mark do not change line numbers.
         let windows = format!("\u{feff}{}", broken.replace('\n', "\r\n"));
         assert_refused(name, read(windows, csv()), "dir/experiment.toml", line, key, (found, remedy));
     }
@@ -208,7 +208,14 @@ fn what_concerns_whole_files_is_refused() {
     assert_refused("no rows", read(TOML, header), trajectory, 1, "", ("0 rows", "at least two"));
     assert_refused("one row", read(TOML, format!("{header}0,1,0\n")), trajectory, 2, "", ("1 rows", "at least two"));
     let still = csv().replace("-4.6", "0").replace("4.6", "0.0");
-    assert_refused("no force", read(TOML, still), trajectory, 2, "force_uN", ("zero in every row", "force column"));
+    assert_refused(
+        "no force",
+        read(TOML, still),
+        trajectory,
+        2,
+        "force_uN",
+        ("zero in every row", "commanded force in this column"),
+    );
 }
 
 #[test]
@@ -222,10 +229,10 @@ fn fewer_than_eight_positions_in_a_calibration_cycle_are_refused() {
         csv().lines().enumerate().map(empty).collect()
     };
     read(TOML, without(3..5)).unwrap();
-    let words = ("calibration cycle 1, which starts here, has 7 positions; 8 are needed", "`calibration_cycles`");
+    let words = ("calibration cycle 1 starts here and has 7 positions; 8 are needed", "`calibration_cycles`");
     assert_refused("cycle 1", read(TOML, without(3..6)), "dir/trajectory.csv", 2, "position_um", words);
     let second = TOML.replace("[2]", "[]").replace("[1]", "[1, 2]");
-    let words = ("calibration cycle 2, which starts here, has 1 positions", "measure more");
+    let words = ("calibration cycle 2 starts here and has 1 positions", "measure more");
     assert_refused("cycle 2", read(second, without(10..19)), "dir/trajectory.csv", 12, "position_um", words);
     // A held-out cycle may be short.
     read(TOML, without(10..19)).unwrap();

@@ -1,5 +1,5 @@
-//! The comparison on records from closed forms that the program's finite elements have no part in: re-weighted draws against likelihoods, effects
-//! in a model, a model that is not enough, one specimen a group, and a run that is stopped and goes on.
+//! Comparison of groups on closed-form records, independent of the program's finite elements: re-weighted draws against likelihoods, effects
+//! in a model, an insufficient model, a group of one specimen, and a run that is stopped and continued.
 
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
@@ -35,7 +35,7 @@ struct Recipe<'a> {
     law: [f64; 3],
     noise_um: f64,
     rows_a_hold: usize,
-    /// What the tracker adds, in µm per s.
+    /// Drift of the tracker in µm per s.
     drift_um_per_s: f64,
 }
 
@@ -72,7 +72,7 @@ fn measurement(recipe: &Recipe, rng: &mut ChaCha8Rng) -> Measurement {
     }
 }
 
-/// Specimens of two species that differ by a factor of two; `rows_a_hold` and the noise say how well each is known.
+/// Specimens of two species that differ by a factor of two. `rows_a_hold` and the noise set the precision of each.
 fn cohort(sizes: [usize; 2], rows_a_hold: usize, noise_um: f64, drift_um_per_s: f64) -> Vec<Measurement> {
     let mut rng = ChaCha8Rng::seed_from_u64(31);
     let mut all = Vec::new();
@@ -108,9 +108,9 @@ fn compared(measurements: &[Measurement], kept: &Path, is_exact: bool) -> (Compa
     (found, summary)
 }
 
-/// Badly measured specimens, 12 rows a hold and noise of 80 µm: their own posteriors are as wide as the population. Both ways have at least 400
-/// effective draws, so two medians differ by 1.25 · √2 /√400 = 0.088 of the spread; five such errors, for 12 figures, fail falsely with a
-/// probability below 1e-5. The draws themselves, 1,000 a specimen of which at least 100 weigh, add a tenth of each specimen's own width.
+/// Imprecise specimens, 12 rows per hold and noise of 80 µm: their own posteriors are as wide as the population. Both methods have at least 400
+/// effective draws, so two medians differ by 1.25 · √2 /√400 = 0.088 of the spread. Five such errors, for 12 figures, fail falsely with a
+/// probability below 1e-5. The draws themselves, 1,000 per specimen with at least 100 effective ones, add a tenth of each specimen's own width.
 #[test]
 #[ignore = "thorough"]
 fn reweighted_draws_agree_with_likelihoods() {
@@ -120,7 +120,7 @@ fn reweighted_draws_agree_with_likelihoods() {
     let (_, by_likelihoods) = compared(&measurements, dir.path(), true);
     assert!(by_likelihoods.experiments.iter().all(|own| own.is_exact));
     assert!(by_draws.experiments.iter().filter(|own| !own.is_exact).count() >= 6);
-    // As wide as the population, or the test would show nothing.
+    // The posteriors are as wide as the population; otherwise the test would show nothing.
     let width = |own: &[f64; 3]| (own[2] / own[0]).ln() / 3.29;
     assert!(by_draws.experiments.iter().any(|own| width(&own.alone[1]) > 0.2), "{:?}", by_draws.experiments);
     for (a, b) in by_draws.contrasts.iter().zip(&by_likelihoods.contrasts) {
@@ -136,7 +136,7 @@ fn reweighted_draws_agree_with_likelihoods() {
             assert!(distance < 0.54 * (upper - lower) / 3.29 + 0.01, "{a:?} {b:?}");
         }
     }
-    // Probabilities beyond the margin either way are shares of the draws: 1 + m above, 1/(1 + m) below.
+    // Probabilities beyond the margin are fractions of the draws: 1 + m above, 1/(1 + m) below.
     let margin = by_draws.margin.ln_1p();
     for (own, said) in drawn.contrasts.iter().zip(&by_draws.contrasts) {
         let share = |sign: f64| {
@@ -146,14 +146,14 @@ fn reweighted_draws_agree_with_likelihoods() {
         assert!((share(1.0) - said.probability_beyond_margin).abs() < 1e-9, "{said:?}");
         assert!((share(-1.0) - said.probability_below_margin).abs() < 1e-9, "{said:?}");
     }
-    // Of a viscosity in which groups do not differ it is neither nothing nor all.
+    // For a viscosity without a difference between groups the probability is neither 0 nor 1.
     assert!(by_draws.contrasts.iter().any(|said| (0.001..0.999).contains(&said.probability_below_margin)));
     let population = &drawn.population;
     assert!(population.has_converged, "{} {} {:?}", population.rhat, population.ess, drawn.entries);
 }
 
-/// Large displacements in every experiment of a cohort, each learnt for its own record: a gel twice as stiff as the other lets the robot move by 1.8 radii in place of 3.6, so that small strains miss the two differently.
-/// With the effect E, c₁ and c₂ of both are those of their gels; without it c₂ of the softer is away by more than ten standard deviations. Data and seeds are fixed; normal errors of six figures are beyond four standard
+/// Large displacements in every experiment of a cohort, learned separately for each record. In a gel twice as stiff the robot moves by 1.8 radii instead of 3.6, so small strains bias the two differently.
+/// With the effect E, c₁ and c₂ of both are those of their gels. Without it c₂ of the softer is off by more than ten standard deviations. Data and seeds are fixed; normal errors of six figures exceed four standard
 /// deviations once in 2,600.
 #[test]
 #[ignore = "campaigns/long-tests"]
@@ -191,13 +191,13 @@ fn groups_take_large_displacements() {
     assert!(with.iter().all(|away| away.abs() < 4.0), "{with:?}");
 }
 
-/// How far an experiment's own E, c₁ and c₂ are from a law's, in standard deviations of their logarithms.
+/// Distances of an experiment's E, c₁ and c₂ from a law's, in standard deviations of their logarithms.
 fn away_by(entry: &ExperimentSummary, law: [f64; 3]) -> Vec<f64> {
     let of = |([q05, median, q95], exact): (&[f64; 3], f64)| (median / exact).ln() / ((q95 / q05).ln() / 3.29);
     entry.alone.iter().zip(law).map(of).collect()
 }
 
-/// A group of one is compared and said to be one; a factor of two is found.
+/// A group of one specimen is compared and reported as such; a factor of two is found.
 #[test]
 fn a_group_of_one_is_said_to_be_one() {
     let dir = tempfile::tempdir().unwrap();
@@ -210,7 +210,7 @@ fn a_group_of_one_is_said_to_be_one() {
     assert!(summary.is_sound());
 }
 
-/// A drift that no model knows of is named, with the experiments, and the result is not sound; with the effect in every model it is.
+/// A drift that no model contains is named with the experiments, and the result is not sound. With the effect in every model it is.
 #[test]
 fn a_model_that_is_not_enough_is_said_not_to_be() {
     let dir = tempfile::tempdir().unwrap();
@@ -249,7 +249,7 @@ impl Monitor for StopAfter {
     }
 }
 
-/// What was sampled before a run was stopped is taken, and the result is that of a run that was not, to the byte.
+/// A continued run reuses the samples of the stopped one. Its result equals that of an uninterrupted run, byte for byte.
 #[test]
 fn a_stopped_run_goes_on() {
     let dir = tempfile::tempdir().unwrap();
@@ -257,7 +257,7 @@ fn a_stopped_run_goes_on() {
     let measurements = cohort([4, 4], 40, 4.0, 0.0);
     let watch = StopAfter { n: 3, seen: AtomicUsize::new(0), stop: AtomicBool::new(false) };
     let error = run(&measurements, &request(&halved, false), &watch).err().expect("stopped");
-    assert!(matches!(&error, Error::Interrupted { kept } if kept.contains("goes on")), "{error}");
+    assert!(matches!(&error, Error::Interrupted { kept } if kept.contains("continue")), "{error}");
     let files = |dir: &Path| -> Vec<PathBuf> {
         let mut all: Vec<PathBuf> = std::fs::read_dir(dir).unwrap().map(|entry| entry.unwrap().path()).collect();
         all.sort();

@@ -1,4 +1,4 @@
-//! Indentation by Lee and Radok's law, from files to estimates: what positions are is computed here by steps in time that share nothing with the program.
+//! Indentation by the law of Lee and Radok, from files to estimates. Independent time steps in this file give the positions.
 
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
@@ -17,7 +17,7 @@ use vitreo_uq::record::{Experiment, ExperimentFiles, Note};
 const LAW: [f64; 3] = [400.0, 200.0, 3000.0];
 const RADIUS_M: f64 = 5e-6;
 
-/// Strain times force of a Lethersich body at every row in N/Pa, force held between rows: classic Runge–Kutta steps of both bodies' equations.
+/// Strain times force of a Lethersich body at every row in N/Pa, with the force held between rows: classical Runge–Kutta steps of both bodies' equations.
 fn strains(time_s: &[f64], force_n: &[f64], [e, c1, c2]: [f64; 3]) -> Vec<f64> {
     const N_STEPS: usize = 16;
     let (mut retarded, mut flow) = (0.0, 0.0);
@@ -54,7 +54,7 @@ fn problem(experiment: Experiment, base: &str) -> Problem {
     Problem::new(experiment, specification, None, &Silent).expect("a model of the experiment")
 }
 
-/// Positions (m) of the reduced model, which is the only one that an indenter has.
+/// Positions (m) of the reduced model, the only model of an indenter.
 fn positions(problem: &Problem, parameters: &[f64]) -> Vec<f64> {
     let prepared = PreparedModel::new(problem, None, &Silent).expect("no finite elements");
     prepared.forward().trajectory_m(parameters).expect("a trajectory")
@@ -84,7 +84,7 @@ fn compliance(exponent: f64) -> f64 {
     }
 }
 
-/// A constant force on a standard linear solid: δ^p = k F (1/E₀ + (1 − e^{−Et/c₁})/E), here of a Burgers body whose last dashpot moves 10⁻¹² of that.
+/// A constant force on a standard linear solid: δ^p = k F (1/E₀ + (1 − e^{−Et/c₁})/E), realised by a Burgers body whose last dashpot contributes 10⁻¹² of that.
 #[test]
 fn a_standard_linear_solid_creeps_as_its_closed_form() {
     let [e, c1, e0] = [400.0, 200.0, 900.0];
@@ -111,7 +111,7 @@ fn a_standard_linear_solid_creeps_as_its_closed_form() {
     }
 }
 
-/// A ramp of force on a Lethersich body: δ^p = k r ∫₀ᵗ J, J integrated in closed form by hand. The force holds between rows at the ramp's middle, which errs by (Δt)² of the
+/// A force ramp on a Lethersich body: δ^p = k r ∫₀ᵗ J, with J integrated in closed form by hand. The force holds its mean over each interval, an error of (Δt)² times the
 /// curvature: below 2·10⁻⁵ after the first twenty rows.
 #[test]
 fn a_ramp_is_the_integral_of_the_creep() {
@@ -128,7 +128,7 @@ fn a_ramp_is_the_integral_of_the_creep() {
             let depth_m = (compliance(exponent) * 5e-9 * integral).powf(1.0 / exponent);
             assert!((found_m / depth_m - 1.0).abs() < 2e-4, "p = {exponent}, row {row}: {found_m} {depth_m}");
         }
-        // The steps of force themselves, by steps in time.
+        // The held force steps themselves, by time steps.
         let strains = strains(&record.time_s, &record.force_n, LAW);
         for row in 1..record.n_rows() {
             let depth_m = (compliance(exponent) * strains[row]).powf(1.0 / exponent);
@@ -155,8 +155,8 @@ fn a_flat_punch_is_an_instrument() {
     assert!(punch_m.iter().zip(&instrument_m).all(|(a, b)| (a - b).abs() < 1e-12 * amplitude_m));
 }
 
-/// Approach, hold and retract of a sphere at 100 Hz: 1 s free, 1.5 s in which the force grows as (t/1.5)^1.5 to 10 nN, 3 s of hold, 1 s drawn back. The free tip shows a force of 11.2 nN; heights
-/// fall as the tip goes in and are 40 µm at contact.
+/// Approach, hold and retraction of a sphere at 100 Hz: 1 s free, 1.5 s with the force growing as (t/1.5)^1.5 to 10 nN, 3 s of hold, 1 s of retraction. The free tip shows 11.2 nN. Heights
+/// decrease as the tip goes in and are 40 µm at contact.
 fn indentation(exponent: f64, force_sd_nn: f64, position_sd_um: f64, seed: u64) -> String {
     let mut random = ChaCha8Rng::seed_from_u64(seed);
     let normal = Normal::new(0.0, 1.0).expect("a spread");
@@ -188,8 +188,8 @@ fn indentation(exponent: f64, force_sd_nn: f64, position_sd_um: f64, seed: u64) 
 
 const COLUMNS: &str = "direction = \"-\"\ncycle_starts_s = [0, 4.5]\n[measurement.columns]\ntime = \"Time [s]\"\nforce = \"Force [nN]\"\nposition = \"Height [um]\"";
 
-/// Twenty-four noisy indentations a tip, fitted over approach and two seconds of the hold: with δ the errors of ln E, ln c₁, ln c₂ and b, Σ δᵀC⁻¹δ is χ² of 96 degrees of freedom; each of its ends
-/// asserted is passed falsely once in a million. A force that is off by what the free tip's scatter leaves open (10⁻⁵ of it) moves no parameter by a tenth of its error.
+/// Twenty-four noisy indentations per tip, fitted over the approach and two seconds of the hold. With δ the errors of ln E, ln c₁, ln c₂ and b, Σ δᵀC⁻¹δ is χ² with 96 degrees of freedom. Each asserted
+/// end is exceeded falsely once in a million. The uncertainty of the force from the free tip's scatter (10⁻⁵ of it) moves no parameter by a tenth of its error.
 #[test]
 fn known_parameters_come_back() {
     const N_RECORDS: u64 = 24;
@@ -205,7 +205,7 @@ fn known_parameters_come_back() {
             assert!(found.summary.converged, "{seed}: {:?}", found.summary);
             let names: Vec<&str> = found.summary.parameters.iter().map(|p| p.name.as_str()).collect();
             assert_eq!(names[3], "position-offset.offset_m");
-            // Positions count from where the record begins, which is contact or a row or two before it.
+            // Positions count from the start of the record, which is contact or a row or two before it.
             let n_before = files.notes.iter().find_map(|note| match note {
                 Note::Contact { n_before, .. } => Some(*n_before),
                 _ => None,
@@ -221,7 +221,7 @@ fn known_parameters_come_back() {
             let value = |k: usize| found.summary.parameters[k].value;
             let mut delta = nalgebra::DVector::from_fn(4, |k, _| if k < 3 { (value(k) / LAW[k]).ln() } else { 0.0 });
             let error_m = found.summary.parameters[3].standard_error.expect("an error");
-            // The covariance is of the search's own coordinates: of b, in units that its error gives.
+            // The covariance is in the search's coordinates; for b, in units derived from its error.
             let covariance = nalgebra::DMatrix::from_row_slice(4, 4, &found.covariance);
             delta[3] = (value(3) - contact_m) / error_m * covariance[(3, 3)].sqrt();
             delta.dot(&covariance.cholesky().expect("positive").solve(&delta))
@@ -233,7 +233,7 @@ fn known_parameters_come_back() {
     }
 }
 
-/// A camera whose zero is 2,500 µm away: the law comes back by 5 of its standard errors (one failure in 4·10⁵), and the offset that is left is that of the first position's noise.
+/// A camera whose zero is 2,500 µm away: the law is recovered within 5 standard errors (one failure in 4·10⁵). The remaining offset is the first position's noise.
 #[test]
 fn an_unknown_offset_is_fitted() {
     let law = [3.5, 1.4, 47.0];
@@ -275,13 +275,13 @@ fn cycles_start_where_they_are_said_to() {
         let message = read(instrument, measurement, csv).expect_err("refused").to_string();
         assert!(words.iter().all(|word| message.contains(word)), "{message}");
     };
-    refused("cycle_starts_s = [0, 3, 1]", &csv, &["line 8", "one after the other"]);
-    refused("cycle_starts_s = []", &csv, &["line 8", "one after the other"]);
-    refused("cycle_starts_s = [0, 9]", &csv, &["line 8", "no row lies in the cycle that starts at 9 s"]);
+    refused("cycle_starts_s = [0, 3, 1]", &csv, &["line 8", "do not ascend"]);
+    refused("cycle_starts_s = []", &csv, &["line 8", "do not ascend"]);
+    refused("cycle_starts_s = [0, 9]", &csv, &["line 8", "the cycle that starts at 9 s has no rows"]);
     refused("cycle_starts_s = [0, \"x\"]", &csv, &["cycle_starts_s", "numbers"]);
     let with_cycles = "time_s,force_uN,position_um,cycle\n".to_string()
         + &(0..20).map(|i| format!("{i},1,{i},1\n")).collect::<String>();
-    refused("cycle_starts_s = [0]", &with_cycles, &["column of cycles", "keep one"]);
+    refused("cycle_starts_s = [0]", &with_cycles, &["also has a `cycle` column", "keep one"]);
 }
 
 #[test]
@@ -294,9 +294,13 @@ fn what_an_indenter_cannot_have_is_refused() {
     let sphere = "[indenter]\nexponent = 1.5";
     refused(sphere, &format!("zero = \"first\"\n{COLUMNS}"), &["zero", "contact point", "fitted"]);
     refused(sphere, &COLUMNS.replace("\"-\"", "\"+\""), &["falls by", "direction = \"-\""]);
-    refused(sphere, &COLUMNS.replace("[0, 4.5]", "[0, 0.2, 4.5]"), &["contact begins in cycle 2", "cycle_starts_s"]);
+    refused(
+        sphere,
+        &COLUMNS.replace("[0, 4.5]", "[0, 0.2, 4.5]"),
+        &["contact begins only in cycle 2", "cycle_starts_s"],
+    );
     refused(&format!("{sphere}\n[instrument]\ncompliance_per_m = 1.0"), COLUMNS, &["both [indenter] and [instrument]"]);
-    // What acts on a position that answers linearly cannot be added.
+    // Effects that act on a linear position cannot be added.
     let (experiment, files) = read(sphere, COLUMNS, &indentation(1.5, 1e-4, 3e-3, 1)).expect("a record");
     assert!(files.notes.iter().any(|note| matches!(note, Note::TipUnknown { .. })));
     let effects = ["force-gradient".to_string()];

@@ -1,5 +1,5 @@
-//! One record in the layouts in which laboratories export it, written by a writer that shares nothing with the reader: `init` understands them without a word but the
-//! sizes, or says what it needs, and then the experiment is the record that was written.
+//! One record in the export layouts of laboratories, written independently of the reader. `init` needs only the sizes, or names its
+//! questions; the experiment then equals the written record.
 
 use std::path::Path;
 
@@ -9,10 +9,10 @@ use vitreo_uq::record::table::Given;
 
 const INTERVAL_S: f64 = 0.1;
 const N_ROWS: usize = 200;
-/// Instrument, so that nothing is meshed: the sizes of a robot are given all the same.
+/// The sizes of a robot are given, although the tests use an instrument so that nothing is meshed.
 const SIZES: [Option<f64>; 3] = [Some(0.55), Some(20.0), Some(0.48)];
 
-/// Time (s), force (µN), position (µm): two cycles of a pull each way, of a Lethersich body in closed form.
+/// Time (s), force (µN), position (µm): two cycles of a pull in each direction, of a Lethersich body in closed form.
 fn truth() -> Vec<[f64; 3]> {
     let creep = |t: f64| 155.0 * (1.0 - (-t / 0.4).exp()) + 11.6 * t;
     let steps = [(0.0, 4.6), (5.0, -9.2), (10.0, 9.2), (15.0, -9.2)];
@@ -41,7 +41,7 @@ enum Times {
     Iso,
 }
 
-/// How one laboratory writes.
+/// Layout of one laboratory.
 #[derive(Clone, Copy)]
 struct Look {
     between: &'static str,
@@ -53,11 +53,11 @@ struct Look {
     above: &'static [&'static str],
     comment_sign: &'static str,
     times: Times,
-    /// Seconds, micronewtons and micrometres as they are written.
+    /// Written units per second, micronewton and micrometre.
     per: [f64; 3],
-    /// Order of the three.
+    /// Order of the three columns.
     order: [usize; 3],
-    /// Columns that are not needed: name, and what stands in every row.
+    /// Unused columns: name, and the value in every row.
     others: &'static [(&'static str, &'static str)],
     cycle: Option<&'static str>,
     encoding: Encoding,
@@ -65,9 +65,9 @@ struct Look {
     quotes: bool,
     offset_um: f64,
     sign: f64,
-    /// Degrees at which the bead moves in the camera's plane, and the name of y; the position's name is that of x.
+    /// Angle in degrees of the bead's motion in the camera's plane, with the name of y; the position's name is that of x.
     plane: Option<(f64, &'static str)>,
-    /// Units that have to be said.
+    /// Units that must be given.
     said: [Option<&'static str>; 3],
 }
 
@@ -189,7 +189,7 @@ fn written(look: &Look) -> Vec<u8> {
     };
     let time = |t: f64| match look.times {
         Times::Number => number(t * look.per[0]),
-        // Over midnight.
+        // The clock passes midnight.
         Times::Clock => {
             let t = (t + 86_395.0) % 86_400.0;
             format!("{:02}:{:02}:{:06.3}", (t / 3600.0) as u32, (t / 60.0) as u32 % 60, t % 60.0)
@@ -218,7 +218,7 @@ fn written(look: &Look) -> Vec<u8> {
         line(row(units.map(String::from), None, others(|_| "°C".into()), None));
     }
     for (i, [t, force, position]) in truth().into_iter().enumerate() {
-        // Across the line it wobbles by 0.3 µm, and not in step with the force.
+        // Across the line the bead wobbles by 0.3 µm, out of step with the force.
         let (sin, cos) = look.plane.map_or((0.0, 1.0), |(degrees, _)| degrees.to_radians().sin_cos());
         let across = if look.plane.is_some() { 0.3 * (1.7 * i as f64).sin() } else { 0.0 };
         let x = look.sign * (cos * position - sin * across) + look.offset_um;
@@ -235,7 +235,7 @@ fn written(look: &Look) -> Vec<u8> {
     }
 }
 
-/// Largest distances of time (s), force (µN) and position (µm) from what was written.
+/// Largest differences of time (s), force (µN) and position (µm) from the written values.
 fn distances(experiment: &Experiment) -> [f64; 3] {
     let record = &experiment.record;
     assert_eq!(record.n_rows(), N_ROWS);
@@ -285,7 +285,7 @@ fn tables_of_forty_five_looks_are_one_record() {
             }
         };
         let largest = distances(&experiment);
-        // The wobble across the line tilts it by less than 0.3 / 155, and shifts the zero by no more than itself.
+        // The wobble across the line tilts it by less than 0.3 / 155, and shifts the zero by at most its own size.
         let position_um = if look.plane.is_some() { 0.01 } else { 1e-6 };
         assert!(largest[0] < 1e-6 && largest[1] < 1e-9 && largest[2] < position_um, "{name}: {largest:?}");
         assert_eq!(experiment.record.n_cycles(), 2, "{name}");
@@ -293,7 +293,7 @@ fn tables_of_forty_five_looks_are_one_record() {
     assert_eq!(n_understood, 43);
 }
 
-/// What `init` cannot know is refused by whoever reads it, with the line; what is there is not overwritten.
+/// Values unknown to `init` are refused by every reader, with the line. An existing experiment is not overwritten.
 #[test]
 fn sizes_that_are_not_known_are_marked() {
     let folder = tempfile::tempdir().unwrap();
@@ -305,12 +305,12 @@ fn sizes_that_are_not_known_are_marked() {
     assert_eq!(summary.unknown.len(), 3);
     let refused = Experiment::read(&out).unwrap_err().to_string();
     assert!(refused.contains("robot.diameter_mm") && refused.contains("not filled in yet"), "{refused}");
-    assert!(run(&request, &mut |_| None).unwrap_err().to_string().contains("an experiment is there already"));
+    assert!(run(&request, &mut |_| None).unwrap_err().to_string().contains("there is already an experiment here"));
     let toml = std::fs::read_to_string(out.join("experiment.toml")).unwrap();
     assert!(toml.lines().filter(|line| line.contains(" = ")).all(|line| line.contains(" # ")), "{toml}");
 }
 
-/// A rheometer's creep in three layouts: pascals as newtons, strains as metres, 2 + 2ν as the compliance; sizes that it does not have are said to be idle.
+/// A rheometer's creep in three layouts: pascals as newtons, strains as metres, 2 + 2ν as the compliance. A remark says that the robot's sizes are ignored.
 #[test]
 fn a_rheometers_creep_is_a_record_in_time() {
     let folder = tempfile::tempdir().unwrap();
@@ -331,7 +331,7 @@ fn a_rheometers_creep_is_a_record_in_time() {
         let request = InitRequest { file, out: Some(out.clone()), sizes: SIZES, ..InitRequest::default() };
         let (summary, _) = run(&request, &mut |_| None).unwrap();
         assert!(
-            summary.is_complete() && summary.reasons.iter().any(|reason| reason.contains("not used")),
+            summary.is_complete() && summary.reasons.iter().any(|reason| reason.contains("ignored")),
             "{summary:?}"
         );
         let (experiment, _) = Experiment::read(&out).unwrap();

@@ -46,7 +46,7 @@ fn distance_from_table_1(result: &SampleResult) -> f64 {
     (offset.transpose() * covariance.try_inverse().unwrap() * offset)[0]
 }
 
-/// The data are fixed, so nothing here is random; with other data, the 99 % region would miss Table I once in a hundred.
+/// The data are fixed, so the test is deterministic. With other data the 99 % region would miss Table I once in a hundred.
 #[test]
 fn replica_gives_table_1_back_and_predicts_what_it_has_not_seen() {
     let (problem, result) = main_job();
@@ -68,15 +68,15 @@ fn replica_gives_table_1_back_and_predicts_what_it_has_not_seen() {
     assert!(heldout.joint_p.unwrap() > 0.001);
     // 600 positions of 4 µm noise: the RMSE's standard error is 2.9 %, and six of them are allowed.
     assert!((heldout.rmse_um.unwrap() / 4.0 - 1.0).abs() < 0.18, "{heldout:?}");
-    // The expected score of a right Gaussian prediction is σ/√π.
+    // The expected score of a correct Gaussian prediction is σ/√π.
     assert!((heldout.crps_um.unwrap() / (4.0 / std::f64::consts::PI.sqrt()) - 1.0).abs() < 0.2, "{heldout:?}");
 
-    // The reduced model is exact, and says so.
+    // The reduced model is exact and reports this.
     assert_eq!(summary.surrogate.modes, Some(1));
     assert!(summary.surrogate.max_relative_error.unwrap() < 1e-10);
     assert!(heldout.surrogate_vs_fe_max_um.unwrap() < 1e-6);
     assert!(heldout.pareto_k.unwrap() < 0.7);
-    // The mesh is not: two meshes differ by less than a tenth of the noise, but by more than rounding.
+    // The mesh is not exact: two meshes differ by less than a tenth of the noise, but by more than rounding.
     let mesh_um = summary.error_budget_um.fe_discretisation.unwrap();
     assert!(mesh_um > 1e-3 && mesh_um < 0.4, "{mesh_um}");
     for parameter in &summary.parameters {
@@ -87,14 +87,14 @@ fn replica_gives_table_1_back_and_predicts_what_it_has_not_seen() {
     assert!(summary.largest_strain.unwrap() > 0.5 && summary.largest_strain.unwrap() < 5.0);
     let kinds: Vec<String> = summary.warnings.iter().map(|w| format!("{:?}", w.kind)).collect();
     assert_eq!(kinds, ["LargeStrain", "LargeDisplacement"]);
-    // The data are of small strains; what large ones would do is known from a program of others: 27 µm at the end of the first pull.
+    // The data have small strains. An independent program gives the deviation by large ones: 27 µm at the end of the first pull.
     let large = summary.large_displacement.as_ref().unwrap();
     assert!((large.farthest_radii - 3.5).abs() < 0.1, "{large:?}");
     assert!((large.deviation_most_um.unwrap() - 27.0).abs() < 1.0, "{large:?}");
     assert_eq!(problem.experiment.heldout_cycles, [2, 3, 4]);
 }
 
-/// A drift that the base model lacks, 3 µm/s, added to the same data: the fit may hide it in its noise and parameters, but the output
+/// A drift of 3 µm/s that the base model lacks is added to the data. The fit may hide it in its noise and parameters, but the output
 /// must not call the result sound.
 #[test]
 fn a_missing_effect_is_not_called_sound() {
@@ -110,7 +110,7 @@ fn a_missing_effect_is_not_called_sound() {
     assert!(summary.heldout.joint_p.unwrap() < 0.001);
 }
 
-/// Positions in a wrong unit, 10⁴ times too small: the optimum lies where the prior has no mass left. The run ends in words, not in a panic.
+/// Positions in a wrong unit, 10⁴ times too small: the optimum lies outside the prior's mass. The run ends with a message, not a panic.
 #[test]
 fn a_posterior_at_the_end_of_the_prior_s_range_is_not_called_sound() {
     let (mut experiment, _) = replica::embedded().unwrap();
@@ -127,8 +127,8 @@ fn a_posterior_at_the_end_of_the_prior_s_range_is_not_called_sound() {
     assert!(summary.at_edge_of_range.iter().any(|name| name == "young_modulus_pa"), "{:?}", summary.at_edge_of_range);
 }
 
-/// A surrogate that is wrong by a known amount: 0.02 % in the compliance. The full finite-element check must see 0.02 % of the amplitude, and the
-/// importance weights must move E, c₁ and c₂ back the way they came.
+/// A surrogate with a known error of 0.02 % in the compliance. The full finite-element check must find 0.02 % of the amplitude, and the
+/// importance weights must move E, c₁ and c₂ back towards their true values.
 #[test]
 fn a_wrong_surrogate_is_measured_by_the_full_model() {
     const ERROR: f64 = 2e-4;
@@ -151,19 +151,19 @@ fn a_wrong_surrogate_is_measured_by_the_full_model() {
     let amplitude_m = wrong.trajectories_m.iter().flatten().fold(0.0_f64, |a, x| a.max(x.abs()));
     let ratio = wrong.surrogate_vs_full_max_m.unwrap() / (ERROR * amplitude_m);
     assert!((ratio - 1.0).abs() < 1e-6, "{ratio}");
-    // Seen through the wrong, too compliant model, stiffer draws were favoured; the weights favour softer ones.
+    // The wrong, too compliant model favours stiffer draws; the weights favour softer ones.
     let weights = wrong.weights.unwrap();
     let shift: f64 = weights.iter().zip(&draws).map(|(w, draw)| (w - 1.0 / 128.0) * draw[0]).sum();
     assert!(shift < -0.1 * 5e-4 * 3.527, "{shift}");
     assert!((weights.iter().sum::<f64>() - 1.0).abs() < 1e-12 && wrong.pareto_k.unwrap() != 0.0);
-    // The mesh's error: two meshes against the exact solution, which the finer one is ten times closer to.
+    // Error of the mesh: two meshes against the exact solution. The finer one is ten times closer to it.
     let found = exact.discretisation_m.unwrap() / amplitude_m;
     assert!((found / 6.1e-5 - 1.0).abs() < 0.05, "{found}");
 }
 
-/// Data from the gel as an Oldroyd-B fluid on a finer mesh and finer steps, 4 µm of noise: the fitted cycle gives E, c₁ and c₂ away from the gel's, and the posterior says by how much. A program of others
-/// found E = 3.497 and c₂ = 44.2 for 3.527 and 47.37 in one such cycle. The shifts are of first order, and of the law that was found and not of the gel's: a quarter of them, and four standard deviations of the posterior, are allowed;
-/// normal errors are beyond that once in 5,000.
+/// Data from the gel as an Oldroyd-B fluid on a finer mesh and finer steps, with 4 µm of noise. The fitted cycle gives biased E, c₁ and c₂, and the posterior states the bias. An independent program
+/// found E = 3.497 and c₂ = 44.2 for 3.527 and 47.37 in one such cycle. The stated shifts are first order and use the estimated law, not the gel's: a quarter of them and four standard deviations of the posterior are allowed;
+/// normal errors exceed that once in 5,000.
 #[test]
 #[ignore = "thorough"]
 fn what_large_displacements_cost_is_said() {
@@ -191,12 +191,12 @@ fn what_large_displacements_cost_is_said() {
         println!("{}: {:.4}, away {away:.4}, said {said:.4}, sd {:.4}", parameter.name, parameter.mean, parameter.sd);
         assert!((away - said).abs() < 0.25 * said.abs() + 4.0 * parameter.sd, "{shift:?} {parameter:?}");
     }
-    // c₂ is away by far more than its error, so that what is said of it is no accident.
+    // c₂ is off by far more than its error, so the stated shift is no accident.
     assert!(large.shifts[2].relative * summary.parameters[2].mean < -10.0 * summary.parameters[2].sd, "{large:?}");
 }
 
-/// A parameter that is held, and laws of which one cycle leaves some parameters open: what is said stays with those that are free and known, and is no more than the tenth that bounds what large
-/// displacements do here.
+/// A fixed parameter, and laws for which one cycle leaves some parameters open: shifts are stated only for free, determined parameters. They are below a tenth, the bound on the effect of large
+/// displacements here.
 #[test]
 #[ignore = "thorough"]
 fn shifts_are_of_parameters_that_are_free_and_known() {
@@ -212,7 +212,7 @@ fn shifts_are_of_parameters_that_are_free_and_known() {
         let summary = run(&problem, &request, &Silent).unwrap().summary;
         let large = summary.large_displacement.as_ref().unwrap();
         println!("{large:?}");
-        // A fast second body, which the data do not exclude, makes the gel's start less elastic: 23 µm.
+        // The data allow a fast second body, which makes the gel's initial response less elastic: 23 µm.
         assert!((large.deviation_most_um.unwrap() - 27.0).abs() < 5.0, "{large:?}");
         for shift in &large.shifts {
             let parameter = summary.parameters.iter().find(|parameter| parameter.name == shift.name).unwrap();

@@ -1,10 +1,10 @@
-//! The JSON Schemas in the repository are those of the types.
+//! The JSON Schemas in the repository match the Rust types.
 
 use serde_json::Value;
 
 use vitreo_uq::jobs::schemas::all;
 
-/// The files in the repository are what the types say.
+/// The files in the repository are up to date.
 #[test]
 fn files_are_up_to_date() {
     let dir = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("docs/schemas");
@@ -16,7 +16,7 @@ fn files_are_up_to_date() {
     assert_eq!(std::fs::read_dir(dir).unwrap().count(), all().len());
 }
 
-/// Keys of the header and of the body stand side by side, and both are required.
+/// Keys of the header and of the body are in one object, and both are required.
 #[test]
 fn headers_and_bodies_are_one_object() {
     for own in all() {

@@ -1,4 +1,4 @@
-//! Tables that a reader can misread: each kind in some variants, written here by hand, ends as the record that was written or is refused with its cause.
+//! Tables that a reader can misread. Each kind, in several variants written by hand, is read as the true record or refused with its cause.
 
 use std::fmt::Write as _;
 
@@ -26,7 +26,7 @@ fn truth() -> Vec<[f64; 3]> {
         .collect()
 }
 
-/// Between −1 and 1, by the mixing function of SplitMix64.
+/// A number between −1 and 1, by the mixing function of SplitMix64.
 fn noise(row: usize) -> f64 {
     let mut mixed = (row as u64 + 1).wrapping_mul(0x9e37_79b9_7f4a_7c15);
     mixed = (mixed ^ (mixed >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
@@ -44,7 +44,7 @@ fn plain() -> String {
 
 type Read = (InitSummary, Experiment, ExperimentFiles);
 
-/// `init` of a table, an edit of its description, and the experiment.
+/// Applies `init` to a table, edits its description, and reads the experiment.
 fn edited(text: &str, given: Given, edit: impl Fn(&str) -> String) -> Result<Read, String> {
     let folder = tempfile::tempdir().expect("a folder");
     let (file, out) = (folder.path().join("a.csv"), folder.path().join("a"));
@@ -179,10 +179,10 @@ fn times_that_begin_again_are_joined_where_the_recording_went_on() {
     };
     assert_is_truth(&cycles(0.0, true), Given::default());
     let text = refused(&cycles(0.0, false), Given::default());
-    assert!(text.contains("time begins again") && text.contains("time_restarts = \"join\""), "{text}");
+    assert!(text.contains("time restarts") && text.contains("time_restarts = \"join\""), "{text}");
     assert_is_truth(&cycles(0.0, false), Given { time_restarts: said("join"), ..Given::default() });
     let unsorted = plain().replace("\n0.400,4.6,", "\n0.350,4.6,");
-    assert!(refused(&unsorted, Given::default()).contains("stands in two rows"));
+    assert!(refused(&unsorted, Given::default()).contains("two rows have the time"));
 }
 
 #[test]
@@ -194,7 +194,7 @@ fn a_coarse_clock_is_spread_and_tracks_are_told_apart() {
         let summary = assert_is_truth(&format!("{header},force_uN,position_um\n{text}"), Given::default());
         assert!(summary.reasons.iter().any(|reason| reason.contains("spread evenly")), "{summary:?}");
     }
-    // The first second has ten rows: the record began within it.
+    // The first second has ten rows, so the record began within it.
     let (_, experiment, _) = read(&format!("time,force_uN,position_um\n{late}"), Given::default()).expect("a record");
     let steps: Vec<f64> = experiment.record.time_s.windows(2).map(|pair| pair[1] - pair[0]).collect();
     assert!(steps.iter().all(|step| (step - INTERVAL_S).abs() < 1e-9), "{steps:?}");
@@ -281,10 +281,10 @@ fn signs_between_thousands_are_told_from_decimal_signs() {
     let text = rows(|row, [_, f, x]| format!("{};{:.0};{}", 50 * row, 1000.0 * f, grouped(1000.0 * x)));
     let text = format!("Zeit [ms];Kraft [nN];Weg [nm]\n{text}");
     let summary = assert_is_truth(&text, Given::default());
-    assert!(summary.reasons.iter().any(|reason| reason.contains("between thousands")), "{summary:?}");
+    assert!(summary.reasons.iter().any(|reason| reason.contains("thousands separator")), "{summary:?}");
     let as_decimals = refused(&text, Given { thousands: said("none"), ..Given::default() });
     assert!(as_decimals.contains("is not a number"), "{as_decimals}");
-    // Three decimals in every row are decimals.
+    // Three decimals in every row are decimals, not thousands.
     let decimals = rows(|_, [t, f, x]| format!("{t:.3};{f:.3};{:.3}", 100.0 + x));
     assert_is_truth(&format!("Zeit [s];Kraft [uN];Weg [um]\n{decimals}"), Given::default());
 }
@@ -313,7 +313,7 @@ fn values_that_stand_for_lost_tracking_are_found() {
         let text = format!("time_s,force_uN,position_um\n{text}");
         let summary = assert_is_truth(&text, Given::default());
         assert_eq!(summary.rows_without_position, N_ROWS.div_ceil(23) - usize::from(N_ROWS % 23 <= 7), "{sentinel}");
-        // Without that line of the description the record says so.
+        // Without that line of the description the record reports the lost positions.
         let dropped = |toml: &str| {
             toml.lines().filter(|line| !line.starts_with("lost")).map(|line| format!("{line}\n")).collect()
         };
@@ -379,7 +379,7 @@ fn a_gap_and_outliers_are_named_by_row() {
     );
     let clean = read(&plain(), Given::default()).expect("a record").1.noise_yardstick().expect("a noise").sd_m;
     assert!((experiment.noise_yardstick().expect("a noise").sd_m / clean - 1.0).abs() < 0.05);
-    // The remedy, followed.
+    // Applies the remedy.
     let left_out = |toml: &str| {
         toml.replace("delimiter", "left_out_s = [[7.49, 7.51], [16.99, 17.01], [29.94, 29.96]]\ndelimiter")
     };
@@ -388,7 +388,7 @@ fn a_gap_and_outliers_are_named_by_row() {
     assert!(kinds(&experiment, &files).is_empty() && distances(&experiment)[2] < 2e-3);
 }
 
-/// A force that a program polls once a second: the rows show it up to a second late. The remedy is a log with the times that the message lists.
+/// A force polled once per second: the rows show it up to a second late. The remedy is a log with the times in the message.
 #[test]
 fn a_force_that_is_logged_late_is_recognised() {
     for (late, sign) in [(13, 1.0), (6, 1.0), (13, -1.0)] {
@@ -407,7 +407,7 @@ fn a_force_that_is_logged_late_is_recognised() {
     }
 }
 
-/// A record whose first rows, up to 3 s, were not kept. The remedy, followed, ends in the truth.
+/// A record whose first rows, up to 3 s, are missing. Following the remedy gives the truth.
 #[test]
 fn a_record_that_starts_under_load_is_recognised() {
     let kept = |from: usize| -> String {

@@ -1,26 +1,26 @@
-//! Valid files with other values, written in another of the ways that their grammar allows: order, white space, units, spellings of numbers and texts, keys left out.
+//! Valid files with other values, written in other ways that their grammar allows: order, white space, units, spellings of numbers and texts, omitted keys.
 //!
-//! Damage (the parent module) is refused nearly always, and so tests what stands before a reader's first check; this tests what comes after.
+//! Damaged files (the parent module) are nearly always refused, and so test only the code before a reader's first check. Valid variants test the code after it.
 
 use serde_json::{Map, Value};
 
 use super::Dice;
 
-/// How a kind of file is written.
+/// Grammar of a kind of file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Grammar {
     Toml,
-    /// Objects of JSON, one a line.
+    /// JSON objects, one per line.
     JsonLines,
-    /// A word, a space, and an object of JSON.
+    /// A word, a space, and a JSON object.
     Request,
     /// The program's own CSV.
     OwnTable,
-    /// A table as instruments and spreadsheets write it.
+    /// A table as written by instruments and spreadsheets.
     AnyTable,
     /// Gmsh 4.1 in ASCII.
     Mesh,
-    /// Lines of a shell.
+    /// Shell command lines.
     Commands,
 }
 
@@ -44,7 +44,7 @@ pub fn variant(grammar: Grammar, sample: &[u8], dice: &mut Dice) -> Vec<u8> {
         Grammar::Mesh => mesh(text, dice),
         Grammar::Commands => commands(text, dice),
     };
-    // Line ends are those of one system.
+    // A file's line ends are all of one system.
     if dice.one_in(4) { text.replace('\n', "\r\n").into_bytes() } else { text.into_bytes() }
 }
 
@@ -57,7 +57,7 @@ impl Dice {
         self.below(n) == 0
     }
 
-    /// Between 0 and 1.
+    /// A number between 0 and 1.
     fn unit(&mut self) -> f64 {
         self.below(1 << 30) as f64 / f64::from(1 << 30)
     }
@@ -75,7 +75,7 @@ impl Dice {
     }
 }
 
-/// A number as it is, nearly as it is, within a decade, or of the kind that nobody expects.
+/// A number: unchanged, slightly changed, within a decade, or an unusual one.
 fn value(number: f64, dice: &mut Dice) -> f64 {
     match dice.below(100) {
         0..=69 => number,
@@ -95,20 +95,20 @@ fn whole(number: i64, dice: &mut Dice) -> i64 {
     }
 }
 
-/// A spelling that every grammar here knows.
+/// A spelling that every grammar here accepts.
 fn spelt(number: f64, dice: &mut Dice) -> String {
     match dice.below(4) {
         0 => format!("{number:e}").replace('e', if number == 0.0 { "e" } else { ["e", "E"][dice.below(2)] }),
         1 if (1e-3..1e6).contains(&number.abs()) => format!("{number:.9}"),
-        // As computers write it, with a point: an integer of TOML is another thing.
+        // The usual notation with a point, because TOML distinguishes integers.
         _ => format!("{number:?}"),
     }
 }
 
-/// Keys whose texts mean nothing to the program.
+/// Keys with free texts.
 const FREE_TEXTS: [&str; 5] = ["id", "species", "region", "source", "summary"];
 
-/// Formulas that do what the sample's does, or nearly.
+/// Formulas that are equal or similar to the sample's.
 const FORMULAS: [&str; 8] = [
     "exp(rate*path)",
     "1 + rate * path",
@@ -131,7 +131,7 @@ fn free_text(key: &str, text: &str, dice: &mut Dice) -> String {
         + dice.pick(&["é", " 2", "µm", "𝛂", "\"q\"", "'", "\\", "#", " = [x]", "{}", "\u{202e}", "\t", "-"])
 }
 
-/// Sections and keys in any order; `path` is that of the table, with a point at its end.
+/// Sections and keys in any order. `path` is the table's path with a trailing point.
 fn toml_table(table: &Map<String, Value>, path: &str, dice: &mut Dice) -> String {
     let mut keys: Vec<&String> = table.keys().filter(|_| !dice.one_in(60)).collect();
     dice.shuffle(&mut keys);
@@ -157,7 +157,7 @@ fn toml_table(table: &Map<String, Value>, path: &str, dice: &mut Dice) -> String
     text + &sections
 }
 
-/// The end of a line, with a comment now and then.
+/// End of a line, sometimes with a comment.
 fn aside(dice: &mut Dice) -> String {
     let comment = dice.pick(&["", "", "", " # µ", "\t#", "  "]);
     let lines = dice.pick(&["\n", "\n", "\n\n", "\n# [robot] = \"\n"]);
@@ -197,7 +197,7 @@ fn toml_value(of: &Value, key: &str, dice: &mut Dice) -> String {
     }
 }
 
-/// A text between quotation marks, for JSON and for TOML; letters may stand as their numbers.
+/// A text between quotation marks, for JSON and TOML. Letters may be escaped as numbers.
 fn quoted(text: &str, dice: &mut Dice) -> String {
     let written = serde_json::to_string(text).expect("a text");
     match text.chars().next().filter(|first| first.is_ascii_alphanumeric() && dice.one_in(6)) {
@@ -234,7 +234,7 @@ fn json(of: &Value, key: &str, with_lines: bool, dice: &mut Dice) -> String {
     }
 }
 
-/// Units of time, force and position, with their sizes in the sample's: s, µN and µm.
+/// Units of time, force and position, with their sizes in the sample's units: s, µN and µm.
 const UNITS: [&[(&str, f64)]; 3] = [
     &[("s", 1.0), ("ms", 1e-3)],
     &[("uN", 1.0), ("N", 1e6), ("mN", 1e3), ("nN", 1e-3), ("pN", 1e-6)],
@@ -278,7 +278,7 @@ fn table(text: &str, is_own: bool, dice: &mut Dice) -> String {
                 _ => {
                     let jitter = if is_jittered && k == 2 { 0.01 * dice.unit() } else { 0.0 };
                     let exact = (row[k] * scales[k] + jitter) / units[k].1;
-                    // One value in some thousand is one that nobody expects.
+                    // One value in several thousand is unusual.
                     spelt(if dice.one_in(4_000) { value(exact, dice) * 1e6 } else { exact }, dice)
                 }
             };
@@ -292,7 +292,7 @@ fn table(text: &str, is_own: bool, dice: &mut Dice) -> String {
     out
 }
 
-/// Nodes of a block in another order, coordinates in another unit or moved by rounding, white space, and sections that readers pass over.
+/// Changes the order of nodes in a block, the coordinates' unit or rounding, white space, and sections that readers skip.
 fn mesh(text: &str, dice: &mut Dice) -> String {
     let scale = if dice.one_in(2) { 0.5 + 1.5 * dice.unit() } else { 1.0 };
     let (is_spelt, is_spaced) = (dice.one_in(2), dice.one_in(2));

@@ -1,6 +1,6 @@
-//! Hard input: files that were damaged, edited or made up, and every reader that they can be given to.
+//! Hard input: damaged, edited and made-up files, and all readers for them.
 //!
-//! The test suite plays seconds of it, the campaign `campaigns/hard-input` hours; both with these mutators: damage ([`input`]), and valid files with other values and spellings ([`variant`]).
+//! The test suite runs it for seconds, the campaign `campaigns/hard-input` for hours. Both use damage ([`input`]) and valid files with other values and spellings ([`variant`]).
 #![allow(dead_code, reason = "the test and the campaign each use their own part")]
 
 mod grammar;
@@ -43,7 +43,7 @@ use vitreo_uq::sampling::ensemble::{Checkpointing, Progress, RunControl};
 use vitreo_uq::sampling::{LogDensity, SamplerOptions, sample};
 use vitreo_uq::validation::challenge::files::reveal;
 
-/// Numbers by a fixed recurrence (xorshift64*), the same everywhere.
+/// Random numbers by a fixed recurrence (xorshift64*), equal on every machine.
 pub struct Dice(u64);
 
 impl Dice {
@@ -62,13 +62,13 @@ impl Dice {
         self.0.wrapping_mul(0x2545_f491_4f6c_dd1d)
     }
 
-    /// A whole number below `n`, which is above 0.
+    /// A whole number below `n`, which must be above 0.
     pub fn below(&mut self, n: usize) -> usize {
         usize::try_from(self.word() % n as u64).unwrap_or(0)
     }
 }
 
-/// What stands in the place of a number.
+/// Replacements for a number.
 const NUMBERS: [&str; 30] = [
     "0",
     "-0.0",
@@ -101,7 +101,7 @@ const NUMBERS: [&str; 30] = [
     "\"7\"",
     "null",
 ];
-/// What is put anywhere.
+/// Tokens for insertion anywhere.
 const TOKENS: [&str; 24] = [
     "[",
     "]",
@@ -207,19 +207,19 @@ fn with_lines(bytes: &mut Vec<u8>, dice: &mut Dice, change: impl FnOnce(&mut Vec
 /// A reader with files that it accepts.
 pub struct Reader {
     pub name: &'static str,
-    /// Of files that people and other programs write.
+    /// Grammar; only for files that people and other programs write.
     pub grammar: Option<Grammar>,
     pub samples: Vec<Vec<u8>>,
     read: fn(&Place, &[u8]) -> Result<()>,
 }
 
-/// Where readers of files find them.
+/// Folder in which readers of files find them.
 pub struct Place {
     folder: PathBuf,
 }
 
 impl Place {
-    /// In a folder that is there and empty.
+    /// Uses an existing, empty folder.
     pub fn new(folder: &Path) -> Self {
         Self { folder: folder.to_path_buf() }
     }
@@ -231,13 +231,13 @@ impl Place {
     }
 }
 
-/// What became of an input.
+/// Outcome of an input.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Outcome {
     Accepted,
-    /// With exit code 2 and a remedy.
+    /// Refused with exit code 2 and a remedy.
     Refused,
-    /// Read, but what was computed from it failed and said so.
+    /// Read, but the computation failed with an error.
     Failed,
     Panicked,
 }
@@ -254,7 +254,7 @@ impl Reader {
     }
 }
 
-/// The mutated input of a number, from one to four mutations of one of the reader's samples.
+/// The mutated input with a number: one to four mutations of one of the reader's samples.
 pub fn input(reader: &Reader, seed: u64, number: u64) -> Vec<u8> {
     let mut dice = Dice::new(seed.wrapping_add(number.wrapping_mul(0x1_0000_0001)));
     let samples = &reader.samples;
@@ -266,7 +266,7 @@ pub fn input(reader: &Reader, seed: u64, number: u64) -> Vec<u8> {
     bytes
 }
 
-/// The valid variant of a number of one of the reader's samples; of a reader with a grammar.
+/// The valid variant with a number of one of the reader's samples; `None` for a reader without a grammar.
 pub fn variant(reader: &Reader, seed: u64, number: u64) -> Option<Vec<u8>> {
     let mut dice = Dice::new(seed.wrapping_add(number.wrapping_mul(0x1_0000_0001)));
     let sample = &reader.samples[dice.below(reader.samples.len())];
@@ -290,7 +290,7 @@ const REQUESTS: [&str; 4] = [
     "ApplyJacobian {\"name\": \"trajectory\", \"input\": [[3.3, 1.5, 44.0]], \"outWrt\": 0, \"inWrt\": 0, \"vec\": [0.1, 0.2, -0.3]}",
 ];
 
-/// Three tasks, a line each, whose ids `read_tasks` writes.
+/// Three tasks, one per line. `read_tasks` writes their ids.
 fn task_lines() -> String {
     let line = |k: usize| {
         serde_json::json!({ "task": k, "id": "", "result": "", "command": ["vitreo-uq", "tasks", "run", "list", "--task", k.to_string()],
@@ -319,7 +319,7 @@ fn draws_csv() -> Vec<Vec<u8>> {
     vec![indexed.into_bytes(), plain.into_bytes()]
 }
 
-/// A surrogate of one mode, as `surrogate.json` holds it.
+/// A surrogate of one mode, in the format of `surrogate.json`.
 pub fn surrogate_json() -> Vec<u8> {
     let range = |name: &str, lower, upper| vitreo_uq::models::model::TrainedRange { name: name.into(), lower, upper };
     let operators = ReducedOperators {
@@ -368,7 +368,7 @@ fn instrument(toml: &[u8], csv: &[u8]) -> Result<Experiment> {
     Ok(Experiment::from_texts("experiment.toml", toml, "trajectory.csv", csv)?.0)
 }
 
-/// A model joined with an instrument's experiment, and asked for the posterior density of three points.
+/// Joins a model with an instrument's experiment and evaluates the posterior density at three points.
 fn ask(experiment: Experiment, specification: ModelSpecification) -> Result<()> {
     let mechanics = Arc::new(Mechanics::Instrument { compliance_per_m: 549.0 });
     let problem = Problem::with_mechanics(experiment, specification, &Library::default(), mechanics)?;
@@ -437,7 +437,7 @@ fn read_draws(place: &Place, bytes: &[u8]) -> Result<()> {
 }
 
 fn read_ladder(_: &Place, bytes: &[u8]) -> Result<()> {
-    // As the command reads it: what is no ladder is made anew.
+    // As in the command, a file that is not a ladder is made again.
     let Ok(document) = serde_json::from_slice::<WithProvenance<LadderSummary>>(bytes) else { return Ok(()) };
     figures::ladder::ladder(&document.body)?.png().map(drop)
 }
@@ -459,7 +459,7 @@ fn read_commands(place: &Place, bytes: &[u8]) -> Result<()> {
     commands::read(&place.put("commands.txt", bytes)).map(drop)
 }
 
-/// A list whose head, numbers, ids and names of results are those of these lines, as an attacker would write them.
+/// Reads a list whose head, numbers, ids and result names match these lines, as an attacker would write them.
 fn read_tasks(place: &Place, bytes: &[u8]) -> Result<()> {
     let mut text = Vec::new();
     for (number, line) in bytes.split_inclusive(|byte| *byte == b'\n').enumerate() {
@@ -481,7 +481,7 @@ fn read_tasks(place: &Place, bytes: &[u8]) -> Result<()> {
     (0..list.n_tasks()).try_for_each(|number| list.task(number).map(drop))
 }
 
-/// What a client sends to an endpoint, whose name stands before it.
+/// Reads a client's request to an endpoint, whose name precedes it.
 fn read_request(_: &Place, bytes: &[u8]) -> Result<()> {
     static MODEL: OnceLock<PreparedModel> = OnceLock::new();
     let model = MODEL.get_or_init(|| {
@@ -516,7 +516,7 @@ impl LogDensity for Bowl {
     }
 }
 
-/// A short run, stopped at its first report if `stop` is given, and what it saved.
+/// A short run with the state that it saved. It stops at its first report if `stop` is given.
 fn bowl(resume: Option<&[u8]>, stop: Option<&AtomicBool>) -> (Result<()>, Vec<u8>) {
     let saved = Mutex::new(Vec::new());
     let sink = |bytes: &[u8]| {
@@ -540,7 +540,7 @@ fn bowl(resume: Option<&[u8]>, stop: Option<&AtomicBool>) -> (Result<()>, Vec<u8
     (outcome, saved.into_inner().expect("nobody panics with it"))
 }
 
-/// A sampler's state without the hash at its end, which [`read_checkpoint`] adds: edited states are to be found out by what they hold, too.
+/// A sampler's state without the hash at its end. [`read_checkpoint`] adds the hash, so edited states must be detected by their content.
 fn checkpoint() -> Vec<u8> {
     let (_, mut bytes) = bowl(None, Some(&AtomicBool::new(false)));
     bytes.truncate(bytes.len() - 32);
@@ -571,7 +571,7 @@ fn read_challenge(place: &Place, bytes: &[u8]) -> Result<()> {
     reveal(&place.folder).map(drop)
 }
 
-/// Every reader. The files that they accept are in `data/` and `tests/data/`, or made here.
+/// All readers. The accepted files are in `data/` and `tests/data/`, or made here.
 pub fn readers() -> Vec<Reader> {
     let data =
         |name: &str| std::fs::read(Path::new(env!("CARGO_MANIFEST_DIR")).join(name)).expect("it is in the sources");

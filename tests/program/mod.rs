@@ -1,4 +1,4 @@
-//! The built program, run as a newcomer runs it: in an empty directory, with arguments.
+//! Runs the built program as a newcomer does: in an empty directory, with arguments.
 #![allow(dead_code, reason = "each test file uses its own part")]
 
 use std::collections::BTreeMap;
@@ -7,7 +7,7 @@ use std::process::{Command, Output};
 
 use serde_json::Value;
 
-/// What the program did.
+/// Result of a run of the program.
 pub struct Run {
     /// Exit code.
     pub code: i32,
@@ -30,7 +30,7 @@ impl Run {
         self
     }
 
-    /// Checks that the run was refused with exit code 2, says all of `words` and what to do.
+    /// Checks that the run was refused with exit code 2, contains all of `words` and has a remedy.
     #[track_caller]
     pub fn refuses(self, words: &[&str]) -> Self {
         let run = self.exits(2);
@@ -53,7 +53,7 @@ pub fn vitreo(dir: &Path, arguments: &[&str]) -> Run {
     run(Command::new(env!("CARGO_BIN_EXE_vitreo-uq")).current_dir(dir).args(arguments))
 }
 
-/// The same with models kept in another place than usual, below the directory; nowhere if it is empty.
+/// Runs the program with its model cache below the directory; without a cache if `cache` is empty.
 pub fn vitreo_with_cache(dir: &Path, cache: &str, arguments: &[&str]) -> Run {
     let program = env!("CARGO_BIN_EXE_vitreo-uq");
     run(Command::new(program).current_dir(dir).args(arguments).env("VITREO_UQ_CACHE", cache))
@@ -86,7 +86,7 @@ pub fn tree(dir: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
     files
 }
 
-/// Nearly normal numbers by a fixed recurrence: twelve uniform ones less six.
+/// Nearly normal numbers by a fixed recurrence: twelve uniform ones minus six.
 pub fn normals() -> impl FnMut() -> f64 {
     let mut state = 88_172_645_463_325_252_u64;
     let mut uniform = move || {
@@ -98,8 +98,8 @@ pub fn normals() -> impl FnMut() -> f64 {
     move || (0..12).map(|_| uniform()).sum::<f64>() - 6.0
 }
 
-/// An instrument's experiment in `dir`: two cycles of ±1 µN for 2 s each, E = 3.5 Pa, c₁ = 1.4 Pa·s, c₂ = 47 Pa·s, 0.5 µm of noise that
-/// is made by a fixed recurrence, and `drift_um_per_s` from the second cycle on. The second cycle is held out if `heldout`.
+/// Writes an instrument's experiment into `dir`: two cycles of ±1 µN for 2 s each, E = 3.5 Pa, c₁ = 1.4 Pa·s, c₂ = 47 Pa·s, 0.5 µm of noise
+/// by a fixed recurrence, and `drift_um_per_s` from the second cycle on. The second cycle is held out if `heldout` is set.
 pub fn write_instrument_experiment(dir: &Path, heldout: bool, drift_um_per_s: f64) {
     std::fs::create_dir_all(dir).unwrap();
     let mut toml = String::from(
@@ -135,7 +135,7 @@ pub fn write_instrument_experiment(dir: &Path, heldout: bool, drift_um_per_s: f6
     std::fs::write(dir.join("trajectory.csv"), csv).unwrap();
 }
 
-/// Puts a study of [`drifting_replica`] with m0, and m1 with the drift, into a directory; and gives what `extend` said. Made once for all tests of a program.
+/// Puts a study of [`drifting_replica`] with m0, and m1 with the drift, into a directory. Returns the document of `extend`. The study is made once for all tests of a program.
 pub fn put_extended_replica(study: &Path) -> &'static Value {
     static MADE: std::sync::OnceLock<(BTreeMap<PathBuf, Vec<u8>>, Value)> = std::sync::OnceLock::new();
     let (files, said) = MADE.get_or_init(|| {
@@ -157,7 +157,7 @@ pub fn put_extended_replica(study: &Path) -> &'static Value {
 /// Velocity of the drift of [`drifting_replica`].
 pub const DRIFT_UM_PER_S: f64 = 1.0;
 
-/// The replica as the experiment of another specimen, in `experiment`.
+/// Writes the replica as the experiment of another specimen into `experiment`.
 pub fn replica_with_id(experiment: &Path, id: &str) {
     let replica = Path::new(env!("CARGO_MANIFEST_DIR")).join("data/porcine-replica");
     std::fs::create_dir_all(experiment).unwrap();
@@ -167,7 +167,7 @@ pub fn replica_with_id(experiment: &Path, id: &str) {
     std::fs::copy(replica.join("trajectory.csv"), experiment.join("trajectory.csv")).unwrap();
 }
 
-/// The replica with a drift of 1 µm/s added to its positions, in `dir`.
+/// Writes the replica with a drift of 1 µm/s in its positions into `dir`.
 pub fn drifting_replica(dir: &Path) -> PathBuf {
     let replica = Path::new(env!("CARGO_MANIFEST_DIR")).join("data/porcine-replica");
     let experiment = dir.join("drifting");

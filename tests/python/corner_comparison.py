@@ -1,4 +1,4 @@
-"""Draws the same posteriors with corner.py and with vitreo-uq, to be looked at side by side, and compares what ours says with NumPy.
+"""Draws the same posteriors with corner.py and with vitreo-uq for visual comparison, and compares the titles of vitreo-uq with NumPy.
 
 The figures go to target/corner-comparison. Needs numpy, matplotlib, corner.
 """
@@ -36,7 +36,7 @@ def bimodal(rng, n):
 
 
 def check_titles(svg, draws):
-    """Every title gives the median and the distances to the 16 % and 84 % quantiles, to the digits that it shows."""
+    """Every title gives the median and the distances to the 16 % and 84 % quantiles, correct to the shown digits."""
     texts = re.findall(r"<text[^>]*>([^<]*)</text>", svg)
     for name, values in draws.items():
         low, median, high = np.quantile(values, [0.16, 0.5, 0.84])

@@ -47,7 +47,7 @@ def arrays():
 
 
 def expected(values):
-    """What ArviZ says."""
+    """Values by ArviZ."""
     ess_mean = float(az.ess(values, method="mean"))
     return {
         "rhat": float(az.rhat(values)),

@@ -1,4 +1,4 @@
-"""Every document that a command writes is what its schema in `docs/schemas/` says (JSON Schema, draft 2020-12).
+"""Checks every command's document against its schema in `docs/schemas/` (JSON Schema, draft 2020-12).
 
 usage: documents_and_schemas.py [--quick]; quick leaves out the commands that need finite elements.
 """
@@ -13,7 +13,7 @@ import jsonschema
 import small_experiment
 
 SCHEMAS = small_experiment.ROOT / "docs" / "schemas"
-# On an instrument, in this order: later commands go on from earlier ones.
+# On an instrument, in this order: later commands continue from earlier ones.
 OF_STUDY = [
     ("init", ["init", "eye/trajectory.csv", "--out", "described"]),
     ("check", ["check", "eye"]),
@@ -50,7 +50,7 @@ OF_FINITE_ELEMENTS = [
 
 
 def problems(kind, document):
-    """What the schema does not allow, in words."""
+    """Violations of the schema, in words."""
     schema = json.loads((SCHEMAS / f"{kind}-1.json").read_text())
     jsonschema.Draft202012Validator.check_schema(schema)
     errors = jsonschema.Draft202012Validator(schema).iter_errors(document)
@@ -72,7 +72,7 @@ def main():
             document = json.loads(small_experiment.run(folder, *arguments, "--json", "-", "--quiet"))
             found += problems(kind, document)
             seen.add(kind)
-            # A schema that allows anything would show nothing.
+            # A schema that allows anything would prove nothing.
             for key in ("schema", "version"):
                 assert problems(kind, {name: value for name, value in document.items() if name != key}), f"{kind} without {key} is allowed"
             assert problems(kind, {**document, "schema": "vitreo-uq/other/1"}), f"{kind}: another schema is allowed"
@@ -86,7 +86,7 @@ def main():
     if found:
         print("\n".join(found))
         sys.exit(1)
-    print(f"documents of {len(seen)} kinds are what their schemas say")
+    print(f"documents of {len(seen)} kinds match their schemas")
 
 
 if __name__ == "__main__":

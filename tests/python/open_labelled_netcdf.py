@@ -3,7 +3,7 @@
 usage: open_labelled_netcdf.py [LABELLED.nc DRAWS.csv]; without arguments the example `export_draws` makes them: the CSV's ensembles are
 the groups, its walkers the chains.
 
-Labels must come back as strings from both libraries that read the format, and select. Exit code 0 means equal bit for bit.
+Both libraries must return labels as strings that select data. Exit code 0 means equal bit for bit.
 """
 
 import csv

@@ -47,7 +47,7 @@ def compare(netcdf, table_csv):
     shape = (ensemble.max() + 1, n_walkers * n_steps)
     names = [name for name in header if name not in ("ensemble", "walker", "step", "log_density")]
 
-    # Where the file has what the CSV calls a walker and a step.
+    # Index in the file of the CSV's walker and step.
     for coordinate in ("walker", "step"):
         assert posterior[coordinate].dims == ("draw",), f"{coordinate} is no coordinate of the draws"
     place = np.full((n_walkers, n_steps), -1)

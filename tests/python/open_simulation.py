@@ -43,7 +43,7 @@ def main():
             robot = np.abs(radius / ROBOT_RADIUS_M - 1) < 1e-9
             outer = np.abs(radius / OUTER_RADIUS_M - 1) < 1e-9
             assert robot.sum() > 20 and outer.sum() > 20
-            # The robot moves as one, along x; the outer surface rests; nothing crosses a symmetry plane.
+            # The robot moves as a rigid body along x, the outer surface rests, and nothing crosses a symmetry plane.
             assert np.ptp(displacement[robot], axis=0).max() < 1e-18 and np.abs(displacement[robot, 1:]).max() == 0
             assert np.abs(displacement[outer]).max() == 0
             assert np.abs(displacement[points[:, 1] == 0, 1]).max() == 0

@@ -13,7 +13,7 @@ from vtk.util.numpy_support import vtk_to_numpy
 
 # Quarter of the ball of 10 mm without the robot of 0.275 mm, in m³.
 QUARTER_BALL = math.pi / 3 * (10e-3**3 - 0.275e-3**3)
-# File: VTK's cell type, nodes, elements, volume, and by how much it may miss: facets and coarse parabolas cut corners.
+# File: VTK's cell type, nodes, elements, volume, and the tolerance of the volume, because facets and coarse parabolas cut corners.
 EXPECTED = {
     "tetrahedron4.vtu": (10, 282, 930, QUARTER_BALL, 0.1),
     "tetrahedron10.vtu": (24, 1439, 749, QUARTER_BALL, 2e-3),
@@ -73,7 +73,7 @@ def check_values(grid, name):
 
 
 def check_node_order(grid):
-    """A 27-node brick interpolates x²y²z² exactly between its nodes, which no other order of nodes does."""
+    """A 27-node brick interpolates x²y²z² exactly between its nodes, but only with the correct node order."""
     cell = grid.GetCell(0)
     parametric = np.reshape(cell.GetParametricCoords(), (27, 3))
     points = vtk_to_numpy(grid.GetPoints().GetData())

@@ -1,4 +1,4 @@
-"""What ArviZ makes of a revision's `posterior.nc`: its R-hat is the program's, `az.loo` and `az.plot_ppc` work, groups fit together.
+"""Reads a revision's `posterior.nc` with ArviZ: R-hat equals the program's, `az.loo` and `az.plot_ppc` work, groups are consistent.
 
 Run from anywhere; needs arviz (0.23).
 """
@@ -16,9 +16,9 @@ import arviz as az  # noqa: E402
 import small_experiment  # noqa: E402
 
 GROUPS = ["posterior", "sample_stats", "constant_data", "observed_data", "log_likelihood", "posterior_predictive", "prior", "prior_predictive"]
-# The program takes one rank over all draws and ArviZ the same, so that R-hat differs by rounding and by a middle step of an odd number.
+# The program and ArviZ both take one rank over all draws. R-hat differs by rounding and by a middle step of an odd number.
 RHAT_TOLERANCE = 1e-3
-# The program's effective sizes also charge correlation between walkers of an ensemble, which ArviZ cannot see.
+# The program's effective sizes also include correlation between walkers of an ensemble, which ArviZ cannot see.
 ESS_FACTOR = 2.0
 
 
@@ -55,7 +55,7 @@ def check(folder, noise):
     rows = data.log_likelihood["row"].values
     assert fitted[rows].all() and len(rows) == fitted.sum(), "every fitted position has its likelihood"
     assert np.array_equal(data.posterior_predictive["row"].values, observed["row"].values)
-    # Draws are those of the posterior: labels say which.
+    # The draws are those of the posterior, as the labels show.
     assert set(data.log_likelihood["draw"].values) <= set(data.posterior["draw"].values)
 
     loo = az.loo(data, reff=1, pointwise=True)
@@ -63,10 +63,10 @@ def check(folder, noise):
     direct = leave_one_out(data, 4.0)
     assert np.abs(loo.loo_i.values - direct).max() < 0.1, "PSIS differs from plain importance sampling"
     n = len(rows)
-    # A normal of 4 µm has an expected log density of -ln 4 - ½ ln 2πe = -2.81; of n positions within six standard errors √(n/2).
+    # A normal of 4 µm has an expected log density of -ln 4 - ½ ln 2πe = -2.81; n positions lie within six standard errors √(n/2).
     if noise == ["white"]:
         assert abs(loo.elpd_loo + 2.805 * n) < 6 * np.sqrt(n / 2) + 6, loo.elpd_loo
-        # As many effective parameters as there are, the noise included.
+        # The number of effective parameters equals the actual number, the noise included.
         assert 2 < loo.p_loo < 7, loo.p_loo
     az.loo(data)
 
@@ -75,7 +75,7 @@ def check(folder, noise):
     inside = observed["position_um"].values
     low, high = np.quantile(data.posterior_predictive["position_um"].values, [0.05, 0.95], axis=(0, 1))
     share = np.mean((inside > low) & (inside < high))
-    # 200 positions at 90 %: 3 % standard error, and the quantiles' own error.
+    # 200 positions at 90 %: 3 % standard error, plus the quantiles' own error.
     assert 0.78 < share < 0.99, share
     wide = data.prior_predictive["position_um"].std() > 3 * (data.posterior_predictive["position_um"] - observed["position_um"]).std()
     assert wide, "the prior predicts no wider than the posterior"

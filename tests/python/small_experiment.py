@@ -1,4 +1,4 @@
-"""A small experiment on an instrument, which needs no finite elements, and the program to run on it. Imported by the checks beside it."""
+"""A small experiment on an instrument, which needs no finite elements, and a function that runs the program. The checks beside it import this file."""
 
 import math
 import os
@@ -12,7 +12,7 @@ FORCE_N = 4.6e-6
 
 
 def creep(time_s, factor):
-    """Lethersich's law, in 1/Pa."""
+    """Creep of the Lethersich law, in 1/Pa."""
     return ((1 - math.exp(-3.527 * time_s / 1.402)) / 3.527 + time_s / 47.37) / factor if time_s > 0 else 0.0
 
 

@@ -1,4 +1,4 @@
-"""`vitreo-uq serve` as the official UM-Bridge client sees it: what models support, values, gradients against differences; and emcee samples `posterior` over HTTP to
+"""Tests `vitreo-uq serve` with the official UM-Bridge client: supported features, values, gradients against differences. emcee samples `posterior` over HTTP and finds
 the posterior of `vitreo-uq sample`.
 
 Run from anywhere; needs umbridge, emcee, numpy.
@@ -19,17 +19,17 @@ import umbridge
 
 import small_experiment
 
-# Seeds of `sample` whose posteriors are pooled, so that their own Monte-Carlo error is small beside the tolerance.
+# Seeds of `sample` whose posteriors are pooled, so their Monte Carlo error is small compared with the tolerance.
 SEEDS = range(1, 13)
 WALKERS, BURN_IN, STEPS = 600, 150, 1700
-# Of a standard deviation. The check also says how large the Monte-Carlo error of the comparison is, and fails where the tolerance is not four of them.
+# Tolerance in standard deviations. The check also prints the Monte Carlo error of the comparison, and fails if the tolerance is less than four of them.
 TOLERANCE = 0.02
 LAW = [3.4, 1.5, 45.0]
 POINT = [*LAW, 4.2]
 
 
 def start(folder, *arguments):
-    """A server on any free port; its link."""
+    """Starts a server on any free port, and yields its link."""
     program = os.environ.get("VITREO_UQ")
     root = small_experiment.ROOT
     command = [program] if program else ["cargo", "run", "--quiet", "--manifest-path", str(root / "Cargo.toml"), "--bin", "vitreo-uq", "--"]
@@ -81,7 +81,7 @@ def check_models(link):
         assert abs(along / np.dot(gradient, direction) - 1) < 1e-9
     assert worst < 1e-6, worst
 
-    # The client's own words for errors.
+    # The client's own messages for errors.
     for ask, words in (
         (lambda: trajectory([[1.0, 2.0]]), "InvalidInput"),
         (lambda: trajectory([[-1.0, 1.0, 1.0]]), "young_modulus_pa"),
@@ -96,7 +96,7 @@ def check_models(link):
             raise AssertionError(f"{words} was not refused")
     assert posterior([[-1.0, 1.5, 45.0, 4.0]])[0][0] < -1e300, "outside the support"
 
-    # Clients at once.
+    # Several clients at once.
     expected = [posterior([[2.0 + 0.1 * k, 1.5, 45.0, 4.0]]) for k in range(16)]
     found = [None] * 16
 
@@ -130,7 +130,7 @@ def sampled_here(folder):
 
 
 def sampled_outside(posterior, start_at, spread):
-    """The same by emcee over HTTP, walkers of half an ensemble a request. Steps are taken in logarithms, where the ridges of the law are straight."""
+    """Means and standard deviations by emcee over HTTP, half an ensemble's walkers per request. It moves in logarithms, where the ridges of the law are straight."""
 
     def ln_posterior(logarithms):
         points = np.exp(logarithms)
@@ -140,7 +140,7 @@ def sampled_outside(posterior, start_at, spread):
 
     rng = np.random.default_rng(4242)
     first = start_at + 0.3 * spread * rng.standard_normal((WALKERS, len(start_at)))
-    # Not emcee's snooker: its factor has half of the exponent d - 1, and with a tenth of such moves every spread comes out 3 % too small.
+    # emcee's snooker move is not used: its factor has half of the exponent d - 1, and a tenth of such moves makes every spread 3 % too small.
     moves = [(emcee.moves.DEMove(), 0.9), (emcee.moves.StretchMove(), 0.1)]
     sampler = emcee.EnsembleSampler(WALKERS, len(start_at), ln_posterior, vectorize=True, moves=moves)
     sampler.random_state = np.random.RandomState(4242).get_state()

@@ -1,5 +1,5 @@
-"""A model that the program does not hold, a stiffening spring beside a dashpot, served by the official UM-Bridge package: `vitreo-uq sample --forward` finds the posterior that SciPy finds
-with the model itself, and `diagnose` names a drift that is hidden in the record. The example of docs/serve.md runs as it stands there, on the paper's replica, and is told that it misses the record.
+"""The official UM-Bridge package serves a model that the program lacks, a stiffening spring beside a dashpot. `vitreo-uq sample --forward` finds the same posterior as SciPy
+with the model itself, and `diagnose` names the hidden drift of the record. The example of docs/serve.md runs unchanged on the paper's replica and gets a warning of its misfit.
 
 Run from anywhere; needs umbridge, numpy, scipy.
 """
@@ -26,12 +26,12 @@ MEDIANS, LOG_SD = np.array([2.5, 5.0, 1.2, 40.0]), 0.7
 NOISE_UM = 4.0
 DRIFT_UM_PER_S = 0.6
 ROWS, INTERVAL_S = 200, 0.2
-# Of a standard deviation: SciPy's posterior is a normal one in logarithms.
+# Tolerance in standard deviations: SciPy's posterior is a normal one in logarithms.
 TOLERANCE = 0.3
 
 
 def position_um(law, time_s, force_n, longest_s=0.02):
-    """spring x + cubic x³ + viscosity x' = 549/m force, and a dashpot in series, by Runge and Kutta's method."""
+    """spring x + cubic x³ + viscosity x' = 549/m force, and a dashpot in series, by the Runge–Kutta method."""
     spring, cubic, viscosity, flow = law
 
     def rate(x, pull):
@@ -110,7 +110,7 @@ def by_scipy(measured_um, fitted):
 
 
 def start(name, *command):
-    """A server of a model on a free port, which follows the command."""
+    """Starts a command as the server of a model, on a free port that replaces 4242 in its arguments."""
     with socket.socket() as free:
         free.bind(("127.0.0.1", 0))
         port = free.getsockname()[1]
@@ -127,9 +127,9 @@ def start(name, *command):
 
 
 def of_documentation(folder):
-    """Prior and program of docs/serve.md, run as they stand there but for the port."""
+    """Runs the prior and program of docs/serve.md unchanged except for the port."""
     text = (ROOT / "docs" / "serve.md").read_text()
-    section = text[text.index("## Somebody else's model") :]
+    section = text[text.index("## External models") :]
     prior, _, program = (part.split("\n", 1)[1] for part in section.split("```")[1::2] if part.startswith(("toml", "python")))
     (pathlib.Path(folder) / "my-model.toml").write_text(prior)
     server, url = start("forward", "-c", program)
@@ -166,7 +166,7 @@ def main():
         of_median, of_sd = (np.log(own["median"]) - mean[k]) / sd[k], (own["sd"] / own["mean"]) / sd[k] - 1
         worst = max(worst, abs(of_median), abs(of_sd))
         assert worst < TOLERANCE, (name, of_median, of_sd)
-    # A spring beside a dashpot does not creep on: it misses the record by 30 × the noise, beside which a fifth of the noise is little.
+    # A spring beside a dashpot does not creep on, so it misses the record by 30 × the noise. A fifth of the noise is little compared with that.
     assert documented["converged"] and documented["heldout"]["surrogate_vs_fe_max_um"] < 0.2 * NOISE_UM, documented["heldout"]
     assert any("misses the fitted cycles" in own["text"] for own in documented["warnings"]), documented["warnings"]
     cut = [own["text"] for own in documented["warnings"] if "box" in own["text"]]

@@ -1,5 +1,5 @@
-//! Signals, at several moments of every command: the program ends within a second, leaves nothing half-written, says how to go on; run again, it gives
-//! the bytes that it would have given.
+//! Signals at several moments of every command. The program ends within a second, leaves nothing half-written and says how to continue. Run again, it gives
+//! the bytes of an uninterrupted run.
 #![cfg(unix)]
 
 use crate::program;
@@ -12,7 +12,7 @@ use std::time::{Duration, Instant};
 
 use program::{drifting_replica, tree, vitreo, write_instrument_experiment};
 
-/// The bar is a second; the rest is for a test machine that is busy with other tests.
+/// Time limit: one second, plus a margin for a busy test machine.
 const SOON: Duration = Duration::from_secs(1 + 4);
 /// Signals with their exit codes.
 const SIGNALS: [(&str, i32); 3] = [("INT", 130), ("TERM", 143), ("HUP", 129)];
@@ -28,14 +28,14 @@ fn send(signal: &str, child: &Child) {
     assert!(status.success());
 }
 
-/// `nohup` makes the program deaf to one of the signals, as it should.
+/// Returns `true` if the program ignores a signal, as `nohup` intends.
 fn is_ignored(signal: &str) -> bool {
     let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
     let mask = status.lines().find_map(|line| u64::from_str_radix(line.strip_prefix("SigIgn:")?.trim(), 16).ok());
     signal == "HUP" && mask.is_some_and(|mask| mask & 1 == 1)
 }
 
-/// Files without those that say how long something took, and without what only a resumed run needs.
+/// Files except run times and data for resuming.
 fn results(dir: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
     let mut files = tree(dir);
     files.retain(|path, _| {
@@ -59,24 +59,24 @@ fn nothing_is_half_written(dir: &Path) {
     }
 }
 
-/// Waits for the first word on standard error: the program has begun its work, and watches for signals.
+/// Waits for the first byte on standard error. Then the program has begun its work and handles signals.
 fn first_word(child: &mut Child) {
     let words = child.stderr.as_mut().unwrap();
     assert!(words.read_exact(&mut [0]).is_ok(), "not a word was said");
 }
 
-/// How a program that was sent a signal ended.
+/// Ending of a program that was sent a signal.
 #[derive(PartialEq)]
 enum Ending {
-    /// By itself, in order.
+    /// Stopped by itself, in order.
     Stopped,
-    /// By the system, before it watched for signals.
+    /// Killed by the system, before it handled signals.
     Killed,
-    /// With its job done, before it could be stopped.
+    /// Finished before it could be stopped.
     Done,
 }
 
-/// Waits for the end of a child that was sent a signal; whether it was stopped by it, and did not end by itself before.
+/// Waits for the end of a child that was sent a signal, and returns how it ended.
 #[track_caller]
 fn ends(child: Child, code: i32, dir: &Path, what: &str) -> Ending {
     let began = Instant::now();
@@ -85,7 +85,7 @@ fn ends(child: Child, code: i32, dir: &Path, what: &str) -> Ending {
     assert!(began.elapsed() < SOON, "{what} took {:?}: {words}", began.elapsed());
     assert!(!words.contains("panicked"), "{what}: {words}");
     nothing_is_half_written(dir);
-    // Before the program watches for signals it has done nothing, and the system ends it.
+    // Before the program handles signals it has done nothing, and the system ends it.
     let Some(found) = output.status.code() else { return Ending::Killed };
     if found == code {
         assert!(words.contains("stopped by") && words.contains("what to do: run the same command"), "{what}: {words}");
@@ -99,7 +99,7 @@ fn copy(from: &Path, to: &Path) {
     assert!(Command::new("cp").arg("-r").arg(from).arg(to).status().unwrap().success());
 }
 
-/// A folder with an instrument's experiment, another of another species, a study of the first, and a bead's experiment whose models are still to be made.
+/// A folder with an instrument's experiment, one of another species, a study of the first, and a bead's experiment without models.
 fn prepared(place: &Path) {
     drifting_replica(place);
     write_instrument_experiment(&place.join("gel"), true, 0.4);
@@ -115,7 +115,7 @@ fn prepared(place: &Path) {
     assert!([0, 1].contains(&code));
 }
 
-/// A job that is too short to hear the signal comes to its end, and the program says all the same that it was stopped.
+/// A job that is too short to react to the signal finishes, and the program still reports the stop.
 #[test]
 fn a_signal_in_the_last_moment_is_told() {
     let place = tempfile::tempdir().unwrap();
@@ -130,8 +130,8 @@ fn a_signal_in_the_last_moment_is_told() {
     }
 }
 
-/// Every command: stopped at three moments, by each signal; then run to the end. Most are nearly over before they can be stopped. Two have finite elements
-/// before them at their first word, and have to be stopped there. Forty runs of the program, and a few where a moment was missed, take a minute.
+/// Every command is stopped at three moments by each signal, and then run to the end. Most finish almost before they can be stopped. Two have finite elements
+/// ahead at their first output and must be stopped there. Forty runs of the program, and a few repeats for missed moments, take a minute.
 #[test]
 #[ignore = "thorough"]
 fn every_command_stops_soon_and_runs_again() {
@@ -168,7 +168,7 @@ fn every_command_stops_soon_and_runs_again() {
             if is_ignored(signal) {
                 continue;
             }
-            // How long a run takes depends on what else the machine does: the moment is sought between too early and too late.
+            // The duration of a run depends on the machine's load, so the moment is searched between too early and too late.
             let (mut early, mut late) = (0.0, took.as_secs_f64());
             for _ in 0..8 {
                 let moment = early + part * (late - early);
@@ -177,7 +177,7 @@ fn every_command_stops_soon_and_runs_again() {
                 send(signal, &child);
                 match ends(child, code, &dir, &format!("{arguments:?} by {signal}")) {
                     Ending::Stopped => {
-                        // A signal that comes while the page is written finds the revision there already.
+                        // A signal that arrives while the page is written finds the revision complete.
                         if arguments[0] == "extend" && dir.join("study/m1").is_dir() {
                             std::fs::remove_dir_all(&dir).unwrap();
                             copy(&template, &dir);
@@ -187,7 +187,7 @@ fn every_command_stops_soon_and_runs_again() {
                     Ending::Killed => early = moment,
                     Ending::Done => {
                         late = moment;
-                        // An effect cannot be added twice: results that are there end this folder's use.
+                        // An effect cannot be added twice, so existing results make this folder unusable.
                         std::fs::remove_dir_all(&dir).unwrap();
                         copy(&template, &dir);
                     }
@@ -204,7 +204,7 @@ fn every_command_stops_soon_and_runs_again() {
     }
 }
 
-/// Commands that solve finite elements and search, for a minute and more: stopped while they do.
+/// Commands that solve finite elements and search for a minute or more are stopped during that work.
 #[test]
 #[ignore = "thorough"]
 fn long_computations_stop_soon() {
@@ -230,13 +230,13 @@ fn long_computations_stop_soon() {
             send(signal, &child);
             let ending = ends(child, code, dir, &format!("{arguments:?} by {signal}"));
             n_stopped += usize::from(ending == Ending::Stopped);
-            // A signal in the last moment finds the challenge made, and a challenge replaces nothing.
+            // A challenge that was complete when the signal came is not replaced.
             let sealed = dir.join("sealed");
             if sealed.join("sealed.json").exists() {
                 assert!(sealed.join("experiment.toml").exists());
                 std::fs::remove_dir_all(sealed).unwrap();
             }
-            // Some commands replace nothing that an earlier run has made.
+            // Some commands replace nothing from an earlier run.
             if ending == Ending::Done {
                 break;
             }
@@ -245,12 +245,12 @@ fn long_computations_stop_soon() {
     }
 }
 
-/// The terminal hangs up: what is said goes nowhere, the state is kept, and the run goes on from it to the same bytes.
+/// The terminal hangs up. Output goes nowhere, the state is kept, and the continued run gives the same bytes.
 #[test]
 #[ignore = "thorough"]
 fn a_run_whose_terminal_hangs_up_is_resumed() {
     let place = tempfile::tempdir().unwrap();
-    // A second and more of finite elements, so that there is a run to stop.
+    // A second or more of finite elements leaves a run to stop.
     drifting_replica(place.path());
     let arguments = ["sample", "drifting", "--steps", "20000", "--out", "whole"];
     let whole = vitreo(place.path(), &arguments);
@@ -258,14 +258,14 @@ fn a_run_whose_terminal_hangs_up_is_resumed() {
     arguments[5] = "stopped".into();
     arguments.push("--resume".into());
     let arguments: Vec<&str> = arguments.iter().map(String::as_str).collect();
-    // The first signal is sent when the run has made its place, which is after it watches for signals and long before its end, however fast the machine;
-    // the others find it at work on what the first has left.
+    // The first signal is sent when the run has made its directory. At any speed this is after it handles signals and long before its end. The others
+    // arrive while it continues from the state that the first has left.
     for milliseconds in [0, 100, 200] {
         let mut child = start(place.path(), &arguments);
-        // From now on every word on standard error is refused.
+        // From here on every write to standard error fails.
         drop(child.stderr.take());
         while !place.path().join("stopped/.m0.checkpoint").exists() {
-            assert!(child.try_wait().unwrap().is_none(), "the run ended before it made a place for what it would keep");
+            assert!(child.try_wait().unwrap().is_none(), "the run ended before it made a place for its state");
             std::thread::sleep(Duration::from_millis(1));
         }
         std::thread::sleep(Duration::from_millis(milliseconds));
@@ -273,7 +273,7 @@ fn a_run_whose_terminal_hangs_up_is_resumed() {
         let began = Instant::now();
         let code = child.wait().unwrap().code();
         assert!(began.elapsed() < SOON);
-        // Later ones may come before the program watches for signals, or after its end.
+        // Later signals may arrive before the program handles signals, or after its end.
         let may_be = if milliseconds == 0 { [Some(129); 3] } else { [Some(129), Some(whole.code), None] };
         assert!(is_ignored("HUP") || may_be.contains(&code), "{code:?}");
         nothing_is_half_written(place.path());

@@ -1,4 +1,4 @@
-//! What is left when a command is stopped or killed, and how it goes on.
+//! Files after a command is stopped or killed, and its continuation.
 
 mod interrupts;
 #[path = "../program/mod.rs"]

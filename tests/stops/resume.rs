@@ -1,4 +1,4 @@
-//! A job that is stopped and resumed ends in the same bytes as one that was left alone.
+//! A job that is stopped and resumed gives the same bytes as an uninterrupted one.
 
 use crate::program;
 
@@ -15,7 +15,7 @@ use vitreo_uq::record::Experiment;
 use vitreo_uq::sampling::SamplerOptions;
 use vitreo_uq::sampling::ensemble::Progress;
 
-/// Presses Ctrl-C when the sampler has reported a number of times; 0 for as soon as it begins.
+/// Sets the stop flag after a number of the sampler's reports; 0 stops at the start.
 struct Impatient {
     stop: AtomicBool,
     reports_left: AtomicU64,
@@ -42,7 +42,7 @@ impl Monitor for Impatient {
 }
 
 fn options() -> SamplerOptions {
-    // Convergence is not looked at, so that the run is long enough to be stopped.
+    // Convergence does not end the run, so it is long enough to be stopped.
     SamplerOptions { max_steps: 12_000, stop_when_converged: false, ..SamplerOptions::default() }
 }
 

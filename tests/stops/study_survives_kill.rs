@@ -1,4 +1,4 @@
-//! A program killed while it writes a study leaves whole revisions only, and the next one can go on.
+//! A program killed while it writes a study leaves only complete revisions, and the next one can continue.
 
 use std::path::Path;
 use std::process::{Command, Stdio};
@@ -8,7 +8,7 @@ use vitreo_uq::base::files::write_atomically;
 use vitreo_uq::posterior::study::Study;
 use vitreo_uq::record::ExperimentFiles;
 
-/// Set in the process that is to be killed; names the study.
+/// Environment variable of the process that is to be killed; it names the study.
 const VICTIM_DIR: &str = "VITREO_UQ_TEST_VICTIM_DIR";
 const FILES: [&str; 3] = ["model.toml", "posterior.json", "comparison.json"];
 
@@ -63,7 +63,7 @@ fn killed_writers_leave_whole_revisions_and_a_usable_study() {
             .stderr(Stdio::null())
             .spawn()
             .unwrap();
-        // Wait for the first revision, however slow the machine, then for a moment that differs between rounds.
+        // Waits for the first revision, and then for a moment that differs between rounds.
         let at_work = dir.with_file_name("at-work");
         while !at_work.exists() {
             assert_eq!(victim.try_wait().unwrap(), None, "the victim must not end by itself");
@@ -77,7 +77,7 @@ fn killed_writers_leave_whole_revisions_and_a_usable_study() {
         let hidden = std::fs::read_dir(&dir).unwrap().map(|entry| entry.unwrap().file_name().into_string().unwrap());
         n_killed_at_work += usize::from(hidden.into_iter().any(|name| name.starts_with(".m0.partial-")));
 
-        // Opening and writing again must work: the dead program's lock is gone and its leftovers are removed.
+        // Opening and writing again works: the lock of the dead program is gone and its leftovers are removed.
         let study_again = Study::open_or_create(&dir, &files, false).unwrap();
         drop(study_again.begin_revision("m1").unwrap());
         let names = std::fs::read_dir(&dir).unwrap().map(|entry| entry.unwrap().file_name().into_string().unwrap());

@@ -1,7 +1,7 @@
 //! Univariate distributions for priors, in their natural parameter and in an unconstrained coordinate.
 //!
-//! The sampler moves in z: z = ln x where only the lower end is bounded (at 0), z = x where nothing is, and a scaled
-//! logit where both ends are. `ln_pdf_unconstrained` is the density of z, the Jacobian included.
+//! The sampler moves in z: z = ln x if only the lower end is bounded (at 0), z = x without bounds, and a scaled
+//! logit with two bounds. `ln_pdf_unconstrained` is the density of z, the Jacobian included.
 
 use std::f64::consts::PI;
 
@@ -11,7 +11,7 @@ use statrs::function::erf::{erf, erf_inv, erfc, erfc_inv};
 
 use crate::elementary;
 
-/// A prior distribution; numbers are in the parameter's own unit.
+/// Prior distribution. Numbers are in the parameter's unit.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Distribution {
     /// ln x is normal: median > 0, log_sd > 0.
@@ -94,7 +94,7 @@ impl Distribution {
         LogNormal { median: mean * (-0.5 * log_variance).exp(), log_sd: log_variance.sqrt() }
     }
 
-    /// Ends of the support; infinite where there is none.
+    /// Ends of the support; ±∞ if it is unbounded.
     pub fn support(&self) -> (f64, f64) {
         match *self {
             Normal { .. } => (f64::NEG_INFINITY, f64::INFINITY),
@@ -129,7 +129,7 @@ impl Distribution {
         }
     }
 
-    /// Derivative of [`Distribution::ln_pdf`] with respect to x; 0 outside the support, where the log-density is −∞ throughout.
+    /// Derivative of [`Distribution::ln_pdf`] with respect to x. It is 0 outside the support, where the log-density is −∞.
     pub fn ln_pdf_slope(&self, x: f64) -> f64 {
         if self.ln_pdf(x) == f64::NEG_INFINITY {
             return 0.0;
@@ -169,7 +169,7 @@ impl Distribution {
         }
     }
 
-    /// The value that a fraction `p` lies below; an end of the support for p ≤ 0 and p ≥ 1.
+    /// Value with a fraction `p` of the probability below it; an end of the support for p ≤ 0 and p ≥ 1.
     pub fn quantile(&self, p: f64) -> f64 {
         let (low, high) = self.support();
         if p <= 0.0 {
@@ -188,7 +188,7 @@ impl Distribution {
         }
     }
 
-    /// Quantile by bisection on [`Distribution::cdf`], to the last bit that separates.
+    /// Quantile by bisection on [`Distribution::cdf`], to full floating-point precision.
     fn bisect(&self, p: f64) -> f64 {
         let (mut low, mut high) = self.support();
         loop {
@@ -200,14 +200,14 @@ impl Distribution {
         }
     }
 
-    /// One draw, from one uniform number of `rng` through the quantile.
+    /// One draw: the quantile of one uniform number from `rng`.
     pub fn draw(&self, rng: &mut (impl Rng + ?Sized)) -> f64 {
-        // 53 random bits, centred in their cell: never 0 or 1.
+        // 53 random bits, centred in their cell, are never 0 or 1.
         let cell = rng.random::<u64>() >> 11;
         self.quantile((cell as f64 + 0.5) / (1_u64 << 53) as f64)
     }
 
-    /// The sampler's coordinate of x; ±∞ at an end of the support, NaN outside.
+    /// Coordinate z of x; ±∞ at an end of the support, NaN outside.
     pub fn to_unconstrained(&self, x: f64) -> f64 {
         match *self {
             Normal { .. } => x,
@@ -217,13 +217,13 @@ impl Distribution {
         }
     }
 
-    /// The value at the sampler's coordinate z; always inside the support or, for extreme z, at its end.
+    /// Value x at the coordinate z. It lies inside the support or, for extreme z, at its end.
     pub fn from_unconstrained(&self, z: f64) -> f64 {
         match *self {
             Normal { .. } => z,
             LogNormal { .. } | HalfNormal { .. } => z.exp(),
             Uniform { lower, upper } | Beta { lower, upper, .. } => {
-                // From the nearer end, so that values close to an end keep their digits.
+                // Computing from the nearer end keeps the digits of values close to an end.
                 let width = upper - lower;
                 if z < 0.0 { lower + width * logistic(z) } else { upper - width * logistic(-z) }
             }
@@ -231,7 +231,7 @@ impl Distribution {
         }
     }
 
-    /// The values at many coordinates: where they are exponentials, by vector instructions. Slices have the same length.
+    /// Values at many coordinates, by vector instructions if they are exponentials. The slices have the same length.
     pub fn fill_from_unconstrained(&self, z: &[f64], x: &mut [f64]) {
         match *self {
             LogNormal { .. } | HalfNormal { .. } => {
@@ -249,7 +249,7 @@ impl Distribution {
         out[0]
     }
 
-    /// The density of the sampler's coordinate with its constants worked out, for the hot loop.
+    /// Density of the coordinate z with its constants precomputed, for the hot loop.
     pub fn unconstrained(&self) -> UnconstrainedDensity {
         let gaussian = |mean: f64, sd: f64| UnconstrainedDensity::Gaussian {
             constant: -normal_log_scale(sd),
@@ -307,7 +307,7 @@ pub enum UnconstrainedDensity {
 }
 
 impl UnconstrainedDensity {
-    /// Adds the log-density of each `z[i]` to `out[i]`; the slices have the same length. A point's value does not
+    /// Adds the log-density of each `z[i]` to `out[i]`. The slices have the same length. A point's value does not
     /// depend on its neighbours.
     pub fn add_ln_pdf(&self, z: &[f64], out: &mut [f64]) {
         match *self {
@@ -373,7 +373,7 @@ mod tests {
         for distribution in examples() {
             for p in [0.03, 0.4, 0.9] {
                 let x = distribution.quantile(p);
-                // A density may change fast near an end of its support: the step is a small part of what lies near.
+                // Densities may change fast near an end of the support, so the step is a small part of the local probability range.
                 let h = 1e-4 * (distribution.quantile(p + 0.02) - distribution.quantile(p - 0.02));
                 let difference = (distribution.ln_pdf(x + h) - distribution.ln_pdf(x - h)) / (2.0 * h);
                 let slope = distribution.ln_pdf_slope(x);
@@ -501,7 +501,7 @@ mod tests {
         assert_eq!(examples()[0].ln_pdf(0.0), f64::NEG_INFINITY);
     }
 
-    /// Kolmogorov–Smirnov on 4,000 draws at D < 2.75/√n: false failure 2·exp(−2·2.75²) = 5e-7 for each.
+    /// Kolmogorov–Smirnov test on 4,000 draws at D < 2.75/√n: false failure 2·exp(−2·2.75²) = 5e-7 for each.
     #[test]
     fn draws_follow_the_cdf() {
         let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(20);

@@ -1,21 +1,21 @@
-//! Exponentials and logarithms of many numbers at once, by vector instructions.
+//! Exponentials and logarithms of many numbers, by vector instructions.
 //!
-//! Without branches and without fused operations: a number's result does not depend on its neighbours, nor on the processor. Errors are below
+//! The code has no branches and no fused operations, so a number's result depends neither on its neighbours nor on the processor. Errors are below
 //! two units in the last place.
 
 use pulp::{Arch, Simd, WithSimd};
 
-/// Adding this leaves the nearest integer in the last bits.
+/// Adding this constant puts the nearest integer into the last bits.
 const ROUNDING: f64 = 6_755_399_441_055_744.0;
-/// ln 2 in two parts, the first with zeros at its end: its product with an integer is exact.
+/// ln 2 in two parts. The first ends with zero bits, so its product with an integer is exact.
 const LN_2_HIGH: f64 = 6.931_471_803_691_238e-1;
 const LN_2_LOW: f64 = 1.908_214_929_270_587_7e-10;
 const EXPONENT_BIAS: u64 = 1023;
 const MANTISSA_BITS: u32 = 52;
-/// Beyond, eˣ is not a normal number.
+/// Limits beyond which eˣ is not a normal number.
 const LARGEST_EXPONENT: f64 = 709.0;
 const SMALLEST_EXPONENT: f64 = -708.0;
-/// 2⁵⁴, which makes a subnormal number normal.
+/// 2⁵⁴, the factor that makes a subnormal number normal.
 const SCALE_OF_SUBNORMAL: f64 = 18_014_398_509_481_984.0;
 const BITS_OF_SCALE: f64 = 54.0;
 
@@ -92,7 +92,7 @@ fn parts(x: f64) -> (f64, f64) {
     let rounded = inside * std::f64::consts::LOG2_E + ROUNDING;
     let k = rounded - ROUNDING;
     let r = (inside - k * LN_2_HIGH) - k * LN_2_LOW;
-    // (eʳ − 1 − r)/r² = Σ rⁿ/(n+2)!; the first term left out is below 1e-17.
+    // (eʳ − 1 − r)/r² = Σ rⁿ/(n+2)!; the first omitted term is below 1e-17.
     let mut sum = 1.0 / 6_227_020_800.0;
     let mut coefficient = 1.0 / 6_227_020_800.0;
     let mut factorial_ratio = 13.0;
@@ -111,24 +111,24 @@ pub fn ln(x: f64) -> f64 {
     let is_subnormal = x < f64::MIN_POSITIVE;
     let normal = if is_subnormal { x * SCALE_OF_SUBNORMAL } else { x };
     let bits = normal.to_bits();
-    // The exponent of normal/√½, so that the mantissa is centred on 1.
+    // Dividing by √½ centres the mantissa on 1.
     let shifted = bits.wrapping_sub(std::f64::consts::FRAC_1_SQRT_2.to_bits());
     let exponent_bits = ((shifted as i64) >> MANTISSA_BITS) as u64;
     let mantissa = f64::from_bits(bits.wrapping_sub(exponent_bits << MANTISSA_BITS));
-    // A small integer, made a number without a conversion that vector instructions may lack.
+    // Converts a small integer to a floating-point number without a conversion instruction, which vector units may lack.
     let exponent = f64::from_bits(ROUNDING.to_bits().wrapping_add(exponent_bits)) - ROUNDING;
     let exponent = if is_subnormal { exponent - BITS_OF_SCALE } else { exponent };
     let f = mantissa - 1.0;
     let s = f / (2.0 + f);
     let z = s * s;
-    // Σ z^k/(2k+3); the first term left out is below 1e-17 of the sum.
+    // Σ z^k/(2k+3); the first omitted term is below 1e-17 of the sum.
     let mut sum = 1.0 / 23.0;
     let mut odd = 23.0;
     for _ in 0..10 {
         odd -= 2.0;
         sum = sum * z + 1.0 / odd;
     }
-    // 2 artanh s = f − s (f − 2 z Σ): the large part is exact.
+    // 2 artanh s = f − s (f − 2 z Σ), in which the large part is exact.
     let tail = s * (f - 2.0 * z * sum);
     let value = exponent * LN_2_HIGH + (f - (tail - exponent * LN_2_LOW));
     let value = if x == f64::INFINITY { f64::INFINITY } else { value };
@@ -140,7 +140,7 @@ pub fn ln(x: f64) -> f64 {
 mod tests {
     use super::*;
 
-    /// Against the standard library over all sizes, and at the ends.
+    /// Compares with the standard library over all sizes and at the ends.
     #[test]
     fn agree_with_the_standard_library() {
         let mut largest = [0.0_f64; 2];
@@ -168,7 +168,7 @@ mod tests {
         assert!((ln(3e-310) / 3e-310_f64.ln() - 1.0).abs() < 1e-15);
     }
 
-    /// Bits of single numbers in slices of any length.
+    /// Slices of any length give the same bits as single numbers.
     #[test]
     fn slices_have_the_bits_of_single_numbers() {
         for n in [1, 3, 8, 17] {

@@ -1,23 +1,23 @@
-//! The one error type of the crate.
+//! Error type of all crates.
 
 use std::path::PathBuf;
 use std::sync::OnceLock;
 
-/// Result with the crate's [`Error`].
+/// Result with the common [`Error`].
 pub type Result<T> = std::result::Result<T, Error>;
 
-/// Everything that can go wrong, with the data needed to say what to do about it.
+/// All kinds of errors, with the data for a helpful message.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum Error {
     /// An input file or argument is not acceptable. Nothing has been written.
     #[error("{place}: {found}\n  what to do: {remedy}")]
     Input {
-        /// Where it stands.
+        /// Place of the fault.
         place: Place,
-        /// What was found there.
+        /// Unacceptable content at that place.
         found: String,
-        /// What the user should do.
+        /// Action for the user.
         remedy: String,
     },
     /// The operating system refused a file operation.
@@ -25,20 +25,20 @@ pub enum Error {
     File {
         /// "read", "write", "create", …
         action: &'static str,
-        /// The file or directory.
+        /// File or directory.
         path: PathBuf,
         /// The operating system's reason.
         #[source]
         source: std::io::Error,
-        /// What the user should do.
+        /// Action for the user.
         remedy: String,
     },
     /// A computation failed in a way that is not the input's fault alone.
     #[error("{what}\n  what to do: {remedy}")]
     Numerical {
-        /// What failed, with the numbers that matter.
+        /// Failed computation, with the relevant numbers.
         what: String,
-        /// What the user should do.
+        /// Action for the user.
         remedy: String,
     },
     /// A query outside the range on which a surrogate was trained.
@@ -48,24 +48,24 @@ pub enum Error {
     OutsideTrainedRange {
         /// Parameter name, with unit.
         parameter: String,
-        /// The value asked for.
+        /// Requested value.
         value: f64,
         /// Lower end of the trained range.
         lower: f64,
         /// Upper end of the trained range.
         upper: f64,
     },
-    /// The run was interrupted; what had been checkpointed is kept.
+    /// The run was interrupted; its checkpoints are kept.
     #[error("interrupted; {kept}")]
     Interrupted {
-        /// What is kept and how to go on.
+        /// Kept results, and how to continue.
         kept: String,
     },
 }
 
 macro_rules! settings {
     ($($(#[$doc:meta])* $setting:ident $name:literal)*) => {
-        /// An input that a caller gives to the library, such as the noise model. Errors name it by its [`Display`](std::fmt::Display): its plain name, or what the program calls it.
+        /// Input that a caller gives to the library, such as the noise model. Errors name it by its [`Display`](std::fmt::Display): the plain name, or the program's name for it.
         ///
         /// To add a setting, add a line with its documentation and its plain name to the list in this file.
         /// The compiler then asks for its option in the program's table (`src/bin/vitreo-uq/settings.rs`), and a test checks that a command has this option.
@@ -113,15 +113,15 @@ settings! {
     Chains "chains"
     /// Largest number of steps of the sampler.
     Steps "steps"
-    /// Whether to go on from a checkpoint.
+    /// Continue from a checkpoint.
     Resume "resume"
     /// Number of threads.
     Threads "threads"
     /// Directory of the results.
     Out "out"
-    /// Whether existing results are replaced.
+    /// Replace existing results.
     Force "force"
-    /// Whether an existing experiment is replaced.
+    /// Replace an existing experiment.
     Replace "replace"
     /// Time scheme of a simulation.
     Scheme "scheme"
@@ -129,7 +129,7 @@ settings! {
     TimeStep "time_step_s"
     /// Number of mesh levels of a convergence study.
     Refine "refine"
-    /// Number of first cycles that a function is learnt from.
+    /// Number of first cycles from which a function is learned.
     FirstCycles "first_cycles"
     /// Keys that define the groups of a cohort.
     By "by"
@@ -149,19 +149,19 @@ settings! {
     YColumn "y"
     /// Column of z in a table.
     ZColumn "z"
-    /// Tables that are read of a file that holds several.
+    /// Tables to read from a file with several tables.
     Tables "table"
     /// Column of the tracks in a table.
     TrackColumn "track_column"
-    /// Track that is read.
+    /// Track to read.
     Track "track"
-    /// What a blank force stands for.
+    /// Meaning of a blank force.
     BlankForce "blank_force"
     /// Sign between thousands.
     Thousands "thousands"
-    /// Whether times that begin again go on.
+    /// Treatment of a clock that restarts.
     TimeRestarts "time_restarts"
-    /// Whether equal times of a coarse clock are spread.
+    /// Treatment of equal times from a coarse clock.
     TimeTies "time_ties"
     /// Unit of the time in a table.
     TimeUnit "unit_time"
@@ -201,7 +201,7 @@ settings! {
     Cache "cache"
 }
 
-/// The names under which a program shows settings, see [`rename_settings`].
+/// Names under which a program shows settings, see [`rename_settings`].
 struct Naming {
     source: &'static str,
     name: fn(Setting) -> &'static str,
@@ -209,9 +209,9 @@ struct Naming {
 
 static NAMING: OnceLock<Naming> = OnceLock::new();
 
-/// Sets how all later errors of this process name settings, and the source of the settings, such as "command line". Only the first call counts.
+/// Sets how all later errors of this process name settings. `source` is the origin of the settings, such as "command line". Only the first call has an effect.
 ///
-/// A program calls this before anything else. Without it settings have their plain names.
+/// A program calls this before anything else. Otherwise settings keep their plain names.
 pub fn rename_settings(source: &'static str, name: fn(Setting) -> &'static str) {
     NAMING.get_or_init(|| Naming { source, name });
 }
@@ -222,10 +222,10 @@ impl std::fmt::Display for Setting {
     }
 }
 
-/// Where in the input something stands: a file, and where known its line (from 1) and its column or key.
+/// Place in the input: a file, and if known its line (from 1) and its column or key.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Place {
-    /// File, or `None` for what the caller gave.
+    /// File, or `None` for input from the caller.
     pub file: Option<PathBuf>,
     /// Line, counted from 1.
     pub line: Option<usize>,
@@ -242,12 +242,12 @@ impl Place {
     pub fn setting(setting: Setting) -> Self {
         Self::default().at_key(setting.to_string())
     }
-    /// The same place, at a line counted from 1.
+    /// Adds a line, counted from 1.
     pub fn at_line(mut self, line: usize) -> Self {
         self.line = Some(line);
         self
     }
-    /// The same place, at a column name or TOML key.
+    /// Adds a column name or TOML key.
     pub fn at_key(mut self, key: impl Into<String>) -> Self {
         self.key = Some(key.into());
         self
@@ -284,7 +284,7 @@ impl Error {
     pub fn numerical(what: impl Into<String>, remedy: impl Into<String>) -> Self {
         Self::Numerical { what: what.into(), remedy: remedy.into() }
     }
-    /// The program's exit code for this error: 2 for usage and input, 130 where it was interrupted (as by Ctrl-C), 1 for anything else.
+    /// Exit code of the program for this error: 2 for usage and input, 130 after an interruption (as by Ctrl-C), 1 for others.
     pub fn exit_code(&self) -> u8 {
         match self {
             Self::Input { .. } | Self::File { .. } => 2,

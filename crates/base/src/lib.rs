@@ -1,4 +1,4 @@
-//! Errors, files, units, parameters and distributions: what every other crate stands on.
+//! Errors, files, units, parameters and distributions: the basis of every other crate.
 
 pub mod distribution;
 pub mod elementary;

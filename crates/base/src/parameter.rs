@@ -1,34 +1,34 @@
-//! What a model says about one of its parameters, and the parameters of laws and noise. Effects' stand in the effects' own files.
+//! Description of a model's parameters, and the parameters of laws and noise. Parameters of effects are in the effects' own files.
 
-/// A parameter of a law, an effect or a noise term.
+/// Parameter of a law, an effect or a noise term.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ParameterSpec {
-    /// Name that ends in the unit, or `slug.name` for an effect's.
+    /// Name that ends in the unit, or `slug.name` for a parameter of an effect.
     pub name: &'static str,
-    /// Symbol in equations and figures; empty for those of a network, which figures show by their names.
+    /// Symbol in equations and figures; empty for parameters of a network, for which figures show the name.
     pub symbol: &'static str,
-    /// Unit in which priors and results give it.
+    /// Unit of the parameter in priors and results.
     pub unit: &'static str,
-    /// Where the parameter may lie.
+    /// Allowed range.
     pub support: Support,
-    /// Whether what it makes begins with its square, so that searches move in that.
+    /// The response to the parameter begins with its square, so searches use the square as coordinate.
     pub is_squared: bool,
-    /// Whether it is held at its null unless it is asked for.
+    /// The parameter stays at its null unless it is set or freed.
     pub is_optional: bool,
 }
 
 impl ParameterSpec {
-    /// A parameter.
+    /// Makes a parameter.
     pub const fn new(name: &'static str, symbol: &'static str, unit: &'static str, support: Support) -> Self {
         Self { name, symbol, unit, support, is_squared: false, is_optional: false }
     }
 
-    /// The same where what it makes begins with its square.
+    /// Marks the parameter as one whose response begins with its square.
     pub const fn squared(self) -> Self {
         Self { is_squared: true, ..self }
     }
 
-    /// The same held at its null unless it is asked for.
+    /// Keeps the parameter at its null unless it is set or freed.
     pub const fn optional(self) -> Self {
         Self { is_optional: true, ..self }
     }
@@ -38,23 +38,23 @@ impl ParameterSpec {
     }
 }
 
-/// Modulus E of the Kelvin–Voigt body.
+/// Young's modulus E of the Kelvin–Voigt body.
 pub const YOUNG_MODULUS: ParameterSpec = ParameterSpec::positive("young_modulus_pa", "E", "Pa");
-/// Its viscosity.
+/// Retardation viscosity c₁ of the Kelvin–Voigt body.
 pub const VISCOSITY_1: ParameterSpec = ParameterSpec::positive("viscosity_1_pa_s", "c₁", "Pa s");
-/// Viscosity of the dashpot in series.
+/// Flow viscosity c₂ of the dashpot in series.
 pub const VISCOSITY_2: ParameterSpec = ParameterSpec::positive("viscosity_2_pa_s", "c₂", "Pa s");
 /// Modulus of the Burgers law's spring in series.
 pub const INSTANTANEOUS_MODULUS: ParameterSpec = ParameterSpec::positive("instantaneous_modulus_pa", "E₀", "Pa");
 /// Modulus of the two-element law's second body.
 pub const SECOND_MODULUS: ParameterSpec = ParameterSpec::positive("second_modulus_pa", "E₂", "Pa");
-/// Its viscosity.
+/// Viscosity of the two-element law's second body.
 pub const SECOND_VISCOSITY: ParameterSpec = ParameterSpec::positive("second_viscosity_pa_s", "c₃", "Pa s");
 /// Standard deviation of white noise.
 pub const NOISE_SD: ParameterSpec = ParameterSpec::positive("noise_sd_um", "σ", "um");
 /// Standard deviation of slow noise.
 pub const OU_SD: ParameterSpec = ParameterSpec::positive("ou_sd_um", "σ OU", "um");
-/// Time in which it forgets.
+/// Correlation time of slow noise.
 pub const OU_TIME: ParameterSpec = ParameterSpec::positive("ou_time_s", "τ OU", "s");
 /// Standard deviation of a cycle's gain.
 pub const GAIN_SD: ParameterSpec = ParameterSpec::positive("gain_sd", "sd of gain", "1");
@@ -64,10 +64,10 @@ pub const OFFSET_SD: ParameterSpec = ParameterSpec::positive("offset_sd_um", "sd
 pub const STUDENT_DOF: ParameterSpec =
     ParameterSpec::new("student_dof", "degrees of freedom", "1", Support { lower: 2.0, upper: f64::INFINITY });
 
-/// Standard deviation of both numbers of an oscillation, over |G*|; of a phase in rad.
+/// Standard deviation of both numbers of an oscillation, relative to |G*|; of a phase in rad.
 pub const RELATIVE_NOISE: ParameterSpec = ParameterSpec::positive("noise_relative", "relative error", "1");
 
-/// Parameters of laws and noise by name.
+/// Finds a parameter of laws or noise by its name.
 pub fn named(name: &str) -> Option<&'static ParameterSpec> {
     const NAMED: &[ParameterSpec] = &[
         YOUNG_MODULUS,
@@ -87,7 +87,7 @@ pub fn named(name: &str) -> Option<&'static ParameterSpec> {
     NAMED.iter().find(|spec| spec.name == name)
 }
 
-/// An interval; infinite ends are open.
+/// Interval; infinite ends are open.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Support {
     /// Lower end.
@@ -97,12 +97,12 @@ pub struct Support {
 }
 
 impl Support {
-    /// Everything above zero.
+    /// All positive numbers.
     pub const POSITIVE: Self = Self { lower: 0.0, upper: f64::INFINITY };
-    /// Every number.
+    /// All numbers.
     pub const REAL: Self = Self { lower: f64::NEG_INFINITY, upper: f64::INFINITY };
 
-    /// Whether a value lies in it, finite ends included.
+    /// Returns `true` if a value lies in the interval, finite ends included.
     pub fn contains(&self, value: f64) -> bool {
         value >= self.lower && value <= self.upper
     }

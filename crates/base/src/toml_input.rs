@@ -1,6 +1,6 @@
-//! TOML input with positions: every refusal names file, line, key and remedy.
+//! TOML input with positions: every error names file, line, key and remedy.
 //!
-//! Shared by experiments, priors and model specifications, so that they refuse in the same words.
+//! Experiments, priors and model specifications share it, so their errors have the same wording.
 
 use std::ops::Range;
 use std::path::{Path, PathBuf};
@@ -11,17 +11,17 @@ use toml::de::{DeTable, DeValue};
 use crate::error::{Error, Place, Result};
 use crate::units::nearest_name;
 
-/// What `init` writes for a number that it cannot know.
+/// Text that `init` writes for an unknown number.
 pub const UNKNOWN: &str = "?";
 
-/// A parsed TOML file that remembers where everything stands.
+/// Parsed TOML file with the positions of its content.
 pub struct TomlInput<'a> {
     file: PathBuf,
     text: &'a str,
     root: Spanned<DeTable<'a>>,
 }
 
-/// One table of a [`TomlInput`].
+/// Table of a [`TomlInput`].
 #[derive(Clone, Copy)]
 pub struct Table<'a> {
     document: &'a TomlInput<'a>,
@@ -29,12 +29,12 @@ pub struct Table<'a> {
     line: usize,
 }
 
-/// A text as TOML has it, between its quotation marks.
+/// Text as a quoted TOML string.
 pub fn quoted(text: &str) -> String {
     toml::Value::String(text.into()).to_string()
 }
 
-/// Bytes as text, without a byte-order mark; refuses what is not UTF-8 or empty.
+/// Bytes as text, without a byte-order mark. Refuses text that is not UTF-8 or is empty.
 pub fn text_of<'a>(file: &Path, bytes: &'a [u8]) -> Result<&'a str> {
     let text = std::str::from_utf8(bytes).map_err(|error| {
         let line = 1 + bytes[..error.valid_up_to()].iter().filter(|byte| **byte == b'\n').count();
@@ -56,7 +56,7 @@ pub fn text_of<'a>(file: &Path, bytes: &'a [u8]) -> Result<&'a str> {
 }
 
 impl<'a> TomlInput<'a> {
-    /// Parses TOML; `file` is only named in errors.
+    /// Parses TOML. `file` is only used in errors.
     pub fn parse(file: &Path, text: &'a str) -> Result<Self> {
         let root = DeTable::parse(text).map_err(|error| {
             let line = line_of(text, error.span().map_or(0, |span| span.start));
@@ -69,7 +69,7 @@ impl<'a> TomlInput<'a> {
         Ok(Self { file: file.to_path_buf(), text, root })
     }
 
-    /// The root table.
+    /// Root table.
     pub fn root(&'a self) -> Table<'a> {
         Table { document: self, table: self.root.get_ref(), line: 1 }
     }
@@ -79,7 +79,7 @@ fn line_of(text: &str, byte: usize) -> usize {
     1 + text.as_bytes().iter().take(byte).filter(|byte| **byte == b'\n').count()
 }
 
-/// The path from a table to one that stands in it, by identity: `a.b`, with `[n]` for the n-th of a list.
+/// Path from a table to a nested table, found by identity: `a.b`, with `[n]` for the n-th of a list.
 fn path_to(from: &DeTable<'_>, target: &DeTable<'_>) -> Option<String> {
     from.iter().find_map(|(key, value)| {
         path_in(value.get_ref(), target).map(|rest| {
@@ -104,7 +104,7 @@ fn path_in(value: &DeValue<'_>, target: &DeTable<'_>) -> Option<String> {
 }
 
 impl<'a> Table<'a> {
-    /// Path from the root, empty for the root itself; searched for, because only refusals need it.
+    /// Path from the root, empty for the root itself. It is searched for on demand, because only errors need it.
     fn path(&self) -> String {
         path_to(self.document.root.get_ref(), self.table).unwrap_or_default()
     }
@@ -123,7 +123,7 @@ impl<'a> Table<'a> {
         self.table.keys().map(|key| key.get_ref().as_ref())
     }
 
-    /// Keys in the order in which they stand.
+    /// Keys in the order of the file.
     pub fn keys_in_order(&self) -> Vec<&'a str> {
         let mut keys: Vec<(usize, &'a str)> =
             self.table.iter().map(|(key, _)| (key.span().start, key.get_ref().as_ref())).collect();
@@ -131,34 +131,34 @@ impl<'a> Table<'a> {
         keys.into_iter().map(|(_, key)| key).collect()
     }
 
-    /// Whether the key is there.
+    /// Returns `true` if the key exists.
     pub fn has(&self, key: &str) -> bool {
         self.entry(key).is_some()
     }
 
-    /// Where a key stands, or, for a missing one, the line of its table's header.
+    /// Place of a key; for a missing key, the line of its table's header.
     pub fn place(&self, key: &str) -> Place {
         let line = self.entry(key).map_or(self.line, |(span, _)| line_of(self.document.text, span.start));
         Place::file(&self.document.file).at_line(line).at_key(self.full_key(key))
     }
 
-    /// Refuses what a key holds.
+    /// Error about the value of a key.
     pub fn refuse(&self, key: &str, found: impl Into<String>, remedy: impl Into<String>) -> Error {
         Error::input(self.place(key), found, remedy)
     }
 
-    /// Refuses the table as a whole.
+    /// Error about the table as a whole.
     pub fn refuse_whole(&self, found: impl Into<String>, remedy: impl Into<String>) -> Error {
         Error::input(Place::file(&self.document.file).at_line(self.line).at_key(self.path()), found, remedy)
     }
 
-    /// Refuses the first key that is not among `known`, and suggests the nearest of them.
+    /// Refuses the first key that is not in `known`, and suggests the most similar one.
     pub fn only(&self, known: &[&str]) -> Result<()> {
         let Some(unknown) = self.keys().find(|key| !known.contains(key)) else { return Ok(()) };
         let dotted = known.iter().find(|name| name.strip_prefix(unknown).is_some_and(|rest| rest.starts_with('.')));
         if let Some(name) = dotted {
             let remedy = format!("quote the whole name, as in `\"{name}\"`");
-            return Err(self.refuse(unknown, "a name with a dot stands without quotes", remedy));
+            return Err(self.refuse(unknown, "a name with a dot needs quotes", remedy));
         }
         let remedy = match nearest_name(unknown, known.iter().copied()) {
             Some(near) => format!("did you mean `{near}`? Known here: {}", known.join(", ")),
@@ -167,7 +167,7 @@ impl<'a> Table<'a> {
         Err(self.refuse(unknown, "unknown key", remedy))
     }
 
-    /// The error for a missing key; `example` is a full line that would be accepted.
+    /// Error for a missing key. `example` is a complete acceptable line.
     pub fn missing(&self, key: &str, example: &str) -> Error {
         let path = self.path();
         let found = if path.is_empty() { "missing".into() } else { format!("missing in [{path}]") };
@@ -178,29 +178,27 @@ impl<'a> Table<'a> {
         self.refuse(key, format!("expected {wanted}, found {}", value.type_str()), format!("write `{example}`"))
     }
 
-    /// A text, if present.
+    /// Text, if present.
     pub fn text(&self, key: &str) -> Result<Option<String>> {
         let Some((_, value)) = self.entry(key) else { return Ok(None) };
         match value.get_ref().as_str() {
             Some(text) if !text.trim().is_empty() => Ok(Some(text.trim().to_string())),
-            Some(_) => {
-                Err(self.refuse(key, "the text is empty", "write something between the quotes or remove the key"))
-            }
+            Some(_) => Err(self.refuse(key, "the text is empty", "write text between the quotes or remove the key")),
             None => Err(self.wrong_type(key, value.get_ref(), "text", &format!("{key} = \"…\""))),
         }
     }
 
-    /// A text that must be there.
+    /// Required text.
     pub fn required_text(&self, key: &str, example: &str) -> Result<String> {
         self.text(key)?.ok_or_else(|| self.missing(key, example))
     }
 
-    /// Whether a key holds a number.
+    /// Returns `true` if a key holds a number.
     pub fn is_number(&self, key: &str) -> bool {
         self.entry(key).is_some_and(|(_, value)| matches!(value.get_ref(), DeValue::Float(_) | DeValue::Integer(_)))
     }
 
-    /// A finite number, if present; whole numbers count.
+    /// Finite number, if present; whole numbers count.
     pub fn number(&self, key: &str) -> Result<Option<f64>> {
         let Some((_, value)) = self.entry(key) else { return Ok(None) };
         if value.get_ref().as_str() == Some(UNKNOWN) {
@@ -218,37 +216,37 @@ impl<'a> Table<'a> {
         }
     }
 
-    /// A finite number that must be there.
+    /// Required finite number.
     pub fn required_number(&self, key: &str, example: &str) -> Result<f64> {
         self.number(key)?.ok_or_else(|| self.missing(key, example))
     }
 
-    /// A number above zero that must be there.
+    /// Required number above zero.
     pub fn required_positive(&self, key: &str, example: &str) -> Result<f64> {
         let value = self.required_number(key, example)?;
         self.check_positive(key, value, example)
     }
 
-    /// A number above zero, if present.
+    /// Number above zero, if present.
     pub fn positive(&self, key: &str, example: &str) -> Result<Option<f64>> {
         self.number(key)?.map(|value| self.check_positive(key, value, example)).transpose()
     }
 
-    /// A number above zero within stated sizes that must be there.
+    /// Required number above zero within a range.
     pub fn required_within(&self, key: &str, example: &str, sizes: [f64; 2]) -> Result<f64> {
         let value = self.required_positive(key, example)?;
         self.check_within(key, value, sizes)
     }
 
-    /// Refuses what is not within stated sizes: a slip, which would leave what can be computed.
+    /// Refuses a value outside a range. Such a value is probably a slip, and the computation could not handle it.
     pub fn check_within(&self, key: &str, value: f64, [smallest, largest]: [f64; 2]) -> Result<f64> {
         if (smallest..=largest).contains(&value) {
             return Ok(value);
         }
         Err(self.refuse(
             key,
-            format!("{value:e} is not a size that this can have"),
-            format!("check the number and its unit: {smallest:e} to {largest:e} can be computed"),
+            format!("{value:e} is outside the allowed range"),
+            format!("check the number and its unit; the range is {smallest:e} to {largest:e}"),
         ))
     }
 
@@ -263,7 +261,7 @@ impl<'a> Table<'a> {
         ))
     }
 
-    /// A list of finite numbers, if present.
+    /// List of finite numbers, if present.
     pub fn numbers(&self, key: &str) -> Result<Option<Vec<f64>>> {
         let example = format!("{key} = [0.0, 5.0]");
         let Some(values) = self.array(key, "a list of numbers", &example)? else { return Ok(None) };
@@ -273,7 +271,7 @@ impl<'a> Table<'a> {
         found.collect::<Result<_>>().map(Some)
     }
 
-    /// A list of intervals, each with its begin before its end, if present.
+    /// List of intervals, each with its start before its end, if present.
     pub fn intervals(&self, key: &str) -> Result<Option<Vec<[f64; 2]>>> {
         let example = format!("{key} = [[1.0, 2.5], [30.0, 31.0]]");
         let Some(values) = self.array(key, "a list of pairs of numbers", &example)? else { return Ok(None) };
@@ -284,13 +282,17 @@ impl<'a> Table<'a> {
         };
         let found = values.iter().map(|value| {
             interval(value.get_ref()).ok_or_else(|| {
-                self.refuse(key, "an entry is no pair of numbers, the smaller first", format!("write `{example}`"))
+                self.refuse(
+                    key,
+                    "an entry is not a pair of numbers with the smaller first",
+                    format!("write `{example}`"),
+                )
             })
         });
         found.collect::<Result<_>>().map(Some)
     }
 
-    /// A list of whole numbers from 1, if present.
+    /// List of whole numbers from 1, if present.
     pub fn counts(&self, key: &str) -> Result<Option<Vec<u32>>> {
         let example = format!("{key} = [1, 2]");
         let Some(values) = self.array(key, "a list of cycle numbers", &example)? else { return Ok(None) };
@@ -311,7 +313,7 @@ impl<'a> Table<'a> {
             .map(Some)
     }
 
-    /// A list of texts, if present.
+    /// List of texts, if present.
     pub fn texts(&self, key: &str) -> Result<Option<Vec<String>>> {
         let example = format!("{key} = [\"…\"]");
         let Some(values) = self.array(key, "a list of texts", &example)? else { return Ok(None) };
@@ -333,7 +335,7 @@ impl<'a> Table<'a> {
         }
     }
 
-    /// The tables of a list that must be there; `example` is a full line that would be accepted.
+    /// Tables of a required list. `example` is a complete acceptable line.
     pub fn tables(&self, key: &str, example: &str) -> Result<Vec<Table<'a>>> {
         let Some(values) = self.array(key, "a list of tables", example)? else {
             return Err(self.missing(key, example));
@@ -346,7 +348,7 @@ impl<'a> Table<'a> {
         values.iter().map(table).collect()
     }
 
-    /// A table in this one, if present.
+    /// Nested table, if present.
     pub fn table(&self, key: &str) -> Result<Option<Table<'a>>> {
         let Some((span, value)) = self.entry(key) else { return Ok(None) };
         match value.get_ref().as_table() {
@@ -358,12 +360,12 @@ impl<'a> Table<'a> {
         }
     }
 
-    /// A table in this one that must be there.
+    /// Required nested table.
     pub fn required_table(&self, key: &str) -> Result<Table<'a>> {
         self.table(key)?.ok_or_else(|| self.missing(key, &format!("[{}]", self.full_key(key))))
     }
 }
-/// A finite number, written with or without a point.
+/// Finite number, written with or without a decimal point.
 fn finite(value: &DeValue<'_>) -> Option<f64> {
     match value {
         DeValue::Float(float) => float.as_str().parse::<f64>().ok().filter(|number| number.is_finite()),

@@ -1,8 +1,8 @@
-//! Unit suffixes, parsed once at the border; everything inside is SI.
+//! Unit suffixes, parsed once at the input. All internal values are SI.
 //!
-//! A column such as `force_uN` is a quantity and a unit joined by the last underscore (formats §1).
+//! A column name such as `force_uN` joins a quantity and a unit by the last underscore (formats §1).
 
-/// A physical dimension that a column may carry.
+/// Physical dimension of a column.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Dimension {
     /// Time, SI unit s.
@@ -13,28 +13,28 @@ pub enum Dimension {
     Length,
     /// Electric current, SI unit A.
     Current,
-    /// Frequency, unit Hz: cycles a second.
+    /// Frequency, unit Hz: cycles per second.
     Frequency,
     /// Stress or modulus, SI unit Pa.
     Pressure,
     /// Angle, SI unit rad.
     Angle,
-    /// A ratio, such as a strain; 1.
+    /// Ratio, such as a strain; unit 1.
     Ratio,
 }
 
-/// One accepted unit.
+/// Accepted unit.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Unit {
-    /// Suffix without its underscore, such as `uN`; upper and lower case matter.
+    /// Suffix without its underscore, such as `uN`; case matters.
     pub suffix: &'static str,
-    /// What it measures.
+    /// Dimension of the unit.
     pub dimension: Dimension,
-    /// Units of this kind in one SI unit: 10⁶ for `um`. A power of ten, hence exact in `f64`.
+    /// Number of these units in one SI unit: 10⁶ for `um`. It is a power of ten and hence exact in `f64`.
     pub per_si_unit: f64,
 }
 
-/// Every accepted unit (formats §1). Listing, parsing and error messages read this slice.
+/// All accepted units (formats §1). Listing, parsing and error messages read this slice.
 pub const UNITS: &[Unit] = &[
     Unit { suffix: "s", dimension: Dimension::Time, per_si_unit: 1.0 },
     Unit { suffix: "ms", dimension: Dimension::Time, per_si_unit: 1e3 },
@@ -57,14 +57,14 @@ pub const UNITS: &[Unit] = &[
 ];
 
 impl Unit {
-    /// The accepted unit of a dimension with this suffix, if there is one.
+    /// Finds the accepted unit of a dimension with this suffix.
     pub fn find(dimension: Dimension, suffix: &str) -> Option<Unit> {
         UNITS.iter().find(|unit| unit.dimension == dimension && unit.suffix == suffix).copied()
     }
 
-    /// A value in this unit as SI.
+    /// Converts a value in this unit to SI.
     ///
-    /// Divides by an exact power of ten rather than multiplying by an inexact one, so that 4.6 µN becomes the
+    /// Dividing by an exact power of ten is more accurate than multiplying by an inexact one: 4.6 µN becomes the
     /// double nearest to 4.6·10⁻⁶ N in almost every case.
     pub fn to_si(self, value: f64) -> f64 {
         value / self.per_si_unit
@@ -72,7 +72,7 @@ impl Unit {
 }
 
 impl Dimension {
-    /// Its accepted suffixes with their underscores, for messages: "_s, _ms".
+    /// Accepted suffixes with their underscores, for messages: "_s, _ms".
     pub fn accepted_suffixes(self) -> String {
         let suffixes: Vec<String> =
             UNITS.iter().filter(|unit| unit.dimension == self).map(|unit| format!("_{}", unit.suffix)).collect();
@@ -80,9 +80,9 @@ impl Dimension {
     }
 }
 
-/// The candidate that looks most like a misspelt name, if any is near enough to be worth suggesting.
+/// Candidate most similar to a misspelt name; `None` if none is similar enough.
 ///
-/// Case-blind Levenshtein distance of at most a third of the longer name (at least 2).
+/// The measure is the case-insensitive Levenshtein distance, at most a third of the longer name (at least 2).
 pub fn nearest_name<'a>(name: &str, candidates: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
     candidates
         .into_iter()

@@ -1,4 +1,4 @@
-//! What a specimen's own experiments say of it: their parameters averaged, and how far repeats scatter about the specimen.
+//! Quantiles of a specimen's parameters from its own experiments alone, with the scatter between repeats.
 
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -7,15 +7,15 @@ use rand_distr::{Distribution, StandardNormal};
 use super::hierarchy::InterimDraws;
 use figures::density::{quantile_of_sorted, sorted};
 
-/// Simulated specimens.
+/// Number of simulated specimens.
 const N_DRAWS: usize = 4_000;
-/// Stream of their random numbers, apart from the population's and its predictions'.
+/// Random stream of the simulated specimens, distinct from the streams of the population and its predictions.
 const STREAM: u64 = 1 << 40;
 
-/// 5 %, 50 % and 95 % quantile of a specimen's coordinate `k` of `p`, given the draws of its experiments on their own.
+/// 5 %, 50 % and 95 % quantiles of a specimen's coordinate `k` of `p`, from the draws of its single experiments.
 ///
-/// Each experiment tells of the specimen but for the scatter of repeats, whose variance has the draws `within`: the mean of n of them by a draw of each and
-/// a normal of variance W/n. Without repeats in the cohort (`within` is empty) there is no such scatter, and the draws are the specimen's own.
+/// An experiment differs from its specimen by the scatter of repeats, whose variance has the draws `within`. The specimen's value is simulated as the mean of one draw of
+/// each of its n experiments plus a normal of variance W/n. A cohort without repeats (`within` is empty) has no such scatter, so the draws are the specimen's own.
 pub fn quantiles_alone(experiments: &[&InterimDraws], within: &[f64], k: usize, p: usize, seed: u64) -> [f64; 3] {
     let of_values = |values: &[f64]| {
         let ascending = sorted(values);
@@ -40,8 +40,8 @@ pub fn quantiles_alone(experiments: &[&InterimDraws], within: &[f64], k: usize, 
 mod tests {
     use super::*;
 
-    /// Repeats that are each known to a thousandth and scatter by a tenth: of 400 specimens with 3 repeats the 90 % intervals hold 90 %, that is 335 to 385
-    /// with a probability of 1 − 1e-4 and more; without the scatter they would hold 1 in 60.
+    /// The 90 % intervals hold 90 % of 400 specimens: 335 to 385 of them, with a probability above 1 − 1e-4. Each specimen has 3 repeats that are known to 0.001 and
+    /// scatter by 0.1. Intervals without the scatter would hold 1 in 60.
     #[test]
     fn intervals_hold_as_many_specimens_as_they_say() {
         const SCATTER: f64 = 0.1;

@@ -1,5 +1,5 @@
-//! Displacement per force of every apparatus, each computed once: for quasi-static linear laws it depends on sizes and the Poisson ratio
-//! alone (physics §3.3), and not on what a specimen is made of. Effects that change the field bring their reduced models with it; some are learnt for every record.
+//! Displacement per force of every apparatus, each computed once. For quasi-static linear laws it depends only on sizes and the Poisson ratio (physics §3.3), not on the
+//! specimen's material. Effects that change the field add their reduced models; some of these models are learnt for every record.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -18,22 +18,23 @@ use posterior::prepared::PreparedModel;
 use posterior::problem::Problem;
 use record::Apparatus;
 
-/// A compliance, between commands: it depends on the apparatus alone.
+/// Compliance that is kept between commands; it depends on the apparatus alone.
 #[derive(Serialize, Deserialize)]
 struct KeptCompliance {
     compliance_per_m: f64,
 }
 
-/// For every measurement the index of the first whose apparatus, and what else the compliance depends on, is the same: that one's is taken.
+/// Index of the first measurement with the same apparatus and the same other inputs of the compliance, for every measurement. That measurement's compliance serves for all
+/// of them.
 pub fn first_alike(measurements: &[Measurement]) -> Vec<usize> {
     let library = Library::default();
     let mut first: BTreeMap<String, usize> = BTreeMap::new();
     measurements.iter().enumerate().map(|(index, own)| *first.entry(key(own, &library)).or_insert(index)).collect()
 }
 
-/// What the models of a measurement's apparatus depend on: sizes, what the effects of its model ask for, and, of those that are learnt for one, the record.
+/// Inputs of the compliance, as text: the apparatus' sizes and the model with its effects. The record's hash is added if an effect is learnt for each record.
 pub(super) fn key(own: &Measurement, library: &Library) -> String {
-    // Effects may ask for other Poisson ratios, in the range that their priors give them.
+    // Effects can need other Poisson ratios, in the range of their priors.
     let model = if own.specification.effects.is_empty() { String::new() } else { format!("{:?}", own.specification) };
     let effects = own.specification.effects.iter().filter_map(|slug| library.get(slug));
     let is_learnt = effects.into_iter().any(|effect| effect.is_learnt_for_record());
@@ -41,10 +42,10 @@ pub(super) fn key(own: &Measurement, library: &Library) -> String {
     format!("{:?} {model} {record}", own.experiment.apparatus)
 }
 
-/// The compliance of every measurement.
+/// Computes the compliance of every measurement.
 ///
 /// # Errors
-/// What meshing, assembly or the model refuse.
+/// Errors of meshing, assembly or the model.
 pub fn compliances(measurements: &[Measurement], monitor: &dyn Monitor) -> Result<Vec<Compliance>> {
     let first = first_alike(measurements);
     let needed: BTreeSet<usize> = first.iter().copied().collect();
@@ -59,15 +60,15 @@ pub fn compliances(measurements: &[Measurement], monitor: &dyn Monitor) -> Resul
     Ok(first.iter().map(|index| found[index].clone()).collect())
 }
 
-/// The compliance of one measurement; `monitor` hears of a kept one that cannot be used.
+/// Computes the compliance of one measurement. `monitor` receives a warning if a kept compliance cannot be used.
 ///
 /// # Errors
-/// As [`compliances`].
+/// Errors of [`compliances`].
 pub fn compliance(measurement: &Measurement, monitor: &dyn Monitor) -> Result<Compliance> {
     if let Some(law) = measurement.specification.base.outside() {
         return Err(Error::input(
             Place::setting(Setting::Base),
-            format!("{} answers for one record at a time, and groups compare laws of this program", law.url()),
+            format!("{} predicts one record at a time, but groups compare built-in laws", law.url()),
             format!("sample each experiment with {}, or group them by another law", Setting::Forward),
         ));
     }
@@ -94,22 +95,22 @@ pub fn compliance(measurement: &Measurement, monitor: &dyn Monitor) -> Result<Co
     }
 }
 
-/// What the compliance of an apparatus is built from.
+/// Inputs that the compliance of an apparatus is built from.
 fn compliance_built_from(apparatus: &Apparatus) -> BuiltFrom {
     BuiltFrom::new("compliance").with("mesh level", MODEL_LEVEL).with("apparatus", apparatus)
 }
 
-/// The name of the file that keeps the compliance of a measurement's apparatus; `None` where none is kept: of instruments, and of models with effects.
+/// File name under which the compliance of a measurement's apparatus is kept. `None` for instruments and for models with effects, whose compliance is not kept.
 pub fn kept_name(own: &Measurement) -> Option<String> {
     let apparatus = &own.experiment.apparatus;
     let is_kept = matches!(apparatus, Apparatus::Robot { .. }) && own.specification.effects.is_empty();
     is_kept.then(|| compliance_built_from(apparatus).file_name())
 }
 
-/// That file: its name and its bytes.
+/// File of the kept compliance: its name and its bytes.
 ///
 /// # Errors
-/// As [`compliances`].
+/// Errors of [`compliances`].
 pub fn kept_file(own: &Measurement, monitor: &dyn Monitor) -> Result<(String, Vec<u8>)> {
     let compliance_per_m = compliance(own, monitor)?.given_per_m();
     cache::file_of(&compliance_built_from(&own.experiment.apparatus), &KeptCompliance { compliance_per_m })

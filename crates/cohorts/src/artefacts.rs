@@ -1,4 +1,4 @@
-//! The files of a comparison, written whole or not at all: `<out>/<keys>/`, beside the draws of single experiments in `<out>/experiments/`.
+//! Files of a comparison, written completely or not at all: `<out>/<keys>/`, beside the draws of single experiments in `<out>/experiments/`.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -11,29 +11,29 @@ use base::files::{Content, read_if_there, write_atomically};
 use documents::groups::GroupsSummary;
 use posterior::study::{Provenance, RevisionWriter, WithProvenance};
 
-/// The folder of draws of single experiments.
+/// Folder for the draws of single experiments.
 pub const EXPERIMENTS: &str = "experiments";
-/// The document.
+/// File name of the document.
 const DOCUMENT: &str = "groups.json";
 
-/// The folder of a comparison by some keys: `species-region`.
+/// Folder name of a comparison by several keys, such as `species-region`.
 pub fn folder_name(keys: &[Key]) -> String {
     keys.iter().map(|key| key.name()).collect::<Vec<&str>>().join("-")
 }
 
-/// The document's head: the hash of every experiment.
+/// Head of the document, with the hash of every experiment.
 pub fn provenance(measurements: &[Measurement], seed: u64) -> Provenance {
     provenance_of("groups", measurements, seed)
 }
 
-/// The head of a document of this kind about many experiments.
+/// Head of a document of this kind about many experiments.
 pub(super) fn provenance_of(kind: &str, measurements: &[Measurement], seed: u64) -> Provenance {
     let inputs: BTreeMap<String, String> =
         measurements.iter().map(|own| (own.path.display().to_string(), own.inputs_sha256.clone())).collect();
     Provenance::new(kind, 1, seed, inputs)
 }
 
-/// Refuses a place that holds a comparison of other experiments, or something else.
+/// Refuses a folder that holds a comparison of other experiments or another document.
 ///
 /// # Errors
 /// [`Error::Input`] unless `force` is set.
@@ -47,7 +47,7 @@ pub fn check_place(out: &Path, keys: &[Key], provenance: &Provenance, force: boo
     refuse_other(out.join(folder_name(keys)).join(DOCUMENT), provenance, force, (found, &remedy))
 }
 
-/// Refuses a place whose document is of other experiments, in the caller's words: what was found, and what to do.
+/// Refuses a folder whose document is about other experiments. The caller supplies the error's texts: finding and remedy.
 ///
 /// # Errors
 /// [`Error::Input`] unless `force` is set.
@@ -60,7 +60,7 @@ pub(super) fn refuse_other(
     if force || is_free(&file, provenance) { Ok(()) } else { Err(Error::input(Place::file(file), found, remedy)) }
 }
 
-/// Whether no document is there, or one of the same experiments, wherever they stand.
+/// Returns true if the folder has no document, or one of the same experiments (at any path).
 fn is_free(file: &Path, provenance: &Provenance) -> bool {
     let Some(bytes) = read_if_there(file, Content::Document) else { return true };
     let before: Option<Provenance> = serde_json::from_slice(&bytes).ok();
@@ -72,10 +72,10 @@ fn is_free(file: &Path, provenance: &Provenance) -> bool {
     before.is_some_and(|before| hashes(&before) == hashes(provenance))
 }
 
-/// Writes the comparison. Returns its folder.
+/// Writes the comparison and returns its folder.
 ///
 /// # Errors
-/// [`Error::File`] where the file system refuses, and what figures refuse.
+/// [`Error::File`] if the file system refuses, and errors of the figures.
 pub fn write(
     out: &Path,
     keys: &[Key],
@@ -93,7 +93,7 @@ pub fn write(
     })
 }
 
-/// A table of text, as CSV.
+/// Writes a table of texts as CSV.
 fn table(header: &[&str], rows: impl Iterator<Item = Vec<String>>) -> Result<Vec<u8>> {
     let refused = |error: csv::Error| Error::numerical(format!("a table cannot be written: {error}"), "use the JSON");
     let mut writer = csv::Writer::from_writer(Vec::new());

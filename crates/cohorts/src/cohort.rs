@@ -1,4 +1,4 @@
-//! The experiments of a comparison: found, read, labelled.
+//! Finds, reads and labels the experiments of a comparison.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
@@ -12,7 +12,7 @@ use posterior::monitor::{Collected, Monitor};
 use posterior::study::{ModelSpecification, Study};
 use record::{Experiment, ExperimentFiles};
 
-/// What groups are formed by.
+/// Key that defines the groups.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Key {
     /// `[specimen] species`.
@@ -22,7 +22,7 @@ pub enum Key {
 }
 
 impl Key {
-    /// Its name in `experiment.toml` and on the command line.
+    /// Name in `experiment.toml` and on the command line.
     pub fn name(self) -> &'static str {
         match self {
             Self::Species => "species",
@@ -30,7 +30,7 @@ impl Key {
         }
     }
 
-    /// The key of a name.
+    /// Key with this name.
     pub fn named(name: &str) -> Option<Self> {
         [Self::Species, Self::Region].into_iter().find(|key| key.name() == name)
     }
@@ -47,23 +47,23 @@ impl Key {
 /// One experiment of a cohort.
 #[derive(Debug, Clone)]
 pub struct Measurement {
-    /// Where it was found.
+    /// Path of the experiment or study.
     pub path: PathBuf,
-    /// What was measured.
+    /// The experiment's data and description.
     pub experiment: Experiment,
-    /// SHA-256 of its files.
+    /// SHA-256 of the experiment's files.
     pub inputs_sha256: String,
-    /// Its model: of the study's last revision, or the default, with what the caller changes of it.
+    /// Model of the study's last revision, or the default model; with the caller's changes.
     pub specification: ModelSpecification,
 }
 
 impl Measurement {
-    /// The name by which messages and tables call it: its directory's.
+    /// Name in messages and tables: the name of the directory.
     pub fn name(&self) -> String {
         name_of(&self.path)
     }
 
-    /// An error in working on it, with its name and how to go on without it.
+    /// Adds the experiment's name to an error, and the option that leaves the experiment out.
     pub fn named(&self, error: Error) -> Error {
         let name = self.name();
         let or_leave_out = |remedy: String| format!("{remedy}; or leave it out: {} {name}", Setting::LeaveOut);
@@ -76,18 +76,18 @@ impl Measurement {
         }
     }
 
-    /// Whether a user means it by a path, a directory's name or a specimen's.
+    /// Returns true if `name` is the experiment's path, its directory's name or its specimen's id.
     fn is_called(&self, name: &str) -> bool {
         is_path_called(&self.path, name) || self.experiment.specimen_id == name
     }
 
-    /// Its specimen, by id and species, and its levels of the keys.
+    /// The specimen, as id and species, and its level of each key.
     fn labels(&self, keys: &[Key]) -> Result<Labels> {
         let level = |key: &Key| {
             key.of(&self.experiment).map(String::from).ok_or_else(|| {
                 Error::input(
                     Place::file(&self.path).at_key(format!("specimen.{}", key.name())),
-                    format!("the experiment does not say its {}", key.name()),
+                    format!("the experiment has no {}", key.name()),
                     format!(
                         "add `{} = \"…\"` to [specimen], group by another key ({}), or leave it out ({} {})",
                         key.name(),
@@ -107,10 +107,10 @@ impl Measurement {
     }
 }
 
-/// Every experiment's specimen and levels of the keys. Specimens of one id in two species are two.
+/// The specimen of every experiment, and its level of each key. One id in two species means two specimens.
 ///
 /// # Errors
-/// [`Error::Input`] where a key is missing.
+/// [`Error::Input`] if a key is missing.
 pub fn labels(measurements: &[Measurement], keys: &[Key]) -> Result<Vec<Labels>> {
     let mut labels = measurements.iter().map(|own| own.labels(keys)).collect::<Result<Vec<_>>>()?;
     let mut ids: BTreeMap<&str, BTreeSet<String>> = BTreeMap::new();
@@ -137,14 +137,14 @@ fn is_path_called(path: &Path, name: &str) -> bool {
     name_of(path) == name || same(path, Path::new(name))
 }
 
-/// Reads every experiment and study that the paths are or hold.
+/// Reads all experiments and studies at or below the paths.
 ///
-/// `model` makes the model of each from that of its study's last revision, or the default. Experiments in `leave_out` (paths, names of
-/// directories, or specimens) are not looked at further.
+/// `model` makes each experiment's model from the model of its study's last revision, or from the default. `leave_out` excludes experiments by path, directory name or
+/// specimen.
 ///
 /// # Errors
-/// [`Error::Input`] where a path holds none, where a name in `leave_out` is nobody's, where an experiment is there twice, and where one cannot be
-/// read: with its own error, and how to leave it out.
+/// [`Error::Input`] if a path holds no experiment, a name in `leave_out` matches nothing, an experiment occurs twice, or one cannot be read. The last error is the
+/// experiment's own, with the option that leaves it out.
 pub fn read(
     paths: &[PathBuf],
     leave_out: &[String],
@@ -202,10 +202,10 @@ pub fn read(
     Ok(measurements)
 }
 
-/// Experiments that a note names at most.
+/// Largest number of experiments that a note names.
 const MOST_NAMED: usize = 3;
 
-/// What there is to say of experiments: each note once, with the experiments that it is about.
+/// Notes about experiments: each note once, with the experiments that it concerns.
 #[derive(Default)]
 struct Notes {
     texts: Vec<String>,
@@ -234,23 +234,23 @@ impl Notes {
     }
 }
 
-/// Experiments and studies at or below a path, in the order of their names; what is inside one is its own affair.
+/// Finds the experiments and studies at or below a path, in the order of their names. It does not search inside an experiment or a study.
 fn find(path: &Path, places: &mut Vec<PathBuf>) -> Result<()> {
     if path.is_file() || Study::is_study(path) || path.join("experiment.toml").is_file() {
         places.push(path.to_path_buf());
         return Ok(());
     }
-    let refused = |source| Error::at_path("read", path, source, "give directories that are there and can be read");
+    let refused = |source| Error::at_path("read", path, source, "give directories that exist and can be read");
     let mut below: Vec<PathBuf> = Vec::new();
     for entry in std::fs::read_dir(path).map_err(refused)? {
         let entry = entry.map_err(refused)?;
         if entry.path().is_dir() && !entry.file_name().to_string_lossy().starts_with('.') {
-            // It may lead round in a circle, or to what nobody means.
+            // A link can lead in a circle, or to an unrelated folder.
             if entry.file_type().map_err(refused)?.is_symlink() {
                 return Err(Error::input(
                     Place::file(entry.path()),
                     "this is a symbolic link; links inside a directory of experiments are not followed",
-                    "name the directory that it leads to among the experiments, or remove the link",
+                    "name the directory that the link points to among the experiments, or remove the link",
                 ));
             }
             below.push(entry.path());
@@ -295,7 +295,7 @@ fn hash_of(files: &ExperimentFiles) -> String {
     hash.finalize().iter().map(|byte| format!("{byte:02x}")).collect()
 }
 
-/// The first broken experiment's own error, with the names of the others.
+/// Returns the first broken experiment's error, with the names of the others.
 fn refuse_broken(mut broken: Vec<(PathBuf, Error)>) -> Result<()> {
     if broken.is_empty() {
         return Ok(());
@@ -314,7 +314,7 @@ fn refuse_broken(mut broken: Vec<(PathBuf, Error)>) -> Result<()> {
     })
 }
 
-/// One measurement counted twice would look like two specimens that agree.
+/// Refuses a measurement that is given twice, because it would count as two specimens that agree.
 fn refuse_twice(measurements: &[Measurement]) -> Result<()> {
     for (index, own) in measurements.iter().enumerate() {
         if let Some(other) = measurements[..index].iter().find(|other| other.inputs_sha256 == own.inputs_sha256) {

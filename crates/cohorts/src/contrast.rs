@@ -1,4 +1,4 @@
-//! Differences between groups: how large, how sure, and whether they matter.
+//! Differences between groups: size, certainty and practical relevance.
 
 use super::design::Design;
 use super::hierarchy::PopulationDraw;
@@ -6,22 +6,21 @@ use super::scale::Scale;
 use documents::groups::RatioVerdict;
 use figures::density::{quantile_of_sorted, sorted};
 
-/// A ratio is beyond the margin, or within it, where so large a share of the posterior is.
+/// Smallest share of the posterior at which a ratio counts as beyond the margin, or within it.
 pub const SURE: f64 = 0.95;
-/// Signs are stated where all stated ones are right in so large a share of the posterior: so large that in cohorts of equal groups a sign is
-/// stated less than 5 times of 100.
+/// Smallest share of the posterior in which all stated signs are right together. With this share, fewer than 5 of 100 cohorts of equal groups state a sign.
 pub const SURE_OF_SIGNS: f64 = 0.997;
 
-/// The posterior of one ratio of two groups' typical specimens.
+/// Posterior of the ratio of two groups' typical specimens.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Contrast {
     /// Index of the parameter.
     pub parameter: usize,
-    /// Indices of the groups; the ratio is the first's over the second's.
+    /// Indices of the two groups; the ratio is the first over the second.
     pub groups: [usize; 2],
-    /// Logarithm of the ratio, one a draw.
+    /// Logarithm of the ratio, one value per draw.
     pub log_ratio: Vec<f64>,
-    /// Whether its sign is stated: all stated signs of the run are right together with [`SURE_OF_SIGNS`].
+    /// True if the sign is stated: all stated signs of the run are right together with [`SURE_OF_SIGNS`].
     pub is_declared: bool,
 }
 
@@ -38,7 +37,7 @@ impl Contrast {
         probabilities.map(|probability| quantile_of_sorted(&ascending, probability).exp())
     }
 
-    /// What can be said in view of a margin.
+    /// Verdict on the ratio, given the margin.
     pub fn verdict(&self, margin: f64) -> RatioVerdict {
         let greater = self.probability_above(1.0 + margin);
         let less = 1.0 - self.probability_above(1.0 / (1.0 + margin));
@@ -54,9 +53,9 @@ impl Contrast {
     }
 }
 
-/// Every pair of groups in every parameter, and which signs are stated.
+/// Contrasts of every pair of groups in every parameter, with the stated signs marked.
 ///
-/// Signs are taken in the order of their probability as long as all taken so far are right together in [`SURE_OF_SIGNS`] of the draws.
+/// Signs are stated in the order of their probability, as long as all stated signs are right together in [`SURE_OF_SIGNS`] of the draws.
 pub fn contrasts(design: &Design, draws: &[&PopulationDraw], scales: &[Scale]) -> Vec<Contrast> {
     let (n_groups, n_parameters) = (design.groups.len(), scales.len());
     let mut all = Vec::new();
@@ -103,7 +102,7 @@ mod tests {
         Contrast { parameter: 0, groups: [0, 1], log_ratio, is_declared: false }
     }
 
-    /// Two statements of 99.8 % each that fail on different draws are true together with 99.6 %: only one is made.
+    /// Two statements of 99.8 % each that fail on different draws are true together with 99.6 %. Only one is made.
     #[test]
     fn statements_are_made_as_long_as_they_are_true_together() {
         const N: usize = 10_000;

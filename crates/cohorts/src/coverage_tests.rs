@@ -1,5 +1,4 @@
-//! What the comparison says of cohorts whose truth is fixed: how often intervals hold it, how often a difference is stated that is not there, and
-//! what was promised of more specimens.
+//! Tests of the comparison with cohorts of fixed truth: coverage of intervals, falsely stated differences, and the predicted benefit of more specimens.
 
 use nalgebra::{DMatrix, DVector};
 use rand::{Rng, SeedableRng};
@@ -16,18 +15,18 @@ use documents::groups::RatioVerdict;
 use posterior::monitor::Silent;
 
 const P: usize = 3;
-/// Spreads of specimens in the literature, and their measurement's.
+/// Spreads of specimens in the literature, and of their measurement.
 const BETWEEN_SD: [f64; P] = [0.31, 0.29, 0.35];
 const CORRELATION: f64 = 0.5;
 const MEASUREMENT_SD: f64 = 0.1;
-/// Prior of single experiments and of the overall mean.
+/// Standard deviation of the prior of single experiments and of the overall mean.
 const PRIOR_SD: f64 = 1.25;
 
 fn normal(rng: &mut impl Rng) -> f64 {
     StandardNormal.sample(rng)
 }
 
-/// Groups of so many specimens each, whose means are given, measured with normal errors; draws under the interim prior.
+/// Simulated groups with given means and numbers of specimens, measured with normal errors, and their draws under the interim prior.
 fn cohort(means: &[[f64; P]], sizes: &[usize], rng: &mut ChaCha8Rng) -> (Design, Vec<InterimDraws>) {
     let covariance =
         DMatrix::from_fn(P, P, |i, j| BETWEEN_SD[i] * BETWEEN_SD[j] * if i == j { 1.0 } else { CORRELATION });
@@ -80,7 +79,8 @@ fn over_cohorts<T: Send>(
     (0..n_cohorts).into_par_iter().map(one).collect()
 }
 
-/// Of cohorts of three groups that differ by factors of 0.6 to 2.5: 90 % intervals of every ratio hold the truth so often, and a stated sign is wrong no more often.
+/// Tests three groups that differ by factors of 0.6 to 2.5. The number of 90 % intervals that contain the truth must lie in a range for
+/// every ratio. `most_wrong` is the largest number of cohorts with a wrong sign.
 fn assert_covered(n_cohorts: u64, of_intervals: std::ops::RangeInclusive<usize>, most_wrong: usize) {
     let means = [[0.0, 0.0, 0.0], [0.916, 0.916, 0.0], [-0.511, 0.0, -0.693]];
     let held = over_cohorts(n_cohorts, &means, 21, |found| {
@@ -106,14 +106,14 @@ fn intervals_of_ratios_cover_the_truth() {
     assert_covered(24, 15..=24, 7);
 }
 
-/// Outside 159 to 199 a coverage of 90 % lies with a probability below 1e-6; 25 wrong signs, as below.
+/// A coverage of 90 % lies outside 159 to 199 with a probability below 1e-6. The limit of 25 wrong signs is explained below.
 #[test]
 #[ignore = "campaigns/long-tests"]
 fn intervals_of_ratios_cover_the_truth_in_many_cohorts() {
     assert_covered(200, 159..=199, 25);
 }
 
-/// Where no group differs, a difference (a sign, or one beyond the margin) is stated in at most 5 % of cohorts.
+/// Tests groups without differences: a difference (a sign, or one beyond the margin) is stated in at most 5 % of cohorts.
 fn assert_nothing_stated(n_cohorts: u64, most_stated: usize) {
     let means = [[0.3, -0.2, 0.1]; 3];
     let is_stated =
@@ -123,22 +123,22 @@ fn assert_nothing_stated(n_cohorts: u64, most_stated: usize) {
     assert!(n_stated <= most_stated, "{n_stated}");
 }
 
-/// More than 7 of 24 happen with a probability of 2e-5 at 5 %.
+/// At a rate of 5 %, more than 7 of 24 have a probability of 2e-5.
 #[test]
 fn no_difference_is_stated_where_there_is_none() {
     assert_nothing_stated(24, 7);
 }
 
-/// More than 25 of 200 happen with a probability below 1e-6 at 5 %.
+/// At a rate of 5 %, more than 25 of 200 have a probability below 1e-6.
 #[test]
 #[ignore = "campaigns/long-tests"]
 fn no_difference_is_stated_where_there_is_none_in_many_cohorts() {
     assert_nothing_stated(200, 25);
 }
 
-/// The chance that more specimens settle a question, against doing it: a cohort is analysed, new specimens are drawn from its posterior, and the larger
-/// cohort is analysed again. The share of repetitions has a standard error below 0.5/√n; the promise, from 200 truths, one below 0.036: five of both
-/// together are exceeded falsely with a probability below 1e-6.
+/// Compares the predicted chance that more specimens settle a question with the observed share. A cohort is analysed, new specimens are drawn from its posterior, and the
+/// larger cohort is analysed again. The share of repetitions has a standard error below 0.5/√n, the prediction (from 200 truths) below 0.036. Five joint standard errors
+/// are exceeded with a probability below 1e-6.
 fn assert_promise_is_kept(n_repetitions: u64) {
     let mut rng = ChaCha8Rng::seed_from_u64(23);
     let (sizes, n_more, margin) = ([6, 6], 10, 0.2);
@@ -197,7 +197,7 @@ fn label(group: usize, specimen: usize) -> Labels {
     Labels { specimen: format!("{group}-{specimen:03}"), levels: vec![format!("g{group}")] }
 }
 
-/// Draws under the interim prior of a specimen's measurement.
+/// Draws under the interim prior from a specimen's measurement.
 fn measured(value: &[f64], rng: &mut ChaCha8Rng) -> InterimDraws {
     let seen: Vec<f64> = value.iter().map(|x| x + MEASUREMENT_SD * normal(rng)).collect();
     let precision = MEASUREMENT_SD.powi(-2) + PRIOR_SD.powi(-2);

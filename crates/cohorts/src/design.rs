@@ -1,48 +1,48 @@
-//! Which experiments belong to which specimen and group.
+//! Assignment of experiments to specimens and groups.
 
 use std::collections::BTreeMap;
 
-/// What is known of an experiment beside its data.
+/// Labels of an experiment.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Labels {
-    /// Specimen that was measured; experiments of one specimen are its repeats.
+    /// Specimen of the experiment; experiments with the same specimen are its repeats.
     pub specimen: String,
-    /// The group's level of every grouping key, in the keys' order.
+    /// The group's level of each key, in the order of the keys.
     pub levels: Vec<String>,
 }
 
-/// A group: one level of every key.
+/// A group: one level of each key.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Group {
-    /// Levels joined by a comma.
+    /// Levels, joined by a comma.
     pub name: String,
-    /// Index of each key's level.
+    /// Index of the level of each key.
     pub levels: Vec<usize>,
-    /// Index of the set of groups that share specimens, and with them the spread between specimens.
+    /// Index of the stratum: the groups that share specimens, and therefore the spread between specimens.
     pub stratum: usize,
 }
 
 /// A specimen and its experiments.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Specimen {
-    /// Its name.
+    /// Name of the specimen.
     pub name: String,
-    /// Its groups' stratum.
+    /// Stratum of the specimen's groups.
     pub stratum: usize,
-    /// Its experiments.
+    /// Indices of the specimen's experiments.
     pub experiments: Vec<usize>,
 }
 
 /// Experiments, specimens and groups.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Design {
-    /// The levels of each key, sorted.
+    /// Levels of each key, sorted.
     pub keys: Vec<Vec<String>>,
     /// Groups that have experiments, sorted by their levels.
     pub groups: Vec<Group>,
     /// Specimens, sorted by name.
     pub specimens: Vec<Specimen>,
-    /// Group of every experiment.
+    /// Group of each experiment.
     pub group_of: Vec<usize>,
     /// Number of strata.
     pub n_strata: usize,
@@ -87,24 +87,24 @@ impl Design {
         Self { groups, specimens, group_of, n_strata, keys }
     }
 
-    /// Experiments in all.
+    /// Number of experiments.
     pub fn n_experiments(&self) -> usize {
         self.group_of.len()
     }
 
-    /// Whether a specimen was measured more than once: only then is there a spread within specimens to speak of.
+    /// Returns true if a specimen was measured more than once. Only then can the spread within specimens be estimated.
     pub fn has_repeats(&self) -> bool {
         self.specimens.iter().any(|specimen| specimen.experiments.len() > 1)
     }
 
-    /// Specimens of a group.
+    /// Number of specimens in a group.
     pub fn n_specimens(&self, group: usize) -> usize {
         let is_of = |specimen: &&Specimen| specimen.experiments.iter().any(|e| self.group_of[*e] == group);
         self.specimens.iter().filter(is_of).count()
     }
 }
 
-/// Groups that share a specimen, directly or through others, are one stratum. Returns each group's.
+/// Stratum of each group. Groups that share a specimen, directly or through other groups, form one stratum.
 fn strata(n_groups: usize, specimens: impl Iterator<Item = Vec<usize>>) -> Vec<usize> {
     let mut stratum: Vec<usize> = (0..n_groups).collect();
     for groups in specimens {

@@ -17,16 +17,16 @@ use figures::labels::{ParameterLabel, of_parameter};
 use figures::palette::series;
 use figures::svg::{Svg, write_figure};
 
-/// Draws of a group in the corner plot.
+/// Largest number of draws of a group in the corner plot.
 const N_CORNER_DRAWS: usize = 4_000;
 
-/// Groups whose differences a figure's sentence tells.
+/// Largest number of groups whose differences a figure's sentence states.
 const MOST_GROUPS_TOLD: usize = 4;
 
 /// Draws every figure into `dir`, as SVG and PNG.
 ///
 /// # Errors
-/// [`Error::File`] where the file system refuses, and what figures refuse.
+/// [`Error::File`] if the file system refuses, and errors of the figures.
 pub fn write(dir: &Path, found: &Comparison, summary: &GroupsSummary) -> Result<()> {
     std::fs::create_dir_all(dir).map_err(|source| {
         Error::at_path("create", dir, source, format!("choose a writable place with `{}`", Setting::Out))
@@ -42,7 +42,7 @@ pub fn write(dir: &Path, found: &Comparison, summary: &GroupsSummary) -> Result<
     figures.iter().try_for_each(|(stem, svg): &(&str, Svg)| write_figure(dir, stem, svg))
 }
 
-/// What follows, where there are few enough groups to say it.
+/// Conclusions of the comparison; empty if there are too many groups.
 fn sentence(summary: &GroupsSummary) -> String {
     if summary.groups.len() > MOST_GROUPS_TOLD { String::new() } else { summary.sentences.join(" ") }
 }
@@ -79,7 +79,7 @@ fn forest_figure(summary: &GroupsSummary, labels: &[ParameterLabel]) -> Result<S
             of_parameter.map(|value| (format!("{} ({})", value.source, value.species), value.value)).collect()
         })
         .collect();
-    // Regions of one species in one colour.
+    // Regions of one species have one colour.
     let level = |name: &str| name.split(',').next().unwrap_or(name).to_string();
     let mut levels: Vec<String> = summary.groups.iter().map(|group| level(&group.name)).collect();
     levels.sort();
@@ -209,7 +209,7 @@ fn corner_figure(found: &Comparison, labels: &[ParameterLabel]) -> Result<Svg> {
     corner(&posteriors, &CornerOptions { title: "Typical specimens of every group", ..CornerOptions::default() })
 }
 
-/// Where values of a scale lie.
+/// Range of the values of a scale.
 fn support(scale: Scale) -> Support {
     match scale {
         Scale::Logarithm => Support { lower: 0.0, upper: f64::INFINITY },
@@ -217,11 +217,11 @@ fn support(scale: Scale) -> Support {
     }
 }
 
-/// Writes the draws in ArviZ's layout, with named dimensions. Logarithms are of SI values; parameters between two ends have log-odds in their place.
-/// `typical` and `specimen_value` are the values themselves.
+/// Writes the draws in ArviZ's layout, with named dimensions. Logarithms are of SI values; parameters with two bounds have log-odds instead. `typical` and `specimen_value`
+/// are the values themselves.
 ///
 /// # Errors
-/// [`Error::File`] where the file system refuses.
+/// [`Error::File`] if the file system refuses.
 pub fn write_netcdf(path: &Path, found: &Comparison) -> Result<()> {
     let design = &found.design;
     let chains = &found.population.chains;

@@ -1,4 +1,4 @@
-//! One experiment on its own: draws of its parameters under an interim prior, kept by the hash of what they came from.
+//! Draws of one experiment's parameters on its own, under an interim prior; kept under the hash of their inputs.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -27,37 +27,37 @@ use sampling::diagnostics::diagnose;
 use sampling::diagnostics::ranks::BlomScores;
 use sampling::{LogDensity, SamplerOptions};
 
-/// Draws that are kept of each experiment.
+/// Number of draws kept of each experiment.
 const N_DRAWS: usize = 1_000;
-/// Draws of them whose mean trajectory is compared with the measurement.
+/// Number of these draws whose mean trajectory is compared with the measurement.
 const N_TRAJECTORIES: usize = 32;
 
-/// An experiment joined with its model and the mechanics of its apparatus, without the finite elements.
+/// An experiment joined with its model and the mechanics of its apparatus, without finite elements.
 pub struct Specimen {
-    /// The model of the experiment as revisions are compared on it: fitted on all cycles but the last held-out one.
+    /// Model of the experiment, fitted on all cycles but the last held-out one, as in comparisons of revisions.
     pub model: PreparedModel,
 }
 
-/// What is kept of an experiment on its own.
+/// Kept results of an experiment on its own.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Interim {
-    /// Hash of everything that the draws depend on.
+    /// Hash of all inputs of the draws.
     pub built_from_sha256: String,
     /// Sampled parameters, in the order of the coordinates.
     pub parameters: Vec<String>,
-    /// Draws in the sampler's coordinates, one value a parameter, draw after draw.
+    /// Draws in the sampler's coordinates, one value per parameter, draw after draw.
     pub points: Vec<f64>,
-    /// Whether the sampler's demands were met.
+    /// True if the sampler has converged.
     pub converged: bool,
     /// Smallest effective number of draws of a parameter, before thinning.
     pub ess: f64,
-    /// Root mean square misfit of the posterior mean on the fitted cycles, in µm.
+    /// Root mean square residual of the posterior mean on the fitted cycles, in µm.
     pub rmse_fitted_um: f64,
-    /// The same on the cycle that was held out; `None` if there is none.
+    /// Root mean square residual of the posterior mean on the held-out cycle, in µm; `None` without one.
     pub rmse_heldout_um: Option<f64>,
-    /// Standard deviation of the predicted positions there, root mean square over rows, in µm: what the fit leaves open.
+    /// Posterior standard deviation of the predicted positions on the held-out cycle, root mean square over rows, in µm.
     pub predictive_sd_heldout_um: Option<f64>,
-    /// The noise that misfits are measured against, in µm, where it is known.
+    /// Noise standard deviation with which residuals are compared, in µm, if known.
     pub noise_um: Option<f64>,
 }
 
@@ -65,7 +65,7 @@ impl Specimen {
     /// Joins a measurement with the compliance of its apparatus.
     ///
     /// # Errors
-    /// [`base::Error::Input`] when the model cannot be one of the experiment.
+    /// [`base::Error::Input`] if the model does not suit the experiment.
     pub fn new(measurement: &Measurement, compliance: Compliance) -> Result<Self> {
         let mechanics = Arc::new(Mechanics::Instrument { compliance_per_m: compliance.given_per_m() });
         let experiment = measurement.experiment.for_comparison();
@@ -75,23 +75,23 @@ impl Specimen {
         Ok(Self { model: PreparedModel::given(&problem, compliance, trained) })
     }
 
-    /// Its log-posterior under the interim prior.
+    /// Log posterior under the interim prior.
     pub fn posterior(&self) -> ReducedPosterior<'_> {
         self.model.posterior()
     }
 
-    /// The base law's parameters that are sampled: what groups are compared by.
+    /// Sampled parameters of the base law; groups are compared in these parameters.
     pub fn pooled(&self) -> Vec<&'static str> {
         let law = self.model.problem.model.base().parameters().iter().map(|spec| spec.name);
         law.filter(|name| self.model.problem.priors.get(name).is_some()).collect()
     }
 
-    /// Their scales in the population.
+    /// Scales of the pooled parameters in the population.
     pub fn scales(&self) -> Vec<Scale> {
         self.pooled_parameters().into_iter().map(|own| own.scale).collect()
     }
 
-    /// Hash of what the draws depend on.
+    /// Hash of all inputs of the draws.
     pub fn built_from(&self, inputs_sha256: &str, options: &SamplerOptions) -> String {
         let Problem { specification, priors, .. } = &self.model.problem;
         let compliance = self.model.compliance.given_per_m().to_bits();
@@ -104,10 +104,10 @@ impl Specimen {
         hash.finalize().iter().map(|byte| format!("{byte:02x}")).collect()
     }
 
-    /// Takes the draws that are kept in `folder` if they are of the same input, else samples and keeps them.
+    /// Reads the draws that `folder` keeps for this input; otherwise samples them and keeps them there.
     ///
     /// # Errors
-    /// [`base::Error::Interrupted`] when stopped; whatever the sampler or the file system refuses.
+    /// [`base::Error::Interrupted`] if stopped; errors of the sampler and the file system.
     pub fn interim(
         &self,
         measurement: &Measurement,
@@ -125,10 +125,10 @@ impl Specimen {
         Ok(interim)
     }
 
-    /// Samples the experiment, and gives the file that [`Specimen::interim`] would keep: its name, and its bytes.
+    /// Samples the experiment and returns the file that [`Specimen::interim`] would keep: its name and its bytes.
     ///
     /// # Errors
-    /// As [`Specimen::interim`].
+    /// Errors of [`Specimen::interim`].
     pub fn interim_file(
         &self,
         measurement: &Measurement,
@@ -141,7 +141,7 @@ impl Specimen {
         Ok((name, to_keep(measurement, options, &interim)?))
     }
 
-    /// A kept file that cannot be read, was changed or is of another input is made anew.
+    /// Reads kept draws; `None` if the file cannot be read, was changed or belongs to another input.
     fn read_kept(&self, file: &Path, built_from_sha256: &str) -> Option<Interim> {
         let bytes = read_if_there(file, Content::Document)?;
         let document: WithProvenance<Kept<Interim>> = serde_json::from_slice(&bytes).ok()?;
@@ -203,7 +203,7 @@ impl Specimen {
         posterior.natural(point)[..self.model.problem.model.parameters().len()].to_vec()
     }
 
-    /// The draws as the hierarchy takes them.
+    /// Converts the draws to the population's coordinates, for the hierarchy.
     pub fn draws(&self, interim: &Interim) -> InterimDraws {
         let pooled = self.pooled_parameters();
         let mut coordinates = Vec::new();
@@ -232,37 +232,37 @@ impl Specimen {
     }
 }
 
-/// A parameter that the population has, too.
+/// A parameter that the population shares.
 struct Pooled<'a> {
-    /// Its place among the sampler's coordinates.
+    /// Index among the sampler's coordinates.
     place: usize,
     prior: &'a Prior,
     scale: Scale,
 }
 
 impl Pooled<'_> {
-    /// The interim prior's density of the population's coordinate.
+    /// Log density of the interim prior over the population's coordinate.
     fn ln_prior_of_coordinate(&self, coordinate: f64) -> f64 {
         self.prior.distribution.ln_pdf(self.scale.value(coordinate)) + self.scale.ln_slope(coordinate)
     }
 }
 
-/// A trajectory where there are positions.
+/// Mean trajectory at the rows with observed positions.
 fn about(mean_m: &[f64], observed_m: &[Option<f64>]) -> Vec<Option<f64>> {
     mean_m.iter().zip(observed_m).map(|(mean, observed)| observed.map(|_| *mean)).collect()
 }
 
-/// An experiment's likelihood, for the hierarchy to take instead of draws.
+/// Likelihood of an experiment, which the hierarchy can use instead of draws.
 pub struct SpecimenDensity<'a> {
     posterior: ReducedPosterior<'a>,
-    /// The pooled parameters, then the others, by their place among the sampler's coordinates.
+    /// Pooled parameters; `others` holds the indices of the unpooled ones among the sampler's coordinates.
     pooled: Vec<Pooled<'a>>,
     others: Vec<usize>,
     archive: Vec<Vec<f64>>,
 }
 
 impl<'a> SpecimenDensity<'a> {
-    /// With the interim draws as archive.
+    /// Creates the density, with the interim draws as its archive.
     pub fn new(specimen: &'a Specimen, interim: &Interim) -> Self {
         let n = interim.parameters.len();
         let pooled = specimen.pooled_parameters();
@@ -283,12 +283,12 @@ impl ExperimentDensity for SpecimenDensity<'_> {
         let mut ln_priors = 0.0;
         for (Pooled { place, prior, scale }, coordinate) in self.pooled.iter().zip(point) {
             let own = prior.distribution.to_unconstrained(scale.value(*coordinate));
-            // The interim prior may end before the parameter's support does; nothing is known of the likelihood beyond.
+            // The interim prior can end before the parameter's support does. The likelihood is unknown beyond it.
             if !own.is_finite() {
                 return f64::NEG_INFINITY;
             }
             coordinates[*place] = own;
-            // Of the coordinate, as the posterior counts it.
+            // This prior density is over the coordinate, as in the posterior.
             ln_priors += prior.distribution.ln_pdf_unconstrained(own);
         }
         for (place, value) in self.others.iter().zip(&point[self.pooled.len()..]) {

@@ -1,4 +1,4 @@
-//! The comparison: every experiment on its own, then the population, then what it says.
+//! Runs a comparison: samples each experiment on its own, then the population, then compares the groups.
 
 use std::path::Path;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -20,40 +20,40 @@ use nalgebra::DMatrix;
 use posterior::monitor::{Counter, Monitor};
 use sampling::SamplerOptions;
 
-/// Scale of the spread between species, or between regions, in the logarithm or the log-odds: spreads below 0.4, a factor of 1.5, have a probability of 1 %.
+/// Scale of the spread between species, or between regions, in the logarithm or the log-odds. Spreads below 0.4 (a factor of 1.5) have a prior probability of 1 %.
 pub const LEVEL_SCALE: f64 = 1.0;
-/// Scales of the half-t priors of the spreads between groups beyond their species and region, between specimens and between repeats, in the
-/// logarithm: factors of 1.35, 1.6 and 1.35; in the log-odds of parameters between two ends: the same factors of the odds.
+/// Scales of the half-t priors of three spreads: between groups beyond their species and region, between specimens, and between repeats. In the logarithm they are factors
+/// of 1.35, 1.6 and 1.35. In the log-odds of parameters with two bounds they are the same factors of the odds.
 pub const SPREAD_SCALES: [f64; 3] = [0.3, 0.5, 0.3];
 /// Degrees of freedom of heavy-tailed specimens.
 pub const HEAVY_TAILED_DOF: f64 = 4.0;
-/// Effective sample size of an experiment's draws below which its likelihood is evaluated directly.
+/// Smallest effective sample size of an experiment's draws. Below it, the hierarchy evaluates the likelihood directly.
 const FEWEST_EFFECTIVE: f64 = 100.0;
-/// Sweeps of each chain that are dropped, and thereafter until convergence is first judged.
+/// Sweeps of each chain that are dropped, and sweeps after them until convergence is first tested.
 pub const FIRST_SWEEPS: [usize; 2] = [1_000, 4_000];
-/// Every so many sweeps is kept: neighbours are nearly alike.
+/// Interval between kept sweeps; neighbouring sweeps are nearly equal.
 const KEEP_EVERY: usize = 4;
-/// Chains and sweeps of the run by which that is found out.
+/// Chains and sweeps of the pilot run, which estimates the effective sample sizes.
 const PILOT_CHAINS: usize = 2;
 const PILOT_SWEEPS: [usize; 2] = [300, 300];
 
-/// What a caller decides.
+/// Request for a comparison.
 pub struct GroupsRequest<'a> {
-    /// What groups are formed by.
+    /// Keys that define the groups.
     pub keys: &'a [Key],
-    /// Ratios within 1 + margin of 1 are no difference in practice.
+    /// Margin of practical equivalence: ratios within a factor of 1 + margin of 1 count as no difference.
     pub margin: f64,
-    /// Whether specimens scatter by a Student-t, so that an outlying one does not widen its group.
+    /// True if specimens scatter with a Student-t distribution, so that an outlying one does not widen its group.
     pub is_heavy_tailed: bool,
     /// Settings of the sampler of single experiments.
     pub sampler: SamplerOptions,
-    /// Chains of the population's sampler.
+    /// Number of chains of the population's sampler.
     pub n_chains: usize,
-    /// Most sweeps of each; the first judgement comes after [`FIRST_SWEEPS`].
+    /// Largest number of sweeps per chain; convergence is first tested after [`FIRST_SWEEPS`].
     pub max_sweeps: usize,
-    /// Takes likelihoods everywhere instead of draws: the exact reference.
+    /// True if all experiments enter by their exact likelihoods instead of draws, as a reference.
     pub is_exact: bool,
-    /// Where draws of single experiments are kept.
+    /// Folder that keeps the draws of single experiments.
     pub kept: &'a Path,
 }
 
@@ -63,58 +63,58 @@ impl GroupsRequest<'_> {
     }
 }
 
-/// How an experiment entered the hierarchy.
+/// Form in which an experiment enters the hierarchy.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Entry {
     /// Effective number of its draws, weighted to the population.
     pub effective_draws: f64,
-    /// Whether its likelihood took their place.
+    /// True if the exact likelihood replaces the draws.
     pub is_exact: bool,
 }
 
-/// What the job led to.
+/// Results of a comparison.
 pub struct Comparison {
-    /// Which experiments belong to which specimen and group.
+    /// Assignment of experiments to specimens and groups.
     pub design: Design,
-    /// The law whose parameters are compared.
+    /// Law whose parameters are compared.
     pub law: BaseLaw,
-    /// Their names.
+    /// Names of the compared parameters.
     pub parameters: Vec<&'static str>,
-    /// The scale of each in the population.
+    /// Scale of each parameter in the population.
     pub scales: Vec<Scale>,
-    /// Every experiment joined with its model.
+    /// Each experiment joined with its model.
     pub specimens: Vec<Specimen>,
-    /// Every experiment on its own.
+    /// Results of each experiment on its own.
     pub interims: Vec<Interim>,
-    /// The same as the hierarchy took it.
+    /// Draws of each experiment in the population's coordinates.
     pub draws: Vec<InterimDraws>,
-    /// How it entered the hierarchy.
+    /// Form in which each experiment entered the hierarchy.
     pub entries: Vec<Entry>,
     /// The population.
     pub population: Population,
-    /// Its groups, and those that it predicts.
+    /// Groups of the design, and predicted groups.
     pub groups: Vec<PredictedGroup>,
-    /// Every pair of groups in every parameter.
+    /// Contrasts of every pair of groups in every parameter.
     pub contrasts: Vec<Contrast>,
 }
 
-/// Runs the job.
+/// Runs a comparison.
 ///
 /// # Errors
-/// [`Error::Input`] where labels are missing or models do not go together, [`Error::Interrupted`] when stopped (experiments that are done are
-/// kept), and whatever the parts refuse.
+/// [`Error::Input`] if labels are missing or the models differ in their parameters, [`Error::Interrupted`] if stopped (finished experiments are kept), and errors of the
+/// parts.
 pub fn run(measurements: &[Measurement], request: &GroupsRequest, monitor: &dyn Monitor) -> Result<Comparison> {
-    // Labels that are missing are refused before anything is computed.
+    // Missing labels are refused before the computation starts.
     cohort::labels(measurements, request.keys)?;
     monitor.stage("computing the compliance of every apparatus by finite elements");
     let compliances = compliances(measurements, monitor)?;
     run_with(measurements, compliances, request, monitor)
 }
 
-/// The same with the compliance of every apparatus known.
+/// Runs a comparison with given compliances of all apparatus.
 ///
 /// # Errors
-/// As [`run`].
+/// Errors of [`run`].
 pub fn run_with(
     measurements: &[Measurement],
     compliances: Vec<Compliance>,
@@ -180,14 +180,14 @@ pub fn run_with(
     })
 }
 
-/// The law and the parameters that all experiments share.
+/// Law and parameters that all experiments share.
 fn common_parameters(measurements: &[Measurement], specimens: &[Specimen]) -> Result<(BaseLaw, Vec<&'static str>)> {
     let of = |own: &Specimen| (own.model.problem.model.base(), own.pooled());
     let Some(first) = specimens.first() else {
         return Err(Error::input(
             Place::default(),
             "there is no experiment to compare",
-            "give directories that hold some",
+            "give directories that hold experiments",
         ));
     };
     let (law, parameters) = of(first);
@@ -196,7 +196,7 @@ fn common_parameters(measurements: &[Measurement], specimens: &[Specimen]) -> Re
             return Err(Error::input(
                 Place::file(&measurement.path),
                 format!(
-                    "its model has other parameters to compare ({}: {}) than that of {} ({}: {})",
+                    "its model compares other parameters ({}: {}) than the model of {} ({}: {})",
                     own.model.problem.model.base().name(),
                     own.pooled().join(", "),
                     measurements[0].name(),
@@ -216,14 +216,14 @@ fn common_parameters(measurements: &[Measurement], specimens: &[Specimen]) -> Re
     if parameters.is_empty() {
         return Err(Error::input(
             Place::setting(Setting::Fixed),
-            "every parameter of the law is fixed, so there is nothing to compare",
+            "every parameter of the law is fixed, so nothing can be compared",
             "leave at least one free",
         ));
     }
     Ok((law, parameters))
 }
 
-/// Each experiment in one thread: there are more of them than cores.
+/// Samples each experiment in one thread, because there are more experiments than cores.
 fn interims(
     measurements: &[Measurement],
     specimens: &[Specimen],
@@ -246,8 +246,8 @@ fn interims(
     over_threads(specimens.len(), |index| one((&specimens[index], &measurements[index])))
 }
 
-/// Runs independent jobs that use thread pools of their own, as many at once as there are threads. In a pool's own threads a job that waits would begin
-/// another on top of itself, hundreds deep.
+/// Runs independent jobs that use their own thread pools, as many at once as there are threads. Plain threads are needed: in a pool's own threads, a waiting job would
+/// start another on its stack, hundreds deep.
 fn over_threads<T: Send>(n: usize, job: impl Fn(usize) -> Result<T> + Sync) -> Result<Vec<T>> {
     let next = AtomicUsize::new(0);
     let work = || -> Result<Vec<(usize, T)>> {
@@ -266,7 +266,7 @@ fn over_threads<T: Send>(n: usize, job: impl Fn(usize) -> Result<T> + Sync) -> R
             }
         }
     };
-    let panicked = |_| Error::numerical("a thread ended early", "report the command that was run");
+    let panicked = |_| Error::numerical("a thread ended unexpectedly", "report the command that was run");
     let mut all: Vec<(usize, T)> = std::thread::scope(|scope| {
         let threads: Vec<_> = (0..rayon::current_num_threads()).map(|_| scope.spawn(work)).collect();
         let lists = threads.into_iter().map(|thread| thread.join().map_err(panicked)?);
@@ -276,7 +276,7 @@ fn over_threads<T: Send>(n: usize, job: impl Fn(usize) -> Result<T> + Sync) -> R
     Ok(all.into_iter().map(|(_, result)| result).collect())
 }
 
-/// The prior of the overall mean is that of single experiments, at its widest.
+/// Options of the hierarchy. The prior of the overall mean is the widest prior of the single experiments.
 fn options(specimens: &[Specimen], parameters: &[&str], scales: &[Scale], request: &GroupsRequest) -> HierarchyOptions {
     let [n_dropped, n_first] = FIRST_SWEEPS;
     let named = || parameters.iter().zip(scales);
@@ -305,7 +305,7 @@ fn options(specimens: &[Specimen], parameters: &[&str], scales: &[Scale], reques
     }
 }
 
-/// Where the draws of an experiment are too few for the place in which the population wants it, its likelihood enters in their stead.
+/// Chooses the form of each experiment: its draws, or its likelihood if too few draws lie where the population needs them.
 fn entries(
     design: &Design,
     draws: &[InterimDraws],

@@ -1,8 +1,10 @@
-//! What many specimens write together: a law learnt from half of the records, and confirmed on the other half, which had no part in it.
+//! A law learnt from half of a cohort's records and confirmed on the other half, which has no part in the learning.
 //!
-//! Every other record is learnt from. A pair's worth is the sum of what it gains in each, every record with a function of its own; its formula is the simplest that predicts
-//! their unseen cycles nearly as well. In each of the other records the last cycle is then predicted from those before it, with that formula and without. Both are predictive densities of the
-//! same data, so that records without the effect give a gain of G nats with a probability of at most e^−G (Markov's inequality for their ratio): no simulations are needed.
+//! Every other record is used for learning. A pair of quantity and state is scored by the sum of its gains over these records, with a separate function for each record.
+//! Its formula is the simplest one that predicts their unseen cycles nearly as well.
+//!
+//! The last cycle of each other record is then predicted from the cycles before it, with and without the formula. Both predictions are predictive densities of the same
+//! data. Records without the effect therefore give a gain of G nats with a probability of at most e^−G (Markov's inequality for their ratio). No simulations are needed.
 
 use std::path::{Path, PathBuf};
 
@@ -25,31 +27,31 @@ use figures::number::significant;
 use posterior::monitor::{Counter, Monitor};
 use posterior::study::{Provenance, RevisionWriter, WithProvenance};
 
-/// Nats that a parameter of a formula beyond the first has to gain in each record.
+/// Nats that each parameter of a formula beyond the first must gain in each record.
 const NATS_PER_PARAMETER: f64 = 1.0;
-/// The folder of what was learnt, in the place that the user names.
+/// Folder of the results, inside the user's directory.
 const FOLDER: &str = "learned";
-/// The document in it.
+/// File name of the document in the folder.
 const DOCUMENT: &str = "learned-cohort.json";
 
-/// What was learnt, with the file of its formula.
+/// Learnt law with the file of its formula.
 pub struct Outcome {
     /// The document.
     pub learned: LearnedCohort,
-    /// The effect's file; `None` where nothing was learnt.
+    /// The effect's file; `None` if nothing was learnt.
     pub file: Option<String>,
 }
 
-/// Learns from half of the records, and confirms on the other half.
+/// Learns from half of the records and confirms on the other half.
 ///
 /// # Errors
-/// [`Error::Input`] for too few records or records of one cycle, [`Error::Interrupted`] when stopped, and whatever reading a record refuses.
+/// [`Error::Input`] for too few records or records of one cycle, [`Error::Interrupted`] if stopped, and errors of reading a record.
 pub fn run(measurements: &[Measurement], is_monotone: bool, monitor: &dyn Monitor) -> Result<Outcome> {
     if measurements.len() < 2 * FEWEST_RECORDS {
         return Err(Error::input(
             Place::default(),
-            format!("{} records have no halves to learn from and to confirm on", measurements.len()),
-            format!("give {} at least, or learn from one", 2 * FEWEST_RECORDS),
+            format!("{} records are too few: one half is learnt from and the other half confirms", measurements.len()),
+            format!("give at least {} records, or learn from a single record", 2 * FEWEST_RECORDS),
         ));
     }
     monitor.stage("preparing the models of every apparatus");
@@ -68,16 +70,16 @@ pub fn run(measurements: &[Measurement], is_monotone: bool, monitor: &dyn Monito
     }
     let half = Half::new(records);
     let Some(leading) = half.leading() else { return Ok(half.nothing()) };
-    monitor.stage("writing it as a formula");
+    monitor.stage("writing the function as a formula");
     let Some((formula, gain_nats)) = half.formula(leading, monitor)? else { return Ok(half.nothing()) };
-    monitor.stage("confirming it on the other half");
+    monitor.stage("confirming the formula on the other half");
     let counter = Counter::new(monitor, on.len());
     let mut confirmed_on = Vec::new();
     for (_, own) in on {
         stopped(monitor)?;
         let tried = apparatuses.subject(own).and_then(|subject| tried(&subject, &formula));
         counter.add_one();
-        // A record whose model cannot have the formula says nothing for it.
+        // A record whose model cannot have the formula contributes no evidence.
         let Some(tried) = tried.map_err(|error| own.named(error))? else { continue };
         let [rmse_before_um, rmse_after_um] = tried.rmse_um;
         let (experiment, values) = (own.name(), tried.values);
@@ -87,10 +89,10 @@ pub fn run(measurements: &[Measurement], is_monotone: bool, monitor: &dyn Monito
     Ok(half.learned(leading, (formula, gain_nats), confirmed_on))
 }
 
-/// The records that are learnt from.
+/// Records that the law is learnt from.
 struct Half<'a> {
     records: Vec<(&'a Measurement, Record)>,
-    /// Of every record what it says of every pair.
+    /// Gains of every pair in every record.
     told: Vec<Vec<Told>>,
     /// Pairs that all records have, best first.
     pairs: Vec<(&'static str, CohortPair)>,
@@ -115,7 +117,7 @@ impl<'a> Half<'a> {
         Self { records, told, pairs }
     }
 
-    /// The place of the leading pair, if it predicts what was not seen.
+    /// Index of the leading pair, if it predicts unseen cycles.
     fn leading(&self) -> Option<usize> {
         let best = self.pairs.first()?.1.evidence_nats;
         let place = self.pairs.iter().position(|(_, pair)| pair.heldout_gain_nats > LEAST_FUTURE_NATS)?;
@@ -123,7 +125,7 @@ impl<'a> Half<'a> {
         (own.evidence_nats >= LEAST_EVIDENCE_NATS.max(best - EQUAL_NATS)).then_some(place)
     }
 
-    /// The simplest formula that predicts unseen cycles nearly as well as the functions, or else the one that predicts them best, with what it gains in nats.
+    /// Simplest formula that predicts unseen cycles nearly as well as the functions, with its gain in nats. If no formula does, the formula with the best prediction.
     fn formula(&self, leading: usize, monitor: &dyn Monitor) -> Result<Option<(Formula, f64)>> {
         let slug = self.pairs[leading].0;
         let ranges: Option<Vec<_>> = self.records.iter().map(|(_, record)| record.range(slug)).collect();
@@ -206,7 +208,7 @@ impl<'a> Half<'a> {
         });
         let n_better = on.iter().filter(|own| own.last_cycle_gain_nats > 0.0).count();
         let mut sentence = format!(
-            "Learnt from {} records: {} changes with the {} ({} nats on their unseen cycles). As a formula: {} × ({}).",
+            "Learnt from {} records: {} changes with the {} (gain {} nats on their unseen cycles). The formula is {} × ({}).",
             self.records.len(),
             quantity_words(&pair.quantity),
             pair.state.replace('_', " "),
@@ -216,12 +218,13 @@ impl<'a> Half<'a> {
         );
         sentence += &match kind {
             LearnedCohortKind::Confirmed => format!(
-                " The other {} records confirm it: {n_better} of them predict their last cycle better with it, together by {} nats; records without it give as much with a probability of at most {largest_p:.1e}.",
+                " The other {} records confirm it: {n_better} of them predict their last cycle better with it, by {} nats in total. Records without the effect gain as \
+                 much with a probability of at most {largest_p:.1e}.",
                 on.len(),
                 significant(gain, 3)
             ),
             _ => format!(
-                " The other {} records do not confirm it: {n_better} of them predict their last cycle better with it, together by {} nats, where {} are asked for.",
+                " The other {} records do not confirm it: {n_better} of them predict their last cycle better with it, by {} nats in total; {} nats are required.",
                 on.len(),
                 significant(gain, 3),
                 significant(-LARGEST_P.ln(), 2)
@@ -230,7 +233,7 @@ impl<'a> Half<'a> {
         if !equivalent.is_empty() {
             let names: Vec<String> =
                 equivalent.iter().map(|own| format!("{} by {}", own.quantity, own.state.replace('_', " "))).collect();
-            sentence += &format!(" These records cannot tell it from {}.", names.join(", "));
+            sentence += &format!(" These records cannot distinguish it from {}.", names.join(", "));
         }
         let learned = LearnedCohort {
             verdict: LearnedCohortVerdict { kind, sentence },
@@ -256,12 +259,12 @@ impl<'a> Half<'a> {
     }
 }
 
-/// The document's head: the hash of every record.
+/// Head of the document, with the hash of every record.
 pub fn provenance(measurements: &[Measurement], seed: u64) -> Provenance {
     provenance_of("learned-cohort", measurements, seed)
 }
 
-/// Refuses a place that holds what was learnt from other records.
+/// Refuses a folder that holds a law learnt from other records.
 ///
 /// # Errors
 /// [`Error::Input`] unless `force` is set.
@@ -273,10 +276,10 @@ pub fn check_place(out: &Path, provenance: &Provenance, force: bool) -> Result<(
     refuse_other(out.join(FOLDER).join(DOCUMENT), provenance, force, (found, &remedy))
 }
 
-/// Writes the document and the formula's file, whole or not at all. Returns their folder.
+/// Writes the document and the formula's file, completely or not at all, and returns their folder.
 ///
 /// # Errors
-/// [`Error::File`] where the file system refuses.
+/// [`Error::File`] if the file system refuses.
 pub fn write(out: &Path, outcome: &Outcome, provenance: Provenance) -> Result<PathBuf> {
     let remedy = format!("choose a writable place with `{}`", Setting::Out);
     std::fs::create_dir_all(out).map_err(|source| Error::at_path("create", out, source, remedy))?;

@@ -1,13 +1,11 @@
-//! Species and regions: how groups of specimens differ, and what a cohort of specimens lacks.
+//! Comparison of species and regions by groups of specimens, and diagnosis of a cohort's missing effect.
 //!
-//! Groups: [`cohort::read`] reads experiments and studies with their labels; [`apparatus`] solves one finite-element problem
-//! for each apparatus, since quasi-static linear laws need no more of it; [`interim`] samples every experiment alone and keeps
-//! its draws by hash; [`job::run`] samples the population. A pilot run shows which experiments have too few draws; their
-//! likelihoods then take the place of the draws. [`hierarchy`] knows an experiment as draws or as a density, and nothing else.
+//! Comparison of groups: [`cohort::read`] reads experiments and studies with their labels. [`apparatus`] solves one finite-element problem for each apparatus, which
+//! suffices for quasi-static linear laws. [`interim`] samples every experiment alone and keeps its draws by hash. [`job::run`] samples the population. A pilot run shows
+//! which experiments have too few draws; their likelihoods then replace the draws. [`hierarchy`] treats an experiment only as draws or as a density.
 //!
-//! A cohort's missing effect ([`missing`]): `criticism::sketch` turns a record into scores, cosines and simulated scores; a
-//! common law of sizes joins them; gains are judged against simulated cohorts. Everything after the sketch works without the
-//! records, except the refits of a claim.
+//! Diagnosis of a cohort ([`missing`]): `criticism::sketch` turns a record into scores, cosines and simulated scores. A common law of sizes joins the records. Gains are
+//! tested against simulated cohorts. All steps after the sketch work without the records, except the refits of a claim.
 
 pub mod alone;
 pub mod apparatus;

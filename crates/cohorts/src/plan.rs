@@ -1,7 +1,7 @@
-//! How many more specimens would settle a question: the expected outcome of measuring them, by simulation.
+//! Number of further specimens that would settle a question, estimated by simulation.
 //!
-//! A truth is drawn from the posterior; the mean of n new specimens a group scatters about it with the spreads of that draw and the error of
-//! measurement; all draws are weighted by how well they predict that mean, each with its own spreads, and asked whether the question is settled.
+//! A truth is drawn from the posterior. The mean of n new specimens per group scatters around it with that draw's spreads and the measurement error. All draws are then
+//! weighted by their prediction of that mean, each with its own spreads. The weighted draws show whether the question is settled.
 
 use documents::groups::Plan;
 use rand::SeedableRng;
@@ -10,25 +10,25 @@ use rand_distr::{Distribution, StandardNormal};
 
 use super::contrast::SURE;
 
-/// New specimens a group that are tried.
+/// Numbers of new specimens per group that are tried.
 const NUMBERS: [u32; 18] = [1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64, 96, 128, 192, 256, 384, 512];
-/// A number is recommended where it settles the question with this probability.
+/// Probability of settling the question at which a number is recommended.
 const WANTED_CHANCE: f64 = 0.8;
-/// Truths that are tried, and draws that are weighted for each.
+/// Number of truths that are tried, and of draws that are weighted for each.
 const N_TRUTHS: usize = 200;
 const N_WEIGHTED: usize = 1_000;
 
-/// What is known of a ratio and of how new specimens would scatter; one value a posterior draw.
+/// Posterior of a ratio and of the scatter of new specimens; one value per draw.
 pub struct Question<'a> {
     /// Logarithm of the ratio.
     pub log_ratio: &'a [f64],
-    /// Variance of the difference between one new specimen of each group: spreads and error of measurement.
+    /// Variance of the difference between one new specimen of each group: spreads and measurement error.
     pub variance_of_pair: &'a [f64],
-    /// Ratios within 1 + margin of 1 are no difference in practice.
+    /// Margin of practical equivalence: ratios within a factor of 1 + margin of 1 count as no difference.
     pub margin: f64,
 }
 
-/// The smallest number of new specimens that is likely to settle a question.
+/// Finds the smallest number of new specimens that is likely to settle a question.
 pub fn plan(question: &Question, seed: u64) -> Plan {
     let mut plan = Plan { specimens_per_group: None, chance: 0.0 };
     for n in NUMBERS {
@@ -41,7 +41,7 @@ pub fn plan(question: &Question, seed: u64) -> Plan {
     plan
 }
 
-/// Probability that `n` new specimens a group settle the question. The same random numbers serve every n.
+/// Probability that `n` new specimens per group settle the question. All n use the same random numbers.
 pub fn chance(question: &Question, n: u32, seed: u64) -> f64 {
     let every = |most: usize| question.log_ratio.len().div_ceil(most).max(1);
     let edge = question.margin.ln_1p();

@@ -1,4 +1,4 @@
-//! What the population predicts: a new specimen of a group, its creep, and groups in which nothing was measured.
+//! Predictions of the population: a new specimen of a group, its creep, and groups without measurements.
 
 use documents::groups::CreepPrediction;
 use nalgebra::{DMatrix, DVector};
@@ -14,31 +14,31 @@ use base::number::Dual;
 use figures::density::{quantile_of_sorted, sorted};
 use laws::rheology::{BaseLaw, RetardationSpectrum, TimeWindow};
 
-/// Draws whose creep is computed.
+/// Largest number of draws whose creep is computed.
 const N_CURVES: usize = 1_000;
-/// Times of a creep curve.
+/// Number of times of a creep curve.
 const N_TIMES: usize = 41;
-/// Stream of the random numbers of predictions, by group.
+/// First random stream of the predictions; each group has its own stream.
 const STREAM: u64 = 1 << 32;
 
-/// A group as the population describes it; values of a draw stand together, one a parameter.
+/// A group as the population describes it. The values of one draw are adjacent, one per parameter.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PredictedGroup {
-    /// Its name.
+    /// Name of the group.
     pub name: String,
     /// Coordinates of the typical specimen's parameters.
     pub typical: Vec<f64>,
-    /// Coordinates of a new specimen's, all of its repeats averaged.
+    /// Coordinates of a new specimen's parameters, averaged over all of its repeats.
     pub new_specimen: Vec<f64>,
-    /// Standard deviations of specimens in the coordinate.
+    /// Standard deviations between specimens, in the coordinate.
     pub between_sd: Vec<f64>,
-    /// Its index in the design; `None` where nothing was measured.
+    /// Index in the design; `None` for a group without measurements.
     pub group: Option<usize>,
 }
 
-/// All groups of the design; with two keys, then those combinations of levels in which nothing was measured.
+/// All groups of the design, followed, with two keys, by the combinations of levels without measurements.
 ///
-/// For the latter the group's own share is drawn from its spread, and specimens scatter as in the group that shares most of its levels.
+/// For an unmeasured combination, the group's own share is drawn from its spread. Its specimens scatter as in the group that shares most of its levels.
 pub fn predicted_groups(
     design: &Design,
     draws: &[&PopulationDraw],
@@ -75,7 +75,7 @@ pub fn predicted_groups(
                 typical.push(sum + draw.between_groups_sd[own_sd + k] * noise);
             }
         }
-        // Keys come in the order in which they matter: the first that is shared decides.
+        // Keys are ordered by importance: the first shared key decides.
         let likeness = |own: &Vec<usize>| own.iter().zip(&levels).map(|(a, b)| a == b).collect::<Vec<bool>>();
         let nearest = (0..design.groups.len()).rev().max_by_key(|g| likeness(&design.groups[*g].levels)).unwrap_or(0);
         let names: Vec<&str> = levels.iter().zip(&design.keys).map(|(level, key)| key[*level].as_str()).collect();
@@ -124,13 +124,13 @@ pub fn creep_times_s(window: TimeWindow) -> Vec<f64> {
     (0..N_TIMES).map(|i| (first + (last - first) * i as f64 / (N_TIMES - 1) as f64).exp()).collect()
 }
 
-/// Creep of a group of a law, all of whose parameters are pooled.
+/// Creep of a group under a law with all parameters pooled.
 ///
 /// # Errors
-/// [`base::Error::Numerical`] where no draw has a creep.
+/// [`base::Error::Numerical`] if no draw has a creep.
 pub fn creep(law: BaseLaw, scales: &[Scale], group: &PredictedGroup, time_s: &[f64]) -> Result<CreepPrediction> {
     let (Some(first), Some(last)) = (time_s.first(), time_s.last()) else {
-        return Err(base::Error::numerical("creep at no time", "give times"));
+        return Err(base::Error::numerical("the list of times for the creep is empty", "give at least one time"));
     };
     let window = TimeWindow { shortest_s: *first, longest_s: *last };
     let p = law.parameters().len();
@@ -148,7 +148,7 @@ pub fn creep(law: BaseLaw, scales: &[Scale], group: &PredictedGroup, time_s: &[f
         }
         if at_time.iter().any(Vec::is_empty) {
             return Err(base::Error::numerical(
-                format!("the law has no creep at any draw of {}", group.name),
+                format!("the law has no finite creep in any draw of {}", group.name),
                 format!("give narrower priors ({}), or fix a parameter ({})", Setting::Prior, Setting::Fixed),
             ));
         }
@@ -168,7 +168,7 @@ pub fn creep(law: BaseLaw, scales: &[Scale], group: &PredictedGroup, time_s: &[f
     })
 }
 
-/// J(t) at every time; `None` where the law has no spectrum there, or none that numbers can hold.
+/// J(t) at every time. `None` if the law has no spectrum in the window, or values beyond the range of numbers.
 fn curve(law: BaseLaw, parameters: &[Dual], window: TimeWindow, time_s: &[f64]) -> Option<Vec<f64>> {
     let spectrum: RetardationSpectrum = RetardationSpectrum::of(&law.elements(parameters), window).ok()?;
     let curve: Vec<f64> = time_s.iter().map(|time| spectrum.creep_compliance_per_pa(*time)).collect();

@@ -1,28 +1,28 @@
-//! The scale without ends on which a parameter scatters in the population: the logarithm, or, between two ends, the log-odds.
+//! Unbounded scale on which a parameter scatters in the population: the logarithm, or the log-odds if it has two bounds.
 
 use documents::groups::ScaleName;
 
 use base::parameter::Support;
 
-/// Log-odds beyond this are an end of the support to the last bit.
+/// Log-odds beyond which a value equals a bound to the last bit.
 const LARGEST_LOG_ODDS: f64 = 36.0;
 
-/// How a parameter is made one without ends. Parameters of laws are positive.
+/// Transformation of a parameter to an unbounded coordinate. Parameters of laws are positive.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Scale {
     /// ln x, for x above 0.
     Logarithm,
     /// ln((x − a)/(b − x)), for x between a ≥ 0 and b.
     LogOdds {
-        /// a.
+        /// Lower bound a.
         lower: f64,
-        /// b.
+        /// Upper bound b.
         upper: f64,
     },
 }
 
 impl Scale {
-    /// The scale of a parameter with this support.
+    /// Scale of a parameter with this support.
     pub fn of(support: Support) -> Self {
         if support.upper.is_finite() {
             Self::LogOdds { lower: support.lower, upper: support.upper }
@@ -31,7 +31,7 @@ impl Scale {
         }
     }
 
-    /// Its name.
+    /// Name of the scale.
     pub fn name(self) -> ScaleName {
         match self {
             Self::Logarithm => ScaleName::Logarithm,
@@ -39,7 +39,7 @@ impl Scale {
         }
     }
 
-    /// The coordinate of a value; finite at the ends, too.
+    /// Coordinate of a value; finite also at the bounds.
     pub fn coordinate(self, value: f64) -> f64 {
         match self {
             Self::Logarithm => value.max(f64::MIN_POSITIVE).ln(),
@@ -49,12 +49,12 @@ impl Scale {
         }
     }
 
-    /// The value at a coordinate, always inside the support.
+    /// Value at a coordinate, always inside the support.
     pub fn value(self, coordinate: f64) -> f64 {
         match self {
             Self::Logarithm => coordinate.exp(),
             Self::LogOdds { lower, upper } => {
-                // From the nearer end, so that values close to an end keep their digits.
+                // Values are counted from the nearer bound, so that values close to a bound keep their digits.
                 let share = |t: f64| t.exp() / (1.0 + t.exp());
                 let width = upper - lower;
                 if coordinate < 0.0 { lower + width * share(coordinate) } else { upper - width * share(-coordinate) }
@@ -80,7 +80,7 @@ impl Scale {
         }
     }
 
-    /// d ln x/dφ at a coordinate φ: what turns a small spread of the coordinate into one of the logarithm.
+    /// d ln x/dφ at a coordinate φ. It converts a small spread of the coordinate into a spread of the logarithm.
     pub fn relative_slope(self, coordinate: f64) -> f64 {
         (self.ln_slope(coordinate) - self.ln_value(coordinate)).exp()
     }
@@ -112,7 +112,7 @@ mod tests {
         assert!(Scale::Logarithm.coordinate(0.0).is_finite());
     }
 
-    /// Slopes against differences of the value.
+    /// Compares slopes with differences of the value.
     #[test]
     fn slopes_are_derivatives() {
         for scale in [Scale::Logarithm, ORDER, BETWEEN] {
@@ -127,7 +127,7 @@ mod tests {
         }
     }
 
-    /// What scales are made for: ratios need values above 0.
+    /// Parameters of laws must be positive, because ratios need values above 0.
     #[test]
     fn no_parameter_of_a_law_is_negative() {
         let text = "series = [{ spring = \"e\" }, { dashpot = \"c\" }, { springpot = \"p\" }]";

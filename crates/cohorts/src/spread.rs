@@ -1,17 +1,17 @@
-//! Spreads, and specimens that lie far from their group.
+//! Spreads, and specimens far from their group.
 
 use statrs::distribution::{ContinuousCDF, StudentsT};
 
 use sampling::diagnostics::ranks::median;
 
-/// Probability, roughly, that any specimen of a cohort without outlying ones is taken for one: what follows from it is a note.
+/// Approximate probability that a cohort without outlying specimens has one marked as outlying. A mark only leads to a remark.
 const FALSE_ALARM: f64 = 0.1;
-/// Degrees of freedom, a specimen beyond one a group, of the Student-t that deviations over their median absolute deviation follow in the tails
-/// (by simulation; 0.37 in the limit of many).
+/// Degrees of freedom per specimen beyond one per group. The tails of deviations over their median absolute deviation follow this Student-t distribution (by simulation;
+/// 0.37 in the limit of many).
 const DEGREES: f64 = 0.3;
 /// Median absolute deviation of a normal distribution, in standard deviations.
 const NORMAL_MAD: f64 = 0.674_489_750_196_081_7;
-/// With fewer specimens in all no spread is known well enough.
+/// Smallest number of specimens from which a spread is known well enough.
 const FEWEST: usize = 6;
 
 /// Sample variance.
@@ -21,9 +21,10 @@ pub fn variance(values: &[f64]) -> f64 {
     values.iter().map(|x| (x - mean).powi(2)).sum::<f64>() / (n - 1.0)
 }
 
-/// Which specimens lie far from the median of their group, by the median absolute deviation of all groups together (the modified z-score of
-/// Iglewicz & Hoaglin 1993, How to Detect and Handle Outliers, with a bar for all specimens and parameters together); `values` holds a row a
-/// specimen. Groups of fewer than three specimens have no outlying one.
+/// Marks specimens that lie far from the median of their group, relative to the median absolute deviation of all groups together. `values` holds one row per specimen.
+/// Groups of fewer than three specimens have no outlying one.
+///
+/// The method is the modified z-score of Iglewicz & Hoaglin (1993, How to Detect and Handle Outliers), with one threshold for all specimens and parameters together.
 pub fn outlying(values: &[Vec<f64>], group_of: &[usize]) -> Vec<bool> {
     let n = values.len();
     let p = values.first().map_or(0, Vec::len);
@@ -69,8 +70,8 @@ mod tests {
         assert!((variance(&[1.0, 2.0, 3.0, 4.0]) - 5.0 / 3.0).abs() < 1e-15);
     }
 
-    /// Normal cohorts of three groups of seven, three parameters: of 1,000 about 100 false alarms by design. A rate of 10 % gives more than 148,
-    /// and a rate below 2 % (the bar far too high) fewer than 30, with probabilities below 1e-6 and 0.99.
+    /// Normal cohorts of three groups of seven specimens and three parameters: about 100 of 1,000 give a false alarm by design. A rate of 10 % gives more than 148 with a
+    /// probability below 1e-6. A rate below 2 % (a threshold far too high) gives fewer than 30 with a probability of 0.99.
     #[test]
     fn cohorts_without_outlying_specimens_have_few() {
         use rand::SeedableRng;

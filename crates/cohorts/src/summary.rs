@@ -1,4 +1,4 @@
-//! The document of a comparison, `vitreo-uq/groups/1`.
+//! Document of a comparison, `vitreo-uq/groups/1`.
 
 use documents::groups::{
     ContrastSummary, CreepSummary, ExperimentSummary, GroupParameter, GroupSummary, GroupsSummary, IntervalSummary,
@@ -36,10 +36,10 @@ fn every(values: &[f64], p: usize, k: usize) -> Vec<f64> {
     values.iter().skip(k).step_by(p).copied().collect()
 }
 
-/// Puts what was found into words and numbers.
+/// Summarises a comparison in numbers and sentences.
 ///
 /// # Errors
-/// Those of the law's creep.
+/// Errors of the law's creep.
 pub fn summarise(measurements: &[Measurement], found: &Comparison, request: &GroupsRequest) -> Result<GroupsSummary> {
     let draws: Vec<&PopulationDraw> = found.population.draws().collect();
     let groups: Vec<GroupSummary> = found.groups.iter().map(|group| group_summary(found, &draws, group)).collect();
@@ -128,14 +128,14 @@ fn group_summary(found: &Comparison, draws: &[&PopulationDraw], own: &PredictedG
     }
 }
 
-/// Specimens whose first experiment is in a group, by index.
+/// Indices of the specimens whose first experiment is in a group.
 fn specimens_at_home(found: &Comparison, group: usize) -> Vec<usize> {
     let design = &found.design;
     let is_home = |own: &SpecimenOfDesign| own.experiments.first().is_some_and(|e| design.group_of[*e] == group);
     design.specimens.iter().enumerate().filter(|(_, own)| is_home(own)).map(|(index, _)| index).collect()
 }
 
-/// 1 − var over specimens of the mean deviation / mean of the variance over specimens of the deviation.
+/// Pooling factor: 1 − (variance over specimens of the mean deviation) / (mean over draws of the variance over specimens).
 fn pooling(found: &Comparison, draws: &[&PopulationDraw], group: usize, k: usize) -> Option<f64> {
     let p = found.parameters.len();
     let specimens = specimens_at_home(found, group);
@@ -184,9 +184,8 @@ fn contrast_summary(
     }
 }
 
-/// Variance of the difference of the logarithms of one new specimen of each group, one a draw; where specimens scatter in the log-odds, by the slope of the
-/// logarithm at the group's typical one. Groups that share specimens are measured on the same
-/// specimen, whose own deviation then cancels.
+/// Variance of the log difference between one new specimen of each group, one value per draw. Spreads in the log-odds are converted by the slope of the logarithm at the
+/// group's typical specimen. In groups that share specimens, both measurements are on the same specimen, whose own deviation then cancels.
 fn variance_of_pair(
     found: &Comparison,
     draws: &[&PopulationDraw],
@@ -212,7 +211,7 @@ fn variance_of_pair(
     draws.iter().map(variance).collect()
 }
 
-/// Median over a group's experiments of the variance that a parameter's logarithm has on its own.
+/// Median over a group's experiments of the variance of a parameter's logarithm in a single experiment.
 fn measurement_variance(found: &Comparison, group: usize, k: usize) -> f64 {
     let p = found.parameters.len();
     let of_experiment = |(e, _): (usize, &usize)| {
@@ -243,7 +242,7 @@ fn experiment_summary(measurements: &[Measurement], found: &Comparison, e: usize
     }
 }
 
-/// One entry a specimen and group.
+/// Summaries of the specimens, one entry per specimen and group.
 fn specimen_summaries(found: &Comparison, draws: &[&PopulationDraw], seed: u64) -> Vec<SpecimenSummary> {
     let (p, design) = (found.parameters.len(), &found.design);
     let mut places: Vec<(usize, usize)> = Vec::new();

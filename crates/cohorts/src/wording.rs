@@ -1,4 +1,4 @@
-//! What a comparison says, in words, and what the user should know of it.
+//! Sentences and warnings of a comparison.
 
 use super::hierarchy::{FEWEST_EFFECTIVE_DRAWS, LARGEST_RHAT};
 use documents::groups::{ContrastSummary, ExperimentSummary, GroupSummary, GroupsSummary, Plan, RatioVerdict};
@@ -6,11 +6,11 @@ use documents::posterior::{Warning, WarningKind};
 use figures::labels::of_parameter;
 use posterior::misfit::NOISE_FACTOR;
 
-/// Pairs of groups, and names, that a sentence lists.
+/// Largest numbers of pairs of groups, and of names, in a sentence.
 const MOST_PAIRS: usize = 3;
 const MOST_NAMES: usize = 8;
 
-/// What was compared, in a line.
+/// Heading in one line: the compared specimens, groups and model.
 pub fn heading(summary: &GroupsSummary) -> String {
     let measured: Vec<&GroupSummary> = summary.groups.iter().filter(|own| own.specimens > 0).collect();
     let model = match summary.effects.len() {
@@ -31,7 +31,7 @@ fn counted(n: usize, what: &str) -> String {
     format!("{n} {what}{}", if n == 1 { "" } else { "s" })
 }
 
-/// What differs, what does not, and what is open: a sentence a parameter.
+/// Conclusions, one sentence per parameter: differences, equivalences and undecided pairs.
 pub fn conclusions(summary: &GroupsSummary) -> Vec<String> {
     let margin = format!("{:.0} %", 100.0 * summary.margin);
     let names = summary.groups.first().map_or(&[][..], |group| &group.parameters);
@@ -45,9 +45,9 @@ pub fn conclusions(summary: &GroupsSummary) -> Vec<String> {
         let is_open = |own: &ContrastSummary| own.verdict == RatioVerdict::Undecided;
         let parts = [
             part(&is_beyond, "", &format!(" by more than {margin}")),
-            part(&|own| is_open(own) && own.is_declared, "", " by an amount that is open"),
+            part(&|own| is_open(own) && own.is_declared, "", " by an undecided amount"),
             part(&|own| own.verdict == RatioVerdict::Equivalent, &format!("no difference beyond {margin}: "), ""),
-            part(&|own| is_open(own) && !own.is_declared, "open: ", ""),
+            part(&|own| is_open(own) && !own.is_declared, "undecided: ", ""),
         ];
         format!("{}: {}.", of_parameter(name).symbol, parts.into_iter().flatten().collect::<Vec<_>>().join("; "))
     };
@@ -67,18 +67,19 @@ fn as_greater(own: &ContrastSummary) -> String {
     format!("{greater} above {less} ({ratio:.2} ×)")
 }
 
-/// What it would take to settle a question.
+/// Number of further specimens that would settle a question, as text.
 pub fn what_it_takes(plan: &Plan) -> String {
     match plan.specimens_per_group {
-        Some(n) => format!("open: {n} more a group settle it with {:.0} %", 100.0 * plan.chance),
-        None => format!("open: 512 more a group settle it with {:.0} % only", 100.0 * plan.chance),
+        Some(n) => format!("undecided: {n} more per group settle it with {:.0} % probability", 100.0 * plan.chance),
+        None => format!("undecided: 512 more per group settle it with only {:.0} % probability", 100.0 * plan.chance),
     }
 }
 
-/// Standard deviations of what a fit leaves open that a misfit may reach.
+/// Largest tolerated residual on the held-out cycle, in posterior standard deviations of the prediction.
 const OPEN_SDS: f64 = 3.3;
 
-/// Where a model misses its experiment by more than 1.5 × the noise and, on the held-out cycle, than the fit leaves open.
+/// Describes a model's misfit to its experiment. It is a misfit if the residual exceeds 1.5 × the noise and, on the held-out cycle, also the posterior uncertainty of the
+/// prediction.
 fn misfit(own: &ExperimentSummary) -> Option<String> {
     let bar_um = NOISE_FACTOR * own.noise_um?;
     let open_um = OPEN_SDS * own.predictive_sd_heldout_um.unwrap_or(0.0);
@@ -92,19 +93,19 @@ fn misfit(own: &ExperimentSummary) -> Option<String> {
     (!parts.is_empty()).then(|| parts.join(" and "))
 }
 
-/// Names, at most so many of them.
+/// The first names, and the number of the others.
 fn listed(names: &[&str]) -> String {
     at_most(MOST_NAMES, names)
 }
 
-/// The first so many of a list, and how many more there are.
+/// The first entries of a list, and the number of the others.
 fn at_most(most: usize, names: &[impl AsRef<str>]) -> String {
     let shown: Vec<&str> = names.iter().take(most).map(AsRef::as_ref).collect();
     let more = if names.len() > most { format!(" and {} more", names.len() - most) } else { String::new() };
     shown.join(", ") + &more
 }
 
-/// All warnings that apply, gravest first.
+/// All warnings that apply, most serious first.
 pub fn warnings(summary: &GroupsSummary) -> Vec<Warning> {
     let mut all = Vec::new();
     let mut add = |kind, text: String, advice: &str| all.push(Warning { kind, text, advice: advice.into() });
@@ -125,13 +126,13 @@ pub fn warnings(summary: &GroupsSummary) -> Vec<Warning> {
         add(
             WarningKind::NotConverged,
             text,
-            "look at each with `vitreo-uq sample`; give more steps (--steps), a narrower prior (--prior), or leave it out (--leave-out)",
+            "check each with `vitreo-uq sample`; give more steps (--steps), a narrower prior (--prior), or leave it out (--leave-out)",
         );
     }
     let failing = names(&|own| misfit(own).is_some());
     if let Some((own, words)) = summary.experiments.iter().find_map(|own| misfit(own).map(|words| (own, words))) {
         let text = format!(
-            "{} of {} experiments are not described by their model: {}; in {} the model misses {words}",
+            "the models of {} of {} experiments do not fit: {}; in {} the model misses {words}",
             failing.len(),
             summary.experiments.len(),
             listed(&failing),
@@ -148,21 +149,21 @@ pub fn warnings(summary: &GroupsSummary) -> Vec<Warning> {
     let alone: Vec<&str> =
         summary.groups.iter().filter(|own| own.specimens == 1).map(|own| own.name.as_str()).collect();
     if !alone.is_empty() {
-        let text = format!("only one specimen was measured of {}", listed(&alone));
+        let text = format!("only one specimen was measured in {}", listed(&alone));
         add(
             WarningKind::GroupOfOne,
             text,
-            "its spread is that of the prior and of the other groups; measure more before reading its differences",
+            "its spread comes from the prior and the other groups; measure more specimens before you interpret its differences",
         );
     }
     let predicted: Vec<&str> =
         summary.groups.iter().filter(|own| own.specimens == 0).map(|own| own.name.as_str()).collect();
     if !predicted.is_empty() {
-        let text = format!("nothing was measured of {}", listed(&predicted));
+        let text = format!("nothing was measured in {}", listed(&predicted));
         add(
             WarningKind::GroupPredicted,
             text,
-            "its figures are predicted from the other groups, and it is not among the differences",
+            "its values are predicted from the other groups; it has no differences to other groups",
         );
     }
     let mut outlying: Vec<&str> =
@@ -172,8 +173,8 @@ pub fn warnings(summary: &GroupsSummary) -> Vec<Warning> {
     if !outlying.is_empty() {
         let text = format!("{} lies far from its group", listed(&outlying));
         let advice = match summary.student_dof {
-            Some(_) => "heavy tails keep it from widening its group; look at how it was measured",
-            None => "look at how it was measured; with --heavy-tails it does not widen its group",
+            Some(_) => "heavy tails keep it from widening its group; check its measurement",
+            None => "check its measurement; with --heavy-tails it does not widen its group",
         };
         add(WarningKind::OutlyingSpecimen, text, advice);
     }

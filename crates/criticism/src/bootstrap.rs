@@ -1,5 +1,5 @@
-//! How large a gain the search finds where there is nothing to find: data simulated from a reference model and its noise, noise estimated anew, the
-//! whole search repeated.
+//! Largest gain that the search finds in data without a missing effect. The data are simulated from a reference model and its noise; the whole search is
+//! repeated with the noise estimated anew.
 
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
@@ -16,21 +16,21 @@ pub struct Bootstrap {
     largest: Vec<f64>,
 }
 
-/// Simulations are made so many at a time, so that the count does not depend on the number of threads.
+/// Number of simulations per batch; fixed, so that the count does not depend on the number of threads.
 const BATCH: usize = 10;
-/// A p is known well enough when so many simulations reached the gain (Besag & Clifford, Biometrika 78, 301, 1991).
+/// A p is known well enough once so many simulations have reached the gain (Besag & Clifford, Biometrika 78, 301, 1991).
 const ENOUGH_EXCEEDANCES: usize = 10;
-/// Fewer searches than this do not show the largest gain of 95 in 100.
+/// Least number of searches that show a 95 % quantile of the largest gain.
 const ENOUGH_FOR_QUANTILE: usize = 40;
-/// A gain that is so many times the largest simulated one will not be reached.
+/// A gain of so many times the largest simulated one counts as out of reach.
 const OUT_OF_REACH: f64 = 2.0;
 
-/// How many searches to simulate.
+/// Number of searches to simulate.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Simulations {
-    /// At most.
+    /// Largest number.
     pub most: usize,
-    /// Where only the decision at this p matters, and not p itself: enough for it, once the gain is out of their reach.
+    /// Threshold of p if only the decision matters: simulations stop once they suffice for it and the gain is out of their reach.
     pub only_for: Option<f64>,
 }
 
@@ -45,7 +45,7 @@ impl Simulations {
 }
 
 impl Bootstrap {
-    /// Simulates the reference and refits it and every candidate that may gain most, until all simulations are made or `gain` is known to be common.
+    /// Simulates the reference, and refits it and every candidate that may gain most, until all simulations are made or `gain` proves common.
     pub fn run(
         subject: &Subject,
         reference: &Refitted,
@@ -56,7 +56,7 @@ impl Bootstrap {
         monitor: &dyn Monitor,
     ) -> Self {
         let counter = Counter::new(monitor, simulations.most);
-        // Without first-order values every candidate is refitted.
+        // Without first-order bounds every candidate is refitted.
         let screen = Screen::new(subject, reference, candidates).ok();
         let simulate = |number: usize| {
             let gain = largest_gain(subject, reference, (candidates, screen.as_ref()), seed, number);
@@ -66,7 +66,7 @@ impl Bootstrap {
         Self::of(gain, simulations, simulate)
     }
 
-    /// The same for any search that gives the largest gain of simulation `number`.
+    /// Runs any search that returns the largest gain of simulation `number`.
     pub fn of(gain: f64, simulations: Simulations, search: impl Fn(usize) -> f64 + Sync) -> Self {
         let mut largest: Vec<f64> = Vec::new();
         while !simulations.are_enough(&largest, gain) {
@@ -77,48 +77,48 @@ impl Bootstrap {
         Self { largest }
     }
 
-    /// p of a gain, corrected for the whole search.
+    /// Returns p of a gain, corrected for the whole search.
     pub fn p(&self, gain: f64) -> f64 {
         let reached = self.largest.iter().filter(|largest| **largest >= gain).count();
         (1 + reached) as f64 / (1 + self.largest.len()) as f64
     }
 
-    /// Number of simulations that were made.
+    /// Number of simulations made.
     pub fn len(&self) -> usize {
         self.largest.len()
     }
 
-    /// Whether none was made.
+    /// Returns whether no simulation was made.
     pub fn is_empty(&self) -> bool {
         self.largest.is_empty()
     }
 
-    /// The gain that 95 of 100 simulated searches stay below; of fewer than twenty searches the largest.
+    /// 95 % quantile of the simulated largest gains; the largest if there are fewer than twenty.
     pub fn threshold(&self) -> f64 {
         let mut sorted = self.largest.clone();
         sorted.sort_by(f64::total_cmp);
         sorted.get(sorted.len() * 95 / 100).copied().unwrap_or(f64::INFINITY)
     }
 
-    /// What the simulated searches gained, and how many there were; `None` of none.
+    /// Sentence with the gains of the simulated searches and their number; `None` if there are none.
     pub(super) fn sentence(&self) -> Option<String> {
         let n = self.largest.len();
         let gained = self.threshold();
         let larger = self.largest.iter().filter(|largest| **largest > gained).count();
-        let few = if n < ENOUGH_FOR_QUANTILE { ": enough to decide, too few for a limit of 95 in 100" } else { "" };
+        let few = if n < ENOUGH_FOR_QUANTILE { ": enough to decide, too few for a 95 % limit" } else { "" };
         (n > 0).then(|| match larger {
-            0 => format!("in {n} simulated searches where nothing is missing no refit gained more than {gained:.1} nats{few}"),
-            _ => format!("in {} of {n} simulated searches where nothing is missing no refit gained more than {gained:.1} nats{few}", n - larger),
+            0 => format!("in {n} simulated searches without a missing effect, no refit gained more than {gained:.1} nats{few}"),
+            _ => format!("in {} of {n} simulated searches without a missing effect, no refit gained more than {gained:.1} nats{few}", n - larger),
         })
     }
 }
 
-/// The experiment with positions simulated from a model and its noise.
+/// Returns the experiment with positions simulated from a model and its noise.
 pub fn simulated(subject: &Subject, reference: &Refitted, seed: u64, number: usize) -> Subject {
     subject.with_positions(&simulated_m(subject, reference, seed, number))
 }
 
-/// Positions (m), one a row, simulated from a model and its noise.
+/// Positions (m), one per row, simulated from a model and its noise.
 pub fn simulated_m(subject: &Subject, reference: &Refitted, seed: u64, number: usize) -> Vec<f64> {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     rng.set_stream(number as u64);
@@ -146,7 +146,7 @@ fn largest_gain(
     let bounds = screen.map_or(vec![f64::INFINITY; candidates.len()], |screen| screen.bounds_nats(&data));
     let mut order: Vec<usize> = (0..candidates.len()).collect();
     order.sort_by(|a, b| bounds[*b].total_cmp(&bounds[*a]));
-    // From the most promising on, until none of the rest can gain more.
+    // The most promising candidate comes first; the loop ends when no other can gain more.
     order
         .into_iter()
         .fold(0.0, |best, place| if bounds[place] < best { best } else { gain(&candidates[place]).max(best) })
@@ -174,19 +174,19 @@ mod tests {
         assert!((mean - 0.51).abs() < 4.0 * 0.059, "{mean}");
     }
 
-    /// p of the largest gain on 60 correct models is uniform: its mean is 0.5 ± 0.037, asserted at five standard deviations (false failures below
-    /// 1e-6); that none of them is below or none above a quarter of the range has a probability of 3e-8 each.
+    /// p of the largest gain on 60 correct models is uniform. Its mean is 0.5 ± 0.037, asserted at five standard deviations (false failures below
+    /// 1e-6). The lowest and the highest quarter of the range are each empty with a probability of 3e-8.
     #[test]
     #[ignore = "campaigns/long-tests"]
     fn p_of_correct_models_is_uniform() {
         let p = p_of_correct_models(60, 60);
         let mean = p.iter().sum::<f64>() / 60.0;
-        // Besag and Clifford's rule stops early at large p, which it then overstates by a few per cent.
+        // Besag and Clifford's rule stops early at large p and then overstates it by a few per cent.
         assert!((mean - 0.51).abs() < 5.0 * 0.037, "{mean}");
         assert!(p.iter().any(|p| *p < 0.25) && p.iter().any(|p| *p > 0.75), "{p:?}");
     }
 
-    /// p of the largest gain on so many correct models by at most so many simulations each.
+    /// Values of p of the largest gain on `n_models` correct models, by at most `most` simulations each.
     fn p_of_correct_models(n_models: u64, most: usize) -> Vec<f64> {
         let (base, fitted) = base_fit();
         let candidates = candidates();
@@ -203,9 +203,9 @@ mod tests {
         (0..n_models).into_par_iter().map(p_of).collect()
     }
 
-    /// Where gain and simulated gains are of one distribution, p ≤ 1/20 once in twenty, also where simulations stop early: 20,000 trials have a standard
-    /// error of 0.0015 there and 0.0035 at 1/2, and five of those are passed falsely once in 10⁶ (what is out of reach and would have been reached by the
-    /// other simulations adds 10⁻⁴). Stopping at common gains overstates p and never understates it.
+    /// If gain and simulated gains have one distribution, p ≤ 1/20 once in twenty, also if simulations stop early. 20,000 trials have a standard
+    /// error of 0.0015 there and 0.0035 at 1/2; five of those are exceeded once in 10⁶. Exceedances that early stopping misses add
+    /// 10⁻⁴. Stopping at common gains overstates p and never understates it.
     #[test]
     fn p_is_uniform_under_exchange_and_conservative_where_it_stops_early() {
         const N: u64 = 20_000;
@@ -230,8 +230,8 @@ mod tests {
         assert!(mean < 50.0 && mean_to_decide < mean, "{mean} {mean_to_decide}");
     }
 
-    /// Positions scatter about the model by its noise, anew in each simulation: 800 white errors have a mean square of 16 ± 0.8 µm² and a correlation of
-    /// 0 ± 0.035 with others, asserted at five standard deviations (false failures below 1e-6 each).
+    /// Simulated positions scatter about the model by its noise, independently in each simulation. 800 white errors have a mean square of 16 ± 0.8 µm² and a
+    /// correlation of 0 ± 0.035 with others, asserted at five standard deviations (false failures below 1e-6 each).
     #[test]
     fn simulations_have_the_noise_and_each_its_own() {
         let (candidate, fitted) = base_fit();
@@ -251,8 +251,8 @@ mod tests {
         }
     }
 
-    /// The largest gain of a simulation is that of the widest fits of its data, noise estimated anew for every model: it is not that of one candidate, nor of
-    /// a noise that is held.
+    /// The largest gain of a simulation equals that of the widest fits of its data, with the noise estimated anew for every model. Fits of one candidate
+    /// or with fixed noise give other values.
     #[test]
     #[ignore = "thorough"]
     fn a_simulated_search_fits_mean_and_noise_of_every_model() {
@@ -275,8 +275,8 @@ mod tests {
         assert!(n_of_second > 0);
     }
 
-    /// Leaving out what cannot gain most changes no largest gain: 24 simulated searches over every effect that needs no finite elements, under white and under
-    /// slow noise, with most refits left out.
+    /// Skipping candidates that cannot gain most changes no largest gain. The test makes 24 simulated searches over every effect that needs no finite elements, under white and
+    /// slow noise, and skips most refits.
     #[test]
     fn what_is_not_refitted_would_not_have_gained_most() {
         let subject = crate::test_subjects::subject(crate::test_subjects::Protocol::Levels);
@@ -308,12 +308,12 @@ mod tests {
         assert_eq!(bootstrap.p(3.0), 2.0 / 5.0);
         assert_eq!(bootstrap.p(5.0), 1.0 / 5.0);
         assert_eq!((bootstrap.len(), bootstrap.threshold()), (4, 4.0));
-        // Of 99 the 95th in size: four stay above it.
+        // The 95th of 99 sorted gains: four exceed it.
         assert_eq!(Bootstrap { largest: (1..=99).rev().map(f64::from).collect() }.threshold(), 95.0);
-        // Ten searches are not called a hundred.
+        // Ten searches are too few for a 95 % limit.
         let words = |n: i32| Bootstrap { largest: (1..=n).map(f64::from).collect() }.sentence().expect("searches");
         assert!(
-            words(10).starts_with("in 10 simulated searches where nothing is missing no refit gained more than 10.0")
+            words(10).starts_with("in 10 simulated searches without a missing effect, no refit gained more than 10.0")
         );
         assert!(words(10).contains("too few") && !words(99).contains("too few"));
         assert!(words(99).starts_with("in 95 of 99 simulated searches") && words(99).contains("more than 95.0 nats"));

@@ -1,30 +1,30 @@
-//! The probability that a normal vector lies in a box, by its logarithm, so that it may be as small as one likes.
+//! Logarithm of the probability that a normal vector lies in a box; it may be arbitrarily small.
 //!
-//! With the covariance factorised, LLᵀ, coordinate after coordinate is drawn inside its own ends given those before it; the mean of the products of what
-//! those ends hold is the probability (Genz, *J. Comput. Graph. Stat.* 1, 141, 1992). The draws are shifted by the μ of the saddle point of ln weight, so
-//! that the weights are nearly alike however far in the tail the box lies (Botev, *J. R. Stat. Soc. B* 79, 125, 2017, doi:10.1111/rssb.12162). In place
-//! of random numbers stand fixed points, so that the same box has the same probability; one coordinate is exact.
+//! The covariance is factorised, LLᵀ, and coordinates are drawn in turn between their ends given the earlier ones. The probability is the mean of the products of
+//! the masses between those ends (Genz, *J. Comput. Graph. Stat.* 1, 141, 1992). The draws are shifted by the μ of the saddle point of ln weight, so
+//! that the weights are nearly alike however far in the tail the box lies (Botev, *J. R. Stat. Soc. B* 79, 125, 2017, doi:10.1111/rssb.12162). Fixed points
+//! replace random numbers, so that equal boxes have equal probabilities; one coordinate is exact.
 
 use std::f64::consts::{FRAC_1_SQRT_2, PI, SQRT_2, TAU};
 
 use nalgebra::{DMatrix, DVector};
 use statrs::function::erf::{erf, erfc, erfc_inv};
 
-/// Ends so many standard deviations away from where a coordinate is, given that the others are in the box, hold all of it: 1 − 10⁻¹².
+/// Ends so many standard deviations from a coordinate's mean, given that the others are in the box, enclose all but 10⁻¹² of its mass.
 const FAR_SD: f64 = 7.0;
-/// Points along one drawn coordinate, along each of two, and altogether for more.
+/// Number of points along one drawn coordinate, along each of two, and in total for more.
 const N_ALONE: usize = 96;
 const N_EACH_OF_TWO: usize = 24;
 const N_OF_MORE: usize = 2048;
-/// The saddle point is found when its slope is below this.
+/// Norm of the slope below which the saddle point is found.
 const LEAST_SLOPE: f64 = 1e-9;
 const MOST_STEPS: usize = 60;
 
-/// ln P(lower ≤ x ≤ upper) of a normal vector x with mean 0; ends may be infinite. −∞ where the covariance is none.
+/// ln P(lower ≤ x ≤ upper) of a normal vector x with mean 0; ends may be infinite. −∞ if the matrix is not a covariance.
 pub(super) fn ln_box_probability(covariance: &DMatrix<f64>, lower: &[f64], upper: &[f64]) -> f64 {
     let mut left: Vec<usize> = (0..lower.len()).collect();
     let mut sum = 0.0;
-    // What hangs together with the first that is left is taken out at once; the rest is independent of it.
+    // Coordinates correlated with the first remaining one form a group; the rest is independent of it.
     while let Some(first) = left.first() {
         let mut together = vec![*first];
         let mut next = 0;
@@ -46,10 +46,10 @@ pub(super) fn ln_box_probability(covariance: &DMatrix<f64>, lower: &[f64], upper
     sum
 }
 
-/// The same of coordinates with variance 1.
+/// ln P for correlated coordinates with variance 1.
 fn ln_of_correlated(correlation: &DMatrix<f64>, lower: &[f64], upper: &[f64]) -> f64 {
     let n = lower.len();
-    // Which ends matter: those near the mean, then those near where the others push a coordinate.
+    // Ends near the mean matter; so do ends near the place to which the others push a coordinate.
     let mut place = DVector::zeros(n);
     let mut near: Vec<usize> = Vec::new();
     let mut tilted: Option<Tilted> = None;
@@ -60,7 +60,7 @@ fn ln_of_correlated(correlation: &DMatrix<f64>, lower: &[f64], upper: &[f64]) ->
             return tilted.map_or(0.0, |tilted| tilted.ln_probability());
         }
         near.extend(added);
-        // The least likely coordinates first: the others follow them.
+        // The least likely coordinates come first: the others depend on them.
         near.sort_by(|a, b| Within::new(lower[*a], upper[*a]).ln_p.total_cmp(&Within::new(lower[*b], upper[*b]).ln_p));
         let Some(found) = Tilted::new(correlation, &near, lower, upper) else { return f64::NEG_INFINITY };
         let Some(pull) = found.factor.tr_solve_lower_triangular(&found.mean()) else { return f64::NEG_INFINITY };
@@ -77,14 +77,14 @@ pub(super) fn ln_within(lower: f64, upper: f64) -> f64 {
 
 /// A standard normal variable between two ends.
 struct Within {
-    /// ln of the probability.
+    /// ln of the probability between the ends.
     ln_p: f64,
     /// Densities at the ends over the probability.
     at_lower: f64,
     at_upper: f64,
 }
 
-/// An interval shorter than this, relative to the scale on which the density changes, has a density that is a parabola.
+/// Length of an interval, relative to the scale of the density, below which the density is approximated by a parabola.
 const SHORT: f64 = 1e-4;
 
 impl Within {
@@ -102,12 +102,12 @@ impl Within {
         Self { ln_p, at_lower: 1.0 / over_density, at_upper: fall(lower, upper) / over_density }
     }
 
-    /// Derivative of the probability's logarithm by a shift of both ends downwards.
+    /// Derivative of the log probability with respect to a downward shift of both ends.
     fn slope(&self) -> f64 {
         self.at_lower - self.at_upper
     }
 
-    /// Derivative of the slope by the same shift, less one is the variance.
+    /// Derivative of the slope with respect to that shift; one plus it is the variance.
     fn curvature(&self, lower: f64, upper: f64) -> f64 {
         let product = |end: f64, density: f64| if density == 0.0 { 0.0 } else { end * density };
         (product(lower, self.at_lower) - product(upper, self.at_upper) - self.slope().powi(2)).clamp(-1.0, 0.0)
@@ -123,7 +123,7 @@ fn fall(lower: f64, upper: f64) -> f64 {
     if upper.is_infinite() { 0.0 } else { (0.5 * (lower - upper) * (lower + upper)).exp() }
 }
 
-/// Mass between two ends over the density at the lower one, which is not negative.
+/// Mass between two ends over the density at the lower one, which must not be negative.
 fn mass_over_density(lower: f64, upper: f64) -> f64 {
     let length = upper - lower;
     if length * (1.0 + lower) < SHORT {
@@ -142,14 +142,14 @@ fn mills(x: f64) -> f64 {
     (1.0 + series) / x
 }
 
-/// The point below which a standard normal between two ends lies with probability `share`.
+/// Quantile of a standard normal truncated to an interval, at probability `share`.
 fn quantile_within(lower: f64, upper: f64, share: f64) -> f64 {
     if upper <= 0.0 && lower < 0.0 {
         return -quantile_within(-upper, -lower, 1.0 - share);
     }
     let tail = |x: f64| 0.5 * erfc(x * FRAC_1_SQRT_2);
     let found = if lower > 5.0 {
-        // ln of the mass above, over the density at the lower end, by Newton's steps.
+        // Newton's steps in ln of the mass above x, over the density at the lower end.
         let wanted = (mills(lower) - share * mass_over_density(lower, upper)).ln();
         let mut x = (lower * lower + 2.0 * (mills(lower).ln() - wanted)).max(0.0).sqrt();
         for _ in 0..4 {
@@ -172,15 +172,15 @@ fn quantile_within(lower: f64, upper: f64, share: f64) -> f64 {
     found.clamp(lower, upper)
 }
 
-/// A box in coordinates that are drawn one after the other, and the shifts of the saddle point.
+/// A box in coordinates that are drawn in turn, and the shifts of the saddle point.
 struct Tilted {
     /// Cholesky factor of the correlations.
     factor: DMatrix<f64>,
-    /// Its rows and the ends over its diagonal.
+    /// Rows of the factor and ends, divided by its diagonal.
     rows: DMatrix<f64>,
     lower: Vec<f64>,
     upper: Vec<f64>,
-    /// The saddle point: coordinates and shifts; those of the last coordinate are 0.
+    /// Saddle point: coordinates and shifts, 0 for the last coordinate.
     x: Vec<f64>,
     shift: Vec<f64>,
 }
@@ -201,13 +201,13 @@ impl Tilted {
         self.lower.len()
     }
 
-    /// Ends of coordinate `k` given those before it, less its shift.
+    /// Ends of coordinate `k` given the earlier ones, less its shift.
     fn ends(&self, k: usize, x: &[f64], shift: f64) -> [f64; 2] {
         let moved = shift + (0..k).map(|j| self.rows[(k, j)] * x[j]).sum::<f64>();
         [self.lower[k] - moved, self.upper[k] - moved]
     }
 
-    /// The weight's logarithm ψ(x; μ) = Σ [μ²/2 − xμ + ln P(ends given x, less μ)].
+    /// Logarithm of the weight, ψ(x; μ) = Σ [μ²/2 − xμ + ln P(ends given x, less μ)].
     fn ln_weight(&self, x: &[f64]) -> f64 {
         let of_coordinate = |k: usize| {
             let [lower, upper] = self.ends(k, x, self.shift[k]);
@@ -216,7 +216,7 @@ impl Tilted {
         (0..self.n()).map(of_coordinate).sum()
     }
 
-    /// ∂ψ/∂x and ∂ψ/∂μ, without the last coordinate's, with their derivatives.
+    /// ∂ψ/∂x and ∂ψ/∂μ, except the last coordinate's, with their derivatives.
     fn slopes(&self, x: &[f64], shift: &[f64]) -> (DVector<f64>, DMatrix<f64>) {
         let (n, m) = (self.n(), self.n() - 1);
         let (mut slope, mut curvature) = (vec![0.0; n], vec![0.0; n]);
@@ -241,7 +241,7 @@ impl Tilted {
         (gradient, jacobian)
     }
 
-    /// Newton's steps, shortened where the slope does not fall. Any shift gives the right probability; the saddle point's gives it with the fewest points.
+    /// Finds the saddle point by Newton's steps, shortened if the slope does not fall. Any shift gives the right probability; the saddle point needs the fewest points.
     fn find_saddle(&mut self) {
         let m = self.n() - 1;
         if m == 0 {
@@ -273,7 +273,7 @@ impl Tilted {
         }
     }
 
-    /// About where the coordinates are on average, given the box.
+    /// Approximate mean of the coordinates, given the box.
     fn mean(&self) -> DVector<f64> {
         DVector::from_fn(self.n(), |k, _| {
             let [lower, upper] = self.ends(k, &self.x, self.shift[k]);
@@ -300,8 +300,8 @@ impl Tilted {
     }
 }
 
-/// Points of the unit cube with weights that add to one: equal distances, or a Kronecker sequence, bent so that the ends of the cube have no weight
-/// (w = t³(10 − 15t + 6t²)): integrands are steep there, and a periodic one is what both are best at.
+/// Visits points of the unit cube with weights that sum to one: equally spaced, or a Kronecker sequence. The substitution w = t³(10 − 15t + 6t²) gives the ends of the cube zero weight.
+/// Integrands are steep there, and both rules are best for periodic integrands.
 fn for_points(n_dimensions: usize, mut visit: impl FnMut(&[f64], f64)) {
     let bent = |t: f64| (t.powi(3) * (10.0 - t * (15.0 - 6.0 * t)), 30.0 * (t * (1.0 - t)).powi(2));
     let mut point = vec![0.0; n_dimensions];
@@ -322,7 +322,7 @@ fn for_points(n_dimensions: usize, mut visit: impl FnMut(&[f64], f64)) {
             (0..n * n).for_each(|number| visit_at(n * n, &|d| middle(if d == 0 { number / n } else { number % n }, n)));
         }
         _ => {
-            // The root of xᵈ⁺¹ = x + 1, whose powers are the farthest from fractions.
+            // The root of xᵈ⁺¹ = x + 1: its powers are worst approximated by fractions.
             let ratio = (0..60).fold(1.5_f64, |x, _| (1.0 + x).powf(1.0 / (n_dimensions + 1) as f64));
             let t = |number: usize, d: usize| ((number as f64 + 0.5) * ratio.powi(-(d as i32) - 1)).fract();
             (0..N_OF_MORE).for_each(|number| visit_at(N_OF_MORE, &|d| t(number, d)));

@@ -1,4 +1,4 @@
-//! Against closed forms and against quadrature that shares nothing with the code: near the mean, and where logarithms alone can hold the probability.
+//! Tests against closed forms and independent quadrature: near the mean, and where only the logarithm can represent the probability.
 
 use super::*;
 
@@ -6,7 +6,7 @@ fn equal(n: usize, correlation: f64) -> DMatrix<f64> {
     DMatrix::from_fn(n, n, |i, j| if i == j { 1.0 } else { correlation })
 }
 
-/// ln ∫ exp(f) by the trapezoidal rule over so many points of an interval, which holds all of the integrand or has it smooth at its ends.
+/// ln ∫ exp(f) by the trapezoidal rule with n points, over an interval that contains the whole integrand or at whose ends it is smooth.
 fn ln_integral(f: impl Fn(f64) -> f64, [from, to]: [f64; 2], n: usize) -> f64 {
     let width = (to - from) / n as f64;
     let values: Vec<f64> = (0..=n).map(|i| f(from + width * i as f64)).collect();
@@ -16,7 +16,7 @@ fn ln_integral(f: impl Fn(f64) -> f64, [from, to]: [f64; 2], n: usize) -> f64 {
     largest + (width * (ends + inner)).ln()
 }
 
-/// Q(x) to the last digits: erfc while it has any, then the continued fraction.
+/// ln Q(x) to full accuracy: erfc in its range, then the continued fraction.
 fn ln_upper(x: f64) -> f64 {
     if x < 20.0 {
         return (0.5 * erfc(x * FRAC_1_SQRT_2)).ln();
@@ -32,7 +32,7 @@ fn an_interval_is_right_wherever_it_lies() {
         assert!((found - expected).abs() < 1e-10 * expected.abs().max(1.0), "{x}: {found} {expected}");
         assert_eq!(ln_within(f64::NEG_INFINITY, -x), found);
     }
-    // Φ(−15) to fifteen digits, by arithmetic with forty; the error function behind it is right to ten.
+    // Φ(−15) to fifteen digits, computed with forty; the underlying error function is accurate to ten.
     assert!((ln_within(f64::NEG_INFINITY, -15.0) - 3.670_966_199_312_75e-51_f64.ln()).abs() < 1e-10);
     for (lower, upper) in [(-1.0, 2.0), (0.3, 0.300_01), (10.0, 10.5), (-31.0, -30.0), (200.0, 200.000_01)] {
         let expected = ln_integral(|t| -0.5 * (t * t + TAU.ln()), [lower, upper], 400_000);
@@ -53,7 +53,7 @@ fn a_quantile_is_where_the_share_lies_below() {
     }
 }
 
-/// Quadrants and octants have closed forms: ¼ + asin ρ/2π, ⅛ + Σ asin ρ/4π, and 1/(n + 1) where all correlations are ½.
+/// Quadrants and octants have closed forms: ¼ + asin ρ/2π, ⅛ + Σ asin ρ/4π, and 1/(n + 1) if all correlations are ½.
 #[test]
 fn orthants_have_their_closed_forms() {
     let orthant = |covariance: &DMatrix<f64>| {
@@ -68,7 +68,7 @@ fn orthants_have_their_closed_forms() {
     let three = DMatrix::from_row_slice(3, 3, &[1.0, -0.6, 0.2, -0.6, 1.0, 0.5, 0.2, 0.5, 1.0]);
     let expected = 0.125 + [-0.6_f64, 0.2, 0.5].iter().map(|rho| rho.asin()).sum::<f64>() / (2.0 * TAU);
     assert!((orthant(&three) / expected - 1.0).abs() < 1e-4, "{} {expected}", orthant(&three));
-    // Scales are nothing to it.
+    // The result does not depend on scales.
     let scale = [1e-6, 3.0, 1e5];
     let scaled = DMatrix::from_fn(3, 3, |i, j| three[(i, j)] * scale[i] * scale[j]);
     assert!((orthant(&scaled) / orthant(&three) - 1.0).abs() < 1e-9);
@@ -79,7 +79,7 @@ fn orthants_have_their_closed_forms() {
     }
 }
 
-/// Equal positive correlations are a common part and parts of their own, so that one integral is the probability: ∫φ(t) P(…| t)ⁿ dt.
+/// Coordinates with equal positive correlations are a common part plus independent parts, so the probability is one integral: ∫φ(t) P(…| t)ⁿ dt.
 #[test]
 fn boxes_far_away_have_the_probability_of_a_single_integral() {
     for n in [1, 3, 5] {
@@ -100,7 +100,7 @@ fn boxes_far_away_have_the_probability_of_a_single_integral() {
     }
 }
 
-/// Two coordinates with any correlation and box, by a sum over one of them.
+/// Two coordinates with any correlation and box, compared with a sum over one of them.
 #[test]
 fn two_coordinates_agree_with_a_sum_over_one() {
     for rho in [-0.999, -0.8, 0.3, 0.99] {
@@ -121,14 +121,14 @@ fn two_coordinates_agree_with_a_sum_over_one() {
     }
 }
 
-/// Coordinates whose ends are far away have no part in it, but where the others push them there; one that stands by itself multiplies.
+/// Distant ends have no influence unless other coordinates push towards them; an independent coordinate contributes a factor.
 #[test]
 fn ends_count_where_they_are_reached() {
     let covariance = DMatrix::from_row_slice(3, 3, &[1.0, 0.95, 0.0, 0.95, 1.0, 0.0, 0.0, 0.0, 4.0]);
     let alone = ln_within(10.0, 90.0);
     let free = ln_box_probability(&covariance, &[10.0, -90.0, -90.0], &[90.0, 90.0, 90.0]);
     assert!((free - alone).abs() < 1e-9, "{free} {alone}");
-    // Nine standard deviations are far, until the first coordinate takes the second to 9.5.
+    // Nine standard deviations are far, until the first coordinate shifts the second to 9.5.
     let held = ln_box_probability(&covariance, &[10.0, -90.0, -90.0], &[90.0, 9.0, 90.0]);
     assert!(held < alone - 1.0, "{held} {alone}");
     let own = ln_box_probability(&covariance, &[10.0, -90.0, 0.0], &[90.0, 90.0, f64::INFINITY]);

@@ -1,4 +1,4 @@
-//! A model of the mean and how a search moves in it.
+//! A model of the mean, and the coordinates in which a search moves.
 
 use base::distribution::Distribution;
 use base::parameter::ParameterSpec;
@@ -6,17 +6,17 @@ use models::effects::EffectParameter;
 use models::model::Model;
 use posterior::problem::{Problem, TAIL_MASS};
 
-/// How a search moves in a parameter.
+/// Search coordinate of a parameter.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Coordinate {
-    /// By its logarithm.
+    /// Logarithm of the parameter.
     Logarithm,
-    /// By itself, in units of the spread that its prior gives it.
+    /// The parameter itself, in units of its prior's spread.
     Linear {
         /// The spread, in the parameter's unit.
         scale: f64,
     },
-    /// By its square, in units of that of the spread.
+    /// Square of the parameter, in units of the squared spread.
     Square {
         /// The spread, in the parameter's unit.
         scale: f64,
@@ -24,7 +24,7 @@ pub enum Coordinate {
 }
 
 impl Coordinate {
-    /// The parameter at a coordinate.
+    /// Returns the parameter at a coordinate.
     pub fn value(self, theta: f64) -> f64 {
         match self {
             Self::Logarithm => theta.exp(),
@@ -33,7 +33,7 @@ impl Coordinate {
         }
     }
 
-    /// The coordinate of a parameter.
+    /// Returns the coordinate of a parameter.
     pub fn theta(self, value: f64) -> f64 {
         match self {
             Self::Logarithm => value.ln(),
@@ -42,7 +42,7 @@ impl Coordinate {
         }
     }
 
-    /// Change of the parameter for a unit of its coordinate: the derivative, and of a square the root's at one unit.
+    /// Change of the parameter per unit of its coordinate: the derivative, or for a square the parameter at coordinate 1.
     pub fn unit(self, theta: f64) -> f64 {
         match self {
             Self::Logarithm => theta.exp(),
@@ -58,66 +58,66 @@ pub struct Free {
     pub index: usize,
     /// Name, with unit.
     pub name: &'static str,
-    /// How the search moves in it.
+    /// Search coordinate.
     pub coordinate: Coordinate,
-    /// Ends of the search, as coordinates: the support, and all but 10⁻⁹ of the prior on either side.
+    /// Ends of the search, as coordinates: the support, cut where the prior leaves 10⁻⁹ on either side.
     pub ends: [f64; 2],
-    /// Mean and standard deviation of the coordinate under the prior, for the law's parameters and the experiment's nuisances. Effects have none: their size is for the data to say.
+    /// Mean and standard deviation of the coordinate under the prior, for the law's parameters and the experiment's nuisances. Effects have none: the data alone decide their size.
     pub prior: Option<(f64, f64)>,
-    /// Prior quantiles by which starts are chosen.
+    /// Prior whose quantiles give the starts of a search.
     pub distribution: Distribution,
-    /// Coordinate at which the parameter's effect is not there; `None` for the law's parameters and for those that mean nothing then.
+    /// Coordinate at which the parameter's effect vanishes; `None` for the law's parameters and for parameters that are unidentified at the null.
     pub null: Option<f64>,
-    /// Place of the effect in the candidate's list; `None` for the law's parameters.
+    /// Index of the effect in the candidate's list; `None` for the law's parameters.
     pub effect: Option<usize>,
 }
 
 impl Free {
-    /// Whether the null is an end of the search: the effect has one sign.
+    /// Returns whether the null is an end of the search, so that the effect has one sign.
     pub fn is_one_sided(&self) -> bool {
         self.null.is_some_and(|null| self.ends.contains(&null))
     }
 
-    /// Whether the parameter means nothing at the null.
+    /// Returns whether the parameter is unidentified at the null of its effect.
     pub fn is_unidentified_at_null(&self) -> bool {
         self.effect.is_some() && self.null.is_none()
     }
 
-    /// A coordinate moved into the search's ends.
+    /// Clamps a coordinate to the ends of the search.
     pub fn clamped(&self, theta: f64) -> f64 {
         theta.clamp(self.ends[0], self.ends[1])
     }
 
-    /// The coordinate of a prior quantile.
+    /// Returns the coordinate of a prior quantile.
     pub fn quantile(&self, probability: f64) -> f64 {
         self.clamped(self.coordinate.theta(self.distribution.quantile(probability)))
     }
 
-    /// Mean and standard deviation of the coordinate under its distribution, as a normal.
+    /// Mean and standard deviation of a normal that approximates the coordinate's distribution.
     pub fn as_normal(&self) -> (f64, f64) {
         let [lower, median, upper] = [ONE_SD, 0.5, 1.0 - ONE_SD].map(|p| self.quantile(p));
         (median, 0.5 * (upper - lower))
     }
 }
 
-/// A law with effects, and columns of free amplitude.
+/// A law with effects, and additional columns of free amplitude.
 #[derive(Clone)]
 pub struct Candidate {
     /// Law and effects.
     pub model: Model,
-    /// Slugs of the effects: the base's, then those that were added.
+    /// Slugs of the effects: the base's, then the added ones.
     pub effects: Vec<String>,
-    /// Free parameters in the model's order: the law's, then each effect's in the order of the library.
+    /// Free parameters in the model's order: the law's, then each effect's in the library's order.
     pub free: Vec<Free>,
-    /// Model parameters with the fixed values in their places.
+    /// Model parameters with the fixed values filled in; NaN where free.
     pub template: Vec<f64>,
-    /// Columns (m per unit amplitude, one value a row of the record) that are added to the position.
+    /// Columns (m per unit amplitude, one value per row of the record) that are added to the position.
     pub columns: Vec<Vec<f64>>,
 }
 
-/// Prior mass on either side of the interval that stands for two standard deviations.
+/// Prior mass on either side of an interval of two standard deviations, mean ± one.
 const ONE_SD: f64 = 0.158_655_253_931_457;
-/// The spread of a prior leaves this on either side.
+/// Prior mass on either side of the interval that defines a prior's spread.
 const SPREAD_TAIL: f64 = 0.25;
 
 impl Candidate {
@@ -127,7 +127,7 @@ impl Candidate {
         let template: Vec<f64> =
             model.parameters().iter().map(|p| fixed.get(p.name).copied().unwrap_or(f64::NAN)).collect();
         let n_before = model.n_before_effects();
-        // The model has its effects in the library's order, the list may have the base's first.
+        // The model has its effects in the library's order; the list may have the base's first.
         let listed = &problem.specification.effects;
         let place = |slug: &str| listed.iter().position(|own| own == slug).unwrap_or(listed.len());
         let of_effects: Vec<(usize, &EffectParameter)> = model
@@ -150,12 +150,12 @@ impl Candidate {
         Self { effects: problem.specification.effects.clone(), free, template, columns: Vec::new(), model }
     }
 
-    /// The same with columns added.
+    /// Returns the candidate with columns added.
     pub fn with_columns(&self, columns: Vec<Vec<f64>>) -> Self {
         Self { columns: [self.columns.clone(), columns].concat(), ..self.clone() }
     }
 
-    /// The same with some of its free parameters held at coordinates.
+    /// Returns the candidate with some free parameters held at coordinates.
     pub fn held(&self, theta: &[f64], is_held: impl Fn(&Free) -> bool) -> Self {
         let mut held = self.clone();
         for (free, theta) in self.free.iter().zip(theta).filter(|(free, _)| is_held(free)) {
@@ -165,7 +165,7 @@ impl Candidate {
         held
     }
 
-    /// Whether trajectories cannot be computed eight at a time: the law is nonlinear, or a quantity depends on a state.
+    /// Returns whether trajectories cannot be computed eight at a time: the law is nonlinear, or a quantity depends on a state.
     pub fn is_slow(&self) -> bool {
         self.model.effects().iter().any(|effect| effect.is_nonlinear() || effect.depends_on_state())
     }
@@ -175,7 +175,7 @@ impl Candidate {
         self.free.len() + self.columns.len()
     }
 
-    /// The model's parameters at coordinates.
+    /// Returns the model's parameters at coordinates.
     pub fn parameters(&self, theta: &[f64]) -> Vec<f64> {
         let mut parameters = self.template.clone();
         for (free, theta) in self.free.iter().zip(theta) {
@@ -184,18 +184,18 @@ impl Candidate {
         parameters
     }
 
-    /// Ends of the search in each coordinate.
+    /// Ends of the search in one coordinate.
     pub fn ends(&self, coordinate: usize) -> [f64; 2] {
         self.free.get(coordinate).map_or([f64::NEG_INFINITY, f64::INFINITY], |free| free.ends)
     }
 
-    /// Log prior of coordinates, up to a constant: of the law's parameters alone.
+    /// Log prior of coordinates, up to a constant; only parameters with a prior count.
     pub fn ln_prior(&self, theta: &[f64]) -> f64 {
         let pairs = self.free.iter().zip(theta);
         pairs.filter_map(|(free, theta)| free.prior.map(|(mean, sd)| -0.5 * ((theta - mean) / sd).powi(2))).sum()
     }
 
-    /// Coordinates of a smaller model's optimum in this one, whatever is new at its null (at its prior's median where it has none).
+    /// Coordinates in this model of a smaller model's optimum. New parameters are at their null, or at their prior's median if they have none.
     pub fn embed(&self, smaller: &Candidate, theta: &[f64]) -> Vec<f64> {
         let known = |free: &Free| smaller.free.iter().position(|other| other.name == free.name);
         let mut embedded: Vec<f64> = self
@@ -234,7 +234,7 @@ fn free(
     };
     let mut ends = [TAIL_MASS, 1.0 - TAIL_MASS].map(|p| distribution.quantile(p));
     if let Some(null) = null {
-        // Priors of one sign leave a sliver at the null, which belongs to the search.
+        // Priors of one sign leave a small gap beside the null; the search includes it.
         ends = [ends[0].min(null), ends[1].max(null)];
     }
     let ends = ends.map(|end| coordinate.theta(end));

@@ -1,4 +1,4 @@
-//! Rivals of a claim: models in which another effect stands for one of it.
+//! Rivals of a claim: models in which another effect replaces one effect of the claim.
 
 use super::Subject;
 use super::criteria::Criteria;
@@ -8,7 +8,7 @@ use super::separation::distance;
 use super::verdict::Rival;
 use base::error::{Error, Result};
 
-/// Rivals of a claim with their models: how far they rank behind it and, where that is within reach of the data, how far the experiment separates them from it.
+/// Fits the rivals of a claim and returns them with their models. Each has its rank deficit and, if the deficit is within reach of the data, its separation by the experiment.
 pub(super) fn rivals(
     subject: &Subject,
     criteria: &Criteria,
@@ -19,14 +19,14 @@ pub(super) fn rivals(
     let best = rank(claimed);
     let mut rivals: Vec<(Rival, Refitted)> = Vec::new();
     for (slug, model) in replacements(subject, found, claimed) {
-        // Once is enough, in whichever place of the claim.
+        // A rival that replaces several effects of the claim is listed once.
         if rivals.iter().any(|(own, _)| own.effect == slug && criteria.is_equivalent(own)) {
             continue;
         }
         let deficit_nats = best - rank(&model);
         let mut rival = Rival { effect: slug.into(), deficit_nats, separation_sigma: None, lead_p: None };
         if criteria.is_equivalent(&rival) {
-            // A model that cannot come near the claim at all stands apart from it.
+            // A model that cannot approach the claim at all is infinitely far from it.
             let apart = match distance(subject, &model.candidate, (&claimed.candidate, &claimed.fitted)) {
                 Err(Error::Numerical { .. }) => f64::INFINITY,
                 other => other?,

@@ -1,6 +1,6 @@
-//! Verdicts over data whose only failing is their noise, and over a law that is wrong.
+//! Verdicts on data whose only fault is their noise, and on a wrong law.
 //!
-//! They test the algorithm and not the mechanics: motions are the model's own, in closed form, on an instrument.
+//! They test the algorithm, not the mechanics: motions are the model's own, in closed form, on an instrument.
 
 use rayon::prelude::*;
 
@@ -16,13 +16,13 @@ use posterior::problem::Problem;
 use posterior::study::ModelSpecification;
 use sampling::ensemble::RandomStream;
 
-/// Effects that are quick to fit, and between them fit much.
+/// Effects that are quick to fit and together flexible.
 const QUICK: [&str; 6] =
     ["actuator-lag", "clock-offset", "force-bias", "instantaneous-elasticity", "second-retardation", "tracking-drift"];
-/// Where the verdict is not about which.
+/// Effects for tests whose verdict does not depend on the selection.
 const FEW: [&str; 3] = ["clock-offset", "force-bias", "instantaneous-elasticity"];
 
-/// What noise a control has: σ, σ_ou (µm), τ (s), s_g, s_o (µm); shares of rows that are off by 12 σ and lost; and whether σ is given.
+/// Noise of a control: σ, σ_ou (µm), τ (s), s_g, s_o (µm); shares of rows that are off by 12 σ and of lost rows; and whether σ is given.
 #[derive(Clone, Copy)]
 struct Noise {
     parameters: NoiseValues,
@@ -39,7 +39,7 @@ fn autoregressive(sd_um: f64, time_s: f64) -> Noise {
     Noise { parameters: NoiseValues::new([NONE, sd_um, time_s, NONE, NONE]), is_given: false, ..WHITE }
 }
 
-/// A subject of positions (m), one a row, and these effects, with a noise of 4 µm given or none.
+/// A subject with positions (m), one per row, and a selection of effects; its noise of 4 µm may be given or not.
 fn measured(position_m: &[Option<f64>], is_given: bool, effects: &[&str]) -> Subject {
     let mut experiment = subject(Protocol::Paper).experiment().clone();
     experiment.record.position_m = position_m.to_vec();
@@ -67,9 +67,9 @@ fn diagnosed(subject: &Subject, seed: u64) -> Diagnosis {
     diagnose(subject, &request, &Silent).expect("a diagnosis").diagnosis
 }
 
-/// Slow noise alone, of which short lags show a third at most, is noise, called an estimate; with outliers beside it and with lost rows, too. The false claims
-/// of a search are at most one in a hundred, so that one of the first four is not `none` once in twenty-five choices of seeds: these are fixed. `VITREO_UQ_CONTROLS`
-/// asks for more of each kind, and for more kinds.
+/// Slow noise alone is noise and is reported as an estimate, although short lags show a third of it at most, also with outliers and lost rows. At most one search in a hundred has
+/// a false claim, so one of the first four verdicts is not `none` once in twenty-five choices of seeds; these are fixed. `VITREO_UQ_CONTROLS`
+/// sets a larger number of each kind, and adds kinds.
 #[test]
 #[ignore = "campaigns/long-tests"]
 fn noise_that_is_not_given_is_not_a_misfit() {
@@ -110,14 +110,14 @@ fn noise_that_is_not_given_is_not_a_misfit() {
         for (.., diagnosis) in own().filter(|other| other.2.verdict.kind == VerdictKind::None) {
             assert_eq!(diagnosis.verdict.sentence.contains("estimated"), !noise.is_given);
             let true_um = noise.parameters[0].hypot(noise.parameters[1]);
-            // Of slow noise of ten seconds four cycles have a few numbers; of that of half a second some sixty, a tenth either way.
+            // For slow noise of ten seconds four cycles give a few independent numbers; for that of half a second some sixty, with an error of a tenth.
             let ratio = diagnosis.search_noise_um / true_um;
             assert!(noise.parameters[2] > 0.5 || noise.is_given || (0.6..1.6).contains(&ratio), "{ratio}");
         }
     }
 }
 
-/// The hardest of those kinds with few effects: a false claim is one in a hundred, and the seed is fixed.
+/// The hardest of those kinds, with few effects: a false claim has a probability of one in a hundred, and the seed is fixed.
 #[test]
 #[ignore = "thorough"]
 fn slow_noise_with_outliers_is_not_a_misfit() {
@@ -130,7 +130,7 @@ fn slow_noise_with_outliers_is_not_a_misfit() {
     assert!((0.6..1.6).contains(&ratio), "{ratio}");
 }
 
-/// A creep that goes with the square root of time under a law of one relaxation time: effects help, and none is enough. The noise is a tenth of a micrometre.
+/// A creep with the square root of time under a law of one relaxation time: effects help, but none suffices. The noise is a tenth of a micrometre.
 #[test]
 #[ignore = "campaigns/long-tests"]
 fn a_wrong_law_is_called_wrong_first() {
@@ -154,15 +154,15 @@ fn a_wrong_law_is_called_wrong_first() {
     println!("{}", verdict.sentence);
     assert_eq!(verdict.kind, VerdictKind::Unexplained, "{}", verdict.sentence);
     assert!(verdict.effects.len() <= 1 && verdict.equivalent.is_empty(), "{:?}", verdict.effects);
-    assert!(verdict.sentence.starts_with("The model is still wrong"), "{}", verdict.sentence);
+    assert!(verdict.sentence.starts_with("No tried effect makes the model right"), "{}", verdict.sentence);
     let named = diagnosis.candidates.iter().find(|entry| verdict.effects.contains(&entry.effect)).expect("what helps");
     assert_eq!(diagnosis.standing(named), "helps, not enough");
     assert!(diagnosis.extended.is_some());
 }
 
-/// What both commands make of the same remainder: a shape of 5 µm that comes again in every cycle beside 4 µm of known noise. The search's noise swallows it,
-/// and `diagnose` has to call it a misfit as `sample` does, with white noise alone. Without the shape `sample` is content; for `diagnose` the controls above ask that.
-/// tests/commands/diagnose.rs asks both commands of a shorter record.
+/// Both commands judge one residual alike: a shape of 5 µm that repeats in every cycle beside 4 µm of known noise. The search's noise absorbs the shape, but
+/// `diagnose` must call it a misfit as `sample` does, with white noise alone. `sample` finds no misfit without the shape; the controls above require that of `diagnose`.
+/// tests/commands/diagnose.rs runs both commands on a shorter record.
 #[test]
 #[ignore = "campaigns/long-tests"]
 fn known_noise_binds_both_commands() {
@@ -178,7 +178,7 @@ fn known_noise_binds_both_commands() {
     let diagnosis = diagnosed(&with(1.0), 2);
     assert_ne!(diagnosis.verdict.kind, VerdictKind::None, "{}", diagnosis.verdict.sentence);
     for (data, is_misfit) in [(with(1.0), true), (with(0.0), false)] {
-        // As `sample` does: the fit of white noise, its residuals, the same rule.
+        // The method of `sample`: a fit with white noise, its residuals, the misfit rule.
         let model_m = data.fit(&data.base(), &[], Search::Wide).expect("fits").position_m;
         let left = |positions: &[Option<f64>]| -> Vec<Option<f64>> {
             positions.iter().zip(&model_m).map(|(y, x)| y.map(|y| y - x)).collect()
@@ -196,8 +196,8 @@ fn known_noise_binds_both_commands() {
     }
 }
 
-/// Three names for parts of one unbroken hold, the last part held out, with 4 µm of known noise. Where the motion there leaves the law, a gain and an offset of that part would take all of
-/// it: nothing is never said to be missing. Where it follows the law, nothing is.
+/// Parts of one unbroken hold are named as three cycles, the last one held out, with 4 µm of known noise. If the motion there leaves the law, a gain and an offset of that part would absorb
+/// all of it; the verdict must not be `none`. If the motion follows the law, the verdict is `none`.
 #[test]
 fn a_part_of_an_unbroken_hold_has_no_gain_of_its_own() {
     let mut experiment = subject(Protocol::Paper).experiment().clone();
@@ -227,7 +227,7 @@ fn a_part_of_an_unbroken_hold_has_no_gain_of_its_own() {
     }
 }
 
-/// The real measurement beside the project, where it is there: an effect may help, and none is the cause.
+/// The real measurement beside the project, if present: an effect may help, but none is the cause.
 #[test]
 #[ignore = "campaigns/long-tests"]
 fn a_real_measurement_of_another_law_is_not_explained() {

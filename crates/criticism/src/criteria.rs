@@ -1,82 +1,82 @@
 //! The thresholds of all verdicts, in one place, with their reasons.
 //!
 //! [`Criteria::RECORD`] is for one creep record, [`Criteria::SWEEP`] for one oscillation, [`Criteria::COHORT`] for many records. A field names the campaign (`campaigns/`) that counts how often
-//! verdicts with its value are right; no campaign varies a value alone. Two rules are shared with other commands and stand elsewhere: when a residual exceeds the noise ([`posterior::misfit`]), and
-//! when an experiment separates two models ([`SEPARATED_SIGMA`]). Tolerances and budgets of computations decide nothing and stand where they are used.
+//! verdicts with its value are right; no campaign varies a value alone. Other commands share two further rules: [`posterior::misfit`] decides when a residual exceeds the noise, and
+//! [`SEPARATED_SIGMA`] when an experiment separates two models. Tolerances and budgets of computations decide no verdict and are defined beside their use.
 
 use super::separation::SEPARATED_SIGMA;
 
-/// Decision thresholds. Gains are in nats of log likelihood, noise estimated anew for every model.
+/// Decision thresholds. Gains are in nats of log likelihood; every model's noise is estimated anew.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Criteria {
-    /// Largest p, over the whole search, of a claim; each further round of additions spends half of the one before. Record: 0.05, with which 10 of 2,800 records without anything hidden are claimed, since
-    /// future cycles have to agree (controls). Sweep: 0.01, since held-out frequencies need not gain (sweeps). Cohort: 0.01 (cohorts).
+    /// Largest p of a claim, over the whole search; each further round of additions uses half of the previous p. Record: 0.05. It claims an effect in 10 of 2,800 records without a hidden effect,
+    /// since future cycles must agree (controls). Sweep: 0.01, since held-out frequencies need not gain (sweeps). Cohort: 0.01 (cohorts).
     pub largest_p: f64,
-    /// Gain in the log score of future cycles that a claim has to exceed; `None` where a claim may rest on fitted data alone. Record and cohort: 2 nats (controls, cohorts). A sweep does not ask for it:
-    /// an effect need not show in the held-out frequencies (sweeps).
+    /// Gain in the log score of future cycles that a claim has to exceed; `None` where a claim may rest on fitted data alone. Record and cohort: 2 nats (controls, cohorts).
+    /// Sweep: none, since an effect need not show in the held-out frequencies (sweeps).
     pub least_future_nats: Option<f64>,
-    /// What a claim may lose in the log score of the last cycle, or of held-out frequencies: an effect that does not show there gains and loses next to nothing. In six of eight records with nothing
-    /// hidden and an effect claimed, the gain was on earlier cycles alone (controls).
+    /// Largest loss of a claim in the log score of the last cycle, or of held-out frequencies. An effect that does not show there changes that score very little. In six of eight records
+    /// with a false claim and no hidden effect, the gain was on earlier cycles alone (controls).
     pub largest_loss_nats: f64,
-    /// Smallest change of a predicted position, over the noise (`--smallest`): a smaller one has no use. A sweep and a cohort do not ask for it.
+    /// Smallest change of a predicted position, over the noise (`--smallest`); a smaller change has no use. Sweeps and cohorts do not use this threshold.
     pub smallest_change: f64,
     /// Most effects of a claim. Campaigns hide two at most (pairs).
     pub most_effects: usize,
     /// A larger model is tried where its rank exceeds the smaller one's by this factor and by `larger_nats` (pairs).
     pub larger_factor: f64,
-    /// See `larger_factor`. Structure in place of a claim is spared so many nats for each effect of the claim beyond the first.
+    /// See `larger_factor`. Structure that would replace a claim gets so many nats of allowance for each effect of the claim beyond the first.
     pub larger_nats: f64,
-    /// An effect of a larger claim whose removal costs less is left out, if the rest passes by itself (pairs).
+    /// An effect of a larger claim is left out if its removal costs less and the rest passes alone (pairs).
     pub least_removal_nats: f64,
 
-    /// Largest p of structure outside the library, by 199 simulated residuals; simulated records confirm what passes (controls, outside).
+    /// Largest p of structure outside the library, by 199 simulated residuals; simulated records confirm structure that passes (controls, outside).
     pub largest_structure_p: f64,
-    /// Least gain of structure outside the library, less what its family gains by chance (controls, outside).
+    /// Least gain of structure outside the library, less its family's gain by chance (controls, outside).
     pub least_structure_nats: f64,
-    /// What the best effect of the library gains by chance: structure in its place is spared as much.
+    /// Gain of the library's best effect by chance: structure in its place gets the same allowance.
     pub chance_nats: f64,
-    /// Lead that structure needs to take the place of a claim whose own residual shows none (outside).
+    /// Lead that structure needs to replace a claim whose own residual shows no structure (outside).
     pub structure_lead_nats: f64,
-    /// Share of a claim's gain that structure in its residual has to gain to count; added to the lead as well (outside).
+    /// Share of a claim's gain that structure in its residual must gain to count. This share is also added to the lead (outside).
     pub least_structure_share: f64,
-    /// Cosine above which structure and an effect of the library look alike: backlash is a delay on a square wave (outside).
+    /// Cosine above which structure and an effect of the library are treated as alike: backlash is a delay on a square wave (outside).
     pub twin_cosine: f64,
-    /// Largest p of a process beside a known structure that is reported.
+    /// Largest p at which a process beside a known structure is reported.
     pub largest_process_p: f64,
 
-    /// Probability, over all tests of a sweep's residual, below which it is not noise; shared with `sample` (sweeps).
+    /// Smallest probability of a sweep's residual, over all tests, that counts as noise; shared with `sample` (sweeps).
     pub least_noise_p: f64,
-    /// Multiple of its predictive noise above which the error of a claim on held-out cycles leaves the cause unexplained, as of a misfit in [`posterior::misfit`]; the noise of a model that lacks more holds
-    /// what it lacks (pairs, cohorts).
+    /// Multiple of its predictive noise above which a claim's error on held-out cycles leaves the cause unexplained, like a misfit in [`posterior::misfit`]. The noise estimate of a model that lacks
+    /// further effects contains those effects (pairs, cohorts).
     pub claim_factor: f64,
-    /// Multiple of the known noise above which a residual is not said to look like noise, though nothing is claimed: slow noise may have made it (controls).
+    /// Multiple of the known noise above which a residual without a claim is not reported as noise: slow noise may have caused it (controls).
     pub doubtful_factor: f64,
-    /// Probability of such a residual under white noise of the known size above which it is not doubtful: one in a thousand, as in [`posterior::misfit`].
+    /// Probability of such a residual under white noise of the known size. Above this value, one in a thousand as in [`posterior::misfit`], the residual is not doubtful.
     pub doubtful_p: f64,
 
-    /// Rivals whose rank is within so many nats of the claim's are within reach of the data. Record: 6, and the experiment must not separate them (singles, fields). Sweep: 2, in fitted and in held-out
+    /// The data cannot rule out a rival whose rank is within so many nats of the claim's. Record: 6, and the experiment must not separate them (singles, fields). Sweep: 2, in fitted and in held-out
     /// frequencies, with no other test (sweeps). Cohort: any, since simulated cohorts decide (cohorts).
     pub equivalent_nats: f64,
-    /// Distance in σ from which on an experiment separates a rival from the claim.
+    /// Distance in σ from which the experiment separates a rival from the claim.
     pub separated_sigma: f64,
-    /// Share of simulated cohorts, made with the rival, in which the claim leads by as much: a rival with a lower share is excluded. The truth is excluded in at most 2 of 100 (cohorts).
+    /// Smallest share of simulated cohorts, made with the rival, in which the claim leads by as much; a rival with a lower share is excluded. The truth is excluded in at most 2 of 100 (cohorts).
     pub least_rival_p: f64,
-    /// Effects of a cohort whose rank is at least this share of the largest are fitted to every record before one is claimed. In one cohort with a hidden pocket
+    /// Before a cohort claims an effect, effects whose rank is at least this share of the largest are fitted to every record. In one cohort with a hidden pocket
     /// (field 3 of cohorts), first-order ranks were 62 nats for the pocket and 68 for fractional damping; with full fits they were 82 and 79.
     pub near_rank: f64,
-    /// Share of the claim's gain below which a cohort's rival is not tested: no twin gains so little (cohorts).
+    /// Share of the claim's gain below which a cohort's rival is not tested: no equivalent effect gains so little (cohorts).
     pub least_rival_share: f64,
 
-    /// Gains below this are not reported as suggestive, and are not worth a Bayes factor.
+    /// Least gain of an effect that is reported as suggestive or gets a Bayes factor.
     pub least_gain_nats: f64,
-    /// Largest p of a suggestive effect. A record asks for a gain, a cohort for p.
+    /// Largest p of a suggestive effect. Records use a threshold of gain, cohorts of p.
     pub suggestive_p: f64,
-    /// Share of a signature that the base cannot absorb below which an effect is invisible.
+    /// Least share of a signature that the base cannot absorb; an effect with less is invisible.
     pub least_visible: f64,
 }
 
 impl Criteria {
-    /// Of one creep record.
+    /// Thresholds for one creep record.
     pub const RECORD: Self = Self {
         largest_p: 0.05,
         least_future_nats: Some(2.0),
@@ -107,7 +107,7 @@ impl Criteria {
         least_visible: 1e-3,
     };
 
-    /// Of one oscillation.
+    /// Thresholds for one oscillation.
     pub const SWEEP: Self = Self {
         largest_p: 0.01,
         least_future_nats: None,
@@ -117,7 +117,7 @@ impl Criteria {
         ..Self::RECORD
     };
 
-    /// Of many records together.
+    /// Thresholds for many records together.
     pub const COHORT: Self = Self {
         largest_p: 0.01,
         smallest_change: 0.0,
@@ -128,12 +128,12 @@ impl Criteria {
         ..Self::RECORD
     };
 
-    /// Largest p of a round, from 0.
+    /// Largest p of a round; rounds count from 0.
     pub fn p_of_round(&self, round: usize) -> f64 {
         self.largest_p / 2.0_f64.powi(round as i32)
     }
 
-    /// Rank that a larger model needs beside a smaller one of this rank.
+    /// Least rank of a larger model that is preferred to a smaller one of this rank, in nats.
     pub fn rank_of_larger(&self, rank_nats: f64) -> f64 {
         self.larger_factor * rank_nats.max(0.0) + self.larger_nats
     }

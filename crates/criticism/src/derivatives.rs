@@ -1,4 +1,4 @@
-//! Derivatives of a candidate's position: exact by the parameters of a function of a state, by finite differences otherwise.
+//! Derivatives of a candidate's position: exact for the parameters of a function of a state, finite differences otherwise.
 
 use super::candidate::Coordinate;
 use super::{Candidate, Subject};
@@ -7,21 +7,21 @@ use base::number::Dual;
 use models::effects::EffectParameter;
 use models::model::{Lanes, N_LANES};
 
-/// Step of a difference, in a search coordinate, whose unit is the spread of a prior.
+/// Step of a finite difference in a search coordinate, whose unit is the spread of a prior.
 const DIFFERENCE: f64 = 1e-4;
 
-/// Derivatives (m a unit of the coordinate, one value a row of the record) of a candidate's position.
+/// Derivatives of a candidate's position, in m per unit of the coordinate, one value per row of the record.
 pub fn columns_m(subject: &Subject, candidate: &Candidate, theta: &[f64]) -> Result<Vec<Vec<f64>>> {
     let none = || {
         Error::numerical(
             format!("the model with {} has no derivatives at its fit", candidate.effects.join(", ")),
-            "fix one of its parameters",
+            "fix one of the model's parameters",
         )
     };
     derivatives_m(subject, candidate, theta, None).ok_or_else(none)
 }
 
-/// The derivative with respect to one coordinate, as in [`columns_m`], at a point whose position (m) is known.
+/// Derivative with respect to one coordinate, as in [`columns_m`], at a point whose position (m) is known.
 pub(super) fn column_m(
     subject: &Subject,
     candidate: &Candidate,
@@ -34,13 +34,13 @@ pub(super) fn column_m(
         .or_else(|_| difference_m(subject, candidate, (theta, known_m), (coordinate, -step)))
 }
 
-/// Away from the nearer end. Where there is no model on that side, as where a force gradient pulls the robot away, the other side serves.
+/// Signed step away from the nearer end. [`derivatives_m`] takes the other side if there is no model on this one, as where a force gradient pulls the robot away.
 fn difference_step(candidate: &Candidate, theta: &[f64], coordinate: usize) -> f64 {
     let [_, upper] = candidate.ends(coordinate);
     if theta[coordinate] + DIFFERENCE > upper { -DIFFERENCE } else { DIFFERENCE }
 }
 
-/// The difference quotient by one step from a point whose position (m) is known.
+/// Difference quotient of one step from a point whose position (m) is known.
 fn difference_m(
     subject: &Subject,
     candidate: &Candidate,
@@ -53,7 +53,7 @@ fn difference_m(
     Ok(moved_m.iter().zip(known_m).map(|(moved, known)| (moved - known) / step).collect())
 }
 
-/// Derivatives at coordinates, whose position (m) may be known; `None` where there are none.
+/// Derivatives at coordinates, whose position (m) may be known; `None` if there are none.
 pub(super) fn derivatives_m(
     subject: &Subject,
     candidate: &Candidate,
@@ -69,7 +69,7 @@ pub(super) fn derivatives_m(
         moved[*k] += step(*k);
         moved
     };
-    // Beside the moved points the position costs nothing, but where every trajectory is computed by itself.
+    // The position costs nothing beside the moved points, unless trajectories are computed one by one.
     let centre = (known_m.is_none() && !moved.is_empty()).then(|| theta.to_vec());
     let points: Vec<Vec<f64>> = centre.into_iter().chain(moved.iter().map(moved_point)).collect();
     let mut position_m = known_m.map(<[f64]>::to_vec);
@@ -99,7 +99,7 @@ pub(super) fn derivatives_m(
     Some(columns)
 }
 
-/// The derivatives by the parameters of a function of a state, with their coordinates' places.
+/// Derivatives with respect to the parameters of a function of a state, with the indices of their coordinates.
 fn by_function_m(subject: &Subject, candidate: &Candidate, theta: &[f64]) -> Result<Vec<(usize, Vec<f64>)>> {
     let Some(effect) = candidate.model.effects().iter().find(|effect| effect.depends_on_state()) else {
         return Ok(Vec::new());
@@ -126,7 +126,7 @@ mod tests {
     use super::*;
     use crate::test_replica::{base_fit, replica};
 
-    /// Next to the largest force gradient that has a model there is a derivative: the difference quotient of a step back.
+    /// Near the largest force gradient that has a model, the derivative is the difference quotient of a backward step.
     #[test]
     fn where_a_model_ends_the_other_side_serves() {
         let (base, fitted) = base_fit();
@@ -139,7 +139,7 @@ mod tests {
             theta
         };
         let is_model = |x: f64| replica().trajectory_m(&candidate, &at(x)).is_ok();
-        // A gradient that pulls the robot away.
+        // A force gradient so large that it pulls the robot away.
         let none = (0..20).map(|k| start[place] + 0.1 * 2.0_f64.powi(k)).find(|x| !is_model(*x));
         let (mut inside, mut outside) = (start[place], none.expect("an end of the models"));
         for _ in 0..60 {
@@ -147,7 +147,7 @@ mod tests {
             if is_model(middle) { inside = middle } else { outside = middle }
         }
         let last = inside - 0.3 * DIFFERENCE;
-        assert!(!is_model(last + DIFFERENCE), "the model ends where differences go first");
+        assert!(!is_model(last + DIFFERENCE), "the model ends within the first difference step");
         let columns = columns_m(replica(), &candidate, &at(last)).expect("derivatives");
         let known_m = replica().trajectory_m(&candidate, &at(last)).expect("a model");
         let alone = column_m(replica(), &candidate, &at(last), place, &known_m).expect("a derivative");

@@ -1,7 +1,7 @@
-//! The smallest size of each effect that an experiment would have shown, and the effects to which it is blind.
+//! The smallest size of each effect that an experiment can show, and the effects that it cannot show.
 //!
-//! An effect of some size is seen when the base model's best fit misses its noise-free data by the threshold of detection ([`super::separation`]). The
-//! sizes are those that the prior leaves likely; of both signs, and of what means nothing at the null, whichever shows best is taken.
+//! An effect of some size is visible if the base model's best fit misses its noise-free data by the threshold of detection ([`super::separation`]). The
+//! sizes lie in the range of the prior. The most visible of both signs and all grid points of unidentified parameters counts.
 
 use rayon::prelude::*;
 
@@ -9,47 +9,47 @@ use super::separation::{Imitation, Seen, Truth, closest, over_grid};
 use super::{Candidate, Fitted, Subject};
 use base::error::{Error, Result};
 
-/// Prior mass beyond either end of the sizes that are looked at.
+/// Prior mass beyond either end of the tested sizes.
 const RANGE_TAIL: f64 = 0.005;
-/// Sizes that are looked at to first order: each half of the one before.
+/// Number of sizes tested to first order; each is half of the previous one.
 const N_HALVINGS: i32 = 16;
-/// Halvings after which a size is small enough for its signature to be that at the null.
+/// Number of halvings after which a signature is that at the null.
 const SMALL: usize = 5;
-/// Ways (sign and grid point) whose sizes are computed by refits.
+/// Number of ways (sign and grid point) whose sizes are computed by refits.
 const MOST_WAYS: usize = 3;
 const MOST_REFITS: usize = 12;
-/// A size counts as smallest when its distance is above the threshold by less than this part.
+/// Relative excess of the distance over the threshold at which a size counts as smallest.
 const TOLERANCE: f64 = 0.01;
-/// Below this largest distance in σ, or this visible fraction, an experiment is blind to an effect.
+/// Largest distance in σ, and visible fraction, below which an experiment is blind to an effect.
 const BLIND_SIGMA: f64 = 1.0;
 const BLIND_FRACTION: f64 = 1e-3;
 
-/// What an experiment shows of an effect.
+/// Detectability of an effect in an experiment.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Detectable {
     /// Slug.
     pub effect: String,
-    /// Value of its first parameter, in that parameter's unit, at which it would just have been seen; `None` where none inside the prior's range would.
+    /// Smallest visible value of the effect's first parameter, in its unit; `None` if no value in the prior's range is visible.
     pub smallest: Option<f64>,
-    /// Distance in σ of the largest size inside the prior's range from the base model's best fit.
+    /// Distance in σ of the base model's best fit from the largest size in the prior's range.
     pub largest_distance: f64,
-    /// Share of its whitened signature that the base model cannot absorb: ‖Pg‖²/‖g‖², at small sizes, the largest over signs and what means nothing at the null.
+    /// Share of the effect's whitened signature that the base model cannot absorb: ‖Pg‖²/‖g‖² at small sizes, the largest over signs and grid points.
     pub visible_fraction: f64,
 }
 
 impl Detectable {
-    /// Whether the experiment shows next to nothing of the effect, whatever its size.
+    /// Returns whether the experiment hardly shows the effect at any size.
     pub fn is_blind_spot(&self) -> bool {
-        // What is seen at some size is no blind spot, even where small sizes leave nothing.
+        // An effect that is visible at some size is no blind spot, even if small sizes leave no residual.
         self.smallest.is_none() && (self.largest_distance < BLIND_SIGMA || self.visible_fraction < BLIND_FRACTION)
     }
 }
 
-/// For every effect that can be added to the base model, at its fit, the smallest size that would be seen with a threshold of detection in σ. In the
+/// Smallest size above the threshold of detection (σ) of every effect that can be added to the base model, at its fit. In the
 /// order of the library.
 ///
 /// # Errors
-/// What building a model with an effect refuses, but for effects that cannot be added.
+/// Errors of building a model with an effect, except for effects that cannot be added.
 pub fn smallest_detectable(
     subject: &Subject,
     base: (&Candidate, &Fitted),
@@ -59,7 +59,7 @@ pub fn smallest_detectable(
     let of = |effect: &&'static dyn models::effects::Effect| -> Result<Option<Detectable>> {
         let slugs: Vec<&str> = own.iter().map(String::as_str).chain([effect.slug()]).collect();
         match subject.extended(&slugs) {
-            // What cannot be computed at any size is left out, as what cannot be added.
+            // Effects that cannot be computed at any size are left out, like effects that cannot be added.
             Ok(extended) => match of_effect(subject, base, &extended, threshold_sigma) {
                 Err(Error::Numerical { .. }) => Ok(None),
                 other => other,
@@ -72,13 +72,13 @@ pub fn smallest_detectable(
     Ok(list?.into_iter().flatten().collect())
 }
 
-/// A sign and a point of what means nothing at the null, with sizes from largest to smallest.
+/// A sign and a grid point of the unidentified parameters, with sizes from largest to smallest.
 struct Way {
     /// Coordinates at the null.
     null: Vec<f64>,
     /// Largest step from the null, signed, in the coordinate.
     end: f64,
-    /// Distance of each size to first order; `None` where there is no model.
+    /// First-order distance of each size; `None` if there is no model.
     seen: Vec<Option<Seen>>,
 }
 
@@ -87,13 +87,13 @@ impl Way {
         self.end * 0.5_f64.powi(halvings as i32)
     }
 
-    /// The largest step at which there is a model, and its distance to first order.
+    /// Largest step at which there is a model, and its first-order distance.
     fn largest(&self) -> Option<(f64, f64)> {
         let place = self.seen.iter().position(Option::is_some)?;
         Some((self.step(place), self.seen[place].as_ref()?.squared.max(0.0).sqrt()))
     }
 
-    /// Size of the step at which the distance to first order crosses a threshold.
+    /// Size of the step at which the first-order distance crosses a threshold.
     fn crossing(&self, threshold: f64) -> Option<f64> {
         let of = |seen: &Option<Seen>| seen.as_ref().map(|seen| seen.squared.max(0.0).sqrt());
         let place = (0..self.seen.len()).rev().find(|k| of(&self.seen[*k]).is_some_and(|d| d >= threshold))?;
@@ -102,7 +102,7 @@ impl Way {
     }
 }
 
-/// The effect that a candidate has last.
+/// Detectability of the last effect of a candidate.
 fn of_effect(
     subject: &Subject,
     base: (&Candidate, &Fitted),
@@ -111,7 +111,7 @@ fn of_effect(
 ) -> Result<Option<Detectable>> {
     let Some(last) = extended.effects.len().checked_sub(1) else { return Ok(None) };
     let is_size = |free: &super::Free| free.effect == Some(last) && free.null.is_some();
-    // A size that the user has fixed is not looked for.
+    // An effect whose size is fixed is skipped.
     let Some(place) = extended.free.iter().position(is_size) else { return Ok(None) };
     let mut ways = ways(subject, base, extended, last, place);
     let refit = |way: &Way, step: f64| of_step(subject, base, extended, (way, place, step));
@@ -132,7 +132,7 @@ fn of_effect(
     if found.largest_distance < threshold {
         return Ok(Some(found));
     }
-    // The way that is seen at its largest size is tried last, at that size if no other was seen before.
+    // The way with the largest distance is tried last, so that its largest size is used if no other way is visible.
     let guess = |way: &Way| way.crossing(threshold).unwrap_or(f64::INFINITY);
     let mut order: Vec<usize> = (0..ways.len()).filter(|k| guess(&ways[*k]).is_finite()).collect();
     order.sort_by(|a, b| guess(&ways[*a]).total_cmp(&guess(&ways[*b])));
@@ -157,7 +157,7 @@ fn ways(subject: &Subject, base: (&Candidate, &Fitted), extended: &Candidate, ef
     for null in over_grid(extended, effect, &null) {
         for probability in [RANGE_TAIL, 1.0 - RANGE_TAIL] {
             let end = free.quantile(probability) - null[place];
-            // One end of a one-sided prior is a sliver on the other side of it.
+            // For a one-sided prior, one end lies slightly beyond the null: that direction is skipped.
             let is_outward = (end > 0.0) == (probability > 0.5);
             if end != 0.0 && is_outward {
                 let at = |halvings: i32| {
@@ -173,7 +173,7 @@ fn ways(subject: &Subject, base: (&Candidate, &Fitted), extended: &Candidate, ef
     ways
 }
 
-/// Distance in σ of the base's best fit from an effect of some step; 0 where that has no model.
+/// Distance in σ of the base's best fit from an effect of some step; 0 if there is no model.
 fn of_step(
     subject: &Subject,
     base: (&Candidate, &Fitted),
@@ -187,7 +187,7 @@ fn of_step(
     Ok(closest(subject, base.0, &truth)?.distance)
 }
 
-/// The smallest signed step of a way whose distance reaches the threshold, by secants inside a bracket.
+/// Smallest signed step of a way whose distance reaches the threshold, by secants inside a bracket.
 fn smallest_step(
     way: &Way,
     guess: f64,
@@ -211,7 +211,7 @@ fn smallest_step(
         }
         let upper: f64 = above.unwrap_or(end.abs());
         let aimed = size * (1.0 + 0.5 * TOLERANCE) * threshold / found.max(1e-3 * threshold);
-        // Where the secant leaves the bracket: its middle, or its end while nothing above is known.
+        // Outside the bracket the secant gives way to the bracket's middle, or to its end if no upper size is known.
         let inside = aimed > below && aimed < upper;
         size = if inside {
             aimed

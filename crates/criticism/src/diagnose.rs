@@ -1,4 +1,4 @@
-//! Which effect is missing: the search, what stands beside its claim, and the words for it.
+//! Diagnosis of a record: the search, its rivals and residual tests, and the document.
 
 use super::bootstrap::simulated;
 use super::class::rivals;
@@ -17,34 +17,34 @@ use rayon::prelude::*;
 use base::error::{Error, Result};
 use posterior::monitor::{Counter, Monitor};
 
-/// A diagnosis, with the models behind it.
+/// A diagnosis with the models it rests on.
 pub struct Outcome {
     /// The document.
     pub diagnosis: Diagnosis,
     /// The search, on the positions without outliers.
     pub found: SearchResult,
-    /// What is unexplained, taken together, with its picture; `None` where nothing is, or nobody asked.
+    /// Summary of the unexplained residual, with its picture; `None` if nothing is unexplained or the request is not in full.
     pub leftover: Option<Leftover>,
     /// The subject without outliers.
     pub subject: Subject,
 }
 
 const N_OUTSIDE_SIMULATIONS: usize = 199;
-/// Simulated data sets by which a finding is confirmed: none of them may show as much. They are made so many at a time, three times at least, and no more
-/// where the finding is out of their reach.
+/// Number of simulated data sets that confirm a finding: none of them may show as much. They are made in batches, at least three, and stop
+/// if the finding is out of their reach.
 const N_CONFIRMING: usize = 195;
 const CONFIRMING_BATCH: usize = 13;
 const FEWEST_CONFIRMING: usize = 39;
 const OUT_OF_REACH: f64 = 2.0;
 const CONFIRMING_STREAMS: u64 = 0xc0f1;
-/// Rows of trajectories in which a finding is confirmed; those of a law that is not linear count as so many. A search that would take more is cut short after the data sets that were made.
+/// Budget of trajectory rows for confirming a finding; one row of a nonlinear law counts as `NONLINEAR_COUNTS_AS` rows. A search that would exceed it is cut short after the data sets already made.
 const MOST_ROWS_EVALUATED: usize = 50_000_000_000;
 const NONLINEAR_COUNTS_AS: usize = 50;
 
-/// Diagnoses: outliers, search, evidence, verdict, document.
+/// Diagnoses a record: outliers, search, evidence, verdict, document.
 ///
 /// # Errors
-/// Whatever fitting the base model refuses.
+/// Errors of fitting the base model.
 pub fn diagnose(subject: &Subject, request: &DiagnosisRequest, monitor: &dyn Monitor) -> Result<Outcome> {
     let base = subject.base();
     let first = subject.fit(&base, &[], Search::Wide)?;
@@ -52,7 +52,7 @@ pub fn diagnose(subject: &Subject, request: &DiagnosisRequest, monitor: &dyn Mon
     let whole = subject;
     let subject = if outlier_rows.is_empty() { whole.clone() } else { whole.without_rows(&outlier_rows) };
     let found = search(&subject, request, monitor)?;
-    monitor.stage("looking for structure outside the library");
+    monitor.stage("testing for structure outside the library");
     let Gathered { evidence, models, unexplained, equivalent } = gather(&subject, request, &found, monitor)?;
     let verdict = verdict(&evidence, &request.criteria);
     let Some(Residual::Record { misfit: left, over_predicted, .. }) = verdict.residual else {
@@ -73,7 +73,7 @@ pub fn diagnose(subject: &Subject, request: &DiagnosisRequest, monitor: &dyn Mon
         every_position: whole,
     };
     if request.in_full {
-        monitor.stage("looking for events in all cycles");
+        monitor.stage("testing all cycles for events");
         let model = report.model.unwrap_or(&found.base);
         let outside = outside_request(request);
         if report.remains() {
@@ -90,18 +90,18 @@ fn outside_request(request: &DiagnosisRequest) -> OutsideRequest {
     OutsideRequest { n_simulations: N_OUTSIDE_SIMULATIONS, seed: request.seed }
 }
 
-/// The evidence of a record, with the models and structure behind it.
+/// Evidence of a record, with the models and structure it rests on.
 struct Gathered<'a> {
     evidence: Evidence,
     /// Models of the proposals.
     models: Vec<&'a Refitted>,
-    /// Structure outside the library beside the model that stands.
+    /// Structure outside the library beside the accepted model.
     unexplained: Vec<Outside>,
     /// Models of the rivals that are equivalent to the claim.
     equivalent: Vec<Refitted>,
 }
 
-/// Tests residuals until a model stands, and finds the rivals of a claim.
+/// Tests residuals until a model is accepted, then finds the rivals of a claim.
 fn gather<'a>(
     subject: &Subject,
     request: &DiagnosisRequest,
@@ -143,7 +143,7 @@ fn gather<'a>(
     Ok(Gathered { evidence, models: steps.iter().map(|step| &step.refitted).collect(), unexplained, equivalent })
 }
 
-/// What a model leaves, without structure that is no part of any law, and the number of positions by which it is judged; the error of a claim counts as well, and that of a base where no recordings show slow noise.
+/// Residual of a model, without structure that belongs to no law, and the number of positions that judge it. It includes the error of a claim, or of a base whose recordings show no slow noise.
 fn residual(subject: &Subject, model: &Refitted, structure: &[Outside], is_claim: bool) -> Result<Residual> {
     let n = |positions: &[Option<f64>]| positions.iter().flatten().count();
     let n_positions = if n(&subject.scored_m) > 0 { n(&subject.scored_m) } else { n(&subject.fitted_m) };
@@ -156,7 +156,7 @@ fn residual(subject: &Subject, model: &Refitted, structure: &[Outside], is_claim
     Ok(Residual::Record { misfit: misfit(subject, model, structure)?, n_positions, over_predicted })
 }
 
-/// Structure outside the library beside a step, or beside the base; and whether it is the base's and explains more than the step's effects.
+/// Structure outside the library beside a step, or beside the base. The flag is true if it lies in the base's residual and explains more than the step's effects.
 fn structure_beside(
     subject: &Subject,
     request: &DiagnosisRequest,
@@ -171,12 +171,12 @@ fn structure_beside(
         Ok(list)
     };
     let Some(Step { addition, refitted }) = step else {
-        // What looks like an effect of the library, and was not claimed as one, is at most suggestive.
+        // Structure that resembles an unclaimed effect of the library is at most suggestive.
         let mut list = significant(base)?;
         list.retain(|own| !criteria.looks_like(&own.evidence(), |_| true));
         return Ok((confirmed(subject, base, list, request, monitor)?, false));
     };
-    // What looks like an effect of the step is neither beside it nor in its place.
+    // Structure that resembles an effect of the step can neither add to the step nor replace it.
     let is_own = |slug: &str| addition.effects.iter().any(|own| own == slug);
     let is_other = |own: &Outside| !criteria.looks_like(&own.evidence(), is_own);
     let mut beside = significant(refitted)?;
@@ -192,8 +192,8 @@ fn structure_beside(
     Ok((confirmed(subject, refitted, beside, request, monitor)?, false))
 }
 
-/// Structure that data simulated from the model and its noise, searched alike with the noise estimated anew, do not show by chance: correlated noise
-/// looks like many things.
+/// Structure that does not appear by chance in data simulated from the model and its noise, searched alike with the noise estimated anew: correlated
+/// noise resembles many structures.
 fn confirmed(
     subject: &Subject,
     model: &Refitted,
@@ -204,7 +204,7 @@ fn confirmed(
     let Some(gain) = list.first().map(|first| first.penalised_gain_nats) else { return Ok(list) };
     let null = OutsideNull::of(subject, &model.candidate, &model.fitted, &outside_request(request))?;
     let counter = Counter::new(monitor, N_CONFIRMING);
-    // Trajectories of a law that is not linear are those that are remembered: every data set asks for hundreds, all near the fit.
+    // Nonlinear laws use remembered trajectories: every data set needs hundreds, all near the fit.
     let gain_of = |number: usize| -> Result<(f64, usize)> {
         let data = simulated(subject, model, request.seed ^ CONFIRMING_STREAMS, number).locally().counting();
         let start = (model.fitted.theta.clone(), model.fitted.noise);
@@ -226,7 +226,7 @@ fn confirmed(
             n_evaluated += evaluated;
         }
         n_made += CONFIRMING_BATCH;
-        // The first that reaches it ends the search: the rest would change nothing.
+        // The first data set that reaches the gain ends the search: the rest would change nothing.
         if largest >= gain {
             return Ok(Vec::new());
         }

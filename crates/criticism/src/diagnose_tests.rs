@@ -1,4 +1,4 @@
-//! What stands beside a claim, what takes its place, and all of it once.
+//! Tests of a claim's rivals, of structure that replaces a claim, and of a whole diagnosis.
 
 use super::*;
 use crate::criteria::Criteria;
@@ -10,8 +10,8 @@ use documents::diagnosis::VerdictKind;
 use models::effects::Library;
 use posterior::monitor::Silent;
 
-/// On one force level an asymmetry stands for a bias and a clock does not. A clock that came as near by chance is still told apart, by what separates it
-/// from the claim; an asymmetry out of reach of the data is not of the class.
+/// On one force level an asymmetry is equivalent to a bias, and a clock is not. A clock that comes as near by chance is still distinguished by its separation
+/// from the claim. An asymmetry out of reach of the data is not equivalent.
 #[test]
 fn a_class_is_within_reach_and_not_separated_from_the_claim() {
     let library = Library::only(&["clock-offset", "force-asymmetry", "force-bias"]);
@@ -35,7 +35,7 @@ fn a_class_is_within_reach_and_not_separated_from_the_claim() {
     assert!(slugs(&found).is_empty());
 }
 
-/// A slip of 15 σ explains what a drift was claimed for.
+/// A slip of 15 σ explains the residual for which a drift was claimed.
 #[test]
 #[ignore = "thorough"]
 fn structure_takes_the_place_of_a_claim_that_it_explains_better() {
@@ -53,7 +53,7 @@ fn structure_takes_the_place_of_a_claim_that_it_explains_better() {
     assert_eq!(list.first().map(|outside| outside.kind), Some(outside::OutsideKind::Slip));
 }
 
-/// A bias stays claimed where nothing else is.
+/// A claimed bias stays if there is no other structure.
 #[test]
 #[ignore = "campaigns/long-tests"]
 fn a_claim_stays_where_there_is_no_structure() {
@@ -72,13 +72,13 @@ fn step(found: &SearchResult, place: usize) -> Step {
     Step { addition, refitted: single.refitted.clone().expect("fits") }
 }
 
-/// What every simulated record shows is no finding.
+/// A finding that every simulated record shows is rejected.
 #[test]
 fn what_every_simulated_record_shows_is_no_finding() {
     assert!(p_of_finding(f64::NEG_INFINITY).is_empty());
 }
 
-/// What none of thirty-nine simulated records shows is as rare as they can tell.
+/// A finding that none of thirty-nine simulated records shows is as rare as they can show.
 #[test]
 #[ignore = "campaigns/long-tests"]
 fn what_no_simulated_record_shows_is_a_finding() {
@@ -94,7 +94,7 @@ fn p_of_finding(gain: f64) -> Vec<f64> {
     list.iter().map(|outside| outside.p_familywise).collect()
 }
 
-/// Three rows 25 σ off are left out of everything, and the effect, some 20 σ, is found beside them. Chance rejects one of the other 397 rows with a
+/// Three rows that are 25 σ off are excluded from all steps, and the effect, some 20 σ, is found beside them. Chance rejects one of the other 397 rows with a
 /// probability below 4 × 10⁻⁴; the seed is fixed.
 #[test]
 #[ignore = "thorough"]

@@ -1,4 +1,4 @@
-//! A diagnosis in its document: what stands beside the claim, and the words for it.
+//! The document of a diagnosis: candidates, claim, remarks and their sentences.
 
 use super::detectable::{Detectable, smallest_detectable};
 use super::leftover::{Leftover, event_remark};
@@ -24,28 +24,28 @@ use posterior::misfit::Misfit;
 use posterior::monitor::Monitor;
 use rayon::prelude::*;
 
-/// Simulated repeats by which a change of the protocol is confirmed.
+/// Number of simulated repeats that confirm a change of the protocol.
 const N_REPEATS: usize = 40;
-/// An error so many times what is left without the cycles' own gains and offsets needs a word on them.
+/// Ratio of an error to its part beyond the cycles' own gains and offsets above which a sentence mentions them.
 const WORTH_SAYING: f64 = 1.1;
-/// Pairs that are reported.
+/// Number of reported pairs.
 const N_PAIRS: usize = 5;
 
-/// What the document is written from.
+/// Input of the document.
 pub(super) struct Report<'a> {
     pub subject: &'a Subject,
     pub request: &'a DiagnosisRequest,
     pub found: &'a SearchResult,
     pub verdict: &'a Verdict,
-    /// The model of the verdict's effects; `None` where it names none.
+    /// Model of the verdict's effects; `None` if it names none.
     pub model: Option<&'a Refitted>,
     /// Structure outside the library, the leading one first.
     pub unexplained: &'a [Outside],
-    /// The residual that the verdict rests on.
+    /// Misfit on which the verdict rests.
     pub left: &'a Misfit,
-    /// Error of the claim over its predictive noise, where that is too much.
+    /// Error of the claim over its predictive noise, if that is too large.
     pub over_predicted: Option<f64>,
-    /// What is unexplained, taken together; `None` where nothing is, or nobody asked.
+    /// Summary of the unexplained residual; `None` if nothing is unexplained or the request is not in full.
     pub leftover: Option<Leftover>,
     /// An event in any cycle, the scored one included.
     pub event: Option<Outside>,
@@ -56,7 +56,7 @@ pub(super) struct Report<'a> {
 }
 
 impl Report<'_> {
-    /// The document.
+    /// Writes the document.
     pub fn document(&self, outlier_rows: Vec<usize>, monitor: &dyn Monitor) -> Result<Diagnosis> {
         let (subject, found) = (self.subject, self.found);
         let experiment = subject.experiment();
@@ -69,7 +69,7 @@ impl Report<'_> {
         let slug = |place: &usize| scored[*place].slug.to_string();
         let twins: Vec<Vec<String>> =
             rank::twins(&cosines).iter().map(|list| list.iter().map(slug).collect()).collect();
-        monitor.stage("weighing the evidence");
+        monitor.stage("computing the evidence");
         let weighing = Weighing::new(subject, self.request, (found, self.model), monitor)?;
         let own = |single: &Single| {
             let refitted = single.refitted.as_ref().filter(|_| self.request.in_full);
@@ -97,12 +97,12 @@ impl Report<'_> {
         }
         let (mut detectable, mut separating_protocol) = (Vec::new(), String::new());
         if self.request.in_full {
-            monitor.stage("what else this experiment could have shown");
+            monitor.stage("computing the smallest detectable size of every effect");
             let base = (&found.base.candidate, &found.base.fitted);
             detectable = smallest_detectable(subject, base, self.threshold_sigma())?;
             separating_protocol = self.separating_protocol()?;
         }
-        // What leaves nothing where it is small may show where it is large.
+        // An effect that is invisible at small sizes may be visible at large ones.
         let of = |slug: &str| detectable.iter().find(|d: &&Detectable| d.effect == slug);
         for entry in candidates.iter_mut().filter(|entry| entry.status == Status::Invisible) {
             if of(&entry.effect).is_some_and(|d| d.smallest.is_some()) {
@@ -143,12 +143,12 @@ impl Report<'_> {
         })
     }
 
-    /// The signal, in σ, whose expected gain is the one that simulated searches stay below.
+    /// Signal, in σ, whose expected gain equals the threshold of the simulated searches.
     fn threshold_sigma(&self) -> f64 {
         (2.0 * self.found.bootstrap.threshold().max(self.request.criteria.least_gain_nats)).sqrt() + 1.0
     }
 
-    /// The change of the protocol that would tell the claim from what stands for it; empty where nothing does.
+    /// Change of the protocol that would separate the claim from its equivalent effects; empty if it has none.
     fn separating_protocol(&self) -> Result<String> {
         let Some(claimed) = self.model.filter(|_| !self.equivalent.is_empty()) else { return Ok(String::new()) };
         let models = std::iter::once(claimed).chain(self.equivalent);
@@ -210,7 +210,7 @@ impl Report<'_> {
         })
     }
 
-    /// The refit with an effect. Of a claim of several, its parameters are those of the whole model; all else is of the effect alone.
+    /// Refit with an effect. For a claim of several effects, the parameters are those of the whole model; all else refers to the effect alone.
     fn refit(&self, single: &Single, refitted: &Refitted, gain: Gain, weighing: &Weighing) -> Result<Refit> {
         let parameters =
             weighing.parameters(self.subject, single, self.verdict.effects.iter().any(|own| own == single.slug))?;
@@ -237,19 +237,19 @@ impl Report<'_> {
         let mut list = Vec::new();
         let threshold = rank::largest_score_threshold(scores, cosines, self.request.seed);
         list.push(format!(
-            "without any effect the largest score stays below {threshold:.2} standard deviations in 95 of 100 experiments"
+            "without any effect, the largest score stays below {threshold:.2} standard deviations in 95 of 100 experiments"
         ));
         list.extend(self.found.bootstrap.sentence());
         if let Some(n) = self.unexplained.iter().find_map(|outside| outside.cut_short_after) {
             list.push(format!(
-                "confirming structure outside the library was cut short after {n} simulated records, which this model takes long to fit: none shows as much, so its p is at most 1 in {}",
+                "this model takes long to fit, so the test of structure outside the library stopped after {n} simulated records: none shows as much, so p is at most 1 in {}",
                 n + 1
             ));
         }
         match self.subject.experiment().heldout_cycles[..] {
-            [] => list.push("no cycle is held out, so nothing is claimed beyond \"suggestive\"".into()),
+            [] => list.push("no cycle is held out, so effects are \"suggestive\" at most".into()),
             [cycle] if self.subject.problem().experiment.calibration_cycles.len() == 1 => list.push(format!(
-                "one cycle was fitted and cycle {cycle} is scored once: a claim rests on that one cycle"
+                "the fit uses one cycle and only cycle {cycle} is scored: a claim rests on that one cycle"
             )),
             _ => {}
         }
@@ -264,18 +264,18 @@ impl Report<'_> {
         }
     }
 
-    /// Whether something remains that the best model does not explain.
+    /// Returns whether the best model leaves something unexplained.
     pub fn remains(&self) -> bool {
         self.verdict.has_structure || self.verdict.exceeds_noise
     }
 
-    /// The noise (µm) that the search learnt beside the best model, white and slow together.
+    /// Noise standard deviation (µm) that the search learnt for the best model, white and slow together.
     fn search_noise_um(&self) -> f64 {
         let model = self.model.unwrap_or(&self.found.base);
         self.subject.noise().row_sd_um(&model.fitted.noise)
     }
 
-    /// The noise of one position in µm; where it was not given, also what was learnt.
+    /// Noise standard deviation of one position in µm; if it was not given, also the learnt value.
     fn noise_words(&self) -> String {
         let Some(noise_um) = self.subject.noise_um() else { return "unknown".into() };
         let noise = short(noise_um);
@@ -285,10 +285,10 @@ impl Report<'_> {
         format!("{noise}, estimated; {} learnt, slow noise included", short(self.search_noise_um()))
     }
 
-    /// That nothing says how large the noise is, where nothing does.
+    /// Warning that the size of the noise is unknown; empty if it is known or estimated.
     fn unknown_noise(&self) -> &'static str {
         if self.subject.is_noise_unknown() {
-            " The noise is neither given nor can it be estimated: a misfit that looks like slow noise would not be seen, so this is no all-clear. Give `noise_um` in [measurement]."
+            " The noise is neither given nor can it be estimated, so a misfit that looks like slow noise cannot be ruled out. Give `noise_um` in [measurement]."
         } else {
             ""
         }
@@ -306,10 +306,10 @@ impl Report<'_> {
             [] => String::new(),
             class => {
                 let which = if effects.len() > 1 { "one of them" } else { "it" };
-                format!(" This experiment cannot tell {which} from {}.", listed(class, "or"))
+                format!(" This experiment cannot distinguish {which} from {}.", listed(class, "or"))
             }
         };
-        let rest = self.what_remains().map_or(String::new(), |what| format!(" Unexplained, here: {what}"));
+        let rest = self.what_remains().map_or(String::new(), |what| format!(" Unexplained in this experiment: {what}"));
         format!(
             "The model lacks {}: with {}, {errors} (noise {}). {}.{several}{class}{rest}",
             listed(effects, "and"),
@@ -319,7 +319,7 @@ impl Report<'_> {
         )
     }
 
-    /// What no effect explains, in words; `None` where nothing is found, or nobody asked and only the size of the noise gives it away.
+    /// Unexplained residual, in words; `None` if there is none. A request that is not in full gives `None` if only the size of the noise reveals it.
     fn what_remains(&self) -> Option<String> {
         let first = || self.unexplained.first().map(|first| first.sentence.clone());
         self.leftover.as_ref().map(|leftover| leftover.entry.sentence.clone()).or_else(first)
@@ -327,25 +327,25 @@ impl Report<'_> {
 
     fn unexplained_sentence(&self, shown: &Shown) -> String {
         let what = self.what_remains().unwrap_or_default();
-        let rest = if what.is_empty() { String::new() } else { format!(" Unexplained, here: {what}") };
+        let rest = if what.is_empty() { String::new() } else { format!(" Unexplained in this experiment: {what}") };
         if self.model.is_some() {
             let effects = listed(&self.verdict.effects, "and");
             return format!(
-                "The model is still wrong with all that was tried: with {effects} it leaves {}. Of the library {effects} helps most, but it is not the cause ({}): read no property from its size.{rest}",
+                "No tried effect makes the model right: with {effects}, its residual is {}. The best of the library, {effects}, helps but is not the cause ({}): its size is no property of the gel.{rest}",
                 self.excess_words(),
                 shown.change_in_words()
             );
         }
         if self.verdict.has_structure {
-            return format!("No effect of the library explains what the model leaves.{rest}");
+            return format!("No effect of the library explains the model's residual.{rest}");
         }
         format!(
-            "The model is wrong, and no effect of the library or known structure accounts for it: it leaves {}.{rest}",
+            "The model is wrong, and no effect of the library or known structure explains why: its residual is {}.{rest}",
             self.excess_words()
         )
     }
 
-    /// How much more than the noise is left, and where.
+    /// Ratio of the residual to the noise, in words, and where it occurs.
     fn excess_words(&self) -> String {
         if let (false, Some(factor)) = (self.left.is_too_large(), self.over_predicted) {
             let noise = match (self.model, self.left.is_known) {
@@ -353,7 +353,7 @@ impl Report<'_> {
                 (Some(_), true) => "the known noise and the model's parameters",
                 (Some(_), false) => "the model's own noise and parameters",
             };
-            return format!("{factor:.1} times as much on the last held-out cycle as {noise} allow");
+            return format!("{factor:.1} times as large on the last held-out cycle as {noise} allow");
         }
         let heldout = self.left.heldout.filter(|size| size.is_too_large);
         let (size, which) = heldout.map_or((self.left.fitted, "fitted cycles"), |size| (size, "last held-out cycle"));
@@ -361,12 +361,12 @@ impl Report<'_> {
         let noise = match self.left.is_known {
             true => format!("the known noise of {} µm", short(1e6 * noise_m)),
             false if noise_m > self.subject.yardstick_m() => {
-                format!("the {} µm that do not come again in every cycle", short(1e6 * noise_m))
+                format!("the {} µm that do not recur in every cycle", short(1e6 * noise_m))
             }
             false => format!("the estimated noise of {} µm", short(1e6 * noise_m)),
         };
         let returning = self.left.returning_m.map_or(String::new(), |returning_m| {
-            format!("; {} µm of it come again in every cycle, which noise does not", short(1e6 * returning_m))
+            format!("; {} µm of it recur in every cycle, which noise does not", short(1e6 * returning_m))
         });
         format!("{:.1} times {noise} on the {which}{returning}", size.rms_m / noise_m)
     }
@@ -385,12 +385,12 @@ impl Report<'_> {
         let left = self.left.heldout.unwrap_or(self.left.fitted).rms_m;
         if self.verdict.is_doubtful {
             return format!(
-                "Something may be missing: the model leaves {} times the given noise on the {rows}. No effect of the library explains it, and slow noise beside the given one would look the same.{hint}",
+                "An effect may be missing: the model's residual is {} times the given noise on the {rows}. No effect of the library explains it, and slow noise beside the given one would look alike.{hint}",
                 short(left / self.left.noise_m),
             );
         }
         format!(
-            "Nothing is missing that this experiment could show: the model's error is {} µm on the {rows}{} (noise {}), and what it leaves looks like noise.{}{hint}",
+            "This experiment shows no missing effect: the model's error is {} µm on the {rows}{} (noise {}), and its residual looks like noise.{}{hint}",
             short(rmse_um),
             without_the_cycles_own(rmse_um, 1e6 * left),
             self.noise_words(),
@@ -399,31 +399,31 @@ impl Report<'_> {
     }
 }
 
-/// Errors that sentences name.
+/// Errors that the sentences mention.
 struct Shown<'a> {
     base: ModelErrors,
     extended: Option<&'a Errors>,
 }
 
 impl Shown<'_> {
-    /// Where the error goes with the model that is claimed or helps; empty where none is.
+    /// Change of the error by the model that is claimed or helps; empty if there is none.
     fn change_in_words(&self) -> String {
         let Some(after) = self.extended else { return String::new() };
         let (which, was, is) = match (self.base.rmse_heldout_um, after.rmse_heldout_um) {
             (Some(was), Some(is)) => ("last held-out cycle", was, is),
             _ => ("fitted cycles", self.base.rmse_fitted_um, after.rmse_fitted_um),
         };
-        format!("on the {which} the error goes from {} to {} µm", short(was), short(is))
+        format!("the error on the {which} goes from {} to {} µm", short(was), short(is))
     }
 }
 
-/// What is left of an error (µm) once a gain and an offset of each cycle are taken out, where they make up much of it: they are noise, and nothing else says
-/// why an error far above the noise is none.
+/// Part of an error (µm) without a gain and an offset of each cycle, if these make up much of it. They are noise, and only this phrase explains
+/// why an error far above the noise is acceptable.
 fn without_the_cycles_own(rmse_um: f64, left_um: f64) -> String {
     if rmse_um < WORTH_SAYING * left_um {
         return String::new();
     }
-    format!(", {} µm of it when a gain and an offset of the cycle are taken out, which the noise has", short(left_um))
+    format!(", {} µm of it without a gain and an offset of the cycle, which are part of the noise", short(left_um))
 }
 
 fn entry(outside: &Outside) -> UnexplainedEntry {
@@ -447,14 +447,14 @@ fn size(parameter: &RefitParameter) -> String {
     )
 }
 
-/// Answers where a posterior gives several: one of them is right, and the data do not say which.
+/// Modes of a posterior that has several, in words; the data do not decide between them.
 fn in_words(answers: &[Answer]) -> Option<String> {
     let of = |answer: &Answer| {
         Some(format!("{} with probability {:.2}", size(answer.parameters.first()?), answer.probability))
     };
     let each: Vec<String> = answers.iter().filter_map(of).collect();
     let count = if each.len() == 2 { "two" } else { "several" };
-    (each.len() > 1).then(|| format!(" There are {count} answers: {}.", listed(&each, "or")))
+    (each.len() > 1).then(|| format!(" The posterior has {count} modes: {}.", listed(&each, "or")))
 }
 
 /// Three significant digits.

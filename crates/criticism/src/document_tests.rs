@@ -1,4 +1,4 @@
-//! Words and numbers for a search whose parts are set by hand.
+//! Sentences and numbers for a search whose parts are set by hand.
 
 use nalgebra::DMatrix;
 
@@ -17,7 +17,7 @@ use posterior::monitor::Silent;
 
 const SMALL: Size = Size { rms_m: 4e-6, is_too_large: false };
 const LARGE: Size = Size { rms_m: 6.4e-6, is_too_large: true };
-/// Nothing is left but 4 µm of known noise.
+/// A residual of 4 µm of known noise alone.
 const WITHIN: Misfit = Misfit {
     fitted: SMALL,
     heldout: Some(SMALL),
@@ -27,7 +27,7 @@ const WITHIN: Misfit = Misfit {
     learnt_degrees: 1.0,
 };
 
-/// The verdict on a model that passes, or on the base, with what is left beside it and rivals that are not separated from it.
+/// The verdict on a model that passes, or on the base, with its residual and with rivals that are not separated from it.
 fn decided(
     model: Option<&Refitted>,
     found: &SearchResult,
@@ -56,7 +56,7 @@ fn decided(
     verdict(&evidence, &Criteria::RECORD)
 }
 
-/// Of a search and its verdict alone: nothing is unexplained.
+/// A report of a search and its verdict alone: nothing is unexplained.
 fn plain<'a>(
     subject: &'a Subject,
     request: &'a DiagnosisRequest,
@@ -80,12 +80,12 @@ fn plain<'a>(
     }
 }
 
-/// Errors as a sentence takes them.
+/// Errors for a sentence.
 fn shown(extended: Option<&Errors>) -> Shown<'_> {
     Shown { base: ModelErrors { rmse_fitted_um: 4.1, rmse_heldout_um: Some(9.0) }, extended }
 }
 
-/// Something outside the library; what stands in it but its words is not looked at.
+/// Structure outside the library; only its sentence matters.
 pub fn slip(model: &Refitted) -> Outside {
     Outside {
         kind: OutsideKind::Slip,
@@ -123,12 +123,12 @@ fn the_verdict_follows_claim_structure_and_noise() {
         (verdict.kind, verdict.effects.clone(), report.sentence(&[], &shown(model.map(|_| &after))), statuses)
     };
     let outside = [slip(&found.base)];
-    // However large the noise that the model has learnt: what is left decides.
+    // The residual decides, however large the learnt noise.
     found.base.fitted.noise = NoiseValues::new([4.0, 5.0, 1.0, 0.01, 1.0]);
     let (none, effects, sentence, statuses) = kind(&found, None, &[], &WITHIN);
     assert_eq!((none, effects.len()), (VerdictKind::None, 0));
-    // The bias moves the whole cycle, which a gain and an offset would take up: why the noise is called none is said.
-    let own = "on the last held-out cycle, 4.00 µm of it when a gain and an offset of the cycle are taken out, which the noise has (noise 4.00)";
+    // The bias moves the whole cycle, which a gain and an offset would absorb: the sentence says why this counts as noise.
+    let own = "on the last held-out cycle, 4.00 µm of it without a gain and an offset of the cycle, which are part of the noise (noise 4.00)";
     assert!(sentence.contains(own), "{sentence}");
     assert_eq!(statuses[1], Status::Suggestive);
     let (unexplained, _, sentence, statuses) = kind(&found, None, &outside, &WITHIN);
@@ -137,8 +137,8 @@ fn the_verdict_follows_claim_structure_and_noise() {
     let (unexplained, effects, sentence, _) = kind(&found, None, &[], &too_large);
     assert_eq!((unexplained, effects.len()), (VerdictKind::Unexplained, 0));
     assert!(sentence.contains("1.6 times the known noise of 4.00 µm on the last held-out cycle"), "{sentence}");
-    assert!(sentence.contains("5.00 µm of it come again in every cycle"), "{sentence}");
-    // Where none was given, none is called known.
+    assert!(sentence.contains("5.00 µm of it recur in every cycle"), "{sentence}");
+    // If no noise is given, none is called known.
     let estimated = Misfit { is_known: false, ..WITHIN };
     let (none, _, sentence, _) = kind(&found, None, &[], &estimated);
     assert_eq!(none, VerdictKind::None);
@@ -149,16 +149,19 @@ fn the_verdict_follows_claim_structure_and_noise() {
     let claimed = found.singles[1].refitted.as_ref();
     for (list, remains) in [(&outside[..0], false), (&outside[..], true)] {
         let (missing, effects, sentence, statuses) = kind(&found, claimed, list, &WITHIN);
-        assert!(sentence.contains("on the last held-out cycle the error goes from 9.00 to 4.20 µm"), "{sentence}");
+        assert!(sentence.contains("the error on the last held-out cycle goes from 9.00 to 4.20 µm"), "{sentence}");
         assert_eq!((missing, effects), (VerdictKind::Missing, vec!["force-bias".to_string()]));
-        assert_eq!(sentence.contains("Unexplained, here: a slip."), remains);
+        assert_eq!(sentence.contains("Unexplained in this experiment: a slip."), remains);
         assert_eq!(statuses[1], Status::Claimed);
         assert!(statuses[0] != Status::Suggestive && statuses[2] != Status::Suggestive);
     }
-    // What helps without being enough is no cause.
+    // An effect that helps but does not suffice is no cause.
     let (unexplained, effects, sentence, statuses) = kind(&found, claimed, &[], &too_large);
     assert_eq!((unexplained, effects), (VerdictKind::Unexplained, vec!["force-bias".to_string()]));
-    assert!(sentence.starts_with("The model is still wrong") && sentence.contains("not the cause"), "{sentence}");
+    assert!(
+        sentence.starts_with("No tried effect makes the model right") && sentence.contains("not the cause"),
+        "{sentence}"
+    );
     assert_eq!(statuses[1], Status::Suggestive);
 }
 
@@ -174,10 +177,10 @@ fn a_rival_that_is_not_separated_is_named() {
     let statuses: Vec<Status> = found.singles[..2].iter().map(|single| report.status(single)).collect();
     assert_eq!(statuses, [Status::Equivalent, Status::Claimed]);
     let sentence = report.sentence(&[], &shown(None));
-    assert!(sentence.contains("cannot tell it from force-asymmetry"), "{sentence}");
+    assert!(sentence.contains("cannot distinguish it from force-asymmetry"), "{sentence}");
 }
 
-/// Half the square of a signal is what it gains on average: the threshold of simulated searches in σ, and one more.
+/// Half the square of a signal is its average gain: the threshold is that of simulated searches in σ, plus one.
 #[test]
 fn the_threshold_is_the_signal_that_gains_it() {
     let data = measured(&small(), &[], &[], 33);
@@ -190,8 +193,8 @@ fn the_threshold_is_the_signal_that_gains_it() {
     }
 }
 
-/// The noise of a prediction by dense algebra: that of the parameters, given the fitted rows, and that of
-/// one position, with the gain that was fitted, small as it is.
+/// The noise of a prediction agrees with dense algebra: that of the parameters, given the fitted rows, and that of
+/// one position, with the fitted gain, however small.
 #[test]
 fn predictive_noise_is_that_of_dense_algebra() {
     let data = measured(&small(), &[], &[], 34);
@@ -232,7 +235,7 @@ fn predictive_noise_is_that_of_dense_algebra() {
     assert!((found_um / expected_um - 1.0).abs() < 1e-4, "{found_um} {expected_um}");
 }
 
-/// A pair is claimed: sizes are those beside each other, a Bayes factor speaks for the effect alone and falls short of its gain by what its prior costs, p
+/// A claimed pair has the sizes of the joint model. A Bayes factor refers to the effect alone and is below its gain by the cost of its prior; p
 /// counts simulated searches.
 #[test]
 #[ignore = "thorough"]
@@ -274,7 +277,7 @@ fn a_document_holds_the_claim_with_sizes_of_the_whole_model() {
     assert!(n_apart > 0);
     let other = document.candidates.iter().find(|entry| entry.effect == "force-asymmetry").expect("of the library");
     assert!(other.refit.as_ref().expect("refitted").log_bayes_factor.is_none());
-    // What gains beyond chance and is not claimed is said to be weaker, and not to be without support.
+    // An unclaimed effect that gains beyond chance is called weaker, not unsupported.
     let standing = |p_familywise: f64| {
         let entry = CandidateEntry { status: Status::Unsupported, p_familywise, ..other.clone() };
         document.standing(&entry)
@@ -282,8 +285,8 @@ fn a_document_holds_the_claim_with_sizes_of_the_whole_model() {
     assert_eq!([standing(0.01), standing(0.4)], ["weaker than the claim", "no more than chance"]);
 }
 
-/// A claim is weighed, what cannot come near it gets a bound instead of an evidence and is named, and the bound holds: evidences stay below gains and what the
-/// posterior may widen by.
+/// A claim gets its evidence. An effect that cannot come near it gets a named bound instead, and the bound holds: evidences stay below gains plus the possible
+/// widening of the posterior.
 #[test]
 #[ignore = "thorough"]
 fn what_cannot_come_near_the_claim_gets_a_bound() {
@@ -321,7 +324,7 @@ fn what_cannot_come_near_the_claim_gets_a_bound() {
     assert_eq!(refit.parameters.len(), 1);
 }
 
-/// However near it comes: a law that is not linear gets a bound beside a claim, and is named.
+/// A nonlinear law gets a bound beside a claim, however near it comes, and is named.
 #[test]
 #[ignore = "thorough"]
 fn a_law_that_is_not_linear_is_not_weighed_beside_a_claim() {
@@ -336,10 +339,10 @@ fn a_law_that_is_not_linear_is_not_weighed_beside_a_claim() {
     assert!(matches!(weighing.factor("force-bias"), Factor::Known(_)));
     assert_eq!(weighing.factor("strain-stiffening"), Factor::AtMost(1005.0));
     let [remark] = &weighing.remarks[..] else { panic!("{:?}", weighing.remarks) };
-    assert!(remark.contains("strain-stiffening") && remark.contains("beside another effect's"), "{remark}");
+    assert!(remark.contains("strain-stiffening") && remark.contains("such nonlinear laws take long"), "{remark}");
 }
 
-/// Two answers are said with their shares; one is not spoken of.
+/// Two modes are reported with their probabilities; a single mode is not mentioned.
 #[test]
 fn two_answers_are_said() {
     let answer = |probability: f64, mean: f64| {
@@ -349,6 +352,6 @@ fn two_answers_are_said() {
     assert_eq!(in_words(&[]), None);
     assert_eq!(
         in_words(&[answer(0.7, 2.0), answer(0.3, 30.0)]).expect("two"),
-        " There are two answers: a.size = 2.00 (1.80 to 2.20 at 90 %) with probability 0.70 or a.size = 30.0 (27.0 to 33.0 at 90 %) with probability 0.30."
+        " The posterior has two modes: a.size = 2.00 (1.80 to 2.20 at 90 %) with probability 0.70 or a.size = 30.0 (27.0 to 33.0 at 90 %) with probability 0.30."
     );
 }

@@ -1,13 +1,13 @@
-//! What every effect would explain of what the base leaves: the change of the fitted curve.
+//! Fingerprint of every effect: the change of the fitted curve that it makes, which shows the part of the base's residual it explains.
 
 use super::search::{SearchResult, Single};
 use super::subject::Subject;
 use figures::fingerprints::Fingerprints;
 
-/// Rows that are shown: of longer records every so many.
+/// Largest number of rows in a fingerprint; longer records are thinned evenly.
 const MOST_ROWS: usize = 2000;
 
-/// The fingerprints of all effects that were refitted, what gains most first.
+/// Returns the fingerprints of all refitted effects, ordered by decreasing gain.
 pub fn fingerprints(subject: &Subject, found: &SearchResult) -> Fingerprints {
     let experiment = subject.experiment();
     let record = &experiment.record;

@@ -1,11 +1,11 @@
-//! The best parameters and noise of a candidate.
+//! The best-fit parameters and noise of a candidate.
 //!
 //! The objective is the log likelihood of the fitted positions, noise included, plus the log priors of the law's parameters and of the noise. Effects
-//! have no prior in it, only ends: so a model that contains another never fits worse, and what it gains is a likelihood ratio.
+//! have only ends and no prior in it. A model that contains another therefore never fits worse, and its gain is a likelihood ratio.
 //!
-//! The search goes back and forth between the mean (Gauss and Newton on whitened residuals, derivatives by differences, several damped steps tried at
-//! once) and the noise. Each is the other's nuisance: in a Gaussian model their Fisher information has no cross terms, so few rounds do. Where every trajectory
-//! takes long, derivatives follow the steps by Broyden's rule, and are computed anew where these do not keep their promise and before a search ends.
+//! The search alternates between the mean and the noise. The mean takes Gauss–Newton steps on whitened residuals, with finite-difference derivatives and several damped steps tried at
+//! once. Mean and noise need few rounds, since the Fisher information of a Gaussian model has no cross terms between them. If trajectories are slow,
+//! Broyden's rule updates the derivatives after each step. They are computed anew if the steps gain less than predicted, and before a search ends.
 
 use super::candidate::Coordinate;
 use super::derivatives::derivatives_m;
@@ -17,33 +17,33 @@ use base::error::{Error, Result};
 use models::model::{Lanes, N_LANES};
 use posterior::noise::NoiseScales;
 
-/// Steps that gain more than this share of what was promised are followed by no others.
+/// Steps that gain more than this share of the predicted gain end the trials.
 pub(super) const KEPT_PROMISE: f64 = 0.3;
-/// Steps along guessed derivatives that are tried before these are computed.
+/// Number of steps tried along Broyden's derivatives before these are computed anew.
 const N_BY_GUESS: usize = 2;
-/// Climbs whose positions differ by less than this sum of squares, in units of the noise, are at one optimum: the second one ends there, unless it stands higher
+/// Climbs whose positions differ by less than this sum of squares, in units of the noise, are at one optimum. The second climb ends there, unless its objective is higher
 /// by more than [`HIGHER_NATS`].
 const SAME_PLACE: f64 = 0.1;
 const HIGHER_NATS: f64 = 0.01;
-/// Sizes of effects that begin with their square from which they are tried beside the null.
+/// Starting sizes, besides the null, of effects whose response begins with the square of their size.
 const FULL_SIZES: [f64; 2] = [1.0, 0.5];
-/// [`Search::least_gains`] where a quantity depends on a state. A formula that fits badly would otherwise go on for hundreds of steps that gain a hundredth of a nat each.
+/// [`Search::least_gains`] for laws with a quantity that depends on a state. A formula that fits badly would otherwise take hundreds of steps that gain a hundredth of a nat each.
 const LEAST_GAINS_OF_STATE_LAWS: [f64; 2] = [2e-2, 5e-2];
 const MOST_STEPS: usize = 60;
 const MOST_ROUNDS: usize = 12;
 
-/// How thoroughly to search.
+/// Thoroughness of a search.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Search {
-    /// From many starts and both weightings: for the data.
+    /// Many starts and both weightings, for measured data.
     Wide,
-    /// From the best of few starts about other fits: for data that were simulated without the effect.
+    /// Best of few starts about other fits, for data simulated without the effect.
     Local,
 }
 
 impl Search {
-    /// Gain (nats) of a step below which the mean is at rest, and of a round below which mean and noise are. Steps that each take a trajectory by itself have
-    /// to be worth it.
+    /// Least gains (nats) of a step, below which the mean has converged, and of a round, below which mean and noise have. Steps whose trajectories are computed one by one
+    /// need a larger gain.
     fn least_gains(self, is_slow: bool) -> [f64; 2] {
         match (self, is_slow) {
             (Self::Wide, false) => [1e-4, 3e-3],
@@ -58,7 +58,7 @@ impl Search {
 pub struct Fitted {
     /// Coordinates: free parameters, then amplitudes of columns.
     pub theta: Vec<f64>,
-    /// The noise's parameters in their units.
+    /// Noise parameters in their units.
     pub noise: NoiseValues,
     /// Position (m) at every row of the record.
     pub position_m: Vec<f64>,
@@ -69,7 +69,7 @@ pub struct Fitted {
 }
 
 impl Fitted {
-    /// Root mean square (m) of what a fit leaves of positions.
+    /// Root mean square residual (m) of the given positions.
     pub fn rmse_m(&self, positions_m: &[Option<f64>]) -> Option<f64> {
         let squares: Vec<f64> =
             positions_m.iter().zip(&self.position_m).filter_map(|(y, x)| Some((y.as_ref()? - x).powi(2))).collect();
@@ -84,15 +84,15 @@ struct Point {
     position_m: Vec<f64>,
     log_noise: LogNoise,
     objective: f64,
-    /// Derivatives at `theta`, once they are known: the noise, which changes in between, is no part of them.
+    /// Derivatives at `theta`, if known. They do not depend on the noise.
     columns_m: Option<Vec<Vec<f64>>>,
-    /// Whether they were guessed from those at another point.
+    /// True if Broyden's rule gave the derivatives.
     is_guessed: bool,
 }
 
 impl Point {
-    /// Moves to a better place. Derivatives are forgotten, or those of the first `n_guessed` coordinates guessed by Broyden's rule: changed as little as agrees
-    /// with the move.
+    /// Moves to a better point. Broyden's rule updates the derivatives of the first `n_guessed` coordinates: the smallest change that agrees
+    /// with the move. Otherwise they are dropped.
     fn move_to(&mut self, theta: &[f64], position_m: Vec<f64>, objective: f64, n_guessed: usize) {
         let moved: Vec<f64> = theta.iter().zip(&self.theta).map(|(new, old)| new - old).collect();
         let squared: f64 = moved[..n_guessed].iter().map(|step| step * step).sum();
@@ -123,10 +123,10 @@ impl Point {
 }
 
 impl Subject {
-    /// Fits a candidate: from the starts that the search asks for, and from `also` (coordinates and noise of other fits).
+    /// Fits a candidate, from the search's own starts and from `also` (coordinates and noise of other fits).
     ///
     /// # Errors
-    /// [`Error::Numerical`] when the candidate has no model at any start.
+    /// [`Error::Numerical`] if the candidate has no model at any start.
     pub fn fit(&self, candidate: &Candidate, also: &[(Vec<f64>, NoiseValues)], search: Search) -> Result<Fitted> {
         let climber = Climber { subject: self, candidate, noise_prior: self.noise_prior(), search };
         let mut ended: Vec<Point> = Vec::new();
@@ -134,7 +134,7 @@ impl Subject {
             let point = climber.climb(start, &ended);
             ended.push(point);
         }
-        // Of equals the first.
+        // The first of equals wins.
         let best = ended.into_iter().reduce(|best, other| if other.objective > best.objective { other } else { best });
         best.map(|point| self.fitted_at(point)).ok_or_else(|| no_start(candidate))
     }
@@ -162,12 +162,12 @@ impl Subject {
 
 fn no_start(candidate: &Candidate) -> Error {
     Error::numerical(
-        format!("the model with {} cannot be evaluated at any start of its fit", candidate.effects.join(", ")),
-        "look at the priors of its parameters",
+        format!("the model with {} has no prediction at any start of its fit", candidate.effects.join(", ")),
+        "check the priors of its parameters",
     )
 }
 
-/// A search in one candidate.
+/// State of a search in one candidate.
 struct Climber<'a> {
     subject: &'a Subject,
     candidate: &'a Candidate,
@@ -176,7 +176,7 @@ struct Climber<'a> {
 }
 
 impl Climber<'_> {
-    /// Objective of one to eight points with their positions under one noise; −∞ where there is no model or a point leaves the search.
+    /// Objectives of one to eight points under one noise, with their positions; −∞ if there is no model or the point is outside the search.
     fn objectives(&self, points: &[Vec<f64>], log_noise: &LogNoise) -> (Vec<Lanes>, [f64; N_LANES]) {
         let (lanes, is_valid) = self.subject.trajectories_m(self.candidate, points);
         let noise = noise_fit::natural(log_noise);
@@ -195,7 +195,7 @@ impl Climber<'_> {
         (lanes, out)
     }
 
-    /// The best few of many starts, by their objective after the noise is left as it is.
+    /// The best few of many starts, by their objective under the noise of each start.
     fn starts(&self, also: &[(Vec<f64>, NoiseValues)]) -> Vec<Point> {
         let white = self.noise_prior.white();
         let mut seeds: Vec<(Vec<f64>, LogNoise)> = Vec::new();
@@ -212,7 +212,7 @@ impl Climber<'_> {
         if self.search == Search::Local && !points.is_empty() {
             return best_of(points, 2).into_iter().chain(far).collect();
         }
-        // From the priors, weighted alike.
+        // Starts from the priors, all with white noise.
         let mut wide: Vec<(Vec<f64>, LogNoise)> =
             self.quantile_starts().into_iter().map(|theta| (theta, white)).collect();
         for (theta, _) in also {
@@ -225,7 +225,7 @@ impl Climber<'_> {
         points
     }
 
-    /// Starts for an effect that makes next to nothing near its null, and there not what it makes at its full size: at sizes from which the law can follow, however much worse they are before it has.
+    /// Starts for effects whose small response differs from their full-size one. They begin at sizes to which the law can adapt, even if the objective is much worse at first.
     fn at_full_size(&self, theta: &[f64]) -> Vec<Vec<f64>> {
         let mut list = Vec::new();
         for (k, free) in self.candidate.free.iter().enumerate() {
@@ -259,13 +259,13 @@ impl Climber<'_> {
         points
     }
 
-    /// A start with what means nothing at the null put on a grid of its prior's quantiles.
+    /// Starts whose parameters unidentified at the null are set to a grid of prior quantiles.
     fn over_grid(&self, theta: &[f64]) -> Vec<Vec<f64>> {
         let mut list = vec![theta.to_vec()];
         let grid: &[f64] =
             if self.search == Search::Wide { &[0.05, 0.2, 0.35, 0.5, 0.65, 0.8, 0.95] } else { &[0.15, 0.5, 0.85] };
         for (k, free) in self.candidate.free.iter().enumerate() {
-            // A parameter of an effect that is there already stays where the other fit has it.
+            // A parameter of an effect that the other fit has keeps the value of that fit.
             let is_off = free.effect.is_some_and(|effect| self.is_off(effect, theta));
             if free.is_unidentified_at_null() && is_off {
                 let on_grid = |start: &Vec<f64>| -> Vec<Vec<f64>> {
@@ -279,7 +279,7 @@ impl Climber<'_> {
                 list = list.iter().flat_map(on_grid).collect();
             }
         }
-        // At the null those points are one: a small step into the effect tells them apart.
+        // At the null those grid points coincide: a small step into the effect separates them.
         for start in &mut list {
             for (k, free) in self.candidate.free.iter().enumerate() {
                 if let (Some(null), Some(effect)) = (free.null, free.effect)
@@ -301,7 +301,7 @@ impl Climber<'_> {
         of_effect.into_iter().any(|(free, theta)| free.null == Some(*theta))
     }
 
-    /// Starts at which effects are well away from their nulls, the rest as given.
+    /// Starts with effects well away from their nulls and other coordinates as given.
     fn away_from(&self, theta: &[f64]) -> Vec<Vec<f64>> {
         let mut list = Vec::new();
         let levels: [f64; 6] = [0.1, 0.3, 0.6, 0.8, 0.93, 0.99];
@@ -325,7 +325,7 @@ impl Climber<'_> {
         list
     }
 
-    /// Sobol points of the priors.
+    /// Sobol points of the priors, as coordinates.
     fn quantile_starts(&self) -> Vec<Vec<f64>> {
         let n_columns = self.candidate.columns.len();
         let start = |number: u32| {
@@ -340,7 +340,7 @@ impl Climber<'_> {
         (0..32).map(start).collect()
     }
 
-    /// To and fro between mean and noise, until both rest or the point is where another climb ended.
+    /// Alternates between mean and noise until both converge or the point reaches another climb's optimum.
     fn climb(&self, mut point: Point, ended: &[Point]) -> Point {
         for round in 0..MOST_ROUNDS {
             let before = point.objective;
@@ -390,7 +390,7 @@ impl Climber<'_> {
                 break;
             };
             let (before, was_guessed) = (point.objective, point.is_guessed);
-            // What promises next to nothing is tried once.
+            // A step with a tiny predicted gain is tried once.
             let n_turns = match (steps.promised < HIGHER_NATS, was_guessed) {
                 (true, _) => 1,
                 (false, true) => N_BY_GUESS,
@@ -420,7 +420,7 @@ impl Climber<'_> {
                 break;
             }
         }
-        // The noise's turn: what is guessed is not carried on.
+        // The noise changes next: Broyden's derivatives are dropped.
         point.forget_guess();
         point
     }

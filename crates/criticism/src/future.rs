@@ -1,17 +1,17 @@
-//! How well a model predicts cycles that it has not seen: each from those before it, given the noise of those before it.
+//! Log scores of a model's predictions of unseen cycles: each cycle given the cycles before it and their noise.
 //!
-//! The model is taken as linear around its fit, with the law's priors. The size of an effect has a mixture of normal priors about its null, from one that
-//! is worth a fifth of what a cycle tells of it on average up to its default's spread: the broad one alone would make an effect that only later cycles show
-//! pay for what the first could not know, the narrow one alone would shrink a large effect away. Under each the log score of cycle c given the earlier
+//! The model is linear around its fit, with the law's priors. The size of an effect has a mixture of normal priors about its null. The narrowest has a fifth of the
+//! average information of a cycle, the broadest the spread of the effect's default prior. The broad prior alone would penalise an effect that only later cycles show
+//! for the ignorance of the first ones; the narrow prior alone would shrink a large effect. Under each prior the log score of cycle c given the earlier
 //! ones is exact, parameters integrated out,
 //!
 //!   ln p(y_c | y_<c) = ln Z_c − ln Z_{c−1},
 //!   ln Z_c = ℓ_c(θ̂) − ½ d'Λ₀d + ½ b'M⁻¹b + ½ ln det Λ₀ − ½ ln det M + ln P(θ ∈ S | M⁻¹b, M⁻¹) − ln P(θ ∈ S | d, Λ₀⁻¹)
 //!
-//! with ℓ_c the log likelihood of all rows up to cycle c at the fit θ̂, A and r their whitened derivatives and residuals, d = θ₀ − θ̂, M = Λ₀ + AᵀA and
-//! b = Aᵀr + Λ₀d. Whitening goes forward in time, so the first rows of A and r are those of the first cycles alone. The two probabilities are those of the
-//! support S, the candidate's ends, under the normals of posterior and prior: an effect has its sign, and what data that speak for the other sign would
-//! gain there is not its own.
+//! Here ℓ_c is the log likelihood of all rows up to cycle c at the fit θ̂. A and r are their whitened derivatives and residuals, d = θ₀ − θ̂, M = Λ₀ + AᵀA and
+//! b = Aᵀr + Λ₀d. Whitening goes forward in time, so the first rows of A and r depend on the first cycles alone. The two probabilities integrate
+//! the normals of posterior and prior over the support S, the candidate's ends. They respect the sign of an effect: data that favour the other sign give it
+//! no gain.
 
 use nalgebra::{DMatrix, DVector};
 
@@ -25,31 +25,31 @@ use posterior::noise::NoiseLikelihood;
 /// Log scores of future cycles, in nats.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct FutureScore {
-    /// Of all cycles but the first, each given those before it.
+    /// Score of all cycles but the first, each given the cycles before it.
     pub all: f64,
-    /// Of the last cycle, given those before it.
+    /// Score of the last cycle, given the cycles before it.
     pub last: f64,
 }
 
-/// Cycles that the narrowest prior of an effect's size is worth.
+/// Information of the narrowest prior of an effect's size, in cycles.
 const PRIOR_CYCLES: f64 = 0.2;
-/// Priors of an effect's size, in geometric progression.
+/// Number of priors of an effect's size, in geometric progression.
 const N_SCALES: usize = 5;
-/// Standard deviation of an amplitude of a column, in m: vague.
+/// Standard deviation of the vague prior of a column's amplitude, in m.
 const AMPLITUDE_SD_M: f64 = 1e-3;
 
 /// Log scores of a candidate at its fit; `None` when no cycle is held out.
 ///
 /// # Errors
-/// [`base::Error::Numerical`] where the candidate has no derivatives.
+/// [`base::Error::Numerical`] if the candidate has no derivatives.
 pub fn future_score(subject: &Subject, candidate: &Candidate, fitted: &Fitted) -> Result<Option<FutureScore>> {
     let record = &subject.experiment().record;
     if subject.scored_m.iter().all(Option::is_none) {
         return Ok(None);
     }
     let both: Vec<Option<f64>> = subject.fitted_m.iter().zip(&subject.scored_m).map(|(a, b)| a.or(*b)).collect();
-    // Three cycles may show next to no scatter of their gains by chance, and a fourth would then be scored by a certainty that nobody has. The floor is the
-    // same for all models, so that what one gains over another is not the floor's.
+    // Three cycles may by chance show almost no scatter of their gains; the prediction of a fourth would then be overconfident. All models have one
+    // floor, so that it does not contribute to a model's gain over another.
     let noise = of_future(subject.noise(), fitted.noise);
     let mut columns = columns_m(subject, candidate, &fitted.theta)?;
     let n = columns.len();
@@ -86,7 +86,7 @@ pub fn future_score(subject: &Subject, candidate: &Candidate, fitted: &Fitted) -
         };
         let told = DMatrix::from_fn(n, n, dot);
         let slope = DVector::from_fn(n, |i, _| dot(i, n));
-        // The mixture's evidence: its priors have equal weights.
+        // The evidence of the mixture: its priors have equal weights.
         let each: Vec<f64> =
             precisions.iter().map(|precision| ln_integral(&told, &slope, precision, &prior_step, &reach)).collect();
         let largest = each.iter().copied().fold(f64::NEG_INFINITY, f64::max);
@@ -99,8 +99,8 @@ pub fn future_score(subject: &Subject, candidate: &Candidate, fitted: &Fitted) -
     Ok(Some(FutureScore { all: whole - ln_evidence(*first), last: whole - ln_evidence(*before_last) }))
 }
 
-/// ln of the integral of exp(b'δ − ½ δ'Iδ) over a normal prior of δ with mean `step` that ends at `reach`: what the log likelihood at the fit gains or loses
-/// by it.
+/// ln of the integral of exp(b'δ − ½ δ'Iδ) over a normal prior of δ with mean `step` that ends at `reach`. It is the change of the log likelihood at the
+/// fit by the uncertainty of δ.
 fn ln_integral(told: &DMatrix<f64>, slope: &DVector<f64>, precision: &[f64], step: &[f64], reach: &[[f64; 2]]) -> f64 {
     let n = precision.len();
     let total = DMatrix::from_fn(n, n, |i, j| told[(i, j)] + if i == j { precision[i] } else { 0.0 });
@@ -119,7 +119,7 @@ fn ln_integral(told: &DMatrix<f64>, slope: &DVector<f64>, precision: &[f64], ste
     ln_prior + 0.5 * pull.dot(&mean) - 0.5 * ln_det + ln_posterior_inside - ln_prior_inside
 }
 
-/// What all rows tell of a size beside the law's parameters: its squared whitened derivative less what those absorb.
+/// Information of all rows about a size beside the law's parameters: its squared whitened derivative less the part that those absorb.
 fn visible_information(white: &[Vec<f64>], prior_precision: &[f64], candidate: &Candidate, size: usize) -> f64 {
     let law: Vec<usize> = (0..candidate.free.len()).filter(|k| candidate.free[*k].effect.is_none()).collect();
     let dot = |i: usize, j: usize| -> f64 { white[i].iter().zip(&white[j]).map(|(a, b)| a * b).sum() };

@@ -1,4 +1,4 @@
-//! Whether large displacements are worth learning for a record: one full run at the base's fit says what they would do to it.
+//! Decides whether large displacements are worth learning for a record, by one full-order run at the base's fit.
 
 use base::error::Result;
 use figures::number::significant;
@@ -13,23 +13,23 @@ use super::refit::Refitted;
 use super::subject::NotLearnt;
 use super::{Subject, Tangent};
 
-/// Nats that the effect has to promise: less cannot be claimed, and learning takes a minute.
+/// Least expected gain, in nats: an effect with less cannot be claimed, and learning takes a minute.
 const LEAST_NATS: f64 = 4.0;
-/// What it may gain over its first-order value: as in `screen`.
+/// Factor and nats by which a refit may exceed its first-order gain, as in `screen`.
 const FACTOR: f64 = 1.5;
 const NATS: f64 = 1.0;
 
-/// Looks whether large displacements are worth learning for a record, at a fit of the base, and learns them.
+/// Decides whether large displacements are worth learning for a record at a fit of the base, and learns them if so.
 pub(super) fn prepare(subject: &Subject, base: &Refitted, monitor: &dyn Monitor) {
     let wanted = subject.library().effects().iter().any(|effect| effect.is_learnt_for_record());
     if wanted && subject.problem().model.field().is_none() && subject.large().get().is_none() {
-        // Not within the cell's own initialisation: threads that wait there would take up other work of this search.
+        // Not inside the cell's initialisation: threads that wait there would take up other work of this search.
         let found = learn(subject, base, monitor);
         let _ = subject.large().set(found);
     }
 }
 
-/// What a record shows of the effect of this slug, if it is large displacements and one full run said that they are not worth learning.
+/// First-order score of the effect of this slug, if it is large displacements and one full-order run showed that they are not worth learning.
 pub(super) fn score_where_not_learnt(subject: &Subject, slug: &str) -> Option<Score> {
     let effect = subject.library().get(slug)?;
     match subject.large().get() {
@@ -38,23 +38,23 @@ pub(super) fn score_where_not_learnt(subject: &Subject, slug: &str) -> Option<Sc
     }
 }
 
-/// What answers for large displacements in this record, learnt about the base's fit; or why nothing does.
+/// Response to large displacements in this record, learnt about the base's fit, or the reason why it was not learnt.
 fn learn(subject: &Subject, base: &Refitted, monitor: &dyn Monitor) -> std::result::Result<Stepped, NotLearnt> {
     let said = |error: base::Error| NotLearnt::of(error.to_string().lines().next().unwrap_or_default());
     let problem = subject.problem();
     let ball = problem.finite_elements().and_then(|fe| fe.sizes.ball);
-    let ball = ball.ok_or(NotLearnt::of("large displacements are run around a sphere at the centre"))?;
+    let ball = ball.ok_or(NotLearnt::of("large displacements need a sphere at the centre of the gel"))?;
     let position_m = &base.fitted.position_m;
     let radii = position_m.iter().fold(0.0_f64, |most, x| most.max(x.abs())) / ball.robot_radius_m;
     if radii < LEAST_RADII {
         return Err(NotLearnt::of(format!(
-            "the robot moves by {} of its radii: large displacements are next to nothing there",
+            "the robot moves by {} of its radii: large displacements are negligible there",
             significant(radii, 2)
         )));
     }
     if radii >= FARTHEST_RADII {
         return Err(NotLearnt::of(format!(
-            "the robot moves by {} of its radii, and large displacements are followed to {FARTHEST_RADII}",
+            "the robot moves by {} of its radii, and large displacements are computed up to {FARTHEST_RADII}",
             significant(radii, 2)
         )));
     }
@@ -65,12 +65,12 @@ fn learn(subject: &Subject, base: &Refitted, monitor: &dyn Monitor) -> std::resu
     if promised.nats < LEAST_NATS {
         let (most_um, nats) = (significant(promised.most_um, 2), significant(promised.nats, 2));
         let gained = if promised.score.z > 0.0 {
-            format!("gain {nats} nats at most beside what the law takes up of that")
+            format!("gain {nats} nats at most after the law has absorbed its part")
         } else {
-            "nothing like that is left beside the law".into()
+            "the law's residual shows nothing like that".into()
         };
         return Err(NotLearnt {
-            why: format!("large displacements would make up to {most_um} µm, and {gained}"),
+            why: format!("large displacements would change positions by up to {most_um} µm, and {gained}"),
             score: Some(promised.score),
         });
     }
@@ -83,7 +83,7 @@ struct Promised {
     score: Score,
 }
 
-/// What the deviation at the base's law gains to first order, whatever else the law takes up.
+/// First-order gain of the deviation at the base's law, after the law has absorbed its part.
 fn promised(subject: &Subject, base: &Refitted, law: &[f64]) -> Result<Promised> {
     let deviation_m = deviation_m(subject.problem(), law)?;
     let tangent = Tangent::new(subject, &base.candidate, &base.fitted)?;
@@ -94,7 +94,7 @@ fn promised(subject: &Subject, base: &Refitted, law: &[f64]) -> Result<Promised>
     let most_m = deviation_m.iter().fold(0.0_f64, |most, x| most.max(x.abs()));
     let score = Score {
         z,
-        // The deviation begins with the amplitude's square.
+        // The deviation begins with the square of the amplitude.
         expected_parameter: (z / norm).max(0.0).sqrt(),
         visible_fraction: left.norm_squared() / whole.norm_squared().max(f64::MIN_POSITIVE),
         signature_per_unit: norm,

@@ -1,9 +1,9 @@
-//! What no effect of the library explains, taken together: how large it is, along what, what it adds to predictions, and what it looks like.
+//! Summary of the residual that no effect of the library explains: its size, its argument, its contribution to predictions, and its shape.
 //!
-//! A structure with a shape of its own (a slip, a vibration, backlash) stands in the mean as it is; beside it, or in place of a free curve, stands the
-//! Gaussian process of the axis along which most is left ([`super::outside::Discrepancy`]). Both are orthogonal to the tangent space of the model's
-//! parameters, so that these mean what they meant. Nobody knows whether, when and with which sign such a thing comes again: predictions are not moved
-//! by it, and their variance grows by its mean square, s² → s² + ⟨m² + v⟩, with m its mean and v its variance in the fitted rows.
+//! A structure with a shape of its own (a slip, a vibration, backlash) is part of the mean. Beside it, or in place of a free curve, the mean contains a
+//! Gaussian process of the axis that explains most of the residual ([`super::outside::Discrepancy`]). Both are orthogonal to the tangent space of the model's
+//! parameters, which therefore keep their meaning. It is unknown whether, when and with which sign such a structure recurs. So it does not shift predictions,
+//! but their variance grows by its mean square, s² → s² + ⟨m² + v⟩, with its mean m and variance v in the fitted rows.
 
 use super::criteria::Criteria;
 use super::derivatives::columns_m;
@@ -19,13 +19,13 @@ use figures::number::with_decimals;
 use figures::svg::Svg;
 use posterior::misfit::{Gains, Misfit, Remainder};
 
-/// Share of a cycle within which a change of gain counts as one between cycles: positions near zero do not show the moment.
+/// Share of a cycle within which a change of gain counts as one between cycles: positions near zero do not show the exact time.
 const CYCLE_EDGE: f64 = 0.05;
 
-/// What a model leaves, beside what the noise allows. What was recognised as no part of any law, as a slip, has been taken out.
+/// Misfit of a model: its residual compared with the noise, without structure that belongs to no law, such as a slip.
 ///
 /// # Errors
-/// [`base::Error::Numerical`] where the model has no derivatives at its fit.
+/// [`base::Error::Numerical`] if the model has no derivatives at its fit.
 pub fn misfit(subject: &Subject, model: &Refitted, unexplained: &[Outside]) -> Result<Misfit> {
     let (candidate, fitted) = without_shape_of_no_law(model, unexplained);
     let left = |positions_m: &[Option<f64>]| -> Vec<Option<f64>> {
@@ -47,7 +47,7 @@ pub fn misfit(subject: &Subject, model: &Refitted, unexplained: &[Outside]) -> R
     misfit.ok_or_else(|| Error::numerical("no position is fitted", "fit a cycle that has positions"))
 }
 
-/// A model beside the leading structure, where that is no part of any law.
+/// The model with the leading structure if that belongs to no law, else the model alone.
 pub(super) fn without_shape_of_no_law<'a>(
     model: &'a Refitted,
     unexplained: &'a [Outside],
@@ -55,18 +55,18 @@ pub(super) fn without_shape_of_no_law<'a>(
     with_shape(model, unexplained.first().filter(|outside| outside.kind.is_apart_from_law()))
 }
 
-/// What no effect explains, and its picture.
+/// Residual that no effect explains, with its picture.
 pub struct Leftover {
-    /// For the document.
+    /// Entry of the document.
     pub entry: DiscrepancyEntry,
     panels: Vec<DiscrepancyPanel>,
 }
 
 impl Leftover {
-    /// Of the structure that was found in what a model leaves, the leading one first; there may be none, where only the size of the noise gives it away.
+    /// Summary of the structure found in a model's residual, the leading one first. There is none if only the size of the noise reveals the misfit.
     ///
     /// # Errors
-    /// As [`discrepancies`].
+    /// Errors of [`discrepancies`].
     pub fn of(
         subject: &Subject,
         model: &Refitted,
@@ -99,7 +99,7 @@ impl Leftover {
         let noise_um = predictive_noise_um(subject, candidate, beside, predicted).ok_or_else(|| {
             Error::numerical(
                 "the model has no derivatives at its fit",
-                format!("examine another revision with `{}`", Setting::Revision),
+                format!("diagnose another revision with `{}`", Setting::Revision),
             )
         })?;
         let widened_um = (noise_um.powi(2) + 1e12 * (size_m2 + mean_square(&variance_m2))).sqrt();
@@ -122,30 +122,30 @@ impl Leftover {
         Ok(Self { entry, panels: of_shape.into_iter().chain(of_process).collect() })
     }
 
-    /// Draws it.
+    /// Draws the figure.
     ///
     /// # Errors
-    /// As [`discrepancy`].
+    /// Errors of [`discrepancy`].
     pub fn figure(&self, experiment: &str) -> Result<Svg> {
         let DiscrepancyEntry { predictive_noise_um: from, predictive_noise_with_discrepancy_um: to, .. } = self.entry;
         let widened = format!(
-            "Predictions are widened from a standard deviation of {} to {} µm.",
+            "The standard deviation of predictions is widened from {} to {} µm.",
             significant(from, 3),
             significant(to, 3)
         );
         discrepancy(
             &self.panels,
-            &format!("{experiment}: unexplained, here"),
+            &format!("{experiment}: unexplained in this experiment"),
             &[&self.entry.sentence, " ", &widened].concat(),
         )
     }
 }
 
-/// The leading significant event, over all cycles, the scored one included, beside what has been found in the fitted ones; where something has
-/// been, one in the scored cycle only, since the fitted ones have been searched and one structure looks like others.
+/// The leading significant event over all cycles, the scored one included, beside the structure found in the fitted ones. If there is such structure, the event must
+/// lie in the scored cycle, since the fitted ones have been searched and one structure resembles others.
 ///
 /// # Errors
-/// As [`events_over_all_cycles`].
+/// Errors of [`events_over_all_cycles`].
 pub(super) fn event_in_any_cycle(
     subject: &Subject,
     model: &Refitted,
@@ -161,7 +161,7 @@ pub(super) fn event_in_any_cycle(
     Ok(found.into_iter().find(is_wanted))
 }
 
-/// A gain that changes where a cycle begins is what the noise holds for every cycle.
+/// Returns whether an event is a change of gain at the begin of a cycle; the noise contains such changes for every cycle.
 pub(super) fn is_gain_of_a_cycle(subject: &Subject, event: &Outside) -> bool {
     let (record, scales) = (&subject.experiment().record, subject.experiment().scales());
     let begins = |row: &usize| *row == 0 || record.cycle[*row] != record.cycle[*row - 1];
@@ -171,25 +171,25 @@ pub(super) fn is_gain_of_a_cycle(subject: &Subject, event: &Outside) -> bool {
     event.kind == OutsideKind::GainChange && (0..record.n_rows()).filter(begins).any(is_near)
 }
 
-/// The scored cycle, if an event happens in it.
+/// The scored cycle, if an event lies in it.
 fn scored_cycle_of(subject: &Subject, event: &Outside) -> Option<u32> {
     let experiment = subject.experiment();
     let row = experiment.record.time_s.partition_point(|time_s| *time_s < event.event_time_s.unwrap_or(f64::INFINITY));
     experiment.record.cycle.get(row).copied().filter(|cycle| experiment.heldout_cycles.contains(cycle))
 }
 
-/// What is said of an event in any cycle.
+/// Remark on an event in any cycle.
 pub(super) fn event_remark(subject: &Subject, event: &Outside) -> String {
     match scored_cycle_of(subject, event) {
         Some(cycle) => format!(
-            "in cycle {cycle}, which is held out, something happens that no fit has seen and that the errors and gains there suffer from: {}",
+            "held-out cycle {cycle} contains an event that no fit has seen; it affects the errors and gains there: {}",
             event.sentence
         ),
-        None => format!("something happens that shows when the held-out cycle is looked at, too: {}", event.sentence),
+        None => format!("an event appears once the held-out cycle is included: {}", event.sentence),
     }
 }
 
-/// A model with a structure in its mean, or as it is.
+/// A model with a structure in its mean, or alone.
 fn with_shape<'a>(model: &'a Refitted, shape: Option<&'a Outside>) -> (&'a Candidate, &'a Fitted) {
     shape.map_or((&model.candidate, &model.fitted), |shape| (&shape.candidate, &shape.fitted))
 }
@@ -209,7 +209,7 @@ fn sentence(subject: &Subject, leading: Option<&Outside>, process: Option<&Discr
         }
         (Some(outside), Some((own, (by, at)))) => {
             format!(
-                "{} Beside it {} µm {}, at most {by}, {at}.",
+                "{} In addition, {} µm {}, at most {by}, {at}.",
                 outside.sentence,
                 significant(own.size_um, 3),
                 follow(own.axis)
@@ -232,7 +232,7 @@ fn follow(axis: Axis) -> &'static str {
     }
 }
 
-/// How large a process is where it is largest, and where that is.
+/// Value of a process where it is largest, and the place, in words.
 fn peak(subject: &Subject, process: &Discrepancy, rows: &[usize]) -> Option<(String, String)> {
     let row = rows.iter().copied().max_by(|a, b| process.mean_m[*a].abs().total_cmp(&process.mean_m[*b].abs()))?;
     let (record, at) = (&subject.experiment().record, process.coordinate[row]);
@@ -272,7 +272,7 @@ fn panel_of_process(process: &Discrepancy, rows: &[usize]) -> DiscrepancyPanel {
 fn panel_of_shape(subject: &Subject, shape: &Outside, rows: &[usize]) -> DiscrepancyPanel {
     let record = &subject.experiment().record;
     let of = |value: &dyn Fn(usize) -> f64| rows.iter().map(|row| value(*row)).collect();
-    // The model without the shape, its parameters where they absorb what they can of it.
+    // The model without the shape; its parameters absorb what they can of it.
     let model_m = |row: usize| shape.fitted.position_m[row] - shape.discrepancy_m[row];
     let left_um = |row: usize| subject.fitted_m[row].map_or(f64::NAN, |y| 1e6 * (y - model_m(row)));
     let since_cycle_s = |row: usize| {
@@ -284,12 +284,12 @@ fn panel_of_shape(subject: &Subject, shape: &Outside, rows: &[usize]) -> Discrep
             format!("time within a period of {} s (s)", significant(period_s, 3)),
             of(&|row| record.time_s[row].rem_euclid(period_s)),
         ),
-        (OutsideKind::Backlash, _) => ("time since the cycle's begin (s)".into(), of(&since_cycle_s)),
+        (OutsideKind::Backlash, _) => ("time since the start of the cycle (s)".into(), of(&since_cycle_s)),
         (OutsideKind::Nonlinearity, _) => ("position (µm)".into(), of(&|row| 1e6 * model_m(row))),
         _ => ("time (s)".into(), of(&|row| record.time_s[row])),
     };
     DiscrepancyPanel {
-        what: format!("{}, less what the model's parameters absorb of it", shape.kind.name().replace('-', " ")),
+        what: format!("{}, without the part that the model's parameters absorb", shape.kind.name().replace('-', " ")),
         axis_label,
         is_logarithmic: false,
         coordinate,

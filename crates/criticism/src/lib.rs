@@ -1,8 +1,8 @@
-//! Where a model fails, which effect it lacks, and how the error falls when that is added.
+//! Criticism of a model: where it fails, which effect it lacks, and how much the error falls when that effect is added.
 //!
-//! Everything here works on a [`Subject`]: one experiment with every cycle fitted but the last, which alone is scored (formats §4), under a noise of
-//! white errors, an Ornstein–Uhlenbeck process and a gain and offset for each cycle, which is estimated anew for every model. A [`Candidate`] is a
-//! model of the mean: a law with effects, and columns of free amplitude for what is no effect. [`Subject::fit`] finds its best parameters and noise,
+//! Everything here works on a [`Subject`]: one experiment with its last cycle scored and its other cycles fitted (formats §4). The noise consists of
+//! white errors, an Ornstein–Uhlenbeck process and a gain and offset for each cycle; every fit of a model estimates it anew. A [`Candidate`] is a
+//! model of the mean: a law with effects, and columns of free amplitude for structure that is no effect. [`Subject::fit`] finds its best parameters and noise.
 //! [`Tangent`] is the linear algebra around them.
 
 pub mod bootstrap;
@@ -51,7 +51,7 @@ pub(crate) mod test_subjects;
 pub mod verdict;
 mod weighing;
 
-// Tests that other crates share name this crate as those do.
+// Shared tests import this crate as `criticism`, as other crates do.
 #[cfg(test)]
 extern crate self as criticism;
 

@@ -1,4 +1,4 @@
-//! The noise's parameters at a given position.
+//! Fits of the noise's parameters at a given position.
 
 use std::cell::OnceCell;
 
@@ -11,34 +11,34 @@ use sampling::ensemble::RandomStream;
 /// Logarithms of the noise's parameters.
 pub(super) type LogNoise = NoiseValues;
 
-/// What is known of the noise before the data, and where the search ends.
+/// Priors of the noise and the ends of its search.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct NoisePrior {
     learning: Learning,
-    /// Whether each parameter is one of a term that the model goes without: it stays at the least that a search allows.
+    /// Marks parameters of terms that the model lacks; such a parameter stays at its lower end.
     is_absent: Vec<bool>,
 }
 
-/// A gain that a few cycles show to be smaller is not known to be: what scores of future cycles, which compare models, take for the least. It is no part of
-/// any noise that is reported, nor of what an error is measured against.
+/// Smallest gain standard deviation that scores of future cycles use: a few cycles cannot show that the gain is smaller. It enters neither
+/// reported noise nor the noise that errors are measured against.
 pub(super) const GAIN_FLOOR: f64 = 0.01;
 
 impl NoisePrior {
-    /// The priors that `sample` has, but for white errors, whose yardstick is known better than any prior, and for a process that an estimated one does not show.
+    /// Uses the priors of `sample` with two exceptions. White errors are close to the yardstick. A process has a wider prior if the noise is estimated, since the estimate does not show it.
     pub fn new(model: NoiseModel, scales: &NoiseScales, is_known: bool) -> Self {
         let learning = model.learning(scales, is_known);
         Self { is_absent: vec![false; learning.parameters.len()], learning }
     }
 
-    /// The same for a model whose noise has the terms of these names and no others.
+    /// Returns the prior for a model whose noise has only the terms of these names.
     pub fn only(self, terms: &[String]) -> Self {
         let known = self.learning.terms.iter();
-        // White errors are in every model.
+        // Every model has white errors.
         let is_absent = known.map(|own| *own != self.learning.terms[0] && !terms.iter().any(|term| term == own));
         Self { is_absent: is_absent.collect(), ..self }
     }
 
-    /// Log density up to a constant; of the logarithms for σ, σ_ou and τ, of the values for s_g and s_o, so that these may be nothing.
+    /// Log density up to a constant. It is a density of logarithms for σ, σ_ou and τ, and of values for s_g and s_o, which may vanish.
     pub fn ln_density(&self, noise: &LogNoise) -> f64 {
         let parts = self.learning.parameters.iter().zip(noise.iter());
         parts
@@ -47,7 +47,7 @@ impl NoisePrior {
             .unwrap_or(0.0)
     }
 
-    /// What turns a density of the values, where that is what a prior is of, into one of their logarithms: added to `ln_density`.
+    /// Adds the Jacobian to `ln_density`: priors of values become densities of logarithms.
     fn with_jacobian(&self, ln_density: f64, noise: &LogNoise) -> f64 {
         let parts = self.learning.parameters.iter().zip(noise.iter());
         let of_values = parts.filter(|(parameter, _)| matches!(parameter.prior, LearningPrior::OfValue(_)));
@@ -59,13 +59,13 @@ impl NoisePrior {
         [lower, if self.is_absent[index] { lower } else { upper }]
     }
 
-    /// The parameters that say something of what differs from row to row: their places, and whether each is a standard deviation.
+    /// Parameters that describe the scatter from row to row: their indices, and whether each is a standard deviation.
     pub fn of_rows(&self) -> Vec<(usize, bool)> {
         let all = self.learning.parameters.iter().enumerate();
         all.filter(|(_, own)| own.of_row != RowShare::Nothing).map(|(k, own)| (k, own.of_row == RowShare::Sd)).collect()
     }
 
-    /// The nearest noise that a search allows.
+    /// Clamps a noise to the ends of the search.
     pub fn clamped(&self, mut noise: LogNoise) -> LogNoise {
         for (index, value) in noise.iter_mut().enumerate() {
             let [lower, upper] = self.ends(index);
@@ -74,13 +74,13 @@ impl NoisePrior {
         noise
     }
 
-    /// White noise of the yardstick's size and next to nothing else: what weighs all rows alike.
+    /// Nearly pure white noise of the yardstick's size, which weights all rows alike.
     pub fn white(&self) -> LogNoise {
         self.clamped(self.learning.parameters.iter().map(|parameter| parameter.ln_white).collect())
     }
 }
 
-/// The noise of future cycles: no gain is known to be smaller than [`GAIN_FLOOR`].
+/// Noise of future cycles: its gain is at least [`GAIN_FLOOR`].
 pub(super) fn of_future(model: NoiseModel, mut noise: NoiseValues) -> NoiseValues {
     if let Some(place) = model.place(&GAIN_SD) {
         noise[place] = noise[place].max(GAIN_FLOOR);
@@ -88,12 +88,12 @@ pub(super) fn of_future(model: NoiseModel, mut noise: NoiseValues) -> NoiseValue
     noise
 }
 
-/// The parameters from their logarithms.
+/// Converts logarithms into parameters.
 pub(super) fn natural(noise: &LogNoise) -> NoiseValues {
     noise.map(f64::exp)
 }
 
-/// Log posterior of the noise at a position, several at once.
+/// Log posterior of the noise at a position, for several noises at once.
 pub(super) struct Objective<'a> {
     likelihood: &'a NoiseLikelihood,
     prior: &'a NoisePrior,
@@ -114,7 +114,7 @@ fn shared(position_m: &[f64]) -> Vec<SharedPosition> {
     position_m.iter().copied().map(SharedPosition).collect()
 }
 
-/// A pass over the rows carries the neighbours of a point in hardly more time than eight points, and few trials in less.
+/// A pass over the rows takes hardly longer for all neighbours of a point than for eight points, and less for few trials.
 fn evaluate_at(
     likelihood: &NoiseLikelihood,
     prior: &NoisePrior,
@@ -133,7 +133,7 @@ fn evaluate_at(
     values
 }
 
-/// Groups of starts of a wide search, of each of which the best is climbed from: those that share the length of their process.
+/// Number of groups of starts in a wide search, one per length of the process. The search climbs from the best of each group.
 const N_GROUPS: usize = 3;
 const MOST_ROUNDS: usize = 40;
 /// Gain (nats) of a round below which the search narrows, and width below which it ends.
@@ -142,7 +142,7 @@ const NARROWEST: f64 = 0.03;
 /// Width of the first steps about the noise of another fit.
 const SETTLING_WIDTH: f64 = 0.1;
 
-/// Climbs in the noise's parameters. Starts from `from`, and from starts of its own if `widely`. Returns the best and its log posterior.
+/// Climbs in the noise's parameters from `from`, and from additional starts if `widely`. Returns the best noise and its log posterior.
 pub(super) fn fit(
     likelihood: &NoiseLikelihood,
     prior: &NoisePrior,
@@ -157,16 +157,16 @@ pub(super) fn fit(
         return climb(&evaluate, prior, &[from], SETTLING_WIDTH);
     }
     let starts: Vec<LogNoise> = prior.learning.starts.iter().map(|start| prior.clamped(*start)).collect();
-    // The best starts may lie under different tops, and a top that was reached along a ridge may not be one: so a few, then again from the best of them.
-    // One of each length of the process.
+    // The best starts may lie below different maxima, and a climb along a ridge may stop early. So one start per length of the process is climbed,
+    // then the best result once more.
     let own = starts.chunks(starts.len().div_ceil(N_GROUPS)).map(|starts| climb(&evaluate, prior, starts, 0.3));
     let better = |best: (LogNoise, f64), top: (LogNoise, f64)| if top.1 > best.1 { top } else { best };
     let best = own.fold(climb(&evaluate, prior, &[from], 0.3), better);
     climb(&evaluate, prior, &[best.0], 0.6)
 }
 
-/// Climbs from the noise of another fit for each of some residuals (observed less predicted, m, one a row) about one position (m), which gains multiply.
-/// `None` where the first round gains next to nothing, so that the noise may stay as it is; the neighbours of that round are looked at for all at once.
+/// Climbs from the noise of another fit for several residuals (observed less predicted, m, one per row) about one position (m), which gains multiply.
+/// Returns `None` if the first round hardly gains, so that the noise may be kept. That round evaluates the neighbours for all residuals at once.
 pub(super) fn settle(
     likelihood: &NoiseLikelihood,
     prior: &NoisePrior,
@@ -190,7 +190,7 @@ pub(super) fn settle(
     let first = objectives(residuals_m, &points);
     let shared_m = shared(position_m);
     let climb = |(residual_m, values): (&&[f64], Vec<f64>)| {
-        // Most climbs end with their first trials, which need no record of their own.
+        // Most climbs end after their first trials, which need no separate likelihood.
         let own = OnceCell::new();
         let record = || likelihood.with_observed(&sums(residual_m, position_m));
         let evaluate = |points: &[LogNoise]| {
@@ -216,12 +216,12 @@ pub(super) fn settle(
     residuals_m.iter().zip(first).map(climb).collect()
 }
 
-/// Observed positions (m) of some residuals about a position.
+/// Observed positions (m): residuals plus the position.
 fn sums(residual_m: &[f64], position_m: &[f64]) -> Vec<Option<f64>> {
     residual_m.iter().zip(position_m).map(|(residual_m, position_m)| Some(residual_m + position_m)).collect()
 }
 
-/// Parameters in their units, side by side; the last point stands for lanes without one.
+/// Parameters in their units, side by side; the last point fills the remaining lanes.
 fn lanes<const W: usize>(points: &[LogNoise]) -> Vec<[f64; W]> {
     let value = |index: usize, lane: usize| points[lane.min(points.len() - 1)][index].exp();
     (0..points[0].len()).map(|index| std::array::from_fn(|lane| value(index, lane))).collect()
@@ -232,7 +232,7 @@ fn with_prior(prior: &NoisePrior, noise: &LogNoise, ln_likelihood: f64) -> f64 {
     if total.is_nan() { f64::NEG_INFINITY } else { total }
 }
 
-/// Both neighbours along every coordinate.
+/// Both neighbours of a point along every coordinate.
 fn neighbours(prior: &NoisePrior, here: &LogNoise, widths: &LogNoise) -> Vec<LogNoise> {
     let mut points = Vec::with_capacity(2 * here.len());
     for index in 0..here.len() {
@@ -245,7 +245,7 @@ fn neighbours(prior: &NoisePrior, here: &LogNoise, widths: &LogNoise) -> Vec<Log
     points
 }
 
-/// Steps to the tops of the parabolas through a point and its neighbours.
+/// Steps to the maxima of the parabolas through a point and its neighbours.
 fn parabola_steps(value: f64, around: &[f64], widths: &LogNoise) -> LogNoise {
     NoiseValues::from_fn(widths.len(), |index| {
         let (up, down) = (around[2 * index], around[2 * index + 1]);
@@ -261,13 +261,13 @@ fn parabola_steps(value: f64, around: &[f64], widths: &LogNoise) -> LogNoise {
     })
 }
 
-/// Sweeps of random walks before their states are used, and between two that are.
+/// Sweeps of random walks before the first draw, and between two draws.
 const SETTLING_SWEEPS: usize = 60;
 const SWEEPS_BETWEEN: usize = 12;
-/// Steps of walks have widths between these, equal in logarithm: some parameters are known to a hundredth, others hardly.
+/// Range of the step widths of walks, uniform in logarithm: some parameters are known to a hundredth, others hardly.
 const WALK: [f64; 2] = [0.04, 2.0];
 
-/// Draws from the posterior of the noise at a position: states of random walks from a fit, one coordinate moved at a time.
+/// Draws from the posterior of the noise at a position: states of random walks from a fit that move one coordinate at a time.
 pub(super) fn draws(
     likelihood: &NoiseLikelihood,
     prior: &NoisePrior,
@@ -277,7 +277,7 @@ pub(super) fn draws(
     stream: &mut RandomStream,
 ) -> Vec<LogNoise> {
     let objective = Objective::new(likelihood, prior, position_m);
-    // Gain and offset have priors of their values, which walks in their logarithms must be weighted for.
+    // Gain and offset have priors of their values, so walks in their logarithms need a Jacobian.
     let density = |points: &[LogNoise]| -> Vec<f64> {
         let values = objective.evaluate(points);
         values.iter().zip(points).map(|(value, point)| prior.with_jacobian(*value, point)).collect()
@@ -311,7 +311,7 @@ pub(super) fn draws(
     drawn
 }
 
-/// Climbs any function of the noise's parameters from the best of some starts; `width` is that of the first steps.
+/// Climbs any function of the noise's parameters from the best of some starts; `width` is the width of the first steps.
 pub(super) fn climb(
     objective: &dyn Fn(&[LogNoise]) -> Vec<f64>,
     prior: &NoisePrior,
@@ -328,7 +328,7 @@ pub(super) fn climb(
     (climber.here, climber.value)
 }
 
-/// A climb: each round asks for both neighbours along every coordinate, then goes by the parabolas through them; widths follow what is found.
+/// A climb. Each round evaluates both neighbours along every coordinate, then steps along the parabolas through them; widths adapt.
 struct Climber<'a> {
     objective: &'a dyn Fn(&[LogNoise]) -> Vec<f64>,
     prior: &'a NoisePrior,
@@ -349,14 +349,14 @@ impl<'a> Climber<'a> {
         Self { objective, prior, here: starts[best], value: values[best], widths: starts[best].map(|_| width) }
     }
 
-    /// Gain of a round.
+    /// Makes one round and returns its gain.
     fn round(&mut self) -> Option<f64> {
         let points = neighbours(self.prior, &self.here, &self.widths);
         let around = (self.objective)(&points);
         self.step(&points, &around)
     }
 
-    /// The same with the neighbours known.
+    /// Makes one round with known values of the neighbours.
     fn step(&mut self, points: &[LogNoise], around: &[f64]) -> Option<f64> {
         let Self { objective, prior, here, value, .. } = *self;
         let step = parabola_steps(value, around, &self.widths);
@@ -364,7 +364,7 @@ impl<'a> Climber<'a> {
             .iter()
             .map(|length| prior.clamped(NoiseValues::from_fn(here.len(), |index| here[index] + length * step[index])))
             .collect();
-        // Each coordinate's own step: along ridges the joint one may overshoot.
+        // The largest single-coordinate step alone: along ridges the joint step may overshoot.
         let largest = (0..here.len())
             .max_by(|&a, &b| (around[2 * a].max(around[2 * a + 1])).total_cmp(&around[2 * b].max(around[2 * b + 1])));
         if let Some(index) = largest {

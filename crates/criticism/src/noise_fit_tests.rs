@@ -1,4 +1,4 @@
-//! The optimum of the noise against a brute-force search from many starts.
+//! Tests of the noise's optimum against a brute-force search from many starts.
 
 use super::super::test_subjects::{Protocol, noise_of, random_sizes, subject, truth_of};
 use super::super::{Search, Subject};
@@ -6,7 +6,7 @@ use super::*;
 use crate::NoiseValues;
 use sampling::ensemble::RandomStream;
 
-/// The best of many climbs, each by a pattern search that shares nothing with the climb under test.
+/// Best of many climbs, each by a pattern search that shares no code with the climb under test.
 fn by_brute_force(objective: &Objective, prior: &NoisePrior, seed: u64) -> (LogNoise, f64) {
     let mut stream = RandomStream::new(99, seed);
     let draw = |stream: &mut RandomStream| -> LogNoise {
@@ -45,7 +45,7 @@ fn by_brute_force(objective: &Objective, prior: &NoisePrior, seed: u64) -> (LogN
     best
 }
 
-/// Loss (nats) of the search against brute force, over records of a kind of noise, at the fit of the base.
+/// Loss (nats) of the search relative to brute force, over records with a kind of noise, at the fit of the base.
 fn losses(subject: &Subject, truth_m: impl Fn(u64) -> Vec<f64>, noise: &NoiseValues, n: u64) -> (Vec<f64>, f64) {
     let mut losses = Vec::new();
     let mut mean_white = 0.0;
@@ -68,7 +68,7 @@ fn losses(subject: &Subject, truth_m: impl Fn(u64) -> Vec<f64>, noise: &NoiseVal
     (losses, mean_white)
 }
 
-/// Brute force finds nothing that is more than 0.1 nat better, on correct models and on such as lack an effect.
+/// Brute force finds no noise that is more than 0.1 nat better, on correct models and on models that lack an effect.
 #[test]
 #[ignore = "thorough"]
 fn no_search_finds_a_better_noise() {
@@ -81,7 +81,7 @@ fn no_search_finds_a_better_noise_of_many_records() {
     assert_nothing_better(6, &["clock-offset", "softening", "fractional-damping", "tracking-drift"]);
 }
 
-/// Over so many records of every kind of noise, and of every effect that the model lacks.
+/// Compares over `n` records of every kind of noise, and of every effect that the model lacks.
 fn assert_nothing_better(n: u64, lacking: &[&str]) {
     let subject = subject(Protocol::Paper);
     let plain = truth_of(&subject, &[], &[]);
@@ -111,8 +111,8 @@ fn assert_nothing_better(n: u64, lacking: &[&str]) {
     assert!(worst < 0.1, "{worst}");
 }
 
-/// What differs from row to row, σ² + σ_ou², under white noise alone: about the mean square of the residuals, with a relative error of √(2/n). The 800
-/// draws of eight walks follow that to a tenth of the error or so; the bar of a whole one leaves room for what the process's prior adds, and fails falsely
+/// The variance from row to row, σ² + σ_ou², under white noise is about the mean square of the residuals, with a relative error of √(2/n). The 800
+/// draws of eight walks follow it to about a tenth of the error. The tolerance of one error leaves room for the prior of the process, and fails falsely
 /// below 10⁻⁶.
 #[test]
 fn draws_follow_the_posterior() {
@@ -123,11 +123,11 @@ fn draws_follow_the_posterior() {
     let prior = data.noise_prior();
     let mut stream = RandomStream::new(8, 0);
     let drawn = draws(&data.fitted, &prior, &truth_m, &prior.white(), 800, &mut stream);
-    // All that differs from row to row: σ² + σ_ou².
+    // Logarithm of the standard deviation from row to row, √(σ² + σ_ou²).
     let total: Vec<f64> = drawn.iter().map(|d| 0.5 * ((2.0 * d[0]).exp() + (2.0 * d[1]).exp()).ln()).collect();
     let mean = total.iter().sum::<f64>() / 800.0;
     let sd = (total.iter().map(|x| (x - mean).powi(2)).sum::<f64>() / 799.0).sqrt();
-    // 600 residuals about the truth: ln of their root mean square, known to 1/√1200.
+    // 600 residuals about the truth: the ln of their root mean square has an error of 1/√1200.
     let squares: f64 =
         data.fitted_m.iter().zip(&truth_m).filter_map(|(y, x)| Some((1e6 * (y.as_ref()? - x)).powi(2))).sum();
     let expected = 0.5 * (squares / data.n_fitted() as f64).ln();

@@ -1,14 +1,14 @@
-//! Isolated errors of the tracker, recognised before models are compared, so that one set of rows serves them all and likelihoods stay comparable.
+//! Isolated errors of the tracker. They are excluded before any comparison, so that all models use one set of rows and likelihoods stay comparable.
 //!
-//! A large residual is no sign of one: where the model lacks an effect, residuals are large, and just after a force step they are sharp. So a row is
-//! judged by its neighbours and by other force steps. It is an outlier when, in the residual of a fit,
+//! A large residual does not prove an outlier. If the model lacks an effect, residuals are large, and just after a force step they are sharp. So each row is
+//! compared with its neighbours and with other force steps. A row is an outlier if, in the residual of a fit,
 //!
-//! 1. it stands out from the rows before it and from those after it, to the same side: a slip, a slope or a kink does not;
-//! 2. it is one of at most three in a row, between which and the next rows there is a jump: a bump rises and falls gradually;
-//! 3. hardly any other force step shows the same at the same time after it, in proportion to its height: what a missing effect does, it does again.
+//! 1. it departs in one direction from both the rows before and those after it, unlike a slip, a slope or a kink;
+//! 2. it belongs to a run of at most three rows with a jump on either side: a bump rises and falls gradually;
+//! 3. hardly any other force step shows a departure at that time after it, in proportion to its height: a missing effect repeats.
 //!
-//! All three compare rows with others a few samples away. A gain or an offset of a cycle, a drift and slow noise have no part in that, so none needs to
-//! be taken out first; and the scale is that of such differences, not the misfit's.
+//! All three compare rows with others a few samples away. A cycle's gain or offset, drift and slow noise hardly affect such differences, so none needs to
+//! be removed first. The scale is that of such differences, not the misfit's.
 
 use std::ops::Range;
 
@@ -17,36 +17,36 @@ use base::error::Result;
 use record::Record;
 use record::noise::SD_PER_MAD;
 
-/// Rows on either side with which a row is compared, by their median: two bad ones among them do no harm.
+/// Number of rows on either side whose median a row is compared with: two bad ones among them do no harm.
 const N_NEIGHBOURS: usize = 5;
-/// With fewer on one side, as at the record's ends, the other side has to do; what a row stands out by there counts for this share.
+/// Least number of neighbours on one side. If there are fewer, as at the record's ends, the other side alone counts, and the departure is reduced to the second value.
 const FEWEST_NEIGHBOURS: usize = 2;
 const ONE_SIDE: f64 = 2.0 / 3.0;
-/// Neighbours lie within this many sample intervals.
+/// Largest distance of neighbours, in sample intervals.
 const REACH_INTERVALS: f64 = 10.0;
-/// How far an outlier stands out, in robust standard deviations of what rows stand out by.
+/// Least departure of an outlier, in robust standard deviations of the departures of all rows.
 const THRESHOLD: f64 = 5.0;
-/// The jump between an outlier and the rows next to it, and what two force steps may differ by and still show the same, in the same unit.
+/// Least jump between an outlier and the next rows, and largest difference of equal departures after two force steps, in the same unit.
 const EDGE: f64 = 3.5;
 const SAME: f64 = 4.0;
-/// The same shape after two force steps may differ by this fraction.
+/// Relative difference up to which departures after two force steps count as equal.
 const SAME_FRACTION: f64 = 0.33;
 const LONGEST_BURST: usize = 3;
-/// Steps are compared in proportion to their heights, with this ratio at most; with larger ones only where there are none such.
+/// Largest ratio of two steps' heights in a comparison; larger ratios are used only if there are no others.
 const LARGEST_RATIO: f64 = 1.25;
-/// With more force steps than this, every second, third, … is compared: a share of a third shows in so many as well, and the cost is linear in the steps.
+/// Number of force steps above which only every second, third, … is compared. A share of a third shows in so many as well, and the cost stays linear in the steps.
 const MOST_COMPARED: usize = 512;
-/// Rows this soon after a step that has none to be compared with are not judged.
+/// Number of rows after a step without comparable steps that are not judged.
 const UNJUDGED_ROWS: usize = 10;
-/// Rows whose times after two steps differ by less, in sample intervals, are at the same time after them.
+/// Largest difference of the times after two steps, in sample intervals, that count as equal.
 const SAME_TIME_INTERVALS: f64 = 0.1;
-/// The scale is at least this fraction of the yardstick: positions rounded to pixels may not differ at all.
+/// Least scale, as a fraction of the yardstick: positions rounded to pixels may not differ at all.
 const LEAST_SCALE: f64 = 0.25;
 
-/// An experiment without its outliers, the fit of a model to it, and the rows that were left out.
+/// Returns an experiment without its outliers, the fit of a model to it, and the excluded rows.
 ///
 /// # Errors
-/// Where the model has no fit.
+/// Errors of fitting the model.
 pub fn without(subject: &Subject, candidate: &Candidate) -> Result<(Subject, Fitted, Vec<usize>)> {
     let first = subject.fit(candidate, &[], Search::Wide)?;
     let rows = find(subject, &first);
@@ -58,7 +58,7 @@ pub fn without(subject: &Subject, candidate: &Candidate) -> Result<(Subject, Fit
     Ok((subject, fitted, rows))
 }
 
-/// Rows of the record, from 0 and in order, that are outliers among the fitted and the scored positions, seen from a fit (of the base model, say).
+/// Outlying rows of the record, from 0 and in order, among the fitted and the scored positions, judged by a fit (such as the base model's).
 pub fn find(subject: &Subject, fitted: &Fitted) -> Vec<usize> {
     let observed = subject.fitted_m.iter().zip(&subject.scored_m).map(|(fitted, scored)| fitted.or(*scored));
     let residual_m: Vec<Option<f64>> =
@@ -66,7 +66,7 @@ pub fn find(subject: &Subject, fitted: &Fitted) -> Vec<usize> {
     rows_of(&subject.experiment().record, &residual_m, LEAST_SCALE * subject.yardstick_m())
 }
 
-/// Outliers among residuals (m, one a row of the record), whose scale is at least `least_scale_m`.
+/// Outliers among residuals (m, one per row of the record), with a scale of at least `least_scale_m`.
 fn rows_of(record: &Record, residual_m: &[Option<f64>], least_scale_m: f64) -> Vec<usize> {
     let Some(interval_s) = record.median_interval_s() else { return Vec::new() };
     let rows: Vec<usize> = (0..residual_m.len()).filter(|row| residual_m[*row].is_some()).collect();
@@ -91,15 +91,15 @@ fn rows_of(record: &Record, residual_m: &[Option<f64>], least_scale_m: f64) -> V
         .collect()
 }
 
-/// How a position departs from those around it.
+/// Departure of a position from those around it.
 struct Departure {
-    /// From the mean of the medians on both sides, in m, with its sign.
+    /// Departure from the mean of the medians on both sides, in m, with its sign.
     from_both_m: f64,
-    /// From the nearer of the two medians, in m, where both lie to the same side; else 0. A share of the departure where there is one median only.
+    /// Departure from the nearer of the two medians, in m, if both lie to one side, else 0. A share of the departure if there is one median only.
     standing_out_m: f64,
 }
 
-/// `None` where there are too few neighbours on either side.
+/// Departure at `place`; `None` if both sides have too few neighbours.
 fn departure(time_s: &[f64], residual_m: &[f64], place: usize, reach_s: f64) -> Option<Departure> {
     let is_near = |other: &usize| (time_s[*other] - time_s[place]).abs() <= reach_s;
     let of_side = |side: Vec<usize>| -> Option<f64> {
@@ -115,13 +115,13 @@ fn departure(time_s: &[f64], residual_m: &[f64], place: usize, reach_s: f64) -> 
     Some(Departure { from_both_m: 0.5 * (before_m + after_m), standing_out_m })
 }
 
-/// Runs of successive places, those that are too long left out.
+/// Runs of successive places, except long ones.
 fn bursts(places: &[usize]) -> Vec<Range<usize>> {
     let runs = places.chunk_by(|a, b| a + 1 == *b).map(|run| run[0]..run[0] + run.len());
     runs.filter(|run| run.len() <= LONGEST_BURST).collect()
 }
 
-/// Whether a burst's first and last rows jump away from the rows next to it, where there are such.
+/// Returns whether a burst's first and last rows jump away from the rows next to it, if there are any.
 fn has_sharp_edges(residual_m: &[f64], burst: &Range<usize>, least_m: f64) -> bool {
     let jump_m = |inside: usize, outside: Option<usize>| {
         let outside = outside.and_then(|outside| residual_m.get(outside));
@@ -130,12 +130,12 @@ fn has_sharp_edges(residual_m: &[f64], burst: &Range<usize>, least_m: f64) -> bo
     jump_m(burst.start, burst.start.checked_sub(1)) > least_m && jump_m(burst.end - 1, Some(burst.end)) > least_m
 }
 
-/// A force step and the positions up to the next one.
+/// A force step and the positions up to the next step.
 struct Step {
     start_s: f64,
     end_s: f64,
     height_n: f64,
-    /// Places of the observed positions.
+    /// Indices of the observed positions.
     places: Range<usize>,
 }
 
@@ -153,7 +153,7 @@ impl<'a> Steps<'a> {
             let start_s = record.time_s[*row];
             let end_s = step_rows.get(number + 1).map_or(f64::INFINITY, |next| record.time_s[*next]);
             let before_n = row.checked_sub(1).map_or(0.0, |before| record.force_n[before]);
-            // A position is the limit from the left: that of the step's own row is still of the hold before.
+            // A position is the limit from the left: at the step's own row it still belongs to the previous hold.
             let of_step = |time_s: &f64, bound_s: f64| *time_s <= bound_s;
             let places = time_s.partition_point(|t| of_step(t, start_s))..time_s.partition_point(|t| of_step(t, end_s));
             Step { start_s, end_s, height_n: record.force_n[*row] - before_n, places }
@@ -162,9 +162,9 @@ impl<'a> Steps<'a> {
         Self { steps, time_s, interval_s }
     }
 
-    /// Whether more than a third of the other force steps show what a position shows, or it stands just after a step that none can be compared with.
+    /// Returns whether more than a third of the other force steps show a position's departure, or the position follows a step without comparable steps.
     fn may_belong_to_step(&self, departures: &[Option<Departure>], place: usize, scale_m: f64) -> bool {
-        // Steps follow each other in time.
+        // Steps are ordered in time.
         let own = self.steps.partition_point(|step| step.places.end <= place);
         if self.steps.get(own).is_none_or(|step| !step.places.contains(&place)) {
             return false;
@@ -192,11 +192,11 @@ impl<'a> Steps<'a> {
             let tolerance_m = (SAME * ratio.abs().max(1.0) * scale_m).max(SAME_FRACTION * seen_m.abs());
             seen_m >= lowest - tolerance_m && seen_m <= highest + tolerance_m
         };
-        // One alone may be another outlier.
+        // A single step that shows it may be another outlier.
         3 * others.iter().filter(is_same).count() > others.len()
     }
 
-    /// Departures of the positions of a step at a time after it: of one, or of the two around it; none where there are none.
+    /// Departures of a step's positions at a time after it: of one position, or of the two around that time; empty if there are none.
     fn departures_at(&self, departures: &[Option<Departure>], step: usize, after_s: f64) -> Vec<f64> {
         let step = &self.steps[step];
         let at_s = step.start_s + after_s;
@@ -215,7 +215,7 @@ impl<'a> Steps<'a> {
     }
 }
 
-/// Median of finite values; 0 of none.
+/// Median of finite values; 0 if there are none.
 fn median(mut values: Vec<f64>) -> f64 {
     values.sort_by(f64::total_cmp);
     let n = values.len();

@@ -1,4 +1,4 @@
-//! Outliers put into simulated data, and all that is no outlier left alone.
+//! Tests that find outliers put into simulated data and keep all other rows.
 
 use super::super::test_subjects::{Protocol, noise_of, random_sizes, subject, truth_of};
 use super::super::{Search, Subject};
@@ -28,7 +28,7 @@ fn noisy_m(subject: &Subject, position_m: &[f64], noise: &NoiseValues, seed: u64
     (0..record.n_rows()).map(|row| position_m[row] + noise_m[row]).collect()
 }
 
-/// The first row of the record and the last have neighbours on one side only.
+/// The first and last rows of the record have neighbours on one side only.
 #[test]
 fn outliers_at_the_ends_are_found() {
     for protocol in [Protocol::Paper, Protocol::Levels] {
@@ -44,8 +44,8 @@ fn outliers_at_the_ends_are_found() {
     }
 }
 
-/// 60 clean records of 800 and 1,000 rows: a Gaussian stands out by five of its standard deviations on both sides once in more than 10⁶ rows, so that
-/// in their 60,000 rows three or more false rejections come up with a probability below 4 × 10⁻⁵.
+/// 60 clean records of 800 and 1,000 rows. A Gaussian departs by five of its standard deviations on both sides less than once in 10⁶ rows, so
+/// three or more false rejections in their 60,000 rows have a probability below 4 × 10⁻⁵.
 #[test]
 #[ignore = "thorough"]
 fn clean_records_lose_no_rows() {
@@ -64,8 +64,8 @@ fn clean_records_lose_no_rows() {
     assert!(n_rejected < 3, "{n_rejected}");
 }
 
-/// One row in a hundred moved by 10 to 20 σ, and two rows just after force steps. These seeds miss none of 701; were one in 1,000 missed, the bar of 5 %
-/// would fail falsely below 10⁻⁷ and that of 10 % next to steps, where one of 17 may be missed, about once in 10⁴ for each of eight kinds of record.
+/// One row in a hundred is moved by 10 to 20 σ, and two rows just after force steps. These seeds miss none of 701. If one in 1,000 were missed, the bound of 5 %
+/// would fail falsely below 10⁻⁷. The bound of 10 % next to steps allows one miss in 17; it would fail about once in 10⁴ for each of eight kinds of record.
 #[test]
 #[ignore = "thorough"]
 fn outliers_are_found_next_to_force_steps_and_elsewhere() {
@@ -108,7 +108,7 @@ fn outliers_are_found_next_to_force_steps_and_elsewhere() {
     }
 }
 
-/// The other 790 rows lose one falsely in fewer than one record of 10³; the seed is fixed.
+/// The other 790 rows falsely lose one in fewer than one record of 10³; the seed is fixed.
 #[test]
 fn bursts_of_two_and_three_are_found() {
     let subject = subject(Protocol::Paper);
@@ -122,15 +122,15 @@ fn bursts_of_two_and_three_are_found() {
     assert_eq!(found(&subject.with_positions(&position_m)), expected);
 }
 
-/// Every effect that the base lacks, at sizes up to those that show by 50 σ and beyond, and delays of whole sample intervals. Chance rejects a row in 10⁶:
-/// forty of 40,000 are out of its reach. Each effect on one protocol, by turns.
+/// Every effect that the base lacks, at sizes up to 50 σ and beyond, and delays of whole sample intervals. Chance rejects a row in 10⁶:
+/// forty of 40,000 are practically impossible. Effects alternate between the two protocols.
 #[test]
 #[ignore = "thorough"]
 fn missing_effects_are_no_outliers() {
     assert_no_outliers(1, true);
 }
 
-/// Each effect on both, at three sizes.
+/// Every effect on both protocols, at three sizes.
 #[test]
 #[ignore = "campaigns/long-tests"]
 fn missing_effects_of_many_sizes_are_no_outliers() {
@@ -172,7 +172,7 @@ fn assert_no_outliers(n_sizes: u64, by_turns: bool) {
     }
 }
 
-/// A slip of 20 σ, a vibration of 10 σ with a period of seven and a half rows, a bump of 20 σ over twenty rows. In 12,000 rows chance rejects one with a
+/// A slip of 20 σ, a vibration of 10 σ with a period of seven and a half rows, a bump of 20 σ over twenty rows. Chance rejects one of 12,000 rows with a
 /// probability of about 10⁻²; the seeds are fixed.
 #[test]
 fn slips_vibrations_and_bumps_are_no_outliers() {

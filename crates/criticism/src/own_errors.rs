@@ -1,4 +1,4 @@
-//! Errors of a model as `extend` and `ladder` show them: fitted with the noise terms that it is written with, over every position.
+//! Errors of a model as `extend` and `ladder` show them: fitted with the noise terms of its specification, over every position.
 
 use base::error::Result;
 use documents::errors::ModelErrors;
@@ -6,11 +6,11 @@ use documents::errors::ModelErrors;
 use super::refit::Refitted;
 use super::{Search, Subject};
 
-/// Errors (µm) of the best fit of a model with the noise terms that the base model is written with, and no others, from the fit of a search; of its posterior mean they are close to those.
-/// `subject` has every position, those that a search leaves out as outliers too.
+/// Errors (µm) of a model's best fit with only the noise terms of the base's specification, starting from the fit of a search. The errors of its posterior mean are close to them.
+/// `subject` has every position, also those that a search excludes as outliers.
 ///
 /// # Errors
-/// As [`Subject::fit`].
+/// Errors of [`Subject::fit`].
 pub fn own_errors(subject: &Subject, model: &Refitted) -> Result<ModelErrors> {
     let subject = subject.clone().with_own_noise();
     let start = (model.fitted.theta.clone(), model.fitted.noise);
@@ -25,8 +25,8 @@ mod tests {
     use crate::NoiseValues;
     use crate::test_replica::{base_fit, simulated};
 
-    /// Errors by their definition, whatever the prediction is: a scored position moved by d either way adds 2d²/n to the two mean squares together, and leaves what was fitted as it is. Slow
-    /// noise, which the search weighs and the model's own noise does not know, leaves the own fit nearer to the fitted positions.
+    /// Errors follow their definition for any prediction. Moving a scored position by d in either direction adds 2d²/n to the sum of the two mean squares, and leaves the fitted errors unchanged.
+    /// The search weights rows by slow noise, which the model's own noise lacks; so the own fit is closer to the fitted positions.
     #[test]
     fn errors_are_root_mean_squares_of_the_own_fit() {
         let (base, fitted) = base_fit();

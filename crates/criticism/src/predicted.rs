@@ -1,4 +1,4 @@
-//! What a model at its fit says of parameters and positions to first order.
+//! First-order predictions of a model at its fit: parameters and positions.
 
 use super::refit::Refitted;
 use super::tangent::Tangent;
@@ -9,7 +9,7 @@ use documents::diagnosis::RefitParameter;
 /// 5 % and 95 % quantiles of a normal, in standard deviations.
 const Q95: f64 = 1.644_853_626_951_472_2;
 
-/// Total predictive noise (µm) of a model over the rows that have a position: the noise as it was fitted, and what uncertain parameters add.
+/// Predictive noise (µm) of a model over the rows that have a position: the fitted noise plus the uncertainty of the parameters.
 pub(super) fn predictive_noise_um(
     subject: &Subject,
     candidate: &Candidate,
@@ -19,8 +19,8 @@ pub(super) fn predictive_noise_um(
     noise_um(subject, (candidate, fitted), positions_m, f64::INFINITY)
 }
 
-/// What a claim may leave (µm, root mean square) of the rows that have a position: its predictive noise. Where the noise is given, what differs from row to
-/// row counts no more than white and slow noise of the given size each: a learnt noise may hold a misfit.
+/// Largest root mean square residual (µm) allowed for a claim over the rows that have a position: its predictive noise. A given noise limits
+/// the variance from row to row to white and slow noise of the given size each: a learnt noise may contain a misfit.
 pub fn allowed_noise_um(
     subject: &Subject,
     (candidate, fitted): (&Candidate, &Fitted),
@@ -30,14 +30,14 @@ pub fn allowed_noise_um(
     noise_um(subject, (candidate, fitted), positions_m, 2.0 * given_m * given_m)
 }
 
-/// Error of a claim on the scored cycle over what its predictive noise allows; `None` where no cycle is scored.
+/// Error of a claim on the scored cycle over its allowed predictive noise; `None` if no cycle is scored.
 pub fn over_predicted(subject: &Subject, model: (&Candidate, &Fitted)) -> Option<f64> {
     let error_m = model.1.rmse_m(&subject.scored_m)?;
     Some(1e6 * error_m / allowed_noise_um(subject, model, &subject.scored_m)?)
 }
 
-/// Error of a model on the scored cycle over what white noise and its parameters allow, as `sample` predicts by default. The noise is the yardstick, or what is left of the fitted cycles where
-/// that is more; `None` where no cycle is scored.
+/// Error of a model on the scored cycle over the prediction from white noise and its parameters, the default prediction of `sample`. The noise is the yardstick, or the residual of the fitted cycles
+/// if that is larger. `None` if no cycle is scored.
 pub fn over_white(subject: &Subject, model: (&Candidate, &Fitted)) -> Option<f64> {
     let (candidate, fitted) = model;
     let (error_m, left_m) = (fitted.rmse_m(&subject.scored_m)?, fitted.rmse_m(&subject.fitted_m)?);
@@ -46,7 +46,7 @@ pub fn over_white(subject: &Subject, model: (&Candidate, &Fitted)) -> Option<f64
     Some(1e6 * error_m / of_parameters_um.hypot(1e6 * subject.yardstick_m().max(left_m)))
 }
 
-/// The same with a variance from row to row of `most_m2` at most.
+/// Predictive noise (µm) with a variance from row to row of at most `most_m2`.
 fn noise_um(
     subject: &Subject,
     (candidate, fitted): (&Candidate, &Fitted),
@@ -66,7 +66,7 @@ fn noise_um(
     (!of_rows.is_empty()).then(|| 1e6 * (of_rows.iter().sum::<f64>() / of_rows.len() as f64).sqrt())
 }
 
-/// Normal approximation of the free parameters at a fit.
+/// Parameters at a fit by a normal approximation.
 pub(super) fn laplace(subject: &Subject, model: &Refitted) -> Result<Vec<RefitParameter>> {
     let tangent = Tangent::new(subject, &model.candidate, &model.fitted)?;
     let sds = tangent.standard_deviations();

@@ -1,9 +1,9 @@
-//! Rank every effect of the library by its score at the calibrated base.
+//! Ranking of the library's effects by their scores at the calibrated base.
 //!
-//! z_k = g_kᵀPr/‖Pg_k‖ with g_k the whitened signature of effect k at its null, averaged over draws of the base model's parameters; one-sided where
-//! the support is; the largest over a grid where a parameter means nothing at the null. The signature of an effect that is to first order other values of the law's
-//! parameters is what their best fit leaves of it at a finite size ([`models::effects::Effect::shows_at`]), at the base's own fit. A rank orders what is refitted and explains; it eliminates
-//! nothing, since a large effect is not where its tangent points.
+//! The score of effect k is z_k = g_kᵀPr/‖Pg_k‖ with its whitened signature g_k at the null, averaged over draws of the base model's parameters. It is one-sided if
+//! the support is, and the largest over a grid if a parameter is unidentified at the null. Some effects equal, to first order, a change of the law's parameters. Their signature is the
+//! residual of the base's best fit at a finite size ([`models::effects::Effect::shows_at`]), at the base's own fit. A ranking orders the refits and explains; it excludes
+//! no effect, since a large effect is not where its tangent points.
 
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
@@ -16,21 +16,21 @@ use super::{Candidate, Fitted, Subject, Tangent};
 use base::error::Result;
 use sampling::ensemble::RandomStream;
 
-/// Posterior draws of the base model that scores are averaged over.
+/// Number of posterior draws of the base model over which scores are averaged.
 const N_DRAWS: usize = 64;
-/// Prior quantiles at which parameters that mean nothing at the null are tried.
+/// Prior quantiles for parameters that are unidentified at the null.
 const GRID: [f64; 7] = [0.05, 0.2, 0.35, 0.5, 0.65, 0.8, 0.95];
 /// |cos| of two visible signatures above which effects are called twins.
 const TWIN_COSINE: f64 = 0.99;
-/// Visible shares below this are rounding and curvature, whose directions mean nothing.
+/// Visible shares below this come from rounding and curvature; their directions are meaningless.
 const LEAST_VISIBLE: f64 = 1e-6;
-/// Simulations of the largest score.
+/// Number of simulations of the largest score.
 const N_LARGEST: usize = 4_000;
 
-/// Scores of candidates that each add effects to the base, in their order.
+/// Scores of candidates that each add effects to the base, in the candidates' order.
 ///
 /// # Errors
-/// [`base::Error::Numerical`] where the base has no derivatives.
+/// [`base::Error::Numerical`] if the base has no derivatives.
 pub fn scores(
     subject: &Subject,
     base: &Candidate,
@@ -75,7 +75,7 @@ pub fn scores(
         let (z, free) = (mean(best), first_free(base, candidates[number]));
         let unit = free.map_or(1.0, |free| free.coordinate.unit(free.null.unwrap_or(0.0)));
         let norm = visible[best].norm();
-        // A finite signature grows with the square of the size, which may be the coordinate.
+        // A finite signature grows with the square of the size, which may be the coordinate itself.
         let is_squared = free.is_some_and(|free| matches!(free.coordinate, Coordinate::Square { .. }));
         let expected = match finite {
             Some(finite) if !is_squared => {
@@ -109,7 +109,7 @@ impl Score {
     }
 }
 
-/// The first parameter at a step of its coordinate from the null.
+/// Value of the first parameter at a step of its coordinate from the null.
 fn expected_parameter(free: Option<&super::Free>, step: f64) -> f64 {
     free.map_or(step, |free| match free.null {
         Some(null) => free.coordinate.value(null + step),
@@ -121,19 +121,19 @@ fn safe_ratio(a: f64, b: f64) -> f64 {
     if b > 0.0 { a / b } else { 0.0 }
 }
 
-/// The first parameter of the first effect that a candidate adds.
+/// First parameter of the first effect that a candidate adds.
 fn first_free<'a>(base: &Candidate, candidate: &'a Candidate) -> Option<&'a super::Free> {
     candidate.free.iter().find(|free| base.free.iter().all(|known| known.name != free.name))
 }
 
-/// +1 or −1 for an effect that only one sign of its first parameter has.
+/// Sign (+1 or −1) of the first parameter of an effect with one sign.
 fn sign_of_support(base: &Candidate, candidate: &Candidate) -> Option<f64> {
     let free = first_free(base, candidate)?;
     let null = free.null?;
     free.is_one_sided().then(|| if free.ends[0] == null { 1.0 } else { -1.0 })
 }
 
-/// Unit vectors along what a base's fit leaves of a candidate's signatures, whitened, one a point of the grid; and the sign that its support leaves it.
+/// Unit vectors of a candidate's whitened signatures beside a base's fit, one per point of the grid, and the sign of its support.
 pub(super) fn directions(
     subject: &Subject,
     (base, fitted): (&Candidate, &Fitted),
@@ -148,29 +148,29 @@ pub(super) fn directions(
     Ok((seen.collect(), sign_of_support(base, candidate)))
 }
 
-/// What an effect makes, and the base's parameters cannot, as long as it is small: columns times an amplitude, which is a power of its size.
+/// Response to a small effect that the base's parameters cannot absorb: columns times an amplitude, which is a power of the effect's size.
 pub(super) struct Signature {
-    /// In m a unit of amplitude, one value a row of the record; one column a point of the grid of what means nothing at the null. For an effect of one sign in the
-    /// direction of its support.
+    /// Columns in m per unit of amplitude, one value per row of the record. There is one column per grid point of the parameters unidentified at the null. Effects of one sign
+    /// point along their support.
     pub columns_m: Vec<Vec<f64>>,
-    /// Name of the parameter that is its size.
+    /// Name of the parameter that measures the effect's size.
     pub parameter: &'static str,
-    /// The amplitude is (size/unit)^power, with the size counted from the null in the parameter's unit.
+    /// Unit of the size: the amplitude is (size/unit)^power, with the size counted from the null in the parameter's unit.
     pub unit: f64,
-    /// 1, or 2 for an effect that begins with its square.
+    /// Power: 1, or 2 for an effect whose response begins with the square of its size.
     pub power: f64,
-    /// Largest size below and above the null; 0 on the side that the support leaves out.
+    /// Largest size below and above the null; 0 on a side outside the support.
     pub reach: [f64; 2],
-    /// The parameter at its null.
+    /// Value of the parameter at the null.
     pub null: f64,
-    /// Whether sizes count downwards from the null: the support lies below it.
+    /// True if sizes count downwards from the null, because the support lies below it.
     pub is_downwards: bool,
 }
 
-/// The signature of the effect that a candidate adds to a base at its fit; `None` where its size is fixed.
+/// Signature of the effect that a candidate adds to a base at its fit; `None` if its size is fixed.
 ///
 /// # Errors
-/// [`base::Error::Numerical`] where there is no model with it.
+/// [`base::Error::Numerical`] if the candidate has no model there.
 pub(super) fn signature(
     subject: &Subject,
     (base, fitted): (&Candidate, &Fitted),
@@ -182,7 +182,7 @@ pub(super) fn signature(
     let is_squared = matches!(free.coordinate, Coordinate::Square { .. });
     let value = |theta: f64| free.coordinate.value(theta);
     let at_null = value(null);
-    // A finite signature grows with the square of the step, unless that is the coordinate.
+    // A finite signature grows with the square of the step, unless the coordinate is a square.
     let (unit, power) = match &finite {
         Some(finite) if !is_squared => ((value(null + finite.step.abs().sqrt()) - at_null).abs(), 2.0),
         _ => ((value(null + 1.0) - at_null).abs(), if is_squared { 2.0 } else { 1.0 }),
@@ -199,7 +199,7 @@ pub(super) fn signature(
     Ok(Some(Signature { columns_m, parameter: free.name, unit, power, reach, null: at_null, is_downwards }))
 }
 
-/// Columns of each candidate's first new parameter at the null, one a point of the grid; or those of its finite size.
+/// Columns of each candidate's first new parameter at the null, one per grid point, or those at its finite size.
 fn signatures(
     subject: &Subject,
     base: &Candidate,
@@ -212,18 +212,18 @@ fn signatures(
             return Ok(finite.left_m.clone());
         }
         let Some((place, points)) = points_at_null(base, fitted, candidate) else { return Ok(Vec::new()) };
-        // At the null the base's position is the candidate's, whatever means nothing there.
+        // At the null the candidate's position is the base's, whatever the values of unidentified parameters.
         points.iter().map(|theta| column_m(subject, candidate, theta, place, &fitted.position_m)).collect()
     };
     candidates.iter().zip(finite).map(of).collect()
 }
 
-/// Place of the first new parameter of a candidate, and its points at the null: one for each point of the grid of what means nothing there.
+/// Index of a candidate's first new parameter, and the candidate's points at the null: one per grid point of its unidentified parameters.
 fn points_at_null(base: &Candidate, fitted: &Fitted, candidate: &Candidate) -> Option<(usize, Vec<Vec<f64>>)> {
     let first = first_free(base, candidate)?;
     let place = candidate.free.iter().position(|free| free.name == first.name)?;
     let start = candidate.embed(base, &fitted.theta);
-    // What the base has stays at its fit.
+    // Parameters of the base stay at their fit.
     let is_new = |free: &super::Free| base.free.iter().all(|known| known.name != free.name);
     let unidentified: Vec<usize> = (0..candidate.free.len())
         .filter(|k| candidate.free[*k].is_unidentified_at_null() && is_new(&candidate.free[*k]))
@@ -237,18 +237,18 @@ fn points_at_null(base: &Candidate, fitted: &Fitted, candidate: &Candidate) -> O
     Some((place, grid.iter().map(at).collect()))
 }
 
-/// What an effect does at a finite size, a unit of its first parameter's coordinate, one column a point of the grid.
+/// Response to an effect of finite size, per unit of its first parameter's coordinate, one column per grid point.
 struct Finite {
-    /// The size, as a step of the coordinate.
+    /// Size, as a step of the coordinate.
     step: f64,
-    /// In m: all of it.
+    /// Whole response, in m.
     whole_m: Vec<Vec<f64>>,
-    /// What the base model's best fit leaves of it.
+    /// Residual of the base model's best fit to it, in m.
     left_m: Vec<Vec<f64>>,
 }
 
 impl Finite {
-    /// `None` for effects that show at small sizes.
+    /// Finite response of the effect that `candidate` adds; `None` for effects that show at small sizes.
     fn new(subject: &Subject, base: &Candidate, fitted: &Fitted, candidate: &Candidate) -> Result<Option<Self>> {
         let is_new = |slug: &str| base.effects.iter().all(|own| own != slug);
         let added = candidate.model.effects().iter().find(|effect| is_new(effect.slug()));
@@ -259,7 +259,7 @@ impl Finite {
         let mut own = Self { step, whole_m: Vec::new(), left_m: Vec::new() };
         for mut theta in points {
             theta[place] += step;
-            // Where the size has no model, it shows nothing.
+            // An effect without a model at this size shows nothing.
             let Ok(position_m) = subject.trajectory_m(candidate, &theta) else { continue };
             let truth = Truth { candidate, theta: &theta, noise: fitted.noise, position_m: &position_m };
             let nearest_m = subject.trajectory_m(base, &closest(subject, base, &truth)?.theta)?;
@@ -271,7 +271,7 @@ impl Finite {
     }
 }
 
-/// A draw of the base model's parameters about its fit.
+/// Draws the base model's parameters about its fit.
 fn drawn(
     subject: &Subject,
     base: &Candidate,
@@ -294,7 +294,7 @@ fn drawn(
     Some(Fitted { theta, position_m, ..fitted.clone() })
 }
 
-/// Signed cosines of visible signatures; zero where nothing is visible.
+/// Signed cosines of visible signatures; zero for invisible ones.
 pub fn cosines(scores: &[Score]) -> DMatrix<f64> {
     DMatrix::from_fn(scores.len(), scores.len(), |i, j| match (&scores[i].direction, &scores[j].direction) {
         (Some(a), Some(b)) => a.dot(b),
@@ -302,13 +302,13 @@ pub fn cosines(scores: &[Score]) -> DMatrix<f64> {
     })
 }
 
-/// For each effect those of nearly the same shape, by their places.
+/// For each effect, indices of the effects with nearly the same shape.
 pub fn twins(cosines: &DMatrix<f64>) -> Vec<Vec<usize>> {
     let n = cosines.nrows();
     (0..n).map(|i| (0..n).filter(|j| *j != i && cosines[(i, *j)].abs() > TWIN_COSINE).collect()).collect()
 }
 
-/// The size that the largest score stays below in 95 of 100 experiments without any effect, from N(0, C).
+/// 95 % quantile of the largest score in experiments without any effect, from N(0, C).
 pub fn largest_score_threshold(scores: &[Score], cosines: &DMatrix<f64>, seed: u64) -> f64 {
     let eigen = cosines.clone().symmetric_eigen();
     let root = &eigen.eigenvectors * DMatrix::from_diagonal(&eigen.eigenvalues.map(|value| value.max(0.0).sqrt()));
@@ -323,7 +323,7 @@ pub fn largest_score_threshold(scores: &[Score], cosines: &DMatrix<f64>, seed: u
     sample[N_LARGEST * 95 / 100]
 }
 
-/// Grouped score of two effects, zᵀC⁻¹z of the two, in the units of a squared score: what a pair could gain twice over.
+/// Grouped score of two effects, zᵀC⁻¹z, in the units of a squared score: twice the gain of the pair.
 pub fn pair_score(a: &Score, b: &Score) -> f64 {
     let cosine = match (&a.direction, &b.direction) {
         (Some(x), Some(y)) => x.dot(y),
@@ -345,8 +345,8 @@ mod tests {
     use crate::test_replica::{WHITE, base_fit, replica, simulated};
     use models::effects::Library;
 
-    /// On 120 correct models z of a drift has mean 0 ± 0.091 and a variance of χ²₁₁₉/119: each end asserted is passed falsely below 1e-6. A drift of six
-    /// standard errors is expected where it is, to five of them.
+    /// On 120 correct models the z of a drift has mean 0 ± 0.091 and a variance of χ²₁₁₉/119. Correct code violates each asserted bound with a probability below 1e-6. A drift of six
+    /// standard errors is found at its place, to five of them.
     #[test]
     fn scores_are_standard_where_nothing_is_missing_and_expect_what_is() {
         let (base, fitted) = base_fit();
@@ -367,11 +367,11 @@ mod tests {
         let velocity = 6.0 / score(0.0, 300).signature_per_unit;
         let found = score(-velocity, 7);
         assert!((found.z + 6.0).abs() < 5.0, "{}", found.z);
-        // The signature is taken at each fit: they differ by a per cent or so.
+        // The signature is computed at each fit; the fits differ by about a per cent.
         assert!((found.expected_parameter / -velocity / (found.z.abs() / 6.0) - 1.0).abs() < 0.05);
     }
 
-    /// What the base has stays at its fit, also where its time would mean nothing without it: there is one signature of a bias, and no grid.
+    /// Parameters of the base stay at their fit, even if they are unidentified without an effect: a bias has one signature and no grid.
     #[test]
     fn a_grid_is_of_what_is_new() {
         let subject = subject_with(&TWO_LEVELS, &Library::default(), &["second-retardation"]);
@@ -385,7 +385,7 @@ mod tests {
         let start = bias.embed(&base, &fitted.theta);
         let expected = columns_m(&subject, &bias, &start).expect("derivatives").swap_remove(place);
         let size = expected.iter().fold(0.0, |largest: f64, x| largest.max(x.abs()));
-        // Differences of steps of 10⁻⁴ have 10⁻⁴ as many digits as positions.
+        // Differences over steps of 10⁻⁴ lose four digits of the positions.
         assert!(of_bias.len() == 1 && of_bias[0].iter().zip(&expected).all(|(a, b)| (a - b).abs() < 1e-8 * size));
         let second = subject_with(&TWO_LEVELS, &Library::default(), &[]);
         let (base, fitted) = at(&second, &[], &[]);
@@ -393,7 +393,7 @@ mod tests {
         assert_eq!(signatures(&second, &base, &fitted, &[&added], &[None]).expect("derivatives")[0].len(), GRID.len());
     }
 
-    /// Twins of one force level point the same way; two independent scores stay below the textbook's threshold.
+    /// Effects that are twins at one force level have parallel signatures; the threshold of two independent scores is the textbook's.
     #[test]
     fn cosines_name_twins_and_thresholds_are_those_of_normals() {
         let (base, fitted) = base_fit();
@@ -404,7 +404,7 @@ mod tests {
         let found = scores(replica(), &base, &fitted, &models.iter().collect::<Vec<_>>(), 1).expect("derivatives");
         assert_eq!(twins(&cosines(&found)), [vec![1], vec![0], vec![]]);
         let independent = DMatrix::identity(2, 2);
-        // 1 − (1 − 0.05)^½ on two sides: 2.236; the quantile of 4,000 draws is within 0.1 at five standard deviations.
+        // 1 − (1 − 0.05)^½ on two sides gives 2.236; the quantile of 4,000 draws is within 0.1 at five standard deviations.
         let threshold = largest_score_threshold(&found[1..], &independent, 1);
         assert!((threshold - 2.236).abs() < 0.1, "{threshold}");
     }
@@ -422,7 +422,7 @@ mod tests {
         let (a, b) = (score(3.0, [1.0, 0.0]), score(4.0, [0.0, 1.0]));
         assert_eq!(pair_score(&a, &b), 25.0);
         assert_eq!(pair_score(&a, &score(4.0, [1.0, 0.0])), 16.0);
-        // r = (1, 7) seen along (1, 0) and (0.6, 0.8): both directions span the plane, so all of ‖r‖² is found.
+        // r = (1, 7) is measured along (1, 0) and (0.6, 0.8): both directions span the plane, so the pair explains all of ‖r‖².
         let oblique = score(0.6 + 5.6, [0.6, 0.8]);
         assert!((pair_score(&score(1.0, [1.0, 0.0]), &oblique) - 50.0).abs() < 1e-12);
     }

@@ -1,4 +1,4 @@
-//! Every effect, and leading pairs, refitted beside a reference model.
+//! Refits of every effect, and of leading pairs, beside a reference model.
 
 use rayon::prelude::*;
 
@@ -19,29 +19,29 @@ pub struct Refitted {
     pub future: Option<FutureScore>,
 }
 
-/// What a model gains over another one.
+/// Gain of a model over another one.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Gain {
-    /// In log likelihood of the fitted cycles, noise estimated anew, in nats.
+    /// Gain in log likelihood of the fitted cycles, noise estimated anew, in nats.
     pub fitted: f64,
-    /// In the log score of future cycles.
+    /// Gain in the log score of future cycles, in nats.
     pub future: Option<f64>,
-    /// In the log score of the last cycle.
+    /// Gain in the log score of the last cycle, in nats.
     pub last: Option<f64>,
     /// Largest change of a predicted position over the noise.
     pub largest_change: f64,
-    /// What candidates are ordered by: fitted and last-cycle gains, less two nats a parameter beyond the first.
+    /// Rank of candidates: fitted plus last-cycle gain, less two nats for each parameter beyond the first.
     pub rank: f64,
 }
 
-/// Nats that a parameter beyond one an effect has to gain.
+/// Least gain, in nats, for each parameter beyond one per effect.
 const NATS_PER_PARAMETER: f64 = 2.0;
 
 impl Refitted {
-    /// Fits a model from the fits of models that it contains, and as widely as is asked.
+    /// Fits a model from the fits of models that it contains, as widely as `search` asks.
     ///
     /// # Errors
-    /// [`base::Error::Numerical`] when it has no model at any start.
+    /// [`base::Error::Numerical`] if it has no model at any start.
     pub fn new(subject: &Subject, candidate: Candidate, contained: &[&Self], search: Search) -> Result<Self> {
         let starts: Vec<(Vec<f64>, NoiseValues)> = contained
             .iter()
@@ -55,16 +55,16 @@ impl Refitted {
         Self::at(subject, candidate, fitted)
     }
 
-    /// A model at a fit that is there.
+    /// Scores a model at an existing fit.
     ///
     /// # Errors
-    /// Where future cycles cannot be scored.
+    /// Errors of scoring the future cycles.
     pub fn at(subject: &Subject, candidate: Candidate, fitted: Fitted) -> Result<Self> {
         let future = future_score(subject, &candidate, &fitted)?;
         Ok(Self { candidate, fitted, future })
     }
 
-    /// What it gains over a model that it contains.
+    /// Gain over a smaller model that this one contains.
     pub fn gain_over(&self, smaller: &Self, subject: &Subject) -> Gain {
         let both = self.future.zip(smaller.future);
         let last = both.map(|(own, other)| own.last - other.last);
@@ -84,7 +84,7 @@ impl Refitted {
     }
 }
 
-/// Refits models, each from the fits that it contains among `contained`. A model that cannot be evaluated is `None`.
+/// Refits models, each from the fits of the models in `contained` that it contains. The result is `None` for a model that cannot be evaluated.
 pub fn refit_all(
     subject: &Subject,
     candidates: &[Candidate],

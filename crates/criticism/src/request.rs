@@ -1,9 +1,9 @@
-//! What a caller of `diagnose` decides.
+//! Settings of a diagnosis.
 
 use super::criteria::Criteria;
 use documents::errors::ModelErrors;
 
-/// Request of a diagnosis.
+/// Settings of a diagnosis.
 #[derive(Debug, Clone, PartialEq)]
 pub struct DiagnosisRequest {
     /// Thresholds of the verdict.
@@ -12,9 +12,9 @@ pub struct DiagnosisRequest {
     pub n_simulations: usize,
     /// Seed of all random numbers.
     pub seed: u64,
-    /// Whether to compute every p, and what only words need: evidence of all candidates, protocols, smallest sizes. `challenge run` leaves them out.
+    /// True to compute every p and the results that only the text needs: evidence of all candidates, protocols, smallest sizes. `challenge run` leaves them out.
     pub in_full: bool,
-    /// Errors of the base model's posterior on the same cycles, where it was sampled; else those of its best fit are shown.
+    /// Errors of the base model's posterior on the same cycles, if it was sampled; else the document shows those of its best fit.
     pub base_errors: Option<ModelErrors>,
 }
 

@@ -1,20 +1,20 @@
-//! What a ranking says of one effect.
+//! First-order score of one effect in a ranking.
 
 use nalgebra::DVector;
 
 /// An effect's score.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Score {
-    /// z in the direction of the support, averaged over draws; of the grid point with the largest.
+    /// z in the direction of the support, averaged over draws, at the grid point where it is largest.
     pub z: f64,
-    /// z over ‖Pg‖: the first parameter's expected distance from its null, in its unit, plus the null.
+    /// z over ‖Pg‖ plus the null: the expected value of the first parameter, in its unit.
     pub expected_parameter: f64,
-    /// ‖Pg‖²/‖g‖², the largest over the grid.
+    /// ‖Pg‖²/‖g‖², the largest over the grid: share of the signature that the base cannot absorb.
     pub visible_fraction: f64,
-    /// ‖Pg‖ a unit of the first parameter, at the grid point with the largest z.
+    /// ‖Pg‖ per unit of the first parameter, at the grid point with the largest z.
     pub signature_per_unit: f64,
-    /// Unit vector along Pg there; `None` where nothing is visible.
+    /// Unit vector along Pg at that grid point; `None` if the effect is invisible.
     pub direction: Option<DVector<f64>>,
-    /// Whether the effect has one sign; then z counts upwards only.
+    /// True if the effect has one sign; if so, only positive z counts.
     pub is_one_sided: bool,
 }

@@ -1,7 +1,7 @@
-//! Which effects may gain most in data that were simulated without them, to first order.
+//! First-order bounds of effects' gains in data that were simulated without them.
 //!
-//! A simulated search is asked for its largest gain alone. What an effect gains where there is nothing to find is, to first order, half the square of the
-//! residuals' part along its signature; effects whose part is so small that their refit cannot be the largest are not refitted.
+//! A simulated search needs its largest gain only. The gain of an effect that is absent from the data is, to first order, half the square of the
+//! residual's part along its signature. Effects whose bound is too small to be the largest are not refitted.
 
 use nalgebra::DVector;
 use rayon::prelude::*;
@@ -11,23 +11,23 @@ use super::refit::Refitted;
 use super::{Candidate, Subject, Tangent};
 use base::error::Result;
 
-/// What a refit may gain over its first-order value: a factor and nats. Noise is estimated anew, and sizes leave the tangent.
+/// Factor and nats by which a refit may exceed its first-order gain: noise is estimated anew, and sizes leave the tangent.
 const FACTOR: f64 = 1.5;
 const NATS: f64 = 1.0;
 
-/// The directions of candidates about a reference.
+/// Directions of candidates about a reference.
 pub(super) struct Screen {
     tangent: Tangent,
     position_m: Vec<f64>,
-    /// Whitened unit directions of each candidate, and the sign that its support leaves it.
+    /// Whitened unit directions of each candidate, and the sign of its support.
     directions: Vec<(Vec<DVector<f64>>, Option<f64>)>,
 }
 
 impl Screen {
-    /// Of candidates that each contain the reference.
+    /// Screens candidates that each contain the reference.
     ///
     /// # Errors
-    /// As [`Tangent::new`].
+    /// Errors of [`Tangent::new`].
     pub fn new(subject: &Subject, reference: &Refitted, candidates: &[Candidate]) -> Result<Self> {
         let tangent = Tangent::new(subject, &reference.candidate, &reference.fitted)?;
         let of =
@@ -36,7 +36,7 @@ impl Screen {
         Ok(Self { tangent, position_m: reference.fitted.position_m.clone(), directions })
     }
 
-    /// What candidates may gain at most in other positions of the same rows; infinite where the first order says nothing.
+    /// Largest gains of candidates in other positions of the same rows, in nats; infinite if there is no first-order bound.
     pub fn bounds_nats(&self, data: &Subject) -> Vec<f64> {
         let residual = self.residual(data);
         let bound = |(directions, sign): &(Vec<DVector<f64>>, Option<f64>)| {
@@ -53,7 +53,7 @@ impl Screen {
         self.directions.iter().map(bound).collect()
     }
 
-    /// What other positions (m) than the reference's gain to first order, at the size of the change that gains most.
+    /// First-order gain of positions (m) that differ from the reference's, in nats, with the change scaled to its best size.
     pub fn gain_nats(&self, data: &Subject, position_m: &[f64]) -> f64 {
         let change_m = position_m.iter().zip(&self.position_m).map(|(a, b)| a - b).collect();
         let change = self.tangent.project(self.tangent.whiten(&[change_m]).swap_remove(0));

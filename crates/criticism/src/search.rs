@@ -1,4 +1,4 @@
-//! The search for missing effects: singles, pairs, and more where the data ask for them; forward, then backward.
+//! Search for missing effects: singles, pairs, and more if the data require them; additions first, then removals.
 
 use rayon::prelude::*;
 
@@ -14,28 +14,28 @@ use crate::NoiseValues;
 use base::error::Result;
 use posterior::monitor::Monitor;
 
-/// Pairs that are refitted for their grouped score, besides all of the best single effect.
+/// Number of pairs refitted for their grouped score, besides all pairs with the best single effect.
 const N_LEADING_PAIRS: usize = 10;
-/// A second effect whose bound ([`Screen`]) stays below this adds too little to be wanted, by [`Criteria::larger_nats`], and is not refitted.
+/// Least bound ([`Screen`]) of a second effect that is refitted, in nats. An effect below it gains too little for a larger model under [`Criteria::larger_nats`].
 const LEAST_BOUND_NATS: f64 = 4.0;
-/// Pairs that are refitted from every start.
+/// Number of pairs refitted from every start.
 const N_WIDE_PAIRS: usize = 6;
 
-/// An effect of the library beside the base.
+/// An effect of the library added to the base.
 pub struct Single {
     /// Slug.
     pub slug: &'static str,
-    /// Why it cannot be added, if it cannot.
+    /// Reason why it cannot be added, if so.
     pub refused: Option<String>,
-    /// The model with it; `None` where it cannot be added or evaluated.
+    /// The model with it; `None` if it cannot be added or evaluated.
     pub refitted: Option<Refitted>,
     /// Its gain over the base.
     pub gain: Option<Gain>,
-    /// Its score at the base.
+    /// Its first-order score at the base.
     pub score: Option<Score>,
 }
 
-/// A model with effects, as one round proposes it.
+/// A model with effects that one round proposes.
 #[derive(Clone)]
 pub struct Step {
     /// Its effects, with gains and p.
@@ -50,18 +50,18 @@ pub struct SearchResult {
     pub base: Refitted,
     /// Every effect of the library, in its order.
     pub singles: Vec<Single>,
-    /// Simulated searches from the base.
+    /// Searches of data simulated from the base.
     pub bootstrap: Bootstrap,
     /// Pairs, best first, with their gains over the base.
     pub pairs: Vec<(Refitted, Gain)>,
     /// One step a round, in order; the last may fail.
     pub steps: Vec<Step>,
-    /// The largest model that passes, less what it does not need; `None` where none passes.
+    /// The largest model that passes, without the effects that it does not need; `None` if no model passes.
     pub largest: Option<Step>,
 }
 
 impl SearchResult {
-    /// Effects beside the base of a model.
+    /// Effects that a model has beyond the base.
     pub fn added<'a>(&self, model: &'a Refitted) -> Vec<&'a str> {
         let n_base = self.base.candidate.effects.len();
         model.candidate.effects[n_base..].iter().map(String::as_str).collect()
@@ -78,10 +78,10 @@ impl SearchResult {
     }
 }
 
-/// Searches.
+/// Searches for missing effects.
 ///
 /// # Errors
-/// Whatever fitting the base refuses.
+/// Errors of fitting the base.
 pub fn search(subject: &Subject, request: &DiagnosisRequest, monitor: &dyn Monitor) -> Result<SearchResult> {
     monitor.stage("fitting the model");
     let mut base = Refitted::new(subject, subject.base(), &[], Search::Wide)?;
@@ -93,7 +93,7 @@ pub fn search(subject: &Subject, request: &DiagnosisRequest, monitor: &dyn Monit
     let mut refitted = refit_all(subject, &models, &[&base], Search::Wide, monitor);
     if let Some(better) = base_from(subject, &base, &refitted) {
         base = better;
-        // Wide searches have been made: only the base is new to them.
+        // Wide searches are done: local ones suffice for the improved base.
         let again = refit_all(subject, &models, &[&base], Search::Local, monitor);
         refitted = refitted.into_iter().zip(again).map(|(first, again)| better_of(first, again)).collect();
     }
@@ -111,8 +111,8 @@ pub fn search(subject: &Subject, request: &DiagnosisRequest, monitor: &dyn Monit
             Single { slug, refused: candidate.err(), refitted, gain, score }
         })
         .collect();
-    monitor.stage("simulating searches where nothing is missing");
-    // As many as decide about the gain that is judged.
+    monitor.stage("simulating searches without a missing effect");
+    // Simulates as many searches as decide about the gain in question.
     let judged = best_single(&singles).and_then(|single| single.gain).map_or(0.0, |gain| gain.fitted);
     let decides = (!request.in_full).then_some(request.criteria.p_of_round(0));
     let simulations = Simulations { most: request.n_simulations, only_for: decides };
@@ -131,7 +131,7 @@ fn better_of(first: Option<Refitted>, again: Option<Refitted>) -> Option<Refitte
     }
 }
 
-/// The base with an effect of the library, or the reason why it cannot be added.
+/// Returns the base with an effect of the library, or the reason why it cannot be added.
 fn addable(subject: &Subject, slug: &str) -> std::result::Result<Candidate, String> {
     subject.extended(&[slug]).map_err(|error| match error {
         base::Error::Input { found, .. } => found,
@@ -139,7 +139,7 @@ fn addable(subject: &Subject, slug: &str) -> std::result::Result<Candidate, Stri
     })
 }
 
-/// A better fit of the base from the noises that larger models were given: the search for a noise must not favour them.
+/// Refits the base from the noises of larger models and returns the fit if it is better. The search for a noise must not favour larger models.
 fn base_from(subject: &Subject, base: &Refitted, larger: &[Option<Refitted>]) -> Option<Refitted> {
     let noises = larger.iter().flatten().map(|model| (base.fitted.theta.clone(), model.fitted.noise));
     let starts: Vec<(Vec<f64>, NoiseValues)> = noises.collect();
@@ -151,7 +151,7 @@ fn base_from(subject: &Subject, base: &Refitted, larger: &[Option<Refitted>]) ->
     Some(Refitted { candidate: base.candidate.clone(), fitted, future })
 }
 
-/// Pairs with the best grouped scores, and those with the best single effect to which the other one adds anything to first order.
+/// Pairs with the best grouped scores, and pairs of the best single effect with every effect that gains beside it to first order.
 fn pairs(subject: &Subject, criteria: &Criteria, found: &SearchResult, monitor: &dyn Monitor) -> Vec<(Refitted, Gain)> {
     let usable: Vec<&Single> = found.singles.iter().filter(|single| single.refitted.is_some()).collect();
     let mut scored: Vec<(f64, [&str; 2])> = Vec::new();
@@ -184,7 +184,7 @@ fn pairs(subject: &Subject, criteria: &Criteria, found: &SearchResult, monitor: 
         list
     };
     let mut list = ranked(refit_all(subject, &candidates, &contained, Search::Local, monitor));
-    // Where a pair comes near to being wanted, the leaders deserve every start.
+    // If a pair is near the threshold, the leading pairs are refitted from every start.
     let wanted_rank = criteria.rank_of_larger(best_single(&found.singles).map_or(0.0, rank_of));
     if list.first().is_some_and(|(_, gain)| gain.rank > 0.5 * wanted_rank) {
         let n_wide = N_WIDE_PAIRS.min(list.len());
@@ -198,7 +198,7 @@ fn pairs(subject: &Subject, criteria: &Criteria, found: &SearchResult, monitor: 
     list
 }
 
-/// Of effects beside the best single one, at its fit, those that may gain [`LEAST_BOUND_NATS`]; all of them where first-order values are not to be had.
+/// Effects that may gain [`LEAST_BOUND_NATS`] beside the best single one at its fit; all of them if there are no first-order values.
 fn that_may_gain<'a>(subject: &Subject, best: &str, fitted: &Refitted, others: &[&'a str]) -> Vec<&'a str> {
     let candidate = |other: &&'a str| Some((*other, subject.extended(&[best, other]).ok()?));
     let (others, candidates): (Vec<&str>, Vec<Candidate>) = others.iter().filter_map(candidate).unzip();
@@ -216,7 +216,7 @@ fn rank_of(single: &Single) -> f64 {
     single.gain.map_or(f64::NEG_INFINITY, |gain| gain.rank)
 }
 
-/// Adds effects, one a round, while each passes; then takes back what is not needed any more.
+/// Adds one effect a round while each passes, then removes the effects that are not needed.
 fn rounds(subject: &Subject, request: &DiagnosisRequest, found: &mut SearchResult, monitor: &dyn Monitor) {
     let criteria = &request.criteria;
     let Some(first) = best_single(&found.singles) else { return };
@@ -231,9 +231,9 @@ fn rounds(subject: &Subject, request: &DiagnosisRequest, found: &mut SearchResul
         if over_base.rank < criteria.rank_of_larger(current.gain_over(&found.base, subject).rank) {
             break;
         }
-        monitor.stage("simulating searches for one effect more");
+        monitor.stage("simulating searches for one more effect");
         let additions = additions_to(subject, &current);
-        // Of later rounds the decision is reported, not p.
+        // Later rounds report their decision, not p.
         let simulations = Simulations { most: request.n_simulations, only_for: Some(criteria.p_of_round(round)) };
         let seed = request.seed ^ (0xb007 + round as u64);
         let simulated = Bootstrap::run(subject, &current, &additions, gain.fitted, simulations, seed, monitor);
@@ -249,8 +249,8 @@ fn rounds(subject: &Subject, request: &DiagnosisRequest, found: &mut SearchResul
     found.largest = found.largest.take().map(|largest| without_needless(subject, criteria, found, largest));
 }
 
-/// The best model with one effect more than `current`, and its gain over `current`. After the first round any pair will do, also one without the best
-/// single effect, which may have stood for two others.
+/// Best model with one effect more than `current`, and its gain over `current`. The second round accepts any pair, even without the best
+/// single effect, which may have replaced two others.
 fn next_larger(
     subject: &Subject,
     found: &SearchResult,
@@ -261,7 +261,7 @@ fn next_larger(
     if round == 1 {
         let (pair, gain) = found.pairs.first()?;
         let of_current = current.gain_over(&found.base, subject);
-        // The gain over a model that it need not contain.
+        // Gain over a model that the pair need not contain.
         let difference = Gain {
             fitted: gain.fitted - of_current.fitted,
             future: gain.future.zip(of_current.future).map(|(a, b)| a - b),
@@ -271,7 +271,7 @@ fn next_larger(
         };
         return Some((pair.clone(), difference));
     }
-    monitor.stage("refitting with one effect more");
+    monitor.stage("refitting with one more effect");
     let candidates = additions_to(subject, current);
     let pairs = found.pairs.iter().map(|(pair, _)| pair);
     let contained: Vec<&Refitted> = std::iter::once(current).chain(pairs).collect();
@@ -288,7 +288,7 @@ fn largest_change(subject: &Subject, a: &Refitted, b: &Refitted) -> f64 {
     pairs.fold(0.0, |largest: f64, (x, y)| largest.max((x - y).abs())) / subject.yardstick_m()
 }
 
-/// Every model with one effect more.
+/// All models with one effect more.
 fn additions_to(subject: &Subject, model: &Refitted) -> Vec<Candidate> {
     let n_base = subject.specification().effects.len();
     let own: Vec<&str> = model.candidate.effects[n_base..].iter().map(String::as_str).collect();
@@ -296,7 +296,7 @@ fn additions_to(subject: &Subject, model: &Refitted) -> Vec<Candidate> {
     others.filter_map(|slug| subject.extended(&[&own[..], &[slug]].concat()).ok()).collect()
 }
 
-/// Takes out, one by one, effects whose removal costs next to nothing, while what is left passes by itself.
+/// Removes, one by one, effects whose removal hardly costs anything, as long as the remaining model passes by itself.
 fn without_needless(subject: &Subject, criteria: &Criteria, found: &SearchResult, mut step: Step) -> Step {
     loop {
         let own = &step.addition.effects;
@@ -326,7 +326,7 @@ fn without_needless(subject: &Subject, criteria: &Criteria, found: &SearchResult
     }
 }
 
-/// Models in which one effect of a claim is replaced by another one, with the effect that comes in.
+/// Models in which another effect replaces one effect of a claim, with the slug of the new effect.
 pub fn replacements(subject: &Subject, found: &SearchResult, claimed: &Refitted) -> Vec<(&'static str, Refitted)> {
     let own = found.added(claimed);
     let others: Vec<&'static str> =

@@ -1,4 +1,4 @@
-//! The search's parts on models made by hand, and all of it on two effects.
+//! Tests of the search's parts on models made by hand, and of the whole search with two effects.
 
 use super::*;
 use crate::future::FutureScore;
@@ -9,7 +9,7 @@ use posterior::monitor::Silent;
 
 const CRITERIA: Criteria = Criteria::RECORD;
 const SLUGS: [&str; 3] = ["force-asymmetry", "force-bias", "tracking-drift"];
-/// 8 % of the force, and 0.6 mm/h: each some ten σ and more of the records used here.
+/// 8 % of the force, and a drift of 2 µm/s: each at least ten σ in the records used here.
 pub const BIAS: f64 = 0.08;
 pub const DRIFT_M_PER_S: f64 = 2e-6;
 
@@ -17,7 +17,7 @@ pub fn small() -> Subject {
     subject_with(&TWO_LEVELS, &Library::only(&SLUGS), &[])
 }
 
-/// Base and singles at their fits, with the gains of simulated searches given.
+/// Base and singles at their fits, with given gains of simulated searches.
 pub fn found(data: &Subject, simulated: &[f64]) -> SearchResult {
     let base = Refitted::new(data, data.base(), &[], Search::Wide).expect("fits");
     let slugs: Vec<&'static str> = data.library().effects().iter().map(|effect| effect.slug()).collect();
@@ -46,7 +46,7 @@ pub fn refitted(data: &Subject, found: &SearchResult, effects: &[&str]) -> Refit
     Refitted::new(data, data.extended(effects).expect("addable"), &contained, Search::Local).expect("fits")
 }
 
-/// Models with numbers of their own: a gain is made of differences, and changes are counted in the noise.
+/// Models with set numbers: a gain consists of differences, and changes are in units of the noise.
 #[test]
 fn a_gain_is_the_difference_of_two_models() {
     let subject = subject_with(&TWO_LEVELS, &Library::default(), &[]);
@@ -66,7 +66,7 @@ fn a_gain_is_the_difference_of_two_models() {
     let expected = Gain { fitted: 12.0, future: Some(9.0), last: Some(3.0), largest_change: 1.5, rank: 15.0 };
     assert!((gain.largest_change - 1.5).abs() < 1e-9);
     assert_eq!(Gain { largest_change: 1.5, ..gain }, expected);
-    // Two nats for the second parameter of one effect, and for it alone.
+    // Two nats for the second parameter of one effect only.
     let second = subject.extended(&["second-retardation"]).expect("addable");
     assert_eq!(second.free.iter().filter(|free| free.effect.is_some()).count(), 2);
     let gain = model(&["force-bias", "second-retardation"], 112.0, None, 0.0).gain_over(&smaller, &subject);
@@ -99,7 +99,7 @@ pub fn found_beside(data: &Subject, slugs: &[&'static str]) -> SearchResult {
     SearchResult { base, singles, bootstrap, pairs: Vec::new(), steps: Vec::new(), largest: None }
 }
 
-/// A base whose noise was badly searched gets the noise that a larger model was given.
+/// A base whose noise was badly searched gets the noise of a larger model.
 #[test]
 fn a_larger_model_does_not_win_by_its_noise() {
     let data = measured(&small(), &[], &[], 4);
@@ -112,7 +112,7 @@ fn a_larger_model_does_not_win_by_its_noise() {
     assert!(base_from(&data, &good, &[Some(good.clone())]).is_none());
 }
 
-/// What stands beside a sufficient effect is taken back, what is needed stays: the needless one has a χ² of one degree to gain, 4 nats or more once in 200
+/// A needless effect beside a sufficient one is removed, a needed one stays. The needless one gains a χ² of one degree, 4 nats or more once in 200
 /// records, and the seed is fixed.
 #[test]
 fn a_needless_effect_is_taken_back() {
@@ -133,12 +133,12 @@ fn a_needless_effect_is_taken_back() {
             without_needless(&data, &criteria, &found, step.clone()).addition.effects
         };
         assert_eq!(kept(0.5), left);
-        // What would not be claimed by itself is not what a claim is cut down to.
+        // A claim is not reduced to an effect that would not be claimed by itself.
         assert_eq!(kept(0.4), ["force-bias", "tracking-drift"]);
     }
 }
 
-/// A pair is judged by what it has over the single that stands, and is not tried where that is little.
+/// A pair is judged by its gain over the accepted single, and a small gain ends the search.
 #[test]
 fn a_pair_is_weighed_against_the_single() {
     let data = measured(&small(), &["tracking-drift"], &[DRIFT_M_PER_S], 6);
@@ -159,7 +159,7 @@ fn a_pair_is_weighed_against_the_single() {
     assert_eq!((found.steps.len(), found.steps[0].addition.p), (1, 0.01));
 }
 
-/// Where the single fails, a pair has to pass beside it and to predict as a whole; what fails is reported and not claimed.
+/// If the single fails, a pair must pass beside it and predict better as a whole; a failed addition is reported and not claimed.
 #[test]
 fn a_pair_beside_a_failed_single_has_to_make_good_what_that_lost() {
     let data = measured(&small(), &["force-bias", "tracking-drift"], &[BIAS, DRIFT_M_PER_S], 7);
@@ -185,12 +185,12 @@ fn a_pair_beside_a_failed_single_has_to_make_good_what_that_lost() {
         (steps, found.largest.as_ref().map(|largest| largest.addition.effects.len()))
     };
     assert_eq!(claim(&mut found, 0.0, false), (vec![true, true], Some(2)));
-    // A single whose p is large stands for nothing, and the pair for itself.
+    // A single with a large p is no claim, but the pair is.
     assert_eq!(claim(&mut found, 0.0, true), (vec![false, true], Some(2)));
     // The base predicts better than either.
     let ahead = gain.future.expect("a cycle is held out") + 1.0;
     assert_eq!(claim(&mut found, ahead, true), (vec![false, false], None));
-    // Nothing beside the failed single.
+    // Without a pair, the failed single stays alone.
     found.pairs.clear();
     assert_eq!(claim(&mut found, 0.0, true), (vec![false], None));
 }
@@ -216,7 +216,7 @@ fn every_effect_of_a_claim_is_replaced() {
     assert_eq!(named, [("force-asymmetry", vec!["force-asymmetry"]), ("force-bias", vec!["force-bias"])]);
 }
 
-/// Two effects of many σ are claimed, one a round; one is claimed alone; and the correct model is left alone (p ≤ 0.05 has a chance of one in twenty; the
+/// The search claims two effects of many σ, one per round, one effect alone, and none on a correct model (p ≤ 0.05 has a chance of one in twenty; the
 /// seed is fixed).
 #[test]
 #[ignore = "thorough"]

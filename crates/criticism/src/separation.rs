@@ -1,10 +1,10 @@
-//! How far two models stand apart in an experiment.
+//! Distance between two models in an experiment.
 //!
-//! The data that one model, the truth, would give without noise are fitted by another. What is left, ‖L⁻¹(f_truth − f_other)‖ with L Lᵀ the covariance of
-//! the noise at the truth, is the distance in σ: half its square is what the truth's log likelihood is expected to be ahead in data with that noise. Two
-//! effects are separated by an experiment where it stays above [`SEPARATED_SIGMA`].
+//! One model, the truth, gives noise-free data; another model is fitted to them. The residual norm ‖L⁻¹(f_truth − f_other)‖, with L Lᵀ the covariance of
+//! the noise at the truth, is the distance in σ. In data with that noise, the truth's expected lead in log likelihood is half the squared distance. An experiment separates
+//! two effects if their distance is at least [`SEPARATED_SIGMA`].
 //!
-//! Priors of the law hold its parameters about those of the truth, as they would if the truth were a fit of data: so a model is at distance 0 from itself,
+//! Priors of the law hold its parameters about those of the truth, as if the truth were a fit of data. So a model is at distance 0 from itself,
 //! and to first order the distance is ‖Pg‖ε with the projection P of [`super::Tangent`].
 
 use nalgebra::{DMatrix, DVector};
@@ -17,62 +17,62 @@ use crate::NoiseValues;
 use base::error::{Error, Result};
 use models::model::N_LANES;
 
-/// Distance in σ from which on two effects count as separated.
+/// Distance in σ from which two effects count as separated.
 pub const SEPARATED_SIGMA: f64 = 4.0;
 
-/// Steps from an effect's null at which fits of it start, in units of the spread of its prior.
+/// Starting steps from an effect's null, in units of the spread of its prior.
 const SIZES: [f64; 8] = [0.003, 0.01, 0.03, 0.1, 0.3, 0.7, 1.5, 3.0];
-/// Prior quantiles at which what means nothing at the null starts.
+/// Prior quantiles at which parameters unidentified at the null start.
 const GRID: [f64; 7] = [0.05, 0.2, 0.35, 0.5, 0.65, 0.8, 0.95];
-/// Starts that are followed to the end, the null besides.
+/// Number of starts followed to the end, besides the null.
 const N_FOLLOWED: usize = 3;
 const MOST_STEPS: usize = 30;
-/// A squared distance is at rest when a step takes less than this part of it.
+/// Relative decrease of a squared distance below which its fit has converged.
 const LEAST_PART: f64 = 1e-3;
-/// Below this squared distance nothing is left to fit.
+/// Squared distance below which a fit is perfect.
 const NOTHING: f64 = 1e-6;
 
-/// Distance in σ that the best fit of `other` leaves of noise-free data made by the truth at its fit; the noise is the truth's.
+/// Distance in σ of the best fit of `other` from noise-free data of the truth at its fit; the noise is the truth's.
 ///
 /// # Errors
-/// [`Error::Numerical`] when the other model cannot be evaluated at any start.
+/// [`Error::Numerical`] if the other model cannot be evaluated at any start.
 pub fn distance(subject: &Subject, other: &Candidate, truth: (&Candidate, &Fitted)) -> Result<f64> {
     let (candidate, fitted) = truth;
     let truth = Truth { candidate, theta: &fitted.theta, noise: fitted.noise, position_m: &fitted.position_m };
     Ok(closest(subject, other, &truth)?.distance)
 }
 
-/// A model at a point, and the noise around it.
+/// A model at a point, with its noise.
 #[derive(Clone, Copy)]
 pub struct Truth<'a> {
     pub candidate: &'a Candidate,
-    /// Its coordinates.
+    /// Coordinates of the model.
     pub theta: &'a [f64],
-    /// The noise's parameters in their units.
+    /// Noise parameters in their units.
     pub noise: NoiseValues,
     /// Position (m) at every row of the record.
     pub position_m: &'a [f64],
 }
 
-/// The point of a model that comes closest to a truth.
+/// Point of a model that is closest to a truth.
 #[derive(Debug, Clone)]
 pub struct Closest {
-    /// In σ.
+    /// Distance in σ.
     pub distance: f64,
     pub theta: Vec<f64>,
 }
 
-/// The best fit of a model to a truth.
+/// Best fit of a model to a truth.
 pub fn closest(subject: &Subject, other: &Candidate, truth: &Truth) -> Result<Closest> {
     Imitation::new(subject, other, truth).best(&other.embed(truth.candidate, truth.theta))
 }
 
-/// The same with nothing held by priors: what is geometry of the protocol alone.
+/// Best fit of a model to a truth without priors: the distance follows from the protocol's geometry alone.
 pub(super) fn closest_without_priors(subject: &Subject, other: &Candidate, truth: &Truth) -> Result<Closest> {
     Imitation::new(subject, other, truth).without_priors().best(&other.embed(truth.candidate, truth.theta))
 }
 
-/// A model that is fitted to a truth, or compared with it.
+/// A rival fit: a model that is fitted to a truth, or compared with it.
 pub(super) struct Imitation<'a> {
     subject: &'a Subject,
     other: &'a Candidate,
@@ -89,11 +89,11 @@ struct Point {
     squared: f64,
 }
 
-/// What a model's coordinates absorb at a point.
+/// Coordinates that absorb changes at a point, with their linear algebra.
 struct Absorbing {
     /// Coordinates that may move.
     active: Vec<usize>,
-    /// Their whitened columns.
+    /// Whitened columns of those coordinates.
     columns: Vec<Vec<f64>>,
     /// Inverse of their curvature, priors included.
     inverse: DMatrix<f64>,
@@ -106,14 +106,14 @@ impl Absorbing {
     }
 }
 
-/// What is left of a point to first order.
+/// First-order residual of a point.
 #[derive(Debug, Clone)]
 pub(super) struct Seen {
     /// Squared distance in σ².
     pub squared: f64,
-    /// The same before anything was absorbed.
+    /// Squared distance before absorption, in σ².
     pub whole: f64,
-    /// Where the absorbing coordinates have moved to.
+    /// Point after the absorbing coordinates have moved.
     pub theta: Vec<f64>,
 }
 
@@ -134,12 +134,12 @@ impl<'a> Imitation<'a> {
         Self { subject, other, noise: truth.noise, truth_m: truth.position_m, priors }
     }
 
-    /// The same with nothing held by priors.
+    /// Drops all priors.
     pub fn without_priors(self) -> Self {
         Self { priors: vec![None; self.other.free.len()], ..self }
     }
 
-    /// What is left, whitened, of a point when what is not away from its null at `null` has absorbed what it can; and its share. To first order.
+    /// First-order whitened residual of a point, and its share. The coordinates of the law, and of effects that are on at `null`, absorb their part.
     pub fn left(&self, null: &[f64], point: &[f64]) -> Option<(DVector<f64>, f64)> {
         let absorbing = self.absorbing(null)?;
         let white = self.differences(&[point.to_vec()]).swap_remove(0)?;
@@ -153,7 +153,7 @@ impl<'a> Imitation<'a> {
         Some((left, fraction))
     }
 
-    /// The best fit, from where effects are at their nulls and from sizes and grid points of those.
+    /// Best fit, from the nulls of effects and from several sizes and grid points.
     pub fn best(&self, null: &[f64]) -> Result<Closest> {
         let mut starts = vec![null.to_vec()];
         starts.extend(self.promising(null));
@@ -169,14 +169,14 @@ impl<'a> Imitation<'a> {
         }
         let best = best.ok_or_else(|| {
             Error::numerical(
-                format!("the model with {} cannot be fitted to that of another", self.other.effects.join(", ")),
-                "look at the priors of its parameters",
+                format!("the model with {} cannot be fitted to another model", self.other.effects.join(", ")),
+                "check the priors of its parameters",
             )
         })?;
         Ok(Closest { distance: best.squared.sqrt(), theta: best.theta })
     }
 
-    /// Whitened differences (the truth's positions less the model's) of up to eight points; `None` where there is no model.
+    /// Whitened differences (the truth's positions less the model's) of up to eight points; `None` if there is no model.
     pub fn differences(&self, points: &[Vec<f64>]) -> Vec<Option<Vec<f64>>> {
         let (lanes, is_valid) = self.subject.trajectories_m(self.other, points);
         let valid: Vec<usize> = (0..points.len()).filter(|lane| is_valid[*lane]).collect();
@@ -195,7 +195,7 @@ impl<'a> Imitation<'a> {
         self.subject.fitted.whiten(columns_m, self.truth_m, &self.noise)
     }
 
-    /// What the priors add to the squared distance.
+    /// Contribution of the priors to the squared distance.
     fn of_priors(&self, theta: &[f64]) -> f64 {
         let pairs = self.priors.iter().zip(theta);
         pairs.filter_map(|(prior, theta)| prior.map(|(mean, sd)| ((theta - mean) / sd).powi(2))).sum()
@@ -206,7 +206,7 @@ impl<'a> Imitation<'a> {
         white.as_ref().map_or(f64::INFINITY, of)
     }
 
-    /// Gauss and Newton, several dampings at once; `None` where there is no model.
+    /// Gauss–Newton descent with several dampings at once; `None` if there is no model.
     fn descend(&self, start: Vec<f64>) -> Option<Point> {
         let mut white = self.differences(std::slice::from_ref(&start)).swap_remove(0);
         let mut point = Point { squared: self.squared(&start, &white), theta: start };
@@ -259,7 +259,7 @@ impl<'a> Imitation<'a> {
         damped_steps(self.other, theta, &normal, &slope)
     }
 
-    /// Starts with one effect away from its null and the other coordinates where they absorb what they can: the best few, to first order.
+    /// The best few starts to first order, with one effect away from its null and the other coordinates at their absorbing values.
     fn promising(&self, null: &[f64]) -> Vec<Vec<f64>> {
         let starts = away_from_null(self.other, null);
         let mut ranked: Vec<Seen> = self.seen(null, &starts).into_iter().flatten().collect();
@@ -268,7 +268,7 @@ impl<'a> Imitation<'a> {
         ranked.into_iter().map(|seen| seen.theta).collect()
     }
 
-    /// Of coordinates whose effect is not away from its null.
+    /// Linear algebra of the coordinates of the law and of effects away from their null.
     fn absorbing(&self, theta: &[f64]) -> Option<Absorbing> {
         let is_on =
             |k: usize| self.other.free.get(k).is_none_or(|f| f.effect.is_none_or(|e| !is_off(self.other, e, theta)));
@@ -284,7 +284,7 @@ impl<'a> Imitation<'a> {
         Some(Absorbing { active, columns, inverse: normal.try_inverse()? })
     }
 
-    /// What is left of points, to first order, once what is not away from its null at `null` has absorbed what it can; `None` where there is
+    /// First-order residuals of points after absorption by the law and by effects that are on at `null`; `None` if there is
     /// no model.
     pub fn seen(&self, null: &[f64], points: &[Vec<f64>]) -> Vec<Option<Seen>> {
         let absorbing = if points.is_empty() { None } else { self.absorbing(null) };
@@ -306,12 +306,12 @@ impl<'a> Imitation<'a> {
     }
 }
 
-/// Whether an effect of a candidate is at its null.
+/// Returns whether an effect of a candidate is at its null.
 pub(super) fn is_off(candidate: &Candidate, effect: usize, theta: &[f64]) -> bool {
     candidate.free.iter().zip(theta).any(|(free, theta)| free.effect == Some(effect) && free.null == Some(*theta))
 }
 
-/// Coordinates with one effect that is at its null at `null` put at several sizes, both ways, and grid points of what means nothing at the null.
+/// Points with one effect that is off at `null` moved to several sizes on both sides and to grid points of its unidentified parameters.
 fn away_from_null(candidate: &Candidate, null: &[f64]) -> Vec<Vec<f64>> {
     let mut starts = Vec::new();
     for (k, free) in candidate.free.iter().enumerate() {
@@ -334,7 +334,7 @@ fn away_from_null(candidate: &Candidate, null: &[f64]) -> Vec<Vec<f64>> {
     starts
 }
 
-/// Coordinates with what means nothing at an effect's null put at quantiles of its prior.
+/// Coordinates; parameters that are unidentified at an effect's null are set to quantiles of their priors.
 pub(super) fn over_grid(candidate: &Candidate, effect: usize, theta: &[f64]) -> Vec<Vec<f64>> {
     let unidentified: Vec<usize> = (0..candidate.free.len())
         .filter(|k| candidate.free[*k].effect == Some(effect) && candidate.free[*k].is_unidentified_at_null())

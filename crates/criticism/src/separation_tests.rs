@@ -5,12 +5,12 @@ pub use crate::test_protocols::*;
 use crate::test_subjects::noise_of;
 use models::effects::Library;
 
-/// Its subject; the last cycle is scored.
+/// Subject of such a record; the last cycle is scored.
 pub fn subject(cycles: &[&[f64]]) -> Subject {
     subject_with(cycles, &Library::default(), &[])
 }
 
-/// A subject whose positions are those of a model at values, with noise.
+/// A subject whose positions are those of a model at given values, with noise.
 pub fn measured(subject: &Subject, effects: &[&str], values: &[f64], seed: u64) -> Subject {
     let position_m = at(subject, effects, values).1.position_m;
     let noise_m = noise_of(subject, &position_m, &NOISE, seed);
@@ -41,7 +41,7 @@ fn white(l: &DMatrix<f64>, rows: &[usize], column_m: impl Fn(usize) -> f64) -> D
     l.solve_lower_triangular(&DVector::from_fn(rows.len(), |i, _| column_m(rows[i]))).expect("regular")
 }
 
-/// ‖Pg‖ of a whole difference g (m), dense: central differences of the law, covariance from its definition, priors as rows.
+/// ‖Pg‖ of a whole difference g (m) by dense algebra: central differences of the law, covariance from its definition, priors as rows.
 pub fn dense_distance(subject: &Subject, base: &(Candidate, Fitted), difference_m: &[f64]) -> f64 {
     let (candidate, fitted) = base;
     let (l, rows) = dense(subject, &fitted.position_m);
@@ -67,7 +67,7 @@ pub fn dense_distance(subject: &Subject, base: &(Candidate, Fitted), difference_
 fn a_small_effect_stands_as_far_as_dense_projection_says() {
     let subject = subject(&ONE_LEVEL);
     let base = at(&subject, &[], &[]);
-    // Linear in the position; at 6 µm over the fitted 30 s the law's curvature is out of sight.
+    // The drift is linear in the position; at 6 µm over the fitted 30 s the law's curvature is negligible.
     let drift = at(&subject, &["tracking-drift"], &[2e-7]);
     let difference: Vec<f64> = drift.1.position_m.iter().zip(&base.1.position_m).map(|(a, b)| a - b).collect();
     let expected = dense_distance(&subject, &base, &difference);
@@ -76,7 +76,7 @@ fn a_small_effect_stands_as_far_as_dense_projection_says() {
     assert!((found / expected - 1.0).abs() < 0.01, "{found} against {expected}");
 }
 
-/// Nelder and Mead's simplex, as plain as can be.
+/// The plain simplex method of Nelder and Mead.
 fn simplex(start: &[f64], size: f64, n_steps: usize, f: impl Fn(&[f64]) -> f64) -> (Vec<f64>, f64) {
     let mut points: Vec<(Vec<f64>, f64)> = vec![(start.to_vec(), f(start))];
     for k in 0..start.len() {
@@ -111,7 +111,7 @@ fn simplex(start: &[f64], size: f64, n_steps: usize, f: impl Fn(&[f64]) -> f64) 
     points.swap_remove(0)
 }
 
-/// The optimum of four parameters by another method with dense algebra, from several delays.
+/// Optimum of four parameters by another method with dense algebra, from several delays.
 #[test]
 fn the_best_fit_is_what_brute_force_finds() {
     let subject = subject(&[&[4.6, -4.6], &[2.3, -4.6], &[4.6, -4.6]]);
@@ -182,7 +182,7 @@ fn a_model_is_at_no_distance_from_itself_and_none_is_farther_than_the_base() {
     }
 }
 
-/// Of starts over sizes and times of a second retardation none ends closer to a truth than the best fit does.
+/// No start over sizes and times of a second retardation ends closer to a truth than the best fit.
 #[test]
 fn no_start_comes_closer_than_the_best_fit() {
     let subject = subject(&TWO_LEVELS);
@@ -202,7 +202,7 @@ fn no_start_comes_closer_than_the_best_fit() {
     }
 }
 
-/// The law's priors hold it about the truth, wherever that lies, and cost what they say.
+/// The law's priors hold it about the truth, wherever that lies, and contribute their nominal cost.
 #[test]
 fn a_law_away_from_its_priors_is_at_no_distance_from_itself() {
     let subject = subject(&ONE_LEVEL);
@@ -233,8 +233,8 @@ fn a_second_level_separates_a_bias_from_an_asymmetry() {
         distance(&subject, &other, (&truth.0, &truth.1)).expect("a distance")
     };
     let (one, two) = (between(&ONE_LEVEL), between(&TWO_LEVELS));
-    // (1.05, −0.95) is 1.05 (1, −0.95/1.05): an asymmetry with a law that is softer by 5 %, which is what the law's priors see; the data, which know the
-    // law to a fraction of a per cent, leave next to no way round it.
+    // (1.05, −0.95) is 1.05 (1, −0.95/1.05): an asymmetry with a law that is softer by 5 %. Only the law's priors penalise this change. The data determine the
+    // law to a fraction of a per cent and leave hardly any alternative.
     let base = subject(&ONE_LEVEL).base();
     let of_law = base.free.iter().filter_map(|free| free.prior.map(|(_, sd)| (1.05_f64.ln() / sd).powi(2)));
     let expected = of_law.sum::<f64>().sqrt();

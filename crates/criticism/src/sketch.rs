@@ -1,9 +1,9 @@
-//! What one record says of every effect, to first order, and what it would say by chance: few numbers, from which a cohort of records can be judged without any of
-//! them being at hand.
+//! First-order scores of one record for every effect, with those of simulated records. These few numbers suffice to judge a cohort without
+//! its records.
 //!
-//! With Pg the whitened signature of an effect that a base's parameters cannot absorb (`rank`), n = ‖Pg‖ a unit of its amplitude and
-//! z = gᵀPr/n, the log likelihood of an amplitude a, law and noise of the base as they were fitted, is a n z − ½ a²n² above that of none. Records that are simulated from
-//! the base and its noise, both fitted anew, give z and n without the effect. The cosines of two signatures say what one effect makes of another's z.
+//! Let Pg be the whitened signature of an effect after the base's parameters have absorbed their part (`rank`), n = ‖Pg‖ per unit of amplitude and
+//! z = gᵀPr/n. An amplitude a raises the log likelihood by a n z − ½ a²n², with the base's fitted law and noise. Records simulated from
+//! the base and its noise, both refitted, give z and n without the effect. The cosine of two signatures gives the z that one effect causes for another.
 
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
@@ -18,99 +18,99 @@ use base::error::{Error, Result};
 use base::parameter::GAIN_SD;
 use sampling::ensemble::RandomStream;
 
-/// Visible shares (of a norm) below this are rounding and curvature, whose directions mean nothing.
+/// Visible shares (of a norm) below this come from rounding and curvature; their directions are meaningless.
 const LEAST_VISIBLE: f64 = 1e-6;
-/// Streams of the gains of simulated future cycles, apart from those of their noise.
+/// Random streams of the gains of simulated future cycles, separate from those of their noise.
 const GAIN_STREAMS: u64 = 0x6a_11;
 
-/// Visible signatures, whitened and of norm 1; `None` where nothing is visible.
+/// Visible signatures, whitened and of norm 1; `None` for invisible ones.
 type Visible = Vec<Option<DVector<f64>>>;
 
-/// What a record says of one signature.
+/// Score and norm of one signature on one record.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Reading {
-    /// Score: standard normal, to first order, where the effect is not there.
+    /// Score z: standard normal, to first order, if the effect is absent.
     pub z: f64,
-    /// ‖Pg‖ a unit of amplitude; 0 where nothing is visible.
+    /// ‖Pg‖ per unit of amplitude; 0 if invisible.
     pub norm: f64,
 }
 
-/// What a record is asked about one effect.
+/// One effect in a record's sketch.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Asked {
     /// Slug.
     pub slug: &'static str,
-    /// Name of the parameter that is its size; empty where the effect is not looked for.
+    /// Name of the parameter that measures the effect's size; empty if the effect is not tested.
     pub parameter: &'static str,
-    /// Why it is not looked for, if it is not.
+    /// Reason why the effect is not tested, if so.
     pub refused: Option<String>,
-    /// Places of its readings: one a point of the grid of what means nothing at its null.
+    /// Indices of its readings: one per grid point of the parameters unidentified at its null.
     pub readings: std::ops::Range<usize>,
-    /// Its amplitude is (size/unit)^power, size in the parameter's unit.
+    /// Unit of the size: the amplitude is (size/unit)^power, with the size in the parameter's unit.
     pub unit: f64,
-    /// 1, or 2 for an effect that begins with its square.
+    /// Power: 1, or 2 for an effect whose response begins with the square of its size.
     pub power: f64,
-    /// Largest size below and above the null; 0 on the side that the support leaves out.
+    /// Largest size below and above the null; 0 on a side outside the support.
     pub reach: [f64; 2],
-    /// Size at which the parameter is at its null, and whether sizes above it lower the parameter.
+    /// Value of the parameter at the null.
     pub null: f64,
-    /// Whether sizes count downwards from the null: the support lies below it.
+    /// True if sizes count downwards from the null, because the support lies below it.
     pub is_downwards: bool,
 }
 
-/// What positions say of every signature.
+/// Readings of all signatures from one set of positions.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Told {
-    /// From the fitted cycles.
+    /// Readings from the fitted cycles.
     pub fitted: Vec<Reading>,
-    /// From the fitted cycles and from all, under the law and the noise of the fitted ones, its gain no less than future cycles are scored by; `None` where no
+    /// Readings from the fitted cycles and from all cycles, under law and noise of the fitted ones. The gain is no smaller than the scores of future cycles assume. `None` if no
     /// cycle is held out.
     pub before_and_after: Option<[Vec<Reading>; 2]>,
 }
 
 impl Told {
-    /// From all cycles.
+    /// Readings from all cycles.
     pub fn all(&self) -> &[Reading] {
         self.before_and_after.as_ref().map_or(&self.fitted, |[_, after]| after)
     }
 
-    /// The sets of readings, in the order of [`Said::cosines`].
+    /// Sets of readings, in the order of [`Said::cosines`].
     pub fn sets_mut(&mut self) -> impl Iterator<Item = &mut Vec<Reading>> {
         std::iter::once(&mut self.fitted).chain(self.before_and_after.iter_mut().flatten())
     }
 }
 
-/// What one record says of every effect: all that the judgement of a cohort needs.
+/// Readings of one record for every effect: the complete input of a cohort's judgement.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Said {
     /// Every effect of the library, in its order.
     pub effects: Vec<Asked>,
-    /// The measured positions.
+    /// Readings of the measured positions.
     pub told: Told,
-    /// All of them, under the law and the noise of the fitted ones: what sizes are taken from. Those of the fitted cycles where no cycle is held out.
+    /// Readings from all cycles under law and noise of the fitted ones, from which sizes are estimated. Readings from the fitted cycles if no cycle is held out.
     pub whole: Vec<Reading>,
-    /// Of every simulated record without any effect.
+    /// Readings of every simulated record without any effect.
     pub simulated: Vec<Told>,
-    /// Cosines of visible signatures, of each set of readings.
+    /// Cosines of visible signatures, for each set of readings.
     pub cosines: Vec<DMatrix<f64>>,
 }
 
-/// A record's base model at its fit.
+/// Base model of a record at its fit.
 pub struct Based {
     /// The model and its fit.
     pub base: Refitted,
-    /// Rows that were left out as outliers of the tracker.
+    /// Rows excluded as outliers of the tracker.
     pub outlier_rows: Vec<usize>,
-    /// Whether the base leaves more than the noise allows.
+    /// True if the base's residual exceeds the noise.
     pub leaves_too_much: bool,
-    /// Root mean square error (µm) of the base on the scored cycle and the positions there; `None` where no cycle is held out.
+    /// Root mean square residual (µm) of the base on the scored cycle and the number of positions there; `None` if no cycle is held out.
     pub rmse_heldout: Option<(f64, usize)>,
 }
 
-/// Reads a record: the base fitted, every effect's signature at that fit, and as many simulated records.
+/// Sketches a record: fits the base, then reads every effect's signature at that fit from the data and from simulated records.
 ///
 /// # Errors
-/// Whatever fitting the base refuses.
+/// Errors of fitting the base.
 pub fn sketch(subject: &Subject, n_simulations: usize, seed: u64) -> Result<(Said, Based)> {
     let (subject, fitted, outlier_rows) = outliers::without(subject, &subject.base())?;
     let base = Refitted { candidate: subject.base(), fitted, future: None };
@@ -146,7 +146,7 @@ pub fn sketch(subject: &Subject, n_simulations: usize, seed: u64) -> Result<(Sai
     Ok((said, Based { base, outlier_rows, leaves_too_much, rmse_heldout }))
 }
 
-/// What positions say of columns (m, one value a row of the record) beside a fit, and the directions of each set of readings. `whole` has the scored cycles among the fitted ones.
+/// Readings of columns (m, one value per row of the record) beside a fit, and the directions of each set. `whole` has the scored cycles among the fitted ones.
 fn told(
     subject: &Subject,
     whole: Option<&Subject>,
@@ -165,7 +165,7 @@ fn told(
     Ok((told, vec![directions, of_before, of_after]))
 }
 
-/// Positions (m) simulated from the base and its noise. A cycle that no fit has seen has a gain of its own: as large as they are scored by, also where few fitted cycles show none.
+/// Positions (m) simulated from the base and its noise. Each held-out cycle gets a new gain, as large as its scoring assumes, even if few fitted cycles show none.
 fn with_gains_of_future_cycles(subject: &Subject, base: &Refitted, (seed, number): (u64, usize)) -> Vec<f64> {
     let mut position_m = simulated_m(subject, base, seed, number);
     let gain_sd = (GAIN_FLOOR.powi(2) - subject.noise().value(&base.fitted.noise, &GAIN_SD).powi(2)).max(0.0).sqrt();
@@ -187,7 +187,7 @@ fn cosines(directions: &Visible) -> DMatrix<f64> {
     DMatrix::from_fn(directions.len(), directions.len(), cosine)
 }
 
-/// The same experiment with the scored cycles among the fitted ones; outliers stay out.
+/// Returns the experiment with the scored cycles among the fitted ones; outliers stay excluded.
 pub fn whole(subject: &Subject) -> Result<Subject> {
     let experiment = subject.experiment();
     let cycles: Vec<u32> = experiment.calibration_cycles.iter().chain(&experiment.heldout_cycles).copied().collect();
@@ -197,7 +197,7 @@ pub fn whole(subject: &Subject) -> Result<Subject> {
     Ok(subject.with_cycles(&cycles, &[])?.without_rows(&left_out))
 }
 
-/// An effect and its columns; none where it is not looked for.
+/// Returns an effect and its columns; no columns if the effect is not tested.
 fn asked(subject: &Subject, base: &Refitted, slug: &'static str) -> Result<(Asked, Vec<Vec<f64>>)> {
     let not = |why: String| {
         let asked = Asked {
@@ -226,13 +226,13 @@ fn asked(subject: &Subject, base: &Refitted, slug: &'static str) -> Result<(Aske
     let Some(found) = found else { return not("its size is fixed".into()) };
     let Signature { columns_m, parameter, unit, power, reach, null, is_downwards } = found;
     if columns_m.is_empty() || !(unit > 0.0 && unit.is_finite()) {
-        return not("it shows nothing here".into());
+        return not("it has no visible response here".into());
     }
     let readings = 0..columns_m.len();
     Ok((Asked { slug, parameter, refused: None, readings, unit, power, reach, null, is_downwards }, columns_m))
 }
 
-/// Readings of columns (m, one value a row of the record) beside a fit, over the fitted cycles, and their unit directions.
+/// Readings of columns (m, one value per row of the record) beside a fit, over the fitted cycles, and their unit directions.
 fn read(
     subject: &Subject,
     candidate: &Candidate,
@@ -245,7 +245,7 @@ fn read(
         let whole = white.norm();
         let visible = tangent.project(white);
         let norm = visible.norm();
-        // NaN counts as nothing, too.
+        // NaN counts as invisible, too.
         if norm > LEAST_VISIBLE * whole && norm.is_finite() {
             let direction = visible / norm;
             (Reading { z: direction.dot(&residual), norm }, Some(direction))

@@ -1,20 +1,20 @@
-//! Gauss–Newton steps of a candidate's coordinates, whole, in part and damped.
+//! Gauss–Newton steps of a candidate's coordinates: whole, partial and damped.
 
 use nalgebra::{DMatrix, DVector};
 
 use super::Candidate;
 use models::model::N_LANES;
 
-/// Dampings of the steps that are tried, in units of the curvature along coordinates.
+/// Dampings of the trial steps, in units of the curvature along coordinates.
 const DAMPINGS: [f64; N_LANES - 1] = [0.1, 1e-2, 1.0, 1e-4, 10.0, 100.0, 1e4];
-/// The same where every trajectory is computed by itself, and one step after another is tried: parts of the undamped step come before them, since narrow valleys
+/// Dampings for candidates whose trajectories are computed one by one and whose steps are tried one after another. Parts of the undamped step are tried first, since narrow valleys
 /// bend.
 const SLOW_DAMPINGS: [f64; 5] = [1e-4, 1e-2, 0.1, 1.0, 100.0];
 const PARTS: [f64; 3] = [1.0, 0.5, 0.25];
-/// No coordinate moves by more than this at once.
+/// Largest change of a coordinate in one step.
 const LONGEST_STEP: f64 = 3.0;
 
-/// Curvature and slope of ½‖r − Ax‖² at x = 0, of the columns of A and, after them, r.
+/// Returns curvature and slope of ½‖r − Ax‖² at x = 0, from the columns of A followed by r.
 pub(super) fn normal_equations(columns_and_residual: &[Vec<f64>]) -> (DMatrix<f64>, DVector<f64>) {
     let n = columns_and_residual.len().saturating_sub(1);
     let dot = |i: usize, j: usize| {
@@ -30,23 +30,23 @@ pub(super) fn normal_equations(columns_and_residual: &[Vec<f64>]) -> (DMatrix<f6
     (normal, DVector::from_fn(n, |i, _| dot(i, n)))
 }
 
-/// Parts of the Gauss–Newton step from a point, and damped ones.
+/// Partial and damped Gauss–Newton steps from a point.
 pub(super) struct Steps {
-    /// Where they end.
+    /// End points of the steps.
     pub trials: Vec<Vec<f64>>,
-    /// What the whole undamped step would gain if the curvature held, in the unit of ½‖r − Ax‖².
+    /// Gain of the whole undamped step if the curvature held, in the unit of ½‖r − Ax‖².
     pub promised: f64,
 }
 
 impl Steps {
-    /// The steps to try at once, one group after another: one by one where every trajectory is computed by itself.
+    /// Groups of steps to try at once, in order; single steps if trajectories are computed one by one.
     pub fn in_turn(&self, candidate: &Candidate) -> std::slice::Chunks<'_, Vec<f64>> {
         self.trials.chunks(if candidate.is_slow() { 1 } else { N_LANES })
     }
 }
 
-/// Steps against the curvature `normal` along `slope`, whole, in part and damped, inside the candidate's ends; coordinates at an end that they push against
-/// stay there. `None` where nothing can move.
+/// Steps against the curvature `normal` along `slope`: whole, partial and damped, inside the candidate's ends. Coordinates at an end that they push against
+/// stay there. `None` if no coordinate can move.
 pub(super) fn damped_steps(
     candidate: &Candidate,
     from: &[f64],

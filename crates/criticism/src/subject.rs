@@ -17,55 +17,55 @@ use posterior::problem::Problem;
 use posterior::study::ModelSpecification;
 use record::{Experiment, Record};
 
-/// The noise is taken as this where nothing is known and nothing can be estimated, relative to the range of positions.
+/// Noise standard deviation relative to the range of positions, used if the noise is unknown and cannot be estimated.
 const UNKNOWN_NOISE: f64 = 0.005;
 
 /// One experiment, prepared for the fits of many models.
 ///
-/// What does not depend on the positions is shared by all subjects made from one by [`Subject::with_positions`].
+/// All subjects made from one by [`Subject::with_positions`] share everything that does not depend on the positions.
 #[derive(Clone)]
 pub struct Subject {
     shared: Arc<Shared>,
-    /// Whether trajectories of laws that are not linear are those that are remembered.
+    /// True if trajectories of nonlinear laws come from the memory of learnt trajectories.
     is_local: bool,
-    /// Whether the noise has the terms of the model as it is written, and no others.
+    /// True if the noise has only the terms of the model's specification.
     has_own_noise: bool,
-    /// Trajectories that this subject and those made from it were asked for.
+    /// Number of trajectories computed for this subject and those made from it.
     n_evaluated: Arc<AtomicUsize>,
-    /// Positions (m) of the fitted cycles, `None` elsewhere; one entry a row of the record.
+    /// Positions (m) of the fitted cycles, `None` elsewhere; one entry per row of the record.
     pub fitted_m: Vec<Option<f64>>,
     /// Positions (m) of the scored cycle, `None` elsewhere.
     pub scored_m: Vec<Option<f64>>,
     /// Likelihood of the fitted positions.
     pub(super) fitted: NoiseLikelihood,
-    /// Likelihood of the fitted and the scored ones.
+    /// Likelihood of the fitted and the scored positions.
     pub(super) all: NoiseLikelihood,
 }
 
-/// What does not depend on the positions.
+/// Parts of a subject that do not depend on the positions.
 pub(super) struct Shared {
-    /// The base model under the noise that is used here, its experiment split into fitted and scored cycles; its positions are not used. Its compliance serves every effect of the library.
+    /// Base model under the noise of the fits, its experiment split into fitted and scored cycles. Its positions are unused. Its compliance serves every effect of the library.
     pub model: PreparedModel,
     pub library: Library,
-    /// Names of the noise terms of the model as it is written.
+    /// Names of the noise terms in the model's specification.
     pub own_noise: Vec<String>,
     pub yardstick_m: f64,
-    /// The model's compliance with laws that are not linear remembering their trajectories.
+    /// The model's compliance; its nonlinear laws remember their trajectories.
     pub local: Compliance,
     pub response: Response,
-    /// What answers for the effect that is learnt for the record, once a search has looked whether it is worth learning; or why nothing does.
+    /// Learnt response of the effect that needs learning for each record, or the reason why it was not learnt. A search sets it once it has decided.
     pub large: Large,
 }
 
-/// What answers for the effect that is learnt for the record, or why nothing does.
+/// Learnt response of the effect that needs learning for each record, or the reason why it was not learnt.
 pub(super) type Large = Arc<OnceLock<std::result::Result<Stepped, NotLearnt>>>;
 
-/// Why nothing was learnt for the record.
+/// Reason why the effect was not learnt for the record.
 #[derive(Debug, Clone)]
 pub(super) struct NotLearnt {
-    /// In words.
+    /// The reason, in words.
     pub why: String,
-    /// What a record shows of the effect, where a full run said it.
+    /// First-order score of the effect on this record, if a full-order run gave one.
     pub score: Option<Score>,
 }
 
@@ -76,10 +76,10 @@ impl NotLearnt {
 }
 
 impl Subject {
-    /// Prepares the problem of a base model; its experiment is split into fitted and scored cycles here.
+    /// Prepares the problem of a base model and splits its experiment into fitted and scored cycles.
     ///
     /// # Errors
-    /// Whatever training a surrogate over the Poisson ratios of all effects refuses.
+    /// Errors of training a surrogate over the Poisson ratios of all effects.
     pub fn new(
         problem: &Problem,
         library: &Library,
@@ -91,10 +91,10 @@ impl Subject {
         Self::with_compliance(problem, library, compliance)
     }
 
-    /// The same with a compliance that serves all effects of the library.
+    /// Prepares the problem with a given compliance that serves all effects of the library.
     ///
     /// # Errors
-    /// [`Error::Input`] when the model is none of the experiment.
+    /// [`Error::Input`] if the model does not fit the experiment.
     pub fn with_compliance(problem: &Problem, library: &Library, compliance: Compliance) -> Result<Self> {
         let experiment = problem.experiment.for_comparison();
         let mut specification = problem.specification.clone();
@@ -115,7 +115,7 @@ impl Subject {
         let large = Large::default();
         let slot = large.clone();
         let compliance = match problem.model.field() {
-            // Learnt with the model.
+            // The surrogate of the model itself is learnt already.
             Some((_, field)) if field.is_learnt_for_record() => compliance,
             _ => compliance.with_learnt(move || slot.get().and_then(|found| found.clone().ok())),
         };
@@ -125,7 +125,7 @@ impl Subject {
         Ok(Self::of(Arc::new(shared), fitted_m, scored_m))
     }
 
-    /// The same with another library, whose effects the compliance serves already.
+    /// Returns the subject with another library; the compliance must already serve its effects.
     ///
     /// # Errors
     /// As [`Self::with_compliance`].
@@ -149,7 +149,7 @@ impl Subject {
         Ok(Self { shared: Arc::new(own), ..self.clone() })
     }
 
-    /// The same with other cycles fitted and scored.
+    /// Returns the subject with other fitted and scored cycles.
     ///
     /// # Errors
     /// As [`Self::with_compliance`].
@@ -181,7 +181,7 @@ impl Subject {
         }
     }
 
-    /// The same experiment with other positions (m), one a row; rows without a position stay without.
+    /// Returns the experiment with other positions (m), one per row; rows without a position stay without.
     pub fn with_positions(&self, position_m: &[f64]) -> Self {
         let replaced = |old: &[Option<f64>]| old.iter().zip(position_m).map(|(old, new)| old.map(|_| *new)).collect();
         let (fitted_m, scored_m): (Vec<Option<f64>>, Vec<Option<f64>>) =
@@ -191,7 +191,7 @@ impl Subject {
         Self { fitted_m, scored_m, fitted, all, ..self.clone() }
     }
 
-    /// The same without the positions of some rows.
+    /// Returns the subject without the positions of some rows.
     pub fn without_rows(&self, rows: &[usize]) -> Self {
         let left = |old: &[Option<f64>]| {
             let mut left = old.to_vec();
@@ -207,8 +207,8 @@ impl Subject {
         Self { is_local: self.is_local, has_own_noise: self.has_own_noise, n_evaluated, ..other }
     }
 
-    /// The same with at most about so many of its positions, evenly chosen, and the rows at which the force begins to be another, so that trajectories at the rows that are left are the same;
-    /// `None` where it has no more positions than that.
+    /// Returns the subject with at most about `most` of its positions, evenly chosen, and the rows at which the force changes. Trajectories at the remaining rows are therefore unchanged.
+    /// Returns `None` if it has no more positions than that.
     ///
     /// # Errors
     /// As [`Self::with_compliance`].
@@ -216,7 +216,7 @@ impl Subject {
         let (shared, record) = (&self.shared, &self.experiment().record);
         let is_of_record = self.problem().model.effects().iter().any(|effect| effect.is_learnt_for_record());
         if is_of_record || self.problem().outside().is_some() {
-            // What was learnt for the record answers for its rows alone.
+            // A surrogate learnt for the record is valid for the record's own rows only.
             return Ok(None);
         }
         let is_placed = |row: usize| self.fitted_m[row].is_some() || self.scored_m[row].is_some();
@@ -242,27 +242,27 @@ impl Subject {
         Ok(Some(Self { is_local: self.is_local, has_own_noise: self.has_own_noise, ..other }))
     }
 
-    /// The same where a model's noise has the terms that it is written with, and no others: what a fit of that model by `sample` or `extend` is given.
+    /// Returns the subject with only the noise terms of each model's specification, as `sample` and `extend` fit it.
     pub fn with_own_noise(self) -> Self {
         Self { has_own_noise: true, ..self }
     }
 
-    /// The same where many models of one law that is not linear are asked for, near to each other: its trajectories are learnt once, and then remembered.
+    /// Returns the subject for many neighbouring models of one nonlinear law: their trajectories are learnt once and then remembered.
     pub fn locally(self) -> Self {
         Self { is_local: true, ..self }
     }
 
-    /// The same, counting the trajectories that it is asked for anew.
+    /// Returns the subject with a new count of computed trajectories.
     pub(super) fn counting(self) -> Self {
         Self { n_evaluated: Arc::default(), ..self }
     }
 
-    /// Trajectories that it, and subjects made from it, were asked for.
+    /// Number of trajectories computed for this subject and those made from it.
     pub(super) fn n_evaluated(&self) -> usize {
         self.n_evaluated.load(Ordering::Relaxed)
     }
 
-    /// The experiment, split into fitted and scored cycles. Its positions are those of the measurement, outliers included.
+    /// The experiment, split into fitted and scored cycles. Its positions are the measured ones, outliers included.
     pub fn experiment(&self) -> &Experiment {
         &self.problem().experiment
     }
@@ -272,7 +272,7 @@ impl Subject {
         Candidate::new(&self.shared.model.problem)
     }
 
-    /// The base model as it is written down, with the noise that is used here.
+    /// Specification of the base model, with the noise of the fits.
     pub fn specification(&self) -> &ModelSpecification {
         &self.problem().specification
     }
@@ -290,7 +290,7 @@ impl Subject {
     /// The base model with effects added.
     ///
     /// # Errors
-    /// [`Error::Input`] when they cannot stand together or the base has one of them; the text says why.
+    /// [`Error::Input`] if the effects exclude each other or the base has one of them already; the text gives the reason.
     pub fn extended(&self, effects: &[&str]) -> Result<Candidate> {
         let mut specification = self.problem().specification.clone();
         for slug in effects {
@@ -298,7 +298,7 @@ impl Subject {
                 return Err(Error::input(
                     Place::setting(Setting::Effects),
                     format!("the model has `{slug}` already"),
-                    "name effects that it lacks",
+                    "name effects that the model lacks",
                 ));
             }
             specification.effects.push(slug.to_string());
@@ -320,7 +320,7 @@ impl Subject {
         Ok(Candidate::new(&problem))
     }
 
-    /// Where what answers for the effect that is learnt for the record is put by the search that learns it.
+    /// Slot for the effect that needs learning for each record; the search that learns it fills the slot.
     pub(super) fn large(&self) -> &Large {
         &self.shared.large
     }
@@ -335,22 +335,22 @@ impl Subject {
         self.problem().noise
     }
 
-    /// Names of the noise terms of the model as it is written, where fits here have those alone.
+    /// Names of the noise terms in the model's specification, if fits use only those.
     pub(super) fn own_noise(&self) -> Option<&[String]> {
         self.has_own_noise.then_some(&self.shared.own_noise[..])
     }
 
-    /// Whether the model as it is written has a gain and an offset for each recording.
+    /// Returns whether the model's specification has a gain and an offset for each recording.
     pub fn declares_gains(&self) -> bool {
         self.shared.own_noise.iter().any(|term| term == "gain")
     }
 
-    /// The known or estimated noise (m) that misfits are measured against.
+    /// Known or estimated noise standard deviation (m), the yardstick of misfits.
     pub fn yardstick_m(&self) -> f64 {
         self.shared.yardstick_m
     }
 
-    /// Whether what differs between recordings, or slowly, can be told from a misfit: the model declares it, or two fitted recordings or more show it.
+    /// Returns whether slow noise, and noise that differs between recordings, can be distinguished from a misfit. The model must declare it, or at least two recordings must be fitted.
     pub fn can_show_slow_noise(&self) -> bool {
         let recordings = self.problem().recordings();
         let mut fitted: Vec<u32> =
@@ -359,27 +359,27 @@ impl Subject {
         fitted.len() > 1 || self.shared.own_noise.len() > 1
     }
 
-    /// Whether the noise is neither given nor can it be estimated.
+    /// Returns whether the noise is neither given nor estimable.
     pub fn is_noise_unknown(&self) -> bool {
         self.problem().experiment.noise_yardstick().is_none()
     }
 
-    /// The known or estimated noise in µm, as documents show it; `None` where it is unknown.
+    /// Known or estimated noise standard deviation in µm, as documents show it; `None` if unknown.
     pub fn noise_um(&self) -> Option<f64> {
         self.problem().experiment.noise_yardstick().map(|yardstick| 1e6 * yardstick.sd_m)
     }
 
-    /// Whether the noise was given with the experiment.
+    /// Returns whether the experiment gives the noise.
     pub fn is_noise_known(&self) -> bool {
         self.problem().experiment.noise_sd_m.is_some()
     }
 
-    /// What turns ∫J dF into a position, for every effect of the library.
+    /// Converts ∫J dF into a position, for every effect of the library.
     pub fn compliance(&self) -> &Compliance {
         &self.shared.model.compliance
     }
 
-    /// The same where many points of one law that is not linear are asked for.
+    /// Compliance that remembers the trajectories of nonlinear laws, for many neighbouring points.
     pub fn local_compliance(&self) -> &Compliance {
         &self.shared.local
     }
@@ -389,7 +389,7 @@ impl Subject {
         self.fitted.n_observed()
     }
 
-    /// Positions (m) at every row of the record for one to eight points of a candidate, row by row and lane by lane; which points have one.
+    /// Positions (m) at every row of the record for one to eight points of a candidate, one lane per point. The flags mark valid points.
     pub(super) fn trajectories_m(&self, candidate: &Candidate, points: &[Vec<f64>]) -> (Vec<Lanes>, [bool; N_LANES]) {
         self.n_evaluated.fetch_add(points.len().min(N_LANES), Ordering::Relaxed);
         let mut lanes = Vec::with_capacity(N_LANES);
@@ -434,7 +434,7 @@ impl Subject {
     /// Position (m) at every row of the record.
     ///
     /// # Errors
-    /// [`Error::Numerical`] where the candidate has no model.
+    /// [`Error::Numerical`] if the candidate has no model at these parameters.
     pub fn trajectory_m(&self, candidate: &Candidate, theta: &[f64]) -> Result<Vec<f64>> {
         let (lanes, is_valid) = self.trajectories_m(candidate, std::slice::from_ref(&theta.to_vec()));
         if is_valid[0] {
@@ -442,12 +442,12 @@ impl Subject {
         }
         Err(Error::numerical(
             format!("{} has no model at {:?}", candidate.effects.join(" + "), candidate.parameters(theta)),
-            "stay inside the supports of its parameters",
+            "keep its parameters inside their supports",
         ))
     }
 }
 
-/// Which rows are left of a record of at most about so many of its positions: those, evenly chosen, and rows at which the force begins or ends to be another. `None` where there are no more.
+/// Selects rows of a record: about `most` of its positions, evenly chosen, and the rows at which the force changes. `None` if it has no more positions.
 fn kept_rows(record: &Record, most: usize, is_placed: impl Fn(usize) -> bool) -> Option<Vec<bool>> {
     let n_rows = record.n_rows();
     let n_placed = (0..n_rows).filter(|row| is_placed(*row)).count();
@@ -464,7 +464,7 @@ fn kept_rows(record: &Record, most: usize, is_placed: impl Fn(usize) -> bool) ->
     Some((0..n_rows).map(is_kept).collect())
 }
 
-/// The rows of a record that are kept.
+/// Returns a record of the rows that are kept.
 fn of_rows(record: &Record, is_kept: &[bool]) -> Record {
     let rows: Vec<usize> = (0..record.n_rows()).filter(|row| is_kept[*row]).collect();
     let is_of_force = |row: &usize| record.force_rows.binary_search(row).is_ok();
@@ -482,8 +482,8 @@ fn of_rows(record: &Record, is_kept: &[bool]) -> Record {
 mod tests {
     use crate::test_replica::{base_fit, replica};
 
-    /// One position in eight of the replica, and the rows at which its force changes: the model's positions there are those that it has among all, so are the data, and nothing is left out of
-    /// a record that is short enough.
+    /// One position in eight of the replica and the rows at which its force changes keep their model positions and their data.
+    /// A record that is short enough stays whole.
     #[test]
     fn few_positions_show_the_same_motion() {
         let (base, fitted) = base_fit();

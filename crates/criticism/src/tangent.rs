@@ -1,4 +1,4 @@
-//! The linear algebra around a fit: whitened residuals, what the model's parameters absorb, and what is left of anything else.
+//! Linear algebra around a fit: whitened residuals, the part of a change that the model's parameters absorb, and its remainder.
 
 use nalgebra::{DMatrix, DVector};
 
@@ -9,12 +9,12 @@ use posterior::noise::Whitening;
 
 /// Whitened residuals of the fitted rows and the tangent space of a model at a fit.
 ///
-/// With whitening L⁻¹ of the noise: r = L⁻¹(y − f), A = L⁻¹∂f/∂θ with a row a prior, P = I − AA⁺.
+/// L⁻¹ is the whitening of the noise. Then r = L⁻¹(y − f), A = L⁻¹∂f/∂θ with one more row per prior, and P = I − AA⁺.
 pub struct Tangent {
     whitening: Whitening,
-    /// Orthonormal basis of the columns of A, prior rows last; one column a free coordinate.
+    /// Orthonormal basis of the columns of A, prior rows last; one column per free coordinate.
     absorbed: DMatrix<f64>,
-    /// Factor R of A = QR with its columns' norms taken out, and those norms: what turns Qᵀx into coordinates.
+    /// Factor R of A = QR without its columns' norms, which are stored apart. The two convert Qᵀx into coordinates.
     triangle: DMatrix<f64>,
     norms: Vec<f64>,
     /// Whitened residuals, prior rows last.
@@ -22,10 +22,10 @@ pub struct Tangent {
 }
 
 impl Tangent {
-    /// Around a fit, over the fitted rows.
+    /// Tangent space at a fit, over the fitted rows.
     ///
     /// # Errors
-    /// [`base::Error::Numerical`] where the model has no derivatives.
+    /// [`base::Error::Numerical`] if the model has no derivatives.
     pub fn new(subject: &Subject, candidate: &Candidate, fitted: &Fitted) -> Result<Self> {
         let (likelihood, observed_m) = (&subject.fitted, &subject.fitted_m);
         let columns = columns_m(subject, candidate, &fitted.theta)?;
@@ -38,7 +38,7 @@ impl Tangent {
             .filter_map(|(k, free)| free.prior.map(|(mean, sd)| (k, 1.0 / sd, (mean - fitted.theta[k]) / sd)))
             .collect();
         let whitening = likelihood.whitening(&fitted.position_m, &fitted.noise).ok_or_else(|| {
-            Error::numerical("the noise's parameters are outside their support", "look at the noise of the fit")
+            Error::numerical("the noise's parameters are outside their support", "check the noise of the fit")
         })?;
         let white = whitening.whiten(&columns);
         let (n, n_columns) = (likelihood.n_observed(), columns.len());
@@ -63,22 +63,22 @@ impl Tangent {
         Ok(Self { whitening, absorbed, triangle, norms, residual })
     }
 
-    /// Number of whitened rows, those of priors included.
+    /// Number of whitened rows, prior rows included.
     pub fn n_rows(&self) -> usize {
         self.residual.len()
     }
 
-    /// r: whitened residuals, prior rows last.
+    /// Whitened residuals r, prior rows last.
     pub fn residual(&self) -> &DVector<f64> {
         &self.residual
     }
 
-    /// Pr.
+    /// Projected residuals Pr.
     pub fn projected_residual(&self) -> DVector<f64> {
         self.project(self.residual.clone())
     }
 
-    /// L⁻¹ of columns (m, one value a row of the record), with zeros in the prior rows.
+    /// Applies L⁻¹ to columns (m, one value per row of the record); prior rows are 0.
     pub fn whiten(&self, columns_m: &[Vec<f64>]) -> Vec<DVector<f64>> {
         let white = self.whitening.whiten(columns_m);
         let padded = |column: &Vec<f64>| {
@@ -89,41 +89,41 @@ impl Tangent {
         white.iter().map(padded).collect()
     }
 
-    /// L⁻¹ of columns (m) that begin at a row of the record and are 0 elsewhere: as [`Whitening::whiten_from`].
+    /// Applies L⁻¹ to columns (m) that begin at a row of the record and are 0 before, like [`Whitening::whiten_from`].
     pub fn whiten_from(&self, columns_m: &[Vec<f64>], first_row: usize) -> (usize, Vec<Vec<f64>>) {
         self.whitening.whiten_from(columns_m, first_row)
     }
 
-    /// Orthonormal basis of what the model's parameters absorb, prior rows last; one column a free coordinate.
+    /// Orthonormal basis of the changes that the model's parameters absorb, prior rows last; one column per free coordinate.
     pub fn absorbed(&self) -> &DMatrix<f64> {
         &self.absorbed
     }
 
-    /// P of a whitened vector.
+    /// Applies the projection P to a whitened vector.
     pub fn project(&self, whitened: DVector<f64>) -> DVector<f64> {
         let inside = self.absorbed.tr_mul(&whitened);
         whitened - &self.absorbed * inside
     }
 
-    /// Pg of columns (m, one value a row of the record).
+    /// Projected signatures Pg of columns (m, one value per row of the record).
     pub fn visible(&self, columns_m: &[Vec<f64>]) -> Vec<DVector<f64>> {
         self.whiten(columns_m).into_iter().map(|white| self.project(white)).collect()
     }
 
-    /// A⁺ of a whitened vector: the change of the candidate's coordinates that absorbs it.
+    /// Applies A⁺ to a whitened vector: returns the change of the candidate's coordinates that absorbs it.
     pub fn absorbing_step(&self, whitened: &DVector<f64>) -> Option<Vec<f64>> {
         let solved = self.triangle.solve_upper_triangular(&self.absorbed.tr_mul(whitened))?;
         Some(solved.iter().zip(&self.norms).map(|(x, norm)| x / norm).collect())
     }
 
-    /// ln det AᵀA, that of the precision of the candidate's coordinates.
+    /// ln det AᵀA, the log determinant of the precision of the candidate's coordinates.
     pub fn ln_det_precision(&self) -> f64 {
         let diagonal = self.triangle.diagonal();
         2.0 * (diagonal.iter().map(|r| r.abs().ln()).sum::<f64>()
             + self.norms.iter().map(|norm| norm.ln()).sum::<f64>())
     }
 
-    /// Covariance of the candidate's coordinates; `None` where data and priors do not determine them.
+    /// Covariance of the candidate's coordinates; `None` if data and priors do not determine them.
     pub fn covariance(&self) -> Option<DMatrix<f64>> {
         let n = self.norms.len();
         let inverse = self.triangle.solve_upper_triangular(&DMatrix::identity(n, n))?;
@@ -131,7 +131,7 @@ impl Tangent {
         Some(&scaled * scaled.transpose())
     }
 
-    /// Standard deviation of each of the candidate's coordinates; infinite where nothing determines it.
+    /// Standard deviation of each of the candidate's coordinates; infinite if nothing determines it.
     pub fn standard_deviations(&self) -> Vec<f64> {
         let n = self.norms.len();
         let row = |k: usize| {
@@ -140,10 +140,10 @@ impl Tangent {
         (0..n).map(|k| row(k).map_or(f64::INFINITY, |row| row.norm() / self.norms[k])).collect()
     }
 
-    /// Variance (m²) that uncertain coordinates give the position at every row of the record, from the candidate's derivatives there.
+    /// Variance (m²) of the position at every row of the record due to uncertain coordinates, from the candidate's derivatives there.
     ///
     /// # Errors
-    /// As [`Tangent::new`].
+    /// Errors of [`Tangent::new`].
     pub fn position_variance_m2(&self, subject: &Subject, candidate: &Candidate, fitted: &Fitted) -> Result<Vec<f64>> {
         let columns = columns_m(subject, candidate, &fitted.theta)?;
         let variance = |row: usize| {
@@ -153,7 +153,7 @@ impl Tangent {
         Ok((0..fitted.position_m.len()).map(variance).collect())
     }
 
-    /// A draw of the candidate's coordinates about the fit from N(0, (AᵀA)⁻¹), of a vector of standard normals.
+    /// Deviation of the candidate's coordinates from the fit, with distribution N(0, (AᵀA)⁻¹), computed from a vector of standard normals.
     pub fn coordinates_of(&self, standard: &DVector<f64>) -> Option<Vec<f64>> {
         let solved = self.triangle.solve_upper_triangular(standard)?;
         Some(solved.iter().zip(&self.norms).map(|(x, norm)| x / norm).collect())
@@ -166,7 +166,7 @@ mod tests {
     use crate::NoiseValues;
     use crate::test_replica::{base_fit, replica};
 
-    /// Against dense algebra: whitening by the Cholesky factor of the whole covariance, projection by the normal equations with prior rows.
+    /// The tangent agrees with dense algebra: whitening by the Cholesky factor of the whole covariance, projection by the normal equations with prior rows.
     #[test]
     fn projection_and_steps_are_those_of_dense_algebra() {
         let (base, fitted) = base_fit();
@@ -191,7 +191,7 @@ mod tests {
             base.free.iter().map(|free| free.prior.map_or(0.0, |(_, sd)| 1.0 / (sd * sd))).collect();
         let precision = jacobian.transpose() * &inverse * &jacobian
             + DMatrix::from_diagonal(&DVector::from_vec(prior_precision.clone()));
-        // Something that the law half absorbs.
+        // A curve that the law half absorbs.
         let other: Vec<f64> = record.time_s.iter().map(|t| 1e-6 * (t + 3.0 * (0.9 * t).sin())).collect();
         let g = DVector::from_fn(rows.len(), |i, _| other[rows[i]]);
         let gg = g.dot(&(&inverse * &g));

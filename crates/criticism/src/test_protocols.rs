@@ -1,4 +1,4 @@
-//! Records of an instrument, as subjects, for tests of this crate and of those above it.
+//! Records of an instrument as subjects, for tests of this crate and of dependent crates.
 
 use criticism::{Candidate, Fitted, NoiseValues, Subject};
 use models::effects::Library;
@@ -7,7 +7,7 @@ use posterior::problem::Problem;
 use posterior::study::ModelSpecification;
 use record::{Apparatus, Experiment, Record};
 
-/// White 4 µm, a process of 2 µm and 0.8 s, gains of half a per cent, offsets of 1 µm.
+/// White noise of 4 µm, a process of 2 µm and 0.8 s, gains of half a per cent, offsets of 1 µm.
 pub const NOISE: NoiseValues = NoiseValues::new([4.0, 2.0, 0.8, 0.005, 1.0]);
 const INTERVAL_S: f64 = 0.1;
 
@@ -28,7 +28,7 @@ pub fn record(cycles: &[&[f64]]) -> Record {
     record
 }
 
-/// Its subject with a library, and effects of the program's that the base has; the last cycle is scored.
+/// Subject of such a record with a library and with effects of the program that the base has; the last cycle is scored.
 pub fn subject_with(cycles: &[&[f64]], library: &Library, effects: &[&str]) -> Subject {
     let last = cycles.len() as u32;
     let experiment = Experiment {

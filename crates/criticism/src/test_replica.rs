@@ -12,7 +12,7 @@ use posterior::problem::Problem;
 use posterior::replica::embedded;
 use posterior::study::ModelSpecification;
 
-/// The replica with every effect but those that change the displacement field, whose reduced models take longer to train than all tests that would use them; prepared once.
+/// The replica with every effect that keeps the displacement field, prepared once. The reduced models of the others take longer to train than all tests that would use them.
 pub fn replica() -> &'static Subject {
     static SUBJECT: OnceLock<Subject> = OnceLock::new();
     SUBJECT.get_or_init(|| {
@@ -21,14 +21,14 @@ pub fn replica() -> &'static Subject {
     })
 }
 
-/// The replica with effects of one's own choice.
+/// The replica with a selection of effects.
 pub fn replica_with(library: &Library) -> Subject {
     let (experiment, _) = embedded().expect("embedded");
     let problem = Problem::new(experiment, ModelSpecification::default(), None, &Silent).expect("sound");
     Subject::new(&problem, library, None, &Silent).expect("sound")
 }
 
-/// Noise of 4 µm and hardly anything else.
+/// White noise of 4 µm with hardly any other term.
 pub const WHITE: NoiseValues = NoiseValues::new([4.0, 1e-2, 1.0, 1e-5, 1e-2]);
 
 /// A fit of the base to the replica.
@@ -43,7 +43,7 @@ pub fn simulated(candidate: &Candidate, theta: &[f64], noise: &NoiseValues, seed
     simulated_in(replica(), candidate, theta, noise, seed)
 }
 
-/// The same with another subject's effects.
+/// The replica's protocol with simulated positions and another subject's effects.
 pub fn simulated_in(
     subject: &Subject,
     candidate: &Candidate,

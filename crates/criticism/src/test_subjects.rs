@@ -1,4 +1,4 @@
-//! Subjects and data that the tests of this module share.
+//! Subjects and data shared by the tests of this crate.
 
 use super::Subject;
 use crate::NoiseValues;
@@ -11,17 +11,17 @@ use rand::SeedableRng;
 use record::Apparatus;
 use sampling::ensemble::RandomStream;
 
-/// The protocols that tests play.
+/// Protocols used by tests.
 #[derive(Debug, Clone, Copy)]
 pub enum Protocol {
-    /// The replica's: four cycles of 5 s at +4.6 µN and 5 s at −4.6 µN, 20 rows a second.
+    /// The replica's protocol: four cycles of 5 s at +4.6 µN and 5 s at −4.6 µN, 20 rows a second.
     Paper,
     /// Five cycles of three levels with rests between, after a rest of 1 s.
     Levels,
 }
 
 impl Protocol {
-    /// The paper's force in many short cycles of so many rows, 0.2 s apart; the last one is held out.
+    /// The paper's force in many short cycles of `rows_each` rows, 0.2 s apart; the last cycle is held out.
     pub fn many_cycles(n_cycles: usize, rows_each: usize) -> Subject {
         let (mut experiment, _) = embedded().expect("embedded");
         experiment.apparatus = Apparatus::Instrument { compliance_per_m: 549.178 };
@@ -72,7 +72,7 @@ pub fn truth_of(subject: &Subject, effects: &[&str], sizes: &[f64]) -> Vec<f64> 
     subject.trajectory_m(&candidate, &theta).expect("a model")
 }
 
-/// Sizes of an effect, uniform over the quantiles of its priors.
+/// Random sizes of an effect, uniform over the quantiles of its priors.
 pub fn random_sizes(subject: &Subject, effect: &str, seed: u64) -> Vec<f64> {
     let candidate = subject.extended(&[effect]).expect("a model");
     let mut stream = RandomStream::new(4711, seed);
@@ -80,7 +80,7 @@ pub fn random_sizes(subject: &Subject, effect: &str, seed: u64) -> Vec<f64> {
     of_effect.map(|free| free.coordinate.value(free.quantile(0.02 + 0.96 * stream.unit()))).collect()
 }
 
-/// Noise (m) of the parameters σ (µm), σ_ou (µm), τ (s), s_g, s_o (µm) about positions.
+/// Simulated noise (m) about positions, with parameters σ (µm), σ_ou (µm), τ (s), s_g, s_o (µm).
 pub fn noise_of(subject: &Subject, position_m: &[f64], noise: &NoiseValues, seed: u64) -> Vec<f64> {
     let record = &subject.experiment().record;
     let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(seed);

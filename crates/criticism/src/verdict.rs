@@ -1,8 +1,8 @@
 //! The verdict: a pure function of the evidence of a search and of [`Criteria`].
 //!
-//! Evidence is filled in a fixed order: additions that the search proposes; the residual test of the model that stands, and of the next one where it does not ([`Evidence::open_test`]); the residual of the
-//! leading effect alone, where structure of the law replaces it ([`Evidence::is_replaced_by_law`]); rivals of a claim ([`Evidence::claim`]). A record, a sweep and a cohort fill in the parts that they
-//! have. Nothing here fits, reads or simulates.
+//! The caller fills in the evidence in a fixed order. First come the additions that the search proposes. Then follow the residual test of the accepted model, and of the next one if it fails ([`Evidence::open_test`]); the residual
+//! of the leading effect alone, if structure of the law replaces it ([`Evidence::is_replaced_by_law`]); rivals of a claim ([`Evidence::claim`]). A record, a sweep and a cohort fill in the parts that they
+//! have. This module neither fits nor reads nor simulates.
 
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 
@@ -11,12 +11,12 @@ use super::refit::Gain;
 use documents::diagnosis::{self, Status, VerdictKind};
 use posterior::misfit::Misfit;
 
-/// Effects added to a model, with the gains and the p that the search found.
+/// Effects added to a model, with their gains and p from the search.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Addition {
-    /// Slugs of all effects beside the base.
+    /// Slugs of all effects beyond the base.
     pub effects: Vec<String>,
-    /// Gain over the model of the round before.
+    /// Gain over the model of the previous round.
     pub gain: Gain,
     /// Gain over the base.
     pub over_base: Gain,
@@ -27,12 +27,12 @@ pub struct Addition {
 }
 
 impl Addition {
-    /// One effect beside the base.
+    /// One effect added to the base.
     pub fn single(effect: &str, gain: Gain, p: f64) -> Self {
         Self { effects: vec![effect.into()], gain, over_base: gain, p, round: 0 }
     }
 
-    /// One effect of a sweep or a cohort: gains on fitted data, on future cycles and on the last held-out data.
+    /// One effect of a sweep or a cohort, from its gains on fitted data, on future cycles and on the last held-out data.
     pub fn of_gains(effect: &str, fitted: f64, [future, last]: [Option<f64>; 2], p: f64) -> Self {
         Self::single(effect, Gain { fitted, future, last, largest_change: f64::INFINITY, rank: fitted }, p)
     }
@@ -41,38 +41,38 @@ impl Addition {
 /// Structure outside the library in a residual.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Structure {
-    /// Gain of its refit, less what its family gains by chance.
+    /// Gain of its refit, less its family's gain by chance.
     pub gain_nats: f64,
     /// p over all families.
     pub p_familywise: f64,
-    /// Whether it may belong to a law: a slip or a vibration does not.
+    /// True if it may belong to a law; a slip or a vibration cannot.
     pub is_of_law: bool,
-    /// Effects of the library that look nearly the same, with the cosine.
+    /// Effects of the library with nearly the same shape, and the cosine of each.
     pub twins: Vec<(String, f64)>,
 }
 
-/// A residual beside the noise.
+/// Residual of a model compared with the noise.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Residual {
-    /// Of one record.
+    /// Residual of one record.
     Record {
-        /// Size and return.
+        /// Size of the residual, and its repetition from cycle to cycle.
         misfit: Misfit,
-        /// Positions that were held out, or else fitted.
+        /// Number of held-out positions, or of fitted ones if no cycle is held out.
         n_positions: usize,
-        /// Error on the held-out cycle over the predictive noise: of a claim, and of a base where fitted recordings cannot show slow noise and gains. `None` where no cycle is held out.
+        /// Error on the held-out cycle over the predictive noise: for a claim, and for a base whose fitted recordings cannot show slow noise and gains. `None` if no cycle is held out.
         over_predicted: Option<f64>,
     },
-    /// Probability that noise leaves as much of a sweep; NaN where the model cannot be evaluated.
+    /// Probability that noise causes at least this residual of a sweep; NaN if the model cannot be evaluated.
     Sweep(f64),
-    /// Number of a cohort's records that leave more than noise.
+    /// Number of a cohort's records whose residual exceeds the noise.
     Cohort(usize),
-    /// Error of a cohort's claim on all held-out cycles over its predictive noise; `None` where no cycle is held out.
+    /// Error of a cohort's claim on all held-out cycles over its predictive noise; `None` if no cycle is held out.
     CohortClaim(Option<f64>),
 }
 
 impl Residual {
-    /// Whether it is more than the noise allows.
+    /// Returns whether the residual exceeds the noise.
     pub fn exceeds_noise(&self, criteria: &Criteria) -> bool {
         match self {
             Self::Record { misfit, over_predicted, .. } => {
@@ -84,7 +84,7 @@ impl Residual {
         }
     }
 
-    /// Whether it is larger than white noise of the known size, by no more than slow noise may make.
+    /// Returns whether the residual exceeds white noise of the known size, but may come from slow noise.
     fn is_doubtful(&self, criteria: &Criteria) -> bool {
         let Self::Record { misfit, n_positions, .. } = self else { return false };
         let (factor, n) = (misfit.heldout.unwrap_or(misfit.fitted).rms_m / misfit.noise_m, *n_positions as f64);
@@ -93,14 +93,14 @@ impl Residual {
     }
 }
 
-/// What is left beside a model.
+/// Residual test of a model.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct ResidualTest {
     /// Confirmed structure outside the library, the leading one first.
     pub structure: Vec<Structure>,
-    /// Whether the structure is the base's, and explains more than the model's effects.
+    /// True if the structure is in the base's residual and explains more than the model's effects.
     pub replaces_effects: bool,
-    /// Residual of the model, or of the base that the structure stands beside; `None` where the search does not test it.
+    /// Residual of the model, or of the base if the structure replaces its effects; `None` if the search does not test it.
     pub residual: Option<Residual>,
 }
 
@@ -109,9 +109,9 @@ pub struct ResidualTest {
 pub struct Proposal {
     /// Its effects and gains.
     pub addition: Addition,
-    /// What is left beside it; `None` until it is tested.
+    /// Its residual test; `None` until it is made.
     pub test: Option<ResidualTest>,
-    /// Residual of it alone, where structure of the law has replaced it.
+    /// Its residual alone, if structure of the law has replaced it.
     pub alone: Option<Residual>,
 }
 
@@ -121,34 +121,34 @@ impl From<Addition> for Proposal {
     }
 }
 
-/// An effect that may stand for one of the claim.
+/// An effect that may replace one of the claim.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Rival {
     /// Slug.
     pub effect: String,
-    /// What it ranks behind the claim.
+    /// Rank deficit behind the claim, in nats.
     pub deficit_nats: f64,
-    /// Distance in σ between the two models, of one record.
+    /// Distance in σ between the two models; one record only.
     pub separation_sigma: Option<f64>,
-    /// Share of simulated cohorts, made with it, in which the claim leads by as much.
+    /// Share of simulated cohorts, made with the rival, in which the claim leads by as much.
     pub lead_p: Option<f64>,
 }
 
-/// An effect by itself, for its status.
+/// Evidence for one effect by itself, from which its status follows.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct EffectEvidence<'a> {
     /// Slug.
     pub effect: &'a str,
-    /// Gain over the base; `None` where it cannot be added.
+    /// Gain over the base; `None` if the effect cannot be added.
     pub gain_nats: Option<f64>,
     /// p over the whole search.
     pub p: f64,
-    /// Share of its signature that the base cannot absorb; `None` where that is unknown.
+    /// Share of its signature that the base cannot absorb; `None` if unknown.
     pub visible_fraction: Option<f64>,
 }
 
 impl Criteria {
-    /// Whether an addition may be claimed. An addition to a model that was not claimed itself has to predict better than the base, too.
+    /// Returns whether an addition may be claimed. An addition to an unclaimed model must also predict better than the base.
     pub fn passes(&self, addition: &Addition) -> bool {
         addition.p <= self.p_of_round(addition.round)
             && addition.gain.largest_change >= self.smallest_change
@@ -156,24 +156,24 @@ impl Criteria {
             && self.predicts(&addition.over_base)
     }
 
-    /// Whether future cycles are predicted better, and the last one, which no fit has seen, not worse.
+    /// Returns whether future cycles are predicted better, and the last one, which no fit has seen, no worse.
     fn predicts(&self, gain: &Gain) -> bool {
         let is_better = |least: f64| gain.future.is_some_and(|future| future > least);
         let is_kept = |last: f64| last > -self.largest_loss_nats;
         self.least_future_nats.is_none_or(is_better) && gain.last.map_or(self.least_future_nats.is_none(), is_kept)
     }
 
-    /// Whether structure outside the library is more than chance.
+    /// Returns whether structure outside the library is more than chance.
     pub fn is_significant(&self, structure: &Structure) -> bool {
         structure.p_familywise <= self.largest_structure_p && structure.gain_nats >= self.least_structure_nats
     }
 
-    /// Whether structure in the residual of a claim is more than an error of the claim's shape.
+    /// Returns whether structure in a claim's residual is more than an error of the claim's shape.
     pub fn is_beside(&self, structure: &Structure, claim: &Addition) -> bool {
         structure.gain_nats >= self.least_structure_share * claim.over_base.fitted
     }
 
-    /// Whether structure in the base's residual explains more than a claim, whose own residual shows structure or none.
+    /// Returns whether structure in the base's residual explains more than a claim. The threshold depends on whether the claim's own residual shows structure.
     pub fn is_instead(&self, structure: &Structure, claim: &Addition, has_beside: bool) -> bool {
         let gain_nats = claim.over_base.fitted;
         let chance_nats = self.chance_nats + self.larger_nats * claim.effects.len().saturating_sub(1) as f64;
@@ -182,12 +182,12 @@ impl Criteria {
         structure.gain_nats > gain_nats - chance_nats + lead_nats
     }
 
-    /// Whether structure looks like an effect of a kind.
+    /// Returns whether structure resembles an effect that `is_effect` accepts.
     pub fn looks_like(&self, structure: &Structure, is_effect: impl Fn(&str) -> bool) -> bool {
         structure.twins.iter().any(|(slug, cosine)| *cosine > self.twin_cosine && is_effect(slug))
     }
 
-    /// Whether the data cannot tell a rival from the claim.
+    /// Returns whether the data cannot distinguish a rival from the claim.
     pub fn is_equivalent(&self, rival: &Rival) -> bool {
         rival.deficit_nats < self.equivalent_nats
             && rival.separation_sigma.is_none_or(|sigma| sigma < self.separated_sigma)
@@ -200,35 +200,35 @@ impl Criteria {
 pub struct Evidence {
     /// Models that may be claimed, in the order in which they are considered.
     pub proposals: Vec<Proposal>,
-    /// What is left beside the base; `None` until it is tested.
+    /// Residual test of the base; `None` until it is made.
     pub base: Option<ResidualTest>,
     /// Rivals of the claim.
     pub rivals: Vec<Rival>,
 }
 
-/// The conclusion, without its words.
+/// The conclusion, without its sentence.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Verdict {
-    /// Of which kind it is.
+    /// Kind of the verdict.
     pub kind: VerdictKind,
-    /// Place, among the proposals, of the model that is claimed, or that helps most where the verdict is [`VerdictKind::Unexplained`]; `None` for the base.
+    /// Index of the claimed proposal, or of the one that helps most if the verdict is [`VerdictKind::Unexplained`]; `None` for the base.
     pub proposal: Option<usize>,
     /// Effects of that model.
     pub effects: Vec<String>,
-    /// Effects that the data cannot tell from those.
+    /// Effects that the data cannot distinguish from those.
     pub equivalent: Vec<String>,
-    /// Residual that the verdict rests on.
+    /// Residual on which the verdict rests.
     pub residual: Option<Residual>,
-    /// Whether that is more than the noise allows, or untested.
+    /// True if that residual exceeds the noise or is untested.
     pub exceeds_noise: bool,
-    /// Whether there is structure outside the library.
+    /// True if there is structure outside the library.
     pub has_structure: bool,
-    /// Whether nothing is claimed though the residual does not look like the known noise.
+    /// True if there is no claim although the residual does not look like the known noise.
     pub is_doubtful: bool,
 }
 
 impl Evidence {
-    /// The proposal that stands (`None`: the base), with its residual test.
+    /// The accepted proposal (`None`: the base), with its residual test.
     fn standing(&self, criteria: &Criteria) -> (Option<usize>, Option<&ResidualTest>) {
         for (place, Proposal { addition, test, .. }) in self.proposals.iter().enumerate() {
             if !criteria.passes(addition) {
@@ -236,7 +236,7 @@ impl Evidence {
             }
             match test {
                 Some(test) if test.replaces_effects => return (None, Some(test)),
-                // No effect is added for the sake of a misfit that stays: of a larger model only the leading effect may be said to help.
+                // A misfit that remains does not justify several effects: of a larger model only the leading effect may be reported as helping.
                 Some(test) if addition.effects.len() > 1 && test.exceeds_noise(criteria) => {}
                 test => return (Some(place), test.as_ref()),
             }
@@ -244,20 +244,20 @@ impl Evidence {
         (None, self.base.as_ref())
     }
 
-    /// The model whose residual has to be tested next: a proposal, or the base (`Some(None)`); `None` when the one that stands is tested.
+    /// Model whose residual must be tested next: a proposal, or the base (`Some(None)`); `None` if the accepted model is tested.
     pub fn open_test(&self, criteria: &Criteria) -> Option<Option<usize>> {
         let (proposal, test) = self.standing(criteria);
         test.is_none().then_some(proposal)
     }
 
-    /// Whether structure that may belong to the law has replaced every proposal: the residual of the leading effect alone decides whether that effect helps.
+    /// Returns whether structure that may belong to the law has replaced every proposal. If so, the residual of the leading effect alone decides whether that effect helps.
     pub fn is_replaced_by_law(&self, criteria: &Criteria) -> bool {
         let (proposal, test) = self.standing(criteria);
         let is_of_law = |test: &ResidualTest| test.structure.first().is_some_and(|first| first.is_of_law);
         proposal.is_none() && test.is_some_and(is_of_law)
     }
 
-    /// Place of the proposal that is claimed: its rivals have to be found.
+    /// Index of the claimed proposal, whose rivals must be found next.
     pub fn claim(&self, criteria: &Criteria) -> Option<usize> {
         let verdict = verdict(self, criteria);
         verdict.proposal.filter(|_| verdict.kind == VerdictKind::Missing)
@@ -270,10 +270,10 @@ impl ResidualTest {
     }
 }
 
-/// Decides.
+/// Decides the verdict.
 ///
-/// An effect is missing where a proposal passes and its residual is noise. The law is wrong, and the cause unexplained, where the residual of the model that stands exceeds the noise, or where structure outside
-/// the library is all that is found. Else nothing is missing. An untested residual is not noise.
+/// An effect is missing if a proposal passes and its residual is noise. The law is wrong for an unexplained reason if the residual of the accepted model exceeds the noise, or if structure outside
+/// the library is the only finding. Else nothing is missing. An untested residual does not count as noise.
 pub fn verdict(evidence: &Evidence, criteria: &Criteria) -> Verdict {
     let (standing, test) = evidence.standing(criteria);
     let has_structure = test.is_some_and(|test| !test.structure.is_empty());
@@ -304,13 +304,13 @@ pub fn verdict(evidence: &Evidence, criteria: &Criteria) -> Verdict {
 }
 
 impl Verdict {
-    /// For a document, with its sentence.
+    /// Verdict for a document, with its sentence.
     pub fn document(&self, sentence: String) -> diagnosis::Verdict {
         let Self { kind, effects, equivalent, .. } = self.clone();
         diagnosis::Verdict { kind, effects, equivalent, sentence }
     }
 
-    /// Status of an effect of the library beside the verdict.
+    /// Status of an effect of the library under this verdict.
     pub fn status(&self, effect: &EffectEvidence, criteria: &Criteria) -> Status {
         let is_among = |list: &[String]| list.iter().any(|own| own == effect.effect);
         let gain_nats = effect.gain_nats.unwrap_or(f64::NEG_INFINITY);

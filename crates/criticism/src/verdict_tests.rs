@@ -1,4 +1,4 @@
-//! Every kind of verdict, from evidence made by hand.
+//! Tests of every kind of verdict, from evidence made by hand.
 
 use super::*;
 use posterior::misfit::Size;
@@ -12,7 +12,7 @@ fn addition(effects: &[&str], p: f64, round: usize) -> Addition {
     Addition { effects, gain: GAIN, over_base: GAIN, p, round }
 }
 
-/// So many times 4 µm of noise on the held-out cycle.
+/// Residual of `factor` times 4 µm of noise on the held-out cycle.
 fn misfit(factor: f64, is_known: bool, is_too_large: bool) -> Residual {
     let size = Size { rms_m: factor * 4e-6, is_too_large };
     let misfit =
@@ -69,16 +69,16 @@ fn each_round_spends_half_of_the_one_before_and_every_threshold_has_to_be_passed
     for future in [Some(2.0), Some(-5.0), None] {
         assert!(!passes(0.01, 0, Gain { future, ..GAIN }), "{future:?}");
     }
-    // A gain on earlier cycles alone was chance in six of eight records in which nothing was hidden and an effect was claimed.
+    // A gain on earlier cycles alone was chance in six of eight records with a claim and no hidden effect.
     assert!(passes(0.01, 0, Gain { last: Some(-0.05), ..GAIN }));
     assert!(!passes(0.01, 0, Gain { last: Some(-1.0), ..GAIN }));
     assert!(!passes(0.01, 0, Gain { last: None, ..GAIN }));
-    // What a failed step before has lost counts.
+    // The loss of an earlier failed step counts.
     let behind = Addition { over_base: Gain { future: Some(1.0), ..GAIN }, ..addition(&["force-bias"], 0.01, 0) };
     assert!(!CRITERIA.passes(&behind));
 }
 
-/// What does not pass is not claimed, whatever its residual.
+/// A proposal that does not pass is not claimed, for any residual.
 #[test]
 fn nothing_is_missing_where_no_proposal_passes_and_the_base_leaves_noise() {
     let mut evidence = claim(noise());
@@ -98,7 +98,7 @@ fn a_large_residual_beside_known_noise_is_doubtful() {
         verdict.is_doubtful
     };
     assert!(is_doubtful(1.35, true) && !is_doubtful(1.29, true));
-    // Unknown noise cannot be exceeded by its own size.
+    // Unknown noise cannot be exceeded by its own estimate.
     assert!(!is_doubtful(1.35, false));
 }
 
@@ -114,12 +114,12 @@ fn an_untested_residual_is_not_noise() {
 #[test]
 fn a_misfit_that_stays_is_unexplained() {
     assert_eq!(decide(&of_base(Some(test(excess())))), (VerdictKind::Unexplained, Vec::new()));
-    // The effect helps, and is not the cause: it has no rivals.
+    // The effect helps but is not the cause: it has no rivals.
     assert_eq!(decide(&claim(excess())), (VerdictKind::Unexplained, vec!["force-bias".into()]));
     assert_eq!(claim(excess()).claim(&CRITERIA), None);
 }
 
-/// A noise model may swallow what a claim leaves: its error on the held-out cycle is judged by its own predictive noise. The base's is not: nothing is claimed.
+/// A noise model may absorb a claim's residual: the claim's error on the held-out cycle is therefore judged by its own predictive noise. This does not apply to the base, which claims nothing.
 #[test]
 fn a_claim_that_leaves_more_than_its_predictive_noise_is_unexplained() {
     let leaves = |factor: f64| {
@@ -129,7 +129,7 @@ fn a_claim_that_leaves_more_than_its_predictive_noise_is_unexplained() {
     assert_eq!(decide(&claim(leaves(1.49))), (VerdictKind::Missing, vec!["force-bias".into()]));
     // 24.6 µm beside a predictive noise of 9.4 µm.
     assert_eq!(decide(&claim(leaves(24.6 / 9.4))), (VerdictKind::Unexplained, vec!["force-bias".into()]));
-    // Of a pair the leading effect alone helps, and is judged alike.
+    // Only the leading effect of a pair helps, and it is judged alike.
     let pair =
         Proposal { test: Some(test(leaves(2.6))), ..addition(&["force-bias", "tracking-drift"], 0.01, 1).into() };
     let mut evidence = Evidence { proposals: vec![pair, addition(&["force-bias"], 0.01, 0).into()], ..claim(noise()) };
@@ -146,7 +146,7 @@ fn a_claim_that_leaves_more_than_its_predictive_noise_is_unexplained() {
     assert_eq!(of_cohort(17.6), (VerdictKind::Unexplained, None));
 }
 
-/// Where a larger model leaves a misfit, the leading effect alone is considered, and then the base.
+/// If a larger model keeps a misfit, the leading effect alone is considered, and then the base.
 #[test]
 fn no_effect_is_added_for_the_sake_of_a_misfit_that_stays() {
     let pair = Proposal { test: Some(test(excess())), ..addition(&["force-bias", "tracking-drift"], 0.01, 1).into() };
@@ -169,7 +169,7 @@ fn structure_beside_a_claim_leaves_it_and_structure_alone_is_unexplained() {
     assert_eq!(decide(&of_base(Some(alone))), (VerdictKind::Unexplained, Vec::new()));
 }
 
-/// A slip takes the place of a claim; a curve that may belong to the law leaves the effect the one that helps, if its own residual is a misfit.
+/// A slip replaces a claim. A curve that may belong to the law leaves the effect as the one that helps, if its own residual is a misfit.
 #[test]
 fn structure_takes_the_place_of_a_claim() {
     let mut evidence = claim(noise());
@@ -216,12 +216,12 @@ fn several_effects_are_equivalent() {
         rival(6.1, Some(0.0), None),
     ];
     assert_eq!(verdict(&evidence, &CRITERIA).equivalent, ["force-asymmetry"]);
-    // What only helps is told from nothing.
+    // A helping effect has no equivalent effects.
     evidence.proposals[0].test = Some(test(excess()));
     assert!(verdict(&evidence, &CRITERIA).equivalent.is_empty());
 }
 
-/// A sweep has no future cycles; its rivals are told apart by nats alone.
+/// A sweep has no future cycles; its rivals are distinguished by nats alone.
 #[test]
 fn a_sweep_is_judged_by_p_and_held_out_frequencies() {
     let criteria = Criteria::SWEEP;
@@ -241,7 +241,7 @@ fn a_sweep_is_judged_by_p_and_held_out_frequencies() {
     );
 }
 
-/// A cohort's rivals are told apart by simulated cohorts; records that leave more than noise are unexplained where nothing is claimed.
+/// A cohort's rivals are distinguished by simulated cohorts; records with a residual above the noise are unexplained if nothing is claimed.
 #[test]
 fn a_cohort_is_judged_by_p_and_held_out_cycles() {
     let criteria = Criteria::COHORT;

@@ -1,8 +1,8 @@
-//! Which effects' evidence is computed, and what is known of the others'.
+//! Evidence of the effects that matter, and bounds for the others.
 //!
-//! An evidence takes tens of thousands of trajectories, so it is computed where it can matter: for the claim, or the leading effect where nothing is claimed,
-//! and for what may come near that one. What an effect gains bounds its Bayes factor: the evidence is the mean of the likelihood over the prior, so that
-//! ln B is at most the gain of the best fit and what the posterior of law and noise may widen by.
+//! An evidence takes tens of thousands of trajectories, so it is computed only for the claim, or the leading effect if there is no claim,
+//! and for effects that may come near it. The gain of an effect bounds its Bayes factor. Evidence is the mean of the likelihood over the prior, so
+//! ln B is at most the gain of the best fit plus the possible widening of the posterior of law and noise.
 
 use std::collections::BTreeMap;
 
@@ -18,23 +18,23 @@ use base::error::{Error, Result};
 use documents::diagnosis::{Answer, RefitParameter};
 use posterior::monitor::{Counter, Monitor};
 
-/// An effect whose Bayes factor stays further (nats) below the best is as good as none.
+/// Distance (nats) below the best at which a Bayes factor is not worth computing.
 const REACH_NATS: f64 = 10.0;
-/// What the posterior of law and noise may widen by beside an effect, in nats: ln B stays below the gain and this.
+/// Largest widening of the posterior of law and noise by an effect, in nats: ln B stays below the gain plus this.
 const WIDENING_NATS: f64 = 5.0;
 
-/// What is known of an effect's Bayes factor.
+/// Bayes factor of an effect, or a bound.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum Factor {
-    /// Its logarithm, computed.
+    /// Logarithm of the Bayes factor, computed.
     Known(f64),
-    /// It stays below this, far below the best.
+    /// Upper bound of its logarithm, far below the best.
     AtMost(f64),
-    /// Neither.
+    /// Neither value nor bound.
     Unknown,
 }
 
-/// Parameters of a model over all answers, and answer by answer where there are several.
+/// Parameters of a model over all modes, and mode by mode if there are several.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Parameters {
     pub all: Vec<RefitParameter>,
@@ -47,29 +47,29 @@ impl From<ModelEvidence> for Parameters {
     }
 }
 
-/// The evidences that were computed.
+/// The computed evidences.
 pub(super) struct Weighing {
     ln_base: f64,
     singles: BTreeMap<&'static str, ModelEvidence>,
-    /// What effects whose evidence was not computed for that reason stay below.
+    /// Upper bounds for effects whose evidence was not computed because of them.
     bounds: BTreeMap<&'static str, f64>,
     /// Parameters of a claim of several effects, which all of them share; none for other claims.
     of_claim: Option<Parameters>,
-    /// What a reader should know.
+    /// Remarks for the reader of the diagnosis.
     pub remarks: Vec<String>,
 }
 
-/// What became of an effect that was worth weighing.
+/// Result of weighing an effect.
 enum Weighed {
     By(Result<ModelEvidence>),
-    /// Its gain leaves it out of reach of the best.
+    /// The effect's gain puts it out of reach of the best.
     Far,
-    /// A law that is not linear beside a claim.
+    /// A nonlinear law beside a claim, which takes too long.
     Slow,
 }
 
 impl Weighing {
-    /// Weighs a claim, and, where the request is in full, all that may come near it.
+    /// Weighs a claim and, if the request is in full, all effects that may come near it.
     pub fn new(
         subject: &Subject,
         request: &DiagnosisRequest,
@@ -94,17 +94,17 @@ impl Weighing {
                 claimed.contains(&single.slug) || (request.in_full && gain(single) > request.criteria.least_gain_nats)
             })
             .collect();
-        // The claim first, then by gain: the best that is known bounds the reach.
+        // The claim comes first, then effects by gain: the best known evidence decides which others are worth computing.
         worth.sort_by(|a, b| {
             let is_claimed = |single: &Single| claimed.contains(&single.slug);
             is_claimed(b).cmp(&is_claimed(a)).then(gain(b).total_cmp(&gain(a)))
         });
-        // Nothing is weighed in most experiments that lack nothing.
+        // Most experiments without a missing effect need no evidence at all.
         if !worth.is_empty() {
             own.ln_base = evidence(subject, &found.base.candidate, &found.base.fitted, seed)?.ln_evidence;
         }
         let counter = Counter::new(monitor, worth.len());
-        // What is claimed, or leads where nothing is, bounds what is within reach; the rest is weighed side by side.
+        // The claim, or else the leading effect, is weighed first and decides which others are worth it; these are weighed in parallel.
         let n_leading = claimed.len().max(1).min(worth.len());
         let (leading, others) = worth.split_at(n_leading);
         let mut best = f64::NEG_INFINITY;
@@ -141,19 +141,19 @@ impl Weighing {
         }
         own.remarks.extend((!far.is_empty()).then(|| {
             format!(
-                "the Bayes factors of {} are not computed: what these gain leaves them more than {REACH_NATS:.0} nats below the best",
+                "the Bayes factors of {} are not computed: their gains put them more than {REACH_NATS:.0} nats below the best",
                 far.join(", ")
             )
         }));
         own.remarks.extend((!slow.is_empty()).then(|| {
             format!(
-                "the Bayes factors of {} are not computed beside another effect's, since such a law takes long: there are bounds, and intervals by a normal approximation about the fit",
+                "the Bayes factors of {} are not computed, since such nonlinear laws take long: the document gives bounds, and intervals by a normal approximation about the fit",
                 slow.join(", ")
             )
         }));
         own.remarks.extend((!failed.is_empty()).then(|| {
             format!(
-                "the posteriors of {} could not be weighed in reasonable time: of their Bayes factors there are bounds, and their intervals are those of a normal approximation about the fit",
+                "the evidence of {} takes too long: the document gives bounds of their Bayes factors, and intervals by a normal approximation about the fit",
                 failed.join(", ")
             )
         }));
@@ -168,20 +168,20 @@ impl Weighing {
             return Ok(found.into());
         }
         self.remarks.push(
-            "the posterior of what is claimed could not be weighed: its intervals are those of a normal approximation about the fit, which knows of one answer only"
+            "the evidence of the claim could not be computed: its intervals are normal approximations about the fit and cover one mode only"
                 .into(),
         );
         Ok(Parameters { all: laplace(subject, claimed)?, answers: Vec::new() })
     }
 
-    /// What is known of an effect's Bayes factor over the base.
+    /// Returns the Bayes factor of an effect over the base, or its bound.
     pub fn factor(&self, slug: &str) -> Factor {
         let known = self.singles.get(slug).map(|found| Factor::Known(found.ln_evidence - self.ln_base));
         known.or_else(|| self.bounds.get(slug).copied().map(Factor::AtMost)).unwrap_or(Factor::Unknown)
     }
 
-    /// Parameters of an effect: of a claim of several those of the whole model, else of the effect alone, by the normal approximation about its fit where
-    /// its evidence was not computed.
+    /// Parameters of an effect: those of the whole model for a claim of several effects, else of the effect alone. A normal approximation about the fit replaces
+    /// an evidence that was not computed.
     pub fn parameters(&self, subject: &Subject, single: &Single, is_claimed: bool) -> Result<Parameters> {
         match (&self.of_claim, self.singles.get(single.slug), &single.refitted) {
             (Some(of_claim), ..) if is_claimed => Ok(of_claim.clone()),
@@ -193,7 +193,7 @@ impl Weighing {
 }
 
 impl Parameters {
-    /// Those of some effects alone.
+    /// Keeps the parameters of some effects only.
     pub fn of(self, effects: &[&str]) -> Self {
         let is_own = |parameter: &RefitParameter| {
             let of = |slug: &&str| parameter.name.strip_prefix(*slug).is_some_and(|rest| rest.starts_with('.'));

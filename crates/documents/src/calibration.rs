@@ -1,4 +1,5 @@
-//! The document of a simulation-based calibration (`vitreo-uq/calibration/1`): whether posteriors of simulated records hold the truths as often as they say.
+//! Document of a simulation-based calibration (`vitreo-uq/calibration/1`). It tests if posteriors of simulated records contain the true values as often as
+//! their intervals state.
 
 use serde::{Deserialize, Serialize};
 
@@ -10,98 +11,98 @@ use super::posterior::ModelSummary;
 pub struct Calibration {
     /// Specimen of the experiment.
     pub experiment: String,
-    /// The model that was drawn from, simulated and sampled.
+    /// Model whose prior is drawn from, and that simulates and samples the records.
     pub model: ModelSummary,
-    /// What simulated the records.
+    /// Model that simulated the records.
     pub simulated_by: Simulator,
-    /// Records that were simulated.
+    /// Number of simulated records.
     pub replicates: usize,
-    /// Replicates whose truths are ranked: sampled and converged.
+    /// Replicates whose true values are ranked: sampled and converged.
     pub ranked: usize,
-    /// Replicates that were sampled and had not converged; what they say is not counted.
+    /// Replicates that were sampled but did not converge. They are not counted.
     pub not_converged: usize,
-    /// Replicates that could not be sampled.
+    /// Replicates whose sampling failed.
     pub failed: usize,
-    /// Draws from the prior that were thrown away, because the model refuses them: the prior is what is left.
+    /// Prior draws that the model refused and that were drawn again. The remaining draws define the prior.
     pub redrawn: usize,
-    /// Posterior draws that every truth is ranked among.
+    /// Number of posterior draws that each true value is ranked among.
     pub draws: usize,
-    /// Fewest and most ranks in a bin of a histogram, with a probability of 99 % where all is well.
+    /// Fewest and most ranks in a bin of a histogram. A calibrated bin lies between them with probability 99 %.
     pub bin_interval_99: [usize; 2],
-    /// Sampled parameters in order, and last the log-density of the posterior.
+    /// Sampled parameters in their order, then the posterior's log density.
     pub quantities: Vec<CalibratedQuantity>,
-    /// What follows.
+    /// Verdict on the calibration.
     pub verdict: CalibrationVerdict,
 }
 
-/// What simulated the records.
+/// Model that simulated the records.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 #[serde(rename_all = "kebab-case")]
 pub enum Simulator {
-    /// The full finite-element model: the reduced model's error is part of what is tested.
+    /// The full finite-element model. The test includes the surrogate's error.
     FullFiniteElements,
-    /// The closed form of an instrument, which is exact.
+    /// The exact closed form of an instrument.
     ClosedForm,
 }
 
-/// One quantity: where its truths rank among posterior draws.
+/// Ranks of one quantity's true values among the posterior draws.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct CalibratedQuantity {
-    /// Name of the parameter, with unit; or `log_density`.
+    /// Name of the parameter with its unit, or `log_density`.
     pub name: String,
     /// Ranks in bins of equal width, from the lowest to the highest.
     pub counts: Vec<usize>,
-    /// χ² of the bins, with as many degrees of freedom as there are bins, less one; `null` where too few are ranked.
+    /// χ² of the bins, with one degree of freedom fewer than there are bins; `null` if too few replicates are ranked.
     pub chi_square: Option<f64>,
-    /// Mean rank in standard errors: negative for posteriors that lie too high.
+    /// Mean rank, in standard errors; negative if the posteriors lie too high.
     pub place: Option<f64>,
-    /// Mean squared distance of ranks from the middle, in standard errors: positive for posteriors that are too narrow.
+    /// Mean squared distance of the ranks from the middle, in standard errors; positive if the posteriors are too narrow.
     pub spread: Option<f64>,
     /// p of χ².
     pub p_chi_square: Option<f64>,
-    /// The smallest p of χ², place and spread, corrected for all of them over all quantities (Holm).
+    /// Smallest p of χ², place and spread, corrected for the tests of all quantities (Holm).
     pub p_holm: Option<f64>,
-    /// Mean of (truth − posterior mean)/posterior standard deviation, in the sampler's coordinates; `null` for the log-density.
+    /// Mean of (true value − posterior mean)/posterior standard deviation, in the sampler's coordinates; `null` for the log density.
     pub z_mean: Option<f64>,
-    /// Standard deviation of the same.
+    /// Standard deviation of (true value − posterior mean)/posterior standard deviation; `null` for the log density.
     pub z_sd: Option<f64>,
-    /// The central intervals of 50 %.
+    /// Coverage of the central 50 % intervals.
     pub coverage_50: Coverage,
-    /// The central intervals of 90 %.
+    /// Coverage of the central 90 % intervals.
     pub coverage_90: Coverage,
 }
 
-/// How many truths intervals hold.
+/// Share of true values that lie inside their intervals.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct Coverage {
-    /// Share of the truths that are inside; `null` where nothing is ranked.
+    /// Share of true values inside; `null` if no replicate is ranked.
     pub share: Option<f64>,
-    /// Exact 95 % interval of that share's probability (Clopper and Pearson).
+    /// Exact 95 % interval of the share's probability (Clopper and Pearson).
     pub interval_95: [f64; 2],
 }
 
-/// What a calibration comes to.
+/// Verdict of a calibration.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct CalibrationVerdict {
-    /// In one word.
+    /// Kind of verdict.
     pub kind: CalibrationKind,
-    /// In plain English.
+    /// Verdict as a sentence.
     pub sentence: String,
 }
 
-/// Verdicts.
+/// Kinds of calibration verdicts.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 #[serde(rename_all = "kebab-case")]
 pub enum CalibrationKind {
-    /// Nothing speaks against the posteriors.
+    /// No test speaks against the posteriors.
     Calibrated,
-    /// Truths are not where the posteriors say.
+    /// True values do not lie where the posteriors predict them.
     Miscalibrated,
-    /// Too few replicates to tell.
+    /// Too few replicates to decide.
     Undecided,
 }

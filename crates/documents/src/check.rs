@@ -1,4 +1,4 @@
-//! The document of `check` (formats §5, `vitreo-uq/check/1`).
+//! Document of `check` (formats §5, `vitreo-uq/check/1`).
 
 use serde::{Deserialize, Serialize};
 
@@ -8,42 +8,42 @@ use serde::{Deserialize, Serialize};
 pub struct CheckSummary {
     /// Specimen identifier.
     pub experiment: String,
-    /// What was understood.
+    /// The program's reading of the record.
     pub understood: UnderstoodRecord,
-    /// What contradicts it, the certain first.
+    /// Contradictions between rows and description, certain ones first.
     pub contradictions: Vec<Contradiction>,
 }
 
-/// What was understood of a record.
+/// The program's reading of a record.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct UnderstoodRecord {
-    /// Rows.
+    /// Number of rows.
     pub rows: usize,
-    /// Rows with a position.
+    /// Number of rows with a position.
     pub positions: usize,
-    /// Cycles.
+    /// Number of cycles.
     pub cycles: u32,
-    /// In words: apparatus, times, force, positions, cycles.
+    /// Sentences on apparatus, times, force, positions and cycles.
     pub sentences: Vec<String>,
 }
 
-/// Something in the rows that contradicts their description.
+/// A contradiction between the rows and their description.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct Contradiction {
-    /// Which kind it is.
+    /// Kind of contradiction.
     pub kind: String,
-    /// Whether it is certain, so that nothing is fitted before it is settled.
+    /// True if the contradiction is certain. Nothing is fitted before it is resolved.
     pub certain: bool,
-    /// What was found.
+    /// Description of the contradiction.
     pub text: String,
-    /// What to do.
+    /// Advice to the user.
     pub advice: String,
 }
 
 impl CheckSummary {
-    /// Whether nothing is certainly wrong.
+    /// True if no contradiction is certain.
     pub fn is_sound(&self) -> bool {
         self.contradictions.iter().all(|contradiction| !contradiction.certain)
     }

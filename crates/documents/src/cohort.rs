@@ -1,137 +1,137 @@
-//! The document of `diagnose` over several records (`vitreo-uq/cohort-diagnosis/1`).
+//! Document of `diagnose` on several records (`vitreo-uq/cohort-diagnosis/1`).
 
 use serde::{Deserialize, Serialize};
 
 use super::diagnosis::{Status, VerdictKind};
 use super::groups::RatioVerdict;
 
-/// Body of `vitreo-uq/cohort-diagnosis/1`. Gains are in nats of log likelihood over the model without the effect; sizes count from the null of the
+/// Body of `vitreo-uq/cohort-diagnosis/1`. Gains are in nats of log likelihood over the model without the effect. Sizes are distances from the null of the
 /// effect's first parameter, in that parameter's unit.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct CohortDiagnosis {
-    /// What is said.
+    /// Verdict on the cohort.
     pub verdict: CohortVerdict,
-    /// Every effect of the library, in its order.
+    /// Every effect of the library, in the library's order.
     pub effects: Vec<CohortEffect>,
     /// Every record.
     pub specimens: Vec<CohortSpecimen>,
-    /// What groups were formed by; empty where there are none.
+    /// Keys that define the groups; empty without groups.
     pub by: Vec<String>,
-    /// Ratios within 1 + margin of 1 are no difference in practice.
+    /// Margin of practical equivalence: ratios within 1 + margin of 1 count as no difference.
     pub margin: f64,
-    /// Sizes of the claimed effect and of those that look alike, in every group; in all records together where there is one group.
+    /// Sizes of the claimed effect and of its equivalent effects, for each group. A single entry covers all records if there is only one group.
     pub groups: Vec<CohortGroup>,
-    /// Every pair of groups in the mean size of the claimed effect.
+    /// Comparisons of the claimed effect's mean size between all pairs of groups.
     pub contrasts: Vec<CohortContrast>,
-    /// The law's parameters before and after the claimed effect; empty where nothing is claimed.
+    /// The law's parameters before and after adding the claimed effect; empty without a claim.
     pub law: Vec<CohortLaw>,
-    /// Errors of the model as it is.
+    /// Errors of the study's model without the claimed effect.
     pub base: CohortErrors,
-    /// Errors with the claimed effect, each record's size predicted by the cohort's law; `None` where nothing is claimed.
+    /// Errors with the claimed effect, with each record's size predicted by the cohort's size distribution; `None` without a claim.
     pub extended: Option<CohortErrors>,
-    /// Simulated records of each record, and cohorts that were made of them.
+    /// Numbers of simulated records and simulated cohorts.
     pub simulations: CohortSimulations,
-    /// What a reader should know.
+    /// Remarks for the reader.
     pub remarks: Vec<String>,
 }
 
-/// What is said of a cohort.
+/// Verdict on a cohort.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct CohortVerdict {
-    /// `missing`, `none`, or `unexplained` where records have more in them than noise and no effect is claimed.
+    /// `missing`, `none`, or `unexplained` if records have a misfit and no effect is claimed.
     pub kind: VerdictKind,
-    /// Claimed, or, where the verdict is `unexplained`, what helps most without being enough.
+    /// Claimed effects. If the verdict is `unexplained`: effects that help most without being sufficient.
     pub effects: Vec<String>,
-    /// What the cohort cannot tell from it.
+    /// Effects that the cohort cannot distinguish from the claimed ones.
     pub equivalent: Vec<String>,
-    /// In words.
+    /// Verdict as a sentence.
     pub sentence: String,
 }
 
-/// An effect over the cohort.
+/// Result of one effect over the cohort.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct CohortEffect {
-    /// Slug.
+    /// Slug of the effect.
     pub effect: String,
-    /// Name of the parameter that is its size; `None` where it is not looked for.
+    /// Name of the parameter that measures the effect's size; `None` if the effect is not searched for.
     pub parameter: Option<String>,
-    /// What is said of it.
+    /// Status of the effect.
     pub status: Status,
-    /// What records gain together under the common law that fits best.
+    /// Summed gain of all records under the best common size distribution.
     pub gain_nats: f64,
-    /// p of the gain on fitted and last cycles together over the whole search, by simulated cohorts.
+    /// p of the gain on fitted and last cycles together, over the whole search, from simulated cohorts.
     pub p_familywise: f64,
-    /// The gain in the log score of the last cycles under that law; `None` where none is held out.
+    /// Gain in the log score of the last cycles under the best size distribution; `None` if no cycle is held out.
     pub heldout_gain_nats: Option<f64>,
-    /// The law; `None` where no law gains anything.
+    /// Best size distribution; `None` if no distribution gains likelihood.
     pub law: Option<CohortSizes>,
-    /// Records that can show it.
+    /// Number of records that can show the effect.
     pub records: usize,
-    /// Why no record is searched for it.
+    /// Reason why no record is searched for the effect; `None` if it is searched for.
     pub refused: Option<String>,
 }
 
-/// The law of sizes that fits best.
+/// Best common distribution of an effect's size over the records.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct CohortSizes {
-    /// Median size of records that have the effect.
+    /// Median size in the records that have the effect.
     pub median: f64,
-    /// Standard deviation of ln size between them.
+    /// Standard deviation of ln size between records that have the effect.
     pub between_specimen_log_sd: f64,
-    /// Share of records that have it.
+    /// Share of records that have the effect.
     pub share: f64,
-    /// On which side of the null sizes lie.
+    /// Side of the null on which sizes lie.
     pub sides: SidesName,
 }
 
-/// On which side of its null an effect's sizes lie.
+/// Side of an effect's null on which its sizes lie.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum SidesName {
-    /// Above.
+    /// Above the null.
     Above,
-    /// Below.
+    /// Below the null.
     Below,
     /// Above in some records and below in others.
     Either,
 }
 
-/// A record.
+/// Result of one record.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct CohortSpecimen {
-    /// Specimen.
+    /// Specimen identifier.
     pub id: String,
     /// Name of the record's directory.
     pub experiment: String,
-    /// Its group; `None` where none are formed.
+    /// Group of the record; `None` without groups.
     pub group: Option<String>,
-    /// What it gains by every effect that is looked for.
+    /// Gains by every effect that is searched for.
     pub gains: Vec<CohortGain>,
-    /// Probability that it has the claimed effect; `None` where nothing is claimed.
+    /// Probability that the record has the claimed effect; `None` without a claim.
     pub probability: Option<f64>,
-    /// The claimed effect's first parameter: mean over all sizes, none included; `None` where nothing is claimed.
+    /// First parameter of the claimed effect: mean over its whole posterior, including the probability of no effect; `None` without a claim.
     pub value: Option<f64>,
-    /// Whether the model leaves more than the noise allows in it.
+    /// True if the residual exceeds the noise.
     pub leaves_too_much: bool,
-    /// Positions that were left out as errors of the tracker.
+    /// Number of positions left out as tracker errors.
     pub outliers: usize,
 }
 
-/// What a record gains.
+/// Gain of one record by one effect.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct CohortGain {
-    /// Slug.
+    /// Slug of the effect.
     pub effect: String,
-    /// Under the cohort's common law: negative where the record speaks against it. The sum over records is the cohort's gain.
+    /// Gain under the cohort's common size distribution; negative if the record speaks against the effect. The sum over records is the cohort's gain.
     pub gain_nats: f64,
-    /// By itself, at the size that suits it best.
+    /// Gain of the record alone, at its best size.
     pub own_gain_nats: f64,
 }
 
@@ -139,79 +139,79 @@ pub struct CohortGain {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct CohortGroup {
-    /// Name; `all` where none are formed.
+    /// Name of the group; `all` without groups.
     pub name: String,
-    /// Records.
+    /// Number of records.
     pub records: usize,
-    /// Effect.
+    /// Slug of the effect.
     pub effect: String,
-    /// Parameter.
+    /// Name of the parameter.
     pub parameter: String,
-    /// Median size of records that have it.
+    /// Median size in the records that have the effect.
     pub median: f64,
     /// 5 % quantile.
     pub q05: f64,
     /// 95 % quantile.
     pub q95: f64,
-    /// Standard deviation of ln size between them, posterior median.
+    /// Standard deviation of ln size between records that have the effect, posterior median.
     pub between_specimen_log_sd: f64,
-    /// Share of records that have it, posterior median.
+    /// Share of records that have the effect, posterior median.
     pub share: f64,
-    /// 5 % quantile.
+    /// 5 % quantile of the share.
     pub share_q05: f64,
-    /// 95 % quantile.
+    /// 95 % quantile of the share.
     pub share_q95: f64,
-    /// Mean size over all records of the group, those without it counted as 0: 5 %, 50 % and 95 %.
+    /// Mean size over all records of the group, with size 0 for records without the effect: 5 %, 50 % and 95 % quantiles.
     pub mean: [f64; 3],
-    /// On which side of the null sizes lie, as is likeliest.
+    /// Most probable side of the null on which sizes lie.
     pub sides: SidesName,
-    /// What the group gains by the law that suits it best.
+    /// Gain of the group by its best size distribution.
     pub gain_nats: f64,
 }
 
-/// A ratio of two groups' mean sizes.
+/// Ratio of two groups' mean sizes.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct CohortContrast {
-    /// Effect.
+    /// Slug of the effect.
     pub effect: String,
-    /// Parameter.
+    /// Name of the parameter.
     pub parameter: String,
-    /// Group above the line.
+    /// Group in the numerator.
     pub a: String,
-    /// Group below it.
+    /// Group in the denominator.
     pub b: String,
-    /// Median of a's over b's.
+    /// Median of the ratio of a to b.
     pub ratio_median: f64,
     /// 5 % quantile.
     pub q05: f64,
     /// 95 % quantile.
     pub q95: f64,
-    /// Probability that a's is the greater.
+    /// Probability that a is greater than b.
     pub probability_greater: f64,
-    /// Probability that it is greater by more than the margin.
+    /// Probability that a is greater than b by more than the margin.
     pub probability_beyond_margin: f64,
-    /// Probability that it is smaller by more than the margin.
+    /// Probability that a is smaller than b by more than the margin.
     pub probability_below_margin: f64,
-    /// Whether a difference is stated.
+    /// True if a difference is declared.
     pub is_declared: bool,
-    /// What can be said in view of the margin.
+    /// Verdict on the ratio, given the margin.
     pub verdict: RatioVerdict,
-    /// In words.
+    /// Comparison as a sentence.
     pub sentence: String,
 }
 
-/// A parameter of the law in a group, before and after.
+/// A parameter of the law in a group, before and after adding the claimed effect.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct CohortLaw {
-    /// Group.
+    /// Name of the group.
     pub group: String,
-    /// Parameter.
+    /// Name of the parameter.
     pub parameter: String,
     /// Geometric mean of the records' fits without the effect.
     pub before: f64,
-    /// With it.
+    /// Geometric mean of the records' fits with the effect.
     pub after: f64,
 }
 
@@ -219,18 +219,18 @@ pub struct CohortLaw {
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct CohortErrors {
-    /// Root mean square (µm) over the scored cycles of all records; `None` where none is held out.
+    /// Root mean square error over the held-out cycles of all records, in µm; `None` if no cycle is held out.
     pub rmse_heldout_um: Option<f64>,
 }
 
-/// How p was found.
+/// Simulations behind p.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct CohortSimulations {
-    /// Simulated records of each record.
+    /// Number of simulations of each record.
     pub of_each_record: usize,
-    /// Cohorts that were made of them.
+    /// Number of cohorts composed of simulated records.
     pub cohorts: usize,
-    /// The gain on fitted and last cycles together (nats) that 95 of 100 of them stay below; `None` without any.
+    /// Gain on fitted and last cycles together, in nats, that 95 % of the simulated cohorts stay below; `None` without simulations.
     pub threshold_nats: Option<f64>,
 }

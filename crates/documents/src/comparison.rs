@@ -1,4 +1,4 @@
-//! The document of `compare` (formats §5, `vitreo-uq/comparison/1`).
+//! Document of `compare` (formats §5, `vitreo-uq/comparison/1`).
 
 use serde::{Deserialize, Serialize};
 
@@ -8,100 +8,100 @@ use serde::{Deserialize, Serialize};
 pub struct Comparison {
     /// Specimen identifier.
     pub experiment: String,
-    /// Effects of the model that is looked at.
+    /// Effects of the compared model.
     pub effects: Vec<String>,
     /// Cycles that the model was fitted to.
     pub fitted_cycles: Vec<u32>,
-    /// The cycle that was scored, if there is one.
+    /// The scored held-out cycle; empty if no cycle is held out.
     pub heldout_cycles: Vec<u32>,
-    /// Rows (from 0) that were left out as outliers.
+    /// Rows (from 0) left out as outliers.
     pub outlier_rows: Vec<usize>,
-    /// Root mean square error of the fitted cycles, in µm: of the model's posterior, as `extend` and `ladder` show it.
+    /// Root mean square error of the fitted cycles, in µm, for the model's posterior as in `extend` and `ladder`.
     pub rmse_fitted_um: f64,
-    /// Of the scored cycle, in µm.
+    /// Root mean square error of the scored cycle, in µm.
     pub rmse_heldout_um: Option<f64>,
-    /// The noise that errors are measured against, known or estimated, in µm; `None` where it is unknown.
+    /// Known or estimated noise that errors are compared with, in µm; `None` if it is unknown.
     pub noise_um: Option<f64>,
-    /// All in all, in plain words.
+    /// Summary as a sentence.
     pub sentence: String,
-    /// Where the model fails, clearest first; what only echoes another finding comes after those.
+    /// Findings, clearest first. Explained findings come last.
     pub findings: Vec<Finding>,
-    /// Every look.
+    /// Every test.
     pub panels: Vec<PanelEntry>,
-    /// Looks that have no meaning in this experiment.
+    /// Tests that do not apply to this experiment.
     pub left_out: Vec<LeftOutEntry>,
-    /// Records that were simulated to correct the looks together.
+    /// Number of simulated records that correct the tests' p values jointly.
     pub simulated_records: usize,
 }
 
-/// A place where the model fails.
+/// A misfit that a test has found.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct Finding {
-    /// Stable name of the look.
+    /// Stable name of the test.
     #[serde(rename = "where")]
     pub place: String,
-    /// In plain words.
+    /// Finding as a sentence.
     pub sentence: String,
-    /// Size of the fitted bias where it is clearest, or its root mean square where no single place is clear, in µm; `None` for `runs` and
-    /// `autocorrelation`, which have none.
+    /// Size of the fitted bias where it is clearest, in µm; its root mean square if no single column is clear. `None` for `runs` and `autocorrelation`, which
+    /// have no bias.
     pub size_um: Option<f64>,
-    /// Its standard error, in µm; `None` for a root mean square.
+    /// Standard error of the size, in µm; `None` for a root mean square.
     pub size_sd_um: Option<f64>,
-    /// The finding whose bias leaves little of this one: both show the same misfit.
+    /// The finding that explains this one. After correction for its bias, little of this finding remains: both show the same misfit.
     pub echo_of: Option<String>,
-    /// p corrected for all looks.
+    /// p corrected for all tests.
     pub p_familywise: f64,
 }
 
-/// One look.
+/// One test.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct PanelEntry {
-    /// Stable name.
+    /// Stable name of the test.
     #[serde(rename = "where")]
     pub place: String,
-    /// What its bars stand over.
+    /// Title of the test's axis.
     pub title: String,
-    /// Whether positive biases are along force or motion rather than along the axis.
+    /// True if positive biases point along the force or motion instead of along the axis.
     pub is_along_force: bool,
-    /// Gain in log likelihood of its columns, noise estimated anew; for `runs` and `autocorrelation` half their χ² statistic.
+    /// Gain in log likelihood by the test's columns, with noise estimated anew. For `runs` and `autocorrelation`: half of their χ² statistic.
     pub gain_nats: f64,
-    /// What noise alone would gain, on average.
+    /// Mean gain by noise alone.
     pub gain_by_chance_nats: f64,
-    /// Root mean square of the bias that its columns describe, over the fitted rows, in µm; `None` for `runs` and `autocorrelation`.
+    /// Root mean square of the columns' bias over the fitted rows, in µm; `None` for `runs` and `autocorrelation`.
     pub rms_um: Option<f64>,
-    /// p of this look alone.
+    /// p of this test alone.
     pub p: f64,
-    /// p corrected for all looks.
+    /// p corrected for all tests.
     pub p_familywise: f64,
-    /// Biases in µm; for `runs` a standard score, for `autocorrelation` correlations.
+    /// Biases, in µm. For `runs`: a standard score; for `autocorrelation`: correlations.
     pub bars: Vec<Bar>,
 }
 
-/// The bias in one column of a look.
+/// Bias in one column of a test.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct Bar {
     /// Short name.
     pub label: String,
-    /// Where it is, as the end of a sentence.
+    /// Place of the column, as the end of a sentence.
     pub phrase: String,
-    /// From and to, in s after a force step, where that is what it is about.
+    /// Start and end of the column, in s after a force step; `None` if the test is not about time since a force step.
     pub lag_s: Option<[f64; 2]>,
-    /// What the measurement has beyond the model, in µm at the column's largest.
+    /// Measurement minus model, in µm, at the column's largest value.
     pub bias_um: f64,
-    /// Its standard error.
+    /// Standard error of the bias, in µm.
     pub sd_um: f64,
 }
 
-/// A look that was left out.
+/// A test that was left out.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct LeftOutEntry {
-    /// Stable name.
+    /// Stable name of the test.
     #[serde(rename = "where")]
     pub place: String,
-    /// Why.
+    /// Reason why it was left out.
     pub reason: String,
 }

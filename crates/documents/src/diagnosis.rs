@@ -1,4 +1,4 @@
-//! The document of `diagnose` (formats §5, `vitreo-uq/diagnosis/1`).
+//! Document of `diagnose` (formats §5, `vitreo-uq/diagnosis/1`).
 
 use serde::{Deserialize, Serialize};
 
@@ -8,47 +8,47 @@ use serde::{Deserialize, Serialize};
 pub struct Diagnosis {
     /// Specimen identifier.
     pub experiment: String,
-    /// What is concluded.
+    /// Verdict of the diagnosis.
     pub verdict: Verdict,
     /// Cycles that every model was fitted to.
     pub fitted_cycles: Vec<u32>,
-    /// The cycle that was scored, if there is one.
+    /// The scored held-out cycle; empty if no cycle is held out.
     pub heldout_cycles: Vec<u32>,
-    /// The base model's errors.
+    /// Errors of the base model.
     pub base: BaseErrors,
-    /// Errors of the model with the effects of the verdict; `None` when it names none.
+    /// Errors of the model with the verdict's effects; `None` if the verdict names no effect.
     pub extended: Option<Errors>,
-    /// The noise that the search learnt beside the best model, white and slow together, in µm; it may hold a misfit.
+    /// Noise of the best model in the search, white and slow together, in µm. It may contain a misfit.
     pub search_noise_um: f64,
-    /// Every effect of the library.
+    /// Every effect of the library, as a candidate effect.
     pub candidates: Vec<CandidateEntry>,
     /// Pairs of effects that were refitted, best first.
     pub pairs: Vec<PairEntry>,
-    /// Effects of which this experiment shows next to nothing.
+    /// Effects that this experiment hardly shows.
     pub blind_spots: Vec<String>,
-    /// The smallest size of each effect that would have been seen.
+    /// Smallest detectable size of each effect.
     pub smallest_detectable: Vec<SmallestDetectable>,
-    /// A change of the protocol that would separate what this experiment cannot; empty when there is nothing to separate.
+    /// Change of the protocol that would separate the equivalent effects; empty if there are none.
     pub separating_protocol: String,
-    /// What the noise was learnt to be, three ways, and whether they agree.
+    /// Noise estimates by several methods, with a statement on their agreement.
     pub noise: Vec<NoiseEstimate>,
-    /// Structure that no effect of the library explains.
+    /// Misfits that no effect of the library explains.
     pub unexplained: Vec<UnexplainedEntry>,
-    /// What it amounts to and adds to predictions; `None` where nothing is unexplained, or nobody asked.
+    /// All unexplained misfits together and their share of the predictive noise. `None` if nothing is unexplained or if this was not requested.
     pub discrepancy: Option<DiscrepancyEntry>,
-    /// Rows (from 0) that were left out as outliers.
+    /// Rows (from 0) left out as outliers.
     pub outlier_rows: Vec<usize>,
-    /// What a reader should know besides.
+    /// Further remarks for the reader.
     pub remarks: Vec<String>,
 }
 
-/// Share by which an error has to fall to be seen.
+/// Smallest relative fall of an error that counts.
 const LEAST_FALL: f64 = 0.01;
-/// p above which a gain is no more than chance makes.
+/// Largest p at which a gain is not attributed to chance.
 const CHANCE_P: f64 = 0.05;
 
 impl Diagnosis {
-    /// Standing of a candidate in words, beside what the verdict says; empty where there is nothing to say.
+    /// Status of a candidate in words, given the verdict.
     pub fn standing(&self, candidate: &CandidateEntry) -> &'static str {
         let (kind, is_named) = (self.verdict.kind, self.verdict.effects.contains(&candidate.effect));
         let is_chance = candidate.refit.is_none() || candidate.p_familywise > CHANCE_P;
@@ -61,11 +61,11 @@ impl Diagnosis {
             Status::Unsupported if is_chance => "no more than chance",
             Status::Unsupported if kind == VerdictKind::Missing => "weaker than the claim",
             Status::Unsupported if !self.verdict.effects.is_empty() => "helps less",
-            Status::Unsupported => "not what is left",
+            Status::Unsupported => "helps too little",
         }
     }
 
-    /// Which effects gain likelihood beyond chance although the error on the scored cycle does not fall with them; `None` where there are none.
+    /// Sentence on effects that gain likelihood beyond chance without lowering the scored cycle's error; `None` if there are none.
     pub fn gains_without_error(&self) -> Option<String> {
         let before_um = self.base.rmse_heldout_um?;
         let is_so = |own: &&CandidateEntry| {
@@ -83,7 +83,7 @@ impl Diagnosis {
     }
 }
 
-/// Effects that cannot be looked for, each reason once, in the order in which reasons come.
+/// Effects that cannot be searched for, grouped by reason. Reasons keep the order of their first occurrence.
 pub fn by_reason<'a>(effects: impl Iterator<Item = (&'a str, Option<&'a str>)>) -> Vec<(&'a str, Vec<&'a str>)> {
     let mut reasons: Vec<(&str, Vec<&str>)> = Vec::new();
     for (effect, refused) in effects {
@@ -96,21 +96,21 @@ pub fn by_reason<'a>(effects: impl Iterator<Item = (&'a str, Option<&'a str>)>) 
     reasons
 }
 
-/// The conclusion.
+/// Verdict of a diagnosis.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct Verdict {
-    /// Of which kind it is.
+    /// Kind of verdict.
     pub kind: VerdictKind,
-    /// Effects that are needed, or, of an unexplained misfit, what helps without being enough.
+    /// Effects that are needed. For an unexplained misfit: effects that help without being sufficient.
     pub effects: Vec<String>,
-    /// Effects that this experiment cannot tell from those.
+    /// Effects that this experiment cannot distinguish from the verdict's effects.
     pub equivalent: Vec<String>,
-    /// In plain words.
+    /// Verdict as a sentence.
     pub sentence: String,
 }
 
-/// Kinds of conclusion.
+/// Kinds of verdicts.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 #[serde(rename_all = "lowercase")]
@@ -119,109 +119,109 @@ pub enum VerdictKind {
     Missing,
     /// The model explains the data down to the noise.
     None,
-    /// It does not, and no effect is claimed: what is named helps most, and is not the cause.
+    /// The model does not explain the data, and no effect is claimed. A named effect helps most but is not the cause.
     Unexplained,
 }
 
-/// Errors of the base model: of its posterior, as `extend` and `ladder` show them.
+/// Errors of the base model's posterior, as in `extend` and `ladder`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct BaseErrors {
     /// Root mean square error of the fitted cycles, in µm.
     pub rmse_fitted_um: f64,
-    /// Of the scored cycle.
+    /// Root mean square error of the scored cycle, in µm.
     pub rmse_heldout_um: Option<f64>,
-    /// The noise that errors are measured against, known or estimated, in µm; `None` where it is unknown.
+    /// Known or estimated noise that errors are compared with, in µm; `None` if it is unknown.
     pub noise_um: Option<f64>,
 }
 
-/// Errors of another model: of its best fit with the study's own noise terms, close to those that `extend` finds.
+/// Errors of another model's best fit with the study's own noise terms. They are close to the errors of `extend`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct Errors {
     /// Root mean square error of the fitted cycles, in µm.
     pub rmse_fitted_um: f64,
-    /// Of the scored cycle.
+    /// Root mean square error of the scored cycle, in µm.
     pub rmse_heldout_um: Option<f64>,
-    /// Total predictive noise of the scored cycle, in µm: root mean square standard deviation of the noise as it was fitted, and of what uncertain parameters
-    /// add. Nothing else is in it, so that an error above it is a misfit.
+    /// Predictive noise of the scored cycle, in µm: root mean square standard deviation of fitted noise and parameter uncertainty together. It contains nothing
+    /// else, so an error above it is a misfit.
     pub predictive_noise_um: Option<f64>,
 }
 
-/// Standing of a candidate.
+/// Status of a candidate effect.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 #[serde(rename_all = "lowercase")]
 pub enum Status {
-    /// Part of the verdict.
+    /// Claimed by the verdict.
     Claimed,
-    /// Cannot be told from what is claimed.
+    /// Not distinguishable from a claimed effect.
     Equivalent,
-    /// Gains, but not enough to be claimed; or helps a model that stays wrong with it.
+    /// Gains too little to be claimed, or helps a model that remains wrong with it.
     Suggestive,
-    /// Gains nothing worth a word, or less than what stands in its place.
+    /// Gains hardly any likelihood, or less than a competing effect.
     Unsupported,
-    /// Does not show in this experiment, or cannot be added to this model.
+    /// Not detectable in this experiment, or cannot be added to this model.
     Invisible,
 }
 
-/// One effect.
+/// One candidate effect.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct CandidateEntry {
-    /// Slug.
+    /// Slug of the effect.
     pub effect: String,
-    /// Standing.
+    /// Status of the effect.
     pub status: Status,
-    /// Score in standard deviations, averaged over posterior draws; the largest over what is unidentified at the null.
+    /// Score in standard deviations, averaged over posterior draws. It is the largest over parameters that are unidentified at the null.
     pub z: f64,
     /// p of the refit's gain, corrected for the whole search by bootstrap.
     pub p_familywise: f64,
-    /// Share of its signature that the base model cannot absorb.
+    /// Share of the effect's signature that the base model cannot absorb.
     pub visible_fraction: f64,
-    /// Value of its first parameter that the score expects.
+    /// Value of the effect's first parameter that the score predicts.
     pub expected_parameter: Option<f64>,
-    /// The refit; `None` where the effect cannot be added.
+    /// Refit with the effect; `None` if the effect cannot be added.
     pub refit: Option<Refit>,
-    /// Effects of nearly the same shape here.
+    /// Effects with nearly equal signatures in this experiment.
     pub twins: Vec<String>,
-    /// Why it cannot be added, if it cannot.
+    /// Reason why the effect cannot be added; `None` if it can.
     pub refused: Option<String>,
 }
 
-/// A refit with an effect.
+/// Refit of the model with an effect.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct Refit {
-    /// Gain in log likelihood over the base, noise estimated anew for both.
+    /// Gain in log likelihood over the base model, with noise estimated anew for both.
     pub gain_nats: f64,
-    /// Gain in the log score of future cycles, each predicted from those before it.
+    /// Gain in the log score of later cycles, each predicted from the cycles before it.
     pub heldout_gain_nats: Option<f64>,
-    /// The part of it that the last cycle gives.
+    /// Part of the log score gain that comes from the last cycle.
     pub last_cycle_gain_nats: Option<f64>,
     /// Root mean square error of the scored cycle, as in [`Errors`].
     pub rmse_heldout_um: Option<f64>,
-    /// Largest change of the predicted positions against the base's refit, over the noise.
+    /// Largest change of the predicted positions from the base model's refit, divided by the noise.
     pub largest_change: f64,
-    /// Log Bayes factor over the base; `None` where the refit gains too little to be worth the computation, or cannot come near the best.
+    /// Log Bayes factor over the base model. `None` if the refit gains too little, or if it cannot come near the best effect.
     pub log_bayes_factor: Option<f64>,
-    /// What it stays below where it is not computed because it cannot come near the best.
+    /// Upper bound of the log Bayes factor if it is not computed because the effect cannot come near the best one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub log_bayes_factor_at_most: Option<f64>,
     /// Parameters of the effect.
     pub parameters: Vec<RefitParameter>,
-    /// The answers that the posterior gives where it gives more than one, the likelier first; `parameters` is over all of them.
+    /// Modes of the posterior if it has several, the most probable first. `parameters` averages over all of them.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub answers: Vec<Answer>,
 }
 
-/// One answer of a posterior that gives several: a part of it, with a valley between it and the rest.
+/// One of several modes of a posterior, separated from the others by a valley.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct Answer {
-    /// Its share of the posterior.
+    /// Share of the posterior in this mode.
     pub probability: f64,
-    /// Parameters, given that it is this one.
+    /// Parameters within this mode.
     pub parameters: Vec<RefitParameter>,
 }
 
@@ -229,7 +229,7 @@ pub struct Answer {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct RefitParameter {
-    /// Name.
+    /// Name of the parameter.
     pub name: String,
     /// Posterior mean.
     pub mean: f64,
@@ -239,74 +239,74 @@ pub struct RefitParameter {
     pub q95: f64,
 }
 
-/// A pair of effects.
+/// A refitted pair of effects.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct PairEntry {
-    /// Slugs.
+    /// Slugs of the two effects.
     pub effects: Vec<String>,
-    /// Gain over the base.
+    /// Gain in log likelihood over the base model.
     pub gain_nats: f64,
-    /// Gain in the log score of future cycles over the base.
+    /// Gain in the log score of later cycles over the base model.
     pub heldout_gain_nats: Option<f64>,
 }
 
-/// The smallest size of an effect that would have been seen.
+/// Smallest detectable size of an effect.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct SmallestDetectable {
-    /// Slug.
+    /// Slug of the effect.
     pub effect: String,
-    /// Value of its first parameter; `None` where none inside the prior's range would.
+    /// Value of the effect's first parameter; `None` if no value in the prior's range is detectable.
     pub parameter: Option<f64>,
 }
 
-/// The noise, as one way of learning shows it.
+/// Noise estimate by one method.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct NoiseEstimate {
-    /// How it was learnt: `rest records`, `short-lag differences`, `cycle-to-cycle differences` or `restricted maximum likelihood`.
+    /// Method: `rest records`, `short-lag differences`, `cycle-to-cycle differences` or `restricted maximum likelihood`.
     pub from: String,
-    /// Standard deviation of one position, in µm; `None` where the record does not allow it.
+    /// Standard deviation of one position, in µm; `None` if the record does not allow the estimate.
     pub sd_um: Option<f64>,
-    /// Standard error of it, in µm.
+    /// Standard error of `sd_um`, in µm.
     pub standard_error_um: Option<f64>,
-    /// Source, estimate and unit in plain words, and what does not show in it.
+    /// Sentence with source, estimate, unit and the noise components that the method cannot see.
     pub text: String,
 }
 
-/// Structure that no effect of the library explains.
+/// A misfit that no effect of the library explains.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct UnexplainedEntry {
     /// `slip`, `vibration`, `backlash`, `cycle-locked`, …
     pub kind: String,
-    /// In plain words: what, when, how large.
+    /// Sentence on kind, time and size.
     pub sentence: String,
-    /// Gain in log likelihood over the model that it was looked for in.
+    /// Gain in log likelihood over the model without this structure.
     pub gain_nats: f64,
-    /// p corrected for all that was looked for.
+    /// p corrected for all structures that were searched for.
     pub p_familywise: f64,
     /// Root mean square, in µm.
     pub size_um: f64,
 }
 
-/// What no effect of the library explains, all of it together.
+/// All unexplained misfits together, as one discrepancy term.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct DiscrepancyEntry {
-    /// Along what it was found: `time`, `cycle_phase`, `time_since_step`, `force` or `position`.
+    /// Axis along which it was found: `time`, `cycle_phase`, `time_since_step`, `force` or `position`.
     pub axis: String,
-    /// In plain words: what and where.
+    /// Sentence on kind and place.
     pub sentence: String,
-    /// Root mean square over the fitted rows, in µm, of what the model's parameters cannot absorb.
+    /// Root mean square over the fitted rows, in µm, of the part that the model's parameters cannot absorb.
     pub size_um: f64,
-    /// p corrected for all that was looked for.
+    /// p corrected for all structures that were searched for.
     pub p_familywise: f64,
-    /// Predictive noise, in µm, beside it: root mean square standard deviation of the learnt noise and of what uncertain parameters add, in the scored
-    /// cycle, or where none is in the fitted ones.
+    /// Predictive noise without the discrepancy, in µm: root mean square standard deviation of learnt noise and parameter uncertainty. It refers to the scored
+    /// cycle, or to the fitted cycles if none is scored.
     pub predictive_noise_um: f64,
-    /// The same when it may come again, at any phase and with either sign.
+    /// Predictive noise, in µm, if the discrepancy may recur at any phase and with either sign.
     pub predictive_noise_with_discrepancy_um: f64,
 }
 

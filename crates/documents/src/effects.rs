@@ -1,4 +1,4 @@
-//! The document of `effects` (formats §5, `vitreo-uq/effects/1`).
+//! Document of `effects` (formats §5, `vitreo-uq/effects/1`).
 
 use serde::{Deserialize, Serialize};
 
@@ -12,9 +12,9 @@ pub struct EffectsSummary {
     pub experiment: String,
     /// The model that effects would be added to.
     pub model: ModelSummary,
-    /// Noise (µm) at which visibility was computed.
+    /// Noise standard deviation at which detectability is computed, in µm.
     pub noise_um: f64,
-    /// The library.
+    /// Every effect of the library.
     pub effects: Vec<EffectEntry>,
 }
 
@@ -26,20 +26,20 @@ pub struct EffectEntry {
     pub slug: String,
     /// `load`, `mechanics` or `observation`.
     pub stage: String,
-    /// What it adds.
+    /// The mechanism that the effect adds.
     pub summary: String,
-    /// Its equation.
+    /// Equation of the effect.
     pub equation: String,
-    /// Its parameters.
+    /// Parameters of the effect.
     pub parameters: Vec<ParameterEntry>,
-    /// Share of its signature, in squared units of the white noise, that neither the base model nor the other noise can absorb; the largest over
-    /// parameters that mean nothing at the null. `None` where the effect cannot be added.
+    /// Share of the effect's signature that neither the base model nor the other noise terms can absorb, in squared units of the white noise. It is the largest
+    /// over parameters that are unidentified at the null; `None` if the effect cannot be added.
     pub visible_fraction: Option<f64>,
-    /// Standard error with which this experiment would know the first parameter near its null, in that parameter's unit.
+    /// Standard error of the first parameter near its null in this experiment, in that parameter's unit.
     pub standard_error: Option<f64>,
-    /// Effects whose visible part has the same shape: to first order only the support's sign tells them apart.
+    /// Effects whose visible part has the same shape. To first order, only the sign of the support distinguishes them.
     pub twins: Vec<String>,
-    /// Why the effect cannot be added here, if it cannot.
+    /// Reason why the effect cannot be added here; `None` if it can.
     pub refused: Option<String>,
 }
 
@@ -53,9 +53,9 @@ pub struct ParameterEntry {
     pub symbol: String,
     /// Unit.
     pub unit: String,
-    /// Ends of the support; `None` for an infinite one.
+    /// Lower and upper end of the support; `None` for an infinite end.
     pub support: [Option<f64>; 2],
-    /// Value at which the effect is not there; `None` where the parameter means nothing then.
+    /// Value at which the effect vanishes; `None` if the parameter is unidentified at the null.
     pub null: Option<f64>,
     /// Default prior for this experiment.
     pub prior: String,

@@ -1,4 +1,4 @@
-//! The document of `extend` (formats §5, `vitreo-uq/extension/1`).
+//! Document of `extend` (formats §5, `vitreo-uq/extension/1`).
 
 use serde::{Deserialize, Serialize};
 
@@ -13,94 +13,94 @@ use super::trust::Trust;
 pub struct ExtensionSummary {
     /// Specimen identifier.
     pub experiment: String,
-    /// The revision that was written.
+    /// The new revision.
     pub revision: String,
-    /// The revision that was extended.
+    /// The extended revision.
     pub from: String,
-    /// The effects that were added.
+    /// The added effects.
     pub effects: Vec<String>,
-    /// The whole model.
+    /// The whole extended model.
     pub model: ModelSummary,
     /// Cycles that both models were fitted to.
     pub fitted_cycles: Vec<u32>,
-    /// Cycles that both models are scored on.
+    /// Held-out cycles that both models are scored on.
     pub heldout_cycles: Vec<u32>,
-    /// The noise that misfits are measured against, in µm.
+    /// Noise that errors are compared with, in µm.
     pub noise_um: Option<f64>,
-    /// The model without the added effects.
+    /// Errors of the model without the added effects.
     pub before: ModelErrors,
-    /// The model with them.
+    /// Errors of the model with the added effects.
     pub after: ModelErrors,
     /// Posterior of the extended model's parameters.
     pub parameters: Vec<ParameterSummary>,
-    /// Whether both posteriors have converged.
+    /// True if both posteriors have converged.
     pub converged: bool,
-    /// Answers that the posterior gives for a parameter of the added effects, the likelier first; empty where it gives one.
+    /// Modes of the posterior that differ in a parameter of the added effects, the most probable first; empty for a single mode.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub answers: Vec<ExtensionAnswer>,
-    /// For the added effects and those of earlier revisions: what their diagnosis could not tell from them.
+    /// Effects that the diagnoses could not distinguish from the added effects and from those of earlier revisions.
     #[serde(default)]
     pub equivalents: Vec<EquivalentEffects>,
-    /// What the figures say.
+    /// Summary of the figures, as a sentence.
     pub sentence: String,
-    /// How far the extended model can be trusted, and why.
+    /// Trust in the extended model, with the reason.
     #[serde(default)]
     pub trust: Trust,
-    /// What the user should know of the extended model.
+    /// Warnings on the extended model.
     pub warnings: Vec<Warning>,
 }
 
-/// One of several answers: a part of the posterior, with a valley between it and the rest.
+/// One of several modes of a posterior, separated from the others by a valley.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct ExtensionAnswer {
-    /// The parameter that the answers differ in.
+    /// The parameter that the modes differ in.
     pub parameter: String,
-    /// Share of the posterior.
+    /// Share of the posterior in this mode.
     pub probability: f64,
-    /// Mean of the parameter, given that it is this answer.
+    /// Mean of the parameter within this mode.
     pub mean: f64,
-    /// 5 % quantile, likewise.
+    /// 5 % quantile within this mode.
     pub q05: f64,
-    /// 95 % quantile, likewise.
+    /// 95 % quantile within this mode.
     pub q95: f64,
 }
 
-/// Effects of a model, with those that the diagnosis before they were added could not tell from them.
+/// Effects of a model, with the equivalent effects that the preceding diagnosis reported.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct EquivalentEffects {
     /// The revision that added the effects.
     pub revision: String,
-    /// The effects that were added.
+    /// The added effects.
     pub effects: Vec<String>,
-    /// Effects that may stand for them, or for one of them where there are several; empty where there is none.
+    /// Equivalent effects that may replace the added effects, or one of them if several were added; empty if there are none.
     pub rivals: Vec<String>,
-    /// The revision whose diagnosis says so; `None` where no diagnosis claimed the effects before, so that their rivals were not tested.
+    /// The revision whose diagnosis reports the rivals. `None` if no diagnosis claimed the effects before, so that their rivals were not tested.
     pub diagnosis_of: Option<String>,
-    /// Refits of that diagnosis: of every effect, then of every rival. Empty where there is no rival.
+    /// Refits by the diagnosis for every effect, then for every rival; empty without a rival.
     pub refits: Vec<EquivalentRefit>,
 }
 
-/// A refit with one of several equivalent effects.
+/// Refit with one of several equivalent effects.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct EquivalentRefit {
     /// Slug of the effect.
     pub effect: String,
-    /// Root mean square error on the scored cycle, in µm; `None` where none is held out.
+    /// Root mean square error on the scored cycle, in µm; `None` if no cycle is held out.
     pub rmse_heldout_um: Option<f64>,
     /// Parameters of the effect.
     pub parameters: Vec<RefitParameter>,
 }
 
 impl EquivalentEffects {
-    /// "or: a, b", as it stands beside the effects' names; `None` without rivals.
+    /// Text "or: a, b" beside the effects' names; `None` without rivals.
     pub fn alternative(&self) -> Option<String> {
         (!self.rivals.is_empty()).then(|| format!("or: {}", self.rivals.join(", ")))
     }
 
-    /// What a reader must know of the effects' names; `None` where the diagnosis found no rival.
+    /// Sentence on the effects' rivals; `None` if the diagnosis found no rival.
     pub fn sentence(&self) -> Option<String> {
         let names = self.effects.join(" and ");
         match &self.diagnosis_of {
@@ -119,7 +119,7 @@ impl EquivalentEffects {
 }
 
 impl ExtensionSummary {
-    /// Whether the result is sound (exit code 0).
+    /// True if the result is sound (exit code 0).
     pub fn is_sound(&self) -> bool {
         self.converged && self.trust.is_sound()
     }

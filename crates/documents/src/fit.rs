@@ -1,4 +1,4 @@
-//! The document of `fit` (formats §5, `vitreo-uq/fit/1`).
+//! Document of `fit` (formats §5, `vitreo-uq/fit/1`).
 
 use std::collections::BTreeMap;
 
@@ -15,43 +15,42 @@ pub struct FitSummary {
     pub experiment: String,
     /// The model.
     pub model: ModelSummary,
-    /// Parameters held at a value, in the unit of their name.
+    /// Fixed parameters and their values, each in the unit of its name.
     pub fixed: BTreeMap<String, f64>,
-    /// One entry an estimated parameter.
+    /// Estimated parameters.
     pub parameters: Vec<FittedParameter>,
     /// Sum of squared residuals, in m².
     pub objective_m2: f64,
-    /// Root mean square residual of the fitted positions, in µm: the estimate of the noise.
+    /// Root mean square residual of the fitted positions, in µm. It estimates the noise.
     pub rmse_um: f64,
-    /// Root mean square misfit of the held-out cycles, predicted by the estimate, in µm; `None` where no cycle is held out.
+    /// Root mean square residual of the held-out cycles, predicted with the estimate, in µm; `None` if no cycle is held out.
     #[serde(default)]
     pub rmse_heldout_um: Option<f64>,
-    /// Positions that were fitted.
+    /// Number of fitted positions.
     pub fitted_positions: usize,
-    /// The noise that the misfit is measured against, in µm.
+    /// Noise that the residual is compared with, in µm.
     pub noise_um: Option<f64>,
-    /// Steps tried from the start that led to the estimate.
+    /// Number of steps tried from the start that led to the estimate.
     pub iterations: usize,
-    /// Whether both of the paper's tolerances were met, inside the prior's range.
+    /// True if both of the paper's tolerances are met inside the prior's range.
     pub converged: bool,
-    /// Starts that were searched from.
+    /// Number of starts.
     pub starts: usize,
-    /// Starts that led to this same minimum.
+    /// Number of starts that led to this minimum.
     pub starts_agreeing: usize,
-    /// Largest distance of the reduced from the full finite-element trajectory at the estimate, over the whole record, in µm; `None`
-    /// for an instrument.
+    /// Largest distance of the surrogate from the full-order trajectory at the estimate, over the whole record, in µm; `None` for an instrument.
     pub surrogate_vs_fe_max_um: Option<f64>,
-    /// Displacement that the mesh's error makes, in µm; `None` where it is not known.
+    /// Error of the displacement due to the mesh, in µm; `None` if it is unknown.
     pub fe_discretisation_um: Option<f64>,
-    /// How far the result can be trusted, and why.
+    /// Trust in the result, with the reason.
     #[serde(default)]
     pub trust: Trust,
-    /// What the user should know.
+    /// Warnings for the user.
     pub warnings: Vec<Warning>,
 }
 
 impl FitSummary {
-    /// Whether the result is sound (exit code 0).
+    /// True if the result is sound (exit code 0).
     pub fn is_sound(&self) -> bool {
         self.trust.is_sound()
     }

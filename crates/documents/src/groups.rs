@@ -1,61 +1,61 @@
-//! The document of `groups` (formats §5, `vitreo-uq/groups/1`).
+//! Document of `groups` (formats §5, `vitreo-uq/groups/1`).
 
 use serde::{Deserialize, Serialize};
 
 use super::posterior::Warning;
 
-/// Body of `vitreo-uq/groups/1`. Ratios are of groups' typical (median) specimens.
+/// Body of `vitreo-uq/groups/1`. Ratios compare the groups' typical (median) specimens.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct GroupsSummary {
-    /// What groups were formed by.
+    /// Keys that define the groups.
     pub by: Vec<String>,
-    /// Ratios within 1 + margin of 1 are no difference in practice.
+    /// Margin of practical equivalence: ratios within 1 + margin of 1 count as no difference.
     pub margin: f64,
     /// The base law whose parameters are compared.
     pub law: String,
-    /// Effects of any model.
+    /// Effects that occur in any specimen's model.
     pub effects: Vec<String>,
-    /// Degrees of freedom of specimens' scatter; `None` for normal.
+    /// Degrees of freedom of the specimens' Student t distribution; `None` for a normal distribution.
     pub student_dof: Option<f64>,
-    /// What differs, what does not and what is open, a sentence a parameter.
+    /// Sentences on differences, equivalences and open questions, one for each parameter.
     pub sentences: Vec<String>,
-    /// Every group; those without specimens are predicted from the others.
+    /// Every group. Groups without specimens are predicted from the other groups.
     pub groups: Vec<GroupSummary>,
-    /// Every pair of measured groups in every parameter.
+    /// Comparisons of all pairs of measured groups in every parameter.
     pub contrasts: Vec<ContrastSummary>,
-    /// Every specimen in every group in which it was measured.
+    /// Every specimen in each group in which it was measured.
     pub specimens: Vec<SpecimenSummary>,
-    /// Specimens, each counted once.
+    /// Number of distinct specimens.
     pub n_specimens: usize,
     /// Every experiment.
     pub experiments: Vec<ExperimentSummary>,
-    /// Spread of repeats of one specimen in the logarithm or the log-odds, a parameter each; `None` without repeats.
+    /// Standard deviation between repeats of one specimen, in the logarithm or log-odds, for each parameter; `None` without repeats.
     pub within_specimen_log_sd: Option<Vec<IntervalSummary>>,
-    /// Predicted creep; `None` where not all of the law's parameters are compared.
+    /// Predicted creep compliance; `None` unless all of the law's parameters are compared.
     pub creep: Option<CreepSummary>,
-    /// Values of the literature, to look at beside: they are no data here.
+    /// Published values for comparison. They are not used as data.
     pub published: Vec<Published>,
-    /// How the population was sampled.
+    /// Statistics of the population's sampler.
     pub sampler: PopulationSampler,
-    /// Whether the draws have converged.
+    /// True if the draws have converged.
     pub converged: bool,
-    /// What the user should know.
+    /// Warnings for the user.
     pub warnings: Vec<Warning>,
 }
 
 impl GroupsSummary {
-    /// Whether the result is sound (exit code 0).
+    /// True if the result is sound (exit code 0).
     pub fn is_sound(&self) -> bool {
         self.converged && !self.warnings.iter().any(|warning| warning.kind.is_fatal())
     }
 }
 
-/// Median and central 90 % of a quantity.
+/// Median and central 90 % interval of a quantity.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct IntervalSummary {
-    /// The parameter that it belongs to.
+    /// Parameter that the quantity belongs to.
     pub name: String,
     /// Median.
     pub median: f64,
@@ -71,13 +71,13 @@ pub struct IntervalSummary {
 pub struct GroupSummary {
     /// Levels of the keys, joined by a comma.
     pub name: String,
-    /// Specimens that were measured.
+    /// Number of measured specimens.
     pub specimens: usize,
-    /// Experiments.
+    /// Number of experiments.
     pub experiments: usize,
-    /// Its typical specimen and how specimens scatter about it.
+    /// Parameters of the group's typical specimen and their variation between specimens.
     pub parameters: Vec<GroupParameter>,
-    /// Correlation between specimens of the parameters on their scales, posterior median, row by row; `None` where nothing was measured.
+    /// Correlation matrix of the parameters between specimens, on the parameters' scales, row by row: posterior median. `None` if nothing was measured.
     pub correlation: Option<Vec<Vec<f64>>>,
 }
 
@@ -93,59 +93,59 @@ pub struct GroupParameter {
     pub q05: f64,
     /// 95 % quantile.
     pub q95: f64,
-    /// Whether specimens scatter in the logarithm or, between two ends, in the log-odds.
+    /// Scale of the variation between specimens: logarithm, or log-odds for a parameter with two ends.
     pub scale: ScaleName,
-    /// Standard deviation between specimens on that scale (the scale parameter, where tails are heavy), posterior median.
+    /// Standard deviation between specimens on this parameter's scale, posterior median; the scale parameter if tails are heavy.
     pub between_specimen_log_sd: f64,
-    /// Its 5 % and 95 % quantiles.
+    /// 5 % and 95 % quantiles of the standard deviation between specimens.
     pub between_specimen_log_sd_90: [f64; 2],
-    /// Central 90 % of a new specimen's value.
+    /// Central 90 % interval of a new specimen's value.
     pub new_specimen_90: [f64; 2],
-    /// How far specimens are drawn together: 0 for not at all, 1 for all to the typical one (Gelman & Pardoe 2006, Technometrics 48:241, eq. 2).
+    /// Pooling factor: 0 if specimens are not drawn together, 1 if all are drawn to the typical one (Gelman & Pardoe 2006, Technometrics 48:241, eq. 2).
     pub pooling: Option<f64>,
 }
 
-/// A ratio of two groups.
+/// Ratio of two groups in one parameter.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct ContrastSummary {
-    /// Parameter.
+    /// Name of the parameter.
     pub parameter: String,
-    /// Group above the line.
+    /// Group in the numerator.
     pub a: String,
-    /// Group below it.
+    /// Group in the denominator.
     pub b: String,
-    /// Median of a's over b's.
+    /// Median of the ratio of a to b.
     pub ratio_median: f64,
     /// 5 % quantile.
     pub q05: f64,
     /// 95 % quantile.
     pub q95: f64,
-    /// Probability that a's is the greater.
+    /// Probability that a is greater than b.
     pub probability_greater: f64,
-    /// Probability that it is greater by more than the margin.
+    /// Probability that a is greater than b by more than the margin.
     pub probability_beyond_margin: f64,
-    /// Probability that it is smaller by more than the margin.
+    /// Probability that a is smaller than b by more than the margin.
     pub probability_below_margin: f64,
-    /// Whether a difference is stated: its sign (all that are stated so are right together with 99.7 %), or that it exceeds the margin (95 %).
+    /// True if a difference is declared: its sign (with probability 99.7 % all declared signs are right), or its excess over the margin (95 %).
     pub is_declared: bool,
-    /// What can be said in view of the margin.
+    /// Verdict on the ratio, given the margin.
     pub verdict: RatioVerdict,
-    /// What it would take to settle it; `None` where it is settled.
+    /// Number of specimens that would settle the question; `None` if it is settled.
     pub more: Option<Plan>,
 }
 
-/// A specimen in a group.
+/// Result of a specimen in a group.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct SpecimenSummary {
-    /// Name.
+    /// Name of the specimen.
     pub name: String,
-    /// Group.
+    /// Name of the group.
     pub group: String,
-    /// Its parameters there.
+    /// Parameters of the specimen in this group.
     pub parameters: Vec<SpecimenParameter>,
-    /// Whether it lies far from its group.
+    /// True if the specimen lies far from its group.
     pub is_outlying: bool,
 }
 
@@ -153,106 +153,106 @@ pub struct SpecimenSummary {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct SpecimenParameter {
-    /// Name.
+    /// Name of the parameter.
     pub name: String,
-    /// From its own measurements and the scatter of repeats in this cohort: 5 %, 50 %, 95 %.
+    /// Quantiles from the specimen's own measurements and the variation of repeats in this cohort: 5 %, 50 %, 95 %.
     pub alone: [f64; 3],
-    /// With what the population says.
+    /// Quantiles after pooling with the population: 5 %, 50 %, 95 %.
     pub pooled: [f64; 3],
 }
 
-/// An experiment.
+/// Result of an experiment.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct ExperimentSummary {
-    /// Name of its directory.
+    /// Name of the experiment's directory.
     pub name: String,
-    /// Specimen.
+    /// Specimen identifier.
     pub specimen: String,
-    /// Group.
+    /// Name of the group.
     pub group: String,
-    /// On its own, each parameter: 5 %, 50 %, 95 %.
+    /// Quantiles of each parameter from this experiment alone: 5 %, 50 %, 95 %.
     pub alone: Vec<[f64; 3]>,
-    /// Misfit on the fitted cycles, in µm.
+    /// Root mean square residual on the fitted cycles, in µm.
     pub rmse_fitted_um: f64,
-    /// Misfit on the cycle that was held out, in µm.
+    /// Root mean square residual on the held-out cycle, in µm.
     pub rmse_heldout_um: Option<f64>,
-    /// Standard deviation of the positions predicted there, root mean square over rows, in µm.
+    /// Standard deviation of the predicted positions on the held-out cycle, root mean square over rows, in µm.
     pub predictive_sd_heldout_um: Option<f64>,
-    /// The noise that misfits are measured against, in µm.
+    /// Noise that residuals are compared with, in µm.
     pub noise_um: Option<f64>,
-    /// Whether its own draws have converged.
+    /// True if the experiment's own draws have converged.
     pub converged: bool,
-    /// Effective number of its draws, weighted to the population.
+    /// Effective number of the experiment's draws after weighting to the population.
     pub effective_draws: f64,
-    /// Whether its likelihood took the draws' place.
+    /// True if the experiment's likelihood was evaluated directly instead of reweighting its draws.
     pub is_exact: bool,
 }
 
-/// Predicted creep.
+/// Predicted creep compliance of all groups.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct CreepSummary {
-    /// Times in s.
+    /// Times, in s.
     pub time_s: Vec<f64>,
-    /// One a group, in their order.
+    /// Predictions for each group, in the groups' order.
     pub groups: Vec<CreepPrediction>,
 }
 
-/// How the population was sampled.
+/// Statistics of the population's sampler.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct PopulationSampler {
-    /// Chains.
+    /// Number of chains.
     pub chains: usize,
-    /// Sweeps of each that count.
+    /// Number of sweeps of each chain after warm-up.
     pub sweeps: usize,
     /// Largest rank-normalised split R̂ of a group's mean or spread.
     pub rhat: f64,
-    /// Smallest effective number of draws of one, bulk or tail.
+    /// Smallest effective number of draws of a group's mean or spread, bulk or tail.
     pub ess: f64,
 }
 
-/// What can be said of a ratio in view of the margin.
+/// Verdict on a ratio, given the margin.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum RatioVerdict {
-    /// Above 1 + margin, with a probability of 95 %.
+    /// Above 1 + margin with probability 95 %.
     Greater,
-    /// Below 1/(1 + margin), with a probability of 95 %.
+    /// Below 1/(1 + margin) with probability 95 %.
     Less,
-    /// Between the two, with a probability of 95 %.
+    /// Between 1/(1 + margin) and 1 + margin with probability 95 %.
     Equivalent,
-    /// None of these.
+    /// None of the other verdicts reaches 95 %.
     Undecided,
 }
 
-/// What to expect of measuring more.
+/// Expected benefit of measuring more specimens.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct Plan {
-    /// Smallest number of new specimens a group that settles the question with a chance of 80 %; `None` if 512 do not.
+    /// Smallest number of new specimens in each group that settles the question with probability 80 %; `None` if 512 are too few.
     pub specimens_per_group: Option<u32>,
-    /// The chance with that number, or with 512.
+    /// Probability of settling the question with `specimens_per_group` specimens, or with 512.
     pub chance: f64,
 }
 
-/// Creep compliance of a group: times, and at each the median and central 90 % of the typical specimen and of a new one.
+/// Creep compliance of a group at each time: median and central 90 % interval of the typical specimen, and that interval of a new specimen.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct CreepPrediction {
     /// Median of the typical specimen's creep compliance, in 1/Pa.
     pub median_per_pa: Vec<f64>,
-    /// Its 5 % quantile.
+    /// 5 % quantile of the typical specimen's creep compliance, in 1/Pa.
     pub typical_q05_per_pa: Vec<f64>,
-    /// Its 95 % quantile.
+    /// 95 % quantile of the typical specimen's creep compliance, in 1/Pa.
     pub typical_q95_per_pa: Vec<f64>,
-    /// 5 % quantile of a new specimen's.
+    /// 5 % quantile of a new specimen's creep compliance, in 1/Pa.
     pub new_specimen_q05_per_pa: Vec<f64>,
-    /// 95 % quantile of a new specimen's.
+    /// 95 % quantile of a new specimen's creep compliance, in 1/Pa.
     pub new_specimen_q95_per_pa: Vec<f64>,
-    /// Share of the draws at which the law has no creep that could be computed, as where a springpot's order is 0 to the last bit; left out.
+    /// Share of draws left out because the law's creep compliance cannot be computed, for example if a springpot's order is 0 within rounding.
     #[serde(default)]
     pub share_left_out: f64,
 }
@@ -261,19 +261,19 @@ pub struct CreepPrediction {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct Published {
-    /// Parameter.
+    /// Name of the parameter.
     pub parameter: String,
     /// Author and year.
     pub source: String,
     /// Species.
     pub species: String,
-    /// The value, in SI.
+    /// Value in SI units.
     pub value: f64,
-    /// What is published and what was derived or assumed.
+    /// Statement of the published quantity and of derived or assumed parts.
     pub statement: String,
 }
 
-/// A scale's name in documents.
+/// Name of a scale in documents.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 #[serde(rename_all = "snake_case")]

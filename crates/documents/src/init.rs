@@ -1,4 +1,4 @@
-//! The document of `init` (formats §5, `vitreo-uq/init/1`).
+//! Document of `init` (formats §5, `vitreo-uq/init/1`).
 
 use serde::{Deserialize, Serialize};
 
@@ -6,24 +6,24 @@ use serde::{Deserialize, Serialize};
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct InitSummary {
-    /// The directory that was written.
+    /// The new directory.
     pub directory: String,
-    /// Directories of the experiments, one a track, where a table of several tracks became a cohort; else empty.
+    /// Directories of the experiments, one for each track, if a table of several tracks became a cohort; otherwise empty.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub experiments: Vec<String>,
-    /// Name of the table in it.
+    /// Name of the table in the directory.
     pub file: String,
-    /// What was understood of the table, one sentence each.
+    /// Decisions on the table's content, one sentence each.
     pub reasons: Vec<String>,
-    /// Columns of time, force, position (or x and y) and, if the table has one, cycle; of an oscillation frequency and moduli.
+    /// Columns of time, force, position (or x and y) and, if present, cycle. For an oscillation: columns of frequency and moduli.
     pub columns: Vec<InitColumn>,
-    /// Other columns, which are kept in the file and not read.
+    /// Other columns. They stay in the file and are not read.
     pub others: Vec<String>,
-    /// Rows.
+    /// Number of rows.
     pub rows: usize,
-    /// Rows without a position.
+    /// Number of rows without a position.
     pub rows_without_position: usize,
-    /// Keys of `experiment.toml` that are left to be filled in.
+    /// Keys of `experiment.toml` that the user must fill in.
     pub unknown: Vec<String>,
 }
 
@@ -31,18 +31,18 @@ pub struct InitSummary {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct InitColumn {
-    /// time, force, position, position_x, position_y or cycle; frequency, storage, loss, modulus or phase.
+    /// Role of the column: time, force, position, position_x, position_y or cycle; frequency, storage, loss, modulus or phase.
     pub role: String,
     /// Name in the header, or `column N`.
     pub name: String,
-    /// Unit, or how times are written; empty for cycles.
+    /// Unit, or format of the times; empty for cycles.
     pub unit: String,
-    /// Smallest and largest value in s, µN and µm; `None` for cycles, for x and y, which become one position, and for oscillations.
+    /// Smallest and largest value, in s, µN or µm. `None` for cycles, for oscillations, and for x and y, which become one position.
     pub range: Option<[f64; 2]>,
 }
 
 impl InitSummary {
-    /// Whether the experiment can be read as it stands.
+    /// True if the experiment can be read without further input.
     pub fn is_complete(&self) -> bool {
         self.unknown.is_empty()
     }

@@ -1,4 +1,4 @@
-//! The document of `sample` on several records of one specimen (formats §5, `vitreo-uq/joint/1`).
+//! Document of `sample` on several records of one specimen (formats §5, `vitreo-uq/joint/1`).
 
 use serde::{Deserialize, Serialize};
 
@@ -8,24 +8,24 @@ use super::posterior::{ModelSummary, ParameterSummary, SamplerSummary, Warning};
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct JointSummary {
-    /// The model, with the noise of every record.
+    /// The model, with the noise terms of every record.
     pub model: ModelSummary,
-    /// The law's parameters, which all records share, then each record's own, named `record 1: …`.
+    /// Parameters of the law, shared by all records, then each record's own parameters, named `record 1: …`.
     pub parameters: Vec<ParameterSummary>,
-    /// How the draws were made.
+    /// Statistics of the sampler.
     pub sampler: SamplerSummary,
-    /// The records, each with the law that it alone would have.
+    /// The records, each with the law fitted to it alone.
     pub records: Vec<JointRecord>,
-    /// Whether they agree.
+    /// Test of the records' agreement.
     pub agreement: Agreement,
-    /// Whether the draws have converged.
+    /// True if the draws have converged.
     pub converged: bool,
-    /// What the user should know.
+    /// Warnings for the user.
     pub warnings: Vec<Warning>,
 }
 
 impl JointSummary {
-    /// Whether the result is sound (exit code 0).
+    /// True if the result is sound (exit code 0).
     pub fn is_sound(&self) -> bool {
         !self.warnings.iter().any(|warning| warning.kind.is_fatal())
     }
@@ -39,7 +39,7 @@ pub struct JointRecord {
     pub id: String,
     /// `creep` or `oscillation`.
     pub kind: String,
-    /// The law at its own best fit.
+    /// Parameters of the law at this record's best fit.
     pub law: Vec<LawEstimate>,
 }
 
@@ -51,20 +51,20 @@ pub struct LawEstimate {
     pub name: String,
     /// Value.
     pub value: f64,
-    /// One standard deviation below, in the coordinate in which it has no bounds.
+    /// Value one standard deviation below, computed in the unbounded coordinate.
     pub lower: f64,
-    /// One above.
+    /// Value one standard deviation above, computed in the unbounded coordinate.
     pub upper: f64,
 }
 
-/// A law for each record against one for all.
+/// Likelihood-ratio test of one law for each record against one law for all.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct Agreement {
-    /// Twice the difference of the log-likelihoods.
+    /// Twice the difference of the log likelihoods.
     pub statistic: f64,
-    /// Parameters that separate laws have more.
+    /// Number of additional parameters of the separate laws.
     pub degrees_of_freedom: usize,
-    /// Probability of a difference as large, were there one law: χ² of as many degrees of freedom (S. S. Wilks 1938).
+    /// Probability of a difference at least as large under one common law, from χ² with that many degrees of freedom (S. S. Wilks 1938).
     pub p: f64,
 }

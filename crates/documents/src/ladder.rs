@@ -1,4 +1,4 @@
-//! The document of `ladder` (formats §5, `vitreo-uq/ladder/1`).
+//! Document of `ladder` (formats §5, `vitreo-uq/ladder/1`).
 
 use serde::{Deserialize, Serialize};
 
@@ -14,19 +14,19 @@ pub struct LadderSummary {
     pub experiment: String,
     /// Cycles that every revision is fitted to.
     pub fitted_cycles: Vec<u32>,
-    /// The cycle that every revision is scored on, if there is one.
+    /// The cycle that every revision is scored on; empty if no cycle is held out.
     pub heldout_cycles: Vec<u32>,
-    /// The noise that errors are measured against, in µm.
+    /// Noise that errors are compared with, in µm.
     pub noise_um: Option<f64>,
-    /// Where that noise comes from.
+    /// Source of the noise value.
     pub noise_origin: String,
-    /// One entry a revision, in their order.
+    /// The revisions, in their order.
     pub revisions: Vec<Rung>,
-    /// How far the law's parameters move from the first revision to the last; empty for one revision.
+    /// Changes of the law's parameters from the first revision to the last; empty for a single revision.
     pub shifts: Vec<Shift>,
-    /// What the figures say.
+    /// Summary of the figures, as a sentence.
     pub sentence: String,
-    /// How far the last revision and the comparison can be trusted, and why.
+    /// Trust in the last revision and in the comparison, with the reason.
     #[serde(default)]
     pub trust: Trust,
 }
@@ -35,26 +35,26 @@ pub struct LadderSummary {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct Rung {
-    /// Its name.
+    /// Name of the revision.
     pub revision: String,
-    /// All its effects.
+    /// All effects of the revision.
     pub effects: Vec<String>,
     /// The revision that it extends; `None` for the first.
     pub from: Option<String>,
-    /// Effects that it has and that one has not.
+    /// Effects of this revision that the extended one lacks.
     pub added: Vec<String>,
-    /// What a diagnosis could not tell from its effects.
+    /// Effects that a diagnosis could not distinguish from this revision's effects.
     #[serde(default)]
     pub equivalents: Vec<EquivalentEffects>,
-    /// The whole model, noise terms included.
+    /// The whole model, including noise terms.
     pub model: ModelSummary,
-    /// Root mean square distance of the posterior mean from the fitted positions, by full finite elements, in µm.
+    /// Root mean square distance of the full-order model's posterior mean from the fitted positions, in µm.
     pub rmse_fitted_um: f64,
-    /// The same on the scored cycle.
+    /// Root mean square distance of the full-order model's posterior mean from the scored positions, in µm.
     pub rmse_heldout_um: Option<f64>,
-    /// ln p(scored positions | fitted positions), draws averaged, by full finite elements, in nats for positions in µm.
+    /// ln p(scored positions | fitted positions), averaged over draws of the full-order model, in nats for positions in µm.
     pub heldout_log_score_nats: Option<f64>,
-    /// Monte Carlo standard error of that.
+    /// Monte Carlo standard error of the log score.
     pub heldout_log_score_mcse_nats: Option<f64>,
     /// Posterior of every sampled parameter.
     pub parameters: Vec<RungParameter>,
@@ -66,13 +66,13 @@ pub struct Rung {
     pub coverage_90: Option<f64>,
     /// Probability of a misfit of the scored cycle at least as large, by joint predictive simulation.
     pub joint_p: Option<f64>,
-    /// Full finite-element runs behind the errors; `None` for an instrument, which has no finite elements.
+    /// Number of full-order runs behind the errors; `None` for an instrument, which has no finite elements.
     pub fe_runs: Option<usize>,
-    /// Largest distance of the reduced from the full model over all draws and rows, in µm.
+    /// Largest distance of the surrogate from the full-order model over all draws and rows, in µm.
     pub surrogate_vs_fe_max_um: Option<f64>,
-    /// Whether the posterior has converged.
+    /// True if the posterior has converged.
     pub converged: bool,
-    /// What the user should know of this revision.
+    /// Warnings on this revision.
     pub warnings: Vec<Warning>,
 }
 
@@ -101,31 +101,31 @@ impl From<ParameterSummary> for RungParameter {
     }
 }
 
-/// How far the missing effects had bent a parameter of the law.
+/// Bias of a law's parameter by the missing effects.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct Shift {
     /// Name of the parameter.
     pub name: String,
-    /// In the first revision.
+    /// Posterior in the first revision.
     pub before: RungParameter,
-    /// In the last one.
+    /// Posterior in the last revision.
     pub after: RungParameter,
-    /// Median before over median after, less one.
+    /// Median before divided by median after, minus 1.
     pub relative: f64,
-    /// Mean before less mean after, in standard deviations that the first revision claimed.
+    /// Mean before minus mean after, in standard deviations of the first revision.
     pub in_sd_before: f64,
 }
 
 impl LadderSummary {
-    /// Whether the result is sound (exit code 0): every posterior converged, every reduced model and mesh accurate, and the last revision is not to be distrusted.
-    /// That earlier ones miss the measurement is a result.
+    /// True if the result is sound (exit code 0): every posterior has converged, every surrogate and mesh is accurate, and the last revision is trusted.
+    /// Misfits of earlier revisions are a result and do not matter here.
     pub fn is_sound(&self) -> bool {
         self.revisions.iter().all(|rung| rung.converged) && self.trust.is_sound()
     }
 
-    /// Warnings that a reader of the whole must see, with their revisions: what spoils the figures of any, and what is left to say of the last. That
-    /// earlier ones miss the measurement is what the ladder shows.
+    /// Warnings with their revisions: those of any revision that spoil the figures, and all fatal ones of the last revision. Misfits of earlier revisions are
+    /// left out because the ladder shows them.
     pub fn warnings(&self) -> impl Iterator<Item = (&str, &Warning)> {
         let last = self.revisions.len().saturating_sub(1);
         let revisions = self.revisions.iter().enumerate();
@@ -136,7 +136,7 @@ impl LadderSummary {
     }
 }
 
-/// Whether a warning says that figures are wrong, rather than that a model is.
+/// True if the warning says that figures are wrong, not only that a model is.
 fn spoils(kind: WarningKind) -> bool {
     use WarningKind::*;
     matches!(kind, NotConverged | SurrogateInaccurate | MeshInaccurate | Undetermined | DrawsRefused)

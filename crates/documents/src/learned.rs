@@ -1,4 +1,4 @@
-//! The document of `learn` (formats §5, `vitreo-uq/learned/1`).
+//! Document of `learn` (formats §5, `vitreo-uq/learned/1`).
 
 use serde::{Deserialize, Serialize};
 
@@ -10,63 +10,63 @@ use super::errors::ModelErrors;
 pub struct Learned {
     /// Specimen identifier.
     pub experiment: String,
-    /// What is concluded.
+    /// Verdict of the search.
     pub verdict: LearnedVerdict,
     /// Cycles that every model was fitted to.
     pub fitted_cycles: Vec<u32>,
-    /// The cycle that was scored, if there is one.
+    /// The scored held-out cycle; empty if no cycle is held out.
     pub heldout_cycles: Vec<u32>,
-    /// Whether functions were to rise or fall throughout.
+    /// True if functions had to be monotone.
     #[serde(default)]
     pub monotone: bool,
-    /// The function; `None` where nothing was learnt, or a memory.
+    /// The learnt function; `None` if nothing was learnt, or retardations were learnt instead.
     pub function: Option<LearnedFunction>,
-    /// The formula that says the same; `None` where none does.
+    /// Formula that reproduces the function; `None` if no formula does.
     pub formula: Option<LearnedFormula>,
-    /// The retardations that were learnt; empty where a function was.
+    /// Learnt retardations; empty if a function was learnt instead.
     pub memory: Vec<Retardation>,
-    /// Errors of the model without it: of its posterior, as `extend` and `ladder` show them, where the last cycle is scored.
+    /// Errors of the model without the learnt part. They come from its posterior, as in `extend` and `ladder`, where the last cycle is scored.
     pub base: ModelErrors,
-    /// Errors with it, of the best fit with the study's own noise terms; `None` where nothing was learnt.
+    /// Errors with the learnt part, for the best fit with the study's own noise terms; `None` if nothing was learnt.
     pub learned: Option<ModelErrors>,
-    /// Errors with the formula, likewise; `None` where there is none.
+    /// Errors with the formula, for the best fit with the study's own noise terms; `None` without a formula.
     pub with_formula: Option<ModelErrors>,
-    /// The noise that errors are measured against, known or estimated, in µm; `None` where it is unknown.
+    /// Known or estimated noise that errors are compared with, in µm; `None` if it is unknown.
     pub noise_um: Option<f64>,
-    /// p of the leading pair's gain, corrected for the whole search.
+    /// p of the best pair's gain, corrected for the whole search.
     pub p_familywise: f64,
-    /// Share of the squared error on the held-out cycle that goes, the noise's taken off; of the fitted ones where none is held out.
+    /// Explained share of the squared error above the noise, on the held-out cycle; on the fitted cycles if none is held out.
     pub explained_fraction: Option<f64>,
-    /// Every pair that was looked at, best first.
+    /// Every pair that was tried, best first.
     pub pairs: Vec<LearnedPair>,
 }
 
-/// The conclusion.
+/// Verdict of the search.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct LearnedVerdict {
-    /// Whether anything was learnt.
+    /// Kind of verdict.
     pub kind: LearnedKind,
-    /// What depends; empty where nothing was learnt.
+    /// The dependent quantity; empty if nothing was learnt.
     pub quantity: String,
-    /// On what.
+    /// The state on which the quantity depends; empty if nothing was learnt.
     pub state: String,
-    /// Pairs that this experiment cannot tell from it.
+    /// Pairs that this experiment cannot distinguish from this one.
     pub equivalent: Vec<EquivalentPair>,
-    /// Effects of the library that do as well, and are to be preferred.
+    /// Effects of the library that fit equally well and are preferable.
     pub library: Vec<String>,
-    /// In words.
+    /// Verdict as a sentence.
     pub sentence: String,
 }
 
-/// Whether anything was learnt.
+/// Kinds of verdicts.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum LearnedKind {
-    /// Something was.
+    /// A dependence was learnt.
     Learned,
-    /// Nothing was.
+    /// Nothing was learnt.
     Nothing,
 }
 
@@ -74,9 +74,9 @@ pub enum LearnedKind {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct EquivalentPair {
-    /// What depends.
+    /// The dependent quantity.
     pub quantity: String,
-    /// On what.
+    /// The state on which the quantity depends.
     pub state: String,
 }
 
@@ -86,17 +86,17 @@ pub struct EquivalentPair {
 pub struct LearnedFunction {
     /// Unit of the state.
     pub state_unit: String,
-    /// Lowest and highest state that fitted rows visited.
+    /// Lowest and highest state in the fitted rows.
     pub visited: [f64; 2],
-    /// State at which the factors are 1: of those that fitted rows visit, the one over which the function is known best.
+    /// State at which the factors are 1. It is the state of the fitted rows at which the function is best known.
     pub reference_state: f64,
-    /// The quantity at the reference state; absent where it is no parameter of the law.
+    /// The quantity at the reference state; absent if it is no parameter of the law.
     pub at_reference: Option<QuantityAtReference>,
-    /// Its values.
+    /// Points of the function.
     pub points: Vec<LearnedPoint>,
 }
 
-/// The quantity that depends, at the reference state, in its parameter's unit.
+/// The dependent quantity at the reference state, in its parameter's unit.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct QuantityAtReference {
@@ -108,13 +108,13 @@ pub struct QuantityAtReference {
     pub q95: f64,
 }
 
-/// A value of the function: the quantity over what it is at the reference state.
+/// A point of the function: ratio of the quantity to its value at the reference state.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct LearnedPoint {
     /// State.
     pub state: f64,
-    /// Factor of the quantity.
+    /// Ratio of the quantity to its value at the reference state.
     pub factor: f64,
     /// 5 % quantile.
     pub q05: f64,
@@ -122,22 +122,22 @@ pub struct LearnedPoint {
     pub q95: f64,
 }
 
-/// A formula.
+/// A learnt formula.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct LearnedFormula {
-    /// The formula, of the state and the parameters.
+    /// Formula in the state and the parameters.
     pub text: String,
-    /// Its parameters.
+    /// Parameters of the formula.
     pub parameters: Vec<FormulaParameter>,
-    /// The file beside this document that `extend --with` takes.
+    /// File beside this document that `extend --with` reads.
     pub file: String,
-    /// Factors at the states of the function's points, over that at the reference state.
+    /// Factors at the states of the function's points, relative to the reference state.
     pub factors: Vec<f64>,
 }
 
 impl LearnedFormula {
-    /// What becomes of a quantity: a product, with parentheses only about sums.
+    /// Text of the quantity multiplied by the formula, with parentheses only around sums.
     pub fn product(&self, quantity: &str) -> String {
         let mut depth = 0;
         let is_sum = self.text.chars().any(|c| {
@@ -160,7 +160,7 @@ pub struct FormulaParameter {
     pub name: String,
     /// Unit.
     pub unit: String,
-    /// Value at the fit.
+    /// Fitted value.
     pub value: f64,
     /// 5 % quantile.
     pub q05: f64,
@@ -168,31 +168,31 @@ pub struct FormulaParameter {
     pub q95: f64,
 }
 
-/// A retardation beside the law.
+/// A retardation that is added to the law.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct Retardation {
-    /// Its time in s.
+    /// Retardation time, in s.
     pub time_s: f64,
-    /// Its compliance over what the law's is at the time of a hold.
+    /// Compliance of this retardation divided by the law's compliance after one hold.
     pub share: f64,
 }
 
-/// A pair that was looked at.
+/// Result of a pair that was tried.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct LearnedPair {
-    /// What depends.
+    /// The dependent quantity.
     pub quantity: String,
-    /// On what.
+    /// The state on which the quantity depends.
     pub state: String,
-    /// Gain in ln evidence over the model without it.
+    /// Gain in ln evidence over the model without the dependence.
     pub evidence_nats: f64,
-    /// Gain in the log score of cycles given those before them.
+    /// Gain in the log score of cycles, each predicted from the cycles before it.
     pub heldout_gain_nats: Option<f64>,
-    /// The part of it that the last cycle gives.
+    /// Part of the log score gain that comes from the last cycle.
     pub last_cycle_gain_nats: Option<f64>,
-    /// Error of the search on the scored cycle: of a fit with every kind of noise.
+    /// Error of the search on the scored cycle, in µm, from a fit with every kind of noise.
     pub rmse_heldout_um: Option<f64>,
 }
 

@@ -1,4 +1,4 @@
-//! The document of `learn` over several records (formats §5, `vitreo-uq/learned-cohort/1`).
+//! Document of `learn` on several records (formats §5, `vitreo-uq/learned-cohort/1`).
 
 use serde::{Deserialize, Serialize};
 
@@ -8,106 +8,106 @@ use super::learned::EquivalentPair;
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct LearnedCohort {
-    /// What is concluded.
+    /// Verdict of the search.
     pub verdict: LearnedCohortVerdict,
-    /// What depends; empty where nothing was learnt.
+    /// The dependent quantity; empty if nothing was learnt.
     pub quantity: String,
-    /// On what.
+    /// The state on which the quantity depends; empty if nothing was learnt.
     pub state: String,
-    /// Pairs that the records it was learnt from cannot tell from it.
+    /// Pairs that the training records cannot distinguish from this one.
     pub equivalent: Vec<EquivalentPair>,
-    /// Gain in ln evidence over all records it was learnt from, in nats.
+    /// Gain in ln evidence over all training records, in nats.
     pub evidence_nats: f64,
-    /// Gain in the log score of their unseen cycles, in nats.
+    /// Gain in the log score of the training records' unseen cycles, in nats.
     pub heldout_gain_nats: f64,
-    /// The formula; `None` where nothing was learnt.
+    /// The formula; `None` if nothing was learnt.
     pub formula: Option<CohortFormula>,
-    /// Records that it was learnt from.
+    /// Training records.
     pub learnt_from: Vec<LearntFrom>,
-    /// Records that had no part in that, with the formula added.
+    /// Test records, with the formula added. They had no part in the training.
     pub confirmed_on: Vec<ConfirmedOn>,
-    /// Gain of those in the log score of their last cycles, in nats; `None` where nothing was learnt.
+    /// Gain of the test records in the log score of their last cycles, in nats; `None` if nothing was learnt.
     pub confirmation_nats: Option<f64>,
-    /// Largest probability of so large a gain in records that do not have it: e to the minus gain.
+    /// Upper bound of the probability of so large a gain if the test records lack the effect: exp(−gain).
     pub largest_p: Option<f64>,
-    /// Every pair that was looked at in all records it could be learnt from, best first.
+    /// Every pair that was tried in all suitable training records, best first.
     pub pairs: Vec<CohortPair>,
 }
 
-/// The conclusion.
+/// Verdict of the search.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct LearnedCohortVerdict {
-    /// Whether anything was learnt, and confirmed.
+    /// Kind of verdict.
     pub kind: LearnedCohortKind,
-    /// In words.
+    /// Verdict as a sentence.
     pub sentence: String,
 }
 
-/// Whether anything was learnt, and confirmed.
+/// Kinds of verdicts.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum LearnedCohortKind {
-    /// Something was learnt, and records that had no part in it have it.
+    /// A formula was learnt, and the test records confirm it.
     Confirmed,
-    /// Something was learnt, and records that had no part in it do not show it.
+    /// A formula was learnt, and the test records do not confirm it.
     NotConfirmed,
     /// Nothing was learnt.
     Nothing,
 }
 
-/// A formula for all records, each with parameters of its own.
+/// A formula for all records, with separate parameters for each record.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct CohortFormula {
-    /// Of the state and the parameters, SI units.
+    /// Formula in the state and the parameters, in SI units.
     pub text: String,
     /// Names of the parameters.
     pub parameters: Vec<String>,
-    /// Their units.
+    /// Units of the parameters.
     pub units: Vec<String>,
-    /// Name of its file, which `extend --with` takes.
+    /// Name of the formula's file, which `extend --with` reads.
     pub file: String,
-    /// Its gain in the log score of unseen cycles of the records it was learnt from, in nats.
+    /// Gain in the log score of the training records' unseen cycles, in nats.
     pub heldout_gain_nats: f64,
 }
 
-/// A record that was learnt from.
+/// A training record.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct LearntFrom {
     /// Name of the record.
     pub experiment: String,
-    /// What the pair gains in ln evidence, in nats.
+    /// Gain of the pair in ln evidence, in nats.
     pub evidence_nats: f64,
-    /// And in the log score of unseen cycles.
+    /// Gain of the pair in the log score of unseen cycles, in nats.
     pub heldout_gain_nats: f64,
 }
 
-/// A record that the formula was tried on.
+/// A test record of the formula.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct ConfirmedOn {
     /// Name of the record.
     pub experiment: String,
-    /// What the formula gains in the log score of the last cycle, which no fit has seen, in nats.
+    /// Gain of the formula in the log score of the last cycle, which no fit uses, in nats.
     pub last_cycle_gain_nats: f64,
-    /// Error on the held-out cycle without it.
+    /// Error on the held-out cycle without the formula, in µm.
     pub rmse_before_um: f64,
-    /// With it.
+    /// Error on the held-out cycle with the formula, in µm.
     pub rmse_after_um: f64,
-    /// The formula's parameters in this record, in the order of their names.
+    /// Parameters of the formula in this record, in the order of their names.
     pub values: Vec<f64>,
 }
 
-/// A pair over all records that were learnt from.
+/// Result of a pair over all training records.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct CohortPair {
-    /// What depends.
+    /// The dependent quantity.
     pub quantity: String,
-    /// On what.
+    /// The state on which the quantity depends.
     pub state: String,
     /// Gain in ln evidence, in nats.
     pub evidence_nats: f64,

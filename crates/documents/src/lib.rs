@@ -1,4 +1,4 @@
-//! The documents that commands write (formats §5): plain types, with no more in them than what a reader of one may ask of it. Jobs make them, figures and the terminal show them.
+//! Documents that commands write (formats §5): plain types with a few queries for their readers. Jobs create them; figures and the terminal show them.
 
 pub mod calibration;
 pub mod check;

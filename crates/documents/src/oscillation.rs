@@ -1,4 +1,4 @@
-//! The documents of `sample` and `diagnose` on an oscillation (formats §5, `vitreo-uq/oscillation/1` and `vitreo-uq/oscillation-diagnosis/1`).
+//! Documents of `sample` and `diagnose` on an oscillation (formats §5, `vitreo-uq/oscillation/1` and `vitreo-uq/oscillation-diagnosis/1`).
 
 use serde::{Deserialize, Serialize};
 
@@ -11,26 +11,26 @@ use super::posterior::{ModelSummary, ParameterSummary, SamplerSummary, Warning};
 pub struct OscillationSummary {
     /// Specimen identifier.
     pub experiment: String,
-    /// The model; its noise is `known` or `relative`.
+    /// The model. Its noise term is `known` or `relative`.
     pub model: ModelSummary,
-    /// One entry a sampled parameter.
+    /// Sampled parameters.
     pub parameters: Vec<ParameterSummary>,
-    /// How the draws were made.
+    /// Statistics of the sampler.
     pub sampler: SamplerSummary,
-    /// What was measured.
+    /// Measured frequencies.
     pub frequencies: Frequencies,
-    /// Poisson ratio by which shear moduli are Young's over 2 + 2ν.
+    /// Poisson ratio ν. Shear moduli are Young's moduli divided by 2 + 2ν.
     pub poisson_ratio: f64,
-    /// What the posterior's mean leaves.
+    /// Residuals of the posterior mean.
     pub misfit: OscillationMisfit,
-    /// Whether the draws have converged.
+    /// True if the draws have converged.
     pub converged: bool,
-    /// What the user should know.
+    /// Warnings for the user.
     pub warnings: Vec<Warning>,
 }
 
 impl OscillationSummary {
-    /// Whether the result is sound (exit code 0).
+    /// True if the result is sound (exit code 0).
     pub fn is_sound(&self) -> bool {
         !self.warnings.iter().any(|warning| warning.kind.is_fatal())
     }
@@ -40,32 +40,32 @@ impl OscillationSummary {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct Frequencies {
-    /// Frequencies that were fitted.
+    /// Number of fitted frequencies.
     pub fitted: usize,
-    /// Frequencies that no fit has seen.
+    /// Number of held-out frequencies, which no fit uses.
     pub heldout: usize,
-    /// The lowest, in Hz.
+    /// Lowest frequency, in Hz.
     pub lowest_hz: f64,
-    /// The highest, in Hz.
+    /// Highest frequency, in Hz.
     pub highest_hz: f64,
 }
 
-/// What a model leaves of an oscillation.
+/// Residuals of a model on an oscillation.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct OscillationMisfit {
-    /// Root mean square distance of G′ and G″ from the model, over |G*|, fitted frequencies.
+    /// Root mean square distance of G′ and G″ from the model, divided by |G*|, over the fitted frequencies.
     pub relative_fitted: f64,
-    /// The same of held-out frequencies.
+    /// Root mean square distance of G′ and G″ from the model, divided by |G*|, over the held-out frequencies.
     pub relative_heldout: Option<f64>,
-    /// Root mean square of both numbers' distances over their standard deviations, held-out frequencies: 1 where the model is right.
+    /// Root mean square distance of G′ and G″ in standard deviations, over the held-out frequencies; 1 if the model is right.
     pub heldout_over_error: Option<f64>,
-    /// Median of the learnt relative error, or root mean square of the table's own errors over |G*|.
+    /// Median of the learnt relative error, or root mean square of the table's own errors divided by |G*|.
     pub error_relative: f64,
-    /// Whether the table says its errors.
+    /// True if the table states its errors.
     pub errors_known: bool,
-    /// Probability that noise leaves neighbouring frequencies that agree so well, held-out ones so far off, or, where errors are known, fitted ones so far off:
-    /// the smallest times their number, by simulated oscillations that were fitted again.
+    /// Smallest of the tests' p values, multiplied by their number. The tests are the agreement of neighbouring residuals, the held-out distance and, with
+    /// known errors, the fitted distance. The p values come from simulated oscillations that are fitted again.
     pub p: f64,
 }
 
@@ -77,31 +77,31 @@ pub struct OscillationDiagnosis {
     pub experiment: String,
     /// The model without further effects.
     pub model: ModelSummary,
-    /// The conclusion.
+    /// Verdict of the diagnosis.
     pub verdict: Verdict,
-    /// What the model leaves.
+    /// Residuals of the model.
     pub base: OscillationMisfit,
-    /// What it leaves with the effects of the verdict, if it has any.
+    /// Residuals with the verdict's effects; `None` if the verdict names none.
     pub extended: Option<OscillationMisfit>,
-    /// Effects that change the law, the largest gain first.
+    /// Candidate effects that change the law, largest gain first.
     pub candidates: Vec<OscillationCandidate>,
-    /// Simulated searches by which gains are judged.
+    /// Number of simulated searches that gains are compared with.
     pub searches: usize,
 }
 
-/// An effect that was tried.
+/// A candidate effect.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct OscillationCandidate {
-    /// Its slug.
+    /// Slug of the effect.
     pub effect: String,
-    /// What it gains in log-likelihood of fitted frequencies, in nats.
+    /// Gain in log likelihood of the fitted frequencies, in nats.
     pub gain_nats: f64,
-    /// The same of held-out frequencies.
+    /// Gain in log likelihood of the held-out frequencies, in nats.
     pub heldout_gain_nats: Option<f64>,
-    /// Share of simulated searches without any effect whose largest gain is as large.
+    /// Share of simulated searches without any effect whose largest gain is at least as large.
     pub p_familywise: f64,
-    /// Its parameters at the fit, each with the range that one standard deviation either way reaches.
+    /// Fitted parameters of the effect, each with its range of one standard deviation either way.
     pub parameters: Vec<OscillationEstimate>,
 }
 
@@ -113,8 +113,8 @@ pub struct OscillationEstimate {
     pub name: String,
     /// Value.
     pub value: f64,
-    /// One standard deviation below, in the coordinate in which it has no bounds.
+    /// Value one standard deviation below, computed in the unbounded coordinate.
     pub lower: f64,
-    /// One above.
+    /// Value one standard deviation above, computed in the unbounded coordinate.
     pub upper: f64,
 }

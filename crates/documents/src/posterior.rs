@@ -1,11 +1,11 @@
-//! The document of `sample` (formats §5, `vitreo-uq/posterior/1`), and what others share with it.
+//! Document of `sample` (formats §5, `vitreo-uq/posterior/1`), with parts that other documents share.
 
 use laws::rheology::OUTSIDE;
 use serde::{Deserialize, Serialize};
 
 use super::trust::{Trust, TrustLevel};
 
-/// Body of `vitreo-uq/posterior/1`. Figures that do not apply (an instrument has no finite elements) are `null`.
+/// Body of `vitreo-uq/posterior/1`. Inapplicable figures are `null`; for example, an instrument has no finite elements.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct PosteriorSummary {
@@ -13,58 +13,58 @@ pub struct PosteriorSummary {
     pub experiment: String,
     /// The model.
     pub model: ModelSummary,
-    /// One entry a sampled parameter.
+    /// Sampled parameters.
     pub parameters: Vec<ParameterSummary>,
-    /// How the draws were made.
+    /// Statistics of the sampler.
     pub sampler: SamplerSummary,
-    /// How good the reduced model is.
+    /// Accuracy of the surrogate.
     pub surrogate: SurrogateSummary,
-    /// How the posterior predicts cycles that it has not seen.
+    /// Prediction of the held-out cycles.
     pub heldout: HeldoutSummary,
-    /// Where the uncertainty of a predicted position comes from, in µm.
+    /// Error budget of a predicted position, in µm.
     pub error_budget_um: ErrorBudget,
     /// Largest absolute principal strain at the largest displacement.
     pub largest_strain: Option<f64>,
-    /// What large displacements would do to it; `null` where nothing was run.
+    /// Influence of large displacements on the result; `null` if it was not simulated.
     pub large_displacement: Option<LargeDisplacement>,
-    /// Parameters whose draws crowd at an end of the surrogate's trained range, that is of the prior.
+    /// Parameters whose draws accumulate at an end of the prior, which is the surrogate's trained range.
     pub at_edge_of_range: Vec<String>,
-    /// Whether the draws have converged.
+    /// True if the draws have converged.
     pub converged: bool,
-    /// How far the result can be trusted, and why.
+    /// Trust in the result, with the reason.
     #[serde(default)]
     pub trust: Trust,
-    /// What the user should know.
+    /// Warnings for the user.
     pub warnings: Vec<Warning>,
 }
 
-/// What a gel of the posterior's law does whose strains may be large, beside the linear model (physics §7.6).
+/// Deviation of a gel with large strains from the linear model, under the posterior's law (physics §7.6).
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct LargeDisplacement {
-    /// Farthest that the robot comes from its start in the fitted cycles, in its radii.
+    /// Largest distance of the robot from its start in the fitted cycles, in robot radii.
     pub farthest_radii: f64,
-    /// Root mean square of the deviation over the fitted rows, in µm; `null` where it could not be computed.
+    /// Root mean square of the deviation over the fitted rows, in µm; `null` if it could not be computed.
     pub deviation_rms_um: Option<f64>,
-    /// Its largest size, in µm.
+    /// Largest absolute deviation, in µm.
     pub deviation_most_um: Option<f64>,
-    /// By how much the deviation moves the means of the law's parameters, to first order: those known to a tenth, where the noise is white.
+    /// First-order shifts of the law's parameters by the deviation, assuming white noise; only parameters known to within a tenth.
     pub shifts: Vec<ParameterShift>,
 }
 
-/// A parameter that is found away from the gel's own.
+/// Bias of an estimated parameter against the gel's true value.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct ParameterShift {
     /// Name, with unit.
     pub name: String,
-    /// What is found less the gel's own, over what is found.
+    /// Estimate minus the gel's true value, divided by the estimate.
     pub relative: f64,
-    /// The same over the posterior's standard deviation.
+    /// Estimate minus the gel's true value, divided by the posterior standard deviation.
     pub standard_deviations: f64,
 }
 
-/// The model that was fitted.
+/// The fitted model.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct ModelSummary {
@@ -77,17 +77,17 @@ pub struct ModelSummary {
 }
 
 impl ModelSummary {
-    /// Whether the law is another program's.
+    /// True if another program computes the law.
     pub fn is_outside(&self) -> bool {
         self.base == OUTSIDE
     }
 
-    /// What the reduced model stands for, and is checked by.
+    /// Name of the model that the surrogate replaces and is tested against.
     pub fn full_model(&self) -> &'static str {
         if self.is_outside() { "the other program itself" } else { "full finite elements" }
     }
 
-    /// So many runs of it.
+    /// Text for `n` runs of the full-order model, or of the other program.
     pub fn full_runs(&self, n: usize) -> String {
         if self.is_outside() {
             format!("{n} answers of the other program")
@@ -113,122 +113,121 @@ pub struct ParameterSummary {
     pub median: f64,
     /// 95 % quantile.
     pub q95: f64,
-    /// Effective draws for location.
+    /// Effective number of draws for the location.
     pub ess_bulk: f64,
-    /// Effective draws for the 5 % and 95 % quantiles.
+    /// Effective number of draws for the 5 % and 95 % quantiles.
     pub ess_tail: f64,
-    /// Rank-normalised split R̂, one chain an ensemble.
+    /// Rank-normalised split R̂, with one chain for each ensemble.
     pub rhat: f64,
     /// Monte Carlo standard error of the mean.
     pub mcse_mean: f64,
-    /// What the reduced model shifts the mean by, in posterior standard deviations, estimated by importance weights from full
-    /// finite elements.
+    /// Shift of the mean by the surrogate's error, in posterior standard deviations. Importance weights from the full-order model estimate it.
     pub surrogate_bias_sd: Option<f64>,
-    /// What the mesh shifts the mean by, in posterior standard deviations, estimated from two meshes.
+    /// Shift of the mean by the mesh's error, in posterior standard deviations, estimated from two meshes.
     pub discretisation_bias_sd: Option<f64>,
 }
 
-/// How the draws were made.
+/// Statistics of the sampler.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct SamplerSummary {
-    /// Walkers of one ensemble.
+    /// Number of walkers in each ensemble.
     pub walkers: usize,
-    /// Independent ensembles.
+    /// Number of independent ensembles.
     pub ensembles: usize,
-    /// Steps of each walker, burn-in included.
+    /// Number of steps of each walker, including burn-in.
     pub steps: u64,
-    /// Fraction of proposals accepted.
+    /// Fraction of accepted proposals.
     pub acceptance: f64,
     /// Longest integrated autocorrelation time, in steps.
     pub autocorrelation_time: f64,
-    /// Log-density evaluations.
+    /// Number of evaluations of the log density.
     pub likelihood_evaluations: u64,
-    /// Walkers moved during burn-in because they were left behind.
+    /// Number of walkers that were moved during burn-in because they were stuck.
     pub walkers_reseeded: u64,
 }
 
-/// How good the reduced model is.
+/// Accuracy of the surrogate.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct SurrogateSummary {
-    /// Modes kept.
+    /// Number of retained modes of the reduced basis.
     pub modes: Option<usize>,
-    /// Largest distance from full finite elements on verification runs, relative to the amplitude.
+    /// Largest distance from the full-order model in the verification runs, relative to the amplitude.
     pub max_relative_error: Option<f64>,
-    /// Unknowns of the full-order model.
+    /// Number of unknowns of the full-order model.
     pub fe_unknowns: Option<usize>,
-    /// Full-order runs that trained it.
+    /// Number of full-order training runs.
     pub snapshot_runs: Option<usize>,
-    /// Singular values relative to the largest, as far as they are not rounding.
+    /// Singular values relative to the largest, down to rounding error.
     pub singular_values: Option<Vec<f64>>,
-    /// Largest relative energy-norm distance of verification fields from the modes.
+    /// Largest relative energy-norm distance of verification fields from the span of the modes.
     pub max_projection_error: Option<f64>,
 }
 
-/// How the posterior predicts the held-out cycles.
+/// Prediction of the held-out cycles by the posterior.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct HeldoutSummary {
-    /// The cycles that were fitted.
+    /// Fitted cycles.
     pub fitted_cycles: Vec<u32>,
-    /// The cycles that were held out.
+    /// Held-out cycles.
     pub cycles: Vec<u32>,
-    /// Full finite-element runs, one a posterior draw.
+    /// Number of full-order runs, one for each posterior draw used.
     pub fe_runs: Option<usize>,
-    /// Posterior mean trajectory against the positions, in µm.
+    /// Root mean square distance of the posterior mean trajectory from the held-out positions, in µm.
     pub rmse_um: Option<f64>,
-    /// The same on the fitted cycles, in µm.
+    /// Root mean square distance of the posterior mean trajectory from the fitted positions, in µm.
     pub rmse_fitted_um: f64,
-    /// The noise that misfits are measured against, in µm.
+    /// Noise that residuals are compared with, in µm.
     pub noise_um: Option<f64>,
-    /// Where that noise comes from.
+    /// Source of the noise value.
     pub noise_origin: String,
-    /// Fraction of positions inside the central 50 % band.
+    /// Fraction of held-out positions inside the central 50 % band.
     pub coverage_50: Option<f64>,
-    /// Fraction of positions inside the central 90 % band.
+    /// Fraction of held-out positions inside the central 90 % band.
     pub coverage_90: Option<f64>,
-    /// Range in which the 50 % coverage falls in 99 % of simulated measurements.
+    /// Range of the 50 % coverage in 99 % of simulated measurements.
     pub coverage_50_expected: Option<[f64; 2]>,
-    /// Range in which the 90 % coverage falls in 99 % of simulated measurements.
+    /// Range of the 90 % coverage in 99 % of simulated measurements.
     pub coverage_90_expected: Option<[f64; 2]>,
-    /// Probability, by joint predictive simulation, of a misfit at least as large (the smaller of its largest and its mean square, doubled).
+    /// Probability of a misfit at least as large, by joint predictive simulation. It is twice the smaller p of largest and mean square residual.
     pub joint_p: Option<f64>,
     /// Mean continuous ranked probability score, in µm.
     pub crps_um: Option<f64>,
-    /// ln p(held-out positions | fitted positions), draws averaged, in nats for positions in µm.
+    /// ln p(held-out positions | fitted positions), averaged over draws, in nats for positions in µm.
     pub log_score_nats: Option<f64>,
-    /// Monte Carlo standard error of that.
+    /// Monte Carlo standard error of the log score.
     pub log_score_mcse_nats: Option<f64>,
-    /// Largest distance of the reduced from the full model over all draws and rows, in µm.
+    /// Largest distance of the surrogate from the full-order model over all draws and rows, in µm.
     pub surrogate_vs_fe_max_um: Option<f64>,
-    /// Pareto k̂ of the importance weights from full finite elements; 0 where all weights are equal.
+    /// Pareto k̂ of the importance weights from the full-order model; 0 if all weights are equal.
     pub pareto_k: Option<f64>,
 }
 
-/// Where the uncertainty of a predicted position comes from, in µm.
+/// Error budget of a predicted position, in µm.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct ErrorBudget {
     /// Learnt noise from row to row, posterior median.
     pub noise: f64,
-    /// Largest difference from the next coarser mesh; for an imported mesh around a sphere, from the exact solution.
+    /// Largest difference from the next coarser mesh. For an imported mesh around a sphere: largest difference from the exact solution.
     pub fe_discretisation: Option<f64>,
-    /// Largest difference between reduced and full model.
+    /// Largest difference between surrogate and full-order model.
     pub surrogate: Option<f64>,
     /// Monte Carlo error of the posterior mean trajectory.
     pub monte_carlo: f64,
 }
 
-/// Something that the user should know, with advice.
+/// A warning to the user, with advice.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct Warning {
-    /// Which.
+    /// Kind of warning.
     pub kind: WarningKind,
-    /// What was found.
+    /// Description of the problem.
     pub text: String,
-    /// What to do.
+    /// Advice to the user.
     pub advice: String,
 }
 
@@ -240,13 +239,13 @@ pub struct Warning {
 pub enum WarningKind {
     /// The draws have not converged.
     NotConverged,
-    /// The sampler had something to say.
+    /// The sampler's diagnostics report a problem.
     Sampler,
     /// The data do not determine every parameter.
     Undetermined,
-    /// The reduced model differs from full finite elements by too much.
+    /// The surrogate differs too much from the full-order model.
     SurrogateInaccurate,
-    /// The mesh that the user brought is doubtful.
+    /// The user's imported mesh is doubtful.
     Mesh,
     /// The mesh is too coarse for the noise.
     MeshTooCoarse,
@@ -256,44 +255,44 @@ pub enum WarningKind {
     MisfitAboveNoise,
     /// The learnt noise is above the known noise.
     LearntNoiseAboveKnown,
-    /// Strains are beyond the proven linear range.
+    /// Strains exceed the gel's proven linear range.
     LargeStrain,
-    /// Displacements are so large that a gel of the law would deviate from the linear model.
+    /// Displacements are so large that a gel of this law would deviate from the linear model.
     LargeDisplacement,
-    /// Large displacements are part of the model, and their fitted amplitude is that of the geometry.
+    /// Large displacements are part of the model, and their fitted amplitude agrees with the geometry.
     LargeDisplacementFitted,
     /// The mesh's error exceeds the noise.
     MeshInaccurate,
-    /// The tracker's noise is not known, and the residuals look like noise of the learnt size.
+    /// The tracker's noise is unknown, and the residuals are consistent with noise of the learnt size.
     NoiseUnknown,
-    /// The tracker's noise is not known, and the residuals are too few to be tested.
+    /// The tracker's noise is unknown, and the residuals are too few for a test.
     ResidualsUntested,
-    /// The residuals follow a pattern that noise of the fitted kind does not make.
+    /// The residuals follow a pattern that the fitted kind of noise does not produce.
     SystematicResidual,
     /// The learnt noise is far below the known noise.
     LearntNoiseBelowKnown,
-    /// The posterior leans against the end of the prior's range.
+    /// The posterior accumulates at an end of the prior's range.
     EdgeOfRange,
-    /// There is no held-out cycle.
+    /// No cycle is held out.
     NothingHeldOut,
-    /// An effect is estimated not to be there.
+    /// The estimate of an effect is consistent with its null.
     AtNull,
-    /// Posterior draws have no model on the whole record.
+    /// The model fails for some posterior draws on the whole record.
     DrawsRefused,
-    /// The apparatus is an instrument: parts that need finite elements are left out.
+    /// The apparatus is an instrument. Parts that need finite elements are left out.
     NoFiniteElements,
-    /// One specimen is all that was measured of a group.
+    /// Only one specimen of a group was measured.
     GroupOfOne,
-    /// Nothing was measured of a group.
+    /// No specimen of a group was measured.
     GroupPredicted,
     /// A specimen lies far from its group.
     OutlyingSpecimen,
-    /// The positions range farther than the gel.
+    /// The positions range over more than the gel's size.
     ImpossiblePositions,
 }
 
 impl WarningKind {
-    /// The highest level of trust that a result with this warning can have.
+    /// Highest level of trust that a result with this warning can have.
     pub fn level(self) -> TrustLevel {
         use WarningKind::*;
         match self {
@@ -324,14 +323,14 @@ impl WarningKind {
         }
     }
 
-    /// Whether the result is not to be trusted as it stands (exit code 1).
+    /// True if results with this warning are untrusted (exit code 1).
     pub fn is_fatal(self) -> bool {
         self.level() == TrustLevel::Untrusted
     }
 }
 
 impl PosteriorSummary {
-    /// Whether the result is sound (exit code 0).
+    /// True if the result is sound (exit code 0).
     pub fn is_sound(&self) -> bool {
         self.trust.is_sound()
     }

@@ -1,4 +1,4 @@
-//! The document of `shapes` (formats §5, `vitreo-uq/shapes/1`).
+//! Document of `shapes` (formats §5, `vitreo-uq/shapes/1`).
 
 use serde::{Deserialize, Serialize};
 
@@ -12,32 +12,32 @@ pub struct ShapesSummary {
     pub poisson_ratio: f64,
     /// Diameter of the gel, in mm.
     pub vitreous_diameter_mm: f64,
-    /// Length to diameter.
+    /// Ratio of length to diameter.
     pub aspect: f64,
     /// Amplitude of the force, in µN.
     #[serde(rename = "force_uN")]
     pub force_un: f64,
     /// Length of a hold, in s.
     pub hold_s: f64,
-    /// Ten bodies: five under each rule.
+    /// Ten bodies, five under each size rule.
     pub bodies: Vec<BodySummary>,
-    /// The body of the user's own mesh, where one was given.
+    /// Body of the user's own mesh; `None` if no mesh was given.
     pub own_body: Option<OwnBody>,
-    /// Every aspect ratio with every Poisson ratio and force, where several were asked for.
+    /// Results for every combination of aspect ratio, Poisson ratio and force; empty unless several were requested.
     pub sweep: Vec<SweepSummary>,
-    /// The paper's claims.
+    /// Tests of the paper's claims.
     pub claims: Vec<Claim>,
-    /// How far elastic robots are from the rigid ones above.
+    /// Differences of elastic robots from the rigid ones above.
     pub elastic_robot: Vec<ElasticRecord>,
-    /// What predicts the stiffness beyond volume and surface, best first.
+    /// Predictors of the stiffness beyond volume and surface, best first.
     pub predictors: Vec<PredictorRecord>,
-    /// How far the longest robot must move within a hold, in mm.
+    /// Required displacement of the longest robot within a hold, in mm.
     pub wanted_displacement_mm: f64,
-    /// The longest robots that do with 95 %, at the sphere's volume.
+    /// Longest robots that reach this displacement with probability 95 %, at the sphere's volume.
     pub longest: Vec<LongestRobot>,
-    /// Bodies along the force in a gel whose strains may be large; absent where the law has no such form.
+    /// Bodies along the force in a gel with large strains; absent if the law has no large-strain form.
     pub large_strains: Option<LargeStrains>,
-    /// What is doubtful about the user's mesh.
+    /// Warnings on the user's mesh.
     pub warnings: Vec<Warning>,
 }
 
@@ -45,11 +45,11 @@ pub struct ShapesSummary {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct BodySummary {
-    /// What it is.
+    /// Shape of the body.
     pub shape: Shape,
-    /// `horizontal` or `vertical` to the force; `None` for a sphere.
+    /// Axis of the body relative to the force, `horizontal` or `vertical`; `None` for a sphere.
     pub orientation: Option<String>,
-    /// How large it is.
+    /// Rule that sets the body's size.
     pub size_rule: SizeRule,
     /// Length along its axis, in mm.
     pub length_mm: f64,
@@ -57,17 +57,17 @@ pub struct BodySummary {
     pub diameter_mm: f64,
     /// Force per displacement per Pa of Young's modulus, whole body, in m.
     pub stiffness_m: f64,
-    /// Its estimated relative error.
+    /// Estimated relative error of the stiffness.
     pub relative_error: f64,
-    /// Relative difference of the three-dimensional finite elements from it.
+    /// Relative difference of the three-dimensional finite-element stiffness from `stiffness_m`.
     pub relative_difference_3d: f64,
-    /// Their mesh.
+    /// Mesh of the three-dimensional finite elements.
     pub mesh_3d: MeshSummary,
-    /// Stiffness over the sphere's of the same rule.
+    /// Stiffness divided by that of the sphere of this size rule.
     pub ratio_to_sphere: f64,
-    /// Surface over that sphere's.
+    /// Surface divided by that of the sphere of this size rule.
     pub surface_ratio: f64,
-    /// Volume over that sphere's.
+    /// Volume divided by that of the sphere of this size rule.
     pub volume_ratio: f64,
     /// Displacement at the end of the first hold, in µm.
     pub displacement_5s_um: Displacement,
@@ -79,9 +79,9 @@ pub struct BodySummary {
 pub struct MeshSummary {
     /// Unknowns of the quarter model.
     pub unknowns: usize,
-    /// Smallest scaled Jacobian of its elements: 1 for bricks, 0 for flat ones.
+    /// Smallest scaled Jacobian of the elements: 1 for bricks, 0 for flat elements.
     pub smallest_scaled_jacobian: f64,
-    /// Longest to shortest side of its slenderest element.
+    /// Largest ratio of longest to shortest side among the elements.
     pub largest_aspect: f64,
 }
 
@@ -89,36 +89,36 @@ pub struct MeshSummary {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct SweepSummary {
-    /// Length to diameter.
+    /// Ratio of length to diameter.
     pub aspect: f64,
     /// Poisson ratio of the gel.
     pub poisson_ratio: f64,
     /// Amplitude of the force, in µN.
     #[serde(rename = "force_uN")]
     pub force_un: f64,
-    /// Ten bodies.
+    /// Ten bodies, five under each size rule.
     pub bodies: Vec<BodySummary>,
-    /// The body of the user's own mesh.
+    /// Body of the user's own mesh.
     pub own_body: Option<OwnBody>,
-    /// The paper's claims.
+    /// Tests of the paper's claims.
     pub claims: Vec<Claim>,
 }
 
-/// The body of the user's own mesh.
+/// Body of the user's own mesh.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct OwnBody {
-    /// Surface of the body that the mesh goes around, in mm².
+    /// Surface of the body inside the mesh, in mm².
     pub surface_area_mm2: f64,
-    /// Its volume, in mm³.
+    /// Volume of the body, in mm³.
     pub volume_mm3: f64,
     /// The mesh.
     pub mesh: MeshSummary,
-    /// Force per displacement per Pa of Young's modulus, whole body, in m, by finite elements on that mesh.
+    /// Force per displacement per Pa of Young's modulus, for the whole body, in m, from finite elements on that mesh.
     pub stiffness_m: f64,
-    /// Stiffness over that of the sphere of its volume.
+    /// Stiffness divided by that of the sphere of equal volume.
     pub ratio_to_sphere_of_equal_volume: f64,
-    /// Stiffness over that of the sphere of its surface.
+    /// Stiffness divided by that of the sphere of equal surface.
     pub ratio_to_sphere_of_equal_surface: f64,
     /// Displacement at the end of the first hold, in µm.
     pub displacement_5s_um: Displacement,
@@ -136,22 +136,22 @@ pub struct Displacement {
     pub q95: f64,
 }
 
-/// What a body has in common with the sphere.
+/// Quantity that a body shares with the sphere.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum SizeRule {
-    /// Its volume (Fig. 7).
+    /// Equal volume (Fig. 7).
     EqualVolume,
-    /// The area of its surface (Fig. 8).
+    /// Equal surface area (Fig. 8).
     EqualSurface,
 }
 
 impl SizeRule {
-    /// Both, in the paper's order.
+    /// Both rules, in the paper's order.
     pub const ALL: [Self; 2] = [Self::EqualVolume, Self::EqualSurface];
 
-    /// In words.
+    /// Name of the rule in words.
     pub fn title(self) -> &'static str {
         match self {
             Self::EqualVolume => "equal volume",
@@ -160,12 +160,12 @@ impl SizeRule {
     }
 }
 
-/// A kind of body.
+/// Shapes of bodies.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum Shape {
-    /// The reference.
+    /// Sphere, the reference.
     Sphere,
     /// Prolate spheroid.
     Ellipsoid,
@@ -174,7 +174,7 @@ pub enum Shape {
 }
 
 impl Shape {
-    /// Its name in files and figures.
+    /// Name of the shape in files and figures.
     pub fn name(self) -> &'static str {
         match self {
             Self::Sphere => "sphere",
@@ -184,113 +184,113 @@ impl Shape {
     }
 }
 
-/// A claim of the paper, or the converse of a comparison that it makes.
+/// A claim of the paper, or the converse of one of its comparisons.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct Claim {
-    /// What is claimed.
+    /// Statement of the claim.
     pub claim: String,
-    /// Whether it is so.
+    /// Verdict on the claim.
     pub verdict: ClaimVerdict,
-    /// Probability that it is, given the errors of the stiffnesses. The gel's parameters act on all bodies alike and cancel.
+    /// Probability of the claim, given the errors of the stiffnesses. The gel's parameters affect all bodies alike and cancel.
     pub probability: f64,
-    /// The numbers.
+    /// Numbers behind the verdict.
     pub numbers: String,
 }
 
-/// What is to be said of a claim.
+/// Verdict on a claim.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub enum ClaimVerdict {
-    /// It is so.
+    /// The claim holds.
     #[serde(rename = "holds")]
     Holds,
-    /// It is not.
+    /// The claim does not hold.
     #[serde(rename = "does not hold")]
     DoesNotHold,
-    /// The errors of the stiffnesses leave it open.
+    /// The claim is undecided within the errors of the stiffnesses.
     #[serde(rename = "too close")]
     TooClose,
 }
 
-/// The longest robot of a shape, at the volume of the sphere and under the same force.
+/// Longest robot of a shape, at the volume of the sphere and under the sphere's force.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct LongestRobot {
-    /// Which shape.
+    /// Shape of the robot.
     pub shape: Shape,
-    /// Which way, in words.
+    /// Orientation in words.
     pub orientation: String,
-    /// Length to diameter; `None` where not even the shortest moves far enough.
+    /// Ratio of length to diameter; `None` if even the shortest robot moves too little.
     pub aspect: Option<f64>,
     /// Length in m.
     pub length_m: Option<f64>,
-    /// Whether longer ones would, too: the surrogate ends here.
+    /// True if longer robots would also move far enough. The surrogate's range ends here.
     pub is_limit_of_range: bool,
-    /// Largest relative error of the surrogate at points between those that made it.
+    /// Largest relative error of the surrogate at points between its training points.
     pub surrogate_relative_error: f64,
 }
 
-/// Bodies along the force over one hold, in fluids of the law whose strains may be large: Oldroyd-B, and Giesekus's of a mobility.
+/// Bodies along the force over one hold in two large-strain fluids: Oldroyd-B, and Giesekus with one mobility.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct LargeStrains {
-    /// Mobility of the other fluid.
+    /// Mobility of the Giesekus fluid.
     pub other_mobility: f64,
-    /// The sphere, then ellipsoids and cylinder under each rule.
+    /// The sphere, then ellipsoid and cylinder under each size rule.
     pub bodies: Vec<LargeShape>,
-    /// Orderings that small strains give, asked again.
+    /// Tests of the small-strain orderings at large strains.
     pub claims: Vec<Claim>,
 }
 
-/// A body along the force, as far as the mesh follows it.
+/// A body along the force, up to the time that the mesh can follow.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct LargeShape {
-    /// What it is.
+    /// Shape of the body.
     pub shape: Shape,
-    /// How large it is.
+    /// Rule that sets the body's size.
     pub size_rule: SizeRule,
-    /// Length to diameter.
+    /// Ratio of length to diameter.
     pub aspect: f64,
-    /// Time to which the mesh follows it, in s.
+    /// Last time that the mesh can follow, in s.
     pub followed_s: f64,
-    /// Whether that is the end of the hold.
+    /// True if `followed_s` is the end of the hold.
     pub is_whole: bool,
-    /// Displacement of small strains then, in µm, by the median of the posterior.
+    /// Small-strain displacement at `followed_s`, in µm, for the posterior's median.
     pub small_strains_um: f64,
-    /// By how much it is farther in Oldroyd-B's fluid then, in µm.
+    /// Excess of the displacement in the Oldroyd-B fluid over the small-strain displacement at `followed_s`, in µm.
     pub deviation_um: f64,
-    /// Difference of that from a coarser mesh's, in µm.
+    /// Difference of the excess displacement from that of a coarser mesh, in µm.
     pub error_um: f64,
-    /// By how much it is farther in the fluid of the other mobility then, in µm; absent where a body was not followed to the end of the hold.
+    /// Excess of the displacement in the Giesekus fluid at `followed_s`, in µm; absent if the body was not followed to the end.
     pub deviation_with_mobility_um: Option<f64>,
-    /// Displacement in Oldroyd-B's fluid over the radius across the force.
+    /// Displacement in the Oldroyd-B fluid divided by the body's radius across the force.
     pub radii_moved: f64,
-    /// The same over the body's length.
+    /// Displacement in the Oldroyd-B fluid divided by the body's length.
     pub lengths_moved: f64,
 }
 
-/// Elastic robots of one modulus.
+/// Results of elastic robots of one modulus.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct ElasticRecord {
-    /// The robot's Young's modulus over the gel's.
+    /// Ratio of the robot's Young's modulus to the gel's.
     pub modulus_ratio: f64,
-    /// Largest share by which a body is less stiff than a rigid one.
+    /// Largest relative deficit of a body's stiffness against a rigid one.
     pub largest_relative_difference: f64,
 }
 
-/// A candidate's record over the sweep.
+/// Accuracy of one predictor over the sweep.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct PredictorRecord {
-    /// In words.
+    /// Name of the predictor in words.
     pub predictor: String,
     /// Root mean square of the relative error of the predicted ratio to the sphere.
     pub rms_relative_error: f64,
-    /// The largest, with its sign.
+    /// Largest relative error, with its sign.
     pub largest_relative_error: f64,
-    /// The body that has it.
+    /// Body with the largest error.
     pub worst: String,
 }

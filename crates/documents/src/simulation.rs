@@ -1,4 +1,4 @@
-//! The document of `simulate` (formats §5, `vitreo-uq/simulation/1`).
+//! Document of `simulate` (formats §5, `vitreo-uq/simulation/1`).
 
 use serde::{Deserialize, Serialize};
 
@@ -8,27 +8,27 @@ use super::posterior::Warning;
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct SimulationSummary {
-    /// Specimen identifier of the experiment whose protocol was run.
+    /// Specimen identifier of the experiment whose protocol is simulated.
     pub experiment: String,
-    /// The law's parameters.
+    /// Parameters of the law.
     pub parameters: Vec<SimulationParameter>,
-    /// Unknowns of the full-order model.
+    /// Number of unknowns of the full-order model.
     pub unknowns: usize,
     /// Force per displacement per Pa of Young's modulus, whole body, in m.
     pub stiffness_m: f64,
-    /// `exponential` or `midpoint`.
+    /// Time stepping scheme: `exponential` or `midpoint`.
     pub scheme: String,
-    /// Time steps of the run.
+    /// Number of time steps.
     pub time_steps: usize,
-    /// Largest distance of the stepped trajectory from compliance × ∫J dF (physics §4.5), in µm: the error of the time integration.
+    /// Error of the time integration, in µm: largest distance of the stepped trajectory from compliance × ∫J dF (physics §4.5).
     pub time_integration_error_um: f64,
     /// Largest absolute displacement of the robot, in µm.
     pub largest_displacement_um: f64,
-    /// Largest absolute principal strain over the fields looked at: the ends of the holds and the largest displacement.
+    /// Largest absolute principal strain at the ends of the holds and at the largest displacement.
     pub largest_strain: f64,
-    /// One entry a mesh level; empty when none was asked for.
+    /// Mesh levels of a convergence study; empty if none was requested.
     pub convergence: Vec<MeshLevel>,
-    /// What the user should know.
+    /// Warnings for the user.
     pub warnings: Vec<Warning>,
 }
 
@@ -40,7 +40,7 @@ pub struct SimulationParameter {
     pub name: String,
     /// Value in that unit.
     pub value: f64,
-    /// Where the value comes from.
+    /// Source of the value.
     pub origin: String,
 }
 
@@ -48,17 +48,17 @@ pub struct SimulationParameter {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct MeshLevel {
-    /// Level 1, 2, 3, …; the element size goes with its inverse.
+    /// Level 1, 2, 3, …. The element size is inversely proportional to it.
     pub level: usize,
-    /// Unknowns.
+    /// Number of unknowns.
     pub unknowns: usize,
     /// Force per displacement per Pa of Young's modulus, whole body, in m.
     pub stiffness_m: f64,
-    /// Relative error against the exact value (physics §4.2); `None` for robots that have none.
+    /// Relative error against the exact value (physics §4.2); `None` if the robot has no exact value.
     pub relative_error: Option<f64>,
-    /// Relative difference from the level before.
+    /// Relative difference from the previous level.
     pub relative_difference: Option<f64>,
-    /// Observed order of convergence in the element size: from the errors of this level and the one before, or, without an exact value, from the
-    /// differences of the last three levels.
+    /// Observed order of convergence in the element size, from the errors of this level and the previous one. Without an exact value: from the differences of
+    /// the last three levels.
     pub order: Option<f64>,
 }

@@ -1,26 +1,26 @@
-//! The documents of `tasks` and `gather` (formats §6, `vitreo-uq/tasks/1` and `vitreo-uq/gathered/1`).
+//! Documents of `tasks` and `gather` (formats §6, `vitreo-uq/tasks/1` and `vitreo-uq/gathered/1`).
 
 use serde::{Deserialize, Serialize};
 
-/// What a list's tasks do.
+/// Kinds of tasks in a list.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 #[serde(rename_all = "lowercase")]
 pub enum TaskKind {
-    /// Experiments of a cohort, each sampled on its own as `groups` takes it.
+    /// Sampling of a cohort's experiments, each on its own as `groups` needs them.
     Sample,
-    /// Challenges, played as `challenge run` plays them.
+    /// Challenges, played as by `challenge run`.
     Challenge,
-    /// Records simulated from the prior of one experiment's model, each sampled as `sample` does.
+    /// Records simulated from the prior of one experiment's model, each sampled as by `sample`.
     Calibration,
-    /// Reduced models that experiments need, trained on full finite elements.
+    /// Surrogates that experiments need, trained on the full-order model.
     Models,
-    /// Commands of a text, of which what they write is kept.
+    /// Commands of a text file, whose output is kept.
     Commands,
 }
 
 impl TaskKind {
-    /// Its name on the command line.
+    /// Name of the kind on the command line.
     pub fn name(self) -> &'static str {
         match self {
             Self::Sample => "sample",
@@ -36,29 +36,29 @@ impl TaskKind {
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct TaskList {
-    /// What the tasks do.
+    /// Kind of the tasks.
     pub kind: TaskKind,
-    /// Version and hash of the sources of the program that made the list; no other runs its tasks.
+    /// Version and source hash of the program that made the list. Other programs do not run its tasks.
     pub program: String,
-    /// Directory in which the list was made: paths in it that are not absolute begin here.
+    /// Directory in which the list was made. Relative paths in the list start here.
     pub directory: String,
     /// Number of tasks.
     pub tasks: usize,
-    /// SHA-256 of `tasks.jsonl`, which has a line for each.
+    /// SHA-256 of `tasks.jsonl`, which has one line for each task.
     pub lines_sha256: String,
 }
 
-/// Body of `vitreo-uq/gathered/1`: what was there of a list's results.
+/// Body of `vitreo-uq/gathered/1`: state of a list's results.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct Gathered {
-    /// What the tasks do.
+    /// Kind of the tasks.
     pub kind: TaskKind,
-    /// Version and hash of the sources of the program.
+    /// Version and source hash of the program.
     pub program: String,
     /// Number of tasks.
     pub tasks: usize,
-    /// Number of results that are there and sound.
+    /// Number of sound results.
     pub results: usize,
     /// Tasks without a sound result.
     pub missing: Vec<MissingResult>,
@@ -74,32 +74,32 @@ pub struct MissingResult {
     pub task: usize,
     /// Name of the file that should hold its result.
     pub file: String,
-    /// What is wrong with it.
+    /// Reason why the result is not accepted.
     pub fault: Fault,
 }
 
-/// Why a result is not taken.
+/// Reasons why a result is not accepted.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 #[serde(rename_all = "kebab-case")]
 pub enum Fault {
-    /// There is no file.
+    /// The file does not exist.
     Absent,
-    /// The file ends before its content does, or cannot be read.
+    /// The file ends too early or cannot be read.
     Truncated,
-    /// The content is not what was written.
+    /// The content differs from the result that was written.
     Damaged,
     /// The file is the result of another task, of other input, or of another kind.
     OtherTask,
-    /// Another program wrote it.
+    /// Another program wrote the file.
     OtherProgram,
 }
 
 impl Fault {
-    /// In words.
+    /// The fault in words.
     pub fn words(self) -> &'static str {
         match self {
-            Self::Absent => "not there",
+            Self::Absent => "absent",
             Self::Truncated => "cut short or unreadable",
             Self::Damaged => "changed since it was written",
             Self::OtherTask => "the result of another task or of other input",
@@ -109,7 +109,7 @@ impl Fault {
 }
 
 impl Gathered {
-    /// Whether every task has its result.
+    /// True if every task has its result.
     pub fn is_whole(&self) -> bool {
         self.missing.is_empty() && self.results == self.tasks
     }

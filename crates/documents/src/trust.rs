@@ -1,4 +1,4 @@
-//! How far a result can be trusted: the three levels that every result shows first (formats §4).
+//! Trust in a result: the three levels that every result shows first (formats §4).
 
 use serde::{Deserialize, Serialize};
 
@@ -9,9 +9,9 @@ use serde::{Deserialize, Serialize};
 pub enum TrustLevel {
     /// Parameters can be trusted.
     Trusted,
-    /// Predictions can be trusted; parameters are effective values at this amplitude.
+    /// Predictions can be trusted. Parameters are effective values at this amplitude.
     Effective,
-    /// Neither can be trusted.
+    /// Neither parameters nor predictions can be trusted.
     Untrusted,
 }
 
@@ -32,19 +32,19 @@ impl TrustLevel {
 pub struct Trust {
     /// The level.
     pub level: TrustLevel,
-    /// Why it is that level, in plain words.
+    /// Reason for the level, in plain words.
     pub reason: String,
 }
 
 impl Default for Trust {
-    /// Trust in a document that does not state it.
+    /// Level of a document that states none: untrusted.
     fn default() -> Self {
         Self { level: TrustLevel::Untrusted, reason: "an earlier version made this result and did not judge it".into() }
     }
 }
 
 impl Trust {
-    /// Whether the result is sound (exit code 0).
+    /// True if the result is sound (exit code 0).
     pub fn is_sound(&self) -> bool {
         self.level != TrustLevel::Untrusted
     }

@@ -1,4 +1,4 @@
-//! Meshes of the gel and full finite elements.
+//! Meshes of the gel and full-order finite elements.
 
 pub mod fe;
 pub mod mesh;

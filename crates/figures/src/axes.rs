@@ -1,28 +1,28 @@
-//! A pair of axes: data drawn into a frame, and the frame's ticks and labels.
+//! Pair of axes: draws data into a frame, and the frame's ticks and labels.
 
 use super::font::{fitting_size_px, shorten, text_width_px, wrapped};
 use super::palette::{AXIS, Colour, GRID, INK, MUTED};
 use super::svg::{Anchor, Fill, Path, Point, Rect, Stroke, Style, Svg, TextStyle};
 use super::ticks::{Scale, Ticks};
 
-/// Size of tick labels.
+/// Font size of tick labels.
 pub const TICK_SIZE_PX: f64 = 11.0;
-/// Size of axis labels.
+/// Font size of axis labels.
 pub const LABEL_SIZE_PX: f64 = 13.0;
-/// Smallest size to which a label shrinks before it is cut.
+/// Smallest font size to which a label shrinks before it is cut.
 const SMALLEST_PX: f64 = 9.0;
 const TICK_LENGTH_PX: f64 = 5.0;
-/// Width of the columns that curves are thinned by: what a picture at twice the size still shows.
+/// Width of the columns in which curves are thinned, chosen for pictures at twice the size.
 const COLUMN_PX: f64 = 0.5;
-/// Curves with fewer points a column are drawn as they are.
+/// Curves with fewer points per column are not thinned.
 const POINTS_OF_COLUMN: f64 = 8.0;
-/// Beyond so many dots, those that cover each other are drawn once.
+/// Above this number of dots, dots that cover each other are drawn once.
 const MOST_DOTS: usize = 5_000;
 
 /// A frame with a horizontal and a vertical scale.
 #[derive(Debug, Clone, Copy)]
 pub struct Axes {
-    /// Where data are drawn, in pixels.
+    /// Area of the data, in pixels.
     pub frame: Rect,
     /// Horizontal scale.
     pub x: Scale,
@@ -30,7 +30,7 @@ pub struct Axes {
     pub y: Scale,
 }
 
-/// How an axis is labelled.
+/// Style of an axis.
 #[derive(Debug, Clone, Copy)]
 pub struct AxisStyle<'a> {
     label: Option<&'a str>,
@@ -42,21 +42,21 @@ pub struct AxisStyle<'a> {
 }
 
 impl<'a> AxisStyle<'a> {
-    /// Quantity and unit, such as `time (s)`, whose far edge stands `label_distance_px` from the frame, so that labels of
-    /// stacked axes align; `None` leaves label and numbers out. At most `most_ticks` numbers.
+    /// Creates the style of an axis for a quantity with its unit, such as `time (s)`, and at most `most_ticks` numbers. The label's far edge is `label_distance_px` from the
+    /// frame, so that labels of stacked axes align. `None` omits label and numbers.
     pub fn new(label: Option<&'a str>, most_ticks: usize, label_distance_px: f64) -> Self {
         let overhang_px = 0.5 * TICK_SIZE_PX;
         Self { label, most_ticks, label_distance_px, grid: false, integers: false, overhang_px }
     }
-    /// With faint lines across the frame at the numbers.
+    /// Adds faint lines across the frame at the numbers.
     pub fn grid(self) -> Self {
         Self { grid: true, ..self }
     }
-    /// Without marks between whole numbers.
+    /// Removes marks between whole numbers.
     pub fn integers(self) -> Self {
         Self { integers: true, ..self }
     }
-    /// With numbers that may stand out by so much at the ends of a horizontal axis.
+    /// Lets numbers at the ends of a horizontal axis extend beyond it by this width.
     pub fn overhang_px(self, overhang_px: f64) -> Self {
         Self { overhang_px, ..self }
     }
@@ -66,20 +66,20 @@ impl<'a> AxisStyle<'a> {
 }
 
 impl Axes {
-    /// Horizontal position of a value.
+    /// Horizontal position of a value, in pixels.
     pub fn x_px(&self, value: f64) -> f64 {
         self.frame.x + self.x.fraction(value) * self.frame.width
     }
-    /// Vertical position of a value.
+    /// Vertical position of a value, in pixels.
     pub fn y_px(&self, value: f64) -> f64 {
         self.frame.bottom() - self.y.fraction(value) * self.frame.height
     }
-    /// Position of a pair of values.
+    /// Position of a pair of values, in pixels.
     pub fn px(&self, x: f64, y: f64) -> Point {
         (self.x_px(x), self.y_px(y))
     }
 
-    /// Line through the points of each run of finite values; a value that is not finite breaks the line.
+    /// Draws a line through the points of each run of finite values. A value that is not finite breaks the line.
     pub fn line(&self, svg: &mut Svg, x: &[f64], y: &[f64], stroke: Stroke) {
         let mut path = Path::default();
         let points: Vec<Point> = x.iter().zip(y).map(|(&x, &y)| self.px(x, y)).collect();
@@ -93,7 +93,7 @@ impl Axes {
         svg.path(&path, stroke);
     }
 
-    /// Area between two curves over the same `x`; a value that is not finite breaks it.
+    /// Draws the area between two curves over the same `x`. A value that is not finite breaks it.
     pub fn band(&self, svg: &mut Svg, x: &[f64], lower: &[f64], upper: &[f64], fill: Fill) {
         let mut path = Path::default();
         let n = x.len().min(lower.len()).min(upper.len());
@@ -110,7 +110,7 @@ impl Axes {
         svg.path(&path, fill);
     }
 
-    /// Dots at the finite points that lie in the frame; of many that cover each other by more than half, one.
+    /// Draws dots at the finite points in the frame. One dot is drawn for many that cover each other by more than half.
     pub fn scatter(
         &self,
         svg: &mut Svg,
@@ -124,7 +124,7 @@ impl Axes {
             |(x, y): &(f64, f64)| x.is_finite() && y.is_finite() && inside(&self.x, *x) && inside(&self.y, *y);
         let mut drawn: Vec<Point> = points.filter(is_drawn).map(|(x, y)| self.px(x, y)).collect();
         if drawn.len() > MOST_DOTS {
-            // Of dots that cover each other by more than half, one is drawn.
+            // One dot is drawn for those that cover each other by more than half.
             let cell = 0.5 * diameter_px;
             let mut taken = std::collections::HashSet::new();
             drawn.retain(|(x, y)| taken.insert(((x / cell) as i64, (y / cell) as i64)));
@@ -134,7 +134,7 @@ impl Axes {
         svg.dots(&dots, colour, diameter_px, opacity);
     }
 
-    /// Vertical line across the frame; nothing where the value lies beyond it.
+    /// Draws a vertical line across the frame, if the value lies in it.
     pub fn vertical(&self, svg: &mut Svg, x: f64, stroke: Stroke) {
         if (0.0..=1.0).contains(&self.x.fraction(x)) {
             let x = self.x_px(x);
@@ -142,7 +142,7 @@ impl Axes {
         }
     }
 
-    /// Vertical lines across the frame, one a pixel at most.
+    /// Draws vertical lines across the frame, at most one per pixel.
     pub fn verticals(&self, svg: &mut Svg, x: &[f64], stroke: Stroke) {
         let mut last_px = f64::NEG_INFINITY;
         for x in x {
@@ -154,7 +154,7 @@ impl Axes {
         }
     }
 
-    /// Horizontal line across the frame; nothing where the value lies beyond it.
+    /// Draws a horizontal line across the frame, if the value lies in it.
     pub fn horizontal(&self, svg: &mut Svg, y: f64, stroke: Stroke) {
         if (0.0..=1.0).contains(&self.y.fraction(y)) {
             let y = self.y_px(y);
@@ -162,12 +162,12 @@ impl Axes {
         }
     }
 
-    /// The frame's outline.
+    /// Draws the frame's outline.
     pub fn outline(&self, svg: &mut Svg) {
         svg.rect(self.frame, Style::from(Stroke::solid(AXIS, 1.0)));
     }
 
-    /// Ticks of the lower edge, with numbers and label if there is one.
+    /// Draws ticks on the lower edge, with numbers and label if the style has one.
     pub fn x_axis(&self, svg: &mut Svg, style: AxisStyle) {
         let ticks = self.x.ticks_side_by_side(style.most_ticks, self.frame.width, TICK_SIZE_PX, style.overhang_px);
         let bottom = self.frame.bottom();
@@ -198,7 +198,7 @@ impl Axes {
         }
     }
 
-    /// Ticks of the left edge, with numbers and label if there is one.
+    /// Draws ticks on the left edge, with numbers and label if the style has one.
     pub fn y_axis(&self, svg: &mut Svg, style: AxisStyle) {
         let ticks = self.y.ticks(style.most_ticks);
         let left = self.frame.x;
@@ -229,8 +229,8 @@ impl Axes {
     }
 }
 
-/// A run of a curve, in order from left to right, without the points that a picture cannot show: of those in one column of pixels the first, the
-/// lowest, the highest and the last are kept, so that the curve's envelope is exact.
+/// Removes the points of a curve that a picture cannot show. The curve runs from left to right. In each column of pixels the first, lowest, highest
+/// and last points are kept, so that the curve's envelope is exact.
 fn thinned(run: &[Point]) -> Vec<Point> {
     let width_px = run.first().zip(run.last()).map_or(0.0, |(first, last)| last.0 - first.0);
     let is_sparse = (run.len() as f64) < POINTS_OF_COLUMN * (1.0 + width_px / COLUMN_PX);
@@ -253,7 +253,7 @@ fn thinned(run: &[Point]) -> Vec<Point> {
     kept
 }
 
-/// The label in one line, or quantity and unit in two where it would have to shrink too much; and its size.
+/// Lines and font size of a label: one line, or quantity and unit in two lines if one line would shrink too much.
 fn label_lines(label: &str, room_px: f64) -> (Vec<String>, f64) {
     let whole = fitting_size_px(label, LABEL_SIZE_PX, SMALLEST_PX, room_px);
     if text_width_px(label, whole) <= room_px {
@@ -265,7 +265,7 @@ fn label_lines(label: &str, room_px: f64) -> (Vec<String>, f64) {
     (parts.into_iter().map(|part| shorten(part, size, room_px)).collect(), size)
 }
 
-/// The label with the factor that multiplies the axis' numbers: `E (Pa)` becomes `E (10⁻³ Pa)`.
+/// Label with the factor of the axis' numbers in its unit: `E (Pa)` becomes `E (10⁻³ Pa)`.
 fn with_factor(label: &str, ticks: &Ticks) -> String {
     let power = ticks.factor.trim_start_matches('×');
     match (power.is_empty(), label.rfind(" (")) {
@@ -282,18 +282,18 @@ pub fn widest_y_number_px(scale: &Scale, most_ticks: usize) -> f64 {
     ticks.major.iter().map(|(_, label)| text_width_px(label, TICK_SIZE_PX)).fold(0.0, f64::max)
 }
 
-/// A note in secondary colour, cut to `width_px`.
+/// Writes a note in secondary colour, cut to `width_px`.
 pub fn note(svg: &mut Svg, text: &str, at: Point, anchor: Anchor, width_px: f64) {
     svg.text(&shorten(text, TICK_SIZE_PX, width_px), at, TextStyle::new(TICK_SIZE_PX, anchor).colour(MUTED));
 }
 
-/// A figure's title, cut to `width_px`.
+/// Writes a figure's title, cut to `width_px`.
 pub fn title(svg: &mut Svg, text: &str, at: Point, width_px: f64) {
     let size = fitting_size_px(text, 16.0, 12.0, width_px);
     svg.text(&shorten(text, size, width_px), at, TextStyle::new(size, Anchor::Start).colour(INK));
 }
 
-/// A figure's title, and below it a text in as many lines as the width demands; returns the height used.
+/// Writes a figure's title and a text below it, in as many lines as the width requires. Returns the height used.
 pub fn title_with_text(svg: &mut Svg, heading: &str, text: &str, at: Point, width_px: f64) -> f64 {
     title(svg, heading, (at.0, at.1 + 16.0), width_px);
     let lines = wrapped(text, LABEL_SIZE_PX, width_px);
@@ -325,7 +325,7 @@ mod tests {
         assert_eq!(svg.document().matches('Z').count(), 2);
     }
 
-    /// A curve of 50,000 points with one spike: at most four points a column are left, the spike and both ends among them.
+    /// Thins a curve of 50,000 points with one spike: at most four points per column remain, including the spike and both ends.
     #[test]
     fn curves_keep_their_envelope_when_thinned() {
         let value = |i: usize| if i == 31_007 { 0.99 } else { 0.3 + 0.1 * (0.37 * i as f64).sin() };

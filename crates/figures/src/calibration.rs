@@ -1,4 +1,4 @@
-//! Ranks of truths among posterior draws: a histogram a quantity, with the band that uniform ranks keep to.
+//! Ranks of true values among posterior draws: one histogram per quantity, with the band expected for uniform ranks.
 
 use super::axes::{Axes, AxisStyle, LABEL_SIZE_PX, note, title};
 use super::font::shorten;
@@ -17,7 +17,7 @@ const PITCH_PX: f64 = 238.0;
 const TOP_PX: f64 = 86.0;
 const BAND_OPACITY: f64 = 0.18;
 
-/// Draws the sheet: a panel for every parameter, and the log-density's last.
+/// Draws one panel for each parameter, and the log density's last.
 pub fn rank_histograms(found: &Calibration) -> Svg {
     let n_rows = found.quantities.len().div_ceil(N_COLUMNS).max(1);
     let height = TOP_PX + PITCH_PX * n_rows as f64 + 14.0;
@@ -25,15 +25,15 @@ pub fn rank_histograms(found: &Calibration) -> Svg {
     let heading = match found.verdict.kind {
         CalibrationKind::Calibrated => "the posteriors are calibrated",
         CalibrationKind::Miscalibrated => "the posteriors are not calibrated",
-        CalibrationKind::Undecided => "too few replicates to tell",
+        CalibrationKind::Undecided => "too few records for a verdict",
     };
     let heading = format!("{}: {heading} ({} simulated records)", found.experiment, found.ranked);
     title(&mut svg, &heading, (16.0, 26.0), WIDTH_PX - 32.0);
     let area = |colour, opacity| Mark::Area(Style { fill: Some(Fill::new(colour, opacity)), stroke: None });
     let entries = [
-        Entry::new(area(BLUE, 0.8), "truths with such a rank"),
-        Entry::new(area(GREEN, BAND_OPACITY), "99 % of all bins, where ranks are uniform"),
-        Entry::new(Mark::Line(Stroke::solid(MUTED, 1.3).dashed(6.0, 4.0)), "their mean"),
+        Entry::new(area(BLUE, 0.8), "true values with this rank"),
+        Entry::new(area(GREEN, BAND_OPACITY), "99 % of all bins, if ranks are uniform"),
+        Entry::new(Mark::Line(Stroke::solid(MUTED, 1.3).dashed(6.0, 4.0)), "expected mean"),
     ];
     legend::row(&mut svg, &entries, (16.0, 50.0), WIDTH_PX - 32.0);
     let pitch = WIDTH_PX / N_COLUMNS as f64;
@@ -57,7 +57,7 @@ fn draw(svg: &mut Svg, found: &Calibration, own: &CalibratedQuantity, frame: Rec
     let most = own.counts.iter().map(|count| *count as f64).fold(upper, f64::max).max(1.0);
     let last = found.draws as f64 + 1.0;
     let axes = Axes { frame, x: Scale::linear(0.0, last), y: Scale::linear(0.0, 1.12 * most) };
-    axes.y_axis(svg, AxisStyle::new(Some("truths (–)"), 5, 48.0).grid().integers());
+    axes.y_axis(svg, AxisStyle::new(Some("true values (–)"), 5, 48.0).grid().integers());
     axes.band(svg, &[0.0, last], &[lower, lower], &[upper, upper], Fill::new(GREEN, BAND_OPACITY));
     for (bin, count) in own.counts.iter().enumerate() {
         let edge = |bin: usize| axes.x_px(last * bin as f64 / n_bins as f64);
@@ -68,7 +68,7 @@ fn draw(svg: &mut Svg, found: &Calibration, own: &CalibratedQuantity, frame: Rec
         svg.rect(bar, Fill::new(colour, 0.8));
     }
     axes.horizontal(svg, mean, Stroke::solid(MUTED, 1.3).dashed(6.0, 4.0));
-    axes.x_axis(svg, AxisStyle::new(Some("rank of the truth (–)"), 6, 34.0));
+    axes.x_axis(svg, AxisStyle::new(Some("rank of the true value (–)"), 6, 34.0));
     axes.outline(svg);
     let symbol = of_parameter(&own.name).symbol;
     let p = own.p_holm.map_or(String::new(), |p| format!(", corrected p {}", significant(p, 2)));
@@ -76,7 +76,7 @@ fn draw(svg: &mut Svg, found: &Calibration, own: &CalibratedQuantity, frame: Rec
     svg.text(&heading, (frame.x, frame.y - 9.0), TextStyle::new(LABEL_SIZE_PX, Anchor::Start).colour(INK));
     let share = |share: Option<f64>| share.map_or("–".into(), |share| format!("{:.0} %", 100.0 * share));
     let covered =
-        format!("50 % intervals hold {}, 90 % {}", share(own.coverage_50.share), share(own.coverage_90.share));
+        format!("50 % intervals contain {}, 90 % {}", share(own.coverage_50.share), share(own.coverage_90.share));
     note(svg, &covered, (frame.right(), frame.bottom() + 52.0), Anchor::End, frame.width);
 }
 
@@ -119,7 +119,7 @@ mod tests {
         }
     }
 
-    /// A bar a bin; those outside of the band have another colour.
+    /// Each bin has a bar. Bars outside the band have another colour.
     #[test]
     fn bars_beyond_the_band_stand_out() {
         let svg = rank_histograms(&found());
@@ -127,7 +127,7 @@ mod tests {
         let bars = |colour: super::super::palette::Colour| document.matches(&format!("fill=\"{colour}\"")).count();
         assert_eq!((bars(BLUE), bars(VERMILLION)), (8 + 1, 2), "and one in the legend");
         assert!(document.contains("eye &lt;1&gt;: the posteriors are calibrated (50 simulated records)"));
-        assert!(document.contains("50 % intervals hold 52 %, 90 % –"));
+        assert!(document.contains("50 % intervals contain 52 %, 90 % –"));
         assert!(svg.png().is_ok());
     }
 

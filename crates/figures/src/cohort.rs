@@ -1,4 +1,4 @@
-//! What specimens lack together: what every record of a cohort gains by every effect under its common law of sizes, as a map, with the sums below.
+//! Figure of a cohort's diagnosis: a map of the gain of every record by every effect under its common distribution of sizes, with the sums below.
 
 use super::axes::{Axes, TICK_SIZE_PX, title_with_text};
 use super::font::{shorten, text_width_px};
@@ -12,41 +12,41 @@ use documents::diagnosis::Status;
 
 const MARGIN_PX: f64 = 20.0;
 const WIDTH_PX: f64 = 1080.0;
-/// Widest label of a record.
+/// Maximum width of a record's label.
 const LABEL_PX: f64 = 190.0;
 const BAR_PX: f64 = 18.0;
-/// Room for the colour bar and its numbers.
+/// Width of the colour bar with its numbers.
 const RIGHT_PX: f64 = 96.0;
-/// Gains (nats) of the fullest colour.
+/// Gain (nats) of the strongest colour.
 const FULL_NATS: f64 = 6.0;
-/// Gains beyond are written into their cells.
+/// Gain above which the number is written into the cell.
 const WRITTEN_NATS: f64 = 1.0;
-/// Heights of rows: of few records, of many, and of so many that they are not named.
+/// Heights of rows for few records, for many, and for so many that they have no names.
 const FEW: (usize, f64) = (30, 22.0);
 const MANY: (usize, f64) = (90, 14.0);
 const CROWD_PX: f64 = 4.0;
 const GAP_PX: f64 = 8.0;
 const SUM_PX: f64 = 22.0;
 
-/// Draws a cohort's diagnosis.
+/// Draws the diagnosis of a cohort.
 ///
 /// # Errors
-/// None at present; drawing may refuse documents that make no sense.
+/// None at present; future versions may refuse inconsistent documents.
 pub fn cohort(diagnosis: &CohortDiagnosis) -> Result<Svg> {
-    let heading = format!("{} records: what do they lack together?", diagnosis.specimens.len());
+    let heading = format!("{} records: which effects do they lack?", diagnosis.specimens.len());
     let draw = |svg: &mut Svg| {
         let width = WIDTH_PX - 2.0 * MARGIN_PX;
         let below = title_with_text(svg, &heading, &diagnosis.verdict.sentence, (MARGIN_PX, MARGIN_PX), width);
         Map::of(diagnosis).draw(svg, MARGIN_PX + below + 10.0)
     };
-    // Drawn once to learn how high it is.
+    // First drawing, to determine the height.
     let height = draw(&mut Svg::new(WIDTH_PX, 1.0, "")) + MARGIN_PX;
     let mut svg = Svg::new(WIDTH_PX, height, &heading);
     draw(&mut svg);
     Ok(svg)
 }
 
-/// White at 0, blue for what speaks for an effect, vermillion for what speaks against it.
+/// White at 0, blue for gains, vermillion for losses.
 fn colour(gain_nats: f64) -> Colour {
     let end = if gain_nats > 0.0 { BLUE } else { VERMILLION };
     let share = (gain_nats.abs() / FULL_NATS).min(1.0);
@@ -55,9 +55,9 @@ fn colour(gain_nats: f64) -> Colour {
 }
 
 struct Map<'a> {
-    /// What is looked for, what gains most first.
+    /// Effects by decreasing gain.
     effects: Vec<&'a CohortEffect>,
-    /// Records, group by group.
+    /// Records, ordered by groups.
     records: Vec<&'a CohortSpecimen>,
     row_px: f64,
 }
@@ -83,7 +83,7 @@ impl<'a> Map<'a> {
         self.row_px > CROWD_PX
     }
 
-    /// Draws all from `top` downwards; returns where it ends.
+    /// Draws the map from `top` downwards and returns its lower end.
     fn draw(&self, svg: &mut Svg, top: f64) -> f64 {
         let header =
             self.effects.iter().map(|own| text_width_px(&own.effect, TICK_SIZE_PX)).fold(40.0, f64::max) + 10.0;
@@ -141,7 +141,7 @@ impl<'a> Map<'a> {
         }
     }
 
-    /// Below the map: what all records gain together, on held-out cycles, and p. Returns where they end.
+    /// Writes the sums below the map: gain of all records, gain on held-out cycles, and p. Returns their lower end.
     fn sums(&self, svg: &mut Svg, frame: Rect, column: f64) -> f64 {
         type Text<'a> = &'a dyn Fn(&CohortEffect) -> String;
         let rows: [(&str, Text); 3] = [
@@ -160,8 +160,7 @@ impl<'a> Map<'a> {
                 svg.text(&text, (frame.x + (k as f64 + 0.5) * column, y), style);
             }
         }
-        let words =
-            "green: claimed; blue: cannot be told from it; orange: suggestive; !: the model leaves more than noise";
+        let words = "green: claimed; blue: equivalent; orange: suggestive; !: residuals larger than noise";
         svg.text(words, (frame.x, y + SUM_PX), TextStyle::new(TICK_SIZE_PX, Anchor::Start).colour(MUTED));
         y + SUM_PX + 6.0
     }
@@ -261,7 +260,7 @@ mod tests {
         }
     }
 
-    /// Two records, twenty, sixty and three hundred.
+    /// Cohorts of 2, 20, 60 and 300 records.
     #[test]
     fn cohorts_of_any_size_are_legible() {
         for n_records in [2, 20, 60, 300] {

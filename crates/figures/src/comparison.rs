@@ -1,4 +1,4 @@
-//! Figure of a comparison: the measurement over predictive bands, below it what the model leaves, in µm and whitened.
+//! Figure of a comparison: the measurement over predictive bands, and below it the residuals in µm and whitened.
 
 use super::axes::{Axes, AxisStyle, title, widest_y_number_px};
 use super::legend::{self, Entry, Mark};
@@ -16,28 +16,28 @@ const RESIDUAL_HEIGHT_PX: f64 = 165.0;
 const NORMAL_90: f64 = 1.6449;
 const KNOWN: Stroke = Stroke { colour: VERMILLION, width_px: 1.2, opacity: 1.0, dash: Some((6.0, 4.0)) };
 
-/// What the figure shows; all slices have one value a row of the measurement.
+/// Content of the figure; all slices have one value for each row of the measurement.
 #[derive(Debug, Clone)]
 pub struct ComparisonData<'a> {
     /// Title.
     pub title: &'a str,
-    /// Time of each row.
+    /// Time of each row, in s.
     pub time_s: &'a [f64],
-    /// Measured position, `None` where there is none.
+    /// Measured position; `None` for rows without one.
     pub position_um: &'a [Option<f64>],
-    /// The model's position.
+    /// Position predicted by the model.
     pub model_um: &'a [f64],
-    /// Predictive standard deviation, noise included.
+    /// Predictive standard deviation, including noise.
     pub sd_um: &'a [f64],
-    /// Whitened residuals; `None` where nothing is compared.
+    /// Whitened residuals; `None` for rows that are not compared.
     pub whitened: &'a [Option<f64>],
-    /// Time and position of measurements that were left out.
+    /// Time and position of each outlier.
     pub outliers: Vec<(f64, f64)>,
-    /// Times of force steps.
+    /// Times of force steps, in s.
     pub step_s: &'a [f64],
-    /// From and to of what was kept from the fit.
+    /// Start and end of the held-out cycle, in s.
     pub heldout_s: Option<[f64; 2]>,
-    /// Noise (µm) that misfits are measured against and where that comes from; `None` where it is unknown.
+    /// Noise standard deviation (µm) and its origin; `None` if unknown.
     pub noise: Option<(f64, &'a str)>,
 }
 
@@ -52,7 +52,7 @@ pub fn comparison(data: &ComparisonData) -> Result<Svg> {
         return Err(Error::input(
             Place::default().at_key("comparison figure"),
             format!("{n} times and {lengths:?} values"),
-            "give one value a row, two rows at least",
+            "give one value per row, and at least two rows",
         ));
     }
     let bands = data.model_um.iter().zip(data.sd_um).flat_map(|(x, sd)| [x - NORMAL_90 * sd, x + NORMAL_90 * sd]);
@@ -88,8 +88,8 @@ pub fn comparison(data: &ComparisonData) -> Result<Svg> {
         shade(&mut svg, axes, data);
     }
     main.y_axis(&mut svg, AxisStyle::new(Some("position (µm)"), 8, left - 8.0).grid());
-    difference.y_axis(&mut svg, AxisStyle::new(Some("left by the model (µm)"), 6, left - 8.0).grid());
-    residual.y_axis(&mut svg, AxisStyle::new(Some("the same, whitened (σ)"), 6, left - 8.0).grid());
+    difference.y_axis(&mut svg, AxisStyle::new(Some("residual (µm)"), 6, left - 8.0).grid());
+    residual.y_axis(&mut svg, AxisStyle::new(Some("whitened residual (σ)"), 6, left - 8.0).grid());
     draw_main(&mut svg, &main, data);
     svg.clipped(difference.frame, |svg| {
         difference.horizontal(svg, 0.0, Stroke::solid(BLUE, 1.3));
@@ -112,7 +112,7 @@ fn entries(data: &ComparisonData) -> Vec<Entry> {
     let mut entries = vec![
         Entry::new(Mark::Dot(INK, 3.6), "measured"),
         Entry::new(Mark::Line(Stroke::solid(BLUE, 1.8)), "model"),
-        Entry::new(Mark::Area(Fill::new(BLUE, 0.3).into()), "90 % predictive band, noise as learnt"),
+        Entry::new(Mark::Area(Fill::new(BLUE, 0.3).into()), "90 % predictive band, with the fitted noise"),
         Entry::new(Mark::Dot(VERMILLION, 4.5), "whitened residual beyond 3 σ"),
     ];
     if let Some((um, origin)) = data.noise {
@@ -120,7 +120,7 @@ fn entries(data: &ComparisonData) -> Vec<Entry> {
         entries.insert(3, Entry::new(Mark::Line(KNOWN), text));
     }
     if !data.outliers.is_empty() {
-        entries.push(Entry::new(Mark::Dot(MUTED, 5.0), "outlier, left out"));
+        entries.push(Entry::new(Mark::Dot(MUTED, 5.0), "outlier, not used"));
     }
     if data.heldout_s.is_some() {
         entries.push(Entry::new(Mark::Area(Fill::new(SKY, 0.3).into()), "held out"));

@@ -1,4 +1,4 @@
-//! Sheet of panels: the bias in each bin with its error, significant panels highlighted.
+//! Sheet of panels: the bias in each bin with its error; significant panels are highlighted.
 
 use super::axes::{Axes, AxisStyle, LABEL_SIZE_PX, TICK_SIZE_PX, title};
 use super::font::{shorten, text_width_px};
@@ -10,21 +10,21 @@ const WIDTH_PX: f64 = 1080.0;
 const N_COLUMNS: usize = 3;
 const PANEL_HEIGHT_PX: f64 = 150.0;
 const PITCH_PX: f64 = 236.0;
-/// Thinner bars could not be seen.
+/// Smallest width of a visible bar.
 const LEAST_BAR_PX: f64 = 0.7;
 
-/// One panel.
+/// Panel of one test.
 #[derive(Debug, Clone, PartialEq)]
 pub struct BarPanel {
     /// Name, with its p.
     pub heading: String,
-    /// What the bars stand over.
+    /// Quantity along the horizontal axis.
     pub x_label: String,
-    /// What they measure, with unit.
+    /// Quantity of the bars, with unit.
     pub y_label: String,
-    /// Whether it is a finding.
+    /// True if the test is a finding.
     pub is_significant: bool,
-    /// Whether another panel shows the same more clearly.
+    /// True if another finding explains it.
     pub is_echo: bool,
     /// Label, height and standard error of each bar.
     pub bars: Vec<(String, f64, f64)>,
@@ -89,7 +89,7 @@ fn draw(svg: &mut Svg, panel: &BarPanel, frame: Rect) {
     svg.rect(frame, Style::from(Stroke::solid(if panel.is_significant { VERMILLION } else { MUTED }, 1.0)));
 }
 
-/// Which bars are drawn: all of them, or the clearest of those that share two pixels.
+/// Indices of the bars to draw: all, or the clearest of each group that shares two pixels.
 fn shown(bars: &[(String, f64, f64)], width_px: f64) -> Vec<usize> {
     let together = (2.0 * bars.len() as f64 / width_px).ceil().max(1.0) as usize;
     let clearness = |k: &usize| bars[*k].1.abs() / bars[*k].2.max(f64::MIN_POSITIVE);
@@ -98,7 +98,7 @@ fn shown(bars: &[(String, f64, f64)], width_px: f64) -> Vec<usize> {
     indices.chunks(together).filter_map(clearest).collect()
 }
 
-/// Names of bars, every second or third where they would touch, and the axis' name.
+/// Writes the names of the bars and of the axis. If names would touch, only every second or third is written.
 fn labels(svg: &mut Svg, panel: &BarPanel, axes: &Axes) {
     let frame = axes.frame;
     let n = panel.bars.len().max(1);

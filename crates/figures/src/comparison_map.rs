@@ -1,4 +1,4 @@
-//! Failure map: cycle × time since the last force step, coloured by the mean residual along the step.
+//! Failure map: cycle against time since the last force step, coloured by the mean residual along the step.
 
 use super::axes::{Axes, AxisStyle, TICK_SIZE_PX, title};
 use super::font::text_width_px;
@@ -9,36 +9,36 @@ use super::ticks::Scale;
 
 const WIDTH_PX: f64 = 960.0;
 const BAR_WIDTH_PX: f64 = 18.0;
-/// Means beyond so many of their standard errors have the fullest colour.
+/// Ratio of a mean to its standard error at which colours are strongest.
 const FULL_COLOUR: f64 = 6.0;
-/// Means beyond so many of their standard errors are marked.
+/// Ratio of a mean to its standard error above which its value is written.
 const MARKED: f64 = 3.0;
 
-/// A row of the map: a part of a cycle in which the force stepped one way.
+/// Row of the map: part of a cycle in which the force steps in one direction.
 #[derive(Debug, Clone, PartialEq)]
 pub struct MapRow {
-    /// What it is, such as "cycle 2 ↑".
+    /// Name, such as "cycle 2 ↑".
     pub label: String,
-    /// Whether it was kept from the fit.
+    /// True if the cycle is held out.
     pub is_heldout: bool,
-    /// Mean over its standard error in each bin, and the mean in µm; `None` where nothing is measured.
+    /// Ratio of the mean to its standard error in each bin, and the mean in µm; `None` for bins without measurements.
     pub cells: Vec<Option<(f64, f64)>>,
 }
 
-/// What the map shows.
+/// Content of the map.
 #[derive(Debug, Clone, Copy)]
 pub struct MapData<'a> {
     /// Title.
     pub title: &'a str,
-    /// Ends (s) of the bins of time since the last force step.
+    /// Ends of the bins of time since the last force step, in s.
     pub lag_ends_s: &'a [f64],
-    /// Shortest time since a step, in s: where the first bin begins.
+    /// Shortest time since a step, in s, at which the first bin starts.
     pub shortest_s: f64,
     /// Rows from top to bottom.
     pub rows: &'a [MapRow],
 }
 
-/// White at 0, blue above, vermillion below.
+/// White at 0, blue for positive ratios, vermillion for negative ones.
 fn colour(score: f64) -> Colour {
     let end = if score > 0.0 { BLUE } else { VERMILLION };
     let share = (score.abs() / FULL_COLOUR).min(1.0);
@@ -55,7 +55,7 @@ pub fn failure_map(data: &MapData) -> Svg {
     let height = frame.bottom().max(frame.y + 120.0) + 56.0;
     let mut svg = Svg::new(WIDTH_PX, height, "Failure map: cycle against time since the last force step");
     title(&mut svg, data.title, (left, 24.0), frame.width);
-    let note = "mean residual along the step over its standard error; numbers: µm, where beyond 3";
+    let note = "colour: mean residual along the step over its standard error; numbers: µm, if above 3";
     svg.text(note, (left, 46.0), TextStyle::new(TICK_SIZE_PX + 1.0, Anchor::Start).colour(MUTED));
     let last = data.lag_ends_s.last().copied().unwrap_or(1.0);
     let x = Scale::log10(data.shortest_s, last);
@@ -71,7 +71,7 @@ pub fn failure_map(data: &MapData) -> Svg {
     svg
 }
 
-/// Held-out rows are starred.
+/// Name of a row, with an asterisk if it is held out.
 fn label(row: &MapRow) -> String {
     if row.is_heldout { format!("{} *", row.label) } else { row.label.clone() }
 }
@@ -90,7 +90,7 @@ fn draw_row(svg: &mut Svg, axes: &Axes, data: &MapData, row: &MapRow, strip: Rec
         let style = Style { fill: Some(Fill::new(colour(*score), 1.0)), stroke: Some(Stroke::solid(WHITE, 0.8)) };
         svg.rect(area, style);
         let text = significant(*mean_um, 2);
-        // Where correlated noise turns the sign of the whitened mean, a number would contradict its colour.
+        // Correlated noise can reverse the sign of the whitened mean. A number would then contradict its colour.
         if score.abs() > MARKED
             && score * mean_um > 0.0
             && text_width_px(&text, TICK_SIZE_PX) < area.width - 4.0
@@ -103,7 +103,7 @@ fn draw_row(svg: &mut Svg, axes: &Axes, data: &MapData, row: &MapRow, strip: Rec
     }
 }
 
-/// A frame around each group of rows that were kept from the fit.
+/// Draws a frame around each group of held-out rows.
 fn frame_heldout(svg: &mut Svg, rows: &[MapRow], frame: Rect, row_height: f64) {
     let mut first = 0;
     for group in rows.chunk_by(|a, b| a.is_heldout == b.is_heldout) {

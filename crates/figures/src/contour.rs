@@ -2,28 +2,28 @@
 
 use std::collections::HashMap;
 
-/// Values at the nodes of a regular grid; positions are counted in cells, the node (0, 0) at the origin.
+/// Values at the nodes of a regular grid. Positions are in cells, with node (0, 0) at the origin.
 #[derive(Debug, Clone)]
 pub struct Grid {
-    /// Nodes along the first coordinate.
+    /// Number of nodes along the first coordinate.
     pub columns: usize,
-    /// Nodes along the second coordinate.
+    /// Number of nodes along the second coordinate.
     pub rows: usize,
-    /// `values[row * columns + column]`.
+    /// Values, in the order `values[row * columns + column]`.
     pub values: Vec<f64>,
 }
 
-/// An edge between two neighbouring nodes: its lower-left node and whether it runs along the second coordinate.
+/// Edge between two neighbouring nodes: its lower-left node, and true if it runs along the second coordinate.
 type Edge = (isize, isize, bool);
 
 impl Grid {
-    /// Value at a node; zero outside, so that every contour closes.
+    /// Value at a node, and zero outside the grid, so that every contour closes.
     fn node(&self, column: isize, row: isize) -> f64 {
         let inside = column >= 0 && row >= 0 && column < self.columns as isize && row < self.rows as isize;
         if inside { self.values[row as usize * self.columns + column as usize] } else { 0.0 }
     }
 
-    /// Bilinear interpolation; zero outside.
+    /// Bilinear interpolation at a point; zero outside the grid.
     pub fn interpolate(&self, (x, y): (f64, f64)) -> f64 {
         if !(x > -1.0 && y > -1.0 && x < self.columns as f64 && y < self.rows as f64) {
             return 0.0;
@@ -36,8 +36,8 @@ impl Grid {
         (1.0 - t) * lower + t * upper
     }
 
-    /// Closed loops along which the interpolated function equals `level`, a positive number. The region above the level is
-    /// the one that the even-odd rule fills.
+    /// Closed loops along which the interpolated function equals `level`, a positive number. The even-odd rule fills the region
+    /// above the level.
     pub fn contour(&self, level: f64) -> Vec<Vec<(f64, f64)>> {
         if level <= 0.0 || level.is_nan() {
             return Vec::new();
@@ -63,7 +63,7 @@ impl Grid {
         match crossed[..] {
             [i, j] => segments.push((edges[i], edges[j])),
             [_, _, _, _] => {
-                // A saddle: the centre decides which opposite corners are joined.
+                // At a saddle the centre determines which opposite corners are connected.
                 let centre_above = corners.iter().sum::<f64>() / 4.0 > level;
                 let cut_first_corner = centre_above != above[0];
                 let pairs = if cut_first_corner { [(3, 0), (1, 2)] } else { [(0, 1), (2, 3)] };
@@ -111,7 +111,7 @@ fn join(segments: &[(Edge, Edge)]) -> Vec<Vec<Edge>> {
     loops
 }
 
-/// Leaves out points that lie within `tolerance` of the line through the neighbours that stay (Ramer, Douglas, Peucker).
+/// Removes points within `tolerance` of the line through the remaining neighbours (Ramer, Douglas, Peucker).
 pub fn simplify(points: &[(f64, f64)], tolerance: f64) -> Vec<(f64, f64)> {
     if points.len() < 3 {
         return points.to_vec();
@@ -146,7 +146,7 @@ fn distance_to_line(p: (f64, f64), a: (f64, f64), b: (f64, f64)) -> f64 {
 pub mod tests {
     use super::*;
 
-    /// Signed area of a closed loop (shoelace); positive where it runs anticlockwise.
+    /// Signed area of a closed loop (shoelace formula); positive if it runs anticlockwise.
     pub fn signed_area(points: &[(f64, f64)]) -> f64 {
         let next = points.iter().cycle().skip(1);
         points.iter().zip(next).map(|(a, b)| 0.5 * (a.0 * b.1 - b.0 * a.1)).sum()

@@ -1,4 +1,4 @@
-//! Pairwise differences of groups: a matrix a parameter, whose cells say how many times the row's group is the column's.
+//! Pairwise contrasts of groups: one matrix per parameter. Each cell gives the ratio of the row's group to the column's group.
 
 use super::axes::{TICK_SIZE_PX, title_with_text};
 use super::font::{fitting_size_px, shorten, text_width_px, wrapped, wrapped_to};
@@ -9,62 +9,62 @@ use base::error::Place;
 use base::{Error, Result};
 
 const MARGIN_PX: f64 = 20.0;
-/// Panels stand side by side up to this width.
+/// Maximum width of the figure with panels side by side.
 const MOST_WIDTH_PX: f64 = 1300.0;
 const LEAST_WIDTH_PX: f64 = 900.0;
 const PANEL_GAP_PX: f64 = 34.0;
 const NAME_SIZE_PX: f64 = 11.5;
 const NAME_LINE_PX: f64 = 13.5;
-/// Most room of a group's name beside a row, and above a column where it is written upwards.
+/// Maximum room for a group's name beside a row, and above a column if written upwards.
 const MOST_NAME_PX: f64 = 118.0;
-/// A colour's share at its strongest; on what is paler, text stays legible.
+/// Opacity of the strongest colour, low enough for legible text.
 const STRONGEST: f64 = 0.72;
 const DECLARED: Stroke = Stroke { colour: INK, width_px: 3.0, opacity: 1.0, dash: None };
-/// Ratios at which the colour scale may end.
+/// Possible end points of the colour scale, as ratios.
 const ENDS: [f64; 7] = [1.25, 1.5, 2.0, 3.0, 5.0, 10.0, 100.0];
 
-/// What the figure shows.
+/// Content of the figure.
 #[derive(Debug, Clone)]
 pub struct ContrastMatrix<'a> {
     /// Title.
     pub title: &'a str,
-    /// What the figure says, in words.
+    /// Summary of the figure, in words.
     pub sentence: &'a str,
-    /// Relative difference that matters: 0.1 for 10 %.
+    /// Smallest relevant relative difference: 0.1 for 10 %.
     pub margin: f64,
-    /// One matrix a parameter.
+    /// One matrix per parameter.
     pub panels: Vec<ContrastPanel<'a>>,
 }
 
-/// One parameter.
+/// Matrix of one parameter.
 #[derive(Debug, Clone)]
 pub struct ContrastPanel<'a> {
     /// Symbol and unit, such as `E (Pa)`.
     pub label: String,
-    /// The groups, two at least.
+    /// Names of the groups, at least two.
     pub groups: Vec<&'a str>,
-    /// The row's group over the column's; `None` on the diagonal, and where nothing is known.
+    /// Ratio of the row's group to the column's; `None` on the diagonal, and if unknown.
     pub cells: Vec<Vec<Option<ContrastCell>>>,
 }
 
-/// One pair of groups.
+/// Contrast of one pair of groups.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ContrastCell {
     /// 5 % quantile, median and 95 % quantile of the ratio.
     pub ratio: [f64; 3],
-    /// Probability that it is above 1.
+    /// Probability that the ratio is above 1.
     pub probability_greater: f64,
-    /// Probability that it is above 1 + margin.
+    /// Probability that the ratio is above 1 + margin.
     pub probability_beyond_margin: f64,
-    /// Whether the direction is stated.
+    /// True if the direction is declared.
     pub is_declared: bool,
 }
 
 /// Draws the figure.
 ///
 /// # Errors
-/// [`Error::Input`] for a figure without panels, panels of fewer than two groups, cells that are no square, ratios that are not finite
-/// and positive or whose quantiles are not in order, probabilities outside 0 to 1, and a margin that is negative or not finite.
+/// [`Error::Input`] for no panels, panels of fewer than two groups, cells that do not form a square, or a margin that is negative or not finite.
+/// Ratios have to be finite, positive and in order, and probabilities have to lie between 0 and 1.
 pub fn contrast_matrix(data: &ContrastMatrix) -> Result<Svg> {
     check(data)?;
     let layout = Layout::new(data);
@@ -74,7 +74,7 @@ pub fn contrast_matrix(data: &ContrastMatrix) -> Result<Svg> {
         let below = below + legend(svg, data, &layout, (MARGIN_PX, below)) + 22.0;
         layout.draw(svg, data, below)
     };
-    // Drawn once to learn how high it is.
+    // First drawing, to determine the height.
     let height = draw(&mut Svg::new(layout.width_px, 1.0, ""));
     let mut svg = Svg::new(layout.width_px, height, data.title);
     draw(&mut svg);
@@ -85,7 +85,7 @@ fn check(data: &ContrastMatrix) -> Result<()> {
     let refuse =
         |found: String, remedy: &str| Err(Error::input(Place::default().at_key("contrast matrix"), found, remedy));
     if data.panels.is_empty() {
-        return refuse("no parameters".into(), "give one panel at least");
+        return refuse("no parameters".into(), "give at least one panel");
     }
     if !(data.margin.is_finite() && data.margin >= 0.0) {
         return refuse(format!("a margin of {}", data.margin), "give 0.1 for 10 %");
@@ -93,10 +93,10 @@ fn check(data: &ContrastMatrix) -> Result<()> {
     for panel in &data.panels {
         let (label, n) = (&panel.label, panel.groups.len());
         if n < 2 {
-            return refuse(format!("{label}: {n} groups"), "compare two groups at least");
+            return refuse(format!("{label}: {n} groups"), "compare at least two groups");
         }
         if panel.cells.len() != n || panel.cells.iter().any(|row| row.len() != n) {
-            return refuse(format!("{label}: cells that are no square of {n}"), "give a row and a column a group");
+            return refuse(format!("{label}: the cells are not a square of {n}"), "give each group a row and a column");
         }
         for (row, cells) in panel.cells.iter().enumerate() {
             for (column, cell) in cells.iter().enumerate() {
@@ -104,13 +104,13 @@ fn check(data: &ContrastMatrix) -> Result<()> {
                 let place = format!("{label}, {} over {}", panel.groups[row], panel.groups[column]);
                 let positive = cell.ratio.iter().all(|ratio| ratio.is_finite() && *ratio > 0.0);
                 if !positive || !cell.ratio.is_sorted() {
-                    let found = format!("{place}: its quantiles are {:?}", cell.ratio);
+                    let found = format!("{place}: the quantiles are {:?}", cell.ratio);
                     return refuse(found, "give positive quantiles in ascending order");
                 }
                 let probabilities = [cell.probability_greater, cell.probability_beyond_margin];
                 if !probabilities.iter().all(|p| (0.0..=1.0).contains(p)) {
-                    let found = format!("{place}: its probabilities are {probabilities:?}");
-                    return refuse(found, "give them from 0 to 1");
+                    let found = format!("{place}: the probabilities are {probabilities:?}");
+                    return refuse(found, "give probabilities from 0 to 1");
                 }
             }
         }
@@ -146,7 +146,7 @@ impl Layout {
             5..=6 => ((90.0, 60.0), Sizes { ratio_px: 14.0, small_px: 10.5 }),
             _ => ((84.0, 54.0), Sizes { ratio_px: 13.0, small_px: 10.0 }),
         };
-        // Names stand level above their columns where no word has to be cut.
+        // Names are horizontal above their columns if every word fits.
         let fits = |name: &str| {
             let lines = wrapped(name, NAME_SIZE_PX, cell.0 - 8.0);
             lines.len() <= 4 && lines.iter().all(|line| !line.ends_with('…'))
@@ -169,7 +169,7 @@ impl Layout {
         Self { width_px: width.max(LEAST_WIDTH_PX), n_columns, cell, sizes, name_px, head_px, upwards, scale }
     }
 
-    /// All panels from `top` downwards; returns where they end.
+    /// Draws all panels from `top` downwards and returns their lower end.
     fn draw(&self, svg: &mut Svg, data: &ContrastMatrix, top: f64) -> f64 {
         let mut y = top;
         for panels in data.panels.chunks(self.n_columns) {
@@ -254,7 +254,7 @@ impl Layout {
     }
 }
 
-/// Ratio, interval and probabilities; `inverse` is the cell of the column's group over the row's.
+/// Writes ratio, interval and probabilities; `inverse` is the cell of the column's group over the row's.
 fn numbers(svg: &mut Svg, cell: &ContrastCell, inverse: Option<&ContrastCell>, rect: Rect, sizes: Sizes) {
     let Sizes { ratio_px, small_px } = sizes;
     let (x, room) = (rect.x + rect.width / 2.0, rect.width - 15.0);
@@ -273,12 +273,12 @@ fn numbers(svg: &mut Svg, cell: &ContrastCell, inverse: Option<&ContrastCell>, r
     }
 }
 
-/// Two decimals around one, where ratios usually are; else two digits.
+/// Formats a ratio with two decimals if it is near one, otherwise with two digits.
 fn ratio_text(ratio: f64) -> String {
     if (0.0995..9.995).contains(&ratio) { with_decimals(ratio, 2) } else { significant(ratio, 2) }
 }
 
-/// How probable the direction is that the median shows, and that the difference is beyond the margin.
+/// Probability of the median's direction, and of a difference beyond the margin in this direction.
 fn probabilities_text(cell: &ContrastCell, inverse: Option<&ContrastCell>) -> String {
     let (direction, beyond) = if cell.ratio[1] >= 1.0 {
         (cell.probability_greater, Some(cell.probability_beyond_margin))
@@ -289,7 +289,7 @@ fn probabilities_text(cell: &ContrastCell, inverse: Option<&ContrastCell>) -> St
     format!("{}{beyond}", probability_text(direction))
 }
 
-/// Two decimals, three near 0 and 1; never 0 or 1 themselves, since draws are not that sure.
+/// Formats a probability with two decimals, or three near 0 and 1. It never shows 0 or 1, because draws cannot be that certain.
 fn probability_text(probability: f64) -> String {
     match probability {
         ..0.0005 => "<0.001".into(),
@@ -305,15 +305,15 @@ fn declared_mark(svg: &mut Svg, rect: Rect) {
     svg.rect(inside, Style::from(DECLARED));
 }
 
-/// 0 where either sign is as probable, 1 where one is certain.
+/// Certainty of the sign: 0 if both signs are equally probable, 1 if one is certain.
 fn sureness(probability_greater: f64) -> f64 {
     (2.0 * probability_greater - 1.0).abs()
 }
 
-/// From blue (the row is smaller) over white to vermillion (it is greater), paler the less sure.
+/// Colours from blue (row smaller) over white to vermillion (row greater), paler for uncertain signs.
 #[derive(Debug, Clone, Copy)]
 struct ColourScale {
-    /// Ratio at which colours are strongest.
+    /// Ratio of the strongest colour.
     end: f64,
 }
 
@@ -326,7 +326,7 @@ impl ColourScale {
 
     fn colour(&self, ratio: f64, sureness: f64) -> Colour {
         let strength = (ratio.ln().abs() / self.end.ln()).min(1.0);
-        // The root lets small differences be seen; the power keeps colour from what is hardly more than a coin's toss.
+        // The root makes small differences visible. The power makes cells of nearly random sign pale.
         let share = STRONGEST * strength.powf(0.6) * sureness.powf(1.5);
         let towards = if ratio < 1.0 { BLUE } else { VERMILLION };
         let mix = |white: u8, colour: u8| (f64::from(white) + share * (f64::from(colour) - f64::from(white))).round();
@@ -334,7 +334,7 @@ impl ColourScale {
     }
 }
 
-/// What numbers, colours and frames mean; returns the height used.
+/// Draws the legend of numbers, colours and frames. Returns the height used.
 fn legend(svg: &mut Svg, data: &ContrastMatrix, layout: &Layout, (x, y): Point) -> f64 {
     let percent = significant(100.0 * data.margin, 2);
     let percent = percent.strip_suffix(".0").unwrap_or(&percent);
@@ -351,9 +351,9 @@ fn legend(svg: &mut Svg, data: &ContrastMatrix, layout: &Layout, (x, y): Point) 
     declared_mark(svg, sample);
     let notes = [
         "row's group ÷ column's: median".to_owned(),
-        "its 90 % interval".to_owned(),
-        format!("probability of this direction · by more than {percent} %"),
-        "framed: the direction is stated".to_owned(),
+        "90 % interval".to_owned(),
+        format!("probability of this direction · of more than {percent} %"),
+        "framed: the direction is declared".to_owned(),
     ];
     let left = sample.right() + 12.0;
     for (i, note) in notes.iter().enumerate() {
@@ -365,7 +365,7 @@ fn legend(svg: &mut Svg, data: &ContrastMatrix, layout: &Layout, (x, y): Point) 
     height
 }
 
-/// Colours over the ratio (to the right) and over how sure its sign is (downwards).
+/// Draws the colours as a function of the ratio (to the right) and of the certainty of its sign (downwards).
 fn colour_key(svg: &mut Svg, scale: ColourScale, (x, y): Point) {
     const STEPS: usize = 21;
     const SURE: [(f64, &str); 3] = [(0.999, "> 0.99"), (0.9, "0.9"), (0.6, "0.6")];
@@ -378,7 +378,7 @@ fn colour_key(svg: &mut Svg, scale: ColourScale, (x, y): Point) {
         for k in 0..STEPS {
             let exponent = 2.0 * (k as f64 + 0.5) / STEPS as f64 - 1.0;
             let colour = scale.colour((exponent * scale.end.ln()).exp(), sureness(probability));
-            // A trifle wider, so that no seam shows between steps.
+            // Slightly wider, so that no gap shows between steps.
             let rect = Rect { x: x + step * k as f64, y, width: step + 0.3, height: row };
             svg.rect(rect, Fill::new(colour, 1.0));
         }

@@ -1,7 +1,7 @@
-//! Corner plot: marginals on the diagonal, pairs below it, for one or several posteriors.
+//! Corner plot: marginal densities on the diagonal, pairs below it, for one or several posteriors.
 //!
-//! A contour labelled 90 % encloses 90 % of the draws, and that is what is checked: [`super::density::Joint::threshold`]
-//! takes the density at the draws themselves.
+//! A contour labelled 90 % encloses 90 % of the draws, because [`super::density::Joint::threshold`] uses the density at the draws. A
+//! test checks this.
 
 use super::axes::title;
 use super::corner_content::{Content, Slot};
@@ -15,9 +15,9 @@ use base::error::Place;
 use base::{Error, Result};
 
 const MOST_PARAMETERS: usize = 12;
-/// Draws farther from the central 99.8 % than this fraction of it do not lengthen an axis.
+/// Distance from the central 99.8 % interval, as a fraction of its length, beyond which draws do not lengthen an axis.
 const OUTLIER_DISTANCE: f64 = 0.12;
-/// A reference value may lengthen an axis to at most so many times the posterior's range; one farther out is named instead.
+/// Maximum length of an axis with a reference value, in ranges of the posterior. A reference value farther out is only named.
 const REFERENCE_REACH: f64 = 2.0;
 
 /// Draws the corner plot.
@@ -64,18 +64,18 @@ fn check(posteriors: &[Posterior], options: &CornerOptions) -> Result<()> {
             let place = format!("`{}` of posterior `{}`", column.name, posterior.label);
             if column.draws.len() != n || n < 2 {
                 let found = format!("{place} has {} draws, the first parameter {n}", column.draws.len());
-                return Err(refuse(found, "give every parameter the same number of draws, two at least"));
+                return Err(refuse(found, "give every parameter the same number of draws, at least two"));
             }
             if let Some(i) = column.draws.iter().position(|draw| !draw.is_finite()) {
                 let found = format!("{place}: draw {} is {}", i + 1, column.draws[i]);
-                return Err(refuse(found, "leave draws that are not finite out"));
+                return Err(refuse(found, "remove draws that are not finite"));
             }
         }
     }
     Ok(())
 }
 
-/// All parameters in order of their first appearance, each with one scale for all posteriors.
+/// All parameters in order of first appearance, each with one scale for all posteriors.
 fn slots<'a>(posteriors: &'a [Posterior<'a>], ascending: &[Vec<Vec<f64>>]) -> Vec<Slot<'a>> {
     let mut names: Vec<&str> = Vec::new();
     let mut slots = Vec::new();
@@ -97,7 +97,7 @@ fn slots<'a>(posteriors: &'a [Posterior<'a>], ascending: &[Vec<Vec<f64>>]) -> Ve
     slots
 }
 
-/// All draws of every posterior but outliers, with a margin, and the reference where that does not crush them.
+/// Scale of all draws except outliers, with a margin. It includes the reference value unless the draws would be crushed.
 fn common_scale(columns: &[(&ParameterColumn, &[f64])], reference: Option<f64>) -> Scale {
     let (mut lower, mut upper) = (f64::INFINITY, f64::NEG_INFINITY);
     let mut limits = Support { lower: f64::INFINITY, upper: f64::NEG_INFINITY };
@@ -110,7 +110,7 @@ fn common_scale(columns: &[(&ParameterColumn, &[f64])], reference: Option<f64>) 
         limits.upper = limits.upper.max(column.support.upper);
     }
     let margin = 0.04 * (upper - lower);
-    // A margin beyond a hard limit would show values that cannot be; a sliver keeps the line at the limit visible.
+    // A margin beyond a hard limit would show impossible values. A narrow margin keeps the line at the limit visible.
     let beyond = 0.01 * (upper - lower);
     let (mut start, mut end) = (
         (lower - margin).max(limits.lower.min(lower) - beyond),

@@ -1,22 +1,22 @@
-//! What a corner plot shows.
+//! Content of a corner plot.
 
 use super::density::Support;
 use super::palette::Colour;
 use super::ticks::Scale;
 
-/// Fewest draws from which contours are estimated; below, the draws alone are shown.
+/// Minimum number of draws for contours; with fewer, only the draws are shown.
 pub const FEWEST_DRAWS_FOR_CONTOURS: usize = 50;
 
-/// A prior density on a grid.
+/// Prior density on a grid.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PriorCurve<'a> {
     /// Parameter values, ascending.
     pub x: &'a [f64],
-    /// Normalised density there, in the inverse unit of `x`.
+    /// Normalised density at these values, in the inverse unit of `x`.
     pub density: &'a [f64],
 }
 
-/// The draws of one parameter.
+/// Draws of one parameter.
 #[derive(Debug, Clone, Copy)]
 pub struct ParameterColumn<'a> {
     /// Name by which posteriors are matched, such as `young_modulus_pa`.
@@ -25,35 +25,35 @@ pub struct ParameterColumn<'a> {
     pub symbol: &'a str,
     /// Unit, such as `Pa`; empty or `–` for none.
     pub unit: &'a str,
-    /// Draws, as many for every parameter of a posterior.
+    /// Draws; the number is the same for all parameters of a posterior.
     pub draws: &'a [f64],
     /// Hard limits of the parameter.
     pub support: Support,
     /// Prior density, drawn dashed.
     pub prior: Option<PriorCurve<'a>>,
-    /// Value to compare with, such as a published one.
+    /// Value to compare with, such as a published value.
     pub reference: Option<f64>,
 }
 
 /// One posterior.
 #[derive(Debug, Clone)]
 pub struct Posterior<'a> {
-    /// What the legend calls it.
+    /// Legend text.
     pub label: &'a str,
-    /// Its colour; see [`super::palette::series`].
+    /// Colour; see [`super::palette::series`].
     pub colour: Colour,
-    /// Its parameters.
+    /// Parameters with their draws.
     pub parameters: Vec<ParameterColumn<'a>>,
 }
 
-/// What is shown beside the draws.
+/// Settings of a corner plot.
 #[derive(Debug, Clone)]
 pub struct CornerOptions<'a> {
     /// Title; empty for none.
     pub title: &'a str,
     /// Probabilities that contours enclose, each between 0 and 1.
     pub masses: &'a [f64],
-    /// What the reference values are, for the legend.
+    /// Legend text of the reference values.
     pub reference_label: &'a str,
 }
 
@@ -63,7 +63,7 @@ impl Default for CornerOptions<'_> {
     }
 }
 
-/// A parameter's row and column: what all posteriors that have it share.
+/// Row and column of a parameter, common to all posteriors that have it.
 #[derive(Debug)]
 pub(super) struct Slot<'a> {
     pub(super) label: String,
@@ -75,7 +75,7 @@ pub(super) struct Slot<'a> {
     pub(super) columns: Vec<Option<usize>>,
 }
 
-/// What the panels are drawn from.
+/// Data of all panels.
 pub(super) struct Content<'a> {
     pub(super) slots: Vec<Slot<'a>>,
     pub(super) posteriors: &'a [Posterior<'a>],

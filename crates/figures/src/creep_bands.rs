@@ -1,6 +1,6 @@
-//! Creep compliance of groups over time: the typical specimen and a new one, on logarithmic axes.
+//! Creep compliance of groups over time, for the typical specimen and a new one, on logarithmic axes.
 //!
-//! Up to three groups share one pair of axes. More have a pair each, on the grey medians of the others.
+//! Up to three groups share one pair of axes. Otherwise each group has its own axes, which also show the others' medians in grey.
 
 use super::axes::{Axes, AxisStyle, LABEL_SIZE_PX, title_with_text, widest_y_number_px};
 use super::font::{text_width_px, wrapped};
@@ -13,17 +13,17 @@ use base::{Error, Result};
 
 const MARGIN_PX: f64 = 20.0;
 const WIDTH_PX: f64 = 960.0;
-/// Up to so many groups in one pair of axes.
+/// Maximum number of groups in one pair of axes.
 const MOST_TOGETHER: usize = 3;
 const TOGETHER_HEIGHT_PX: f64 = 430.0;
-/// Room of names right of the axes.
+/// Room for names right of the axes.
 const MOST_NAME_PX: f64 = 170.0;
 const NAME_LINE_PX: f64 = 15.0;
 const NAME_LEAD_PX: f64 = 22.0;
 const PANEL_HEIGHT_PX: f64 = 190.0;
 const PANEL_GAP_PX: f64 = 26.0;
 const FOOT_PX: f64 = 46.0;
-/// How far the times at the ends may stand out.
+/// Distance by which the times at the ends may extend beyond the axis.
 const OVERHANG_PX: f64 = 16.0;
 const MOST_X_NUMBERS: usize = 7;
 const MOST_Y_NUMBERS: usize = 6;
@@ -35,20 +35,20 @@ const NEW_OPACITY: f64 = 0.14;
 const MEDIAN_PX: f64 = 2.2;
 const OTHERS: Stroke = Stroke { colour: MUTED, width_px: 1.0, opacity: 0.6, dash: None };
 
-/// What the figure shows.
+/// Content of the figure.
 #[derive(Debug, Clone)]
 pub struct CreepBands<'a> {
     /// Title.
     pub title: &'a str,
-    /// What the figure says, in words.
+    /// Summary of the figure, in words.
     pub sentence: &'a str,
-    /// Times since the load was put on; positive and increasing.
+    /// Times since the start of the load, in s; positive and increasing.
     pub time_s: &'a [f64],
-    /// The groups; all their slices have one value a time.
+    /// Groups; all their slices have one value per time.
     pub groups: Vec<CreepGroup<'a>>,
 }
 
-/// One group's creep compliance.
+/// Creep compliance of one group.
 #[derive(Debug, Clone)]
 pub struct CreepGroup<'a> {
     /// Name of the group.
@@ -57,17 +57,17 @@ pub struct CreepGroup<'a> {
     pub colour: Colour,
     /// Median of the typical specimen.
     pub median_per_pa: Vec<f64>,
-    /// Lower and upper limit of the central 90 % of the typical specimen.
+    /// Limits of the central 90 % interval of the typical specimen.
     pub typical_90_per_pa: [Vec<f64>; 2],
-    /// Lower and upper limit of the central 90 % of a specimen that has not been measured.
+    /// Limits of the central 90 % interval of an unmeasured specimen.
     pub new_specimen_90_per_pa: [Vec<f64>; 2],
 }
 
 /// Draws the figure.
 ///
 /// # Errors
-/// [`Error::Input`] for no groups, fewer than two times, times that are not positive and increasing, unequal lengths, values that are
-/// not finite and positive, and limits in the wrong order.
+/// [`Error::Input`] for no groups, fewer than two times, unequal lengths, or limits in the wrong order. Times have to be positive and
+/// increasing, values finite and positive.
 pub fn creep_bands(data: &CreepBands) -> Result<Svg> {
     check(data)?;
     let draw = |svg: &mut Svg| {
@@ -76,7 +76,7 @@ pub fn creep_bands(data: &CreepBands) -> Result<Svg> {
         let below = below + legend::row(svg, &entries(data), (MARGIN_PX, below), width) + 10.0;
         if data.groups.len() <= MOST_TOGETHER { together(svg, data, below) } else { multiples(svg, data, below) }
     };
-    // Drawn once to learn how high it is.
+    // First drawing, to determine the height.
     let height = draw(&mut Svg::new(WIDTH_PX, 1.0, ""));
     let mut svg = Svg::new(WIDTH_PX, height, data.title);
     draw(&mut svg);
@@ -87,11 +87,11 @@ fn check(data: &CreepBands) -> Result<()> {
     let refuse = |found: String, remedy: &str| Err(Error::input(Place::default().at_key("creep bands"), found, remedy));
     let n = data.time_s.len();
     if n < 2 || data.groups.is_empty() {
-        return refuse(format!("{n} times and {} groups", data.groups.len()), "give two times and one group at least");
+        return refuse(format!("{n} times and {} groups", data.groups.len()), "give at least two times and one group");
     }
     let usable = |value: &f64| value.is_finite() && *value > 0.0;
     if !data.time_s.iter().all(usable) || !data.time_s.is_sorted_by(|a, b| a < b) {
-        return refuse("times that are not positive and increasing".into(), "leave 0 s out, and sort the times");
+        return refuse("times that are not positive and increasing".into(), "remove 0 s, and sort the times");
     }
     for group in &data.groups {
         let [lower, upper] = &group.typical_90_per_pa;
@@ -99,12 +99,11 @@ fn check(data: &CreepBands) -> Result<()> {
         let curves = [&group.median_per_pa, lower, upper, new_lower, new_upper];
         if curves.iter().any(|curve| curve.len() != n) {
             let found = format!("{}: {:?} values for {n} times", group.label, curves.map(Vec::len));
-            return refuse(found, "give one value a time");
+            return refuse(found, "give one value per time");
         }
         if let Some(i) = (0..n).find(|i| curves.iter().any(|curve| !usable(&curve[*i]))) {
-            let found =
-                format!("{}: at {} s a compliance that is not finite and positive", group.label, data.time_s[i]);
-            return refuse(found, "leave that time or group out");
+            let found = format!("{}: at {} s the compliance is not finite and positive", group.label, data.time_s[i]);
+            return refuse(found, "remove this time or group");
         }
         let in_order = |i: &usize| {
             lower[*i] <= group.median_per_pa[*i]
@@ -119,7 +118,7 @@ fn check(data: &CreepBands) -> Result<()> {
     Ok(())
 }
 
-/// One scale for all groups; vague predictions of new specimens lengthen it to some degree only.
+/// Common scales of all groups. Wide predictions for new specimens lengthen them only up to a limit.
 fn scales(data: &CreepBands) -> (Scale, Scale) {
     let typical = data.groups.iter().flat_map(|group| group.typical_90_per_pa.iter().flatten());
     let new = data.groups.iter().flat_map(|group| group.new_specimen_90_per_pa.iter().flatten());
@@ -139,7 +138,7 @@ fn draw_median(svg: &mut Svg, axes: &Axes, data: &CreepBands, group: &CreepGroup
     axes.line(svg, data.time_s, &group.median_per_pa, stroke);
 }
 
-/// All groups in one pair of axes, named at their ends; returns where it ends.
+/// Draws all groups in one pair of axes, with names at the curves' ends. Returns the lower end.
 fn together(svg: &mut Svg, data: &CreepBands, top: f64) -> f64 {
     let (x, y) = scales(data);
     let names: Vec<Vec<String>> =
@@ -174,7 +173,7 @@ fn together(svg: &mut Svg, data: &CreepBands, top: f64) -> f64 {
     frame.bottom() + FOOT_PX
 }
 
-/// Lines of a name, around the height `middle`.
+/// Writes the lines of a name, centred at the height `middle`.
 fn name(svg: &mut Svg, lines: &[String], (left, middle): Point) {
     for (i, line) in lines.iter().enumerate() {
         let baseline = middle + 0.36 * LABEL_SIZE_PX + NAME_LINE_PX * (i as f64 - 0.5 * (lines.len() as f64 - 1.0));
@@ -182,7 +181,7 @@ fn name(svg: &mut Svg, lines: &[String], (left, middle): Point) {
     }
 }
 
-/// Middles of blocks of these heights, near the wanted ones, in their order, without overlap and within the limits if they have room.
+/// Centres of blocks of these heights, near the wanted ones and in their order, without overlap. They stay within the limits if there is room.
 fn apart(wanted: &[f64], heights: &[f64], (upper, lower): (f64, f64)) -> Vec<f64> {
     let mut order: Vec<usize> = (0..wanted.len()).collect();
     order.sort_by(|a, b| wanted[*a].total_cmp(&wanted[*b]));
@@ -200,7 +199,7 @@ fn apart(wanted: &[f64], heights: &[f64], (upper, lower): (f64, f64)) -> Vec<f64
     middles
 }
 
-/// A pair of axes a group, each on the others' medians; returns where they end.
+/// Draws one pair of axes per group, with the medians of the others. Returns the lower end.
 fn multiples(svg: &mut Svg, data: &CreepBands, top: f64) -> f64 {
     let (x, y) = scales(data);
     let n = data.groups.len();
@@ -220,7 +219,7 @@ fn multiples(svg: &mut Svg, data: &CreepBands, top: f64) -> f64 {
             let frame =
                 Rect { x: left + pitch * column as f64, y: y_px, width: pitch - PANEL_GAP_PX, height: PANEL_HEIGHT_PX };
             let axes = Axes { frame, x, y };
-            // Numbers stand where no other panel follows below.
+            // A panel has numbers if no other panel is below it.
             let x_label = (index + n_columns >= n).then_some(X_LABEL);
             axes.x_axis(svg, AxisStyle::new(x_label, 5, 36.0).grid().overhang_px(0.5 * PANEL_GAP_PX));
             let y_label = (column == 0).then_some(Y_LABEL);
@@ -239,7 +238,7 @@ fn multiples(svg: &mut Svg, data: &CreepBands, top: f64) -> f64 {
             name(svg, &names[column], (frame.x + 11.0, bar.y + height / 2.0));
         }
         bottom = y_px + PANEL_HEIGHT_PX + 14.0;
-        // Labels of panels that end a column early stand above the next row's names.
+        // Labels of panels at the end of a shorter column are above the names of the next row.
         if (row + 2) * n_columns > n && (row + 1) * n_columns < n {
             bottom += FOOT_PX - 8.0;
         }

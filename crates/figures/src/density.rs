@@ -1,20 +1,20 @@
-//! Densities from draws: kernel estimates on grids, with bandwidths that keep separate modes separate.
+//! Density estimates from draws: kernel estimates on grids, with bandwidths that keep modes separate.
 
 use super::contour::Grid;
 pub use base::parameter::Support;
 
-/// Cells of a marginal's grid.
+/// Number of cells of a marginal density's grid.
 const CELLS_1D: usize = 1024;
-/// Cells of a joint density's grid along each axis.
+/// Number of cells of a joint density's grid along each axis.
 const CELLS_2D: usize = 192;
-/// Grid on which the bandwidth is found.
+/// Number of cells of the grid for the bandwidth.
 const CELLS_BANDWIDTH: usize = 512;
-/// A Gaussian kernel is cut off at so many bandwidths.
+/// Half-width of the truncated Gaussian kernel, in bandwidths.
 const KERNEL_REACH: f64 = 4.5;
 /// Correlation above which a joint density is estimated along its diagonals.
 const STRONG_CORRELATION: f64 = 0.5;
 
-/// The support of draws that come without one: from zero on where all are non-negative and pile up there.
+/// Estimated support of draws: from zero if all draws are non-negative and many are close to zero.
 pub fn guessed_support(sorted: &[f64]) -> Support {
     let (least, low, middle) =
         (quantile_of_sorted(sorted, 0.0), quantile_of_sorted(sorted, 0.05), quantile_of_sorted(sorted, 0.5));
@@ -22,7 +22,7 @@ pub fn guessed_support(sorted: &[f64]) -> Support {
     Support { lower, ..Support::REAL }
 }
 
-/// Quantile of ascending values by linear interpolation between order statistics; NaN for none.
+/// Quantile of ascending values by linear interpolation between order statistics; NaN if there are none.
 pub fn quantile_of_sorted(sorted: &[f64], probability: f64) -> f64 {
     let Some(last) = sorted.len().checked_sub(1) else { return f64::NAN };
     let position = probability.clamp(0.0, 1.0) * last as f64;
@@ -31,19 +31,19 @@ pub fn quantile_of_sorted(sorted: &[f64], probability: f64) -> f64 {
     sorted[below] + (position - below as f64) * (sorted[above] - sorted[below])
 }
 
-/// The values in ascending order.
+/// Values in ascending order.
 pub fn sorted(values: &[f64]) -> Vec<f64> {
     let mut sorted = values.to_vec();
     sorted.sort_by(f64::total_cmp);
     sorted
 }
 
-/// Bandwidth of a Gaussian kernel: the diffusion estimator (Botev, Grotowski and Kroese, Ann. Stat. 38:2916, 2010), which
-/// keeps modes apart but follows the noise of correlated draws, drawn a quarter of the way (in the logarithm) towards the
-/// normal-reference rule, which is robust but merges modes.
+/// Bandwidth of a Gaussian kernel, between two rules. The diffusion estimator (Botev, Grotowski and Kroese, Ann. Stat. 38:2916, 2010) keeps
+/// modes separate but follows the noise of correlated draws. The normal-reference rule is robust but merges modes. The result lies a quarter of the way
+/// from the first to the second, in the logarithm.
 ///
-/// Repeated values, which a sampler makes when it rejects, count once. Draws that pile up at a hard limit are mirrored there,
-/// since the jump would otherwise pass for detail. Zero where all values are equal.
+/// Repeated values, which a sampler makes when it rejects, count once. If many draws lie at a hard limit, they are mirrored there,
+/// because the jump would be taken for detail. The bandwidth is zero if all values are equal.
 pub fn bandwidth(sorted: &[f64], support: Support) -> f64 {
     let distinct = 1 + sorted.windows(2).filter(|pair| pair[0] != pair[1]).count();
     let quantile = |p| quantile_of_sorted(sorted, p);
@@ -74,7 +74,7 @@ fn unbounded_bandwidth(sorted: &[f64], distinct: usize) -> f64 {
         .map_or(normal_reference, |diffusion| normal_reference.powf(0.25) * diffusion.min(normal_reference).powf(0.75))
 }
 
-/// Botev's bandwidth, or `None` where its fixed point is not bracketed.
+/// Botev's bandwidth, or `None` if its fixed point is not bracketed.
 fn diffusion_bandwidth(sorted: &[f64], n: f64) -> Option<f64> {
     let (lower, upper) = (sorted.first()?, sorted.last()?);
     let margin = 0.1 * (upper - lower);
@@ -86,7 +86,7 @@ fn diffusion_bandwidth(sorted: &[f64], n: f64) -> Option<f64> {
     }
     let squares = squared_cosine_coefficients(&histogram);
     let excess = |t: f64| t - diffusion_time(t, n, &squares);
-    // t is the squared bandwidth in units of the range; the estimate starts below and ends above the identity.
+    // t is the squared bandwidth in units of the squared range. The estimate starts below the identity and ends above it.
     let (mut low, mut high) = (1e-8, 0.05);
     if excess(low) > 0.0 || excess(high) < 0.0 {
         return None;
@@ -98,7 +98,7 @@ fn diffusion_bandwidth(sorted: &[f64], n: f64) -> Option<f64> {
     Some(high.sqrt() * range)
 }
 
-/// (a_k/2)² of the discrete cosine transform a_k, k = 1, 2, ….
+/// Squares (a_k/2)² of the coefficients a_k of the discrete cosine transform, k = 1, 2, ….
 fn squared_cosine_coefficients(histogram: &[f64]) -> Vec<f64> {
     let n = histogram.len();
     let cosines: Vec<f64> = (0..4 * n).map(|i| (std::f64::consts::PI * i as f64 / (2 * n) as f64).cos()).collect();
@@ -107,7 +107,7 @@ fn squared_cosine_coefficients(histogram: &[f64]) -> Vec<f64> {
     (1..n).map(|k| coefficient(k).powi(2)).collect()
 }
 
-/// The optimal diffusion time implied by a pilot time `t`, through five stages of plug-in estimates of ‖f⁽ˢ⁾‖².
+/// Optimal diffusion time implied by a pilot time `t`, through five stages of plug-in estimates of ‖f⁽ˢ⁾‖².
 fn diffusion_time(t: f64, n: f64, squares: &[f64]) -> f64 {
     use std::f64::consts::PI;
     let squared_norm = |s: i32, time: f64| {
@@ -128,20 +128,20 @@ fn diffusion_time(t: f64, n: f64, squares: &[f64]) -> f64 {
     (2.0 * n * PI.sqrt() * norm).powf(-0.4)
 }
 
-/// A marginal density on equidistant points.
+/// Marginal density at equidistant points.
 #[derive(Debug, Clone)]
 pub struct Marginal {
     /// Positions.
     pub x: Vec<f64>,
-    /// Density, in the inverse unit of `x`; integrates to one.
+    /// Density, in the inverse unit of `x`; its integral is one.
     pub density: Vec<f64>,
 }
 
-/// Kernel estimate of a marginal from ascending draws, or `None` where all draws are equal.
+/// Kernel estimate of a marginal density from ascending draws, or `None` if all draws are equal.
 ///
-/// The grid spans all draws but extreme outliers: at most five times the central 99 %.
+/// The grid spans all draws except extreme outliers: at most five times the central 99 % interval.
 pub fn marginal(sorted: &[f64], support: Support) -> Option<Marginal> {
-    // A fifth more than optimal in the mean: the eye takes ripples for features.
+    // The width is a fifth above the optimum for the mean error, because readers take ripples for features.
     let width = 1.2 * bandwidth(sorted, support);
     if width <= 0.0 {
         return None;
@@ -158,7 +158,7 @@ pub fn marginal(sorted: &[f64], support: Support) -> Option<Marginal> {
     Some(Marginal { x: (0..axis.cells).map(|i| axis.centre(i)).collect(), density })
 }
 
-/// A joint density of two parameters, on a grid in coordinates in which they are not strongly correlated.
+/// Joint density of two parameters, on a grid in coordinates without strong correlation.
 #[derive(Debug, Clone)]
 pub struct Joint {
     grid: Grid,
@@ -170,13 +170,13 @@ pub struct Joint {
 }
 
 impl Joint {
-    /// Kernel estimate from pairs of draws, or `None` where one of the two does not vary.
+    /// Kernel estimate from pairs of draws, or `None` if one of the two is constant.
     pub fn new(x: &[f64], y: &[f64], support_x: Support, support_y: Support) -> Option<Self> {
         let frame = Frame::new(x, y)?;
         let (a, b): (Vec<f64>, Vec<f64>) = x.iter().zip(y).map(|(&x, &y)| frame.forward(x, y)).unzip();
         let (limits_a, limits_b) = frame.supports(support_x, support_y);
-        // A pair's bandwidth against a single one's: n^(−1/6) instead of (4/3)^(1/5) n^(−1/5); a quarter more, because a contour
-        // shows every ripple and its threshold at the draws makes up for the widening.
+        // Ratio of a pair's bandwidth to a single parameter's: n^(−1/6) instead of (4/3)^(1/5) n^(−1/5). It is a quarter larger, because a
+        // contour shows every ripple and its threshold at the draws compensates for the widening.
         let wider = 1.25 * (a.len() as f64).powf(1.0 / 5.0 - 1.0 / 6.0) / (4.0f64 / 3.0).powf(0.2);
         let axis = |values: &[f64], limits| {
             let ascending = sorted(values);
@@ -203,13 +203,13 @@ impl Joint {
         Some(Self { grid, frame, horizontal, vertical, at_draws })
     }
 
-    /// The density above which the fraction `mass` of the draws lies (Hyndman, Am. Stat. 50:120, 1996). Taken at the draws, so
-    /// that smoothing does not falsify what a contour encloses.
+    /// Density above which the fraction `mass` of the draws lies (Hyndman, Am. Stat. 50:120, 1996). It uses the density at the draws, so
+    /// that smoothing does not change the mass inside a contour.
     pub fn threshold(&self, mass: f64) -> f64 {
         quantile_of_sorted(&self.at_draws, 1.0 - mass)
     }
 
-    /// Closed loops around the region of highest density that holds the fraction `mass` of the draws, in the units of the data.
+    /// Closed loops around the region of highest density that contains the fraction `mass` of the draws, in the units of the data.
     pub fn contour(&self, mass: f64) -> Vec<Vec<(f64, f64)>> {
         let to_data =
             |(column, row): (f64, f64)| self.frame.backward(self.horizontal.value(column), self.vertical.value(row));
@@ -217,14 +217,14 @@ impl Joint {
         loops.into_iter().map(|points| points.into_iter().map(to_data).collect()).collect()
     }
 
-    /// Whether a point lies outside the region that holds the fraction `mass`, given its [`Joint::threshold`].
+    /// Returns whether a point lies outside the region that contains the fraction `mass`, given its [`Joint::threshold`].
     pub fn is_outside(&self, x: f64, y: f64, threshold: f64) -> bool {
         let (a, b) = self.frame.forward(x, y);
         self.grid.interpolate((self.horizontal.position(a), self.vertical.position(b))) < threshold
     }
 }
 
-/// Standardised coordinates; turned by 45° where the two are strongly correlated, since a kernel along the axes would
+/// Standardised coordinates, rotated by 45° if the correlation is strong, because a kernel along the axes would
 /// blur a narrow diagonal ridge. For two standardised variables the diagonals are the principal axes.
 #[derive(Debug, Clone, Copy)]
 struct Frame {
@@ -257,7 +257,7 @@ impl Frame {
         (self.mean.0 + u * self.sd.0, self.mean.1 + v * self.sd.1)
     }
 
-    /// Limits in these coordinates; in turned ones they are oblique and left to clipping.
+    /// Limits in these coordinates. In rotated coordinates limits are oblique, and are left to clipping.
     fn supports(&self, x: Support, y: Support) -> (Support, Support) {
         if self.turned {
             return (Support::default(), Support::default());
@@ -268,7 +268,7 @@ impl Frame {
     }
 }
 
-/// Equidistant cells along one coordinate, with the kernel that smooths along it.
+/// Equidistant cells along one coordinate, with the smoothing kernel.
 #[derive(Debug, Clone)]
 struct GridAxis {
     origin: f64,
@@ -288,7 +288,7 @@ impl GridAxis {
         let reflects = (lower < support.lower, upper > support.upper);
         let (lower, upper) = (lower.max(support.lower), upper.min(support.upper));
         let step = (upper - lower) / cells as f64;
-        // Below half a cell a kernel would show the cells instead of the draws.
+        // A kernel narrower than half a cell would show the cells instead of the draws.
         let sigma = (bandwidth / step).max(0.5);
         let reach = ((KERNEL_REACH * sigma).ceil() as usize).min(cells - 1);
         let raw: Vec<f64> = (0..=reach).map(|i| (-0.5 * (i as f64 / sigma).powi(2)).exp()).collect();
@@ -316,7 +316,7 @@ impl GridAxis {
         }
     }
 
-    /// The cell in which mass that was moved to `target` lands, if any.
+    /// Cell for mass that moves to `target`, or `None` if it is lost.
     fn folded(&self, target: isize) -> Option<usize> {
         let n = self.cells as isize;
         let folded = match target {
@@ -327,7 +327,7 @@ impl GridAxis {
         usize::try_from(folded).ok().filter(|cell| *cell < self.cells)
     }
 
-    /// Convolution with the kernel. What crosses a hard limit is folded back, what crosses another end is far from the draws.
+    /// Convolves the mass with the kernel. Mass that crosses a hard limit is reflected; any other end is far from the draws.
     fn smooth(&self, mass: &[f64]) -> Vec<f64> {
         let mut out = vec![0.0; self.cells];
         for (i, &m) in mass.iter().enumerate().filter(|(_, m)| **m != 0.0) {

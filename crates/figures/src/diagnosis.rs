@@ -1,4 +1,4 @@
-//! Which effect is missing: what every effect of the library gains, in the fit and on cycles that it has not seen, and the error before and after.
+//! Figure of a diagnosis: the gain of each candidate effect in the fit and on held-out cycles, and the error before and after.
 
 use super::axes::{Axes, AxisStyle, TICK_SIZE_PX, title_with_text};
 use super::font::{shorten, text_width_px, wrapped};
@@ -14,23 +14,23 @@ const WIDTH_PX: f64 = 980.0;
 const MARGIN_PX: f64 = 20.0;
 const BRACKET_PX: f64 = 24.0;
 const LABEL_PX: f64 = 206.0;
-/// Columns of text beside the bars, with the width of each.
-const COLUMNS: [(&str, f64); 4] = [("standing", 124.0), ("score z", 62.0), ("p", 62.0), ("visible", 62.0)];
+/// Columns of text beside the bars, with their widths.
+const COLUMNS: [(&str, f64); 4] = [("status", 124.0), ("score z", 62.0), ("p", 62.0), ("visible", 62.0)];
 const ROW_PX: f64 = 31.0;
 const FIT_BAR_PX: f64 = 12.0;
 const HELDOUT_BAR_PX: f64 = 7.0;
 const SECTION_PX: f64 = 26.0;
-/// Held-out gain (nats) below which nothing is claimed.
+/// Minimum held-out gain (nats) of a claim.
 const CLAIM_NATS: f64 = 2.0;
 const CLAIM: Stroke = Stroke { colour: INK, width_px: 1.2, opacity: 0.7, dash: Some((5.0, 4.0)) };
 const NOISE: Stroke = Stroke { colour: VERMILLION, width_px: 1.8, opacity: 1.0, dash: Some((6.0, 4.0)) };
-/// Pairs of effects and pieces of unexplained structure that are shown.
+/// Maximum number of pairs of effects, and of unexplained findings, that are shown.
 const MOST_OTHERS: usize = 3;
 
 /// Draws a diagnosis.
 ///
 /// # Errors
-/// None at present; drawing may refuse documents that make no sense.
+/// None at present; future versions may refuse inconsistent documents.
 pub fn diagnosis(diagnosis: &Diagnosis) -> Result<Svg> {
     let heading = format!("{}: which effect is missing?", diagnosis.experiment);
     let width = WIDTH_PX - 2.0 * MARGIN_PX;
@@ -42,14 +42,14 @@ pub fn diagnosis(diagnosis: &Diagnosis) -> Result<Svg> {
         let below = bars.draw(svg, below);
         errors(svg, diagnosis, below)
     };
-    // Drawn once to learn how high it is.
+    // First drawing, to determine the height.
     let height = draw(&mut Svg::new(WIDTH_PX, 1.0, "")) + MARGIN_PX;
     let mut svg = Svg::new(WIDTH_PX, height, &heading);
     draw(&mut svg);
     Ok(svg)
 }
 
-/// Colour and name of a standing.
+/// Colour and name of a status.
 fn look(status: Status) -> (Colour, &'static str) {
     match status {
         Status::Claimed => (GREEN, "claimed"),
@@ -71,33 +71,32 @@ fn entries(diagnosis: &Diagnosis) -> Vec<Entry> {
     entries.push(Entry::new(Mark::Area(Fill::new(MUTED, 1.0).into()), "thick: gain in fit"));
     let outlined = Style { fill: Some(Fill::new(WHITE, 1.0)), stroke: Some(Stroke::solid(MUTED, 1.4)) };
     entries.push(Entry::new(Mark::Area(outlined), "outlined: gain on held-out cycles"));
-    entries
-        .push(Entry::new(Mark::Line(CLAIM), format!("{CLAIM_NATS:.0} nats: a smaller held-out gain is not claimed")));
+    entries.push(Entry::new(Mark::Line(CLAIM), format!("{CLAIM_NATS:.0} nats: minimum held-out gain of a claim")));
     entries
 }
 
-/// A row of the bar chart.
+/// Row of the bar chart.
 struct Row {
     label: String,
-    /// What stands below the label, in as many lines as it needs.
+    /// Text below the label, wrapped to several lines if needed.
     detail: String,
     colour: Colour,
     gain_nats: Option<f64>,
     heldout_gain_nats: Option<f64>,
     columns: [String; COLUMNS.len()],
-    /// Said in place of bars.
+    /// Text in place of bars.
     instead: String,
-    /// Said below the bar.
+    /// Text below the bar.
     note: String,
 }
 
 /// All rows, in sections.
 struct Bars {
-    /// Heading of each section and its rows; the first has none.
+    /// Heading and rows of each section; the first has no heading.
     sections: Vec<(&'static str, Vec<Row>)>,
-    /// Rows of the first section, from the top, that cannot be told apart.
+    /// Number of equivalent effects, which are the top rows of the first section.
     n_in_class: usize,
-    /// Largest and least gain.
+    /// Smallest and largest gain.
     range_nats: [f64; 2],
 }
 
@@ -122,7 +121,7 @@ impl Bars {
         Self { sections, n_in_class, range_nats }
     }
 
-    /// Draws all from `top` downwards; returns where they end.
+    /// Draws all sections from `top` downwards and returns their lower end.
     fn draw(&self, svg: &mut Svg, top: f64) -> f64 {
         let n_headings = self.sections.iter().filter(|(heading, _)| !heading.is_empty()).count();
         let columns_px: f64 = COLUMNS.iter().map(|column| column.1).sum();
@@ -174,7 +173,7 @@ impl Bars {
     }
 }
 
-/// Effects that this experiment cannot tell apart, held together.
+/// Draws a bracket beside equivalent effects.
 fn bracket(svg: &mut Svg, top: f64, bottom: f64) {
     let (x, stroke) = (MARGIN_PX + BRACKET_PX - 6.0, Stroke::solid(INK, 1.4));
     svg.line((x, top), (x, bottom), stroke);
@@ -182,13 +181,13 @@ fn bracket(svg: &mut Svg, top: f64, bottom: f64) {
         svg.line((x, y), (x + 5.0, y), stroke);
     }
     let room = bottom - top;
-    let words = ["cannot be told apart", "not separated", "twins"];
+    let words = ["equivalent effects", "equivalent", "equiv."];
     let words = words.into_iter().find(|words| text_width_px(words, TICK_SIZE_PX) <= room).unwrap_or("");
     let style = TextStyle::new(TICK_SIZE_PX, Anchor::Middle).upwards();
     svg.text(words, (x - 5.0, 0.5 * (top + bottom)), style);
 }
 
-/// sign(g) log₁₀(1 + |g|): gains from tenths to thousands of nats, and losses, on one axis.
+/// Compressed gain sign(g) log₁₀(1 + |g|), for gains from tenths to thousands of nats, and losses, on one axis.
 fn compressed(gain_nats: f64) -> f64 {
     gain_nats.signum() * gain_nats.abs().ln_1p() / std::f64::consts::LN_10
 }
@@ -216,7 +215,7 @@ fn gain_axis(svg: &mut Svg, axes: &Axes, [least, largest]: [f64; 2]) {
     svg.text(label, at, TextStyle::new(13.0, Anchor::Middle));
 }
 
-/// Size and pitch of the lines below a label and below a bar.
+/// Font size and pitch of the lines below a label and below a bar.
 const SMALL_PX: f64 = 10.0;
 const SMALL_PITCH_PX: f64 = 12.5;
 
@@ -229,7 +228,7 @@ impl Row {
         wrapped(&self.note, SMALL_PX, width_px - 16.0)
     }
 
-    /// Room that it needs beside a frame of a width.
+    /// Height that the row needs beside a frame of this width.
     fn height_px(&self, width_px: f64) -> f64 {
         let (details, notes) = (self.details().len(), self.notes(width_px).len());
         let below = |lines: usize, first: f64| if lines == 0 { 0.0 } else { first + SMALL_PITCH_PX * lines as f64 };
@@ -244,7 +243,7 @@ impl Row {
         }
     }
 
-    /// What is said below the bar, over the lines that cross the frame.
+    /// Writes the note below the bar, over the lines that cross the frame.
     fn draw_notes(&self, svg: &mut Svg, row: Rect) {
         let top = row.y + 0.5 * (row.height - FIT_BAR_PX - self.room_below_px(row.width)) + FIT_BAR_PX;
         for (k, line) in (1..).zip(&self.notes(row.width)) {
@@ -365,7 +364,7 @@ fn percent(fraction: f64) -> String {
     }
 }
 
-/// Errors of base and extended model against the noise, from `top` downwards; returns where they end.
+/// Draws the errors of the base and extended model with the noise, from `top` downwards. Returns the lower end.
 fn errors(svg: &mut Svg, diagnosis: &Diagnosis, top: f64) -> f64 {
     let base = &diagnosis.base;
     let mut rows = vec![("base model".to_string(), base.rmse_fitted_um, base.rmse_heldout_um)];

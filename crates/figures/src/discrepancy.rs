@@ -1,4 +1,4 @@
-//! What a model misses, against what it is a function of: a panel for each of its parts, with its band.
+//! Discrepancy of a model as a function of its coordinates: one panel per part, with its band.
 
 use super::axes::{Axes, AxisStyle, title_with_text, widest_y_number_px};
 use super::legend::{self, Entry, Mark};
@@ -12,31 +12,31 @@ const WIDTH_PX: f64 = 820.0;
 const MARGIN_PX: f64 = 20.0;
 const HEIGHT_PX: f64 = 300.0;
 const FOOT_PX: f64 = 60.0;
-/// Most points of a curve; rows that are closer along the axis are averaged.
+/// Maximum number of points of a curve; closer rows are averaged.
 const MOST_POINTS: usize = 160;
-/// Half-width of a central band of 90 % in standard deviations.
+/// Half-width of a central 90 % band, in standard deviations.
 const BAND_SDS: f64 = 1.645;
 
-/// A part of the discrepancy as rows, in any order; all of equal length.
+/// Part of the discrepancy as rows in any order; all lists have the same length.
 #[derive(Debug, Clone)]
 pub struct DiscrepancyPanel {
-    /// What the curve is, for the legend.
+    /// Legend text of the curve.
     pub what: String,
     /// Quantity and unit of the axis, such as `time since the force step (s)`.
     pub axis_label: String,
-    /// Whether the axis is logarithmic; values that are not positive are then left out.
+    /// True if the axis is logarithmic; values that are not positive are then omitted.
     pub is_logarithmic: bool,
     /// Value along the axis.
     pub coordinate: Vec<f64>,
     /// Estimated discrepancy, in µm.
     pub mean_um: Vec<f64>,
-    /// Its standard deviation (µm); no band is drawn where it is 0 everywhere.
+    /// Standard deviation of the estimate, in µm; no band is drawn if it is 0 everywhere.
     pub sd_um: Vec<f64>,
-    /// What the model leaves of the measurement (µm); not finite where nothing was measured.
+    /// Residual, in µm; not finite for rows without a measurement.
     pub residual_um: Vec<f64>,
 }
 
-/// A point of the curve: the rows of a bin, averaged.
+/// Point of the curve, averaged over the rows of a bin.
 struct Point {
     coordinate: f64,
     mean_um: f64,
@@ -44,7 +44,7 @@ struct Point {
     residual_um: f64,
 }
 
-/// Draws the parts one below the other: curve, 90 % band and averaged residuals, under a heading and a text.
+/// Draws the parts below each other: curve, 90 % band and averaged residuals, under a heading and a text.
 ///
 /// # Errors
 /// [`Error::Input`] for series of unequal length or fewer than two different values along an axis.
@@ -56,14 +56,14 @@ pub fn discrepancy(panels: &[DiscrepancyPanel], heading: &str, text: &str) -> Re
         let below = MARGIN_PX + title_with_text(svg, heading, text, (MARGIN_PX, MARGIN_PX), width) + 8.0;
         drawn.iter().fold(below, |below, (points, panel)| draw_panel(svg, points, panel, below))
     };
-    // Drawn once to learn how high it is.
+    // First drawing, to determine the height.
     let height = draw(&mut Svg::new(WIDTH_PX, 1.0, ""));
-    let mut svg = Svg::new(WIDTH_PX, height, "What the model misses, with its band");
+    let mut svg = Svg::new(WIDTH_PX, height, "Discrepancy of the model, with its band");
     draw(&mut svg);
     Ok(svg)
 }
 
-/// Draws a panel from `top` downwards; returns where it ends.
+/// Draws a panel from `top` downwards and returns its lower end.
 fn draw_panel(svg: &mut Svg, points: &[Point], panel: &DiscrepancyPanel, top: f64) -> f64 {
     let x: Vec<f64> = points.iter().map(|point| point.coordinate).collect();
     let of = |value: &dyn Fn(&Point) -> f64| points.iter().map(value).collect::<Vec<f64>>();
@@ -81,7 +81,7 @@ fn draw_panel(svg: &mut Svg, points: &[Point], panel: &DiscrepancyPanel, top: f6
     let top = top + legend::row(svg, &entries(&panel.what, has_band), (left, top), width) + 8.0;
     let frame = Rect { x: left, y: top, width, height: HEIGHT_PX };
     let axes = Axes { frame, x: x_scale, y: y_scale };
-    axes.y_axis(svg, AxisStyle::new(Some("measurement less model (µm)"), 7, left - 18.0).grid());
+    axes.y_axis(svg, AxisStyle::new(Some("residual (µm)"), 7, left - 18.0).grid());
     axes.x_axis(svg, AxisStyle::new(Some(&panel.axis_label), 10, 38.0));
     svg.clipped(frame, |svg| {
         if has_band {
@@ -98,15 +98,15 @@ fn draw_panel(svg: &mut Svg, points: &[Point], panel: &DiscrepancyPanel, top: f6
 fn entries(what: &str, has_band: bool) -> Vec<Entry> {
     let line = Stroke::solid(VERMILLION, 2.2);
     let mark = if has_band { Mark::LineOnArea(line, Fill::new(VERMILLION, 0.22)) } else { Mark::Line(line) };
-    vec![Entry::new(Mark::Dot(MUTED, 5.0), "measurement less model, averaged"), Entry::new(mark, what)]
+    vec![Entry::new(Mark::Dot(MUTED, 5.0), "residuals, averaged"), Entry::new(mark, what)]
 }
 
-/// Bins of equal width along the axis that hold rows.
+/// Non-empty bins of equal width along the axis.
 fn points(rows: &DiscrepancyPanel) -> Result<Vec<Point>> {
     let refuse = |found: String, remedy: &str| Err(Error::input(Place::default().at_key("discrepancy"), found, remedy));
     let n = rows.coordinate.len();
     if [rows.mean_um.len(), rows.sd_um.len(), rows.residual_um.len()] != [n; 3] {
-        return refuse("series of unequal length".into(), "give one value a row");
+        return refuse("series of unequal length".into(), "give one value per row");
     }
     let along = |row: usize| if rows.is_logarithmic { rows.coordinate[row].ln() } else { rows.coordinate[row] };
     let is_shown = |row: &usize| along(*row).is_finite() && rows.mean_um[*row].is_finite();
@@ -114,7 +114,7 @@ fn points(rows: &DiscrepancyPanel) -> Result<Vec<Point>> {
     let lowest = shown.iter().map(|row| along(*row)).fold(f64::INFINITY, f64::min);
     let highest = shown.iter().map(|row| along(*row)).fold(f64::NEG_INFINITY, f64::max);
     if shown.is_empty() || highest <= lowest {
-        return refuse(format!("{} rows at one place of the axis", shown.len()), "give at least two places");
+        return refuse(format!("{} rows at a single value of the axis", shown.len()), "give at least two values");
     }
     let bin = |row: usize| (((along(row) - lowest) / (highest - lowest)) * (MOST_POINTS - 1) as f64).round() as usize;
     let mut bins: Vec<Vec<usize>> = vec![Vec::new(); MOST_POINTS];
@@ -179,8 +179,8 @@ mod tests {
     #[test]
     fn what_cannot_be_drawn_is_refused() {
         let refused = |panel: DiscrepancyPanel| discrepancy(&[panel], "", "").unwrap_err().to_string();
-        assert!(refused(panel(&[], &[])).contains("0 rows at one place of the axis"));
-        assert!(refused(panel(&[2.0, 2.0], &[1.0, 1.0])).contains("2 rows at one place of the axis"));
+        assert!(refused(panel(&[], &[])).contains("0 rows at a single value of the axis"));
+        assert!(refused(panel(&[2.0, 2.0], &[1.0, 1.0])).contains("2 rows at a single value of the axis"));
         assert!(refused(panel(&[1.0, 2.0], &[1.0])).contains("series of unequal length"));
     }
 }

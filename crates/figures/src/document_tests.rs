@@ -1,4 +1,4 @@
-//! Figures of ladders and diagnoses: legible, and every bar as long as its figure.
+//! Tests of figures of ladders and diagnoses: they are legible, and every bar has the length of its number.
 
 use super::diagnosis::diagnosis;
 use super::ladder::ladder;
@@ -54,7 +54,8 @@ fn three_rungs() -> Vec<Rung> {
 fn ladders_are_legible() {
     let rungs = three_rungs();
     assert!(
-        ladder(&ladder_of(vec![], "gel", "")).is_err_and(|error| error.to_string().contains("a ladder without rungs"))
+        ladder(&ladder_of(vec![], "gel", ""))
+            .is_err_and(|error| error.to_string().contains("a ladder without revisions"))
     );
     assert_legible("one rung", &ladder(&ladder_of(rungs[..1].to_vec(), "gel", "There is one revision.")).unwrap());
     assert_legible("three rungs", &ladder(&ladder_of(rungs.clone(), LONG, &[LONG; 3].join(". "))).unwrap());
@@ -64,7 +65,7 @@ fn ladders_are_legible() {
     assert_legible("nothing scored", &ladder(&unscored).unwrap());
 }
 
-/// 40, 10 and 4.1 µm on one axis: the bars' widths are in these proportions.
+/// Errors of 40, 10 and 4.1 µm on one axis: the bars' widths have these proportions.
 #[test]
 fn bars_are_as_long_as_the_errors() {
     let document = ladder(&ladder_of(three_rungs(), "gel", "x")).unwrap().document();
@@ -168,7 +169,7 @@ fn diagnoses_are_legible() {
     assert_legible("nothing missing", &diagnosis(&none).unwrap());
 }
 
-/// Those that cannot be told apart stand first whatever their gain, and a loss on held-out cycles goes to the left.
+/// Equivalent effects come first whatever their gain, and a held-out loss extends to the left.
 #[test]
 fn the_class_stands_first_and_losses_go_left() {
     let mut odd = a_diagnosis("gel", "x");
@@ -190,7 +191,7 @@ fn the_class_stands_first_and_losses_go_left() {
     assert!((loss_x + loss_width - gain_x).abs() < 0.02, "both begin at zero");
 }
 
-/// An effect that gains likelihood beyond chance is named where the error stays, and is not where the error falls or the gain is chance.
+/// An effect that gains likelihood beyond chance is named if the error stays. It is not named if the error falls or the gain may be chance.
 #[test]
 fn gains_that_leave_the_error_are_named() {
     let mut diagnosis = a_diagnosis("e", "s");

@@ -10,37 +10,37 @@ use base::files::{self, Content, refuse_long_lines, stream_atomically};
 use base::{Error, Result};
 
 const INDEX_COLUMNS: [&str; 3] = ["ensemble", "walker", "step"];
-/// Numbers that a table of draws may have.
+/// Maximum count of numbers in a table of draws.
 const MOST_NUMBERS: usize = 100_000_000;
 const LOG_DENSITY: &str = "log_density";
 
 /// Draws of several independent ensembles of walkers.
 #[derive(Debug, Clone, PartialEq)]
 pub struct DrawTable {
-    /// Names, such as `young_modulus_pa`.
+    /// Names of the parameters, such as `young_modulus_pa`.
     pub parameter_names: Vec<String>,
     /// Unit of each parameter, such as `Pa`; `–` for none.
     pub units: Vec<String>,
-    /// Independent ensembles.
+    /// Number of independent ensembles.
     pub n_ensembles: usize,
-    /// Walkers of one ensemble.
+    /// Number of walkers of one ensemble.
     pub n_walkers: usize,
-    /// Steps kept of each walker.
+    /// Number of steps kept of each walker.
     pub n_steps: usize,
-    /// Shape `[ensemble][walker][step][parameter]`, the last index fastest.
+    /// Values, of shape `[ensemble][walker][step][parameter]`, the last index fastest.
     pub values: Vec<f64>,
-    /// Shape `[ensemble][walker][step]`; empty where unknown.
+    /// Log densities, of shape `[ensemble][walker][step]`; empty if unknown.
     pub log_density: Vec<f64>,
 }
 
-/// Mean and central 90 % of the walkers of one ensemble at every step.
+/// Mean and central 90 % interval of the walkers of one ensemble at every step.
 #[derive(Debug, Clone, PartialEq)]
 pub struct WalkerSummary {
-    /// Mean over walkers, one a step.
+    /// Mean over walkers, one per step.
     pub mean: Vec<f64>,
-    /// 5 % quantile over walkers, one a step.
+    /// 5 % quantile over walkers, one per step.
     pub lower: Vec<f64>,
-    /// 95 % quantile over walkers, one a step.
+    /// 95 % quantile over walkers, one per step.
     pub upper: Vec<f64>,
 }
 
@@ -50,16 +50,16 @@ impl DrawTable {
         self.n_ensembles * self.n_walkers * self.n_steps
     }
 
-    /// All draws of a parameter in the order `[ensemble][walker][step]`.
+    /// All draws of a parameter, in the order `[ensemble][walker][step]`.
     pub fn column(&self, parameter_idx: usize) -> Vec<f64> {
         let n = self.parameter_names.len().max(1);
         self.values.iter().skip(parameter_idx).step_by(n).copied().collect()
     }
 
-    /// One draw.
+    /// Value of a parameter in one draw.
     ///
     /// # Panics
-    /// Where an index lies beyond the table.
+    /// If an index is outside the table.
     pub fn value(&self, ensemble: usize, walker: usize, step: usize, parameter_idx: usize) -> f64 {
         let draw = (ensemble * self.n_walkers + walker) * self.n_steps + step;
         self.values[draw * self.parameter_names.len() + parameter_idx]
@@ -68,7 +68,7 @@ impl DrawTable {
     /// Mean and spread of an ensemble's walkers along the run, for trace plots.
     ///
     /// # Panics
-    /// Where an index lies beyond the table.
+    /// If an index is outside the table.
     pub fn walker_summary(&self, ensemble: usize, parameter_idx: usize) -> WalkerSummary {
         let mut summary = WalkerSummary { mean: Vec::new(), lower: Vec::new(), upper: Vec::new() };
         for step in 0..self.n_steps {
@@ -82,10 +82,10 @@ impl DrawTable {
         summary
     }
 
-    /// Checks that shapes agree and names are usable as columns.
+    /// Checks that shapes agree and that names can be used as columns.
     ///
     /// # Errors
-    /// [`Error::Input`] that says which size or name is wrong.
+    /// [`Error::Input`] that names the wrong size or name.
     pub fn check(&self) -> Result<()> {
         let (n_parameters, n_draws) = (self.parameter_names.len(), self.n_draws());
         let sizes = [
@@ -104,7 +104,10 @@ impl DrawTable {
                 || name == LOG_DENSITY
                 || self.parameter_names[..i].contains(name);
             if taken || name.is_empty() {
-                return Err(refuse(format!("a parameter is called `{name}`"), "give parameters distinct names"));
+                return Err(refuse(
+                    format!("a parameter has the name `{name}`"),
+                    "give parameters distinct, non-empty names",
+                ));
             }
         }
         Ok(())
@@ -115,17 +118,17 @@ fn refuse(found: String, remedy: &str) -> Error {
     Error::input(Place::default().at_key("draws"), found, remedy)
 }
 
-/// Writes the draws as CSV, ordered by ensemble, walker and step, all counted from 0. Numbers have as many digits as are
-/// needed to read the same bits back.
+/// Writes the draws as CSV, ordered by ensemble, walker and step, all counted from 0. Numbers have enough digits to
+/// restore every bit.
 ///
 /// # Errors
-/// [`Error::Input`] for an inconsistent table, [`Error::File`] where the file cannot be written.
+/// [`Error::Input`] for an inconsistent table, [`Error::File`] if the file cannot be written.
 pub fn write_draws_csv(path: &Path, table: &DrawTable) -> Result<()> {
     table.check()?;
     let n_parameters = table.parameter_names.len();
     stream_atomically(path, |out| {
         let has_log_density = !table.log_density.is_empty();
-        // Names come from users' model files and may hold anything.
+        // Names come from users' model files and may contain any characters.
         let names = table.parameter_names.iter().map(String::as_str);
         let header = INDEX_COLUMNS.into_iter().chain(names).chain(has_log_density.then_some(LOG_DENSITY));
         let mut writer = csv::Writer::from_writer(&mut *out);
@@ -147,14 +150,14 @@ pub fn write_draws_csv(path: &Path, table: &DrawTable) -> Result<()> {
     })
 }
 
-/// Reads draws from CSV: [`write_draws_csv`]'s, or any table with a header and one column a parameter. Without the columns
-/// `ensemble`, `walker` and `step` all rows are one chain. Units are taken from the names' suffixes.
+/// Reads draws from CSV: a file of [`write_draws_csv`], or any table with a header and one column per parameter. Without the columns
+/// `ensemble`, `walker` and `step` all rows form one chain. Units are taken from the names' suffixes.
 ///
 /// # Errors
-/// [`Error::File`] where the file cannot be read; [`Error::Input`] with line and column for what is no finite number, for
+/// [`Error::File`] if the file cannot be read. [`Error::Input`] with line and column for values that are not finite numbers, for
 /// missing or repeated draws, and for a file without draws.
 pub fn read_draws_csv(path: &Path) -> Result<DrawTable> {
-    let remedy = "give the path of a CSV file with one column a parameter";
+    let remedy = "give the path of a CSV file with one column per parameter";
     let bytes = files::read(path, Content::Table, remedy)?;
     refuse_long_lines(path, &bytes)?;
     let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::All).from_reader(bytes.as_slice());
@@ -171,7 +174,7 @@ pub fn read_draws_csv(path: &Path) -> Result<DrawTable> {
             return Err(Error::input(
                 Place::file(path).at_line(line),
                 format!("the table has more than {MOST_NUMBERS} numbers"),
-                "keep every k-th draw: thousands of them suffice",
+                "keep every k-th draw; a few thousand are enough",
             ));
         }
         rows.push(numbers(path, line, &header, &record)?);
@@ -186,7 +189,11 @@ fn numbers(path: &Path, line: usize, header: &[String], record: &csv::StringReco
         Ok(value) if value.is_finite() => Ok(value),
         _ => {
             let place = Place::file(path).at_line(line).at_key(name);
-            Err(Error::input(place, format!("`{field}` is no finite number"), "remove the line or correct the value"))
+            Err(Error::input(
+                place,
+                format!("`{field}` is not a finite number"),
+                "remove the line or correct the value",
+            ))
         }
     };
     header.iter().zip(record).map(number).collect()
@@ -213,17 +220,17 @@ fn table_from_rows(path: &Path, header: &[String], rows: &[Vec<f64>]) -> Result<
             |axis: usize| index[axis].and_then(|column| ranks[axis].get(&row[column].to_bits())).copied().unwrap_or(0);
         let draw = if index == [None; 3] { i } else { (rank(0) * n_walkers + rank(1)) * n_steps + rank(2) };
         if order[draw].replace(i).is_some() {
-            let found = "this combination of ensemble, walker and step stands here a second time";
+            let found = "this combination of ensemble, walker and step is repeated";
             return Err(Error::input(
                 place().at_line(i + 2),
                 found,
-                "keep one line a draw, and name the three index columns",
+                "keep one line per draw, and name the three index columns",
             ));
         }
     }
     let Some(order) = order.into_iter().collect::<Option<Vec<usize>>>() else {
         let found = format!("{} lines for {n_ensembles} ensembles × {n_walkers} walkers × {n_steps} steps", rows.len());
-        return Err(Error::input(place(), found, "give every walker the same steps, or leave the index columns out"));
+        return Err(Error::input(place(), found, "give every walker the same steps, or remove the index columns"));
     };
     let log_density = header.iter().position(|name| name == LOG_DENSITY);
     Ok(DrawTable {
@@ -237,7 +244,7 @@ fn table_from_rows(path: &Path, header: &[String], rows: &[Vec<f64>]) -> Result<
     })
 }
 
-/// Rank of each distinct value of an index column among its values; thinned steps may be numbered 0, 10, 20, ….
+/// Rank of each distinct value of an index column among its values. Thinned steps may be numbered 0, 10, 20, ….
 fn ranks(rows: &[Vec<f64>], column: Option<usize>) -> BTreeMap<u64, usize> {
     let values = column.map_or(Vec::new(), |column| sorted(&rows.iter().map(|row| row[column]).collect::<Vec<_>>()));
     let mut ranks = BTreeMap::new();
@@ -299,7 +306,7 @@ mod tests {
             ("a,b\n", "0 draws of 2"),
             ("ensemble,walker,step,a\n0,0,0,1\n0,0,0,2\n", "line 3: this combination"),
             ("ensemble,walker,step,a\n0,0,0,1\n0,1,1,2\n", "2 lines for 1 ensembles × 2 walkers × 2 steps"),
-            ("a,a\n1,2\n", "a parameter is called `a`"),
+            ("a,a\n1,2\n", "a parameter has the name `a`"),
             ("a\nNaN\n", "line 2, `a`"),
         ] {
             std::fs::write(&path, text).unwrap();

@@ -1,4 +1,4 @@
-//! What every effect would explain of what a model leaves: the change of the fitted curve, over the residuals.
+//! Fingerprints of effects: the change of the fitted curve by each effect, over the residuals.
 
 use std::path::Path;
 
@@ -15,24 +15,24 @@ const MARGIN_PX: f64 = 20.0;
 const PANEL_PX: f64 = 120.0;
 const GAP_PX: f64 = 44.0;
 const LEFT_PX: f64 = 64.0;
-/// Panels in a row, and all of them.
+/// Number of panels in a row, and in all.
 const COLUMNS: usize = 2;
 const MOST_PANELS: usize = 6;
 const LINE: Stroke = Stroke { colour: VERMILLION, width_px: 1.8, opacity: 1.0, dash: None };
 const DOT_PX: f64 = 2.2;
 
-/// What is left of a record, and what effects change of it; one value a row that is shown.
+/// Residuals of a record, and changes of the fitted curve by effects; one value per shown row.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Fingerprints {
-    /// Times in s.
+    /// Time of each row, in s.
     pub time_s: Vec<f64>,
-    /// What the model leaves of the position in µm; `None` where nothing was measured.
+    /// Residual, in µm; `None` for rows without a measurement.
     pub left_um: Vec<Option<f64>>,
-    /// Of every effect its name, and the change of the fitted curve in µm that a refit with it makes; what gains most first.
+    /// Name of each effect, and the change of the fitted curve in µm when the model is refitted with it; by decreasing gain.
     pub effects: Vec<(String, Vec<f64>)>,
 }
 
-/// Writes them as a table with one column an effect.
+/// Writes the fingerprints as a table with one column per effect.
 ///
 /// # Errors
 /// [`Error::File`] if the operating system refuses.
@@ -51,10 +51,10 @@ pub fn write_fingerprints(path: &Path, fingerprints: &Fingerprints) -> Result<()
     })
 }
 
-/// Draws the leading ones.
+/// Draws the effects with the largest gains.
 ///
 /// # Errors
-/// [`Error::Input`] where there is no effect, or fewer than two rows.
+/// [`Error::Input`] if there is no effect, or fewer than two rows.
 pub fn fingerprints(fingerprints: &Fingerprints, experiment: &str) -> Result<Svg> {
     let (time_s, shown) = (&fingerprints.time_s, fingerprints.effects.iter().take(MOST_PANELS));
     let (Some(first), Some(last), true) =
@@ -63,11 +63,11 @@ pub fn fingerprints(fingerprints: &Fingerprints, experiment: &str) -> Result<Svg
         return Err(Error::input(
             Place::default(),
             "there is nothing to draw",
-            "give two rows and one effect at least",
+            "give at least two rows and one effect",
         ));
     };
-    let heading = format!("{experiment}: what a refit with each effect would explain");
-    let text = "Points: what the model leaves. Line: how the fitted curve changes with the effect, the law refitted.";
+    let heading = format!("{experiment}: residuals that each effect would explain");
+    let text = "Points: residuals. Line: change of the fitted curve when the model is refitted with the effect.";
     let left = fingerprints.left_um.iter().flatten().copied();
     let changes = shown.clone().flat_map(|(_, change)| change.iter().copied());
     let (x, y) = (Scale::linear(*first, *last), Scale::over(left.chain(changes), 0.06));
@@ -96,7 +96,7 @@ pub fn fingerprints(fingerprints: &Fingerprints, experiment: &str) -> Result<Svg
         }
         bottom
     };
-    // Drawn once to learn how high it is.
+    // First drawing, to determine the height.
     let height = draw(&mut Svg::new(WIDTH_PX, 1.0, ""));
     let mut svg = Svg::new(WIDTH_PX, height, &heading);
     draw(&mut svg);
@@ -115,7 +115,7 @@ mod tests {
         Fingerprints { left_um, effects: effects.to_vec(), time_s }
     }
 
-    /// Every effect has a column and a panel; a row without a position has an empty cell.
+    /// Every effect has a column and a panel. A row without a position has an empty cell.
     #[test]
     fn every_effect_is_written_and_drawn() {
         let place = tempfile::tempdir().unwrap();

@@ -1,23 +1,23 @@
-//! Names of vertical lines, set above a frame so that neither names nor the lines that lead to them meet.
+//! Names of vertical lines, placed above a frame so that names and their lines do not overlap.
 
 use super::axes::Axes;
 use super::font::{shorten, text_width_px};
 use super::palette::WHITE;
 use super::svg::{Anchor, Fill, Rect, Stroke, Svg, TextStyle};
 
-/// Size of the names.
+/// Font size of the names.
 const SIZE_PX: f64 = 10.0;
 /// Height of a row of names.
 pub const ROW_PX: f64 = 13.0;
-/// Distance between a name and the line that it belongs to, and between names in a row.
+/// Distance between a name and its line, and between names in a row.
 const GAP_PX: f64 = 3.0;
 const BETWEEN_PX: f64 = 8.0;
 
-/// A named value, with its place above the frame.
+/// Named value, with its place above the frame.
 #[derive(Debug, Clone)]
 pub struct Flag {
     text: String,
-    /// Where the line stands; `None` where the value lies beyond the axis.
+    /// Position of the line; `None` if the value lies beyond the axis.
     line_px: Option<f64>,
     /// Left end and width of the name.
     left_px: f64,
@@ -26,7 +26,7 @@ pub struct Flag {
     row: usize,
 }
 
-/// Places the names of the values over `axes`, which may stand out by `overhang_px` on both sides. A value beyond the axis is named at
+/// Places the names of the values over `axes`. Names may extend beyond the axes by `overhang_px` on both sides. A value beyond the axis is named at
 /// that end, with an arrow.
 pub fn place(axes: &Axes, values: &[(&str, f64)], overhang_px: f64) -> Vec<Flag> {
     let frame = axes.frame;
@@ -34,7 +34,7 @@ pub fn place(axes: &Axes, values: &[(&str, f64)], overhang_px: f64) -> Vec<Flag>
     let mut ascending: Vec<(&str, f64)> = values.to_vec();
     ascending.sort_by(|a, b| a.1.total_cmp(&b.1));
     let mut placed: Vec<Flag> = Vec::new();
-    // From the right, since names usually stand to the right of their lines: what comes later then leads up beside them.
+    // Starts from the right, because names are usually to the right of their lines. Lines of later names then pass beside earlier names.
     for (name, value) in ascending.into_iter().rev() {
         let fraction = axes.x.fraction(value);
         let line_px = (0.0..=1.0).contains(&fraction).then(|| axes.x_px(value));
@@ -45,7 +45,7 @@ pub fn place(axes: &Axes, values: &[(&str, f64)], overhang_px: f64) -> Vec<Flag>
         };
         let text = shorten(&text, SIZE_PX, right - left);
         let width_px = text_width_px(&text, SIZE_PX);
-        // Beside the line if anyhow possible, else upon its end.
+        // A name is beside its line if possible, otherwise at the line's end.
         let rows = 0..=placed.len();
         let beside = |x: f64| [x + GAP_PX, x - GAP_PX - width_px];
         let last_resort = match line_px {
@@ -62,7 +62,7 @@ pub fn place(axes: &Axes, values: &[(&str, f64)], overhang_px: f64) -> Vec<Flag>
             .map(|(row, left_px)| Flag { text: text.clone(), line_px, left_px, width_px, row })
             .collect();
         let free = |strictly: bool| flags.iter().find(|flag| placed.iter().all(|other| !flag.meets(other, strictly)));
-        // A line may pass behind a name, which interrupts it, where there is no other place.
+        // If there is no other place, a line may pass behind a name, which interrupts it.
         placed.extend(free(true).or_else(|| free(false)).cloned());
     }
     placed
@@ -80,7 +80,7 @@ impl Flag {
         names_meet || strictly && (crosses(self, other) || crosses(other, self))
     }
 
-    /// Draws the line through the frame and up to the name, which is left to [`Flag::draw_name`].
+    /// Draws the line through the frame and up to the name. [`Flag::draw_name`] writes the name.
     pub fn draw_line(&self, svg: &mut Svg, frame: Rect, stroke: Stroke) {
         if let Some(x) = self.line_px {
             let beside = x < self.left_px || x > self.left_px + self.width_px;
@@ -99,7 +99,7 @@ impl Flag {
     }
 }
 
-/// Height that the names take above the frame.
+/// Height of the names above the frame.
 pub fn height_px(flags: &[Flag]) -> f64 {
     flags.iter().map(|flag| ROW_PX * (flag.row + 1) as f64).fold(0.0, f64::max)
 }

@@ -1,20 +1,20 @@
-//! The embedded font and the width of text set in it.
+//! Embedded font, and widths of text in it.
 
 use skrifa::instance::{LocationRef, Size};
 use skrifa::outline::{DrawSettings, OutlinePen};
 use skrifa::{FontRef, GlyphId, MetadataProvider};
 use tiny_skia::{Path, PathBuilder, Transform};
 
-/// DejaVu Sans, cut down to Latin, Greek, super- and subscripts, mathematics and arrows (licence beside the file).
+/// DejaVu Sans with only Latin, Greek, super- and subscripts, mathematics and arrows (licence beside the file).
 pub(crate) static FONT: &[u8] = include_bytes!("../assets/DejaVuSans-subset.ttf");
 
-/// Families named in the SVG: the embedded one first, then one with nearly the same widths.
+/// Font families named in the SVG: the embedded one, then one with nearly equal widths.
 pub const FAMILIES: &str = "DejaVu Sans, Verdana, sans-serif";
 
-/// Advance of a character that the font lacks, as a fraction of the size.
+/// Advance of a character that the font lacks, as a fraction of the font size.
 const UNKNOWN_ADVANCE: f64 = 0.6;
 
-/// The embedded font with its units per em; `None` where its bytes are damaged.
+/// Embedded font with its units per em, or `None` if its bytes are damaged.
 fn font() -> Option<(FontRef<'static>, f64)> {
     let font = FontRef::new(FONT).ok()?;
     let units_per_em = font.metrics(Size::unscaled(), LocationRef::default()).units_per_em;
@@ -29,7 +29,7 @@ pub fn text_width_px(text: &str, size_px: f64) -> f64 {
     glyphs(&font, units_per_em, text).map(|(_, ems)| ems).sum::<f64>() * size_px
 }
 
-/// The glyph of every character, and its advance as a fraction of the size.
+/// Glyph of every character, and its advance as a fraction of the font size.
 fn glyphs(font: &FontRef, units_per_em: f64, text: &str) -> impl Iterator<Item = (GlyphId, f64)> {
     let characters = font.charmap();
     let metrics = font.glyph_metrics(Size::unscaled(), LocationRef::default());
@@ -41,7 +41,7 @@ fn glyphs(font: &FontRef, units_per_em: f64, text: &str) -> impl Iterator<Item =
     })
 }
 
-/// Outline of one line of text in pixels at `size_px`: the baseline runs from the origin along x, y is downwards. `None` where there is no ink.
+/// Outline of one line of text in pixels at `size_px`, or `None` if it has no ink. The baseline runs from the origin along x, and y is downwards.
 pub fn text_outline(text: &str, size_px: f64) -> Option<Path> {
     let (font, units_per_em) = font()?;
     let outlines = font.outline_glyphs();
@@ -59,7 +59,7 @@ pub fn text_outline(text: &str, size_px: f64) -> Option<Path> {
 /// Collects glyphs side by side, in units of the font.
 struct Pen {
     outline: PathBuilder,
-    /// Where the present glyph begins.
+    /// Start of the present glyph.
     x: f32,
 }
 
@@ -81,19 +81,19 @@ impl OutlinePen for Pen {
     }
 }
 
-/// `text`, or its beginning and `…` where it is wider than `width_px`.
+/// Returns `text`, or its beginning with `…` if it is wider than `width_px`.
 pub fn shorten(text: &str, size_px: f64, width_px: f64) -> String {
     if text_width_px(text, size_px) <= width_px {
         return text.to_owned();
     }
-    // Widths grow with every character, so the longest beginning that fits is found by halving.
+    // Widths increase with every character, so bisection finds the longest beginning that fits.
     let ends: Vec<usize> = text.char_indices().map(|(end, _)| end).collect();
     let shortened = |end: usize| text[..end].trim_end().to_owned() + "…";
     let n_fitting = ends.partition_point(|end| text_width_px(&shortened(*end), size_px) <= width_px);
     n_fitting.checked_sub(1).map_or_else(String::new, |last| shortened(ends[last]))
 }
 
-/// `text` broken at spaces into lines that fit into `width_px`; a word that does not is shortened.
+/// Breaks `text` at spaces into lines of at most `width_px`; a longer word is shortened.
 pub fn wrapped(text: &str, size_px: f64, width_px: f64) -> Vec<String> {
     let mut lines: Vec<String> = Vec::new();
     for word in text.split_whitespace() {
@@ -106,7 +106,7 @@ pub fn wrapped(text: &str, size_px: f64, width_px: f64) -> Vec<String> {
     lines
 }
 
-/// As [`wrapped`], in at most `most` lines (and at least one), the last of which ends in `…` where words are left.
+/// Breaks `text` as [`wrapped`] does, into at most `most` lines (and at least one). The last line ends in `…` if words are omitted.
 pub fn wrapped_to(text: &str, size_px: f64, width_px: f64, most: usize) -> Vec<String> {
     let mut lines = wrapped(text, size_px, width_px);
     let most = most.max(1);
@@ -115,11 +115,11 @@ pub fn wrapped_to(text: &str, size_px: f64, width_px: f64, most: usize) -> Vec<S
         lines.truncate(most - 1);
         lines.push(last);
     }
-    // The mark itself may be too much.
+    // The mark itself may be too wide.
     lines.iter().map(|line| shorten(line, size_px, width_px)).collect()
 }
 
-/// Largest size not above `size_px` and not below `smallest_px` at which `text` fits into `width_px`.
+/// Largest font size from `smallest_px` to `size_px` at which `text` fits into `width_px`.
 pub fn fitting_size_px(text: &str, size_px: f64, smallest_px: f64, width_px: f64) -> f64 {
     let width_at_one = text_width_px(text, 1.0);
     if width_at_one <= 0.0 { size_px } else { (width_px / width_at_one).clamp(smallest_px, size_px) }

@@ -1,4 +1,4 @@
-//! Forest plot of a hierarchy: a panel a parameter, a block a group, with its specimens, its typical specimen and a new one.
+//! Forest plot of a hierarchical model: one panel per parameter, one block per group, with its specimens, its typical specimen and a new one.
 
 use super::axes::{Axes, AxisStyle, TICK_SIZE_PX, title_with_text};
 use super::flags::{self, Flag};
@@ -14,15 +14,15 @@ use base::{Error, Result};
 const MARGIN_PX: f64 = 20.0;
 const PANEL_GAP_PX: f64 = 26.0;
 const FOOT_PX: f64 = 48.0;
-/// A group's name and size, and the height of its summary.
+/// Sizes of a group's name, and height of its summary.
 const NAME_SIZE_PX: f64 = 13.0;
 const NAME_LINE_PX: f64 = 15.0;
 const SUMMARY_PX: f64 = 38.0;
-/// Where the summary's bar stands in it.
+/// Position of the summary's bar within its height.
 const SUMMARY_BAR_PX: f64 = 25.0;
-/// Specimens up to so many have a row each; more become a cloud.
+/// Maximum number of specimens with a row each; more become a cloud.
 const MOST_ROWS: usize = 12;
-/// Rows up to so many in all are high enough for the specimens' names.
+/// Maximum total number of rows that are high enough for the specimens' names.
 const MOST_NAMES: usize = 42;
 const NAMED_ROW_PX: f64 = 13.0;
 const UNNAMED_ROW_PX: f64 = 7.5;
@@ -32,7 +32,7 @@ const BELOW_PX: f64 = 9.0;
 const MOST_NUMBERS: usize = 5;
 const TYPICAL_BAR_PX: f64 = 12.0;
 const NEW_BAR_PX: f64 = 3.0;
-/// In a row stand a specimen's own estimate and the pooled one, so far above and below its middle, in row heights.
+/// Distance of a specimen's own estimate and of the pooled one above and below the row's middle, in row heights.
 const ROW_HALF: f64 = 0.22;
 const OWN_LINE_PX: f64 = 1.1;
 const OWN_OPACITY: f64 = 0.5;
@@ -40,72 +40,72 @@ const POOLED_LINE_PX: f64 = 1.8;
 
 const REFERENCE: Stroke = Stroke { colour: AXIS, width_px: 1.0, opacity: 0.9, dash: Some((3.5, 2.5)) };
 
-/// What the figure shows.
+/// Content of the figure.
 #[derive(Debug, Clone)]
 pub struct Forest<'a> {
     /// Title.
     pub title: &'a str,
-    /// What the figure says, in words.
+    /// Summary of the figure, in words.
     pub sentence: &'a str,
-    /// One panel a parameter, side by side; all show the same groups in the same order.
+    /// One panel per parameter, side by side; all show the same groups in the same order.
     pub panels: Vec<ForestPanel<'a>>,
 }
 
-/// One parameter.
+/// Panel of one parameter.
 #[derive(Debug, Clone)]
 pub struct ForestPanel<'a> {
     /// Symbol and unit, such as `E (Pa)`.
     pub label: String,
-    /// The groups, from above.
+    /// Groups, from top to bottom.
     pub rows: Vec<ForestRow<'a>>,
     /// Published values.
     pub references: Vec<ForestReference<'a>>,
 }
 
-/// One group's values of a parameter; all of them positive.
+/// Values of a parameter in one group; all are positive.
 #[derive(Debug, Clone)]
 pub struct ForestRow<'a> {
     /// Name of the group.
     pub group: &'a str,
-    /// Its colour.
+    /// Colour of the group.
     pub colour: Colour,
-    /// How many specimens it has.
+    /// Number of specimens.
     pub n_specimens: usize,
     /// 5 % quantile, median and 95 % quantile of the group's typical (median) specimen.
     pub typical: [f64; 3],
-    /// Central 90 % of a specimen that has not been measured.
+    /// Central 90 % interval of an unmeasured specimen.
     pub new_specimen: [f64; 2],
-    /// The specimens, the same ones in the same order in every panel.
+    /// Specimens, the same in the same order in every panel.
     pub specimens: Vec<SpecimenMark<'a>>,
 }
 
-/// One specimen's value of a parameter.
+/// Value of a parameter in one specimen.
 #[derive(Debug, Clone)]
 pub struct SpecimenMark<'a> {
     /// Name of the specimen.
     pub name: &'a str,
-    /// From its own data only: 5 % quantile, median, 95 % quantile.
+    /// 5 % quantile, median and 95 % quantile from the specimen's own data.
     pub alone: [f64; 3],
-    /// With what the other specimens say: 5 % quantile, median, 95 % quantile.
+    /// 5 % quantile, median and 95 % quantile, pooled with the other specimens.
     pub pooled: [f64; 3],
-    /// Whether it lies apart from its group.
+    /// True if it lies far from its group.
     pub is_outlying: bool,
 }
 
-/// A value from elsewhere.
+/// Value from a publication.
 #[derive(Debug, Clone)]
 pub struct ForestReference<'a> {
-    /// Where it is from.
+    /// Source of the value.
     pub label: &'a str,
-    /// The value, in the panel's unit.
+    /// Value, in the panel's unit.
     pub value: f64,
 }
 
 /// Draws the figure.
 ///
 /// # Errors
-/// [`Error::Input`] for a figure without panels or groups, panels whose groups differ, and values that are not finite and positive or
-/// whose quantiles are not in order.
+/// [`Error::Input`] for no panels or groups, or panels whose groups differ. Values have to be finite and positive, and quantiles in
+/// order.
 pub fn forest(data: &Forest) -> Result<Svg> {
     check(data)?;
     let layout = Layout::new(data);
@@ -115,7 +115,7 @@ pub fn forest(data: &Forest) -> Result<Svg> {
         let below = below + legend::row(svg, &entries(data, &layout), (MARGIN_PX, below), width) + 12.0;
         layout.draw(svg, data, below)
     };
-    // Drawn once to learn how high it is.
+    // First drawing, to determine the height.
     let height = draw(&mut Svg::new(layout.width_px(), 1.0, ""));
     let mut svg = Svg::new(layout.width_px(), height, data.title);
     draw(&mut svg);
@@ -125,10 +125,10 @@ pub fn forest(data: &Forest) -> Result<Svg> {
 fn check(data: &Forest) -> Result<()> {
     let refuse = |found: String, remedy: &str| Err(Error::input(Place::default().at_key("forest plot"), found, remedy));
     let [first, others @ ..] = &data.panels[..] else {
-        return refuse("no parameters".into(), "give one panel at least");
+        return refuse("no parameters".into(), "give at least one panel");
     };
     if first.rows.is_empty() {
-        return refuse("no groups".into(), "give one group at least");
+        return refuse("no groups".into(), "give at least one group");
     }
     let names = |panel: &ForestPanel| {
         let specimens = |row: &ForestRow| row.specimens.iter().map(|s| s.name.to_owned()).collect::<Vec<_>>();
@@ -136,50 +136,50 @@ fn check(data: &Forest) -> Result<()> {
     };
     let expected = names(first);
     if let Some(other) = others.iter().find(|panel| names(panel) != expected) {
-        let found = format!("{}: groups or specimens that are not the first panel's", other.label);
-        return refuse(found, "give all panels the same ones in the same order");
+        let found = format!("{}: groups or specimens differ from the first panel's", other.label);
+        return refuse(found, "give all panels the same groups and specimens in the same order");
     }
-    let not_ascending = "no ascending row of positive numbers";
+    let not_ascending = "not an ascending list of positive numbers";
     for panel in &data.panels {
         for row in &panel.rows {
             let place = format!("{}, {}", panel.label, row.group);
             let remedy = "give positive quantiles in ascending order";
             if !(ascending(&row.typical) && ascending(&row.new_specimen)) {
-                return refuse(format!("{place}: its summary is {not_ascending}"), remedy);
+                return refuse(format!("{place}: the summary is {not_ascending}"), remedy);
             }
             if let Some(odd) = row.specimens.iter().find(|s| !(ascending(&s.alone) && ascending(&s.pooled))) {
-                return refuse(format!("{place}, {}: its estimate is {not_ascending}", odd.name), remedy);
+                return refuse(format!("{place}, {}: the estimate is {not_ascending}", odd.name), remedy);
             }
         }
         if let Some(odd) = panel.references.iter().find(|reference| !ascending(&[reference.value])) {
             let found = format!("{}: the reference `{}` is {}", panel.label, odd.label, odd.value);
-            return refuse(found, "give a positive value, or leave it out");
+            return refuse(found, "give a positive value, or remove the reference");
         }
     }
     Ok(())
 }
 
-/// Whether the values are finite, positive and in order.
+/// Returns whether the values are finite, positive and in order.
 fn ascending(values: &[f64]) -> bool {
     values.iter().all(|value| value.is_finite() && *value > 0.0) && values.is_sorted()
 }
 
-/// How a group's specimens are drawn.
+/// Layout of a group's specimens.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Specimens {
-    /// A row each, with intervals, and with names where there is room.
+    /// One row each, with intervals, and with names if there is room.
     Rows { named: bool },
-    /// Marks alone, spread over the height.
+    /// Only marks, spread over the height.
     Cloud,
 }
 
-/// A group's share of the height, the same in all panels.
+/// Part of the height for a group, the same in all panels.
 #[derive(Debug, Clone)]
 struct Block {
     specimens: Specimens,
-    /// The group's name, in lines.
+    /// Lines of the group's name.
     name: Vec<String>,
-    /// Names of outlying specimens where rows have none.
+    /// Names of outlying specimens, if rows have no names.
     outlying: Vec<String>,
     summary_px: f64,
     specimens_px: f64,
@@ -198,7 +198,7 @@ struct Layout {
     n_panels: usize,
 }
 
-/// `n = 8`.
+/// Text such as `n = 8`.
 fn size_text(row: &ForestRow) -> String {
     format!("n = {}", row.n_specimens)
 }
@@ -219,7 +219,7 @@ impl Layout {
         2.0 * MARGIN_PX + self.label_px + self.n_panels as f64 * (self.panel_px + PANEL_GAP_PX) - PANEL_GAP_PX + 4.0
     }
 
-    /// The panels from `top` downwards; returns where they end.
+    /// Draws the panels from `top` downwards and returns their lower end.
     fn draw(&self, svg: &mut Svg, data: &Forest, top: f64) -> f64 {
         let height: f64 = self.blocks.iter().map(Block::height_px).sum();
         let frame_at = |k: usize, y: f64| Rect {
@@ -245,7 +245,7 @@ impl Layout {
         y + height + FOOT_PX
     }
 
-    /// Blocks with the upper edge of each, in a panel that begins at `top`.
+    /// Blocks with their upper edges, in a panel that starts at `top`.
     fn placed(&self, top: f64) -> impl Iterator<Item = (&Block, f64)> {
         self.blocks.iter().scan(top, |y, block| {
             let upper = *y;
@@ -254,7 +254,7 @@ impl Layout {
         })
     }
 
-    /// Groups and specimens, left of the first panel.
+    /// Writes the names of groups and specimens left of the first panel.
     fn names(&self, svg: &mut Svg, data: &Forest, frame: Rect) {
         for (row, (block, upper)) in data.panels[0].rows.iter().zip(self.placed(frame.y)) {
             let bar = Rect { x: MARGIN_PX, y: upper + 5.0, width: 4.0, height: block.height_px() - 10.0 };
@@ -294,7 +294,7 @@ impl Layout {
         axes.x_axis(svg, AxisStyle::new(Some(&panel.label), MOST_NUMBERS, 36.0).grid());
         let exponent = axis_exponent(axes);
         for (row, (block, upper)) in panel.rows.iter().zip(self.placed(frame.y)) {
-            // The typical specimen's interval behind its specimens, so that blocks can be compared over a distance.
+            // The typical specimen's interval is drawn behind its specimens, so that distant blocks can be compared.
             let inside = Rect { y: upper + SUMMARY_BAR_PX, height: block.height_px() - SUMMARY_BAR_PX, ..frame };
             svg.clipped(frame, |svg| {
                 svg.rect(between(axes, row.typical[0], row.typical[2], inside), Fill::new(row.colour, 0.14));
@@ -338,7 +338,7 @@ fn block(data: &Forest, index: usize, named: bool, label_px: f64) -> Block {
         Specimens::Rows { named: false } => UNNAMED_ROW_PX * n as f64,
         Specimens::Cloud => (34.0 + 0.45 * n as f64).min(120.0),
     };
-    // Names of rows stand below the group's name; where there are none, its lines stand beside the specimens.
+    // Names of rows are below the group's name. Otherwise the lines of the name are beside the specimens.
     let text_px = 10.0 + NAME_LINE_PX * name.len() as f64 + OUTLYING_LINE_PX * outlying.len() as f64;
     let (summary_px, specimens_px) = match specimens {
         Specimens::Rows { named: true } => (SUMMARY_PX.max(text_px), specimens_px),
@@ -347,7 +347,7 @@ fn block(data: &Forest, index: usize, named: bool, label_px: f64) -> Block {
     Block { specimens, name, outlying, summary_px, specimens_px }
 }
 
-/// `outlying: a, b and 7 more` in three lines, more only where the first name needs them.
+/// Text such as `outlying: a, b and 7 more` in three lines, or more if the first name needs them.
 fn outlying_lines(names: &[&str], width_px: f64) -> Vec<String> {
     let lines_of = |shown: usize| {
         let hidden = names.len() - shown;
@@ -370,14 +370,14 @@ fn scale(panel: &ForestPanel) -> Scale {
     Scale::log10_around(estimates, intervals, panel.references.iter().map(|reference| reference.value))
 }
 
-/// The part of `inside` between two values, at least two pixels wide.
+/// Part of `inside` between two values, at least two pixels wide.
 fn between(axes: &Axes, lower: f64, upper: f64, inside: Rect) -> Rect {
     let (left, right) = (axes.x_px(lower), axes.x_px(upper));
     let width = (right - left).max(2.0);
     Rect { x: 0.5 * (left + right - width), width, ..inside }
 }
 
-/// A new specimen's interval, the typical one's bar upon it, and its numbers above.
+/// Draws a new specimen's interval, the typical specimen's bar over it, and its numbers above.
 fn summary(svg: &mut Svg, axes: &Axes, row: &ForestRow, y: f64, axis_exponent: i32) {
     let frame = axes.frame;
     let bar = |height: f64| Rect { y: y - height / 2.0, height, ..frame };
@@ -397,14 +397,14 @@ fn summary(svg: &mut Svg, axes: &Axes, row: &ForestRow, y: f64, axis_exponent: i
     svg.text(&text, (x, y - 11.0), TextStyle::new(TICK_SIZE_PX, Anchor::Middle));
 }
 
-/// Exponent of the factor that multiplies an axis' numbers; 0 for none.
+/// Exponent of the factor that multiplies an axis' numbers; 0 if there is none.
 fn axis_exponent(axes: &Axes) -> i32 {
     let ticks = axes.x.ticks_side_by_side(MOST_NUMBERS, axes.frame.width, TICK_SIZE_PX, 0.5 * TICK_SIZE_PX);
     if ticks.factor.is_empty() { 0 } else { factored_exponent(axes.x.upper) }
 }
 
-/// `3.50 (3.12–3.94)`, with decimals as the interval's width demands, or its lower end to have a digit; in the axis' power of ten, else
-/// with its own where the number is very large or small.
+/// Text such as `3.50 (3.12–3.94)`, with as many decimals as the interval's width and its lower end require. It uses the axis' power of ten, or
+/// its own if the number is very large or small.
 fn with_interval([lower, median, upper]: [f64; 3], axis_exponent: i32) -> String {
     let (exponent, factor) = match (axis_exponent, factored_exponent(median)) {
         (0, own) if own != 0 => (own, format!("×{}", power_of_ten(own))),
@@ -417,7 +417,7 @@ fn with_interval([lower, median, upper]: [f64; 3], axis_exponent: i32) -> String
     format!("{median} ({lower}–{upper}){factor}")
 }
 
-/// Tips at the frame where an interval goes on beyond it.
+/// Draws arrow tips at the frame if an interval continues beyond it.
 fn arrows(svg: &mut Svg, axes: &Axes, ends: [f64; 2], y: f64, colour: Colour) {
     let frame = axes.frame;
     let mut path = Path::default();
@@ -432,7 +432,7 @@ fn arrows(svg: &mut Svg, axes: &Axes, ends: [f64; 2], y: f64, colour: Colour) {
     svg.path(&path, Fill::new(colour, 1.0));
 }
 
-/// A row a specimen: its own interval and estimate above, those with what the others say below.
+/// Draws one row per specimen: its own interval and estimate above, the pooled ones below.
 fn rows(svg: &mut Svg, axes: &Axes, row: &ForestRow, below: Rect, named: bool) {
     let pitch = if named { NAMED_ROW_PX } else { UNNAMED_ROW_PX };
     let size = if named { 1.0 } else { 0.8 };
@@ -455,7 +455,7 @@ fn rows(svg: &mut Svg, axes: &Axes, row: &ForestRow, below: Rect, named: bool) {
     }
 }
 
-/// Marks alone, each at its own height: multiples of the golden ratio fill the height evenly in any number.
+/// Draws only marks, each at its own height. Multiples of the golden ratio fill the height evenly for any number of marks.
 fn cloud(svg: &mut Svg, axes: &Axes, row: &ForestRow, below: Rect) {
     let y = |i: usize| below.y + 3.0 + (below.height - 6.0) * (0.5 + i as f64 * 0.618_033_988_749_895).fract();
     let (mut joins, mut own, mut pooled) = (Path::default(), Path::default(), Path::default());
@@ -478,7 +478,7 @@ fn own_style(colour: Colour) -> Style {
     Style { fill: Some(Fill::new(WHITE, 1.0)), stroke: Some(Stroke::solid(colour, 1.3)) }
 }
 
-/// A diamond around a specimen's own estimate.
+/// Draws a diamond around a specimen's own estimate.
 fn outlying_mark(svg: &mut Svg, (x, y): Point, radius: f64) {
     let mut path = Path::default();
     path.polyline([(x - radius, y), (x, y - radius), (x + radius, y), (x, y + radius)], true);
@@ -509,14 +509,14 @@ fn entries(data: &Forest, layout: &Layout) -> Vec<Entry> {
         };
         let [own, pooled] =
             if has_rows { [own_with_interval, pooled_with_interval] } else { [own_alone, pooled_alone] };
-        entries.push(Entry::new(Mark::Drawn(own), format!("a specimen by its own data: {shown}")));
-        entries.push(Entry::new(Mark::Drawn(pooled), format!("with what the others say: {shown}")));
+        entries.push(Entry::new(Mark::Drawn(own), format!("specimen, from its own data: {shown}")));
+        entries.push(Entry::new(Mark::Drawn(pooled), format!("specimen, pooled with the others: {shown}")));
         if has_clouds {
             let mark = |svg: &mut Svg, r: Rect| {
                 let y = r.y + r.height / 2.0;
                 svg.line((r.x, y), (r.x + r.width, y), Stroke::solid(MUTED, 0.8).opacity(0.6));
             };
-            entries.push(Entry::new(Mark::Drawn(mark), "from the one to the other"));
+            entries.push(Entry::new(Mark::Drawn(mark), "from own data to pooled"));
         }
     }
     if rows().any(|row| row.specimens.iter().any(|specimen| specimen.is_outlying)) {

@@ -1,5 +1,5 @@
-//! Figures of groups: legible from two groups to nine and from one specimen to two hundred, refused where there is nothing to draw,
-//! and every mark where its number says.
+//! Tests of figures of groups. Figures are legible from two groups to nine and from one specimen to two hundred. They refuse empty data,
+//! and place every mark at its number.
 
 use super::contrasts::{ContrastCell, ContrastMatrix, ContrastPanel, contrast_matrix};
 use super::creep_bands::{CreepBands, CreepGroup, creep_bands};
@@ -105,12 +105,12 @@ fn forests_without_groups_or_with_odd_numbers_are_refused() {
     let refused: [(Change, &str); 9] = [
         (|panels| panels.clear(), "no parameters"),
         (|panels| panels.iter_mut().for_each(|panel| panel.rows.clear()), "no groups"),
-        (|panels| drop(panels[1].rows.pop()), "not the first panel's"),
-        (|panels| panels[1].rows[0].specimens[0].name = "another", "not the first panel's"),
-        (|panels| panels[0].rows[1].typical[1] = f64::NAN, "E (Pa), bovine: its summary"),
-        (|panels| panels[0].rows[1].new_specimen[0] = 0.0, "its summary"),
-        (|panels| panels[0].rows[0].specimens[2].alone = [3.0, 2.0, 4.0], "specimen 3: its estimate"),
-        (|panels| panels[0].rows[0].specimens[2].pooled[2] = f64::INFINITY, "specimen 3: its estimate"),
+        (|panels| drop(panels[1].rows.pop()), "differ from the first panel's"),
+        (|panels| panels[1].rows[0].specimens[0].name = "another", "differ from the first panel's"),
+        (|panels| panels[0].rows[1].typical[1] = f64::NAN, "E (Pa), bovine: the summary"),
+        (|panels| panels[0].rows[1].new_specimen[0] = 0.0, "the summary"),
+        (|panels| panels[0].rows[0].specimens[2].alone = [3.0, 2.0, 4.0], "specimen 3: the estimate"),
+        (|panels| panels[0].rows[0].specimens[2].pooled[2] = f64::INFINITY, "specimen 3: the estimate"),
         (|panels| panels[0].references[0].value = -1.0, "the reference `Lee 1992` is -1"),
     ];
     for (change, words) in refused {
@@ -119,14 +119,14 @@ fn forests_without_groups_or_with_odd_numbers_are_refused() {
     }
 }
 
-/// All values of an attribute in the lines that hold `needle`.
+/// All values of an attribute in the lines that contain `needle`.
 fn numbers_of(svg: &Svg, needle: &str, key: &str) -> Vec<f64> {
     let key = format!(" {key}=\"");
     let number = |line: &str| line.split(&key).nth(1)?.split('"').next()?.parse().ok();
     svg.document().lines().filter(|line| line.contains(needle)).filter_map(number).collect()
 }
 
-/// Equal ratios are equally long: the bars of 0.9 to 1.1 times 3.5 and 4.55 have one width, and stand apart by as much as 1.3 makes.
+/// Equal ratios have equal lengths: the bars of 0.9 to 1.1 times 3.5 and 4.55 have one width, and their distance corresponds to a factor of 1.3.
 #[test]
 fn bars_stand_where_the_quantiles_say() {
     let names = specimen_names(4);
@@ -139,11 +139,11 @@ fn bars_stand_where_the_quantiles_say() {
     assert!((first.1 - second.1).abs() < 0.02, "{first:?} {second:?}");
     let expected = 1.3f64.ln() / (1.1f64 / 0.9).ln();
     assert!(((second.0 - first.0) / first.1 - expected).abs() < 1e-3, "{first:?} {second:?}");
-    // Two of eight are outlying: a diamond in the panel, one at the name, and the legend's.
+    // Two of eight are outlying: there is a diamond in the panel, one at the name, and the legend's.
     assert_eq!(svg.document().matches("stroke=\"#1f2328\" stroke-width=\"1.3\"").count(), 5);
 }
 
-/// A specimen that knows nothing does not push the others together: its interval leaves the frame, with a tip.
+/// An uninformed specimen does not push the others together: its interval leaves the frame, with a tip.
 #[test]
 fn endless_intervals_leave_the_frame() {
     let names = specimen_names(4);
@@ -217,15 +217,15 @@ fn contrasts_of_nothing_and_odd_numbers_are_refused() {
     assert!(message(f64::NAN, &|_| {}).contains("a margin of NaN"));
     assert!(message(0.1, &|panels| panels.clear()).contains("no parameters"));
     assert!(message(0.1, &|panels| panels[0].groups.truncate(1)).contains("1 groups"));
-    assert!(message(0.1, &|panels| drop(panels[1].cells.pop())).contains("c₁ (Pa·s): cells that are no square of 3"));
+    assert!(message(0.1, &|panels| drop(panels[1].cells.pop())).contains("c₁ (Pa·s): the cells are not a square of 3"));
     let nan = message(0.1, &|panels| of(panels, &|cell| cell.ratio[2] = f64::NAN));
-    assert!(nan.contains("c₁ (Pa·s), porcine over bovine: its quantiles"), "{nan}");
-    assert!(message(0.1, &|panels| of(panels, &|cell| cell.ratio = [2.0, 1.0, 3.0])).contains("its quantiles"));
-    assert!(message(0.1, &|panels| of(panels, &|cell| cell.probability_greater = 1.5)).contains("its probabilities"));
+    assert!(nan.contains("c₁ (Pa·s), porcine over bovine: the quantiles"), "{nan}");
+    assert!(message(0.1, &|panels| of(panels, &|cell| cell.ratio = [2.0, 1.0, 3.0])).contains("the quantiles"));
+    assert!(message(0.1, &|panels| of(panels, &|cell| cell.probability_greater = 1.5)).contains("the probabilities"));
 }
 
-/// The row's group three times the column's and certainly so: a strong warm colour, its inverse a strong cold one, both framed; where
-/// nothing is sure, nearly white.
+/// If the row's group is certainly three times the column's, its cell has a strong warm colour, its inverse a strong cold one, and both are framed. Uncertain
+/// cells are nearly white.
 #[test]
 fn colours_say_direction_and_sureness() {
     let figure = |log_ratio: f64, sd: f64| {
@@ -243,7 +243,7 @@ fn colours_say_direction_and_sureness() {
         lines.filter_map(hex).map(bytes).collect()
     };
     let sure = figure(3f64.ln(), 0.05);
-    // The legend's sample, the diagonal's two, and the two cells.
+    // Colours of the legend's sample, the diagonal's two cells, and the two off-diagonal cells.
     let [_, _, warm, cold, _] = colours(&sure)[..] else { panic!("{:?}", colours(&sure)) };
     assert!(warm.0 > warm.2 + 100 && cold.2 > cold.0 + 100, "{warm:?} {cold:?}");
     let text = sure.document();
@@ -260,7 +260,7 @@ fn colours_say_direction_and_sureness() {
 
 const TIME_S: [f64; 5] = [0.01, 0.1, 1.0, 10.0, 100.0];
 
-/// Creep as `level` t^0.4, known to a factor of 1.2; a new specimen's to `vague`.
+/// Creep compliance `level` t^0.4, known to a factor of 1.2; that of a new specimen to a factor of `vague`.
 fn creep(group: usize, level: f64, vague: f64) -> CreepGroup<'static> {
     let times = |factor: f64| TIME_S.map(|time_s| level * time_s.powf(0.4) * factor).to_vec();
     CreepGroup {
@@ -295,16 +295,18 @@ fn creep_of_nothing_and_odd_numbers_are_refused() {
         creep_bands(&CreepBands { title: "", sentence: "", time_s, groups }).map(|_| ()).unwrap_err().to_string()
     };
     assert!(message(&TIME_S, &|groups| groups.clear()).contains("5 times and 0 groups"));
-    assert!(message(&[0.0, 0.1, 1.0, 10.0, 100.0], &|_| {}).contains("leave 0 s out"));
+    assert!(message(&[0.0, 0.1, 1.0, 10.0, 100.0], &|_| {}).contains("remove 0 s"));
     assert!(message(&[0.1, 0.1, 1.0, 10.0, 100.0], &|_| {}).contains("positive and increasing"));
     assert!(message(&TIME_S[..4], &|_| {}).contains("porcine: [5, 5, 5, 5, 5] values for 4 times"));
-    assert!(message(&TIME_S, &|groups| groups[1].median_per_pa[2] = f64::NAN).contains("bovine: at 1 s a compliance"));
+    assert!(
+        message(&TIME_S, &|groups| groups[1].median_per_pa[2] = f64::NAN).contains("bovine: at 1 s the compliance")
+    );
     assert!(message(&TIME_S, &|groups| groups[1].new_specimen_90_per_pa[0][3] = 0.0).contains("bovine: at 10 s"));
     assert!(message(&TIME_S, &|groups| groups[0].typical_90_per_pa.swap(0, 1)).contains("wrong order at 0.01 s"));
     assert!(message(&TIME_S, &|groups| groups[0].new_specimen_90_per_pa.swap(0, 1)).contains("wrong order"));
 }
 
-/// A power law is a straight line: on logarithmic axes five times of equal ratio stand equally far apart, and so do their compliances.
+/// A power law is a straight line on logarithmic axes: five times of equal ratio have equal distances, and so do their compliances.
 #[test]
 fn power_laws_are_straight() {
     let data = CreepBands { title: "", sentence: "", time_s: &TIME_S, groups: vec![creep(0, 0.2, 2.0)] };

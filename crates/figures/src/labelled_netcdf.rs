@@ -1,7 +1,7 @@
 //! Posterior draws over named dimensions, such as group and parameter, as NetCDF-4 in ArviZ's layout.
 //!
-//! Group `posterior`: every variable over (`chain`, `draw`) and its own dimensions. A dimension's coordinate holds its labels as strings,
-//! so that readers select by them: `posterior["typical"].sel(group="porcine")`. No time stamps: the same draws give the same bytes.
+//! Group `posterior`: every variable has the dimensions (`chain`, `draw`) and its own. A dimension's coordinate contains its labels as strings,
+//! so that readers select by label: `posterior["typical"].sel(group="porcine")`. There are no time stamps: equal draws give equal bytes.
 
 use std::path::Path;
 
@@ -11,15 +11,15 @@ use base::files::write_atomically;
 use base::{Error, Result};
 
 const GROUP: &str = "posterior";
-/// Every variable's first two dimensions.
+/// First two dimensions of every variable.
 const RESERVED: [&str; 2] = ["chain", "draw"];
 
-/// A dimension whose places have names.
+/// Dimension with named positions.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Dimension<'a> {
     /// Name, such as `group`.
     pub name: &'a str,
-    /// One distinct label a place.
+    /// Distinct labels, one per position.
     pub labels: Vec<String>,
 }
 
@@ -30,17 +30,17 @@ pub struct Variable<'a> {
     pub name: &'a str,
     /// Unit, such as `Pa`; empty or `–` for none.
     pub unit: &'a str,
-    /// Names of its dimensions beyond chain and draw, in order.
+    /// Names of its dimensions besides chain and draw, in order.
     pub dimensions: Vec<&'a str>,
-    /// Shape `[chain][draw][dimensions…]`, the last index fastest.
+    /// Values, of shape `[chain][draw][dimensions…]`, the last index fastest.
     pub values: Vec<f64>,
 }
 
-/// Writes draws of `n_chains` chains of `n_draws` each. Dimensions that no variable uses are written all the same.
+/// Writes draws of `n_chains` chains of `n_draws` each. Dimensions that no variable uses are also written.
 ///
 /// # Errors
-/// [`Error::Input`] for no draws or variables, values that are too few, too many or not finite, and names or labels that are missing,
-/// repeated, unknown or not allowed in NetCDF; [`Error::File`] where the file cannot be written.
+/// [`Error::Input`] for no draws or variables, or a wrong number of values. Values have to be finite. Names and labels have to be known, distinct
+/// and allowed in NetCDF. [`Error::File`] if the file cannot be written.
 pub fn write_labelled_netcdf(
     path: &Path,
     n_chains: usize,
@@ -56,7 +56,11 @@ pub fn write_labelled_netcdf(
     dimensions.iter().try_for_each(check_labels)?;
     variables.iter().try_for_each(|variable| check_values(variable, n_chains * n_draws, dimensions))?;
     let refused = |error: netcdf_writer::Error| {
-        Error::input(Place::default().at_key("NetCDF"), error.to_string(), "rename what it names, or use fewer draws")
+        Error::input(
+            Place::default().at_key("NetCDF"),
+            error.to_string(),
+            "rename the dimension or variable, or use fewer draws",
+        )
     };
     let bytes = encode(n_chains, n_draws, dimensions, variables).map_err(refused)?;
     write_atomically(path, &bytes)
@@ -66,19 +70,19 @@ fn refuse(found: String, remedy: &str) -> Result<()> {
     Err(Error::input(Place::default().at_key("NetCDF"), found, remedy))
 }
 
-/// Dimensions and variables share one space of names, since a dimension's labels are a variable.
+/// Checks names. Dimensions and variables share one set of names, because a dimension's labels are a variable.
 fn check_names(dimensions: &[Dimension], variables: &[Variable]) -> Result<()> {
     let mut names: Vec<&str> = RESERVED.to_vec();
     for name in dimensions.iter().map(|d| d.name).chain(variables.iter().map(|v| v.name)) {
-        // A slash would open a group.
+        // A slash would start a group.
         if name.is_empty() || name.trim() != name || name.contains(|c: char| c == '/' || c.is_control()) {
             return refuse(
-                format!("a dimension or variable is called `{name}`"),
+                format!("a dimension or variable has the name `{name}`"),
                 "give it a name of letters and digits",
             );
         }
         if names.contains(&name) {
-            return refuse(format!("`{name}` stands twice, or is the layout's own"), "give it another name");
+            return refuse(format!("`{name}` is repeated, or reserved by the layout"), "give it another name");
         }
         names.push(name);
     }
@@ -88,15 +92,24 @@ fn check_names(dimensions: &[Dimension], variables: &[Variable]) -> Result<()> {
 fn check_labels(dimension: &Dimension) -> Result<()> {
     let Dimension { name, labels } = dimension;
     if labels.is_empty() {
-        return refuse(format!("dimension `{name}` has no labels"), "give one a place, or leave the dimension out");
+        return refuse(
+            format!("dimension `{name}` has no labels"),
+            "give one label per position, or remove the dimension",
+        );
     }
     let mut sorted: Vec<&String> = labels.iter().collect();
     sorted.sort();
     if let Some(twice) = sorted.windows(2).find(|pair| pair[0] == pair[1]) {
-        return refuse(format!("dimension `{name}` has the label `{}` twice", twice[0]), "give every place its own");
+        return refuse(
+            format!("dimension `{name}` has the label `{}` twice", twice[0]),
+            "give every position its own label",
+        );
     }
     if let Some(label) = labels.iter().find(|label| label.is_empty() || label.contains('\0')) {
-        return refuse(format!("dimension `{name}` has the label `{}`", label.escape_default()), "give it letters");
+        return refuse(
+            format!("dimension `{name}` has the label `{}`", label.escape_default()),
+            "give a label with letters",
+        );
     }
     Ok(())
 }
@@ -106,23 +119,23 @@ fn check_values(variable: &Variable, n_draws: usize, dimensions: &[Dimension]) -
     let mut expected = n_draws;
     for (i, dimension) in variable.dimensions.iter().enumerate() {
         let Some(known) = dimensions.iter().find(|known| known.name == *dimension) else {
-            let remedy = "name one of those that are given; chain and draw come by themselves";
+            let remedy = "use one of the given dimensions; chain and draw are added automatically";
             return refuse(format!("`{name}` has the unknown dimension `{dimension}`"), remedy);
         };
         if variable.dimensions[..i].contains(dimension) {
-            let remedy = "give a second dimension with the same labels another name";
+            let remedy = "give the second dimension another name, even with equal labels";
             return refuse(format!("`{name}` has the dimension `{dimension}` twice"), remedy);
         }
         expected *= known.labels.len();
     }
     if variable.values.len() != expected {
         let found = format!("`{name}` has {} values instead of {expected}", variable.values.len());
-        return refuse(found, "give one a chain, draw and place of its dimensions");
+        return refuse(found, "give one value per chain, draw and position of its dimensions");
     }
     if let Some(at) = variable.values.iter().position(|value| !value.is_finite()) {
         let draw = at / (expected / n_draws);
         let found = format!("`{name}` is {} in draw {draw}, counted over all chains from 0", variable.values[at]);
-        return refuse(found, "find out why the sampler gave it");
+        return refuse(found, "find the cause in the sampler");
     }
     Ok(())
 }
@@ -190,12 +203,12 @@ mod tests {
         let path = dir.path().join("a.nc");
         let refused: [(Change, &str); 14] = [
             (|_, v| v.clear(), "2 chains of 3 draws of 0 variables"),
-            (|d, _| d[0].name = "chain", "`chain` stands twice, or is the layout's own"),
-            (|d, _| d[1].name = "group", "`group` stands twice"),
-            (|_, v| v[1].name = "typical", "`typical` stands twice"),
-            (|_, v| v[1].name = "parameter", "`parameter` stands twice"),
-            (|_, v| v[1].name = "a/b", "is called `a/b`"),
-            (|d, _| d[0].name = "", "is called ``"),
+            (|d, _| d[0].name = "chain", "`chain` is repeated, or reserved by the layout"),
+            (|d, _| d[1].name = "group", "`group` is repeated"),
+            (|_, v| v[1].name = "typical", "`typical` is repeated"),
+            (|_, v| v[1].name = "parameter", "`parameter` is repeated"),
+            (|_, v| v[1].name = "a/b", "has the name `a/b`"),
+            (|d, _| d[0].name = "", "has the name ``"),
             (|d, _| d[0].labels.clear(), "dimension `group` has no labels"),
             (|d, _| d[1].labels[2] = "E".into(), "the label `E` twice"),
             (|d, _| d[1].labels[2] = "a\0b".into(), "the label `a\\u{0}b`"),

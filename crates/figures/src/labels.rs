@@ -1,4 +1,4 @@
-//! Symbols and units of parameters as figures show them: from what models say of them, of networks' parameters from their names (formats §5).
+//! Symbols and units of parameters in figures. Models provide those of their parameters; names provide those of networks' parameters (formats §5).
 
 use base::parameter::named;
 use documents::extension::EquivalentEffects;
@@ -6,36 +6,36 @@ use documents::posterior::ModelSummary;
 use laws::rheology::{BaseLaw, OutsideLaw};
 use models::effects::parameter_named;
 
-/// Symbol and unit of a parameter as figures show them.
+/// Symbol and unit of a parameter in figures.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct ParameterLabel {
-    /// Short symbol such as `E`; the name itself where there is none.
+    /// Short symbol such as `E`, or the name if there is none.
     pub symbol: String,
-    /// Unit such as `Pa`, or `–` where there is none.
+    /// Unit such as `Pa`, or `–` if there is none.
     pub unit: String,
 }
 
 impl ParameterLabel {
-    /// Symbol and unit for an axis: `E (Pa)`.
+    /// Label of an axis, such as `E (Pa)`.
     pub fn axis(&self) -> String {
         axis_label(&self.symbol, &self.unit)
     }
 }
 
-/// Name of a model for people: the law, and the effects.
+/// Title of a model: the law and the effects.
 pub fn model_title(model: &ModelSummary) -> String {
     let law = BaseLaw::named(&model.base).map_or(model.base.as_str(), |law| law.title());
     let effects: String = model.effects.iter().map(|slug| format!(" + {slug}")).collect();
     format!("{law}{effects}")
 }
 
-/// The same with "(or: …)" beside effects that a diagnosis could not tell from others.
+/// Title of a model with "(or: …)" beside effects that have equivalents in a diagnosis.
 pub fn model_title_with(model: &ModelSummary, equivalents: &[EquivalentEffects]) -> String {
     let law = model_title(&ModelSummary { effects: Vec::new(), ..model.clone() });
     format!("{law}{}", effects_with(&model.effects, equivalents))
 }
 
-/// " + effect" of every effect, with "(or: …)" behind the last of those that others may stand for.
+/// Text " + effect" for every effect, with "(or: …)" after the last effect of those with equivalents.
 pub fn effects_with(effects: &[String], equivalents: &[EquivalentEffects]) -> String {
     let words = |slug: &String| {
         let is_last = |own: &&EquivalentEffects| own.effects.last() == Some(slug);
@@ -45,12 +45,12 @@ pub fn effects_with(effects: &[String], equivalents: &[EquivalentEffects]) -> St
     effects.iter().map(words).collect()
 }
 
-/// `symbol (unit)`; a quantity without unit is marked by `–`.
+/// Text `symbol (unit)`, with `–` for a quantity without unit.
 pub fn axis_label(symbol: &str, unit: &str) -> String {
     format!("{symbol} ({})", if unit.is_empty() { "–" } else { unit })
 }
 
-/// Longer suffixes first, since `_s` ends `_pa_s` too.
+/// Units by suffix, longer suffixes first, because `_pa_s` also ends in `_s`.
 const UNITS: [(&str, &str); 14] = [
     ("_m2_per_pa_s", "m²/(Pa·s)"),
     ("_m_per_pa_s", "m/(Pa·s)"),
@@ -68,7 +68,7 @@ const UNITS: [(&str, &str); 14] = [
     ("_m", "m"),
 ];
 
-/// Symbol and unit of a parameter by its name; what no model knows is shown by its name.
+/// Symbol and unit of a parameter. If no model knows it, the symbol is its name.
 pub fn of_parameter(name: &str) -> ParameterLabel {
     if let Some(spec) = named(name) {
         return ParameterLabel { symbol: spec.symbol.into(), unit: shown_unit(spec.unit) };
@@ -76,7 +76,7 @@ pub fn of_parameter(name: &str) -> ParameterLabel {
     if let Some(spec) = OutsideLaw::parameter_named(name) {
         return declared(name, spec.unit);
     }
-    // Two effects may use one symbol.
+    // Two effects may use the same symbol.
     parameter_named(name).map_or_else(
         || of_name(name),
         |(effect, parameter)| ParameterLabel {
@@ -90,7 +90,7 @@ fn shown_unit(unit: &str) -> String {
     if unit == "1" { "–".into() } else { unit.replace("Pa s", "Pa·s").replace("um", "µm") }
 }
 
-/// Of a parameter of another program, whose name ends in its unit, or does not.
+/// Label of a parameter of another program, whose name may end in its unit.
 fn declared(name: &str, unit: &str) -> ParameterLabel {
     let ending = format!("_{}", unit.to_lowercase().replace('/', "_per_").replace(' ', "_"));
     let stem = name.strip_suffix(&ending).unwrap_or(name);
@@ -143,7 +143,7 @@ mod tests {
         assert_eq!(of_parameter("membrane.order").axis(), "membrane: order (–)");
     }
 
-    /// Two columns of one corner plot must not carry the same label, and the unit of an effect's table is the one that its name ends in.
+    /// Two columns of one corner plot must have different labels. The unit in an effect's table must match the suffix of its name.
     #[test]
     fn labels_of_effects_are_unique_and_agree_with_their_names() {
         let names = || EFFECTS.iter().flat_map(|effect| effect.parameters()).map(|parameter| parameter.spec.name);

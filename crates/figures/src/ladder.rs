@@ -1,4 +1,4 @@
-//! How the error fell: a waterfall of fitted and held-out errors down to the noise, and every parameter's posterior in each revision.
+//! Figure of a ladder: fitted and held-out errors of all revisions with the noise, and every parameter's posterior in each revision.
 
 use super::axes::{Axes, AxisStyle, TICK_SIZE_PX, title_with_text};
 use super::font::{shorten, wrapped};
@@ -16,13 +16,13 @@ use documents::ladder::{LadderSummary, Rung, RungParameter};
 const WIDTH_PX: f64 = 960.0;
 const MARGIN_PX: f64 = 20.0;
 const LABEL_PX: f64 = 200.0;
-/// Columns of numbers beside the bars, and the width of each.
+/// Columns of numbers beside the bars, and their width.
 const NUMBERS: [&str; 3] = ["held out (µm)", "fitted (µm)", "log score (nats)"];
 const NUMBER_PX: f64 = 104.0;
 const ROW_PX: f64 = 64.0;
 const HELDOUT_BAR_PX: f64 = 20.0;
 const FITTED_BAR_PX: f64 = 10.0;
-/// Panels of parameters side by side, and their room.
+/// Number of parameter panels side by side, and the gap between them.
 const PANELS: usize = 3;
 const PANEL_GAP_PX: f64 = 62.0;
 const PANEL_ROW_PX: f64 = 24.0;
@@ -31,7 +31,7 @@ const PANEL_FOOT_PX: f64 = 58.0;
 const NOISE: Stroke = Stroke { colour: VERMILLION, width_px: 1.8, opacity: 1.0, dash: Some((6.0, 4.0)) };
 const FITTED: Colour = SKY;
 const HELDOUT: Colour = BLUE;
-/// What a revision took off the error of the one that it extends.
+/// Reduction of the error relative to the revision before.
 const REMOVED: Fill = Fill { colour: GRID, opacity: 1.0 };
 
 /// Draws a ladder.
@@ -40,7 +40,11 @@ const REMOVED: Fill = Fill { colour: GRID, opacity: 1.0 };
 /// [`Error::Input`] for a ladder without revisions.
 pub fn ladder(summary: &LadderSummary) -> Result<Svg> {
     if summary.revisions.is_empty() {
-        return Err(Error::input(Place::default().at_key("revisions"), "a ladder without rungs", "sample m0 first"));
+        return Err(Error::input(
+            Place::default().at_key("revisions"),
+            "a ladder without revisions",
+            "run `sample` first",
+        ));
     }
     let heading = format!("{}: how the error fell", summary.experiment);
     let width = WIDTH_PX - 2.0 * MARGIN_PX;
@@ -50,7 +54,7 @@ pub fn ladder(summary: &LadderSummary) -> Result<Svg> {
         let below = waterfall(svg, summary, below);
         parameters(svg, summary, below)
     };
-    // Drawn once to learn how high it is.
+    // First drawing, to determine the height.
     let height = draw(&mut Svg::new(WIDTH_PX, 1.0, "")) + 4.0;
     let mut svg = Svg::new(WIDTH_PX, height, &heading);
     draw(&mut svg);
@@ -65,7 +69,7 @@ fn entries(summary: &LadderSummary) -> Vec<Entry> {
     }
     entries.push(Entry::new(area(FITTED), format!("fitted cycles {}", listed(&summary.fitted_cycles))));
     if summary.revisions.len() > 1 && !summary.heldout_cycles.is_empty() {
-        entries.push(Entry::new(Mark::Area(REMOVED.into()), "taken off by the added effect"));
+        entries.push(Entry::new(Mark::Area(REMOVED.into()), "removed by the added effect"));
     }
     if let Some(noise) = summary.noise_um {
         let text = format!("noise {} µm ({})", significant(noise, 3), summary.noise_origin);
@@ -74,13 +78,13 @@ fn entries(summary: &LadderSummary) -> Vec<Entry> {
     entries
 }
 
-/// The revision that a rung extends.
+/// Revision that a rung extends.
 fn parent<'a>(summary: &'a LadderSummary, rung: &Rung) -> Option<&'a Rung> {
     let from = rung.from.as_ref()?;
     summary.revisions.iter().find(|other| other.revision == *from)
 }
 
-/// Bars of all revisions from `top` downwards; returns where they end.
+/// Draws bars of all revisions from `top` downwards and returns their lower end.
 fn waterfall(svg: &mut Svg, summary: &LadderSummary, top: f64) -> f64 {
     let rungs = &summary.revisions;
     let largest = rungs
@@ -128,7 +132,7 @@ fn bars(svg: &mut Svg, axes: &Axes, summary: &LadderSummary, rung: &Rung, row: R
         if let Some(before) = before {
             let removed = bar(upper, HELDOUT_BAR_PX, heldout, before);
             svg.rect(removed, REMOVED);
-            // The step: from the end of the bar above down to this one.
+            // The step leads from the end of the bar above to this bar.
             let (x, end) = (removed.right(), removed.bottom());
             svg.line((x, end - ROW_PX), (x, end), Stroke::solid(MUTED, 1.0).dashed(2.0, 3.0));
             let percent = format!("−{:.0} %", 100.0 * (1.0 - heldout / before));
@@ -142,7 +146,7 @@ fn bars(svg: &mut Svg, axes: &Axes, summary: &LadderSummary, rung: &Rung, row: R
     svg.rect(bar(upper + HELDOUT_BAR_PX + 3.0, FITTED_BAR_PX, 0.0, rung.rmse_fitted_um), Fill::new(FITTED, 1.0));
 }
 
-/// What a revision is: its model for the first, what it adds for the others.
+/// Writes the label of a revision: the model for the first, the added effects for the others.
 fn label(svg: &mut Svg, rung: &Rung, row: Rect) {
     let words = match &rung.from {
         None => model_title(&rung.model),
@@ -172,7 +176,7 @@ fn numbers(svg: &mut Svg, rung: &Rung, row: Rect) {
     }
 }
 
-/// Posterior medians and 90 % intervals of every parameter, a panel each; returns where they end.
+/// Draws one panel per parameter with posterior medians and 90 % intervals. Returns the lower end.
 fn parameters(svg: &mut Svg, summary: &LadderSummary, top: f64) -> f64 {
     let mut names: Vec<&str> = Vec::new();
     for parameter in summary.revisions.iter().flat_map(|rung| &rung.parameters) {

@@ -1,4 +1,4 @@
-//! Every figure, laid out by the renderer itself: no two texts overlap and none leaves the page.
+//! Layout tests of all figures with the renderer itself: no two texts overlap, and no text leaves the page.
 
 use std::sync::{Arc, OnceLock};
 
@@ -16,7 +16,7 @@ use super::trace::{EnsembleTrace, ParameterTrace, trace};
 pub(super) const LONG: &str =
     "human donor 17, left eye, central vitreous, 36 hours post mortem, second insertion, temperature 37 °C, repeated";
 
-/// Font database that holds the embedded font and nothing of the machine's.
+/// Font database with only the embedded font.
 pub(super) fn database() -> Arc<usvg::fontdb::Database> {
     static DATABASE: OnceLock<Arc<usvg::fontdb::Database>> = OnceLock::new();
     Arc::clone(DATABASE.get_or_init(|| {
@@ -31,7 +31,7 @@ fn tree(svg: &Svg) -> usvg::Tree {
     usvg::Tree::from_str(&svg.document(), &options).unwrap()
 }
 
-/// The PNG shows what another renderer makes of the SVG: a channel differs by less than 4 of 255 on average, since that renderer kerns texts.
+/// Compares the PNG with another renderer's picture of the SVG. A channel differs by less than 4 of 255 on average, because that renderer uses kerning.
 fn assert_same_picture(what: &str, svg: &Svg) {
     let own = tiny_skia::Pixmap::decode_png(&svg.png().unwrap()).unwrap();
     let mut other = tiny_skia::Pixmap::new(own.width(), own.height()).unwrap();
@@ -42,7 +42,7 @@ fn assert_same_picture(what: &str, svg: &Svg) {
     assert!(mean < 4.0, "{what}: {mean}");
 }
 
-/// Ink of every text of a drawing.
+/// Ink extent of every text of a drawing.
 fn texts(svg: &Svg) -> Vec<(String, usvg::Rect)> {
     fn collect(group: &usvg::Group, found: &mut Vec<(String, usvg::Rect)>) {
         for node in group.children() {
@@ -115,7 +115,7 @@ fn corner_plots_are_legible() {
             reference: Some(centre + 40.0 * sd),
         }
     };
-    // Each number of parameters once with a title and once without, with one posterior and with three.
+    // Each number of parameters is tested once with a title and once without, with one posterior and with three.
     for (n, n_posteriors, title) in [
         (1, 1, ""),
         (1, 3, LONG),

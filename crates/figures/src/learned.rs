@@ -1,4 +1,4 @@
-//! A learnt function with its band over the states that were visited, and the formula that says the same.
+//! Figure of a learnt function: its band over the visited states, and its formula.
 
 use super::axes::{Axes, AxisStyle, title_with_text};
 use super::labels::of_parameter;
@@ -19,19 +19,19 @@ const AXIS_PX: f64 = 44.0;
 const BAND: Fill = Fill { colour: BLUE, opacity: 0.22 };
 const CURVE: Stroke = Stroke { colour: BLUE, width_px: 2.0, opacity: 1.0, dash: None };
 const FORMULA: Stroke = Stroke { colour: VERMILLION, width_px: 1.8, opacity: 1.0, dash: Some((7.0, 4.0)) };
-/// Where no fitted row was.
+/// Range of states without a fitted row.
 const UNVISITED: Fill = Fill { colour: GRID, opacity: 1.0 };
 
-/// Draws what was learnt.
+/// Draws the learnt function.
 ///
 /// # Errors
-/// [`Error::Input`] where no function was.
+/// [`Error::Input`] if the document has no function.
 pub fn learned(document: &Learned) -> Result<Svg> {
     let Some(function) = document.function.as_ref().filter(|function| function.points.len() > 1) else {
         let place = Place::default().at_key("function");
-        return Err(Error::input(place, "no function was learnt", "draw a document that has one"));
+        return Err(Error::input(place, "no function was learnt", "give a document with a function"));
     };
-    let heading = format!("{}: what the data write", document.experiment);
+    let heading = format!("{}: correction of the law learnt from data", document.experiment);
     let width = WIDTH_PX - LEFT_PX - MARGIN_PX;
     let draw = |svg: &mut Svg| {
         let top = MARGIN_PX
@@ -83,7 +83,7 @@ fn plot(svg: &mut Svg, document: &Learned, function: &LearnedFunction, frame: Re
     let (unit, factor) = shown(&function.state_unit, largest);
     let states: Vec<f64> = states.iter().map(|state| factor * state).collect();
     let visited = function.visited.map(|end| factor * end);
-    // The band where no data are may be of any width: what was visited sets the scale.
+    // The band can be arbitrarily wide without data, so only visited states determine the scale.
     let is_visited = |state: f64| (visited[0]..=visited[1]).contains(&state);
     let seen = states.iter().zip(points).filter(|(state, _)| is_visited(**state));
     let formula = document.formula.as_ref().map(|formula| formula.factors.clone()).unwrap_or_default();
@@ -96,7 +96,7 @@ fn plot(svg: &mut Svg, document: &Learned, function: &LearnedFunction, frame: Re
         }
     }
     let quantity = format!(
-        "{}, over its own at {} {unit}",
+        "{}, relative to its value at {} {unit}",
         of_parameter(&document.verdict.quantity).symbol,
         significant(factor * function.reference_state, 3)
     );
@@ -164,7 +164,7 @@ mod tests {
         }
     }
 
-    /// Lengths are in micrometres, what no row visited is shaded, and without a function there is no figure.
+    /// Lengths are in micrometres, and unvisited states are shaded. Without a function there is no figure.
     #[test]
     fn the_figure_says_what_was_visited() {
         let text = learned(&document()).unwrap().document();

@@ -1,4 +1,4 @@
-//! Legends: what the marks of a figure mean.
+//! Legends of figures.
 
 use super::axes::TICK_SIZE_PX;
 use super::font::{shorten, text_width_px};
@@ -10,32 +10,32 @@ const MARK_WIDTH_PX: f64 = 22.0;
 pub const MARK_ADVANCE_PX: f64 = MARK_WIDTH_PX + 6.0;
 const LINE_HEIGHT_PX: f64 = 1.6;
 
-/// The sample shown beside an entry.
+/// Sample shown beside an entry.
 #[derive(Debug, Clone, Copy)]
 pub enum Mark {
-    /// A line.
+    /// Line.
     Line(Stroke),
-    /// A filled area, with an outline if it has one.
+    /// Filled area, with an outline if it has one.
     Area(Style),
-    /// A dot of the given diameter in pixels.
+    /// Dot with its diameter in pixels.
     Dot(Colour, f64),
-    /// A line across a filled area.
+    /// Line across a filled area.
     LineOnArea(Stroke, Fill),
-    /// Whatever the function draws into the rectangle that it is given.
+    /// Sample that the function draws into a rectangle.
     Drawn(fn(&mut Svg, Rect)),
 }
 
-/// One line of a legend.
+/// Entry of a legend.
 #[derive(Debug, Clone)]
 pub struct Entry {
-    /// The sample.
+    /// Sample.
     pub mark: Mark,
-    /// What it means.
+    /// Meaning of the sample.
     pub text: String,
 }
 
 impl Entry {
-    /// An entry.
+    /// Creates an entry.
     pub fn new(mark: Mark, text: impl Into<String>) -> Self {
         Self { mark, text: text.into() }
     }
@@ -61,7 +61,7 @@ impl Entry {
     }
 }
 
-/// Entries one below the other; returns the height used.
+/// Draws entries below each other and returns the height used.
 pub fn column(svg: &mut Svg, entries: &[Entry], at: Point, size_px: f64, width_px: f64) -> f64 {
     for (i, entry) in entries.iter().enumerate() {
         let baseline = at.1 + size_px + i as f64 * LINE_HEIGHT_PX * size_px;
@@ -75,7 +75,7 @@ pub fn column_height_px(entries: &[Entry], size_px: f64) -> f64 {
     entries.len() as f64 * LINE_HEIGHT_PX * size_px
 }
 
-/// Entries side by side, in as many lines as the width demands; returns the height used.
+/// Draws entries side by side, in as many lines as the width requires. Returns the height used.
 pub fn row(svg: &mut Svg, entries: &[Entry], at: Point, width_px: f64) -> f64 {
     let size = TICK_SIZE_PX + 1.0;
     let (mut x, mut lines) = (0.0, 0);

@@ -1,13 +1,13 @@
 //! Figures and exchange formats.
 //!
-//! Everything here takes plain slices: nothing knows the sampler or the finite elements. A figure is built as [`svg::Svg`]
-//! (the source of truth; text stays text), and [`svg::write_figure`] stores it beside a PNG rendered from the same
-//! document with the embedded font, so that it looks alike on every machine. The same input gives the same bytes.
+//! All functions take plain slices, and no module depends on the sampler or the finite elements. A figure is built as [`svg::Svg`],
+//! in which text stays text. [`svg::write_figure`] stores it beside a PNG that is rendered from the same
+//! document with the embedded font, so that it looks equal on every machine. Equal input gives equal bytes.
 //!
-//! [`svg`], [`font`], [`number`], [`palette`] → [`axes`] and [`ticks`], [`legend`], names of lines → [`density`] and [`contour`] → one file
-//! a figure: [`corner`], [`predictive`], [`trace`], [`singular_values`], [`comparison`] with its map and bars, [`discrepancy`], of oscillations [`sweep`]; of groups of
-//! specimens [`forest`], [`contrasts`] and [`creep_bands`]; and of a whole document [`ladder`], [`diagnosis`] and [`calibration`]. Draws leave as CSV ([`draws`]) and
-//! NetCDF ([`netcdf`], and over named dimensions [`labelled_netcdf`]).
+//! Basic modules: [`svg`], [`font`], [`number`], [`palette`] → [`axes`] and [`ticks`], [`legend`], names of lines → [`density`] and [`contour`]. Each figure has
+//! one module: [`corner`], [`predictive`], [`trace`], [`singular_values`], [`comparison`] with its map and bars, [`discrepancy`]; oscillations: [`sweep`]; groups of
+//! specimens: [`forest`], [`contrasts`] and [`creep_bands`]; whole documents: [`ladder`], [`diagnosis`] and [`calibration`]. Draws are written as CSV ([`draws`]) and
+//! NetCDF ([`netcdf`], or [`labelled_netcdf`] for named dimensions).
 
 pub mod axes;
 pub mod calibration;

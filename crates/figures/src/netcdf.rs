@@ -1,10 +1,10 @@
 //! Posterior draws as NetCDF-4 in ArviZ's layout.
 //!
-//! Group `posterior`: one variable a parameter over (`chain`, `draw`). A chain is an ensemble: ensembles are independent, walkers of one are not. Its draws
-//! stand so that a chain's first half are those of the first half of the steps, and in each half walker after walker, each in the order of its
-//! steps ([`arrangement`]): ArviZ's split R̂ is then the one of this program, and its effective sizes see what is correlated in time. The coordinates `walker`
-//! and `step` along `draw` say which is which. Group `sample_stats`: `lp`, the log density.
-//! What belongs to the rows of a record ([`RecordGroups`]) stands beside. No time stamps: the same draws give the same bytes.
+//! Group `posterior`: one variable per parameter with the dimensions (`chain`, `draw`). A chain is an ensemble, because ensembles are independent and the walkers of one are not.
+//! The first half of a chain's draws comes from the first half of the steps. Each half contains one walker after the other, with each walker's draws in the order of its
+//! steps ([`arrangement`]). ArviZ's split R̂ then equals this program's, and its effective sample sizes include the correlation in time. The coordinates `walker`
+//! and `step` along `draw` label the draws. Group `sample_stats`: `lp`, the log density.
+//! Further groups describe the rows of a record ([`RecordGroups`]). There are no time stamps: equal draws give equal bytes.
 
 use std::path::Path;
 
@@ -17,19 +17,19 @@ use base::error::Place;
 use base::files::write_atomically;
 use base::{Error, Result};
 
-const ARRANGEMENT: &str = "a chain is an ensemble; its draws: first half of the steps walker by walker, then second half of the steps walker by walker";
+const ARRANGEMENT: &str = "each chain is an ensemble; draws: the first half of the steps walker by walker, then the second half walker by walker";
 
-/// Writes the draws, and what belongs to the rows of the record.
+/// Writes the draws, and the groups for the rows of the record.
 ///
 /// # Errors
-/// [`Error::Input`] for an inconsistent table or names that NetCDF does not allow, [`Error::File`] where the file cannot be
+/// [`Error::Input`] for an inconsistent table or names that NetCDF does not allow, [`Error::File`] if the file cannot be
 /// written.
 pub fn write_draws_netcdf(path: &Path, table: &DrawTable, record: &RecordGroups) -> Result<()> {
     table.check()?;
-    // A slash would open a group; the others are the layout's own.
+    // A slash would start a group. The other names are reserved by the layout.
     let reserved = |name: &&String| name.contains('/') || ["chain", "draw", "walker", "step"].contains(&name.as_str());
     if let Some(name) = table.parameter_names.iter().find(reserved) {
-        return Err(refused(format!("a parameter is called `{name}`")));
+        return Err(refused(format!("a parameter has the name `{name}`")));
     }
     record.check().map_err(refused)?;
     let bytes = encode(table, record).map_err(|error| refused(error.to_string()))?;
@@ -46,7 +46,7 @@ pub fn arrangement(n_walkers: usize, n_steps: usize) -> Vec<[usize; 2]> {
     let of_steps = |steps: std::ops::Range<usize>| {
         (0..n_walkers).flat_map(move |walker| steps.clone().map(move |step| [walker, step]))
     };
-    // The step in the middle of an odd number belongs to neither half.
+    // With an odd number of steps, the middle step belongs to neither half.
     of_steps(0..half).chain(of_steps(half..n_steps - half)).chain(of_steps(n_steps - half..n_steps)).collect()
 }
 
@@ -65,7 +65,7 @@ fn encode(table: &DrawTable, record: &RecordGroups) -> NcResult<Vec<u8>> {
     into_bytes(file)
 }
 
-/// A group over all draws of a table.
+/// Group over all draws of a table.
 struct Group<'a> {
     name: &'a str,
     table: &'a DrawTable,
@@ -85,11 +85,11 @@ impl<'a> Group<'a> {
         Ok(Self { name, table, order, dimensions })
     }
 
-    /// A quantity in the table's order.
+    /// Adds a quantity whose values are in the table's order.
     fn add_variable(&self, file: &mut NcFileBuilder, name: &str, unit: &str, values: &[f64]) -> NcResult<()> {
         let variable = file.add_variable_path::<f64>(format!("{}/{name}", self.name), &self.dimensions)?;
         add_unit(file, variable, unit)?;
-        // Without it readers take `walker` and `step` for data instead of labels of the draws.
+        // Without this attribute readers take `walker` and `step` for data instead of labels of the draws.
         attribute(file, variable, "coordinates", "walker step")?;
         let (n_walkers, n_steps) = (self.table.n_walkers, self.table.n_steps);
         let of_ensemble = |ensemble: usize| {
@@ -145,7 +145,7 @@ mod tests {
         let (first, second) = (write("a.nc"), write("b.nc"));
         assert_eq!(first, second);
         assert_eq!(&first[..8], b"\x89HDF\r\n\x1a\n");
-        // Contiguous little-endian storage: the first walker's first draws stand in the file as they are.
+        // Storage is contiguous and little-endian, so the file contains the first walker's first draws unchanged.
         let column: Vec<u8> = table("x").column(1)[..2].iter().flat_map(|value| value.to_le_bytes()).collect();
         assert!(first.windows(column.len()).any(|window| window == column));
     }
@@ -159,15 +159,15 @@ mod tests {
             let error = write_draws_netcdf(&path, table, record).unwrap_err().to_string();
             assert!(error.contains(words), "`{words}` in {error}");
         };
-        refuses(&table("a/b"), &none, "a parameter is called `a/b`");
-        refuses(&table(""), &none, "a parameter is called ``");
+        refuses(&table("a/b"), &none, "a parameter has the name `a/b`");
+        refuses(&table(""), &none, "a parameter has the name ``");
         let mut short = table("x");
         short.values.pop();
         refuses(&short, &none, "values has 59 entries instead of 60");
         let uneven = RecordGroups { observed_rows: vec![3], ..RecordGroups::default() };
         let column = RowColumn { name: "position_um", unit: "µm", values: vec![0.5, 0.6] };
         let uneven = RecordGroups { observed: vec![column], ..uneven };
-        refuses(&table("x"), &uneven, "columns of rows are not equally long");
+        refuses(&table("x"), &uneven, "columns of rows have different lengths");
         assert!(!path.exists());
     }
 }

@@ -1,17 +1,17 @@
-//! The parts of NetCDF files that all of the program's share.
+//! Common parts of all NetCDF files of the program.
 
 use netcdf_writer::{DimensionId, NcAttrValue, NcFileBuilder, NcWriteFormat, NcWriteOptions, VariableId};
 
 pub(super) type NcResult<T> = std::result::Result<T, netcdf_writer::Error>;
 
-/// An empty file that says who made it.
+/// Empty file with the name of its creator.
 pub(super) fn new_file() -> NcResult<NcFileBuilder> {
     let mut file = NcFileBuilder::new();
     creators().into_iter().try_for_each(|(name, value)| file.add_attribute(name, value))?;
     Ok(file)
 }
 
-/// The file's bytes, as NetCDF-4.
+/// Bytes of the file, as NetCDF-4.
 pub(super) fn into_bytes(file: NcFileBuilder) -> NcResult<Vec<u8>> {
     let (_, bytes) = file.to_vec(NcWriteOptions { format: NcWriteFormat::Nc4 })?;
     Ok(bytes)
@@ -22,7 +22,7 @@ fn text(text: &str) -> NcAttrValue {
 }
 
 fn creators() -> [(&'static str, NcAttrValue); 4] {
-    // The program, not the crate that this is a part of.
+    // The name is the program's, not this crate's.
     let (name, version) = ("vitreo-uq", env!("CARGO_PKG_VERSION"));
     [
         ("created_by", text(&format!("{name} {version}"))),
@@ -32,7 +32,7 @@ fn creators() -> [(&'static str, NcAttrValue); 4] {
     ]
 }
 
-/// Says who made a group, and what is to be known of it.
+/// Writes the creator of a group, and a note on it.
 pub(super) fn describe(file: &mut NcFileBuilder, group: &str, note: &str) -> NcResult<()> {
     creators().into_iter().try_for_each(|(name, value)| file.add_group_attribute(group, name, value))?;
     if note.is_empty() { Ok(()) } else { file.add_group_attribute(group, "note", text(note)) }
@@ -42,12 +42,12 @@ pub(super) fn attribute(file: &mut NcFileBuilder, variable: VariableId, name: &s
     file.add_variable_attribute(variable, name, text(value))
 }
 
-/// The unit of a variable; `1` where it has none.
+/// Writes the unit of a variable, or `1` if it has none.
 pub(super) fn add_unit(file: &mut NcFileBuilder, variable: VariableId, unit: &str) -> NcResult<()> {
     attribute(file, variable, "units", if unit.is_empty() || unit == "–" { "1" } else { unit })
 }
 
-/// Begins a group over `chain` and `draw`, both counted from 0; returns these two dimensions.
+/// Starts a group over `chain` and `draw`, both counted from 0. Returns these two dimensions.
 pub(super) fn add_group(
     file: &mut NcFileBuilder,
     name: &str,
@@ -58,7 +58,7 @@ pub(super) fn add_group(
     add_draws(file, name, n_chains, &(0..n_draws as i64).collect::<Vec<i64>>())
 }
 
-/// The dimensions `chain`, counted from 0, and `draw`, with its labels, of a group.
+/// Adds the dimensions `chain`, counted from 0, and `draw`, with its labels, to a group.
 pub(super) fn add_draws(
     file: &mut NcFileBuilder,
     group: &str,

@@ -1,6 +1,6 @@
-//! Numbers as people write them: proper minus signs, powers of ten as superscripts, errors to two digits.
+//! Numbers in common notation: proper minus signs, powers of ten as superscripts, errors to two digits.
 
-/// `exponent` in superscript digits: −12 becomes `⁻¹²`.
+/// Returns `exponent` in superscript digits: −12 becomes `⁻¹²`.
 pub fn superscript(exponent: i32) -> String {
     let digit = |c| match c {
         '-' => '⁻',
@@ -18,9 +18,9 @@ pub fn superscript(exponent: i32) -> String {
     exponent.to_string().chars().map(digit).collect()
 }
 
-/// Numbers in ascending order, runs of many by their ends: `1, 3–4000`.
+/// Lists ascending numbers, with long runs as ranges: `1, 3–4000`.
 pub fn listed(numbers: &[u32]) -> String {
-    /// A run of fewer is written out.
+    /// Number of consecutive values above which a run becomes a range.
     const LONGEST_WRITTEN_OUT: usize = 6;
     let runs = numbers.chunk_by(|a, b| a + 1 == *b);
     let shown = runs.map(|run| match run {
@@ -30,12 +30,12 @@ pub fn listed(numbers: &[u32]) -> String {
     shown.collect::<Vec<_>>().join(", ")
 }
 
-/// `10ⁿ`.
+/// Text `10ⁿ`.
 pub fn power_of_ten(exponent: i32) -> String {
     format!("10{}", superscript(exponent))
 }
 
-/// Fixed decimals with a proper minus sign; never `−0`.
+/// Formats fixed decimals with a proper minus sign, and never `−0`.
 pub fn with_decimals(value: f64, decimals: usize) -> String {
     let text = format!("{value:.decimals$}");
     match text.strip_prefix('-') {
@@ -45,23 +45,23 @@ pub fn with_decimals(value: f64, decimals: usize) -> String {
     }
 }
 
-/// Decimal exponent of the leading digit; 0 for zero and for what is not finite.
+/// Decimal exponent of the leading digit; 0 for zero and for values that are not finite.
 pub fn decimal_exponent(value: f64) -> i32 {
     if value == 0.0 || !value.is_finite() { 0 } else { value.abs().log10().floor() as i32 }
 }
 
-/// The exponent to take out of numbers of this size: 0 where they read well as they are.
+/// Exponent to take out of numbers of this size; 0 if they are easy to read unchanged.
 pub fn factored_exponent(largest: f64) -> i32 {
     let exponent = decimal_exponent(largest);
     if (-3..5).contains(&exponent) { 0 } else { exponent }
 }
 
-/// `digits` significant digits, as `mantissa × 10ⁿ` where the number is very large or small.
+/// Formats a number with `digits` significant digits, as `mantissa × 10ⁿ` if it is very large or small.
 pub fn significant(value: f64, digits: usize) -> String {
     if !value.is_finite() {
         return with_decimals(value, 0);
     }
-    // Rounded first, so that 9.99 with two digits counts as 10.
+    // The value is rounded first, so that 9.99 with two digits counts as 10.
     let rounded: f64 = format!("{value:.*e}", digits.saturating_sub(1)).parse().unwrap_or(value);
     let factored = factored_exponent(rounded);
     let scaled = rounded / 10f64.powi(factored);
@@ -70,21 +70,21 @@ pub fn significant(value: f64, digits: usize) -> String {
     if factored == 0 { mantissa } else { format!("{mantissa}×{}", power_of_ten(factored)) }
 }
 
-/// A value with its upper and lower error, ready to be set: `centre` with `plus` above `minus`, then `factor`.
+/// Texts of a value with its upper and lower error: `centre` with `plus` above `minus`, then `factor`.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct ValueWithErrors {
-    /// The value.
+    /// Value.
     pub centre: String,
     /// Upper error, with its sign.
     pub plus: String,
     /// Lower error, with its sign.
     pub minus: String,
-    /// `×10ⁿ` where the numbers are very large or small, else empty.
+    /// Factor `×10ⁿ` if the numbers are very large or small, otherwise empty.
     pub factor: String,
 }
 
 impl ValueWithErrors {
-    /// From the quantiles: the smaller error gets two significant digits and sets the decimals of all three numbers.
+    /// Texts from quantiles. The smaller error has two significant digits and sets the decimals of all three numbers.
     pub fn from_quantiles(lower: f64, median: f64, upper: f64) -> Self {
         let (plus, minus) = ((upper - median).abs(), (median - lower).abs());
         let smallest = [plus, minus].into_iter().filter(|error| *error > 0.0).fold(f64::INFINITY, f64::min);
@@ -92,7 +92,7 @@ impl ValueWithErrors {
             let zero = |sign: &str| format!("{sign}0");
             return Self { centre: significant(median, 4), plus: zero("+"), minus: zero("−"), factor: String::new() };
         }
-        // 0.00135 +0.00149 is longer and harder to read than 1.35 +1.49 ×10⁻³.
+        // The text 0.00135 +0.00149 is longer and harder to read than 1.35 +1.49 ×10⁻³.
         let exponent = match decimal_exponent(median.abs().max(plus).max(minus)) {
             -2..5 => 0,
             exponent => exponent,

@@ -1,6 +1,6 @@
-//! Colours that remain distinct for colour-blind readers (Okabe and Ito, 2008) on a white background.
+//! Colours that colour-blind readers can distinguish (Okabe and Ito, 2008) on a white background.
 
-/// An opaque sRGB colour.
+/// Opaque sRGB colour.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Colour(pub u8, pub u8, pub u8);
 

@@ -1,4 +1,4 @@
-//! What a revision predicts of every row, as a table: the numbers behind its figure.
+//! Predictions of a revision for every row, as a table: the numbers behind its figure.
 
 use std::path::Path;
 
@@ -8,12 +8,12 @@ use base::files::{self, Content, stream_atomically};
 /// Columns of quantiles, from low to high.
 const QUANTILES: [&str; 5] = ["q05_um", "q25_um", "median_um", "q75_um", "q95_um"];
 
-/// Predictions of rows, noise included.
+/// Predictions of rows, including noise.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Predictions {
-    /// Times in s.
+    /// Time of each row, in s.
     pub time_s: Vec<f64>,
-    /// Quantiles 0.05, 0.25, 0.5, 0.75 and 0.95 of the position in µm, one value a row each.
+    /// Quantiles 0.05, 0.25, 0.5, 0.75 and 0.95 of the position, in µm; each list has one value per row.
     pub quantiles_um: [Vec<f64>; 5],
 }
 
@@ -27,7 +27,7 @@ pub fn write_predictions(path: &Path, predictions: &Predictions) -> Result<()> {
         for (row, time_s) in predictions.time_s.iter().enumerate() {
             write!(out, "{time_s:?}")?;
             for quantile in &predictions.quantiles_um {
-                // A nanometre's thousandth is far below what any tracker tells.
+                // A thousandth of a nanometre is far below the resolution of any tracker.
                 write!(out, ",{:.6}", quantile[row])?;
             }
             writeln!(out)?;
@@ -36,14 +36,15 @@ pub fn write_predictions(path: &Path, predictions: &Predictions) -> Result<()> {
     })
 }
 
-/// Reads what [`write_predictions`] wrote.
+/// Reads a file of [`write_predictions`].
 ///
 /// # Errors
-/// [`Error::Input`] with the line that is no such row.
+/// [`Error::Input`] with the line that is not a valid row.
 pub fn read_predictions(path: &Path) -> Result<Predictions> {
     let again = "run the command that wrote it again";
     let bytes = files::read(path, Content::Table, again)?;
-    let refused = |line: usize| Error::input(Place::file(path).at_line(line), "this is no row of predictions", again);
+    let refused =
+        |line: usize| Error::input(Place::file(path).at_line(line), "this is not a row of predictions", again);
     let mut predictions = Predictions { time_s: Vec::new(), quantiles_um: Default::default() };
     let mut rows = csv::Reader::from_reader(bytes.as_slice());
     for (row, record) in rows.deserialize::<(f64, [f64; 5])>().enumerate() {

@@ -1,4 +1,4 @@
-//! Predictive figure: the measurement over predictive bands, the force above, the residuals below.
+//! Predictive figure: force above, measurement over predictive bands, residuals below.
 
 use super::axes::{Axes, AxisStyle, TICK_SIZE_PX, note, title, widest_y_number_px};
 use super::density::{quantile_of_sorted, sorted};
@@ -18,17 +18,17 @@ const RESIDUAL_HEIGHT_PX: f64 = 120.0;
 const GAP_PX: f64 = 12.0;
 /// Half width of a central 90 % interval of a normal distribution, in standard deviations.
 const NORMAL_90: f64 = 1.6449;
-/// An interval between rows so many times the usual one is a gap that no line bridges.
+/// Length of a gap in usual intervals between rows, above which lines are interrupted.
 const GAP_INTERVALS: f64 = 8.0;
 
-/// What a cycle served for.
+/// Use of a cycle.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum CycleKind {
-    /// The model was fitted to it.
+    /// Fitted.
     Calibration,
-    /// It was kept from the fit.
+    /// Held out.
     HeldOut,
-    /// Neither.
+    /// Not used.
     Unused,
 }
 
@@ -37,15 +37,15 @@ pub enum CycleKind {
 pub struct CycleSpan {
     /// Number in the experiment's file.
     pub cycle: i64,
-    /// Time of its first row.
+    /// Time of its first row, in s.
     pub start_s: f64,
-    /// Time of its last row, or of the next cycle's first.
+    /// Time of its last row, or of the next cycle's first row, in s.
     pub end_s: f64,
-    /// What it served for.
+    /// Use of the cycle.
     pub kind: CycleKind,
 }
 
-/// Lower and upper limit of a central band, one value a row; not finite where there is no prediction.
+/// Limits of a central band, one value per row; not finite for rows without a prediction.
 #[derive(Debug, Clone, Copy)]
 pub struct Band<'a> {
     /// Lower limit.
@@ -54,14 +54,14 @@ pub struct Band<'a> {
     pub upper: &'a [f64],
 }
 
-/// What the predictive figure shows; all slices have one value a row of the measurement.
+/// Content of the predictive figure; all slices have one value for each row of the measurement.
 #[derive(Debug, Clone, Copy)]
 pub struct PredictiveData<'a> {
     /// Title, such as the specimen's name.
     pub title: &'a str,
-    /// Time of each row.
+    /// Time of each row, in s.
     pub time_s: &'a [f64],
-    /// Measured position, `None` where tracking was lost.
+    /// Measured position; `None` if tracking was lost.
     pub position_um: &'a [Option<f64>],
     /// Commanded force, which holds until the next row.
     pub force_un: &'a [f64],
@@ -73,7 +73,7 @@ pub struct PredictiveData<'a> {
     pub band_90_um: Band<'a>,
     /// Cycles, in order of time.
     pub cycles: &'a [CycleSpan],
-    /// Standard deviation of the noise that residuals are judged against, and what it is, such as `known noise`.
+    /// Standard deviation of the noise that residuals are compared with, and its origin, such as `known noise`.
     pub noise: Option<(f64, &'a str)>,
 }
 
@@ -96,7 +96,7 @@ pub fn predictive(data: &PredictiveData) -> Result<Svg> {
         top += height + gap;
         frame
     };
-    // The band above the force names the cycles.
+    // The strip above the force shows the names of the cycles.
     let strip = frame(18.0, 0.0);
     let time = scales.time;
     let panels = Panels {
@@ -133,7 +133,7 @@ fn check(data: &PredictiveData) -> Result<()> {
         data.band_90_um.upper.len(),
     ];
     if n < 2 || lengths.iter().any(|length| *length != n) {
-        return refuse(format!("{n} times and {lengths:?} values"), "give one value a row, two rows at least");
+        return refuse(format!("{n} times and {lengths:?} values"), "give one value per row, and at least two rows");
     }
     if !data.time_s.is_sorted_by(|a, b| a < b) || !data.time_s.iter().all(|t| t.is_finite()) {
         return refuse("times that do not increase".to_owned(), "sort the rows by time");
@@ -208,7 +208,7 @@ fn cycle_shading(svg: &mut Svg, cycles: &[CycleSpan], axes: &Axes) {
     }
 }
 
-/// How cycles are named above the force.
+/// Form of the cycles' names above the force.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum CycleNames {
     NumberAndKind,
@@ -218,7 +218,7 @@ enum CycleNames {
 }
 
 impl CycleNames {
-    /// The longest form that fits into the narrowest cycle.
+    /// Longest form that fits into the narrowest cycle.
     fn fitting(cycles: &[CycleSpan], time: &Scale, width_px: f64) -> Self {
         let span_px = |c: &CycleSpan| (time.fraction(c.end_s) - time.fraction(c.start_s)) * width_px;
         let narrowest = cycles.iter().map(span_px).fold(f64::INFINITY, f64::min);
@@ -241,7 +241,7 @@ impl CycleNames {
     }
 }
 
-/// The strip above the force that names the cycles.
+/// Draws the strip above the force with the names of the cycles.
 fn cycle_strip(svg: &mut Svg, cycles: &[CycleSpan], axes: &Axes, strip: Rect, names: CycleNames) {
     for cycle in cycles {
         let (left, right) = (axes.x_px(cycle.start_s), axes.x_px(cycle.end_s));
@@ -254,7 +254,7 @@ fn cycle_strip(svg: &mut Svg, cycles: &[CycleSpan], axes: &Axes, strip: Rect, na
     }
 }
 
-/// Times and curves with a break wherever rows are far apart.
+/// Times and curves with a break at every gap between rows.
 struct Lines {
     time_s: Vec<f64>,
     rows: Vec<Option<usize>>,
@@ -299,7 +299,7 @@ impl Panels {
         }
     }
 
-    /// The force as steps: a row's force holds until the next row.
+    /// Draws the force as steps, because it holds from row to row.
     fn draw_force(&self, svg: &mut Svg, data: &PredictiveData, force: &[f64]) {
         let (mut time, mut steps): (Vec<f64>, Vec<f64>) = (Vec::new(), Vec::new());
         for (i, &value) in force.iter().enumerate() {
@@ -326,12 +326,12 @@ impl Panels {
             draw_bands(svg, &self.main, data, lines, &vec![0.0; data.time_s.len()]);
             let points = data.time_s.iter().zip(data.position_um).map(|(t, p)| (*t, p.unwrap_or(f64::NAN)));
             self.main.scatter(svg, points, INK, dot_diameter_px(data), 0.75);
-            // Above the dots, which would hide it where they are dense.
+            // The median is drawn above the dots, because dense dots would hide it.
             self.main.line(svg, &lines.time_s, &lines.of(data.median_um), Stroke::solid(BLUE, 1.3));
         });
     }
 
-    /// Everything relative to the median: here bands are seen that are thin against the motion.
+    /// Draws all curves relative to the median, so that bands are visible that are thin compared with the motion.
     fn draw_residuals(&self, svg: &mut Svg, data: &PredictiveData, lines: &Lines) {
         let residuals = residuals(data);
         svg.clipped(self.residual.frame, |svg| {
@@ -357,7 +357,7 @@ fn noise_stroke() -> Stroke {
     Stroke::solid(VERMILLION, 1.5).dashed(6.0, 4.0)
 }
 
-/// Both bands, relative to a curve with one value a row.
+/// Draws both bands, relative to a curve with one value per row.
 fn draw_bands(svg: &mut Svg, axes: &Axes, data: &PredictiveData, lines: &Lines, relative_to: &[f64]) {
     let relative = |values: &[f64]| values.iter().zip(relative_to).map(|(v, base)| v - base).collect::<Vec<f64>>();
     for (band, opacity) in [(data.band_90_um, 0.22), (data.band_50_um, 0.36)] {
@@ -366,10 +366,10 @@ fn draw_bands(svg: &mut Svg, axes: &Axes, data: &PredictiveData, lines: &Lines, 
     }
 }
 
-/// Root mean square residual about the median over the cycles of a kind.
+/// Root mean square residual about the median, over the cycles with this use.
 fn score(data: &PredictiveData, residuals: &[f64], kind: CycleKind) -> Option<(f64, &'static str)> {
     let name = if kind == CycleKind::Calibration { "fitted" } else { "held-out" };
-    // Where one cycle ends and the next begins, a row belongs to the next.
+    // A row at the boundary of two cycles belongs to the later one.
     let cycle_at = |time: f64| {
         let begun = data.cycles.partition_point(|c| c.start_s <= time);
         data.cycles[..begun].last().filter(|c| time <= c.end_s)
@@ -380,13 +380,13 @@ fn score(data: &PredictiveData, residuals: &[f64], kind: CycleKind) -> Option<(f
     (!squares.is_empty()).then(|| ((squares.iter().sum::<f64>() / squares.len() as f64).sqrt(), name))
 }
 
-/// Dots shrink where there are many of them.
+/// Diameter of dots, smaller if there are many.
 fn dot_diameter_px(data: &PredictiveData) -> f64 {
     let spacing = WIDTH_PX / data.time_s.len() as f64;
     (2.2 * spacing).clamp(1.5, 3.6)
 }
 
-/// Colours of cycles are explained where the strip above the force has no room to do so.
+/// Entries of the legend. It explains the colours of cycles if the strip above the force has no room for names.
 fn entries(data: &PredictiveData, names: CycleNames) -> Vec<Entry> {
     let mut entries = vec![
         Entry::new(Mark::Dot(INK, 3.6), "measured"),

@@ -40,7 +40,7 @@ fn lost_rows_have_no_dot_and_residuals_are_scored() {
     let rows = rows(70, 0.1);
     let cycles = [CycleSpan { cycle: 1, start_s: 0.0, end_s: 7.0, kind: CycleKind::Calibration }];
     let document = predictive(&data(&rows, &cycles)).unwrap().document();
-    // 60 positions, once over the bands and once as residuals.
+    // There are 60 positions, each drawn over the bands and as a residual.
     assert_eq!(document.matches("h0").count(), 120);
     assert!(document.contains("fitted RMSE 3.0 µm"), "every residual is 3 µm");
     assert!(document.contains("σ = 4.0 µm") && document.contains("cycle 1: fitted"));
@@ -67,7 +67,7 @@ fn force_is_shown_in_a_unit_with_readable_numbers() {
 fn unequal_lengths_are_refused() {
     let mut rows = rows(40, 0.1);
     rows.force_un.pop();
-    assert!(predictive(&data(&rows, &[])).unwrap_err().to_string().contains("one value a row"));
+    assert!(predictive(&data(&rows, &[])).unwrap_err().to_string().contains("one value per row"));
     rows = self::rows(40, 0.1);
     rows.time_s[5] = 0.0;
     assert!(predictive(&data(&rows, &[])).unwrap_err().to_string().contains("times that do not increase"));

@@ -1,4 +1,4 @@
-//! The raw record: force and position against time, where cycles begin, and what x and y hold beside the position.
+//! Raw record: force and position against time, starts of cycles, and motion across the line of motion.
 
 use super::axes::{Axes, AxisStyle, title_with_text};
 use super::legend::{self, Entry, Mark};
@@ -13,36 +13,36 @@ const FORCE_PX: f64 = 150.0;
 const POSITION_PX: f64 = 320.0;
 const LEFT_PX: f64 = 86.0;
 const DOT_PX: f64 = 3.2;
-/// Space around the values, as a share of their range.
+/// Margin around the values, as a fraction of their range.
 const MARGIN: f64 = 0.05;
-/// Micro-units in an SI unit.
+/// Number of micro-units in an SI unit.
 const MICRO: f64 = 1e6;
 
-/// What is drawn; all rows in SI, slices of one length.
+/// Record to draw; all rows in SI units, slices of one length.
 #[derive(Debug, Clone, Copy)]
 pub struct RawRecord<'a> {
     /// Times in s.
     pub time_s: &'a [f64],
     /// Force in N.
     pub force_n: &'a [f64],
-    /// Whether it goes in lines from row to row, or holds.
+    /// True if the force is linear between rows, false if it holds.
     pub is_linear: bool,
-    /// Positions in m; `None` where tracking was lost.
+    /// Positions in m; `None` if tracking was lost.
     pub position_m: &'a [Option<f64>],
-    /// What moved across the line of motion, in m; empty where there was one coordinate.
+    /// Positions across the line of motion, in m; empty if there was one coordinate.
     pub across_m: &'a [Option<f64>],
     /// Cycle of each row.
     pub cycle: &'a [u32],
 }
 
-/// Draws a record under a heading and a text, such as what was subtracted.
+/// Draws a record under a heading and a text, such as a list of subtracted offsets.
 ///
 /// # Errors
-/// [`Error::Input`] for a record without rows, or with rows of different numbers.
+/// [`Error::Input`] for a record without rows, or with columns of different lengths.
 pub fn raw_record(record: &RawRecord, heading: &str, text: &str) -> Result<Svg> {
     check(record)?;
     let width_px = WIDTH_PX - LEFT_PX - 20.0;
-    let mut svg = Svg::new(WIDTH_PX, FORCE_PX + POSITION_PX + 190.0, "The raw record");
+    let mut svg = Svg::new(WIDTH_PX, FORCE_PX + POSITION_PX + 190.0, "Raw record");
     let below_px = title_with_text(&mut svg, heading, text, (LEFT_PX, 8.0), width_px);
     let entries = entries(record);
     let below_px = below_px + 16.0;
@@ -82,7 +82,7 @@ fn check(record: &RawRecord) -> Result<()> {
     Err(Error::input(place, "no rows, or columns of different lengths", "give every row all of its values"))
 }
 
-/// Times in s and forces in µN of the corners of the force's line.
+/// Times (s) and forces (µN) at the corners of the force's line.
 fn forces(record: &RawRecord) -> (Vec<f64>, Vec<f64>) {
     let (mut time_s, mut force_un) = (Vec::new(), Vec::new());
     for (row, (t, force_n)) in record.time_s.iter().zip(record.force_n).enumerate() {
@@ -96,14 +96,14 @@ fn forces(record: &RawRecord) -> (Vec<f64>, Vec<f64>) {
     (time_s, force_un)
 }
 
-/// Times at which cycles begin, the first left out.
+/// Start times of all cycles except the first.
 fn starts_s(record: &RawRecord) -> Vec<f64> {
     let rows = 1..record.cycle.len();
     rows.filter(|row| record.cycle[*row] != record.cycle[row - 1]).map(|row| record.time_s[row]).collect()
 }
 
 fn entries(record: &RawRecord) -> Vec<Entry> {
-    let rule = if record.is_linear { "in lines between rows" } else { "held between rows" };
+    let rule = if record.is_linear { "linear between rows" } else { "constant between rows" };
     let mut entries = vec![
         Entry::new(Mark::Line(Stroke::solid(VERMILLION, 1.5)), format!("force, {rule}")),
         Entry::new(Mark::Dot(BLUE, 6.0), "position"),
@@ -112,7 +112,7 @@ fn entries(record: &RawRecord) -> Vec<Entry> {
         entries.push(Entry::new(Mark::Dot(ORANGE, 6.0), "across the line of motion"));
     }
     if !starts_s(record).is_empty() {
-        entries.push(Entry::new(Mark::Line(Stroke::solid(MUTED, 1.0).dashed(5.0, 4.0)), "a cycle begins"));
+        entries.push(Entry::new(Mark::Line(Stroke::solid(MUTED, 1.0).dashed(5.0, 4.0)), "start of a cycle"));
     }
     entries
 }
@@ -138,7 +138,7 @@ mod tests {
         let linear = RawRecord { is_linear: true, across_m: &position_m, ..record };
         assert_eq!(forces(&linear).0.len(), 4);
         let document = raw_record(&linear, "bead", "").unwrap().document();
-        assert!(document.contains("across the line of motion") && document.contains("a cycle begins"));
+        assert!(document.contains("across the line of motion") && document.contains("start of a cycle"));
         let uneven = raw_record(&RawRecord { cycle: &[1], ..record }, "bead", "");
         assert!(uneven.is_err_and(|error| error.to_string().contains("columns of different lengths")));
     }

@@ -1,35 +1,35 @@
-//! The groups of an ArviZ file that belong to the rows of a record: `constant_data`, `observed_data`, `log_likelihood`, `posterior_predictive`, `prior`,
-//! `prior_predictive`. The coordinate `row` counts the record's rows from 0 in every group, so that what has fewer rows is found in what has more.
+//! Groups of an ArviZ file for the rows of a record: `constant_data`, `observed_data`, `log_likelihood`, `posterior_predictive`, `prior`,
+//! `prior_predictive`. The coordinate `row` counts the record's rows from 0 in every group, so that groups with fewer rows can be aligned.
 
 use netcdf_writer::NcFileBuilder;
 
 use super::netcdf_file::{NcResult, add_coordinate, add_draws, add_unit, attribute, describe};
 
-/// One number a row.
+/// Column with one number per row.
 #[derive(Debug, Clone, PartialEq)]
 pub struct RowColumn<'a> {
     /// Name, such as `position_um`.
     pub name: &'a str,
     /// Unit; empty for none.
     pub unit: &'a str,
-    /// One a row.
+    /// Values, one per row.
     pub values: Vec<f64>,
 }
 
-/// Draws of one number a row.
+/// Draws of one number per row.
 #[derive(Debug, Clone, PartialEq)]
 pub struct DrawnRows<'a> {
-    /// The group, such as `log_likelihood`.
+    /// Group, such as `log_likelihood`.
     pub group: &'a str,
-    /// The variable, that of the observed data.
+    /// Variable, equal to that of the observed data.
     pub name: &'a str,
     /// Unit; empty for none.
     pub unit: &'a str,
-    /// What is to be known of it.
+    /// Note for readers.
     pub note: String,
-    /// Chains.
+    /// Number of chains.
     pub n_chains: usize,
-    /// Labels of the draws of a chain: their places in `posterior`.
+    /// Labels of the draws of a chain: their positions in `posterior`.
     pub draws: Vec<i64>,
     /// Rows of the record.
     pub rows: Vec<i64>,
@@ -37,27 +37,27 @@ pub struct DrawnRows<'a> {
     pub values: Vec<f64>,
 }
 
-/// Draws from the prior, one chain.
+/// Draws from the prior, in one chain.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PriorDraws {
-    /// Parameters' names.
+    /// Names of the parameters.
     pub names: Vec<String>,
-    /// Their units.
+    /// Units of the parameters.
     pub units: Vec<String>,
-    /// One list a parameter, all equally long.
+    /// Draws, one list per parameter, all of equal length.
     pub columns: Vec<Vec<f64>>,
-    /// What is to be known of them.
+    /// Note for readers.
     pub note: String,
 }
 
-/// What belongs to the rows of a record; empty parts are left out.
+/// Data for the rows of a record; empty parts are omitted.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct RecordGroups<'a> {
-    /// What is not random, of every row.
+    /// Known quantities of every row.
     pub constant: Vec<RowColumn<'a>>,
-    /// Rows that have a position.
+    /// Rows with a position.
     pub observed_rows: Vec<i64>,
-    /// What was measured in them.
+    /// Measurements in these rows.
     pub observed: Vec<RowColumn<'a>>,
     /// Draws from the prior.
     pub prior: Option<PriorDraws>,
@@ -66,12 +66,12 @@ pub struct RecordGroups<'a> {
 }
 
 impl RecordGroups<'_> {
-    /// What does not fit together, in words.
+    /// Checks the sizes. The error says which lengths do not match.
     pub(super) fn check(&self) -> Result<(), String> {
         let n_rows = self.constant.first().map_or(0, |own| own.values.len());
         let uneven = |list: &[RowColumn], n: usize| list.iter().any(|own| own.values.len() != n);
         if uneven(&self.constant, n_rows) || uneven(&self.observed, self.observed_rows.len()) {
-            return Err("columns of rows are not equally long".into());
+            return Err("columns of rows have different lengths".into());
         }
         if let Some(prior) = &self.prior {
             let n = prior.columns.first().map_or(0, Vec::len);
@@ -79,7 +79,7 @@ impl RecordGroups<'_> {
                 && prior.names.len() == prior.columns.len()
                 && prior.units.len() == prior.columns.len();
             if !is_even {
-                return Err("columns of prior draws are not equally long".into());
+                return Err("columns of prior draws have different lengths".into());
             }
         }
         match self.drawn.iter().find(|own| own.values.len() != own.n_chains * own.draws.len() * own.rows.len()) {

@@ -1,9 +1,9 @@
-//! A rung of a ladder, for tests of whoever makes ladders and of whoever draws them.
+//! Rung of a ladder, for tests of modules that make or draw ladders.
 
 use documents::ladder::{Rung, RungParameter};
 use documents::posterior::ModelSummary;
 
-/// A rung with one parameter of the law.
+/// Rung with one parameter of the law.
 pub(crate) fn rung_of(revision: &str, from: Option<&str>, effects: &[&str], heldout_um: Option<f64>) -> Rung {
     let effects: Vec<String> = effects.iter().map(|slug| slug.to_string()).collect();
     let spread = |name: &str, median: f64| RungParameter {

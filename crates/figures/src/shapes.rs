@@ -1,4 +1,4 @@
-//! Trajectories of robots of several shapes, a panel a rule of size, beside the bodies drawn to one scale.
+//! Trajectories of robots of several shapes: one panel per size rule, beside the bodies drawn to one scale.
 
 use std::f64::consts::PI;
 
@@ -23,46 +23,46 @@ const BODY_GAP_PX: f64 = 12.0;
 const LONGEST_BAR_PX: f64 = 60.0;
 const BAND_OPACITY: f64 = 0.16;
 
-/// A body's outline in the plane of its axis and the force, the force to the right.
+/// Outline of a body in the plane of its axis and the force; the force points to the right.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Outline {
-    /// Extent along the force, in mm.
+    /// Length along the force, in mm.
     pub width_mm: f64,
-    /// Extent across it, in mm.
+    /// Length across the force, in mm.
     pub height_mm: f64,
-    /// An ellipse; else a rectangle.
+    /// True for an ellipse, false for a rectangle.
     pub is_round: bool,
 }
 
-/// A body's trajectory.
+/// Trajectory of a body.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ShapeCurve {
-    /// What the body is.
+    /// Name of the body.
     pub label: String,
     /// Its colour.
     pub colour: Colour,
-    /// Whether the line is dashed.
+    /// True for a dashed line.
     pub is_dashed: bool,
     /// 5 % quantile at every time, in µm.
     pub lower_um: Vec<f64>,
-    /// Median.
+    /// Median, in µm.
     pub median_um: Vec<f64>,
-    /// 95 % quantile.
+    /// 95 % quantile, in µm.
     pub upper_um: Vec<f64>,
-    /// What it looks like.
+    /// Outline of the body.
     pub outline: Outline,
 }
 
-/// Bodies under one rule of size.
+/// Bodies under one size rule.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ShapesPanel {
-    /// The rule.
+    /// Name of the rule.
     pub title: String,
-    /// The bodies.
+    /// Bodies.
     pub curves: Vec<ShapeCurve>,
 }
 
-/// The figure.
+/// Content of the figure.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ShapesFigure<'a> {
     /// Title.
@@ -110,12 +110,12 @@ fn check(data: &ShapesFigure) -> Result<()> {
         Err(Error::input(place, found, "give every body a finite value at every time"))
     };
     if data.time_s.len() < 2 || data.panels.iter().all(|panel| panel.curves.is_empty()) {
-        return refuse("a figure of no bodies or times");
+        return refuse("a figure without bodies or times");
     }
     for own in data.panels.iter().flat_map(|panel| &panel.curves) {
         for values in [&own.lower_um, &own.median_um, &own.upper_um] {
             if values.len() != data.time_s.len() || values.iter().any(|x| !x.is_finite()) {
-                return refuse(&format!("{}: values that are not finite, or not as many as times", own.label));
+                return refuse(&format!("{}: values that are not finite, or not one per time", own.label));
             }
         }
     }
@@ -141,10 +141,10 @@ fn curves(svg: &mut Svg, axes: &Axes, time_s: &[f64], panel: &ShapesPanel) {
     axes.outline(svg);
 }
 
-/// Least height of a body's row.
+/// Minimum height of a body's row.
 const LEAST_ROW_PX: f64 = TICK_SIZE_PX + 6.0;
 
-/// The largest scale at which a panel's bodies have room beside its curves.
+/// Largest scale at which a panel's bodies fit beside its curves.
 fn px_per_mm(panel: &ShapesPanel) -> f64 {
     let n = panel.curves.len() as f64;
     let widest_mm = panel.curves.iter().map(|own| own.outline.width_mm).fold(f64::MIN_POSITIVE, f64::max);
@@ -153,13 +153,13 @@ fn px_per_mm(panel: &ShapesPanel) -> f64 {
     ((BODIES_WIDTH_PX - LABEL_PX - 20.0) / widest_mm).min(free_px / total_mm.max(f64::MIN_POSITIVE))
 }
 
-/// The longest of 1, 2 and 5 times a power of ten that is not above a length.
+/// Largest of 1, 2 and 5 times a power of ten that does not exceed a length.
 fn round_length_mm(most_mm: f64) -> f64 {
     let power = 10_f64.powf(most_mm.log10().floor());
     [5.0, 2.0].map(|digit| digit * power).into_iter().find(|length| *length <= most_mm).unwrap_or(power)
 }
 
-/// Each body with its name and line, all to one scale.
+/// Draws each body with its name and line, all to one scale.
 fn bodies(svg: &mut Svg, room: Rect, scale: f64, panel: &ShapesPanel) {
     let centre = room.x + LABEL_PX + 0.5 * (room.width - LABEL_PX);
     let mut top = room.y + BODY_GAP_PX;
@@ -217,7 +217,7 @@ mod tests {
         ShapesFigure { title: LONG.into(), time_s, panels }
     }
 
-    /// Round bodies, needles along the force and needles across it, which set the scale in different ways.
+    /// Round bodies, and slender bodies along and across the force, which determine the scale in different ways.
     #[test]
     fn bodies_of_any_proportion_are_legible() {
         let time_s: Vec<f64> = (0..=20).map(|i| 0.5 * f64::from(i)).collect();
@@ -237,6 +237,6 @@ mod tests {
         let error = shapes(&figure).unwrap_err().to_string();
         assert!(error.contains("sphere 2"), "{error}");
         figure.panels.clear();
-        assert!(shapes(&figure).is_err_and(|error| error.to_string().contains("a figure of no bodies or times")));
+        assert!(shapes(&figure).is_err_and(|error| error.to_string().contains("a figure without bodies or times")));
     }
 }

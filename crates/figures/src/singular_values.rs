@@ -1,4 +1,4 @@
-//! Singular values of the snapshots: how fast they fall and which modes were kept.
+//! Singular values of the snapshots: their decay, and the modes that are kept.
 
 use super::axes::{Axes, AxisStyle, note, title};
 use super::legend::{self, Entry, Mark};
@@ -11,18 +11,18 @@ use base::{Error, Result};
 
 const WIDTH_PX: f64 = 760.0;
 const HEIGHT_PX: f64 = 380.0;
-/// Values below the rounding error of the decomposition say nothing; they are drawn at the lower edge.
+/// Lower edge of the figure. Values below the rounding error of the decomposition carry no information.
 const FLOOR: f64 = 1e-17;
 const MOST_MODES: usize = 60;
 
-/// The singular values of one family of snapshots.
+/// Singular values of one family of snapshots.
 #[derive(Debug, Clone, Copy)]
 pub struct Family<'a> {
     /// Name, such as `base model` or `Poisson ratio`.
     pub label: &'a str,
-    /// Singular values, largest first, in any unit: the figure divides by the first.
+    /// Singular values, largest first, in any unit, because the figure divides by the first.
     pub singular_values: &'a [f64],
-    /// Modes kept.
+    /// Number of modes kept.
     pub n_chosen: usize,
 }
 
@@ -67,7 +67,7 @@ fn check(families: &[Family], tolerance: f64) -> Result<()> {
         return refuse("no snapshots".to_owned(), "compute snapshots first");
     }
     if !(tolerance > 0.0 && tolerance < 1.0) {
-        return refuse(format!("a tolerance of {tolerance}"), "choose it between 0 and 1");
+        return refuse(format!("a tolerance of {tolerance}"), "give one between 0 and 1");
     }
     for family in families {
         let usable = family.singular_values.first().is_some_and(|first| *first > 0.0 && first.is_finite());
@@ -85,7 +85,7 @@ fn normalised(family: &Family, shown: usize) -> Vec<f64> {
 
 fn draw_family(svg: &mut Svg, axes: &Axes, family: &Family, values: &[f64], index: usize) {
     let colour = series(index);
-    // Families share the first point: later ones are smaller, so that each is seen.
+    // Families share the first point. Later families have smaller dots, so that each is visible.
     let radius_px = (5.4 - 1.2 * index as f64).max(2.4);
     let modes: Vec<f64> = (1..=values.len()).map(|k| k as f64).collect();
     axes.line(svg, &modes, values, Stroke::solid(colour, 1.2).opacity(0.6));

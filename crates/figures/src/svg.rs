@@ -1,4 +1,4 @@
-//! A small SVG canvas, and the writing of a figure as SVG and PNG.
+//! Small SVG canvas, and output of a figure as SVG and PNG.
 
 use std::fmt::Write as _;
 use std::path::{Path as FilePath, PathBuf};
@@ -13,10 +13,10 @@ use base::{Error, Result};
 /// PNG pixels per SVG unit.
 const PNG_SCALE: f32 = 1.5;
 
-/// A position in pixels, x to the right and y downwards.
+/// Position in pixels, x to the right and y downwards.
 pub type Point = (f64, f64);
 
-/// An axis-parallel rectangle in pixels.
+/// Axis-parallel rectangle in pixels.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Rect {
     /// Left edge.
@@ -38,7 +38,7 @@ impl Rect {
     pub fn bottom(&self) -> f64 {
         self.y + self.height
     }
-    /// What it has in common with another.
+    /// Intersection with another rectangle.
     fn common(&self, other: Self) -> Self {
         let (x, y) = (self.x.max(other.x), self.y.max(other.y));
         let (right, bottom) = (self.right().min(other.right()), self.bottom().min(other.bottom()));
@@ -46,7 +46,7 @@ impl Rect {
     }
 }
 
-/// How a line is drawn.
+/// Style of a line.
 #[derive(Debug, Clone, Copy)]
 pub struct Stroke {
     /// Colour.
@@ -55,26 +55,26 @@ pub struct Stroke {
     pub width_px: f64,
     /// Opacity from 0 to 1.
     pub opacity: f64,
-    /// Lengths of dash and gap in pixels; solid where `None`.
+    /// Lengths of dash and gap in pixels; `None` for a solid line.
     pub dash: Option<(f64, f64)>,
 }
 
 impl Stroke {
-    /// A solid opaque line.
+    /// Solid opaque line.
     pub fn solid(colour: Colour, width_px: f64) -> Self {
         Self { colour, width_px, opacity: 1.0, dash: None }
     }
-    /// The same line, dashed.
+    /// Returns the line, dashed.
     pub fn dashed(self, dash_px: f64, gap_px: f64) -> Self {
         Self { dash: Some((dash_px, gap_px)), ..self }
     }
-    /// The same line with another opacity.
+    /// Returns the line with another opacity.
     pub fn opacity(self, opacity: f64) -> Self {
         Self { opacity, ..self }
     }
 }
 
-/// How an area is filled.
+/// Style of an area.
 #[derive(Debug, Clone, Copy)]
 pub struct Fill {
     /// Colour.
@@ -84,7 +84,7 @@ pub struct Fill {
 }
 
 impl Fill {
-    /// A fill of the given opacity.
+    /// Fill with this opacity.
     pub fn new(colour: Colour, opacity: f64) -> Self {
         Self { colour, opacity }
     }
@@ -110,7 +110,7 @@ impl From<Fill> for Style {
     }
 }
 
-/// Which point of a text stands at its position.
+/// Point of a text that lies at its position.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Anchor {
     /// Left end.
@@ -121,35 +121,35 @@ pub enum Anchor {
     End,
 }
 
-/// How text is set.
+/// Style of text.
 #[derive(Debug, Clone, Copy)]
 pub struct TextStyle {
     /// Font size in pixels.
     pub size_px: f64,
     /// Colour.
     pub colour: Colour,
-    /// Which point of the baseline stands at the position.
+    /// Point of the baseline that lies at the position.
     pub anchor: Anchor,
-    /// Written upwards instead of to the right.
+    /// True for text that runs upwards instead of to the right.
     pub upwards: bool,
 }
 
 impl TextStyle {
-    /// Horizontal text in the usual colour.
+    /// Horizontal text in the default colour.
     pub fn new(size_px: f64, anchor: Anchor) -> Self {
         Self { size_px, colour: INK, anchor, upwards: false }
     }
-    /// The same in another colour.
+    /// Returns the style in another colour.
     pub fn colour(self, colour: Colour) -> Self {
         Self { colour, ..self }
     }
-    /// The same, written upwards.
+    /// Returns the style for text that runs upwards.
     pub fn upwards(self) -> Self {
         Self { upwards: true, ..self }
     }
 }
 
-/// Outline under construction: any number of open or closed pieces.
+/// Outline under construction, with any number of open or closed pieces.
 #[derive(Debug, Clone, Default)]
 pub struct Path {
     text: String,
@@ -172,14 +172,14 @@ impl Path {
         self.text.push('Z');
         self.outline.close();
     }
-    /// A dot: with round caps, a stroke of no length.
+    /// Adds a dot: a stroke of zero length with round caps.
     pub fn dot(&mut self, at: Point) {
         let (x, y) = (Px(at.0).drawable(), Px(at.1).drawable());
         let _ = write!(self.text, "M{x:.1} {y:.1}h0");
         self.outline.move_to(x as f32, y as f32);
         self.outline.line_to(x as f32, y as f32);
     }
-    /// Appends a polyline, closed if asked.
+    /// Appends a polyline, closed if requested.
     pub fn polyline(&mut self, points: impl IntoIterator<Item = Point>, closed: bool) {
         let mut first = true;
         for point in points {
@@ -194,27 +194,27 @@ impl Path {
             self.close();
         }
     }
-    /// True where nothing has been drawn.
+    /// Returns true if nothing has been drawn.
     pub fn is_empty(&self) -> bool {
         self.text.is_empty()
     }
 }
 
-/// A drawing. Its text is deterministic: coordinates have at most two decimals and there are no identifiers, so that several
-/// drawings can stand in one HTML page.
+/// Drawing. Its text is deterministic: coordinates have at most two decimals and there are no identifiers, so that several
+/// drawings fit into one HTML page.
 #[derive(Debug, Clone)]
 pub struct Svg {
     width_px: f64,
     height_px: f64,
     description: String,
     body: String,
-    /// What `body` says, for the PNG.
+    /// Shapes of `body`, for the PNG.
     shapes: Vec<Shape>,
-    /// Only what falls into it is drawn now.
+    /// Clipping window of new shapes.
     window: Option<Rect>,
 }
 
-/// One shape of a drawing.
+/// Shape of a drawing.
 #[derive(Debug, Clone)]
 struct Shape {
     outline: tiny_skia::Path,
@@ -235,7 +235,7 @@ impl Shape {
         if let Some(Fill { colour, opacity }) = self.style.fill {
             pixels.fill_path(&self.outline, &paint(colour, opacity), self.rule, scale, mask);
         }
-        // A width of 0 is a hairline to the rasteriser, and nothing to SVG.
+        // A width of 0 is a hairline in the rasteriser, but invisible in SVG.
         if let Some(Stroke { colour, width_px, opacity, dash }) =
             self.style.stroke.filter(|s| Px(s.width_px).shown() > 0.0)
         {
@@ -252,7 +252,7 @@ impl Shape {
 }
 
 impl Svg {
-    /// An empty white canvas. The description is read aloud by screen readers.
+    /// Creates an empty white canvas. Screen readers read the description.
     pub fn new(width_px: f64, height_px: f64, description: &str) -> Self {
         let (description, body) = (description.to_owned(), String::new());
         Self { width_px, height_px, description, body, shapes: Vec::new(), window: None }
@@ -265,13 +265,13 @@ impl Svg {
     pub fn height_px(&self) -> f64 {
         self.height_px
     }
-    /// A straight line.
+    /// Draws a straight line.
     pub fn line(&mut self, from: Point, to: Point, stroke: Stroke) {
         let mut path = Path::default();
         path.polyline([from, to], false);
         self.path(&path, stroke);
     }
-    /// An outline; filled areas follow the even-odd rule, so that loops within loops are holes.
+    /// Draws an outline. Filled areas use the even-odd rule, so that loops within loops are holes.
     pub fn path(&mut self, path: &Path, style: impl Into<Style>) {
         if !path.is_empty() {
             let style = style.into();
@@ -280,7 +280,7 @@ impl Svg {
             self.push(path.outline.clone().finish(), style, FillRule::EvenOdd, LineCap::Butt);
         }
     }
-    /// Dots of one size drawn as one element; made by [`Path::dot`].
+    /// Draws dots of one size as one element, from a path of [`Path::dot`].
     pub fn dots(&mut self, dots: &Path, colour: Colour, diameter_px: f64, opacity: f64) {
         if !dots.is_empty() {
             let stroke = Stroke::solid(colour, diameter_px).opacity(opacity);
@@ -289,7 +289,7 @@ impl Svg {
             self.push(dots.outline.clone().finish(), stroke.into(), FillRule::Winding, LineCap::Round);
         }
     }
-    /// A rectangle.
+    /// Draws a rectangle.
     pub fn rect(&mut self, rect: Rect, style: impl Into<Style>) {
         let Rect { x, y, width, height } = rect;
         let (x, y, width, height) = (Px(x), Px(y), Px(width.max(0.0)), Px(height.max(0.0)));
@@ -298,7 +298,7 @@ impl Svg {
         let attributes = Attributes(style);
         let _ = writeln!(self.body, "<rect x=\"{x}\" y=\"{y}\" width=\"{width}\" height=\"{height}\"{attributes}/>");
     }
-    /// A circle.
+    /// Draws a circle.
     pub fn circle(&mut self, centre: Point, radius_px: f64, style: impl Into<Style>) {
         let style = style.into();
         let (x, y, radius, attributes) = (Px(centre.0), Px(centre.1), Px(radius_px), Attributes(style));
@@ -306,7 +306,7 @@ impl Svg {
         self.push(outline, style, FillRule::Winding, LineCap::Butt);
         let _ = writeln!(self.body, "<circle cx=\"{x}\" cy=\"{y}\" r=\"{radius}\"{attributes}/>");
     }
-    /// One line of text whose baseline passes through `at`.
+    /// Draws one line of text whose baseline passes through `at`.
     pub fn text(&mut self, text: &str, at: Point, style: TextStyle) {
         if text.is_empty() {
             return;
@@ -334,7 +334,7 @@ impl Svg {
             "<text x=\"{x}\" y=\"{y}\" font-size=\"{size}\" fill=\"{colour}\"{anchor}{turn}>{text}</text>"
         );
     }
-    /// Draws only what falls into `window`. A nested viewport clips without an identifier.
+    /// Draws only inside `window`. A nested viewport clips without an identifier.
     pub fn clipped(&mut self, window: Rect, draw: impl FnOnce(&mut Self)) {
         let (x, y, width, height) = (Px(window.x), Px(window.y), Px(window.width), Px(window.height));
         if window.width <= 0.0 || window.height <= 0.0 {
@@ -353,7 +353,7 @@ impl Svg {
     fn push(&mut self, outline: Option<tiny_skia::Path>, style: Style, rule: FillRule, cap: LineCap) {
         self.shapes.extend(outline.map(|outline| Shape { outline, style, rule, cap, window: self.window }));
     }
-    /// The whole document.
+    /// Text of the whole document.
     pub fn document(&self) -> String {
         let (width, height, families) = (Px(self.width_px), Px(self.height_px), font::FAMILIES);
         let (title, background) = (xml_text(&self.description), WHITE);
@@ -362,10 +362,10 @@ impl Svg {
             self.body
         )
     }
-    /// The drawing as PNG, 1.5 pixels per unit, set in the embedded font.
+    /// Drawing as PNG with 1.5 pixels per unit, with the embedded font.
     ///
     /// # Errors
-    /// [`Error::Numerical`] where the drawing is too large to be held in memory.
+    /// [`Error::Numerical`] if the drawing is too large for the memory.
     pub fn png(&self) -> Result<Vec<u8>> {
         let failed =
             |what: String| Error::numerical(format!("the figure could not be rendered: {what}"), "use the SVG");
@@ -391,54 +391,54 @@ impl Svg {
     }
 }
 
-/// Writes `<stem>.svg` and `<stem>.png` into `dir`, each whole or not at all.
+/// Writes `<stem>.svg` and `<stem>.png` into `dir`, each completely or not at all.
 ///
 /// # Errors
-/// [`Error::File`] where the directory cannot be written, [`Error::Numerical`] where the PNG cannot be rendered; nothing
-/// is written in the latter case.
+/// [`Error::File`] if the directory cannot be written, [`Error::Numerical`] if the PNG cannot be rendered. In the latter case nothing
+/// is written.
 pub fn write_figure(dir: &FilePath, stem: &str, svg: &Svg) -> Result<()> {
     let files = figure_files(dir, stem, svg)?;
     write_together(&files.each_ref().map(|(path, bytes)| (path.as_path(), bytes.as_slice())))
 }
 
-/// Places and content of `<stem>.svg` and `<stem>.png`, for those who write them together with other files.
+/// Paths and content of `<stem>.svg` and `<stem>.png`, for callers that write them together with other files.
 ///
 /// # Errors
-/// [`Error::Numerical`] where the PNG cannot be rendered.
+/// [`Error::Numerical`] if the PNG cannot be rendered.
 pub fn figure_files(dir: &FilePath, stem: &str, svg: &Svg) -> Result<[(PathBuf, Vec<u8>); 2]> {
     let png = svg.png()?;
     Ok([(dir.join(format!("{stem}.svg")), svg.document().into_bytes()), (dir.join(format!("{stem}.png")), png)])
 }
 
-/// Removes what [`write_figure`] wrote earlier, if anything is there.
+/// Removes the files of an earlier [`write_figure`], if they exist.
 ///
 /// # Errors
-/// [`Error::File`] where the directory cannot be written.
+/// [`Error::File`] if the directory cannot be written.
 pub fn remove_figure(dir: &FilePath, stem: &str) -> Result<()> {
     remove_if_there(&dir.join(format!("{stem}.svg")))?;
     remove_if_there(&dir.join(format!("{stem}.png")))
 }
 
-/// Outline of a rectangle; `None` where it has no area.
+/// Outline of a rectangle, or `None` if it has no area.
 fn outline_of(rect: Rect) -> Option<tiny_skia::Path> {
     let [x, y, width, height] = [rect.x, rect.y, rect.width, rect.height].map(|at| Px(at).shown());
     let rect = tiny_skia::Rect::from_xywh(x, y, width, height)?;
     (width > 0.0 && height > 0.0).then(|| PathBuilder::from_rect(rect))
 }
 
-/// A coordinate with at most two decimals.
+/// Coordinate with at most two decimals.
 #[derive(Clone, Copy)]
 struct Px(f64);
 
-/// Farthest coordinate that is drawn: far outside of every figure, and inside of what rasterisers can count.
+/// Largest coordinate that is drawn. It is far outside every figure, and within the range of rasterisers.
 const FARTHEST_PX: f64 = 20_000.0;
 
 impl Px {
-    /// What is farther away is drawn at the limit, and what is no number at 0.
+    /// Value to draw: limited to the largest coordinate, and 0 for NaN.
     fn drawable(self) -> f64 {
         if self.0.is_nan() { 0.0 } else { self.0.clamp(-FARTHEST_PX, FARTHEST_PX) }
     }
-    /// As it is printed.
+    /// Value as printed.
     fn shown(self) -> f32 {
         ((self.drawable() * 100.0).round() / 100.0) as f32
     }
@@ -447,7 +447,7 @@ impl Px {
 impl std::fmt::Display for Px {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         let hundredths = (Self(self.0).drawable() * 100.0).round();
-        // −0 would print a sign.
+        // A value of −0 would print a sign.
         let text = format!("{:.2}", if hundredths == 0.0 { 0.0 } else { hundredths / 100.0 });
         f.write_str(text.trim_end_matches('0').trim_end_matches('.'))
     }

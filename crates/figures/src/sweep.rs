@@ -1,4 +1,4 @@
-//! An oscillation: both moduli against frequency over the prediction's band, and beneath what the prediction leaves.
+//! Oscillation: both moduli against frequency over the predictive band, with residuals below.
 
 use super::axes::{Axes, AxisStyle, title};
 use super::legend::{self, Entry, Mark};
@@ -14,32 +14,32 @@ const RESIDUAL_PX: f64 = 130.0;
 const LEFT_PX: f64 = 86.0;
 const DOT_PX: f64 = 7.0;
 const COLOURS: [Colour; 2] = [BLUE, VERMILLION];
-/// Standard deviations of a 95 % interval.
+/// Half width of a 95 % interval, in standard deviations.
 const NORMAL_95: f64 = 1.96;
 
-/// What is drawn; rows ascend in frequency.
+/// Data to draw; rows ascend in frequency.
 #[derive(Debug, Clone, Copy)]
 pub struct SweepFigure<'a> {
     /// Frequencies of the rows in Hz.
     pub frequency_hz: &'a [f64],
     /// Measured G′ and G″ of the rows in Pa.
     pub moduli_pa: &'a [[f64; 2]],
-    /// Whether no fit has seen the row.
+    /// True for held-out rows.
     pub is_heldout: &'a [bool],
-    /// Frequencies of the prediction in Hz; none without a model.
+    /// Frequencies of the prediction, in Hz; empty without a model.
     pub curve_hz: &'a [f64],
-    /// 5 %, 50 % and 95 % quantiles of the predicted G′ and G″ in Pa there, without measuring errors.
+    /// 5 %, 50 % and 95 % quantiles of the predicted G′ and G″ in Pa at these frequencies, without measurement errors.
     pub bands_pa: &'a [[[f64; 3]; 2]],
-    /// Distances of both measured numbers from the prediction, over their standard deviations; none without a model.
+    /// Residuals of both measured numbers, over their standard deviations; empty without a model.
     pub residuals: &'a [[f64; 2]],
-    /// What both numbers of the residuals are called.
+    /// Names of both numbers of the residuals.
     pub names: [&'a str; 2],
 }
 
 /// Draws an oscillation under a heading.
 ///
 /// # Errors
-/// [`Error::Input`] for an oscillation without rows, or with rows of different numbers.
+/// [`Error::Input`] for an oscillation without rows, or with columns of different lengths.
 pub fn sweep(data: &SweepFigure, heading: &str) -> Result<Svg> {
     let n = data.frequency_hz.len();
     let is_whole =
@@ -106,7 +106,7 @@ fn draw_moduli(svg: &mut Svg, data: &SweepFigure, main: &Axes) {
     }
 }
 
-/// Full dots of what was fitted, rings of what was held out; what a logarithm does not have is left out.
+/// Draws filled dots for fitted rows and rings for held-out rows. Values without a logarithm are omitted.
 fn dots(svg: &mut Svg, axes: &Axes, points: impl Iterator<Item = (f64, f64)>, is_heldout: &[bool], colour: Colour) {
     for ((x, y), is_heldout) in points.zip(is_heldout) {
         let at = axes.px(x, y);
@@ -120,7 +120,7 @@ fn dots(svg: &mut Svg, axes: &Axes, points: impl Iterator<Item = (f64, f64)>, is
     }
 }
 
-/// A ring beside its meaning.
+/// Sample of a ring for the legend.
 fn ring(svg: &mut Svg, place: Rect) {
     let centre = (place.x + 0.5 * place.width, place.y + 0.5 * place.height);
     svg.circle(centre, 0.5 * DOT_PX, Fill::new(MUTED, 1.0));

@@ -4,56 +4,56 @@ use super::font::text_width_px;
 use super::number;
 
 const ALL_DIGITS: [f64; 9] = [1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0];
-/// Which digits of a decade are labelled where there are few decades; the first choice that gives neither too few nor too many.
+/// Digits that are labelled in each decade if there are few decades. The first choice with a suitable number of labels is used.
 const DIGITS_OF_A_DECADE: [&[f64]; 4] = [&[1.0, 2.0, 5.0], &ALL_DIGITS, &[1.0, 3.0], &[1.0]];
 
-/// Intervals may make a logarithmic axis longer by so much of its length on either side, though always by the smaller of these factors,
-/// and never by more than the larger.
+/// Maximum extension of a logarithmic axis by intervals, as a fraction of its length on either side. The extension always lies between
+/// the two factors.
 const STRETCH: f64 = 0.5;
 const STRETCH_FACTORS: (f64, f64) = (1.25, 5.0);
 
-/// Numbers that an axis can show; beyond, or nearer to zero, ratios and powers leave the range of floating-point numbers.
+/// Limits of numbers on an axis; beyond them, or nearer to zero, ratios and powers leave the range of floating-point numbers.
 const LARGEST: f64 = 1e290;
 const SMALLEST: f64 = 1e-290;
-/// An axis that is shorter than this part of its numbers has no numbers to tell its ends apart.
+/// Smallest ratio of an axis' length to its numbers at which its ends have different labels.
 const NARROWEST: f64 = 1e-9;
 
-/// Linear or logarithmic.
+/// Kind of a scale: linear or logarithmic.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum ScaleKind {
-    /// Equal differences are equally long.
+    /// Linear: equal differences have equal lengths.
     Linear,
-    /// Equal ratios are equally long; both ends are positive.
+    /// Logarithmic: equal ratios have equal lengths, and both ends are positive.
     Log10,
 }
 
-/// The range of values along an axis.
+/// Range of values along an axis.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Scale {
     /// Linear or logarithmic.
     pub kind: ScaleKind,
-    /// Value at the axis' beginning.
+    /// Value at the start of the axis.
     pub lower: f64,
-    /// Value at the axis' end, above `lower`.
+    /// Value at the end of the axis, above `lower`.
     pub upper: f64,
 }
 
-/// The marks of an axis.
+/// Marks of an axis.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Ticks {
-    /// Labelled marks: value and text; the text may be empty.
+    /// Labelled marks: value and text, which may be empty.
     pub major: Vec<(f64, String)>,
     /// Unlabelled marks between them.
     pub minor: Vec<f64>,
-    /// `×10ⁿ` that multiplies every label; empty for none.
+    /// Factor `×10ⁿ` of all labels; empty if there is none.
     pub factor: String,
 }
 
 impl Scale {
-    /// A linear scale. Empty or non-finite ranges are widened to something that can be drawn.
+    /// Linear scale. Empty or non-finite ranges are widened so that they can be drawn.
     pub fn linear(lower: f64, upper: f64) -> Self {
         let (lower, upper) = if lower.is_finite() && upper.is_finite() { (lower, upper) } else { (0.0, 1.0) };
-        // Their difference and its digits must be numbers, too.
+        // The difference of the limits and its digits must be finite too.
         let drawable = |value: f64| if value.abs() < SMALLEST { 0.0 } else { value.clamp(-LARGEST, LARGEST) };
         let (lower, upper) = (drawable(lower), drawable(upper));
         let (lower, upper) = if lower <= upper { (lower, upper) } else { (upper, lower) };
@@ -65,7 +65,7 @@ impl Scale {
         Self { kind: ScaleKind::Linear, lower: lower - half, upper: upper + half }
     }
 
-    /// A linear scale over the finite ones of `values`, with a margin (a fraction of the range) at both ends.
+    /// Linear scale over the finite `values`, with a margin (a fraction of the range) at both ends.
     pub fn over(values: impl IntoIterator<Item = f64>, margin: f64) -> Self {
         let finite = values.into_iter().filter(|value| value.is_finite());
         let (lower, upper) = finite.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, u), v| (l.min(v), u.max(v)));
@@ -73,15 +73,15 @@ impl Scale {
         Self::linear(lower - pad, upper + pad)
     }
 
-    /// A logarithmic scale; ends that are not positive are replaced by the smallest number that can be drawn.
+    /// Logarithmic scale. Ends that are not positive are replaced by the smallest number that can be drawn.
     pub fn log10(lower: f64, upper: f64) -> Self {
         let lower = if lower > SMALLEST { lower.min(0.1 * LARGEST) } else { SMALLEST };
         let upper = if upper > lower * (1.0 + NARROWEST) { upper.min(LARGEST) } else { 10.0 * lower };
         Self { kind: ScaleKind::Log10, lower, upper }
     }
 
-    /// A logarithmic scale over positive `estimates`, lengthened by `intervals` to some degree only, since what knows nothing would push
-    /// all others together; `others` count where they lie that near.
+    /// Logarithmic scale over positive `estimates`. The extension by `intervals` is limited, because an uninformed one would push
+    /// all others together; `others` count if they lie near enough.
     pub fn log10_around(
         estimates: impl Iterator<Item = f64>,
         intervals: impl Iterator<Item = f64>,
@@ -103,7 +103,7 @@ impl Scale {
         Self::log10((lower - pad).exp(), (upper + pad).exp())
     }
 
-    /// Position of `value` between the beginning (0) and the end (1) of the axis.
+    /// Position of `value` between the start (0) and the end (1) of the axis.
     pub fn fraction(&self, value: f64) -> f64 {
         match self.kind {
             ScaleKind::Linear => (value - self.lower) / (self.upper - self.lower),
@@ -122,11 +122,11 @@ impl Scale {
         }
     }
 
-    /// Marks whose labels, set side by side at `size_px` along `length_px`, neither touch nor stand out by more than `overhang_px`.
+    /// Marks with labels of `size_px` side by side along `length_px`. Labels neither touch nor extend beyond the axis by more than `overhang_px`.
     pub fn ticks_side_by_side(&self, most: usize, length_px: f64, size_px: f64, overhang_px: f64) -> Ticks {
         let gap_px = 0.9 * size_px;
         let mut ticks = Ticks::default();
-        // Two more than allowed, since labels at the ends may have to go.
+        // The search starts with two more labels than allowed, because labels at the ends may be removed.
         for candidate in (2..=most.max(2) + 2).rev() {
             ticks = self.ticks(candidate);
             let mut previous_end = f64::NEG_INFINITY;
@@ -145,7 +145,7 @@ impl Scale {
                 return ticks;
             }
         }
-        // Not even two labels fit beside each other: the first stands alone.
+        // If not even two labels fit beside each other, only the first remains.
         ticks.major.iter_mut().skip(1).for_each(|(_, label)| label.clear());
         ticks
     }
@@ -177,7 +177,7 @@ impl Scale {
             let labelled = powers.iter().filter(|&&n| n.rem_euclid(every) == 0);
             labelled.map(|&n| (10f64.powi(n), number::power_of_ten(n)))
         };
-        // Over few decades powers of ten alone would leave an axis with two labels, one or none.
+        // Over few decades, powers of ten alone would give an axis with at most two labels.
         if powers.len() < 4 {
             let readable = |digits: &[f64]| (2..=most).contains(&of_decades(digits).len());
             let Some(digits) = DIGITS_OF_A_DECADE.into_iter().find(|digits| readable(digits)) else {
@@ -185,7 +185,7 @@ impl Scale {
             };
             let exponent = number::factored_exponent(self.upper);
             let label = |value: f64| (value, number::significant(value / 10f64.powi(exponent), 1));
-            // Nothing but three powers of ten is written as more of them are.
+            // Exactly three powers of ten are formatted like a larger number of them.
             if powers.len() == 3 && digits.len() == 1 {
                 return Ticks {
                     major: powers_of_ten().collect(),
@@ -204,7 +204,7 @@ impl Scale {
     }
 }
 
-/// The smallest of 1, 2, 5 × 10ⁿ of which at most `most` multiples lie in the range.
+/// Smallest step 1, 2 or 5 × 10ⁿ with at most `most` multiples in the range.
 fn round_step(lower: f64, upper: f64, most: usize) -> f64 {
     let span = upper - lower;
     let mut exponent = number::decimal_exponent(span / most as f64) - 1;
@@ -223,7 +223,7 @@ fn leading_digit(step: f64) -> i64 {
     (step / 10f64.powi(number::decimal_exponent(step * (1.0 + 1e-9)))).round() as i64
 }
 
-/// Multiples of `step` within the range, computed by multiplication so that they carry no accumulated error.
+/// Multiples of `step` within the range, computed by multiplication to avoid accumulated errors.
 fn multiples(step: f64, lower: f64, upper: f64) -> impl Iterator<Item = f64> {
     let tolerance = 1e-6;
     let (first, last) = ((lower / step - tolerance).ceil(), (upper / step + tolerance).floor());

@@ -1,4 +1,4 @@
-//! Traces and autocorrelation: how the ensembles moved, and how many steps make an independent draw.
+//! Traces and autocorrelation: the motion of the ensembles, and the number of steps per independent draw.
 
 use super::axes::{Axes, AxisStyle, title, widest_y_number_px};
 use super::legend::{self, Entry, Mark};
@@ -12,15 +12,15 @@ use base::{Error, Result};
 const WIDTH_PX: f64 = 960.0;
 const ROW_HEIGHT_PX: f64 = 130.0;
 const ROW_GAP_PX: f64 = 16.0;
-/// Part of the width that autocorrelation takes.
+/// Part of the width for the autocorrelation.
 const AUTOCORRELATION_SHARE: f64 = 0.29;
 
-/// One ensemble's run of one parameter; slices have one value a step.
+/// Run of one parameter in one ensemble; slices have one value per step.
 #[derive(Debug, Clone)]
 pub struct EnsembleTrace<'a> {
     /// Mean over walkers.
     pub mean: &'a [f64],
-    /// Lower limit of the band over walkers, such as the 5 % quantile; empty for none.
+    /// Lower limit of the band over walkers, such as the 5 % quantile; empty if there is no band.
     pub lower: &'a [f64],
     /// Upper limit of the band.
     pub upper: &'a [f64],
@@ -28,12 +28,12 @@ pub struct EnsembleTrace<'a> {
     pub walkers: Vec<&'a [f64]>,
 }
 
-/// One row of the figure.
+/// Row of the figure.
 #[derive(Debug, Clone)]
 pub struct ParameterTrace<'a> {
     /// Axis label, such as `E (Pa)`.
     pub label: &'a str,
-    /// The ensembles.
+    /// Ensembles.
     pub ensembles: Vec<EnsembleTrace<'a>>,
     /// Autocorrelation of each ensemble, from lag 0 on.
     pub autocorrelation: Vec<&'a [f64]>,
@@ -41,7 +41,7 @@ pub struct ParameterTrace<'a> {
     pub autocorrelation_time_steps: Option<f64>,
 }
 
-/// Draws one row a parameter. `n_discarded` steps at the beginning are shaded as burn-in.
+/// Draws one row per parameter. The first `n_discarded` steps are shaded as burn-in.
 ///
 /// # Errors
 /// [`Error::Input`] for no parameters or ensembles of unequal length.
@@ -85,7 +85,10 @@ fn check(parameters: &[ParameterTrace]) -> Result<usize> {
             let lengths = [(ensemble.lower.len(), banded), (ensemble.upper.len(), banded), (ensemble.mean.len(), true)];
             let walkers = ensemble.walkers.iter().map(|walker| (walker.len(), true));
             if lengths.into_iter().chain(walkers).any(|(length, counts)| counts && length != n_steps) {
-                return refuse(format!("series of unequal length for `{}`", parameter.label), "give one value a step");
+                return refuse(
+                    format!("series of unequal length for `{}`", parameter.label),
+                    "give one value per step",
+                );
             }
         }
     }
@@ -100,7 +103,7 @@ fn value_scale(parameter: &ParameterTrace) -> Scale {
     Scale::over(parameter.ensembles.iter().flat_map(of_ensemble), 0.06)
 }
 
-/// Five autocorrelation times: beyond, an autocorrelation function shows its own noise.
+/// Lags up to five autocorrelation times, because an estimated autocorrelation is only noise beyond.
 fn lag_scale(parameters: &[ParameterTrace]) -> Scale {
     let longest = parameters.iter().flat_map(|p| &p.autocorrelation).map(|a| a.len()).max().unwrap_or(0);
     let slowest =
@@ -132,13 +135,13 @@ fn trace_panel(svg: &mut Svg, axes: &Axes, parameter: &ParameterTrace, n_discard
     axes.outline(svg);
 }
 
-/// Columns of about two pixels; a longer series is drawn by its extremes in each.
+/// Number of columns of about two pixels. A longer series is drawn by its extremes in each column.
 fn columns(axes: &Axes, n: usize) -> usize {
     let n_columns = (axes.frame.width / 1.5) as usize;
     n.div_ceil(n_columns.max(1)).max(1)
 }
 
-/// A line with one point a step, or with the smallest and largest value of each pixel column where there are more.
+/// Draws a line with one point per step, or with the smallest and largest value of each pixel column if there are more steps.
 fn series_line(svg: &mut Svg, axes: &Axes, values: &[f64], stroke: Stroke) {
     let every = columns(axes, values.len());
     let (mut x, mut y) = (Vec::new(), Vec::new());
@@ -151,7 +154,7 @@ fn series_line(svg: &mut Svg, axes: &Axes, values: &[f64], stroke: Stroke) {
         }
         let (lower, upper) = extremes(chunk);
         let middle = step + 0.5 * chunk.len() as f64;
-        // Rising columns from below, falling ones from above: neighbours join without a detour.
+        // A rising column starts from below, a falling one from above, so that neighbours join without a detour.
         let rising = chunk.first() <= chunk.last();
         x.extend([middle, middle]);
         y.extend(if rising { [lower, upper] } else { [upper, lower] });
@@ -165,9 +168,9 @@ fn extremes(values: &[f64]) -> (f64, f64) {
     if lower <= upper { (lower, upper) } else { (f64::NAN, f64::NAN) }
 }
 
-/// Band between two series, averaged over each pixel column.
+/// Draws the band between two series, averaged over each pixel column.
 fn envelope(svg: &mut Svg, axes: &Axes, lower: &[f64], upper: &[f64], fill: Fill) {
-    // Coarser than the lines: an average needs less detail than extremes.
+    // Columns are wider than for lines, because an average needs less detail than extremes.
     let every = 2 * columns(axes, lower.len());
     let mean = |chunk: &[f64]| chunk.iter().sum::<f64>() / chunk.len() as f64;
     let averaged = |values: &[f64]| values.chunks(every).map(mean).collect::<Vec<f64>>();
@@ -230,7 +233,7 @@ mod tests {
         let svg = trace(&[parameter(&mean, &autocorrelation)], 0, "").unwrap();
         assert!(svg.document().len() < 100_000, "{}", svg.document().len());
         assert_eq!(svg.document(), trace(&[parameter(&mean, &autocorrelation)], 0, "").unwrap().document());
-        // The one extreme step sets the scale and is drawn at 6 % of the range below the upper edge.
+        // The single extreme step sets the scale, and is drawn at 6 % of the range below the upper edge.
         let frame_top = 8.0 + 1.6 * 12.0 + 10.0;
         let range = 1.12 * 10.0;
         let y = frame_top + ROW_HEIGHT_PX * (0.06 * 10.0 / range);

@@ -34,19 +34,19 @@ use sampling::diagnostics::autocovariance::autocovariance;
 use sampling::diagnostics::ensembles::walker_averages;
 use sampling::ensemble::SampleOutcome;
 
-/// Copies in a revision of effects that files have defined: in a folder of their own, since an effect may be called `prior`.
+/// Directory of a revision that holds copies of effects defined in files. It is separate because an effect may be called `prior`.
 const EFFECT_COPIES: &str = "effects";
 
-/// Where the copy of an effect stands in a revision.
+/// Path of an effect's copy inside a revision.
 pub(super) fn effect_copy(slug: &str) -> String {
     format!("{EFFECT_COPIES}/{slug}.toml")
 }
-/// What headers call an imported mesh, its file and unit.
+/// Key of an imported mesh (its file and unit) among the inputs of a header.
 pub const MESH_INPUT: &str = "mesh";
-/// Points of a prior's curve.
+/// Number of points on a prior's curve.
 const PRIOR_POINTS: usize = 400;
 
-/// Writes everything that a revision holds into `dir`. `header` makes the head of a JSON document of a kind.
+/// Writes all files of a revision into `dir`. `header` makes the head of a JSON document of the given kind.
 pub fn write(dir: &Path, result: &SampleResult, header: &dyn Fn(&str) -> Provenance) -> Result<()> {
     let problem = &result.model.problem;
     write_model(dir, &problem.specification, &problem.priors)?;
@@ -65,7 +65,7 @@ pub fn write(dir: &Path, result: &SampleResult, header: &dyn Fn(&str) -> Provena
     write_figures(&dir.join("figures"), problem, result, &position_um, &predictions)
 }
 
-/// Writes `model.toml`, and beside it the prior and the effects where they are files': a revision stands alone, and the files may change or go.
+/// Writes `model.toml`, with copies of the prior and the effects that come from files. The revision stays complete if those files change or vanish.
 pub(crate) fn write_model(dir: &Path, specification: &ModelSpecification, priors: &PriorSet) -> Result<()> {
     let mut specification = specification.clone();
     if !PriorSet::embedded_names().any(|name| name == specification.prior) {
@@ -81,7 +81,7 @@ pub(crate) fn write_model(dir: &Path, specification: &ModelSpecification, priors
     specification.write(&dir.join("model.toml"))
 }
 
-/// The header with the inputs that are not the study's: the prior, and an imported mesh.
+/// Adds the prior and an imported mesh to the input hashes of a header.
 pub fn with_inputs(mut header: Provenance, problem: &Problem) -> Provenance {
     if let Some(hash) = problem.finite_elements().and_then(|fe| fe.mesh_file_sha256.clone()) {
         header.inputs_sha256.insert(MESH_INPUT.into(), hash);
@@ -89,7 +89,7 @@ pub fn with_inputs(mut header: Provenance, problem: &Problem) -> Provenance {
     with_prior(header, &problem.priors)
 }
 
-/// The header with the prior.
+/// Adds the prior to the input hashes of a header.
 pub fn with_prior(header: Provenance, priors: &PriorSet) -> Provenance {
     let name = priors.name();
     let is_embedded = PriorSet::embedded_names().any(|embedded| embedded == name);
@@ -97,12 +97,12 @@ pub fn with_prior(header: Provenance, priors: &PriorSet) -> Provenance {
     header.with_input(name, priors.text().as_bytes())
 }
 
-/// Whether an input that a header names is one of the experiment's own files.
+/// Returns `true` if an input named in a header is a file of the experiment.
 pub fn of_measurement(name: &str) -> bool {
     name != PRIOR_COPY && name != MESH_INPUT && !name.starts_with("prior ")
 }
 
-/// Writes wall-clock figures, which are not the same from run to run and therefore stand alone.
+/// Writes wall-clock times in seconds. They differ from run to run and so have a file of their own.
 pub fn write_timing(dir: &Path, timing_s: &[(&'static str, f64)], provenance: Provenance) -> Result<()> {
     let stages: std::collections::BTreeMap<&str, f64> = timing_s.iter().copied().collect();
     write_document(&dir.join("timing.json"), provenance, &serde_json::json!({ "wall_s": stages }))
@@ -112,7 +112,7 @@ pub(crate) fn write_document(path: &Path, provenance: Provenance, body: &impl se
     write_json_atomically(path, &WithProvenance { provenance, body })
 }
 
-/// The draws with names and units, in the layout of the exchange formats.
+/// Arranges the draws with names and units in the layout of the exchange formats.
 pub(crate) fn draw_table(priors: &PriorSet, outcome: &SampleOutcome, columns: &[DrawColumn]) -> DrawTable {
     let draws = &outcome.draws;
     let mut values = Vec::with_capacity(draws.len() * columns.len());
@@ -143,7 +143,7 @@ fn make_folder(dir: &Path) -> Result<()> {
         .map_err(|source| Error::at_path("create", dir, source, "make the study directory writable"))
 }
 
-/// What is predicted of every row, noise included.
+/// Predictions of every row, in µm, with noise.
 fn predictions(time_s: &[f64], result: &SampleResult) -> Predictions {
     let quantile = |k: usize| result.bands_m.iter().map(|row| 1e6 * row[k]).collect::<Vec<f64>>();
     let quantiles_um = std::array::from_fn::<_, { BAND_PROBABILITIES.len() }, _>(quantile);
@@ -183,7 +183,7 @@ fn corner_of_record(problem: &Problem, result: &SampleResult) -> Result<Svg> {
     corner_figure(id, &result.summary.model, &problem.priors, &result.columns, &reference)
 }
 
-/// The corner plot of draws in their own units, with priors, and with references where there are some.
+/// Draws the corner plot of draws in natural units, with priors and any reference values.
 pub(crate) fn corner_figure(
     id: &str,
     model: &ModelSummary,
@@ -215,7 +215,7 @@ pub(crate) fn corner_figure(
     corner(&[posterior], &options)
 }
 
-/// Prior density over the range of the draws and three times as far.
+/// Prior density, evaluated on three times the range of the draws.
 pub fn prior_curve(prior: &posterior::prior::Prior, draws: &[f64]) -> (Vec<f64>, Vec<f64>) {
     let lowest = draws.iter().copied().fold(f64::INFINITY, f64::min);
     let highest = draws.iter().copied().fold(f64::NEG_INFINITY, f64::max);
@@ -225,7 +225,7 @@ pub fn prior_curve(prior: &posterior::prior::Prior, draws: &[f64]) -> (Vec<f64>,
     (x, density)
 }
 
-/// Where each cycle begins and ends, and what it serves for.
+/// Start, end and use (fitted, held out or unused) of each cycle.
 pub fn cycle_spans(experiment: &Experiment) -> Vec<CycleSpan> {
     let record = &experiment.record;
     let mut spans: Vec<CycleSpan> = Vec::new();
@@ -274,7 +274,7 @@ fn predictive_figure(
     })
 }
 
-/// How the draws went.
+/// Trace figure of the draws.
 pub(crate) fn trace_figure(
     id: &str,
     priors: &PriorSet,
@@ -304,13 +304,13 @@ pub(crate) fn trace_figure(
         .collect();
     let every = if store_every == 1 { "every step".into() } else { format!("every {store_every}th step") };
     let heading = format!(
-        "{id}: {} ensembles of {} walkers after the freeze, {every} kept",
+        "{id}: {} ensembles of {} walkers after burn-in, {every} kept",
         outcome.draws.n_ensembles, outcome.draws.n_walkers
     );
     trace(&parameters, 0, &heading)
 }
 
-/// Autocorrelation of each ensemble's walker averages.
+/// Autocorrelation of the walker averages of each ensemble.
 fn autocorrelation(column: &DrawColumn) -> Vec<Vec<f64>> {
     let averages = walker_averages(column, &column.values);
     averages

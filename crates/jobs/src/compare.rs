@@ -1,4 +1,4 @@
-//! `compare`: where the model fails.
+//! `compare`: tests a revision's residuals for misfits.
 
 use base::error::Result;
 use criticism::compare::{self, figures};
@@ -9,23 +9,23 @@ use sampling::SamplerOptions;
 use crate::outcome::Outcome;
 use crate::target::Target;
 
-/// What a caller decides.
+/// Settings that the caller chooses.
 pub struct CompareRequest {
-    /// Simulated records by which all tests are corrected together; `None` for the default.
+    /// Number of simulated records that correct all tests together; `None` for the default.
     pub simulations: Option<usize>,
-    /// The sampler's settings for a first revision; the comparison uses their seed.
+    /// The sampler's settings for a first revision. The comparison uses their seed.
     pub sampler: SamplerOptions,
 }
 
-/// Compares a revision with the measurement, and writes the comparison into the revision.
+/// Compares a revision with the measurement and writes the comparison into the revision.
 ///
 /// # Errors
-/// [`base::Error::Input`] for any target but a creep record; otherwise those of fits and of writing.
+/// [`base::Error::Input`] for any target except a creep record; otherwise the errors of fitting and writing.
 pub fn run(target: &Target, request: &CompareRequest, monitor: &dyn Monitor) -> Result<Outcome<Comparison>> {
     let seed = request.sampler.seed;
     let revision = target.creep()?.revision(request.sampler.clone(), monitor)?;
     let errors = revision.errors(&request.sampler, monitor)?;
-    monitor.stage("looking where the model fails");
+    monitor.stage("testing the residuals for misfits");
     let subject = revision.subject(monitor)?;
     let simulations = request.simulations.unwrap_or_else(|| compare::default_simulations(subject.n_fitted()));
     let found = compare::run(&subject, &subject.base(), Some(errors), simulations, seed)?;

@@ -10,7 +10,7 @@ use posterior::mechanics::{exact_stiffness_m, robot_mesh};
 use posterior::monitor::Monitor;
 use record::{Apparatus, OffsetDirection, Robot, RobotShape};
 
-/// Finest level of a table: above, one factorisation takes minutes and several gigabytes.
+/// Finest level of a table. Above it, one factorisation takes minutes and several gigabytes.
 pub fn finest_level(apparatus: &Apparatus) -> usize {
     match apparatus {
         Apparatus::Robot { robot: Robot { shape: RobotShape::Sphere { .. }, offset, .. }, .. }
@@ -18,15 +18,15 @@ pub fn finest_level(apparatus: &Apparatus) -> usize {
         {
             8
         }
-        // More layers, and more elements towards a rim, or twice as many in a half model.
+        // These meshes have more layers, more elements towards a rim, or twice as many elements in a half model.
         _ => 6,
     }
 }
 
-/// The table of levels 1 to `levels`; empty for an instrument. Adds each level's seconds to `timing_s`.
+/// Returns the table of levels 1 to `levels`, empty for an instrument. Adds the seconds of each level to `timing_s`.
 ///
 /// # Errors
-/// What meshing and factorisation refuse.
+/// The errors of meshing and factorisation.
 pub fn table(
     apparatus: &Apparatus,
     levels: usize,
@@ -66,7 +66,7 @@ fn order_of_errors(before: &MeshLevel, last: &MeshLevel) -> Option<f64> {
     Some(ratio.abs().ln() / (last.level as f64 / before.level as f64).ln())
 }
 
-/// The order p for which errors that go as level⁻ᵖ have these differences; `None` where the differences do not fall with one sign.
+/// Order p at which errors proportional to level⁻ᵖ have these differences; `None` unless the differences fall with one sign.
 fn order_of_differences(levels: [&MeshLevel; 3]) -> Option<f64> {
     const HIGHEST: f64 = 20.0;
     let ratio = |value: &dyn Fn(&MeshLevel) -> f64| {
@@ -74,7 +74,7 @@ fn order_of_differences(levels: [&MeshLevel; 3]) -> Option<f64> {
         (a - b) / (b - c)
     };
     let found = ratio(&|level| level.stiffness_m);
-    // Increases with the order.
+    // `at` increases with the order.
     let at = |order: f64| ratio(&|level| (level.level as f64).powf(-order));
     let (mut lower, mut upper) = (1e-3, HIGHEST);
     if !(at(lower)..at(upper)).contains(&found) {
@@ -91,7 +91,7 @@ fn order_of_differences(levels: [&MeshLevel; 3]) -> Option<f64> {
 mod tests {
     use super::*;
 
-    /// Values with a known order give it back; values that swing, or drift apart, have none.
+    /// Values with a known order yield it; values that oscillate or diverge have none.
     #[test]
     fn order_of_three_levels() {
         let level = |level: usize, stiffness_m: f64| MeshLevel {

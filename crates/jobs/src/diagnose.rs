@@ -1,4 +1,4 @@
-//! `diagnose`: which effect is missing.
+//! `diagnose`: finds the missing effect.
 
 use base::error::{Error, Place, Result};
 use base::files::write_json_atomically;
@@ -26,43 +26,43 @@ use crate::outcome::Outcome;
 use crate::sweep;
 use crate::target::{CohortTarget, CreepTarget, SweepTarget, Target, not_taken};
 
-/// The figure of the unexplained part.
+/// Name of the figure that shows the unexplained residual.
 pub const DISCREPANCY_FIGURE: &str = "discrepancy";
-/// Directory of a cohort's results where none is named.
+/// Default directory of a cohort's results.
 pub const COHORT_OUT: &str = "vitreo-uq-out/cohort";
 
-/// What a caller decides.
+/// Settings that the caller chooses.
 pub struct DiagnoseRequest {
-    /// Smallest change of a predicted position that is worth a claim, in noise standard deviations.
+    /// Smallest change of a predicted position that a claim may rest on, in noise standard deviations.
     pub smallest: f64,
-    /// Most simulated searches; of a cohort, simulated records of each record.
+    /// Largest number of simulated searches; for a cohort, number of simulated records per record.
     pub simulations: usize,
-    /// The sampler's settings for a first revision; the diagnosis uses their seed.
+    /// The sampler's settings for a first revision. The diagnosis uses their seed.
     pub sampler: SamplerOptions,
-    /// Cohorts only: keys that define the groups; empty for species, where there are several.
+    /// Cohorts only: keys that define the groups. Empty means species, if there are several.
     pub keys: Vec<Key>,
-    /// Cohorts only: ratios of sizes within 1 + margin of 1 are no difference in practice.
+    /// Cohorts only: a ratio of sizes within 1 + margin of 1 counts as no practical difference.
     pub margin: f64,
     /// Cohorts only: records or specimens to leave out.
     pub leave_out: Vec<String>,
 }
 
-/// The document of a diagnosis.
+/// Document of a diagnosis.
 #[derive(Serialize)]
 #[serde(untagged)]
 pub enum DiagnoseDocument {
-    /// Of a creep record.
+    /// Diagnosis of a creep record.
     Creep(Box<Diagnosis>),
-    /// Of an oscillation.
+    /// Diagnosis of an oscillation.
     Oscillation(OscillationDiagnosis),
-    /// Of a cohort.
+    /// Diagnosis of a cohort.
     Cohort(CohortDiagnosis),
 }
 
-/// Diagnoses a target, and writes the diagnosis: into the revision, the oscillation's study or the cohort's directory.
+/// Diagnoses a target and writes the diagnosis into the revision, the oscillation's study or the cohort's directory.
 ///
 /// # Errors
-/// [`Error::Input`] for several records of one specimen; otherwise those of fits and of writing.
+/// [`Error::Input`] for several records of one specimen; otherwise the errors of fitting and writing.
 pub fn run(target: &Target, request: &DiagnoseRequest, monitor: &dyn Monitor) -> Result<Outcome<DiagnoseDocument>> {
     match target {
         Target::Creep(creep) => of_creep(creep, request, monitor),
@@ -85,7 +85,7 @@ fn of_creep(
     let of_search = DiagnosisRequest { criteria, n_simulations: request.simulations, seed, base_errors, ..default };
     let mut found = diagnose(&revision.subject_for_effects(monitor)?, &of_search, monitor)?;
     if found.diagnosis.verdict.kind == VerdictKind::Unexplained {
-        // What no effect explains may be a law that no one wrote down.
+        // Residuals that no effect explains may call for a new law.
         found.diagnosis.remarks.extend(first_look(&found.subject, &found.found.base, monitor)?);
     }
     monitor.stage("writing results and figures");
@@ -128,8 +128,12 @@ fn of_cohort(
 ) -> Result<Outcome<DiagnoseDocument>> {
     cohort.refuse_options_of_one(&[], "diagnose")?;
     if let Some(path) = cohort.request.paths.iter().find(|path| record::Sweep::is_one(path)) {
-        let remedy = "give records in time; diagnose an oscillation by itself";
-        return Err(Error::input(Place::file(path), "an oscillation shows the law alone", remedy));
+        let remedy = "give records over time, and diagnose the oscillation by itself";
+        return Err(Error::input(
+            Place::file(path),
+            "an oscillation has no cycles and shows only the law, so it cannot join a cohort",
+            remedy,
+        ));
     }
     let measurements = cohort.measurements(&request.leave_out, monitor)?;
     let keys = if request.keys.is_empty() { default_keys(&measurements) } else { request.keys.clone() };
@@ -144,7 +148,7 @@ fn of_cohort(
     Ok(Outcome { document, is_sound: true, written, study: None })
 }
 
-/// Species, where every record names its own and there are two at least.
+/// Species, if every record names one and there are at least two; otherwise no key.
 fn default_keys(measurements: &[Measurement]) -> Vec<Key> {
     let mut species: Vec<Option<&str>> =
         measurements.iter().map(|own| own.experiment.species.as_deref().map(str::trim)).collect();

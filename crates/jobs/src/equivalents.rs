@@ -1,6 +1,6 @@
-//! What a study's diagnoses could not tell from the effects of a revision.
+//! Effects that a study's diagnoses cannot distinguish from the effects of a revision.
 //!
-//! Diagnoses are read where they stand: one that is made anew and separates the effects ends the equivalence in everything that is written later.
+//! Each call reads the diagnoses as they are on disk. A new diagnosis that separates two effects ends their equivalence in every later document.
 
 use base::error::Result;
 use base::files::{Content, read_if_there};
@@ -9,27 +9,27 @@ use documents::extension::{EquivalentEffects, EquivalentRefit, ExtensionSummary}
 use posterior::study::{DIAGNOSIS_NAME, EXTENSION_NAME, Study, WithProvenance};
 use serde::de::DeserializeOwned;
 
-/// Of all effects that a revision and those before it have added, the first addition first.
+/// Equivalents of all effects that a revision and its predecessors have added, in order of addition.
 ///
 /// # Errors
-/// Where the study has no such revision.
+/// [`base::Error::Input`] if the study has no such revision.
 pub fn of_revision(study: &Study, revision: &str) -> Result<Vec<EquivalentEffects>> {
     let extension: Option<ExtensionSummary> = document(study, revision, EXTENSION_NAME)?;
-    // A revision extends an earlier one: what a file says otherwise is not followed.
+    // A revision extends an earlier one. An extension document that names a later one is ignored.
     let number = |name: &str| name.get(1..).and_then(|digits| digits.parse::<u32>().ok());
     let Some(extension) = extension.filter(|own| number(&own.from) < number(revision)) else { return Ok(Vec::new()) };
     let mut list = of_revision(study, &extension.from)?;
     let diagnosis: Option<Diagnosis> = document(study, &extension.from, DIAGNOSIS_NAME)?;
     let as_written = extension.equivalents.iter().filter(|own| own.revision == revision);
     match &diagnosis {
-        // The diagnosis was taken away: what it said stands.
+        // The diagnosis has been removed: the extension document's list is used.
         None if as_written.clone().next().is_some() => list.extend(as_written.cloned()),
         _ => list.extend(of_added(diagnosis.as_ref(), &extension.from, revision, &extension.effects)),
     }
     Ok(list)
 }
 
-/// Of effects that are to be added to a revision, and of those that it has.
+/// Equivalents of the effects of a revision and of effects to add to it.
 ///
 /// # Errors
 /// As [`of_revision`].
@@ -40,7 +40,7 @@ pub fn of_extension(study: &Study, from: &str, revision: &str, added: &[String])
     Ok(list)
 }
 
-/// What a diagnosis says of effects that are added: those of its class, and those that it did not claim.
+/// Equivalents of added effects by a diagnosis: one entry for claimed effects, one for effects that it does not claim.
 fn of_added(diagnosis: Option<&Diagnosis>, from: &str, revision: &str, added: &[String]) -> Vec<EquivalentEffects> {
     let class = diagnosis.map(class_of).unwrap_or_default();
     let is_claimed = |slug: &&String| class.claimed.contains(slug);
@@ -65,17 +65,17 @@ fn of_added(diagnosis: Option<&Diagnosis>, from: &str, revision: &str, added: &[
     tested.into_iter().chain(untested).collect()
 }
 
-/// Effects that a diagnosis claims or cannot tell from its claim.
+/// Effects that a diagnosis claims or cannot distinguish from its claim.
 #[derive(Default)]
 struct Class {
     claimed: Vec<String>,
     equivalent: Vec<String>,
-    /// Whether each effect may stand for the claim: it is of one effect.
+    /// The claim is a single effect, so each member of the class can replace it.
     is_single: bool,
 }
 
 impl Class {
-    /// Rivals of effects that were added.
+    /// Rivals of added effects.
     fn rivals(&self, added: &[&String]) -> Vec<String> {
         if added.is_empty() {
             return Vec::new();
@@ -85,7 +85,7 @@ impl Class {
     }
 }
 
-/// A single claim and its equivalents are one class: whichever is added has all others as rivals.
+/// Class of a diagnosis. A single claim and its equivalents form one class: each member has all others as rivals.
 fn class_of(diagnosis: &Diagnosis) -> Class {
     let verdict = &diagnosis.verdict;
     let is_single = verdict.effects.len() == 1;
@@ -105,7 +105,7 @@ fn refit(candidate: &CandidateEntry) -> EquivalentRefit {
     }
 }
 
-/// A document of a revision, if it is there and can be read.
+/// Reads a document of a revision; `None` if it is missing or unreadable.
 fn document<T: DeserializeOwned>(study: &Study, revision: &str, name: &str) -> Result<Option<T>> {
     let path = study.revision_dir(revision)?.join(name);
     let read = || serde_json::from_slice::<WithProvenance<T>>(&read_if_there(&path, Content::Document)?).ok();
@@ -186,7 +186,7 @@ mod tests {
         assert!(own.sentence().expect("a rival").contains("cannot tell clock-offset from actuator-lag"));
     }
 
-    /// Whoever adds the rival has the claim as a rival.
+    /// Adding the rival instead of the claim makes the claim a rival.
     #[test]
     fn a_rival_that_is_added_has_the_claim_for_a_rival() {
         let found = added(Some(&diagnosis(&["clock-offset"], &["actuator-lag"])), &["actuator-lag"]);
@@ -210,7 +210,7 @@ mod tests {
             assert!(own.diagnosis_of.is_none() && own.rivals.is_empty() && own.alternative().is_none());
             assert!(own.sentence().expect("untested").contains("were not tested"), "{own:?}");
         }
-        // A claim that the diagnosis has separated needs no word.
+        // A claim that the diagnosis has separated needs no remark.
         let found = added(Some(&separated), &["clock-offset"]);
         assert!(found[0].sentence().is_none() && found[0].refits.is_empty());
     }

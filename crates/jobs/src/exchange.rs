@@ -1,6 +1,7 @@
-//! What an exchange file says of the record's rows: the data, the log-likelihood of each position, and predictions by posterior and prior.
+//! Groups of an exchange file that belong to the record's rows: data, log-likelihood of each position, predictions of posterior and prior.
 //!
-//! Predictions are by the reduced model, of a few hundred draws spread evenly over every chain, and of at most so many rows that a file stays small.
+//! The reduced model makes the predictions, for a few hundred draws spread evenly over every chain.
+//! The number of rows is limited to keep files small.
 
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
@@ -15,23 +16,23 @@ use posterior::prepared::PreparedModel;
 use posterior::problem::Problem;
 use sampling::ensemble::Draws;
 
-/// Draws of all chains that are predicted: at most, and where rows are many.
+/// Largest number of predicted draws of all chains, and the number for long records.
 const MOST_DRAWS: usize = 500;
 const FEWEST_DRAWS: usize = 100;
-/// Numbers of one variable, 4 MB; of longer records every so many rows are predicted.
+/// Largest number of values in one variable, 4 MB. In longer records every k-th row is predicted.
 const MOST_VALUES: usize = 500_000;
-/// Streams of the random numbers: of noise about posterior draws, and of prior draws.
+/// Random number streams for the noise about posterior draws and for prior draws.
 const POSTERIOR_STREAM: u64 = 1 << 50;
 const PRIOR_STREAM: u64 = 1 << 51;
-/// Prior draws at which the model has no prediction are drawn again so often.
+/// Largest number of attempts to find a prior draw at which the model has a prediction.
 const MOST_TRIES: usize = 100;
-/// Positions are in µm: a density of metres is so much larger.
+/// Logarithm of µm per m. It converts a log-density per metre to one per µm.
 const LN_UM_PER_M: f64 = 13.815_510_557_964_274;
 
-/// Variable of positions in every group.
+/// Variable name of positions in every group.
 const POSITION: &str = "position_um";
 
-/// Everything that belongs to the rows of the record.
+/// Makes all groups that belong to the rows of the record.
 pub fn record_groups(model: &PreparedModel, draws: &Draws, seed: u64) -> RecordGroups<'static> {
     let problem = &model.problem;
     let record = &problem.experiment.record;
@@ -61,7 +62,7 @@ pub fn record_groups(model: &PreparedModel, draws: &Draws, seed: u64) -> RecordG
     groups
 }
 
-/// Of one draw: log density of every fitted position, and positions with noise at every kept row.
+/// Prediction of one draw: log-density of every fitted position, and positions with noise at every kept row.
 type Predicted = (Vec<f64>, Vec<f64>);
 
 /// Predicts chosen rows.
@@ -70,13 +71,13 @@ struct Predictor<'a> {
     posterior: &'a ReducedPosterior<'a>,
     forward: ReducedForward<'a>,
     likelihood: NoiseLikelihood,
-    /// Rows that are predicted, every so many of those with a position.
+    /// Predicted rows: every `stride`-th row that has a position.
     rows: Vec<usize>,
     stride: usize,
-    /// Places of the fitted ones among those that the likelihood compares.
+    /// Fitted rows among the predicted ones, as (index in the likelihood, row).
     fitted: Vec<(usize, usize)>,
     n_chains: usize,
-    /// Draws of a chain that are predicted.
+    /// Number of predicted draws per chain.
     n_draws: usize,
     seed: u64,
 }
@@ -106,14 +107,14 @@ impl<'a> Predictor<'a> {
         rng
     }
 
-    /// Positions (m) at every row of the record, and the noise's parameters.
+    /// Positions (m) at every row of the record, and the noise parameters.
     fn prediction(&self, natural: &[f64]) -> Option<(Vec<f64>, Vec<f64>)> {
         let (model, noise) = natural.split_at(self.problem.model.parameters().len());
         let trajectory_m = self.forward.trajectory_m(model).ok()?;
         trajectory_m.iter().all(|x| x.is_finite()).then(|| (trajectory_m, noise.to_vec()))
     }
 
-    /// Positions (µm) of the chosen rows with noise.
+    /// Positions (µm) of the predicted rows, with noise.
     fn with_noise_um(&self, trajectory_m: &[f64], noise: &[f64], rng: &mut ChaCha8Rng) -> Vec<f64> {
         let record = &self.problem.experiment.record;
         let time_s: Vec<f64> = self.rows.iter().map(|row| record.time_s[*row]).collect();
@@ -138,7 +139,7 @@ impl<'a> Predictor<'a> {
             Some((chosen, self.with_noise_um(&trajectory_m, &noise, rng)))
         };
         let all: Vec<Option<Predicted>> = (0..self.n_chains * n_draws).into_par_iter().map(one).collect();
-        // A draw that fits and has no model on other rows is left out of all chains.
+        // A draw that has no model on some row is left out of all chains.
         let is_there = |k: &usize| (0..self.n_chains).all(|chain| all[chain * n_draws + k].is_some());
         let kept: Vec<usize> = (0..n_draws).filter(is_there).collect();
         let of = |part: fn(&Predicted) -> &Vec<f64>| -> Vec<f64> {
@@ -148,7 +149,7 @@ impl<'a> Predictor<'a> {
         if kept.is_empty() {
             return;
         }
-        let selection = self.selection(&format!("{} of {} draws a chain, evenly spread", kept.len(), order.len()));
+        let selection = self.selection(&format!("{} of {} draws per chain, evenly spread", kept.len(), order.len()));
         let of_group = |group, unit, note, rows, values| DrawnRows {
             group,
             name: POSITION,
@@ -169,7 +170,7 @@ impl<'a> Predictor<'a> {
             }
         };
         let note = format!(
-            "ln density of each fitted position, in nats for positions in µm, {given}; {selection}; these draws are far apart: az.loo(data, reff=1)"
+            "ln density of each fitted position, in nats for positions in µm, {given}; {selection}; these draws are nearly independent: use az.loo(data, reff=1)"
         );
         let fitted = self.fitted.iter().map(|(_, row)| *row as i64).collect();
         groups.drawn.push(of_group("log_likelihood", "1", note, fitted, of(|own| &own.0)));
@@ -218,7 +219,7 @@ impl<'a> Predictor<'a> {
         self.rows.iter().map(|row| *row as i64).collect()
     }
 
-    /// Which draws and rows these are, in words.
+    /// Describes the chosen draws and rows.
     fn selection(&self, draws: &str) -> String {
         match self.stride {
             1 => format!("{draws}; every row with a position"),
@@ -236,7 +237,7 @@ mod tests {
     use record::Apparatus;
     use sampling::ensemble::RandomStream;
 
-    /// Eight walkers of four ensembles at their prior's medians, moved a little.
+    /// Draws of eight walkers in four ensembles, near the medians of their priors.
     fn draws(problem: &Problem) -> Draws {
         let (n_ensembles, n_steps, n_walkers) = (4, 20, 8);
         let medians: Vec<f64> = problem
@@ -282,7 +283,7 @@ mod tests {
         groups.drawn.iter().find(|own| own.group == name).expect("written")
     }
 
-    /// Every fitted position has its likelihood, every position a prediction; what adds up to the likelihood does.
+    /// Every fitted position has a likelihood and every position a prediction. Pointwise terms add up to the likelihood.
     #[test]
     fn rows_are_those_that_were_fitted_and_measured() {
         let (problem, groups) = groups(&["white"], 0);
@@ -297,7 +298,7 @@ mod tests {
         let n_fitted: f64 = groups.constant[3].values.iter().sum();
         let of_cycle = experiment.record.cycle.iter().filter(|own| experiment.calibration_cycles.contains(own));
         assert_eq!(n_fitted as usize, of_cycle.count());
-        // The first chain's first draw, against the likelihood of all.
+        // The first draw of the first chain, against the likelihood of all positions.
         let prepared = PreparedModel::unverified(&problem, None, &Silent).expect("an instrument");
         let posterior = prepared.posterior();
         let [walker, step] = arrangement(8, 20)[ln_likelihood.draws[0] as usize];
@@ -324,7 +325,7 @@ mod tests {
         }
     }
 
-    /// 200,000 rows: at most 4 MB a variable, and said.
+    /// For 200,000 rows each variable has at most 4 MB, and the note says so.
     #[test]
     fn long_records_stay_small() {
         let (_, groups) = groups(&["white"], 200_000);

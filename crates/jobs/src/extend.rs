@@ -1,4 +1,4 @@
-//! The next revision of a study: an effect added, both models refitted on all cycles but the last, the last one scored (formats §4).
+//! Makes the next revision of a study with an effect added. Both models are fitted to all cycles except the last, which scores them (formats §4).
 
 use std::path::{Path, PathBuf};
 
@@ -26,49 +26,49 @@ use crate::outcome::Outcome;
 use crate::target::{CohortTarget, CreepTarget, Target, TargetRequest, not_taken};
 use crate::{artefacts, equivalents, pages};
 
-/// Directory of a cohort's studies where none is named: one folder a record.
+/// Default directory of a cohort's studies, with one folder per record.
 const COHORT_OUT: &str = "vitreo-uq-out/cohort-studies";
 
-/// What a caller decides.
+/// Settings that the caller chooses.
 pub struct ExtendRequest {
     /// Slugs of the effects to add.
     pub effects: Vec<String>,
-    /// Parameters to fix or to free, as `name=value` or `name=free`: of both models where they have them.
+    /// Parameters to fix or free, as `name=value` or `name=free`. They apply to both models that have them.
     pub set: Vec<String>,
     /// The sampler's settings.
     pub sampler: SamplerOptions,
-    /// Cohorts only: whether every study's page is written anew.
+    /// Cohorts only: also write every study's page.
     pub pages: bool,
 }
 
-/// The document of an extension.
+/// Document of an extension.
 #[derive(Serialize)]
 #[serde(untagged)]
 pub enum ExtendDocument {
-    /// Of a creep record.
+    /// Extension of a creep record.
     Creep(Box<ExtensionSummary>),
-    /// Of a cohort.
+    /// Extension of a cohort.
     Cohort {
-        /// Every record's, which its own study has, too.
+        /// Extension of each record, also stored in the record's own study.
         records: Vec<ExtendedRecord>,
     },
 }
 
-/// A record of a cohort after `extend`.
+/// Record of a cohort after `extend`.
 #[derive(Serialize)]
 pub struct ExtendedRecord {
     /// Name of its directory.
     pub name: String,
-    /// The revision that has the effects.
+    /// Revision that has the effects.
     pub revision: String,
-    /// What the extension led to; `None` where the revision was there already.
+    /// Summary of the extension; `None` if the revision existed before.
     pub extension: Option<ExtensionSummary>,
 }
 
-/// Adds effects to a target's last or named revision, and writes the next revision; of a cohort, to every record's.
+/// Adds effects to a target's last or named revision and writes the next revision. A cohort is extended record by record.
 ///
 /// # Errors
-/// [`Error::Input`] where the effects or values are refused, for an oscillation and for several records of one specimen; otherwise those of sampling and of writing.
+/// [`Error::Input`] if effects or values are refused, for an oscillation and for several records of one specimen; otherwise the errors of sampling and writing.
 pub fn run(target: &Target, request: &ExtendRequest, monitor: &dyn Monitor) -> Result<Outcome<ExtendDocument>> {
     match target {
         Target::Creep(creep) => {
@@ -92,7 +92,7 @@ fn of_creep(target: &CreepTarget, request: &ExtendRequest, monitor: &dyn Monitor
             Place::setting(Setting::Base),
             "the study has a base law already",
             format!(
-                "leave {} (or {}) away, or make a study of another law with `sample {} … {} DIR`",
+                "leave out {} (or {}), or make a study of another law with `sample {} … {} DIR`",
                 Setting::Base,
                 Setting::Forward,
                 Setting::Base,
@@ -109,7 +109,7 @@ fn of_creep(target: &CreepTarget, request: &ExtendRequest, monitor: &dyn Monitor
     };
     let request =
         ExtensionRequest { from: &from, revision: &revision, effects: &request.effects, values, earlier, options };
-    // What can be refused is refused here, before anything is sampled or written.
+    // All checks come here, before anything is sampled or written.
     let mut pair = compared(&before, &request, &library)?;
     for problem in [&before, &pair.before, &pair.after] {
         refuse_nothing_to_sample(problem)?;
@@ -141,7 +141,7 @@ fn of_creep(target: &CreepTarget, request: &ExtendRequest, monitor: &dyn Monitor
     Ok(Outcome { is_sound: document.body.is_sound(), document, written, study: Some(study) })
 }
 
-/// The revision to extend, the one to make, and the number of earlier extensions.
+/// Names of the revision to extend and of the one to make, with the number of earlier extensions.
 fn revisions(study: &Study, from: Option<&str>) -> Result<(String, String, usize)> {
     let there = study.revisions()?;
     let last = there.last().cloned().unwrap_or_else(|| FIRST_REVISION.into());
@@ -182,21 +182,21 @@ fn of_cohort(cohort: &CohortTarget, request: &ExtendRequest, monitor: &dyn Monit
     Ok(Outcome { document, is_sound, written: out.to_path_buf(), study: None })
 }
 
-/// The study of every record: itself, or a folder of its name.
+/// Study directory of every record: the study itself, or a folder of the record's name.
 fn places(measurements: &[Measurement], out: &Path) -> Result<Vec<PathBuf>> {
     let place = |own: &Measurement| if Study::is_study(&own.path) { own.path.clone() } else { out.join(own.name()) };
     let places: Vec<PathBuf> = measurements.iter().map(place).collect();
     match (0..places.len()).find(|k| places[..*k].contains(&places[*k])) {
         Some(second) => Err(Error::input(
             Place::file(&measurements[second].path),
-            format!("another record's directory is called {}, too", measurements[second].name()),
+            format!("another record's directory is also called {}", measurements[second].name()),
             format!("give them different names, or extend one of them by itself with `{}`", Setting::Out),
         )),
         None => Ok(places),
     }
 }
 
-/// The last revision of a study, if it has the effects already: what an earlier run of the same command made.
+/// Last revision of a study, if it has the effects from an earlier run of this command.
 fn revision_with(place: &Path, effects: &[String]) -> Result<Option<String>> {
     if !Study::is_study(place) {
         return Ok(None);
@@ -207,7 +207,7 @@ fn revision_with(place: &Path, effects: &[String]) -> Result<Option<String>> {
     Ok(effects.iter().all(|slug| model.effects.contains(slug)).then_some(last))
 }
 
-/// How two models are refitted and compared.
+/// Options for refitting and comparing two models.
 pub struct ExtensionRequest<'a> {
     /// Name of the revision to extend.
     pub from: &'a str,
@@ -215,36 +215,36 @@ pub struct ExtensionRequest<'a> {
     pub revision: &'a str,
     /// Slugs to add.
     pub effects: &'a [String],
-    /// Parameters to hold at a value or to free: of both models where they have them.
+    /// Parameters to fix at a value or to free. They apply to both models that have them.
     pub values: Assignments,
-    /// Extensions that the same cycle has judged before.
+    /// Number of earlier extensions scored on this cycle.
     pub earlier: usize,
     /// The sampler's settings.
     pub options: SamplerOptions,
 }
 
 impl Default for ExtensionRequest<'_> {
-    /// From m0 to m1, with no effect yet.
+    /// From m0 to m1, without effects.
     fn default() -> Self {
         let (values, options) = (Assignments::new(), SamplerOptions::default());
         Self { from: "m0", revision: "m1", effects: &[], values, earlier: 0, options }
     }
 }
 
-/// What the job led to.
+/// Result of an extension.
 pub struct Extension {
-    /// The document for people and scripts.
+    /// Document for people and scripts.
     pub summary: ExtensionSummary,
-    /// The extended model, joined with the experiment as it was fitted here.
+    /// Extended model, joined with the experiment as it is fitted here.
     pub problem: Problem,
-    /// Its posterior.
+    /// Posterior of the extended model.
     pub after: SampleResult,
 }
 
-/// The specification with effects added.
+/// Adds effects to a specification.
 ///
 /// # Errors
-/// [`Error::Input`] when one of them is there already or is not in the library.
+/// [`Error::Input`] if the model has one of them already or the library does not.
 pub fn extended(
     specification: &ModelSpecification,
     effects: &[String],
@@ -266,7 +266,10 @@ pub fn extended(
             let slugs = library.effects().iter().map(|effect| effect.slug());
             let near = base::units::nearest_name(slug, slugs);
             let hint = near.map_or(String::new(), |near| format!("did you mean `{near}`? "));
-            return refuse(format!("`{slug}` is not available"), format!("{hint}`vitreo-uq effects` lists what is"));
+            return refuse(
+                format!("`{slug}` is not available"),
+                format!("{hint}`vitreo-uq effects` lists the available effects"),
+            );
         }
         if model.effects.contains(slug) {
             let remedy = format!("leave it out, or extend an earlier revision with `{}`", Setting::Revision);
@@ -279,22 +282,22 @@ pub fn extended(
 
 /// Two models of one experiment, to be fitted and scored on the same cycles.
 pub struct Pair {
-    /// The model to extend.
+    /// Model to extend.
     pub before: Problem,
-    /// The extended one.
+    /// Extended model.
     pub after: Problem,
-    /// Whether `before` is a revision as it stands: nothing was fixed or freed in it.
+    /// `before` is the stored revision, with nothing fixed or freed.
     pub is_before_as_stored: bool,
-    /// The posterior of `before` on these cycles, where it was sampled already.
+    /// Posterior of `before` on these cycles, if it exists.
     pub posterior_before: Option<PosteriorSummary>,
-    /// A surrogate that may serve both.
+    /// Surrogate that may serve both models.
     pub kept_surrogate: Option<KeptSurrogate>,
 }
 
-/// Joins both models with the experiment as revisions are compared on it; `before` is the model to extend, of the whole experiment.
+/// Joins both models with the experiment for a comparison. `before` is the model to extend, on the whole experiment.
 ///
 /// # Errors
-/// As [`extended`]; [`Error::Input`] for what cannot stand together.
+/// As [`extended`]; [`Error::Input`] for effects that cannot be combined.
 pub fn compared(before: &Problem, request: &ExtensionRequest, library: &Library) -> Result<Pair> {
     let mut specification = before.specification.clone();
     let own = before.parameters();
@@ -369,27 +372,27 @@ fn summarise(
     }
 }
 
-/// What the extended model says of itself, if the comparison with the model before stands.
+/// Trust in the extended model, provided that the model before has converged.
 fn trust(base: &PosteriorSummary, after: &PosteriorSummary) -> Trust {
     if base.converged || !after.trust.is_sound() {
         return after.trust.clone();
     }
     let reason =
-        "the draws of the model before the extension have not converged, so the comparison means nothing".into();
+        "the draws of the model before the extension have not converged, so the comparison is not valid".into();
     Trust { level: TrustLevel::Untrusted, reason }
 }
 
-/// Draws that are looked at for a valley: evenly spread over all.
+/// Number of draws that are searched for separate modes, spread evenly over all draws.
 const N_DRAWS_FOR_ANSWERS: usize = 2_000;
 const GOLDEN: f64 = 0.618_033_988_749_894_9;
 
-/// The sides of the first valley in a parameter of the added effects, in the coordinate in which its prior is a standard normal.
+/// Two modes of an added effect's first bimodal parameter, found in the coordinate in which its prior is a standard normal.
 fn answers(problem: &Problem, effects: &[String], columns: &[DrawColumn]) -> Vec<ExtensionAnswer> {
     let is_added = |name: &str| {
         effects.iter().any(|slug| name.strip_prefix(slug.as_str()).is_some_and(|rest| rest.starts_with('.')))
     };
     for (prior, column) in problem.priors.priors().iter().zip(columns).filter(|(prior, _)| is_added(&prior.name)) {
-        // Multiples of the golden section: a stride would lock to some of the walkers.
+        // Multiples of the golden ratio choose the draws. A fixed stride would favour some walkers.
         let n = column.values.len();
         let place = |k: usize| ((k as f64 * GOLDEN).fract() * n as f64) as usize;
         let natural: Vec<f64> = (0..N_DRAWS_FOR_ANSWERS.min(n)).map(|k| column.values[place(k)]).collect();
@@ -426,14 +429,14 @@ fn in_words(answers: &[ExtensionAnswer]) -> String {
         )
     };
     let each: Vec<String> = answers.iter().map(of).collect();
-    if each.is_empty() { String::new() } else { format!(" There are two answers: {}.", each.join(", or ")) }
+    if each.is_empty() { String::new() } else { format!(" The posterior has two modes: {}.", each.join(", or ")) }
 }
 
-/// What errors are judged by.
+/// Noise and counts for judging a change of the error.
 struct Scoring {
     noise_um: Option<f64>,
     n_scored: usize,
-    /// Extensions that the same cycle has judged before.
+    /// Number of earlier extensions scored on this cycle.
     earlier: usize,
 }
 
@@ -445,15 +448,15 @@ impl Scoring {
     }
 }
 
-/// A root mean square over n positions is known to its √(2n)-th part; changes of less than this many of these are none.
+/// Smallest significant change of an error, in its standard errors. A root mean square over n positions has a relative standard error of 1/√(2n).
 const CHANGE_IN_ERRORS: f64 = 2.0;
 
-/// What the figures say, and no more.
+/// Sentence about the change of the errors.
 fn sentence(effects: &str, before: ModelErrors, after: ModelErrors, scoring: &Scoring) -> String {
     let noise = scoring.noise_um.map_or(String::new(), |noise| format!(" (noise {noise:.3} µm)"));
     let (Some(was), Some(is)) = (before.rmse_heldout_um, after.rmse_heldout_um) else {
         return format!(
-            "With {effects} the error on the fitted cycles goes from {:.3} to {:.3} µm{noise}. No cycle is held out, so this is suggestive at most.",
+            "With {effects} the error on the fitted cycles goes from {:.3} to {:.3} µm{noise}. No cycle is held out, so the change is at most suggestive.",
             before.rmse_fitted_um, after.rmse_fitted_um
         );
     };
@@ -466,8 +469,11 @@ fn sentence(effects: &str, before: ModelErrors, after: ModelErrors, scoring: &Sc
         "rises"
     };
     let times = match scoring.earlier {
-        0 => "One cycle was scored, once.".to_string(),
-        n => format!("The same cycle has judged {n} earlier revision{} of this study.", if n == 1 { "" } else { "s" }),
+        0 => "This cycle scores an extension of the study for the first time.".to_string(),
+        n => format!(
+            "The same cycle has already scored {n} earlier revision{} of this study.",
+            if n == 1 { "" } else { "s" }
+        ),
     };
     format!(
         "With {effects} the error on the last held-out cycle {verb}: {was:.3} µm before, {is:.3} µm after{noise}. {times}"
@@ -487,15 +493,18 @@ mod tests {
         };
         let scored = say(10.0, 4.1, 0);
         assert!(scored.contains("falls: 10.000 µm before, 4.100 µm after (noise 4.000 µm)"), "{scored}");
-        assert!(scored.contains("once") && say(10.0, 4.1, 2).contains("has judged 2 earlier revisions"));
+        assert!(
+            scored.contains("for the first time")
+                && say(10.0, 4.1, 2).contains("has already scored 2 earlier revisions")
+        );
         assert!(say(4.0, 10.0, 0).contains("rises"));
-        // Of 200 positions: 4 µm within 0.4 µm.
+        // The error of 200 positions is 4 µm within 0.4 µm.
         assert!(say(4.3, 4.0, 0).contains("does not change") && say(4.5, 4.0, 0).contains("falls"));
         let scoring = Scoring { noise_um: None, n_scored: 0, earlier: 0 };
-        assert!(sentence("x", misfit(9.0, None), misfit(4.0, None), &scoring).contains("suggestive"));
+        assert!(sentence("x", misfit(9.0, None), misfit(4.0, None), &scoring).contains("at most suggestive"));
     }
 
-    /// Draws of two heaps are two answers with their shares, also of a parameter that is always positive; draws of one heap are one.
+    /// Draws in two clusters give two modes with their probabilities, also for a positive parameter. Draws in one cluster give one mode.
     #[test]
     fn two_heaps_of_draws_are_two_answers() {
         let (experiment, _) = posterior::replica::embedded().expect("embedded");
@@ -517,7 +526,7 @@ mod tests {
         };
         let two = answers(&problem, &effects, &columns(&|k| if k % 10 < 3 { 0.9 } else { 0.1 }));
         assert_eq!(two.len(), 2);
-        // 2,000 of the draws have an error of 0.01 in a share; five are allowed.
+        // 2,000 draws give a probability with a standard error of 0.01. The test allows five.
         assert!((two[0].probability - 0.7).abs() < 0.05 && two[0].q95 < two[1].q05, "{two:?}");
         assert!(in_words(&two).contains(", or instantaneous-elasticity."), "{}", in_words(&two));
         assert!(answers(&problem, &effects, &columns(&|_| 0.4)).is_empty());

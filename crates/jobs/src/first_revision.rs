@@ -1,4 +1,4 @@
-//! The first revision of a study: a posterior with all that is written beside it.
+//! First revision of a study: samples the posterior and writes its files.
 
 use std::path::PathBuf;
 use std::time::Instant;
@@ -15,13 +15,13 @@ use posterior::study::{ModelSpecification, Study};
 use record::Experiment;
 use sampling::SamplerOptions;
 
-/// Its name.
+/// Name of the first revision.
 pub const FIRST_REVISION: &str = "m0";
 
-/// Samples the posterior and writes it as the study's first revision, whole or not at all; returns its directory, too.
+/// Samples the posterior and writes it as the study's first revision, whole or not at all. Also returns the revision's directory.
 ///
 /// # Errors
-/// Those of [`sample::run`], and of writing.
+/// The errors of [`sample::run`] and of writing.
 pub fn make_first_revision(
     study: &Study,
     problem: &Problem,
@@ -50,20 +50,20 @@ pub fn make_first_revision(
     Ok((result, written))
 }
 
-/// The experiment as a revision is fitted to it: the first, or none, to the calibration cycles, later ones to all but the last held-out one, as `extend` fits them.
+/// Experiment with the cycles that a revision is fitted to. m0 (or none) uses the calibration cycles, later revisions all cycles except the last held-out one, as in `extend`.
 pub fn as_fitted(experiment: Experiment, revision: Option<&str>) -> Experiment {
     if revision.is_none_or(|name| name == FIRST_REVISION) { experiment } else { experiment.for_comparison() }
 }
 
-/// The surrogate of an earlier run, if it can be used; whether it fits is checked by its hash.
+/// Surrogate of an earlier run, if it is readable. Its hash decides later if it fits the model.
 pub fn kept_surrogate(study: &Study, monitor: &dyn Monitor) -> Option<KeptSurrogate> {
     KeptSurrogate::read(&study.revision_dir(FIRST_REVISION).ok()?, monitor)
 }
 
-/// A revision of another model is not overwritten unless that is asked for.
+/// Refuses to overwrite a revision of another model unless `force` is set.
 ///
 /// # Errors
-/// [`Error::Input`] where the study has another model in its first revision and `force` is not said.
+/// [`Error::Input`] if m0 is of another model and `force` is not set.
 pub fn refuse_other_model(study: &Study, specification: &ModelSpecification, force: bool) -> Result<()> {
     let Ok(dir) = study.revision_dir(FIRST_REVISION) else { return Ok(()) };
     let path = dir.join("model.toml");
@@ -72,7 +72,7 @@ pub fn refuse_other_model(study: &Study, specification: &ModelSpecification, for
     }
     Err(Error::input(
         Place::file(path),
-        "the study's m0 is of another model, and `sample` makes m0 only",
+        "the study's m0 is of another model, and `sample` writes only m0",
         format!(
             "choose another directory with `{}`, replace m0 with `{}`, or add effects with `extend`",
             Setting::Out,
@@ -81,7 +81,7 @@ pub fn refuse_other_model(study: &Study, specification: &ModelSpecification, for
     ))
 }
 
-/// Whether two models are the same, their priors by content and not by name.
+/// Returns `true` if two models are equal. Priors are compared by content, not by name.
 fn same_model(ours: &ModelSpecification, other: &ModelSpecification) -> Result<bool> {
     let unnamed = |model: &ModelSpecification| ModelSpecification { prior: String::new(), ..model.clone() };
     let same_prior = || Ok(PriorSet::text_named(&ours.prior)?.1 == PriorSet::text_named(&other.prior)?.1);

@@ -1,4 +1,4 @@
-//! `fit`: the paper's point estimate by nonlinear least squares.
+//! `fit`: computes the paper's point estimate by nonlinear least squares.
 
 use base::error::Result;
 use base::files::write_json_atomically;
@@ -12,10 +12,10 @@ use crate::first_revision::kept_surrogate;
 use crate::outcome::Outcome;
 use crate::target::Target;
 
-/// Fits the model of a creep record, and writes the estimate into the record's study. `seed` stands in the document alone.
+/// Fits the model of a creep record and writes the estimate into the record's study. `seed` is only recorded in the document.
 ///
 /// # Errors
-/// [`base::Error::Input`] for any target but a creep record; otherwise as [`fit::run`].
+/// [`base::Error::Input`] for any target except a creep record; otherwise as [`fit::run`].
 pub fn run(target: &Target, seed: u64, monitor: &dyn Monitor) -> Result<Outcome<FitSummary>> {
     let target = target.creep()?;
     target.check(monitor)?;

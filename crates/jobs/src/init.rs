@@ -1,4 +1,4 @@
-//! The job of `init`: a table of another maker becomes an experiment that the program reads.
+//! `init`: turns a table of any origin into an experiment that the program reads.
 
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
@@ -15,33 +15,33 @@ use record::table::{
 };
 use record::{Direction, Sweep, Zero, sweep_columns};
 
-/// What a caller says.
+/// Settings that the caller chooses.
 #[derive(Debug, Clone, Default)]
 pub struct InitRequest {
-    /// The table.
+    /// Path of the table.
     pub file: PathBuf,
-    /// Directory to write; the table's name without its ending where none is given.
+    /// Directory to write; by default the table's name without its extension.
     pub out: Option<PathBuf>,
-    /// What is known of its columns.
+    /// Known properties of the columns.
     pub given: Given,
     /// Specimen identifier.
     pub id: Option<String>,
-    /// Its species and the region of its eye.
+    /// Species, and region of the eye.
     pub groups: [Option<String>; 2],
     /// Diameter of a spherical robot in mm, the vitreous's diameter in mm and Poisson ratio.
     pub sizes: [Option<f64>; 3],
     /// Density of the robot in kg/m³.
     pub robot_density_kg_m3: Option<f64>,
-    /// Noise of the tracker in µm.
+    /// Noise standard deviation of the tracker in µm.
     pub noise_um: Option<f64>,
-    /// Write over an experiment that is there.
+    /// Overwrite an existing experiment.
     pub replace: bool,
 }
 
-/// Looks at the table, asks for what it cannot know, and writes the experiment beside a copy of the table. Gives what was understood, and the table's hash.
+/// Reads the table, asks for missing information, and writes the experiment beside a copy of the table. Returns the interpretation of the table and its hash.
 ///
 /// # Errors
-/// Those of [`propose`]; [`Error::Input`] where an experiment is there already; [`Error::File`] when the operating system refuses.
+/// The errors of [`propose`]; [`Error::Input`] if an experiment exists already; [`Error::File`] if the operating system refuses.
 pub fn run(request: &InitRequest, ask: Ask<'_>) -> Result<(InitSummary, String)> {
     let bytes = files::read(&request.file, Content::Table, "give a table that can be read")?;
     let name = file_name(&request.file)?;
@@ -54,8 +54,8 @@ pub fn run(request: &InitRequest, ask: Ask<'_>) -> Result<(InitSummary, String)>
     if files::kind(&toml_path).is_some() && !request.replace {
         return Err(Error::input(
             Place::file(&toml_path),
-            "an experiment is there already",
-            format!("give another directory with `{}`, or `{}` to write over it", Setting::Out, Setting::Replace),
+            "there is already an experiment here",
+            format!("give another directory with `{}`, or overwrite it with `{}`", Setting::Out, Setting::Replace),
         ));
     }
     if let Some(summary) = oscillation(request, &name, &bytes, &out)? {
@@ -68,7 +68,7 @@ pub fn run(request: &InitRequest, ask: Ask<'_>) -> Result<(InitSummary, String)>
     if let Some(creep) = &creep {
         proposal.reasons.push(creep.reason());
         if load_start_s(&proposal, Some(creep)).is_some() {
-            proposal.reasons.push("the first row is later than 0, where the step began (load_start_s = 0)".into());
+            proposal.reasons.push("the step began at 0, before the first row (load_start_s = 0)".into());
         }
         proposal.reasons.extend(sizes_are_idle(request));
     }
@@ -96,15 +96,15 @@ pub fn run(request: &InitRequest, ask: Ask<'_>) -> Result<(InitSummary, String)>
     Ok((summary, sha256_hex(&bytes)))
 }
 
-/// Word for all tracks of a table.
+/// Value that selects all tracks of a table.
 const ALL_TRACKS: &str = "all";
 
-/// An experiment of each track, in a directory of its own under `out`.
+/// Writes an experiment for each track, each in its own directory under `out`.
 fn cohort(request: &InitRequest, bytes: &[u8], stem: &str, out: &Path, ask: Ask<'_>) -> Result<(InitSummary, String)> {
     let mut made = None;
     let mut experiments = Vec::new();
     for track in tracks(&request.file, bytes, &request.given)? {
-        // A track's name may hold any letter, a directory's may not.
+        // A track's name may hold any character; a directory's name may not.
         let safe: String = track.chars().map(|c| if c.is_ascii_alphanumeric() { c } else { '_' }).collect();
         let given = Given { track: [request.given.track[0].clone(), Some(track)], ..request.given.clone() };
         let id = Some(format!("{}-{safe}", request.id.as_deref().unwrap_or(stem)));
@@ -120,13 +120,13 @@ fn cohort(request: &InitRequest, bytes: &[u8], stem: &str, out: &Path, ask: Ask<
     Ok((InitSummary { directory: out.display().to_string(), experiments, ..first }, sha256))
 }
 
-/// The experiment and a copy of its table, both or neither.
+/// Writes the experiment and a copy of its table, both or neither.
 fn write(out: &Path, name: &str, bytes: &[u8], toml: &str) -> Result<()> {
-    files::create_folders(out, "give a directory that can be written to")?;
+    files::create_folders(out, "give a writable directory")?;
     write_together(&[(&out.join(name), bytes), (&out.join("experiment.toml"), toml.as_bytes())])
 }
 
-/// Writes the description of a rheometer's oscillation; `None` where the table is none, or where the user says that it is a record in time.
+/// Writes the description of a rheometer's oscillation. Returns `None` if the table is of another kind or the user names columns of a record over time.
 fn oscillation(request: &InitRequest, name: &str, bytes: &[u8], out: &Path) -> Result<Option<InitSummary>> {
     let given = &request.given;
     if given.columns.iter().chain(&given.axes).any(Option::is_some) {
@@ -145,13 +145,13 @@ fn oscillation(request: &InitRequest, name: &str, bytes: &[u8], out: &Path) -> R
     }))
 }
 
-/// Said where sizes are given that a rheometer does not have.
+/// Remark that the given sizes are unused, because a rheometer has no robot.
 fn sizes_are_idle(request: &InitRequest) -> Option<String> {
     let is_given = request.sizes[..2].iter().chain([&request.robot_density_kg_m3]).any(Option::is_some);
-    is_given.then(|| "the sizes of robot and vitreous are not used: a rheometer has none of them".into())
+    is_given.then(|| "the sizes of robot and vitreous are ignored: a rheometer has neither".into())
 }
 
-/// A size that is asked for: its key, what it is, and the values that it may have.
+/// Size to ask for: key, description and allowed values.
 struct AskedSize {
     key: &'static str,
     what: &'static str,
@@ -159,7 +159,7 @@ struct AskedSize {
     allowed_in_words: &'static str,
 }
 
-/// In the order of [`InitRequest::sizes`].
+/// Sizes in the order of [`InitRequest::sizes`].
 const SIZES: [AskedSize; 3] = [
     AskedSize {
         key: "robot.diameter_mm",
@@ -181,7 +181,7 @@ const SIZES: [AskedSize; 3] = [
     },
 ];
 
-/// Asks until the answer is a value that the size may have; `None` where nobody knows it.
+/// Asks until the answer is an allowed value; `None` if the value is unknown.
 fn asked_size(size: &AskedSize, ask: Ask<'_>) -> Option<f64> {
     let mut text = size.what.to_string();
     loop {
@@ -193,9 +193,9 @@ fn asked_size(size: &AskedSize, ask: Ask<'_>) -> Option<f64> {
         text = match answer.replace(',', ".").parse::<f64>() {
             Ok(value) if value.is_finite() && (size.allowed)(value) => return Some(value),
             Ok(_) => format!("`{answer}`: {}; {}", size.allowed_in_words, size.what),
-            Err(_) => format!("`{answer}` is no number; {}", size.what),
+            Err(_) => format!("`{answer}` is not a number; {}", size.what),
         };
-        // A program that gives one answer for ever is not asked for ever.
+        // A program that repeats one wrong answer is asked only twice.
         if text == question.text {
             return None;
         }
@@ -207,7 +207,7 @@ fn file_name(file: &Path) -> Result<String> {
     name.map(String::from).ok_or_else(|| {
         Error::input(
             Place::file(file),
-            "this is no plain name of a file",
+            "this file name contains control characters or is not Unicode",
             "rename the table to letters, digits and dots",
         )
     })
@@ -220,7 +220,7 @@ fn name_of(column: &ColumnName) -> String {
     }
 }
 
-/// Keys of several coordinates.
+/// Keys of the coordinates.
 const AXES: [&str; 3] = ["position_x", "position_y", "position_z"];
 
 fn columns(proposal: &Proposal) -> Vec<InitColumn> {
@@ -271,24 +271,26 @@ fn column_name(column: &ColumnName) -> String {
     }
 }
 
-/// Share of a record's length up to which a rheometer's first row may follow the beginning of its step.
+/// Largest delay of a rheometer's first row after the start of its step, relative to the record's length.
 const FIRST_ROW: f64 = 0.01;
 
-/// When a rheometer's load began, in s of the table's time: a step begins at 0, and its first row follows.
+/// Start of a rheometer's load in s of the table's time: 0 if the first row follows soon after.
 fn load_start_s(proposal: &Proposal, creep: Option<&RheometerCreep>) -> Option<f64> {
     let first_s = proposal.loaded_from_s.filter(|_| creep.is_some())?;
     (first_s > 0.0 && first_s <= FIRST_ROW * proposal.duration_s).then_some(0.0)
 }
 
-/// `experiment.toml`, with a comment a line.
+/// Text of `experiment.toml`, with a comment on each line.
 fn experiment_toml(request: &InitRequest, file: &str, proposal: &Proposal, creep: Option<&RheometerCreep>) -> String {
     let table = &proposal.description;
     let layout = &table.layout;
     let stem = Path::new(file).file_stem().map_or("specimen".into(), |stem| stem.to_string_lossy().into_owned());
     let [diameter, vitreous, poisson] =
         request.sizes.map(|size| size.map_or_else(|| quoted(UNKNOWN), |size| format!("{size:?}")));
-    let mut lines = String::from("# What was measured. Lines with \"?\" need a number before this can be read.\n");
-    // A key after the head of a table stands in its own line.
+    let mut lines = String::from(
+        "# Description of the experiment. Replace each \"?\" by a number; the file cannot be read before.\n",
+    );
+    // A key after a table's head goes on its own line.
     let mut line = |key: &str, value: String, comment: &str| {
         let (head, key) = key.rsplit_once('\n').map_or(("", key), |(head, key)| (head, key));
         let end = if head.is_empty() { "" } else { "\n" };
@@ -315,16 +317,14 @@ fn experiment_toml(request: &InitRequest, file: &str, proposal: &Proposal, creep
         line("\n[robot]\nshape", quoted("sphere"), "or \"ellipsoid\", \"cylinder\" with `length_mm` and `orientation`");
         line("diameter_mm", diameter, "of the moving body");
         match request.robot_density_kg_m3 {
-            Some(density) => {
-                line("density_kg_m3", format!("{density:?}"), "of the moving body; inertia alone needs it")
-            }
-            None => line("# density_kg_m3", "7500.0".into(), "of the moving body; inertia alone needs it"),
+            Some(density) => line("density_kg_m3", format!("{density:?}"), "of the moving body; only inertia needs it"),
+            None => line("# density_kg_m3", "7500.0".into(), "of the moving body; only inertia needs it"),
         }
         line("\n[vitreous]\ndiameter_mm", vitreous, "of the gel around it, whose outer surface is fixed");
         line("poisson_ratio", poisson, "0.48 to 0.499 for a gel that is nearly incompressible");
-        line("density_kg_m3", "1000.0".into(), "of water, if nothing better is known");
+        line("density_kg_m3", "1000.0".into(), "of water, as a default");
     }
-    line("\n[measurement]\nfile", quoted(file), "the table as it was");
+    line("\n[measurement]\nfile", quoted(file), "unchanged copy of the table");
     line("source", quoted("not stated"), "where it comes from; synthetic or measured");
     match request.noise_um {
         Some(noise_um) => line("noise_um", format!("{noise_um:?}"), "known noise of the tracker"),
@@ -334,11 +334,11 @@ fn experiment_toml(request: &InitRequest, file: &str, proposal: &Proposal, creep
     line("delimiter", quoted(layout.delimiter.name()), "between cells");
     line("decimal", quoted(layout.decimal.name()), "before decimals");
     if let Some(encoding) = layout.encoding {
-        line("encoding", quoted(encoding.name()), "of the letters: utf-8, utf-16-le, utf-16-be or latin-1");
+        line("encoding", quoted(encoding.name()), "of the text: utf-8, utf-16-le, utf-16-be or latin-1");
     }
     match &layout.comment {
-        Some(sign) => line("comment", quoted(sign), "lines that begin with it are not read"),
-        None => line("# comment", quoted("#"), "lines that begin with it are not read; left out: #, % and //"),
+        Some(sign) => line("comment", quoted(sign), "lines that begin with it are skipped"),
+        None => line("# comment", quoted("#"), "lines that begin with it are skipped; default: #, % and //"),
     }
     if let Some(header) = layout.header_line {
         line("header_line", header.to_string(), "line of the columns' names");
@@ -347,51 +347,57 @@ fn experiment_toml(request: &InitRequest, file: &str, proposal: &Proposal, creep
         line("first_row_line", layout.first_row_line.to_string(), "line of the first row");
     } else {
         let lines = format!("{:?}", layout.row_lines);
-        line("row_lines", lines, "first and last line of each table, read one after the other");
+        line("row_lines", lines, "first and last line of each table, in order of reading");
     }
     if let Some(sign) = layout.thousands {
         line("thousands", quoted(sign.name()), "sign between thousands");
     }
     if table.time_rules.joins_restarts {
-        line("time_restarts", quoted("join"), "times that begin again go on from the row before");
+        line("time_restarts", quoted("join"), "a restarted clock continues from the row before");
     }
     if table.time_rules.spreads_ties {
         line("time_ties", quoted("spread"), "equal times of a coarse clock are spread evenly");
     }
     if let Some(blank) = table.blank_force {
-        line("blank_force", quoted(blank.name()), "a blank force is that of the row \"above\", or \"zero\"");
+        line("blank_force", quoted(blank.name()), "value of a blank force: that of the row \"above\", or \"zero\"");
     }
     if !table.lost.is_empty() {
-        line("lost", format!("{:?}", table.lost), "positions that stand for lost tracking, in the column's unit");
+        line("lost", format!("{:?}", table.lost), "position values that mean lost tracking, in the column's unit");
     }
     if let Some((_, track)) = &table.track {
-        line("track", quoted(track), "the rows of this track are read");
+        line("track", quoted(track), "only the rows of this track are read");
     }
     match proposal.frame.zero {
-        Zero::AsWritten => line("# zero", quoted("first"), "which position is 0: \"first\", \"rest\" or a number"),
-        Zero::First => line("zero", quoted("first"), "the first position is 0"),
-        Zero::Rest => line("zero", quoted("rest"), "the position before the force acts is 0"),
-        Zero::Fit => line("zero", quoted("fit"), "which position is 0 is fitted; or \"rest\", \"first\" or a number"),
-        Zero::Value(value) => line("zero", format!("{value:?}"), "this position is 0"),
+        Zero::AsWritten => {
+            line("# zero", quoted("first"), "position that counts as 0: \"first\", \"rest\" or a number")
+        }
+        Zero::First => line("zero", quoted("first"), "the first position counts as 0"),
+        Zero::Rest => line("zero", quoted("rest"), "the position before the force acts counts as 0"),
+        Zero::Fit => {
+            line("zero", quoted("fit"), "the position that counts as 0 is fitted; or \"rest\", \"first\" or a number")
+        }
+        Zero::Value(value) => line("zero", format!("{value:?}"), "this position counts as 0"),
     }
     match proposal.frame.direction {
-        Direction::Forward => line("direction", quoted("+"), "\"-\" where the position grows against the force"),
+        Direction::Forward => line("direction", quoted("+"), "\"-\" if the position grows against the force"),
         Direction::Backward => line("direction", quoted("-"), "the position grows against the force"),
-        Direction::Fit => line("direction", quoted("fit"), "the line of motion of x and y, or its degrees from x to y"),
+        Direction::Fit => line(
+            "direction",
+            quoted("fit"),
+            "the direction of motion in x and y is fitted; or its angle in degrees from x to y",
+        ),
         Direction::Degrees(degrees) => line("direction", format!("{degrees:?}"), "degrees from x to y"),
     }
     if proposal.has_noisy_levels {
-        line("force", quoted("levels"), "a sensor's: each hold has its median; or \"hold\", \"linear\"");
+        line("force", quoted("levels"), "from a sensor: each hold takes its median; or \"hold\", \"linear\"");
     } else {
         line("# force", quoted("hold"), "\"hold\" until the next row, or \"linear\" between rows");
     }
     match load_start_s(proposal, creep) {
         Some(start_s) => {
-            line("load_start_s", format!("{start_s:?}"), "when the first row's force began, in the table's time");
+            line("load_start_s", format!("{start_s:?}"), "start of the first row's force, in the table's time");
         }
-        None => {
-            line("# load_start_s", "-3.0".into(), "when the first row's force began, if that was before the first row")
-        }
+        None => line("# load_start_s", "-3.0".into(), "start of the first row's force, if before the first row"),
     }
     line("\n[measurement.columns]\ntime", column_name(&table.time.0), "name in the header, or number from 1");
     if let Some((force, _)) = &table.force {
@@ -401,13 +407,13 @@ fn experiment_toml(request: &InitRequest, file: &str, proposal: &Proposal, creep
         Some(PositionColumns::Along(position)) => line("position", column_name(position), "along the force"),
         Some(PositionColumns::Axes(axes)) => {
             for (key, axis) in AXES.iter().zip(axes) {
-                line(key, column_name(axis), "projected on the line that `direction` names");
+                line(key, column_name(axis), "projected on the line given by `direction`");
             }
         }
         None => {}
     }
     if let Some(cycle) = &table.cycle {
-        line("cycle", column_name(cycle), "left out, cycles are found from the force");
+        line("cycle", column_name(cycle), "without it, cycles are found from the force");
     }
     if let Some((track, _)) = &table.track {
         line("track", column_name(track), "number or name of each row's track");
@@ -418,13 +424,13 @@ fn experiment_toml(request: &InitRequest, file: &str, proposal: &Proposal, creep
         "s, ms, min, h, \"clock\" (hh:mm:ss), or dates: \"iso\", \"day-first\", \"month-first\"",
     );
     if let Some((_, unit)) = &table.force {
-        let units = if creep.is_some() { "a pascal stands for a newton" } else { "N, mN, uN, nN or pN" };
+        let units = if creep.is_some() { "1 Pa is entered as 1 N" } else { "N, mN, uN, nN or pN" };
         line("force", quoted(&unit.name), units);
     }
     if let Some((_, unit)) = &table.position {
         let units = match creep {
-            Some(_) => "a strain of 1 stands for a metre",
-            None => "m, mm, um or nm, or so many of one: \"0.65 um\" a pixel",
+            Some(_) => "a strain of 1 is entered as 1 m",
+            None => "m, mm, um or nm, or a multiple of one: \"0.65 um\" for a pixel",
         };
         line("position", quoted(&unit.name), units);
     }

@@ -1,27 +1,27 @@
-//! `init` of a rheometer's creep: stress and strain against time stand for force and position (docs/experiment.md).
+//! `init` for a rheometer's creep test: stress and strain over time take the roles of force and position (docs/experiment.md).
 
 use base::error::Setting;
 use base::units::Dimension;
 use record::table::{Given, Looked};
 
-/// Words in the names of stresses and strains, and one that no strain has.
+/// Words in the names of stress and strain columns, and a word that excludes a strain column.
 const STRESS: [&str; 3] = ["stress", "spannung", "contrainte"];
 const STRAIN: [&str; 4] = ["strain", "deformation", "dehnung", "déformation"];
 const RATE: &str = "rate";
 /// Poisson ratio of a specimen that is nearly all water.
 const OF_WATER: f64 = 0.5;
 
-/// A creep test in shear.
+/// Creep test in shear.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct RheometerCreep {
-    /// Which columns are read, in which units: a pascal as a newton, a strain of 1 as a metre.
+    /// Columns to read and their units: 1 Pa is read as 1 N, a strain of 1 as 1 m.
     pub given: Given,
-    /// 2 + 2ν: strain over stress at unit creep compliance.
+    /// Strain over stress at unit creep compliance, 2 + 2ν.
     pub compliance: f64,
 }
 
 impl RheometerCreep {
-    /// What a table of stress and strain says; `None` where it is another.
+    /// Finds the stress and strain columns of a table; `None` if there are none.
     pub fn of(looked: &Looked, given: &Given, poisson_ratio: Option<f64>) -> Option<Self> {
         if given.columns.iter().chain(&given.axes).any(Option::is_some) {
             return None;
@@ -55,10 +55,10 @@ impl RheometerCreep {
         })
     }
 
-    /// Why it was taken for one.
+    /// Reason for reading the table as a creep test.
     pub fn reason(&self) -> String {
         format!(
-            "stress and strain against time: a rheometer's creep; a pascal stands for a newton and a strain of 1 for a metre, with compliance_per_m = {} = 2 + 2ν; `{} generic` suits a gel that is no vitreous humour",
+            "stress and strain over time: a rheometer's creep test. 1 Pa is entered as 1 N and a strain of 1 as 1 m, with compliance_per_m = {} = 2 + 2ν. Use `{} generic` for a gel other than vitreous humour",
             self.compliance,
             Setting::Prior
         )

@@ -1,4 +1,4 @@
-//! `init` of a rheometer's table: an oscillation's description.
+//! `init` for a rheometer's oscillation: describes the table.
 
 use std::fmt::Write as _;
 use std::path::Path;
@@ -10,7 +10,7 @@ use documents::init::{InitColumn, InitSummary};
 use record::table::{Looked, Spelt};
 use record::{OSCILLATION, SweepColumn};
 
-/// The unit of a column: the table's own, or what an angle and a frequency are called by their names.
+/// Unit of a column: the table's own, or the one named in an error's remedy.
 fn unit_of(looked: &Looked, column: SweepColumn, place: usize) -> Result<Spelt> {
     if let Some(own) = &looked.units[place] {
         return Ok(own.clone());
@@ -28,7 +28,7 @@ fn unit_of(looked: &Looked, column: SweepColumn, place: usize) -> Result<Spelt> 
     ))
 }
 
-/// `experiment.toml` of an oscillation, and what was understood.
+/// Text of `experiment.toml` for an oscillation, and the interpretation of the table.
 pub(super) fn described(
     file: &str,
     id: Option<&str>,
@@ -39,7 +39,7 @@ pub(super) fn described(
     let stem = Path::new(file).file_stem().map_or("specimen".into(), |stem| stem.to_string_lossy().into_owned());
     let units: Vec<Spelt> =
         columns.iter().map(|(column, place)| unit_of(looked, *column, *place)).collect::<Result<_>>()?;
-    let mut lines = String::from("# What was measured: an oscillation of a rheometer.\n");
+    let mut lines = String::from("# Description of the experiment: an oscillation of a rheometer.\n");
     let mut line = |key: &str, value: String, comment: &str| {
         let (head, key) = key.rsplit_once('\n').map_or(("", key), |(head, key)| (head, key));
         let end = if head.is_empty() { "" } else { "\n" };
@@ -47,16 +47,16 @@ pub(super) fn described(
     };
     line("\n[specimen]\nid", quoted(id.unwrap_or(&stem)), "its name");
     let poisson = poisson_ratio.unwrap_or(0.5);
-    line("\n[rheometer]\npoisson_ratio", format!("{poisson:?}"), "of the specimen; 0.5 where it is nearly all water");
-    line("\n[measurement]\nkind", quoted(OSCILLATION), "moduli against frequency");
-    line("file", quoted(file), "the table as it was");
+    line("\n[rheometer]\npoisson_ratio", format!("{poisson:?}"), "of the specimen; 0.5 if it is nearly all water");
+    line("\n[measurement]\nkind", quoted(OSCILLATION), "moduli over frequency");
+    line("file", quoted(file), "unchanged copy of the table");
     line("source", quoted("not stated"), "where it comes from; synthetic or measured");
-    line("# heldout_hz", "[1.0]".into(), "frequencies that are not fitted; left out: every third");
+    line("# heldout_hz", "[1.0]".into(), "frequencies that are not fitted; default: every third");
     let layout = &looked.layout;
     line("delimiter", quoted(layout.delimiter.name()), "between cells");
     line("decimal", quoted(layout.decimal.name()), "before decimals");
     if let Some(encoding) = layout.encoding {
-        line("encoding", quoted(encoding.name()), "of the letters: utf-8, utf-16-le, utf-16-be or latin-1");
+        line("encoding", quoted(encoding.name()), "of the text: utf-8, utf-16-le, utf-16-be or latin-1");
     }
     if let Some(header) = layout.header_line {
         line("header_line", header.to_string(), "line of the columns' names");
@@ -72,7 +72,7 @@ pub(super) fn described(
     line(
         "# storage_sd",
         quoted("…"),
-        "columns of errors, if there are some: storage_sd and loss_sd, or modulus_sd and phase_sd",
+        "columns of errors, if the table has them: storage_sd and loss_sd, or modulus_sd and phase_sd",
     );
     for (index, ((column, _), unit)) in columns.iter().zip(&units).enumerate() {
         let key = format!("{}{}", if index == 0 { "\n[measurement.units]\n" } else { "" }, column.key());

@@ -1,8 +1,8 @@
-//! All revisions of a study on the same footing: each fitted to all cycles but the last, which alone is scored, by full finite elements
+//! Compares all revisions of a study on equal terms. Each is fitted to all cycles except the last, and full finite elements score the last
 //! (formats §4).
 //!
-//! A revision that `extend` made was fitted so, and its posterior is read; others (m0 above all, which fits the calibration cycles only) are fitted
-//! again, unless an earlier command did.
+//! Revisions made by `extend` are fitted this way, so their posteriors are read. Others are fitted again unless an earlier command did so:
+//! above all m0, which is fitted to the calibration cycles only.
 
 use base::error::{Error, Place, Result};
 use base::files::{self, Content};
@@ -24,20 +24,20 @@ use crate::last_cycle::{LastCycle, errors, read_document};
 use crate::outcome::Outcome;
 use crate::target::Target;
 
-/// What a caller decides.
+/// Settings that the caller chooses.
 pub struct LadderRequest {
-    /// The last revision to show; `None` for all.
+    /// Last revision to show; `None` for all.
     pub up_to: Option<String>,
     /// The sampler's settings for revisions that must be fitted.
     pub options: SamplerOptions,
-    /// Whether to fit anew what is no revision's own posterior.
+    /// Fits again every posterior except the revisions' own.
     pub anew: bool,
 }
 
-/// Compares the revisions of a creep record's study, and writes the comparison into the study.
+/// Compares the revisions of a creep record's study and writes the comparison into the study.
 ///
 /// # Errors
-/// [`Error::Input`] for any target but a creep record; otherwise those of sampling and of writing.
+/// [`Error::Input`] for any target except a creep record; otherwise the errors of sampling and writing.
 pub fn run(target: &Target, request: &LadderRequest, monitor: &dyn Monitor) -> Result<Outcome<LadderSummary>> {
     let seed = request.options.seed;
     let crate::target::Revision { study, problem, .. } = target.creep()?.revision(request.options.clone(), monitor)?;
@@ -52,7 +52,7 @@ pub fn run(target: &Target, request: &LadderRequest, monitor: &dyn Monitor) -> R
     Ok(Outcome { is_sound: document.body.is_sound(), document, written: svg.0, study: Some(study) })
 }
 
-/// The header, with the models and posteriors of the ladder.
+/// Header that names the models and posteriors of the ladder as inputs.
 fn provenance(study: &Study, summary: &LadderSummary, seed: u64) -> Result<Provenance> {
     let mut provenance = study.provenance("ladder", 1, seed);
     for rung in &summary.revisions {
@@ -68,10 +68,10 @@ fn provenance(study: &Study, summary: &LadderSummary, seed: u64) -> Result<Prove
 
 /// Compares the revisions of a study.
 ///
-/// `first` is any problem of the study's whole experiment, for its mechanics.
+/// `first` is any problem of the study's whole experiment; it provides the mechanics.
 ///
 /// # Errors
-/// [`Error::Input`] when the study has no revision, or one on another mesh; otherwise as [`sample::run`].
+/// [`Error::Input`] if the study has no revision, or one on another mesh; otherwise as [`sample::run`].
 fn compared(study: &Study, first: &Problem, request: &LadderRequest, monitor: &dyn Monitor) -> Result<LadderSummary> {
     let mut names = study.revisions()?;
     if let Some(last) = request.up_to.as_deref() {
@@ -81,7 +81,7 @@ fn compared(study: &Study, first: &Problem, request: &LadderRequest, monitor: &d
     }
     let revisions: Vec<LastCycle> =
         names.iter().map(|name| LastCycle::of(study, first, name)).collect::<Result<_>>()?;
-    // What can be refused is refused before anything is fitted.
+    // All options are checked before any fit.
     for revision in &revisions {
         request.options.validate(revision.problem.priors.priors().len())?;
     }
@@ -126,7 +126,7 @@ fn rung(revision: &str, from: Option<String>, posterior: PosteriorSummary) -> Ru
     }
 }
 
-/// Effects of a revision that the one it extends has not; all of the first revision.
+/// Effects of a revision that the revision it extends lacks; for the first revision, all its effects.
 fn added(rung: &Rung, effects_of: &[(String, Vec<String>)]) -> Vec<String> {
     let of = |name: &String| effects_of.iter().find(|(revision, _)| revision == name).map(|(_, effects)| effects);
     let before = rung.from.as_ref().and_then(of);
@@ -165,7 +165,7 @@ fn summarise(revisions: &[LastCycle], rungs: Vec<Rung>) -> Result<LadderSummary>
     Ok(summary)
 }
 
-/// Shifts of the law's parameters that are sampled in both the first and the last revision.
+/// Shifts of the law's parameters that both the first and the last revision sample.
 fn shifts(law: BaseLaw, rungs: &[Rung]) -> Vec<Shift> {
     let [first, .., last] = rungs else { return Vec::new() };
     let find = |rung: &Rung, name: &str| rung.parameters.iter().find(|p| p.name == name).cloned();
@@ -178,20 +178,20 @@ fn shifts(law: BaseLaw, rungs: &[Rung]) -> Vec<Shift> {
     law.parameters().iter().filter_map(|spec| shift(spec.name)).collect()
 }
 
-/// A root mean square over n positions is known to its √(2n)-th part: an error within so many of these of the noise is the noise.
+/// Standard errors within which an error equals the noise. A root mean square over n positions has a relative standard error of 1/√(2n).
 const NOISE_FLOOR_IN_ERRORS: f64 = 3.0;
 
-/// What the figures say, and no more.
+/// Sentence about the change of the error.
 fn sentence(rungs: &[Rung], noise_um: Option<f64>, n_scored: usize) -> String {
     let [first, .., last] = rungs else {
-        return "There is one revision, so there is one rung.".into();
+        return "The study has one revision, so the ladder has one rung.".into();
     };
     let added: Vec<&str> =
         last.effects.iter().filter(|slug| !first.effects.contains(slug)).map(String::as_str).collect();
     let with = if added.is_empty() { last.revision.clone() } else { added.join(" and ") };
     let (Some(was), Some(is)) = (first.rmse_heldout_um, last.rmse_heldout_um) else {
         return format!(
-            "With {with} the error on the fitted cycles goes from {:.3} to {:.3} µm. No cycle is held out, so this is suggestive at most.",
+            "With {with} the error on the fitted cycles goes from {:.3} to {:.3} µm. No cycle is held out, so the change is at most suggestive.",
             first.rmse_fitted_um, last.rmse_fitted_um
         );
     };
@@ -213,9 +213,7 @@ fn sentence(rungs: &[Rung], noise_um: Option<f64>, n_scored: usize) -> String {
         (Some(before), Some(after)) => format!(" Its log score changes by {:+.1} nats.", after - before),
         _ => String::new(),
     };
-    format!(
-        "With {with} the error on the cycle that no fit has seen {verb}: from {was:.3} to {is:.3} µm{floor}.{score}"
-    )
+    format!("With {with} the error on the last held-out cycle {verb}: from {was:.3} to {is:.3} µm{floor}.{score}")
 }
 
 #[cfg(test)]

@@ -1,4 +1,4 @@
-//! Sentences, branches and shifts of a ladder.
+//! Tests of the sentences, branches and shifts of a ladder.
 
 use super::*;
 use rung_for_tests::rung_of;
@@ -12,7 +12,7 @@ fn sentences_claim_what_was_scored() {
         let rungs = [rung_of("m0", None, &[], Some(was)), rung_of("m1", Some("m0"), &["clock-offset"], Some(is))];
         sentence(&rungs, Some(4.0), 200)
     };
-    // 200 positions: 5 % of an error, hence the noise of 4 µm up to 4.6 µm.
+    // 200 positions give an error known to 5 %, so an error of up to 4.6 µm counts as the noise of 4 µm.
     let fallen = say(12.0, 4.5);
     assert!(
         fallen.contains("clock-offset") && fallen.contains("falls: from 12.000 to 4.500 µm, the noise"),
@@ -22,11 +22,11 @@ fn sentences_claim_what_was_scored() {
     assert!(say(12.0, 4.7).contains("still above the noise"));
     assert!(say(4.0, 12.0).contains("rises") && say(4.3, 4.0).contains("within its uncertainty"));
     let unscored = [rung_of("m0", None, &[], None), rung_of("m1", Some("m0"), &["clock-offset"], None)];
-    assert!(sentence(&unscored, None, 0).contains("suggestive at most"));
+    assert!(sentence(&unscored, None, 0).contains("at most suggestive"));
     assert!(sentence(&unscored[..1], None, 0).contains("one rung"));
 }
 
-/// m2 extends m0, not m1: what it adds is counted from m0.
+/// m2 extends m0, not m1: its added effects are counted from m0.
 #[test]
 fn branches_are_compared_with_what_they_extend() {
     let rungs = [
@@ -40,7 +40,7 @@ fn branches_are_compared_with_what_they_extend() {
     assert_eq!(added, [vec![], vec!["a".to_string()], vec!["b".into()], vec!["c".into()]]);
 }
 
-/// E = 3.9 ± 0.1 before and 3.4 after: 5 sd, 14.7 %.
+/// E changes from 3.9 ± 0.1 to 3.4: 5 standard deviations, 14.7 %.
 #[test]
 fn shifts_are_counted_in_what_the_first_revision_claimed() {
     let rungs = [rung_of("m0", None, &[], Some(9.0)), rung_of("m1", Some("m0"), &["a"], Some(4.0))];

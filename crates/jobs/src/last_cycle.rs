@@ -1,4 +1,4 @@
-//! A revision given all cycles but the last (formats §4): whatever compares revisions shows errors of this one posterior.
+//! Posterior of a revision for all cycles except the last (formats §4). Every comparison of revisions shows the errors of this posterior.
 
 use base::error::{Error, Place, Result, Setting};
 use base::files::{Content, read_if_there};
@@ -14,23 +14,23 @@ use sampling::SamplerOptions;
 use crate::artefacts::{MESH_INPUT, with_inputs};
 use crate::first_revision::kept_surrogate;
 
-/// Document of the posterior, in a revision whose own posterior is of other cycles.
+/// Document of the posterior, in a revision whose own posterior is fitted to other cycles.
 const LAST_CYCLE_NAME: &str = "last_cycle.json";
 
-/// A revision joined with the experiment as revisions are compared on it: all cycles but the last are fitted, and the last is scored.
+/// Revision joined with the experiment for comparing revisions: all cycles except the last are fitted, and the last is scored.
 pub struct LastCycle<'a> {
     study: &'a Study,
     /// Name of the revision.
     pub name: String,
-    /// Its model and the experiment.
+    /// Model of the revision, with the experiment.
     pub problem: Problem,
 }
 
 impl<'a> LastCycle<'a> {
-    /// `of_study` is any problem of the study, for its mechanics.
+    /// Opens a revision. `of_study` is any problem of the study; it provides the mechanics.
     ///
     /// # Errors
-    /// [`Error::Input`] for a revision that is not there, or on another mesh.
+    /// [`Error::Input`] for a revision that does not exist or is on another mesh.
     pub fn of(study: &'a Study, of_study: &Problem, name: &str) -> Result<Self> {
         let (dir, library) = (study.revision_dir(name)?, Library::default());
         let specification = ModelSpecification::of_revision(&dir, &library)?;
@@ -43,7 +43,7 @@ impl<'a> LastCycle<'a> {
             return Err(Error::input(
                 Place::file(path),
                 "this revision is on another mesh",
-                format!("name the mesh that its study was made with (`{}`, `{}`)", Setting::Mesh, Setting::MeshUnit),
+                format!("name the mesh of the study (`{}`, `{}`)", Setting::Mesh, Setting::MeshUnit),
             ));
         }
         Ok(own)
@@ -53,16 +53,16 @@ impl<'a> LastCycle<'a> {
         with_inputs(self.study.provenance("posterior", 1, seed), &self.problem)
     }
 
-    /// Its posterior: the revision's own where that is of these cycles. Of others, what an earlier command made, unless it is wanted `anew`; else it is sampled and written into the revision.
+    /// Posterior for these cycles: the revision's own, or the one that an earlier command stored. Otherwise, or if `anew` is set, it is sampled and written into the revision.
     ///
     /// # Errors
-    /// Those of sampling and of writing.
+    /// The errors of sampling and writing.
     pub fn posterior(&self, options: &SamplerOptions, anew: bool, monitor: &dyn Monitor) -> Result<PosteriorSummary> {
         let names = if anew { &[POSTERIOR_NAME][..] } else { &[POSTERIOR_NAME, LAST_CYCLE_NAME] };
         if let Some(stored) = self.stored(names, options) {
             return Ok(stored);
         }
-        monitor.stage(&format!("{}, fitted to all cycles but the last", self.name));
+        monitor.stage(&format!("{}, fitted to all cycles except the last", self.name));
         let kept_surrogate = kept_surrogate(self.study, monitor);
         let request = SampleRequest { options: options.clone(), kept_surrogate, checkpoint: None, resume: false };
         let body = sample::run(&self.problem, &request, monitor)?.summary;
@@ -99,7 +99,7 @@ pub fn errors(posterior: &PosteriorSummary) -> ModelErrors {
     ModelErrors { rmse_fitted_um: posterior.heldout.rmse_fitted_um, rmse_heldout_um: posterior.heldout.rmse_um }
 }
 
-/// A document that can be read; one that cannot is made again.
+/// Reads a document; `None` if it is unreadable and must be made again.
 pub fn read_document<T: serde::de::DeserializeOwned>(path: &std::path::Path) -> Option<WithProvenance<T>> {
     serde_json::from_slice(&read_if_there(path, Content::Document)?).ok()
 }

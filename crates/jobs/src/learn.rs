@@ -1,4 +1,4 @@
-//! `learn`: a constitutive correction from data, of one record or confirmed on several.
+//! `learn`: infers a constitutive correction from one record, or from half of a cohort with confirmation on the other half.
 
 use base::error::{Error, Place, Result, Setting};
 use base::files::{remove_if_there, write_atomically};
@@ -18,35 +18,35 @@ use crate::diagnose::COHORT_OUT;
 use crate::outcome::Outcome;
 use crate::target::{CohortTarget, CreepTarget, Target, not_taken};
 
-/// Stem of the figure.
+/// Stem of the figure's file name.
 const FIGURE: &str = "learned";
 
-/// What a caller decides.
+/// Settings that the caller chooses.
 pub struct LearnRequest {
-    /// Most simulated searches by which a gain is judged.
+    /// Largest number of simulated searches that test a gain.
     pub simulations: usize,
-    /// Learn from the first cycles and score all later ones; `None` to score the last held-out one.
+    /// Number of first cycles to learn from, with all later ones scored; `None` to score the last held-out one.
     pub first_cycles: Option<u32>,
-    /// Whether functions of a state may only rise or only fall.
+    /// Restricts functions of a state to monotone ones.
     pub is_monotone: bool,
-    /// The sampler's settings for a first revision; learning uses their seed.
+    /// The sampler's settings for a first revision. Learning uses their seed.
     pub sampler: SamplerOptions,
 }
 
-/// The document of what was learnt.
+/// Document of a learned correction.
 #[derive(Serialize)]
 #[serde(untagged)]
 pub enum LearnDocument {
-    /// From a creep record.
+    /// Correction from a creep record.
     Creep(Box<Learned>),
-    /// From half of a cohort, confirmed on the other half.
+    /// Correction from half of a cohort, confirmed on the other half.
     Cohort(Box<LearnedCohort>),
 }
 
-/// Learns a correction of the law, and writes it into the revision or the cohort's directory.
+/// Learns a correction of the law and writes it into the revision or the cohort's directory.
 ///
 /// # Errors
-/// [`Error::Input`] for an oscillation and for several records of one specimen; otherwise those of fits and of writing.
+/// [`Error::Input`] for an oscillation and for several records of one specimen; otherwise the errors of fitting and writing.
 pub fn run(target: &Target, request: &LearnRequest, monitor: &dyn Monitor) -> Result<Outcome<LearnDocument>> {
     match target {
         Target::Creep(creep) => of_creep(creep, request, monitor),
@@ -80,7 +80,7 @@ fn of_creep(creep: &CreepTarget, request: &LearnRequest, monitor: &dyn Monitor) 
     })
 }
 
-/// The subject whose first cycles are fitted and whose later ones are scored, where a number of them is given.
+/// Subject that fits the first cycles and scores the later ones, if `first` is given.
 fn of_first_cycles(subject: Subject, first: Option<u32>) -> Result<Subject> {
     let Some(first) = first else { return Ok(subject) };
     let experiment = subject.experiment();
@@ -88,10 +88,10 @@ fn of_first_cycles(subject: Subject, first: Option<u32>) -> Result<Subject> {
     cycles.sort_unstable();
     let (fitted, scored): (Vec<u32>, Vec<u32>) = cycles.into_iter().partition(|cycle| *cycle <= first);
     if fitted.is_empty() || scored.is_empty() {
-        let remedy = "give a number that leaves cycles on both sides";
+        let remedy = "give a number that leaves at least one cycle on each side";
         return Err(Error::input(
             Place::setting(Setting::FirstCycles),
-            format!("{first} leaves nothing to fit or to score"),
+            format!("{first} leaves no cycle to fit or no cycle to score"),
             remedy,
         ));
     }

@@ -1,8 +1,8 @@
-//! The functions behind the commands, each from a checked input to a document and files.
+//! Functions behind the commands. Each turns a checked input into a document and files.
 //!
-//! One file is one command. [`artefacts`] writes a posterior's files, [`pages`] the
-//! study's page. [`sweep`] holds the jobs on a rheometer's oscillation, [`tasks`] lists of tasks for many machines, and
-//! [`bridge`] the models that `serve` offers by UM-Bridge.
+//! Each command has one file. [`artefacts`] writes the files of a posterior, and [`pages`] the page of a study.
+//! [`sweep`] holds the jobs on a rheometer's oscillation, [`tasks`] lists of tasks for many machines.
+//! [`bridge`] holds the models that `serve` offers through UM-Bridge.
 
 pub mod artefacts;
 pub mod bridge;

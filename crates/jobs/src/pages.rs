@@ -1,4 +1,4 @@
-//! Pages for a browser: documents and figures, gathered from where commands wrote them.
+//! Pages for a browser, made from the documents and figures that commands wrote.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -24,10 +24,10 @@ use record::Experiment;
 
 const AGAIN: &str = "run the command that wrote it again";
 
-/// Writes the page of a study, or of what `groups` or `shapes` wrote, to `out`, or beside it; returns where it stands.
+/// Writes the page of a study, or of the results of `groups` or `shapes`, to `out` or beside the results. Returns the page's path.
 ///
 /// # Errors
-/// [`Error::Input`] where there is nothing to show, or a document cannot be read; [`Error::File`] if the operating system refuses.
+/// [`Error::Input`] if there is nothing to show or a document is unreadable; [`Error::File`] if the operating system refuses.
 pub fn write(dir: &Path, out: Option<&Path>) -> Result<PathBuf> {
     if is_folder(dir) {
         enclose(dir, if Study::is_study(dir) { "a study" } else { "a comparison" });
@@ -44,7 +44,7 @@ pub fn write(dir: &Path, out: Option<&Path>) -> Result<PathBuf> {
     Ok(place)
 }
 
-/// Parts of a study's page with their names, each as HTML, as the study stood at a revision.
+/// Named parts of a study's page, each as HTML, with the revisions up to `revision`.
 ///
 /// # Errors
 /// As [`write()`].
@@ -61,7 +61,7 @@ fn origin(provenance: Provenance) -> Origin {
     Origin { version, seed, inputs_sha256 }
 }
 
-/// All figures of a result, in the order of their names: they stand beside its document, or in a folder of their own.
+/// All figures of a result, sorted by name. They lie beside the document or in the folder `figures`.
 fn drawings(dir: &Path) -> Result<Vec<Figure>> {
     let folder = if is_folder(&dir.join("figures")) { "figures/" } else { "" };
     let names = entries(&dir.join(folder), "make the directory readable")?.into_iter();
@@ -70,7 +70,7 @@ fn drawings(dir: &Path) -> Result<Vec<Figure>> {
     names.iter().filter_map(|name| drawing(dir, name).transpose()).collect()
 }
 
-/// What stands in a study.
+/// Reads the content of a study's page.
 fn content(study: &Study) -> Result<StudyPage> {
     let (experiment, files) = study.read_experiment()?;
     let names = study.revisions()?;
@@ -100,7 +100,7 @@ fn content(study: &Study) -> Result<StudyPage> {
             "run `vitreo-uq sample` on it first",
         ));
     }
-    // A ladder of other revisions than these is older than the last one.
+    // A ladder of other revisions is older than the last revision and is left out.
     let ladder = read::<documents::ladder::LadderSummary>(&study.dir().join(LADDER_NAME))?;
     let is_of_these = |(name, hash): (&String, &String)| {
         ladder.as_ref().is_some_and(|ladder| ladder.provenance.inputs_sha256.get(name) == Some(hash))
@@ -115,7 +115,7 @@ fn content(study: &Study) -> Result<StudyPage> {
     Ok(content)
 }
 
-/// A revision as it stands on disk.
+/// Revision as stored on disk.
 struct Kept {
     dir: PathBuf,
     posterior: WithProvenance<PosteriorSummary>,
@@ -142,7 +142,7 @@ impl Kept {
         })
     }
 
-    /// What makes it again, and what was asked of it.
+    /// Commands that reproduce the revision and its other documents.
     fn commands(&self, study: &Study, name: &str, experiment: &Experiment) -> Result<Vec<String>> {
         let Self { posterior, comparison, diagnosis, learned, extension, .. } = self;
         let library = Library::default();
@@ -150,7 +150,7 @@ impl Kept {
             ModelSpecification::kept(&study.revision_dir(revision)?, &library)
         };
         let mut settings = format!(" --seed {} --chains {}", posterior.provenance.seed, posterior.body.sampler.walkers);
-        // A run that did not converge ended where its steps did.
+        // A run that did not converge stopped at its largest number of steps.
         if !posterior.body.converged {
             settings += &format!(" --steps {}", posterior.body.sampler.steps);
         }
@@ -218,7 +218,7 @@ impl Kept {
     }
 }
 
-/// Effects as `--with` takes them: those that a file has defined by the copy in their revision.
+/// Effects in the form that `--with` takes. An effect from a file is named by its copy in the revision.
 fn named(effects: &[String], revision: &str) -> String {
     let name = |slug: &String| match effect_file::definition(slug) {
         Some(_) => format!("{revision}/{}", effect_copy(slug)),
@@ -227,7 +227,7 @@ fn named(effects: &[String], revision: &str) -> String {
     effects.iter().map(name).collect::<Vec<_>>().join(",")
 }
 
-/// Options that lead from one model to another, effects left out.
+/// Options that turn one model into another, except the effects.
 fn options(before: &ModelSpecification, now: &ModelSpecification, name: &str) -> String {
     let mut text = String::new();
     if now.base != before.base {
@@ -256,7 +256,7 @@ fn option(name: &str, value: &str) -> String {
     if value.is_empty() { String::new() } else { format!(" --{name} {value}") }
 }
 
-/// A document, if it is there.
+/// Reads a document; `None` if it does not exist.
 fn read<T: DeserializeOwned>(path: &Path) -> Result<Option<WithProvenance<T>>> {
     if kind(path).is_none() {
         return Ok(None);
@@ -267,18 +267,18 @@ fn read<T: DeserializeOwned>(path: &Path) -> Result<Option<WithProvenance<T>>> {
 fn parsed<T: DeserializeOwned>(path: &Path, bytes: &[u8]) -> Result<T> {
     serde_json::from_slice(bytes).map_err(|error| {
         let place = Place::file(path).at_line(error.line());
-        Error::input(place, format!("a report cannot show this document: {error}"), AGAIN)
+        Error::input(place, format!("this document is unreadable: {error}"), AGAIN)
     })
 }
 
-/// A figure, if it is there and is a drawing.
+/// Reads a figure; `None` if it does not exist.
 fn drawing(dir: &Path, file: &str) -> Result<Option<Figure>> {
     let path = dir.join(file);
     refuse_link(&path)?;
     let Some(bytes) = read_if_there(&path, Content::Document) else { return Ok(None) };
-    let refused = || Error::input(Place::file(&path), "this is no figure of this program", AGAIN);
+    let refused = || Error::input(Place::file(&path), "this is not a figure of this program", AGAIN);
     let svg = String::from_utf8(bytes).map_err(|_| refused())?;
-    // A drawing goes into the page as it is, so nothing but a drawing may stand in it.
+    // The page embeds the drawing unchanged, so the file may contain nothing else.
     if !svg.starts_with("<svg ") || svg.contains("<script") || svg.contains("<foreignObject") || svg.contains("href=") {
         return Err(refused());
     }

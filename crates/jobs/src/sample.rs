@@ -1,4 +1,4 @@
-//! `sample`: from a target to a posterior.
+//! `sample`: samples the posterior of a target.
 
 use std::collections::BTreeMap;
 
@@ -30,30 +30,30 @@ use crate::target::{CreepTarget, JointTarget, Record, SweepTarget, Target, not_t
 /// Name of the posterior of several records, and of its figure.
 const JOINT: &str = "joint";
 
-/// What a caller decides.
+/// Settings that the caller chooses.
 pub struct SampleRequest {
     /// The sampler's settings.
     pub sampler: SamplerOptions,
-    /// Whether to go on from where an interrupted run stopped: of one creep record only.
+    /// Continues an interrupted run; only for a single creep record.
     pub resume: bool,
 }
 
-/// The document of a posterior.
+/// Document of a posterior.
 #[derive(Serialize)]
 #[serde(untagged)]
 pub enum SampleDocument {
-    /// Of a creep record.
+    /// Posterior of a creep record.
     Creep(Box<PosteriorSummary>),
-    /// Of an oscillation.
+    /// Posterior of an oscillation.
     Oscillation(Box<OscillationSummary>),
-    /// Of several records of one specimen.
+    /// Posterior of several records of one specimen.
     Joint(Box<JointSummary>),
 }
 
-/// Samples the posterior of a target, and writes it: as the study's m0, or into the directory of several records.
+/// Samples the posterior of a target. The result becomes the study's m0, or goes into the directory of several records.
 ///
 /// # Errors
-/// [`Error::Input`] for a cohort, and where m0 would be of another model or mesh; otherwise those of sampling and of writing.
+/// [`Error::Input`] for a cohort, or if an existing m0 has another model or mesh; otherwise the errors of sampling and writing.
 pub fn run(target: &Target, request: &SampleRequest, monitor: &dyn Monitor) -> Result<Outcome<SampleDocument>> {
     match target {
         Target::Creep(creep) => of_creep(creep, request, monitor),
@@ -76,7 +76,7 @@ fn of_creep(target: &CreepTarget, request: &SampleRequest, monitor: &dyn Monitor
     request.sampler.validate(problem.priors.priors().len())?;
     let study = target.make_study()?;
     if study.revision_dir(FIRST_REVISION).is_ok() {
-        monitor.warn(&format!("the study's {FIRST_REVISION} is replaced when this run ends"));
+        monitor.warn(&format!("the study's {FIRST_REVISION} will be replaced at the end of this run"));
     }
     let (result, written) = make_first_revision(&study, &problem, request.sampler.clone(), request.resume, monitor)?;
     let is_sound = result.summary.is_sound();
@@ -85,7 +85,7 @@ fn of_creep(target: &CreepTarget, request: &SampleRequest, monitor: &dyn Monitor
     Ok(Outcome { document, is_sound, written, study: Some(study) })
 }
 
-/// A revision on another mesh is not overwritten unless `force` is set.
+/// Refuses to overwrite a revision on another mesh unless `force` is set.
 fn refuse_other_mesh(study: &Study, problem: &Problem, force: bool) -> Result<()> {
     let Ok(dir) = study.revision_dir(FIRST_REVISION) else { return Ok(()) };
     let path = dir.join(POSTERIOR_NAME);
@@ -129,7 +129,7 @@ fn of_oscillation(
     Ok(Outcome { document, is_sound, written, study: None })
 }
 
-/// A record joined with the law, ready to be computed.
+/// Record joined with the law, ready for evaluation.
 enum Prepared {
     Creep(Box<PreparedModel>),
     Oscillation(Box<SweepProblem>),

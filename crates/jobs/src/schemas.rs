@@ -1,4 +1,4 @@
-//! JSON Schemas (draft 2020-12) of the documents that commands write, generated from their types: `docs/schemas/<kind>-<number>.json`.
+//! JSON Schemas (draft 2020-12) of the documents that commands write, generated from the Rust types: `docs/schemas/<kind>-<number>.json`.
 
 use schemars::JsonSchema;
 use schemars::generate::SchemaSettings;
@@ -26,14 +26,14 @@ use documents::tasks::{Gathered, TaskList};
 use posterior::study::WithProvenance;
 use validation::challenge::plays::Plays;
 
-/// The schema of one kind of documents.
+/// Schema of one kind of document.
 #[derive(Debug, Clone, PartialEq)]
 pub struct DocumentSchema {
     /// Kind, as in `vitreo-uq/<kind>/<number>`.
     pub kind: &'static str,
-    /// Number.
+    /// Version number of the kind.
     pub number: u32,
-    /// The schema.
+    /// JSON Schema.
     pub schema: Value,
 }
 
@@ -42,23 +42,23 @@ impl DocumentSchema {
         let number = 1;
         let generator = SchemaSettings::draft2020_12().for_serialize().into_generator();
         let mut schema = generator.into_root_schema_for::<WithProvenance<T>>().to_value();
-        schema["title"] = json!(format!("What `vitreo-uq {command}` writes"));
+        schema["title"] = json!(format!("Document of `vitreo-uq {command}`"));
         schema["properties"]["schema"]["const"] = json!(format!("vitreo-uq/{kind}/{number}"));
         Self { kind, number, schema }
     }
 
-    /// Name of its file.
+    /// Name of the schema's file.
     pub fn file_name(&self) -> String {
         format!("{}-{}.json", self.kind, self.number)
     }
 
-    /// The file's text.
+    /// Text of the schema's file.
     pub fn text(&self) -> String {
         format!("{:#}\n", self.schema)
     }
 }
 
-/// The schema of every document of a command.
+/// Schemas of all documents that commands write.
 pub fn all() -> Vec<DocumentSchema> {
     vec![
         DocumentSchema::of::<Calibration>("calibration", "gather"),

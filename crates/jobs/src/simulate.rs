@@ -1,4 +1,4 @@
-//! A full finite-element run: the whole system stepped through the experiment's protocol with its internal fields.
+//! Full finite-element simulation: steps the whole system through the experiment's protocol, with its internal fields.
 
 use documents::simulation::{SimulationParameter, SimulationSummary};
 use std::collections::BTreeMap;
@@ -21,41 +21,41 @@ use posterior::prepared::field_models;
 use posterior::problem::Problem;
 use record::{KeptForce, Record};
 
-/// Most displacement fields that are written.
+/// Largest number of displacement fields that are written.
 const MOST_FIELDS: usize = 20;
-/// Most time steps of one run.
+/// Largest number of time steps of one run.
 const MOST_STEPS: usize = 20_000_000;
-/// What a caller decides.
+/// Settings that the caller chooses.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SimulationRequest {
-    /// The parameters and where they come from.
+    /// Parameter values with their origins.
     pub parameters: Vec<SimulationParameter>,
-    /// Time integrator of the law alone; `None` for the stepping that carries effects and networks, too.
+    /// Time integrator for the law alone; `None` for the stepping that also handles effects and networks.
     pub scheme: Option<TimeScheme>,
     /// Longest time step in s; `None` for one step from row to row.
     pub time_step_s: Option<f64>,
-    /// Finest level of a convergence table over the built-in meshes, if one is wanted.
+    /// Finest level of a convergence table over the built-in meshes; `None` for no table.
     pub refine: Option<usize>,
 }
 
-/// A run with everything that is written.
+/// Result of a run.
 pub struct Simulation {
-    /// The document for people and scripts.
+    /// Document for people and scripts.
     pub summary: SimulationSummary,
     /// Position (m) at every row of the protocol.
     pub position_m: Vec<f64>,
-    /// Row and displacement of every node (m) of every field that is written.
+    /// Written fields: the row, and the displacement (m) of every node.
     pub fields: Vec<(usize, Vec<[f64; 3]>)>,
-    /// Their mesh.
+    /// Mesh of the fields.
     pub mesh: Mesh,
     /// Wall-clock seconds of each stage.
     pub timing_s: Vec<(String, f64)>,
 }
 
-/// Settles the parameters: what is `set`, else the posterior's medians, else what the model fixes, else the prior's medians.
+/// Chooses the parameter values: from `set`, else the posterior's medians, else the model's fixed values, else the prior's medians.
 ///
 /// # Errors
-/// [`Error::Input`] when `set` names the noise, which is not simulated.
+/// [`Error::Input`] if `set` names a noise parameter, because noise is not simulated.
 pub fn parameters(
     problem: &Problem,
     set: &BTreeMap<String, f64>,
@@ -65,7 +65,7 @@ pub fn parameters(
         return Err(Error::input(
             Place::setting(Setting::Fixed),
             format!("{} is given, but a simulation has no noise", noise.name),
-            "leave it away; add noise to the trajectory afterwards if it is wanted",
+            "leave it out; add noise to the trajectory afterwards if you need it",
         ));
     }
     let value = |name: &str| -> Result<(f64, String)> {
@@ -96,11 +96,11 @@ pub fn parameters(
     problem.model.parameters().iter().map(entry).collect()
 }
 
-/// Checks what can be checked before anything is computed.
+/// Checks the request before anything is computed.
 ///
 /// # Errors
-/// [`Error::Input`] for an instrument, a time step that is not positive, too small, or given to the exact scheme, and a table that is too fine
-/// or of a mesh that cannot be refined.
+/// [`Error::Input`] for an instrument; for a time step that is not positive, too small, or given to the exact scheme;
+/// for a convergence table that is too fine or has a mesh that cannot be refined.
 pub fn check_request(problem: &Problem, request: &SimulationRequest, has_mesh_file: bool) -> Result<()> {
     finite_elements(problem)?;
     let refuse =
@@ -108,8 +108,11 @@ pub fn check_request(problem: &Problem, request: &SimulationRequest, has_mesh_fi
     if request.scheme.is_some() && !problem.is_exponential() {
         return refuse(
             Setting::Scheme,
-            format!("the {} scheme steps a law of springs and dashpots alone", scheme_name(request.scheme)),
-            &format!("leave {} away: models with effects, and networks, are stepped by `radau`", Setting::Scheme),
+            format!(
+                "the {} scheme handles only laws of springs and dashpots without effects",
+                scheme_name(request.scheme)
+            ),
+            &format!("leave out {}: `radau` handles models with effects and networks", Setting::Scheme),
         );
     }
     if let Some(step_s) = request.time_step_s {
@@ -117,13 +120,13 @@ pub fn check_request(problem: &Problem, request: &SimulationRequest, has_mesh_fi
             return refuse(
                 Setting::TimeStep,
                 format!("the {} scheme chooses its own steps", scheme_name(request.scheme)),
-                &format!("leave it away, or choose `{} midpoint`", Setting::Scheme),
+                &format!("leave it out, or choose `{} midpoint`", Setting::Scheme),
             );
         }
         if !(step_s.is_finite() && step_s > 0.0) {
             return refuse(
                 Setting::TimeStep,
-                format!("{step_s} is not a time step"),
+                format!("{step_s} is not a valid time step"),
                 "give a number above zero, in seconds",
             );
         }
@@ -133,20 +136,24 @@ pub fn check_request(problem: &Problem, request: &SimulationRequest, has_mesh_fi
         return refuse(
             Setting::TimeStep,
             format!("the run would take {steps:.1e} time steps"),
-            &format!("give a longer step: at most {MOST_STEPS} steps are taken"),
+            &format!("give a longer step: the limit is {MOST_STEPS} steps"),
         );
     }
     if let Some(levels) = request.refine {
         let finest = convergence::finest_level(&problem.experiment.apparatus);
         if levels == 0 || levels > finest {
-            return refuse(Setting::Refine, format!("{levels} mesh levels"), &format!("ask for 1 to {finest} levels"));
+            return refuse(
+                Setting::Refine,
+                format!("{levels} mesh levels are not possible"),
+                &format!("ask for 1 to {finest} levels"),
+            );
         }
         if has_mesh_file {
             return refuse(
                 Setting::Refine,
                 "a mesh from a file cannot be refined here".into(),
                 &format!(
-                    "leave {} away for the built-in meshes, or run `simulate` on several files and compare their stiffness",
+                    "leave out {} for the built-in meshes, or run `simulate` on several files and compare the stiffness",
                     Setting::Mesh
                 ),
             );
@@ -159,23 +166,23 @@ pub(super) fn finite_elements(problem: &Problem) -> Result<&FiniteElements> {
     if let Some(outside) = problem.outside() {
         return Err(Error::input(
             Place::setting(Setting::Forward),
-            format!("{} is no model of this program's to simulate", outside.title()),
-            format!("ask its server, or leave {} away", Setting::Forward),
+            format!("{} is another program's model, which `simulate` cannot run", outside.title()),
+            format!("send requests to its server, or leave out {}", Setting::Forward),
         ));
     }
     problem.finite_elements().ok_or_else(|| {
         Error::input(
             Place::default().at_key("robot"),
             "an instrument or an indenter has no finite elements to simulate",
-            "give an experiment with [robot] and [vitreous]; `sample` and `fit` work for instruments and indenters",
+            "give an experiment with [robot] and [vitreous]; for instruments and indenters use `sample` or `fit`",
         )
     })
 }
 
-/// Runs the protocol, and the convergence table if it is asked for.
+/// Runs the protocol, and the convergence table if requested.
 ///
 /// # Errors
-/// As [`check_request`]; whatever its parts refuse.
+/// As [`check_request`]; also the errors of meshing, factorisation and stepping.
 pub fn run(
     problem: &Problem,
     request: &SimulationRequest,
@@ -233,20 +240,20 @@ fn scheme_name(scheme: Option<TimeScheme>) -> &'static str {
     }
 }
 
-/// What a full-order run gives.
+/// Result of a full-order run.
 struct Run {
     /// Rows of `fields`, in order.
     rows: Vec<usize>,
     position_m: Vec<f64>,
     fields: Vec<Vec<[f64; 3]>>,
-    /// Their mesh, where it is not the model's.
+    /// Mesh of the fields, if it differs from the model's.
     mesh: Option<Mesh>,
     compliance_per_m: f64,
     /// Row of the largest displacement.
     extreme_row: usize,
 }
 
-/// The rows whose fields are written, and that of the largest displacement.
+/// Rows whose fields are needed (the written rows and the row of the largest displacement), and the latter row.
 fn rows_with_extreme(written_rows: &[usize], position_m: &[f64]) -> (Vec<usize>, usize) {
     let extreme_row =
         (0..position_m.len()).fold(0, |a, b| if position_m[b].abs() > position_m[a].abs() { b } else { a });
@@ -286,8 +293,8 @@ fn all_stages(problem: &Problem, fe: &FiniteElements, values: &[f64], written_ro
     Ok(Run { rows, position_m, fields, mesh, compliance_per_m, extreme_row })
 }
 
-/// The trajectory (m) in closed form at the run's own compliance: what is left is the time integration's error. For a law that is not linear, which has no
-/// closed form, the full-order trajectory with steps twice as long: what is left is several times that error.
+/// Reference trajectory (m) for the time integration's error. For a linear law it is the closed form at the run's own compliance.
+/// For other laws it is the full-order trajectory with steps twice as long; the difference is then several times the error.
 fn exact_in_time_m(problem: &Problem, fe: &FiniteElements, compliance_per_m: f64, values: &[f64]) -> Result<Vec<f64>> {
     let record = &problem.experiment.record;
     if problem.model.effects().iter().any(|effect| effect.is_nonlinear()) {
@@ -303,17 +310,17 @@ fn exact_in_time_m(problem: &Problem, fe: &FiniteElements, compliance_per_m: f64
     Response::new(&record.time_s, record.force(), record.n_rows()).trajectory_m(&stages, compliance_per_m)
 }
 
-/// The record's times with steps in between, no longer than asked for.
+/// The record's times, with steps in between that are no longer than the requested one.
 struct TimeGrid {
     time_s: Vec<f64>,
     force: KeptForce,
-    /// Where each row of the record stands.
+    /// Index of each row of the record in `time_s`.
     place_of_row: Vec<usize>,
 }
 
-/// Steps that an interval takes, as a number that may be too large to count.
+/// Number of steps in an interval, as a floating-point number because it may exceed integers.
 fn n_parts(interval_s: f64, longest_s: Option<f64>) -> f64 {
-    // An interval that is a whole number of steps but for rounding takes no extra one.
+    // The factor keeps rounding from adding a step to an interval that is a whole number of steps.
     longest_s.map_or(1.0, |longest_s| (interval_s / longest_s * (1.0 - 1e-9)).ceil().max(1.0))
 }
 
@@ -338,7 +345,7 @@ impl TimeGrid {
     }
 }
 
-/// Rows at the ends of force holds, the last row included; when there are many, some of them, evenly.
+/// Rows at the ends of force holds and the last row; evenly thinned if there are many.
 fn field_rows(record: &Record) -> Vec<usize> {
     let mut rows: Vec<usize> = record.force_step_rows().into_iter().filter(|&row| row > 0).collect();
     if record.n_rows() > 0 {

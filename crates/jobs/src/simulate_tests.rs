@@ -10,7 +10,7 @@ use posterior::replica::{TABLE_I, embedded};
 use posterior::study::ModelSpecification;
 use record::Experiment;
 
-/// The replica on a coarse mesh, so that tests are quick.
+/// The replica on a coarse mesh, for quick tests.
 fn problem() -> Problem {
     let (experiment, _) = embedded().unwrap();
     let mut problem = Problem::new(experiment, ModelSpecification::default(), None, &Silent).unwrap();
@@ -29,7 +29,7 @@ fn request(problem: &Problem, scheme: TimeScheme, time_step_s: Option<f64>) -> S
     SimulationRequest { parameters, scheme: Some(scheme), time_step_s, refine: None }
 }
 
-/// The exponential step is exact; the midpoint rule's error falls with the square of the step, as 1/4.
+/// The exponential step is exact. Halving the step of the midpoint rule divides its error by 4.
 #[test]
 fn exponential_is_exact_and_midpoint_of_second_order() {
     let problem = problem();
@@ -73,7 +73,7 @@ fn fields_stand_at_the_ends_of_holds_and_are_not_too_many() {
     assert_eq!(rows[MOST_FIELDS - 1], 799);
 }
 
-/// What is written reads back as an experiment whose positions are the simulation's, and whose robot is the same.
+/// The written directory reads back as an experiment with the simulation's positions and the same robot.
 #[test]
 fn the_directory_is_itself_an_experiment() {
     let problem = problem();
@@ -101,7 +101,7 @@ fn the_directory_is_itself_an_experiment() {
     assert!(written && !dir.path().join("fields_09.vtu").exists());
 }
 
-/// Against the exact stiffness (physics §4.2): errors fall, the differences are those of the column, the order is above 3.
+/// Against the exact stiffness (physics §4.2): errors fall, the differences match the column, and the order is above 3.
 #[test]
 fn convergence_table_converges_to_the_exact_value() {
     let problem = problem();
@@ -149,6 +149,6 @@ fn impossible_requests_are_refused_with_their_option() {
     refused(exact, false, "scheme midpoint");
     refused(SimulationRequest { refine: Some(0), ..base.clone() }, false, "`refine`");
     refused(SimulationRequest { refine: Some(99), ..base.clone() }, false, "`refine`");
-    refused(SimulationRequest { refine: Some(2), ..base.clone() }, true, "leave mesh away");
+    refused(SimulationRequest { refine: Some(2), ..base.clone() }, true, "leave out mesh");
     assert!(check_request(&problem, &base, true).is_ok());
 }

@@ -1,4 +1,4 @@
-//! The files of a simulation, which together are again an experiment: trajectory, TOML, fields.
+//! Files of a simulation: trajectory, TOML and fields. Together they form an experiment.
 
 use std::path::Path;
 
@@ -10,10 +10,10 @@ use elements::mesh::vtu::{PointData, TimeStep, write_pvd, write_vtu};
 use posterior::problem::Problem;
 use record::{Apparatus, Offset, Orientation, Record, RobotShape, density_toml};
 
-/// Writes trajectory, experiment and fields into `dir`: the directory is itself an experiment.
+/// Writes trajectory, experiment and fields into `dir`, which then is an experiment itself.
 ///
 /// # Errors
-/// [`Error::File`] when the operating system refuses.
+/// [`Error::File`] if the operating system refuses.
 pub fn write(dir: &Path, problem: &Problem, simulation: &Simulation) -> Result<()> {
     let refused = |path: &Path, source| Error::at_path("write", path, source, "check that the disk has room");
     let texts = [
@@ -35,7 +35,7 @@ pub fn write(dir: &Path, problem: &Problem, simulation: &Simulation) -> Result<(
     write_pvd(dir.join("fields.pvd"), &steps)
 }
 
-/// A decimal number without the last digit of binary rounding: 4.6, not 4.6000000000000005.
+/// Rounds away the binary error of the last digit: 4.6 instead of 4.6000000000000005.
 fn decimal(value: f64) -> f64 {
     format!("{value:.14e}").parse().unwrap_or(value)
 }
@@ -100,7 +100,7 @@ fn apparatus_toml(apparatus: &Apparatus) -> String {
     }
 }
 
-/// The lines of an offset, none of a robot in the middle.
+/// TOML lines of an offset; empty for a robot in the middle.
 fn offset_toml(offset: Option<Offset>) -> String {
     offset.map_or_else(String::new, |offset| {
         let (distance_mm, direction) = (decimal(1e3 * offset.distance_m), offset.direction.name());

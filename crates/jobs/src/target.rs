@@ -1,4 +1,4 @@
-//! What a command works on, opened once: a creep record, an oscillation, several records of one specimen, or a cohort.
+//! Input of a command, opened once: a creep record, an oscillation, several records of one specimen, or a cohort.
 
 use std::path::{Path, PathBuf};
 
@@ -24,25 +24,25 @@ use crate::last_cycle::{self, LastCycle};
 use crate::outcome::Outcome;
 use crate::sweep::problem::{DEFAULT_PRIOR, SweepProblem};
 
-/// What the user names: records, a place, and a model.
+/// Input that the user names: records, output directory and model.
 #[derive(Clone, Default)]
 pub struct TargetRequest {
-    /// Experiments, studies, or a directory of them; none for the embedded replica.
+    /// Experiments, studies, or a directory of them; empty for the embedded replica.
     pub paths: Vec<PathBuf>,
     /// Directory of the results; `None` for the default.
     pub out: Option<PathBuf>,
-    /// Whether results of another input or model are replaced.
+    /// Replaces results of another input or model.
     pub force: bool,
-    /// What the options change of the model.
+    /// Changes of the model by options.
     pub model: ModelRequest,
 }
 
-/// Changes of the model that a study or the default has.
+/// Changes of the study's model or the default model.
 #[derive(Clone, Default)]
 pub struct ModelRequest {
     /// Base law: a name or a file.
     pub base: Option<String>,
-    /// Address of another program's model, which stands in place of a base law.
+    /// Address of another program's model, used instead of a base law.
     pub forward: Option<String>,
     /// Effects: slugs or files.
     pub with: Vec<String>,
@@ -54,17 +54,17 @@ pub struct ModelRequest {
     pub set: Vec<String>,
     /// Revision whose model is changed; `None` for the last.
     pub from: Option<String>,
-    /// An imported mesh.
+    /// Imported mesh.
     pub mesh: Option<MeshFile>,
 }
 
 impl ModelRequest {
-    /// The base law or what stands in its place.
+    /// Base law, or the address of the model that replaces it.
     pub fn law(&self) -> Option<&str> {
         self.forward.as_deref().or(self.base.as_deref())
     }
 
-    /// The model with these changes.
+    /// Applies these changes to a model.
     ///
     /// # Errors
     /// As [`ModelSpecification::with_options`].
@@ -72,7 +72,7 @@ impl ModelRequest {
         model.with_options(self.law(), &self.with, &self.noise, self.prior.as_deref(), &self.set)
     }
 
-    /// The first option given that says what the model is, and not which revision or mesh is meant.
+    /// First given option that changes the model itself. Options for the revision or the mesh do not count.
     fn changing_setting(&self) -> Option<Setting> {
         first_given(&[
             (Setting::Base, self.base.is_some()),
@@ -85,7 +85,7 @@ impl ModelRequest {
     }
 }
 
-/// Sorts of targets. A command names those that it takes beside a creep record, which every command takes.
+/// Kinds of targets. Every command accepts a creep record, and names the other kinds that it accepts.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Kind {
     /// One creep record or its study.
@@ -99,7 +99,7 @@ pub enum Kind {
 }
 
 impl Kind {
-    /// The sort that paths are, for a command that takes some sorts: the first of them that fits, else a creep record.
+    /// Kind of the given paths, for a command that accepts some kinds: the first kind that fits, otherwise a creep record.
     pub fn of(paths: &[PathBuf], taken: &[Self]) -> Self {
         let is_folder = |path: &PathBuf| {
             path.is_dir()
@@ -116,7 +116,7 @@ impl Kind {
     }
 }
 
-/// What a command works on. Opening it writes nothing.
+/// Input of a command. Opening it writes nothing.
 pub enum Target {
     /// One creep record or its study.
     Creep(Box<CreepTarget>),
@@ -129,10 +129,10 @@ pub enum Target {
 }
 
 impl Target {
-    /// Reads what the user named, and reports what the reader noticed. The model is that of `default_revision`, where the options name no other.
+    /// Reads the target and reports the reader's notes. The model is that of `default_revision` unless the options name another.
     ///
     /// # Errors
-    /// Those of reading, and [`Error::Input`] where a place or a model is refused.
+    /// The errors of reading; [`Error::Input`] if the output directory or the model is refused.
     pub fn open(
         request: TargetRequest,
         taken: &[Kind],
@@ -147,7 +147,7 @@ impl Target {
         })
     }
 
-    /// The creep record.
+    /// Returns the creep record.
     ///
     /// # Errors
     /// [`Error::Input`] for every other target.
@@ -159,41 +159,41 @@ impl Target {
     }
 }
 
-/// The refusal of a target that a command does not take.
+/// Error for a target that a command does not accept.
 pub(crate) fn not_taken() -> Error {
     Error::input(Place::default(), "this command takes one creep record", "give one experiment or study")
 }
 
-/// The first of some options that is given.
+/// First option that is given.
 fn first_given(options: &[(Setting, bool)]) -> Option<Setting> {
     options.iter().find(|(_, is_given)| *is_given).map(|(option, _)| *option)
 }
 
-/// A creep record, the study that it belongs to or will belong to, and the model.
+/// Creep record with its study, which may not exist yet, and the model.
 ///
-/// A new study is made by [`CreepTarget::make_study`] only, after everything that can be refused has been refused.
+/// Only [`CreepTarget::make_study`] makes a new study, after all checks have passed.
 pub struct CreepTarget {
     place: StudyPlace,
     /// The experiment.
     pub experiment: Experiment,
-    /// How its description was understood.
+    /// Interpretation of the experiment's description.
     understood: Understood,
-    /// The model that the options, or else the study's last revision, name.
+    /// Model from the options, or else from the study's last revision.
     pub specification: ModelSpecification,
-    /// What the options change of the model.
+    /// Changes of the model by options.
     pub request: ModelRequest,
-    /// Whether results of another input or model are replaced.
+    /// Replaces results of another input or model.
     pub force: bool,
 }
 
-/// Where the study is, or will be.
+/// Existing or future place of the study.
 enum StudyPlace {
     There(Study),
     New { dir: PathBuf, files: Box<ExperimentFiles>, force: bool },
 }
 
 impl CreepTarget {
-    /// Reads what the user named, without writing anything.
+    /// Reads the target without writing anything.
     ///
     /// # Errors
     /// As [`Target::open`].
@@ -229,7 +229,7 @@ impl CreepTarget {
         Ok(Self { place, experiment, understood, specification, request: model, force })
     }
 
-    /// Refuses a record that certainly contradicts its description, and reports possible contradictions: before anything is fitted to it.
+    /// Refuses a record that certainly contradicts its description, and reports possible contradictions. It runs before any fit.
     ///
     /// # Errors
     /// As [`check::refuse_certain`].
@@ -237,12 +237,12 @@ impl CreepTarget {
         check::refuse_certain(&self.experiment, &self.understood, monitor)
     }
 
-    /// The study, if there is one already.
+    /// Returns the study, if it exists.
     pub fn existing_study(&self) -> Option<&Study> {
         self.place.study()
     }
 
-    /// The header of a document, whether or not there is a study.
+    /// Header of a document, with or without a study.
     ///
     /// # Errors
     /// As [`Study::hashes_of`].
@@ -253,7 +253,7 @@ impl CreepTarget {
         }
     }
 
-    /// The study; it is made now if it is not there.
+    /// Returns the study and creates it if it does not exist.
     ///
     /// # Errors
     /// As [`Study::open_or_create`].
@@ -272,10 +272,10 @@ impl CreepTarget {
         Problem::new(self.experiment.clone(), self.specification.clone(), self.request.mesh.as_ref(), monitor)
     }
 
-    /// The revision that the options name, or the last; where the study has none, its m0 is made first.
+    /// Returns the revision that the options name, or the last. If the study has none, m0 is made first.
     ///
     /// # Errors
-    /// [`Error::Input`] where options would change a revision that is there; otherwise as [`make_first_revision`].
+    /// [`Error::Input`] if options would change an existing revision; otherwise as [`make_first_revision`].
     pub fn revision(&self, options: SamplerOptions, monitor: &dyn Monitor) -> Result<Revision> {
         self.check(monitor)?;
         let there = match self.existing_study() {
@@ -285,9 +285,9 @@ impl CreepTarget {
         if let (false, Some(option)) = (there.is_empty(), self.request.changing_setting()) {
             return Err(Error::input(
                 Place::setting(option),
-                "the study has revisions, which are taken as they are",
+                "the study has revisions, and this option would change them",
                 format!(
-                    "leave the option away, choose a revision with `{}`, or make the next one with `vitreo-uq extend {} EFFECT`",
+                    "leave out the option, choose a revision with `{}`, or make the next one with `vitreo-uq extend {} EFFECT`",
                     Setting::Revision,
                     Setting::Effects
                 ),
@@ -306,18 +306,18 @@ impl CreepTarget {
     }
 }
 
-/// A revision of a study, ready to be criticised.
+/// Revision of a study, ready for criticism.
 pub struct Revision {
-    /// Its study.
+    /// Study of the revision.
     pub study: Study,
-    /// Its name.
+    /// Name of the revision.
     pub name: String,
-    /// Its model joined with the whole experiment.
+    /// Model of the revision, joined with the whole experiment.
     pub problem: Problem,
 }
 
 impl Revision {
-    /// The experiment, split into fitted and scored cycles, for the fits of the revision's own model.
+    /// Experiment split into fitted and scored cycles, for fits of the revision's own model.
     ///
     /// # Errors
     /// As [`Subject::with_compliance`].
@@ -327,7 +327,7 @@ impl Revision {
         Subject::with_compliance(&self.problem, &Library::default(), compliance)
     }
 
-    /// The experiment, split into fitted and scored cycles, for the fits of every effect: the surrogate may be wider.
+    /// Experiment split into fitted and scored cycles, for fits of every effect. Its surrogate may cover a wider range.
     ///
     /// # Errors
     /// As [`Subject::new`].
@@ -335,7 +335,7 @@ impl Revision {
         Subject::new(&self.problem, &Library::default(), kept_surrogate(&self.study, monitor), monitor)
     }
 
-    /// Errors of its posterior given all cycles but the last.
+    /// Errors of the revision's posterior fitted to all cycles except the last.
     ///
     /// # Errors
     /// As [`LastCycle::posterior`].
@@ -344,15 +344,15 @@ impl Revision {
         Ok(last_cycle::errors(&fitted.posterior(options, false, monitor)?))
     }
 
-    /// The header of a document about the revision.
+    /// Header of a document about the revision.
     pub fn provenance(&self, kind: &str, seed: u64) -> Provenance {
         artefacts::with_inputs(self.study.provenance(kind, 1, seed), &self.problem)
     }
 
-    /// Adds a document of a kind, and the files beside it, to the revision: whole or not at all.
+    /// Adds a document and its files to the revision, whole or not at all.
     ///
     /// # Errors
-    /// [`Error::File`] where the operating system refuses, and those of `files`.
+    /// [`Error::File`] if the operating system refuses, and the errors of `files`.
     pub fn amend<D: Serialize>(
         self,
         kind: &str,
@@ -376,7 +376,7 @@ impl StudyPlace {
     }
 }
 
-/// A study of the same input that is there is continued; one of another input is refused unless it is to be replaced.
+/// Continues an existing study of the same input. A study of another input is refused unless `force` is set.
 fn place_of(dir: PathBuf, files: ExperimentFiles, force: bool) -> Result<StudyPlace> {
     if Study::is_study(&dir) {
         match Study::open_or_create(&dir, &files, false) {
@@ -393,8 +393,8 @@ fn refuse_out_of_study(study: &Path, out: Option<&Path>) -> Result<()> {
     match out {
         Some(_) => Err(Error::input(
             Place::setting(Setting::Out),
-            format!("{} is a study already", study.display()),
-            format!("leave {} away, or give the experiment instead of the study", Setting::Out),
+            format!("{} is already a study", study.display()),
+            format!("leave out {}, or give the experiment instead of the study", Setting::Out),
         )),
         None => Ok(()),
     }
@@ -404,7 +404,7 @@ fn report_notes(files: &ExperimentFiles, monitor: &dyn Monitor) {
     files.notes.iter().for_each(|note| monitor.warn(&note.to_string()));
 }
 
-/// The model of the named or last revision, or the default, with what the options change of it.
+/// Model of the named or last revision, or the default, changed by the options.
 fn specification(
     study: Option<&Study>,
     model: &ModelRequest,
@@ -415,8 +415,8 @@ fn specification(
         (Some(name), None) => {
             return Err(Error::input(
                 Place::setting(Setting::Revision),
-                format!("there is no study yet, and so no revision {name}"),
-                format!("leave {} away, or give the study that an earlier command made", Setting::Revision),
+                format!("there is no study yet, so there is no revision {name}"),
+                format!("leave out {}, or give the study that an earlier command made", Setting::Revision),
             ));
         }
         (None, Some(study)) => {
@@ -433,13 +433,13 @@ fn specification(
     model.applied_to(start)
 }
 
-/// An oscillation and its study, or where that will be.
+/// Oscillation with its existing or future study.
 pub struct SweepTarget {
     sweep: Sweep,
     files: ExperimentFiles,
     dir: PathBuf,
     model: ModelRequest,
-    /// Whether results of another input or model are replaced.
+    /// Replaces results of another input or model.
     pub force: bool,
 }
 
@@ -460,7 +460,7 @@ impl SweepTarget {
         Ok(Self { sweep, files, dir, model, force })
     }
 
-    /// The model of the study's posterior, if it has one of this oscillation.
+    /// Model of the study's posterior, if the study has one of this oscillation; otherwise the default.
     fn specification(&self) -> Result<ModelSpecification> {
         if !Study::is_study(&self.dir) {
             return Ok(of_several());
@@ -473,21 +473,21 @@ impl SweepTarget {
         }
     }
 
-    /// Joins the oscillation and its model.
+    /// Joins the oscillation with its model.
     ///
     /// # Errors
-    /// [`Error::Input`] for options that an oscillation does not have; otherwise as [`SweepProblem::new`].
+    /// [`Error::Input`] for options that do not apply to an oscillation; otherwise as [`SweepProblem::new`].
     pub fn problem(&self) -> Result<SweepProblem> {
         let ModelRequest { mesh, from, .. } = &self.model;
         if let Some(option) = first_given(&[(Setting::Mesh, mesh.is_some()), (Setting::Revision, from.is_some())]) {
             let found = "an oscillation has neither finite elements nor later revisions";
-            return Err(Error::input(Place::setting(option), found, format!("leave {option} away")));
+            return Err(Error::input(Place::setting(option), found, format!("leave out {option}")));
         }
         let specification = self.model.applied_to(self.specification()?)?;
         SweepProblem::new(self.sweep.clone(), specification, &Library::default())
     }
 
-    /// The study; it is made now if it is not there.
+    /// Returns the study and creates it if it does not exist.
     ///
     /// # Errors
     /// As [`Study::open_or_create`].
@@ -496,31 +496,31 @@ impl SweepTarget {
     }
 }
 
-/// The default model of oscillations and of several records: its prior holds for every instrument.
+/// Default model of oscillations and of several records. Its prior suits every instrument.
 fn of_several() -> ModelSpecification {
     ModelSpecification { prior: DEFAULT_PRIOR.into(), ..ModelSpecification::default() }
 }
 
-/// Several records of one specimen, and the law that they share.
+/// Several records of one specimen that share a law.
 pub struct JointTarget {
-    /// The records, in the order in which the user named them.
+    /// The records, in the order of the command line.
     pub records: Vec<Record>,
-    /// The model: a law with white noise.
+    /// Model: a law with white noise.
     pub specification: ModelSpecification,
     /// Directory of the results; `None` for the default.
     pub out: Option<PathBuf>,
 }
 
-/// A record of a specimen, with its files.
+/// Record of a specimen, with its files.
 pub enum Record {
-    /// Positions in time.
+    /// Positions over time.
     Creep(Box<Experiment>, ExperimentFiles),
-    /// Moduli against frequency.
+    /// Moduli over frequency.
     Oscillation(Box<Sweep>, ExperimentFiles),
 }
 
 impl Record {
-    /// Its specimen.
+    /// Specimen identifier.
     pub fn specimen_id(&self) -> &str {
         match self {
             Self::Creep(experiment, _) => &experiment.specimen_id,
@@ -528,7 +528,7 @@ impl Record {
         }
     }
 
-    /// Its files.
+    /// Files of the record.
     pub fn files(&self) -> &ExperimentFiles {
         match self {
             Self::Creep(_, files) | Self::Oscillation(_, files) => files,
@@ -558,26 +558,26 @@ impl JointTarget {
     }
 }
 
-/// Refuses options, each with whether it is given, that records of one law do not share.
+/// Refuses options that records with a common law cannot share. Each entry is an option and a flag that it is given.
 pub(crate) fn refuse_options_of_one(options: &[(Setting, bool)]) -> Result<()> {
     match first_given(options) {
         Some(option) => Err(Error::input(
             Place::setting(option),
-            "several records share the law alone, with white noise each",
-            format!("leave {option} away, or sample one record"),
+            "several records share only the law, each with its own white noise",
+            format!("leave out {option}, or sample one record"),
         )),
         None => Ok(()),
     }
 }
 
-/// Several specimens: directories, and what is common to all.
+/// Several specimens: directories, with options common to all.
 pub struct CohortTarget {
-    /// What the user named.
+    /// Request of the user.
     pub request: TargetRequest,
 }
 
 impl CohortTarget {
-    /// Reads every record, but for those to leave out, with what the options change of each record's model.
+    /// Reads every record except `leave_out`, with the options applied to each record's model.
     ///
     /// # Errors
     /// As [`cohort::read`].
@@ -591,17 +591,17 @@ impl CohortTarget {
         self.request.out.as_deref().unwrap_or(Path::new(default))
     }
 
-    /// Refuses options that only one record can have: those of the model, and `more`, each with whether it is given; `command` takes them for one record.
+    /// Refuses options that apply to one record only: those of the model, and `more`, each with a flag that it is given. `command` is the verb of the remedy.
     ///
     /// # Errors
-    /// [`Error::Input`] for the first that is given.
+    /// [`Error::Input`] for the first given option.
     pub fn refuse_options_of_one(&self, more: &[(Setting, bool)], command: &str) -> Result<()> {
         let model = &self.request.model;
         let of_model = [(Setting::Revision, model.from.is_some()), (Setting::Mesh, model.mesh.is_some())];
         match first_given(&of_model).or_else(|| first_given(more)) {
             Some(option) => {
-                let remedy = format!("leave {option} away, or {command} one record");
-                Err(Error::input(Place::setting(option), "of several records each has its own", remedy))
+                let remedy = format!("leave out {option}, or {command} one record");
+                Err(Error::input(Place::setting(option), "this option applies to one record only", remedy))
             }
             None => Ok(()),
         }

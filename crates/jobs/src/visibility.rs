@@ -1,13 +1,14 @@
-//! What an experiment can see of each effect: the share of its signature that the base model's parameters cannot absorb.
+//! Detectability of each effect in an experiment: the fraction of its signature that the base model's parameters cannot absorb.
 //!
-//! At the calibrated base, with whitening L⁻¹ of the noise: g = L⁻¹∂x/∂ε of an effect's parameter ε at its null, A = L⁻¹∂x/∂θ of the sampled base
-//! parameters with a row a prior, P = I − AA⁺. The visible fraction is ‖Pg‖² over ‖g‖² under white noise alone, and 1/‖Pg‖ the standard error with
-//! which ε would be known. The noise's random effects (correlated errors, gains, offsets) are in L, and so take their share.
+//! At the calibrated base, L⁻¹ whitens the noise. g = L⁻¹∂x/∂ε is the signature of an effect's parameter ε at its null. A = L⁻¹∂x/∂θ belongs to the sampled
+//! base parameters, with one extra row per prior, and P = I − AA⁺. The visible fraction is ‖Pg‖² over ‖g‖² under white noise alone.
+//! 1/‖Pg‖ is the standard error of ε. The noise's random effects (correlated errors, gains, offsets) are in L and reduce the visible fraction.
 //!
-//! An effect that is to first order other values of the law's parameters shows at a size of its own ([`Effect::shows_at`]): g is then the difference that this size makes, and Pg what the best
-//! of those values leave of it. It grows with the square of the size, so that the standard error is the size at which it would be one.
+//! Some effects equal other values of the law's parameters to first order. Such an effect is evaluated at a size of its own ([`Effect::shows_at`]):
+//! g is the change caused by this size, and Pg the remainder after the best change of those values.
+//! The remainder grows with the square of the size, so the standard error is the size at which ‖Pg‖ is 1.
 //!
-//! Effects whose Pg point the same way or opposite ways are twins (physics §5).
+//! Effects whose Pg are parallel or antiparallel are twins (physics §5).
 
 use documents::effects::{EffectEntry, EffectsSummary, ParameterEntry};
 use nalgebra::{DMatrix, DVector};
@@ -27,13 +28,13 @@ use posterior::noise::NoiseLikelihood;
 use posterior::prepared::{KeptSurrogate, PreparedModel};
 use posterior::problem::Problem;
 
-/// Prior quantiles at which parameters that mean nothing at the null are tried.
+/// Prior quantiles at which parameters that are unidentified at the null are tried.
 const GRID: [f64; 9] = [0.02, 0.1, 0.2, 0.35, 0.5, 0.65, 0.8, 0.9, 0.98];
 
-/// The library for an experiment.
+/// Computes the detectability of every effect of the library in an experiment.
 ///
 /// # Errors
-/// Whatever calibrating the base model refuses.
+/// The errors of calibrating the base model.
 pub fn run(
     problem: &Problem,
     library: &Library,
@@ -52,10 +53,10 @@ pub fn run(
     })
 }
 
-/// The calibrated base model and what its parameters absorb.
+/// Calibrated base model, with the directions that its parameters absorb.
 struct Base {
     parameters: Vec<f64>,
-    /// Places of those that are not fixed.
+    /// Indices of the parameters that are not fixed.
     sampled: Vec<usize>,
     position_m: Vec<f64>,
     noise: NoiseLikelihood,
@@ -84,7 +85,7 @@ impl Base {
         }
         let white = noise.whiten(&columns, &position_m, &noise_parameters);
         let (n_rows, n_columns) = (noise.n_observed(), columns.len());
-        // Scaled to unit columns, since E and c₂ differ in size and so would what rounding leaves of them.
+        // The columns are scaled to unit length, because E and c₂ differ in size and rounding errors would dominate one of them.
         let jacobian = DMatrix::from_fn(n_rows + n_columns, n_columns, |i, j| match i.checked_sub(n_rows) {
             None => white[j][i],
             Some(row) => f64::from(u8::from(row == j)) * prior_rows[j],
@@ -96,7 +97,7 @@ impl Base {
         Ok(Self { parameters, sampled, position_m, noise, noise_parameters, observed_rows, absorbed, kept })
     }
 
-    /// What is left of a signature.
+    /// Part of a signature that the base cannot absorb.
     fn visible(&self, Signature { whole_m, left_m, size }: Signature) -> Visible {
         let noise_sd_m = 1e-6 * self.noise_parameters[0];
         let observed = self.observed_rows.iter().map(|row| whole_m[*row] / noise_sd_m);
@@ -114,13 +115,13 @@ impl Base {
     }
 }
 
-/// What an effect does to the positions, one value a row.
+/// Change of the positions by an effect, one value per row.
 struct Signature {
-    /// In m: a unit of the parameter, or its size.
+    /// Change in m: per unit of the parameter, or for its size.
     whole_m: Vec<f64>,
-    /// The same after the base has absorbed what it can by other than first order.
+    /// Change in m after the base has absorbed its nonlinear part.
     left_m: Vec<f64>,
-    /// The size; `None` for a derivative.
+    /// Size of the effect; `None` for a derivative.
     size: Option<f64>,
 }
 
@@ -130,21 +131,21 @@ impl Signature {
     }
 }
 
-/// What is left of a signature.
+/// Part of a signature that the base cannot absorb.
 struct Visible {
     fraction: f64,
-    /// Pg.
+    /// Residual signature Pg.
     rest: DVector<f64>,
-    /// Of the first parameter.
+    /// Standard error of the first parameter.
     standard_error: f64,
 }
 
-/// |cos| of two visible parts above which two effects are called twins.
+/// |cos| of two visible parts above which two effects are twins.
 const TWIN_COSINE: f64 = 0.99;
-/// Shares below this are rounding and curvature, whose directions mean nothing.
+/// Smallest meaningful visible fraction. Smaller ones result from rounding and curvature, and their directions mean nothing.
 const LEAST_VISIBLE: f64 = 1e-6;
 
-/// Entries with their twins.
+/// Adds the twins to the entries.
 fn with_twins(list: Vec<(EffectEntry, Option<Visible>)>) -> Vec<EffectEntry> {
     let direction =
         |visible: &Option<Visible>| visible.as_ref().filter(|v| v.fraction > LEAST_VISIBLE).map(|v| v.rest.normalize());
@@ -161,14 +162,14 @@ fn with_twins(list: Vec<(EffectEntry, Option<Visible>)>) -> Vec<EffectEntry> {
     list.into_iter().zip(twins).map(|((entry, _), twins)| EffectEntry { twins, ..entry }).collect()
 }
 
-/// The known noise, else what the calibrated base leaves; other terms at their priors' medians.
+/// Parameters of the noise: the known noise standard deviation, else the root mean square residual of the calibrated base; other terms at their priors' medians.
 fn noise_parameters(problem: &Problem, rmse_um: f64) -> Vec<f64> {
     let known = problem.experiment.noise_yardstick().map_or(rmse_um, |yardstick| 1e6 * yardstick.sd_m);
     let value = |name: &str| problem.range_of(name, 0.5).lower;
     problem.noise.parameters().iter().map(|p| if p.name == NOISE_SD.name { known } else { value(p.name) }).collect()
 }
 
-/// Standard deviation of a prior where a parameter stands: of its logarithm times the value for scales.
+/// Standard deviation of a prior at a parameter value. For scales it is the standard deviation of the logarithm times the value.
 fn prior_sd_near(distribution: &Distribution, value: f64) -> f64 {
     match *distribution {
         Distribution::LogNormal { log_sd, .. } => log_sd * value,
@@ -205,7 +206,7 @@ fn entry(
     };
     let mut specification = problem.specification.clone();
     if specification.effects.iter().any(|slug| slug == effect.slug()) {
-        entry.refused = Some("the model has it already".into());
+        entry.refused = Some("the model already has it".into());
         return Ok((entry, None));
     }
     specification.effects.push(effect.slug().into());
@@ -239,7 +240,7 @@ fn entry(
             significant(most_um, 2),
             significant(most_um / base.noise_parameters[0], 2)
         );
-        // It grows with the square: at 1 the derivative is twice what it makes.
+        // The deviation grows with the square, so its derivative at 1 is twice its value.
         let visible = base.visible(Signature::derivative(deviation_m.iter().map(|x| 2.0 * x).collect()));
         entry.visible_fraction = Some(visible.fraction);
         entry.standard_error = Some(visible.standard_error).filter(|error| error.is_finite());
@@ -256,7 +257,7 @@ fn entry(
     Ok((entry, best))
 }
 
-/// Signatures of an effect's first parameter, one for each point of the grid of those that mean nothing at its null.
+/// Signatures of an effect's first parameter. If some parameters are unidentified at the null, there is one signature per grid point of their priors.
 fn signatures(effect: &dyn Effect, forward: &ReducedForward, base: &Base) -> Result<Vec<Signature>> {
     let (model, scales) = (forward.model, forward.model.scales());
     let own = effect.parameters();
@@ -284,10 +285,10 @@ fn signatures(effect: &dyn Effect, forward: &ReducedForward, base: &Base) -> Res
     Ok(list)
 }
 
-/// Steps of Gauss and Newton that let the base's parameters absorb a finite size.
+/// Number of Gauss–Newton steps in which the base's parameters absorb an effect of finite size.
 const ABSORBING_STEPS: usize = 8;
 
-/// What a finite size does, and what is left of it at the base parameters that come nearest: they move until the extended model is where the base was.
+/// Signature of an effect of finite size, and its remainder at the nearest base parameters. They move until the extended model is as close to the base as possible.
 fn finite(
     forward: &ReducedForward,
     base: &Base,
@@ -299,7 +300,7 @@ fn finite(
     let difference = |there: &[f64]| -> Vec<f64> { there.iter().zip(&base.position_m).map(|(a, b)| a - b).collect() };
     let whole_m = difference(&forward.trajectory_m(&parameters)?);
     let mut left_m = whole_m.clone();
-    // The law's are positive; what other effects absorb is left to the projection.
+    // The law's parameters are positive. The projection handles the parameters of other effects.
     let n_law = forward.model.base().parameters().len();
     let free: Vec<usize> = base.sampled.iter().copied().filter(|k| *k < n_law).collect();
     for _ in 0..ABSORBING_STEPS {

@@ -1,4 +1,4 @@
-//! What a posterior's figures mean, in words, with advice.
+//! Warnings about a posterior, with advice.
 
 use super::cache;
 use super::judgement::Judgement;
@@ -8,37 +8,37 @@ use figures::number::significant;
 use models::effects::Library;
 use record::{Apparatus, Experiment};
 
-/// Learnt noise so many times below the known one is not the tracker's.
+/// Smallest ratio of known to learnt noise at which the learnt noise is too low for a tracker.
 const LOW_NOISE_FACTOR: f64 = 3.0;
 /// Largest tolerated error of the reduced model, in units of the noise.
 const SURROGATE_SHARE: f64 = 0.1;
-/// The same of a check at points of the prior, in units of the amplitude there, which may be many times the record's.
+/// Largest tolerated error of the reduced model in a check at prior points, in units of the amplitude there. That amplitude can be many times the record's.
 const SURROGATE_PART: f64 = 0.01;
 /// Largest tolerated discretisation error, in units of the noise.
 const MESH_SHARE: f64 = 0.25;
-/// Above this, importance weights cannot be trusted.
+/// Largest Pareto k at which importance weights can be trusted.
 const PARETO_LIMIT: f64 = 0.7;
 /// Strain up to which the gel is known to be linear (`literature`: below 1 %).
 const LINEAR_STRAIN: f64 = 0.01;
-/// A gel that is strained so many times its own length is no gel: a unit is wrong. The paper's bead strains its gel by 2.6.
+/// Strain above which a wrong unit is the only explanation. The bead of the paper strains its gel by 2.6.
 const IMPOSSIBLE_STRAIN: f64 = 20.0;
-/// What comes before any other advice where figures are impossible.
+/// Advice that precedes all other advice if values are impossible.
 const UNITS_FIRST: &str =
-    "check the units of force, position and sizes first: other figures say that one of them is wrong";
+    "check the units of force, position and sizes first: other values show that one of them is wrong";
 
-/// What advice is drawn from.
+/// Results that the warnings are derived from.
 pub struct Findings<'a> {
-    /// The summary without its warnings.
+    /// Summary without its warnings.
     pub summary: &'a PosteriorSummary,
-    /// What the posterior's mean leaves, judged.
+    /// Judgement of the residuals of the posterior mean.
     pub judgement: &'a Judgement,
-    /// What the sampler said of itself.
+    /// Messages of the sampler.
     pub sampler_messages: &'a [String],
-    /// Positions that cannot be.
+    /// Warning about impossible positions.
     pub impossible_positions: Option<Warning>,
 }
 
-/// All warnings that apply, gravest first.
+/// All warnings that apply, most serious first.
 pub fn warnings(findings: &Findings) -> Vec<Warning> {
     let mut list = Vec::new();
     let mut add = |kind, text: String, advice: &str| list.push(Warning { kind, text, advice: advice.into() });
@@ -50,13 +50,13 @@ pub fn warnings(findings: &Findings) -> Vec<Warning> {
     }
     if !summary.at_edge_of_range.is_empty() {
         let text = format!(
-            "the posterior of {} leans against the end of the range that the prior allows",
+            "the posterior of {} accumulates at the end of the range that the prior allows",
             summary.at_edge_of_range.join(", ")
         );
         add(
             WarningKind::EdgeOfRange,
             text,
-            "check the units of force and position first; where they are right, give a wider prior (--prior generic)",
+            "check the units of force and position first; if they are right, give a wider prior (--prior generic)",
         );
     }
     let units_first = findings.impossible_positions.is_some()
@@ -66,7 +66,7 @@ pub fn warnings(findings: &Findings) -> Vec<Warning> {
         let text = format!("the draws have not converged: {messages}");
         add(WarningKind::NotConverged, text, "give more steps (--steps), or a more informative prior (--prior)");
     } else if !messages.is_empty() {
-        add(WarningKind::Sampler, messages, "look at the trace plot before relying on the tails");
+        add(WarningKind::Sampler, messages, "check the trace plot before you rely on the tails");
     }
     list.extend(findings.judgement.warnings());
     let mut add = |kind, text: String, advice: &str| list.push(Warning { kind, text, advice: advice.into() });
@@ -82,26 +82,26 @@ pub fn warnings(findings: &Findings) -> Vec<Warning> {
         add(warning.kind, warning.text, &warning.advice);
     }
     if summary.surrogate.fe_unknowns.is_none() && !summary.model.is_outside() {
-        let text = "the apparatus is an instrument or an indenter, whose compliance is given: finite elements, strain and discretisation error are left out".to_string();
+        let text = "the compliance of the instrument or indenter is given: finite elements, strain and discretisation error are omitted".to_string();
         add(
             WarningKind::NoFiniteElements,
             text,
-            "absolute moduli are as good as `compliance_per_m` or the size of the tip; the default prior is of porcine vitreous, `--prior generic` is decades wide",
+            "absolute moduli are only as accurate as `compliance_per_m` or the size of the tip. The default prior is for porcine vitreous; `--prior generic` spans decades",
         );
     }
     list
 }
 
-/// No cycle tests the predictions.
+/// Warning that no cycle tests the predictions.
 pub fn nothing_held_out() -> Warning {
     Warning {
         kind: WarningKind::NothingHeldOut,
-        text: "no cycle is held out, so nothing is known about how the model predicts".into(),
-        advice: "hold a cycle out in [measurement], or record another one".into(),
+        text: "no cycle is held out, so the model's predictions are untested".into(),
+        advice: "hold out a cycle in [measurement], or record another one".into(),
     }
 }
 
-/// A reduced model that is too far (µm) from the full one, or whose importance weights cannot be trusted.
+/// Warning about a reduced model that is too far (µm) from the full-order model, or about untrustworthy importance weights.
 pub fn surrogate_warning(
     distance_um: f64,
     pareto_k: Option<f64>,
@@ -110,16 +110,17 @@ pub fn surrogate_warning(
 ) -> Option<Warning> {
     let is_inaccurate = distance_um > SURROGATE_SHARE * noise_um || pareto_k.is_some_and(|k| k > PARETO_LIMIT);
     let weights = pareto_k.map_or(String::new(), |k| format!(", Pareto k {k:.2}"));
-    // Modes and points of a law that is not linear are as many as they are, whatever the prior.
+    // The prior does not change the number of modes and points of a nonlinear law.
     let advice = if Library::default().any_nonlinear(model.effects.iter().map(String::as_str)) {
         format!(
-            "the reduced model of a law that is not linear is right to a thousandth of the amplitude: the parameters may err by more than their intervals say; measure at a smaller amplitude; where it is off by more, {}",
+            "the reduced model of a nonlinear law is accurate to a thousandth of the amplitude: the parameters' errors can exceed their intervals; measure at a \
+             smaller amplitude; if it is off by more, {}",
             make_anew()
         )
     } else if model.is_outside() {
-        "narrow the prior, or hold a parameter that the data do not determine: what is learnt of the other program is then closer".into()
+        "narrow the prior, or fix a parameter that the data do not determine: the surrogate of the external program is then more accurate".into()
     } else {
-        format!("{}; where that changes nothing, narrow the prior", make_anew())
+        format!("{}; if that changes nothing, narrow the prior", make_anew())
     };
     is_inaccurate.then(|| Warning {
         kind: WarningKind::SurrogateInaccurate,
@@ -133,7 +134,7 @@ pub fn surrogate_warning(
     })
 }
 
-/// A reduced model that is too far from the full runs of a check.
+/// Warning about a reduced model that is too far from the full runs of a check.
 pub fn check_warning(check: &Verification) -> Option<Warning> {
     (check.relative_error > SURROGATE_PART).then(|| Warning {
         kind: WarningKind::SurrogateInaccurate,
@@ -145,23 +146,24 @@ pub fn check_warning(check: &Verification) -> Option<Warning> {
     })
 }
 
-/// How a reduced model is made anew.
+/// Instruction for rebuilding a reduced model.
 fn make_anew() -> String {
     format!(
-        "make the reduced model anew: {}; delete `{SURROGATE_NAME}` in the study's revisions, too",
+        "rebuild the reduced model: {}; delete `{SURROGATE_NAME}` in the study's revisions, too",
         cache::how_to_empty()
     )
 }
 
-/// A strain beyond the range in which the gel is known to be linear (physics §6).
+/// Warning about a strain beyond the range in which the gel is known to be linear (physics §6).
 pub fn strain_warning(largest_strain: f64) -> Option<Warning> {
     (largest_strain > LINEAR_STRAIN).then(|| Warning {
         kind: WarningKind::LargeStrain,
         text: format!(
-            "the largest strain at the integration points is {largest_strain:.2} (at the robot's surface up to a tenth more), and the gel is known to be linear below {LINEAR_STRAIN}: the linear model is used beyond its proven range"
+            "the largest strain at the integration points is {largest_strain:.2} (up to a tenth more at the robot's surface), but the gel is known to be linear \
+             only below {LINEAR_STRAIN}"
         ),
         advice: if largest_strain > IMPOSSIBLE_STRAIN {
-            "no gel is strained by twenty times its own length: check the units of force, position and sizes first"
+            "check the units of force, position and sizes first: no gel is strained by twenty times its own length"
         } else {
             "read E, c₁ and c₂ as effective values at this amplitude, or repeat with a smaller force"
         }
@@ -169,24 +171,24 @@ pub fn strain_warning(largest_strain: f64) -> Option<Warning> {
     })
 }
 
-/// A learnt noise far below the one (µm) that is known or estimated.
+/// Warns about a learnt noise far below the known or estimated noise (µm).
 fn noise_below(summary: &PosteriorSummary, noise: f64, add: &mut impl FnMut(WarningKind, String, &str)) {
     let learnt = summary.error_budget_um.noise;
     if learnt * LOW_NOISE_FACTOR < noise {
         let text = format!(
-            "the learnt noise, {learnt:.2e} µm, is far below the {} noise of {} µm",
+            "the learnt noise of {learnt:.2e} µm is far below the {} noise of {} µm",
             summary.heldout.noise_origin,
             significant(noise, 3)
         );
         add(
             WarningKind::LearntNoiseBelowKnown,
             text,
-            "check `noise_um` and the units of the positions; a simulated record has no noise to learn",
+            "check `noise_um` and the units of the positions; a simulated record without noise has this result, too",
         );
     }
 }
 
-/// Errors of the reduced model and of the mesh, against the noise.
+/// Warns about errors of the reduced model and of the mesh, relative to the noise.
 fn model_error(
     summary: &PosteriorSummary,
     noise: f64,
@@ -206,7 +208,7 @@ fn model_error(
     }
 }
 
-/// Positions that range farther than the gel that the robot moves in.
+/// Warning about positions that range farther than the gel that the robot moves in.
 pub fn impossible_positions(experiment: &Experiment) -> Option<Warning> {
     let Apparatus::Robot { vitreous, .. } = &experiment.apparatus else { return None };
     let positions_m = experiment.record.position_m.iter().flatten();
@@ -215,39 +217,39 @@ pub fn impossible_positions(experiment: &Experiment) -> Option<Warning> {
     (highest - lowest > vitreous.diameter_m).then(|| Warning {
         kind: WarningKind::ImpossiblePositions,
         text: format!(
-            "the positions range over {:.3} mm, and the gel measures {:.3} mm",
+            "the positions range over {:.3} mm, but the gel measures only {:.3} mm",
             1e3 * (highest - lowest),
             1e3 * vitreous.diameter_m
         ),
-        advice: "check the units first: of the position's column (`position_um`, `position_mm`, …) and of the sizes in experiment.toml".into(),
+        advice: "check the units first: of the position column (`position_um`, `position_mm`, …) and of the sizes in experiment.toml".into(),
     })
 }
 
-/// A mesh whose error (µm) is not small beside the noise, or is not known; `units_first` where a wrong unit is the likelier reason.
+/// Warning about a mesh whose error (µm) is unknown or not small relative to the noise. `units_first` is set if a wrong unit is the likelier cause.
 pub fn mesh_warning(error_um: Option<f64>, noise_um: f64, units_first: bool) -> Option<Warning> {
     let (kind, text, advice) = match error_um {
         Some(error) if error > noise_um => (
             WarningKind::MeshInaccurate,
             format!(
-                "the mesh misplaces the robot by {} µm, more than the noise of {} µm: E, c₁ and c₂ have absorbed it",
+                "the mesh misplaces the robot by {} µm, more than the noise of {} µm: E, c₁ and c₂ have absorbed this error",
                 significant(error, 3),
                 significant(noise_um, 3)
             ),
-            "bring a finer mesh, of 10-node tetrahedra (--mesh), or use the built-in one",
+            "give a finer mesh of 10-node tetrahedra (--mesh), or use the built-in mesh",
         ),
         Some(error) if error > MESH_SHARE * noise_um => (
             WarningKind::MeshTooCoarse,
             format!(
-                "the mesh's error is {} µm against a noise of {} µm",
+                "the mesh's error of {} µm is not small relative to the noise of {} µm",
                 significant(error, 3),
                 significant(noise_um, 3)
             ),
-            "bring a finer mesh (--mesh)",
+            "give a finer mesh (--mesh)",
         ),
         Some(_) => return None,
         None => (
             WarningKind::MeshTooCoarse,
-            "the error of the imported mesh is not known: there is neither a second mesh nor an exact solution"
+            "the error of the imported mesh is unknown: there is neither a second mesh nor an exact solution"
                 .to_string(),
             "repeat with a mesh of half the element size (--mesh) and compare",
         ),
@@ -266,7 +268,7 @@ mod tests {
     use documents::posterior::*;
     use documents::trust::Trust;
 
-    /// A sound result: noise 4 µm, nothing wrong.
+    /// A sound result with 4 µm of noise.
     fn sound() -> PosteriorSummary {
         PosteriorSummary {
             experiment: "gel".into(),
@@ -336,7 +338,7 @@ mod tests {
         }
     }
 
-    /// White errors of many rows: what is above 1.5 × the noise is so beyond chance.
+    /// White residuals of many rows; residuals above 1.5 × the noise are no chance.
     fn misfit_of(summary: &PosteriorSummary) -> Misfit {
         let size = |rms_um: f64| Size { rms_m: 1e-6 * rms_um, is_too_large: rms_um > 6.0 };
         Misfit {
@@ -360,7 +362,7 @@ mod tests {
         (summary.warnings.iter().map(|warning| warning.kind).collect(), summary.is_sound())
     }
 
-    /// Each rule of formats §4 on both sides of its limit.
+    /// Checks each rule of formats §4 on both sides of its limit.
     #[test]
     fn every_rule_speaks_on_its_side_of_the_limit_only() {
         let none: (Vec<WarningKind>, bool) = (vec![], true);
@@ -373,10 +375,10 @@ mod tests {
         assert_eq!(after(|s| s.error_budget_um.noise = 5.9), none);
         assert_eq!(after(|s| s.error_budget_um.noise = 6.1), (vec![LearntNoiseAboveKnown], false));
         assert_eq!(after(|s| s.error_budget_um.noise = 1.0), (vec![LearntNoiseBelowKnown], true));
-        // The joint band, 99.9 %.
+        // Joint band: 99.9 %.
         assert_eq!(after(|s| s.heldout.joint_p = Some(0.0011)), none);
         assert_eq!(after(|s| s.heldout.joint_p = Some(0.0009)), (vec![HeldoutOutsideBand], false));
-        // Reduced model: a tenth of the noise, k̂ of 0.7.
+        // Reduced model: a tenth of the noise, and k̂ of 0.7.
         assert_eq!(after(|s| s.heldout.surrogate_vs_fe_max_um = Some(0.39)), none);
         assert_eq!(after(|s| s.heldout.surrogate_vs_fe_max_um = Some(0.41)), (vec![SurrogateInaccurate], false));
         let inaccurate = surrogate_warning(0.41, None, 4.0, &sound().model).expect("it is too far");
@@ -390,12 +392,12 @@ mod tests {
         assert_eq!(after(|s| s.error_budget_um.fe_discretisation = None), (vec![MeshTooCoarse], true));
         assert_eq!(after(|s| s.converged = false), (vec![NotConverged], false));
         assert_eq!(after(|s| s.largest_strain = Some(0.02)), (vec![LargeStrain], true));
-        // With large displacements no strain is given, and there are finite elements all the same.
+        // Large displacements give no strain, although finite elements are present.
         assert_eq!(after(|s| s.largest_strain = None), none);
         assert_eq!(after(|s| s.surrogate.fe_unknowns = None), (vec![NoFiniteElements], true));
         assert_eq!(after(|s| s.at_edge_of_range = vec!["young_modulus_pa".into()]), (vec![EdgeOfRange], false));
         assert_eq!(after(|s| s.heldout.noise_um = None), (vec![NoiseUnknown], true));
-        // Without a yardstick the model's own errors are still judged, against the learnt noise.
+        // Without a known noise, the model's own errors are compared with the learnt noise.
         assert_eq!(
             after(|s| (s.heldout.noise_um, s.heldout.pareto_k) = (None, Some(0.9))),
             (vec![NoiseUnknown, SurrogateInaccurate], false)
@@ -403,7 +405,7 @@ mod tests {
         assert_eq!(after(|s| (s.heldout.rmse_um, s.heldout.joint_p) = (None, None)), (vec![NothingHeldOut], true));
     }
 
-    /// A mesh that is coarse by its error is named with the mesh's remedy; where the parameters are absurd, with the units' first.
+    /// The warning about a coarse mesh advises a finer mesh. If the parameters are absurd, it advises checking the units first.
     #[test]
     fn units_come_before_meshes_where_figures_are_impossible() {
         type Change = fn(&mut PosteriorSummary);
@@ -417,9 +419,9 @@ mod tests {
                 sampler_messages: &[],
                 impossible_positions: None,
             });
-            all.into_iter().find(|warning| warning.kind == MeshInaccurate).expect("the mesh is told").advice
+            all.into_iter().find(|warning| warning.kind == MeshInaccurate).expect("a mesh warning").advice
         };
-        assert!(advice(|_| {}).starts_with("bring a finer mesh"));
+        assert!(advice(|_| {}).starts_with("give a finer mesh"));
         let changes: [Change; 2] =
             [|s| s.at_edge_of_range = vec!["young_modulus_pa".into()], |s| s.largest_strain = Some(30.0)];
         for change in changes {
@@ -430,7 +432,7 @@ mod tests {
         assert!(strain_warning(2.6).expect("the paper's").advice.starts_with("read E"));
     }
 
-    /// A record of 300 µm whose column says millimetres.
+    /// The positions of a 300 µm record are read as millimetres.
     #[test]
     fn positions_that_no_gel_allows_are_told_first() {
         let (mut experiment, _) = crate::replica::embedded().expect("embedded");

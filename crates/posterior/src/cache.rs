@@ -1,11 +1,10 @@
-//! Reduced models that took long to build, kept on disk under the hash of all that they were built from.
+//! Cache of reduced models that take long to build. Each is kept on disk under the hash of its inputs.
 //!
-//! The file also says what its model was built from ([`BuiltFrom`]), and a reader compares that with what it asks for: a file that came under another one's name is
-//! not used.
+//! The file also states the inputs of its model ([`BuiltFrom`]). A reader compares them with the requested inputs and does not use a file under another model's name.
 //!
-//! Those of fields depend on the apparatus, not on what is measured with it: one serves every experiment of a laboratory. The surrogate of the law depends on the
-//! record's times and forces, too: one serves every command on that record. A cache is a convenience: what cannot be read is built again, and what cannot be
-//! written is not kept.
+//! Models of fields depend on the apparatus, not on the measurement: one serves every experiment of a laboratory. The surrogate of the law also depends on the record's
+//! times and forces: one serves every command on that record. The cache is only a convenience: an unreadable model is built again, and a model that cannot be written is
+//! not kept.
 
 use std::collections::BTreeMap;
 use std::ffi::OsString;
@@ -24,12 +23,12 @@ use base::files::{Content, folder_of, read_if_there, refused, to_json, write_ato
 use elements::mesh::Mesh;
 use record::Force;
 
-/// Where models are kept, instead of the user's directory for caches; empty for nowhere.
+/// Environment variable with the directory of the cache, which replaces the user's cache directory; empty for no cache.
 const PLACE: &str = "VITREO_UQ_CACHE";
-/// The folder of this program's models there.
+/// Folder of this program's models in the cache.
 const FOLDER: &str = models::SOURCE_HASH;
 
-/// What a kept model was built from, which stands in its file. Long lists of numbers stand there by their length and SHA-256.
+/// Inputs of a kept model, as written in its file. Long lists of numbers are represented by their length and SHA-256.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct BuiltFrom {
     model: String,
@@ -39,7 +38,7 @@ pub struct BuiltFrom {
 }
 
 impl BuiltFrom {
-    /// A kind of model of this program, without any input yet.
+    /// Creates the description of a kind of model of this program, without inputs.
     pub fn new(model: &str) -> Self {
         Self {
             model: model.into(),
@@ -49,20 +48,20 @@ impl BuiltFrom {
         }
     }
 
-    /// One more input. Numbers in it are written so that they read back to the last bit.
+    /// Adds one input. Numbers are written so that they read back to the last bit.
     #[must_use]
     pub fn with(mut self, name: &str, value: impl Debug) -> Self {
         self.input.insert(name.into(), format!("{value:?}"));
         self
     }
 
-    /// Many numbers.
+    /// Adds a list of numbers.
     #[must_use]
     pub fn with_numbers<'a>(self, name: &str, numbers: impl IntoIterator<Item = &'a f64>) -> Self {
         self.with_bytes(name, numbers.into_iter().map(|x| x.to_le_bytes()))
     }
 
-    /// Times (s) and commanded forces (N) of a record.
+    /// Adds the times (s) and commanded forces (N) of a record.
     #[must_use]
     pub fn with_record(self, time_s: &[f64], force: Force<'_>) -> Self {
         self.with_numbers("record time_s", time_s)
@@ -70,7 +69,7 @@ impl BuiltFrom {
             .with("record force between rows", force.rule)
     }
 
-    /// Nodes, elements and surfaces of a mesh.
+    /// Adds the nodes, elements and surfaces of a mesh.
     #[must_use]
     pub fn with_mesh(self, mesh: &Mesh) -> Self {
         let Mesh { connectivity, robot_nodes, outer_nodes, symmetry_y_nodes, symmetry_z_nodes, .. } = mesh;
@@ -95,12 +94,12 @@ impl BuiltFrom {
         self
     }
 
-    /// SHA-256 of all of it, which names the model.
+    /// SHA-256 of all inputs, which names the model.
     pub fn sha256(&self) -> String {
         sha256_hex(format!("{self:?}").as_bytes())
     }
 
-    /// Name of the model's file below the cache's directory.
+    /// Name of the model's file below the cache directory.
     pub fn file_name(&self) -> String {
         format!("{FOLDER}/{}.json", self.sha256())
     }
@@ -110,7 +109,7 @@ impl BuiltFrom {
     }
 }
 
-/// A model with what it was built from, as it stands in a file.
+/// A model with its inputs, as written in a file.
 #[derive(Serialize, Deserialize)]
 struct Entry<T> {
     built_from: BuiltFrom,
@@ -118,7 +117,8 @@ struct Entry<T> {
     model: T,
 }
 
-/// The model that is kept for an input; `None` where there is none. A file that was changed, or that holds a model of another input, is not used, and `monitor` says so.
+/// Reads the model that is kept for some inputs; `None` if there is none. A changed file, or a file with a model of other inputs, is not used; `monitor` receives a
+/// warning.
 pub fn read<T: Serialize + DeserializeOwned>(built_from: &BuiltFrom, monitor: &dyn Monitor) -> Option<T> {
     let path = built_from.path()?;
     let bytes = read_if_there(&path, Content::Document)?;
@@ -126,14 +126,14 @@ pub fn read<T: Serialize + DeserializeOwned>(built_from: &BuiltFrom, monitor: &d
     let fault = match entry {
         Some(entry) if entry.built_from == *built_from => return Some(entry.model),
         Some(entry) => entry.built_from.difference(built_from),
-        None => "it is not as this program wrote it".into(),
+        None => "it is damaged or was changed".into(),
     };
-    monitor.warn(&format!("{} is not used: {fault}; the model is made anew ({})", path.display(), how_to_empty()));
+    monitor.warn(&format!("{} is not used: {fault}; the model is built again ({})", path.display(), how_to_empty()));
     None
 }
 
 impl BuiltFrom {
-    /// Where this input is another than the one that is asked for, in words.
+    /// Describes the difference between these inputs and the requested ones.
     fn difference(&self, asked_for: &Self) -> String {
         let parts = |own: &Self| {
             let fixed = [("model", &own.model), ("program", &own.program), ("code", &own.code_sha256)];
@@ -144,19 +144,19 @@ impl BuiltFrom {
         let names = found.keys().chain(expected.keys()).filter(|name| found.get(*name) != expected.get(*name));
         let value =
             |parts: &BTreeMap<String, String>, name: &str| parts.get(name).cloned().unwrap_or_else(|| "nothing".into());
-        // What people can read first: long lists stand there by their hashes.
+        // Readable differences come first; hashes represent long lists.
         let readable = |name: &&String| (value(&found, name).contains("SHA-256"), (*name).clone());
         let words = names.min_by_key(readable).map_or_else(String::new, |name| {
-            format!(" ({name} is {}, where {} is asked for)", value(&found, name), value(&expected, name))
+            format!(" ({name} is {}, but {} is required)", value(&found, name), value(&expected, name))
         });
-        format!("it holds a model of another input{words}")
+        format!("it holds a model of other inputs{words}")
     }
 }
 
-/// Where models are kept, and how nothing that is kept there is used again.
+/// States the place of the cache and the way to discard its models.
 pub fn how_to_empty() -> String {
     match cache_directory() {
-        Some(directory) => format!("models are kept in {}, and deleting it makes all anew", directory.display()),
+        Some(directory) => format!("models are kept in {}, and deleting it rebuilds all of them", directory.display()),
         None => "no models are kept between commands".into(),
     }
 }
@@ -166,31 +166,31 @@ pub fn write(built_from: &BuiltFrom, model: &impl Serialize) {
     let Some(path) = built_from.path() else { return };
     let is_there = path.parent().is_some_and(|folder| std::fs::create_dir_all(folder).is_ok());
     if is_there && let Ok((_, bytes)) = file_of(built_from, model) {
-        // Refused where there is no room or no right to write: the model is then built again the next time.
+        // Writing fails without space or permission; the model is then built again the next time.
         let _ = write_atomically(&path, &bytes);
     }
 }
 
-/// A model as it is kept: the name of its file below the cache's directory, and its bytes.
+/// File of a kept model: its name below the cache directory, and its bytes.
 ///
 /// # Errors
-/// [`base::Error::Numerical`] where it cannot be written as JSON.
+/// [`base::Error::Numerical`] if it cannot be written as JSON.
 pub fn file_of(built_from: &BuiltFrom, model: &impl Serialize) -> Result<(String, Vec<u8>)> {
     let name = built_from.file_name();
     let bytes = to_json(Path::new(&name), &Kept::new(Entry { built_from: built_from.clone(), model }))?;
     Ok((name, bytes))
 }
 
-/// Puts a file from another cache into this one, whole or not at all; one that is there already with these bytes is left alone. Whether it was put there now.
+/// Adds a file from another cache to this one, completely or not at all. It leaves an existing file with the same bytes alone, and returns true if it added the file.
 ///
 /// # Errors
-/// [`base::Error::Input`] where nothing is to be kept; [`base::Error::File`] where the file system refuses.
+/// [`base::Error::Input`] if there is no cache; [`base::Error::File`] if the file system refuses.
 pub fn adopt(name: &str, bytes: &[u8]) -> Result<bool> {
     let Some(directory) = cache_directory() else {
         return Err(Error::input(
             Place::default().at_key(PLACE),
-            "no models are kept here: the variable is empty, or the system has no directory for caches",
-            format!("name a directory for them: {PLACE}=DIR"),
+            "no models are kept here: the variable is empty, or the system has no cache directory",
+            format!("name a directory for the models: {PLACE}=DIR"),
         ));
     };
     let path = directory.join(name);
@@ -203,7 +203,7 @@ pub fn adopt(name: &str, bytes: &[u8]) -> Result<bool> {
     Ok(true)
 }
 
-/// Whether a name and bytes are those that [`file_of`] gives to one model: nothing else is ever put into the cache.
+/// Returns true if [`file_of`] gives this name and these bytes to some model. No other file is added to the cache.
 pub fn is_entry(name: &str, bytes: &[u8]) -> bool {
     #[derive(Deserialize)]
     struct Named {
@@ -212,8 +212,8 @@ pub fn is_entry(name: &str, bytes: &[u8]) -> bool {
     serde_json::from_slice::<Named>(bytes).is_ok_and(|own| own.built_from.file_name() == name)
 }
 
-/// The directory for all that is kept between commands and belongs to no study: the one in `VITREO_UQ_CACHE`, or else the system's for users' caches; `None` where
-/// that variable is empty or the system has none.
+/// Directory for everything that is kept between commands and belongs to no study. It is the one in `VITREO_UQ_CACHE`, or the system's directory for user caches. `None` if
+/// that variable is empty or the system has no such directory.
 pub fn cache_directory() -> Option<PathBuf> {
     directory(std::env::var_os(PLACE))
 }
@@ -242,7 +242,7 @@ mod tests {
         values: Vec<f64>,
     }
 
-    /// An input that no other test has.
+    /// Inputs that no other test has.
     fn input(diameter_mm: f64) -> BuiltFrom {
         BuiltFrom::new("test").with("diameter_mm", diameter_mm).with("process", std::process::id())
     }
@@ -261,7 +261,7 @@ mod tests {
             std::fs::write(&path, changed).unwrap();
             assert_eq!(read::<Model>(&built_from, &warned), None);
             let text = warned.take().concat();
-            assert!(text.contains(&path.display().to_string()) && text.contains("not as this program wrote it"));
+            assert!(text.contains(&path.display().to_string()) && text.contains("damaged or was changed"));
         }
         std::fs::remove_file(path).unwrap();
     }
@@ -279,7 +279,7 @@ mod tests {
         for words in [&small_path, &directory].map(|path| path.display().to_string()) {
             assert!(text.contains(&words), "`{words}` is missing in {text}");
         }
-        assert!(text.contains("diameter_mm is 1.1, where 0.55 is asked for"), "{text}");
+        assert!(text.contains("diameter_mm is 1.1, but 0.55 is required"), "{text}");
         std::fs::remove_file(small_path).unwrap();
     }
 

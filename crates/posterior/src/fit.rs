@@ -1,7 +1,7 @@
-//! The paper's point estimate: nonlinear least squares on the calibration cycles, checked by one full finite-element run.
+//! Point estimate of the paper: nonlinear least squares on the fitted cycles, checked by one full finite-element run.
 //!
-//! The estimate is of the logarithms of the law's parameters and of its effects' parameters as they are, with analytic derivatives, by the
-//! reduced model; several starts keep it from a local minimum. Priors serve as starts, and say (by all but 2·10⁻⁹ of their mass) how far to search.
+//! The search uses logarithms of the law's parameters and the effects' parameters themselves, with analytic derivatives of the reduced model. Several starts avoid local
+//! minima. Priors provide the starts and the range of the search (all but 2·10⁻⁹ of their mass).
 
 use documents::fit::{FitSummary, FittedParameter};
 use std::collections::BTreeMap;
@@ -25,49 +25,48 @@ use models::effects::EffectParameter;
 use models::model::{Forward, ReducedForward, TrainedRange};
 use sampling::least_squares::{Fit, Residuals, Tolerances, fit};
 
-/// Starts at quantiles of the prior, besides its medians.
+/// Number of starts at quantiles of the prior, besides the start at its medians.
 const N_QUANTILE_STARTS: u32 = 15;
-/// Quantiles of the starts lie between this and one minus this.
+/// Smallest quantile of the starts; the largest is one minus this.
 const START_TAIL: f64 = 0.02;
-/// Seed of the scrambled Sobol sequence of starts, which are part of the method and not of a run.
+/// Seed of the scrambled Sobol sequence of starts. It is fixed, because the starts are part of the method.
 const START_SEED: u32 = 2;
-/// An estimate whose logarithm is closer than this to an end of its range lies there.
+/// Distance of a logarithm from an end of its range within which the estimate lies at that end.
 const AT_END: f64 = 0.01;
-/// The spread of a prior leaves this on either side.
+/// Tail mass on either side that is left out of a prior's spread.
 const SPREAD_TAIL: f64 = 0.25;
-/// Step, in a coordinate of the search, of a derivative that has no closed form.
+/// Step, in a coordinate of the search, for derivatives without a closed form.
 const FINITE_STEP: f64 = 1e-4;
-/// The same for a parameter that moves by itself, in units of its prior's spread.
+/// Distance from an end for parameters with a linear coordinate, in units of the prior's spread.
 const AT_LINEAR_END: f64 = 1e-6;
-/// Rows beyond which the derivatives of all are not kept: a gigabyte.
+/// Largest number of rows for which all derivatives are kept (a gigabyte).
 const MOST_ROWS_OF_COLUMNS: usize = 10_000_000;
-/// Most effects that are held at their nulls in turn.
+/// Largest number of effects that are held at their nulls in turn.
 const MOST_HELD: usize = 4;
 
-/// The estimate with what is needed to compute with it.
+/// Result of a fit, with the model for further computations.
 pub struct FitResult {
-    /// The document for people and scripts.
+    /// Summary document.
     pub summary: FitSummary,
     /// The prepared model.
     pub model: PreparedModel,
-    /// All of the model's parameters at the estimate, fixed ones included, SI.
+    /// All model parameters at the estimate, including fixed ones, in SI units.
     pub model_parameters: Vec<f64>,
-    /// Covariance of the estimated parameters in the coordinates of the search (logarithms of the law's), row by row; NaN where the data do not
-    /// determine them.
+    /// Covariance of the estimated parameters in the coordinates of the search (logarithms for the law's), row by row. NaN if the data do not determine them.
     pub covariance: Vec<f64>,
 }
 
 /// Fits the calibration cycles.
 ///
 /// # Errors
-/// [`Error::Input`] when every parameter of the model is fixed; otherwise whatever its parts refuse.
+/// [`Error::Input`] if every parameter of the model is fixed; errors of the parts.
 pub fn run(problem: &Problem, kept_surrogate: Option<KeptSurrogate>, monitor: &dyn Monitor) -> Result<FitResult> {
     let names: Vec<&str> = problem.model.parameters().iter().map(|p| p.name).collect();
     let free: Vec<usize> = (0..names.len()).filter(|&j| !problem.specification.fixed.contains_key(names[j])).collect();
     if free.is_empty() {
         return Err(Error::input(
             Place::setting(Setting::Fixed),
-            "every parameter of the model is fixed, so nothing is left to fit",
+            "every parameter of the model is fixed, so no parameter is left to fit",
             format!("leave one of {} free, or use `simulate`", names.join(", ")),
         ));
     }
@@ -95,8 +94,8 @@ struct Searched<'a> {
     searches: Vec<Fit>,
 }
 
-/// The better of searches in which effects whose null is an end of their support are free, or held there: a search stops at a wall before it has
-/// found the best of the others, and a model must not fit worse than the one that it contains.
+/// Best of several searches, in which effects with their null at an end of the support are free or held there. A search stops at a bound before it finds the best values of
+/// the other parameters. Yet a model must not fit worse than a model that it contains.
 fn best_support<'a>(prepared: &'a PreparedModel, free: &[usize], rows: &FittedRows) -> Result<Searched<'a>> {
     let problem = &prepared.problem;
     let search = |held: &BTreeMap<usize, f64>| -> Result<Searched<'a>> {
@@ -136,7 +135,7 @@ fn best_support<'a>(prepared: &'a PreparedModel, free: &[usize], rows: &FittedRo
     Ok(best)
 }
 
-/// For each effect whose null is an end of its support, and whose parameters are all free: the values that switch it off.
+/// Null values of the effects whose null is an end of their support and whose parameters are all free.
 fn effects_with_null_at_end(problem: &Problem, free: &[usize]) -> Vec<BTreeMap<usize, f64>> {
     let (scales, mut first) = (problem.model.scales(), problem.model.n_before_effects());
     let mut list = Vec::new();
@@ -157,12 +156,12 @@ fn effects_with_null_at_end(problem: &Problem, free: &[usize]) -> Vec<BTreeMap<u
     list
 }
 
-/// How the search moves in a parameter.
+/// Coordinate of a parameter in the search.
 #[derive(Debug, Clone, Copy)]
 enum Coordinate {
-    /// By its logarithm.
+    /// Logarithm of the parameter.
     Logarithm,
-    /// By itself, in units of the spread that its prior gives it.
+    /// The parameter itself, in units of its prior's spread.
     Linear { scale: f64 },
 }
 
@@ -190,16 +189,16 @@ impl Coordinate {
     }
 }
 
-/// Residuals of the calibration cycles, in m, over the coordinates of the free parameters.
+/// Residuals of the fitted cycles, in m, as a function of the free coordinates.
 struct CreepResiduals<'a> {
     forward: ReducedForward<'a>,
-    /// Model parameters with the fixed values in their places.
+    /// Model parameters, with the fixed values set.
     template: Vec<f64>,
-    /// Indices of the free parameters, and how the search moves in each.
+    /// Indices of the free parameters, and the search coordinate of each.
     free: Vec<(usize, Coordinate)>,
-    /// Range of each of the model's parameters beyond which the search does not go: a long step may else end where the data say nothing.
+    /// Range of each model parameter in the search. Without it, a long step could end where the data have no information.
     ranges: Vec<TrainedRange>,
-    /// Row and position (m) of what is fitted.
+    /// Row and position (m) of the fitted positions.
     observed: Vec<(usize, f64)>,
 }
 
@@ -231,7 +230,7 @@ impl<'a> CreepResiduals<'a> {
         }
     }
 
-    /// Names of the parameters whose estimate lies at an end of its range: a wall, not a minimum.
+    /// Names of the parameters whose estimate lies at an end of its range, which is a bound and not a minimum.
     fn at_end_of_range(&self, theta: &[f64]) -> Vec<&str> {
         let is_at_end = |&(&(j, coordinate), theta): &(&(usize, Coordinate), &f64)| {
             let range = &self.ranges[j];
@@ -247,18 +246,18 @@ impl<'a> CreepResiduals<'a> {
     fn model_parameters(&self, theta: &[f64]) -> Vec<f64> {
         let mut parameters = self.template.clone();
         for (&(j, coordinate), theta) in self.free.iter().zip(theta) {
-            // Rounding may leave a bound's logarithm a little beyond the bound.
+            // Rounding can put a bound's logarithm slightly beyond the bound.
             parameters[j] = coordinate.value(*theta).max(self.ranges[j].lower).min(self.ranges[j].upper);
         }
         parameters
     }
 
-    /// The same fit with interchangeable parts of the law in order, as in every draw of the posterior; `None` where they are in order.
+    /// The fit with interchangeable parts of the law in the order of the posterior's draws; `None` if they are already in order.
     fn reordered(&self, problem: &Problem, theta: &[f64]) -> Option<Vec<f64>> {
         let mut parameters = self.model_parameters(theta);
         let specs = problem.model.parameters();
         let place = |name: &str| specs.iter().position(|spec| spec.name == name);
-        // Parameters of the noise, which the fit does not have, stay out of it.
+        // Noise parameters are not fitted and stay out of it.
         let natural: Vec<f64> = problem.priors.names().map(|name| place(name).map_or(0.0, |j| parameters[j])).collect();
         let ordered = problem.priors.ordered(natural.clone());
         if ordered == natural {
@@ -272,7 +271,7 @@ impl<'a> CreepResiduals<'a> {
         Some(self.free.iter().map(|&(j, coordinate)| coordinate.theta(parameters[j])).collect())
     }
 
-    /// The prior's medians, then Sobol points of its quantiles.
+    /// Starts at the prior's medians and at Sobol points of its quantiles.
     fn starts(&self, problem: &Problem) -> Vec<Vec<f64>> {
         let quantile = |(j, coordinate): (usize, Coordinate), probability: f64| {
             let name = problem.model.parameters()[j].name;
@@ -288,7 +287,7 @@ impl<'a> CreepResiduals<'a> {
         std::iter::once(medians).chain((0..N_QUANTILE_STARTS).map(sobol)).collect()
     }
 
-    /// Derivative of the trajectory in a coordinate; by a step where there is no other.
+    /// Derivative of the trajectory in a coordinate, by finite difference if there is no closed form.
     fn column_m(&self, parameters: &[f64], (j, coordinate): (usize, Coordinate)) -> Option<Vec<f64>> {
         let slope = coordinate.slope(parameters[j]);
         if let Ok(column) = self.forward.derivative_m(parameters, j) {
@@ -302,7 +301,7 @@ impl<'a> CreepResiduals<'a> {
         Some(here.iter().zip(&there).map(|(a, b)| (b - a) / step).collect())
     }
 
-    /// Derivatives of the positions (m) at every row of the record by the free coordinates; none where the model or the memory allows none.
+    /// Derivatives of the positions (m) at every row by the free coordinates. Empty or incomplete if the model or the memory does not allow them.
     fn columns_m(&self, prepared: &PreparedModel, theta: &[f64]) -> Vec<Vec<f64>> {
         if prepared.problem.experiment.record.n_rows() > MOST_ROWS_OF_COLUMNS {
             return Vec::new();
@@ -318,7 +317,7 @@ impl<'a> CreepResiduals<'a> {
         self.free.iter().filter_map(|&free| whole.column_m(&parameters, free)).collect()
     }
 
-    /// Fits from every start; a start at which the model cannot be evaluated is left out unless there is no other.
+    /// Fits from every start. It skips a start at which the model cannot be evaluated, unless there is no other.
     fn search(&self, starts: &[Vec<f64>]) -> Result<Vec<Fit>> {
         let tolerances = Tolerances::default();
         let found: Vec<Result<Fit>> = starts.par_iter().map(|start| fit(self, start, &tolerances)).collect();
@@ -356,7 +355,7 @@ impl Residuals for CreepResiduals<'_> {
     }
 }
 
-/// The lowest objective; among equal ones a converged search.
+/// Search with the lowest objective; among equal ones, a converged search.
 fn best_of(searches: &[Fit]) -> &Fit {
     let lower = |a: &Fit, b: &Fit| {
         if is_same_minimum(a, b) && a.converged != b.converged { a.converged } else { a.objective < b.objective }
@@ -364,24 +363,24 @@ fn best_of(searches: &[Fit]) -> &Fit {
     searches.iter().fold(&searches[0], |best, next| if lower(next, best) { next } else { best })
 }
 
-/// Where the search for a parameter goes: its prior's range, or the box that another program was learnt in.
+/// Search range of a parameter: its prior's range, or the box in which an external program was learnt.
 fn range_of(prepared: &PreparedModel, name: &str) -> TrainedRange {
     let problem = &prepared.problem;
     let learnt = prepared.trained.iter().find(|range| range.name == name && problem.outside().is_some());
     learnt.cloned().unwrap_or_else(|| problem.range_of(name, TAIL_MASS))
 }
 
-/// What a full-order run at the estimate says, over the whole record.
+/// Results of a full-order run at the estimate, over the whole record.
 struct FullRun {
-    /// Largest distance of the reduced from the full-order trajectory, in m.
+    /// Largest distance between the reduced and the full-order trajectory, in m.
     distance_m: f64,
-    /// Largest displacement that the mesh's error makes, in m; `None` where it is not known.
+    /// Largest displacement error due to the mesh, in m; `None` if unknown.
     discretisation_m: Option<f64>,
-    /// Largest absolute principal strain at the largest displacement; `None` where strains are large by the model itself.
+    /// Largest absolute principal strain at the largest displacement; `None` if the model itself has large strains.
     largest_strain: Option<f64>,
 }
 
-/// One full-order run; `None` without finite elements.
+/// Runs the full-order model once; `None` without finite elements.
 fn full_run(problem: &Problem, reduced_m: &[f64], model_parameters: &[f64]) -> Result<Option<FullRun>> {
     let distance_m = |full_m: &[f64]| full_m.iter().zip(reduced_m).fold(0.0, |d: f64, (x, y)| d.max((x - y).abs()));
     if let Some(outside) = problem.outside_forward() {
@@ -417,7 +416,7 @@ fn summarise(
             return FittedParameter { name, value: data.template[j], standard_error: None };
         };
         let value = coordinate.value(best.theta[k]);
-        // Delta method.
+        // This is the delta method.
         let error = coordinate.slope(value) * best.standard_errors[k];
         let standard_error = Some(error).filter(|error| error.is_finite());
         FittedParameter { name, value, standard_error }
@@ -480,25 +479,25 @@ fn warnings(
         list.push(Warning {
             kind: WarningKind::AtNull,
             text: format!(
-                "no better fit has {} away from the null: the fitted cycles do not ask for it",
+                "the best fit has {} at the null: the fitted cycles do not support the effect",
                 at_null.join(", ")
             ),
-            advice: "leave the effect out, or look at its posterior (`sample --with`, `extend --with`)".into(),
+            advice: "leave the effect out, or sample its posterior (`sample --with`, `extend --with`)".into(),
         });
     }
     if !at_end.is_empty() {
         list.push(Warning {
             kind: WarningKind::NotConverged,
-            text: format!("the search ran to the end of the prior's range of {}", at_end.join(", ")),
+            text: format!("the search ended at the end of the prior's range of {}", at_end.join(", ")),
             advice:
-                "check the units of force and position first; the data may not determine it: fix a parameter (--set), or give a prior that reaches farther (--prior)"
+                "check the units of force and position first; the data may not determine the parameter: fix it (--set), or give a wider prior (--prior)"
                     .into(),
         });
     } else if !summary.converged {
         list.push(Warning {
             kind: WarningKind::NotConverged,
-            text: format!("the search had not converged after {} steps", summary.iterations),
-            advice: "the data may not determine every parameter: look at the standard errors, or fix one (--set)"
+            text: format!("the search did not converge in {} steps", summary.iterations),
+            advice: "the data may not determine every parameter: check the standard errors, or fix a parameter (--set)"
                 .into(),
         });
     }
@@ -513,7 +512,7 @@ fn warnings(
         list.push(Warning {
             kind: WarningKind::Undetermined,
             text: format!("the fitted cycles do not determine all of {}", undetermined.join(", ")),
-            advice: "fix one of them (--set), or fit cycles in which the force is held longer and switched".into(),
+            advice: "fix one of them (--set), or fit cycles in which the force is switched and held longer".into(),
         });
     }
     list.extend(judgement.warnings());

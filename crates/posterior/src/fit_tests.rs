@@ -19,7 +19,7 @@ fn problem(experiment: Experiment, set: &[&str]) -> Problem {
     Problem::new(experiment, specification, None, &Silent).unwrap()
 }
 
-/// The replica's protocol before an instrument of the same compliance; positions in m by the closed form.
+/// The replica's protocol with an instrument of the same compliance; positions in m by the closed form.
 fn instrument_experiment(law_parameters: &[f64], noise_sd_m: f64, rng: &mut ChaCha8Rng) -> Experiment {
     let (replica, _) = embedded().unwrap();
     let record = &replica.record;
@@ -32,7 +32,7 @@ fn instrument_experiment(law_parameters: &[f64], noise_sd_m: f64, rng: &mut ChaC
     experiment
 }
 
-/// Data of the reduced model itself, trained on finite elements: the search is tested, not the physics.
+/// Data of the reduced model itself, trained on finite elements. This tests the search and not the physics.
 #[test]
 fn noise_free_data_of_the_reduced_model_return_the_truth() {
     let (replica, _) = embedded().unwrap();
@@ -59,7 +59,7 @@ fn mahalanobis(result: &FitResult, truth: &[f64]) -> f64 {
     delta.dot(&covariance.cholesky().unwrap().solve(&delta))
 }
 
-/// Table I made the replica, by finer finite elements. For another seed of the replica's noise this fails one time in 1,000.
+/// Table I generated the replica, by finer finite elements. With another seed of the replica's noise, this fails one time in 1,000.
 #[test]
 fn table_i_lies_within_the_joint_error_on_the_replica() {
     let (replica, _) = embedded().unwrap();
@@ -68,18 +68,17 @@ fn table_i_lies_within_the_joint_error_on_the_replica() {
     assert!(summary.is_sound(), "{:?}", summary.warnings);
     let limit = ChiSquared::new(3.0).unwrap().inverse_cdf(0.999);
     assert!(mahalanobis(&found, &TABLE_I) < limit, "{summary:?}");
-    // 200 positions with 4 µm: the sample standard deviation lies within 5 of its own standard errors (5 %), one failure in 10⁶.
+    // 200 positions with 4 µm: the sample standard deviation lies within 5 of its standard errors (5 %), with one failure in 10⁶.
     assert_eq!(summary.fitted_positions, 200);
     assert!((summary.rmse_um / 4.0 - 1.0).abs() < 0.25, "{summary:?}");
     assert!((summary.rmse_um - 1e6 * (summary.objective_m2 / 200.0).sqrt()).abs() < 1e-12);
-    // As many positions or more in cycles that were not fitted.
+    // The held-out cycles have as many positions or more.
     assert!((summary.rmse_heldout_um.unwrap() / 4.0 - 1.0).abs() < 0.25, "{summary:?}");
 }
 
-/// 400 noisy replicates of closed-form data: the squared z-scores of each parameter, and the squared joint distances, add up to χ²
-/// with 400 and 1,200 degrees of freedom; standard errors that are all off by a fifth fail. Bounds at 10⁻⁶ on either side of four sums:
-/// one failure in 10⁵. With s² from 197 degrees of freedom the sums are 1 % larger on average than χ², less than a tenth of the
-/// bounds' distance.
+/// 400 noisy replicates of closed-form data. The squared z-scores of each parameter, and the squared joint distances, add up to χ² with 400 and 1,200 degrees of freedom.
+/// Standard errors that are all off by a fifth fail. The bounds are at 10⁻⁶ on either side of four sums: one failure in 10⁵. With s² from 197 degrees of freedom the sums
+/// are 1 % larger on average than χ², less than a tenth of the bounds' distance.
 #[test]
 fn standard_errors_are_calibrated() {
     let mut rng = ChaCha8Rng::seed_from_u64(20);
@@ -123,7 +122,7 @@ fn nothing_left_to_fit_is_refused() {
     assert!(error.to_string().contains("`fixed`"));
 }
 
-/// A force that never acts on the fitted rows leaves every parameter undetermined; that is said and is not sound.
+/// A force that never acts on the fitted rows leaves every parameter undetermined. The fit warns about this and is not sound.
 #[test]
 fn undetermined_parameters_have_no_error_and_are_named() {
     let mut rng = ChaCha8Rng::seed_from_u64(22);
@@ -135,7 +134,7 @@ fn undetermined_parameters_have_no_error_and_are_named() {
     assert!(!found.summary.is_sound());
 }
 
-/// A dashpot a million times stiffer than the prior reaches: the search ends at the wall, and that is not called an estimate.
+/// A dashpot is a million times stiffer than the largest prior value. The search ends at the bound, and the result does not count as an estimate.
 #[test]
 fn an_estimate_at_the_end_of_the_range_is_not_converged() {
     let mut rng = ChaCha8Rng::seed_from_u64(23);
@@ -146,8 +145,8 @@ fn an_estimate_at_the_end_of_the_range_is_not_converged() {
     assert!(warning.kind == WarningKind::NotConverged && warning.text.contains("viscosity_2_pa_s"), "{warning:?}");
 }
 
-/// White noise alone, fitted with an effect or two. A model must not fit worse than the one that it contains. An estimate at the null is the null itself;
-/// every other one is within five standard errors of it, one false failure in 10⁶, and fits better.
+/// White noise alone is fitted with an effect or two. A model must not fit worse than a model that it contains. An estimate at the null equals the null. Every other one is
+/// within five standard errors of it (one false failure in 10⁶) and fits better.
 #[test]
 fn effects_that_are_not_there_are_estimated_at_their_null() {
     let mut rng = ChaCha8Rng::seed_from_u64(24);
@@ -155,7 +154,7 @@ fn effects_that_are_not_there_are_estimated_at_their_null() {
     let base = problem(experiment, &[]);
     let library = models::effects::Library::default();
     let objective = run(&base, None, &Silent).unwrap().summary.objective_m2;
-    // Parameters whose null is 0.
+    // These parameters have the null 0.
     let with_null =
         ["actuator-lag.time_s", "clock-offset.delay_s", "softening.rate_per_s", "second-retardation.compliance_ratio"];
     for slugs in [
@@ -173,7 +172,7 @@ fn effects_that_are_not_there_are_estimated_at_their_null() {
         let at_null = found.warnings.iter().find(|w| w.kind == WarningKind::AtNull).map_or("", |w| &w.text);
         for parameter in &found.parameters {
             let Some(name) = with_null.iter().find(|name| **name == parameter.name) else {
-                // Without its effect a time of retardation means nothing.
+                // Without its effect, a retardation time is unidentified.
                 let is_left_out = parameter.name == "second-retardation.time_s" && at_null.contains("compliance_ratio");
                 assert_eq!(parameter.standard_error.is_none(), is_left_out, "{slugs:?}: {parameter:?}");
                 continue;
@@ -189,8 +188,8 @@ fn effects_that_are_not_there_are_estimated_at_their_null() {
     }
 }
 
-/// The replica has one retarded body. The time of a second one drifts to an end of its range, and a search that stopped there would leave the other parameters where they were: one start of 16
-/// found the minimum along that end, where nine do.
+/// The replica has one retarded body. The time of a second one drifts to an end of its range. A search that stopped there would leave the other parameters at their start:
+/// one start of 16 found the minimum along that end, where nine do.
 #[test]
 fn a_parameter_at_the_end_of_its_range_does_not_stop_the_others() {
     let base = problem(embedded().unwrap().0, &[]);
@@ -201,7 +200,7 @@ fn a_parameter_at_the_end_of_its_range_does_not_stop_the_others() {
     assert!(found.starts == 16 && found.starts_agreeing >= 6, "{found:?}");
 }
 
-/// A lag of 50 ms in closed-form data (F = L (1 − e^{−t/τ}) is a second mode): found within five standard errors, one failure in 10⁶.
+/// A lag of 50 ms in closed-form data (F = L (1 − e^{−t/τ}) is a second mode) is found within five standard errors, with one failure in 10⁶.
 #[test]
 fn an_effect_that_is_there_is_found() {
     let mut rng = ChaCha8Rng::seed_from_u64(25);
@@ -209,7 +208,7 @@ fn an_effect_that_is_there_is_found() {
     let [young_modulus_pa, viscosity_1_pa_s, viscosity_2_pa_s] = TABLE_I;
     let (lag_s, mode_s) = (0.05, viscosity_1_pa_s / young_modulus_pa);
     let noise = Normal::new(0.0, 4e-6).unwrap();
-    // Answer to a unit force that rises with the lag.
+    // This is the response to a unit force that rises with the lag.
     let rise = |t: f64| {
         let mode = 1.0 - (mode_s * (-t / mode_s).exp() - lag_s * (-t / lag_s).exp()) / (mode_s - lag_s);
         mode / young_modulus_pa + (t - lag_s * (1.0 - (-t / lag_s).exp())) / viscosity_2_pa_s
@@ -232,7 +231,7 @@ fn an_effect_that_is_there_is_found() {
     assert!(found.is_sound() && (lag.value - lag_s).abs() < 5.0 * lag.standard_error.unwrap(), "{found:?}");
 }
 
-/// Two springpots in parallel, which half of the starts find the other way round: all fits give the names in one order.
+/// Two springpots in parallel, which half of the starts find in exchanged order. All fits assign the names in one order.
 #[test]
 fn interchangeable_parts_are_fitted_in_order() {
     const TRUTH: [f64; 4] = [2.0, 0.8, 3.0, 0.2];

@@ -1,4 +1,4 @@
-//! The rows that a least-squares fit sees: all that are needed for the fitted positions, or few of them that show the same motion.
+//! Rows of a least-squares fit: all rows that the fitted positions need, or a few that show the same motion.
 
 use crate::problem::Problem;
 use base::error::Result;
@@ -6,23 +6,23 @@ use models::model::Response;
 use record::KeptForce;
 use sampling::least_squares::{Fit, Residuals, Tolerances, fit};
 
-/// Positions among which minima are searched for from all starts; where there are more, the best are finished among all of them.
+/// Largest number of positions in the search from all starts. In a longer record, the best minima are refined with all positions.
 pub(super) const MOST_SEARCHED: usize = 20_000;
-/// Most minima that are finished.
+/// Largest number of minima that are refined.
 const MOST_FINISHED: usize = 3;
-/// Starts whose objectives differ by less than this fraction have found the same minimum.
+/// Relative difference of objectives below which two starts have found the same minimum.
 pub(super) const SAME_MINIMUM: f64 = 1e-6;
 
 /// Rows up to the last fitted position.
 pub(super) struct FittedRows {
     time_s: Vec<f64>,
     force: KeptForce,
-    /// Row and position (m) of what is fitted.
+    /// Row and position (m) of the fitted positions.
     pub observed: Vec<(usize, f64)>,
 }
 
 impl FittedRows {
-    /// Those of the calibration cycles: later rows move nothing that is fitted.
+    /// Rows of the fitted cycles; later rows do not influence a fitted position.
     pub fn new(problem: &Problem) -> Self {
         let record = &problem.experiment.record;
         let positions = problem.positions_of(&problem.experiment.calibration_cycles);
@@ -32,8 +32,7 @@ impl FittedRows {
         Self { time_s: record.time_s[..n_rows].to_vec(), force: record.force().first(n_rows).into(), observed }
     }
 
-    /// At most about `most` of the positions, evenly chosen, and the rows at which the force begins or ends to be another, so that the trajectory at the
-    /// rows that are left is the same.
+    /// Thins the rows to about `most` evenly chosen positions. It keeps the rows at which the force changes, so that the trajectory at the remaining rows is the same.
     pub fn thinned(&self, most: usize) -> Self {
         let every = self.observed.len().div_ceil(most).max(1);
         let mut chosen = self.observed.iter().step_by(every).peekable();
@@ -53,14 +52,14 @@ impl FittedRows {
         thinned
     }
 
-    /// The rows prepared for the reduced model.
+    /// Prepares the rows for the reduced model.
     pub fn response(&self) -> Response {
         Response::new(&self.time_s, self.force.get(), self.time_s.len())
     }
 }
 
-/// Searches among few positions, finished among all: the best minima go on from where they are, the others are told apart by their objectives. There are
-/// `more` times as many positions in all.
+/// Refines searches over few positions with all positions. The best minima continue from their parameters; the other searches keep their objectives, scaled by `more`, the
+/// ratio of all positions to the searched ones.
 pub(super) fn finished(all: &dyn Residuals, found: &[Fit], more: f64) -> Result<Vec<Fit>> {
     let mut order: Vec<&Fit> = found.iter().collect();
     order.sort_by(|a, b| a.objective.total_cmp(&b.objective));
@@ -76,7 +75,7 @@ pub(super) fn finished(all: &dyn Residuals, found: &[Fit], more: f64) -> Result<
         Some(index) => Fit { iterations: search.iterations + ends[index].iterations, ..ends[index].clone() },
         None => Fit { objective: more * search.objective, ..search.clone() },
     };
-    // Nobody asks for residuals, which are as long as the record.
+    // The residuals are as long as the record and are not used.
     Ok(found.iter().map(|search| Fit { residuals: Vec::new(), ..end(search) }).collect())
 }
 
@@ -92,7 +91,7 @@ mod tests {
     use models::effects::Stages;
     use record::ForceRule;
 
-    /// 3000 rows at irregular times under a force that changes at some: one position in forty is left, at the same places of the same trajectory.
+    /// 3000 rows at irregular times, with a force that changes at some of them. Of 40 positions one remains, with the same position of the same trajectory.
     #[test]
     fn few_rows_show_the_same_motion() {
         let n = 3000;

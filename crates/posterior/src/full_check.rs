@@ -1,4 +1,4 @@
-//! Full finite elements for posterior draws, with the reduced model beside them.
+//! Full finite elements for posterior draws, compared with the reduced model.
 
 use rayon::prelude::*;
 use statrs::distribution::{ContinuousCDF, Gamma};
@@ -11,35 +11,35 @@ use elements::fe::strain::largest_principal_strain;
 use models::model::{Forward, FullRun};
 use sampling::pareto::pareto_k;
 
-/// Posterior draws that full finite elements are run for.
+/// Number of posterior draws that are run in full finite elements.
 pub const N_CHECK_DRAWS: usize = 128;
-/// Draws run in full where that takes minutes each.
+/// Number of draws that are run in full if each run takes minutes.
 const N_SLOW_DRAWS: usize = 2;
-/// Draws that may have no model on the whole record, of every hundred, before the user is told.
+/// Largest percentage of draws without a model on the whole record that causes no warning.
 const LARGEST_REFUSED_PERCENT: usize = 5;
-/// Normal components that stand for a Student-t.
+/// Number of normal components that approximate a Student-t distribution.
 const STUDENT_COMPONENTS: usize = 8;
 
-/// A posterior draw in natural units: the model's parameters, then the noise's.
+/// A posterior draw in natural units: first the model's parameters, then the noise's.
 pub type NaturalDraw = Vec<f64>;
 
-/// What full finite elements said about a posterior.
+/// Results of full finite elements for a posterior.
 pub struct FullCheck {
-    /// The draws that were run.
+    /// Draws that were run.
     pub draws: Vec<NaturalDraw>,
-    /// Draws that have no model on the whole record, if they are too many to be left out in silence.
+    /// Number of draws without a model on the whole record; `None` if they are few enough to be left out without a warning.
     pub n_refused: Option<usize>,
-    /// Full trajectory of each draw, in m; the reduced one for an instrument, another program's own where it is the law.
+    /// Full-order trajectory of each draw, in m. For an instrument it is the reduced trajectory, for an external program the program's own.
     pub trajectories_m: Vec<Vec<f64>>,
-    /// The noise of each draw.
+    /// Noise of each draw.
     pub noise: DrawnNoise,
-    /// Largest distance of the reduced from the full trajectories, in m.
+    /// Largest distance between the reduced and the full-order trajectories, in m.
     pub surrogate_vs_full_max_m: Option<f64>,
-    /// Pareto k̂ of the importance weights of full over reduced likelihoods.
+    /// Pareto k̂ of the importance weights (full over reduced likelihoods).
     pub pareto_k: Option<f64>,
     /// Normalised importance weights.
     pub weights: Option<Vec<f64>>,
-    /// Full runs that were made, or answers of another program.
+    /// Number of full-order runs, or of predictions of an external program.
     pub fe_runs: usize,
     /// Largest absolute principal strain at the largest mean displacement.
     pub largest_strain: Option<f64>,
@@ -47,16 +47,16 @@ pub struct FullCheck {
     pub discretisation_m: Option<f64>,
 }
 
-/// The noise of posterior draws.
+/// Noise of posterior draws.
 pub struct DrawnNoise {
-    /// Its model.
+    /// Noise model.
     pub model: NoiseModel,
-    /// Parameters of each draw.
+    /// Noise parameters of each draw.
     pub parameters: Vec<Vec<f64>>,
     /// Standard deviation (m) of the noise of each draw at each row.
     pub sd_m: Vec<Vec<f64>>,
-    /// Standard deviations, in units of `sd_m`, of the normal components of equal weight that stand for each draw's noise: 1, or some for a
-    /// Student-t.
+    /// Standard deviations of the normal components of each draw's noise, in units of `sd_m`. The components have equal weight; there is one, or several for a Student-t
+    /// distribution.
     pub components: Vec<Vec<f64>>,
 }
 
@@ -72,7 +72,7 @@ impl DrawnNoise {
     }
 }
 
-/// A t of unit variance is a normal whose precision is a gamma variable's: a few of its quantiles stand for it.
+/// Normal components of the noise. A t distribution of unit variance is a normal whose precision has a gamma distribution; a few quantiles of the gamma approximate it.
 fn normal_components(student_dof: Option<f64>) -> Vec<f64> {
     let gamma = student_dof.and_then(|dof| Some((dof, Gamma::new(0.5 * dof, 0.5 * dof).ok()?)));
     let Some((dof, gamma)) = gamma else { return vec![1.0] };
@@ -81,11 +81,11 @@ fn normal_components(student_dof: Option<f64>) -> Vec<f64> {
     (0..STUDENT_COMPONENTS).map(|i| scale / gamma.inverse_cdf(probability(i)).sqrt()).collect()
 }
 
-/// Runs the full model for every draw over the whole record, and the reduced one beside it. Where a full run takes seconds to minutes, as with effects whose
-/// field is solved for, the reduced model predicts, and the full one is run beside it for the first few draws.
+/// Runs the full-order model and the reduced model for every draw over the whole record. If a full run takes seconds to minutes, as with effects that solve for a field,
+/// the reduced model predicts instead. The full-order model then runs for the first few draws only.
 ///
 /// # Errors
-/// [`base::Error::Numerical`] when no draw has a model on the whole record; whatever its parts refuse.
+/// [`base::Error::Numerical`] if no draw has a model on the whole record; errors of the parts.
 pub fn check(prepared: &PreparedModel, draws: &[NaturalDraw]) -> Result<FullCheck> {
     let problem = &prepared.problem;
     let (reduced_forward, full) = (prepared.forward(), problem.full_forward()?);
@@ -167,10 +167,10 @@ struct Runs {
     n_refused: Option<usize>,
 }
 
-/// Runs every draw over the whole record. Those that the model refuses there, since they go farther than on the fitted rows, are left out.
+/// Runs every draw over the whole record. It leaves out the draws that the model refuses there because they move farther than on the fitted rows.
 ///
 /// # Errors
-/// [`base::Error::Numerical`] when none is left.
+/// [`base::Error::Numerical`] if no draw remains.
 fn run_all(forward: &dyn Forward, draws: &[NaturalDraw], n_model: usize) -> Result<Runs> {
     let runs: Vec<Result<Vec<f64>>> = draws.par_iter().map(|draw| forward.trajectory_m(&draw[..n_model])).collect();
     let n_refused = runs.iter().filter(|run| run.is_err()).count();
@@ -195,14 +195,14 @@ fn largest_distance_m(some_m: &[Vec<f64>], others_m: &[Vec<f64>]) -> f64 {
     pairs.fold(0.0, |most, (x, y)| most.max((x - y).abs()))
 }
 
-/// The draw whose position at a row is the median.
+/// Index of the draw with the median position at a row.
 fn middle_draw(trajectories_m: &[Vec<f64>], row: usize) -> usize {
     let mut order: Vec<usize> = (0..trajectories_m.len()).collect();
     order.sort_by(|a, b| trajectories_m[*a][row].total_cmp(&trajectories_m[*b][row]));
     order[order.len() / 2]
 }
 
-/// Largest absolute principal strain of a run's first field; `None` where there is none, or where strains are large by the model itself.
+/// Largest absolute principal strain of a run's first field. `None` without a field, or if the model itself has large strains.
 pub(crate) fn largest_strain(problem: &Problem, run: &FullRun) -> Result<Option<f64>> {
     let Some(fe) = problem.finite_elements() else { return Ok(None) };
     // Fields are those of small strains.
@@ -213,7 +213,7 @@ pub(crate) fn largest_strain(problem: &Problem, run: &FullRun) -> Result<Option<
     run.fields.first().map(|field| largest_principal_strain(mesh, field)).transpose()
 }
 
-/// Logarithms of full over reduced likelihood of the calibration cycles.
+/// Logarithms of full over reduced likelihood of the fitted cycles.
 fn ln_weights(problem: &Problem, draws: &[NaturalDraw], full_m: &[Vec<f64>], reduced_m: &[Vec<f64>]) -> Vec<f64> {
     let likelihood = problem.noise_likelihood(&problem.experiment.calibration_cycles);
     let n_model = problem.model.parameters().len();
@@ -243,7 +243,7 @@ pub fn mean_trajectory(trajectories_m: &[Vec<f64>], weights: Option<&[f64]>) -> 
     mean
 }
 
-/// Root mean square distance from the positions that are there.
+/// Root mean square distance from the observed positions.
 pub fn rmse_m(model_m: &[f64], observed_m: &[Option<f64>]) -> f64 {
     let squares: Vec<f64> = model_m.iter().zip(observed_m).filter_map(|(x, y)| y.map(|y| (y - x).powi(2))).collect();
     (squares.iter().sum::<f64>() / squares.len() as f64).sqrt()
@@ -256,13 +256,13 @@ mod tests {
     use super::*;
     use crate::mixture::Mixture;
 
-    /// Bands of a heavy-tailed noise: its 50 % and 90 % quantiles against statrs' Student-t. Eight components leave a few per cent.
+    /// Compares the 50 % and 90 % bands of heavy-tailed noise with statrs' Student-t quantiles. Eight components agree within a few per cent.
     #[test]
     fn normal_components_stand_for_a_student_t() {
         for dof in [2.5, 4.0, 30.0] {
             let sd_m: Vec<f64> = normal_components(Some(dof));
             let mixture = Mixture { mean_m: vec![0.0; sd_m.len()], sd_m };
-            // Of unit variance.
+            // The exact distribution has unit variance.
             let exact = StudentsT::new(0.0, ((dof - 2.0) / dof).sqrt(), dof).expect("a distribution");
             for probability in [0.75, 0.95] {
                 let ratio = mixture.quantile(probability) / exact.inverse_cdf(probability);

@@ -1,4 +1,4 @@
-//! Gradient of the log-posterior over natural parameters, for samplers that follow it.
+//! Gradient of the log posterior over natural parameters, for gradient-based samplers.
 
 use super::likelihood::{Source, sources};
 use super::noise::NoiseLikelihood;
@@ -6,19 +6,19 @@ use super::prior::PriorSet;
 use base::error::Result;
 use models::model::{Forward, ReducedForward};
 
-/// The gradient of [`super::likelihood::ReducedPosterior::log_density_natural`]: exact sensitivities of the reduced model's trajectory, differences of the
-/// noise's filter, and closed forms of the priors.
+/// Gradient of [`super::likelihood::ReducedPosterior::log_density_natural`]. It combines exact sensitivities of the reduced model's trajectory, finite differences of the
+/// noise filter, and closed forms of the priors.
 pub struct PosteriorGradient<'a> {
-    /// The model up to the last compared row.
+    /// Model up to the last compared row.
     forward: ReducedForward<'a>,
     noise: NoiseLikelihood,
     priors: &'a PriorSet,
-    /// The model's parameters in order, then the noise's.
+    /// Sources of the model's parameters in order, then the noise's.
     sources: Vec<Source>,
 }
 
 impl<'a> PosteriorGradient<'a> {
-    /// Joins the parts of a posterior; `fixed` holds the parameters that have no prior.
+    /// Joins the parts of a posterior; `fixed` holds the parameters without a prior.
     pub fn new(
         forward: ReducedForward<'a>,
         noise: NoiseLikelihood,
@@ -29,10 +29,10 @@ impl<'a> PosteriorGradient<'a> {
         Self { forward, noise, priors, sources }
     }
 
-    /// One derivative a sampled parameter, a unit of it, in the priors' order, at natural values in that order.
+    /// Derivatives by each sampled parameter, per unit of the parameter, in the priors' order. `point` holds natural values in that order.
     ///
     /// # Errors
-    /// Those of [`ReducedForward::derivative_along_m`]: where the log-density is −∞, and where the trajectory has no derivative.
+    /// Errors of [`ReducedForward::derivative_along_m`]: if the log density is −∞, or the trajectory has no derivative.
     pub fn gradient(&self, point: &[f64]) -> Result<Vec<f64>> {
         let value = |source: &Source| match *source {
             Source::Sampled(index) => point[index],

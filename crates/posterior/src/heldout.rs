@@ -1,4 +1,4 @@
-//! The posterior checked on cycles that the fit never saw: bands, scores, joint probabilities.
+//! Checks of the posterior on held-out cycles: bands, scores, joint probabilities.
 
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -12,15 +12,15 @@ use crate::noise::NoiseModel;
 use crate::recordings::recordings;
 use record::Record;
 
-/// Simulated measurements that the misfit and the coverage are judged by.
+/// Number of simulated measurements for the misfit and the coverage.
 const N_SIMULATIONS: usize = 8_000;
-/// Fewer for long records, to so many simulated positions in all, but never fewer than resolve the 99.9 % band. Where that is more, and errors are
-/// independent and normal, closed forms take their place.
+/// Largest number of simulated positions in total, which reduces the simulations of long records. The number of simulations never falls below the resolution of the 99.9 %
+/// band. If that is too much work and the errors are independent and normal, closed forms replace the simulation.
 const SIMULATED_POSITIONS: usize = 40_000_000;
 const FEWEST_SIMULATIONS: usize = 4_000;
-/// Rows whose predictions are worked out together.
+/// Number of rows whose predictions are computed together.
 const ROWS_OF_BLOCK: usize = 1024;
-/// Stream of the simulations, apart from the sampler's.
+/// Random stream of the simulations, distinct from the sampler's.
 const SIMULATION_STREAM: u64 = u64::MAX;
 
 /// Predictive quantiles (m) of every row, in the order of `BAND_PROBABILITIES`.
@@ -34,13 +34,13 @@ pub fn bands_m(check: &FullCheck) -> Vec<[f64; 5]> {
     })
 }
 
-/// The predictive distribution of one position.
+/// Predictive distribution of one position.
 enum Prediction {
     Near(NearNormal),
     Far(Mixture),
 }
 
-/// What follows from every row's prediction, in the order of the rows.
+/// Results of `of` for every row's prediction, in the order of the rows.
 fn by_blocks<T: Send>(check: &FullCheck, of: &(dyn Fn(usize, Prediction) -> T + Sync)) -> Vec<T> {
     let n_rows = check.trajectories_m.first().map_or(0, Vec::len);
     let block = |index: usize| {
@@ -66,25 +66,25 @@ pub(super) fn mixture(check: &FullCheck, row: usize) -> Mixture {
     mixture
 }
 
-/// How well predictions and positions of some rows agree.
+/// Agreement of predictions and positions of some rows.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Score {
-    /// Root mean square distance of the posterior mean from the positions, in m.
+    /// Root mean square distance between the posterior mean and the positions, in m.
     pub rmse_m: f64,
     /// Fractions of positions inside the central 50 % and 90 % bands.
     pub coverage: [f64; 2],
-    /// Range in which 99 % of simulated measurements have their coverage.
+    /// Ranges that contain the coverage of 99 % of simulated measurements.
     pub coverage_expected: [[f64; 2]; 2],
-    /// Probability of a misfit at least as large, by joint simulation: the smaller of that of the largest standardised deviation and of their mean
-    /// square, doubled.
+    /// Probability of a misfit at least as large, by joint simulation. It is twice the smaller of two probabilities: of the largest standardised deviation, and of the mean
+    /// square.
     pub joint_p: f64,
     /// Mean continuous ranked probability score, in m.
     pub crps_m: f64,
 }
 
-/// Scores the held-out rows; `None` if there are none with a position.
+/// Scores the held-out rows; `None` if no held-out row has a position.
 ///
-/// `record` gives times and cycles; `observed_m` the positions to score.
+/// `record` gives times and cycles; `observed_m` holds the positions to score.
 pub fn score(
     check: &FullCheck,
     bands_m: &[[f64; 5]],
@@ -188,8 +188,8 @@ mod tests {
         }
     }
 
-    /// Data from the predictive distribution itself pass; a shift of half a standard deviation over 400 rows, or a single outlier of 7, does
-    /// not. 400 positions: the coverages lie in their 99 % ranges for this fixed seed.
+    /// Data from the predictive distribution pass. A shift of half a standard deviation over 400 rows, or a single outlier of 7 standard deviations, does not. The
+    /// coverages of 400 positions lie in their 99 % ranges for this fixed seed.
     #[test]
     fn joint_check_accepts_its_own_and_rejects_shift_and_outlier() {
         let n_rows = 400;

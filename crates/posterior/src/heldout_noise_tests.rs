@@ -1,4 +1,4 @@
-//! Bands and joint simulation under noise that is correlated in time and shares a gain and an offset in each cycle.
+//! Tests of bands and joint simulation under noise that is correlated in time and has a gain and an offset for each cycle.
 
 use rand_distr::StandardNormal;
 
@@ -17,7 +17,7 @@ const COMPLIANCE_PER_M: f64 = 549.0;
 /// σ (µm), σ_ou (µm), τ (s), s_g, s_o (µm).
 const NOISE: [f64; 5] = [4.0, 3.0, 0.7, 0.03, 5.0];
 
-/// The replica's protocol before an instrument.
+/// The replica's protocol with an instrument.
 fn problem() -> Problem {
     let (mut experiment, _) = embedded().unwrap();
     experiment.apparatus = Apparatus::Instrument { compliance_per_m: COMPLIANCE_PER_M };
@@ -32,7 +32,7 @@ fn exact_m(problem: &Problem) -> Vec<f64> {
     convolve_m(COMPLIANCE_PER_M, &CreepCompliance::lethersich(&TABLE_I), &record.time_s, &record.force_n)
 }
 
-/// Four times the same draw.
+/// Check of four equal draws.
 fn check_of(problem: &Problem) -> FullCheck {
     let prepared = PreparedModel::new(problem, None, &Silent).unwrap();
     let draw: NaturalDraw = TABLE_I.into_iter().chain(NOISE).collect();
@@ -44,7 +44,7 @@ fn bands_are_as_wide_as_all_noise_terms_together() {
     let problem = problem();
     let bands_m = bands_m(&check_of(&problem));
     let [white, ou, _, gain, offset] = NOISE;
-    // Standard normal quantiles at 95 % and 75 %.
+    // These are standard normal quantiles at 95 % and 75 %.
     let (outer, inner) = (1.644_853_626_951_472_2, 0.674_489_750_196_081_7);
     for (x_m, band) in exact_m(&problem).into_iter().zip(bands_m) {
         let sd_m = (1e-12 * (white * white + ou * ou + offset * offset) + (gain * x_m).powi(2)).sqrt();
@@ -74,9 +74,11 @@ fn noise_m(record: &Record, position_m: &[f64], rng: &mut ChaCha8Rng) -> Vec<f64
         .collect()
 }
 
-/// 40 measurements simulated term by term; each coverage lies in its 99 % range but one time in a hundred. More than 7 of 40 outside: one time in
-/// 10⁷ for either band. The probability of a misfit counts both of its statistics, so that one of the two in the better half for either makes it 1: that comes in a quarter of the measurements at least, and
-/// in none of 40 once in 10⁵. Independent errors of the same size at each row would make ranges so narrow that many more fall outside them.
+/// 40 measurements are simulated term by term. Each coverage lies outside its 99 % range one time in a hundred; more than 7 of 40 outside have a probability of 10⁻⁷ for
+/// either band. Independent errors of the same size at each row would make the ranges so narrow that many more fall outside.
+///
+/// The probability of a misfit doubles the smaller of two probabilities. It is 1 if both lie in the better half, which happens in at least a quarter of the measurements,
+/// and in none of 40 once in 10⁵.
 #[test]
 fn the_coverage_s_range_is_that_of_gains_and_offsets_shared_by_a_cycle() {
     let problem = problem();
@@ -86,7 +88,7 @@ fn the_coverage_s_range_is_that_of_gains_and_offsets_shared_by_a_cycle() {
     let (mut outside, mut outside_independent, mut n_certain) = ([0; 2], [0; 2], 0);
     for _ in 0..40 {
         let noise_m = noise_m(record, &exact_m, &mut rng);
-        // Every tenth row of the held-out cycles.
+        // Every tenth row of the held-out cycles is scored.
         let is_scored = |i: usize| record.cycle[i] > 1 && i.is_multiple_of(10);
         let observed_m: Vec<Option<f64>> =
             (0..record.n_rows()).map(|i| is_scored(i).then(|| exact_m[i] + noise_m[i])).collect();

@@ -1,8 +1,8 @@
-//! How likely a measurement's joint statistics are, for long records under independent normal errors: in closed form, where simulating every
-//! position thousands of times would take minutes.
+//! Joint probabilities of a measurement's statistics, in closed form, for long records with independent normal errors. Simulating every position thousands of times would
+//! take minutes.
 //!
-//! Given a draw, rows are independent. The largest deviation has the product of their distribution functions; mean square and coverage are sums over
-//! thousands of rows, with known first three moments. The draws are averaged over.
+//! Given a draw, rows are independent. The distribution function of the largest deviation is the product over rows. The mean square and the coverage are sums over
+//! thousands of rows with known first three moments. The results are averaged over draws.
 
 use rayon::prelude::*;
 use statrs::distribution::{ContinuousCDF, Normal};
@@ -10,12 +10,12 @@ use statrs::distribution::{ContinuousCDF, Normal};
 use super::full_check::FullCheck;
 use super::mixture::Mixture;
 
-/// Rows at which probabilities that vary slowly along a record are asked for; spread by the golden ratio, which no period of a protocol divides.
+/// Number of rows at which slowly varying probabilities are evaluated. They are spread by the golden ratio, which no period of a protocol divides.
 const N_ASKED: usize = 4096;
-/// Probability left on either side of the range that a coverage is expected in.
+/// Probability on either side of the expected range of a coverage.
 const TAIL: f64 = 0.005;
 
-/// Rows that are scored, with what they are predicted to be.
+/// Scored rows with their predictions.
 pub(super) struct Predicted<'a> {
     pub check: &'a FullCheck,
     /// Index of each row in the record.
@@ -26,18 +26,18 @@ pub(super) struct Predicted<'a> {
     pub bands_m: &'a [[f64; 5]],
 }
 
-/// Probabilities of larger statistics, and the ranges in which coverages are expected.
+/// Probabilities of larger statistics, and expected ranges of the coverages.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Joint {
-    /// Of a largest standardised deviation at least as large.
+    /// Probability of a largest standardised deviation at least as large.
     pub p_largest: f64,
-    /// Of a mean square at least as large.
+    /// Probability of a mean square at least as large.
     pub p_square: f64,
     /// Ranges that hold 99 % of the coverages of the 50 % and the 90 % band.
     pub coverage: [[f64; 2]; 2],
 }
 
-/// What one draw says.
+/// Probabilities given one draw.
 struct OfDraw {
     p_largest: f64,
     p_square: f64,
@@ -45,7 +45,7 @@ struct OfDraw {
     coverage: [(f64, f64); 2],
 }
 
-/// `largest` and `square`: the largest and the mean square standardised deviation that were found.
+/// Joint probabilities of the observed `largest` and mean `square` of the standardised deviations.
 pub(super) fn joint(predicted: &Predicted, largest: f64, square: f64) -> Joint {
     let n_draws = predicted.check.trajectories_m.len();
     let draws: Vec<OfDraw> =
@@ -65,7 +65,7 @@ fn of_draw(predicted: &Predicted, draw: usize, largest: f64, square: f64) -> OfD
     let Predicted { check, rows, centre, bands_m } = predicted;
     let (x, sd) = (&check.trajectories_m[draw], &check.noise.sd_m[draw]);
     let n = rows.len() as f64;
-    // Cumulants of Σ (δ + r ε)², ε standard normal, δ and r the draw's distance and noise in the prediction's standard deviations.
+    // These are cumulants of Σ (δ + r ε)² with standard normal ε. δ and r are the draw's distance and noise in standard deviations of the prediction.
     let mut cumulants = [0.0; 3];
     for (row, (mean, spread)) in rows.iter().zip(centre.iter()) {
         let inverse = 1.0 / spread;
@@ -103,8 +103,8 @@ fn of_draw(predicted: &Predicted, draw: usize, largest: f64, square: f64) -> OfD
     }
 }
 
-/// Probability that a sum of squares exceeds a value: by a shifted gamma distribution of the same three cumulants (Pearson 1959), which Wilson and
-/// Hilferty's cube root makes normal.
+/// Probability that a sum of squares exceeds a value. It uses a shifted gamma distribution with the same three cumulants (Pearson 1959), made normal by Wilson and
+/// Hilferty's cube root.
 fn exceeds(value: f64, [first, second, third]: [f64; 3]) -> f64 {
     let shape = 4.0 * second.powi(3) / (third * third);
     let scale = third / (2.0 * second);

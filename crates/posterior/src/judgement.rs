@@ -1,8 +1,7 @@
-//! What a model leaves of a record, judged: the one rule of `fit`, `sample`, `extend` and `ladder` (docs/diagnosis.md).
+//! Judgement of a model's residuals: the one rule of `fit`, `sample`, `extend` and `ladder` (docs/diagnosis.md).
 //!
-//! Where the noise is given or estimated, misfits are measured against it ([`Misfit`]). Where it is unknown, the held-out cycles are measured against what
-//! the fitted ones leave, and the residuals are tested for patterns ([`SystematicTest`]). Where draws predict the held-out cycles together, their band counts
-//! as well.
+//! If the noise is given or estimated, residuals are compared with it ([`Misfit`]). If it is unknown, the held-out residuals are compared with the fitted ones, and the
+//! residuals are tested for patterns ([`SystematicTest`]). If draws predict the held-out cycles jointly, their joint band counts as well.
 
 use documents::posterior::{Warning, WarningKind};
 use figures::number::significant;
@@ -13,42 +12,42 @@ use super::noise::{NoiseLikelihood, NoiseModel};
 use super::problem::Problem;
 use super::systematic::SystematicTest;
 
-/// Share of the range of positions below which residuals are the rounding of files and solvers, and no pattern in them means anything.
+/// Size of the residuals, as a share of the range of positions, below which they are rounding errors of files and solvers without meaningful patterns.
 const ROUNDING: f64 = 1e-6;
 
 /// A fitted model's prediction of a whole record.
 pub struct Prediction<'a> {
     /// Position (m) at every row.
     pub position_m: &'a [f64],
-    /// Columns (m, one value a row) along which the parameters can move it.
+    /// Columns (m, one value per row) along which the parameters can move the prediction.
     pub columns_m: &'a [Vec<f64>],
-    /// The noise that was fitted beside it, with its parameters.
+    /// Fitted noise model with its parameters.
     pub noise: (NoiseModel, &'a [f64]),
-    /// Size (m) of the noise that was learnt from row to row; `None` where none is learnt.
+    /// Standard deviation (m) of the learnt noise from row to row; `None` if no noise is learnt.
     pub learnt_noise_m: Option<f64>,
-    /// Probability, by joint predictive simulation, that the held-out cycles are missed by as much; `None` where nothing was simulated.
+    /// Probability of a held-out misfit at least as large, by joint predictive simulation; `None` without a simulation.
     pub joint_p: Option<f64>,
 }
 
-/// What was found of a prediction.
+/// Judgement of a prediction.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Judgement {
-    /// The residuals beside the noise, or, where that is unknown, the held-out ones beside the fitted ones.
+    /// Residuals compared with the noise; if the noise is unknown, held-out residuals compared with fitted ones.
     pub misfit: Option<Misfit>,
-    /// Whether the noise is neither given nor estimated.
+    /// True if the noise is neither given nor estimated.
     pub is_noise_unknown: bool,
-    /// The residuals' test for patterns, where the noise is unknown and they can be tested.
+    /// Test of the residuals for patterns, if the noise is unknown and they can be tested.
     pub systematic: Option<SystematicTest>,
     /// See [`Prediction::learnt_noise_m`].
     pub learnt_noise_m: Option<f64>,
     /// See [`Prediction::joint_p`].
     pub joint_p: Option<f64>,
-    /// Whether the noise has a gain and an offset for each cycle.
+    /// True if the noise has a gain and an offset for each cycle.
     pub has_gain: bool,
 }
 
 impl Judgement {
-    /// Judges a prediction; `yardstick` is the noise that the record gives or shows.
+    /// Judges a prediction; `yardstick` is the noise that is given or estimated from the record.
     pub fn of(problem: &Problem, prediction: &Prediction, yardstick: Option<NoiseYardstick>) -> Self {
         let (experiment, record) = (&problem.experiment, &problem.experiment.record);
         let Prediction { position_m, columns_m, noise: (noise, parameters), learnt_noise_m, joint_p } = *prediction;
@@ -83,12 +82,12 @@ impl Judgement {
         Self { misfit, is_noise_unknown: yardstick.is_none(), systematic, learnt_noise_m, joint_p, has_gain }
     }
 
-    /// Whether the held-out cycles lie outside the joint predictive band.
+    /// Returns true if the held-out cycles lie outside the joint predictive band.
     pub fn is_outside_band(&self) -> bool {
         self.joint_p.is_some_and(|p| p < OUTSIDE_BAND)
     }
 
-    /// What is said of it, gravest first.
+    /// Warnings of the judgement, most serious first.
     pub fn warnings(&self) -> Vec<Warning> {
         let mut list: Vec<Warning> = self.misfit.iter().flat_map(|misfit| self.of_misfit(misfit)).collect();
         list.extend(self.of_unknown_noise());
@@ -98,7 +97,7 @@ impl Judgement {
                 text: format!(
                     "the held-out cycles lie outside the 99.9 % joint predictive band (probability at most {p:.1e}): the fitted model does not predict them"
                 ),
-                advice: "look at the predictive figure for where it fails; the model lacks something that these cycles show".into(),
+                advice: "look in the predictive figure for the rows that disagree; the model lacks an effect that these cycles show".into(),
             });
         }
         list
@@ -109,7 +108,7 @@ impl Judgement {
         let learnt_m = self.learnt_noise_m.filter(|_| !self.is_noise_unknown);
         let is_learnt_too_large = learnt_m.is_some_and(|learnt_m| left.is_learnt_too_large(learnt_m));
         let of_noise = match self.is_noise_unknown {
-            true => "what it leaves of the fitted cycles,",
+            true => "the root mean square residual of the fitted cycles,",
             false => "the noise of",
         };
         let miss = |(which, rms_um): (&str, f64)| {
@@ -126,18 +125,18 @@ impl Judgement {
             let mut warning = Warning {
                 kind: WarningKind::MisfitAboveNoise,
                 text: format!("the model misses {}", misses.join(" and ")),
-                advice: "the model is not enough for this measurement; do not read its parameters as material properties: `vitreo-uq check` names gaps and jumps of the record, `vitreo-uq diagnose` looks for what the model lacks, `vitreo-uq extend --with EFFECT` adds it".into(),
+                advice: "the model does not describe this measurement; do not interpret its parameters as material properties. `vitreo-uq check` finds gaps and jumps of the \
+                    record, `vitreo-uq diagnose` searches for the missing effect, `vitreo-uq extend --with EFFECT` adds it".into(),
             };
             if let Some(returning_m) = left.returning_m {
-                warning.text +=
-                    &format!(", and {} µm of it come again in every cycle", significant(1e6 * returning_m, 3));
+                warning.text += &format!(", and {} µm of it recur in every cycle", significant(1e6 * returning_m, 3));
             }
-            // Where the noise is as it should be, and not of another kind in each cycle, only the parameters' spread is left to cover a misfit.
+            // If the noise is as expected and has no gain for each cycle, only the parameters' spread can cover a misfit.
             let is_covered = !is_learnt_too_large && !self.has_gain && self.joint_p.is_some_and(|p| p >= OUTSIDE_BAND);
             if !left.fitted.is_too_large && is_covered {
                 warning.text +=
-                    ", which the posterior's own spread covers: the fitted cycles do not determine the parameters";
-                warning.advice = "fit more cycles or longer ones, or give a more informative prior (--prior)".into();
+                    ", but the spread of the posterior covers this: the fitted cycles do not determine the parameters";
+                warning.advice = "fit more or longer cycles, or give a more informative prior (--prior)".into();
             }
             list.push(warning);
         }
@@ -146,12 +145,14 @@ impl Judgement {
             list.push(Warning {
                 kind: WarningKind::LearntNoiseAboveKnown,
                 text: format!(
-                    "the learnt noise, {} µm, is {:.1} × the {origin} noise of {} µm: it has swallowed a misfit",
+                    "the learnt noise of {} µm is {:.1} × the {origin} noise of {} µm: it has absorbed a misfit",
                     significant(learnt_um, 3),
                     learnt_um / noise_um,
                     significant(noise_um, 3)
                 ),
-                advice: "the posterior's widths describe the misfit, not the measurement's precision".into(),
+                advice:
+                    "read the posterior's intervals as the size of the misfit, not as the precision of the measurement"
+                        .into(),
             });
         }
         list
@@ -166,7 +167,8 @@ impl Judgement {
             Some(test) if test.is_systematic() => (
                 WarningKind::SystematicResidual,
                 format!(
-                    "the residuals of the fitted cycles are systematic (autocorrelation {:.2} at lag 1, runs of one sign {:.1} standard deviations {} than chance makes, p {}): whatever the noise is, it is not of the fitted kind",
+                    "the residuals of the fitted cycles are systematic (autocorrelation {:.2} at lag 1, runs of one sign {:.1} standard deviations {} than by chance, p \
+                     {}): they are no noise of the fitted kind",
                     test.first_autocorrelation,
                     test.runs_score.abs(),
                     if test.runs_score < 0.0 { "longer" } else { "shorter" },
@@ -176,12 +178,12 @@ impl Judgement {
             ),
             Some(_) => (
                 WarningKind::NoiseUnknown,
-                "the noise is neither given nor can it be estimated; the residuals look like noise of the size that was fitted, so a misfit that looks like noise would not be seen".into(),
+                "the noise is neither given nor can it be estimated; the residuals look like noise of the fitted size, so a misfit that looks like noise cannot be ruled out".into(),
                 ADVICE,
             ),
             None => (
                 WarningKind::ResidualsUntested,
-                "the noise is neither given nor can it be estimated, and the residuals are too few to be tested for patterns: nothing says how much misfit is too much".into(),
+                "the noise is neither given nor can it be estimated, and the residuals are too few for a test of patterns: the size of a misfit cannot be judged".into(),
                 ADVICE,
             ),
         };

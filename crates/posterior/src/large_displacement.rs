@@ -1,6 +1,7 @@
-//! What large displacements would do to a posterior of small strains: one run of the gel as the fluid that its law linearises (physics §7.6).
+//! Estimate of the influence of large displacements on a small-strain posterior. It runs the gel once as the fluid whose linearisation is its law (physics §7.6).
 //!
-//! The law's small strains do not say what it does at large ones. So this is an estimate of what is at stake, not a correction: it is said beside the posterior and changes nothing in it.
+//! A law of small strains does not determine the behaviour at large ones. The result is therefore an estimate of the possible influence and no correction; it is reported
+//! and does not change the posterior.
 
 use nalgebra::{DMatrix, DVector};
 
@@ -22,20 +23,20 @@ use super::full_check::{FullCheck, mean_trajectory, rmse_m};
 use super::learnt_displacement::{MOST_SWITCHES, n_switches};
 use super::problem::Problem;
 
-/// Radii below which nothing is run: what is left out goes with the third power, and is a ten-thousandth of the displacement there.
+/// Smallest displacement in radii for which the estimate runs. The neglected part is cubic in the displacement: a ten-thousandth of it at this value.
 pub const LEAST_RADII: f64 = 0.2;
-/// Root mean square of the deviation over the noise from which it is warned of.
+/// Smallest root mean square deviation, relative to the noise, that causes a warning.
 const WORTH_SAYING: f64 = 0.1;
-/// Share of a parameter's mean that its standard deviation may be for a shift of first order to mean something.
+/// Largest relative standard deviation of a parameter for which a first-order shift is meaningful.
 const WELL_KNOWN: f64 = 0.1;
-/// A mobility whose 95 % quantile is beyond this share of the largest that is learnt lies at its end.
+/// Share of the largest learnt mobility beyond which a mobility's 95 % quantile lies at the end of the range.
 const NEARLY: f64 = 0.9;
 
-/// What a gel of large strains with the posterior's mean law would do in this record; `None` where the model is more than a law around a sphere at the centre, the law is no sum of exponentials, the robot hardly
-/// moves, or its force changes too often for a run in passing.
+/// Deviation of a gel with large strains and the posterior mean's law in this record. `None` in these cases: the model is more than a law around a sphere at the centre;
+/// the law is no sum of exponentials; the robot hardly moves; or the force changes too often.
 ///
 /// # Errors
-/// Where no mesh fits. A run that fails is none: the deviation is `None` then.
+/// Errors of the mesh. If the run fails, the deviation is `None` instead.
 pub fn estimate(problem: &Problem, columns: &[DrawColumn], check: &FullCheck) -> Result<Option<LargeDisplacement>> {
     let Some((radius_m, outer_radius_m)) = sphere(&problem.experiment.apparatus) else { return Ok(None) };
     let model = &problem.model;
@@ -76,8 +77,8 @@ pub fn estimate(problem: &Problem, columns: &[DrawColumn], check: &FullCheck) ->
     Ok(Some(found))
 }
 
-/// By how much the deviation d moves the law's parameters, to first order: C Aᵀd/σ², with the posterior's covariance C, the linear model's derivatives A, and white noise σ. Aᵀd is the slope of x·d by the
-/// parameters, found by least squares over the draws that were run in full. Parameters that the data leave open are left out.
+/// First-order shifts of the law's parameters due to the deviation d: C Aᵀd/σ². C is the posterior covariance, A the derivative of the linear model and σ the white noise.
+/// Aᵀd is the slope of x·d by the parameters, from least squares over the draws that were run in full. Poorly determined parameters are left out.
 fn shifts(
     problem: &Problem,
     columns: &[DrawColumn],
@@ -86,7 +87,7 @@ fn shifts(
     fitted: &[Option<f64>],
 ) -> Vec<ParameterShift> {
     let names: Vec<&str> = problem.model.base().parameters().iter().map(|spec| spec.name).collect();
-    // Places among the law's parameters, and among those that are free.
+    // Each pair holds the index among the law's parameters and among the free ones.
     let place = |(k, name): (usize, &&str)| Some((k, problem.priors.names().position(|other| other == *name)?));
     let free: Vec<(usize, usize)> = names.iter().enumerate().filter_map(place).collect();
     let n_draws = columns[0].values.len() as f64;
@@ -103,7 +104,7 @@ fn shifts(
     let variance_m2 = check.noise.sd_m.iter().map(variance_m2).sum::<f64>() / n_checked as f64;
     let overlap = |x: &Vec<f64>| rows.iter().map(|row| x[*row] * deviation_m[*row]).sum::<f64>() / variance_m2;
     let overlaps = DVector::from_iterator(n_checked, check.trajectories_m.iter().map(overlap));
-    // In standard deviations from the mean, beside a constant.
+    // Parameters are in standard deviations from the mean, beside a constant.
     let design = DMatrix::from_fn(n_checked, free.len() + 1, |draw, a| match a.checked_sub(1) {
         None => 1.0,
         Some(a) => (check.draws[draw][free[a].0] - means[a]) / sd(a),
@@ -131,7 +132,7 @@ fn sphere(apparatus: &Apparatus) -> Option<(f64, f64)> {
     }
 }
 
-/// What is said of them beside a posterior: what they would do to it, what a fitted amplitude says, and a mobility at the end of what is learnt.
+/// Warnings about large displacements in a posterior: their influence, the interpretation of a fitted amplitude, and a mobility at the end of its learnt range.
 pub fn warnings(summary: &PosteriorSummary) -> Vec<Warning> {
     let large = summary.large_displacement.as_ref();
     let large = large.and_then(|large| warning(large, summary.heldout.noise_um));
@@ -141,27 +142,27 @@ pub fn warnings(summary: &PosteriorSummary) -> Vec<Warning> {
     let interpreted = amplitude.map(|found| Warning {
         kind: if is_of_geometry(found) { WarningKind::LargeDisplacementFitted } else { WarningKind::LargeDisplacement },
         text: interpretation([found.mean, found.q05, found.q95], mobility.is_some()),
-        advice: "read E, c₁ and c₂ as the gel's own where the amplitude is 1, and as effective values elsewhere".into(),
+        advice: "read E, c₁ and c₂ as the gel's properties if the amplitude is 1, otherwise as effective values".into(),
     });
     let at_end = mobility.is_some_and(|mobility| mobility.q95 > NEARLY * MOST_MOBILITY);
     let at_end = at_end.then(|| Warning {
         kind: WarningKind::EdgeOfRange,
-        text: format!("the mobility of large displacements lies at the end of what is learnt, {MOST_MOBILITY}: its interval and those of the others are cut off"),
-        advice: format!("hold it at larger values (--set {MOBILITY}=0.05), and compare the errors"),
+        text: format!("the mobility of large displacements lies at the end of the learnt range, {MOST_MOBILITY}: this cuts off its interval and those of the other parameters"),
+        advice: format!("fix the mobility at larger values (--set {MOBILITY}=0.05), and compare the errors"),
     });
     large.into_iter().chain(interpreted).chain(at_end).collect()
 }
 
-/// What is said of it beside a noise (µm), if it is worth saying.
+/// Warning about the estimate, if its deviation is relevant at this noise (µm).
 fn warning(found: &LargeDisplacement, noise_um: Option<f64>) -> Option<Warning> {
     let digits = |x: f64| significant(x, 2);
     let kind = WarningKind::LargeDisplacement;
-    let advice = "read the law's parameters as effective values at this amplitude, or repeat with a smaller force; other gels with the same small strains (Giesekus's, or one whose volume gives) deviate otherwise, so this is what is at stake and no correction".into();
+    let advice = "read the law's parameters as effective values at this amplitude, or repeat with a smaller force. This is an estimate and no correction: other gels \
+        with the same small strains (Giesekus's, or a compressible one) deviate differently".into();
     let radii = digits(found.farthest_radii);
     let (Some(rms_um), Some(most_um)) = (found.deviation_rms_um, found.deviation_most_um) else {
-        let text = format!(
-            "the robot moves by {radii} of its radii; what large displacements make of it could not be computed"
-        );
+        let text =
+            format!("the robot moves by {radii} of its radii; the effect of large displacements could not be computed");
         return Some(Warning { kind, text, advice });
     };
     if noise_um.is_some_and(|noise_um| rms_um < WORTH_SAYING * noise_um) {
@@ -169,7 +170,8 @@ fn warning(found: &LargeDisplacement, noise_um: Option<f64>) -> Option<Warning> 
     }
     let over = noise_um.map_or(String::new(), |noise_um| format!(", {} × the noise", digits(rms_um / noise_um)));
     let mut text = format!(
-        "the robot moves by {radii} of its radii: in a gel of this law whose strains may be large (Oldroyd-B) it deviates from the linear model by {} µm at most and {} µm in the root mean square{over}",
+        "the robot moves by {radii} of its radii: in a gel of this law with large strains (Oldroyd-B) it deviates from the linear model by at most {} µm, and \
+         by {} µm in the root mean square{over}",
         digits(most_um),
         digits(rms_um)
     );
@@ -181,12 +183,12 @@ fn warning(found: &LargeDisplacement, noise_um: Option<f64>) -> Option<Warning> 
     let worth = found.shifts.iter().filter(|shift| shift.standard_deviations.abs() >= 1.0);
     let shifts: Vec<String> = worth.map(shift).collect();
     if !shifts.is_empty() {
-        text += &format!("; a fit that leaves this out finds {} the gel's own", shifts.join(", "));
+        text += &format!("; a fit without this effect finds {} the gel's true value", shifts.join(", "));
     }
     Some(Warning { kind, text, advice })
 }
 
-/// What a fitted amplitude says: with 1 the geometry as it is, in an Oldroyd-B fluid or in one whose mobility was fitted, too.
+/// Interpretation of a fitted amplitude. The value 1 means the exact geometry, in an Oldroyd-B fluid or in a fluid with the fitted mobility.
 pub fn interpretation([mean, q05, q95]: [f64; 3], has_mobility: bool) -> String {
     let digits = |x: f64| significant(x, 3);
     let found = format!(
@@ -196,16 +198,20 @@ pub fn interpretation([mean, q05, q95]: [f64; 3], has_mobility: bool) -> String 
         digits(q95)
     );
     if has_mobility {
-        let verdict =
-            if (q05..=q95).contains(&1.0) { "" } else { "; this is not, so yet another gel or effect is at work" };
-        return format!("{found}, and 1 is the geometry as it is in a Giesekus fluid of the fitted mobility{verdict}");
+        let verdict = if (q05..=q95).contains(&1.0) {
+            ""
+        } else {
+            "; the fitted value is not 1, so another gel or effect is at work"
+        };
+        return format!("{found}, and 1 is the exact geometry in a Giesekus fluid of the fitted mobility{verdict}");
     }
     if (q05..=q95).contains(&1.0) {
         return format!(
-            "{found}: 1 is the geometry as it is, in a gel whose strains may be large as an Oldroyd-B fluid's; other gels with the same small strains (Giesekus's) deviate otherwise"
+            "{found}: 1 is the exact geometry in a gel with large strains (an Oldroyd-B fluid); other gels with the same small strains (Giesekus's) deviate differently"
         );
     }
     format!(
-        "{found}, and 1 is the geometry as it is in an Oldroyd-B fluid: the geometry of that fluid alone does not explain it, so another gel of the same small strains or another effect is at work; `extend --with large-displacement --set {MOBILITY}=free` tries Giesekus's"
+        "{found}, and 1 is the exact geometry in an Oldroyd-B fluid: that geometry alone does not explain the value, so another gel with the same small \
+         strains or another effect is at work. `extend --with large-displacement --set {MOBILITY}=free` tries Giesekus's"
     )
 }

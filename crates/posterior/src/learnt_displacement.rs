@@ -1,4 +1,4 @@
-//! Large displacements learnt for an experiment's record, and kept: what `large-displacement` asks for in place of a reduced model of the gel.
+//! Large displacements learnt for an experiment's record, and kept. The effect `large-displacement` uses them instead of a reduced model of the gel.
 
 use std::sync::Arc;
 
@@ -20,16 +20,16 @@ use models::surrogate::trajectory::{LargeScope, LargeStepper, LargeSurface, Mobi
 use record::Record;
 use sampling::least_squares::{Residuals, Tolerances, fit};
 
-/// Changes of the force beyond which nothing is run: each takes a fraction of a second, and a force that goes in lines changes at every row.
+/// Largest number of force changes in a run. Each change takes a fraction of a second, and a linear force changes at every row.
 pub(crate) const MOST_SWITCHES: usize = 64;
-/// Starts at quantiles of the prior, besides its medians.
+/// Number of starts at quantiles of the prior, besides the start at its medians.
 const N_STARTS: u32 = 7;
-/// Seed of their scrambled Sobol sequence: the starts are part of the method.
+/// Seed of the scrambled Sobol sequence of starts. It is fixed, because the starts are part of the method.
 const START_SEED: u32 = 7;
-/// Quantiles of the starts lie between this and one minus this.
+/// Smallest quantile of the starts; the largest is one minus this.
 const START_TAIL: f64 = 0.1;
 
-/// How often a force (N, at every row) changes.
+/// Number of changes of a force (N, at every row).
 pub(crate) fn n_switches(force_n: &[f64]) -> usize {
     force_n.windows(2).filter(|pair| pair[0] != pair[1]).count()
 }
@@ -40,16 +40,16 @@ fn refuse_many_switches(record: &Record) -> Result<()> {
         return Ok(());
     }
     Err(Error::numerical(
-        format!("the force changes {n} times, and large displacements are run for {MOST_SWITCHES} changes at most"),
+        format!("the force changes {n} times, but large displacements can be run for at most {MOST_SWITCHES} changes"),
         "leave `large-displacement` out, or hold the force for longer",
     ))
 }
 
-/// What answers for large displacements in a record, about a law (SI, in the order of the base's parameters), and its largest error relative to the displacement; `with_load` where the force may be another than is
-/// commanded.
+/// Stepper for large displacements in a record around a law (SI, in the order of the base's parameters), and its largest error relative to the displacement. `with_load` is
+/// set if the force can differ from the commanded one.
 ///
 /// # Errors
-/// [`Error::Numerical`] where there is no sphere at the centre, or where [`LargeSurface::learn`] refuses.
+/// [`Error::Numerical`] if there is no sphere at the centre, and errors of [`LargeSurface::learn`].
 pub fn learnt(problem: &Problem, law: &[f64], with_load: bool, monitor: &dyn Monitor) -> Result<(Stepped, f64)> {
     let (_, surface) = surface(problem, law, with_load, monitor)?;
     let (record, error) = (&problem.experiment.record, surface.certified());
@@ -57,10 +57,10 @@ pub fn learnt(problem: &Problem, law: &[f64], with_load: bool, monitor: &dyn Mon
     Ok((Stepped(Arc::new(stepper)), error))
 }
 
-/// What [`learnt`] is made of, with what it was built from: kept, or learnt now.
+/// The learnt surface behind [`learnt`], read from the cache or learnt anew, with its inputs.
 ///
 /// # Errors
-/// As [`learnt`].
+/// Errors of [`learnt`].
 pub fn surface(
     problem: &Problem,
     law: &[f64],
@@ -72,14 +72,14 @@ pub fn surface(
     let record = &problem.experiment.record;
     refuse_many_switches(record)?;
     let radii_m = [ball.robot_radius_m, ball.outer_radius_m];
-    // For a model that is yet to have the effect, its mobility is held at its null.
+    // A model without the effect has its mobility held at the null.
     let is_free = problem.specification.freed.iter().any(|name| name == MOBILITY);
     let mobilities = match problem.specification.fixed.get(MOBILITY) {
         Some(mobility) => Mobilities::Held(*mobility),
         None if is_free => Mobilities::Free,
         None => Mobilities::OLDROYD_B,
     };
-    // What was learnt with loads serves without them.
+    // A surface learnt with loads also serves without them.
     let scopes = [true, false].map(|with_load| LargeScope { mobilities, with_load });
     let suited = scopes.into_iter().filter(|scope| scope.with_load || !with_load);
     let input_of = |scope| built_from(radii_m, (&elements, scope), record);
@@ -99,17 +99,17 @@ pub fn surface(
     Ok((input, learnt))
 }
 
-/// By how much (m, at every row) the robot would be farther than with small strains in a gel of the base law at these parameters, by one full run of some seconds.
+/// Additional displacement of the robot (m, at every row) due to large strains, in a gel of the base law at these parameters. It takes one full run of a few seconds.
 ///
 /// # Errors
-/// [`Error::Numerical`] where there is no sphere at the centre, the law has a springpot, or the robot goes too far to be followed.
+/// [`Error::Numerical`] if there is no sphere at the centre, the law has a springpot, or the robot moves too far for the run.
 pub fn deviation_m(problem: &Problem, law: &[f64]) -> Result<Vec<f64>> {
     let Some(ball) = problem.finite_elements().and_then(|fe| fe.sizes.ball) else { return Err(no_sphere()) };
     let elements = problem.model.base().elements(&law.iter().copied().map(Dual::constant).collect::<Vec<Dual>>());
     refuse_many_switches(&problem.experiment.record)?;
     let mobility = 0.0;
     let law = FiniteLaw::new(&elements, mobility).ok_or_else(|| {
-        Error::numerical("large displacements are not run for springpots", "leave `large-displacement` out")
+        Error::numerical("large displacements cannot be run for springpots", "leave `large-displacement` out")
     })?;
     let gel = FiniteGel::around_sphere(ball.robot_radius_m, ball.outer_radius_m, Fineness::ESTIMATE)?;
     let (record, load) = (&problem.experiment.record, Stages::of_law(Vec::new()).load);
@@ -118,7 +118,7 @@ pub fn deviation_m(problem: &Problem, law: &[f64]) -> Result<Vec<f64>> {
 }
 
 fn no_sphere() -> Error {
-    Error::numerical("large displacements are run around a sphere at the centre", "leave `large-displacement` out")
+    Error::numerical("large displacements need a sphere at the centre of the gel", "leave `large-displacement` out")
 }
 
 fn built_from(radii_m: [f64; 2], (law, scope): (&[Element], LargeScope), record: &Record) -> Result<BuiltFrom> {
@@ -129,10 +129,10 @@ fn built_from(radii_m: [f64; 2], (law, scope): (&[Element], LargeScope), record:
         .with_record(&record.time_s, record.force()))
 }
 
-/// The base law that comes nearest to the calibration cycles with small strains, with the parameters that are fixed at their values.
+/// Parameters of the base law with small strains that fit the fitted cycles best; fixed parameters keep their values.
 ///
 /// # Errors
-/// [`Error::Input`] where the base alone is no model of the experiment; [`Error::Numerical`] where it cannot be computed at any start.
+/// [`Error::Input`] if the base alone is no model of the experiment; [`Error::Numerical`] if it cannot be computed at any start.
 pub fn nearest_law(problem: &Problem, compliance: &Compliance) -> Result<Vec<f64>> {
     let specification = ModelSpecification { effects: Vec::new(), ..problem.specification.clone() };
     let base = problem.with_model(specification, &Library::default())?;
@@ -178,11 +178,11 @@ pub fn nearest_law(problem: &Problem, compliance: &Compliance) -> Result<Vec<f64
     match (best, refusal) {
         (Some((_, theta)), _) => Ok(residuals.parameters(&theta)[..n_law].to_vec()),
         (None, Some(error)) => Err(error),
-        (None, None) => Err(Error::numerical("the law was fitted from no start", "give positions")),
+        (None, None) => Err(Error::numerical("no start led to a fit of the law", "give positions")),
     }
 }
 
-/// Distances (m) of the base's positions from the measured ones: over logarithms of the law's parameters, and of an offset in units of the positions' range.
+/// Residuals (m) of the base model's positions. The coordinates are logarithms of the law's parameters, and an offset in units of the positions' range.
 struct Distances<'a> {
     forward: ReducedForward<'a>,
     template: Vec<f64>,

@@ -1,25 +1,23 @@
 //! Priors, noise and likelihood of an experiment, the prepared model, and its posterior.
 //!
-//! [`problem::Problem`] joins a record with a law, effects, priors, noise and mechanics. [`prepared::PreparedModel`] adds the
-//! reduced model with its verified error; it gives the posterior ([`prepared::PreparedModel::posterior`]) and the forward
-//! model. [`fit`] finds the point estimate, [`sample`] the posterior, and [`full_check`] and [`heldout`] check it by full
-//! finite elements on held-out cycles. [`study`] is the directory where all of it is kept.
+//! [`problem::Problem`] joins a record with a law, effects, priors, noise and mechanics. [`prepared::PreparedModel`] adds the reduced model with its verified error; it
+//! gives the posterior ([`prepared::PreparedModel::posterior`]) and the forward model. [`fit`] finds the point estimate and [`sample`] the posterior. [`full_check`] and
+//! [`heldout`] check the posterior by full finite elements on held-out cycles. [`study`] is the directory that keeps all results.
 //!
 //! # Long records
 //!
-//! Nothing costs more than linearly in the rows:
+//! No cost grows faster than linearly in the rows:
 //!
-//! - the sum of squares of a base law under white noise depends on one number, the rate E/c₁; `models::model::SumOfSquares`
-//!   tabulates its inner products, so a point costs the same with 200 rows and with 200,000;
-//! - predictions whose draws differ by less than the noise are normals with small corrections ([`near_normal`]);
-//! - the joint probability of more than 10,000 independent errors has a closed form, that of other noise is simulated;
-//! - [`fit`] searches among 20,000 positions and finishes the best minima among all.
+//! - The sum of squares of a base law under white noise depends on one number, the rate E/c₁. `models::model::SumOfSquares` tabulates its inner products, so a point costs
+//!   the same with 200 rows and with 200,000.
+//! - Predictions whose draws differ by less than the noise are normal distributions with small corrections ([`near_normal`]).
+//! - The joint probability of more than 10,000 independent errors has a closed form; other noise is simulated.
+//! - [`fit`] searches among 20,000 positions and refines the best minima with all positions.
 //!
-//! # Another program's model
+//! # Model of an external program
 //!
-//! [`outside`] asks a model of another program by UM-Bridge in place of the base law. [`learnt_outside`] finds where the data
-//! lead and learns trajectories there. To the stages such a law is a `FieldStepper` without finite elements, so load and
-//! observation effects work as with any law.
+//! [`outside`] evaluates a model of an external program by UM-Bridge instead of the base law. [`learnt_outside`] locates the region of the data and learns trajectories
+//! there. The stages treat such a law as a `FieldStepper` without finite elements, so load and observation effects work as with any law.
 
 pub mod advice;
 pub mod cache;

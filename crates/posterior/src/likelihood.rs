@@ -1,7 +1,7 @@
 //! Posterior of a model's parameters over the sampler's coordinates, by the reduced model.
 //!
-//! Two ways to the same density: the Lethersich law under white noise by a kernel that touches each row once, and any other model by its
-//! stages, its response and its noise's filter, eight points at a time.
+//! Two methods compute the same density. A kernel that touches each row once serves the Lethersich law under white noise. All other models use stages, response and noise
+//! filter, for eight points at a time.
 
 use std::cmp::Ordering;
 use std::collections::BTreeMap;
@@ -16,7 +16,7 @@ use models::model::{Compliance, CreepLanes, Forward, Lanes, Model, N_LANES, Resp
 use record::Force;
 use sampling::LogDensity;
 
-/// Where a parameter's value comes from.
+/// Source of a parameter's value.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Source {
     /// Coordinate of the sampler.
@@ -25,7 +25,7 @@ pub enum Source {
     Fixed(f64),
 }
 
-/// Where the values of all parameters come from: the model's in order, then the noise's.
+/// Sources of all parameters: the model's in order, then the noise's.
 pub fn sources(model: &Model, noise: NoiseModel, priors: &PriorSet, fixed: &BTreeMap<String, f64>) -> Vec<Source> {
     let of_noise = noise.parameters();
     let source = |name: &str| match priors.names().position(|own| own == name) {
@@ -35,26 +35,26 @@ pub fn sources(model: &Model, noise: NoiseModel, priors: &PriorSet, fixed: &BTre
     model.parameters().iter().chain(&of_noise).map(|spec| source(spec.name)).collect()
 }
 
-/// What a posterior is made of.
+/// Parts of a posterior.
 pub struct PosteriorParts<'a> {
     /// Law and effects.
     pub model: &'a Model,
-    /// The noise.
+    /// Noise model.
     pub noise: NoiseModel,
-    /// What turns ∫J dF into a position.
+    /// Factor from ∫J dF to a position.
     pub compliance: Compliance,
-    /// Ranges of the law's parameters in which the reduced model may be asked; empty for none.
+    /// Valid ranges of the law's parameters in the reduced model; empty for no limits.
     pub trained: &'a [TrainedRange],
-    /// The sampled parameters' priors, in the sampler's order.
+    /// Priors of the sampled parameters, in the sampler's order.
     pub priors: &'a PriorSet,
     /// Values of the parameters that are not sampled.
     pub fixed: &'a BTreeMap<String, f64>,
 }
 
-/// Probability beyond either end of the rates that are tabulated where no range was trained.
+/// Tail probability beyond either end of the tabulated rates, if no range was trained.
 const TABLE_TAIL: f64 = 1e-9;
 
-/// Logarithms of the slowest and the fastest rate E/c₁ (1/s) that the posterior asks for.
+/// Logarithms of the slowest and the fastest rate E/c₁ (1/s) of the posterior.
 fn ln_rates(parts: &PosteriorParts<'_>) -> (f64, f64) {
     let ends = |name: &str| {
         let trained = parts.trained.iter().find(|range| range.name == name).map(|range| (range.lower, range.upper));
@@ -69,7 +69,7 @@ fn ln_rates(parts: &PosteriorParts<'_>) -> (f64, f64) {
     ((e_low / c_high).ln(), (e_high / c_low).ln())
 }
 
-/// What is fitted; all slices have one entry a row.
+/// Data of a posterior; all slices have one entry per row.
 #[derive(Debug, Clone, Copy)]
 pub struct FittedRecord<'a> {
     /// Times in s.
@@ -78,25 +78,25 @@ pub struct FittedRecord<'a> {
     pub force: Force<'a>,
     /// Recording of each row ([`super::recordings`]).
     pub recording: &'a [u32],
-    /// Positions (m) that are compared, `None` where there is nothing to compare.
+    /// Compared positions (m); `None` at rows without one.
     pub observed_m: &'a [Option<f64>],
 }
 
-/// Log-posterior by the reduced model: prior + likelihood of the compared positions.
+/// Log posterior by the reduced model: prior and likelihood of the compared positions.
 ///
-/// A point outside the surrogate's trained range has log-density −∞: the prior is truncated there, to within the tail mass that
-/// was declared when the range was chosen. So has a point at which an effect has no model.
+/// A point outside the surrogate's trained range has log density −∞. The prior is truncated there, to within the tail mass that was declared when the range was chosen. A
+/// point at which an effect has no model has log density −∞, too.
 pub struct ReducedPosterior<'a> {
     parts: PosteriorParts<'a>,
-    /// The model's parameters in order, then the noise's.
+    /// Sources of the model's parameters in order, then the noise's.
     sources: Vec<Source>,
     kernel: Kernel,
 }
 
 enum Kernel {
-    /// Lethersich, no effect, white noise, a force that holds between rows.
+    /// Lethersich law, no effect, white noise, a force that holds between rows.
     Squares(SumOfSquares),
-    /// Any other.
+    /// All other models.
     Stages { response: Response, noise: NoiseLikelihood },
 }
 
@@ -128,8 +128,8 @@ impl<'a> ReducedPosterior<'a> {
         self.sources.iter().map(value).collect()
     }
 
-    /// Log-density of natural values, over these values themselves: that of [`LogDensity::log_density`] is over the sampler's coordinates, and differs
-    /// by their Jacobian. Value d of point i stands at `points[d * n + i]`, n = `log_density.len()`, in the units and the order of the priors.
+    /// Log density over natural values. [`LogDensity::log_density`] is over the sampler's coordinates and differs by the Jacobian. Value d of point i is at `points[d * n +
+    /// i]` with n = `log_density.len()`, in the units and the order of the priors.
     pub fn log_density_natural(&self, points: &[f64], log_density: &mut [f64]) {
         let n = log_density.len();
         if n == 0 {
@@ -142,7 +142,7 @@ impl<'a> ReducedPosterior<'a> {
         );
     }
 
-    /// Trained ranges, prior and likelihood of a batch; `natural` writes the values of a sampled parameter, `add_prior` adds the prior's log-density.
+    /// Adds trained ranges, prior and likelihood of a batch. `natural` writes the values of a sampled parameter; `add_prior` adds the prior's log density.
     fn fill(&self, log_density: &mut [f64], natural: impl Fn(usize, &mut [f64]), add_prior: impl FnOnce(&mut [f64])) {
         let n = log_density.len();
         let mut values = vec![0.0; self.sources.len() * n];
@@ -164,13 +164,12 @@ impl<'a> ReducedPosterior<'a> {
         self.add_ln_likelihood(&mut values, log_density);
     }
 
-    /// Displacement per force at unit creep compliance and the experiment's Poisson ratio (1/m), and the ranges in which the reduced model may
-    /// be asked.
+    /// Displacement per force at unit creep compliance and the experiment's Poisson ratio (1/m), and the valid ranges of the reduced model.
     pub fn mechanics(&self) -> (f64, &[TrainedRange]) {
         (self.parts.compliance.given_per_m(), self.parts.trained)
     }
 
-    /// Number of positions that are compared.
+    /// Number of compared positions.
     pub fn n_observed(&self) -> usize {
         match &self.kernel {
             Kernel::Squares(data) => data.n_observed(),
@@ -178,7 +177,7 @@ impl<'a> ReducedPosterior<'a> {
         }
     }
 
-    /// Adds the log-likelihood of every point whose log-density is not −∞ yet; `values` holds parameter d of point i at `d * n + i`.
+    /// Adds the log likelihood of every point whose log density is not −∞. `values` holds parameter d of point i at `d * n + i`.
     fn add_ln_likelihood(&self, values: &mut [f64], log_density: &mut [f64]) {
         match &self.kernel {
             Kernel::Squares(data) => self.add_by_squares(data, values, log_density),
@@ -196,7 +195,7 @@ impl<'a> ReducedPosterior<'a> {
         }
     }
 
-    /// Brings points together that differ in their noise alone: their trajectory is computed once.
+    /// Sorts points that differ only in their noise together, so that their trajectory is computed once.
     fn sort_by_trajectory(&self, values: &[f64], n: usize, points: &mut [usize]) {
         let n_model = self.parts.model.parameters().len();
         let of_model = |point: usize| (0..n_model).map(move |d| values[d * n + point]);
@@ -210,7 +209,7 @@ impl<'a> ReducedPosterior<'a> {
     fn add_by_squares(&self, data: &SumOfSquares, values: &mut [f64], log_density: &mut [f64]) {
         let (n, compliance_per_m) = (log_density.len(), self.parts.compliance.given_per_m());
         let Some(inside) = log_density.iter().position(|density| *density > f64::NEG_INFINITY) else { return };
-        // A point that is out already is summed as one that is not, lest it lead out of the table.
+        // An excluded point takes the values of an included one, so that it cannot leave the table.
         for values in values.chunks_exact_mut(n) {
             let value = values[inside];
             values
@@ -241,7 +240,7 @@ impl<'a> ReducedPosterior<'a> {
         }
     }
 
-    /// At most [`N_LANES`] points, by their indices.
+    /// Adds the log likelihood of at most [`N_LANES`] points, given by their indices.
     fn add_by_stages(
         &self,
         response: &Response,
@@ -279,7 +278,7 @@ impl<'a> ReducedPosterior<'a> {
                 }
                 Err(_) => {
                     log_density[point] = f64::NEG_INFINITY;
-                    // No later point takes the lane of one before this.
+                    // No later point may reuse the lane of an earlier one.
                     scratch.parameters.clear();
                 }
             }
@@ -288,7 +287,7 @@ impl<'a> ReducedPosterior<'a> {
             return;
         }
         let is_valid = response.trajectories_m(&scratch.stages, &scratch.compliances_per_m, &mut scratch.positions_m);
-        // Where no point has a position, the rows may not be there.
+        // If no point has a position, the rows may be missing.
         if !is_valid.contains(&true) {
             scratch.points.iter().for_each(|point| log_density[*point] = f64::NEG_INFINITY);
             return;
@@ -319,7 +318,7 @@ impl<'a> ReducedPosterior<'a> {
 struct Scratch {
     parameters: Vec<Dual>,
     points: Vec<usize>,
-    /// Whose trajectory each of them has.
+    /// Index of each point's trajectory.
     lanes: Vec<usize>,
     stages: Vec<models::effects::Stages>,
     compliances_per_m: Vec<f64>,
@@ -362,7 +361,7 @@ impl LogDensity for ReducedPosterior<'_> {
     }
 }
 
-/// Log-likelihood of one point by any forward model: the reference of the vectorised one, and the way to the full-order model.
+/// Log likelihood of one point by any forward model. It is the reference of the vectorised likelihood and serves the full-order model.
 pub fn ln_likelihood(
     forward: &dyn Forward,
     noise: &NoiseLikelihood,
@@ -381,7 +380,7 @@ mod tests {
     use models::model::ReducedForward;
     use std::collections::BTreeMap;
 
-    /// The vectorised posterior equals prior plus scalar likelihood, with a parameter fixed and one point outside the trained range.
+    /// The vectorised posterior equals prior plus scalar likelihood, with a fixed parameter and one point outside the trained range.
     #[test]
     fn equals_prior_plus_scalar_likelihood() {
         let all = PriorSet::named("porcine").expect("embedded");
@@ -434,7 +433,7 @@ mod tests {
         assert_eq!(density[2], f64::NEG_INFINITY);
     }
 
-    /// Batches of any size, over several lanes' passes, give every point the bits that it has alone.
+    /// Batches of any size, over several passes of lanes, give each point bitwise the same value as alone.
     #[test]
     fn the_value_of_a_point_does_not_depend_on_its_batch() {
         let priors = PriorSet::named("porcine").expect("embedded");

@@ -1,4 +1,4 @@
-//! The kernel of stages: a gradient of the force and a second retardation under correlated noise, where some points have no model.
+//! Tests of the stages kernel: a force gradient and a second retardation under correlated noise, with some points without a model.
 
 use super::*;
 use crate::prior::Prior;
@@ -28,7 +28,7 @@ struct Case {
 }
 
 impl Case {
-    /// Priors of the effects reach to where there is no model.
+    /// Creates the case. The priors of the effects include points without a model.
     fn new() -> Self {
         let scales = Scales { sample_interval_s: INTERVAL_S, duration_s: 4.5, ..Scales::default() };
         let library = Library::default();
@@ -71,7 +71,7 @@ impl Case {
         FittedRecord { time_s, force: force_n.into(), recording: cycle, observed_m }
     }
 
-    /// Log-densities of a batch of points in natural units.
+    /// Log densities of a batch of points in natural units.
     fn log_density(&self, naturals: &[Vec<f64>]) -> Vec<f64> {
         let points: Vec<Vec<f64>> = naturals.iter().map(|natural| self.priors.to_unconstrained(natural)).collect();
         let dimension = self.priors.priors().len();
@@ -81,7 +81,7 @@ impl Case {
         values
     }
 
-    /// Prior plus the scalar likelihood of one point; `None` where the forward model refuses it.
+    /// Prior plus the scalar likelihood of one point; `None` if the forward model refuses it.
     fn scalar(&self, natural: &[f64]) -> Option<f64> {
         let response = Response::new(&self.time_s, &self.force_n, N_ROWS);
         let compliance = Compliance::given(COMPLIANCE_PER_M);
@@ -95,8 +95,7 @@ impl Case {
     }
 }
 
-/// Positions (m) of the equations themselves, by Runge and Kutta's fourth-order steps, 20 a row: a Kelvin–Voigt body, a second one and a dashpot in
-/// series under the force F e^{gx}.
+/// Positions (m) of the equations by fourth-order Runge–Kutta steps, 20 per row. A Kelvin–Voigt body, a second one and a dashpot in series move under the force F e^{gx}.
 fn stepped_m(point: &[f64], force_n: &[f64]) -> Vec<f64> {
     let [young, c1, c2, gradient, ratio, time_2] = std::array::from_fn(|i| point[i]);
     let slope = |y: [f64; 3], command_n: f64| {
@@ -127,13 +126,12 @@ fn with(index: usize, value: f64) -> Vec<f64> {
     natural
 }
 
-/// The gradient at which the largest |g x| of a compared row is `size`, by bisection of the stepped equations. Rows after the last compared one
-/// are not computed.
+/// Gradient at which the largest |g x| of a compared row is `size`, by bisection of the stepped equations. Rows after the last compared one are not computed.
 fn gradient_of_size(case: &Case, size: f64) -> f64 {
     let last = case.observed_m.iter().rposition(Option::is_some).unwrap();
     let largest = |gradient: f64| {
         let position_m = stepped_m(&with(GRADIENT, gradient), &case.force_n);
-        // What is not a number has run away.
+        // NaN means that the robot has run away.
         let size = |x: &f64| if x.is_nan() { f64::INFINITY } else { (gradient * x).abs() };
         position_m[..=last].iter().map(size).fold(0.0, f64::max)
     };
@@ -145,12 +143,12 @@ fn gradient_of_size(case: &Case, size: f64) -> f64 {
     lower
 }
 
-/// The gradient from which on the force runs away with the robot before the last compared row: what exceeds all bounds there passes any size.
+/// Smallest gradient at which the force runs away with the robot before the last compared row. An unbounded |g x| exceeds any size.
 fn runaway_gradient(case: &Case) -> f64 {
     gradient_of_size(case, 100.0)
 }
 
-/// 17 points over three passes: of several shapes, refused, and pulled away, side by side.
+/// 17 points over three passes: a mixture of different shapes, refused points and runaway points.
 fn mixed(case: &Case) -> Vec<Vec<f64>> {
     let strong = 1.5 * runaway_gradient(case);
     (0..17)
@@ -189,8 +187,8 @@ fn the_kernel_of_stages_equals_prior_plus_scalar_likelihood() {
     }
 }
 
-/// Neighbours that differ in their noise alone share a trajectory, those that differ in any one parameter of the model do not, also beside points that have none; each
-/// has the bits that it has alone.
+/// Neighbours that differ only in their noise share a trajectory. Neighbours that differ in a model parameter do not, also beside points without a trajectory. Each point
+/// has bitwise the same value as alone.
 #[test]
 fn points_that_differ_in_their_noise_alone_share_a_trajectory() {
     let case = Case::new();
@@ -211,7 +209,7 @@ fn points_that_differ_in_their_noise_alone_share_a_trajectory() {
     assert_eq!(together, alone);
 }
 
-/// The likelihood of the stepped equations' trajectory: the steps' error is below 10⁻⁸ of the position.
+/// Compares with the likelihood of the stepped equations' trajectory, whose error is below 10⁻⁸ of the position.
 #[test]
 fn the_kernel_of_stages_is_that_of_the_equations() {
     let case = Case::new();
@@ -240,7 +238,7 @@ fn points_without_a_model_are_impossible_and_their_neighbours_are_not() {
     assert!(case.log_density(&points)[2..4].iter().all(|value| *value == f64::NEG_INFINITY));
 }
 
-/// Whole passes, and whole batches, of points that are refused by an effect, by the feedback, or by the law.
+/// Whole passes and whole batches of points that are refused by an effect, by the feedback, or by the law.
 #[test]
 fn batches_of_points_without_a_model_are_impossible() {
     let mut case = Case::new();
@@ -250,7 +248,7 @@ fn batches_of_points_without_a_model_are_impossible() {
             assert_eq!(case.log_density(&vec![natural.clone(); n]), vec![f64::NEG_INFINITY; n]);
         }
     }
-    // Its fluidity is infinite.
+    // The fluidity is infinite.
     let name = "viscosity_2_pa_s";
     case.fixed.insert(name.into(), 1e-320);
     case.priors = case.priors.without(&[name]);

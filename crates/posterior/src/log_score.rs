@@ -1,4 +1,4 @@
-//! The log score of held-out cycles: how probable the posterior finds them, given the fitted ones.
+//! Log score of held-out cycles: log predictive density of their positions, given the fitted cycles.
 
 use rayon::prelude::*;
 
@@ -9,17 +9,16 @@ use super::problem::Problem;
 pub struct LogScore {
     /// ln p(held-out positions | fitted positions), in nats for positions in µm.
     pub nats: f64,
-    /// Standard error from the finite number of draws.
+    /// Standard error due to the finite number of draws.
     pub standard_error_nats: f64,
 }
 
-/// Positions are scored in µm, so that a density per position is of the order of one.
+/// ln of µm per m. Positions are scored in µm, so that a density per position is of order one.
 const LN_UM_PER_M: f64 = 13.815_510_557_964_274;
 
-/// ln of the mean over posterior draws of p(held-out | fitted, draw), noise that is correlated with the fitted cycles taken into account; `None`
-/// with no position held out.
+/// ln of the mean over posterior draws of p(held-out | fitted, draw). It includes the correlation of the noise with the fitted cycles. `None` if no position is held out.
 ///
-/// `trajectories_m`: positions at every row of each draw; `noise`: each draw's noise parameters.
+/// `trajectories_m` holds the positions at every row of each draw, `noise` each draw's noise parameters.
 pub fn log_score(problem: &Problem, trajectories_m: &[Vec<f64>], noise: &[Vec<f64>]) -> Option<LogScore> {
     let experiment = &problem.experiment;
     let past = problem.noise_likelihood(&experiment.calibration_cycles);
@@ -57,7 +56,8 @@ mod tests {
         -0.5 * (y.dot(&cholesky.solve(y)) + ln_det + y.len() as f64 * (2.0 * std::f64::consts::PI).ln())
     }
 
-    /// Two draws with Ornstein–Uhlenbeck noise, whose last cycle is correlated with the one before: the conditional normal by dense algebra in µm.
+    /// Two draws with Ornstein–Uhlenbeck noise, whose last cycle is correlated with the one before. The expected score is the conditional normal density, by dense algebra
+    /// in µm.
     #[test]
     fn scores_are_those_of_the_conditional_normal() {
         let (experiment, _) = replica::embedded().expect("embedded");
@@ -67,7 +67,7 @@ mod tests {
         let record = &problem.experiment.record.clone();
         let last = problem.experiment.heldout_cycles.clone();
         let observed: Vec<usize> = (0..record.n_rows()).filter(|i| record.position_m[*i].is_some()).collect();
-        // The trajectory of each draw is the measurement moved by what it is said to miss.
+        // The trajectory of each draw is the measurement shifted by a given miss.
         let miss_um = |draw: f64, i: usize| 3.0 * (0.7 * i as f64 + draw).sin() + draw;
         let trajectory = |draw: f64| -> Vec<f64> {
             (0..record.n_rows()).map(|i| record.position_m[i].unwrap_or(0.0) - 1e-6 * miss_um(draw, i)).collect()

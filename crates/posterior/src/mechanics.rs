@@ -1,4 +1,4 @@
-//! The apparatus made computable: finite elements for a robot, a given compliance for another instrument.
+//! Computable mechanics of the apparatus: finite elements for a robot, a given compliance for another instrument.
 
 use std::path::PathBuf;
 
@@ -17,43 +17,43 @@ use elements::mesh::gmsh::read_gmsh;
 use elements::mesh::{Cylinder, Mesh, OffCentre, QuarterBall, Spheroid};
 use record::{Apparatus, Offset, OffsetDirection, Robot, RobotShape, Vitreous};
 
-/// Mesh level of the model that is fitted.
+/// Mesh level of the fitted model.
 pub const MODEL_LEVEL: usize = 3;
 
-/// A mesh that the user brings.
+/// A mesh file of the user.
 #[derive(Debug, Clone, PartialEq)]
 pub struct MeshFile {
-    /// Gmsh 4.1 file.
+    /// Path of the Gmsh 4.1 file.
     pub path: PathBuf,
     /// Length in m of the file's unit.
     pub metres_per_unit: f64,
 }
 
-/// What turns force into position, ready to be computed.
+/// Mechanics that convert a force into a position.
 pub enum Mechanics {
     /// Finite elements of a robot in the vitreous.
     FiniteElements(Box<FiniteElements>),
-    /// Another instrument's compliance, in 1/m.
+    /// Compliance of another instrument.
     Instrument {
-        /// Displacement per force at unit creep compliance, in 1/m; of an indenter depth^p, in m^(p−2).
+        /// Displacement per force at unit creep compliance, in 1/m; for an indenter depth^p, in m^(p−2).
         compliance_per_m: f64,
     },
-    /// Another program, which is asked.
+    /// An external program.
     Outside(Box<Outside>),
 }
 
-/// A compliance (1/m) beside the mesh's own, by which its error is measured.
+/// A second compliance (1/m), with which the mesh's error is estimated.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Comparison {
-    /// Of the next coarser built-in mesh.
+    /// Compliance of the next coarser built-in mesh.
     CoarserMesh(f64),
-    /// Exact, of a sphere in the middle of its container (physics §4.2).
+    /// Exact compliance of a sphere in the middle of its container (physics §4.2).
     Exact(f64),
 }
 
 impl Comparison {
-    /// Relative error of a mesh's compliance (1/m), with its sign. By a coarser mesh it is that mesh's excess, which the finer one's own
-    /// error shares the sign of and is a fraction of.
+    /// Relative error of a mesh's compliance (1/m), with its sign. With a coarser mesh it is that mesh's excess; the finer mesh's own error has the same sign and is a
+    /// fraction of it.
     pub fn relative_error(self, compliance_per_m: f64) -> f64 {
         match self {
             Self::CoarserMesh(coarse) => coarse / compliance_per_m - 1.0,
@@ -62,26 +62,26 @@ impl Comparison {
     }
 }
 
-/// The meshed, assembled and analysed full-order model.
+/// Meshed, assembled and analysed full-order model.
 pub struct FiniteElements {
     /// The mesh.
     pub mesh: Mesh,
-    /// Its stiffness.
+    /// Stiffness of the mesh.
     pub stiffness: Stiffness,
     /// Poisson ratio of the vitreous.
     pub poisson_ratio: f64,
     /// Sizes and weights of gel and robot.
     pub sizes: Sizes,
-    /// What the discretisation error is measured by; `None` for imported bodies other than spheres in the middle.
+    /// Reference of the discretisation error; `None` for imported bodies other than spheres in the middle.
     pub comparison: Option<Comparison>,
     /// SHA-256 of the imported mesh's file and unit.
     pub mesh_file_sha256: Option<String>,
-    /// What the mesh's reader had to say.
+    /// Warnings of the mesh's reader.
     pub mesh_warnings: Vec<Warning>,
 }
 
 impl FiniteElements {
-    /// What effects that change the displacement field need.
+    /// Mesh, stiffness and sizes for effects that change the displacement field.
     pub fn surroundings(&self) -> Surroundings<'_> {
         Surroundings {
             mesh: &self.mesh,
@@ -95,11 +95,11 @@ impl FiniteElements {
 /// Density of water.
 const WATER_KG_M3: f64 = 1000.0;
 
-/// Sizes and weights of gel and robot in a mesh of the program's, or, with no level, in another.
+/// Sizes and weights of gel and robot in a built-in mesh of a level, or in an imported mesh (`None`).
 pub fn sizes_of(robot: &Robot, vitreous: &Vitreous, level: Option<usize>) -> Sizes {
     let ball = |diameter_m: f64| level.map(|level| ball(diameter_m, 0.5 * vitreous.diameter_m, level));
     Sizes {
-        // Without a density inertia is refused, and nothing else weighs anything.
+        // Without a density inertia is refused, and no other effect uses the weights.
         gel_density_kg_m3: vitreous.density_kg_m3.unwrap_or(WATER_KG_M3),
         robot_mass_kg: robot.density_kg_m3.unwrap_or(WATER_KG_M3) * robot.shape.volume_m3(),
         robot_radius_m: robot.shape.equivalent_radius_m(),
@@ -111,17 +111,16 @@ pub fn sizes_of(robot: &Robot, vitreous: &Vitreous, level: Option<usize>) -> Siz
     }
 }
 
-/// How the built-in mesh of a level is made around a sphere.
+/// Parameters of the built-in mesh of a level around a sphere.
 fn ball(diameter_m: f64, outer_radius_m: f64, level: usize) -> QuarterBall {
     QuarterBall { robot_radius_m: 0.5 * diameter_m, outer_radius_m, n_per_edge: level, n_layers: 4 * level }
 }
 
-/// The built-in mesh of a level 1, 2, 3, …; elements are smaller by the level. Around a sphere it has level × 4·level elements along an octant's edge and
-/// the radius. Around a robot off the centre across the force it is a half model, with twice as many.
+/// Built-in mesh of level 1, 2, 3, …; the element size is inversely proportional to the level. Around a sphere it has level × 4·level elements along an octant's edge and
+/// the radius. For a robot off the centre across the force it is a half model with twice as many.
 ///
 /// # Errors
-/// [`Error::Input`] for a robot that the built-in meshes do not reach: too slender, too flat, or too near the outer surface, or so far off the centre that
-/// elements would be inside out.
+/// [`Error::Input`] for a robot beyond the built-in meshes: too slender, too flat, too near the outer surface, or so far off the centre that elements are inverted.
 pub fn robot_mesh(robot: &Robot, vitreous: &Vitreous, level: usize) -> Result<Mesh> {
     let off_centre = robot.offset.map(|offset| OffCentre { outer_radius_m: 0.5 * vitreous.diameter_m, offset });
     let outer_radius_m = off_centre.map_or(0.5 * vitreous.diameter_m, |place| place.centred_outer_radius_m());
@@ -150,7 +149,7 @@ fn moved(place: &OffCentre, centred: Mesh) -> Result<Mesh> {
     if n_inverted > 0 {
         return Err(Error::numerical(
             format!(
-                "{n_inverted} elements of the built-in mesh are inside out with the robot {:.4} mm off the centre of a radius of {:.4} mm",
+                "{n_inverted} elements of the built-in mesh are inverted with the robot {:.4} mm off the centre of a radius of {:.4} mm",
                 1e3 * place.offset.distance_m,
                 1e3 * place.outer_radius_m
             ),
@@ -160,19 +159,19 @@ fn moved(place: &OffCentre, centred: Mesh) -> Result<Mesh> {
     Ok(mesh)
 }
 
-/// Force per displacement per Pa of Young's modulus (m) of the whole body, where it is known exactly: of a sphere in the middle.
+/// Force per displacement and Pa of Young's modulus (m), if known exactly: for a sphere in the middle.
 pub fn exact_stiffness_m(robot: &Robot, vitreous: &Vitreous) -> Option<f64> {
     let (RobotShape::Sphere { diameter_m }, None) = (robot.shape, robot.offset) else { return None };
     let exact = SphereInContainer::new(vitreous.poisson_ratio, 0.5 * diameter_m, 0.5 * vitreous.diameter_m);
     Some(exact.stiffness_n_per_m(1.0))
 }
 
-/// The exact solution where there is one.
+/// Exact comparison, if there is one.
 fn exact_comparison(robot: &Robot, vitreous: &Vitreous) -> Option<Comparison> {
     exact_stiffness_m(robot, vitreous).map(|stiffness_m| Comparison::Exact(1.0 / stiffness_m))
 }
 
-/// The mesh that the user brings, and what is doubtful about it; without a robot any body may be in it.
+/// Reads the user's mesh and returns it with warnings. Without a robot it may contain any body.
 ///
 /// # Errors
 /// [`Error::Input`] and [`Error::File`] of the reader.
@@ -184,16 +183,16 @@ pub fn read_mesh(file: &MeshFile, robot: Option<&Robot>, vitreous: &Vitreous) ->
     Ok((read.mesh, warnings))
 }
 
-/// Imported meshes are quarter models, which a robot off the centre across the force does not have. Along it the mesh brings its own offset.
+/// Refuses a robot off the centre across the force with an imported mesh, which is a quarter model. Along the force, the mesh contains the offset.
 fn refuse_across(robot: &Robot) -> Result<()> {
     match robot.offset {
         Some(Offset { direction: OffsetDirection::Across, distance_m }) => Err(Error::input(
             Place::setting(Setting::Mesh),
             format!(
-                "the robot is {:.4} mm off the centre across the force, and a mesh from a file is a quarter model, symmetric about that line",
+                "the robot is {:.4} mm off the centre across the force, but a mesh from a file is a quarter model, symmetric about that line",
                 1e3 * distance_m
             ),
-            format!("leave `{}` out: the built-in mesh has the half model that this takes", Setting::Mesh),
+            format!("leave `{}` out: the built-in mesh is a half model, which this robot needs", Setting::Mesh),
         )),
         _ => Ok(()),
     }
@@ -206,7 +205,7 @@ fn hash_of(file: &MeshFile) -> Result<String> {
 }
 
 impl Mechanics {
-    /// Meshes and assembles a robot's surroundings (or reads the user's mesh); takes an instrument as it is.
+    /// Meshes and assembles a robot's surroundings (or reads the user's mesh). The compliance of an instrument is used directly.
     pub fn new(apparatus: &Apparatus, mesh_file: Option<&MeshFile>) -> Result<Self> {
         let (robot, vitreous) = match apparatus {
             Apparatus::Instrument { compliance_per_m } => {

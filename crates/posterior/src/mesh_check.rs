@@ -1,12 +1,12 @@
-//! Whether a mesh that the user brings is of the apparatus that the experiment describes.
+//! Check of the user's mesh against the apparatus in the experiment's description.
 
 use documents::posterior::{Warning, WarningKind};
 use elements::mesh::{ElementKind, Mesh};
 use record::{Offset, Robot, RobotShape, Vitreous};
 
-/// Relative disagreement of a size that is passed over.
+/// Largest relative difference of a size that causes no warning.
 const SIZE_TOLERANCE: f64 = 0.01;
-/// Poisson ratio above which displacement-only tetrahedra are not to be relied on (physics §3.5).
+/// Poisson ratio above which displacement-only tetrahedra are unreliable (physics §3.5).
 const TETRAHEDRA_LIMIT: f64 = 0.49;
 
 /// A warning about the user's mesh.
@@ -14,10 +14,10 @@ pub fn warning(text: impl Into<String>, advice: &str) -> Warning {
     Warning { kind: WarningKind::Mesh, text: text.into(), advice: advice.into() }
 }
 
-/// What is doubtful about a mesh; empty when nothing is. Without a robot any body may be in it.
+/// Warnings about doubtful properties of a mesh. Without a robot it may contain any body.
 pub fn doubts(mesh: &Mesh, robot: Option<&Robot>, vitreous: &Vitreous) -> Vec<Warning> {
     let mut list = Vec::new();
-    // The robot's centre is at the origin, and the vitreous's an offset away from it, on either side.
+    // The robot's centre is at the origin. The vitreous is offset from it, on either side.
     let reach_m = |nodes: &[u32], offset: Option<Offset>| {
         let from = |shift_m: [f64; 3]| {
             let squared = |&node: &u32| {
@@ -45,7 +45,7 @@ pub fn doubts(mesh: &Mesh, robot: Option<&Robot>, vitreous: &Vitreous) -> Vec<Wa
     for (name, mesh_m, experiment_m, table) in sizes {
         if (mesh_m / experiment_m - 1.0).abs() > SIZE_TOLERANCE {
             let text = format!(
-                "{name} is {:.4} mm in the mesh and {:.4} mm in {table} of experiment.toml; the mesh is used as it is",
+                "{name} is {:.4} mm in the mesh and {:.4} mm in {table} of experiment.toml; the mesh is used",
                 1e3 * mesh_m,
                 1e3 * experiment_m
             );
@@ -55,10 +55,10 @@ pub fn doubts(mesh: &Mesh, robot: Option<&Robot>, vitreous: &Vitreous) -> Vec<Wa
     let is_tetrahedral = mesh.element_kind != ElementKind::Hexahedron27;
     if is_tetrahedral && vitreous.poisson_ratio > TETRAHEDRA_LIMIT {
         let text = format!(
-            "tetrahedra are too stiff in nearly incompressible gels, and the Poisson ratio is {}, above {TETRAHEDRA_LIMIT}",
+            "tetrahedra are too stiff in nearly incompressible gels, and the Poisson ratio {} is above {TETRAHEDRA_LIMIT}",
             vitreous.poisson_ratio
         );
-        list.push(warning(text, "compare with a finer mesh, or use the built-in one"));
+        list.push(warning(text, "compare with a finer mesh, or use the built-in mesh"));
     }
     list
 }
@@ -100,7 +100,7 @@ mod tests {
         assert!(found.len() == 1 && found[0].text.contains("[vitreous]"), "{found:?}");
     }
 
-    /// A mesh off the centre agrees with an experiment that says so, on either side, and with no other.
+    /// A mesh off the centre agrees only with an experiment with this offset, on either side.
     #[test]
     fn the_outer_surface_is_looked_for_around_the_vitreous() {
         let (centred, vitreous) = apparatus(0.55, 20.0, 0.48);
@@ -116,7 +116,7 @@ mod tests {
 
     #[test]
     fn tetrahedra_are_doubted_above_their_poisson_ratio_only() {
-        // The kind alone is looked at here; no element is computed with.
+        // The check uses only the kind of the elements.
         let tetrahedral = Mesh { element_kind: ElementKind::Tetrahedron10, connectivity: Vec::new(), ..mesh() };
         let (robot, vitreous) = apparatus(0.55, 20.0, 0.495);
         let found = doubts(&tetrahedral, Some(&robot), &vitreous);

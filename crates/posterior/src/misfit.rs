@@ -1,28 +1,28 @@
-//! Whether what a model leaves is more than the noise allows: one rule, which `sample` and `diagnose` share (docs/diagnosis.md).
+//! Test for residuals that exceed the noise: one rule, which `sample` and `diagnose` share (docs/diagnosis.md).
 //!
-//! Slow noise and a misfit look alike in one cycle. Two things tell them apart.
+//! Slow noise and a misfit look alike in one cycle. Two properties distinguish them.
 //!
-//! *Size*, where the noise is given. The tracker's noise σ is allowed slow noise of the same size beside it: a mean square V of what is left, of which
-//! V − σ² is slow and worth ν independent numbers (from its autocorrelation ρ over n rows, ν = n/(1 + 2Σρ²)), is too large when √V > 1.5 σ and
-//! ν(V − σ²)/σ² lies beyond the 99.9 % point of χ² with ν degrees of freedom. White errors are held to 1.5 σ itself.
+//! *Size*, if the noise is given. The tracker's noise σ may come with slow noise of the same size. Let V be the mean square residual. Its slow part V − σ² is worth ν
+//! independent numbers: ν = n/(1 + 2Σρ²), with autocorrelation ρ over n rows. V is too large if √V > 1.5 σ and ν(V − σ²)/σ² lies beyond the 99.9 % point of χ² with ν
+//! degrees of freedom. For white errors the limit is 1.5 σ itself.
 //!
-//! *Return*, whether it is given or not. Noise is another one in every cycle, a misfit comes again. Let aₖ꜀ be the k-th Fourier coefficient of cycle c of C
-//! with the same command, after an offset, a slope and, where the noise has a gain, a multiple of the position are taken out of each cycle. Of stationary
-//! noise the phases of different cycles are independent, so that with
+//! *Return*, for given or unknown noise. Noise differs in every cycle; a misfit recurs. Let aₖ꜀ be the k-th Fourier coefficient of cycle c of C cycles with the same
+//! command. An offset and a slope are removed from each cycle first, and a multiple of the position if the noise has a gain. The phases of stationary noise are independent
+//! between cycles, so with
 //!
 //!   γₖ = |Σ꜀ aₖ꜀|² / (C Σ꜀ |aₖ꜀|²),   S = −(C − 1) Σₖ ln(1 − γₖ)
 //!
-//! γₖ is Beta(1, C − 1) and S is Gamma(K, 1) distributed. Beyond its 99.99 % point something comes again; that is a misfit if it makes what is left more
-//! than 1.5 times the noise, given, or else estimated from what does not come again. No size of the slow noise and no time of it enters. What is taken out
-//! of each cycle makes harmonics of very slow noise depend on each other: up to 1.5 records of noise alone in a thousand lie beyond that point.
+//! γₖ is Beta(1, C − 1) and S is Gamma(K, 1) distributed. Beyond the 99.99 % point of S, the residuals recur. That is a misfit if the total residual then exceeds 1.5 times
+//! the noise, which is given or estimated from the part that does not recur. The size and the time of the slow noise do not enter. The removed terms make harmonics of very
+//! slow noise depend on each other: up to 1.5 of a thousand records of pure noise lie beyond that point.
 //!
-//! *Size in the held-out cycles*, whether it is given or not. Noise is as large there as in the fitted cycles. Mean squares V of ν independent numbers in both are
-//! compared: V_held-out / V_fitted above 1.5² and beyond the 99.9 % point of F(ν, ν) is a misfit that the fitted cycles do not show. V_fitted counts the
-//! parameters that were fitted, and is no less than the noise's square.
+//! *Size in the held-out cycles*, for given or unknown noise. Noise is as large there as in the fitted cycles. The mean squares V of ν independent numbers in both are
+//! compared. V_held-out / V_fitted above 1.5² and beyond the 99.9 % point of F(ν, ν) is a misfit that the fitted cycles do not show. V_fitted is corrected for the fitted
+//! parameters and is at least the square of the noise.
 //!
-//! *Gain and offset.* Where the noise has them, they are taken out of every recording ([`super::recordings`]) before its size is judged. Held-out cycles give up
-//! theirs only if the model declares them, or if fitted recordings show such: mean squares of two or more fitted recordings and of the held-out ones, two numbers
-//! each, are compared by F. A held-out cycle in a recording with fitted rows has the gain and the offset of those.
+//! *Gain and offset.* If the noise has them, they are removed from every recording ([`super::recordings`]) before its size is judged. Held-out cycles lose theirs only if
+//! the model declares them, or if fitted recordings show them. For this, F compares the mean squares of two or more fitted recordings and of the held-out ones, two numbers
+//! each. A held-out cycle in a recording with fitted rows has the gain and the offset of those rows.
 //!
 //! γₖ is the squared inter-trial coherence of evoked responses (Jervis et al., *IEEE Trans. Biomed. Eng.* 30, 43, 1983, doi:10.1109/TBME.1983.325165).
 
@@ -34,98 +34,97 @@ use record::Record;
 
 use super::recordings::recordings;
 
-/// Misfit or learnt noise above this multiple of the known noise is not the noise (formats §4).
+/// Multiple of the known noise above which residuals or learnt noise are not noise (formats §4).
 pub const NOISE_FACTOR: f64 = 1.5;
-/// Share of records of noise alone whose size is called too large.
+/// Share of records of pure noise whose residuals are called too large.
 pub const FALSE_ALARM: f64 = 0.001;
-/// A joint probability of the held-out cycles below this lies outside the 99.9 % band.
+/// Joint probability of the held-out cycles below which they lie outside the 99.9 % band.
 pub const OUTSIDE_BAND: f64 = 0.001;
-/// p below which something comes again; it is one in a thousand for noise of any time, with what the harmonics have in common.
+/// p below which residuals recur. For noise of any time, one of a thousand records falls below it, because harmonics depend on each other.
 const RETURN_P: f64 = 1e-4;
-/// Share of the independent numbers that a record shows which count where its cycles are compared: autocorrelations from few of them are too small. With it five of a thousand
-/// records of slow noise that lasts for ten seconds, one cycle of four, are called a misfit by one of the conditions.
+/// Share of a record's independent numbers that counts when its cycles are compared, because autocorrelations from few numbers are too small. For slow noise with a time
+/// of ten seconds (one cycle of four), the conditions together then find a misfit in five of a thousand records.
 const SHARE_OF_NUMBERS: f64 = 0.5;
-/// Harmonics of the cycle that are looked at, and rows that each needs.
+/// Largest number of harmonics of the cycle, and rows that each harmonic needs.
 const MOST_HARMONICS: usize = 8;
 const ROWS_PER_HARMONIC: usize = 6;
-/// Commands of two cycles are the same where their forces differ by no more than this share of the range, and that in all but this share of the rows.
+/// Largest force difference between two cycles with the same command, as a share of the range, and largest share of rows that may exceed it.
 const SAME_FORCE: f64 = 0.05;
 const OTHER_ROWS: f64 = 0.03;
-/// Durations of two cycles are the same up to this fraction.
+/// Largest relative difference of the durations of two equal cycles.
 const SAME_DURATION: f64 = 0.05;
-/// A column of which less is left counts as part of those before it.
+/// Remaining share of a column below which it counts as a combination of the columns before it.
 const LEAST_NEW: f64 = 1e-6;
 
-/// What a model leaves of a record.
+/// Residuals of a model in a record.
 pub struct Remainder<'a> {
     /// Times, cycles and forces.
     pub record: &'a Record,
-    /// Position less the model's (m) in the fitted cycles; one entry a row.
+    /// Residual (m) in the fitted cycles; one entry per row.
     pub fitted_m: &'a [Option<f64>],
-    /// The same in the held-out cycles.
+    /// Residual (m) in the held-out cycles; one entry per row.
     pub heldout_m: &'a [Option<f64>],
     /// The model's position (m) at every row.
     pub position_m: &'a [f64],
-    /// Columns (m) along which the model's parameters can move its position: no misfit, whatever comes again along them.
+    /// Columns (m) along which the parameters can move the model's position. A residual that recurs along them is no misfit.
     pub absorbed_m: &'a [Vec<f64>],
-    /// What is known of a gain and an offset of each recording.
+    /// Knowledge about a gain and an offset of each recording.
     pub gains: Gains,
 }
 
-/// What is known of a gain and an offset of each recording.
+/// Knowledge about a gain and an offset of each recording.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Gains {
     /// The noise has none.
     None,
     /// The model declares them.
     Declared,
-    /// They are learnt with every model: fitted recordings have to show them.
+    /// They are learnt with every model, and fitted recordings must show them.
     Learnt,
 }
 
-/// A mean square beside the noise.
+/// Root mean square residual, compared with the noise.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Size {
-    /// Root mean square of what is left, in m; a gain and an offset of each cycle taken out where the noise has them.
+    /// Root mean square residual in m. If the noise has a gain and an offset for each cycle, they are removed.
     pub rms_m: f64,
-    /// Whether it is more than the noise allows.
+    /// True if it exceeds the limit of the noise.
     pub is_too_large: bool,
 }
 
-/// What is left, beside what the noise allows.
+/// Residuals, compared with the noise.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Misfit {
-    /// In the fitted cycles.
+    /// Residual of the fitted cycles.
     pub fitted: Size,
-    /// In the held-out cycles; `None` where none is.
+    /// Residual of the held-out cycles; `None` without held-out cycles.
     pub heldout: Option<Size>,
-    /// The noise (m) that it is measured against.
+    /// Noise (m) that the residuals are compared with.
     pub noise_m: f64,
-    /// Whether that was given with the experiment.
+    /// True if the noise was given with the experiment.
     pub is_known: bool,
-    /// What comes again in every cycle, where that is more than chance, in m.
+    /// Part of the residuals (m) that recurs in every cycle, if it exceeds chance.
     pub returning_m: Option<f64>,
-    /// Slow independent numbers that the fitted rows are worth, by which a learnt noise is judged; 0 where its size says nothing.
+    /// Number of independent slow values that the fitted rows are worth, for the test of a learnt noise; 0 if its size is not tested.
     pub learnt_degrees: f64,
 }
 
 impl Misfit {
-    /// Measures against a noise (m) that is known, or else estimated from rests or short lags, where slow noise does not show; `None` where no position
-    /// is fitted.
+    /// Compares residuals with a known noise (m), or with a noise estimated from rests or short lags, in which slow noise does not show. `None` if no position is fitted.
     pub fn of(remainder: &Remainder, noise_m: f64, is_known: bool) -> Option<Self> {
         Self::beside(remainder, noise_m, is_known, true)
     }
 
-    /// Where the noise is not `is_measured`, its size bounds nothing by itself.
+    /// Compares residuals with the noise. If the noise is not `is_measured`, its size alone sets no limit.
     fn beside(remainder: &Remainder, noise_m: f64, is_known: bool, is_measured: bool) -> Option<Self> {
         let returning = Returning::of(remainder);
         let has_gain = remainder.gains != Gains::None;
         let fitted = Series::of(remainder, remainder.fitted_m, has_gain)?;
         let heldout = Series::of(remainder, remainder.heldout_m, has_gain && remainder.shows_gains());
-        // A misfit of the held-out cycles alone is shared out by the parameters' columns: what comes again is in the fitted cycles, too.
+        // The parameters' columns spread a misfit of the held-out cycles over all cycles. A recurring misfit must also be in the fitted ones.
         let most_m2 = NOISE_FACTOR * NOISE_FACTOR * fitted.mean_square_m2;
         let comes_again = returning.as_ref().is_some_and(|own| own.p < RETURN_P && own.returning_m2 <= most_m2);
-        // Nothing but its return tells a misfit from slow noise of unknown size.
+        // Only recurrence distinguishes a misfit from slow noise of unknown size.
         let noise_m = match &returning {
             Some(own) if !is_known => noise_m.max(own.noise_m2.min(fitted.mean_square_m2).sqrt()),
             _ => noise_m,
@@ -149,32 +148,32 @@ impl Misfit {
         })
     }
 
-    /// Measures the held-out cycles against what is left of the fitted ones, where the noise is unknown; `None` where no position is fitted.
+    /// Compares the held-out residuals with the fitted ones, for unknown noise; `None` if no position is fitted.
     pub fn beside_fitted(remainder: &Remainder) -> Option<Self> {
         let fitted = Series::of(remainder, remainder.fitted_m, remainder.gains != Gains::None)?;
         Self::beside(remainder, fitted.corrected_m2(remainder.absorbed_m.len()).sqrt(), false, false)
     }
 
-    /// Whether the model leaves more than the noise allows.
+    /// Returns true if the residuals exceed the limit of the noise.
     pub fn is_too_large(&self) -> bool {
         self.fitted.is_too_large || self.heldout.is_some_and(|heldout| heldout.is_too_large)
     }
 
-    /// Whether a learnt noise (m) stands for more than noise.
+    /// Returns true if a learnt noise (m) contains more than noise.
     pub fn is_learnt_too_large(&self, learnt_m: f64) -> bool {
         let is_beyond = || is_beyond_slow_noise(learnt_m * learnt_m, self.noise_m, self.learnt_degrees);
         learnt_m > NOISE_FACTOR * self.noise_m
             && (self.returning_m.is_some() || self.learnt_degrees > 0.0 && is_beyond())
     }
 
-    /// The largest of what is too large, in m; 0 where nothing is.
+    /// Largest excessive residual, in m; 0 if none is excessive.
     pub fn largest_m(&self) -> f64 {
         let sizes = [Some(self.fitted), self.heldout];
         sizes.iter().flatten().filter(|size| size.is_too_large).map(|size| size.rms_m).fold(0.0, f64::max)
     }
 }
 
-/// Directions (m) in which draws of a posterior spread most about their mean: as many as the model has parameters, or as there are.
+/// Directions (m) in which posterior draws spread most around their mean. There are as many as model parameters, or fewer if the draws have fewer.
 pub fn directions_of_spread(draws_m: &[Vec<f64>], mean_m: &[f64], n: usize) -> Vec<Vec<f64>> {
     let mut left: Vec<Vec<f64>> =
         draws_m.iter().map(|draw_m| draw_m.iter().zip(mean_m).map(|(x, mean)| x - mean).collect()).collect();
@@ -198,23 +197,23 @@ pub fn directions_of_spread(draws_m: &[Vec<f64>], mean_m: &[f64], n: usize) -> V
     directions
 }
 
-/// Whether slow noise of the known noise's size, beside it, leaves so large a mean square once in a thousand times at most.
+/// Returns true if slow noise of the known noise's size, added to it, gives so large a mean square at most once in a thousand times.
 fn is_beyond_slow_noise(mean_square_m2: f64, noise_m: f64, degrees: f64) -> bool {
     let slow = mean_square_m2 / (noise_m * noise_m) - 1.0;
     slow > 0.0 && ChiSquared::new(degrees.max(1.0)).is_ok_and(|chi| chi.sf(degrees.max(1.0) * slow) < FALSE_ALARM)
 }
 
-/// What is left of some rows of a recording, in order of time.
+/// Residuals of some rows of a recording, in order of time.
 struct Recording {
     left_m: Vec<f64>,
-    /// The same without a gain and an offset; as it is where fitted rows of the same recording have determined them.
+    /// Residuals without a gain and an offset. They are unchanged if fitted rows of the same recording determine gain and offset.
     without_gain_m: Vec<f64>,
-    /// Whether a gain and an offset were taken out.
+    /// True if a gain and an offset were removed.
     has_own_gain: bool,
 }
 
 impl Recording {
-    /// Mean square (m²) of what a gain and an offset took.
+    /// Mean square (m²) of the removed gain and offset.
     fn taken_m2(&self) -> f64 {
         let taken = self.left_m.iter().zip(&self.without_gain_m).map(|(all, left)| (all - left).powi(2));
         taken.sum::<f64>() / self.left_m.len().max(1) as f64
@@ -222,7 +221,7 @@ impl Recording {
 }
 
 impl Remainder<'_> {
-    /// The recordings that have some of the rows.
+    /// Recordings that contain some of the rows.
     fn recordings(&self, rows: &[Option<f64>]) -> Vec<Recording> {
         let numbers = recordings(self.record);
         let of_rows = |range: Range<usize>| {
@@ -240,7 +239,7 @@ impl Remainder<'_> {
         numbers.chunk_by(|a, b| a == b).scan(0, next_range).filter_map(of_rows).collect()
     }
 
-    /// Whether held-out recordings may have a gain and an offset of their own: declared, or as large as fitted recordings show.
+    /// Returns true if held-out recordings may have a separate gain and offset: if the model declares them, or if they are as large as in fitted recordings.
     fn shows_gains(&self) -> bool {
         if self.gains != Gains::Learnt {
             return self.gains == Gains::Declared;
@@ -253,21 +252,21 @@ impl Remainder<'_> {
             return false;
         }
         let mean = |values: &[f64]| values.iter().sum::<f64>() / values.len() as f64;
-        // The law takes up what all gains and offsets have in common.
+        // The law absorbs the common part of all gains and offsets.
         let (of_heldout, of_fitted) = (2.0 * heldout.len() as f64, 2.0 * (fitted.len() - 1) as f64);
         let ratio = mean(&heldout) / (mean(&fitted) * fitted.len() as f64 / (fitted.len() - 1) as f64);
         FisherSnedecor::new(of_heldout, of_fitted).is_ok_and(|f| !ratio.is_finite() || f.sf(ratio) >= FALSE_ALARM)
     }
 }
 
-/// What is left of some cycles, in order of time.
+/// Residuals of some cycles, in order of time.
 struct Series {
     left_m: Vec<f64>,
     mean_square_m2: f64,
 }
 
 impl Series {
-    /// `gives_up_gains` says whether a gain and an offset are taken out of each recording.
+    /// Collects residuals. `gives_up_gains` removes a gain and an offset from each recording.
     fn of(remainder: &Remainder, rows: &[Option<f64>], gives_up_gains: bool) -> Option<Self> {
         let of = |own: Recording| if gives_up_gains { own.without_gain_m } else { own.left_m };
         let left_m: Vec<f64> = remainder.recordings(rows).into_iter().flat_map(of).collect();
@@ -276,13 +275,13 @@ impl Series {
         (n > 0).then_some(Self { left_m, mean_square_m2 })
     }
 
-    /// Mean square (m²), corrected for the parameters that were fitted to it.
+    /// Mean square (m²), corrected for the fitted parameters.
     fn corrected_m2(&self, n_parameters: usize) -> f64 {
         let n = self.left_m.len();
         self.mean_square_m2 * n as f64 / n.saturating_sub(n_parameters).max(1) as f64
     }
 
-    /// Whether noise that is as large as in the fitted cycles leaves so large a mean square once in a thousand times at most.
+    /// Returns true if noise as large as in the fitted cycles gives so large a mean square at most once in a thousand times.
     fn is_beyond(&self, fitted: &Self, n_parameters: usize, noise_m: f64) -> bool {
         let expected_m2 = fitted.corrected_m2(n_parameters).max(noise_m * noise_m);
         let ratio = self.mean_square_m2 / expected_m2;
@@ -292,8 +291,8 @@ impl Series {
                 .is_ok_and(|f| f.sf(ratio) < FALSE_ALARM)
     }
 
-    /// Degrees of freedom of its mean square: as many as it has independent numbers, and fewer where a few outliers make it. A mean square of kurtosis κ varies like a normal
-    /// one of 2/(κ − 1) as many numbers.
+    /// Degrees of freedom of the mean square: the number of independent values, reduced if a few outliers dominate. A mean square of kurtosis κ varies like a normal one of
+    /// 2/(κ − 1) as many values.
     fn degrees_of_square(&self) -> f64 {
         let n = self.left_m.len().max(1) as f64;
         let fourth_m4 = self.left_m.iter().map(|left| left.powi(4)).sum::<f64>() / n;
@@ -302,8 +301,8 @@ impl Series {
         SHARE_OF_NUMBERS * share * self.degrees(0.0)
     }
 
-    /// Independent numbers that what is slow in it is worth: n/(1 + 2Σρ²), over lags up to the first at which the correlation is lost in its scatter.
-    /// Far lags stand for their neighbours.
+    /// Number of independent values that the slow part is worth: n/(1 + 2Σρ²), over lags up to the first whose correlation is within its scatter. A far lag represents its
+    /// neighbours.
     fn degrees(&self, noise_m: f64) -> f64 {
         let n = self.left_m.len();
         let slow_m2 = self.mean_square_m2 - noise_m * noise_m;
@@ -325,17 +324,17 @@ impl Series {
     }
 }
 
-/// What comes again in every cycle of the same command.
+/// Part of the residuals that recurs in every cycle of the same command.
 struct Returning {
-    /// Share of experiments in which noise alone comes again so well.
+    /// Share of experiments in which pure noise recurs as well.
     p: f64,
-    /// Mean square of it, and of what does not come again, in m².
+    /// Mean squares of the recurring part and of the other part, in m².
     returning_m2: f64,
     noise_m2: f64,
 }
 
 impl Returning {
-    /// `None` where no two cycles of the same command have rows enough.
+    /// Estimates the recurring part; `None` if no two cycles of the same command have enough rows.
     fn of(remainder: &Remainder) -> Option<Self> {
         let record = remainder.record;
         let mut left_m: Vec<Option<f64>> =
@@ -370,7 +369,7 @@ impl Returning {
                 let coherence = (of_sum / (n_cycles * each)).min(1.0 - f64::EPSILON);
                 statistic -= (n_cycles - 1.0) * (-coherence).ln_1p();
             }
-            // Mean over pairs of different cycles, of half the squared amplitude.
+            // This is the mean over pairs of different cycles of half the squared amplitude.
             returning_m2 += 0.5 * (of_sum - each) / (n_cycles * (n_cycles - 1.0));
         }
         let p = Gamma::new(n_harmonics as f64, 1.0).ok()?.sf(statistic);
@@ -392,13 +391,13 @@ fn next_range(start: &mut usize, chunk: &[u32]) -> Option<Range<usize>> {
     Some(range)
 }
 
-/// Rows of a cycle that have a position, with their share of the cycle.
+/// Rows of a cycle with a position, and their phase: the elapsed share of the cycle.
 struct Cycle {
     rows: Vec<usize>,
     phase: Vec<f64>,
 }
 
-/// The most cycles that have the same command.
+/// Largest set of cycles with the same command.
 fn same_command(record: &Record, left_m: &[Option<f64>]) -> Vec<Cycle> {
     let interval_s = record.median_interval_s().unwrap_or(0.0);
     let duration_s = |rows: &Range<usize>| record.time_s[rows.end - 1] - record.time_s[rows.start] + interval_s;
@@ -437,12 +436,12 @@ fn has_same_force(record: &Record, rows: &Range<usize>, other: &Range<usize>) ->
     rows.clone().filter(differs).count() as f64 <= OTHER_ROWS * rows.len() as f64
 }
 
-/// Takes columns out of values by least squares.
+/// Removes columns from values by least squares.
 fn take_out(values: &mut [f64], columns: Vec<Vec<f64>>) {
     let mut basis: Vec<Vec<f64>> = Vec::with_capacity(columns.len());
     for mut column in columns {
         let whole = dot(&column, &column);
-        // Twice is enough for orthogonality to rounding.
+        // Two passes give orthogonality to rounding.
         for _ in 0..2 {
             for own in &basis {
                 let along = dot(own, &column);
@@ -459,7 +458,7 @@ fn take_out(values: &mut [f64], columns: Vec<Vec<f64>>) {
     }
 }
 
-/// Takes out of what is left, over all rows that have a position, what the model's parameters can.
+/// Removes the part of the residuals that the model's parameters can absorb, over all rows with a position.
 fn absorb(left_m: &mut [Option<f64>], columns_m: &[Vec<f64>]) {
     let rows: Vec<usize> = (0..left_m.len()).filter(|row| left_m[*row].is_some()).collect();
     let mut values: Vec<f64> = left_m.iter().flatten().copied().collect();
@@ -467,7 +466,7 @@ fn absorb(left_m: &mut [Option<f64>], columns_m: &[Vec<f64>]) {
     rows.iter().zip(values).for_each(|(row, value)| left_m[*row] = Some(value));
 }
 
-/// Amplitudes of cosine and sine of each harmonic, by least squares of them together.
+/// Cosine and sine amplitudes of each harmonic, by joint least squares.
 fn fourier(values: &[f64], phase: &[f64], n_harmonics: usize) -> Vec<[f64; 2]> {
     let angle = |k: usize, phase: &f64| std::f64::consts::TAU * (k + 1) as f64 * phase;
     let n = 2 * n_harmonics;
@@ -476,7 +475,7 @@ fn fourier(values: &[f64], phase: &[f64], n_harmonics: usize) -> Vec<[f64; 2]> {
         .collect();
     let half = 0.5 * values.len() as f64;
     let normal = nalgebra::DMatrix::from_fn(n, n, |i, j| {
-        // Gaps leave some combinations hardly seen; those are held near nothing.
+        // Gaps leave some combinations poorly determined; the added diagonal keeps them near zero.
         dot(&columns[i], &columns[j]) / half + if i == j { 0.01 } else { 0.0 }
     });
     let slope = nalgebra::DVector::from_fn(n, |i, _| dot(&columns[i], values) / half);

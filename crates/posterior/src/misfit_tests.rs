@@ -1,4 +1,4 @@
-//! False alarms of the rule under every kind of noise, and what it finds.
+//! Tests of the misfit rule: false alarms under every kind of noise, and its power.
 
 use rayon::prelude::*;
 
@@ -30,7 +30,7 @@ fn record() -> (Record, Vec<f64>) {
     (record, position_m)
 }
 
-/// σ, σ_ou (µm), τ (s), s_g and s_o (µm), with so many of a thousand rows lost and off by 12 σ.
+/// σ, σ_ou (µm), τ (s), s_g and s_o (µm), with the shares of rows that are lost and that are off by 12 σ.
 struct Kind {
     noise: [f64; 5],
     lost: f64,
@@ -41,7 +41,7 @@ fn kind(noise: [f64; 5], lost: f64, off: f64) -> Kind {
     Kind { noise, lost, off }
 }
 
-/// What is left of noise alone; the last cycle is held out.
+/// Residuals of pure noise; the last cycle is held out.
 fn left_of(kind: &Kind, record: &Record, position_m: &[f64], seed: u64) -> Vec<Option<f64>> {
     use rand::SeedableRng;
     let model =
@@ -74,9 +74,9 @@ fn misfit(record: &Record, position_m: &[f64], left_m: &[Option<f64>], is_known:
     Misfit::of(&remainder, noise_m, is_known).expect("positions")
 }
 
-/// Noise alone is more than noise in one or two records of a thousand for each of the tests that there are, of which the size has two and the return one: of
-/// 250 records of a kind 0.9 are expected, and 1.3 of slow noise of ten seconds, which few numbers stand for: 10 or more have a probability below 1e-5 (Poisson). The yardstick of what is not given is 1 µm, as short lags
-/// have it of slow noise.
+/// Pure noise gives a false alarm in one or two records of a thousand for each test; the size has two tests and the return one. Of 250 records of a kind 0.9 are expected,
+/// and 1.3 for slow noise of ten seconds, which few independent numbers represent. 10 or more have a probability below 1e-5 (Poisson). The yardstick of unknown noise is 1
+/// µm, as short lags estimate it for slow noise.
 #[test]
 fn noise_of_every_kind_is_noise() {
     let (record, position_m) = record();
@@ -107,8 +107,8 @@ fn noise_of_every_kind_is_noise() {
     }
 }
 
-/// 6 µm that come again beside 4 µm of noise are found in every one of 100 records, given or not: what is left is 7.2 µm. A drift of 5 µm over the
-/// record, which slow noise could be, is not. Five times the noise is, whatever its shape.
+/// A misfit of 6 µm that recurs, with 4 µm of noise, is found in all of 100 records, for given and unknown noise. The total residual is 7.2 µm. A drift of 5 µm over the
+/// record, which slow noise could be, is not found. A misfit of five times the noise is found, whatever its shape.
 #[test]
 fn what_comes_again_is_no_noise() {
     let (record, position_m) = record();
@@ -121,7 +121,7 @@ fn what_comes_again_is_no_noise() {
         };
         (0..100_u64).into_par_iter().filter(is_found).count()
     };
-    // Root mean square 6 µm.
+    // The root mean square is 6 µm.
     let again = |t: f64| {
         let phase = std::f64::consts::TAU * t / 10.0;
         6e-6 * ((2.0 * phase).sin() + (3.0 * phase + 0.4).cos())
@@ -132,8 +132,8 @@ fn what_comes_again_is_no_noise() {
     assert_eq!(with(&|t: f64| 2e-5 * 2f64.sqrt() * (0.31 * t * t / 10.0).sin(), true), 100);
 }
 
-/// White errors of 1.7 times the known noise are too large, of 1.3 times not, in every one of 100 records: the root mean square of 600 of them scatters by
-/// 3 %, so that 1.5 is four to five standard deviations away.
+/// White errors of 1.7 times the known noise are too large in all of 100 records, and of 1.3 times in none. The root mean square of 600 errors scatters by 3 %, so that 1.5
+/// is four to five standard deviations away.
 #[test]
 fn white_errors_are_held_to_the_factor() {
     let (record, position_m) = record();
@@ -148,7 +148,7 @@ fn white_errors_are_held_to_the_factor() {
     assert!(share(1.7) >= 99 && share(1.3) == 0, "{} {}", share(1.7), share(1.3));
 }
 
-/// What the parameters can move, and cycles of another command, say nothing.
+/// Residuals that the parameters can absorb, and cycles of another command, do not count as recurring.
 #[test]
 fn what_parameters_can_make_and_other_commands_do_not_count() {
     let (mut record, position_m) = record();
@@ -172,7 +172,7 @@ fn what_parameters_can_make_and_other_commands_do_not_count() {
         Misfit::of(&remainder, 1e-6, false).expect("positions").returning_m
     };
     let returning_m = found(&record, &[]).expect("it comes again");
-    // Half of its energy at most is an offset, a slope and the motion's.
+    // At most half of its energy is an offset, a slope or proportional to the motion.
     assert!(returning_m > 4e-6 && returning_m < 1e-5, "{returning_m}");
     assert_eq!(found(&record, &[shape]), None);
     record.force_n.iter_mut().zip(&record.cycle).for_each(|(force, cycle)| *force *= f64::from(*cycle));
@@ -188,8 +188,8 @@ fn directions_are_those_in_which_draws_spread() {
     assert!(directions.iter().all(|direction| direction[2] == 0.0 && (dot(direction, direction) - 1.0).abs() < 1e-12));
 }
 
-/// Held-out cycles that are missed by five times what the fitted ones leave are too large in every one of 100 records, whatever the noise is, and though nothing comes
-/// again; so they are where the noise is unknown. The fitted cycles are not called too large.
+/// Held-out residuals of five times the fitted ones are too large in all of 100 records, for any noise and without recurrence. This also holds for unknown noise. The
+/// fitted cycles are not called too large.
 #[test]
 fn noise_is_as_large_in_held_out_cycles_as_in_fitted_ones() {
     let (record, position_m) = record();
@@ -218,8 +218,8 @@ fn noise_is_as_large_in_held_out_cycles_as_in_fitted_ones() {
     assert_eq!((0..100_u64).into_par_iter().filter(is_found).count(), 100);
 }
 
-/// A gain of 3 % and an offset in the held-out cycle beside 4 µm of known noise: a misfit where the fitted cycles show none, noise where they show as much or the model declares them.
-/// Gains of 3 % in all cycles exceed it in one record of a thousand.
+/// A gain of 3 % and an offset in the held-out cycle, with 4 µm of known noise. It is a misfit if the fitted cycles show none, and noise if they show as much or the model
+/// declares them. Gains of 3 % in all cycles exceed it in one record of a thousand.
 #[test]
 fn a_held_out_gain_needs_fitted_ones() {
     let (record, position_m) = record();
@@ -256,7 +256,7 @@ fn a_held_out_gain_needs_fitted_ones() {
     assert!(count(with_gains, 0.0, Gains::Learnt) < 4);
 }
 
-/// Rows of one unbroken hold: the held-out ones have the gain and the offset of the fitted ones, declared or not, so that a growing misfit stays.
+/// Rows of one unbroken hold: the held-out rows have the gain and the offset of the fitted ones, declared or not, so that a growing misfit remains.
 #[test]
 fn a_cycle_within_an_unbroken_hold_has_no_gain_of_its_own() {
     let (mut record, _) = record();

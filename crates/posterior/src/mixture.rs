@@ -1,11 +1,11 @@
-//! The predictive distribution of a position: a mixture of Gaussians, its quantiles and its score.
+//! Predictive distribution of a position as a mixture of Gaussians, with its quantiles and score.
 
 use statrs::distribution::{Continuous, ContinuousCDF, Normal};
 
-/// Cyclic distances of the pairs of draws that the score's spread is averaged over.
+/// Number of cyclic distances between pairs of draws over which the score's spread is averaged.
 const PAIR_DISTANCES: usize = 8;
 
-/// Predictive distribution of one position: an equal mixture of Gaussians, one or some a draw.
+/// Predictive distribution of one position: an equal mixture of Gaussians, with one or several per draw.
 pub(super) struct Mixture {
     pub mean_m: Vec<f64>,
     pub sd_m: Vec<f64>,
@@ -35,7 +35,7 @@ impl Mixture {
         (cdf / n, pdf / n)
     }
 
-    /// Quantile by Newton's method inside a bracket that bisection keeps.
+    /// Quantile by Newton's method inside a bracket that bisection maintains.
     pub fn quantile(&self, probability: f64) -> f64 {
         let (mean, sd) = (self.mean(), self.sd());
         let (mut lower, mut upper) = (mean - 40.0 * sd, mean + 40.0 * sd);
@@ -60,8 +60,7 @@ impl Mixture {
 
     /// Continuous ranked probability score of an observation (Grimit et al. 2006, doi:10.1256/qj.05.235).
     ///
-    /// The mean distance between two components' draws is taken over pairs at the first few cyclic distances, which all pairs of a few components
-    /// are, instead of over all n².
+    /// The mean distance between two components is averaged over pairs at a few cyclic distances instead of over all n² pairs. For few components these are all pairs.
     pub fn crps(&self, observed: f64) -> f64 {
         let standard = Normal::standard();
         let spread = |mean: f64, sd: f64| {
@@ -85,7 +84,7 @@ impl Mixture {
     }
 }
 
-/// All cyclic distances of a few components; of many some, by the golden ratio, so that neighbours (of one draw) are not over-represented.
+/// Cyclic distances of the pairs: all for few components, otherwise some by the golden ratio, so that neighbours (of one draw) are not over-represented.
 fn pair_distances(n: usize) -> Vec<usize> {
     if n <= PAIR_DISTANCES + 1 {
         return (1..n).collect();
@@ -98,7 +97,7 @@ fn pair_distances(n: usize) -> Vec<usize> {
 mod tests {
     use super::*;
 
-    /// Draws of eight components each, as for a Student-t, far apart: the spread between draws must be seen. Exact: all pairs.
+    /// Draws far apart with eight components each, as for a Student-t distribution. The sampled pairs must show the spread between draws. The exact value uses all pairs.
     #[test]
     fn pairs_are_not_of_one_draw() {
         let n = 1024;
@@ -116,7 +115,7 @@ mod tests {
         assert!((mixture.crps(40.0) / exact - 1.0).abs() < 0.05, "{} {exact}", mixture.crps(40.0));
     }
 
-    /// A mixture of one component is a Gaussian, whose quantiles and score are known: CRPS(N(0,1), y) = y(2Φ(y)−1) + 2φ(y) − 1/√π.
+    /// A mixture of one component is a Gaussian with known quantiles and score: CRPS(N(0,1), y) = y(2Φ(y)−1) + 2φ(y) − 1/√π.
     #[test]
     fn one_component_has_the_gaussian_closed_forms() {
         let mixture = Mixture { mean_m: vec![2.0], sd_m: vec![3.0] };
@@ -129,7 +128,7 @@ mod tests {
         assert!((mixture.crps(2.0 + 3.0 * y) / 3.0 - exact).abs() < 1e-12);
     }
 
-    /// CRPS of a two-component mixture against ∫ (F(x) − 1{x ≥ y})² dx.
+    /// Compares the CRPS of a two-component mixture with ∫ (F(x) − 1{x ≥ y})² dx.
     #[test]
     fn mixture_score_equals_its_integral() {
         let mixture = Mixture { mean_m: vec![-1.0, 2.0], sd_m: vec![0.5, 1.5] };

@@ -1,4 +1,4 @@
-//! Priors of a model's parameters: the prior file's, else what the law, the effect or the noise proposes for the experiment.
+//! Priors of a model's parameters. They come from the prior file, or else from the default of the law, the effect or the noise for the experiment.
 
 use crate::noise::{NoiseModel, NoiseScales};
 use crate::prior::{Prior, PriorSet};
@@ -8,7 +8,7 @@ use laws::rheology::BaseLaw;
 use models::effects::{Effect, Library, NUISANCES, Stage};
 use models::model::Model;
 
-/// Priors of all parameters of a model by a prior's name or file.
+/// Priors of all parameters of a model, by a prior's name or file.
 pub(super) fn read_priors(name_or_file: &str, model: &Model, noise: NoiseModel, library: &Library) -> Result<PriorSet> {
     let scales = model.scales();
     let of_noise = |spec: &ParameterSpec, median_of: &dyn Fn(&str) -> f64| {
@@ -22,10 +22,10 @@ pub(super) fn read_priors(name_or_file: &str, model: &Model, noise: NoiseModel, 
     read_priors_with(name_or_file, model, &noise.parameters(), &of_noise, library)
 }
 
-/// The default prior of a parameter of the errors, by the medians of the priors before it.
+/// Default prior of an error parameter, given the medians of the priors before it.
 pub(crate) type ErrorPrior<'a> = &'a dyn Fn(&ParameterSpec, &dyn Fn(&str) -> f64) -> Option<Prior>;
 
-/// The same with errors of another kind than a record's.
+/// Priors of all parameters of a model whose errors are of another kind than a record's.
 pub fn read_priors_with(
     name_or_file: &str,
     model: &Model,

@@ -31,7 +31,7 @@ fn the_noise_s_priors_follow_the_white_noise_s_and_the_record() {
         assert_eq!(distribution("gain_sd"), Distribution::HalfNormal { sd: 0.03 });
         let Distribution::HalfNormal { sd } = distribution("offset_sd_um") else { panic!("a half-normal") };
         assert!((sd / noise_um - 1.0).abs() < 1e-9);
-        // The replica: rows 0.05 s apart; cycles of 10 s, of which the last row's interval is not seen.
+        // The replica has rows 0.05 s apart and cycles of 10 s, of which the last row's interval is not observed.
         let time_s = distribution("ou_time_s");
         assert!((time_s.quantile(0.0) / 0.1 - 1.0).abs() < 1e-6, "{time_s:?}");
         assert!((time_s.quantile(1.0) / 10.0 - 1.0).abs() < 2e-3, "{time_s:?}");
@@ -69,7 +69,7 @@ fn effects_bring_their_own_priors() {
     }
 }
 
-/// A table of a file counts where the model has the parameter, is no mistake where it has not, and leaves the defaults of the others.
+/// A table of a file applies if the model has the parameter, is no mistake if it has not, and keeps the defaults of the others.
 #[test]
 fn a_file_s_table_replaces_the_default() {
     let folder = tempfile::tempdir().unwrap();

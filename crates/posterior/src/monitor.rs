@@ -1,4 +1,4 @@
-//! Who watches a job, and how it is stopped.
+//! Monitors of a job: they receive its progress and warnings, and can stop it.
 
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::{Mutex, PoisonError};
@@ -6,21 +6,21 @@ use std::sync::{Mutex, PoisonError};
 use base::error::{Error, Result};
 use sampling::ensemble::Progress;
 
-/// Who watches a job: the terminal, or nobody.
+/// Receiver of a job's progress and warnings, such as the terminal.
 pub trait Monitor: Sync {
-    /// A stage begins.
+    /// Announces the begin of a stage.
     fn stage(&self, text: &str);
-    /// How far the sampler is; called a few times a second.
+    /// Reports the progress of the sampler, a few times a second.
     fn sampling(&self, progress: &Progress);
-    /// So many pieces of the stage's work are done, of so many at most; called from any thread.
+    /// Reports that `done` of at most `most` pieces of the stage's work are done. Any thread may call it.
     fn progress(&self, done: usize, most: usize);
-    /// Something that the user should know now.
+    /// Reports a warning to the user.
     fn warn(&self, text: &str);
-    /// Set to true from anywhere to stop the job at the next safe place.
+    /// Flag that stops the job at the next safe place when it is set to true.
     fn stop(&self) -> Option<&AtomicBool>;
 }
 
-/// Nobody watches: for tests and for callers without a terminal.
+/// Monitor that ignores everything, for tests and callers without a terminal.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Silent;
 
@@ -34,10 +34,10 @@ impl Monitor for Silent {
     }
 }
 
-/// Where the number of threads stands if no option gives it.
+/// Environment variable with the number of threads, used if no option gives it.
 pub const THREADS_VARIABLE: &str = "RAYON_NUM_THREADS";
 
-/// Ends a job that was asked to stop; `kept` says what stays of it.
+/// Returns [`Error::Interrupted`] if the job was asked to stop; `kept` describes the results that are kept.
 pub fn refuse_if_stopped(monitor: &dyn Monitor, kept: &str) -> Result<()> {
     if monitor.stop().is_some_and(|stop| stop.load(Ordering::Relaxed)) {
         return Err(Error::Interrupted { kept: kept.into() });
@@ -45,7 +45,7 @@ pub fn refuse_if_stopped(monitor: &dyn Monitor, kept: &str) -> Result<()> {
     Ok(())
 }
 
-/// Nobody watches one piece of many, but it can be stopped.
+/// Silent monitor of one of many pieces of work, which can be stopped.
 pub struct Stoppable<'a>(pub Option<&'a AtomicBool>);
 
 impl Monitor for Stoppable<'_> {
@@ -58,7 +58,7 @@ impl Monitor for Stoppable<'_> {
     }
 }
 
-/// Passes warnings on and says nothing else: for work beside a stage that somebody watches.
+/// Monitor that passes on warnings only, for work beside a monitored stage.
 pub struct Warnings<'a>(pub &'a dyn Monitor);
 
 impl Monitor for Warnings<'_> {
@@ -73,19 +73,19 @@ impl Monitor for Warnings<'_> {
     }
 }
 
-/// Collects warnings in their order, and says nothing else.
+/// Monitor that only collects warnings, in their order.
 pub struct Collected<'a> {
     monitor: &'a dyn Monitor,
     warnings: Mutex<Vec<String>>,
 }
 
 impl<'a> Collected<'a> {
-    /// For work that `monitor` can stop.
+    /// Creates a collector for work that `monitor` can stop.
     pub fn new(monitor: &'a dyn Monitor) -> Self {
         Self { monitor, warnings: Mutex::default() }
     }
 
-    /// What has been warned of since the last time.
+    /// Takes the warnings since the last call.
     pub fn take(&self) -> Vec<String> {
         std::mem::take(&mut self.warnings.lock().unwrap_or_else(PoisonError::into_inner))
     }
@@ -103,7 +103,7 @@ impl Monitor for Collected<'_> {
     }
 }
 
-/// Counts the pieces of a stage's work, whichever thread does them, for who watches.
+/// Counter of the finished pieces of a stage's work in all threads; it reports to a monitor.
 pub struct Counter<'a> {
     monitor: &'a dyn Monitor,
     done: AtomicUsize,
@@ -111,12 +111,12 @@ pub struct Counter<'a> {
 }
 
 impl<'a> Counter<'a> {
-    /// Nothing done yet of `most` pieces.
+    /// Creates a counter of `most` pieces, none of them done.
     pub fn new(monitor: &'a dyn Monitor, most: usize) -> Self {
         Self { monitor, done: AtomicUsize::new(0), most }
     }
 
-    /// A piece is done.
+    /// Counts one finished piece.
     pub fn add_one(&self) {
         let done = 1 + self.done.fetch_add(1, Ordering::Relaxed);
         self.monitor.progress(done.min(self.most), self.most);

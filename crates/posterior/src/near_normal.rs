@@ -1,21 +1,21 @@
-//! Predictive distributions that are nearly normal, by their moments: what long records have, whose draws differ by less than the noise.
+//! Nearly normal predictive distributions, described by their moments. Long records have them, because their draws differ by less than the noise.
 //!
-//! A mixture whose components' means and variances lie close together, against the variance itself, is a normal with small corrections: the
-//! Gram–Charlier series Φ(t) − φ(t) [γ₁/6 (t² − 1) + γ₂/24 (t³ − 3t)], of which quantiles and scores follow in closed form at a cost of a few
-//! operations a draw, where the mixture itself takes an error function for each.
+//! A mixture is a normal distribution with small corrections if its components' means and variances are close together relative to the variance. Its Gram–Charlier series
+//! is Φ(t) − φ(t) [γ₁/6 (t² − 1) + γ₂/24 (t³ − 3t)]. Quantiles and scores follow in closed form at a cost of a few operations per draw; the mixture itself takes an error
+//! function for each.
 
 use statrs::distribution::{Continuous, ContinuousCDF, Normal};
 
 use super::full_check::FullCheck;
 
-/// Probabilities of the quantiles that bands are made of.
+/// Probabilities of the bands' quantiles.
 pub const BAND_PROBABILITIES: [f64; 5] = [0.05, 0.25, 0.5, 0.75, 0.95];
 
-/// Largest distance of a component's mean, in standard deviations, and of its variance, in variances, for the series to stand for the mixture:
-/// the terms left out are then below 10⁻⁵ of a standard deviation.
+/// Largest distance of a component's mean (in standard deviations) and variance (in variances) at which the series replaces the mixture. The neglected terms are then below
+/// 10⁻⁵ of a standard deviation.
 const LARGEST_DISTANCE: f64 = 0.12;
 
-/// Standard deviations, skewnesses and excess kurtoses of one position's predictive distribution.
+/// Mean, standard deviation, skewness and excess kurtosis of one position's predictive distribution.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct NearNormal {
     pub mean_m: f64,
@@ -28,7 +28,7 @@ pub(super) struct NearNormal {
 struct Sums {
     mean_m: Vec<f64>,
     variance_m2: Vec<f64>,
-    /// Means of d², d³, d⁴, d w, d² w, w² and the largest |d| and |w|: d of a component's mean from the mean, w of its variance.
+    /// Means of d², d³, d⁴, d w, d² w and w², and the largest |d| and |w|. d is the deviation of a component's mean, w that of its variance.
     d2: Vec<f64>,
     d3: Vec<f64>,
     d4: Vec<f64>,
@@ -39,7 +39,7 @@ struct Sums {
     largest_w: Vec<f64>,
 }
 
-/// The distributions of consecutive rows, `None` where one is too far from a normal.
+/// Distributions of consecutive rows; `None` for a row that is too far from normal.
 pub(super) fn near_normals(check: &FullCheck, rows: std::ops::Range<usize>) -> Vec<Option<NearNormal>> {
     if check.noise.components.iter().any(|components| components != &[1.0]) {
         return vec![None; rows.len()];
@@ -110,7 +110,7 @@ impl Sums {
     }
 }
 
-/// The standard normal's quantiles that bands are made of.
+/// Quantiles of the standard normal at the bands' probabilities.
 pub(super) fn band_normals() -> [f64; 5] {
     BAND_PROBABILITIES.map(|probability| Normal::standard().inverse_cdf(probability))
 }

@@ -1,4 +1,4 @@
-//! The prepared model: an experiment, law, effects, priors and noise, with the reduced model that answers for them and its verified error.
+//! Prepared model: an experiment, law, effects, priors and noise, with the reduced model and its verified error.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -25,44 +25,44 @@ use models::model::{Compliance, Forward, FullForward, ReducedForward, Response, 
 use models::surrogate::{FieldModels, Surrogate, Training, n_pieces, trajectory};
 use record::{Experiment, Force, Record};
 
-/// The file of a revision that keeps its surrogate.
+/// File name of a revision's surrogate.
 pub const SURROGATE_NAME: &str = "surrogate.json";
-/// Singular values below this fraction of the largest carry no mode.
+/// Smallest singular value of a mode, relative to the largest.
 const POD_TOLERANCE: f64 = 1e-6;
-/// Full-order runs by which a model with effects is verified.
+/// Number of full-order runs that verify a model with effects.
 const VERIFICATION_RUNS: u32 = 8;
-/// The same with effects whose field is solved for: each takes some ten seconds.
+/// Number of verification runs with effects that solve for a field; each takes about ten seconds.
 const SLOW_VERIFICATION_RUNS: u32 = 2;
-/// They are taken between these quantiles of the priors.
+/// Tail mass of the priors outside the verification points.
 const VERIFICATION_TAIL: f64 = 0.02;
-/// Seed of their scrambled Sobol sequence: the design is part of the method, not of a run.
+/// Seed of the scrambled Sobol sequence of verification points. It is fixed, because the points are part of the method.
 const VERIFICATION_SEED: u32 = 3;
 
-/// A model that is ready to be asked: the problem (experiment, law, effects, priors, noise, mechanics) and what computes its trajectories.
+/// A model that is ready for use: the problem (experiment, law, effects, priors, noise, mechanics) and the reduced model of its trajectories.
 #[derive(Clone)]
 pub struct PreparedModel {
-    /// The experiment and the model of it.
+    /// The experiment and its model.
     pub problem: Problem,
-    /// The surrogate; `None` for an instrument, whose compliance is given.
+    /// Surrogate; `None` for an instrument, whose compliance is given.
     pub surrogate: Option<Surrogate>,
-    /// Models of effects that change the displacement field, as far as the model has any.
+    /// Models of effects that change the displacement field, if the model has any.
     pub fields: FieldModels,
     /// Displacement per force at unit creep compliance.
     pub compliance: Compliance,
-    /// Ranges of the law's parameters in which it may be asked; empty for an instrument.
+    /// Valid ranges of the law's parameters; empty for an instrument.
     pub trained: Vec<TrainedRange>,
-    /// Largest distance from full-order trajectories on runs that did not train it, relative to their amplitude; `None` for an instrument.
+    /// Largest distance from full-order trajectories outside the training set, relative to their amplitude; `None` for an instrument.
     pub max_relative_error: Option<f64>,
-    /// The same of an effect that was learnt for the record, or, over the noise, of another program; `None` without them.
+    /// Largest error of an effect that was learnt for the record (relative), or of an external program (over the noise); `None` without them.
     pub learnt_error: Option<f64>,
 }
 
-/// A surrogate as it is kept on disk, with what it was built from.
+/// A surrogate as it is kept on disk, with the hashes of its inputs.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct KeptSurrogate {
-    /// Hash of everything that the surrogate depends on.
+    /// Hash of all inputs of the surrogate.
     pub built_from_sha256: String,
-    /// Hash of everything that the models of effects' fields depend on.
+    /// Hash of all inputs of the field models.
     #[serde(default)]
     pub fields_built_from_sha256: String,
     /// Models of effects that change the displacement field.
@@ -74,8 +74,8 @@ pub struct KeptSurrogate {
 }
 
 impl KeptSurrogate {
-    /// The surrogate that an earlier run left in a revision, if there is one that can be used; whether it is of the same input is looked at when it
-    /// is. One that was changed since is not used, and `monitor` says so.
+    /// Reads the surrogate that an earlier run left in a revision, if it is usable. Its inputs are compared later, when it is used. A changed file is not used, and
+    /// `monitor` receives a warning.
     pub fn read(revision_dir: &Path, monitor: &dyn Monitor) -> Option<Self> {
         let path = revision_dir.join(SURROGATE_NAME);
         kind(&path)?;
@@ -84,7 +84,7 @@ impl KeptSurrogate {
         let kept = document.and_then(|document| document.body.unchanged()).filter(|kept| kept.surrogate.is_whole());
         if kept.is_none() {
             monitor.warn(&format!(
-                "{} is not as this program wrote it, and is not used: the surrogate is trained anew",
+                "{} is damaged or was changed, and is not used: the surrogate is trained anew",
                 path.display()
             ));
         }
@@ -93,9 +93,8 @@ impl KeptSurrogate {
 }
 
 impl PreparedModel {
-    /// Takes the kept surrogate if it was built from the same input, else trains one; a model with effects is verified on full-order runs of its
-    /// own. A law that is not linear was compared with full-order runs when its reduced model was built, which serves: one such run over a whole record
-    /// takes minutes.
+    /// Prepares the model with the kept surrogate if its inputs are the same, otherwise with a new one. A model with effects is verified on separate full-order runs. A
+    /// nonlinear law needs no such runs, because its reduced model was verified when it was built. One run over a whole record would take minutes.
     pub fn new(problem: &Problem, kept: Option<KeptSurrogate>, monitor: &dyn Monitor) -> Result<Self> {
         let mut prepared = Self::unverified(problem, kept, monitor)?;
         if let (Some(fe), false) = (problem.finite_elements(), problem.is_exponential()) {
@@ -115,18 +114,18 @@ impl PreparedModel {
         Ok(prepared)
     }
 
-    /// Compares two trajectories of the reduced model, as it is asked now, with full finite elements of the apparatus: what a kept model says of itself is of the day it was
-    /// built. `None` without finite elements.
+    /// Compares two trajectories of the present reduced model with full finite elements of the apparatus. The stored error of a kept model dates from its construction.
+    /// `None` without finite elements.
     ///
     /// # Errors
-    /// Whatever the full model refuses.
+    /// Errors of the full-order model.
     pub fn check_now(&self, monitor: &dyn Monitor) -> Result<Option<Verification>> {
         let Some(fe) = self.problem.finite_elements() else { return Ok(None) };
         monitor.stage("checking the reduced model on two full finite-element runs");
         verify(&self.problem, fe, &self.compliance, SLOW_VERIFICATION_RUNS).map(Some)
     }
 
-    /// As [`PreparedModel::new`], verified for the law alone.
+    /// Prepares the model like [`PreparedModel::new`], but verified for the law alone.
     pub fn unverified(problem: &Problem, kept: Option<KeptSurrogate>, monitor: &dyn Monitor) -> Result<Self> {
         let fe = match &*problem.mechanics {
             Mechanics::Instrument { compliance_per_m } => {
@@ -157,7 +156,7 @@ impl PreparedModel {
         })
     }
 
-    /// A problem with a compliance that is known, and the ranges of the law's parameters in which it may be asked.
+    /// Model of a problem with a given compliance and the valid ranges of the law's parameters.
     pub fn given(problem: &Problem, compliance: Compliance, trained: Vec<TrainedRange>) -> Self {
         Self {
             problem: problem.clone(),
@@ -170,7 +169,7 @@ impl PreparedModel {
         }
     }
 
-    /// What stands for another program, for models with any of some effects.
+    /// Surrogate of an external program, for models with any of some effects.
     pub fn of_outside(
         problem: &Problem,
         own: &Outside,
@@ -185,10 +184,11 @@ impl PreparedModel {
         Ok(Self { learnt_error: Some(over_noise), ..Self::given(problem, compliance, trained) })
     }
 
-    /// The model whose compliance serves some effects of a library as well: trained over the widest range of Poisson ratios that one of them asks for, with the models of all their fields.
+    /// Model whose compliance serves additional effects of a library. It is trained over the widest range of Poisson ratios that any of them needs, and contains the models
+    /// of all their fields.
     ///
     /// # Errors
-    /// Whatever building these models refuses.
+    /// Errors of building these models.
     pub fn for_effects(
         problem: &Problem,
         library: &Library,
@@ -206,7 +206,7 @@ impl PreparedModel {
         Ok(Self { compliance: with_fields(widest.compliance.clone(), &fields), problem: problem.clone(), ..widest })
     }
 
-    /// The surrogate with the hash of what it was built from.
+    /// Surrogate with the hash of its inputs.
     pub fn to_keep(&self) -> Result<Option<KeptSurrogate>> {
         let problem = &self.problem;
         let (Some(fe), Some(surrogate)) = (problem.finite_elements(), self.surrogate.clone()) else { return Ok(None) };
@@ -216,7 +216,7 @@ impl PreparedModel {
     }
 }
 
-/// The law's surrogate with what it was built from: a kept one where that was the same, in the study or in the cache, else a new one.
+/// Surrogate of the law with its inputs. A kept one from the study or the cache is used if its inputs are the same, otherwise a new one is trained.
 pub fn surrogate(
     problem: &Problem,
     fe: &FiniteElements,
@@ -231,7 +231,7 @@ pub fn surrogate(
     let cached = || cache::read::<Surrogate>(&built_from, monitor).filter(Surrogate::is_whole);
     let surrogate = match kept.or_else(cached) {
         Some(kept) => {
-            monitor.stage("taking the surrogate that is there");
+            monitor.stage("using the kept surrogate");
             kept
         }
         None => {
@@ -244,13 +244,13 @@ pub fn surrogate(
     Ok((built_from, surrogate))
 }
 
-/// What the surrogate that a problem takes is built from.
+/// Inputs of a problem's surrogate.
 pub fn surrogate_built_from(problem: &Problem, fe: &FiniteElements) -> Result<BuiltFrom> {
     let (law, parameters) = training_law(problem)?;
     Ok(built_from(fe, &training(problem, fe, law, &parameters)?))
 }
 
-/// The models of fields that effects ask for: kept ones where they were built from the same, in the study or in the cache, else new ones.
+/// Field models that effects need. Kept ones from the study or the cache are used if their inputs are the same, otherwise new ones are built.
 pub fn field_models(
     fe: &FiniteElements,
     kept: Option<&KeptSurrogate>,
@@ -269,7 +269,7 @@ pub fn field_models(
     Ok(fields)
 }
 
-/// The model of the field that one effect asks for: a kept one where it was built from the same, else a new one.
+/// Field model that one effect needs: a kept one if its inputs are the same, otherwise a new one.
 pub fn field_model(fe: &FiniteElements, effect: &'static dyn Effect, monitor: &dyn Monitor) -> Result<FieldModels> {
     let built_from = field_built_from(fe, effect.slug());
     let cached = cache::read::<FieldModels>(&built_from, monitor);
@@ -284,24 +284,24 @@ pub fn field_model(fe: &FiniteElements, effect: &'static dyn Effect, monitor: &d
     Ok(built)
 }
 
-/// What the model of an effect's field is built from: the apparatus alone.
+/// Inputs of an effect's field model, which depend only on the apparatus.
 pub fn field_built_from(fe: &FiniteElements, slug: &str) -> BuiltFrom {
     fields_built_from(fe).with("effect", slug)
 }
 
-/// The compliance with the terms of fields.
+/// Compliance with the terms of fields.
 pub fn with_fields(compliance: Compliance, fields: &FieldModels) -> Compliance {
     let fields = Arc::new(fields.clone());
     compliance.with_spread(move |stages| fields.spread(stages))
 }
 
 impl PreparedModel {
-    /// The same reduced model for a problem that differs in its positions, cycles or priors alone.
+    /// Reduced model for a problem that differs only in its positions, cycles or priors.
     pub fn for_problem(&self, problem: Problem) -> Self {
         Self { problem, ..self.clone() }
     }
 
-    /// Log-posterior of the calibration cycles by the reduced model. A law that is not linear remembers its trajectories.
+    /// Log posterior of the fitted cycles by the reduced model. A nonlinear law stores its trajectories.
     pub fn posterior(&self) -> ReducedPosterior<'_> {
         let problem = &self.problem;
         let record = &problem.experiment.record;
@@ -318,13 +318,13 @@ impl PreparedModel {
         ReducedPosterior::new(parts, FittedRecord { time_s, force, recording: &problem.recordings(), observed_m })
     }
 
-    /// The reduced forward model over the whole record.
+    /// Reduced forward model over the whole record.
     pub fn forward(&self) -> ReducedForward<'_> {
         let record = &self.problem.experiment.record;
         self.forward_over(Response::new(&record.time_s, record.force(), record.n_rows()))
     }
 
-    /// The same over the first rows, by the compliance that the posterior takes.
+    /// Reduced forward model over the first rows, with the compliance of the posterior.
     pub fn forward_up_to(&self, n_rows: usize) -> ReducedForward<'_> {
         let record = &self.problem.experiment.record;
         let (time_s, force) = (&record.time_s, record.force());
@@ -332,18 +332,18 @@ impl PreparedModel {
         ReducedForward { compliance, ..self.forward_over(Response::new(time_s, force, n_rows)) }
     }
 
-    /// The same over the rows of a response.
+    /// Reduced forward model over the rows of a response.
     pub(super) fn forward_over(&self, response: Response) -> ReducedForward<'_> {
         let compliance = self.compliance.clone();
         ReducedForward { model: &self.problem.model, compliance, response, trained: &self.trained }
     }
 }
 
-/// What a library's effects ask for beside a problem: the problem with the widest range of Poisson ratios, where one of them asks for more than the problem itself; and all whose fields are
-/// modelled, its own first.
+/// Requirements of a library's effects beyond a problem's own. The first value is the problem with the widest range of Poisson ratios, if an effect needs more than the
+/// problem itself. The second lists all effects whose fields are modelled, the problem's own first.
 ///
 /// # Errors
-/// Whatever the stages of a model refuse.
+/// Errors of a model's stages.
 pub fn asked_for(
     problem: &Problem,
     fe: &FiniteElements,
@@ -362,14 +362,14 @@ pub fn asked_for(
         wanted.push(*effect);
         let asked = extended.poisson_ratios(fe)?;
         if asked[0] < own[0] || asked[1] > own[1] {
-            // One effect at most asks for another ratio.
+            // At most one effect needs another ratio.
             widest = Some(extended);
         }
     }
     Ok((widest, wanted))
 }
 
-/// The law of the training runs. The modes do not depend on it, so a network's are trained by the Lethersich law over its default prior.
+/// Law of the training runs. The modes do not depend on it, so a network is trained with the Lethersich law over its default prior.
 fn training_law(problem: &Problem) -> Result<(BaseLaw, Vec<TrainedRange>)> {
     let law = problem.model.base();
     if law.is_exponential() {
@@ -382,8 +382,8 @@ fn training_law(problem: &Problem) -> Result<(BaseLaw, Vec<TrainedRange>)> {
     Ok((law, ranges.map(|(p, (lower, upper))| TrainedRange { name: p.name.into(), lower, upper }).collect()))
 }
 
-/// Training on the load up to the last calibration row: what comes after is left to the held-out check. The modes are those of the law alone,
-/// over all Poisson ratios that the model asks for, since no other effect of this program changes the field.
+/// Training load up to the last fitted row; later rows are left to the held-out check. The modes are those of the law alone over all Poisson ratios of the model, since no
+/// other built-in effect changes the field.
 fn training<'a>(
     problem: &'a Problem,
     fe: &FiniteElements,
@@ -395,23 +395,23 @@ fn training<'a>(
     Ok(Training { law, parameters, poisson_ratio, time_s, force, tolerance: POD_TOLERANCE })
 }
 
-/// Times and forces up to the last calibration row.
+/// Times and forces up to the last fitted row.
 pub fn training_load(problem: &Problem) -> (&[f64], Force<'_>) {
     let Experiment { record, calibration_cycles, .. } = &problem.experiment;
     let n_rows = record.cycle.iter().rposition(|cycle| calibration_cycles.contains(cycle)).map_or(0, |last| last + 1);
     (&record.time_s[..n_rows], record.force().first(n_rows))
 }
 
-/// What full finite elements say of a reduced model.
+/// Comparison of a reduced model with full finite elements.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Verification {
-    /// Full-order runs that it was compared with.
+    /// Number of full-order runs.
     pub n_runs: usize,
     /// Largest distance of the reduced from the full-order trajectory, relative to the latter's amplitude.
     pub relative_error: f64,
 }
 
-/// Compares the reduced model with its effects with the full-order one at Sobol points of the priors. Points at which an effect has no model are left out.
+/// Compares the reduced model and its effects with the full-order model at Sobol points of the priors. Points at which an effect has no model are left out.
 fn verify(problem: &Problem, fe: &FiniteElements, compliance: &Compliance, n_runs: u32) -> Result<Verification> {
     let (time_s, force) = training_load(problem);
     let model = &problem.model;
@@ -436,7 +436,7 @@ fn verify(problem: &Problem, fe: &FiniteElements, compliance: &Compliance, n_run
     Ok(Verification { n_runs: errors.len(), relative_error: errors.into_iter().fold(0.0, f64::max) })
 }
 
-/// What models of fields are built from: the mesh, sizes, weights and the Poisson ratio.
+/// Inputs of field models: the mesh, sizes, weights and the Poisson ratio.
 fn fields_built_from(fe: &FiniteElements) -> BuiltFrom {
     BuiltFrom::new("displacement field")
         .with_mesh(&fe.mesh)
@@ -444,7 +444,7 @@ fn fields_built_from(fe: &FiniteElements) -> BuiltFrom {
         .with("poisson_ratio", fe.poisson_ratio)
 }
 
-/// What a law's surrogate is built from: the mesh and everything in the training.
+/// Inputs of a law's surrogate: the mesh and the whole training.
 fn built_from(fe: &FiniteElements, training: &Training) -> BuiltFrom {
     let Training { law, parameters, poisson_ratio, time_s, force, tolerance } = training;
     BuiltFrom::new("surrogate")

@@ -1,4 +1,4 @@
-//! Priors: `priors/<name>.toml`, one table a parameter (formats §2).
+//! Priors from `priors/<name>.toml`, with one table per parameter (formats §2).
 
 use std::path::{Path, PathBuf};
 
@@ -11,10 +11,10 @@ use base::parameter::{NOISE_SD, ParameterSpec};
 use base::toml_input::{Table, TomlInput, text_of};
 use laws::rheology::{InterchangeableParts, LETHERSICH};
 
-/// The base law's parameters (physics §2) and the white noise, in the order used everywhere.
+/// Parameters of the base law (physics §2) and the white noise, in the order used everywhere.
 pub const BASE_PARAMETERS: &[ParameterSpec] = &[LETHERSICH[0], LETHERSICH[1], LETHERSICH[2], NOISE_SD];
 
-/// Priors that come with the program: name and text.
+/// Built-in priors: name and text.
 const EMBEDDED: &[(&str, &str)] = &[
     ("porcine", include_str!("../../../priors/porcine.toml")),
     ("sharif-kashani-2011", include_str!("../../../priors/sharif-kashani-2011.toml")),
@@ -26,20 +26,20 @@ const EMBEDDED: &[(&str, &str)] = &[
     ("generic", include_str!("../../../priors/generic.toml")),
 ];
 
-/// The prior of one parameter.
+/// Prior of one parameter.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Prior {
     /// Parameter name.
     pub name: String,
-    /// Its distribution, in `unit`.
+    /// Distribution, in `unit`.
     pub distribution: Distribution,
     /// Unit of the parameter.
     pub unit: String,
-    /// Where the numbers come from.
+    /// Source of the numbers.
     pub source: String,
 }
 
-/// Prior of a parameter that a file leaves out, given those of the parameters before it.
+/// Default prior of a parameter that a file leaves out, given the priors of the parameters before it.
 pub type DefaultPrior<'a> = dyn Fn(&ParameterSpec, &[Prior]) -> Option<Prior> + 'a;
 
 fn no_default(_: &ParameterSpec, _: &[Prior]) -> Option<Prior> {
@@ -52,27 +52,27 @@ pub struct PriorSet {
     name: String,
     text: String,
     priors: Vec<Prior>,
-    /// One for each prior, worked out once because the sampler asks millions of times.
+    /// Density of each prior, computed once because the sampler uses it millions of times.
     densities: Vec<UnconstrainedDensity>,
-    /// Interchangeable parts of the law, with the places of their parameters among the priors. They stand in order, so that each name means one part.
+    /// Interchangeable parts of the law, with the indices of their parameters among the priors. The parts are kept in order, so that each name means one part.
     ordered: Vec<(InterchangeableParts, Vec<Vec<usize>>)>,
 }
 
 impl PriorSet {
-    /// Names of the priors that come with the program; the first is the default.
+    /// Names of the built-in priors; the first is the default.
     pub fn embedded_names() -> impl Iterator<Item = &'static str> {
         EMBEDDED.iter().map(|(name, _)| *name)
     }
 
-    /// An embedded prior of the base law, by name.
+    /// Built-in prior of the base law, by name.
     ///
     /// # Errors
-    /// [`Error::Input`] if no embedded prior has this name.
+    /// [`Error::Input`] if no built-in prior has this name.
     pub fn named(name: &str) -> Result<Self> {
         if Self::embedded_names().any(|known| known == name) { Self::read(name) } else { Err(unknown_name(name)) }
     }
 
-    /// Priors of the base law from an embedded name or a file.
+    /// Reads priors of the base law, by a built-in name or from a file.
     ///
     /// # Errors
     /// [`Error::Input`] for an unknown name or an unacceptable file, [`Error::File`] for an unreadable one.
@@ -80,11 +80,11 @@ impl PriorSet {
         Self::read_for(name_or_file, BASE_PARAMETERS, &[], &no_default)
     }
 
-    /// Priors of the `wanted` parameters from an embedded name or a file, which may hold those of `others`, too; what it leaves out is asked
-    /// for from `default`.
+    /// Reads priors of the `wanted` parameters, by a built-in name or from a file, which may also hold priors of `others`. `default` gives the priors that are missing in
+    /// it.
     ///
     /// # Errors
-    /// As [`PriorSet::read`].
+    /// Errors of [`PriorSet::read`].
     pub fn read_for(
         name_or_file: &str,
         wanted: &[ParameterSpec],
@@ -97,10 +97,10 @@ impl PriorSet {
         Ok(set)
     }
 
-    /// Names and units of the parameters that a prior's name or file has priors of, in the order in which they stand there.
+    /// Names and units of the parameters in a built-in prior or file, in its order.
     ///
     /// # Errors
-    /// As [`PriorSet::read`].
+    /// Errors of [`PriorSet::read`].
     pub fn listed(name_or_file: &str) -> Result<Vec<(String, String)>> {
         let (path, text) = Self::text_named(name_or_file)?;
         let document = TomlInput::parse(&path, &text)?;
@@ -112,10 +112,10 @@ impl PriorSet {
         root.keys_in_order().into_iter().map(entry).collect()
     }
 
-    /// The TOML text of a prior's name or file, and where it stands.
+    /// TOML text of a built-in prior or file, and its path.
     ///
     /// # Errors
-    /// As [`PriorSet::read`].
+    /// Errors of [`PriorSet::read`].
     pub fn text_named(name_or_file: &str) -> Result<(PathBuf, String)> {
         if let Some((name, text)) = EMBEDDED.iter().find(|(name, _)| *name == name_or_file) {
             return Ok((PathBuf::from(format!("priors/{name}.toml")), (*text).to_string()));
@@ -128,11 +128,11 @@ impl PriorSet {
         Ok((path.to_path_buf(), text_of(path, &bytes)?.to_string()))
     }
 
-    /// Priors from TOML in memory; `file` is only named in errors.
+    /// Reads priors from TOML in memory; `file` only serves as a name in errors.
     ///
     /// # Errors
-    /// [`Error::Input`] with file, line, key and remedy for an unknown or missing parameter, a wrong unit, an unknown
-    /// or missing key, impossible numbers, or a distribution that leaves the parameter's support.
+    /// [`Error::Input`] with file, line, key and remedy. It occurs for an unknown or missing parameter or key, a wrong unit, impossible numbers, or a distribution outside
+    /// the parameter's support.
     pub fn from_text(
         file: &Path,
         bytes: &[u8],
@@ -163,12 +163,12 @@ impl PriorSet {
         Ok(Self { name: file.display().to_string(), text: text.to_string(), priors, densities, ordered: Vec::new() })
     }
 
-    /// Name or file as it was asked for.
+    /// Name or file as the user gave it.
     pub fn name(&self) -> &str {
         &self.name
     }
 
-    /// The TOML text the set was read from.
+    /// TOML text of the set.
     pub fn text(&self) -> &str {
         &self.text
     }
@@ -178,7 +178,7 @@ impl PriorSet {
         self.priors.iter().map(|prior| prior.distribution)
     }
 
-    /// The priors in order.
+    /// Priors in order.
     pub fn priors(&self) -> &[Prior] {
         &self.priors
     }
@@ -188,12 +188,12 @@ impl PriorSet {
         self.priors.iter().map(|prior| prior.name.as_str())
     }
 
-    /// The prior of a parameter.
+    /// Prior of a parameter.
     pub fn get(&self, name: &str) -> Option<&Prior> {
         self.priors.iter().find(|prior| prior.name == name)
     }
 
-    /// The set without the parameters in `fixed`.
+    /// Set without the parameters in `fixed`.
     pub fn without(&self, fixed: &[&str]) -> Self {
         let mut left = self.clone();
         left.priors.retain(|prior| !fixed.contains(&prior.name.as_str()));
@@ -201,7 +201,7 @@ impl PriorSet {
         left.with_order(self.ordered.iter().map(|(parts, _)| parts.clone()).collect())
     }
 
-    /// The set with others after its own.
+    /// Set with others after its own priors.
     pub fn with(&self, others: &[Prior]) -> Self {
         let mut all = self.clone();
         all.priors.extend(others.iter().cloned());
@@ -209,8 +209,8 @@ impl PriorSet {
         all
     }
 
-    /// The set with interchangeable parts in order, where their priors are equal. Otherwise their parameters would be exchanged from draw to draw, and each would
-    /// have the distribution of both.
+    /// Set with interchangeable parts in order, if their priors are equal. Otherwise their parameters would be exchanged from draw to draw, and each would have the
+    /// distribution of both.
     pub fn with_order(mut self, groups: Vec<InterchangeableParts>) -> Self {
         let place = |spec: &ParameterSpec| self.priors.iter().position(|prior| prior.name == spec.name);
         let placed = |parts: InterchangeableParts| {
@@ -239,7 +239,8 @@ impl PriorSet {
         natural
     }
 
-    /// Multiplies the density by the number of possible orders where interchangeable parts stand in order, and by 0 elsewhere. `natural` gives a value by its place and its point.
+    /// Multiplies the density by the number of possible orders if interchangeable parts are in order, and by 0 otherwise. `natural` gives a value by its index and its
+    /// point.
     fn add_ln_order(&self, natural: impl Fn(usize, usize) -> f64, log_density: &mut [f64]) {
         for (group, places) in &self.ordered {
             let ln_orders: f64 = (1..=places.len()).map(|n| (n as f64).ln()).sum();
@@ -253,7 +254,7 @@ impl PriorSet {
         }
     }
 
-    /// Adds the log-density of natural values to each point of a batch, laid out as in [`Self::add_ln_pdf_unconstrained`].
+    /// Adds the log density of natural values to each point of a batch, laid out as in [`Self::add_ln_pdf_unconstrained`].
     pub fn add_ln_pdf(&self, points: &[f64], log_density: &mut [f64]) {
         let n = log_density.len();
         for (prior, values) in self.priors.iter().zip(points.chunks_exact(n.max(1))) {
@@ -262,18 +263,18 @@ impl PriorSet {
         self.add_ln_order(|place, point| points[place * n + point], log_density);
     }
 
-    /// For each parameter the interval that leaves `tail` on either side.
+    /// Interval of each parameter that leaves `tail` on either side.
     pub fn box_quantiles(&self, tail: f64) -> Vec<(f64, f64)> {
         let ends = |prior: &Prior| (prior.distribution.quantile(tail), prior.distribution.quantile(1.0 - tail));
         self.priors.iter().map(ends).collect()
     }
 
-    /// One draw of every parameter, in natural units.
+    /// Draws every parameter once, in natural units.
     pub fn draw(&self, rng: &mut (impl Rng + ?Sized)) -> Vec<f64> {
         self.ordered(self.priors.iter().map(|prior| prior.distribution.draw(rng)).collect())
     }
 
-    /// The sampler's coordinates of natural values, in order.
+    /// Sampler coordinates of natural values, in order.
     pub fn to_unconstrained(&self, natural: &[f64]) -> Vec<f64> {
         self.priors.iter().zip(natural).map(|(prior, x)| prior.distribution.to_unconstrained(*x)).collect()
     }
@@ -283,8 +284,7 @@ impl PriorSet {
         self.priors.iter().zip(z).map(|(prior, z)| prior.distribution.from_unconstrained(*z)).collect()
     }
 
-    /// Adds the log-density of the sampler's coordinates to each point of a batch: coordinate d of point i stands at
-    /// `points[d * n + i]`, n = `log_density.len()`.
+    /// Adds the log density of the sampler's coordinates to each point of a batch. Coordinate d of point i is at `points[d * n + i]`, with n = `log_density.len()`.
     pub fn add_ln_pdf_unconstrained(&self, points: &[f64], log_density: &mut [f64]) {
         let n = log_density.len();
         if n == 0 {
@@ -338,7 +338,7 @@ fn prior_from(table: Table<'_>, spec: &ParameterSpec) -> Result<Prior> {
     Ok(Prior { name: spec.name.to_string(), distribution, unit, source })
 }
 
-/// The distribution of a table with `distribution` and its numbers; `unit` and `source` may stand beside them.
+/// Distribution of a table with `distribution` and its numbers. The table may also have `unit` and `source`.
 ///
 /// # Errors
 /// [`Error::Input`] with file, line, key and remedy.
@@ -395,10 +395,9 @@ fn distribution_from(table: Table<'_>, kind: &str) -> Result<Distribution> {
     })
 }
 
-/// Sizes that a number of a prior can have in the units that there are; what lies outside is a slip, and would leave the range of floating-point
-/// numbers in a power or a ratio.
+/// Range of sizes of a prior's numbers in all units. A number outside it is a mistake and would leave the range of floating-point numbers in a power or a ratio.
 const SIZES: [f64; 2] = [1e-30, 1e15];
-/// The same for numbers without a unit that say how wide or which shape.
+/// Ranges of numbers without a unit, which give a width or a shape.
 const SHAPES: [(&str, [f64; 2]); 3] = [("log_sd", [1e-6, 20.0]), ("alpha", [1e-3, 1e6]), ("beta", [1e-3, 1e6])];
 
 fn refuse_absurd(table: Table<'_>) -> Result<()> {
@@ -410,7 +409,7 @@ fn refuse_absurd(table: Table<'_>) -> Result<()> {
         if value != 0.0 && !(smallest..=largest).contains(&value.abs()) {
             return Err(table.refuse(
                 key,
-                format!("{value:e} is not a size that this number can have"),
+                format!("{value:e} is outside the possible sizes of this number"),
                 format!("give a number between {smallest:e} and {largest:e}; check the unit"),
             ));
         }
@@ -418,7 +417,7 @@ fn refuse_absurd(table: Table<'_>) -> Result<()> {
     Ok(())
 }
 
-/// By median and log_sd, or by the mean and sd of the parameter itself as papers print them.
+/// Log-normal by median and log_sd, or by the mean and sd of the parameter itself, as papers print them.
 fn log_normal_from(table: Table<'_>) -> Result<Distribution> {
     let has_moments = table.has("mean") || table.has("sd");
     let has_median = table.has("median") || table.has("log_sd");

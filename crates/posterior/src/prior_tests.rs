@@ -38,7 +38,7 @@ fn every_embedded_prior_is_complete_and_says_where_it_comes_from() {
     assert_eq!(PriorSet::embedded_names().next(), Some("porcine"));
 }
 
-/// Each file in `priors/` comes with the program and is named where users read of priors.
+/// Each file in `priors/` is built in and named in the users' documentation of priors.
 #[test]
 fn every_prior_file_is_embedded_and_documented() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
@@ -81,7 +81,7 @@ fn published_moments_are_those_of_the_literature() {
         ("lee-1994", "viscosity_1_pa_s", 0.599, 0.30 * 0.599),
         ("lee-1994", "viscosity_2_pa_s", 8.402, 0.36 * 8.402),
         ("sharif-kashani-2011", "young_modulus_pa", 1.66, 0.96),
-        // 2 (1 + ν) G′ of Nickerson et al. 2008.
+        // The factor is 2 (1 + ν) of G′ in Nickerson et al. 2008.
         ("nickerson-2008-porcine", "young_modulus_pa", 2.96 * 2.8, 2.96 * 0.9),
         ("nickerson-2008-bovine", "young_modulus_pa", 2.96 * 7.0, 2.96 * 2.0),
     ];
@@ -97,7 +97,7 @@ fn values_published_without_spread_are_medians() {
     let is_median = |prior: &str, parameter: &str, value: f64| {
         let distribution = PriorSet::named(prior).unwrap().get(parameter).unwrap().distribution;
         assert_eq!(distribution, Distribution::LogNormal { median: value, log_sd: 0.7 }, "{prior}: {parameter}");
-        // Called a factor of 2.
+        // This spread is called a factor of 2.
         assert!((0.7_f64.exp() - 2.0).abs() < 0.02);
     };
     for (parameter, value) in LETHERSICH.iter().zip([3.527, 1.402, 47.370]) {
@@ -107,7 +107,7 @@ fn values_published_without_spread_are_medians() {
     is_median("sharif-kashani-2011", "viscosity_2_pa_s", 70.0);
 }
 
-/// What a publication leaves open is the default prior's, and says that it is assumed.
+/// Parameters without a published value have the default prior, and their source says that it is assumed.
 #[test]
 fn parameters_that_a_publication_leaves_open_are_the_porcine_prior_s() {
     let porcine = PriorSet::named("porcine").unwrap();
@@ -121,8 +121,8 @@ fn parameters_that_a_publication_leaves_open_are_the_porcine_prior_s() {
     }
 }
 
-/// Creep and relaxation of one material: s G̃(s) · s J̃(s) = 1 at every s, with the published relaxation on one side and on the other the
-/// file's Kelvin–Voigt body after the instantaneous spring.
+/// Creep and relaxation of one material fulfil s G̃(s) · s J̃(s) = 1 at every s. One side is the published relaxation, the other the file's Kelvin–Voigt body after the
+/// instantaneous spring.
 #[test]
 fn the_aboulatta_prior_creeps_as_the_published_relaxation() {
     let (g0, g_inf, decay) = (2.10, 0.50, 1.20);
@@ -131,12 +131,12 @@ fn the_aboulatta_prior_creeps_as_the_published_relaxation() {
     let (c1, c1_sd) = moments(&set, "viscosity_1_pa_s");
     for s in [0.0, 0.05, 0.3, 1.0, 7.0, 400.0] {
         let relaxation = g_inf + (g0 - g_inf) * s / (s + decay);
-        // 2 (1 + ν) = 2.96 turns the compliance under uniaxial stress into that under shear.
+        // 2 (1 + ν) = 2.96 converts the compliance under uniaxial stress into that under shear.
         let creep = 1.0 / g0 + 2.96 / (e + c1 * s);
         assert!((relaxation * creep - 1.0).abs() < 1e-9, "s = {s}");
     }
     assert!((2.96_f64.recip() * e - 0.65625).abs() < 1e-9 && (c1 / e - 3.5).abs() < 1e-9);
-    // First-order spreads, by central differences.
+    // First-order spreads are computed by central differences.
     let derived = |g: [f64; 3]| {
         let e = 2.96 / (1.0 / g[1] - 1.0 / g[0]);
         [e, e * g[0] / (g[2] * g[1])]
@@ -177,7 +177,7 @@ fn a_parameter_left_out_takes_its_default_and_a_given_one_overrides_it() {
     };
     let defaults = [default("fraction"), default("young_modulus_pa")];
     let of_spec = |spec: &ParameterSpec, before: &[Prior]| {
-        // What comes before is there already.
+        // Earlier parameters already have their priors.
         assert_eq!(before.len(), usize::from(spec.name == "fraction"));
         defaults.iter().find(|prior| prior.name == spec.name).cloned()
     };
@@ -266,7 +266,8 @@ fn boxes_batches_and_subsets_agree_with_the_single_priors() {
     }
 }
 
-/// Two springpots in parallel under one prior: the density is doubled in one order and nothing in the other, and every draw is in order. Where their priors differ, nothing is ordered.
+/// Two springpots in parallel under one prior: the density is doubled in one order and 0 in the other, and every draw is in order. With different priors, nothing is
+/// ordered.
 #[test]
 fn interchangeable_parts_stand_in_order() {
     let text = "parallel = [{ springpot = \"fast\" }, { springpot = \"slow\" }]";
@@ -298,7 +299,7 @@ fn interchangeable_parts_stand_in_order() {
         by_value[0] - each
     };
     let alike = of(Distribution::Uniform { lower: 0.0, upper: 1.0 });
-    // Of two springpots in parallel the one of higher order acts faster.
+    // In two parallel springpots, the one of higher order acts faster.
     assert!((ln_density(&alike, &[2.0, 0.8, 5.0, 0.3]) - 2.0_f64.ln()).abs() < 1e-12);
     assert_eq!(ln_density(&alike, &[5.0, 0.3, 2.0, 0.8]), f64::NEG_INFINITY);
     assert_eq!(alike.ordered(vec![5.0, 0.3, 2.0, 0.8]), [2.0, 0.8, 5.0, 0.3]);

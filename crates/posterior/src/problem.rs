@@ -1,4 +1,4 @@
-//! An experiment and a model joined: what is fitted, by which law, under which priors, with which mechanics.
+//! An experiment joined with its model: data, law, effects, priors, noise and mechanics.
 
 use std::sync::Arc;
 
@@ -21,25 +21,25 @@ use record::{Apparatus, Experiment};
 /// Prior mass beyond either end of the surrogate's trained range; the prior is truncated there.
 pub const TAIL_MASS: f64 = 1e-9;
 
-/// An experiment, a model of it, and the mechanics made computable.
+/// An experiment, its model, and computable mechanics.
 #[derive(Clone)]
 pub struct Problem {
-    /// What was measured.
+    /// Experiment with its record.
     pub experiment: Experiment,
-    /// The model as it is written down.
+    /// Specification of the model.
     pub specification: ModelSpecification,
-    /// Its law and effects.
+    /// Law and effects.
     pub model: Model,
-    /// Its noise.
+    /// Noise model.
     pub noise: NoiseModel,
     /// Priors of the sampled parameters.
     pub priors: PriorSet,
-    /// Finite elements or an instrument; shared by the models of one experiment.
+    /// Finite elements, an instrument or an external program; shared by the models of one experiment.
     pub mechanics: Arc<Mechanics>,
 }
 
 impl Problem {
-    /// Checks the model against the experiment and builds the mechanics, with the program's own effects.
+    /// Checks the model against the experiment and builds the mechanics, with the built-in effects.
     pub fn new(
         experiment: Experiment,
         specification: ModelSpecification,
@@ -49,7 +49,7 @@ impl Problem {
         Self::with_library(experiment, specification, &Library::default(), mesh_file, monitor)
     }
 
-    /// The same with another library of effects.
+    /// Checks the model against the experiment and builds the mechanics, with another library of effects.
     pub fn with_library(
         experiment: Experiment,
         specification: ModelSpecification,
@@ -61,13 +61,13 @@ impl Problem {
         let mechanics = match checked.model.base().outside() {
             Some(law) => {
                 refuse_mesh_outside(mesh_file)?;
-                monitor.stage(&format!("asking {}", law.url()));
+                monitor.stage(&format!("connecting to {}", law.url()));
                 let medians = checked.medians(law.parameters());
                 Mechanics::Outside(Box::new(Outside::connect(law, &experiment.record, &medians)?))
             }
             None => {
                 if matches!(experiment.apparatus, Apparatus::Robot { .. }) {
-                    monitor.stage("meshing and assembling the finite elements");
+                    monitor.stage("meshing the body and assembling the finite elements");
                 }
                 Mechanics::new(&experiment.apparatus, mesh_file)?
             }
@@ -81,10 +81,10 @@ impl Problem {
         Ok(Self { experiment, specification, model, noise, priors, mechanics: Arc::new(mechanics) })
     }
 
-    /// The same with mechanics that are there already.
+    /// Checks the model against the experiment and joins it with existing mechanics.
     ///
     /// # Errors
-    /// [`Error::Input`] when the model cannot be one of the experiment.
+    /// [`Error::Input`] if the model does not suit the experiment.
     pub fn with_mechanics(
         experiment: Experiment,
         specification: ModelSpecification,
@@ -97,23 +97,23 @@ impl Problem {
         Ok(Self { experiment, specification, model, noise, priors, mechanics })
     }
 
-    /// Another model of the same experiment by the same mechanics.
+    /// Joins another model with this experiment and these mechanics.
     ///
     /// # Errors
-    /// [`Error::Input`] when it cannot be one of this experiment.
+    /// [`Error::Input`] if the model does not suit the experiment.
     pub fn with_model(&self, specification: ModelSpecification, library: &Library) -> Result<Self> {
         self.with(self.experiment.clone(), specification, library)
     }
 
-    /// Another model, or other positions, of the same apparatus.
+    /// Joins another model, or other positions, with the same apparatus.
     ///
     /// # Errors
-    /// [`Error::Input`] when the model cannot be one of the experiment.
+    /// [`Error::Input`] if the model does not suit the experiment.
     pub fn with(&self, experiment: Experiment, specification: ModelSpecification, library: &Library) -> Result<Self> {
         Self::with_mechanics(experiment, specification, library, self.mechanics.clone())
     }
 
-    /// The same model under the same priors with other positions (m) at the record's rows. What a prior takes from the range of positions stays that of the record that it was made for.
+    /// Replaces the positions (m) at the record's rows and keeps model and priors. A prior that depends on the range of positions keeps the range of the original record.
     pub fn with_positions(&self, position_m: Vec<Option<f64>>) -> Self {
         let mut experiment = self.experiment.clone();
         experiment.record.position_m = position_m;
@@ -127,17 +127,17 @@ impl Problem {
         }
     }
 
-    /// The model's parameters, then the noise's.
+    /// Parameters of the model, then of the noise.
     pub fn parameters(&self) -> Vec<ParameterSpec> {
         self.model.parameters().iter().copied().chain(self.noise.parameters()).collect()
     }
 
-    /// Whether the model is a law alone that is a finite sum of exponentials: the exponential step is then exact while the force holds.
+    /// Returns true if the model is a law alone and a finite sum of exponentials. The exponential step is then exact while the force holds.
     pub fn is_exponential(&self) -> bool {
         self.model.is_law_alone() && self.model.base().is_exponential()
     }
 
-    /// The finite elements, if there are any.
+    /// Finite elements, if the mechanics have any.
     pub fn finite_elements(&self) -> Option<&FiniteElements> {
         match &*self.mechanics {
             Mechanics::FiniteElements(fe) => Some(fe),
@@ -145,7 +145,7 @@ impl Problem {
         }
     }
 
-    /// The other program, if the law is one.
+    /// External program, if the law is one.
     pub fn outside(&self) -> Option<&Outside> {
         match &*self.mechanics {
             Mechanics::Outside(outside) => Some(outside),
@@ -153,13 +153,13 @@ impl Problem {
         }
     }
 
-    /// It as a forward model over the whole record.
+    /// Forward model of the external program over the whole record.
     pub fn outside_forward(&self) -> Option<OutsideForward<'_>> {
         let record = &self.experiment.record;
         self.outside().map(|own| OutsideForward::new(own, &self.model, &record.time_s, record.force()))
     }
 
-    /// The range that the prior gives a parameter but for `tail` on either side, or its fixed value.
+    /// Range of a parameter's prior without `tail` on either side, or its fixed value.
     pub fn range_of(&self, name: &str, tail: f64) -> TrainedRange {
         let (lower, upper) = match self.priors.get(name) {
             Some(prior) => (prior.distribution.quantile(tail), prior.distribution.quantile(1.0 - tail)),
@@ -171,25 +171,25 @@ impl Problem {
         TrainedRange { name: name.to_string(), lower, upper }
     }
 
-    /// The range of a parameter of another program that was learnt, once it is.
+    /// Learnt range of an external program's parameter, once the program is learnt.
     pub fn learnt_range(&self, name: &str) -> Option<&TrainedRange> {
         let trained = &self.outside()?.learnt_in()?.trained;
         trained.iter().find(|range| range.name == name && range.lower < range.upper)
     }
 
-    /// By what starts of a parameter are chosen: its prior, or the range that another program was learnt in.
+    /// Distribution of the starts of a parameter: its prior, or the range in which an external program was learnt.
     pub fn starts_of(&self, name: &str) -> Option<Distribution> {
         let prior = self.priors.get(name)?.distribution;
         let learnt = self.learnt_range(name);
         Some(learnt.map_or(prior, |range| Distribution::LogUniform { lower: range.lower, upper: range.upper }))
     }
 
-    /// Ranges of the law's parameters on which a surrogate is trained: the prior's box, or a fixed value.
+    /// Training ranges of the law's parameters for a surrogate: the prior's box, or a fixed value.
     pub fn training_ranges(&self) -> Vec<TrainedRange> {
         self.model.base().parameters().iter().map(|p| self.range_of(p.name, TAIL_MASS)).collect()
     }
 
-    /// The Poisson ratios that the model asks for, from its stages at both ends of every effect's prior.
+    /// Poisson ratios that the model needs, from its stages at both ends of every effect's prior.
     pub fn poisson_ratios(&self, fe: &FiniteElements) -> Result<[f64; 2]> {
         let specs = self.model.parameters();
         let middle: Vec<Dual> = specs.iter().map(|p| self.range_of(p.name, 0.5).lower.into()).collect();
@@ -199,7 +199,7 @@ impl Problem {
             for end in [range.lower, range.upper] {
                 let mut parameters = middle.clone();
                 parameters[index] = end.into();
-                // Where an effect has no model, it asks for no ratio.
+                // An effect without a model at these parameters needs no ratio.
                 let asked = self.model.stages(&parameters).ok().and_then(|stages| stages.poisson_ratio);
                 if let Some(ratio) = asked {
                     ratios = [ratios[0].min(ratio.value), ratios[1].max(ratio.value)];
@@ -209,7 +209,7 @@ impl Problem {
         Ok(ratios)
     }
 
-    /// Positions of some cycles, `None` elsewhere.
+    /// Positions of some cycles; `None` elsewhere.
     pub fn positions_of(&self, cycles: &[u32]) -> Vec<Option<f64>> {
         let record = &self.experiment.record;
         let pairs = record.position_m.iter().zip(&record.cycle);
@@ -217,18 +217,18 @@ impl Problem {
         pairs.map(|(position, cycle)| position.filter(|_| is_wanted(*cycle))).collect()
     }
 
-    /// Number of the recording of each row: what gains and offsets belong to.
+    /// Recording number of each row. Gains and offsets belong to recordings.
     pub fn recordings(&self) -> Vec<u32> {
         recordings(&self.experiment.record)
     }
 
-    /// The likelihood of some cycles' positions under the model's noise.
+    /// Likelihood of some cycles' positions under the model's noise.
     pub fn noise_likelihood(&self, cycles: &[u32]) -> NoiseLikelihood {
         let record = &self.experiment.record;
         NoiseLikelihood::new(self.noise, &record.time_s, &self.recordings(), &self.positions_of(cycles))
     }
 
-    /// The full-order forward model over the whole record; `None` for an instrument.
+    /// Full-order forward model over the whole record; `None` without finite elements.
     pub fn full_forward(&self) -> Result<Option<FullForward<'_>>> {
         let record = &self.experiment.record;
         self.finite_elements()
@@ -240,7 +240,7 @@ impl Problem {
     }
 }
 
-/// Some effects need more of a mesh than others.
+/// Refuses an effect whose requirements the mesh does not meet.
 fn refuse_without_mesh(model: &Model, mechanics: &Mechanics) -> Result<()> {
     let fe = match mechanics {
         Mechanics::FiniteElements(fe) => fe,
@@ -257,7 +257,7 @@ fn refuse_without_mesh(model: &Model, mechanics: &Mechanics) -> Result<()> {
     }
 }
 
-/// Masses need the densities of robot and gel.
+/// Refuses an effect with masses if the density of robot or gel is missing.
 fn refuse_without_density(model: &Model, experiment: &Experiment) -> Result<()> {
     let Apparatus::Robot { robot, vitreous } = &experiment.apparatus else { return Ok(()) };
     let missing = [("robot", robot.density_kg_m3), ("vitreous", vitreous.density_kg_m3)];
@@ -265,24 +265,24 @@ fn refuse_without_density(model: &Model, experiment: &Experiment) -> Result<()> 
     match (model.field(), missing) {
         (Some((slug, Field::Pair(pair))), Some((table, _))) if pair.has_mass() => Err(Error::input(
             Place::setting(Setting::Effects),
-            format!("`{slug}` needs a density, and [{table}] states none"),
+            format!("`{slug}` needs a density, but [{table}] has none"),
             format!("add `density_kg_m3` to [{table}] of experiment.toml"),
         )),
         _ => Ok(()),
     }
 }
 
-/// Effects of load need a program that heeds the force.
+/// Refuses effects of load if the external program ignores the force.
 fn refuse_loads_unheeded(model: &Model, outside: &Outside) -> Result<()> {
     let load = model.effects().iter().find(|effect| effect.stage() == Stage::Load);
     match (load, outside.answers_own_force_alone()) {
         (Some(effect), Some(reason)) => Err(Error::input(
             Place::setting(Setting::Effects),
             format!(
-                "`{}` changes the force, and the other program answers the record's own alone: {reason}",
+                "`{}` changes the force, but the external program predicts only under the record's own force: {reason}",
                 effect.slug()
             ),
-            "leave it out; effects of observation work",
+            "leave it out; effects of observation are possible",
         )),
         _ => Ok(()),
     }
@@ -290,12 +290,12 @@ fn refuse_loads_unheeded(model: &Model, outside: &Outside) -> Result<()> {
 
 fn refuse_mesh_outside(mesh_file: Option<&MeshFile>) -> Result<()> {
     mesh_file.map_or(Ok(()), |_| {
-        let found = "the law is another program's, which has no mesh here";
+        let found = "the law is an external program and has no mesh here";
         Err(Error::input(Place::setting(Setting::Mesh), found, "leave it out"))
     })
 }
 
-/// A fixed value inside its support may still be one at which this experiment has no model.
+/// Refuses fixed values at which this experiment has no model, although they lie inside their support.
 fn refuse_fixed_without_model(specification: &ModelSpecification, model: &Model, priors: &PriorSet) -> Result<()> {
     if specification.fixed.is_empty() {
         return Ok(());
@@ -311,7 +311,7 @@ fn refuse_fixed_without_model(specification: &ModelSpecification, model: &Model,
     }
 }
 
-/// A model that can be one of the experiment.
+/// A model that suits the experiment.
 struct Checked {
     specification: ModelSpecification,
     model: Model,
@@ -328,7 +328,7 @@ impl Checked {
     }
 }
 
-/// Law, effects, noise and priors of a model of an experiment; what cannot be is refused.
+/// Checks a model against an experiment and returns its law, effects, noise and priors.
 fn check(experiment: &Experiment, specification: ModelSpecification, library: &Library) -> Result<Checked> {
     let scales = experiment.scales();
     let specification = specification.with_nulls(&scales, library);
@@ -337,7 +337,7 @@ fn check(experiment: &Experiment, specification: ModelSpecification, library: &L
         return Err(Error::input(
             Place::setting(Setting::Effects),
             format!("there is no effect `{unknown}`"),
-            "name effects that `vitreo-uq effects` lists, or give the library that has it",
+            "name effects that `vitreo-uq effects` lists, or give the library that contains it",
         ));
     }
     let model = Model::new(specification.base, effects, scales, &Place::setting(Setting::Effects))?;

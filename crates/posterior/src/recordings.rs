@@ -1,14 +1,14 @@
-//! Parts of a record that were taken in one go: what a gain and an offset of the tracker belong to.
+//! Recordings: parts of a record that were taken without interruption. Each has its own tracker gain and offset.
 
 use record::Record;
 
-/// Gap, over the longer of the intervals beside it, from which on tracking began anew.
+/// Smallest ratio of a gap to the longer of its neighbouring intervals at which a new recording begins.
 const GAP: f64 = 3.0;
-/// Forces that differ by less than this share of the range are the same.
+/// Largest difference of equal forces, as a share of the range.
 const SAME_FORCE: f64 = 1e-9;
 
-/// Number of the recording of each row, from 1. A cycle begins a recording only where the force changes or where there is a gap in time: a cycle that begins
-/// within an unbroken hold is a name for more of the same.
+/// Recording number of each row, from 1. A cycle begins a new recording only if the force changes or a gap in time precedes it. A cycle that begins within an unbroken hold
+/// continues the recording.
 pub fn recordings(record: &Record) -> Vec<u32> {
     let tolerance_n = SAME_FORCE * record.force_range_n();
     let interval_s = |row: usize| row.checked_sub(1).map(|before| record.time_s[row] - record.time_s[before]);
@@ -51,7 +51,7 @@ mod tests {
         assert_eq!(recordings(&record(&time_s, &[2.0; 9], &cycle)), [1; 9]);
         let changed = [2.0, 2.0, 2.0, 2.0, 2.0, 2.0, 1.0, 1.0, 1.0];
         assert_eq!(recordings(&record(&time_s, &changed, &cycle)), [1, 1, 1, 1, 1, 1, 2, 2, 2]);
-        // The force changes within a cycle: that is no new recording.
+        // A change of the force within a cycle begins no new recording.
         let within = [2.0, 2.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0];
         assert_eq!(recordings(&record(&time_s, &within, &cycle)), [1; 9]);
     }

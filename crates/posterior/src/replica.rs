@@ -1,4 +1,4 @@
-//! The embedded experiment: a labelled synthetic replica of the paper's measurement, whose raw data are not public.
+//! Built-in experiment: a labelled synthetic replica of the paper's measurement, whose raw data are not public.
 
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
@@ -17,18 +17,18 @@ const CSV: &str = include_str!("../../../data/porcine-replica/trajectory.csv");
 /// Table I of the paper: E (Pa), c₁ (Pa·s), c₂ (Pa·s).
 pub const TABLE_I: [f64; 3] = [3.527, 1.402, 47.370];
 
-/// Mesh level of the data; the program's own model stands one level below.
+/// Mesh level of the data, one above the level of the fitted model.
 const MESH_LEVEL: usize = 4;
 const N_CYCLES: usize = 4;
 const HOLD_S: f64 = 5.0;
 const FORCE_N: f64 = 4.6e-6;
 const INTERVAL_S: f64 = 0.05;
-/// Time steps a sample, by the implicit midpoint rule; the fitted model steps exactly, once a sample.
+/// Time steps per sample, by the implicit midpoint rule; the fitted model uses one exact step per sample.
 const STEPS_PER_SAMPLE: usize = 20;
 const NOISE_SD_M: f64 = 4e-6;
 const SEED: u64 = 20130703;
 
-/// The experiment that commands use when none is given.
+/// Experiment that commands use if none is given.
 pub fn embedded() -> Result<(Experiment, ExperimentFiles)> {
     Experiment::from_texts(
         "the embedded porcine replica: experiment.toml",
@@ -38,8 +38,8 @@ pub fn embedded() -> Result<(Experiment, ExperimentFiles)> {
     )
 }
 
-/// Makes the replica's `trajectory.csv`: Table I's parameters through full finite elements on a finer mesh and time step than the
-/// fitted model's, another integrator, and white noise.
+/// Generates the replica's `trajectory.csv`: full finite elements with the parameters of Table I, and white noise. Mesh and time step are finer than the fitted model's,
+/// and the integrator differs.
 pub fn trajectory_csv() -> Result<String> {
     let Apparatus::Robot { robot, vitreous } =
         Experiment::from_texts("experiment.toml", TOML, "trajectory.csv", CSV)?.0.apparatus
@@ -73,7 +73,7 @@ pub fn trajectory_csv() -> Result<String> {
 mod tests {
     use super::*;
 
-    /// The committed file is what the code makes, to the digit that is printed (one unit of it where rounding falls otherwise).
+    /// The committed file equals the generated one, to one unit of the last printed digit, because of rounding.
     #[test]
     #[ignore = "thorough"]
     fn committed_data_are_what_the_command_makes() {

@@ -32,43 +32,43 @@ use sampling::diagnostics::{DrawColumn, ParameterDiagnostics, diagnose};
 use sampling::ensemble::{Checkpointing, Progress, RunControl, SampleOutcome};
 use sampling::{SamplerOptions, sample as sample_density};
 
-/// Starts of the search for modes, drawn from the prior.
+/// Number of starts of the search for modes, drawn from the prior.
 const N_STARTS: usize = 16;
-/// The same for models of more than the Lethersich law: two bodies can trade places, and one of the modes may attract few starts.
+/// Number of starts for models other than the plain Lethersich law. Two bodies can exchange their roles, and one of the modes may attract few starts.
 const N_STARTS_OF_LARGER: usize = 96;
-/// Stream of the starts, apart from the sampler's.
+/// Random stream of the starts, distinct from the sampler's.
 const START_STREAM: u64 = u64::MAX / 2;
-/// Rows that draws are predicted at: 3.4 GB at a million.
+/// Largest number of rows at which draws are predicted: 3.4 GB at a million.
 const MOST_ROWS: usize = 1_200_000;
 /// Time between checkpoints.
 const CHECKPOINT_INTERVAL: std::time::Duration = std::time::Duration::from_secs(10);
 
-/// What a caller decides.
+/// Request for sampling a posterior.
 #[derive(Clone)]
 pub struct SampleRequest<'a> {
-    /// The sampler's settings.
+    /// Settings of the sampler.
     pub options: SamplerOptions,
-    /// A surrogate from an earlier run, used if it was built from the same input.
+    /// Surrogate from an earlier run, used if its inputs are the same.
     pub kept_surrogate: Option<KeptSurrogate>,
-    /// File in which the sampler keeps its state, if it should.
+    /// File that keeps the sampler's state; `None` for no checkpoints.
     pub checkpoint: Option<&'a Path>,
-    /// Go on from that file if it is there.
+    /// True if the run resumes from that file if it exists.
     pub resume: bool,
 }
 
-/// What the job led to.
+/// Result of sampling a posterior.
 pub struct SampleResult {
-    /// The document for people and scripts.
+    /// Summary document.
     pub summary: PosteriorSummary,
     /// The prepared model.
     pub model: PreparedModel,
-    /// Draws and the sampler's account of itself.
+    /// Draws with the sampler's diagnostics.
     pub outcome: SampleOutcome,
-    /// One column a sampled parameter, in its own unit.
+    /// One column per sampled parameter, in the parameter's unit.
     pub columns: Vec<DrawColumn>,
     /// Predictive quantiles (m) of every row.
     pub bands_m: Vec<[f64; 5]>,
-    /// The noise that misfits are measured against.
+    /// Noise standard deviation with which residuals are compared.
     pub yardstick: Option<NoiseYardstick>,
     /// Wall-clock seconds of each stage.
     pub timing_s: Vec<(&'static str, f64)>,
@@ -85,15 +85,15 @@ pub fn refuse_too_many_rows(n_rows: usize) -> Result<()> {
     let every = n_rows.div_ceil(MOST_ROWS);
     Err(Error::input(
         Place::default().at_key("measurement"),
-        format!("{n_rows} rows are more than {MOST_ROWS}, which posterior draws are predicted at"),
-        format!("average every {every} rows into one, or let `fit` take the record as it is"),
+        format!("the record has {n_rows} rows, but posterior draws can be predicted at {MOST_ROWS} rows at most"),
+        format!("average every {every} rows into one, or use `fit`, which takes the whole record"),
     ))
 }
 
-/// Refuses a problem with every parameter fixed, or with more rows than draws can be predicted at.
+/// Refuses a problem with every parameter fixed, or with too many rows for the predictions.
 ///
 /// # Errors
-/// [`Error::Input`].
+/// [`Error::Input`] in both cases.
 pub fn refuse_nothing_to_sample(problem: &Problem) -> Result<()> {
     refuse_too_many_rows(problem.experiment.record.n_rows())?;
     if problem.priors.priors().is_empty() {
@@ -106,10 +106,10 @@ pub fn refuse_nothing_to_sample(problem: &Problem) -> Result<()> {
     Ok(())
 }
 
-/// Runs the job.
+/// Samples a posterior, checks it and summarises it.
 ///
 /// # Errors
-/// [`base::Error::Interrupted`] when stopped, with the state kept; otherwise whatever its parts refuse.
+/// [`base::Error::Interrupted`] if stopped, with the state kept; errors of the parts.
 pub fn run(problem: &Problem, request: &SampleRequest, monitor: &dyn Monitor) -> Result<SampleResult> {
     refuse_too_many_rows(problem.experiment.record.n_rows())?;
     let mut timing_s = Vec::new();
@@ -145,10 +145,10 @@ pub fn run(problem: &Problem, request: &SampleRequest, monitor: &dyn Monitor) ->
     Ok(SampleResult { summary, model, outcome, columns, bands_m, yardstick, timing_s })
 }
 
-/// Draws from the posterior, without any check of them.
+/// Draws from the posterior without checks.
 ///
 /// # Errors
-/// [`base::Error::Interrupted`] when stopped; whatever the sampler refuses.
+/// [`base::Error::Interrupted`] if stopped; errors of the sampler.
 pub fn sample(
     problem: &Problem,
     posterior: &ReducedPosterior,
@@ -158,7 +158,7 @@ pub fn sample(
     monitor.stage("sampling the posterior");
     if problem.specification.noise.iter().any(|n| n == "gain") && problem.experiment.calibration_cycles.len() < 2 {
         monitor.warn(
-            "gain and offset differ from cycle to cycle, and one cycle is fitted: their spread will be the prior's",
+            "gain and offset differ from cycle to cycle, but only one cycle is fitted: their spread will be the prior's",
         );
     }
     let mut rng = ChaCha8Rng::seed_from_u64(request.options.seed);
@@ -196,7 +196,7 @@ pub fn sample(
     Ok(outcome)
 }
 
-/// What the log-density is built from, in words; the sampler hashes it.
+/// Inputs of the log density as text; the sampler hashes it.
 fn fingerprint(problem: &Problem, posterior: &ReducedPosterior) -> String {
     let Problem { experiment, specification, priors, .. } = problem;
     let version = env!("CARGO_PKG_VERSION");
@@ -219,7 +219,7 @@ fn fingerprint(problem: &Problem, posterior: &ReducedPosterior) -> String {
     format!("{version} {described:?} {rows} {specification:?} {priors:?} {:x} {trained:?}", compliance_per_m.to_bits())
 }
 
-/// Draws in the parameters' own units.
+/// Draws in the parameters' units.
 pub fn natural_columns(priors: &PriorSet, outcome: &SampleOutcome) -> Vec<DrawColumn> {
     let column = |(d, prior): (usize, &crate::prior::Prior)| {
         let mut column = outcome.draws.column(d);
@@ -316,7 +316,7 @@ fn summarise(
     summary
 }
 
-/// Median over the draws of each parameter of the noise.
+/// Median over the draws of each noise parameter.
 fn median_noise(check: &FullCheck) -> Vec<f64> {
     let draws = &check.noise.parameters;
     let median = |k: usize| {
@@ -327,8 +327,8 @@ fn median_noise(check: &FullCheck) -> Vec<f64> {
     (0..draws.first().map_or(0, Vec::len)).map(median).collect()
 }
 
-/// Sampled law parameters of which a twentieth of the draws lie in the outermost thousandth of the trained range (on a logarithmic
-/// scale), where a prior of the usual shape has next to none.
+/// Sampled law parameters with at least a twentieth of their draws in the outermost thousandth of the trained range (on a logarithmic scale). A prior of the usual shape
+/// has almost no draws there.
 fn at_edge_of_range(prepared: &PreparedModel, columns: &[DrawColumn]) -> Vec<String> {
     let crowds = |(name, column): (&str, &DrawColumn)| {
         let range = prepared.trained.iter().find(|range| range.name == name)?;
@@ -340,7 +340,8 @@ fn at_edge_of_range(prepared: &PreparedModel, columns: &[DrawColumn]) -> Vec<Str
     prepared.problem.priors.names().zip(columns).filter_map(crowds).collect()
 }
 
-/// Parameters of another program of which a hundredth of the draws lie in the outermost twentieth of the box that it was learnt in, where the box ends and not the prior.
+/// Warns about an external program's parameters that crowd at an end of the learnt box which lies inside the prior. The limit is a hundredth of the draws in the outermost
+/// twentieth of the box.
 fn at_edge_of_box(prepared: &PreparedModel, columns: &[DrawColumn]) -> Option<Warning> {
     let problem = &prepared.problem;
     let outside = problem.outside()?;
@@ -358,15 +359,16 @@ fn at_edge_of_box(prepared: &PreparedModel, columns: &[DrawColumn]) -> Option<Wa
     (!names.is_empty()).then(|| Warning {
         kind: WarningKind::EdgeOfRange,
         text: format!(
-            "the posterior of {} reaches the end of the box that {} was learnt in: its interval is cut off",
+            "the posterior of {} reaches the end of the box in which {} was learnt: its interval is cut off",
             names.join(", "),
             outside.title()
         ),
-        advice: "the base law alone leads elsewhere than the model with its effects: give a prior whose medians lie nearer to this posterior (--prior), or a known noise (noise_um)".into(),
+        advice: "the box lies around the best fit of the base law alone, far from the posterior with effects: give a prior whose medians lie nearer to this posterior \
+            (--prior), or a known noise (noise_um)".into(),
     })
 }
 
-/// The sampler numbers its coordinates; people know them by name. Highest number first, since 1 begins 10.
+/// Replaces the sampler's coordinate numbers by parameter names. The highest number comes first, since 1 begins 10.
 pub fn with_names(messages: &[String], priors: &PriorSet) -> Vec<String> {
     let names: Vec<&str> = priors.names().collect();
     let named = |message: &String| {
@@ -376,7 +378,7 @@ pub fn with_names(messages: &[String], priors: &PriorSet) -> Vec<String> {
     messages.iter().map(named).collect()
 }
 
-/// Where the noise that misfits are measured against comes from, in words.
+/// Origin of the noise standard deviation, in words.
 pub fn origin(origin: NoiseOrigin) -> &'static str {
     match origin {
         NoiseOrigin::Known => "known",
@@ -385,13 +387,13 @@ pub fn origin(origin: NoiseOrigin) -> &'static str {
     }
 }
 
-/// The values down to the first that is rounding, that one included.
+/// Singular values down to and including the first that is a rounding error.
 fn above_rounding(singular_values: &[f64]) -> Vec<f64> {
     let kept = singular_values.iter().take_while(|s| **s > 1e-14).count();
     singular_values[..(kept + 1).min(singular_values.len())].to_vec()
 }
 
-/// What the draws alone say of a parameter.
+/// Summary of a parameter from its draws alone.
 pub fn parameter_summary(name: &str, d: &ParameterDiagnostics) -> ParameterSummary {
     ParameterSummary {
         name: name.into(),
@@ -409,7 +411,7 @@ pub fn parameter_summary(name: &str, d: &ParameterDiagnostics) -> ParameterSumma
     }
 }
 
-/// How the draws were made.
+/// Summary of the sampler's settings and diagnostics.
 pub fn sampler_summary(options: &SamplerOptions, outcome: &SampleOutcome) -> SamplerSummary {
     SamplerSummary {
         walkers: options.n_walkers,
@@ -434,12 +436,12 @@ fn parameter_summaries(prepared: &PreparedModel, columns: &[DrawColumn], check: 
     let summary = |(prior, column): (&crate::prior::Prior, &DrawColumn)| {
         let d = diagnose(column, blom);
         let place = specs.iter().position(|spec| spec.name == prior.name).unwrap_or(specs.len() - 1);
-        // Importance-weighted minus plain mean over the checked draws.
+        // The surrogate's bias is the importance-weighted minus the plain mean over the checked draws.
         let surrogate_bias_sd = check.weights.as_ref().map(|weights| {
             let equal = 1.0 / draws.len() as f64;
             weights.iter().zip(draws).map(|(w, draw)| (w - equal) * draw[place]).sum::<f64>() / d.sd
         });
-        // Compliance enters as compliance over a modulus or a viscosity: its relative error is theirs. Others have none.
+        // The trajectory depends on compliance over a modulus or a viscosity. Their relative error is therefore the compliance's; other parameters have none.
         let is_stress = law.get(place).is_some_and(|spec| spec.unit.starts_with("Pa"));
         let discretisation_bias_sd = relative_mesh_error.map(|e| if is_stress { e * d.mean / d.sd } else { 0.0 });
         ParameterSummary { surrogate_bias_sd, discretisation_bias_sd, ..parameter_summary(&prior.name, &d) }
@@ -447,18 +449,18 @@ fn parameter_summaries(prepared: &PreparedModel, columns: &[DrawColumn], check: 
     problem.priors.priors().iter().zip(columns).map(summary).collect()
 }
 
-/// Draws that fit, and have no model on other rows.
+/// Warns about draws that fit but have no model on other rows.
 fn refused_warning(n_refused: usize) -> Warning {
     Warning {
         kind: WarningKind::DrawsRefused,
         text: format!(
-            "{n_refused} posterior draws have no model on the whole record: an effect goes beyond its validity there"
+            "{n_refused} posterior draws have no model on the whole record: an effect exceeds its range of validity there"
         ),
         advice: "give the effect a narrower prior, or leave it out".into(),
     }
 }
 
-/// The learnt noise (µm) of what differs from row to row, all such terms together: median over the draws.
+/// Learnt noise (µm) that varies from row to row, all such terms together: median over the draws.
 fn learnt_noise_um(check: &FullCheck) -> f64 {
     let noise = &check.noise;
     let mut noise_um: Vec<f64> = noise.parameters.iter().map(|own| noise.model.row_sd_um(own)).collect();
@@ -488,7 +490,7 @@ mod tests {
         assert!(error.contains("10000000 rows") && error.contains("average every 9 rows"), "{error}");
     }
 
-    /// A checkpoint of another mesh's posterior must not be resumed: its mechanics are part of what the sampler hashes.
+    /// A checkpoint of another mesh's posterior must not be resumed: the sampler hashes the mechanics, too.
     #[test]
     fn other_mechanics_have_another_fingerprint() {
         let (experiment, _) = replica::embedded().expect("embedded");

@@ -1,7 +1,7 @@
-//! Whether the residuals of a fit follow a pattern, whatever the level of the noise.
+//! Test of a fit's residuals for patterns, independent of the noise level.
 //!
-//! Two statistics of the whitened residuals of the fitted rows do not depend on the level: the runs of one sign and the autocorrelation up to lag 10
-//! ([`whiteness`](super::whiteness)). Both are compared with those of simulated noise, from which the same parameters are taken out.
+//! Two statistics of the whitened residuals of the fitted rows do not depend on the noise level: the runs of one sign, and the autocorrelation up to lag 10
+//! ([`whiteness`](super::whiteness)). Both are compared with those of simulated noise, from which the same parameters are removed.
 
 use nalgebra::DVector;
 use rayon::prelude::*;
@@ -10,31 +10,31 @@ use statrs::distribution::{ChiSquared, ContinuousCDF, Normal};
 
 use super::whiteness::{N_LAGS, autocorrelation, ljung_box, runs_score};
 
-/// Share of records of noise alone whose residuals are called systematic.
+/// Share of records of pure noise whose residuals are called systematic.
 const FALSE_ALARM: f64 = 0.001;
-/// Simulated records: the smallest p that they resolve is half of [`FALSE_ALARM`].
+/// Number of simulated records; the smallest p that they resolve is half of [`FALSE_ALARM`].
 const N_SIMULATIONS: usize = 3_999;
-/// Residuals from which on closed forms replace the simulation: what a few parameters take out of so many is nothing.
+/// Largest number of residuals with simulation. Closed forms replace it for more, because the influence of a few parameters on so many is negligible.
 const MOST_SIMULATED: usize = 5_000;
-/// Fewest residuals beyond the number of parameters: twice the largest lag.
+/// Smallest number of residuals beyond the number of parameters: twice the largest lag.
 const LEAST_DEGREES: usize = 2 * N_LAGS;
-/// Seed of the simulated records, which are part of the method and not of a run.
+/// Seed of the simulated records. It is fixed, because the records are part of the method.
 const SEED: u64 = 0x5157;
 
-/// The test of one record.
+/// Test of one record.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SystematicTest {
-    /// Probability that noise alone is as far from white, over both statistics.
+    /// Probability that pure noise is as far from white, over both statistics.
     pub p: f64,
     /// Autocorrelation at lag 1.
     pub first_autocorrelation: f64,
-    /// Standard score of the number of runs; negative where runs are long.
+    /// Standard score of the number of runs; negative for long runs.
     pub runs_score: f64,
 }
 
 impl SystematicTest {
-    /// Tests whitened residuals (dimensionless, one a fitted row in order of time) beside the whitened derivatives by the fitted parameters.
-    /// `None` where there are too few residuals, or where one is not finite.
+    /// Tests whitened residuals (dimensionless, one per fitted row in order of time), given the whitened derivatives by the fitted parameters. `None` for too few
+    /// residuals, or if one is not finite.
     pub fn of(residuals: &[f64], columns: &[Vec<f64>]) -> Option<Self> {
         let n = residuals.len();
         let basis = orthonormal(columns);
@@ -51,13 +51,13 @@ impl SystematicTest {
         })
     }
 
-    /// Whether the residuals are systematic.
+    /// Returns true if the residuals are systematic.
     pub fn is_systematic(&self) -> bool {
         self.p <= FALSE_ALARM
     }
 }
 
-/// Ljung and Box's statistic, and how few the runs are. Many short runs are no misfit of a law.
+/// Ljung and Box's statistic, and the deficit of runs. Many short runs are no misfit of a law.
 fn statistics(residuals: &[f64]) -> [f64; 2] {
     [ljung_box(residuals), -runs_score(residuals)]
 }
@@ -90,7 +90,7 @@ fn orthonormal(columns: &[Vec<f64>]) -> Vec<DVector<f64>> {
     for column in columns {
         let mut own = DVector::from_column_slice(column);
         let whole = own.norm();
-        // Twice is enough for orthogonality to rounding.
+        // Two passes give orthogonality to rounding.
         for _ in 0..2 {
             for direction in &basis {
                 let along = direction.dot(&own);
@@ -128,7 +128,7 @@ mod tests {
         (left.as_slice().to_vec(), columns)
     }
 
-    /// The false-alarm rate is 0.001: of 300 records at most 5 are called systematic but for a probability of 1e-6 (Poisson with mean 0.3).
+    /// The false-alarm rate is 0.001. More than 5 of 300 records are called systematic with a probability of 1e-6 (Poisson with mean 0.3).
     #[test]
     fn residuals_of_white_noise_are_not_systematic() {
         for n in [40, 200] {
@@ -143,7 +143,7 @@ mod tests {
         assert!(!long.is_systematic(), "{long:?}");
     }
 
-    /// A wave as large as the noise is found at any level of both, by simulation and by closed forms.
+    /// A wave as large as the noise is found at any noise level, by simulation and by closed forms.
     #[test]
     fn a_pattern_is_found_whatever_the_level() {
         for (n, level) in [(200, 1e-9), (200, 1.0), (200, 1e6), (8_000, 1.0)] {

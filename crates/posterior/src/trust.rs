@@ -1,16 +1,16 @@
-//! How far a result can be trusted: a pure function of its warnings (formats §4).
+//! Trust level of a result, as a pure function of its warnings (formats §4).
 
 use documents::posterior::{Warning, WarningKind};
 use documents::trust::{Trust, TrustLevel};
 
-/// The lowest level that a warning allows, with the findings of the warnings that set it.
+/// Lowest level that a warning allows, with the findings of the warnings that set it.
 pub fn trust<'a>(warnings: impl IntoIterator<Item = &'a Warning>) -> Trust {
     let warnings: Vec<&Warning> = warnings.into_iter().collect();
     let level = warnings.iter().map(|warning| warning.kind.level()).max().unwrap_or(TrustLevel::Trusted);
     if level > TrustLevel::Trusted {
         let mut reasons: Vec<&str> = Vec::new();
         for warning in warnings.iter().filter(|warning| warning.kind.level() == level) {
-            // What follows a colon explains the finding, and stands in the warning.
+            // The text after a colon explains the finding and remains in the warning.
             let finding = warning.text.split_once(": ").map_or(warning.text.as_str(), |(finding, _)| finding);
             if !reasons.contains(&finding) {
                 reasons.push(finding);

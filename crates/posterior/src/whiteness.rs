@@ -1,11 +1,11 @@
-//! Whether whitened residuals are white: runs of one sign, and autocorrelation.
+//! Tests of whitened residuals for whiteness: runs of one sign, and autocorrelation.
 
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 
-/// Lags of the autocorrelation that are looked at.
+/// Number of lags of the autocorrelation.
 pub const N_LAGS: usize = 10;
 
-/// Autocorrelation at lags 1 to [`N_LAGS`], about zero.
+/// Autocorrelation at lags 1 to [`N_LAGS`], around zero.
 pub fn autocorrelation(residuals: &[f64]) -> Vec<f64> {
     let square: f64 = residuals.iter().map(|r| r * r).sum();
     let at = |lag: usize| residuals.iter().zip(residuals.iter().skip(lag)).map(|(a, b)| a * b).sum::<f64>();
@@ -19,7 +19,7 @@ pub fn ljung_box(residuals: &[f64]) -> f64 {
     0.5 * n * (n + 2.0) * autocorrelation(residuals).iter().zip(1..).map(of_lag).sum::<f64>()
 }
 
-/// Standard score of the number of runs of one sign (Wald and Wolfowitz, 1940); negative where they are few and long.
+/// Standard score of the number of runs of one sign (Wald and Wolfowitz, 1940); negative for few long runs.
 pub fn runs_score(residuals: &[f64]) -> f64 {
     let signs: Vec<bool> = residuals.iter().map(|r| *r >= 0.0).collect();
     let n = signs.len() as f64;
@@ -31,12 +31,12 @@ pub fn runs_score(residuals: &[f64]) -> f64 {
     if variance > 0.0 { (n_runs - mean) / variance.sqrt() } else { 0.0 }
 }
 
-/// Half the square of [`runs_score`]: in nats.
+/// Half the square of [`runs_score`], in nats.
 pub fn runs(residuals: &[f64]) -> f64 {
     0.5 * runs_score(residuals).powi(2)
 }
 
-/// Half width of the interval that one autocorrelation of white residuals stays in with 95 % probability.
+/// Half width of the interval that contains one autocorrelation of white residuals with 95 % probability.
 pub fn white_limit(n: usize) -> f64 {
     ChiSquared::new(1.0).map_or(1.96, |chi| chi.inverse_cdf(0.95).sqrt()) / (n.max(1) as f64).sqrt()
 }
@@ -46,7 +46,7 @@ mod tests {
     use super::*;
     use sampling::ensemble::RandomStream;
 
-    /// Of 1000 white records about 5 % exceed the 95 % point of χ²; six standard errors of that share fail falsely with probability 1e-8 or so.
+    /// About 5 % of 1000 white records exceed the 95 % point of χ². The limit of six standard errors of that share fails falsely with a probability of about 1e-8.
     #[test]
     fn white_residuals_are_called_white_as_often_as_they_should() {
         let limits = [10.0, 1.0].map(|degrees| ChiSquared::new(degrees).expect("positive").inverse_cdf(0.95));
@@ -64,7 +64,7 @@ mod tests {
     #[test]
     fn alternating_and_constant_residuals_are_not_white() {
         let alternating: Vec<f64> = (0..100).map(|i| if i % 2 == 0 { 1.0 } else { -1.0 }).collect();
-        // ρ₁ = −99/100, ρ₂ = 98/100.
+        // The exact values are ρ₁ = −99/100 and ρ₂ = 98/100.
         assert!((autocorrelation(&alternating)[0] + 0.99).abs() < 1e-12);
         assert!((autocorrelation(&alternating)[1] - 0.98).abs() < 1e-12);
         assert!(runs_score(&alternating) > 9.0, "as many runs as there can be");

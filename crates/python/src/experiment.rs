@@ -1,4 +1,4 @@
-//! `Experiment`: what was measured, as arrays.
+//! `Experiment`: a measurement as arrays.
 
 use std::path::PathBuf;
 
@@ -9,12 +9,12 @@ use vitreo_uq::record::{self, ExperimentFiles, Understood};
 
 use crate::errors::raised;
 
-/// What was measured: force and position against time, and which cycles are fitted. Arrays have one entry a row, in SI units; each access makes a new one.
+/// Measured force and position over time, with the cycles that are fitted. Arrays have one entry per row, in SI units; each access makes a new array.
 #[pyclass(frozen, module = "vitreo_uq")]
 pub struct Experiment {
     pub experiment: record::Experiment,
     pub understood: Understood,
-    /// What the reader noticed, in words.
+    /// Remarks of the reader.
     notes: Vec<String>,
     /// `None` for the embedded replica.
     path: Option<PathBuf>,
@@ -36,14 +36,14 @@ impl Experiment {
         Ok(Self::new(experiment, files, Some(path)))
     }
 
-    /// The synthetic experiment that is in the program.
+    /// The synthetic experiment that is embedded in the program.
     #[staticmethod]
     fn replica() -> PyResult<Self> {
         let (experiment, files) = replica::embedded().map_err(raised)?;
         Ok(Self::new(experiment, files, None))
     }
 
-    /// Where it was read; None for the replica.
+    /// Path of the experiment; None for the replica.
     #[getter]
     fn path(&self) -> Option<PathBuf> {
         self.path.clone()
@@ -67,7 +67,7 @@ impl Experiment {
         self.experiment.region.as_deref()
     }
 
-    /// Where the data come from.
+    /// Origin of the data.
     #[getter]
     fn source(&self) -> &str {
         &self.experiment.source
@@ -85,7 +85,7 @@ impl Experiment {
         self.experiment.record.force_n.clone().into_pyarray(py)
     }
 
-    /// Position in m, shape (rows,); NaN where there is none.
+    /// Position in m, shape (rows,); NaN if it is missing.
     #[getter]
     fn position_m<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
         let positions = self.experiment.record.position_m.iter().map(|position| position.unwrap_or(f64::NAN));
@@ -104,19 +104,19 @@ impl Experiment {
         self.experiment.calibration_cycles.clone()
     }
 
-    /// Cycles that no fit of the base model sees.
+    /// Held-out cycles, which no fit of the base model uses.
     #[getter]
     fn heldout_cycles(&self) -> Vec<u32> {
         self.experiment.heldout_cycles.clone()
     }
 
-    /// The tracker's known noise in µm, if it is stated.
+    /// Known noise standard deviation of the tracker in µm, if it is stated.
     #[getter]
     fn noise_um(&self) -> Option<f64> {
         self.experiment.noise_sd_m.map(|sd_m| 1e6 * sd_m)
     }
 
-    /// What the reader noticed and a person should know: how cycles were found, positions that are missing, and the like.
+    /// Remarks of the reader, for example about how cycles were found or positions that are missing.
     #[getter]
     fn notes(&self) -> Vec<String> {
         self.notes.clone()

@@ -1,5 +1,5 @@
-//! The Python module's compiled part: experiments, and the reduced model of one. What runs for minutes is the program's, which the wheel holds
-//! beside this (`python/vitreo_uq/program.py`).
+//! Compiled part of the Python module: experiments and reduced models. Work that takes minutes is done by the program,
+//! which the wheel also contains (`python/vitreo_uq/program.py`).
 
 mod errors;
 mod experiment;

@@ -1,4 +1,4 @@
-//! `ReducedModel`: the trajectory and the posterior that `serve` answers with, for arrays of points.
+//! `ReducedModel`: the trajectory and posterior of `serve`, for arrays of points.
 
 use std::collections::BTreeMap;
 use std::path::PathBuf;
@@ -27,14 +27,14 @@ use vitreo_uq::sampling::ensemble::Progress;
 use crate::errors::{at_point, raised, refused};
 use crate::experiment::Experiment;
 
-/// Points between two looks at Ctrl-C.
+/// Number of points between two checks for Ctrl-C.
 const BLOCK: usize = 256;
-/// Points of one piece of work of a core: vector registers take eight.
+/// Number of points per work item of a core. Vector registers hold eight.
 const PIECE: usize = 16;
-/// Time between two looks at Ctrl-C while a model is built.
+/// Time between two checks for Ctrl-C while a model is built.
 const LOOK: Duration = Duration::from_millis(50);
 
-// The models borrow the prepared model that they are of.
+// The models borrow the prepared model.
 self_cell!(
     struct Owned {
         owner: PreparedModel,
@@ -43,7 +43,7 @@ self_cell!(
     }
 );
 
-/// Keeps warnings for Python, and stops where Python is interrupted.
+/// Keeps warnings for Python, and stops when Python is interrupted.
 #[derive(Default)]
 struct Watcher {
     warnings: Mutex<Vec<String>>,
@@ -64,14 +64,14 @@ impl Monitor for Watcher {
     }
 }
 
-/// What the models are of.
+/// Input of the models.
 #[derive(FromPyObject)]
 enum Target<'py> {
     Experiment(Bound<'py, Experiment>),
     Path(PathBuf),
 }
 
-/// The same, read.
+/// Input after reading.
 struct Subject {
     experiment: record::Experiment,
     understood: Understood,
@@ -94,7 +94,7 @@ impl Subject {
         })
     }
 
-    /// The named revision, or the last.
+    /// Named revision, or the last.
     fn revision(&self, named: Option<String>) -> Result<Option<String>> {
         match (named, &self.study) {
             (None, Some(study)) => Ok(study.revisions()?.pop()),
@@ -102,7 +102,7 @@ impl Subject {
         }
     }
 
-    /// The model of a revision.
+    /// Model of a revision.
     fn specification(&self, revision: Option<&str>) -> Result<ModelSpecification> {
         match (&self.study, revision) {
             (Some(study), Some(name)) => {
@@ -113,7 +113,7 @@ impl Subject {
     }
 }
 
-/// What `ReducedModel` is asked for, as the program's options.
+/// Arguments of `ReducedModel`, as the program's options.
 struct Asked {
     base: Option<String>,
     effects: Vec<String>,
@@ -135,9 +135,9 @@ fn built(subject: Subject, asked: Asked, watcher: &Watcher) -> Result<Owned> {
     Owned::try_new(PreparedModel::new(&problem, kept, watcher)?, |model| Models::new(model))
 }
 
-/// The reduced model of an experiment, or of a study's revision: trajectories, log-densities and their gradients at arrays of points, on all cores.
+/// Reduced model of an experiment or of a study's revision: trajectories, log-densities and their gradients at arrays of points, on all cores.
 ///
-/// Parameters are those of the documents, in their order and units: the model's, then the noise's, without those that are fixed.
+/// Parameters have the order and units of the documents: the model's, then the noise's, without fixed ones.
 #[pyclass(frozen, module = "vitreo_uq")]
 pub struct ReducedModel {
     owned: Owned,
@@ -160,7 +160,7 @@ impl ReducedModel {
         revision: Option<String>,
     ) -> PyResult<Self> {
         let assigned = |(name, value): (String, Option<f64>)| match value {
-            // Written so that the same number is read.
+            // This format reads back as the same number.
             Some(value) => format!("{name}={value:?}"),
             None => format!("{name}=free"),
         };
@@ -192,7 +192,7 @@ impl ReducedModel {
         Ok(Self { owned, max_relative_error })
     }
 
-    /// The sampled parameters, in order: dictionaries with `name`, `unit`, `prior` (in words), `lower` and `upper` (where the density is not 0).
+    /// The sampled parameters, in order: dictionaries with `name`, `unit`, `prior` (in words), `lower` and `upper`. The density is 0 outside `lower` to `upper`.
     #[getter]
     fn parameters<'py>(&self, py: Python<'py>) -> PyResult<Vec<Bound<'py, PyDict>>> {
         let inputs = self.with_models(|models| models.inputs());
@@ -221,20 +221,20 @@ impl ReducedModel {
         inputs.iter().map(|input| input.prior.distribution.quantile(0.5)).collect::<Vec<f64>>().into_pyarray(py)
     }
 
-    /// Number of parameters that `trajectory` takes: the first of `names`, without the noise's.
+    /// Number of parameters that `trajectory` takes: the first ones of `names`, without the noise's.
     #[getter]
     fn n_trajectory_parameters(&self) -> usize {
         self.with_models(|models| models.n_of_trajectory())
     }
 
-    /// Largest distance from full finite elements on runs that did not train the model, as a share of the amplitude; None for an instrument.
+    /// Largest distance from full finite elements, relative to the amplitude, on runs that did not train the model; None for an instrument.
     #[getter]
     fn max_relative_error(&self) -> Option<f64> {
         self.max_relative_error
     }
 
-    /// Positions in µm at the rows of the record: points of shape (n, d) give (n, rows), one of shape (d,) gives (rows,). `d` is the number of the
-    /// model's parameters, without the noise's. Raises `InputError` where a point lies outside a parameter's range.
+    /// Positions in µm at the rows of the record. Points of shape (n, d) give (n, rows), one point of shape (d,) gives (rows,). `d` is the number of
+    /// model parameters, without the noise's. Raises `InputError` if a point lies outside a parameter's range.
     fn trajectory<'py>(&self, py: Python<'py>, points: Points<'py>) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
         let n_rows = self.with_models(|models| models.n_rows());
         let points = points.of_length(self.n_trajectory_parameters())?;
@@ -244,8 +244,8 @@ impl ReducedModel {
         points.shaped(py, values.concat(), Some(n_rows))
     }
 
-    /// ln(prior × likelihood) of the fitted cycles, over the parameters as they are: points of shape (n, d) give (n,), one of shape (d,) gives a number
-    /// of shape (). It is −inf outside a parameter's range and where an effect has no model; a point with NaN is refused.
+    /// ln(prior × likelihood) of the fitted cycles, over the untransformed parameters. Points of shape (n, d) give (n,), one point of shape (d,) gives a number
+    /// of shape (). It is −inf outside a parameter's range and if an effect has no model. A point with NaN is refused.
     fn log_density<'py>(&self, py: Python<'py>, points: Points<'py>) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
         let points = points.of_length(self.with_models(|models| models.inputs()).len())?;
         let values = self.of_each(py, &points, |models, pieces| match models.posterior().log_densities(pieces) {
@@ -255,8 +255,8 @@ impl ReducedModel {
         points.shaped(py, values, None)
     }
 
-    /// The gradient of `log_density`, one number a parameter, per its unit: points of shape (n, d) give (n, d), one of shape (d,) gives (d,). It is 0
-    /// where the density is 0. Raises `InputError` where a parameter has no derivative.
+    /// Gradient of `log_density` with respect to each parameter, in its unit. Points of shape (n, d) give (n, d), one point of shape (d,) gives (d,). It is 0
+    /// if the density is 0. Raises `InputError` if a parameter has no derivative.
     fn log_density_gradient<'py>(&self, py: Python<'py>, points: Points<'py>) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
         let points = points.of_length(self.with_models(|models| models.inputs()).len())?;
         let values = self.of_each(py, &points, |models, pieces| {
@@ -277,9 +277,9 @@ impl ReducedModel {
     }
 }
 
-/// A panic of a thread, which is a fault of this program.
+/// Error for a panic of a thread, which is a fault of this program.
 fn broken() -> Error {
-    Error::numerical("the model broke", "report this with what was asked")
+    Error::numerical("the model failed unexpectedly", "report this with the arguments that you gave")
 }
 
 impl ReducedModel {
@@ -287,7 +287,7 @@ impl ReducedModel {
         self.owned.with_dependent(|_, models| ask(models))
     }
 
-    /// One result a point, of pieces of points on all cores, without Python's lock; Ctrl-C is heard between blocks.
+    /// One result per point, computed on all cores without Python's lock. Ctrl-C is checked between blocks.
     fn of_each<T: Send>(
         &self,
         py: Python<'_>,
@@ -311,7 +311,7 @@ impl ReducedModel {
     }
 }
 
-/// An argument of points: whatever NumPy makes an array of numbers of.
+/// Array argument of points: anything that NumPy can convert to an array of numbers.
 struct Points<'py>(PyReadonlyArrayDyn<'py, f64>);
 
 impl<'py> FromPyObject<'_, 'py> for Points<'py> {
@@ -341,7 +341,7 @@ impl<'py> FromPyObject<'_, 'py> for Points<'py> {
 }
 
 impl Points<'_> {
-    /// Points of so many numbers, one after another.
+    /// Checks that points have `length` numbers, and copies them one after another.
     fn of_length(&self, length: usize) -> PyResult<Flat> {
         let shape = self.0.shape();
         let is_one = match *shape {
@@ -372,7 +372,7 @@ impl Flat {
         self.values.len() / self.length
     }
 
-    /// Values of all points as an array: (points, width) or (points,), without the first axis where one point was asked for.
+    /// Values of all points as an array: (points, width) or (points,). A single point drops the first axis.
     fn shaped<'py>(
         &self,
         py: Python<'py>,

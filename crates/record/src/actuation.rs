@@ -1,4 +1,4 @@
-//! A force logged on its own: its times are not the camera's, and it may be a coil's current (formats §1).
+//! Reads a separate force log, whose times differ from the camera's and which may contain a coil current instead of a force (formats §1).
 
 use std::path::Path;
 
@@ -9,24 +9,24 @@ use base::error::{Error, Place, Result};
 use base::toml_input::Table;
 use base::units::Dimension;
 
-/// What `[actuation]` says.
+/// Content of the table `[actuation]`.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Actuation {
-    /// File of the log, beside the TOML.
+    /// Log file, relative to the TOML file's directory.
     pub file: String,
     description: TableDescription,
-    /// Force in N = Σ aᵢ currentⁱ, the current in A; empty where the log has the force itself.
+    /// Calibration coefficients aᵢ: force in N = Σ aᵢ currentⁱ with the current in A. Empty if the log contains the force itself.
     calibration: Vec<f64>,
-    /// What the force does between the log's rows.
+    /// Rule for the force between the log's rows.
     pub rule: ForceRule,
     pub rule_given: bool,
 }
 
-/// Times closer than this share of the record's length are the same.
+/// Times that differ by less than this fraction of the record's length count as equal.
 const SAME_TIME: f64 = 1e-12;
 
 impl Actuation {
-    /// `file` names the key's own check of a path.
+    /// Reads the table. `file` checks and returns the path of the log.
     pub fn read(actuation: Table<'_>, file: impl Fn(Table<'_>) -> Result<String>) -> Result<Self> {
         actuation.only(&[&["file", "force", "calibration"], &KEYS[..]].concat())?;
         let description = TableDescription::read_log(actuation)?;
@@ -37,7 +37,11 @@ impl Actuation {
         }
         if !is_current && !calibration.is_empty() {
             let remedy = "name the column `current` in [actuation.columns], or remove the calibration";
-            return Err(actuation.refuse("calibration", "the log has a force, and a calibration makes one", remedy));
+            return Err(actuation.refuse(
+                "calibration",
+                "the log contains a force, but the calibration converts a current",
+                remedy,
+            ));
         }
         Ok(Self {
             file: file(actuation)?,
@@ -48,8 +52,8 @@ impl Actuation {
         })
     }
 
-    /// The trajectory with the log's force: at its own rows, and at rows in between wherever the force changes; the indices of these. Times are counted from
-    /// whichever begins first, the camera or a force.
+    /// Returns the trajectory with the log's force, and the indices of the added rows. Rows are added where the force changes between camera rows. Time 0 is
+    /// the earlier of the camera's start and the first force.
     pub(super) fn merged(&self, file: &Path, bytes: &[u8], trajectory: Trajectory) -> Result<(Trajectory, Vec<usize>)> {
         let log = self.log(file, bytes, &trajectory)?;
         let force = Force { at_rows_n: &log.force_n, rule: self.rule };
@@ -77,14 +81,14 @@ impl Actuation {
                 force_rows.push(made.time_s.len());
                 made.push_from(&trajectory, row, change_s + shift_s, force.at_n(&log.time_s, change_s), false);
             }
-            // A sample at the time of a change, but for rounding, is the change's row.
+            // A sample at the time of a change, within rounding, becomes the change's row.
             let at_s = coming.next_if(|change_s| *change_s < time_s + same_s).unwrap_or(time_s);
             made.push_from(&trajectory, row, time_s + shift_s, force.at_n(&log.time_s, at_s), true);
         }
         Ok((made, force_rows))
     }
 
-    /// The log's rows: times (s) on the trajectory's clock, forces (N).
+    /// Reads the log's rows: times (s) on the trajectory's clock, forces (N).
     fn log(&self, file: &Path, bytes: &[u8], trajectory: &Trajectory) -> Result<Trajectory> {
         let text = text_in(file, bytes, self.description.layout.encoding)?;
         let mut log = read_described(file, &text, &self.description)?;
@@ -96,7 +100,11 @@ impl Actuation {
             }
             if !force.is_finite() {
                 let remedy = "correct the current, or the calibration in [actuation]";
-                return Err(Error::input(Place::file(file).at_line(*line), format!("the force is {force} N"), remedy));
+                return Err(Error::input(
+                    Place::file(file).at_line(*line),
+                    format!("the force is {force} N, not a finite number"),
+                    remedy,
+                ));
             }
         }
         let overlaps = log.time_s.first().zip(trajectory.time_s.last()).is_some_and(|(a, b)| a < b)
@@ -105,13 +113,13 @@ impl Actuation {
             return Err(Error::input(
                 Place::file(file).at_line(log.lines.first().copied().unwrap_or(1)),
                 format!(
-                    "the log runs from {:?} to {:?} s, the positions from {:?} to {:?} s",
+                    "the log covers {:?} to {:?} s, but the positions cover {:?} to {:?} s",
                     log.time_s.first().copied().unwrap_or(0.0),
                     log.time_s.last().copied().unwrap_or(0.0),
                     trajectory.time_s.first().copied().unwrap_or(0.0),
                     trajectory.time_s.last().copied().unwrap_or(0.0)
                 ),
-                "give both tables times of one clock, in the units that [measurement.units] and [actuation.units] name",
+                "use the times of one clock in both tables; check their units in [measurement.units] and [actuation.units]",
             ));
         }
         Ok(log)

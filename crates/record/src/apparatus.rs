@@ -1,4 +1,4 @@
-//! The apparatus: a robot in the vitreous, or another instrument; its tables in `experiment.toml`.
+//! The apparatus and its tables in `experiment.toml`: a robot in the vitreous, or another instrument.
 
 use std::f64::consts::PI;
 
@@ -6,40 +6,40 @@ use super::indenter::Indenter;
 use base::error::Result;
 use base::toml_input::Table;
 
-/// What turns force into position.
+/// Apparatus that converts force to position.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Apparatus {
-    /// A robot inside the vitreous: the finite-element model applies.
+    /// A robot inside the vitreous, computed with the finite-element model.
     Robot {
         /// The moving body.
         robot: Robot,
-        /// What surrounds it.
+        /// The gel around the robot.
         vitreous: Vitreous,
     },
-    /// Another instrument: position = compliance × ∫J dF.
+    /// Another instrument with position = compliance × ∫J dF.
     Instrument {
         /// Displacement per force, per Pa⁻¹ of creep compliance, in 1/m.
         compliance_per_m: f64,
     },
-    /// A tip that is pressed into a half-space: depth^p = compliance × ∫J dF.
+    /// A tip that is pressed into a half-space, with depth^p = compliance × ∫J dF.
     Indenter(Indenter),
 }
 
 /// The moving body.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Robot {
-    /// Its shape and sizes.
+    /// Shape and sizes of the robot.
     pub shape: RobotShape,
-    /// Density in kg/m³, which inertia alone needs; `None` where it is not stated.
+    /// Density in kg/m³, used for inertia only; `None` if it is not given.
     pub density_kg_m3: Option<f64>,
-    /// Where its centre lies; `None` in the middle of the vitreous.
+    /// Offset of the robot's centre; `None` in the middle of the vitreous.
     pub offset: Option<Offset>,
 }
 
-/// A robot's centre off the vitreous's.
+/// Offset of the robot's centre from the vitreous's centre.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Offset {
-    /// Distance of the centres in m, above 0.
+    /// Distance of the centres, in m; above 0.
     pub distance_m: f64,
     /// Direction relative to the force.
     pub direction: OffsetDirection,
@@ -50,7 +50,7 @@ pub struct Offset {
 pub enum OffsetDirection {
     /// Along the force, x.
     Along,
-    /// Across the force, along y, as a vertical robot's long axis is.
+    /// Across the force along y, which is also the long axis of a vertical robot.
     Across,
 }
 
@@ -63,7 +63,7 @@ impl OffsetDirection {
         }
     }
 
-    /// The axis, 0 for x and 1 for y.
+    /// Index of the axis: 0 for x, 1 for y.
     pub fn axis(self) -> usize {
         match self {
             Self::Along => 0,
@@ -72,7 +72,7 @@ impl OffsetDirection {
     }
 }
 
-/// Shape of the robot, sizes in m.
+/// Shape of the robot, with sizes in m.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum RobotShape {
     /// A sphere.
@@ -86,7 +86,7 @@ pub enum RobotShape {
         length_m: f64,
         /// Short axes in m.
         diameter_m: f64,
-        /// Long axis relative to the force.
+        /// Direction of the long axis relative to the force.
         orientation: Orientation,
     },
     /// A circular cylinder.
@@ -95,7 +95,7 @@ pub enum RobotShape {
         length_m: f64,
         /// Diameter in m.
         diameter_m: f64,
-        /// Long axis relative to the force.
+        /// Direction of the long axis relative to the force.
         orientation: Orientation,
     },
 }
@@ -109,18 +109,18 @@ pub enum Orientation {
     Vertical,
 }
 
-/// The gel ball around the robot; its outer surface is fixed.
+/// The gel sphere around the robot, with a fixed outer surface.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Vitreous {
     /// Diameter in m.
     pub diameter_m: f64,
     /// Poisson ratio, in (−1, 0.5).
     pub poisson_ratio: f64,
-    /// Density in kg/m³, which inertia alone needs; `None` where it is not stated.
+    /// Density in kg/m³, used for inertia only; `None` if it is not given.
     pub density_kg_m3: Option<f64>,
 }
 
-/// The line of `experiment.toml` that states a density (kg/m³); empty where none is stated.
+/// Returns the line of `experiment.toml` for a density (kg/m³), or an empty string for `None`.
 pub fn density_toml(density_kg_m3: Option<f64>) -> String {
     density_kg_m3.map_or(String::new(), |density| format!("density_kg_m3 = {density}\n"))
 }
@@ -135,7 +135,7 @@ impl RobotShape {
         }
     }
 
-    /// Radius in m, of a sphere; else that of the sphere of its volume.
+    /// Radius of a sphere, or radius of the sphere of equal volume for another shape, in m.
     pub fn equivalent_radius_m(&self) -> f64 {
         match *self {
             Self::Sphere { diameter_m } => 0.5 * diameter_m,
@@ -143,7 +143,7 @@ impl RobotShape {
         }
     }
 
-    /// Diameter or length in m, whichever is smaller.
+    /// Smaller of diameter and length, in m.
     fn smallest_size_m(&self) -> f64 {
         match *self {
             Self::Sphere { diameter_m } => diameter_m,
@@ -187,24 +187,24 @@ impl Robot {
 }
 
 const MM_PER_M: f64 = 1e3;
-/// Sizes of bodies, from a nanometre to ten metres.
+/// Allowed sizes of bodies in mm: from a nanometre to ten metres.
 const SIZES_MM: [f64; 2] = [1e-6, 1e4];
-/// Densities, from a gas's to far beyond any metal's.
+/// Allowed densities: from below any gas to far above any metal.
 const DENSITIES_KG_M3: [f64; 2] = [1e-3, 1e6];
-/// Compliances of instruments: the inverse of lengths from a femtometre to a thousand kilometres.
+/// Allowed compliances of instruments: inverse lengths from a femtometre to a thousand kilometres.
 const COMPLIANCES_PER_M: [f64; 2] = [1e-6, 1e15];
-/// Largest ratio of the vitreous's diameter to the robot's smallest size: beyond, elements would only be added where nothing moves.
+/// Largest ratio of the vitreous's diameter to the robot's smallest size. A larger ratio only adds elements where nothing moves.
 const LARGEST_RATIO: f64 = 1e4;
 
 impl Apparatus {
-    /// Reads `[robot]` and `[vitreous]`, or `[instrument]`, or `[indenter]`.
+    /// Reads `[robot]` and `[vitreous]`, `[instrument]` or `[indenter]`.
     pub(super) fn from_document(root: Table<'_>) -> Result<Self> {
         if let Some(indenter) = root.table("indenter")? {
             if let Some(other) = ["robot", "vitreous", "instrument"].into_iter().find(|other| root.has(other)) {
                 return Err(root.refuse(
                     other,
                     format!("both [indenter] and [{other}] are given"),
-                    "keep [indenter] alone for a tip that is pressed into a gel, or leave it out",
+                    "keep only [indenter] for a tip that is pressed into a gel, or remove it",
                 ));
             }
             return Ok(Self::Indenter(Indenter::from_table(indenter)?));
@@ -215,7 +215,7 @@ impl Apparatus {
                     return Err(root.refuse(
                         other,
                         format!("both [instrument] and [{other}] are given"),
-                        "keep [robot] with [vitreous] for a body in the eye, or [instrument] alone for another device",
+                        "keep [robot] and [vitreous] for a body in the eye, or only [instrument] for another device",
                     ));
                 }
             }
@@ -227,7 +227,7 @@ impl Apparatus {
         if !root.has("robot") && !root.has("vitreous") {
             return Err(root.refuse(
                 "robot",
-                "neither [robot] with [vitreous] nor [instrument] nor [indenter] is given",
+                "the apparatus is missing: there is no [robot], [instrument] or [indenter]",
                 "add `[robot]` and `[vitreous]`, or `[indenter]` with `exponent = …` for a tip, or `[instrument]` with `compliance_per_m = …` for another device",
             ));
         }
@@ -244,31 +244,31 @@ impl Apparatus {
             return Err(robot_table.refuse(
                 "offset_mm",
                 format!(
-                    "with its centre {:.4} mm off the vitreous's, the robot reaches {:.4} mm from there and the vitreous ends at {:.4} mm: the gap is {:.4} mm",
+                    "the robot's centre is {:.4} mm off the vitreous's; the robot reaches {:.4} mm from that centre, but the vitreous's radius is {:.4} mm; the gap is {:.4} mm",
                     to_mm(offset.distance_m),
                     to_mm(farthest_m),
                     to_mm(vitreous.diameter_m / 2.0),
                     to_mm(vitreous.diameter_m / 2.0 - farthest_m)
                 ),
-                "give an `offset_mm` that leaves a gap between robot and outer surface; it is the distance of the two centres",
+                "reduce `offset_mm`, the distance of the two centres, until a gap remains between robot and outer surface",
             ));
         }
         if reach_m >= vitreous.diameter_m / 2.0 {
             return Err(vitreous_table.refuse(
                 "diameter_mm",
                 format!(
-                    "the robot reaches {:.4} mm from its centre and the vitreous ends at {:.4} mm: the robot is not inside",
+                    "the robot reaches {:.4} mm from its centre but the vitreous's radius is {:.4} mm: the robot does not fit inside",
                     reach_m * MM_PER_M,
                     vitreous.diameter_m / 2.0 * MM_PER_M
                 ),
-                "check `diameter_mm` in [vitreous] and the sizes in [robot]; both are in millimetres and are full diameters",
+                "check `diameter_mm` in [vitreous] and the sizes in [robot]; all are full diameters or lengths in millimetres",
             ));
         }
         if vitreous.diameter_m > LARGEST_RATIO * robot.shape.smallest_size_m() {
             return Err(vitreous_table.refuse(
                 "diameter_mm",
                 format!("the vitreous is more than {LARGEST_RATIO} times as large as the robot's smallest size"),
-                "check `diameter_mm` in [vitreous] and the sizes in [robot]; a gel a thousand times larger than the robot acts as one without end",
+                "check `diameter_mm` in [vitreous] and the sizes in [robot]; a gel a thousand times larger than the robot already acts like an infinite one",
             ));
         }
         Ok(Self::Robot { robot, vitreous })
@@ -295,8 +295,8 @@ fn robot_from(table: Table<'_>) -> Result<Robot> {
             } else {
                 return Err(table.refuse(
                     "length_mm",
-                    "the ellipsoid is shorter than it is wide; it must be prolate",
-                    "exchange `length_mm` (the long axis) and `diameter_mm` (the two short ones)",
+                    "the ellipsoid's length is less than its diameter; it must be prolate",
+                    "exchange `length_mm` (the long axis) and `diameter_mm` (the two short axes)",
                 ));
             }
         }
@@ -313,14 +313,14 @@ fn robot_from(table: Table<'_>) -> Result<Robot> {
     Ok(Robot { shape, density_kg_m3, offset })
 }
 
-/// No offset, or one of 0, is a robot in the middle.
+/// Returns `None` for a missing offset or an offset of 0: the robot is in the middle.
 fn offset_from(table: Table<'_>) -> Result<Option<Offset>> {
     let distance_mm = table.number("offset_mm")?.unwrap_or(0.0);
     if !(distance_mm >= 0.0 && distance_mm.is_finite()) {
         return Err(table.refuse(
             "offset_mm",
-            format!("{distance_mm} is no distance"),
-            "give the distance of the robot's centre from the vitreous's in millimetres, 0 or more; to which side makes no difference",
+            format!("{distance_mm} is not a distance"),
+            "give the distance between the centres of robot and vitreous in millimetres, 0 or more; the side does not matter",
         ));
     }
     let direction = match table.text("offset_direction")?.as_deref() {
@@ -444,7 +444,7 @@ mod tests {
         );
     }
 
-    /// Against points all over the bodies.
+    /// Compares with sampled points of the bodies' surfaces.
     #[test]
     fn the_farthest_point_is_the_farthest() {
         let (length_m, diameter_m) = (3.0_f64, 1.0_f64);

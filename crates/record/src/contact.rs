@@ -1,7 +1,8 @@
-//! Where a tip is in contact: the force before it is taken off, and what the law of growing contact does not hold for is left out (physics §5.1).
+//! Finds the contact of an indenter's tip. It subtracts the force before contact and leaves out the rows where the growing-contact law does not hold (physics
+//! §5.1).
 //!
-//! Lee and Radok's law needs a contact that grows. Before it begins nothing is pressed, and where the depth falls another law holds. So the record starts at the
-//! last row at which the force is still the one of a free tip, and ends where the depth is largest before it falls.
+//! The law of Lee and Radok requires a growing contact. Before contact nothing is pressed; while the depth decreases, another law holds. The record therefore
+//! starts at the last row at which the force is still that of a free tip. It ends at the largest depth before the depth decreases.
 
 use std::ops::Range;
 use std::path::Path;
@@ -14,41 +15,41 @@ use super::robust::median;
 use super::trajectory::Trajectory;
 use base::error::{Error, Place, Result};
 
-/// Force over the largest at which contact has surely begun: rows before it are those of a free tip.
+/// Fraction of the largest force above which the tip is surely in contact. Rows before that may be those of a free tip.
 const SURE_OF_CONTACT: f64 = 0.05;
-/// Part of those rows that the free force is taken from: the last of them may touch already.
+/// Part of those rows used for the free force. The last rows may already be in contact.
 const FREE_PART: f64 = 0.8;
-/// Rows that a free force is taken from at least.
+/// Minimum number of rows for a free force.
 const MIN_FREE_ROWS: usize = 16;
-/// Part of what makes sure of contact by which a free force may drift before: one that grows by more is pressing from the first row on.
+/// Largest drift of the free force before contact, as a fraction of the contact threshold. A force that grows by more is pressing from the first row on.
 const FREE_DRIFT: f64 = 0.3;
-/// Force over the largest below which positions are not compared: how a tip touches is another matter than how it presses.
+/// Fraction of the largest force below which positions are not compared, because the onset of contact follows another law.
 const TOUCHING: f64 = 0.02;
-/// The same over the force's scatter.
+/// Multiple of the force's noise below which positions are not compared.
 const TOUCHING_SD: f64 = 10.0;
-/// Neighbours whose mean says whether a force is that of a free tip, and standard errors by which it differs then.
+/// Number of neighbouring rows whose mean force is tested against the free force, and the limit in standard errors.
 const N_MEAN: usize = 5;
 const FREE_SD: f64 = 3.0;
-/// Fall of the depth over its range that ends the record, in this many rows one after the other.
+/// Fraction of the depth's range by which the depth must fall, in this many consecutive rows, to end the record.
 const FALL: f64 = 0.01;
 const N_FALLING: usize = 5;
 
-/// The force of a free tip.
+/// Force of a free tip.
 struct Free {
-    /// In N, at the row where contact begins.
+    /// Force at the row where contact begins, in N.
     force_n: f64,
-    /// By how much (N) the straight line through the free rows and the mean of their last quarter differ there.
+    /// Difference at that row between the straight line through the free rows and the mean of their last quarter, in N.
     error_n: f64,
-    /// Scatter from row to row, in N.
+    /// Standard deviation from row to row, in N.
     sd_n: f64,
     /// Last row at which the tip is free.
     last_row: usize,
 }
 
-/// The part of a record in which the contact grows: force without what acts on a free tip, position from where contact begins.
+/// Reduces the record to the part in which the contact grows. Forces count from the free tip's force, positions from the onset of contact.
 ///
 /// # Errors
-/// [`Error::Input`] where the tip is not pressed in, the position does not follow the force, or too little of the record is left.
+/// [`Error::Input`] if the tip is not pressed in, if the position does not follow the force, or if too few rows remain.
 pub(super) fn settle_contact(file: &Path, trajectory: &mut Trajectory, indenter: &Indenter) -> Result<Note> {
     let refuse = |row: usize, key: &str, found: String, remedy: &str| {
         let line = trajectory.lines.get(row).copied().unwrap_or(1);
@@ -65,8 +66,8 @@ pub(super) fn settle_contact(file: &Path, trajectory: &mut Trajectory, indenter:
         return refuse(
             0,
             &trajectory.force_column,
-            "no force presses the tip in".into(),
-            "give the force with the sign that grows when the tip is pressed in",
+            "no force presses the tip into the gel".into(),
+            "change the force's sign so that it grows when the tip is pressed in",
         );
     }
     let deflection_m = |row: usize| indenter.cantilever_n_per_m.map_or(0.0, |stiffness| pressing_n[row] / stiffness);
@@ -76,7 +77,12 @@ pub(super) fn settle_contact(file: &Path, trajectory: &mut Trajectory, indenter:
     let peak = (start..n_rows).max_by(|a, b| pressing_n[*a].total_cmp(&pressing_n[*b])).unwrap_or(start);
     let compared = (start..peak).rev().find(|row| pressing_n[*row] < touching_n).map_or(start, |row| row + 1);
     let Some(origin_m) = tip_m[start..].iter().flatten().next().copied() else {
-        return refuse(start, &trajectory.position_column, "no position is left after contact".into(), LOST_REMEDY);
+        return refuse(
+            start,
+            &trajectory.position_column,
+            "no position remains after contact begins".into(),
+            LOST_REMEDY,
+        );
     };
     let at_peak_m = tip_m[..=peak].iter().rev().flatten().next().copied().unwrap_or(origin_m);
     if at_peak_m < origin_m {
@@ -84,7 +90,7 @@ pub(super) fn settle_contact(file: &Path, trajectory: &mut Trajectory, indenter:
             peak,
             &trajectory.position_column,
             format!("the position falls by {:.4} µm while the force grows", 1e6 * (origin_m - at_peak_m)),
-            "write `direction = \"-\"` in [measurement] for a height that falls as the tip goes in (with [measurement.columns]), or give the depth",
+            "write `direction = \"-\"` in [measurement] if the column is a height that falls as the tip goes in (this needs [measurement.columns]), or give the depth",
         );
     }
     let end = end_of_growth(&tip_m, compared);
@@ -94,8 +100,8 @@ pub(super) fn settle_contact(file: &Path, trajectory: &mut Trajectory, indenter:
         return refuse(
             start,
             &trajectory.position_column,
-            format!("{n_compared} positions are left while the contact grows"),
-            "give the approach and the hold of one indentation; rows before contact, and where the depth falls, are left out",
+            format!("only {n_compared} positions are left while the contact grows"),
+            "give the approach and the hold of one indentation; rows before contact and rows with falling depth are not used",
         );
     }
     let note = Note::Contact {
@@ -115,8 +121,8 @@ pub(super) fn settle_contact(file: &Path, trajectory: &mut Trajectory, indenter:
 
 const LOST_REMEDY: &str = "give the positions of the tip while it is pressed in";
 
-/// The force of a free tip: a straight line through the rows before contact, for optical levers drift, at the last of them. `None` where the record begins in
-/// contact, whose forces then count as they are.
+/// Fits the force of a free tip: a straight line through the rows before contact, because optical levers drift. Returns its value at the last of these rows, or
+/// `None` if the record begins in contact and its forces count unchanged.
 fn free_force(time_s: &[f64], force_n: &[f64]) -> Option<Free> {
     let first_n = median(force_n.iter().take(MIN_FREE_ROWS).copied().collect())?;
     let largest_n = force_n.iter().copied().fold(f64::NEG_INFINITY, f64::max);
@@ -133,7 +139,7 @@ fn free_force(time_s: &[f64], force_n: &[f64]) -> Option<Free> {
         return None;
     }
     let mean_error_n = sd_n / (N_MEAN as f64).sqrt();
-    // The walk ends inside the free rows at the latest.
+    // The search ends inside the free rows at the latest.
     let is_free = |row: &usize| {
         let window = row.saturating_sub(N_MEAN / 2)..(row + N_MEAN / 2 + 1).min(force_n.len());
         let excess_n = window.clone().map(|row| force_n[row] - line.at(time_s[row])).sum::<f64>() / window.len() as f64;
@@ -146,7 +152,7 @@ fn free_force(time_s: &[f64], force_n: &[f64]) -> Option<Free> {
     Some(Free { force_n: at_contact_n, error_n: (at_contact_n - late_n).abs(), sd_n, last_row })
 }
 
-/// One after the last row of growing depth.
+/// Index after the last row of growing depth.
 fn end_of_growth(tip_m: &[Option<f64>], from: usize) -> usize {
     let depths = || tip_m.iter().enumerate().skip(from).filter_map(|(row, x)| Some((row, (*x)?)));
     let (lowest_m, highest_m) =

@@ -1,23 +1,22 @@
-//! Cycles found from the force's repetition, for records without a `cycle` column.
+//! Finds cycles from the force's repetition, for records without a `cycle` column.
 //!
-//! The force is cut into *holds* at its steps (changes above 20 % of its range); smaller changes are load like any
-//! other and do not cut. A cycle is the shortest run of holds that repeats in level, direction and duration; if the
-//! levels drift too much for that, in direction and duration alone. A force whose holds do not repeat (a sine, a slow
-//! ramp to and fro, steps so close to 20 % that only some of them cut) is compared with itself at growing lags instead.
+//! Steps (changes above 20 % of the force's range) cut the force into *holds*. Smaller changes do not cut. A cycle is the shortest sequence of holds that
+//! repeats in level, direction and duration. If the levels drift too much, direction and duration alone must repeat. A force whose holds do not repeat is
+//! compared with itself at increasing lags instead. Examples are a sine, a slow ramp to and fro, and steps so close to 20 % that only some of them cut.
 
 use super::notes::Note;
 use super::record::Record;
 use super::robust::median;
 
-/// Levels count as equal within this fraction of the force's range: what is not a step is not a difference.
+/// Levels that differ by less than this fraction of the force's range count as equal, because smaller changes are not steps.
 const LEVEL_TOLERANCE: f64 = 0.2;
-/// Durations count as equal within this fraction of the longer one, beyond what the rows around the steps leave open.
+/// Durations that differ by less than this fraction of the longer one count as equal. The uncertainty from the rows around the steps is added.
 const DURATION_TOLERANCE: f64 = 0.15;
-/// A force within this fraction of its range from zero is rest.
+/// A force within this fraction of its range from zero counts as rest.
 const REST_TOLERANCE: f64 = 0.05;
-/// Points on which a force without steps is compared with itself.
+/// Number of points at which a force without steps is compared with itself.
 const LAG_GRID: usize = 2000;
-/// A lag repeats the force when the mean squared difference falls below this fraction of twice the variance.
+/// A lag repeats the force if the mean squared difference is below this fraction of twice the variance.
 const LAG_TOLERANCE: f64 = 0.05;
 
 /// Cycles of a record.
@@ -29,7 +28,7 @@ pub(super) struct FoundCycles {
 }
 
 impl FoundCycles {
-    /// What the user is told.
+    /// Note to the user on the cycles found.
     pub(super) fn note(&self) -> Note {
         let n_cycles = self.cycle.last().copied().unwrap_or(1);
         Note::CyclesFound { n_cycles, period_s: self.period_s, text: self.text.clone() }
@@ -41,20 +40,20 @@ struct Hold {
     first_row: usize,
     duration_s: f64,
     level_n: f64,
-    /// Sign of the step into it; 0 where there is none.
+    /// Sign of the step that begins the hold; 0 without a step.
     direction: i8,
-    /// How much earlier or later its ends may have been, given the rows around them.
+    /// Uncertainty of the duration due to the row spacing at both ends, in s.
     open_s: f64,
 }
 
-/// A repetition: holds `first .. end` are runs of `length`.
+/// A repetition: the holds from `first` on form groups of `length`.
 struct Repetition {
     first: usize,
     length: usize,
     levels_agree: bool,
 }
 
-/// Finds the cycles of `record` from its force; its own cycle numbers are ignored.
+/// Finds the cycles of `record` from its force and ignores existing cycle numbers.
 pub(super) fn find_cycles(record: &Record) -> FoundCycles {
     let holds = holds_of(record);
     if let Some(repetition) = find_repetition(&holds, record.force_range_n()) {
@@ -64,7 +63,7 @@ pub(super) fn find_cycles(record: &Record) -> FoundCycles {
         return from_period(record, period_s);
     }
     let text = format!(
-        "no `cycle` column, and the force does not repeat ({} steps): the whole record is one cycle",
+        "there is no `cycle` column and the force does not repeat ({} steps): the whole record is one cycle",
         holds.len().saturating_sub(1)
     );
     FoundCycles { cycle: vec![1; record.n_rows()], period_s: None, text }
@@ -76,9 +75,9 @@ fn holds_of(record: &Record) -> Vec<Hold> {
     let rise = |row: usize| record.force_n[row] - if row == 0 { 0.0 } else { record.force_n[row - 1] };
     let mut starts = vec![0];
     for &row in step_rows.iter().filter(|row| **row > 0) {
-        // A step that a sampled ramp spreads over neighbouring rows is one step.
+        // A step that a sampled ramp spreads over neighbouring rows counts as one step.
         let continues = row >= 2 && step_rows.binary_search(&(row - 1)).is_ok() && rise(row) * rise(row - 1) > 0.0;
-        // A step in the very last row starts nothing that was recorded.
+        // A step in the last row starts no recorded hold.
         if !continues && row + 1 < n_rows {
             starts.push(row);
         }
@@ -105,14 +104,14 @@ fn holds_of(record: &Record) -> Vec<Hold> {
         .collect()
 }
 
-/// The shortest repetition, with equal levels if there is one; a rest before and after may stay outside.
+/// Finds the shortest repetition, with equal levels if possible. A rest at the beginning or end may stay outside.
 fn find_repetition(holds: &[Hold], range_n: f64) -> Option<Repetition> {
     let is_rest = |hold: &Hold| hold.level_n.abs() <= REST_TOLERANCE * range_n;
     let n_lead = usize::from(holds.first().is_some_and(is_rest));
     let n_tail = usize::from(holds.last().is_some_and(is_rest));
     for levels_agree in [true, false] {
         for length in 2..=holds.len().div_ceil(2) {
-            // Whole cycles first; then a leading rest left out; then a trailing one.
+            // Whole cycles come first, then a leading rest left out, then a trailing one.
             let mut spans: Vec<(usize, usize)> = Vec::new();
             for tail in 0..=n_tail {
                 for lead in 0..=n_lead {
@@ -136,7 +135,7 @@ fn find_repetition(holds: &[Hold], range_n: f64) -> Option<Repetition> {
     None
 }
 
-/// Whether every hold agrees with the one `length` later. The duration of the last hold is free: a record may end early or rest longer.
+/// True if every hold agrees with the one `length` later. The last hold may have any duration, because a record may end early or rest longer.
 fn repeats(holds: &[Hold], length: usize, levels_agree: bool, range_n: f64) -> bool {
     let pairs = || holds.iter().zip(&holds[length..]);
     let both_ways = [-1, 1].iter().all(|way| holds.iter().any(|hold| hold.direction == *way));
@@ -145,7 +144,7 @@ fn repeats(holds: &[Hold], length: usize, levels_agree: bool, range_n: f64) -> b
             let last = i + length + 1 == holds.len();
             let tolerance_s = DURATION_TOLERANCE * a.duration_s.max(b.duration_s) + a.open_s + b.open_s;
             let same_duration = last || (a.duration_s - b.duration_s).abs() <= tolerance_s;
-            // The first hold may start from rest, where later ones start from the level before them.
+            // The first hold may start from rest, while later ones start from the previous level.
             let same_direction = i == 0 || a.direction == b.direction;
             let same_level = !levels_agree || (a.level_n - b.level_n).abs() <= LEVEL_TOLERANCE * range_n;
             same_duration && same_direction && same_level
@@ -156,7 +155,7 @@ fn from_repetition(record: &Record, holds: &[Hold], repetition: &Repetition) -> 
     let n_hold_groups = (holds.len() - repetition.first).div_ceil(repetition.length);
     let mut starts: Vec<usize> =
         (0..n_hold_groups).map(|group| holds[repetition.first + group * repetition.length].first_row).collect();
-    // A last group that is only a rest longer than the pattern belongs to the cycle before it.
+    // If the last group is a single rest that the pattern lacks, it belongs to the previous cycle.
     let n_left = (holds.len() - repetition.first) % repetition.length;
     let last_is_rest =
         n_left == 1 && holds.last().is_some_and(|hold| hold.level_n.abs() <= REST_TOLERANCE * record.force_range_n());
@@ -168,16 +167,16 @@ fn from_repetition(record: &Record, holds: &[Hold], repetition: &Repetition) -> 
     let start_times_s: Vec<f64> = starts.iter().map(|row| record.time_s[*row]).collect();
     let period_s = median(start_times_s.windows(2).map(|pair| pair[1] - pair[0]).collect());
     let mut text = format!(
-        "no `cycle` column: found {n_cycles} cycles of {:.4} s from the force ({} holds each), starting at t = {}",
+        "there is no `cycle` column; the force has {n_cycles} cycles of {:.4} s ({} holds each), starting at t = {}",
         period_s.unwrap_or(0.0),
         repetition.length,
         listed(&start_times_s)
     );
     if repetition.first > 0 {
-        text += "; the rest before the first counts to cycle 1";
+        text += "; the rest before the first cycle belongs to cycle 1";
     }
     if !repetition.levels_agree {
-        text += "; the force levels differ between cycles by more than 20 % of the force's range, directions and durations repeat";
+        text += "; the force levels differ between cycles by more than 20 % of the force's range, but directions and durations repeat";
     }
     if n_left > 0 && !last_is_rest {
         text += "; the last cycle is incomplete";
@@ -190,7 +189,7 @@ fn listed(times_s: &[f64]) -> String {
     format!("{}{} s", shown.join(", "), if times_s.len() > shown.len() { ", …" } else { "" })
 }
 
-/// Cycle of each row, given the first row of each cycle; rows before the first belong to cycle 1.
+/// Numbers the rows by cycle, given the first row of each cycle. Rows before the first cycle belong to cycle 1.
 fn number_rows(record: &Record, starts: &[usize]) -> Vec<u32> {
     let mut cycle = vec![1; record.n_rows()];
     let ends = starts.iter().skip(2).copied().chain([record.n_rows()]);
@@ -200,7 +199,7 @@ fn number_rows(record: &Record, starts: &[usize]) -> Vec<u32> {
     cycle
 }
 
-/// The shortest lag at which a force without steps repeats, in s.
+/// Shortest lag at which a force without steps repeats, in s.
 fn repeating_lag_s(record: &Record) -> Option<f64> {
     let (start_s, end_s) = (*record.time_s.first()?, *record.time_s.last()?);
     let spacing_s = (end_s - start_s) / LAG_GRID as f64;
@@ -221,7 +220,7 @@ fn repeating_lag_s(record: &Record) -> Option<f64> {
     let mean = force.iter().sum::<f64>() / LAG_GRID as f64;
     let twice_variance = 2.0 * force.iter().map(|f| (f - mean) * (f - mean)).sum::<f64>() / LAG_GRID as f64;
     let differences: Vec<f64> = (0..=LAG_GRID / 2).map(|lag| difference(lag) / twice_variance).collect();
-    // Beyond the first lag at which the force has nothing to do with itself, the first valley that is deep enough.
+    // The lag is the first sufficiently deep valley beyond the first lag at which the force is uncorrelated with itself.
     let unlike = differences.iter().position(|difference| *difference > 0.5)?;
     let enter = unlike + differences[unlike..].iter().position(|difference| *difference < LAG_TOLERANCE)?;
     let valley = &differences[enter..];
@@ -230,20 +229,20 @@ fn repeating_lag_s(record: &Record) -> Option<f64> {
     Some((enter + lowest) as f64 * spacing_s)
 }
 
-/// Cycles of `period_s`, each begun at the force step nearest to where the one before says, if one is near.
+/// Forms cycles of length `period_s`. Each begins at the force step nearest to its expected start, if a step is near.
 fn from_period(record: &Record, period_s: f64) -> FoundCycles {
     let step_rows = record.force_step_rows();
     let mut starts = vec![0];
     let mut due_s = record.time_s[0] + period_s;
-    // A tenth of a period at the end is a last sample, not a cycle.
+    // A remainder of at most a tenth of a period at the end is not a cycle.
     let last_s = record.time_s[record.n_rows() - 1];
-    // No period is shorter than a step of the lag grid; the bound also ends times too large to add a period to.
+    // No period is shorter than a step of the lag grid. The bound also stops the loop if times are too large to add a period to.
     for _ in 0..LAG_GRID {
         if due_s + 0.1 * period_s >= last_s {
             break;
         }
         let distance_s = |row: &usize| (record.time_s[*row] - due_s).abs();
-        // Steps are in order of time: the nearest is one of the two around.
+        // Steps are sorted by time, so the nearest step is one of the two around.
         let after = step_rows.partition_point(|row| record.time_s[*row] < due_s);
         let around = step_rows[after.saturating_sub(1)..step_rows.len().min(after + 1)].iter().copied();
         let near_step = around.min_by(|a, b| distance_s(a).total_cmp(&distance_s(b)));
@@ -260,11 +259,11 @@ fn from_period(record: &Record, period_s: f64) -> FoundCycles {
             }
         }
     }
-    // A gap longer than a cycle leaves no row to begin one.
+    // A gap longer than a cycle contains no row to begin one.
     starts.dedup();
     let cycle = number_rows(record, &starts);
     let text = format!(
-        "no `cycle` column: the force, compared with itself, repeats every {period_s:.4} s, which makes {} cycles",
+        "there is no `cycle` column; the force repeats every {period_s:.4} s (found by autocorrelation), which makes {} cycles",
         starts.len()
     );
     FoundCycles { cycle, period_s: Some(period_s), text }

@@ -1,25 +1,25 @@
-//! The commanded force between the rows at which it is given.
+//! The commanded force, also between the rows at which it is given.
 
 use super::robust::{SD_PER_MAD, median};
 
-/// Share of the force's range above which a change is a step (formats §1).
+/// Fraction of the force's range above which a change is a step (formats §1).
 const STEP_FRACTION: f64 = 0.2;
 
-/// What the force does between rows (formats §1).
+/// Rule for the force between rows (formats §1).
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum ForceRule {
     /// Row i's force holds on [tᵢ, tᵢ₊₁).
     #[default]
     Hold,
-    /// It goes in a straight line to the next row's; before the first row it is zero.
+    /// The force varies linearly up to the next row. Before the first row it is zero.
     Linear,
 }
 
 impl ForceRule {
-    /// All of them.
+    /// All rules.
     pub const ALL: [Self; 2] = [Self::Hold, Self::Linear];
 
-    /// As it is written in `experiment.toml`.
+    /// Name in `experiment.toml`.
     pub fn name(self) -> &'static str {
         match self {
             Self::Hold => "hold",
@@ -28,26 +28,26 @@ impl ForceRule {
     }
 }
 
-/// A commanded force against time: its values at the rows and what it does between them. Slices of numbers become one that holds.
+/// A commanded force over time: its values at the rows and its rule between them. A slice of numbers converts to a force that holds.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Force<'a> {
     /// Force at every row, in N.
     pub at_rows_n: &'a [f64],
-    /// What it does between them.
+    /// Rule for the force between rows.
     pub rule: ForceRule,
 }
 
-/// The same, kept.
+/// An owned [`Force`].
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct KeptForce {
     /// Force at every row, in N.
     pub at_rows_n: Vec<f64>,
-    /// What it does between them.
+    /// Rule for the force between rows.
     pub rule: ForceRule,
 }
 
 impl KeptForce {
-    /// For whoever computes with it.
+    /// Returns a borrowed view for computations.
     pub fn get(&self) -> Force<'_> {
         Force { at_rows_n: &self.at_rows_n, rule: self.rule }
     }
@@ -66,17 +66,17 @@ impl<'a, T: AsRef<[f64]> + ?Sized> From<&'a T> for Force<'a> {
 }
 
 impl<'a> Force<'a> {
-    /// The first `n` rows of it.
+    /// Returns the first `n` rows.
     pub fn first(self, n: usize) -> Self {
         Self { at_rows_n: &self.at_rows_n[..n.min(self.at_rows_n.len())], ..self }
     }
 
-    /// Whether it changes between rows.
+    /// True if the force changes between rows.
     pub fn is_linear(self) -> bool {
         self.rule == ForceRule::Linear
     }
 
-    /// By how much it rises a second from a row on, in N/s; 0 after the last. `time_s` are the rows' times in s.
+    /// Slope from a row to the next, in N/s; 0 after the last row. `time_s` are the rows' times in s.
     pub fn slope_n_per_s(self, time_s: &[f64], row: usize) -> f64 {
         match (self.rule, self.at_rows_n.get(row + 1), time_s.get(row + 1)) {
             (ForceRule::Linear, Some(next_n), Some(next_s)) => (next_n - self.at_rows_n[row]) / (next_s - time_s[row]),
@@ -84,7 +84,7 @@ impl<'a> Force<'a> {
         }
     }
 
-    /// Whether the force between a row and the next pushes forward; where the line crosses zero, the longer part of it.
+    /// True if the mean force between a row and the next is positive. If the line crosses zero, its longer part decides.
     pub fn is_positive(self, row: usize) -> bool {
         let here_n = self.at_rows_n[row];
         match (self.rule, self.at_rows_n.get(row + 1)) {
@@ -93,15 +93,15 @@ impl<'a> Force<'a> {
         }
     }
 
-    /// Largest less smallest force in N; the force's size where it is constant.
+    /// Largest minus smallest force, in N; the absolute force if it is constant.
     pub fn range_n(self) -> f64 {
         let largest = self.at_rows_n.iter().copied().fold(f64::NEG_INFINITY, f64::max);
         let smallest = self.at_rows_n.iter().copied().fold(f64::INFINITY, f64::min);
         if largest > smallest { largest - smallest } else { self.at_rows_n.first().map_or(0.0, |force| force.abs()) }
     }
 
-    /// Indices of the rows at which a force step begins: the force differs from the row before by more than 20 % of the force's range (formats §1). Before the first
-    /// row the force is zero, so row 0 may be one.
+    /// Indices of the rows at which a force step begins (formats §1). A step changes the force by more than 20 % of the force's range. Before the first row the
+    /// force is zero, so row 0 may be one.
     pub fn step_rows(self) -> Vec<usize> {
         let threshold_n = STEP_FRACTION * self.range_n();
         let before = std::iter::once(&0.0).chain(self.at_rows_n);
@@ -109,7 +109,7 @@ impl<'a> Force<'a> {
         steps.filter(|(_, (before, after))| (*after - *before).abs() > threshold_n).map(|(row, _)| row).collect()
     }
 
-    /// Whether the force begins or ends at a row to be another: a record that keeps these rows has the same force.
+    /// True if the force changes at a row. A record that keeps these rows has an unchanged force.
     pub fn is_needed(self, row: usize) -> bool {
         let force_n = self.at_rows_n;
         row == 0
@@ -117,7 +117,7 @@ impl<'a> Force<'a> {
             || (self.is_linear() && force_n.get(row + 1).is_some_and(|next| *next != force_n[row]))
     }
 
-    /// Row ranges between steps; the first begins with row 0.
+    /// Row ranges between steps. The first range begins with row 0.
     pub fn holds(self) -> Vec<std::ops::Range<usize>> {
         let mut starts = self.step_rows();
         if starts.first() != Some(&0) {
@@ -127,14 +127,14 @@ impl<'a> Force<'a> {
         starts.iter().zip(ends).map(|(start, end)| *start..end).collect()
     }
 
-    /// The force at a time, in N: from the right where it jumps; zero before the first row.
+    /// Force at a time, in N: the value after a jump; zero before the first row.
     pub fn at_n(self, time_s: &[f64], at_s: f64) -> f64 {
         let Some(row) = time_s.partition_point(|&row_s| row_s <= at_s).checked_sub(1) else { return 0.0 };
         let slope = self.slope_n_per_s(time_s, row);
         self.at_rows_n[row] + if slope == 0.0 { 0.0 } else { slope * (at_s - time_s[row]) }
     }
 
-    /// Its integral between a row and the next, in N·s; 0 after the last.
+    /// Integral of the force from a row to the next, in N·s; 0 after the last row.
     pub fn impulse_n_s(self, time_s: &[f64], row: usize) -> f64 {
         let Some(next_s) = time_s.get(row + 1) else { return 0.0 };
         let mean_n = match (self.rule, self.at_rows_n.get(row + 1)) {
@@ -145,18 +145,19 @@ impl<'a> Force<'a> {
     }
 }
 
-/// Rows of a hold at least, for its level to be known.
+/// Smallest number of rows that determines a hold's level.
 const LEVEL_ROWS: usize = 3;
-/// Share of the rows at which a noisy force changes.
+/// Smallest fraction of rows at which a noisy force changes.
 const CHANGES: f64 = 0.5;
-/// Share of the force's range that its noise about a level may have.
+/// Largest noise about a level, as a fraction of the force's range.
 const NOISE_SHARE: f64 = 0.05;
-/// Standard deviations from its level within which every row of a hold lies.
+/// Every row of a hold lies within this many standard deviations of its level.
 const FARTHEST: f64 = 6.0;
-/// Standard errors within which the halves of a hold agree, and within which a level is 0.
+/// The halves of a hold agree, and a level counts as 0, within this many standard errors.
 const ERRORS: f64 = 4.0;
 
-/// The force without a sensor's noise: in each hold between steps its median, and 0 where that is 0 within its error. `None` where the force does not scatter about levels.
+/// Returns the force without sensor noise: the median of each hold between steps, or 0 if the median is 0 within its error. `None` if the force does not vary
+/// about levels.
 pub(super) fn levels(force_n: &[f64]) -> Option<Vec<f64>> {
     let force = Force::from(&force_n);
     let n_changes = force_n.windows(2).filter(|pair| pair[0] != pair[1]).count();
@@ -168,11 +169,11 @@ pub(super) fn levels(force_n: &[f64]) -> Option<Vec<f64>> {
         let hold = &force_n[rows];
         let level = median(hold.to_vec())?;
         let sd = SD_PER_MAD * median(hold.iter().map(|force| (force - level).abs()).collect())?;
-        // From row to row, which a slow change does not touch.
+        // Differences between neighbouring rows are insensitive to slow changes.
         let steps = hold.windows(2).map(|pair| (pair[1] - pair[0]).abs()).collect();
         let short_sd = SD_PER_MAD / std::f64::consts::SQRT_2 * median(steps)?;
         let farthest = hold.iter().map(|force| (force - level).abs()).fold(0.0, f64::max);
-        // The error of a median is 1.25 that of a mean.
+        // The error of a median is 1.25 times that of a mean.
         let error = |n: usize| 1.25 * short_sd / (n as f64).sqrt();
         let (first, second) = hold.split_at(hold.len() / 2);
         let apart = (median(first.to_vec())? - median(second.to_vec())?).abs();
@@ -189,7 +190,7 @@ pub(super) fn levels(force_n: &[f64]) -> Option<Vec<f64>> {
     Some(made)
 }
 
-/// Whether a force scatters about the levels between which it was switched, as a sensor shows it.
+/// True if a force varies about the levels between which it was switched, as measured by a noisy sensor.
 pub fn has_noisy_levels(force_n: &[f64]) -> bool {
     levels(force_n).is_some()
 }

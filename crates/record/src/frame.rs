@@ -1,4 +1,4 @@
-//! Where a position is zero and which way it grows (formats §1): from coordinates as they were written to positions along the force.
+//! Zero and direction of positions (formats §1): converts coordinates as written to positions along the force.
 
 use std::path::Path;
 
@@ -8,41 +8,41 @@ use super::trajectory::Trajectory;
 use base::error::{Error, Place, Result};
 use base::toml_input::Table;
 
-/// Which position counts as 0.
+/// Position that counts as 0.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub enum Zero {
-    /// The one that the table has for 0.
+    /// The table's own zero.
     #[default]
     AsWritten,
-    /// The first.
+    /// The first position.
     First,
-    /// The median of those before the force first acts.
+    /// The median position before the force first acts.
     Rest,
-    /// None is known: positions count from the first, and what is left of their offset is fitted.
+    /// No zero is known. Positions count from the first one, and the remaining offset is fitted.
     Fit,
-    /// This one, in the column's unit.
+    /// This position, in the column's unit.
     Value(f64),
 }
 
-/// Which way counts as forward.
+/// Direction that counts as forward.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Direction {
-    /// The way in which the numbers grow; of several coordinates, that of x.
+    /// Direction in which the numbers grow; for several coordinates, the direction of x.
     Forward,
-    /// The other.
+    /// The opposite direction.
     Backward,
-    /// That of x turned towards y, in degrees.
+    /// Angle in degrees from x towards y.
     Degrees(f64),
-    /// The line on which most of the motion lies, to the side to which the force moves it.
+    /// The line that contains most of the motion, oriented along the motion that the force causes.
     Fit,
 }
 
-/// How positions are counted.
+/// Zero and direction of positions.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Frame {
-    /// Where from.
+    /// Zero of the positions.
     pub zero: Zero,
-    /// Which way.
+    /// Forward direction.
     pub direction: Direction,
 }
 
@@ -52,30 +52,30 @@ impl Default for Frame {
     }
 }
 
-/// What was done to coordinates so that they became positions along the force.
+/// Conversion that turned coordinates into positions along the force.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Settled {
-    /// What was subtracted, in m, one value a coordinate.
+    /// Subtracted position in m, for each coordinate.
     pub zero_m: Vec<f64>,
-    /// Whether the sign of a single coordinate was turned.
+    /// True if the sign of a single coordinate was reversed.
     pub is_reversed: bool,
-    /// What several coordinates became.
+    /// Projection of several coordinates; `None` for a single one.
     pub projection: Option<Projection>,
 }
 
-/// A motion in a plane or in space, seen along one line.
+/// Projection of a motion in a plane or in space onto a line.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Projection {
-    /// Unit vector of the line, one component a coordinate.
+    /// Unit vector of the line, with one component for each coordinate.
     pub axis: Vec<f64>,
-    /// Position across the line in m, a row each; `None` where tracking was lost. In space: the direction across with the most motion.
+    /// Position across the line in m, for each row; `None` if tracking was lost. In space it is measured along the direction with most motion across the line.
     pub across_m: Vec<Option<f64>>,
-    /// Root mean square of what lies across about its median, in m.
+    /// Root mean square motion across the line about its median, in m.
     pub across_rms_m: f64,
 }
 
 impl std::fmt::Display for Projection {
-    /// The coordinates and their line, such as `x and y on a line at 45.0° from x`.
+    /// Writes the coordinates and their line, such as `x and y on a line at 45.0° from x`.
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match self.axis.as_slice() {
             [x, y] => write!(f, "x and y on a line at {:.1}° from x", y.atan2(*x).to_degrees()),
@@ -87,27 +87,27 @@ impl std::fmt::Display for Projection {
     }
 }
 
-/// Passes of the fit of a line that leave out what lies far from it.
+/// Number of passes of the line fit. Each pass leaves out rows far from the line.
 const PASSES: usize = 4;
-/// Distances from the line, over their median, beyond which a row does not count for it: six standard deviations of normal errors.
+/// Multiple of the median distance from the line beyond which a row is left out: six standard deviations of normal errors.
 const FAR: f64 = 9.0;
-/// Squarings of a covariance: its eigenvalues are raised to the power 2⁴⁰, so that equal ones alone are not told apart.
+/// Number of squarings of a covariance matrix. They raise its eigenvalues to the power 2⁴⁰, so only equal ones cannot be distinguished.
 const SQUARINGS: usize = 40;
-/// Rows by which a force may have been logged late.
+/// Largest delay of a force log, in rows.
 const MOST_LAGS: usize = 200;
-/// Share of its size that the work of the force must have for a direction to count as against it.
+/// Fraction of the summed absolute work that the force's work must reach for a direction to count as against the force.
 const CLEARLY: f64 = 0.2;
 
 impl Frame {
-    /// What `[measurement]` says of it; `n_axes` is the number of coordinates.
+    /// Reads the frame from `[measurement]`. `n_axes` is the number of coordinates.
     pub fn read(measurement: Table<'_>, n_axes: usize) -> Result<Self> {
         Ok(Self { zero: zero(measurement, n_axes)?, direction: direction(measurement, n_axes)? })
     }
 
-    /// Turns the coordinates of a table into positions; `file` is only named in errors.
+    /// Turns a table's coordinates into positions. Errors name `file`.
     ///
     /// # Errors
-    /// [`Error::Input`] where the frame asks for a position that the table does not have.
+    /// [`Error::Input`] if the frame needs a position that the table lacks.
     pub(super) fn settle(&self, file: &Path, trajectory: &mut Trajectory) -> Result<Settled> {
         let zero_m = self.zero_m(file, trajectory)?;
         if trajectory.others_m.is_empty() {
@@ -118,7 +118,7 @@ impl Frame {
                 Direction::Forward | Direction::Degrees(_) => false,
             };
             if is_reversed {
-                // Not a minus before a zero.
+                // This avoids a negative zero.
                 trajectory.position_m.iter_mut().flatten().for_each(|x| *x = 0.0 - *x);
             }
             return Ok(Settled { zero_m, is_reversed, projection: None });
@@ -153,7 +153,7 @@ impl Frame {
             _ => normal(line_of_motion(&points.iter().map(|point| point.map(off_line)).collect::<Vec<_>>()), axis),
         };
         let across_m = along(first_across);
-        // The third direction, which a plane does not have.
+        // The third direction, which only exists in space.
         let last_across = [
             axis[1] * first_across[2] - axis[2] * first_across[1],
             axis[2] * first_across[0] - axis[0] * first_across[2],
@@ -181,60 +181,61 @@ impl Frame {
         let at_row = |row: usize| coordinates().map(|positions| positions[row].unwrap_or(0.0)).collect::<Vec<f64>>();
         match self.zero {
             Zero::AsWritten => Ok(vec![0.0; coordinates().count()]),
-            // Near enough for a prior; what is left is fitted.
+            // The first position is close enough for a prior. The remaining offset is fitted.
             Zero::Fit => Ok(at_row(trajectory.position_m.iter().position(Option::is_some).unwrap_or(0))),
             Zero::Value(value) => Ok(vec![trajectory.position_unit_m * value]),
             Zero::First if trajectory.position_m.first().copied().flatten().is_some() => Ok(at_row(0)),
             Zero::First => refuse(
                 "the first row has no position",
-                "write `zero = \"rest\"`, or the position itself where there is one column of it",
+                "write `zero = \"rest\"`, or the position itself if there is only one position column",
             ),
             Zero::Rest => match rest_m(&trajectory.force_n, &trajectory.position_m) {
                 Some(_) => {
                     Ok(coordinates().map(|positions| rest_m(&trajectory.force_n, positions).unwrap_or(0.0)).collect())
                 }
                 None => refuse(
-                    "there is no row before the force acts",
-                    "write `zero = \"first\"`, or the position itself where there is one column of it",
+                    "no row with a position precedes the force",
+                    "write `zero = \"first\"`, or the position itself if there is only one position column",
                 ),
             },
         }
     }
 }
 
-/// Coordinates of a row; what a table does not have is 0.
+/// Coordinates of a row; missing ones are 0.
 type Point = [f64; 3];
 
 fn dot(a: Point, b: Point) -> f64 {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
-/// What of a vector is normal to a unit vector.
+/// Component of a vector that is normal to a unit vector.
 fn without(point: Point, axis: Point) -> Point {
     let along = dot(point, axis);
     [0, 1, 2].map(|k| point[k] - along * axis[k])
 }
 
-/// Median position (m) before the force first acts, as written; `None` where it acts from the first row on.
+/// Median position (m) before the force first acts, as written; `None` if it acts from the first row on.
 pub(super) fn rest_m(force_n: &[f64], position_m: &[Option<f64>]) -> Option<f64> {
     let n_rest = force_n.iter().take_while(|force| **force == 0.0).count();
-    // The first row of a force that rises in a line has moved already.
+    // If the force rises linearly, its first row has already moved.
     median(position_m.iter().take(n_rest).copied().flatten().collect())
 }
 
-/// The force's work on the way from row to row, and the sum of its sizes.
+/// Work of the force from row to row, and the sum of its absolute values.
 fn work_and_size(force_n: &[f64], position_m: &[Option<f64>]) -> (f64, f64) {
     let moved = position_m.windows(2).zip(force_n).filter_map(|(pair, force)| Some((pair[1]? - pair[0]?, *force)));
     moved.fold((0.0, 0.0), |(work, size), (way, force)| (work + way * force, size + (way * force).abs()))
 }
 
-/// Whether the force's work on the way from row to row is negative, by more than a share of its size.
+/// True if the work of the force from row to row is negative and its absolute value exceeds `share` times the summed absolute work.
 pub fn is_against(force_n: &[f64], position_m: &[Option<f64>], share: f64) -> bool {
     let (work, size) = work_and_size(force_n, position_m);
     work < -share * size && work < 0.0
 }
 
-/// Whether positions clearly grow against the force: a passive body takes work up. A force that was logged late is moved to where it goes best with the motion, for its work has no sign of its own.
+/// True if positions clearly grow against the force, which a passive body cannot do. The force is first shifted, within the allowed delay, to the lag with the
+/// largest absolute work. The work at lag 0 alone would not reveal the sign of a delayed force.
 pub(super) fn turns_against(force_n: &[f64], position_m: &[Option<f64>]) -> bool {
     let steps = Force::from(force_n).step_rows();
     let shortest = steps.windows(2).map(|pair| pair[1] - pair[0]).min().unwrap_or(0);
@@ -247,7 +248,7 @@ pub(super) fn turns_against(force_n: &[f64], position_m: &[Option<f64>]) -> bool
     best.is_some_and(|share| share < -CLEARLY)
 }
 
-/// A unit vector normal to an axis, near a direction unless that lies on the axis.
+/// Unit vector normal to an axis, near `direction` unless `direction` lies along the axis.
 fn normal(direction: Point, axis: Point) -> Point {
     let smallest = (0..3).min_by(|a, b| axis[*a].abs().total_cmp(&axis[*b].abs())).unwrap_or(0);
     let across = without(direction, axis);
@@ -260,7 +261,7 @@ fn normal(direction: Point, axis: Point) -> Point {
     across.map(|x| x / length)
 }
 
-/// Unit vector of the line on which most of a motion lies; rows far from the line do not turn it.
+/// Unit vector of the line that contains most of a motion. Rows far from the line do not affect it.
 fn line_of_motion(points: &[Option<Point>]) -> Point {
     let mut kept: Vec<Point> = points.iter().flatten().copied().collect();
     let mut axis = [1.0, 0.0, 0.0];
@@ -289,7 +290,7 @@ fn line_of_motion(points: &[Option<Point>]) -> Point {
     axis
 }
 
-/// Unit eigenvector of the largest eigenvalue of a symmetric matrix, by repeated squaring; `None` of a matrix of zeros.
+/// Unit eigenvector of the largest eigenvalue of a symmetric matrix, by repeated squaring; `None` for a zero matrix.
 fn largest_direction(matrix: [[f64; 3]; 3]) -> Option<Point> {
     let mut power = matrix;
     for _ in 0..SQUARINGS {
@@ -300,7 +301,7 @@ fn largest_direction(matrix: [[f64; 3]; 3]) -> Option<Point> {
         let scaled = power.map(|row| row.map(|x| x / trace));
         power = [0, 1, 2].map(|j| [0, 1, 2].map(|k| (0..3).map(|m| scaled[j][m] * scaled[m][k]).sum()));
     }
-    // Its columns are now along the eigenvector; the longest has the least rounding.
+    // All columns are now along the eigenvector. The longest one has the least rounding error.
     let column = (0..3).max_by(|a, b| power[*a][*a].total_cmp(&power[*b][*b]))?;
     let direction = [0, 1, 2].map(|k| power[k][column]);
     let length = dot(direction, direction).sqrt();
@@ -314,7 +315,7 @@ fn zero(measurement: Table<'_>, n_axes: usize) -> Result<Zero> {
     if measurement.is_number("zero") {
         if n_axes > 1 {
             let remedy = "write \"first\", \"rest\" (the positions before the force acts) or \"fit\"";
-            return Err(measurement.refuse("zero", "one number cannot be the zero of several coordinates", remedy));
+            return Err(measurement.refuse("zero", "one number cannot define the zero of several coordinates", remedy));
         }
         return Ok(measurement.number("zero")?.map_or(Zero::AsWritten, Zero::Value));
     }
@@ -330,14 +331,14 @@ fn zero(measurement: Table<'_>, n_axes: usize) -> Result<Zero> {
     }
 }
 
-/// Degrees that a direction may have.
+/// Allowed range of a direction, in degrees.
 const DEGREES: std::ops::RangeInclusive<f64> = -360.0..=360.0;
 
 fn direction(measurement: Table<'_>, n_axes: usize) -> Result<Direction> {
     let remedy = match n_axes {
         1 => "write \"+\", \"-\" or \"fit\"; degrees are for tables with `position_x` and `position_y`",
         2 => "write \"fit\", or the direction of the motion in degrees from x towards y",
-        _ => "write \"fit\": degrees from x towards y give no direction in space",
+        _ => "write \"fit\"; an angle from x towards y defines no direction in space",
     };
     if !measurement.has("direction") {
         return Ok(if n_axes > 1 { Direction::Fit } else { Direction::Forward });
@@ -347,7 +348,11 @@ fn direction(measurement: Table<'_>, n_axes: usize) -> Result<Direction> {
         if n_axes == 2 && DEGREES.contains(&degrees) {
             return Ok(Direction::Degrees(degrees));
         }
-        return Err(measurement.refuse("direction", format!("{degrees} is no direction of these positions"), remedy));
+        return Err(measurement.refuse(
+            "direction",
+            format!("{degrees} is not a direction for these positions"),
+            remedy,
+        ));
     }
     match measurement.required_text("direction", "direction = \"-\"")?.as_str() {
         "+" => Ok(Direction::Forward),
@@ -361,7 +366,8 @@ fn direction(measurement: Table<'_>, n_axes: usize) -> Result<Direction> {
 mod tests {
     use super::*;
 
-    /// A pull along 30°, against the numbers, of a bead that starts at (2500, 800) µm and wobbles across by 0.5 µm; one row in twenty is an outlier sideways.
+    /// A pull along 30°, against the coordinates, of a bead that starts at (2500, 800) µm and oscillates sideways by 0.5 µm. One row in twenty is a sideways
+    /// outlier.
     fn plane() -> (Trajectory, Vec<f64>) {
         let mut trajectory = Trajectory::empty(false, "F", "x");
         let (mut truth, mut y_m) = (Vec::new(), Vec::new());
@@ -385,7 +391,8 @@ mod tests {
         projection.axis[1].atan2(projection.axis[0]).to_degrees()
     }
 
-    /// A pull along (2, −1, 2)/3 with wobbles of 0.5 µm along (1, 2, 0)/√5 and of 0.2 µm along (4, −2, −5)/√45, which are normal to it and to each other.
+    /// A pull along (2, −1, 2)/3. It oscillates by 0.5 µm along (1, 2, 0)/√5 and by 0.2 µm along (4, −2, −5)/√45. These directions are normal to it and to each
+    /// other.
     #[test]
     fn a_motion_in_space_becomes_one_along_the_force() {
         let mut trajectory = Trajectory::empty(false, "F", "x");
@@ -422,7 +429,7 @@ mod tests {
         assert!((degrees(&projection) + 150.0).abs() < 0.1, "{projection}");
         assert_eq!(trajectory.position_m[50], None);
         for (i, (found, truth)) in trajectory.position_m.iter().zip(&truth).enumerate() {
-            // The outliers lie across; the tilt of the fitted line, below 0.1°, brings a 570th of them into the position.
+            // The outliers lie across. The tilt of the fitted line, below 0.1°, projects 1/570 of them onto the position.
             assert!(found.is_none_or(|found| (found - truth).abs() < 0.6e-6), "{i}: {found:?} {truth}");
         }
         let rms_um = 1e6 * projection.across_rms_m;

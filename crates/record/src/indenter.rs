@@ -1,44 +1,45 @@
-//! `[indenter]`: a tip that is pressed into a viscoelastic half-space, and what turns its force into depth (physics §5.1).
+//! Reads `[indenter]`: a tip that is pressed into a viscoelastic half-space, with the compliance that converts force to depth (physics §5.1).
 
 use std::f64::consts::PI;
 
 use base::error::Result;
 use base::toml_input::Table;
 
-/// A tip that is pressed into a half-space: δ^p = k ∫J dF while the contact grows, δ its depth beyond the contact point.
+/// A tip that is pressed into a half-space: δ^p = k ∫J dF while the contact grows. δ is the depth below the contact point.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Indenter {
-    /// Shape of the tip, which gives the exponent p.
+    /// Shape of the tip. It determines the exponent p.
     pub tip: Tip,
-    /// Its size: a sphere's radius in m, a cone's half-angle in rad, a punch's radius in m; `None` where it is not known.
+    /// Size of the tip: a sphere's radius in m, a cone's half-angle in rad or a punch's radius in m; `None` if unknown.
     pub size: Option<f64>,
     /// Poisson ratio of the half-space, in (−1, 0.5].
     pub poisson_ratio: f64,
-    /// Stiffness in N/m of the spring that carries the tip, by whose deflection the recorded position leads the tip's; `None` where the record is the tip's own.
+    /// Stiffness in N/m of the spring that carries the tip. Its deflection is the difference of recorded and tip position; `None` if the record gives the tip's
+    /// position.
     pub cantilever_n_per_m: Option<f64>,
 }
 
 /// Shape of the tip.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Tip {
-    /// A sphere that is much larger than the depth: p = 3/2.
+    /// A sphere that is much larger than the depth, with p = 3/2.
     Sphere,
-    /// A cone: p = 2.
+    /// A cone, with p = 2.
     Cone,
-    /// A flat-ended cylinder: p = 1.
+    /// A flat-ended cylinder, with p = 1.
     Punch,
 }
 
-/// Sizes that stand in for unknown ones: moduli are then nominal.
+/// Sizes that replace unknown ones; moduli are then nominal.
 const NOMINAL_RADIUS_M: f64 = 1e-6;
 const NOMINAL_HALF_ANGLE_RAD: f64 = 0.25 * PI;
-/// Sizes of tips, from a nanometre to a metre.
+/// Allowed radii of tips: from a nanometre to a metre.
 const RADII_M: [f64; 2] = [1e-9, 1.0];
-/// Half-angles of cones: beyond, a needle or a plate.
+/// Allowed half-angles of cones. Cones outside are needles or plates.
 const HALF_ANGLES_DEG: [f64; 2] = [1.0, 89.0];
-/// Stiffnesses of springs, from an optical trap's to a machine's.
+/// Allowed stiffnesses of springs: from an optical trap to a machine.
 const STIFFNESSES_N_PER_M: [f64; 2] = [1e-9, 1e12];
-/// Of gels and soft tissue, which keep their volume.
+/// Poisson ratio of gels and soft tissue, which keep their volume.
 const INCOMPRESSIBLE: f64 = 0.5;
 
 const KEYS: [&str; 7] = [
@@ -52,10 +53,10 @@ const KEYS: [&str; 7] = [
 ];
 
 impl Tip {
-    /// All of them.
+    /// All shapes.
     pub const ALL: [Self; 3] = [Self::Sphere, Self::Cone, Self::Punch];
 
-    /// p of δ^p = k ∫J dF.
+    /// Exponent p of δ^p = k ∫J dF.
     pub fn exponent(self) -> f64 {
         match self {
             Self::Sphere => 1.5,
@@ -64,7 +65,7 @@ impl Tip {
         }
     }
 
-    /// In messages.
+    /// Name in messages.
     pub fn name(self) -> &'static str {
         match self {
             Self::Sphere => "sphere",
@@ -73,7 +74,7 @@ impl Tip {
         }
     }
 
-    /// The keys that may give its size.
+    /// Keys that may give the size.
     fn size_keys(self) -> &'static [&'static str] {
         match self {
             Self::Sphere => &["tip_radius_um", "tip_radius_mm"],
@@ -82,7 +83,7 @@ impl Tip {
         }
     }
 
-    /// Its size in SI by a key and what stands there.
+    /// Size in SI units, from a key and its value.
     fn size_from(self, table: Table<'_>, key: &str, value: f64) -> Result<f64> {
         match self {
             Self::Cone => Ok(table.check_within(key, value, HALF_ANGLES_DEG)?.to_radians()),
@@ -102,7 +103,7 @@ impl Indenter {
         let Some(tip) = Tip::ALL.into_iter().find(|tip| tip.exponent() == exponent) else {
             return Err(table.refuse(
                 "exponent",
-                format!("no tip has the exponent {exponent}"),
+                format!("exponent {exponent} belongs to no tip shape"),
                 "write 1.5 for a sphere, 2 for a cone or a pyramid, 1 for a flat punch",
             ));
         };
@@ -114,12 +115,12 @@ impl Indenter {
                 let remedy = format!("give {}, or correct `exponent`", tip.size_keys().join(" or "));
                 return Err(table.refuse(
                     key,
-                    format!("exponent {exponent} is a {}'s, which has none", tip.name()),
+                    format!("exponent {exponent} means a {}, which has no such size", tip.name()),
                     remedy,
                 ));
             }
             if size.replace(tip.size_from(table, key, value)?).is_some() {
-                return Err(table.refuse(key, "the tip's size is given twice", "keep one of the two"));
+                return Err(table.refuse(key, "the tip's size is given twice, by two keys", "keep one of them"));
             }
         }
         let poisson_ratio = table.number("poisson_ratio")?.unwrap_or(INCOMPRESSIBLE);
@@ -127,7 +128,7 @@ impl Indenter {
             return Err(table.refuse(
                 "poisson_ratio",
                 format!("{poisson_ratio} lies outside (−1, 0.5]"),
-                "give a Poisson ratio above −1 and at most 0.5; left out it is 0.5, which gels and soft tissue have",
+                "give a Poisson ratio above −1 and at most 0.5; the default is 0.5, the value of gels and soft tissue",
             ));
         }
         let stiffness = table.positive("cantilever_n_per_m", "cantilever_n_per_m = 0.06")?;
@@ -137,13 +138,13 @@ impl Indenter {
         Ok(Self { tip, size, poisson_ratio, cantilever_n_per_m })
     }
 
-    /// p of δ^p = k ∫J dF.
+    /// Exponent p of δ^p = k ∫J dF.
     pub fn exponent(&self) -> f64 {
         self.tip.exponent()
     }
 
-    /// k of δ^p = k ∫J dF in m^(p−2), J in 1/Pa and F in N: Hertz's 3(1−ν²)/(4√R) of a sphere, Sneddon's π(1−ν²)/(2 tan α) of a cone and (1−ν²)/(2a) of a
-    /// punch (Sneddon 1965, doi:10.1016/0020-7225(65)90019-4). Without a size it is that of a radius of 1 µm or a half-angle of 45°.
+    /// Compliance k of δ^p = k ∫J dF in m^(p−2), with J in 1/Pa and F in N. It is Hertz's 3(1−ν²)/(4√R) for a sphere, Sneddon's π(1−ν²)/(2 tan α) for a cone
+    /// and (1−ν²)/(2a) for a punch (Sneddon 1965, doi:10.1016/0020-7225(65)90019-4). An unknown size is replaced by a radius of 1 µm or a half-angle of 45°.
     pub fn compliance(&self) -> f64 {
         let plane = 1.0 - self.poisson_ratio * self.poisson_ratio;
         let radius_m = self.size.unwrap_or(NOMINAL_RADIUS_M);
@@ -154,7 +155,7 @@ impl Indenter {
         }
     }
 
-    /// Its table, as `experiment.toml` has it.
+    /// Text of the table for `experiment.toml`.
     pub fn toml(&self) -> String {
         let mut lines = vec!["[indenter]".to_string(), format!("exponent = {}", self.exponent())];
         lines.extend(self.size.map(|size| match self.tip {
@@ -167,7 +168,7 @@ impl Indenter {
         lines.join("\n") + "\n"
     }
 
-    /// What stands in for a size that is not known; `None` where it is.
+    /// Text of the nominal size that replaces an unknown one; `None` if the size is known.
     pub(super) fn nominal_size(&self) -> Option<&'static str> {
         match (self.size, self.tip) {
             (Some(_), _) => None,
@@ -188,21 +189,21 @@ mod tests {
         Indenter::from_table(document.root().required_table("indenter").unwrap())
     }
 
-    /// E of Hertz's, Sneddon's and the punch's formulas, solved for the modulus by hand: each depth under its force is met by J = 1/E.
+    /// The formulas of Hertz, Sneddon and the punch, solved for the modulus by hand. The depth under each force must result for J = 1/E.
     #[test]
     fn closed_forms_give_the_depth() {
         let depth_m = |lines: &str, young_pa: f64, force_n: f64| {
             let indenter = read(lines).unwrap();
             (indenter.compliance() * force_n / young_pa).powf(1.0 / indenter.exponent())
         };
-        // F = (4/3) E/(1−ν²) √R δ^{3/2}: 1 kPa, ν = 0.5, R = 4 µm, δ = 1 µm: 3.5556e-9 N.
+        // F = (4/3) E/(1−ν²) √R δ^{3/2} with 1 kPa, ν = 0.5, R = 4 µm, δ = 1 µm: 3.5556e-9 N.
         let hertz = depth_m("exponent = 1.5\ntip_radius_um = 4", 1e3, 4.0 / 3.0 * 1e3 / 0.75 * 2e-3 * 1e-9);
         assert!((hertz / 1e-6 - 1.0).abs() < 1e-12, "{hertz}");
         assert_eq!(
             read("exponent = 1.5\ntip_radius_mm = 0.004").unwrap(),
             read("exponent = 1.5\ntip_radius_um = 4").unwrap()
         );
-        // F = (2/π) E/(1−ν²) tan α δ²: α = 30°, ν = 0.4, δ = 2 µm.
+        // F = (2/π) E/(1−ν²) tan α δ² with α = 30°, ν = 0.4, δ = 2 µm.
         let force_n = 2.0 / PI * 5e2 / 0.84 * (1.0 / 3.0_f64.sqrt()) * 4e-12;
         let cone = depth_m("exponent = 2\nhalf_angle_deg = 30\npoisson_ratio = 0.4", 5e2, force_n);
         assert!((cone / 2e-6 - 1.0).abs() < 1e-12, "{cone}");

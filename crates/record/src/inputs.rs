@@ -1,4 +1,4 @@
-//! The files of an experiment, whichever kind of measurement they hold.
+//! Reads the files of an experiment for every kind of measurement.
 
 use std::path::{Path, PathBuf};
 
@@ -9,47 +9,47 @@ use base::error::Result;
 use base::files::{self, Content};
 use base::toml_input::Table;
 
-/// Word of `kind` that says that a table is an oscillation.
+/// Value of `kind` for an oscillation.
 pub const OSCILLATION: &str = "oscillation";
-/// The other kinds of `kind`.
+/// Value of `kind` for all other measurements.
 const CREEP: &str = "creep";
 
-/// The files of an experiment exactly as they were read, and what the reader noticed.
+/// Files of an experiment with their unchanged bytes, and notes of the reader.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ExperimentFiles {
-    /// File name of the TOML, `experiment.toml` as a rule.
+    /// File name of the TOML, usually `experiment.toml`.
     pub toml_name: String,
-    /// Its bytes, unchanged.
+    /// Unchanged bytes of the TOML.
     pub toml_bytes: Vec<u8>,
-    /// Path of the CSV relative to the TOML, as it stands in `measurement.file`.
+    /// Path of the CSV relative to the TOML, as in `measurement.file`.
     pub csv_name: String,
-    /// Its bytes, unchanged.
+    /// Unchanged bytes of the CSV.
     pub csv_bytes: Vec<u8>,
-    /// Path and bytes of the force's own log, where there is one and it is another file.
+    /// Path and bytes of the separate force log; `None` without a log, or if the log is in the CSV.
     pub log_file: Option<(String, Vec<u8>)>,
-    /// What a person should know about how the data were understood.
+    /// Notes to the user on how the data were read.
     pub notes: Vec<Note>,
-    /// How the description was taken.
+    /// Interpretation of the description.
     pub understood: Understood,
 }
 
-/// How a description was taken, for whoever holds it against the rows.
+/// Interpretation of a description, for checks against the rows.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Understood {
-    /// Whether `force` in `[measurement]` says what the force does between rows.
+    /// True if `force` in `[measurement]` or `[actuation]` gives the rule for the force between rows.
     pub force_rule_given: bool,
-    /// What was done to the coordinates.
+    /// Conversion of the coordinates.
     pub settled: Settled,
-    /// Positions that `left_out_s` leaves out.
+    /// Number of positions left out by `left_out_s`.
     pub n_left_out: usize,
-    /// Columns that are not read although they follow the position.
+    /// Unread columns that follow the position.
     pub unread: Vec<UnreadColumn>,
 }
 
-/// What a directory of measurements is, for messages.
+/// Name of the directory in messages.
 const WHAT: &str = "an experiment";
 
-/// Path and bytes of the TOML of an experiment that is named by its directory or by the TOML itself.
+/// Returns path and bytes of an experiment's TOML, given its directory or the TOML itself.
 pub(super) fn read_toml(path: &Path) -> Result<(PathBuf, Vec<u8>)> {
     let remedy = "give a directory that holds experiment.toml, or the path of the TOML file";
     if !path.is_dir() {
@@ -59,12 +59,12 @@ pub(super) fn read_toml(path: &Path) -> Result<(PathBuf, Vec<u8>)> {
     Ok((path.join(name), files::read_inside(path, name, WHAT, Content::Settings, remedy)?))
 }
 
-/// Bytes of a table that the TOML names; it lies in the TOML's directory, and no link leads out of that.
+/// Reads the bytes of a table that the TOML names. The table must lie in the TOML's directory, also after following links.
 pub(super) fn read_table(toml_path: &Path, name: &str, remedy: &str) -> Result<Vec<u8>> {
     files::read_inside(files::folder_of(toml_path), name, WHAT, Content::Table, remedy)
 }
 
-/// What `kind` says, under `[measurement]` or by itself; a creep where it is left out.
+/// True if `kind` under `[measurement]` or at top level says oscillation. The default is creep.
 pub(super) fn is_oscillation(root: Table<'_>, measurement: Table<'_>) -> Result<bool> {
     let mut found = false;
     for table in [root, measurement] {
@@ -80,7 +80,7 @@ pub(super) fn is_oscillation(root: Table<'_>, measurement: Table<'_>) -> Result<
     Ok(found)
 }
 
-/// A table's path must stay inside the TOML's directory, because a study copies the files side by side.
+/// Checks that a table's path stays inside the TOML's directory, because a study copies the files side by side.
 pub(super) fn plain_path(table: Table<'_>, example: &str) -> Result<String> {
     let name = table.required_text("file", &format!("file = \"{example}\""))?;
     let inside = Path::new(&name).components().all(|part| matches!(part, std::path::Component::Normal(_)));
@@ -89,7 +89,7 @@ pub(super) fn plain_path(table: Table<'_>, example: &str) -> Result<String> {
     }
     Err(table.refuse(
         "file",
-        format!("`{name}` is not a plain path below the directory of the TOML"),
+        format!("`{name}` is not a plain path inside the TOML's directory"),
         format!("put the table beside experiment.toml and give its name, such as `file = \"{example}\"`"),
     ))
 }

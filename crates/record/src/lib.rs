@@ -1,6 +1,6 @@
-//! What was measured: apparatus, force command, positions, cycles (formats §1).
+//! The measurement: apparatus, force command, positions and cycles (formats §1).
 //!
-//! [`Experiment::read`] is the border: behind it everything is SI, checked and complete.
+//! [`Experiment::read`] checks the input. All data that it returns are complete and in SI units.
 
 mod actuation;
 mod apparatus;
@@ -37,35 +37,35 @@ pub use scales::Scales;
 pub use sweep::{Sweep, SweepColumn, SweepForm, SweepRow, sweep_columns};
 pub use times::TimeRules;
 
-/// One experiment, validated, in SI units.
+/// One checked experiment, in SI units.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Experiment {
     /// Specimen identifier, `[specimen] id`.
     pub specimen_id: String,
-    /// Free text; groups are formed by it.
+    /// Species as free text. It can define groups.
     pub species: Option<String>,
-    /// Region of the eye, free text.
+    /// Region of the eye as free text.
     pub region: Option<String>,
-    /// What turns force into position.
+    /// Apparatus that converts force to position.
     pub apparatus: Apparatus,
-    /// Force and position against time.
+    /// Force and position over time.
     pub record: Record,
     /// Cycles that the base model is fitted to.
     pub calibration_cycles: Vec<u32>,
-    /// Cycles that no fit of the base model sees.
+    /// Held-out cycles, which no fit of the base model uses.
     pub heldout_cycles: Vec<u32>,
-    /// The tracker's known noise, in m, if stated.
+    /// Known noise standard deviation of the tracker, in m; `None` if it is not given.
     pub noise_sd_m: Option<f64>,
-    /// Whether the recorded position is off by an amount that no one knows: every model of the experiment then has it as a nuisance parameter. Of an indenter it
-    /// is the contact point.
+    /// True if the recorded position has an unknown offset. Every model of the experiment then has it as a nuisance parameter. For an indenter it is the
+    /// contact point.
     pub fits_position_offset: bool,
-    /// Where the data come from; synthetic or measured.
+    /// Source of the data: synthetic or measured.
     pub source: String,
 }
 
 impl Experiment {
-    /// The same experiment with every cycle fitted but the last held-out one, which alone is scored: how revisions are compared (formats §4). With no
-    /// cycle held out all are fitted and none is scored.
+    /// Returns the experiment for comparing revisions (formats §4): only the last held-out cycle is scored, and all other cycles are fitted. If no cycle is
+    /// held out, all are fitted and none is scored.
     pub fn for_comparison(&self) -> Self {
         let scored = self.heldout_cycles.iter().copied().max();
         let all = self.calibration_cycles.iter().chain(&self.heldout_cycles).copied();

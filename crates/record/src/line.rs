@@ -1,18 +1,18 @@
-//! A straight line through points, by least squares.
+//! Least-squares fit of a straight line.
 
-/// x = mean + slope (t − mean time).
+/// A straight line x = mean + slope (t − mean time).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Line {
     mean_s: f64,
     mean: f64,
-    /// By how much x rises a second.
+    /// Slope, in units of x per second.
     pub slope_per_s: f64,
-    /// Σ (t − mean time)² in s²: the slope's variance is that of one x over it.
+    /// Σ (t − mean time)² in s². The variance of the slope is the variance of one x divided by this sum.
     pub spread_s2: f64,
 }
 
 impl Line {
-    /// Through times (s) and values of any unit, at least two of different times.
+    /// Fits times (s) and values of any unit. At least two times must differ.
     pub fn through(points: impl Iterator<Item = (f64, f64)> + Clone) -> Self {
         let n = points.clone().count() as f64;
         let mean_s = points.clone().map(|(t, _)| t).sum::<f64>() / n;
@@ -22,12 +22,12 @@ impl Line {
         Self { mean_s, mean, slope_per_s: covariance / spread_s2, spread_s2 }
     }
 
-    /// The line at a time (s).
+    /// Value of the line at a time (s).
     pub fn at(&self, time_s: f64) -> f64 {
         self.mean + self.slope_per_s * (time_s - self.mean_s)
     }
 
-    /// What a value exceeds it by.
+    /// Value minus the line at the value's time.
     pub fn excess(&self, (time_s, value): (f64, f64)) -> f64 {
         value - self.mean - self.slope_per_s * (time_s - self.mean_s)
     }
@@ -37,7 +37,7 @@ impl Line {
 mod tests {
     use super::*;
 
-    /// Normal equations by hand: t = 0, 1, 3 and x = 1, 2, 6 give x = 5/7 + 12/7 t.
+    /// Normal equations solved by hand: t = 0, 1, 3 and x = 1, 2, 6 give x = 5/7 + 12/7 t.
     #[test]
     fn the_normal_equations_hold() {
         let points = [(0.0, 1.0), (1.0, 2.0), (3.0, 6.0)];

@@ -1,20 +1,21 @@
-//! Positions that a tracker writes where it lost the body, such as −9999 or 0: found by their repetition far from the rows around them.
+//! Finds values that a tracker writes for lost positions, such as −9999 or 0. They repeat, far from the rows around them.
 
 use std::collections::HashMap;
 
 use super::robust::median;
 
-/// Times that a value stands far from its neighbours at least, and as a share of all rows that have it.
+/// Smallest number of rows in which the value is far from its neighbours, and the smallest fraction of the value's rows.
 const FEWEST: usize = 3;
 const MOSTLY: f64 = 0.5;
-/// Distance from the rows around, in median steps from row to row, in steps of the written digits, and in distances of the rows around from each other.
+/// Smallest distance from the neighbouring rows: in median steps from row to row, in steps of the written digits, and in distances between those rows.
 const STEPS: f64 = 20.0;
 const DIGITS: f64 = 20.0;
 const FLOWS: f64 = 5.0;
-/// Rows in which a body may stand at one written position: where more follow each other it rests there, unless the value is beyond all others by their range.
+/// Largest number of consecutive rows in which a lost position may repeat. In longer runs the body rests there, unless the value lies outside all others by
+/// more than their range.
 const LONGEST: usize = 10;
 
-/// Values that stand several times, mostly far from the rows before and after; in the unit of the positions, ascending.
+/// Returns repeated values that are mostly far from the rows before and after, in the unit of the positions, in ascending order.
 pub fn repeated_outliers(positions: &[Option<f64>]) -> Vec<f64> {
     let known: Vec<f64> = positions.iter().flatten().copied().collect();
     let mut rows: HashMap<u64, Vec<usize>> = HashMap::new();
@@ -42,7 +43,7 @@ pub fn repeated_outliers(positions: &[Option<f64>]) -> Vec<f64> {
         let is_rest = after - before > LONGEST + 1 && !is_beyond(x);
         let (before, after) = (known[before], known[after]);
         let distance = (x - before).abs().min((x - after).abs());
-        // Between the two a value is on their way.
+        // A value between the two neighbours is part of the motion.
         let is_between = (before - x) * (after - x) < 0.0;
         !is_between && !is_rest && distance > (STEPS * step).max(DIGITS * digit).max(FLOWS * (after - before).abs())
     };
@@ -68,7 +69,7 @@ mod tests {
         if row % 400 < 200 { 700.0 * (1.0 - (-t / 20.0).exp()) } else { 700.0 * (-t / 20.0).exp() }
     }
 
-    /// Noise that every seed shares: an irrational rotation, uniform in ±1.
+    /// Deterministic noise: an irrational rotation, uniform in ±1.
     fn noise(row: usize) -> f64 {
         2.0 * (row as f64 * 0.754_877_666).fract() - 1.0
     }
@@ -82,7 +83,7 @@ mod tests {
         }
     }
 
-    /// Bursts of 30 lost rows: a value beyond all others is lost tracking however long it stands.
+    /// Bursts of 30 lost rows. A value outside all others is a lost position for any run length.
     #[test]
     fn long_bursts_of_a_value_beyond_all_others_are_found() {
         let positions: Vec<Option<f64>> =
@@ -90,12 +91,12 @@ mod tests {
         assert_eq!(repeated_outliers(&positions), [-9999.0]);
     }
 
-    /// A body that rests at exactly 0 in half of the rows, of which a few are lost elsewhere: 0 is a position.
+    /// A body that rests at exactly 0 in half of the rows and is lost in a few other rows. Here 0 is a position.
     #[test]
     fn a_value_that_is_mostly_a_position_is_kept() {
         let phase = |row: usize| (row % 100) as f64 / 100.0;
         let rises = |row: usize| 300.0 + 400.0 * (1.0 - (-5.0 * phase(row)).exp());
-        // It ends where it began, so that a rest looks like a burst of lost rows.
+        // The motion ends where it began, so a rest looks like a burst of lost rows.
         let returns = |row: usize| 300.0 + 400.0 * (std::f64::consts::PI * phase(row)).sin();
         for pulled in [&rises as &dyn Fn(usize) -> f64, &returns] {
             let at = |row: usize| if row % 200 < 100 { 0.0 } else { pulled(row) + noise(row) };

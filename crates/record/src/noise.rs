@@ -1,87 +1,89 @@
-//! The yardstick of a misfit: the tracker's known noise, or what rest and short lags show of it (formats §4).
+//! Noise standard deviation that residuals are compared with: known for the tracker, or estimated from rests or short lags (formats §4).
 
 use super::Experiment;
 use super::line::Line;
 use super::record::Record;
 use super::robust::median;
 
-/// Noise against which a misfit is measured.
+/// Noise that residuals are compared with.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct NoiseYardstick {
     /// Standard deviation of one position, in m.
     pub sd_m: f64,
-    /// How it was obtained.
+    /// Source of the value.
     pub origin: NoiseOrigin,
 }
 
-/// How a [`NoiseYardstick`] was obtained.
+/// Source of a [`NoiseYardstick`].
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum NoiseOrigin {
-    /// `measurement.noise_um`.
+    /// Given as `measurement.noise_um`.
     Known,
-    /// Scatter of positions at rest: before the first force, and late in long rests about a straight line.
+    /// Standard deviation of positions at rest: before the first force, and about a straight line late in long rests.
     ///
-    /// Sees slow noise as long as a window, so it is preferred. Recovery that is still curved raises it.
+    /// This estimate is preferred because it includes slow noise up to the length of a window. Recovery that is still curved increases it.
     Rest {
-        /// Positions used.
+        /// Number of positions used.
         n_positions: usize,
-        /// Windows they stand in.
+        /// Number of windows that contain them.
         n_windows: usize,
-        /// The short-lag estimate beside it, in m; much smaller means that the noise is correlated in time.
+        /// Short-lag estimate for comparison, in m. A much smaller value means that the noise is correlated in time.
         short_lag_sd_m: Option<f64>,
     },
-    /// Scaled median absolute deviation of neighbouring positions from a polynomial through those around them: a line, late in each hold, unless a polynomial of higher order leaves clearly less.
+    /// Scaled median absolute deviation of positions from a polynomial through their neighbours. The polynomial is a line, late in each hold, unless a higher
+    /// order leaves clearly smaller deviations.
     ///
-    /// Assumes independent Gaussian errors: noise with correlation r₁, r₂ at one and two samples is multiplied by
-    /// √(1 − 4r₁/3 + r₂/3), hence understated when it is smooth. Curvature of the true motion raises it.
+    /// The estimate assumes independent Gaussian errors. Noise with correlations r₁, r₂ at one and two samples is multiplied by √(1 − 4r₁/3 + r₂/3), so smooth
+    /// noise is underestimated. Curvature of the true motion increases the estimate.
     ShortLag {
-        /// Deviations used.
+        /// Number of deviations used.
         n_differences: usize,
     },
 }
 
 pub use super::robust::SD_PER_MAD;
-/// The part of each hold after which the motion is taken as smooth.
+/// Fraction of each hold after which the motion is assumed to be smooth.
 const EARLY_FRACTION: f64 = 0.5;
-/// The part of a rest after which it is taken as rest.
+/// Fraction of a rest after which the bead is assumed to be at rest.
 pub const RECOVERY_FRACTION: f64 = 0.75;
-/// Neighbours farther apart than this many median intervals are separated by a gap.
+/// Neighbours farther apart than this multiple of the median interval are separated by a gap.
 const GAP_INTERVALS: f64 = 2.5;
-/// Order of the deviations from a line, and the highest that is tried.
+/// Number of intervals of a deviation from a line, and the largest number tried.
 const LINE: usize = 2;
 const MOST_ORDER: usize = 5;
-/// Share of neighbouring deviations that have opposite signs, and of the positions' range, above which deviations are noise.
+/// Smallest fraction of neighbouring deviations with opposite signs, and smallest deviation relative to the positions' range, for deviations to count as noise.
 const TURNS: f64 = 0.5;
 const NOISELESS: f64 = 1e-7;
-/// Longest interval over the shortest within one window of rows.
+/// Largest ratio of the longest to the shortest interval within one window of rows.
 const UNEVEN: f64 = 4.0;
-/// Standard error of a scaled median absolute deviation of n correlated deviations, times √n; and how many of them an order must leave more than the next.
+/// Standard error, times √n, of a scaled median absolute deviation of n correlated deviations. An order is rejected if it exceeds the next by `ORDER_ERRORS` of
+/// these errors.
 const MAD_ERROR: f64 = 1.65;
 const ORDER_ERRORS: f64 = 3.0;
-/// Unequal neighbours that show a step between positions, the parts into which their smallest gap is divided, and the part of a step within which gaps are multiples of it.
-/// Of positions without a step 8 gaps pass one of 1,000 trials with a probability of 1000 (2·10⁻³)⁷.
+/// Limits for the step between written positions: smallest number of unequal neighbours, largest divisor of their smallest gap, and tolerance as a fraction of
+/// the step. For positions without a step, 8 gaps pass one of 1,000 trials with probability 1000 (2·10⁻³)⁷.
 const FEWEST_GAPS: usize = 8;
 const WIDEST_GAP: u32 = 1_000;
 const DIVISIBLE: f64 = 1e-3;
-/// Standard deviations beyond which a position at rest is an outlier: 2·10⁻⁹ of normal errors.
+/// Standard deviations beyond which a position at rest is an outlier; probability 2·10⁻⁹ for normal errors.
 const FAR_SDS: f64 = 6.0;
-/// Passes that leave outliers out.
+/// Number of passes that leave outliers out.
 const PASSES: usize = 6;
-/// Standard deviations, and distances of the rows around from each other, beyond which a position is an outlier.
+/// Limits beyond which a position is an outlier: in standard deviations, and in distances between the neighbouring rows.
 const OUTLIER_SDS: f64 = 20.0;
 const OUTLIER_FLOWS: f64 = 3.0;
-/// Rows before and after an outlier in which the force changes by no more than a share of its range.
+/// Number of rows before and after an outlier in which the force must be steady, and its largest change as a fraction of its range.
 const AROUND: usize = 3;
 const STEADY: f64 = 0.05;
 pub const MIN_DIFFERENCES: usize = 8;
 pub const MIN_PER_WINDOW: usize = 8;
 pub const MIN_REST_POSITIONS: usize = 20;
-/// Force below this fraction of the range counts as none.
+/// Forces below this fraction of the range count as zero.
 pub const NO_FORCE_FRACTION: f64 = 0.01;
 
 impl Experiment {
-    /// The noise that a misfit is measured against: `noise_um` if it is given, else the estimate from rest records,
-    /// else from short lags; `None` if the record has too few positions for any.
+    /// Returns the noise that residuals are compared with: `noise_um` if it is given, else the estimate from rests, else the estimate from short lags. `None`
+    /// if the record has too few positions.
     pub fn noise_yardstick(&self) -> Option<NoiseYardstick> {
         match self.noise_sd_m {
             Some(sd_m) => Some(NoiseYardstick { sd_m, origin: NoiseOrigin::Known }),
@@ -94,7 +96,7 @@ impl std::fmt::Display for NoiseYardstick {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         let sd_um = self.sd_m * 1e6;
         match self.origin {
-            NoiseOrigin::Known => write!(f, "noise {sd_um:.4} µm, given with the experiment"),
+            NoiseOrigin::Known => write!(f, "noise {sd_um:.4} µm, given in the experiment"),
             NoiseOrigin::Rest { n_positions, n_windows, .. } => {
                 write!(f, "noise {sd_um:.4} µm, estimated from {n_positions} positions in {n_windows} rests")
             }
@@ -106,7 +108,7 @@ impl std::fmt::Display for NoiseYardstick {
 }
 
 fn estimate(record: &Record) -> Option<NoiseYardstick> {
-    // Rounded positions of a smooth motion may lie on lines to the last digit: their errors are those of the rounding all the same.
+    // Rounded positions of a smooth motion may lie on lines to the last digit. They still have rounding errors.
     let rounding_sd_m = written_step_m(record).map_or(0.0, |step_m| step_m / 12_f64.sqrt());
     let short_lag = short_lag(record).map(|(sd_m, n_differences)| (sd_m.max(rounding_sd_m), n_differences));
     let rest = rest_residuals(record);
@@ -120,7 +122,7 @@ fn estimate(record: &Record) -> Option<NoiseYardstick> {
     Some(NoiseYardstick { sd_m, origin: NoiseOrigin::ShortLag { n_differences } })
 }
 
-/// Noise (m) by neighbouring positions, and how many deviations show it: late in each hold, and in all rows where these are too few.
+/// Noise (m) from neighbouring positions and the number of deviations used: late in each hold, or in all rows if these are too few.
 fn short_lag(record: &Record) -> Option<(f64, usize)> {
     let ends = record.position_m.iter().flatten();
     let [low_m, high_m] = ends.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], x| [low.min(*x), high.max(*x)]);
@@ -132,7 +134,7 @@ fn short_lag(record: &Record) -> Option<(f64, usize)> {
             };
             let sd_m = SD_PER_MAD * median(deviations.iter().map(|deviation| deviation.abs()).collect())?;
             let n_turns = deviations.windows(2).filter(|pair| pair[0] * pair[1] < 0.0).count();
-            // Deviations of independent errors change sign in more than 7 of 10 pairs, those of a smooth motion in few.
+            // Deviations of independent errors change sign in more than 7 of 10 pairs; those of a smooth motion do so rarely.
             let is_noise = n_turns as f64 > TURNS * deviations.len() as f64 && sd_m > NOISELESS * (high_m - low_m);
             (deviations.len() >= MIN_DIFFERENCES && sd_m > 0.0).then_some((sd_m, deviations.len(), is_noise))
         };
@@ -140,24 +142,24 @@ fn short_lag(record: &Record) -> Option<(f64, usize)> {
         let mut best = line;
         for order in LINE + 1..=MOST_ORDER {
             let Some(next) = found(order) else { break };
-            // What curvature adds to one order the next is free of.
+            // The next order removes the curvature that contributes to this one.
             if best.0 <= next.0 * (1.0 + ORDER_ERRORS * MAD_ERROR / (next.1 as f64).sqrt()) {
                 break;
             }
             best = next;
         }
-        // A motion that is smooth to the last digit has no noise to be found.
+        // A motion that is smooth to the last digit has no detectable noise.
         let (sd_m, n_deviations, _) = if best.2 { best } else { line };
         Some((sd_m, n_deviations))
     })
 }
 
-/// The step (m) between written positions: the largest number of which all differences are multiples; `None` where there is none.
+/// Step (m) between written positions: the largest number that divides all differences; `None` without such a step.
 fn written_step_m(record: &Record) -> Option<f64> {
     let mut sorted: Vec<f64> = record.position_m.iter().flatten().copied().collect();
     sorted.sort_unstable_by(f64::total_cmp);
     let (first, last) = (*sorted.first()?, *sorted.last()?);
-    // Equal positions differ by their rounding where another zero was subtracted.
+    // Equal positions differ by rounding if another zero was subtracted.
     let rounding = 4.0 * f64::EPSILON * first.abs().max(last.abs()).max(last - first);
     let gaps: Vec<f64> = sorted.windows(2).map(|pair| pair[1] - pair[0]).filter(|gap| *gap > rounding).collect();
     let smallest = gaps.iter().copied().reduce(f64::min)?;
@@ -170,11 +172,11 @@ fn written_step_m(record: &Record) -> Option<f64> {
             (steps - steps.round()).abs() < DIVISIBLE
         })
     };
-    // The smallest gap may be some steps wide.
+    // The smallest gap may be several steps wide.
     let steps = (1..=WIDEST_GAP).map(|parts| smallest / f64::from(parts));
-    // Below, rounding would make any number a multiple.
+    // For smaller steps, rounding would make every number a multiple.
     let step = steps.take_while(|step| rounding < DIVISIBLE * step).find(|step| is_step(*step))?;
-    // A mean over the whole range has the least rounding.
+    // The mean over the whole range has the smallest rounding error.
     let n_steps: f64 = gaps.iter().map(|gap| (gap / step).round()).sum();
     Some(gaps.iter().sum::<f64>() / n_steps)
 }
@@ -184,7 +186,7 @@ pub fn holds(record: &Record) -> Vec<std::ops::Range<usize>> {
     record.force().holds()
 }
 
-/// Rows of a hold that hold a position, later than `fraction` of it.
+/// Rows of a hold that have a position and lie later than `fraction` of the hold.
 pub fn late_rows(record: &Record, hold: &std::ops::Range<usize>, fraction: f64) -> Vec<usize> {
     let (start_s, end_s) = (record.time_s[hold.start], record.time_s[hold.end - 1]);
     let late = |row: &usize| record.time_s[*row] >= start_s + fraction * (end_s - start_s);
@@ -195,7 +197,7 @@ fn points(record: &Record, rows: &[usize]) -> Vec<(f64, f64)> {
     rows.iter().filter_map(|row| Some((record.time_s[*row], record.position_m[*row]?))).collect()
 }
 
-/// Deviation of each position from the line through its neighbours, late in each hold, scaled to the sd of one position.
+/// Deviation of each position from the line through its neighbours, late in each hold, scaled to the standard deviation of one position.
 pub fn second_differences(record: &Record) -> Vec<f64> {
     let longest_s = GAP_INTERVALS * record.median_interval_s().unwrap_or(0.0);
     let mut differences = Vec::new();
@@ -213,7 +215,8 @@ pub fn second_differences(record: &Record) -> Vec<f64> {
     differences
 }
 
-/// Deviation of each position from the polynomial of one order less through its neighbours, scaled to the sd of one position: a divided difference. Rows may be spaced in any way that changes slowly.
+/// Deviation of each position from a polynomial through its `order` neighbours, as a divided difference scaled to the standard deviation of one position. The
+/// row spacing may vary slowly.
 fn local_deviations(record: &Record, order: usize, fraction: f64) -> Vec<f64> {
     let mut deviations = Vec::new();
     for hold in holds(record) {
@@ -231,7 +234,7 @@ fn local_deviations(record: &Record, order: usize, fraction: f64) -> Vec<f64> {
             };
             let weights: Vec<f64> = (0..=order).map(weight).collect();
             let length = weights.iter().map(|w| w * w).sum::<f64>().sqrt();
-            // Sums of products of large positions would lose what small noise is.
+            // Subtracting the first position avoids cancellation: products of large positions would swamp small noise.
             let first_m = window[0].1;
             deviations.push(window.iter().zip(&weights).map(|((_, x), w)| (x - first_m) * w).sum::<f64>() / length);
         }
@@ -239,21 +242,21 @@ fn local_deviations(record: &Record, order: usize, fraction: f64) -> Vec<f64> {
     deviations
 }
 
-/// A position far from the rows around it.
+/// A position far from its neighbouring rows.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Outlier {
     /// Row, from 0.
     pub row: usize,
-    /// Distance from what the rows around say, in m.
+    /// Distance from the line through the neighbouring rows, in m.
     pub distance_m: f64,
 }
 
-/// Single positions far from the rows around them, by many standard deviations and by more than the motion itself explains.
+/// Returns single positions that lie many standard deviations from their neighbouring rows and farther than the motion explains.
 pub fn outliers(record: &Record) -> Vec<Outlier> {
     let Some((sd_m, _)) = short_lag(record) else { return Vec::new() };
     let rows: Vec<usize> = (0..record.n_rows()).filter(|row| record.position_m[*row].is_some()).collect();
     let at = |place: usize| (record.time_s[rows[place]], record.position_m[rows[place]].unwrap_or(0.0));
-    // From the line through two others; inside or, at an end, beyond them.
+    // Distance from the line through two other rows. At an end of the record the line is extrapolated.
     let distance = |place: usize, a: usize, b: usize| {
         let ((t, x), (ta, xa), (tb, xb)) = (at(place), at(a), at(b));
         let weight = (t - ta) / (tb - ta);
@@ -271,7 +274,7 @@ pub fn outliers(record: &Record) -> Vec<Outlier> {
         let is_far = distance_m.abs() > (OUTLIER_SDS * scale * sd_m).max(OUTLIER_FLOWS * flow_m);
         is_far.then_some(Outlier { row: rows[place], distance_m })
     };
-    // At a switch the motion turns at once.
+    // At a force step the motion turns abruptly.
     let least_n = STEADY * record.force_range_n();
     let is_steady = |outlier: &Outlier| {
         let around = outlier.row.saturating_sub(AROUND)..(outlier.row + AROUND).min(record.n_rows());
@@ -301,7 +304,7 @@ fn rest_residuals(record: &Record) -> RestResiduals {
             loaded = true;
             continue;
         }
-        // Nothing moves before the first force, so there the whole rest counts.
+        // Nothing moves before the first force, so the whole rest counts there.
         let points = points(record, &late_rows(record, &hold, if loaded { RECOVERY_FRACTION } else { 0.0 }));
         if points.len() >= MIN_PER_WINDOW {
             let (squares, n_kept) = squares_about_line(&points);
@@ -314,7 +317,7 @@ fn rest_residuals(record: &Record) -> RestResiduals {
     rest
 }
 
-/// Sum of squared residuals about the least-squares line, and how many points it has: those far from it do not count.
+/// Sum of squared residuals about the least-squares line, and the number of points. Outliers do not count.
 fn squares_about_line(points: &[(f64, f64)]) -> (f64, usize) {
     let mut kept = points.to_vec();
     for _ in 0..PASSES {
@@ -344,7 +347,7 @@ mod tests {
         if t_s <= 0.0 { 0.0 } else { 0.7e-3 * (1.0 - (-t_s / 0.4).exp()) + 0.05e-3 * t_s }
     }
 
-    /// Holds of (duration, force), 20 Hz with jitter and lost positions, superposed creep plus white noise.
+    /// Holds of (duration, force), sampled at 20 Hz with jitter and lost positions: superposed creep plus white noise.
     fn noisy(holds: &[(f64, f64)], seed: u64) -> Record {
         let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(seed);
         let noise = Normal::new(0.0, NOISE_M).unwrap();
@@ -367,8 +370,8 @@ mod tests {
         record
     }
 
-    /// 4 cycles leave 400 late differences; their MAD has a standard error near 6 % (correlated triples), curvature of
-    /// the creep adds a few per cent. ±30 % is then five standard errors: false failures below 1e-6.
+    /// Four cycles give 400 late differences. Their MAD has a standard error near 6 % (correlated triples), and the creep's curvature adds a few per cent. ±30
+    /// % is five standard errors, so false failures are below 1e-6.
     #[test]
     fn short_lags_find_the_noise_under_creep() {
         let found = estimate(&noisy(&[(5.0, 1.0), (5.0, -1.0)].repeat(4), 11)).unwrap();
@@ -376,7 +379,7 @@ mod tests {
         assert!((found.sd_m / NOISE_M - 1.0).abs() < 0.3, "{found}");
     }
 
-    /// About 190 positions before the force: standard error 5 %, so ±26 % fails falsely below 1e-6.
+    /// About 190 positions before the force have a standard error of 5 %, so ±26 % fails falsely below 1e-6.
     #[test]
     fn a_rest_before_the_first_force_finds_the_noise() {
         let found = estimate(&noisy(&[(10.0, 0.0), (5.0, 1.0), (5.0, -1.0)], 12)).unwrap();
@@ -384,7 +387,7 @@ mod tests {
         assert!((found.sd_m / NOISE_M - 1.0).abs() < 0.26, "{found}");
     }
 
-    /// Last quarters of three rests of 20 s, 280 positions: standard error 4.3 %.
+    /// The last quarters of three rests of 20 s have 280 positions and a standard error of 4.3 %.
     #[test]
     fn late_rests_find_the_noise_after_recovery() {
         let found = estimate(&noisy(&[(5.0, 1.0), (20.0, 0.0)].repeat(3), 13)).unwrap();
@@ -392,8 +395,8 @@ mod tests {
         assert!((found.sd_m / NOISE_M - 1.0).abs() < 0.25, "{found}");
     }
 
-    /// A motion without noise whose positions are written to 0.1 µm, from a zero that is none of them: the rounding's deviation is the noise. Where positions
-    /// are written to more digits than the noise, or to all, nothing changes.
+    /// Positions of a motion without noise are rounded to 0.1 µm, from a zero that is no multiple: the noise is the rounding error. Positions with more digits
+    /// than the noise, or with all digits, give an unchanged estimate.
     #[test]
     fn rounding_is_noise() {
         let smooth = |written: &dyn Fn(f64) -> f64| {
@@ -417,7 +420,7 @@ mod tests {
         assert!((after.sd_m / before.sd_m - 1.0).abs() < 1e-2, "{before} {after}");
     }
 
-    /// Any step at any scale: 13 µm pixels, 0.1 nm digits of a travel of 1 µm, over 12 decades, from a zero that is no multiple of it.
+    /// Steps are found over 12 decades of scale, from a zero that is no multiple of the step. Examples are 13 µm pixels, and 0.1 nm digits of a travel of 1 µm.
     #[test]
     fn the_step_between_positions_is_found_at_any_scale() {
         let creep = noisy(&[(5.0, 1.0), (5.0, -1.0)].repeat(2), 16);
@@ -429,14 +432,14 @@ mod tests {
                 record.position_m.iter_mut().flatten().for_each(|x| *x = written(*x));
                 let found = written_step_m(&record).map(|found| found / scale / step);
                 assert!(found.is_some_and(|ratio| (ratio - 1.0).abs() < 1e-6), "{decade} {step}: {found:?}");
-                // Unwritten digits are no step.
+                // Positions without rounding have no step.
                 record.position_m.iter_mut().flatten().for_each(|x| *x = scale * (x.abs() / scale).sqrt());
                 assert_eq!(written_step_m(&record), None, "{decade} {step}");
             }
         }
     }
 
-    /// A power law at 200 rows that are spaced evenly in log time, noise 0.5 % of its travel: the estimate's standard error is near 9 %, so that ±50 % fails falsely below 1e-6.
+    /// A power law at 200 rows evenly spaced in log time, with noise of 0.5 % of its travel. The standard error is near 9 %, so ±50 % fails falsely below 1e-6.
     #[test]
     fn rows_spaced_in_log_time_show_the_noise() {
         let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(17);
@@ -453,7 +456,7 @@ mod tests {
         assert!((found.sd_m / sd_m - 1.0).abs() < 0.5, "{found}");
     }
 
-    /// Two outliers of 100 standard deviations, one at rest and one at the very end: the estimate stays, and both are named.
+    /// Two outliers of 100 standard deviations, one at rest and one in the last row. The estimate stays the same, and both are found.
     #[test]
     fn outliers_do_not_inflate_the_noise_and_are_named() {
         let clean = noisy(&[(10.0, 0.0), (5.0, 1.0), (5.0, -1.0)], 12);
@@ -479,7 +482,7 @@ mod tests {
     fn a_line_has_no_residuals_and_a_zigzag_its_own() {
         let line: Vec<(f64, f64)> = (0..9).map(|i| (f64::from(i), 3.0 - 0.5 * f64::from(i))).collect();
         assert!(squares_about_line(&line).0 < 1e-25);
-        // x = 1, −1, −1, 1 at t = 0..3 has no slope and no mean.
+        // The points x = 1, −1, −1, 1 at t = 0..3 have zero slope and zero mean.
         assert_eq!(squares_about_line(&[(0.0, 1.0), (1.0, -1.0), (2.0, -1.0), (3.0, 1.0)]), (4.0, 4));
     }
 }

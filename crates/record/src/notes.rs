@@ -1,77 +1,77 @@
-//! What a person should know about how the data were understood.
+//! Notes to the user on how the data were read.
 
 pub(super) const UM_PER_M: f64 = 1e6;
 const NN_PER_N: f64 = 1e9;
 
-/// Something noticed while reading that is not an error.
+/// An observation of the reader that is not an error.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 pub enum Note {
     /// Cycles were found from the force's repetition.
     CyclesFound {
-        /// Number of cycles, an incomplete last one included.
+        /// Number of cycles, including an incomplete last one.
         n_cycles: u32,
         /// Median time in s from the start of a cycle to the next; `None` for a single cycle.
         period_s: Option<f64>,
-        /// In words: by which repetition, and what is unusual about it.
+        /// Description of the repetition and its irregularities.
         text: String,
     },
     /// Rows without a position.
     PositionsMissing {
-        /// How many.
+        /// Number of rows without a position.
         n_missing: usize,
-        /// Of how many rows.
+        /// Number of rows.
         n_rows: usize,
     },
     /// Positions that the description leaves out.
     PositionsLeftOut {
-        /// How many.
+        /// Number of positions left out.
         n_left_out: usize,
-        /// Of how many rows.
+        /// Number of rows.
         n_rows: usize,
     },
-    /// A held-out cycle holds no position at all, so it cannot be scored.
+    /// A held-out cycle has no position, so it cannot be scored.
     HeldOutCycleEmpty {
         /// The cycle.
         cycle: u32,
     },
-    /// The first position is far from 0, where the record should start.
+    /// The first position is far from 0, although the record should start there.
     FirstPositionNotZero {
         /// The first position in m.
         position_m: f64,
     },
-    /// Coordinates were projected on a line, and this is what moved across it.
+    /// Coordinates were projected onto a line, with motion across it.
     MovesAcross {
-        /// The coordinates and their line, in words.
+        /// Text on the coordinates and their line.
         line: String,
-        /// Root mean square across it, in m.
+        /// Root mean square motion across the line, in m.
         rms_m: f64,
-        /// Largest minus smallest position along it, in m.
+        /// Largest minus smallest position along the line, in m.
         range_m: f64,
     },
-    /// What is left of an indenter's record, and what was taken off its force.
+    /// The part of an indenter's record that is used, and the force subtracted from it.
     Contact {
-        /// Time in s of the last row at which the tip is free, with which the record starts.
+        /// Time of the last row with a free tip, where the record starts, in s.
         from_s: f64,
-        /// Of the last row of growing depth, with which it ends.
+        /// Time of the last row of growing depth, where the record ends, in s.
         to_s: f64,
-        /// Of the first row whose position is compared.
+        /// Time of the first row whose position is compared, in s.
         compared_from_s: f64,
-        /// Rows left out before.
+        /// Number of rows left out before the record.
         n_before: usize,
-        /// Rows left out after.
+        /// Number of rows left out after the record.
         n_after: usize,
-        /// Force on the free tip and its error, in N; `None` where the record begins in contact.
+        /// Force on the free tip and its error, in N; `None` if the record begins in contact.
         free_n: Option<[f64; 2]>,
     },
-    /// The size of an indenter's tip is not known.
+    /// The size of an indenter's tip is unknown.
     TipUnknown {
-        /// What stands in for it.
+        /// Nominal size used instead.
         nominal: &'static str,
     },
-    /// Where the position is 0 is fitted.
+    /// The zero of the positions is fitted.
     PositionOffsetFitted,
-    /// `measurement.source` was left out.
+    /// `measurement.source` is missing.
     SourceNotStated,
 }
 
@@ -80,53 +80,56 @@ impl std::fmt::Display for Note {
         match self {
             Self::CyclesFound { text, .. } => f.write_str(text),
             Self::PositionsMissing { n_missing, n_rows } => {
-                write!(f, "{n_missing} of {n_rows} rows have no position; they load the model but are not compared")
+                write!(
+                    f,
+                    "{n_missing} of {n_rows} rows have no position; their forces act, but there is nothing to compare"
+                )
             }
             Self::PositionsLeftOut { n_left_out, n_rows } => write!(
                 f,
-                "{n_left_out} of {n_rows} positions are left out, as `left_out_s` says; their rows load the model but are not compared"
+                "{n_left_out} of {n_rows} positions are left out by `left_out_s`; the forces of their rows still act"
             ),
             Self::HeldOutCycleEmpty { cycle } => write!(f, "held-out cycle {cycle} has no positions and is not scored"),
             Self::FirstPositionNotZero { position_m } => write!(
                 f,
-                "the first position is {:.4} µm, but the record should start at 0, before the force acts; subtract the rest position",
+                "the first position is {:.4} µm, but the record should start at 0 before the force acts; subtract the rest position",
                 position_m * UM_PER_M
             ),
             Self::MovesAcross { line, rms_m, range_m } => write!(
                 f,
-                "positions are {line}; along it they range over {:.4} µm, across it they scatter by {:.4} µm (root mean square), which no model sees",
+                "positions are {line}; they range over {:.4} µm along it and vary by {:.4} µm (root mean square) across it, which no model uses",
                 range_m * UM_PER_M,
                 rms_m * UM_PER_M
             ),
             Self::Contact { from_s, to_s, compared_from_s, n_before, n_after, free_n } => {
                 let force = match free_n {
                     Some([free_n, error_n]) => format!(
-                        "the force on the free tip, {} ± {} nN, is taken off",
+                        "the free tip's force of {} ± {} nN is subtracted",
                         significant(free_n * NN_PER_N),
                         significant(error_n * NN_PER_N)
                     ),
-                    None => "the record begins in contact, so that no force is taken off".into(),
+                    None => "the record begins in contact, so no force is subtracted".into(),
                 };
                 write!(
                     f,
-                    "the contact grows from {from_s:.3} to {to_s:.3} s: {force}; {n_before} rows before and {n_after} after, where the depth falls, are left out, and positions are compared from {compared_from_s:.3} s, where the tip presses; where it meets the gel is fitted (position-offset)"
+                    "the contact grows from {from_s:.3} to {to_s:.3} s, and {force}; {n_before} rows before contact and {n_after} rows of falling depth after it are left out; positions are compared from {compared_from_s:.3} s, where the tip presses; the contact point is fitted (position-offset)"
                 )
             }
             Self::TipUnknown { nominal } => write!(
                 f,
-                "the tip's size is not given, so {nominal} stands in for it: moduli and viscosities hold but for one unknown factor, and what has the unit of a time holds as it is"
+                "the tip's size is not given and {nominal} is assumed: moduli and viscosities contain one unknown common factor, but times are right"
             ),
-            Self::PositionOffsetFitted => {
-                f.write_str("positions count from the first; what is left of their offset is fitted (position-offset)")
+            Self::PositionOffsetFitted => f.write_str(
+                "positions count from the first one, and their remaining offset is fitted (position-offset)",
+            ),
+            Self::SourceNotStated => {
+                f.write_str("`measurement.source` is not given; state if the data are synthetic or measured")
             }
-            Self::SourceNotStated => f.write_str(
-                "`measurement.source` is not given; say there where the data come from, synthetic or measured",
-            ),
         }
     }
 }
 
-/// Four digits.
+/// Formats a value with four significant digits.
 fn significant(value: f64) -> String {
     let n_decimals = 3 - if value == 0.0 { 0 } else { value.abs().log10().floor() as i32 };
     format!("{value:.*}", n_decimals.clamp(0, 9) as usize)

@@ -1,4 +1,4 @@
-//! From files to a checked [`Experiment`].
+//! Reads files into a checked [`Experiment`].
 
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
@@ -17,18 +17,18 @@ use super::{Apparatus, Experiment};
 use base::error::{Error, Place, Result};
 use base::toml_input::{Table, TomlInput, text_of};
 
-/// Positions that a calibration cycle needs at least: twice the parameters of the base law with its noise.
+/// Smallest number of positions in a calibration cycle: twice the number of parameters of the base law with its noise.
 const MIN_POSITIONS: usize = 8;
-/// Word for a force that is a sensor's, noisy about the levels between which it was switched.
+/// Value of `force` for a sensor's force that varies by noise about the levels between which it was switched.
 const LEVELS: &str = "levels";
-/// Standard deviations that a tracker's noise can have.
+/// Allowed noise standard deviations of a tracker.
 const NOISES_UM: [f64; 2] = [1e-9, 1e9];
 
 impl Experiment {
-    /// Reads an experiment: a directory that holds `experiment.toml`, or the path of the TOML itself.
+    /// Reads an experiment, given a directory that contains `experiment.toml` or the path of the TOML.
     ///
     /// # Errors
-    /// [`Error::File`] if a file cannot be read, [`Error::Input`] for everything formats §1 refuses.
+    /// [`Error::File`] if a file cannot be read, [`Error::Input`] for input that formats §1 refuses.
     pub fn read(path: &Path) -> Result<(Self, ExperimentFiles)> {
         let (toml_path, toml_bytes) = read_toml(path)?;
         let specification = Specification::read(&toml_path, &toml_bytes)?;
@@ -38,7 +38,7 @@ impl Experiment {
         specification.complete(&toml_path, &toml_bytes, &csv_path, &csv_bytes)
     }
 
-    /// The same from texts that are already in memory; the places are only named in errors.
+    /// Reads an experiment from texts in memory. The places are only named in errors.
     ///
     /// # Errors
     /// As [`Experiment::read`].
@@ -54,7 +54,7 @@ impl Experiment {
     }
 }
 
-/// What `experiment.toml` says, before the rows are known.
+/// Content of `experiment.toml`, before the rows are read.
 struct Specification {
     specimen_id: String,
     species: Option<String>,
@@ -62,16 +62,16 @@ struct Specification {
     apparatus: Apparatus,
     csv_name: String,
     actuation: Option<Actuation>,
-    /// `None` for a table of the program's own form.
+    /// `None` for a table in the program's own format.
     table: Option<TableDescription>,
     frame: Frame,
     force_rule: ForceRule,
     force_rule_given: bool,
-    /// Whether the force is a sensor's, whose noise about the levels of the holds is taken off; and where that is written.
+    /// Place of `force = "levels"`: a sensor's noise about the levels of the holds is removed. `None` for another rule.
     levels: Option<Place>,
-    /// When the first row's force began to act, in s of the table's clock.
+    /// Time at which the first row's force began to act, in s of the table's clock, with its place.
     load_start: Option<(Place, f64)>,
-    /// Whether where the position is 0 is fitted.
+    /// True if the zero of the positions is fitted.
     fits_position_offset: bool,
     cycle_starts: Option<CycleStarts>,
     calibration: CycleList,
@@ -81,7 +81,7 @@ struct Specification {
     source: Option<String>,
 }
 
-/// Cycles named in the TOML, if any, and where.
+/// Cycles listed in the TOML, if any, with the place of the list.
 struct CycleList {
     place: Place,
     cycles: Option<Vec<u32>>,
@@ -107,17 +107,17 @@ impl CycleList {
         match self.cycles.iter().flatten().find(|cycle| **cycle > n_cycles) {
             None => Ok(()),
             Some(cycle) => Err(self.refuse(
-                format!("cycle {cycle} does not exist, the record has {n_cycles}"),
-                format!("name cycles from 1 to {n_cycles}"),
+                format!("cycle {cycle} does not exist; the record has {n_cycles} cycles"),
+                format!("list cycles from 1 to {n_cycles}"),
             )),
         }
     }
 }
 
-/// Times between which positions are not compared, and where that is written.
+/// Time intervals without comparison of positions, with the place of the list.
 struct LeftOut {
     place: Place,
-    /// From and to, in s of the record, both included.
+    /// Start and end in s of the record, both included.
     intervals_s: Vec<[f64; 2]>,
 }
 
@@ -127,7 +127,7 @@ impl LeftOut {
         Ok(Self { place: measurement.place(key), intervals_s: measurement.intervals(key)?.unwrap_or_default() })
     }
 
-    /// Takes the positions away; gives how many.
+    /// Removes the positions and returns their number.
     fn leave_out(&self, record: &mut Record) -> Result<usize> {
         let mut n_left_out = 0;
         for [from_s, to_s] in &self.intervals_s {
@@ -137,8 +137,8 @@ impl LeftOut {
             if taken == 0 {
                 return Err(Error::input(
                     self.place.clone(),
-                    format!("no position lies between {from_s} and {to_s} s that is not left out already"),
-                    "give times of the record in seconds, as figures show them",
+                    format!("there is no further position between {from_s} and {to_s} s to leave out"),
+                    "give times of the record in seconds, as the figures show them",
                 ));
             }
             n_left_out += taken;
@@ -147,7 +147,7 @@ impl LeftOut {
     }
 }
 
-/// When cycles start, in the table's time, and where that is written.
+/// Start times of cycles in the table's time, with the place of the list.
 struct CycleStarts {
     place: Place,
     starts_s: Vec<f64>,
@@ -158,28 +158,27 @@ impl CycleStarts {
         let key = "cycle_starts_s";
         let Some(starts_s) = measurement.numbers(key)? else { return Ok(None) };
         if starts_s.is_empty() || starts_s.windows(2).any(|pair| pair[0] >= pair[1]) {
-            let remedy =
-                "give the times in s at which cycles start, one after the other, as in `cycle_starts_s = [0, 5]`";
-            return Err(measurement.refuse(key, "these are no times one after the other", remedy));
+            let remedy = "give the start times of the cycles in s in ascending order, as in `cycle_starts_s = [0, 5]`";
+            return Err(measurement.refuse(key, "the list is empty or its times do not ascend", remedy));
         }
         Ok(Some(Self { place: measurement.place(key), starts_s }))
     }
 
-    /// Numbers the cycles of a table that has no such column; what comes before the first start belongs to the first cycle.
+    /// Numbers the cycles of a table without a cycle column. Rows before the first start belong to the first cycle.
     fn number(&self, trajectory: &mut Trajectory) -> Result<()> {
         let refuse = |found: String, remedy: &str| Err(Error::input(self.place.clone(), found, remedy));
         if trajectory.cycle.is_some() {
-            return refuse("the table has a column of cycles, too".into(), "keep one of the two");
+            return refuse("the table also has a `cycle` column".into(), "keep one of them");
         }
         let cycle_of = |time_s: &f64| self.starts_s[1..].partition_point(|start_s| start_s <= time_s) as u32 + 1;
         let cycle: Vec<u32> = trajectory.time_s.iter().map(cycle_of).collect();
         for number in 1..=self.starts_s.len() as u32 {
-            // Times ascend, and cycles with them.
+            // Times ascend, and so do cycles.
             if cycle.binary_search(&number).is_err() {
                 let start_s = self.starts_s[number as usize - 1];
                 return refuse(
-                    format!("no row lies in the cycle that starts at {start_s} s"),
-                    "give starts that lie inside the record, in seconds of its time column",
+                    format!("the cycle that starts at {start_s} s has no rows"),
+                    "give start times inside the record, in seconds of its time column",
                 );
             }
         }
@@ -195,8 +194,8 @@ impl Specification {
         let measurement = root.required_table("measurement")?;
         if is_oscillation(root, measurement)? {
             let remedy =
-                "give a record of force and position against time; `check`, `sample` and `diagnose` take oscillations";
-            return Err(measurement.refuse("kind", "this is an oscillation, not a record in time", remedy));
+                "give a record of force and position over time; `check`, `sample` and `diagnose` accept oscillations";
+            return Err(measurement.refuse("kind", "this is an oscillation, not a record over time", remedy));
         }
         root.only(&["kind", "specimen", "robot", "vitreous", "instrument", "indenter", "measurement", "actuation"])?;
         let specimen = root.required_table("specimen")?;
@@ -225,8 +224,8 @@ impl Specification {
         let log = root.table("actuation")?;
         let actuation = log.map(|log| Actuation::read(log, |log| plain_path(log, "coil.csv"))).transpose()?;
         if actuation.is_some() && measurement.has("force") {
-            let remedy = "say what the force does between rows in [actuation]";
-            return Err(measurement.refuse("force", "the force is logged in [actuation]", remedy));
+            let remedy = "move `force` to [actuation], which contains the force log";
+            return Err(measurement.refuse("force", "the force comes from the log in [actuation]", remedy));
         }
         let has_levels = measurement.text("force")?.as_deref() == Some(LEVELS);
         let of_rows = match has_levels {
@@ -242,13 +241,13 @@ impl Specification {
         if is_indenter && measurement.has("zero") && frame.zero != Zero::Fit {
             return Err(measurement.refuse(
                 "zero",
-                "an indenter's contact point is not known beforehand",
+                "the contact point of an indenter is unknown before the fit",
                 "remove `zero`, or write `zero = \"fit\"`: the height at contact is fitted",
             ));
         }
         if let Some(log) = log.filter(|_| is_indenter) {
             let remedy = "give the force in the measurement's own table";
-            return Err(log.refuse("file", "an indenter's force is measured with its height", remedy));
+            return Err(log.refuse("file", "an indenter's force is measured together with its height", remedy));
         }
         let fits_position_offset = is_indenter || frame.zero == Zero::Fit;
         let noise_um = measurement.positive("noise_um", "noise_um = 4.0")?;
@@ -307,7 +306,7 @@ impl Specification {
             trajectory.force_n = levels(&trajectory.force_n).ok_or_else(|| {
                 Error::input(
                     place.clone(),
-                    "the force does not scatter about levels between which it is switched",
+                    "the force does not vary about fixed levels",
                     "write \"hold\" or \"linear\"",
                 )
             })?;
@@ -368,13 +367,13 @@ impl Specification {
         Ok((experiment, files))
     }
 
-    /// Default: the first cycle calibrates and every cycle that does not calibrate is held out.
+    /// Chooses the cycles. By default the first cycle calibrates, and all cycles that do not calibrate are held out.
     fn choose_cycles(&self, n_cycles: u32) -> Result<(Vec<u32>, Vec<u32>)> {
         self.calibration.check_exist(n_cycles)?;
         self.heldout.check_exist(n_cycles)?;
         let mut calibration = self.calibration.cycles.clone().unwrap_or_else(|| vec![1]);
         if calibration.is_empty() {
-            return Err(self.calibration.refuse("no cycle calibrates", "name at least one cycle, such as [1]"));
+            return Err(self.calibration.refuse("no cycle is fitted", "list at least one cycle, such as [1]"));
         }
         let mut heldout = self
             .heldout
@@ -385,9 +384,9 @@ impl Specification {
             let remedy = if self.calibration.cycles.is_some() {
                 "remove it from `calibration_cycles` or from `heldout_cycles`"
             } else {
-                "remove it from `heldout_cycles`, or name other `calibration_cycles` (the default is the first cycle)"
+                "remove it from `heldout_cycles`, or list other `calibration_cycles` (the default is the first cycle)"
             };
-            return Err(self.heldout.refuse(format!("cycle {both} is both calibrated and held out"), remedy));
+            return Err(self.heldout.refuse(format!("cycle {both} is both fitted and held out"), remedy));
         }
         calibration.sort_unstable();
         heldout.sort_unstable();
@@ -395,7 +394,8 @@ impl Specification {
     }
 }
 
-/// The record with its cycles, and the line of each row. A force that goes in lines gets rows where it crosses zero: effects may act on one sign of it.
+/// Returns the record with its cycles, and the line of each row. A linearly varying force gets rows where it crosses zero, because effects may act on one sign
+/// only.
 fn record_from(
     trajectory: Trajectory,
     lines: Vec<usize>,
@@ -415,19 +415,19 @@ fn record_from(
     record.with_force_rows(lines)
 }
 
-/// A cycle that ends before contact has no row left.
+/// Checks that the first cycle reaches into contact: a cycle that ends earlier has no rows.
 fn check_first_cycle(csv_place: &Path, trajectory: &Trajectory) -> Result<()> {
     match trajectory.cycle.as_ref().and_then(|cycle| cycle.first()) {
         Some(first) if *first != 1 => Err(Error::input(
             Place::file(csv_place).at_line(trajectory.lines.first().copied().unwrap_or(1)),
-            format!("contact begins in cycle {first}, and rows before contact are left out"),
-            "let the first cycle reach into the contact, as in `cycle_starts_s = [0, 5]` for an approach with the first part of the hold",
+            format!("contact begins only in cycle {first}, and rows before contact are left out"),
+            "extend the first cycle into the contact, for example with `cycle_starts_s = [0, 5]` for the approach and the first part of the hold",
         )),
         _ => Ok(()),
     }
 }
 
-/// Without any force nothing can be learnt, and scales taken from the force would be zero.
+/// Checks that some force acts. Without force nothing can be estimated, and scales derived from the force would be zero.
 fn check_driven(csv_place: &Path, trajectory: &Trajectory) -> Result<()> {
     if trajectory.force_n.iter().any(|force_n| *force_n != 0.0) {
         return Ok(());
@@ -437,7 +437,7 @@ fn check_driven(csv_place: &Path, trajectory: &Trajectory) -> Result<()> {
             .at_line(trajectory.lines.first().copied().unwrap_or(1))
             .at_key(trajectory.force_column.as_str()),
         "the force is zero in every row",
-        "give the commanded force in the force column; a record without force cannot be fitted",
+        "give the commanded force in this column; a record without force cannot be fitted",
     ))
 }
 
@@ -450,9 +450,9 @@ fn check_positions(record: &Record, calibration_cycles: &[u32], place: &Place, l
             return Err(Error::input(
                 place.clone().at_line(lines.get(first_row).copied().unwrap_or(1)),
                 format!(
-                    "calibration cycle {cycle}, which starts here, has {n_positions} positions; {MIN_POSITIONS} are needed"
+                    "calibration cycle {cycle} starts here and has {n_positions} positions; {MIN_POSITIONS} are needed"
                 ),
-                "name a cycle with more positions in `calibration_cycles` of the TOML, or measure more of this one",
+                "list a cycle with more positions in `calibration_cycles` of the TOML, or measure more positions",
             ));
         }
     }
@@ -467,7 +467,7 @@ fn range_m(record: &Record) -> f64 {
 
 fn note_data(record: &Record, heldout_cycles: &[u32], source_missing: bool, notes: &mut Vec<Note>) {
     let n_missing = record.position_m.iter().filter(|position| position.is_none()).count() - record.force_rows.len();
-    // Positions of a tip that only touches are there, and another note has them.
+    // Positions of a tip that only touches are not missing. Another note covers them.
     let touches = notes.iter().any(|note| matches!(note, Note::Contact { .. }));
     let n_touching = record.position_m.iter().take_while(|position| touches && position.is_none()).count();
     let left_out =

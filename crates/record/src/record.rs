@@ -1,23 +1,23 @@
-//! The rows of a trajectory and what can be asked of them.
+//! The rows of a trajectory and quantities derived from them.
 
 use super::force::{Force, ForceRule};
 use super::robust::median;
 use sha2::{Digest, Sha256};
 
-/// Rows of the trajectory, SI. All vectors have the same length.
+/// Rows of the trajectory in SI units. All vectors have equal length.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Record {
     /// Times in s, strictly increasing.
     pub time_s: Vec<f64>,
     /// Commanded force in N.
     pub force_n: Vec<f64>,
-    /// Position in m, limit from the left; `None` where tracking was lost.
+    /// Position in m, as the limit from the left; `None` if tracking was lost.
     pub position_m: Vec<Option<f64>>,
     /// Cycle of each row, counted from 1.
     pub cycle: Vec<u32>,
-    /// What the force does between rows.
+    /// Rule for the force between rows.
     pub force_rule: ForceRule,
-    /// Rows that stand for a change of the force alone, in order: no position was sampled there.
+    /// Rows that only mark a change of the force, in ascending order. They have no sampled position.
     pub force_rows: Vec<usize>,
 }
 
@@ -27,7 +27,7 @@ impl Record {
         self.time_s.len()
     }
 
-    /// Hash of all rows.
+    /// SHA-256 of all rows.
     pub fn sha256(&self) -> String {
         let mut hash = Sha256::new();
         let positions = self.position_m.iter().map(|position| position.unwrap_or(f64::NAN));
@@ -46,12 +46,12 @@ impl Record {
         Force { at_rows_n: &self.force_n, rule: self.force_rule }
     }
 
-    /// Command before a row, in N: the row's before, 0 before the first.
+    /// Command before a row, in N: the previous row's force, or 0 before the first row.
     pub fn before_n(&self, row: usize) -> f64 {
         row.checked_sub(1).map_or(0.0, |before| self.force_n[before])
     }
 
-    /// Command that acts when a row's position is taken, in N: the limit from the left, 0 at the first row.
+    /// Command that acts when a row's position is measured, in N: the limit from the left, 0 at the first row.
     pub fn acting_n(&self, row: usize) -> f64 {
         if row > 0 && self.force().is_linear() { self.force_n[row] } else { self.before_n(row) }
     }
@@ -61,7 +61,7 @@ impl Record {
         self.cycle.last().copied().unwrap_or(0)
     }
 
-    /// Whether a cycle is one of `cycles`, at a cost that does not grow with their number: records have a hundred thousand.
+    /// Returns a test if a cycle is one of `cycles`. Its cost does not grow with their number, because records may have a hundred thousand cycles.
     pub fn are_among(&self, cycles: &[u32]) -> impl Fn(u32) -> bool + use<> {
         let mut is_wanted = vec![false; self.largest_cycle() + 1];
         for cycle in cycles {
@@ -72,7 +72,7 @@ impl Record {
         move |cycle| is_wanted.get(cycle as usize).copied().unwrap_or(false)
     }
 
-    /// Number of positions in every cycle, by its number; cycle 0 has none.
+    /// Number of positions in each cycle, indexed by cycle number. Index 0 has none.
     pub fn n_positions(&self) -> Vec<usize> {
         let mut counts = vec![0; self.largest_cycle() + 1];
         for (cycle, _) in self.cycle.iter().zip(&self.position_m).filter(|(_, position)| position.is_some()) {
@@ -81,12 +81,12 @@ impl Record {
         counts
     }
 
-    /// Cycles are counted from 1 without gaps, so this is as many as there are.
+    /// Largest cycle number. It equals the number of cycles because they count from 1 without gaps.
     fn largest_cycle(&self) -> usize {
         self.cycle.iter().copied().max().unwrap_or(0) as usize
     }
 
-    /// Largest minus smallest force in N; for a force that never changes, its size.
+    /// Largest minus smallest force in N; the absolute force if it never changes.
     pub fn force_range_n(&self) -> f64 {
         self.force().range_n()
     }
@@ -96,7 +96,8 @@ impl Record {
         self.force().step_rows()
     }
 
-    /// The same with a row, and no position in it, wherever a force that goes in lines crosses zero; `lines` are the rows' own, and become those of all rows.
+    /// Returns the record with an additional row, without position, where a linearly varying force crosses zero. `lines` are the lines of the rows before; the
+    /// lines of all rows are returned.
     pub(super) fn with_force_rows(self, lines: Vec<usize>) -> (Self, Vec<usize>) {
         let crossing_s = |row: usize| {
             let (from_n, to_n) = (self.force_n[row], *self.force_n.get(row + 1)?);
@@ -128,12 +129,12 @@ impl Record {
         (made, lines_made)
     }
 
-    /// Number of rows at which a position was sampled, lost ones included.
+    /// Number of rows with a sampled position, including lost ones.
     pub fn n_samples(&self) -> usize {
         self.n_rows() - self.force_rows.len()
     }
 
-    /// Median time between samples in s; `None` with fewer than two of them.
+    /// Median time between samples in s; `None` for fewer than two samples.
     pub fn median_interval_s(&self) -> Option<f64> {
         let mut left_out = self.force_rows.iter().copied().peekable();
         let is_sample = |row: &usize| left_out.next_if_eq(row).is_none();
@@ -158,7 +159,7 @@ mod tests {
 
     #[test]
     fn steps_are_changes_above_a_fifth_of_the_range() {
-        // Range 10: 2.0 is exactly a fifth and not a step, 2.1 is one.
+        // For a range of 10, a change of 2.0 is exactly a fifth and not a step, but 2.1 is one.
         let steps = record(&[0.0, 2.0, 0.0, 2.1, 10.0, 9.0, 0.0, 0.0]).force_step_rows();
         assert_eq!(steps, [3, 4, 6]);
     }

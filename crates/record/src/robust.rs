@@ -1,9 +1,9 @@
-//! Estimates that a few wrong values do not move.
+//! Robust statistics, insensitive to a few wrong values.
 
 /// Ratio of a Gaussian's standard deviation to its median absolute deviation.
 pub const SD_PER_MAD: f64 = 1.482_602_218_505_602;
 
-/// Median of finite values, `None` if there are none.
+/// Median of finite values; `None` if there are none.
 pub fn median(mut values: Vec<f64>) -> Option<f64> {
     if values.is_empty() {
         return None;

@@ -1,15 +1,15 @@
-//! The sizes of an experiment, by which default priors of effects are scaled (physics §5).
+//! Characteristic sizes of an experiment. They scale the default priors of effects (physics §5).
 
 use super::{Apparatus, Experiment};
 
-/// Sizes of an experiment.
+/// Characteristic sizes of an experiment.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Scales {
-    /// Largest size of the commanded force, in N.
+    /// Largest absolute commanded force, in N.
     pub largest_force_n: f64,
-    /// Largest minus smallest measured position, in m; 0 where nothing is measured.
+    /// Largest minus smallest measured position, in m; 0 without measurements.
     pub position_range_m: f64,
-    /// Median time between force steps, in s; the record's length where there are none.
+    /// Median time between force steps, in s; the record's length if there are none.
     pub hold_s: f64,
     /// Median time between rows, in s.
     pub sample_interval_s: f64,
@@ -19,18 +19,18 @@ pub struct Scales {
     pub duration_s: f64,
     /// Poisson ratio of the vitreous; `None` for an instrument.
     pub poisson_ratio: Option<f64>,
-    /// Radius of the robot, or of the sphere of its volume, in m; `None` for an instrument.
+    /// Radius of the robot, or of the sphere of equal volume, in m; `None` for an instrument.
     pub robot_radius_m: Option<f64>,
     /// Radius of the vitreous, in m; `None` for an instrument.
     pub outer_radius_m: Option<f64>,
-    /// p of an indenter, whose depth to the power p answers linearly; `None` where the position itself does.
+    /// Exponent p of an indenter: depth to the power p responds linearly to force. `None` if the position itself responds linearly.
     pub depth_exponent: Option<f64>,
-    /// Whether the recorded position is off by an unknown amount.
+    /// True if the recorded position has an unknown offset.
     pub fits_position_offset: bool,
 }
 
 impl Experiment {
-    /// The experiment's sizes.
+    /// Returns the experiment's characteristic sizes.
     pub fn scales(&self) -> Scales {
         let record = &self.record;
         let positions = || record.position_m.iter().flatten().copied();

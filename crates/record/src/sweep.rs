@@ -1,6 +1,6 @@
-//! An oscillation of a rheometer: moduli against frequency (formats §1.2).
+//! An oscillation measured with a rheometer: moduli over frequency (formats §1.2).
 //!
-//! [`Sweep::read`] is the border: behind it everything is SI, checked and complete.
+//! [`Sweep::read`] checks the input. All data that it returns are complete and in SI units.
 
 use std::path::Path;
 
@@ -14,27 +14,27 @@ use base::files::refuse_long_lines;
 use base::toml_input::{Table, TomlInput, text_of};
 use base::units::Dimension;
 
-/// Rows that are fitted at least.
+/// Smallest number of fitted rows.
 const FEWEST_FITTED: usize = 4;
-/// With so many frequencies every third is held out where nothing is said.
+/// Smallest number of frequencies for which every third is held out by default.
 const FEWEST_TO_HOLD_OUT: usize = 9;
-/// Relative distance at which two frequencies are one.
+/// Frequencies with a smaller relative difference count as equal.
 const SAME_FREQUENCY: f64 = 1e-6;
 const FREQUENCIES_HZ: [f64; 2] = [1e-9, 1e9];
-/// Poisson ratio of a gel that is nearly all water, sheared.
+/// Poisson ratio of a sheared gel that consists almost entirely of water.
 const INCOMPRESSIBLE: f64 = 0.5;
 
-/// What was measured at each frequency.
+/// Pair of quantities measured at each frequency.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum SweepForm {
     /// Storage and loss modulus, G′ and G″, in Pa.
     StorageAndLoss,
-    /// |G*| in Pa and the phase in rad by which strain lags behind stress.
+    /// Modulus |G*| in Pa, and the phase in rad by which strain lags behind stress.
     ModulusAndPhase,
 }
 
 impl SweepForm {
-    /// Both numbers of a complex shear modulus G′ + iG″ in Pa.
+    /// Pair of numbers for a complex shear modulus G′ + iG″ in Pa.
     pub fn of_moduli(self, storage_pa: f64, loss_pa: f64) -> [f64; 2] {
         match self {
             Self::StorageAndLoss => [storage_pa, loss_pa],
@@ -42,7 +42,7 @@ impl SweepForm {
         }
     }
 
-    /// G′ and G″ of both numbers.
+    /// G′ and G″ for a pair of numbers.
     pub fn moduli(self, pair: [f64; 2]) -> [f64; 2] {
         match self {
             Self::StorageAndLoss => pair,
@@ -50,7 +50,7 @@ impl SweepForm {
         }
     }
 
-    /// What both numbers are called.
+    /// Symbols of the two quantities.
     pub fn names(self) -> [&'static str; 2] {
         match self {
             Self::StorageAndLoss => ["G′", "G″"],
@@ -64,32 +64,32 @@ impl SweepForm {
 pub struct SweepRow {
     /// Frequency in Hz.
     pub frequency_hz: f64,
-    /// Both numbers, as [`Sweep::form`] says.
+    /// Pair of numbers as specified by [`Sweep::form`].
     pub pair: [f64; 2],
-    /// Their standard deviations.
+    /// Standard deviations of the pair.
     pub sd: Option<[f64; 2]>,
-    /// Whether no fit sees the row.
+    /// True if no fit uses the row.
     pub is_heldout: bool,
 }
 
-/// An oscillation, validated, in SI units; rows ascend in frequency.
+/// A checked oscillation in SI units, with rows in order of ascending frequency.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Sweep {
     /// Specimen identifier, `[specimen] id`.
     pub specimen_id: String,
-    /// Poisson ratio of the specimen, which makes shear moduli of Young's: G = E/(2 + 2ν).
+    /// Poisson ratio ν of the specimen. It converts Young's moduli to shear moduli: G = E/(2 + 2ν).
     pub poisson_ratio: f64,
-    /// What the rows hold.
+    /// Pair of quantities in the rows.
     pub form: SweepForm,
     /// The rows.
     pub rows: Vec<SweepRow>,
-    /// Rows of the table that lack a number.
+    /// Number of table rows that lack a number.
     pub n_incomplete: usize,
-    /// Where the data come from; synthetic or measured.
+    /// Source of the data: synthetic or measured.
     pub source: String,
 }
 
-/// What a column of a sweep holds.
+/// Content of a column of a sweep.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum SweepColumn {
     /// Frequency.
@@ -104,16 +104,16 @@ pub enum SweepColumn {
     Phase,
     /// Standard deviation of G′.
     StorageSd,
-    /// Of G″.
+    /// Standard deviation of G″.
     LossSd,
-    /// Of |G*|.
+    /// Standard deviation of |G*|.
     ModulusSd,
-    /// Of δ.
+    /// Standard deviation of δ.
     PhaseSd,
 }
 
 impl SweepColumn {
-    /// All of them.
+    /// All column types.
     pub const ALL: [Self; 9] = [
         Self::Frequency,
         Self::Storage,
@@ -126,7 +126,7 @@ impl SweepColumn {
         Self::PhaseSd,
     ];
 
-    /// Its key in `[measurement.columns]`, and its name in a header without the unit.
+    /// Key in `[measurement.columns]`, which is also the name in a header without the unit.
     pub fn key(self) -> &'static str {
         match self {
             Self::Frequency => "frequency",
@@ -141,7 +141,7 @@ impl SweepColumn {
         }
     }
 
-    /// What it is measured in.
+    /// Dimension of the column's unit.
     pub fn dimension(self) -> Dimension {
         match self {
             Self::Frequency => Dimension::Frequency,
@@ -150,7 +150,7 @@ impl SweepColumn {
         }
     }
 
-    /// The column that a rheometer's program calls so, if any; standard deviations are not guessed.
+    /// Column type for a name that a rheometer's program uses; `None` for other names. Standard deviations are not recognised by name.
     fn called(name: &str, unit: Option<&Spelt>) -> Option<Self> {
         let stem = split_unit(name).0.to_lowercase();
         let plain: String = stem.chars().filter(|c| !c.is_whitespace() && !"_-|*.()".contains(*c)).collect();
@@ -170,7 +170,7 @@ impl SweepColumn {
     }
 }
 
-/// The columns of a sweep in a table that was looked at, in the order of [`SweepColumn::ALL`]; `None` where it is no sweep.
+/// Columns of a sweep in an inspected table, in the order of [`SweepColumn::ALL`]; `None` if the table is no sweep.
 pub fn sweep_columns(looked: &Looked) -> Option<Vec<(SweepColumn, usize)>> {
     let called = |column: SweepColumn| {
         let mut places = looked.columns.iter().zip(&looked.units).enumerate();
@@ -184,7 +184,7 @@ pub fn sweep_columns(looked: &Looked) -> Option<Vec<(SweepColumn, usize)>> {
 }
 
 impl Sweep {
-    /// Whether an experiment says that it is an oscillation; what cannot be read is none, for its reader to refuse.
+    /// True if the experiment's description says that it is an oscillation. Unreadable input gives false; its reader then refuses it.
     pub fn is_one(path: &Path) -> bool {
         let Ok((toml_path, bytes)) = read_toml(path) else { return false };
         let found =
@@ -195,10 +195,10 @@ impl Sweep {
         found.unwrap_or(false)
     }
 
-    /// Reads an oscillation: a directory that holds `experiment.toml`, or the path of the TOML itself.
+    /// Reads an oscillation, given a directory that contains `experiment.toml` or the path of the TOML.
     ///
     /// # Errors
-    /// [`Error::File`] if a file cannot be read, [`Error::Input`] for everything that formats §1.2 refuses.
+    /// [`Error::File`] if a file cannot be read, [`Error::Input`] for input that formats §1.2 refuses.
     pub fn read(path: &Path) -> Result<(Self, ExperimentFiles)> {
         let (toml_path, toml_bytes) = read_toml(path)?;
         let document = TomlInput::parse(&toml_path, text_of(&toml_path, &toml_bytes)?)?;
@@ -223,8 +223,8 @@ impl Sweep {
         if n_fitted < FEWEST_FITTED {
             return Err(Error::input(
                 Place::file(&csv_path),
-                format!("{n_fitted} frequencies are fitted"),
-                format!("give at least {FEWEST_FITTED}: a law has three parameters and more"),
+                format!("only {n_fitted} frequencies are fitted"),
+                format!("give at least {FEWEST_FITTED}, because a law has three or more parameters"),
             ));
         }
         let sweep = Self {
@@ -250,7 +250,7 @@ impl Sweep {
         Ok((sweep, files))
     }
 
-    /// Whether the errors are known.
+    /// True if every row has known errors.
     pub fn has_errors(&self) -> bool {
         self.rows.iter().all(|row| row.sd.is_some())
     }
@@ -262,7 +262,7 @@ impl Sweep {
     }
 }
 
-/// That of `[rheometer]`, else of `[vitreous]`, else of water.
+/// Poisson ratio from `[rheometer]`, else from `[vitreous]`, else 0.5.
 fn poisson_ratio(root: Table<'_>) -> Result<f64> {
     for name in ["rheometer", "vitreous"] {
         let Some(table) = root.table(name)? else { continue };
@@ -275,15 +275,15 @@ fn poisson_ratio(root: Table<'_>) -> Result<f64> {
             }
             return Err(table.refuse(
                 "poisson_ratio",
-                format!("{ratio} is no Poisson ratio"),
-                "give one above −1 and up to 0.5",
+                format!("{ratio} is not a possible Poisson ratio"),
+                "give a value above −1 and at most 0.5",
             ));
         }
     }
     Ok(INCOMPRESSIBLE)
 }
 
-/// Where each quantity stands, and in which unit.
+/// Column number, name and unit of each quantity.
 struct Columns {
     form: SweepForm,
     frequency: (usize, String, Spelt),
@@ -318,8 +318,8 @@ impl Columns {
             let found = names.all().join("`, `");
             Error::input(
                 Place::file(file).at_line(layout.header_line.unwrap_or(layout.first_row_line)),
-                format!("there is no column of the {what}; the header has `{found}`"),
-                format!("name it {example}, or say in [measurement.columns] which column it is"),
+                format!("there is no column for the {what}; the header has `{found}`"),
+                format!("name the column {example}, or assign it in [measurement.columns]"),
             )
         };
         let frequency = find(SweepColumn::Frequency)?.ok_or_else(|| missing("frequency", "`frequency_hz`"))?;
@@ -337,7 +337,7 @@ impl Columns {
         }
     }
 
-    /// The rows that are complete, and the number of the others.
+    /// Returns the complete rows and the number of incomplete ones.
     fn rows(&self, file: &Path, text: &str, layout: &TableLayout) -> Result<(Vec<SweepRow>, usize)> {
         let (mut rows, mut n_incomplete) = (Vec::new(), 0);
         let lines = text.lines().enumerate().skip(layout.first_row_line - 1);
@@ -350,8 +350,8 @@ impl Columns {
                 }
                 let found = layout.number(cell).ok_or_else(|| {
                     let decimal = layout.decimal.name();
-                    let found = format!("`{cell}` is not a number with `{decimal}` before its decimals");
-                    let remedy = "correct it, or leave the cell empty where nothing was measured";
+                    let found = format!("`{cell}` is not a number with the decimal sign `{decimal}`");
+                    let remedy = "correct it, or leave the cell empty if nothing was measured";
                     Error::input(Place::file(file).at_line(index + 1).at_key(name.as_str()), found, remedy)
                 })?;
                 Ok(Some(unit.to_si(found)))
@@ -368,14 +368,13 @@ impl Columns {
                 continue;
             };
             if !(FREQUENCIES_HZ[0]..=FREQUENCIES_HZ[1]).contains(&frequency_hz) {
-                let found = format!("{frequency_hz} Hz is no frequency of a rheometer");
+                let found = format!("{frequency_hz} Hz is outside a rheometer's range");
                 return Err(refuse(&self.frequency, found, "correct it, or the column's unit"));
             }
             let sd = sd.flatten().map(<[f64; 2]>::from);
             if let Some((column, sd)) = self.sd.iter().flatten().zip(sd.iter().flatten()).find(|(_, sd)| **sd <= 0.0) {
-                let remedy =
-                    "give the standard deviation of the number, which is above 0, or leave the columns of errors out";
-                return Err(refuse(column, format!("an error of {sd}"), remedy));
+                let remedy = "give a standard deviation above 0, or remove the error columns";
+                return Err(refuse(column, format!("the standard deviation is {sd}"), remedy));
             }
             rows.push(SweepRow { frequency_hz, pair: pair.into(), sd, is_heldout: false });
         }
@@ -383,7 +382,7 @@ impl Columns {
     }
 }
 
-/// Marks the rows that no fit sees: those of `heldout_hz`, or every third from the second on.
+/// Marks the held-out rows: those in `heldout_hz`, or by default every third row starting with the second.
 fn hold_out(measurement: Table<'_>, rows: &mut [SweepRow]) -> Result<()> {
     let Some(wanted_hz) = measurement.numbers("heldout_hz")? else {
         if rows.len() >= FEWEST_TO_HOLD_OUT {
@@ -399,8 +398,8 @@ fn hold_out(measurement: Table<'_>, rows: &mut [SweepRow]) -> Result<()> {
             n_found += 1;
         }
         if n_found == 0 {
-            let found = format!("nothing was measured at {wanted_hz} Hz");
-            return Err(measurement.refuse("heldout_hz", found, "name frequencies of the table, in Hz"));
+            let found = format!("the table has no row at {wanted_hz} Hz");
+            return Err(measurement.refuse("heldout_hz", found, "list frequencies of the table, in Hz"));
         }
     }
     Ok(())

@@ -1,6 +1,6 @@
 use super::*;
 
-/// A sweep of this table, described by these lines of `[measurement]`.
+/// Reads a sweep from this table and these lines of `[measurement]`.
 fn read(table: &str, measurement: &str) -> Result<Sweep> {
     let dir = tempfile::tempdir().unwrap();
     let toml = format!(
@@ -54,16 +54,24 @@ fn every_third_frequency_is_held_out_or_those_that_are_named() {
     assert_eq!(heldout("heldout_hz = []\n"), [0.0; 0]);
 }
 
-/// Each with the words that a person is to read.
+/// Each case has the words that the message must contain.
 #[test]
 fn what_is_no_sweep_is_refused_with_its_place() {
     for (table, measurement, found) in [
-        ("frequency_hz,storage_pa\n1,2\n", "", "line 1: there is no column of the moduli"),
+        ("frequency_hz,storage_pa\n1,2\n", "", "line 1: there is no column for the moduli"),
         ("frequency_hz,storage_pa,loss_pa\n1,x,3\n", "", "line 2, `storage_pa`: `x` is not a number"),
-        ("frequency_hz,storage_pa,loss_pa\n-1,2,3\n", "", "line 2, `frequency_hz`: -1 Hz is no frequency"),
-        ("frequency_hz,storage_pa,loss_pa,storage_sd_pa,loss_sd_pa\n1,2,3,0,1\n", "", "`storage_sd_pa`: an error of 0"),
+        (
+            "frequency_hz,storage_pa,loss_pa\n-1,2,3\n",
+            "",
+            "line 2, `frequency_hz`: -1 Hz is outside a rheometer's range",
+        ),
+        (
+            "frequency_hz,storage_pa,loss_pa,storage_sd_pa,loss_sd_pa\n1,2,3,0,1\n",
+            "",
+            "`storage_sd_pa`: the standard deviation is 0",
+        ),
         ("frequency_hz,storage_pa,loss_pa\n1,2,3\n2,,3\n", "", "1 frequencies are fitted"),
-        (TABLE, "heldout_hz = [3]\n", "nothing was measured at 3 Hz"),
+        (TABLE, "heldout_hz = [3]\n", "the table has no row at 3 Hz"),
         (TABLE, "force = \"hold\"\n", "force"),
     ] {
         let error = read(table, measurement).unwrap_err().to_string();

@@ -1,55 +1,56 @@
-//! Times that ascend: a clock that begins again is joined, and rows within one step of a coarse clock are spread.
+//! Makes times ascend: joins a clock that restarts, and spreads rows within one step of a coarse clock.
 
 use super::robust::median;
 use base::error::{Error, Place, Result, Setting};
 
-/// Share of the last interval within which a table that follows another began with the other's last row.
+/// Fraction of the last interval within which the next table counts as begun at the previous table's last row.
 const BEGAN_BEFORE: f64 = 0.5;
-/// Share of an interval by which the last row of a table precedes the first row of the next, where both have one time.
+/// Shift of a table's last row, as a fraction of an interval, if its time equals that of the next table's first row.
 const JUST_BEFORE: f64 = 1e-6;
-/// Share of rows with the time of the row before, from which a clock is coarse.
+/// Smallest fraction of rows with the previous row's time for which the clock counts as coarse.
 const COARSE: f64 = 0.2;
-/// How much farther apart neighbouring rows of several tracks are than rows of one track.
+/// Smallest ratio of distances between neighbouring rows of several tracks to distances within one track.
 const TRACKS: f64 = 3.0;
 
-/// What was done to the times of a table.
+/// Changes made to the times of a table.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub(crate) struct Ordered {
-    /// Rows at which the clock began again.
+    /// Rows at which the clock restarted.
     pub restart_rows: Vec<usize>,
-    /// Rows that had the time of the row before.
+    /// Number of rows with the previous row's time.
     pub n_ties: usize,
-    /// Whether rows of one time are of several tracks.
+    /// True if rows of equal time belong to several tracks.
     pub are_tracks: bool,
 }
 
 impl Ordered {
-    /// Whether the clock is coarser than the rows of one track.
+    /// True if the clock is coarser than the rows of a single track.
     pub fn is_coarse(&self, n_rows: usize) -> bool {
         !self.are_tracks && self.n_ties as f64 >= COARSE * n_rows as f64
     }
 }
 
-/// Rows whose times are put in order.
+/// Rows whose times are ordered.
 pub(super) struct Rows<'a> {
     pub time_s: &'a mut [f64],
     pub force_n: &'a mut [f64],
     pub position_m: &'a [Option<f64>],
 }
 
-/// What a description says of times that do not ascend.
+/// Rules of a description for times that do not ascend.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct TimeRules {
-    /// Times that fall back to the start go on from the row before.
+    /// Times that fall back to the start continue from the previous row.
     pub joins_restarts: bool,
     /// Equal times of a coarse clock are spread evenly.
     pub spreads_ties: bool,
 }
 
-/// Puts times (s) in order, as the rules say, and sets the force of a table's last row to that of a next table which begins with it. `starts` are the tables' first rows.
+/// Makes times (s) ascend according to the rules. The force of a table's last row becomes that of the next table if that table begins at this row. `starts` are
+/// the tables' first rows.
 ///
 /// # Errors
-/// [`Error::Input`] at the first time that does not follow the one before, with the cause that the rows show.
+/// [`Error::Input`] at the first time that does not ascend, with the cause that the rows suggest.
 pub(super) fn order_times(
     place: &dyn Fn(usize) -> Place,
     rules: TimeRules,
@@ -79,9 +80,9 @@ pub(super) fn order_times(
     }
 }
 
-/// Adds to each run of times of a clock that begins again what the clock showed before; gives the first rows of the runs.
+/// Adds the elapsed time to each run of a clock that restarts, and returns the first rows of the runs.
 ///
-/// A run that begins with time 0 follows one interval after the last row; one that begins later follows from the last row on.
+/// A run that begins with time 0 follows one interval after the previous row. A run that begins later continues from the previous row.
 fn join_restarts(time_s: &mut [f64]) -> Vec<usize> {
     let (mut rows, mut offset_s, mut before_s) = (Vec::new(), 0.0, None);
     for row in 0..time_s.len() {
@@ -99,12 +100,12 @@ fn join_restarts(time_s: &mut [f64]) -> Vec<usize> {
     rows
 }
 
-/// Whether a time that follows another shows that the clock began again: it falls back to about the first.
+/// True if a time shows that the clock restarted: it falls back to near the first time.
 fn is_restart(time_s: f64, before_s: f64, first_s: f64) -> bool {
     time_s < before_s && time_s - first_s <= 0.1 * (before_s - first_s)
 }
 
-/// Spreads rows of equal times evenly over the step of their clock; gives their number.
+/// Spreads rows of equal times evenly over the clock's step and returns their number.
 fn spread_ties(time_s: &mut [f64]) -> usize {
     let mut runs: Vec<(usize, f64)> = Vec::new();
     for time in time_s.iter() {
@@ -121,7 +122,7 @@ fn spread_ties(time_s: &mut [f64]) -> usize {
     let usual = median(runs[1..runs.len() - 1].iter().map(|(count, _)| *count as f64).collect()).unwrap_or(1.0);
     let mut row = 0;
     for (place, (count, value)) in runs.iter().enumerate() {
-        // The first and the last step may have begun before the record, or ended after it.
+        // The first step may have begun before the record, and the last may end after it.
         let rows_a_step = if place == 0 || place + 1 == runs.len() { usual.max(*count as f64) } else { *count as f64 };
         let left_out = if place == 0 { rows_a_step - *count as f64 } else { 0.0 };
         for k in 0..*count {
@@ -132,38 +133,40 @@ fn spread_ties(time_s: &mut [f64]) -> usize {
     n_ties
 }
 
-/// The refusal of a time, with the cause that the rows show and its remedy.
+/// Error for a time that does not ascend, with the cause that the rows suggest and its remedy.
 fn refused(place: Place, row: usize, time_s: &[f64], position_m: &[Option<f64>]) -> Error {
     let (time, before) = (time_s[row], time_s[row - 1]);
     let n_ties = time_s.windows(2).filter(|pair| pair[1] == pair[0]).count();
     let is_coarse = Ordered { n_ties, ..Ordered::default() }.is_coarse(time_s.len());
     let (found, remedy) = if time == before && is_coarse && alternate(time_s, position_m) {
         (
-            format!("{time} s stands in several rows whose positions alternate: the rows are of several tracks"),
             format!(
-                "name the column of tracks with `{}`, and one of them with `{}`",
+                "several rows have the time {time} s and their positions alternate: the rows belong to several tracks"
+            ),
+            format!(
+                "name the track column with `{}` and choose one track with `{}`",
                 Setting::TrackColumn,
                 Setting::Track
             ),
         )
     } else if time == before && is_coarse {
         (
-            format!("{time} s stands in several rows: the clock is coarser than the rows"),
+            format!("several rows have the time {time} s: the clock is coarser than the rows"),
             format!(
-                "`{} spread` (in [measurement]: time_ties = \"spread\") spreads them evenly over the clock's steps",
+                "use `{} spread` (in [measurement]: time_ties = \"spread\") to spread them evenly over the clock's steps",
                 Setting::TimeTies
             ),
         )
     } else if time == before {
         (
-            format!("time is not increasing: {time} s stands in two rows"),
+            format!("time is not increasing: two rows have the time {time} s"),
             "remove the row if it is repeated, or give it its own time".to_string(),
         )
     } else if is_restart(time, before, time_s[0]) {
         (
-            format!("time begins again: {time} s follows {before} s"),
+            format!("time restarts: {time} s follows {before} s"),
             format!(
-                "`{} join` (in [measurement]: time_restarts = \"join\") where the recording went on; otherwise give each recording a file of its own",
+                "if the recording continued, use `{} join` (in [measurement]: time_restarts = \"join\"); otherwise put each recording in its own file",
                 Setting::TimeRestarts
             ),
         )
@@ -173,7 +176,7 @@ fn refused(place: Place, row: usize, time_s: &[f64], position_m: &[Option<f64>])
     Error::input(place, found, remedy)
 }
 
-/// Whether neighbouring rows are much farther apart than rows of neighbouring times: they are of several tracks.
+/// True if neighbouring rows are much farther apart than rows of neighbouring times, so that they belong to several tracks.
 fn alternate(time_s: &[f64], position_m: &[Option<f64>]) -> bool {
     let together = time_s.iter().take_while(|time| **time == time_s[0]).count();
     let apart = |step: usize| {
@@ -189,7 +192,7 @@ mod tests {
 
     #[test]
     fn a_clock_that_begins_again_goes_on() {
-        // Rows at the start of each interval, then rows at its end.
+        // First the rows mark the start of each interval, then its end.
         for (first_s, expected) in [(0.0, [0.0, 0.5, 1.0, 1.5]), (0.5, [0.5, 1.0, 1.5, 2.0])] {
             let mut time_s = [first_s, first_s + 0.5, first_s, first_s + 0.5];
             assert_eq!(join_restarts(&mut time_s), [2]);
@@ -199,7 +202,7 @@ mod tests {
         assert!(join_restarts(&mut unsorted).is_empty());
     }
 
-    /// A step whose first row follows its beginning, as a rheometer logs it; one that begins with a row of its own; and one whose first row has the time of the last.
+    /// The next table starts just after the first table's last row, as a rheometer logs it. Then it starts later, and then at an equal time.
     #[test]
     fn a_table_that_begins_with_the_last_row_of_another_switches_there() {
         let place = |row: usize| Place::file("t.csv").at_line(row + 2);
@@ -218,7 +221,7 @@ mod tests {
         }
     }
 
-    /// 4 Hz under a clock of whole seconds: the first second has two rows and the last one.
+    /// Rows at 4 Hz with a clock of whole seconds. The first second has two rows and the last has one.
     #[test]
     fn rows_of_a_coarse_clock_are_spread() {
         let truth: Vec<f64> = (2..13).map(|row| 0.25 * f64::from(row)).collect();

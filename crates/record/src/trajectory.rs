@@ -1,4 +1,4 @@
-//! Reading `trajectory.csv`: header with units, rows, and a refusal with a line for everything else.
+//! Reads `trajectory.csv`: a header with units, then rows. Every fault is an error with its line.
 
 use std::path::Path;
 
@@ -7,31 +7,31 @@ use base::error::{Error, Place, Result};
 use base::files::refuse_long_lines;
 use base::units::{Dimension, UNITS, Unit, nearest_name};
 
-/// The rows of a CSV in SI, before cycles are settled.
+/// Rows of a CSV in SI units, before zero, direction and cycles are determined.
 #[derive(Debug)]
 pub(super) struct Trajectory {
     pub time_s: Vec<f64>,
     pub force_n: Vec<f64>,
-    /// As written; of x, y and z, x.
+    /// Position as written; x if the table has several coordinates.
     pub position_m: Vec<Option<f64>>,
-    /// The other coordinates of a table with x and y, or with x, y and z.
+    /// Coordinates y, or y and z.
     pub others_m: Vec<Vec<Option<f64>>>,
-    /// Metres in a unit of the position's column.
+    /// Metres per unit of the position column.
     pub position_unit_m: f64,
-    /// What the table's own clock shows at time 0, in s.
+    /// Reading of the table's own clock at time 0, in s.
     pub clock_zero_s: f64,
-    /// `None` when the file has no `cycle` column.
+    /// Cycle of each row; `None` if the file has no `cycle` column.
     pub cycle: Option<Vec<u32>>,
-    /// Line of each row in the file, counted from 1.
+    /// Line of each row in the file, from 1.
     pub lines: Vec<usize>,
-    /// Names of the force and position columns as they stand in the header.
+    /// Names of the force and position columns in the header.
     pub force_column: String,
     pub position_column: String,
-    /// What was done to the times.
+    /// Changes made to the times.
     pub ordered: Ordered,
 }
 
-/// One row in SI, with the text of its cycle.
+/// One row in SI units, with the text of its cycle.
 pub(super) struct Row<'a> {
     pub time_s: f64,
     pub force_n: f64,
@@ -39,14 +39,14 @@ pub(super) struct Row<'a> {
     pub cycle: Option<&'a str>,
 }
 
-/// What a column holds.
+/// Content of a column.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Column {
     Quantity(usize, Unit),
     Cycle,
 }
 
-/// Quantities in the order of their index, with an example for messages.
+/// Quantities in the order of their index, with examples for messages.
 const QUANTITIES: [(&str, Dimension, &str); 3] = [
     ("time", Dimension::Time, "time_s"),
     ("force", Dimension::Force, "force_uN"),
@@ -55,31 +55,31 @@ const QUANTITIES: [(&str, Dimension, &str); 3] = [
 pub(super) const TIME: usize = 0;
 pub(super) const FORCE: usize = 1;
 pub(super) const POSITION: usize = 2;
-/// Not a quantity, but a place.
+/// Index of the cycle column, which is not a quantity.
 pub(super) const CYCLE: usize = 3;
 
-/// Rows that a record may have: at some hundred bytes each while it is read.
+/// Largest number of rows of a record. Reading takes about a hundred bytes for each row.
 const MOST_ROWS: usize = 20_000_000;
 
-/// Words that stand for a lost position beside the empty cell.
+/// Words for a lost position, in addition to an empty cell.
 const LOST: [&str; 9] = ["nan", "na", "null", "n/a", "#n/a", "none", "missing", "-", "--"];
 
-/// Whether a cell says that its position was lost.
+/// True if a cell means a lost position.
 pub(super) fn is_lost(cell: &str) -> bool {
     cell.is_empty() || LOST.iter().any(|lost| cell.eq_ignore_ascii_case(lost))
 }
 
-/// Index of each quantity's column, with its unit, and of the cycle column.
+/// Column index and unit of each quantity, and column index of the cycle.
 struct Header {
     names: Vec<String>,
     time: (usize, Unit),
-    /// `None` where another file has it.
+    /// Force column; `None` if another file contains the force.
     force: Option<(usize, Unit)>,
     position: (usize, Unit),
     cycle: Option<usize>,
 }
 
-/// Parses a trajectory; `file` is only named in errors. `is_driven_elsewhere` where another file has the force.
+/// Parses a trajectory. Errors name `file`. `is_driven_elsewhere` is true if another file contains the force.
 pub(super) fn read_trajectory(file: &Path, text: &str, is_driven_elsewhere: bool) -> Result<Trajectory> {
     refuse_long_lines(file, text.as_bytes())?;
     let mut rows = Rows::new(file, text);
@@ -100,9 +100,9 @@ pub(super) fn read_trajectory(file: &Path, text: &str, is_driven_elsewhere: bool
 }
 
 const HEADER_REMEDY: &str =
-    "write the header `time_s,force_uN,position_um,cycle` (units may differ; `cycle` is optional)";
+    "write the header `time_s,force_uN,position_um,cycle` (other units are allowed; `cycle` is optional)";
 
-/// Lines of a CSV with their numbers; blank lines are skipped.
+/// Rows of a CSV with their line numbers; blank lines are skipped.
 struct Rows<'a> {
     file: &'a Path,
     text: &'a [u8],
@@ -122,14 +122,14 @@ impl<'a> Rows<'a> {
         Self { file, text: text.as_bytes(), reader, record: csv::StringRecord::new(), counted_bytes: 0, line: 1 }
     }
 
-    /// Line of the next row, whose cells are then in `record`.
+    /// Reads the next row into `record` and returns its line.
     fn next_row(&mut self) -> Result<Option<usize>> {
         let start = usize::try_from(self.reader.position().byte()).unwrap_or(usize::MAX);
         let more = self.reader.read_record(&mut self.record).map_err(|error| {
             Error::input(
                 Place::file(self.file).at_line(self.line),
-                format!("not readable as CSV: {error}"),
-                "separate the cells by commas, one sample a line, without stray quotation marks",
+                format!("the row is not readable as CSV: {error}"),
+                "separate the cells by commas, write one sample on each line and remove stray quotation marks",
             )
         })?;
         if !more {
@@ -138,7 +138,7 @@ impl<'a> Rows<'a> {
         Ok(Some(self.line_of_row_from(start)))
     }
 
-    /// The reader gives the byte at which it began to look for a row; blank lines before the row still count.
+    /// Line of the row that the reader began to read at byte `start`. Blank lines before the row count.
     fn line_of_row_from(&mut self, start: usize) -> usize {
         let mut end = start.min(self.text.len());
         while self.text.get(end).is_some_and(|byte| matches!(byte, b'\n' | b'\r')) {
@@ -190,7 +190,7 @@ impl Header {
         if let (true, Some((index, _))) = (is_driven_elsewhere, quantities[FORCE]) {
             return Err(Error::input(
                 place.clone().at_key(cells[index].as_str()),
-                "the force stands here and in [actuation]",
+                "both this column and [actuation] contain the force",
                 "remove one of them",
             ));
         }
@@ -202,7 +202,7 @@ impl Header {
 fn duplicate(place: Place, earlier: &str) -> Error {
     Error::input(
         place,
-        format!("this quantity stands in two columns, the other is `{earlier}`"),
+        format!("two columns contain this quantity; the other is `{earlier}`"),
         "keep one column for each of time, force, position and cycle",
     )
 }
@@ -219,8 +219,8 @@ impl Column {
                 let found = if suffix.is_empty() { "no unit".into() } else { format!("unknown unit `_{suffix}`") };
                 Error::input(
                     place.clone(),
-                    format!("{found} for {quantity}"),
-                    format!("end the name with one of {} (upper and lower case matter)", dimension.accepted_suffixes()),
+                    format!("{found} for the column {quantity}"),
+                    format!("end the name with one of {} (case matters)", dimension.accepted_suffixes()),
                 )
             });
         }
@@ -243,13 +243,13 @@ impl Column {
 }
 
 impl Trajectory {
-    /// `place` is the row's, made only where something is wrong with it: files have millions of rows.
+    /// Adds a row of the CSV. `place` is called only for errors, because files have millions of rows.
     fn push(&mut self, header: &Header, place: &dyn Fn() -> Place, cells: &csv::StringRecord) -> Result<()> {
         if cells.len() != header.names.len() {
             return Err(Error::input(
                 place(),
-                format!("{} cells where the header has {}", cells.len(), header.names.len()),
-                "give every row one cell for each column; leave the position cell empty where tracking was lost, and use a decimal point",
+                format!("the row has {} cells, but the header has {}", cells.len(), header.names.len()),
+                "write one cell for each column, leave the position empty if tracking was lost, and use a decimal point",
             ));
         }
         let at = |index: usize| place().at_key(header.names[index].as_str());
@@ -259,7 +259,7 @@ impl Trajectory {
         self.check_time(&place_of_time, time_s)?;
         let force_n = match header.force.map(cell) {
             Some((text, unit, place_of_force)) => {
-                let remedy = "give the force that was commanded in this row; `vitreo-uq init` describes tables whose blank forces have a meaning";
+                let remedy = "give the force commanded in this row; use `vitreo-uq init` for tables in which blank forces have a meaning";
                 unit.to_si(finite(&place_of_force, text, remedy)?)
             }
             None => 0.0,
@@ -268,7 +268,7 @@ impl Trajectory {
         let position_m = if is_lost(text) {
             None
         } else {
-            let remedy = "correct the position, or leave the cell empty where tracking was lost";
+            let remedy = "correct the position, or leave the cell empty if tracking was lost";
             Some(unit.to_si(finite(&place_of_position, text, remedy)?))
         };
         let cycle = header.cycle.map(|index| &cells[index]);
@@ -280,7 +280,7 @@ impl Trajectory {
         })
     }
 
-    /// Nothing yet, with the names of the columns of force and position.
+    /// Returns an empty trajectory with the names of its force and position columns.
     pub(super) fn empty(has_cycles: bool, force_column: &str, position_column: &str) -> Self {
         Self {
             time_s: Vec::new(),
@@ -297,7 +297,7 @@ impl Trajectory {
         }
     }
 
-    /// Adds a row that was read; `place` is that of a quantity by its index, or of [`CYCLE`].
+    /// Adds a row. `place` returns the place of a quantity by its index, or of [`CYCLE`].
     pub(super) fn add(&mut self, row: Row<'_>, place: &dyn Fn(usize) -> Place) -> Result<()> {
         let Row { time_s, force_n, position_m, cycle } = row;
         plausible(&|| place(TIME), time_s, TIMES_S, "s")?;
@@ -314,7 +314,7 @@ impl Trajectory {
         Ok(())
     }
 
-    /// The same without rows.
+    /// Returns an empty trajectory with the same columns.
     pub(super) fn emptied(&self) -> Self {
         let mut emptied = Self::empty(self.cycle.is_some(), &self.force_column, &self.position_column);
         (emptied.position_unit_m, emptied.clock_zero_s) = (self.position_unit_m, self.clock_zero_s);
@@ -322,7 +322,7 @@ impl Trajectory {
         emptied
     }
 
-    /// Adds a row of another trajectory at a time (s), with a force (N); without its position where it stands for a change of the force alone.
+    /// Adds a row of another trajectory at a time (s) with a force (N). If `is_sample` is false, the row only marks a force change and has no position.
     pub(super) fn push_from(&mut self, other: &Self, row: usize, time_s: f64, force_n: f64, is_sample: bool) {
         let kept = |position: Option<f64>| position.filter(|_| is_sample);
         self.time_s.push(time_s);
@@ -337,14 +337,15 @@ impl Trajectory {
         self.lines.push(other.lines[row]);
     }
 
-    /// Puts a row without a position before the first, at which the first row's force began to act: the record was started under load. Times are then counted from there.
+    /// Inserts a row without position before the first row, for a record that started under load. The first row's force acts from there, and times count from
+    /// there.
     pub(super) fn load_from(&mut self, place: &Place, start_s: f64) -> Result<()> {
         let first_s = self.time_s.first().copied().unwrap_or(0.0);
         if start_s >= first_s || (first_s - start_s).abs() > TIMES_S[1] {
             return Err(Error::input(
                 place.clone(),
-                format!("the first row is at {first_s} s, so that its force cannot have begun at {start_s} s"),
-                "give a time before the first row in s of the table's clock, such as -3.0",
+                format!("the first row is at {first_s} s, but its force is said to begin at {start_s} s"),
+                "give a time before the first row, in s of the table's clock, such as -3.0",
             ));
         }
         self.time_s.insert(0, start_s);
@@ -360,12 +361,12 @@ impl Trajectory {
         Ok(())
     }
 
-    /// Notes the line of the row that was added last.
+    /// Notes the line of the row that is added next.
     pub(super) fn note_line(&mut self, file: &Path, line: usize) -> Result<()> {
         if self.lines.len() == MOST_ROWS {
             return Err(Error::input(
                 Place::file(file).at_line(line),
-                format!("this row is one more than the {MOST_ROWS} that a record may have"),
+                format!("this row exceeds the limit of {MOST_ROWS} rows in a record"),
                 "keep every k-th row, or split the record",
             ));
         }
@@ -373,14 +374,14 @@ impl Trajectory {
         Ok(())
     }
 
-    /// A record has two rows at least; `line` is the first row's.
+    /// Checks that a record has at least two rows. `line` is the first row's line.
     pub(super) fn check_length(&self, file: &Path, line: usize) -> Result<()> {
         if self.time_s.len() >= 2 {
             return Ok(());
         }
         Err(Error::input(
             Place::file(file).at_line(line),
-            format!("{} rows below the header", self.time_s.len()),
+            format!("the table has {} rows below the header", self.time_s.len()),
             "give one row for each sample, at least two",
         ))
     }
@@ -390,12 +391,12 @@ impl Trajectory {
             None if time_s < 0.0 => Err(Error::input(
                 place(),
                 format!("the record starts at {time_s} s, before t = 0"),
-                "shift the times so that the record starts at t = 0, where the position is 0",
+                "shift the times so that the record starts at t = 0, with position 0",
             )),
             Some(before) if time_s <= *before => Err(Error::input(
                 place(),
                 format!("time is not increasing: {time_s} s follows {before} s"),
-                "sort the rows by time; where times repeat or begin again, `vitreo-uq init` describes the table",
+                "sort the rows by time; if times repeat or restart, describe the table with `vitreo-uq init`",
             )),
             _ => Ok(()),
         }
@@ -412,7 +413,7 @@ fn finite(place: &dyn Fn() -> Place, text: &str, remedy: &str) -> Result<f64> {
     Err(Error::input(place(), found, remedy))
 }
 
-/// Sizes that an experiment can have; what lies outside is a slip of units and would leave the range of floating-point numbers later.
+/// Allowed sizes. Values outside are wrong units and would later exceed the range of floating-point numbers.
 const TIMES_S: [f64; 2] = [1e-12, 1e12];
 const FORCES_N: [f64; 2] = [1e-24, 1e12];
 const POSITIONS_M: [f64; 2] = [0.0, 1e6];
@@ -423,18 +424,18 @@ fn plausible(place: &dyn Fn() -> Place, value: f64, [smallest, largest]: [f64; 2
     }
     Err(Error::input(
         place(),
-        format!("{value:e} {unit} is not a size that an experiment has"),
-        "check the number, and the unit at the end of the column's name",
+        format!("{value:e} {unit} is outside the range of possible experiments"),
+        "check the number and the unit at the end of the column's name",
     ))
 }
 
-/// Cycles are counted from 1 without gaps.
+/// Checks that cycles are counted from 1 without gaps.
 fn next_cycle(place: &dyn Fn() -> Place, text: &str, before: Option<u32>) -> Result<u32> {
     let cycle = text.parse::<u32>().ok().filter(|cycle| *cycle >= 1).ok_or_else(|| {
         Error::input(
             place(),
             format!("`{text}` is not a cycle number"),
-            "number the cycles 1, 2, 3, …, or remove the whole `cycle` column to have them found from the force",
+            "number the cycles 1, 2, 3, …, or remove the `cycle` column so that they are found from the force",
         )
     })?;
     let allowed = before.map_or(cycle == 1, |before| cycle == before || cycle - 1 == before);
@@ -445,7 +446,7 @@ fn next_cycle(place: &dyn Fn() -> Place, text: &str, before: Option<u32>) -> Res
     Err(Error::input(
         place(),
         format!("cycle {cycle} follows {before}"),
-        "number the cycles 1, 2, 3, … in the order of time, or remove the `cycle` column to have them found from the force",
+        "number the cycles 1, 2, 3, … in the order of time, or remove the `cycle` column so that they are found from the force",
     ))
 }
 

@@ -1,16 +1,16 @@
-//! Ranks of truths among posterior draws: simulation-based calibration (Talts et al. 2018, arXiv:1804.06788).
+//! Ranks of true values among posterior draws: simulation-based calibration (Talts et al. 2018, arXiv:1804.06788).
 //!
-//! Parameters are drawn from the prior, data are simulated from them, the posterior of the data is sampled. Where all three belong together, the rank of any quantity
-//! at the truth among n independent draws is uniform over 0 … n. What is drawn, simulated and sampled is the caller's affair; here stand the ranks and what is made of them.
+//! The caller draws parameters from the prior, simulates data from them, and samples the posterior of the data. If all three are consistent, the rank of the true value
+//! of any quantity among n independent draws is uniform over 0 … n. This module evaluates the ranks.
 
 use statrs::distribution::{Binomial, ChiSquared, ContinuousCDF, DiscreteCDF, Normal};
 
 use super::ensemble::Draws;
 
-/// Ensemble, kept step and walker of `n` draws that are as good as independent; fewer where fewer were kept.
+/// Ensemble, kept step and walker of `n` nearly independent draws; fewer if fewer were kept.
 ///
-/// Walkers of a stationary ensemble are independent of each other at any one step, so those of the last step serve without any thinning that would have to be
-/// guessed. Where there are too few, more steps are taken, as far apart as the kept ones allow.
+/// Walkers of a stationary ensemble are independent of each other at any one step. The draws of the last step therefore need no thinning.
+/// If they are too few, further steps are used, as far apart as the kept ones allow.
 pub fn apart(draws: &Draws, n: usize) -> Vec<[usize; 3]> {
     let n_of_step = draws.n_ensembles * draws.n_walkers;
     let n_steps = n.div_ceil(n_of_step.max(1)).min(draws.n_steps);
@@ -22,41 +22,41 @@ pub fn apart(draws: &Draws, n: usize) -> Vec<[usize; 3]> {
     (0..n_steps).flat_map(of_step).take(n).collect()
 }
 
-/// How many draws lie below a value.
+/// Number of draws below a value.
 pub fn rank(value: f64, draws: impl IntoIterator<Item = f64>) -> usize {
     draws.into_iter().filter(|draw| *draw < value).count()
 }
 
-/// Ranks of one quantity, one a replicate, each from 0 to `n_draws`.
+/// Ranks of one quantity, one per replicate, each from 0 to `n_draws`.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Ranks {
     /// The ranks.
     pub ranks: Vec<usize>,
-    /// Draws that each truth was ranked among.
+    /// Number of draws among which each true value is ranked.
     pub n_draws: usize,
 }
 
 impl Ranks {
-    /// How many ranks fall into each of `n_bins` bins, which are equally wide where they divide `n_draws` + 1.
+    /// Number of ranks in each of `n_bins` bins. The bins are equally wide if `n_bins` divides `n_draws` + 1.
     pub fn counts(&self, n_bins: usize) -> Vec<usize> {
         let mut counts = vec![0; n_bins];
         self.ranks.iter().for_each(|rank| counts[rank.min(&self.n_draws) * n_bins / (self.n_draws + 1)] += 1);
         counts
     }
 
-    /// Ranks as u = (rank + ½)/(n + 1) − ½: mean 0 and variance 1/12 (but for 1/n²) where they are uniform.
+    /// Ranks as u = (rank + ½)/(n + 1) − ½. Uniform ranks have mean 0 and variance 1/12, up to 1/n².
     fn offsets(&self) -> impl Iterator<Item = f64> {
         let scale = 1.0 / (self.n_draws as f64 + 1.0);
         self.ranks.iter().map(move |rank| scale * (*rank as f64 + 0.5) - 0.5)
     }
 
-    /// Mean rank, standard normal where ranks are uniform: negative for a posterior that lies too high, positive for one too low.
+    /// Score of the mean rank, standard normal for uniform ranks. It is negative for a posterior that lies too high and positive for one too low.
     pub fn place(&self) -> f64 {
         let n = self.ranks.len() as f64;
         self.offsets().sum::<f64>() / n / (1.0 / 12.0 / n).sqrt()
     }
 
-    /// Mean squared distance of ranks from the middle, standard normal where they are uniform: positive for a posterior too narrow, negative for one too wide.
+    /// Score of the mean squared distance of ranks from the middle, standard normal for uniform ranks. It is positive for a posterior too narrow and negative for one too wide.
     ///
     /// u² has mean 1/12 and variance 1/180.
     pub fn spread(&self) -> f64 {
@@ -64,7 +64,7 @@ impl Ranks {
         (self.offsets().map(|u| u * u).sum::<f64>() / n - 1.0 / 12.0) / (1.0 / 180.0 / n).sqrt()
     }
 
-    /// How many truths lie inside the central interval that holds `share` of the posterior, as nearly as the draws divide it.
+    /// Number of true values inside the central interval that holds `share` of the posterior, to the resolution of the draws.
     pub fn n_inside(&self, share: f64) -> usize {
         let left_out = 0.5 * (1.0 - share) * (self.n_draws as f64 + 1.0);
         let lowest = (left_out + 1e-9).floor() as usize;
@@ -72,7 +72,7 @@ impl Ranks {
     }
 }
 
-/// χ² of a histogram against equally full bins: as many degrees of freedom as bins, less one, where ranks are uniform.
+/// χ² of a histogram against equally full bins. For uniform ranks it has one degree of freedom less than bins.
 pub fn chi_square(counts: &[usize]) -> f64 {
     let expected = counts.iter().sum::<usize>() as f64 / counts.len() as f64;
     counts.iter().map(|count| (*count as f64 - expected).powi(2) / expected).sum()
@@ -83,13 +83,13 @@ pub fn p_of_chi_square(chi_square: f64, n_bins: usize) -> f64 {
     ChiSquared::new(n_bins as f64 - 1.0).map_or(1.0, |distribution| distribution.sf(chi_square))
 }
 
-/// Probability of a standard normal farther from 0, on either side.
+/// Probability that a standard normal is farther from 0, on either side.
 pub fn p_of_score(score: f64) -> f64 {
     2.0 * Normal::standard().sf(score.abs())
 }
 
-/// p-values corrected for their number by Holm's step-down rule (1979), in their order: the chance that any of them is below a level where nothing is wrong is at most that level, however they depend on
-/// each other.
+/// Corrects p-values for their number by Holm's step-down rule (1979), keeping their order. If all null hypotheses are true, the chance that any corrected p is below a level is at most that level,
+/// for any dependence between them.
 pub fn holm(p: &[f64]) -> Vec<f64> {
     let mut order: Vec<usize> = (0..p.len()).collect();
     order.sort_by(|a, b| p[*a].total_cmp(&p[*b]));
@@ -102,14 +102,14 @@ pub fn holm(p: &[f64]) -> Vec<f64> {
     corrected
 }
 
-/// Central interval of a binomial count: beyond either end lies at most (1 − `level`)/2.
+/// Central interval of a binomial count, with at most (1 − `level`)/2 beyond either end.
 pub fn count_interval(n: usize, probability: f64, level: f64) -> [usize; 2] {
     let Ok(binomial) = Binomial::new(probability, n as u64) else { return [0, n] };
     let tail = 0.5 * (1.0 - level);
     [binomial.inverse_cdf(tail), binomial.inverse_cdf(1.0 - tail)].map(|count| (count as usize).min(n))
 }
 
-/// Clopper and Pearson's interval (1934) of a binomial probability of which `count` of `n` were seen.
+/// Clopper and Pearson's interval (1934) of a binomial probability, from `count` of `n` trials.
 pub fn probability_interval(count: usize, n: usize, level: f64) -> [f64; 2] {
     let tail = 0.5 * (1.0 - level);
     let at_least = |probability: f64| match (count, Binomial::new(probability, n as u64)) {
@@ -122,7 +122,7 @@ pub fn probability_interval(count: usize, n: usize, level: f64) -> [f64; 2] {
     [lower, upper]
 }
 
-/// Where a condition that holds from 0 on ceases to, in [0, 1].
+/// Point in [0, 1] up to which a condition holds, starting from 0.
 fn bisect(holds: impl Fn(f64) -> bool) -> f64 {
     let (mut lower, mut upper) = (0.0, 1.0);
     for _ in 0..60 {
@@ -159,7 +159,7 @@ mod tests {
         assert!(apart(&draws(0), 99).is_empty());
     }
 
-    /// Known answers: Holm's of four p, by hand; Clopper and Pearson's 95 % interval of 8 in 10 from tables (0.4439 to 0.9748); binomial counts.
+    /// Known results: Holm's correction of four p-values by hand, and binomial counts. Clopper and Pearson's 95 % interval of 8 in 10 is from tables (0.4439 to 0.9748).
     #[test]
     fn corrections_and_intervals_are_those_of_tables() {
         let found = holm(&[0.01, 0.04, 0.03, 0.005]);
@@ -177,7 +177,7 @@ mod tests {
         assert!((p_of_chi_square(16.919, 10) - 0.05).abs() < 1e-4 && (p_of_score(-1.959_964) - 0.05).abs() < 1e-6);
     }
 
-    /// The bins of 20, and intervals of 50 % and 90 %, divide 100 ranks without a rest: each rank once gives exactly their share.
+    /// 20 bins, and intervals of 50 % and 90 %, divide 100 ranks evenly. Each rank once gives exactly their share.
     #[test]
     fn shares_of_uniform_ranks_are_exact() {
         let ranks = Ranks { ranks: (0..100).collect(), n_draws: 99 };
@@ -186,8 +186,8 @@ mod tests {
         assert!(ranks.place().abs() < 1e-9 && ranks.spread().abs() < 0.01 && chi_square(&ranks.counts(20)) == 0.0);
     }
 
-    /// Posteriors that are right, too high, too narrow and too wide by known factors, of 2,000 replicates: the scores are what they say. The right one's are
-    /// beyond 5.2 once in 5·10⁶; the others' expectations are beyond 20.
+    /// Scores of 2,000 replicates for posteriors that are right, or too high, too narrow or too wide by known factors. The scores of the right one
+    /// exceed 5.2 once in 5·10⁶. The expected scores of the others exceed 20.
     #[test]
     fn scores_say_what_is_wrong() {
         let normal = Normal::standard();

@@ -1,4 +1,4 @@
-//! Files that hold a run's state: written whole or not at all, and refused when damaged or another problem's.
+//! Checkpoint files of a run's state. They are written completely or not at all. Damaged files and those of another problem are refused.
 
 use base::error::{Place, Setting};
 use base::files::{self, Content};
@@ -9,10 +9,10 @@ use std::path::Path;
 const MAGIC: &[u8; 24] = b"vitreo-uq checkpoint 1\n\0";
 const DIGEST_LENGTH: usize = 32;
 
-/// Reads a state that was written; `None` when there is no such file.
+/// Reads a saved state; `None` if the file does not exist.
 ///
 /// # Errors
-/// [`Error::File`].
+/// [`Error::File`] if the file cannot be read.
 pub fn read(path: &Path) -> Result<Option<Vec<u8>>> {
     match files::read(path, Content::State, "check the file's permissions") {
         Ok(bytes) => Ok(Some(bytes)),
@@ -36,12 +36,13 @@ pub(super) fn pack(problem: &str, header: &str, numbers: &[&[f64]]) -> Vec<u8> {
     bytes
 }
 
-/// Takes apart what [`pack`] joined.
+/// Splits a block from [`pack`] into its header and numbers.
 ///
 /// # Errors
-/// [`Error::Input`] when the bytes are damaged or belong to another problem.
+/// [`Error::Input`] if the bytes are damaged or belong to another problem.
 pub(super) fn unpack(problem: &str, bytes: &[u8]) -> Result<(String, Vec<f64>)> {
-    let damaged = || refuse("the checkpoint is damaged or of another version", "delete it and start the run again");
+    let damaged =
+        || refuse("the checkpoint is damaged or was written by another version", "delete it and start the run again");
     let (contents, digest) = bytes.split_last_chunk::<DIGEST_LENGTH>().ok_or_else(damaged)?;
     let after_magic = contents.strip_prefix(MAGIC.as_slice()).ok_or_else(damaged)?;
     if Sha256::digest(contents)[..] != digest[..] {
@@ -69,7 +70,7 @@ pub(super) fn unpack(problem: &str, bytes: &[u8]) -> Result<(String, Vec<f64>)> 
     Ok((header, numbers.iter().map(|chunk| f64::from_le_bytes(*chunk)).collect()))
 }
 
-/// A checkpoint that cannot be used.
+/// Error for an unusable checkpoint.
 pub(super) fn refuse(found: &str, remedy: &str) -> Error {
     Error::input(Place::setting(Setting::Resume), found, remedy)
 }

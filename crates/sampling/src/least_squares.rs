@@ -1,16 +1,16 @@
 //! Nonlinear least squares by Levenberg and Marquardt: the paper's point estimate.
 //!
 //! Minimises S(θ) = Σ rᵢ(θ)². Each iteration solves (JᵀJ + λ diag JᵀJ) δ = −Jᵀr (Marquardt 1963, doi:10.1137/0111030), with the gain-ratio
-//! control of λ by Nielsen (1999). Ends when an accepted step changes S by less than 10⁻⁹ of it and no
+//! control of λ by Nielsen (1999). The search ends when an accepted step changes S by less than 10⁻⁹ of its value and no
 //! coordinate by more than 10⁻⁶ (the paper's tolerances).
 //!
-//! Where coordinates have bounds, steps are projected onto them (Kanzow, Yamashita & Fukushima 2004, doi:10.1016/j.cam.2004.02.013): a coordinate at its bound that S would push
-//! farther stays there while the others go on.
+//! Steps are projected onto the bounds of coordinates (Kanzow, Yamashita & Fukushima 2004, doi:10.1016/j.cam.2004.02.013). A coordinate stays at
+//! its bound while S falls beyond that bound; the other coordinates continue.
 
 use base::{Error, Result};
 use nalgebra::{DMatrix, DVector};
 
-/// When an estimate is good enough.
+/// Tolerances at which the search ends.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Tolerances {
     /// Relative change of the objective.
@@ -27,15 +27,15 @@ impl Default for Tolerances {
     }
 }
 
-/// A least-squares problem: residuals, and their derivatives if they are known.
+/// A least-squares problem: its residuals, and their derivatives if they are known.
 pub trait Residuals {
-    /// Residual vector at θ; `None` where the model cannot be evaluated.
+    /// Residual vector at θ; `None` if the model cannot be evaluated there.
     fn residuals(&self, theta: &[f64]) -> Option<DVector<f64>>;
 
-    /// ∂rᵢ/∂θⱼ (one row a residual); `None` to have central differences taken.
+    /// ∂rᵢ/∂θⱼ, one row per residual. `None` requests central differences.
     fn jacobian(&self, theta: &[f64]) -> Option<DMatrix<f64>>;
 
-    /// Bounds of a coordinate, both of which may be reached; none unless it is said.
+    /// Lower and upper bound of a coordinate; the coordinate may reach both. The default is no bounds.
     fn bounds(&self, _coordinate: usize) -> (f64, f64) {
         (f64::NEG_INFINITY, f64::INFINITY)
     }
@@ -46,7 +46,7 @@ pub trait Residuals {
 pub struct Fit {
     /// Estimate θ̂.
     pub theta: Vec<f64>,
-    /// Covariance s²(JᵀJ)⁻¹ with s² = S/(n − p), row by row; NaN when n ≤ p or J is rank deficient.
+    /// Covariance s²(JᵀJ)⁻¹ with s² = S/(n − p), row by row. NaN if n ≤ p or J is rank deficient.
     pub covariance: Vec<f64>,
     /// Square roots of the covariance's diagonal.
     pub standard_errors: Vec<f64>,
@@ -56,14 +56,14 @@ pub struct Fit {
     pub residuals: Vec<f64>,
     /// Steps tried.
     pub iterations: usize,
-    /// Whether both tolerances were met.
+    /// True if both tolerances were met.
     pub converged: bool,
 }
 
 /// Minimises the sum of squares from a start.
 ///
 /// # Errors
-/// [`Error::Numerical`] when the residuals or their derivatives at the start are not finite, or there are none.
+/// [`Error::Numerical`] if there are no residuals, or they or their derivatives at the start are not finite.
 pub fn fit(problem: &dyn Residuals, start: &[f64], tolerances: &Tolerances) -> Result<Fit> {
     let bounds: Vec<(f64, f64)> = (0..start.len()).map(|j| problem.bounds(j)).collect();
     let mut point = Point::at(problem, within(&bounds, start.to_vec())).ok_or_else(|| {
@@ -87,7 +87,7 @@ pub fn fit(problem: &dyn Residuals, start: &[f64], tolerances: &Tolerances) -> R
         let step = DVector::from_iterator(theta.len(), theta.iter().zip(&point.theta).map(|(new, old)| new - old));
         let small = step.iter().zip(&point.theta).all(|(s, t)| s.abs() <= tolerances.parameters * (1.0 + t.abs()));
         let promised = point.promised(&step);
-        // At the limit of rounding no step lowers S any more: a promise that small ends the search, too.
+        // At the limit of rounding no step lowers S further, so that a very small promised decrease also ends the search.
         if small && promised <= tolerances.objective * point.objective {
             converged = damping.lambda <= 1.0;
         }
@@ -106,7 +106,7 @@ pub fn fit(problem: &dyn Residuals, start: &[f64], tolerances: &Tolerances) -> R
     Ok(point.finish(iterations, converged))
 }
 
-/// Every coordinate that is beyond a bound goes to it.
+/// Moves every coordinate beyond a bound onto it.
 fn within(bounds: &[(f64, f64)], mut theta: Vec<f64>) -> Vec<f64> {
     for (t, (lower, upper)) in theta.iter_mut().zip(bounds) {
         *t = t.max(*lower).min(*upper);
@@ -130,7 +130,7 @@ impl Damping {
         self.growth = 2.0;
     }
 
-    /// Larger after a failed step; false when there is no use in going on.
+    /// Increases λ after a failed step. Returns false if further steps are useless.
     fn refuse(&mut self) -> bool {
         self.lambda *= self.growth;
         self.growth *= 2.0;
@@ -165,7 +165,7 @@ impl Point {
         Some(Self { theta, residuals, normal, jacobian, objective })
     }
 
-    /// Coordinates at a bound beyond which S would fall.
+    /// Coordinates at a bound beyond which S falls.
     fn held(&self, bounds: &[(f64, f64)]) -> Vec<usize> {
         let downhill = -self.jacobian.tr_mul(&self.residuals);
         let is_held = |&j: &usize| {
@@ -175,7 +175,7 @@ impl Point {
         (0..self.theta.len()).filter(is_held).collect()
     }
 
-    /// Solves with the QR factors of J stacked on √(λ diag JᵀJ), which squares no condition number.
+    /// Solves with the QR factors of J stacked on √(λ diag JᵀJ), which does not square the condition number.
     fn step(&self, lambda: f64, bounds: &[(f64, f64)]) -> Option<DVector<f64>> {
         let (n, p) = self.jacobian.shape();
         let largest = (0..p).map(|j| self.normal[(j, j)]).fold(0.0, f64::max);
@@ -185,7 +185,7 @@ impl Point {
             stacked.column_mut(j).fill(0.0);
         }
         for j in 0..p {
-            // A parameter without influence still gets damping: it stays where it is.
+            // Damping keeps a parameter without influence at its value.
             stacked[(n + j, j)] = (lambda * self.normal[(j, j)].max(1e-12 * largest)).sqrt();
         }
         let mut right = DVector::zeros(n + p);
@@ -196,7 +196,7 @@ impl Point {
         step.iter().all(|s| s.is_finite()).then_some(step)
     }
 
-    /// Decrease of S that the linear model promises.
+    /// Decrease of S predicted by the linear model.
     fn promised(&self, step: &DVector<f64>) -> f64 {
         let linear = &self.residuals + &self.jacobian * step;
         (self.objective - linear.norm_squared()).max(0.0)
@@ -221,13 +221,13 @@ impl Point {
     }
 }
 
-/// (JᵀJ)⁻¹ from J's QR factors; `None` when J is numerically rank deficient.
+/// (JᵀJ)⁻¹ from the QR factors of J; `None` if J is numerically rank deficient.
 fn inverse_normal(jacobian: &DMatrix<f64>) -> Option<DMatrix<f64>> {
     let p = jacobian.ncols();
     if jacobian.nrows() < p {
         return None;
     }
-    // Columns of unit length: the test for rank then does not depend on units.
+    // Columns are scaled to unit length, so that the rank test does not depend on units.
     let norms = DVector::from_fn(p, |j, _| jacobian.column(j).norm());
     if norms.iter().any(|&norm| norm == 0.0) {
         return None;
@@ -275,7 +275,7 @@ mod tests {
         }
     }
 
-    /// y = a + b x: slope, intercept and their standard errors have textbook formulas.
+    /// y = a + b x has textbook formulas for slope, intercept and their standard errors.
     #[test]
     fn straight_line_has_the_textbook_estimate_and_errors() {
         let data: Vec<(f64, f64)> =
@@ -298,7 +298,7 @@ mod tests {
         assert!((found.objective / rss - 1.0).abs() < 1e-12);
     }
 
-    /// NIST StRD Misra1a, y = b₁(1 − exp(−b₂x)), from the far start; certified values and standard deviations.
+    /// NIST StRD Misra1a, y = b₁(1 − exp(−b₂x)), from the far start, against certified values and standard deviations.
     #[test]
     fn misra1a_is_certified() {
         let y = [10.07, 14.73, 17.94, 23.93, 29.61, 35.18, 40.02, 44.82, 50.76, 55.05, 61.01, 66.40, 75.47, 81.78];
@@ -307,7 +307,7 @@ mod tests {
             data: x.into_iter().zip(y).collect(),
             f: |x: f64, t: &[f64]| t[0] * (1.0 - (-t[1].exp() * x).exp()),
         };
-        // The rate's logarithm is fitted, as all of this crate's positive parameters are.
+        // The logarithm of the rate is fitted, as for all positive parameters of this crate.
         let found = fit(&model, &[500.0, 1e-4_f64.ln()], &Tolerances::default()).unwrap();
         assert!(found.converged, "{found:?}");
         let rate = found.theta[1].exp();
@@ -332,8 +332,8 @@ mod tests {
         assert!(found.theta.iter().zip(truth).all(|(a, b)| (a - b).abs() < 1e-6), "{:?}", found.theta);
     }
 
-    /// An exponential above a constant, from a start whose first steps lead beyond the bound of a rate: the search goes along the bound and comes back from it to the truth; where the truth is beyond
-    /// the bound, it ends on it, at the best of all others there.
+    /// An exponential above a constant, from a start whose first steps exceed the bound of the rate. The search moves along the bound and returns to the true values.
+    /// If the true rate is beyond the bound, the search ends on the bound, at the best values of the other coordinates.
     #[test]
     fn bounds_do_not_stop_the_other_coordinates() {
         struct Bounded<F>(Model<F>, Vec<(f64, f64)>);

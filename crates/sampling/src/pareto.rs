@@ -1,13 +1,13 @@
-//! Pareto k̂ of importance weights: how far their tail can be trusted.
+//! Pareto k̂ of importance weights, which tells whether their tail can be trusted.
 
-/// Range of ln w below which weights count as equal: the log likelihoods that they come from carry rounding errors of their own.
+/// Range of ln w below which weights count as equal. The log likelihoods behind them have rounding errors.
 const EQUAL_LN_WEIGHTS: f64 = 1e-4;
 
 /// Tail shape k̂ of importance weights given by their logarithms (Vehtari, Simpson, Gelman, Yao, Gabry 2024, "Pareto smoothed importance
-/// sampling", JMLR 25:72; the fit is that of Zhang and Stephens 2009, doi:10.1198/tech.2009.08017).
+/// sampling", JMLR 25:72). The fit follows Zhang and Stephens 2009, doi:10.1198/tech.2009.08017.
 ///
-/// Below 0.7 importance sampling is reliable. 0 where the logarithms differ by less than 1e-4: there is nothing to reweight, and the tail's
-/// shape would be that of rounding errors. Infinite with fewer than five weights in the tail.
+/// Importance sampling is reliable below 0.7. The result is 0 if the logarithms differ by less than 1e-4: nothing needs reweighting then, and the tail's
+/// shape would be that of rounding errors. The result is infinite if the tail has fewer than five weights.
 pub fn pareto_k(ln_weights: &[f64]) -> f64 {
     let n = ln_weights.len() as f64;
     let mut sorted = ln_weights.to_vec();
@@ -23,7 +23,7 @@ pub fn pareto_k(ln_weights: &[f64]) -> f64 {
     if excesses.len() < 5 { f64::INFINITY } else { generalised_pareto_shape(&excesses) }
 }
 
-/// Shape of a generalised Pareto distribution from ascending positive excesses, by the quasi-Bayesian estimate with a weak prior at 0.5.
+/// Shape of a generalised Pareto distribution from ascending positive excesses. Quasi-Bayesian estimate with a weak prior at 0.5.
 fn generalised_pareto_shape(ascending: &[f64]) -> f64 {
     const PRIOR_SCALE: f64 = 3.0;
     const PRIOR_WEIGHT: f64 = 10.0;
@@ -69,7 +69,7 @@ mod tests {
         assert_ne!(pareto_k(&within(1.1e-4)), 0.0);
     }
 
-    /// k̂ of `arviz.psislw` 0.23.4 for the same logarithms: heavy, light and bounded tails, few and many weights.
+    /// k̂ equals that of `arviz.psislw` 0.23.4 for heavy, light and bounded tails, few and many weights.
     #[test]
     fn shapes_are_those_of_arviz() {
         let pareto =
@@ -91,8 +91,8 @@ mod tests {
         }
     }
 
-    /// Weights with a Pareto tail of index α have k = 1/α. 200,000 weights leave about 1,340 in the tail; k̂ then has a standard
-    /// deviation of (1 + k)/√1340 ≈ 0.04, so ±0.2 is five of them (false failure below 1e-6 each).
+    /// Weights with a Pareto tail of index α have k = 1/α. The tail of 200,000 weights has about 1,340 of them, which gives k̂ a standard
+    /// deviation of (1 + k)/√1340 ≈ 0.04. The tolerance of ±0.2 is five of these (false failure below 1e-6 each).
     #[test]
     fn pareto_tails_are_recognised() {
         for (seed, alpha) in [(1, 5.0), (2, 2.0), (3, 1.0)] {

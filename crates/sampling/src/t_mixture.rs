@@ -1,7 +1,7 @@
-//! Mixtures of multivariate t distributions: an approximation of a posterior that can be drawn from, with tails at least as heavy.
+//! Mixtures of multivariate t distributions. They approximate a posterior, can be drawn from, and have tails at least as heavy as the posterior's.
 //!
-//! q(y) = Σ w_k t₆(y; m_k, S_k), one component a mode at first. Refitting to weighted draws is one step of expectation and maximisation on the
-//! Kullback–Leibler distance from the density that the weights stand for (Cappé et al. 2008, doi:10.1007/s11222-008-9059-x, §3.2).
+//! q(y) = Σ w_k t₆(y; m_k, S_k), at first with one component per mode. Refitting to weighted draws is one step of expectation and maximisation. It reduces the
+//! Kullback–Leibler distance from the density that the weights represent (Cappé et al. 2008, doi:10.1007/s11222-008-9059-x, §3.2).
 
 use crate::ensemble::RandomStream;
 use crate::optimum::{Mode, Modes};
@@ -11,18 +11,18 @@ use pulp::{Arch, Simd, WithSimd};
 use serde::{Deserialize, Serialize};
 use statrs::function::gamma::ln_gamma;
 
-/// Degrees of freedom: heavy enough tails for what a Laplace approximation misses, and even, so that χ² is −2 ln Π u.
+/// Degrees of freedom. The tails are heavy enough to cover the error of a Laplace approximation. The number is even, so that χ² is −2 ln Π u.
 const DEGREES_OF_FREEDOM: f64 = 6.0;
-/// Components whose weight is below this are drawn this often all the same.
+/// Smallest probability of drawing a component, even if its weight is smaller.
 const SMALLEST_WEIGHT: f64 = 0.02;
-/// Draws per coordinate that a component's shape is fitted to, at least.
+/// Smallest number of draws per coordinate to which a component's shape is fitted.
 const DRAWS_PER_COORDINATE: usize = 100;
-/// Modes considered, heaviest first: each costs at every proposal.
+/// Largest number of modes that are used, heaviest first. Each adds cost to every proposal.
 const MAX_COMPONENTS: usize = 8;
-/// Draws per coordinate that a component is dropped below when it is refitted, and that its former shape counts for.
+/// Draws per coordinate below which refitting drops a component; also the number of draws that its former shape counts for.
 const FEWEST_DRAWS_PER_COORDINATE: f64 = 2.0;
 
-/// Points whose sums are carried together.
+/// Points that are summed together.
 const BLOCK: usize = 16;
 
 /// A mixture of multivariate t distributions.
@@ -42,7 +42,7 @@ pub(super) struct Component {
     spread: Vec<f64>,
     /// L⁻¹, row by row.
     whiten: Vec<f64>,
-    /// ln(w / det L): the constant that all components share is left out.
+    /// ln(w / det L), without the constant that all components share.
     log_weight: f64,
 }
 
@@ -54,12 +54,12 @@ struct Shape {
 }
 
 impl TMixture {
-    /// From the modes' Laplace approximations; `None` when none has a usable curvature.
+    /// Builds the mixture from the modes' Laplace approximations. `None` if no mode has a usable curvature.
     pub fn from_modes(modes: &Modes, dimension: usize) -> Option<Self> {
         Self::new(Self::laplace_shapes(modes, dimension), dimension)
     }
 
-    /// The same with location and shape of each mode's component fitted to the draws nearest to it, where there are enough.
+    /// Builds the mixture from the modes and fits each component's location and shape to the draws nearest to its mode, if there are enough.
     /// `points` lists draws one by one.
     pub fn fitted(modes: &Modes, dimension: usize, points: &[Vec<f64>]) -> Option<Self> {
         let mut shapes = Self::laplace_shapes(modes, dimension);
@@ -104,12 +104,12 @@ impl TMixture {
         (!components.is_empty()).then_some(Self { dimension, components })
     }
 
-    /// One component with the mean and covariance of weighted points, whose weights add up to one; `None` when they lie in a plane.
+    /// Builds one component with the mean and covariance of weighted points, whose weights add up to one. `None` if the points lie in a plane.
     pub fn of_moments(points: &[Vec<f64>], weights: &[f64]) -> Option<Self> {
         Self::new(vec![moments_of(points, weights)?], points.first()?.len())
     }
 
-    /// The same with components of half the weight together added at `centres`, of the covariance that the mixture's heaviest has.
+    /// Returns this mixture with components added at `centres`. They get half of the total weight and the covariance of the heaviest component.
     pub fn with_centres(&self, centres: &[Vec<f64>]) -> Self {
         let mut shapes = self.shapes();
         let heaviest = shapes.iter().max_by(|a, b| a.weight.total_cmp(&b.weight));
@@ -122,7 +122,7 @@ impl TMixture {
         Self::new(shapes, self.dimension).unwrap_or_else(|| self.clone())
     }
 
-    /// The same with a component of this share that has the moments of weighted points, `stretch` times their standard deviations.
+    /// Returns this mixture with one wide component of weight `share`: the moments of the weighted points, with standard deviations multiplied by `stretch`.
     pub fn with_background(&self, points: &[Vec<f64>], weights: &[f64], share: f64, stretch: f64) -> Self {
         let Some(Shape { location, covariance, .. }) = moments_of(points, weights) else { return self.clone() };
         let mut shapes = self.shapes();
@@ -131,15 +131,15 @@ impl TMixture {
         Self::new(shapes, self.dimension).unwrap_or_else(|| self.clone())
     }
 
-    /// The same with every component `stretch` times as wide.
+    /// Returns this mixture with the standard deviations of every component multiplied by `stretch`.
     pub fn stretched(&self, stretch: f64) -> Self {
         let mut shapes = self.shapes();
         shapes.iter_mut().for_each(|shape| shape.covariance *= stretch * stretch);
         Self::new(shapes, self.dimension).unwrap_or_else(|| self.clone())
     }
 
-    /// One step of expectation and maximisation towards the density that weighted points stand for; the weights add up to one. A component that
-    /// has next to no points is dropped, and one that has few keeps some of its shape.
+    /// Does one step of expectation and maximisation towards the density that the weighted points represent. The weights add up to one.
+    /// A component with almost no points is dropped. One with few points keeps part of its former shape.
     pub fn refitted(&self, points: &[Vec<f64>], weights: &[f64]) -> Self {
         let mut sums: Vec<WeightedSums> = self.components.iter().map(|_| WeightedSums::new(self.dimension)).collect();
         let mut terms = vec![0.0; self.components.len()];
@@ -192,7 +192,7 @@ impl TMixture {
         self.ln_constant() + self.log_density(point)
     }
 
-    /// The constant that `log_density` leaves out.
+    /// The constant that `log_density` omits.
     pub(super) fn ln_constant(&self) -> f64 {
         let n = self.dimension as f64;
         ln_gamma(0.5 * (DEGREES_OF_FREEDOM + n))
@@ -205,7 +205,7 @@ impl TMixture {
         if let [only] = &self.components[..] { Some(only) } else { None }
     }
 
-    /// ln q up to a constant that depends on the dimension alone.
+    /// ln q, up to a constant that depends only on the dimension.
     pub(super) fn log_density(&self, point: &[f64]) -> f64 {
         let term =
             |component: &Component| component.log_weight + self.exponent() * growth(component.distance2(point)).ln();
@@ -219,7 +219,7 @@ impl TMixture {
         -0.5 * (DEGREES_OF_FREEDOM + self.dimension as f64)
     }
 
-    /// Draws a point; `noise`, of the same length, is left with the draw's place in its component, L⁻¹(y − m).
+    /// Draws a point. Afterwards `noise`, of equal length, holds the draw's position in its component, L⁻¹(y − m).
     pub fn draw(&self, stream: &mut RandomStream, point: &mut [f64], noise: &mut [f64]) {
         let u = stream.unit();
         let chosen = self.components.iter().position(|component| u < component.upper);
@@ -235,11 +235,11 @@ pub(super) fn growth(distance2: f64) -> f64 {
     1.0 + distance2 / DEGREES_OF_FREEDOM
 }
 
-/// A draw from one component for each of many points at once, and how much more likely the points are than the draws. Coordinate d of point i stands
-/// at `d * n + i`; the words read from each stream are those of [`TMixture::draw`].
+/// One draw from one component for each of many points, and the ratios of q at points and draws. Coordinate d of point i is
+/// at `d * n + i`. The words read from each stream are those of [`TMixture::draw`].
 pub(super) struct Jumps<'a> {
     pub component: &'a Component,
-    /// ln q is this times ln(1 + r²/ν).
+    /// Factor of ln(1 + r²/ν) in ln q.
     pub exponent: f64,
     pub points: &'a [f64],
     pub draws: &'a mut [f64],
@@ -248,14 +248,14 @@ pub(super) struct Jumps<'a> {
 }
 
 impl Jumps<'_> {
-    /// Draws from one stream a point.
+    /// Draws from one stream per point.
     pub fn draw(self, streams: &mut [RandomStream]) {
         let n = streams.len();
-        // Normal numbers, in the layout of the points, then a row of products of uniform numbers.
+        // Normal numbers in the layout of the points, followed by a row of products of uniform numbers.
         let mut space = vec![0.0; self.points.len() + n];
         let (noise, products) = space.split_at_mut(self.points.len());
         for (i, stream) in streams.iter_mut().enumerate() {
-            // The word that chooses a component where there are several.
+            // `draw` reads this word to choose a component.
             stream.word();
             products[i] = stream.unit() * stream.unit() * stream.unit();
             noise.iter_mut().skip(i).step_by(n).for_each(|z| *z = stream.normal());
@@ -278,7 +278,7 @@ impl WithSimd for JumpsOfNoise<'_> {
     fn with_simd<S: Simd>(self, _simd: S) {
         let Self { jumps: Jumps { component, exponent, points, draws, log_factors }, noise, products, n } = self;
         let dimension = component.location.len();
-        // The products' place is taken by the draws' squared distances, the factors' by the points'.
+        // The squared distances of the draws replace the products; those of the points replace the factors.
         for product in products.iter_mut() {
             *product = (DEGREES_OF_FREEDOM / (-2.0 * elementary::ln(*product))).sqrt();
         }
@@ -292,7 +292,7 @@ impl WithSimd for JumpsOfNoise<'_> {
         for d in 0..dimension {
             let draws = &mut draws[d * n..(d + 1) * n];
             let (spread, whiten) = (&component.spread[d * dimension..], &component.whiten[d * dimension..]);
-            // Two sums side by side: the draw's coordinate, and the point's place in the component, in blocks that stay in registers.
+            // Two sums side by side, in blocks that stay in registers: the draw's coordinate and the point's position in the component.
             let mut first = 0;
             while first < n {
                 let width = if n - first < BLOCK { n - first } else { BLOCK };
@@ -349,7 +349,7 @@ fn component(shape: Shape, dimension: usize) -> Option<Component> {
     let rows = |matrix: DMatrix<f64>| matrix.transpose().as_slice().to_vec();
     let finite = log_det.is_finite() && whiten.iter().chain(&spread).all(|x| x.is_finite());
     finite.then(|| Component {
-        // Holds the weight until all weights are known.
+        // Stores the weight until all weights are known.
         upper: shape.weight.max(SMALLEST_WEIGHT),
         location: shape.location,
         spread: rows(spread),
@@ -358,7 +358,7 @@ fn component(shape: Shape, dimension: usize) -> Option<Component> {
     })
 }
 
-/// Mean and covariance of weighted points, whose weights add up to one; `None` when they lie in a plane.
+/// Mean and covariance of weighted points, whose weights add up to one. `None` if the points lie in a plane.
 fn moments_of(points: &[Vec<f64>], weights: &[f64]) -> Option<Shape> {
     let mut sums = WeightedSums::new(points.first()?.len());
     points
@@ -370,7 +370,7 @@ fn moments_of(points: &[Vec<f64>], weights: &[f64]) -> Option<Shape> {
     Some(Shape { weight: 1.0, location, covariance })
 }
 
-/// Sums over weighted points from which a component is fitted. For a t distribution points far out pull less: the pull is the weight × (ν + n)/(ν + r²).
+/// Sums over weighted points to which a component is fitted. Distant points of a t distribution pull less: the pull is weight × (ν + n)/(ν + r²).
 struct WeightedSums {
     /// Σ weight.
     total: f64,
@@ -382,7 +382,7 @@ struct WeightedSums {
     first: Vec<f64>,
     /// Σ pull · (x − origin)(x − origin)ᵀ, lower triangle.
     second: DMatrix<f64>,
-    /// The first point: differences from it keep their digits.
+    /// The first point. Differences from it lose no digits.
     origin: Vec<f64>,
 }
 
@@ -412,7 +412,7 @@ impl WeightedSums {
         if self.squares > 0.0 { self.total * self.total / self.squares } else { 0.0 }
     }
 
-    /// Location and scale matrix; `None` when that is not positive definite (points in a plane, overflow).
+    /// Location and scale matrix. `None` if the scale matrix is not positive definite (points in a plane, overflow).
     fn moments(&self) -> Option<(Vec<f64>, DMatrix<f64>)> {
         let n = self.first.len();
         let mean: Vec<f64> = self.first.iter().map(|sum| sum / self.pull).collect();
@@ -438,7 +438,7 @@ fn moments(points: &[&Vec<f64>], dimension: usize) -> Option<(Vec<f64>, DMatrix<
         }
     }
     covariance.fill_upper_triangle_with_lower_triangle();
-    // Not positive definite (walkers in a plane, overflow): the Laplace approximation stays.
+    // Not positive definite (walkers in a plane, overflow): keep the Laplace approximation.
     covariance.clone().cholesky().map(|_| (mean, covariance))
 }
 
@@ -460,8 +460,8 @@ mod tests {
         modes
     }
 
-    /// The density must be that of the draws: importance weights of a normalised Gaussian inside either component average to
-    /// one, with a standard error found from the weights themselves (six of which are allowed).
+    /// The density is that of the draws: importance weights of a normalised Gaussian inside either component average to one.
+    /// The tolerance is six standard errors, computed from the weights themselves.
     #[test]
     fn density_belongs_to_the_draws() {
         let q = TMixture::from_modes(&two_modes(), 2).unwrap();

@@ -10,7 +10,7 @@ fn each_point(dimension: usize, points: &[f64], out: &mut [f64], f: impl Fn(&dyn
     }
 }
 
-/// Correlated Gaussian: precision tridiagonal (2, −0.95) in coordinates scaled by 10^d around means d + 1.
+/// Correlated Gaussian: tridiagonal precision (2, −0.95) in coordinates scaled by 10^d around means d + 1.
 pub struct Correlated {
     dimension: usize,
 }

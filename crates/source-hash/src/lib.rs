@@ -1,15 +1,15 @@
-//! A hash of Rust sources for build scripts: of the code alone, so that comments, white space and tests change nothing.
+//! Hash of Rust sources for build scripts. It covers only code: comments, white space and tests do not change it.
 
 use std::hash::{DefaultHasher, Hash, Hasher};
 use std::path::Path;
 
-/// Hashes files and the files below directories, and has Cargo watch each of them. Files of tests are left out.
+/// Hashes files and the files below directories, and makes Cargo watch each of them. Test files are left out.
 ///
-/// Directories are not watched: Cargo would then run the build script after every edit of a test. A new source file is
-/// noticed by the `mod` line that declares it.
+/// Directories are not watched, because Cargo would then run the build script after every edit of a test. A new source file is
+/// noticed through the `mod` line that declares it.
 ///
 /// # Errors
-/// Whatever reading a file or directory returns, with its path.
+/// Errors of reading a file or directory, with its path.
 pub fn of<'a>(places: impl IntoIterator<Item = &'a Path>) -> std::io::Result<u64> {
     let mut hash = DefaultHasher::new();
     places.into_iter().try_for_each(|place| add(place, &mut hash))?;
@@ -36,13 +36,13 @@ fn add(path: &Path, hash: &mut DefaultHasher) -> std::io::Result<()> {
     Ok(())
 }
 
-/// Whether a file holds tests alone, by the project's names for such files.
+/// Returns `true` if the file's name marks it as a test file in this project.
 fn is_test(path: &Path) -> bool {
     let name = path.file_name().unwrap_or_default().to_string_lossy();
     name == "tests.rs" || name.ends_with("_tests.rs") || name.starts_with("test_")
 }
 
-/// The code of a source file: without comments, without white space outside literals, without the tests at its end.
+/// Code of a source file, without comments, white space outside literals, and the tests at its end.
 pub fn code(text: &str) -> String {
     let text = text.split("#[cfg(test)]\nmod tests {").next().unwrap_or(text);
     let mut kept = String::with_capacity(text.len());
@@ -64,12 +64,12 @@ pub fn code(text: &str) -> String {
     kept
 }
 
-/// Whether the next character goes on with a name, so that an `r` there does not begin a raw string.
+/// Returns `true` if the next character continues a name, so an `r` there does not begin a raw string.
 fn ends_in_word(kept: &str) -> bool {
     kept.chars().next_back().is_some_and(|last| last.is_alphanumeric() || last == '_')
 }
 
-/// Length in bytes of the string or character literal that a text starts with.
+/// Length in bytes of the string or character literal at the start of a text.
 fn literal(text: &str) -> Option<usize> {
     let unprefixed = text.strip_prefix(['b', 'c']).unwrap_or(text);
     let prefix = text.len() - unprefixed.len();
@@ -89,7 +89,7 @@ fn literal(text: &str) -> Option<usize> {
             _ => {}
         }
         n_inside += 1;
-        // A lifetime is no literal: 'a has no second quote after one character, nor after one escape.
+        // A lifetime is not a literal: 'a has no second quote after one character or one escape.
         if quote == '\'' && n_inside > 1 && !unprefixed.starts_with("'\\") {
             return None;
         }

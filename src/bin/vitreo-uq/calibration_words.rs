@@ -1,21 +1,21 @@
-//! A calibration in words: the verdict, and a line a quantity.
+//! Text of a calibration: the verdict, then one line for each quantity.
 
 use vitreo_uq::documents::calibration::{CalibratedQuantity, Calibration, Coverage};
 use vitreo_uq::figures::number::significant;
 
-/// The verdict, and what stands behind it.
+/// Returns the verdict and the table that supports it.
 pub fn words_of_calibration(found: &Calibration) -> String {
     let mut lines = vec![
         format!("{}: {}", found.experiment, found.verdict.sentence),
         String::new(),
         format!(
             "  {:<34}{:>11}{:>9}{:>9}{:>16}{:>20}{:>20}",
-            "quantity", "corrected p", "place", "spread", "z", "50 % intervals", "90 % intervals"
+            "quantity", "corrected p", "location", "spread", "z", "50 % intervals", "90 % intervals"
         ),
     ];
     lines.extend(found.quantities.iter().map(row));
-    lines.push("  (place: negative for posteriors that lie too high; spread: positive for those too narrow; both in standard errors.".into());
-    lines.push("  z: mean ± sd of truths in posterior standard deviations. Intervals: the truths inside, with what their number leaves open)".into());
+    lines.push("  (location: negative if the posteriors are too high; spread: positive if they are too narrow; both in standard errors.".into());
+    lines.push("  z: mean ± sd of the true values, in posterior standard deviations. Intervals: share of true values inside, with its 95 % interval)".into());
     lines.join("\n") + "\n\n"
 }
 

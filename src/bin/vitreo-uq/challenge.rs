@@ -1,4 +1,4 @@
-//! `challenge`: data with a sealed hidden effect, made, opened, or played by the hundred.
+//! `challenge`: makes data with a sealed hidden effect, opens the seal, or plays many challenges.
 
 use std::collections::BTreeMap;
 use std::hash::{BuildHasher, Hasher, RandomState};
@@ -35,23 +35,23 @@ pub struct ChallengeArguments {
 
 #[derive(Subcommand)]
 enum Action {
-    /// An experiment with a sealed answer, by full finite elements on a finer mesh
+    /// Make an experiment with a sealed answer, from full finite elements on a finer mesh
     New(NewArguments),
-    /// Open the answer, and say whether the diagnosis was right
+    /// Open the answer, and check whether the diagnosis was right
     Reveal(RevealArguments),
-    /// Play many, each diagnosed, and count what was said
+    /// Make and diagnose many challenges, and count the verdicts
     Run(RunArguments),
 }
 
 #[derive(Args)]
 struct NewArguments {
-    /// Directory to make
+    /// Directory to create
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
-    /// How many to make, each in a directory of its own below DIR; their seeds follow one another
+    /// Number of challenges; each gets its own directory below DIR, and their seeds are consecutive
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = RangedU64ValueParser::<usize>::new().range(1..=MOST_CASES))]
     count: usize,
-    /// Hide this effect [default: something at random]
+    /// Hide this effect [default: a random choice]
     #[arg(long, value_name = "SLUG", conflicts_with_all = ["pair", "none", "outside"])]
     effect: Option<String>,
     /// Hide these two effects
@@ -60,13 +60,13 @@ struct NewArguments {
     /// Hide nothing
     #[arg(long, conflicts_with = "outside")]
     none: bool,
-    /// Hide something that is not in the library, at random or of this kind
+    /// Hide a disturbance that is not in the library: this kind, or a random one
     #[arg(long, value_name = "KIND")]
     outside: Option<Option<String>>,
-    /// Signal in standard deviations of the noise, or `prior` for a size from the effect's prior [default: something from 10 to 40]
+    /// Signal in noise standard deviations, or `prior` to draw the size from the effect's prior [default: random from 10 to 40]
     #[arg(long, value_name = "SIGMA|prior")]
     strength: Option<String>,
-    /// Size of the hidden effect instead: how far its first parameter is from its null, in the unit that `effects` lists
+    /// Size of the hidden effect, in place of the signal: distance of its first parameter from its null, in the unit that `effects` lists
     #[arg(long, value_name = "VALUE", requires = "effect", conflicts_with = "strength", allow_negative_numbers = true)]
     size: Option<f64>,
     /// Protocol: paper (±F, 5 s each) or levels (three force levels and rests)
@@ -75,29 +75,29 @@ struct NewArguments {
     /// Noise: white, ou, gain, outliers, ou-alone, ou-outliers, lost
     #[arg(long, value_name = "KIND", default_value = "white")]
     noise_kind: String,
-    /// Whether the experiment states its noise; `no` leaves it to be estimated
+    /// State the noise in the experiment; with `no` it must be estimated
     #[arg(long, value_name = "yes|no", default_value = "yes", action = ArgAction::Set, value_parser = BoolishValueParser::new())]
     noise_known: bool,
-    /// Seed of all random numbers; who knows it knows the answer [default: from the operating system]
+    /// Seed of all random numbers; it determines the answer [default: from the operating system]
     #[arg(long, value_name = "N")]
     seed: Option<u64>,
-    /// No progress on standard error
+    /// Do not show progress on standard error
     #[arg(long)]
     quiet: bool,
 }
 
 #[derive(Args)]
 struct RevealArguments {
-    /// Directory that `challenge new` made
+    /// Directory that `challenge new` created
     #[arg(value_name = "DIR")]
     dir: PathBuf,
-    /// Study of that experiment [default: vitreo-uq-out/<specimen id>, if it is there]
+    /// Study of that experiment [default: vitreo-uq-out/<specimen id>, if it exists]
     #[arg(long, value_name = "STUDY")]
     study: Option<PathBuf>,
-    /// Write the result as one JSON document to a file, or alone to standard output with `-`
+    /// Write the result as one JSON document to a file, or with `-` to standard output in place of the text
     #[arg(long, value_name = "FILE|-")]
     json: Option<PathBuf>,
-    /// No progress on standard error
+    /// Do not show progress on standard error
     #[arg(long)]
     quiet: bool,
 }
@@ -106,36 +106,36 @@ struct RevealArguments {
 struct RunArguments {
     #[command(flatten)]
     plays: PlaysArguments,
-    /// Where full finite-element trajectories are kept [default: VITREO_UQ_CACHE, or else the user's cache directory]
+    /// Directory for full finite-element trajectories [default: VITREO_UQ_CACHE, or the user's cache directory]
     #[arg(long, value_name = "DIR")]
     cache: Option<PathBuf>,
-    /// Write the result as one JSON document to a file, or alone to standard output with `-`
+    /// Write the result as one JSON document to a file, or with `-` to standard output in place of the text
     #[arg(long, value_name = "FILE|-")]
     json: Option<PathBuf>,
-    /// Threads; 0 for as many as there are cores
+    /// Number of threads; 0 for as many as there are cores
     #[arg(long, value_name = "N", default_value_t = 0)]
     threads: usize,
-    /// No progress on standard error
+    /// Do not show progress on standard error
     #[arg(long)]
     quiet: bool,
 }
 
-/// What is played, here or as tasks.
+/// Challenges to play, here or as tasks.
 #[derive(Args)]
 pub struct PlaysArguments {
-    /// How many to play
+    /// Number of challenges
     #[arg(long, value_name = "N", default_value_t = 100)]
     count: usize,
-    /// Number of the first, from 0: a long run may be played in parts
+    /// Number of the first challenge, from 0, so that a long run can be played in parts
     #[arg(long, value_name = "N", default_value_t = 0)]
     first: usize,
-    /// Signals in standard deviations, separated by commas
+    /// Signals in noise standard deviations, separated by commas
     #[arg(long, value_name = "SIGMA", value_delimiter = ',', default_values_t = [5.0, 10.0, 20.0, 40.0])]
     signal: Vec<f64>,
-    /// One sort only [default: a mixture of all]
+    /// Play one sort only [default: a mixture of all]
     #[arg(long, value_name = "SORT", value_enum)]
     only: Option<OnlySort>,
-    /// These effects only, separated by commas
+    /// Hide these effects only, separated by commas
     #[arg(long, value_name = "SLUG", value_delimiter = ',')]
     effect: Vec<String>,
     /// Protocols, separated by commas: paper, levels [default: both]
@@ -144,7 +144,7 @@ pub struct PlaysArguments {
     /// Noises, separated by commas: white, ou, gain, outliers, ou-alone, ou-outliers, lost [default: the first four]
     #[arg(long, value_name = "KIND", value_delimiter = ',')]
     noise_kind: Vec<String>,
-    /// Whether the experiments state their noise; `no` leaves it to be estimated
+    /// State the noise in the experiments; with `no` it must be estimated
     #[arg(long, value_name = "yes|no", default_value = "yes", action = ArgAction::Set, value_parser = BoolishValueParser::new())]
     noise_known: bool,
     /// Seed of all random numbers
@@ -152,18 +152,18 @@ pub struct PlaysArguments {
     seed: u64,
 }
 
-/// Sorts of hidden things.
+/// Sorts of hidden disturbances.
 #[derive(Clone, Copy, ValueEnum)]
 enum OnlySort {
     /// Nothing
     None,
     /// One effect of the library
     Single,
-    /// Two
+    /// Two effects of the library
     Pair,
-    /// Something outside the library
+    /// A disturbance outside the library
     Outside,
-    /// A wrong Poisson ratio or compliance, which the law absorbs
+    /// A wrong Poisson ratio or compliance, which the law's parameters absorb
     Apparatus,
 }
 
@@ -179,9 +179,9 @@ impl OnlySort {
     }
 }
 
-/// Most challenges that are made at once: all are kept in memory until the last is solved for.
+/// Maximum number of challenges made at once. All stay in memory until the last one is solved.
 const MOST_CASES: u64 = 10_000;
-/// Most challenges of one run: weeks.
+/// Maximum number of challenges in one run, which takes weeks.
 const MOST_PLAYS: usize = 1_000_000;
 
 pub fn run(arguments: &ChallengeArguments) -> Result<ExitCode> {
@@ -220,16 +220,16 @@ fn make(arguments: &NewArguments) -> Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// Seed of one of several challenges, with which it can be made alone.
+/// Seed of one of several challenges. It makes that challenge alone.
 fn seed_of(seed: u64, number: usize) -> u64 {
     seed.wrapping_add(number as u64)
 }
 
-/// What a seed hides under the arguments.
+/// Specification of the challenge that a seed makes from the arguments.
 fn order(arguments: &NewArguments, seed: u64) -> Result<Order> {
     let protocol = named("--protocol", &arguments.protocol, &Protocol::ALL, Protocol::name)?;
     let noise = named("--noise-kind", &arguments.noise_kind, &NoiseKind::ALL, NoiseKind::name)?;
-    // Streams 0 to 2 make the data.
+    // Streams 0 to 2 generate the data.
     let mut stream = RandomStream::new(seed, 3);
     let strength = match arguments.size {
         Some(size) => Strength::Size(size),
@@ -239,18 +239,18 @@ fn order(arguments: &NewArguments, seed: u64) -> Result<Order> {
     Ok(Order { hidden, protocol, noise, is_noise_given: arguments.noise_known, strength })
 }
 
-/// A seed that nobody knows: hash maps get their keys from the operating system.
+/// Unpredictable seed: the operating system supplies the keys of hash maps.
 fn seed_of_the_system() -> u64 {
     RandomState::new().build_hasher().finish()
 }
 
-/// The member of a list that has a name.
+/// Finds the element of a list by its name.
 fn named<T: Copy>(option: &str, text: &str, all: &[T], name: impl Fn(T) -> &'static str) -> Result<T> {
     all.iter().copied().find(|one| name(*one) == text).ok_or_else(|| {
         let names: Vec<&str> = all.iter().map(|one| name(*one)).collect();
         Error::input(
             Place::default().at_key(option),
-            format!("there is no `{text}`"),
+            format!("`{text}` is not a known name"),
             format!("give one of {}", names.join(", ")),
         )
     })
@@ -284,7 +284,7 @@ fn hidden(arguments: &NewArguments, protocol: Protocol, stream: &mut RandomStrea
             _ => Err(Error::input(
                 Place::setting(Setting::Pair),
                 arguments.pair.join(","),
-                "give two different effects, as in `--pair softening,force-bias`",
+                "give two different effects, such as `--pair softening,force-bias`",
             )),
         };
     }
@@ -301,7 +301,7 @@ fn hidden(arguments: &NewArguments, protocol: Protocol, stream: &mut RandomStrea
     if choice < 0.45 {
         return draw_pair(&library, &slugs, stream).map(|pair| Hidden::Effects(pair.to_vec()));
     }
-    // The second word of a pair is drawn and left, so that seeds keep their meaning.
+    // The second draw of a pair is unused, so that each seed keeps its meaning.
     let (single, _) = stream.distinct_pair(slugs.len());
     Ok(Hidden::Effects(vec![slugs[single].clone()]))
 }
@@ -311,10 +311,10 @@ fn reveal(arguments: &RevealArguments) -> Result<ExitCode> {
     let mut opened = files::reveal(&arguments.dir)?;
     let diagnosis = diagnosis_of(&opened, arguments.study.as_deref())?;
     if diagnosis.is_some() && !opened.answer.truth.not_compared.is_empty() {
-        // What took too long when the challenge was made: the diagnosis has left the models that it takes.
+        // `challenge new` skips these slow comparisons. The diagnosis has cached the models that they need.
         let terminal = Terminal::new(arguments.quiet);
         let bench = Bench::new(&terminal)?;
-        terminal.stage("comparing what was hidden with the effects that change the displacement field");
+        terminal.stage("comparing the hidden effect with the effects that change the displacement field");
         opened.answer.truth = bench.compared(&opened.answer.truth)?;
         terminal.finish();
     }
@@ -336,13 +336,13 @@ fn reveal(arguments: &RevealArguments) -> Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// The study of a challenge's data that is named, or else the one that `diagnose` makes.
+/// Directory of the challenge's study: the given one, or the one that `diagnose` creates.
 fn study_dir(opened: &Opened, study: Option<&Path>) -> PathBuf {
     let id = files::specimen_id(&opened.commitment_sha256);
     study.map_or_else(|| Study::default_dir(&id), Path::to_path_buf)
 }
 
-/// The first diagnosis of a study of the challenge's data; `None` where there is no study or none in it.
+/// First diagnosis in a study of the challenge's data, or `None` if there is no study or no diagnosis in it.
 fn diagnosis_of(opened: &Opened, study: Option<&Path>) -> Result<Option<Diagnosis>> {
     let dir = study_dir(opened, study);
     if study.is_none() && !Study::is_study(&dir) {
@@ -352,8 +352,8 @@ fn diagnosis_of(opened: &Opened, study: Option<&Path>) -> Result<Option<Diagnosi
     if !study.inputs_sha256().values().any(|hash| *hash == opened.answer.trajectory_sha256) {
         return Err(Error::input(
             Place::default().at_key("--study"),
-            format!("{} is a study of other data", dir.display()),
-            "give the study that `vitreo-uq diagnose` made of this challenge",
+            format!("{} is a study of different data", dir.display()),
+            "give the study that `vitreo-uq diagnose` created for this challenge",
         ));
     }
     for revision in study.revisions()? {
@@ -363,7 +363,7 @@ fn diagnosis_of(opened: &Opened, study: Option<&Path>) -> Result<Option<Diagnosi
         return read.map(|document| Some(document.body)).map_err(|error| {
             Error::input(
                 Place::file(&path).at_line(error.line()),
-                format!("this is no diagnosis of this program: {error}"),
+                format!("this is not a diagnosis of this program: {error}"),
                 "run `vitreo-uq diagnose` again",
             )
         });
@@ -372,7 +372,7 @@ fn diagnosis_of(opened: &Opened, study: Option<&Path>) -> Result<Option<Diagnosi
 }
 
 impl PlaysArguments {
-    /// The request, checked as far as it can be without preparing anything.
+    /// Request, with every check that needs no preparation.
     pub fn request(&self) -> Result<PlaysRequest> {
         if self.count > MOST_PLAYS {
             let found = format!("{} challenges", self.count);
@@ -387,7 +387,7 @@ impl PlaysArguments {
             return Err(Error::input(
                 Place::default().at_key("--first"),
                 found,
-                format!("begin at {MOST_PLAYS} at most"),
+                format!("begin at {MOST_PLAYS} or less"),
             ));
         }
         let many = |texts: &[String], all: Vec<String>| if texts.is_empty() { all } else { texts.to_vec() };

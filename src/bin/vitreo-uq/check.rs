@@ -1,4 +1,4 @@
-//! `check`: what was understood of a record, the record drawn, and what contradicts its description.
+//! `check`: shows how a record was read, draws it, and lists contradictions with its description.
 
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -12,22 +12,22 @@ use vitreo_uq::posterior::study::{Provenance, Study, WithProvenance};
 use vitreo_uq::posterior::{check, replica};
 use vitreo_uq::record::{Experiment, ExperimentFiles, Sweep};
 
-/// Exit code where something is certainly wrong.
+/// Exit code for a certain contradiction.
 const WRONG: u8 = 2;
 
 /// Arguments of `check`.
 #[derive(Args)]
 pub struct CheckArguments {
-    /// Experiment (directory with experiment.toml, or the TOML), or study; without it the embedded porcine replica
+    /// Experiment (a directory with experiment.toml, or that file) or study [default: the embedded porcine replica]
     #[arg(value_name = "EXPERIMENT|STUDY")]
     target: Option<PathBuf>,
-    /// Where the figure goes, without extension: FILE.svg and FILE.png are written
+    /// File name of the figure without extension; FILE.svg and FILE.png are written
     #[arg(long, value_name = "FILE", default_value = "record")]
     out: PathBuf,
-    /// Write the result as one JSON document to a file, or alone to standard output with `-`
+    /// Write the result as one JSON document to a file, or with `-` to standard output in place of the text
     #[arg(long, value_name = "FILE|-")]
     json: Option<PathBuf>,
-    /// Do not say where the figure went
+    /// Do not print the path of the figure
     #[arg(long)]
     quiet: bool,
 }
@@ -61,12 +61,12 @@ fn draw(arguments: &CheckArguments, experiment: &Experiment, files: &ExperimentF
     }
     if settled.zero_m.iter().any(|zero| *zero != 0.0) {
         let zeros: Vec<String> = settled.zero_m.iter().map(|zero| format!("{:.3}", 1e6 * zero)).collect();
-        text.push(format!("{} µm were subtracted.", zeros.join(", ")));
+        text.push(format!("{} µm are subtracted.", zeros.join(", ")));
     }
     if settled.is_reversed {
-        text.push("The positions' sign was turned.".into());
+        text.push("The sign of the positions is reversed.".into());
     }
-    // Rows that stand for the force alone have no coordinates.
+    // Rows that have a force but no position have no coordinates.
     let across_m = settled.projection.as_ref().map_or(&[][..], |projection| &projection.across_m);
     let across_m = if across_m.len() == record.n_rows() { across_m } else { &[] };
     let raw = RawRecord {
@@ -88,7 +88,7 @@ fn words(summary: &CheckSummary) -> String {
     let mut lines = summary.understood.sentences.clone();
     lines.push(String::new());
     if summary.contradictions.is_empty() {
-        lines.push("Nothing contradicts the description.".into());
+        lines.push("The record agrees with its description.".into());
     }
     for contradiction in &summary.contradictions {
         let sure = if contradiction.certain { "WRONG" } else { "may be wrong" };

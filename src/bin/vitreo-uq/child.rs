@@ -1,13 +1,13 @@
-//! The command line of a process of this program that another one starts.
+//! Command line of a process that this program starts from its own executable.
 //!
-//! Names of files and folders come from people and from other programs. Here alone they become words of a command, so that none of them is ever taken for an option.
+//! Names of files and folders come from people and other programs. Only this module turns them into command words, so that no name can be taken for an option.
 
 use std::path::Path;
 
 use vitreo_uq::base::error::{Error, Place, Result};
 
-/// The words of a command: its name, options (without their dashes) with their values, and paths that no option names. A value stands in one word with its option, and behind `--` no word is
-/// an option.
+/// Words of a command: its name, its options (named without dashes) with values, and positional paths.
+/// Each value shares a word with its option, and no word after `--` is an option.
 pub fn words(command: &[&str], options: &[(&str, Option<String>)], paths: &[String]) -> Vec<String> {
     let option = |(name, value): &(&str, Option<String>)| match value {
         Some(value) => format!("--{name}={value}"),
@@ -20,15 +20,15 @@ pub fn words(command: &[&str], options: &[(&str, Option<String>)], paths: &[Stri
     words
 }
 
-/// A path as a word that means the same from any directory.
+/// Returns a path as a word that is valid from any directory.
 ///
 /// # Errors
-/// [`Error::Input`] for a path that is no text.
+/// [`Error::Input`] if the path is not Unicode.
 pub fn absolute(path: &Path) -> Result<String> {
     let whole = std::path::absolute(path)
-        .map_err(|source| Error::at_path("find", path, source, "name the folder by its whole path"))?;
+        .map_err(|source| Error::at_path("find", path, source, "give the folder's absolute path"))?;
     whole
         .into_os_string()
         .into_string()
-        .map_err(|_| Error::input(Place::file(path), "the name of this folder is no Unicode text", "rename the folder"))
+        .map_err(|_| Error::input(Place::file(path), "the name of this folder is not Unicode", "rename the folder"))
 }

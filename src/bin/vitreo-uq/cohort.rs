@@ -1,4 +1,4 @@
-//! The words of `diagnose` on a cohort: what these specimens lack together.
+//! Text of `diagnose` on a cohort: the effects that its specimens lack in common.
 
 use vitreo_uq::documents::cohort::{CohortDiagnosis, CohortEffect, CohortSizes, SidesName};
 use vitreo_uq::documents::diagnosis::{Status, VerdictKind};
@@ -6,10 +6,10 @@ use vitreo_uq::figures::labels::of_parameter;
 
 use crate::text::significant;
 
-/// Effects that are listed though they gain next to nothing.
+/// Smallest gain of an effect that gets its own row.
 const LEAST_LISTED_NATS: f64 = 0.05;
 
-/// The diagnosis in words.
+/// Text of the diagnosis.
 pub fn words(diagnosis: &CohortDiagnosis) -> String {
     let mut lines = vec![
         format!("{} records: {}", diagnosis.specimens.len(), diagnosis.verdict.sentence),
@@ -26,15 +26,15 @@ pub fn words(diagnosis: &CohortDiagnosis) -> String {
     lines.extend(listed.into_iter().map(row));
     let nothing: Vec<&str> = rest.iter().filter(|own| own.refused.is_none()).map(|own| own.effect.as_str()).collect();
     if !nothing.is_empty() {
-        lines.push(format!("  no law of sizes gains anything: {}", nothing.join(", ")));
+        lines.push(format!("  no gain from any common distribution of sizes: {}", nothing.join(", ")));
     }
-    lines.push("  (gains in nats over all records under the common law that fits best; p for the whole search)".into());
+    lines.push("  (gain: nats over all records, with the best common distribution of sizes; p: of the search)".into());
     lines.extend(groups(diagnosis));
     if let Some(extended) = diagnosis.extended
         && let (Some(before), Some(after)) = (diagnosis.base.rmse_heldout_um, extended.rmse_heldout_um)
     {
         lines.push(format!(
-            "Error on the last cycles of all records: {} µm, with the effect as the cohort predicts it {} µm.",
+            "Error on the last held-out cycles of all records: {} µm; with the effect that the cohort predicts: {} µm.",
             significant(before),
             significant(after)
         ));
@@ -56,7 +56,7 @@ fn row(effect: &CohortEffect) -> String {
         _ => "–".into(),
     };
     let standing = match (effect.status, &effect.refused) {
-        (_, Some(reason)) => format!("not here: {reason}"),
+        (_, Some(reason)) => format!("not applicable: {reason}"),
         (Status::Claimed, _) => "CLAIMED".into(),
         (Status::Equivalent, _) => "equivalent".into(),
         (Status::Suggestive, _) => "suggestive".into(),
@@ -82,7 +82,7 @@ fn size(law: &CohortSizes, parameter: &str) -> String {
     format!("{symbol} {sign}{}{unit} ×/÷ {:.1}", significant(law.median), law.between_specimen_log_sd.exp())
 }
 
-/// Sizes in groups, how they differ, and the law before and after.
+/// Sizes by group, their contrasts, and the law's parameters before and after the effect.
 fn groups(diagnosis: &CohortDiagnosis) -> Vec<String> {
     let mut lines = Vec::new();
     if diagnosis.groups.is_empty() {
@@ -93,7 +93,7 @@ fn groups(diagnosis: &CohortDiagnosis) -> Vec<String> {
         let [median, q05, q95] = [group.median, group.q05, group.q95].map(significant);
         let percent = |share: f64| format!("{:.0}", 100.0 * share);
         lines.push(format!(
-            "  {} ({} records): {} {median} ({q05} to {q95}), in {} % ({} to {}) of them",
+            "  {} ({} records): {} {median} ({q05} to {q95}), in {} % ({} to {}) of the records",
             group.name,
             group.records,
             of_parameter(&group.parameter).axis(),
@@ -108,7 +108,7 @@ fn groups(diagnosis: &CohortDiagnosis) -> Vec<String> {
     }));
     for law in &diagnosis.law {
         lines.push(format!(
-            "  {}: {} {} without it, {} with it",
+            "  {}: {} {} without the effect, {} with it",
             law.group,
             of_parameter(&law.parameter).axis(),
             significant(law.before),

@@ -1,4 +1,4 @@
-//! `compare`: where the model fails.
+//! `compare`: tests the residuals of a model for misfits.
 
 use std::process::ExitCode;
 
@@ -11,7 +11,7 @@ use crate::options::{self, CompareArguments};
 use crate::session::{RESULTS, Session};
 use crate::text::{outliers_left_out, significant};
 
-/// Family-wise probabilities of 5 % cannot be resolved with fewer simulated records.
+/// Fewest simulated records that can resolve a family-wise probability of 5 %.
 const FEWEST_SIMULATIONS: usize = 39;
 
 pub fn run(arguments: &CompareArguments) -> Result<ExitCode> {
@@ -25,7 +25,7 @@ pub fn run(arguments: &CompareArguments) -> Result<ExitCode> {
     session.end(&outcome, &words(&outcome.document.body, &outcome.name()), RESULTS, &arguments.page)
 }
 
-/// Findings that are told in full; the document has all of them.
+/// Maximum number of findings printed in full. The document has all of them.
 const MOST_SENTENCES: usize = 5;
 
 fn words(comparison: &Comparison, revision: &str) -> String {
@@ -43,29 +43,30 @@ fn words(comparison: &Comparison, revision: &str) -> String {
     for finding in sources.iter().take(MOST_SENTENCES) {
         lines.push(format!("* {}: {}", finding.place.replace('_', " "), finding.sentence));
     }
-    lines.extend(also("Found, too", sources.iter().skip(MOST_SENTENCES)));
-    lines.extend(also("The same misfit shows in", echoes.iter()));
+    lines.extend(also("Also found", sources.iter().skip(MOST_SENTENCES)));
+    lines.extend(also("Explained by these findings", echoes.iter()));
     lines.extend(outliers_left_out(comparison.outlier_rows.len()));
     lines.push(String::new());
-    lines.push(format!("  {:<20}{:>14}{:>12}{:>16}", "where", "gain (nats)", "p", "p of all looks"));
+    lines.push(format!("  {:<20}{:>14}{:>12}{:>16}", "test", "gain (nats)", "p", "p of all tests"));
     lines.extend(comparison.panels.iter().map(row));
     for left in &comparison.left_out {
-        lines.push(format!("  {:<20}not looked at: {}", left.place.replace('_', " "), left.reason));
+        lines.push(format!("  {:<20}not tested: {}", left.place.replace('_', " "), left.reason));
     }
     if comparison.heldout_cycles.is_empty() {
         lines.push(String::new());
-        lines.push("No cycle is held out: what is found is suggestive only.".into());
+        lines.push("No cycle is held out, so findings are only suggestive.".into());
     }
     lines.push(String::new());
     lines.push(if comparison.findings.is_empty() {
         "See figures/comparison.png, comparison_map.png and comparison_bias.png.".into()
     } else {
-        "See figures/comparison_map.png for the place; `vitreo-uq diagnose` names what is missing.".to_string()
+        "See figures/comparison_map.png for the place of the misfit; `vitreo-uq diagnose` names the missing effect."
+            .to_string()
     });
     lines.join("\n") + "\n"
 }
 
-/// Names of findings that are not told in full.
+/// Names of the findings that are not printed in full.
 fn also<'a>(words: &str, findings: impl Iterator<Item = &'a &'a Finding>) -> Option<String> {
     let names: Vec<String> = findings.map(|finding| finding.place.replace('_', " ")).collect();
     (!names.is_empty()).then(|| format!("  {words}: {}.", names.join(", ")))

@@ -1,4 +1,4 @@
-//! `corner`: corner plot of one or several posteriors overlaid, of this program or of any other that writes CSV.
+//! `corner`: overlays one or several posteriors in a corner plot. They may come from this program or from any program that writes CSV.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -26,9 +26,8 @@ use crate::output;
 use crate::terminal::Terminal;
 
 const NOTHING_REMEDY: &str =
-    "give a study, a revision of one (study/m0), or a CSV file of draws; `vitreo-uq sample` makes a study";
-const PATH_REMEDY: &str =
-    "give a study, a revision of one (study/m0), or a CSV file of draws with one column a parameter";
+    "give a study, a revision (study/m0), or a CSV file of draws; `vitreo-uq sample` creates a study";
+const PATH_REMEDY: &str = "give a study, a revision (study/m0), or a CSV file of draws with one column per parameter";
 
 /// One parameter of a posterior.
 struct Column {
@@ -37,15 +36,15 @@ struct Column {
     draws: Vec<f64>,
     support: Support,
     prior: Option<Prior>,
-    /// Prior density over the range of all posteriors' draws; empty where the prior is not known.
+    /// Prior density over the range of all posteriors' draws; empty if the prior is unknown.
     curve: (Vec<f64>, Vec<f64>),
 }
 
-/// One posterior with what the legend calls it.
+/// One posterior and its legend label.
 struct Loaded {
     label: String,
     columns: Vec<Column>,
-    /// What it was fitted to, where that is known.
+    /// Data that it was fitted to, if known.
     data: Option<FittedData>,
 }
 
@@ -109,7 +108,7 @@ fn references(texts: &[String]) -> Result<BTreeMap<String, f64>> {
         match value.trim().parse::<f64>() {
             Ok(number) if number.is_finite() => {
                 if references.insert(name.trim().to_string(), number).is_some() {
-                    return refuse(format!("{} is given twice", name.trim()), "give each parameter once");
+                    return refuse(format!("{} is given more than once", name.trim()), "give each parameter once");
                 }
             }
             _ => return refuse(format!("`{value}` is not a finite number"), remedy),
@@ -118,7 +117,7 @@ fn references(texts: &[String]) -> Result<BTreeMap<String, f64>> {
     Ok(references)
 }
 
-/// A reference that belongs to no parameter is a slip of the pen and would otherwise vanish in silence.
+/// Refuses a reference value that belongs to no parameter, which is probably a typing error.
 fn refuse_unknown_references(references: &BTreeMap<String, f64>, loaded: &[Loaded]) -> Result<()> {
     let mut known: Vec<&str> =
         loaded.iter().flat_map(|p| p.columns.iter().map(|column| column.name.as_str())).collect();
@@ -127,7 +126,7 @@ fn refuse_unknown_references(references: &BTreeMap<String, f64>, loaded: &[Loade
     match references.keys().find(|name| !known.contains(&name.as_str())) {
         Some(unknown) => Err(Error::input(
             Place::default().at_key("--reference"),
-            format!("no posterior has a parameter `{unknown}`"),
+            format!("no posterior has the parameter `{unknown}`"),
             format!("use one of {}", known.join(", ")),
         )),
         None => Ok(()),
@@ -137,7 +136,7 @@ fn refuse_unknown_references(references: &BTreeMap<String, f64>, loaded: &[Loade
 fn load(path: &Path) -> Result<Loaded> {
     if Study::is_study(path) {
         let revision = Study::open(path)?.revisions()?.pop().ok_or_else(|| {
-            Error::input(Place::file(path), "this study has no posterior yet", "run `vitreo-uq sample` on it first")
+            Error::input(Place::file(path), "this study has no posterior", "run `vitreo-uq sample` on it first")
         })?;
         return load_revision(&path.join(revision));
     }
@@ -145,7 +144,7 @@ fn load(path: &Path) -> Result<Loaded> {
         return load_revision(path);
     }
     let label = path.file_stem().map_or_else(String::new, |stem| stem.to_string_lossy().into_owned());
-    // Draws inside a revision are that revision's.
+    // Draws inside a revision belong to that revision.
     match path.parent() {
         Some(dir) if dir.join(POSTERIOR_NAME).is_file() && path.file_name().is_some_and(|n| n == "draws.csv") => {
             load_revision(dir)
@@ -159,13 +158,13 @@ fn load_revision(dir: &Path) -> Result<Loaded> {
     let draws = dir.join("draws.csv");
     files::refuse_link(&draws)?;
     if !files::is_file(&draws) {
-        return Err(Error::input(Place::file(dir), "there are no draws in this directory", PATH_REMEDY));
+        return Err(Error::input(Place::file(dir), "this directory has no draws", PATH_REMEDY));
     }
     let name = |path: &Path| path.file_name().map(|name| name.to_string_lossy().into_owned());
     let full = dir.canonicalize().unwrap_or_else(|_| dir.to_path_buf());
     let study = full.parent().and_then(name);
     let label = [study, name(&full)].into_iter().flatten().collect::<Vec<_>>().join(" ");
-    // Hard limits come from the priors; where their file has moved away they are guessed from the draws.
+    // Hard limits come from the priors. If their file is missing, they are estimated from the draws.
     let priors =
         ModelSpecification::of_revision(dir, &Library::default()).and_then(|model| PriorSet::read(&model.prior)).ok();
     Ok(Loaded { data: FittedData::of_revision(dir), ..load_csv(&draws, label, priors.as_ref())? })
@@ -173,7 +172,7 @@ fn load_revision(dir: &Path) -> Result<Loaded> {
 
 fn load_csv(path: &Path, label: String, priors: Option<&PriorSet>) -> Result<Loaded> {
     if files::kind(path).is_none() {
-        return Err(Error::input(Place::file(path), "there is no such file or directory", NOTHING_REMEDY));
+        return Err(Error::input(Place::file(path), "this file or directory does not exist", NOTHING_REMEDY));
     }
     let table = read_draws_csv(path)?;
     let columns = table.parameter_names.iter().enumerate().map(|(i, name)| {
@@ -192,7 +191,7 @@ fn load_csv(path: &Path, label: String, priors: Option<&PriorSet>) -> Result<Loa
     Ok(Loaded { label, columns: columns.collect(), data: None })
 }
 
-/// Priors are drawn as far as the draws of any posterior reach, not of their own only.
+/// Draws each prior over the range of the draws of all posteriors, not only of its own.
 fn draw_priors(loaded: &mut [Loaded]) {
     let mut ranges: BTreeMap<String, [f64; 2]> = BTreeMap::new();
     for column in loaded.iter().flat_map(|posterior| &posterior.columns) {
@@ -206,7 +205,7 @@ fn draw_priors(loaded: &mut [Loaded]) {
     }
 }
 
-/// Posteriors of the same name are called by their paths.
+/// Labels posteriors of the same name by their paths.
 fn tell_apart(loaded: &mut [Loaded], paths: &[PathBuf]) {
     let labels: Vec<String> = loaded.iter().map(|posterior| posterior.label.clone()).collect();
     for (i, posterior) in loaded.iter_mut().enumerate() {
@@ -228,7 +227,7 @@ fn parameter<'a>(column: &'a Column, references: &BTreeMap<String, f64>) -> Para
     }
 }
 
-/// Directory and stem of the figure's files; an extension that one of them will have anyway is taken off.
+/// Directory and stem of the figure's files, without an extension `svg` or `png`.
 fn place_of(out: &Path) -> Result<(PathBuf, String)> {
     let is_figure = out.extension().is_some_and(|extension| extension == "svg" || extension == "png");
     let name = if is_figure { out.file_stem() } else { out.file_name() };

@@ -1,4 +1,4 @@
-//! What overlaid posteriors were fitted to: posteriors of different data differ in what they know, too.
+//! Data that overlaid posteriors were fitted to. Posteriors of different data differ for reasons other than the model.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -11,13 +11,13 @@ use vitreo_uq::posterior::study::{POSTERIOR_NAME, Provenance, WithProvenance};
 /// The data of a posterior.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct FittedData {
-    /// Cycles that were fitted.
+    /// Fitted cycles.
     pub fitted_cycles: Vec<u32>,
-    /// SHA-256 of the experiment's files, by name.
+    /// SHA-256 of the experiment's files, by file name.
     pub inputs_sha256: BTreeMap<String, String>,
 }
 
-/// The part of `posterior.json` that says it.
+/// Part of `posterior.json` that lists the data.
 #[derive(Deserialize)]
 struct OfPosterior {
     heldout: OfHeldout,
@@ -29,7 +29,7 @@ struct OfHeldout {
 }
 
 impl FittedData {
-    /// Of a revision; `None` where its document does not say.
+    /// Reads the data of a revision's posterior, or `None` if its document does not list them.
     pub fn of_revision(dir: &Path) -> Option<Self> {
         let bytes = read_if_there(&dir.join(POSTERIOR_NAME), Content::Document)?;
         let document: WithProvenance<OfPosterior> = serde_json::from_slice(&bytes).ok()?;
@@ -40,7 +40,7 @@ impl FittedData {
         })
     }
 
-    /// "cycle 1", "cycles 1–3", "cycles 1, 3".
+    /// Text such as "cycle 1", "cycles 1–3" or "cycles 1, 3".
     pub fn cycles(&self) -> String {
         let mut runs: Vec<[u32; 2]> = Vec::new();
         for cycle in &self.fitted_cycles {
@@ -56,7 +56,7 @@ impl FittedData {
     }
 }
 
-/// What the legend adds to each posterior's name, and what is to be said of all, where they are not all known to be of the same data.
+/// Legend texts, one for each posterior, and a note for the figure; `None` if all posteriors are known to have the same data.
 pub fn differences(names: &[&str], data: &[Option<FittedData>]) -> Option<(Vec<String>, String)> {
     let first = data.first()?;
     if data.iter().all(|own| own == first) {
@@ -64,7 +64,7 @@ pub fn differences(names: &[&str], data: &[Option<FittedData>]) -> Option<(Vec<S
     }
     let words = |own: &Option<FittedData>| match own {
         Some(own) => format!("fitted to {}", own.cycles()),
-        None => "data not known".to_string(),
+        None => "unknown data".to_string(),
     };
     let known: Vec<&FittedData> = data.iter().flatten().collect();
     let is_one_measurement = known.windows(2).all(|pair| pair[0].inputs_sha256 == pair[1].inputs_sha256);
@@ -80,7 +80,7 @@ pub fn differences(names: &[&str], data: &[Option<FittedData>]) -> Option<(Vec<S
         ""
     };
     let text = format!(
-        "these posteriors are not of the same data, so that they differ in more than the model: {}{advice}",
+        "these posteriors are not of the same data, so the model is not their only difference: {}{advice}",
         each.join("; ")
     );
     Some((data.iter().map(words).collect(), text))
@@ -106,6 +106,6 @@ mod tests {
         let (_, text) = differences(&names, &[data(&[1], "x"), data(&[1], "y")]).unwrap();
         assert!(text.contains("its own measurement") && !text.contains("ladder"), "{text}");
         let (legend, _) = differences(&names, &[data(&[1], "x"), None]).unwrap();
-        assert_eq!(legend[1], "data not known");
+        assert_eq!(legend[1], "unknown data");
     }
 }

@@ -1,4 +1,4 @@
-//! `diagnose`: which physical effect is missing.
+//! `diagnose`: finds missing physical effects.
 
 use std::process::ExitCode;
 
@@ -12,9 +12,9 @@ use crate::options::{self, DiagnoseArguments};
 use crate::session::{RESULTS, Session};
 use crate::text::{outliers_left_out, significant};
 
-/// p < 0.05 is asked for in the first round, and half of it in each further one.
+/// Fewest simulated records. The first round requires p < 0.05, each further round half of that.
 const FEWEST_SIMULATIONS: usize = 99;
-/// Fewest simulated records of each record of a cohort: fewer show no tail.
+/// Fewest simulated records for each record of a cohort. Fewer do not resolve the tail.
 const FEWEST_SIMULATIONS_OF_EACH: usize = 19;
 
 pub fn run(arguments: &DiagnoseArguments) -> Result<ExitCode> {
@@ -52,7 +52,7 @@ fn request(arguments: &DiagnoseArguments, kind: Kind, session: &Session) -> Resu
                 let remedy = "give a number of noise standard deviations, as in `--smallest 0.25`";
                 return Err(Error::input(
                     Place::default().at_key("--smallest"),
-                    format!("{smallest} is no size"),
+                    format!("{smallest} is not a valid size"),
                     remedy,
                 ));
             }
@@ -76,7 +76,7 @@ fn words(diagnosis: &Diagnosis, revision: &str) -> String {
         String::new(),
         format!(
             "  {:<26}{:>8}{:>11}{:>11}{:>10}{:>9}{:>10}   {}",
-            "effect", "score z", "gain", "held-out", "expected", "p", "ln Bayes", "standing"
+            "effect", "score z", "gain", "held-out", "expected", "p", "ln Bayes", "status"
         ),
     ];
     let mut candidates: Vec<&CandidateEntry> = diagnosis.candidates.iter().collect();
@@ -84,28 +84,28 @@ fn words(diagnosis: &Diagnosis, revision: &str) -> String {
     lines.extend(candidates.iter().filter(|own| own.refused.is_none()).map(|candidate| row(diagnosis, candidate)));
     let error = diagnosis.base.rmse_heldout_um.map_or(String::new(), |um| {
         format!(
-            " expected error in µm on cycle {}, {} without any effect;",
+            " expected: error in µm on cycle {}, {} without an effect;",
             listed(&diagnosis.heldout_cycles),
             significant(um)
         )
     });
-    lines.push(format!("  (gains in nats over the model without the effect;{error} p for the whole search)"));
+    lines.push(format!("  (gains in nats over the model without the effect;{error} p: of the whole search)"));
     lines.extend(diagnosis.gains_without_error().map(|sentence| format!("  {sentence}")));
     let reasons = by_reason(candidates.iter().map(|own| (own.effect.as_str(), own.refused.as_deref())));
-    lines.extend(reasons.iter().map(|(reason, effects)| format!("  not here: {}: {reason}", effects.join(", "))));
+    lines.extend(reasons.iter().map(|(reason, effects)| format!("  not applicable: {}: {reason}", effects.join(", "))));
     if let Some(pair) = diagnosis.pairs.first() {
         lines.push(format!("  best pair: {} with {:.1} nats", pair.effects.join(" + "), pair.gain_nats));
     }
     lines.push(String::new());
     lines.extend(unexplained(diagnosis));
-    lines.push("Noise of one position".into());
+    lines.push("Noise of a single position".into());
     lines.extend(diagnosis.noise.iter().map(|noise| format!("  {}", noise.text)));
     if !diagnosis.separating_protocol.is_empty() {
-        lines.push(format!("To tell them apart: {}", diagnosis.separating_protocol));
+        lines.push(format!("To distinguish the equivalent effects: {}", diagnosis.separating_protocol));
     }
     lines.extend(outliers_left_out(diagnosis.outlier_rows.len()));
     if !diagnosis.blind_spots.is_empty() {
-        lines.push(format!("Blind spots, which this experiment cannot show: {}.", diagnosis.blind_spots.join(", ")));
+        lines.push(format!("Effects that this experiment cannot detect: {}.", diagnosis.blind_spots.join(", ")));
     }
     let smallest: Vec<String> = diagnosis
         .smallest_detectable
@@ -113,7 +113,7 @@ fn words(diagnosis: &Diagnosis, revision: &str) -> String {
         .filter_map(|entry| Some(format!("{} {}", entry.effect, significant(entry.parameter?))))
         .collect();
     if !smallest.is_empty() {
-        lines.push(format!("Smallest sizes that would have been seen: {}.", smallest.join(", ")));
+        lines.push(format!("Smallest detectable sizes: {}.", smallest.join(", ")));
     }
     lines.extend(diagnosis.remarks.iter().map(|remark| format!("Note: {}.", remark.trim_end_matches('.'))));
     if diagnosis.verdict.effects.is_empty() {
@@ -123,24 +123,22 @@ fn words(diagnosis: &Diagnosis, revision: &str) -> String {
     let command = format!("`vitreo-uq extend STUDY --with {}`", diagnosis.verdict.effects.join(","));
     lines.push(match diagnosis.verdict.kind {
         VerdictKind::Missing => format!("Add it with {command}."),
-        _ => format!("It helps and is not enough; {command} shows what it leaves."),
+        _ => format!("This effect explains part of the misfit. {command} shows the rest."),
     });
     lines.join("\n") + "\n"
 }
 
-/// How large what the verdict calls unexplained is, and what it adds to predictions.
+/// Size of the unexplained residual, and the width that it adds to predictions.
 fn unexplained(diagnosis: &Diagnosis) -> Vec<String> {
     let mut lines = Vec::new();
     let Some(discrepancy) = &diagnosis.discrepancy else { return lines };
     lines.push(format!(
-        "What is unexplained is {} µm (root mean square): predictions are widened from a standard deviation of {} to {} µm. See figures/{DISCREPANCY_FIGURE}.png.",
+        "The unexplained residual is {} µm (root mean square). It widens the standard deviation of predictions from {} to {} µm. See figures/{DISCREPANCY_FIGURE}.png.",
         significant(discrepancy.size_um),
         significant(discrepancy.predictive_noise_um),
         significant(discrepancy.predictive_noise_with_discrepancy_um)
     ));
-    lines.extend(
-        diagnosis.unexplained.iter().skip(1).map(|entry| format!("It also looks like this: {}", entry.sentence)),
-    );
+    lines.extend(diagnosis.unexplained.iter().skip(1).map(|entry| format!("Also: {}", entry.sentence)));
     lines.push(String::new());
     lines
 }

@@ -1,4 +1,4 @@
-//! `effects`: the library, and what an experiment can see of it.
+//! `effects`: lists the effects of the library and their detectability in an experiment.
 
 use std::process::ExitCode;
 
@@ -29,13 +29,9 @@ pub fn run(arguments: &EffectsArguments) -> Result<ExitCode> {
 
 fn words(summary: &EffectsSummary) -> String {
     let mut lines = vec![
+        format!("{}: detectability of effects added to the {} model", summary.experiment, model_title(&summary.model)),
         format!(
-            "{}: what this experiment can see beside the {} model",
-            summary.experiment,
-            model_title(&summary.model)
-        ),
-        format!(
-            "(visible: share of an effect's signature that model and noise cannot absorb; standard error: what a noise of {} µm leaves)",
+            "(visible: share of an effect's signature that model and noise cannot absorb; standard error: for a noise of {} µm)",
             significant(summary.noise_um)
         ),
         String::new(),
@@ -48,9 +44,9 @@ fn words(summary: &EffectsSummary) -> String {
         lines.push(format!("  {}", effect.equation));
         lines.extend(effect.parameters.iter().map(parameter));
         if !effect.twins.is_empty() {
-            lines.push(format!("  same shape here, nearly: {}", effect.twins.join(", ")));
+            lines.push(format!("  nearly the same signature in this experiment: {}", effect.twins.join(", ")));
         }
-        lines.extend(effect.refused.iter().map(|reason| format!("  not here: {reason}")));
+        lines.extend(effect.refused.iter().map(|reason| format!("  not applicable: {reason}")));
     }
     lines.push(String::new());
     lines.push("Add one with `vitreo-uq extend --with EFFECT`.".into());
@@ -64,7 +60,7 @@ fn overview(effect: &EffectEntry) -> String {
         None => "–".into(),
     };
     let error = match (effect.standard_error, effect.parameters.first()) {
-        _ if effect.visible_fraction.is_some_and(|fraction| fraction < 0.001) => "not visible here".into(),
+        _ if effect.visible_fraction.is_some_and(|fraction| fraction < 0.001) => "not detectable".into(),
         (Some(error), Some(first)) => {
             format!("{} {} {}", first.symbol, plus_minus(error), unit(&first.unit)).trim_end().to_string()
         }
@@ -84,7 +80,7 @@ fn unit(unit: &str) -> &str {
 fn parameter(parameter: &ParameterEntry) -> String {
     let [lower, upper] = parameter.support;
     let end = |end: Option<f64>, infinite: &str| end.map_or(infinite.to_string(), |end| end.to_string());
-    let null = parameter.null.map_or("none: it means nothing there".into(), |null| null.to_string());
+    let null = parameter.null.map_or("none (unidentified there)".into(), |null| null.to_string());
     let unit = if parameter.unit == "1" { "no unit".into() } else { format!("in {}", parameter.unit) };
     format!(
         "  {} ({}), {unit}, between {} and {}, null {null}; prior {}",

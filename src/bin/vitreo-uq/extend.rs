@@ -1,4 +1,4 @@
-//! `extend`: the next revision of a study, with the error before and after.
+//! `extend`: adds effects to a study as its next revision, and compares the errors before and after.
 
 use std::path::Path;
 use std::process::ExitCode;
@@ -21,8 +21,8 @@ pub fn run(arguments: &ExtendArguments) -> Result<ExitCode> {
     let taken = [Kind::Cohort];
     let is_cohort = session.kind(&arguments.others, &taken) == Kind::Cohort;
     if is_cohort && arguments.common.json.is_some() {
-        let found = "every record has a document of its own, in its study";
-        return Err(Error::input(Place::default().at_key("--json"), found, "leave --json away, or extend one record"));
+        let found = "`--json` takes one document, and every record of a cohort has its own";
+        return Err(Error::input(Place::default().at_key("--json"), found, "omit --json, or extend one record"));
     }
     let request = ExtendRequest {
         effects: named_effects(&arguments.model.with)?,
@@ -30,7 +30,7 @@ pub fn run(arguments: &ExtendArguments) -> Result<ExitCode> {
         sampler: session.sampler(arguments.chains, arguments.steps),
         pages: !arguments.page.no_report,
     };
-    // Effects and values are of the model that is made; all else changes the model that is extended, too.
+    // Effects and values apply to the new revision only. All other options also apply to the model that is extended.
     let model = Model { with: Vec::new(), set: Vec::new(), ..arguments.model.clone() };
     let target = session.open(&model, &arguments.others, &taken)?;
     let outcome = extend::run(&target, &request, &session.terminal)?;
@@ -73,7 +73,7 @@ fn words(summary: &ExtensionSummary) -> String {
     lines.join("\n") + "\n"
 }
 
-/// Parameters of effects that the diagnosis could not tell from each other.
+/// Table of parameters of the equivalent effects, each refitted on its own.
 fn equivalents(own: &EquivalentEffects) -> Vec<String> {
     let heading = format!("  {} ({})", own.effects.join(" + "), own.alternative().unwrap_or_default());
     let width = own.refits.iter().flat_map(|refit| &refit.parameters).map(|p| p.name.chars().count() + 2).max();
@@ -81,7 +81,7 @@ fn equivalents(own: &EquivalentEffects) -> Vec<String> {
     let mut lines = vec![
         String::new(),
         heading,
-        format!("  {:<width$}{:>11}{:>11}{:>11}{:>20}", "each by itself", "mean", "5 %", "95 %", "held-out error (µm)"),
+        format!("  {:<width$}{:>11}{:>11}{:>11}{:>20}", "each alone", "mean", "5 %", "95 %", "held-out error (µm)"),
     ];
     for refit in &own.refits {
         let error = refit.rmse_heldout_um.map_or("–".into(), significant);
@@ -105,10 +105,10 @@ fn cohort_words(effects: &[String], records: &[ExtendedRecord], out: &Path) -> S
     ];
     lines.extend(records.iter().map(|own| match &own.extension {
         Some(summary) => cohort_row(&own.name, summary),
-        None => format!("  {:<28}{} has it already", own.name, own.revision),
+        None => format!("  {:<28}{} already has the effect", own.name, own.revision),
     }));
-    lines.push("  (errors on the last cycle, which no fit has seen)".into());
-    lines.push(format!("What differs between groups then: `vitreo-uq groups {}`.", out.display()));
+    lines.push("  (errors on the last held-out cycle)".into());
+    lines.push(format!("Next: `vitreo-uq groups {}` compares groups with the new model.", out.display()));
     lines.join("\n") + "\n"
 }
 

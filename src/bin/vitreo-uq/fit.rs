@@ -1,4 +1,4 @@
-//! `fit`: the paper's point estimate, with standard errors.
+//! `fit`: computes the paper's point estimate, with standard errors.
 
 use std::process::ExitCode;
 
@@ -46,15 +46,15 @@ fn words(summary: &FitSummary) -> String {
     lines.push(String::new());
     lines.push(format!("Residuals: {} µm root mean square (noise {noise}).", significant(summary.rmse_um)));
     if let Some(rmse_um) = summary.rmse_heldout_um {
-        lines.push(format!("Held-out cycles, which no fit has seen: {} µm.", significant(rmse_um)));
+        lines.push(format!("Held-out cycles: {} µm root mean square.", significant(rmse_um)));
     }
     lines.push(format!(
-        "Starts: {} of {} lead to this minimum, no other is lower.",
+        "Starts: {} of {} lead to this minimum; no other minimum is lower.",
         summary.starts_agreeing, summary.starts
     ));
     if let Some(distance) = summary.surrogate_vs_fe_max_um {
         lines.push(format!(
-            "At the estimate the reduced model differs from {} by {} µm at most.",
+            "At the estimate the surrogate differs from {} by at most {} µm.",
             summary.model.full_model(),
             significant(distance)
         ));

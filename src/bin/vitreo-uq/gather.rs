@@ -1,4 +1,4 @@
-//! `gather`: the results of a list of tasks joined.
+//! `gather`: joins the results of a list of tasks.
 
 use std::collections::BTreeMap;
 use std::fmt::Write;
@@ -22,24 +22,24 @@ use crate::terminal::Terminal;
 /// Arguments of `gather`.
 #[derive(Args)]
 pub struct GatherArguments {
-    /// Directory that `tasks KIND --out DIR` made
+    /// Directory that `tasks KIND --out DIR` created
     #[arg(value_name = "DIR")]
     dir: PathBuf,
-    /// Where what was gathered goes [default: DIR/gathered]
+    /// Directory for the joined results [default: DIR/gathered]
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
-    /// Write what was there and what is missing as one JSON document to a file, or alone to standard output with `-`
+    /// Write the found and missing results as one JSON document to a file, or with `-` to standard output in place of the text
     #[arg(long, value_name = "FILE|-")]
     json: Option<PathBuf>,
-    /// Threads; 0 for as many as there are cores
+    /// Number of threads; 0 for as many as there are cores
     #[arg(long, value_name = "N", default_value_t = 0)]
     threads: usize,
-    /// No progress on standard error
+    /// Do not show progress on standard error
     #[arg(long)]
     quiet: bool,
 }
 
-/// Missing results that are named; the document has all.
+/// Maximum number of missing results that are printed. The document has all of them.
 const MOST_NAMED: usize = 20;
 
 pub fn run(arguments: &GatherArguments) -> Result<ExitCode> {
@@ -56,7 +56,7 @@ pub fn run(arguments: &GatherArguments) -> Result<ExitCode> {
     words += &words_of_results(gathered, &out);
     if let (Some(now), Some(cache)) = (outcome.n_adopted, cache_directory()) {
         let before = gathered.results - now;
-        let _ = writeln!(words, "{now} models were put into {}; {before} were there.", cache.display());
+        let _ = writeln!(words, "{now} models were added to {}; {before} were already there.", cache.display());
     }
     let provenance = Provenance::new("gathered", 1, list.seed(), BTreeMap::new());
     crate::output::show(arguments.json.as_deref(), &WithProvenance { provenance, body: gathered }, &words)?;
@@ -66,9 +66,9 @@ pub fn run(arguments: &GatherArguments) -> Result<ExitCode> {
 
 fn words_of_results(gathered: &Gathered, out: &Path) -> String {
     let Gathered { kind, tasks, results, missing, foreign, .. } = gathered;
-    let mut text = format!("{results} of {tasks} results are there.\n");
+    let mut text = format!("{results} of {tasks} results exist.\n");
     for own in missing.iter().take(MOST_NAMED) {
-        let _ = writeln!(text, "Task {} is missing: {} is {}.", own.task, own.file, own.fault.words());
+        let _ = writeln!(text, "Task {} has no result: {} is {}.", own.task, own.file, own.fault.words());
     }
     if missing.len() > MOST_NAMED {
         let _ = writeln!(text, "… and {} more.", missing.len() - MOST_NAMED);
@@ -77,14 +77,14 @@ fn words_of_results(gathered: &Gathered, out: &Path) -> String {
         [] => {}
         [first, others @ ..] => {
             let more = if others.is_empty() { String::new() } else { format!(" and {} more", others.len()) };
-            let _ = writeln!(text, "Not of this list, and left alone: {first}{more}.");
+            let _ = writeln!(text, "Ignored, because it belongs to another list: {first}{more}.");
         }
     }
     let _ = match kind {
         TaskKind::Challenge if *results > 0 => writeln!(text, "Joined:  {}", out.join(CHALLENGE).display()),
         TaskKind::Calibration if *results > 0 => writeln!(text, "Joined:  {}", out.join(CALIBRATION).display()),
         TaskKind::Commands if *results > 0 => {
-            writeln!(text, "Joined:  {}, and the files of each in a folder beside it", out.join(COMMANDS).display())
+            writeln!(text, "Joined:  {}, with a folder of files for each command", out.join(COMMANDS).display())
         }
         TaskKind::Sample if *results > 0 => {
             writeln!(text, "Joined for:  vitreo-uq groups … --out {}   (with the options of the list)", out.display())
@@ -92,7 +92,7 @@ fn words_of_results(gathered: &Gathered, out: &Path) -> String {
         _ => Ok(()),
     };
     if !missing.is_empty() {
-        text += "What is missing is run by the same command as before: vitreo-uq tasks run, or the script for the engine.\n";
+        text += "To compute the missing results, run the same command again: vitreo-uq tasks run, or the script for the engine.\n";
     }
     text
 }

@@ -1,4 +1,4 @@
-//! `groups`: species or regions compared.
+//! `groups`: compares species or regions.
 
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -26,42 +26,42 @@ use crate::text::{significant, warning_text};
 pub struct GroupsArguments {
     #[command(flatten)]
     cohort: CohortArguments,
-    /// What groups are formed by: species, region, or both
+    /// Keys that define the groups: species, region, or both
     #[arg(long, value_name = "KEYS", value_delimiter = ',', default_value = "species")]
     by: Vec<String>,
-    /// Ratios within 1 + MARGIN of 1 are no difference in practice
+    /// Ratios within 1 + MARGIN of 1 count as no difference in practice
     #[arg(long, value_name = "MARGIN", default_value_t = 0.2, allow_negative_numbers = true)]
     margin: f64,
-    /// Let specimens scatter by a Student-t, so that an outlying one does not widen its group
+    /// Let specimens scatter by a Student-t distribution, so that an outlying specimen does not widen its group
     #[arg(long)]
     heavy_tails: bool,
-    /// Directory of the comparison and of the draws that it keeps
+    /// Directory of the comparison and of its draws
     #[arg(long, value_name = "DIR", default_value = "vitreo-uq-out/groups")]
     out: PathBuf,
-    /// Write the result as one JSON document to a file, or alone to standard output with `-`
+    /// Write the result as one JSON document to a file, or with `-` to standard output in place of the text
     #[arg(long, value_name = "FILE|-")]
     json: Option<PathBuf>,
-    /// Most sweeps of each of the four chains that sample the population; fewer where the draws converge before
+    /// Maximum number of sweeps of each of the four chains that sample the population; sampling ends earlier if the draws converge
     #[arg(long, value_name = "N", default_value_t = 128_000)]
     sweeps: usize,
-    /// Take the likelihood of every experiment instead of its re-weighted draws: the slower reference
+    /// Evaluate the likelihood of every experiment instead of re-weighting its draws; slower, for reference
     #[arg(long)]
     exact: bool,
-    /// Threads; 0 for as many as there are cores
+    /// Number of threads; 0 for as many as there are cores
     #[arg(long, value_name = "N", default_value_t = 0, allow_negative_numbers = true)]
     threads: usize,
-    /// No progress on standard error
+    /// Do not show progress on standard error
     #[arg(long)]
     quiet: bool,
-    /// Replace a comparison of other experiments
+    /// Replace an existing comparison of other experiments
     #[arg(long)]
     force: bool,
 }
 
-/// Which experiments, and how each is sampled on its own, here or as tasks.
+/// Experiments of a cohort, and the settings that sample each on its own, here or as tasks.
 #[derive(Args)]
 pub struct CohortArguments {
-    /// Experiments or studies (their last revision's model is taken), or directories that hold some
+    /// Experiments, studies (the model of their last revision is used), or directories that contain them
     #[arg(value_name = "DIR", required = true)]
     paths: Vec<PathBuf>,
     /// Leave out an experiment (its directory or the directory's name) or a specimen (its id); may be repeated
@@ -71,7 +71,7 @@ pub struct CohortArguments {
     sampling: SamplingArguments,
 }
 
-/// How every experiment is modelled.
+/// Model of every experiment.
 #[derive(Args)]
 pub struct ModelArguments {
     /// Base law of every experiment: lethersich, burgers, two-element, or a TOML file with a [base.network]
@@ -83,7 +83,7 @@ pub struct ModelArguments {
     /// Noise terms, separated by commas: white, ou, gain, student
     #[arg(long, value_name = "TERM", value_delimiter = ',')]
     noise: Vec<String>,
-    /// Prior of single experiments, which the comparison takes out again, and of the overall mean: a name or a file
+    /// Prior of single experiments, which the comparison divides out, and of the overall mean: a name or a file
     #[arg(long, value_name = "NAME|FILE")]
     prior: Option<String>,
     /// Fix a parameter in every model; may be repeated
@@ -92,7 +92,7 @@ pub struct ModelArguments {
 }
 
 impl ModelArguments {
-    /// With how experiments are sampled where nothing else is said.
+    /// Sampling settings with this model and default sampler options.
     pub fn sampling(&self) -> Sampling {
         let SamplerOptions { n_walkers, max_steps, seed, .. } = SamplerOptions::default();
         Sampling {
@@ -108,15 +108,15 @@ impl ModelArguments {
     }
 }
 
-/// How every experiment is modelled and sampled on its own.
+/// Model and sampler settings of every experiment.
 #[derive(Args)]
 pub struct SamplingArguments {
     #[command(flatten)]
     model: ModelArguments,
-    /// Walkers of each of the ensembles that sample an experiment
+    /// Number of walkers of each of the ensembles that sample an experiment
     #[arg(long, value_name = "N", default_value_t = SamplerOptions::default().n_walkers, allow_negative_numbers = true)]
     chains: usize,
-    /// Steps of each walker after which an experiment's run ends, converged or not
+    /// Maximum number of steps of each walker in an experiment's run
     #[arg(long, value_name = "N", default_value_t = SamplerOptions::default().max_steps, allow_negative_numbers = true)]
     steps: u64,
     /// Seed of all random numbers
@@ -125,30 +125,30 @@ pub struct SamplingArguments {
 }
 
 impl SamplingArguments {
-    /// How experiments are sampled.
+    /// Sampling settings from these options.
     pub fn sampling(&self) -> Sampling {
         Sampling { n_walkers: self.chains, max_steps: self.steps, seed: self.seed, ..self.model.sampling() }
     }
 }
 
 impl CohortArguments {
-    /// How experiments are sampled.
+    /// Sampling settings of every experiment.
     pub fn sampling(&self) -> Sampling {
         self.sampling.sampling()
     }
 
-    /// The experiments with their models.
+    /// Reads the experiments with their models.
     pub fn read(&self, terminal: &Terminal) -> Result<Vec<Measurement>> {
         let sampling = self.sampling();
         cohort::read(&self.paths, &self.leave_out, &|own| sampling.model(own), terminal)
     }
 }
 
-/// Chains of the population's sampler.
+/// Number of chains of the population's sampler.
 const N_CHAINS: usize = 4;
-/// Fewest sweeps that diagnostics can judge.
+/// Fewest sweeps for which the diagnostics are valid.
 const FEWEST_SWEEPS: usize = 400;
-/// Most sweeps: days.
+/// Maximum number of sweeps, which takes days.
 const MOST_SWEEPS: usize = 1_000_000_000;
 
 pub fn run(arguments: &GroupsArguments) -> Result<ExitCode> {
@@ -184,7 +184,7 @@ pub fn run(arguments: &GroupsArguments) -> Result<ExitCode> {
     Ok(ExitCode::from(u8::from(!summary.is_sound())))
 }
 
-/// The keys of their names.
+/// Parses the names of keys.
 pub fn keys(names: &[String]) -> Result<Vec<Key>> {
     let refuse = |found: String| {
         Err(Error::input(Place::setting(Setting::By), found, "group by `species`, `region` or `species,region`"))
@@ -192,9 +192,9 @@ pub fn keys(names: &[String]) -> Result<Vec<Key>> {
     let mut keys = Vec::new();
     for name in names {
         match Key::named(name.trim()) {
-            Some(key) if keys.contains(&key) => return refuse(format!("`{name}` is named twice")),
+            Some(key) if keys.contains(&key) => return refuse(format!("`{name}` is given more than once")),
             Some(key) => keys.push(key),
-            None => return refuse(format!("there is no key `{name}`")),
+            None => return refuse(format!("`{name}` is not a known key")),
         }
     }
     Ok(keys)
@@ -235,7 +235,7 @@ fn words(summary: &GroupsSummary) -> String {
     text
 }
 
-/// Every group's typical specimen, with its 90 % interval, and the spread between specimens as a factor.
+/// Table of each group's typical specimen with its 90 % interval, and the spread between specimens as a factor.
 fn table(summary: &GroupsSummary) -> Vec<String> {
     let width = summary.groups.iter().map(|own| own.name.chars().count()).max().unwrap_or(0).max(5) + 2;
     let names = summary.groups.first().map_or(&[][..], |group| &group.parameters);
@@ -256,18 +256,21 @@ fn table(summary: &GroupsSummary) -> Vec<String> {
     let between_ends: Vec<String> =
         names.iter().filter(|own| own.scale == ScaleName::LogOdds).map(|own| of_parameter(&own.name).symbol).collect();
     if !between_ends.is_empty() {
-        rows.push(format!("  Of {}, which lies between two ends, ×/÷ is of the odds.", between_ends.join(", ")));
+        rows.push(format!(
+            "  For {}, which is bounded on both sides, ×/÷ applies to the odds.",
+            between_ends.join(", ")
+        ));
     }
     rows
 }
 
-/// Three significant digits.
+/// Formats a number with three significant digits.
 fn three_digits(value: f64) -> String {
     let digits = 2 - value.abs().log10().floor() as i32;
     if (0..=5).contains(&digits) { format!("{value:.*}", digits as usize) } else { significant(value) }
 }
 
-/// Every ratio, one a line; stated signs are marked.
+/// Table of all ratios, one per line. An asterisk marks a declared difference.
 fn ratios(summary: &GroupsSummary) -> Vec<String> {
     let name = |own: &ContrastSummary| format!("{} {} / {}", of_parameter(&own.parameter).symbol, own.a, own.b);
     let width = summary.contrasts.iter().map(|own| name(own).chars().count()).max().unwrap_or(0) + 2;
@@ -294,6 +297,6 @@ fn ratios(summary: &GroupsSummary) -> Vec<String> {
             own.probability_below_margin
         )
     }));
-    rows.push("  * stated: that they differ (all such signs are right together with 99.7 %), or by more than the margin (95 %).".into());
+    rows.push("  * declared: the groups differ (all such signs are right with a probability of 99.7 %), or by more than the margin (95 %).".into());
     rows
 }

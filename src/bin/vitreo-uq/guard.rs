@@ -1,4 +1,4 @@
-//! Who may ask a local server: programs, and its own page, under names that are its own.
+//! Access rule of a local server: only programs and the server's own page may send requests, under the server's own names.
 
 use std::net::{IpAddr, SocketAddr};
 use std::sync::Arc;
@@ -8,20 +8,20 @@ use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
 use axum::middleware::Next;
 use axum::response::{IntoResponse, Response};
 
-/// What the page may load: its own files, and drawings.
+/// Content security policy of the page: its own files, and images.
 const POLICY: &str = "default-src 'self'; img-src 'self' data:; style-src 'self' 'unsafe-inline'; frame-ancestors 'none'; base-uri 'none'; form-action 'none'";
 
-/// What is answered to any other name.
-const REFUSAL: &str = "This server is asked under another name than its own, or by another site's page. Ask it by its IP address, or start it with `--allow-host NAME`.\n";
+/// Response to a request under any other name.
+const REFUSAL: &str = "This request names another host, or comes from another site's page. Use the server's IP address, or start the server with `--allow-host NAME`.\n";
 
-/// Names under which this server may be asked, beside any address in numbers: no other site can turn those to it.
+/// Names that requests may use. Numeric addresses are always allowed, because no other site can redirect them.
 #[derive(Debug, Clone)]
 pub struct Guard {
     names: Arc<[String]>,
 }
 
 impl Guard {
-    /// Of a server at this address. Where other machines reach it, it has this machine's name, too; `others` are names that it does not know of.
+    /// Creates the guard of a server at this address. If other machines can reach it, this machine's name is allowed; `others` are further names.
     pub fn of(address: SocketAddr, others: &[String]) -> Self {
         let machine = if address.ip().is_loopback() { None } else { machine_name() };
         let short = machine.as_ref().and_then(|name| name.split('.').next()).map(String::from);
@@ -29,7 +29,7 @@ impl Guard {
         Self { names: names.collect() }
     }
 
-    /// Whether headers are those of a page of this server: a name that another site has turned to this address (DNS rebinding) is not, nor is a request that another site's script makes.
+    /// Returns whether a request comes from this server's page or from a program. It refuses names redirected by DNS rebinding, and scripts of other sites.
     fn admits(&self, headers: &HeaderMap) -> bool {
         let text = |name| headers.get(name).and_then(|value| value.to_str().ok());
         let Some(host) = text(header::HOST) else { return false };
@@ -37,7 +37,7 @@ impl Guard {
         self.knows(host) && headers.get(header::ORIGIN).is_none_or(|_| text(header::ORIGIN).is_some_and(is_own))
     }
 
-    /// Whether a host, with or without a port, is one of the server's names.
+    /// Returns whether a host, with or without a port, is one of the server's names.
     fn knows(&self, host: &str) -> bool {
         if host.parse::<SocketAddr>().is_ok() || host.trim_matches(['[', ']']).parse::<IpAddr>().is_ok() {
             return true;
@@ -50,14 +50,14 @@ impl Guard {
     }
 }
 
-/// The name of this machine, as its own command says it.
+/// Name of this machine, from the command `hostname`.
 fn machine_name() -> Option<String> {
     let output = std::process::Command::new("hostname").stdin(std::process::Stdio::null()).output().ok()?;
     let name = String::from_utf8(output.stdout).ok()?.trim().to_string();
     (!name.is_empty()).then_some(name)
 }
 
-/// Lets requests of the page through, and tells browsers what the page may do.
+/// Middleware that refuses foreign requests, and sends browsers the page's security policy.
 pub async fn guard(State(guard): State<Guard>, request: Request, next: Next) -> Response {
     if !guard.admits(request.headers()) {
         return (StatusCode::FORBIDDEN, REFUSAL).into_response();

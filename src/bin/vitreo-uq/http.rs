@@ -1,8 +1,8 @@
-//! What local servers share: listening, and connections of which none keeps the others out.
+//! Shared parts of the local servers: listening, and connections that cannot block each other.
 //!
-//! A connection is in the hands of its peer (who sends a request or reads an answer) or of the program (which works out an answer). The peer has a limited time for
-//! each step, and where places are scarce, the connection whose peer has the least of that time left gives up its place. So slow clients cost the others nothing, however many
-//! they are. Event streams stay open by nature; they are counted apart.
+//! At any time, either the peer or the program has to act on a connection. The peer sends a request or reads a response; the program computes a response. The peer has a
+//! limited time for each step. If all places are taken, the connection whose peer has the least time left is closed. Slow clients therefore cost the others nothing, at any
+//! number. Event streams stay open and are counted separately.
 
 use std::future::{Future, poll_fn};
 use std::net::{IpAddr, SocketAddr, TcpListener};
@@ -26,24 +26,24 @@ use tokio::sync::Notify;
 use tokio::time::Instant;
 use vitreo_uq::base::error::{Error, Place, Result};
 
-/// Connections at once, those of one peer, and event streams beside them.
+/// Maximum numbers of connections, of connections from one peer, and of event streams.
 const MOST_CONNECTIONS: usize = 512;
 const MOST_OF_PEER: usize = 256;
 const MOST_STREAMS: usize = 64;
-/// Time for the head of a first request, and for that of a next one.
+/// Time for the head of the first request, and of each further request.
 const HEAD: Duration = Duration::from_secs(10);
 const NEXT_HEAD: Duration = Duration::from_secs(30);
 /// Time for the body of a request.
 const BODY: Duration = Duration::from_secs(30);
-/// Time for the next bytes of an answer to be taken.
+/// Time for the peer to take the next bytes of a response.
 const ANSWER: Duration = Duration::from_secs(30);
-/// Bytes of a request's head.
+/// Maximum size of a request's head, in bytes.
 const MOST_HEAD_BYTES: usize = 1 << 15;
-/// What a peer hears that has no connection left to give up.
+/// Response to a peer that has no other connection to close.
 const BUSY: &[u8] =
     b"HTTP/1.1 503 Service Unavailable\r\nRetry-After: 1\r\nContent-Length: 0\r\nConnection: close\r\n\r\n";
 
-/// Listens at the first of `ports` that nobody else has, of which 0 is any that is free; says where, too.
+/// Listens on the first free port of `ports` and returns the address; port 0 means any free port.
 pub fn listen(address: IpAddr, ports: &[u16]) -> Result<(TcpListener, SocketAddr)> {
     let mut refusal = None;
     for &port in ports {
@@ -55,17 +55,17 @@ pub fn listen(address: IpAddr, ports: &[u16]) -> Result<(TcpListener, SocketAddr
         let is_taken = error.kind() == std::io::ErrorKind::AddrInUse;
         refusal.get_or_insert(Error::input(
             Place::default().at_key("--port"),
-            format!("{address}:{port} cannot be listened on: {error}"),
-            "give another port, or `--port 0` for any that is free",
+            format!("cannot listen on {address}:{port}: {error}"),
+            "give another port, or `--port 0` for any free port",
         ));
         if !is_taken {
             break;
         }
     }
-    Err(refusal.unwrap_or_else(|| Error::input(Place::default().at_key("--port"), "no port is given", "give one")))
+    Err(refusal.unwrap_or_else(|| Error::input(Place::default().at_key("--port"), "no port is given", "give a port")))
 }
 
-/// Serves until the program is ended. `router` is called inside the runtime, so that it may start tasks of its own.
+/// Serves until the program ends. `router` is called inside the runtime, so that it may start its own tasks.
 pub fn serve(listener: TcpListener, router: impl FnOnce() -> Router) -> std::io::Result<()> {
     let runtime = tokio::runtime::Builder::new_current_thread().enable_io().enable_time().build()?;
     listener.set_nonblocking(true)?;
@@ -76,18 +76,18 @@ pub fn serve(listener: TcpListener, router: impl FnOnce() -> Router) -> std::io:
     })
 }
 
-/// Who has to do the next step on a connection.
+/// Party that has to act next on a connection.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Turn {
-    /// The peer, by this time.
+    /// The peer, until this time.
     Peer { until: Instant },
     /// The program.
     Program,
-    /// Nobody: news is sent as it comes.
+    /// Neither: the server sends events as they occur.
     Stream { since: Instant },
 }
 
-/// A connection of a local server, which handlers find among a request's extensions.
+/// Connection of a local server. Handlers find it among a request's extensions.
 #[derive(Clone)]
 pub struct Connection {
     state: Arc<State>,
@@ -110,7 +110,7 @@ impl State {
     }
 }
 
-/// A panic while one of these locks is held leaves what it guards sound.
+/// Locks a mutex. A panic while the lock is held cannot leave its data invalid.
 fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
@@ -121,41 +121,41 @@ impl Connection {
         Self { state: Arc::new(State { peer, turn, is_closed: Notify::new() }), all: Arc::clone(all) }
     }
 
-    /// The peer has so long for its next step.
+    /// Gives the peer this time for its next step.
     pub fn give_time(&self, time: Duration) {
         self.state.pass_to(Turn::Peer { until: Instant::now() + time });
     }
 
-    /// The request is whole: what comes next is up to the program.
+    /// Records that the whole request has arrived, so that the program has to act.
     pub fn has_whole_request(&self) {
         self.state.pass_to(Turn::Program);
     }
 
-    /// What is answered is an event stream: the oldest of too many ends.
+    /// Records that the response is an event stream. The oldest stream ends if there are too many.
     pub fn becomes_stream(&self) {
         self.state.pass_to(Turn::Stream { since: Instant::now() });
         self.all.keep_streams();
     }
 
-    /// An answer is there to be read.
+    /// Records that a response is ready to be read.
     fn is_answered(&self) {
         if self.state.turn() == Turn::Program {
             self.give_time(NEXT_HEAD);
         }
     }
 
-    /// The peer takes its answer.
+    /// Records that the peer has taken a part of its response.
     fn has_written(&self) {
         if let Turn::Peer { until } = self.state.turn() {
             self.state.pass_to(Turn::Peer { until: until.max(Instant::now() + ANSWER) });
         }
     }
 
-    /// Ends when the peer has let its time pass, or when its place is given away.
+    /// Waits until the peer's time is over or its place is given to another.
     async fn outlived(&self) {
         let is_late = async {
             loop {
-                // While the program works, or a stream is open, no time runs.
+                // The time limit does not apply while the program works or a stream is open.
                 let look_at = match self.state.turn() {
                     Turn::Peer { until } if until <= Instant::now() => return,
                     Turn::Peer { until } => until,
@@ -168,12 +168,12 @@ impl Connection {
     }
 }
 
-/// All connections of a server.
+/// All open connections of a server.
 #[derive(Default)]
 struct Connections(Mutex<Vec<Arc<State>>>);
 
 impl Connections {
-    /// A place for a peer's next connection; `None` where every place is of a request that is being answered.
+    /// Returns a place for a peer's next connection, or `None` if all places have requests in progress.
     fn place_for(self: &Arc<Self>, peer: IpAddr) -> Option<Connection> {
         let mut all = locked(&self.0);
         let of_peer = |state: &State| state.peer == peer;
@@ -188,7 +188,7 @@ impl Connections {
         Some(connection)
     }
 
-    /// Closes the connection whose peer has the least time left, if any is in a peer's hands.
+    /// Closes the connection whose peer has the least time left, if the program waits for any peer.
     fn make_room(&self) {
         close_latest(&mut locked(&self.0), &|_| true);
     }
@@ -211,7 +211,7 @@ impl Connections {
     }
 }
 
-/// Closes that connection of some peers whose time ends first; whether there was one.
+/// Closes the connection whose peer's time ends first, among those that `is_meant` selects. Returns whether there was one.
 fn close_latest(all: &mut Vec<Arc<State>>, is_meant: &dyn Fn(&State) -> bool) -> bool {
     let until = |(index, state): (usize, &Arc<State>)| match state.turn() {
         Turn::Peer { until } if is_meant(state) => Some((until, index)),
@@ -226,7 +226,7 @@ async fn accept(listener: tokio::net::TcpListener, app: Router) {
     let all = Arc::new(Connections::default());
     loop {
         let Ok((stream, address)) = listener.accept().await else {
-            // Out of file handles, or a peer that was gone at once.
+            // Accepting fails if file handles run out, or if the peer has closed the connection.
             all.make_room();
             tokio::time::sleep(Duration::from_millis(50)).await;
             continue;
@@ -239,7 +239,7 @@ async fn accept(listener: tokio::net::TcpListener, app: Router) {
     }
 }
 
-/// Answers one connection's requests until its end.
+/// Serves the requests of one connection until it ends.
 async fn answer(stream: TcpStream, connection: Connection, app: Router) {
     let app = TowerToHyperService::new(app);
     let each = service_fn(|mut request: hyper::Request<hyper::body::Incoming>| {
@@ -253,15 +253,15 @@ async fn answer(stream: TcpStream, connection: Connection, app: Router) {
         }
     });
     let mut builder = hyper::server::conn::http1::Builder::new();
-    // Hyper's own limit for heads would also cut answers that are read slowly.
+    // Hyper's own limit for heads would also end responses that are read slowly.
     builder.header_read_timeout(None).max_buf_size(MOST_HEAD_BYTES);
     let io = TokioIo::new(WatchedStream { stream, connection: connection.clone() });
-    // A peer that breaks off is its own affair.
+    // A peer may close its connection; this is no error.
     either(builder.serve_connection(io, each), connection.outlived()).await;
     connection.all.forget(&connection);
 }
 
-/// Waits for the first of two to end, and drops the other.
+/// Waits until the first of two futures ends, and drops the other.
 async fn either(first: impl Future, second: impl Future) {
     let (mut first, mut second) = (pin!(first), pin!(second));
     poll_fn(|cx| {
@@ -271,7 +271,7 @@ async fn either(first: impl Future, second: impl Future) {
     .await;
 }
 
-/// Reads a request's body whole before its handler begins, so that a peer that sends slowly keeps nothing but its own connection.
+/// Reads the whole body of a request before its handler starts, so that a slow sender blocks only its own connection.
 pub async fn whole_body(Extension(connection): Extension<Connection>, request: Request, next: Next) -> Response {
     let (parts, body) = request.into_parts();
     match Request::from_parts(parts.clone(), body).extract::<Bytes, _>().await {
@@ -283,7 +283,7 @@ pub async fn whole_body(Extension(connection): Extension<Connection>, request: R
     }
 }
 
-/// A document as the body of an answer, made beside the server by whoever made the document.
+/// Serializes a document into a response. Call it on the thread that made the document, not on the server's.
 pub fn json_body(status: StatusCode, document: &impl serde::Serialize) -> Response {
     match serde_json::to_vec(document) {
         Ok(bytes) => (status, [(axum::http::header::CONTENT_TYPE, "application/json")], bytes).into_response(),
@@ -291,7 +291,7 @@ pub fn json_body(status: StatusCode, document: &impl serde::Serialize) -> Respon
     }
 }
 
-/// A stream that tells its connection when bytes are taken.
+/// TCP stream that notifies its connection when bytes are written.
 struct WatchedStream {
     stream: TcpStream,
     connection: Connection,

@@ -1,4 +1,4 @@
-//! `init`: from a table of numbers to an experiment.
+//! `init`: converts a table of numbers to an experiment.
 
 use std::collections::BTreeMap;
 use std::path::PathBuf;
@@ -17,10 +17,10 @@ use crate::text::significant;
 /// Arguments of `init`.
 #[derive(Args)]
 pub struct InitArguments {
-    /// Table of force and position against time: text, cells between commas, semicolons, tabulators or blanks
+    /// Table of force and position against time: text with cells separated by commas, semicolons, tabs or spaces
     #[arg(value_name = "FILE")]
     file: PathBuf,
-    /// Directory to write [default: the table's name without its ending]
+    /// Directory to write [default: the table's name without its extension]
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
     /// Column of the time, by name or number
@@ -32,7 +32,7 @@ pub struct InitArguments {
     /// Column of the position along the force
     #[arg(long, value_name = "COLUMN")]
     position: Option<String>,
-    /// Column of x, where the position is not in one column; with `--y`
+    /// Column of x, if the position is not in one column; needs `--y`
     #[arg(long, value_name = "COLUMN")]
     x: Option<String>,
     /// Column of y
@@ -41,52 +41,52 @@ pub struct InitArguments {
     /// Column of z
     #[arg(long, value_name = "COLUMN")]
     z: Option<String>,
-    /// Tables to read from a file that holds several: numbers such as 1 or 1,2 (joined in time), or all
+    /// Tables to read from a file with several tables: numbers such as 1 or 1,2 (joined in time), or all
     #[arg(long, value_name = "LIST")]
     table: Option<String>,
-    /// Track to read from a table of several tracks, or all: an experiment of each
+    /// Track to read from a table of several tracks, or all for one experiment per track
     #[arg(long, value_name = "TRACK")]
     track: Option<String>,
     /// Column of the track
     #[arg(long, value_name = "COLUMN")]
     track_column: Option<String>,
-    /// Force of rows whose force is blank: above (that of the row above) or zero
+    /// Force of rows with an empty force: above (the force of the row above) or zero
     #[arg(long, value_name = "MEANING")]
     blank_force: Option<String>,
-    /// Sign between thousands: `.`, `,` or none
+    /// Thousands separator: `.`, `,` or none
     #[arg(long, value_name = "SIGN")]
     thousands: Option<String>,
-    /// join: times that begin again go on from the row before
+    /// join: if times start again, continue from the row before
     #[arg(long, value_name = "join")]
     time_restarts: Option<String>,
-    /// spread: equal times of a coarse clock are spread evenly
+    /// spread: distribute equal times of a coarse clock evenly
     #[arg(long, value_name = "spread")]
     time_ties: Option<String>,
     /// Column of the cycle
     #[arg(long, value_name = "COLUMN")]
     cycle: Option<String>,
-    /// Unit of the time: s, ms, min, h, clock (hh:mm:ss), iso, day-first or month-first (dates), or so many of one, as "0.05 s" a frame
+    /// Unit of the time: s, ms, min, h, clock (hh:mm:ss), iso, day-first or month-first (dates), or a multiple such as "0.05 s" per frame
     #[arg(long, value_name = "UNIT")]
     unit_time: Option<String>,
     /// Unit of the force: N, mN, uN, nN or pN
     #[arg(long, value_name = "UNIT")]
     unit_force: Option<String>,
-    /// Unit of the position: m, mm, um or nm, or so many of one, as "0.65 um" a pixel
+    /// Unit of the position: m, mm, um or nm, or a multiple such as "0.65 um" per pixel
     #[arg(long, value_name = "UNIT")]
     unit_position: Option<String>,
     /// Name of the specimen [default: the table's name]
     #[arg(long, value_name = "ID")]
     id: Option<String>,
-    /// Its species, by which groups are formed
+    /// Species of the specimen, a key for groups
     #[arg(long, value_name = "TEXT")]
     species: Option<String>,
-    /// The region of its eye, by which groups are formed
+    /// Region of the eye, a key for groups
     #[arg(long, value_name = "TEXT")]
     region: Option<String>,
-    /// Diameter of the robot, a sphere, in mm
+    /// Diameter of the spherical bead or robot, in mm
     #[arg(long, value_name = "MM")]
     robot_diameter_mm: Option<f64>,
-    /// Density of the robot in kg/m³, which inertia alone needs
+    /// Density of the bead or robot in kg/m³, used only for inertia
     #[arg(long, value_name = "KG/M3")]
     robot_density_kg_m3: Option<f64>,
     /// Diameter of the vitreous in mm
@@ -95,16 +95,16 @@ pub struct InitArguments {
     /// Poisson ratio of the vitreous
     #[arg(long, value_name = "RATIO", allow_negative_numbers = true)]
     poisson_ratio: Option<f64>,
-    /// Known noise of the tracker in µm
+    /// Known noise standard deviation of the tracker, in µm
     #[arg(long, value_name = "UM")]
     noise_um: Option<f64>,
-    /// Write the result as one JSON document to a file, or alone to standard output with `-`
+    /// Write the result as one JSON document to a file, or with `-` to standard output in place of the text
     #[arg(long, value_name = "FILE|-")]
     json: Option<PathBuf>,
-    /// Write over an experiment that is there
+    /// Replace an existing experiment
     #[arg(long)]
     replace: bool,
-    /// No words about what comes next on standard error
+    /// Do not print the next command on standard error
     #[arg(long)]
     quiet: bool,
 }
@@ -151,29 +151,29 @@ fn words(summary: &InitSummary) -> String {
     lines.extend(summary.columns.iter().map(column));
     let is_record = summary.columns.iter().any(|column| column.role == "time");
     if is_record && summary.columns.iter().all(|column| column.role != "cycle") {
-        lines.push("  cycle      found from the force's repetition".into());
+        lines.push("  cycle      found from the repetition of the force".into());
     }
     if !summary.others.is_empty() {
-        lines.push(format!("  not read   {}", summary.others.join(", ")));
+        lines.push(format!("  unused     {}", summary.others.join(", ")));
     }
     if summary.rows_without_position > 0 {
-        lines.push(format!("{} rows have no position; they are not compared.", summary.rows_without_position));
+        lines.push(format!("{} rows without a position are not compared.", summary.rows_without_position));
     }
     lines.join("\n") + "\n"
 }
 
 fn column(column: &InitColumn) -> String {
     let InitColumn { role, name, unit, range } = column;
-    // The document has SI and micro-units; people see the table's own.
+    // The document uses SI and micro-units; people see the table's own units.
     let in_document = if role == "time" { 1.0 } else { 1e-6 };
-    // Counts, each so much of a unit, are seen in that unit.
+    // A count, which is a multiple of a unit, is shown in that unit.
     let seen_in = unit.split_once(' ').map_or(unit.as_str(), |(_, of)| of);
     let (per, shown) = match spelt(seen_in) {
         Some(own) => (in_document / own.to_si(1.0), seen_in),
         None => (1.0, "s"),
     };
     let range = range.map_or(String::new(), |[low, high]| {
-        // No minus before a zero.
+        // Adding 0.0 removes the sign of a negative zero.
         format!(": {} to {} {shown}", significant(low * per + 0.0), significant(high * per + 0.0))
     });
     let is_said = range.is_empty() && !unit.is_empty();
@@ -186,7 +186,7 @@ fn next(summary: &InitSummary) -> String {
     if !summary.experiments.is_empty() {
         let n = summary.experiments.len();
         return format!(
-            "Wrote {n} experiments under {0}. Next: vitreo-uq check on each, then vitreo-uq groups {0}/*",
+            "Wrote {n} experiments under {0}. Next: run vitreo-uq check on each, then vitreo-uq groups {0}/*",
             summary.directory
         );
     }
@@ -194,7 +194,7 @@ fn next(summary: &InitSummary) -> String {
         return format!("Wrote {toml}. Next: vitreo-uq sample {}", summary.directory);
     }
     format!(
-        "Wrote {toml}. Fill in its lines with \"?\": {}. Then: vitreo-uq sample {}",
+        "Wrote {toml}. Fill in its lines with \"?\": {}. Then run: vitreo-uq sample {}",
         summary.unknown.join(", "),
         summary.directory
     )

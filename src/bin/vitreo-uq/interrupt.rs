@@ -1,8 +1,8 @@
-//! Signals: any command ends within a second, leaves nothing half-written and says how to go on.
+//! Signals: every command ends within a second, leaves no file half-written and prints how to continue.
 //!
-//! The first signal asks the job to stop, which the sampler does at its next step, its state saved. A job in the middle of something long, such as a
-//! factorisation, does not hear that: after a moment the program ends over its head. Whatever it writes goes through
-//! [`vitreo_uq::base::files`], which leaves the old content or the new.
+//! The first signal asks the job to stop. The sampler stops at its next step and saves its state. A job inside a long operation, such as a
+//! factorisation, cannot react, so the program ends after a moment without it. All files are written through
+//! [`vitreo_uq::base::files`], which leaves either the old content or the new.
 
 use std::io::Write;
 use std::sync::atomic::{AtomicBool, AtomicU32, AtomicUsize, Ordering};
@@ -13,34 +13,34 @@ use indicatif::ProgressBar;
 use signal_hook::consts::{SIGINT, SIGTERM};
 use vitreo_uq::base::files::stop_writing;
 
-/// Time between two looks whether a signal has come.
+/// Time between two checks for a signal.
 const LOOK: Duration = Duration::from_millis(20);
-/// Time that a job has to stop by itself, then that steps have which belong together, then that the terminal has for a last word: less than a
-/// second together.
+/// Times for three steps, together less than a second: the job stops by itself, steps that belong together finish, and the terminal prints the last
+/// message.
 const GRACE: Duration = Duration::from_millis(500);
 const LAST_STEPS: Duration = Duration::from_millis(250);
 const LAST_WORD: Duration = Duration::from_millis(100);
-/// Time that a command which this program has started has to end, with all of the above.
+/// Time for a command that this program has started to end, including the times above.
 const CHILDREN_GRACE: Duration = Duration::from_millis(900);
-/// What shells add to a signal's number.
+/// Number that shells add to a signal's number.
 const SIGNAL_BASE: usize = 128;
 
 static STOP: AtomicBool = AtomicBool::new(false);
-/// Set before the first file is taken away from a job that goes on.
+/// Set before the first file is removed while the job still runs.
 static ENDING: AtomicBool = AtomicBool::new(false);
-/// The process group of the command that this program has started; 0 for none.
+/// Process group of the command that this program has started; 0 if there is none.
 static CHILDREN: AtomicU32 = AtomicU32::new(0);
 static BAR: OnceLock<ProgressBar> = OnceLock::new();
 static SIGNAL: OnceLock<Arc<AtomicUsize>> = OnceLock::new();
 
-/// Watches for Ctrl-C, for termination and for the terminal hanging up; `how_to_go_on` is said when the program ends by one of them.
+/// Watches for Ctrl-C, termination and a closed terminal. The program prints `how_to_go_on` when one of them ends it.
 pub fn watch(how_to_go_on: &'static str) {
     let signal = SIGNAL.get_or_init(Arc::default);
     let watched = signals().into_iter().filter(|own| {
         signal_hook::flag::register_usize(*own, Arc::clone(signal), usize::try_from(*own).unwrap_or_default()).is_ok()
     });
     if watched.count() == 0 {
-        return say("note: Ctrl-C will end the program at once");
+        return say("note: Ctrl-C will end the program immediately");
     }
     std::thread::spawn(move || {
         while signal.load(Ordering::SeqCst) == 0 {
@@ -50,7 +50,7 @@ pub fn watch(how_to_go_on: &'static str) {
         end_children();
         ENDING.store(true, Ordering::SeqCst);
         stop_writing(LAST_STEPS);
-        // A terminal that is stopped or gone may keep whoever writes to it waiting.
+        // A stopped or closed terminal may block a thread that writes to it.
         let (said, heard) = mpsc::channel();
         std::thread::spawn(move || {
             if let Some(bar) = BAR.get() {
@@ -64,33 +64,33 @@ pub fn watch(how_to_go_on: &'static str) {
     });
 }
 
-/// Returns only if nothing is ending the program over its job's head: a job that fails then fails because its files are gone, which is no news.
+/// Blocks while a signal ends the program. A job that fails then fails because its files are removed, and its error is not reported.
 pub fn wait_for_an_end_under_way() {
     while ENDING.load(Ordering::SeqCst) {
         std::thread::park();
     }
 }
 
-/// Whether a signal has come that ends the program.
+/// Returns whether a signal to end the program has arrived.
 pub fn has_come() -> bool {
     signal() != 0
 }
 
-/// From now on the program ends this process group before itself, where a signal ends it; 0 when the group has ended and that is written down. The group is that of its first process.
+/// Sets the process group, named by its first process, that a signal ends before this program. Set 0 once the group has ended and this is recorded.
 pub fn owns_group(process: u32) {
     CHILDREN.store(process, Ordering::SeqCst);
 }
 
-/// How a process group is ended.
+/// How to end a process group.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Urgency {
-    /// It has a second to leave nothing half-written.
+    /// Ask: it has a second to finish its files.
     Ask,
-    /// At once.
+    /// Kill immediately.
     Kill,
 }
 
-/// Gives the job of this program its time to stop; where that is a command of its own, sees to its end.
+/// Gives the job time to stop. If the job is a separate command, waits for it and kills it if needed.
 fn end_children() {
     let process = CHILDREN.load(Ordering::SeqCst);
     if process == 0 {
@@ -106,13 +106,13 @@ fn end_children() {
     }
 }
 
-/// Ends the process group of a command that this program has started.
+/// Sends a signal to the process group of a command that this program has started.
 #[cfg(any(target_os = "linux", target_vendor = "apple"))]
 pub fn end_group(process: u32, urgency: Urgency) {
     use rustix::process::{Pid, Signal, kill_process_group};
     let signal = if urgency == Urgency::Ask { Signal::TERM } else { Signal::KILL };
     if let Some(pid) = i32::try_from(process).ok().and_then(Pid::from_raw) {
-        // One that has ended is no longer there to be ended.
+        // The group may have ended already.
         let _ = kill_process_group(pid, signal);
     }
 }
@@ -122,17 +122,17 @@ pub fn end_group(process: u32, _: Urgency) {
     let _ = std::process::Command::new("taskkill").args(["/T", "/F", "/PID", &process.to_string()]).status();
 }
 
-/// Set when the job should stop.
+/// Flag that is set when the job should stop.
 pub fn flag() -> &'static AtomicBool {
     &STOP
 }
 
-/// The bar that is to be taken off the terminal before the last word.
+/// Registers the bar to clear before the last message.
 pub fn clear_at_end(bar: &ProgressBar) {
     let _ = BAR.set(bar.clone());
 }
 
-/// What a stopped program ends with: 130 for Ctrl-C, 143 for termination, 129 for a terminal that hung up.
+/// Exit code of a stopped program: 130 for Ctrl-C, 143 for termination, 129 for a closed terminal.
 pub fn exit_code() -> u8 {
     let signal = match signal() {
         0 => usize::try_from(SIGINT).unwrap_or_default(),
@@ -141,13 +141,13 @@ pub fn exit_code() -> u8 {
     u8::try_from(SIGNAL_BASE + signal).unwrap_or(u8::MAX)
 }
 
-/// What a stopped program says.
+/// Message of a stopped program.
 pub fn last_word(how_to_go_on: &str) -> String {
     let by = if signal() == usize::try_from(SIGINT).unwrap_or_default() { "Ctrl-C" } else { "a signal" };
-    format!("stopped by {by}; nothing is half-written, and what was finished is kept\n  what to do: {how_to_go_on}")
+    format!("stopped by {by}; finished results are kept, and no file is half-written\n  what to do: {how_to_go_on}")
 }
 
-/// One line on standard error. A terminal that is gone or a closed pipe must not end a job.
+/// Prints one line on standard error. A closed terminal or pipe must not end the job.
 pub fn say(text: &str) {
     let _ = writeln!(std::io::stderr().lock(), "{text}");
 }
@@ -161,14 +161,14 @@ fn signals() -> Vec<i32> {
     vec![SIGINT, SIGTERM]
 }
 
-/// Hanging up is left alone where it is ignored: `nohup` asks for that.
+/// Hang-up is not watched if it is ignored, as `nohup` requests.
 #[cfg(unix)]
 fn signals() -> Vec<i32> {
     use signal_hook::consts::SIGHUP;
     if is_ignored(SIGHUP) { vec![SIGINT, SIGTERM] } else { vec![SIGINT, SIGTERM, SIGHUP] }
 }
 
-/// As Linux tells; elsewhere nothing is ignored.
+/// Returns whether the process ignores a signal, which only Linux reports.
 #[cfg(unix)]
 fn is_ignored(signal: i32) -> bool {
     let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();

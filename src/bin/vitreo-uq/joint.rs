@@ -1,11 +1,11 @@
-//! The words of `sample` on several records of one specimen.
+//! Text of `sample` for several records of one specimen.
 
 use vitreo_uq::documents::joint::JointSummary;
 use vitreo_uq::figures::labels::{model_title, of_parameter};
 
 use crate::text::{parameter_table, significant, warning_text};
 
-/// The posterior in words.
+/// Text of the joint posterior.
 pub fn words(summary: &JointSummary) -> String {
     let verdict = if summary.converged { "converged" } else { "NOT CONVERGED" };
     let mut lines = vec![
@@ -13,7 +13,7 @@ pub fn words(summary: &JointSummary) -> String {
         String::new(),
         parameter_table(&summary.parameters),
         String::new(),
-        "Each record alone (best fit, one standard deviation):".into(),
+        "Each record fitted alone (best fit, one standard deviation):".into(),
     ];
     for (number, record) in summary.records.iter().enumerate() {
         let law: Vec<String> = record
@@ -29,7 +29,7 @@ pub fn words(summary: &JointSummary) -> String {
     }
     let p = summary.agreement.p;
     let shown = if p < 0.001 { "below 0.001".into() } else { format!("{p:.3}") };
-    lines.push(format!("Probability that records of one law differ as much: {shown}."));
+    lines.push(format!("Probability of a difference this large between records of one law: {shown}."));
     for warning in &summary.warnings {
         lines.push(String::new());
         lines.push(warning_text(warning));

@@ -1,4 +1,4 @@
-//! `ladder`: all revisions of a study on the same footing.
+//! `ladder`: compares all revisions of a study on the same cycles.
 
 use std::process::ExitCode;
 
@@ -14,7 +14,7 @@ use crate::text::{column_width, significant, warning_text};
 
 /// Width of the longest bar, in characters.
 const BAR_WIDTH: usize = 32;
-/// Least and most width of the first column of the bars.
+/// Minimum and maximum width of the column of labels, in characters.
 const LABEL_WIDTH: [usize; 2] = [34, 72];
 
 pub fn run(arguments: &LadderArguments) -> Result<ExitCode> {
@@ -40,7 +40,7 @@ fn words(summary: &LadderSummary) -> String {
     if let [only] = &summary.revisions[..] {
         let name = &only.revision;
         lines.push(format!(
-            "The next one: `vitreo-uq diagnose` says which effect {name} lacks, `vitreo-uq extend --with EFFECT` adds it, `vitreo-uq effects` lists them all."
+            "Next: `vitreo-uq diagnose` finds the effect that {name} lacks, `vitreo-uq extend --with EFFECT` adds it, `vitreo-uq effects` lists all."
         ));
     }
     for (revision, warning) in summary.warnings() {
@@ -59,7 +59,7 @@ fn heading(summary: &LadderSummary) -> String {
     format!("{}: every revision fitted to cycles {}, {scored}.", summary.experiment, listed(&summary.fitted_cycles))
 }
 
-/// Label of a rung: its model for the first, what it adds for the others.
+/// Label of a revision: the model for the first, the added effects for the others.
 fn label(rung: &Rung) -> String {
     match &rung.from {
         None => model_title(&rung.model),
@@ -67,7 +67,7 @@ fn label(rung: &Rung) -> String {
     }
 }
 
-/// Error of each rung as a bar, down to the noise.
+/// Error of each revision as a bar, with the noise below.
 fn bars(summary: &LadderSummary) -> Vec<String> {
     let error_um = |rung: &Rung| rung.rmse_heldout_um.unwrap_or(rung.rmse_fitted_um);
     let noise = summary.noise_um.map(|noise| (String::new(), format!("noise, {}", summary.noise_origin), noise));
@@ -85,7 +85,7 @@ fn bars(summary: &LadderSummary) -> Vec<String> {
     lines
 }
 
-/// A bar in eighths of a character.
+/// Bar in eighths of a character.
 fn bar(fraction: f64) -> String {
     const EIGHTHS: [&str; 8] = ["", "▏", "▎", "▍", "▌", "▋", "▊", "▉"];
     let eighths = (8.0 * BAR_WIDTH as f64 * fraction.clamp(0.0, 1.0)).round() as usize;
@@ -96,7 +96,7 @@ fn bar(fraction: f64) -> String {
 fn table(summary: &LadderSummary) -> Vec<String> {
     let mut lines = vec![format!(
         "  {:<9}{:>9}{:>10}{:>16}{:>13}{:>15}{:>18}",
-        "revision", "fitted", "held out", "log score", "90 % band", "learnt noise", "reduced – full"
+        "revision", "fitted", "held out", "log score", "90 % band", "learnt noise", "surrogate – full"
     )];
     let value = |value: Option<f64>| value.map_or("–".into(), significant);
     lines.extend(summary.revisions.iter().map(|rung| {
@@ -130,7 +130,7 @@ fn shifts(summary: &LadderSummary) -> Vec<String> {
     let width = column_width(summary.shifts.iter().map(|shift| shift.name.as_str()));
     let mut lines = vec![
         format!(
-            "  What was missing in {before} had bent the law (median, 90 % interval; both fitted to cycles {}):",
+            "  The effects missing in {before} had shifted the law's parameters (median, 90 % interval; both fitted to cycles {}):",
             listed(&summary.fitted_cycles)
         ),
         format!("  {:<width$}{before:>26}{after:>26}{:>10}{:>12}", "parameter", "shift", "in sd"),
@@ -143,6 +143,6 @@ fn shifts(summary: &LadderSummary) -> Vec<String> {
         let percent = format!("{:+.1} %", 100.0 * shift.relative);
         format!("  {axis:<width$}{before:>26}{after:>26}{percent:>10}{:>+12.1}", shift.in_sd_before)
     }));
-    lines.push(format!("  Shift: {before} against {after}; in standard deviations that {before} claimed."));
+    lines.push(format!("  Shift: from {before} to {after}; in sd: in posterior standard deviations of {before}."));
     lines
 }

@@ -1,4 +1,4 @@
-//! `learn`: the law that nobody wrote down.
+//! `learn`: learns a correction of the constitutive law from data.
 
 use std::path::Path;
 use std::process::ExitCode;
@@ -15,11 +15,11 @@ use crate::options::{self, LearnArguments};
 use crate::session::{RESULTS, Session};
 use crate::text::significant;
 
-/// p of at most 0.02 is asked for.
+/// Fewest simulations, which resolve the required p of 0.02.
 const FEWEST_SIMULATIONS: usize = 49;
-/// Pairs that are shown.
+/// Number of pairs in the table.
 const N_SHOWN: usize = 12;
-/// Pairs that are shown of a cohort.
+/// Number of pairs in the table of a cohort.
 const N_SHOWN_OF_COHORT: usize = 6;
 
 pub fn run(arguments: &LearnArguments) -> Result<ExitCode> {
@@ -51,7 +51,7 @@ fn words(learned: &Learned, revision: &str) -> String {
     let mut lines = vec![
         format!("{} ({revision}): {}", learned.experiment, learned.verdict.sentence),
         format!(
-            "(every model fitted to cycles {}, {scored}; p {:.3} for the whole search)",
+            "(every model fitted to cycles {}, {scored}; p {:.3} of the whole search)",
             listed(&learned.fitted_cycles),
             learned.p_familywise
         ),
@@ -62,15 +62,15 @@ fn words(learned: &Learned, revision: &str) -> String {
         ),
     ];
     lines.extend(learned.pairs.iter().take(N_SHOWN).map(row));
-    lines.push("  (gains in nats over the model without; error in µm on the last held-out cycle, of a search with every kind of noise)".into());
+    lines.push("  (gains in nats over the base model; error of search: in µm on the last held-out cycle, with every kind of noise)".into());
     if learned.pairs.len() > N_SHOWN {
-        lines.push(format!("  and {} more, which gain less", learned.pairs.len() - N_SHOWN));
+        lines.push(format!("  and {} more with smaller gains", learned.pairs.len() - N_SHOWN));
     }
     lines.push(String::new());
     lines.push(format!("  {:<24}{:>18}{:>20}", "error (µm)", "fitted cycles", "last held-out cycle"));
-    lines.push(errors("without", &learned.base));
-    lines.extend(learned.learned.as_ref().map(|own| errors("as learnt", own)));
-    lines.extend(learned.with_formula.as_ref().map(|own| errors("by the formula", own)));
+    lines.push(errors("before", &learned.base));
+    lines.extend(learned.learned.as_ref().map(|own| errors("learnt function", own)));
+    lines.extend(learned.with_formula.as_ref().map(|own| errors("formula", own)));
     lines.extend(learned.noise_um.map(|noise_um| format!("  {:<24}{:>18}", "noise", significant(noise_um))));
     lines.extend(at_reference(learned));
     if let Some(formula) = &learned.formula {
@@ -89,7 +89,7 @@ fn words(learned: &Learned, revision: &str) -> String {
     lines.join("\n") + "\n"
 }
 
-/// The quantity at the reference state, where it is a parameter of the law.
+/// Value of the quantity at the reference state, if the quantity is a parameter of the law.
 fn at_reference(learned: &Learned) -> Vec<String> {
     let Some((function, own)) = learned.function.as_ref().and_then(|own| Some((own, own.at_reference?))) else {
         return Vec::new();
@@ -99,7 +99,7 @@ fn at_reference(learned: &Learned) -> Vec<String> {
     vec![
         String::new(),
         format!(
-            "`{quantity}` is {value} ({q05} to {q95}) at a {} of {} {}; the function is given over its value there",
+            "`{quantity}` is {value} ({q05} to {q95}) at a {} of {} {}; the function is relative to this value",
             state.replace('_', " "),
             significant(function.reference_state),
             function.state_unit
@@ -107,7 +107,7 @@ fn at_reference(learned: &Learned) -> Vec<String> {
     ]
 }
 
-/// What to do next.
+/// Next command.
 fn advice(learned: &Learned, revision: &str) -> Option<String> {
     if learned.verdict.kind == LearnedKind::Nothing {
         return None;
@@ -117,7 +117,7 @@ fn advice(learned: &Learned, revision: &str) -> Option<String> {
     }
     let formula = learned.formula.as_ref()?;
     Some(format!(
-        "Add it with `vitreo-uq extend STUDY --with STUDY/{revision}/{}`; another specimen's study takes the same file.",
+        "Add it with `vitreo-uq extend STUDY --with STUDY/{revision}/{}`; the same file works in studies of other specimens.",
         formula.file
     ))
 }
@@ -147,7 +147,7 @@ fn cohort_words(learned: &LearnedCohort, written: &Path) -> String {
         format!("  {:<28}{:<20}{:>11}{:>11}", "quantity", "state", "evidence", "held-out"),
     ];
     lines.extend(learned.pairs.iter().take(N_SHOWN_OF_COHORT).map(cohort_row));
-    lines.push("  (gains in nats over all records that were learnt from)".into());
+    lines.push("  (gains in nats over all records used for learning)".into());
     if let Some(formula) = &learned.formula {
         lines.push(String::new());
         let units = formula.parameters.iter().zip(&formula.units);
@@ -161,7 +161,7 @@ fn cohort_words(learned: &LearnedCohort, written: &Path) -> String {
             names.join(", ")
         ));
         lines.extend(learned.confirmed_on.iter().map(confirmed_row));
-        lines.push("  (gains in nats and errors in µm on the last cycle, which no fit has seen)".into());
+        lines.push("  (gains in nats and errors in µm on the last held-out cycle)".into());
     }
     if learned.verdict.kind == LearnedCohortKind::Confirmed
         && let Some(formula) = &learned.formula

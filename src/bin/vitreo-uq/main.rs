@@ -1,4 +1,4 @@
-//! The program: arguments in, exit code out.
+//! Command-line program: parses arguments, runs a command, and returns its exit code.
 #![deny(clippy::print_stderr, clippy::print_stdout)]
 
 mod calibration_words;
@@ -56,70 +56,70 @@ use vitreo_uq::base::error::{Place, rename_settings};
 use vitreo_uq::base::files::enclose_folder;
 use vitreo_uq::jobs::tasks::commands::{Line, OUT};
 
-/// Options that name what a command writes.
+/// Options that name the output of a command.
 const WRITTEN: [&str; 3] = ["cache", "json", "out"];
 
 /// Bayesian uncertainty quantification for creep experiments in soft gels.
 #[derive(Parser)]
 #[command(name = "vitreo-uq", version, about, propagate_version = true)]
 struct Program {
-    /// What to do.
+    /// Command to run
     #[command(subcommand)]
     command: Command,
 }
 
-/// One variant a command.
+/// One variant for each command.
 #[derive(Subcommand)]
 enum Command {
-    /// From a table of numbers, however it is written, to an experiment
+    /// Convert a table of numbers in any layout to an experiment
     Init(Box<init::InitArguments>),
-    /// What was understood of a record, the record drawn, and what contradicts its description
+    /// Show how a record was read, draw it, and list contradictions with its description
     Check(check::CheckArguments),
-    /// From a measurement to a posterior that full finite elements have checked
+    /// Estimate the posterior from a measurement, and check it with full finite elements
     Sample(SampleArguments),
-    /// The paper's point estimate by nonlinear least squares, with standard errors
+    /// Compute the paper's point estimate by nonlinear least squares, with standard errors
     Fit(FitArguments),
-    /// A full finite-element run: trajectory in the experiment's format, fields for ParaView
+    /// Run full finite elements: a trajectory in the experiment's format, and fields for ParaView
     Simulate(SimulateArguments),
-    /// Corner plot of one or several posteriors
+    /// Draw a corner plot of one or several posteriors
     Corner(CornerArguments),
-    /// The library of physical effects, and what this experiment can see of each
+    /// List the physical effects of the library, and their detectability in this experiment
     Effects(EffectsArguments),
-    /// Model against measurement: where it fails
+    /// Test the residuals for misfits: where does the model fail?
     Compare(CompareArguments),
-    /// Which physical effect is missing: every effect refitted, the claim judged on a cycle that no fit has seen; of several records, what they lack together
+    /// Find missing physical effects: refit every candidate effect and test it on the last held-out cycle, for one record or a cohort
     Diagnose(DiagnoseArguments),
-    /// The law that nobody wrote down: which quantity depends on which state, as the data have it, and the formula for it
+    /// Learn a correction of the law from data: which quantity depends on which state, and its formula
     Learn(LearnArguments),
-    /// The next revision of a study: an effect added, refitted, with the error before and after
+    /// Add an effect to a study: create the next revision, and compare the errors before and after
     Extend(ExtendArguments),
-    /// All revisions of a study on the same footing: how the error fell
+    /// Compare all revisions of a study on the same cycles, and show how the error falls
     Ladder(LadderArguments),
-    /// A study as one page for a browser: offline, in one file
+    /// Write a study as one self-contained HTML page
     Report(report::ReportArguments),
-    /// A local page: drop a table on it, see where the model fails, add what is missing, watch the error fall
+    /// Start a local web page: drop a table on it, see where the model fails, add missing effects, watch the error fall
     Workbench(workbench::WorkbenchArguments),
-    /// Trajectory and posterior for other programs (PyMC, emcee, …), by the protocol of UM-Bridge
+    /// Serve the trajectory and posterior to other programs (PyMC, emcee, …) by the UM-Bridge protocol
     Serve(serve::ServeArguments),
-    /// Data with a sealed hidden effect: make some, open the seal, play many
+    /// Make data with a sealed hidden effect, open the seal, or play many such challenges
     Challenge(challenge::ChallengeArguments),
-    /// Species or regions compared: how groups of specimens differ, and how sure that is
+    /// Compare species or regions: how groups of specimens differ, with uncertainty
     Groups(groups::GroupsArguments),
-    /// Independent commands for many machines: written as a list, run here, by HyperQueue or by Slurm
+    /// List independent commands for many machines, and run them here, by HyperQueue or by Slurm
     Tasks(tasks::TasksArguments),
-    /// The results of a list of tasks joined: the same bytes as on one machine, and what is missing by name
+    /// Join the results of a list of tasks, byte for byte as on one machine, and name missing ones
     Gather(gather::GatherArguments),
-    /// The paper's study of robot shapes, with posterior uncertainty: which claims hold, and the longest robot that still moves far enough
+    /// Repeat the paper's study of robot shapes with posterior uncertainty, and find the longest robot that moves far enough
     Shapes(shapes::ShapesArguments),
-    /// What a shell completes of this program, on standard output
+    /// Print the shell completions of this program
     Completions(shell::CompletionsArguments),
-    /// Manual pages of the program and of every command
+    /// Write manual pages of the program and of every command
     Man(shell::ManArguments),
 }
 
 fn main() -> ExitCode {
     rename_settings("command line", settings::option);
-    // What a workbench starts keeps to the workbench's rule for its folder.
+    // Commands that a workbench starts obey the workbench's rule for its folder.
     if let Some(folder) = std::env::var_os(workbench::FOLDER_VARIABLE) {
         enclose_folder(Path::new(&folder), "a workbench's folder");
     }
@@ -152,7 +152,7 @@ fn main() -> ExitCode {
     };
     match outcome {
         Ok(code) if !interrupt::has_come() => code,
-        // Work that hears no signal may come to its end in the moment that it is given: who sent the signal has to know that it came.
+        // Work without signal checks may end just after a signal arrives. The exit code then still reports the signal.
         Ok(_) | Err(Error::Interrupted { .. }) => {
             interrupt::wait_for_an_end_under_way();
             interrupt::say(&interrupt::last_word(how_to_go_on));
@@ -166,20 +166,22 @@ fn main() -> ExitCode {
     }
 }
 
-/// Refuses a line of a list that is no command of this program, or none that ends by itself.
+/// Refuses a line of a list that is not a command of this program, or whose command never ends.
 fn refuse_as_task(file: &Path, line: &Line) -> vitreo_uq::Result<()> {
     let refuse = |found: String, remedy: &str| Err(Error::input(Place::file(file).at_line(line.number), found, remedy));
     let words = || ["vitreo-uq"].into_iter().chain(line.words.iter().map(String::as_str));
     let astray = Program::command().try_get_matches_from(words()).ok().and_then(|found| written_astray(&found));
     match Program::try_parse_from(words()).map(|program| program.command) {
-        Ok(Command::Tasks(_) | Command::Gather(_)) => refuse("a list of lists".into(), "write the commands themselves"),
+        Ok(Command::Tasks(_) | Command::Gather(_)) => {
+            refuse("a list cannot contain lists".into(), "write the commands themselves")
+        }
         Ok(Command::Serve(_) | Command::Workbench(_)) => {
-            refuse("this command does not end by itself".into(), "leave it out")
+            refuse("this command does not end by itself".into(), "remove the line")
         }
         Ok(_) => match astray {
             Some(path) => refuse(
-                format!("`{path}` is not below `{OUT}`, and a task writes nowhere else"),
-                "let every result of the command go below `{out}`, without `..`",
+                format!("`{path}` is not below `{OUT}`, the only place that a task may write to"),
+                "write every result of the command below `{out}`, without `..`",
             ),
             None => Ok(()),
         },
@@ -187,12 +189,12 @@ fn refuse_as_task(file: &Path, line: &Line) -> vitreo_uq::Result<()> {
             let text = error.to_string();
             let first = text.lines().next().unwrap_or_default();
             let found = first.strip_prefix("error: ").unwrap_or(first).to_string();
-            refuse(found, "write a command of this program, as `vitreo-uq --help` lists them")
+            refuse(found, "write a command that `vitreo-uq --help` lists")
         }
     }
 }
 
-/// A place that options tell a command to write to, and that is not below the directory of its task.
+/// First output path of a command line that is not below the task's directory.
 fn written_astray(found: &ArgMatches) -> Option<String> {
     if let Some((_, inner)) = found.subcommand() {
         return written_astray(inner);
@@ -206,16 +208,16 @@ fn written_astray(found: &ArgMatches) -> Option<String> {
     astray.next().map(|value| value.to_string_lossy().into_owned())
 }
 
-/// What a stopped command leaves to do.
+/// Advice after a signal has stopped the command.
 fn how_to_go_on(command: &Command) -> &'static str {
     match command {
         Command::Sample(_) => {
-            "run the same command with `--resume`, which goes on from the sampler's last saved state, if there is one"
+            "run the same command with `--resume`, which continues from the sampler's last saved state, if there is one"
         }
-        Command::Serve(_) => "run the same command again: clients find the models as they were",
-        Command::Workbench(_) => "run the same command again: what was finished is on disk",
-        Command::Groups(_) => "run the same command again: experiments that were sampled are not sampled again",
-        Command::Tasks(_) => "run the same command again: tasks whose results are there are not run again",
+        Command::Serve(_) => "run the same command again: clients find the same models",
+        Command::Workbench(_) => "run the same command again: finished results are on disk",
+        Command::Groups(_) => "run the same command again: finished experiments are not sampled again",
+        Command::Tasks(_) => "run the same command again: finished tasks are not run again",
         Command::Challenge(_) => "run the same command again: trajectories in the cache are not computed again",
         _ => "run the same command again",
     }

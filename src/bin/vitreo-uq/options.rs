@@ -1,4 +1,4 @@
-//! Arguments of all commands.
+//! Command-line options that several commands share, and the arguments of most commands.
 
 use std::path::PathBuf;
 
@@ -9,25 +9,25 @@ use vitreo_uq::sampling::SamplerOptions;
 
 use crate::report::PageArguments;
 
-/// What every command takes.
+/// Options of every command.
 #[derive(Args, Clone)]
 pub struct Common {
-    /// Experiment (directory with experiment.toml, or the TOML), or study; without it the embedded porcine replica
+    /// Experiment (a directory with experiment.toml, or that file) or study [default: the embedded porcine replica]
     #[arg(value_name = "EXPERIMENT|STUDY")]
     pub target: Option<PathBuf>,
     /// Study directory [default: vitreo-uq-out/<specimen id>]
     #[arg(long, value_name = "DIR")]
     pub out: Option<PathBuf>,
-    /// Write the result as one JSON document to a file, or alone to standard output with `-`
+    /// Write the result as one JSON document to a file, or with `-` to standard output in place of the text
     #[arg(long, value_name = "FILE|-")]
     pub json: Option<PathBuf>,
     /// Seed of all random numbers
     #[arg(long, value_name = "N", default_value_t = 1, allow_negative_numbers = true)]
     pub seed: u64,
-    /// Threads; 0 for as many as there are cores
+    /// Number of threads; 0 for as many as there are cores
     #[arg(long, value_name = "N", default_value_t = 0, allow_negative_numbers = true)]
     pub threads: usize,
-    /// No progress on standard error
+    /// Do not show progress on standard error
     #[arg(long)]
     pub quiet: bool,
     /// Replace a study or revision that was made from another input or model
@@ -35,19 +35,19 @@ pub struct Common {
     pub force: bool,
 }
 
-/// What is modelled, and how.
+/// Options of the model.
 #[derive(Args, Clone)]
 pub struct Model {
     /// Base law: lethersich, burgers, two-element, or a TOML file with a [base.network]
     #[arg(long, value_name = "LAW|FILE.toml")]
     pub base: Option<String>,
-    /// Take another program's model in place of ours: a server of UM-Bridge, whose parameters the prior names
+    /// Use the model of another program: the address of a UM-Bridge server, whose parameters the prior names
     #[arg(long, value_name = "http://HOST:PORT", conflicts_with = "base")]
     pub forward: Option<String>,
-    /// The server's model [default: `forward`, or the only one]
+    /// Name of the server's model [default: `forward`, or its only model]
     #[arg(long, value_name = "NAME", requires = "forward")]
     pub forward_model: Option<String>,
-    /// Effects to add, separated by commas: names that `effects` lists, or files that define one
+    /// Effects to add, separated by commas: names that `effects` lists, or files that define an effect
     #[arg(long, value_name = "SLUG|FILE.toml", value_delimiter = ',')]
     pub with: Vec<String>,
     /// Noise terms, separated by commas: white, ou, gain, student
@@ -55,27 +55,27 @@ pub struct Model {
     pub noise: Vec<String>,
     #[arg(long, value_name = "NAME|FILE", help = prior_help())]
     pub prior: Option<String>,
-    /// Fix a parameter (in `simulate`: give its value), or free one that is held, by NAME=free; may be repeated
+    /// Fix a parameter (in `simulate`: set its value), or free a fixed one with NAME=free; may be repeated
     #[arg(long, value_name = "NAME=VALUE")]
     pub set: Vec<String>,
-    /// Take the model of this revision of a study [default: the last]
+    /// Start from the model of this revision of a study [default: the last]
     #[arg(long, value_name = "REV")]
     pub from: Option<String>,
-    /// Gmsh 4.1 mesh of the quarter model, instead of the built-in mesh
+    /// Gmsh 4.1 mesh of the quarter model, in place of the built-in mesh
     #[arg(long, value_name = "FILE.msh")]
     pub mesh: Option<PathBuf>,
-    /// Length unit of that mesh in m
+    /// Length unit of that mesh, in m
     #[arg(long, value_name = "METRES", default_value_t = 1e-3)]
     pub mesh_unit: f64,
 }
 
-/// Help of `--prior`, with the names that there are.
+/// Help of `--prior`, with the names of the embedded priors.
 fn prior_help() -> String {
     format!("Prior: {}, or a file", PriorSet::embedded_names().collect::<Vec<_>>().join(", "))
 }
 
 impl Model {
-    /// The base law as it was asked for: its name or file, or the address of another program's, with `#` and its model's name.
+    /// Base law as given: a name or file, or another program's address with `#` and the model's name.
     pub fn law(&self) -> Option<String> {
         let model = self.forward_model.as_ref().map_or(String::new(), |name| format!("#{name}"));
         self.forward.as_ref().map(|url| format!("{url}{model}")).or_else(|| self.base.clone())
@@ -94,13 +94,13 @@ pub struct SampleArguments {
     pub model: Model,
     #[command(flatten)]
     pub page: PageArguments,
-    /// Walkers of each of the independent ensembles
+    /// Number of walkers of each of the independent ensembles
     #[arg(long, value_name = "N", default_value_t = SamplerOptions::default().n_walkers, allow_negative_numbers = true)]
     pub chains: usize,
-    /// Steps of each walker after which the run ends, converged or not
+    /// Maximum number of steps of each walker
     #[arg(long, value_name = "N", default_value_t = SamplerOptions::default().max_steps, allow_negative_numbers = true)]
     pub steps: u64,
-    /// Go on from where an interrupted run of the same command stopped
+    /// Continue an interrupted run of the same command
     #[arg(long)]
     pub resume: bool,
 }
@@ -135,7 +135,7 @@ pub struct SimulateArguments {
 /// Time integrators.
 #[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub enum Scheme {
-    /// Exact while the force holds
+    /// Exact for piecewise constant force
     Exponential,
     /// Implicit midpoint rule, second order
     Midpoint,
@@ -161,7 +161,7 @@ pub struct CompareArguments {
     pub model: Model,
     #[command(flatten)]
     pub page: PageArguments,
-    /// Simulated records by which the looks are corrected together [default: 199; beyond 15,000 fitted rows fewer, 59 at least]
+    /// Number of simulated records that correct p for all tests together [default: 199; fewer above 15,000 fitted rows, but at least 59]
     #[arg(long, value_name = "N", allow_negative_numbers = true)]
     pub simulations: Option<usize>,
 }
@@ -171,26 +171,26 @@ pub struct CompareArguments {
 pub struct DiagnoseArguments {
     #[command(flatten)]
     pub common: Common,
-    /// More experiments or studies, or a directory of them in the first one's place: what do these specimens lack together?
+    /// More experiments or studies, or one directory of them in place of the first: find the effects that these specimens lack in common
     #[arg(value_name = "DIR")]
     pub others: Vec<PathBuf>,
     #[command(flatten)]
     pub model: Model,
     #[command(flatten)]
     pub page: PageArguments,
-    /// Smallest change of a predicted position that is worth a claim, in noise standard deviations
+    /// Smallest change of a predicted position that counts as an effect, in noise standard deviations
     #[arg(long, value_name = "SIZE", default_value_t = 0.25, allow_negative_numbers = true)]
     pub smallest: f64,
-    /// Most simulated searches by which a gain is judged; of a cohort, simulated records of each record
+    /// Maximum number of simulated searches that give the p of a gain; for a cohort, the number of simulated records for each record
     #[arg(long, value_name = "N", default_value_t = 99)]
     pub simulations: usize,
-    /// Of a cohort: what groups are formed by: species, region, or both [default: species, where there are several]
+    /// Cohorts only: keys that define the groups: species, region, or both [default: species, if there are several]
     #[arg(long, value_name = "KEYS", value_delimiter = ',')]
     pub by: Vec<String>,
-    /// Of a cohort: ratios of sizes within 1 + MARGIN of 1 are no difference in practice
+    /// Cohorts only: ratios of sizes within 1 + MARGIN of 1 count as no difference in practice
     #[arg(long, value_name = "MARGIN", default_value_t = 0.2, allow_negative_numbers = true)]
     pub margin: f64,
-    /// Of a cohort: leave out a record (its directory or the directory's name) or a specimen (its id); may be repeated
+    /// Cohorts only: leave out a record (its directory or the directory's name) or a specimen (its id); may be repeated
     #[arg(long, value_name = "NAME")]
     pub leave_out: Vec<String>,
 }
@@ -200,20 +200,20 @@ pub struct DiagnoseArguments {
 pub struct LearnArguments {
     #[command(flatten)]
     pub common: Common,
-    /// More experiments or studies, or a directory of them in the first one's place: learnt from half of them, confirmed on the others
+    /// More experiments or studies, or one directory of them in place of the first: learn from half of them, and confirm on the others
     #[arg(value_name = "DIR")]
     pub others: Vec<PathBuf>,
     #[command(flatten)]
     pub model: Model,
     #[command(flatten)]
     pub page: PageArguments,
-    /// Most simulated searches by which a gain is judged
+    /// Maximum number of simulated searches that give the p of a gain
     #[arg(long, value_name = "N", default_value_t = 99)]
     pub simulations: usize,
-    /// Learn from the first N cycles and score all later ones [default: all but the last held-out one, which is scored]
+    /// Learn from the first N cycles and score all later ones [default: score the last held-out cycle and learn from all others]
     #[arg(long, value_name = "N")]
     pub first_cycles: Option<u32>,
-    /// Functions of a state may only rise or only fall, as damage or hardening does
+    /// Allow only functions of a state that rise or fall throughout, as for damage or hardening
     #[arg(long)]
     pub monotone: bool,
 }
@@ -223,17 +223,17 @@ pub struct LearnArguments {
 pub struct ExtendArguments {
     #[command(flatten)]
     pub common: Common,
-    /// More experiments or studies, or a directory of them in the first one's place: each is extended alike
+    /// More experiments or studies, or one directory of them in place of the first: extend each in the same way
     #[arg(value_name = "DIR")]
     pub others: Vec<PathBuf>,
     #[command(flatten)]
     pub model: Model,
     #[command(flatten)]
     pub page: PageArguments,
-    /// Walkers of each of the independent ensembles
+    /// Number of walkers of each of the independent ensembles
     #[arg(long, value_name = "N", default_value_t = SamplerOptions::default().n_walkers, allow_negative_numbers = true)]
     pub chains: usize,
-    /// Steps of each walker after which a run ends, converged or not
+    /// Maximum number of steps of each walker
     #[arg(long, value_name = "N", default_value_t = SamplerOptions::default().max_steps, allow_negative_numbers = true)]
     pub steps: u64,
 }
@@ -247,10 +247,10 @@ pub struct LadderArguments {
     pub model: Model,
     #[command(flatten)]
     pub page: PageArguments,
-    /// Walkers of each of the independent ensembles
+    /// Number of walkers of each of the independent ensembles
     #[arg(long, value_name = "N", default_value_t = SamplerOptions::default().n_walkers, allow_negative_numbers = true)]
     pub chains: usize,
-    /// Steps of each walker after which a run ends, converged or not
+    /// Maximum number of steps of each walker
     #[arg(long, value_name = "N", default_value_t = SamplerOptions::default().max_steps, allow_negative_numbers = true)]
     pub steps: u64,
 }
@@ -258,54 +258,54 @@ pub struct LadderArguments {
 /// Arguments of `corner`.
 #[derive(Args)]
 pub struct CornerArguments {
-    /// Studies (their last revision is taken), revisions (study/m0), or CSV files of draws with one column a parameter
+    /// Studies (their last revision is used), revisions (study/m0), or CSV files of draws with one column per parameter
     /// [default: the study of the embedded porcine replica]
     #[arg(value_name = "STUDY|REVISION|DRAWS.csv")]
     pub paths: Vec<PathBuf>,
-    /// Where the figure goes, without extension: FILE.svg and FILE.png are written
+    /// File name of the figure without extension; FILE.svg and FILE.png are written
     #[arg(long, value_name = "FILE", default_value = "corner")]
     pub out: PathBuf,
-    /// Mark a value of a parameter; may be repeated
+    /// Mark this value of a parameter; may be repeated
     #[arg(long, value_name = "NAME=VALUE")]
     pub reference: Vec<String>,
-    /// Write what was drawn and where as one JSON document to a file, or alone to standard output with `-`
+    /// Write the list of posteriors and files as one JSON document to a file, or with `-` to standard output in place of the text
     #[arg(long, value_name = "FILE|-")]
     pub json: Option<PathBuf>,
-    /// Do not say where the figure went
+    /// Do not print the path of the figure
     #[arg(long)]
     pub quiet: bool,
 }
 
-/// The sampler's settings from the options; `threads` as [`use_threads`] gives them.
+/// Sampler settings from the options; `threads` is the result of [`use_threads`].
 pub fn sampler(chains: usize, steps: u64, seed: u64, threads: usize) -> SamplerOptions {
     SamplerOptions { n_walkers: chains, max_steps: steps, seed, threads, ..SamplerOptions::default() }
 }
 
-/// The same for commands that have no options for it.
+/// Sampler settings of commands that have no options for them.
 pub fn default_sampler(seed: u64, threads: usize) -> SamplerOptions {
     SamplerOptions { seed, threads, ..SamplerOptions::default() }
 }
 
-/// Most simulations: a probability of a thousandth is known to a tenth of itself by them.
+/// Maximum number of simulations. They determine a probability of 0.001 to within a tenth of its value.
 const MOST_SIMULATIONS: usize = 100_000;
 
-/// Refuses fewer simulations than can show the smallest p that a command asks for, and more than any question needs.
+/// Refuses too few simulations for the smallest p of a command, and more simulations than are useful.
 pub fn check_simulations(simulations: usize, fewest: usize) -> vitreo_uq::Result<()> {
     let (found, remedy) = if simulations < fewest {
         (
-            format!("{simulations} simulations cannot show a p as small as is asked for"),
+            format!("{simulations} simulations cannot resolve the p that this command requires"),
             format!("give at least {fewest}"),
         )
     } else if simulations > MOST_SIMULATIONS {
-        (format!("{simulations} simulations"), format!("give at most {MOST_SIMULATIONS}; hundreds are usual"))
+        (format!("{simulations} simulations"), format!("give at most {MOST_SIMULATIONS}; a few hundred are usual"))
     } else {
         return Ok(());
     };
     Err(Error::input(Place::default().at_key("--simulations"), found, remedy))
 }
 
-/// Uses so many threads everywhere (0: as many as the environment says, or as there are cores), at most one a core: more would only get in each
-/// other's way. Returns how many.
+/// Sets the number of threads and returns it; 0 means the environment's number, or all cores. The number is at most that of the cores, because more would
+/// only slow each other down.
 pub fn use_threads(threads: usize) -> vitreo_uq::Result<usize> {
     let cores = std::thread::available_parallelism().map_or(1, usize::from);
     let asked = match threads {
@@ -317,7 +317,7 @@ pub fn use_threads(threads: usize) -> vitreo_uq::Result<usize> {
     };
     let threads = asked.map_or(cores, |asked| asked.min(cores));
     rayon::ThreadPoolBuilder::new().num_threads(threads).build_global().map_err(|error| {
-        vitreo_uq::Error::numerical(format!("no threads to be had: {error}"), "use fewer threads (--threads)")
+        vitreo_uq::Error::numerical(format!("the threads cannot be started: {error}"), "use fewer threads (--threads)")
     })?;
     Ok(threads)
 }

@@ -1,4 +1,4 @@
-//! Where a command's result goes: words to standard output, JSON where it is asked for.
+//! Output of a command's result: text to standard output, JSON to a file or standard output.
 
 use std::io::Write;
 use std::path::Path;
@@ -8,7 +8,7 @@ use serde::Serialize;
 use vitreo_uq::base::error::{Error, Place, Result};
 use vitreo_uq::base::files::write_json_atomically;
 
-/// Refuses a place for the document that cannot be written, before hours of work rather than after.
+/// Refuses a path for the document that cannot be written, before hours of work.
 pub fn check(json: Option<&Path>) -> Result<()> {
     let Some(path) = json.filter(|path| *path != Path::new("-")) else { return Ok(()) };
     let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
@@ -22,7 +22,7 @@ pub fn check(json: Option<&Path>) -> Result<()> {
     ))
 }
 
-/// A file is replaced whole, through a link if there is one; a pipe or a device is written to.
+/// Writes a document. A file is replaced as a whole, through a link if there is one; a pipe or device is written to directly.
 fn write_document(path: &Path, document: &impl Serialize) -> Result<()> {
     let target = std::fs::canonicalize(path).unwrap_or_else(|_| path.to_path_buf());
     let is_special = std::fs::metadata(&target).is_ok_and(|metadata| !metadata.is_file());
@@ -32,18 +32,21 @@ fn write_document(path: &Path, document: &impl Serialize) -> Result<()> {
     let refused = |source| Error::at_path("write", &target, source, "give a regular file, or `-` for standard output");
     let mut file = std::fs::OpenOptions::new().write(true).open(&target).map_err(refused)?;
     let json = serde_json::to_vec_pretty(document).map_err(|error| {
-        Error::numerical(format!("the result is no JSON: {error}"), "report the command that was run")
+        Error::numerical(format!("the result cannot be written as JSON: {error}"), "report the command that was run")
     })?;
     file.write_all(&json).and_then(|()| file.write_all(b"\n")).map_err(refused)
 }
 
-/// Prints the words, or with `--json -` the document alone; writes the document where `--json FILE` says.
+/// Prints the text, or with `--json -` only the document; with `--json FILE` also writes the document.
 pub fn show(json: Option<&Path>, document: &impl Serialize, words: &str) -> Result<()> {
     let text = match json {
         Some(path) if path == Path::new("-") => {
             let json = serde_json::to_string_pretty(document);
             json.map_err(|error| {
-                Error::numerical(format!("the result is no JSON: {error}"), "report the command that was run")
+                Error::numerical(
+                    format!("the result cannot be written as JSON: {error}"),
+                    "report the command that was run",
+                )
             })? + "\n"
         }
         Some(path) => {
@@ -59,7 +62,7 @@ pub fn show(json: Option<&Path>, document: &impl Serialize, words: &str) -> Resu
 pub fn print(text: &str) -> Result<()> {
     let mut out = std::io::stdout().lock();
     match out.write_all(text.as_bytes()).and_then(|()| out.flush()) {
-        // A reader such as `head` may close the pipe early.
+        // A reader such as `head` may close the pipe before the end.
         Err(error) if error.kind() != std::io::ErrorKind::BrokenPipe => {
             Err(Error::at_path("write", "standard output", error, "send the output elsewhere"))
         }
@@ -67,7 +70,7 @@ pub fn print(text: &str) -> Result<()> {
     }
 }
 
-/// Says where results went, and how long they took.
+/// Prints the path of the results and the duration.
 pub fn say_where(quiet: bool, place: &Path, began: Instant) {
     if !quiet {
         let seconds = began.elapsed().as_secs_f64();

@@ -1,17 +1,17 @@
-//! Questions to whoever sits at the terminal.
+//! Questions to the user at the terminal.
 
 use std::io::{IsTerminal, Write};
 use std::path::Path;
 
 use vitreo_uq::record::table::Question;
 
-/// Whether somebody can be asked: a terminal to read from and one to write to, and a command that is neither silent nor read by a program.
+/// Returns whether questions can be asked: input and output are terminals, and neither `--quiet` nor `--json -` is given.
 pub fn may_be_asked(quiet: bool, json: Option<&Path>) -> bool {
     let is_read_by_a_program = json == Some(Path::new("-"));
     !quiet && !is_read_by_a_program && std::io::stdin().is_terminal() && std::io::stderr().is_terminal()
 }
 
-/// Asks until the answer is one of those that there are; `None` at the end of the input.
+/// Asks until the answer is one of the choices. Returns `None` at the end of the input.
 pub fn ask(question: &Question) -> Option<String> {
     answer(question, &mut std::io::stdin().lock(), &mut std::io::stderr().lock())
 }
@@ -33,7 +33,7 @@ fn answer(question: &Question, input: &mut dyn std::io::BufRead, output: &mut dy
             _ if choices.is_empty() || choices.iter().chain(also).any(|choice| choice == said) => {
                 return Some(said.into());
             }
-            _ => writeln!(output, "`{said}` is none of them.").ok()?,
+            _ => writeln!(output, "`{said}` is not one of the choices.").ok()?,
         }
     }
 }
@@ -54,7 +54,7 @@ mod tests {
         assert_eq!(answered("\n").0.as_deref(), Some("uN"));
         let (said, shown) = answered("kg\n mN \n");
         assert_eq!(said.as_deref(), Some("mN"));
-        assert_eq!(shown, "unit (mN, uN) [uN]: `kg` is none of them.\nunit (mN, uN) [uN]: ");
+        assert_eq!(shown, "unit (mN, uN) [uN]: `kg` is not one of the choices.\nunit (mN, uN) [uN]: ");
         assert_eq!(answered("1\n").0.as_deref(), Some("1"));
         assert_eq!(answered("").0, None);
     }

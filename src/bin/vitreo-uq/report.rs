@@ -1,4 +1,4 @@
-//! `report`: a study, or what `groups`, `shapes` or `challenge run` wrote, as one page for a browser.
+//! `report`: writes a study, or the results of `groups`, `shapes` or `challenge run`, as one HTML page.
 
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -16,18 +16,18 @@ use crate::challenge_words::page_of_plays;
 /// Arguments of `report`.
 #[derive(Args)]
 pub struct ReportArguments {
-    /// The study, the directory that `groups` or `shapes` wrote, or the document of `challenge run`
+    /// Study, directory that `groups` or `shapes` wrote, or document of `challenge run`
     #[arg(value_name = "STUDY")]
     pub study: PathBuf,
-    /// The page [default: report.html in the study or directory, or beside the document]
+    /// Path of the page [default: report.html in the study or directory, or beside the document]
     #[arg(long, value_name = "FILE.html")]
     pub out: Option<PathBuf>,
-    /// Do not say where the page went
+    /// Do not print the path of the page
     #[arg(long)]
     pub quiet: bool,
 }
 
-/// Whether a command that changes a study writes its page anew.
+/// Option of commands that change a study: whether they update its page.
 #[derive(Args)]
 pub struct PageArguments {
     /// Do not write the study's report.html
@@ -46,12 +46,17 @@ pub fn run(arguments: &ReportArguments) -> Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// The page of what `challenge run` wrote.
+/// Writes the page of a document of `challenge run`.
 fn of_plays(document: &Path, out: Option<&Path>) -> Result<PathBuf> {
-    let bytes = files::read(document, Content::Document, "give a study, or what `challenge run --json FILE` wrote")?;
+    let bytes =
+        files::read(document, Content::Document, "give a study, or the file that `challenge run --json FILE` wrote")?;
     let plays: WithProvenance<Plays> = serde_json::from_slice(&bytes).map_err(|error| {
-        let remedy = "give a study, or what `challenge run --json FILE` wrote";
-        Error::input(Place::file(document).at_line(error.line()), format!("this is no such document: {error}"), remedy)
+        let remedy = "give a study, or the file that `challenge run --json FILE` wrote";
+        Error::input(
+            Place::file(document).at_line(error.line()),
+            format!("this is not a document of `challenge run`: {error}"),
+            remedy,
+        )
     })?;
     let Provenance { version, seed, inputs_sha256, .. } = plays.provenance;
     let html = page::plays(&page_of_plays(&plays.body.tally), &Origin { version, seed, inputs_sha256 });
@@ -60,7 +65,7 @@ fn of_plays(document: &Path, out: Option<&Path>) -> Result<PathBuf> {
     Ok(place)
 }
 
-/// Writes the page of a study that has just been changed. The results are there already, so that a page that cannot be written is said and no more.
+/// Updates the page of a changed study. The results are already on disk, so a page that cannot be written causes only a message.
 pub fn refresh(study: &Study, arguments: &PageArguments, quiet: bool) {
     if arguments.no_report {
         return;

@@ -1,4 +1,4 @@
-//! `sample`: from a measurement to a posterior that full finite elements have checked.
+//! `sample`: estimates the posterior from a measurement, and checks it with full finite elements.
 
 use std::process::ExitCode;
 

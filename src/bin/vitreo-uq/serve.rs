@@ -1,4 +1,4 @@
-//! `serve`: the models of a study for other programs, by the protocol of UM-Bridge.
+//! `serve`: offers the models of a study to other programs by the UM-Bridge protocol.
 
 use std::net::{IpAddr, Ipv4Addr};
 use std::path::PathBuf;
@@ -36,22 +36,22 @@ use crate::{http, output};
 /// Arguments of `serve`.
 #[derive(Args)]
 pub struct ServeArguments {
-    /// Experiment (directory with experiment.toml, or the TOML), or study, whose last revision is served; without it the embedded porcine replica
+    /// Experiment (a directory with experiment.toml, or that file) or study, whose last revision is served [default: the embedded porcine replica]
     #[arg(value_name = "EXPERIMENT|STUDY")]
     target: Option<PathBuf>,
-    /// Port; 0 for any that is free
+    /// Port; 0 for any free port
     #[arg(long, value_name = "N", default_value_t = 4242)]
     port: u16,
-    /// Address to listen on, where others than this machine shall reach the models: the protocol knows no password
+    /// Address to listen on, if other machines need the models; the protocol has no password
     #[arg(long, value_name = "ADDRESS", default_value_t = IpAddr::V4(Ipv4Addr::LOCALHOST))]
     host: IpAddr,
-    /// A further name under which the server may be asked, beside addresses, localhost and this machine's name; may be repeated
+    /// Further host name that requests may use, besides addresses, localhost and this machine's name; may be repeated
     #[arg(long, value_name = "NAME")]
     allow_host: Vec<String>,
-    /// Requests that are answered at once; 0 for as many as there are cores
+    /// Number of requests to process at once; 0 for as many as there are cores
     #[arg(long, value_name = "N", default_value_t = 0, allow_negative_numbers = true)]
     threads: usize,
-    /// No progress on standard error, and the link alone on standard output
+    /// Do not show progress on standard error, and print only the link on standard output
     #[arg(long)]
     quiet: bool,
     #[command(flatten)]
@@ -73,7 +73,7 @@ pub fn run(arguments: &ServeArguments) -> Result<ExitCode> {
     target.experiment = as_fitted(target.experiment, revision.as_deref());
     let problem = target.problem(&terminal)?;
     let kept = target.existing_study().and_then(|study| kept_surrogate(study, &terminal));
-    // It is served until the program ends, by tasks of which none ends before.
+    // The model is used until the program ends, by tasks that never end earlier.
     let model: &'static PreparedModel = Box::leak(Box::new(PreparedModel::new(&problem, kept, &terminal)?));
     let models = Arc::new(Models::new(model)?);
     let check = model.check_now(&terminal)?;
@@ -85,9 +85,9 @@ pub fn run(arguments: &ServeArguments) -> Result<ExitCode> {
     if !quiet {
         output::print(&words(model, &models, check))?;
         if !address.ip().is_loopback() {
-            say("note: other machines reach these models, and whoever does may have this one compute");
+            say("note: other machines can reach these models and use this machine's processors");
         }
-        say("Serving; Ctrl-C ends it.");
+        say("Serving; Ctrl-C ends the server.");
     }
     let refused = |error| Error::at_path("serve", address.to_string(), error, "start the command again");
     let guard = Guard::of(address, &arguments.allow_host);
@@ -95,11 +95,11 @@ pub fn run(arguments: &ServeArguments) -> Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// What an endpoint needs.
+/// State shared by the endpoints.
 #[derive(Clone)]
 struct Shared {
     models: Arc<Models<'static>>,
-    /// As many as are answered at once.
+    /// Limits the number of requests processed at once.
     free: Arc<Semaphore>,
 }
 
@@ -111,7 +111,7 @@ fn router(models: Arc<Models<'static>>, threads: usize, names: Guard) -> Router 
         let answer = move |body: Bytes| answer(shared, endpoint, body);
         if endpoint == Endpoint::Info { get(answer) } else { post(answer) }
     };
-    let nothing = || async { (StatusCode::NOT_FOUND, "This is a server of UM-Bridge models: ask for /Info.\n") };
+    let nothing = || async { (StatusCode::NOT_FOUND, "This is a server of UM-Bridge models. Request /Info.\n") };
     let routes = Endpoint::ALL.into_iter();
     let router = routes.fold(Router::new(), |router, own| router.route(own.path(), endpoint(own)));
     let guarded = middleware::from_fn_with_state(names, guard);
@@ -122,7 +122,7 @@ fn router(models: Arc<Models<'static>>, threads: usize, names: Guard) -> Router 
         .layer(guarded)
 }
 
-/// Answers beside the server: what takes long keeps nobody from being heard.
+/// Computes a response on a thread of its own, so that long requests do not block the server.
 async fn answer(shared: Shared, endpoint: Endpoint, body: Bytes) -> Response {
     let Shared { models, free } = shared;
     // The semaphore is never closed.
@@ -134,7 +134,7 @@ async fn answer(shared: Shared, endpoint: Endpoint, body: Bytes) -> Response {
         http::json_body(status, &answer.body)
     };
     tokio::task::spawn_blocking(work).await.unwrap_or_else(|_| {
-        let error = json!({ "error": { "type": "InvalidOutput", "message": "this broke the model; the server's log says why" } });
+        let error = json!({ "error": { "type": "InvalidOutput", "message": "this request made the model fail; the reason is in the server's log" } });
         http::json_body(StatusCode::INTERNAL_SERVER_ERROR, &error)
     })
 }
@@ -171,27 +171,28 @@ fn words(model: &PreparedModel, models: &Models, check: Option<Verification>) ->
     }
     lines.push(String::new());
     lines.push(format!(
-        "trajectory: [[inputs 1 to {n}]] → [[{} positions in um, one a row of the record]]",
+        "trajectory: [[inputs 1 to {n}]] → [[{} positions in um, one for each row of the record]]",
         models.n_rows()
     ));
     if let Some(Verification { n_runs, relative_error }) = check {
         lines.push(
-            "  config {\"model\": \"reduced\"} (unless said), or {\"model\": \"full\"} for full finite elements;"
+            "  config {\"model\": \"reduced\"} (default) for the surrogate, or {\"model\": \"full\"} for full finite elements;"
                 .into(),
         );
         lines.push(match n_runs {
-            0 => "  the two could not be compared: the model has no trajectory at the points that were tried.".into(),
+            0 => "  the two could not be compared: the model has no trajectory at the points tried.".into(),
             _ => format!(
-                "  the two differ by up to {relative_error:.0e} of the amplitude: {n_runs} points of the prior were run in full just now."
+                "  the two differ by up to {relative_error:.0e} of the amplitude, measured at {n_runs} points of the prior."
             ),
         });
     }
     lines.push(format!(
-        "posterior: [[inputs 1 to {}]] → [[ln(prior × likelihood), over the inputs as they are]]",
+        "posterior: [[inputs 1 to {}]] → [[ln(prior × likelihood), as a density over these inputs]]",
         inputs.len()
     ));
-    lines.push(format!("  config {{\"points\": N}} for N points one after another, {MOST_POINTS} at most;"));
-    lines.push(format!("  {OUTSIDE:e} stands for −∞: outside from … to, and where an effect has no model."));
-    lines.push("Gradient and ApplyJacobian are there for both, by the reduced model; ApplyHessian is not.".into());
+    lines.push(format!("  config {{\"points\": N}} for N points in sequence, at most {MOST_POINTS};"));
+    lines.push(format!("  {OUTSIDE:e} means −∞: outside the range of an input, or where an effect has no model."));
+    lines
+        .push("Gradient and ApplyJacobian work for both, through the surrogate; ApplyHessian is not supported.".into());
     lines.join("\n") + "\n"
 }

@@ -1,4 +1,4 @@
-//! How every command begins and ends: threads, terminal and target from the arguments; results to where the user wants them.
+//! Start and end of every command: takes threads, terminal and target from the arguments, and writes results to their places.
 
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -20,14 +20,14 @@ use crate::terminal::Terminal;
 pub struct Session<'a> {
     began: Instant,
     common: &'a Common,
-    /// Threads in use.
+    /// Number of threads in use.
     pub threads: usize,
-    /// Who watches.
+    /// Progress display and warnings.
     pub terminal: Terminal,
 }
 
 impl<'a> Session<'a> {
-    /// Refuses a place for the document that cannot be written, and takes the threads.
+    /// Starts a command: checks that the document can be written, and sets the number of threads.
     pub fn begin(common: &'a Common) -> Result<Self> {
         let began = Instant::now();
         let threads = options::use_threads(common.threads)?;
@@ -35,32 +35,32 @@ impl<'a> Session<'a> {
         Ok(Self { began, common, threads, terminal: Terminal::new(common.quiet) })
     }
 
-    /// The sampler's settings of a command that has no options for them.
+    /// Sampler settings of a command without options for them.
     pub fn default_sampler(&self) -> SamplerOptions {
         options::default_sampler(self.common.seed, self.threads)
     }
 
-    /// What the command works on; `taken` are the sorts of targets that it takes beside a creep record.
+    /// Opens the target of the command; `taken` lists the kinds of targets that it accepts besides a creep record.
     pub fn open(&self, model: &Model, others: &[PathBuf], taken: &[Kind]) -> Result<Target> {
         Target::open(target_request(self.common, model, others), taken, None, &self.terminal)
     }
 
-    /// What `sample` works on: the model is that of a study's m0, which it makes anew.
+    /// Opens the target of `sample`, which recreates the study's revision m0 with its model.
     pub fn open_first(&self, model: &Model, others: &[PathBuf], taken: &[Kind]) -> Result<Target> {
         Target::open(target_request(self.common, model, others), taken, Some(FIRST_REVISION), &self.terminal)
     }
 
-    /// The sampler's settings of a command that has options for them.
+    /// Sampler settings of a command with options for them.
     pub fn sampler(&self, chains: usize, steps: u64) -> SamplerOptions {
         options::sampler(chains, steps, self.common.seed, self.threads)
     }
 
-    /// Which sort of target that will be.
+    /// Returns the kind of the target.
     pub fn kind(&self, others: &[PathBuf], taken: &[Kind]) -> Kind {
         Kind::of(&paths(self.common, others), taken)
     }
 
-    /// Shows what a command led to, says where it is, and writes the page of the study that was changed.
+    /// Prints the result and its path, and updates the page of the changed study.
     pub fn end<D: Serialize>(
         &self,
         outcome: &Outcome<D>,
@@ -76,13 +76,13 @@ impl<'a> Session<'a> {
         Ok(ExitCode::from(u8::from(!outcome.is_sound)))
     }
 
-    /// Ends progress, and shows a document and its words where the user wants them.
+    /// Ends the progress display, then prints or writes the document and its text.
     pub fn show(&self, document: &impl Serialize, words: &str) -> Result<()> {
         self.terminal.finish();
         crate::output::show(self.common.json.as_deref(), document, words)
     }
 
-    /// Says something beside the result, unless the user wants quiet.
+    /// Prints a message on standard error, unless the user wants quiet.
     pub fn say(&self, text: &str) {
         if !self.common.quiet {
             crate::interrupt::say(text);
@@ -90,10 +90,10 @@ impl<'a> Session<'a> {
     }
 }
 
-/// What [`Session::end`] calls a revision and all that is in it.
+/// Label of the path of a revision with all its files.
 pub const RESULTS: &str = "Results and figures";
 
-/// What the user named.
+/// Target as given by the user.
 pub fn target_request(common: &Common, model: &Model, others: &[PathBuf]) -> TargetRequest {
     TargetRequest {
         paths: paths(common, others),

@@ -1,8 +1,8 @@
-//! The options of the library's settings: errors of this program name options.
+//! Options that correspond to the library's settings. Errors of this program name options.
 
 use vitreo_uq::base::error::Setting;
 
-/// The option that sets a setting.
+/// Returns the option that sets a setting.
 pub fn option(setting: Setting) -> &'static str {
     match setting {
         Setting::Base => "--base",

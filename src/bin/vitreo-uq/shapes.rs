@@ -1,4 +1,4 @@
-//! `shapes`: the paper's study of robot shapes, with posterior uncertainty.
+//! `shapes`: repeats the paper's study of robot shapes, with posterior uncertainty.
 
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -30,45 +30,45 @@ use crate::shapes_words;
 /// Arguments of `shapes`.
 #[derive(Args)]
 pub struct ShapesArguments {
-    /// Experiment (directory with experiment.toml, or the TOML), or study; without it the embedded porcine replica
+    /// Experiment (a directory with experiment.toml, or that file) or study [default: the embedded porcine replica]
     #[arg(value_name = "EXPERIMENT|STUDY")]
     target: Option<PathBuf>,
     /// Study directory [default: vitreo-uq-out/<specimen id>]
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
-    /// Write the result as one JSON document to a file, or alone to standard output with `-`
+    /// Write the result as one JSON document to a file, or with `-` to standard output in place of the text
     #[arg(long, value_name = "FILE|-")]
     json: Option<PathBuf>,
     /// Seed of all random numbers
     #[arg(long, value_name = "N", default_value_t = 1, allow_negative_numbers = true)]
     seed: u64,
-    /// Threads; 0 for as many as there are cores
+    /// Number of threads; 0 for as many as there are cores
     #[arg(long, value_name = "N", default_value_t = 0, allow_negative_numbers = true)]
     threads: usize,
-    /// No progress on standard error
+    /// Do not show progress on standard error
     #[arg(long)]
     quiet: bool,
     #[command(flatten)]
     model: Model,
-    /// Length to diameter, and long to short semi-axis; several, separated by commas, are compared, the first is the study's
+    /// Aspect ratios, separated by commas: length to diameter of cylinders, long to short semi-axis of ellipsoids; the study uses the first and compares the others
     #[arg(long, value_name = "RATIO", default_values_t = [PAPER_ASPECT], value_delimiter = ',', allow_negative_numbers = true)]
     aspect: Vec<f64>,
-    /// Amplitude of the force in µN, or several [default: the experiment's]
+    /// Force amplitude in µN, or several, separated by commas [default: the experiment's]
     #[arg(long, value_name = "MICRONEWTON", value_delimiter = ',', allow_negative_numbers = true)]
     force_un: Vec<f64>,
     /// Replace a study or revision that was made from another input or model
     #[arg(long, value_name = "", num_args = 0..=1, allow_negative_numbers = true)]
     force: Option<Option<String>>,
-    /// Poisson ratio, or several [default: the experiment's]
+    /// Poisson ratio, or several, separated by commas [default: the experiment's]
     #[arg(long, value_name = "RATIO", value_delimiter = ',', allow_negative_numbers = true)]
     poisson: Vec<f64>,
-    /// How far the longest robot must move within a hold, in mm
+    /// Required displacement of the longest robot within a hold, in mm
     #[arg(long, value_name = "MILLIMETRE", default_value_t = 0.5, allow_negative_numbers = true)]
     distance: f64,
 }
 
 impl ShapesArguments {
-    /// What every command takes. What follows `--force` was a force once: a number there is refused, anything else is the target.
+    /// Options of every command. A number after `--force` is refused, because the user may mean `--force-un`; any other text after it is the target.
     fn common(&self) -> Result<Common> {
         let Self { target, out, json, seed, threads, quiet, .. } = self;
         let (mut target, out, json) = (target.clone(), out.clone(), json.clone());
@@ -76,8 +76,10 @@ impl ShapesArguments {
             if target.is_some() || text.split(',').all(|part| part.trim().parse::<f64>().is_ok()) {
                 return Err(Error::input(
                     Place::default().at_key("--force"),
-                    format!("`{text}` follows it, and `--force` replaces a study that was made from another input"),
-                    format!("give forces in µN by `--force-un {text}`"),
+                    format!(
+                        "`--force` takes no number such as `{text}`; it replaces a study that was made from another input"
+                    ),
+                    format!("give forces in µN with `--force-un {text}`"),
                 ));
             }
             target = Some(PathBuf::from(text));
@@ -86,11 +88,11 @@ impl ShapesArguments {
     }
 }
 
-/// The sphere of the paper, where the experiment's robot is none, in m.
+/// Diameter of the paper's sphere in m, used if the experiment's robot is not a sphere.
 const PAPER_DIAMETER_M: f64 = 0.55e-3;
-/// A hold of the paper's cycle, in s.
+/// Duration of a hold in the paper's cycle, in s.
 const HOLD_S: f64 = 5.0;
-/// Posterior draws that are carried through.
+/// Number of posterior draws to propagate.
 const N_DRAWS: usize = 1_000;
 
 pub fn run(arguments: &ShapesArguments) -> Result<ExitCode> {
@@ -98,7 +100,7 @@ pub fn run(arguments: &ShapesArguments) -> Result<ExitCode> {
     check(arguments)?;
     let session = Session::begin(common)?;
     let terminal = &session.terminal;
-    // The mesh is of a body to compare: the gel comes from the experiment with its own robot.
+    // The option's mesh is a body to compare. The experiment's gel is modelled with its own robot.
     let model = Model { mesh: None, ..arguments.model.clone() };
     let revision = session.open(&model, &[], &[])?.creep()?.revision(session.default_sampler(), terminal)?;
     let (request, warnings) = request(arguments, &revision)?;
@@ -140,7 +142,7 @@ fn request(arguments: &ShapesArguments, revision: &Revision) -> Result<(ShapesRe
     let Apparatus::Robot { robot, vitreous } = &experiment.apparatus else {
         return Err(Error::input(
             Place::file(revision.study.dir().join("experiment.toml")).at_key("instrument"),
-            "shapes need the size of the gel around the robot, and this experiment is another instrument's",
+            "shapes need the size of the gel around the robot, which an experiment with [instrument] does not give",
             "give an experiment with [robot] and [vitreous], or none for the embedded replica",
         ));
     };
@@ -178,7 +180,7 @@ fn request(arguments: &ShapesArguments, revision: &Revision) -> Result<(ShapesRe
     Ok((request, warnings))
 }
 
-/// The forces (N) of the sweep.
+/// Forces of the sweep, in N.
 fn forces_n(arguments: &ShapesArguments, request: &ShapesRequest) -> Vec<f64> {
     match &arguments.force_un[..] {
         [] => vec![request.force_n],
@@ -186,13 +188,13 @@ fn forces_n(arguments: &ShapesArguments, request: &ShapesRequest) -> Vec<f64> {
     }
 }
 
-/// Posterior draws of the revision as creep compliances, and the law's parameters at their mean; none without draws.
+/// Creep compliances of the revision's posterior draws, and the law's parameters at their mean; `None` if there are no draws.
 fn laws(revision: &Revision) -> Result<(Vec<CreepCompliance>, Option<Vec<Dual>>)> {
     let model = &revision.problem.model;
     if !model.effects().is_empty() || !model.base().is_exponential() {
         return Err(Error::input(
             Place::file(revision.study.dir()).at_key(&revision.name),
-            "shapes are compared in a gel of springs and dashpots alone, and this revision's model is more",
+            "shapes are compared in a gel of springs and dashpots alone, but this revision has further effects",
             "choose a revision without effects (--from m0)",
         ));
     }

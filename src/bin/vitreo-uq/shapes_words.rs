@@ -1,4 +1,4 @@
-//! What `shapes` says.
+//! Text that `shapes` prints.
 
 use std::collections::BTreeSet;
 
@@ -6,7 +6,7 @@ use vitreo_uq::documents::shapes::{
     BodySummary, Claim, Displacement, LargeStrains, OwnBody, Shape, ShapesSummary, SweepSummary,
 };
 
-/// The study in words and tables.
+/// Text and tables of the study.
 pub fn words(summary: &ShapesSummary) -> String {
     let mut lines = vec![format!(
         "Aspect ratio {:.3}, Poisson ratio {}, gel of {} mm, force ±{} µN",
@@ -21,7 +21,7 @@ pub fn words(summary: &ShapesSummary) -> String {
         lines.extend(sweep(&summary.sweep));
     }
     lines.push(String::new());
-    lines.push("The paper says that:".into());
+    lines.push("Claims of the paper:".into());
     lines.extend(summary.claims.iter().map(claim));
     lines.extend(changing_claims(&summary.sweep));
     if let Some(large) = &summary.large_strains {
@@ -54,7 +54,7 @@ fn moved(own: Displacement) -> String {
 fn bodies(summary: &ShapesSummary) -> Vec<String> {
     let mut lines = vec![format!(
         "  {:<24}{:>10}{:>11}{:>10}{:>10}{:>10}{:>24}",
-        "body", "stiffness", "/ sphere", "surface", "error", "3D − it", "displacement after 5 s"
+        "body", "stiffness", "/ sphere", "surface", "error", "3D − 2D", "displacement after 5 s"
     )];
     let mut rule = None;
     for body in &summary.bodies {
@@ -81,7 +81,7 @@ fn own_body(own: &OwnBody) -> Vec<String> {
     vec![
         format!("  your mesh: a body of {:.4} mm² and {:.5} mm³", own.surface_area_mm2, own.volume_mm3),
         format!(
-            "    {:<22}{:>7.4} mm{:>11.4} of the sphere of its volume, {:.4} of the sphere of its surface; {}",
+            "    {:<22}{:>7.4} mm{:>11.4} times the sphere of equal volume, {:.4} times the sphere of equal surface; {}",
             "",
             1e3 * own.stiffness_m,
             own.ratio_to_sphere_of_equal_volume,
@@ -98,11 +98,11 @@ fn meshes(summary: &ShapesSummary) -> Vec<String> {
     let flattest = built_in().map(|mesh| mesh.smallest_scaled_jacobian).fold(1.0, f64::min);
     let slenderest = built_in().map(|mesh| mesh.largest_aspect).fold(1.0, f64::max);
     let mut lines = vec![format!(
-        "3D meshes: {fewest} to {most} unknowns, scaled Jacobians from {flattest:.2}, sides of elements up to {slenderest:.0} : 1"
+        "3D meshes: {fewest} to {most} unknowns, scaled Jacobians from {flattest:.2}, aspect ratios of elements up to {slenderest:.0} : 1"
     )];
     lines.extend(summary.own_body.iter().map(|own| {
         format!(
-            "your mesh: {} unknowns, scaled Jacobians from {:.2}, sides of elements up to {:.0} : 1",
+            "your mesh: {} unknowns, scaled Jacobians from {:.2}, aspect ratios of elements up to {:.0} : 1",
             own.mesh.unknowns, own.mesh.smallest_scaled_jacobian, own.mesh.largest_aspect
         )
     }));
@@ -111,7 +111,7 @@ fn meshes(summary: &ShapesSummary) -> Vec<String> {
 
 fn sweep(all: &[SweepSummary]) -> Vec<String> {
     let mut lines = vec![
-        "Resistance over the sphere's: ellipsoid and cylinder, h along the force and v across it".into(),
+        "Resistance relative to the sphere, for ellipsoid and cylinder (h: along the force, v: across it)".into(),
         format!(
             "  {:>8}{:>9}  {:^32}  {:^32}{:>10}",
             "aspect", "Poisson", "equal volume", "equal surface", "3D within"
@@ -159,7 +159,7 @@ fn claim(own: &Claim) -> String {
     format!("  {:<15}{} ({})", verdict(own).to_uppercase(), own.claim, own.numbers)
 }
 
-/// Claims whose verdict depends on the aspect or the Poisson ratio.
+/// Claims whose verdict depends on the aspect ratio or the Poisson ratio.
 fn changing_claims(all: &[SweepSummary]) -> Vec<String> {
     let Some(first) = all.first() else { return Vec::new() };
     let mut lines = Vec::new();
@@ -175,7 +175,7 @@ fn changing_claims(all: &[SweepSummary]) -> Vec<String> {
             .collect();
         others.dedup();
         if !others.is_empty() {
-            lines.push(format!("  elsewhere, {}: {}", own.claim, others.join("; ")));
+            lines.push(format!("  for other values, {}: {}", own.claim, others.join("; ")));
         }
     }
     lines
@@ -183,8 +183,7 @@ fn changing_claims(all: &[SweepSummary]) -> Vec<String> {
 
 fn large_strains(large: &LargeStrains, hold_s: f64) -> Vec<String> {
     let mut lines = vec![
-        "The same bodies along the force with strains of any size, as far as a mesh that is bonded to them follows:"
-            .into(),
+        "The same bodies along the force, with large strains, as long as the mesh bonded to them stays valid:".into(),
         format!(
             "  {:<22}{:>8}{:>11}{:>14}{:>14}{:>8}{:>20}{:>8}{:>10}",
             "body",
@@ -219,7 +218,7 @@ fn large_strains(large: &LargeStrains, hold_s: f64) -> Vec<String> {
     }
     if large.bodies.iter().any(|own| !own.is_whole) {
         lines.push(format!(
-            "  Before a slender tip and at a sharp rim a bonded gel is strained most, and there its mesh follows no farther: bodies are compared up to that time, not to {hold_s} s"
+            "  At a slender tip or a sharp rim the bonded gel strains most and its mesh fails before {hold_s} s. Bodies are compared up to that time."
         ));
     }
     lines.extend(large.claims.iter().map(claim));
@@ -231,14 +230,14 @@ fn elastic(summary: &ShapesSummary) -> Vec<String> {
     let differences: Vec<String> =
         summary.elastic_robot.iter().map(|own| of(own.modulus_ratio, own.largest_relative_difference)).collect();
     vec![format!(
-        "An elastic robot, tied point to point, is less stiff than a rigid one by {} the gel's modulus; metals are at 10¹⁰ ×",
+        "Relative loss of stiffness of an elastic robot, tied point to point, against a rigid one: {} the gel's modulus; metals are at 10¹⁰ ×",
         differences.join(", ")
     )]
 }
 
 fn predictors(summary: &ShapesSummary) -> Vec<String> {
     let mut lines = vec![
-        "What predicts the resistance, the sphere's times a ratio of lengths, at equal volume (rms error, worst):"
+        "Predictors of the resistance at equal volume, as the sphere's times a ratio of lengths (rms error, largest error):"
             .into(),
     ];
     lines.extend(summary.predictors.iter().map(|own| {
@@ -255,7 +254,7 @@ fn predictors(summary: &ShapesSummary) -> Vec<String> {
 
 fn longest(summary: &ShapesSummary) -> Vec<String> {
     let mut lines = vec![format!(
-        "The longest that moves {} mm in {} s with 95 %, at the sphere's volume:",
+        "Longest robot that moves {} mm in {} s with a probability of 95 %, at the sphere's volume:",
         summary.wanted_displacement_mm, summary.hold_s
     )];
     for own in &summary.longest {

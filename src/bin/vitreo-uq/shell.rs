@@ -1,4 +1,4 @@
-//! `completions` and `man`: what shells and `man` know of this program, made from the parser.
+//! `completions` and `man`: generate shell completions and manual pages from the parser.
 
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -11,7 +11,7 @@ use vitreo_uq::base::files::write_atomically;
 /// Arguments of `completions`.
 #[derive(Args)]
 pub struct CompletionsArguments {
-    /// The shell
+    /// Shell
     #[arg(value_name = "SHELL", value_enum)]
     shell: Shell,
 }
@@ -19,10 +19,10 @@ pub struct CompletionsArguments {
 /// Arguments of `man`.
 #[derive(Args)]
 pub struct ManArguments {
-    /// Directory of the pages: one of the program, and one of every command
+    /// Directory of the pages; one is written for the program and one for every command
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
-    /// Do not say where the pages went
+    /// Do not print the path of the pages
     #[arg(long)]
     quiet: bool,
 }
@@ -36,11 +36,10 @@ pub fn completions(arguments: &CompletionsArguments, mut program: Command) -> Re
     Ok(ExitCode::SUCCESS)
 }
 
-/// Writes a page for the program and for every command of it.
+/// Writes a manual page for the program and for each of its commands.
 pub fn man(arguments: &ManArguments, program: Command) -> Result<ExitCode> {
     let out = &arguments.out;
-    std::fs::create_dir_all(out)
-        .map_err(|error| Error::at_path("create", out, error, "give a directory that can be written"))?;
+    std::fs::create_dir_all(out).map_err(|error| Error::at_path("create", out, error, "give a writable directory"))?;
     let pages = pages(program)?;
     for (name, page) in &pages {
         write_atomically(&out.join(name), page)?;
@@ -51,10 +50,10 @@ pub fn man(arguments: &ManArguments, program: Command) -> Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// Names and texts of the pages, of commands within commands, too.
+/// Names and texts of the pages, including those of nested commands.
 fn pages(program: Command) -> Result<Vec<(String, Vec<u8>)>> {
     let mut program = program.disable_help_subcommand(true);
-    // Names of commands with those before them, and options that the program has for all.
+    // Sets full names of nested commands and adds the program's global options.
     program.build();
     let mut left = vec![program];
     let mut pages = Vec::new();

@@ -1,4 +1,4 @@
-//! `simulate`: a full finite-element run of the experiment's protocol.
+//! `simulate`: runs full finite elements over the experiment's protocol.
 
 use std::collections::BTreeMap;
 use std::process::ExitCode;
@@ -24,7 +24,7 @@ pub fn run(arguments: &SimulateArguments) -> Result<ExitCode> {
     let common = &arguments.common;
     let session = Session::begin(common)?;
     let terminal = &session.terminal;
-    // Here --set gives values; it does not choose a model.
+    // In this command `--set` gives values; it does not change the model.
     let model = options::Model { set: Vec::new(), ..arguments.model.clone() };
     let target = session.open(&model, &[], &[])?;
     let target = target.creep()?;
@@ -33,8 +33,8 @@ pub fn run(arguments: &SimulateArguments) -> Result<ExitCode> {
         Some(value) => Ok((name, value)),
         None => Err(Error::input(
             Place::setting(Setting::Fixed),
-            format!("{name} is to be free"),
-            format!("a simulation needs a value, as in `--set {name}=0.01`"),
+            format!("`{name}=free` gives no value"),
+            format!("give a value, as in `--set {name}=0.01`"),
         )),
     };
     let set = set.into_iter().map(value).collect::<Result<BTreeMap<String, f64>>>()?;
@@ -70,7 +70,7 @@ pub fn run(arguments: &SimulateArguments) -> Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// What was asked for, else the exact scheme where there is one.
+/// Requested scheme, or the exact scheme if the model has one.
 fn scheme(asked: Option<Scheme>, problem: &Problem) -> Option<TimeScheme> {
     match asked {
         Some(Scheme::Exponential) => Some(TimeScheme::Exponential),
@@ -80,7 +80,7 @@ fn scheme(asked: Option<Scheme>, problem: &Problem) -> Option<TimeScheme> {
     }
 }
 
-/// The posterior of the named or last revision, if there is one of the same model.
+/// Posterior of the named or last revision, or `None` if there is none for this model.
 fn posterior(
     study: &Study,
     from: Option<&str>,
@@ -126,7 +126,7 @@ fn words(summary: &SimulationSummary, seconds: &BTreeMap<&str, f64>) -> String {
     lines.push(String::new());
     lines.push(format!("Stiffness: {:.9e} N/m per Pa of Young's modulus.", summary.stiffness_m));
     lines.push(format!(
-        "Largest displacement {} µm, largest strain {}; time integration is off by {} µm at most.",
+        "Largest displacement {} µm, largest strain {}; time integration error at most {} µm.",
         significant(summary.largest_displacement_um),
         significant(summary.largest_strain),
         significant(summary.time_integration_error_um)
@@ -140,7 +140,7 @@ fn words(summary: &SimulationSummary, seconds: &BTreeMap<&str, f64>) -> String {
         lines.extend(summary.convergence.iter().map(|level| table_row(level, seconds)));
         let is_exact = summary.convergence.iter().any(|level| level.relative_error.is_some());
         let legend = if is_exact {
-            "  error: against the exact sphere in a container; difference: from the level before."
+            "  error: relative to the exact solution for a sphere in a container; difference: from the level before."
         } else {
             "  difference: from the level before; order: from the differences of three levels."
         };

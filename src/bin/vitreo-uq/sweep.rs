@@ -1,4 +1,4 @@
-//! The words of `sample` and `diagnose` on an oscillation of a rheometer, and `check` of one.
+//! Text of `sample` and `diagnose` for an oscillation of a rheometer, and `check` of such a record.
 
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -18,22 +18,26 @@ use crate::text::{parameter_table, significant, warning_text};
 
 fn errors_words(misfit: &OscillationMisfit) -> String {
     let percent = |share: f64| format!("{} %", significant(100.0 * share));
-    let origin = if misfit.errors_known { "said by the table" } else { "learnt" };
+    let origin = if misfit.errors_known { "given in the table" } else { "learnt" };
     let mut text = format!(
-        "Fitted frequencies: G′ and G″ miss by {} of |G*| (errors {}, {origin}).",
+        "Fitted frequencies: residuals of G′ and G″ are {} of |G*| (errors {}, {origin}).",
         percent(misfit.relative_fitted),
         percent(misfit.error_relative)
     );
     if let (Some(relative), Some(over)) = (misfit.relative_heldout, misfit.heldout_over_error) {
-        text += &format!("\nHeld-out frequencies: by {}, {} × their errors.", percent(relative), significant(over));
+        text += &format!(
+            "\nHeld-out frequencies: residuals are {}, {} × their errors.",
+            percent(relative),
+            significant(over)
+        );
     }
     text + &format!(
-        "\nProbability that noise leaves as much: {}.",
+        "\nProbability of residuals this large from noise alone: {}.",
         if misfit.p < 0.01 { "below 0.01".into() } else { format!("{:.2}", misfit.p) }
     )
 }
 
-/// The posterior in words.
+/// Text of the posterior.
 pub fn posterior_words(summary: &OscillationSummary) -> String {
     let verdict = if summary.converged { "converged" } else { "NOT CONVERGED" };
     let frequencies = &summary.frequencies;
@@ -59,7 +63,7 @@ pub fn posterior_words(summary: &OscillationSummary) -> String {
     lines.join("\n") + "\n"
 }
 
-/// The diagnosis in words.
+/// Text of the diagnosis.
 pub fn diagnosis_words(found: &OscillationDiagnosis) -> String {
     let mut lines = vec![
         format!("{}: {} model", found.experiment, model_title(&found.model)),
@@ -76,7 +80,7 @@ pub fn diagnosis_words(found: &OscillationDiagnosis) -> String {
     lines.push(format!("  {:<26}{:>12}{:>12}{:>9}   {}", "effect", "gain (nats)", "held-out", "p", "size"));
     lines.extend(found.candidates.iter().map(row));
     lines.push(String::new());
-    lines.push("Other effects need a record in time: an oscillation shows those of the law alone.".into());
+    lines.push("Other effects need a record over time: an oscillation can only show effects of the law.".into());
     lines.join("\n") + "\n"
 }
 
@@ -97,7 +101,7 @@ fn row(candidate: &OscillationCandidate) -> String {
     format!("  {:<26}{gain:>12}{heldout:>12}{:>9.3}   {}", candidate.effect, candidate.p_familywise, sizes.join(", "))
 }
 
-/// `check`: what was understood, and the moduli drawn.
+/// `check` for an oscillation: describes how the record was read, and draws its moduli.
 pub fn check(path: &Path, out: &Path, json: Option<&Path>, quiet: bool) -> Result<ExitCode> {
     let (sweep, files) = Sweep::read(path)?;
     let dir = out.parent().filter(|dir| !dir.as_os_str().is_empty()).map_or(PathBuf::from("."), PathBuf::from);
@@ -105,7 +109,7 @@ pub fn check(path: &Path, out: &Path, json: Option<&Path>, quiet: bool) -> Resul
     write_figure(&dir, &stem, &artefacts::raw_figure(&sweep)?)?;
     let summary = understood(&sweep);
     let provenance = Provenance::new("check", 1, 0, Study::hashes_of(&files)?);
-    let words = summary.understood.sentences.join("\n") + "\n\nNothing contradicts the description.\n";
+    let words = summary.understood.sentences.join("\n") + "\n\nThe record agrees with its description.\n";
     crate::output::show(json, &WithProvenance { provenance, body: &summary }, &words)?;
     if !quiet {
         crate::interrupt::say(&format!("Figure: {}.svg and .png", out.display()));
@@ -129,11 +133,12 @@ fn understood(sweep: &Sweep) -> CheckSummary {
         SweepForm::StorageAndLoss => "storage and loss modulus",
         SweepForm::ModulusAndPhase => "modulus and phase",
     };
-    let errors = if sweep.has_errors() { "with their errors" } else { "without errors: one relative size is learnt" };
+    let errors =
+        if sweep.has_errors() { "with their errors" } else { "without errors, so one relative error is estimated" };
     let sentences = vec![
         format!("{}: an oscillation, {form}, {errors}.", sweep.specimen_id),
         format!(
-            "{} frequencies from {lowest_hz} to {highest_hz} Hz; {} rows lack a number.",
+            "{} frequencies from {lowest_hz} to {highest_hz} Hz; {} rows without a number are ignored.",
             sweep.rows.len(),
             sweep.n_incomplete
         ),

@@ -1,4 +1,4 @@
-//! `tasks`: independent commands for many machines, written as a list and run.
+//! `tasks`: lists independent commands for many machines, and runs them.
 
 use std::fmt::Write;
 use std::ops::Range;
@@ -31,17 +31,17 @@ pub struct TasksArguments {
 
 #[derive(Subcommand)]
 enum Action {
-    /// A list that samples every experiment of a cohort on its own, as `groups` does before it compares them
+    /// List tasks that sample every experiment of a cohort on its own, as `groups` does before its comparison
     Sample(SampleTasks),
-    /// A list that plays the challenges of `challenge run`
+    /// List tasks that play the challenges of `challenge run`
     Challenge(ChallengeTasks),
-    /// A list that simulates records of an experiment from its prior, by full finite elements, samples each as `sample` does, and ranks the truths: are the posteriors calibrated?
+    /// List tasks that test the calibration of posteriors: simulate records from the prior by full finite elements, sample each, and rank the true values
     Calibration(CalibrationTasks),
-    /// A list that trains the reduced models that experiments need, each once; `gather` puts them into the cache
+    /// List tasks that train the surrogates that experiments need, each once; `gather` adds them to the cache
     Models(ModelsTasks),
-    /// A list of any commands of this program, one a line of a text; what each writes below `{out}` is kept
+    /// List any commands of this program, one per line of a text file; files that they write below `{out}` are kept
     Commands(CommandsTasks),
-    /// Run the tasks of a list whose results are not there, or write the script that hands them to an engine
+    /// Run the unfinished tasks of a list, or write the script that hands them to an engine
     Run(RunTasks),
 }
 
@@ -63,10 +63,10 @@ struct ChallengeTasks {
 
 #[derive(Args)]
 struct CalibrationTasks {
-    /// Experiment or study (its last revision's model is taken)
+    /// Experiment, or study (the model of its last revision is used)
     #[arg(value_name = "EXPERIMENT|STUDY")]
     target: PathBuf,
-    /// Simulated records
+    /// Number of simulated records
     #[arg(long, value_name = "N", default_value_t = 200)]
     count: usize,
     #[command(flatten)]
@@ -77,10 +77,10 @@ struct CalibrationTasks {
 
 #[derive(Args)]
 struct ModelsTasks {
-    /// Experiments or studies (their last revision's model is taken), or directories that hold some
+    /// Experiments, studies (the model of their last revision is used), or directories that contain them
     #[arg(value_name = "DIR", required = true)]
     paths: Vec<PathBuf>,
-    /// Also the models of every effect that changes the displacement field, which `diagnose` asks for
+    /// Also list the models of every effect that changes the displacement field, which `diagnose` needs
     #[arg(long)]
     every_effect: bool,
     #[command(flatten)]
@@ -91,43 +91,43 @@ struct ModelsTasks {
 
 #[derive(Args)]
 struct CommandsTasks {
-    /// Text with a command a line, words as a shell splits them; `{out}` stands for a directory of the command's own
+    /// Text file with one command per line, split into words as in a shell; `{out}` is replaced by the command's own directory
     #[arg(value_name = "FILE")]
     file: PathBuf,
     #[command(flatten)]
     list: PlaceArguments,
 }
 
-/// What lists take whose tasks are as large as is asked for.
+/// Options of lists with a choosable task size.
 #[derive(Args)]
 struct ListArguments {
-    /// Experiments, cases or simulated records a task
+    /// Number of experiments, cases or simulated records per task
     #[arg(long, value_name = "N", default_value_t = 1)]
     block: usize,
     #[command(flatten)]
     place: PlaceArguments,
 }
 
-/// What every kind of list takes.
+/// Options of every kind of list.
 #[derive(Args)]
 struct PlaceArguments {
-    /// Directory of the list and of its results; on a cluster one that all machines see
+    /// Directory of the list and its results; on a cluster, one that all machines can read
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
-    /// Replace a list of other tasks; results that are there are kept, and those of the same tasks used
+    /// Replace a list of other tasks; existing results are kept, and used for equal tasks
     #[arg(long)]
     force: bool,
-    /// Write the list's head as one JSON document to a file, or alone to standard output with `-`
+    /// Write the list's head as one JSON document to a file, or with `-` to standard output in place of the text
     #[arg(long, value_name = "FILE|-")]
     json: Option<PathBuf>,
-    /// No progress on standard error
+    /// Do not show progress on standard error
     #[arg(long)]
     quiet: bool,
 }
 
 #[derive(Args)]
 struct RunTasks {
-    /// Directory that `tasks KIND --out DIR` made
+    /// Directory that `tasks KIND --out DIR` created
     #[arg(value_name = "DIR")]
     dir: PathBuf,
     /// Run one task, in this process
@@ -136,49 +136,49 @@ struct RunTasks {
     /// Run one part of the list, counted from 0: `3/100`
     #[arg(long, value_name = "I/N", conflicts_with = "serve")]
     part: Option<String>,
-    /// Who starts the workers: local runs them now, the others get a script to submit
+    /// Engine that starts the workers: local runs them immediately, the others get a script to submit
     #[arg(long, value_name = "ENGINE", value_enum, default_value = "local")]
     engine: EngineName,
-    /// local: worker processes [default: as many as there are cores]
+    /// local: number of worker processes [default: as many as there are cores]
     #[arg(long, value_name = "J")]
     jobs: Option<usize>,
     /// Threads of each worker; 0 for as many as there are cores [default: 1, and 0 with `--task`]
     #[arg(long, value_name = "N")]
     threads: Option<usize>,
-    /// hq, slurm: parts that the list is handed over in [default: one a task, 1000 at most]
+    /// hq, slurm: number of parts that the list is split into [default: one per task, at most 1000]
     #[arg(long, value_name = "N", conflicts_with = "part")]
     parts: Option<usize>,
-    /// hq, slurm: cores of a part, each with a worker of its own
+    /// hq, slurm: cores of a part, each with its own worker
     #[arg(long, value_name = "N", default_value_t = 1)]
     cores: usize,
-    /// hq, slurm: most minutes of a part
+    /// hq, slurm: maximum minutes of a part
     #[arg(long, value_name = "MINUTES", default_value_t = 240)]
     minutes: u64,
     /// hq, slurm: memory of a part, in MiB
     #[arg(long, value_name = "MIB", default_value_t = 2_000)]
     memory_mib: u64,
-    /// Run the tasks whose numbers come on standard input
+    /// Run the tasks whose numbers arrive on standard input
     #[arg(long, hide = true)]
     serve: bool,
-    /// No progress on standard error
+    /// Do not show progress on standard error
     #[arg(long)]
     quiet: bool,
 }
 
 #[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
 enum EngineName {
-    /// Processes on this machine
+    /// Run worker processes on this machine
     Local,
-    /// HyperQueue
+    /// Write a script for HyperQueue
     Hq,
-    /// Slurm's job arrays
+    /// Write a script for Slurm's job arrays
     Slurm,
 }
 
-/// Failures that are said; `gather --json` has all.
+/// Maximum number of failures that are printed; `gather --json` lists all.
 const MOST_SAID: usize = 10;
 
-/// Makes or runs a list; `refuse_line` refuses a line of a list of commands that is no command to run as a task.
+/// Makes or runs a list. `refuse_line` refuses lines that are not valid commands for a task.
 pub fn run(arguments: &TasksArguments, refuse_line: impl Fn(&Path, &Line) -> Result<()>) -> Result<ExitCode> {
     match &arguments.action {
         Action::Sample(arguments) => {
@@ -222,7 +222,7 @@ pub fn run(arguments: &TasksArguments, refuse_line: impl Fn(&Path, &Line) -> Res
 
 fn begin(arguments: &ListArguments) -> Result<Terminal> {
     if arguments.block == 0 {
-        return Err(Error::input(Place::default().at_key("--block"), "nothing a task", "give a positive number"));
+        return Err(Error::input(Place::default().at_key("--block"), "0 items per task", "give a positive number"));
     }
     begin_at(&arguments.place)
 }
@@ -244,8 +244,8 @@ fn make(
     let (n, dir) = (list.n_tasks(), arguments.out.display());
     let how = match making {
         Making::Made => "is in",
-        Making::WasThere => "was there already, in",
-        Making::Replaced => "took the place of another in",
+        Making::WasThere => "exists already in",
+        Making::Replaced => "replaces another list in",
     };
     let words = format!(
         "A list of {n} tasks {how} {dir}.\n\
@@ -259,7 +259,7 @@ fn make(
 
 fn run_tasks(arguments: &RunTasks, refuse_line: &dyn Fn(&Path, &Line) -> Result<()>) -> Result<ExitCode> {
     let list = List::open(&absolute(&arguments.dir)?)?.of_program(vitreo_uq::PROGRAM)?;
-    // The list may be somebody else's: its commands are looked at again.
+    // The list may come from another person, so its commands are checked again.
     let file = list.dir().join("tasks.jsonl");
     let refuse_line = |line: &Line| refuse_line(&file, line);
     match arguments.engine {
@@ -282,7 +282,7 @@ fn run_tasks(arguments: &RunTasks, refuse_line: &dyn Fn(&Path, &Line) -> Result<
         terminal.finish();
         let words = match ran {
             Ran::Now => format!("Task {number} is done.\n"),
-            Ran::Before => format!("The result of task {number} was there.\n"),
+            Ran::Before => format!("Task {number} already has its result.\n"),
         };
         crate::output::print(&words)?;
         return Ok(ExitCode::SUCCESS);
@@ -290,7 +290,7 @@ fn run_tasks(arguments: &RunTasks, refuse_line: &dyn Fn(&Path, &Line) -> Result<
     run_here(arguments, &list, &terminal)
 }
 
-/// Paths that are not absolute begin where the list was made.
+/// Changes to the directory in which the list was made, because relative paths start there.
 fn go_to(list: &List) -> Result<()> {
     let directory = Path::new(&list.head().directory);
     if list.head().kind == TaskKind::Challenge {
@@ -301,12 +301,12 @@ fn go_to(list: &List) -> Result<()> {
             "go to",
             directory,
             source,
-            "run the list where the directory in which it was made can be seen; or make the list again here with `--force`",
+            "run the list on a machine that has this directory, or make the list again here with `--force`",
         )
     })
 }
 
-/// Workers on this machine.
+/// Runs the tasks with workers on this machine.
 fn run_here(arguments: &RunTasks, list: &List, terminal: &Terminal) -> Result<ExitCode> {
     let cores = std::thread::available_parallelism().map_or(1, usize::from);
     let jobs = match arguments.jobs {
@@ -315,7 +315,7 @@ fn run_here(arguments: &RunTasks, list: &List, terminal: &Terminal) -> Result<Ex
     };
     let range = part(arguments, list)?;
     use_threads(0)?;
-    terminal.stage("looking which results are there");
+    terminal.stage("looking for existing results");
     let n_asked_for = range.len();
     let missing = gather::missing(list, range, &Stoppable(terminal.stop()))?;
     let n_before = n_asked_for - missing.len();
@@ -329,7 +329,7 @@ fn run_here(arguments: &RunTasks, list: &List, terminal: &Terminal) -> Result<Ex
     let worker = || {
         let mut command = Command::new(&program);
         command.args(&words);
-        // A group of its own: Ctrl-C is for this process, which ends its workers.
+        // The workers get their own process group: Ctrl-C reaches this process only, which ends them.
         #[cfg(unix)]
         std::os::unix::process::CommandExt::process_group(&mut command, 0);
         command
@@ -341,14 +341,14 @@ fn run_here(arguments: &RunTasks, list: &List, terminal: &Terminal) -> Result<Ex
     Ok(ExitCode::from(u8::from(!(outcome.failed.is_empty() && outcome.left.is_empty()))))
 }
 
-/// The tasks that are asked for.
+/// Returns the tasks of the requested part.
 fn part(arguments: &RunTasks, list: &List) -> Result<Range<usize>> {
     let Some(text) = &arguments.part else { return Ok(0..list.n_tasks()) };
     let numbers = text.split_once('/').and_then(|(part, parts)| Some((part.parse().ok()?, parts.parse().ok()?)));
     match numbers {
         Some((part, parts)) if parts <= 1_000_000 => submit::tasks_of_part(list.n_tasks(), part, parts),
         _ => {
-            let remedy = "give the number of a part, from 0, and how many there are: `3/100`";
+            let remedy = "give the part's number, from 0, and the number of parts: `3/100`";
             Err(Error::input(Place::setting(Setting::Part), format!("`{text}`"), remedy))
         }
     }
@@ -356,14 +356,14 @@ fn part(arguments: &RunTasks, list: &List) -> Result<Range<usize>> {
 
 fn this_program() -> Result<PathBuf> {
     std::env::current_exe()
-        .map_err(|source| Error::at_path("find", "the program itself", source, "call it by its full path"))
+        .map_err(|source| Error::at_path("find", "the program itself", source, "start it by its absolute path"))
 }
 
 fn summary(outcome: &local::Outcome, n_before: usize, dir: &Path) -> String {
     let n = |count: usize| if count == 1 { "1 task".to_string() } else { format!("{count} tasks") };
-    let mut text = format!("{} run; {} had their results.\n", n(outcome.done), n(n_before + outcome.before));
+    let mut text = format!("{} finished; {} had results before.\n", n(outcome.done), n(n_before + outcome.before));
     if outcome.deaths > 0 {
-        let _ = writeln!(text, "Workers died {} times; their tasks were tried again.", outcome.deaths);
+        let _ = writeln!(text, "Workers died {} times; their tasks were repeated.", outcome.deaths);
     }
     for (task, why) in outcome.failed.iter().take(MOST_SAID) {
         let _ = writeln!(text, "Task {task} failed: {why}");
@@ -374,7 +374,7 @@ fn summary(outcome: &local::Outcome, n_before: usize, dir: &Path) -> String {
     if let Some(first) = outcome.left.first() {
         let _ = writeln!(
             text,
-            "{} (from {first} on) were not finished, because too many failed one after another; the last one: {}",
+            "{} (from {first} on) were not finished, because too many tasks failed in a row. Last failure: {}",
             n(outcome.left.len()),
             outcome.last_failure.as_deref().unwrap_or("no reason was given")
         );
@@ -382,12 +382,12 @@ fn summary(outcome: &local::Outcome, n_before: usize, dir: &Path) -> String {
     let next = if outcome.failed.is_empty() && outcome.left.is_empty() {
         format!("Next:  vitreo-uq gather {}\n", dir.display())
     } else {
-        "Mend what failed and run the same command again: it runs what is missing.\n".into()
+        "Repair the failures and run the same command again: it runs only unfinished tasks.\n".into()
     };
     text + &next
 }
 
-/// The script for an engine.
+/// Writes the script for an engine.
 fn submit(arguments: &RunTasks, list: &List, engine: Engine) -> Result<ExitCode> {
     if let Some(option) = [("--part", arguments.part.is_some()), ("--jobs", arguments.jobs.is_some())]
         .iter()
@@ -395,8 +395,8 @@ fn submit(arguments: &RunTasks, list: &List, engine: Engine) -> Result<ExitCode>
     {
         return Err(Error::input(
             Place::default().at_key(option),
-            "this is for workers on this machine",
-            "leave it out; `--parts` and `--cores` say how an engine divides the list",
+            "this option is only for workers on this machine",
+            "omit it; `--parts` and `--cores` set how an engine divides the list",
         ));
     }
     let RunTasks { cores, minutes, memory_mib, .. } = *arguments;
@@ -408,7 +408,7 @@ fn submit(arguments: &RunTasks, list: &List, engine: Engine) -> Result<ExitCode>
         Engine::Slurm => format!("sbatch {}", path.display()),
     };
     crate::output::print(&format!(
-        "{parts} parts of {} tasks, each with {cores} cores, {memory_mib} MiB and {minutes} minutes at most.\n\
+        "{parts} parts of {} tasks, each with {cores} cores, {memory_mib} MiB and at most {minutes} minutes.\n\
          Submit:      {how}\nAfterwards:  vitreo-uq gather {}\n",
         list.n_tasks(),
         list.dir().display()

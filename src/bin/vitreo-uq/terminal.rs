@@ -1,4 +1,4 @@
-//! Progress and warnings on standard error: a bar on a terminal, lines otherwise, nothing when quiet.
+//! Progress and warnings on standard error: a bar on a terminal, lines elsewhere, nothing if quiet.
 
 use std::io::IsTerminal;
 use std::sync::Mutex;
@@ -11,30 +11,30 @@ use vitreo_uq::sampling::ensemble::{Phase, Progress};
 
 use crate::interrupt::{self, say};
 
-/// Time between two lines about the sampler where there is no terminal.
+/// Time between two lines about the sampler without a terminal.
 const LINE_INTERVAL_S: f64 = 5.0;
-/// Time between two pictures of the bar, so that its clock runs where a stage has nothing to count.
+/// Time between two redraws of the bar, so that its clock advances during stages without a count.
 const TICK: Duration = Duration::from_millis(120);
 
-/// Set to [`PROGRESS_IN_LINES`] by a program that reads this one's words: what a bar would show is then said in lines that begin with [`PROGRESS`].
+/// Environment variable that a program sets to [`PROGRESS_IN_LINES`] to read progress as lines that begin with [`PROGRESS`].
 pub const PROGRESS_VARIABLE: &str = "VITREO_UQ_PROGRESS";
 pub const PROGRESS_IN_LINES: &str = "lines";
 pub const PROGRESS: &str = "progress: ";
 /// Time between two such lines.
 const PROGRESS_INTERVAL_S: f64 = 0.2;
 
-/// The user's terminal.
+/// Progress display of a command.
 pub struct Terminal {
     quiet: bool,
     in_lines: bool,
     bar: Option<ProgressBar>,
-    /// The stage, as long as nothing else is said of it.
+    /// Name of the stage, kept to show counts beside it.
     stage: Mutex<String>,
     last_line: Mutex<Instant>,
 }
 
 impl Terminal {
-    /// Says what a job does, or nothing of it.
+    /// Creates the display, which is silent if `quiet`.
     pub fn new(quiet: bool) -> Self {
         let bar = (!quiet && std::io::stderr().is_terminal()).then(|| {
             let style = ProgressStyle::with_template("{spinner} {msg} {wide_bar} {elapsed}")
@@ -63,7 +63,7 @@ impl Terminal {
         }
     }
 
-    /// Whether a line may be said that comes again and again.
+    /// Returns whether enough time has passed for the next repeated line.
     fn may_speak(&self, interval_s: f64) -> bool {
         let Ok(mut last) = self.last_line.lock() else { return false };
         let is_due = !self.quiet && last.elapsed().as_secs_f64() > interval_s;

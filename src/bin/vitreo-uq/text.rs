@@ -1,11 +1,11 @@
-//! Results in words and columns, for people.
+//! Text and tables of results.
 
 use vitreo_uq::documents::posterior::{ParameterSummary, PosteriorSummary, Warning};
 use vitreo_uq::figures::labels::model_title;
 use vitreo_uq::figures::labels::of_parameter;
 use vitreo_uq::figures::number::listed;
 
-/// The summary that `sample` prints.
+/// Summary that `sample` prints.
 pub fn posterior(summary: &PosteriorSummary) -> String {
     let mut text = String::new();
     let mut line = |words: String| {
@@ -36,12 +36,12 @@ pub fn posterior(summary: &PosteriorSummary) -> String {
     text
 }
 
-/// Width of a column of parameters by their names.
+/// Width of a column that fits the names of these parameters.
 pub fn column_width<'a>(names: impl Iterator<Item = &'a str>) -> usize {
     names.map(|name| of_parameter(name).axis().chars().count() + 2).max().unwrap_or(0).max(12)
 }
 
-/// Posterior of every parameter, one a line.
+/// Table of posteriors, one parameter per line.
 pub fn parameter_table(parameters: &[ParameterSummary]) -> String {
     let names: Vec<String> = parameters.iter().map(|p| of_parameter(&p.name).axis()).collect();
     let width = column_width(parameters.iter().map(|p| p.name.as_str()));
@@ -66,9 +66,9 @@ fn surrogate_lines(summary: &PosteriorSummary, line: &mut impl FnMut(String)) {
             .singular_values
             .as_ref()
             .and_then(|values| values.get(modes))
-            .map_or(String::new(), |s| format!(", next singular value {s:.0e} of the first"));
+            .map_or(String::new(), |s| format!(", next singular value {s:.0e} times the first"));
         line(format!("Surrogate: {modes} {plural}{why} from {runs} runs of {unknowns} unknowns{rest};"));
-        line(format!("  error {error:.0e} of the amplitude on parameters outside the training set."));
+        line(format!("  error {error:.0e} times the amplitude, at parameters outside the training set."));
     }
 }
 
@@ -91,10 +91,10 @@ fn heldout_lines(summary: &PosteriorSummary, line: &mut impl FnMut(String)) {
             significant(rmse)
         ));
         let expected = |range: Option<[f64; 2]>| {
-            range.map_or(String::new(), |[a, b]| format!(" (a right model: {:.0}–{:.0} %)", 100.0 * a, 100.0 * b))
+            range.map_or(String::new(), |[a, b]| format!(" (for a right model: {:.0}–{:.0} %)", 100.0 * a, 100.0 * b))
         };
         line(format!(
-            "  In the 50 % band: {:.0} %{}; in the 90 % band: {:.0} %{}; probability of a misfit this large: {}.",
+            "  In the 50 % band: {:.0} %{}; in the 90 % band: {:.0} %{}; probability of a misfit this large by chance: {}.",
             100.0 * coverage_50,
             expected(heldout.coverage_50_expected),
             100.0 * coverage_90,
@@ -117,11 +117,11 @@ fn budget_lines(summary: &PosteriorSummary, line: &mut impl FnMut(String)) {
 }
 
 pub fn warning_text(warning: &Warning) -> String {
-    let mark = if warning.kind.is_fatal() { "NOT TO BE TRUSTED AS IT STANDS" } else { "Note" };
+    let mark = if warning.kind.is_fatal() { "NOT TO BE TRUSTED" } else { "Note" };
     format!("{mark}: {}.\n  What to do: {}.", warning.text, warning.advice)
 }
 
-/// Four significant digits, or three and an exponent where that reads better.
+/// Formats a number with four significant digits, or with three and an exponent if it is very small or large.
 pub fn significant(value: f64) -> String {
     if value == 0.0 || !value.is_finite() {
         return format!("{value}");
@@ -133,7 +133,7 @@ pub fn significant(value: f64) -> String {
     }
 }
 
-/// That positions were left out as outliers, if any were.
+/// Sentence about positions left out as outliers, or `None` if there are none.
 pub fn outliers_left_out(n: usize) -> Option<String> {
     match n {
         0 => None,

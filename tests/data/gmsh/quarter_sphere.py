@@ -69,7 +69,7 @@ gmsh.option.setNumber("General.Terminal", 0)
 gmsh.option.setNumber("General.NumThreads", 1)
 make("quarter_sphere_tet4.msh", 0.45, order=1)
 make("quarter_sphere_tet10.msh", 0.5, order=2)
-# The binary file is made from the text one, whose coordinates are rounded to 16 digits, so that both hold the same numbers.
+# The binary file is made from the text file, whose coordinates are rounded to 16 digits, so both hold the same numbers.
 gmsh.clear()
 gmsh.open("quarter_sphere_tet10.msh")
 save("quarter_sphere_tet10_binary.msh", binary=True)

@@ -1,6 +1,6 @@
-//! The posterior on which samplers are compared: (ln E, ln c₁, ln c₂, ln σ) of the base model and one creep cycle.
+//! Posterior for comparing samplers: (ln E, ln c₁, ln c₂, ln σ) of the base model and one creep cycle.
 //!
-//! Plain and scalar on purpose, and sharing nothing with the library but the trait: it is the tests' own yardstick.
+//! It is plain scalar code and shares only the trait with the library, so it is an independent reference.
 #![allow(dead_code, reason = "each test file uses a part")]
 
 use std::sync::Mutex;
@@ -20,7 +20,7 @@ const PRIOR_SD: f64 = 1.3;
 pub struct CreepPosterior {
     /// Positions in µm.
     data_um: Vec<f64>,
-    /// Multiplies σ in the likelihood: 1, or a deliberate mistake.
+    /// Factor on σ in the likelihood: 1, or a deliberate mistake.
     pub sigma_factor: f64,
 }
 
@@ -30,7 +30,7 @@ pub struct Exact {
     pub sd: [f64; 4],
 }
 
-/// Position in µm at sample k: compliance times ∫J dF with F = +4.6 µN, from 5 s on −4.6 µN.
+/// Position in µm at sample k: compliance times ∫J dF with F = +4.6 µN, and −4.6 µN from 5 s on.
 fn trajectory(theta: &[f64], mut each: impl FnMut(usize, f64)) {
     let (e, c1, c2) = (theta[0].exp(), theta[1].exp(), theta[2].exp());
     let amplitude = 1e6 * COMPLIANCE_PER_M * FORCE_N;
@@ -80,7 +80,7 @@ impl CreepPosterior {
         -0.5 * sum_of_squares / (sigma_um * sigma_um) - N_SAMPLES as f64 * theta[3] - 0.5 * prior
     }
 
-    /// Moments by a tensor rule on a grid adapted to the mode: trapezoids of a smooth function that decays on all sides
+    /// Moments by a tensor rule on a grid adapted to the mode. Trapezoids of a smooth, decaying function
     /// converge faster than any power, and the finer of two grids must agree with the coarser.
     pub fn exact(&self) -> Exact {
         let modes = vitreo_uq::sampling::optimum::find_modes(self, &[self.truth().to_vec()]).unwrap();
@@ -143,7 +143,7 @@ impl LogDensity for CreepPosterior {
     }
 }
 
-/// f(0) … f(n − 1) over all cores. Plain threads: every run has a pool of its own, and pools must not wait for pools.
+/// f(0) … f(n − 1) over all cores. It uses plain threads, because every run has its own pool, and pools must not wait for pools.
 pub fn over_cores<T: Send>(n: u64, f: impl Fn(u64) -> T + Sync) -> Vec<T> {
     let next = AtomicU64::new(0);
     let results = Mutex::new(Vec::new());

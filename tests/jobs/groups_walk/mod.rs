@@ -1,5 +1,5 @@
-//! Every law, network, effect and noise that `sample` accepts goes through the comparison: small cohorts, short records from closed forms, few steps. What
-//! is asked is that it ends with figures that are numbers, and with every parameter inside its support.
+//! Every law, network, effect and noise that `sample` accepts passes through the comparison: small cohorts, short closed-form records, few steps. The
+//! tests check that all figures are numbers and every parameter is inside its support.
 
 use std::path::PathBuf;
 use std::sync::OnceLock;
@@ -42,12 +42,12 @@ enum Apparatus {
 /// J(t) in 1/Pa.
 type Creep = fn(f64, f64) -> f64;
 
-/// Of Lethersich's law, all of whose moduli and viscosities are multiplied by a factor.
+/// Creep of the Lethersich law, with all moduli and viscosities multiplied by a factor.
 fn lethersich(time_s: f64, factor: f64) -> f64 {
     ((1.0 - (-3.527 * time_s / 1.402_f64).exp()) / 3.527 + time_s / 47.370) / factor
 }
 
-/// Of a springpot of nearly a dashpot's order.
+/// Creep of a springpot with nearly a dashpot's order.
 fn springpot(time_s: f64, factor: f64) -> f64 {
     let order = 0.95 - 0.02 * (factor - 1.0);
     time_s.powf(order) / (20.0 * factor * statrs::function::gamma::gamma(1.0 + order))
@@ -93,7 +93,7 @@ fn cohort(specification: &ModelSpecification, apparatus: Apparatus, creep: Creep
     eyes.into_iter().enumerate().map(one).collect()
 }
 
-/// Runs a comparison and writes it down.
+/// Runs a comparison and writes its files.
 fn compared(
     specification: &ModelSpecification,
     apparatus: Apparatus,
@@ -124,7 +124,7 @@ fn compared(
     summary
 }
 
-/// All figures are numbers, in order and inside the supports.
+/// Asserts that all figures are numbers, in order and inside the supports.
 fn check(summary: &GroupsSummary, law: &[ParameterSpec], what: &str) {
     let inside = |name: &str, values: &[f64]| {
         let spec = law.iter().find(|spec| spec.name == name).unwrap();
@@ -182,7 +182,7 @@ fn every_law_and_network_goes_through() {
     }
 }
 
-/// Orders near the end of their support, where a logarithm would leave it: new specimens and curves stay inside, and ratios are of orders.
+/// Orders near the end of their support, where a logarithm would leave it. New specimens and curves stay inside, and ratios are of orders.
 #[test]
 fn an_order_near_one_stays_an_order() {
     let law = network("springpot = \"gel\"");
@@ -227,7 +227,7 @@ fn every_noise_and_every_effect_of_an_instrument_goes_through() {
     }
 }
 
-/// A coarse mesh: what is asked is whether the way is open, not how exact it is.
+/// A coarse mesh, because only the completion of the comparison is tested, not its accuracy.
 const BALL: QuarterBall = QuarterBall { robot_radius_m: 0.275e-3, outer_radius_m: 10e-3, n_per_edge: 1, n_layers: 4 };
 
 fn surroundings(is_nonlinear: bool) -> Surroundings<'static> {
@@ -243,13 +243,13 @@ fn surroundings(is_nonlinear: bool) -> Surroundings<'static> {
         robot_mass_kg,
         robot_radius_m: BALL.robot_radius_m,
         outer_radius_m: BALL.outer_radius_m,
-        // A law that thins would bring a finer mesh of its own.
+        // A thinning law would bring a finer mesh of its own.
         ball: (!is_nonlinear).then_some(BALL),
     };
     Surroundings { mesh, stiffness, poisson_ratio: POISSON_RATIO, sizes }
 }
 
-/// Over the Poisson ratios that effects ask for.
+/// Compliance over the effects' Poisson ratios.
 fn family() -> Compliance {
     static SURROGATE: OnceLock<Surrogate> = OnceLock::new();
     let surrogate = SURROGATE.get_or_init(|| {
@@ -289,7 +289,7 @@ fn an_effect_of_the_displacement_field_goes_through() {
     assert_field_effects_go_through(|effect| effect.slug() == "interface-slip");
 }
 
-/// Of the laws that are not linear one stands for three: all are the same stepper to `groups`, and each takes minutes.
+/// One nonlinear law represents three: `groups` uses the same stepper for all, and each takes minutes.
 #[test]
 #[ignore = "campaigns/long-tests"]
 fn effects_of_the_displacement_field_go_through() {

@@ -1,7 +1,7 @@
-"""Submits submit-hq.sh of a list to HyperQueue's server with two workers on loopback, and has one worker's task killed on the way.
+"""Submits a list's submit-hq.sh to HyperQueue's server with two workers on loopback, and kills one worker's task during the run.
 
-PyPI's package holds the engine and no program `hq`. So the script finds an `hq` here that understands `hq submit` with the options which the script has, refuses
-others, and hands the array to the real server.
+PyPI's package contains the engine but no program `hq`. Therefore a substitute `hq` accepts `hq submit` with the script's options, refuses
+others, and passes the array to the real server.
 """
 
 import argparse
@@ -19,7 +19,7 @@ KILLER = pathlib.Path(__file__).with_name("with_a_worker_killed.py")
 
 
 def submitted(arguments, client, killed=None):
-    """What `hq submit` would do with these arguments. With `killed`, the first task loses its first worker process, whose number is written there."""
+    """Submits a job as `hq submit` would with these arguments. With `killed`, the first task's first worker process is killed, and its number is written there."""
     parser = argparse.ArgumentParser(prog="hq submit")
     parser.add_argument("--name", required=True)
     parser.add_argument("--array", required=True)
@@ -39,7 +39,7 @@ def submitted(arguments, client, killed=None):
         is_disturbed = killed is not None and task == first
         job.program(
             [sys.executable, str(KILLER), str(killed), *command] if is_disturbed else command,
-            # A job of one program a task numbers its tasks itself; an array of `hq submit` has these numbers.
+            # A job with one program per task numbers its tasks itself; an array of `hq submit` has these numbers.
             env={"HQ_TASK_ID": str(task)},
             stdout=log,
             stderr=log + ".err",
@@ -50,7 +50,7 @@ def submitted(arguments, client, killed=None):
 
 
 def arguments_of(script):
-    """The words with which a script calls `hq`."""
+    """Arguments of a script's call of `hq`."""
     folder = script.parent / "hq-words"
     folder.mkdir()
     stand_in = folder / "hq"
@@ -73,7 +73,7 @@ def main():
         client = cluster.client()
         assert client.wait_for_jobs([submitted(words, client, killed)]), "a task failed"
         assert killed.exists(), "no worker was killed"
-        # The same again: everything is there.
+        # Submitted again: all results exist.
         assert client.wait_for_jobs([submitted(words, client)]), "a task failed the second time"
 
 

@@ -1,4 +1,4 @@
-"""Runs a command and kills the first worker that it starts, as soon as there is one: NOTE COMMAND…. The worker's number is written into NOTE."""
+"""Runs a command and kills the first worker that it starts: NOTE COMMAND…. The worker's number is written into NOTE."""
 
 import os
 import pathlib
@@ -8,7 +8,7 @@ import sys
 
 
 def workers_of(process):
-    """Children of a process that serve tasks, by number. Each thread has its own list of children."""
+    """Numbers of a process's children that serve tasks. Each thread has its own list of children."""
     for children in pathlib.Path(f"/proc/{process.pid}/task").glob("*/children"):
         try:
             numbers = children.read_text(encoding="ascii").split()
@@ -19,7 +19,7 @@ def workers_of(process):
                 words = pathlib.Path(f"/proc/{number}/cmdline").read_bytes().split(b"\0")
             except OSError:
                 continue
-            # Between fork and exec a child has its parent's words.
+            # Between fork and exec a child has its parent's command line.
             if b"--serve" in words:
                 yield int(number)
 
@@ -27,7 +27,7 @@ def workers_of(process):
 def main():
     note, command = pathlib.Path(sys.argv[1]), sys.argv[2:]
     process = subprocess.Popen(command)
-    # Without a pause: a worker lives for as long as its tasks take, which may be a tenth of a second.
+    # No pause: a worker lives as long as its tasks take, which may be a tenth of a second.
     while process.poll() is None:
         worker = next(workers_of(process), None)
         if worker is not None:

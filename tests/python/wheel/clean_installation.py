@@ -1,4 +1,4 @@
-"""What pip makes of the wheel where there is NumPy and nothing else: the program, the module, and errors that say what is missing."""
+"""Installation of the wheel with NumPy alone: the program, the module, and errors that name missing packages."""
 
 import subprocess
 import sysconfig

@@ -1,4 +1,4 @@
-"""The module says what the program says: trajectories and densities of `serve`, draws of `sample`, to the last bit; and refuses what has no answer."""
+"""The module agrees with the program to the last bit: trajectories and densities of `serve`, draws of `sample`. It refuses invalid arguments."""
 
 import csv
 import os
@@ -64,7 +64,7 @@ def shapes_and_ends(model, points):
     assert model.log_density(one).shape == () and model.log_density_gradient(one).shape == one.shape
     assert model.log_density(np.empty((0, len(one)))).shape == (0,)
     assert model.trajectory(np.empty((0, n))).shape == (0, model.trajectory(one[:n]).size)
-    # Any order in memory, any kind of number, any batch: the same bits.
+    # Any memory order, number type and batch size give the same bits.
     assert np.array_equal(model.log_density(np.asfortranarray(points)), model.log_density(points))
     assert np.array_equal(model.log_density(points[::2]), model.log_density(points)[::2])
     many = np.tile(points, (50, 1))
@@ -137,7 +137,7 @@ def main():
     model = vu.ReducedModel(eye)
     assert model.names == ["young_modulus_pa", "viscosity_1_pa_s", "viscosity_2_pa_s", "noise_sd_um"]
     assert [own["unit"] for own in model.parameters] == ["Pa", "Pa s", "Pa s", "um"], model.parameters
-    # The closed form of the experiment's law, in µm; the sampled instrument is exact.
+    # Closed form of the experiment's law, in µm. The sampled instrument is exact.
     expected = [1e6 * small_experiment.FORCE_N * small_experiment.COMPLIANCE_PER_M * small_experiment.creep(t, 1.0) for t in eye.time_s[:25]]
     assert np.allclose(model.trajectory([3.527, 1.402, 47.37])[:25], expected, rtol=1e-9)
     points = same_as_served(model, place, rng)

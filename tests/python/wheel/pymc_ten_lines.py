@@ -1,7 +1,7 @@
-"""Runs the PyMC example of docs/python.md as it stands, but for its progress bar, and compares the posterior with that of the program's own sampler.
+"""Runs the PyMC example of docs/python.md, without its progress bar, and compares the posterior with that of the program's own sampler.
 
-The two samplers share nothing but the density. Means differ by a fiftieth of a standard deviation where each has more than 2,500 effective draws, and standard deviations by a fiftieth of
-themselves: bounds of 0.1 sd and 8 % are left by chance in fewer than 1 of 1,000 runs.
+The two samplers share only the density. With more than 2,500 effective draws each, means differ by a fiftieth of a standard deviation, and standard deviations by a fiftieth of
+their values. Fewer than 1 of 1,000 runs exceed the bounds of 0.1 sd and 8 % by chance.
 """
 
 import os
@@ -18,7 +18,7 @@ def main():
     lines = page.partition("## PyMC in ten lines")[2].partition("```python\n")[2].partition("```")[0]
     assert len([line for line in lines.splitlines() if line.strip()]) <= 10, "more than ten lines"
     assert "cores" not in lines and "pm.sample(" in lines
-    # The example starts processes where a script has no guard; here chains follow each other, with a seed.
+    # The example starts processes and needs a guard in scripts. Here the chains run one after another, with a seed.
     quiet = lines.replace("pm.sample(", "pm.sample(cores=1, progressbar=False, random_seed=7, ")
     names = {}
     exec(compile(quiet, "docs/python.md", "exec"), names)  # noqa: S102

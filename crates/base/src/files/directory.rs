@@ -1,4 +1,4 @@
-//! A directory that is being filled under a hidden name.
+//! Directory that is being filled under a hidden name.
 
 use std::fs::{self, File};
 use std::path::{Path, PathBuf};
@@ -8,17 +8,17 @@ use tempfile::TempDir;
 use super::{Kind, UnderWay, kind, leftovers, refuse_link, refused, sweep, together};
 use crate::error::{Error, Result};
 
-/// A directory that removes itself unless it is moved away, however the program ends; readable like any other.
+/// Directory that is removed unless it is moved to its target. This holds for every end of the program. It has usual permissions.
 #[derive(Debug)]
 pub struct TemporaryDirectory {
     directory: TempDir,
-    /// Holds the lock that says that its process is at work.
+    /// Holds the lock that marks its process as alive.
     _alive: Option<File>,
     _under_way: UnderWay,
 }
 
 impl TemporaryDirectory {
-    /// A new directory in `parent`, on its way to be `name`.
+    /// Creates a new hidden directory in `parent`, which will become `name`.
     pub fn new(parent: &Path, name: &str) -> Result<Self> {
         sweep(parent);
         let mut builder = tempfile::Builder::new();
@@ -34,18 +34,18 @@ impl TemporaryDirectory {
         Ok(Self { directory, _alive: alive, _under_way: under_way })
     }
 
-    /// Where it stands.
+    /// Path of the directory.
     pub fn path(&self) -> &Path {
         self.directory.path()
     }
 
-    /// Leaves alone what stands under the hidden name, if anything does.
+    /// Keeps the directory under its hidden name and returns its path.
     pub fn keep(self) -> PathBuf {
         self.directory.keep()
     }
 
-    /// Moves it to where nothing is, in one step; or moves what it holds into an empty directory, `last` at the end: without that name the
-    /// directory counts as unfinished. An empty directory is filled rather than exchanged, because it may be someone's working directory.
+    /// Moves the directory to `target`, in one step if nothing exists there. An empty directory is filled instead, because it may be someone's
+    /// working directory. `last` is then moved at the end: without that name the directory counts as unfinished.
     pub fn move_to(self, target: &Path, last: &str, remedy: &str) -> Result<()> {
         let refused = |action, source| Error::at_path(action, target, source, remedy);
         let _uninterrupted = together();

@@ -1,8 +1,8 @@
-//! Directories whose content may come from somebody else: nothing beneath them is reached through a link.
+//! Directories whose content may come from another person. No link beneath them is followed.
 //!
-//! A study that was received is data. The user names its directory, perhaps by a link. What lies beneath is opened name by name from that directory, and a link on the way
-//! is refused. A link that is put there in the meantime is refused, too, because each step opens what it looks at ([`Folder`]).
-//! [`enclose`] declares such a directory. From then on all functions of [`super`] keep to the rule for paths beneath it, whoever calls them.
+//! A study that was received is data. The user names its directory, perhaps through a link. Everything beneath is opened name by name from that directory,
+//! and a link on the way is refused. A link inserted in the meantime is refused as well, because each step opens the entry that it checks ([`Folder`]).
+//! [`enclose`] declares such a directory. From then on all functions of [`super`] apply the rule to paths beneath it.
 
 use std::ffi::{OsStr, OsString};
 use std::fs::File;
@@ -14,7 +14,7 @@ use super::folder::{Folder, Kind};
 use super::{REMEDY, folder_of};
 use crate::error::{Error, Place, Result};
 
-/// Beginning of the hidden names that belong to this program in a user's folder.
+/// Prefix of the hidden names that this program uses in a user's folder.
 const PROGRAM: &str = ".vitreo-uq";
 
 static ENCLOSED: RwLock<Vec<Enclosed>> = RwLock::new(Vec::new());
@@ -22,18 +22,18 @@ static ENCLOSED: RwLock<Vec<Enclosed>> = RwLock::new(Vec::new());
 #[derive(Debug, Clone, PartialEq, Eq)]
 struct Enclosed {
     root: PathBuf,
-    /// What the directory is, for messages.
+    /// Description of the directory in messages.
     what: &'static str,
-    /// Whether other programs' hidden directories in it are left out, such as a user's caches.
+    /// Excludes other programs' hidden directories, such as a user's caches.
     is_folder_of_user: bool,
 }
 
-/// Declares that a directory, which is `what` ("a study"), holds data: nothing beneath it is reached through a link from now on.
+/// Declares that a directory holds data, so no link beneath it is followed from now on. `what` describes it ("a study").
 pub fn enclose(root: &Path, what: &'static str) {
     add(root, what, false);
 }
 
-/// The same of a user's folder of experiments and studies, but for hidden directories in it that are not this program's.
+/// Declares a user's folder of experiments and studies like [`enclose`], except for hidden directories of other programs.
 pub fn enclose_folder(root: &Path, what: &'static str) {
     add(root, what, true);
 }
@@ -48,7 +48,7 @@ fn add(root: &Path, what: &'static str, is_folder_of_user: bool) {
     }
 }
 
-/// Why a path is not opened.
+/// Reason for not opening a path.
 #[derive(Debug)]
 pub(super) enum Refusal {
     Link {
@@ -70,7 +70,7 @@ impl From<io::Error> for Refusal {
 }
 
 impl Refusal {
-    /// As an error of an action on a path.
+    /// Converts the reason to an error of an action on a path.
     pub fn error(self, action: &'static str, path: &Path, remedy: &str) -> Error {
         match self {
             Self::Link { path, what } => Error::input(
@@ -90,7 +90,7 @@ impl Refusal {
 
 type Opened<T> = std::result::Result<T, Refusal>;
 
-/// The outermost enclosed directory that a path lies beneath, and the names that lead from there.
+/// Outermost enclosed directory above a path, and the names that lead from there to the path.
 fn placed(path: &Path) -> Opened<Option<(Enclosed, Vec<OsString>)>> {
     let full = std::path::absolute(path)?;
     let all = ENCLOSED.read().unwrap_or_else(PoisonError::into_inner);
@@ -108,12 +108,12 @@ fn placed(path: &Path) -> Opened<Option<(Enclosed, Vec<OsString>)>> {
     }
 }
 
-/// Whether a path lies beneath an enclosed directory.
+/// Returns `true` if a path lies beneath an enclosed directory.
 pub(super) fn is_enclosed(path: &Path) -> bool {
     !matches!(placed(path), Ok(None))
 }
 
-/// One name further, with the link named that may stand there.
+/// Opens a directory one name further, and names the link if one is there.
 fn step(folder: &Folder, name: &OsStr, path: &Path, what: &'static str) -> Opened<Folder> {
     folder.inside(name).map_err(|error| match folder.kind(name) {
         Ok(Kind::Link) => Refusal::Link { path: path.to_path_buf(), what },
@@ -121,7 +121,7 @@ fn step(folder: &Folder, name: &OsStr, path: &Path, what: &'static str) -> Opene
     })
 }
 
-/// Opens the directory that names lead to from an enclosed one.
+/// Opens the directory reached by names from an enclosed one.
 fn walk(own: &Enclosed, names: &[OsString]) -> Opened<Folder> {
     let (mut folder, mut place) = (Folder::open(&own.root)?, own.root.clone());
     for name in names {
@@ -139,19 +139,19 @@ pub(super) fn folder(path: &Path) -> Opened<Folder> {
     }
 }
 
-/// Opens the directory that a path stands in; with the path's name there.
+/// Opens the parent directory of a path. Also returns the path's name there.
 pub(super) fn parent(path: &Path) -> Opened<(Folder, OsString)> {
     let name = path.file_name().ok_or_else(|| io::Error::new(ErrorKind::InvalidInput, "this path has no file name"))?;
     Ok((folder(folder_of(path))?, name.to_os_string()))
 }
 
-/// The refusal of a link that stands at a path.
+/// Refusal of a link at a path.
 fn link(path: &Path) -> Refusal {
     let what = placed(path).ok().flatten().map_or("this directory", |(own, _)| own.what);
     Refusal::Link { path: path.to_path_buf(), what }
 }
 
-/// What stands at a path; beneath an enclosed directory a link is a link, elsewhere what it leads to. `None` where nothing can be seen.
+/// Kind of the entry at a path. Links are reported beneath an enclosed directory and followed elsewhere. `None` if nothing is visible.
 pub fn kind(path: &Path) -> Option<Kind> {
     found(path).ok()
 }
@@ -175,20 +175,20 @@ fn kind_through_links(path: &Path) -> io::Result<Kind> {
     })
 }
 
-/// Whether a path is a file that can be read by [`super::read`].
+/// Returns `true` if a path is a file that [`super::read`] can read.
 pub fn is_file(path: &Path) -> bool {
     kind(path) == Some(Kind::File)
 }
 
-/// Whether a path is a directory that [`entries`] lists.
+/// Returns `true` if a path is a directory that [`entries`] lists.
 pub fn is_folder(path: &Path) -> bool {
     kind(path) == Some(Kind::Folder)
 }
 
-/// Refuses a path beneath an enclosed directory that is a link, or leads over one.
+/// Refuses a path beneath an enclosed directory if it is a link or leads through one.
 ///
 /// # Errors
-/// [`Error::Input`] that names the link. What is not there is not refused.
+/// [`Error::Input`] that names the link. A missing path is accepted.
 pub fn refuse_link(path: &Path) -> Result<()> {
     match found(path) {
         Ok(Kind::Link) => Err(link(path).error("open", path, REMEDY)),
@@ -197,16 +197,16 @@ pub fn refuse_link(path: &Path) -> Result<()> {
     }
 }
 
-/// Names in a directory with what stands under each, in the order of the names.
+/// Names in a directory with the kind of each entry, sorted by name.
 ///
 /// # Errors
-/// [`Error::File`] with `remedy` if the operating system refuses, [`Error::Input`] where a link beneath an enclosed directory leads there.
+/// [`Error::File`] with `remedy` if the operating system refuses, [`Error::Input`] for a link on the way beneath an enclosed directory.
 pub fn entries(path: &Path, remedy: &str) -> Result<Vec<(OsString, Kind)>> {
     let list = || -> Opened<Vec<(OsString, Kind)>> {
         let mut all = folder(path)?.entries()?;
         if !is_enclosed(path) {
             for (name, kind) in all.iter_mut().filter(|(_, kind)| *kind == Kind::Link) {
-                // A broken link stays one.
+                // A broken link is reported as a link.
                 *kind = kind_through_links(&path.join(name)).unwrap_or(Kind::Link);
             }
         }
@@ -216,7 +216,7 @@ pub fn entries(path: &Path, remedy: &str) -> Result<Vec<(OsString, Kind)>> {
     list().map_err(|refusal| refusal.error("read", path, remedy))
 }
 
-/// Opens a path to read it, or says what it is where that is no regular file.
+/// Opens a regular file for reading; otherwise returns the kind of the entry.
 pub(super) fn open(path: &Path) -> Opened<std::result::Result<File, Kind>> {
     match placed(path)? {
         Some((own, names)) if !names.is_empty() => open_beneath(&own, &names),
@@ -227,7 +227,7 @@ pub(super) fn open(path: &Path) -> Opened<std::result::Result<File, Kind>> {
     }
 }
 
-/// The same of a path beneath a directory that is `what`, as if that were enclosed.
+/// Opens a file like [`open`], with `root` treated as an enclosed directory described by `what`.
 pub(super) fn open_inside(root: &Path, inside: &Path, what: &'static str) -> Opened<std::result::Result<File, Kind>> {
     let path = root.join(inside);
     let own = Enclosed { root: root.to_path_buf(), what, is_folder_of_user: false };
@@ -238,7 +238,7 @@ pub(super) fn open_inside(root: &Path, inside: &Path, what: &'static str) -> Ope
     }
 }
 
-/// Names of a path that leads nowhere else.
+/// Names of a path; `None` if it contains anything else, such as `..`.
 fn names_of(inside: &Path) -> Option<Vec<OsString>> {
     let name = |part| match part {
         Component::Normal(name) => Some(name.to_os_string()),
@@ -260,34 +260,36 @@ fn open_beneath(own: &Enclosed, names: &[OsString]) -> Opened<std::result::Resul
 /// Opens a regular file to read parts of it.
 ///
 /// # Errors
-/// [`Error::File`] if the operating system refuses, [`Error::Input`] for a link beneath an enclosed directory, and for what is no regular file.
+/// [`Error::File`] if the operating system refuses, [`Error::Input`] for a link beneath an enclosed directory and for anything but a regular file.
 pub fn open_file(path: &Path) -> Result<File> {
     match open(path).map_err(|refusal| refusal.error("read", path, REMEDY))? {
         Ok(file) => Ok(file),
-        Err(_) => Err(Error::input(Place::file(path), "this is no regular file", "remove it")),
+        Err(_) => Err(Error::input(Place::file(path), "this is not a regular file", "remove it")),
     }
 }
 
-/// Opens a file whose lock is taken: its content is never read or changed, and it is made if it is not there.
+/// Opens a lock file and creates it if it does not exist. Its content is never read or changed.
 ///
 /// # Errors
-/// [`Error::File`] if the operating system refuses, [`Error::Input`] for a link or what is no file.
+/// [`Error::File`] if the operating system refuses, [`Error::Input`] for a link or anything but a file.
 pub fn open_lock(path: &Path) -> Result<File> {
     let refused = |refusal: Refusal| refusal.error("create", path, REMEDY);
     let (folder, name) = parent(path).map_err(refused)?;
     match folder.kind(&name) {
         Ok(Kind::Link) => Err(refused(link(path))),
-        Ok(Kind::Folder | Kind::Other) => {
-            Err(Error::input(Place::file(path), "this is not the file that this program keeps here", "remove it"))
-        }
+        Ok(Kind::Folder | Kind::Other) => Err(Error::input(
+            Place::file(path),
+            "this must be a regular file, which the program uses as a lock",
+            "remove it",
+        )),
         _ => folder.write(&name).map_err(|error| refused(error.into())),
     }
 }
 
-/// Makes a file, in the place of one that is there.
+/// Creates a file, and replaces an existing one.
 ///
 /// # Errors
-/// [`Error::File`] with `remedy` if the operating system refuses, [`Error::Input`] where a link beneath an enclosed directory leads there.
+/// [`Error::File`] with `remedy` if the operating system refuses, [`Error::Input`] for a link on the way beneath an enclosed directory.
 pub fn create_anew(path: &Path, remedy: &str) -> Result<File> {
     let create = || -> Opened<File> {
         let (folder, name) = parent(path)?;
@@ -300,7 +302,7 @@ pub fn create_anew(path: &Path, remedy: &str) -> Result<File> {
     create().map_err(|refusal| refusal.error("create", path, remedy))
 }
 
-/// Copies a regular file to where nothing is, or in the place of a file.
+/// Copies a regular file. The target is new or an existing file, which is replaced.
 ///
 /// # Errors
 /// As [`super::read`] and [`create_anew`].
@@ -311,10 +313,10 @@ pub fn copy(from: &Path, to: &Path) -> Result<()> {
     Ok(())
 }
 
-/// Makes a directory with those that it stands in, where they are not there.
+/// Creates a directory and its missing parents.
 ///
 /// # Errors
-/// [`Error::File`] with `remedy` if the operating system refuses, [`Error::Input`] where a link beneath an enclosed directory stands in the way.
+/// [`Error::File`] with `remedy` if the operating system refuses, [`Error::Input`] for a link on the way beneath an enclosed directory.
 pub fn create_folders(path: &Path, remedy: &str) -> Result<()> {
     let create = || -> Opened<()> {
         let Some((Enclosed { root, what, .. }, names)) = placed(path)? else {
@@ -334,10 +336,10 @@ pub fn create_folders(path: &Path, remedy: &str) -> Result<()> {
     create().map_err(|refusal| refusal.error("create", path, remedy))
 }
 
-/// Removes what stands at a path, a directory with all that it holds; a link is removed, not what it leads to. Nothing need be there.
+/// Removes the entry at a path, a directory with its content. A link itself is removed, not its target. A missing entry is accepted.
 ///
 /// # Errors
-/// [`Error::File`] if the operating system refuses, [`Error::Input`] where a link beneath an enclosed directory leads there.
+/// [`Error::File`] if the operating system refuses, [`Error::Input`] for a link on the way beneath an enclosed directory.
 pub fn remove_all(path: &Path) -> Result<()> {
     let remove = || -> Opened<()> {
         let (folder, name) = parent(path)?;
@@ -349,7 +351,7 @@ pub fn remove_all(path: &Path) -> Result<()> {
     }
 }
 
-/// Renames what stands at a path to where nothing is.
+/// Renames the entry at a path to an unused path.
 ///
 /// # Errors
 /// As [`remove_all`].
@@ -357,7 +359,7 @@ pub fn rename(from: &Path, to: &Path) -> Result<()> {
     change(from, to, Folder::rename)
 }
 
-/// Lets what stands at two paths change places, in one step; some systems cannot.
+/// Exchanges the entries at two paths in one step, which some systems do not support.
 ///
 /// # Errors
 /// As [`remove_all`].

@@ -1,11 +1,11 @@
-//! Directories that are held open: what stands in one is opened, made, renamed and removed from it by name, and never through a link.
+//! Directories that are held open. Their entries are opened, created, renamed and removed by name, never through a link.
 
 use std::ffi::{OsStr, OsString};
 use std::fs::File;
 use std::io::Result;
 use std::path::Path;
 
-/// What stands under a name.
+/// Kind of an entry.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Kind {
     /// A regular file.
@@ -21,7 +21,7 @@ pub enum Kind {
 pub(super) use system::Folder;
 
 impl Folder {
-    /// Removes what stands under a name, a directory with all that it holds; links are removed, not what they lead to.
+    /// Removes the entry of a name, a directory with its content. Links are removed, not their targets.
     pub fn remove_all(&self, name: &OsStr) -> Result<()> {
         if self.kind(name)? != Kind::Folder {
             return self.remove_file(name);
@@ -34,7 +34,7 @@ impl Folder {
     }
 }
 
-/// By handles: between two looks at a name, nobody can put a link in its place.
+/// Directories as handles. They prevent anyone from inserting a link between two accesses to a name.
 #[cfg(any(target_os = "linux", target_vendor = "apple"))]
 mod system {
     use super::*;
@@ -44,15 +44,15 @@ mod system {
     use std::os::unix::ffi::OsStrExt;
 
     const FOLDER: OFlags = OFlags::RDONLY.union(OFlags::DIRECTORY).union(OFlags::CLOEXEC);
-    /// Opening a pipe must not wait for somebody at its other end.
+    /// `NONBLOCK` keeps the opening of a pipe from waiting for its other end.
     const PLAIN: OFlags = OFlags::NOFOLLOW.union(OFlags::NONBLOCK).union(OFlags::CLOEXEC);
 
-    /// A directory that is held open.
+    /// Directory that is held open.
     #[derive(Debug)]
     pub struct Folder(OwnedFd);
 
     impl Folder {
-        /// Opens a directory by its path, through links if there are any.
+        /// Opens a directory by its path. Links are followed.
         pub fn open(path: &Path) -> Result<Self> {
             Ok(Self(open(path, FOLDER, Mode::empty())?))
         }
@@ -62,33 +62,33 @@ mod system {
             Ok(Self(openat(&self.0, name, FOLDER | OFlags::NOFOLLOW, Mode::empty())?))
         }
 
-        /// What stands under a name.
+        /// Kind of the entry with a name.
         pub fn kind(&self, name: &OsStr) -> Result<Kind> {
             Ok(kind_of(FileType::from_raw_mode(statat(&self.0, name, AtFlags::SYMLINK_NOFOLLOW)?.st_mode)))
         }
 
-        /// Opens what is no link to read it.
+        /// Opens an entry for reading, unless it is a link.
         pub fn read(&self, name: &OsStr) -> Result<File> {
             Ok(openat(&self.0, name, OFlags::RDONLY | PLAIN, Mode::empty())?.into())
         }
 
-        /// Opens a file to write to it, and leaves it as it is; it is made if it is not there.
+        /// Opens a file for writing without changing its content, and creates it if it does not exist.
         pub fn write(&self, name: &OsStr) -> Result<File> {
             Ok(openat(&self.0, name, OFlags::WRONLY | OFlags::CREATE | PLAIN, Mode::from_raw_mode(0o666))?.into())
         }
 
-        /// Makes a file that is not there.
+        /// Creates a new file.
         pub fn create_new(&self, name: &OsStr) -> Result<File> {
             let flags = OFlags::RDWR | OFlags::CREATE | OFlags::EXCL | PLAIN;
             Ok(openat(&self.0, name, flags, Mode::from_raw_mode(0o666))?.into())
         }
 
-        /// Makes a directory that is not there.
+        /// Creates a new directory.
         pub fn create_folder(&self, name: &OsStr) -> Result<()> {
             Ok(mkdirat(&self.0, name, Mode::from_raw_mode(0o777))?)
         }
 
-        /// Names in it, with what stands under each.
+        /// Names of the entries, with the kind of each.
         pub fn entries(&self) -> Result<Vec<(OsString, Kind)>> {
             let mut all = Vec::new();
             for entry in Dir::read_from(&self.0)? {
@@ -114,12 +114,12 @@ mod system {
             Ok(unlinkat(&self.0, name, AtFlags::REMOVEDIR)?)
         }
 
-        /// Renames what stands under a name; a file under the new name is replaced.
+        /// Renames an entry. A file with the new name is replaced.
         pub fn rename(&self, name: &OsStr, to: &Self, new: &OsStr) -> Result<()> {
             Ok(renameat(&self.0, name, &to.0, new)?)
         }
 
-        /// Lets two names change places, in one step.
+        /// Exchanges two entries in one step.
         pub fn exchange(&self, name: &OsStr, with: &Self, other: &OsStr) -> Result<()> {
             Ok(renameat_with(&self.0, name, &with.0, other, RenameFlags::EXCHANGE)?)
         }
@@ -140,7 +140,7 @@ mod system {
     }
 }
 
-/// By paths, each looked at before it is used: systems of which this program knows no handles of directories.
+/// Directories as paths, each checked before use, for systems without known directory handles.
 #[cfg(not(any(target_os = "linux", target_vendor = "apple")))]
 mod system {
     use super::*;
@@ -148,12 +148,12 @@ mod system {
     use std::io::{Error, ErrorKind};
     use std::path::PathBuf;
 
-    /// A directory, by its path.
+    /// Directory, by its path.
     #[derive(Debug)]
     pub struct Folder(PathBuf);
 
     impl Folder {
-        /// Opens a directory by its path, through links if there are any.
+        /// Opens a directory by its path. Links are followed.
         pub fn open(path: &Path) -> Result<Self> {
             fs::read_dir(path).map(|_| Self(path.to_path_buf()))
         }
@@ -164,7 +164,7 @@ mod system {
             Self::open(&self.0.join(name))
         }
 
-        /// What stands under a name.
+        /// Kind of the entry with a name.
         pub fn kind(&self, name: &OsStr) -> Result<Kind> {
             let own = self.0.join(name).symlink_metadata()?.file_type();
             Ok(match () {
@@ -175,29 +175,29 @@ mod system {
             })
         }
 
-        /// Opens what is no link to read it.
+        /// Opens an entry for reading, unless it is a link.
         pub fn read(&self, name: &OsStr) -> Result<File> {
             self.refuse_link(name)?;
             File::open(self.0.join(name))
         }
 
-        /// Opens a file to write to it, and leaves it as it is; it is made if it is not there.
+        /// Opens a file for writing without changing its content, and creates it if it does not exist.
         pub fn write(&self, name: &OsStr) -> Result<File> {
             self.refuse_link(name)?;
             OpenOptions::new().write(true).create(true).truncate(false).open(self.0.join(name))
         }
 
-        /// Makes a file that is not there.
+        /// Creates a new file.
         pub fn create_new(&self, name: &OsStr) -> Result<File> {
             OpenOptions::new().read(true).write(true).create_new(true).open(self.0.join(name))
         }
 
-        /// Makes a directory that is not there.
+        /// Creates a new directory.
         pub fn create_folder(&self, name: &OsStr) -> Result<()> {
             fs::create_dir(self.0.join(name))
         }
 
-        /// Names in it, with what stands under each.
+        /// Names of the entries, with the kind of each.
         pub fn entries(&self) -> Result<Vec<(OsString, Kind)>> {
             fs::read_dir(&self.0)?
                 .map(|entry| entry.and_then(|own| Ok((own.file_name(), self.kind(&own.file_name())?))))
@@ -206,7 +206,7 @@ mod system {
 
         pub(super) fn remove_file(&self, name: &OsStr) -> Result<()> {
             let path = self.0.join(name);
-            // A link to a directory is a directory to Windows.
+            // Windows treats a link to a directory as a directory.
             fs::remove_file(&path).or_else(|error| fs::remove_dir(&path).map_err(|_| error))
         }
 
@@ -214,17 +214,17 @@ mod system {
             fs::remove_dir(self.0.join(name))
         }
 
-        /// Renames what stands under a name; a file under the new name is replaced.
+        /// Renames an entry. A file with the new name is replaced.
         pub fn rename(&self, name: &OsStr, to: &Self, new: &OsStr) -> Result<()> {
             fs::rename(self.0.join(name), to.0.join(new))
         }
 
-        /// Lets two names change places, in one step: these systems have none.
+        /// Returns an error, because these systems cannot exchange two entries in one step.
         pub fn exchange(&self, _: &OsStr, _: &Self, _: &OsStr) -> Result<()> {
             Err(ErrorKind::Unsupported.into())
         }
 
-        /// Makes its names durable: only Unix can.
+        /// Does nothing, because only Unix can make names durable.
         pub fn sync(&self) -> Result<()> {
             Ok(())
         }

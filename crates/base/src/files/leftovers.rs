@@ -1,4 +1,4 @@
-//! What a killed program leaves behind: hidden names that carry its process, removed by the next program that looks into the folder.
+//! Leftovers of killed programs: hidden names that contain the process number. The next program that uses the folder removes them.
 
 use std::collections::BTreeSet;
 use std::fs::{File, TryLockError};
@@ -9,27 +9,27 @@ use std::time::Duration;
 use super::enclosed;
 use super::folder::Kind;
 
-/// What stands in the name of everything that is being written.
+/// Mark in the hidden name of everything that is being written.
 const MARK: &str = ".partial-";
-/// Where a file system has no locks, another machine may be at work: its leftovers are told by their age.
+/// Age above which leftovers are removed on a file system without locks, where another machine may still be working.
 const OLD: Duration = Duration::from_secs(24 * 3600);
 
-/// Folders that were looked into: once each is enough.
+/// Folders that were swept. Each is swept once.
 static SWEPT: Mutex<BTreeSet<PathBuf>> = Mutex::new(BTreeSet::new());
 
-/// Beginning of the hidden name under which this process writes `name`.
+/// Prefix of the hidden name under which this process writes `name`.
 pub(super) fn prefix(name: &str) -> String {
     let process = std::process::id();
     if name.is_empty() { format!("{MARK}{process}-") } else { format!(".{name}{MARK}{process}-") }
 }
 
-/// Locks what is being written: the lock ends with the process, however that ends, and other machines and containers, to which its number means
-/// nothing, see it too. Some file systems have no locks; then nothing is lost but that.
+/// Locks a file that is being written. The lock ends with the process. Other machines and containers see it, whereas the process number means
+/// nothing to them. A failure on a file system without locks is ignored.
 pub(super) fn mark_alive(file: &File) {
     let _ = file.try_lock();
 }
 
-/// Removes what dead processes have left in a folder. What cannot be removed stays: it is in nobody's way.
+/// Removes the leftovers of dead processes from a folder. Failures are ignored, because leftovers are harmless.
 pub fn sweep(folder: &Path) {
     let full = folder.canonicalize().unwrap_or_else(|_| folder.to_path_buf());
     if !SWEPT.lock().unwrap_or_else(PoisonError::into_inner).insert(full) {
@@ -46,13 +46,13 @@ pub fn sweep(folder: &Path) {
     }
 }
 
-/// The process that writes under a hidden name.
+/// Number of the process that writes under a hidden name.
 fn process_of(name: &str) -> Option<u32> {
     let (_, rest) = name.strip_prefix('.').and_then(|_| name.split_once(MARK))?;
     rest.split_once('-')?.0.parse().ok()
 }
 
-/// Whether nobody holds the lock of [`mark_alive`].
+/// Returns `true` if no process holds the lock of [`mark_alive`].
 fn is_given_up(file: &File) -> bool {
     match file.try_lock() {
         Ok(()) => true,
@@ -68,7 +68,7 @@ fn is_given_up(file: &File) -> bool {
 fn is_alive(process: u32) -> bool {
     use rustix::process::{Pid, test_kill_process};
     let Some(pid) = i32::try_from(process).ok().and_then(Pid::from_raw) else { return false };
-    // Refused for another user's process, which is alive then.
+    // The call is refused for another user's process, which then is alive.
     !matches!(test_kill_process(pid), Err(rustix::io::Errno::SRCH))
 }
 

@@ -1,8 +1,8 @@
-//! Every file that the program reads or writes goes through here.
+//! All reading and writing of files.
 //!
-//! Written so that a reader sees the old content or the new, never a part, and a kill or a signal leaves one of them (`under_way`); read only
-//! where it is a regular file of a size that the program can hold ([`read`]); and, beneath directories that may come from somebody else, never through
-//! a link ([`enclose`]).
+//! A reader sees the old content of a file or the new, never a part. A kill or a signal leaves one of them (`under_way`).
+//! Only regular files of a limited size are read ([`read`]).
+//! No link is followed beneath directories that may come from another person ([`enclose`]).
 
 mod directory;
 mod enclosed;
@@ -40,20 +40,20 @@ use crate::error::{Error, Result};
 
 const REMEDY: &str = "check that the directory exists, is writable and has room";
 
-/// The operating system's refusal of an action on a path, as an [`Error::File`].
+/// Converts the operating system's refusal of an action on a path to an [`Error::File`].
 pub fn refused(action: &'static str, path: &Path) -> impl Fn(std::io::Error) -> Error {
     move |source| Error::at_path(action, path, source, REMEDY)
 }
 
-/// Writes a file whole or not at all: beside its place, flushed to the disk, then renamed.
+/// Writes a file whole or not at all: under a hidden name beside its place, flushed to the disk, then renamed.
 ///
 /// # Errors
-/// [`Error::File`] if the operating system refuses; the former file is then untouched.
+/// [`Error::File`] if the operating system refuses; the former file then stays untouched.
 pub fn write_atomically(path: &Path, bytes: &[u8]) -> Result<()> {
     stream_atomically(path, |file| file.write_all(bytes))
 }
 
-/// Removes a file of a former run, if there is one.
+/// Removes a file if it exists.
 ///
 /// # Errors
 /// [`Error::File`] if the operating system refuses.
@@ -64,7 +64,7 @@ pub fn remove_if_there(path: &Path) -> Result<()> {
     }
 }
 
-/// Like [`write_atomically`], for content too large to be held as a whole.
+/// Like [`write_atomically`], for content too large for the memory.
 ///
 /// # Errors
 /// As [`write_atomically`].
@@ -73,7 +73,7 @@ pub fn stream_atomically(path: &Path, write: impl FnOnce(&mut dyn Write) -> std:
     sync_directory(folder_of(path))
 }
 
-/// Writes files that belong together: either all of them are replaced or, where one cannot be written, none is. A signal waits for the last.
+/// Writes files that belong together: all are replaced, or none if one cannot be written. A signal takes effect after the last.
 ///
 /// # Errors
 /// As [`write_atomically`].
@@ -85,7 +85,7 @@ pub fn write_together(files: &[(&Path, &[u8])]) -> Result<()> {
     files.iter().try_for_each(|(path, _)| sync_directory(folder_of(path)))
 }
 
-/// A file that is written and flushed, under a hidden name beside its place.
+/// File that is written and flushed under a hidden name beside its place.
 struct Prepared<'a> {
     path: &'a Path,
     folder: Folder,
@@ -101,7 +101,7 @@ impl<'a> Prepared<'a> {
         let mut builder = tempfile::Builder::new();
         let prefix = leftovers::prefix("");
         builder.prefix(&prefix);
-        // As readable as any file that a program creates.
+        // The file gets the usual permissions of newly created files.
         let create = || builder.make_in(place, |hidden| folder.create_new(hidden.file_name().unwrap_or_default()));
         let (file, under_way) =
             UnderWay::begin(create, |file| file.path().to_path_buf()).map_err(refused("create a file beside", path))?;
@@ -118,13 +118,13 @@ impl<'a> Prepared<'a> {
         let (hidden, name) = (self.file.path().file_name(), self.path.file_name());
         let (hidden, name) = (hidden.unwrap_or_default(), name.unwrap_or_default());
         self.folder.rename(hidden, &self.folder, name).map_err(refused("write", self.path))?;
-        // It has its name, and nothing is left under the hidden one.
+        // The file has its final name, so the hidden name must not be removed.
         let _ = self.file.keep();
         Ok(())
     }
 }
 
-/// A value as indented JSON with a final newline.
+/// Value as indented JSON with a final newline.
 ///
 /// # Errors
 /// [`Error::Numerical`] if the value cannot be written as JSON.
@@ -147,7 +147,7 @@ pub fn write_json_atomically(path: &Path, value: &impl Serialize) -> Result<()> 
     write_atomically(path, &to_json(path, value)?)
 }
 
-/// The directory that a path stands in.
+/// Directory that contains a path.
 pub fn folder_of(path: &Path) -> &Path {
     match path.parent() {
         Some(parent) if !parent.as_os_str().is_empty() => parent,
@@ -155,7 +155,7 @@ pub fn folder_of(path: &Path) -> &Path {
     }
 }
 
-/// Makes names in a directory durable; only Unix can.
+/// Makes names in a directory durable, which only Unix supports.
 pub fn sync_directory(path: &Path) -> Result<()> {
     let folder = enclosed::folder(path).map_err(|refusal| refusal.error("write", path, REMEDY))?;
     folder.sync().map_err(refused("write", path))

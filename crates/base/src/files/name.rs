@@ -1,14 +1,14 @@
-//! Names of files and directories that are made of what a person or another program wrote.
+//! Names of files and directories made from text by people or other programs.
 
-/// Longest name in bytes. File systems limit names by bytes, and temporary neighbours need some of them.
+/// Longest name in bytes. File systems limit names by bytes, and temporary names beside it need some of them.
 const LONGEST_BYTES: usize = 80;
-/// Names of devices on Windows, whatever follows after a dot.
+/// Names of devices on Windows, also with an extension.
 const DEVICES: [&str; 4] = ["con", "prn", "aux", "nul"];
-/// The same with a digit behind.
+/// Names of devices on Windows when followed by a digit.
 const PORTS: [&str; 2] = ["com", "lpt"];
 
-/// A name that every file system takes and no program takes for an option, a hidden file or another directory: letters, digits, `-`, `_` and `.` stay, everything else becomes
-/// `-`. It is at most 80 bytes long, has no `.` or `-` first and no `.` last, and names no device. Where nothing is left it is `specimen`.
+/// Returns a name that every file system accepts and no program takes for an option, a hidden file or another directory. Letters, digits, `-`, `_` and `.` stay.
+/// Everything else becomes `-`. The name has at most 80 bytes, does not start with `.` or `-` or end with `.`, and is no device. An empty result becomes `specimen`.
 pub fn safe_name(text: &str) -> String {
     let keep = |c: char| if c.is_alphanumeric() || matches!(c, '-' | '_' | '.') { c } else { '-' };
     let mut safe = String::new();

@@ -1,6 +1,6 @@
-//! Reading: regular files only, and no more of them than the program can hold.
+//! Reads regular files up to a size limit.
 //!
-//! A pipe or a device may never end, and a file that was named by mistake may be larger than the memory. Both are refused before anything is held.
+//! A pipe or a device may never end, and a file named by mistake may exceed the memory. Both are refused before any content is held.
 
 use std::fs::File;
 use std::io::Read;
@@ -12,23 +12,23 @@ use crate::error::{Error, Place, Result};
 
 const MIB: u64 = 1 << 20;
 
-/// What a file is for, and so how large it may be.
+/// Purpose of a file, which sets its size limit.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Content {
-    /// What people write by hand: TOML.
+    /// Settings written by people: TOML.
     Settings,
-    /// A JSON document, or what else the program wrote for itself.
+    /// JSON document, or other data that the program wrote for itself.
     Document,
-    /// A CSV of measurements or draws.
+    /// CSV of measurements or draws.
     Table,
-    /// A Gmsh mesh.
+    /// Gmsh mesh.
     Mesh,
-    /// A sampler's state.
+    /// State of a sampler.
     State,
 }
 
 impl Content {
-    /// The largest file of this kind that is read, in bytes.
+    /// Size limit in bytes.
     pub fn most_bytes(self) -> u64 {
         match self {
             Self::Settings => 4 * MIB,
@@ -52,13 +52,13 @@ impl Content {
 /// Reads a regular file.
 ///
 /// # Errors
-/// [`Error::File`] with `remedy` if the operating system refuses, [`Error::Input`] for what is no regular file or larger than its kind may be.
+/// [`Error::File`] with `remedy` if the operating system refuses, [`Error::Input`] for anything but a regular file and for a file above its size limit.
 pub fn read(path: &Path, content: Content, remedy: &str) -> Result<Vec<u8>> {
-    // Looked at before it is opened: opening a pipe would wait for somebody to write into it.
+    // The kind is checked before opening, because opening a pipe would wait for a writer.
     content_of(enclosed::open(path), path, content, remedy)
 }
 
-/// The same of a file in a directory that is `what` ("an experiment") and names it: no link leads there, since what it names may come from somebody else.
+/// Reads a file that a directory names, without following links, because the directory may come from another person. `what` describes it ("an experiment").
 ///
 /// # Errors
 /// As [`read`]; [`Error::Input`] for a link, and for a path that leads out of the directory.
@@ -79,7 +79,7 @@ fn content_of(
         Err(kind) => {
             let (what, remedy) = match kind {
                 Kind::Folder => ("a directory", remedy),
-                _ => ("a pipe or a device", "write the content to a file and give that"),
+                _ => ("a pipe or a device", "write the content to a file and give that file"),
             };
             return Err(Error::input(Place::file(path), format!("this is {what}, not a regular file"), remedy));
         }
@@ -89,7 +89,7 @@ fn content_of(
         return Err(too_large(path, content));
     }
     let mut bytes = Vec::new();
-    // One byte more, by which a file that grows or does not say its size is found out.
+    // One extra byte reveals a file that grows or reports no size.
     file.take(content.most_bytes() + 1).read_to_end(&mut bytes).map_err(refused)?;
     if bytes.len() as u64 > content.most_bytes() {
         return Err(too_large(path, content));
@@ -97,7 +97,7 @@ fn content_of(
     Ok(bytes)
 }
 
-/// What the program kept for itself, if it is there and can be read: whatever else is there counts as nothing and is made anew.
+/// Content of a file that the program wrote for itself; `None` if it is missing or unreadable and must be made again.
 pub fn read_if_there(path: &Path, content: Content) -> Option<Vec<u8>> {
     read(path, content, "").ok()
 }
@@ -105,19 +105,19 @@ pub fn read_if_there(path: &Path, content: Content) -> Option<Vec<u8>> {
 fn too_large(path: &Path, content: Content) -> Error {
     Error::input(
         Place::file(path),
-        format!("the file has more than the {} MiB that {} may have", content.most_bytes() / MIB, content.words()),
+        format!("the file exceeds the limit of {} MiB for {}", content.most_bytes() / MIB, content.words()),
         match content {
-            Content::Table => "check that this is the file that is meant; else split it, or keep every k-th row",
-            Content::Mesh => "check that this is the file that is meant; else make the mesh coarser",
-            _ => "check that this is the file that is meant",
+            Content::Table => "check that this is the right file; if so, split it or keep every k-th row",
+            Content::Mesh => "check that this is the right file; if so, make the mesh coarser",
+            _ => "check that this is the right file",
         },
     )
 }
 
-/// A line of a table that a person or an instrument wrote: a file without line ends is no table, and its cells would fill the memory.
+/// Longest line of a table. A file without line ends is not a table, and its cells would fill the memory.
 const LONGEST_LINE_BYTES: usize = 1 << 20;
 
-/// Refuses what has lines that no table has.
+/// Refuses tables with lines that are too long.
 ///
 /// # Errors
 /// [`Error::Input`] with the line.
@@ -128,7 +128,7 @@ pub fn refuse_long_lines(path: &Path, bytes: &[u8]) -> Result<()> {
         Some(index) => Err(Error::input(
             Place::file(path).at_line(index + 1),
             format!("this line has more than {} KiB", LONGEST_LINE_BYTES / 1024),
-            "give a CSV with one row a line",
+            "give a CSV with one row per line",
         )),
     }
 }

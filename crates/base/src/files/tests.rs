@@ -10,7 +10,7 @@ fn names(folder: &Path) -> Vec<String> {
     names
 }
 
-/// A process that has ended: its number is free, unless another took it within a moment.
+/// Number of a process that has ended. It is free unless another process took it within a moment.
 fn dead_process() -> u32 {
     let mut child = Command::new("true").stdin(Stdio::null()).spawn().unwrap();
     child.wait().unwrap();
@@ -73,7 +73,7 @@ fn what_is_too_large_is_refused_without_being_read() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("huge");
     for content in [Content::Settings, Content::Document, Content::Table, Content::Mesh, Content::State] {
-        // A hole takes no room on the disk.
+        // A sparse file takes no room on the disk.
         File::create(&path).unwrap().set_len(content.most_bytes() + 1).unwrap();
         let began = std::time::Instant::now();
         let error = read(&path, content, "").unwrap_err().to_string();
@@ -84,7 +84,7 @@ fn what_is_too_large_is_refused_without_being_read() {
     assert_eq!(read(&path, Content::Settings, "").unwrap().len() as u64, Content::Settings.most_bytes());
 }
 
-/// A directory `in/` that is enclosed and reached by a link, and a secret beside it.
+/// An enclosed directory `in/` that is reached by a link, and a secret file beside it.
 #[cfg(any(target_os = "linux", target_vendor = "apple"))]
 fn enclosed_place() -> (tempfile::TempDir, std::path::PathBuf) {
     let place = tempfile::tempdir().unwrap();
@@ -122,7 +122,7 @@ fn no_link_beneath_an_enclosed_directory_is_followed() {
         ("dangling", "dangling"),
         ("folder", "folder"),
     ] {
-        // By the name that the user gave, and by the full one.
+        // By the user's path and by the full path.
         for root in [named.clone(), place.path().canonicalize().unwrap().join("in")] {
             let path = root.join(path);
             let error = read(&path, Content::Table, "").unwrap_err();
@@ -147,7 +147,7 @@ fn no_link_beneath_an_enclosed_directory_is_followed() {
         read(&named.join("m0/../../out/secret"), Content::Table, "")
             .is_err_and(|own| own.to_string().contains("leads out of a study"))
     );
-    // What is written takes the place of a link, and what is removed is the link.
+    // Writing replaces a link, and removing removes the link itself.
     write_atomically(&named.join("m0/file"), b"own").unwrap();
     assert_eq!(read(&named.join("m0/file"), Content::Table, "").unwrap(), b"own");
     create_anew(&named.join("dangling"), "").unwrap();
@@ -159,12 +159,12 @@ fn no_link_beneath_an_enclosed_directory_is_followed() {
     assert_eq!(std::fs::read(outside.join("secret")).unwrap(), b"secret");
 }
 
-/// Another thread puts a link and a directory, or a link and a file, in each other's place as quickly as it can, while files are read and written.
+/// Another thread exchanges a link with a directory or a file as fast as it can, while files are read and written.
 #[cfg(any(target_os = "linux", target_vendor = "apple"))]
 #[test]
 fn a_link_that_comes_in_the_meantime_is_not_followed() {
     use std::sync::atomic::{AtomicBool, Ordering};
-    // Set also where the test fails: the other thread would never end.
+    // The flag is also set if the test fails; otherwise the other thread would never end.
     struct Over<'a>(&'a AtomicBool);
     impl Drop for Over<'_> {
         fn drop(&mut self) {
@@ -186,7 +186,7 @@ fn a_link_that_comes_in_the_meantime_is_not_followed() {
                     let _ = exchange(&link, &place.path().join(changed));
                 }
             });
-            // Where the processor is busy, until both were seen.
+            // On a busy processor the loop goes on until both outcomes have occurred.
             for round in 0..300_000 {
                 if round > 3000 && !n_read.contains(&0) {
                     break;

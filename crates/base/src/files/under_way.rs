@@ -1,7 +1,7 @@
-//! What this program is writing at the moment, so that it can end at any moment and leave nothing half-written.
+//! Tracks the files that this program is writing, so it can end at any moment and leave nothing half-written.
 //!
-//! Two things are kept: the hidden names under which files and directories are being written, which the end of the program removes; and a gate
-//! that steps which belong together hold open, so that the end of the program comes before or after them.
+//! It keeps the hidden paths of files and directories that are being written; the end of the program removes them. Steps that belong together
+//! hold a gate open, so the end of the program comes before or after them.
 
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
@@ -10,17 +10,17 @@ use std::time::{Duration, Instant};
 
 static HIDDEN_PATHS: Mutex<BTreeSet<PathBuf>> = Mutex::new(BTreeSet::new());
 static GATE: RwLock<()> = RwLock::new(());
-/// Time between two looks at the gate.
+/// Time between two checks of the gate.
 const LOOK: Duration = Duration::from_millis(2);
-/// A thread may still write into a directory that is being removed: so many tries.
+/// Number of attempts to remove a directory into which a thread may still write.
 const MOST_TRIES: usize = 5;
 
-/// A hidden path that is being written; [`stop_writing`] removes it.
+/// Hidden path that is being written; [`stop_writing`] removes it.
 #[derive(Debug)]
 pub(crate) struct UnderWay(PathBuf);
 
 impl UnderWay {
-    /// Creates something at a hidden path; no stop comes between its creation and its being known.
+    /// Creates something at a hidden path. No stop can come between its creation and its registration.
     pub fn begin<T>(
         create: impl FnOnce() -> std::io::Result<T>,
         path_of: impl FnOnce(&T) -> PathBuf,
@@ -43,13 +43,13 @@ fn hidden_paths() -> std::sync::MutexGuard<'static, BTreeSet<PathBuf>> {
     HIDDEN_PATHS.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// As long as the result lives, [`stop_writing`] waits: for steps that leave files as they should be only when all are done. They must be quick.
+/// Makes [`stop_writing`] wait as long as the result lives. It is for quick steps that leave files consistent only when all are done.
 pub fn together() -> RwLockReadGuard<'static, ()> {
     GATE.read().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// To be called right before the program ends while threads may be writing: waits for steps that belong together, at most for so long, lets no
-/// further ones begin, and removes what is half-written. Nothing can be written afterwards: whoever tries waits for ever.
+/// Stops all writing; to be called right before the program ends. It waits at most `patience` for steps that belong together, lets no
+/// further ones begin, and removes half-written paths. Any later attempt to write waits forever.
 pub fn stop_writing(patience: Duration) {
     let began = Instant::now();
     loop {
@@ -58,7 +58,7 @@ pub fn stop_writing(patience: Duration) {
                 std::mem::forget(closed);
                 break;
             }
-            // A rename is one step of the operating system's, whole even now.
+            // A rename is a single step of the operating system and stays whole even now.
             Err(_) if began.elapsed() >= patience => break,
             Err(_) => std::thread::sleep(LOOK),
         }
@@ -67,7 +67,7 @@ pub fn stop_writing(patience: Duration) {
     paths.iter().for_each(|path| remove(path));
 }
 
-/// Removes a file or a directory with all that it holds, as far as the operating system lets.
+/// Removes a file or a directory with its content, as far as the operating system allows.
 fn remove(path: &Path) {
     for _ in 0..MOST_TRIES {
         let removed = if path.is_dir() { std::fs::remove_dir_all(path) } else { std::fs::remove_file(path) };

@@ -1,6 +1,6 @@
 //! Text as XML.
 
-/// Text fit for elements and attributes: markup escaped, characters that XML forbids replaced.
+/// Text for elements and attributes: markup is escaped, and characters that XML forbids are replaced.
 pub fn xml_text(text: &str) -> String {
     let mut escaped = String::with_capacity(text.len());
     for character in text.chars() {

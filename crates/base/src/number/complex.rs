@@ -1,4 +1,4 @@
-//! Complex numbers of any kind of real ones.
+//! Complex numbers over any kind of real numbers.
 
 use std::ops::{Add, Div, Mul, Sub};
 
@@ -19,7 +19,7 @@ impl<N: Scalar> Complex<N> {
         Self { re: N::constant(re), im: N::constant(im) }
     }
 
-    /// The product with a real number.
+    /// Product with a real number.
     #[inline(always)]
     pub fn times(self, factor: N) -> Self {
         Self { re: self.re * factor, im: self.im * factor }

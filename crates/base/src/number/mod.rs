@@ -1,7 +1,7 @@
-//! Numbers that the kernels compute with: plain ones, and ones that carry a derivative.
+//! Numbers for the kernels: plain ones, and ones that carry a derivative.
 //!
-//! A model writes its stages down in [`Dual`] numbers, and the kernel that turns stages into a trajectory is written once for any
-//! [`Scalar`]: on `f64` it gives the trajectory, on [`Dual`] its exact derivative in one direction (forward mode).
+//! A model writes its stages in [`Dual`] numbers. The kernel that turns stages into a trajectory is generic over [`Scalar`]:
+//! on `f64` it yields the trajectory, on [`Dual`] its exact derivative in one direction (forward mode).
 
 mod complex;
 
@@ -9,7 +9,7 @@ pub use complex::Complex;
 
 use std::ops::{Add, AddAssign, Div, Mul, Neg, Sub};
 
-/// What a kernel may do with a number.
+/// Operations that a kernel needs.
 pub trait Scalar:
     Copy
     + Add<Output = Self>
@@ -28,13 +28,13 @@ pub trait Scalar:
     fn exp_m1(self) -> Self;
 }
 
-/// A number of one point: what a law's spectrum is computed in.
+/// Scalar of a single point, for computing a law's spectrum.
 pub trait PointScalar: Scalar {
-    /// What of a model's number is carried.
+    /// Converts a model's number; `f64` drops the derivative.
     fn of(number: Dual) -> Self;
     /// Value, for decisions.
     fn value(self) -> f64;
-    /// Whether it is this value and carries no derivative.
+    /// Returns `true` if the number equals this value and carries no derivative.
     fn is_constant(self, value: f64) -> bool;
     /// sin x.
     fn sin(self) -> Self;
@@ -46,7 +46,7 @@ pub trait PointScalar: Scalar {
     fn sqrt(self) -> Self;
 }
 
-/// A value and its derivative in one direction.
+/// Value and its derivative in one direction.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Dual {
     /// Value.
@@ -61,12 +61,12 @@ impl Dual {
     /// 1, constant.
     pub const ONE: Self = Self::constant(1.0);
 
-    /// A number that does not change.
+    /// Constant number.
     pub const fn constant(value: f64) -> Self {
         Self { value, derivative: 0.0 }
     }
 
-    /// The number that derivatives are taken with respect to.
+    /// Variable with respect to which derivatives are taken.
     pub const fn variable(value: f64) -> Self {
         Self { value, derivative: 1.0 }
     }
@@ -76,7 +76,7 @@ impl Dual {
         Self { value, derivative: slope * self.derivative }
     }
 
-    /// Whether this is the constant `value`: not only there, but not moving either.
+    /// Returns `true` if this is the constant `value`, with a derivative of 0.
     pub fn is_constant(self, value: f64) -> bool {
         self.value == value && self.derivative == 0.0
     }
@@ -282,7 +282,7 @@ impl PointScalar for Dual {
 mod tests {
     use super::*;
 
-    /// Every operation against a central difference; its own error is about 1e-10 here.
+    /// Compares every operation with a central difference, whose own error is about 1e-10 here.
     #[test]
     fn derivatives_equal_central_differences() {
         let function = |x: Dual| {

@@ -1,4 +1,4 @@
-//! What is known of one experiment's parameters: draws under an interim prior, or its likelihood itself.
+//! One experiment's information on its parameters: draws under an interim prior, or the likelihood itself.
 
 use nalgebra::{Cholesky, DMatrix, Dyn};
 use rand::{Rng, RngExt};
@@ -7,19 +7,19 @@ use rand_distr::weighted::WeightedAliasIndex;
 
 use super::random::normals;
 
-/// Draws of an experiment's parameters, as coordinates without ends, under the interim prior.
+/// Draws of an experiment's parameters under the interim prior, as unbounded coordinates.
 #[derive(Debug, Clone)]
 pub struct InterimDraws {
-    /// Coordinates; `n_parameters` values a draw.
+    /// Coordinates; `n_parameters` values per draw.
     pub coordinates: Vec<f64>,
-    /// Log-density of the interim prior over the coordinates, one value a draw.
+    /// Log density of the interim prior over the coordinates, one value per draw.
     pub log_prior: Vec<f64>,
-    /// Proposals are drawn in proportion to the inverse interim prior; `None` without draws.
+    /// Distribution of proposals, proportional to the inverse interim prior; `None` without draws.
     proposal: Option<WeightedAliasIndex<f64>>,
 }
 
 impl InterimDraws {
-    /// Draws with the interim prior's log-density at each.
+    /// Creates draws from coordinates and the interim prior's log density at each draw.
     pub fn new(coordinates: Vec<f64>, log_prior: Vec<f64>) -> Self {
         let least = log_prior.iter().copied().fold(f64::INFINITY, f64::min);
         let inverse = log_prior.iter().map(|log_prior| (least - log_prior).exp()).collect();
@@ -31,12 +31,12 @@ impl InterimDraws {
         self.log_prior.len()
     }
 
-    /// Whether there are none.
+    /// Returns true if there are no draws.
     pub fn is_empty(&self) -> bool {
         self.log_prior.is_empty()
     }
 
-    /// Coordinates of a draw.
+    /// Coordinates of one draw.
     pub fn get(&self, index: usize) -> &[f64] {
         let p = self.coordinates.len() / self.len().max(1);
         &self.coordinates[index * p..(index + 1) * p]
@@ -46,7 +46,7 @@ impl InterimDraws {
         self.proposal.as_ref().map_or(0, |proposal| proposal.sample(rng))
     }
 
-    /// Effective number of draws, 1/Σw², where they are weighted to a normal population (Kish).
+    /// Effective number of draws, 1/Σw², when they are weighted to a normal population (Kish).
     pub fn effective_number(&self, mean: &[f64], precision: &DMatrix<f64>) -> f64 {
         let logs: Vec<f64> = (0..self.len())
             .map(|n| -0.5 * squared_distance(self.get(n), mean, precision) - self.log_prior[n])
@@ -73,52 +73,52 @@ pub(super) fn squared_distance(x: &[f64], mean: &[f64], precision: &DMatrix<f64>
     sum
 }
 
-/// The likelihood of an experiment. A point holds the coordinates of the pooled parameters and then whatever else the experiment's model has.
+/// Likelihood of an experiment. A point holds the coordinates of the pooled parameters, followed by the other parameters of the experiment's model.
 pub trait ExperimentDensity: Sync {
-    /// Log-likelihood, with the priors of what is not pooled but *without* the interim prior of what is; −∞ outside the support.
+    /// Log likelihood. It includes the priors of the unpooled parameters but *not* the interim prior of the pooled ones. It is −∞ outside the support.
     fn ln_density(&self, point: &[f64]) -> f64;
-    /// Draws under the interim prior, from whose differences steps are proposed.
+    /// Draws under the interim prior. Steps are proposed from their differences.
     fn archive(&self) -> &[Vec<f64>];
 }
 
-/// What one experiment brings to the hierarchy.
+/// Contribution of one experiment to the hierarchy.
 pub enum Member<'a> {
     /// Draws, re-weighted to the population (Hogg, Myers, Bovy 2010, ApJ 725:2166).
     Draws(&'a InterimDraws),
-    /// The likelihood: exact, at the cost of a trajectory a step.
+    /// Exact likelihood; each step costs one trajectory.
     Exact(&'a dyn ExperimentDensity),
 }
 
-/// Where a chain stands in one experiment.
+/// State of a chain in one experiment.
 pub(super) struct Place {
     /// Coordinates of the pooled parameters.
     pub coordinates: Vec<f64>,
     index: usize,
     point: Vec<f64>,
     ln_density: f64,
-    /// Trials a sweep, and how many were made and accepted.
+    /// Trials per sweep, and the numbers of trials made and accepted so far.
     n_trials: usize,
     tried: usize,
     accepted: usize,
 }
 
 impl Place {
-    /// Ends the counting: from now on as many trials a sweep as were accepted twice on average, at most those made so far.
+    /// Ends the counting and fixes the trials per sweep, so that two are accepted on average. The number never exceeds the present one.
     pub(super) fn freeze(&mut self) {
         let wanted = (WANTED_ACCEPTANCES * self.tried).div_ceil(self.accepted.max(1));
         self.n_trials = wanted.clamp(1, self.n_trials);
     }
 }
 
-/// Trials a sweep, before it is known how many are accepted.
+/// Trials per sweep while the acceptance is still being counted.
 const N_TRIALS: usize = 8;
-/// Accepted trials that a sweep should have thereafter.
+/// Accepted trials per sweep that [`Place::freeze`] aims at.
 const WANTED_ACCEPTANCES: usize = 2;
-/// Share of the steps along the archive that go the whole way between two draws of the archive, from mode to mode.
+/// Share of the archive steps that go the full distance between two archived draws, from mode to mode.
 const WHOLE_STEPS: f64 = 0.1;
 
 impl Member<'_> {
-    /// Whether there is nothing to start from.
+    /// Returns true if there is no draw to start from.
     pub fn is_empty(&self) -> bool {
         match self {
             Self::Draws(draws) => draws.is_empty(),
@@ -144,7 +144,7 @@ impl Member<'_> {
         }
     }
 
-    /// Steps that leave the conditional distribution given the population's mean and precision as it is.
+    /// Makes Monte Carlo steps whose invariant distribution is the conditional one, given the population's mean and precision.
     pub(super) fn step(&self, place: &mut Place, mean: &[f64], precision: &DMatrix<f64>, rng: &mut impl Rng) {
         let mut distance = squared_distance(&place.coordinates, mean, precision);
         place.tried += place.n_trials;
@@ -176,12 +176,12 @@ impl Member<'_> {
     }
 }
 
-/// Proposals for a likelihood: along differences of the archive where the experiment decides, and by the population where that does.
+/// Proposals for an exact likelihood. Archive differences serve where the experiment determines the parameters, population draws where the population does.
 struct ExactSteps<'a> {
     density: &'a dyn ExperimentDensity,
     mean: &'a [f64],
     precision: &'a DMatrix<f64>,
-    /// Factor of the population's precision.
+    /// Cholesky factor of the population's precision.
     factor: Option<Cholesky<f64, Dyn>>,
 }
 
@@ -190,7 +190,7 @@ impl<'a> ExactSteps<'a> {
         Self { density, mean, precision, factor: Cholesky::new(precision.clone()) }
     }
 
-    /// A point, and what the population adds to the logarithm of the acceptance ratio.
+    /// Proposes a point, and returns the population's share of the log acceptance ratio.
     fn propose(&self, place: &Place, rng: &mut impl Rng) -> (Vec<f64>, f64) {
         match &self.factor {
             Some(factor) if rng.random::<bool>() => (self.by_population(place, factor, rng), 0.0),
@@ -203,8 +203,8 @@ impl<'a> ExactSteps<'a> {
         }
     }
 
-    /// m + cos(θ)(φ − m) + sin(θ) ξ with ξ from the population, which it leaves as it is (preconditioned Crank–Nicolson; Cotter et al. 2013,
-    /// Stat. Sci. 28:424), θ uniform up to a quarter turn.
+    /// Proposes m + cos(θ)(φ − m) + sin(θ) ξ with ξ from the population and θ uniform up to a quarter turn. The proposal leaves the population's distribution invariant
+    /// (preconditioned Crank–Nicolson; Cotter et al. 2013, Stat. Sci. 28:424).
     fn by_population(&self, place: &Place, factor: &Cholesky<f64, Dyn>, rng: &mut impl Rng) -> Vec<f64> {
         let mut fresh = normals(self.mean.len(), rng);
         factor.l_dirty().tr_solve_lower_triangular_mut(&mut fresh);
@@ -218,7 +218,7 @@ impl<'a> ExactSteps<'a> {
 
     fn along_archive(&self, place: &Place, rng: &mut impl Rng) -> Vec<f64> {
         let archive = self.density.archive();
-        // Optimal for a normal target (ter Braak 2006, Stat. Comput. 16:239).
+        // This scale is optimal for a normal target (ter Braak 2006, Stat. Comput. 16:239).
         let short = 2.38 / (2.0 * place.point.len() as f64).sqrt();
         let scale = if rng.random::<f64>() < WHOLE_STEPS { 1.0 } else { short };
         let from = &archive[rng.random_range(0..archive.len())];

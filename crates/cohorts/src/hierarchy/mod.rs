@@ -1,6 +1,6 @@
-//! The population of groups, by Gibbs sampling.
+//! Gibbs sampler for the population of groups.
 //!
-//! For the coordinates φ (p of them; logarithms, or log-odds of parameters between two ends) of an experiment e of specimen s in group g:
+//! The model has p coordinates φ for an experiment e of specimen s in group g. Coordinates are logarithms, or log-odds of parameters with two bounds:
 //!
 //! ```text
 //! φ_e  = μ_g + u_s + w_e        w_e ~ N(0, W)          repeats (left out where no specimen has any)
@@ -8,13 +8,17 @@
 //! μ_g  = m + Σ_k a_k,level(g)   a_k ~ N(0, diag τ_k²)  one sum of the grouping keys' levels, and one of the group's own
 //! ```
 //!
-//! Groups that share specimens share Σ. The Σ of several strata are partially pooled: Σ_h ~ inverse-Wishart(κ + p − 1, 2κ diag(1/α)), whose
-//! scales α they share and whose κ says how alike they are, from hardly (2) to nearly equal (32); both are learnt. Σ alone is then the prior of
-//! Huang & Wand (2013, Bayesian Anal. 8:439, doi:10.1214/13-BA815): half-t(κ) standard deviations, and at κ = 2 uniform correlations. W is
-//! theirs at κ = 2. τ of a key's levels have 1/τ² ~ Gamma(½, s²/2), that is half-normal 1/τ: small spreads are improbable, so that few levels are
-//! hardly drawn together and intervals of their differences cover a fixed truth as often as they say. τ of the groups' own shares is half-t(2).
-//! Every update but the members' is a draw from a full conditional; (m, a) are drawn with all u integrated out.
-//! A sweep costs time linear in the experiments.
+//! Groups that share specimens share Σ. The Σ of several strata are partially pooled: Σ_h ~ inverse-Wishart(κ + p − 1, 2κ diag(1/α)). The strata share the scales α. κ
+//! measures their similarity, from slight (2) to nearly equal (32); α and κ are both sampled.
+//!
+//! A single Σ has the prior of Huang & Wand (2013, Bayesian Anal. 8:439, doi:10.1214/13-BA815): half-t(κ) standard deviations, and uniform correlations at κ = 2. W has
+//! this prior at κ = 2.
+//!
+//! The τ of a key's levels have 1/τ² ~ Gamma(½, s²/2), so 1/τ is half-normal and small spreads are improbable. A few levels are therefore hardly shrunk together, and
+//! intervals of their differences keep their nominal coverage of a fixed truth. The τ of the groups' own shares is half-t(2).
+//!
+//! Every update except the members' is a draw from a full conditional. (m, a) are drawn with all u integrated out. The time of a sweep is linear in the number of
+//! experiments.
 
 mod members;
 mod random;
@@ -40,37 +44,37 @@ use sampling::diagnostics::{DrawColumn, diagnose};
 
 /// Largest R̂ of converged draws.
 pub const LARGEST_RHAT: f64 = 1.01;
-/// The other demand: effective draws of every mean and spread (Vehtari et al. 2021, Bayesian Anal. 16:667).
+/// Smallest effective number of draws of every mean and spread of converged draws (Vehtari et al. 2021, Bayesian Anal. 16:667).
 pub const FEWEST_EFFECTIVE_DRAWS: f64 = 400.0;
-/// What stays of a run that is stopped.
-pub(super) const KEPT: &str = "experiments that are done are kept; the same command goes on from them";
-/// Sweeps between two looks at who watches.
+/// Message about the results that are kept when a run is stopped.
+pub(super) const KEPT: &str = "finished experiments are kept; repeat the command to continue from them";
+/// Sweeps between two checks of the monitor.
 const SWEEPS_A_PIECE: usize = 100;
 /// Degrees of freedom of the half-t priors of standard deviations.
 const HALF_T_DEGREES: f64 = 2.0;
-/// How alike the strata's covariances may be, κ; each as probable.
+/// Values of κ, the similarity of the strata's covariances; all equally probable a priori.
 pub const LIKENESS: [f64; 5] = [2.0, 4.0, 8.0, 16.0, 32.0];
 
 /// Priors and settings of the hierarchy.
 #[derive(Debug, Clone, PartialEq)]
 pub struct HierarchyOptions {
-    /// Mean of the overall coordinates, one value a parameter.
+    /// Prior mean of the overall coordinates, one value per parameter.
     pub overall_mean: Vec<f64>,
-    /// Their standard deviations.
+    /// Prior standard deviations of the overall coordinates.
     pub overall_sd: Vec<f64>,
     /// Scale s of the spread between the levels of a key, in the coordinate.
     pub level_scale: f64,
-    /// Scale of the half-t prior of the spread between groups beyond their levels, between specimens, and between repeats, in the coordinate.
+    /// Scales of the half-t priors, in the coordinate: spread between groups beyond their levels, between specimens, and between repeats.
     pub scales: [f64; 3],
     /// Degrees of freedom of Student-t specimens; `None` for normal ones.
     pub student_dof: Option<f64>,
-    /// Chains.
+    /// Number of chains.
     pub n_chains: usize,
-    /// Sweeps that are dropped, and sweeps thereafter after which convergence is first judged, in each chain.
+    /// Sweeps of each chain that are dropped, and sweeps after them until convergence is first tested.
     pub n_sweeps: [usize; 2],
-    /// Most sweeps after those that are dropped: their number doubles until the demands are met.
+    /// Largest number of sweeps after the dropped ones. The number of sweeps doubles until the draws have converged.
     pub max_sweeps: usize,
-    /// Every so many of the first sweeps is kept; twice as rarely each time that their number doubles.
+    /// Interval between kept sweeps at first. It doubles each time the number of sweeps doubles.
     pub keep_every: usize,
     /// Seed.
     pub seed: u64,
@@ -79,35 +83,35 @@ pub struct HierarchyOptions {
 /// One state of the population.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PopulationDraw {
-    /// Mean coordinates of every group, p values a group.
+    /// Mean coordinates of every group, p values per group.
     pub group_mean: Vec<f64>,
     /// Covariance of specimens in every stratum, p² values each.
     pub between_specimens: Vec<f64>,
     /// Covariance of repeats, p² values; empty without repeats.
     pub within_specimens: Vec<f64>,
-    /// Standard deviations between the levels of every key and, last, between groups beyond them; p values each.
+    /// Standard deviations between the levels of each key and, last, between groups beyond their levels; p values each.
     pub between_groups_sd: Vec<f64>,
-    /// Coordinates of every specimen's own mean, p values a specimen, in its first experiment's group.
+    /// Mean coordinates of every specimen, p values per specimen, in the group of its first experiment.
     pub specimen_mean: Vec<f64>,
-    /// The specimens' weights λ.
+    /// Weights λ of the specimens.
     pub specimen_weight: Vec<f64>,
     /// Overall mean m and the levels' shares a, in the order of [`Layout`]; p values each.
     pub shares: Vec<f64>,
 }
 
-/// Where the shares of the groups' means stand.
+/// Order of the shares that make up the groups' means.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Layout {
-    /// Shares in all, the overall mean included.
+    /// Number of shares, including the overall mean.
     pub n_shares: usize,
-    /// Range of each factor's shares: the keys, then, where there are several keys, the group's own.
+    /// Range of each factor's shares: first the keys; then, with several keys, the group's own share.
     pub factors: Vec<Range<usize>>,
-    /// Shares that make up a group's mean; the overall one first.
+    /// Shares that make up each group's mean; the overall mean comes first.
     pub of_group: Vec<Vec<usize>>,
 }
 
 impl Layout {
-    /// The shares of a design.
+    /// Layout of the shares of a design.
     pub fn new(design: &Design) -> Self {
         let mut factors = Vec::new();
         let mut next = 1;
@@ -132,15 +136,15 @@ impl Layout {
 pub struct Population {
     /// Kept draws, by chain.
     pub chains: Vec<Vec<PopulationDraw>>,
-    /// Parameters.
+    /// Number of parameters.
     pub n_parameters: usize,
     /// Sweeps of each chain from which draws were kept.
     pub n_sweeps: usize,
-    /// Largest rank-normalised split R̂ of a group's mean or a spread.
+    /// Largest rank-normalised split R̂ of the groups' means and the spreads.
     pub rhat: f64,
-    /// Smallest effective number of draws of one, bulk or tail.
+    /// Smallest effective number of draws of these quantities, bulk or tail.
     pub ess: f64,
-    /// Whether both meet the demands.
+    /// True if R̂ and the effective number of draws meet their thresholds.
     pub has_converged: bool,
 }
 
@@ -151,10 +155,10 @@ impl Population {
     }
 }
 
-/// Samples the population that the members come from, one member an experiment of the design.
+/// Samples the population that the members come from; each experiment of the design has one member.
 ///
 /// # Errors
-/// [`base::Error::Numerical`] when an experiment has no draws or a covariance cannot be factored, [`base::Error::Interrupted`] when stopped.
+/// [`base::Error::Numerical`] if an experiment has no draws or a covariance cannot be factored, [`base::Error::Interrupted`] if stopped.
 pub fn sample_population(
     design: &Design,
     members: &[Member],
@@ -196,14 +200,14 @@ pub fn sample_population(
     }
 }
 
-/// A chain, its random numbers and what it has kept.
+/// A chain, its random numbers and its kept draws.
 struct Run<'a, 'm> {
     chain: Chain<'a, 'm>,
     rng: ChaCha8Rng,
     kept: Vec<PopulationDraw>,
 }
 
-/// Sweeps all chains so many times and keeps every so many of their states.
+/// Makes `n_sweeps` sweeps of all chains and keeps every `keep_every`-th state.
 fn go_on(runs: &mut [Run], n_sweeps: usize, keep_every: usize, monitor: &dyn Monitor) -> Result<()> {
     let counter = Counter::new(monitor, runs.len() * n_sweeps / SWEEPS_A_PIECE);
     let one = |run: &mut Run| {
@@ -224,7 +228,7 @@ fn go_on(runs: &mut [Run], n_sweeps: usize, keep_every: usize, monitor: &dyn Mon
     runs.par_iter_mut().map(one).collect()
 }
 
-/// Largest R̂ and smallest effective number of draws of the groups' means and of spreads' logarithms.
+/// Largest R̂ and smallest effective number of draws of the groups' means and the spreads' logarithms.
 fn diagnostics(design: &Design, runs: &[Run], p: usize) -> (f64, f64) {
     let n_kept = runs.first().map_or(0, |run| run.kept.len());
     let blom = BlomScores::new(runs.len() * n_kept);
@@ -244,7 +248,7 @@ fn diagnostics(design: &Design, runs: &[Run], p: usize) -> (f64, f64) {
     (rhat, ess)
 }
 
-/// Σ λ x xᵀ of deviations that have one covariance, and their number.
+/// Σ λ x xᵀ of deviations with a common covariance, and their number.
 struct Scatter {
     sum: DMatrix<f64>,
     count: usize,
@@ -261,7 +265,7 @@ impl Scatter {
     }
 }
 
-/// Inverse covariances given their scatters, then the scales that they share (Huang & Wand, with one scale for several covariances).
+/// Draws inverse covariances given their scatters, then the scales that they share (Huang & Wand, with one scale for several covariances).
 fn draw_covariances(
     scatters: Vec<Scatter>,
     scales: &mut [f64],
@@ -283,13 +287,13 @@ fn draw_covariances(
     Ok(precisions)
 }
 
-/// κ given the strata's inverse covariances and their scales.
+/// Draws κ given the strata's inverse covariances and their scales.
 fn draw_likeness(precisions: &[DMatrix<f64>], scales: &[f64], rng: &mut ChaCha8Rng) -> f64 {
     let p = scales.len();
     let ln_densities = LIKENESS.map(|likeness| {
         let degrees = likeness + (p - 1) as f64;
         let ln_scale: f64 = scales.iter().map(|scale| (2.0 * likeness / scale).ln()).sum();
-        // Multivariate gamma function but for a constant.
+        // This is the multivariate gamma function up to a constant.
         let ln_gamma: f64 = (0..p).map(|j| ln_gamma(0.5 * (degrees - j as f64))).sum();
         let constant = 0.5 * degrees * (ln_scale - p as f64 * std::f64::consts::LN_2) - ln_gamma;
         let of_precision = |precision: &DMatrix<f64>| {
@@ -322,10 +326,10 @@ struct Chain<'a, 'm> {
     places: Vec<Place>,
     shares: DVector<f64>,
     group_mean: Vec<DVector<f64>>,
-    /// Deviation of each specimen; with no repeats the whole deviation from the group's mean.
+    /// Deviation of each specimen; without repeats, the whole deviation from the group's mean.
     deviation: Vec<DVector<f64>>,
     weight: Vec<f64>,
-    /// Σ⁻¹ of every stratum, and the pooled scales a of their prior.
+    /// Σ⁻¹ of every stratum, and the shared scales of their prior.
     precision: Vec<DMatrix<f64>>,
     scale: Vec<f64>,
     likeness: f64,
@@ -348,7 +352,7 @@ impl<'a, 'm> Chain<'a, 'm> {
         }
         let of_sd = |sd: f64| DMatrix::from_diagonal_element(p, p, 1.0 / (sd * sd));
         let n_factors = layout.factors.len();
-        // Overdispersed by a factor of e either way.
+        // Start values are overdispersed by a factor of e in either direction.
         let mut spread = |scale: f64| scale * (normals(1, rng)[0]).exp();
         Self {
             precision: (0..design.n_strata).map(|_| of_sd(spread(0.5 * options.scales[1]))).collect(),
@@ -392,7 +396,7 @@ impl<'a, 'm> Chain<'a, 'm> {
         DVector::from_fn(self.p, |k, _| self.places[experiment].coordinates[k] - mean[k])
     }
 
-    /// (m, a) given the experiments' parameters, the specimens' deviations integrated out.
+    /// Draws (m, a) given the experiments' parameters, with the specimens' deviations integrated out.
     fn draw_shares(&mut self, rng: &mut ChaCha8Rng) -> Result<()> {
         let (p, design) = (self.p, self.design);
         let n = p * self.layout.n_shares;
@@ -511,7 +515,7 @@ impl<'a, 'm> Chain<'a, 'm> {
         }
     }
 
-    /// W given all repeats, and its scales.
+    /// Draws W given all repeats, and its scales.
     fn draw_repeat_precision(&mut self, rng: &mut ChaCha8Rng) -> Result<()> {
         let mut scatter = Scatter::new(self.p);
         for e in 0..self.design.n_experiments() {
@@ -531,7 +535,7 @@ impl<'a, 'm> Chain<'a, 'm> {
         }
     }
 
-    /// Σ of every stratum given its specimens, and what the strata share.
+    /// Draws Σ of every stratum given its specimens, then the scales and κ that the strata share.
     fn draw_precisions(&mut self, rng: &mut ChaCha8Rng) -> Result<()> {
         let mut scatters: Vec<Scatter> = (0..self.design.n_strata).map(|_| Scatter::new(self.p)).collect();
         for (index, specimen) in self.design.specimens.iter().enumerate() {

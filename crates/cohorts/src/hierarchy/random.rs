@@ -6,13 +6,17 @@ use rand_distr::{Distribution, Gamma, StandardNormal};
 
 use base::error::{Error, Result, Setting};
 
-/// A Cholesky factor, or why there is none.
+/// Cholesky factor of a matrix.
+///
+/// # Errors
+///
+/// [`Error::Numerical`] if the matrix is not positive definite.
 pub fn factor(matrix: DMatrix<f64>) -> Result<Cholesky<f64, Dyn>> {
     Cholesky::new(matrix).ok_or_else(|| {
         Error::numerical(
-            "a covariance of the hierarchy lost its positive definiteness",
+            "a covariance of the hierarchy is not positive definite",
             format!(
-                "look for an experiment whose parameters are hardly determined, or leave it out ({})",
+                "look for an experiment whose parameters are poorly determined, or leave it out ({})",
                 Setting::LeaveOut
             ),
         )
@@ -23,7 +27,7 @@ pub(super) fn normals(n: usize, rng: &mut impl Rng) -> DVector<f64> {
     DVector::from_fn(n, |_, _| StandardNormal.sample(rng))
 }
 
-/// A draw from the normal whose density is exp(−½ xᵀPx + hᵀx).
+/// Draws from the normal distribution with density exp(−½ xᵀPx + hᵀx).
 pub(super) fn normal_of_information(
     precision: DMatrix<f64>,
     information: DVector<f64>,
@@ -36,13 +40,13 @@ pub(super) fn normal_of_information(
     Ok(mean + noise)
 }
 
-/// A draw from Gamma(shape, rate).
+/// Draws from Gamma(shape, rate).
 pub(super) fn gamma(shape: f64, rate: f64, rng: &mut impl Rng) -> f64 {
     Gamma::new(shape, 1.0 / rate).map_or(f64::NAN, |gamma| gamma.sample(rng))
 }
 
-/// A draw of a precision matrix from the Wishart distribution with the inverse of `scatter` as scale (Bartlett's decomposition): the inverse of
-/// a draw from the inverse-Wishart with that scatter.
+/// Draws a precision matrix from the Wishart distribution whose scale is the inverse of `scatter` (Bartlett's decomposition). Its inverse is a draw from the
+/// inverse-Wishart distribution with that scatter.
 pub(super) fn wishart_of_scatter(degrees: f64, scatter: DMatrix<f64>, rng: &mut impl Rng) -> Result<DMatrix<f64>> {
     let p = scatter.nrows();
     let factor = factor(scatter)?;

@@ -1,4 +1,4 @@
-//! The models of every apparatus that serve all effects of the library, each built once: they depend on sizes, not on the record (physics §3.3).
+//! Models of every apparatus for all effects of the library, each built once. They depend on sizes, not on the record (physics §3.3).
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -14,17 +14,17 @@ use posterior::monitor::{Counter, Monitor, Silent};
 use posterior::prepared::PreparedModel;
 use posterior::problem::Problem;
 
-/// Every apparatus of a cohort.
+/// Models of all apparatus of a cohort.
 pub struct Apparatuses {
     library: Library,
     known: BTreeMap<String, (Arc<Mechanics>, Compliance)>,
 }
 
 impl Apparatuses {
-    /// Meshes each and builds its models, one after another: each uses all threads.
+    /// Meshes each apparatus and builds its models, one after another, because each uses all threads.
     ///
     /// # Errors
-    /// What meshing, assembly or the models refuse.
+    /// Errors of meshing, assembly or the models.
     pub fn of(measurements: &[Measurement], monitor: &dyn Monitor) -> Result<Self> {
         let library = Library::default();
         let mut first: BTreeMap<String, &Measurement> = BTreeMap::new();
@@ -46,10 +46,10 @@ impl Apparatuses {
         Ok(Self { library, known })
     }
 
-    /// A record, prepared for the fits of its model with every effect.
+    /// Prepares a record for fits of its model with every effect.
     ///
     /// # Errors
-    /// [`base::Error::Input`] when its model is none of the experiment.
+    /// [`base::Error::Input`] if its model does not suit the experiment.
     pub fn subject(&self, measurement: &Measurement) -> Result<Subject> {
         let (mechanics, compliance) = &self.known[&key(measurement, &self.library)];
         let (experiment, specification) = (measurement.experiment.clone(), measurement.specification.clone());

@@ -1,4 +1,4 @@
-//! The files of a cohort's diagnosis, written whole or not at all.
+//! Files of a cohort's diagnosis, written completely or not at all.
 
 use std::path::{Path, PathBuf};
 
@@ -11,21 +11,21 @@ use figures::cohort::cohort;
 use figures::svg::write_figure;
 use posterior::study::{Provenance, RevisionWriter, WithProvenance};
 
-/// The folder of the diagnosis, in the place that the user names.
+/// Folder of the diagnosis, inside the user's directory.
 const FOLDER: &str = "diagnosis";
-/// The document in it.
+/// File name of the document in the folder.
 const DOCUMENT: &str = "cohort-diagnosis.json";
-/// What every record gains by every effect.
+/// File name of the table with the gain of every record by every effect.
 const TABLE: &str = "gains.csv";
-/// The figure.
+/// Name of the figure.
 const FIGURE: &str = "cohort";
 
-/// The document's head: the hash of every record.
+/// Head of the document, with the hash of every record.
 pub fn provenance(measurements: &[Measurement], seed: u64) -> Provenance {
     provenance_of("cohort-diagnosis", measurements, seed)
 }
 
-/// Refuses a place that holds a diagnosis of other records.
+/// Refuses a folder that holds a diagnosis of other records.
 ///
 /// # Errors
 /// [`Error::Input`] unless `force` is set.
@@ -37,10 +37,10 @@ pub fn check_place(out: &Path, provenance: &Provenance, force: bool) -> Result<(
     refuse_other(out.join(FOLDER).join(DOCUMENT), provenance, force, (found, &remedy))
 }
 
-/// Writes the diagnosis. Returns its folder.
+/// Writes the diagnosis and returns its folder.
 ///
 /// # Errors
-/// [`Error::File`] where the file system refuses, and what figures refuse.
+/// [`Error::File`] if the file system refuses, and errors of the figures.
 pub fn write(out: &Path, diagnosis: &CohortDiagnosis, provenance: Provenance) -> Result<PathBuf> {
     let make = |dir: &Path| {
         let remedy = format!("choose a writable place with `{}`", Setting::Out);
@@ -57,7 +57,7 @@ pub fn write(out: &Path, diagnosis: &CohortDiagnosis, provenance: Provenance) ->
     writer.commit()
 }
 
-/// A row a record and effect.
+/// Writes the gains as CSV, one row per record and effect.
 fn gains_csv(diagnosis: &CohortDiagnosis) -> Result<Vec<u8>> {
     let refused = |error: csv::Error| Error::numerical(format!("a table cannot be written: {error}"), "use the JSON");
     let mut writer = csv::Writer::from_writer(Vec::new());

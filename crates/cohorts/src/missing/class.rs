@@ -1,10 +1,11 @@
 //! Rivals of a cohort's claim.
 //!
-//! A rival is believed for a moment: cohorts are simulated in which records have it as its own law and each record's own data say, with the noise of a
-//! simulated record. Where the claim leads the rival there as often as in the data, the rival may be the truth (Cox, J. R. Stat. Soc. B 24:406, 1962).
+//! A rival is assumed to be true, and cohorts are simulated with it. In them, each record has the rival with a probability and a size from its law and the record's own
+//! data. The noise is that of a simulated record. The rival may be the truth if the claim leads it in these cohorts as often as in the data (Cox, J. R. Stat. Soc. B
+//! 24:406, 1962).
 //!
-//! The lead is asked for twice: under the common laws of sizes, and with a size of its own in every record. Both have to be too large for chance. Two effects whose signatures are the
-//! same are told apart by nothing but which of their sizes is the more alike in all specimens, and of that nobody knows anything beforehand.
+//! The lead is tested twice: under the common laws of sizes, and with a separate size in every record. Both leads must be too large for chance. Two effects with the same
+//! signature differ only in the similarity of their sizes across specimens, and nothing is known about that beforehand.
 
 use rayon::prelude::*;
 
@@ -15,11 +16,11 @@ use criticism::sketch::{Said, Told};
 use criticism::verdict::Rival;
 use sampling::ensemble::RandomStream;
 
-/// Simulated cohorts a rival.
+/// Number of simulated cohorts for each rival.
 const N_COHORTS: usize = 199;
 const RIVAL_STREAMS: u64 = 0xc1a55;
 
-/// Effects that may be the claim's twins, each with the share of simulated cohorts in which the claim leads it by as much.
+/// Effects that the data may not distinguish from the claim. Each comes with the share of simulated cohorts in which the claim leads it by as much.
 pub fn rivals(records: &[Said], criteria: &Criteria, gained: &[Gained], claimed: usize, seed: u64) -> Vec<Rival> {
     let claim = &gained[claimed];
     let least = criteria.least_rival_share * claim.best.rank_nats();
@@ -36,7 +37,7 @@ pub fn rivals(records: &[Said], criteria: &Criteria, gained: &[Gained], claimed:
     others.into_par_iter().filter_map(rival).collect()
 }
 
-/// The share of cohorts, made with the rival, in which the claim leads by as much: the larger one of under common laws and record by record.
+/// Share of cohorts simulated with the rival in which the claim leads by as much. It is the larger of two shares: under common laws, and record by record.
 fn lead_p(records: &[Said], claim: &Gained, rival: &Gained, seed: u64) -> Option<f64> {
     let (of_claim, of_rival) = (Scan::new(records, claim.effect)?, Scan::new(records, rival.effect)?);
     let by_itself = |scan: &Scan, cohort: &[&Told]| -> f64 {
@@ -64,7 +65,7 @@ fn lead_p(records: &[Said], claim: &Gained, rival: &Gained, seed: u64) -> Option
     Some(p(0).max(p(1)))
 }
 
-/// What a cohort gains on fitted and last cycles together, at the shape and the law that suit the fitted ones best.
+/// Gain of a cohort (nats) on fitted and last cycles together, at the shape and law with the best fit to the fitted cycles.
 fn rank_nats(scan: &Scan, cohort: &[&Told]) -> f64 {
     let of = |shape| {
         let weighed: Vec<Weighed> = cohort.iter().enumerate().map(|(k, told)| scan.weighed(k, told, shape)).collect();
@@ -73,10 +74,10 @@ fn rank_nats(scan: &Scan, cohort: &[&Told]) -> f64 {
     scan.shapes().map(of).reduce(Best::larger).map_or(0.0, |best| best.rank_nats())
 }
 
-/// How a record has the rival: with what probability, at which point of its grid, how much.
+/// Probability that a record has the rival, with its possible grid points and sizes.
 struct Carrier {
     has: f64,
-    /// Place of the reading, its amplitude in units of its size, and the probability of both.
+    /// Index of the reading, its amplitude in units of its size, and the probability of both.
     ways: Vec<(usize, f64, f64)>,
 }
 
@@ -107,7 +108,7 @@ impl Carrier {
         Self { has: if has.is_finite() { has } else { 0.0 }, ways }
     }
 
-    /// What a simulated record says, with the rival or without.
+    /// Draws the scores of a simulated record, with or without the rival.
     fn draw(&self, record: &Said, stream: &mut RandomStream) -> Told {
         let mut told = record.simulated[stream.below(record.simulated.len())].clone();
         let (whether, which) = (stream.unit(), stream.unit());

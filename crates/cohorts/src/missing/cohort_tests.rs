@@ -1,4 +1,4 @@
-//! The judgement of cohorts, on readings drawn from normals: no gel, no record.
+//! Tests of the diagnosis of cohorts, on readings drawn from normal distributions without gels and records.
 
 use nalgebra::DMatrix;
 use rayon::prelude::*;
@@ -14,14 +14,14 @@ use documents::groups::RatioVerdict;
 use posterior::monitor::Silent;
 use sampling::ensemble::RandomStream;
 
-/// Effects of the library that these tests make up: with so many points of a grid each, and whether they have either sign.
+/// Invented effects: name, number of grid points, and true for either sign.
 const EFFECTS: [(&str, usize, bool); 4] =
     [("one", 1, false), ("two", 3, false), ("three", 1, true), ("twin of one", 1, false)];
 const N_READINGS: usize = 6;
-/// Standard deviation of an amplitude is a half.
+/// Inverse standard deviation of an amplitude.
 const NORM: f64 = 2.0;
 
-/// Cosines: points of a grid are alike, and the twin is like the first by so much.
+/// Cosines between the readings: grid points of one effect are similar, and the twin's cosine with the first effect is given.
 fn cosines(twin: f64) -> DMatrix<f64> {
     DMatrix::from_fn(N_READINGS, N_READINGS, |i, j| match (i.min(j), i.max(j)) {
         (a, b) if a == b => 1.0,
@@ -39,18 +39,18 @@ fn readings(root: &DMatrix<f64>, cosines: &DMatrix<f64>, shifts: [f64; 2], strea
     (0..N_READINGS).map(|k| Reading { z: shifted(k), norm: NORM }).collect()
 }
 
-/// Effects that the cohort cannot tell from a claim.
+/// Effects that the cohort cannot distinguish from a claim.
 fn class_of(records: &[Said], gained: &[Gained], claimed: usize, seed: u64) -> Vec<String> {
     let rivals = rivals(records, &Criteria::COHORT, gained, claimed, seed).into_iter();
     rivals.filter(|rival| Criteria::COHORT.is_equivalent(rival)).map(|rival| rival.effect).collect()
 }
 
-/// A cohort whose records have these shifts, with so many simulated records each; its last cycles tell a third of what the fitted ones do.
+/// A cohort with these shifts of its records and `n_simulations` simulated records each. Its last cycles have a third of the information of the fitted ones.
 fn cohort(shifts: &[[f64; 2]], twin: f64, n_simulations: usize, seed: u64) -> Vec<Said> {
     cohort_with(1.0 / 3.0, shifts, twin, n_simulations, seed)
 }
 
-/// The same, with last cycles that tell `last` times what the fitted ones do.
+/// A cohort whose last cycles have `last` times the information of the fitted ones.
 fn cohort_with(last: f64, shifts: &[[f64; 2]], twin: f64, n_simulations: usize, seed: u64) -> Vec<Said> {
     let cosines = cosines(twin);
     let root = cosines.clone().cholesky().expect("positive definite").l();
@@ -90,8 +90,8 @@ fn leading(judged: &Judged) -> usize {
     (0..judged.effects.len()).max_by(|a, b| gain(*a).total_cmp(&gain(*b))).expect("effects")
 }
 
-/// On 60 cohorts of eight records without any effect p of the largest gain is uniform: its mean is 0.5 ± 0.037, asserted at five standard deviations (false
-/// failures below 1e-6); 20 or more of them at 0.1 or below have a binomial probability of 2e-6, and so have 9 or more at 0.02 or below.
+/// In 60 cohorts of eight records without any effect, p of the largest gain is uniform. Its mean is 0.5 ± 0.037, asserted at five standard deviations (false failures below
+/// 1e-6). 20 or more p at or below 0.1 have a binomial probability of 2e-6, and so have 9 or more at or below 0.02.
 #[test]
 fn p_is_uniform_where_nothing_is_missing() {
     let p_of = |seed: u64| {
@@ -102,18 +102,20 @@ fn p_is_uniform_where_nothing_is_missing() {
     let found: Vec<(f64, f64)> = (0..60).into_par_iter().map(p_of).collect();
     let mean = found.iter().map(|(p, _)| p).sum::<f64>() / 60.0;
     let at_most = |bar: f64| found.iter().filter(|(p, _)| *p <= bar).count();
-    // Gains of exactly nothing have p = 1.
+    // Gains of exactly 0 have p = 1.
     assert!((mean - 0.5).abs() < 5.0 * 0.037 + 0.02, "{mean}");
     assert!(at_most(0.1) < 20 && at_most(0.02) < 9, "{} {}", at_most(0.1), at_most(0.02));
     assert!(found.iter().any(|(p, _)| *p < 0.3) && found.iter().any(|(p, _)| *p > 0.7));
-    // What is fitted by chance does not hold on other cycles.
+    // An effect that fits by chance does not hold on other cycles.
     assert!(found.iter().map(|(_, heldout)| heldout).sum::<f64>() < 0.0);
 }
 
-/// Two standard deviations in each of 20 records: the sum of squares over two is 40 nats ± 9, less what the law's parameters cost. Each record by itself gains 2 nats ± 2,
-/// which no search calls anything. Held-out cycles that tell a third as much gain a third. The other effects are told apart. On fitted and last cycles together the twin at cosine 0.99 leads by 1.1 ± 1.5 nats less where the first is the
-/// truth, and by that more where it is the truth itself, so that a lead of 2 nats excludes it: in one cohort of four. Of 16 cohorts fewer than 4 keep it in 1 of 10⁵ runs. The truth is excluded in
-/// at most 2 of 100, in more than 5 of 16 in 5 of 10⁷.
+/// Each of 20 records shows the effect at two standard deviations. Half the sum of squares is 40 nats ± 9, minus the cost of the law's parameters. A single record gains
+/// only 2 nats ± 2, which no search would claim. Held-out cycles with a third of the information gain a third. The other effects are distinguished.
+///
+/// The twin at cosine 0.99 has a lead of −1.1 ± 1.5 nats on fitted and last cycles together if the first effect is true, and of +1.1 if the twin is true. A lead of 2 nats
+/// excludes it in one cohort of four. Fewer than 4 of 16 cohorts keep it in 1 of 10⁵ runs. The truth is excluded in at most 2 of 100 cohorts, and in more than 5 of 16 in 5
+/// of 10⁷ runs.
 #[test]
 fn weak_effects_add_up_and_twins_stay() {
     let (mut n_twins, mut n_true, mut heldout_nats) = (0, 0, 0.0);
@@ -135,13 +137,16 @@ fn weak_effects_add_up_and_twins_stay() {
         n_true += usize::from(is_true || !slugs.is_empty());
     }
     assert!(n_twins >= 4 && n_true >= 11, "{n_twins} {n_true}");
-    // 13 nats ± 6 a cohort.
+    // The expected gain is 13 nats ± 6 per cohort.
     assert!((heldout_nats - 13.0).abs() < 5.0 * 6.0 / 4.0, "{heldout_nats}");
 }
 
-/// 0.7 standard deviations in the fitted cycles of each of 20 records, 2.1 in all cycles: the mean score is 0.7 ± 0.22 in the fitted ones, which by themselves gain 4.9 nats ± 3.1.
-/// Chance gains 7.5 nats in one cohort of a thousand, which the fitted cycles reach with a probability of 0.22: in 7 or 8 of 8 cohorts in 2 of 10⁴ runs. With the last cycles all reach it, unless the
-/// mean score is negative or above 1.4 in the fitted ones, which is rarer than 0.005: in 3 of 8 cohorts in 1 of 10⁵ runs.
+/// Each of 20 records shows the effect at 0.7 standard deviations in its fitted cycles and at 2.1 in all cycles. The mean score in the fitted cycles is 0.7 ± 0.22, which
+/// alone gains 4.9 nats ± 3.1. Chance gains 7.5 nats in one cohort of a thousand. The fitted cycles reach this with a probability of 0.22, and in 7 or 8 of 8 cohorts in 2
+/// of 10⁴ runs.
+///
+/// With the last cycles all cohorts reach it, unless the mean score in the fitted ones is negative or above 1.4. That is rarer than 0.005, and occurs in 3 of 8 cohorts in
+/// 1 of 10⁵ runs.
 #[test]
 fn last_cycles_count_for_p() {
     let is_rare = |said: &[Said], seed: u64| {
@@ -162,7 +167,8 @@ fn last_cycles_count_for_p() {
     assert!(n_with >= 6 && n_without < 7, "{n_with} {n_without}");
 }
 
-/// Two effects of one signature are not told apart by which of their sizes is the more alike in all specimens: here the twin's is the same in all, the first's 16 times as large in every other record.
+/// Two effects of one signature are not distinguished by the similarity of their sizes across specimens. Here the twin's size is the same in all records, the first
+/// effect's is 16 times as large in every other record.
 #[test]
 fn like_sizes_are_no_proof() {
     let mut said = cohort(&[[4.0, 0.0]; 20], 0.999_999, 60, 57);
@@ -180,7 +186,7 @@ fn like_sizes_are_no_proof() {
     assert_eq!(class_of(&said, &judged.effects, best, 3), ["one"]);
 }
 
-/// Signs that differ from record to record add up as well, and say so.
+/// Signs that differ from record to record add up as well, and the law states either sign.
 #[test]
 fn either_sign_is_found() {
     let shifts: Vec<[f64; 2]> = (0..20).map(|k| [0.0, if k % 2 == 0 { 2.5 } else { -2.5 }]).collect();
@@ -191,8 +197,8 @@ fn either_sign_is_found() {
     assert!(own.p_familywise <= 0.001 && own.law.sides == super::law::Sides::Either, "{own:?}");
 }
 
-/// Sizes (means and standard deviations of ten records a group) that differ by a factor of two are stated, equal ones are not, and a group without any gains 4 nats by chance in one of
-/// a hundred cohorts: in four of ten in 2 of 10⁶ runs. Its share is not asked: sizes that no record shows may be in all.
+/// Sizes (means and standard deviations of ten records per group) that differ by a factor of two are stated; equal ones are not. A group without the effect gains 4 nats by
+/// chance in one of a hundred cohorts, and in four of ten in 2 of 10⁶ runs. Its share is not tested, because sizes that no record shows may be in all.
 #[test]
 fn groups_are_compared() {
     let mut stream = RandomStream::new(11, 0);

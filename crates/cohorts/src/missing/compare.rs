@@ -1,47 +1,49 @@
-//! The sizes of an effect in groups of records, and how they differ.
+//! Sizes of an effect in groups of records, and their differences.
 //!
-//! Every law of the grid has a posterior probability: its likelihood, with medians, spreads, sides and shares as likely as each other before. Groups have medians and shares
-//! of their own and scatter alike (one spread, one side for all). What is compared is the mean size over all specimens of a group, those without the effect
-//! counted as 0: it needs no decision who has the effect.
+//! Every law of the grid has a posterior probability, proportional to its likelihood; medians, spreads, sides and shares are equally likely a priori. Groups have their own
+//! medians and shares but a common spread and side.
+//!
+//! The compared quantity is the mean size over all specimens of a group, where specimens without the effect count as 0. It needs no decision about which specimens have the
+//! effect.
 
 use super::law::{FINE, Laws, Nodes, Ratios, Sides};
 use crate::contrast::{SURE, SURE_OF_SIGNS};
 use documents::groups::RatioVerdict;
 
-/// Cells of ln size in which means are compared.
+/// Width of the ln size cells in which means are compared.
 const CELL: f64 = 0.02;
 
 /// A quantity's 5 %, 50 % and 95 % quantiles.
 pub type Quantiles = [f64; 3];
 
-/// What the records of a group say of the sizes.
+/// Sizes of the effect in the records of a group.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Sizes {
-    /// Median size of those that have the effect.
+    /// Median size of the specimens with the effect.
     pub median: Quantiles,
     /// Standard deviation of ln size between them.
     pub log_sd: Quantiles,
-    /// Share of those that have it.
+    /// Share of specimens with the effect.
     pub share: Quantiles,
-    /// Mean over all, those without counted as 0.
+    /// Mean over all specimens; those without the effect count as 0.
     pub mean: Quantiles,
     /// Probabilities that sizes lie above the null, below it, or on either side.
     pub sides: [f64; 3],
-    /// What the group gains (nats) by the law that suits it best.
+    /// Gain of the group (nats) by its best law.
     pub gain_nats: f64,
 }
 
-/// Two groups' mean sizes.
+/// Ratio of two groups' mean sizes.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Ratio {
-    /// Of the first over the second.
+    /// Ratio of the first group to the second.
     pub ratio: Quantiles,
     /// Probabilities that the first is greater, greater by more than the margin, and smaller by more than the margin.
     pub probabilities: [f64; 3],
 }
 
 impl Ratio {
-    /// What can be said in view of the margin.
+    /// Verdict on the ratio, given the margin.
     pub fn verdict(&self) -> RatioVerdict {
         let [_, beyond, below] = self.probabilities;
         if beyond >= SURE {
@@ -55,7 +57,7 @@ impl Ratio {
         }
     }
 
-    /// Whether a difference is stated: its sign, or that it exceeds the margin.
+    /// Returns true if a difference is stated: its sign, or that it exceeds the margin.
     pub fn is_declared(&self) -> bool {
         let [greater, ..] = self.probabilities;
         greater.max(1.0 - greater) >= SURE_OF_SIGNS
@@ -63,20 +65,20 @@ impl Ratio {
     }
 }
 
-/// Groups of records, compared in one effect.
+/// Comparison of groups of records in one effect.
 pub struct Compared {
-    /// Every group, in the order that was given.
+    /// Sizes of every group, in the order that was given.
     pub groups: Vec<Sizes>,
-    /// Every pair of groups, the first before the second, with their places.
+    /// Every pair of groups, the first before the second, with their indices.
     pub ratios: Vec<([usize; 2], Ratio)>,
 }
 
-/// The grid for what is said of a claim, by what the records say of its size.
+/// Fine grid of laws for a claim, from the records' likelihoods of its size.
 pub fn fine_laws(likelihoods: &[super::likelihood::Likelihood]) -> Option<Laws> {
     Laws::new(likelihoods, FINE)
 }
 
-/// Posterior weights of every law for the records of a group, over the largest, and what that one gains.
+/// Posterior weight of every law for the records of a group, relative to the largest, and the gain of the law with the largest weight.
 fn weights(laws: &Laws, nodes: &[&Nodes]) -> (Vec<f64>, f64) {
     let ratios: Vec<Ratios> = nodes.iter().map(|nodes| laws.ratios(nodes)).collect();
     let lns = laws.ln_likelihoods(&ratios.iter().collect::<Vec<_>>());
@@ -84,7 +86,7 @@ fn weights(laws: &Laws, nodes: &[&Nodes]) -> (Vec<f64>, f64) {
     (lns.into_iter().map(|ln| (ln - largest).exp()).collect(), largest.max(0.0))
 }
 
-/// What a group's records say, by themselves.
+/// Sizes in a group from its own records alone.
 pub fn sizes(laws: &Laws, nodes: &[&Nodes]) -> Sizes {
     let (weights, gain_nats) = weights(laws, nodes);
     summarised(laws, &weights, gain_nats)
@@ -111,7 +113,7 @@ fn summarised(laws: &Laws, weights: &[f64], gain_nats: f64) -> Sizes {
     }
 }
 
-/// 5 %, 50 % and 95 % of weighted values, which stand in ascending order.
+/// 5 %, 50 % and 95 % quantiles of weighted values in ascending order.
 fn weighted_quantiles(values: &[(f64, f64)]) -> Quantiles {
     let whole: f64 = values.iter().map(|(_, weight)| weight).sum();
     [0.05, 0.5, 0.95].map(|probability| {
@@ -124,11 +126,11 @@ fn weighted_quantiles(values: &[(f64, f64)]) -> Quantiles {
     })
 }
 
-/// Compares groups of records, each given by what its records say of every size.
+/// Compares groups of records, each given by its records' likelihoods of every size.
 pub fn compared(laws: &Laws, groups: &[Vec<&Nodes>], margin: f64) -> Compared {
     let of: Vec<(Vec<f64>, f64)> = groups.iter().map(|nodes| weights(laws, nodes)).collect();
     let all: Vec<super::law::Law> = laws.all().collect();
-    // Laws of one side and spread: what groups share.
+    // A block holds the laws of one side and spread, which all groups share.
     let mut blocks: Vec<((Sides, f64), Vec<usize>)> = Vec::new();
     for (place, law) in all.iter().enumerate() {
         let key = (law.sides, law.log_sd);
@@ -140,11 +142,11 @@ pub fn compared(laws: &Laws, groups: &[Vec<&Nodes>], margin: f64) -> Compared {
     let evidence = |group: usize, places: &[usize]| places.iter().map(|place| of[group].0[*place]).sum::<f64>();
     let mut together: Vec<f64> =
         blocks.iter().map(|(_, places)| (0..groups.len()).map(|group| evidence(group, places)).product()).collect();
-    // Groups that have nothing in common, to the last digit: none rules another's laws out.
+    // Groups can have no block in common to the last digit. No group then excludes the laws of another.
     if together.iter().all(|weight| *weight <= 0.0) {
         together.fill(1.0);
     }
-    // A group's laws, with the spread and side that all groups together have.
+    // These are a group's laws, weighted by the spread and side that all groups have together.
     let shared = |group: usize| -> Vec<f64> {
         let mut weights = vec![0.0; all.len()];
         for ((_, places), together) in blocks.iter().zip(&together) {
@@ -184,7 +186,7 @@ pub fn compared(laws: &Laws, groups: &[Vec<&Nodes>], margin: f64) -> Compared {
         let at = |place: usize| CELL * (place as f64 - (n_cells - 1) as f64);
         let values: Vec<(f64, f64)> = differences.iter().enumerate().map(|(k, weight)| (at(k), *weight)).collect();
         let whole: f64 = differences.iter().sum();
-        // The cell in the middle is on neither side.
+        // The middle cell counts half to each side.
         let above = |bar: f64| -> f64 {
             let weight = |(x, weight): &(f64, f64)| {
                 if (x - bar).abs() < 0.5 * CELL {

@@ -1,4 +1,4 @@
-//! The diagnosis of a cohort: every record read, the search, what stands beside its claim, its sizes in groups.
+//! Diagnosis of a cohort: reads every record, searches for the missing effect, finds rivals of the claim, and compares its sizes in groups.
 
 use rayon::prelude::*;
 
@@ -24,46 +24,46 @@ use documents::cohort::{
 };
 use posterior::monitor::{Counter, Monitor};
 
-/// What a caller decides.
+/// Request for the diagnosis of a cohort.
 #[derive(Debug, Clone, PartialEq)]
 pub struct CohortRequest {
-    /// What groups are formed by; none where it is empty.
+    /// Keys that define the groups; empty for no groups.
     pub keys: Vec<Key>,
-    /// Ratios within 1 + margin of 1 are no difference in practice.
+    /// Margin of practical equivalence: ratios within a factor of 1 + margin of 1 count as no difference.
     pub margin: f64,
-    /// Simulated records of each record.
+    /// Number of simulated records for each record.
     pub n_simulations: usize,
     /// Seed of all random numbers.
     pub seed: u64,
 }
 
 const CRITERIA: Criteria = Criteria::COHORT;
-/// Streams of simulated records lie so far apart.
+/// Offset between the random streams of the records' simulations.
 const RECORD_STREAMS: u64 = 0x5eed_c040;
 const STREAM_OF_RECORD: u32 = 24;
-/// Records of a cohort.
+/// Smallest number of records of a cohort.
 pub const FEWEST_RECORDS: usize = 2;
-const KEPT: &str = "nothing was written; models of apparatus that were built are kept";
+const KEPT: &str = "nothing was written; the models of apparatus that were built are kept";
 
 /// Diagnoses a cohort.
 ///
 /// # Errors
-/// [`Error::Input`] for fewer than two records or where labels are missing, [`Error::Interrupted`] when stopped, and whatever reading a record refuses.
+/// [`Error::Input`] for fewer than two records or missing labels, [`Error::Interrupted`] if stopped, and errors of reading a record.
 pub fn run(measurements: &[Measurement], request: &CohortRequest, monitor: &dyn Monitor) -> Result<CohortDiagnosis> {
     if measurements.len() < FEWEST_RECORDS {
         return Err(Error::input(
             Place::default(),
-            format!("{} record is no cohort", measurements.len()),
-            "give several experiments or studies, or a directory that holds some",
+            format!("{} record is too few for a cohort", measurements.len()),
+            "give at least two experiments or studies, or a directory that holds them",
         ));
     }
-    // Labels that are missing are refused before anything is computed.
+    // Missing labels are refused before the computation starts.
     let labels = cohort::labels(measurements, &request.keys)?;
     monitor.stage("preparing the models of every apparatus");
     let apparatuses = Apparatuses::of(measurements, monitor)?;
-    monitor.stage("reading what every record says of every effect");
+    monitor.stage("scoring every effect in every record");
     let (said, based) = read(measurements, &apparatuses, request, monitor)?;
-    monitor.stage("simulating cohorts where nothing is missing");
+    monitor.stage("simulating cohorts without a missing effect");
     let judged = judge(&said, request.seed, monitor);
     let mut found =
         Found { measurements, labels: &labels, request, said: &said, based: &based, judged: &judged, claim: None };
@@ -76,7 +76,7 @@ pub fn run(measurements: &[Measurement], request: &CohortRequest, monitor: &dyn 
         stopped(monitor)?;
         monitor.stage("comparing the claim with its rivals");
         evidence.rivals = rivals(&said, &CRITERIA, &judged.effects, claimed, request.seed);
-        monitor.stage("fitting what is claimed to every record");
+        monitor.stage("fitting the claim to every record");
         let claim = Claim::new(&found, &apparatuses, claimed, monitor)?;
         if let Some(proposal) = evidence.proposals.first_mut() {
             let residual = Some(Residual::CohortClaim(claim.over_predicted()));
@@ -88,7 +88,7 @@ pub fn run(measurements: &[Measurement], request: &CohortRequest, monitor: &dyn 
 }
 
 /// # Errors
-/// [`Error::Interrupted`] when stopped.
+/// [`Error::Interrupted`] if stopped.
 pub fn stopped(monitor: &dyn Monitor) -> Result<()> {
     match monitor.stop() {
         Some(stop) if stop.load(std::sync::atomic::Ordering::Relaxed) => Err(Error::Interrupted { kept: KEPT.into() }),
@@ -96,7 +96,7 @@ pub fn stopped(monitor: &dyn Monitor) -> Result<()> {
     }
 }
 
-/// What each record says, one after another: a record is let go when it has been read, and its simulations use all threads.
+/// Scores of every record, one record after another: each record is released after its turn, and its simulations use all threads.
 fn read(
     measurements: &[Measurement],
     apparatuses: &Apparatuses,
@@ -115,7 +115,7 @@ fn read(
     Ok(read.into_iter().unzip())
 }
 
-/// Everything that was found.
+/// Intermediate results of the diagnosis.
 struct Found<'a> {
     measurements: &'a [Measurement],
     labels: &'a [Labels],
@@ -126,15 +126,15 @@ struct Found<'a> {
     claim: Option<Claim>,
 }
 
-/// What is claimed, in every record.
+/// The claim, fitted to every record.
 struct Claim {
-    /// Place among the judged effects.
+    /// Index among the judged effects.
     claimed: usize,
-    /// What each record gives when the effect has the size that the cohort predicts for it; `None` where no size could be fitted.
+    /// Results of each record with the effect at the size that the cohort predicts for it.
     predicted: Vec<Predicted>,
     /// Sizes over all records.
     all: Sizes,
-    /// Sizes in groups, where there are several.
+    /// Sizes in groups, if there are several groups.
     compared: Option<Compared>,
 }
 
@@ -144,7 +144,7 @@ impl Claim {
         let gained = &found.judged.effects[claimed];
         let counter = Counter::new(monitor, 3 * said.len());
         let subject = |number: usize| found.subject(number, apparatuses, &counter, monitor);
-        // Of the last cycle nothing is known yet when it is predicted; sizes are what all cycles say.
+        // A prediction of the last cycle must not use that cycle; the sizes use all cycles.
         let fitted = Fits::new(found, gained, &subject, |said| &said.told.fitted)?;
         let (_, place) = fitted.laws.best(&fitted.ratios().iter().collect::<Vec<_>>());
         let predict = |number: usize| -> Result<Predicted> {
@@ -163,20 +163,20 @@ impl Claim {
         Ok(Self { claimed, predicted, all, compared })
     }
 
-    /// Error on all held-out cycles over what the predictive noise of all records allows; `None` where no cycle is held out.
+    /// Error on all held-out cycles divided by the error that the predictive noise of all records allows; `None` without held-out cycles.
     fn over_predicted(&self) -> Option<f64> {
         let rows = |own: &Predicted| own.heldout.map(|(_, n)| n);
         let allowed = root_mean_square(self.predicted.iter().map(|own| own.allowed_um.zip(rows(own))));
         Some(self.errors().rmse_heldout_um? / allowed.rmse_heldout_um?)
     }
 
-    /// Errors with the effect.
+    /// Held-out errors with the effect.
     fn errors(&self) -> CohortErrors {
         root_mean_square(self.predicted.iter().map(|own| own.heldout))
     }
 }
 
-/// What some cycles of every record say of the size of what is claimed.
+/// Fits of the claimed effect's size to some cycles of every record.
 struct Fits {
     sized: Vec<Sized>,
     laws: Laws,
@@ -184,7 +184,7 @@ struct Fits {
 }
 
 impl Fits {
-    /// Of the cycles that `subject` has among the fitted ones and `readings` are of.
+    /// Fits the claim to the fitted cycles of `subject`, which are also the cycles of `readings`.
     fn new(
         found: &Found,
         gained: &Gained,
@@ -199,7 +199,7 @@ impl Fits {
             sized.map_err(|error| found.measurements[number].named(error))
         };
         let sized: Vec<Sized> = (0..said.len()).into_par_iter().map(fit).collect::<Result<_>>()?;
-        // Points of the grid that stand for what a record says by first order: those of the shape that was found.
+        // These grid points, at the shape that was found, give a record's first-order likelihoods.
         let points = |number: usize| -> Vec<Likelihood> {
             let n = asked(number).readings.len();
             let points = gained.shape.map_or(0..n, |point| point..(point + 1).min(n));
@@ -219,10 +219,10 @@ impl Fits {
 
 fn nothing_shows(found: &Found, gained: &Gained) -> Error {
     let slug = found.slug(gained);
-    Error::numerical(format!("no record shows {slug} when it is fitted"), "diagnose the records one by one")
+    Error::numerical(format!("no record shows {slug} when the effect is fitted"), "diagnose the records one by one")
 }
 
-/// What a record says of every size; where it says nothing, no size is likelier than none.
+/// A record's likelihood of every size. Without information, all sizes are as likely as none.
 fn nodes_of(laws: &Laws, likelihoods: &[Likelihood]) -> Nodes {
     let of: Vec<Nodes> = likelihoods.iter().map(|own| laws.nodes(own)).collect();
     if of.is_empty() {
@@ -242,7 +242,7 @@ impl Found<'_> {
         names.into_iter().find(|name| !name.is_empty()).unwrap_or("")
     }
 
-    /// Place of the effect that ranks first, by what it gains on fitted and held-out cycles.
+    /// Index of the effect with the largest gain on fitted and held-out cycles together.
     fn leading(&self) -> Option<usize> {
         let rank = |k: usize| self.judged.effects[k].best.rank_nats();
         let effects = &self.judged.effects;
@@ -250,8 +250,8 @@ impl Found<'_> {
         (0..effects.len()).filter(|k| effects[*k].best.gain_nats > 0.0).reduce(of)
     }
 
-    /// The effect that leads after full fits. Effects that rank nearly as high as the leading one are fitted to every record. The gains of these fits replace the
-    /// first-order gains, which are wrong for sizes at which an effect is not linear.
+    /// Leading effect after full fits. Effects that rank nearly as high as the leading one are fitted to every record. The gains of these fits replace the first-order
+    /// gains, which are wrong for sizes at which an effect is not linear.
     fn nearest_by_fits(&self, leading: usize, apparatuses: &Apparatuses, monitor: &dyn Monitor) -> Result<usize> {
         let effects = &self.judged.effects;
         let rank = |place: usize| effects[place].best.rank_nats();
@@ -280,7 +280,7 @@ impl Found<'_> {
         };
         let each: Vec<Vec<f64>> = (0..self.said.len()).into_par_iter().map(more).collect::<Result<_>>()?;
         let total = |k: usize| rank(near[k]) + each.iter().map(|own| own[k]).sum::<f64>();
-        // Of equals the first.
+        // The first of equal effects wins.
         let best = (0..near.len()).reduce(|best, other| if total(other) > total(best) { other } else { best });
         Ok(best.map_or(leading, |best| near[best]))
     }
@@ -300,7 +300,8 @@ impl Found<'_> {
         Ok(if rows.is_empty() { subject } else { subject.without_rows(rows) })
     }
 
-    /// The evidence of the search: the leading effect, which alone is judged and whose residuals are tested once it is fitted, and the residuals of all records without it.
+    /// Evidence of the search: the leading effect, and the residuals of all records without it. Only the leading effect is judged, and its residuals are tested after its
+    /// fit.
     fn evidence(&self, leading: Option<usize>) -> Evidence {
         let proposal = |place: usize| {
             let gained = &self.judged.effects[place];
@@ -314,7 +315,7 @@ impl Found<'_> {
         Evidence { proposals: leading.map(proposal).into_iter().collect(), base: Some(base), rivals: Vec::new() }
     }
 
-    /// Groups in the order of their names, with the places of their records; none without keys.
+    /// Groups in the order of their names, with the indices of their records; empty without keys.
     fn groups(&self) -> Vec<(String, Vec<usize>)> {
         let mut groups: Vec<(String, Vec<usize>)> = Vec::new();
         if self.request.keys.is_empty() {
@@ -433,7 +434,7 @@ impl Found<'_> {
         compared.ratios.iter().map(of).collect()
     }
 
-    /// Geometric means of the law's parameters, before and after, in every group; in all records where there are none.
+    /// Geometric means of the law's parameters, without and with the effect, in every group; in all records if there are no groups.
     fn law(&self, claim: &Claim, groups: &[(String, Vec<usize>)]) -> Vec<CohortLaw> {
         let base = self.based[0].base.candidate.model.base();
         let is_same = |own: &Based| own.base.candidate.model.base() == base;
@@ -516,7 +517,7 @@ impl Found<'_> {
     }
 }
 
-/// Over all records' scored positions.
+/// Root mean square over the scored positions of all records.
 fn root_mean_square(of: impl Iterator<Item = Option<(f64, usize)>>) -> CohortErrors {
     let (mut squares, mut n) = (0.0, 0);
     for (rmse, own) in of.flatten() {

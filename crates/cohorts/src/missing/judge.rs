@@ -1,6 +1,6 @@
-//! What a cohort gains by every effect, and what it would gain by chance.
+//! Gain of a cohort by every effect, and its distribution by chance.
 //!
-//! A simulated cohort takes of every record one of its simulated ones, the same for all effects. So few simulated records of each record make many cohorts.
+//! A simulated cohort takes one simulated record for each record, the same for all effects. A few simulated records of each record therefore make many cohorts.
 
 use rayon::prelude::*;
 
@@ -10,31 +10,31 @@ use criticism::sketch::Said;
 use posterior::monitor::{Counter, Monitor};
 use sampling::ensemble::RandomStream;
 
-/// Simulated cohorts.
+/// Number of simulated cohorts.
 pub const N_COHORTS: usize = 1_999;
-/// Streams of the draws of simulated cohorts.
+/// Random streams that draw the simulated cohorts.
 const COHORT_STREAMS: u64 = 0xc0_5075;
 
-/// What a cohort gains by an effect.
+/// Gain of a cohort by one effect.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Gained {
-    /// Place in the library.
+    /// Index in the library.
     pub effect: usize,
-    /// What it gains under the law that fits best.
+    /// Gains under the law with the best fit.
     pub best: Best,
     /// p of its rank over the whole search.
     pub p_familywise: f64,
-    /// The law.
+    /// Law with the best fit.
     pub law: Law,
-    /// The shape at which it was found.
+    /// Shape with the best fit.
     pub shape: Shape,
-    /// What each record gains under it (nats), in the records' order.
+    /// Gain of each record under this law (nats), in the records' order.
     pub of_records: Vec<f64>,
-    /// What each gains by itself.
+    /// Gain of each record with its own size.
     pub by_itself: Vec<f64>,
 }
 
-/// The whole search.
+/// Results of the whole search.
 pub struct Judged {
     /// Effects that some record can show, in the library's order.
     pub effects: Vec<Gained>,
@@ -43,13 +43,13 @@ pub struct Judged {
 }
 
 impl Judged {
-    /// The rank that 95 of 100 simulated cohorts stay below.
+    /// Rank that 95 of 100 simulated cohorts do not reach.
     pub fn threshold(&self) -> f64 {
         self.largest_by_chance.get(self.largest_by_chance.len() * 95 / 100).copied().unwrap_or(f64::INFINITY)
     }
 }
 
-/// Searches.
+/// Searches all effects and compares their gains with simulated cohorts.
 pub fn judge(records: &[Said], seed: u64, monitor: &dyn Monitor) -> Judged {
     let n_effects = records.first().map_or(0, |record| record.effects.len());
     let scans: Vec<(usize, Scan)> =
@@ -79,7 +79,7 @@ pub fn judge(records: &[Said], seed: u64, monitor: &dyn Monitor) -> Judged {
     };
     let gained = |(effect, scan): &(usize, Scan)| {
         let own = found.iter().filter(|(of, ..)| of == effect);
-        // Of equals the first.
+        // The first of equal shapes wins.
         let (_, shape, best) =
             own.reduce(|one, other| if other.2.best.gain_nats > one.2.best.gain_nats { other } else { one })?;
         Some(Gained {
@@ -96,7 +96,7 @@ pub fn judge(records: &[Said], seed: u64, monitor: &dyn Monitor) -> Judged {
     Judged { effects, largest_by_chance: largest }
 }
 
-/// Which simulated record stands for each record in each simulated cohort.
+/// Index of the simulated record that replaces each record in each simulated cohort.
 fn picks(records: &[Said], seed: u64) -> Vec<Vec<usize>> {
     let cohort = |number: usize| {
         let mut stream = RandomStream::new(seed ^ COHORT_STREAMS, number as u64);
@@ -106,7 +106,7 @@ fn picks(records: &[Said], seed: u64) -> Vec<Vec<usize>> {
     (0..if can { N_COHORTS } else { 0 }).map(cohort).collect()
 }
 
-/// One effect at one shape.
+/// Results of one effect at one shape.
 struct OfShape {
     best: Best,
     of_records: Vec<f64>,

@@ -1,34 +1,36 @@
-//! The common law of sizes: who has an effect, how much of it, and of which sign.
+//! Common law of an effect's sizes: the share of specimens with the effect, the sizes and their sign.
 //!
-//! A specimen has the effect with probability π (the share). The size of one that has it is log-normal, with a median m and a standard deviation s of its
-//! logarithm, and lies above the null, below it, or on either side as likely. With r_i the likelihood of specimen i over m and s relative to that of none,
+//! A specimen has the effect with probability π (the share). Sizes of specimens with the effect are log-normal, with median m and standard deviation s of the logarithm.
+//! They lie above the null, below it, or on either side with equal probability. r_i is the likelihood of specimen i averaged over this distribution, relative to its
+//! likelihood without the effect:
 //!
 //! ```text
 //! ln L(m, s, side, π) − ln L(none) = Σ_i ln(1 − π + π r_i(m, s, side))
 //! ```
 //!
-//! Sizes stand on a grid of their logarithms; the likelihood is averaged over each cell, so that no specimen's peak falls between two nodes.
+//! Sizes lie on a logarithmic grid. The likelihood is averaged over each cell, so that no specimen's peak falls between two nodes.
 
 use super::likelihood::{Likelihood, Side};
 use statrs::function::erf::erf;
 
-/// Medians reach from sizes that the most telling specimen shows by this many standard deviations, to sizes that half of the specimens show by so many.
+/// Range of the medians, in standard deviations of the fitted sizes. The most informative specimen shows the lowest median by the first value; half of the specimens show
+/// the highest by the second.
 const SIGMA_RANGE: [f64; 2] = [0.3, 30.0];
 /// Longest range of ln size.
 const LONGEST_RANGE: f64 = 12.0;
-/// Sizes further from the median than so many standard deviations are left out.
+/// Largest distance of a size from the median, in standard deviations; sizes beyond it are left out.
 const REACH_SD: f64 = 2.5;
-/// Factors of ln(1 − π + π r) that are multiplied before a logarithm is taken.
+/// Number of factors of ln(1 − π + π r) that are multiplied before each logarithm.
 const FACTORS_A_LOGARITHM: usize = 4;
 
-/// On which side of the null sizes lie.
+/// Side of the null on which sizes lie.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Sides {
     /// Above.
     Above,
     /// Below.
     Below,
-    /// Either, as likely.
+    /// Either side, with equal probability.
     Either,
 }
 
@@ -41,29 +43,29 @@ pub struct Laws {
     first: f64,
     n_nodes: usize,
     n_medians: usize,
-    /// Nodes before the first median.
+    /// Number of nodes before the first median.
     margin: usize,
-    /// Standard deviations of ln size, with the weights of the nodes about the median.
+    /// Standard deviations of ln size, with the weights of the nodes around the median.
     spreads: Vec<(f64, Vec<f64>)>,
     sides: Vec<Sides>,
     shares: Vec<f64>,
 }
 
-/// How fine a grid is.
+/// Fineness of a grid.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Fineness {
     /// Distance of neighbouring medians in ln size.
     pub step: f64,
     /// Standard deviations of ln size between specimens.
     pub spreads: &'static [f64],
-    /// Shares.
+    /// Shares of specimens with the effect.
     pub shares: &'static [f64],
 }
 
-/// For searches, simulated ones included.
+/// Grid for searches, also in simulated records.
 pub const COARSE: Fineness =
     Fineness { step: 0.35, spreads: &[0.1, 0.5, 1.0], shares: &[0.05, 0.1, 0.2, 0.35, 0.5, 0.65, 0.8, 1.0] };
-/// For what is said of a claim.
+/// Grid for the sizes of a claim.
 pub const FINE: Fineness = Fineness {
     step: 0.1,
     spreads: &[0.05, 0.2, 0.4, 0.6, 0.8, 1.0],
@@ -78,28 +80,28 @@ pub const FINE: Fineness = Fineness {
 pub struct Law {
     /// ln of the median size.
     pub ln_median: f64,
-    /// Standard deviation of ln size between specimens that have the effect.
+    /// Standard deviation of ln size between specimens with the effect.
     pub log_sd: f64,
-    /// On which side of the null they lie.
+    /// Side of the null on which the sizes lie.
     pub sides: Sides,
-    /// Share of specimens that have it.
+    /// Share of specimens with the effect.
     pub share: f64,
 }
 
 impl Law {
-    /// Mean size over all specimens, those without the effect counted as 0: what both share and median say together.
+    /// Mean size over all specimens, where those without the effect count as 0. It combines share and median.
     pub fn mean_size(&self) -> f64 {
         self.share * (self.ln_median + 0.5 * self.log_sd * self.log_sd).exp()
     }
 }
 
-/// A place in the grid of laws: the law but for its share, and the share.
+/// Position in the grid of laws: index of the law without its share, and index of the share.
 pub type Place = (usize, usize);
 
-/// What one specimen says of every law: r of each, the share aside.
+/// Likelihood ratios r of one specimen under every law, without the share.
 pub type Ratios = Vec<f64>;
 
-/// The likelihood ratio of every node on both sides.
+/// Likelihood ratio of every node on both sides.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Nodes {
     below: Vec<f64>,
@@ -107,14 +109,14 @@ pub struct Nodes {
 }
 
 impl Laws {
-    /// Laws of sizes that some specimens can show; `None` where none of them shows any.
+    /// Grid of laws for the sizes that the specimens can show; `None` if no specimen can show any.
     pub fn new(likelihoods: &[Likelihood], fineness: Fineness) -> Option<Self> {
         let told: Vec<&Likelihood> = likelihoods.iter().filter(|own| own.norm > 0.0).collect();
         let mut lowest: Vec<f64> = told.iter().map(|own| own.size_at(SIGMA_RANGE[0]).ln()).collect();
         let mut highest: Vec<f64> = told.iter().map(|own| own.size_at(SIGMA_RANGE[1]).ln()).collect();
         lowest.sort_by(f64::total_cmp);
         highest.sort_by(f64::total_cmp);
-        // What was fitted may lie beyond what a first look can foresee.
+        // Fitted sizes can lie beyond the range of the first-order likelihoods.
         let fitted = told.iter().filter(|own| own.z.abs() > SIGMA_RANGE[1]).map(|own| own.size_at(own.z.abs()).ln());
         let highest = fitted.fold(*highest.get(highest.len() / 2)?, f64::max);
         let range = (highest - lowest.first()?).clamp(fineness.step, LONGEST_RANGE);
@@ -134,7 +136,7 @@ impl Laws {
         Some(Self { step, first, n_nodes, n_medians, margin, spreads, sides, shares: fineness.shares.to_vec() })
     }
 
-    /// Number of laws, shares aside.
+    /// Number of laws without the share.
     fn n_laws(&self) -> usize {
         self.sides.len() * self.spreads.len() * self.n_medians
     }
@@ -143,7 +145,7 @@ impl Laws {
         self.first + self.step * place as f64
     }
 
-    /// What a specimen says of every size.
+    /// Likelihood ratios of a specimen at every node.
     pub fn nodes(&self, likelihood: &Likelihood) -> Nodes {
         let of = |side: Side| -> Vec<f64> {
             let is_out = match side {
@@ -159,7 +161,7 @@ impl Laws {
         Nodes { below: of(Side::Below), above: of(Side::Above) }
     }
 
-    /// What a specimen says of every law.
+    /// Likelihood ratios of a specimen under every law.
     pub fn ratios(&self, nodes: &Nodes) -> Ratios {
         let mut ratios = Vec::with_capacity(self.n_laws());
         let averaged = |of: &[f64], weights: &[f64], median: usize| -> f64 {
@@ -182,7 +184,7 @@ impl Laws {
         ratios
     }
 
-    /// The law at a place.
+    /// Law at a position of the grid.
     pub fn law(&self, (law, share): Place) -> Law {
         let (median, rest) = (law % self.n_medians, law / self.n_medians);
         let (spread, sides) = (rest % self.spreads.len(), rest / self.spreads.len());
@@ -194,13 +196,13 @@ impl Laws {
         }
     }
 
-    /// The law under which specimens gain most together, and what they gain (nats, 0 at least).
+    /// Largest gain of all specimens together (nats, at least 0), and the position of its law.
     pub fn best(&self, specimens: &[&Ratios]) -> (f64, Place) {
         let mut best = (0.0, (0, 0));
         for law in 0..self.n_laws() {
-            // Concave in the share and 0 without any: where it falls there, it is never above.
+            // The gain is concave in the share and 0 at share 0. If its slope there is not positive, the gain never is.
             let slope: f64 = specimens.iter().map(|ratios| ratios[law] - 1.0).sum();
-            // NaN is no slope either.
+            // A NaN slope is skipped, too.
             if slope.is_nan() || slope <= 0.0 {
                 continue;
             }
@@ -214,24 +216,24 @@ impl Laws {
         best
     }
 
-    /// What a specimen gains under a law (nats; negative where it speaks against the law).
+    /// Gain of a specimen under a law (nats); negative if the specimen contradicts the law.
     pub fn gain(&self, ratios: &Ratios, (law, share): Place) -> f64 {
         let share = self.shares[share];
         (1.0 - share + share * ratios[law]).ln()
     }
 
-    /// ln of the likelihood of every law over that of none: laws in their order, the shares of each side by side.
+    /// ln likelihood ratio of every law to no effect: laws in their order, the shares of each law together.
     pub fn ln_likelihoods(&self, specimens: &[&Ratios]) -> Vec<f64> {
         let of_law = |law: usize| self.shares.iter().map(move |share| gain(specimens, law, *share));
         (0..self.n_laws()).flat_map(of_law).collect()
     }
 
-    /// Every law, in the order of [`Self::ln_likelihoods`].
+    /// All laws, in the order of [`Self::ln_likelihoods`].
     pub fn all(&self) -> impl Iterator<Item = Law> + '_ {
         (0..self.n_laws()).flat_map(move |law| (0..self.shares.len()).map(move |share| self.law((law, share))))
     }
 
-    /// Probability that a specimen has the effect under a law, and the probabilities of its sizes if it has: signed ln sizes of nodes are (ln size, side).
+    /// Probability that a specimen has the effect under a law, and its possible signed sizes with their probabilities if it has the effect.
     pub fn of_specimen(&self, nodes: &Nodes, place: Place) -> (f64, Vec<(f64, f64)>) {
         let law = self.law(place);
         let (median, rest) = (place.0 % self.n_medians, place.0 / self.n_medians);
@@ -260,7 +262,7 @@ impl Laws {
     }
 }
 
-/// The mean over the points of a grid of what means nothing at the null: any of them, as likely, in every specimen.
+/// Mean of the likelihood ratios over the grid points of a parameter that is unidentified at the null. All points are equally likely in every specimen.
 pub fn averaged(points: &[Nodes]) -> Nodes {
     let n = points.len().max(1) as f64;
     let mean = |of: &dyn Fn(&Nodes) -> &Vec<f64>| -> Vec<f64> {
@@ -270,7 +272,7 @@ pub fn averaged(points: &[Nodes]) -> Nodes {
     Nodes { below: mean(&|own| &own.below), above: mean(&|own| &own.above) }
 }
 
-/// Weights of the nodes about a median: a normal in ln size.
+/// Weights of the nodes around a median: a normal distribution in ln size.
 fn weights(sd: f64, step: f64) -> Vec<f64> {
     let reach = (REACH_SD * sd / step).ceil() as i64;
     let below = |x: f64| 0.5 * (1.0 + erf(x / (sd * std::f64::consts::SQRT_2)));
@@ -295,7 +297,7 @@ mod tests {
         Likelihood { height: 0.5 * z * z, z, norm, unit: 1.0, power: 1.0, reach }
     }
 
-    /// r against a sum over 40,000 sizes of the log-normal, and the whole against the product over specimens.
+    /// Compares r with a sum over 40,000 sizes of the log-normal distribution, and the total with the product over specimens.
     #[test]
     fn a_law_weighs_as_quadrature_does() {
         let specimens: Vec<Likelihood> =
@@ -328,7 +330,8 @@ mod tests {
                 (1.0 - law.share + law.share * sum / whole).ln()
             };
             let exact: f64 = specimens.iter().map(of).sum();
-            // Cells of a tenth in ln size, and a truncated end of the law that may fall within one where a specimen's likelihood is large: a hundredth or so a specimen.
+            // Cells are 0.1 wide in ln size, and the truncated end of a law may fall inside a cell where a specimen's likelihood is large. The error is about 0.01 per
+            // specimen.
             assert!((lns[index] - exact).abs() < 0.05 + 0.02 * exact.abs(), "{law:?}: {} {exact}", lns[index]);
         }
         assert!(n_compared > 10, "{n_compared}");
@@ -339,8 +342,8 @@ mod tests {
         assert!((sum - gain).abs() < 1e-9);
     }
 
-    /// Half of 40 specimens have a size of 4 standard deviations, of one sign: the share that fits best is within 0.15, the median within 15 %, over ten cohorts; none of a
-    /// cohort without any gains 8 nats (χ² of one degree, over some fifty laws: below 1e-5 a cohort).
+    /// Half of 40 specimens have a size of 4 standard deviations and one sign. Over ten cohorts, the best share is within 0.15 and the median within 15 %. No cohort
+    /// without the effect gains 8 nats (χ² of one degree, over about fifty laws: below 1e-5 per cohort).
     #[test]
     fn shares_and_medians_are_found() {
         let mut stream = RandomStream::new(5, 0);
@@ -364,7 +367,7 @@ mod tests {
         }
     }
 
-    /// A specimen's own probability is Bayes' rule: π r/(1 − π + π r); its sizes lie about its likeliest, drawn towards the law's median.
+    /// A specimen's own probability follows Bayes' rule: π r/(1 − π + π r). Its sizes lie around its likeliest size, drawn towards the law's median.
     #[test]
     fn specimens_are_drawn_to_the_law() {
         let specimens = [told(6.0, 1.0, [0.0, 1e9]), told(0.0, 1.0, [0.0, 1e9])];

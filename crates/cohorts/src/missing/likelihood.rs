@@ -1,4 +1,4 @@
-//! What one specimen says of the size of one effect: the likelihood of a size over that of none.
+//! Likelihood of one effect's size in one specimen, relative to no effect.
 
 use std::f64::consts::{FRAC_1_SQRT_2, PI};
 
@@ -6,25 +6,25 @@ use statrs::function::erf::erfc;
 
 use criticism::sketch::{Asked, Reading};
 
-/// Logarithms of likelihood ratios end here: what a specimen says beyond that changes nothing, and products of a few stay numbers.
+/// Largest log likelihood ratio. Larger values would not change a result, and products of several ratios stay finite.
 pub const MOST_NATS: f64 = 170.0;
-/// Cells narrower than this, in standard deviations, are as good as points.
+/// Cell width in standard deviations below which a cell is treated as a point.
 const NARROW: f64 = 0.05;
-/// Beyond so many standard deviations the normal's tail is an exponential.
+/// Distance in standard deviations beyond which the normal's tail is treated as exponential.
 const FAR: f64 = 8.0;
 
-/// ln L(size)/L(0) = height − ½(n a − z)², the amplitude a = ±(size/unit)^power with the sign of the side. A size counts from the effect's null.
+/// ln L(size)/L(0) = height − ½(n a − z)². The amplitude is a = ±(size/unit)^power, with the sign of the side. Sizes count from the effect's null.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Likelihood {
-    /// Of the likeliest amplitude; ½z² to first order.
+    /// Log likelihood ratio at the likeliest amplitude; ½z² to first order.
     pub height: f64,
-    /// The likeliest amplitude in its standard deviations.
+    /// Likeliest amplitude, in its standard deviations.
     pub z: f64,
-    /// One over that standard deviation; 0 where the specimen says nothing.
+    /// Inverse of the amplitude's standard deviation; 0 if the specimen has no information.
     pub norm: f64,
     /// Size at amplitude 1.
     pub unit: f64,
-    /// 1, or 2 for an effect that begins with its square.
+    /// 1, or 2 for an effect whose leading term is quadratic.
     pub power: f64,
     /// Largest sizes below and above the null.
     pub reach: [f64; 2],
@@ -40,23 +40,23 @@ pub enum Side {
 }
 
 impl Likelihood {
-    /// To first order, from a reading.
+    /// First-order likelihood from a reading.
     pub fn of(asked: &Asked, reading: Reading) -> Self {
         let Reading { z, norm } = reading;
         Self { height: 0.5 * z * z, z, norm, unit: asked.unit, power: asked.power, reach: asked.reach }
     }
 
-    /// Of a size that was fitted: its value, counted from the null, its standard deviation and what it gains over none (nats).
+    /// Likelihood of a fitted size, from its value counted from the null, its standard deviation and its gain (nats).
     pub fn fitted(size: f64, sd: f64, gain: f64, reach: [f64; 2]) -> Self {
         Self { height: gain, z: size / sd, norm: 1.0 / sd, unit: 1.0, power: 1.0, reach }
     }
 
-    /// The size at which the amplitude is so many standard deviations from none; infinite where the specimen says nothing.
+    /// Size at which the amplitude is `sigma` standard deviations from 0; infinite if the specimen has no information.
     pub fn size_at(&self, sigma: f64) -> f64 {
         self.unit * (sigma / self.norm).powf(1.0 / self.power)
     }
 
-    /// ln of the mean likelihood ratio over the amplitudes of sizes between two, on a side; −∞ beyond the reach, at most [`MOST_NATS`].
+    /// ln of the mean likelihood ratio over the amplitudes between two sizes on one side. It is −∞ beyond the reach and at most [`MOST_NATS`].
     pub fn ln_mean(&self, side: Side, [from, to]: [f64; 2]) -> f64 {
         let (reach, sign) = match side {
             Side::Below => (self.reach[0], -1.0),
@@ -75,14 +75,14 @@ impl Likelihood {
     }
 }
 
-/// ln of the mean of exp(−½d²) between two d.
+/// ln of the mean of exp(−½d²) between two values of d.
 fn ln_mean_normal(low: f64, high: f64) -> f64 {
     let width = high - low;
     if width < NARROW {
         let middle = 0.5 * (low + high);
         return -0.5 * middle * middle;
     }
-    // The nearer end first.
+    // `near` is the distance of the nearer end.
     let near = if low > 0.0 {
         low
     } else if high < 0.0 {
@@ -91,11 +91,11 @@ fn ln_mean_normal(low: f64, high: f64) -> f64 {
         0.0
     };
     if near > FAR {
-        // exp(−½(d + t)²) ≈ exp(−½d² − dt): the tail beyond the nearer end.
+        // exp(−½(d + t)²) ≈ exp(−½d² − dt) is the tail beyond the nearer end.
         return -0.5 * near * near + (-(-width * near).exp_m1()).ln() - (width * near).ln();
     }
     let beyond = |d: f64| 0.5 * erfc(d * FRAC_1_SQRT_2);
-    // From the side on which nothing cancels.
+    // The side is chosen so that nothing cancels.
     let inside = if low >= 0.0 { beyond(low) - beyond(high) } else { beyond(-high) - beyond(-low) };
     0.5 * (2.0 * PI).ln() + inside.max(f64::MIN_POSITIVE).ln() - width.ln()
 }
@@ -104,7 +104,7 @@ fn ln_mean_normal(low: f64, high: f64) -> f64 {
 mod tests {
     use super::*;
 
-    /// Against sums over 20,000 points, on both sides, for amplitudes that grow with the size and with its square, near the peak and 30 standard deviations from it.
+    /// Compares the means with sums over 20,000 points on both sides. Amplitudes grow with the size or its square, near the peak and 30 standard deviations from it.
     #[test]
     fn means_over_cells_are_those_of_sums() {
         for (z, norm, power) in [(2.0, 3.0, 1.0), (-1.5, 0.7, 1.0), (25.0, 4.0, 2.0), (0.0, 1.0, 2.0), (30.0, 1.0, 1.0)]

@@ -1,4 +1,4 @@
-//! The claimed effect fitted to every record: its size there, with law and noise anew, and what it leaves.
+//! Fits of the claimed effect to every record, with law and noise refitted: sizes, gains and held-out errors.
 
 use super::law::{Laws, Nodes, Place};
 use super::likelihood::Likelihood;
@@ -7,18 +7,18 @@ use criticism::predicted::allowed_noise_um;
 use criticism::sketch::{Asked, Based};
 use criticism::{Candidate, Fitted, Search, Subject, Tangent};
 
-/// Gains (nats) from which on a fitted size stands for what a record says of it: below, the size may be at its null, and the first order says all.
+/// Smallest gain (nats) at which a fitted size replaces the first-order likelihood. Below it, the size may lie at its null, and the first order suffices.
 const LEAST_NATS: f64 = 4.5;
 
 /// A record with the effect fitted.
 pub struct Sized {
-    /// What it says of the size; `None` where the first order says it better.
+    /// Likelihood of the size; `None` if the first-order likelihood is better.
     pub likelihood: Option<Likelihood>,
-    /// Where another size is begun from: coordinates and noise of the fit.
+    /// Start point for fits at other sizes: coordinates and noise of this fit.
     start: Option<Fitted>,
 }
 
-/// The base and the effect fitted to the same cycles of a record.
+/// The base model and the effect, fitted to the same cycles of a record.
 struct Both {
     candidate: Candidate,
     without: Fitted,
@@ -26,10 +26,10 @@ struct Both {
 }
 
 impl Both {
-    /// Fits both; `None` where the effect cannot be added or a model cannot be evaluated.
+    /// Fits both; `None` if the effect cannot be added or a model cannot be evaluated.
     ///
     /// # Errors
-    /// As [`Subject::extended`].
+    /// Errors of [`Subject::extended`].
     fn new(subject: &Subject, record: &Based, asked: &Asked) -> Result<Option<Self>> {
         if asked.refused.is_some() {
             return Ok(None);
@@ -48,18 +48,18 @@ impl Both {
     }
 }
 
-/// Gain of the effect (nats) by a fit to the fitted cycles of a record; `None` where it cannot be fitted.
+/// Gain of the effect (nats) by a fit to the fitted cycles of a record; `None` if it cannot be fitted.
 ///
 /// # Errors
-/// As [`Subject::extended`].
+/// Errors of [`Subject::extended`].
 pub fn gain_nats(subject: &Subject, record: &Based, asked: &Asked) -> Result<Option<f64>> {
     Ok(Both::new(subject, record, asked)?.map(|both| both.gain_nats()))
 }
 
-/// Fits the effect to the cycles of a record that a subject has among the fitted ones.
+/// Fits the effect to the cycles that `subject` uses as fitted ones.
 ///
 /// # Errors
-/// Whatever building its model refuses, but for an effect that cannot be added.
+/// Errors of building the model, except for an effect that cannot be added.
 pub fn sized(subject: &Subject, record: &Based, asked: &Asked) -> Result<Sized> {
     let none = Sized { likelihood: None, start: None };
     let Some(both) = Both::new(subject, record, asked)? else { return Ok(none) };
@@ -69,7 +69,7 @@ pub fn sized(subject: &Subject, record: &Based, asked: &Asked) -> Result<Sized> 
         let sd = Tangent::new(subject, &candidate, &fitted)?.standard_deviations()[place];
         let (free, theta) = (&candidate.free[place], fitted.theta[place]);
         let value = |theta: f64| free.coordinate.value(free.clamped(theta));
-        // In the parameter's unit, by the slope at the fit.
+        // The standard deviation is in the parameter's unit, by the slope at the fit.
         let sd = 0.5 * (value(theta + sd) - value(theta - sd)).abs();
         let size = value(theta) - asked.null;
         let size = if asked.is_downwards { -size } else { size };
@@ -80,24 +80,24 @@ pub fn sized(subject: &Subject, record: &Based, asked: &Asked) -> Result<Sized> 
     Ok(Sized { likelihood, start: Some(fitted) })
 }
 
-/// A record with the effect at the size that the cohort's law gives it.
+/// A record with the effect at the size that the cohort's law predicts.
 pub struct Predicted {
-    /// Probability that it has the effect at all.
+    /// Probability that the record has the effect.
     pub has: f64,
-    /// Its parameter: mean over all sizes, none included.
+    /// Effect parameter: mean over all sizes, including none.
     pub value: f64,
-    /// The law's parameters, in the base's order.
+    /// Parameters of the base law, in the base model's order.
     pub law: Vec<f64>,
-    /// Root mean square error (µm) on the scored cycle and the positions there; `None` where none is held out.
+    /// Root mean square error (µm) on the scored cycle and the number of its positions; `None` if no cycle is held out.
     pub heldout: Option<(f64, usize)>,
-    /// Size (µm, root mean square) that its predictive noise allows the error there.
+    /// Root mean square error (µm) that the predictive noise allows on the scored cycle.
     pub allowed_um: Option<f64>,
 }
 
-/// Puts the effect at the size that the cohort's law predicts for a record, and fits law and noise beside it.
+/// Sets the effect to the size that the cohort's law predicts for a record, and fits law and noise.
 ///
 /// # Errors
-/// Whatever building its model refuses.
+/// Errors of building the model.
 pub fn predicted(
     subject: &Subject,
     record: &Based,
@@ -130,13 +130,13 @@ pub fn predicted(
     Ok(Predicted { has, value, law, heldout: heldout_um(subject, &fitted), allowed_um })
 }
 
-/// The law's parameters of a record's base.
+/// Base law parameters of a record's base model.
 pub fn law_of(record: &Based, theta: &[f64]) -> Vec<f64> {
     let candidate = &record.base.candidate;
     candidate.parameters(theta)[..candidate.model.base().parameters().len()].to_vec()
 }
 
-/// Root mean square error (µm) of a fit on the scored cycle, and the positions there.
+/// Root mean square error (µm) of a fit on the scored cycle, and the number of its positions.
 pub fn heldout_um(subject: &Subject, fitted: &Fitted) -> Option<(f64, usize)> {
     let n = subject.scored_m.iter().flatten().count();
     fitted.rmse_m(&subject.scored_m).map(|rmse_m| (1e6 * rmse_m, n))

@@ -1,23 +1,24 @@
-//! One effect over a cohort: what every record says of every law of its sizes.
+//! Scan of one effect over a cohort: likelihood ratios of every record under every law of sizes.
 
 use super::law::{COARSE, Laws, Nodes, Place, Ratios, averaged};
 use super::likelihood::Likelihood;
 use criticism::sketch::{Asked, Reading, Said, Told};
 
-/// An effect, the laws of its sizes that are looked at, and the records.
+/// An effect, the searched laws of its sizes, and the records.
 pub struct Scan<'a> {
     records: &'a [Said],
     effect: usize,
-    /// The grid of laws.
+    /// Grid of laws.
     pub laws: Laws,
     n_points: usize,
 }
 
-/// What means nothing at an effect's null, in a cohort: at one point of its grid in all records, or (`None`) at any point in each.
+/// Shape of an effect in a cohort: the parameters that are unidentified at the effect's null. `Some` holds one grid point for all records; `None` leaves every point
+/// possible in each record.
 pub type Shape = Option<usize>;
 
 impl<'a> Scan<'a> {
-    /// Of the effect at a place of the library; `None` where no record can show it.
+    /// Creates the scan of the effect at an index of the library; `None` if no record can show the effect.
     pub fn new(records: &'a [Said], effect: usize) -> Option<Self> {
         let of = |record: &Said| record.effects[effect].readings.len();
         let n_points = records.iter().map(of).max()?;
@@ -29,22 +30,22 @@ impl<'a> Scan<'a> {
         Some(Self { records, effect, laws, n_points })
     }
 
-    /// Every shape that is looked at.
+    /// All shapes of the search.
     pub fn shapes(&self) -> impl Iterator<Item = Shape> + use<> {
         (0..self.n_points).map(Some).chain((self.n_points > 1).then_some(None))
     }
 
-    /// What a record is asked.
+    /// The effect's request for one record.
     pub fn asked(&self, record: usize) -> &Asked {
         &self.records[record].effects[self.effect]
     }
 
-    /// What readings of a record say of the effect's size at a point of its grid.
+    /// Likelihood of the effect's size at a point of its grid, from readings of a record.
     pub fn likelihood(&self, record: usize, readings: &[Reading], point: usize) -> Likelihood {
         likelihood(self.asked(record), readings, point)
     }
 
-    /// What readings of a record say of every size.
+    /// Likelihood ratio of every size, from readings of a record.
     pub fn nodes(&self, record: usize, readings: &[Reading], shape: Shape) -> Nodes {
         let of = |point: usize| self.laws.nodes(&self.likelihood(record, readings, point));
         match shape {
@@ -53,7 +54,7 @@ impl<'a> Scan<'a> {
         }
     }
 
-    /// What a record says of every law at a shape.
+    /// Likelihood ratios of a record under every law, at one shape.
     pub fn weighed(&self, record: usize, told: &Told, shape: Shape) -> Weighed {
         let of = |readings: &Vec<Reading>| self.laws.ratios(&self.nodes(record, readings, shape));
         Weighed {
@@ -62,11 +63,11 @@ impl<'a> Scan<'a> {
         }
     }
 
-    /// What a cohort gains under the law that suits its fitted cycles best.
+    /// Gains of a cohort under the law with the best fit to its fitted cycles.
     pub fn best(&self, cohort: &[&Weighed]) -> Best {
         let fitted: Vec<&Ratios> = cohort.iter().map(|own| &own.fitted).collect();
         let (gain_nats, place) = self.laws.best(&fitted);
-        // ln[1 − π + π r(all)] − ln[1 − π + π r(fitted)], summed.
+        // Each record contributes ln[1 − π + π r(all)] − ln[1 − π + π r(fitted)].
         let of = |own: &&Weighed| {
             let [before, after] = own.before_and_after.as_ref()?;
             Some(self.laws.gain(after, place) - self.laws.gain(before, place))
@@ -76,7 +77,7 @@ impl<'a> Scan<'a> {
         Best { gain_nats, heldout_nats, place }
     }
 
-    /// What readings of a record gain (nats) from the effect by itself, at whatever size and shape suits them best.
+    /// Gain of one record (nats) from the effect alone, at its best size and shape.
     pub fn own_gain(&self, record: usize, readings: &[Reading]) -> f64 {
         let asked = self.asked(record);
         let gain = |place: usize| {
@@ -88,38 +89,38 @@ impl<'a> Scan<'a> {
     }
 }
 
-/// What one record says of every law.
+/// Likelihood ratios of one record under every law.
 pub struct Weighed {
-    /// By the fitted cycles.
+    /// Ratios from the fitted cycles.
     pub fitted: Ratios,
-    /// By them and by all, as future cycles are scored; `None` where no cycle is held out.
+    /// Ratios from the fitted cycles and from all cycles, as future cycles are scored; `None` if no cycle is held out.
     before_and_after: Option<[Ratios; 2]>,
 }
 
-/// What a cohort gains.
+/// Gains of a cohort.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Best {
-    /// In log likelihood of the fitted cycles (nats), under the law that suits them best.
+    /// Gain in log likelihood of the fitted cycles (nats), under the best law.
     pub gain_nats: f64,
-    /// In the log score of the last cycles, each given those before it in its record, under that law; `None` where none is held out.
+    /// Gain in log score of the last cycles under that law, each given the earlier cycles of its record; `None` if no cycle is held out.
     pub heldout_nats: Option<f64>,
-    /// The law.
+    /// Position of the law in the grid.
     pub place: Place,
 }
 
 impl Best {
-    /// On fitted and last cycles together, by which effects rank; what no fitted cycle gains by ranks nowhere.
+    /// Gain on fitted and last cycles together, by which effects are ranked; 0 without a gain on the fitted cycles.
     pub fn rank_nats(&self) -> f64 {
         if self.gain_nats > 0.0 { self.gain_nats + self.heldout_nats.unwrap_or(0.0) } else { 0.0 }
     }
 
-    /// Of the shapes of one effect that which gains most; of equals the first.
+    /// The one of two shapes of an effect with the larger gain; the first if they are equal.
     pub fn larger(self, other: Self) -> Self {
         if other.gain_nats > self.gain_nats { other } else { self }
     }
 }
 
-/// A record that has no such point says nothing of it.
+/// First-order likelihood at a point. A record without this point has no information on it.
 fn likelihood(asked: &Asked, readings: &[Reading], point: usize) -> Likelihood {
     let place = asked.readings.start + point;
     let reading = if place < asked.readings.end { readings[place] } else { Reading { z: 0.0, norm: 0.0 } };

@@ -1,4 +1,4 @@
-//! What a cohort's diagnosis says, in words.
+//! Sentences of a cohort's diagnosis.
 
 use documents::cohort::{CohortContrast, CohortEffect, CohortGroup, CohortSpecimen, SidesName};
 use documents::diagnosis::{Status, VerdictKind, by_reason};
@@ -6,9 +6,9 @@ use documents::groups::RatioVerdict;
 use figures::labels::of_parameter;
 use figures::number::significant;
 
-/// Names that a sentence lists.
+/// Largest number of names in a sentence.
 const MOST_NAMES: usize = 8;
-/// A group whose share stays below this has none of the effect worth a word, where its own records gain nothing by it.
+/// Largest share and gain of a group that shows no sign of the effect. The gain is the one of the group's own records.
 const SMALL_SHARE: f64 = 0.35;
 const NOTHING_NATS: f64 = 1.0;
 
@@ -16,14 +16,14 @@ fn percent(share: f64) -> String {
     format!("{:.0} %", 100.0 * share)
 }
 
-/// At most so many names, and how many more there are.
+/// The first names, and the number of the others.
 fn listed(names: &[&str]) -> String {
     let more = names.len().saturating_sub(MOST_NAMES);
     let shown = names.iter().take(MOST_NAMES).copied().collect::<Vec<_>>().join(", ");
     if more > 0 { format!("{shown} and {more} more") } else { shown }
 }
 
-/// "β median 2.1 (1.8–2.4) m/s ×/÷ 1.3, in 95 % (80–100 %) of the records".
+/// Sizes of a group as text: "β 2.1 (1.8 to 2.4) m/s, ×/÷ 1.30 between specimens; 95 % (80 % to 100 %) of the records have it".
 pub fn sizes(group: &CohortGroup) -> String {
     let label = of_parameter(&group.parameter);
     let unit = if label.unit == "–" { String::new() } else { format!(" {}", label.unit) };
@@ -43,7 +43,7 @@ pub fn sizes(group: &CohortGroup) -> String {
     )
 }
 
-/// The verdict; `left` is the error of a claim (µm) on all held-out cycles, and that over its predictive noise.
+/// Sentence of the verdict. `left` holds the claim's error (µm) on all held-out cycles, and its ratio to the predictive noise.
 pub fn verdict(
     (kind, leading, equivalent): (VerdictKind, Option<&CohortEffect>, &[String]),
     (pooled, groups, specimens): (Option<&CohortGroup>, &[CohortGroup], &[CohortSpecimen]),
@@ -53,7 +53,7 @@ pub fn verdict(
     let gained = leading.map(|own| {
         let heldout = own
             .heldout_gain_nats
-            .map_or("no cycle is held out".into(), |gain| format!("{gain:.1} nats on cycles that no fit has seen"));
+            .map_or("no cycle is held out".into(), |gain| format!("{gain:.1} nats on held-out cycles"));
         format!("{:.1} nats over {n} records, p {}, {heldout}", own.gain_nats, significant(own.p_familywise, 2))
     });
     match (kind, leading, gained) {
@@ -61,7 +61,7 @@ pub fn verdict(
             let alike = if equivalent.is_empty() {
                 String::new()
             } else {
-                format!(" These records cannot tell it from {}.", equivalent.join(", "))
+                format!(" These records cannot distinguish it from {}.", equivalent.join(", "))
             };
             let sizes = pooled.map_or_else(String::new, |own| format!(" {}.", sizes(own)));
             let absent: Vec<&str> = groups.iter().filter(|own| has_none(own)).map(|own| own.name.as_str()).collect();
@@ -75,7 +75,8 @@ pub fn verdict(
         (VerdictKind::Unexplained, Some(leading), Some(gained)) if left.is_some() => {
             let (error_um, factor) = left.unwrap_or_default();
             format!(
-                "the law is wrong, and no effect of the library accounts for it: {} helps most ({gained}), and with it {} µm are left on the held-out cycles, {factor:.1} times what noise and parameters allow. Read no property from its size.",
+                "the law is wrong, and no effect of the library explains it. {} helps most ({gained}), but leaves an error of {} µm on the held-out cycles, {factor:.1} \
+                 times the error that noise and parameters allow. Do not interpret its size as a property.",
                 leading.effect,
                 significant(error_um, 3)
             )
@@ -83,20 +84,24 @@ pub fn verdict(
         (VerdictKind::Unexplained, ..) => {
             let left: Vec<&str> = too_much(specimens);
             format!(
-                "the model leaves more than noise in {} of {n} records ({}), and no effect that they have in common explains it",
+                "the residuals of {} of {n} records exceed the noise ({}), and no effect that these records share explains them",
                 left.len(),
                 listed(&left)
             )
         }
         (_, Some(leading), Some(gained)) => {
-            let verb = if leading.status == Status::Suggestive { "suggests itself" } else { "comes nearest" };
+            let verb = if leading.status == Status::Suggestive {
+                "is suggested by the data"
+            } else {
+                "is the nearest candidate"
+            };
             format!("no missing effect can be claimed; {} {verb}: {gained}", leading.effect)
         }
-        _ => "no missing effect can be claimed: none gains anything over all records".into(),
+        _ => "no missing effect can be claimed: no effect gains anything over all records".into(),
     }
 }
 
-/// Whether a group's own records show nothing of the effect.
+/// Returns true if a group's own records show no sign of the effect.
 fn has_none(group: &CohortGroup) -> bool {
     group.gain_nats < NOTHING_NATS && group.share < SMALL_SHARE
 }
@@ -105,7 +110,7 @@ fn too_much(specimens: &[CohortSpecimen]) -> Vec<&str> {
     specimens.iter().filter(|own| own.leaves_too_much).map(|own| own.experiment.as_str()).collect()
 }
 
-/// What can be said of two groups.
+/// Sentence that compares two groups.
 pub fn contrast(own: &CohortContrast, [a, b]: [&CohortGroup; 2], margin: f64) -> String {
     let (more, less, ratio) = if own.ratio_median >= 1.0 {
         (a, b, [own.ratio_median, own.q05, own.q95])
@@ -114,7 +119,7 @@ pub fn contrast(own: &CohortContrast, [a, b]: [&CohortGroup; 2], margin: f64) ->
     };
     let effect = &own.effect;
     if has_none(less) && own.is_declared {
-        return format!("{} has {effect}, {} shows none of it", more.name, less.name);
+        return format!("{} has {effect}, {} shows no sign of it", more.name, less.name);
     }
     let times =
         format!("{} × ({} to {})", significant(ratio[0], 2), significant(ratio[1], 2), significant(ratio[2], 2));
@@ -129,34 +134,34 @@ pub fn contrast(own: &CohortContrast, [a, b]: [&CohortGroup; 2], margin: f64) ->
             format!("{effect}: no difference beyond {} between {} and {}", percent(margin), more.name, less.name)
         }
         RatioVerdict::Undecided if own.is_declared => {
-            format!("{} has more {effect} than {}, by an amount that is open ({times})", more.name, less.name)
+            format!("{} has more {effect} than {}, by an undecided amount ({times})", more.name, less.name)
         }
-        RatioVerdict::Undecided => format!("{effect}: open whether {} and {} differ ({times})", more.name, less.name),
+        RatioVerdict::Undecided => format!("{effect}: undecided if {} and {} differ ({times})", more.name, less.name),
     }
 }
 
-/// What a reader should know.
+/// Remarks for the reader.
 pub fn remarks(effects: &[CohortEffect], specimens: &[CohortSpecimen], kind: VerdictKind) -> Vec<String> {
     let mut remarks = Vec::new();
     let refused = effects.iter().map(|own| (own.effect.as_str(), own.refused.as_deref()));
     let not =
-        |(why, effects): (&str, Vec<&str>)| format!("{} cannot be looked for in any record ({why})", listed(&effects));
+        |(why, effects): (&str, Vec<&str>)| format!("{} cannot be tested in any record ({why})", listed(&effects));
     remarks.extend(by_reason(refused).into_iter().map(not));
     let left = too_much(specimens);
     if !left.is_empty() && kind == VerdictKind::Missing {
         remarks.push(format!(
-            "before anything is added the model leaves more than noise in {} of {} records ({})",
+            "before an effect is added, the residuals of {} of {} records exceed the noise ({})",
             left.len(),
             specimens.len(),
             listed(&left)
         ));
     }
     if kind == VerdictKind::Unexplained {
-        remarks.push("`vitreo-uq diagnose` of each of these by itself says what is in it".into());
+        remarks.push("run `vitreo-uq diagnose` on each of these records to find its own missing effect".into());
     }
     let outliers: usize = specimens.iter().map(|own| own.outliers).sum();
     if outliers > 0 {
-        remarks.push(format!("{outliers} positions are isolated errors of the tracker and are left out"));
+        remarks.push(format!("{outliers} positions are isolated tracker errors and are left out"));
     }
     remarks
 }

@@ -1,9 +1,9 @@
-//! What panels gain, and how much of that noise alone would give.
+//! Significance of panels' gains, calibrated by simulated records of noise.
 //!
-//! Records are simulated from the fitted model with noise whose sizes are drawn from what the record leaves possible: the best ones alone are too
-//! small where noise is slow, and would raise false alarms. Its white part is drawn from the whitened residuals themselves, whatever their
-//! distribution. Each record goes through the same fits. A panel's p is read off a gamma distribution with the mean and variance of its
-//! simulated gains, and is corrected for all panels by the smallest p of each simulated record.
+//! Records are simulated from the fitted model with noise parameters drawn from their posterior. The best-fit noise alone is too
+//! small if noise is slow, and would raise false alarms. The white part is drawn from the whitened residuals, with any
+//! distribution. Each record goes through the same fits. A panel's p follows from a gamma distribution with the mean and variance of its
+//! simulated gains; the smallest p of each simulated record corrects it for all panels.
 
 use rayon::prelude::*;
 use statrs::distribution::{ContinuousCDF, Gamma};
@@ -19,11 +19,11 @@ use posterior::noise::NoiseLikelihood;
 use posterior::whiteness::{ljung_box, runs};
 use sampling::ensemble::RandomStream;
 
-/// Fits of one record: the model alone, and with each panel's columns.
+/// Fits of one record: the model alone, and the model with each panel's columns.
 pub struct Looks {
-    /// The model alone.
+    /// Fit of the model alone.
     pub base: LinearFit,
-    /// With the columns of each panel.
+    /// Fits with the columns of each panel.
     pub with: Vec<LinearFit>,
     /// Whitened residuals of the model alone.
     pub whitened: Vec<f64>,
@@ -31,23 +31,23 @@ pub struct Looks {
     pub statistics: Vec<f64>,
 }
 
-/// p of every statistic.
+/// p values of every statistic.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Significance {
-    /// Alone.
+    /// p of each statistic alone.
     pub p: Vec<f64>,
-    /// Corrected for all of them.
+    /// p corrected for all statistics.
     pub p_familywise: Vec<f64>,
     /// Mean over the simulated records.
     pub mean: Vec<f64>,
-    /// The smallest value that would be significant.
+    /// Smallest significant value of each statistic.
     pub critical: Vec<f64>,
 }
 
-/// Looks at one record: its residuals y − f̂ in m, one value a row.
+/// Tests one record by its residuals y − f̂ in m, one value per row.
 ///
 /// # Errors
-/// [`base::Error::Numerical`] where a fit has no solution.
+/// [`base::Error::Numerical`] if a fit has no solution.
 pub fn looks(linear: &Linear, likelihood: &NoiseLikelihood, residual_m: &[f64], panels: &[Columns]) -> Result<Looks> {
     let base = linear.fit_base(likelihood, residual_m)?;
     let with = linear.fit_with(likelihood, residual_m, &panels.iter().collect::<Vec<_>>(), &base)?;
@@ -58,7 +58,7 @@ pub fn looks(linear: &Linear, likelihood: &NoiseLikelihood, residual_m: &[f64], 
     Ok(Looks { base, with, whitened, statistics })
 }
 
-/// Noise (m) at every row of a subject's record: white numbers from `pool`, and the other terms of the noise.
+/// Noise (m) at every row of a subject's record: white numbers from `pool`, plus the other terms of the noise.
 fn simulated_noise_m(
     subject: &Subject,
     position_m: &[f64],
@@ -88,10 +88,10 @@ fn pool_of(whitened: &[f64]) -> Vec<f64> {
     whitened.iter().map(|r| r / mean_square.max(f64::MIN_POSITIVE).sqrt()).collect()
 }
 
-/// p of what one record shows, by `n_simulations` records with streams of `seed`.
+/// p values of one record, from `n_simulations` simulated records with random streams of `seed`.
 ///
 /// # Errors
-/// As [`looks`].
+/// Errors of [`looks`].
 pub fn significance(
     subject: &Subject,
     linear: &Linear,
@@ -115,7 +115,7 @@ pub fn significance(
     Ok(corrected(&own.statistics, &simulated))
 }
 
-/// p of each statistic against simulated ones, and corrected for all.
+/// p of each statistic against simulated ones, alone and corrected for all.
 fn corrected(own: &[f64], simulated: &[Vec<f64>]) -> Significance {
     let tails: Vec<Option<Gamma>> = (0..own.len()).map(|k| tail(simulated.iter().map(|s| s[k]))).collect();
     let p_of = |k: usize, value: f64| tails[k].as_ref().map_or(1.0, |gamma| gamma.sf(value));
@@ -141,7 +141,7 @@ fn corrected(own: &[f64], simulated: &[Vec<f64>]) -> Significance {
     }
 }
 
-/// The gamma distribution with the mean and variance of some values.
+/// Gamma distribution with the mean and variance of some values.
 fn tail(values: impl Iterator<Item = f64> + Clone) -> Option<Gamma> {
     let n = values.clone().count() as f64;
     let mean = values.clone().sum::<f64>() / n;
@@ -153,7 +153,7 @@ fn tail(values: impl Iterator<Item = f64> + Clone) -> Option<Gamma> {
 mod tests {
     use super::*;
 
-    /// Twelve half squares of normals, as runs give them, three of them one and the same.
+    /// Twelve half squares of normals, like the gains of one record; three of them are equal.
     fn record(number: u64) -> Vec<f64> {
         let mut stream = RandomStream::new(3, number);
         let mut half_square = || 0.5 * stream.normal().powi(2);
@@ -162,8 +162,8 @@ mod tests {
         statistics
     }
 
-    /// 600 records of noise: 5 % of them, 30, may show anything; six standard deviations above that fail falsely below 1e-6, the scatter of the
-    /// shared 999 simulated records included.
+    /// 5 % of 600 records of noise, 30, may have a finding. Six standard deviations above that fail falsely below 1e-6; they include the scatter of the
+    /// shared 999 simulated records.
     #[test]
     fn records_of_noise_show_something_as_often_as_they_may() {
         let simulated: Vec<Vec<f64>> = (0..999).map(record).collect();

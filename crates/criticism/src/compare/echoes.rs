@@ -1,8 +1,8 @@
-//! Which findings show the same misfit.
+//! Findings that another finding explains.
 //!
-//! One missing effect departs from the model over time since a step, velocity, position and more at once. The look that gains most for its size comes
-//! first, or the primary one where that gains at least half as much as any: it says when. Another look is an echo of such a source when the bias that the
-//! source describes leaves it less than half of its gain, or less than would be significant.
+//! One missing effect departs from the model over time since a step, velocity, position and more at once. The finding with the largest gain for its size leads,
+//! or the primary test if it gains at least half of the largest gain: it shows the time course. Such a finding is a source. It explains another finding if, beside its
+//! bias, that one keeps less than half of its gain or is no longer significant.
 
 use super::calibration::{Looks, Significance};
 use super::linear::Linear;
@@ -11,43 +11,43 @@ use base::error::Result;
 use posterior::noise::NoiseLikelihood;
 use posterior::whiteness::{ljung_box, runs};
 
-/// What is left of an echo's gain beside its source, at most.
+/// Largest share of its gain that an explained finding keeps beside its source.
 const SHARE_OF_ECHO: f64 = 0.5;
-/// The primary look leads from this share of the largest gain on.
+/// Share of the largest gain from which the primary test leads.
 const SHARE_OF_PRIMARY: f64 = 0.5;
 
-/// A finding, by the place of its statistic, and the one that it echoes.
+/// A finding, by the index of its statistic, and the finding that explains it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Standing {
-    /// Place of the statistic in [`Looks::statistics`].
+    /// Index of the statistic in [`Looks::statistics`].
     pub look: usize,
-    /// Place of the statistic whose echo it is.
+    /// Index of the statistic that explains this one.
     pub echo_of: Option<usize>,
 }
 
-/// What a record shows, and the panels' columns.
+/// Results of a record, and the panels' columns.
 pub struct Shown<'a> {
     /// The model about its fit.
     pub linear: &'a Linear,
     /// Likelihood of the record.
     pub likelihood: &'a NoiseLikelihood,
-    /// Positions less f̂, in m, one value a row.
+    /// Positions less f̂, in m, one value per row.
     pub residual_m: &'a [f64],
     /// Columns of each panel.
     pub columns: &'a [Columns],
-    /// Place of the primary look, the correlation of residuals with force changes.
+    /// Index of the primary test, the correlation of residuals with force changes.
     pub primary: Option<usize>,
-    /// What was found.
+    /// Results of all tests.
     pub looks: &'a Looks,
 }
 
-/// Orders findings: sources by gain over what chance gains, then their echoes.
+/// Orders findings: sources by the ratio of their gain to its mean in noise, then explained findings.
 ///
 /// # Errors
-/// As [`Linear::fit_base`].
+/// Errors of [`Linear::fit_base`].
 pub fn standings(shown: &Shown, significant: &[usize], significance: &Significance) -> Result<Vec<Standing>> {
     let gains = &shown.looks.statistics;
-    // Tests of whiteness say nothing about a place: they come after all panels.
+    // Tests of whiteness show no place: they come after all panels.
     let is_whiteness = |look: &usize| *look >= shown.columns.len();
     let largest =
         significant.iter().filter(|look| !is_whiteness(look)).fold(0.0, |most: f64, look| most.max(gains[*look]));
@@ -74,7 +74,7 @@ pub fn standings(shown: &Shown, significant: &[usize], significance: &Significan
 }
 
 impl Shown<'_> {
-    /// What a look still gains where the columns of another panel are in the model.
+    /// Remaining gain of a test once another panel's columns are in the model.
     fn left_beside(&self, look: usize, source: usize) -> Result<f64> {
         let there = &self.looks.with[source];
         let Some(columns) = self.columns.get(look) else {

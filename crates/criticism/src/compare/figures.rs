@@ -16,7 +16,7 @@ use posterior::sample::origin;
 /// Writes `comparison`, `comparison_map` and `comparison_bias` as SVG and PNG into a directory.
 ///
 /// # Errors
-/// As [`write_figure`].
+/// Errors of [`write_figure`].
 pub fn write(dir: &Path, outcome: &Outcome) -> Result<()> {
     let subject = &outcome.subject;
     let name = &outcome.comparison.experiment;
@@ -35,7 +35,7 @@ pub fn write(dir: &Path, outcome: &Outcome) -> Result<()> {
     let panels: Vec<BarPanel> =
         outcome.comparison.panels.iter().map(|entry| bar_panel(entry, is_echo(entry))).collect();
     let heading = format!(
-        "{name}: bias of the measurement against the model (bars: ± 2 standard errors; shaded: where it fails, faint: echoes)"
+        "{name}: bias of the measurement against the model (bars: ± 2 standard errors; shaded: findings, faint: explained findings)"
     );
     write_figure(dir, "comparison_bias", &bias_sheet(&heading, &panels))
 }
@@ -77,7 +77,7 @@ fn comparison_figure(subject: &Subject, outcome: &Outcome, name: &str) -> Result
     })
 }
 
-/// With more force steps than this, those of neighbouring cycles that go one way are one row of the map.
+/// Number of force steps above which steps of neighbouring cycles in one direction share a row of the map.
 const MOST_MAP_ROWS: usize = 96;
 
 /// The force steps of one row of the map.
@@ -89,7 +89,7 @@ struct StepGroup {
     rows: Vec<[usize; 2]>,
 }
 
-/// Every force step, or those of some successive cycles that go one way.
+/// Every force step, or the steps of some successive cycles in one direction.
 fn step_groups(subject: &Subject) -> Vec<StepGroup> {
     let record = &subject.experiment().record;
     let steps = record.force_step_rows();
@@ -110,7 +110,7 @@ fn step_groups(subject: &Subject) -> Vec<StepGroup> {
             group.rows.push([at + 1, end]);
             continue;
         }
-        // Rounded to 0.1 ms and written without trailing zeros.
+        // Time rounded to 0.1 ms and written without trailing zeros.
         let at_s = (1e4 * record.time_s[at]).round() / 1e4;
         let label = match (is_pooled, n_together) {
             (false, _) => format!("cycle {cycle}: {direction} step at {at_s} s"),
@@ -123,7 +123,7 @@ fn step_groups(subject: &Subject) -> Vec<StepGroup> {
     groups
 }
 
-/// Whitened residuals turned along the step, averaged by step and time since it; residuals in µm beside them.
+/// Whitened residuals with the sign of the step, averaged by step and time since it, together with residuals in µm.
 fn map_rows(subject: &Subject, outcome: &Outcome) -> Vec<MapRow> {
     let mut rows: Vec<MapRow> = Vec::new();
     for group in step_groups(subject) {
@@ -164,7 +164,7 @@ fn bar_panel(entry: &PanelEntry, is_echo: bool) -> BarPanel {
     };
     BarPanel {
         heading: match is_echo {
-            true => format!("{}: p = {p} (echo)", entry.place.replace('_', " ")),
+            true => format!("{}: p = {p} (explained)", entry.place.replace('_', " ")),
             false => format!("{}: p = {p}", entry.place.replace('_', " ")),
         },
         is_echo,

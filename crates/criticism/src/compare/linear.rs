@@ -1,7 +1,7 @@
-//! Fits of columns about a fit of a model, the noise estimated anew for each.
+//! Fits of columns about a fit of a model, with the noise estimated anew for each.
 //!
-//! Near its fit a model is linear, f̂ + A δ, and columns C add to it: f̂ + A δ + C a. Noise that was estimated from residuals which still hold what
-//! C describes has swallowed it; so δ, a and the noise are found together, and what C gains is a likelihood ratio.
+//! Near its fit a model is linear, f̂ + A δ, and columns C add to it: f̂ + A δ + C a. Noise estimated from residuals that contain the bias
+//! described by C would absorb that bias. So δ, a and the noise are fitted together, and the gain of C is a likelihood ratio.
 
 use nalgebra::DVector;
 
@@ -15,14 +15,14 @@ use base::error::{Error, Result};
 use posterior::noise::{Asked, NoiseLikelihood};
 use sampling::ensemble::RandomStream;
 
-/// A model about its fit.
+/// A model linearised about its fit.
 pub struct Linear {
     noise_prior: NoisePrior,
-    /// f̂ (m), one value a row of the record.
+    /// f̂ (m), one value per row of the record.
     position_m: Vec<f64>,
-    /// Derivatives (m a unit of the coordinate).
+    /// Derivatives (m per unit of the coordinate).
     derivatives_m: Vec<Vec<f64>>,
-    /// 1/sd and distance to the mean over sd of the priors of coordinates; zeros where there is none.
+    /// For each coordinate's prior: 1/sd and distance to the mean over sd; zeros if there is no prior.
     priors: Vec<(f64, f64)>,
     base_noise: LogNoise,
 }
@@ -32,9 +32,9 @@ pub struct Linear {
 pub struct LinearFit {
     /// Log posterior in nats, up to a constant that all fits of one record share.
     pub objective: f64,
-    /// A δ + C a (m), one value a row of the record.
+    /// Correction A δ + C a (m), one value per row of the record.
     pub correction_m: Vec<f64>,
-    /// The noise's parameters in their units.
+    /// Noise parameters in their units.
     pub noise: NoiseValues,
     log_noise: LogNoise,
 }
@@ -43,15 +43,15 @@ pub struct LinearFit {
 struct Mean {
     solved: Solved,
     log_noise: LogNoise,
-    /// As in [`LinearFit`].
+    /// Log posterior as in [`LinearFit`].
     objective: f64,
 }
 
 impl Linear {
-    /// About a fit of a candidate.
+    /// Linearises a candidate about its fit.
     ///
     /// # Errors
-    /// [`Error::Numerical`] where the model has no derivatives.
+    /// [`Error::Numerical`] if the model has no derivatives.
     pub fn new(subject: &Subject, candidate: &Candidate, fitted: &Fitted) -> Result<Self> {
         let priors = candidate.free.iter().zip(&fitted.theta);
         let prior = |(free, theta): (&crate::Free, &f64)| {
@@ -73,20 +73,20 @@ impl Linear {
         &self.position_m
     }
 
-    /// Fits the model alone to positions less f̂ (m, one value a row).
+    /// Fits the model alone to positions less f̂ (m, one value per row).
     ///
     /// # Errors
-    /// [`Error::Numerical`] where the normal equations have no solution.
+    /// [`Error::Numerical`] if the normal equations have no solution.
     pub fn fit_base(&self, likelihood: &NoiseLikelihood, residual_m: &[f64]) -> Result<LinearFit> {
         let none = Columns::default();
         let mut fits = self.best(likelihood, residual_m, &[&none], &[self.base_noise, self.noise_prior.white()])?;
         fits.pop().ok_or_else(|| no_solution("no start"))
     }
 
-    /// Fits the model with the columns of each of some looks, from the noise of a fit without them and from noise as small as the yardstick.
+    /// Fits the model with the columns of each test, from the noise of a fit without them and from noise as small as the yardstick.
     ///
     /// # Errors
-    /// As [`Linear::fit_base`].
+    /// Errors of [`Linear::fit_base`].
     pub fn fit_with(
         &self,
         likelihood: &NoiseLikelihood,
@@ -97,8 +97,8 @@ impl Linear {
         self.best(likelihood, residual_m, looks, &[base.log_noise, self.noise_prior.white()])
     }
 
-    /// Each look from the better of the starts: mean, noise, and the mean again. The calibration repeats exactly this, so that it need not be iterated
-    /// to rest.
+    /// Fits each test from the better of the starts: mean, noise, and the mean again. The calibration repeats exactly this, so that it need not
+    /// converge.
     fn best(
         &self,
         likelihood: &NoiseLikelihood,
@@ -135,7 +135,7 @@ impl Linear {
         Ok(fits)
     }
 
-    /// The best noise beside each mean, those that begin with one noise together; `None` where it stays as it is.
+    /// Best noise for each mean; means with one initial noise are treated together. `None` if the noise is unchanged.
     fn settle(
         &self,
         likelihood: &NoiseLikelihood,
@@ -156,12 +156,12 @@ impl Linear {
         noises
     }
 
-    /// The position to which the noise is fitted: f̂ and a correction.
+    /// Position to which the noise is fitted: f̂ plus a correction.
     fn moved_m(&self, correction_m: &[f64]) -> Vec<f64> {
         self.position_m.iter().zip(correction_m).map(|(f, correction)| f + correction).collect()
     }
 
-    /// A δ + C a (m), one value a row of the record.
+    /// Correction A δ + C a (m), one value per row of the record.
     fn correction_m(&self, columns: &Columns, solved: &Solved) -> Vec<f64> {
         let mut correction_m = columns.by_cycle.as_ref().map_or_else(
             || vec![0.0; self.position_m.len()],
@@ -184,7 +184,7 @@ impl Linear {
         means.pop().ok_or_else(|| no_solution("no columns"))
     }
 
-    /// The best mean of each look under one noise: generalised least squares.
+    /// Best mean of each test under one noise, by generalised least squares.
     fn means(
         &self,
         likelihood: &NoiseLikelihood,
@@ -210,7 +210,7 @@ impl Linear {
         let mut cycles = products.cycles;
         let mut means = Vec::with_capacity(looks.len());
         for ((number, look), products) in looks.iter().enumerate().zip(products.sets) {
-            // The residuals, which all looks share, go behind a look's own columns.
+            // The residuals, which all tests share, go behind a test's own columns.
             let n = products.nrows();
             let order: Vec<usize> = (0..n_common - 1).chain(n_common..n).chain(std::iter::once(n_common - 1)).collect();
             let of_cycles = if with_cycles == Some(number) { std::mem::take(&mut cycles) } else { Vec::new() };
@@ -232,7 +232,7 @@ impl Linear {
     /// Weighted means w·(A δ + C a), in m, with their standard errors, under the noise of a fit.
     ///
     /// # Errors
-    /// As [`Linear::fit_base`].
+    /// Errors of [`Linear::fit_base`].
     pub fn weighted_means_m(
         &self,
         likelihood: &NoiseLikelihood,
@@ -250,10 +250,10 @@ impl Linear {
         Ok(weights.iter().map(of_weights).collect())
     }
 
-    /// The same means over the fitted rows of each cycle that has a column.
+    /// Weighted means over the fitted rows of each cycle that has a column.
     ///
     /// # Errors
-    /// As [`Linear::fit_base`].
+    /// Errors of [`Linear::fit_base`].
     pub fn cycle_means_m(
         &self,
         likelihood: &NoiseLikelihood,
@@ -278,13 +278,13 @@ impl Linear {
         Ok(with_column.map(mean).collect())
     }
 
-    /// L⁻¹ (y − f̂ − A δ) at the fitted rows in order.
+    /// Whitened residuals L⁻¹ (y − f̂ − A δ) at the fitted rows in order.
     pub fn whitened(&self, likelihood: &NoiseLikelihood, residual_m: &[f64], fit: &LinearFit) -> Vec<f64> {
         let left_m: Vec<f64> = residual_m.iter().zip(&fit.correction_m).map(|(r, c)| r - c).collect();
         likelihood.whiten(&[left_m], &self.position_m, &fit.noise).concat()
     }
 
-    /// Noise's parameters in their units as the record leaves them possible beside the fit of the model alone, `n` draws with a stream of `seed`.
+    /// Draws noise parameters, in their units, from their posterior beside the fit of the model alone: `n` draws with a random stream of `seed`.
     pub fn noise_draws(&self, likelihood: &NoiseLikelihood, base: &LinearFit, n: usize, seed: u64) -> Vec<NoiseValues> {
         let moved_m = self.moved_m(&base.correction_m);
         let mut stream = RandomStream::new(seed, u64::MAX);
@@ -292,10 +292,10 @@ impl Linear {
         draws.iter().map(noise_fit::natural).collect()
     }
 
-    /// Standard deviation (m) that the uncertainty of the coordinates gives the position at every row, under the noise of a fit.
+    /// Standard deviation (m) of the position at every row due to the uncertainty of the coordinates, under the noise of a fit.
     ///
     /// # Errors
-    /// As [`Linear::fit_base`].
+    /// Errors of [`Linear::fit_base`].
     pub fn position_sd_m(&self, likelihood: &NoiseLikelihood, noise: &NoiseValues) -> Result<Vec<f64>> {
         let nothing_m = vec![0.0; self.position_m.len()];
         let solved = self.mean(likelihood, &nothing_m, &Columns::default(), &noise.map(f64::ln))?.solved;
@@ -308,7 +308,7 @@ impl Linear {
     }
 }
 
-/// The noises of some means, each once.
+/// The distinct noises of some means.
 fn distinct(means: &[Mean]) -> Vec<LogNoise> {
     let mut noises: Vec<LogNoise> = Vec::new();
     for mean in means {
@@ -326,7 +326,7 @@ fn fit_of(mean: &Mean, correction_m: Vec<f64>) -> LinearFit {
 
 fn no_solution(why: &str) -> Error {
     Error::numerical(
-        format!("the misfit cannot be looked at about this fit: {why}"),
-        "fix one of the model's parameters, or look for values in the record that are far off",
+        format!("the misfit cannot be tested about this fit: {why}"),
+        "fix one of the model's parameters, or check the record for values that are far off",
     )
 }

@@ -1,7 +1,7 @@
-//! Where a model fails: looks at its misfit from many sides, corrected together.
+//! Comparison of a model with a record: tests of its misfit in many respects, corrected together.
 //!
-//! Every look ([`panels`]) is a set of columns added to the model; what they gain is a likelihood ratio with the noise estimated anew ([`linear`]), and
-//! is judged against records simulated from the model with the noise that was found for it ([`calibration`]).
+//! Every test ([`panels`]) is a set of columns added to the model. Their gain is a likelihood ratio with the noise estimated anew ([`linear`]), and
+//! is judged against records simulated from the model and its fitted noise ([`calibration`]).
 
 pub mod calibration;
 mod echoes;
@@ -28,41 +28,41 @@ use super::{Candidate, Fitted, Subject, outliers};
 use base::error::Result;
 use posterior::whiteness;
 
-/// Family-wise probability below which a look is a finding.
+/// Family-wise probability below which a test's result is a finding.
 pub const SIGNIFICANT: f64 = 0.05;
-/// Simulated records, and the fewest for long ones: a p of all looks comes in steps of a sixtieth then.
+/// Number of simulated records, and the least number for long ones: p over all tests then comes in steps of a sixtieth.
 const N_SIMULATIONS: (usize, usize) = (199, 59);
-/// Fitted rows of all simulated records together beyond which there are fewer of them.
+/// Number of fitted rows of all simulated records together above which fewer records are simulated.
 const SIMULATED_ROWS: usize = 3_000_000;
 
-/// Simulated records by which looks at so many fitted rows are judged.
+/// Default number of simulated records for a number of fitted rows.
 pub fn default_simulations(n_fitted: usize) -> usize {
     (SIMULATED_ROWS / n_fitted.max(1)).clamp(N_SIMULATIONS.1, N_SIMULATIONS.0)
 }
 
-/// What was found, with what figures need.
+/// Result of a comparison, with the data of its figures.
 pub struct Outcome {
     /// The document.
     pub comparison: Comparison,
-    /// The experiment, outliers left out.
+    /// The experiment, without outliers.
     pub subject: Subject,
     /// The fit.
     pub fitted: Fitted,
-    /// Standard deviation (m) of the model's position from its parameters' uncertainty, one value a row.
+    /// Standard deviation (m) of the model's position due to its parameters' uncertainty, one value per row.
     pub position_sd_m: Vec<f64>,
-    /// Residuals over the standard deviation that the noise gives each given those before it, the scored cycle included; one entry a row. The noise
-    /// is that beside the leading finding: the fit's own has swallowed some of what the model misses.
+    /// Residuals over their conditional noise standard deviation given the earlier ones, the scored cycle included; one entry per row. The noise
+    /// is estimated beside the leading finding: the fit's own noise has absorbed part of the misfit.
     pub whitened: Vec<Option<f64>>,
     /// Time (s) since the last force step before each row.
     pub time_since_step_s: Vec<Option<f64>>,
-    /// Ends (s) of bins of that time, equal in logarithm.
+    /// Ends (s) of bins of that time, equally spaced in logarithm.
     pub lag_ends_s: Vec<f64>,
 }
 
-/// Looks where a candidate fails. `errors` are those of its posterior on the same cycles, where it was sampled; else those of its best fit are shown.
+/// Tests where a candidate fails. `errors` are those of its posterior on the same cycles, if it was sampled; else the document shows those of its best fit.
 ///
 /// # Errors
-/// [`base::Error::Numerical`] when it cannot be fitted or has no derivatives.
+/// [`base::Error::Numerical`] if it cannot be fitted or has no derivatives.
 pub fn run(
     subject: &Subject,
     candidate: &Candidate,
@@ -146,7 +146,7 @@ fn rms_m(subject: &Subject, values_m: &[f64]) -> f64 {
     (fitted().map(|value| value * value).sum::<f64>() / fitted().count().max(1) as f64).sqrt()
 }
 
-/// Bins of the failure map.
+/// Number of time bins of the failure map.
 const MAP_LAG_BINS: usize = 12;
 
 fn residuals_m(observed_m: &[Option<f64>], position_m: &[f64]) -> Vec<f64> {
@@ -161,7 +161,7 @@ fn whitened(subject: &Subject, fitted: &Fitted, noise: &NoiseValues) -> Vec<Opti
     both.iter().map(|y| y.and_then(|_| white.next())).collect()
 }
 
-/// Bias (µm) in each column of a panel with its standard error, the noise estimated with the panel's columns in.
+/// Bias (µm) in each column of a panel with its standard error; the noise is estimated together with the panel's columns.
 fn bars(
     subject: &Subject,
     linear: &Linear,
@@ -197,7 +197,7 @@ fn bars(
     Ok(if panel.place == "harmonics" { amplitudes(bars) } else { bars })
 }
 
-/// Cosine and sine of one harmonic, which follow each other, as one amplitude.
+/// Combines cosine and sine of each harmonic, which are neighbours, into one amplitude.
 fn amplitudes(bars: Vec<Bar>) -> Vec<Bar> {
     let amplitude = |pair: &[Bar]| {
         let size_um = pair.iter().map(|bar| bar.bias_um.powi(2)).sum::<f64>().sqrt();
@@ -222,7 +222,7 @@ fn entry(panel: &Panel, bars: Vec<Bar>, rms_um: f64, k: usize, own: &Looks, sign
     }
 }
 
-/// Runs and autocorrelation, whose bars are correlations and not µm.
+/// Entries for runs and autocorrelation, whose bars are correlations rather than µm.
 fn whiteness_entries(own: &Looks, significance: &Significance) -> [PanelEntry; 2] {
     let n = own.whitened.len();
     let sd_um = whiteness::white_limit(n) / 1.96;

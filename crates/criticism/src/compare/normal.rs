@@ -1,51 +1,51 @@
-//! Normal equations of columns, among them one for each cycle, at a cost linear in the cycles.
+//! Normal equations of columns, with one column for each cycle among them, at a cost linear in the cycles.
 //!
-//! Whitened columns of cycles overlap through the process alone, which links each cycle to the next by one number s. So the amplitudes a of cycles are
-//! eliminated from the last to the first: given s, what is best in a cycle and all later ones is a quadratic in s, ½ K s² − s G with one G a column. On the
-//! way back the amplitudes follow from s, and so do their variances.
+//! Whitened columns of cycles overlap only through the process, which links each cycle to the next by one number s. So the amplitudes a of cycles are
+//! eliminated from the last to the first. Given s, the optimum over a cycle and all later ones is ½ K s² − s G, with one G per column. On the
+//! way back the amplitudes, and their variances, follow from s.
 
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 
 use posterior::noise::CycleProducts;
 
-/// What is added to the normal equations of columns of unit length: directions that the model or other columns hold already get no amplitude.
+/// Ridge of the normal equations of columns of unit length: directions already in the model or in other columns get no amplitude.
 const RIDGE: f64 = 1e-7;
 
-/// Inner products under one noise; the residuals' are last.
+/// Inner products under one noise; those of the residuals are last.
 pub(super) struct Normal {
-    /// Of columns and residuals.
+    /// Inner products of columns and residuals.
     pub products: DMatrix<f64>,
-    /// Of cycles' columns; empty where there are none.
+    /// Inner products of cycles' columns; empty if there are none.
     pub cycles: Vec<CycleProducts>,
-    /// Whether a cycle has a column.
+    /// Marks the cycles that have a column.
     pub has_column: Vec<bool>,
-    /// 1/sd and distance to the mean over sd of the first columns' priors.
+    /// For the priors of the first columns: 1/sd and distance to the mean over sd.
     pub priors: Vec<(f64, f64)>,
 }
 
 /// Amplitudes with their covariance.
 pub(super) struct Solved {
-    /// Of the columns.
+    /// Amplitudes of the columns.
     pub amplitudes: DVector<f64>,
-    /// Of cycles' columns, those of cycles without one 0.
+    /// Amplitudes of cycles' columns; 0 for cycles without one.
     pub of_cycles: Vec<f64>,
-    /// Squared norm of what is left of the whitened residuals.
+    /// Squared norm of the remaining whitened residuals.
     pub left: f64,
     covariance: DMatrix<f64>,
     steps: Vec<Option<Elimination>>,
-    /// The process that leaves each cycle for a unit of its column, and of the process that came in.
+    /// State of the process at the end of each cycle per unit of its column, and per unit of the incoming process.
     links: Vec<[f64; 2]>,
 }
 
-/// A cycle's amplitude beside the columns' ones.
+/// Dependence of a cycle's amplitude on those of the columns.
 pub(super) struct InCycle {
-    /// How it follows those, with the sign turned.
+    /// Derivative of the amplitude with respect to the columns' amplitudes, with the opposite sign.
     following: DVector<f64>,
-    /// Its variance where those have none.
+    /// Variance of the amplitude for fixed columns' amplitudes.
     own_variance: f64,
 }
 
-/// A cycle's amplitude a = (b − c s)/h given the columns' sizes and the process s that comes in.
+/// A cycle's amplitude a = (b − c s)/h, given the columns' amplitudes and the incoming process s.
 struct Elimination {
     h: f64,
     c: f64,
@@ -54,7 +54,7 @@ struct Elimination {
 }
 
 impl Normal {
-    /// Solves for all amplitudes; `None` for numbers that are not finite.
+    /// Solves for all amplitudes; `None` if numbers are not finite.
     pub fn solve(&self) -> Option<Solved> {
         let n = self.products.nrows() - 1;
         let steps = self.eliminate();
@@ -64,7 +64,7 @@ impl Normal {
         }
         let mut normal = reduced.view((0, 0), (n, n)).into_owned();
         let mut slope: DVector<f64> = reduced.view((0, n), (n, 1)).column(0).into_owned();
-        // The ridge is of the columns' own lengths, before anything is eliminated.
+        // The ridge is relative to the columns' own lengths, before any elimination.
         let mut length2: DVector<f64> = self.products.diagonal().rows(0, n).into_owned();
         for (k, (inverse_sd, pull)) in self.priors.iter().enumerate() {
             normal[(k, k)] += inverse_sd * inverse_sd;
@@ -86,11 +86,11 @@ impl Normal {
         Some(Solved { amplitudes, of_cycles, left, covariance, steps, links })
     }
 
-    /// From the last cycle to the first; `None` for a cycle without a column.
+    /// Eliminates cycles from the last to the first; `None` for a cycle without a column.
     fn eliminate(&self) -> Vec<Option<Elimination>> {
         let n = self.products.nrows();
         let (mut k, mut g) = (0.0, DVector::zeros(n));
-        // Squared norm of what later cycles see of a unit of process: a column's length has it, too.
+        // Squared norm, over later cycles, of a unit of process; a column's length includes it.
         let mut seen_later = 0.0;
         let mut steps = Vec::with_capacity(self.cycles.len());
         for (cycle, has_column) in self.cycles.iter().zip(&self.has_column).rev() {
@@ -115,7 +115,7 @@ impl Normal {
         steps
     }
 
-    /// Amplitudes of cycles where columns and residuals have these sizes.
+    /// Amplitudes of cycles for given amplitudes of columns and residuals.
     fn amplitudes_of_cycles(&self, steps: &[Option<Elimination>], sizes: &DVector<f64>) -> Vec<f64> {
         let mut s = 0.0;
         let of_cycle = |(cycle, step): (&CycleProducts, &Option<Elimination>)| {
@@ -126,7 +126,7 @@ impl Normal {
         self.cycles.iter().zip(steps).map(of_cycle).collect()
     }
 
-    /// Squared norm of what residuals less columns of these sizes, and less those of cycles, leave.
+    /// Squared norm of the residuals after subtracting the columns with these amplitudes and those of cycles.
     fn left(&self, sizes: &DVector<f64>, of_cycles: &[f64]) -> f64 {
         let mut left = sizes.dot(&(&self.products * sizes));
         let mut s = 0.0;
@@ -146,7 +146,7 @@ impl Solved {
         (weights.dot(&self.amplitudes), weights.dot(&(&self.covariance * weights)).max(0.0).sqrt())
     }
 
-    /// How the amplitudes of all cycles hang on those of the columns.
+    /// Dependence of all cycles' amplitudes on those of the columns.
     pub fn in_cycles(&self) -> Vec<InCycle> {
         let n = self.amplitudes.len();
         let (mut s, mut variance) = (DVector::zeros(n), 0.0);
@@ -169,7 +169,7 @@ impl Solved {
         self.steps.iter().zip(&self.links).map(of_cycle).collect()
     }
 
-    /// As [`Solved::weighted`], with the amplitude of cycle `number` added.
+    /// Weighted sum as in [`Solved::weighted`], with the amplitude of cycle `number` added.
     pub fn weighted_in_cycle(&self, weights: &DVector<f64>, number: usize, in_cycle: &InCycle) -> (f64, f64) {
         let net = weights - &in_cycle.following;
         let variance = net.dot(&(&self.covariance * &net)) + in_cycle.own_variance;

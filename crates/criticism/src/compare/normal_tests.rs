@@ -1,11 +1,11 @@
-//! The elimination of cycles against the whole normal equations by dense algebra.
+//! The elimination of cycles agrees with dense algebra on the whole normal equations.
 
 use super::*;
 use crate::NoiseValues;
 use base::error::Place;
 use posterior::noise::{Asked, NoiseLikelihood, NoiseModel};
 
-/// Whitened columns of a record with short and long cycles: three columns, the residuals, and one for each cycle.
+/// Whitened columns of a record with short and long cycles: three columns, the residuals, and one column per cycle.
 struct Dense {
     normal: Normal,
     columns: Vec<Vec<f64>>,
@@ -25,7 +25,7 @@ fn dense(noise: &NoiseValues) -> Dense {
     let names = ["white", "ou", "gain"].map(String::from);
     let model = NoiseModel::named(&names, &Place::default()).expect("names");
     let likelihood = NoiseLikelihood::new(model, &time_s, &cycle, &observed);
-    // The first column is the position, the second nearly one of a cycle, the third slow.
+    // The first column is the position, the second is nearly confined to one cycle, the third is slow.
     let columns_m = [
         position_m.clone(),
         cycle.iter().map(|c| if *c == 30 { 1e-3 } else { 1e-9 * f64::from(*c) }).collect(),

@@ -1,23 +1,23 @@
-//! Where a model may fail: columns that describe a bias by time since the last force step, by cycle, by force, and so on.
+//! Panels of columns that describe a model's bias by time since the last force step, by cycle, by force, and so on.
 //!
-//! A column has one value a row of the record, at most 1 in size: a bias of one metre has amplitude 1 there. Columns that point along a motion are
-//! signed, since a bias that turns with the force is lost in a plain mean.
+//! A column has one value per row of the record, at most 1 in size: a bias of one metre has amplitude 1 there. Columns along a motion are
+//! signed, since a bias that changes sign with the force cancels in a plain mean.
 
 use super::rows::{ByCycle, Column, Columns, Rows};
 use record::Record;
 
-/// Columns that are looked at together.
+/// Columns that are tested together.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Panel {
     /// Stable name.
     pub place: &'static str,
-    /// What the columns are, for figures.
+    /// Description of the columns, for figures.
     pub title: &'static str,
-    /// Whether positive biases are along the last force change rather than along the axis.
+    /// True if positive biases are along the last force change rather than along the axis.
     pub is_along_force: bool,
     /// The columns.
     pub columns: Vec<Column>,
-    /// Where these are one for each cycle: their values.
+    /// Values of the columns, if they are one for each cycle.
     pub by_cycle: Option<ByCycle>,
 }
 
@@ -34,24 +34,24 @@ impl Panel {
     }
 }
 
-/// A look that has no meaning in an experiment.
+/// A test that is meaningless in an experiment.
 #[derive(Debug, Clone, PartialEq)]
 pub struct LeftOut {
-    /// Its stable name.
+    /// Stable name of the test.
     pub place: &'static str,
-    /// Why.
+    /// Reason.
     pub reason: &'static str,
 }
 
 const MOST_LAG_BINS: usize = 8;
 const MOST_HARMONICS: usize = 6;
-/// Forces closer than this fraction of the largest are one level; smaller ones are rest.
+/// Largest difference of forces in one level, as a fraction of the largest force; smaller forces are rest.
 const LEVEL_TOLERANCE: f64 = 0.05;
 const MOST_LEVELS: usize = 6;
-/// Cycles whose lengths differ by more than this have no common period.
+/// Relative difference of cycle lengths above which there is no common period.
 const PERIOD_TOLERANCE: f64 = 0.02;
 
-/// A look, or why there is none.
+/// A test, or the reason why there is none.
 type Look = (&'static str, Result<Panel, &'static str>);
 
 fn panel(place: &'static str, title: &'static str, is_along_force: bool, columns: Vec<Column>) -> Look {
@@ -60,7 +60,7 @@ fn panel(place: &'static str, title: &'static str, is_along_force: bool, columns
     (place, if is_empty { Err("too few positions for it") } else { Ok(panel) })
 }
 
-/// Every panel that has a meaning in the experiment, and those that have none.
+/// Returns every panel that is meaningful in the experiment, and the tests that are not.
 pub fn panels(rows: &Rows) -> (Vec<Panel>, Vec<LeftOut>) {
     let looks: [Look; 12] = [
         input_correlation(rows),
@@ -97,7 +97,7 @@ fn lag_column(ends: &[f64], k: usize, values: Vec<f64>) -> Column {
     Column { label: seconds(to), phrase: lag_phrase([from, to]), lag_s: Some([from, to]), values }
 }
 
-/// "within 0.3 s after each force step", or from when to when.
+/// Phrase for a range of lags: "within 0.3 s after each force step", or its start and end.
 pub fn lag_phrase([from, to]: [f64; 2]) -> String {
     match from {
         0.0 => format!("within {} s after each force step", seconds(to)),
@@ -110,7 +110,7 @@ fn lag_bin(ends: &[f64], lag_s: f64) -> Option<usize> {
     (lag_s > 0.0 && place < ends.len()).then_some(place)
 }
 
-/// Bias along every force change, large or small, so long after it.
+/// Bias in the direction of every force change, large or small, by the time after it.
 fn input_correlation(rows: &Rows) -> Look {
     let record = rows.record;
     let ends = rows.lag_ends_s(MOST_LAG_BINS);
@@ -126,7 +126,7 @@ fn input_correlation(rows: &Rows) -> Look {
     panel("input_correlation", "lag behind force changes (s)", true, rows.kept(columns))
 }
 
-/// For each bin of lags, the sum of the changes (times in s, and sizes) that lie so long before each time. Both ends of a bin move on with the times, so
+/// For each bin of lags, the sum of the changes (times in s, and sizes) that precede each time by such a lag. Both ends of a bin move with the times, so
 /// that every change enters and leaves each bin once.
 fn summed_by_lag(time_s: &[f64], changes: &[(f64, f64)], ends: &[f64]) -> Vec<Vec<f64>> {
     let sums: Vec<f64> = std::iter::once(0.0)
@@ -136,7 +136,7 @@ fn summed_by_lag(time_s: &[f64], changes: &[(f64, f64)], ends: &[f64]) -> Vec<Ve
         }))
         .collect();
     let of_bin = |k: usize| {
-        // As `lag_bin`: beyond the end before, up to the own end.
+        // The bin of `lag_bin`: above the previous end, up to its own end.
         let (mut first, mut end) = (0, 0);
         let at = |time_s: &f64| {
             while first < changes.len() && time_s - changes[first].0 > ends[k] {
@@ -181,7 +181,7 @@ fn cycle(rows: &Rows) -> Look {
     (place, look.map(|panel| Panel { by_cycle: Some(by_cycle), ..panel }))
 }
 
-/// −1, 0 or 1.
+/// Sign of the force at a row: −1, 0 or 1.
 fn sign_of_force(rows: &Rows, row: usize) -> f64 {
     let force = rows.acting_n[row];
     if force.abs() < LEVEL_TOLERANCE * rows.largest_n { 0.0 } else { force.signum() }
@@ -204,7 +204,7 @@ fn force_sign(rows: &Rows) -> Look {
     panel("force_sign", "sign of the force", false, rows.kept(there.iter().map(of).collect()))
 }
 
-/// Ends of groups of force levels over the largest force, rest left out.
+/// Ends of groups of force levels, relative to the largest force, without rest.
 fn levels(rows: &Rows) -> Vec<[f64; 2]> {
     let mut sizes: Vec<f64> = rows
         .fitted_rows()
@@ -236,7 +236,7 @@ fn force_level(rows: &Rows) -> Look {
     }
     let of = |[low, high]: &[f64; 2]| {
         let percent = format!("{:.0} %", 50.0 * (low + high));
-        let phrase = format!("along the force where that is {percent} of the largest");
+        let phrase = format!("along the force where it is {percent} of the largest");
         rows.column(percent, phrase, |row| {
             let size = rows.acting_n[row].abs() / rows.largest_n;
             if size >= *low && size <= *high { sign_of_force(rows, row) } else { 0.0 }
@@ -278,7 +278,7 @@ fn loading(rows: &Rows) -> Look {
     panel("loading", "loading or recovery", true, rows.kept(both.map(of).into()))
 }
 
-/// Whether the response grows otherwise than in proportion to the force.
+/// Tests whether the response is proportional to the force.
 fn superposition(rows: &Rows) -> Look {
     let ends = rows.lag_ends_s(2);
     if levels(rows).len() < 2 || ends.len() < 2 {
@@ -290,7 +290,7 @@ fn superposition(rows: &Rows) -> Look {
         |row| rows.position_m[row] * rows.acting_n[row].abs(),
     )];
     for (k, (label, when)) in [("early", "soon after"), ("late", "long after")].into_iter().enumerate() {
-        let phrase = format!("{when} large force steps beyond what small ones show");
+        let phrase = format!("{when} large force steps, beyond the bias after small ones");
         columns.push(rows.column(label.into(), phrase, |row| match rows.since_step[row] {
             Some((lag_s, size)) if lag_bin(&ends, lag_s) == Some(k) => size * size.abs(),
             _ => 0.0,
@@ -299,7 +299,7 @@ fn superposition(rows: &Rows) -> Look {
     panel("superposition", "scaling with the force", true, rows.kept(columns))
 }
 
-/// The part of the bias that does not turn with the force.
+/// Tests the part of the bias that does not change sign with the force.
 fn reversal(rows: &Rows) -> Look {
     if !(has_sign(rows, 1.0) && has_sign(rows, -1.0)) {
         return ("reversal", Err("the force has one sign"));
@@ -312,7 +312,7 @@ fn reversal(rows: &Rows) -> Look {
         };
         let values = (0..rows.n()).map(|row| f64::from(u8::from(is_in(row)))).collect();
         let column = lag_column(&ends, k, values);
-        Column { phrase: format!("{}, the same way whatever the force's sign", column.phrase), ..column }
+        Column { phrase: format!("{}, in one direction for either sign of the force", column.phrase), ..column }
     };
     panel("reversal", "even part: time since the step (s)", false, rows.kept((0..ends.len()).map(column).collect()))
 }
@@ -334,7 +334,7 @@ fn trend(rows: &Rows) -> Look {
     panel("trend", "trend over cycles", false, rows.kept(columns))
 }
 
-/// First and last time (s) of every cycle; a cycle lasts until the next begins.
+/// Start and end time (s) of every cycle; a cycle lasts until the next begins.
 fn spans_s(record: &Record) -> Vec<[f64; 2]> {
     let starts: Vec<f64> = (0..record.n_rows())
         .filter(|row| *row == 0 || record.cycle[*row] != record.cycle[row - 1])
@@ -374,7 +374,7 @@ mod tests {
     use super::*;
     use sampling::ensemble::RandomStream;
 
-    /// Against the sum over all pairs, at uneven times with two changes at one of them.
+    /// The result equals the sum over all pairs, at uneven times with two changes at one of them.
     #[test]
     fn sums_by_lag_are_those_over_all_pairs() {
         let mut stream = RandomStream::new(9, 1);
@@ -402,8 +402,8 @@ mod tests {
         }
     }
 
-    /// 20,000 rows in 2,000 cycles: what all looks keep is some dozens of numbers a row, however many cycles there are; one column a cycle over all rows
-    /// was 2,000.
+    /// 20,000 rows in 2,000 cycles: all tests together keep some dozens of numbers per row for any number of cycles. One column over all rows for each
+    /// cycle would need 2,000.
     #[test]
     fn columns_of_many_cycles_are_one_number_a_row() {
         let n = 20_000;

@@ -1,61 +1,61 @@
-//! What panels are made from: the rows of a record, and columns over them.
+//! Rows of a record, from which panels are made, and columns over them.
 
 use posterior::recordings::recordings;
 use record::Record;
 
-/// Columns with fewer fitted rows than this say nothing.
+/// Least number of fitted rows of a column.
 const FEWEST_ROWS: usize = 3;
 const N_QUANTILE_BINS: usize = 5;
 
-/// A column, and where in the experiment it is.
+/// A column, and its place in the experiment.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Column {
     /// Short name for figures and tables.
     pub label: String,
-    /// Where it is, as the end of a sentence: "in cycle 2".
+    /// Phrase for its place at the end of a sentence, such as "in cycle 2".
     pub phrase: String,
-    /// From and to, in s after a force step, where that is what it is about.
+    /// Start and end of its lags, in s after a force step, if it has such a range.
     pub lag_s: Option<[f64; 2]>,
-    /// One value a row of the record; none for a cycle's column, which [`ByCycle`] has.
+    /// One value per row of the record; empty for a cycle's column, which [`ByCycle`] has.
     pub values: Vec<f64>,
 }
 
-/// A column for each cycle, 1 in its rows and 0 elsewhere: kept as one number a row, however many cycles there are.
+/// A column for each cycle, 1 in its rows and 0 elsewhere; stored as one number per row for any number of cycles.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct ByCycle {
-    /// The place of each row's cycle among those with a fitted row; `None` for rows of other cycles, and of cycles without a column.
+    /// Index of each row's cycle among those with a fitted row; `None` for rows of other cycles, and of cycles without a column.
     pub place: Vec<Option<usize>>,
-    /// Which of those have a column.
+    /// Marks those of the cycles that have a column.
     pub has_column: Vec<bool>,
 }
 
-/// What is added to a model.
+/// Columns that are added to a model.
 #[derive(Debug, Clone, Default)]
 pub struct Columns {
-    /// One value a row of the record each.
+    /// Columns with one value per row of the record.
     pub dense: Vec<Vec<f64>>,
-    /// Beside them, one for each cycle.
+    /// Additional columns, one for each cycle.
     pub by_cycle: Option<ByCycle>,
 }
 
 impl Columns {
-    /// All columns of both, of which one at most has columns of cycles.
+    /// Combines the columns of both; at most one of them has columns of cycles.
     pub fn and(&self, other: &Self) -> Self {
         let dense = self.dense.iter().chain(&other.dense).cloned().collect();
         Self { dense, by_cycle: self.by_cycle.clone().or_else(|| other.by_cycle.clone()) }
     }
 }
 
-/// What panels are made from.
+/// Rows of a record, from which panels are made.
 pub struct Rows<'a> {
     pub(super) record: &'a Record,
     /// Model's position (m).
     pub(super) position_m: &'a [f64],
     is_fitted: Vec<bool>,
-    /// Force (N) that acted until the row.
+    /// Force (N) that acts until the row.
     pub(super) acting_n: Vec<f64>,
     pub(super) largest_n: f64,
-    /// Time (s) since the last force step before the row, and its size over the largest.
+    /// Time (s) since the last force step before the row, and the step's size over the largest.
     pub(super) since_step: Vec<Option<(f64, f64)>>,
     /// Change of the model's position (m) up to the row.
     pub(super) moved_m: Vec<f64>,
@@ -63,7 +63,7 @@ pub struct Rows<'a> {
 }
 
 impl<'a> Rows<'a> {
-    /// Of a record with a model's position (m) at every row; `is_fitted` says which rows count.
+    /// Prepares the rows of a record with a model's position (m) at every row; `is_fitted` marks the rows that count.
     pub fn new(record: &'a Record, position_m: &'a [f64], is_fitted: Vec<bool>) -> Self {
         let n = record.n_rows();
         let acting_n: Vec<f64> = (0..n).map(|row| record.acting_n(row)).collect();
@@ -86,7 +86,7 @@ impl<'a> Rows<'a> {
         self.record.n_rows()
     }
 
-    /// Which rows count.
+    /// Marks the rows that count.
     pub fn is_fitted(&self) -> &[bool] {
         &self.is_fitted
     }
@@ -96,7 +96,7 @@ impl<'a> Rows<'a> {
         self.since_step.iter().map(|step| step.map(|(time_s, _)| time_s)).collect()
     }
 
-    /// Ends (s) of bins of time since the last force step, `most` at most, equal in logarithm; the first begins at 0.
+    /// Ends (s) of bins of time since the last force step, at most `most`, equally spaced in logarithm; the first bin begins at 0.
     pub fn lag_ends_s(&self, most: usize) -> Vec<f64> {
         let longest = self.since_step.iter().flatten().fold(0.0_f64, |longest, step| longest.max(step.0));
         let first = self.interval_s;
@@ -104,7 +104,7 @@ impl<'a> Rows<'a> {
             return if longest > 0.0 { vec![longest] } else { Vec::new() };
         }
         let n = ((longest / first).log2().round() as usize).clamp(2, most);
-        // A hair more, for times that are multiples of the interval but for rounding.
+        // Slightly larger, for times that are multiples of the interval up to rounding.
         (1..=n).map(|k| first * (longest / first).powf(k as f64 / n as f64) * (1.0 + 1e-6)).collect()
     }
 
@@ -116,7 +116,7 @@ impl<'a> Rows<'a> {
         (0..self.n()).filter(|row| self.is_fitted[*row])
     }
 
-    /// Cycles that begin a recording with fitted rows, and their columns where those are enough.
+    /// Cycles that begin a recording with fitted rows, and their columns if they have enough rows.
     pub(super) fn by_cycle(&self) -> (Vec<u32>, ByCycle) {
         let recordings = recordings(self.record);
         let (mut own, mut cycles, mut counts) = (Vec::<u32>::new(), Vec::<u32>::new(), Vec::<usize>::new());
@@ -142,7 +142,7 @@ impl<'a> Rows<'a> {
         (cycles, ByCycle { place, has_column })
     }
 
-    /// Columns with fitted rows enough, scaled to at most 1 there.
+    /// Keeps columns with enough fitted rows, scaled to at most 1 there.
     pub(super) fn kept(&self, columns: Vec<Column>) -> Vec<Column> {
         let scaled = |mut column: Column| {
             let largest = self.fitted_rows().fold(0.0_f64, |largest, row| largest.max(column.values[row].abs()));
@@ -153,7 +153,7 @@ impl<'a> Rows<'a> {
         columns.into_iter().filter_map(scaled).collect()
     }
 
-    /// Bins of equal numbers of fitted rows.
+    /// Columns for bins of equal numbers of fitted rows.
     pub(super) fn quantile_bins(&self, of: &[f64], say: impl Fn(f64, f64) -> (String, String)) -> Vec<Column> {
         let mut sorted: Vec<f64> = self.fitted_rows().map(|row| of[row]).collect();
         sorted.sort_by(f64::total_cmp);

@@ -1,18 +1,18 @@
-//! What was found, in plain words.
+//! Sentences of a comparison.
 
 use super::panels::lag_phrase;
 use documents::comparison::{Bar, Comparison, Finding, PanelEntry};
 use figures::number::significant;
 use posterior::misfit::{Misfit, NOISE_FACTOR};
 
-/// Neighbouring bars of one sign belong together down to this fraction of the largest.
+/// Neighbouring bars of one sign belong together if they exceed this fraction of the largest.
 const SHARE_OF_LARGEST: f64 = 0.5;
-/// A bar that stands less than so many errors from nothing is no place to point at.
+/// Least distance of a bar from zero, in standard errors, at which a sentence names its place.
 const CLEAR: f64 = 3.0;
-/// Nor is one that is small against the bias as a whole.
+/// Least size of such a bar relative to the bias as a whole.
 const LEAST_SHARE: f64 = 0.5;
 
-/// A significant look as a finding; `echo_of` names the one whose echo it is.
+/// A significant test as a finding; `echo_of` names the finding that explains it.
 pub fn finding(entry: &PanelEntry, noise_um: Option<f64>, echo_of: Option<&PanelEntry>) -> Finding {
     let is_telling = |k: &usize| entry.rms_um.is_some_and(|rms_um| is_clear(&entry.bars[*k], rms_um));
     let clearest = clearest(&entry.bars).filter(is_telling);
@@ -40,7 +40,7 @@ fn is_clear(bar: &Bar, rms_um: f64) -> bool {
     over_error(bar) >= CLEAR && bar.bias_um.abs() > LEAST_SHARE * rms_um
 }
 
-/// A value rounded to its error's first digit, and that.
+/// Writes a value and its error, rounded to the error's first digit.
 fn with_error(value: f64, sd: f64) -> String {
     let place = sd.max(f64::MIN_POSITIVE).log10().floor().clamp(-6.0, 6.0);
     let rounded = |x: f64| (x / 10_f64.powf(place)).round() * 10_f64.powf(place);
@@ -48,12 +48,12 @@ fn with_error(value: f64, sd: f64) -> String {
     format!("{:.decimals$} ± {:.decimals$}", rounded(value), rounded(sd))
 }
 
-/// The bar that stands out most from its error.
+/// Index of the bar with the largest ratio to its error.
 fn clearest(bars: &[Bar]) -> Option<usize> {
     (0..bars.len()).max_by(|a, b| over_error(&bars[*a]).total_cmp(&over_error(&bars[*b])))
 }
 
-/// What noise may explain, where it is known.
+/// Phrase for the part that noise may explain, if the noise is known.
 fn of_noise(noise_um: Option<f64>) -> String {
     noise_um.map_or(String::new(), |noise_um| format!("; noise explains {} µm", significant(noise_um, 2)))
 }
@@ -78,7 +78,7 @@ fn about_whole(entry: &PanelEntry, noise_um: Option<f64>) -> String {
     )
 }
 
-/// What a look is about, as the end of a sentence.
+/// Phrase for a test's subject at the end of a sentence.
 fn whole(place: &str) -> &'static str {
     match place {
         "input_correlation" => "in step with earlier changes of the force",
@@ -90,13 +90,13 @@ fn whole(place: &str) -> &'static str {
         "velocity" => "as a function of the velocity",
         "loading" => "differently in loading and recovery",
         "superposition" => "in how the response grows with the force",
-        "reversal" => "the same way whatever the force's sign",
+        "reversal" => "in one direction for either sign of the force",
         "trend" => "slowly over the record",
         _ => "at the harmonics of the force",
     }
 }
 
-/// Which way the measurement is off.
+/// Direction of the measurement's deviation, in words.
 fn direction(entry: &PanelEntry, bar: &Bar) -> &'static str {
     let is_ahead = bar.bias_um > 0.0;
     match entry.place.as_str() {
@@ -110,7 +110,7 @@ fn direction(entry: &PanelEntry, bar: &Bar) -> &'static str {
     }
 }
 
-/// Where the clearest bar is, its like neighbours in time included.
+/// Place of the clearest bar, in words, with the neighbours in time that resemble it.
 fn phrase(bars: &[Bar], clearest: usize) -> String {
     let bar = &bars[clearest];
     let is_plain = bar.lag_s.is_some_and(|lag_s| bar.phrase == lag_phrase(lag_s));
@@ -131,7 +131,7 @@ fn about_whiteness(entry: &PanelEntry) -> Option<String> {
         "runs" => {
             let kind = if entry.bars.first().is_some_and(|bar| bar.bias_um < 0.0) { "longer" } else { "shorter" };
             Some(format!(
-                "The whitened residuals keep one sign for {kind} runs than chance makes: noise of the assumed kind does not explain them."
+                "The whitened residuals keep one sign for {kind} runs than by chance: noise of the assumed kind does not explain them."
             ))
         }
         "autocorrelation" => {
@@ -146,7 +146,7 @@ fn about_whiteness(entry: &PanelEntry) -> Option<String> {
     }
 }
 
-/// All in all; `judged` is the misfit as `diagnose` judges it, `None` where the noise is unknown.
+/// Overall sentence; `judged` is the misfit by the thresholds of `diagnose`, `None` if the noise is unknown.
 pub fn overall(comparison: &Comparison, judged: Option<Misfit>) -> String {
     let um = |value: f64| significant(value, 2);
     let noise_um = comparison.noise_um;
@@ -160,28 +160,28 @@ pub fn overall(comparison: &Comparison, judged: Option<Misfit>) -> String {
     let heldout = judged.and_then(|misfit| misfit.heldout).filter(|heldout| heldout.is_too_large);
     if let Some(first) = comparison.findings.first() {
         let place = first.place.replace('_', " ");
-        let also = heldout.map_or("", |_| " The last held-out cycle is not predicted down to the noise, either.");
-        return format!("The model fails: {n} of {of} looks show it, most clearly {place} ({misfit}).{also}");
+        let also = heldout.map_or("", |_| " The error on the last held-out cycle exceeds the noise, too.");
+        return format!("The model fails in {n} of {of} tests, most clearly {place} ({misfit}).{also}");
     }
     if let Some(rmse) = comparison.rmse_heldout_um.filter(|_| heldout.is_some()) {
         let times = noise_um.map_or(String::new(), |noise_um| format!(", {} times the noise", um(rmse / noise_um)));
         return format!(
-            "The model does not predict the last held-out cycle: it misses that by {} µm{times}, although none of {of} looks at the \
-             fitted cycles tells the misfit from noise ({misfit}). Something differs between cycles, be it only their gain.",
+            "The model does not predict the last held-out cycle: its error there is {} µm{times}, although none of {of} tests of the \
+             fitted cycles distinguishes the misfit from noise ({misfit}). The cycles differ, perhaps only in their gain.",
             um(rmse),
         );
     }
     let is_large = |misfit: Misfit| comparison.rmse_fitted_um > NOISE_FACTOR * 1e6 * misfit.noise_m;
     let doubt = match judged {
         None => {
-            " The noise is neither given nor can it be estimated: a misfit that looks like noise would not be seen, so this is no all-clear."
+            " The noise is neither given nor can it be estimated, so a misfit that looks like noise cannot be ruled out."
         }
         Some(misfit) if is_large(misfit) => {
-            " The misfit is larger than the noise that is known, yet looks like noise: this is no all-clear."
+            " The misfit looks like noise but exceeds the known noise, so it cannot be ruled out."
         }
         Some(_) => "",
     };
-    format!("Nothing found: none of {of} looks tells the misfit from noise ({misfit}).{doubt}")
+    format!("Nothing found: none of {of} tests distinguishes the misfit from noise ({misfit}).{doubt}")
 }
 
 #[cfg(test)]
@@ -260,9 +260,9 @@ mod tests {
         );
         comparison.rmse_heldout_um = Some(4.4);
         let sound = overall(&comparison, judged(4.4));
-        assert!(sound.starts_with("Nothing found") && !sound.contains("no all-clear"), "{sound}");
+        assert!(sound.starts_with("Nothing found") && !sound.contains("cannot be ruled out"), "{sound}");
         comparison.noise_um = None;
         let unknown = overall(&comparison, None);
-        assert!(unknown.contains("noise unknown") && unknown.contains("no all-clear"), "{unknown}");
+        assert!(unknown.contains("noise unknown") && unknown.contains("cannot be ruled out"), "{unknown}");
     }
 }

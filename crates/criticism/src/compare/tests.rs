@@ -1,4 +1,4 @@
-//! Correct models with noise of every kind, and models that lack an effect.
+//! Tests with correct models under noise of every kind, and with models that lack an effect.
 
 use super::super::test_subjects::{Protocol, noise_of, subject, truth_of};
 use super::*;
@@ -6,14 +6,14 @@ use crate::NoiseValues;
 use documents::comparison::Finding;
 use sampling::ensemble::RandomStream;
 
-/// σ (µm), σ_ou (µm), τ (s), s_g, s_o (µm): white, slow, and a gain that changes by 1 %.
+/// Parameters σ (µm), σ_ou (µm), τ (s), s_g, s_o (µm): white, slow, and a gain that changes by 1 %.
 const NOISES: [NoiseValues; 3] = [
     NoiseValues::new([4.0, 1e-6, 1.0, 1e-9, 1e-6]),
     NoiseValues::new([4.0, 4.0, 1.0, 1e-9, 1e-6]),
     NoiseValues::new([4.0, 1e-6, 1.0, 0.01, 1e-6]),
 ];
 
-/// Positions of a truth with noise of a kind; the fourth kind is white with one row in a hundred moved by 10 to 20 σ.
+/// Positions of a truth with noise of a kind. The fourth kind is white with one row in a hundred moved by 10 to 20 σ.
 fn noisy(subject: &Subject, truth_m: &[f64], kind: usize, seed: u64) -> Subject {
     let noise_m = noise_of(subject, truth_m, &NOISES[kind % NOISES.len()], 1000 * kind as u64 + seed);
     let mut position_m: Vec<f64> = truth_m.iter().zip(noise_m).map(|(x, e)| x + e).collect();
@@ -32,14 +32,14 @@ fn compared(data: &Subject, n_simulations: usize) -> Comparison {
     run(data, &data.base(), None, n_simulations, 1).expect("a model").comparison
 }
 
-/// 8 correct models with white, slow, gain and outlier noise: with 39 simulated records one in forty may show anything, and one in twenty would still
-/// pass; five of 8 or more fail falsely about once in 60,000 at that rate.
+/// Tests 8 correct models with white, slow, gain and outlier noise. With 39 simulated records, one in forty may have a finding, and one in twenty would still
+/// pass. At that rate, five of 8 or more fail falsely about once in 60,000.
 #[test]
 fn correct_models_are_left_alone_under_every_noise() {
     assert!(n_that_show_anything(2) < 5);
 }
 
-/// Nine of 24 or more fail falsely about once in 10⁶ at that rate.
+/// If one record in twenty has a false finding, nine of 24 or more fail falsely about once in 10⁶.
 #[test]
 #[ignore = "campaigns/long-tests"]
 fn many_correct_models_are_left_alone_under_every_noise() {
@@ -59,7 +59,7 @@ fn n_that_show_anything(n_each: u64) -> usize {
     n
 }
 
-/// A tracker 50 ms late, whose misfit is tens of σ after each step: the primary look leads, and most others are its echoes. Hardly random at this size.
+/// A tracker that is 50 ms late has a misfit of tens of σ after each step. The primary test leads and explains most other findings. The result hardly depends on chance at this size.
 #[test]
 fn a_delay_is_one_finding_and_its_echoes() {
     let subject = subject(Protocol::Paper);
@@ -74,8 +74,8 @@ fn a_delay_is_one_finding_and_its_echoes() {
     assert!(sources[0].size_um.expect("a size") > 10.0 && sources[0].sentence.contains('±'), "{:?}", sources[0]);
 }
 
-/// 20,000 rows in 2,000 cycles of a correct model: every cycle has its bias with an error, and one that is off by 6 σ of its mean is the clearest. The two
-/// simulated records say nothing of significance; with a column a cycle over all rows this takes gigabytes.
+/// 20,000 rows in 2,000 cycles of a correct model: every cycle has its bias with an error. A cycle that is off by 6 σ of its mean is the clearest. Two
+/// simulated records do not suffice for significance; with one column over all rows per cycle this would take gigabytes.
 #[test]
 fn many_cycles_are_looked_at_one_by_one() {
     let subject = Protocol::many_cycles(2_000, 10);
@@ -91,6 +91,6 @@ fn many_cycles_are_looked_at_one_by_one() {
     // Six standard errors, give or take five: false failures below 1e-6.
     assert!(bar.bias_um > bar.sd_um && bar.bias_um < 11.0 * bar.sd_um, "{bar:?}");
     let squares: f64 = panel.bars.iter().map(|bar| (bar.bias_um / bar.sd_um).powi(2)).sum();
-    // χ² with 1999 degrees of freedom, and 36 beside it: standard deviation 63.
+    // χ² with 1999 degrees of freedom, plus 36: standard deviation 63.
     assert!((squares - 1999.0).abs() < 6.0 * 63.0 + 36.0, "{squares}");
 }

@@ -1,12 +1,12 @@
-//! The evidence of a candidate: how probable the fitted positions are under all of its parameters that the priors allow.
+//! Evidence of a candidate: the probability of the fitted positions, averaged over the priors of all of its parameters.
 //!
-//! Every parameter has its proper prior, those of the effects and of the noise included (the default ones, or the prior file's), and parameters that
-//! two candidates share have the same: so differences are logarithms of Bayes factors. The priors of the law and of the noise are those of
-//! `sample`, not the looser ones of [`Subject::fit`], which has to find an optimum and nothing more.
+//! Every parameter has its proper prior, also those of the effects and of the noise (the default ones, or the prior file's). Parameters that
+//! two candidates share have equal priors, so differences are logarithms of Bayes factors. The priors of the law and of the noise are those of
+//! `sample`. They are stricter than those of [`Subject::fit`], which only has to find an optimum.
 //!
-//! A posterior may give two answers: a little of an effect with one modulus, and much of it with another. Climbs therefore start from a fixed design in the
-//! effects' own parameters, with the law and the noise fitted anew at each point of it, and the proposal covers every mode that they end in; the draws'
-//! weights then give each the share that its evidence has.
+//! A posterior may have two modes: a small effect with one modulus, and a large effect with another. Climbs therefore start from a fixed design in the
+//! effects' own parameters, with the law and the noise refitted at each point of it. The proposal covers every mode that they reach, and the draws'
+//! weights give each mode its share of the evidence.
 
 mod starts;
 
@@ -26,42 +26,42 @@ use sampling::optimum::{Modes, find_modes, touching};
 
 pub use starts::Starts;
 
-/// How an evidence was computed.
+/// Method of computing an evidence.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum EvidenceMethod {
-    /// Importance sampling from a mixture that was adapted to the posterior.
+    /// Importance sampling from a mixture adapted to the posterior.
     ImportanceSampling,
-    /// Sequential Monte Carlo from the prior: where importance weights have too heavy a tail.
+    /// Sequential Monte Carlo from the prior, used if importance weights have too heavy a tail.
     SequentialMonteCarlo,
 }
 
-/// A candidate's evidence and what its parameters are.
+/// Evidence and parameters of a candidate.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ModelEvidence {
     /// Log probability density of the fitted positions, in nats for positions in m.
     pub ln_evidence: f64,
-    /// Its standard error; where importance weights could not be believed, no less than how far the two methods are apart.
+    /// Standard error of the log evidence. If importance weights were unreliable, it is at least the difference between the two methods.
     pub standard_error: f64,
-    /// Pareto k̂ of importance sampling; `None` where another method took over.
+    /// Pareto k̂ of importance sampling; `None` if another method was used.
     pub pareto_k: Option<f64>,
-    /// How it was computed.
+    /// Method of the computation.
     pub method: EvidenceMethod,
-    /// The sampled parameters of the law and of the effects, in the model's order, over all answers.
+    /// Sampled parameters of the law and of the effects, in the model's order, over all modes.
     pub parameters: Vec<RefitParameter>,
-    /// The parts of the posterior where a valley in an effect's parameter divides it, the likelier first; empty where there is one answer.
+    /// Modes of the posterior, separated by a valley in an effect's parameter, the likelier first; empty if there is one mode.
     pub answers: Vec<Answer>,
 }
 
-/// How much an evidence may cost.
+/// Effort for an evidence.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Care {
-    /// From every start of the design, with trajectories that are learnt, and by another method where the first fails: for what is claimed.
+    /// All starts of the design, learnt trajectories, and a second method if the first fails; for the claim.
     Full,
-    /// By fewer draws, and by importance sampling alone: for what stands beside a claim.
+    /// Fewer draws, and importance sampling alone; for models beside a claim.
     Brief,
 }
 
-/// The posterior of a candidate over the sampler's coordinates.
+/// Posterior of a candidate over the sampler's coordinates.
 pub struct CandidatePosterior<'a> {
     subject: &'a Subject,
     problem: Problem,
@@ -70,15 +70,15 @@ pub struct CandidatePosterior<'a> {
 }
 
 impl<'a> CandidatePosterior<'a> {
-    /// Of a candidate without columns of free amplitude, which have no prior.
+    /// Posterior of a candidate without columns of free amplitude, which have no prior.
     ///
     /// # Errors
-    /// [`Error::Input`] for a candidate with such columns, or one that is no model of the experiment.
+    /// [`Error::Input`] if the candidate has such columns or does not fit the experiment.
     pub fn new(subject: &'a Subject, candidate: &Candidate) -> Result<Self> {
         if !candidate.columns.is_empty() {
             return Err(Error::input(
                 Place::setting(Setting::Effects),
-                "columns of free amplitude have no prior, and so no evidence",
+                "columns of free amplitude have no prior, so the model has no evidence",
                 "ask for the evidence of a law with effects",
             ));
         }
@@ -94,12 +94,12 @@ impl<'a> CandidatePosterior<'a> {
         &self.problem.priors
     }
 
-    /// The log density: that of the positions that are fitted, outliers left out, times the priors'.
+    /// Log density: likelihood of the fitted positions, without outliers, times the priors.
     pub fn density(&self) -> ReducedPosterior<'_> {
         self.density_by(self.subject.compliance())
     }
 
-    /// The same for many draws: a law that is not linear remembers its trajectories.
+    /// Log density for many draws: nonlinear laws remember their trajectories.
     fn density_of_draws(&self) -> ReducedPosterior<'_> {
         self.density_by(self.subject.local_compliance())
     }
@@ -121,10 +121,10 @@ impl<'a> CandidatePosterior<'a> {
         )
     }
 
-    /// Tops of the posterior, and places on ridges beside them, in [`PriorCoordinates`].
+    /// Modes of the posterior, and points on ridges beside them, in [`PriorCoordinates`].
     ///
     /// # Errors
-    /// [`Error::Numerical`] when a log density is +∞.
+    /// [`Error::Numerical`] if a log density is +∞.
     pub fn modes(&self, candidate: &Candidate, fitted: &Fitted) -> Result<Modes> {
         let starts = self.starts(candidate, fitted);
         let density = self.density();
@@ -138,10 +138,10 @@ impl<'a> CandidatePosterior<'a> {
         Ok(modes)
     }
 
-    /// The evidence by importance sampling from the modes.
+    /// Estimates the evidence by importance sampling from the modes.
     ///
     /// # Errors
-    /// As [`importance::evidence`].
+    /// Errors of [`importance::evidence`].
     pub fn by_importance(&self, modes: &Modes, seed: u64) -> Result<Estimate> {
         let options = match (self.is_slow(), self.care) {
             (true, _) => ImportanceOptions::of_slow_density(),
@@ -153,17 +153,17 @@ impl<'a> CandidatePosterior<'a> {
         importance::evidence(&seen, modes, &ImportanceOptions { seed, ..options })
     }
 
-    /// The evidence by sequential Monte Carlo.
+    /// Estimates the evidence by sequential Monte Carlo.
     ///
     /// # Errors
-    /// As [`tempering::evidence`].
+    /// Errors of [`tempering::evidence`].
     pub fn by_tempering(&self, modes: &Modes, seed: u64) -> Result<Estimate> {
         let density = self.density_of_draws();
         let seen = PriorCoordinates::new(&density, self.priors().distributions());
         tempering::evidence(&seen, modes, &TemperingOptions { seed, ..TemperingOptions::default() })
     }
 
-    /// Whether every trajectory is computed by itself.
+    /// Returns whether trajectories are computed one by one.
     fn is_slow(&self) -> bool {
         self.problem.model.is_nonlinear()
     }
@@ -175,16 +175,16 @@ impl<'a> CandidatePosterior<'a> {
             Ok(estimate) if importance::is_reliable(&estimate) => Ok((estimate, EvidenceMethod::ImportanceSampling)),
             Ok(_) | Err(Error::Numerical { .. }) if !self.is_slow() && self.care == Care::Full => {
                 let mut tempered = self.by_tempering(&modes, seed)?;
-                // What replicates do not tell, as a part of the posterior that all of them lose, weights that reach it do.
+                // Replicates cannot show a part of the posterior that all of them miss; weights that reach it do.
                 if let Ok(weighted) = weighted {
                     let apart = (tempered.ln_evidence - weighted.ln_evidence).abs();
                     tempered.standard_error = tempered.standard_error.max(apart);
                 }
                 Ok((tempered, EvidenceMethod::SequentialMonteCarlo))
             }
-            // Hundreds of thousands of trajectories: too many for what stands beside a claim, and out of a diagnosis's reach where each is computed by itself.
+            // Hundreds of thousands of trajectories are too many for models beside a claim, and for any diagnosis if they are computed one by one.
             Ok(_) => Err(Error::numerical(
-                format!("the weights of draws from the model with {} cannot be believed", candidate.effects.join(", ")),
+                format!("the importance weights of the model with {} are unreliable", candidate.effects.join(", ")),
                 "sample it with `extend`, which takes more draws",
             )),
             Err(other) => Err(other),
@@ -192,19 +192,19 @@ impl<'a> CandidatePosterior<'a> {
     }
 }
 
-/// The evidence of a candidate from its fit, for the subject's fitted positions: by importance sampling, or by sequential Monte Carlo where the
-/// importance weights cannot be believed.
+/// Evidence of a candidate for the subject's fitted positions, starting from its fit. It uses importance sampling, or sequential Monte Carlo if the
+/// importance weights are unreliable.
 ///
 /// # Errors
-/// [`Error::Input`] for a candidate with columns of free amplitude, [`Error::Numerical`] when its posterior cannot be sampled.
+/// [`Error::Input`] if the candidate has columns of free amplitude, [`Error::Numerical`] if its posterior cannot be sampled.
 pub fn evidence(subject: &Subject, candidate: &Candidate, fitted: &Fitted, seed: u64) -> Result<ModelEvidence> {
     evidence_with(subject, candidate, fitted, (Care::Full, seed))
 }
 
-/// [`evidence`] with as much care as is asked for.
+/// [`evidence`] with a given effort.
 ///
 /// # Errors
-/// As [`evidence`].
+/// Errors of [`evidence`].
 pub(super) fn evidence_with(
     subject: &Subject,
     candidate: &Candidate,
@@ -216,11 +216,11 @@ pub(super) fn evidence_with(
     Ok(evidence_of(&posterior, &estimate, method))
 }
 
-/// The same by importance sampling alone; `None` where the weights cannot be believed. For models whose evidence is compared with nothing: no sequential
-/// sampler is run for minutes.
+/// [`evidence`] by importance sampling alone; `None` if the weights are unreliable. For models whose evidence is not compared: it avoids minutes of sequential
+/// sampling.
 ///
 /// # Errors
-/// [`Error::Input`] for a candidate with columns of free amplitude.
+/// [`Error::Input`] if the candidate has columns of free amplitude.
 pub fn posterior_by_importance(
     subject: &Subject,
     candidate: &Candidate,
@@ -260,7 +260,7 @@ fn parameters_of(
         .collect()
 }
 
-/// The two sides of the first valley in a parameter of an effect, where there is one.
+/// The two sides of the first valley in a parameter of an effect, if there is one.
 fn answers(posterior: &CandidatePosterior, seen: &PriorCoordinates, draws: &WeightedDraws) -> Vec<Answer> {
     let n_before = posterior.problem.model.n_before_effects();
     let of_effects = &posterior.problem.model.parameters()[n_before..];

@@ -1,4 +1,4 @@
-//! Where the draws of an evidence start: at the fit, at the other tops within reach of it, and on ridges beside them.
+//! Starting points for the draws of an evidence: the fit, other maxima within reach of it, and ridges beside them.
 
 use rayon::prelude::*;
 
@@ -6,24 +6,24 @@ use super::CandidatePosterior;
 use crate::{Candidate, Fitted, Search};
 use posterior::prior::Prior;
 
-/// Quantile of the prior at which a climb starts where the fit is at an end of the support.
+/// Prior quantile at which a climb starts if the fit is at an end of the support.
 const START_QUANTILE: f64 = 0.05;
-/// Tail of a prior within which a fit is at an end of the support.
+/// Tail of a prior within which a fit counts as being at an end of the support.
 const FARTHEST_TAIL: f64 = 1e-6;
-/// Points of the design in the effects' parameters, at Sobol points of their priors, and the seed of those: the design is part of the method.
+/// Number of design points in the effects' parameters, and seed of their Sobol sequence over the priors; the design is part of the method.
 const EFFECT_STARTS: u32 = 12;
 const START_SEED: u32 = 11;
-/// Tops so far (nats) below the best weigh nothing, whatever their widths.
+/// Distance (nats) below the best at which a maximum of any width has no weight.
 const TOP_REACH_NATS: f64 = 20.0;
-/// Tops that are as near as this, in units of the priors' spreads and in nats, are one.
+/// Two maxima closer than this, in units of the priors' spreads and in nats, count as one.
 const SAME_TOP: f64 = 0.03;
 const SAME_TOP_NATS: f64 = 0.1;
 const MOST_TOPS: usize = 6;
-/// Points of a ridge so far (nats) below the best do not weigh: a ridge is no more than a few times as wide as a top.
+/// Distance (nats) below the best at which a point of a ridge has no weight. A ridge is at most a few times as wide as a maximum.
 const RIDGE_REACH_NATS: f64 = 8.0;
 
-/// Of points of a profile along one coordinate, those that stand no lower than both of their neighbours, and these neighbours: from the others climbs lead where
-/// they lead from these.
+/// Keeps the local maxima of a profile along one coordinate and their neighbours. Climbs from other points lead to the same
+/// places.
 fn near_local_tops(mut profile: Vec<Fitted>, coordinate: impl Fn(&Fitted) -> f64) -> Vec<Fitted> {
     profile.sort_by(|a, b| coordinate(a).total_cmp(&coordinate(b)));
     let height = |place: usize| profile[place].objective;
@@ -36,7 +36,7 @@ fn near_local_tops(mut profile: Vec<Fitted>, coordinate: impl Fn(&Fitted) -> f64
     profile.into_iter().zip(is_near).filter_map(|(point, is_near)| is_near.then_some(point)).collect()
 }
 
-/// A value, or one well inside the prior where it lies in a tail of less than `tail`: fits end at supports, where gradients vanish.
+/// Moves a value into the prior if it lies in a tail of less than `tail`: fits end at supports, where gradients vanish.
 fn moved_inside(prior: &Prior, value: f64, tail: f64) -> f64 {
     let below = prior.distribution.cdf(value);
     if below < tail {
@@ -48,17 +48,17 @@ fn moved_inside(prior: &Prior, value: f64, tail: f64) -> f64 {
     }
 }
 
-/// Where the proposal of an evidence begins, in natural values.
+/// Starting points of an evidence's proposal, in natural values.
 pub struct Starts {
-    /// Climbs from here end at tops.
+    /// Climbs from these points end at maxima.
     pub climbs: Vec<Vec<f64>>,
-    /// No tops, but high enough to weigh: where an effect's parameter is held, and all others are fitted. A narrow ridge leads away from a top so far that
-    /// draws around the top miss it, as where two retardations of one time share an amplitude.
+    /// Points on ridges, high enough to have weight: an effect's parameter is held and all others are fitted. A narrow ridge leads so far away from a maximum that
+    /// draws around the maximum miss it, as with two retardations of equal times that share an amplitude.
     pub ridges: Vec<Vec<f64>>,
 }
 
 impl CandidatePosterior<'_> {
-    /// The fit, next to it, the tops that fits come to from elsewhere in the priors of the effects' parameters, and ridges that they pass on their way.
+    /// The fit, a point next to it, maxima reached from elsewhere in the priors of the effects' parameters, and ridges on the way.
     pub fn starts(&self, candidate: &Candidate, fitted: &Fitted) -> Starts {
         let (tops, ridges) = self.tops_and_ridges(candidate, fitted);
         let inside = |point: &Fitted| self.start(candidate, point, FARTHEST_TAIL);
@@ -67,7 +67,7 @@ impl CandidatePosterior<'_> {
         Starts { climbs, ridges: ridges.iter().map(inside).collect() }
     }
 
-    /// A point of a fit as a start: no nearer than a tail of the prior to an end of the support, interchangeable parts in order.
+    /// Makes a start from a fit: outside the prior's tails at the ends of the support, and with interchangeable parts in order.
     fn start(&self, candidate: &Candidate, point: &Fitted, tail: f64) -> Vec<f64> {
         let mut natural = candidate.parameters(&point.theta);
         natural.extend(point.noise.iter());
@@ -77,8 +77,8 @@ impl CandidatePosterior<'_> {
         self.priors().ordered(self.priors().priors().iter().map(inside).collect())
     }
 
-    /// Tops of the fit's objective, but the best, that are within reach of it, and ridges: from a design in the effects' parameters, law and noise fitted
-    /// at each of its points before those parameters are let go, all but one of them first.
+    /// Maxima of the fit's objective within reach of the best one, and ridges. They come from a design in the effects' parameters; law and noise are fitted
+    /// at each of its points before those parameters are released, all but one of them first.
     fn tops_and_ridges(&self, candidate: &Candidate, fitted: &Fitted) -> (Vec<Fitted>, Vec<Fitted>) {
         let of_effects: Vec<usize> =
             (0..candidate.free.len()).filter(|k| candidate.free[*k].effect.is_some()).collect();
@@ -114,7 +114,7 @@ impl CandidatePosterior<'_> {
         (tops, ridges)
     }
 
-    /// The fit from a point with these coordinates held; `None` where there is none.
+    /// Fit from a point with these coordinates held; `None` if there is none.
     fn fitted_with_held(&self, candidate: &Candidate, from: &Fitted, held: &[usize]) -> Option<Fitted> {
         let free: Vec<usize> = (0..candidate.free.len()).filter(|k| !held.contains(k)).collect();
         let of_rest =
@@ -159,7 +159,7 @@ mod tests {
                 objective: *objective,
                 ln_likelihood: *objective,
             };
-            // In any order.
+            // The order does not matter.
             let profile: Vec<Fitted> = heights.iter().enumerate().map(point).rev().collect();
             near_local_tops(profile, |point| point.theta[0]).iter().map(|point| point.theta[0]).collect()
         };

@@ -1,4 +1,4 @@
-//! A free memory: retardations at times on a logarithmic grid, none of which takes away, in series with the law.
+//! A free memory: retardations at times on a logarithmic grid, with amplitudes ≥ 0, in series with the law.
 
 use std::sync::Arc;
 
@@ -12,11 +12,11 @@ use models::effects::{Effect, EffectParameter, Field, Stage, Stages};
 use posterior::study::effect_file::leaked;
 use record::Scales;
 
-/// Times a decade, and most of them.
+/// Number of times per decade, and largest number of times.
 const TIMES_PER_DECADE: f64 = 1.5;
 const MOST_TIMES: usize = 8;
 
-/// J += (1/E) Σ aₖ (1 − e^{−t/τₖ}), aₖ ≥ 0, with E what the law is at the time of a hold.
+/// J += (1/E) Σ aₖ (1 − e^{−t/τₖ}), aₖ ≥ 0, where 1/E is the law's compliance at the time of a hold.
 #[derive(Debug)]
 pub struct Creep {
     /// τₖ in s.
@@ -24,7 +24,7 @@ pub struct Creep {
     parameters: &'static [EffectParameter],
 }
 
-/// The memory that an experiment can show: from three rows to the record's longest hold.
+/// The memory that an experiment can resolve: from three rows to the record's longest hold.
 pub fn creep(subject: &Subject) -> Option<&'static Creep> {
     let scales = subject.experiment().scales();
     let (shortest_s, longest_s) = (3.0 * scales.sample_interval_s, scales.hold_s.max(scales.cycle_s));
@@ -43,7 +43,7 @@ pub fn creep(subject: &Subject) -> Option<&'static Creep> {
         ),
         null: &|_| Some(0.0),
         prior: &|_| Distribution::HalfNormal { sd: 1.0 },
-        prior_source: "a spectrum about none",
+        prior_source: "a spectrum about zero",
         finite_step: None,
     };
     let parameters = Box::leak((0..n).map(parameter).collect::<Vec<_>>().into_boxed_slice());
@@ -58,7 +58,7 @@ impl Effect for Creep {
         Stage::Mechanics
     }
     fn summary(&self) -> &'static str {
-        "the law forgets at more times than it has"
+        "the law has additional retardation times"
     }
     fn equation(&self) -> &'static str {
         "J += (1/E) Σ a (1 − e^{−t/τ})"
@@ -67,7 +67,7 @@ impl Effect for Creep {
         self.parameters
     }
     fn barred_beside(&self, _field: Field) -> Option<&'static str> {
-        Some("a free memory is not run where the displacement field is solved for")
+        Some("a free memory cannot be combined with a solved displacement field")
     }
     fn apply(&self, parameters: &[Dual], scales: &Scales, stages: &mut Stages) -> Result<()> {
         let hold_s = if scales.hold_s > 0.0 { scales.hold_s } else { 1.0 };

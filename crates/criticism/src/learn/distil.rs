@@ -1,4 +1,4 @@
-//! A learnt function as a formula, chosen by how it predicts cycles that it has not seen.
+//! A learnt function written as a formula, chosen by its prediction of unseen cycles.
 
 use rayon::prelude::*;
 
@@ -11,20 +11,20 @@ use documents::learned::{FormulaParameter, LearnedFormula, LearnedFunction};
 use models::effects::{Effect, StateEffect};
 use posterior::study::effect_file;
 
-/// What a formula's parameter beyond the first has to be worth, in nats of the log score of unseen cycles.
+/// Least gain of a formula's parameter beyond the first, in nats of the log score of unseen cycles.
 const NATS_PER_PARAMETER: f64 = 1.0;
-/// The name of the file with a formula.
+/// Name of the file with a formula.
 pub const FILE_NAME: &str = "learned-effect.toml";
 
 /// A formula at its fit.
 pub struct Distilled {
-    /// The formula in words of its file.
+    /// The formula as in its file.
     pub text: String,
     /// Its parameters.
     pub parameters: Vec<FormulaParameter>,
     /// The model with it.
     pub refitted: Refitted,
-    /// Its log score of unseen cycles less what its parameters have to be worth, in nats.
+    /// Its log score of unseen cycles less the penalty of its parameters, in nats.
     pub score: f64,
     /// The effect's file.
     pub file: String,
@@ -32,7 +32,7 @@ pub struct Distilled {
 }
 
 impl Distilled {
-    /// For the document: with its factors at the states of a function, over that at the function's reference.
+    /// Entry of the document, with its factors at the states of a function, relative to the function's reference.
     pub fn document(&self, function: &LearnedFunction) -> LearnedFormula {
         let states: Vec<f64> = function.points.iter().map(|point| point.state).collect();
         LearnedFormula {
@@ -44,7 +44,7 @@ impl Distilled {
     }
 }
 
-/// The formula with the fewest parameters, at most so many, that predicts unseen cycles with a log score of at least `least_score` nats; of several the one that predicts them best. `None` where none does.
+/// Finds the formula with the fewest parameters, at most `most_parameters`, that predicts unseen cycles with a log score of at least `least_score` nats. The best predictor of several wins; `None` if there is none.
 pub fn distil(
     subject: &Subject,
     base: &Refitted,
@@ -71,7 +71,7 @@ pub fn distil(
     found.sort_by(|(own, (_, _, a, _)), (other, (_, _, b, _))| {
         own.parameters.len().cmp(&other.parameters.len()).then(score(b).total_cmp(&score(a)))
     });
-    // A formula whose parameters the data do not determine says less than it seems to.
+    // A formula whose parameters the data do not determine is rejected.
     let (written, file, refitted, effect, own) =
         found.into_iter().find_map(|(written, (file, subject, refitted, effect))| {
             let own = parameters(&subject, &refitted, written, effect)?;
@@ -86,17 +86,17 @@ pub fn distil(
     Some(Distilled { text: written.text.clone(), parameters: own, score: score(&refitted), refitted, file, effect })
 }
 
-/// A formula of a pair as an effect, with its file.
+/// Makes an effect of a pair's formula, with its file.
 pub fn as_effect(written: &Written, pair: &Pair) -> Option<(String, &'static StateEffect)> {
     let slug = format!("learned-{}-by-{}", pair.quantity, pair.state).replace('_', "-");
     let summary = format!("{} depends on {}", pair.quantity, pair.state.replace('_', " "));
     let text = written.file(&slug, pair.quantity, pair.state, &summary);
-    // Effects are static everywhere; a command looks at some dozens of formulas.
+    // Effects live until the program ends; a command makes only some dozens of formulas.
     let effect: &'static StateEffect = Box::leak(Box::new(effect_file::parsed(FILE_NAME.as_ref(), &text).ok()?));
     Some((text, effect))
 }
 
-/// A model with one more effect at its fit, and the subject that has it; `None` where the experiment cannot have it.
+/// Fits a model with one more effect, and returns it with its subject; `None` if the experiment cannot have the effect.
 pub fn fitted(subject: &Subject, base: &Refitted, effect: &'static StateEffect) -> Option<(Subject, Refitted)> {
     let own = beside(subject, effect)?;
     let candidate = own.extended(&[effect.slug]).ok()?;
@@ -104,7 +104,7 @@ pub fn fitted(subject: &Subject, base: &Refitted, effect: &'static StateEffect) 
     Some((own, refitted))
 }
 
-/// Values and intervals of a formula's parameters: normal in the coordinates of the search.
+/// Values and intervals of a formula's parameters, from a normal approximation in the coordinates of the search.
 fn parameters(
     subject: &Subject,
     refitted: &Refitted,
@@ -124,10 +124,10 @@ fn parameters(
     effect.parameters.iter().map(|parameter| of(&parameter.spec)).collect()
 }
 
-/// Standard deviations of a 90 % interval.
+/// Half width of a 90 % interval, in standard deviations.
 pub const NORMAL_90: f64 = 1.645;
 
-/// Factors at states, over that at the reference.
+/// Factors at states, relative to that at the reference.
 fn factors(refitted: &Refitted, effect: &StateEffect, states: &[f64], reference: f64) -> Vec<f64> {
     let all = refitted.candidate.parameters(&refitted.fitted.theta);
     let named = refitted.candidate.model.parameters();
@@ -137,7 +137,7 @@ fn factors(refitted: &Refitted, effect: &StateEffect, states: &[f64], reference:
     states.iter().map(|state| at(*state) / at(reference)).collect()
 }
 
-/// A subject beside one more effect; `None` where the experiment cannot have it.
+/// The subject with one more effect in its library; `None` if the experiment cannot have it.
 pub fn beside(subject: &Subject, effect: &'static StateEffect) -> Option<Subject> {
     let library = subject.library().clone().beside([effect as &dyn Effect]);
     subject.with_library(&library).ok()

@@ -1,4 +1,4 @@
-//! A learnt function over the states that a record visits.
+//! A learnt function tabulated over the states that a record visits.
 
 use super::distil::NORMAL_90;
 use super::function::Function;
@@ -6,35 +6,35 @@ use super::pairs::{Kind, Pair, reach};
 use crate::Subject;
 use documents::learned::{LearnedFunction, LearnedPoint, QuantityAtReference};
 
-/// Points of a function.
+/// Number of tabulated points.
 const N_POINTS: usize = 61;
-/// By how much a function is written beyond what fitted rows visit, as a share of that, where the record goes there.
+/// Extrapolation beyond the states of fitted rows, as a share of their range, if the record goes there.
 const BEYOND: f64 = 0.15;
 
-/// Quantiles of the fitted states among which the reference is looked for.
+/// Number of quantiles of the fitted states among which the reference is chosen.
 const N_QUANTILES: usize = 21;
-/// Share of states at which a formula may lie outside the function's 90 % band.
+/// Largest share of states at which a formula may lie outside the function's 90 % band.
 const MOST_OUTSIDE: f64 = 0.3;
 
-/// Whether a formula's factors lie outside the function's 90 % band at more states than chance puts there.
+/// Returns whether a formula's factors lie outside the function's 90 % band at more states than by chance.
 pub fn leaves_band(factors: &[f64], points: &[LearnedPoint]) -> bool {
     let is_inside = |(factor, point): &(&f64, &LearnedPoint)| (point.q05..=point.q95).contains(*factor);
     let n_inside = factors.iter().zip(points).filter(is_inside).count();
     ((factors.len() - n_inside) as f64) > MOST_OUTSIDE * factors.len() as f64
 }
 
-/// States of rows that are fitted.
+/// States of the fitted rows.
 fn of_fitted_rows(subject: &Subject, visited: &[f64]) -> impl Iterator<Item = f64> {
     visited.iter().zip(&subject.fitted_m).filter(|(_, y)| y.is_some()).map(|(s, _)| *s)
 }
 
-/// The least and the largest state of rows that are fitted.
+/// Smallest and largest state of the fitted rows.
 fn seen(subject: &Subject, visited: &[f64]) -> [f64; 2] {
     let fitted = of_fitted_rows(subject, visited);
     fitted.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], s| [low.min(s), high.max(s)])
 }
 
-/// Share of the held-out rows whose state lies beyond those of fitted rows; 0 where none is held out.
+/// Share of the held-out rows whose state lies beyond those of the fitted rows; 0 if no row is held out.
 pub fn share_beyond(subject: &Subject, visited: &[f64]) -> f64 {
     let [low, high] = seen(subject, visited);
     let margin = 0.02 * (high - low);
@@ -45,7 +45,7 @@ pub fn share_beyond(subject: &Subject, visited: &[f64]) -> f64 {
     if n == 0 { 0.0 } else { n_beyond as f64 / n as f64 }
 }
 
-/// A function with its band over the states that the record visits; `None` where no row is fitted.
+/// Tabulates a function with its band over the states that the record visits; `None` if no row is fitted.
 pub fn drawn(subject: &Subject, function: &Function, pair: &Pair) -> Option<LearnedFunction> {
     let Kind::Function { state, visited, .. } = &pair.kind else { return None };
     let reference_state = function.best_known(&quantiles_of(subject, visited))?;
@@ -68,7 +68,7 @@ pub fn drawn(subject: &Subject, function: &Function, pair: &Pair) -> Option<Lear
     })
 }
 
-/// States of the fitted rows, thinned: among them the state is looked for at which the factor is 1.
+/// Quantiles of the fitted rows' states, candidates for the state at which the factor is 1.
 fn quantiles_of(subject: &Subject, visited: &[f64]) -> Vec<f64> {
     let mut states: Vec<f64> = of_fitted_rows(subject, visited).collect();
     states.sort_by(f64::total_cmp);
@@ -78,7 +78,7 @@ fn quantiles_of(subject: &Subject, visited: &[f64]) -> Vec<f64> {
     quantiles
 }
 
-/// States at which a function is written: those that fitted rows visit, and a little more.
+/// States at which a function is tabulated: those of the fitted rows, and a little more.
 fn states_of(subject: &Subject, visited: &[f64]) -> Vec<f64> {
     let all = reach(visited);
     let [low, high] = seen(subject, visited);

@@ -1,7 +1,7 @@
-//! Fits of pairs, and what they are worth.
+//! Fits of pairs, with their evidence.
 //!
-//! A pair's weights have a normal prior about 0 of one standard deviation, which is chosen by the evidence: the maximum of the posterior density with the curvature there (Laplace),
-//! ln Z = ln L + ln p(θ) − n ln τ − ½ ln det H, less the same of the model without the pair. Functions that the data do not ask for shrink to none.
+//! A pair's weights have a normal prior about 0 with one standard deviation, chosen by the evidence. The evidence is the maximum of the posterior density with the curvature there (Laplace),
+//! ln Z = ln L + ln p(θ) − n ln τ − ½ ln det H, less that of the model without the pair. Functions that the data do not support shrink to zero.
 
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
@@ -13,30 +13,30 @@ use crate::refit::Refitted;
 use crate::{Candidate, Fitted, NoiseValues, Search, Subject, Tangent};
 use base::error::Result;
 
-/// Standard deviations τ of weights that are tried, in order: a weight of 1 changes its quantity by a factor of e over the range of states.
+/// Trial standard deviations τ of weights, in order: a weight of 1 changes its quantity by a factor of e over the range of states.
 const SPREADS: [f64; 4] = [0.3, 1.0, 3.0, 0.08];
 
 /// A pair at its fit.
 pub struct Learnt {
-    /// Its place in the list of pairs.
+    /// Index in the list of pairs.
     pub pair: usize,
-    /// The model, weights with their prior.
+    /// The model; its weights have their prior.
     pub candidate: Candidate,
     /// Its fit.
     pub fitted: Fitted,
-    /// What it gains in ln evidence over the model without it, in nats.
+    /// Gain in ln evidence over the model without the pair, in nats.
     pub evidence_nats: f64,
-    /// Log scores of cycles given those before them; `None` where none is held out.
+    /// Log scores of cycles given the cycles before them; `None` if none is held out.
     pub future: Option<FutureScore>,
 }
 
-/// Places of a pair's weights among the coordinates: those of the last effect.
+/// Indices of a pair's weights, the parameters of the last effect, among the coordinates.
 pub fn weights(candidate: &Candidate) -> Vec<usize> {
     let last = candidate.effects.len().checked_sub(1);
     (0..candidate.free.len()).filter(|k| candidate.free[*k].effect == last && last.is_some()).collect()
 }
 
-/// A model whose effect has the priors of its parameters at its fit from a start, and its ln evidence up to what all models share; `None` where it has none.
+/// Fits a model whose effect has its parameters' own priors, from a start. Returns it with its ln evidence, up to a constant of all models; `None` if there is none.
 pub fn fit_own_priors(
     subject: &Subject,
     candidate: &Candidate,
@@ -49,7 +49,7 @@ pub fn fit_own_priors(
     fit_with_evidence(subject, own, start)
 }
 
-/// A model whose weights have one spread at its fit from a start, and its ln evidence up to what all models share; `None` where it has none.
+/// Fits a model whose weights have one spread, from a start. Returns it with its ln evidence, up to a constant of all models; `None` if there is none.
 pub fn fit_spread(
     subject: &Subject,
     candidate: &Candidate,
@@ -69,7 +69,7 @@ fn fit_with_evidence(
     Some((own, fitted, ln_evidence))
 }
 
-/// The same model where every weight has a normal prior of standard deviation τ about 0.
+/// The model with a normal prior of standard deviation τ about 0 for every weight.
 fn with_spread(candidate: &Candidate, spread: f64) -> Candidate {
     let mut own = candidate.clone();
     for k in weights(candidate) {
@@ -79,7 +79,7 @@ fn with_spread(candidate: &Candidate, spread: f64) -> Candidate {
     own
 }
 
-/// ln Z up to what all models share.
+/// ln Z, up to a constant of all models.
 fn ln_evidence(subject: &Subject, candidate: &Candidate, fitted: &Fitted) -> Result<f64> {
     let tangent = Tangent::new(subject, candidate, fitted)?;
     let of_weights = weights(candidate).into_iter().filter_map(|k| candidate.free[k].prior);
@@ -96,14 +96,14 @@ pub struct Base<'a> {
 
 impl<'a> Base<'a> {
     /// # Errors
-    /// Where the model has no derivatives at its fit.
+    /// Errors of computing derivatives at the fit.
     pub fn new(subject: &Subject, refitted: &'a Refitted) -> Result<Self> {
         let tangent = Tangent::new(subject, &refitted.candidate, &refitted.fitted)?;
         Ok(Self { refitted, ln_evidence: refitted.fitted.objective - 0.5 * tangent.ln_det_precision() })
     }
 }
 
-/// A pair's model at its fit, with the spread that the evidence likes best; `None` where it has no model.
+/// Fits a pair's model with the spread of the highest evidence; `None` if it has no model.
 fn fit(
     subject: &Subject,
     (base, ln_evidence_of_base): (&(Vec<f64>, NoiseValues), f64),
@@ -126,10 +126,10 @@ fn fit(
     best
 }
 
-/// A pair's model at its fit in the search, and what it gains in ln evidence there, in nats.
+/// A pair's model at its fit in the search, with its gain in ln evidence in nats.
 pub type Sought = (Candidate, Fitted, f64);
 
-/// Fits all pairs, each beside the base; `None` where one has no model.
+/// Fits all pairs, each beside the base; `None` for a pair without a model.
 pub fn search_all(
     subject: &Subject,
     base: &Base<'_>,
@@ -145,7 +145,7 @@ pub fn search_all(
     (0..pairs.len()).into_par_iter().map(of).collect()
 }
 
-/// The same fits among all positions, where the search was among few of them; those that have none are left out.
+/// Refits pairs to all positions if the search used few of them; pairs without a fit are left out.
 pub fn finish_all(subject: &Subject, base: &Base<'_>, sought: Vec<Option<Sought>>, was_thinned: bool) -> Vec<Learnt> {
     let of = |(pair, sought): (usize, Option<Sought>)| {
         let (candidate, fitted, evidence_nats) = match sought? {
@@ -162,7 +162,7 @@ pub fn finish_all(subject: &Subject, base: &Base<'_>, sought: Vec<Option<Sought>
     sought.into_par_iter().enumerate().filter_map(of).collect()
 }
 
-/// A pair's fit with the noise of another subject, and its log scores there; `None` where it has no fit or no cycle is held out.
+/// Fits a pair with the noise of another subject, and scores it there; `None` if it has no fit or no cycle is held out.
 pub fn fit_under(subject: &Subject, learnt: &Learnt) -> Option<(Fitted, FutureScore)> {
     let start = (learnt.fitted.theta.clone(), learnt.fitted.noise);
     let fitted = subject.fit(&learnt.candidate, &[start], Search::Local).ok()?;
@@ -170,25 +170,25 @@ pub fn fit_under(subject: &Subject, learnt: &Learnt) -> Option<(Fitted, FutureSc
     Some((fitted, future))
 }
 
-/// The log scores of a model whose weights have the prior of its fit, and no other.
+/// Log scores of a model whose weights keep the prior of its fit.
 fn future(subject: &Subject, candidate: &Candidate, fitted: &Fitted) -> Result<Option<FutureScore>> {
     let mut own = candidate.clone();
     weights(candidate).into_iter().for_each(|k| own.free[k].null = None);
     future_score(subject, &own, fitted)
 }
 
-/// What pairs gain in data without any, to first order: whose fits are worth making.
+/// First-order gains of pairs in data without any, which select the fits worth making.
 pub struct Screen {
     tangent: Tangent,
     position_m: Vec<f64>,
-    /// Of each candidate its visible directions; `None` where it has no derivatives.
+    /// Visible directions of each candidate; `None` if it has no derivatives.
     directions: Vec<Option<DMatrix<f64>>>,
     units: Vec<Vec<f64>>,
 }
 
 impl Screen {
     /// # Errors
-    /// Where the base has no derivatives at its fit.
+    /// Errors of computing the base's derivatives at its fit.
     pub fn new(subject: &Subject, base: &Refitted, candidates: &[Option<Candidate>]) -> Result<Self> {
         let tangent = Tangent::new(subject, &base.candidate, &base.fitted)?;
         let of = |candidate: &Option<Candidate>| {
@@ -207,7 +207,7 @@ impl Screen {
         Ok(Self { tangent, position_m: base.fitted.position_m.clone(), directions, units })
     }
 
-    /// First-order gains in ln evidence, nats, in other positions of the same rows; −∞ where there are none.
+    /// First-order gains in ln evidence, in nats, in other positions of the same rows; −∞ if there are none.
     fn gains_nats(&self, data: &Subject) -> Vec<f64> {
         let left_m = data.fitted_m.iter().zip(&self.position_m).map(|(y, x)| y.map_or(0.0, |y| y - x)).collect();
         let residual = self.tangent.project(self.tangent.whiten(&[left_m]).swap_remove(0));
@@ -229,10 +229,10 @@ impl Screen {
     }
 }
 
-/// Pairs that are fitted in simulated data: those with the largest first-order gains.
+/// Number of pairs fitted in simulated data: those with the largest first-order gains.
 const N_REFITTED: usize = 2;
 
-/// The largest gain in ln evidence that a search finds in data without any pair.
+/// Largest gain in ln evidence that a search finds in data without any pair.
 pub fn largest_gain(data: &Subject, base: &Refitted, screen: &Screen, candidates: &[Option<Candidate>]) -> f64 {
     let start = (base.fitted.theta.clone(), base.fitted.noise);
     let Ok(fitted) = data.fit(&base.candidate, &[start], Search::Local) else { return f64::INFINITY };

@@ -1,10 +1,10 @@
-//! The formulas that a learnt function may be written as.
+//! Formulas in which a learnt function may be written.
 
 use laws::stages::State;
 
-/// A formula with its parameters, as a file has it.
+/// A formula with its parameters, as in its file.
 pub struct Written {
-    /// The formula, of the state and the parameters.
+    /// Formula in the state and the parameters.
     pub text: String,
     /// Its parameters.
     pub parameters: Vec<Parameter>,
@@ -18,17 +18,17 @@ pub struct Parameter {
     pub unit: String,
     /// The prior's table in TOML.
     pub prior: String,
-    /// Whether it is 0 at the null.
+    /// True if its null is 0.
     pub has_null: bool,
-    /// Whether it lies above 0.
+    /// True if it must be positive.
     pub is_positive: bool,
 }
 
-/// All formulas for a state that goes from `low`, at most 0, to `high`, at least 0: linear, exponential, quadratic, power, saturating, threshold, two states, sum of two.
+/// All formulas for a state between `low` ≤ 0 and `high` ≥ 0: linear, exponential, quadratic, power, saturating, threshold, two states, sum of two.
 pub fn formulas(state: State, [low, high]: [f64; 2]) -> Vec<Written> {
     let (s, size) = (state.name(), high.max(-low));
     let of_size = if state.has_sign() { format!("abs({s})") } else { s.to_string() };
-    // Where no sign but the positive one was seen, a function of the size is the same function.
+    // If only positive states occur, a function of the state's size is identical.
     let states = if low < 0.0 { vec![s.to_string(), of_size.clone()] } else { vec![s.to_string()] };
     let unit = state.unit();
     let (per, square) = (inverse(unit), inverse(&square(unit)));
@@ -101,7 +101,7 @@ fn square(unit: &str) -> String {
 }
 
 impl Written {
-    /// The file of an effect with this formula.
+    /// Text of the file of an effect with this formula.
     pub fn file(&self, name: &str, quantity: &str, state: &str, summary: &str) -> String {
         let mut text = format!(
             "# Learnt from data by `vitreo-uq learn`; SI units.\nname = {name:?}\nsummary = {summary:?}\nquantity = {quantity:?}\nstate = {state:?}\nfactor = {:?}\n",
@@ -126,7 +126,7 @@ mod tests {
     use super::*;
     use posterior::study::effect_file;
 
-    /// Every formula of every state is a file that is read, by the same rules as a user's.
+    /// Every formula of every state gives a file that is parsed by the rules for a user's file.
     #[test]
     fn every_formula_is_an_effect() {
         for (state, name) in State::ALL {

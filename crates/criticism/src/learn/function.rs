@@ -1,8 +1,8 @@
-//! A learnt function with its band, averaged over the priors that the evidence allows.
+//! A learnt function with its band, averaged over priors by their evidence.
 //!
-//! A search fits each pair with one decay of the cosines and the likeliest spread of the weights, which is enough to compare pairs. A band that rests on one prior is too
-//! narrow, and a kink is not seen by eight cosines. So the pair that is written is fitted with twice as many under several decays and spreads, and with every formula, and each
-//! of them counts by its evidence.
+//! A search fits each pair with one decay of the cosines and the likeliest spread of the weights, which suffices to compare pairs. A band under one prior is too
+//! narrow, and eight cosines cannot resolve a kink. So the reported pair is refitted with twice as many cosines under several decays and spreads, and with every formula. Each
+//! fit is weighted by its evidence.
 
 use nalgebra::DMatrix;
 use rayon::prelude::*;
@@ -18,12 +18,12 @@ use base::error::Result;
 use base::number::Dual;
 use models::effects::StateEffect;
 
-/// Spreads of the weights, in the order in which they are fitted.
+/// Spreads of the weights, in the order of their fits.
 const SPREADS: [f64; 5] = [0.3, 1.0, 3.0, 0.1, 0.03];
-/// Priors whose evidence is this far below the best, in nats, do not count.
+/// Distance in nats below the best evidence at which a prior is ignored.
 const LEAST_SHARE_NATS: f64 = 7.0;
 
-/// What a function is made of.
+/// Form of a function.
 #[derive(Clone, Copy)]
 enum Shape {
     /// A sum of smooth functions.
@@ -38,32 +38,32 @@ struct Member {
     shape: Shape,
     candidate: Candidate,
     fitted: Fitted,
-    /// Mean and covariance of the coordinates; `None` where the data do not determine them.
+    /// Mean and covariance of the coordinates; `None` if the data do not determine them.
     moments: Option<(Vec<f64>, DMatrix<f64>)>,
 }
 
 /// A function of a state with its band.
 pub struct Function {
     quantity: &'static str,
-    /// Best first.
+    /// Functions under each prior, best first.
     members: Vec<Member>,
 }
 
 impl Function {
-    /// The function of a pair as the search has it; `None` for a free memory.
+    /// Function of a pair as the search found it; `None` for a free memory.
     ///
     /// # Errors
-    /// Where the model has no derivatives at its fit.
+    /// Errors of computing derivatives at the fit.
     pub fn of_search(subject: &Subject, learnt: &Learnt, pair: &Pair) -> Result<Option<Self>> {
         let Kind::Function { smooth, .. } = &pair.kind else { return Ok(None) };
         let only = Member::at(subject, Shape::Smooth(smooth), learnt.candidate.clone(), learnt.fitted.clone())?;
         Ok(Some(Self { quantity: pair.quantity, members: vec![only] }))
     }
 
-    /// The function of a pair with all cosines and by every formula, averaged over priors; as the search has it where no other can be fitted, `None` for a free memory.
+    /// Function of a pair with all cosines and every formula, averaged over priors. Falls back to the search's function if no other can be fitted; `None` for a free memory.
     ///
     /// # Errors
-    /// Where the model has no derivatives at its fit.
+    /// Errors of computing derivatives at the fit.
     pub fn averaged(subject: &Subject, learnt: &Learnt, pair: &Pair) -> Result<Option<Self>> {
         let finer = finer(pair);
         let library = subject.library().clone().beside(finer.iter().map(|(effect, _)| *effect));
@@ -87,14 +87,14 @@ impl Function {
         Ok(Some(Self { quantity: pair.quantity, members: members.collect() }))
     }
 
-    /// The model with the function under the likeliest prior.
+    /// Model with the function under the likeliest prior.
     pub fn best(&self) -> (&Candidate, &Fitted) {
         (&self.members[0].candidate, &self.members[0].fitted)
     }
 
-    /// The function at some states, over its value at `reference`: ln factor and its standard deviation.
+    /// The function at some states relative to its value at `reference`: ln factor and its standard deviation.
     ///
-    /// A factor that all states share is a change of the quantity itself, so only ratios say something of the function; [`Self::best_known`] says over which state they are told best.
+    /// A common factor of all states is a change of the quantity itself, so only ratios describe the function. [`Self::best_known`] finds the best reference for them.
     pub fn curve(&self, states: &[f64], reference: f64) -> Vec<[f64; 2]> {
         let of = |member: &Member| {
             let (at_reference, slopes_there) = member.ln_factor(reference);
@@ -109,14 +109,14 @@ impl Function {
         (0..states.len()).map(|place| self.mixed(curves.iter().map(|curve| curve[place]))).collect()
     }
 
-    /// The one of some states over whose value the function is known best at all of them: of the least mean variance. Where the quantity does nothing, as a factor of a force of 0, the data tell no value.
+    /// Reference state, among some states, with the least mean variance of the ratios. At states where the quantity has no influence, such as a force of 0, the data determine no value.
     pub fn best_known(&self, states: &[f64]) -> Option<f64> {
         let with_variance =
             |reference: &f64| (self.curve(states, *reference).iter().map(|[_, sd]| sd * sd).sum::<f64>(), *reference);
         states.iter().map(with_variance).min_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, reference)| reference)
     }
 
-    /// The quantity that depends, at a state: its logarithm and that one's standard deviation; `None` where it is no free parameter of the law (force, observed position).
+    /// Logarithm of the quantity at a state and its standard deviation; `None` if the quantity is no free parameter of the law (force, observed position).
     pub fn ln_quantity(&self, state: f64) -> Option<[f64; 2]> {
         let is_quantity = |free: &Free| free.name == self.quantity && matches!(free.coordinate, Coordinate::Logarithm);
         let of = |member: &Member| {
@@ -140,7 +140,7 @@ impl Function {
     }
 }
 
-/// A sum of functions under every spread of its weights at its fit, with the ln evidence, from the law and the noise that the search found.
+/// Fits a sum of functions under every spread of its weights, from the law and the noise of the search. Returns the fits with their ln evidence.
 fn members(subject: &Subject, learnt: &Learnt, candidate: &Candidate, smooth: &'static Smooth) -> Vec<(Member, f64)> {
     let mut start = (candidate.embed(&learnt.candidate, &learnt.fitted.theta), learnt.fitted.noise);
     let mut all = Vec::new();
@@ -155,7 +155,7 @@ fn members(subject: &Subject, learnt: &Learnt, candidate: &Candidate, smooth: &'
     all
 }
 
-/// Every formula at its fit, with the ln evidence under its parameters' own priors; none for functions that go one way, which a formula need not.
+/// Fits every formula; returns the fits with the ln evidence under their parameters' own priors. Empty for monotone functions, since formulas need not be monotone.
 fn by_formulas(subject: &Subject, learnt: &Learnt, pair: &Pair) -> Vec<(Member, f64)> {
     let Kind::Function { smooth, state, visited, .. } = &pair.kind else { return Vec::new() };
     if matches!(smooth.basis(), Basis::Ramps { .. }) {
@@ -186,7 +186,7 @@ impl Member {
         Ok(Self { share: 1.0, shape, candidate, fitted, moments })
     }
 
-    /// ln factor at a state and its derivatives by the coordinates of the effect, with their places.
+    /// ln factor at a state, and its derivatives with respect to the coordinates of the effect, with their indices.
     fn ln_factor(&self, state: f64) -> (f64, Vec<(usize, f64)>) {
         let places = weights(&self.candidate);
         let coordinate = |k: usize| self.candidate.free[k].coordinate;
@@ -206,7 +206,7 @@ impl Member {
                         .map(|(k, value)| Dual { value: *value, derivative: f64::from(u8::from(moved == Some(k))) });
                     effect.function.value(Dual::constant(state), &own.collect::<Vec<_>>())
                 };
-                // Beyond the record's states a line may pass through 0.
+                // Beyond the record's states a line may cross 0.
                 let factor = at(None).value.max(f64::MIN_POSITIVE);
                 let slope = |(own, k): (usize, &usize)| {
                     (*k, at(Some(own)).derivative / factor * coordinate(*k).unit(self.fitted.theta[*k]))
@@ -220,7 +220,7 @@ impl Member {
         self.moments.as_ref().map_or(self.fitted.theta[place], |(mean, _)| mean[place])
     }
 
-    /// Standard deviation of a sum of coordinates.
+    /// Standard deviation of a linear combination of coordinates.
     fn spread(&self, parts: &[(usize, f64)]) -> f64 {
         let Some((_, covariance)) = &self.moments else { return f64::INFINITY };
         let of = |(i, a): &(usize, f64)| -> f64 { parts.iter().map(|(j, b)| a * b * covariance[(*i, *j)]).sum() };
@@ -228,7 +228,7 @@ impl Member {
     }
 }
 
-/// Moments of the coordinates where no weight is negative: of the normal about the step that takes up what is left, cut off at 0.
+/// Moments of the coordinates if no weight is negative: of the normal about the step that absorbs the residual, truncated at 0.
 fn above_zero(tangent: &Tangent, candidate: &Candidate, fitted: &Fitted) -> Option<(Vec<f64>, DMatrix<f64>)> {
     let step = tangent.absorbing_step(tangent.residual())?;
     let centre: Vec<f64> = fitted.theta.iter().zip(step).map(|(theta, step)| theta + step).collect();

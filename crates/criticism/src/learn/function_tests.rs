@@ -1,4 +1,4 @@
-//! Bands of what is learnt, against the scatter of what is learnt from many records of one truth.
+//! Bands of learnt functions, compared with the scatter of functions learnt from many records of one truth.
 
 use super::*;
 use crate::learn::pairs::pairs;
@@ -7,18 +7,18 @@ use crate::refit::Refitted;
 use crate::test_subjects::{Protocol, noise_of, subject, truth_of};
 use crate::{NoiseValues, Search};
 
-/// Records, and those of them whose function is averaged over priors.
+/// Number of records, and number of records whose function is averaged over priors.
 const N_RECORDS: u64 = 48;
 const N_AVERAGED: u64 = 16;
 /// Trend and first cosines of ln c₂ by the path.
 const WEIGHTS: [f64; N_WEIGHTS] = [0.5, 0.15, -0.05, 0.0, 0.0, 0.0, 0.0, 0.0];
 
-/// What is told at every setting: mean and standard deviation.
+/// Mean and standard deviation at every setting.
 type Told = Vec<[f64; 2]>;
 
-/// Of 48 records with white noise of 4 µm the 90 % bands hold the truth where they should, and are neither wider nor narrower than what is learnt scatters. Binomial: fewer than 34 of 48 in 2 of
-/// 10⁵ seeds where it is 9 in 10; a standard deviation of 48 numbers is 1 ± 0.1, off by more than 0.4 in 1 of 10⁴.
-/// Bands that are averaged over priors hold the truth, too, in 16 of the records: fewer than 10 of 16 in 7 of 10⁵ seeds, for each of four ratios. Their shares are a whole, and a formula's derivatives are differences.
+/// The 90 % bands of 48 records with white noise of 4 µm contain the truth as often as they should. Their width equals the scatter of the learnt functions. Binomially, fewer than 34 of 48
+/// occur in 2 of 10⁵ seeds if the probability is 9 in 10. The standard deviation of 48 numbers is 1 ± 0.1 and is off by more than 0.4 in 1 of 10⁴.
+/// Bands averaged over priors also contain the truth, in 16 of the records. Fewer than 10 of 16 occur in 7 of 10⁵ seeds, for each of four ratios. Their shares sum to one, and a formula's derivatives equal differences.
 #[test]
 #[ignore = "thorough"]
 fn bands_are_as_wide_as_what_is_learnt_scatters() {
@@ -38,7 +38,7 @@ fn bands_are_as_wide_as_what_is_learnt_scatters() {
         let functions = smooth.functions(state.into());
         WEIGHTS.iter().zip(functions).map(|(weight, function)| weight * function.value).sum::<f64>()
     };
-    // Over the value at the state 0, and over that in the midst of the states.
+    // Ratios to the value at the state 0, and to the value in the middle of the states.
     let settings = [0.0, 0.45].map(|part| part * far).map(|reference| states.map(|state| (state, reference)));
     let settings = settings.concat();
     let noise: NoiseValues = NoiseValues::new([4.0, 0.0, 1.0, 0.0, 0.0]);

@@ -1,4 +1,4 @@
-//! What the data write: every pair fitted, the leading one judged, drawn and written as a formula.
+//! The job of `learn`: fits every pair, judges the leading one, tabulates it and writes it as a formula.
 
 use super::distil::Distilled;
 use super::drawn::drawn;
@@ -16,25 +16,25 @@ use documents::errors::ModelErrors;
 use documents::learned::{EquivalentPair, Learned, LearnedKind, LearnedPair, LearnedVerdict, Retardation};
 use posterior::monitor::Monitor;
 
-/// What was learnt, with the file of its formula.
+/// Result of learning, with the file of its formula.
 pub struct Outcome {
     /// The document.
     pub learned: Learned,
-    /// The effect's file; `None` where there is no formula.
+    /// The effect's file; `None` if there is no formula.
     pub file: Option<String>,
 }
 
-/// Learns.
+/// Learns a function or a memory from a record.
 ///
 /// # Errors
-/// Whatever fitting the base model refuses.
+/// Errors of fitting the base model.
 pub fn learn(subject: &Subject, request: &Request, monitor: &dyn Monitor) -> Result<Outcome> {
     monitor.stage("fitting the model");
     let whole = subject;
     let (subject, base) = fitted_base(whole)?;
     let found = Found::new(&subject, base, request.is_monotone, monitor)?;
     let base_errors = request.base_errors.map_or_else(|| own_errors(whole, &found.base), Ok)?;
-    monitor.stage("simulating searches where nothing is to be learnt");
+    monitor.stage("simulating searches without anything to learn");
     let p = found.p(request, monitor)?;
     let chosen = match found.chosen(p) {
         Ok(chosen) => chosen,
@@ -42,18 +42,18 @@ pub fn learn(subject: &Subject, request: &Request, monitor: &dyn Monitor) -> Res
     };
     monitor.stage("comparing with the library");
     let preferred = found.preferred(chosen, monitor);
-    monitor.stage("writing it as a formula");
+    monitor.stage("writing the function as a formula");
     let (chosen, distilled) = found.written(chosen);
-    monitor.stage("averaging it over priors");
+    monitor.stage("averaging the function over priors");
     let function = Function::averaged(&found.subject, chosen, &found.pairs[chosen.pair])?;
     let errors = Errors { whole, base: base_errors };
     found.learned(chosen, distilled, function.as_ref(), (p, preferred), &errors)
 }
 
-/// What `learn` would give for what a model at its fit leaves, outliers left out, in words, without the simulated searches that would confirm it; `None` where nothing helps.
+/// Sentence on the pair that `learn` would choose for a model's residual, without outliers and without confirmation by simulated searches; `None` if no pair helps.
 ///
 /// # Errors
-/// As [`learn`].
+/// Errors of [`learn`].
 pub fn first_look(subject: &Subject, base: &Refitted, monitor: &dyn Monitor) -> Result<Option<String>> {
     let found = Found::new(subject, base.clone(), false, monitor)?;
     let Ok(chosen) = found.chosen(0.0) else { return Ok(None) };
@@ -62,17 +62,17 @@ pub fn first_look(subject: &Subject, base: &Refitted, monitor: &dyn Monitor) -> 
     let function = Function::of_search(&found.subject, chosen, pair)?;
     let rises = function.and_then(|own| drawn(&found.subject, &own, pair)).map(|own| rises(&own));
     Ok(Some(format!(
-        "{} explains {:.0} % of what is left; `vitreo-uq learn STUDY` writes it",
+        "{} explains {:.0} % of the residual; `vitreo-uq learn STUDY` writes it as a formula",
         words(pair, rises),
         100.0 * share
     )))
 }
 
-/// What errors are shown of.
+/// Sources of the reported errors.
 struct Errors<'a> {
     /// The record with its outliers.
     whole: &'a Subject,
-    /// The model without.
+    /// Errors of the model without the pair.
     base: ModelErrors,
 }
 
@@ -113,10 +113,10 @@ impl Found {
 
     fn nothing(&self, base: ModelErrors, p: f64, why: &str) -> Result<Outcome> {
         let mut sentence = format!(
-            "Nothing was learnt: no quantity that depends on a state explains more than the model does ({why})."
+            "Nothing was learnt: no dependence of a quantity on a state explains more than the model does ({why})."
         );
         if misfit(&self.subject, &self.base, &[])?.is_too_large() {
-            sentence += " The model still leaves more than noise: `vitreo-uq diagnose` tells whether an effect of the library explains it.";
+            sentence += " The model's residual exceeds the noise: `vitreo-uq diagnose` shows whether an effect of the library explains it.";
         }
         let verdict = LearnedVerdict {
             kind: LearnedKind::Nothing,

@@ -1,9 +1,9 @@
-//! The law that nobody wrote down: which quantity depends on which state, and how, as the data have it.
+//! Learning a constitutive correction from data: a function by which a quantity depends on a state.
 //!
-//! Every pair of a quantity (the force, an element's modulus or viscosity, the observed position) and a state (position, path, time and others, physics §5.3) is an effect like those
-//! of the library: the quantity times e^{g(state)}, g a smooth function with a Gaussian prior about 0. It is fitted with law and noise together, and judged as
-//! a diagnosis judges effects: by its evidence beside that of searches in simulated data, and by cycles that were not seen. What was learnt is written down as
-//! a formula, in a file that is an effect.
+//! Quantities are the force, an element's modulus or viscosity, and the observed position; states are position, path, time and others (physics §5.3). Every pair of them is an effect like those
+//! of the library. It multiplies the quantity by e^{g(state)}, with a smooth function g and a Gaussian prior about 0. It is fitted with law and noise together. Its evidence is compared with that of
+//! searches in simulated data, and its prediction of unseen cycles is scored, as in a diagnosis. The result is written as
+//! a formula, in a file that defines an effect.
 
 mod creep;
 mod distil;

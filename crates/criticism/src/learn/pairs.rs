@@ -13,19 +13,19 @@ use models::effects::{Effect, EffectParameter, QuantityName, StateEffect};
 use models::model::Response;
 use posterior::study::effect_file::leaked;
 
-/// What may be learnt.
+/// A pair of a quantity and a state, or a free memory.
 pub struct Pair {
     /// Name of the quantity; `creep` for a free memory.
     pub quantity: &'static str,
-    /// Name of the state; of a free memory the time since a change of the force.
+    /// Name of the state; for a free memory the time since a change of the force.
     pub state: &'static str,
-    /// As an effect.
+    /// The pair as an effect.
     pub effect: &'static dyn Effect,
-    /// What it is made of.
+    /// Kind of the pair, with its data.
     pub kind: Kind,
 }
 
-/// What a pair is made of.
+/// Kind of a pair.
 pub enum Kind {
     /// A function of a state, and the states of all rows under the model without it.
     Function {
@@ -42,20 +42,20 @@ pub enum Kind {
     Memory(&'static Creep),
 }
 
-/// Smallest share of rows that have to differ in their state, so that there is something to learn.
+/// Least number of distinct states in a record from which a function can be learnt.
 const LEAST_DISTINCT: usize = 3;
-/// Where velocities and times since a step bend, as a share of their range: most of what happens happens near 0.
+/// Scale on which velocities and times since a step are resolved near 0, as a share of their range: most changes occur near 0.
 const BENT_AT: f64 = 0.03;
 
-/// Functions of a search that may bend either way.
+/// Bases of a search without monotonicity.
 const FREE: [Basis; 1] = [Basis::COSINES];
-/// Functions of a search that go one way.
+/// Bases of a search for monotone functions.
 const MONOTONE: [Basis; 2] = [Basis::Ramps { n: N_WEIGHTS, falls: false }, Basis::Ramps { n: N_WEIGHTS, falls: true }];
 
-/// All pairs that make sense for a model; with functions that go one way each pair is there twice, rising and falling.
+/// All pairs that make sense for a model. Each pair of monotone functions occurs twice, rising and falling.
 ///
 /// # Errors
-/// Where the model has no stages at its fit.
+/// Errors if the model has no stages at its fit.
 pub fn pairs(subject: &Subject, base: &Refitted, is_monotone: bool) -> Result<Vec<Pair>> {
     let bases: &[Basis] = if is_monotone { &MONOTONE } else { &FREE };
     let law = subject.problem().model.base();
@@ -67,7 +67,7 @@ pub fn pairs(subject: &Subject, base: &Refitted, is_monotone: bool) -> Result<Ve
         let visited = states.at_rows(quantity, state);
         pairs.extend(bases.iter().filter_map(|basis| pair(quantity, state, visited.clone(), *basis)));
     };
-    // One element that bears all the force: what the force does, the element does.
+    // If one element bears all the force, a function of the force acts on both alike.
     let is_alone = law.parameters().len() == 1 || (elements.len() == 1 && law.parameters().len() == 2);
     for (state, _) in State::ALL {
         if state != State::Strain && (!is_alone || state == State::Force) {
@@ -109,15 +109,15 @@ fn pair(quantity: QuantityName, state: State, visited: Vec<f64>, basis: Basis) -
     Some(Pair { quantity: quantity.name(), state: state.name(), effect, kind })
 }
 
-/// From the least to the largest state of a record, 0 within.
+/// Smallest and largest state of a record, extended to include 0.
 pub fn reach(visited: &[f64]) -> [f64; 2] {
     visited.iter().fold([0.0_f64; 2], |[low, high], s| [low.min(*s), high.max(*s)])
 }
 
-/// Decays of cosines that a function is averaged over: 1 is a path that may kink and all but jump, 2 one that bends.
+/// Decays of cosines over which a function is averaged: 1 allows kinks and near jumps, 2 only bends.
 const DECAYS: [f64; 3] = [1.0, 1.5, 2.0];
 
-/// The functions with all their weights that may be meant by a pair; none for a free memory.
+/// Finer functions, with all their weights, for a pair; none for a free memory.
 pub fn finer(pair: &Pair) -> Vec<(&'static dyn Effect, &'static Smooth)> {
     let Kind::Function { smooth, quantity, state, .. } = &pair.kind else { return Vec::new() };
     let bases = match smooth.basis() {
@@ -131,7 +131,7 @@ pub fn finer(pair: &Pair) -> Vec<(&'static dyn Effect, &'static Smooth)> {
     bases.iter().enumerate().map(of).collect()
 }
 
-/// Functions of effects are static everywhere.
+/// Makes a function static, since effects live until the program ends.
 fn lasting(smooth: Smooth) -> &'static Smooth {
     Box::leak(Box::new(smooth))
 }
@@ -154,10 +154,10 @@ fn effect(
         spec: ParameterSpec::new(leaked(format!("{slug}.weight_{k}")), "w", "1", support),
         null: &|_| Some(0.0),
         prior,
-        prior_source: "smooth functions about none",
+        prior_source: "smooth functions about zero",
         finite_step: None,
     };
-    // Effects' names are static everywhere; a command looks at some dozens.
+    // Names of effects live until the program ends; a command makes only some dozens.
     Box::leak(Box::new(StateEffect {
         slug: leaked(slug.clone()),
         summary: leaked(format!("{} depends on {}", quantity.name(), state.name())),
@@ -176,7 +176,7 @@ struct States {
     force_n: Vec<f64>,
     step_rows: Vec<usize>,
     position_m: Vec<f64>,
-    /// Of each body of the law in series, its share of the position.
+    /// Share of the position of each body of the law in series.
     share_m: Vec<Vec<f64>>,
     law: laws::rheology::BaseLaw,
 }

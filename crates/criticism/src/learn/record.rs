@@ -1,4 +1,4 @@
-//! One of many records: what it says of every pair and of every formula, for whoever adds up.
+//! One of many records: its results for every pair and every formula, for a caller that adds them up.
 
 use rayon::prelude::*;
 
@@ -14,25 +14,25 @@ use laws::stages::State;
 use models::effects::StateEffect;
 use posterior::monitor::Monitor;
 
-/// A record with every pair fitted, its cycles scored with the noise that its model is written with.
+/// A record with every pair fitted, and its cycles scored under the noise of the model's specification.
 pub struct Record {
     found: Found,
     subject: Subject,
     base: Refitted,
 }
 
-/// What a record says of a pair.
+/// Results of a record for one pair.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Told {
     /// Name of the pair, the same in all records.
     pub slug: &'static str,
-    /// What depends.
+    /// Name of the quantity.
     pub quantity: &'static str,
-    /// On what.
+    /// Name of the state.
     pub state: &'static str,
     /// Gain in ln evidence, in nats.
     pub evidence_nats: f64,
-    /// Gain in the log score of unseen cycles, in nats; `None` where no cycle is held out.
+    /// Gain in the log score of unseen cycles, in nats; `None` if no cycle is held out.
     pub heldout_gain_nats: Option<f64>,
 }
 
@@ -45,14 +45,14 @@ pub struct Formula {
     effect: &'static StateEffect,
 }
 
-/// What a formula does in a record.
+/// Results of a formula in one record.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Tried {
     /// Gain in the log score of the last cycle, which no fit has seen, in nats.
     pub last_cycle_gain_nats: f64,
-    /// Errors on the held-out cycle in µm, without it and with it.
+    /// Errors on the held-out cycle in µm, without the formula and with it.
     pub rmse_um: [f64; 2],
-    /// Its parameters, in the order in which they are written.
+    /// Values of its parameters, in the formula's order.
     pub values: Vec<f64>,
 }
 
@@ -60,7 +60,7 @@ impl Record {
     /// Fits every pair.
     ///
     /// # Errors
-    /// Whatever fitting the model refuses.
+    /// Errors of fitting the model.
     pub fn new(subject: &Subject, is_monotone: bool, monitor: &dyn Monitor) -> Result<Self> {
         let (subject, base) = fitted_base(subject)?;
         let found = Found::new(&subject, base, is_monotone, monitor)?;
@@ -68,7 +68,7 @@ impl Record {
         Ok(Self { found, subject, base })
     }
 
-    /// Of every pair that is a function of a state.
+    /// Results for every pair that is a function of a state.
     pub fn told(&self) -> Vec<Told> {
         let of_base = self.found.base.future;
         let of = |learnt: &super::fit::Learnt| {
@@ -84,14 +84,14 @@ impl Record {
         self.found.learnt.iter().filter_map(of).collect()
     }
 
-    /// The state of a pair with the range over which this record visits it, 0 within.
+    /// State of a pair and its range in this record, extended to include 0.
     pub fn range(&self, slug: &str) -> Option<(State, [f64; 2])> {
         let pair = self.found.pairs.iter().find(|pair| pair.effect.slug() == slug)?;
         let Kind::Function { state, visited, .. } = &pair.kind else { return None };
         Some((*state, reach(visited)))
     }
 
-    /// What a pair's function gains in the log score of unseen cycles with the noise that the model is written with, in nats.
+    /// Gain of a pair's function in the log score of unseen cycles, under the noise of the model's specification, in nats.
     pub fn function_gain_nats(&self, slug: &str) -> Option<f64> {
         let learnt = self.found.learnt.iter().find(|own| self.found.pairs[own.pair].effect.slug() == slug)?;
         let (_, future) = fit_under(&self.subject, learnt)?;
@@ -108,7 +108,7 @@ impl Record {
         formulas(state, range).into_iter().filter_map(of).collect()
     }
 
-    /// What formulas gain in the log score of unseen cycles, in nats; `None` where one has no fit.
+    /// Gains of formulas in the log score of unseen cycles, in nats; `None` for a formula without a fit.
     pub fn gains_nats(&self, formulas: &[Formula]) -> Vec<Option<f64>> {
         let gain = |formula: &Formula| {
             let (_, refitted) = fitted(&self.subject, &self.base, formula.effect)?;
@@ -118,10 +118,10 @@ impl Record {
     }
 }
 
-/// A formula in a record that had no part in learning it; `None` where it has no fit or no cycle is held out.
+/// Tests a formula in a record that had no part in learning it; `None` if it has no fit or no cycle is held out.
 ///
 /// # Errors
-/// Whatever fitting the model refuses.
+/// Errors of fitting the model.
 pub fn tried(subject: &Subject, formula: &Formula) -> Result<Option<Tried>> {
     let (subject, base) = fitted_base(subject)?;
     let (subject, base) = with_own_noise(&subject, &base)?;

@@ -1,4 +1,4 @@
-//! Every pair fitted beside a record's model, and what may be said of the leading one.
+//! Search among pairs: fits of every pair beside a record's model, and the criteria for the leading one.
 
 use super::distil::{Distilled, distil};
 use super::fit::{Base, Learnt, Screen, finish_all, fit_under, largest_gain, search_all};
@@ -11,40 +11,40 @@ use base::error::Result;
 use documents::errors::ModelErrors;
 use posterior::monitor::{Counter, Monitor};
 
-/// Largest p, least evidence (nats; e⁵ is 150 to 1), least gain (nats) in the log score of unseen cycles, most that the last of them may lose, and the least change of a position over the noise.
+/// Criteria of a learnt pair: largest p, least evidence (nats; e⁵ is 150 to 1), and least gain (nats) in the log score of unseen cycles. The last two are the largest loss in the last of these cycles, and the least change of a position over the noise.
 pub const LARGEST_P: f64 = 0.02;
 pub const LEAST_EVIDENCE_NATS: f64 = 5.0;
 pub const LEAST_FUTURE_NATS: f64 = 3.0;
 const LARGEST_LOSS_NATS: f64 = 0.1;
 const SMALLEST_CHANGE: f64 = 0.25;
-/// Pairs whose evidence is nearer to the leading one's are its equals: e⁶ is 400 to 1.
+/// Evidence difference in nats below which pairs count as equal: e⁶ is 400 to 1.
 pub const EQUAL_NATS: f64 = 6.0;
-/// What a formula may lose of the function's own log score of unseen cycles: nats, and a share of what that gains.
+/// Largest loss of a formula against the function's log score of unseen cycles: nats, and a share of the function's gain.
 pub const FORMULA_LOSS_NATS: f64 = 3.0;
 pub const FORMULA_LOSS: f64 = 0.05;
-/// Pairs whose evidence is this near to the leading one's may have a simpler formula that predicts as well.
+/// Evidence difference in nats up to which another pair may give a simpler formula that predicts as well.
 const SIMPLER_WITHIN_NATS: f64 = 40.0;
-/// What an effect of the library may lack of the function's log score of unseen cycles to be preferred: nats, and a share of what that gains. A formula has a few parameters, and the function eight.
+/// Largest deficit of a preferred library effect against the function's log score of unseen cycles: nats, and a share of the function's gain. A formula has a few parameters, the function eight.
 const LIBRARY_NATS: f64 = 4.0;
 const LIBRARY_SHARE: f64 = 0.02;
-/// Nonlinear models are searched with so many positions. They are not fitted where their largest first-order gain is below this share of the function's.
+/// Number of positions in the search of nonlinear models. Models whose first-order bound is below this share of the function's gain are not fitted.
 const MOST_SEARCHED_SLOWLY: usize = 200;
 const WITHIN_REACH: f64 = 0.5;
-/// Positions among which pairs are searched; where there are more, each pair's fit is finished among all.
+/// Number of positions in the search of pairs; if there are more, each pair's fit is then finished with all of them.
 const MOST_SEARCHED: usize = 800;
-/// Streams of the simulated searches, apart from others of the seed.
+/// Random stream of the simulated searches, separate from others of the seed.
 const STREAM: u64 = 0x1ea4;
 
-/// What a caller decides.
+/// Settings of `learn`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Request {
-    /// Most simulated searches.
+    /// Largest number of simulated searches.
     pub n_simulations: usize,
     /// Seed of all random numbers.
     pub seed: u64,
-    /// Whether functions of a state may only rise or only fall.
+    /// True if functions of a state may only rise or only fall.
     pub is_monotone: bool,
-    /// Errors of the base model's posterior on the same cycles, where it was sampled; else those of its best fit are shown.
+    /// Errors of the base model's posterior on the same cycles, if it was sampled; else the document shows those of its best fit.
     pub base_errors: Option<ModelErrors>,
 }
 
@@ -58,21 +58,21 @@ impl Default for Request {
 pub struct Found {
     /// The record, with every pair as an effect.
     pub subject: Subject,
-    /// What was looked at.
+    /// All pairs in the search.
     pub pairs: Vec<Pair>,
-    /// Whether functions were to rise or fall throughout.
+    /// True if functions must be monotone.
     pub is_monotone: bool,
-    /// Each pair's model; `None` where it has none.
+    /// Each pair's model; `None` if it has none.
     candidates: Vec<Option<Candidate>>,
-    /// The model without any.
+    /// The model without any pair.
     pub base: Refitted,
-    /// Best first.
+    /// Fitted pairs, best first.
     pub learnt: Vec<Learnt>,
-    /// What was searched.
+    /// Data and result of the search.
     searched: Searched,
 }
 
-/// The positions among which pairs were searched: all, or few of many, with the base's fit to them and the largest gain in ln evidence.
+/// Positions used in the search, all or a selection, with the base's fit to them and the largest gain in ln evidence.
 struct Searched {
     subject: Subject,
     base: Refitted,
@@ -80,10 +80,10 @@ struct Searched {
 }
 
 impl Found {
-    /// Every pair fitted beside a base model.
+    /// Fits every pair beside a base model.
     ///
     /// # Errors
-    /// Whatever fitting the base model refuses.
+    /// Errors of fitting the base model.
     pub fn new(subject: &Subject, base: Refitted, is_monotone: bool, monitor: &dyn Monitor) -> Result<Self> {
         let pairs = pairs(subject, &base, is_monotone)?;
         let library = subject.library().clone().beside(pairs.iter().map(|pair| pair.effect));
@@ -112,7 +112,7 @@ impl Found {
 }
 
 impl Found {
-    /// p of the largest gain, by searches in data that were simulated from the base.
+    /// p of the largest gain, from searches in data simulated from the base.
     pub fn p(&self, request: &Request, monitor: &dyn Monitor) -> Result<f64> {
         let Searched { subject, base, gain_nats } = &self.searched;
         let screen = Screen::new(subject, base, &self.candidates)?;
@@ -127,10 +127,10 @@ impl Found {
         Ok(Bootstrap::of(*gain_nats, simulations, largest).p(*gain_nats))
     }
 
-    /// The leading pair that predicts what was not seen; or why there is none, in words.
+    /// The leading pair that predicts unseen cycles, or the reason why there is none.
     ///
     /// # Errors
-    /// The words.
+    /// The reason, in words.
     pub fn chosen(&self, p: f64) -> std::result::Result<&Learnt, String> {
         let predicts = |learnt: &&Learnt| match learnt.future.zip(self.base.future) {
             Some((own, base)) => own.all - base.all > LEAST_FUTURE_NATS && own.last - base.last > -LARGEST_LOSS_NATS,
@@ -147,22 +147,22 @@ impl Found {
             return Err(why.into());
         };
         if p > LARGEST_P {
-            return Err("no more than chance gives".into());
+            return Err("no gain beyond chance".into());
         }
         let is_near = |own: &&Learnt| leading.evidence_nats - own.evidence_nats <= EQUAL_NATS;
         let Some(chosen) = self.learnt.iter().filter(is_near).filter(predicts).find(shows) else {
-            return Err("nothing that predicts unseen cycles".into());
+            return Err("no pair predicts unseen cycles".into());
         };
         if chosen.evidence_nats < LEAST_EVIDENCE_NATS {
             return Err(format!(
-                "{:.1} nats of evidence, where {LEAST_EVIDENCE_NATS:.0} are asked for",
+                "{:.1} nats of evidence, where {LEAST_EVIDENCE_NATS:.0} are required",
                 chosen.evidence_nats
             ));
         }
         Ok(chosen)
     }
 
-    /// Effects of the library that predict what was not seen as well as the function.
+    /// Effects of the library that predict unseen cycles as well as the function.
     pub fn preferred(&self, chosen: &Learnt, monitor: &dyn Monitor) -> Vec<String> {
         let own: Vec<&str> = self.pairs.iter().map(|pair| pair.effect.slug()).collect();
         let others = self.subject.library().effects().iter().filter(|effect| !own.contains(&effect.slug()));
@@ -183,7 +183,7 @@ impl Found {
         good.into_iter().map(|(_, slug)| slug).collect()
     }
 
-    /// Fits nonlinear models. Those that may gain enough to first order are searched with few positions, and their fits are then finished with all.
+    /// Fits nonlinear models whose first-order bound suffices: first with few positions, then with all.
     fn refit_slow(
         &self,
         candidates: &[Candidate],
@@ -210,7 +210,7 @@ impl Found {
         Ok(finished.collect())
     }
 
-    /// Share of the squared error that goes, the noise's taken off.
+    /// Share of the squared error beyond the noise that a fit removes.
     pub fn explained(&self, fitted: &Fitted) -> Option<f64> {
         let is_scored = self.subject.scored_m.iter().any(Option::is_some);
         let rows = if is_scored { &self.subject.scored_m } else { &self.subject.fitted_m };
@@ -221,15 +221,15 @@ impl Found {
         (before > 0.0).then(|| (1.0 - after / before).clamp(-1.0, 1.0))
     }
 
-    /// The simplest formula that predicts unseen cycles nearly as well as the function: of the leading pair, or with one parameter of another pair that is within reach. Eight weights may hide
-    /// that a line of something else does as well. All of it beside the noise that the model is written with, since that is what a formula is added to: slow noise that only a search allows
-    /// takes up levels, and leaves a formula to follow increments alone.
+    /// Finds the simplest formula that predicts unseen cycles nearly as well as the function. It belongs to the leading pair, or has one parameter and belongs to another pair within reach. Eight weights may hide that a
+    /// line in another state does as well. All fits use the noise of the model's specification, since the formula is added to that model. Slow noise that only the search allows
+    /// would absorb levels and leave only increments to the formula.
     pub fn written<'a>(&'a self, chosen: &'a Learnt) -> (&'a Learnt, Option<Distilled>) {
         let Ok((subject, base)) = with_own_noise(&self.subject, &self.base) else { return (chosen, None) };
         let Some(((function, of_function), of_base)) = fit_under(&subject, chosen).zip(base.future) else {
             return (chosen, None);
         };
-        // What even the function leaves beyond the noise is the model's error, whose rows are not independent: nats weigh as much less.
+        // If even the function's residual exceeds the noise, the excess is model error with correlated rows, and nats count correspondingly less.
         let left = (1e-6 * function.noise[0] / subject.yardstick_m()).powi(2).max(1.0);
         let gain = of_function.all - of_base.all;
         let least = of_function.all - FORMULA_LOSS_NATS * left - FORMULA_LOSS * gain;
@@ -245,27 +245,27 @@ impl Found {
         simplest.map_or((chosen, None), |(own, formula)| (own, Some(formula)))
     }
 
-    /// Whether a fit is of another quantity or state, and not of the same ones the other way.
+    /// Returns whether a fit has another quantity or state than `pair`; the opposite direction does not count as another.
     pub fn is_another(&self, other: &Learnt, pair: &Pair) -> bool {
         let own = &self.pairs[other.pair];
         (own.quantity, own.state) != (pair.quantity, pair.state)
     }
 }
 
-/// A record without its outliers, and its model at the fit.
+/// Fits a record's model without outliers; returns the record and the model.
 ///
 /// # Errors
-/// Where it has no fit.
+/// Errors of the fit.
 pub fn fitted_base(subject: &Subject) -> Result<(Subject, Refitted)> {
     let (subject, fitted, _) = outliers::without(subject, &subject.base())?;
     let base = Refitted::at(&subject, subject.base(), fitted)?;
     Ok((subject, base))
 }
 
-/// A record and its model at the fit with the noise terms that the model is written with, and no others.
+/// Refits a record's model with only the noise terms of its specification; returns the record and the model.
 ///
 /// # Errors
-/// Where it has no fit.
+/// Errors of the fit.
 pub fn with_own_noise(subject: &Subject, base: &Refitted) -> Result<(Subject, Refitted)> {
     let subject = subject.clone().with_own_noise();
     let fitted = subject.fit(&base.candidate, &[(base.fitted.theta.clone(), base.fitted.noise)], Search::Local)?;

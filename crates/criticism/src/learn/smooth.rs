@@ -3,47 +3,47 @@
 use base::number::{Dual, Scalar as _};
 use laws::stages::StateFunction;
 
-/// Weights of a function in a search.
+/// Number of weights of a function in a search.
 pub const N_WEIGHTS: usize = 8;
-/// Most weights of a function.
+/// Largest number of weights of a function.
 pub const MOST_WEIGHTS: usize = 16;
 
-/// The functions whose weighted sum is g, over u from 0 to 1.
+/// Basis functions of u in [0, 1] whose weighted sum is g.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Basis {
-    /// A trend u, and cosines cos(πku)/k^p whose prior bends them less the larger the decay p is.
+    /// A trend u, and cosines cos(πku)/k^p; a larger decay p makes g smoother a priori.
     Cosines {
-        /// p.
+        /// Decay p.
         decay: f64,
     },
-    /// Functions that rise from 0 to 1, each where its hat stands, for weights that are not negative: a sum of integrals of n hats side by side.
+    /// Integrals of n neighbouring hat functions, each rising from 0 to 1 under its hat, for weights ≥ 0.
     Ramps {
-        /// Hats, at most [`MOST_WEIGHTS`].
+        /// Number of hats, at most [`MOST_WEIGHTS`].
         n: usize,
-        /// Whether g falls.
+        /// True if g falls.
         falls: bool,
     },
 }
 
 impl Basis {
-    /// Of a search: functions that bend, and have no kinks.
+    /// Basis of a search: functions that bend but have no kinks.
     pub const COSINES: Self = Self::Cosines { decay: 1.5 };
 
-    /// What each function is multiplied by.
+    /// Factor of each function.
     fn sizes(self) -> [f64; MOST_WEIGHTS] {
         std::array::from_fn(|k| match self {
             Self::Cosines { .. } if k == 0 => 1.0,
             Self::Cosines { decay } => (k as f64).powf(-decay),
             Self::Ramps { n, .. } if k >= n => 0.0,
             Self::Ramps { n, falls } => {
-                // Together n ramps of unit weights rise by √n, as n independent changes do.
+                // Together n ramps of unit weights rise by √n, like n independent changes.
                 let whole = if k == 0 || k + 1 == n { 0.5 } else { 1.0 };
                 (n as f64).sqrt().recip() * if falls { -1.0 } else { 1.0 } / whole
             }
         })
     }
 
-    /// The functions for the first so many weights, each of its size; the others are 0.
+    /// Values of the first `n_weights` functions, times their factors; the others are 0.
     fn at(self, u: Dual, sizes: &[f64; MOST_WEIGHTS], n_weights: usize) -> [Dual; MOST_WEIGHTS] {
         let inside = if (0.0..=1.0).contains(&u.value) { u } else { Dual::constant(u.value.clamp(0.0, 1.0)) };
         let mut functions = [Dual::ZERO; MOST_WEIGHTS];
@@ -61,7 +61,7 @@ impl Basis {
             Self::Ramps { n, .. } => {
                 let last = (n - 1) as f64;
                 for (k, (function, size)) in each.take(n) {
-                    // A hat from −1 to 1; the first and the last are halves.
+                    // A hat from −1 to 1; the first and the last are half hats.
                     let (x, from) = (inside * last + -(k as f64), if k == 0 { 0.5 } else { 0.0 });
                     let risen = if x.value <= -1.0 {
                         Dual::ZERO
@@ -80,23 +80,23 @@ impl Basis {
     }
 }
 
-/// e^{g(s)} with g a weighted sum of functions of u, less the same at the state 0, so that the quantity is what it is there; u goes from 0 to 1 over the range of states, linearly
-/// or as arsinh(s/s₀). Beyond the range only a trend goes on. As many functions are used as there are weights.
+/// The factor e^{g(s)}. Its exponent g is a weighted sum of functions of u minus its value at the state 0, where the quantity is unchanged. u goes from 0 to 1 over the range of states, linearly
+/// or as arsinh(s/s₀). Beyond the range only a trend continues. The number of functions is the number of weights.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Smooth {
     basis: Basis,
     /// u at the state s is (w(s) − `from`)/`width`.
     from: f64,
     width: f64,
-    /// s₀, where w(s) is arsinh(s/s₀) and not s.
+    /// Scale s₀ if w(s) is arsinh(s/s₀); `None` if w(s) is s.
     bent_at: Option<f64>,
-    /// What the functions are multiplied by, and what they are at the state 0.
+    /// Factors of the functions, and their values at the state 0.
     sizes: [f64; MOST_WEIGHTS],
     at_zero: [f64; MOST_WEIGHTS],
 }
 
 impl Smooth {
-    /// Over a range of states that is not empty.
+    /// Makes the functions over a nonempty range of states.
     pub fn over(range: [f64; 2], bent_at: Option<f64>, basis: Basis) -> Self {
         let warp = |s: f64| bent_at.map_or(s, |own| (s / own).asinh());
         let [from, to] = range.map(warp);
@@ -104,24 +104,24 @@ impl Smooth {
         Self { basis, from, width: to - from, bent_at, sizes: none, at_zero: none }.with(basis)
     }
 
-    /// What g is a sum of.
+    /// Basis of g.
     pub fn basis(&self) -> Basis {
         self.basis
     }
 
-    /// Over the same range a sum of other functions.
+    /// Makes functions of another basis over this range.
     pub fn with(self, basis: Basis) -> Self {
         let mut own = Self { basis, sizes: basis.sizes(), at_zero: [0.0; MOST_WEIGHTS], ..self };
         own.at_zero = own.functions(Dual::ZERO).map(|function| function.value);
         own
     }
 
-    /// The functions whose weighted sum is g, less what they are at 0.
+    /// Functions whose weighted sum is g, minus their values at the state 0.
     pub fn functions(&self, state: Dual) -> [Dual; MOST_WEIGHTS] {
         self.first(MOST_WEIGHTS, state)
     }
 
-    /// The first so many of them; the others are 0.
+    /// The first `n_weights` functions; the others are 0.
     fn first(&self, n_weights: usize, state: Dual) -> [Dual; MOST_WEIGHTS] {
         let mut functions = self.basis.at(self.place(state), &self.sizes, n_weights);
         let each = functions.iter_mut().zip(self.at_zero).take(n_weights);
@@ -129,7 +129,7 @@ impl Smooth {
         functions
     }
 
-    /// u at a state.
+    /// Value of u at a state.
     fn place(&self, state: Dual) -> Dual {
         let warped = match self.bent_at {
             Some(own) => {
@@ -141,7 +141,7 @@ impl Smooth {
         (warped - self.from) * self.width.recip()
     }
 
-    /// g of cosines whose weights do not move, by Clenshaw's recurrence: a fifth of the work of the functions one by one, which fits spend most of their time on.
+    /// g of cosines with constant weights, by Clenshaw's recurrence. It takes a fifth of the time of separate functions, the main cost of fits.
     fn sum_of_cosines(&self, state: Dual, weights: &[Dual]) -> Dual {
         let u = self.place(state);
         let is_inside = (0.0..=1.0).contains(&u.value);
@@ -184,7 +184,7 @@ impl StateFunction for Smooth {
 mod tests {
     use super::*;
 
-    /// Every function is 0 at the state 0, cosines are those of the library, and derivatives are differences; with and without a bend.
+    /// Every function is 0 at the state 0, cosines equal the standard library's, and derivatives equal differences, with and without a bend.
     #[test]
     fn functions_are_what_they_are_called() {
         for bent_at in [None, Some(3e-5)] {
@@ -205,7 +205,7 @@ mod tests {
             assert_eq!(smooth.value(Dual::constant(3e-4), &[Dual::ZERO; MOST_WEIGHTS]), Dual::ONE);
         }
     }
-    /// The factor of weights that do not move is that of the functions one by one, with its slopes: within the range and beyond both of its ends, for every number of weights.
+    /// The factor and its slopes for constant weights equal those of the sum of the functions: inside the range and beyond both ends, for every number of weights.
     #[test]
     fn sums_of_cosines_are_those_of_the_functions() {
         for bent_at in [None, Some(3e-5)] {
@@ -234,7 +234,7 @@ mod tests {
             }
         }
     }
-    /// Ramps never fall where they rise and never rise where they fall, together they rise by √n, derivatives are differences, and a ramp rises where its hat stands and nowhere else.
+    /// Rising ramps never fall and falling ramps never rise. Together they rise by √n, derivatives equal differences, and each ramp rises under its own hat only.
     #[test]
     fn ramps_go_one_way() {
         for (n, falls) in [(2, false), (8, true), (MOST_WEIGHTS, false)] {

@@ -1,17 +1,17 @@
-//! Normals whose coordinates may not fall below bounds.
+//! Moments of normals whose coordinates have lower bounds.
 
 use nalgebra::DMatrix;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use statrs::distribution::{ContinuousCDF, Normal};
 
-/// Sweeps of the sampler, and those of them that come before the first one that counts.
+/// Number of sweeps of the sampler, and of initial sweeps that are discarded.
 const N_SWEEPS: usize = 4000;
 const N_UNCOUNTED: usize = 200;
 const SEED: u64 = 0x7a11;
 
-/// Mean and covariance of a normal with this centre and covariance where every coordinate is at least its bound (−∞ for none), by Gibbs' sampler: each coordinate in turn is drawn given the others.
-/// `None` where the covariance has no inverse.
+/// Mean and covariance of a normal truncated to coordinates above their bounds (−∞ for none). Gibbs' sampler draws each coordinate in turn, given the others.
+/// `None` if the covariance has no inverse.
 pub fn moments(centre: &[f64], covariance: &DMatrix<f64>, least: &[f64]) -> Option<(Vec<f64>, DMatrix<f64>)> {
     let n = centre.len();
     let precision = covariance.clone().cholesky()?.inverse();
@@ -26,7 +26,7 @@ pub fn moments(centre: &[f64], covariance: &DMatrix<f64>, least: &[f64]) -> Opti
             x[k] = x[k].max(least[k]);
         }
         if sweep >= N_UNCOUNTED {
-            // About the centre, so that no digits go.
+            // Deviations from the centre lose no digits.
             let apart: Vec<f64> = x.iter().zip(centre).map(|(x, centre)| x - centre).collect();
             for i in 0..n {
                 sum[i] += apart[i];
@@ -40,11 +40,11 @@ pub fn moments(centre: &[f64], covariance: &DMatrix<f64>, least: &[f64]) -> Opti
     Some((centre.iter().zip(shift).map(|(centre, shift)| centre + shift).collect(), covariance))
 }
 
-/// A standard normal above a bound, of a number between 0 and 1. From the upper tail, which has digits where the lower one is 1.
+/// Standard normal above a bound, from a uniform number between 0 and 1. It uses the upper tail, which keeps its digits where the lower one rounds to 1.
 fn upper_normal(bound: f64, uniform: f64) -> f64 {
     let normal = Normal::standard();
     let above = if bound.is_finite() { normal.sf(bound) } else { 1.0 };
-    // So far out that the tail underflows, what is above the bound is exponential.
+    // If the tail underflows, the excess over the bound is exponential.
     if above < 1e-280 {
         return bound - (1.0 - uniform).ln() / bound;
     }
@@ -55,8 +55,8 @@ fn upper_normal(bound: f64, uniform: f64) -> f64 {
 mod tests {
     use super::*;
 
-    /// Two coordinates of correlation ρ above 0, by Rosenbaum's closed form: P = ¼ + asin(ρ)/2π, mean (1 + ρ)/(2√(2π) P); one that is free beside one far out in its tail, whose mean above the bound
-    /// is 1/b to 2/b³. 3,800 sweeps of the first two are worth 1,000 draws and more: 0.1 is five of their standard errors.
+    /// Two coordinates of correlation ρ above 0 have Rosenbaum's closed form: P = ¼ + asin(ρ)/2π, mean (1 + ρ)/(2√(2π) P). A coordinate truncated far in its tail, beside a free one, has a mean above
+    /// the bound between 1/b and 2/b³. The 3,800 sweeps of the first two are worth at least 1,000 draws: 0.1 is five of their standard errors.
     #[test]
     fn moments_are_those_of_closed_forms() {
         for rho in [-0.5_f64, 0.0, 0.7] {

@@ -1,4 +1,4 @@
-//! What was learnt, in words.
+//! Sentences on the learnt function.
 
 use super::drawn::{leaves_band, share_beyond};
 use super::fit::Learnt;
@@ -11,11 +11,11 @@ use documents::errors::ModelErrors;
 use documents::learned::{LearnedFormula, LearnedFunction, LearnedPoint};
 use figures::number::significant;
 
-/// Share of held-out rows beyond the fitted states that a verdict speaks of.
+/// Share of held-out rows beyond the fitted states above which the verdict mentions them.
 const MOST_BEYOND: f64 = 0.1;
 
 impl Found {
-    /// What depends on what, and what that gains.
+    /// Sentence on the dependence and its gain.
     pub fn gain_in_words(
         &self,
         pair: &Pair,
@@ -28,7 +28,7 @@ impl Found {
         let words = words(pair, drawn.map(rises));
         let first = words.chars().next().map_or(String::new(), |c| c.to_uppercase().to_string());
         format!(
-            "{first}{} brings the error on the {cycle} from {} to {} µm (noise {}).",
+            "{first}{} changes the error on the {cycle} from {} to {} µm (noise {}).",
             words.chars().skip(1).collect::<String>(),
             significant(error(before), 3),
             significant(error(after), 3),
@@ -48,7 +48,7 @@ impl Found {
                 let left = errors.rmse_heldout_um.unwrap_or(errors.rmse_fitted_um);
                 sentence += &format!(" As a formula: {}, {} µm.", formula.product(pair.quantity), significant(left, 3));
                 if leaves_band(&formula.factors, &drawn.points) {
-                    sentence += " It leaves the function's band: the formula is fitted with the noise of the study's model, the function beside every kind of noise.";
+                    sentence += " It lies outside the function's band: the formula is fitted with the noise of the study's model, the function with every kind of noise.";
                 }
             }
             None if matches!(pair.kind, Kind::Function { .. }) => {
@@ -60,7 +60,7 @@ impl Found {
             let beyond = share_beyond(&self.subject, visited);
             if beyond > MOST_BEYOND {
                 sentence += &format!(
-                    " In {:.0} % of the held-out rows the {} lies beyond what fitted rows visit: there the data say nothing, and the prediction goes on by itself.",
+                    " In {:.0} % of the held-out rows the {} lies outside the range of the fitted rows: there the prediction is an extrapolation.",
                     100.0 * beyond,
                     pair.state.replace('_', " ")
                 );
@@ -69,11 +69,11 @@ impl Found {
         sentence
     }
 
-    /// What else would do, and what is left.
+    /// Sentences on alternatives and on the remaining residual.
     pub fn limits_in_words(&self, chosen: &Learnt, model: &Refitted, library: &[String]) -> Result<String> {
         let mut sentence = String::new();
         if !library.is_empty() {
-            sentence += &format!(" The library's {} does as well and is to be preferred.", quoted(library));
+            sentence += &format!(" The library's {} predicts as well and is preferable.", quoted(library));
         }
         let pair = &self.pairs[chosen.pair];
         let is_near = |other: &&Learnt| {
@@ -87,22 +87,22 @@ impl Found {
         let ahead_nats = leading.evidence_nats - chosen.evidence_nats;
         if ahead_nats > EQUAL_NATS {
             sentence += &format!(
-                " Evidence alone prefers {}, by {ahead_nats:.0} nats, for which no formula as short predicts better.",
+                " Evidence alone prefers {}, by {ahead_nats:.0} nats, but no formula of equal length predicts better for it.",
                 named(leading)
             );
         }
         let near: Vec<String> = self.learnt.iter().filter(is_near).map(named).collect();
         if !near.is_empty() {
-            sentence += &format!(" This experiment cannot tell it from {}.", near.join(", "));
+            sentence += &format!(" This experiment cannot distinguish it from {}.", near.join(", "));
         }
         if misfit(&self.subject, model, &[])?.is_too_large() {
-            sentence += " What it leaves is still more than noise.";
+            sentence += " Its residual still exceeds the noise.";
         }
         Ok(sentence)
     }
 }
 
-/// A quantity in a sentence.
+/// Phrase for a quantity.
 pub fn quantity_words(quantity: &str) -> String {
     match quantity {
         "force" => "the force".into(),
@@ -111,10 +111,10 @@ pub fn quantity_words(quantity: &str) -> String {
     }
 }
 
-/// What depends on what, and which way.
+/// Phrase for a pair and the direction of its dependence.
 pub fn words(pair: &Pair, rises: Option<bool>) -> String {
     if pair.quantity == "creep" {
-        return "a memory at more times than the law has".into();
+        return "a memory with additional retardation times".into();
     }
     let quantity = quantity_words(pair.quantity);
     let way = match rises {
@@ -125,7 +125,7 @@ pub fn words(pair: &Pair, rises: Option<bool>) -> String {
     format!("{quantity} {way} with the {}", pair.state.replace('_', " "))
 }
 
-/// Whether a function rises from the state that is nearest to 0 to the one that is farthest from it.
+/// Returns whether a function rises from the state nearest to 0 to the farthest state.
 pub fn rises(function: &LearnedFunction) -> bool {
     let by_size = |a: &&LearnedPoint, b: &&LearnedPoint| a.state.abs().total_cmp(&b.state.abs());
     let [near, far] = [function.points.iter().min_by(by_size), function.points.iter().max_by(by_size)];

@@ -1,13 +1,13 @@
-//! What the noise is, learnt three ways that see different things; where they disagree, that is a finding.
+//! Noise learnt in three ways, each blind to different parts of it; a disagreement between them is a finding.
 //!
-//! | from | how | does not see |
+//! | source | method | does not see |
 //! |---|---|---|
-//! | rest records | scatter about a line where no force acts | noise slower than a rest; gain |
+//! | rest records | scatter about a line without force | noise slower than a rest; gain |
 //! | short-lag differences | second differences late in holds | slow noise, gain, offset |
-//! | cycle-to-cycle differences | differences of what a fit leaves, after equal force steps of successive cycles | what every cycle repeats |
-//! | restricted maximum likelihood | white, process, gain and offset, with what the law's parameters can absorb integrated out | nothing, but takes the model's misfit for noise |
+//! | cycle-to-cycle differences | differences of a fit's residuals after equal force steps of successive cycles | errors repeated in every cycle |
+//! | restricted maximum likelihood | white, process, gain and offset; the law's parameters are integrated out | nothing, but counts the model's misfit as noise |
 //!
-//! Reference for the last: Patterson & Thompson, *Biometrika* 58, 545 (1971), doi:10.1093/biomet/58.3.545.
+//! Reference for restricted maximum likelihood: Patterson & Thompson, *Biometrika* 58, 545 (1971), doi:10.1093/biomet/58.3.545.
 
 mod records;
 mod restricted;
@@ -25,65 +25,65 @@ use record::Record;
 pub struct Spread {
     /// Standard deviation of one position.
     pub sd_m: f64,
-    /// Standard error of it.
+    /// Standard error of `sd_m`.
     pub standard_error_m: f64,
 }
 
-/// What differences between successive cycles show.
+/// Noise estimate from differences between successive cycles.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct CycleSpread {
-    /// Of one position, gains and offsets of cycles included.
+    /// Spread of one position, gains and offsets of cycles included.
     pub whole: Spread,
-    /// Of one position, without what a gain and an offset of each cycle explain.
+    /// Spread of one position without a gain and an offset of each cycle.
     pub within: Spread,
-    /// Standard deviation of a cycle's gain; 0 where no change of it shows.
+    /// Standard deviation of a cycle's gain; 0 if no change is detected.
     pub gain_sd: f64,
-    /// Standard error of it, as far as that many cycles tell.
+    /// Standard error of `gain_sd`, limited by the number of cycles.
     pub gain_standard_error: f64,
-    /// Mean square of the changes of gain over what the noise makes by chance.
+    /// Mean square of the changes of gain over its value by chance.
     pub gain_score: f64,
-    /// The same of the shifts of cycles against each other.
+    /// Mean square of the shifts of cycles against each other over its value by chance.
     pub offset_score: f64,
-    /// Pairs of successive cycles.
+    /// Number of pairs of successive cycles.
     pub n_pairs: usize,
 }
 
-/// What the restricted likelihood shows.
+/// Noise estimate from the restricted likelihood.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct RestrictedSpread {
-    /// Of what differs from row to row: white errors and the process together.
+    /// Spread from row to row: white errors and the process together.
     pub row: Spread,
-    /// The terms of the noise.
+    /// Terms of the noise.
     pub model: NoiseModel,
-    /// Their parameters in their units, in the order of the model.
+    /// Noise parameters in their units, in the order of the model.
     pub noise: NoiseValues,
 }
 
-/// The noise, learnt three ways.
+/// Noise learnt in all ways.
 #[derive(Debug, Clone, PartialEq)]
 pub struct LearntNoise {
-    /// From rest records, where there are any.
+    /// Estimate from rest records, if there are any.
     pub rest: Option<Spread>,
-    /// From neighbouring positions late in holds.
+    /// Estimate from neighbouring positions late in holds.
     pub neighbours: Option<Spread>,
-    /// From successive cycles.
+    /// Estimate from successive cycles.
     pub cycles: Option<CycleSpread>,
-    /// By restricted maximum likelihood.
+    /// Estimate by restricted maximum likelihood.
     pub restricted: RestrictedSpread,
-    /// Root mean square of what the fit leaves, in m.
+    /// Root mean square residual of the fit, in m.
     pub left_m: f64,
 }
 
-/// Two ways disagree where they differ by this many standard errors and by this fraction.
+/// Least number of standard errors, and least relative difference, at which two estimates disagree.
 const LEAST_ERRORS: f64 = 3.5;
 const LEAST_FRACTION: f64 = 0.2;
-/// What a fit leaves is more than noise from this ratio on.
+/// Least ratio of a fit's residual to the noise that counts as a misfit.
 const LEAST_MISFIT_RATIO: f64 = 1.5;
 
-/// Learns the noise of the fitted cycles: from the records, and at a fit of a candidate.
+/// Learns the noise of the fitted cycles from the record and from a fit of a candidate.
 ///
 /// # Errors
-/// [`base::Error::Numerical`] where the candidate has no derivatives at its fit.
+/// [`base::Error::Numerical`] if the candidate has no derivatives at its fit.
 pub fn learn(subject: &Subject, candidate: &Candidate, fitted: &Fitted) -> Result<LearntNoise> {
     let record = Record { position_m: subject.fitted_m.clone(), ..subject.experiment().record.clone() };
     Ok(LearntNoise {
@@ -96,7 +96,7 @@ pub fn learn(subject: &Subject, candidate: &Candidate, fitted: &Fitted) -> Resul
 }
 
 impl LearntNoise {
-    /// One statement a way, for the document and the terminal.
+    /// One statement per source, for the document and the terminal.
     pub fn estimates(&self) -> Vec<NoiseEstimate> {
         let entry = |from: &str, spread: Option<Spread>, text: String| NoiseEstimate {
             from: from.into(),
@@ -105,19 +105,16 @@ impl LearntNoise {
             text,
         };
         let at_rest = self.rest.map_or_else(
-            || "Rest records: this experiment has none that are long enough.".into(),
+            || "Rest records: this experiment has none of sufficient length.".into(),
             |rest| {
-                format!(
-                    "Rest records: {} about a line where no force acts; a change of gain does not show there.",
-                    um(rest)
-                )
+                format!("Rest records: {} about a line without force; this does not include changes of gain.", um(rest))
             },
         );
         let by_neighbours = self.neighbours.map_or_else(
             || "Short-lag differences: too few positions late in holds.".into(),
             |neighbours| {
                 format!(
-                    "Short-lag differences: {} from neighbouring positions late in holds; slow noise and gain do not show there.",
+                    "Short-lag differences: {} from neighbouring positions late in holds; this does not include slow noise and gain.",
                     um(neighbours)
                 )
             },
@@ -133,7 +130,7 @@ impl LearntNoise {
                     String::new()
                 };
                 format!(
-                    "Cycle-to-cycle differences: {} from {pairs} of successive cycles, {} once a gain and an offset are taken out of each{gain}; what all cycles repeat does not show there.",
+                    "Cycle-to-cycle differences: {} from {pairs} of successive cycles, {} without a gain and an offset of each{gain}; errors that every cycle repeats are not included.",
                     um(cycles.whole),
                     um(cycles.within)
                 )
@@ -141,7 +138,7 @@ impl LearntNoise {
         );
         let [of_rows, of_cycles] = self.restricted.model.words(&self.restricted.noise).map(|words| words.join(", "));
         let by_likelihood = format!(
-            "Restricted maximum likelihood: {} from row to row ({of_rows}), {of_cycles}; what the model misses counts as noise there.",
+            "Restricted maximum likelihood: {} from row to row ({of_rows}), {of_cycles}; this includes the model's misfit.",
             um(self.restricted.row),
         );
         vec![
@@ -152,19 +149,19 @@ impl LearntNoise {
         ]
     }
 
-    /// Where two ways disagree beyond their errors, one sentence each.
+    /// One sentence for every disagreement beyond the errors.
     pub fn disagreements(&self) -> Vec<String> {
         let mut found = Vec::new();
         if let (Some(rest), Some(neighbours)) = (self.rest, self.neighbours)
             && exceeds(rest, neighbours)
         {
             found.push(format!(
-                "At rest positions scatter by {}, neighbouring ones by {}: the noise is slow, or something still moves at rest.",
+                "At rest, positions scatter by {}, neighbouring ones by {}: the noise is slow, or the bead still moves at rest.",
                 short_um(rest.sd_m),
                 short_um(neighbours.sd_m)
             ));
         }
-        // What is seen of single rows, by the way that sees most of it.
+        // Noise of single rows, by the most complete estimate.
         let Some(known) = self.rest.or(self.neighbours) else { return found };
         if let (Some(cycles), Some(neighbours)) = (self.cycles, self.neighbours)
             && (cycles.has_gain() || exceeds(cycles.whole_by_chance(), neighbours))
@@ -175,13 +172,13 @@ impl LearntNoise {
         if ratio > LEAST_MISFIT_RATIO && self.left_m - known.sd_m > LEAST_ERRORS * known.standard_error_m {
             let by_cycles = self.cycles.is_some_and(|cycles| self.left_m < 1.3 * cycles.whole.sd_m);
             let why = if by_cycles {
-                "about as much as successive cycles differ, so that most of it is not the same in every cycle"
+                "about the difference between successive cycles, so most of it does not recur in every cycle"
             } else {
-                "the model misses something, or the noise is slow"
+                "the model has a misfit, or the noise is slow"
             };
-            let seen = if self.rest.is_some() { "rests show" } else { "neighbouring positions show" };
+            let seen = if self.rest.is_some() { "of rests" } else { "of neighbouring positions" };
             found.push(format!(
-                "What the fit leaves ({}) is {} what {seen}: {why}.",
+                "The fit's residual ({}) is {} the noise {seen}: {why}.",
                 short_um(self.left_m),
                 times(ratio)
             ));
@@ -190,7 +187,7 @@ impl LearntNoise {
     }
 }
 
-/// A change of gain shows from this score and this share of the scatter on: one pair reaches it by chance once in 2,000, more pairs less often.
+/// Least score of a detected change of gain, and its least share of the scatter. One pair reaches the score by chance once in 2,000, more pairs less often.
 const LEAST_GAIN_SCORE: f64 = 12.0;
 const LEAST_GAIN_SHARE: f64 = 0.1;
 
@@ -199,12 +196,12 @@ impl CycleSpread {
         self.gain_score > LEAST_GAIN_SCORE && self.whole.sd_m > (1.0 + LEAST_GAIN_SHARE) * self.within.sd_m
     }
 
-    /// With the error that it has where no gain changes, which is what a test of that asks for.
+    /// Spread of whole cycles with its error under constant gain, as a test of constancy requires.
     fn whole_by_chance(&self) -> Spread {
         Spread { standard_error_m: self.within.standard_error_m, ..self.whole }
     }
 
-    /// A shift of whole cycles shows, and the likelihood does not take it for slow noise.
+    /// Returns whether a shift of whole cycles is detected that the likelihood does not attribute to slow noise.
     fn has_offset(&self, restricted: RestrictedSpread) -> bool {
         let [process_um, offset_um] =
             [OU_SD, OFFSET_SD].map(|parameter| restricted.model.value(&restricted.noise, &parameter));
@@ -219,7 +216,7 @@ impl CycleSpread {
         } else if by_gain_m2 > 0.5 * excess_m2 && self.has_offset(restricted) {
             "cycles are shifted against each other".into()
         } else {
-            "the noise is slow, or something changes from cycle to cycle".into()
+            "the noise is slow, or the cycles differ".into()
         };
         let (one, other) = (short_um(neighbours.sd_m), short_um(self.whole.sd_m));
         format!("Neighbouring positions scatter by {one}, but cycles differ by {other}: {why}.")
@@ -231,7 +228,7 @@ fn exceeds(larger: Spread, smaller: Spread) -> bool {
     larger.sd_m - smaller.sd_m > (LEAST_ERRORS * error_m).max(LEAST_FRACTION * smaller.sd_m)
 }
 
-/// Value and standard error, the latter with two digits.
+/// Value and standard error, the error with two digits.
 fn um(spread: Spread) -> String {
     let error_um = 1e6 * spread.standard_error_m;
     let decimals =

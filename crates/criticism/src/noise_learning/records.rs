@@ -1,4 +1,4 @@
-//! The noise from the record itself: rests, neighbouring positions, successive cycles.
+//! Noise estimated from the record itself: rests, neighbouring positions, successive cycles.
 
 use super::{CycleSpread, Spread};
 use record::Record;
@@ -7,16 +7,16 @@ use record::noise::{
     late_rows, second_differences,
 };
 
-/// Standard error of a standard deviation from the median absolute deviation of n second differences of neighbours, over it and by √n: 1.167 for
-/// independent ones (Rousseeuw & Croux, *JASA* 88, 1273, 1993), times √(1 + 2(⅔² + ⅙²)), since neighbouring ones overlap.
+/// Relative standard error, times √n, of a standard deviation from the median absolute deviation of n second differences of neighbours. It is 1.167 for
+/// independent ones (Rousseeuw & Croux, *JASA* 88, 1273, 1993), times √(1 + 2(⅔² + ⅙²)), since neighbouring differences overlap.
 const MAD_ERROR: f64 = 1.63;
-/// Rows of two cycles are at the same time in them to this fraction of the sample interval.
+/// Largest time difference of rows of two cycles that count as simultaneous, as a fraction of the sample interval.
 const SAME_TIME_INTERVALS: f64 = 0.1;
-/// Force steps are equal to this fraction of the force's range.
+/// Largest difference of equal force steps, as a fraction of the force's range.
 const EQUAL_STEP_FRACTION: f64 = 0.05;
 const FEWEST_PER_PAIR: usize = 20;
 
-/// Scatter about straight lines where no force acts: before the first force, and late in rests.
+/// Scatter about straight lines without force: before the first force, and late in rests.
 pub(super) fn at_rest(record: &Record) -> Option<Spread> {
     let no_force_n = NO_FORCE_FRACTION * record.force_range_n();
     let (mut series, mut n_positions, mut n_windows, mut is_loaded) = (Vec::new(), 0, 0, false);
@@ -38,7 +38,7 @@ pub(super) fn at_rest(record: &Record) -> Option<Spread> {
     (n_positions >= MIN_REST_POSITIONS).then(|| spread_of(&series, n_positions - 2 * n_windows)).flatten()
 }
 
-/// Second differences of neighbours late in holds.
+/// Spread from second differences of neighbours late in holds.
 pub(super) fn of_neighbours(record: &Record) -> Option<Spread> {
     let mut sizes: Vec<f64> = second_differences(record).iter().map(|difference| difference.abs()).collect();
     if sizes.len() < MIN_DIFFERENCES {
@@ -49,8 +49,8 @@ pub(super) fn of_neighbours(record: &Record) -> Option<Spread> {
     (sd_m > 0.0).then(|| Spread { sd_m, standard_error_m: sd_m * MAD_ERROR / (sizes.len() as f64).sqrt() })
 }
 
-/// Differences of what a fit (positions in m) leaves at the same time in successive cycles, where the last force step was the same in both: after
-/// another step, as after the first of all, the true motions differ.
+/// Spread from differences of a fit's residuals (positions in m) at equal times in successive cycles, if the last force step was equal in both. After
+/// different steps, as after the first of all, the true motions differ.
 pub(super) fn of_cycles(record: &Record, fitted_m: &[f64]) -> Option<CycleSpread> {
     let steps = record.force_step_rows();
     let same = Same {
@@ -69,7 +69,7 @@ pub(super) fn of_cycles(record: &Record, fitted_m: &[f64]) -> Option<CycleSpread
     let within = spread_of(&within, n - 2 * n_pairs)?;
     let squares: f64 = pairs.iter().flat_map(|pair| &pair.difference_m).map(|d| d * d).sum();
     let whole_m2 = squares / n as f64;
-    // Of the difference of two positions, so that the sd of one is √½ of it. Gains and offsets are few: one a pair.
+    // The difference of two positions has √2 times the sd of one. There is one gain and one offset per pair.
     let between_m2 = (whole_m2 - within.sd_m.powi(2)).max(0.0);
     let error_m4 = (2.0 * within.sd_m * within.standard_error_m).powi(2) + 2.0 * between_m2.powi(2) / n_pairs as f64;
     let half = std::f64::consts::FRAC_1_SQRT_2;
@@ -81,7 +81,7 @@ pub(super) fn of_cycles(record: &Record, fitted_m: &[f64]) -> Option<CycleSpread
     let by_chance = stretch * mean(&|pair| within.sd_m.powi(2) / pair.gain_weight_m2);
     let gain_squared = mean(&|pair| pair.gain_change.powi(2));
     let gain_sd = (0.5 * (gain_squared - by_chance)).max(0.0).sqrt();
-    // The sum of n squares of numbers of one variance has the relative error √(2/n).
+    // The sum of n squares of equal variance has the relative error √(2/n).
     let gain_standard_error =
         if gain_sd > 0.0 { 0.5 * gain_squared * (2.0 / n_pairs as f64).sqrt() / (2.0 * gain_sd) } else { 0.0 };
     let gain_score = gain_squared / by_chance;
@@ -90,16 +90,16 @@ pub(super) fn of_cycles(record: &Record, fitted_m: &[f64]) -> Option<CycleSpread
     Some(CycleSpread { whole, within: within_one, gain_sd, gain_standard_error, gain_score, offset_score, n_pairs })
 }
 
-/// What counts as the same time and as the same force.
+/// Tolerances for equal times and equal forces.
 struct Same {
     time_s: f64,
     force_n: f64,
 }
 
-/// A cycle against the next.
+/// A cycle compared with the next.
 struct Pair {
     difference_m: Vec<f64>,
-    /// What is left of the differences without a change of gain and of offset.
+    /// Differences without a change of gain and of offset.
     left_m: Vec<f64>,
     gain_change: f64,
     /// Mean of the differences.
@@ -133,7 +133,7 @@ impl Pair {
     }
 }
 
-/// A row of a cycle: its time in it, and the forces before and after the last force step.
+/// A row of a cycle: its time in the cycle, and the forces before and after the last force step.
 struct Phase {
     row: usize,
     after_s: f64,
@@ -141,12 +141,12 @@ struct Phase {
     to_n: f64,
 }
 
-/// Of the rows of a cycle, with the rows of all force steps.
+/// Phases of the rows of a cycle; `steps` are the rows of all force steps.
 fn phases(record: &Record, steps: &[usize], cycle: u32) -> Vec<Phase> {
     let first = record.cycle.partition_point(|other| *other < cycle);
     let end = record.cycle.partition_point(|other| *other <= cycle);
     let phase = |row: usize| {
-        // A position is the limit from the left: that of the step's own row still belongs to what was before.
+        // A position is the limit from the left: at the step's own row it still belongs to the previous hold.
         let step = steps.partition_point(|step| *step < row).checked_sub(1).map(|place| steps[place]);
         let before = |step: usize| step.checked_sub(1).map_or(0.0, |before| record.force_n[before]);
         let (from_n, to_n) = step.map_or((0.0, 0.0), |step| (before(step), record.force_n[step]));
@@ -155,7 +155,7 @@ fn phases(record: &Record, steps: &[usize], cycle: u32) -> Vec<Phase> {
     (first..end).map(phase).collect()
 }
 
-/// Slope of the least-squares line of y over x with the sum of squares of x about its mean, and what the line leaves.
+/// Slope of the least-squares line of y over x, the sum of squares of x about its mean, and the residuals of the line.
 fn about_line(x: &[f64], y: &[f64]) -> ((f64, f64), Vec<f64>) {
     let n = x.len() as f64;
     let (mean_x, mean_y) = (x.iter().sum::<f64>() / n, y.iter().sum::<f64>() / n);
@@ -164,7 +164,7 @@ fn about_line(x: &[f64], y: &[f64]) -> ((f64, f64), Vec<f64>) {
     ((slope, weight), x.iter().zip(y).map(|(x, y)| y - mean_y - slope * (x - mean_x)).collect())
 }
 
-/// Standard deviation of series about 0 with so many degrees of freedom, and its error, with the correlation that the series show.
+/// Standard deviation of series about 0 with so many degrees of freedom, and its error for the correlation of the series.
 fn spread_of(series: &[Vec<f64>], degrees: usize) -> Option<Spread> {
     let squares: f64 = series.iter().flatten().map(|value| value * value).sum();
     if degrees == 0 || squares <= 0.0 {
@@ -174,8 +174,8 @@ fn spread_of(series: &[Vec<f64>], degrees: usize) -> Option<Spread> {
     Some(Spread { sd_m, standard_error_m: sd_m * (slowness(series).0 / (2.0 * degrees as f64)).sqrt() })
 }
 
-/// 1 + 2 Σ ρ² and 1 + 2 Σ ρ over the lags up to the first at which the correlation ρ is lost in its own scatter: what the variances of a mean square
-/// and of a mean are multiplied by.
+/// 1 + 2 Σ ρ² and 1 + 2 Σ ρ over the lags before the correlation ρ vanishes in its own scatter: factors of the variances of a mean square
+/// and of a mean.
 fn slowness(series: &[Vec<f64>]) -> (f64, f64) {
     let longest = series.iter().map(Vec::len).max().unwrap_or(0) / 3;
     let n: usize = series.iter().map(Vec::len).sum();

@@ -1,4 +1,4 @@
-//! Known noise of every kind, learnt; the restricted likelihood against dense algebra.
+//! Tests that learn known noise of every kind, and compare the restricted likelihood with dense algebra.
 
 use nalgebra::{DMatrix, DVector};
 use std::time::Instant;
@@ -29,7 +29,7 @@ fn calibration(found: &[Spread], truth_um: f64) -> f64 {
     (squares.sum::<f64>() / found.len() as f64).sqrt()
 }
 
-/// White noise of 4 µm, 24 records: every way finds it. The root mean square of 24 normal scores lies below 1.9 but for fewer than one time in 10⁶.
+/// White noise of 4 µm, 24 records: every way finds it. The root mean square of 24 normal scores is below 1.9 except once in 10⁶.
 #[test]
 fn white_noise_is_found_every_way() {
     let subject = subject(Protocol::Levels);
@@ -53,14 +53,14 @@ fn white_noise_is_found_every_way() {
     }
     let n_disagreeing = all.iter().filter(|learnt| !learnt.disagreements().is_empty()).count();
     all.iter().flat_map(LearntNoise::disagreements).for_each(|text| println!("{text}"));
-    // A disagreement asks for 3.5 errors, once in 2,000 records: two of 24 come about once in 10⁴, so that the bar stands by its fixed seeds.
+    // A disagreement needs 3.5 errors, once in 2,000 records. Two of 24 occur about once in 10⁴, so the bound relies on its fixed seeds.
     assert!(n_disagreeing <= 1, "{n_disagreeing}");
     all[0].estimates().iter().for_each(|estimate| println!("{}", estimate.text));
 }
 
-/// Shifts of whole cycles by 6 µm are called that, slow noise of the same size is not. Two differences of shifts a record are drawn small in some, and some
-/// look like a gain: about six records in ten say it, so that fewer than three of sixteen fail falsely about once in 10⁴, more than two of slow noise
-/// below 10⁻⁶ where it is said once in 1,000.
+/// The sentences report shifts of whole cycles by 6 µm as such, but not slow noise of equal size. Two differences of shifts per record are small in some records and resemble
+/// a gain in others, so about six records in ten report it. Fewer than three of sixteen fail falsely about once in 10⁴. For slow noise, with one report in 1,000, more than two
+/// have a probability below 10⁻⁶.
 #[test]
 fn only_shifts_of_cycles_are_called_that() {
     let subject = subject(Protocol::Paper);
@@ -80,8 +80,8 @@ fn only_shifts_of_cycles_are_called_that() {
     assert!(shifted >= 3 && slow <= 2, "{shifted} {slow}");
 }
 
-/// A gain of 2 % shows between cycles and not between neighbours; the sentence says so. Changes of gain by 2.8 % are 12 errors or more, so that the score
-/// misses its bar in fewer than one record of ten: fewer than eight of sixteen said fail falsely with a probability below 10⁻⁵.
+/// A gain of 2 % shows between cycles and not between neighbours, and the sentence reports it. Changes of gain by 2.8 % are at least 12 errors, so the score
+/// misses its threshold in fewer than one record of ten. Fewer than eight reports in sixteen have a probability below 10⁻⁵.
 #[test]
 fn a_gain_shows_between_cycles() {
     let subject = subject(Protocol::Levels);
@@ -98,15 +98,15 @@ fn a_gain_shows_between_cycles() {
             learnt.estimates().iter().for_each(|estimate| println!("{}", estimate.text));
         }
     }
-    // Three changes of gain a record, neighbours sharing a cycle: a mean square of 16 records lies within a factor of 2.5 but for one time in 10⁶.
+    // Three changes of gain per record, neighbours sharing a cycle: the mean square of 16 records is within a factor of 2.5 except once in 10⁶.
     let gain_sd = (sum / 16.0_f64).sqrt();
     println!("gain {gain_sd:.4}, said {n_said} of 16");
     assert!((0.4..2.5).contains(&(gain_sd / 0.02).powi(2)), "{gain_sd}");
     assert!(n_said >= 8, "{n_said}");
 }
 
-/// A process of 6 µm over 1 s is seen by the restricted likelihood, hardly by neighbours. The root mean square of sixteen normal scores lies below 2.2 but
-/// for fewer than one time in 10⁶, and the mean of sixteen estimates from neighbours has an error of 0.1 µm, a fifth of what the bar leaves it.
+/// The restricted likelihood shows a process of 6 µm over 1 s, neighbours hardly do. The root mean square of sixteen normal scores is below 2.2
+/// except once in 10⁶. The mean of sixteen estimates from neighbours has an error of 0.1 µm, a fifth of its tolerance.
 #[test]
 fn slow_noise_hides_from_neighbours() {
     let subject = subject(Protocol::Paper);
@@ -125,7 +125,7 @@ fn slow_noise_hides_from_neighbours() {
     assert!(by_neighbours < 5.0 && score < 2.2, "{by_neighbours} {score}");
 }
 
-/// −½(ln det Σ + ln det(AᵀΣ⁻¹A + prior) + the residual's distance after the best step), densely, on rows of the first hold alone; up to a constant.
+/// −½(ln det Σ + ln det(AᵀΣ⁻¹A + prior) + the squared residual after the best step), dense, on rows of the first hold alone, up to a constant.
 #[test]
 fn the_restricted_likelihood_equals_dense_algebra() {
     let subject = subject(Protocol::Paper);
@@ -172,10 +172,10 @@ fn the_restricted_likelihood_equals_dense_algebra() {
     }
 }
 
-/// On twenty rows of white noise the law's three parameters take a good part of the freedom: maximum likelihood understates σ, restricted does not.
-/// The prior of the process adds a little white noise of its own, hence the one-sided claim on the ratio of the two. Both are of the same records, so that
-/// the ratio hardly scatters; the mean of the sixty variances by maximum likelihood has an error of 4 %, the loss that is claimed is about four of those,
-/// which chance makes good with a probability of 3 × 10⁻⁵.
+/// The law's three parameters use a good part of the freedom of twenty rows of white noise. Maximum likelihood understates σ, restricted maximum likelihood does not.
+/// The prior of the process adds a little white noise of its own, hence the one-sided test of the ratio of the two. Both use the same records, so
+/// the ratio hardly scatters. The mean of the sixty variances by maximum likelihood has an error of 4 %. The asserted loss is about four of those errors;
+/// chance removes it with a probability of 3 × 10⁻⁵.
 #[test]
 fn restricted_estimates_make_good_what_the_mean_absorbs() {
     let subject = subject(Protocol::Paper);

@@ -1,4 +1,4 @@
-//! The smooth leftover: a Gaussian process of one argument, fitted to what the model's parameters cannot absorb.
+//! Smooth residual structure: a Gaussian process of one argument, fitted to the part that the model's parameters cannot absorb.
 
 use nalgebra::{DMatrix, DVector, SymmetricEigen};
 use rayon::prelude::*;
@@ -13,7 +13,7 @@ use crate::{Candidate, Fitted, Search, Subject, Tangent};
 use base::error::Result;
 use sampling::ensemble::RandomStream;
 
-/// What a discrepancy is a function of.
+/// Argument of a discrepancy.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Axis {
     /// Share of the cycle.
@@ -22,12 +22,12 @@ pub enum Axis {
     TimeSinceStep,
     /// Time, in s.
     AbsoluteTime,
-    /// Force that acts, in N.
+    /// Acting force, in N.
     Force,
 }
 
 impl Axis {
-    /// All of them.
+    /// All axes.
     pub const ALL: [Self; 4] = [Self::Phase, Self::TimeSinceStep, Self::AbsoluteTime, Self::Force];
 
     /// Name in the document of `diagnose`.
@@ -49,8 +49,8 @@ impl Axis {
         }
     }
 
-    /// Standard deviation a priori of a basis function and covariance of two, up to the process's variance, for a smoothness: as for a squared
-    /// exponential kernel, whose length is `length` knots or 1/`length` waves.
+    /// Prior covariance of the basis functions, up to the process's variance, for a smoothness. It is that of a squared
+    /// exponential kernel with a length of `length` knots or 1/`length` waves.
     fn covariance(self, n: usize, length: f64) -> DMatrix<f64> {
         let kernel = |distance: f64| (-0.5 * distance * distance).exp();
         DMatrix::from_fn(n, n, |i, j| match self {
@@ -63,38 +63,38 @@ impl Axis {
     }
 }
 
-/// A smooth leftover, orthogonal to the tangent space of the model's parameters: it bends none of them.
+/// A smooth residual structure, orthogonal to the tangent space of the model's parameters, so that it shifts none of them.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Discrepancy {
-    /// What it is a function of.
+    /// Argument of the process.
     pub axis: Axis,
-    /// Log evidence for it, over none, at the best size and smoothness, in nats.
+    /// Log evidence of the process over none, at the best size and smoothness, in nats.
     pub gain_nats: f64,
     /// p of that gain, corrected for all axes, by simulation.
     pub p_familywise: f64,
     /// Root mean square (µm) of its mean over the fitted rows.
     pub size_um: f64,
-    /// Value of its argument, one a row of the record.
+    /// Value of its argument, one per row of the record.
     pub coordinate: Vec<f64>,
-    /// Sign with which the curve enters a row: that of the force step along [`Axis::TimeSinceStep`], else 1.
+    /// Sign of the curve at a row: that of the force step for [`Axis::TimeSinceStep`], else 1.
     pub sign: Vec<f64>,
-    /// Posterior mean (m), one a row; to be added to a prediction.
+    /// Posterior mean (m), one per row, to be added to a prediction.
     pub mean_m: Vec<f64>,
-    /// Posterior standard deviation (m), one a row; a prediction's variance grows by its square.
+    /// Posterior standard deviation (m), one per row; a prediction's variance grows by its square.
     pub sd_m: Vec<f64>,
-    /// What the model without it leaves of the fitted positions (m), its parameters where they absorb what they can; `None` in other rows.
+    /// Residual (m) of the model without the process at the fitted positions, after its parameters have absorbed their part; `None` in other rows.
     pub residual_m: Vec<Option<f64>>,
-    /// The model without it, with the noise that is left beside it.
+    /// The model without the process, with the noise estimated beside it.
     pub fitted: Fitted,
 }
 
-/// Sizes of the process (µm over the yardstick) and smoothnesses that are compared.
+/// Trial sizes of the process (relative to the yardstick) and trial smoothnesses.
 const SIZES: [f64; 9] = [0.06, 0.12, 0.25, 0.5, 1.0, 2.0, 4.0, 8.0, 16.0];
 const LENGTHS: [f64; 4] = [1.0, 2.0, 4.0, 8.0];
 
-/// A process of one argument, size and smoothness, diagonal in the data: its data are N(0, 1 + dᵢ).
+/// A process of one argument, size and smoothness, in coordinates that make the data independent N(0, 1 + dᵢ).
 struct Process {
-    /// Amplitudes of the basis from the process's own coordinates.
+    /// Matrix from the process's own coordinates to amplitudes of the basis.
     to_amplitudes: DMatrix<f64>,
     /// Prior variances d of its coordinates in whitened data.
     variances: DVector<f64>,
@@ -113,13 +113,13 @@ impl Process {
         Self { to_amplitudes: root * eigenvectors, variances: eigenvalues.map(|value| value.max(0.0)), directions }
     }
 
-    /// Log evidence over white numbers alone.
+    /// Log evidence relative to white noise alone.
     fn gain_nats(&self, residual: &DVector<f64>) -> f64 {
         let along = self.directions.tr_mul(residual);
         along.iter().zip(&self.variances).map(|(z, d)| 0.5 * (z * z / (1.0 + d) - d.ln_1p())).sum()
     }
 
-    /// Mean of the amplitudes, and a square root of their covariance.
+    /// Posterior mean of the amplitudes, and a square root of their covariance.
     fn posterior(&self, residual: &DVector<f64>) -> (DVector<f64>, DMatrix<f64>) {
         let along = self.directions.tr_mul(residual);
         let mean = along.component_div(&self.variances.map(|d| 1.0 + d));
@@ -128,7 +128,7 @@ impl Process {
     }
 }
 
-/// One axis, prepared.
+/// One axis with its processes.
 struct Prepared {
     axis: Axis,
     tangent: Tangent,
@@ -137,11 +137,11 @@ struct Prepared {
     processes: Vec<Process>,
 }
 
-/// Processes of the phase, of the time since the step, of absolute time and of the force in the fitted rows, the likeliest first. Noise is estimated
-/// beside a free curve of the same argument, so that it does not hold what is looked for.
+/// Fits processes of phase, time since the step, absolute time and force in the fitted rows; the likeliest comes first. The noise is estimated
+/// beside a free curve of that argument, so that it does not absorb the structure.
 ///
 /// # Errors
-/// As [`Subject::fit`] and [`Tangent::new`].
+/// Errors of [`Subject::fit`] and [`Tangent::new`].
 pub fn discrepancies(
     subject: &Subject,
     candidate: &Candidate,
@@ -186,7 +186,7 @@ fn prepare(
     let clean = natural(&subject.noise_prior().white());
     let noise = subject.fit(&extended, &starts(start, fitted, clean), Search::Local)?.noise;
     let own = [(fitted.theta.clone(), noise)];
-    // Parameters are those of the model alone: the process takes what they leave.
+    // Parameters are those of the model alone: the process describes their residual.
     let alone = subject.fit(candidate, &own, Search::Local)?;
     let fitted = Fitted { noise, ..alone };
     let tangent = Tangent::new(subject, candidate, &fitted)?;
@@ -223,7 +223,7 @@ impl Prepared {
         let mean = &basis * amplitudes;
         let spread = basis * root;
         let squares: f64 = setting.rows.iter().map(|row| mean[*row].powi(2)).sum();
-        // At this noise the parameters would absorb a little more.
+        // Under this noise the parameters would absorb slightly more.
         let steps = self.tangent.absorbing_step(self.tangent.residual()).unwrap_or_default();
         let absorbed_m = |row: usize| own.iter().zip(&steps).map(|(column, step)| step * column[row]).sum::<f64>();
         let left_m = |row: usize| subject.fitted_m[row].map(|y| y - self.fitted.position_m[row] - absorbed_m(row));

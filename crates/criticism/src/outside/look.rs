@@ -1,4 +1,4 @@
-//! The search: screening, refits, refinement, and how much of it is chance.
+//! Search for structure outside the library: screening, refits, refinement, and calibration against chance.
 
 use rayon::prelude::*;
 
@@ -13,26 +13,26 @@ use crate::noise_fit::natural;
 use crate::{Candidate, Fitted, Search, Subject, Tangent, outliers};
 use base::error::Result;
 
-/// Shapes of a family that each weighting nominates for a refit.
+/// Number of shapes that each weighting nominates from a family for a refit.
 const NOMINATED: usize = 2;
-/// Families whose gain stays further than this below the best are not refined, in nats.
+/// Distance below the best gain, in nats, at which a family is not refined.
 const REFINED_WITHIN: f64 = 12.0;
-/// Findings that gain less than this more than chance are not returned, in nats.
+/// Least gain beyond chance of a returned finding, in nats.
 const LEAST_PENALISED: f64 = 0.0;
-/// Spread of the gain when shapes are weighed with a noise that has not seen the residuals.
+/// Spread of the gain in a noise that was not estimated from the residuals.
 const CLEAN_GAIN_SD: f64 = 0.005;
-/// Effects are called alike above this cosine.
+/// Cosine above which an effect is reported as similar.
 const TWIN_COSINE: f64 = 0.9;
 
-/// Least cost of a free amplitude, in nats: a curve that can be anything must gain more than a shape that can be one thing.
+/// Least penalty per free amplitude, in nats: a flexible curve must gain more than a fixed shape.
 const NATS_A_DEGREE: f64 = 1.5;
 
-/// What chance gains in a search.
+/// Gains of a search by chance.
 #[derive(Debug, Clone, PartialEq)]
 pub struct OutsideNull {
-    /// What is taken off the gain of each family, in nats.
+    /// Penalty of each family, in nats.
     penalties: Vec<f64>,
-    /// Largest gain of any family above its penalty, one a simulation.
+    /// Largest gain of any family above its penalty, one per simulation.
     excesses: Vec<f64>,
 }
 
@@ -60,11 +60,11 @@ impl OutsideNull {
         Self { penalties, excesses }
     }
 
-    /// What a search over all kinds gains by chance in residuals of a fit. It depends on the protocol and the noise more than on the positions, so
-    /// that one serves many simulated data sets of one experiment.
+    /// Simulates the gains by chance of a search over all kinds, in residuals of a fit. They depend on the protocol and the noise more than on the positions, so
+    /// one null serves many simulated data sets of an experiment.
     ///
     /// # Errors
-    /// As [`Tangent::new`].
+    /// Errors of [`Tangent::new`].
     pub fn of(subject: &Subject, candidate: &Candidate, fitted: &Fitted, request: &OutsideRequest) -> Result<Self> {
         let setting = Setting::new(subject, candidate, fitted)?;
         let tangent = Tangent::new(subject, candidate, fitted)?;
@@ -87,23 +87,23 @@ struct Refit {
     fitted: Fitted,
 }
 
-/// One search: the subject without outliers and the model's best fit to it.
+/// State of a search: the subject without outliers and the model's best fit to it.
 struct Looking<'a> {
     subject: Subject,
     candidate: &'a Candidate,
     base: Fitted,
-    /// Around that fit.
+    /// Tangent at that fit.
     own: Tangent,
-    /// Noise of the yardstick's size, white but for a small gain.
+    /// White noise of the yardstick's size with a small gain.
     clean: NoiseValues,
     setting: Setting,
     families: Vec<Vec<Shape>>,
 }
 
-/// Structure outside the library in the fitted rows of a subject, given a model and its fit; the best of each kind, by penalised gain.
+/// Structure outside the library in the fitted rows of a subject, given a model and its fit: the best of each kind, by penalised gain.
 ///
 /// # Errors
-/// As [`Subject::fit`] and [`Tangent::new`].
+/// Errors of [`Subject::fit`] and [`Tangent::new`].
 pub fn search(
     subject: &Subject,
     candidate: &Candidate,
@@ -114,13 +114,13 @@ pub fn search(
     looking.outsides(request)
 }
 
-/// Events (slips, drifts, changes of gain, disturbances) in *all* cycles, the scored one included, which every other fit leaves alone.
+/// Events (slips, drifts, changes of gain, disturbances) in *all* cycles, including the scored one, which no other fit uses.
 ///
-/// The model is refitted to all cycles: what is found here tells why the scored cycle may be missed, and is no prediction of it. `fitted` of the
-/// findings has seen every cycle and must not be scored.
+/// The model is refitted to all cycles. A finding here explains why the prediction of the scored cycle may fail, and predicts nothing. `fitted` of the
+/// findings has used every cycle and must not be scored.
 ///
 /// # Errors
-/// As [`search`].
+/// Errors of [`search`].
 pub fn events_over_all_cycles(
     subject: &Subject,
     candidate: &Candidate,
@@ -135,10 +135,10 @@ pub fn events_over_all_cycles(
     looking.outsides(request)
 }
 
-/// The largest penalised gain (nats) of any kind, judged by a null that was simulated before; cheap enough for every data set of a bootstrap.
+/// Largest penalised gain (nats) of any kind, judged by an existing null; cheap enough for every data set of a bootstrap.
 ///
 /// # Errors
-/// As [`search`].
+/// Errors of [`search`].
 pub fn outside_gain(
     subject: &Subject,
     candidate: &Candidate,
@@ -163,7 +163,7 @@ impl<'a> Looking<'a> {
         let subject = subject.without_rows(&outliers::find(subject, fitted));
         let mut clean = natural(&subject.noise_prior().white());
         clean[3] = CLEAN_GAIN_SD;
-        // The gain must not come from the noise of the model alone settling elsewhere.
+        // The gain must not come from another noise optimum of the model alone.
         let base = subject.fit(candidate, &starts(fitted.theta.clone(), fitted, clean), Search::Local)?;
         let setting = Setting::new(&subject, candidate, &base)?;
         let families = families(&setting).into_iter();
@@ -194,7 +194,7 @@ impl<'a> Looking<'a> {
         best.into_iter().map(|(penalised, refit)| self.outside(refit, penalised, &null)).collect()
     }
 
-    /// The best refit of each family.
+    /// Refits the nominated shapes and returns the best refit of each family.
     fn refits(&self, own: Vec<Scored>, null: &OutsideNull) -> Result<Vec<Refit>> {
         let clean = self.tangent(&Fitted { noise: self.clean, ..self.base.clone() })?;
         let clean = screen(&clean, &self.setting, &self.families, 0, 0).scores;
@@ -235,7 +235,7 @@ impl<'a> Looking<'a> {
         refit.fitted.objective - self.base.objective
     }
 
-    /// The model with a shape, refitted; `None` for a shape of which the model leaves nothing.
+    /// Refits the model with a shape; `None` if the model absorbs the whole shape.
     fn refit(&self, family: usize, shape: Shape) -> Result<Option<Refit>> {
         let columns = shape.columns_m(&self.setting);
         let kept = kept(&self.own, &columns);
@@ -248,7 +248,7 @@ impl<'a> Looking<'a> {
         Ok(Some(Refit { family, shape, candidate, fitted }))
     }
 
-    /// The model without the columns at a refit's parameters and noise.
+    /// The model without the columns, at a refit's parameters and noise.
     fn without_columns(&self, refit: &Refit) -> Result<Fitted> {
         let n_free = self.candidate.dimension();
         let theta = refit.fitted.theta[..n_free].to_vec();
@@ -256,7 +256,7 @@ impl<'a> Looking<'a> {
         Ok(Fitted { theta, position_m, ..refit.fitted.clone() })
     }
 
-    /// Moves the shape on a finer and finer grid, weighed with the noise that its own refit leaves.
+    /// Moves the shape on finer and finer grids, weighted by the noise of its own refit.
     fn refined(&self, mut refit: Refit) -> Result<Refit> {
         for fineness in [1.0, 0.5, 0.2] {
             let near = refit.shape.neighbours(&self.setting, fineness);
@@ -310,7 +310,7 @@ impl<'a> Looking<'a> {
         })
     }
 
-    /// What is left of a column (m) when the model's parameters have absorbed what they can.
+    /// Part of a column (m) that the model's parameters cannot absorb.
     fn unabsorbed(&self, tangent: &Tangent, fitted: &Fitted, column_m: Vec<f64>) -> Result<Vec<f64>> {
         let white = tangent.whiten(std::slice::from_ref(&column_m));
         let Some(step) = tangent.absorbing_step(&white[0]) else { return Ok(column_m) };
@@ -321,7 +321,7 @@ impl<'a> Looking<'a> {
         Ok(left_m)
     }
 
-    /// Effects whose signature at their null lies along a discrepancy.
+    /// Effects whose signature at their null is parallel to a discrepancy.
     fn twins(&self, tangent: &Tangent, fitted: &Fitted, discrepancy_m: &[f64]) -> Vec<(String, f64)> {
         let own = &tangent.visible(&[discrepancy_m.to_vec()])[0];
         let mut twins = Vec::new();
@@ -344,7 +344,7 @@ impl<'a> Looking<'a> {
         twins
     }
 
-    /// Derivatives (m) of the position with respect to the first parameter of an effect that the model lacks, over what is unidentified at its null.
+    /// Derivatives (m) of the position with respect to the first parameter of an effect that the model lacks. Several values are used for parameters unidentified at its null.
     fn signatures(&self, fitted: &Fitted, slug: &str) -> Vec<Vec<f64>> {
         let base = self.subject.base();
         let added = self.candidate.effects.iter().filter(|own| !base.effects.contains(own)).map(String::as_str);
@@ -371,12 +371,12 @@ impl<'a> Looking<'a> {
     }
 }
 
-/// From another fit, with its noise and with one that has not seen the residuals.
+/// Starts at another fit, with its noise and with a noise that was not estimated from the residuals.
 pub(super) fn starts(theta: Vec<f64>, fitted: &Fitted, clean: NoiseValues) -> [(Vec<f64>, NoiseValues); 2] {
     [(theta.clone(), fitted.noise), (theta, clean)]
 }
 
-/// Leading shapes of a family that are not next to each other on its grid.
+/// Leading shapes of a family that are not neighbours on its grid.
 fn leaders(scores: &[Scored], family: usize) -> Vec<Shape> {
     let mut of_family: Vec<(usize, &Scored)> =
         scores.iter().filter(|score| score.family == family && score.degrees > 0).enumerate().collect();
@@ -399,7 +399,7 @@ fn with_twins(sentence: String, twins: &[(String, f64)]) -> String {
     }
     let names: Vec<String> = twins.iter().take(3).map(|(slug, _)| format!("`{slug}`")).collect();
     format!(
-        "{sentence} In this experiment it looks nearly as {} would: the two cannot be told apart by shape.",
+        "{sentence} In this experiment its shape is nearly that of {}: the two cannot be distinguished by shape.",
         names.join(" or ")
     )
 }

@@ -1,24 +1,24 @@
 //! Structure that no effect of the library makes: vibrations, slips, drifts, jumps of the gain, passing disturbances, backlash, memory of
 //! the largest excursion, and free curves.
 //!
-//! What is found is described, not explained: it has no parameter of the gel. Each shape is added to the mean as columns of free amplitude and refitted
-//! with the noise estimated anew; its gain is the difference of the fits' objectives.
+//! Findings describe and do not explain: they have no parameter of the gel. Each shape is added to the mean as columns of free amplitude and refitted
+//! with the noise estimated anew. Its gain is the difference of the fits' objectives.
 //!
 //! # Search
-//! Thousands of shapes are scored linearly, by ½‖Qᵀr‖² with Q an orthonormal basis of what the model leaves of their whitened columns: once with the
-//! fit's noise, and once with white noise of the yardstick's size, since a noise that was estimated with the structure still in the residuals hides it.
-//! The leading ones of each family are refitted, their moments, frequencies and widths refined, and refitted again.
+//! Thousands of shapes are scored linearly, by ½‖Qᵀr‖². Q is an orthonormal basis of the part of their whitened columns that the model cannot absorb. They are scored once with the
+//! fit's noise and once with white noise of the yardstick's size, since a noise estimated from residuals with the structure hides it.
+//! The leading shapes of each family are refitted; their times, frequencies and widths are refined, and the shapes refitted again.
 //!
 //! # Free curves
-//! Curves of the phase, of the time since the step, of absolute time and of the position stand for a Gaussian process of that argument: a smooth basis in three
-//! resolutions, each penalised by what a basis of its size gains by chance. [`Discrepancy`] is the process itself, with its band.
+//! Curves of the phase, of the time since the step, of absolute time and of the position represent a Gaussian process of that argument. They use a smooth basis in three
+//! resolutions, each penalised by the gain of such a basis by chance. [`Discrepancy`] is the process itself, with its band.
 //!
-//! # How much chance gains
-//! Among a thousand moments one always gains. Residuals of pure noise are simulated and searched alike: the median of the best gain that a family then has,
-//! or 1.5 nats an amplitude where that is more, is taken off its gain (`penalised_gain_nats`), which makes families of any size and degree comparable,
-//! and the family-wise p is the share of simulations in which any family does as well.
+//! # Gain by chance
+//! Among a thousand times, one always gains. Residuals of pure noise are therefore simulated and searched alike. The median of a family's best gain in them,
+//! or 1.5 nats per amplitude if that is more, is subtracted from its gain (`penalised_gain_nats`). This makes families of any size and degree comparable.
+//! The family-wise p is the share of simulations in which any family gains as much.
 //!
-//! A row that stands out alone is an outlier and left out here: no shape is narrower than a few rows.
+//! Single outlying rows are outliers and excluded here: no shape is narrower than a few rows.
 
 mod discrepancy;
 mod look;
@@ -38,17 +38,17 @@ use super::{Candidate, Fitted};
 pub enum OutsideKind {
     /// A sinusoid of any frequency.
     Vibration,
-    /// A step in position at one moment.
+    /// A step in position at one time.
     Slip,
-    /// A drift that begins or ends at one moment.
+    /// A drift that begins or ends at one time.
     Ramp,
-    /// A change of gain at one moment.
+    /// A change of gain at one time.
     GainChange,
     /// A bell of free time and width.
     Disturbance,
-    /// Play between position and reading.
+    /// Play between position and reading, as in a worn drive.
     Backlash,
-    /// A curve of the phase within the cycle, the same in every cycle.
+    /// A curve of the phase within the cycle, equal in every cycle.
     CycleLocked,
     /// A curve of the time since the force step, signed by the step.
     SinceStep,
@@ -58,7 +58,7 @@ pub enum OutsideKind {
     Nonlinearity,
     /// A shift for each level of the force, or a force that is not proportional to its command.
     ForceLevel,
-    /// The largest excursion so far.
+    /// Memory of the largest excursion so far.
     Ratchet,
 }
 
@@ -81,12 +81,12 @@ impl OutsideKind {
         }
     }
 
-    /// Whether it comes from outside the gel and has no part in its law, whatever that is.
+    /// Returns whether the structure comes from outside the gel and belongs to no law.
     pub fn is_apart_from_law(self) -> bool {
         matches!(self, Self::Vibration | Self::Slip | Self::Ramp | Self::GainChange | Self::Disturbance)
     }
 
-    /// The argument of a free curve, which stands for a process of it; `None` for what has a shape of its own.
+    /// Argument of a free curve, which represents a process of it; `None` for fixed shapes.
     pub fn axis_of_curve(self) -> Option<Axis> {
         match self {
             Self::CycleLocked => Some(Axis::Phase),
@@ -98,10 +98,10 @@ impl OutsideKind {
     }
 }
 
-/// How to search.
+/// Settings of the search.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct OutsideRequest {
-    /// Simulated residuals by which gains are judged; p cannot fall below 1/(1 + n).
+    /// Number of simulated residuals by which gains are judged; p is at least 1/(1 + n).
     pub n_simulations: usize,
     /// Seed of the simulated residuals.
     pub seed: u64,
@@ -116,38 +116,38 @@ impl Default for OutsideRequest {
 /// Structure outside the library.
 #[derive(Clone)]
 pub struct Outside {
-    /// Of which kind it is.
+    /// Kind of structure.
     pub kind: OutsideKind,
-    /// In plain words: what, when, how large.
+    /// Sentence: kind, time, size.
     pub sentence: String,
-    /// Gain of the refit over the model that it was looked for in, in nats; over the same rows, outliers left out.
+    /// Gain of the refit over the searched model, in nats, over equal rows without outliers.
     pub gain_nats: f64,
-    /// The same less what the family costs: the median of the best gain that pure noise gives it, at least 1.5 nats an amplitude.
+    /// Gain less the family's penalty: the median of its best gain in pure noise, at least 1.5 nats per amplitude.
     pub penalised_gain_nats: f64,
-    /// Free amplitudes.
+    /// Number of free amplitudes.
     pub degrees: usize,
-    /// Share of simulated residuals in which any family does as well.
+    /// Share of simulated residuals in which any family gains as much.
     pub p_familywise: f64,
-    /// Root mean square (µm) over the fitted rows of what the model's parameters cannot absorb of it.
+    /// Root mean square (µm), over the fitted rows, of the part that the model's parameters cannot absorb.
     pub size_um: f64,
-    /// Simulated data sets that did not show as much, where the budget of such a search ended them; `None` where it did not.
+    /// Number of simulated data sets if the budget ended their search early; none of them showed as much. `None` if it did not.
     pub cut_short_after: Option<usize>,
-    /// Moment (s) of an event.
+    /// Time (s) of an event.
     pub event_time_s: Option<f64>,
-    /// Period (s) of what repeats.
+    /// Period (s) of a repeating structure.
     pub period_s: Option<f64>,
-    /// Effects of the library that look nearly the same here, with the cosine between them; the most alike first.
+    /// Effects of the library with nearly the same shape here, with the cosine between them; the most similar first.
     pub twins: Vec<(String, f64)>,
     /// The model with the columns.
     pub candidate: Candidate,
-    /// Its fit, outliers left out.
+    /// Its fit, without outliers.
     pub fitted: Fitted,
-    /// What the model's parameters cannot absorb of it (m), one value a row of the record.
+    /// Part that the model's parameters cannot absorb (m), one value per row of the record.
     pub discrepancy_m: Vec<f64>,
 }
 
 impl Outside {
-    /// What a verdict takes into account of it.
+    /// Evidence for the verdict.
     pub(crate) fn evidence(&self) -> Structure {
         Structure {
             gain_nats: self.penalised_gain_nats,

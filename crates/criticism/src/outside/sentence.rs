@@ -1,16 +1,16 @@
-//! What was found, in plain words.
+//! Sentences for structure outside the library.
 
 use super::setting::Setting;
 use super::shape::{Shape, Side};
 
-/// Words for a finding.
+/// Sentence, time and period of a finding.
 pub(super) struct Words {
     pub sentence: String,
     pub event_time_s: Option<f64>,
     pub period_s: Option<f64>,
 }
 
-/// Three significant digits.
+/// Formats with three significant digits.
 fn number(value: f64) -> String {
     let magnitude = value.abs();
     if !(1e-4..1e6).contains(&magnitude) {
@@ -20,7 +20,7 @@ fn number(value: f64) -> String {
     format!("{value:.decimals$}")
 }
 
-/// A value and its standard deviation, to the latter's first digit.
+/// Formats a value and its standard deviation, to the deviation's first digit.
 fn with_sd(value: f64, sd: f64) -> String {
     if !(sd.is_finite() && sd > 0.0) {
         return number(value);
@@ -29,7 +29,7 @@ fn with_sd(value: f64, sd: f64) -> String {
     format!("{value:.decimals$} ± {sd:.decimals$}")
 }
 
-/// Describes a shape of given amplitudes (µm), their standard deviations and what of it the model leaves (µm).
+/// Describes a shape by its amplitudes (µm), their standard deviations and its visible part (µm).
 pub(super) fn describe(
     shape: Shape,
     amplitudes: &[f64],
@@ -53,7 +53,7 @@ pub(super) fn describe(
         Shape::Vibration { frequency_hz } => {
             let height = with_sd(norm(amplitudes), norm(sds) / (sds.len().max(1) as f64).sqrt());
             let sentence = format!(
-                "A vibration of {height} µm at {} Hz{} runs through the record: no effect of the library makes one.",
+                "A vibration of {height} µm at {} Hz{} runs through the record; no effect of the library makes one.",
                 number(frequency_hz),
                 locked(frequency_hz, setting)
             );
@@ -70,15 +70,15 @@ pub(super) fn describe(
         }
         Shape::RampFrom { time_s } => {
             let rate = with_sd(amplitude, sd);
-            event(format!("A drift of {rate} µm/s begins {}: something outside the gel moves.", when(time_s)), time_s)
+            event(format!("A drift of {rate} µm/s begins {}: a part outside the gel moves.", when(time_s)), time_s)
         }
         Shape::RampUntil { time_s } => {
             let rate = with_sd(amplitude, sd);
-            event(format!("A drift of {rate} µm/s ends {}: something outside the gel moved.", when(time_s)), time_s)
+            event(format!("A drift of {rate} µm/s ends {}: a part outside the gel moved.", when(time_s)), time_s)
         }
         Shape::GainChange { row } => {
             let time_s = setting.time_s[row];
-            // Amplitudes are µm at the largest position.
+            // Amplitudes are in µm at the largest position.
             let percent = 1e-4 / setting.largest_position_m().max(f64::MIN_POSITIVE);
             let by = with_sd(amplitude * percent, sd * percent);
             event(
@@ -92,14 +92,14 @@ pub(super) fn describe(
         Shape::Bump { centre_s, width_s } => {
             let by = with_sd(amplitude, sd);
             let text = format!(
-                "A disturbance of {by} µm passes {}, about {} s long: it happens once and is no property of the gel.",
+                "A disturbance of {by} µm passes {}, about {} s long: it occurs once and is no property of the gel.",
                 when(centre_s),
                 number(2.355 * width_s)
             );
             event(text, centre_s)
         }
         Shape::Backlash { half_width_m } => {
-            // The width says how far the robot goes back before the sides have changed, the amplitude by how much readings are off: in a worn drive one is twice the other.
+            // The width is the backward motion until the side has changed; the amplitude is the reading error. In a worn drive, the one is twice the other.
             let side = if amplitude > 0.0 { "lag behind" } else { "run ahead of" };
             plain(format!(
                 "Readings {side} the motion by {} µm, and change sides within {} µm of a reversal, as with backlash (unexplained: {size} µm).",
@@ -115,12 +115,12 @@ pub(super) fn describe(
             period_s: Some(setting.cycle_s),
         },
         Shape::SinceStep { .. } => plain(format!(
-            "{size} µm follow the time since the force step and change sign with it: a response that the model does not have."
+            "{size} µm follow the time since the force step and change sign with it: a response that the model lacks."
         )),
         Shape::SlowChange { n_waves } => {
             let (first_s, last_s) = setting.span_s();
             plain(format!(
-                "{size} µm change slowly with absolute time (no faster than {} s): a drift that is no straight line.",
+                "{size} µm change slowly with absolute time (no faster than {} s): a nonlinear drift.",
                 number((last_s - first_s) / n_waves as f64)
             ))
         }
@@ -135,10 +135,10 @@ pub(super) fn describe(
             ))
         }
         Shape::OfPosition { .. } => plain(format!(
-            "{size} µm are a curve of the position itself: the tracker reads some places too far and others too short."
+            "{size} µm are a curve of the position itself: the tracker reads some positions too large and others too small."
         )),
         Shape::PositionWave { period_m } => plain(format!(
-            "{size} µm come and go with the position, once in {} µm: a tracker that is drawn towards its pixels reads so.",
+            "{size} µm vary periodically with the position, with a period of {} µm, as if the tracker were drawn towards its pixels.",
             number(1e6 * period_m)
         )),
         Shape::Ratchet { side } => {
@@ -148,19 +148,19 @@ pub(super) fn describe(
                 Side::Both => "farthest",
             };
             plain(format!(
-                "{size} µm follow the {of} position so far and stay: something does not come back from its largest excursion."
+                "{size} µm follow the {of} position so far and remain: the largest excursion has a permanent effect."
             ))
         }
         Shape::ForceSquared => plain(format!(
             "{size} µm follow the square of the force, with the gel's own delay: the force is not proportional to its command."
         )),
         Shape::ForceLevel => {
-            plain(format!("{size} µm follow the level of the force at once, without the gel's delay."))
+            plain(format!("{size} µm follow the level of the force immediately, without the gel's delay."))
         }
     }
 }
 
-/// Whether a vibration keeps step with the cycle, as far as the record resolves it.
+/// Phrase for a vibration that is locked to the cycle, as far as the record resolves it; empty for others.
 fn locked(frequency_hz: f64, setting: &Setting) -> String {
     let (first_s, last_s) = setting.span_s();
     let a_cycle = frequency_hz * setting.cycle_s;

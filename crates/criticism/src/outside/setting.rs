@@ -1,21 +1,21 @@
-//! What shapes are made of: times, forces and positions of a record, seen from a fit.
+//! Basis of all shapes: times, forces and positions of a record at a fit.
 
 use crate::{Candidate, Fitted, Subject};
 use base::error::Result;
 use models::effects::AMPLITUDE;
 
-/// Times, forces and positions, one value a row of the record.
+/// Times, forces and positions, one value per row of the record.
 pub(super) struct Setting {
     pub time_s: Vec<f64>,
-    /// Force (N) that acted until the row: a position is the limit from the left.
+    /// Force (N) that acts until the row: a position is the limit from the left.
     pub acting_force_n: Vec<f64>,
     /// Fitted position, in m.
     pub position_m: Vec<f64>,
-    /// The same (m) if the force were as its square, with its sign and largest size.
+    /// Position (m) if the force were proportional to its square, with its sign and largest size.
     pub position_of_squares_m: Vec<f64>,
-    /// Cycles since the record's start, the part of the present one included.
+    /// Cycles since the record's start, including the elapsed part of the present one.
     pub phase: Vec<f64>,
-    /// Sign of the last force step and time (s) since; zeros before the first.
+    /// Sign of the last force step and time (s) since it; zeros before the first step.
     pub since_step: Vec<(f64, f64)>,
     /// Rows that are fitted, in order.
     pub rows: Vec<usize>,
@@ -27,7 +27,7 @@ pub(super) struct Setting {
 
 impl Setting {
     /// # Errors
-    /// What evaluating the candidate refuses.
+    /// Errors of evaluating the candidate.
     pub fn new(subject: &Subject, candidate: &Candidate, fitted: &Fitted) -> Result<Self> {
         let record = &subject.experiment().record;
         let scales = subject.experiment().scales();
@@ -54,7 +54,7 @@ impl Setting {
         (at(self.rows.first()), at(self.rows.last()))
     }
 
-    /// A column of a function of the row.
+    /// Column of a function of the row.
     pub fn column(&self, of_row: impl Fn(usize) -> f64) -> Vec<f64> {
         (0..self.time_s.len()).map(of_row).collect()
     }
@@ -72,7 +72,7 @@ fn position_of_squares_m(subject: &Subject, candidate: &Candidate, fitted: &Fitt
     force_n.iter_mut().for_each(|force| *force *= force.abs() / largest_n);
     let acting = subject.problem().with(experiment, subject.specification().clone(), subject.library())?;
     let acting = Subject::with_compliance(&acting, subject.library(), subject.compliance().clone())?;
-    // Large displacements were learnt for the record's own force: a shape to first order does without them.
+    // Large displacements are learnt for the record's own force: this first-order shape omits them.
     let mut theta = fitted.theta.clone();
     for (free, theta) in candidate.free.iter().zip(&mut theta).filter(|(free, _)| free.name == AMPLITUDE) {
         *theta = free.coordinate.theta(0.0);
@@ -96,7 +96,7 @@ fn phases(time_s: &[f64], cycle: &[u32], cycle_s: f64) -> Vec<f64> {
 fn since_steps(time_s: &[f64], force_n: &[f64], step_rows: &[usize]) -> Vec<(f64, f64)> {
     let sign = |row: usize| (force_n[row] - if row == 0 { 0.0 } else { force_n[row - 1] }).signum();
     let since = |row: usize| {
-        // At the step's own row the position is still the one before.
+        // At the step's own row the position is still the previous one.
         let last = step_rows.partition_point(|step| *step < row).checked_sub(1).map(|place| &step_rows[place]);
         last.map_or((0.0, 0.0), |step| (sign(*step), time_s[row] - time_s[*step]))
     };

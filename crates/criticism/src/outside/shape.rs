@@ -1,4 +1,4 @@
-//! Shapes that no effect of the library makes, and the grids on which they are searched.
+//! Shapes of structure outside the library, and the grids on which they are searched.
 
 use std::f64::consts::PI;
 use std::ops::Range;
@@ -6,23 +6,23 @@ use std::ops::Range;
 use super::OutsideKind;
 use super::setting::Setting;
 
-/// Columns are in µm, so that amplitudes are numbers of a common size.
+/// Unit of columns, 1 µm, so that all amplitudes have similar sizes.
 pub(super) const UNIT_M: f64 = 1e-6;
 
 /// A shape, up to its amplitudes.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum Shape {
-    /// Sine and cosine.
+    /// Sine and cosine of time.
     Vibration { frequency_hz: f64 },
-    /// A shift from a row on.
+    /// A shift from one row on.
     Step { row: usize },
-    /// A drift from a time on.
+    /// A drift from one time on.
     RampFrom { time_s: f64 },
-    /// A drift up to a time.
+    /// A drift up to one time.
     RampUntil { time_s: f64 },
-    /// The position times a factor from a row on.
+    /// A change of the position's scale from one row on.
     GainChange { row: usize },
-    /// A bell.
+    /// A bell curve in time.
     Bump { centre_s: f64, width_s: f64 },
     /// The play operator's output less its input.
     Backlash { half_width_m: f64 },
@@ -46,7 +46,7 @@ pub(super) enum Shape {
     PositionWave { period_m: f64 },
 }
 
-/// Excursions of which the largest so far is kept.
+/// Side of the excursions whose maximum is kept.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum Side {
     Above,
@@ -54,16 +54,16 @@ pub(super) enum Side {
     Both,
 }
 
-/// Levels of force that differ by less than this fraction of the largest are one.
+/// Relative difference, to the largest force, below which levels of force are one.
 const LEVEL_TOLERANCE: f64 = 0.05;
-/// More levels than these are described by powers of the force.
+/// Largest number of levels described one by one; more are described by powers of the force.
 const MOST_LEVELS: usize = 8;
-/// A bell is nothing so many widths from its centre: e⁻³² of its height.
+/// Distance from a bell's centre, in widths, beyond which it is 0: e⁻³² of its height.
 const WIDEST: f64 = 8.0;
-/// An event needs this many rows on either side: fewer are outliers.
+/// Least number of rows on either side of an event: fewer are outliers.
 const LEAST_ROWS: usize = 4;
 const MOST_FREQUENCIES: usize = 1200;
-/// Moments of a ramp, and rows at which a step is tried, are at most so many.
+/// Largest number of trial times of a ramp, and of trial rows of a step.
 const MOST_MOMENTS: usize = 1000;
 
 impl Shape {
@@ -85,7 +85,7 @@ impl Shape {
         }
     }
 
-    /// Its columns (m per unit amplitude, one value a row of the record).
+    /// Columns of the shape (m per unit amplitude, one value per row of the record).
     pub fn columns_m(self, setting: &Setting) -> Vec<Vec<f64>> {
         let (first_s, last_s) = setting.span_s();
         let time = |row: usize| setting.time_s[row];
@@ -96,7 +96,7 @@ impl Shape {
             }
             Self::Step { row: from } => vec![setting.column(|row| f64::from(u8::from(row >= from)))],
             Self::RampFrom { time_s } => vec![setting.column(|row| (time(row) - time_s).max(0.0))],
-            // It has no further effect thereafter: the record begins shifted and drifts to where it belongs.
+            // A ramp that ends: the record begins shifted and drifts to its proper place.
             Self::RampUntil { time_s } => vec![setting.column(|row| (time(row) - time_s).min(0.0))],
             Self::GainChange { row: from } => {
                 let largest_m = setting.largest_position_m().max(f64::MIN_POSITIVE);
@@ -111,7 +111,7 @@ impl Shape {
             Self::CycleLocked { n_harmonics } => harmonics(setting, n_harmonics),
             Self::SinceStep { n_knots } => hats_since_step(setting, n_knots),
             Self::SlowChange { n_waves } => {
-                // Beyond the fitted rows it goes on as it ended.
+                // Beyond the fitted rows the curve stays at its last value.
                 let share = |row: usize| ((time(row) - first_s) / (last_s - first_s)).clamp(0.0, 1.0);
                 (1..=n_waves).map(|k| setting.column(|row| (PI * k as f64 * share(row)).cos())).collect()
             }
@@ -140,7 +140,7 @@ impl Shape {
         columns
     }
 
-    /// Rows in which it differs from 0, but for rounding.
+    /// Rows in which the shape differs from 0, up to rounding.
     pub fn rows(self, setting: &Setting) -> Range<usize> {
         match self {
             Self::Bump { centre_s, width_s } => {
@@ -151,7 +151,7 @@ impl Shape {
         }
     }
 
-    /// Its columns in some rows that hold [`Shape::rows`].
+    /// Columns of the shape in a range of rows that contains [`Shape::rows`].
     pub fn columns_in_m(self, setting: &Setting, rows: Range<usize>) -> Vec<Vec<f64>> {
         match self {
             Self::Bump { centre_s, width_s } => {
@@ -161,7 +161,7 @@ impl Shape {
         }
     }
 
-    /// Shapes next to it, on a finer grid, itself included; none for those that have no place on a grid.
+    /// Neighbouring shapes on a finer grid, including this one; empty for shapes without a grid.
     pub fn neighbours(self, setting: &Setting, fineness: f64) -> Vec<Self> {
         let (first_s, last_s) = setting.span_s();
         let offsets = || (-4..=4).map(|k| fineness * f64::from(k) / 4.0);
@@ -188,7 +188,7 @@ impl Shape {
                 offsets().map(|by| Self::Backlash { half_width_m: half_width_m * (0.4 * by).exp() }).collect()
             }
             Self::PositionWave { period_m } => {
-                // In steps of the reciprocal period.
+                // The grid is uniform in the reciprocal period.
                 let spacing = 0.5 / range_m(setting);
                 let periods = offsets().map(|by| 1.0 / (1.0 / period_m + by * spacing));
                 periods.filter(|period_m| *period_m > 0.0).map(|period_m| Self::PositionWave { period_m }).collect()
@@ -224,7 +224,7 @@ fn ramp_spacing_s(setting: &Setting) -> f64 {
     ((last_s - first_s) / 250.0).max(2.0 * setting.interval_s)
 }
 
-/// Output less input of play of a half-width, per half-width: it follows only what pushes against its ends.
+/// Output less input of the play operator, in units of its half-width: the output moves only when the input pushes against its ends.
 fn play_less_position(position_m: &[f64], half_width_m: f64) -> Vec<f64> {
     let mut held_m = 0.0_f64;
     let follow = |x: &f64| {
@@ -241,7 +241,7 @@ fn harmonics(setting: &Setting, n_harmonics: usize) -> Vec<Vec<f64>> {
         .collect()
 }
 
-/// Hats over the logarithm of the time since the step, from a sample interval to a hold.
+/// Hat functions over the logarithm of the time since the step, from a sample interval to a hold.
 fn hats_since_step(setting: &Setting, n_knots: usize) -> Vec<Vec<f64>> {
     let (shortest, longest) = (setting.interval_s.ln(), setting.hold_s.max(2.0 * setting.interval_s).ln());
     let spacing = (longest - shortest) / (n_knots - 1) as f64;
@@ -256,7 +256,7 @@ fn hats_since_step(setting: &Setting, n_knots: usize) -> Vec<Vec<f64>> {
     (0..n_knots).map(|knot| setting.column(|row| hat(knot, row))).collect()
 }
 
-/// Largest excursion so far, over the largest of all.
+/// Largest excursion so far, relative to the largest of all.
 fn largest_so_far(setting: &Setting, side: Side) -> Vec<f64> {
     let largest_m = setting.largest_position_m().max(f64::MIN_POSITIVE);
     let mut so_far = 0.0_f64;
@@ -283,7 +283,7 @@ fn range_m(setting: &Setting) -> f64 {
     (highest_m - lowest_m).max(f64::MIN_POSITIVE)
 }
 
-/// Hats over the range of the fitted positions.
+/// Hat functions over the range of the fitted positions.
 fn hats_of_position(setting: &Setting, n_knots: usize) -> Vec<Vec<f64>> {
     let [lowest_m, highest_m] = ends_m(setting);
     let spacing_m = range_m(setting) / (n_knots - 1) as f64;
@@ -308,10 +308,10 @@ fn force_levels(setting: &Setting) -> Vec<Vec<f64>> {
     levels.iter().map(|level| setting.column(|row| at(*level, row))).collect()
 }
 
-/// Narrowest bell, in sample intervals: it spreads over about five rows.
+/// Width of the narrowest bell, in sample intervals: it spreads over about five rows.
 const NARROWEST: f64 = 1.5;
 
-/// Shapes of equal degrees among which one is looked for: what is found is compared with the best of the same family by chance.
+/// Families of shapes with equal degrees. A finding is compared with the best of its family by chance.
 pub(super) fn families(setting: &Setting) -> Vec<Vec<Shape>> {
     let rows = event_rows(setting);
     let rows: Vec<usize> = rows.iter().step_by(1 + rows.len() / MOST_MOMENTS).copied().collect();
@@ -341,7 +341,7 @@ pub(super) fn families(setting: &Setting) -> Vec<Vec<Shape>> {
     families
 }
 
-/// The families of what happens once.
+/// Returns whether a kind of structure occurs once.
 pub(super) fn is_event(kind: OutsideKind) -> bool {
     matches!(kind, OutsideKind::Slip | OutsideKind::Ramp | OutsideKind::GainChange | OutsideKind::Disturbance)
 }
@@ -352,7 +352,7 @@ fn moments(setting: &Setting, spacing_s: f64) -> Vec<f64> {
     (1..n).map(|k| first_s + k as f64 * spacing_s).collect()
 }
 
-/// Half a resolution apart, from two periods a record to the Nyquist frequency.
+/// Vibrations at half the frequency resolution, from two periods in the record to the Nyquist frequency.
 fn vibrations(setting: &Setting) -> Vec<Shape> {
     let (first_s, last_s) = setting.span_s();
     let length_s = (last_s - first_s).max(f64::MIN_POSITIVE);
@@ -360,7 +360,7 @@ fn vibrations(setting: &Setting) -> Vec<Shape> {
     (4..highest.min(MOST_FREQUENCIES)).map(|k| Shape::Vibration { frequency_hz: 0.5 * k as f64 / length_s }).collect()
 }
 
-/// Half a resolution apart, from two periods in the range of the fitted positions to four yardsticks: a shorter one is blurred by the noise.
+/// Waves at half the resolution, from two periods in the range of the fitted positions to four yardsticks: noise blurs shorter ones.
 fn position_waves(setting: &Setting) -> Vec<Shape> {
     let range_m = range_m(setting);
     let most = 2.0 * range_m / (4.0 * setting.yardstick_m).max(f64::MIN_POSITIVE);
@@ -419,7 +419,7 @@ mod tests {
         assert_eq!(quarters(Side::Both), [0.0, 2.0, 2.0, 3.0, 3.0, 4.0]);
     }
 
-    /// Hats of the position add up to one everywhere, and with their knots as amplitudes to the position.
+    /// Hat functions of the position sum to one everywhere, and weighted by their knots they give the position.
     #[test]
     fn curves_of_the_position_hold_every_straight_line() {
         let position_um = [-3.0, 0.5, 1.0, 4.0, 2.2, 5.0];

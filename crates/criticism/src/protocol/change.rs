@@ -1,40 +1,40 @@
-//! Candidate protocols, made from the user's own: as long, with as many cycles, and never with a larger force.
+//! Candidate protocols derived from the user's own: equal length, equal number of cycles, and no larger force.
 
 use record::{ForceRule, Record};
 
 /// A changed protocol.
 #[derive(Debug, Clone)]
 pub struct Change {
-    /// What to do, as a sentence without its full stop.
+    /// Instruction, as a sentence without its full stop.
     pub instruction: String,
-    /// Times, forces and cycles; its positions hold places only.
+    /// Times, forces and cycles; its positions are placeholders.
     pub record: Record,
 }
 
-/// Records with more rows than this are not made.
+/// Largest number of rows of a candidate record.
 const MOST_ROWS: usize = 20_000;
-/// Times closer than this part of the sample interval are the same.
+/// Time difference, as a fraction of the sample interval, below which times are equal.
 const SAME_TIME: f64 = 1e-6;
-/// A force of this part of the largest counts as none.
+/// Fraction of the largest force below which a force counts as none.
 const NO_FORCE: f64 = 0.01;
 
-/// A moment of the record.
+/// A time in the record, with its cycle.
 struct Moment {
     time_s: f64,
-    /// Place of its cycle in the record, from 0.
+    /// Index of its cycle in the record, from 0.
     cycle: usize,
-    /// Start of the cycle.
+    /// Start of the cycle, in s.
     start_s: f64,
     length_s: f64,
 }
 
 impl Moment {
-    /// Time in a cycle that runs `factor` times as fast, again and again.
+    /// Time in a cycle that runs `factor` times as fast, repeatedly.
     fn faster(&self, factor: f64) -> f64 {
         self.start_s + (factor * (self.time_s - self.start_s)).rem_euclid(self.length_s)
     }
 
-    /// Part of the cycle that is over.
+    /// Elapsed share of the cycle.
     fn phase(&self) -> f64 {
         (self.time_s - self.start_s) / self.length_s
     }
@@ -44,7 +44,7 @@ impl Moment {
     }
 }
 
-/// The protocol at hand.
+/// The current protocol.
 struct Protocol<'a> {
     record: &'a Record,
     interval_s: f64,
@@ -57,13 +57,13 @@ impl Protocol<'_> {
         self.record.time_s.last().copied().unwrap_or(0.0) + self.interval_s
     }
 
-    /// The row whose command holds at a time.
+    /// Row whose command holds at a time.
     fn row_at(&self, time_s: f64) -> usize {
         let tolerance_s = SAME_TIME * self.interval_s;
         self.record.time_s.partition_point(|t| *t <= time_s + tolerance_s).saturating_sub(1)
     }
 
-    /// Evenly sampled rows, each with a factor of the force and the time at which that is read from the protocol at hand.
+    /// Evenly sampled rows, each with a factor of the force and the time at which the force is read from the current protocol.
     fn altered(&self, interval_s: f64, force: impl Fn(&Moment) -> (f64, f64)) -> Record {
         let begin_s = self.record.time_s.first().copied().unwrap_or(0.0);
         let n_rows = ((self.end_s() - begin_s) / interval_s).round() as usize;
@@ -88,7 +88,7 @@ impl Protocol<'_> {
     }
 }
 
-/// Protocols to try: other signs, levels, holds, rests and sampling; those that would be the one at hand are left out.
+/// Candidate protocols with other signs, levels, holds, rests and sampling, except those equal to the current one.
 pub fn changes(record: &Record, hold_s: f64) -> Vec<Change> {
     let Some(interval_s) = record.median_interval_s().filter(|interval_s| *interval_s > 0.0) else { return Vec::new() };
     let starts: Vec<usize> =
@@ -132,7 +132,7 @@ fn of_levels(protocol: &Protocol, n_cycles: usize, list: &mut Vec<Change>) {
     if n_cycles > 2 {
         add(
             format!(
-                "Use the full, half and three quarters of the force ({}, {}, {}) in turn, a cycle each",
+                "Use the full, half and three quarters of the force ({}, {}, {}) in turn, one cycle each",
                 level(1.0),
                 level(0.5),
                 level(0.75)
@@ -151,7 +151,7 @@ fn of_signs(protocol: &Protocol, n_cycles: usize, list: &mut Vec<Change>) {
     let none_n = NO_FORCE * highest.max(-lowest);
     let has_both = lowest < -none_n && highest > none_n;
     if has_both {
-        let instruction = "Pull one way only, with a rest in place of the force the other way".to_string();
+        let instruction = "Pull in one direction only, with a rest in place of the opposite force".to_string();
         let sign = |time_s: f64| if force_n[protocol.row_at(time_s)] < 0.0 { 0.0 } else { 1.0 };
         let record = protocol.altered(protocol.interval_s, |moment| (sign(moment.time_s), moment.time_s));
         list.push(Change { instruction, record });
@@ -177,7 +177,8 @@ fn of_times(protocol: &Protocol, hold_s: f64, list: &mut Vec<Change>) {
         (1.0, begin_s + 0.5 * (moment.time_s - begin_s))
     });
     add(
-        "Rest without force for the last third of every cycle, the rest of it in two thirds of its time".into(),
+        "Rest without force in the last third of every cycle, and run the commanded cycle in the other two thirds"
+            .into(),
         &|moment| {
             let is_rest = moment.phase() >= 2.0 / 3.0 - SAME_TIME;
             (
@@ -192,7 +193,7 @@ fn seconds(time_s: f64) -> String {
     format!("{} s", short(time_s))
 }
 
-/// Three significant digits, without trailing zeros.
+/// Formats with three significant digits, without trailing zeros.
 fn short(value: f64) -> String {
     if value == 0.0 || !value.is_finite() {
         return value.to_string();

@@ -5,7 +5,7 @@ fn find<'a>(list: &'a [Change], words: &str) -> &'a Change {
     list.iter().find(|change| change.instruction.contains(words)).expect("a change of these words")
 }
 
-/// Forces (µN) in the middle of every stretch of `length_s`.
+/// Forces (µN) in the middle of every interval of `length_s`.
 fn forces_un(record: &Record, length_s: f64) -> Vec<f64> {
     let n = (record.time_s.last().expect("rows") / length_s).ceil() as usize;
     let at = |i: usize| record.time_s.partition_point(|t| *t <= (i as f64 + 0.5) * length_s) - 1;
@@ -40,7 +40,7 @@ fn changes_do_what_they_say() {
     assert_eq!(un("half the force (2.3 µN) in every second cycle", 5.0), [4.6, -4.6, 2.3, -2.3, 4.6, -4.6, 2.3, -2.3]);
     assert_eq!(un("(4.6 µN, 2.3 µN, 3.45 µN) in turn", 5.0), [4.6, -4.6, 2.3, -2.3, 3.45, -3.45, 4.6, -4.6]);
     assert_eq!(un("then again with half the force", 2.5)[..4], [4.6, -4.6, 2.3, -2.3]);
-    assert_eq!(un("one way only", 5.0)[..4], [4.6, 0.0, 4.6, 0.0]);
+    assert_eq!(un("in one direction only", 5.0)[..4], [4.6, 0.0, 4.6, 0.0]);
     assert_eq!(un("Hold half as long (2.5 s)", 2.5)[..4], [4.6, -4.6, 4.6, -4.6]);
     assert_eq!(un("a quarter as long (1.25 s)", 1.25)[..10], [4.6, 4.6, 4.6, 4.6, -4.6, -4.6, -4.6, -4.6, 4.6, -4.6]);
     assert_eq!(un("twice as long (10 s)", 10.0), [4.6, -4.6, 4.6, -4.6]);

@@ -1,4 +1,4 @@
-//! What a protocol cannot tell apart, found before anything is fitted.
+//! Effects that a protocol cannot distinguish, found before any fit.
 
 use nalgebra::DVector;
 use rayon::prelude::*;
@@ -9,23 +9,23 @@ use crate::separation::{Imitation, Truth, closest_without_priors};
 use crate::{Candidate, Subject};
 use base::error::{Error, Result};
 
-/// Signatures whose |cos| is above this are one to first order.
+/// |cos| above which two signatures are equal to first order.
 const SAME_COSINE: f64 = 1.0 - 1e-6;
-/// Distance in σ below which two models are the same.
+/// Distance in σ below which two models are equal.
 const SAME_SIGMA: f64 = 0.1;
-/// Below this share of a signature nothing is visible.
+/// Share of a signature below which it is invisible.
 const LEAST_VISIBLE: f64 = 1e-7;
-/// Steps from the null, in units of the prior's spread, at which signatures are taken.
+/// Step from the null, in units of the prior's spread, at which signatures are computed.
 const SIGNATURE_STEP: f64 = 0.02;
-/// Size at which two effects are compared, in the same unit.
+/// Size at which two effects are compared, in the unit of [`SIGNATURE_STEP`].
 const COMPARED_STEP: f64 = 0.3;
 
-/// Effects that a protocol cannot tell apart, whatever their sizes; or one effect alone, which hides in the law's parameters.
+/// Effects that a protocol cannot distinguish at any size, or one effect that the law's parameters absorb.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Degeneracy {
     /// Slugs.
     pub effects: Vec<String>,
-    /// In plain words.
+    /// The finding as a sentence.
     pub sentence: String,
 }
 
@@ -34,10 +34,10 @@ struct Added {
     slug: &'static str,
     candidate: Candidate,
     null: Vec<f64>,
-    /// Place of its size among the coordinates, and the direction of its step.
+    /// Index of its size among the coordinates, and the sign of its step.
     place: usize,
     sign: f64,
-    /// Pg; nothing where the law absorbs it all.
+    /// Visible signature Pg; `None` if the law absorbs it all.
     visible: Option<DVector<f64>>,
 }
 
@@ -49,13 +49,13 @@ impl Added {
     }
 }
 
-/// The exact degeneracies of a subject's protocol, at the middle of the priors and under white noise of the yardstick's size; priors hold nothing.
+/// Exact degeneracies of a subject's protocol, at the middle of the priors, under white noise of the yardstick's size, without priors.
 ///
-/// Found from numbers alone: signatures that are parallel once the law has absorbed what it can, and models that then fit each other's noise-free data to
-/// a tenth of a standard deviation, both ways.
+/// They follow from numbers alone: signatures that are parallel once the law has absorbed its part, and models that fit each other's noise-free data to
+/// a tenth of a standard deviation, in both directions.
 ///
 /// # Errors
-/// [`Error::Numerical`] where the base has no model at the middle of its priors.
+/// [`Error::Numerical`] if the base has no model at the middle of its priors.
 pub fn exact_degeneracies(subject: &Subject) -> Result<Vec<Degeneracy>> {
     let base = subject.base();
     let middle: Vec<f64> = base.free.iter().map(|free| free.null.unwrap_or_else(|| free.quantile(0.5))).collect();
@@ -81,7 +81,7 @@ pub fn exact_degeneracies(subject: &Subject) -> Result<Vec<Degeneracy>> {
     Ok(list)
 }
 
-/// Groups of effects each of which is the same as one before it.
+/// Groups of effects, each equal to an earlier one of its group.
 fn classes(subject: &Subject, effects: &[Added], noise: NoiseValues) -> Vec<Degeneracy> {
     let pairs: Vec<(usize, usize)> =
         (0..effects.len()).flat_map(|i| (i + 1..effects.len()).map(move |j| (i, j))).collect();
@@ -103,7 +103,7 @@ fn classes(subject: &Subject, effects: &[Added], noise: NoiseValues) -> Vec<Dege
     };
     let groups = (0..effects.len()).map(members).filter(|group| group.len() > 1);
     let named = |effects: Vec<String>| Degeneracy {
-        sentence: format!("this protocol cannot tell {} apart, whatever their sizes", effects.join(" and ")),
+        sentence: format!("this protocol cannot distinguish {} at any size", effects.join(" and ")),
         effects,
     };
     groups.map(named).collect()
@@ -124,7 +124,7 @@ fn added(subject: &Subject, slug: &'static str, candidate: Candidate, base: &Tru
     Some(made)
 }
 
-/// Whether a model fits the noise-free data of an effect.
+/// Returns whether a model fits the noise-free data of an effect.
 fn imitates(subject: &Subject, other: &Candidate, truth: &Added, noise: NoiseValues) -> bool {
     let theta = truth.at(COMPARED_STEP);
     let Ok(position_m) = subject.trajectory_m(&truth.candidate, &theta) else { return false };

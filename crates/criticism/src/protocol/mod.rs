@@ -1,7 +1,7 @@
-//! Changes of the protocol that would tell apart what an experiment cannot.
+//! Changes of the protocol that would separate models that an experiment cannot distinguish.
 //!
-//! Candidates come from the user's own protocol ([`changes`]). In each, the noise-free data of every model at its fitted size are computed by the reduced
-//! model and fitted by the others ([`super::separation`]); the protocol that leaves them farthest apart is confirmed by refits of simulated, noisy repeats.
+//! Candidates come from the user's own protocol ([`changes`]). In each, the reduced model computes the noise-free data of every model at its fitted size,
+//! and the other models are fitted to them ([`super::separation`]). Refits of simulated, noisy repeats confirm the protocol with the largest separation.
 
 mod change;
 mod degeneracies;
@@ -19,51 +19,54 @@ use crate::NoiseValues;
 use base::error::{Error, Result};
 use record::{Experiment, Record};
 
-/// Lead in nats with which a model rejects another in a simulated repeat.
+/// Lead in nats at which a model rejects another in a simulated repeat.
 const REJECTED_NATS: f64 = 4.0;
 
-/// What to change.
+/// Advice on the protocol.
 #[derive(Debug, Clone)]
 pub struct Advice {
-    /// The best change that was tried.
+    /// The best of the tried changes.
     pub change: Change,
-    /// Slugs of the two models that stand closest in it.
+    /// Slugs of the two closest models in the changed protocol.
     pub closest: [String; 2],
-    /// Distance in σ of the closest models in the experiment at hand.
+    /// Distance in σ of the closest models in the current experiment.
     pub separation_now: f64,
-    /// The same in the changed protocol.
+    /// Distance in σ of the closest models in the changed protocol.
     pub separation: f64,
-    /// Simulated repeats in which every wrong model was rejected by more than 4 nats.
+    /// Number of simulated repeats in which every wrong model was rejected by more than 4 nats.
     pub n_right: usize,
-    /// Simulated repeats; the first model and the one closest to it take turns as the truth.
+    /// Number of simulated repeats; the first model and the one closest to it alternate as the truth.
     pub n_repeats: usize,
-    /// In plain words.
+    /// The advice as a sentence.
     pub sentence: String,
 }
 
 impl Advice {
-    /// Whether the changed protocol is expected to separate the models.
+    /// Returns whether the changed protocol is expected to separate the models.
     pub fn separates(&self) -> bool {
         self.separation >= SEPARATED_SIGMA
     }
 }
 
-/// Models of the mean with their fits, none with columns, the leading one first.
+/// Models of the mean with their fits, all without columns, the leading one first.
 pub type Members<'a> = [(&'a Candidate, &'a Fitted)];
 
-/// The change of the protocol that best tells the first of several models from the others, all at their fitted sizes and with the first's noise, confirmed by
-/// `n_repeats` simulated repeats with streams of `seed`. `None` with fewer than two models or where no change can be made.
+/// Finds the change of the protocol that best separates the first model from the others, at their fitted sizes and with the first's noise. It is confirmed by
+/// `n_repeats` simulated repeats with random streams of `seed`. `None` if there are fewer than two models or no change can be made.
 ///
 /// # Errors
-/// [`Error::Numerical`] where a model has free columns, which belong to one record, or cannot be fitted to another's data.
+/// [`Error::Numerical`] if a model has free columns, which belong to one record, or cannot be fitted to another's data.
 pub fn advise(subject: &Subject, members: &Members, n_repeats: usize, seed: u64) -> Result<Option<Advice>> {
-    // Changes press and pull, and an indenter's law holds while the contact grows.
+    // Changes press and pull, but an indenter's law is valid only while the contact grows.
     if members.len() < 2 || subject.experiment().scales().depth_exponent.is_some() {
         return Ok(None);
     }
     if let Some((candidate, _)) = members.iter().find(|(candidate, _)| !candidate.columns.is_empty()) {
         return Err(Error::numerical(
-            format!("the columns added to the model with {} belong to this record alone", candidate.effects.join(", ")),
+            format!(
+                "the columns added to the model with {} are valid for this record only",
+                candidate.effects.join(", ")
+            ),
             "compare models without columns",
         ));
     }
@@ -74,7 +77,7 @@ pub fn advise(subject: &Subject, members: &Members, n_repeats: usize, seed: u64)
         let separation = separation(&changed, members)?;
         Ok::<_, Error>((change, changed, separation))
     });
-    // A model at its fitted size may have no trajectory under another protocol, as a force gradient under longer holds: such a change is none.
+    // A model at its fitted size may have no trajectory under another protocol, such as a force gradient under longer holds. Such changes are skipped.
     let judged: Vec<Result<(Change, Subject, Separation)>> = judged.collect();
     let is_possible = |tried: &Result<_>| !matches!(tried, Err(Error::Numerical { .. }));
     let judged: Vec<(Change, Subject, Separation)> = judged.into_iter().filter(is_possible).collect::<Result<_>>()?;
@@ -102,21 +105,21 @@ fn sentence(advice: &Advice, n_tried: usize) -> String {
     let instruction = &advice.change.instruction;
     if advice.separates() {
         format!(
-            "{instruction}: {a} and {b} would then stand {then:.1} σ apart instead of {now:.1} (right in {n_right} of {n_repeats} simulated repeats)."
+            "{instruction}: the distance of {a} and {b} would then be {then:.1} σ instead of {now:.1} (right in {n_right} of {n_repeats} simulated repeats)."
         )
     } else {
         let mut letters = instruction.chars();
         let small: String = letters.next().into_iter().flat_map(char::to_lowercase).chain(letters).collect();
         format!(
-            "None of {n_tried} changes of the protocol would tell {a} from {b} at this size. The best is to {small}, which leaves them {then:.1} σ apart instead of {now:.1} (right in {n_right} of {n_repeats} simulated repeats)."
+            "None of {n_tried} changes of the protocol would separate {a} from {b} at this size. The best is to {small}, with a distance of {then:.1} σ instead of {now:.1} (right in {n_right} of {n_repeats} simulated repeats)."
         )
     }
 }
 
-/// The subject of a changed protocol: same apparatus and noise, same cycles fitted and scored.
+/// Subject of a changed protocol, with equal apparatus, noise and fitted and scored cycles.
 fn changed(subject: &Subject, record: &Record) -> Result<Subject> {
     let range_m = subject.experiment().scales().position_range_m;
-    // Places for positions, over the range of the measured ones, by which priors of effects are scaled.
+    // Placeholder positions over the measured range, which scales priors of effects.
     let places = (0..record.n_rows()).map(|row| Some(range_m * row as f64 / record.n_rows() as f64)).collect();
     let experiment = Experiment {
         record: Record { position_m: places, ..record.clone() },
@@ -127,10 +130,10 @@ fn changed(subject: &Subject, record: &Record) -> Result<Subject> {
     Subject::with_compliance(&problem, subject.library(), subject.compliance().clone())
 }
 
-/// The smallest distance of the first of several models from another, either being the truth.
+/// Smallest distance of the first of several models from another, with either as the truth.
 struct Separation {
     distance: f64,
-    /// Place of the closest other.
+    /// Index of the closest other model.
     other: usize,
 }
 
@@ -153,7 +156,7 @@ fn separation(subject: &Subject, members: &Members) -> Result<Separation> {
     Ok(smallest)
 }
 
-/// In how many simulated repeats the truth, the first model or the `other` in turn, beats every other model by enough, noise estimated anew for each.
+/// Number of simulated repeats in which the truth beats every other model by enough. The truth is alternately the first model and `other`; noise is estimated anew for each fit.
 fn n_right(subject: &Subject, members: &Members, other: usize, (n_repeats, seed): (usize, u64)) -> Result<usize> {
     let truths = [starts(subject, members, 0)?, starts(subject, members, other)?];
     let is_right = |repeat: usize| is_right(subject, members, &truths[repeat % 2], (seed, repeat));
@@ -161,7 +164,7 @@ fn n_right(subject: &Subject, members: &Members, other: usize, (n_repeats, seed)
     Ok(right?.into_iter().filter(|right| *right).count())
 }
 
-/// Whether a truth beats every other model by enough in one repeat.
+/// Returns whether a truth beats every other model by enough in one repeat.
 fn is_right(subject: &Subject, members: &Members, truth: &Repeated, (seed, repeat): (u64, usize)) -> Result<bool> {
     let noise = members[0].1.noise;
     let mut random = ChaCha8Rng::seed_from_u64(seed);
@@ -184,12 +187,12 @@ fn is_right(subject: &Subject, members: &Members, truth: &Repeated, (seed, repea
 struct Repeated {
     place: usize,
     position_m: Vec<f64>,
-    /// Where each model comes closest to it.
+    /// Point of each model that is closest to the truth.
     thetas: Vec<Vec<f64>>,
 }
 
 impl Repeated {
-    /// Positions with noise, of one draw.
+    /// Positions with one draw of noise.
     fn with_noise(&self, subject: &Subject, noise: NoiseValues, random: &mut ChaCha8Rng) -> Vec<f64> {
         let record = &subject.experiment().record;
         let recordings = subject.problem().recordings();

@@ -17,22 +17,22 @@ fn one_level_cannot_tell_a_bias_from_an_asymmetry_and_says_so_before_a_fit() {
 fn advice_separates_them_and_repeats_confirm_it() {
     let subject = subject(&ONE_LEVEL);
     let bias = at(&subject, &["force-bias"], &[0.05]);
-    // By hand: the same mean force, −a/2 = b.
+    // By hand: equal mean force, −a/2 = b.
     let asymmetry = at(&subject, &["force-asymmetry"], &[-0.1]);
     let members = [(&bias.0, &bias.1), (&asymmetry.0, &asymmetry.1)];
     let advice = advise(&subject, &members, 20, 7).expect("advice").expect("changes to make");
     assert!(advice.separation_now < 0.5, "{}", advice.separation_now);
     assert!(advice.separates() && advice.separation > 8.0, "{}", advice.sentence);
-    // At 8 σ a lead, N(32, 8²), falls short of 4 nats once in 4,000 repeats, so that one of twenty does once in 200 seeds; this one is fixed.
+    // At 8 σ a lead, N(32, 8²), is below 4 nats once in 4,000 repeats, so that one of twenty is below it once in 200 seeds; this seed is fixed.
     assert_eq!(advice.n_right, 20, "{}", advice.sentence);
     assert!(advice.sentence.starts_with(&advice.change.instruction) && advice.sentence.contains("right in 20 of 20"));
     let again = advise(&subject, &members, 20, 7).expect("advice").expect("changes to make");
     assert_eq!(again.sentence, advice.sentence);
 }
 
-/// In a Gaussian model the truth's lead is N(d²/2, d²): its part above 4 nats is Φ((d² / 2 − 4) / d). 300 repeats err by 0.026; five of that, and 0.05 for the
-/// noise, which is estimated anew for each: a false failure in 10⁶. The other model has nothing that follows the drift: beside one that does, as a gel that sets, noise that is
-/// estimated anew follows much of the rest, and leads are smaller (3 nats in the mean where a Gaussian model says 4.5).
+/// In a Gaussian model the truth's lead is N(d²/2, d²); it exceeds 4 nats with probability Φ((d² / 2 − 4) / d). 300 repeats have an error of 0.026. The tolerance is five of those errors plus 0.05 for
+/// the noise, which is estimated anew for each repeat: a false failure in 10⁶. The other model cannot follow the drift. Beside a model that can, such as a gel that sets, re-estimated noise
+/// follows much of the rest, and leads are smaller (3 nats in the mean instead of 4.5 in a Gaussian model).
 #[test]
 fn repeats_are_right_as_often_as_the_distance_says() {
     let subject = subject(&TWO_LEVELS);
@@ -42,7 +42,7 @@ fn repeats_are_right_as_often_as_the_distance_says() {
         let truth = drift(velocity);
         separation_of(&subject, &truth, &spring)
     };
-    // A drift that stands about 3 σ from a spring in series.
+    // A drift at a distance of about 3 σ from a spring in series.
     let velocity = 1e-7 * 3.0 / far(1e-7);
     let (truth, distance) = (drift(velocity), far(velocity));
     assert!((distance - 3.0).abs() < 0.5, "{distance}");

@@ -7,12 +7,12 @@ use super::element::{ElementStiffness, TabulatedElement};
 use crate::mesh::Mesh;
 use base::error::{Error, Result};
 
-/// Elements whose matrices are held at once: parallel work without the memory of all of them.
+/// Number of elements whose matrices are stored at once. It allows parallel work without storing all of them.
 const CHUNK: usize = 256;
 
 const FIXED: u32 = u32::MAX;
 
-/// Which displacement components are unknown (physics §3.1): none on the outer surface, none across a symmetry plane, and
+/// Unknown displacement components (physics §3.1): none on the outer surface, none across a symmetry plane, and
 /// one rigid translation along x, the last unknown, for the whole surface of the robot.
 #[derive(Debug, Clone)]
 pub struct Unknowns {
@@ -74,7 +74,7 @@ impl Unknowns {
         self.count
     }
 
-    /// Share of the robot and of the force that the model carries ([`Mesh::share`]).
+    /// Share of the robot and of the force in the model ([`Mesh::share`]).
     pub fn share(&self) -> f64 {
         self.share
     }
@@ -89,7 +89,7 @@ impl Unknowns {
         self.count - 1
     }
 
-    /// Unknowns in the order of elimination that follows from an order of the nodes; the robot's translation is last.
+    /// Elimination order of the unknowns for an order of the nodes. The robot's translation is last.
     pub fn elimination_order(&self, node_order: &[usize]) -> Vec<usize> {
         let robot_group = self.unknown.len() - 1;
         let of_node = |&node: &usize| {
@@ -106,7 +106,7 @@ impl Unknowns {
         self.group.iter().map(|&g| self.unknown[g as usize].map(component)).collect()
     }
 
-    /// Adds a force (N) on a node to the right-hand side f of K̂ u = f; what falls on fixed components is borne by the supports, and forces on
+    /// Adds a force (N) on a node to the right-hand side f of K̂ u = f. Supports bear forces on fixed components. Forces on
     /// the robot's nodes add up along x.
     pub fn add_nodal_force(&self, node: usize, force_n: [f64; 3], right_hand_side: &mut [f64]) {
         for (unknown, component) in self.unknown[self.group[node] as usize].into_iter().zip(force_n) {
@@ -116,7 +116,7 @@ impl Unknowns {
         }
     }
 
-    /// Unknown of each component of a node, or `u32::MAX` where it is fixed.
+    /// Unknown of each component of a node; `u32::MAX` if it is fixed.
     pub(super) fn of_node(&self, node: u32) -> [u32; 3] {
         self.unknown[self.group[node as usize] as usize]
     }
@@ -133,12 +133,12 @@ pub struct Assembly {
 }
 
 impl Assembly {
-    /// Assembles a mesh; element matrices are computed in parallel and added in the order of the elements.
+    /// Assembles a mesh. Element matrices are computed in parallel and added in the order of the elements.
     pub fn new(mesh: &Mesh) -> Result<Self> {
         Self::assemble(mesh, |chunk, element| chunk.par_iter().map(element).collect())
     }
 
-    /// The same by one thread, for the test that both agree to the last bit.
+    /// Assembles on one thread, for the test that both agree to the last bit.
     #[cfg(test)]
     fn serial(mesh: &Mesh) -> Result<Self> {
         Self::assemble(mesh, |chunk, element| chunk.iter().map(element).collect())
@@ -193,7 +193,7 @@ pub fn unit_moduli(poisson_ratio: f64) -> [f64; 2] {
     [1.0 / (1.0 + poisson_ratio), 1.0 / (3.0 * (1.0 - 2.0 * poisson_ratio))]
 }
 
-/// For each group the sorted groups (itself included) that share an element with it and do not come after it.
+/// For each group the sorted groups (including itself) that share an element with it and do not come after it.
 fn group_neighbours(mesh: &Mesh, unknowns: &Unknowns) -> Vec<Vec<u32>> {
     let mut neighbours: Vec<Vec<u32>> = vec![Vec::new(); unknowns.unknown.len()];
     for nodes in mesh.elements() {
@@ -211,11 +211,11 @@ fn group_neighbours(mesh: &Mesh, unknowns: &Unknowns) -> Vec<Vec<u32>> {
     neighbours
 }
 
-/// Column-compressed pattern of the upper triangle, with the place of each group's rows inside a column.
+/// Column-compressed pattern of the upper triangle, with the position of each group's rows inside a column.
 struct Pattern {
     column_start: Vec<u32>,
     row_idx: Vec<u32>,
-    /// For each group and neighbour, rows of a column of that group that stand before the neighbour's.
+    /// Number of rows of a column before those of the neighbour, for each group and neighbour.
     rows_before: Vec<Vec<u32>>,
 }
 
@@ -303,8 +303,8 @@ mod tests {
         }
     }
 
-    /// The scattered matrix acts as the sum of the element matrices, restricted to the unknowns: Pᵀ (Σ Kₑ) P u, with P built from the
-    /// public maps between nodes and unknowns only.
+    /// The assembled matrix acts as the sum of the element matrices, restricted to the unknowns: Pᵀ (Σ Kₑ) P u. P is built only from the
+    /// public maps between nodes and unknowns.
     #[test]
     fn the_matrix_is_the_sum_of_its_elements() {
         let mesh = mesh();

@@ -12,11 +12,11 @@ use base::error::{Error, Result};
 pub trait Element: Sync {
     /// Nodes of one element.
     fn n_nodes(&self) -> usize;
-    /// Shape functions at a reference point, one a node.
+    /// Shape functions at a reference point, one per node.
     fn shape(&self, point: [f64; 3], shape: &mut [f64]);
-    /// Reference gradients of the shape functions at a reference point, one a node.
+    /// Reference gradients of the shape functions at a reference point, one per node.
     fn shape_gradient(&self, point: [f64; 3], gradient: &mut [[f64; 3]]);
-    /// Discontinuous pressure functions at a reference point; empty where the element carries displacements alone.
+    /// Discontinuous pressure functions at a reference point; empty for an element with displacements only.
     fn pressure(&self, point: [f64; 3]) -> Vec<f64>;
     /// Quadrature points and weights on the reference cell.
     fn quadrature(&self) -> Vec<([f64; 3], f64)>;
@@ -24,9 +24,9 @@ pub trait Element: Sync {
 
 /// 27-node hexahedron with four discontinuous linear pressures (1, ξ, η, ζ).
 struct Hexahedron27;
-/// 10-node tetrahedron, displacements alone (physics §3.5).
+/// 10-node tetrahedron with displacements only (physics §3.5).
 struct Tetrahedron10;
-/// 4-node tetrahedron, displacements alone: locks (physics §3.4).
+/// 4-node tetrahedron with displacements only; it locks (physics §3.4).
 struct Tetrahedron4;
 
 /// The element of a kind.
@@ -38,7 +38,7 @@ pub(super) fn element_of(kind: ElementKind) -> &'static dyn Element {
     }
 }
 
-/// Quadratic Lagrange polynomial on {−1, 0, 1} whose node is `node`, and its derivative.
+/// Quadratic Lagrange polynomial on {−1, 0, 1} with the node `node`, and its derivative.
 fn lagrange(node: f64, x: f64) -> (f64, f64) {
     if node == 0.0 { (1.0 - x * x, -2.0 * x) } else { (0.5 * x * (x + node), x + 0.5 * node) }
 }
@@ -74,7 +74,7 @@ fn barycentric(p: [f64; 3]) -> ([f64; 4], [[f64; 3]; 4]) {
     )
 }
 
-/// Corners of each edge of the 10-node tetrahedron, VTK's order.
+/// Corners of each edge of the 10-node tetrahedron, in VTK's order.
 const TETRAHEDRON_EDGES: [[usize; 2]; 6] = [[0, 1], [1, 2], [0, 2], [0, 3], [1, 3], [2, 3]];
 
 impl Element for Tetrahedron10 {
@@ -143,9 +143,9 @@ struct TabulatedPoint {
 pub struct PhysicalPoint<'a> {
     /// Weight × Jacobian determinant, in m³.
     pub volume_m3: f64,
-    /// Shape functions, one a node.
+    /// Shape functions, one per node.
     pub shape: &'a [f64],
-    /// Physical gradients of the shape functions in 1/m, one a node.
+    /// Physical gradients of the shape functions in 1/m, one per node.
     pub gradient: &'a [[f64; 3]],
     /// Pressure functions.
     pub pressure: &'a [f64],
@@ -155,12 +155,12 @@ pub struct PhysicalPoint<'a> {
 pub struct ElementStiffness {
     /// ∫ dev ε : dev ε.
     pub deviatoric: DMatrix<f64>,
-    /// ∫ (Π div u)², Π the projection on the element's pressures (the identity where it has none).
+    /// ∫ (Π div u)², with Π the projection on the element's pressures (the identity if it has none).
     pub volumetric: DMatrix<f64>,
 }
 
 impl TabulatedElement {
-    /// The tabulated element of a kind; built once.
+    /// The tabulated element of a kind. It is built once.
     pub fn of(kind: ElementKind) -> &'static Self {
         static TABLES: [OnceLock<TabulatedElement>; 3] = [OnceLock::new(), OnceLock::new(), OnceLock::new()];
         TABLES[kind as usize].get_or_init(|| Self::new(element_of(kind)))
@@ -194,7 +194,7 @@ impl TabulatedElement {
         })
     }
 
-    /// Calls `visit` at every quadrature point of the element with these node coordinates (m); fails where it is inverted.
+    /// Calls `visit` at every quadrature point of the element with these node coordinates (m). Fails if the element is inverted.
     pub fn for_each_point(&self, coordinates_m: &[[f64; 3]], mut visit: impl FnMut(PhysicalPoint)) -> Result<()> {
         let mut gradient = vec![[0.0; 3]; self.n_nodes];
         for (point, jacobian) in self.points.iter().zip(self.jacobians(coordinates_m)) {
@@ -227,7 +227,7 @@ impl TabulatedElement {
     pub fn stiffness(&self, coordinates_m: &[[f64; 3]]) -> Result<ElementStiffness> {
         let n = self.n_nodes;
         let n_pressures = self.points[0].pressure.len();
-        // ∫ ∇φₐ ⊗ ∇φ_b for a ≤ b carries every entry of both parts.
+        // ∫ ∇φₐ ⊗ ∇φ_b for a ≤ b contains every entry of both parts.
         let mut products = vec![[0.0_f64; 9]; n * (n + 1) / 2];
         let mut divergence = DMatrix::<f64>::zeros(3 * n, n_pressures);
         let mut pressure_mass = DMatrix::<f64>::zeros(n_pressures, n_pressures);
@@ -342,7 +342,7 @@ mod tests {
         }
     }
 
-    /// Rigid motions cost nothing; a pure shear and a pure dilation cost their closed-form energies.
+    /// Rigid motions have no energy. A pure shear and a pure dilation have their closed-form energies.
     #[test]
     fn stiffness_of_the_reference_hexahedron_has_the_closed_form_energies() {
         let element = TabulatedElement::of(ElementKind::Hexahedron27);

@@ -1,4 +1,4 @@
-//! Exact stiffnesses that the finite elements are verified against (physics §4). Force per displacement of the whole body.
+//! Exact stiffnesses for the verification of the finite elements (physics §4). Each is a force per displacement of the whole body.
 
 use nalgebra::{Matrix4, Vector4};
 
@@ -17,7 +17,7 @@ pub struct SphereInContainer {
 }
 
 impl SphereInContainer {
-    /// Fits A = 1, B = 0 on the sphere and A = B = 0 on the container. Radii in m, 0 < `radius_m` < `outer_radius_m`.
+    /// Satisfies A = 1, B = 0 on the sphere and A = B = 0 on the container. Radii in m, 0 < `radius_m` < `outer_radius_m`.
     pub fn new(poisson_ratio: f64, radius_m: f64, outer_radius_m: f64) -> Self {
         // Lengths in units of the sphere's radius keep the system well conditioned.
         let (inner, outer) = (modes(poisson_ratio, 1.0), modes(poisson_ratio, outer_radius_m / radius_m));
@@ -64,7 +64,7 @@ mod tests {
         assert!((k / 1.820902396e-3 - 1.0).abs() < 1e-9, "{k}");
         let k = sphere_in_infinite_medium_n_per_m(1.0, 0.48, 0.275e-3);
         assert!((k / 1.718183641e-3 - 1.0).abs() < 1e-9, "{k}");
-        // A container far away is no container.
+        // A distant container has no effect.
         let k = SphereInContainer::new(0.3, 1.0, 1e7).stiffness_n_per_m(1.0);
         assert!((k / sphere_in_infinite_medium_n_per_m(1.0, 0.3, 1.0) - 1.0).abs() < 1e-6);
     }

@@ -11,7 +11,7 @@ use super::ordering::nested_dissection;
 use crate::mesh::Mesh;
 use base::error::{Error, Result};
 
-/// An assembled mesh with the symbolic factor that all Poisson ratios share.
+/// An assembled mesh with the symbolic factor shared by all Poisson ratios.
 #[derive(Debug)]
 pub struct Stiffness {
     /// The two affine parts and the unknowns.
@@ -49,7 +49,7 @@ impl Stiffness {
     }
 }
 
-/// The symbolic factor of a symmetric pattern (upper triangle) whose unknowns are eliminated in an order.
+/// Symbolic factor of a symmetric pattern (upper triangle) for an elimination order of its unknowns.
 pub(crate) fn analysed(
     upper: SymbolicSparseColMatRef<'_, u32>,
     elimination_order: &[usize],
@@ -74,7 +74,7 @@ pub(crate) fn analysed(
     })
 }
 
-/// The numbers of the Cholesky factor of a matrix with the analysed pattern; `None` where it is not positive definite.
+/// Values of the Cholesky factor of a matrix with the analysed pattern. `None` if the matrix is not positive definite.
 pub(crate) fn factorised(symbolic: &SymbolicCholesky<u32>, upper: SparseColMatRef<'_, u32, f64>) -> Option<Vec<f64>> {
     let mut values = vec![0.0; symbolic.len_val()];
     let mut memory = MemBuffer::new(symbolic.factorize_numeric_llt_scratch::<f64>(PARALLELISM, Default::default()));
@@ -90,7 +90,7 @@ pub(crate) fn factorised(symbolic: &SymbolicCholesky<u32>, upper: SparseColMatRe
     outcome.is_ok().then_some(values)
 }
 
-/// Replaces every column of `columns` (each as long as there are unknowns, one after the other) by the factor's solution.
+/// Replaces every column of `columns` (each with one value per unknown, one after the other) by the factor's solution.
 pub(crate) fn solve_in_place(symbolic: &SymbolicCholesky<u32>, values: &[f64], columns: &mut [f64]) {
     let n = symbolic.nrows();
     let n_columns = columns.len() / n;
@@ -104,7 +104,7 @@ pub(crate) fn solve_in_place(symbolic: &SymbolicCholesky<u32>, values: &[f64], c
     );
 }
 
-/// One thread: a factor by several differs in its last bits from run to run of another thread count.
+/// One thread: the last bits of a parallel factor depend on the number of threads.
 const PARALLELISM: Par = Par::Seq;
 
 /// Cholesky factor of K̂(ν), with the matrix itself for products.
@@ -130,8 +130,8 @@ impl Factor<'_> {
         solve_in_place(self.symbolic, &self.values, columns);
     }
 
-    /// K̂⁻¹ times the unit force on the robot: the displacement field (m) at unit Young's modulus and force, of the
-    /// model that was meshed, whose share of the whole body's force is [`Mesh::share`].
+    /// K̂⁻¹ times the unit force on the robot: the displacement field (m) of the meshed model at unit Young's modulus and force.
+    /// The model's share of the whole body's force is [`Mesh::share`].
     pub fn unit_response(&self) -> Vec<f64> {
         let mut field = vec![0.0; self.n_unknowns()];
         if let Some(last) = field.last_mut() {

@@ -1,7 +1,7 @@
 //! Fill-reducing order of a mesh's nodes by nested dissection.
 //!
-//! The elements are halved again and again; the nodes that both halves share (the separator) are eliminated after everything else
-//! in either half. Two stages find a small separator: sweeps of the elements along geometric keys (planes, spheres and cones that
+//! The elements are halved recursively. The nodes that both halves share (the separator) are eliminated after all other nodes
+//! of either half. Two stages find a small separator: sweeps of the elements along geometric keys (planes, spheres and cones that
 //! graded meshes around a body follow), then moves of single elements across the cut while they shrink it (Fiduccia and
 //! Mattheyses, DAC 1982, with the mesh's nodes as nets). On three-dimensional meshes this beats minimum-degree orders, whose
 //! fill grows faster with size.
@@ -9,25 +9,25 @@
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
 
-/// The smaller part of a split holds at least this fraction of the elements.
+/// Smallest fraction of the elements in either part of a split.
 const SMALLEST_PART: f64 = 0.3;
-/// Weight of unbalance against separator size: cuts into halves win over slightly smaller lopsided ones.
+/// Weight of imbalance against separator size: a cut into halves wins over a slightly smaller unequal one.
 const UNBALANCE_WEIGHT: f64 = 1.0;
 /// Passes of single-element moves over one cut.
 const REFINEMENT_PASSES: usize = 3;
-/// Moves without a better cut after which a pass ends.
+/// Number of moves without a better cut that ends a pass.
 const FRUITLESS_MOVES: usize = 40;
-/// Marks a node outside the elements at hand.
+/// Mark of a node outside the present elements.
 const ABSENT: u32 = u32::MAX;
 
-/// Order of elimination of a mesh's nodes: `order[k]` is the node eliminated k-th, every node once.
+/// Order of elimination of a mesh's nodes: `order[k]` is the node eliminated k-th, and every node occurs once.
 ///
-/// `elements` holds `nodes_per_element` node indices an element; `coordinates` (any unit) those of each node, with the body's centre at the
-/// origin, which the spheres and cones among the trial cuts are drawn around. Nodes of no element come first. The same input gives the
-/// same order.
+/// `elements` holds `nodes_per_element` node indices per element. `coordinates` (any unit) holds those of each node, with the body's centre at the
+/// origin, which is the centre of the spheres and cones among the trial cuts. Nodes of no element come first. Equal input gives an
+/// equal order.
 ///
 /// # Panics
-/// When an element names a node beyond `n_nodes`, or `coordinates` is shorter than `n_nodes`: meshes are checked where they are made.
+/// If an element names a node beyond `n_nodes`, or `coordinates` is shorter than `n_nodes`. Meshes are checked when they are built.
 pub fn nested_dissection(
     n_nodes: usize,
     elements: &[u32],
@@ -56,11 +56,11 @@ struct Dissection<'a> {
     /// Elements of node `n`: `node_elements[node_start[n]..node_start[n + 1]]`.
     node_start: Vec<u32>,
     node_elements: Vec<u32>,
-    /// Nodes that already stand in a separator or leaf.
+    /// Nodes that are already in a separator or leaf.
     placed: Vec<bool>,
-    /// For a node not yet placed: its elements on the left and on the right side of the cut being made.
+    /// Number of elements of each node not yet placed, on the left and the right side of the present cut.
     counts: Vec<[u32; 2]>,
-    /// Side of each element of the cut being made, `ABSENT` outside it.
+    /// Side of each element in the present cut, `ABSENT` outside it.
     side: Vec<u32>,
     locked: Vec<bool>,
 }
@@ -131,7 +131,7 @@ impl<'a> Dissection<'a> {
         order.extend(separator.iter().map(|&node| node as usize));
     }
 
-    /// Appends those of `nodes` that are not yet placed.
+    /// Appends the nodes in `nodes` that are not yet placed.
     fn place(&mut self, nodes: &[u32], order: &mut Vec<usize>) {
         for &node in nodes {
             if !std::mem::replace(&mut self.placed[node as usize], true) {
@@ -140,7 +140,7 @@ impl<'a> Dissection<'a> {
         }
     }
 
-    /// Nodes not yet placed that an element of `left` and one of `right` share.
+    /// Nodes not yet placed that are shared by an element of `left` and one of `right`.
     fn separator(&mut self, left: &[u32], right: &[u32]) -> Vec<u32> {
         for &element in left {
             for &node in self.nodes_of(element) {
@@ -165,7 +165,7 @@ impl<'a> Dissection<'a> {
         separator
     }
 
-    /// Reorders `subset` so that its first elements, whose number is returned, are the left half of a cut with a small separator.
+    /// Reorders `subset` so that its first elements are the left half of a cut with a small separator. Returns their number.
     fn bisect(&mut self, subset: &mut [u32]) -> usize {
         subset.sort_unstable();
         let mut best: Option<(Cut, Vec<u32>)> = None;
@@ -188,7 +188,7 @@ impl<'a> Dissection<'a> {
         }
     }
 
-    /// The best place to cut a sequence of elements in two.
+    /// Best position to cut a sequence of elements in two.
     fn best_cut(&mut self, swept: &[u32]) -> Cut {
         self.count_all_right(swept);
         let smallest = smallest_part(swept.len());
@@ -234,7 +234,7 @@ impl<'a> Dissection<'a> {
         }
     }
 
-    /// Shrinks the cut after `n_left` elements by moving elements across it; reorders `subset` and returns the new size of its left part.
+    /// Shrinks the cut after `n_left` elements by moving elements across it. Reorders `subset` and returns the new size of its left part.
     fn refine(&mut self, subset: &mut [u32], n_left: usize) -> usize {
         for (k, &element) in subset.iter().enumerate() {
             let side = usize::from(k >= n_left);
@@ -259,7 +259,7 @@ impl<'a> Dissection<'a> {
         left.len()
     }
 
-    /// Moves each element at most once, best gain first, and takes back the moves after the best cut. Returns whether the cut improved.
+    /// Moves each element at most once, best gain first, and reverts the moves after the best cut. Returns whether the cut improved.
     fn refinement_pass(&mut self, subset: &[u32], n_left: &mut usize) -> bool {
         let n = subset.len();
         let smallest = smallest_part(n);
@@ -325,7 +325,7 @@ impl<'a> Dissection<'a> {
 
     /// Nodes of the separator of `subset`'s current sides.
     fn separator_size(&self, subset: &[u32]) -> i64 {
-        // A cut node is counted at its first element on the left, found as the smallest: the list of a node's elements ascends.
+        // A cut node is counted at its first element on the left. The list of a node's elements ascends, so that the first is the smallest.
         let mut size = 0;
         for &element in subset.iter().filter(|&&e| self.side[e as usize] == 0) {
             for &node in self.nodes_of(element) {
@@ -336,7 +336,7 @@ impl<'a> Dissection<'a> {
         size
     }
 
-    /// By how many nodes the separator shrinks when `element` changes sides.
+    /// Number of nodes by which the separator shrinks if `element` changes sides.
     fn gain(&self, element: u32) -> i64 {
         let own = self.side[element as usize] as usize;
         let mut gain = 0;
@@ -367,7 +367,7 @@ fn smallest_part(n_elements: usize) -> usize {
     ((SMALLEST_PART * n_elements as f64) as usize).max(1)
 }
 
-/// What a cut is judged by, smaller is better: separator size, made worse by unbalance.
+/// Score of a cut, smaller is better: separator size, increased by imbalance.
 fn score(separator: i64, n_left: usize, n_elements: usize) -> f64 {
     let unbalance = 2.0 * n_left as f64 / n_elements as f64 - 1.0;
     (separator as f64 + 0.5) * (1.0 + UNBALANCE_WEIGHT * unbalance * unbalance)
@@ -375,12 +375,12 @@ fn score(separator: i64, n_left: usize, n_elements: usize) -> f64 {
 
 /// Number of keys along which elements are swept.
 const N_KEYS: usize = 13;
-/// Below this many elements only the first keys are tried: it fills the factor no more and saves time.
+/// Number of elements below which only the first keys are tried. The fill does not increase, and time is saved.
 const FEW_ELEMENTS: usize = 32;
-/// Number of keys tried on few elements.
+/// Number of keys tried for few elements.
 const N_KEYS_FOR_FEW: usize = 7;
 
-/// The position of a centroid along one of the sweeps: planes, spheres, and planes through the origin that turn about it.
+/// Position of a centroid along one of the sweeps: planes, spheres, and planes through the origin that turn about it.
 fn sweep_key(key: usize, [x, y, z]: [f64; 3]) -> f64 {
     let r = (x * x + y * y + z * z).sqrt().max(f64::MIN_POSITIVE);
     match key {

@@ -3,7 +3,7 @@
 /// A point of a rule: reference coordinates and weight.
 pub(super) type Point = ([f64; 3], f64);
 
-/// Gauss–Legendre points and weights on [−1, 1], four.
+/// Four Gauss–Legendre points and weights on [−1, 1].
 pub(super) fn line() -> [(f64, f64); 4] {
     let (mean, root) = (3.0_f64 / 7.0, 2.0 / 7.0 * (6.0_f64 / 5.0).sqrt());
     let (inner, outer) = ((mean - root).sqrt(), (mean + root).sqrt());
@@ -11,9 +11,9 @@ pub(super) fn line() -> [(f64, f64); 4] {
     [(-outer, w_outer), (-inner, w_inner), (inner, w_inner), (outer, w_outer)]
 }
 
-/// Tensor Gauss–Legendre rule with four points a direction on {−1, 1}³, exact to degree 7 in each coordinate.
+/// Tensor Gauss–Legendre rule with four points per direction on {−1, 1}³, exact to degree 7 in each coordinate.
 ///
-/// Three points would do on straight elements; the fourth keeps the curved ones from spoiling the convergence order.
+/// Three points suffice on straight elements. The fourth preserves the convergence order on curved ones.
 pub(super) fn hexahedron() -> Vec<Point> {
     let line = line();
     let mut points = Vec::with_capacity(64);
@@ -29,8 +29,8 @@ pub(super) fn hexahedron() -> Vec<Point> {
 
 /// Tensor Gauss–Jacobi rule collapsed onto the unit tetrahedron: 3³ points, exact to degree 5.
 ///
-/// Built from the same Gauss–Legendre points with the collapse's Jacobian in the weights, four points a direction, so
-/// that no table has to be trusted; the volume and all quartic monomials are tested.
+/// It uses four Gauss–Legendre points per direction with the collapse's Jacobian in the weights, so that
+/// no table is needed. Tests check the volume and all quartic monomials.
 pub(super) fn tetrahedron() -> Vec<Point> {
     hexahedron()
         .into_iter()

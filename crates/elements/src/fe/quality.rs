@@ -1,4 +1,4 @@
-//! How well shaped the elements of a mesh are, at the integration points, where it matters.
+//! Shape of a mesh's elements at the integration points.
 
 use nalgebra::Matrix3;
 
@@ -8,17 +8,17 @@ use crate::mesh::Mesh;
 /// Shapes of the elements of a mesh.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct MeshQuality {
-    /// Elements whose Jacobian is not positive at some integration point; they cannot be computed with.
+    /// Number of elements whose Jacobian is not positive at some integration point. They are unusable.
     pub n_inverted: usize,
     /// Smallest volume of the parallelepiped of the Jacobian's columns over the product of their lengths: 1 for bricks, 0.71 for regular
-    /// tetrahedra, 0 where an element is flat.
+    /// tetrahedra, 0 for a flat element.
     pub smallest_scaled_jacobian: f64,
-    /// Largest ratio of the longest to the shortest side of an element; sides are root mean squares of the Jacobian's columns.
+    /// Largest ratio of the longest to the shortest side of an element. Sides are root mean squares of the Jacobian's columns.
     pub largest_aspect: f64,
 }
 
 impl MeshQuality {
-    /// Looks at every element.
+    /// Measures every element.
     pub fn of(mesh: &Mesh) -> Self {
         let table = TabulatedElement::of(mesh.element_kind);
         let mut quality = Self { n_inverted: 0, smallest_scaled_jacobian: 1.0, largest_aspect: 1.0 };
@@ -55,7 +55,7 @@ mod tests {
         }
     }
 
-    /// A parallelepiped has the sine of its angle, at any aspect; turned inside out it is counted.
+    /// The scaled Jacobian of a parallelepiped is the sine of its angle, at any aspect. An element turned inside out is counted.
     #[test]
     fn shapes_with_known_quality() {
         let brick = |map: &dyn Fn([f64; 3]) -> [f64; 3]| {

@@ -1,4 +1,4 @@
-//! Strain of a displacement field: how far the linear theory is stretched (physics §6).
+//! Strain of a displacement field, to check the range of the linear theory (physics §6).
 
 use nalgebra::{Matrix3, Vector3};
 
@@ -8,7 +8,7 @@ use base::error::Result;
 
 /// Largest absolute principal strain over all integration points.
 ///
-/// `displacement_m` holds one vector a node, in m.
+/// `displacement_m` holds one vector per node, in m.
 pub fn largest_principal_strain(mesh: &Mesh, displacement_m: &[[f64; 3]]) -> Result<f64> {
     let table = TabulatedElement::of(mesh.element_kind);
     let mut largest = 0.0_f64;

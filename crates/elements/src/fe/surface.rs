@@ -1,4 +1,4 @@
-//! Surfaces as the mesh has them, the robot's above all: integration points on the faces of the elements beside it.
+//! Surfaces of a mesh, mainly the robot's: integration points on the faces of adjacent elements.
 
 use std::f64::consts::PI;
 use std::sync::OnceLock;
@@ -13,13 +13,13 @@ use crate::mesh::{ElementKind, HEXAHEDRON27_REFERENCE_NODES, Mesh};
 pub struct SurfacePoint<'a> {
     /// Weight × area of the face's parametrisation, in m².
     pub area_m2: f64,
-    /// Unit normal, into the gel.
+    /// Unit normal that points into the gel.
     pub normal: [f64; 3],
-    /// Where it is, in m.
+    /// Position of the point in m.
     pub position_m: [f64; 3],
     /// Nodes of the element.
     pub nodes: &'a [u32],
-    /// Their shape functions here.
+    /// Shape functions of the nodes at the point.
     pub shape: &'a [f64],
 }
 
@@ -28,7 +28,7 @@ struct Face {
     /// Nodes of the element that lie on the face.
     nodes: Vec<usize>,
     points: Vec<FacePoint>,
-    /// The places of its nodes.
+    /// Points at the face's nodes.
     at_nodes: Vec<FacePoint>,
 }
 
@@ -36,7 +36,7 @@ struct FacePoint {
     weight: f64,
     /// Directions along the face, in reference coordinates.
     tangents: [Vector3<f64>; 2],
-    /// From here into the cell.
+    /// Direction from the face into the cell.
     inward: Vector3<f64>,
     shape: Vec<f64>,
     gradient: Vec<[f64; 3]>,
@@ -102,7 +102,7 @@ fn hexahedron_faces() -> Vec<Face> {
 }
 
 fn tetrahedron_faces(kind: ElementKind) -> Vec<Face> {
-    // Duffy's square on the triangle: u, v (1 − u).
+    // Duffy's map of the square to the triangle: u, v (1 − u).
     let places: Vec<([f64; 2], f64)> = line()
         .into_iter()
         .flat_map(|(b, wb)| line().map(|(a, wa)| (0.5 * (1.0 + a), 0.5 * (1.0 + b), 0.25 * wa * wb)))
@@ -115,7 +115,7 @@ fn tetrahedron_faces(kind: ElementKind) -> Vec<Face> {
     vec![flat(0, [y, z]), flat(1, [z, x]), flat(2, [x, y]), oblique]
 }
 
-/// Calls `visit` at every integration point of the surface that nodes of the mesh (in rising order) make up, element by element.
+/// Calls `visit` at every integration point of the surface formed by nodes of the mesh (in rising order), element by element.
 pub fn for_each_surface_point(mesh: &Mesh, surface_nodes: &[u32], mut visit: impl FnMut(SurfacePoint<'_>)) {
     for_each_face(mesh, surface_nodes, |nodes, face| {
         for point in &face.points {
@@ -126,7 +126,7 @@ pub fn for_each_surface_point(mesh: &Mesh, surface_nodes: &[u32], mut visit: imp
     });
 }
 
-/// Normals out of the robot at every node of the mesh, one for each of the faces around it; none away from the robot.
+/// Normals out of the robot at every node of the mesh, one per adjacent face. Nodes away from the robot have none.
 pub fn robot_normals(mesh: &Mesh) -> Vec<Vec<Vector3<f64>>> {
     let mut normals = vec![Vec::new(); mesh.n_nodes()];
     for_each_face(mesh, &mesh.robot_nodes, |nodes, face| {
@@ -163,12 +163,12 @@ fn place(mesh: &Mesh, nodes: &[u32], point: &FacePoint) -> Placed {
     }
     let across = (jacobian * point.tangents[0]).cross(&(jacobian * point.tangents[1]));
     let area = across.norm();
-    // The element is outside the robot. Its middle would not tell the side: thin curved ones have it behind the tangent plane.
+    // The element lies outside the robot. Its middle does not show the side: thin curved elements have it behind the tangent plane.
     let outward = if across.dot(&(jacobian * point.inward)) > 0.0 { across } else { -across };
     Placed { area, normal: outward / area, position_m: position.into() }
 }
 
-/// Size of the robot that a mesh goes around.
+/// Size of the robot in a mesh.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct RobotSize {
     /// Surface of the whole body, in m².
@@ -178,7 +178,7 @@ pub struct RobotSize {
 }
 
 impl RobotSize {
-    /// By the divergence theorem: V = ⅓ ∮ x·n dA, to which the planes of symmetry add nothing.
+    /// Size by the divergence theorem: V = ⅓ ∮ x·n dA. Planes of symmetry contribute nothing.
     pub fn of(mesh: &Mesh) -> Self {
         let mut part = Self { surface_area_m2: 0.0, volume_m3: 0.0 };
         for_each_surface_point(mesh, &mesh.robot_nodes, |point| {
@@ -208,7 +208,7 @@ mod tests {
         assert!(errors.iter().all(|e| e.abs() < tolerance), "{errors:?}");
     }
 
-    /// Quadratic faces of a sphere, of a cylinder (its flat ends and straight sides cost nothing but the circle) and of a spheroid.
+    /// Quadratic faces of a sphere, a cylinder (flat ends and straight sides are exact except for the circle) and a spheroid.
     #[test]
     fn areas_and_volumes_are_those_of_the_bodies() {
         let ball = QuarterBall { robot_radius_m: 0.4e-3, outer_radius_m: 4e-3, n_per_edge: 3, n_layers: 4 };
@@ -227,7 +227,7 @@ mod tests {
         }
     }
 
-    /// One tetrahedron whose oblique face is the robot's.
+    /// One tetrahedron with the robot on its oblique face.
     #[test]
     fn faces_of_tetrahedra_are_found() {
         for kind in [ElementKind::Tetrahedron4, ElementKind::Tetrahedron10] {
@@ -244,7 +244,7 @@ mod tests {
             };
             let found = RobotSize::of(&mesh);
             assert!((found.surface_area_m2 - 0.75_f64.sqrt()).abs() < 1e-14, "{kind:?}: {found:?}");
-            // ⅓ x·n A with n towards the origin's side, where the element is.
+            // ⅓ x·n A with n towards the origin, on the side of the element.
             assert!((found.volume_m3 + 1.0 / 6.0).abs() < 1e-14, "{kind:?}: {found:?}");
         }
     }

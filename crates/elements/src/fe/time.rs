@@ -1,21 +1,21 @@
 //! Full-order time stepping with internal fields (physics §3.2).
 //!
-//! Every branch m of the law (Kelvin–Voigt bodies, dashpots) keeps its own nodal displacement field. All branches carry the
-//! stress D̂ε(w), K̂ w = f, so a step from t to t + Δt reads u = h + j w: the history h decays, w follows the force. While
-//! the force holds or goes in a line, w does too, and a step by the exponential scheme is exact.
+//! Every branch m of the law (Kelvin–Voigt bodies, dashpots) has its own nodal displacement field. All branches carry the
+//! stress D̂ε(w), K̂ w = f. A step from t to t + Δt therefore reads u = h + j w: the history h decays, and w follows the force. While
+//! the force is constant or linear in time, w is too, and a step of the exponential scheme is exact.
 
 use super::factorisation::{Factor, Stiffness};
 use base::error::Result;
 use laws::rheology::CreepCompliance;
 use record::Force;
 
-/// How a branch is advanced over a step of constant stress, or one that goes in a line.
+/// Scheme that advances a branch over a step of constant or linear stress.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum TimeScheme {
     /// Exact between the rows.
     #[default]
     Exponential,
-    /// Implicit midpoint: second order, an independent check of the exponential step.
+    /// Implicit midpoint: second order, an independent check of the exponential scheme.
     Midpoint,
 }
 
@@ -30,17 +30,17 @@ impl TimeScheme {
     }
 }
 
-/// The full-order model at one Poisson ratio: factorised once, run for any law and load.
+/// The full-order model at one Poisson ratio. It is factorised once and run for any law and load.
 pub struct FullOrderModel<'a> {
     factor: Factor<'a>,
     robot: usize,
-    /// K̂⁻¹ f for 1 N on the whole body: unknowns per unit force at unit Young's modulus, in 1/m. Solved once, since every run needs it.
+    /// K̂⁻¹ f for 1 N on the whole body: unknowns per unit force at unit Young's modulus, in 1/m. Solved once for all runs.
     field_per_n: Vec<f64>,
 }
 
-/// A commanded force with its solved field.
+/// A commanded force with its field.
 ///
-/// All forces push the robot along x, so one solve for 1 N serves every switch, scaled.
+/// All forces push the robot along x, so that one solve for 1 N, scaled, serves every switch.
 pub struct SolvedLoad<'a> {
     time_s: &'a [f64],
     force: Force<'a>,
@@ -72,9 +72,9 @@ impl<'a> FullOrderModel<'a> {
         self.field_per_n[self.robot]
     }
 
-    /// Robot's position (m) at every row, the limit from the left.
+    /// Robot's position (m) at every row, as the limit from the left.
     ///
-    /// Under a law that is the same everywhere each unknown evolves on its own, so only the robot's is carried along.
+    /// Under a homogeneous law each unknown evolves independently, so that only the robot's is stepped.
     pub fn trajectory(&self, load: &SolvedLoad, law: &CreepCompliance, scheme: TimeScheme) -> Vec<f64> {
         let mut position_m = Vec::with_capacity(load.time_s.len());
         let robot = &load.field_per_n[self.robot..=self.robot];
@@ -87,7 +87,7 @@ impl<'a> FullOrderModel<'a> {
         self.fields_by(load, law, rows, TimeScheme::Exponential)
     }
 
-    /// The same by a chosen time integrator.
+    /// Unknowns (m) at the chosen rows, by a chosen time integrator.
     pub fn fields_by(
         &self,
         load: &SolvedLoad,
@@ -106,7 +106,7 @@ impl<'a> FullOrderModel<'a> {
     }
 }
 
-/// Steps the unknowns whose response to 1 N is `field_per_n` through the load, and shows the state at every row.
+/// Steps the unknowns with response `field_per_n` to 1 N through the load, and passes the state at every row to `at_row`.
 fn run(
     load: &SolvedLoad,
     field_per_n: &[f64],
@@ -126,8 +126,8 @@ fn run(
     }
 }
 
-/// State of one run. Within a hold every branch field is decay·(field at the start) + gain·w with scalar decay and gain, so
-/// the fields themselves are updated at switches only.
+/// State of one run. Within a hold every branch field is decay·(field at the start) + gain·w with scalar decay and gain. The
+/// fields themselves are therefore updated only at switches.
 struct Run<'a> {
     law: &'a CreepCompliance,
     branches: Vec<Branch>,
@@ -135,7 +135,7 @@ struct Run<'a> {
     fields: Vec<Vec<f64>>,
     /// w at 1 N, in m.
     field_per_n: &'a [f64],
-    /// Force at the hold's start in N, by how much it rises in N/s, and the time since in s.
+    /// Force at the hold's start in N, its slope in N/s, and the time since then in s.
     force_n: f64,
     slope_n_per_s: f64,
     since_s: f64,
@@ -146,14 +146,14 @@ struct Run<'a> {
 struct Branch {
     decay: f64,
     gain_per_pa: f64,
-    /// The same for a force that rises.
+    /// Gain for a force that rises linearly.
     ramp_s_per_pa: f64,
 }
 
 const UNMOVED: Branch = Branch { decay: 1.0, gain_per_pa: 0.0, ramp_s_per_pa: 0.0 };
 
 impl Branch {
-    /// What a force and its slope have made of it.
+    /// Field of the branch per response to 1 N, from a force and its slope.
     fn moved(self, force: f64, slope_per_s: f64) -> f64 {
         self.gain_per_pa * force + self.ramp_s_per_pa * slope_per_s
     }
@@ -161,7 +161,7 @@ impl Branch {
 
 impl<'a> Run<'a> {
     fn new(law: &'a CreepCompliance, field_per_n: &'a [f64]) -> Self {
-        // One branch a Kelvin–Voigt body, and the dashpots as the last.
+        // One branch per Kelvin–Voigt body; the last branch holds the dashpots.
         let n_branches = law.retarded.len() + 1;
         Self {
             law,
@@ -195,7 +195,7 @@ impl<'a> Run<'a> {
             let kept = mode.compliance_per_pa * (1.0 - decay);
             branch.decay *= decay;
             branch.gain_per_pa = decay * branch.gain_per_pa + kept;
-            // A line is followed by the retardation time late.
+            // The response follows a linear force with a delay of the retardation time.
             let late_s = mode.compliance_per_pa * step_s - kept * mode.time_s;
             branch.ramp_s_per_pa = decay * branch.ramp_s_per_pa + kept * self.since_s + late_s;
         }

@@ -7,18 +7,18 @@ use record::Orientation;
 
 /// Nine-node quadrilaterals on the quarter y ≥ 0, z ≥ 0 of the surface of a box around the origin.
 ///
-/// Nodes are integer points of the box, two steps an element, so that its faces share them exactly. The built-in meshes differ only in where
-/// they put these points; whatever treats x, y and z alike there is symmetric to the last bit.
+/// Nodes are integer points of the box, two steps per element, so that its faces share them exactly. The built-in meshes differ only in the
+/// positions of these points. A mesh whose positions treat x, y and z alike is symmetric to the last bit.
 pub(super) struct BoxSurface {
     /// Half the box's width along each axis, in steps.
     pub half_width: [i32; 3],
     points: Vec<[i32; 3]>,
-    /// 3 × 3 nodes of each quadrilateral, first index fastest; first × second direction points outwards.
+    /// 3 × 3 nodes of each quadrilateral, first index fastest. First × second direction points outwards.
     quads: Vec<[u32; 9]>,
 }
 
 impl BoxSurface {
-    /// The surface with this many elements along half the box's width on each axis.
+    /// Builds the surface with this many elements along half the box's width on each axis.
     pub fn new(n_elements: [usize; 3]) -> Self {
         let half_width = n_elements.map(|n| 2 * n as i32);
         let mut surface = Self { half_width, points: Vec::new(), quads: Vec::new() };
@@ -44,9 +44,9 @@ impl BoxSurface {
         surface
     }
 
-    /// Elements between 2 · `n_layers` + 1 sheets of nodes, the first on the robot, the last on the outer surface.
+    /// Builds elements between 2 · `n_layers` + 1 sheets of nodes, from the robot to the outer surface.
     ///
-    /// `place_m` gives the coordinates in m of a point of the box on a sheet; it must be odd in every coordinate, so that points with y = 0 or
+    /// `place_m` gives the coordinates in m of a point of the box on a sheet. It must be odd in every coordinate, so that points with y = 0 or
     /// z = 0 lie on the symmetry planes.
     pub fn layered(&self, n_layers: usize, place_m: impl Fn([i32; 3], usize) -> [f64; 3]) -> Mesh {
         let n_surface = self.points.len();
@@ -80,14 +80,14 @@ impl BoxSurface {
     }
 }
 
-/// Direction of a point of a cube's surface with equal angles along the edges ("cube-sphere").
+/// Direction of a point on a cube's surface with equal angles along the edges ("cube-sphere").
 pub(super) fn equiangular_direction(point: [i32; 3], half_width: i32) -> [f64; 3] {
     let gnomonic = point.map(|c| (f64::from(c) / f64::from(half_width) * std::f64::consts::FRAC_PI_4).tan());
     let norm = gnomonic.iter().map(|c| c * c).sum::<f64>().sqrt();
     gnomonic.map(|c| c / norm)
 }
 
-/// Axis of a body's length: x is along the force.
+/// Axis of a body's length; x is along the force.
 pub(super) fn long_axis(orientation: Orientation) -> usize {
     match orientation {
         Orientation::Horizontal => 0,
@@ -95,8 +95,8 @@ pub(super) fn long_axis(orientation: Orientation) -> usize {
     }
 }
 
-/// Layers a level, in geometric progression, for a ratio of the outer radius to the body's size: four, or so many that ln r grows by no more than
-/// `largest_step` in each at level 1.
+/// Number of layers per level, in geometric progression, for a ratio of the outer radius to the body's size. At least four, and enough that ln r grows by at most
+/// `largest_step` per layer at level 1.
 pub(super) fn layers_per_level(ratio: f64, largest_step: f64) -> usize {
     (ratio.ln() / largest_step).ceil().max(4.0) as usize
 }

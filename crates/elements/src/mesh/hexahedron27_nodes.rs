@@ -3,7 +3,7 @@
 /// Reference coordinates (ξ, η, ζ), each −1, 0 or 1, of the nodes of a 27-node hexahedron in the order of VTK's cell type 29
 /// (`VTK_TRIQUADRATIC_HEXAHEDRON`): 8 corners, 12 edge middles (bottom ring, top ring, uprights), 6 face centres (−ξ, +ξ, −η, +η, −ζ, +ζ), centre.
 ///
-/// VTK's own parametric coordinates are (1 + ξ)/2 and so on; `tests/python/open_vtu.py` compares the table with them.
+/// VTK's own parametric coordinates are (1 + ξ)/2 etc.; `tests/python/open_vtu.py` compares the table with them.
 pub const HEXAHEDRON27_REFERENCE_NODES: [[f64; 3]; 27] = [
     // Corners: bottom (ζ = −1) counterclockwise, then top.
     [-1.0, -1.0, -1.0],
@@ -49,7 +49,7 @@ mod tests {
         std::array::from_fn(|axis| of.iter().map(|&n| NODES[n][axis]).sum::<f64>() / of.len() as f64)
     }
 
-    /// VTK's documented edges and faces: every later node is the middle of the corners that VTK names for it.
+    /// VTK's documented edges and faces: every later node is the middle of the corners listed by VTK.
     #[test]
     fn later_nodes_are_the_middles_of_the_corners_that_vtk_names() {
         let edges = [[0, 1], [1, 2], [2, 3], [3, 0], [4, 5], [5, 6], [6, 7], [7, 4], [0, 4], [1, 5], [2, 6], [3, 7]];

@@ -15,12 +15,12 @@ pub use off_centre::OffCentre;
 pub use quarter_ball::QuarterBall;
 pub use spheroid::Spheroid;
 
-/// Kind of element; all elements of a mesh are of one kind.
+/// Kind of element. All elements of a mesh have one kind.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum ElementKind {
-    /// Isoparametric 27-node hexahedron, VTK's order of nodes (`VTK_TRIQUADRATIC_HEXAHEDRON`).
+    /// Isoparametric 27-node hexahedron, with nodes in VTK's order (`VTK_TRIQUADRATIC_HEXAHEDRON`).
     Hexahedron27,
-    /// 10-node tetrahedron, VTK's order of nodes (`VTK_QUADRATIC_TETRA`).
+    /// 10-node tetrahedron, with nodes in VTK's order (`VTK_QUADRATIC_TETRA`).
     Tetrahedron10,
     /// 4-node tetrahedron.
     Tetrahedron4,
@@ -37,15 +37,15 @@ impl ElementKind {
     }
 }
 
-/// A mesh of the quarter model (y ≥ 0, z ≥ 0; physics §3.1), or, without symmetry about y = 0, of the half model z ≥ 0. Coordinates in m, the robot's
-/// centre at the origin, wherever in the vitreous it is.
+/// A mesh of the quarter model (y ≥ 0, z ≥ 0; physics §3.1) or, without symmetry about y = 0, of the half model z ≥ 0. Coordinates in m. The robot's
+/// centre is at the origin for any position in the vitreous.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Mesh {
     /// Node coordinates in m.
     pub node_coordinates_m: Vec<[f64; 3]>,
     /// Kind of every element.
     pub element_kind: ElementKind,
-    /// Node indices, `element_kind.n_nodes()` an element, in VTK's order.
+    /// Node indices, `element_kind.n_nodes()` per element, in VTK's order.
     pub connectivity: Vec<u32>,
     /// Nodes on the robot's surface, sorted.
     pub robot_nodes: Vec<u32>,
@@ -58,7 +58,7 @@ pub struct Mesh {
 }
 
 impl Mesh {
-    /// Share of the robot, and of the force on it, that the model carries: each plane of symmetry halves it, to a quarter or a half.
+    /// Share of the robot, and of the force on it, in the model. Each plane of symmetry halves it, to a quarter or a half.
     pub fn share(&self) -> f64 {
         [&self.symmetry_y_nodes, &self.symmetry_z_nodes]
             .iter()

@@ -1,38 +1,38 @@
-//! Built-in meshes of a robot off the vitreous's centre: a centred mesh moved by a conformal map, and mirrored where the offset breaks a symmetry.
+//! Built-in meshes of a robot away from the vitreous's centre. A conformal map moves a centred mesh; a mirror image is added if the offset breaks a symmetry.
 //!
-//! The Möbius map of a ball on a ball that brings the centre to the robot's place turns spheres into spheres and keeps angles, so elements stay as well
-//! shaped as in the centred mesh and become small where the gap to the outer surface is small. At the robot it is a shift but for terms of second
-//! order; those are faded out towards the robot, whose surface so keeps its shape to the last bit.
+//! The Möbius map of a ball onto itself that moves the centre to the robot's position maps spheres to spheres and keeps angles. Elements therefore stay as well
+//! shaped as in the centred mesh and become small where the gap to the outer surface is small. At the robot the map is a shift up to terms of second
+//! order. These terms fade out towards the robot, so that its surface keeps its shape to the last bit.
 
 use super::{ElementKind, HEXAHEDRON27_REFERENCE_NODES, Mesh};
 use base::error::{Error, Result};
 use record::{Offset, OffsetDirection};
 
-/// Where the robot is in its ball of gel.
+/// Position of the robot in its ball of gel.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct OffCentre {
     /// Radius of the fixed outer surface in m.
     pub outer_radius_m: f64,
-    /// From the outer surface's centre to the robot's.
+    /// Vector from the outer surface's centre to the robot's.
     pub offset: Offset,
 }
 
 impl OffCentre {
-    /// Offset over outer radius.
+    /// Offset divided by the outer radius.
     fn share(&self) -> f64 {
         self.offset.distance_m / self.outer_radius_m
     }
 
-    /// Outer radius (m) of the centred mesh to begin with: the map that keeps the robot's size brings it to the real one.
+    /// Outer radius (m) of the centred mesh. The map keeps the robot's size and maps this radius to the real one.
     pub fn centred_outer_radius_m(&self) -> f64 {
         self.outer_radius_m * (1.0 - self.share() * self.share())
     }
 
-    /// The mesh off the centre of a centred one of hexahedra with [`Self::centred_outer_radius_m`], in sheets from the robot outwards. The robot's centre stays at
-    /// the origin. Along the force it is a quarter model, across it a half model.
+    /// Moves a centred mesh of hexahedra with [`Self::centred_outer_radius_m`], ordered in sheets from the robot outwards. The robot's centre stays at
+    /// the origin. The result is a quarter model for an offset along the force and a half model for one across it.
     ///
     /// # Errors
-    /// [`Error::Numerical`] where the robot does not leave room in the smaller ball or the mesh has no such sheets.
+    /// [`Error::Numerical`] if the robot does not fit into the smaller ball, or the mesh has no such sheets.
     pub fn displaced(&self, centred: Mesh) -> Result<Mesh> {
         let n_sheet = centred.robot_nodes.len();
         let is_layered = centred.element_kind == ElementKind::Hexahedron27
@@ -42,7 +42,7 @@ impl OffCentre {
         if !(is_layered && (0.0..1.0).contains(&self.share())) {
             return Err(Error::numerical(
                 format!(
-                    "no mesh is moved {} m off the centre of a radius of {} m",
+                    "no mesh can be moved by {} m off the centre of a sphere of radius {} m",
                     self.offset.distance_m, self.outer_radius_m
                 ),
                 "give an offset that leaves the robot inside the vitreous, and a mesh in layers",
@@ -64,14 +64,14 @@ impl OffCentre {
         Ok(mesh)
     }
 
-    /// The Möbius map: with u = x over the outer radius and a the offset over it, ((1 + 2a·u + u²)a + (1 − a²)u)/(1 + 2a·u + a²u²) − a, in which u is scaled by
-    /// 1/(1 − a²) so that the derivative at the origin is 1.
+    /// Applies the Möbius map. Let u = x over the outer radius and a the offset over it: ((1 + 2a·u + u²)a + (1 − a²)u)/(1 + 2a·u + a²u²) − a. Here u is scaled by
+    /// 1/(1 − a²), so that the derivative at the origin is 1.
     fn mapped_m(&self, place_m: [f64; 3]) -> [f64; 3] {
         let (a, axis) = (self.share(), self.offset.direction.axis());
         let u = place_m.map(|x| x / self.centred_outer_radius_m());
         let squared: f64 = u.iter().map(|x| x * x).sum();
         let below = 1.0 + 2.0 * a * u[axis] + a * a * squared;
-        // Along the axis the parts in a without u cancel: (1 + 2au + u²)a − a(1 + 2au + a²u²) = a u² (1 − a²).
+        // Along the axis the terms in a without u cancel: (1 + 2au + u²)a − a(1 + 2au + a²u²) = a u² (1 − a²).
         std::array::from_fn(|i| {
             let along = if i == axis { a * squared } else { 0.0 };
             self.centred_outer_radius_m() * (u[i] + along) / below
@@ -79,7 +79,7 @@ impl OffCentre {
     }
 }
 
-/// How much of the map each sheet takes: 0 at the robot, 1 at the outer surface, and in between by the logarithm of its size, even at the end.
+/// Weight of the map for each sheet: 0 at the robot, 1 at the outer surface. Between them it follows the logarithm of the sheet's size, with zero slope at the outer end.
 fn sheet_weights(mesh: &Mesh, n_sheet: usize) -> Vec<f64> {
     let radius_m = |x: &[f64; 3]| x.iter().map(|c| c * c).sum::<f64>().sqrt();
     let sizes_m: Vec<f64> = mesh
@@ -98,7 +98,7 @@ fn sheet_weights(mesh: &Mesh, n_sheet: usize) -> Vec<f64> {
     (0..=last).map(weight).collect()
 }
 
-/// Adds the mirror image at y = 0. Gives the node that each new one is the image of.
+/// Adds the mirror image at y = 0. Returns the original node of each new one.
 fn mirrored(mesh: &mut Mesh) -> Vec<u32> {
     let n_nodes = mesh.n_nodes() as u32;
     let mut image: Vec<u32> = (0..n_nodes).collect();
@@ -109,7 +109,7 @@ fn mirrored(mesh: &mut Mesh) -> Vec<u32> {
         let [x, y, z] = mesh.node_coordinates_m[node as usize];
         mesh.node_coordinates_m.push([x, -y, z]);
     }
-    // An image's elements are inside out until one of their own directions is turned round.
+    // The elements of a mirror image are inside out until one of their own directions is reversed.
     let turned: Vec<usize> = HEXAHEDRON27_REFERENCE_NODES
         .iter()
         .map(|[u, v, w]| HEXAHEDRON27_REFERENCE_NODES.iter().position(|other| other == &[-u, *v, *w]).unwrap_or(0))

@@ -1,26 +1,26 @@
 //! Built-in graded curved mesh of the gel between a spherical robot and the outer sphere.
 //!
-//! Cube-sphere patches (equiangular) × radial layers in geometric progression, 27-node hexahedra.
+//! The mesh consists of cube-sphere patches (equiangular) × radial layers in geometric progression, with 27-node hexahedra.
 
 use super::Mesh;
 use super::box_surface::{BoxSurface, equiangular_direction};
 use base::error::{Error, Result};
 
-/// Sizes and fineness of the quarter-ball mesh.
+/// Sizes and refinement of the quarter-ball mesh.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct QuarterBall {
     /// Radius of the robot in m.
     pub robot_radius_m: f64,
     /// Radius of the fixed outer surface in m.
     pub outer_radius_m: f64,
-    /// Elements along the edge of an octant's patch (45° of arc).
+    /// Number of elements along the edge of an octant's patch (45° of arc).
     pub n_per_edge: usize,
-    /// Layers of elements between robot and outer surface.
+    /// Number of element layers between robot and outer surface.
     pub n_layers: usize,
 }
 
 impl QuarterBall {
-    /// The mesh, or [`Error::Numerical`] where the sizes make none.
+    /// Builds the mesh, or returns [`Error::Numerical`] if no mesh fits the sizes.
     pub fn mesh(&self) -> Result<Mesh> {
         let sizes_ok = self.robot_radius_m > 0.0
             && self.outer_radius_m > self.robot_radius_m
@@ -36,10 +36,10 @@ impl QuarterBall {
         Ok(self.of_sheets(&self.node_radii_m()))
     }
 
-    /// The mesh with a sheet of element faces at a radius (m) between robot and outer surface: `n_inside` layers inside of it and the others outside.
+    /// Builds the mesh with a sheet of element faces at a radius (m) between robot and outer surface: `n_inside` layers inside it, the others outside.
     ///
     /// # Errors
-    /// [`Error::Numerical`] where the sizes make none.
+    /// [`Error::Numerical`] if no mesh fits the sizes.
     pub fn mesh_with_interface(&self, radius_m: f64, n_inside: usize) -> Result<Mesh> {
         let parts = [
             Self { outer_radius_m: radius_m, n_layers: n_inside, ..*self },
@@ -66,8 +66,8 @@ impl QuarterBall {
 
     /// Radii of the 2·layers + 1 spherical sheets of nodes, in geometric progression.
     ///
-    /// Sheets inside an element follow the progression too: with the middle nodes at √(r₁r₂) the quadratic map stretches like
-    /// ln r and takes up the field's 1/r decay; midway between the faces the stiffness error is 30 times larger.
+    /// The sheets inside an element follow the progression, too. Middle nodes at √(r₁r₂) make the quadratic map stretch like
+    /// ln r, which fits the field's 1/r decay. Middle nodes midway between the faces make the stiffness error 30 times larger.
     fn node_radii_m(&self) -> Vec<f64> {
         let last = 2 * self.n_layers;
         let ratio = self.outer_radius_m / self.robot_radius_m;

@@ -1,7 +1,7 @@
 //! Built-in graded curved mesh of the gel between a prolate spheroid and the outer sphere.
 //!
-//! Cube-sphere patches on confocal spheroids: a direction n of the cube-sphere lies at (A n₁, B n₂, B n₃) on the spheroid of semi-axes A, B. In
-//! these coordinates the field around a rigid spheroid is smooth at any aspect, so the elements may be as slender as the body.
+//! The mesh consists of cube-sphere patches on confocal spheroids. A direction n of the cube-sphere lies at (A n₁, B n₂, B n₃) on the spheroid of semi-axes A, B. The
+//! field around a rigid spheroid is smooth in these coordinates for any aspect, so that the elements may be as slender as the body.
 
 use std::ops::RangeInclusive;
 
@@ -10,29 +10,29 @@ use super::box_surface::{BoxSurface, equiangular_direction, layers_per_level, lo
 use base::error::{Error, Result, Setting};
 use record::Orientation;
 
-/// Largest step of ln r from layer to layer, at level 1.
+/// Largest step of ln r from layer to layer at level 1.
 const LAYER_STEP: f64 = 1.1;
 
-/// Sizes and fineness of the mesh around a prolate spheroid.
+/// Sizes and refinement of the mesh around a prolate spheroid.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Spheroid {
-    /// Long axis in m.
+    /// Length of the long axis in m.
     pub length_m: f64,
-    /// Short axes in m.
+    /// Length of the short axes in m.
     pub diameter_m: f64,
-    /// Long axis relative to the force.
+    /// Direction of the long axis relative to the force.
     pub orientation: Orientation,
     /// Radius of the fixed outer surface in m.
     pub outer_radius_m: f64,
-    /// 1, 2, 3, …: elements along the edge of an octant's patch; four layers a level, or more where the outer surface is far away.
+    /// Refinement 1, 2, 3, …: elements along the edge of an octant's patch. Each level has four layers, or more for a distant outer surface.
     pub level: usize,
 }
 
 impl Spheroid {
-    /// Length over diameter that is meshed: at the slender end the smallest scaled Jacobian is 0.07.
+    /// Range of length over diameter. At the slender end the smallest scaled Jacobian is 0.07.
     pub const ASPECTS: RangeInclusive<f64> = 1.0..=30.0;
 
-    /// The mesh, or [`Error::Numerical`] where the sizes make none.
+    /// Builds the mesh, or returns [`Error::Numerical`] if no mesh fits the sizes.
     pub fn mesh(&self) -> Result<Mesh> {
         self.check()?;
         let surface = BoxSurface::new([self.level; 3]);
@@ -51,14 +51,11 @@ impl Spheroid {
         if !(self.diameter_m > 0.0 && Self::ASPECTS.contains(&aspect)) {
             return Err(Error::numerical(
                 format!(
-                    "the built-in meshes are of spheroids from {} to {} times as long as wide, and this one is {aspect:.3} times",
+                    "built-in meshes exist for spheroids from {} to {} times as long as wide; this one is {aspect:.3} times as long",
                     Self::ASPECTS.start(),
                     Self::ASPECTS.end()
                 ),
-                format!(
-                    "check the robot's length and diameter, or bring a Gmsh mesh with `{} FILE.msh`",
-                    Setting::Mesh
-                ),
+                format!("check the robot's length and diameter, or use a Gmsh mesh with `{} FILE.msh`", Setting::Mesh),
             ));
         }
         let is_inside = 0.5 * self.length_m < self.outer_radius_m && self.outer_radius_m.is_finite();
@@ -74,9 +71,9 @@ impl Spheroid {
         Ok(())
     }
 
-    /// Semi-axes [A, B] of the 2·layers + 1 sheets of nodes: B in geometric progression, as the radii of the quarter ball and for its reason, and
-    /// A² − B², the square of the focal distance, falling linearly in B² to 0 at the outer sphere. Where that is far away the sheets are
-    /// confocal near the body; where it is near they close up evenly.
+    /// Semi-axes [A, B] of the 2·layers + 1 sheets of nodes. B is in geometric progression, like the radii of the quarter ball and for the reason given there.
+    /// A² − B², the square of the focal distance, falls linearly in B² to 0 at the outer sphere. If that sphere is distant, the sheets are
+    /// confocal near the body. If it is near, they approach it evenly.
     fn semi_axes_m(&self, n_layers: usize) -> Vec<[f64; 2]> {
         let (a, b, outer) = (0.5 * self.length_m, 0.5 * self.diameter_m, self.outer_radius_m);
         let last = 2 * n_layers;

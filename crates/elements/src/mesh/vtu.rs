@@ -1,6 +1,6 @@
 //! Export of meshes and nodal fields as VTK unstructured grids (`.vtu`) and of time series as ParaView collections (`.pvd`).
 //!
-//! The arrays stand uncompressed behind the XML (`AppendedData`, raw, little-endian, 64-bit lengths), which every VTK since 5.10 and ParaView read.
+//! The arrays follow the XML uncompressed (`AppendedData`, raw, little-endian, 64-bit lengths). VTK since 5.10 and ParaView read this format.
 
 use std::fmt::Write as _;
 use std::path::Path;
@@ -12,11 +12,11 @@ use base::files::{stream_atomically, write_atomically, xml_text};
 /// A field with values at the nodes.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PointData<'a> {
-    /// Name shown in ParaView, best with its unit (`displacement_m`).
+    /// Name shown in ParaView, preferably with its unit (`displacement_m`).
     pub name: &'a str,
-    /// Values a node: 1 for a scalar, 3 for a vector.
+    /// Values per node: 1 for a scalar, 3 for a vector.
     pub components: usize,
-    /// `components` values a node, node after node.
+    /// `components` values per node, node after node.
     pub values: &'a [f64],
 }
 
@@ -38,10 +38,10 @@ fn vtk_cell_type(kind: ElementKind) -> u8 {
     }
 }
 
-/// Writes a mesh (coordinates in m) and fields on its nodes to a `.vtu` file, whole or not at all.
+/// Writes a mesh (coordinates in m) and fields on its nodes to a `.vtu` file. The file is written completely or not at all.
 ///
 /// # Errors
-/// [`Error::Input`] when a field's length is not components × nodes or a field's name is empty or given twice; [`Error::File`] when the file cannot be written.
+/// [`Error::Input`] if a field's length is not components × nodes, or a field's name is empty or repeated; [`Error::File`] if the file cannot be written.
 pub fn write_vtu(path: impl AsRef<Path>, mesh: &Mesh, point_data: &[PointData<'_>]) -> Result<()> {
     let path = path.as_ref();
     check_fields(path, mesh, point_data)?;
@@ -79,10 +79,10 @@ pub fn write_vtu(path: impl AsRef<Path>, mesh: &Mesh, point_data: &[PointData<'_
     })
 }
 
-/// Writes a ParaView collection that strings `.vtu` files together in time, whole or not at all.
+/// Writes a ParaView collection that combines `.vtu` files into a time series. The file is written completely or not at all.
 ///
 /// # Errors
-/// [`Error::Input`] when times are not finite or do not increase; [`Error::File`] when the file cannot be written.
+/// [`Error::Input`] if times are not finite or do not increase; [`Error::File`] if the file cannot be written.
 pub fn write_pvd(path: impl AsRef<Path>, steps: &[TimeStep<'_>]) -> Result<()> {
     let path = path.as_ref();
     let increasing = steps.windows(2).all(|pair| pair[0].time_s < pair[1].time_s);
@@ -109,16 +109,20 @@ fn check_fields(path: &Path, mesh: &Mesh, point_data: &[PointData<'_>]) -> Resul
             return Err(Error::input(
                 place(),
                 format!(
-                    "{} values where {} components on {} nodes were announced",
+                    "{} values instead of {} components on {} nodes",
                     field.values.len(),
                     field.components,
                     mesh.n_nodes()
                 ),
-                "give each field its values at every node, node after node",
+                "give all components at every node, node after node",
             ));
         }
         if field.name.is_empty() || point_data[..k].iter().any(|other| other.name == field.name) {
-            return Err(Error::input(place(), "the field has no name of its own", "give each field another name"));
+            return Err(Error::input(
+                place(),
+                "the field has no name, or another field has its name",
+                "give each field its own name",
+            ));
         }
     }
     Ok(())
@@ -131,7 +135,7 @@ struct Arrays {
 }
 
 impl Arrays {
-    /// Appends an array, and returns the XML element that refers to it.
+    /// Appends an array and returns the XML element that refers to it.
     fn add(&mut self, kind: &str, name: &str, components: usize, content: impl Iterator<Item = u8>) -> String {
         let offset = self.bytes.len();
         self.bytes.extend([0; 8]);
@@ -161,7 +165,7 @@ mod tests {
         }
     }
 
-    /// The appended array `name` of a file, found through its `offset` attribute, as a reader would.
+    /// Finds the appended array `name` of a file through its `offset` attribute, as a reader does.
     fn appended<'a>(file: &'a [u8], name: &str) -> &'a [u8] {
         let start = file.windows(2).position(|window| window == b"\n_").unwrap() + 2;
         let head = String::from_utf8_lossy(&file[..start]);
@@ -200,7 +204,7 @@ mod tests {
         assert!(error.contains("pressure_pa") && error.contains("3 values") && error.contains("4 nodes"), "{error}");
         let field = PointData { name: "pressure_pa", components: 1, values: &[0.0; 4] };
         let error = write_vtu(&path, &one_tetrahedron(), &[field, field]).unwrap_err().to_string();
-        assert!(error.contains("another name"), "{error}");
+        assert!(error.contains("its own name"), "{error}");
         assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0);
     }
 

@@ -1,4 +1,4 @@
-//! Finite elements and meshes against closed forms, manufactured solutions and each other.
+//! Finite elements and meshes against closed forms, manufactured solutions and alternative methods.
 
 extern crate vitreo_uq_elements as elements;
 

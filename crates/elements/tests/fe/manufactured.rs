@@ -1,4 +1,4 @@
-//! Manufactured solution: a polynomial field with body force on the quarter ball converges at the element's order, without locking.
+//! Manufactured solution: a polynomial field with body force on the quarter ball. The result converges at the element's order, without locking.
 
 use std::collections::BTreeMap;
 use std::ops::{Add, Mul};
@@ -12,7 +12,7 @@ use nalgebra::{Matrix3, Vector3};
 const ROBOT_RADIUS_M: f64 = 1.0;
 const OUTER_RADIUS_M: f64 = 2.0;
 
-/// A polynomial in x, y, z: coefficient of each power. Derivatives are exact, so that nothing is differentiated numerically.
+/// A polynomial in x, y, z by the coefficient of each power. Its derivatives are exact.
 #[derive(Clone)]
 struct Polynomial(BTreeMap<[u8; 3], f64>);
 
@@ -72,8 +72,8 @@ struct Manufactured {
 }
 
 impl Manufactured {
-    /// curl(s² A) + (1 − 2ν) s w, with s = (r² − R²)(R_o² − r²): zero on both spheres, symmetric about y = 0 and z = 0. The curl has no divergence and the
-    /// rest one that falls as the bulk modulus grows, so that the pressure stays bounded as ν → ½, as it does in the gel.
+    /// curl(s² A) + (1 − 2ν) s w, with s = (r² − R²)(R_o² − r²): zero on both spheres, symmetric about y = 0 and z = 0. The curl has no divergence. The divergence
+    /// of the rest falls as the bulk modulus grows, so that the pressure stays bounded as ν → ½, as in the gel.
     fn new(poisson_ratio: f64) -> Self {
         let r2 = [[2, 0, 0], [0, 2, 0], [0, 0, 2]]
             .map(|p| monomial(1.0, p))
@@ -115,7 +115,7 @@ impl Manufactured {
     }
 }
 
-/// Norms of the error over those of the field.
+/// Norms of the error, divided by those of the field.
 #[derive(Debug)]
 struct Errors {
     displacement: f64,
@@ -137,7 +137,7 @@ fn for_each_point(mesh: &Mesh, mut visit: impl FnMut(Vector3<f64>, f64, &[f64], 
     }
 }
 
-/// Finite-element displacement under the body force, with the robot held still.
+/// Finite-element displacement under the body force, with the robot fixed.
 fn solve(mesh: &Mesh, exact: &Manufactured, poisson_ratio: f64) -> Vec<[f64; 3]> {
     let stiffness = Stiffness::new(mesh).expect("a sound mesh");
     let unknowns = &stiffness.assembly.unknowns;
@@ -150,7 +150,7 @@ fn solve(mesh: &Mesh, exact: &Manufactured, poisson_ratio: f64) -> Vec<[f64; 3]>
         }
     });
     factor.solve_in_place(&mut field);
-    // The force that holds the robot is whatever brings its translation back to zero.
+    // The force that holds the robot returns its translation to zero.
     let response = factor.unit_response();
     let robot = unknowns.robot();
     let holding = -field[robot] / response[robot];
@@ -164,7 +164,7 @@ fn errors(n_per_edge: usize, n_layers: usize, poisson_ratio: f64) -> Errors {
     let exact = Manufactured::new(poisson_ratio);
     let nodal = solve(&mesh, &exact, poisson_ratio);
     let [two_mu, kappa] = unit_moduli(poisson_ratio);
-    // (of the error, of the field) for displacement, energy, strain.
+    // (error, field) for displacement, energy and strain.
     let mut squares = [[0.0; 2]; 3];
     for_each_point(&mesh, |x, volume, shape, gradients, nodes| {
         let (mut u, mut gradient) = (Vector3::zeros(), Matrix3::zeros());
@@ -192,7 +192,7 @@ fn errors(n_per_edge: usize, n_layers: usize, poisson_ratio: f64) -> Errors {
 
 /// Errors on three meshes, and the slopes between the last two in displacement and energy.
 fn converge(poisson_ratio: f64) -> ([Errors; 3], [f64; 2]) {
-    // Five layers to an angular element: the field changes faster along the radius than around it.
+    // Five layers per angular element: the field changes faster along the radius than around it.
     let levels = [1, 2, 3].map(|n| errors(n, 5 * n, poisson_ratio));
     let slope = |norm: fn(&Errors) -> f64| (norm(&levels[1]) / norm(&levels[2])).ln() / 1.5_f64.ln();
     let slopes = [slope(|e| e.displacement), slope(|e| e.energy)];
@@ -200,7 +200,7 @@ fn converge(poisson_ratio: f64) -> ([Errors; 3], [f64; 2]) {
     (levels, slopes)
 }
 
-/// Quadratic displacements: order 3 in displacement and 2 in energy, and no worse for a nearly incompressible medium.
+/// Quadratic displacements have order 3 in displacement and 2 in energy, also for a nearly incompressible medium.
 #[test]
 fn converges_at_full_order_without_locking() {
     let (compressible, slopes) = converge(0.3);

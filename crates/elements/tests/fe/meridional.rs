@@ -1,4 +1,4 @@
-//! Bodies of revolution solved in the half meridian, against closed forms (physics §4.1–§4.3, §4.8), bounds, asymptotics and themselves.
+//! Bodies of revolution solved in the half meridian, against closed forms (physics §4.1–§4.3, §4.8), bounds, asymptotics and other resolutions.
 
 use std::f64::consts::PI;
 
@@ -34,7 +34,7 @@ fn at_order(order: usize, rim_layers: usize) -> Resolution {
     Resolution { order, rim_layers, ..Resolution::default() }
 }
 
-/// A solution, with what every one must fulfil.
+/// Solves a case and checks the properties of every solution.
 fn stiffness(
     body: BodyOfRevolution,
     outer_radius_m: f64,
@@ -55,7 +55,7 @@ fn of(direction: Direction, exact: AxialAndTransverse) -> f64 {
     }
 }
 
-/// Modes 0 and 1 are different equations; for a sphere both must give physics §4.2.
+/// Modes 0 and 1 have different equations; for a sphere both must give physics §4.2.
 #[test]
 fn sphere_in_a_container_is_exact_in_both_directions() {
     let body = BodyOfRevolution::sphere(RADIUS_M);
@@ -66,14 +66,14 @@ fn sphere_in_a_container_is_exact_in_both_directions() {
                 let solution = stiffness(body, outer_radius_m, poisson_ratio, direction, Resolution::default());
                 let error = solution.stiffness_m / exact - 1.0;
                 assert!(error.abs() < 3e-9, "ν = {poisson_ratio}, {outer_radius_m} m, {direction:?}: {error:e}");
-                // Rounding at the incompressible end is outside the estimate.
+                // The estimate does not include rounding near the incompressible limit.
                 assert!(error.abs() < solution.relative_error + 1e-9, "{error:e} above {:e}", solution.relative_error);
             }
         }
     }
 }
 
-/// The error falls by a factor an order, and the same orders give the same errors up to ν = ½: no locking. Displacements alone are from above, and come there too.
+/// The error falls by a constant factor per order, with equal errors for all ratios up to ν = ½: no locking. Displacements alone approach the result from above.
 #[test]
 fn error_falls_exponentially_without_locking() {
     let body = BodyOfRevolution::sphere(RADIUS_M);
@@ -104,7 +104,7 @@ fn error_falls_exponentially_without_locking() {
     }
 }
 
-/// Physics §4.8 holds to the fifth power of the size over the container; the elements find that power, and where it is negligible they find §4.3 to ten digits.
+/// Physics §4.8 has an error of fifth power in the ratio of the body's size to the container's. The elements show this power and, for negligible ratios, §4.3 to ten digits.
 #[test]
 #[ignore = "thorough"]
 fn spheroid_is_the_closed_form_up_to_its_own_error() {
@@ -128,7 +128,7 @@ fn spheroid_is_the_closed_form_up_to_its_own_error() {
     }
 }
 
-/// The ends of the range of aspects, prolate and oblate, in a container far away.
+/// The ends of the range of aspects, prolate and oblate, in a distant container.
 #[test]
 #[ignore = "thorough"]
 fn slender_and_flat_spheroids_are_the_closed_form() {
@@ -147,7 +147,7 @@ fn slender_and_flat_spheroids_are_the_closed_form() {
     }
 }
 
-/// Orders, layers and both formulations agree: displacements alone give the stiffness from above. Estimates cover the errors.
+/// Orders, layers and both formulations agree; displacements alone give the stiffness from above. Estimates cover the errors.
 #[test]
 #[ignore = "thorough"]
 fn cylinder_converges_to_one_value() {
@@ -178,7 +178,7 @@ fn assert_cylinders_converge(cases: &[(f64, Direction)]) {
     }
 }
 
-/// A container close to the body costs accuracy, and the estimate says so.
+/// A container close to the body reduces the accuracy, and the estimate shows this.
 #[test]
 #[ignore = "thorough"]
 fn estimates_hold_in_close_containers() {
@@ -199,8 +199,8 @@ fn estimates_hold_in_close_containers() {
     }
 }
 
-/// Between clamped faces that meet at an outer angle of 270° the field goes like ρ^α, (3 − 4ν) sin(3πα/2) = α (M. L. Williams, J. Appl. Mech. 19, 526, 1952), so each
-/// layer of cells lowers the error of the energy by 0.15^2α. Across the axis the hoop displacement adds a part like ρ^⅔. The elements know nothing of either.
+/// Between clamped faces with an outer angle of 270° the field varies like ρ^α, (3 − 4ν) sin(3πα/2) = α (M. L. Williams, J. Appl. Mech. 19, 526, 1952). Each layer
+/// of cells therefore lowers the error of the energy by 0.15^2α. Across the axis the hoop displacement adds a part like ρ^⅔. The elements use neither exponent.
 #[test]
 #[ignore = "thorough"]
 fn layers_around_the_rim_act_as_the_singularity_says() {
@@ -229,7 +229,7 @@ fn layers_around_the_rim_act_as_the_singularity_says() {
     }
 }
 
-/// The stiffness grows with the body: of two bodies the one inside the other is the softer.
+/// The stiffness increases with the body: the inner of two nested bodies is the softer one.
 #[test]
 fn cylinder_lies_between_spheroids_inside_and_around_it() {
     for aspect in [0.1, 1.0, ASPECT] {
@@ -243,11 +243,11 @@ fn cylinder_lies_between_spheroids_inside_and_around_it() {
     }
 }
 
-/// Slender-body theory of a finite cylinder in Stokes flow, with ε = 1/ln(2L/D): the forces over 2πμL and 4πμL are
+/// Slender-body theory of a finite cylinder in Stokes flow, with ε = 1/ln(2L/D). The forces over 2πμL and 4πμL are
 /// (ε + 0.307 ε²)/(1 ∓ ½ε) + (0.426 or 0.119) ε³ + O(ε⁴) (G. K. Batchelor, J. Fluid Mech. 44, 419, 1970, doi:10.1017/S002211207000191X).
 #[test]
 fn slender_cylinder_is_batchelors() {
-    // ν → ½ and an infinite medium: two ratios extrapolated, and the container's part (physics §4.8's b₀) taken off.
+    // ν → ½ and an infinite medium: two ratios are extrapolated, and the container's part (b₀ of physics §4.8) is subtracted.
     let friction = |aspect: f64, direction: Direction| {
         let outer_radius_m = 1000.0 * aspect;
         let mobility = |nu: f64| {
@@ -270,12 +270,12 @@ fn slender_cylinder_is_batchelors() {
             (friction(aspect, direction) / theory - 1.0) / epsilon.powi(3)
         });
         println!("{direction:?}: relative excess over ε³ at L/D = 20 and 160: {excess:?}");
-        // The next term of the series, of order one.
+        // Next term of the series, of order one.
         assert!(excess.iter().all(|e| e.abs() < 3.0), "{direction:?}: {excess:?}");
     }
 }
 
-/// One row a body: shape, direction, stiffness in mm at ν = 0.48 and 0.499.
+/// One row per body: shape, direction, stiffness in mm at ν = 0.48 and 0.499.
 type Row = (&'static str, Direction, [f64; 2]);
 
 /// The paper's five bodies (L/D = a/b = 68/7, 20 mm ball) with the volume of the sphere of 0.55 mm.
@@ -287,7 +287,7 @@ const EQUAL_VOLUME: [Row; 5] = [
     ("cylinder", Direction::Transverse, [3.2768858475, 3.3536345976]),
 ];
 
-/// The same with the sphere's surface.
+/// The paper's five bodies with the surface of the sphere of 0.55 mm.
 const EQUAL_AREA: [Row; 5] = [
     ("sphere", Direction::Axial, [1.8209023960, 1.8405271521]),
     ("ellipsoid", Direction::Axial, [1.7246111984, 1.7225879400]),
@@ -296,7 +296,7 @@ const EQUAL_AREA: [Row; 5] = [
     ("cylinder", Direction::Transverse, [2.4432431276, 2.4938219791]),
 ];
 
-/// Reference values of the paper's bodies, right to the last digit but one.
+/// Reference values of the paper's bodies, correct to the last digit but one.
 #[test]
 #[ignore = "thorough"]
 fn the_papers_bodies_have_their_reference_values() {
@@ -345,7 +345,7 @@ fn impossible_problems_are_refused() {
         (BodyOfRevolution::sphere(f64::NAN), 2.0),
         (BodyOfRevolution::sphere(0.0), 2.0),
         (BodyOfRevolution::Spheroid { semi_axis_along_m: 1.0, semi_axis_across_m: 1e-300 }, 2.0),
-        // Its rim pokes through, though length and diameter fit.
+        // The rim lies outside the sphere, although length and diameter fit.
         (BodyOfRevolution::Cylinder { length_m: 1.6, diameter_m: 1.6 }, 1.1),
     ] {
         let message = refused(body, outer_radius_m, 0.48, usual);

@@ -1,4 +1,4 @@
-//! Patch test: every linear displacement field is represented exactly, on distorted and curved elements.
+//! Patch test: distorted and curved elements represent every linear displacement field exactly.
 
 use std::path::Path;
 
@@ -13,7 +13,7 @@ use rand_chacha::ChaCha8Rng;
 
 const POISSON_RATIOS: [f64; 3] = [0.0, 0.3, 0.499];
 
-/// Bodies that float freely: the robot and the outer surface, which a mesh must have, are nodes of no element.
+/// A freely floating body. The robot and the outer surface, which a mesh must have, are nodes of no element.
 fn free_body(mut mesh: Mesh) -> Mesh {
     let n_nodes = mesh.n_nodes() as u32;
     mesh.node_coordinates_m.extend([[0.0; 3]; 2]);
@@ -23,7 +23,7 @@ fn free_body(mut mesh: Mesh) -> Mesh {
 }
 
 /// The cube {0, 1}³ of 3 × 3 × 3 hexahedra with 27 nodes. Every node is moved at random by up to a sixth of the distance between
-/// nodes, those of the boundary within it, so that edges and faces are curved and the volume stays 1.
+/// nodes. Nodes of the boundary move within it, so that edges and faces are curved and the volume stays 1.
 fn distorted_cube() -> (Mesh, Vec<usize>) {
     const N: usize = 3;
     let per_axis = 2 * N + 1;
@@ -60,7 +60,7 @@ fn distorted_cube() -> (Mesh, Vec<usize>) {
     (free_body(mesh), interior)
 }
 
-/// A mesh that Gmsh made, set free, scaled to a unit outer radius, and its interior nodes.
+/// A mesh from Gmsh without supports, scaled to a unit outer radius, and its interior nodes.
 fn gmsh_body(name: &str) -> (Mesh, Vec<usize>) {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../tests/data/gmsh").join(name);
     let mesh = read_gmsh(path, 0.1).expect("a mesh of the tests").mesh;
@@ -101,7 +101,7 @@ fn forces_and_energy(
     let n = assembly.unknowns.count();
     let mut u = vec![0.0; n];
     for (node, &x) in mesh.node_coordinates_m.iter().enumerate().take(mesh.n_nodes() - 2) {
-        // Without ties every unknown belongs to one node, so that adding places the value.
+        // Without ties every unknown belongs to one node, so that an addition sets the value.
         assembly.unknowns.add_nodal_force(node, (gradient * Vector3::from(x)).into(), &mut u);
     }
     let mut force = vec![0.0; n];
@@ -118,7 +118,7 @@ fn energy_density(gradient: Matrix3<f64>, poisson_ratio: f64) -> f64 {
     0.5 * (two_mu * deviator.norm_squared() + kappa * strain.trace().powi(2))
 }
 
-/// Forces at interior nodes vanish against those at the boundary, and the energy is the closed form's; `volume_m3` where it is known.
+/// Checks that forces at interior nodes vanish relative to those at the boundary, and that the energy is the closed form's. `volume_m3` is given if known.
 fn assert_patch(name: &str, mesh: &Mesh, interior: &[usize], volume_m3: Option<f64>) {
     assert!(interior.len() > 5, "{name} has an interior");
     let assembly = Assembly::new(mesh).expect("no element is inverted");
@@ -129,7 +129,7 @@ fn assert_patch(name: &str, mesh: &Mesh, interior: &[usize], volume_m3: Option<f
             let norm = |f: &[f64; 3]| Vector3::from(*f).norm();
             let largest = forces.iter().map(norm).fold(0.0, f64::max);
             let inside = interior.iter().map(|&node| norm(&forces[node])).fold(0.0, f64::max);
-            // Rounding is that of the larger modulus, also where the field is isochoric.
+            // Rounding is relative to the larger modulus, also for isochoric fields.
             let [two_mu, kappa] = unit_moduli(poisson_ratio);
             assert!(
                 inside < 1e-12 * (1.0 + kappa / two_mu) * largest,
@@ -155,7 +155,7 @@ fn distorted_hexahedra() {
 #[test]
 fn curved_quadratic_tetrahedra() {
     let (mut mesh, interior) = gmsh_body("quarter_sphere_tet10.msh");
-    // The volume of curved elements is not known independently: it is taken from the first field and must serve all others.
+    // The volume of curved elements is not known independently. The first field determines it, and all others must agree.
     assert_patch("curved 10-node tetrahedra", &mesh, &interior, None);
     const EDGES: [[usize; 2]; 6] = [[0, 1], [1, 2], [0, 2], [0, 3], [1, 3], [2, 3]];
     let elements: Vec<Vec<u32>> = mesh.elements().map(<[u32]>::to_vec).collect();

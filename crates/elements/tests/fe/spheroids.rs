@@ -2,17 +2,17 @@
 
 use elements::fe::exact::{SphereInContainer, sphere_in_infinite_medium_n_per_m};
 
-/// Stiffnesses of a rigid body of revolution, F/u in N/m of the whole body.
+/// Stiffnesses of a rigid body of revolution, F/u in N/m for the whole body.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct AxialAndTransverse {
-    /// For a force along the axis of revolution.
+    /// Stiffness for a force along the axis of revolution.
     pub axial_n_per_m: f64,
-    /// For a force across it.
+    /// Stiffness for a force across the axis of revolution.
     pub transverse_n_per_m: f64,
 }
 
-/// Rigid spheroid in an infinite medium (physics §4.3), prolate, oblate or a sphere. Semi-axes in m along the axis of revolution and across it; at ν = ½
-/// Oberbeck's friction, on a flat disc 32μ(1−ν)b/(3−4ν) along the axis.
+/// Stiffness of a rigid spheroid in an infinite medium (physics §4.3): prolate, oblate or a sphere. Semi-axes in m along and across the axis of revolution. At ν = ½
+/// it is Oberbeck's friction; for a flat disc 32μ(1−ν)b/(3−4ν) along the axis.
 pub fn spheroid_in_infinite_medium(
     young_modulus_pa: f64,
     poisson_ratio: f64,
@@ -31,15 +31,15 @@ pub fn spheroid_in_infinite_medium(
 
 /// χ₀ = ∫ dλ/Δ in 1/m and αᵢ = ∫ dλ/((aᵢ² + λ)Δ) in 1/m³, along and across the axis, Δ = (b² + λ)√(a² + λ), λ from 0 to ∞.
 fn ellipsoid_integrals(a: f64, b: f64) -> (f64, f64, f64) {
-    // e², negative where the spheroid is oblate.
+    // e²; negative for oblate spheroids.
     let e2 = 1.0 - (b / a) * (b / a);
-    // L/(2e) = Σ e²ᵏ/(2k + 1) and (L − 2e)/(2e³), the same from k = 1 over e².
+    // L/(2e) = Σ e²ᵏ/(2k + 1), and (L − 2e)/(2e³) is the sum from k = 1 divided by e².
     let (first, second) = if e2.abs() < 0.05 {
         let series = |from: i32| (from..from + 16).map(|k| e2.powi(k - from) / f64::from(2 * k + 1)).sum::<f64>();
         (series(0), series(1))
     } else {
         let e = e2.abs().sqrt();
-        // Half of L: near e = 1 without the difference 1 − e.
+        // Half of L, computed near e = 1 without the difference 1 − e.
         let half = if e2 > 0.0 { ((1.0 + e) * a / b).ln() } else { e.atan() };
         (half / e, (half / e - 1.0) / e2)
     };
@@ -47,8 +47,8 @@ fn ellipsoid_integrals(a: f64, b: f64) -> (f64, f64, f64) {
     (2.0 * first / a, alpha_axial, 0.5 * (2.0 / (a * b * b) - alpha_axial))
 }
 
-/// Rigid spheroid at the centre of a rigid sphere (physics §4.8), from the first reflections at the sphere: the error is of the fifth order in the size of the
-/// spheroid over `outer_radius_m`, 10⁻⁵ for the paper's sizes. Lengths in m, as in [`spheroid_in_infinite_medium`].
+/// Stiffness of a rigid spheroid at the centre of a rigid sphere (physics §4.8), from the first reflections at the sphere. The error is of fifth order in the ratio of
+/// the spheroid's size to `outer_radius_m`: 10⁻⁵ for the paper's sizes. Lengths in m, as in [`spheroid_in_infinite_medium`].
 pub fn spheroid_in_container(
     young_modulus_pa: f64,
     poisson_ratio: f64,
@@ -91,11 +91,11 @@ fn a_round_spheroid_is_a_sphere() {
     }
 }
 
-/// Closed forms and series, on both sides of the sphere and of where they meet.
+/// Closed forms and series on either side of the sphere, and at the switch between them.
 #[test]
 fn spheroid_integrals_are_those_of_their_definition() {
     for (a, b) in [(68.0, 7.0), (1.03, 1.0), (1.02, 1.0), (1.0, 1.0), (1.0, 1.02), (1.0, 1.03), (0.1, 1.0)] {
-        // λ = t²/(1 − t)² maps [0, 1) on [0, ∞); the midpoint rule.
+        // λ = t²/(1 − t)² maps [0, 1) to [0, ∞); the midpoint rule integrates.
         let n = 200_000;
         let mut sums = [0.0; 3];
         for i in 0..n {
@@ -114,7 +114,7 @@ fn spheroid_integrals_are_those_of_their_definition() {
     }
 }
 
-/// Oberbeck's friction as Chwang & Wu (1975) have it, from distributed singularities, doi:10.1017/S0022112075000614.
+/// Oberbeck's friction in the form of Chwang & Wu (1975), from distributed singularities, doi:10.1017/S0022112075000614.
 #[test]
 fn incompressible_spheroid_has_oberbecks_friction() {
     let (a, b): (f64, f64) = (68.0, 7.0);
@@ -133,7 +133,7 @@ fn flat_spheroid_is_a_disc() {
     let nu = 0.3;
     let shear_modulus_pa = 1.0 / (2.0 * (1.0 + nu));
     let axial = 32.0 * shear_modulus_pa * (1.0 - nu) / (3.0 - 4.0 * nu);
-    // The limit is reached linearly in the thickness.
+    // The error from the limit is linear in the thickness.
     let found = spheroid_in_infinite_medium(1.0, nu, 1e-6, 1.0);
     assert!((found.axial_n_per_m / axial - 1.0).abs() < 1e-5);
     // At ν = ½: 16μb and 32μb/3.

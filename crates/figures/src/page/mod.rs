@@ -1,4 +1,4 @@
-//! Pages for a browser: one file that fetches nothing, reads without a script and prints on A4. They show documents and figures; nothing is computed here.
+//! HTML pages: each is one file that loads nothing, needs no script and prints on A4. They show documents and figures, and compute nothing.
 
 mod sheets;
 mod study;
@@ -12,24 +12,24 @@ use crate::number::significant;
 pub use sheets::{Origin, PlaysPage, groups, plays, shapes};
 pub use study::{LadderPage, RevisionPage, StudyPage, study, study_parts};
 
-/// A page keeps below so many bytes, so that it can be sent by mail.
+/// Maximum size of a page in bytes, so that it can be sent by mail.
 const MOST_BYTES: usize = 3_000_000;
-/// What text and tables take of that at most.
+/// Part of this size that is reserved for text and tables.
 const TEXT_BYTES: usize = 400_000;
 
-/// How the page and its parts look.
+/// Style sheet of the page and its parts.
 pub const STYLE: &str = include_str!("style.css");
 
-/// A figure on a page.
+/// Figure on a page.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Figure {
-    /// The file in the study that holds the same, for readers who want it alone.
+    /// File in the study with the same figure, for separate use.
     pub file: String,
-    /// The drawing; `None` where it was left out to keep the page small.
+    /// Drawing; `None` if it was omitted to limit the page's size.
     pub svg: Option<String>,
 }
 
-/// How good news is: shown by a mark and by a word, and only then by a colour.
+/// Tone of a verdict, shown by a mark, a word and a colour.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Tone {
     Sound,
@@ -55,7 +55,7 @@ impl Tone {
     }
 }
 
-/// Leaves out the largest figures until the rest fits into a page.
+/// Omits the largest figures until the rest fits into a page.
 fn fit<'a>(figures: impl Iterator<Item = &'a mut Figure>) {
     let mut figures: Vec<&mut Figure> = figures.collect();
     let size = |figure: &Figure| figure.svg.as_ref().map_or(0, String::len);
@@ -70,7 +70,7 @@ fn fit<'a>(figures: impl Iterator<Item = &'a mut Figure>) {
     }
 }
 
-/// The whole page around its body.
+/// Whole page around its body.
 fn page(title: &str, body: &Markup) -> String {
     let shell = html! {
         (DOCTYPE)
@@ -87,35 +87,35 @@ fn page(title: &str, body: &Markup) -> String {
     shell.into_string()
 }
 
-/// A section with a heading that the page's contents lead to.
+/// Section with a heading, which is a target of the contents.
 fn section(id: &str, heading: &str, body: &Markup) -> Markup {
     html! { section id=(id) { h2 { (heading) } (body) } }
 }
 
-/// A drawing with what it shows. The drawing is the program's own, so it is set as it is.
+/// Drawing with its caption. The drawing is made by the program, so it is inserted unescaped.
 fn figure(figure: &Figure, caption: &str) -> Markup {
     html! {
         figure {
             @match &figure.svg {
                 Some(svg) => (PreEscaped(svg)),
-                None => p.left-out { "This figure is left out to keep the page below 3 MB." },
+                None => p.left-out { "This figure is omitted to keep the page below 3 MB." },
             }
             figcaption { (caption) @if !caption.is_empty() { " " } "(" code { (figure.file) } ")" }
         }
     }
 }
 
-/// The same, folded away until a reader asks for it.
+/// Drawing that is folded until a reader opens it.
 fn folded(drawing: &Figure, caption: &str) -> Markup {
     html! { details { summary { (caption) } (figure(drawing, caption)) } }
 }
 
-/// A table of numbers; the first cell of a row is its heading.
+/// Table of numbers; the first cell of each row is its heading.
 fn table(caption: &str, heads: &[&str], rows: &[Vec<String>]) -> Markup {
     table_of("", caption, heads, rows)
 }
 
-/// The same, whose last two columns are words.
+/// Table whose last two columns are text.
 fn table_that_ends_in_words(caption: &str, heads: &[&str], rows: &[Vec<String>]) -> Markup {
     table_of("ends-in-words", caption, heads, rows)
 }
@@ -140,12 +140,12 @@ fn table_of(class: &str, caption: &str, heads: &[&str], rows: &[Vec<String>]) ->
     }
 }
 
-/// Two ends of an interval.
+/// Text of an interval.
 fn interval(low: f64, high: f64) -> String {
     format!("{} to {}", significant(low, 4), significant(high, 4))
 }
 
-/// What went in.
+/// Table of the inputs' hashes.
 fn hashes(inputs_sha256: &BTreeMap<String, String>) -> Markup {
     let rows: Vec<Vec<String>> = inputs_sha256.iter().map(|(name, hash)| vec![name.clone(), hash.clone()]).collect();
     table("SHA-256 of the inputs", &["input", "SHA-256"], &rows)

@@ -1,4 +1,4 @@
-//! Pages of one document: species and regions compared, and the study of robot shapes.
+//! Pages of single documents: comparison of species and regions, study of robot shapes, and challenges.
 
 use std::collections::BTreeMap;
 
@@ -11,18 +11,18 @@ use documents::groups::{GroupsSummary, RatioVerdict};
 use documents::posterior::Warning;
 use documents::shapes::{ClaimVerdict, ShapesSummary};
 
-/// Where a document comes from.
+/// Origin of a document.
 #[derive(Debug)]
 pub struct Origin {
-    /// The program's version.
+    /// Version of the program.
     pub version: String,
     /// Seed of all random streams.
     pub seed: u64,
-    /// SHA-256 of all that went in, by name.
+    /// SHA-256 of all inputs, by name.
     pub inputs_sha256: BTreeMap<String, String>,
 }
 
-/// The page of `groups`.
+/// Page of `groups`.
 pub fn groups(summary: &GroupsSummary, figures: Vec<Figure>, origin: &Origin) -> String {
     let tone = if summary.is_sound() { Tone::Sound } else { Tone::Wrong };
     let heads: Vec<String> = std::iter::once("specimens".to_string())
@@ -39,14 +39,20 @@ pub fn groups(summary: &GroupsSummary, figures: Vec<Figure>, origin: &Origin) ->
         let verdict = match contrast.verdict {
             RatioVerdict::Greater => "greater by more than the margin",
             RatioVerdict::Less => "smaller by more than the margin",
-            RatioVerdict::Equivalent => "the same within the margin",
+            RatioVerdict::Equivalent => "equal within the margin",
             RatioVerdict::Undecided => "undecided",
         };
         let more = contrast.more.map_or(String::new(), |plan| match plan.specimens_per_group {
             Some(n) => {
-                format!("{n} more specimens a group would settle it with a chance of {:.0} %", 100.0 * plan.chance)
+                format!(
+                    "{n} more specimens per group would decide it with a probability of {:.0} %",
+                    100.0 * plan.chance
+                )
             }
-            None => format!("512 more specimens a group would settle it with a chance of {:.0} %", 100.0 * plan.chance),
+            None => format!(
+                "512 more specimens per group would decide it with a probability of {:.0} %",
+                100.0 * plan.chance
+            ),
         });
         vec![
             format!("{}: {} over {}", of_parameter(&contrast.parameter).symbol, contrast.a, contrast.b),
@@ -60,28 +66,28 @@ pub fn groups(summary: &GroupsSummary, figures: Vec<Figure>, origin: &Origin) ->
         summary.specimens.iter().filter(|own| own.is_outlying).map(|own| own.name.as_str()).collect();
     let body = html! {
         div class={ "verdict " (tone.class()) } role="status" {
-            h2 { span aria-hidden="true" { (tone.mark()) " " } @if summary.is_sound() { "Compared" } @else { "Not to be trusted as it stands" } }
+            h2 { span aria-hidden="true" { (tone.mark()) " " } @if summary.is_sound() { "The comparison is sound" } @else { "Not to be trusted as it stands" } }
             @for sentence in &summary.sentences { p { (sentence) } }
             @if !outlying.is_empty() { p { "Far from their groups: " (outlying.join(", ")) "." } }
             p.lead { "Exit code " (u8::from(!summary.is_sound())) ". " (summary.n_specimens) " specimens in " (summary.experiments.len()) " experiments." }
         }
-        (table("The typical specimen of each group: median and 90 % interval", &heads, &typical.collect::<Vec<_>>()))
+        (table("Typical specimen of each group: median and 90 % interval", &heads, &typical.collect::<Vec<_>>()))
         (table_that_ends_in_words(
-            &format!("Ratios of typical specimens; within {} of each other counts as the same", significant(1.0 + summary.margin, 2)),
-            &["ratio", "median", "90 % interval", "", "to settle it"],
+            &format!("Ratios of typical specimens; specimens within a factor of {} count as equal", significant(1.0 + summary.margin, 2)),
+            &["ratio", "median", "90 % interval", "", "to decide it"],
             &ratios.collect::<Vec<_>>(),
         ))
     };
-    sheet("Species and regions compared", &body, figures, &summary.warnings, origin)
+    sheet("Comparison of species and regions", &body, figures, &summary.warnings, origin)
 }
 
-/// The page of `shapes`.
+/// Page of `shapes`.
 pub fn shapes(summary: &ShapesSummary, figures: Vec<Figure>, origin: &Origin) -> String {
     let claims = summary.claims.iter().map(|claim| {
         let verdict = match claim.verdict {
             ClaimVerdict::Holds => "holds",
             ClaimVerdict::DoesNotHold => "does not hold",
-            ClaimVerdict::TooClose => "too close to say",
+            ClaimVerdict::TooClose => "too close to decide",
         };
         vec![claim.claim.clone(), significant(claim.probability, 3), verdict.into(), claim.numbers.clone()]
     });
@@ -102,14 +108,14 @@ pub fn shapes(summary: &ShapesSummary, figures: Vec<Figure>, origin: &Origin) ->
         "body",
         "length (mm)",
         "diameter (mm)",
-        "stiffness over the sphere's",
-        "its error",
-        "3D against it",
-        "moves (µm)",
+        "stiffness / sphere",
+        "error",
+        "3D − 2D",
+        "displacement (µm)",
         "90 % interval",
     ];
     let caption = format!(
-        "A gel of {} mm, Poisson ratio {}, a force of {} µN held for {} s, robots {} times as long as wide",
+        "Gel of {} mm, Poisson ratio {}, force of {} µN held for {} s, robots {} times as long as wide",
         significant(summary.vitreous_diameter_mm, 3),
         summary.poisson_ratio,
         significant(summary.force_un, 3),
@@ -117,44 +123,44 @@ pub fn shapes(summary: &ShapesSummary, figures: Vec<Figure>, origin: &Origin) ->
         significant(summary.aspect, 3)
     );
     let body = html! {
-        (table_that_ends_in_words("What the paper claims", &["claim", "probability", "verdict", "numbers"], &claims.collect::<Vec<_>>()))
+        (table_that_ends_in_words("Claims of the paper", &["claim", "probability", "verdict", "numbers"], &claims.collect::<Vec<_>>()))
         (table(&caption, &heads, &bodies.collect::<Vec<_>>()))
     };
-    sheet("Which robot moves easiest", &body, figures, &summary.warnings, origin)
+    sheet("Comparison of robot shapes", &body, figures, &summary.warnings, origin)
 }
 
-/// What many challenges came to, as tables of words.
+/// Results of many challenges as tables of text.
 #[derive(Debug)]
 pub struct PlaysPage {
-    /// How many were played, and in how many the diagnosis failed.
+    /// Number of challenges played, and of failed diagnoses.
     pub played: usize,
     pub failed: usize,
-    /// What was hidden, how often, and what was said of it.
+    /// Hidden truths, their numbers of plays, and the verdicts on them.
     pub said: Vec<Vec<String>>,
     /// Rates.
     pub rates: Vec<Vec<String>>,
-    /// Heads and rows of the same by sort, protocol, noise and signal.
+    /// Heads and rows of the results by sort, protocol, noise and signal.
     pub group_heads: Vec<&'static str>,
     pub groups: Vec<Vec<String>>,
 }
 
-/// The page of `challenge run`.
+/// Page of `challenge run`.
 pub fn plays(content: &PlaysPage, origin: &Origin) -> String {
     let body = html! {
-        p.lead { (content.played) @if content.played == 1 { " record" } @else { " records" } " with something hidden, or nothing: diagnosed, and held against the truth."
-            @if content.failed > 0 { " In " (content.failed) " the diagnosis failed." } }
-        (table("How often it was right", &["", "share"], &content.rates))
-        (table_that_ends_in_words("What was said", &["hidden", "played", "said"], &content.said))
-        (table("By what was hidden, under which protocol and noise, and how strong it was (σ)", &content.group_heads, &content.groups))
+        p.lead { (content.played) @if content.played == 1 { " record" } @else { " records" } " with hidden effects or none, diagnosed and compared with the truth."
+            @if content.failed > 0 { " In " (content.failed) " of them the diagnosis failed." } }
+        (table("Rates", &["", "share"], &content.rates))
+        (table_that_ends_in_words("Verdicts", &["hidden", "played", "verdicts"], &content.said))
+        (table("Results by sort, protocol, noise and signal (σ)", &content.group_heads, &content.groups))
     };
-    sheet("Challenges played", &body, Vec::new(), &[], origin)
+    sheet("Results of challenges", &body, Vec::new(), &[], origin)
 }
 
-/// The page around what is particular to a document.
+/// Page with the parts common to all documents.
 fn sheet(title: &str, body: &Markup, mut figures: Vec<Figure>, warnings: &[Warning], origin: &Origin) -> String {
     fit(figures.iter_mut());
     let of_warnings = html! {
-        @if warnings.is_empty() { p { "Nothing." } }
+        @if warnings.is_empty() { p { "No warnings." } }
         ul {
             @for warning in warnings {
                 li {
@@ -172,8 +178,8 @@ fn sheet(title: &str, body: &Markup, mut figures: Vec<Figure>, warnings: &[Warni
         h1 { (title) }
         (body)
         @for drawing in &figures { (figure(drawing, "")) }
-        (section("warned", "Everything that was warned of", &of_warnings))
-        (section("origin", "Where this page comes from", &of_origin))
+        (section("warned", "Warnings", &of_warnings))
+        (section("origin", "Origin of this page", &of_origin))
     };
     page(&format!("{title} – vitreo-uq"), &all)
 }

@@ -1,4 +1,4 @@
-//! The page of a study: what was measured, what the gel is and how sure that is, where the model fails, what it lacks, and how the error fell.
+//! Page of a study: measurement, parameters with their uncertainty, misfits, missing effects, and the fall of the error.
 
 use std::collections::BTreeMap;
 
@@ -16,50 +16,50 @@ use documents::learned::{FormulaParameter, Learned, LearnedPair};
 use documents::posterior::{PosteriorSummary, Warning};
 use documents::trust::{Trust, TrustLevel};
 
-/// All that a study holds, as it stands on disk.
+/// All documents of a study, as stored.
 #[derive(Debug)]
 pub struct StudyPage {
-    /// What was measured, and what contradicts its description.
+    /// Description of the measurement, and contradictions with it.
     pub record: CheckSummary,
-    /// The revisions, in their order; at least one.
+    /// Revisions in their order; at least one.
     pub revisions: Vec<RevisionPage>,
-    /// All of them on the same footing, where that was asked for.
+    /// Comparison of all revisions on the same cycles, if `ladder` has run.
     pub ladder: Option<LadderPage>,
-    /// The program's version.
+    /// Version of the program.
     pub version: String,
-    /// SHA-256 of all that went in, by name.
+    /// SHA-256 of all inputs, by name.
     pub inputs_sha256: BTreeMap<String, String>,
-    /// Command lines that make it again.
+    /// Command lines that reproduce the study.
     pub commands: Vec<String>,
 }
 
 /// One revision.
 #[derive(Debug)]
 pub struct RevisionPage {
-    /// Its name, `m0`, `m1`, ….
+    /// Name: `m0`, `m1`, ….
     pub name: String,
-    /// Its posterior.
+    /// Posterior.
     pub posterior: PosteriorSummary,
-    /// Where it fails, if that was asked.
+    /// Misfits, if `compare` has run.
     pub comparison: Option<Comparison>,
-    /// What it lacks, if that was asked.
+    /// Missing effects, if `diagnose` has run.
     pub diagnosis: Option<Diagnosis>,
-    /// The law that the data write by themselves, if that was asked.
+    /// Correction of the law learnt from data, if `learn` has run.
     pub learned: Option<Learned>,
-    /// What it changed, if it extends another.
+    /// Changes from the revision that it extends, if any.
     pub extension: Option<ExtensionSummary>,
-    /// What diagnoses could not tell from its effects.
+    /// Equivalents of its effects, from diagnoses.
     pub equivalents: Vec<EquivalentEffects>,
-    /// Its figures, by the stems of their names.
+    /// Figures, by the stems of their file names.
     pub figures: BTreeMap<String, Figure>,
 }
 
-/// The comparison of all revisions.
+/// Comparison of all revisions.
 #[derive(Debug)]
 pub struct LadderPage {
-    /// Its document.
+    /// Document.
     pub summary: LadderSummary,
-    /// Its figure.
+    /// Figure.
     pub figure: Figure,
 }
 
@@ -73,7 +73,7 @@ impl RevisionPage {
         self.posterior.is_sound() && self.extension.as_ref().is_none_or(ExtensionSummary::is_sound)
     }
 
-    /// The lower of what the posterior and the extension say, and no more than a diagnosis or a comparison allows.
+    /// Lower trust level of the posterior and the extension, limited by a diagnosis or a comparison.
     fn trust(&self) -> Trust {
         let of_extension = self.extension.iter().map(|extension| &extension.trust);
         let own = of_extension.chain([&self.posterior.trust]).max_by_key(|trust| trust.level).cloned();
@@ -82,9 +82,9 @@ impl RevisionPage {
         let fails = self.comparison.as_ref().is_some_and(|own| !own.findings.is_empty());
         if own.level == TrustLevel::Trusted && (is_lacking || fails) {
             let reason = if is_lacking {
-                "the diagnosis finds that the model lacks something"
+                "the diagnosis finds that the model is incomplete"
             } else {
-                "the comparison finds places where the model fails"
+                "the comparison finds misfits of the model"
             };
             return Trust { level: TrustLevel::Effective, reason: reason.into() };
         }
@@ -104,7 +104,7 @@ impl RevisionPage {
     }
 }
 
-/// The page; the same documents give the same bytes.
+/// Page of a study; equal documents give equal bytes.
 pub fn study(mut content: StudyPage) -> String {
     let ladder = content.ladder.iter_mut().map(|ladder| &mut ladder.figure);
     fit(content.revisions.iter_mut().flat_map(|revision| revision.figures.values_mut()).chain(ladder));
@@ -124,7 +124,7 @@ pub fn study(mut content: StudyPage) -> String {
     page(&format!("{name} – vitreo-uq"), &body)
 }
 
-/// Parts of the page with their names, each as HTML, for a page that shows other things between them; `suspects` are those of the last revision.
+/// Parts of the page by name, as HTML, for another page that arranges them; `suspects` is the table of candidate effects of the last revision.
 pub fn study_parts(content: &StudyPage) -> Vec<(&'static str, String)> {
     let last = content.revisions.last();
     let head = last.map(|last| {
@@ -135,22 +135,22 @@ pub fn study_parts(content: &StudyPage) -> Vec<(&'static str, String)> {
     head.into_iter().flatten().chain(sections).map(|(id, body)| (id, body.into_string())).collect()
 }
 
-/// Sections in their order: a name for links, a heading, and what stands there.
+/// Sections in their order: name for links, heading, and content.
 fn sections(content: &StudyPage) -> [(&'static str, &'static str, Markup); 9] {
     [
-        ("measured", "What was measured", measured(content)),
+        ("measured", "Measurement", measured(content)),
         ("fit", "Model against measurement", against_measurement(content)),
-        ("fails", "Where the model fails", failures(content)),
-        ("missing", "What is missing", missing(content)),
+        ("fails", "Misfits: where the model fails", failures(content)),
+        ("missing", "Missing effects", missing(content)),
         ("ladder", "How the error fell", ladder_section(content)),
-        ("posterior", "How sure that is", posterior(content)),
-        ("errors", "Where the uncertainty comes from", errors(content)),
-        ("warned", "Everything that was warned of", warned(content)),
-        ("origin", "Where this page comes from", origin(content)),
+        ("posterior", "Posterior", posterior(content)),
+        ("errors", "Sources of uncertainty", errors(content)),
+        ("warned", "Warnings", warned(content)),
+        ("origin", "Origin of this page", origin(content)),
     ]
 }
 
-/// Whether to believe the last revision, in plain words.
+/// Box with the verdict on the last revision.
 fn verdict(content: &StudyPage, last: &RevisionPage) -> Markup {
     let fatal: Vec<&Warning> = last.warnings().filter(|warning| warning.kind.is_fatal()).collect();
     let diagnosed = last.diagnosis.as_ref().map(|diagnosis| &diagnosis.verdict);
@@ -160,17 +160,17 @@ fn verdict(content: &StudyPage, last: &RevisionPage) -> Markup {
     let (tone, heading) = if !last.is_sound() {
         (Tone::Wrong, "Not to be trusted as it stands")
     } else if is_lacking {
-        (Tone::Doubtful, "The model lacks something")
+        (Tone::Doubtful, "The model is incomplete")
     } else if fails.is_some() {
-        (Tone::Doubtful, "The model fails in places")
+        (Tone::Doubtful, "The model has misfits")
     } else if heldout.rmse_um.is_none() {
-        (Tone::Doubtful, "Nothing tests this result")
+        (Tone::Doubtful, "No held-out cycle tests this result")
     } else if trust.level == TrustLevel::Effective {
         (Tone::Doubtful, trust.level.words())
     } else {
         (Tone::Sound, trust.level.words())
     };
-    // The heading is the level, or something graver that a diagnosis or a comparison has found.
+    // The heading is the trust level, or a more serious result of a diagnosis or a comparison.
     let reason = if heading == trust.level.words() { sentence(&trust.reason) } else { trust.to_string() };
     let extended = last.extension.as_ref().map(|extension| extension.sentence.as_str());
     let misfit = heldout.rmse_um.map(|rmse| {
@@ -178,7 +178,7 @@ fn verdict(content: &StudyPage, last: &RevisionPage) -> Markup {
             .noise_um
             .map_or("unknown".into(), |noise| format!("{} µm, {}", significant(noise, 3), heldout.noise_origin));
         format!(
-            "It predicts {} {}, to which it was not fitted, to {} µm; the noise is {noise}.",
+            "The error on held-out {} {} is {} µm; the noise is {noise}.",
             if heldout.cycles.len() == 1 { "cycle" } else { "cycles" },
             listed(&heldout.cycles),
             significant(rmse, 3)
@@ -196,7 +196,7 @@ fn verdict(content: &StudyPage, last: &RevisionPage) -> Markup {
             @if heldout.rmse_um.is_none() { p { "No cycle was held out, so no prediction was tested." } }
             @for warning in &fatal { p { span.fatal { (warning.text) "." } " What to do: " (warning.advice) "." } }
             @if diagnosed.is_none() {
-                p { "Whether a physical effect is missing has not been asked of " (last.name) ": " code { "vitreo-uq diagnose STUDY" } " does." }
+                p { "To find out whether " (last.name) " lacks a physical effect, run " code { "vitreo-uq diagnose STUDY" } "." }
             }
             p.lead { "Exit code " (u8::from(!last.is_sound())) ". " (content.record.understood.positions) " positions were measured; "
                 (heldout.fitted_cycles.len()) " of " (content.record.understood.cycles) " cycles were fitted." }
@@ -204,26 +204,26 @@ fn verdict(content: &StudyPage, last: &RevisionPage) -> Markup {
     }
 }
 
-/// With a capital and a full stop.
+/// Text as a sentence, with a capital and a full stop.
 fn sentence(words: &str) -> String {
     let mut letters = words.chars();
     let first: String = letters.next().map_or(String::new(), |first| first.to_uppercase().collect());
     format!("{first}{}.", letters.as_str())
 }
 
-/// The law and what was added to it.
+/// Tables of the parameters of the law and of added effects.
 fn parameters(last: &RevisionPage) -> Markup {
     let rows = last.posterior.parameters.iter().map(|p| {
         let label = of_parameter(&p.name);
         vec![label.symbol, significant(p.median, 4), interval(p.q05, p.q95), label.unit]
     });
     html! {
-        (table("What the gel is", &["parameter", "median", "90 % interval", "unit"], &rows.collect::<Vec<_>>()))
+        (table("Parameters", &["parameter", "median", "90 % interval", "unit"], &rows.collect::<Vec<_>>()))
         @for own in last.equivalents.iter().filter(|own| !own.refits.is_empty()) { (equivalent_refits(own)) }
     }
 }
 
-/// Parameters of effects that the diagnosis could not tell from each other, side by side.
+/// Table of the parameters of equivalent effects, side by side.
 fn equivalent_refits(own: &EquivalentEffects) -> Markup {
     let row = |refit: &EquivalentRefit| {
         let of = |p: &RefitParameter| {
@@ -234,7 +234,7 @@ fn equivalent_refits(own: &EquivalentEffects) -> Markup {
     let rows: Vec<Vec<String>> = own.refits.iter().flat_map(row).collect();
     let diagnosed = own.diagnosis_of.as_deref().unwrap_or("an earlier revision");
     let caption = format!(
-        "{} ({}): not told apart by the diagnosis of {diagnosed}, which refitted each by itself",
+        "{} ({}): equivalent in the diagnosis of {diagnosed}, each refitted alone",
         own.effects.join(" + "),
         own.alternative().unwrap_or_default()
     );
@@ -250,7 +250,7 @@ fn measured(content: &StudyPage) -> Markup {
 }
 
 fn against_measurement(content: &StudyPage) -> Markup {
-    let captions = "Measured positions over the bands of the prediction, residuals and force below";
+    let captions = "Measured positions over the predictive bands, with residuals and force";
     html! {
         @if let Some((last, earlier)) = content.revisions.split_last() {
             h3 { (last.name) ": " (last.title()) }
@@ -263,7 +263,7 @@ fn against_measurement(content: &StudyPage) -> Markup {
     }
 }
 
-/// How the posterior predicts what it has not seen.
+/// Table of the errors and coverage on held-out cycles.
 fn heldout_table(last: &RevisionPage) -> Markup {
     let heldout = &last.posterior.heldout;
     let percent = |value: Option<f64>| value.map_or("–".into(), |value| format!("{:.0} %", 100.0 * value));
@@ -273,7 +273,7 @@ fn heldout_table(last: &RevisionPage) -> Markup {
     let row = |name: &str, value: String, right: String| vec![name.to_string(), value, right];
     let noise = optional(heldout.noise_um, 3);
     let rows = [
-        row("error of the fitted cycles (µm)", significant(heldout.rmse_fitted_um, 3), noise.clone()),
+        row("error on the fitted cycles (µm)", significant(heldout.rmse_fitted_um, 3), noise.clone()),
         row("held-out error (µm)", optional(heldout.rmse_um, 3), noise),
         row("positions inside the 50 % band", percent(heldout.coverage_50), expected(heldout.coverage_50_expected)),
         row("positions inside the 90 % band", percent(heldout.coverage_90), expected(heldout.coverage_90_expected)),
@@ -281,13 +281,13 @@ fn heldout_table(last: &RevisionPage) -> Markup {
         row("score ln p of the held-out positions (nats)", optional(heldout.log_score_nats, 4), "–".into()),
     ];
     let by = heldout.fe_runs.map_or("the creep law".into(), |runs| last.posterior.model.full_runs(runs));
-    table(&format!("The held-out check, by {by}"), &["", "found", "a right model"], &rows)
+    table(&format!("Check on held-out cycles, predicted by {by}"), &["", "found", "for a right model"], &rows)
 }
 
 fn failures(content: &StudyPage) -> Markup {
     let compared: Vec<&RevisionPage> = content.revisions.iter().filter(|r| r.comparison.is_some()).collect();
     html! {
-        @if compared.is_empty() { p { "Not asked: " code { "vitreo-uq compare STUDY" } " looks where the model fails." } }
+        @if compared.is_empty() { p { "Not tested: " code { "vitreo-uq compare STUDY" } " tests the residuals." } }
         @for revision in compared {
             @if let Some(comparison) = &revision.comparison {
                 h3 { (revision.name) }
@@ -298,8 +298,8 @@ fn failures(content: &StudyPage) -> Markup {
                     }
                 }
                 (revision.shown("comparison_map", "Failure map: cycle against time since the last force step"))
-                (revision.folded("comparison", "Measurement against model, what is left, and the same whitened"))
-                (revision.folded("comparison_bias", "Every look: bias of the measurement against the model"))
+                (revision.folded("comparison", "Measurement and model, with residuals in µm and whitened"))
+                (revision.folded("comparison_bias", "All tests: bias of the measurement against the model"))
             }
         }
     }
@@ -309,35 +309,35 @@ fn missing(content: &StudyPage) -> Markup {
     let diagnosed: Vec<&RevisionPage> = content.revisions.iter().filter(|r| r.diagnosis.is_some()).collect();
     let written = content.revisions.iter().filter_map(|revision| Some((revision, revision.learned.as_ref()?)));
     html! {
-        @if diagnosed.is_empty() { p { "Not asked: " code { "vitreo-uq diagnose STUDY" } " names the effect that is missing." } }
+        @if diagnosed.is_empty() { p { "Not tested: " code { "vitreo-uq diagnose STUDY" } " finds missing effects." } }
         @for revision in diagnosed {
             @if let Some(diagnosis) = &revision.diagnosis {
                 h3 { (revision.name) }
                 p { strong { (diagnosis.verdict.sentence) } }
                 (suspects(diagnosis))
-                (revision.shown("diagnosis", "Every effect refitted: what it gains in the fit and on held-out cycles, and the error before and after"))
-                (revision.folded("fingerprints", "Fingerprints: what a refit with each of the leading suspects would explain of what the model leaves"))
+                (revision.shown("diagnosis", "Gain of each candidate effect in the fit and on held-out cycles, and the error before and after"))
+                (revision.folded("fingerprints", "Fingerprints: residuals that each leading candidate effect would explain"))
                 @for entry in &diagnosis.unexplained { p { (entry.sentence) } }
                 @if let Some(discrepancy) = &diagnosis.discrepancy { p { (discrepancy.sentence) } }
-                (revision.shown("discrepancy", "What no effect of the library explains"))
-                @if !diagnosis.separating_protocol.is_empty() { p { "To tell them apart: " (diagnosis.separating_protocol) } }
+                (revision.shown("discrepancy", "Discrepancy that no effect of the library explains"))
+                @if !diagnosis.separating_protocol.is_empty() { p { "To distinguish the equivalent effects: " (diagnosis.separating_protocol) } }
                 @if !diagnosis.blind_spots.is_empty() {
-                    p { "This experiment cannot show " (diagnosis.blind_spots.join(", ")) "." }
+                    p { "This experiment cannot detect " (diagnosis.blind_spots.join(", ")) "." }
                 }
-                h3 { "Noise of one position" }
+                h3 { "Noise of a single position" }
                 ul { @for estimate in &diagnosis.noise { li { (estimate.text) } } }
             }
         }
         @for (revision, learned) in written {
-            h3 { (revision.name) ": what the data write by themselves" }
+            h3 { (revision.name) ": correction of the law learnt from data" }
             p { (learned.verdict.sentence) }
-            (revision.shown("learned", "The learned function with its 90 % band and its formula; grey where no fitted row was"))
+            (revision.shown("learned", "Learnt function with its 90 % band and its formula; grey: states without fitted rows"))
             (learnt(learned))
         }
     }
 }
 
-/// The formula's parameters, and all pairs that were looked at.
+/// Table of the formula's parameters, and of all pairs of quantity and state.
 fn learnt(learned: &Learned) -> Markup {
     let formula = learned.formula.as_ref().map(|formula| {
         let row = |p: &FormulaParameter| {
@@ -358,11 +358,11 @@ fn learnt(learned: &Learned) -> Markup {
     let heads = ["quantity and state", "evidence (nats)", "held-out gain (nats)", "error of the search (µm)"];
     html! {
         @if let Some(formula) = formula { (formula) }
-        details { summary { "Every pair that was looked at" } (table("Gains over the model without", &heads, &rows)) }
+        details { summary { "All pairs of quantity and state" } (table("Gains over the base model", &heads, &rows)) }
     }
 }
 
-/// Every effect of the library, what gains most first.
+/// Table of all candidate effects by decreasing gain.
 fn suspects(diagnosis: &Diagnosis) -> Markup {
     let smallest = |slug: &str| {
         let entry = diagnosis.smallest_detectable.iter().find(|entry| entry.effect == slug);
@@ -371,7 +371,7 @@ fn suspects(diagnosis: &Diagnosis) -> Markup {
     let row = |candidate: &CandidateEntry| {
         let refit = candidate.refit.as_ref();
         let chance = refit.map_or("–".into(), |_| with_decimals(candidate.p_familywise, 3));
-        let refused = candidate.refused.as_ref().map(|why| format!("not here: {why}"));
+        let refused = candidate.refused.as_ref().map(|why| format!("not applicable: {why}"));
         vec![
             candidate.effect.clone(),
             refit.map_or("–".into(), |refit| with_decimals(refit.gain_nats, 1)),
@@ -394,19 +394,19 @@ fn suspects(diagnosis: &Diagnosis) -> Markup {
         "held-out gain (nats)",
         "expected error (µm)",
         "p of the search",
-        "smallest seen",
-        "looks like",
-        "standing",
+        "smallest detectable",
+        "equivalent to",
+        "status",
     ];
     html! {
-        (table_that_ends_in_words("Suspects: what a refit with each effect gains", &heads, &rows))
+        (table_that_ends_in_words("Candidate effects: gains of a refit with each", &heads, &rows))
         @if let Some(sentence) = diagnosis.gains_without_error() { p { (sentence) } }
     }
 }
 
 fn ladder_section(content: &StudyPage) -> Markup {
     let Some(LadderPage { summary, figure: drawing }) = &content.ladder else {
-        return html! { p { "Not asked: " code { "vitreo-uq ladder STUDY" } " sets all revisions on the same footing." } };
+        return html! { p { "Not computed: " code { "vitreo-uq ladder STUDY" } " compares all revisions on the same cycles." } };
     };
     let names = |last: bool| {
         let rung = if last { summary.revisions.last() } else { summary.revisions.first() };
@@ -427,9 +427,9 @@ fn ladder_section(content: &StudyPage) -> Markup {
     let shifts: Vec<Vec<String>> = shifts.collect();
     html! {
         p { (summary.sentence) }
-        (figure(drawing, "The error on the cycle that no fit has seen, revision by revision, down to the noise"))
+        (figure(drawing, "Error on the last held-out cycle for each revision, and the noise"))
         @if !shifts.is_empty() {
-            (table(&format!("What was missing had bent the law: median and 90 % interval, both fitted to cycles {}", listed(&summary.fitted_cycles)), &["parameter", &before, &after, "shift", "in sd"], &shifts))
+            (table(&format!("Parameters of the law before and after the missing effects were added: median and 90 % interval, both fitted to cycles {}", listed(&summary.fitted_cycles)), &["parameter", &before, &after, "shift", "in sd"], &shifts))
         }
     }
 }
@@ -437,12 +437,12 @@ fn ladder_section(content: &StudyPage) -> Markup {
 fn posterior(content: &StudyPage) -> Markup {
     html! {
         @if let Some((last, earlier)) = content.revisions.split_last() {
-            (last.shown("corner", "The posterior, with the priors"))
+            (last.shown("corner", "Posterior with priors"))
             (sampling_table(last))
-            (last.folded("trace", "How the draws went, and how long they remember"))
-            (last.folded("singular_values", "Singular values of the snapshots that the reduced model is made of"))
+            (last.folded("trace", "Traces of the draws, and their autocorrelation"))
+            (last.folded("singular_values", "Singular values of the surrogate's snapshots"))
             @for revision in earlier {
-                (revision.folded("corner", &format!("The posterior of {}", revision.name)))
+                (revision.folded("corner", &format!("Posterior of {}", revision.name)))
             }
         }
     }
@@ -470,7 +470,7 @@ fn sampling_table(last: &RevisionPage) -> Markup {
             optional(p.discretisation_bias_sd, 1),
         ]
     });
-    let heads = ["parameter", "mean", "sd", "ESS bulk", "ESS tail", "R̂", "reduced model (sd)", "mesh (sd)"];
+    let heads = ["parameter", "mean", "sd", "ESS bulk", "ESS tail", "R̂", "surrogate (sd)", "mesh (sd)"];
     table(&caption, &heads, &rows.collect::<Vec<_>>())
 }
 
@@ -479,28 +479,28 @@ fn errors(content: &StudyPage) -> Markup {
     let (budget, surrogate) = (&last.posterior.error_budget_um, &last.posterior.surrogate);
     let row = |name: &str, value: String| vec![name.to_string(), value];
     let rows = [
-        row("noise from row to row, learnt", significant(budget.noise, 3)),
+        row("white noise, estimated", significant(budget.noise, 3)),
         row("mesh", optional(budget.fe_discretisation, 2)),
-        row("reduced model", optional(budget.surrogate, 2)),
+        row("surrogate", optional(budget.surrogate, 2)),
         row("Monte Carlo", significant(budget.monte_carlo, 2)),
     ];
     html! {
-        (table("Parts of the uncertainty of a predicted position, in µm", &["", "µm"], &rows))
+        (table("Contributions to the uncertainty of a predicted position, in µm", &["", "µm"], &rows))
         @if let (Some(modes), Some(unknowns), Some(runs)) = (surrogate.modes, surrogate.fe_unknowns, surrogate.snapshot_runs) {
-            p { "The reduced model has " (modes) @if modes == 1 { " mode" } @else { " modes" } " from " (runs) " runs of " (unknowns) " unknowns; on parameters that trained nothing it errs by "
-                (optional(surrogate.max_relative_error, 1)) " of the amplitude." }
+            p { "The surrogate has " (modes) @if modes == 1 { " mode" } @else { " modes" } " from " (runs) " runs of " (unknowns) " unknowns; its error at parameters outside the training set is "
+                (optional(surrogate.max_relative_error, 1)) " times the amplitude." }
         }
         @if let Some(strain) = last.posterior.largest_strain { p { "The largest strain is " (significant(strain, 3)) "." } }
         @if let Some(large) = &last.posterior.large_displacement {
             p { "The robot moves by " (significant(large.farthest_radii, 2)) " of its radii."
                 @if let Some(most_um) = large.deviation_most_um {
-                    " A gel of this law whose strains may be large would deviate by " (significant(most_um, 2)) " µm at most."
+                    " With large strains, a gel of this law would deviate by at most " (significant(most_um, 2)) " µm."
                 } }
         }
     }
 }
 
-/// Warnings of all revisions, each once, with the revisions that have it.
+/// Section of the warnings of all revisions, each once, with the names of its revisions.
 fn warned(content: &StudyPage) -> Markup {
     let mut all: Vec<(&Warning, Vec<&str>)> = Vec::new();
     for revision in &content.revisions {
@@ -519,7 +519,7 @@ fn warned(content: &StudyPage) -> Markup {
         .collect();
     let contradictions = &content.record.contradictions;
     html! {
-        @if all.is_empty() && contradictions.is_empty() && remarks.is_empty() { p { "Nothing." } }
+        @if all.is_empty() && contradictions.is_empty() && remarks.is_empty() { p { "No warnings." } }
         ul {
             @for contradiction in contradictions { li { "The record: " (contradiction.text) ". What to do: " (contradiction.advice) "." } }
             @for (warning, names) in &all {
@@ -535,8 +535,8 @@ fn warned(content: &StudyPage) -> Markup {
 
 fn origin(content: &StudyPage) -> Markup {
     html! {
-        p { "Written by vitreo-uq " (content.version) ". These commands make the study again, to the last byte with the same inputs and the same version"
-            @if content.revisions.iter().any(|revision| revision.diagnosis.is_some()) { " (but for " code { "--smallest" } " and " code { "--simulations" } " of a diagnosis, which it does not keep)" }
+        p { "Written by vitreo-uq " (content.version) ". These commands reproduce the study, byte for byte with the same inputs and version"
+            @if content.revisions.iter().any(|revision| revision.diagnosis.is_some()) { " (except for " code { "--smallest" } " and " code { "--simulations" } " of a diagnosis, which are not stored)" }
             ":" }
         pre { @for command in &content.commands { (command) "\n" } }
         (hashes(&content.inputs_sha256))

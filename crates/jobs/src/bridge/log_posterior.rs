@@ -1,4 +1,4 @@
-//! `posterior`: parameters of model and noise → logarithm of prior × likelihood, over the parameters as they are.
+//! `posterior`: maps the parameters of model and noise to the logarithm of prior × likelihood, over the untransformed parameters.
 
 use serde::Deserialize;
 use serde_json::Value;
@@ -12,13 +12,13 @@ use posterior::likelihood::ReducedPosterior;
 use posterior::prepared::PreparedModel;
 use posterior::problem::Problem;
 
-/// Points that one request may ask for.
+/// Largest number of points in one request.
 pub const MOST_POINTS: usize = 10_000;
 
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Config {
-    /// Points of one request, one after another in its vector.
+    /// Number of points in the request's vector, one after another.
     #[serde(default = "one")]
     points: usize,
 }
@@ -33,7 +33,7 @@ impl Default for Config {
     }
 }
 
-/// The posterior of the fitted cycles, and its gradient.
+/// Log-density of the posterior of the fitted cycles, with its gradient.
 pub struct Posterior<'a> {
     problem: &'a Problem,
     trained: &'a [TrainedRange],
@@ -52,7 +52,7 @@ impl<'a> Posterior<'a> {
         Self { problem, trained: &model.trained, density: model.posterior(), gradient }
     }
 
-    /// The sampled parameters, in order.
+    /// Returns the sampled parameters, in order.
     pub fn inputs(&self) -> Vec<Input> {
         let input = |prior: &posterior::prior::Prior| {
             let (lower, upper) = prior.distribution.support();
@@ -63,15 +63,15 @@ impl<'a> Posterior<'a> {
         self.problem.priors.priors().iter().map(input).collect()
     }
 
-    /// Number of parameters that are not fixed.
+    /// Number of free parameters.
     pub fn n_inputs(&self) -> usize {
         self.problem.priors.priors().len()
     }
 
-    /// Log-densities of points that stand one after another; −∞ where there is none.
+    /// Log-densities of the points that `points` lists one after another. The value is −∞ where the density is 0.
     ///
     /// # Errors
-    /// [`Error::Numerical`] where one is not a number, which is the model's fault.
+    /// [`Error::Numerical`] if a log-density is not a number, which is a fault of the model.
     pub fn log_densities(&self, points: &[f64]) -> Result<Vec<f64>> {
         let n = points.len() / self.n_inputs();
         let columns: Vec<f64> =
@@ -81,32 +81,32 @@ impl<'a> Posterior<'a> {
         match log_density.iter().position(|value| value.is_nan()) {
             None => Ok(log_density),
             Some(point) => {
-                let what = format!("the log-density of point {point} is not a number");
+                let what = format!("the log-density of point {point} is NaN");
                 Err(Error::numerical(what, "move the point away from the ends of the supports"))
             }
         }
     }
 
-    /// The gradient at a point. Where the density is 0 the slope is 0, as that of the number that stands for −∞.
+    /// Gradient at a point. It is 0 where the density is 0, because the finite substitute for −∞ is constant.
     ///
     /// # Errors
-    /// Those of [`Posterior::log_densities`], and [`Error::Numerical`] where a parameter has no derivative.
+    /// As [`Posterior::log_densities`]; also [`Error::Numerical`] if a parameter has no derivative.
     pub fn gradient_at(&self, point: &[f64]) -> Result<Vec<f64>> {
         let densities = self.log_densities(point)?;
         self.slope(point, densities.first().copied().unwrap_or(f64::NEG_INFINITY))
     }
 
-    /// The gradient at a point of a density that is known.
+    /// Gradient at a point whose log-density is known.
     fn slope(&self, point: &[f64], log_density: f64) -> Result<Vec<f64>> {
         if log_density == f64::NEG_INFINITY { Ok(vec![0.0; point.len()]) } else { self.gradient.gradient(point) }
     }
 
-    /// Log-densities for the protocol: one that is not a number is the model's fault.
+    /// Log-densities for the protocol. A value that is not a number is reported as a fault of the model.
     fn answered(&self, points: &[f64]) -> Outcome<Vec<f64>> {
         self.log_densities(points).map_err(|error| Refusal::InvalidOutput(error.to_string()))
     }
 
-    /// Gradients of points that stand one after another.
+    /// Gradients at points that are listed one after another.
     fn gradients(&self, points: &[f64]) -> Outcome<Vec<Vec<f64>>> {
         let densities = self.answered(points)?;
         points.chunks_exact(self.n_inputs()).zip(densities).map(|(point, own)| Ok(self.slope(point, own)?)).collect()

@@ -1,7 +1,7 @@
-//! Models for other programs, by the protocol of UM-Bridge 1.0 (docs/serve.md).
+//! Models for other programs, served by the protocol of UM-Bridge 1.0 (docs/serve.md).
 //!
-//! `protocol` reads requests and answers them, whatever the model; `trajectory` and `posterior` are the models. Each has one vector of inputs and one of
-//! outputs, and speaks the numbers and units of the study's documents.
+//! `protocol` reads and answers requests to any model; `trajectory` and `posterior` are the models.
+//! Each model has one input vector and one output vector, with the numbers and units of the study's documents.
 
 mod log_posterior;
 mod protocol;
@@ -17,53 +17,53 @@ use posterior::prepared::PreparedModel;
 use posterior::prior::Prior;
 use protocol::Served;
 
-/// The models of one prepared model.
+/// The two models that one prepared model offers.
 pub struct Models<'a> {
     trajectory: Trajectory<'a>,
     posterior: Posterior<'a>,
 }
 
-/// A parameter that is an input, for people.
+/// Description of an input parameter for people.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Input {
-    /// Its prior, with name and unit.
+    /// Prior of the parameter, with name and unit.
     pub prior: Prior,
-    /// Smallest and largest value at which the posterior is not zero.
+    /// Smallest and largest value at which the posterior density is positive.
     pub ends: (f64, f64),
 }
 
 impl<'a> Models<'a> {
-    /// Prepares both.
+    /// Prepares both models.
     ///
     /// # Errors
-    /// [`Error::Input`] where every parameter is fixed.
+    /// [`Error::Input`] if every parameter is fixed.
     pub fn new(model: &'a PreparedModel) -> Result<Self> {
         if model.problem.priors.priors().is_empty() {
             return Err(Error::input(
                 Place::setting(Setting::Fixed),
-                "every parameter is fixed, so that the models have no input",
+                "every parameter is fixed, so the models have no input",
                 "leave at least one parameter free",
             ));
         }
         Ok(Self { trajectory: Trajectory::new(model), posterior: Posterior::new(model) })
     }
 
-    /// `trajectory`.
+    /// Returns the model `trajectory`.
     pub fn trajectory(&self) -> &Trajectory<'a> {
         &self.trajectory
     }
 
-    /// `posterior`.
+    /// Returns the model `posterior`.
     pub fn posterior(&self) -> &Posterior<'a> {
         &self.posterior
     }
 
-    /// Answers a request; `body` is what the client sent.
+    /// Answers a request with the given `body`.
     pub fn answer(&self, endpoint: Endpoint, body: &[u8]) -> Answer {
         protocol::answer(&[&self.trajectory as &dyn Served, &self.posterior], endpoint, body)
     }
 
-    /// Bytes of the largest request that means something: a number takes 24 characters, a comma and a space at most.
+    /// Size limit of a request in bytes. A number takes at most 24 characters, a comma and a space.
     pub fn most_bytes(&self) -> usize {
         const FRAME: usize = 1 << 16;
         const NUMBER: usize = 32;
@@ -71,17 +71,17 @@ impl<'a> Models<'a> {
         FRAME + NUMBER * (n_rows + n_inputs + MOST_POINTS * (n_inputs + 1))
     }
 
-    /// Inputs of `posterior`, in order. Those of `trajectory` are the first [`Models::n_of_trajectory`] of them.
+    /// Inputs of `posterior`, in order. The first [`Models::n_of_trajectory`] of them are the inputs of `trajectory`.
     pub fn inputs(&self) -> Vec<Input> {
         self.posterior.inputs()
     }
 
-    /// Number of inputs of `trajectory`: the parameters that are not of the noise.
+    /// Number of inputs of `trajectory`, which takes every parameter except those of the noise.
     pub fn n_of_trajectory(&self) -> usize {
         self.trajectory.n_inputs()
     }
 
-    /// Number of outputs of `trajectory`: the record's rows.
+    /// Number of outputs of `trajectory`, which is the record's number of rows.
     pub fn n_rows(&self) -> usize {
         self.trajectory.n_rows()
     }

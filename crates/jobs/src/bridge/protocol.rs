@@ -1,20 +1,20 @@
-//! The protocol: what a request says, what it is answered, and how it is refused.
+//! The protocol's requests, answers and errors.
 //!
-//! A request is a JSON object with the model's `name`; vectors of inputs stand in `input`, one list a vector, and settings in `config`. Every error is
-//! `{"error": {"type", "message"}}` with status 400, or 500 where the fault is the model's.
+//! A request is a JSON object with the model's `name`. `input` lists the input vectors and `config` the settings. Every error is
+//! `{"error": {"type", "message"}}` with status 400, or 500 for a fault of the model.
 
 use serde_json::{Map, Value, json};
 
 use base::error::Error;
 use posterior::outside::Endpoint;
 
-/// What stands for −∞, which JSON cannot say: the lowest number that there is. Samplers refuse such a point all the same, whatever else they add to it.
+/// Substitute for −∞, which JSON cannot express: the lowest finite number. Samplers refuse such a point even after they add other terms.
 pub const OUTSIDE: f64 = f64::MIN;
 
 /// Version of the protocol.
 const VERSION: f64 = 1.0;
 
-/// What goes back.
+/// Answer to a request.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Answer {
     /// HTTP status.
@@ -23,13 +23,13 @@ pub struct Answer {
     pub body: Value,
 }
 
-/// Why a request is refused.
+/// Reason for refusing a request.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) enum Refusal {
     ModelNotFound(String),
     UnsupportedFeature(String),
     InvalidInput(String),
-    /// The model's own fault.
+    /// Fault of the model.
     InvalidOutput(String),
 }
 
@@ -49,7 +49,7 @@ impl Refusal {
     }
 }
 
-/// Where a point has no model, the point is at fault.
+/// Reports a point without a model as a fault of the request.
 impl From<Error> for Refusal {
     fn from(error: Error) -> Self {
         Self::InvalidInput(error.to_string())
@@ -58,26 +58,25 @@ impl From<Error> for Refusal {
 
 pub(super) type Outcome<T> = std::result::Result<T, Refusal>;
 
-/// Lengths of a model's one vector of inputs and its one vector of outputs.
+/// Lengths of a model's input vector and output vector.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Sizes {
     pub inputs: usize,
     pub outputs: usize,
 }
 
-/// A model of one vector of inputs and one of outputs. `config` is the request's, [`Value::Null`] where it has none; vectors have the lengths that `sizes`
-/// says.
+/// Model with one input vector and one output vector. `config` comes from the request, or is [`Value::Null`]. Vectors have the lengths that `sizes` returns.
 pub(super) trait Served: Sync {
     fn name(&self) -> &'static str;
     fn sizes(&self, config: &Value) -> Outcome<Sizes>;
     fn evaluate(&self, config: &Value, point: &[f64]) -> Outcome<Vec<f64>>;
-    /// Σ over the outputs of `sensitivity` times the output's derivative, one number an input.
+    /// Σ over the outputs of `sensitivity` times the output's derivative, one number per input.
     fn gradient(&self, config: &Value, point: &[f64], sensitivity: &[f64]) -> Outcome<Vec<f64>>;
     /// Derivative of every output along a direction of the inputs.
     fn apply_jacobian(&self, config: &Value, point: &[f64], direction: &[f64]) -> Outcome<Vec<f64>>;
 }
 
-/// The settings of a model, of a type that refuses what it does not know.
+/// Reads the settings of a model; `T` must refuse unknown settings.
 pub(super) fn config_of<T: Default + serde::de::DeserializeOwned>(config: &Value) -> Outcome<T> {
     if config.is_null() {
         return Ok(T::default());
@@ -85,7 +84,7 @@ pub(super) fn config_of<T: Default + serde::de::DeserializeOwned>(config: &Value
     T::deserialize(config).map_err(|error| Refusal::input(format!("`config` {config}: {error}")))
 }
 
-/// Answers a request by one of `models`.
+/// Answers a request to one of `models`.
 pub(super) fn answer(models: &[&dyn Served], endpoint: Endpoint, body: &[u8]) -> Answer {
     match respond(models, endpoint, body) {
         Ok(body) => Answer { status: 200, body },
@@ -101,10 +100,10 @@ fn respond(models: &[&dyn Served], endpoint: Endpoint, body: &[u8]) -> Outcome<V
     let request: Map<String, Value> = serde_json::from_slice(body)
         .map_err(|error| Refusal::input(format!("the request is not a JSON object: {error}")))?;
     let name = request.get("name").and_then(Value::as_str);
-    let name = name.ok_or_else(|| Refusal::input("the request has no `name` of a model"))?;
+    let name = name.ok_or_else(|| Refusal::input("the request does not give the model's `name`"))?;
     let Some(model) = models.iter().find(|model| model.name() == name) else {
         let known = names.join(", ");
-        return Err(Refusal::ModelNotFound(format!("there is no model {name:?}; there are: {known}")));
+        return Err(Refusal::ModelNotFound(format!("there is no model {name:?}: use one of {known}")));
     };
     let config = request.get("config").unwrap_or(&Value::Null);
     match endpoint {
@@ -114,7 +113,7 @@ fn respond(models: &[&dyn Served], endpoint: Endpoint, body: &[u8]) -> Outcome<V
         Endpoint::InputSizes => Ok(json!({ "inputSizes": [model.sizes(config)?.inputs] })),
         Endpoint::OutputSizes => Ok(json!({ "outputSizes": [model.sizes(config)?.outputs] })),
         Endpoint::ApplyHessian => Err(Refusal::UnsupportedFeature(
-            "second derivatives are not to be had; Gradient and ApplyJacobian are".into(),
+            "second derivatives are not available: use Gradient or ApplyJacobian".into(),
         )),
         Endpoint::Evaluate => {
             let point = point(&request, model.sizes(config)?)?;
@@ -135,14 +134,14 @@ fn respond(models: &[&dyn Served], endpoint: Endpoint, body: &[u8]) -> Outcome<V
     }
 }
 
-/// The one vector of inputs; `inWrt` and `outWrt`, where they are given, name it and the one vector of outputs.
+/// Reads the input vector. The optional `inWrt` and `outWrt` must name the only vector, 0.
 fn point(request: &Map<String, Value>, sizes: Sizes) -> Outcome<Vec<f64>> {
     for key in ["outWrt", "inWrt"] {
         match request.get(key) {
             None => {}
             Some(index) if index.as_u64() == Some(0) => {}
             Some(index) => {
-                return Err(Refusal::input(format!("`{key}` is {index}, but there is one vector, number 0")));
+                return Err(Refusal::input(format!("`{key}` is {index}, but there is only one vector, number 0")));
             }
         }
     }
@@ -172,12 +171,12 @@ fn numbers(value: &Value, key: &str, length: usize) -> Outcome<Vec<f64>> {
     values.iter().enumerate().map(number).collect()
 }
 
-/// Only finite numbers can be written.
+/// Passes finite numbers on and refuses others, which JSON cannot express.
 fn finite(values: Vec<f64>) -> Outcome<Vec<f64>> {
     match values.iter().position(|value| !value.is_finite()) {
         None => Ok(values),
         Some(index) => Err(Refusal::InvalidOutput(format!(
-            "number {index} of the answer is {}, which JSON cannot say: move the point away from the ends of the supports",
+            "number {index} of the answer is {}, which JSON cannot express: move the point away from the ends of the supports",
             values[index]
         ))),
     }
@@ -187,7 +186,7 @@ fn finite(values: Vec<f64>) -> Outcome<Vec<f64>> {
 mod tests {
     use super::*;
 
-    /// x → (x₀ x₁, x₀ + x₁, 3).
+    /// Test model x → (x₀ x₁, x₀ + x₁, 3).
     struct Simple;
 
     impl Served for Simple {
@@ -245,7 +244,7 @@ mod tests {
         use Endpoint::*;
         let own = r#"{"name": "simple""#;
         assert_eq!(refused(Evaluate, r#"{"name": "other"}"#).0, "ModelNotFound");
-        // Before anything else of the request is looked at.
+        // The missing Hessian is refused before the rest of the request is checked.
         assert_eq!(refused(ApplyHessian, &format!("{own}}}")).0, "UnsupportedFeature");
         for (endpoint, rest, words) in [
             (Evaluate, "", "`input` is not a list"),

@@ -1,4 +1,4 @@
-//! `trajectory`: the model's parameters → positions (µm) at the record's rows, by the reduced or the full model.
+//! `trajectory`: maps the model's parameters to positions (µm) at the record's rows, by the reduced or the full-order model.
 
 use std::sync::OnceLock;
 
@@ -14,7 +14,7 @@ use posterior::problem::Problem;
 
 const UM_PER_M: f64 = 1e6;
 
-/// Which model answers.
+/// Model that evaluates the request.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize)]
 #[serde(rename_all = "lowercase")]
 enum Which {
@@ -30,13 +30,13 @@ struct Config {
     model: Which,
 }
 
-/// The model over the whole record.
+/// Model over the whole record.
 pub struct Trajectory<'a> {
     problem: &'a Problem,
     reduced: ReducedForward<'a>,
-    /// Prepared when it is first asked for; `None` for an instrument.
+    /// Full-order model, prepared on first use; `None` for an instrument.
     full: OnceLock<Option<FullForward<'a>>>,
-    /// Of the model's parameters, in their order.
+    /// Sources of the model's parameters, in their order.
     sources: Vec<Source>,
     n_inputs: usize,
 }
@@ -52,7 +52,7 @@ impl<'a> Trajectory<'a> {
         Self { problem, reduced, full: OnceLock::new(), sources, n_inputs }
     }
 
-    /// Number of parameters that are not fixed.
+    /// Number of free model parameters.
     pub fn n_inputs(&self) -> usize {
         self.n_inputs
     }
@@ -70,10 +70,10 @@ impl<'a> Trajectory<'a> {
         Ok(self.full.get_or_init(|| full).as_ref())
     }
 
-    /// The model's parameters, fixed ones among them, at a point; refused outside their supports.
+    /// All parameters of the model at a point, fixed ones included; refuses values outside their supports.
     fn parameters(&self, point: &[f64]) -> Result<Vec<f64>> {
         let value = |source: &Source| match *source {
-            // The model's parameters come before the noise's, so that a prior's place is the input's.
+            // The model's parameters come before the noise's, so the index of a prior is the index of the input.
             Source::Sampled(index) => point[index],
             Source::Fixed(value) => value,
         };
@@ -88,10 +88,10 @@ impl<'a> Trajectory<'a> {
         }
     }
 
-    /// Positions in µm at all rows by the reduced model, at a point of [`Trajectory::n_inputs`] numbers.
+    /// Positions in µm at all rows by the reduced model. `point` has [`Trajectory::n_inputs`] numbers.
     ///
     /// # Errors
-    /// [`Error::Numerical`] or [`Error::OutsideTrainedRange`] where the point has no trajectory.
+    /// [`Error::Numerical`] or [`Error::OutsideTrainedRange`] if the model has no trajectory at the point.
     pub fn reduced_um(&self, point: &[f64]) -> Result<Vec<f64>> {
         self.positions_um(&self.reduced, point)
     }
@@ -105,12 +105,12 @@ impl<'a> Trajectory<'a> {
         Ok(position_m.into_iter().map(|x| UM_PER_M * x).collect())
     }
 
-    /// Derivatives are the reduced model's.
+    /// Refuses derivatives of the full-order model, because only the reduced model has them.
     fn refuse_full(config: &Value) -> Outcome<()> {
         match config_of::<Config>(config)?.model {
             Which::Reduced => Ok(()),
             Which::Full => Err(Refusal::UnsupportedFeature(
-                "the full model has no derivatives: leave `config` out, which takes the reduced model's".into(),
+                "the full model has no derivatives: leave `config` out to use the reduced model".into(),
             )),
         }
     }
@@ -131,10 +131,8 @@ impl Served for Trajectory<'_> {
             Which::Reduced => &self.reduced,
             Which::Full => self.full()?.ok_or_else(|| {
                 Refusal::input(match self.problem.outside() {
-                    Some(outside) => format!("the full model is {}: ask it there", outside.title()),
-                    None => {
-                        "an instrument's compliance is given, so that it has no full model: leave `config` out".into()
-                    }
+                    Some(outside) => format!("the full model is {}: send the request there", outside.title()),
+                    None => "an instrument has a given compliance and no full model: leave `config` out".into(),
                 })
             })?,
         };

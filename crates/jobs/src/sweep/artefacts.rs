@@ -1,4 +1,4 @@
-//! The files of a revision of an oscillation: model, posterior, draws, figures.
+//! Files of an oscillation's revision: model, posterior, draws, figures.
 
 use std::path::Path;
 
@@ -14,15 +14,15 @@ use posterior::prior::PriorSet;
 use posterior::study::{POSTERIOR_NAME, Provenance};
 use record::{Sweep, SweepRow};
 
-/// Points of the prediction's curves.
+/// Number of points on the predicted curves.
 const N_CURVE: usize = 160;
-/// The curves reach so many times beyond the frequencies.
+/// Factor by which the curves extend beyond the frequency range.
 const BEYOND: f64 = 1.15;
 
-/// Writes everything that a revision holds into `dir`. `header` makes the head of a JSON document of a kind.
+/// Writes all files of a revision into `dir`. `header` makes the head of a JSON document of the given kind.
 ///
 /// # Errors
-/// [`base::Error::File`] when the operating system refuses.
+/// [`base::Error::File`] if the operating system refuses.
 pub fn write(
     dir: &Path,
     problem: &SweepProblem,
@@ -43,7 +43,7 @@ pub fn write(
     write_figure(&figures, "moduli", &moduli_figure(problem, result)?)
 }
 
-/// The measured moduli over the posterior's, with residuals.
+/// Figure of the measured moduli over the posterior's, with residuals.
 fn moduli_figure(problem: &SweepProblem, result: &SweepResult) -> Result<Svg> {
     let sweep = &problem.sweep;
     let [lowest_hz, highest_hz] = sweep.range_hz();
@@ -61,21 +61,15 @@ fn moduli_figure(problem: &SweepProblem, result: &SweepResult) -> Result<Svg> {
     let bands_pa: Vec<[[f64; 3]; 2]> = (0..N_CURVE).map(|place| [0, 1].map(|k| quantiles(place, k))).collect();
     let middle = &result.values[0];
     let residuals = problem.residuals(&result.mean, middle);
-    draw(
-        sweep,
-        &curve_hz,
-        &bands_pa,
-        &residuals,
-        &format!("{}: measured moduli and the posterior's", sweep.specimen_id),
-    )
+    draw(sweep, &curve_hz, &bands_pa, &residuals, &format!("{}: measured moduli and posterior", sweep.specimen_id))
 }
 
-/// An oscillation as it was measured, without a model.
+/// Figure of the measured oscillation without a model.
 ///
 /// # Errors
-/// As the figure's.
+/// The errors of the figure.
 pub fn raw_figure(sweep: &Sweep) -> Result<Svg> {
-    draw(sweep, &[], &[], &[], &format!("{}: moduli as they were measured", sweep.specimen_id))
+    draw(sweep, &[], &[], &[], &format!("{}: measured moduli", sweep.specimen_id))
 }
 
 fn draw(
@@ -100,10 +94,10 @@ fn draw(
     sweep_figure(&data, heading)
 }
 
-/// The corner plot of a joint posterior.
+/// Corner plot of a joint posterior.
 ///
 /// # Errors
-/// As the figure's.
+/// The errors of the figure.
 pub fn joint_figure(id: &str, priors: &PriorSet, result: &JointResult) -> Result<Svg> {
     corner_figure(id, &result.summary.model, priors, &result.columns, &|_| None)
 }

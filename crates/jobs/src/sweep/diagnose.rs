@@ -1,7 +1,7 @@
-//! The job of `diagnose` on an oscillation: which effect the law lacks.
+//! `diagnose` on an oscillation: finds the effect that the law lacks.
 //!
-//! Every effect that changes the law alone is fitted. A claim needs a gain that simulated searches without any effect hardly reach, held-out frequencies that do not speak against it, and a
-//! remainder that is noise. What the law leaves is asked for in the same way as in `sample`, so that the two agree.
+//! Every effect that changes the law alone is fitted. A claim needs three things: a gain that few simulated searches without an effect reach,
+//! held-out frequencies that do not contradict the claim, and residuals that are noise. `sample` tests the residuals in the same way.
 
 use rayon::prelude::*;
 
@@ -18,28 +18,28 @@ use posterior::monitor::{Counter, Monitor};
 use posterior::study::ModelSpecification;
 use sampling::ensemble::RandomStream;
 
-/// Simulated searches.
+/// Number of simulated searches.
 const N_SEARCHES: usize = 199;
-/// Streams of the simulations, apart from others of the seed.
+/// First random stream of the simulations, apart from the seed's other streams.
 const STREAM: u64 = 1 << 41;
-/// Starts of a fit with an effect that know nothing of the one without it.
+/// Starts of a fit with an effect that are independent of the fit without it.
 const N_WIDE_STARTS: usize = 24;
-/// Starts of an effect's parameters from its prior, the law's from the fit without it.
+/// Starts that draw the effect's parameters from its prior and take the law's from the fit without it.
 const N_STARTS: usize = 6;
 
 const CRITERIA: Criteria = Criteria::SWEEP;
 
-/// An effect beside the law, fitted.
+/// Effect with the fit of the law that includes it.
 struct Tried {
     effect: &'static dyn Effect,
     problem: SweepProblem,
     fit: SweepFit,
 }
 
-/// Runs the job.
+/// Runs the diagnosis.
 ///
 /// # Errors
-/// Those of fits.
+/// The errors of fitting.
 pub fn run(
     problem: &SweepProblem,
     seed: u64,
@@ -60,7 +60,7 @@ pub fn run(
     let has_heldout = problem.sweep.rows.iter().any(|row| row.is_heldout);
     let candidates: Vec<OscillationCandidate> =
         tried.iter().map(|tried| candidate(tried, &base, &chance, has_heldout)).collect();
-    monitor.stage("asking whether what is left is noise");
+    monitor.stage("testing the residuals");
     let left = noise_like(problem, &base, seed)?.ok_or_else(no_fit)?;
     let mut evidence = evidence(&candidates, &left);
     let best = evidence.open_test(&CRITERIA).flatten();
@@ -90,7 +90,7 @@ pub fn run(
     })
 }
 
-/// The model with an effect more; `None` where it cannot stand there or an oscillation shows nothing of it.
+/// Adds an effect to the model; `None` if it cannot be added or an oscillation does not show it.
 fn extended(problem: &SweepProblem, effect: &dyn Effect, library: &Library) -> Option<SweepProblem> {
     let slug = effect.slug().to_string();
     if problem.specification.effects.contains(&slug) {
@@ -101,7 +101,7 @@ fn extended(problem: &SweepProblem, effect: &dyn Effect, library: &Library) -> O
     SweepProblem::new(problem.sweep.clone(), specification, library).ok()
 }
 
-/// The best fit with an effect, as near to the fit without it as may be: two bodies of a law may trade places, and people should read the one that leaves the law where it was.
+/// Best fit with an effect, chosen near the fit without it. Two bodies of a law can exchange roles with an equal fit; this choice keeps the law's values comparable.
 fn fitted_beside(problem: &SweepProblem, base: &SweepFit, with: &SweepProblem, seed: u64) -> Result<Option<SweepFit>> {
     let starts = [with.starts(seed, N_WIDE_STARTS), beginnings(problem, base, with, seed)].concat();
     let mut fits = with.maxima(&starts)?;
@@ -118,7 +118,7 @@ fn fitted_beside(problem: &SweepProblem, base: &SweepFit, with: &SweepProblem, s
     Ok(fits.into_iter().min_by(|a, b| distance(a).total_cmp(&distance(b))))
 }
 
-/// The law's and the error's coordinates of a fit, with draws of the effect's from its prior.
+/// Starts that join the law's and the error's coordinates of a fit with draws of the effect's parameters from its prior.
 fn beginnings(base: &SweepProblem, fit: &SweepFit, with: &SweepProblem, seed: u64) -> Vec<Vec<f64>> {
     let of_base = |name: &str| base.priors.names().position(|own| own == name).map(|place| fit.point[place]);
     let join = |start: Vec<f64>| {
@@ -128,7 +128,7 @@ fn beginnings(base: &SweepProblem, fit: &SweepFit, with: &SweepProblem, seed: u6
     with.starts(seed, N_STARTS).into_iter().map(join).collect()
 }
 
-/// Largest gains of searches over simulated oscillations of the fit, each fitted with and without every effect, from where the measured one was found.
+/// Largest gains of searches in simulated oscillations of the base fit. Every effect is fitted, starting from its fit to the measurement.
 fn searches(
     problem: &SweepProblem,
     base: &SweepFit,
@@ -178,7 +178,7 @@ fn candidate(tried: &Tried, base: &SweepFit, chance: &[f64], has_heldout: bool) 
     }
 }
 
-/// The search's evidence, and the test of the law's residual.
+/// Evidence of the search, and the residual test of the law.
 fn evidence(candidates: &[OscillationCandidate], left: &NoiseLike) -> Evidence {
     let addition = |own: &OscillationCandidate| {
         Addition::of_gains(&own.effect, own.gain_nats, [None, own.heldout_gain_nats], own.p_familywise)
@@ -192,7 +192,7 @@ fn test(left: Option<&NoiseLike>) -> ResidualTest {
     ResidualTest { residual, ..ResidualTest::default() }
 }
 
-/// The other effects: how far they stay behind the best, in fitted or in held-out frequencies.
+/// Other effects, with their deficits to the best in fitted or held-out frequencies.
 fn rivals(candidates: &[OscillationCandidate], best: usize) -> Vec<Rival> {
     let heldout = |own: &OscillationCandidate| own.heldout_gain_nats.unwrap_or(0.0);
     let best = &candidates[best];
@@ -211,25 +211,27 @@ fn sentence(verdict: &Verdict, candidates: &[OscillationCandidate]) -> String {
         (VerdictKind::Missing, Some(own)) => {
             let others = match &verdict.equivalent[..] {
                 [] => String::new(),
-                equivalent => format!("; these frequencies cannot tell it from {}", equivalent.join(" or ")),
+                equivalent => format!("; these frequencies cannot distinguish it from {}", equivalent.join(" or ")),
             };
             format!(
-                "{} is missing: it gains {:.1} nats, as {} of simulated searches do by chance, and what is left is noise (p = {p:.2}){others}.",
+                "{} is missing: it gains {:.1} nats, which {} of simulated searches reach by chance, and the residuals are noise (p = {p:.2}){others}.",
                 own.effect,
                 own.gain_nats,
                 share(own.p_familywise)
             )
         }
         (_, Some(own)) => format!(
-            "The law is wrong, and no effect of the library mends it: {} helps most ({:.1} nats), and what it leaves is no noise (p = {p:.3}).",
+            "The law is wrong, and no effect of the library corrects it: {} gains most ({:.1} nats), but its residuals are not noise (p = {p:.3}).",
             own.effect, own.gain_nats
         ),
         (VerdictKind::Unexplained, None) => {
-            format!("The law is wrong (p = {p:.3}), and no effect of the library helps: try another law with --base.")
+            format!(
+                "The law is wrong (p = {p:.3}), and no effect of the library improves it: try another law with --base."
+            )
         }
         (_, None) => {
             format!(
-                "Nothing is missing: what the law leaves is noise (p = {p:.2}), and no effect gains more than chance."
+                "Nothing is missing: the residuals are noise (p = {p:.2}), and no effect gains more than by chance."
             )
         }
     }

@@ -1,4 +1,4 @@
-//! The job of `sample` on an oscillation: posterior, misfit, summary.
+//! `sample` on an oscillation: posterior, misfit, summary.
 
 use super::noise_like::{LEAST_P, NoiseLike, noise_like};
 use super::problem::{SweepFit, SweepProblem};
@@ -14,31 +14,31 @@ use sampling::diagnostics::{DrawColumn, diagnose};
 use sampling::ensemble::{Progress, RunControl, SampleOutcome};
 use sampling::{SamplerOptions, sample as sample_density};
 
-/// Draws by which the posterior predicts.
+/// Number of draws for the posterior's predictions.
 const N_DRAWS: usize = 400;
-/// A law's parameter whose 5 and 95 % quantiles lie so far apart is not determined.
+/// Ratio of the 95 % to the 5 % quantile above which a parameter of the law counts as undetermined.
 const UNDETERMINED: f64 = 30.0;
 /// Starts of the sampler's search for modes.
 const N_STARTS: usize = 96;
 
-/// What the job led to.
+/// Result of the job.
 pub struct SweepResult {
-    /// The document.
+    /// Document of the posterior.
     pub summary: OscillationSummary,
-    /// Draws and the sampler's account of itself.
+    /// Draws and the sampler's diagnostics.
     pub outcome: SampleOutcome,
-    /// One column a sampled parameter, in its own unit.
+    /// One column per sampled parameter, in its natural unit.
     pub columns: Vec<DrawColumn>,
-    /// All parameters of some draws, in their own units.
+    /// All parameters of some draws, in their natural units.
     pub values: Vec<Vec<f64>>,
     /// Mean prediction of both numbers of every row.
     pub mean: Vec<[f64; 2]>,
 }
 
-/// Runs the job.
+/// Samples the posterior and tests the residuals.
 ///
 /// # Errors
-/// [`Error::Interrupted`] when stopped; otherwise whatever its parts refuse.
+/// [`Error::Interrupted`] when stopped; otherwise the errors of sampling and fitting.
 pub fn run(problem: &SweepProblem, options: &SamplerOptions, monitor: &dyn Monitor) -> Result<SweepResult> {
     monitor.stage("sampling the posterior");
     let starts = problem.starts(options.seed, N_STARTS);
@@ -49,7 +49,7 @@ pub fn run(problem: &SweepProblem, options: &SamplerOptions, monitor: &dyn Monit
         let found = format!("burn-in took all {} steps, so no draw was kept", options.max_steps);
         return Err(Error::numerical(found, format!("give more steps ({}); thousands are usual", Setting::Steps)));
     }
-    monitor.stage("asking whether what is left is noise");
+    monitor.stage("testing the residuals");
     let columns = natural_columns(&problem.priors, &outcome);
     let values: Vec<Vec<f64>> = outcome.draws.spread(N_DRAWS).iter().map(|point| problem.values(point)).collect();
     let mean = mean_prediction(problem, &values)?;
@@ -73,14 +73,14 @@ pub fn run(problem: &SweepProblem, options: &SamplerOptions, monitor: &dyn Monit
     Ok(SweepResult { summary, outcome, columns, values, mean })
 }
 
-/// The model as documents show it; its noise is the table's errors or one relative size.
+/// Model summary for documents. Its noise is the table's errors (`known`) or one relative size (`relative`).
 pub(super) fn model_summary(problem: &SweepProblem) -> ModelSummary {
     let noise = if problem.sweep.has_errors() { "known" } else { "relative" };
     ModelSummary { noise: vec![noise.into()], ..problem.specification.summary() }
 }
 
 pub(super) fn no_fit() -> Error {
-    Error::numerical("the law has no answer at these frequencies", "check the table's units, and the priors")
+    Error::numerical("the law has no prediction at these frequencies", "check the table's units, and the priors")
 }
 
 fn mean_prediction(problem: &SweepProblem, values: &[Vec<f64>]) -> Result<Vec<[f64; 2]>> {
@@ -100,7 +100,7 @@ fn frequencies(problem: &SweepProblem) -> Frequencies {
     Frequencies { fitted: rows.len() - heldout, heldout, lowest_hz, highest_hz }
 }
 
-/// What a prediction leaves; sizes of errors are the fit's.
+/// Residuals of a prediction, summarised. The sizes of the errors come from the fit.
 pub(super) fn misfit(
     problem: &SweepProblem,
     predicted: &[[f64; 2]],
@@ -121,7 +121,7 @@ pub(super) fn misfit(
             heldout.extend(residual);
         }
         let sd = problem.sd(row, *pair, &fit.values);
-        // Of an angle the error is relative as it stands.
+        // The error of an angle is already relative.
         let over = [size, if sweep.form == SweepForm::ModulusAndPhase { 1.0 } else { size }];
         errors.extend([sd[0] / over[0], sd[1] / over[1]]);
     }
@@ -149,17 +149,19 @@ fn warnings(
         let text = "the draws have not converged".into();
         warn(WarningKind::NotConverged, text, "give more steps (--steps), or a narrower prior");
     }
-    messages.iter().for_each(|text| warn(WarningKind::Sampler, text.clone(), "look at figures/trace.png"));
+    messages.iter().for_each(|text| warn(WarningKind::Sampler, text.clone(), "check figures/trace.png"));
     if !left.is_noise() {
         let p = left.p();
         let text = match () {
             () if left.p_size.is_some_and(|p| p < LEAST_P) => {
-                format!("the table's errors are too small for what the law leaves (p = {p:.3})")
+                format!("the residuals of the law exceed the table's errors (p = {p:.3})")
             }
             () if left.p_neighbours < LEAST_P => {
-                format!("neighbouring frequencies miss the law the same way, which errors do not (p = {p:.3})")
+                format!(
+                    "residuals of neighbouring frequencies are correlated, which measurement errors are not (p = {p:.3})"
+                )
             }
-            () => format!("held-out frequencies lie farther off than errors would (p = {p:.3})"),
+            () => format!("residuals of held-out frequencies are larger than measurement errors (p = {p:.3})"),
         };
         warn(WarningKind::MisfitAboveNoise, text, "run `diagnose`, or try another law (--base)");
     }
@@ -171,21 +173,21 @@ fn warnings(
             warn(
                 WarningKind::Undetermined,
                 text,
-                "measure lower or higher frequencies, take a simpler law, or fix it with --set",
+                "measure lower or higher frequencies, use a simpler law, or fix the parameter with --set",
             );
         }
     }
     if summary.frequencies.heldout == 0 {
         let text = "no frequency is held out, so nothing checks the law's predictions".into();
-        warn(WarningKind::NothingHeldOut, text, "name some with `heldout_hz` in [measurement]");
+        warn(WarningKind::NothingHeldOut, text, "hold some out with `heldout_hz` in [measurement]");
     }
     if problem.sweep.n_incomplete > 0 {
-        let text = format!("{} rows lack a number and are left out", problem.sweep.n_incomplete);
-        warn(WarningKind::NoiseUnknown, text, "complete them, if they were measured");
+        let text = format!("{} rows lack a number and are ignored", problem.sweep.n_incomplete);
+        warn(WarningKind::NoiseUnknown, text, "complete these rows if they were measured");
     }
     if !problem.sweep.has_errors() {
-        let text = format!("the table says no errors: one relative size is learnt as `{}`", RELATIVE_NOISE.name);
-        warn(WarningKind::NoiseUnknown, text, "add columns `storage_sd_pa` and `loss_sd_pa`, if errors are known");
+        let text = format!("the table gives no errors, so one relative error is inferred as `{}`", RELATIVE_NOISE.name);
+        warn(WarningKind::NoiseUnknown, text, "add columns `storage_sd_pa` and `loss_sd_pa` if the errors are known");
     }
     warnings
 }

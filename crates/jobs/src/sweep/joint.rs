@@ -1,7 +1,7 @@
-//! One specimen measured several times: a law that all records share, each with errors of its own.
+//! Joint posterior of one specimen measured several times: all records share a law, and each has its own errors.
 //!
-//! Records are creep experiments and oscillations. Each has its log-density over the law's coordinates and its own, priors included; the joint one is their sum with the law's prior counted once.
-//! Whether the records agree is asked by a likelihood ratio: a law for each against one for all.
+//! Records are creep experiments and oscillations. Each has a log-density over the law's coordinates and its own, priors included.
+//! The joint log-density is their sum, with the law's prior counted once. A likelihood ratio tests if the records agree: one law each against one for all.
 
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 
@@ -20,41 +20,41 @@ use sampling::ensemble::{Progress, RunControl, SampleOutcome};
 use sampling::optimum::{Mode, find_modes};
 use sampling::{LogDensity, SamplerOptions, sample as sample_density};
 
-/// Starts of searches, from the prior.
+/// Starts of each search, drawn from the prior.
 const N_STARTS: usize = 48;
 /// Probability below which records do not agree.
 const LEAST_P: f64 = 0.01;
 /// Largest number of records.
 pub const MOST_RECORDS: usize = 20;
 
-/// One record's log-density, and its priors in the order of its coordinates: those of the law first.
+/// Log-density of one record, with its priors in the order of its coordinates: those of the law first.
 pub struct Member<'a> {
     /// Specimen identifier.
     pub id: String,
     /// `creep` or `oscillation`.
     pub kind: &'static str,
-    /// Its density.
+    /// Log-density of the record.
     pub density: &'a dyn LogDensity,
-    /// Its priors.
+    /// Priors of the record.
     pub priors: &'a PriorSet,
 }
 
-/// Records with a law in common.
+/// Records that share a law.
 pub struct Joint<'a> {
     members: Vec<Member<'a>>,
-    /// The law's priors.
+    /// Priors of the law.
     law: PriorSet,
-    /// All priors: the law's, then each record's own, their names led by the record's number.
+    /// All priors: the law's, then each record's own, with the record's number as prefix of their names.
     pub priors: PriorSet,
 }
 
-/// What the job led to.
+/// Result of the job.
 pub struct JointResult {
-    /// The document.
+    /// Document of the posterior.
     pub summary: JointSummary,
-    /// Draws and the sampler's account of itself.
+    /// Draws and the sampler's diagnostics.
     pub outcome: SampleOutcome,
-    /// One column a sampled parameter, in its own unit.
+    /// One column per sampled parameter, in its natural unit.
     pub columns: Vec<DrawColumn>,
 }
 
@@ -62,12 +62,12 @@ impl<'a> Joint<'a> {
     /// Joins records whose first coordinates are those of `law`.
     ///
     /// # Errors
-    /// [`Error::Input`] for fewer than two records or too many, or where their laws' priors differ.
+    /// [`Error::Input`] for fewer than two records, for too many, or if the priors of their laws differ.
     pub fn new(members: Vec<Member<'a>>, law: &[ParameterSpec]) -> Result<Self> {
         let refuse = |found: String, remedy: &str| Err(Error::input(Place::default(), found, remedy));
         if members.len() < 2 || members.len() > MOST_RECORDS {
             return refuse(
-                format!("{} records are joined", members.len()),
+                format!("{} records cannot be joined", members.len()),
                 "give from 2 to 20 records of one specimen",
             );
         }
@@ -82,7 +82,7 @@ impl<'a> Joint<'a> {
         if members.iter().any(|member| member.priors.priors()[..n_law] != *of_law.priors()) {
             return refuse(
                 "the records' laws have different priors".into(),
-                &format!("name one prior for all with {}", Setting::Prior),
+                &format!("name one prior for all records with {}", Setting::Prior),
             );
         }
         let named = |(number, member): (usize, &Member<'_>)| -> Vec<Prior> {
@@ -94,7 +94,7 @@ impl<'a> Joint<'a> {
         Ok(Self { members, law: of_law, priors })
     }
 
-    /// Places of a record's coordinates among all.
+    /// Indices of a record's coordinates among all coordinates.
     fn places(&self, record: usize) -> Vec<usize> {
         let n_law = self.law.priors().len();
         let n_own = |member: &Member<'_>| member.priors.priors().len() - n_law;
@@ -111,7 +111,7 @@ impl<'a> Joint<'a> {
         value[0] - prior[0]
     }
 
-    /// A law for each record against one for all.
+    /// Compares a separate law for each record with one law for all.
     fn agreement(&self, seed: u64) -> Result<(Agreement, Vec<JointRecord>)> {
         let highest = |density: &dyn LogDensity, priors: &PriorSet| -> Result<Mode> {
             let mut rng = ChaCha8Rng::seed_from_u64(seed);
@@ -143,7 +143,7 @@ impl<'a> Joint<'a> {
         Ok((Agreement { statistic, degrees_of_freedom: degrees, p }, records))
     }
 
-    /// The law at a record's own mode, one standard deviation either way.
+    /// Law at a record's own mode, plus and minus one standard deviation.
     fn estimates(&self, mode: &Mode) -> Vec<LawEstimate> {
         let n = mode.location.len();
         let covariance = nalgebra::DMatrix::from_row_slice(n, n, &mode.precision).try_inverse();
@@ -159,9 +159,9 @@ impl<'a> Joint<'a> {
     /// Samples the joint posterior.
     ///
     /// # Errors
-    /// [`Error::Interrupted`] when stopped; otherwise whatever its parts refuse.
+    /// [`Error::Interrupted`] when stopped; otherwise the errors of the search for modes and of sampling.
     pub fn run(&self, model: ModelSummary, options: &SamplerOptions, monitor: &dyn Monitor) -> Result<JointResult> {
-        monitor.stage("asking whether the records agree");
+        monitor.stage("testing the records' agreement");
         let (agreement, records) = self.agreement(options.seed)?;
         monitor.stage("sampling the joint posterior");
         let mut rng = ChaCha8Rng::seed_from_u64(options.seed);
@@ -210,15 +210,14 @@ fn warnings(
             "give more steps (--steps), or a narrower prior",
         );
     }
-    messages.iter().for_each(|text| warn(WarningKind::Sampler, text.clone(), "look at the draws"));
+    messages.iter().for_each(|text| warn(WarningKind::Sampler, text.clone(), "check the corner plot"));
     if agreement.p < LEAST_P {
         let text = format!(
-            "the records do not agree on one law: a law for each is better by {:.1} nats than chance would have it (p = {:.1e})",
+            "the records do not agree on one law: separate laws gain {:.1} nats more than by chance (p = {:.1e})",
             0.5 * (agreement.statistic - agreement.degrees_of_freedom as f64),
             agreement.p
         );
-        let advice =
-            "compare the records' own laws above; `diagnose` each record: what one of them lacks biases its law";
+        let advice = "compare the records' own laws above, and `diagnose` each record: a missing effect biases its law";
         warn(WarningKind::MisfitAboveNoise, text, advice);
     }
     let mut ids: Vec<&str> = records.iter().map(|record| record.id.as_str()).collect();
@@ -246,7 +245,7 @@ impl LogDensity for Joint<'_> {
             member.density.log_density(&columns, &mut own);
             log_density.iter_mut().zip(&own).for_each(|(sum, own)| *sum += own);
         }
-        // Every record brought the law's prior; it counts once.
+        // The sum contains the law's prior once per record; it must count once.
         let mut prior = vec![0.0; n];
         self.law.add_ln_pdf_unconstrained(&points[..self.law.priors().len() * n], &mut prior);
         let others = (self.members.len() - 1) as f64;

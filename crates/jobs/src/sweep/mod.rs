@@ -1,7 +1,9 @@
-//! Oscillations of a rheometer: the posterior of a law from moduli against frequency, and what the law lacks.
+//! Oscillations of a rheometer: infers a law from moduli over frequency, and finds effects that the law lacks.
 //!
-//! [`problem`] joins data, law and priors into a log-density; [`noise_like`] asks whether what a fit leaves is noise; [`job`] samples; [`diagnose`] compares with laws that have an effect more;
-//! [`artefacts`] writes a revision; [`joint`] samples a law that several records of one specimen share. G*(ω) = E*(ω)/(2 + 2ν) with the complex modulus of the law (physics §2), so neither finite elements nor a reduced model is needed.
+//! [`problem`] joins data, law and priors into a log-density. [`noise_like`] tests a fit's residuals, and [`job`] samples.
+//! [`diagnose`] compares the law with laws that have one more effect. [`artefacts`] writes a revision.
+//! [`joint`] samples a law that several records of one specimen share. G*(ω) = E*(ω)/(2 + 2ν), where E* is the law's complex modulus (physics §2).
+//! No finite elements or reduced model are needed.
 
 pub mod artefacts;
 pub mod diagnose;

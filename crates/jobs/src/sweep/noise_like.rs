@@ -1,4 +1,4 @@
-//! Is what a fit leaves noise? Simulated oscillations, fitted again, say how large and how smooth it would be.
+//! Residual test of a fit. Refitted simulated oscillations give the size and correlation of residuals under noise alone.
 
 use rayon::prelude::*;
 
@@ -7,38 +7,38 @@ use base::error::Result;
 use criticism::criteria::Criteria;
 use sampling::ensemble::RandomStream;
 
-/// Simulated oscillations: three questions at once at one per cent need probabilities of a three-hundredth.
+/// Number of simulated oscillations. Three tests at a joint level of 1 % need probabilities of 1/300.
 const N_SIMULATED: usize = 499;
-/// Probability, all questions together, below which what is left is no noise.
+/// Probability of all tests together below which residuals are not noise.
 pub const LEAST_P: f64 = Criteria::SWEEP.least_noise_p;
-/// Streams of the simulations, apart from others of the seed.
+/// First random stream of the simulations, apart from the seed's other streams.
 const STREAM: u64 = 1 << 40;
 
-/// What a fit leaves: probabilities that noise leaves at least as much, each by itself.
+/// Probabilities that noise alone gives residuals at least as extreme, one per test.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct NoiseLike {
-    /// Of residuals of neighbouring frequencies that agree so well.
+    /// Correlation of the residuals of neighbouring frequencies.
     pub p_neighbours: f64,
-    /// Of fitted residuals so large; `None` where their size was learnt.
+    /// Size of fitted residuals; `None` if the size of the errors was inferred.
     pub p_size: Option<f64>,
-    /// Of held-out residuals so large; `None` where nothing is held out.
+    /// Size of held-out residuals; `None` if nothing is held out.
     pub p_heldout: Option<f64>,
 }
 
 impl NoiseLike {
-    /// The smallest, times the number of questions asked.
+    /// Smallest probability times the number of tests.
     pub fn p(&self) -> f64 {
         let all: Vec<f64> = [Some(self.p_neighbours), self.p_size, self.p_heldout].into_iter().flatten().collect();
         (all.iter().copied().fold(1.0, f64::min) * all.len() as f64).min(1.0)
     }
 
-    /// Whether it may be noise.
+    /// Returns `true` if the residuals may be noise.
     pub fn is_noise(&self) -> bool {
         self.p() >= LEAST_P
     }
 }
 
-/// Sizes of what is left: products of neighbours, squares of fitted and of held-out rows.
+/// Test statistics: relative sum of products of neighbours, sums of squares of fitted and of held-out rows.
 fn sizes(problem: &SweepProblem, fit: &SweepFit) -> Option<[f64; 3]> {
     let predicted = problem.predicted(&fit.values)?;
     let residuals = problem.residuals(&predicted, &fit.values);
@@ -49,14 +49,14 @@ fn sizes(problem: &SweepProblem, fit: &SweepFit) -> Option<[f64; 3]> {
     let squares = |rows: &[[f64; 2]]| rows.iter().flatten().map(|r| r * r).sum::<f64>();
     let fitted = part(false);
     let neighbours: f64 = fitted.windows(2).map(|pair| pair[0][0] * pair[1][0] + pair[0][1] * pair[1][1]).sum();
-    // Over their squares, so that the size, which has a question of its own, does not enter.
+    // Division by the squares removes the size, which has its own test.
     Some([neighbours / squares(&fitted), squares(&fitted), squares(&part(true))])
 }
 
-/// Fits simulated oscillations of the fit as the measured one was fitted, and counts how often noise leaves as much.
+/// Tests the residuals of a fit. Simulated oscillations of the fit are refitted in the same way, and their statistics are counted.
 ///
 /// # Errors
-/// Those of fits.
+/// The errors of fitting.
 pub fn noise_like(problem: &SweepProblem, fit: &SweepFit, seed: u64) -> Result<Option<NoiseLike>> {
     let (Some(predicted), Some(found)) = (problem.predicted(&fit.values), sizes(problem, fit)) else { return Ok(None) };
     let simulate = |k: usize| -> Result<Option<[f64; 3]>> {

@@ -1,4 +1,4 @@
-//! An oscillation and a model joined into a log-density.
+//! Log-density of an oscillation under a model.
 
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
@@ -18,52 +18,52 @@ use sampling::LogDensity;
 use sampling::ensemble::RandomStream;
 use sampling::optimum::{Mode, find_modes};
 
-/// Prior of an oscillation's model where none is named: rheometers see gels of any kind.
+/// Default prior of an oscillation's model. It is wide because rheometers measure gels of any kind.
 pub const DEFAULT_PRIOR: &str = "generic";
-/// Prior of the relative error: a few per cent, a factor of three either way.
+/// Prior of the relative error: a few per cent, within a factor of three at one standard deviation.
 const NOISE_PRIOR: Distribution = Distribution::LogNormal { median: 0.02, log_sd: 1.2 };
 const NOISE_PRIOR_SOURCE: &str =
     "chosen: rheometers repeat to a few per cent, a factor of three for one standard deviation";
-/// More frequencies than any rheometer's program sweeps.
+/// Largest number of frequencies, beyond any rheometer's sweep.
 const MOST_ROWS: usize = 10_000;
-/// Draws from the prior at which a fit starts.
+/// Starts of a fit, drawn from the prior.
 const N_STARTS: usize = 24;
-/// Stream of the starts.
+/// Random stream of the starts.
 const START_STREAM: u64 = u64::MAX / 3;
 
-/// An oscillation, a model of it, and priors.
+/// Oscillation with a model and priors.
 #[derive(Debug, Clone)]
 pub struct SweepProblem {
-    /// What was measured.
+    /// Measured oscillation.
     pub sweep: Sweep,
-    /// The model as it is written down.
+    /// Specification of the model.
     pub specification: ModelSpecification,
-    /// Its law and effects.
+    /// Law and effects of the model.
     pub model: Model,
     /// Priors of the sampled parameters.
     pub priors: PriorSet,
 }
 
-/// The best fit.
+/// Fit at a maximum of the posterior density.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SweepFit {
-    /// The sampler's coordinates.
+    /// Coordinates of the sampler.
     pub point: Vec<f64>,
-    /// All parameters, fixed ones too, in their own units.
+    /// All parameters in natural units, fixed ones included.
     pub values: Vec<f64>,
-    /// Log posterior density of the coordinates.
+    /// Log posterior density over the coordinates.
     pub ln_posterior: f64,
     /// Log-likelihood of the fitted rows.
     pub ln_likelihood: f64,
-    /// Log-likelihood of the rows that no fit has seen.
+    /// Log-likelihood of the held-out rows.
     pub ln_heldout: f64,
-    /// Whether the climb ended at a proper maximum.
+    /// `true` if the search ended at a proper maximum.
     pub converged: bool,
-    /// Standard deviations of the coordinates by the curvature.
+    /// Standard deviations of the coordinates from the curvature.
     pub sd: Vec<f64>,
 }
 
-/// The sizes that effects' priors refer to: the slowest period is the record, and nothing faster than the fastest is seen.
+/// Scales for the priors of effects. The slowest period takes the role of the record's length, and the fastest sets the shortest visible time.
 fn scales(sweep: &Sweep) -> Scales {
     let [lowest_hz, highest_hz] = sweep.range_hz();
     let slowest_s = 1.0 / (std::f64::consts::TAU * lowest_hz);
@@ -78,14 +78,14 @@ fn scales(sweep: &Sweep) -> Scales {
 }
 
 impl SweepProblem {
-    /// Checks the model against the oscillation.
+    /// Checks the model against the oscillation and joins them.
     ///
     /// # Errors
-    /// [`Error::Input`] for effects that an oscillation cannot show, terms of noise, parameters that are none, and what priors refuse.
+    /// [`Error::Input`] for effects that an oscillation cannot show, noise terms, unknown parameters, and unsuitable priors.
     pub fn new(sweep: Sweep, specification: ModelSpecification, library: &Library) -> Result<Self> {
         if sweep.rows.len() > MOST_ROWS {
-            let found = format!("{} frequencies are more than {MOST_ROWS}", sweep.rows.len());
-            let remedy = "is this a record in time? else keep fewer frequencies";
+            let found = format!("{} frequencies exceed the limit of {MOST_ROWS}", sweep.rows.len());
+            let remedy = "if this is a record over time, describe it as one; otherwise keep fewer frequencies";
             return Err(Error::input(Place::default().at_key("sweep"), found, remedy));
         }
         let effects = specification.effects(library);
@@ -93,18 +93,15 @@ impl SweepProblem {
         if let Some(law) = specification.base.outside() {
             return Err(Error::input(
                 Place::setting(Setting::Forward),
-                format!("{} answers with positions in time, and this is an oscillation", law.url()),
-                "leave it away: oscillations take laws of springs, dashpots and springpots",
+                format!("{} returns positions over time, but this is an oscillation", law.url()),
+                "leave it out: oscillations take laws of springs, dashpots and springpots",
             ));
         }
         if specification.noise != ModelSpecification::default().noise {
             return Err(Error::input(
                 Place::setting(Setting::Noise),
-                "an oscillation has no rows in time, and so no terms of noise",
-                format!(
-                    "leave {} away: errors are the table's own, or one relative size that is learnt",
-                    Setting::Noise
-                ),
+                "an oscillation has no rows over time, so noise terms do not apply",
+                format!("leave out {}: the table gives the errors, or one relative error is inferred", Setting::Noise),
             ));
         }
         let of_errors: &[ParameterSpec] = if sweep.has_errors() { &[] } else { &[RELATIVE_NOISE] };
@@ -132,14 +129,14 @@ impl SweepProblem {
         Ok(problem)
     }
 
-    /// The same model of the same frequencies with other numbers.
+    /// Returns the problem with other rows at the same frequencies.
     pub fn with_rows(&self, rows: Vec<SweepRow>) -> Self {
         Self { sweep: Sweep { rows, ..self.sweep.clone() }, ..self.clone() }
     }
 
-    /// Refuses an effect that changes more than the law's relation of stress and strain: an oscillation that goes on for ever shows nothing of it.
+    /// Refuses effects that change more than the law's relation of stress and strain. A stationary oscillation does not show them.
     fn refuse_unseen(&self, all: &PriorSet) -> Result<()> {
-        // Not at the middle of a prior, which may be an effect's null.
+        // The 0.8 quantile is used because a prior's middle may be an effect's null.
         let aside: Vec<Dual> = self
             .model
             .parameters()
@@ -156,18 +153,18 @@ impl SweepProblem {
         let slugs: Vec<&str> = self.model.effects().iter().map(|effect| effect.slug()).collect();
         Err(Error::input(
             Place::setting(Setting::Effects),
-            format!("{}: an oscillation shows effects that change the law only", slugs.join(", ")),
+            format!("{}: an oscillation shows only effects that change the law", slugs.join(", ")),
             "leave it out, or measure a creep record",
         ))
     }
 
-    /// All parameters in their own units: the model's, then the error's, if it is learnt.
+    /// All parameters in natural units: the model's, then the relative error if it is inferred.
     pub fn parameters(&self) -> Vec<ParameterSpec> {
         let of_errors = (!self.sweep.has_errors()).then_some(RELATIVE_NOISE);
         self.model.parameters().iter().copied().chain(of_errors).collect()
     }
 
-    /// All parameters at a point of the sampler.
+    /// Values of all parameters at a point of the sampler.
     pub fn values(&self, point: &[f64]) -> Vec<f64> {
         let mut sampled = self.priors.priors().iter().zip(point);
         let value = |spec: ParameterSpec| match self.specification.fixed.get(spec.name) {
@@ -177,7 +174,7 @@ impl SweepProblem {
         self.parameters().into_iter().map(value).collect()
     }
 
-    /// Both numbers at every frequency; `None` where the model has none.
+    /// Predicted pair of numbers at every frequency; `None` if the model has no prediction.
     pub fn predicted(&self, values: &[f64]) -> Option<Vec<[f64; 2]>> {
         let n = self.model.parameters().len();
         let parameters: Vec<Dual> = values[..n].iter().map(|value| (*value).into()).collect();
@@ -203,7 +200,7 @@ impl SweepProblem {
         })
     }
 
-    /// Distances of both numbers of every row from a prediction, over their standard deviations.
+    /// Residuals of both numbers of every row, in standard deviations.
     pub fn residuals(&self, predicted: &[[f64; 2]], values: &[f64]) -> Vec<[f64; 2]> {
         let of_row = |(row, pair): (&SweepRow, &[f64; 2])| {
             let sd = self.sd(row, *pair, values);
@@ -212,7 +209,7 @@ impl SweepProblem {
         self.sweep.rows.iter().zip(predicted).map(of_row).collect()
     }
 
-    /// Log-likelihood of the fitted or of the held-out rows; −∞ where the model has no prediction.
+    /// Log-likelihood of the fitted or the held-out rows; −∞ if the model has no prediction.
     pub fn ln_likelihood(&self, values: &[f64], of_heldout: bool) -> f64 {
         let Some(predicted) = self.predicted(values) else { return f64::NEG_INFINITY };
         let mut sum = 0.0;
@@ -225,14 +222,14 @@ impl SweepProblem {
         if sum.is_nan() { f64::NEG_INFINITY } else { sum }
     }
 
-    /// Points from the prior at which a search starts.
+    /// Starts of a search, drawn from the prior.
     pub fn starts(&self, seed: u64, n: usize) -> Vec<Vec<f64>> {
         let mut rng = ChaCha8Rng::seed_from_u64(seed);
         rng.set_stream(START_STREAM);
         (0..n).map(|_| self.priors.to_unconstrained(&self.priors.draw(&mut rng))).collect()
     }
 
-    /// The highest of the maxima that starts from the prior and from `also` lead to; `None` where none leads anywhere.
+    /// Highest maximum reached from starts in the prior and in `also`; `None` if no search succeeds.
     ///
     /// # Errors
     /// Those of [`find_modes`].
@@ -240,7 +237,7 @@ impl SweepProblem {
         self.fit_from(&[self.starts(seed, N_STARTS), also.to_vec()].concat())
     }
 
-    /// The same from these starts alone.
+    /// Highest maximum reached from the given starts; `None` if no search succeeds.
     ///
     /// # Errors
     /// Those of [`find_modes`].
@@ -248,7 +245,7 @@ impl SweepProblem {
         Ok(self.maxima(starts)?.into_iter().next())
     }
 
-    /// All maxima that these starts lead to, the highest first; one that no climb has reached comes last.
+    /// All maxima reached from these starts, highest first. Searches that did not converge come last.
     ///
     /// # Errors
     /// Those of [`find_modes`].
@@ -275,7 +272,7 @@ impl SweepProblem {
         }
     }
 
-    /// Rows as they might have been measured, were the model right at these values.
+    /// Rows simulated from a prediction and the noise at these values.
     pub fn simulated(&self, predicted: &[[f64; 2]], values: &[f64], stream: &mut RandomStream) -> Vec<SweepRow> {
         let row = |(row, pair): (&SweepRow, &[f64; 2])| {
             let sd = self.sd(row, *pair, values);

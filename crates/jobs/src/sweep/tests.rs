@@ -1,4 +1,4 @@
-//! Against oscillations by an independent formula: complex arithmetic of another library on creep compliances.
+//! Tests against oscillations from an independent formula: creep compliances in another library's complex arithmetic.
 
 use nalgebra::Complex;
 use rand::SeedableRng;
@@ -18,7 +18,7 @@ const TRUTH: [f64; 3] = [3.527, 1.402, 47.37];
 const POISSON: f64 = 0.48;
 const ERROR: f64 = 0.03;
 
-/// What the specimen has beside the Lethersich law of [`TRUTH`].
+/// Addition to the Lethersich law of [`TRUTH`] in the simulated specimen.
 #[derive(Clone, Copy, PartialEq)]
 enum Beside {
     Nothing,
@@ -26,7 +26,7 @@ enum Beside {
     Spring,
     /// A second body in series, 8 Pa and 80 Pa·s.
     Body,
-    /// A rheometer's inertia, −0.002 ω² Pa, which no effect has.
+    /// A rheometer's inertia, −0.002 ω² Pa, which no effect describes.
     Inertia,
 }
 
@@ -43,7 +43,7 @@ fn shear_modulus(omega: f64, beside: Beside) -> Complex<f64> {
     compliance.inv() / (2.0 + 2.0 * POISSON) - inertia
 }
 
-/// 31 frequencies from 0.01 to 30 Hz with errors of 3 % of |G*|, of which the table says `said` times as much; every third is held out.
+/// 31 frequencies from 0.01 to 30 Hz with errors of 3 % of |G*|. The table gives these errors times `said`; every third row is held out.
 fn sweep(beside: Beside, form: SweepForm, said: Option<f64>, seed: u64) -> Sweep {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     let mut normal = || -> f64 { StandardNormal.sample(&mut rng) };
@@ -76,7 +76,7 @@ fn problem(sweep: Sweep) -> SweepProblem {
     SweepProblem::new(sweep, specification, &Library::default()).unwrap()
 }
 
-/// Of sweeps of each form, with errors that are known, 90 % intervals by the curvature cover each parameter in so many or more.
+/// For sweeps of each form with known errors, 90 % intervals from the curvature must cover each parameter at least `fewest` times.
 fn assert_covered(n_sweeps: u64, fewest: usize) {
     for form in [SweepForm::StorageAndLoss, SweepForm::ModulusAndPhase] {
         let mut n_covered = [0; 3];
@@ -93,21 +93,21 @@ fn assert_covered(n_sweeps: u64, fewest: usize) {
     }
 }
 
-/// A right interval fails in 1 of 1,000 (binomial), one of six in 1 of 170 seeds.
+/// A correct interval fails in 1 of 1,000 seeds (binomial), one of the six in 1 of 170.
 #[test]
 #[ignore = "thorough"]
 fn intervals_cover_what_an_independent_formula_was_given() {
     assert_covered(50, 38);
 }
 
-/// As often false, and intervals that cover 80 % fail here with a probability of 0.7 each.
+/// False failures are as rare as above. Intervals that cover 80 % fail here with a probability of 0.7 each.
 #[test]
 #[ignore = "campaigns/long-tests"]
 fn intervals_of_many_sweeps_cover_their_truth() {
     assert_covered(150, 123);
 }
 
-/// Right models are called noise: at one per cent each, more than 2 of 16 fail in 5 of 10,000 seeds. Errors said half as large as they are, and a rheometer's inertia, are not.
+/// Correct models count as noise: at 1 % each, more than 2 of 16 fail in 5 of 10,000 seeds. Understated errors (half their size) and a rheometer's inertia do not count as noise.
 #[test]
 fn noise_is_told_from_what_is_none() {
     let p = |beside, said, seed| {
@@ -124,8 +124,8 @@ fn noise_is_told_from_what_is_none() {
     }
 }
 
-/// The effect that is hidden is named with its size, nothing where nothing is hidden, and what no effect has is left unexplained. tests/commands/oscillation.rs asks a
-/// spring of the command.
+/// A hidden effect is named with its size. Nothing is claimed if nothing is hidden, and a misfit that no effect describes stays unexplained.
+/// tests/commands/oscillation.rs tests the command with a spring.
 #[test]
 #[ignore = "campaigns/long-tests"]
 fn what_is_hidden_is_named() {
@@ -158,6 +158,6 @@ fn what_an_oscillation_cannot_show_is_refused() {
         let specification = ModelSpecification { effects: vec![slug.into()], ..ModelSpecification::default() };
         let sweep = sweep(Beside::Nothing, SweepForm::StorageAndLoss, None, 1);
         let error = SweepProblem::new(sweep, specification, &Library::default()).unwrap_err().to_string();
-        assert!(error.contains(slug) && error.contains("an oscillation shows"), "{error}");
+        assert!(error.contains(slug) && error.contains("an oscillation shows only"), "{error}");
     }
 }

@@ -1,4 +1,4 @@
-//! A simulation-based calibration as tasks: each simulates and samples a few records of one experiment.
+//! Simulation-based calibration as tasks. Each task simulates and samples a few records of one experiment.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -18,38 +18,38 @@ use posterior::monitor::{Monitor, Silent};
 use posterior::study::{Provenance, WithProvenance, sha256_hex};
 use validation::calibration::{Bench, FEWEST, Replicate, Subject, check, judged};
 
-/// The document in the folder of what was gathered.
+/// Name of the document in the folder of gathered results.
 pub const DOCUMENT: &str = "calibration.json";
-/// The folder of figures there.
+/// Name of the folder of figures beside the document.
 pub const FIGURES: &str = "figures";
 /// Name of the figure, without extension.
 const STEM: &str = "calibration";
-/// Most simulated records of a calibration: the error of a share is then a three-hundredth.
+/// Largest number of simulated records. The standard error of a proportion is then about 1/300.
 const MOST: usize = 100_000;
 
-/// What a task computes.
+/// Arguments of a task.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 struct Arguments {
     sampling: Sampling,
     /// Name of the experiment.
     name: String,
-    /// SHA-256 of its files.
+    /// SHA-256 of the experiment's files.
     inputs_sha256: String,
-    /// The same with its model, its priors and how it is sampled.
+    /// SHA-256 of the experiment's files, model, priors and sampler settings.
     content_sha256: String,
-    /// Number of its first record.
+    /// Number of the task's first record.
     first: usize,
-    /// Number of its records.
+    /// Number of records of the task.
     count: usize,
 }
 
-/// The tasks of a calibration of `count` records, `block` a task.
+/// Returns the tasks of a calibration with `count` records, `block` records per task.
 ///
 /// # Errors
-/// [`Error::Input`] where the experiment's inference cannot be calibrated, or `count` is too small or too large.
+/// [`Error::Input`] if the experiment's inference cannot be calibrated, or if `count` is too small or too large.
 pub fn work(own: &Measurement, sampling: &Sampling, count: usize, block: usize) -> Result<Vec<Work>> {
     if !(FEWEST..=MOST).contains(&count) {
-        let remedy = format!("give {FEWEST} to {MOST}; some hundred show errors that matter");
+        let remedy = format!("give {FEWEST} to {MOST}; a few hundred reveal relevant errors");
         return Err(Error::input(Place::setting(Setting::Count), format!("{count} simulated records"), remedy));
     }
     let (name, content_sha256) = (own.name(), content(own, sampling)?);
@@ -67,7 +67,7 @@ pub fn work(own: &Measurement, sampling: &Sampling, count: usize, block: usize) 
     Ok(parts.collect())
 }
 
-/// SHA-256 of all that the records depend on, but their numbers.
+/// SHA-256 of all inputs that the records depend on, except their numbers.
 fn content(own: &Measurement, sampling: &Sampling) -> Result<String> {
     let priors = check(&own.experiment, &own.specification, &sampling.options())?;
     let Sampling { n_walkers, max_steps, seed, .. } = sampling;
@@ -75,17 +75,17 @@ fn content(own: &Measurement, sampling: &Sampling) -> Result<String> {
     Ok(sha256_hex(format!("{}\n{model}\n{priors}", own.inputs_sha256).as_bytes()))
 }
 
-/// What one worker's tasks share: meshed and trained once.
+/// State that the tasks of one worker share: an experiment that is meshed and trained once.
 #[derive(Default)]
 pub(super) struct Simulator {
     bench: Option<(String, Bench)>,
 }
 
 impl Simulator {
-    /// Simulates and samples a task's records: JSON lines, the subject first.
+    /// Simulates and samples a task's records. Returns JSON lines, the subject first.
     ///
     /// # Errors
-    /// [`Error::Input`] where the experiment has changed since the list was made; whatever the simulation refuses.
+    /// [`Error::Input`] if the experiment has changed since the list was made; otherwise the errors of the simulation.
     pub fn run(&mut self, task: &Task, monitor: &dyn Monitor) -> Result<Vec<u8>> {
         let arguments: Arguments = task.understood()?;
         let Arguments { sampling, content_sha256, first, count, .. } = &arguments;
@@ -99,11 +99,11 @@ impl Simulator {
         let (subject, mut body) = (bench.subject(), Vec::new());
         line(&mut body, &subject)?;
         replicates.iter().try_for_each(|own| line(&mut body, own))?;
-        // What does not read back as it was would be counted otherwise.
+        // Values that change when read back would falsify the counts.
         match read(&body) {
             Some(back) if back.subject == subject && back.replicates == replicates => Ok(body),
             _ => Err(Error::numerical(
-                format!("the records from {first} on hold numbers that cannot be written"),
+                format!("the records from {first} on contain numbers that JSON cannot represent"),
                 "report this with the command that was run",
             )),
         }
@@ -132,14 +132,14 @@ fn line(body: &mut Vec<u8>, content: &impl Serialize) -> Result<()> {
     Ok(())
 }
 
-/// What a result holds.
+/// Content of a result.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Part {
     subject: Subject,
     replicates: Vec<Replicate>,
 }
 
-/// The records of a result.
+/// Reads the records of a result.
 pub(super) fn read(body: &[u8]) -> Option<Part> {
     let mut lines = body.strip_suffix(b"\n")?.split(|byte| *byte == b'\n');
     let subject: Subject = serde_json::from_slice(lines.next()?).ok()?;
@@ -151,7 +151,7 @@ pub(super) fn read(body: &[u8]) -> Option<Part> {
     replicates.iter().all(is_whole).then_some(Part { subject, replicates })
 }
 
-/// The document of all parts that are there, with the hashes of its input; `None` where none is there.
+/// Document of all available parts; `None` if there are none.
 pub(super) fn joined(parts: Vec<Part>) -> Option<Calibration> {
     let subject = parts.first()?.subject.clone();
     let replicates: Vec<Replicate> = parts.into_iter().flat_map(|part| part.replicates).collect();
@@ -161,12 +161,12 @@ pub(super) fn joined(parts: Vec<Part>) -> Option<Calibration> {
 /// Writes the document and its figure.
 ///
 /// # Errors
-/// [`Error::File`] where the file system refuses.
+/// [`Error::File`] if the file system refuses.
 pub fn write(list: &List, found: &Calibration, out: &Path) -> Result<()> {
     let Arguments { name, inputs_sha256, .. } = list.task(0)?.understood()?;
     let provenance = Provenance::new("calibration", 1, list.seed(), BTreeMap::from([(name, inputs_sha256)]));
     let figures = out.join(FIGURES);
-    create_folders(&figures, "choose a directory that can be written to")?;
+    create_folders(&figures, "choose a writable directory")?;
     write_json_atomically(&out.join(DOCUMENT), &WithProvenance { provenance, body: found })?;
     write_figure(&figures, STEM, &rank_histograms(found))
 }

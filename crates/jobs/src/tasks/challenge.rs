@@ -1,4 +1,4 @@
-//! Challenges as tasks: each plays a few numbers of what `challenge run` would play.
+//! Challenges as tasks. Each task plays a few case numbers of a `challenge run`.
 
 use serde_json::json;
 
@@ -11,7 +11,7 @@ use validation::challenge::Bench;
 use validation::challenge::play::Play;
 use validation::challenge::plays::{self, PlaysRequest};
 
-/// The tasks of a run, `block` cases each.
+/// Returns the tasks of a run, `block` cases each.
 ///
 /// # Errors
 /// [`Error::Input`] for a request that cannot be met.
@@ -34,17 +34,17 @@ pub fn run(task: &Task, bench: &Bench, monitor: &dyn Monitor) -> Result<Vec<u8>>
     let cache = cache_directory().map(|place| place.join("challenge"));
     let played = plays::run(bench, &request, cache.as_deref(), &plays::in_brief, monitor)?.plays;
     let body = serde_json::to_vec(&played).map_err(|error| not_json(&error))?;
-    // What does not read back as it was would be counted otherwise than on one machine.
+    // Values that change when read back would make the result differ from a run on one machine.
     match read(&body) {
         Some(back) if back == played => Ok(body),
         _ => Err(Error::numerical(
-            format!("the plays from {} on hold numbers that cannot be written", request.first),
+            format!("the plays from {} on contain numbers that JSON cannot represent", request.first),
             "report this with the command that was run",
         )),
     }
 }
 
-/// The plays of a result.
+/// Reads the plays of a result.
 pub fn read(body: &[u8]) -> Option<Vec<Play>> {
     serde_json::from_slice(body).ok()
 }

@@ -1,7 +1,7 @@
-//! Any commands of this program as tasks: what each writes below `{out}` is its result.
+//! Commands of this program as tasks. The files that a command writes below `{out}` are its result.
 //!
-//! A list is a text with a command a line, words as a shell splits them. Words that name files or directories are the command's input, which is known by its content. A command runs in a process of
-//! its own and in an empty directory of its own, which stands for `{out}`; all files in it are kept.
+//! A list is a text with one command per line, split into words as by a shell. Words that name files or directories are inputs, identified by their content.
+//! A command runs in its own process. `{out}` is an empty directory of its own, and all its files are kept.
 
 use std::collections::BTreeMap;
 use std::path::{Component, Path, PathBuf};
@@ -19,55 +19,55 @@ use posterior::monitor::{Monitor, THREADS_VARIABLE, refuse_if_stopped};
 use posterior::study::sha256_hex;
 use record::Experiment;
 
-/// Stands for the directory whose files are a command's result.
+/// Placeholder for the directory whose files are a command's result.
 pub const OUT: &str = "{out}";
-/// Table of what was run, in the folder of what was gathered.
+/// Table of the commands, in the folder of gathered results.
 pub const TABLE: &str = "commands.csv";
-/// Most files of an input; more are no input but somebody's whole directory.
+/// Largest number of files of an input. More suggest that a whole home directory was given by mistake.
 const MOST_FILES: usize = 20_000;
-/// Time between two looks whether a command has ended or shall stop.
+/// Time between two checks for the command's end or a stop.
 const LOOK: Duration = Duration::from_millis(20);
-/// A file that says how long a command took, which is another time another time: no result.
+/// File of a command's run times. It is not part of the result because it differs from run to run.
 const TIMING: &str = "timing.json";
-/// Lines of what a failed command said that are passed on.
+/// Number of lines of a failed command's output that are passed on.
 const MOST_LINES: usize = 5;
 
-/// What a task computes.
+/// Arguments of a task.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 struct Arguments {
     words: Vec<String>,
-    /// SHA-256 of the content of every word that names some.
+    /// SHA-256 of the content of every word that names a file or directory.
     inputs: BTreeMap<String, String>,
 }
 
-/// A command of a list, with its line.
+/// Command of a list, with its line number.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Line {
     /// Line number, from 1.
     pub number: usize,
-    /// Its words, without the program's name.
+    /// Words of the command, without the program's name.
     pub words: Vec<String>,
 }
 
-/// Refuses a line that is no command of the program, or none that a task may run.
+/// Check that refuses a line if it is not a command of the program, or not one that a task may run.
 pub type RefuseLine<'a> = &'a dyn Fn(&Line) -> Result<()>;
 
-/// The commands of a text: one a line, as a shell splits words, without comments and empty lines.
+/// Reads the commands of a text: one per line, split as by a shell, without comments and empty lines.
 ///
 /// # Errors
-/// [`Error::File`] where it cannot be read; [`Error::Input`] with the line that is no command.
+/// [`Error::File`] if the file is unreadable; [`Error::Input`] with the line that is not a command.
 pub fn read(path: &Path) -> Result<Vec<Line>> {
-    let bytes = files::read(path, Content::Document, "give a text file with one command a line")?;
+    let bytes = files::read(path, Content::Document, "give a text file with one command per line")?;
     let refuse = |number: usize, found: &str, remedy: &str| {
         Err(Error::input(Place::file(path).at_line(number), found.to_string(), remedy.to_string()))
     };
     let Ok(text) = String::from_utf8(bytes) else {
-        return refuse(1, "this is not UTF-8 text", "give a text file with one command a line");
+        return refuse(1, "this is not UTF-8 text", "give a text file with one command per line");
     };
     let mut lines = Vec::new();
     for (number, line) in text.lines().enumerate().map(|(place, line)| (place + 1, line)) {
         let Some(mut words) = shlex::split(line) else {
-            return refuse(number, "a quotation mark is not closed", "close it, or leave it away");
+            return refuse(number, "a quotation mark is not closed", "close it, or remove it");
         };
         if words.first().is_some_and(|word| word == "vitreo-uq") {
             words.remove(0);
@@ -76,18 +76,18 @@ pub fn read(path: &Path) -> Result<Vec<Line>> {
             continue;
         }
         if !words.iter().any(|word| word.contains(OUT)) {
-            let remedy = format!("write `{OUT}` where its results go, as in `diagnose eyes/a --out {OUT}`");
-            return refuse(number, "nothing of this command would be kept", &remedy);
+            let remedy = format!("write `{OUT}` as the place of its results, as in `diagnose eyes/a --out {OUT}`");
+            return refuse(number, "this command writes no results to keep", &remedy);
         }
         lines.push(Line { number, words });
     }
     Ok(lines)
 }
 
-/// The tasks of some commands, one each. Paths begin in the present directory.
+/// Returns one task per command. Paths are relative to the current directory.
 ///
 /// # Errors
-/// [`Error::Input`] and [`Error::File`] where an input cannot be read.
+/// [`Error::Input`] and [`Error::File`] if an input is unreadable.
 pub fn work(lines: &[Line]) -> Result<Vec<Work>> {
     let mut known = BTreeMap::new();
     let one = |line: &Line| {
@@ -97,10 +97,10 @@ pub fn work(lines: &[Line]) -> Result<Vec<Work>> {
     lines.iter().map(one).collect()
 }
 
-/// Runs a task's command, unless `refuse` refuses it: who made the list may be somebody else.
+/// Runs a task's command unless `refuse` refuses it. The check matters because the list may come from another person.
 ///
 /// # Errors
-/// Those of `refuse`; [`Error::Input`] where an input is not what it was, or the command refuses its input; [`Error::Numerical`] with what the command said where it fails otherwise.
+/// The errors of `refuse`; [`Error::Input`] if an input has changed or the command refuses its input; [`Error::Numerical`] with the command's output for other failures.
 pub fn run(task: &Task, refuse: RefuseLine<'_>, monitor: &dyn Monitor) -> Result<Vec<u8>> {
     let Arguments { words, inputs: wanted } = task.understood()?;
     refuse(&Line { number: task.task + 1, words: words.clone() })?;
@@ -108,9 +108,9 @@ pub fn run(task: &Task, refuse: RefuseLine<'_>, monitor: &dyn Monitor) -> Result
     if let Some(changed) = wanted.iter().chain(&found).find(|(word, _)| wanted.get(*word) != found.get(*word)) {
         return Err(Error::input(
             Place::file(changed.0),
-            "this has changed since the list was made",
+            "this input has changed since the list was made",
             format!(
-                "make the list again with the same command and `{}`: results of what did not change are used",
+                "make the list again with the same command and `{}`: results of unchanged inputs are reused",
                 Setting::Force
             ),
         ));
@@ -132,12 +132,12 @@ pub fn run(task: &Task, refuse: RefuseLine<'_>, monitor: &dyn Monitor) -> Result
         return Err(failure(&words, code, &text));
     }
     body(code.unwrap_or_default(), &out).and_then(|body| {
-        let remedy = format!("name results of the command below `{OUT}`");
+        let remedy = format!("direct the command's results to `{OUT}`");
         body.ok_or_else(|| Error::input(Place::default(), format!("`{}` wrote nothing", as_line(&words)), remedy))
     })
 }
 
-/// Waits for a command's end, and ends it where it shall stop.
+/// Waits for the command's end, and kills it on a stop.
 fn end_of(child: &mut Child, monitor: &dyn Monitor) -> Result<Option<i32>> {
     loop {
         match child.try_wait() {
@@ -145,7 +145,7 @@ fn end_of(child: &mut Child, monitor: &dyn Monitor) -> Result<Option<i32>> {
             Ok(None) => {}
             Err(source) => return Err(files::refused("wait for", Path::new("a command"))(source)),
         }
-        if let Err(stopped) = refuse_if_stopped(monitor, "results that were written are kept") {
+        if let Err(stopped) = refuse_if_stopped(monitor, "written results are kept") {
             let _ = child.kill().and_then(|()| child.wait());
             return Err(stopped);
         }
@@ -158,15 +158,17 @@ fn failure(words: &[String], code: Option<i32>, said: &str) -> Error {
     let last = lines[lines.len().saturating_sub(MOST_LINES)..].join("; ");
     let what = format!("`{}`: {}", as_line(words), last.strip_prefix("error: ").unwrap_or(&last));
     match code {
-        Some(2) => {
-            Error::input(Place::default(), what, format!("mend it, and make the list again with `{}`", Setting::Force))
-        }
+        Some(2) => Error::input(
+            Place::default(),
+            what,
+            format!("correct it, and make the list again with `{}`", Setting::Force),
+        ),
         Some(code) => Error::numerical(format!("{what} (exit code {code})"), "run the command by itself"),
         None => Error::numerical(format!("{what} (killed)"), "give it more memory or time"),
     }
 }
 
-/// Content of every word that names a file or a directory, of options what stands behind `=`, and of lists their parts; the command itself is none. `known` are those that were read before.
+/// Content hashes of all words except the command itself that name a file or a directory. Values behind `=` and parts of comma-separated lists count as words. `known` caches earlier hashes.
 fn inputs(words: &[String], known: &mut BTreeMap<PathBuf, String>) -> Result<BTreeMap<String, String>> {
     let mut found = BTreeMap::new();
     for word in words.iter().skip(1).filter(|word| !word.contains(OUT)) {
@@ -207,10 +209,10 @@ fn content_sha256(path: &Path) -> Result<String> {
 }
 
 fn input(path: &Path) -> Result<Vec<u8>> {
-    files::read(path, Content::State, "name an input that can be read, or leave it away")
+    files::read(path, Content::State, "name a readable input, or leave it out")
 }
 
-/// All files below a directory, sorted. Links are left out: they may lead round in a circle, or to what nobody means.
+/// All files below a directory, sorted. Links are skipped because they may form a loop or point to unintended files.
 fn files_below(folder: &Path) -> Result<Vec<PathBuf>> {
     let (mut found, mut waiting) = (Vec::new(), vec![folder.to_path_buf()]);
     while let Some(folder) = waiting.pop() {
@@ -232,10 +234,10 @@ fn files_below(folder: &Path) -> Result<Vec<PathBuf>> {
     Ok(found)
 }
 
-/// A result: the exit code on a line, and the files as a tar archive without times and owners; `None` where there is no file.
+/// Result of a command: its exit code on a line, and a tar archive of its files without times and owners. `None` if there is no file.
 fn body(code: i32, out: &Path) -> Result<Option<Vec<u8>>> {
     let mut found = files_below(out)?;
-    // Nor is a lock.
+    // Hidden files such as locks are not results either.
     found.retain(|path| path.file_name().is_none_or(|name| name != TIMING && !name.to_string_lossy().starts_with('.')));
     if found.is_empty() {
         return Ok(None);
@@ -249,10 +251,10 @@ fn body(code: i32, out: &Path) -> Result<Option<Vec<u8>>> {
     archive.into_inner().map(Some).map_err(files::refused("keep", out))
 }
 
-/// Writes the files of a result into a folder; gives the exit code, or `None` for what is no result.
+/// Writes the files of a result into a folder. Returns the exit code, or `None` if `body` is not a result.
 ///
 /// # Errors
-/// [`Error::File`] where the file system refuses.
+/// [`Error::File`] if the file system refuses.
 pub(super) fn keep(folder: &Path, body: &[u8]) -> Result<Option<i32>> {
     let Some(end) = body.iter().position(|byte| *byte == b'\n') else { return Ok(None) };
     let Some(code) = std::str::from_utf8(&body[..end]).ok().and_then(|text| text.parse().ok()) else { return Ok(None) };
@@ -262,13 +264,13 @@ pub(super) fn keep(folder: &Path, body: &[u8]) -> Result<Option<i32>> {
         if files::read_if_there(&path, Content::State).is_some_and(|there| there == bytes) {
             continue;
         }
-        files::create_folders(files::folder_of(&path), "choose a directory that can be written to")?;
+        files::create_folders(files::folder_of(&path), "choose a writable directory")?;
         write_atomically(&path, &bytes)?;
     }
     Ok(Some(code))
 }
 
-/// Names and content of an archive; `None` where it is none, or a name leads out of it.
+/// Names and contents of an archive; `None` if it is invalid or a name leads out of it.
 fn entries(archive: &[u8]) -> Option<Vec<(PathBuf, Vec<u8>)>> {
     let mut found = Vec::new();
     for entry in tar::Archive::new(archive).entries().ok()? {
@@ -285,15 +287,15 @@ fn entries(archive: &[u8]) -> Option<Vec<(PathBuf, Vec<u8>)>> {
     Some(found)
 }
 
-/// Folder of a task's files among what was gathered.
+/// Name of a task's folder among the gathered results.
 pub(super) fn folder_name(task: &Task, n_tasks: usize) -> String {
     format!("{:0width$}", task.task, width = (n_tasks - 1).to_string().len())
 }
 
-/// The table of a list's commands, with exit codes of those whose results are there.
+/// Table of a list's commands, with the exit codes of available results.
 ///
 /// # Errors
-/// [`Error::Input`] where the list is damaged.
+/// [`Error::Input`] if the list is damaged.
 pub(super) fn table(list: &List, codes: &[Option<i32>]) -> Result<Vec<u8>> {
     let broken = || Error::numerical("the table of commands cannot be written", "report the command that was run");
     let mut table = csv::Writer::from_writer(Vec::new());
@@ -307,7 +309,7 @@ pub(super) fn table(list: &List, codes: &[Option<i32>]) -> Result<Vec<u8>> {
     table.into_inner().map_err(|_| broken())
 }
 
-/// Words as they would be typed.
+/// Command line that a user would type.
 fn as_line(words: &[String]) -> String {
     shlex::try_join(words.iter().map(String::as_str)).unwrap_or_else(|_| words.join(" "))
 }
@@ -337,7 +339,7 @@ mod tests {
         assert!(refusal.contains("list.txt, line 1") && refusal.contains(OUT), "{refusal}");
     }
 
-    /// A change of content is a change of input, wherever in a directory it is; the same content under the same names is the same.
+    /// Changed content anywhere in a directory changes the input's hash. The same content under the same names keeps it.
     #[test]
     fn inputs_are_known_by_their_content() {
         let folder = tempfile::tempdir().expect("a temporary directory");

@@ -1,4 +1,4 @@
-//! The results of a list joined into what one machine writes.
+//! Joins the results of a list into the files that one machine would write.
 
 use std::collections::BTreeSet;
 use std::path::Path;
@@ -19,31 +19,31 @@ use validation::challenge::plays::Plays;
 pub use super::calibration::{DOCUMENT as CALIBRATION, FIGURES};
 pub use super::commands::TABLE as COMMANDS;
 
-/// The document of challenges in the folder of what was gathered.
+/// Document of challenges in the folder of gathered results.
 pub const CHALLENGE: &str = "challenge.json";
 
-const WRITABLE: &str = "choose a directory that can be written to";
+const WRITABLE: &str = "choose a writable directory";
 
-/// What gathering came to.
+/// Result of gathering.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Outcome {
-    /// What was there and what was not.
+    /// Available and missing results.
     pub gathered: Gathered,
-    /// All plays that are there, in their order; `None` for other kinds, or where there is none.
+    /// All available plays, in order; `None` for other kinds, or if there are none.
     pub plays: Option<Plays>,
-    /// What the ranks of a calibration that are there come to; `None` for other kinds, or where there is none.
+    /// Calibration from the available ranks; `None` for other kinds, or if there are none.
     pub calibration: Option<Calibration>,
-    /// Models that were put into the cache now, of those that are there; `None` for other kinds.
+    /// Number of available models that were added to the cache; `None` for other kinds.
     pub n_adopted: Option<usize>,
 }
 
-/// Reads every result and writes what is there into the folder `out`: for challenges the document of `challenge run`, for a cohort the files that `groups`
-/// keeps, for a calibration its document and figure, for commands the files of each and a table of them. Models go into the cache. What is missing is named and left out.
+/// Reads every result and writes the available ones into the folder `out`: for challenges the document of `challenge run`, for a cohort the files of `groups`,
+/// for a calibration its document and figure, for commands their files and a table. Models go into the cache. Missing results are listed.
 ///
 /// # Errors
-/// [`base::Error::File`] where the file system refuses, [`base::Error::Interrupted`] when stopped.
+/// [`base::Error::File`] if the file system refuses, [`base::Error::Interrupted`] when stopped.
 pub fn gather(list: &List, out: &Path, monitor: &dyn Monitor) -> Result<Outcome> {
-    base::files::enclose(out, "what was gathered");
+    base::files::enclose(out, "the gathered results");
     monitor.stage(&format!("reading the results of {} tasks", list.n_tasks()));
     let found = match list.head().kind {
         TaskKind::Challenge => {
@@ -79,11 +79,11 @@ pub fn gather(list: &List, out: &Path, monitor: &dyn Monitor) -> Result<Outcome>
             Found::of(faults(&parts))
         }
     };
-    monitor.stage("writing what was gathered");
+    monitor.stage("writing the gathered results");
     if let Some(plays) = &found.plays {
         create_folders(out, WRITABLE)?;
         let document = plays.document(list.seed());
-        // As `--json` writes it, without holding all of it as text.
+        // Streams the text of `--json` without holding all of it in memory.
         stream_atomically(&out.join(CHALLENGE), |file| {
             serde_json::to_writer_pretty(&mut *file, &document)?;
             file.write_all(b"\n")
@@ -104,10 +104,10 @@ pub fn gather(list: &List, out: &Path, monitor: &dyn Monitor) -> Result<Outcome>
     Ok(Outcome { gathered, plays, calibration, n_adopted })
 }
 
-/// Tasks without a sound result, among those of some numbers.
+/// Tasks without a valid result, among the given numbers.
 ///
 /// # Errors
-/// [`base::Error::Input`] where the list is damaged, [`base::Error::Interrupted`] when stopped.
+/// [`base::Error::Input`] if the list is damaged, [`base::Error::Interrupted`] when stopped.
 pub fn missing(list: &List, numbers: std::ops::Range<usize>, monitor: &dyn Monitor) -> Result<Vec<usize>> {
     let is_missing = |number: usize| {
         refuse_if_stopped(monitor, "results are kept")?;
@@ -131,7 +131,7 @@ impl Found {
     }
 }
 
-/// What `use_body` makes of the body of every task's result, in their order. A body that means nothing to it is damaged.
+/// Applies `use_body` to the body of every task's result, in order. A body that it cannot read counts as damaged.
 fn over_tasks<T: Send>(
     list: &List,
     monitor: &dyn Monitor,
@@ -155,7 +155,7 @@ fn faults<T>(parts: &[std::result::Result<T, MissingResult>]) -> Vec<MissingResu
     parts.iter().filter_map(|part| part.as_ref().err()).cloned().collect()
 }
 
-/// Puts the files of a result where `groups` keeps them; one that is there already is left alone.
+/// Writes the files of a result into the folder of `groups`. An identical file is left alone.
 fn keep(folder: &Path, body: &[u8]) -> Result<Option<()>> {
     let Some(files) = sample::files_of(body) else { return Ok(None) };
     for own in files {
@@ -167,7 +167,7 @@ fn keep(folder: &Path, body: &[u8]) -> Result<Option<()>> {
     Ok(Some(()))
 }
 
-/// Files among the results that no task of the list has: of an earlier list, of another program, or put there by hand.
+/// Result files that belong to no task of the list, such as those of an earlier list or another program.
 fn foreign(list: &List) -> Result<Vec<String>> {
     let own = (0..list.n_tasks()).map(|number| Ok(list.task(number)?.result)).collect::<Result<BTreeSet<_>>>()?;
     Ok(list.result_names()?.into_iter().filter(|name| !own.contains(name)).collect())

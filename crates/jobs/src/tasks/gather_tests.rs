@@ -1,4 +1,4 @@
-//! Plays written by hand, in parts: what is made of them must be what one machine makes.
+//! Plays written by hand in parts. The joined document must equal the one of a single machine.
 
 use serde_json::json;
 
@@ -36,7 +36,7 @@ fn play(number: usize) -> Play {
     }
 }
 
-/// A list of seven plays in blocks of two, and what one machine writes of them.
+/// A list of seven plays in blocks of two, and the document of a single machine.
 fn list(dir: &Path) -> (List, Vec<Play>, Vec<u8>) {
     let request = PlaysRequest { count: 7, seed: 5, ..PlaysRequest::default() };
     let work: Vec<Work> = challenge::work(&request, 2).unwrap();
@@ -75,7 +75,7 @@ fn what_is_missing_is_left_out_and_named() {
     assert!(nothing.plays.is_none() && nothing.gathered.results == 0 && !out.join(CHALLENGE).exists());
     write(&list, &plays, 1);
     write(&list, &plays, 3);
-    // A sound envelope around what is no list of plays.
+    // A valid envelope whose body is not a list of plays.
     result::write(&list, &list.task(0).unwrap(), b"{}").unwrap();
     let outcome = gather(&list, &out, &Silent).unwrap();
     let numbers: Vec<usize> = outcome.plays.unwrap().plays.iter().map(|play| play.number).collect();
@@ -84,7 +84,7 @@ fn what_is_missing_is_left_out_and_named() {
     assert_eq!(faults, [(0, Fault::Damaged), (2, Fault::Absent)]);
 }
 
-/// Whatever byte of a result is changed or wherever it is cut, it is not taken.
+/// A result is refused after any changed byte and after any truncation.
 #[test]
 fn no_changed_byte_goes_unnoticed() {
     let dir = tempfile::tempdir().unwrap();
@@ -108,7 +108,7 @@ fn no_changed_byte_goes_unnoticed() {
     assert_eq!(result::read(&list, &task), Err(Fault::Damaged));
 }
 
-/// A calibration of two tasks with ranks made by hand.
+/// Calibration of two tasks with ranks made by hand.
 fn calibration(dir: &Path, rank: impl Fn(usize) -> usize) -> List {
     let sampling = json!({ "with": [], "noise": [], "set": [], "n_walkers": 32, "max_steps": 100, "seed": 3 });
     let part = |first: usize| {
@@ -129,7 +129,7 @@ fn calibration(dir: &Path, rank: impl Fn(usize) -> usize) -> List {
     list
 }
 
-/// Ranks that are each there as often as the others pass, and those of posteriors that lie too high do not; a result that lacks a rank is damaged.
+/// Uniform ranks pass, and ranks of posteriors that are too high fail. A result that lacks a rank is damaged.
 #[test]
 fn ranks_of_all_tasks_make_one_verdict() {
     let dir = tempfile::tempdir().unwrap();

@@ -1,4 +1,4 @@
-//! The list of tasks on disk.
+//! List of tasks on disk.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -14,18 +14,15 @@ use posterior::study::{Provenance, WithProvenance, sha256_hex};
 const HEAD: &str = "tasks.json";
 const LINES: &str = "tasks.jsonl";
 const RESULTS: &str = "results";
-/// What its directory is, for messages.
+/// Description of the directory in messages.
 const WHAT: &str = "a list of tasks";
-/// Digits of its id that name a task's result.
+/// Number of digits of the id in the name of a task's result.
 const ID_DIGITS: usize = 24;
-/// Most tasks of a list.
+/// Largest number of tasks of a list.
 const MOST_TASKS: usize = 1_000_000;
 const REMEDY: &str = "give the directory that `vitreo-uq tasks KIND --out DIR` made";
 fn damaged() -> String {
-    format!(
-        "make the list again with the same command and `{}`: results that are there are kept and used",
-        Setting::Force
-    )
+    format!("make the list again with the same command and `{}`: existing results are kept and reused", Setting::Force)
 }
 
 /// One task: a line of `tasks.jsonl`.
@@ -35,72 +32,72 @@ pub struct Task {
     pub task: usize,
     /// SHA-256 of program, kind and arguments.
     pub id: String,
-    /// Where its result goes, below the list's directory: named after the id, for those who look for it.
+    /// Path of the result below the list's directory, named after the id.
     pub result: String,
-    /// The command that runs it.
+    /// Command that runs the task.
     pub command: Vec<String>,
-    /// What it computes, input by content.
+    /// Arguments of the computation. Inputs are given by their content.
     pub arguments: Value,
-    /// Where the input stands; what it is, the arguments say.
+    /// Paths of the inputs. The arguments identify their content.
     pub paths: Vec<String>,
 }
 
-/// What a kind says of a task.
+/// Computation of one task, before the list is made.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Work {
-    /// What is computed, input by content.
+    /// Arguments of the computation. Inputs are given by their content.
     pub arguments: Value,
-    /// Where the input stands.
+    /// Paths of the inputs.
     pub paths: Vec<String>,
 }
 
 impl Task {
-    /// SHA-256 of the arguments, and so of the input.
+    /// SHA-256 of the arguments, and so of the inputs.
     pub fn input_sha256(&self) -> String {
         sha256_hex(self.arguments.to_string().as_bytes())
     }
 
-    /// The arguments as a kind understands them.
+    /// Reads the arguments as the type of a kind.
     ///
     /// # Errors
-    /// [`Error::Input`] where the line is not of this program.
+    /// [`Error::Input`] if the line is not of this program.
     pub fn understood<T: serde::de::DeserializeOwned>(&self) -> Result<T> {
         serde_json::from_value(self.arguments.clone()).map_err(|error| {
             Error::input(
                 Place::file(LINES).at_line(self.task + 1),
-                format!("these are no arguments of this program: {error}"),
+                format!("these arguments are not valid for this program: {error}"),
                 damaged(),
             )
         })
     }
 }
 
-/// A list that was made or read.
+/// List in memory, after it was made or read.
 #[derive(Debug, Clone, PartialEq)]
 pub struct List {
     dir: PathBuf,
     head: WithProvenance<TaskList>,
     text: Vec<u8>,
-    /// Where each line starts, and where the last ends.
+    /// Start of each line in bytes, and end of the last line.
     starts: Vec<usize>,
 }
 
-/// What making a list came to.
+/// Outcome of making a list.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Making {
-    /// It is new.
+    /// The list is new.
     Made,
-    /// The very same was there.
+    /// The identical list existed.
     WasThere,
-    /// Another was there, whose place it took.
+    /// Another list existed and was replaced.
     Replaced,
 }
 
 impl List {
-    /// Writes the list of some work of a `program` (its version and the hash of its sources) into a directory that is absent, empty, or holds a list. Results that are there stay.
+    /// Writes the list of some work into a directory that is absent, empty, or holds a list. `program` is the version and the hash of the sources. Existing results stay.
     ///
     /// # Errors
-    /// [`Error::Input`] where the directory holds other files, or another list and `force` is not set; [`Error::File`] where it cannot be written.
+    /// [`Error::Input`] if the directory holds other files, or another list without `force`; [`Error::File`] if it is not writable.
     pub fn make(
         dir: &Path,
         kind: TaskKind,
@@ -148,7 +145,7 @@ impl List {
         Ok((list, making))
     }
 
-    /// Whether the list may stand in its directory.
+    /// Checks that the list may be written to its directory.
     fn place(&self, force: bool) -> Result<Making> {
         let head = self.dir.join(HEAD);
         if files::kind(&head).is_some() || files::kind(&self.dir.join(LINES)).is_some() {
@@ -158,9 +155,9 @@ impl List {
                 (false, true) => Ok(Making::Replaced),
                 (false, false) => Err(Error::input(
                     Place::file(head),
-                    "this is a list of other tasks: of other input, other options or another program",
+                    "this list has other tasks: its inputs, options or program differ",
                     format!(
-                        "choose another directory with `{}`, or replace the list with `{}` (results that are there are kept, and those of the same tasks used)",
+                        "choose another directory with `{}`, or replace the list with `{}` (existing results are kept and reused for equal tasks)",
                         Setting::Out,
                         Setting::Force
                     ),
@@ -177,7 +174,7 @@ impl List {
         }
         Err(Error::input(
             Place::file(&self.dir),
-            "this is no list of tasks, and it is not empty",
+            "this directory is not empty and holds no list of tasks",
             format!("choose a new or empty directory with `{}`", Setting::Out),
         ))
     }
@@ -185,59 +182,59 @@ impl List {
     /// Reads a list.
     ///
     /// # Errors
-    /// [`Error::File`] or [`Error::Input`] where there is none, or where it is not as it was written.
+    /// [`Error::File`] or [`Error::Input`] if there is no list or it has been changed.
     pub fn open(dir: &Path) -> Result<Self> {
         files::enclose(dir, WHAT);
         let path = dir.join(HEAD);
         let bytes = files::read(&path, Content::Document, REMEDY)?;
         let head: WithProvenance<TaskList> = serde_json::from_slice(&bytes).map_err(|error| {
             let place = Place::file(&path).at_line(error.line());
-            Error::input(place, format!("this is no list of tasks of this program: {error}"), REMEDY)
+            Error::input(place, format!("this is not a list of tasks of this program: {error}"), REMEDY)
         })?;
         let path = dir.join(LINES);
         let text = files::read(&path, Content::Table, &damaged())?;
         let starts = starts(&text);
         if sha256_hex(&text) != head.body.lines_sha256 || starts.len() != head.body.tasks + 1 {
-            let found = format!("these lines are not those that {HEAD} speaks of: the file was changed or cut short");
+            let found = format!("these lines do not match {HEAD}: the file was changed or cut short");
             return Err(Error::input(Place::file(&path), found, damaged()));
         }
         Ok(Self { dir: dir.to_path_buf(), head, text, starts })
     }
 
-    /// Refuses a list of another program: what this one computes may differ.
+    /// Refuses a list of another program, whose results may differ.
     ///
     /// # Errors
-    /// [`Error::Input`].
+    /// [`Error::Input`] if the programs differ.
     pub fn of_program(self, program: &str) -> Result<Self> {
         if self.head.body.program == program {
             return Ok(self);
         }
         Err(Error::input(
             Place::file(self.dir.join(HEAD)),
-            format!("this list was made by vitreo-uq {}, and this is {program}", self.head.body.program),
+            format!("this list was made by vitreo-uq {}, but this program is {program}", self.head.body.program),
             format!(
-                "use the program that made it; or make the list again with this one and `{}`, and all is computed again",
+                "use the program that made it, or make the list again with `{}`; then everything is computed again",
                 Setting::Force
             ),
         ))
     }
 
-    /// Its directory.
+    /// Directory of the list.
     pub fn dir(&self) -> &Path {
         &self.dir
     }
 
-    /// The document that its head is.
+    /// Head of the list with its provenance.
     pub fn document(&self) -> &WithProvenance<TaskList> {
         &self.head
     }
 
-    /// Its head.
+    /// Head of the list.
     pub fn head(&self) -> &TaskList {
         &self.head.body
     }
 
-    /// Seed of all that its tasks draw.
+    /// Seed of all random numbers of the tasks.
     pub fn seed(&self) -> u64 {
         self.head.provenance.seed
     }
@@ -247,10 +244,10 @@ impl List {
         self.starts.len() - 1
     }
 
-    /// One task.
+    /// Returns one task.
     ///
     /// # Errors
-    /// [`Error::Input`] where there is none of this number.
+    /// [`Error::Input`] if no task has this number.
     pub fn task(&self, number: usize) -> Result<Task> {
         let (Some(from), Some(to)) = (self.starts.get(number), self.starts.get(number + 1)) else {
             let found = format!("there is no task {number}");
@@ -260,27 +257,27 @@ impl List {
         let refuse =
             |found: String| Error::input(Place::file(self.dir.join(LINES)).at_line(number + 1), found, damaged());
         let task: Task = serde_json::from_slice(&self.text[*from..*to])
-            .map_err(|error| refuse(format!("this is no task of this program: {error}")))?;
+            .map_err(|error| refuse(format!("this is not a task of this program: {error}")))?;
         let TaskList { program, kind, .. } = &self.head.body;
         let id = id_of(program, *kind, &task.arguments);
         if task.task != number || task.id != id || task.result != result_of(&id) {
             return Err(refuse(format!(
-                "number, id or result are not those of this task: expected {number}, {id} and {}",
+                "number, id or result do not match this task: expected {number}, {id} and {}",
                 result_of(&id)
             )));
         }
         Ok(task)
     }
 
-    /// Where a task's result goes.
+    /// Path of a task's result.
     pub fn result_path(&self, task: &Task) -> PathBuf {
         self.dir.join(result_of(&task.id))
     }
 
-    /// Names of the files among the results; those that are being written are left out.
+    /// Names of the result files, except those still being written.
     ///
     /// # Errors
-    /// [`Error::File`] where the directory cannot be read.
+    /// [`Error::File`] if the directory is unreadable.
     pub fn result_names(&self) -> Result<Vec<String>> {
         let folder = self.dir.join(RESULTS);
         let mut names = Vec::new();
@@ -295,25 +292,25 @@ impl List {
     }
 }
 
-/// A task's id: the hash of what it computes.
+/// Id of a task: the hash of program, kind and arguments.
 fn id_of(program: &str, kind: TaskKind, arguments: &Value) -> String {
     sha256_hex(format!("{program}\n{}\n{arguments}", kind.name()).as_bytes())
 }
 
-/// Where the result of a task goes, below the list's directory. An id is hexadecimal, so that this leads nowhere else.
+/// Path of a task's result below the list's directory. An id is hexadecimal, so the path cannot leave that directory.
 fn result_of(id: &str) -> String {
     format!("{RESULTS}/{}.task", &id[..ID_DIGITS])
 }
 
-/// A path that means the same from any directory.
+/// Absolute form of a path.
 ///
 /// # Errors
-/// [`Error::File`] where there is no present directory.
+/// [`Error::File`] if there is no current directory.
 pub fn absolute(path: &Path) -> Result<PathBuf> {
     std::path::absolute(path).map_err(files::refused("find", path))
 }
 
-/// Where lines start, and where the last ends.
+/// Start of each line in bytes, and end of the last line.
 fn starts(text: &[u8]) -> Vec<usize> {
     let ends = text.iter().enumerate().filter(|(_, byte)| **byte == b'\n').map(|(place, _)| place + 1);
     std::iter::once(0).chain(ends).collect()

@@ -1,4 +1,4 @@
-//! Many workers on this machine, each a process of its own: one that dies takes its task alone with it, and that is tried again.
+//! Many workers on this machine, each in its own process. A worker that dies interrupts only its task, which is then tried again.
 
 use std::collections::VecDeque;
 use std::io::{BufRead, BufReader, Write};
@@ -11,34 +11,34 @@ use super::worker::Answer;
 use base::error::{Error, Result};
 use posterior::monitor::{Counter, Monitor};
 
-/// Times that a task is begun before it counts as failed.
+/// Number of attempts before a task counts as failed.
 const MOST_ATTEMPTS: usize = 3;
-/// Failures one after another, with nothing done between them, after which no more is begun: the disk is full, say.
+/// Number of consecutive failures after which no further task is started, for example because the disk is full.
 const MOST_IN_A_ROW: usize = 12;
-/// Time between two looks whether there is something to do or to stop.
+/// Time between two checks for work or a stop.
 const LOOK: Duration = Duration::from_millis(20);
 
-/// What became of the tasks.
+/// Result of a run.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Outcome {
-    /// Tasks that were run.
+    /// Number of tasks that were run.
     pub done: usize,
-    /// Tasks whose result was there.
+    /// Number of tasks whose result existed before.
     pub before: usize,
-    /// Workers that died.
+    /// Number of workers that died.
     pub deaths: usize,
-    /// Tasks that failed, by number, with what was last said of each.
+    /// Failed tasks by number, each with its last message.
     pub failed: Vec<(usize, String)>,
-    /// Tasks that were not begun, or not again, because too many had failed one after another.
+    /// Tasks that were not started, or not again, because too many failed in a row.
     pub left: Vec<usize>,
-    /// What the last failure said; none after the last success.
+    /// Message of the last failure; `None` after a later success.
     pub last_failure: Option<String>,
 }
 
-/// Runs tasks in `jobs` processes that `worker` makes; each serves tasks on its standard input ([`super::worker::serve`]).
+/// Runs tasks in `jobs` processes made by `worker`. Each serves tasks on its standard input ([`super::worker::serve`]).
 ///
 /// # Errors
-/// [`Error::Interrupted`] when stopped: results that were written are kept.
+/// [`Error::Interrupted`] when stopped; written results are kept.
 pub fn run(
     tasks: &[usize],
     jobs: usize,
@@ -62,7 +62,7 @@ pub fn run(
                 ended.fetch_add(1, Ordering::SeqCst);
             });
         }
-        // Whoever waits for an answer hears nothing but its process's end.
+        // A thread that waits for an answer notices only the end of its process.
         while ended.load(Ordering::SeqCst) < jobs {
             if shared.is_stopped() {
                 shared.processes.iter().for_each(kill);
@@ -71,7 +71,7 @@ pub fn run(
         }
     });
     if shared.is_stopped() {
-        return Err(Error::Interrupted { kept: "results that were written are kept".into() });
+        return Err(Error::Interrupted { kept: "written results are kept".into() });
     }
     let mut outcome = locked(&shared.outcome).clone();
     outcome.left = locked(&shared.queue).waiting.iter().map(|(task, _)| *task).collect();
@@ -81,7 +81,7 @@ pub fn run(
 }
 
 struct Queue {
-    /// Tasks with the number of times that each was begun.
+    /// Tasks, each with its number of earlier attempts.
     waiting: VecDeque<(usize, usize)>,
     under_way: usize,
     in_a_row: usize,
@@ -92,7 +92,7 @@ type Slot = Mutex<Option<Child>>;
 struct Shared<'a> {
     queue: Mutex<Queue>,
     outcome: Mutex<Outcome>,
-    /// The process of each thread, for whoever stops them.
+    /// Process of each thread, for stopping it.
     processes: Vec<Slot>,
     counter: Counter<'a>,
     monitor: &'a dyn Monitor,
@@ -103,7 +103,7 @@ impl Shared<'_> {
         self.monitor.stop().is_some_and(|stop| stop.load(Ordering::Relaxed))
     }
 
-    /// The next task; waits where one that is under way may come back.
+    /// Next task. Waits while a running task may still come back.
     fn next(&self) -> Option<(usize, usize)> {
         loop {
             let mut queue = locked(&self.queue);
@@ -133,7 +133,7 @@ impl Shared<'_> {
         self.counter.add_one();
     }
 
-    /// A task goes back to the end, unless it was begun too often or its input is refused.
+    /// Puts a task back at the end of the queue, unless it has failed too often or its input is refused.
     fn failed(&self, (task, attempts): (usize, usize), why: String, may_go_better: bool) {
         if self.is_stopped() {
             return;
@@ -143,7 +143,7 @@ impl Shared<'_> {
         queue.in_a_row += usize::from(may_go_better);
         locked(&self.outcome).last_failure = Some(why.clone());
         if may_go_better && attempts + 1 < MOST_ATTEMPTS {
-            self.monitor.warn(&format!("task {task} is tried again: {why}"));
+            self.monitor.warn(&format!("task {task} will be tried again: {why}"));
             queue.waiting.push_back((task, attempts + 1));
         } else {
             locked(&self.outcome).failed.push((task, why));
@@ -151,7 +151,7 @@ impl Shared<'_> {
         }
     }
 
-    /// One thread: a process, and the next one where it dies.
+    /// Work of one thread: it keeps a process and starts another if that dies.
     fn work(&self, slot: &Slot, worker: &(dyn Fn() -> Command + Sync)) {
         let mut ends: Option<(ChildStdin, BufReader<ChildStdout>)> = None;
         while let Some(task) = self.next() {
@@ -188,7 +188,7 @@ impl Shared<'_> {
                 }
             }
         }
-        // Without numbers to come a worker ends by itself.
+        // A worker ends by itself when its standard input is closed.
         drop(ends);
         end(slot);
     }
@@ -204,21 +204,21 @@ fn start(slot: &Slot, worker: &(dyn Fn() -> Command + Sync)) -> std::io::Result<
 
 fn kill(slot: &Slot) {
     if let Some(child) = locked(slot).as_mut() {
-        // A worker is the first of its group, in which the commands are that it runs.
+        // A worker leads its process group, which contains the commands that it runs.
         #[cfg(any(target_os = "linux", target_vendor = "apple"))]
         if let Some(group) = i32::try_from(child.id()).ok().and_then(rustix::process::Pid::from_raw) {
             let _ = rustix::process::kill_process_group(group, rustix::process::Signal::KILL);
         }
-        // One that has ended is no longer there to be killed.
+        // Killing a process that has ended fails, which is harmless.
         let _ = child.kill();
     }
 }
 
-/// Waits for the process of a slot, without holding it from whoever stops it, and says how it ended.
+/// Waits for the process of a slot and returns its exit status. It releases the slot between checks so that a stop can kill the process.
 fn end(slot: &Slot) -> String {
     loop {
         let mut held = locked(slot);
-        let Some(child) = held.as_mut() else { return "it was not there".into() };
+        let Some(child) = held.as_mut() else { return "it did not exist".into() };
         match child.try_wait() {
             Ok(None) => {}
             Ok(Some(status)) => {

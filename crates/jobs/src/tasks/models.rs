@@ -1,6 +1,6 @@
-//! Reduced models as tasks: every model that the sampling of some experiments asks for, once, whoever asks for it; what is gathered goes into the cache that commands look into.
+//! Reduced models as tasks. Each model that the experiments need is computed once; gathering puts it into the cache that the commands read.
 //!
-//! A model is named by the hash under which the cache keeps it, which is that of everything it is built from: many eyes with one apparatus have one task for what depends on the apparatus alone.
+//! A model is named by the hash of all its inputs, as in the cache. So many eyes with one apparatus share one task for the parts that depend on the apparatus alone.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -26,48 +26,48 @@ use posterior::problem::Problem;
 use posterior::study::sha256_hex;
 use record::Apparatus;
 
-/// Which model.
+/// Kind of reduced model.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 enum Piece {
-    /// Displacement per force of an apparatus, which cohorts take.
+    /// Displacement per force of an apparatus, for cohorts.
     Compliance,
-    /// The law's surrogate.
+    /// Surrogate of the law.
     Surrogate,
-    /// The same over the Poisson ratios of every effect, which `diagnose` takes.
+    /// Surrogate of the law over the Poisson ratios of every effect, for `diagnose`.
     WidestSurrogate,
-    /// The model of an effect's displacement field, by the effect's name.
+    /// Displacement field of the named effect.
     Field(String),
-    /// Large displacements learnt for a record.
+    /// Large displacements learned for a record.
     LargeDisplacement,
 }
 
-/// What a task computes.
+/// Arguments of a task.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 struct Arguments {
     piece: Piece,
-    /// The model's file in a cache; of large displacements, whose name is known when their law is, the SHA-256 of the experiment and its model.
+    /// Name of the model's file in a cache. Large displacements have a file name only once their law is known; here it is the SHA-256 of the experiment and its model.
     content: String,
     sampling: Sampling,
 }
 
-/// The tasks of all models that experiments need: what `sample` asks for with the effects of each model, and, with `every_effect`, also what `diagnose` asks for. With the number of experiments that
-/// need none.
+/// Returns the tasks of all models that the experiments need, and the number of experiments that need none. They are the models that `sample` uses;
+/// with `every_effect`, also those that `diagnose` uses.
 ///
 /// # Errors
-/// [`Error::Input`] where an experiment and its model do not go together; whatever meshing refuses.
+/// [`Error::Input`] if an experiment and its model are incompatible; otherwise the errors of meshing.
 pub fn work(
     measurements: &[Measurement],
     sampling: &Sampling,
     every_effect: bool,
     monitor: &dyn Monitor,
 ) -> Result<(Vec<Work>, usize)> {
-    // Meshed once an apparatus, and forgotten before the next: the names of models are hashes of meshes.
+    // Each apparatus is meshed once, because the names of models are hashes of meshes. The mesh is dropped before the next one.
     let mut alike: BTreeMap<String, Vec<&Measurement>> = BTreeMap::new();
     for own in measurements {
         alike.entry(format!("{:?}", own.experiment.apparatus)).or_default().push(own);
     }
-    monitor.stage(&format!("meshing {} apparatuses", alike.len()));
+    monitor.stage(&format!("meshing {} kinds of apparatus", alike.len()));
     let counter = Counter::new(monitor, alike.len());
     let of_apparatus = |group: &Vec<&Measurement>| {
         refuse_if_stopped(monitor, "nothing was written")?;
@@ -93,16 +93,16 @@ pub fn work(
     if work.is_empty() {
         return Err(Error::input(
             Place::default(),
-            "none of these experiments needs a reduced model: instruments and indenters have closed forms",
+            "none of these experiments needs a reduced model, because instruments and indenters have closed forms",
             "give experiments with a [robot]",
         ));
     }
-    // The longest first: of fields.
+    // Displacement fields come first because they take longest.
     work.sort_by_key(|(piece, _)| !matches!(piece, Piece::Field(_)));
     Ok((work.into_iter().map(|(_, work)| work).collect(), n_without))
 }
 
-/// The models that one experiment asks for, each with its content. `mechanics` are those of its apparatus, made here where none were.
+/// Models that one experiment needs, each with its content. `mechanics` belongs to its apparatus and is made here if it is missing.
 fn wanted(
     own: &Measurement,
     every_effect: bool,
@@ -149,10 +149,10 @@ fn content(own: &Measurement) -> String {
     sha256_hex(format!("{}\n{:?}", own.inputs_sha256, own.specification).as_bytes())
 }
 
-/// Builds a task's model, or takes it from the cache: a line with the name of its file in a cache, and the file.
+/// Builds a task's model or reads it from the cache. Returns a line with the name of its file in a cache, and the file.
 ///
 /// # Errors
-/// [`Error::Input`] where the experiment has changed since the list was made; whatever the finite elements refuse.
+/// [`Error::Input`] if the experiment has changed since the list was made; otherwise the errors of the finite elements.
 pub fn run(task: &Task, monitor: &dyn Monitor) -> Result<Vec<u8>> {
     let Arguments { piece, content: wanted, sampling } = task.understood()?;
     let Some(path) = task.paths.first() else {
@@ -165,7 +165,7 @@ pub fn run(task: &Task, monitor: &dyn Monitor) -> Result<Vec<u8>> {
             Place::file(&own.path),
             "this experiment, its model or its priors have changed since the list was made",
             format!(
-                "make the list again with the same command and `{}`: results of what did not change are used",
+                "make the list again with the same command and `{}`: results of unchanged inputs are reused",
                 Setting::Force
             ),
         )
@@ -183,7 +183,7 @@ pub fn run(task: &Task, monitor: &dyn Monitor) -> Result<Vec<u8>> {
     Ok(body)
 }
 
-/// A model's file: its name below a cache's directory, and its bytes.
+/// File of a model: its name below a cache's directory, and its bytes.
 fn built(own: &Measurement, piece: &Piece, monitor: &dyn Monitor) -> Result<(String, Vec<u8>)> {
     if *piece == Piece::Compliance {
         return apparatus::kept_file(own, monitor);
@@ -210,7 +210,7 @@ fn built(own: &Measurement, piece: &Piece, monitor: &dyn Monitor) -> Result<(Str
     }
 }
 
-/// As the posterior's compliance learns them.
+/// Learns large displacements in the same way as the posterior's compliance.
 fn large(problem: &Problem, fe: &FiniteElements, monitor: &dyn Monitor) -> Result<(String, Vec<u8>)> {
     let (_, surrogate) = surrogate(problem, fe, None, monitor)?;
     let fields = field_models(fe, None, problem.model.effects(), monitor)?;
@@ -230,7 +230,7 @@ struct Manifest {
     file: String,
 }
 
-/// Puts a result's model into the cache; `None` where the result names no file of a cache. Whether it was put there now.
+/// Puts a result's model into the cache. Returns `true` if it was not there before; `None` if the result names no cache file.
 ///
 /// # Errors
 /// As [`cache::adopt`].
@@ -249,7 +249,7 @@ fn file_of(body: &[u8]) -> Option<(String, &[u8])> {
 mod tests {
     use super::*;
 
-    /// Nothing but a model of this program's under its own name is ever put into a cache, whatever a result says.
+    /// Only a model of this program under its own name enters a cache, for any content of a result.
     #[test]
     fn no_other_file_is_written() {
         let entry = |diameter_mm: f64| {

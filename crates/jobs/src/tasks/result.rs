@@ -1,4 +1,4 @@
-//! The result of one task on disk: a line that says whose it is, and the body.
+//! Result of one task on disk: a line that identifies the task, and the body.
 
 use std::path::Path;
 
@@ -10,7 +10,7 @@ use base::files::{Content, read_if_there, write_atomically};
 use documents::tasks::Fault;
 use posterior::study::sha256_hex;
 
-/// The first line.
+/// First line of a result.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 struct Head {
     schema: String,
@@ -23,10 +23,10 @@ struct Head {
 
 const SCHEMA: &str = "vitreo-uq/task-result/1";
 
-/// The file of a result: its head and its body.
+/// Bytes of a result file: its head and its body.
 ///
 /// # Errors
-/// [`base::Error::Numerical`] where the head cannot be written as JSON.
+/// [`base::Error::Numerical`] if the head cannot be written as JSON.
 pub fn bytes(program: &str, task: &Task, body: &[u8]) -> Result<Vec<u8>> {
     let head = Head {
         schema: SCHEMA.into(),
@@ -45,15 +45,15 @@ pub fn bytes(program: &str, task: &Task, body: &[u8]) -> Result<Vec<u8>> {
 /// Writes a result, whole or not at all.
 ///
 /// # Errors
-/// [`base::Error::File`] where the file system refuses: the disk is full, say. What was there before is then untouched.
+/// [`base::Error::File`] if the file system refuses, for example because the disk is full. An earlier result then stays untouched.
 pub fn write(list: &List, task: &Task, body: &[u8]) -> Result<()> {
     write_atomically(&list.result_path(task), &bytes(&list.head().program, task, body)?)
 }
 
-/// The body of a task's result, or why there is none that can be taken.
+/// Body of a task's result.
 ///
 /// # Errors
-/// The [`Fault`], as a value: it is no failure of this program.
+/// The [`Fault`] of a missing or invalid result. It is a value because such results are expected.
 pub fn read(list: &List, task: &Task) -> std::result::Result<Vec<u8>, Fault> {
     read_file(&list.result_path(task), task, &list.head().program)
 }

@@ -1,4 +1,4 @@
-//! A cohort's experiments as tasks: each samples a few on their own, as `groups` does before it compares them.
+//! Experiments of a cohort as tasks. Each task samples a few of them separately, as `groups` does before it compares them.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -16,7 +16,7 @@ use posterior::monitor::{Monitor, Silent};
 use posterior::study::ModelSpecification;
 use sampling::SamplerOptions;
 
-/// What experiments are sampled with: the options of `groups`.
+/// Sampling options of `groups`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Sampling {
     /// `--base`.
@@ -38,7 +38,7 @@ pub struct Sampling {
 }
 
 impl Sampling {
-    /// A model with these options.
+    /// Applies these options to a model.
     ///
     /// # Errors
     /// As [`ModelSpecification::with_options`].
@@ -53,36 +53,36 @@ impl Sampling {
     }
 }
 
-/// What a task computes.
+/// Arguments of a task.
 #[derive(Serialize, Deserialize)]
 struct Arguments {
     sampling: Sampling,
     experiments: Vec<Sampled>,
 }
 
-/// One experiment, by content.
+/// One experiment, identified by its content.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 struct Sampled {
     name: String,
-    /// Of its files, its model and its priors.
+    /// SHA-256 of the experiment's files, model and priors.
     content_sha256: String,
-    /// Of the files of the experiment whose apparatus stands for its own.
+    /// SHA-256 of the files of the experiment that represents the same apparatus.
     apparatus_sha256: String,
 }
 
-/// A file as `groups` keeps it.
+/// File of `groups`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub(super) struct KeptFile {
     /// Name in the folder of experiments.
     pub name: String,
-    /// Content.
+    /// Content of the file.
     pub text: String,
 }
 
-/// The tasks of a cohort, `block` experiments each.
+/// Returns the tasks of a cohort, `block` experiments each.
 ///
 /// # Errors
-/// [`Error::Input`] where an experiment and its model do not go together.
+/// [`Error::Input`] if an experiment and its model are incompatible.
 pub fn work(measurements: &[Measurement], sampling: &Sampling, block: usize) -> Result<Vec<Work>> {
     let first = first_alike(measurements);
     let one = |(own, first): (&Measurement, &usize)| -> Result<(Sampled, [String; 2])> {
@@ -102,7 +102,7 @@ pub fn work(measurements: &[Measurement], sampling: &Sampling, block: usize) -> 
 }
 
 fn sampled(own: &Measurement, stands_for_its: &Measurement, sampling: &Sampling) -> Result<Sampled> {
-    // Nothing is solved for a list: which compliance it will be is known by the apparatus.
+    // The apparatus identifies the compliance, so making a list needs no solution.
     let specimen = Specimen::new(own, Compliance::given(1.0)).map_err(|error| own.named(error))?;
     Ok(Sampled {
         name: own.name(),
@@ -111,7 +111,7 @@ fn sampled(own: &Measurement, stands_for_its: &Measurement, sampling: &Sampling)
     })
 }
 
-/// What one worker's tasks share: an apparatus is solved for once.
+/// State that the tasks of one worker share: the compliance of each apparatus, computed once.
 #[derive(Default)]
 pub(super) struct Laboratory {
     compliances: BTreeMap<PathBuf, (String, Compliance)>,
@@ -121,12 +121,12 @@ impl Laboratory {
     /// Samples a task's experiments.
     ///
     /// # Errors
-    /// [`Error::Input`] where an experiment has changed since the list was made, and whatever the sampler refuses.
+    /// [`Error::Input`] if an experiment has changed since the list was made; otherwise the errors of the sampler.
     pub fn run(&mut self, task: &Task, monitor: &dyn Monitor) -> Result<Vec<u8>> {
         let Arguments { sampling, experiments } = task.understood()?;
         let (pairs, rest) = task.paths.as_chunks::<2>();
         if pairs.len() != experiments.len() || !rest.is_empty() {
-            let found = format!("task {} has not two paths for each experiment", task.task);
+            let found = format!("task {} does not have two paths per experiment", task.task);
             return Err(Error::input(
                 Place::default(),
                 found,
@@ -146,7 +146,7 @@ impl Laboratory {
                     Place::file(&own.path),
                     "this experiment, its model or its priors have changed since the list was made",
                     format!(
-                        "make the list again with the same command and `{}`: results of what did not change are used",
+                        "make the list again with the same command and `{}`: results of unchanged inputs are reused",
                         Setting::Force
                     ),
                 ));
@@ -158,7 +158,7 @@ impl Laboratory {
         serde_json::to_vec(&files).map_err(|error| not_json(&error))
     }
 
-    /// The compliance of an experiment's apparatus, with the hash of the experiment's files.
+    /// Compliance of an experiment's apparatus, with the hash of the experiment's files.
     fn compliance(&mut self, path: &Path, sampling: &Sampling) -> Result<(String, Compliance)> {
         if let Some(known) = self.compliances.get(path) {
             return Ok(known.clone());
@@ -170,10 +170,10 @@ impl Laboratory {
     }
 }
 
-/// One experiment as it is now, with its model.
+/// Reads one experiment in its present state, with its model.
 ///
 /// # Errors
-/// As [`cohort::read`]; [`Error::Input`] where there is not one.
+/// As [`cohort::read`]; [`Error::Input`] unless there is exactly one.
 pub fn read(path: &Path, sampling: &Sampling, monitor: &dyn Monitor) -> Result<Measurement> {
     let paths = [path.to_path_buf()];
     let mut found = cohort::read(&paths, &[], &|own| sampling.model(own), monitor)?;
@@ -181,16 +181,16 @@ pub fn read(path: &Path, sampling: &Sampling, monitor: &dyn Monitor) -> Result<M
         (Some(own), true) => Ok(own),
         _ => Err(Error::input(
             Place::file(path),
-            "this is not one experiment",
+            "this is not a single experiment",
             format!(
-                "give one experiment; a list of tasks is made again with the same command and `{}`",
+                "give one experiment, or make the list of tasks again with the same command and `{}`",
                 Setting::Force
             ),
         )),
     }
 }
 
-/// The files of a result; each is a plain name with a text.
+/// Reads the files of a result; `None` if a name is not a plain file name.
 pub(super) fn files_of(body: &[u8]) -> Option<Vec<KeptFile>> {
     let files: Vec<KeptFile> = serde_json::from_slice(body).ok()?;
     let is_plain = |own: &KeptFile| Path::new(&own.name).file_name().is_some_and(|name| name == own.name.as_str());

@@ -1,7 +1,7 @@
-//! Scripts that hand a list to an engine: HyperQueue, or Slurm's job arrays.
+//! Scripts that submit a list to an engine: HyperQueue, or Slurm's job arrays.
 //!
-//! An engine calls the program with the number of a part; the program runs those tasks of the part whose results are not there. So a script may be submitted
-//! again at any time, and does what is left.
+//! The engine calls the program with the number of a part. The program runs the tasks of that part that have no result yet,
+//! so a script can be submitted again at any time.
 
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
@@ -10,7 +10,7 @@ use super::list::{List, absolute};
 use base::error::{Error, Place, Result, Setting};
 use base::files::{create_folders, refused, write_atomically};
 
-/// Who starts the workers.
+/// Engine that starts the workers.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Engine {
     /// <https://it4innovations.github.io/hyperqueue>
@@ -19,37 +19,37 @@ pub enum Engine {
     Slurm,
 }
 
-/// What each part asks for.
+/// Resources of each part.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Resources {
-    /// Cores, each with a worker of its own.
+    /// Number of cores, each with its own worker.
     pub cores: usize,
-    /// Most minutes.
+    /// Time limit in minutes.
     pub minutes: u64,
     /// Memory in MiB.
     pub memory_mib: u64,
 }
 
-/// Parts of a list unless asked otherwise: Slurm takes 1,000 elements an array unless its administrator allows more.
+/// Default limit on the number of parts. By default Slurm accepts 1,000 elements per array.
 const MOST_PARTS: usize = 1_000;
 
-/// The tasks of part `part` of `parts`: all parts together are all tasks, each once.
+/// Returns the tasks of part `part` of `parts`. Every task belongs to exactly one part.
 ///
 /// # Errors
-/// [`Error::Input`] where there is no such part.
+/// [`Error::Input`] if there is no such part.
 pub fn tasks_of_part(n_tasks: usize, part: usize, parts: usize) -> Result<std::ops::Range<usize>> {
     if part >= parts {
         let found = format!("part {part} of {parts}");
         return Err(Error::input(Place::setting(Setting::Part), found, "count parts from 0: `0/10` to `9/10`"));
     }
-    // Tasks and parts are at most millions, and their products far from overflowing.
+    // Tasks and parts number at most millions, so the products cannot overflow.
     Ok(part * n_tasks / parts..(part + 1) * n_tasks / parts)
 }
 
-/// How many parts a list is handed over in.
+/// Number of parts in which a list is submitted.
 ///
 /// # Errors
-/// [`Error::Input`] where it is asked for none.
+/// [`Error::Input`] if zero parts are requested.
 pub fn n_parts(n_tasks: usize, asked_for: Option<usize>) -> Result<usize> {
     match asked_for {
         Some(0) => Err(Error::input(Place::setting(Setting::Parts), "no parts", "give a positive number")),
@@ -58,10 +58,10 @@ pub fn n_parts(n_tasks: usize, asked_for: Option<usize>) -> Result<usize> {
     }
 }
 
-/// Writes the script beside the list, with a folder for what the workers say. Returns its place.
+/// Writes the script beside the list and creates a folder for the workers' logs. Returns the script's path.
 ///
 /// # Errors
-/// [`Error::Input`] for resources that nobody has, [`Error::File`] where the file system refuses.
+/// [`Error::Input`] for resources of zero, [`Error::File`] if the file system refuses.
 pub fn write(list: &List, program: &Path, engine: Engine, resources: Resources, parts: usize) -> Result<PathBuf> {
     let Resources { cores, minutes, memory_mib } = resources;
     for (setting, value) in [(Setting::Cores, cores as u64), (Setting::Minutes, minutes), (Setting::Memory, memory_mib)]
@@ -95,7 +95,7 @@ fn hyper_queue(dir: &Path, logs: &Path, program: &Path, resources: Resources, pa
         quoted(dir)
     );
     let mut text = String::from(
-        "#!/usr/bin/env bash\n# Hands the list to HyperQueue. May be run again: parts whose results are there end at once.\n",
+        "#!/usr/bin/env bash\n# Submits the list to HyperQueue. It can be run again: parts with complete results end at once.\n",
     );
     let log = quoted(&logs.join("hq-%{TASK_ID}.txt"));
     let _ = write!(
@@ -110,7 +110,7 @@ fn hyper_queue(dir: &Path, logs: &Path, program: &Path, resources: Resources, pa
 fn slurm(dir: &Path, logs: &Path, program: &Path, resources: Resources, parts: usize) -> String {
     let Resources { cores, minutes, memory_mib } = resources;
     let mut text = String::from(
-        "#!/usr/bin/env bash\n# Hands the list to Slurm: sbatch submit-slurm.sh. May be submitted again: parts whose results are there end at once.\n",
+        "#!/usr/bin/env bash\n# Submits the list to Slurm: sbatch submit-slurm.sh. It can be submitted again: parts with complete results end at once.\n",
     );
     let _ = write!(
         text,
@@ -123,7 +123,7 @@ fn slurm(dir: &Path, logs: &Path, program: &Path, resources: Resources, parts: u
     text
 }
 
-/// As a shell takes it for one word.
+/// Quotes a path as one word of a shell.
 fn quoted(path: &Path) -> String {
     quoted_text(&path.display().to_string())
 }
@@ -147,7 +147,7 @@ fn executable(_path: &Path) -> Result<()> {
 mod tests {
     use super::*;
 
-    /// Every task is in one part, whatever the numbers.
+    /// Every task belongs to exactly one part, for any numbers.
     #[test]
     fn parts_are_the_whole() {
         for n_tasks in [1, 2, 7, 300, 100_001] {

@@ -1,4 +1,4 @@
-//! Who runs tasks in one process, one after another: what they share is prepared once.
+//! Worker that runs tasks in one process, one after another. The tasks share preparations.
 
 use std::io::{BufRead, Write};
 
@@ -11,12 +11,12 @@ use documents::tasks::TaskKind;
 use posterior::monitor::{Monitor, Stoppable};
 use validation::challenge::Bench;
 
-/// Whether a task had to be run.
+/// Outcome of running a task.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Ran {
-    /// It was run now, and its result is written.
+    /// The task was run, and its result is written.
     Now,
-    /// Its result was there.
+    /// The result existed before.
     Before,
 }
 
@@ -31,16 +31,16 @@ pub struct Worker<'a> {
 }
 
 impl<'a> Worker<'a> {
-    /// Nothing is prepared before the first task that needs it. Commands that `refuse_line` refuses are not run.
+    /// Makes a worker. Preparation happens at the first task that needs it. Commands that `refuse_line` refuses are not run.
     pub fn new(list: &'a List, refuse_line: RefuseLine<'a>, monitor: &'a dyn Monitor) -> Self {
         let (laboratory, simulator) = (Laboratory::default(), calibration::Simulator::default());
         Self { list, bench: None, laboratory, simulator, refuse_line, monitor }
     }
 
-    /// Runs a task unless its result is there.
+    /// Runs a task unless its result exists.
     ///
     /// # Errors
-    /// What the task refuses, and [`Error::File`] where its result cannot be written: nothing is then left of it.
+    /// The errors of the task, and [`Error::File`] if its result cannot be written. No partial result remains.
     pub fn run(&mut self, number: usize) -> Result<Ran> {
         let task = self.list.task(number)?;
         if result::read(self.list, &task).is_ok() {
@@ -65,24 +65,24 @@ impl<'a> Worker<'a> {
     }
 }
 
-/// Answers of a worker to whoever sends it numbers of tasks; [`serve`] writes them, `local` reads them.
+/// Answer of a worker to a task number. [`serve`] writes answers, `local` reads them.
 #[derive(Debug, Clone, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub(super) enum Answer {
-    /// Run, result written.
+    /// The task was run and its result written.
     Done,
-    /// Its result was there.
+    /// The result existed before.
     Before,
-    /// Refused, in words; it may go better another time.
+    /// The task failed with this message; another attempt may succeed.
     Failed(String),
-    /// Refused, in words: the input is not acceptable.
+    /// The input is not acceptable, with this message.
     Refused(String),
 }
 
-/// Runs the tasks whose numbers come in, one a line, and answers each with a line, until no more come.
+/// Runs the tasks whose numbers arrive, one per line, and answers each with a line. Ends when the input ends.
 ///
 /// # Errors
-/// [`Error::Interrupted`] when stopped; [`Error::File`] where nobody listens any longer.
+/// [`Error::Interrupted`] when stopped; [`Error::File`] if the answers cannot be written.
 pub fn serve(
     list: &List,
     refuse_line: RefuseLine<'_>,

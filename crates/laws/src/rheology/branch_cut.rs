@@ -1,11 +1,12 @@
-//! Any network with springpots: its density of retardation rates from the branch cut of its complex compliance.
+//! Density of retardation rates of any network with springpots, from the branch cut of its complex compliance.
 //!
-//! J*(s) has no singularity off the negative axis, so J(t) = J₀ + φt + ∫ L(u) (1 − e^{−eᵘt}) du with L(u) = −(1/π) Im J*(e^{u + iπ}). A springpot
-//! in parallel with anything keeps the poles of the rest off the axis; beyond the cut they come as near to it as orders are to 1. A zero of
-//! G*(eᵛ) at v = u₀ + iπ, 0 < Im u₀ < π/2, makes the midpoint rule wrong by what is then added as an oscillating mode of rate e^{u₀} and
-//! compliance −2/(dG*/dv · (1 + e^{−2πiu₀/h})). Zeros that were missed would show when the step is refined.
+//! J*(s) has no singularity off the negative axis, so J(t) = J₀ + φt + ∫ L(u) (1 − e^{−eᵘt}) du with L(u) = −(1/π) Im J*(e^{u + iπ}). A springpot in
+//! parallel with other elements keeps their poles off the axis. Beyond the cut, poles are as near to the axis as orders are to 1. A zero of
+//! G*(eᵛ) at v = u₀ + iπ, 0 < Im u₀ < π/2, causes an error of the midpoint rule. An oscillating mode of rate e^{u₀} and
+//! compliance −2/(dG*/dv · (1 + e^{−2πiu₀/h})) corrects it. A missed zero shows as a change when the step is refined.
 //!
-//! At an order of 1 the density is a dashpot's, none, and yet J(t) has a derivative by the order there: it is taken from networks with orders a little below.
+//! At an order of 1 the springpot is a dashpot and has no density. J(t) still has a derivative by the order there. It follows from networks with orders slightly
+//! below 1.
 
 use std::f64::consts::{FRAC_PI_2, PI};
 
@@ -16,29 +17,29 @@ use base::error::{Error, Result};
 use base::number::Complex;
 use base::number::Dual;
 
-/// Times at which two steps of the midpoint rule are compared.
+/// Number of times at which two steps of the midpoint rule are compared.
 const N_TIMES: u32 = 13;
-/// Largest difference between them, relative to J at the window's end.
+/// Largest difference between two steps, relative to J at the window's end.
 const TOLERANCE: f64 = 4e-9;
-/// How often the step may be refined.
+/// Largest number of refinements of the step.
 const MAX_REFINEMENTS: i32 = 9;
 /// Ratio of a step to the one before.
 const REFINEMENT: f64 = 0.75;
-/// Newton's steps towards a zero.
+/// Largest number of Newton steps towards a zero.
 const MAX_NEWTON_STEPS: u32 = 20;
-/// Distance in u between the starts of Newton's method; zeros far from every start are found from the poles beside them.
+/// Distance in u between the starting points of Newton's method. Zeros far from all of them are found from neighbouring poles.
 const START_SPACING: f64 = 2.0;
-/// How far below 1 the orders are by which the derivative at 1 is taken: its error is some times the square of this, and that of J over it.
+/// Distance h below 1 of the orders that give the derivative at 1. The derivative's error is a few times h², and that of J divided by h.
 const BELOW_ONE: f64 = 3e-3;
-/// How far in u beyond the window's rates zeros and weights still count: a retardation e²⁰ times faster or slower than the window is flow or a spring
+/// Reach in u beyond the window's rates within which zeros and weights count. A retardation e²⁰ times faster or slower than the window is flow or a spring
 /// to 2e-9.
 const REACH: f64 = 20.0;
 
-/// The spectrum of a network over a window.
+/// Spectrum of a network over a window.
 ///
 /// # Errors
-/// [`Error::Numerical`] where an order is outside (0, 1], where the derivative by one of several orders of 1 is asked for, and
-/// where the density is too sharp for the finest step.
+/// [`Error::Numerical`] if an order is outside (0, 1], if a derivative by one of several orders of 1 is needed, or
+/// if the density is too sharp for the finest step.
 pub fn spectrum_of(network: &Element, window: TimeWindow) -> Result<RetardationSpectrum> {
     let mut leaving_one = Vec::new();
     for_each_leaving_one(&mut network.clone(), &mut |springpot| leaving_one.push(springpot.clone()));
@@ -59,14 +60,14 @@ pub fn spectrum_of(network: &Element, window: TimeWindow) -> Result<RetardationS
     }
     Err(Error::numerical(
         format!(
-            "the creep of this network of springpots cannot be computed: its error is still {difference:.1e} of itself"
+            "the creep of this network of springpots cannot be computed: its relative error is still {difference:.1e}"
         ),
-        "keep orders away from 1 or write a dashpot for order 1, and join springs and dashpots of nearly the same times",
+        "keep orders away from 1 or write a dashpot for order 1, and merge springs and dashpots of nearly equal times",
     ))
 }
 
-/// The spectrum of a network with one springpot whose order moves away from 1: J(t) is a parabola in the order through those at 1, 1 − h and 1 − 2h, of which the value and
-/// the derivative at 1 are taken.
+/// Spectrum of a network with one springpot whose order is 1 and has a derivative. J(t) is a parabola in the order through its values at 1, 1 − h and 1 − 2h.
+/// The result has the parabola's value and derivative at 1.
 fn derivative_at_one(
     network: &Element,
     [modulus_pa, time_s, order]: [Dual; 3],
@@ -89,7 +90,7 @@ fn derivative_at_one(
     Ok(spectrum)
 }
 
-/// Every springpot of a network whose order is 1 and moves.
+/// Calls `each` with every springpot of a network whose order is 1 and has a derivative.
 fn for_each_leaving_one(element: &mut Element, each: &mut dyn FnMut(&mut Element)) {
     match element {
         Element::Springpot { order, .. } if order.value == 1.0 && order.derivative != 0.0 => each(element),
@@ -143,20 +144,20 @@ fn largest_difference(a: &RetardationSpectrum, b: &RetardationSpectrum, window: 
     let at = |k: u32| window.shortest_s * ratio.powf(f64::from(k) / f64::from(N_TIMES - 1));
     let differences =
         (0..N_TIMES).map(|k| (a.creep_compliance_per_pa(at(k)) - b.creep_compliance_per_pa(at(k))).abs() / size);
-    // NaN must not pass for small.
+    // NaN must not count as small.
     differences.fold(0.0, |largest, each| if each > largest || each.is_nan() { each } else { largest })
 }
 
-/// A zero of G* at v = u₀ + iπ.
+/// Zero of G* at v = u₀ + iπ.
 struct Zero {
     u: Complex<Dual>,
-    /// dG*/dv there.
+    /// dG*/dv at the zero.
     slope: Complex<Dual>,
 }
 
 impl Zero {
     fn mode(&self, step: f64) -> OscillatingMode {
-        // −2πi u₀/h.
+        // The exponent is −2πi u₀/h.
         let exponent = Complex { re: self.u.im * (2.0 * PI / step), im: self.u.re * (-2.0 * PI / step) };
         let share = (self.slope * (exponent.exp() + Complex::<Dual>::constant(1.0, 0.0))).reciprocal();
         let rate = self.u.exp();
@@ -164,7 +165,7 @@ impl Zero {
     }
 }
 
-/// The zeros of G* with 0 < Im u₀ < π/2 within reach of the window's rates; a last step of Newton's method, in dual numbers, makes the derivatives
+/// Zeros of G* with 0 < Im u₀ < π/2 within reach of the window's rates. A last Newton step in dual numbers makes the derivatives
 /// exact.
 fn zeros_beyond_the_cut(network: &Element, window: TimeWindow) -> Vec<Zero> {
     let reach = [-window.longest_s.ln() - REACH, -window.shortest_s.ln() + REACH];
@@ -178,7 +179,7 @@ fn zeros_beyond_the_cut(network: &Element, window: TimeWindow) -> Vec<Zero> {
     zeros_of_modulus(network, reach).into_iter().filter(inside).map(exact).collect()
 }
 
-/// Where G* vanishes: for bodies in series where that of one of them does.
+/// Zeros of G*. For bodies in series they are the zeros of each body.
 fn zeros_of_modulus(element: &Element, reach: [f64; 2]) -> Vec<nalgebra::Complex<f64>> {
     match element {
         Element::Series(elements) => elements.iter().flat_map(|part| zeros_of_modulus(part, reach)).collect(),
@@ -192,7 +193,7 @@ fn zeros_of_modulus(element: &Element, reach: [f64; 2]) -> Vec<nalgebra::Complex
     }
 }
 
-/// Where G* is infinite: for bodies in parallel where that of one of them is.
+/// Poles of G*. For bodies in parallel they are the poles of each body.
 fn poles_of_modulus(element: &Element, reach: [f64; 2]) -> Vec<nalgebra::Complex<f64>> {
     match element {
         Element::Parallel(elements) => elements.iter().flat_map(|part| poles_of_modulus(part, reach)).collect(),
@@ -207,7 +208,7 @@ fn poles_of_modulus(element: &Element, reach: [f64; 2]) -> Vec<nalgebra::Complex
     }
 }
 
-/// Zeros of G* (`power` 1) or of J* (`power` −1) found from starts over the reach and beside the function's poles.
+/// Zeros of G* (`power` 1) or of J* (`power` −1), found from starting points over the reach and beside the function's poles.
 fn zeros(
     element: &Element,
     power: f64,
@@ -228,7 +229,7 @@ fn zeros(
     zeros
 }
 
-/// Newton's method for G*^power Π(u − u_pole): beside a pole, a zero of G* alone attracts next to nothing.
+/// Zero by Newton's method for G*^power Π(u − u_pole). Without the product, a zero beside a pole attracts almost no starting point.
 fn newton(
     element: &Element,
     power: f64,
@@ -242,7 +243,7 @@ fn newton(
         let of_poles: nalgebra::Complex<f64> = poles.iter().map(|pole| (u - pole).inv()).sum();
         let step = (nalgebra::Complex::new(logarithmic.re.value, logarithmic.im.value) * power + of_poles).inv();
         let size = step.norm();
-        // Long steps overshoot: the modulus is a sum of exponentials of v.
+        // Long steps overshoot, because the modulus is a sum of exponentials of v.
         u -= step * size.recip().min(1.0);
         if size < 1e-12 {
             return Some(u);

@@ -1,17 +1,17 @@
-//! The rheological elements of which laws are built: springs, dashpots, springpots, in series and in parallel.
+//! Rheological elements of a law: springs, dashpots and springpots, in series and in parallel.
 
 use base::number::Dual;
 
-/// Where an element stands in a law whose bodies are in series.
+/// Place of an element in a law whose bodies are in series.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Leaf {
-    /// The body.
+    /// Index of the body.
     pub body: usize,
-    /// Its place among the parts of a body of parts in parallel; `None` where it is the body.
+    /// Index among the parallel parts of the body; `None` if the element is the body.
     pub part: Option<usize>,
 }
 
-/// An element or a network of elements: a scalar relation between stress s (Pa) and strain ε (physics §2).
+/// Element or network of elements: a scalar relation between stress s (Pa) and strain ε (physics §2).
 #[derive(Debug, Clone, PartialEq)]
 pub enum Element {
     /// s = E ε.
@@ -33,31 +33,31 @@ pub enum Element {
         /// α in (0, 1].
         order: Dual,
     },
-    /// ε = C s: a spring given by its compliance, which may be 0 and move there.
+    /// ε = C s: a spring given by its compliance. C may be 0 and have a derivative there.
     Compliance {
         /// C in 1/Pa.
         compliance_per_pa: Dual,
     },
-    /// τ ε̇ + ε = C s: a Kelvin–Voigt body given by its compliance, which may be 0 and move there.
+    /// τ ε̇ + ε = C s: a Kelvin–Voigt body given by its compliance. C may be 0 and have a derivative there.
     Retarded {
         /// C in 1/Pa.
         compliance_per_pa: Dual,
         /// τ in s.
         time_s: Dual,
     },
-    /// The same stress in all; strains add.
+    /// All elements carry the same stress; their strains add.
     Series(Vec<Element>),
-    /// The same strain in all; stresses add.
+    /// All elements have the same strain; their stresses add.
     Parallel(Vec<Element>),
 }
 
 impl Element {
-    /// A spring and a dashpot in parallel.
+    /// Kelvin–Voigt body: a spring and a dashpot in parallel.
     pub fn kelvin_voigt(modulus_pa: Dual, viscosity_pa_s: Dual) -> Self {
         Self::Parallel(vec![Self::Spring { modulus_pa }, Self::Dashpot { viscosity_pa_s }])
     }
 
-    /// s/ε in Pa for a strain that grows as e^{t/T}, T > 0 in s: what the element is at that time, by Laplace's transform at 1/T.
+    /// Modulus s/ε in Pa for a strain that grows as e^{t/T}, T > 0 in s: the element's Laplace transform at 1/T.
     pub fn operator_pa(&self, time_scale_s: f64) -> Dual {
         let time_scale_s = Dual::constant(time_scale_s);
         match self {
@@ -76,7 +76,7 @@ impl Element {
         }
     }
 
-    /// The same with every stress `factor` times as large.
+    /// Element with every stress `factor` times as large.
     pub fn scaled(&self, factor: Dual) -> Self {
         let all = |elements: &[Self]| elements.iter().map(|element| element.scaled(factor)).collect();
         match self {

@@ -1,13 +1,14 @@
-//! Interchangeable parts of a law. Two springpots in parallel are the same law when their parameters are exchanged, so data cannot say which name belongs to which.
+//! Interchangeable parts of a law. Two springpots in parallel give an identical law when their parameters are exchanged. Data therefore cannot tell which
+//! name belongs to which part.
 
 use base::parameter::ParameterSpec;
 
-/// Parts of one kind beside each other, as they are listed. The parameters of all parts are in the same order.
+/// Sibling parts of one kind, in the network's order. All parts list their parameters in one order.
 #[derive(Debug, Clone, PartialEq)]
 pub struct InterchangeableParts(pub Vec<Vec<ParameterSpec>>);
 
 impl InterchangeableParts {
-    /// The number by which parts are ordered, smallest first, from the values (SI) of one part. With a viscosity and a modulus it is the part's time. With a
+    /// Number by which parts are ordered, smallest first, from the values (SI) of one part. With a viscosity and a modulus it is the part's time. With a
     /// springpot it is minus the order, because the springpot of higher order acts faster. Otherwise it is the modulus or viscosity itself.
     pub fn slowness(part: &[ParameterSpec], values: &[f64]) -> f64 {
         let sum = |unit: &str| -> f64 {

@@ -1,51 +1,51 @@
-//! From a density of retardation rates on a grid to a short sum of exponentials.
+//! Sum of exponentials for a density of retardation rates on a grid.
 //!
 //! A law without discrete rates has J(t) = J₀ + ∫ L(u) (1 − e^{−eᵘt}) du + φ t. The midpoint rule in u converges faster than any power of its
-//! step, but has endless tails. Here nodes inside the window are kept; those too fast for it become instantaneous, those too slow become flow
-//! and one more mode. Their sums, which would converge slowly, follow from the law's complex compliance J*(s) at two real s.
+//! step, but its tails are endless. Nodes inside the window are kept. Nodes too fast for the window become instantaneous compliance; nodes too slow
+//! become flow and one more mode. Their sums converge slowly and therefore follow from the law's complex compliance J*(s) at two real s.
 //!
-//! Error over the window by the fine rule, with h L the weight of a node: a fast node leaves h L e^{−rt}, at most e^{−19.5} = 3.4e-9 of h L, and the next ones
-//! e^{−31}, e^{−50}, …; the slow ones, of which the Gauss–Radau rule keeps moments 1, 2 and 3, leave h L (rt)⁴/24, at most 3.4e-8 of h L at
-//! rt = 0.03 and e^{−4h} = 0.15 of that at each slower one. With weights below 0.05/E this is 2e-9/E in all; the rule itself adds its 1e-9.
+//! Error of the fine rule over the window, with h L the weight of a node: a fast node leaves h L e^{−rt}, at most e^{−19.5} = 3.4e-9 of h L. The next ones leave
+//! e^{−31}, e^{−50}, …. The Gauss–Radau rule keeps moments 1, 2 and 3 of the slow nodes. Each leaves h L (rt)⁴/24, at most 3.4e-8 of h L at rt = 0.03, and
+//! each slower one e^{−4h} = 0.15 of that. With weights below 0.05/E this is 2e-9/E in all. The rule itself adds an error of 1e-9.
 
 use super::{OscillatingMode, RetardationSpectrum, SpectralMode, TimeWindow};
 use base::number::PointScalar;
 
-/// The midpoint rule in u, and where it is cut.
+/// Midpoint rule in u, and its limits.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Rule {
     /// Step h; the rule's error is e^{−π²/h} times the integral of the density along Im u = π/2.
     pub step: f64,
     /// Slowest kept rate times the window's longest time, where weights do not rise towards slow rates.
     pub slowest: f64,
-    /// The same where they may rise as r^{−α}, as a springpot's do.
+    /// Slowest kept rate times the window's longest time where weights may rise as r^{−α}, as a springpot's do.
     pub slowest_of_rising: f64,
     /// Fastest kept rate times the window's shortest time.
     pub fastest: f64,
-    /// Share of a tail's sum below which its terms are left out; the sums enter with a factor of 1e-3.
+    /// Share of a tail's sum below which terms are neglected. The sums enter with a factor of 1e-3.
     pub tail: f64,
 }
 
-/// Within 1e-8: the rule errs by 8e-10.
+/// Rule with a total error of 1e-8; the midpoint rule errs by 8e-10.
 pub(super) const FINE: Rule = Rule { step: 0.47, slowest: 0.03, slowest_of_rising: 0.01, fastest: 19.5, tail: 1e-6 };
 
-/// Within 1e-6: the rule errs by 2e-7, fast nodes by e^{−13} = 2e-6 and slow ones by 0.08⁴/24 = 2e-6 of their weights.
+/// Rule with a total error of 1e-6. The midpoint rule errs by 2e-7, fast nodes by e^{−13} = 2e-6 and slow ones by 0.08⁴/24 = 2e-6 of their weights.
 pub(super) const FAST: Rule = Rule { step: 0.64, slowest: 0.08, slowest_of_rising: 0.03, fastest: 13.0, tail: 1e-4 };
 
-/// Longest over shortest time of a window is at least this, so that the two equations for the lumped nodes stay independent.
+/// Least ratio of a window's longest to its shortest time. It keeps the two equations for the lumped nodes independent.
 const LEAST_SPAN: f64 = 16.0;
-/// Bound on the nodes of a tail; terms fall by e^{h} at least, so it is not reached.
+/// Bound on the number of a tail's nodes. It is not reached, because terms fall by e^{h} at least.
 const MAX_TAIL: usize = 4000;
 
-/// A density of retardation rates, on the nodes of a midpoint rule.
+/// Density of retardation rates at the nodes of a midpoint rule.
 pub(super) struct Density<'a, T, N, C> {
-    /// The rate of a node and its weight h L without `factor`.
+    /// Function of a node that returns its rate and its weight h L without `factor`.
     pub node: N,
     /// J*(s) in 1/Pa at s in 1/s.
     pub compliance: C,
-    /// Common factor of the weights; it may vanish, the weights may not.
+    /// Common factor of the weights. The factor may be 0, the weights must not be.
     pub factor: T,
-    /// The nodes u = (k + ½) h.
+    /// Rule with the nodes u = (k + ½) h.
     pub rule: Rule,
     /// Slowest kept rate times the window's longest time.
     pub slowest: f64,
@@ -53,13 +53,13 @@ pub(super) struct Density<'a, T, N, C> {
     pub ln_scale: f64,
     /// α of [`Node::power`].
     pub order: T,
-    /// Tails reach at least so far in u, because weights may rise again there.
+    /// Least length of the tails in u, because weights may rise again there.
     pub least_tail: f64,
-    /// Modes that stand beside the nodes.
+    /// Oscillating modes in addition to the nodes.
     pub poles: &'a [OscillatingMode<T>],
 }
 
-/// A node of the midpoint rule; powers are carried from node to node, since exponentials would cost more than all the rest.
+/// Node of the midpoint rule. Powers are updated from node to node, since exponentials would dominate the cost.
 #[derive(Clone, Copy)]
 pub(super) struct Node<T> {
     /// u.
@@ -73,7 +73,7 @@ pub(super) struct Node<T> {
 impl<T: PointScalar, N: Fn(Node<T>) -> SpectralMode<T>, C: Fn(f64) -> T> Density<'_, T, N, C> {
     /// Adds the density's spectrum over a window.
     ///
-    /// How many nodes are kept depends on rule and window alone, so that the points of a batch have equally many.
+    /// The number of kept nodes depends on the rule and the window alone, so that all points of a batch have equally many.
     pub(super) fn add_to(&self, spectrum: &mut RetardationSpectrum<T>, window: TimeWindow) {
         let Rule { step, fastest, tail, .. } = self.rule;
         let longest_s = window.longest_s.max(LEAST_SPAN * window.shortest_s);
@@ -82,7 +82,7 @@ impl<T: PointScalar, N: Fn(Node<T>) -> SpectralMode<T>, C: Fn(f64) -> T> Density
         let n_kept = ((fastest / (window.shortest_s * slowest_per_s)).ln() / step).ceil() as usize;
         let u = (first + 0.5) * step;
         let start = Node { u, exp_u: u.exp(), power: (self.order * u).exp() };
-        // The two s lie between the slowest and the fastest rates, far from both.
+        // Both s are between the slowest and the fastest rates, far from both.
         let mut lumps = Lumps::new([1.0 / longest_s, 1.0 / (longest_s * window.shortest_s).sqrt()], tail, self);
         spectrum.modes.reserve(n_kept + 1);
         let mut rising = self.walk(start, 1.0);
@@ -115,8 +115,8 @@ impl<T: PointScalar, N: Fn(Node<T>) -> SpectralMode<T>, C: Fn(f64) -> T> Density
 
 /// Sums over nodes that end up as instantaneous compliance, fluidity and one slow mode.
 ///
-/// With T the slow-converging sum Σ a of the fast nodes plus J₀, and M that of Σ a r of the slow ones plus φ, at both s:
-/// T + M/s = J*(s) − Σ_kept a r/(s + r) + Σ_slow a r²/(s(s + r)) + Σ_fast a s/(s + r), whose sums converge quickly.
+/// T is the slowly converging sum Σ a of the fast nodes plus J₀, and M the sum Σ a r of the slow ones plus φ. At both s the quickly converging sums give
+/// T + M/s = J*(s) − Σ_kept a r/(s + r) + Σ_slow a r²/(s(s + r)) + Σ_fast a s/(s + r).
 struct Lumps<T> {
     s_per_s: [f64; 2],
     right_side: [T; 2],
@@ -146,7 +146,7 @@ impl<T: PointScalar> Lumps<T> {
         self.right_side[1] = self.right_side[1] - both * r0;
     }
 
-    /// Adds a slow node; whether it was small enough to be the last.
+    /// Adds a slow node. Returns true if it is small enough to be the last.
     fn add_slow(&mut self, mode: SpectralMode<T>) -> bool {
         let (a, r) = (mode.compliance_per_pa, mode.rate_per_s);
         let [s0, s1] = self.s_per_s;
@@ -160,7 +160,7 @@ impl<T: PointScalar> Lumps<T> {
         second.value() <= self.tail * self.moments[0].value()
     }
 
-    /// Adds a fast node; whether it was small enough to be the last.
+    /// Adds a fast node. Returns true if it is small enough to be the last.
     fn add_fast(&mut self, mode: SpectralMode<T>) -> bool {
         let (a, r) = (mode.compliance_per_pa, mode.rate_per_s);
         let [s0, s1] = self.s_per_s;
@@ -173,7 +173,7 @@ impl<T: PointScalar> Lumps<T> {
         fast.value() <= self.tail * self.fast
     }
 
-    /// J₀ and φ with the lumped nodes, and the slow mode.
+    /// Returns J₀ and φ with the lumped nodes, and the slow mode.
     fn solve(&self, factor: T) -> (T, T, SpectralMode<T>) {
         let [t0, t1] = self.s_per_s.map(f64::recip);
         let [right0, right1] = [0, 1].map(|i| self.right_side[i] + self.tails[i] * factor);
@@ -188,7 +188,7 @@ impl<T: PointScalar> Lumps<T> {
     }
 }
 
-/// Re AΛ/(s + Λ).
+/// Transform Re AΛ/(s + Λ) of an oscillating mode.
 fn transform_of<T: PointScalar>(mode: &OscillatingMode<T>, s_per_s: f64) -> T {
     let ([a_re, a_im], [l_re, l_im]) = (mode.compliance_per_pa, mode.rate_per_s);
     let (top_re, top_im) = (a_re * l_re - a_im * l_im, a_re * l_im + a_im * l_re);

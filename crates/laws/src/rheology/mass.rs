@@ -1,4 +1,4 @@
-//! A network of springs and dashpots with a mass beside it.
+//! Network of springs and dashpots with a parallel mass.
 
 use nalgebra::DMatrix;
 
@@ -6,14 +6,14 @@ use super::{OscillatingMode, RetardationSpectrum, SpectralMode};
 use base::number::Complex;
 use base::number::Dual;
 
-/// 1/(s F), F = G/s + m s, from the poles q and weights g of G/s = g∞ + Σ g/(s + q): its zeros are the eigenvalues of the mass on springs and dashpots in
-/// series, one Maxwell body a pole.
+/// Spectrum 1/(s F) for F = G/s + m s, from the poles q and weights g of G/s = g∞ + Σ g/(s + q). Its poles are the zeros of F. They are eigenvalues of the
+/// mass on springs and dashpots in series, one Maxwell body for each pole.
 pub(super) fn mass_on_maxwell_bodies(constant: Dual, bodies: &[(Dual, Dual)], mass: Dual) -> RetardationSpectrum {
     let n = bodies.len() + 1;
     let mut matrix = DMatrix::<f64>::zeros(n, n);
     matrix[(0, 0)] = -constant.value / mass.value;
     for (k, (weight, rate)) in bodies.iter().enumerate() {
-        // Scaled so that both couplings are of one size.
+        // This scaling makes both couplings equally large.
         let coupling = (weight.value / mass.value).sqrt();
         matrix[(0, k + 1)] = -coupling;
         matrix[(k + 1, 0)] = coupling;
@@ -37,19 +37,19 @@ pub(super) fn mass_on_maxwell_bodies(constant: Dual, bodies: &[(Dual, Dual)], ma
             continue;
         }
         let mut s = Complex::<Dual>::constant(eigenvalue.re, eigenvalue.im);
-        // Newton in dual numbers: the last digits of the value, then the exact derivative.
+        // Two Newton steps in dual numbers give the last digits of the value and the exact derivative.
         for _ in 0..2 {
             let (value, slope) = value_and_slope(s);
             s = s - value * slope.reciprocal();
         }
         let (_, slope) = value_and_slope(s);
-        // −1/(s² F') of the mode's compliance: the residue of 1/(s F) over the rate −s.
+        // The mode's compliance is −1/(s² F'), the residue of 1/(s F) over the rate −s.
         let compliance = (s * s * slope).reciprocal() * Dual::constant(-1.0);
         if eigenvalue.im == 0.0 {
             spectrum.modes.push(SpectralMode { compliance_per_pa: compliance.re, rate_per_s: -s.re });
         } else {
             let both = compliance * Dual::constant(2.0);
-            // e^{st} turns by +im; the mode's rate is −s.
+            // e^{st} rotates with +im; the mode's rate is −s.
             spectrum
                 .oscillating
                 .push(OscillatingMode { compliance_per_pa: [both.re, both.im], rate_per_s: [-s.re, -s.im] });

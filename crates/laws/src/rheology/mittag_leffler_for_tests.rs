@@ -1,19 +1,19 @@
-//! The Mittag-Leffler function on the negative axis: the relaxation of a spring and a springpot in parallel.
+//! Mittag-Leffler function on the negative axis: the relaxation of a spring and a springpot in parallel.
 
 use std::f64::consts::PI;
 
 use nalgebra::Complex;
 use statrs::function::gamma::gamma;
 
-/// x^{1/α} from which the asymptotic series is used; its smallest term is about e^{−x^{1/α}}.
+/// Least x^{1/α} for the asymptotic series. Its smallest term is about e^{−x^{1/α}}.
 const ASYMPTOTIC_FROM: f64 = 40.0;
-/// Nodes on the upper half of the contour; halves of 2.85^{−36} would be below rounding.
+/// Number of nodes on the upper half of the contour. Halves of 2.85^{−36} are below rounding.
 const N_NODES: usize = 18;
 
 /// E_α(−x) = Σₖ (−x)ᵏ/Γ(αk + 1), for an order α in (0, 1] and x ≥ 0; NaN elsewhere.
 ///
 /// The absolute error is below 1e-12. Up to x^{1/α} = 40 the inverse Laplace transform of s^{α−1}/(s^α + x) at time 1 is summed on a parabola
-/// around the negative axis (Weideman and Trefethen 2007, doi:10.1090/S0025-5718-07-01945-X); the transform has no other singularities for these
+/// around the negative axis (Weideman and Trefethen 2007, doi:10.1090/S0025-5718-07-01945-X). The transform has no other singularities for these
 /// orders. Beyond, the asymptotic series Σₖ (−1)^{k−1} x^{−k}/Γ(1 − αk) is good to rounding, also relative to the value.
 pub fn mittag_leffler(order: f64, x: f64) -> f64 {
     if !(order > 0.0 && order <= 1.0 && x >= 0.0) {
@@ -28,7 +28,7 @@ pub fn mittag_leffler(order: f64, x: f64) -> f64 {
     if x.powf(order.recip()) < ASYMPTOTIC_FROM { on_parabola(order, x) } else { asymptotic(order, x) }
 }
 
-/// (1/2πi) ∫ eˢ s^{α−1}/(s^α + x) ds on s = μ(1 + iu)², by the midpoint rule in u; the lower half is the conjugate of the upper.
+/// Integral (1/2πi) ∫ eˢ s^{α−1}/(s^α + x) ds on s = μ(1 + iu)², by the midpoint rule in u. The lower half is the conjugate of the upper.
 fn on_parabola(order: f64, x: f64) -> f64 {
     let n = N_NODES as f64;
     let (step, scale) = (3.0 / n, PI * n / 12.0);
@@ -44,8 +44,8 @@ fn on_parabola(order: f64, x: f64) -> f64 {
     sum * step / PI
 }
 
-/// With 1/Γ(1 − αk) = Γ(αk) sin(αkπ)/π, and sin(αkπ) = (−1)^{k−1} sin(k(1 − α)π), which keeps its digits near α = 1, all signs
-/// become those of the sine.
+/// Asymptotic series with 1/Γ(1 − αk) = Γ(αk) sin(αkπ)/π and sin(αkπ) = (−1)^{k−1} sin(k(1 − α)π). The second identity keeps its digits near α = 1, and
+/// each sign is that of the sine.
 fn asymptotic(order: f64, x: f64) -> f64 {
     let mut sum = 0.0;
     let mut power = 1.0;
@@ -54,7 +54,7 @@ fn asymptotic(order: f64, x: f64) -> f64 {
         power /= x;
         let size = power * gamma(order * k);
         sum += size * (k * (1.0 - order) * PI).sin() / PI;
-        // Terms fall until αk reaches x^{1/α} ≥ 40, long before which they are below rounding.
+        // Terms fall until αk reaches x^{1/α} ≥ 40. They are below rounding long before.
         if size < 1e-17 * sum.abs() || order * k > ASYMPTOTIC_FROM {
             break;
         }
@@ -68,8 +68,8 @@ mod tests {
 
     /// Times z of [`COMPUTED`].
     const TIMES: [f64; 9] = [1e-6, 1e-3, 0.1, 1.0, 10.0, 38.0, 45.0, 1e3, 1e6];
-    /// α and E_α(−zᵅ) at [`TIMES`], computed with mpmath 1.4.1 at 50 digits: the defining series with as many digits as its cancellation needs,
-    /// beyond z = 300 the asymptotic series.
+    /// α and E_α(−zᵅ) at [`TIMES`], computed with mpmath 1.4.1 at 50 digits. Up to z = 300 this is the defining series with the digits that its cancellation
+    /// needs, beyond it the asymptotic series.
     const COMPUTED: [(f64, [f64; 9]); 6] = [
         (
             0.1,
@@ -168,7 +168,7 @@ mod tests {
         }
     }
 
-    /// Abramowitz and Stegun (1964), Table 7.1: erf(½) = 0.5204998778, erf(1) = 0.8427007929, erf(2) = 0.9953222650, ten decimals, with
+    /// Checks against Abramowitz and Stegun (1964), Table 7.1: erf(½) = 0.5204998778, erf(1) = 0.8427007929, erf(2) = 0.9953222650, ten decimals, with
     /// E_{½}(−x) = e^{x²} erfc(x).
     #[test]
     fn equals_published_values_of_the_error_function() {
@@ -193,7 +193,7 @@ mod tests {
         );
     }
 
-    /// ∫ f over [a, b] by Simpson's rule, halved until it settles.
+    /// Integral ∫ f over [a, b] by Simpson's rule, halved until it settles.
     fn adaptive_simpson(f: &dyn Fn(f64) -> f64, a: f64, b: f64, tolerance: f64) -> f64 {
         let middle = 0.5 * (a + b);
         let rule = |a: f64, b: f64| (b - a) / 6.0 * (f(a) + 4.0 * f(0.5 * (a + b)) + f(b));
@@ -204,7 +204,8 @@ mod tests {
         adaptive_simpson(f, a, middle, 0.5 * tolerance) + adaptive_simpson(f, middle, b, 0.5 * tolerance)
     }
 
-    /// Against E_α(−z^α) = ∫ (sin απ/π) e^{−zeᵘ}/(e^{αu} + 2 cos απ + e^{−αu}) du by adaptive quadrature, which shares neither contour nor series.
+    /// Checks against E_α(−z^α) = ∫ (sin απ/π) e^{−zeᵘ}/(e^{αu} + 2 cos απ + e^{−αu}) du by adaptive quadrature.
+    /// It shares neither contour nor series with the function.
     #[test]
     fn equals_an_independent_quadrature_from_1e_minus_6_to_1e6() {
         for order in [0.31_f64, 0.47, 0.62, 0.78, 0.89, 0.97, 0.999] {
@@ -214,7 +215,7 @@ mod tests {
                     let poles = (0.5 * order * u).sinh().powi(2) + (0.5 * PI * (1.0 - order)).sin().powi(2);
                     (PI * (1.0 - order)).sin() / (4.0 * PI * poles) * (-z * u.exp()).exp()
                 };
-                // Beyond the ends, the density is (sin απ/π) e^{αu}, and e^{−zeᵘ} has ended it.
+                // Below the lower end the density is (sin απ/π) e^{αu}. Above the upper end e^{−zeᵘ} is negligible.
                 let cells = (-90..90).map(|cell| (f64::from(cell), f64::from(cell + 1)));
                 let inside: f64 = cells.map(|(a, b)| adaptive_simpson(&density, a, b, 1e-13)).sum();
                 let expected = inside + (PI * order).sin() / (PI * order) * (-order * 90.0).exp();

@@ -1,4 +1,4 @@
-//! Springs, dashpots and their creep compliance (physics §2). Scalar: space enters only through the finite elements.
+//! Springs, dashpots and their creep compliance (physics §2). Laws are scalar: only the finite elements describe space.
 
 mod branch_cut;
 mod element;
@@ -30,19 +30,19 @@ use base::parameter::{
     INSTANTANEOUS_MODULUS, ParameterSpec, SECOND_MODULUS, SECOND_VISCOSITY, VISCOSITY_1, VISCOSITY_2, YOUNG_MODULUS,
 };
 
-/// Creep compliance of a linear law as a sum of branches in series that all carry the stress s:
+/// Creep compliance of a linear law as a sum of bodies in series that all carry the stress s:
 /// J(t) = J₀ + Σ aₘ (1 − exp(−t/τₘ)) + φ t.
 #[derive(Debug, Clone, PartialEq)]
 pub struct CreepCompliance {
-    /// J₀ in 1/Pa: the springs in series.
+    /// J₀ in 1/Pa, of the springs in series.
     pub instantaneous_per_pa: f64,
     /// Kelvin–Voigt bodies in series.
     pub retarded: Vec<RetardedMode>,
-    /// φ in 1/(Pa·s): the dashpots in series.
+    /// φ in 1/(Pa·s), of the dashpots in series.
     pub fluidity_per_pa_s: f64,
 }
 
-/// One Kelvin–Voigt body: aₘ (1 − exp(−t/τₘ)).
+/// Creep aₘ (1 − exp(−t/τₘ)) of one Kelvin–Voigt body.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct RetardedMode {
     /// aₘ in 1/Pa.
@@ -58,7 +58,7 @@ impl RetardedMode {
 }
 
 impl CreepCompliance {
-    /// Of the Lethersich law at E (Pa), c₁ and c₂ (Pa·s).
+    /// Creep compliance of the Lethersich law at E (Pa), c₁ and c₂ (Pa·s).
     pub fn lethersich(parameters: &[f64]) -> Self {
         Self {
             instantaneous_per_pa: 0.0,
@@ -67,14 +67,14 @@ impl CreepCompliance {
         }
     }
 
-    /// J(t) in 1/Pa, for t ≥ 0; at t = 0 the limit from the right.
+    /// Returns J(t) in 1/Pa, for t ≥ 0; at t = 0 the limit from the right.
     pub fn at(&self, time_s: f64) -> f64 {
         let retarded: f64 = self.retarded.iter().map(|m| -m.compliance_per_pa * (-time_s / m.time_s).exp_m1()).sum();
         self.instantaneous_per_pa + retarded + self.fluidity_per_pa_s * time_s
     }
 }
 
-/// A constitutive law that a model starts from, before effects are added.
+/// Constitutive law that a model has before effects are added.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub enum BaseLaw {
     /// Kelvin–Voigt body in series with a dashpot: `young_modulus_pa`, `viscosity_1_pa_s`, `viscosity_2_pa_s`.
@@ -84,13 +84,13 @@ pub enum BaseLaw {
     Burgers,
     /// Lethersich with a second Kelvin–Voigt body in series: adds `second_modulus_pa`, `second_viscosity_pa_s`.
     TwoElement,
-    /// A network from `model.toml`, with parameters of its own.
+    /// Network from `model.toml`, with its own parameters.
     Network(&'static Network),
-    /// Another program's model, which is asked for trajectories.
+    /// Model of an external program, which computes trajectories.
     Outside(&'static OutsideLaw),
 }
 
-/// Name of a law that another program computes.
+/// Name of a law that an external program computes.
 pub const OUTSIDE: &str = "outside";
 
 /// Parameters of [`BaseLaw::Lethersich`].
@@ -99,15 +99,15 @@ const BURGERS: &[ParameterSpec] = &[YOUNG_MODULUS, VISCOSITY_1, VISCOSITY_2, INS
 const TWO_ELEMENT: &[ParameterSpec] = &[YOUNG_MODULUS, VISCOSITY_1, VISCOSITY_2, SECOND_MODULUS, SECOND_VISCOSITY];
 
 impl BaseLaw {
-    /// The laws that have a name.
+    /// Laws that have a name.
     pub const NAMED: [Self; 3] = [Self::Lethersich, Self::Burgers, Self::TwoElement];
 
-    /// The law of a name.
+    /// Law with this name, if there is one.
     pub fn named(name: &str) -> Option<Self> {
         Self::NAMED.into_iter().find(|law| law.name() == name)
     }
 
-    /// Name for people.
+    /// Name in texts.
     pub fn title(self) -> &'static str {
         match self {
             Self::Lethersich => "Lethersich",
@@ -129,7 +129,7 @@ impl BaseLaw {
         }
     }
 
-    /// The law's parameters, in the order in which [`Self::elements`] takes them.
+    /// Parameters of the law, in the order of [`Self::elements`].
     pub fn parameters(self) -> &'static [ParameterSpec] {
         match self {
             Self::Lethersich => LETHERSICH,
@@ -140,7 +140,7 @@ impl BaseLaw {
         }
     }
 
-    /// The law's elements in series at `parameters` (SI, the order of [`Self::parameters`]; all positive). None are known of an outside law.
+    /// Elements in series at `parameters` (SI, the order of [`Self::parameters`]; all positive). An external law has none.
     pub fn elements(self, parameters: &[Dual]) -> Vec<Element> {
         let p = parameters;
         let lethersich = || vec![Element::kelvin_voigt(p[0], p[1]), Element::Dashpot { viscosity_pa_s: p[2] }];
@@ -154,8 +154,8 @@ impl BaseLaw {
         }
     }
 
-    /// Where the element stands whose modulus or viscosity a parameter is: a body in series, or a part of one of parts in parallel. `None` for orders, and for elements that
-    /// stand elsewhere or twice.
+    /// Place of the element whose modulus or viscosity is the parameter `name`. It is a body in series, or a part of a body of parallel parts.
+    /// `None` for orders, and for elements that occur elsewhere or twice.
     pub fn leaf(self, name: &str) -> Option<Leaf> {
         let at = |body: usize, part: Option<usize>| Some(Leaf { body, part });
         match (self, name) {
@@ -173,7 +173,7 @@ impl BaseLaw {
 
     /// Creep compliance at `parameters` (SI, the order of [`Self::parameters`]; all positive).
     ///
-    /// `None` for laws that are no finite sum of exponentials.
+    /// `None` for laws that are not a finite sum of exponentials.
     pub fn creep_compliance(self, parameters: &[f64]) -> Option<CreepCompliance> {
         let p = parameters;
         let lethersich = || CreepCompliance::lethersich(p);
@@ -189,8 +189,8 @@ impl BaseLaw {
         }
     }
 
-    /// The prior of a parameter that has no published numbers, and where its numbers come from; `median_of` gives the priors' medians of the base's other
-    /// parameters by name. `None` for parameters whose priors stand in prior files.
+    /// Default prior of a parameter without published numbers, and the source of its numbers. `median_of` gives the prior median of the base's other
+    /// parameters by name. `None` for parameters whose priors are in prior files.
     pub fn default_prior(self, name: &str, median_of: &dyn Fn(&str) -> f64) -> Option<(Distribution, &'static str)> {
         let wide = |median: f64| Distribution::LogNormal { median, log_sd: 1.5 };
         match (self, name) {
@@ -211,7 +211,7 @@ impl BaseLaw {
         }
     }
 
-    /// Its interchangeable parts, one entry for each group of them.
+    /// Interchangeable parts of the law, one entry for each group.
     pub fn interchangeable_parts(self) -> Vec<InterchangeableParts> {
         match self {
             Self::TwoElement => {
@@ -225,7 +225,7 @@ impl BaseLaw {
         }
     }
 
-    /// Whether the law has a [`Self::creep_compliance`].
+    /// Returns `true` if the law has a [`Self::creep_compliance`].
     pub fn is_exponential(self) -> bool {
         match self {
             Self::Lethersich | Self::Burgers | Self::TwoElement => true,
@@ -233,7 +233,7 @@ impl BaseLaw {
         }
     }
 
-    /// The other program's model, if it is one.
+    /// Model of the external program; `None` for other laws.
     pub fn outside(self) -> Option<&'static OutsideLaw> {
         match self {
             Self::Outside(law) => Some(law),
@@ -256,14 +256,14 @@ mod tests {
     fn lethersich_limits() {
         let j = CreepCompliance::lethersich(&[3.527, 1.402, 47.370]);
         assert_eq!(j.at(0.0), 0.0);
-        // Short times: two dashpots in series; long times: spring plus free flow.
+        // Short times are two dashpots in series; long times are a spring plus free flow.
         let t = 1e-7;
         assert!((j.at(t) / (t / 1.402 + t / 47.370) - 1.0).abs() < 1e-6);
         let t = 1e3;
         assert!((j.at(t) - (1.0 / 3.527 + t / 47.370)).abs() < 1e-12);
     }
 
-    /// Every named law's own closed form against the spectrum of its elements.
+    /// Checks every named law's closed form against the spectrum of its elements.
     #[test]
     fn named_laws_creep_as_their_elements_do() {
         let p = [3.5, 1.4, 47.0, 8.0, 30.0];
@@ -279,7 +279,7 @@ mod tests {
         }
     }
 
-    /// Where a parameter is said to stand, its number stands, in named laws and in a network.
+    /// Checks that each parameter is at the place that `leaf` returns, in named laws and in a network.
     #[test]
     fn leaves_are_where_their_parameters_are() {
         let text = "parallel = [{ spring = \"gel\" }, { springpot = \"mesh\" }]";

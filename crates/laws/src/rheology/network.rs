@@ -1,4 +1,4 @@
-//! Networks written in `model.toml`: any tree of springs, dashpots and springpots as a base law (formats §2).
+//! Networks in `model.toml`: any tree of springs, dashpots and springpots as a base law (formats §2).
 //!
 //! ```toml
 //! [base.network]
@@ -8,10 +8,10 @@
 //! ]
 //! ```
 //!
-//! A table holds one key: `series` or `parallel` with a list of tables, or an element with its name. Names make the parameters: a spring `gel` has
-//! `gel_modulus_pa`, a dashpot `flow` has `flow_viscosity_pa_s`, a springpot `mesh` has `mesh_modulus_pa`, its modulus at one second
-//! (s = G (1 s)ᵅ Dᵅε), and `mesh_order`. The same name on the same kind of element twice is one set of parameters. No such name can be that of a
-//! noise parameter, which end otherwise, or of an effect's, which have a dot.
+//! A table holds one key: `series` or `parallel` with a list of tables, or an element with its name. Names define the parameters: a spring `gel` has
+//! `gel_modulus_pa`, a dashpot `flow` has `flow_viscosity_pa_s`. A springpot `mesh` has `mesh_order` and `mesh_modulus_pa`, its modulus at one second
+//! (s = G (1 s)ᵅ Dᵅε). A name that occurs twice on one kind of element denotes one set of parameters. These names never collide with names of
+//! noise parameters, which have other endings, or of effects' parameters, which contain a dot.
 
 use std::path::Path;
 use std::sync::{Mutex, PoisonError};
@@ -30,13 +30,13 @@ const SERIES: &str = "series";
 const PARALLEL: &str = "parallel";
 const KEYS: [&str; 5] = [SPRING, DASHPOT, SPRINGPOT, SERIES, PARALLEL];
 const EXAMPLE: &str = "{ spring = \"gel\" }";
-/// Most bodies of a network: with two parameters each, those of effects and noise fit into the 256 dimensions of the Sobol sequences, too.
+/// Largest number of bodies of a network. With two parameters each, they fit with effects and noise into the 256 dimensions of the Sobol sequences.
 const MOST_BODIES: usize = 64;
 
-/// Every network that has been read.
+/// All networks read so far.
 static NETWORKS: Mutex<Vec<&'static Network>> = Mutex::new(Vec::new());
 
-/// A tree of named elements.
+/// Tree of named elements.
 #[derive(Debug, PartialEq)]
 pub struct Network {
     root: Node,
@@ -45,7 +45,7 @@ pub struct Network {
 
 #[derive(Debug, Clone, PartialEq)]
 enum Node {
-    /// An element and the place of its first parameter.
+    /// Element and the index of its first parameter.
     Leaf {
         kind: Kind,
         name: String,
@@ -71,7 +71,7 @@ impl Kind {
         }
     }
 
-    /// What follows an element's name in its parameters' names, their units and supports.
+    /// Suffixes of the element's parameter names, with units and supports.
     fn parameters(self) -> &'static [(&'static str, &'static str, Support)] {
         const MODULUS: (&str, &str, Support) = ("modulus_pa", "Pa", Support::POSITIVE);
         match self {
@@ -82,17 +82,17 @@ impl Kind {
     }
 }
 
-/// What reading gathers: the elements so far, with the place of their first parameter, and the parameters' names.
+/// State of reading: the elements so far with the index of their first parameter, and the parameters' names.
 #[derive(Default)]
 struct Reader {
     elements: Vec<(String, Kind, usize)>,
     parameters: Vec<(String, &'static str, Support)>,
-    /// Leaves, those of one element counted each time.
+    /// Number of leaves. A repeated element counts each time.
     n_bodies: usize,
 }
 
 impl Network {
-    /// Reads a network from the text of its table, for models that are made without a `model.toml`; `file` is only named in errors.
+    /// Reads a network from the text of its table, for models without a `model.toml`. Only errors use `file`.
     ///
     /// ```
     /// use vitreo_uq_laws::rheology::{BaseLaw, Network};
@@ -110,15 +110,15 @@ impl Network {
         Self::from_toml(&document.root())
     }
 
-    /// Reads the table `[base.network]`; the same network is the same reference.
+    /// Reads the table `[base.network]`. Equal networks share one reference.
     ///
     /// # Errors
     /// [`base::Error::Input`] with file, line, key and remedy.
     pub fn from_toml(table: &Table<'_>) -> Result<&'static Self> {
         let mut reader = Reader::default();
         let root = reader.node(table)?;
-        // A law is copied into every forward model and thread, and parameters' names are static everywhere: a network lives as long as the program.
-        // Each distinct one is kept once, so that reading the same file again costs nothing.
+        // A law is copied into every forward model and thread, and parameter names are static. A network therefore lives as long as the program.
+        // Each distinct network is kept once, so that reading a file again uses no more memory.
         let mut networks = NETWORKS.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some(known) = networks.iter().find(|network| network.root == root) {
             return Ok(known);
@@ -132,17 +132,17 @@ impl Network {
         Ok(network)
     }
 
-    /// The table under `network`, as it is read.
+    /// Table under `network`, as [`Self::from_toml`] reads it.
     pub fn to_toml_value(&self) -> toml::Value {
         self.root.to_toml_value()
     }
 
-    /// The parameters, in the order in which the elements first stand.
+    /// Parameters, in the order of the elements' first occurrence.
     pub fn parameters(&self) -> &[ParameterSpec] {
         &self.parameters
     }
 
-    /// As [`super::BaseLaw::leaf`].
+    /// Implements [`super::BaseLaw::leaf`].
     pub(super) fn leaf(&self, name: &str) -> Option<Leaf> {
         let is_it = |node: &Node| match node {
             Node::Leaf { kind, name: own, .. } => name == format!("{own}_{}", kind.parameters()[0].0),
@@ -168,7 +168,7 @@ impl Network {
         }
     }
 
-    /// The elements in series at `parameters` (SI, the order of [`Self::parameters`]).
+    /// Elements in series at `parameters` (SI, the order of [`Self::parameters`]).
     pub fn elements(&self, parameters: &[Dual]) -> Vec<Element> {
         match &self.root {
             Node::Series(nodes) => nodes.iter().map(|node| node.element(parameters)).collect(),
@@ -176,7 +176,7 @@ impl Network {
         }
     }
 
-    /// As [`super::BaseLaw::interchangeable_parts`]. An element that stands in the network twice is in none.
+    /// Implements [`super::BaseLaw::interchangeable_parts`]. An element that occurs twice in the network belongs to no part.
     pub(super) fn interchangeable_parts(&self) -> Vec<InterchangeableParts> {
         let (mut found, mut places) = (Vec::new(), Vec::new());
         self.root.add_interchangeable(&mut found);
@@ -187,7 +187,7 @@ impl Network {
         found.into_iter().map(|parts| InterchangeableParts(parts.into_iter().map(specs).collect())).collect()
     }
 
-    /// The prior of one of its parameters, and where its numbers come from.
+    /// Default prior of one parameter, and the source of its numbers.
     pub(super) fn default_prior(&self, name: &str) -> Option<(Distribution, &'static str)> {
         let spec = self.parameters.iter().find(|spec| spec.name == name)?;
         let wide = |median: f64| Distribution::LogNormal { median, log_sd: 2.0 };
@@ -209,7 +209,7 @@ impl Reader {
         let (Some(key), None) = (keys.next(), keys.next()) else {
             let found: Vec<&str> = table.keys().collect();
             return Err(table.refuse_whole(
-                format!("one key is needed here, found {}: {}", found.len(), found.join(", ")),
+                format!("found {} keys where one is expected: {}", found.len(), found.join(", ")),
                 format!("give one of {}, as in `{EXAMPLE}`; join several by `series` or `parallel`", KEYS.join(", ")),
             ));
         };
@@ -239,13 +239,15 @@ impl Reader {
             return Err(table.refuse(
                 key,
                 format!("this is body {} of the network", self.n_bodies),
-                format!("give a network of at most {MOST_BODIES} bodies; measurements of creep tell a few apart"),
+                format!(
+                    "give a network of at most {MOST_BODIES} bodies; creep measurements can distinguish only a few"
+                ),
             ));
         }
         if !is_identifier(&name) {
             return Err(table.refuse(
                 key,
-                format!("`{name}` cannot begin the name of a parameter"),
+                format!("`{name}` cannot start a parameter's name"),
                 "use lower-case letters, digits and underscores, a letter first, as in `gel`",
             ));
         }
@@ -255,8 +257,8 @@ impl Reader {
             Some((_, other, _)) => {
                 return Err(table.refuse(
                     key,
-                    format!("`{name}` is the name of a {} already", other.key()),
-                    "give each element its own name; the same name twice means the same element twice",
+                    format!("`{name}` is already the name of a {}", other.key()),
+                    "give each element its own name; a repeated name means a repeated element",
                 ));
             }
             None => self.new_element(&name, kind),
@@ -279,7 +281,7 @@ pub(super) fn is_identifier(name: &str) -> bool {
 }
 
 impl Node {
-    /// How many leaves are so.
+    /// Number of leaves for which `is_so` is true.
     fn count(&self, is_so: &dyn Fn(&Self) -> bool) -> usize {
         match self {
             Self::Leaf { .. } => usize::from(is_so(self)),
@@ -304,7 +306,7 @@ impl Node {
         }
     }
 
-    /// The structure without names, and its parameters' places, which are added. Nodes beside each other are sorted, so that their order in the file does not matter.
+    /// Structure without names. It adds the indices of its parameters to `places`. Siblings are sorted, so that their order in the file does not matter.
     fn shape(&self, places: &mut Vec<usize>) -> String {
         let (key, nodes) = match self {
             Self::Leaf { kind, first, .. } => {
@@ -325,7 +327,7 @@ impl Node {
         (self.shape(&mut places), places)
     }
 
-    /// Adds every group of nodes of one structure beside each other, here and below: for each node the places of its parameters.
+    /// Adds every group of siblings of equal structure, here and below, as the parameter indices of each sibling.
     fn add_interchangeable(&self, found: &mut Vec<Vec<Vec<usize>>>) {
         let (Self::Series(nodes) | Self::Parallel(nodes)) = self else { return };
         let mut groups: Vec<(String, Vec<Vec<usize>>)> = Vec::new();
@@ -361,7 +363,7 @@ mod tests {
         Network::from_toml(&base.required_table("network")?)
     }
 
-    /// Parts of one structure beside each other are interchangeable, also with another part between them and with their own parts in another order. An element that stands there twice is not.
+    /// Siblings of equal structure are interchangeable, even with another part between them or with their own parts in another order. A repeated element is not.
     #[test]
     fn parts_of_one_structure_are_interchangeable() {
         let alike = |text: &str| -> Vec<Vec<Vec<&str>>> {
@@ -399,7 +401,7 @@ mod tests {
         let window = TimeWindow { shortest_s: 0.05, longest_s: 40.0 };
         let found = RetardationSpectrum::of(&elements, window).unwrap();
         let lethersich = BaseLaw::Lethersich.elements(&[3.5, 1.4, 47.0].map(Dual::constant));
-        // A springpot of order 1 is a dashpot of the same number.
+        // A springpot of order 1 is a dashpot with the viscosity G (1 s).
         assert_eq!(found, RetardationSpectrum::of(&lethersich, window).unwrap());
         for spec in law.parameters() {
             let (prior, _) = law.default_prior(spec.name, &|_| f64::NAN).unwrap();

@@ -1,4 +1,4 @@
-//! Networks against numerical inverse Laplace transforms.
+//! Tests of networks against numerical inverse Laplace transforms.
 
 use std::f64::consts::PI;
 
@@ -9,8 +9,8 @@ use super::spectrum_tests::{WINDOW, dual_compliance, times};
 use super::{Element, RetardationSpectrum};
 use base::number::Dual;
 
-/// The inverse Laplace transform of J*(s)/s by the fixed Talbot method (Abate and Valkó 2004, doi:10.1002/nme.995), with J* written down
-/// here in complex numbers; its own error is about 1e-11 of J.
+/// Inverse Laplace transform of J*(s)/s by the fixed Talbot method (Abate and Valkó 2004, doi:10.1002/nme.995). J* is written
+/// here in complex numbers. The method's error is about 1e-11 of J.
 fn talbot(modulus: &dyn Fn(Complex<f64>) -> Complex<f64>, t: f64) -> f64 {
     let n = 24;
     let r = 2.0 * f64::from(n) / (5.0 * t);
@@ -26,7 +26,7 @@ fn talbot(modulus: &dyn Fn(Complex<f64>) -> Complex<f64>, t: f64) -> f64 {
     sum * r / f64::from(n)
 }
 
-/// A network, its complex modulus, its parameters, and which of them are orders.
+/// Network, its complex modulus, its parameters, and the indices of those that are orders.
 struct Law {
     name: &'static str,
     network: fn(&[Dual]) -> Element,
@@ -179,7 +179,8 @@ fn networks_creep_as_the_inverse_laplace_transform_says() {
     }
 }
 
-/// Against central differences of the Talbot transform, good to 1e-7: its error of 1e-11 over the step of 1e-4, and the step squared times ten.
+/// Checks derivatives against central differences of the Talbot transform, which are good to 1e-7.
+/// Their error is 1e-11 over the step of 1e-4, plus ten times the step squared.
 #[test]
 fn derivatives_of_networks_equal_central_differences() {
     for Law { name, network, modulus, parameters, .. } in ZOO {
@@ -205,8 +206,8 @@ fn derivatives_of_networks_equal_central_differences() {
     }
 }
 
-/// The derivative by an order of exactly 1, where the springpot is a dashpot among others, against one-sided differences of the Talbot transform; the value there is the
-/// network's with a dashpot.
+/// Checks the derivative by an order of exactly 1, where the springpot is a dashpot among others, against one-sided differences of the Talbot transform.
+/// The value must be that of the network with a dashpot.
 #[test]
 fn the_derivative_by_an_order_of_one_is_the_limit_from_below() {
     let arms = |of_flow: Element, of_arm: Element| {
@@ -233,7 +234,8 @@ fn the_derivative_by_an_order_of_one_is_the_limit_from_below() {
     }
 }
 
-/// Outside (0, 1] there is no springpot. In parallel with other elements, the derivative by two orders of exactly 1 is not there: refused with a remedy, not computed wrongly.
+/// Checks that orders outside (0, 1] are refused, as no springpot has them. In parallel with other elements, a derivative by two orders of exactly 1
+/// does not exist; it must be refused with a remedy.
 #[test]
 fn orders_without_a_spectrum_are_refused() {
     let two = [2.0, 3.0].map(|modulus_pa| springpot(modulus_pa.into(), Dual::variable(1.0))).to_vec();
@@ -251,8 +253,8 @@ fn orders_without_a_spectrum_are_refused() {
     }
 }
 
-/// Parameters over five decades and orders from 0.1 to 0.9999: 300 draws of each network with springpots, whose zeros then lie anywhere. The
-/// seed is fixed; the bound must hold for every draw, and a network that cannot be computed fails.
+/// Checks parameters over five decades and orders from 0.1 to 0.9999. The test takes 300 draws of each network with springpots, whose zeros are then anywhere.
+/// The seed is fixed. The bound must hold for every draw, and a network that cannot be computed fails.
 #[test]
 fn networks_are_right_at_random_parameters() {
     let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(31);
@@ -278,7 +280,7 @@ fn networks_are_right_at_random_parameters() {
 fn degenerate_networks_behave() {
     let empty = RetardationSpectrum::of(&[Parallel(Vec::new())], WINDOW);
     assert!(empty.is_err_and(|error| error.to_string().contains("a network has no element in parallel")));
-    // Springs beside each other are a spring, dashpots a dashpot, and so inside other bodies.
+    // Parallel springs are a spring and parallel dashpots a dashpot, also inside other bodies.
     let springs = Parallel(vec![spring(1.0.into()), spring(3.0.into())]);
     let dashpots = Parallel(vec![dashpot(2.0.into()), dashpot(5.0.into())]);
     let body = Parallel(vec![springs.clone(), dashpots.clone()]);
@@ -287,13 +289,16 @@ fn degenerate_networks_behave() {
     assert!((of(&[dashpots]).creep_compliance_per_pa(2.0) - 2.0 / 7.0).abs() < 1e-15);
     let expected = -0.25 * (-4.0 / 7.0_f64).exp_m1();
     assert!((of(&[body]).creep_compliance_per_pa(1.0) - expected).abs() < 1e-15);
-    // A springpot whose time is beyond all numbers, and windows that are none.
+    // These cases are a springpot whose time exceeds all numbers, and invalid windows.
     let overflow = Parallel(vec![spring(1e-30.into()), springpot(1e30.into(), 0.05.into())]);
     let overflow = RetardationSpectrum::of(&[overflow], WINDOW).unwrap_err().to_string();
     assert!(overflow.contains("the creep compliance of") && overflow.contains("is not finite"), "{overflow}");
     for (shortest_s, longest_s) in [(0.0, 1.0), (2.0, 1.0), (f64::NAN, 1.0), (1.0, f64::INFINITY)] {
         let window = super::TimeWindow { shortest_s, longest_s };
         let error = RetardationSpectrum::of(&[spring(1.0.into())], window).unwrap_err().to_string();
-        assert!(error.contains(&format!("a spectrum cannot hold from {shortest_s} s to {longest_s} s")), "{error}");
+        assert!(
+            error.contains(&format!("a spectrum cannot cover times from {shortest_s} s to {longest_s} s")),
+            "{error}"
+        );
     }
 }

@@ -1,4 +1,4 @@
-//! Any law as a sum of exponentials.
+//! Retardation spectra of laws, as sums of exponentials.
 
 use super::fractional::{FractionalBody, Springpot};
 use super::spectrum::check_order;
@@ -7,7 +7,7 @@ use base::error::{Error, Result};
 use base::number::{Dual, PointScalar};
 
 impl RetardationSpectrum {
-    /// The spectrum of elements in series, [`Accuracy::Fine`].
+    /// Spectrum of elements in series with [`Accuracy::Fine`].
     ///
     /// # Errors
     /// Those of [`Self::with_accuracy`].
@@ -17,18 +17,18 @@ impl RetardationSpectrum {
 }
 
 impl<T: PointScalar> RetardationSpectrum<T> {
-    /// The spectrum of elements in series, by value or with the derivative that they carry; values are the same to the bit.
+    /// Spectrum of elements in series, by value or with the derivative that they carry. Values are equal to the bit in both cases.
     ///
-    /// Springs, dashpots and networks of them are exact. Springpots are right within the accuracy for times inside the window and after any
-    /// superposition of them; before `shortest_s` the modes that are faster than the window stand as instantaneous compliance.
+    /// Springs, dashpots and networks of them are exact. Springpots have the given accuracy for times inside the window and after any
+    /// superposition of them. Before `shortest_s`, modes faster than the window act as instantaneous compliance.
     ///
     /// # Errors
-    /// [`Error::Numerical`] where a network has no spectrum that can be computed, and where the window is not one of positive, finite times.
+    /// [`Error::Numerical`] if a network's spectrum cannot be computed, or the window's times are not positive and finite.
     pub fn with_accuracy(law: &[Element], window: TimeWindow, accuracy: Accuracy) -> Result<Self> {
         let TimeWindow { shortest_s, longest_s } = window;
         if !(shortest_s > 0.0 && longest_s >= shortest_s && longest_s.is_finite()) {
             return Err(Error::numerical(
-                format!("a spectrum cannot hold from {shortest_s} s to {longest_s} s"),
+                format!("a spectrum cannot cover times from {shortest_s} s to {longest_s} s"),
                 "give positive, finite times, the shortest first",
             ));
         }
@@ -38,14 +38,14 @@ impl<T: PointScalar> RetardationSpectrum<T> {
         if !(spectrum.instantaneous_per_pa.value().is_finite() && spectrum.fluidity_per_pa_s.value().is_finite()) {
             return Err(Error::numerical(
                 format!("the creep compliance of {law:?} is not finite"),
-                "give moduli, viscosities and times of a size that can be",
+                "give physically possible moduli, viscosities and times",
             ));
         }
         Ok(spectrum)
     }
 }
 
-/// A spectrum to which elements are added.
+/// Spectrum under construction.
 struct Builder<T> {
     spectrum: RetardationSpectrum<T>,
     window: TimeWindow,

@@ -1,11 +1,11 @@
-//! What a law answers to an oscillation (physics §2): its complex modulus E*(ω) = E′ + iE″.
+//! Response of a law to an oscillation (physics §2): its complex modulus E*(ω) = E′ + iE″.
 
 use super::Element;
 use base::number::Complex;
 
-/// E*(ω) in Pa of elements in series at an angular frequency in 1/s, at the values of their parameters.
+/// Complex modulus E*(ω) in Pa of elements in series at an angular frequency in 1/s, by value.
 ///
-/// An element without compliance adds none; elements that are all rigid have an infinite modulus.
+/// Rigid elements add no compliance. If all elements are rigid, the modulus is infinite.
 pub fn complex_modulus_pa(law: &[Element], angular_frequency_per_s: f64) -> Complex<f64> {
     reciprocal(series_per_pa(law, angular_frequency_per_s))
 }
@@ -45,7 +45,7 @@ fn modulus_pa(element: &Element, omega_per_s: f64) -> Complex<f64> {
     }
 }
 
-/// 1/z, where nothing and infinity are each other's.
+/// Returns 1/z. The reciprocal of 0 is infinity, and that of infinity 0.
 fn reciprocal(z: Complex<f64>) -> Complex<f64> {
     if z.re == 0.0 && z.im == 0.0 {
         Complex { re: f64::INFINITY, im: 0.0 }
@@ -66,14 +66,14 @@ mod tests {
         values.iter().map(|value| Dual::constant(*value)).collect()
     }
 
-    /// By hand: 1/E* = 1/(E + iωc₁) + 1/(iωc₂).
+    /// Checks against 1/E* = 1/(E + iωc₁) + 1/(iωc₂), worked out by hand.
     #[test]
     fn lethersich_is_its_formula() {
         let [e, c1, c2] = [3.5, 1.4, 47.0];
         let law = BaseLaw::Lethersich.elements(&duals(&[e, c1, c2]));
         for omega in [1e-3, 0.1, 1.0, 30.0] {
             let modulus = complex_modulus_pa(&law, omega);
-            // (E + iωc₁) iωc₂ / (E + iω(c₁ + c₂)), multiplied out.
+            // The expected modulus is (E + iωc₁) iωc₂ / (E + iω(c₁ + c₂)), multiplied out.
             let (a, b) = (e, omega * (c1 + c2));
             let (re, im) = (-omega * c1 * omega * c2, e * omega * c2);
             let norm = a * a + b * b;
@@ -83,8 +83,8 @@ mod tests {
         }
     }
 
-    /// J*(ω) = iω ∫ J(t) e^{−iωt} dt of the creep compliance, for every named law and a network with a springpot: by the spectrum that the reduced model
-    /// takes, which is another path. The integral ends at 3,000 s, which leaves 4·10⁻⁵ of the network's slow creep.
+    /// Checks J*(ω) = iω ∫ J(t) e^{−iωt} dt for every named law and a network with a springpot. J(t) comes from the reduced model's spectrum, which is
+    /// an independent path. The integral ends at 3,000 s and so omits 4·10⁻⁵ of the network's slow creep.
     #[test]
     fn creep_and_oscillation_are_one_law() {
         let text = "series = [{ parallel = [{ spring = \"gel\" }, { springpot = \"mesh\" }] }, { dashpot = \"flow\" }]";
@@ -105,19 +105,20 @@ mod tests {
         }
     }
 
-    /// iω ∫₀^∞ J(t) e^{−iωt} dt = J(0) + ∫ J̇ e^{−iωt} dt; the flow's part of J̇, constant at last, is φ/(iω) and is taken off before the integral.
+    /// Transform iω ∫₀^∞ J(t) e^{−iωt} dt = J(0) + ∫ J̇ e^{−iωt} dt. The flow gives J̇ its constant limit.
+    /// Its transform is φ/(iω), and the flow is subtracted before the integral.
     fn transformed(spectrum: &RetardationSpectrum, omega: f64) -> Complex<f64> {
         let j = |t: f64| spectrum.creep_compliance_per_pa(t);
         let (late, later) = (3e3, 3.1e3);
         let fluidity = (j(later) - j(late)) / (later - late);
         let rest = |t: f64| j(t) - fluidity * t;
-        // Parts of ∫ d(rest) e^{−iωt}: exact for rest linear between the nodes of a logarithmic grid.
+        // Parts of ∫ d(rest) e^{−iωt}, exact if `rest` is linear between the nodes of a logarithmic grid.
         let nodes: Vec<f64> = (0..=60_000).map(|k| 1e-6 * 10f64.powf(9.0 * k as f64 / 60_000.0)).collect();
         let mut sum = Complex { re: rest(1e-6), im: -fluidity / omega };
         for pair in nodes.windows(2).take_while(|pair| pair[1] < late) {
             let (from, to) = (pair[0], pair[1]);
             let slope = (rest(to) - rest(from)) / (to - from);
-            // ∫ e^{−iωt} dt.
+            // The next two lines are ∫ e^{−iωt} dt.
             let re = ((omega * to).sin() - (omega * from).sin()) / omega;
             let im = ((omega * to).cos() - (omega * from).cos()) / omega;
             sum = sum + Complex { re: slope * re, im: slope * im };

@@ -1,4 +1,4 @@
-//! A law that another program computes: all that is known of it here is its address and its parameters (docs/serve.md).
+//! Law that an external program computes. The library knows its address and its parameters only (docs/serve.md).
 //!
 //! ```toml
 //! [base.forward]
@@ -13,14 +13,14 @@ use base::error::Result;
 use base::parameter::{ParameterSpec, Support};
 use base::toml_input::Table;
 
-/// Every outside law that has been named.
+/// All external laws named so far.
 static LAWS: Mutex<Vec<&'static OutsideLaw>> = Mutex::new(Vec::new());
 const KEYS: [&str; 3] = ["url", "model", "parameters"];
 const PARAMETERS: &str = "parameters = [{ name = \"spring_pa\", unit = \"Pa\" }]";
-/// Most parameters: a surrogate of more would take more calls than anyone waits for.
+/// Largest number of parameters. A surrogate of more would need too many calls.
 pub const MOST_PARAMETERS: usize = 8;
 
-/// A model that a server offers.
+/// Model that a server offers.
 #[derive(Debug, PartialEq)]
 pub struct OutsideLaw {
     url: String,
@@ -29,14 +29,15 @@ pub struct OutsideLaw {
 }
 
 impl OutsideLaw {
-    /// A model at an address, by its name or else the one that the server offers; parameters by name and unit, in the order in which the server takes them. The same law is the same reference.
+    /// Model at an address. `model` is its name; without it, the model that the server offers is used.
+    /// Parameters are pairs of name and unit, in the server's order. Equal laws share one reference.
     pub fn new(url: &str, model: Option<&str>, parameters: &[(String, String)]) -> &'static Self {
         let is_same = |law: &&&Self| {
             let own = law.parameters.iter().map(|spec| (spec.name, spec.unit));
             let other = parameters.iter().map(|(name, unit)| (name.as_str(), unit.as_str()));
             law.url == url && law.model.as_deref() == model && own.eq(other)
         };
-        // As networks are: a law is copied everywhere, and parameters' names are static.
+        // A law is copied into every forward model and thread, and parameter names are static: see the networks.
         let mut laws = LAWS.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some(known) = laws.iter().find(is_same) {
             return known;
@@ -80,18 +81,16 @@ impl OutsideLaw {
         Ok(Self::new(&url, model.as_deref(), &parameters))
     }
 
-    /// What is wrong with a parameter's name after others, and what to do.
+    /// Error in a parameter's name, given the names before it, and the remedy; `None` if the name is valid.
     pub fn mistake<'a>(name: &str, mut before: impl Iterator<Item = &'a str>) -> Option<(String, String)> {
         if !super::network::is_identifier(name) {
             let found = format!("`{name}` cannot be the name of a parameter");
             return Some((found, "use lower-case letters, digits and underscores, a letter first".into()));
         }
-        before
-            .any(|other| other == name)
-            .then(|| (format!("`{name}` is there twice"), "name each parameter once".into()))
+        before.any(|other| other == name).then(|| (format!("`{name}` occurs twice"), "name each parameter once".into()))
     }
 
-    /// The table under `forward`, as it is read.
+    /// Table under `forward`, as [`Self::from_toml`] reads it.
     pub fn to_toml_value(&self) -> toml::Value {
         let text = |text: &str| toml::Value::String(text.into());
         let entry = |spec: &ParameterSpec| {
@@ -108,23 +107,23 @@ impl OutsideLaw {
         toml::Value::Table(table)
     }
 
-    /// The parameter of a name that a law has declared, if one has.
+    /// Parameter with this name in any declared law, if there is one.
     pub fn parameter_named(name: &str) -> Option<ParameterSpec> {
         let laws = LAWS.lock().unwrap_or_else(PoisonError::into_inner);
         laws.iter().flat_map(|law| &law.parameters).find(|spec| spec.name == name).copied()
     }
 
-    /// The server's address.
+    /// Address of the server.
     pub fn url(&self) -> &str {
         &self.url
     }
 
-    /// The name of its model; `None` for the one that it offers.
+    /// Name of the model; `None` for the model that the server offers.
     pub fn model(&self) -> Option<&str> {
         self.model.as_deref()
     }
 
-    /// Its parameters, in the order of the model's input; all positive.
+    /// Parameters, in the order of the model's input. All are positive.
     pub fn parameters(&self) -> &[ParameterSpec] {
         &self.parameters
     }

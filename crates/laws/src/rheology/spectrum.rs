@@ -1,9 +1,9 @@
-//! A law as a sum of exponentials: what the fast convolution needs.
+//! Retardation spectrum: a law as a sum of exponentials, for the fast convolution.
 
 use base::error::{Error, Result};
 use base::number::{Dual, PointScalar};
 
-/// J(t) = J₀ + Σ aₘ (1 − e^{−rₘt}) + Re Σ Aₙ (1 − e^{−Λₙt}) + φ t.
+/// Creep compliance J(t) = J₀ + Σ aₘ (1 − e^{−rₘt}) + Re Σ Aₙ (1 − e^{−Λₙt}) + φ t.
 #[derive(Debug, Clone, PartialEq)]
 pub struct RetardationSpectrum<T = Dual> {
     /// J₀ in 1/Pa.
@@ -16,7 +16,7 @@ pub struct RetardationSpectrum<T = Dual> {
     pub fluidity_per_pa_s: T,
 }
 
-/// a (1 − e^{−rt}).
+/// Mode a (1 − e^{−rt}).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SpectralMode<T = Dual> {
     /// a in 1/Pa.
@@ -25,7 +25,7 @@ pub struct SpectralMode<T = Dual> {
     pub rate_per_s: T,
 }
 
-/// Re A (1 − e^{−Λt}) with complex A and Λ, Re Λ > 0; real part first.
+/// Mode Re A (1 − e^{−Λt}) with complex A and Λ, Re Λ > 0; real part first.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct OscillatingMode<T = Dual> {
     /// A in 1/Pa.
@@ -34,26 +34,26 @@ pub struct OscillatingMode<T = Dual> {
     pub rate_per_s: [T; 2],
 }
 
-/// Times between which a spectrum must be right.
+/// Range of times in which a spectrum must be accurate.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct TimeWindow {
-    /// Shortest time after a change of the force at which the response is asked for, in s.
+    /// Shortest time after a change of the force for which the response is needed, in s.
     pub shortest_s: f64,
-    /// Longest such time, in s.
+    /// Longest time after a change of the force for which the response is needed, in s.
     pub longest_s: f64,
 }
 
-/// How near to its law a spectrum is. Errors are those of J at the end of the window, of 1/E for the fractional Kelvin–Voigt body.
+/// Accuracy of a spectrum. Errors are relative to J at the window's end, for the fractional Kelvin–Voigt body to 1/E.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Accuracy {
-    /// Within 1e-8.
+    /// Error of 1e-8.
     Fine,
-    /// Springpots within 1e-6, with two thirds of the modes: small beside any noise. Networks of springpots are [`Accuracy::Fine`] all the same.
+    /// Error of 1e-6 for springpots, with two thirds of the modes. It is small compared to any noise. Networks of springpots still use [`Accuracy::Fine`].
     Fast,
 }
 
 impl RetardationSpectrum {
-    /// J(t) in 1/Pa by value, t > 0 in s.
+    /// Returns J(t) in 1/Pa by value, for t > 0 in s.
     pub fn creep_compliance_per_pa(&self, time_s: f64) -> f64 {
         let modes = self.modes.iter().map(|m| -m.compliance_per_pa.value * (-m.rate_per_s.value * time_s).exp_m1());
         let oscillating = self.oscillating.iter().map(|mode| {
@@ -94,7 +94,7 @@ impl<T: PointScalar> RetardationSpectrum<T> {
     }
 }
 
-/// Refuses an order outside (0, 1]; at 0 a springpot is a spring.
+/// Checks that an order is in (0, 1]. A springpot of order 0 is a spring.
 pub(super) fn check_order(order: Dual) -> Result<()> {
     if order.value > 0.0 && order.value <= 1.0 {
         return Ok(());

@@ -1,27 +1,27 @@
-//! A law that answers through a field that changes shape: Σ w/(G + something) over a few terms instead of one 1/G.
+//! Laws spread over a field that changes shape: a sum Σ w/(G + x) over a few terms, where x depends on the effect, replaces one 1/G.
 //!
-//! Where two symmetric matrices with scalar factors make up the mechanics, A a(s) + B b(s), their common eigenvectors split the robot's complex
-//! compliance into terms with weights w ≥ 0 and numbers μ ≥ 0 (or shares θ in [0, 1]) of their own:
+//! The mechanics of such a field have two symmetric matrices with scalar factors, A a(s) + B b(s). Their common eigenvectors split the robot's complex
+//! compliance into terms with weights w ≥ 0. Each term has its own number μ ≥ 0 (or share θ in [0, 1]):
 //!
 //! - [`Beside::Friction`]: w/(G + μ s/b), b the compliance of an interface or the mobility of a pore fluid;
 //! - [`Beside::Mass`]: w/(G + μ d s²);
 //! - [`Beside::Law`]: w/(θ G₁ + (1 − θ) G), G₁ another law;
-//! - [`Beside::Spring`]: the same with a spring for the other law.
+//! - [`Beside::Spring`]: w/(θ/b + (1 − θ) G), b the compliance of a spring.
 //!
-//! So every term is the law with a dashpot, a mass, a spring or another law beside it, and its creep a sum of exponentials. For the Lethersich law these are
-//! closed forms; other laws go through [`super::stieltjes`], and masses through the zeros of G/s + μ d s.
+//! Every term is the law in parallel with a dashpot, a mass, a spring or another law, and its creep is a sum of exponentials. For the Lethersich law these are
+//! closed forms. Other laws use [`super::stieltjes`], and masses the zeros of G/s + μ d s.
 
 use super::spectrum::{Accuracy, TimeWindow};
 use super::{Element, OscillatingMode, RetardationSpectrum, SpectralMode, stieltjes};
 use base::error::{Error, Result};
 use base::number::{Dual, PointScalar};
 
-/// What stands beside the law in every term.
+/// Element in parallel with the law in every term.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Beside {
     /// A dashpot of viscosity μ/b.
     Friction {
-        /// b ≥ 0; at 0 terms with μ > 0 do not move.
+        /// b ≥ 0; at b = 0 terms with μ > 0 do not move.
         compliance: Dual,
     },
     /// A mass μ d.
@@ -29,16 +29,16 @@ pub enum Beside {
         /// d ≥ 0.
         scale: Dual,
     },
-    /// A second law with the share θ; the first has the rest.
+    /// Second law with the share θ. The first law has the share 1 − θ.
     Law(Vec<Element>),
-    /// A spring with the share θ; the law has the rest.
+    /// Spring with the share θ. The law has the share 1 − θ.
     Spring {
-        /// b ≥ 0 in 1/Pa; at 0 terms with θ > 0 do not move.
+        /// b ≥ 0 in 1/Pa; at b = 0 terms with θ > 0 do not move.
         compliance_per_pa: Dual,
     },
 }
 
-/// One term: weight w, and μ or θ.
+/// Term of a spread law: weight w, and μ or θ.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SpreadTerm {
     /// w, relative to the compliance of the base.
@@ -47,7 +47,7 @@ pub struct SpreadTerm {
     pub number: Dual,
 }
 
-/// E, c₁ and c₂ of a Lethersich law, if it is one.
+/// Returns E, c₁ and c₂ of a Lethersich law; `None` for other laws.
 fn lethersich<T: PointScalar>(law: &[Element]) -> Option<[T; 3]> {
     let [Element::Parallel(body), Element::Dashpot { viscosity_pa_s: flow }] = law else { return None };
     let [Element::Spring { modulus_pa }, Element::Dashpot { viscosity_pa_s }] = body.as_slice() else { return None };
@@ -55,10 +55,10 @@ fn lethersich<T: PointScalar>(law: &[Element]) -> Option<[T; 3]> {
 }
 
 impl<T: PointScalar> RetardationSpectrum<T> {
-    /// The spectrum of Σ over terms, of a law with something beside it.
+    /// Spectrum of the sum over terms, for a law with an element in parallel.
     ///
     /// # Errors
-    /// Those of [`Self::with_accuracy`]; [`Error::Numerical`] for a mass beside a law with springpots.
+    /// Those of [`Self::with_accuracy`]. [`Error::Numerical`] for a mass in parallel with a law with springpots.
     pub fn spread(
         law: &[Element],
         beside: &Beside,
@@ -106,7 +106,7 @@ impl<T: PointScalar> RetardationSpectrum<T> {
             return Ok(());
         }
         if compliance.value == 0.0 {
-            // To first order b/(μ s), whatever the law.
+            // To first order the term is b/(μ s) for every law.
             self.fluidity_per_pa_s += T::of(term.weight * compliance / term.number);
             return Ok(());
         }
@@ -114,7 +114,7 @@ impl<T: PointScalar> RetardationSpectrum<T> {
         self.add_parallel_terms(vec![Element::Series(law.to_vec()), dashpot], term.weight, window, accuracy)
     }
 
-    /// w/(θ/b + (1 − θ) G).
+    /// Adds w/(θ/b + (1 − θ) G).
     fn add_with_spring(
         &mut self,
         law: &[Element],
@@ -131,7 +131,7 @@ impl<T: PointScalar> RetardationSpectrum<T> {
             return Ok(());
         }
         if compliance.value == 0.0 || rest.is_constant(0.0) {
-            // To first order b/θ, whatever the law.
+            // To first order the term is b/θ for every law.
             self.instantaneous_per_pa += T::of(term.weight * compliance / share);
             return Ok(());
         }
@@ -146,7 +146,7 @@ impl<T: PointScalar> RetardationSpectrum<T> {
         self.add_parallel_terms(elements, term.weight, window, accuracy)
     }
 
-    /// w b (E + Cs)/N, N = (1 − θ) b c₁c₂ s² + (θC + (1 − θ) b c₂E) s + θE, C = c₁ + c₂.
+    /// Adds w b (E + Cs)/N, N = (1 − θ) b c₁c₂ s² + (θC + (1 − θ) b c₂E) s + θE, C = c₁ + c₂.
     fn add_lethersich_with_spring(&mut self, weight: T, theta: T, b: T, [e, c1, c2]: [T; 3]) {
         let (c, rest) = (c1 + c2, (T::constant(1.0) - theta) * b);
         let (quadratic, linear, constant) = (rest * c1 * c2, theta * c + rest * c2 * e, theta * e);
@@ -154,7 +154,7 @@ impl<T: PointScalar> RetardationSpectrum<T> {
         let larger = (linear + root) * 0.5;
         let (fast, slow) = (larger / quadratic, constant / larger);
         for (rate, other) in [(fast, slow), (slow, fast)] {
-            // Residue at s = −rate over the rate.
+            // The gain is the residue at s = −rate over the rate.
             let gain = b * (e - c * rate) / (quadratic * rate * (other - rate));
             self.modes.push(SpectralMode { compliance_per_pa: weight * gain, rate_per_s: rate });
         }
@@ -174,7 +174,7 @@ impl<T: PointScalar> RetardationSpectrum<T> {
             self.add_two_lethersich(weight, theta, [e, soft], [c1, c2]);
             return Ok(());
         }
-        // A share of nothing is no body beside the other.
+        // A law with the share 0 is omitted.
         for (number, alone) in [(rest, second), (share, law)] {
             if number.is_constant(0.0) {
                 return self.add_scaled(&Self::with_accuracy(alone, window, accuracy)?, T::of(term.weight));
@@ -186,7 +186,7 @@ impl<T: PointScalar> RetardationSpectrum<T> {
         self.add_parallel_terms(vec![scaled(second, share), scaled(law, rest)], term.weight, window, accuracy)
     }
 
-    /// w/(θ G₁ + (1 − θ) G) with E₁ and E in place of the spring, the dashpots alike:
+    /// Adds w/(θ G₁ + (1 − θ) G) for springs E₁ and E and equal dashpots:
     /// (E₁ + Cs)(E + Cs)/(c₂ s N), C = c₁ + c₂, N = c₁C s² + (θ(E₁C + c₁E) + (1 − θ)(EC + c₁E₁)) s + E₁E.
     fn add_two_lethersich(&mut self, weight: T, theta: T, [e, soft]: [T; 2], [c1, c2]: [T; 2]) {
         let c = c1 + c2;
@@ -198,7 +198,7 @@ impl<T: PointScalar> RetardationSpectrum<T> {
         let (fast, slow) = (larger / quadratic, constant / larger);
         self.fluidity_per_pa_s += weight / c2;
         for (rate, other) in [(fast, slow), (slow, fast)] {
-            // Residue at s = −rate over the rate, with the sign that makes it positive.
+            // The gain is the residue at s = −rate over the rate, with the sign that makes it positive.
             let gain = (soft - c * rate) * (e - c * rate) / (c2 * quadratic * rate * (rate - other));
             self.modes.push(SpectralMode { compliance_per_pa: weight * gain / rate, rate_per_s: rate });
         }
@@ -212,14 +212,14 @@ impl<T: PointScalar> RetardationSpectrum<T> {
         }
         let with_mass = stieltjes::with_mass(&Element::Series(law.to_vec()), mass).ok_or_else(|| {
             Error::numerical(
-                "the creep of this law with a mass cannot be computed",
-                "leave springpots away, and take a finite step from a density of 0",
+                "the creep of this law in parallel with a mass cannot be computed",
+                "use a law without springpots, and take a finite step from a density of 0",
             )
         })?;
         self.add_scaled(&with_mass.converted(), T::of(term.weight))
     }
 
-    /// w (E + Cs)/(s N), N = m C s² + (c₁c₂ + m E) s + c₂E, C = c₁ + c₂.
+    /// Adds w (E + Cs)/(s N), N = m C s² + (c₁c₂ + m E) s + c₂E, C = c₁ + c₂.
     fn add_lethersich_with_mass(&mut self, weight: T, mass: T, [e, c1, c2]: [T; 3]) {
         let c = c1 + c2;
         let (quadratic, linear, constant) = (mass * c, c1 * c2 + mass * e, c2 * e);
@@ -231,7 +231,7 @@ impl<T: PointScalar> RetardationSpectrum<T> {
             let apart = larger - quadratic * slow;
             let gain = (c * slow - e) / (slow * apart);
             self.modes.push(SpectralMode { compliance_per_pa: weight * gain / slow, rate_per_s: slow });
-            // Of the rate larger/quadratic, which is infinite without a mass.
+            // This mode has the rate larger/quadratic, which is infinite without a mass.
             let at_once = (e * quadratic - c * larger) * quadratic / (larger * larger * apart) * weight;
             if mass.value() > 0.0 {
                 self.modes.push(SpectralMode { compliance_per_pa: at_once, rate_per_s: larger / quadratic });
@@ -242,7 +242,7 @@ impl<T: PointScalar> RetardationSpectrum<T> {
         }
         let half = T::constant(0.5) / quadratic;
         let (re, im) = (linear * half, (-square).sqrt() * half);
-        // With Λ = re + i im and the other rate its conjugate: gain (CΛ − E)/(Λ² quadratic (−2 i im)), both of the pair counted.
+        // With Λ = re + i im and its conjugate as the other rate, the gain of the pair is (CΛ − E)/(Λ² quadratic (−2 i im)), counted twice.
         let top = [c * re - e, c * im];
         let bottom = multiplied(multiplied([re, im], [re, im]), [T::constant(0.0), quadratic * im * -2.0]);
         let size = bottom[0] * bottom[0] + bottom[1] * bottom[1];
@@ -279,7 +279,7 @@ impl<T: PointScalar> RetardationSpectrum<T> {
 }
 
 impl RetardationSpectrum<Dual> {
-    /// The same in another kind of number.
+    /// Converts the spectrum to another number type.
     fn converted<T: PointScalar>(&self) -> RetardationSpectrum<T> {
         let mut spectrum = RetardationSpectrum::empty();
         spectrum.extend(self);

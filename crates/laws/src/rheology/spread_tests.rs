@@ -1,4 +1,5 @@
-//! Terms of spread laws against their definition in the complex plane and against each other, and their derivatives against finite differences.
+//! Tests of the terms of spread laws against their definition in the complex plane and against each other.
+//! Derivatives are compared with finite differences.
 
 use super::spectrum::Accuracy;
 use super::*;
@@ -18,7 +19,7 @@ fn spread(law: &[Element], beside: &Beside, terms: &[SpreadTerm]) -> Retardation
     RetardationSpectrum::spread(law, beside, terms, WINDOW, Accuracy::Fine).unwrap()
 }
 
-/// J*(s) of a spectrum at a real s.
+/// Returns J*(s) of a spectrum at a real s.
 fn transform(spectrum: &RetardationSpectrum, s: f64) -> f64 {
     let modes =
         spectrum.modes.iter().map(|m| m.compliance_per_pa.value * m.rate_per_s.value / (s + m.rate_per_s.value));
@@ -33,7 +34,7 @@ fn transform(spectrum: &RetardationSpectrum, s: f64) -> f64 {
         + oscillating.sum::<f64>()
 }
 
-/// 1/J* of the named laws, from their springs and dashpots.
+/// Modulus 1/J* of the named laws, from their springs and dashpots.
 fn modulus(parameters: &[f64], s: f64) -> f64 {
     let kelvin_voigt = |e: f64, c: f64| 1.0 / (e + c * s);
     let [e, c1, c2] = [parameters[0], parameters[1], parameters[2]];
@@ -74,7 +75,7 @@ fn terms_are_what_they_are_defined_as() {
             let spring = Beside::Spring { compliance_per_pa: 0.4.into() };
             let exact = |s: f64| weight / (number / 0.4 + (1.0 - number) * modulus(parameters, s));
             assert_is(&spread(&law_of, &spring, &terms), exact, "spring");
-            // Overdamped and ringing.
+            // The scales give overdamped and oscillating responses.
             for scale in [1e-3, 1.0, 50.0] {
                 let exact = |s: f64| weight / (modulus(parameters, s) + number * scale * s * s);
                 assert_is(&spread(&law_of, &Beside::Mass { scale: scale.into() }, &terms), exact, "mass");
@@ -83,11 +84,11 @@ fn terms_are_what_they_are_defined_as() {
     }
 }
 
-/// The closed forms of the Lethersich law against the way of every other law, in time.
+/// Checks the closed forms of the Lethersich law against the general algorithm, in time.
 #[test]
 fn closed_forms_agree_with_the_general_way() {
     let direct = law(BaseLaw::Lethersich, &LETHERSICH);
-    // The same law in another order has no closed form here.
+    // The general algorithm computes this law, because its elements are in another order.
     let turned = vec![direct[1].clone(), direct[0].clone()];
     let soft = |law: &[Element]| {
         law.iter()
@@ -116,7 +117,7 @@ fn closed_forms_agree_with_the_general_way() {
     }
 }
 
-/// J(t) in dual numbers.
+/// Returns J(t) in dual numbers.
 fn creep(spectrum: &RetardationSpectrum, t: f64) -> Dual {
     let modes = spectrum.modes.iter().map(|m| m.compliance_per_pa * -(m.rate_per_s * -t).exp_m1());
     let oscillating = spectrum.oscillating.iter().map(|mode| {
@@ -153,7 +154,7 @@ fn derivatives_agree_with_finite_differences() {
             },
         ];
         for kind in kinds {
-            // With respect to the effect's own number, to each of the law's, and to a term's number.
+            // The derivatives are by the effect's number, by each of the law's parameters, and by a term's number.
             for what in 0..parameters.len() + 2 {
                 let at = |step: f64, seed: bool, t: f64| {
                     let moved = Dual { value: 0.9 + step, derivative: f64::from(u8::from(seed)) };
@@ -163,7 +164,7 @@ fn derivatives_agree_with_finite_differences() {
                     if what == parameters.len() + 1 {
                         terms[0].number = Dual { value: 0.3 + step, derivative: f64::from(u8::from(seed)) };
                     }
-                    // The soft law's own dashpot is constant: only E, c₂ and what follows move in it.
+                    // The second law's first dashpot is constant: only E, c₂ and later parameters have a derivative in it.
                     let soft = law_of.clone();
                     creep(&spread(&law_of, &kind(own, soft), &terms), t)
                 };
@@ -184,7 +185,7 @@ fn derivatives_agree_with_finite_differences() {
     }
 }
 
-/// At no compliance the base returns, and the derivative is that of a spring beside it, at once: Σ w/θ over the terms that give way.
+/// Checks that zero compliance gives the base law. The derivative is that of an instantaneous spring: Σ w/θ over the terms with θ > 0.
 #[test]
 fn springs_move_off_their_null() {
     let base = law(BaseLaw::Lethersich, &LETHERSICH);
@@ -195,13 +196,13 @@ fn springs_move_off_their_null() {
         let moving = creep(&spread(&base, &Beside::Spring { compliance_per_pa: Dual::variable(0.0) }, &terms), t);
         assert!((moving.derivative - (0.2 / 0.5 + 0.1)).abs() < 1e-13, "{moving:?}");
     }
-    // A small one, in full.
+    // A small compliance is computed in full.
     let small = creep(&spread(&base, &Beside::Spring { compliance_per_pa: 1e-6.into() }, &terms), 3.0);
     let null = creep(&plain, 3.0);
     assert!(((small.value - null.value) / 1e-6 - (0.2 / 0.5 + 0.1)).abs() < 1e-4, "{small:?}");
 }
 
-/// At no slip the base returns, and the derivative is that of a dashpot beside it: Σ w t/μ over the terms that slip.
+/// Checks that zero slip gives the base law. The derivative is that of a dashpot: Σ w t/μ over the terms with μ > 0.
 #[test]
 fn friction_moves_off_its_null() {
     let base = law(BaseLaw::Lethersich, &LETHERSICH);

@@ -1,21 +1,21 @@
-//! Networks of springs and dashpots: exact rates and weights.
+//! Exact rates and weights of networks of springs and dashpots.
 //!
-//! The complex compliance of such a network is J*(s) = b∞ + b₀/s + Σ bₘ/(s + pₘ) with b ≥ 0, and so is its modulus divided by s. In series
-//! compliances add, in parallel moduli do, and the way between them is one operation, S ↦ 1/(s S), whose poles are the zeros of S: exactly one
-//! between neighbouring poles. So every zero is bracketed, and no polynomial is ever formed.
+//! The complex compliance of such a network is J*(s) = b∞ + b₀/s + Σ bₘ/(s + pₘ) with b ≥ 0. Its modulus divided by s has this form, too. In series
+//! compliances add, in parallel moduli add. The operation S ↦ 1/(s S) converts one into the other. Its poles are the zeros of S, exactly one
+//! between neighbouring poles. Every zero is therefore bracketed, and no polynomial is formed.
 
 use super::mass::mass_on_maxwell_bodies;
 use super::{Element, RetardationSpectrum, SpectralMode};
 use base::number::Dual;
 
-/// Poles nearer than this, relative to their size, are one: weights add and the rate is the mean, which is exact to first order in the distance.
+/// Largest relative distance of poles that are merged. Their weights add and the rate is the mean, which is exact to first order in the distance.
 const SAME_POLE: f64 = 1e-9;
 /// Smallest distance of a zero from a pole, in units of the interval between poles.
 const NEAREST: f64 = 1e-22;
-/// Halvings of the logarithm of a zero's distance from its pole: from 50 to below rounding.
+/// Number of halvings of the logarithm of a zero's distance from its pole: from 50 to below rounding.
 const HALVINGS: u32 = 60;
 
-/// b∞ + Σ b/(s + p), poles p ≥ 0.
+/// Function b∞ + Σ b/(s + p) with poles p ≥ 0.
 #[derive(Debug, Clone, Default)]
 struct Stieltjes {
     constant: Dual,
@@ -28,7 +28,7 @@ struct Pole {
     at: Dual,
 }
 
-/// The spectrum of a network; `None` where it has a springpot.
+/// Spectrum of a network; `None` if it has a springpot.
 pub fn spectrum_of(element: &Element) -> Option<RetardationSpectrum> {
     let compliance = compliance_of(element)?;
     let (flow, modes): (Vec<Pole>, Vec<Pole>) = compliance.poles.iter().partition(|pole| pole.at.value == 0.0);
@@ -43,30 +43,30 @@ pub fn spectrum_of(element: &Element) -> Option<RetardationSpectrum> {
     })
 }
 
-/// What a network's modulus is made of: G*(s) = η s + Σ G s/(s + p).
+/// Relaxation spectrum of a network: G*(s) = η s + Σ G s/(s + p).
 #[derive(Debug, Clone)]
 pub struct RelaxationSpectrum {
     /// η in Pa·s.
     pub viscosity_pa_s: f64,
-    /// G (Pa) and p (1/s) of every mode, slowest first; p = 0 does not relax.
+    /// G (Pa) and p (1/s) of every mode, slowest first. A mode with p = 0 does not relax.
     pub modes: Vec<[f64; 2]>,
 }
 
-/// The modulus of a network; `None` where it has a springpot.
+/// Modulus of a network; `None` if it has a springpot.
 pub fn relaxation_of(element: &Element) -> Option<RelaxationSpectrum> {
     let modulus = compliance_of(element)?.reciprocal();
     let modes = modulus.poles.iter().map(|pole| [pole.weight.value, pole.at.value]).collect();
     Some(RelaxationSpectrum { viscosity_pa_s: modulus.constant.value, modes })
 }
 
-/// The spectrum of a network with a mass beside it; `None` where it has a springpot, or no mass.
+/// Spectrum of a network with a parallel mass; `None` if it has a springpot, or no mass.
 pub(super) fn with_mass(element: &Element, mass: Dual) -> Option<RetardationSpectrum> {
     let modulus = compliance_of(element)?.reciprocal();
     let bodies: Vec<(Dual, Dual)> = modulus.poles.iter().map(|pole| (pole.weight, pole.at)).collect();
     (mass.value > 0.0).then(|| mass_on_maxwell_bodies(modulus.constant, &bodies, mass))
 }
 
-/// J*.
+/// Complex compliance J*.
 fn compliance_of(element: &Element) -> Option<Stieltjes> {
     match element {
         Element::Spring { modulus_pa } => Some(Stieltjes { constant: Dual::ONE / *modulus_pa, poles: Vec::new() }),
@@ -104,7 +104,7 @@ impl Stieltjes {
         Self { constant: Dual::ZERO, poles: vec![Pole { weight, at: Dual::ZERO }] }
     }
 
-    /// T with 1/S(s) = s T(s).
+    /// Returns T with 1/S(s) = s T(s).
     fn reciprocal(&self) -> Self {
         let poles = merged(&self.poles);
         let at_zero = poles.first().is_some_and(|pole| pole.at.value == 0.0);
@@ -123,7 +123,7 @@ impl Stieltjes {
         result
     }
 
-    /// The zero of S(−x) = b∞ + Σ b/(p − x) above pole `left`, as a pole of 1/(s S).
+    /// Zero of S(−x) = b∞ + Σ b/(p − x) above pole `left`, as a pole of 1/(s S).
     fn zero_above(&self, poles: &[Pole], left: usize) -> Pole {
         let value_at = |origin: usize, offset: f64| {
             let from = poles[origin].at.value;
@@ -131,7 +131,7 @@ impl Stieltjes {
                 .iter()
                 .fold(self.constant.value, |sum, pole| sum + pole.weight.value / (pole.at.value - from - offset))
         };
-        // Beyond the last pole S(−x) ≥ b∞ − Σb/(x − p), which is positive from here on.
+        // Beyond the last pole S(−x) ≥ b∞ − Σb/(x − p), which is positive from this distance on.
         let reach = match poles.get(left + 1) {
             Some(right) => 0.5 * (right.at.value - poles[left].at.value),
             None => poles.iter().fold(0.0, |sum, pole| sum + pole.weight.value) / self.constant.value * (1.0 + 1e-9),
@@ -142,13 +142,13 @@ impl Stieltjes {
         let (mut near, mut far) = ((reach * NEAREST).ln(), reach.ln());
         for _ in 0..HALVINGS {
             let middle = 0.5 * (near + far);
-            // S rises with x: from −∞ right of a pole, to +∞ left of one.
+            // S rises with x: from −∞ right of a pole to +∞ left of the next.
             if value_at(origin, sign * middle.exp()) * sign < 0.0 { near = middle } else { far = middle }
         }
         self.polished(poles, origin, sign * (0.5 * (near + far)).exp())
     }
 
-    /// One Newton step in dual numbers: the last digit of the value, and the exact derivative.
+    /// Pole after one Newton step in dual numbers, which gives the last digit of the value and the exact derivative.
     fn polished(&self, poles: &[Pole], origin: usize, offset: f64) -> Pole {
         let from = poles[origin].at;
         let sums = |offset: Dual| {
@@ -165,7 +165,7 @@ impl Stieltjes {
     }
 }
 
-/// Poles in rising order, coincident ones joined.
+/// Poles in rising order, with coincident ones merged.
 fn merged(poles: &[Pole]) -> Vec<Pole> {
     let mut sorted = poles.to_vec();
     sorted.sort_by(|a, b| a.at.value.total_cmp(&b.at.value));

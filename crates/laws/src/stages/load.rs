@@ -1,14 +1,15 @@
-//! From the commanded to the acting force: the only place where the load's equations stand (physics §5).
+//! Transformation of the commanded force into the acting force. All equations of the load are in this file (physics §5).
 //!
-//! In this order: delay, factors by sign and offset give the force F_in that enters the lag, in straight lines from [`Switch`] to [`Switch`]; the lag τ Ḟ = F_in − F starts from
-//! F = 0; the gradient multiplies by e^{gx}. Solvers ask [`Load`] for these and for what follows from them (fastest time, dependence on the position, exact solution
-//! between switches, rate at an implicit stage), so that an equation is added or changed here alone.
+//! The order is: delay, factors by sign and offset give the force F_in, which enters the lag. F_in is a straight line from each [`Switch`] to the next.
+//! The lag τ Ḟ = F_in − F starts from F = 0. The gradient multiplies the result by e^{gx}.
+//! Solvers ask [`Load`] for these values and for the fastest time, the dependence on the position, the exact solution between switches and the rate at
+//! an implicit stage. A new or changed equation therefore affects this file alone.
 
 use base::error::{Error, Result};
 use base::number::{Dual, PointScalar, Scalar};
 use record::Force;
 
-/// From the commanded to the acting force, in this order: delay, factors by sign, offset, lag, gradient.
+/// Transformation of the commanded into the acting force, in this order: delay, factors by sign, offset, lag, gradient.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Load<N = Dual> {
     /// δ ≥ 0 in s: F(t) = F_command(t − δ), zero before the record's start.
@@ -17,68 +18,68 @@ pub struct Load<N = Dual> {
     pub positive_factor: N,
     /// Factor of negative forces.
     pub negative_factor: N,
-    /// Added to the force from the record's start on, in N.
+    /// Offset added to the force from the record's start on, in N.
     pub offset_n: N,
-    /// τ ≥ 0 in s of τ Ḟ = F_in − F, F = 0 at the record's start; 0 is no lag.
+    /// τ ≥ 0 in s of τ Ḟ = F_in − F, F = 0 at the record's start; 0 means no lag.
     pub lag_time_s: N,
-    /// g in 1/m of F = F_in e^{gx}, x the robot's position; refused where the force runs away with the robot.
+    /// g in 1/m of F = F_in e^{gx}, x the robot's position. An error is returned where the force diverges with the position.
     pub gradient_per_m: N,
 }
 
-/// |g x| from which on a force gradient is refused: the force is then 10⁸ times as large as it was or as small, and what runs away passes it (physics §5).
+/// Largest |g x| for which a force gradient is computed. There the force is 10⁸ times as large or as small as without gradient; a diverging force exceeds it (physics §5).
 pub const LARGEST_EXPONENT: f64 = 20.0;
 
 /// Most steps of Newton's method for a force that depends on the position.
 pub const MOST_NEWTON_STEPS: usize = 60;
 
-/// A change of the force that enters the lag: from then on it is a straight line.
+/// Change of the force that enters the lag. After it the force is a straight line.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Switch<N = f64> {
-    /// When, in s.
+    /// Time of the change, in s.
     pub time_s: N,
-    /// The force from the right, in N.
+    /// Force just after the change, in N.
     pub force_n: N,
-    /// By how much it rises a second from then on, in N/s.
+    /// Rate of the force after the change, in N/s.
     pub slope_n_per_s: N,
-    /// Whether the force itself jumps there, and not its slope alone.
+    /// True if the force itself jumps, false if only its slope changes.
     pub jumps: bool,
 }
 
 impl<N: Scalar> Switch<N> {
-    /// To a force (N) that then holds.
+    /// Switch to a force (N) that then stays constant.
     pub fn to(time_s: N, force_n: N) -> Self {
         Self { time_s, force_n, slope_n_per_s: N::constant(0.0), jumps: true }
     }
 
-    /// The force that enters the lag, in N, at a time since.
+    /// Force that enters the lag at a time after the switch, in N.
     #[inline(always)]
     pub fn input_n(&self, time_s: N) -> N {
         self.force_n + self.slope_n_per_s * (time_s - self.time_s)
     }
 }
 
-/// A number of the load that a response can be followed in to first order: all but those by which the force depends on the position.
+/// Parameter of the load for which the first-order response is available: each one except the gradient, which depends on the position.
 pub struct LoadNumber {
-    /// What it is measured in.
+    /// Unit of the parameter.
     pub unit: LoadUnit,
-    /// Whether a delay delays it; what acts from the record's start on is not delayed.
+    /// True if the delay also delays this parameter's force. A force that acts from the record's start on is not delayed.
     pub is_delayed: bool,
     field: fn(&mut Load) -> &mut Dual,
 }
 
-/// What a number of the load is measured in.
+/// Unit of a parameter of the load.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum LoadUnit {
-    /// A factor of the force, by its distance from 1.
+    /// Factor of the force, measured from 1.
     Factor,
-    /// A force in N.
+    /// Force in N.
     Force,
-    /// A time in s.
+    /// Time in s.
     Time,
 }
 
 impl LoadNumber {
-    /// Numbers that change the force's size first, times last.
+    /// All parameters: those that change the force's size first, times last.
     pub const ALL: [Self; 5] = [
         Self { unit: LoadUnit::Factor, is_delayed: true, field: |load| &mut load.positive_factor },
         Self { unit: LoadUnit::Factor, is_delayed: true, field: |load| &mut load.negative_factor },
@@ -87,18 +88,18 @@ impl LoadNumber {
         Self { unit: LoadUnit::Time, is_delayed: true, field: |load| &mut load.lag_time_s },
     ];
 
-    /// Those that change the force's size.
+    /// Parameters that change the force's size.
     pub fn of_size() -> impl Iterator<Item = &'static Self> {
         Self::ALL.iter().filter(|number| number.unit != LoadUnit::Time)
     }
 
-    /// How far a load's number is from doing nothing.
+    /// Distance of the parameter from its null.
     pub fn of(&self, load: &Load) -> Dual {
         let number = *(self.field)(&mut load.clone());
         if self.unit == LoadUnit::Factor { number - Dual::ONE } else { number }
     }
 
-    /// A load that does this alone.
+    /// Load in which only this parameter differs from its null.
     pub fn alone(&self, size: f64) -> Load {
         let mut load = Load::COMMANDED;
         *(self.field)(&mut load) = if self.unit == LoadUnit::Factor { (1.0 + size).into() } else { size.into() };
@@ -107,7 +108,7 @@ impl LoadNumber {
 }
 
 impl Load {
-    /// The force acts as it is commanded.
+    /// Load without any effect: the force acts as commanded.
     pub const COMMANDED: Self = Self {
         delay_s: Dual::ZERO,
         positive_factor: Dual::ONE,
@@ -117,30 +118,30 @@ impl Load {
         gradient_per_m: Dual::ZERO,
     };
 
-    /// Whether the force acts as it is commanded, and that does not change.
+    /// Returns `true` if the force acts as commanded and no derivative changes it.
     pub fn is_commanded(&self) -> bool {
         self.numbers().iter().zip(Self::COMMANDED.numbers()).all(|(number, null)| number.is_constant(null.value))
     }
 
-    /// The same in another number.
+    /// Converts the load to another number type.
     pub fn of<N: PointScalar>(&self) -> Load<N> {
         Load::of_numbers(self.numbers().map(N::of))
     }
 
-    /// The load of commands that are `factor` times as large: what is added to them grows likewise.
+    /// Load for commands that are `factor` times as large. The offset grows in proportion.
     pub fn of_commands_times(&self, factor: f64) -> Self {
         Self { offset_n: self.offset_n * factor, ..self.clone() }
     }
 
-    /// The load where positions are measured in units so many times as large.
+    /// Load for positions in a unit that is `unit` times as large.
     pub fn of_positions_in(&self, unit: f64) -> Self {
         Self { gradient_per_m: self.gradient_per_m * unit, ..self.clone() }
     }
 
-    /// Refuses times below 0.
+    /// Checks that delay and lag are at least 0.
     ///
     /// # Errors
-    /// [`Error::Numerical`] that says which.
+    /// [`Error::Numerical`] names the time that is negative or not a number.
     pub fn check(&self) -> Result<()> {
         for (what, number) in [("the force's delay", self.delay_s), ("the force's lag", self.lag_time_s)] {
             if number.value.is_nan() || number.value < 0.0 {
@@ -150,14 +151,14 @@ impl Load {
         Ok(())
     }
 
-    /// Refuses a derivative that cannot be computed in forward mode: that with respect to the lag's time where there is no lag.
+    /// Checks that forward mode can compute the derivative. It cannot with respect to the lag's time where the lag is 0.
     ///
     /// # Errors
-    /// [`Error::Numerical`].
+    /// [`Error::Numerical`] if the lag's time is 0 and its derivative is not.
     pub fn check_derivative(&self) -> Result<()> {
         if self.lag_time_s.value == 0.0 && self.lag_time_s.derivative != 0.0 {
             return Err(Error::numerical(
-                "the position has no computable derivative with respect to the lag's time at 0",
+                "the derivative with respect to the lag's time cannot be computed at 0",
                 "take a finite step from 0",
             ));
         }
@@ -165,55 +166,55 @@ impl Load {
     }
 }
 
-/// How many numbers a load has.
+/// Number of a load's parameters.
 pub const N_LOAD_NUMBERS: usize = 6;
 
 impl<N: Scalar> Load<N> {
-    /// Its numbers, in the order in which [`Self::of_numbers`] takes them.
+    /// Parameters of the load, in the order of [`Self::of_numbers`].
     pub fn numbers(&self) -> [N; N_LOAD_NUMBERS] {
         let Self { delay_s, positive_factor, negative_factor, offset_n, lag_time_s, gradient_per_m } = self;
         [delay_s, positive_factor, negative_factor, offset_n, lag_time_s, gradient_per_m].map(|number| *number)
     }
 
-    /// The load of [`Self::numbers`].
+    /// Load with the parameters of [`Self::numbers`].
     pub fn of_numbers(
         [delay_s, positive_factor, negative_factor, offset_n, lag_time_s, gradient_per_m]: [N; N_LOAD_NUMBERS],
     ) -> Self {
         Self { delay_s, positive_factor, negative_factor, offset_n, lag_time_s, gradient_per_m }
     }
 
-    /// A commanded force (N), or the slope (N/s) of one, after the factors by sign, without the offset.
+    /// Commanded force (N), or its slope (N/s), after the factors by sign and without the offset.
     pub fn scaled(&self, commanded: f64, is_positive: bool) -> N {
         (if is_positive { self.positive_factor } else { self.negative_factor }) * commanded
     }
 
-    /// The force (N) that enters the lag under a commanded one (N).
+    /// Force (N) that enters the lag for a commanded force (N).
     pub fn entering_n(&self, commanded_n: f64, is_positive: bool) -> N {
         self.scaled(commanded_n, is_positive) + self.offset_n
     }
 
-    /// The force (N) that enters the lag from the record's start on, until the first command comes to act.
+    /// Force (N) that enters the lag from the record's start until the first command acts.
     pub fn start_n(&self) -> N {
         self.offset_n
     }
 
-    /// When a command given at a time (s) comes to act, in s.
+    /// Time (s) at which a command given at `commanded_s` acts.
     pub fn acts_at_s(&self, commanded_s: f64) -> N {
         self.delay_s + N::constant(commanded_s)
     }
 
-    /// When a command was given that acts at a time (s), in s.
+    /// Time (s) at which the command was given that acts at `at_s`.
     pub fn commanded_at_s(&self, at_s: f64) -> N {
         N::constant(at_s) + -self.delay_s
     }
 
-    /// The acting force (N) where the robot is at `position_m` and the lag gives `force_n`.
+    /// Acting force (N) where the robot is at `position_m` and the lag gives `force_n`.
     #[inline(always)]
     pub fn acting_n(&self, force_n: N, position_m: N) -> N {
         force_n * (self.gradient_per_m * position_m).exp()
     }
 
-    /// By how much an acting force (N) grows with the position, in N/m.
+    /// Derivative of the acting force (N) with respect to the position, in N/m.
     #[inline(always)]
     pub fn acting_slope(&self, acting_n: N) -> N {
         acting_n * self.gradient_per_m
@@ -221,38 +222,38 @@ impl<N: Scalar> Load<N> {
 }
 
 impl<N: PointScalar> Load<N> {
-    /// Whether commands come to act later than they are given.
+    /// Returns `true` if commands act later than they are given.
     pub fn is_delayed(&self) -> bool {
         !self.delay_s.is_constant(0.0)
     }
 
-    /// Whether the force lags behind what enters.
+    /// Returns `true` if the acting force lags behind the force that enters the lag.
     pub fn lags(&self) -> bool {
         self.lag_time_s.value() > 0.0
     }
 
-    /// Whether the force depends on the robot's position.
+    /// Returns `true` if the force depends on the robot's position.
     pub fn depends_on_position(&self) -> bool {
         !self.gradient_per_m.is_constant(0.0)
     }
 
-    /// Whether all that happens to the force happens at the rows of the command.
+    /// Returns `true` if the force changes only at the rows of the command.
     pub fn acts_at_rows(&self) -> bool {
         !self.is_delayed() && self.lag_time_s.value() == 0.0 && !self.depends_on_position()
     }
 
-    /// Fastest time (s) in which the force changes by itself; infinite where it only follows.
+    /// Fastest time (s) in which the force changes by itself; infinite without a lag.
     pub fn fastest_s(&self) -> f64 {
         if self.lags() { self.lag_time_s.value() } else { f64::INFINITY }
     }
 
-    /// Largest force (N) that may come to act on a robot at rest, under commands of a largest size (N).
+    /// Largest force (N) that can act on a robot at rest when no command exceeds `commanded_n` (N).
     pub fn largest_n(&self, commanded_n: f64) -> f64 {
         let factor = self.positive_factor.value().abs().max(self.negative_factor.value().abs());
         commanded_n * factor + self.offset_n.value().abs()
     }
 
-    /// The changes of the force that enters the lag, from the record's start on; the first is the offset's.
+    /// Changes of the force that enters the lag, from the record's start on. The first is the offset's.
     pub fn switches(&self, time_s: &[f64], force: Force<'_>) -> Vec<Switch<N>> {
         let Some(&start_s) = time_s.first() else { return Vec::new() };
         let mut switches = vec![Switch::to(N::constant(start_s), self.start_n())];
@@ -276,23 +277,23 @@ impl<N: PointScalar> Load<N> {
         switches
     }
 
-    /// 1/τ in 1/s, at which the lag's transient decays; `None` without a lag.
+    /// Decay rate 1/τ of the lag's transient, in 1/s; `None` without a lag.
     pub fn lag_rate_per_s(&self) -> Option<N> {
         self.lags().then(|| N::constant(1.0) / self.lag_time_s)
     }
 
-    /// How many of the lag's times a step (s) has; `None` without a lag.
+    /// Length of a step (s) in units of the lag time; `None` without a lag.
     pub fn lags_in(&self, step_s: f64) -> Option<f64> {
         self.lags().then(|| step_s / self.lag_time_s.value())
     }
 
-    /// What the lag makes of a switch's straight line in the long run, in N: it follows by the lag's time late.
+    /// Force (N) after the lag's transient has decayed: the switch's straight line, late by the lag time.
     #[inline(always)]
     pub fn followed_n(&self, input: &Switch<N>, time_s: N) -> N {
         input.input_n(time_s) - input.slope_n_per_s * self.lag_time_s
     }
 
-    /// The force after the lag at a time since a switch, in N, where it was `lagged_n` at the switch.
+    /// Force (N) after the lag at a time after a switch, if it is `lagged_n` at the switch.
     #[inline(always)]
     pub fn after_lag_n(&self, input: &Switch<N>, lagged_n: N, time_s: N) -> N {
         if self.lag_time_s.value() == 0.0 {
@@ -302,50 +303,52 @@ impl<N: PointScalar> Load<N> {
         self.followed_n(input, time_s) + left_n * (-(time_s - input.time_s) / self.lag_time_s).exp()
     }
 
-    /// The force (N) at an implicit stage of a Runge–Kutta method, and its rate k (N/s): τ k = F_in − (F₀ + earlier stages' share + h k).
+    /// Force (N) at an implicit stage of a Runge–Kutta method, and its rate k (N/s): τ k = F_in − (F₀ + earlier stages' share + h k).
     pub fn at_implicit_stage(&self, input_n: N, start_n: N, earlier_n: N, implicit_s: f64) -> (N, N) {
         let rate = (input_n - start_n - earlier_n) / (self.lag_time_s + N::constant(implicit_s));
         (if self.lags() { start_n + earlier_n + rate * implicit_s } else { input_n }, rate)
     }
 
-    /// What the lag makes of a signal that goes straight from `from` to `to` in a step (s), where it had made `lagged` of it before.
+    /// Lagged signal at the end of a step (s) in which the input goes straight from `from` to `to`; `lagged` is its value at the start.
     pub fn lagged_along(&self, lagged: N, from: N, to: N, step_s: f64) -> N {
         let behind = (to + -from) * self.lag_time_s * (1.0 / step_s);
         let left = (N::constant(-step_s) / self.lag_time_s).exp();
         to + -behind + (lagged + -from + behind) * left
     }
 
-    /// The exponent of the force's growth at a position (m): below [`LARGEST_EXPONENT`] in size, or refused.
+    /// Exponent of the force's growth at a position (m). Its size must be below [`LARGEST_EXPONENT`].
     fn exponent(&self, position_m: f64) -> f64 {
         self.gradient_per_m.value() * position_m
     }
 
-    /// Refuses positions (m) at which the force has run away with the robot.
+    /// Checks that the force does not diverge at any of the positions (m).
     ///
     /// # Errors
-    /// [`Error::Numerical`].
+    /// [`Error::Numerical`] if the exponent of the force is too large or not a number.
     pub fn check_feedback(&self, position_m: &[f64], time_s: f64) -> Result<()> {
         if self.gradient_per_m.value() == 0.0 {
             return Ok(());
         }
-        // What is not a number has no balance.
+        // A position that is not a number has no balance of forces.
         if position_m.iter().all(|x| self.exponent(*x).abs() < LARGEST_EXPONENT) {
             return Ok(());
         }
         Err(Error::numerical(
-            format!("the force's gradient pulls the robot away at {time_s} s: it grows faster than the gel holds"),
-            "take a gradient nearer to 0, or a stiffer gel",
+            format!(
+                "the force's gradient pulls the robot away at {time_s} s: the force grows faster than the gel's resistance"
+            ),
+            "use a gradient closer to 0, or a stiffer gel",
         ))
     }
 
-    /// The exponent of the force's growth over the creep compliance, in Pa, for a displacement per force (1/m) and a largest force (N).
+    /// Exponent of the force's growth divided by the creep compliance, in Pa, for a displacement per force (1/m) and a largest force (N).
     pub fn feedback_strength_pa(&self, compliance_per_m: f64, largest_n: f64) -> f64 {
         (self.gradient_per_m.value() * compliance_per_m).abs() * largest_n
     }
 }
 
 impl Load<f64> {
-    /// What a lag makes of a force (N) that holds for a step (s): at its end, and in the mean.
+    /// Lagged force (N) under an input (N) that is constant over a step (s): at the step's end, and its mean.
     pub fn lagged_of_hold(&self, begin_n: f64, entering_n: f64, step_s: f64) -> [f64; 2] {
         let rate = step_s / self.lag_time_s;
         let end_n = entering_n + (begin_n - entering_n) * (-rate).exp();
@@ -353,13 +356,13 @@ impl Load<f64> {
         [end_n, mean_n]
     }
 
-    /// The acting force (N) that balances a robot whose position is `history_m` and `per_n` a newton, where the lag gives `force_n`; not a number where there is none.
+    /// Acting force (N) in balance: the robot's position is `history_m` plus `per_n` times the force, and the lag gives `force_n`. NaN if there is no balance.
     pub fn balanced_n(&self, force_n: f64, history_m: f64, per_n: f64) -> f64 {
         let g = self.gradient_per_m;
         force_n * balanced_exponent(g * history_m, g * force_n * per_n).exp()
     }
 
-    /// How a message says that the force depends on the position; nothing where it does not.
+    /// Words by which a message names the force gradient; empty without one.
     pub fn feedback_words(&self) -> String {
         if self.gradient_per_m == 0.0 {
             return String::new();
@@ -367,20 +370,22 @@ impl Load<f64> {
         format!(" under a force gradient of {} per m", self.gradient_per_m)
     }
 
-    /// Why a response under this load is refused whose position is not finite.
+    /// Error for a response under this load whose position is not finite.
     pub fn refusal(&self) -> Error {
         let gradient = self.gradient_per_m;
         if gradient == 0.0 {
-            return Error::numerical("the position is not finite", "keep rates and times within the record's scales");
+            return Error::numerical("the position is not finite", "use rates and times that the record resolves");
         }
         Error::numerical(
-            format!("a force gradient of {gradient:e} per m pulls the robot away: it grows faster than the gel holds"),
-            "take a gradient nearer to 0, or a stiffer gel",
+            format!(
+                "a force gradient of {gradient:e} per m pulls the robot away: the force grows faster than the gel's resistance"
+            ),
+            "use a gradient closer to 0, or a stiffer gel",
         )
     }
 }
 
-/// y = a + b e^y, the solution that b = 0 leads to, found from its side; not a number where there is none, since the force runs away.
+/// Solution y of y = a + b e^y on the branch that starts at b = 0. NaN if there is none, because the force diverges.
 pub fn balanced_exponent(a: f64, b: f64) -> f64 {
     let mut y = a;
     for _ in 0..MOST_NEWTON_STEPS {

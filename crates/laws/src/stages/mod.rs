@@ -1,7 +1,7 @@
-//! What the stages of a model compute: command → load → mechanics → observation (physics §5), as numbers.
+//! Numbers of a model's stages: command → load → mechanics → observation (physics §5).
 //!
-//! A base law and effects write themselves into [`Stages`]; the reduced model evaluates them in closed form and the full-order model by its
-//! own time stepping. Stages say which equations hold, never how they are solved.
+//! A base law and effects write themselves into [`Stages`]. The reduced model evaluates them in closed form, the full-order model by time stepping.
+//! Stages define the equations, not their solution.
 
 mod load;
 mod nonlinearity;
@@ -22,92 +22,92 @@ use base::number::Dual;
 use record::Force;
 use std::sync::Arc;
 
-/// One model at one point of its parameters.
+/// One model at one parameter point.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Stages {
-    /// From the commanded to the acting force.
+    /// Transformation of the commanded into the acting force.
     pub load: Load,
-    /// The base law, whose parameters have names; `None` where there is only [`Self::law`].
+    /// Base law, whose parameters have names; `None` if only [`Self::law`] is given.
     pub base: Option<BaseLaw>,
-    /// The law: elements in series, which all carry the stress.
+    /// Law: elements in series, which all carry the same stress.
     pub law: Vec<Element>,
-    /// r in 1/s: the gel's stress is e^{−rt} times the law's, t from the record's start.
+    /// r in 1/s: the gel's stress is e^{−rt} times the law's stress, t from the record's start.
     pub softening_rate_per_s: Dual,
-    /// Poisson ratio of the gel; `None` for the experiment's.
+    /// Poisson ratio of the gel; `None` for the experiment's value.
     pub poisson_ratio: Option<Dual>,
-    /// What else changes the displacement field; not beside another Poisson ratio.
+    /// Effect that changes the displacement field. It excludes another Poisson ratio.
     pub spatial: Option<Spatial>,
-    /// What a reduced model makes of it; empty until one has.
+    /// Reduced model of [`Self::spatial`]; empty until one is attached.
     pub spread: Option<Spread>,
-    /// A quantity that depends on a state; beside nothing that changes the field, and no force gradient.
+    /// Quantity that depends on a state. It excludes effects on the field and a force gradient.
     pub state_law: Option<StateLaw>,
-    /// From the robot's to the recorded position.
+    /// Transformation of the robot's into the recorded position.
     pub observation: Observation,
 }
 
 /// An effect that changes the displacement field (physics §5).
 #[derive(Debug, Clone, PartialEq)]
 pub enum Spatial {
-    /// A linear one: in part of the field something stands beside the law.
+    /// Linear effect: part of the field has a second element beside the law.
     Linear(LinearField),
-    /// One body of the law is not linear.
+    /// Nonlinear effect: one body of the law is nonlinear.
     Nonlinear(Nonlinearity<Dual>),
-    /// Strains may be large: the response is x(gF)/g of a fluid that the law linearises (physics §7.6).
+    /// Large strains: the response is x(gF)/g of a fluid whose linearisation is the law (physics §7.6).
     Large {
         /// g > 0.
         amplitude: Dual,
         /// Giesekus's α; 0 is Oldroyd-B.
         mobility: Dual,
     },
-    /// Another program's law, at its parameters: all of the robot's displacement is its own.
+    /// Law of an external program, at these parameters. That program computes the robot's whole displacement.
     Outside(Vec<Dual>),
 }
 
 impl Spatial {
-    /// Whether its reduced model is learnt for one record, about the law that fits it, and not built for a gel.
+    /// Returns `true` if its reduced model is trained for one record, around the law that fits it, instead of once for a gel.
     pub fn is_learnt_for_record(&self) -> bool {
         matches!(self, Self::Large { .. })
     }
 
-    /// Why a force that depends on the position cannot stand beside strains that may be large.
-    pub const BARS_FEEDBACK: &str = "a force that depends on the position is not run with large displacements";
+    /// Reason why a position-dependent force cannot be combined with large strains.
+    pub const BARS_FEEDBACK: &str = "a force that depends on the position cannot be combined with large displacements";
 }
 
-/// What stands beside the law, and where.
+/// Element beside the law, and the part of the field that has it.
 #[derive(Debug, Clone, PartialEq)]
 pub struct LinearField {
-    /// Slug of the effect, which knows the field.
+    /// Slug of the effect, which defines the part of the field.
     pub effect: &'static str,
-    /// The number that the field's shape depends on, such as a radius or a Poisson ratio; `None` where there is one shape only.
+    /// Number on which the field's shape depends, such as a radius or a Poisson ratio; `None` if there is only one shape.
     pub shape: Option<Dual>,
-    /// What stands beside the law there.
+    /// Element beside the law in that part.
     pub beside: Beside,
 }
 
-/// The law spread over the gel: what a reduced model makes of [`Spatial`].
+/// Reduced model of [`Spatial`]: the law distributed over the gel.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Spread {
-    /// The law in several places at once, all linear.
+    /// Linear: the law at several places.
     Terms {
-        /// What stands beside the law in every term.
+        /// Element beside the law, the same in every term.
         beside: Beside,
-        /// The terms.
+        /// Terms of the law.
         terms: Vec<SpreadTerm>,
     },
-    /// A law that is not linear, at few points.
+    /// Nonlinear: a law evaluated at few points.
     Stepped(Stepped),
 }
 
-/// A reduced model of a law that is not linear, which is stepped through a record.
+/// Reduced model of a nonlinear law, which is stepped through a record.
 pub trait FieldStepper: std::fmt::Debug + Send + Sync {
-    /// By how much (m) the robot's displacement at every row (s) exceeds that of the same stages with a linear law, the limit from the left;
+    /// Displacement of the robot at every row (s), in m, minus the displacement of these stages with a linear law, as the limit from the left.
     /// `compliance_per_m` is the displacement per force at unit creep compliance.
     ///
     /// # Errors
-    /// [`base::Error::Numerical`] where the law is none that is served, a force gradient is refused, or the balance is not found.
+    /// [`base::Error::Numerical`] where the model does not cover the law, the force gradient is too strong, or the balance is not found.
     fn excess_m(&self, stages: &Stages, compliance_per_m: f64, time_s: &[f64], force: Force<'_>) -> Result<Vec<f64>>;
 
-    /// The same with the derivative in the direction that the stages carry.
+    /// [`Self::excess_m`] with the derivative in the direction that the stages carry.
     ///
     /// # Errors
     /// As [`Self::excess_m`].
@@ -120,7 +120,7 @@ pub trait FieldStepper: std::fmt::Debug + Send + Sync {
     ) -> Result<Vec<Dual>>;
 }
 
-/// A stepper, shared by all stages that it serves.
+/// Stepper, shared by all stages that use it.
 #[derive(Debug, Clone)]
 pub struct Stepped(pub Arc<dyn FieldStepper>);
 
@@ -131,7 +131,7 @@ impl PartialEq for Stepped {
 }
 
 impl Stages {
-    /// The law alone: the force acts as commanded, and the position is recorded as it is.
+    /// Stages of the law alone: the force acts as commanded, and the recorded position is the robot's.
     pub fn of_law(law: Vec<Element>) -> Self {
         Self {
             load: Load::COMMANDED,

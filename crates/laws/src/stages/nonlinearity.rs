@@ -1,10 +1,10 @@
-//! Laws that are not linear (physics §5): one body of the base law whose stress does not grow in proportion.
+//! Nonlinear laws (physics §5): in one body of the base law the stress is not proportional to the strain or the strain rate.
 
 use base::error::{Error, Result};
 use base::number::{Dual, PointScalar};
 use serde::{Deserialize, Serialize};
 
-/// Which of the laws.
+/// Kind of a nonlinear law.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 pub enum NonlinearFamily {
     /// The spring of the first Kelvin–Voigt body stiffens.
@@ -15,9 +15,9 @@ pub enum NonlinearFamily {
     YieldStress,
 }
 
-/// What is not linear about the first Kelvin–Voigt body or the dashpot of the law (physics §5).
+/// Nonlinearity of the law's first Kelvin–Voigt body or of its dashpot (physics §5).
 ///
-/// With s = D̂⁻¹σ and the equivalents ε_eq² = ⅔ dev ε : dev ε, s_eq² = ⅔ dev s : dev s:
+/// The symbols are s = D̂⁻¹σ and the equivalents ε_eq² = ⅔ dev ε : dev ε, s_eq² = ⅔ dev s : dev s.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Nonlinearity<N = f64> {
     /// dev s = E (1 + β ε_eq²) dev ε_k + c₁ dev ε̇_k in the first Kelvin–Voigt body; its volumetric part stays linear.
@@ -37,16 +37,16 @@ pub enum Nonlinearity<N = f64> {
     YieldStress {
         /// s_y ≥ 0 in Pa; 0 is the linear law.
         stress_pa: N,
-        /// δ in (0, 1): how smooth the bracket is; [`YIELD_SMOOTHING`] serves.
+        /// δ in (0, 1): smoothness of the bracket; [`YIELD_SMOOTHING`] is a good value.
         smoothing: f64,
     },
 }
 
-/// δ that keeps the creep of what should be rigid at 10⁻⁴ of the fluid's.
+/// δ with which a gel below its yield stress creeps 10⁻⁴ times as fast as the fluid.
 pub const YIELD_SMOOTHING: f64 = 0.01;
 
 impl Nonlinearity {
-    /// The same with numbers that carry derivatives, all constant.
+    /// Converts the numbers to dual numbers with zero derivatives.
     pub fn constant(self) -> Nonlinearity<Dual> {
         match self {
             Self::StrainStiffening { coefficient } => {
@@ -63,7 +63,7 @@ impl Nonlinearity {
 }
 
 impl Nonlinearity<Dual> {
-    /// The same in another number.
+    /// Converts the nonlinearity to another number type.
     pub fn of<N: PointScalar>(self) -> Nonlinearity<N> {
         match self {
             Self::StrainStiffening { coefficient } => {
@@ -78,10 +78,10 @@ impl Nonlinearity<Dual> {
         }
     }
 
-    /// Refuses numbers outside the law's support.
+    /// Checks that the numbers are within the law's support.
     ///
     /// # Errors
-    /// [`Error::Numerical`] that says which.
+    /// [`Error::Numerical`] names the number.
     pub fn check(&self) -> Result<()> {
         let (good, what, support) = match *self {
             Self::StrainStiffening { coefficient } => {
@@ -109,7 +109,7 @@ impl Nonlinearity<Dual> {
 }
 
 impl<N> Nonlinearity<N> {
-    /// Which law it is.
+    /// Kind of the law.
     pub fn family(&self) -> NonlinearFamily {
         match self {
             Self::StrainStiffening { .. } => NonlinearFamily::StrainStiffening,

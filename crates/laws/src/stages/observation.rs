@@ -1,23 +1,23 @@
-//! From the robot's to the recorded position: the only place where the observation's equations stand (physics §5).
+//! Transformation of the robot's into the recorded position. All equations of the observation are in this file (physics §5).
 
 use base::number::{Dual, PointScalar, Scalar};
 
-/// From the robot's to the recorded position: scale · x^{1/p} + b + v t + Σ A (1 − e^{−t/τ}), t from the record's start; where x < 0 an indenter (p ≠ 1) is at 0.
+/// Recorded position: scale · x^{1/p} + b + v t + Σ A (1 − e^{−t/τ}), t from the record's start. An indenter (p ≠ 1) is at 0 where x < 0.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Observation<N = Dual> {
     /// Factor of the position.
     pub scale: N,
     /// b in m.
     pub offset_m: N,
-    /// p of an indenter, whose depth in m is x^{1/p}, x in m^p; 1 where the position is x itself.
+    /// p of an indenter, whose depth in m is x^{1/p}, x in m^p; 1 where x itself is the position.
     pub depth_exponent: N,
     /// v in m/s.
     pub velocity_m_per_s: N,
-    /// Drifts that come to an end.
+    /// Drifts that approach a limit.
     pub approaches: Vec<Approach<N>>,
 }
 
-/// A (1 − e^{−t/τ}).
+/// Drift A (1 − e^{−t/τ}).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Approach<N = Dual> {
     /// A in m.
@@ -27,7 +27,7 @@ pub struct Approach<N = Dual> {
 }
 
 impl Observation {
-    /// The position is recorded as it is.
+    /// Observation without any effect: the recorded position is the robot's.
     pub const AS_IT_IS: Self = Self {
         scale: Dual::ONE,
         offset_m: Dual::ZERO,
@@ -36,13 +36,13 @@ impl Observation {
         approaches: Vec::new(),
     };
 
-    /// The same in another number.
+    /// Converts the observation to another number type.
     pub fn of<N: PointScalar>(&self) -> Observation<N> {
         let mut numbers = self.numbers().into_iter().map(N::of);
         Observation::of_numbers(self.approaches.len(), || numbers.next().unwrap_or(N::constant(0.0)))
     }
 
-    /// Whether, depths apart, the recorded position differs from the robot's.
+    /// Returns `true` if the recorded position differs from the robot's, apart from the root for depths.
     pub fn is_changed(&self) -> bool {
         !(self.scale.is_constant(1.0)
             && self.offset_m.is_constant(0.0)
@@ -50,21 +50,21 @@ impl Observation {
             && self.approaches.is_empty())
     }
 
-    /// Whether the position is a root of what answers linearly.
+    /// Returns `true` if the position is a root of the linear response.
     pub fn is_rooted(&self) -> bool {
         self.depth_exponent.value != 1.0
     }
 }
 
 impl<N: Scalar> Observation<N> {
-    /// Its numbers, in the order in which [`Self::of_numbers`] takes them.
+    /// Numbers of the observation, in the order of [`Self::of_numbers`].
     pub fn numbers(&self) -> Vec<N> {
         let Self { scale, offset_m, depth_exponent, velocity_m_per_s, approaches } = self;
         let of_approaches = approaches.iter().flat_map(|approach| [approach.amplitude_m, approach.time_s]);
         [*scale, *offset_m, *depth_exponent, *velocity_m_per_s].into_iter().chain(of_approaches).collect()
     }
 
-    /// The observation of [`Self::numbers`], with so many approaches.
+    /// Observation with the values of [`Self::numbers`], with `n_approaches` approaches.
     pub fn of_numbers(n_approaches: usize, mut next: impl FnMut() -> N) -> Self {
         Self {
             scale: next(),
@@ -75,7 +75,7 @@ impl<N: Scalar> Observation<N> {
         }
     }
 
-    /// The recorded position (m) for a depth or position (m) at a time (s) since the record's start, without approaches.
+    /// Recorded position (m) without approaches, for a depth or position (m) at a time (s) after the record's start.
     #[inline(always)]
     pub fn straight_m(&self, position_m: N, time_s: f64) -> N {
         self.scale * position_m + self.offset_m + self.velocity_m_per_s * time_s
@@ -83,14 +83,14 @@ impl<N: Scalar> Observation<N> {
 }
 
 impl<N: PointScalar> Observation<N> {
-    /// x^{1/p} of an indenter, given p and x; none before contact. What is not a number passes.
+    /// Depth x^{1/p} of an indenter, given p and x; 0 before contact. NaN stays NaN.
     pub fn depth_m(depth_exponent: N, x: N) -> N {
         if x.value() <= 0.0 { N::constant(0.0) } else { x.pow(N::constant(1.0) / depth_exponent) }
     }
 }
 
 impl Observation<f64> {
-    /// The recorded position (m) for the robot's, `time_s` after the record's start.
+    /// Recorded position (m) for the robot's position, `time_s` after the record's start.
     pub fn recorded_m(&self, position_m: f64, time_s: f64) -> f64 {
         let depth_m =
             if self.depth_exponent == 1.0 { position_m } else { Self::depth_m(self.depth_exponent, position_m) };
@@ -100,12 +100,12 @@ impl Observation<f64> {
 }
 
 impl<N: Scalar> Approach<N> {
-    /// Share of the amplitude that is left after a step (s), of what was left before.
+    /// Factor by which the remaining share of the amplitude shrinks in a step (s).
     pub fn left_after(&self, step_s: f64) -> N {
         (N::constant(1.0) / self.time_s * -step_s).exp()
     }
 
-    /// How far (m) the position has come where a share of the amplitude is left.
+    /// Drift (m) reached when a share `left` of the amplitude remains.
     pub fn passed_m(&self, left: N) -> N {
         self.amplitude_m * (N::constant(1.0) - left)
     }

@@ -1,42 +1,42 @@
-//! A quantity that depends on a state of the experiment (physics §5.3): which quantity, which state, and how.
+//! Quantity that depends on a state of the experiment (physics §5.3): the quantity, the state and the function.
 
 use crate::rheology::Leaf;
 use base::number::Dual;
 
-/// What depends on the state.
+/// Quantity that depends on the state.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Quantity {
-    /// The force on the robot, after all other effects of load.
+    /// Force on the robot, after all other effects of load.
     Force,
-    /// The robot's position as it is observed, before all other effects of observation.
+    /// Observed position of the robot, before all other effects of observation.
     Position,
-    /// The modulus or the viscosity of an element of the law.
+    /// Modulus or viscosity of one element of the law.
     Element(Leaf),
 }
 
-/// What it depends on; all are zero before the record.
+/// State on which the quantity depends. All states are zero before the record.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum State {
-    /// The robot's position, in m.
+    /// Position of the robot, in m.
     Position,
-    /// ∫ |dx|, the path that the robot has travelled, in m.
+    /// Path ∫ |dx| that the robot has travelled, in m.
     Path,
     /// Time since the record's start, in s.
     Time,
-    /// Time since the last force step came to act, in s; before the first, since the record's start.
+    /// Time since the last force step began to act, in s; before the first one, time since the record's start.
     TimeSinceStep,
-    /// The robot's velocity, in m/s.
+    /// Velocity of the robot, in m/s.
     Velocity,
-    /// The force before the quantity's own dependence, in N.
+    /// Force before the quantity's own dependence, in N.
     Force,
-    /// The largest |x| so far, in m.
+    /// Largest |x| so far, in m.
     LargestExcursion,
-    /// By how much the element's own body is strained: its share of the displacement, in m.
+    /// Strain of the element's own body, as its share of the displacement, in m.
     Strain,
 }
 
 impl State {
-    /// All of them, with their names.
+    /// All states, with their names.
     pub const ALL: [(Self, &'static str); 8] = [
         (Self::Position, "position"),
         (Self::Path, "path"),
@@ -48,22 +48,22 @@ impl State {
         (Self::Strain, "strain"),
     ];
 
-    /// Name in files and documents.
+    /// Name of the state in files and documents.
     pub fn name(self) -> &'static str {
         Self::ALL.iter().find(|(state, _)| *state == self).map_or("", |(_, name)| name)
     }
 
-    /// Whether it may be below 0.
+    /// Returns `true` if the state can be negative.
     pub fn has_sign(self) -> bool {
         matches!(self, Self::Position | Self::Velocity | Self::Force | Self::Strain)
     }
 
-    /// The state of a name.
+    /// State with this name, if there is one.
     pub fn named(name: &str) -> Option<Self> {
         Self::ALL.iter().find(|(_, own)| *own == name).map(|(state, _)| *state)
     }
 
-    /// Unit in which functions of it are written.
+    /// Unit of the state in written functions.
     pub fn unit(self) -> &'static str {
         match self {
             Self::Position | Self::Path | Self::LargestExcursion | Self::Strain => "m",
@@ -73,27 +73,27 @@ impl State {
         }
     }
 
-    /// Whether it follows from where the robot is, so that the quantity and the robot's motion have to be found together.
+    /// Returns `true` if the state follows from the robot's position, so that quantity and motion must be solved together.
     pub fn is_of_motion(self) -> bool {
         !matches!(self, Self::Time | Self::TimeSinceStep | Self::Force)
     }
 }
 
-/// How the function enters.
+/// Operation by which the function changes the quantity.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Operation {
-    /// The quantity times the function.
+    /// Multiplies the quantity by the function.
     Multiply,
-    /// The quantity plus the function, in the quantity's unit.
+    /// Adds the function to the quantity, in the quantity's unit.
     Add,
 }
 
-/// A function of a state.
+/// Function of a state.
 pub trait StateFunction: std::fmt::Debug + Send + Sync {
-    /// Its value at a state and at parameters (SI), with the derivative that they carry.
+    /// Value at a state and at parameters (SI), with the derivative that they carry.
     fn value(&self, state: Dual, parameters: &[Dual]) -> Dual;
 
-    /// Its derivatives by the parameters at a state.
+    /// Writes the derivatives with respect to the parameters at a state to `slopes`.
     fn by_parameters(&self, state: f64, parameters: &[Dual], slopes: &mut [f64]) {
         let mut moving: Vec<Dual> = parameters.iter().map(|own| Dual::constant(own.value)).collect();
         for (k, slope) in slopes.iter_mut().enumerate() {
@@ -104,7 +104,7 @@ pub trait StateFunction: std::fmt::Debug + Send + Sync {
     }
 }
 
-/// A function that lives as long as the program.
+/// Function that lives as long as the program.
 #[derive(Debug, Clone, Copy)]
 pub struct Function(pub &'static dyn StateFunction);
 
@@ -114,23 +114,23 @@ impl PartialEq for Function {
     }
 }
 
-/// A quantity that depends on a state.
+/// Quantity that depends on a state.
 #[derive(Debug, Clone, PartialEq)]
 pub struct StateLaw {
-    /// What depends.
+    /// Quantity that depends.
     pub quantity: Quantity,
-    /// On what.
+    /// State on which it depends.
     pub state: State,
-    /// How it enters.
+    /// Operation by which the function enters.
     pub operation: Operation,
-    /// The function.
+    /// Function of the state.
     pub function: Function,
-    /// Its parameters (SI).
+    /// Parameters of the function (SI).
     pub parameters: Vec<Dual>,
 }
 
 impl StateLaw {
-    /// The function's value.
+    /// Value of the function at a state.
     pub fn value(&self, state: Dual) -> Dual {
         self.function.0.value(state, &self.parameters)
     }

@@ -1,8 +1,8 @@
 //! `actuator-lag`: the force approaches its commanded value exponentially instead of at once.
 //!
-//! τ Ḟ = F_in − F, F = 0 at the record's start. Null: τ = 0. Valid for any τ ≥ 0. The inductance of the coils, eddy currents and the driver's
-//! amplifier make it. To first order in τ it is what `clock-offset` is (physics §5): both shift the response by −τ ẋ, and only the rounding
-//! of the corners, of the size τ² ẍ, tells them apart.
+//! τ Ḟ = F_in − F, F = 0 at the record's start. Null: τ = 0. Valid for any τ ≥ 0. Causes are the inductance of the coils, eddy currents and the driver's
+//! amplifier. To first order in τ it equals `clock-offset` (physics §5): both shift the response by −τ ẋ. Only the rounding
+//! of the corners, of the size τ² ẍ, distinguishes them.
 
 use super::{Effect, EffectParameter, Stage, Stages};
 use base::distribution::Distribution;
@@ -11,11 +11,11 @@ use base::number::Dual;
 use base::parameter::{ParameterSpec, Support};
 use record::Scales;
 
-/// Part of a sample interval that serves as step from the null.
+/// Step from the null, as a share of the sample interval.
 ///
 /// At τ = 0 the kernel divides by τ, so forward mode has no derivative there. After a tenth of an interval the force's own transient has
-/// decayed to e⁻¹⁰ = 5·10⁻⁵ at the first row behind a switch, so that the difference quotient is the one-sided derivative −ẋ up to τ ẍ/2,
-/// while it stands far above rounding.
+/// decayed to e⁻¹⁰ = 5·10⁻⁵ at the first row after a switch. The difference quotient is therefore the one-sided derivative −ẋ up to τ ẍ/2,
+/// and it is far above rounding.
 const STEP: f64 = 0.1;
 
 const PARAMETERS: &[EffectParameter] = &[EffectParameter {
@@ -26,7 +26,7 @@ const PARAMETERS: &[EffectParameter] = &[EffectParameter {
     finite_step: Some(&|scales| STEP * scales.sample_interval_s),
 }];
 
-/// The effect.
+/// Effect `actuator-lag`.
 pub struct ActuatorLag;
 
 impl Effect for ActuatorLag {
@@ -63,8 +63,8 @@ mod tests {
         assert_eq!(stages.load.lag_time_s, Dual::variable(0.02));
     }
 
-    /// What the step promises, on a case in closed form: a dashpot c under a force F from t = 0 moves by F t/c, with lag by
-    /// (F/c)(t − τ(1 − e^{−t/τ})), whose derivative in τ at 0 is −F/c at every t > 0.
+    /// Checks the step in closed form. A dashpot c under a force F from t = 0 moves by F t/c, with lag by
+    /// (F/c)(t − τ(1 − e^{−t/τ})). The derivative in τ at 0 is −F/c at every t > 0.
     #[test]
     fn the_finite_step_gives_the_one_sided_derivative_at_the_first_row_after_a_switch() {
         let step_s = (PARAMETERS[0].finite_step.unwrap())(&SCALES);

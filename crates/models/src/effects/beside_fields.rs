@@ -1,23 +1,23 @@
-//! What cannot stand beside an effect that changes the displacement field, and why: one place for the laws' and the effects' refusals.
+//! Effects and laws that cannot be combined with an effect on the displacement field, with the reasons that messages give.
 
 use super::field::SPRINGPOTS;
 use super::first_body::{body, elements_of, in_series};
 use laws::rheology::{BaseLaw, Element, RetardationSpectrum, TimeWindow};
 
-/// Coefficients that change with time.
-pub(super) const AGEING: &str = "the field is solved for a gel that stays what it is";
-/// Springpots that stand for a dashpot.
+/// Reason against coefficients that change with time.
+pub(super) const AGEING: &str = "the field is computed for a gel whose properties are constant";
+/// Reason against springpots that replace a dashpot.
 pub(super) const MEMORY: &str =
-    "a springpot is not looked for beside a field that changes shape; write it into the law (--base)";
-/// Springs in series.
-pub(super) const WAVES: &str = "with mass, a spring in series lets waves through, which are not resolved";
+    "a springpot cannot be added where the field changes its shape; write it into the base law (--base)";
+/// Reason against springs in series.
+pub(super) const WAVES: &str = "with mass, a spring in series transmits waves, which the model does not resolve";
 
-/// Why mass or large strains cannot be added to a base law with springpots, if they cannot.
+/// Reason why mass or large strains cannot be added to a base law with springpots; `None` if they can.
 pub(super) fn memory(base: &BaseLaw) -> Option<&'static str> {
     elements_of(base).iter().any(has_springpot).then_some(SPRINGPOTS)
 }
 
-/// Why mass cannot be added to a base law beside that, if it cannot.
+/// Reason why mass cannot be added to a base law with an instantaneous response; `None` if it can.
 pub(super) fn waves(base: &BaseLaw) -> Option<&'static str> {
     gives_way_at_once(&elements_of(base)).then_some(WAVES)
 }
@@ -31,12 +31,12 @@ fn has_springpot(element: &Element) -> bool {
 }
 
 fn gives_way_at_once(law: &[Element]) -> bool {
-    // Unit parameters, so that any times around one second serve.
+    // The parameters are 1, so that any times around one second are suitable.
     let window = TimeWindow { shortest_s: 1e-3, longest_s: 1e3 };
     RetardationSpectrum::<base::number::Dual>::of(law, window).is_ok_and(|s| s.instantaneous_per_pa.value > 0.0)
 }
 
-/// Why a base law cannot have a body that is not linear, if it cannot: it must be Kelvin–Voigt bodies, springs and one dashpot in series.
+/// Reason why a body of the base law cannot be nonlinear; `None` if it can. The law must be Kelvin–Voigt bodies, springs and one dashpot in series.
 pub(super) fn nonlinear_conflict(base: &BaseLaw) -> Option<&'static str> {
     let law = elements_of(base);
     let (mut bodies, mut dashpots, mut others) = (0, 0, 0);

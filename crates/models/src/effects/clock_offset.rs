@@ -1,7 +1,7 @@
 //! `clock-offset`: the force acts later than the log says.
 //!
-//! F(t) = F_cmd(t − δ), δ ≥ 0. Null: δ = 0. Valid for any δ; switch times between samples are exact. Camera and coil driver with clocks of their
-//! own, or a command logged before it is sent, make it. To first order in δ it is what `actuator-lag` is (physics §5).
+//! F(t) = F_cmd(t − δ), δ ≥ 0. Null: δ = 0. Valid for any δ; switch times between samples are exact. Causes are separate clocks of camera and coil driver,
+//! or a command logged before it is sent. To first order in δ it equals `actuator-lag` (physics §5).
 
 use super::{Effect, EffectParameter, Stage, Stages};
 use base::distribution::Distribution;
@@ -18,7 +18,7 @@ const PARAMETERS: &[EffectParameter] = &[EffectParameter {
     finite_step: None,
 }];
 
-/// The effect.
+/// Effect `clock-offset`.
 pub struct ClockOffset;
 
 impl Effect for ClockOffset {
@@ -48,7 +48,7 @@ mod tests {
     use super::*;
     use crate::effects::test_scales::SCALES;
 
-    /// On a dashpot c under a force F from t = 0: x = F (t − δ)/c for t ≥ δ, so the delay taken off the time is all that happens.
+    /// Checks a dashpot c under a force F from t = 0: x = F (t − δ)/c for t ≥ δ. The delay shifts the time and changes nothing else.
     #[test]
     fn a_step_arrives_later_by_the_delay() {
         let mut stages = Stages::of_law(Vec::new());
@@ -62,7 +62,7 @@ mod tests {
     #[test]
     fn the_prior_is_scaled_by_the_slower_of_camera_and_hold() {
         let median = |scales: &Scales| (PARAMETERS[0].prior)(scales).quantile(0.5);
-        // Φ⁻¹(¾) of the standard deviation is the median of a half-normal.
+        // The median of a half-normal is Φ⁻¹(¾) of the standard deviation.
         let expected = |sd: f64| 0.674_489_750_196_081_7 * sd;
         assert!((median(&SCALES) - expected(0.05 * 5.0)).abs() < 1e-9);
         let slow_camera = Scales { sample_interval_s: 1.0, ..SCALES };

@@ -1,9 +1,9 @@
-//! `compressibility`: the gel's Poisson ratio is not what the experiment's file says.
+//! `compressibility`: the gel's Poisson ratio differs from the one in the experiment's file.
 //!
 //! K̂ = 2 μ̂(ν) K_dev + κ̂(ν) K_vol with μ̂ = 1/(2(1+ν)) and κ̂ = 1/(3(1−2ν)) for unit Young's modulus. Null: the experiment's ν. Valid for ν in
-//! (−1, 0.5), both ends excluded; at the ends no such gel exists. A gel whose water can leave is more compressible than it looks at once.
-//! In a creep test at one place it only rescales E, c₁ and c₂ (physics §5), so the data do not tell it apart from them. How the response
-//! of a tracked sphere depends on ν: physics §4.1; Schnurr et al. 1997, Macromolecules 30:7781.
+//! (−1, 0.5), both ends excluded; no gel has an end's value. A gel that can lose water is more compressible than its instantaneous response suggests.
+//! In a creep test at one place it only rescales E, c₁ and c₂ (physics §5), so the data cannot distinguish it from them. For the response
+//! of a tracked sphere as a function of ν: physics §4.1; Schnurr et al. 1997, Macromolecules 30:7781.
 
 use super::{Effect, EffectParameter, Stage, Stages};
 use base::distribution::Distribution;
@@ -15,7 +15,7 @@ use record::Scales;
 /// Ends of ν, where the shear or the bulk modulus for unit Young's modulus is infinite.
 const ENDS: (f64, f64) = (-1.0, 0.5);
 
-/// Uniform from 0.3 to 0.499, widened where the experiment's ν would lie near an end or outside, so that it always lies inside.
+/// Uniform prior from 0.3 to 0.499. It is widened where the experiment's ν is near an end or outside, so that ν is always inside.
 fn prior(scales: &Scales) -> Distribution {
     let (lowest, highest) = (0.3, 0.499);
     let Some(own) = scales.poisson_ratio else { return Distribution::Uniform { lower: lowest, upper: highest } };
@@ -30,11 +30,11 @@ const PARAMETERS: &[EffectParameter] = &[EffectParameter {
     spec: ParameterSpec::new("compressibility.poisson_ratio", "ν", "1", Support { lower: ENDS.0, upper: ENDS.1 }),
     null: &|scales| scales.poisson_ratio,
     prior: &prior,
-    prior_source: "chosen: from a drained gel, 0.3, to a nearly incompressible one, 0.499, and around the experiment's own ratio",
+    prior_source: "chosen: from a drained gel, 0.3, to a nearly incompressible one, 0.499, and around the experiment's ratio",
     finite_step: None,
 }];
 
-/// The effect.
+/// Effect `compressibility`.
 pub struct Compressibility;
 
 impl Effect for Compressibility {
@@ -45,7 +45,7 @@ impl Effect for Compressibility {
         Stage::Mechanics
     }
     fn summary(&self) -> &'static str {
-        "the gel's Poisson ratio is not what the file says"
+        "the gel's Poisson ratio differs from the one in the file"
     }
     fn equation(&self) -> &'static str {
         "K = 2 μ(ν) K_dev + κ(ν) K_vol"
@@ -90,8 +90,8 @@ mod tests {
         assert_eq!(ratio_written(0.4.into()), Some(0.4.into()));
     }
 
-    /// In an infinite medium (physics §4.1): u/F = (1+ν)(5−6ν)/(12π E R(1−ν)), so the prior's whole width moves the response by some per cent
-    /// only, which E takes up.
+    /// Checks the response in an infinite medium (physics §4.1): u/F = (1+ν)(5−6ν)/(12π E R(1−ν)). The prior's whole width changes it by some per cent
+    /// only, which E absorbs.
     #[test]
     fn the_response_moves_by_less_than_a_twelfth_over_the_prior() {
         let Distribution::Uniform { lower, upper } = prior(&SCALES) else { panic!("not uniform") };

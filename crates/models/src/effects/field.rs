@@ -1,7 +1,7 @@
-//! How an effect changes the displacement field: what it brings to the full model, and how that is reduced.
+//! Effects on the displacement field: their part of the full-order model, and its reduction.
 //!
-//! There are four kinds, by their mathematics and not by their physics. An effect of the first kind brings its matrices; all else follows from them
-//! ([`elements::fe::spatial`] steps them, `surrogate` reduces them to terms, `rheology::Beside` turns the terms into creep).
+//! There are four kinds, which differ by their mathematics and not by their physics. An effect of the first kind defines its matrices, and the rest follows:
+//! [`elements::fe::spatial`] steps them, `surrogate` reduces them to terms, and `rheology::Beside` converts the terms into creep.
 
 use base::error::{Error, Result};
 use elements::fe::meridional::{SecondMatrix, pair_around_sphere};
@@ -10,72 +10,72 @@ use elements::mesh::{ElementKind, Mesh};
 use laws::rheology::Beside;
 use laws::stages::{LinearField, NonlinearFamily, Spatial};
 
-/// How an effect changes the displacement field.
+/// Mathematics of an effect on the displacement field.
 #[derive(Clone, Copy)]
 pub enum Field {
-    /// Linear, and two matrices with scalar factors.
+    /// Linear, with two matrices and scalar factors.
     Pair(&'static dyn MatrixPair),
-    /// Biot's equations (physics §4.9): what stands beside the law is [`Beside::Friction`] with the mobility for its compliance, and the field's shape depends on the
-    /// drained Poisson ratio. Gives the range of those for an undrained one.
+    /// Biot's equations (physics §4.9). The element beside the law is [`Beside::Friction`] with the mobility as its compliance. The field's shape depends on the
+    /// drained Poisson ratio; the function returns the range of drained ratios for an undrained one.
     Pores(fn(f64) -> [f64; 2]),
-    /// A law that is not linear.
+    /// Nonlinear law.
     Nonlinear(NonlinearFamily),
-    /// Strains may be large.
+    /// Large strains.
     Large,
 }
 
-/// Why a field is not solved for beside springpots of a law.
-pub(super) const SPRINGPOTS: &str =
-    "neither mass nor large displacements are solved for beside the memory of its springpot";
+/// Reason why a field cannot be computed for a law with springpots.
+pub(super) const SPRINGPOTS: &str = "mass and large displacements cannot be computed for a law with springpots";
 
-/// The matrices of one shape of the field.
+/// Matrices for one shape of the field.
 pub struct FieldSystem {
-    /// The mesh, where it is not the surroundings' own.
+    /// Mesh; `None` for the surroundings' own.
     pub mesh: Option<Mesh>,
-    /// The matrices.
+    /// Matrices of the field.
     pub system: SpatialSystem,
 }
 
-/// The parameter on which the field's shape depends.
+/// Parameter on which the field's shape depends.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ShapeParameter {
-    /// Its name.
+    /// Name of the parameter.
     pub name: &'static str,
-    /// Its range.
+    /// Range of the parameter.
     pub range: [f64; 2],
 }
 
-/// Two matrices on one set of unknowns: what the gel's law multiplies, and what stands beside it.
+/// Two matrices on one set of unknowns: the gel's law multiplies the first, the element beside the law the second.
 pub trait MatrixPair: Sync {
-    /// What is modelled, in a few plain words.
+    /// Name of the effect in messages.
     fn words(&self) -> &'static str;
-    /// Why it cannot be computed for a robot on its mesh, if it cannot.
+    /// Reason why it cannot be computed for a robot on its mesh; `None` if it can.
     fn lacks(&self, _surroundings: &Surroundings<'_>) -> Option<&'static str> {
         None
     }
-    /// Whether what stands beside the law is a mass: then a spring in series lets waves through.
+    /// Returns `true` if the element beside the law is a mass. A spring in series then transmits waves.
     fn has_mass(&self) -> bool {
         false
     }
-    /// On what the matrices depend beside gel and robot, if on anything. Such a pair must answer by three shares: 0, one between, and 1.
+    /// Parameter of the matrices besides gel and robot, if there is one. Such a pair must have exactly three shares: 0, one between, and 1.
     fn shape(&self) -> Option<ShapeParameter> {
         None
     }
-    /// How the matrices are split into terms.
+    /// Splitting of the matrices into terms.
     fn splitting(&self, sizes: &Sizes) -> Splitting;
-    /// The matrices, at a value of [`Self::shape`] if there is one.
+    /// Assembles the matrices, at a value of [`Self::shape`] if there is one.
     ///
     /// # Errors
     /// [`Error::Numerical`] for inverted elements, for meshes without a robot, and for meshes that [`Self::lacks`] refuses.
     fn system(&self, surroundings: &Surroundings<'_>, shape: Option<f64>) -> Result<FieldSystem>;
-    /// What stands beside the law around a sphere, for the second full model, at a value of [`Self::shape`] if there is one; `None` where that model does not have it.
+    /// Element beside the law around a sphere, for the second full-order model, at a value of [`Self::shape`] if there is one.
+    /// `None` if that model does not cover the effect.
     fn around_sphere(&self, _sizes: &Sizes, _shape: Option<f64>) -> Option<SecondMatrix> {
         None
     }
 }
 
 impl Field {
-    /// What is modelled, in a few plain words.
+    /// Name of the effect in messages.
     pub fn words(self) -> &'static str {
         match self {
             Self::Pair(pair) => pair.words(),
@@ -87,7 +87,7 @@ impl Field {
         }
     }
 
-    /// Why it cannot be computed for a robot on its mesh, if it cannot.
+    /// Reason why it cannot be computed for a robot on its mesh; `None` if it can.
     pub fn lacks(self, surroundings: &Surroundings<'_>) -> Option<&'static str> {
         match self {
             Self::Pair(pair) => pair.lacks(surroundings),
@@ -95,36 +95,36 @@ impl Field {
                 Some("pore flow needs quadratic elements")
             }
             Self::Large if surroundings.sizes.ball.is_none() => {
-                Some("large displacements are run around a sphere at the centre, on a mesh of the program's own")
+                Some("large displacements need a sphere at the centre and the built-in mesh")
             }
             _ => None,
         }
     }
 
-    /// Whether its reduced model is learnt for one record, about the law that fits it, and not built for a gel.
+    /// Returns `true` if its reduced model is trained for one record, around the law that fits it, instead of once for a gel.
     pub fn is_learnt_for_record(self) -> bool {
         matches!(self, Self::Large)
     }
 
-    /// Whether the law is not linear in it.
+    /// Returns `true` if the effect makes the law nonlinear.
     pub fn is_nonlinear(self) -> bool {
         matches!(self, Self::Nonlinear(_) | Self::Large)
     }
 
-    /// Why a force that depends on the position cannot stand beside it, if it cannot.
+    /// Reason why a position-dependent force cannot be combined with it; `None` if it can.
     pub fn bars_feedback(self) -> Option<&'static str> {
         matches!(self, Self::Large).then_some(Spatial::BARS_FEEDBACK)
     }
 
-    /// Whether it has mass, through which waves run.
+    /// Returns `true` if it has mass, through which waves travel.
     pub fn has_mass(self) -> bool {
         matches!(self, Self::Pair(pair) if pair.has_mass())
     }
 
-    /// Steps the full model of a linear field through a record.
+    /// Steps the full-order model of a linear field through a record.
     ///
     /// # Errors
-    /// Those of its parts; [`Error::Numerical`] for a law that is not linear.
+    /// Those of its parts. [`Error::Numerical`] for a nonlinear law.
     pub fn run(self, surroundings: &Surroundings<'_>, field: &LinearField, job: &SpatialJob<'_>) -> Result<SpatialRun> {
         let shape = field.shape.map(|shape| shape.value);
         match (self, shape, &field.beside) {
@@ -136,17 +136,17 @@ impl Field {
                 job.run_pores(surroundings, compliance.value, drained_ratio)
             }
             _ => Err(Error::numerical(
-                format!("`{}` has no matrices of its own", field.effect),
-                "run it by the balance of `fe::nonlinear`, or by `fe::oldroyd`",
+                format!("`{}` has no pair of matrices", field.effect),
+                "use `fe::nonlinear` or `fe::oldroyd` for it",
             )),
         }
     }
 
-    /// Recorded positions (m) by the second full model of a linear field: elements of high order in the half meridian around a sphere at the centre, stepped through a record. `None` for
-    /// other robots, for pore flow and for laws that are not linear.
+    /// Recorded positions (m) by the second full-order model of a linear field. It steps high-order elements in the half meridian around a central sphere.
+    /// `None` for other robots, for pore flow and for nonlinear laws.
     ///
     /// # Errors
-    /// As [`Self::run`].
+    /// Those of [`Self::run`].
     pub fn run_in_half_meridian(
         self,
         surroundings: &Surroundings<'_>,

@@ -1,15 +1,15 @@
-//! What the equations of physics §5 call E and c₁, in any law.
+//! E and c₁ of physics §5, for any law.
 //!
-//! Where Kelvin–Voigt bodies stand in series, E and c₁ are the spring and the dashpot of the first. A law without one has E from what it is at the time T of a hold,
-//! s/ε under ε ∝ e^{t/T}, which every network of springs, dashpots and springpots has; and for c₁ its first dashpot, in the order in which the law is written.
+//! If Kelvin–Voigt bodies are in series, E and c₁ are the spring and the dashpot of the first. For other laws E is the modulus at the time T of a hold,
+//! s/ε under ε ∝ e^{t/T}, which every network of springs, dashpots and springpots has. Their c₁ is the first dashpot, in the order in which the law is written.
 
 use super::hold_s;
 use base::number::Dual;
 use laws::rheology::{BaseLaw, Element};
 use record::Scales;
 
-/// E in Pa of a law: the spring of the first Kelvin–Voigt body in series, else what the law is at the time of a hold. What effects have put in series is no part of it, so
-/// that effects may be written in any order.
+/// E in Pa of a law: the spring of the first Kelvin–Voigt body in series, or else the law's modulus at the time of a hold. Elements that effects add in series
+/// do not count, so that effects may be applied in any order.
 pub(super) fn reference_modulus_pa(law: &[Element], scales: &Scales) -> Dual {
     let own = in_series(law)
         .into_iter()
@@ -23,7 +23,7 @@ pub(super) fn reference_modulus_pa(law: &[Element], scales: &Scales) -> Dual {
     })
 }
 
-/// The first Kelvin–Voigt body in series whose damper is as asked.
+/// First Kelvin–Voigt body in series whose damper satisfies `is_suited`.
 pub(super) fn first_body_mut(law: &mut [Element], is_suited: fn(&Element) -> bool) -> Option<&mut Element> {
     law.iter_mut().find_map(|element| match element {
         Element::Series(elements) => first_body_mut(elements, is_suited),
@@ -31,7 +31,7 @@ pub(super) fn first_body_mut(law: &mut [Element], is_suited: fn(&Element) -> boo
     })
 }
 
-/// The first element, in the order in which the law is written, that is as asked; never a series or a parallel.
+/// First element, in the order in which the law is written, that satisfies `is_suited`. It is never a series or a parallel.
 pub(super) fn first_element_mut(law: &mut [Element], is_suited: fn(&Element) -> bool) -> Option<&mut Element> {
     law.iter_mut().find_map(|element| match element {
         Element::Series(elements) | Element::Parallel(elements) => first_element_mut(elements, is_suited),
@@ -39,12 +39,12 @@ pub(super) fn first_element_mut(law: &mut [Element], is_suited: fn(&Element) -> 
     })
 }
 
-/// Whether an element is a dashpot.
+/// Returns `true` if an element is a dashpot.
 pub(super) fn is_dashpot(element: &Element) -> bool {
     matches!(element, Element::Dashpot { .. })
 }
 
-/// Spring and damper of a Kelvin–Voigt body. A springpot is a damper, too, so that E stays what it was where one stands for c₁.
+/// Spring and damper of a Kelvin–Voigt body. A springpot counts as a damper, so that E is unchanged if a springpot replaces the dashpot c₁.
 pub(super) fn body(element: &Element) -> Option<(Dual, &Element)> {
     let Element::Parallel(parts) = element else { return None };
     match parts.as_slice() {
@@ -56,7 +56,7 @@ pub(super) fn body(element: &Element) -> Option<(Dual, &Element)> {
     }
 }
 
-/// The elements that carry the whole stress: a series within the series is part of it.
+/// Elements that carry the whole stress. Elements of a nested series count one by one.
 pub(super) fn in_series(law: &[Element]) -> Vec<&Element> {
     law.iter()
         .flat_map(|element| match element {
@@ -66,7 +66,7 @@ pub(super) fn in_series(law: &[Element]) -> Vec<&Element> {
         .collect()
 }
 
-/// The elements of a base law at unit parameters, to look at which there are.
+/// Elements of a base law at unit parameters, which show its structure.
 pub(super) fn elements_of(base: &BaseLaw) -> Vec<Element> {
     base.elements(&vec![Dual::ONE; base.parameters().len()])
 }
@@ -93,7 +93,8 @@ mod tests {
         assert_eq!(body(found), Some((3.0.into(), &dashpot(2.0))));
     }
 
-    /// A law without a body: 1/E = 1/1 + 5/2 + 1/(1 + 2) + 1/(1 + 2/5 + 3/5) at a hold of 5 s, with or without what effects add.
+    /// Checks a law without a Kelvin–Voigt body: 1/E = 1/1 + 5/2 + 1/(1 + 2) + 1/(1 + 2/5 + 3/5) at a hold of 5 s.
+    /// Elements that effects add do not change E.
     #[test]
     fn a_law_without_a_body_has_its_modulus_at_the_time_of_a_hold() {
         let three = Element::Parallel(vec![spring(1.0), dashpot(2.0), dashpot(3.0)]);
@@ -107,7 +108,7 @@ mod tests {
         assert!((reference_modulus_pa(&law, &SCALES).value / expected - 1.0).abs() < 1e-15);
     }
 
-    /// A springpot of G at one second: G (1 s/T)^α, and its derivatives by both.
+    /// Checks a springpot of G at one second: G (1 s/T)^α, and its derivatives by both.
     #[test]
     fn a_springpots_modulus_moves_with_its_parameters() {
         let law = |modulus_pa: Dual, order: Dual| [Element::Springpot { modulus_pa, time_s: Dual::ONE, order }];

@@ -1,8 +1,8 @@
-//! `force-bias`: a constant force acts besides the commanded one.
+//! `force-bias`: a constant force acts in addition to the commanded one.
 //!
-//! F = F_in + b · max |F_cmd|, from the record's start on. Null: b = 0. Valid for any b of either sign. Remanence of the coils, the earth's
-//! field or a tilted stage (the bead's weight is as large as the drive, so 3° are a twentieth of it) make it. It sets in with the record, so
-//! the gel creeps from then on. Where forces of one size ±F alternate it is what `force-asymmetry` is (physics §5).
+//! F = F_in + b · max |F_cmd|, from the record's start on. Null: b = 0. Valid for any b of either sign. Causes are remanence of the coils, the earth's
+//! field or a tilted stage: the bead's weight is as large as the drive, so 3° are a twentieth of it. The force starts with the record, so
+//! the gel creeps from then on. Where forces of one size ±F alternate it equals `force-asymmetry` (physics §5).
 
 use super::{Effect, EffectParameter, Stage, Stages};
 use base::distribution::Distribution;
@@ -15,11 +15,11 @@ const PARAMETERS: &[EffectParameter] = &[EffectParameter {
     spec: ParameterSpec::new("force-bias.fraction", "b", "1", Support::REAL),
     null: &|_| Some(0.0),
     prior: &|_| Distribution::Normal { mean: 0.0, sd: 0.1 },
-    prior_source: "chosen: either way alike, a tenth of the largest commanded force",
+    prior_source: "chosen: symmetric, a tenth of the largest commanded force",
     finite_step: None,
 }];
 
-/// The effect.
+/// Effect `force-bias`.
 pub struct ForceBias;
 
 impl Effect for ForceBias {
@@ -30,7 +30,7 @@ impl Effect for ForceBias {
         Stage::Load
     }
     fn summary(&self) -> &'static str {
-        "a constant force acts besides the commanded one"
+        "a constant force acts in addition to the commanded one"
     }
     fn equation(&self) -> &'static str {
         "F = F_in + b max|F_cmd|"

@@ -1,8 +1,8 @@
-//! `force-gradient`: the force depends on where the robot is.
+//! `force-gradient`: the force depends on the robot's position.
 //!
-//! F = F_in e^{gx}, x the robot's position. Null: g = 0. The force changes by the same share over every equal way, as it does to first order in any field: that of a
-//! dipole at the distance d pulls as d⁻⁴, so that g = ±4/d, and the two differ by (gx)²/8. A force that falls on the robot's way may do so as steeply as it likes; one that
-//! grows may run away with the robot, and there no position is given. Force calibrations over distance: Gosse & Croquette 2002, Biophys. J. 82:3314.
+//! F = F_in e^{gx}, x the robot's position. Null: g = 0. The force changes by an equal factor over every equal distance. To first order any field does so.
+//! A dipole at the distance d pulls as d⁻⁴, so that g = ±4/d; the two differ by (gx)²/8. A force that decreases along the robot's path may do so at any rate.
+//! One that grows may diverge with the position; no position is computed there. Force calibrations over distance: Gosse & Croquette 2002, Biophys. J. 82:3314.
 
 use super::{Effect, EffectParameter, Field, Stage, Stages, position_range_m};
 use base::distribution::Distribution;
@@ -15,11 +15,11 @@ const PARAMETERS: &[EffectParameter] = &[EffectParameter {
     spec: ParameterSpec::new("force-gradient.gradient_per_m", "g", "1/m", Support::REAL),
     null: &|_| Some(0.0),
     prior: &|scales| Distribution::Normal { mean: 0.0, sd: 0.1 / position_range_m(scales) },
-    prior_source: "chosen: either way alike, a change of the force by a tenth over the range of positions",
+    prior_source: "chosen: symmetric, a change of the force by a tenth over the range of positions",
     finite_step: None,
 }];
 
-/// The effect.
+/// Effect `force-gradient`.
 pub struct ForceGradient;
 
 impl Effect for ForceGradient {
@@ -30,7 +30,7 @@ impl Effect for ForceGradient {
         Stage::Load
     }
     fn summary(&self) -> &'static str {
-        "the force depends on where the robot is"
+        "the force depends on the robot's position"
     }
     fn equation(&self) -> &'static str {
         "F = F_in e^{g x}"
@@ -57,7 +57,7 @@ mod tests {
     use base::number::Scalar;
     use laws::stages::LARGEST_EXPONENT;
 
-    /// The law that the effect is near to: F ∝ d⁻⁴ with g = −4/d, moved away by x; 1 + 4 (−x/d) + 10 (x/d)² against 1 + gx + (gx)²/2.
+    /// Checks the effect against a dipole: F ∝ d⁻⁴ with g = −4/d, moved away by x. It compares 1 + 4 (−x/d) + 10 (x/d)² with 1 + gx + (gx)²/2.
     #[test]
     fn a_dipole_is_met_up_to_the_second_order() {
         let (distance_m, x): (f64, f64) = (0.05, 0.5e-3);
@@ -70,7 +70,7 @@ mod tests {
         assert!((factor.derivative / (x * factor.value) - 1.0).abs() < 1e-15);
     }
 
-    /// Nothing that the prior holds for possible is near to where forces are out of bounds: that is 200 standard deviations away over the whole range.
+    /// Checks that the prior is far from the largest exponent of the force: 200 standard deviations over the whole range.
     #[test]
     fn the_prior_keeps_clear_of_the_limit() {
         let limit = LARGEST_EXPONENT / SCALES.position_range_m;

@@ -1,8 +1,8 @@
-//! Formulas of effects that stand in files: numbers, one state, parameters, + − * / ^ and a few functions, with derivatives.
+//! Formulas of effects in files: numbers, one state, parameters, + − * / ^ and a few functions, with derivatives.
 
 use base::number::{Dual, Scalar};
 
-/// A formula.
+/// Formula of one state and of parameters.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Formula {
     root: Node,
@@ -12,7 +12,7 @@ pub struct Formula {
 enum Node {
     Number(f64),
     State,
-    /// By its place.
+    /// Parameter, by its index.
     Parameter(usize),
     Negative(Box<Node>),
     Binary(Operator, Box<[Node; 2]>),
@@ -49,23 +49,23 @@ const FUNCTIONS: [(&str, Function, usize); 7] = [
     ("max", Function::Max, 2),
 ];
 
-/// Most parts of a formula, and most of them inside each other.
+/// Largest number of parts of a formula, and largest depth of nesting.
 const MOST_NODES: usize = 500;
 const DEEPEST: usize = 60;
 
-/// What is wrong with a formula.
+/// Error in a formula.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Mistake {
     /// Column, from 1.
     pub column: usize,
-    /// What was found there.
+    /// Text that was found there.
     pub found: String,
-    /// What to do.
+    /// Remedy.
     pub remedy: String,
 }
 
 impl Formula {
-    /// Reads a formula in which `state` is the name of the state and `parameters` those of the parameters.
+    /// Reads a formula. `state` is the name of the state, `parameters` are the names of the parameters.
     ///
     /// # Errors
     /// The first mistake.
@@ -75,22 +75,24 @@ impl Formula {
         parser.blank();
         match parser.rest().chars().next() {
             None => Ok(Self { root }),
-            Some(c) => Err(parser
-                .mistake(format!("`{c}` ends what can be read"), "write numbers, names, + - * / ^ and parentheses")),
+            Some(c) => Err(parser.mistake(
+                format!("`{c}` is not part of a formula here"),
+                "write numbers, names, + - * / ^ and parentheses",
+            )),
         }
     }
 
-    /// Whether the state occurs in it.
+    /// Returns `true` if the state occurs in the formula.
     pub fn has_state(&self) -> bool {
         self.root.any(&|node| *node == Node::State)
     }
 
-    /// Whether a parameter occurs in it.
+    /// Returns `true` if the parameter at this index occurs in the formula.
     pub fn has_parameter(&self, place: usize) -> bool {
         self.root.any(&|node| *node == Node::Parameter(place))
     }
 
-    /// Its value.
+    /// Value of the formula.
     pub fn value(&self, state: Dual, parameters: &[Dual]) -> Dual {
         self.root.value(state, parameters)
     }
@@ -152,7 +154,7 @@ impl Node {
     }
 }
 
-/// xʸ: for any x where y is a whole number, and 0 at 0 for y > 0.
+/// Power xʸ: for any x if y is a whole number, and 0 at 0 for y > 0.
 fn power(x: Dual, y: Dual) -> Dual {
     if y.is_constant(2.0) {
         return x * x;
@@ -162,7 +164,7 @@ fn power(x: Dual, y: Dual) -> Dual {
     }
     let value = x.value.powf(y.value);
     let by_base = y.value * x.value.powf(y.value - 1.0);
-    // At 0 nothing of a positive power moves with the exponent; elsewhere below 0 the exponent may not move at all.
+    // At 0 a positive power does not depend on the exponent. Below 0 the exponent must be constant.
     let by_exponent = if y.derivative == 0.0 || x.value == 0.0 { 0.0 } else { f64::NAN };
     let of_base = if x.derivative == 0.0 { 0.0 } else { by_base * x.derivative };
     Dual { value, derivative: of_base + by_exponent }
@@ -191,7 +193,7 @@ impl Parser<'_> {
         Mistake { column, found: found.into(), remedy: remedy.into() }
     }
 
-    /// Takes a sign if it comes next.
+    /// Consumes a sign if it is next. Returns true if it was.
     fn take(&mut self, sign: char) -> bool {
         self.blank();
         let is_next = self.rest().starts_with(sign);
@@ -204,7 +206,9 @@ impl Parser<'_> {
     fn made(&mut self, node: Node) -> Result<Node, Mistake> {
         self.n_nodes += 1;
         if self.n_nodes > MOST_NODES {
-            return Err(self.mistake(format!("this is part {} of the formula", self.n_nodes), "write a shorter one"));
+            return Err(
+                self.mistake(format!("this is part {} of the formula", self.n_nodes), "write a shorter formula")
+            );
         }
         Ok(node)
     }
@@ -216,7 +220,7 @@ impl Parser<'_> {
     fn sum(&mut self) -> Result<Node, Mistake> {
         self.depth += 1;
         if self.depth > DEEPEST {
-            return Err(self.mistake("parentheses stand too deep in each other", "write a simpler formula"));
+            return Err(self.mistake("parentheses are nested too deeply", "write a simpler formula"));
         }
         let mut left = self.product()?;
         loop {
@@ -248,12 +252,12 @@ impl Parser<'_> {
         }
     }
 
-    /// −x^y is −(x^y).
+    /// Reads a signed factor. −x^y is −(x^y).
     fn signed(&mut self) -> Result<Node, Mistake> {
         if self.take('-') || self.take('−') {
             self.depth += 1;
             if self.depth > DEEPEST {
-                return Err(self.mistake("signs follow each other", "write one"));
+                return Err(self.mistake("too many signs follow each other", "write one sign"));
             }
             let inner = self.signed()?;
             self.depth -= 1;
@@ -270,7 +274,7 @@ impl Parser<'_> {
     fn atom(&mut self) -> Result<Node, Mistake> {
         self.blank();
         let Some(first) = self.rest().chars().next() else {
-            return Err(self.mistake("the formula ends where something is missing", "complete it"));
+            return Err(self.mistake("the formula is incomplete", "complete the formula"));
         };
         if self.take('(') {
             let inner = self.sum()?;
@@ -280,9 +284,10 @@ impl Parser<'_> {
             return self.number();
         }
         if !(first.is_ascii_alphabetic() || first == '_') {
-            return Err(
-                self.mistake(format!("`{first}` is no number and no name"), "write a number, a name or parentheses")
-            );
+            return Err(self.mistake(
+                format!("`{first}` is neither a number nor a name"),
+                "write a number, a name or parentheses",
+            ));
         }
         let length = self.rest().find(|c: char| !(c.is_ascii_alphanumeric() || c == '_')).unwrap_or(self.rest().len());
         let name = self.rest()[..length].to_string();
@@ -346,7 +351,7 @@ impl Parser<'_> {
                 self.at += end;
                 self.made(Node::Number(number))
             }
-            _ => Err(self.mistake(format!("`{text}` is no number"), "write a number such as 0.5 or 2e3")),
+            _ => Err(self.mistake(format!("`{text}` is not a number"), "write a number such as 0.5 or 2e3")),
         }
     }
 }
@@ -362,7 +367,7 @@ mod tests {
         formula.value(Dual::constant(state), &constants).value
     }
 
-    /// Values by hand; precedence, signs and powers as in mathematics.
+    /// Checks values worked out by hand, with the precedence, signs and powers of mathematics.
     #[test]
     fn formulas_mean_what_they_say() {
         assert_eq!(at("1 + 2*path^2", 3.0, &[]), 19.0);
@@ -382,7 +387,7 @@ mod tests {
         assert_eq!(at("path^a", 0.0, &[0.5]), 0.0);
     }
 
-    /// By central differences, by the state and by each parameter.
+    /// Checks derivatives by the state and by each parameter against central differences.
     #[test]
     fn derivatives_equal_differences() {
         let formula =
@@ -409,7 +414,7 @@ mod tests {
             ("1 + pat", 5, "did you mean `path`"),
             ("exp path", 5, "exp(…)"),
             ("(1 + path", 10, "write `)`"),
-            ("1 + ", 5, "complete it"),
+            ("1 + ", 5, "complete the formula"),
             ("1 $ 2", 3, "write numbers"),
             ("min(1)", 6, "give it 2"),
             ("1..2", 1, "write a number"),
@@ -420,8 +425,8 @@ mod tests {
             assert!(mistake.column == column && mistake.remedy.contains(remedy), "{text}: {mistake:?}");
         }
         for (text, found) in [
-            (format!("{}1{}", "(".repeat(5_000), ")".repeat(5_000)), "parentheses stand too deep in each other"),
-            ("-".repeat(5_000), "signs follow each other"),
+            (format!("{}1{}", "(".repeat(5_000), ")".repeat(5_000)), "parentheses are nested too deeply"),
+            ("-".repeat(5_000), "too many signs follow each other"),
             (["1"; 2_000].join("+"), "this is part 501 of the formula"),
         ] {
             let mistake = Formula::parse(&text, "path", &[]).expect_err(found);

@@ -1,12 +1,12 @@
-//! `fractional-damping`: the gel is damped by many times at once, not by one.
+//! `fractional-damping`: the gel's damping has a spectrum of times instead of one time.
 //!
-//! A springpot stands for the dashpot of the law's first Kelvin–Voigt body: s = E ε_k + E (c₁/E)^α D^α ε_k, Caputo's derivative from t = 0, so
-//! that J_k(t) = (1/E)(1 − E_α(−(t E/c₁)^α)) with the Mittag-Leffler function E_α. Null: α = 1, the dashpot itself. Valid for α in (0.3, 1];
-//! below, damper and spring are hardly told apart. Mainardi & Spada 2011, doi:10.1140/epjst/e2011-01387-1, the fractional Kelvin–Voigt body.
+//! A springpot replaces the dashpot of the law's first Kelvin–Voigt body: s = E ε_k + E (c₁/E)^α D^α ε_k, Caputo's derivative from t = 0, so
+//! that J_k(t) = (1/E)(1 − E_α(−(t E/c₁)^α)) with the Mittag-Leffler function E_α. Null: α = 1, the dashpot. Valid for α in (0.3, 1];
+//! below, damper and spring are almost indistinguishable. Mainardi & Spada 2011, doi:10.1140/epjst/e2011-01387-1, the fractional Kelvin–Voigt body.
 //!
-//! A law whose Kelvin–Voigt bodies in series, if it has any, have no dashpot has a springpot in the place of its first dashpot, in the order in which the law is
-//! written: s = (c/T)(T D)^α ε with T the time of a hold, so that c is still the viscosity at that time, whatever the order. A law without a dashpot has nothing to
-//! replace.
+//! If no Kelvin–Voigt body in series has a dashpot, the springpot replaces the law's first dashpot, in the order in which the law is
+//! written: s = (c/T)(T D)^α ε with T the time of a hold. For any order, c is then the viscosity at that time. The effect does not apply to a law without
+//! a dashpot.
 
 use super::beside_fields::MEMORY;
 use super::first_body::{body, elements_of, first_body_mut, first_element_mut, is_dashpot};
@@ -29,7 +29,7 @@ const PARAMETERS: &[EffectParameter] = &[EffectParameter {
     finite_step: None,
 }];
 
-/// The effect.
+/// Effect `fractional-damping`.
 pub struct FractionalDamping;
 
 impl Effect for FractionalDamping {
@@ -40,7 +40,7 @@ impl Effect for FractionalDamping {
         Stage::Mechanics
     }
     fn summary(&self) -> &'static str {
-        "the gel is damped by many times at once, not by one"
+        "the gel's damping has a spectrum of times instead of one time"
     }
     fn equation(&self) -> &'static str {
         "J_k(t) = (1/E) (1 − E_α(−(t E/c₁)^α))"
@@ -50,7 +50,7 @@ impl Effect for FractionalDamping {
     }
     fn conflict(&self, base: &BaseLaw) -> Option<&'static str> {
         let has_dashpot = first_element_mut(&mut elements_of(base), is_dashpot).is_some();
-        (!has_dashpot).then_some("it has no dashpot that a springpot could stand for")
+        (!has_dashpot).then_some("it has no dashpot that a springpot could replace")
     }
     fn barred_beside(&self, _field: Field) -> Option<&'static str> {
         Some(MEMORY)
@@ -89,13 +89,13 @@ mod tests {
         stages.law
     }
 
-    /// At α = ½ the Mittag-Leffler function is E_½(−x) = e^{x²} erfc x: its J_k, transformed numerically, is 1/operator of the element written.
+    /// Checks the order α = ½, where the Mittag-Leffler function is E_½(−x) = e^{x²} erfc x. Its J_k, transformed numerically, is 1/operator of the element.
     #[test]
     fn half_order_is_the_closed_form() {
         let (modulus_pa, time_s) = (3.5, 1.4 / 3.5);
         let creep = |t: f64| (1.0 - (t / time_s).exp() * erfc((t / time_s).sqrt())) / modulus_pa;
         for p in [3.0, 10.0] {
-            // ∫ p e^{−pt} J(t) dt with t = y², so that the integrand is smooth at 0; Simpson's rule up to p t = 30.
+            // The integral is ∫ p e^{−pt} J(t) dt with t = y², so that the integrand is smooth at 0, by Simpson's rule up to p t = 30.
             let (n, end) = (4000, f64::sqrt(30.0 / p));
             let h = end / n as f64;
             let integral: f64 = (1..=n)

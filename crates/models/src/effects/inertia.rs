@@ -1,8 +1,8 @@
 //! `inertia`: the gel and the robot have mass.
 //!
-//! ρü in the gel and mü of the robot, times `density_scale`: at 1 the densities are the experiment's, at the null 0 the base's balance without mass returns. The reduced
-//! model is a sum over common eigenvectors of stiffness and mass, each the law with a mass beside it. Valid for the linear gel in its container;
-//! momentum diffuses over the robot's radius in about ρR²/η. In an unbounded incompressible medium it is Basset's and Boussinesq's force
+//! ρü in the gel and mü of the robot, times `density_scale`. At 1 the densities are the experiment's; at the null 0 the balance has no mass, as in the base. The reduced
+//! model is a sum over common eigenvectors of stiffness and mass, each the law in parallel with a mass. Valid for the linear gel in its container;
+//! momentum diffuses over the robot's radius in about ρR²/η. In an unbounded incompressible medium it is the force of Basset and Boussinesq
 //! (physics §4.6; Zwanzig & Bixon 1970, Phys. Rev. A 2:2005, doi:10.1103/PhysRevA.2.2005).
 
 use nalgebra::DMatrix;
@@ -26,11 +26,11 @@ const PARAMETERS: &[EffectParameter] = &[EffectParameter {
     spec: ParameterSpec::new("inertia.density_scale", "d", "1", Support::POSITIVE),
     null: &|_| Some(0.0),
     prior: &|_| Distribution::HalfNormal { sd: 1.0 },
-    prior_source: "chosen: the densities of the experiment stand at 1",
+    prior_source: "chosen: 1 is the density of the experiment",
     finite_step: None,
 }];
 
-/// The effect.
+/// Effect `inertia`.
 pub struct Inertia;
 
 impl Effect for Inertia {
@@ -72,7 +72,7 @@ impl MatrixPair for Inertia {
     fn has_mass(&self) -> bool {
         true
     }
-    /// Momentum reaches the outer surface where ρ x R_o² is one, and the robot's where ρ x R² is.
+    /// Momentum reaches the outer surface where ρ x R_o² = 1, and the robot's where ρ x R² = 1.
     fn splitting(&self, sizes: &Sizes) -> Splitting {
         let Sizes { robot_radius_m, outer_radius_m, gel_density_kg_m3, .. } = *sizes;
         let lowest = 1e-2 / (gel_density_kg_m3 * outer_radius_m * outer_radius_m);
@@ -93,7 +93,7 @@ impl MatrixPair for Inertia {
     }
 }
 
-/// ∫ ρ u·v over the gel, and the robot's mass.
+/// Matrix of ∫ ρ u·v over the gel, plus the robot's mass.
 fn mass(surroundings: &Surroundings<'_>, mesh: &Mesh, freedoms: &Freedoms) -> Result<SymmetricMatrix> {
     let table = TabulatedElement::of(mesh.element_kind);
     let n = table.n_nodes;
@@ -114,7 +114,7 @@ fn mass(surroundings: &Surroundings<'_>, mesh: &Mesh, freedoms: &Freedoms) -> Re
             Ok(matrix)
         },
     )?;
-    // On any one node of the robot's surface, whose translation all share.
+    // The mass is on any one node of the robot's surface, as all nodes share the translation.
     let mut of_robot = DMatrix::zeros(3, 3);
     of_robot[(0, 0)] = freedoms.share() * surroundings.sizes.robot_mass_kg;
     let robot_node = &mesh.robot_nodes[..1];

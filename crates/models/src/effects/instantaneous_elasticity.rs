@@ -1,9 +1,10 @@
-//! `instantaneous-elasticity`: the gel gives way at once, before it creeps.
+//! `instantaneous-elasticity`: the gel has an instantaneous elastic response before it creeps.
 //!
-//! A spring in series, J(t) += (E/E₀)/E, with E the first Kelvin–Voigt spring of the law, or what a law without one is at the time of a hold
-//! ([`super::first_body`]). The parameter is the ratio E/E₀. Null: 0, a rigid spring. Valid for any ratio ≥ 0 below the speed of shear waves. Tracked beads show it as the first of three phases of creep (Bausch et
-//! al. 1998, doi:10.1016/S0006-3495(98)77646-5). To first order it is what `actuator-lag` and `clock-offset` are with the sign turned, and
-//! what `second-retardation` is for a short time (physics §5). Any law takes it that has no spring in series already, as Burgers' has.
+//! A spring in series, J(t) += (E/E₀)/E. E is the first Kelvin–Voigt spring of the law, or the modulus at the time of a hold for a law without one
+//! ([`super::first_body`]). The parameter is the ratio E/E₀. Null: 0, a rigid spring. Valid for any ratio ≥ 0 below the speed of shear waves.
+//! Tracked beads show it as the first of three phases of creep (Bausch et al. 1998, doi:10.1016/S0006-3495(98)77646-5). To first order it equals `actuator-lag`
+//! and `clock-offset` with the opposite sign, and `second-retardation` with a short time (physics §5). It applies to any law without a spring in series;
+//! Burgers' law has one.
 
 use super::beside_fields::WAVES;
 use super::first_body::{elements_of, in_series, reference_modulus_pa};
@@ -19,11 +20,11 @@ const PARAMETERS: &[EffectParameter] = &[EffectParameter {
     spec: ParameterSpec::new("instantaneous-elasticity.compliance_ratio", "E/E₀", "1", Support::POSITIVE),
     null: &|_| Some(0.0),
     prior: &|_| Distribution::HalfNormal { sd: 0.2 },
-    prior_source: "chosen: the jump is up to some tenths of the elastic displacement that creeps in",
+    prior_source: "chosen: the jump is up to some tenths of the delayed elastic displacement",
     finite_step: None,
 }];
 
-/// The effect.
+/// Effect `instantaneous-elasticity`.
 pub struct InstantaneousElasticity;
 
 impl Effect for InstantaneousElasticity {
@@ -34,7 +35,7 @@ impl Effect for InstantaneousElasticity {
         Stage::Mechanics
     }
     fn summary(&self) -> &'static str {
-        "the gel gives way at once, before it creeps"
+        "the gel has an instantaneous elastic response before it creeps"
     }
     fn equation(&self) -> &'static str {
         "J(t) += (E/E₀)/E"
@@ -45,7 +46,8 @@ impl Effect for InstantaneousElasticity {
     fn conflict(&self, base: &BaseLaw) -> Option<&'static str> {
         let law = elements_of(base);
         let has_spring = in_series(&law).iter().any(|element| matches!(element, Element::Spring { .. }));
-        has_spring.then_some("it has a spring in series already, and a second one is the same thing twice")
+        has_spring
+            .then_some("it already contains this effect as a spring in series, and a second one would be redundant")
     }
     fn barred_beside(&self, field: Field) -> Option<&'static str> {
         field.has_mass().then_some(WAVES)
@@ -72,7 +74,7 @@ mod tests {
         stages
     }
 
-    /// Burgers' law with E₀ = E/ratio, in its closed form.
+    /// Checks against Burgers' law with E₀ = E/ratio, in closed form.
     #[test]
     fn it_is_burgers_law() {
         let (young_modulus_pa, ratio) = (3.5, 0.3);

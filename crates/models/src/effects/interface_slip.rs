@@ -1,9 +1,10 @@
 //! `interface-slip`: the gel slips along the robot's surface.
 //!
-//! The gel follows the robot along the normal; along the surface it slips at ġ = t/β, t the tangential stress. Null: 1/β = 0, no slip. The
-//! reduced model is a sum over common eigenvectors of stiffness and surface, each the law with a dashpot beside it. Valid for a thin lubricated
-//! layer; a body with edges slips along what its faces have in common. In an unbounded incompressible medium the drag falls by (1 + 2b/R)/(1 + 3b/R), b = G/(βs)
-//! (physics §4.7; Basset 1888, A Treatise on Hydrodynamics, vol. 2). Close to `second-retardation`, and to first order it is a change of c₂.
+//! The gel follows the robot along the normal. Along the surface it slips at ġ = t/β, t the tangential stress. Null: 1/β = 0, no slip. The
+//! reduced model is a sum over common eigenvectors of stiffness and surface, each the law in parallel with a dashpot. Valid for a thin lubricated
+//! layer; a body with edges slips only in directions tangential to all adjacent faces.
+//! In an unbounded incompressible medium the drag falls by (1 + 2b/R)/(1 + 3b/R), b = G/(βs)
+//! (physics §4.7; Basset 1888, A Treatise on Hydrodynamics, vol. 2). It is close to `second-retardation`, and to first order it is a change of c₂.
 
 use faer::sparse::Triplet;
 use nalgebra::Vector3;
@@ -25,10 +26,10 @@ use elements::mesh::Mesh;
 use laws::rheology::Beside;
 use record::Scales;
 
-/// Factor of the friction times the robot's radius above which a slipping surface sticks.
+/// Product of friction and the robot's radius above which a slipping surface sticks.
 const STUCK: f64 = 1e9;
 
-/// 1/β at which the slip length is the robot's radius.
+/// 1/β at which the slip length equals the robot's radius.
 fn scale_m_per_pa_s(scales: &Scales) -> f64 {
     robot_radius_m(scales) / apparent_viscosity_pa_s(scales)
 }
@@ -37,11 +38,11 @@ const PARAMETERS: &[EffectParameter] = &[EffectParameter {
     spec: ParameterSpec::new("interface-slip.slip_compliance_m_per_pa_s", "1/β", "m/(Pa s)", Support::POSITIVE),
     null: &|_| Some(0.0),
     prior: &|scales| Distribution::HalfNormal { sd: 2.0 * scale_m_per_pa_s(scales) },
-    prior_source: "chosen: slip lengths up to a few radii, at the viscosity that the largest force and the way in a hold suggest",
+    prior_source: "chosen: slip lengths up to a few radii, at the viscosity estimated from the largest force and the displacement in a hold",
     finite_step: None,
 }];
 
-/// The effect.
+/// Effect `interface-slip`.
 pub struct InterfaceSlip;
 
 impl Effect for InterfaceSlip {
@@ -80,7 +81,7 @@ impl MatrixPair for InterfaceSlip {
     fn words(&self) -> &'static str {
         "slip on the robot"
     }
-    /// Friction acts as 1/R does against the stiffness.
+    /// Friction competes with the stiffness at the scale 1/R.
     fn splitting(&self, sizes: &Sizes) -> Splitting {
         let radius_m = sizes.robot_radius_m;
         let mut snapshots: Vec<f64> = decades(1e-3, 1e3, 2.0).iter().map(|x| x / radius_m).collect();
@@ -100,12 +101,12 @@ impl MatrixPair for InterfaceSlip {
     }
 }
 
-/// ∫ g·g over the robot's surface, g the tangential slip.
+/// Matrix of ∫ g·g over the robot's surface, g the tangential slip.
 fn friction(mesh: &Mesh, freedoms: &Freedoms) -> Result<SymmetricMatrix> {
     let mut triplets = Vec::new();
     for_each_surface_point(mesh, &mesh.robot_nodes, |point| {
         let normal = Vector3::from(point.normal);
-        // The slip that each unknown makes here, along the surface.
+        // Slip along the surface at this point, for each unknown.
         let mut slips: Vec<(u32, Vector3<f64>)> = Vec::new();
         for (&node, &shape) in point.nodes.iter().zip(point.shape) {
             for i in 0..3 {

@@ -1,7 +1,8 @@
 //! `large-displacement`: the robot moves so far that strains are not small.
 //!
-//! The gel is the Oldroyd-B fluid whose linear limit the law is (physics §7.6), and the response is x(gF)/g: g = 1 is the geometry as it is, so a fitted g says whether it is the geometry that is missing. Null: g = 0,
-//! small strains. The deviation grows with g². Valid for a sphere at the centre that stays within a few radii; other gels with the same small strains deviate otherwise: with a mobility α > 0 it is Giesekus's.
+//! The gel is the Oldroyd-B fluid whose linear limit is the law (physics §7.6), and the response is x(gF)/g. At g = 1 the geometry is the actual one. A fitted g
+//! therefore shows if large displacements explain the misfit. Null: g = 0, small strains. The deviation grows with g². Valid for a central sphere that stays
+//! within a few radii. Other gels with equal small strains deviate differently: with a mobility α > 0 the fluid is Giesekus's.
 
 use super::beside_fields::memory;
 use super::{Effect, EffectParameter, Field, Spatial, Stage, Stages};
@@ -17,10 +18,10 @@ pub const AMPLITUDE: &str = "large-displacement.amplitude";
 /// Name of the mobility.
 pub const MOBILITY: &str = "large-displacement.mobility";
 
-/// The refusal of surroundings and laws that the full model does not serve.
+/// Error for surroundings and laws that the full-order model does not cover.
 pub fn needs_a_sphere() -> Error {
     Error::numerical(
-        "large displacements are run around a sphere at the centre, in a gel without springpots",
+        "large displacements need a sphere at the centre and a gel without springpots",
         "leave `large-displacement` out",
     )
 }
@@ -30,19 +31,19 @@ const PARAMETERS: &[EffectParameter] = &[
         spec: ParameterSpec::new(AMPLITUDE, "g", "1", Support::POSITIVE).squared(),
         null: &|_| Some(0.0),
         prior: &|_| Distribution::HalfNormal { sd: 1.0 },
-        prior_source: "chosen: the geometry as it is, 1, is one standard deviation",
+        prior_source: "chosen: the actual geometry, 1, is one standard deviation",
         finite_step: None,
     },
     EffectParameter {
         spec: ParameterSpec::new(MOBILITY, "α", "1", Support { lower: 0.0, upper: 0.5 }).optional(),
         null: &|_| Some(0.0),
         prior: &|_| Distribution::Beta { alpha: 1.0, beta: 9.0, lower: 0.0, upper: 0.5 },
-        prior_source: "chosen: most likely none, 0.05 in the mean",
+        prior_source: "chosen: most likely 0, with mean 0.05",
         finite_step: None,
     },
 ];
 
-/// The effect.
+/// Effect `large-displacement`.
 pub struct LargeDisplacement;
 
 impl Effect for LargeDisplacement {
@@ -56,7 +57,7 @@ impl Effect for LargeDisplacement {
         "the robot moves so far that strains are large"
     }
     fn equation(&self) -> &'static str {
-        "x(gF)/g of the Oldroyd-B fluid that the law linearises"
+        "x(gF)/g of the Oldroyd-B fluid whose linear limit is the law"
     }
     fn parameters(&self) -> &'static [EffectParameter] {
         PARAMETERS

@@ -1,13 +1,13 @@
-//! Which effects there are: those of the program, and those that a user adds.
+//! Library of effects, from the program and from users.
 
 use std::sync::{Mutex, PoisonError};
 
 use super::{EFFECTS, Effect, EffectParameter, NUISANCES, state_effect};
 
-/// Effects that users have added, in any library: their parameters have labels in every figure of the program.
+/// Effects added by users, in any library. The program's figures need labels for their parameters.
 static ADDED: Mutex<Vec<&'static dyn Effect>> = Mutex::new(Vec::new());
 
-/// The effects that models may name, in the order in which they are applied.
+/// Effects that models may name, in the order in which they are applied.
 #[derive(Clone)]
 pub struct Library(Vec<&'static dyn Effect>);
 
@@ -19,18 +19,18 @@ impl Default for Library {
 }
 
 impl Library {
-    /// The program's effects of these names, for a search among few.
+    /// Library of the program's effects with these slugs, for a search among few.
     pub fn only(slugs: &[&str]) -> Self {
         Self(EFFECTS.iter().copied().filter(|effect| slugs.contains(&effect.slug())).collect())
     }
 
-    /// The library with more effects, applied after the others, for this library alone.
+    /// Library with more effects, applied after the others. Other libraries do not get them.
     pub fn beside(mut self, effects: impl IntoIterator<Item = &'static dyn Effect>) -> Self {
         self.0.extend(effects);
         self
     }
 
-    /// The library with one more effect, applied after the others.
+    /// Library with one more effect, applied after the others.
     pub fn with(mut self, effect: &'static dyn Effect) -> Self {
         let mut added = ADDED.lock().unwrap_or_else(PoisonError::into_inner);
         if added.iter().all(|known| known.slug() != effect.slug()) {
@@ -40,24 +40,25 @@ impl Library {
         self
     }
 
-    /// All effects.
+    /// All effects, in order.
     pub fn effects(&self) -> &[&'static dyn Effect] {
         &self.0
     }
 
-    /// The effect of a slug, of the library or defined in a file.
+    /// Effect with this slug, in the library or defined in a file.
     pub fn get(&self, slug: &str) -> Option<&'static dyn Effect> {
         let own = self.0.iter().copied().find(|effect| effect.slug() == slug);
         own.or_else(|| state_effect::defined(slug).map(|(effect, _)| effect as &dyn Effect))
     }
 
-    /// Whether one of these effects has a law that is not linear.
+    /// Returns `true` if one of these effects has a nonlinear law.
     pub fn any_nonlinear<'a>(&self, slugs: impl IntoIterator<Item = &'a str>) -> bool {
         slugs.into_iter().any(|slug| self.get(slug).is_some_and(|effect| effect.is_nonlinear()))
     }
 }
 
-/// The effect, of the program, an experiment's nuisance, of a file, or added to a library of this run, that has a parameter of this name, and the parameter.
+/// Effect with a parameter of this name, and the parameter.
+/// The search covers the program's effects, an experiment's nuisances, files, and effects added to any library of this run.
 pub fn parameter_named(name: &str) -> Option<(&'static dyn Effect, &'static EffectParameter)> {
     if let Some(found) = state_effect::with_parameter(name) {
         return Some(found);

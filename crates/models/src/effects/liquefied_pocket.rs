@@ -1,9 +1,9 @@
-//! `liquefied-pocket`: around the robot the gel has lost elasticity.
+//! `liquefied-pocket`: the gel around the robot has lost elasticity.
 //!
-//! E → (1 − φ) E within ρ_p robot radii of the initial centre, the viscosities stay; E is the first Kelvin–Voigt spring of the law, else its first spring, else the modulus of
-//! its first springpot. Null: φ = 0, where ρ_p means nothing. Valid for a concentric pocket around a sphere
-//! that moves much less than the pocket is wide; any ρ_p between 1.5 and 5 is meshed with element faces at the pocket's edge. The reduced model is a sum over common
-//! eigenvectors of the pocket's and the rest's stiffness, each the two laws beside each other. Closed form: two concentric layers, each with the four modes of physics §4.2.
+//! E → (1 − φ) E within ρ_p robot radii of the initial centre; the viscosities are unchanged. E is the first Kelvin–Voigt spring of the law, else its first spring,
+//! else the modulus of its first springpot. Null: φ = 0, where ρ_p is unidentified. Valid for a concentric pocket around a sphere that moves much less than the
+//! pocket's width. Any ρ_p between 1.5 and 5 is meshed with element faces at the pocket's edge. The reduced model is a sum over common eigenvectors of the
+//! pocket's and the rest's stiffness, each the two laws in parallel. Closed form: two concentric layers, each with the four modes of physics §4.2.
 //! Liquefied lacunae are common in aged vitreous (Sebag 1987, Graefe's Arch. Clin. Exp. Ophthalmol. 225:89, doi:10.1007/BF02160337).
 
 use nalgebra::Vector3;
@@ -22,22 +22,22 @@ use elements::mesh::{Mesh, QuarterBall};
 use laws::rheology::{BaseLaw, Beside, Element};
 use record::Scales;
 
-/// ρ_p that are meshed.
+/// Range of ρ_p that is meshed.
 const RADIUS_RATIOS: [f64; 2] = [1.5, 5.0];
-/// Layers of elements inside a pocket of every twelve, and how many more than the model's mesh there are in all.
+/// Element layers inside a pocket for every twelve layers of the model, and number of layers in addition to the model's.
 const LAYERS_INSIDE: usize = 4;
 const MORE_LAYERS: usize = 1;
-/// Share of E that stays at the least: at none the pocket would flow forever as a whole, which this does within 10⁹ retardation times.
+/// Smallest remaining share of E. Without elasticity the pocket would flow as a whole forever; with this share it does so for 10⁹ retardation times.
 const LEAST_SHARE: f64 = 1e-9;
 
-const NO_ELASTICITY: &str = "it has no spring and no springpot, whose elasticity a pocket could lose";
+const NO_ELASTICITY: &str = "it has neither a spring nor a springpot whose elasticity a pocket could reduce";
 
 const PARAMETERS: &[EffectParameter] = &[
     EffectParameter {
         spec: ParameterSpec::new("liquefied-pocket.elastic_loss", "φ", "1", Support { lower: 0.0, upper: 1.0 }),
         null: &|_| Some(0.0),
         prior: &|_| Distribution::Uniform { lower: 0.0, upper: 1.0 },
-        prior_source: "chosen: any loss",
+        prior_source: "chosen: any loss is equally likely",
         finite_step: None,
     },
     EffectParameter {
@@ -49,12 +49,12 @@ const PARAMETERS: &[EffectParameter] = &[
         ),
         null: &|_| None,
         prior: &|_| Distribution::LogUniform { lower: RADIUS_RATIOS[0], upper: RADIUS_RATIOS[1] },
-        prior_source: "chosen: any radius that is meshed",
+        prior_source: "chosen: any radius that can be meshed is equally likely",
         finite_step: None,
     },
 ];
 
-/// The effect.
+/// Effect `liquefied-pocket`.
 pub struct LiquefiedPocket;
 
 impl Effect for LiquefiedPocket {
@@ -65,7 +65,7 @@ impl Effect for LiquefiedPocket {
         Stage::Mechanics
     }
     fn summary(&self) -> &'static str {
-        "around the robot the gel has lost elasticity"
+        "the gel around the robot has lost elasticity"
     }
     fn equation(&self) -> &'static str {
         "E → (1 − φ) E within ρ_p radii of the initial centre"
@@ -88,7 +88,7 @@ impl Effect for LiquefiedPocket {
         if !(0.0..=1.0).contains(&loss.value) {
             return Err(Error::numerical(
                 format!("{} = {} is outside [0, 1]", PARAMETERS[0].spec.name, loss.value),
-                "give a share",
+                "give a loss from 0 to 1",
             ));
         }
         if loss.is_constant(0.0) {
@@ -103,7 +103,7 @@ impl Effect for LiquefiedPocket {
     }
 }
 
-/// The law inside the pocket, for the law outside.
+/// Law inside the pocket, for the law outside.
 ///
 /// # Errors
 /// [`Error::Numerical`] for a law of dashpots alone.
@@ -113,12 +113,12 @@ fn pocket_law(law: &[Element], elastic_loss: Dual) -> Result<Vec<Element>> {
     let share = if share.value < LEAST_SHARE { Dual { value: LEAST_SHARE, ..share } } else { share };
     match elastic_mut(&mut inside) {
         Some(elastic) => *elastic = elastic.scaled(share),
-        None => return Err(Error::numerical(format!("the law has a pocket, but {NO_ELASTICITY}"), "leave it out")),
+        None => return Err(Error::numerical(format!("no pocket is possible: {NO_ELASTICITY}"), "leave it out")),
     }
     Ok(inside)
 }
 
-/// What a pocket loses: the spring of the first Kelvin–Voigt body in series, else the first spring, else the first springpot, in the order in which the law is written.
+/// Element that loses elasticity: the spring of the first Kelvin–Voigt body in series, else the first spring, else the first springpot. The order is that of the law.
 fn elastic_mut(law: &mut [Element]) -> Option<&mut Element> {
     let is_spring = |element: &Element| matches!(element, Element::Spring { .. });
     let is_springpot = |element: &Element| matches!(element, Element::Springpot { .. });
@@ -137,8 +137,8 @@ impl MatrixPair for LiquefiedPocket {
     fn lacks(&self, surroundings: &Surroundings<'_>) -> Option<&'static str> {
         surroundings.sizes.ball.is_none().then_some("a pocket needs the built-in mesh around a sphere")
     }
-    /// Around a sphere the gel's field is known by the robot's displacement and two amplitudes at the pocket's edge (physics §4.2), so that exactly three shares occur: 0,
-    /// where the pocket moves as a whole, 1, where the rest stands still, and one between.
+    /// Around a sphere the robot's displacement and two amplitudes at the pocket's edge determine the gel's field (physics §4.2). Exactly three shares occur: 0,
+    /// where the pocket moves as a whole, 1, where the rest is at rest, and one between.
     fn shape(&self) -> Option<ShapeParameter> {
         Some(ShapeParameter { name: PARAMETERS[1].spec.name, range: RADIUS_RATIOS })
     }
@@ -147,7 +147,7 @@ impl MatrixPair for LiquefiedPocket {
         let snapshots = decades(1e-4, 1.0, 2.0).iter().map(|share| share - 1.0).collect();
         Splitting { reference: 1.0, snapshots, is_rigid_at_null: false }
     }
-    /// Elements lie inside or outside as their middles do.
+    /// Elements are inside or outside according to their centres.
     fn system(&self, surroundings: &Surroundings<'_>, shape: Option<f64>) -> Result<FieldSystem> {
         let radius_m = shape.unwrap_or(f64::NAN) * surroundings.sizes.robot_radius_m;
         let mesh = pocket_mesh(&surroundings.sizes, radius_m)?;
@@ -163,10 +163,10 @@ impl MatrixPair for LiquefiedPocket {
     }
 }
 
-/// A mesh with element faces at the radius (m) of a pocket, by the model's fineness.
+/// Mesh with element faces at the radius (m) of a pocket, at the model's fineness.
 ///
 /// # Errors
-/// [`Error::Numerical`] where the robot is no sphere in the middle of a built-in mesh, or the pocket does not fit.
+/// [`Error::Numerical`] if the robot is not a sphere in the middle of a built-in mesh, or if the pocket does not fit.
 fn pocket_mesh(sizes: &Sizes, radius_m: f64) -> Result<Mesh> {
     let ball = sizes.ball.ok_or_else(|| {
         Error::numerical(

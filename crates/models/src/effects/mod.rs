@@ -1,6 +1,6 @@
-//! The library of physical effects: one file each (physics §5).
+//! Library of physical effects, one file each (physics §5).
 //!
-//! An effect belongs to one stage of command → load → mechanics → observation and is nested: at its null value the model is the one without
+//! An effect belongs to one stage of command → load → mechanics → observation. It is nested: at its null value the model equals the one without
 //! it. Listing, help, prior checks, ranking and the conformance tests read [`EFFECTS`]; no other file names an effect.
 
 mod actuator_lag;
@@ -71,47 +71,47 @@ pub const EFFECTS: &[&dyn Effect] = &[
     &tracking_drift::TrackingDrift,
 ];
 
-/// Nuisances of an experiment itself, which every model of it has before its effects: they are no claims about the gel, and no one adds them.
+/// Nuisances of an experiment. Every model of the experiment has them before its effects. They say nothing about the gel, and users cannot add them.
 pub const NUISANCES: &[&dyn Effect] = &[&position_offset::PositionOffset];
 
-/// Those that an experiment has.
+/// Nuisances that this experiment has.
 pub fn nuisances(scales: &Scales) -> &'static [&'static dyn Effect] {
     if scales.fits_position_offset { NUISANCES } else { &[] }
 }
 
-/// Range of positions by which default priors are scaled, in m: the measured one, or a millimetre, the largest displacement of the
-/// reference experiment (physics §1), where nothing is measured.
+/// Range of positions that scales default priors, in m. It is the measured range. Without measurements it is a millimetre, the largest displacement of the
+/// reference experiment (physics §1).
 fn position_range_m(scales: &Scales) -> f64 {
     if scales.position_range_m > 0.0 { scales.position_range_m } else { 1e-3 }
 }
 
-/// Radius of the robot by which default priors are scaled, in m; a millimetre for an instrument.
+/// Radius of the robot that scales default priors, in m; a millimetre for an instrument.
 fn robot_radius_m(scales: &Scales) -> f64 {
     scales.robot_radius_m.unwrap_or(1e-3)
 }
 
-/// Largest force by which default priors are scaled, in N; a micronewton where none is commanded.
+/// Largest force that scales default priors, in N; a micronewton if none is commanded.
 fn largest_force_n(scales: &Scales) -> f64 {
     if scales.largest_force_n > 0.0 { scales.largest_force_n } else { 1e-6 }
 }
 
-/// The viscosity (Pa·s) at which the largest force would move the robot through the range of positions in one hold, by Stokes' law.
+/// Viscosity (Pa·s) at which the largest force moves the robot through the range of positions in one hold, by Stokes' law.
 fn apparent_viscosity_pa_s(scales: &Scales) -> f64 {
     let force_n = largest_force_n(scales);
     force_n * hold_s(scales) / (6.0 * std::f64::consts::PI * robot_radius_m(scales) * position_range_m(scales))
 }
 
-/// Time in s between force steps by which laws and priors are scaled; a second where there is none.
+/// Time in s between force steps, which scales laws and priors; a second if there is none.
 fn hold_s(scales: &Scales) -> f64 {
     if scales.hold_s > 0.0 { scales.hold_s } else { 1.0 }
 }
 
-/// s₀ = F_max/(4πR²) in Pa: the largest force over the robot's surface.
+/// Stress s₀ = F_max/(4πR²) in Pa: the largest force over the robot's surface.
 fn reference_stress_pa(scales: &Scales) -> f64 {
     largest_force_n(scales) / (4.0 * std::f64::consts::PI * robot_radius_m(scales).powi(2))
 }
 
-/// Where in the way from the command to the camera an effect acts.
+/// Stage between the command and the camera at which an effect acts.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Stage {
     /// Between the command and the force on the robot.
@@ -133,22 +133,22 @@ impl Stage {
     }
 }
 
-/// What the sizes of an experiment make of something.
+/// Function of the sizes of an experiment.
 pub type OfScales<T> = dyn Fn(&Scales) -> T + Send + Sync;
 
-/// One parameter of an effect: the only place where its name, symbol, unit, support, null and default prior stand.
+/// Parameter of an effect. Its name, symbol, unit, support, null and default prior are defined here alone.
 #[derive(Clone, Copy)]
 pub struct EffectParameter {
     /// Name `slug.name`, symbol, unit, support.
     pub spec: ParameterSpec,
-    /// Value at which the effect is not there; `None` where the parameter means nothing at the effect's null.
+    /// Value at which the effect vanishes; `None` if the parameter is unidentified at the effect's null.
     pub null: &'static OfScales<Option<f64>>,
     /// Default prior, scaled by the experiment.
     pub prior: &'static OfScales<Distribution>,
-    /// Where the prior's numbers come from.
+    /// Source of the prior's numbers.
     pub prior_source: &'static str,
-    /// Step from the null by which a signature is taken where the derivative at the null vanishes, jumps or cannot be computed; `None` where the
-    /// derivative serves.
+    /// Step from the null for the effect's signature, if the derivative at the null vanishes, jumps or cannot be computed; `None` if the
+    /// derivative is used.
     pub finite_step: Option<&'static OfScales<f64>>,
 }
 
@@ -158,63 +158,63 @@ impl std::fmt::Debug for EffectParameter {
     }
 }
 
-/// A physical effect that a base model may lack.
+/// Physical effect that a base model may lack.
 pub trait Effect: Sync {
     /// Name in commands, files and parameters.
     fn slug(&self) -> &'static str;
-    /// Its stage.
+    /// Stage at which the effect acts.
     fn stage(&self) -> Stage;
-    /// What it adds, in a few plain words.
+    /// Description in a few plain words.
     fn summary(&self) -> &'static str;
-    /// Its equation, as text.
+    /// Equation, as text.
     fn equation(&self) -> &'static str;
-    /// Its parameters, in the order in which [`Effect::apply`] takes them.
+    /// Parameters, in the order of [`Effect::apply`].
     fn parameters(&self) -> &'static [EffectParameter];
-    /// How it changes the displacement field, if it does in more than a factor; one such effect a model.
+    /// Change of the displacement field, if it is more than a factor. A model may have one such effect.
     fn field(&self) -> Option<Field> {
         None
     }
-    /// Whether the displacement field is another than the base's.
+    /// Returns `true` if the displacement field differs from the base's.
     fn changes_field(&self) -> bool {
         self.field().is_some()
     }
-    /// Whether it needs finite elements, which an instrument does not have.
+    /// Returns `true` if the effect needs finite elements, which an instrument does not have.
     fn needs_finite_elements(&self) -> bool {
         self.changes_field()
     }
-    /// Why it cannot stand beside an effect with a [`Self::field`], if it cannot.
+    /// Reason why the effect cannot be combined with one that has a [`Self::field`]; `None` if it can.
     fn barred_beside(&self, _field: Field) -> Option<&'static str> {
         None
     }
-    /// Size of the first parameter at which the effect shows, where a small one is to first order nothing but other values of the law's parameters: its signature is then
-    /// what the best of those leaves at this size, and grows with the square of the size.
+    /// Size of the first parameter for the effect's signature, if a small effect is to first order equivalent to other values of the law's parameters. The signature
+    /// is the residual of their best fit at this size. It grows with the square of the size.
     fn shows_at(&self, _scales: &Scales) -> Option<f64> {
         None
     }
-    /// Whether it speaks of the robot's position where it acts, which only a position that answers linearly lets it do.
+    /// Returns `true` if the effect depends on the robot's position where it acts. The position must then be the linear response.
     fn acts_on_position(&self) -> bool {
         false
     }
-    /// Whether by it a quantity depends on a state; one such effect a model, and none beside it that speaks of the position itself.
+    /// Returns `true` if the effect makes a quantity depend on a state. A model may have one such effect, and no other that depends on the position.
     fn depends_on_state(&self) -> bool {
         false
     }
-    /// Whether its law is not linear: beside such an effect only those of load and observation stand.
+    /// Returns `true` if the law is nonlinear. Only load and observation effects can be combined with such an effect.
     fn is_nonlinear(&self) -> bool {
         self.field().is_some_and(Field::is_nonlinear)
     }
-    /// Whether its reduced model is learnt for one record, about the law that fits it, and not built for a gel.
+    /// Returns `true` if its reduced model is trained for one record, around the law that fits it, instead of once for a gel.
     fn is_learnt_for_record(&self) -> bool {
         self.field().is_some_and(Field::is_learnt_for_record)
     }
-    /// Why it cannot be added to this base law, if it cannot.
+    /// Reason why the effect cannot be added to this base law; `None` if it can.
     fn conflict(&self, _base: &BaseLaw) -> Option<&'static str> {
         None
     }
-    /// Writes the effect at `parameters` (SI, inside the support) into the stages. Effects with a [`Self::field`] come last, so that they find the law as the others have
-    /// made it.
+    /// Writes the effect at `parameters` (SI, inside the support) into the stages. Effects with a [`Self::field`] are applied last, to the law as the
+    /// other effects have changed it.
     ///
     /// # Errors
-    /// [`base::Error::Numerical`] where there is no model at these parameters.
+    /// [`base::Error::Numerical`] if there is no model at these parameters.
     fn apply(&self, parameters: &[Dual], scales: &Scales, stages: &mut Stages) -> Result<()>;
 }

@@ -1,9 +1,9 @@
-//! `outer-wall-compliance`: the gel's outer surface gives way.
+//! `outer-wall-compliance`: the gel's outer surface is compliant.
 //!
-//! The outer surface stands on springs, σ·n = −k u, in place of u = 0; k in Pa/m, and 1/k is the parameter. Null: 1/k = 0, the fixed surface. The reduced model is a sum
-//! over common eigenvectors of the gel's stiffness and the springs', each the law with a spring beside it; one of them is the whole gel that moves as a body,
-//! F/(4πR_o²k). Valid for walls that resist at once, in all directions alike. Closed form: the four modes of physics §4.2 with σ·n = −k u on the container. To first order it
-//! is a jump of the position with the force, as `instantaneous-elasticity` makes it, so the two are told apart by strong effects only.
+//! The outer surface is on springs, σ·n = −k u, in place of u = 0; k in Pa/m, and 1/k is the parameter. Null: 1/k = 0, the fixed surface. The reduced model is a sum
+//! over common eigenvectors of the gel's stiffness and the springs', each the law in parallel with a spring. One of them is the whole gel moving as a body,
+//! F/(4πR_o²k). Valid for walls that respond instantly and equally in all directions. Closed form: the four modes of physics §4.2 with σ·n = −k u on the container.
+//! To first order the position jumps with the force, as for `instantaneous-elasticity`. Only strong effects distinguish the two.
 
 use faer::sparse::Triplet;
 
@@ -37,11 +37,11 @@ const PARAMETERS: &[EffectParameter] = &[EffectParameter {
     spec: ParameterSpec::new("outer-wall-compliance.compliance_m_per_pa", "1/k", "m/Pa", Support::POSITIVE),
     null: &|_| Some(0.0),
     prior: &|scales| Distribution::HalfNormal { sd: 0.1 * scale_m_per_pa(scales) },
-    prior_source: "chosen: the largest force moves the whole gel by up to two tenths of the robot's way",
+    prior_source: "chosen: the largest force moves the whole gel by up to two tenths of the robot's displacement",
     finite_step: None,
 }];
 
-/// The effect.
+/// Effect `outer-wall-compliance`.
 pub struct OuterWallCompliance;
 
 impl Effect for OuterWallCompliance {
@@ -52,7 +52,7 @@ impl Effect for OuterWallCompliance {
         Stage::Mechanics
     }
     fn summary(&self) -> &'static str {
-        "the gel's outer surface gives way"
+        "the gel's outer surface is compliant"
     }
     fn equation(&self) -> &'static str {
         "σ·n = −k u on the outer surface, in place of u = 0"
@@ -76,7 +76,7 @@ impl Effect for OuterWallCompliance {
 
 impl MatrixPair for OuterWallCompliance {
     fn words(&self) -> &'static str {
-        "a wall that gives way"
+        "a compliant wall"
     }
     fn splitting(&self, _sizes: &Sizes) -> Splitting {
         let factors = decades(1e-6, 1e6, 2.0).into_iter().chain([FIXED]);
@@ -94,7 +94,7 @@ impl MatrixPair for OuterWallCompliance {
     }
 }
 
-/// ∫ u·v over the outer surface, per outer radius: with a modulus of k R_o in Pa it is k ∫ u·v.
+/// Matrix of ∫ u·v over the outer surface, per outer radius: with a modulus of k R_o in Pa it is k ∫ u·v.
 fn springs(mesh: &Mesh, freedoms: &Freedoms, outer_radius_m: f64) -> Result<SymmetricMatrix> {
     let mut triplets = Vec::new();
     for_each_surface_point(mesh, &mesh.outer_nodes, |point| {

@@ -1,9 +1,10 @@
-//! `poroelasticity`: water leaves the gel's network where it is pressed.
+//! `poroelasticity`: pressure drives water out of the gel's network.
 //!
-//! Biot's quasi-static equations with α = 1: the skeleton has the drained Poisson ratio ν_d and the same shear modulus, p = M (ζ − div u) with 1/M = 1/(κ_u − κ_d) under the same time
-//! operator, and water flows at −k∇p; robot and outer wall are impermeable. Null: k = 0, the undrained gel, which is the base; ν_d means nothing there. Valid for small strains. The
-//! reduced model is a sum over common eigenvectors of storage and flow, each the law with a dashpot beside it. In an unbounded medium with ν = ½: physics §4.9 (Detournay & Cheng
-//! 1993, Comprehensive Rock Engineering 2:113; the paper names solid–fluid models as its future work).
+//! Biot's quasi-static equations with α = 1. The skeleton has the drained Poisson ratio ν_d and the gel's shear modulus. p = M (ζ − div u) with 1/M = 1/(κ_u − κ_d)
+//! under the gel's time operator, and water flows at −k∇p. Robot and outer wall are impermeable. Null: k = 0, the undrained gel, which is the base;
+//! ν_d is unidentified there. Valid for small strains. The reduced model is a sum over common eigenvectors of storage and flow, each the law in parallel with a
+//! dashpot. In an unbounded medium with ν = ½: physics §4.9 (Detournay & Cheng 1993, Comprehensive Rock Engineering 2:113; the paper names solid–fluid models as
+//! its future work).
 
 use super::{
     Effect, EffectParameter, Field, LinearField, Spatial, Stage, Stages, apparent_viscosity_pa_s, robot_radius_m,
@@ -17,7 +18,7 @@ use record::Scales;
 
 const HIGHEST_DRAINED: f64 = 0.45;
 
-/// The drained Poisson ratios that are modelled, for a gel of an undrained one: from 0 to 0.45 for ν = 0.48, below the undrained one always.
+/// Range of modelled drained Poisson ratios for a gel with this undrained one: from 0 to 0.45 for ν = 0.48, always below the undrained one.
 fn drained_range(poisson_ratio: f64) -> [f64; 2] {
     let below = 0.1 * (1.0 + poisson_ratio);
     if poisson_ratio - below.min(0.03) >= HIGHEST_DRAINED - 1e-9 {
@@ -52,12 +53,12 @@ const PARAMETERS: &[EffectParameter] = &[
             let [lower, upper] = drained_range(scales.poisson_ratio.unwrap_or(0.48));
             Distribution::Uniform { lower, upper }
         },
-        prior_source: "chosen: from a network that gives way sideways not at all to one hardly more compressible than the gel",
+        prior_source: "chosen: from a network without lateral expansion to one hardly more compressible than the gel",
         finite_step: None,
     },
 ];
 
-/// The effect.
+/// Effect `poroelasticity`.
 pub struct Poroelasticity;
 
 impl Effect for Poroelasticity {
@@ -68,7 +69,7 @@ impl Effect for Poroelasticity {
         Stage::Mechanics
     }
     fn summary(&self) -> &'static str {
-        "water leaves the gel's network where it is pressed"
+        "pressure drives water out of the gel's network"
     }
     fn equation(&self) -> &'static str {
         "div σ' = ∇p, div u̇ + ṗ/M = div(k ∇p), σ' with the drained Poisson ratio"

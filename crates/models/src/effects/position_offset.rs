@@ -1,8 +1,8 @@
-//! `position-offset`: where the position is 0 is not known.
+//! `position-offset`: the zero of the position is unknown.
 //!
-//! x_obs = x + b. Null: b = 0. A nuisance of experiments that say `zero = "fit"`, and of every indenter, whose b is the height at which the tip meets the gel: a
-//! contact point read off a force curve by eye errs by as much as the depth of a soft gel (Dimitriadis et al. 2002, doi:10.1016/S0006-3495(02)75620-8). It says
-//! nothing of the gel, so no one adds or claims it; where it is, every model of the experiment has it.
+//! x_obs = x + b. Null: b = 0. A nuisance of experiments with `zero = "fit"`, and of every indenter. An indenter's b is the height at which the tip meets the gel: a
+//! contact point read off a force curve by eye can err by the whole indentation depth in a soft gel (Dimitriadis et al. 2002, doi:10.1016/S0006-3495(02)75620-8). It says
+//! nothing about the gel, so it is never added or claimed. Every model of such an experiment has it.
 
 use super::{Effect, EffectParameter, Stage, Stages, position_range_m};
 use base::distribution::Distribution;
@@ -15,11 +15,11 @@ const PARAMETERS: &[EffectParameter] = &[EffectParameter {
     spec: ParameterSpec::new("position-offset.offset_m", "b", "m", Support::REAL),
     null: &|_| Some(0.0),
     prior: &|scales| Distribution::Normal { mean: 0.0, sd: position_range_m(scales) },
-    prior_source: "chosen: either way alike, as far as the positions range",
+    prior_source: "chosen: symmetric, as large as the range of positions",
     finite_step: None,
 }];
 
-/// The effect.
+/// Effect `position-offset`.
 pub struct PositionOffset;
 
 impl Effect for PositionOffset {
@@ -30,7 +30,7 @@ impl Effect for PositionOffset {
         Stage::Observation
     }
     fn summary(&self) -> &'static str {
-        "where the position is 0 is not known"
+        "the zero of the position is unknown"
     }
     fn equation(&self) -> &'static str {
         "x_obs = x + b"
@@ -53,7 +53,7 @@ mod tests {
     use base::parameter::ParameterSpec;
     use laws::rheology::BaseLaw;
 
-    /// It stands in every model of an experiment that asks for it, before the effects, and in no other.
+    /// Checks that every model of an experiment that fits the zero has the offset before the effects, and no other model has it.
     #[test]
     fn models_have_it_where_the_experiment_says_so() {
         let drift = EFFECTS.iter().copied().find(|effect| effect.slug() == "tracking-drift").unwrap();

@@ -1,9 +1,10 @@
-//! `second-retardation`: a second part of the gel follows with a time of its own.
+//! `second-retardation`: a second part of the gel responds with its own retardation time.
 //!
-//! A Kelvin–Voigt body in series, J(t) += (a/E)(1 − exp(−t/τ₂)), with E the first Kelvin–Voigt spring of the law, or what a law without one is at the
-//! time of a hold ([`super::first_body`]). Null: a = 0, where τ₂ means nothing. Valid for a ≥ 0 and τ₂ of at least two sample intervals: a shorter one is not seen as creep, and `instantaneous-elasticity` says
-//! the same with one parameter less. Collagen and hyaluronan are the two networks of the vitreous, and retardation spectra with a time each
-//! have been fitted to it (Sharif-Kashani et al. 2011, J. Biomech. 44:419). Any law takes it but the two-element one, which is the base law with this effect.
+//! A Kelvin–Voigt body in series, J(t) += (a/E)(1 − exp(−t/τ₂)). E is the first Kelvin–Voigt spring of the law, or the modulus at the time of a hold for a law
+//! without one ([`super::first_body`]). Null: a = 0, where τ₂ is unidentified. Valid for a ≥ 0 and τ₂ of at least two sample intervals. A shorter one is not
+//! visible as creep, and `instantaneous-elasticity` describes it with one parameter less. Collagen and hyaluronan are the two networks of the vitreous.
+//! Retardation spectra with one time for each have been fitted to it (Sharif-Kashani et al. 2011, J. Biomech. 44:419). It applies to any law except the two-element one,
+//! which is the base law with this effect.
 
 use super::first_body::reference_modulus_pa;
 use super::{Effect, EffectParameter, Stage, Stages};
@@ -14,7 +15,7 @@ use base::parameter::{ParameterSpec, Support};
 use laws::rheology::{BaseLaw, Element};
 use record::Scales;
 
-/// Shortest τ₂ that this experiment can tell from a spring.
+/// Shortest τ₂ that this experiment can distinguish from a spring.
 fn shortest_time_s(scales: &Scales) -> f64 {
     2.0 * scales.sample_interval_s
 }
@@ -24,7 +25,7 @@ const PARAMETERS: &[EffectParameter] = &[
         spec: ParameterSpec::new("second-retardation.compliance_ratio", "a", "1", Support::POSITIVE),
         null: &|_| Some(0.0),
         prior: &|_| Distribution::HalfNormal { sd: 0.5 },
-        prior_source: "chosen: the second part gives way up to about as much as the first",
+        prior_source: "chosen: the second part's compliance is up to about the first's",
         finite_step: None,
     },
     EffectParameter {
@@ -39,7 +40,7 @@ const PARAMETERS: &[EffectParameter] = &[
     },
 ];
 
-/// The effect.
+/// Effect `second-retardation`.
 pub struct SecondRetardation;
 
 impl Effect for SecondRetardation {
@@ -50,7 +51,7 @@ impl Effect for SecondRetardation {
         Stage::Mechanics
     }
     fn summary(&self) -> &'static str {
-        "a second part of the gel follows with a time of its own"
+        "a second part of the gel responds with its own retardation time"
     }
     fn equation(&self) -> &'static str {
         "J(t) += (a/E) (1 − exp(−t/τ₂))"
@@ -60,7 +61,7 @@ impl Effect for SecondRetardation {
     }
     fn conflict(&self, base: &BaseLaw) -> Option<&'static str> {
         (*base == BaseLaw::TwoElement).then_some(
-            "it is the Lethersich law with this effect, the same thing twice; a network with two bodies takes a third",
+            "it already contains this effect, and a second one would be redundant; use a network with two bodies to add a third",
         )
     }
     fn apply(&self, parameters: &[Dual], scales: &Scales, stages: &mut Stages) -> Result<()> {
@@ -69,7 +70,7 @@ impl Effect for SecondRetardation {
         if time_s.value < shortest_s {
             return Err(Error::numerical(
                 format!("{} = {:.4e} s is below two sample intervals", PARAMETERS[1].spec.name, time_s.value),
-                format!("give at least {shortest_s:.4e} s; `instantaneous-elasticity` stands for shorter times"),
+                format!("give at least {shortest_s:.4e} s; use `instantaneous-elasticity` for shorter times"),
             ));
         }
         if !ratio.is_constant(0.0) {
@@ -91,7 +92,7 @@ mod tests {
         stages.law
     }
 
-    /// The two-element law with E₂ = E/a and c₃ = τ₂ E₂, in its closed form.
+    /// Checks against the two-element law with E₂ = E/a and c₃ = τ₂ E₂, in closed form.
     #[test]
     fn it_is_the_two_element_law() {
         let (ratio, time_s) = (0.4, 6.0);

@@ -1,8 +1,8 @@
-//! `shear-thinning`: the gel flows the more easily the harder it is pushed.
+//! `shear-thinning`: the gel flows more easily under higher stress.
 //!
-//! ε̇_d = (s_eq/s₀)^{1/n−1} s/c₂ in the dashpot, s_eq² = ⅔ dev s : dev s at each point: the power-law fluid of Ostwald and de Waele (Bird, Armstrong &
-//! Hassager 1987, Dynamics of Polymeric Liquids, vol. 1, ch. 4), whose viscosity is c₂ at the stress s₀ = F_max/(4πR²), so that c₂ keeps its meaning. Null:
-//! n = 1. Valid for n in (0.3, 1] and stresses within a decade or two of s₀: at rest the fluid becomes solid, where real ones keep a viscosity. Under one force
+//! ε̇_d = (s_eq/s₀)^{1/n−1} s/c₂ in the dashpot, s_eq² = ⅔ dev s : dev s at each point. It is the power-law fluid of Ostwald and de Waele (Bird, Armstrong &
+//! Hassager 1987, Dynamics of Polymeric Liquids, vol. 1, ch. 4). Its viscosity is c₂ at the stress s₀ = F_max/(4πR²), so that c₂ keeps its meaning. Null:
+//! n = 1. Valid for n in (0.3, 1] and stresses within a decade or two of s₀. At rest the fluid becomes solid, while real ones keep a viscosity. Under one force
 //! the response is nearly that of another c₂; two forces f and 1 flow at rates f^{1/n}: 1 (physics §5).
 
 use super::beside_fields::nonlinear_conflict;
@@ -21,11 +21,11 @@ const PARAMETERS: &[EffectParameter] = &[EffectParameter {
     spec: ParameterSpec::new("shear-thinning.index", "n", "1", Support { lower: SMALLEST_INDEX, upper: 1.0 }),
     null: &|_| Some(1.0),
     prior: &|_| Distribution::Uniform { lower: SMALLEST_INDEX, upper: 1.0 },
-    prior_source: "chosen: from the linear fluid to one that flows more than twice as fast when pushed 1.3 times as hard",
+    prior_source: "chosen: from the linear fluid to one that flows more than twice as fast at 1.3 times the force",
     finite_step: None,
 }];
 
-/// The effect.
+/// Effect `shear-thinning`.
 pub struct ShearThinning;
 
 impl Effect for ShearThinning {
@@ -36,7 +36,7 @@ impl Effect for ShearThinning {
         Stage::Mechanics
     }
     fn summary(&self) -> &'static str {
-        "the gel flows the more easily the harder it is pushed"
+        "the gel flows more easily under higher stress"
     }
     fn equation(&self) -> &'static str {
         "ε̇_d = (s_eq/s₀)^{1/n−1} s/c₂, s₀ = F_max/(4πR²)"
@@ -79,12 +79,12 @@ mod tests {
         else {
             panic!("nothing is written");
         };
-        // 4.6 µN over the surface of a sphere of 0.55 mm.
+        // The force is 4.6 µN over the surface of a sphere of 0.55 mm.
         assert!((reference_stress_pa.value - 4.84).abs() < 0.005, "{reference_stress_pa:?}");
         assert_eq!(index, 0.5.into());
     }
 
-    /// The figure of the prior's source.
+    /// Checks the number in the prior's source.
     #[test]
     fn the_smallest_index_more_than_doubles_the_flow_at_forces_1_3_times_as_large() {
         let faster = 1.3_f64.powf(1.0 / SMALLEST_INDEX);

@@ -1,9 +1,9 @@
-//! `softening`: the gel grows softer, or sets, while it is measured.
+//! `softening`: the gel grows softer, or sets, during the measurement.
 //!
-//! s = e^{−rt} · (law of the strains), in all branches, t from the record's start; with quasi-static linear laws that is the response to the
-//! force F e^{rt}. Null: r = 0; r < 0 is a gel that grows stiffer. Valid while the whole gel changes alike. Excised vitreous lost four fifths of its modulus in
-//! its first hour (Nickerson et al. 2008, J. Biomech. 41:1840), r of about 4·10⁻⁴ 1/s; the robot itself may break the network faster.
-//! A gel that is poured before it is measured sets instead.
+//! s = e^{−rt} · (law of the strains), in all branches, t from the record's start. With quasi-static linear laws that is the response to the
+//! force F e^{rt}. Null: r = 0; r < 0 is a gel that grows stiffer. Valid while the whole gel changes uniformly. Excised vitreous lost four fifths of its modulus in
+//! its first hour (Nickerson et al. 2008, J. Biomech. 41:1840), r of about 4·10⁻⁴ 1/s. The robot itself may break the network faster.
+//! A gel that is poured before the measurement sets instead.
 
 use super::beside_fields::AGEING;
 use super::{Effect, EffectParameter, Field, Stage, Stages};
@@ -17,11 +17,11 @@ const PARAMETERS: &[EffectParameter] = &[EffectParameter {
     spec: ParameterSpec::new("softening.rate_per_s", "r", "1/s", Support::REAL),
     null: &|_| Some(0.0),
     prior: &|scales| Distribution::Normal { mean: 0.0, sd: 0.5 / scales.duration_s },
-    prior_source: "chosen: either way alike, up to about two thirds of the stiffness lost over the record, or a stiffness threefold",
+    prior_source: "chosen: symmetric, over the record up to about two thirds of the stiffness lost, or the stiffness tripled",
     finite_step: None,
 }];
 
-/// The effect.
+/// Effect `softening`.
 pub struct Softening;
 
 impl Effect for Softening {
@@ -32,7 +32,7 @@ impl Effect for Softening {
         Stage::Mechanics
     }
     fn summary(&self) -> &'static str {
-        "the gel grows softer, or sets, while it is measured"
+        "the gel grows softer, or sets, during the measurement"
     }
     fn equation(&self) -> &'static str {
         "s = e^{−rt} · (law of the strains)"
@@ -54,7 +54,7 @@ mod tests {
     use super::*;
     use crate::effects::test_scales::SCALES;
 
-    /// The figure of the module's text: a modulus that falls fivefold in an hour.
+    /// Checks the rate in the module's text: a modulus that falls fivefold in an hour.
     #[test]
     fn a_fivefold_loss_in_an_hour_is_the_rate_that_the_text_names() {
         let mut stages = Stages::of_law(Vec::new());

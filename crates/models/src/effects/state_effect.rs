@@ -1,4 +1,4 @@
-//! Effects that let a quantity depend on a state (physics §5.3): what stands in a user's file, and what is learnt from data.
+//! Effects that make a quantity depend on a state (physics §5.3), from a user's file or learnt from data.
 
 use std::sync::{Mutex, PoisonError};
 
@@ -9,19 +9,19 @@ use laws::rheology::BaseLaw;
 use laws::stages::{Function, Operation, Quantity, State, StateFunction, StateLaw};
 use record::Scales;
 
-/// What depends, by its name.
+/// Quantity that depends on the state, by its name.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum QuantityName {
-    /// The force on the robot.
+    /// Force on the robot.
     Force,
-    /// The observed position.
+    /// Observed position.
     Position,
-    /// A modulus or viscosity of the law, by the name of its parameter.
+    /// Modulus or viscosity of the law, by the name of its parameter.
     Element(&'static str),
 }
 
 impl QuantityName {
-    /// As files and documents have it.
+    /// Name in files and documents.
     pub fn name(self) -> &'static str {
         match self {
             Self::Force => "force",
@@ -31,41 +31,41 @@ impl QuantityName {
     }
 }
 
-/// An effect by which a quantity depends on a state.
+/// Effect that makes a quantity depend on a state.
 #[derive(Debug)]
 pub struct StateEffect {
-    /// Name.
+    /// Name of the effect.
     pub slug: &'static str,
-    /// What it adds.
+    /// Description in a few words.
     pub summary: &'static str,
-    /// Its equation.
+    /// Equation, as text.
     pub equation: &'static str,
-    /// What depends.
+    /// Quantity that depends on the state.
     pub quantity: QuantityName,
-    /// On what.
+    /// State on which it depends.
     pub state: State,
-    /// How.
+    /// Operation by which the function changes the quantity.
     pub operation: Operation,
-    /// The function.
+    /// Function of the state.
     pub function: &'static dyn StateFunction,
-    /// Its parameters.
+    /// Parameters of the function.
     pub parameters: &'static [EffectParameter],
 }
 
-/// Effects that files have defined, each with its definition: they may be named wherever the program's own may.
+/// Effects defined in files, each with its definition. They can be named like the program's own effects.
 static DEFINED: Mutex<Vec<(&'static StateEffect, toml::Table)>> = Mutex::new(Vec::new());
 
-/// Makes an effect one that may be named from now on, for as long as the program runs. The same definition twice is one effect.
+/// Defines an effect, which can be named for the rest of the run. Equal definitions are one effect.
 ///
 /// # Errors
-/// The definition that the name has already, where it is another.
+/// The existing definition with this name, if it differs.
 pub fn define(definition: toml::Table, effect: StateEffect) -> std::result::Result<&'static StateEffect, toml::Table> {
     let mut defined = DEFINED.lock().unwrap_or_else(PoisonError::into_inner);
     match defined.iter().find(|(known, _)| known.slug == effect.slug) {
         Some((known, own)) if *own == definition => Ok(known),
         Some((_, own)) => Err(own.clone()),
         None => {
-            // Names of effects and parameters are static everywhere, and few files are read.
+            // Names of effects and parameters are static everywhere, and only few files are read.
             let effect: &'static StateEffect = Box::leak(Box::new(effect));
             defined.push((effect, definition));
             Ok(effect)
@@ -73,13 +73,13 @@ pub fn define(definition: toml::Table, effect: StateEffect) -> std::result::Resu
     }
 }
 
-/// The effect of a name that a file has defined, with its definition.
+/// Effect with this slug from a file, with its definition.
 pub fn defined(slug: &str) -> Option<(&'static StateEffect, toml::Table)> {
     let defined = DEFINED.lock().unwrap_or_else(PoisonError::into_inner);
     defined.iter().find(|(effect, _)| effect.slug == slug).cloned()
 }
 
-/// The defined effect that has a parameter of this name.
+/// Effect from a file with a parameter of this name, and the parameter.
 pub(super) fn with_parameter(name: &str) -> Option<(&'static dyn Effect, &'static EffectParameter)> {
     let defined = DEFINED.lock().unwrap_or_else(PoisonError::into_inner);
     defined.iter().find_map(|(effect, _)| {
@@ -115,16 +115,16 @@ impl Effect for StateEffect {
         true
     }
     fn barred_beside(&self, _field: Field) -> Option<&'static str> {
-        Some("a quantity that depends on a state is not run where the displacement field is solved for")
+        Some("a quantity that depends on a state cannot be combined with a computed displacement field")
     }
     fn conflict(&self, base: &BaseLaw) -> Option<&'static str> {
         let QuantityName::Element(name) = self.quantity else { return None };
         match base.leaf(name) {
             Some(_) => None,
             None if base.parameters().iter().any(|spec| spec.name == name) => Some(
-                "its quantity is an order, or of an element that is neither in series nor a part of a body of elements in parallel, or that stands twice",
+                "its quantity is an order, or belongs to an element that occurs twice or is neither in series nor part of a parallel body in series",
             ),
-            None => Some("the law has no parameter of its quantity's name"),
+            None => Some("the law has no parameter with the name of its quantity"),
         }
     }
     fn apply(&self, parameters: &[Dual], _scales: &Scales, stages: &mut Stages) -> Result<()> {

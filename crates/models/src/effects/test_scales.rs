@@ -1,10 +1,10 @@
-//! What the effects' own tests share.
+//! Sizes and functions that the effects' tests share.
 
 use base::number::{Dual, Scalar};
 use laws::rheology::{Element, RetardationSpectrum, TimeWindow};
 use record::Scales;
 
-/// Like the reference experiment.
+/// Sizes close to those of the reference experiment.
 pub(super) const SCALES: Scales = Scales {
     largest_force_n: 4.6e-6,
     position_range_m: 0.98e-3,
@@ -19,7 +19,7 @@ pub(super) const SCALES: Scales = Scales {
     fits_position_offset: false,
 };
 
-/// J(t) in 1/Pa of elements in series, from their spectrum.
+/// Returns J(t) in 1/Pa of elements in series, from their spectrum.
 pub(super) fn compliance_per_pa(law: &[Element], time_s: f64) -> Dual {
     let spectrum = RetardationSpectrum::of(law, TimeWindow { shortest_s: 0.01, longest_s: 100.0 }).unwrap();
     let steady = spectrum.instantaneous_per_pa + spectrum.fluidity_per_pa_s * time_s;

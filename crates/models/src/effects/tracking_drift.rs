@@ -1,8 +1,8 @@
-//! `tracking-drift`: the camera or the stage drifts past the gel.
+//! `tracking-drift`: the camera or the stage drifts relative to the gel.
 //!
-//! x_obs = x + v t, t from the record's start. Null: v = 0. Valid for any v of either sign, while the drift is steady. Loosening mounts and
-//! warming stages make it; in tracked videos it is commonly taken off before anything else (Crocker & Grier 1996,
-//! doi:10.1006/jcis.1996.0217). The dashpot c₂ flows with the force, the drift without it: only a force that changes tells them apart.
+//! x_obs = x + v t, t from the record's start. Null: v = 0. Valid for any v of either sign, while the drift is steady. Causes are loosening mounts and
+//! warming stages. In tracked videos it is commonly subtracted first (Crocker & Grier 1996,
+//! doi:10.1006/jcis.1996.0217). The dashpot c₂ flows with the force, the drift without it: only a force that changes distinguishes them.
 
 use super::{Effect, EffectParameter, Stage, Stages, position_range_m};
 use base::distribution::Distribution;
@@ -15,11 +15,11 @@ const PARAMETERS: &[EffectParameter] = &[EffectParameter {
     spec: ParameterSpec::new("tracking-drift.velocity_m_per_s", "v", "m/s", Support::REAL),
     null: &|_| Some(0.0),
     prior: &|scales| Distribution::Normal { mean: 0.0, sd: 0.1 * position_range_m(scales) / scales.duration_s },
-    prior_source: "chosen: either way alike, a tenth of the range of positions over the record",
+    prior_source: "chosen: symmetric, a tenth of the range of positions over the record",
     finite_step: None,
 }];
 
-/// The effect.
+/// Effect `tracking-drift`.
 pub struct TrackingDrift;
 
 impl Effect for TrackingDrift {
@@ -30,7 +30,7 @@ impl Effect for TrackingDrift {
         Stage::Observation
     }
     fn summary(&self) -> &'static str {
-        "the camera or the stage drifts past the gel"
+        "the camera or the stage drifts relative to the gel"
     }
     fn equation(&self) -> &'static str {
         "x_obs = x + v t"

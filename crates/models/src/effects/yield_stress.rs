@@ -1,8 +1,8 @@
-//! `yield-stress`: the gel flows only where it is pushed hard enough.
+//! `yield-stress`: the gel flows only above a yield stress.
 //!
 //! ε̇_d = ⟨1 − s_y/s_eq⟩ s/c₂ in the dashpot, s_eq² = ⅔ dev s : dev s at each point: Bingham's fluid in series with the gel's elasticity (Bingham 1922, Fluidity
-//! and Plasticity; Oldroyd 1947, Proc. Camb. Phil. Soc. 43:100). Null: s_y = 0. Valid while the robot's own surroundings flow; far away, where the stress has
-//! fallen below s_y, only the elastic part moves. Under one force it hides in c₂ (physics §5). The bracket is smoothed within a hundredth of s_y
+//! and Plasticity; Oldroyd 1947, Proc. Camb. Phil. Soc. 43:100). Null: s_y = 0. Valid while the gel near the robot flows. Far away, where the stress is
+//! below s_y, only the elastic part moves. Under one force it is indistinguishable from a change of c₂ (physics §5). The bracket is smoothed within a hundredth of s_y
 //! ([`YIELD_SMOOTHING`]): below the yield stress the dashpot creeps at 10⁻⁴ of its fluidity or less, far above it nothing changes.
 
 use super::beside_fields::nonlinear_conflict;
@@ -15,7 +15,8 @@ use laws::rheology::BaseLaw;
 use laws::stages::{NonlinearFamily, Nonlinearity, Spatial, Stages, YIELD_SMOOTHING};
 use record::Scales;
 
-/// Step from the null, in parts of s₀, at which the gel still flows everywhere but where it stands still: at a hundredth of s₀ what is far away has stopped.
+/// Step from the null, in units of s₀. With it the gel still flows everywhere except at points of no motion.
+/// At a hundredth of s₀ the distant gel would already be rigid.
 const FINITE_STEP: f64 = 1e-4;
 
 const PARAMETERS: &[EffectParameter] = &[EffectParameter {
@@ -37,7 +38,7 @@ impl Effect for YieldStress {
         Stage::Mechanics
     }
     fn summary(&self) -> &'static str {
-        "the gel flows only where it is pushed hard enough"
+        "the gel flows only above a yield stress"
     }
     fn equation(&self) -> &'static str {
         "ε̇_d = ⟨1 − s_y/s_eq⟩ s/c₂"

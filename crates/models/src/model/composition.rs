@@ -1,4 +1,4 @@
-//! A model: base law and effects, allowed to stand together (physics §5).
+//! Model: a base law and a valid combination of effects (physics §5).
 
 use crate::effects::{Effect, Field, Stage, nuisances};
 use base::error::{Error, Place, Result};
@@ -8,7 +8,7 @@ use laws::rheology::BaseLaw;
 use laws::stages::{Spatial, Stages};
 use record::Scales;
 
-/// A base law and effects; parameters are the law's, then the nuisances' of the experiment, then each effect's.
+/// Base law and effects. Parameters are the law's, then those of the experiment's nuisances, then each effect's.
 #[derive(Clone)]
 pub struct Model {
     base: BaseLaw,
@@ -25,7 +25,7 @@ impl std::fmt::Debug for Model {
 }
 
 impl Model {
-    /// Joins a law and effects; what cannot stand together is refused. `place` says where the effects were named.
+    /// Combines a law and effects, and refuses invalid combinations. `place` says where the effects were named.
     ///
     /// # Errors
     /// [`Error::Input`] with the reason.
@@ -50,7 +50,7 @@ impl Model {
             }
             if effect.acts_on_position() && scales.depth_exponent.is_some_and(|exponent| exponent != 1.0) {
                 return refuse(
-                    format!("`{slug}` acts on a position that answers linearly, and an indenter's depth does not"),
+                    format!("`{slug}` needs a position in proportion to the force, which an indenter's depth is not"),
                     "leave it out; other effects of load, separable mechanics and observation work for indenters",
                 );
             }
@@ -77,7 +77,7 @@ impl Model {
             let barred = effects.iter().find_map(|other| Some((other, other.barred_beside(model)?)));
             if let Some((other, reason)) = barred {
                 return refuse(
-                    format!("`{}` and `{}` cannot stand together: {reason}", field.slug(), other.slug()),
+                    format!("`{}` and `{}` cannot be combined: {reason}", field.slug(), other.slug()),
                     "leave one of them out",
                 );
             }
@@ -87,8 +87,8 @@ impl Model {
                 |effect: &&&dyn Effect| effect.stage() == Stage::Mechanics && effect.slug() != nonlinear.slug();
             if let Some(other) = effects.iter().find(is_other) {
                 return refuse(
-                    format!("`{}` and `{}` cannot stand together", nonlinear.slug(), other.slug()),
-                    "leave one out: beside a law that is not linear stand effects of load and observation only",
+                    format!("`{}` and `{}` cannot be combined", nonlinear.slug(), other.slug()),
+                    "leave one out: only effects of load and observation can be combined with a nonlinear law",
                 );
             }
         }
@@ -98,23 +98,23 @@ impl Model {
         Ok(Self { base, effects, scales, parameters })
     }
 
-    /// The Lethersich law alone, which no size of an experiment enters.
+    /// Lethersich law without effects. It depends on no size of an experiment.
     pub fn lethersich() -> Self {
         let (base, scales) = (BaseLaw::Lethersich, Scales::default());
         Self { base, effects: Vec::new(), scales, parameters: base.parameters().to_vec() }
     }
 
-    /// The base law.
+    /// Base law.
     pub fn base(&self) -> BaseLaw {
         self.base
     }
 
-    /// The effects, in the order in which they are applied.
+    /// Effects, in the order in which they are applied.
     pub fn effects(&self) -> &[&'static dyn Effect] {
         &self.effects
     }
 
-    /// What no one knows of the experiment itself: nuisances, which come before the effects.
+    /// Nuisances: unknowns of the experiment itself, which come before the effects.
     pub fn nuisances(&self) -> &'static [&'static dyn Effect] {
         nuisances(&self.scales)
     }
@@ -125,18 +125,18 @@ impl Model {
         self.base.parameters().len() + of_nuisances.sum::<usize>()
     }
 
-    /// Whether the position is the law's answer to the force, with nothing before, beside or after it.
+    /// Returns `true` if the position is the law's response to the force, without effects, nuisances or an indenter's depth.
     pub fn is_law_alone(&self) -> bool {
         let is_linear = self.scales.depth_exponent.is_none_or(|exponent| exponent == 1.0);
         self.effects.is_empty() && self.nuisances().is_empty() && is_linear
     }
 
-    /// Whether its law is not linear, so that every trajectory takes a thousand times as long.
+    /// Returns `true` if the law is nonlinear. Every trajectory then takes a thousand times as long.
     pub fn is_nonlinear(&self) -> bool {
         self.effects.iter().any(|effect| effect.is_nonlinear())
     }
 
-    /// The experiment's sizes that effects refer to.
+    /// Sizes of the experiment to which effects refer.
     pub fn scales(&self) -> &Scales {
         &self.scales
     }
@@ -146,10 +146,10 @@ impl Model {
         &self.parameters
     }
 
-    /// The stages at `parameters` (SI, the order of [`Self::parameters`]).
+    /// Stages at `parameters` (SI, the order of [`Self::parameters`]).
     ///
     /// # Errors
-    /// [`Error::Numerical`] where a parameter is outside its support or an effect has no model there.
+    /// [`Error::Numerical`] if a parameter is outside its support or an effect has no model there.
     pub fn stages(&self, parameters: &[Dual]) -> Result<Stages> {
         for (spec, parameter) in self.parameters.iter().zip(parameters) {
             if !spec.support.contains(parameter.value) {
@@ -164,7 +164,7 @@ impl Model {
         stages.base = Some(self.base);
         stages.observation.depth_exponent = self.scales.depth_exponent.unwrap_or(1.0).into();
         if self.base.outside().is_some() {
-            // Its answer is the position itself.
+            // The external program returns the position itself.
             stages.observation.depth_exponent = Dual::ONE;
             stages.spatial = Some(Spatial::Outside(law.to_vec()));
         }
@@ -183,13 +183,13 @@ impl Model {
         Ok(stages)
     }
 
-    /// How its effects change the displacement field, if they do, with the slug of the one that does.
+    /// Change of the displacement field, with the slug of the effect that causes it; `None` without such an effect.
     pub fn field(&self) -> Option<(&'static str, Field)> {
         self.effects.iter().find_map(|effect| Some((effect.slug(), effect.field()?)))
     }
 }
 
-/// Why an effect cannot be added to another program's law, if it cannot: only what acts before or after the law is known here.
+/// Reason why an effect cannot be added to an external law; `None` if it can. Only effects before or after the law can.
 fn barred_outside(effect: &dyn Effect, base: &BaseLaw) -> Option<&'static str> {
     base.outside()?;
     if effect.depends_on_state() || effect.stage() == Stage::Mechanics {

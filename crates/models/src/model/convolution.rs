@@ -1,4 +1,4 @@
-//! ∫ J dF for a force of steps or straight lines, by one recursion a branch.
+//! Convolution ∫ J dF for a force of steps or straight lines, by one recursion for each branch.
 
 use laws::rheology::CreepCompliance;
 use record::Force;
@@ -42,7 +42,7 @@ mod tests {
     use laws::rheology::RetardedMode;
     use record::ForceRule;
 
-    /// Against the superposition Σ ΔFₖ J(t − tₖ), written out.
+    /// Checks against the superposition Σ ΔFₖ J(t − tₖ), written out.
     #[test]
     fn equals_the_superposition_of_force_steps() {
         let mut law = CreepCompliance::lethersich(&[3.5, 1.4, 47.0]);
@@ -61,7 +61,7 @@ mod tests {
         }
     }
 
-    /// A force that goes in lines is its first jump and a bend at every row: Σ ΔSₖ ∫₀ᵗ⁻ᵗᵏ J, with ∫J of the law written out.
+    /// Checks a force of straight lines, which is its first jump plus a bend at every row: Σ ΔSₖ ∫₀ᵗ⁻ᵗᵏ J, with ∫J of the law written out.
     #[test]
     fn lines_are_the_superposition_of_ramps() {
         let mut law = CreepCompliance::lethersich(&[3.5, 1.4, 47.0]);

@@ -1,4 +1,4 @@
-//! One trait for the full and the reduced model, so that nothing downstream can tell them apart.
+//! Common trait of the full-order and the reduced model.
 
 use super::{Compliance, Model, Response};
 use crate::effects::needs_a_sphere;
@@ -15,44 +15,44 @@ use laws::stages::{Nonlinearity, Spatial, Stages};
 use record::Force;
 use std::sync::OnceLock;
 
-/// Parameters → trajectory.
+/// Model that maps parameters to a trajectory.
 pub trait Forward: Sync {
-    /// Recorded position (m) at every row of the record, the limit from the left, for the model's parameters (SI, the order of
+    /// Recorded position (m) at every row of the record, as the limit from the left, for the model's parameters (SI, the order of
     /// [`Model::parameters`]).
     fn trajectory_m(&self, parameters: &[f64]) -> Result<Vec<f64>>;
 }
 
-/// The full-order model: finite elements stepped through the record.
+/// Full-order model: finite elements stepped through the record.
 ///
-/// The base law alone takes the exponential step, which is exact between rows; with effects the network of elements is stepped by
-/// its definition, apart from the reduced model's closed forms.
+/// The base law alone takes the exponential step, which is exact between rows. With effects the network of elements is stepped by
+/// its definition, independently of the reduced model's closed forms.
 pub struct FullForward<'a> {
     model: &'a Model,
     stiffness: &'a Stiffness,
-    /// At the experiment's Poisson ratio.
+    /// Model at the experiment's Poisson ratio.
     at_rest: FullOrderModel<'a>,
     time_s: &'a [f64],
     force: Force<'a>,
     resolution: Resolution,
     surroundings: Option<Surroundings<'a>>,
-    /// Prepared by the first run that needs it.
+    /// Nonlinear model, prepared by the first run that needs it.
     nonlinear: OnceLock<NonlinearModel<'a>>,
 }
 
-/// A full-order run.
+/// Result of a full-order run.
 pub struct FullRun {
     /// Recorded position (m) at every row.
     pub position_m: Vec<f64>,
-    /// Displacement of every node (m) at the rows that were asked for.
+    /// Displacement of every node (m) at the requested rows.
     pub fields: Vec<Vec<[f64; 3]>>,
-    /// Their mesh, where it is not the model's own.
+    /// Mesh of the fields; `None` for the model's own mesh.
     pub mesh: Option<Mesh>,
     /// Displacement (1/m) per force at unit creep compliance, at the run's Poisson ratio.
     pub compliance_per_m: f64,
 }
 
 impl<'a> FullForward<'a> {
-    /// Factorises at the experiment's Poisson ratio.
+    /// Factorises the stiffness at the experiment's Poisson ratio.
     pub fn new(
         model: &'a Model,
         stiffness: &'a Stiffness,
@@ -65,12 +65,12 @@ impl<'a> FullForward<'a> {
         Ok(Self { model, stiffness, at_rest, time_s, force: force.into(), resolution, surroundings: None, nonlinear })
     }
 
-    /// The same for effects that change the displacement field, which need more than the stiffness.
+    /// Adds the surroundings, which effects on the displacement field need.
     pub fn in_surroundings(self, surroundings: Surroundings<'a>) -> Self {
         Self { surroundings: Some(surroundings), nonlinear: OnceLock::new(), ..self }
     }
 
-    /// The same with other time steps.
+    /// Sets other time steps.
     pub fn with_resolution(self, resolution: Resolution) -> Self {
         Self { resolution, ..self }
     }
@@ -80,7 +80,7 @@ impl<'a> FullForward<'a> {
         self.at_rest.compliance_per_m()
     }
 
-    /// Trajectory, and the fields at some rows.
+    /// Computes the trajectory, and the fields at some rows.
     pub fn run(&self, parameters: &[f64], field_rows: &[usize]) -> Result<FullRun> {
         let (base, is_exponential) = (self.model.base(), self.model.is_law_alone());
         if let Some(law) = base.creep_compliance(parameters).filter(|_| is_exponential) {
@@ -93,7 +93,7 @@ impl<'a> FullForward<'a> {
         let stages = self.model.stages(&constants)?;
         if let Some(spatial) = &stages.spatial {
             let surroundings = self.surroundings.as_ref().ok_or_else(|| {
-                Error::numerical("the full model has no mesh to solve this effect on", "give it its surroundings")
+                Error::numerical("the full-order model has no mesh for this effect", "give it its surroundings")
             })?;
             let (linear, field) = match (spatial, self.model.field()) {
                 (Spatial::Linear(linear), Some((_, field))) => (linear, field),
@@ -116,7 +116,7 @@ impl<'a> FullForward<'a> {
         Ok(FullRun { position_m: stepped.position_m, fields, mesh: None, compliance_per_m: full.compliance_per_m() })
     }
 
-    /// The linear model's run with the deviation of x(gF)/g; fields are the linear model's.
+    /// Adds the deviation of x(gF)/g to the linear model's run. The fields are the linear model's.
     fn run_large(
         &self,
         surroundings: &Surroundings<'a>,
@@ -190,13 +190,13 @@ impl<'a> FullForward<'a> {
     }
 }
 
-/// Steps of the field's own stepping that are as much finer than its default as others are than theirs.
+/// Time steps for the field, refined relative to its default by the ratio of `resolution` to its own default.
 fn spatial_resolution(resolution: Resolution) -> transient::Resolution {
     let own = transient::Resolution::default();
     transient::Resolution { steps_per_doubling: scaled(own.steps_per_doubling, resolution), ..own }
 }
 
-/// Steps a doubling that are as much more than a stepping's own default as others are than theirs.
+/// Steps a doubling, scaled from `own` by the ratio of `wanted` to the default.
 fn scaled(own: u32, wanted: Resolution) -> u32 {
     (own * wanted.steps_per_doubling).div_ceil(Resolution::default().steps_per_doubling)
 }
@@ -219,21 +219,21 @@ pub struct TrainedRange {
 }
 
 impl TrainedRange {
-    /// Whether a value may be asked for.
+    /// Returns `true` if the value is inside the range.
     pub fn contains(&self, value: f64) -> bool {
         (self.lower..=self.upper).contains(&value)
     }
 }
 
-/// The reduced model: one compliance, and the stages in closed form.
+/// Reduced model: one compliance, and the stages in closed form.
 pub struct ReducedForward<'a> {
     /// Law and effects.
     pub model: &'a Model,
-    /// What turns ∫J dF into a position.
+    /// Compliance that converts ∫J dF into a position.
     pub compliance: Compliance,
-    /// The record.
+    /// Prepared record.
     pub response: Response,
-    /// Trained ranges of the law's parameters; empty where the compliance is exact (an instrument's).
+    /// Trained ranges of the law's parameters; empty if the compliance is exact, as an instrument's.
     pub trained: &'a [TrainedRange],
 }
 
@@ -252,20 +252,20 @@ impl ReducedForward<'_> {
         Ok(())
     }
 
-    /// Derivative (m a unit of the parameter) of the trajectory with respect to one parameter, by its index: exact, and one-sided where the
-    /// parameter stands at an end of its support.
+    /// Derivative (m a unit of the parameter) of the trajectory with respect to one parameter, by its index. It is exact, and one-sided where the
+    /// parameter is at an end of its support.
     ///
     /// # Errors
-    /// As [`Self::derivative_along_m`].
+    /// Those of [`Self::derivative_along_m`].
     pub fn derivative_m(&self, parameters: &[f64], index: usize) -> Result<Vec<f64>> {
         let direction: Vec<f64> = (0..parameters.len()).map(|i| f64::from(u8::from(i == index))).collect();
         self.derivative_along_m(parameters, &direction)
     }
 
-    /// Derivative (m) of the trajectory along a direction in the parameters' units: exact, and one-sided at ends of supports.
+    /// Derivative (m) of the trajectory along a direction in the parameters' units. It is exact, and one-sided at ends of supports.
     ///
     /// # Errors
-    /// As [`Forward::trajectory_m`]; [`Error::Numerical`] where there is no derivative, such as with respect to a lag of zero.
+    /// Those of [`Forward::trajectory_m`]. [`Error::Numerical`] if there is no derivative, such as with respect to a lag of zero.
     pub fn derivative_along_m(&self, parameters: &[f64], direction: &[f64]) -> Result<Vec<f64>> {
         self.in_trained_range(parameters)?;
         let carried = |(value, derivative): (&f64, &f64)| Dual { value: *value, derivative: *derivative };
@@ -281,7 +281,7 @@ impl ReducedForward<'_> {
         let names: Vec<&str> = moved.map(|(spec, _)| spec.name).collect();
         Err(Error::numerical(
             format!("the trajectory has no derivative with respect to {} here", names.join(", ")),
-            "take a finite difference with the step that the effect documents",
+            "take a finite difference with the effect's documented step",
         ))
     }
 }

@@ -1,4 +1,4 @@
-//! The reduced models of the effects that change the displacement field, as many as a problem asks for.
+//! Reduced models of effects on the displacement field, for the effects of a problem.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -16,10 +16,10 @@ use elements::fe::spatial::Surroundings;
 use laws::rheology::SpreadTerm;
 use laws::stages::{LinearField, Spatial, Spread, Stages, Stepped};
 
-/// Singular values below this fraction of the largest carry no mode.
+/// Singular values below this fraction of the largest give no mode.
 const TOLERANCE: f64 = 1e-6;
 
-/// The reduced model of one effect.
+/// Reduced model of one effect.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum FieldModel {
@@ -29,15 +29,15 @@ pub enum FieldModel {
     ThreeTerms(ThreeTerms),
     /// Terms of pore flow.
     Pores(PoreSpectrum),
-    /// A law that is not linear, at few points.
+    /// Nonlinear law at a few integration points.
     Nonlinear(HyperModel),
 }
 
-/// Reduced models by the slugs of their effects; those that nobody asked for are missing.
+/// Reduced models by the slugs of their effects. Only requested models are present.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 pub struct FieldModels(BTreeMap<String, FieldModel>);
 
-/// Pieces of work that building the model of an effect takes.
+/// Number of pieces of work for building the model of an effect.
 pub fn n_pieces(effect: &dyn Effect) -> usize {
     match effect.field() {
         None => 0,
@@ -50,7 +50,7 @@ pub fn n_pieces(effect: &dyn Effect) -> usize {
 }
 
 impl FieldModel {
-    /// Builds the model of one effect, if its field needs one; `piece_done` is called, from any thread, after every piece.
+    /// Builds the model of one effect, if its field needs one. It calls `piece_done` after every piece, from any thread.
     fn build(
         effect: &dyn Effect,
         surroundings: &Surroundings<'_>,
@@ -78,12 +78,12 @@ impl FieldModel {
             Field::Nonlinear(family) => {
                 Self::Nonlinear(hyper::build(surroundings, family, &HyperSettings::of(family), piece_done)?)
             }
-            // Learnt for one record, not for a gel (`surrogate::trajectory`).
+            // The model is trained for one record, not for a gel (`surrogate::trajectory`).
             _ => return Ok(None),
         }))
     }
 
-    /// The terms of a linear field; `None` where the model is of another kind than the field.
+    /// Terms of a linear field; `None` if the model does not match the field's kind.
     fn terms(&self, field: &LinearField) -> Result<Option<Vec<SpreadTerm>>> {
         Ok(match (self, field.shape) {
             (Self::Modes(modes), None) => Some(terms_of(modes)),
@@ -100,28 +100,29 @@ impl FieldModel {
 }
 
 impl FieldModels {
-    /// Builds the model of one effect, if its field needs one; `piece_done` is called, from any thread, after every piece.
+    /// Builds the model of one effect, if its field needs one. It calls `piece_done` after every piece, from any thread.
     ///
     /// # Errors
-    /// Those of the full models.
+    /// Those of the full-order models.
     pub fn build(effect: &dyn Effect, surroundings: &Surroundings<'_>, piece_done: &(dyn Fn() + Sync)) -> Result<Self> {
         let model = FieldModel::build(effect, surroundings, piece_done)?;
         Ok(Self(model.map(|model| (effect.slug().to_string(), model)).into_iter().collect()))
     }
 
-    /// These, and of the others those that are missing here.
+    /// Models of both sets. Those of `self` have precedence.
     pub fn or(self, other: Self) -> Self {
         let mut all = other.0;
         all.extend(self.0);
         Self(all)
     }
 
-    /// Whether the effect of a slug has one.
+    /// Returns `true` if the effect with this slug has a model.
     pub fn has(&self, slug: &str) -> bool {
         self.0.contains_key(slug)
     }
 
-    /// What building the model of a law that is not linear found as its largest distance from full runs, relative to their amplitude; `None` for other effects.
+    /// Largest difference from full-order runs, found when a nonlinear law's model was built, relative to their amplitude.
+    /// `None` for other effects.
     pub fn verified(&self, slug: &str) -> Option<f64> {
         match self.0.get(slug) {
             Some(FieldModel::Nonlinear(model)) => Some(model.reduced().max_relative_error),
@@ -129,13 +130,13 @@ impl FieldModels {
         }
     }
 
-    /// What becomes of the stages' effect; `None` where they have none.
+    /// Reduced model of the stages' effect on the field; `None` if they have none.
     ///
     /// # Errors
     /// [`Error::Numerical`] for a model that was not built; [`Error::OutsideTrainedRange`].
     pub fn spread(&self, stages: &Stages) -> Result<Option<Spread>> {
         let missing = || {
-            Error::numerical("the reduced model was not built for this effect", "build it with the effect in the model")
+            Error::numerical("the reduced model was not built for this effect", "build it for a model with this effect")
         };
         match &stages.spatial {
             None => Ok(None),
@@ -157,10 +158,10 @@ impl FieldModels {
     }
 }
 
-/// Weights relative to the base, which returns exactly where nothing is beside the law.
+/// Terms with weights relative to the base law's compliance, which a vanishing effect reproduces exactly.
 fn terms_of(modes: &SpreadModes) -> Vec<SpreadTerm> {
     let pairs = || modes.weights.iter().zip(&modes.numbers);
-    // Where what stands beside the law is rigid only terms with μ = 0 are left, where it is nothing all are.
+    // If the element beside the law is rigid, only terms with μ = 0 remain; if it vanishes, all do.
     let stuck: f64 = pairs().filter(|(_, number)| **number == 0.0).map(|(weight, _)| weight).sum();
     let base = if stuck > 0.0 { stuck } else { modes.weights.iter().sum() };
     let term = |(weight, number): (&f64, &f64)| SpreadTerm { weight: (weight / base).into(), number: (*number).into() };

@@ -1,7 +1,7 @@
-//! Snapshots, POD and Galerkin projection (physics §3.3): the full-order model reduced to a few modes, verified.
+//! Reduction of the full-order model to a few modes by snapshots, POD and Galerkin projection (physics §3.3), with verification.
 //!
 //! Snapshots are full-order fields at Sobol points of a box of parameters. For the base model at one Poisson ratio the problem separates
-//! and one mode is exact; over a range of Poisson ratios three modes span the response. Both go through the same machinery.
+//! and one mode is exact. Over a range of Poisson ratios three modes span the response. Both cases use one implementation.
 
 mod field_models;
 pub mod hyper;
@@ -26,22 +26,22 @@ use elements::fe::time::{FullOrderModel, SolvedLoad, TimeScheme};
 use laws::rheology::{BaseLaw, CreepCompliance};
 use record::Force;
 
-/// Runs that train the surrogate and runs that verify it, at other points of the same Sobol sequence.
+/// Number of runs that train the surrogate, and of runs that verify it at later points of the Sobol sequence.
 const TRAINING_RUNS: u32 = 16;
 const VERIFICATION_RUNS: u32 = 8;
-/// Seed of the scrambled Sobol sequence: the training design is part of the method, not of a run.
+/// Seed of the scrambled Sobol sequence. The training design is part of the method, not of a run.
 const DESIGN_SEED: u32 = 1;
-/// Fields that each run contributes, spread over the record.
+/// Number of fields from each run, spread over the record.
 const FIELDS_PER_RUN: usize = 6;
 
-/// What a surrogate is trained for.
+/// Settings for the training of a surrogate.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Training<'a> {
     /// Constitutive law, a finite sum of exponentials.
     pub law: BaseLaw,
-    /// Ranges of the law's parameters, all positive; covered on a logarithmic scale.
+    /// Ranges of the law's parameters, all positive, covered on a logarithmic scale.
     pub parameters: &'a [TrainedRange],
-    /// Range of the Poisson ratio; a single value when both ends agree.
+    /// Range of the Poisson ratio; a single value if both ends agree.
     pub poisson_ratio: [f64; 2],
     /// Times of the record in s.
     pub time_s: &'a [f64],
@@ -51,12 +51,12 @@ pub struct Training<'a> {
     pub tolerance: f64,
 }
 
-/// A reduced model with the evidence of how good it is.
+/// Reduced model with its measured errors.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Surrogate {
-    /// Ranges of the law's parameters inside which it may be asked.
+    /// Valid ranges of the law's parameters.
     pub parameters: Vec<TrainedRange>,
-    /// Range of the Poisson ratio inside which it may be asked.
+    /// Valid range of the Poisson ratio.
     pub poisson_ratio: TrainedRange,
     /// Reduced operators.
     pub operators: ReducedOperators,
@@ -64,15 +64,15 @@ pub struct Surrogate {
     pub singular_values: Vec<f64>,
     /// Fraction of the largest singular value below which modes were dropped.
     pub tolerance: f64,
-    /// Full-order runs that trained it.
+    /// Number of full-order runs that trained it.
     pub snapshot_runs: usize,
-    /// Full-order runs that verified it, at parameters outside the training set.
+    /// Number of full-order runs that verified it, at parameters outside the training set.
     pub verification_runs: usize,
-    /// Largest relative energy-norm distance of a verification field from the span of the modes.
+    /// Largest relative distance, in the energy norm, of a verification field from the span of the modes.
     pub max_projection_error: f64,
-    /// Largest distance of a reduced trajectory from the full-order one, relative to the latter's amplitude.
+    /// Largest difference of a reduced trajectory from the full-order one, relative to the latter's amplitude.
     pub max_relative_error: f64,
-    /// Unknowns of the full-order model.
+    /// Number of unknowns of the full-order model.
     pub fe_unknowns: usize,
 }
 
@@ -80,14 +80,14 @@ impl Training<'_> {
     fn creep_compliance(&self, law_parameters: &[f64]) -> Result<CreepCompliance> {
         self.law.creep_compliance(law_parameters).ok_or_else(|| {
             Error::numerical(
-                format!("the {} law is no finite sum of exponentials", self.law.title()),
-                "train the modes by a law of springs and dashpots: they do not depend on the law",
+                format!("the {} law is not a finite sum of exponentials", self.law.title()),
+                "train the modes with a law of springs and dashpots, as they do not depend on the law",
             )
         })
     }
 }
 
-/// One full-order run: its parameters, its trajectory and some of its fields.
+/// Full-order run: its parameters, its trajectory and some of its fields.
 struct FullRun {
     law_parameters: Vec<f64>,
     poisson_ratio: f64,
@@ -96,7 +96,7 @@ struct FullRun {
 }
 
 impl Surrogate {
-    /// Trains on full-order runs and verifies on others.
+    /// Trains a surrogate on full-order runs and verifies it on others.
     pub fn train(stiffness: &Stiffness, training: &Training) -> Result<Self> {
         let runs = |indices: std::ops::Range<u32>| -> Result<Vec<FullRun>> {
             let [lower, upper] = training.poisson_ratio;
@@ -143,7 +143,7 @@ impl Surrogate {
         Ok(surrogate)
     }
 
-    /// Displacement of the robot per unit force at unit creep compliance, in 1/m; refused outside the trained range.
+    /// Displacement of the robot per unit force at unit creep compliance, in 1/m. Ratios outside the trained range are refused.
     pub fn compliance_per_m(&self, poisson_ratio: f64) -> Result<f64> {
         Ok(self.dual_compliance_per_m(Dual::constant(poisson_ratio))?.value)
     }
@@ -160,14 +160,14 @@ impl Surrogate {
         self.operators.dual_compliance_per_m(poisson_ratio)
     }
 
-    /// The compliance as a function of the Poisson ratio; `poisson_ratio` is the experiment's.
+    /// Compliance as a function of the Poisson ratio. `poisson_ratio` is the experiment's.
     pub fn compliance(&self, poisson_ratio: f64) -> Result<Compliance> {
         let per_m = self.compliance_per_m(poisson_ratio)?;
         let family = self.clone();
         Ok(Compliance::family(per_m, move |ratio| family.dual_compliance_per_m(ratio)))
     }
 
-    /// Whether its parts fit together, so that it can be asked: a file may have been edited.
+    /// Returns `true` if its parts are consistent, so that it can be evaluated. A file may have been edited.
     pub fn is_whole(&self) -> bool {
         let range_is_sound = |range: &TrainedRange| range.lower.is_finite() && range.lower <= range.upper;
         self.operators.is_whole()
@@ -180,7 +180,7 @@ impl Surrogate {
         self.operators.n_modes
     }
 
-    /// Projection error and reduced-model error apart: what the modes cannot show, and what the reduced equations add.
+    /// Records the projection error of the modes and the error of the reduced equations separately.
     fn verify(&mut self, training: &Training, run: &FullRun, pod: &Pod, energy: EnergyProduct) -> Result<()> {
         for field in &run.fields {
             let norm = energy.norm(field);
@@ -274,7 +274,7 @@ mod tests {
         assert!(surrogate.max_projection_error < 1e-7, "{}", surrogate.max_projection_error);
     }
 
-    /// The exact family over the Poisson ratio has rank three (physics §3.4); what the fourth singular value holds is discretisation error
+    /// Checks that the family over the Poisson ratio has rank three (physics §3.4). The fourth singular value is a discretisation error
     /// and falls with the mesh.
     #[test]
     fn poisson_family_has_three_modes() {
@@ -283,7 +283,7 @@ mod tests {
         let (stiffness, finer) = train_on(2, 8, [0.3, 0.499], 1e-4);
         assert!(finer.singular_values[3] < 0.4 * surrogate.singular_values[3], "{:?}", &finer.singular_values[..6]);
         assert!(finer.max_relative_error < 1e-8 && finer.max_projection_error < 1e-4);
-        // Right at ratios that no snapshot was taken at; the functional converges twice as fast as the field.
+        // The ratios are not those of snapshots. The functional converges twice as fast as the field.
         for poisson_ratio in [0.31, 0.42, 0.495] {
             let full = FullOrderModel::new(&stiffness, poisson_ratio).expect("positive definite").compliance_per_m();
             let reduced = finer.compliance_per_m(poisson_ratio).expect("inside the trained range");
@@ -291,7 +291,7 @@ mod tests {
         }
     }
 
-    /// Too few modes: both reported errors must show it, the trajectory's as the square of the field's.
+    /// Checks a surrogate with too few modes: both reported errors must show it, the trajectory's as the square of the field's.
     #[test]
     fn a_truncated_family_reports_its_errors() {
         let (_, surrogate) = train_on(1, 6, [0.3, 0.499], 0.05);
@@ -321,7 +321,7 @@ mod tests {
                 assert!((product - f64::from(u8::from(i == j))).abs() < 1e-9, "({i}, {j}): {product}");
             }
         }
-        // Energy identity: the squared singular values of unit-energy snapshots add up to their number.
+        // By the energy identity the squared singular values of unit-energy snapshots add up to their number.
         let total: f64 = pod.singular_values.iter().map(|s| s * s).sum();
         assert!((total - 4.0).abs() < 1e-12, "{total}");
     }

@@ -6,10 +6,10 @@ use nalgebra::DMatrix;
 use base::error::{Error, Result};
 use elements::fe::factorisation::add_symmetric_product;
 
-/// Remainder of a unit snapshot below which no direction is left in it. What is larger and still rounding is kept: the singular values
-/// then show where rounding begins.
+/// Remainder of a unit snapshot below which it adds no direction. Larger remainders that are still rounding are kept: the singular values
+/// then show the level of rounding.
 const ROUNDING: f64 = f64::EPSILON;
-/// Most iterations of the decomposition for every row, of which two or three do.
+/// Largest number of iterations of the decomposition for every row. Two or three are usual.
 const MOST_ROTATIONS: usize = 100;
 
 /// Energy-orthonormal modes of a set of snapshots, by falling singular value.
@@ -21,25 +21,25 @@ pub struct Pod {
     pub singular_values: Vec<f64>,
 }
 
-/// The energy inner product with K̂ given by its upper triangle.
+/// Energy inner product with K̂ given by its upper triangle.
 #[derive(Clone, Copy)]
 pub struct EnergyProduct<'a>(pub SparseColMatRef<'a, u32, f64>);
 
 impl EnergyProduct<'_> {
-    /// K̂ u.
+    /// Returns K̂ u.
     pub fn apply(&self, u: &[f64]) -> Vec<f64> {
         let mut product = vec![0.0; u.len()];
         add_symmetric_product(self.0, u, &mut product);
         product
     }
 
-    /// √(uᵀ K̂ u).
+    /// Returns √(uᵀ K̂ u).
     pub fn norm(&self, u: &[f64]) -> f64 {
         dot(u, &self.apply(u)).max(0.0).sqrt()
     }
 }
 
-/// Σ uᵢ vᵢ.
+/// Returns Σ uᵢ vᵢ.
 pub(super) fn dot(u: &[f64], v: &[f64]) -> f64 {
     u.iter().zip(v).map(|(a, b)| a * b).sum()
 }
@@ -51,25 +51,22 @@ fn subtract(u: &mut [f64], scale: f64, v: &[f64]) {
 }
 
 impl Pod {
-    /// Decomposes snapshots (zero ones are skipped), each scaled to unit energy so that small and large responses count alike, and keeps the
-    /// modes whose singular values exceed `tolerance` times the largest.
+    /// Decomposes snapshots and keeps the modes whose singular values exceed `tolerance` times the largest. Each snapshot is scaled to unit energy, so
+    /// that small and large responses count equally; zero ones are skipped.
     ///
-    /// Snapshots are orthonormalised first and the small triangular factor is decomposed: singular values are right down to rounding,
-    /// where the correlation matrix would lose them below its square root.
+    /// Snapshots are orthonormalised first and the small triangular factor is decomposed. Singular values are then accurate down to rounding,
+    /// while the correlation matrix would lose them below its square root.
     pub fn new(snapshots: &[Vec<f64>], energy: EnergyProduct, tolerance: f64) -> Result<Self> {
         let (basis, triangle) = orthonormalise(snapshots, energy);
         let n = basis.len();
         if n == 0 {
             return Err(Error::numerical("every snapshot is zero", "check that the record applies a force"));
         }
-        // By one thread whatever the size, so that the bits do not depend on how many there are.
+        // One thread decomposes matrices of every size, so that the bits do not depend on the number of threads.
         let factor = DMatrix::from_fn(n, triangle.len(), |i, j| triangle[j].get(i).copied().unwrap_or(0.0));
         let svd = factor.try_svd(true, false, f64::EPSILON, MOST_ROTATIONS * n);
         let Some((left, values)) = svd.and_then(|svd| Some((svd.u?, svd.singular_values))) else {
-            return Err(Error::numerical(
-                "the snapshots cannot be decomposed",
-                "look for infinite values in the record",
-            ));
+            return Err(Error::numerical("the snapshots cannot be decomposed", "check the record for infinite values"));
         };
         let singular_values: Vec<f64> = values.iter().copied().collect();
         let kept = singular_values.iter().take_while(|s| **s > tolerance * singular_values[0]).count();
@@ -84,7 +81,7 @@ impl Pod {
     }
 }
 
-/// Gram–Schmidt, twice: energy-orthonormal basis of the snapshots, and each normalised snapshot's coordinates in it.
+/// Repeated Gram–Schmidt: returns an energy-orthonormal basis of the snapshots, and each normalised snapshot's coordinates in it.
 fn orthonormalise(snapshots: &[Vec<f64>], energy: EnergyProduct) -> (Vec<Vec<f64>>, Vec<Vec<f64>>) {
     let (mut basis, mut images): (Vec<Vec<f64>>, Vec<Vec<f64>>) = (Vec::new(), Vec::new());
     let mut triangle = Vec::new();

@@ -9,7 +9,7 @@ use base::number::Dual;
 use elements::fe::assembly::{Assembly, unit_moduli};
 use elements::fe::factorisation::add_symmetric_product;
 
-/// Reduced operators: all that is needed to answer for any Poisson ratio in the trained range.
+/// Reduced operators, which give the response for any Poisson ratio in the trained range.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct ReducedOperators {
     /// Number of modes m.
@@ -18,7 +18,7 @@ pub struct ReducedOperators {
     pub deviatoric: Vec<f64>,
     /// Vᵀ K_vol V, row by row, m × m.
     pub volumetric: Vec<f64>,
-    /// The robot's translation in each mode.
+    /// Translation of the robot in each mode.
     pub robot: Vec<f64>,
     /// Share of the whole body's force that the meshed part carries.
     pub force_share: f64,
@@ -49,7 +49,7 @@ impl ReducedOperators {
         }
     }
 
-    /// Whether every list has the length that the number of modes asks for, and every number is one.
+    /// Returns `true` if every list has the length that follows from the number of modes, and every number is finite.
     pub fn is_whole(&self) -> bool {
         let Self { n_modes, deviatoric, volumetric, robot, force_share } = self;
         let square = n_modes.checked_mul(*n_modes);
@@ -82,7 +82,7 @@ impl ReducedOperators {
         Ok(self.dual_compliance_per_m(Dual::constant(poisson_ratio))?.value)
     }
 
-    /// The same with its derivative: C = rᵀq with K(ν) q = s r, hence dC = −qᵀ dK q / s.
+    /// Displacement per unit force with its derivative: C = rᵀq with K(ν) q = s r, hence dC = −qᵀ dK q / s.
     pub fn dual_compliance_per_m(&self, poisson_ratio: Dual) -> Result<Dual> {
         let response = self.unit_response(poisson_ratio.value)?;
         let value = self.robot.iter().zip(response.iter()).map(|(r, q)| r * q).sum();
@@ -123,7 +123,7 @@ mod tests {
         assert!(!ReducedOperators { volumetric: vec![f64::INFINITY], ..whole() }.is_whole());
     }
 
-    /// Against a central difference, whose own error is about 1e-9 here.
+    /// Checks against a central difference, whose own error is about 1e-9 here.
     #[test]
     fn the_compliance_has_its_derivative() {
         let operators = ReducedOperators {

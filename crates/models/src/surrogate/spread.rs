@@ -1,9 +1,9 @@
-//! The reduced model of a linear effect that changes the displacement field (physics §3.3, §5).
+//! Reduced model of a linear effect on the displacement field (physics §3.3, §5).
 //!
-//! The full model is f = (A + x B) z with symmetric A > 0, B ≥ 0 and a scalar x that the law and the effect's parameters make: A is the stiffness and B the
-//! friction or the mass; where a second law has a share, A is the whole stiffness, B that share's, and x is above −1. Solutions at values of x over many decades are
-//! snapshots; their POD in the energy norm of A gives modes; and the common eigenvectors of the two matrices, projected on the modes, give the robot's
-//! compliance as C Σ w/(1 + x μ) for every x, complex ones included: an affine split whose online part does not know the mesh.
+//! The full-order model is f = (A + x B) z with symmetric A > 0, B ≥ 0 and a scalar x that depends on the law and the effect's parameters. A is the stiffness,
+//! and B the friction or the mass. If a second law has a share, A is the whole stiffness, B that share's, and x is above −1. Solutions at values of x over many
+//! decades are snapshots, and their POD in the energy norm of A gives modes. The common eigenvectors of the two matrices, projected on the modes, give the robot's
+//! compliance as C Σ w/(1 + x μ) for every x, complex ones included. The online part of this affine split does not depend on the mesh.
 
 use faer::{Mat, Side};
 use rayon::prelude::*;
@@ -13,25 +13,25 @@ use super::pod::{EnergyProduct, Pod, dot};
 use base::error::{Error, Result};
 use elements::fe::spatial::{SpatialSystem, Splitting};
 
-/// Weights below this part of the whole are left out.
+/// Weights below this share of the total are omitted.
 const LEAST_WEIGHT: f64 = 1e-10;
-/// μ over the largest below which a term does not know B at all, and the rest of a share below which it knows nothing else.
+/// Ratio of μ to the largest μ below which a term does not depend on B, and remainder of a share below which it depends on B alone.
 const NO_SHARE: f64 = 1e-7;
 
-/// A pair of matrices reduced to a few terms.
+/// Pair of matrices reduced to a few terms.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct SpreadModes {
-    /// Compliance at x = 0 of the full model, in 1/m.
+    /// Compliance of the full-order model at x = 0, in 1/m.
     pub compliance_per_m: f64,
-    /// w, summing up to 1 but for what the modes miss.
+    /// Weights w. They add up to 1 minus the error of the modes.
     pub weights: Vec<f64>,
-    /// μ ≥ 0.
+    /// Numbers μ ≥ 0.
     pub numbers: Vec<f64>,
     /// Singular values of the normalised snapshots, relative to the largest.
     pub singular_values: Vec<f64>,
-    /// Solutions that made the modes.
+    /// Number of solutions that gave the modes.
     pub snapshots: usize,
-    /// Unknowns of the full model.
+    /// Number of unknowns of the full-order model.
     pub unknowns: usize,
 }
 

@@ -1,6 +1,6 @@
 //! Terms of a pair of matrices that depends on a parameter: exactly three shares, 0, one between, and 1, at any value of it.
 //!
-//! Finite elements split the share between by their error; its mean stands for it.
+//! The error of finite elements splits the share between into several. Their mean replaces them.
 
 use std::f64::consts::PI;
 
@@ -14,15 +14,15 @@ use base::number::{Dual, Scalar};
 use elements::fe::spatial::Surroundings;
 use laws::rheology::SpreadTerm;
 
-/// Values of the parameter at which the terms are computed.
+/// Number of parameter values at which the terms are computed.
 pub(super) const N_SHAPES: usize = 8;
-/// Shares nearer to 0 or 1 are that.
+/// Distance from 0 or 1 below which a share counts as 0 or 1.
 const NEAR: f64 = 0.05;
 
-/// The terms at any value of the parameter.
+/// Terms at any value of the parameter.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct ThreeTerms {
-    /// The parameter's name and range.
+    /// Name and range of the parameter.
     parameter: String,
     range: [f64; 2],
     /// ln of the three weights and the logit of the share between, at Chebyshev points of the parameter's logarithm.
@@ -30,10 +30,10 @@ pub struct ThreeTerms {
 }
 
 impl ThreeTerms {
-    /// Reduces the full model at each of the points.
+    /// Reduces the full-order model at each of the points.
     ///
     /// # Errors
-    /// Those of the full model, and [`Error::Numerical`] where it does not answer by three shares.
+    /// Those of the full-order model, and [`Error::Numerical`] if it does not have three shares.
     pub fn new(
         pair: &dyn MatrixPair,
         ShapeParameter { name, range }: ShapeParameter,
@@ -62,7 +62,7 @@ impl ThreeTerms {
         Ok(Self { parameter: name.into(), range, at_shapes })
     }
 
-    /// The terms at a value of the parameter.
+    /// Terms at a value of the parameter.
     ///
     /// # Errors
     /// [`Error::OutsideTrainedRange`].
@@ -120,7 +120,7 @@ mod tests {
     use elements::fe::spatial::Sizes;
     use elements::mesh::QuarterBall;
 
-    /// At radii between those that were solved, and those at the ends, against modes of a mesh for each.
+    /// Checks intermediate radii and the range's ends against modes of a mesh for each.
     #[test]
     #[ignore = "thorough"]
     fn three_terms_serve_pockets_of_any_radius() {

@@ -1,21 +1,21 @@
-//! What the force does between rows, and whether the answer goes with it.
+//! Checks of the force between rows, and of the response's sign.
 
 use super::quick_fit::{curve_beyond_lines, distance_between_rules_m};
 use super::{Looked, found, um};
 use documents::check::Contradiction;
 use record::{ForceRule, has_noisy_levels, is_against};
 
-/// Share of the rows at which a force changes that is not switched.
+/// Smallest share of rows with a change at which a force counts as not switched.
 const MOST: f64 = 0.5;
-/// Share of the force's range below which it does not change.
+/// Largest change of a force, as a share of its range, that counts as no change.
 const NOTHING: f64 = 1e-6;
-/// Share of the noise that the choice may move the positions by.
+/// Largest difference of positions between the two rules, as a share of the noise, that does not matter.
 const MATTERS: f64 = 1.0 / 3.0;
-/// Share of its size that a fitted motion's work must have against the force, and of the variance that the motion must explain.
+/// Smallest share of a fitted motion's work that must be against the force, and of the variance that the motion must explain.
 const CLEARLY: f64 = 0.5;
 const EXPLAINED: f64 = 0.3;
 
-/// A force that changes in most rows, where nothing says whether it holds between them.
+/// Finds a force that changes in most rows while the description does not say whether it holds between them.
 pub(super) fn between_rows(looked: &Looked<'_>) -> Option<Contradiction> {
     let record = looked.record;
     if looked.understood.force_rule_given || record.force_rule != ForceRule::Hold {
@@ -32,20 +32,22 @@ pub(super) fn between_rows(looked: &Looked<'_>) -> Option<Contradiction> {
         return None;
     }
     let text = format!(
-        "the force changes at {n_changes} of {} rows; whether it holds between them or goes in lines moves the positions by {} µm (root mean square), at {} µm of noise",
+        "the force changes at {n_changes} of {} rows, and the description does not say whether it holds between them or is linear. The choice moves the \
+         positions by {} µm (root mean square); the noise is {} µm",
         record.n_rows(),
         um(apart_m),
         um(looked.noise_m)
     );
     let advice = if has_noisy_levels(&record.force_n) {
-        "write `force = \"levels\"` in [measurement]: the force scatters about levels between which it was switched, as a sensor shows it"
+        "write `force = \"levels\"` in [measurement]: the force scatters around the levels between which it was switched, like a sensor's signal"
     } else {
-        "write `force = \"linear\"` in [measurement] if the force is a sampled curve, `force = \"hold\"` if it was switched at every row"
+        "write `force = \"linear\"` in [measurement] if the force is a sampled curve, or `force = \"hold\"` if it was switched at every row"
     };
     Some(found("force_between_rows", true, text, advice))
 }
 
-/// Lines that lie so far inside a curve that a fitted parameter may be off by its own standard error: what all positions share counts more than one's noise.
+/// Finds a force curve that straight lines between rows cut off so much that a fitted parameter may be off by its own standard error. An error that all positions share
+/// matters more than the noise of one.
 pub(super) fn curved(looked: &Looked<'_>) -> Option<Contradiction> {
     let (record, fit) = (looked.record, looked.fit.as_ref()?);
     if record.force_rule != ForceRule::Linear || looked.noise_m == 0.0 {
@@ -57,7 +59,8 @@ pub(super) fn curved(looked: &Looked<'_>) -> Option<Contradiction> {
         return None;
     }
     let text = format!(
-        "the force bends between its rows: lines lie inside the curve by {} µN, which moves the positions by {} µm (both root mean squares), enough to bias a fit by its own standard error",
+        "the force curves between its rows: straight lines differ from the curve by {} µN and move the positions by {} µm (both root mean squares). This is \
+         enough to bias a fit by its own standard error",
         um(beyond_n),
         um(moved_m)
     );
@@ -65,20 +68,20 @@ pub(super) fn curved(looked: &Looked<'_>) -> Option<Contradiction> {
         "curve_between_rows",
         false,
         text,
-        "give the force in more rows than the positions, by a log of its own in [actuation]",
+        "give the force in more rows than the positions, in a separate log in [actuation]",
     ))
 }
 
-/// An answer that goes against the force: a passive body takes work up.
+/// Finds a response against the force. A passive body takes up work.
 pub(super) fn against(looked: &Looked<'_>) -> Option<Contradiction> {
     let fit = looked.fit.as_ref().filter(|fit| fit.explained > EXPLAINED)?;
     let motion_m: Vec<Option<f64>> = fit.motion_m.iter().copied().map(Some).collect();
     if !is_against(&looked.record.force_n, &motion_m, CLEARLY) {
         return None;
     }
-    let text = "the position goes against the force: it would give work instead of taking it up".to_string();
+    let text = "the position moves against the force, so the body would give work instead of taking it up".to_string();
     let advice = if looked.understood.settled.is_reversed {
-        "remove `direction = \"-\"` in [measurement], which turned the sign, or write `direction = \"fit\"`"
+        "remove `direction = \"-\"` in [measurement], which reversed the sign, or write `direction = \"fit\"`"
     } else {
         "write `direction = \"-\"` in [measurement], or `direction = \"fit\"`"
     };

@@ -1,6 +1,6 @@
-//! What contradicts the description of a record: looked for before anything is fitted (formats §4).
+//! Finds contradictions between a record and its description before the first fit (formats §4).
 //!
-//! Every file but `quick_fit` looks for one kind of contradiction, or for some that share what they look at. What is certain is refused; what may be is said.
+//! Every file but `quick_fit` finds one kind of contradiction, or several with common inputs. A certain contradiction is refused; a possible one is reported.
 
 mod force;
 mod noise;
@@ -19,20 +19,20 @@ use crate::monitor::Monitor;
 use figures::number::listed;
 use quick_fit::{QuickFit, quick_fit};
 
-/// An experiment, and what every look shares.
+/// An experiment with the quantities that all checks share.
 struct Looked<'a> {
     experiment: &'a Experiment,
     understood: &'a Understood,
     record: &'a Record,
-    /// Known or estimated noise in m, and no more than a quick fit leaves; 0 where nothing is known.
+    /// Known noise in m, or the estimated noise, at most the residual of the quick fit; 0 if nothing is known.
     noise_m: f64,
     /// Spread of the positions in m, without the largest and smallest hundredth.
     range_m: f64,
-    /// The quick fit under the record's own rule.
+    /// Quick fit under the record's own force rule.
     fit: Option<QuickFit>,
 }
 
-/// Share of the positions on either side that a range leaves out.
+/// Share of the positions that the range leaves out on either side.
 const TAIL: f64 = 0.01;
 
 impl<'a> Looked<'a> {
@@ -53,17 +53,17 @@ impl<'a> Looked<'a> {
     }
 }
 
-/// One contradiction.
+/// Creates a contradiction.
 fn found(kind: &str, certain: bool, text: String, advice: impl Into<String>) -> Contradiction {
     Contradiction { kind: kind.into(), certain, text, advice: advice.into() }
 }
 
-/// Micrometres for people.
+/// Length in µm as text.
 fn um(metres: f64) -> String {
     figures::number::significant(1e6 * metres, 3)
 }
 
-/// What contradicts the description, the certain first.
+/// All contradictions with the description, the certain ones first.
 pub fn contradictions(experiment: &Experiment, understood: &Understood) -> Vec<Contradiction> {
     let looked = Looked::new(experiment, understood);
     let looks = [
@@ -88,11 +88,11 @@ pub fn contradictions(experiment: &Experiment, understood: &Understood) -> Vec<C
         switches::logged_late,
         zero::starts_under_load,
     ];
-    // The quick fit takes positions for linear in the force, which an indenter's depth is not, and its contact is found where it is read.
+    // The quick fit assumes positions linear in the force, which an indenter's depth is not. The reader finds its contact.
     let of_indenter = [times::units, positions::clipped, positions::repeated];
     let looks = if matches!(experiment.apparatus, Apparatus::Indenter(_)) { &of_indenter[..] } else { &looks[..] };
     let mut all: Vec<Contradiction> = looks.iter().filter_map(|look| look(&looked)).collect();
-    // A cause makes what follows from it worthless advice.
+    // A cause makes the advice on its consequences worthless.
     for (cause, consequences) in CAUSES {
         if all.iter().any(|contradiction| contradiction.kind == cause) {
             all.retain(|contradiction| !consequences.contains(&contradiction.kind.as_str()));
@@ -102,7 +102,7 @@ pub fn contradictions(experiment: &Experiment, understood: &Understood) -> Vec<C
     all
 }
 
-/// Kinds that explain others, which are then left out.
+/// Kinds that explain other kinds, which are then left out.
 const CAUSES: [(&str, &[&str]); 3] = [
     (
         "force_logged_late",
@@ -119,10 +119,10 @@ const CAUSES: [(&str, &[&str]); 3] = [
     ("lost_positions", &["outliers", "clipped_positions", "repeated_positions"]),
 ];
 
-/// Refuses what is certain, and says what may be.
+/// Refuses a certain contradiction and warns about possible ones.
 ///
 /// # Errors
-/// [`Error::Input`] with the remedy of the first contradiction that is certain.
+/// [`Error::Input`] with the remedy of the first certain contradiction.
 pub fn refuse_certain(experiment: &Experiment, understood: &Understood, monitor: &dyn Monitor) -> Result<()> {
     for contradiction in contradictions(experiment, understood) {
         let Contradiction { kind, certain, text, advice } = contradiction;
@@ -135,7 +135,7 @@ pub fn refuse_certain(experiment: &Experiment, understood: &Understood, monitor:
     Ok(())
 }
 
-/// What was understood, and what contradicts it.
+/// Summary of a record as it was read, with its contradictions.
 pub fn summary(experiment: &Experiment, files: &ExperimentFiles) -> CheckSummary {
     CheckSummary {
         experiment: experiment.specimen_id.clone(),
@@ -149,7 +149,7 @@ pub fn summary(experiment: &Experiment, files: &ExperimentFiles) -> CheckSummary
     }
 }
 
-/// What was understood, in five lines.
+/// Description of a record as it was read, in five lines.
 fn sentences(experiment: &Experiment, understood: &Understood) -> [String; 5] {
     let record = &experiment.record;
     let number = |value: f64| figures::number::significant(value, 3);
@@ -157,7 +157,7 @@ fn sentences(experiment: &Experiment, understood: &Understood) -> [String; 5] {
     let n_positions = record.position_m.iter().flatten().count();
     let apparatus = match &experiment.apparatus {
         Apparatus::Robot { robot, vitreous } => format!(
-            "a robot of {} mm (sphere of its volume) in a vitreous of {} mm, Poisson ratio {}",
+            "a robot of {} mm (sphere of equal volume) in a vitreous of {} mm, Poisson ratio {}",
             number(2e3 * robot.shape.equivalent_radius_m()),
             number(1e3 * vitreous.diameter_m),
             vitreous.poisson_ratio
@@ -166,7 +166,7 @@ fn sentences(experiment: &Experiment, understood: &Understood) -> [String; 5] {
             format!("an instrument with a compliance of {} 1/m", number(*compliance_per_m))
         }
         Apparatus::Indenter(indenter) => format!(
-            "an indenter, a {} whose depth to the power {} goes with the force",
+            "an indenter, a {} whose depth to the power {} is proportional to the force",
             indenter.tip.name(),
             indenter.exponent()
         ),
@@ -174,7 +174,7 @@ fn sentences(experiment: &Experiment, understood: &Understood) -> [String; 5] {
     let rule = match (record.force_rule, understood.force_rule_given) {
         (ForceRule::Hold, true) => "holds until the next row",
         (ForceRule::Hold, false) => "holds until the next row (not stated, the default)",
-        (ForceRule::Linear, _) => "goes in lines from row to row",
+        (ForceRule::Linear, _) => "is linear from row to row",
     };
     let ends = |values: &mut dyn Iterator<Item = f64>| {
         let [low, high] = values.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], x| [low.min(x), high.max(x)]);
@@ -183,7 +183,7 @@ fn sentences(experiment: &Experiment, understood: &Understood) -> [String; 5] {
     let settled = &understood.settled;
     let counted = match (&settled.projection, settled.is_reversed, settled.zero_m.first().copied().unwrap_or(0.0)) {
         (Some(projection), ..) => format!(", {projection} with {} µm across", um(projection.across_rms_m)),
-        (None, true, zero_m) => format!(", from {} µm, sign turned", um(zero_m)),
+        (None, true, zero_m) => format!(", from {} µm, sign reversed", um(zero_m)),
         (None, false, 0.0) => String::new(),
         (None, false, zero_m) => format!(", from {} µm", um(zero_m)),
     };

@@ -1,4 +1,4 @@
-//! Positions that a tracker did not measure: at the end of its range, or the same as before.
+//! Checks for positions that the tracker did not measure: at the end of its range, repeated, isolated, lost or unread.
 
 use std::collections::HashMap;
 
@@ -8,29 +8,29 @@ use figures::number::significant;
 use record::noise::Outlier;
 use record::repeated_outliers;
 
-/// Rows at one end that are no chance, as a number and as a share, and how many of them follow each other.
+/// Smallest number, share and run of rows at one end of the range that are no chance.
 const CLIPPED: usize = 5;
 const CLIPPED_SHARE: f64 = 0.01;
 const CLIPPED_RUN: usize = 3;
-/// Share of rows that repeat the one before.
+/// Smallest share of rows that repeat the previous one.
 const REPEATED: f64 = 0.25;
-/// A resolution coarser than this share of the noise explains equal positions.
+/// Coarsest resolution, as a share of the noise, at which equal positions are suspicious.
 const COARSE: f64 = 0.5;
 
-/// Smallest difference between unequal positions, in m: the resolution with which they are written.
+/// Smallest difference between unequal positions, in m, which is the resolution of the written values.
 fn resolution_m(positions: &[f64]) -> f64 {
     let mut sorted = positions.to_vec();
     sorted.sort_unstable_by(f64::total_cmp);
     sorted.windows(2).map(|pair| pair[1] - pair[0]).filter(|gap| *gap > 0.0).fold(f64::INFINITY, f64::min)
 }
 
-/// Whether the noise moves positions by more than their last digit, so that equal ones say something.
+/// Returns true if the noise moves positions by more than their last digit, so that equal positions are informative.
 fn is_fine(looked: &Looked<'_>, positions: &[f64]) -> bool {
     let noise_m = looked.fit.as_ref().map_or(looked.noise_m, |fit| looked.noise_m.min(fit.left_sd_m));
     noise_m > 0.0 && resolution_m(positions) < COARSE * noise_m
 }
 
-/// Many positions that are exactly the largest or the smallest.
+/// Finds many positions that are exactly the largest or the smallest one.
 pub(super) fn clipped(looked: &Looked<'_>) -> Option<Contradiction> {
     let positions: Vec<f64> = looked.record.position_m.iter().flatten().copied().collect();
     if !is_fine(looked, &positions) {
@@ -52,7 +52,7 @@ pub(super) fn clipped(looked: &Looked<'_>) -> Option<Contradiction> {
     Some(found("clipped_positions", false, text, "leave the position empty in these rows: a limit is no measurement"))
 }
 
-/// Positions that repeat the one before, though the noise should have moved them.
+/// Finds positions that repeat the previous one although the noise should have moved them.
 pub(super) fn repeated(looked: &Looked<'_>) -> Option<Contradiction> {
     let positions: Vec<f64> = looked.record.position_m.iter().flatten().copied().collect();
     if !is_fine(looked, &positions) {
@@ -60,22 +60,21 @@ pub(super) fn repeated(looked: &Looked<'_>) -> Option<Contradiction> {
     }
     let mut counts: HashMap<u64, usize> = HashMap::new();
     positions.iter().for_each(|x| *counts.entry(x.to_bits()).or_default() += 1);
-    // Rows at an end are the other kind's.
+    // Rows at one end of the range belong to the clipped positions.
     let most = counts.values().copied().max().unwrap_or(0);
     let n = positions.windows(2).filter(|pair| pair[0] == pair[1]).count();
     if n < CLIPPED || (n as f64) < REPEATED * positions.len() as f64 || 2 * most > n {
         return None;
     }
-    let text = format!("{n} of {} positions are exactly those of the row before", positions.len());
-    let advice =
-        "leave the position empty where the tracker gave nothing new: the log seems to be faster than the camera";
+    let text = format!("{n} of {} positions are exactly equal to the position in the row before", positions.len());
+    let advice = "leave the position empty if the tracker gave no new one: the log seems to be faster than the camera";
     Some(found("repeated_positions", false, text, advice))
 }
 
-/// Rows that are listed.
+/// Largest number of rows in a list.
 const LISTED: usize = 5;
 
-/// Single positions far from the rows around them.
+/// Finds single positions far from the rows around them.
 pub(super) fn outliers(looked: &Looked<'_>) -> Option<Contradiction> {
     let record = looked.record;
     let outliers = record::noise::outliers(record);
@@ -96,29 +95,29 @@ pub(super) fn outliers(looked: &Looked<'_>) -> Option<Contradiction> {
         said.join(", ")
     );
     let advice = format!(
-        "leave them out with `left_out_s = [[{}, {}]]` in [measurement], a pair for each; or let the noise have heavy tails (`student`)",
+        "leave them out with `left_out_s = [[{}, {}]]` in [measurement], one pair for each; or use noise with heavy tails (`student`)",
         significant(time_s - half_s, 6),
         significant(time_s + half_s, 6)
     );
     Some(found("outliers", false, text, advice))
 }
 
-/// A value that stands for a lost position.
+/// Finds a value that marks lost positions.
 pub(super) fn lost(looked: &Looked<'_>) -> Option<Contradiction> {
     let positions = &looked.record.position_m;
     let values = repeated_outliers(positions);
     let value = *values.first()?;
     let n = positions.iter().filter(|x| x.is_some_and(|x| values.contains(&x))).count();
     let text = format!(
-        "{n} positions are exactly {} µm while the rows around them are elsewhere: they seem to stand for lost tracking",
+        "{n} positions are exactly {} µm while the rows around them are elsewhere: this value seems to mark lost tracking",
         um(value)
     );
     let advice =
-        "leave the position empty in these rows, or let `vitreo-uq init` describe the table, which finds such values";
+        "leave the position empty in these rows, or describe the table with `vitreo-uq init`, which finds such values";
     Some(found("lost_positions", true, text, advice))
 }
 
-/// A column that is not read although it moves with the position.
+/// Finds a column that is not read although it moves with the position.
 pub(super) fn unread(looked: &Looked<'_>) -> Option<Contradiction> {
     let columns: Vec<String> = looked
         .understood
@@ -126,7 +125,7 @@ pub(super) fn unread(looked: &Looked<'_>) -> Option<Contradiction> {
         .iter()
         .map(|column| format!("`{}` (correlation {:.2})", column.name, column.correlation))
         .collect();
-    let text = format!("not read although the motion shows in it: {}", columns.join(", "));
+    let text = format!("not read although correlated with the motion: {}", columns.join(", "));
     let advice = "if it is a coordinate, name position_x, position_y and position_z in [measurement.columns]";
     (!columns.is_empty()).then(|| found("unread_column_follows", false, text, advice))
 }

@@ -1,23 +1,23 @@
-//! A law fitted within milliseconds, by which rows are held against their description: a retarded part, a flow and an offset, linear but for one rate.
+//! Fit of a simple law within milliseconds, to check rows against their description. The law has a retarded part, a flow and an offset; it is linear except for one rate.
 //!
-//! It is no estimate of anything: it says how large the motion is, which way it goes, and how much the force between rows matters.
+//! The fit estimates no parameter for later use. It shows the size and direction of the motion, and the influence of the force between rows.
 
 use nalgebra::{Matrix3, Vector3};
 
 use record::noise::SD_PER_MAD;
 use record::{Force, ForceRule, Record};
 
-/// Rows that are looked at: more say nothing new about a description.
+/// Largest number of rows in the fit; more rows add nothing about a description.
 const MOST_ROWS: usize = 20_000;
-/// Rates that are tried, from a third of the record's length to three a row.
+/// Number of rates that are tried, from a third of the record's length to three per row.
 const N_RATES: usize = 24;
-/// Robust standard deviations beyond which a position is left out of the second pass.
+/// Distance in robust standard deviations beyond which the second pass leaves a position out.
 const FAR: f64 = 4.0;
 
 /// A fitted law.
 #[derive(Debug, Clone, PartialEq)]
 pub struct QuickFit {
-    /// What the law says at every row that was looked at, in m, from where the offset is.
+    /// Fitted motion at every row of the fit, in m, without the offset.
     pub motion_m: Vec<f64>,
     /// Offset of the positions, in m.
     pub offset_m: f64,
@@ -25,7 +25,7 @@ pub struct QuickFit {
     pub rate_per_s: f64,
     /// Largest motion of the retarded part, in m.
     pub retarded_m: f64,
-    /// Robust standard deviation of what is left, in m.
+    /// Robust standard deviation of the residuals, in m.
     pub left_sd_m: f64,
     /// Share of the positions' variance that the law explains.
     pub explained: f64,
@@ -33,7 +33,7 @@ pub struct QuickFit {
     pub compliance: [f64; 2],
 }
 
-/// What the retarded part and the flow of unit size do at every row: limits from the left.
+/// Retarded part and flow of unit size at every row, as limits from the left.
 fn parts(record: &Record, rule: ForceRule, rate_per_s: f64, n_rows: usize) -> Vec<[f64; 2]> {
     let force = Force { at_rows_n: &record.force_n, rule };
     let (mut retarded, mut flow) = (0.0, 0.0);
@@ -44,7 +44,7 @@ fn parts(record: &Record, rule: ForceRule, rate_per_s: f64, n_rows: usize) -> Ve
         let dt_s = next_s - record.time_s[row];
         let slope = force.slope_n_per_s(&record.time_s, row);
         let (from_n, to_n) = (record.force_n[row], record.force_n[row] + slope * dt_s);
-        // Of u' = r (F − u) with a force in a line.
+        // This solves u' = r (F − u) for a linear force.
         let lag_n = slope / rate_per_s;
         retarded = to_n - lag_n + (retarded - from_n + lag_n) * (-rate_per_s * dt_s).exp();
         flow += force.impulse_n_s(&record.time_s, row);
@@ -52,18 +52,18 @@ fn parts(record: &Record, rule: ForceRule, rate_per_s: f64, n_rows: usize) -> Ve
     parts
 }
 
-/// The middle value, of an even number the larger of two.
+/// Median; the larger of the two middle values of an even number.
 pub(super) fn median(mut values: Vec<f64>) -> Option<f64> {
     let middle = values.len() / 2;
     (!values.is_empty()).then(|| *values.select_nth_unstable_by(middle, f64::total_cmp).1)
 }
 
-/// Number of rows that are looked at.
+/// Number of rows in the fit.
 pub fn n_looked_at(record: &Record) -> usize {
     record.n_rows().min(MOST_ROWS)
 }
 
-/// Fits the law under a rule of the force; `None` where there are too few positions, or no motion.
+/// Fits the law under a force rule; `None` for too few positions or no motion.
 pub fn quick_fit(record: &Record, rule: ForceRule) -> Option<QuickFit> {
     let n_rows = n_looked_at(record);
     let rows: Vec<(usize, f64)> = (0..n_rows).filter_map(|row| Some((row, record.position_m[row]?))).collect();
@@ -83,7 +83,7 @@ pub fn quick_fit(record: &Record, rule: ForceRule) -> Option<QuickFit> {
     fits.min_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, fit)| fit)
 }
 
-/// The fit at one rate, and what is left of the squares that were not left out.
+/// Fit at one rate, with the sum of the squared residuals, where large residuals are cut off.
 fn fit_at(
     record: &Record,
     rule: ForceRule,
@@ -133,7 +133,7 @@ fn fit_at(
 }
 
 impl QuickFit {
-    /// Mean distance of the positions from the law, in m: also what fails in few rows shows in it.
+    /// Mean absolute residual in m. It also shows a misfit in a few rows.
     pub fn mean_left_m(&self, record: &Record) -> f64 {
         let left = self.motion_m.iter().zip(&record.position_m);
         let left: Vec<f64> = left.filter_map(|(motion, x)| Some(((*x)? - motion - self.offset_m).abs())).collect();
@@ -141,7 +141,7 @@ impl QuickFit {
     }
 }
 
-/// How far apart the two rules are for a fitted law, as a root mean square over the rows in m.
+/// Root mean square difference (m) between the fitted law's motions under the two force rules.
 pub fn distance_between_rules_m(record: &Record, fit: &QuickFit) -> f64 {
     let n_rows = fit.motion_m.len();
     let [held, linear] = ForceRule::ALL.map(|rule| parts(record, rule, fit.rate_per_s, n_rows));
@@ -152,7 +152,8 @@ pub fn distance_between_rules_m(record: &Record, fit: &QuickFit) -> f64 {
     (apart.sum::<f64>() / n_rows as f64).sqrt()
 }
 
-/// By how much a force that is a smooth curve exceeds the lines between its rows, in the mean and for a fitted law's motion, as root mean squares over the rows: N and m.
+/// Mean excess of a smooth force curve over the lines between its rows, and the motion that it causes in a fitted law. Both are root mean squares over the rows, in N and
+/// m.
 pub fn curve_beyond_lines(record: &Record, fit: &QuickFit) -> [f64; 2] {
     let n_rows = fit.motion_m.len();
     let force = record.force();
@@ -162,11 +163,11 @@ pub fn curve_beyond_lines(record: &Record, fit: &QuickFit) -> [f64; 2] {
         }
         let slopes = [row - 1, row].map(|row| force.slope_n_per_s(&record.time_s, row));
         let length_s = 0.5 * (record.time_s[row + 1] - record.time_s[row - 1]);
-        // A curve lies beyond its chord by f″h²/12 in the mean.
+        // A curve exceeds its chord by f″h²/12 in the mean.
         -(slopes[1] - slopes[0]) * length_s / 12.0
     };
     let bends: Vec<f64> = (0..n_rows).map(bend).collect();
-    // A corner, or a sensor's noise, is no curve: its neighbours do not bend as it does.
+    // A corner, or a sensor's noise, is no curve: its neighbours do not bend the same way.
     let smooth = |row: usize| {
         let three = &bends[row.saturating_sub(1)..(row + 2).min(n_rows)];
         let is_curve = three.iter().all(|bend| bend * three[0] > 0.0);

@@ -1,14 +1,14 @@
-//! Sizes that contradict each other.
+//! Checks for sizes that contradict each other.
 
 use super::{Looked, found, um};
 use documents::check::Contradiction;
 use figures::number::significant;
 use record::Apparatus;
 
-/// Young's moduli in Pa that something soft enough to be moved, and stiff enough to hold, may have.
+/// Range of Young's moduli in Pa of a material that is soft enough to be moved and stiff enough to hold.
 const MODULI_PA: [f64; 2] = [1e-3, 1e7];
 
-/// A displacement that no gel allows a robot of this size.
+/// Finds a displacement that no gel allows for a robot of this size.
 pub(super) fn no_gel(looked: &Looked<'_>) -> Option<Contradiction> {
     let largest_n = looked.record.force_n.iter().fold(0.0_f64, |largest, force| largest.max(force.abs()));
     if looked.range_m <= 0.0 || largest_n == 0.0 {
@@ -18,7 +18,7 @@ pub(super) fn no_gel(looked: &Looked<'_>) -> Option<Contradiction> {
         Apparatus::Instrument { compliance_per_m } => compliance_per_m * largest_n,
         Apparatus::Indenter(_) => return None,
         Apparatus::Robot { robot, vitreous } => {
-            // A rigid sphere in an unbounded elastic body: F = 24 π μ a (1 − ν)/(5 − 6ν) x. A tenth is enough here.
+            // A rigid sphere in an unbounded elastic body has F = 24 π μ a (1 − ν)/(5 − 6ν) x. An accuracy of a tenth is enough here.
             let (nu, radius_m) = (vitreous.poisson_ratio, robot.shape.equivalent_radius_m());
             let shear_per_young = 0.5 / (1.0 + nu);
             let stiffness_m = 24.0 * std::f64::consts::PI * shear_per_young * radius_m * (1.0 - nu) / (5.0 - 6.0 * nu);
@@ -39,7 +39,7 @@ pub(super) fn no_gel(looked: &Looked<'_>) -> Option<Contradiction> {
     Some(found("size_of_the_answer", true, text, advice))
 }
 
-/// A robot that would leave its container.
+/// Finds a robot that would leave its container.
 pub(super) fn leaves_its_container(looked: &Looked<'_>) -> Option<Contradiction> {
     let Apparatus::Robot { robot, vitreous } = &looked.experiment.apparatus else { return None };
     let room_m = 0.5 * vitreous.diameter_m - robot.farthest_point_m();
@@ -47,7 +47,7 @@ pub(super) fn leaves_its_container(looked: &Looked<'_>) -> Option<Contradiction>
         return None;
     }
     let text = format!(
-        "positions range over {} mm, and the robot has {} mm of room in the vitreous",
+        "positions range over {} mm, but the robot has only {} mm of room in the vitreous",
         significant(1e3 * looked.range_m, 3),
         significant(2e3 * room_m, 3)
     );

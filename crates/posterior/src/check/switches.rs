@@ -1,4 +1,4 @@
-//! Whether the force switched where the rows say.
+//! Checks that the force switches at the stated rows.
 
 use super::quick_fit::quick_fit;
 use super::{Looked, found, um};
@@ -6,17 +6,17 @@ use documents::check::Contradiction;
 use figures::number::significant;
 use record::{Line, Record};
 
-/// Positions before a switch that are drawn out to it, after as many that are drawn out to the row before.
+/// Number of positions before a switch whose line is extrapolated to it. As many positions are extrapolated to the row before.
 const BEFORE: usize = 4;
-/// Rows among which they are looked for: some positions are lost.
+/// Number of rows in which these positions are searched, because some may be lost.
 const WITHIN: usize = 8;
-/// Steps that are needed.
+/// Smallest number of steps.
 const STEPS: usize = 2;
-/// Excess of the motion in its standard errors and in noise.
+/// Smallest excess of the motion, in its standard errors and in noise standard deviations.
 const ERRORS: f64 = 5.0;
 const NOISES: f64 = 2.0;
 
-/// What a row's position exceeds the line through the four before it by; `None` where too many are lost.
+/// Excess of a row's position over the line through the four positions before it; `None` if too many are lost.
 fn excess_m(looked: &Looked<'_>, row: usize) -> Option<f64> {
     let record = looked.record;
     let before = (row.saturating_sub(WITHIN)..row).rev();
@@ -28,7 +28,7 @@ fn excess_m(looked: &Looked<'_>, row: usize) -> Option<f64> {
     Some(Line::through(points.iter().copied()).excess((record.time_s[row], record.position_m[row]?)))
 }
 
-/// Positions that have moved already at the row in which a switch is stated: a row's position is the limit from the left.
+/// Finds positions that have already moved at the row of a stated switch. A row's position is the limit from the left.
 pub(super) fn between_rows(looked: &Looked<'_>) -> Option<Contradiction> {
     let record = looked.record;
     let excesses: Vec<f64> = record
@@ -38,7 +38,7 @@ pub(super) fn between_rows(looked: &Looked<'_>) -> Option<Contradiction> {
         .filter_map(|row| {
             let is_held = (row - WITHIN - 1..row).all(|before| record.force_n[before] == record.force_n[row - 1]);
             let sign = (record.force_n[row] - record.force_n[row - 1]).signum();
-            // What the position before exceeds its own line by is curvature, which the force has no part in.
+            // The excess of the position before over its own line is curvature, which the force does not cause.
             let before = (row - WITHIN..row).rev().find(|before| record.position_m[*before].is_some())?;
             is_held.then_some(sign * (excess_m(looked, row)? - excess_m(looked, before)?))
         })
@@ -48,34 +48,35 @@ pub(super) fn between_rows(looked: &Looked<'_>) -> Option<Contradiction> {
     }
     let mut sorted = excesses.clone();
     sorted.sort_unstable_by(f64::total_cmp);
-    // The median is not moved by an outlier or by a single switch that came in time.
+    // The median is robust against an outlier and a single switch in time.
     let middle_m = sorted[(sorted.len() - 1) / 2];
     let noise_m = looked.noise_m;
-    // The excess of a line through four, less that of the row before, weighs six positions by 1, −2, ½, ½, ½ and −½: √6 standard deviations of one; the median of n of them, 1.25/√n of that.
+    // The excess over a line through four positions, less that of the row before, weighs six positions by 1, −2, ½, ½, ½ and −½. Its standard deviation is √6 of one
+    // position's; the median of n of them has 1.25/√n of that.
     let error_m = 1.25 * 6.0_f64.sqrt() * noise_m / (excesses.len() as f64).sqrt();
     if middle_m <= (ERRORS * error_m).max(NOISES * noise_m) || middle_m <= 1e-3 * looked.range_m {
         return None;
     }
     let text = format!(
-        "at {} steps of the force the position has moved by about {} µm already in the row where the step is stated: the force switched between two rows",
+        "at {} steps of the force, the position has already moved by about {} µm in the row of the step: the force switched between two rows",
         excesses.len(),
         um(middle_m)
     );
-    let advice = "give every switch a row of its own, at its time, with the new force and an empty position";
+    let advice = "give every switch a separate row at its time, with the new force and an empty position";
     Some(found("switch_between_rows", true, text, advice))
 }
 
-/// Rows by which a force may be logged late, and the share of the residual that is left where it is moved to its place.
+/// Largest number of rows by which a force may be logged late, and the largest share of the residual that remains after the shift.
 const MOST_LAG: usize = 200;
 const LEFT: f64 = 0.5;
-/// Share of the positions' range that must be explained by moving it.
+/// Smallest share of the positions' range that the shift must explain.
 const MATTERS: f64 = 0.003;
-/// Rows that must move the same way for a motion to have begun.
+/// Number of rows that must move the same way to count as the begin of a motion.
 const SUSTAINED: usize = 3;
-/// Times that are listed.
+/// Largest number of times in a list.
 const LISTED: usize = 8;
 
-/// A force that stands in the rows later than the body feels it: logged late, or more rarely than the positions.
+/// Finds a force whose rows come later than its action: logged late, or more rarely than the positions.
 pub(super) fn logged_late(looked: &Looked<'_>) -> Option<Contradiction> {
     let record = looked.record;
     let fit = looked.fit.as_ref()?;
@@ -102,17 +103,17 @@ pub(super) fn logged_late(looked: &Looked<'_>) -> Option<Contradiction> {
             ahead.len() == SUSTAINED && ahead.iter().all(|x| x * ahead[0] > 0.0 && x.abs() > ERRORS * noise_m)
         })
     };
-    // The row before the first that has moved.
+    // The motion begins in the row before the first one that has moved.
     let begins: Vec<(f64, f64)> =
         steps.iter().filter_map(|step| Some((record.time_s[begin(*step)? - 1], record.time_s[*step]))).collect();
     let late_s = record::robust::median(begins.iter().map(|(begin_s, step_s)| step_s - begin_s).collect())?;
     let listed: Vec<String> = begins.iter().take(LISTED).map(|(begin_s, _)| significant(*begin_s, 5)).collect();
     let text = format!(
-        "the force column lags the motion: the body moves about {} s before the rows in which the force switches, so that the force was logged late or too rarely",
+        "the force column lags the motion: the body moves about {} s before the rows in which the force switches. The force was logged late or too rarely",
         significant(late_s, 2)
     );
     let advice = format!(
-        "give the force in a log of its own ([actuation]) with the times at which it switched; the motion begins at {} s{}",
+        "give the force in a separate log ([actuation]) with the times at which it switched; the motion begins at {} s{}",
         listed.join(", "),
         if begins.len() > LISTED { ", …" } else { "" }
     );

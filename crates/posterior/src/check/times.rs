@@ -1,18 +1,18 @@
-//! Whether times are in their unit, and dense enough.
+//! Checks of the time unit and of the sampling density.
 
 use super::{Looked, found, um};
 use documents::check::Contradiction;
 use figures::number::significant;
 use record::Apparatus;
 
-/// Seconds between the pictures that a camera on a robot takes, and between the samples of another instrument.
+/// Range of sampling intervals (s): of a camera on a robot, and of another instrument.
 const CAMERA_S: [f64; 2] = [5e-4, 8.0];
 const INSTRUMENT_S: [f64; 2] = [1e-7, 3600.0];
-/// Rows that a retardation time must have, and the size in noise from which a retarded part counts.
+/// Smallest number of rows per retardation time, and smallest retarded motion in noise standard deviations that counts.
 const ROWS: f64 = 1.5;
 const NOISES: f64 = 6.0;
 
-/// Sampling intervals that no camera has.
+/// Finds sampling intervals that no camera has.
 pub(super) fn units(looked: &Looked<'_>) -> Option<Contradiction> {
     let interval_s = looked.record.median_interval_s()?;
     let [shortest_s, longest_s] = match looked.experiment.apparatus {
@@ -22,11 +22,11 @@ pub(super) fn units(looked: &Looked<'_>) -> Option<Contradiction> {
     if (shortest_s..=longest_s).contains(&interval_s) {
         return None;
     }
-    let text = format!("rows are {} s apart, which few cameras are", significant(interval_s, 3));
-    Some(found("time_unit", false, text, "check the unit of the time: seconds and milliseconds may be exchanged"))
+    let text = format!("rows are {} s apart, which is unusual for a camera", significant(interval_s, 3));
+    Some(found("time_unit", false, text, "check the unit of the time: seconds and milliseconds may be confused"))
 }
 
-/// A retarded motion that is over within a row.
+/// Finds a retarded motion that ends within one row.
 pub(super) fn few_rows(looked: &Looked<'_>) -> Option<Contradiction> {
     let fit = looked.fit.as_ref()?;
     let interval_s = looked.record.median_interval_s()?;
@@ -35,28 +35,28 @@ pub(super) fn few_rows(looked: &Looked<'_>) -> Option<Contradiction> {
         return None;
     }
     let text = format!(
-        "the elastic motion is over within about {} rows ({} s), so that its viscosity is hardly seen",
+        "the elastic motion ends within about {} rows ({} s), so its viscosity is poorly determined",
         significant(rows, 2),
         significant(1.0 / fit.rate_per_s, 2)
     );
     Some(found("few_rows_in_a_retardation_time", false, text, "sample faster right after every switch of the force"))
 }
 
-/// Sampling intervals around it that a gap exceeds its neighbours by, and how many gaps are listed.
+/// Smallest ratio of a gap to the neighbouring intervals, and largest number of gaps in a list.
 const GAP: f64 = 10.0;
-/// Median intervals that a gap is longer than: rows may be dense after a switch.
+/// Smallest length of a gap in median intervals, because rows may be dense after a switch.
 const LONG: f64 = 3.0;
 const LISTED: usize = 4;
-/// Size of a jump over a gap in noise.
+/// Smallest jump over a gap that is reported, in noise standard deviations.
 const JUMP_NOISES: f64 = 6.0;
 
-/// Stretches of time without rows, in which the last row's force is assumed to have acted.
+/// Finds stretches of time without rows, in which the last row's force is assumed to act.
 pub(super) fn gaps(looked: &Looked<'_>) -> Option<Contradiction> {
     let record = looked.record;
     let median_s = record.median_interval_s()?;
     let interval_s = |row: usize| record.time_s[row + 1] - record.time_s[row];
     let n_intervals = record.n_rows().saturating_sub(1);
-    // A row without a position states the force.
+    // A row without a position only states the force.
     let is_sample = |row: usize| record.position_m[row].is_some();
     let is_gap = |row: usize| {
         if !is_sample(row) || !is_sample(row + 1) {
@@ -87,7 +87,7 @@ pub(super) fn gaps(looked: &Looked<'_>) -> Option<Contradiction> {
     let more = if more > 0 { format!(", and {more} more") } else { String::new() };
     (!gaps.is_empty()).then(|| {
         let text = format!("the record has no rows {}{more}", said.join("; "));
-        let advice = "add rows with the force of that time and an empty position; if it is unknown, make an experiment of each part";
+        let advice = "add rows with the force during the gap and an empty position; if the force is unknown, make a separate experiment of each part";
         found("gap", false, text, advice)
     })
 }

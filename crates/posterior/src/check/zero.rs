@@ -1,4 +1,4 @@
-//! Whether positions count from where the body rests.
+//! Checks of the zero of the positions and of the rest before the force.
 
 use super::quick_fit::median;
 use super::{Looked, found, um};
@@ -6,25 +6,26 @@ use documents::check::Contradiction;
 use figures::number::significant;
 use record::Line;
 
-/// First positions that are looked at.
+/// Number of first positions that are used.
 const FIRST: usize = 5;
-/// Distances from zero in noise, and as a share of the positions' range, that are no slip of a tracker.
+/// Smallest distances from zero that are no slip of the tracker: in noise standard deviations, and as a share of the positions' range.
 const NOISES: f64 = 6.0;
 const SHARE: f64 = 0.03;
-/// The same where the first row has no position.
+/// These distances for a first row without a position.
 const NOISES_WITHOUT_START: f64 = 12.0;
 const SHARE_WITHOUT_START: f64 = 0.15;
-/// Share of themselves by which two looks at the start may differ.
+/// Largest relative difference between the two estimates of the start.
 const AGREE: f64 = 0.5;
-/// Smallest differences of positions in one standard deviation of the noise, at which a position is not 0 by chance.
+/// Noise standard deviation, in units of the smallest difference of positions, at which a position of exactly 0 is no chance.
 const DIGITS: f64 = 50.0;
-/// Rows of rest before the force that can show a drift, and a drift's size in noise, as a share of the positions' range, and in its own standard errors.
+/// Smallest number of rows of rest that can show a drift. The next three are the smallest drift in noise standard deviations, as a share of the positions' range, and in its
+/// standard errors.
 const REST_ROWS: usize = 8;
 const DRIFT_NOISES: f64 = 4.0;
 const DRIFT_SHARE: f64 = 0.02;
 const DRIFT_ERRORS: f64 = 8.0;
 
-/// A record that does not start at zero, though no force has acted: camera coordinates.
+/// Finds a record that does not start at zero although no force has acted, as in camera coordinates.
 pub(super) fn off(looked: &Looked<'_>) -> Option<Contradiction> {
     let record = looked.record;
     if looked.experiment.fits_position_offset {
@@ -33,7 +34,7 @@ pub(super) fn off(looked: &Looked<'_>) -> Option<Contradiction> {
     let fit = looked.fit.as_ref()?;
     let first: Vec<(usize, f64)> =
         (0..fit.motion_m.len()).filter_map(|row| Some((row, record.position_m[row]?))).take(FIRST).collect();
-    // The law's own motion is taken off, so that the force may act from the first row on.
+    // The fitted motion is subtracted, so that the force may act from the first row.
     let shifted_m = median(first.iter().map(|(row, x)| x - fit.motion_m[*row]).collect())?;
     let n_rest = record.force_n.iter().take_while(|force| **force == 0.0).count();
     let rest = median(record.position_m.iter().take(n_rest.max(1)).flatten().copied().collect());
@@ -41,7 +42,7 @@ pub(super) fn off(looked: &Looked<'_>) -> Option<Contradiction> {
         Some(rest_m) => (rest_m, NOISES, SHARE),
         None => (shifted_m, NOISES_WITHOUT_START, SHARE_WITHOUT_START),
     };
-    // A single outlier at the start, or a law that fails right after it, is not both.
+    // A single outlier at the start, or a law that fails right after it, shows in only one of the estimates.
     let agree = start_m * shifted_m > 0.0 && (start_m - shifted_m).abs() < AGREE * start_m.abs().max(shifted_m.abs());
     let off_m = if agree { start_m.abs().min(shifted_m.abs()) } else { 0.0 };
     if off_m <= (noises * looked.noise_m).max(share * looked.range_m) {
@@ -57,7 +58,7 @@ pub(super) fn off(looked: &Looked<'_>) -> Option<Contradiction> {
     Some(found("zero_off", true, text, advice))
 }
 
-/// A zero that is one row's position, whose noise all others then carry: the first position is nothing to the last digit, where the known noise is many digits wide.
+/// Finds a zero that is one row's position, whose noise all other positions then carry. The first position is exactly 0 although the known noise is many digits wide.
 pub(super) fn is_a_row(looked: &Looked<'_>) -> Option<Contradiction> {
     let noise_m = looked.experiment.noise_sd_m?;
     let mut positions: Vec<f64> = looked.record.position_m.iter().flatten().copied().collect();
@@ -72,18 +73,19 @@ pub(super) fn is_a_row(looked: &Looked<'_>) -> Option<Contradiction> {
         return None;
     }
     let text = format!(
-        "the first position is exactly 0, and the noise is {} µm: if that row was subtracted from all, they carry its noise, which shifts what is fitted by many standard errors",
+        "the first position is exactly 0, and the noise is {} µm. If that row was subtracted from all others, they carry its noise, which shifts fitted \
+         parameters by many standard errors",
         um(noise_m)
     );
     Some(found(
         "zero_is_a_row",
         false,
         text,
-        "write `zero = \"fit\"` in [measurement], unless 0 is known by other means",
+        "write `zero = \"fit\"` in [measurement], unless the zero is known by other means",
     ))
 }
 
-/// A body that moves before any force acts.
+/// Finds a body that moves before any force acts.
 pub(super) fn drifts_at_rest(looked: &Looked<'_>) -> Option<Contradiction> {
     let record = looked.record;
     let n_rest = record.force_n.iter().take_while(|force| **force == 0.0).count();
@@ -110,16 +112,17 @@ pub(super) fn drifts_at_rest(looked: &Looked<'_>) -> Option<Contradiction> {
     ))
 }
 
-/// Median intervals after a switch in which the elastic motion shows, the share of that time within which a row must lie, and the noise above which a motion shows.
+/// Time after a switch in which the elastic motion shows, in median intervals. [`NEAR`] is the tolerance of a row's time, as a share of it; [`SHOWS_NOISES`] is the
+/// smallest motion in noise standard deviations.
 const ROWS_AFTER: f64 = 5.0;
 const NEAR: f64 = 0.3;
 const SHOWS_NOISES: f64 = 10.0;
-/// Share of the motion after other switches below which the first row is no switch.
+/// Largest ratio of the first motion to the expected one at which the first row is no switch.
 const SLOWER: f64 = 0.3;
-/// Share of the first force that another switch must have.
+/// Smallest share of the first force that another switch must have.
 const ALIKE: f64 = 0.3;
 
-/// A record that begins while a load already acts: its first rows creep on, where the same force makes a fast motion at other switches.
+/// Finds a record that begins while a load already acts. Its first rows creep slowly, whereas the same force makes a fast motion at other switches.
 pub(super) fn starts_under_load(looked: &Looked<'_>) -> Option<Contradiction> {
     let record = looked.record;
     let first_n = *record.force_n.first()?;
@@ -127,7 +130,7 @@ pub(super) fn starts_under_load(looked: &Looked<'_>) -> Option<Contradiction> {
         return None;
     }
     let after_s = ROWS_AFTER * record.median_interval_s()?;
-    // Motion (m) in a while after a row, less that in as long a while before it.
+    // This is the motion (m) in a time after a row, less the motion in an equal time before it.
     let motion_m = |row: usize| {
         let at = |row: usize| record.position_m.get(row).copied().flatten();
         let near = |wanted_s: f64| {
@@ -151,12 +154,12 @@ pub(super) fn starts_under_load(looked: &Looked<'_>) -> Option<Contradiction> {
         return None;
     }
     let text = format!(
-        "the record starts under load: {} µN act from the first row on, and the body moves by {} µm in the first {} s, where other switches make {} µm",
+        "the record starts under load: {} µN act from the first row on, and the body moves by {} µm in the first {} s, whereas other switches move it by {} µm",
         um(first_n),
         um(found_m),
         significant(after_s, 2),
         um(expected_m)
     );
-    let advice = "say when the first force began, in s of the table's time: `load_start_s = -3.0` in [measurement] if that was 3 s before time 0; or begin the table before the load";
+    let advice = "state when the first force began, in s of the table's time: `load_start_s = -3.0` in [measurement] if that was 3 s before time 0; or begin the table before the load";
     Some(found("starts_under_load", true, text, advice))
 }

@@ -1,4 +1,4 @@
-//! What stands for another program in one record: its trajectories about where the data lead, to a share of the noise.
+//! Surrogate of an external program in one record: its trajectories in the region of the data, accurate to a share of the noise.
 
 mod nearest;
 
@@ -16,36 +16,37 @@ use models::surrogate::trajectory::{
 use nearest::nearest;
 use record::Force;
 
-/// Half the box's width in standard deviations of a logarithm: effects that are added move parameters by several, and by twenty where the base misses the data by far. Where polynomials do not do, the next one is tried.
+/// Half widths of the box, in standard deviations of a logarithm. Added effects move parameters by several of them, and by twenty if the base misses the data by far. If
+/// polynomials are not accurate enough, the next width is tried.
 const WIDTHS: [f64; 4] = [32.0, 16.0, 10.0, 6.0];
-/// Half widths are rounded up to powers of this, and middles to shares of the width, so that fits that differ by little are served by the same answers.
+/// Base to whose powers half widths are rounded up, and share of the width to which middles are rounded. Similar fits thus use the same predictions.
 const WIDTH_STEP: f64 = std::f64::consts::SQRT_2;
 const CENTRE_SHARE: f64 = 0.25;
-/// Narrowest half width, in standard deviations of the prior.
+/// Smallest half width, in standard deviations of the prior.
 const NARROWEST: f64 = 0.05;
 /// Prior mass on either side of one standard deviation.
 const ONE_SD: f64 = 0.1587;
-/// Errors over the noise that are allowed at most where the model misses the data by more than the noise.
+/// Largest allowed error over the noise if the model misses the data by more than the noise.
 const LARGEST_BESIDE_MISFIT: f64 = 0.2;
-/// Errors over the noise beyond which nothing is concluded.
+/// Largest error over the noise at which conclusions are possible.
 const LARGEST_ERROR: f64 = 0.5;
-/// Noise that is assumed where none is known, over the range of positions.
+/// Assumed noise relative to the range of positions, if the noise is unknown.
 const UNKNOWN_NOISE: f64 = 1e-3;
 
-/// What was learnt.
+/// The learnt surrogate.
 pub struct Learnt {
-    /// Answers in place of the program.
+    /// Stepper that replaces the program.
     pub stepper: Stepped,
-    /// The box.
+    /// Box in which the surrogate was learnt.
     pub trained: Vec<TrainedRange>,
-    /// Largest error at points that trained nothing, over the noise.
+    /// Largest error at test points outside the training set, over the noise.
     pub over_noise: f64,
 }
 
-/// Learns the program about where the calibration cycles lead; `with_load` where the force may be another than is commanded.
+/// Learns the program in the region of the fitted cycles. `with_load` is set if the force can differ from the commanded one.
 ///
 /// # Errors
-/// [`Error::Numerical`] with the server's words, or where polynomials miss it by more than half of the noise.
+/// [`Error::Numerical`] with the server's message, or if the polynomials' error exceeds half of the noise.
 pub fn learnt(problem: &Problem, outside: &Outside, with_load: bool, monitor: &dyn Monitor) -> Result<Learnt> {
     let record = &problem.experiment.record;
     let specs = problem.model.base().parameters();
@@ -54,17 +55,17 @@ pub fn learnt(problem: &Problem, outside: &Outside, with_load: bool, monitor: &d
     let template: Vec<f64> = ranges.iter().map(|range| range.lower).collect();
     let yardstick = problem.experiment.noise_yardstick().map(|yardstick| yardstick.sd_m);
     let noise_m = yardstick.unwrap_or(UNKNOWN_NOISE * problem.experiment.scales().position_range_m);
-    // A box that serves one model of the experiment serves all.
+    // A box that serves one model of the experiment serves all its models.
     let (boxes, allowed): (Vec<Vec<TrainedRange>>, f64) = match (outside.learnt_in(), &free[..]) {
         (Some(Ground { trained, allowed }), _) => {
             (vec![ranges.iter().zip(trained).map(|(own, kept)| within(own, kept)).collect()], *allowed)
         }
         (None, []) => (vec![ranges.clone()], OUTSIDE_TOLERANCE),
         (None, _) => {
-            monitor.stage(&format!("asking {} where the data lead", outside.title()));
+            monitor.stage(&format!("fitting {} to the data", outside.title()));
             let found = nearest(problem, outside, &template, &free, noise_m, &WIDTHS)?;
             let boxes = found.reaches.iter().map(|reaches| box_about(problem, &ranges, &free, &found.ln, reaches));
-            // A posterior that a narrow box cuts off is worse than an error that is small beside what the model misses.
+            // A narrow box would cut off the posterior. That is worse than an error that is small relative to the model's misfit.
             let allowed = (OUTSIDE_TOLERANCE * found.over_noise).clamp(OUTSIDE_TOLERANCE, LARGEST_BESIDE_MISFIT);
             (boxes.collect(), allowed)
         }
@@ -91,18 +92,21 @@ pub fn learnt(problem: &Problem, outside: &Outside, with_load: bool, monitor: &d
         }
     }
     let Some((surface, trained)) = best else {
-        return Err(Error::numerical("nothing was learnt", "give a prior of every parameter"));
+        return Err(Error::numerical(
+            "no surrogate of the external program was learnt",
+            "give a prior for every parameter",
+        ));
     };
     let over_noise = surface.certified();
     if over_noise.is_nan() || over_noise > LARGEST_ERROR {
         return Err(Error::numerical(
             format!(
-                "what was learnt of {} from {} answers misses others by {over_noise:.2} of the noise, and {LARGEST_ERROR} is the most that anything is concluded from",
+                "the surrogate of {}, learnt from {} predictions, misses others by {over_noise:.2} of the noise; conclusions need at most {LARGEST_ERROR}",
                 outside.title(),
                 surface.n_points()
             ),
             format!(
-                "narrow the prior ({}), hold parameters that the data do not determine ({}), or smooth what is rough in the model",
+                "narrow the prior ({}), fix parameters that the data do not determine ({}), or make the model smoother",
                 Setting::Prior,
                 Setting::Fixed
             ),
@@ -110,7 +114,7 @@ pub fn learnt(problem: &Problem, outside: &Outside, with_load: bool, monitor: &d
     }
     if over_noise > allowed {
         monitor.warn(&format!(
-            "what was learnt of {} misses answers that trained nothing by up to {over_noise:.2} of the noise, more than {allowed:.2}: narrow the prior, or hold a parameter, for a closer one",
+            "the surrogate of {} misses test predictions by up to {over_noise:.2} of the noise, more than {allowed:.2}: narrow the prior, or fix a parameter, for a better one",
             outside.title()
         ));
     }
@@ -121,12 +125,12 @@ pub fn learnt(problem: &Problem, outside: &Outside, with_load: bool, monitor: &d
     Ok(Learnt { stepper, trained, over_noise })
 }
 
-/// What a model asks for of a box: the value that it holds, or the box's range.
+/// Range of a parameter in a model: its own fixed value, or the box's range.
 fn within(own: &TrainedRange, kept: &TrainedRange) -> TrainedRange {
     if own.lower == own.upper || kept.lower == kept.upper { own.clone() } else { kept.clone() }
 }
 
-/// The box that reaches so far down and up from where the data lead.
+/// Box that extends down and up by `reaches` from the best fit.
 fn box_about(
     problem: &Problem,
     ranges: &[TrainedRange],
@@ -143,7 +147,7 @@ fn box_about(
     trained
 }
 
-/// The part of a range from so far below a logarithm to so far above it, or somewhat more, where the range goes on.
+/// Part of a range from `below` a logarithm to `above` it, slightly widened by rounding.
 fn about(range: &TrainedRange, ln: f64, [below, above]: [f64; 2]) -> TrainedRange {
     let (lower, upper) = (range.lower.ln(), range.upper.ln());
     let (first, last) = ((ln - below).max(lower), (ln + above).min(upper));

@@ -1,4 +1,4 @@
-//! Where the data lead the other program's parameters: a least-squares fit by asking, with the prior beside the data.
+//! Least-squares fit of an external program's parameters to data and prior, which locates the region of the data.
 
 use std::sync::{Mutex, PoisonError};
 
@@ -10,43 +10,44 @@ use crate::problem::{Problem, TAIL_MASS};
 use base::error::{Error, Result};
 use sampling::least_squares::{Fit, Residuals, Tolerances, fit};
 
-/// Quantiles between which starts are looked for.
+/// Tail mass outside the quantiles of the starts.
 const START_TAIL: f64 = 0.05;
-/// Starts for every parameter, of which the best is gone on from.
+/// Number of starts per parameter; the fit continues from the best one.
 const STARTS_PER_PARAMETER: u32 = 8;
-/// Seed of their scrambled Sobol sequence: the starts are part of the method.
+/// Seed of the scrambled Sobol sequence of starts. It is fixed, because the starts are part of the method.
 const START_SEED: u32 = 7;
-/// What is left of the ends of a prior's range.
+/// Distance in ln from the ends of a prior's range, against rounding.
 const ROUNDING: f64 = 1e-9;
-/// Steps of logarithms by which slopes are taken.
+/// Step of logarithms for numerical slopes.
 const STEP: f64 = 1e-3;
-/// Where the search ends: a hundredth of what a box is rounded to.
+/// Tolerances of the search: a hundredth of the rounding of a box.
 const TOLERANCES: Tolerances = Tolerances { objective: 1e-3, parameters: 1e-3, max_iterations: 40 };
 
-/// Fits, each beside the noise that the one before leaves, and the change of that noise which needs no other.
+/// Largest number of fits; each uses the previous fit's residual as noise. [`SAME_NOISE`] is the relative change of this noise at which the fits end.
 const ROUNDS: usize = 4;
 const SAME_NOISE: f64 = 0.1;
-/// How often a reach is shortened that leads too far, and by how much.
+/// Largest number of times that a reach is shortened, and the factor of each shortening.
 const SHORTENINGS: i32 = 16;
 const SHORTER: f64 = 0.75;
-/// Rise of the sum of squares, over itself and the squared number of standard deviations, that leads too far: an effect that is added may lead to where the base alone misses the data five times as far as at its best.
+/// Largest relative rise of the sum of squares, divided by the squared number of standard deviations. An added effect may lead to parameters at which the base alone misses
+/// the data five times as far as at its best.
 const FAR: f64 = 0.1;
 
-/// Where the data lead.
+/// Best fit of the program.
 #[derive(Debug)]
 pub(super) struct Nearest {
     /// Logarithms of the free parameters.
     pub ln: Vec<f64>,
-    /// How far every one of them may go down and up, for every number of standard deviations that was asked for.
+    /// Distances down and up from the best fit, for every requested number of standard deviations and every free parameter.
     pub reaches: Vec<Vec<[f64; 2]>>,
-    /// What the model leaves, over the noise; 1 at least.
+    /// Residual of the model over the noise; at least 1.
     pub over_noise: f64,
 }
 
-/// Fits the calibration cycles, over logarithms of the parameters in `free`; others have the values of `template`. `widths` are standard deviations.
+/// Fits the fitted cycles over logarithms of the parameters in `free`; the others have the values of `template`. `widths` are standard deviations.
 ///
 /// # Errors
-/// [`Error::Numerical`] with the server's words where it has no answer at any start.
+/// [`Error::Numerical`] with the server's message if it predicts nothing at any start.
 pub(super) fn nearest(
     problem: &Problem,
     outside: &Outside,
@@ -61,7 +62,7 @@ pub(super) fn nearest(
     let quantile = |k: usize, p: f64| problem.range_of(names[k], p).lower.ln();
     let prior = |k: &usize| {
         let range = problem.range_of(names[*k], TAIL_MASS);
-        // Within the ends, whatever their logarithms are rounded to.
+        // The ends lie inside the range, despite the rounding of their logarithms.
         let ln_ends = (range.lower.ln() + ROUNDING, range.upper.ln() - ROUNDING);
         Prior { middle: quantile(*k, 0.5), sd: 0.5 * (quantile(*k, 0.8413) - quantile(*k, 0.1587)), ln_ends }
     };
@@ -83,11 +84,10 @@ pub(super) fn nearest(
     let best = sums.iter().zip(&starts).filter_map(|(sum, start)| Some((sum.filter(|sum| sum.is_finite())?, start)));
     let Some((_, start)) = best.min_by(|a, b| a.0.total_cmp(&b.0)) else {
         let refusal = distances.refusal.into_inner().unwrap_or_else(PoisonError::into_inner);
-        return Err(
-            refusal.unwrap_or_else(|| Error::numerical("the model has no answer at any start", "give another prior"))
-        );
+        return Err(refusal
+            .unwrap_or_else(|| Error::numerical("the model has no prediction at any start", "give another prior")));
     };
-    // What the model misses counts as noise when it is sampled, so that the prior weighs more than beside the noise alone.
+    // The sampler counts the model's misfit as noise, so the prior weighs more than with the noise alone.
     let mut found = None;
     let mut at: Vec<f64> = start.clone();
     for _ in 0..ROUNDS {
@@ -109,15 +109,15 @@ pub(super) fn nearest(
     Ok(Nearest { reaches, ln: found.theta, over_noise: distances.noise_m / noise_m })
 }
 
-/// Of a free logarithm.
+/// Prior of a free logarithm.
 struct Prior {
     middle: f64,
     sd: f64,
-    /// But for [`TAIL_MASS`] on either side.
+    /// Ends of the range without [`TAIL_MASS`] on either side.
     ln_ends: (f64, f64),
 }
 
-/// Distances from the measured positions over the noise, then those from the prior's medians over its spread.
+/// Residuals: distances from the measured positions over the noise, then distances from the prior's medians over its spread.
 struct Distances<'a> {
     problem: &'a Problem,
     outside: &'a Outside,
@@ -126,7 +126,7 @@ struct Distances<'a> {
     noise_m: f64,
     observed: Vec<(usize, f64)>,
     priors: Vec<Prior>,
-    /// The first refusal.
+    /// First error of the server.
     refusal: Mutex<Option<Error>>,
 }
 
@@ -137,11 +137,12 @@ impl Distances<'_> {
         (residuals.iter().take(n).map(|own| own * own).sum::<f64>() / n.max(1) as f64).sqrt()
     }
 
-    /// How far a parameter may go by so many standard deviations while the others follow it: less where the sum of squares rises by more than a parabola does, as beyond the sizes at which it acts.
+    /// Distance of a parameter for `n_sd` standard deviations, with the other parameters following. It is shorter if the sum of squares rises faster than a parabola, as
+    /// beyond the sizes at which the parameter acts.
     fn reach(&self, found: &Fit, k: usize, n_sd: f64) -> f64 {
         let n = found.theta.len();
         let variance = found.objective / self.observed.len().max(1) as f64;
-        // Errors are those of the noise at least.
+        // Standard errors are at least those of the noise.
         let widened = 1.0 / variance.min(1.0).sqrt();
         let step = widened * n_sd * found.standard_errors[k];
         if !step.is_finite() {
@@ -190,7 +191,7 @@ impl Residuals for Distances<'_> {
     fn jacobian(&self, theta: &[f64]) -> Option<DMatrix<f64>> {
         let here = self.residuals(theta)?;
         let column = |d: usize| {
-            // Away from the end of the prior's range, if it is near.
+            // The step goes away from the end of the prior's range if that is near.
             let stepped = |step: f64| {
                 let mut moved = theta.to_vec();
                 moved[d] += step;

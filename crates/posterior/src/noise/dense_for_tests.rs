@@ -1,11 +1,11 @@
-//! Dense Gaussian algebra to compare with, and the records and points that the tests share.
+//! Dense Gaussian algebra as a reference, and records and points that the tests share.
 
 use nalgebra::{DMatrix, DVector};
 
 use super::NoiseModel;
 use base::error::Place;
 
-/// A record to test on.
+/// A record for tests.
 pub struct TestRecord {
     pub time_s: Vec<f64>,
     pub cycle: Vec<u32>,
@@ -14,7 +14,7 @@ pub struct TestRecord {
 }
 
 impl TestRecord {
-    /// Irregular times, a gap, cycles of unequal length of which one has no observation, lost positions.
+    /// A record with irregular times, a gap, lost positions, and cycles of unequal length, one of them without observations.
     pub fn irregular(n_rows: usize) -> Self {
         let mut time_s = vec![0.0_f64];
         for i in 1..n_rows {
@@ -36,7 +36,7 @@ impl TestRecord {
         (0..self.time_s.len()).filter(|row| self.observed_m[*row].is_some()).collect()
     }
 
-    /// Observed less position in m at every row; 0 where nothing is observed.
+    /// Observed position minus model position in m at every row; 0 without an observation.
     pub fn residual_m(&self) -> Vec<f64> {
         self.observed_m.iter().zip(&self.position_m).map(|(y, x)| y.map_or(0.0, |y| y - x)).collect()
     }
@@ -47,7 +47,7 @@ pub fn model(names: &[&str]) -> NoiseModel {
     NoiseModel::named(&names, &Place::default()).expect("names of terms")
 }
 
-/// Parameters by name over a point that has every term; the order is the model's.
+/// Parameters of a model in its order, taken by name from a point with every term.
 pub fn parameters(model: NoiseModel, point: [f64; 6]) -> Vec<f64> {
     let names = ["noise_sd_um", "ou_sd_um", "ou_time_s", "gain_sd", "offset_sd_um", "student_dof"];
     let value = |name: &str| point[names.iter().position(|n| *n == name).expect("a known name")];
@@ -59,7 +59,7 @@ pub fn gaussian_models() -> [NoiseModel; 4] {
     [model(&["white"]), model(&["white", "ou"]), model(&["white", "gain"]), model(&["gain", "ou", "white"])]
 }
 
-/// Points from alike to far apart: the process slow and fast beside the steps, gains that dwarf the noise, terms that vanish.
+/// Points with similar and very different terms: processes slow and fast relative to the steps, gains far above the noise, and vanishing terms.
 pub const POINTS: [[f64; 6]; 7] = [
     [4.0, 3.0, 0.5, 0.03, 5.0, 6.0],
     [4.0, 1e-3, 0.02, 1e-6, 1e-3, 2.3],
@@ -88,7 +88,7 @@ pub fn covariance_m2(model: NoiseModel, record: &TestRecord, rows: &[usize], par
     })
 }
 
-/// Log-density of residuals r, and their Mahalanobis distance squared.
+/// Log density of residuals r, and their squared Mahalanobis distance.
 pub fn ln_density(covariance_m2: &DMatrix<f64>, residual_m: &[f64]) -> (f64, f64) {
     let cholesky = covariance_m2.clone().cholesky().expect("positive definite");
     let white = cholesky.l().solve_lower_triangular(&DVector::from_column_slice(residual_m)).expect("regular");

@@ -1,13 +1,13 @@
-//! The Kalman filter over the Ornstein–Uhlenbeck process, the gain and the offset.
+//! Kalman filter over the Ornstein–Uhlenbeck process, the gain and the offset.
 //!
-//! Legend: state (u, g, o) with indices 0, 1, 2; h = (1, x, 1) observes it; P = U D Uᵀ its covariance over σ², U unit upper triangular. The process
-//! stands first because D₀ enters P₀₀ alone: a time step touches D₀, U₀₁ and U₀₂ only. Whatever a model lacks is left out at compile time.
+//! The state is (u, g, o) with indices 0, 1, 2, and h = (1, x, 1) observes it. P = U D Uᵀ is its covariance over σ², with U unit upper triangular. The process comes first
+//! because D₀ enters only P₀₀: a time step changes only D₀, U₀₁ and U₀₂. Terms that a model lacks are left out at compile time.
 
 use pulp::{Scalar, Simd};
 
 use super::lanes::Register;
 
-/// Variances over σ² with which a cycle begins: of the gain (1/m²) and the offset.
+/// Variances over σ² at the begin of a cycle: of the gain (1/m²) and of the offset.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct PriorVariances<S: Simd> {
     pub gain: Register<S>,
@@ -24,18 +24,18 @@ pub(super) struct Covariance<S: Simd, const OU: bool, const GAIN: bool> {
     u12: Register<S>,
 }
 
-/// What an observation does to the mean.
+/// Correction of the mean by an observation.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Gain<S: Simd> {
     /// S/σ² − 1 = h P hᵀ/σ², the part of the predictive variance that is not white.
     pub excess: Register<S>,
     /// σ²/S.
     pub precision: Register<S>,
-    /// P hᵀ/σ²; over S/σ², Kalman's gain.
+    /// P hᵀ/σ²; divided by S/σ² it is Kalman's gain.
     direction: [Register<S>; 3],
 }
 
-/// A gain as numbers, which one covariance gives to the means of many columns.
+/// A gain as plain numbers, which one covariance gives to the means of many columns.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct GainNumbers {
     /// σ²/S.
@@ -50,7 +50,7 @@ impl Gain<Scalar> {
 }
 
 impl GainNumbers {
-    /// The same in every lane; what a mean is corrected by takes no excess.
+    /// The gain in every lane of a register. Its excess is 0, because the correction of a mean does not use it.
     #[inline(always)]
     pub fn splat<S: Simd>(&self, simd: S) -> Gain<S> {
         let [u, g, o] = self.direction;
@@ -69,7 +69,7 @@ impl<S: Simd, const OU: bool, const GAIN: bool> Covariance<S, OU, GAIN> {
         Self { one: Register::splat(simd, 1.0), d: [zero; 3], u01: zero, u02: zero, u12: zero }
     }
 
-    /// A time step: `decay` of the process, and the variance that it gains.
+    /// Advances by a time step, given the `decay` of the process and the variance that it gains.
     #[inline(always)]
     pub fn advance(&mut self, decay: Register<S>, gained: Register<S>) {
         if OU {
@@ -81,7 +81,7 @@ impl<S: Simd, const OU: bool, const GAIN: bool> Covariance<S, OU, GAIN> {
         }
     }
 
-    /// A cycle begins: its gain and offset are new, the process goes on.
+    /// Begins a cycle with a new gain and offset; the process continues.
     #[inline(always)]
     pub fn renew(&mut self, prior: PriorVariances<S>) {
         if GAIN {
@@ -96,12 +96,12 @@ impl<S: Simd, const OU: bool, const GAIN: bool> Covariance<S, OU, GAIN> {
         }
     }
 
-    /// An observation at position x (m): the gain, and the covariance thereafter.
+    /// Processes an observation at position x (m): returns the gain and updates the covariance.
     #[inline(always)]
     pub fn observe(&mut self, x: Register<S>) -> Gain<S> {
         let one = self.one;
         let zero = one.zero();
-        // f = Uᵀh, v = D f; α accumulates the predictive variance, component by component.
+        // f = Uᵀh and v = D f; α accumulates the predictive variance, component by component.
         let v0 = if OU { self.d[0] } else { zero };
         let mut gain = Gain { excess: v0, precision: one, direction: [v0, zero, zero] };
         let mut alpha = one;
@@ -118,7 +118,7 @@ impl<S: Simd, const OU: bool, const GAIN: bool> Covariance<S, OU, GAIN> {
             let (v1, v2) = (self.d[1] * f1, self.d[2] * f2);
             let with_gain = f1.mul_add(v1, alpha);
             let with_offset = f2.mul_add(v2, with_gain);
-            // One division for all three: divisions are what a step waits for. Variances' ratios are below 10¹⁰⁰, so that their product is a number.
+            // One division serves all three, because a step waits for its divisions. Ratios of variances are below 10¹⁰⁰, so that their product is finite.
             let first_two = alpha * with_gain;
             let inverse = one / (first_two * with_offset);
             let (precision_1, precision_2) = (inverse * (alpha * with_offset), inverse * first_two);
@@ -147,7 +147,7 @@ impl<S: Simd, const OU: bool, const GAIN: bool> Covariance<S, OU, GAIN> {
     }
 }
 
-/// Mean of the state given the past; the process and the offset in m.
+/// Mean of the state given the past; the process and the offset are in m.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Mean<S: Simd, const OU: bool, const GAIN: bool> {
     state: [Register<S>; 3],
@@ -159,26 +159,26 @@ impl<S: Simd, const OU: bool, const GAIN: bool> Mean<S, OU, GAIN> {
         Self { state: [Register::splat(simd, 0.0); 3] }
     }
 
-    /// With a process of a given size (m), and neither gain nor offset.
+    /// Mean with a process of a given size (m), and no gain and offset.
     #[inline(always)]
     pub fn of_process(process: Register<S>) -> Self {
         Self { state: [process, process.zero(), process.zero()] }
     }
 
-    /// The process.
+    /// Process of the state.
     #[inline(always)]
     pub fn process(&self) -> Register<S> {
         self.state[0]
     }
 
-    /// From arrays of lanes, one for each part of the state.
+    /// Loads the mean from arrays of lanes, one for each part of the state.
     #[inline(always)]
     pub fn load<const W: usize>(simd: S, lanes: &[[f64; W]; 3], index: usize) -> Self {
         let part = |part: usize| Register::load(simd, &lanes[part], index);
         Self { state: [part(0), part(1), part(2)] }
     }
 
-    /// Into arrays of lanes.
+    /// Stores the mean into arrays of lanes.
     #[inline(always)]
     pub fn store<const W: usize>(&self, lanes: &mut [[f64; W]; 3], index: usize) {
         self.state[0].store(&mut lanes[0], index);
@@ -186,7 +186,7 @@ impl<S: Simd, const OU: bool, const GAIN: bool> Mean<S, OU, GAIN> {
         self.state[2].store(&mut lanes[2], index);
     }
 
-    /// A time step.
+    /// Advances by a time step.
     #[inline(always)]
     pub fn advance(&mut self, decay: Register<S>) {
         if OU {
@@ -194,7 +194,7 @@ impl<S: Simd, const OU: bool, const GAIN: bool> Mean<S, OU, GAIN> {
         }
     }
 
-    /// A cycle begins.
+    /// Begins a cycle.
     #[inline(always)]
     pub fn renew(&mut self) {
         if GAIN {
@@ -203,7 +203,7 @@ impl<S: Simd, const OU: bool, const GAIN: bool> Mean<S, OU, GAIN> {
         }
     }
 
-    /// Observed less predicted, where `residual` is observed less position x (m).
+    /// Innovation: observed minus predicted value. `residual` is the observed position minus x (m).
     #[inline(always)]
     pub fn innovation(&self, residual: Register<S>, x: Register<S>) -> Register<S> {
         match (OU, GAIN) {

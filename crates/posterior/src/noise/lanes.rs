@@ -1,13 +1,13 @@
-//! Arithmetic on a vector register, one parameter point a lane.
+//! Arithmetic on vector registers, with one parameter point per lane.
 
 use std::ops::{Add, Div, Mul, Sub};
 
 use pulp::Simd;
 
-/// Points that one pass carries: one register of the widest kind.
+/// Number of points in one pass: one register of the widest kind.
 pub const LANES: usize = 8;
 
-/// A register of f64. Everything on it is inlined: compiled apart, without the vector instructions, it would be called.
+/// A register of f64 values. All its functions are inlined, because otherwise they would be compiled without the vector instructions and called.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Register<S: Simd> {
     simd: S,
@@ -15,37 +15,37 @@ pub(super) struct Register<S: Simd> {
 }
 
 impl<S: Simd> Register<S> {
-    /// The same number in every lane.
+    /// Register with one number in every lane.
     #[inline(always)]
     pub fn splat(simd: S, number: f64) -> Self {
         Self { simd, value: simd.splat_f64s(number) }
     }
 
-    /// Zero in every lane of a register like this one.
+    /// Register like this one with zero in every lane.
     #[inline(always)]
     pub fn zero(self) -> Self {
         Self::splat(self.simd, 0.0)
     }
 
-    /// Register `index` of an array of lanes.
+    /// Loads register `index` of an array of lanes.
     #[inline(always)]
     pub fn load<const W: usize>(simd: S, lanes: &[f64; W], index: usize) -> Self {
         Self { simd, value: S::as_simd_f64s(&lanes[..]).0[index] }
     }
 
-    /// Into register `index` of an array of lanes.
+    /// Stores into register `index` of an array of lanes.
     #[inline(always)]
     pub fn store<const W: usize>(self, lanes: &mut [f64; W], index: usize) {
         S::as_mut_simd_f64s(&mut lanes[..]).0[index] = self.value;
     }
 
-    /// self × factor + term, rounded once where the machine can.
+    /// self × factor + term, rounded once if the machine can do so.
     #[inline(always)]
     pub fn mul_add(self, factor: Self, term: Self) -> Self {
         Self { value: self.simd.mul_add_e_f64s(self.value, factor.value, term.value), ..self }
     }
 
-    /// Lane by lane, `above` where self > limit, else `otherwise`.
+    /// `above` in the lanes with self > limit, `otherwise` in the others.
     #[inline(always)]
     pub fn if_above(self, limit: Self, above: Self, otherwise: Self) -> Self {
         let mask = self.simd.greater_than_f64s(self.value, limit.value);
@@ -67,8 +67,8 @@ const INVERSE_FACTORIALS: [f64; 12] = {
 impl<S: Simd> Register<S> {
     /// exp(x) − 1 for x ≤ 0, to a few units in the last place.
     ///
-    /// Taylor's series at x/128, whose next term is below 2·10⁻¹⁶ of the sum for x ≥ −40, then seven doublings e ← e (2 + e), which lose no
-    /// digits. Below −40 the result is −1 to the last place.
+    /// It evaluates Taylor's series at x/128, whose next term is below 2·10⁻¹⁶ of the sum for x ≥ −40. Seven doublings e ← e (2 + e) follow, which lose no digits. Below
+    /// −40 the result is −1 to the last place.
     #[inline(always)]
     pub fn exp_m1_below_zero(self) -> Self {
         let floor = Self::splat(self.simd, -40.0);
@@ -118,15 +118,15 @@ impl<S: Simd> Div for Register<S> {
 }
 
 impl Register<pulp::Scalar> {
-    /// The number in a register of one lane.
+    /// Number in a register of one lane.
     pub fn number(self) -> f64 {
         self.value
     }
 }
 
-/// A running product of factors 1 + u, u ≥ 0, whose logarithm is taken once at the end.
+/// Running product of factors 1 + u with u ≥ 0, whose logarithm is taken once at the end.
 ///
-/// The product is kept less one, so that factors close to one keep their digits, and is scaled down by 2⁻⁵⁰⁰ whenever it passes 2⁵⁰⁰.
+/// The product minus one is stored, so that factors close to one keep their digits. It is scaled by 2⁻⁵⁰⁰ whenever it passes 2⁵⁰⁰.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Product<S: Simd> {
     excess: Register<S>,
@@ -142,7 +142,7 @@ impl<S: Simd> Product<S> {
         Self { excess: Register::splat(simd, 0.0), scalings: Register::splat(simd, 0.0) }
     }
 
-    /// Multiplies by 1 + u; u at most about 2⁵⁰⁰.
+    /// Multiplies by 1 + u, with u at most about 2⁵⁰⁰.
     #[inline(always)]
     pub fn grow(&mut self, u: Register<S>) {
         let simd = u.simd;
@@ -154,7 +154,7 @@ impl<S: Simd> Product<S> {
         self.scalings = excess.if_above(limit, counted, self.scalings);
     }
 
-    /// Into register `index` of arrays of lanes.
+    /// Stores into register `index` of arrays of lanes.
     #[inline(always)]
     pub fn store<const W: usize>(self, lanes: &mut Products<W>, index: usize) {
         self.excess.store(&mut lanes.excess, index);
@@ -194,7 +194,7 @@ mod tests {
         assert!((never + 1.0).abs() < 1e-15);
     }
 
-    /// Factors from 1 + 10⁻¹² to 10¹⁴⁰ against the sum of their logarithms.
+    /// Compares products of factors from 1 + 10⁻¹² to 10¹⁴⁰ with the sum of their logarithms.
     #[test]
     fn products_are_sums_of_logarithms() {
         for exponents in [-12.0..-11.0, -3.0..3.0, 100.0..140.0] {

@@ -1,4 +1,4 @@
-//! How a search learns the noise of a record: what each term says of its parameters, and their values.
+//! Learning of a record's noise in a search: priors, ranges, starts and values of the noise parameters.
 
 use std::ops::{Deref, DerefMut};
 
@@ -10,7 +10,7 @@ use super::learnt_term::{DrawRow, LearntParameter, LearntTerm};
 use super::terms::{MOST_PARAMETERS, NoiseTerm, TERMS};
 use super::{NoiseModel, NoiseScales};
 
-/// Values of a noise model's parameters, in its order and in their units; or their logarithms.
+/// Values of a noise model's parameters, in its order and their units; or the logarithms of the values.
 #[derive(Clone, Copy)]
 pub struct NoiseValues {
     values: [f64; MOST_PARAMETERS],
@@ -18,10 +18,10 @@ pub struct NoiseValues {
 }
 
 impl NoiseValues {
-    /// These values.
+    /// Creates the values.
     ///
     /// # Panics
-    /// For more values than all terms have parameters.
+    /// Panics if there are more values than parameters of all terms.
     pub const fn new<const N: usize>(values: [f64; N]) -> Self {
         let mut all = [0.0; MOST_PARAMETERS];
         let mut k = 0;
@@ -32,13 +32,13 @@ impl NoiseValues {
         Self { values: all, n: N }
     }
 
-    /// A function of every value.
+    /// Applies a function to every value.
     pub fn map(mut self, of: impl Fn(f64) -> f64) -> Self {
         self.iter_mut().for_each(|value| *value = of(*value));
         self
     }
 
-    /// One value for each of `n` parameters.
+    /// Creates one value for each of `n` parameters.
     pub fn from_fn(n: usize, mut of: impl FnMut(usize) -> f64) -> Self {
         (0..n).map(&mut of).collect()
     }
@@ -80,24 +80,25 @@ impl std::fmt::Debug for NoiseValues {
     }
 }
 
-/// How a search learns a noise model.
+/// Instructions for a search that learns a noise model.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Learning {
-    /// Its parameters, in order.
+    /// Parameters, in order.
     pub parameters: Vec<LearntParameter>,
-    /// Term of each.
+    /// Name of the term of each parameter.
     pub terms: Vec<&'static str>,
-    /// Where searches start: the first term's starts change last.
+    /// Starts of the searches; the first term's starts change last.
     pub starts: Vec<NoiseValues>,
 }
 
 impl NoiseModel {
-    /// Names of all terms that a search learns.
+    /// Names of all terms that a search can learn.
     pub fn learnt_names() -> Vec<&'static str> {
         TERMS.iter().filter(|term| term.learning().is_some()).map(|term| term.name()).collect()
     }
 
-    /// How a search learns its parameters; `is_known` says whether the yardstick is known or estimated from short lags. Terms that no search learns are left out.
+    /// Instructions for learning the model's parameters, without terms that a search cannot learn. `is_known` is true if the yardstick is known and false if it is
+    /// estimated from short lags.
     pub fn learning(self, scales: &NoiseScales, is_known: bool) -> Learning {
         let (mut parameters, mut terms, mut starts) = (Vec::new(), Vec::new(), vec![NoiseValues::new([])]);
         for (term, learnt) in self.learnt_terms() {
@@ -115,7 +116,7 @@ impl NoiseModel {
         Learning { parameters, terms, starts }
     }
 
-    /// Values of its parameters in words: what differs from row to row, and what from cycle to cycle.
+    /// Values of the parameters in words: of terms that vary from row to row, and of terms that vary from cycle to cycle.
     pub fn words(self, values: &[f64]) -> [Vec<String>; 2] {
         let mut words = [Vec::new(), Vec::new()];
         self.with_values(values, |term, learnt, own| {
@@ -124,14 +125,14 @@ impl NoiseModel {
         words
     }
 
-    /// Standard deviations (µm) that its terms add to one position (µm), independent of each other.
+    /// Standard deviations (µm) that the terms add to one position (µm), independent of each other.
     pub fn sds_um(self, values: &[f64], position_um: f64) -> Vec<f64> {
         let mut sds_um = Vec::new();
         self.with_values(values, |_, learnt, own| sds_um.extend(learnt.sds_um(own, position_um)));
         sds_um
     }
 
-    /// What its terms but the white noise add to a record, drawn row by row.
+    /// Draws, row by row, of all terms except the white noise.
     pub fn drawn(self, values: &[f64], stream: &mut RandomStream) -> Vec<Box<DrawRow>> {
         let mut drawn = Vec::new();
         self.with_values(values, |_, learnt, own| drawn.push(learnt.drawn(own, stream)));
@@ -153,12 +154,12 @@ impl NoiseModel {
         self.terms().filter_map(|term| Some((term, term.learning()?)))
     }
 
-    /// The place of a parameter among those of this model.
+    /// Index of a parameter in this model.
     pub fn place(self, parameter: &ParameterSpec) -> Option<usize> {
         self.parameters().iter().position(|own| own == parameter)
     }
 
-    /// The value of a parameter; 0 where the model does not have it.
+    /// Value of a parameter; 0 if the model does not have it.
     pub fn value(self, values: &[f64], parameter: &ParameterSpec) -> f64 {
         self.place(parameter).map_or(0.0, |place| values[place])
     }
@@ -169,7 +170,7 @@ mod tests {
     use super::*;
     use base::error::Place;
 
-    /// Every term that is learnt gives one rule a parameter, in order, and starts inside the ends of the search.
+    /// Every learnt term gives one rule per parameter, in order, and its starts lie inside the range of the search.
     #[test]
     fn rules_go_with_the_parameters() {
         let names: Vec<String> = NoiseModel::learnt_names().into_iter().map(String::from).collect();
@@ -187,7 +188,7 @@ mod tests {
             assert!(learning.parameters.iter().zip(start.iter()).all(inside), "{start:?}");
         }
         let values = [4.0, 2.0, 0.8, 0.005, 1.0];
-        assert_eq!(model.words(&values)[1], ["a gain of 0.50 % and an offset of 1.0 µm a cycle"]);
+        assert_eq!(model.words(&values)[1], ["a gain of 0.50 % and an offset of 1.0 µm per cycle"]);
         assert_eq!(model.sds_um(&values, 100.0), [4.0, 2.0, 0.5, 1.0]);
     }
 }

@@ -1,4 +1,4 @@
-//! How a search learns one term of the noise: its parameters, their priors and ends, and draws of it.
+//! Learning of one noise term in a search: its parameters, their priors and ranges, and draws of the term.
 
 use base::distribution::Distribution;
 use base::parameter::ParameterSpec;
@@ -6,52 +6,52 @@ use sampling::ensemble::RandomStream;
 
 use super::scales::NoiseScales;
 
-/// How a search learns one parameter of the noise, in the logarithm of its value.
+/// Learning of one noise parameter, in the logarithm of its value.
 #[derive(Debug, Clone, PartialEq)]
 pub struct LearntParameter {
-    /// Name, unit, support.
+    /// Name, unit and support.
     pub spec: ParameterSpec,
-    /// What is known of it before the data.
+    /// Prior in the search.
     pub prior: LearningPrior,
-    /// Where the search ends.
+    /// Range of the logarithm in the search.
     pub ln_ends: [f64; 2],
-    /// Where there is white noise of the yardstick's size and next to nothing else.
+    /// Logarithm at which the noise is white with the yardstick's size and has nearly nothing else.
     pub ln_white: f64,
-    /// What it says of a row's noise.
+    /// Contribution to the noise of a row.
     pub of_row: RowShare,
 }
 
-/// What is known of a parameter before the data.
+/// Prior of a parameter in the search.
 #[derive(Debug, Clone, PartialEq)]
 pub enum LearningPrior {
-    /// Nothing, between the search's ends.
+    /// Flat between the ends of the search.
     Flat,
-    /// Its logarithm is normal.
+    /// Normal in the logarithm.
     NormalLog {
         /// Mean of the logarithm.
         mean: f64,
-        /// Standard deviation of it.
+        /// Standard deviation of the logarithm.
         sd: f64,
     },
-    /// This, as a density of the logarithm.
+    /// This distribution, as a density of the logarithm.
     OfLog(Distribution),
-    /// This, as a density of the value itself, which may be nothing.
+    /// This distribution, as a density of the value itself, which may be 0.
     OfValue(Distribution),
 }
 
-/// What a parameter says of what differs from row to row.
+/// Contribution of a parameter to the noise that varies from row to row.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum RowShare {
     /// A standard deviation, in µm.
     Sd,
-    /// How a part of that goes on from row to row.
+    /// Correlation of such a part from row to row.
     Shape,
-    /// Nothing: it is the same for many rows.
+    /// No contribution: the value is the same for many rows.
     Nothing,
 }
 
 impl LearningPrior {
-    /// Log density at a logarithm, up to a constant; `None` where it is flat.
+    /// Log density at a logarithm, up to a constant; `None` if the prior is flat.
     pub fn ln_density(&self, ln: f64) -> Option<f64> {
         Some(match self {
             Self::Flat => return None,
@@ -62,26 +62,26 @@ impl LearningPrior {
     }
 }
 
-/// A term that a search learns.
+/// A term that a search can learn.
 pub(super) trait LearntTerm {
-    /// Its parameters, in order; `priors` are those of `sample`, in the same order but for the white noise, and `is_known` says whether the yardstick is known or estimated
-    /// from short lags.
+    /// Parameters of the term, in order. `priors` are those of `sample`, in the same order except for the white noise. `is_known` is true if the yardstick is known and
+    /// false if it is estimated from short lags.
     fn learnt(&self, scales: &NoiseScales, priors: &[Distribution], is_known: bool) -> Vec<LearntParameter>;
 
-    /// Logarithms of its parameters from which searches start.
+    /// Starts of the searches, as logarithms of the parameters.
     fn starts(&self, scales: &NoiseScales, priors: &[Distribution]) -> Vec<Vec<f64>>;
 
-    /// Values of its parameters in a few words.
+    /// Values of the parameters in a few words.
     fn words(&self, values: &[f64]) -> String;
 
-    /// Standard deviations (µm) that it adds to one position (µm), independent of each other.
+    /// Standard deviations (µm) that the term adds to one position (µm), independent of each other.
     fn sds_um(&self, values: &[f64], position_um: f64) -> Vec<f64>;
 
-    /// What it adds to a record, drawn row by row; nothing where whitened residuals are drawn in its place.
+    /// Draws of the term, row by row. They are 0 for the white noise, which draws of whitened residuals replace.
     fn drawn(&self, _values: &[f64], _stream: &mut RandomStream) -> Box<DrawRow> {
         Box::new(|_, _, _| [0.0; 2])
     }
 }
 
-/// The error (µm) and the gain of a row, given the time since the row before (s, `None` at the first) and whether a cycle begins.
+/// Error (µm) and gain of a row, given the time since the previous row (s, `None` at the first) and whether a cycle begins.
 pub type DrawRow = dyn FnMut(Option<f64>, bool, &mut RandomStream) -> [f64; 2];

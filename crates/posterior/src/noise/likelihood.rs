@@ -1,4 +1,4 @@
-//! The log-likelihood of a record, one point or several at once.
+//! Log likelihood of a record, for one or several points at once.
 
 use std::borrow::Borrow;
 
@@ -21,34 +21,34 @@ pub struct NoiseLikelihood {
 }
 
 impl NoiseLikelihood {
-    /// Prepares a record: times in s, strictly increasing; the cycle of each row, equal for consecutive rows of one; the positions in m to compare
-    /// with, `None` where there is nothing to compare. All have one entry a row.
+    /// Prepares a record. Times in s increase strictly; consecutive rows of one cycle have the same cycle number. Positions are in m, `None` at rows without an
+    /// observation. All slices have one entry per row.
     pub fn new(model: NoiseModel, time_s: &[f64], cycle: &[u32], observed_m: &[Option<f64>]) -> Self {
         let visited: Vec<usize> = (0..observed_m.len()).filter(|row| observed_m[*row].is_some()).collect();
         let rows = Rows::new(time_s, cycle, &visited);
         Self { model, rows, observed_m: observed_m.iter().copied().flatten().collect() }
     }
 
-    /// The same rows with other positions in m: one entry a row of the record, `None` where there was nothing to compare. Costs less than
-    /// [`NoiseLikelihood::new`], which looks for equal steps.
+    /// Replaces the observed positions (m): one entry per row of the record, `None` at rows that had no observation. It costs less than [`NoiseLikelihood::new`], which
+    /// searches for equal steps.
     pub fn with_observed(&self, observed_m: &[Option<f64>]) -> Self {
         let observed = |row: &super::rows::Row| observed_m[row.index].unwrap_or(f64::NAN);
         let observed_m = self.rows.rows.iter().map(observed).collect();
         Self { model: self.model, rows: self.rows.clone(), observed_m }
     }
 
-    /// The noise.
+    /// Noise model.
     pub fn model(&self) -> NoiseModel {
         self.model
     }
 
-    /// Number of positions that are compared.
+    /// Number of compared positions.
     pub fn n_observed(&self) -> usize {
         self.observed_m.len()
     }
 
-    /// Log-likelihood, in nats for positions in m, of one point: its position in m at every row of the record, and the noise's parameters in
-    /// their units, in the order of [`NoiseModel::parameters`]. −∞ for parameters outside their support, NaN for positions that are.
+    /// Log likelihood of one point, in nats for positions in m. `position_m` holds its position at every row of the record. `parameters` holds the noise parameters in
+    /// their units, in the order of [`NoiseModel::parameters`]. The result is −∞ for parameters outside their support and NaN for NaN positions.
     pub fn ln_likelihood(&self, position_m: &[f64], parameters: &[f64]) -> f64 {
         let scales = self.model.scales(parameters);
         let mut out = [0.0];
@@ -56,7 +56,7 @@ impl NoiseLikelihood {
         out[0]
     }
 
-    /// The same of several points that share their position: `parameters[parameter][lane]`, any multiple of [`LANES`] at once.
+    /// Log likelihoods of several points with a common position: `parameters[parameter][lane]`, for any multiple of [`LANES`] at once.
     pub fn ln_likelihood_shared<const W: usize>(
         &self,
         position_m: &[SharedPosition],
@@ -66,8 +66,8 @@ impl NoiseLikelihood {
         self.evaluate(Vectors, position_m, &self.scales(parameters), out);
     }
 
-    /// The same for several points at once: `position_m[row][lane]`, `parameters[parameter][lane]`. What a lane gets does not depend, to the last
-    /// bit, on the others; it may differ from [`NoiseLikelihood::ln_likelihood`] by rounding.
+    /// Log likelihoods of several points: `position_m[row][lane]`, `parameters[parameter][lane]`. The result of a lane does not depend on the other lanes, to the last bit.
+    /// It may differ from [`NoiseLikelihood::ln_likelihood`] by rounding.
     pub fn ln_likelihood_lanes<R: Borrow<[f64; LANES]>>(
         &self,
         position_m: &[R],
@@ -136,11 +136,11 @@ impl NoiseLikelihood {
     }
 }
 
-/// The position (m) of a row that all points share.
+/// Position (m) of a row that all points share.
 #[derive(Debug, Clone, Copy)]
 pub struct SharedPosition(pub f64);
 
-/// The positions of a row, one a point or one of all.
+/// Positions of a row: one per point, or one for all.
 trait PositionRow<const W: usize> {
     fn register<S: Simd>(&self, simd: S, index: usize) -> Register<S>;
 }
@@ -159,7 +159,7 @@ impl<const W: usize> PositionRow<W> for SharedPosition {
     }
 }
 
-/// Where a pass runs: on the machine's vector registers, or on single numbers.
+/// Kind of arithmetic of a pass: the machine's vector registers or single numbers.
 trait Machine {
     fn run<W: WithSimd>(self, pass: W) -> W::Output;
 }
@@ -189,7 +189,7 @@ pub(super) struct Step<const W: usize> {
 impl<const W: usize> Step<W> {
     pub const NONE: Self = Self { decay: [0.0; W], gained: [0.0; W] };
 
-    /// Decay exp(−Δt/τ) and the variance (1 − exp(−2Δt/τ)) σ_ou²/σ² gained, as [`Scales::step`]. Uneven sampling asks for one a row, so that single
+    /// Computes the decay exp(−Δt/τ) and the gained variance (1 − exp(−2Δt/τ)) σ_ou²/σ², like [`Scales::step`]. Uneven sampling needs one step per row, so single
     /// exponentials would cost more than the filter.
     #[inline(always)]
     pub fn fill<S: Simd>(&mut self, simd: S, register: usize, step_s: f64, ou: &[f64; W], ou_time_s: &[f64; W]) {
@@ -201,13 +201,13 @@ impl<const W: usize> Step<W> {
     }
 }
 
-/// What a pass adds up for every lane.
+/// Sums of a pass for every lane.
 struct Sums<const W: usize> {
-    /// Σ v²σ²/S in m²; nothing with Student-t.
+    /// Σ v²σ²/S in m²; 0 with Student-t.
     quadratic_m2: [f64; W],
     /// Π S/σ².
     variance: Products<W>,
-    /// Π 1 + v²/(νS).
+    /// Π (1 + v²/(νS)).
     tail: Products<W>,
 }
 
@@ -221,9 +221,9 @@ fn ln_density<const W: usize>(n_observed: usize, scales: &Scales, sums: &Sums<W>
     }
 }
 
-/// ln[Γ((ν + 1)/2) / (Γ(ν/2) √(ν/2))]: the density of a t at 0 over that of a standard normal.
+/// ln[Γ((ν + 1)/2) / (Γ(ν/2) √(ν/2))]: the ratio of the densities of a t and a standard normal at 0.
 ///
-/// By Stirling's series of the ratio at ν/2 + 10, where its next term is below 2·10⁻¹⁴: a difference of two ln Γ would lose its digits at large ν.
+/// It uses Stirling's series of the ratio at ν/2 + 10, where the next term is below 2·10⁻¹⁴. A difference of two ln Γ would lose its digits at large ν.
 pub(super) fn ln_student_constant(dof: f64) -> f64 {
     let half = 0.5 * dof;
     let mut ratio = 1.0;
@@ -268,14 +268,14 @@ impl<R: PositionRow<W>, const W: usize, const OU: bool, const GAIN: bool, const 
         for register in 0..n_registers {
             for (step, length_s) in steps.iter_mut().zip(&self.record.rows.step_s) {
                 if W == 1 {
-                    // One number at a time, the standard library's exponential is the faster one.
+                    // For single numbers, the standard library's exponential is faster.
                     (step.decay[0], step.gained[0]) = self.scales[0].step(*length_s);
                 } else {
                     step.fill(simd, register, *length_s, &self.ou, &self.ou_time_s);
                 }
             }
         }
-        // A row waits for its division: two registers a turn take hardly longer than one.
+        // A row waits for its division, so two registers together take hardly longer than one.
         for register in (0..n_registers - n_registers % 2).step_by(2) {
             self.run::<S, 2>(simd, register, &steps, &mut sums);
         }
@@ -289,7 +289,7 @@ impl<R: PositionRow<W>, const W: usize, const OU: bool, const GAIN: bool, const 
 impl<R: PositionRow<W>, const W: usize, const OU: bool, const GAIN: bool, const STUDENT: bool>
     Pass<'_, R, W, OU, GAIN, STUDENT>
 {
-    /// The record under the points of `K` registers, from register `first` on.
+    /// Runs the filter over the record for the points of `K` registers, starting with register `first`.
     #[inline(always)]
     fn run<S: Simd, const K: usize>(&self, simd: S, first: usize, steps: &[Step<W>], sums: &mut Sums<W>) {
         let load = |lanes: &[f64; W]| -> [Register<S>; K] {

@@ -1,4 +1,4 @@
-//! The likelihood against dense algebra, closed forms and quadrature; lanes against single points.
+//! Tests of the likelihood against dense algebra, closed forms and quadrature, and of lanes against single points.
 
 use super::super::dense_for_tests::{
     POINTS, TestRecord, covariance_m2, gaussian_models, ln_density, model, parameters,
@@ -34,7 +34,7 @@ fn gaussian_terms_equal_dense_algebra() {
     }
 }
 
-/// Where dense algebra has no digits left (the offset's variance is 10¹⁶ times the noise's), an offset alone has a closed form.
+/// Dense algebra has no digits left if the offset's variance is 10¹⁶ times the noise's. An offset alone has a closed form.
 #[test]
 fn an_offset_that_dwarfs_the_noise_keeps_its_digits() {
     let n = 60;
@@ -53,7 +53,7 @@ fn an_offset_that_dwarfs_the_noise_keeps_its_digits() {
     assert!((filtered / exact - 1.0).abs() < 1e-12, "{filtered} against {exact}");
 }
 
-/// A gain and an offset 3,000 times the noise, where dense algebra in f64 is off by 2·10⁻¹⁰: against dense algebra in 60 digits.
+/// A gain and an offset 3,000 times the noise, where dense algebra in f64 is off by 2·10⁻¹⁰. The reference is dense algebra in 60 digits.
 #[test]
 fn a_gain_that_dwarfs_the_noise_keeps_its_digits() {
     let record = TestRecord::irregular(120);
@@ -103,7 +103,7 @@ fn an_outlier_moves_the_process_by_its_score() {
     assert!((filtered / exact - 1.0).abs() < 1e-12, "{filtered} against {exact}");
 }
 
-/// The difference is of order 1/ν: it shrinks a hundredfold from ν = 10⁵ to 10⁷, and by 10⁵ more to 10¹², where it would show any lost digits.
+/// The difference is of order 1/ν. It shrinks a hundredfold from ν = 10⁵ to 10⁷, and by 10⁵ more to 10¹², where it would show lost digits.
 #[test]
 fn many_degrees_of_freedom_are_gaussian() {
     let record = TestRecord::irregular(120);
@@ -122,7 +122,7 @@ fn many_degrees_of_freedom_are_gaussian() {
     }
 }
 
-/// ∫∫∫ p dy of three observations by the trapezoidal rule in arsinh y, with the variance of the last and its marginal standard deviation.
+/// ∫∫∫ p dy of three observations by the trapezoidal rule in arsinh y, and the variance of the last compared with its marginal standard deviation.
 #[test]
 fn the_joint_density_of_every_model_integrates_to_one() {
     let (time_s, cycle, position_m) = ([0.0, 0.2, 0.5], [1, 1, 1], [3e-5, -1e-5, 4e-5]);
@@ -151,7 +151,7 @@ fn the_joint_density_of_every_model_integrates_to_one() {
     }
 }
 
-/// Lanes are the single points to rounding, whatever their company, and to the last bit the same beside any other.
+/// Lanes equal the single points to rounding, and they do not depend on the other lanes, to the last bit.
 #[test]
 fn lanes_are_independent_points() {
     let record = TestRecord::irregular(150);
@@ -187,7 +187,7 @@ fn lanes_are_independent_points() {
     }
 }
 
-/// Points that share their position have the bits of points with eight equal ones, eight or sixteen at once.
+/// Points with a common position are bitwise equal to points with eight equal positions, for eight or sixteen at once.
 #[test]
 fn wide_passes_have_the_bits_of_narrow_ones() {
     let record = TestRecord::irregular(150);

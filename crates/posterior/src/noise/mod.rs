@@ -1,4 +1,4 @@
-//! Noise models: what stands between the predicted position and the tracker's (physics §5).
+//! Noise models: the difference between the predicted position and the tracker's (physics §5).
 //!
 //! The position observed at row i of cycle c is
 //!
@@ -11,27 +11,28 @@
 //! | `gain` | g_c ~ N(0, s_g²) and o_c ~ N(0, s_o²), independent for each cycle | `gain_sd` s_g, `offset_sd_um` s_o |
 //! | `student` | heavy tails in place of normal ones | `student_dof` ν |
 //!
-//! They are nuisance, learnt from the data, and never a physical claim.
+//! All terms are nuisance: they are learnt from the data and never a physical claim.
 //!
 //! # Cost
-//! The density is the product of one-step predictive densities, which a Kalman filter over (u, g, o) gives in time linear in the number of
-//! observations, exactly for any times. The filter keeps the covariance as U D Uᵀ (Bierman, *Factorization Methods for Discrete Sequential
-//! Estimation*, 1977, ch. V), so that it stays positive and keeps its digits where gain, offset and process are each large and their sum is small.
+//! The density is the product of one-step predictive densities. A Kalman filter over (u, g, o) gives them in time linear in the number of observations, exactly for any
+//! times. The filter stores the covariance as U D Uᵀ (Bierman, *Factorization Methods for Discrete Sequential Estimation*, 1977, ch. V). The covariance thus stays positive
+//! and keeps its digits if gain, offset and process are each large and their sum is small.
 //!
 //! # Student-t
-//! With `student` the prediction is a t: given the past, yᵢ ~ t_ν(mᵢ, scale √Sᵢ), where mᵢ and Sᵢ are the filter's mean and variance, and the state
-//! moves by K w v in place of K v, with the innovation v = yᵢ − mᵢ and the weight
+//! With `student` the prediction is a t distribution: given the past, yᵢ ~ t_ν(mᵢ, scale √Sᵢ) with the filter's mean mᵢ and variance Sᵢ. The state moves by K w v instead
+//! of K v, with the innovation v = yᵢ − mᵢ and the weight
 //!
 //!   w = (ν + 1)/(ν + v²/Sᵢ)
 //!
-//! so that an outlier moves it little. As w v/S is the score ∂ln p(yᵢ)/∂mᵢ of the t, the state moves by P hᵀ times the score: a *score-driven* filter
-//! (Harvey, *Dynamic Models for Volatility and Heavy Tails*, Cambridge University Press 2013; Harvey & Luati, *JASA* 109, 1112, 2014,
-//! doi:10.1080/01621459.2014.887011, who leave out the score's factor (ν + 1)/ν). Any filter whose mᵢ and Sᵢ are functions of the past alone gives a
-//! proper joint density, since each factor integrates to one. As ν → ∞ the filter is the Gaussian one; with `white` alone the errors are independent
-//! and t-distributed.
+//! so that an outlier moves it little. w v/S is the score ∂ln p(yᵢ)/∂mᵢ of the t, so the state moves by P hᵀ times the score. This is a *score-driven* filter (Harvey,
+//! *Dynamic Models for Volatility and Heavy Tails*, Cambridge University Press 2013; Harvey & Luati, *JASA* 109, 1112, 2014, doi:10.1080/01621459.2014.887011, who leave
+//! out the score's factor (ν + 1)/ν).
 //!
-//! σ is then the *scale* of the t: a single error's variance is σ² ν/(ν − 2), which is infinite at the support's end ν = 2. The cost of O(n) is that the
-//! t-density belongs to the rows that are observed: leaving rows out is another model, not its marginal (for the Gaussian terms it is the same).
+//! Any filter whose mᵢ and Sᵢ are functions of the past alone gives a proper joint density, since each factor integrates to one. As ν → ∞ the filter becomes the Gaussian
+//! one. With `white` alone the errors are independent and t-distributed.
+//!
+//! σ is then the *scale* of the t: the variance of a single error is σ² ν/(ν − 2), which is infinite at the support's end ν = 2. O(n) has a price: the t density belongs to
+//! the observed rows. A model with fewer rows is a different model and not its marginal (for the Gaussian terms both are equal).
 
 mod filter;
 mod lanes;

@@ -1,4 +1,4 @@
-//! Which noise terms a model has, their parameters and default priors.
+//! Noise model: its terms, their parameters and default priors.
 
 use super::scales::{NoiseScales, Scales};
 use super::terms::{Equations, NoiseTerm, TERMS};
@@ -7,18 +7,18 @@ use base::error::{Error, Place, Result};
 use base::parameter::ParameterSpec;
 use base::units::nearest_name;
 
-/// White noise and whatever is combined with it. The default is white noise alone.
+/// White noise with optional further terms. The default is white noise alone.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct NoiseModel {
-    /// Whether it has a term, by its place among [`TERMS`]; the first is not asked for.
+    /// True for each present term, by its index in [`TERMS`]. The first entry is unused, because white noise is always present.
     has: [bool; TERMS.len()],
 }
 
 impl NoiseModel {
-    /// The model of these names, in any order; `place` is where they stand, for messages.
+    /// Noise model with the named terms, in any order. `place` is the position of the names, for messages.
     ///
     /// # Errors
-    /// [`Error::Input`] for an unknown name, one named twice, or without `white`.
+    /// [`Error::Input`] for an unknown name, a repeated name, or names without `white`.
     pub fn named(names: &[String], place: &Place) -> Result<Self> {
         let mut model = Self::default();
         for (index, name) in names.iter().enumerate() {
@@ -43,27 +43,27 @@ impl NoiseModel {
         Ok(model)
     }
 
-    /// Its terms, in the order of their parameters.
+    /// Terms, in the order of their parameters.
     pub(super) fn terms(self) -> impl Iterator<Item = &'static dyn NoiseTerm> {
         TERMS.iter().enumerate().filter(move |(place, _)| *place == 0 || self.has[*place]).map(|(_, term)| *term)
     }
 
-    /// Names of its terms.
+    /// Names of the terms.
     pub fn names(self) -> Vec<&'static str> {
         self.terms().map(|term| term.name()).collect()
     }
 
-    /// Its parameters, in the order in which every function here takes them.
+    /// Parameters, in the order that every function here expects.
     pub fn parameters(self) -> Vec<ParameterSpec> {
         self.terms().flat_map(|term| term.parameters()).copied().collect()
     }
 
-    /// The parameters of all terms that there are.
+    /// Parameters of all known terms.
     pub fn known_parameters() -> impl Iterator<Item = &'static ParameterSpec> {
         TERMS.iter().flat_map(|term| term.parameters())
     }
 
-    /// From parameters in the model's order and units; `None` outside their support.
+    /// Converts parameters in the model's order and units; `None` outside their support.
     pub(super) fn scales(self, parameters: &[f64]) -> Option<Scales> {
         let (mut scales, mut left) = (Scales::UNIT, parameters);
         for term in self.terms() {
@@ -78,7 +78,7 @@ impl NoiseModel {
         scales.are_moderate().then_some(scales)
     }
 
-    /// What of the filter its terms need.
+    /// Parts of the filter that the terms need.
     pub(super) fn equations(self) -> Equations {
         self.terms().map(|term| term.equations()).fold(Equations::default(), |all, own| Equations {
             process: all.process || own.process,
@@ -87,7 +87,7 @@ impl NoiseModel {
         })
     }
 
-    /// Default priors of all its parameters but those that prior files give.
+    /// Default priors of all parameters, except those that prior files give.
     pub fn default_priors(self, scales: &NoiseScales) -> Vec<Prior> {
         let of_term = |term: &'static dyn NoiseTerm| {
             term.parameters().iter().filter_map(move |spec| {
@@ -98,14 +98,14 @@ impl NoiseModel {
         self.terms().flat_map(of_term).collect()
     }
 
-    /// Standard deviation (µm) of what differs from row to row: the white errors and the process. Gains and offsets are left out: they are the
-    /// same all through a cycle, so that a misfit which they take up still stands between prediction and positions. NaN outside the parameters' support.
+    /// Standard deviation (µm) of the noise that varies from row to row: the white errors and the process. Gains and offsets are left out, because they are constant in a
+    /// cycle. A misfit that they absorb is therefore still a difference between prediction and positions. NaN outside the parameters' support.
     pub fn row_sd_um(self, parameters: &[f64]) -> f64 {
         let of_scales = |scales: Scales| 1e6 * scales.noise_sd_m * (scales.variance_factor() + scales.ou).sqrt();
         self.scales(parameters).map_or(f64::NAN, of_scales)
     }
 
-    /// Degrees of freedom that the parameters give the tails, if these are heavy.
+    /// Degrees of freedom of heavy tails; `None` for normal ones.
     pub fn student_dof(self, parameters: &[f64]) -> Option<f64> {
         self.scales(parameters).map(|scales| scales.dof).filter(|dof| dof.is_finite())
     }
@@ -155,7 +155,7 @@ mod tests {
     #[test]
     fn what_differs_from_row_to_row_has_no_gain_and_no_offset() {
         let model = named(&["white", "ou", "gain", "student"]).expect("sound");
-        // 3² · 4/(4 − 2) + 2².
+        // The expected variance is 3² · 4/(4 − 2) + 2².
         assert!((model.row_sd_um(&[3.0, 2.0, 1.0, 0.5, 70.0, 4.0]) - 22.0_f64.sqrt()).abs() < 1e-12);
         assert!((NoiseModel::default().row_sd_um(&[3.0]) - 3.0).abs() < 1e-12);
     }
@@ -172,7 +172,7 @@ mod tests {
             assert!(lower >= spec.support.lower && upper <= spec.support.upper);
             assert!(prior.source.starts_with("chosen: "));
         }
-        // What the sources say.
+        // These quantiles are stated in the sources.
         let quantile = |name: &str, p: f64| {
             priors.iter().find(|prior| prior.name == name).map_or(f64::NAN, |prior| prior.distribution.quantile(p))
         };

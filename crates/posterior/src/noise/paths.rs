@@ -1,4 +1,4 @@
-//! The filter row by row: marginal standard deviations, and simulated noise.
+//! Row-by-row filter: marginal standard deviations and simulated noise.
 
 use pulp::Scalar;
 use rand::{Rng, RngExt};
@@ -16,7 +16,7 @@ pub(super) fn number(value: f64) -> Number {
     Register::splat(Scalar, value)
 }
 
-/// The filter of one point, row by row; terms that the model lacks have variance 0.
+/// Filter of one point, row by row; terms that the model lacks have variance 0.
 pub(super) struct Walk {
     /// Decay of the process and the variance that it gains, by step.
     steps: Vec<(f64, f64)>,
@@ -31,7 +31,7 @@ impl Walk {
         Self { steps, prior, covariance: Covariance::zero(Scalar) }
     }
 
-    /// Decay of the process up to a row, and the row's gain.
+    /// Advances to a row and observes it. Returns the decay of the process up to the row, and the row's gain.
     pub fn observe(&mut self, row: &Row, position_m: f64) -> (Number, Gain<Scalar>) {
         let (decay, gained) = self.steps[row.step];
         self.covariance.advance(number(decay), number(gained));
@@ -42,7 +42,7 @@ impl Walk {
     }
 }
 
-/// Takes a mean to a row.
+/// Advances a mean to a row.
 pub(super) fn advance(mean: &mut Mean<Scalar, true, true>, row: &Row, decay: Number) {
     mean.advance(decay);
     if row.new_cycle {
@@ -51,10 +51,10 @@ pub(super) fn advance(mean: &mut Mean<Scalar, true, true>, row: &Row, decay: Num
 }
 
 impl NoiseModel {
-    /// Standard deviation in m of the noise at every row of a record that is observed at every row: times in s, cycles, positions in m.
+    /// Standard deviation in m of the noise at every row of a record with an observation at every row. Times are in s, positions in m.
     ///
-    /// With `student` it follows from the filter: the score-driven mean has (ν + 1)/(ν + 3) of the variance that the Gaussian filter's mean has, and
-    /// what is left to predict has ν/(ν − 2) of it. Infinite at ν = 2, NaN for parameters outside their support.
+    /// With `student` it follows from the filter. The score-driven mean has (ν + 1)/(ν + 3) of the variance of the Gaussian filter's mean, and the prediction's variance is
+    /// multiplied by ν/(ν − 2). The result is infinite at ν = 2 and NaN for parameters outside their support.
     pub fn marginal_sd_m(self, time_s: &[f64], cycle: &[u32], position_m: &[f64], parameters: &[f64]) -> Vec<f64> {
         let Some(scales) = self.scales(parameters) else {
             return vec![f64::NAN; position_m.len()];
@@ -75,10 +75,10 @@ impl NoiseModel {
         rows.rows.iter().map(sd_m).collect()
     }
 
-    /// One draw of the noise, observed less position in m, at every row of a record, from the density that [`NoiseLikelihood`](super::NoiseLikelihood) gives the record
-    /// when it is observed at every row. NaN for parameters outside their support.
+    /// One draw of the noise (observed minus predicted position in m) at every row of a record. The density is the one of [`NoiseLikelihood`](super::NoiseLikelihood) with
+    /// an observation at every row. NaN for parameters outside their support.
     ///
-    /// Drawn prediction by prediction through the likelihood's own filter, which for the Gaussian terms is the same as drawing each term.
+    /// The noise is drawn prediction by prediction through the likelihood's own filter. For the Gaussian terms this is equivalent to a draw of each term.
     pub fn simulate_m(
         self,
         time_s: &[f64],
@@ -123,9 +123,9 @@ fn all_rows(time_s: &[f64], cycle: &[u32]) -> Rows {
     Rows::new(time_s, cycle, &(0..time_s.len()).collect::<Vec<_>>())
 }
 
-/// A draw of Student's t by the polar method (Bailey, *Math. Comp.* 62, 779, 1994, doi:10.2307/2153537).
+/// Draws from Student's t by the polar method (Bailey, *Math. Comp.* 62, 779, 1994, doi:10.2307/2153537).
 fn student_t(dof: f64, rng: &mut (impl Rng + ?Sized)) -> f64 {
-    // In (0, 1], so that the logarithm is finite.
+    // The level is in (0, 1], so that the logarithm is finite.
     let radius_level = 1.0 - rng.random::<f64>();
     let angle = 2.0 * std::f64::consts::PI * rng.random::<f64>();
     (dof * (-2.0 / dof * radius_level.ln()).exp_m1()).sqrt() * angle.cos()

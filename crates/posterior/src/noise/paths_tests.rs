@@ -1,4 +1,4 @@
-//! Whitening, marginal standard deviations and simulated noise against dense algebra and the likelihood.
+//! Tests of whitening, marginal standard deviations and simulated noise against dense algebra and the likelihood.
 
 use super::super::NoiseLikelihood;
 use super::super::dense_for_tests::{
@@ -31,7 +31,7 @@ fn whitened_residuals_have_the_mahalanobis_distance() {
     }
 }
 
-/// The whitened unit columns are L⁻¹: lower triangular, it turns the covariance into the identity and gives the likelihood's determinant.
+/// The whitened unit columns are L⁻¹. It is lower triangular, turns the covariance into the identity and gives the likelihood's determinant.
 #[test]
 fn whitened_unit_columns_are_the_inverse_factor() {
     let record = TestRecord::irregular(50);
@@ -83,7 +83,7 @@ fn marginal_sds_are_the_dense_diagonal() {
     }
 }
 
-/// Student-t tends to the Gaussian terms, and the first row, which nothing precedes, has ν/(ν − 2) of their variance.
+/// Student-t tends to the Gaussian terms. The first row, which has no past, has ν/(ν − 2) of their variance.
 #[test]
 fn students_marginal_sds_tend_to_the_gaussian_ones() {
     let record = TestRecord::irregular(60);
@@ -101,8 +101,8 @@ fn students_marginal_sds_tend_to_the_gaussian_ones() {
     assert!(sd_m(student, 2.0).iter().all(|sd| sd.is_infinite()));
 }
 
-/// Sample covariance of 20,000 draws of 14 rows: an entry's standard error is √((ΣᵢᵢΣⱼⱼ + Σᵢⱼ²)/N), so that a limit of 6.2 on the largest of 105
-/// entries of 4 models fails by chance with probability 420 · 6·10⁻¹⁰ = 2·10⁻⁷.
+/// Sample covariance of 20,000 draws of 14 rows. The standard error of an entry is √((ΣᵢᵢΣⱼⱼ + Σᵢⱼ²)/N). A limit of 6.2 on the largest of 105 entries of 4 models fails by
+/// chance with a probability of 420 · 6·10⁻¹⁰ = 2·10⁻⁷.
 #[test]
 fn simulated_noise_has_the_dense_covariance() {
     let record = TestRecord::irregular(14);
@@ -126,8 +126,8 @@ fn simulated_noise_has_the_dense_covariance() {
     }
 }
 
-/// Draws have the likelihood's density p: for any other density q, E q/p = 1. Here q is p at a smaller scale, so that the ratios are bounded, and
-/// the mean of 20,000 lies within 5.5 standard errors (false failure 4·10⁻⁸). A sampler whose white noise and process are 10 % too large must fail.
+/// Draws have the likelihood's density p: E q/p = 1 for any other density q. Here q is p at a smaller scale, so that the ratios are bounded. The mean of 20,000 lies within
+/// 5.5 standard errors (false failure 4·10⁻⁸). A sampler whose white noise and process are 10 % too large must fail.
 #[test]
 fn simulated_noise_has_the_likelihoods_density() {
     let record = TestRecord::irregular(9);
@@ -164,7 +164,7 @@ fn simulated_noise_has_the_likelihoods_density() {
     assert!(z_score(&wrong, 6).abs() > 5.5, "the comparison must see a wrong sampler");
 }
 
-/// Kolmogorov–Smirnov on 10,000 draws at D < 2.75/√n: false failure 5·10⁻⁷ for each.
+/// Kolmogorov–Smirnov test on 10,000 draws at D < 2.75/√n: false failure 5·10⁻⁷ for each.
 #[test]
 fn polar_draws_are_students_t() {
     use statrs::distribution::{ContinuousCDF, StudentsT};

@@ -1,10 +1,11 @@
-//! The log-likelihood position by position, for cross-validation.
+//! Log likelihood position by position, for cross-validation.
 //!
-//! What leaving position i out takes from the likelihood is p(yᵢ | y₋ᵢ, θ) = p(y | θ)/p(y₋ᵢ | θ), so that 1/p(yᵢ | y₋ᵢ, θ) is the importance weight that PSIS-LOO
-//! needs; for correlated errors it differs from the one-step density (Bürkner, Gabry & Vehtari 2021, Comput. Stat. 36:1243, doi:10.1007/s00180-020-01045-4).
-//! For normal errors with covariance C it is normal with the precision D = (C⁻¹)ᵢᵢ and the mean yᵢ − u/D, u = (C⁻¹r)ᵢ of the residuals r. Both follow from
-//! the filter's innovations v, variances S and gains k by one pass backwards (de Jong 1988, Biometrika 75:594): with ρ and M the adjoints of the state after
-//! row i, u = v/S − kᵀρ, D = 1/S + kᵀMk, and before it h u + ρ and hhᵀ/S + (I − khᵀ)ᵀM(I − khᵀ).
+//! Leaving out position i changes the likelihood by the factor p(yᵢ | y₋ᵢ, θ) = p(y | θ)/p(y₋ᵢ | θ). Its inverse is the importance weight of PSIS-LOO. For correlated
+//! errors it differs from the one-step density (Bürkner, Gabry & Vehtari 2021, Comput. Stat. 36:1243, doi:10.1007/s00180-020-01045-4).
+//!
+//! For normal errors with covariance C, the density is normal with the precision D = (C⁻¹)ᵢᵢ and the mean yᵢ − u/D, where u = (C⁻¹r)ᵢ with the residuals r. Both follow
+//! from the filter's innovations v, variances S and gains k by one backward pass (de Jong 1988, Biometrika 75:594). With the adjoints ρ and M of the state after row i, u =
+//! v/S − kᵀρ and D = 1/S + kᵀMk. Before row i the adjoints are h u + ρ and hhᵀ/S + (I − khᵀ)ᵀM(I − khᵀ).
 
 use nalgebra::{Matrix3, Vector3};
 
@@ -13,20 +14,20 @@ use super::likelihood::ln_student_constant;
 use super::scales::Scales;
 use super::terms::Equations;
 
-/// What a position's log-likelihood is conditional on, beside the parameters.
+/// Condition of a position's log likelihood, besides the parameters.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Conditional {
-    /// Nothing: errors are independent.
+    /// No other position: errors are independent.
     Nothing,
-    /// All other positions that are compared.
+    /// All other compared positions.
     AllOthers,
-    /// All positions before it: heavy tails with a process or gains have no density of some rows without the others.
+    /// All earlier positions. Heavy tails with a process or gains have no density of some rows without the others.
     AllBefore,
 }
 
-/// What the filter knew at a row; covariances are over σ².
+/// State of the filter at a row; covariances are over σ².
 struct Visit {
-    /// What multiplies the state on its way to this row: 0 for what begins anew.
+    /// Factors of the state on its way to this row; 0 for a part that begins anew.
     decay: Vector3<f64>,
     observes: Vector3<f64>,
     gain: Vector3<f64>,
@@ -35,7 +36,7 @@ struct Visit {
 }
 
 impl NoiseLikelihood {
-    /// What [`NoiseLikelihood::ln_pointwise`] is conditional on.
+    /// Condition of [`NoiseLikelihood::ln_pointwise`].
     pub fn conditional(&self) -> Conditional {
         let Equations { process, cycles, heavy_tails } = self.model.equations();
         match (process || cycles, heavy_tails) {
@@ -45,13 +46,13 @@ impl NoiseLikelihood {
         }
     }
 
-    /// Rows of the record that are compared, ascending.
+    /// Compared rows of the record, ascending.
     pub fn observed_rows(&self) -> impl Iterator<Item = usize> {
         self.rows.rows.iter().map(|row| row.index)
     }
 
-    /// Log-density, in nats for positions in m, of each compared position given the parameters and what [`NoiseLikelihood::conditional`] says. Arguments
-    /// as those of [`NoiseLikelihood::ln_likelihood`]; −∞ for parameters outside their support.
+    /// Log density, in nats for positions in m, of each compared position given the parameters and the condition of [`NoiseLikelihood::conditional`]. The arguments are
+    /// those of [`NoiseLikelihood::ln_likelihood`]. The result is −∞ for parameters outside their support.
     pub fn ln_pointwise(&self, position_m: &[f64], parameters: &[f64]) -> Vec<f64> {
         let Some(scales) = self.model.scales(parameters) else {
             return vec![f64::NEG_INFINITY; self.n_observed()];
@@ -88,7 +89,7 @@ impl NoiseLikelihood {
         out
     }
 
-    /// The filter's way through the record, forwards.
+    /// Runs the filter forward through the record.
     fn visits(&self, position_m: &[f64], scales: &Scales) -> Vec<Visit> {
         let has = |is_there: bool| f64::from(u8::from(is_there));
         let Equations { process, cycles, .. } = self.model.equations();
@@ -134,7 +135,7 @@ mod tests {
     use super::super::dense_for_tests::{POINTS, TestRecord, covariance_m2, gaussian_models, model, parameters};
     use super::*;
 
-    /// By dense algebra: precision and mean of each position given all others. Points whose covariances lose more than half of their digits in the dense
+    /// Compares with precision and mean of each position given all others, by dense algebra. Points whose covariances lose more than half of their digits in the dense
     /// inverse are left to the filter's own tests.
     #[test]
     fn normal_errors_have_the_conditional_density_given_all_others() {
@@ -163,7 +164,7 @@ mod tests {
         }
     }
 
-    /// Where nothing or only the past is given, the densities multiply to the likelihood.
+    /// With no condition, or the past as condition, the densities multiply to the likelihood.
     #[test]
     fn independent_and_one_step_densities_add_up_to_the_likelihood() {
         let record = TestRecord::irregular(60);

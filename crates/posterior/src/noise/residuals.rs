@@ -1,4 +1,4 @@
-//! The likelihood of many residuals under eight noises at once: the filter's covariance does not depend on them, and is most of the work.
+//! Likelihood of many residuals under eight noises at once. The filter's covariance, which is most of the work, does not depend on the residuals.
 
 use pulp::{Arch, Simd, WithSimd};
 
@@ -9,8 +9,8 @@ use super::likelihood::Step;
 use super::scales::Scales;
 
 impl NoiseLikelihood {
-    /// Log-likelihood, in nats, of residuals (observed less predicted, m, one value a row of the record) about one position, which gains multiply, for
-    /// each column of residuals and each lane of `parameters[parameter][lane]`. Of the Gaussian terms; −∞ for parameters outside their support.
+    /// Log likelihood, in nats, for each column of residuals and each lane of `parameters[parameter][lane]`. Residuals (observed minus predicted, m) have one value per row
+    /// of the record; gains multiply the common `position_m`. Only the Gaussian terms count. −∞ for parameters outside their support.
     pub fn ln_likelihoods_of(
         &self,
         residuals_m: &[&[f64]],

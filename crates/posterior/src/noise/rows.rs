@@ -1,7 +1,7 @@
-//! The observed rows of a record, prepared for the filter.
+//! Observed rows of a record, prepared for the filter.
 
-/// Steps whose lengths differ by less than this fraction of the record's length count as equal: decimal times such as 0.05 i are
-/// not equally spaced in binary, and one exponential per step length is dear.
+/// Largest difference of equal steps, as a fraction of the record's length. Decimal times such as 0.05 i are not equally spaced in binary, and one exponential per step
+/// length is expensive.
 const EQUAL_STEP_TOLERANCE: f64 = 1e-13;
 
 /// A row that the filter visits.
@@ -9,9 +9,9 @@ const EQUAL_STEP_TOLERANCE: f64 = 1e-13;
 pub(super) struct Row {
     /// Index in the record.
     pub index: usize,
-    /// Index of the step that leads to it from the row visited before.
+    /// Index of the step from the previously visited row.
     pub step: usize,
-    /// Whether it is the first visited row of its cycle.
+    /// True for the first visited row of its cycle.
     pub new_cycle: bool,
 }
 
@@ -19,12 +19,12 @@ pub(super) struct Row {
 #[derive(Debug, Clone)]
 pub(super) struct Rows {
     pub rows: Vec<Row>,
-    /// Distinct step lengths in s. The first is infinite and leads to the first row: before it, the process is stationary.
+    /// Distinct step lengths in s. The first is infinite and leads to the first row, because the process is stationary before it.
     pub step_s: Vec<f64>,
 }
 
 impl Rows {
-    /// Those rows of a record (times in s, cycle numbers) that are `visited`, which ascends.
+    /// Prepares the `visited` rows (ascending) of a record with times in s and cycle numbers.
     pub fn new(time_s: &[f64], cycle: &[u32], visited: &[usize]) -> Self {
         let length_s = |(before, after): (&usize, &usize)| time_s[*after] - time_s[*before];
         let lengths_s: Vec<f64> = visited.iter().zip(visited.iter().skip(1)).map(length_s).collect();

@@ -1,9 +1,9 @@
-//! A point's noise parameters in the form that the filter takes, and the scales of their default priors.
+//! Noise parameters of a point in the filter's form, and the scales of their default priors.
 
-/// Ratios of variances above this are refused: their products would leave the range of numbers.
+/// Largest ratio of variances; products of larger ratios would leave the range of numbers.
 const LARGEST_RATIO: f64 = 1e100;
 
-/// What default priors are scaled by.
+/// Scales of the default priors.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct NoiseScales {
     /// Median of the white noise's prior in µm.
@@ -14,14 +14,14 @@ pub struct NoiseScales {
     pub cycle_s: f64,
 }
 
-/// Parameters in SI, variances over the white noise's. Terms that the model lacks have variance 0.
+/// Noise parameters in SI units, with variances over the white noise's. Terms that the model lacks have variance 0.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Scales {
-    /// Standard deviation (of a t: scale) of the white noise in m.
+    /// Standard deviation of the white noise in m; for a t distribution, its scale.
     pub noise_sd_m: f64,
     /// Stationary variance of the Ornstein–Uhlenbeck process over that of the white noise.
     pub ou: f64,
-    /// Its correlation time in s.
+    /// Correlation time of the process in s.
     pub ou_time_s: f64,
     /// Variance of the gain over that of the white noise, in 1/m².
     pub gain_per_m2: f64,
@@ -32,17 +32,17 @@ pub(super) struct Scales {
 }
 
 impl Scales {
-    /// Stands in for a point outside the support, whose result is thrown away.
+    /// Placeholder for a point outside the support, whose result is discarded.
     pub const UNIT: Self =
         Self { noise_sd_m: 1.0, ou: 0.0, ou_time_s: 1.0, gain_per_m2: 0.0, offset: 0.0, dof: f64::INFINITY };
 
-    /// Whether the filter can take them: white noise that is positive, and ratios that are not too large.
+    /// Returns true if the filter can use the scales: positive white noise, and ratios below the largest.
     pub fn are_moderate(&self) -> bool {
         let small = |ratio: f64| ratio <= LARGEST_RATIO;
         self.noise_sd_m > 0.0 && small(self.ou) && small(self.gain_per_m2) && small(self.offset)
     }
 
-    /// The variance of a standard deviation in m (or of a number, in 1/m²) over the white noise's.
+    /// Square of a standard deviation, over the white noise's variance. It is dimensionless for `sd` in m, and in 1/m² for a gain.
     pub fn ratio(&self, sd: f64) -> f64 {
         (sd / self.noise_sd_m).powi(2)
     }
@@ -52,9 +52,9 @@ impl Scales {
         if self.dof.is_finite() { self.dof / (self.dof - 2.0) } else { 1.0 }
     }
 
-    /// Decay exp(−Δt/τ) of the process over a step, and the variance 1 − exp(−2Δt/τ), times the stationary one, that it gains.
+    /// Decay exp(−Δt/τ) of the process over a step, and the variance that it gains: 1 − exp(−2Δt/τ) times the stationary variance.
     pub fn step(&self, step_s: f64) -> (f64, f64) {
-        // From exp − 1, which keeps the digits of short steps.
+        // exp − 1 keeps the digits of short steps.
         let change = (-step_s / self.ou_time_s).exp_m1();
         (1.0 + change, -change * (2.0 + change) * self.ou)
     }

@@ -1,15 +1,15 @@
-//! Derivatives of the log-likelihood: along a change of the positions, and in a parameter of the noise.
+//! Derivatives of the log likelihood: along a change of the positions, and by a noise parameter.
 //!
-//! The filter has no derivative of its own. Both are differences of fourth order with steps that are a small part of what the likelihood changes over: for
-//! white noise the first is exact to rounding, since the log-likelihood is quadratic in the positions.
+//! Both are fourth-order finite differences, because the filter has no derivative of its own. Their steps are small relative to the scale on which the likelihood changes.
+//! For white noise the first is exact to rounding, since the log likelihood is quadratic in the positions.
 
 use super::NoiseLikelihood;
 
-/// Step along a direction: the row that moves most moves by this part of σ.
+/// Step along a direction: the displacement of the row that moves most, in units of σ.
 const POSITION_STEP: f64 = 1e-2;
-/// Step in a parameter over its value.
+/// Step in a parameter, relative to its value.
 const PARAMETER_STEP: f64 = 1e-3;
-/// Value that stands for a parameter's own where that is smaller: at the end of the support it may be 0.
+/// Smallest scale of a step in a parameter. At the end of its support, the parameter may be 0.
 const SMALLEST_SCALE: f64 = 0.1;
 
 /// f′(0) from the values at ±h and ±2h.
@@ -25,7 +25,7 @@ fn forward(f: impl Fn(f64) -> f64, h: f64) -> f64 {
 }
 
 impl NoiseLikelihood {
-    /// Derivative of [`NoiseLikelihood::ln_likelihood`] along a direction of the positions: both in m, one entry a row of the record.
+    /// Derivative of [`NoiseLikelihood::ln_likelihood`] along a direction of the positions. Both slices are in m, with one entry per row of the record.
     pub fn slope_along(&self, position_m: &[f64], direction_m: &[f64], parameters: &[f64]) -> f64 {
         let largest_m = self.observed_rows().map(|row| direction_m[row].abs()).fold(0.0, f64::max);
         if largest_m == 0.0 {
@@ -39,7 +39,7 @@ impl NoiseLikelihood {
         central(moved, POSITION_STEP * 1e-6 * parameters[0] / largest_m)
     }
 
-    /// Derivative of the log-likelihood in one parameter of the noise, a unit of it; one-sided at an end of its support.
+    /// Derivative of the log likelihood by one noise parameter, per unit of the parameter; one-sided at an end of its support.
     pub fn slope_in(&self, position_m: &[f64], parameters: &[f64], index: usize) -> f64 {
         let support = self.model.parameters()[index].support;
         let value = parameters[index];
@@ -86,7 +86,7 @@ mod tests {
         assert_eq!(likelihood.slope_along(&position_m, &[0.0; 60], &[sd_um]), 0.0);
     }
 
-    /// With all terms the slopes agree with differences of other steps, and at the end of a support they are those from inside.
+    /// With all terms, the slopes agree with differences of other steps. At an end of a support they are one-sided from inside.
     #[test]
     fn slopes_under_all_noises_are_differences() {
         let names = ["white", "ou", "gain", "student"].map(String::from);

@@ -1,8 +1,8 @@
-//! Whitening of columns, and inner products of whitened columns that are never kept whole.
+//! Whitening of columns, and inner products of whitened columns without storing them.
 //!
-//! One covariance gives the gains of a block of rows; the means of all columns go through the block eight at a time. Columns of cycles, 1 in the rows of a
-//! cycle and 0 elsewhere, are as many as cycles; yet whitened they differ from 0 before the cycle's end, and after it through the process alone, which
-//! is one number. So [`CycleProducts`] hold what the cycle's own rows say of its column and of a unit of process that comes into them, and what leaves them.
+//! One covariance gives the gains of a block of rows; the means of all columns pass through the block, eight at a time. A column of a cycle is 1 in the cycle's rows and 0
+//! elsewhere, and there is one for each cycle. Whitened, it differs from 0 before the cycle's end. After that it differs only through the process, which is one number.
+//! [`CycleProducts`] therefore hold the products of the cycle's own rows with its column and with a unit of incoming process, and the process that leaves the cycle.
 
 use std::ops::Range;
 
@@ -16,12 +16,12 @@ use super::paths::{Walk, advance, number};
 use super::rows::Row;
 use super::scales::Scales;
 
-/// Rows of a block: few enough that its columns stay in the nearest cache.
+/// Number of rows of a block, small enough that its columns stay in the nearest cache.
 const BLOCK: usize = 256;
-/// Rows after which a column that has ended is asked whether it is forgotten.
+/// Number of rows after which an ended column is checked for being forgotten.
 const SHORT_BLOCK: usize = 64;
 
-/// The filter at a row.
+/// State of the filter at a row.
 #[derive(Clone, Copy)]
 struct RowGain {
     row: Row,
@@ -29,7 +29,7 @@ struct RowGain {
     x: f64,
     decay: f64,
     gain: GainNumbers,
-    /// σ²/S under a root.
+    /// Square root of σ²/S.
     root_precision: f64,
     /// S/σ² − 1.
     excess: f64,
@@ -48,7 +48,7 @@ impl RowGain {
 /// Some successive rows with their whitened columns.
 struct Block<'a> {
     rows: &'a [RowGain],
-    /// One slice of [`BLOCK`] numbers a column.
+    /// One array of [`BLOCK`] numbers per column.
     white: &'a [[f64; BLOCK]],
 }
 
@@ -61,15 +61,15 @@ impl Block<'_> {
 /// Inner products of whitened columns.
 #[derive(Debug, Clone)]
 pub struct WhiteProducts {
-    /// Of each set: its common columns, then its own.
+    /// Products of each set: its common columns, then its own.
     pub sets: Vec<DMatrix<f64>>,
-    /// Of the set that has columns of cycles, one entry a cycle with an observed row.
+    /// Products of the set with columns of cycles, one entry per cycle with an observed row.
     pub cycles: Vec<CycleProducts>,
-    /// The log density in nats less that of the quadratic form: −½ ln det(2πΣ).
+    /// Log density in nats without the quadratic form: −½ ln det(2πΣ).
     pub ln_constant: f64,
 }
 
-/// What the rows of one cycle say of its column e and of a unit of process p that comes into them, both whitened.
+/// Products over the rows of one cycle, with its column e and a unit of incoming process p, both whitened.
 #[derive(Debug, Clone)]
 pub struct CycleProducts {
     /// e·e, e·p and p·p.
@@ -79,36 +79,36 @@ pub struct CycleProducts {
     /// Products of e and of p with the set's columns.
     pub unit_with: Vec<f64>,
     pub past_with: Vec<f64>,
-    /// The process that leaves the cycle for a unit of e and of p.
+    /// Process that leaves the cycle for a unit of e and of p.
     pub left: f64,
     pub kept: f64,
 }
 
 impl CycleProducts {
-    /// With the set's columns in another order.
+    /// Products with the set's columns in another order.
     pub fn ordered(self, order: &[usize]) -> Self {
         let ordered = |with: &[f64]| order.iter().map(|k| with[*k]).collect();
         Self { unit_with: ordered(&self.unit_with), past_with: ordered(&self.past_with), ..self }
     }
 }
 
-/// Which products are asked for.
+/// Requested products.
 pub struct Asked<'a> {
-    /// Columns, one value a row of the record each: first those that all sets share.
+    /// Columns with one value per row of the record; the columns that all sets share come first.
     pub columns: &'a [&'a [f64]],
-    /// How many are shared.
+    /// Number of shared columns.
     pub n_common: usize,
-    /// The own columns of each set.
+    /// Columns of each set alone.
     pub own: &'a [Range<usize>],
-    /// The set with columns of cycles beside its own.
+    /// Index of the set that also has columns of cycles.
     pub with_cycles: Option<usize>,
 }
 
 impl NoiseLikelihood {
-    /// L⁻¹ times each column, where L Lᵀ is the covariance of the observed positions at a point: so ‖whiten(r)‖² is the Mahalanobis distance of
-    /// residuals r. A column has one entry a row of the record, its result one an observed row, in order.
+    /// L⁻¹ times each column, where L Lᵀ is the covariance of the observed positions at a point. ‖whiten(r)‖² is thus the Mahalanobis distance of residuals r. A column has
+    /// one entry per row of the record, its result one per observed row, in order.
     ///
-    /// L is that of the Gaussian terms; with `student` it is multiplied by √(ν/(ν − 2)). All NaN for parameters outside their support.
+    /// L belongs to the Gaussian terms; with `student` it is multiplied by √(ν/(ν − 2)). All values are NaN for parameters outside their support.
     pub fn whiten(&self, columns: &[Vec<f64>], position_m: &[f64], parameters: &[f64]) -> Vec<Vec<f64>> {
         match self.whitening(position_m, parameters) {
             Some(whitening) => whitening.whiten(columns),
@@ -125,7 +125,7 @@ impl NoiseLikelihood {
         Some(Whitening { rows, inverse_sd: inverse_sd(&scales), largest_m })
     }
 
-    /// Inner products of whitened columns, in one pass and without keeping them; `None` for parameters outside their support.
+    /// Inner products of whitened columns, in one pass and without storing the columns; `None` for parameters outside their support.
     pub fn white_products(&self, asked: &Asked, position_m: &[f64], parameters: &[f64]) -> Option<WhiteProducts> {
         let scales = self.model.scales(parameters)?;
         let n = asked.columns.len();
@@ -152,7 +152,7 @@ impl NoiseLikelihood {
         })
     }
 
-    /// Whitens columns block by block. Returns ln det of the covariance over that of its white part.
+    /// Whitens columns block by block. Returns ln det of the covariance, relative to that of its white part.
     fn each_block(
         &self,
         scales: &Scales,
@@ -186,21 +186,21 @@ impl NoiseLikelihood {
 pub struct Whitening {
     rows: Vec<RowGain>,
     inverse_sd: f64,
-    /// Size (m) of the largest position.
+    /// Largest absolute position (m).
     largest_m: f64,
 }
 
-/// Part of a column's size below which what the filter remembers of it is nothing.
+/// Share of a column's size below which its remainder in the filter counts as 0.
 const FORGOTTEN: f64 = 1e-14;
 
 impl Whitening {
-    /// L⁻¹ times each column: as [`NoiseLikelihood::whiten`].
+    /// L⁻¹ times each column, as in [`NoiseLikelihood::whiten`].
     pub fn whiten(&self, columns: &[Vec<f64>]) -> Vec<Vec<f64>> {
         self.whiten_from(columns, 0).1
     }
 
-    /// The same of columns that begin at a row of the record and are 0 before it and after their end: the first observed row at which they may differ from 0,
-    /// counted among the observed ones, and their values from there on until they are 0 to rounding.
+    /// L⁻¹ times columns that begin at `first_row` of the record and are 0 before it and after their end. Returns the index, among the observed rows, of the first row at
+    /// which they can differ from 0. The values start there and end where they are 0 to rounding.
     pub fn whiten_from(&self, columns: &[Vec<f64>], first_row: usize) -> (usize, Vec<Vec<f64>>) {
         let slices: Vec<&[f64]> = columns.iter().map(Vec::as_slice).collect();
         let end_row = first_row + slices.iter().map(|column| column.len()).max().unwrap_or(0);
@@ -225,7 +225,7 @@ impl Whitening {
     }
 }
 
-/// Takes columns that begin at a row of the record through successive observed rows, eight at a time.
+/// Whitens columns that begin at a row of the record over successive observed rows, eight columns at a time.
 fn sweep(
     rows: &[RowGain],
     columns: &[&[f64]],
@@ -238,12 +238,12 @@ fn sweep(
     }
 }
 
-/// 1/m.
+/// Inverse standard deviation of the white noise, in 1/m.
 fn inverse_sd(scales: &Scales) -> f64 {
     1.0 / (scales.noise_sd_m * scales.variance_factor().sqrt())
 }
 
-/// Up to eight columns through a block.
+/// Pass of up to eight columns through a block.
 struct Sweep<'a> {
     rows: &'a [RowGain],
     columns: &'a [&'a [f64]],
@@ -323,7 +323,7 @@ impl WithSimd for Gram<'_> {
     }
 }
 
-/// Inner product of two slices of one length: eight sums side by side, so that the compiler may use vector registers, whatever their width: the sum does not depend on it.
+/// Inner product of two slices of equal length. It uses eight parallel sums, so that the compiler can use vector registers and the result does not depend on their width.
 #[inline(always)]
 pub fn dot(a: &[f64], b: &[f64]) -> f64 {
     let ((a, a_rest), (b, b_rest)) = (a.as_chunks::<LANES>(), b.as_chunks::<LANES>());
@@ -343,9 +343,9 @@ pub fn dot(a: &[f64], b: &[f64]) -> f64 {
     sum
 }
 
-/// The columns of cycles on their way through the rows.
+/// State of the columns of cycles during the pass through the rows.
 struct Cycles {
-    /// Columns that they are multiplied with.
+    /// Columns with which they are multiplied.
     members: Vec<usize>,
     inverse_sd: f64,
     unit: Mean<Scalar, true, true>,
@@ -380,7 +380,7 @@ impl Cycles {
         }
     }
 
-    /// Rows of one cycle.
+    /// Processes rows of one cycle.
     fn rows(&mut self, block: &Block, rows: Range<usize>) {
         let Some(cycle) = self.done.last_mut() else { return };
         let [unit, past] = &mut self.white;

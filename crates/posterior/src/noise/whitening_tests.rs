@@ -1,4 +1,4 @@
-//! Products of whitened columns against the whitened columns themselves.
+//! Tests of the products of whitened columns against the whitened columns themselves.
 
 use super::super::dense_for_tests::{POINTS, TestRecord, gaussian_models, parameters};
 use super::*;
@@ -7,13 +7,12 @@ fn dot(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).map(|(a, b)| a * b).sum()
 }
 
-/// Products, those of cycles' columns put together from what each cycle says, and the density, over more rows than a block has; the record has a cycle
-/// without observations.
+/// Products, those of cycles' columns combined from each cycle's part, and the density, over more rows than a block has. The record has a cycle without observations.
 #[test]
 fn products_are_those_of_whitened_columns() {
     let n_rows = 3 * BLOCK + 50;
     let mut record = TestRecord::irregular(n_rows);
-    // Many short cycles, some of one row, beside the long ones.
+    // Many short cycles, some of one row, precede the long ones.
     record.cycle =
         (0..n_rows).map(|row| if row < 400 { 1 + (row / 9) as u32 } else { 50 + (row / 150) as u32 }).collect();
     (18..27).for_each(|row| record.observed_m[row] = None);
@@ -51,7 +50,7 @@ fn products_are_those_of_whitened_columns() {
             }
             let n = numbers.len();
             assert_eq!(products.cycles.len(), n);
-            // A column's shape in a later cycle is that of a unit of process, by what has come through.
+            // In a later cycle, a column is proportional to the unit of process; the factor is the process that enters the cycle.
             for first in 0..n {
                 let cycle = &products.cycles[first];
                 let length = dot(&white_units[first], &white_units[first]).sqrt();
@@ -95,7 +94,7 @@ fn products_are_those_of_whitened_columns() {
             let direct = likelihood.ln_likelihood(&record.position_m, &parameters);
             let found = products.ln_constant - 0.5 * dot(residual, residual);
             assert!((found / direct - 1.0).abs() < 1e-10, "{found} against {direct}");
-            // The same density of several residuals under eight noises at once, of which the last differs.
+            // The same density is computed for several residuals under eight noises at once, of which the last differs.
             let lanes: Vec<[f64; LANES]> = parameters
                 .iter()
                 .map(|value| std::array::from_fn(|lane| if lane == 7 { 1.1 * value } else { *value }))
@@ -112,8 +111,8 @@ fn products_are_those_of_whitened_columns() {
     }
 }
 
-/// Columns that are 0 but in some rows, whitened from their first row on until they are forgotten, against the whole columns; gaps of the record and columns that end
-/// beyond it among them.
+/// Columns that are 0 except in some rows are whitened from their first row until they are forgotten, and compared with the whole columns. They include gaps of the record
+/// and columns that end beyond it.
 #[test]
 fn columns_of_some_rows_are_whitened_as_whole_ones() {
     let record = TestRecord::irregular(900);

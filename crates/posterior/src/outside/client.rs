@@ -1,4 +1,4 @@
-//! Requests to another program, by HTTP over a plain connection: one a request, so that an answer depends on its request alone.
+//! HTTP client for an external program. Each request uses a new plain connection, so that a response depends only on its request.
 
 use std::io::ErrorKind;
 use std::time::Duration;
@@ -10,15 +10,15 @@ use ureq::http::Uri;
 use super::endpoint::Endpoint;
 use base::error::{Error, Place, Result, Setting};
 
-/// How long a connection, and then an answer, is waited for.
+/// Timeouts of a connection and of a response.
 const CONNECTING: Duration = Duration::from_secs(10);
 const ANSWERING: Duration = Duration::from_secs(600);
-/// Largest answer that is read: ten million numbers.
+/// Largest size of a response: ten million numbers.
 const MOST_BYTES: u64 = 1 << 28;
-/// Letters of a server's own words that are shown.
+/// Largest number of characters of a server's message that are shown.
 const MOST_WORDS: usize = 300;
 
-/// A server's address, and how it is asked.
+/// A server's address with its HTTP agent.
 #[derive(Debug, Clone)]
 pub struct Client {
     url: String,
@@ -30,18 +30,18 @@ fn refuse(found: impl Into<String>, remedy: impl Into<String>) -> Error {
 }
 
 impl Client {
-    /// Of an address `http://HOST[:PORT][/PATH]`.
+    /// Creates a client for an address `http://HOST[:PORT][/PATH]`.
     ///
     /// # Errors
-    /// [`Error::Input`] for any other.
+    /// [`Error::Input`] for any other address.
     pub fn new(url: &str) -> Result<Self> {
         if url.starts_with("https://") {
             return Err(refuse(
-                format!("{url}: encrypted connections are not spoken"),
-                "give an http:// address: on this machine, or this end of a tunnel (`ssh -L 4242:localhost:4242 HOST`)",
+                format!("{url}: encrypted connections are not supported"),
+                "give an http:// address: on this machine, or of the local end of a tunnel (`ssh -L 4242:localhost:4242 HOST`)",
             ));
         }
-        // Host and port make the whole authority: nobody's name stands before them.
+        // Host and port are the whole authority, without a user name.
         let is_plain = |uri: &Uri| {
             let host = uri.host().unwrap_or_default();
             let whole = uri.port_u16().map_or(host.to_string(), |port| format!("{host}:{port}"));
@@ -67,15 +67,15 @@ impl Client {
         Ok(Self { url: url.trim_end_matches('/').to_string(), agent })
     }
 
-    /// The address.
+    /// Address of the server.
     pub fn url(&self) -> &str {
         &self.url
     }
 
-    /// What the server answers; with `Null` it is only asked.
+    /// Sends a request and returns the response; `Null` sends a GET request.
     ///
     /// # Errors
-    /// [`Error::Numerical`] where it cannot be reached, does not answer in time, answers an error, or no JSON.
+    /// [`Error::Numerical`] if the server cannot be reached, does not respond in time, or responds with an error or without JSON.
     pub fn ask(&self, endpoint: Endpoint, request: &Value) -> Result<Value> {
         let (status, body) = self.exchange(endpoint, request).map_err(|error| self.unreachable(endpoint, &error))?;
         let text = String::from_utf8_lossy(&body);
@@ -84,25 +84,25 @@ impl Client {
         if status != 200 || error.is_some() {
             let own = error.and_then(|error| error.get("message").unwrap_or(error).as_str()).unwrap_or(&text);
             return Err(Error::numerical(
-                format!("{} answers {} with {status}: {}", self.url, endpoint.path(), shortened(own)),
-                "read the server's own words and log; what it is asked is in docs/serve.md",
+                format!("{} responds to {} with {status}: {}", self.url, endpoint.path(), shortened(own)),
+                "read the server's message and log; docs/serve.md describes the requests",
             ));
         }
         answer.ok_or_else(|| match ["NaN", "Infinity"].iter().find(|word| text.contains(**word)) {
             Some(word) => self.not_finite(word),
             None => Error::numerical(
-                format!("{} answers {} with no JSON: {}", self.url, endpoint.path(), shortened(&text)),
-                "give the address of an UM-Bridge server, of protocol 1.0",
+                format!("{} responds to {} with text that is no JSON: {}", self.url, endpoint.path(), shortened(&text)),
+                "give the address of an UM-Bridge server of protocol 1.0",
             ),
         })
     }
 
-    /// An answer that holds no number.
+    /// Error for a response with a value that is no finite number.
     pub fn not_finite(&self, found: &str) -> Error {
         Error::numerical(
-            format!("{} answers with {found} among its positions", self.url),
+            format!("{} responds with {found} among its positions", self.url),
             format!(
-                "let the model give a number wherever the prior leads, or narrow the prior ({}) to where it does",
+                "let the model return a number everywhere in the prior, or narrow the prior ({}) to where it does",
                 Setting::Prior
             ),
         )
@@ -124,13 +124,13 @@ impl Client {
         match error {
             ureq::Error::Timeout(ureq::Timeout::Connect | ureq::Timeout::Resolve) => self.not_reached(error),
             ureq::Error::Timeout(_) => Error::numerical(
-                format!("{url} does not answer {path} in time ({} s)", ANSWERING.as_secs()),
-                "see whether the server still computes; give it a coarser model, or a shorter record",
+                format!("{url} does not respond to {path} in time ({} s)", ANSWERING.as_secs()),
+                "check whether the server still computes; give it a coarser model, or a shorter record",
             ),
             ureq::Error::Io(error) if !is_cut(error) => self.not_reached(error),
             ureq::Error::HostNotFound | ureq::Error::ConnectionFailed => self.not_reached(error),
             _ => Error::numerical(
-                format!("{url} does not answer {path} whole: {error}"),
+                format!("{url} sends an incomplete response to {path}: {error}"),
                 "give the address of an UM-Bridge server, and read its log",
             ),
         }
@@ -182,13 +182,13 @@ mod tests {
         }
     }
 
-    /// One answer to one request, whatever it is.
+    /// Sends the bytes as the response to one request, and returns the client's result.
     fn answered(bytes: &'static [u8]) -> Result<Value> {
         let listener = TcpListener::bind("127.0.0.1:0").unwrap();
         let client = Client::new(&format!("http://{}", listener.local_addr().unwrap())).unwrap();
         let server = std::thread::spawn(move || {
             let (mut stream, _) = listener.accept().unwrap();
-            // A request that is left unread would break the connection before its answer is read.
+            // An unread request would break the connection before its response is read.
             let mut request = Vec::new();
             while !request.ends_with(b"}") {
                 let mut part = [0; 4096];
@@ -221,8 +221,8 @@ mod tests {
             (b"HTTP/1.1 400 No\r\n\r\n{\"error\":{\"type\":\"InvalidInput\",\"message\":\"too stiff\"}}", "too stiff"),
             (b"HTTP/1.1 200 OK\r\n\r\n{\"output\": [[NaN]]}", "NaN among its positions"),
             (b"HTTP/1.1 200 OK\r\n\r\n<html>", "no JSON: <html>"),
-            (b"HTTP/1.1 200 OK\r\nContent-Length: 900\r\n\r\n{\"out", "does not answer /Evaluate whole"),
-            (b"SSH-2.0", "does not answer /Evaluate whole"),
+            (b"HTTP/1.1 200 OK\r\nContent-Length: 900\r\n\r\n{\"out", "incomplete response to /Evaluate"),
+            (b"SSH-2.0", "incomplete response to /Evaluate"),
         ];
         for (answer, words) in cases {
             let message = answered(answer).unwrap_err().to_string();

@@ -1,28 +1,28 @@
-//! The requests of UM-Bridge, as client and server know them.
+//! Requests of UM-Bridge, for client and server.
 
-/// What a client may ask.
+/// Endpoint of a request.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Endpoint {
-    /// Which models there are.
+    /// Names of the available models.
     Info,
-    /// What a model can do.
+    /// Capabilities of a model.
     ModelInfo,
-    /// Lengths of its vectors of inputs.
+    /// Lengths of the model's input vectors.
     InputSizes,
-    /// Lengths of its vectors of outputs.
+    /// Lengths of the model's output vectors.
     OutputSizes,
-    /// Outputs at inputs.
+    /// Outputs at given inputs.
     Evaluate,
     /// Sensitivities of outputs times the Jacobian.
     Gradient,
-    /// The Jacobian times a direction of inputs.
+    /// Jacobian times a direction of inputs.
     ApplyJacobian,
     /// Second derivatives.
     ApplyHessian,
 }
 
 impl Endpoint {
-    /// All, in the protocol's order.
+    /// All endpoints, in the protocol's order.
     pub const ALL: [Self; 8] = [
         Self::Info,
         Self::ModelInfo,
@@ -34,7 +34,7 @@ impl Endpoint {
         Self::ApplyHessian,
     ];
 
-    /// Its path.
+    /// URL path.
     pub fn path(self) -> &'static str {
         match self {
             Self::Info => "/Info",

@@ -1,4 +1,4 @@
-//! The other program itself as a forward model: every trajectory is asked for, under the acting force and not to first order.
+//! Forward model by the external program itself. It requests every trajectory under the acting force, without a first-order approximation.
 
 use std::sync::Arc;
 
@@ -10,7 +10,7 @@ use models::model::{Forward, Model, Response};
 use models::surrogate::trajectory::Clock;
 use record::Force;
 
-/// Parameters → trajectory by asking.
+/// Forward model that requests each trajectory from the program.
 pub struct OutsideForward<'a> {
     outside: &'a Outside,
     model: &'a Model,
@@ -21,13 +21,13 @@ pub struct OutsideForward<'a> {
 }
 
 impl<'a> OutsideForward<'a> {
-    /// In one record: rows' times (s) and the commanded force.
+    /// Creates the model for one record: the rows' times (s) and the commanded force.
     pub fn new(outside: &'a Outside, model: &'a Model, time_s: &'a [f64], force: Force<'a>) -> Self {
         let response = Response::new(time_s, force, time_s.len());
         Self { outside, model, time_s, force, clock: Clock::finer(time_s, force), response }
     }
 
-    /// Before the observation, at every row.
+    /// Position of the robot before the observation, at every row.
     fn robot_m(&self, law: &[f64], load: &Load) -> Result<Vec<f64>> {
         if load.is_commanded() {
             return self.outside.position_m(law, self.time_s, self.force);
@@ -50,7 +50,7 @@ impl Forward for OutsideForward<'_> {
     }
 }
 
-/// What was answered, on its way to the observation.
+/// Response of the program, passed to the observation stage.
 #[derive(Debug)]
 struct Answer(Vec<f64>);
 

@@ -1,4 +1,4 @@
-//! Somebody else's model in place of the base law, asked by UM-Bridge (docs/serve.md): `client` speaks HTTP, this file the protocol, and `full` is the model as a forward model.
+//! External model that replaces the base law, evaluated by UM-Bridge (docs/serve.md). `client` implements HTTP, this file the protocol, and `full` the forward model.
 
 pub mod client;
 mod endpoint;
@@ -22,36 +22,36 @@ use models::model::TrainedRange;
 use models::surrogate::trajectory::Clock;
 use record::{Force, Record};
 
-/// The model that is asked for where none is named.
+/// Name of the model if the user gives none.
 const USUAL_NAME: &str = "forward";
-/// Change of the force by which a program shows whether it heeds it.
+/// Factor of the force in the test of whether a program uses the force.
 const OTHER_FORCE: f64 = 1.25;
-/// Change of the positions, over the largest, that is more than rounding.
+/// Smallest relative change of the positions that exceeds rounding.
 const LEAST_CHANGE: f64 = 1e-9;
 
-/// An answer as it is kept.
+/// A response as it is kept.
 #[derive(Serialize, Deserialize)]
 struct KeptAnswer {
     position_um: Vec<f64>,
 }
 
-/// A server's model, and how it behaves.
+/// A server's model with its properties.
 #[derive(Debug)]
 pub struct Outside {
     client: Client,
-    /// The model's name.
+    /// Name of the model.
     name: String,
     law: &'static OutsideLaw,
     takes_force: bool,
-    /// Its answer (µm) at the prior's medians, by which answers that are kept are known to be of the same model.
+    /// Positions (µm) at the prior's medians. They identify the model, so that kept responses of another model are not used.
     at_medians_um: Vec<f64>,
-    /// Why it answers the record's own force alone, if it does.
+    /// Reason why the model predicts only under the record's own force, if so.
     own_force_alone: Option<String>,
-    /// One for all models of the experiment, so that they are compared on the same ground.
+    /// Box of the surrogate, shared by all models of the experiment so that they are comparable.
     learnt_in: OnceLock<Ground>,
 }
 
-/// The box that a program was learnt in, and the error over the noise that was allowed there.
+/// Box in which a program was learnt, and the allowed error over the noise there.
 #[derive(Debug)]
 pub struct Ground {
     pub trained: Vec<TrainedRange>,
@@ -59,10 +59,11 @@ pub struct Ground {
 }
 
 impl Outside {
-    /// Asks what there is: the model, the lengths of its vectors, its answer at parameters, and whether it heeds other times and forces than the record's.
+    /// Connects to the server. It requests the model, the lengths of its vectors and its prediction at `medians`. It then tests whether the model uses
+    /// other times and forces than the record's.
     ///
     /// # Errors
-    /// [`Error::Input`] for an address that is none; [`Error::Numerical`] for a server that cannot be reached, or whose model is not as docs/serve.md says.
+    /// [`Error::Input`] for an invalid address; [`Error::Numerical`] for a server that cannot be reached, or whose model does not follow docs/serve.md.
     pub fn connect(law: &'static OutsideLaw, record: &Record, medians: &[f64]) -> Result<Self> {
         let client = Client::new(law.url())?;
         let name = name_of(&client, law.model())?;
@@ -92,33 +93,33 @@ impl Outside {
         Ok(own)
     }
 
-    /// The address, and the model there.
+    /// Name of the model with the server's address.
     pub fn title(&self) -> String {
         format!("`{}` at {}", self.name, self.client.url())
     }
 
-    /// Why it answers the record's own force alone, if it does: effects of load then have no model.
+    /// Reason why the model predicts only under the record's own force, if so. Effects of load then have no model.
     pub fn answers_own_force_alone(&self) -> Option<&str> {
         self.own_force_alone.as_deref()
     }
 
-    /// Where it was learnt, once it is.
+    /// Box in which the program was learnt, once it is.
     pub fn learnt_in(&self) -> Option<&Ground> {
         self.learnt_in.get()
     }
 
-    /// Keeps where it was learnt first.
+    /// Keeps the first box in which the program was learnt.
     pub(super) fn keep_ground(&self, ground: Ground) {
         self.learnt_in.get_or_init(|| ground);
     }
 
-    /// Position (m) at times (s) under a force that holds, or goes in lines, between them; kept, so that the same is asked once.
+    /// Position (m) at times (s) under a force that holds or is linear between them. The response is kept, so that each request is sent only once.
     ///
     /// # Errors
-    /// [`Error::Numerical`] with the server's words, or for an answer that is none.
+    /// [`Error::Numerical`] with the server's message, or for an invalid response.
     pub fn position_m(&self, parameters: &[f64], time_s: &[f64], force: Force<'_>) -> Result<Vec<f64>> {
         let built_from = self.built_from(parameters, time_s, force);
-        // An answer that cannot be used is asked for again, which costs little and needs no word.
+        // An unusable kept response is requested again without a warning, because this costs little.
         let kept =
             cache::read::<KeptAnswer>(&built_from, &Silent).filter(|kept| kept.position_um.len() == time_s.len());
         let answer = match kept {
@@ -132,7 +133,7 @@ impl Outside {
         Ok(answer.position_um.iter().map(|x| 1e-6 * x).collect())
     }
 
-    /// Everything that an answer depends on.
+    /// All inputs of a response.
     fn built_from(&self, parameters: &[f64], time_s: &[f64], force: Force<'_>) -> BuiltFrom {
         let names: Vec<&str> = self.law.parameters().iter().map(|spec| spec.name).collect();
         BuiltFrom::new("answer of another program")
@@ -148,7 +149,7 @@ impl Outside {
         json!({ "time_s": time_s, "force_n": force.at_rows_n, "force_between": force.rule.name(), "parameters": names })
     }
 
-    /// Whether the model takes the force as a second vector.
+    /// Checks the vector lengths, and returns true if the model takes the force as a second vector.
     fn check_sizes(&self, time_s: &[f64], force: Force<'_>) -> Result<bool> {
         let request = json!({ "name": self.name, "config": self.config(time_s, force) });
         let (n, n_times) = (self.law.parameters().len(), time_s.len());
@@ -158,7 +159,7 @@ impl Outside {
             answer.get(key)?.as_array()?.iter().map(Value::as_u64).collect()
         };
         let refuse = |what: &str, found: &Value, wanted: String, remedy: &str| {
-            let found = format!("{} has {what} of sizes {found}, and {wanted}", self.title());
+            let found = format!("{} has {what} of sizes {found}, but {wanted}", self.title());
             Err(Error::numerical(found, remedy))
         };
         let names: Vec<&str> = self.law.parameters().iter().map(|spec| spec.name).collect();
@@ -167,8 +168,8 @@ impl Outside {
             Some([own, of_force]) if *own == n as u64 && *of_force == n_times as u64 => true,
             _ => {
                 let wanted =
-                    format!("the prior names {n} parameters ({}) and there are {n_times} times", names.join(", "));
-                let remedy = "let inputs be [parameters], or [parameters, forces at config's time_s]; name the parameters in the prior file, in the model's order";
+                    format!("the prior names {n} parameters ({}) and the config has {n_times} times", names.join(", "));
+                let remedy = "let the inputs be [parameters], or [parameters, forces at config's time_s]; name the parameters in the prior file, in the model's order";
                 return refuse("inputs", inputs.get("inputSizes").unwrap_or(&inputs), wanted, remedy);
             }
         };
@@ -193,14 +194,14 @@ impl Outside {
         let output = answer.get("output").and_then(Value::as_array);
         let [Value::Array(position_um)] = output.map_or(&[][..], Vec::as_slice) else {
             return Err(Error::numerical(
-                format!("{} answers Evaluate without one vector under `output`", self.title()),
-                "let it answer {\"output\": [[…]]}: the position in micrometres at each of config's time_s",
+                format!("{} responds to Evaluate without one vector under `output`", self.title()),
+                "let it respond with {\"output\": [[…]]}: the position in micrometres at each of config's time_s",
             ));
         };
         if position_um.len() != time_s.len() {
             return Err(Error::numerical(
                 format!(
-                    "{} answers with {} positions where {} times were given",
+                    "{} responds with {} positions where {} times were given",
                     self.title(),
                     position_um.len(),
                     time_s.len()
@@ -212,7 +213,7 @@ impl Outside {
         position_um.iter().map(|own| number(own).ok_or_else(|| at(self.client.not_finite(&own.to_string())))).collect()
     }
 
-    /// Whether it heeds times between the rows, and another force at them; if not, in what it does not.
+    /// Tests whether the model uses times between the rows and another force at them. The error names the input that it ignores.
     fn own_force_alone(&self, record: &Record, medians: &[f64]) -> Result<()> {
         let (time_s, force) = (&record.time_s, record.force());
         let clock = Clock::finer(time_s, force);
@@ -223,14 +224,17 @@ impl Outside {
         let most_um = self.at_medians_um.iter().fold(0.0_f64, |most, x| most.max(x.abs()));
         let change_um = clock.rows.iter().zip(&self.at_medians_um).map(|(row, own)| (1e6 * moved_m[*row] - own).abs());
         if takes_force != self.takes_force || change_um.fold(0.0, f64::max) <= LEAST_CHANGE * most_um {
-            let found = format!("{} does not heed the forces that it is given", self.title());
-            return Err(Error::numerical(found, "let it take them from its second input, or from config's force_n"));
+            let found = format!("{} ignores the forces that it is given", self.title());
+            return Err(Error::numerical(
+                found,
+                "let it take the forces from its second input, or from config's force_n",
+            ));
         }
         Ok(())
     }
 }
 
-/// The model's name: the one that is asked for, or the usual one, or the only one.
+/// Name of the model: the user's, or the usual one, or the only one.
 fn name_of(client: &Client, wanted: Option<&str>) -> Result<String> {
     let info = client.ask(Endpoint::Info, &Value::Null)?;
     let models: Vec<&str> = info
@@ -245,7 +249,7 @@ fn name_of(client: &Client, wanted: Option<&str>) -> Result<String> {
         _ => {
             let found = match wanted {
                 Some(wanted) => format!("{} has no model `{wanted}`", client.url()),
-                None => format!("{} has not one model, and none is called `{USUAL_NAME}`", client.url()),
+                None => format!("{} has several models or none, and no model is called `{USUAL_NAME}`", client.url()),
             };
             let names = if models.is_empty() { "none".into() } else { models.join(", ") };
             Err(Error::numerical(

@@ -1,4 +1,4 @@
-//! Writing so that a reader sees the old state or the new one, and a kill leaves one of them.
+//! Atomic writing: a reader sees the old state or the new one, and a killed program leaves one of them.
 
 use std::fs::{File, TryLockError};
 use std::path::Path;
@@ -10,7 +10,7 @@ use base::files::{
 };
 
 const UNREADABLE: &str = "check that the study is complete and readable";
-const UNWRITABLE: &str = "check that the study is writable and has room";
+const UNWRITABLE: &str = "check that the study is writable and the disk has room";
 
 /// Flushes every file and directory below `path` to the disk.
 pub(super) fn sync_tree(path: &Path) -> Result<()> {
@@ -25,10 +25,10 @@ pub(super) fn sync_tree(path: &Path) -> Result<()> {
     sync_directory(path)
 }
 
-/// Moves a finished directory to `target`; what was there is exchanged in one step and then removed.
+/// Moves a finished directory to `target`. An existing directory there is exchanged in one step and then removed.
 ///
-/// Where the system cannot exchange, the old directory is first renamed to `.<name>.replaced`, which [`restore`]
-/// brings back should the program be killed before the second renaming.
+/// If the system cannot exchange directories, the old one is first renamed to `.<name>.replaced`. [`restore`] brings it back if the program is killed before the second
+/// renaming.
 pub(super) fn replace_directory(finished: TemporaryDirectory, target: &Path) -> Result<()> {
     let uninterrupted = together();
     if kind(target).is_none() {
@@ -43,11 +43,11 @@ pub(super) fn replace_directory(finished: TemporaryDirectory, target: &Path) -> 
         remove_all(&aside)?;
     }
     drop(uninterrupted);
-    // After an exchange the temporary name holds what was replaced, and dropping it removes that.
+    // After an exchange, the temporary name holds the old directory, and dropping it removes that.
     sync_directory(folder_of(target))
 }
 
-/// Copies what a directory holds into one that is there: files and directories, whose names lead nowhere else.
+/// Copies the content of a directory into an existing one: files and directories without links.
 pub(super) fn copy_tree(from: &Path, to: &Path) -> Result<()> {
     for (name, kind) in entries(from, UNREADABLE)? {
         let (source, target) = (from.join(&name), to.join(&name));
@@ -59,7 +59,11 @@ pub(super) fn copy_tree(from: &Path, to: &Path) -> Result<()> {
             Kind::File => copy(&source, &target)?,
             Kind::Link | Kind::Other => {
                 refuse_link(&source)?;
-                return Err(Error::input(Place::file(source), "this is no regular file", "remove it from the study"));
+                return Err(Error::input(
+                    Place::file(source),
+                    "this is not a regular file",
+                    "remove it from the study",
+                ));
             }
         }
     }
@@ -80,7 +84,7 @@ pub(super) fn restore(target: &Path) -> Result<()> {
     remove_all(&aside)
 }
 
-/// Held while a program writes to a study; the operating system releases it when the program ends, however it ends.
+/// Lock that a program holds while it writes to a study. The operating system releases it whenever the program ends.
 #[derive(Debug)]
 pub(super) struct Lock {
     _file: File,
@@ -97,7 +101,7 @@ impl Lock {
                 "another program is writing to this study",
                 format!("wait until it has finished, or choose another directory with `{}`", Setting::Out),
             )),
-            // Some network file systems have no locks; a revision is still written whole or not at all there.
+            // Some network file systems have no locks; a revision is still written completely or not at all there.
             Ok(()) | Err(TryLockError::Error(_)) => Ok(Self { _file: file }),
         }
     }

@@ -1,4 +1,4 @@
-//! Effects that stand in a file: a quantity that depends on a state, by a formula or a table (formats §2, physics §5.3).
+//! Effects defined in a file: a quantity that depends on a state, by a formula or a table (formats §2, physics §5.3).
 //!
 //! ```toml
 //! name = "hardening"
@@ -27,28 +27,28 @@ use models::effects::{Effect, EffectParameter, Formula, OfScales, QuantityName, 
 
 const KEYS: [&str; 8] = ["addend", "factor", "name", "parameters", "quantity", "state", "summary", "table"];
 const EXAMPLE: &str = "factor = \"exp(rate * path)\"";
-/// Most parameters, and most points of a table.
+/// Largest number of parameters, and of points of a table.
 const MOST_PARAMETERS: usize = 12;
 const MOST_POINTS: usize = 1000;
 
-/// Whether a name on the command line is a file.
+/// Returns true if a name on the command line is a file.
 pub fn is_file(name: &str) -> bool {
     Path::new(name).extension().is_some_and(|extension| extension == "toml")
 }
 
-/// Reads an effect from its file; from then on it may be named.
+/// Reads an effect from its file and registers its name.
 ///
 /// # Errors
 /// [`Error::File`] if it cannot be read, [`Error::Input`] with file, line, key and remedy if it is not acceptable.
 pub fn read(path: &Path) -> Result<&'static str> {
-    let bytes = files::read(path, Content::Settings, "give an effect's file that is there and can be read")?;
+    let bytes = files::read(path, Content::Settings, "give an effect's file that exists and can be read")?;
     from_text(path, text_of(path, &bytes)?)
 }
 
-/// The same from a text; `file` is only named in errors.
+/// Reads an effect from a text and registers its name; `file` only serves as a name in errors.
 ///
 /// # Errors
-/// As [`read`].
+/// Errors of [`read`].
 pub fn from_text(file: &Path, text: &str) -> Result<&'static str> {
     let document = TomlInput::parse(file, text)?;
     let definition: toml::Table = text
@@ -57,18 +57,18 @@ pub fn from_text(file: &Path, text: &str) -> Result<&'static str> {
     from_table(&document.root(), definition)
 }
 
-/// An effect as a text has it, for whoever made the text: it may not be named.
+/// Parses an effect without registering its name, for a caller that generates the text.
 ///
 /// # Errors
-/// As [`read`].
+/// Errors of [`read`].
 pub fn parsed(file: &Path, text: &str) -> Result<StateEffect> {
     effect(&TomlInput::parse(file, text)?.root())
 }
 
-/// The effect of a table in `model.toml` or a file of its own, whose definition it is; from then on it may be named.
+/// Reads the effect of a table, in `model.toml` or a file of its own, and registers its name with the `definition`.
 ///
 /// # Errors
-/// As [`read`].
+/// Errors of [`read`].
 pub fn from_table(table: &Table<'_>, definition: toml::Table) -> Result<&'static str> {
     let effect = effect(table)?;
     let slug = effect.slug;
@@ -76,8 +76,8 @@ pub fn from_table(table: &Table<'_>, definition: toml::Table) -> Result<&'static
         Ok(effect) => Ok(effect.slug()),
         Err(_) => Err(table.refuse(
             "name",
-            format!("`{slug}` is the name of another effect already"),
-            "give each effect its own name: a study keeps the definition of those that it has",
+            format!("`{slug}` is already the name of another effect"),
+            "give each effect a different name: a study keeps the definitions of its effects",
         )),
     }
 }
@@ -88,17 +88,17 @@ fn effect(table: &Table<'_>) -> Result<StateEffect> {
     let is_slug = slug.starts_with(|c: char| c.is_ascii_lowercase())
         && slug.chars().all(|c| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '-');
     if !is_slug {
-        let remedy = "use lower-case letters, digits and hyphens, a letter first, as in `hardening`";
+        let remedy = "use lower-case letters, digits and hyphens, beginning with a letter, as in `hardening`";
         return Err(table.refuse("name", format!("`{slug}` cannot name an effect"), remedy));
     }
     if models::effects::EFFECTS.iter().any(|effect| effect.slug() == slug) {
-        return Err(table.refuse("name", format!("`{slug}` is an effect of the program"), "give it a name of its own"));
+        return Err(table.refuse("name", format!("`{slug}` is a built-in effect"), "give it another name"));
     }
     let state = state(table)?;
     let quantity = quantity(table)?;
     if state == State::Strain && !matches!(quantity, QuantityName::Element(_)) {
-        let remedy = "let an element's modulus or viscosity depend on it, or name another state";
-        return Err(table.refuse("state", "a strain is that of an element", remedy));
+        let remedy = "let an element's modulus or viscosity depend on it, or choose another state";
+        return Err(table.refuse("state", "only an element's modulus or viscosity can depend on strain", remedy));
     }
     let parameters = parameters(table, &slug)?;
     let (operation, function, equation) = function(table, state, quantity, &parameters)?;
@@ -120,12 +120,12 @@ fn effect(table: &Table<'_>) -> Result<StateEffect> {
     })
 }
 
-/// The definition of an effect that a file has defined, for `model.toml`.
+/// Definition of a registered effect, for `model.toml`.
 pub fn definition(slug: &str) -> Option<toml::Table> {
     defined(slug).map(|(_, definition)| definition)
 }
 
-/// Names and texts are static everywhere, and few files are read.
+/// Makes a text static by leaking it, because names and texts are static everywhere; few files are read.
 pub fn leaked(text: String) -> &'static str {
     Box::leak(text.into_boxed_str())
 }
@@ -135,7 +135,7 @@ fn state(table: &Table<'_>) -> Result<State> {
     State::named(&name).ok_or_else(|| {
         let names = State::ALL.map(|(_, name)| name);
         let hint = nearest_name(&name, names).map_or(String::new(), |near| format!("did you mean `{near}`? "));
-        table.refuse("state", format!("`{name}` is no state"), format!("{hint}name one of {}", names.join(", ")))
+        table.refuse("state", format!("`{name}` is not a state"), format!("{hint}name one of {}", names.join(", ")))
     })
 }
 
@@ -152,19 +152,19 @@ fn quantity(table: &Table<'_>) -> Result<QuantityName> {
         }
         _ => Err(table.refuse(
             "quantity",
-            format!("`{name}` is nothing that can depend on a state"),
+            format!("`{name}` cannot depend on a state"),
             "name `force`, `position`, or a modulus or viscosity of the law, such as `young_modulus_pa` or `gel_modulus_pa`",
         )),
     }
 }
 
-/// Parameters by their names in the formula, in alphabetical order.
+/// Parameters with their names in the formula, in alphabetical order.
 fn parameters(table: &Table<'_>, slug: &str) -> Result<Vec<(String, EffectParameter)>> {
     let Some(all) = table.table("parameters")? else { return Ok(Vec::new()) };
     let names: Vec<&str> = all.keys().collect();
     if names.len() > MOST_PARAMETERS {
         let found = format!("there are {} parameters", names.len());
-        return Err(table.refuse("parameters", found, format!("give {MOST_PARAMETERS} at most")));
+        return Err(table.refuse("parameters", found, format!("give at most {MOST_PARAMETERS}")));
     }
     names.into_iter().map(|name| Ok((name.to_string(), parameter(&all, name, slug)?))).collect()
 }
@@ -175,8 +175,8 @@ fn parameter(all: &Table<'_>, name: &str, slug: &str) -> Result<EffectParameter>
     if !is_identifier || State::named(name).is_some() {
         return Err(all.refuse(
             name,
-            "this cannot name a parameter",
-            "use letters, digits and underscores, and no state's name",
+            "a parameter cannot have this name",
+            "use letters, digits and underscores, but not a state's name",
         ));
     }
     let own = all.required_table(name)?;
@@ -200,7 +200,7 @@ fn parameter(all: &Table<'_>, name: &str, slug: &str) -> Result<EffectParameter>
     if lower < support.lower || upper > support.upper {
         return Err(own.refuse(
             "prior",
-            format!("the prior reaches [{lower}, {upper}], and the parameter lies in {support}"),
+            format!("the prior reaches [{lower}, {upper}], but the parameter lies in {support}"),
             "narrow the prior, or widen `lower` and `upper`",
         ));
     }
@@ -242,8 +242,8 @@ fn function(
         let points = points(table)?;
         let [name] = names[..] else {
             return Err(table.refuse_whole(
-                format!("a table has one parameter, and {} are given", names.len()),
-                "give the power of the table's factors, as in `[parameters.strength]` with `null = 0.0`: 1 is the table as it stands",
+                format!("a table has one parameter, but {} are given", names.len()),
+                "give one parameter, the power of the table's factors, as in `[parameters.strength]` with `null = 0.0`; 1 gives the table's own factors",
             ));
         };
         let equation = format!("{} × table({})^{name}", quantity.name(), state.name());
@@ -261,14 +261,15 @@ fn function(
         return Err(table.refuse(
             key,
             format!("`{}` does not occur in the formula", names[idle]),
-            "use it, or leave it out",
+            "use the parameter in the formula, or leave it out",
         ));
     }
     let (operation, sign) = if key == "factor" { (Operation::Multiply, '×') } else { (Operation::Add, '+') };
     Ok((operation, Box::leak(Box::new(Written(formula))), format!("{} {sign} ({text})", quantity.name())))
 }
 
-/// Where every parameter that has a null is there, the model without the effect returns, whatever the others are.
+/// Checks that the function is neutral if every parameter with a null is at its null, for any values of the others. The model without the effect is then contained in the
+/// model with it.
 fn nulls_leave_the_base(
     table: &Table<'_>,
     state: State,
@@ -279,7 +280,7 @@ fn nulls_leave_the_base(
     let scales = record::Scales::default();
     let (neutral, word) = if operation == Operation::Add { (0.0, "0") } else { (1.0, "1") };
     if parameters.iter().all(|(_, parameter)| (parameter.null)(&scales).is_none()) {
-        let remedy = "give the parameter by which the effect is not there its `null`, as in `null = 0.0`";
+        let remedy = "give `null` to the parameter that switches the effect off, as in `null = 0.0`";
         return Err(table.refuse_whole("no parameter has a null", remedy));
     }
     for probability in [0.2, 0.7] {
@@ -293,8 +294,8 @@ fn nulls_leave_the_base(
             let found = function.value(Dual::constant(size), &values).value;
             if found.is_nan() || (found - neutral).abs() > 1e-12 {
                 return Err(table.refuse_whole(
-                    format!("at the nulls the function is {found} where {} is {size} {}", state.name(), state.unit()),
-                    format!("write it so that it is {word} there: the model without the effect has to return"),
+                    format!("at the nulls the function is {found} for {} = {size} {}", state.name(), state.unit()),
+                    format!("write the function so that it is {word} at the nulls, as in the model without the effect"),
                 ));
             }
         }
@@ -312,7 +313,7 @@ impl StateFunction for Written {
     }
 }
 
-/// Factors at states, between them by monotone cubics, beyond them as at the ends; their logarithms times the parameter.
+/// Table of factors. Monotone cubics interpolate their logarithms between states, and the end values hold beyond. The logarithm is multiplied by the parameter.
 #[derive(Debug)]
 struct Points(Vec<[f64; 3]>);
 
@@ -322,7 +323,7 @@ impl StateFunction for Points {
     }
 }
 
-/// Through points (x, y, slope) by cubics.
+/// Cubic interpolation through points (x, y, slope).
 fn interpolated(points: &[[f64; 3]], state: Dual) -> Dual {
     let [first, .., last] = points else { return Dual::ZERO };
     if state.value <= first[0] || state.value >= last[0] {
@@ -333,12 +334,12 @@ fn interpolated(points: &[[f64; 3]], state: Dual) -> Dual {
     let width = x1 - x0;
     let t = (state - x0) * width.recip();
     let (rise, bend0, bend1) = (y1 - y0, s0 * width - (y1 - y0), (y1 - y0) - s1 * width);
-    // y0 + rise t + t (1 − t) ((1 − t) bend0 + t bend1).
+    // The cubic is y0 + rise t + t (1 − t) ((1 − t) bend0 + t bend1).
     let rest = Dual::ONE - t;
     Dual::constant(y0) + t * rise + t * rest * (rest * bend0 + t * bend1)
 }
 
-/// States, logarithms of factors, and slopes that keep the curve monotone where the points are (F. N. Fritsch, J. Butland 1984, doi:10.1137/0905021).
+/// States, logarithms of factors, and slopes that keep the curve monotone between monotone points (F. N. Fritsch, J. Butland 1984, doi:10.1137/0905021).
 fn points(table: &Table<'_>) -> Result<Vec<[f64; 3]>> {
     let example = "table = { state = [0.0, 1e-4, 1e-3], factor = [1.0, 1.2, 1.5] }";
     let own = table.required_table("table")?;
@@ -348,16 +349,20 @@ fn points(table: &Table<'_>) -> Result<Vec<[f64; 3]>> {
     let (states, factors) = (states?.ok_or_else(|| missing("state"))?, factors?.ok_or_else(|| missing("factor"))?);
     if states.len() != factors.len() || !(2..=MOST_POINTS).contains(&states.len()) {
         let found = format!("there are {} states and {} factors", states.len(), factors.len());
-        return Err(own.refuse("factor", found, format!("give as many of both, 2 to {MOST_POINTS}: `{example}`")));
+        return Err(own.refuse(
+            "factor",
+            found,
+            format!("give equally many states and factors, 2 to {MOST_POINTS}: `{example}`"),
+        ));
     }
     if states.windows(2).any(|pair| pair[0] >= pair[1]) || states.iter().any(|x| !x.is_finite()) {
-        return Err(own.refuse("state", "states do not grow from each to the next", "sort them, each once"));
+        return Err(own.refuse("state", "the states do not increase", "sort them, and give each state once"));
     }
     if factors.iter().any(|factor| !(*factor > 0.0 && factor.is_finite())) {
         return Err(own.refuse(
             "factor",
             "a factor is not above 0",
-            "give factors of the quantity, 1 where it is unchanged",
+            "give positive factors of the quantity; 1 leaves it unchanged",
         ));
     }
     let y: Vec<f64> = factors.iter().map(|factor| factor.ln()).collect();

@@ -24,7 +24,7 @@ fn read(text: &str) -> Result<&'static str> {
     from_text(Path::new("effect.toml"), text)
 }
 
-/// What the file says is what the effect does; it may then be named, and a `model.toml` that names it carries it.
+/// The effect does what its file defines. It may then be named, and a `model.toml` that names it contains its definition.
 #[test]
 fn an_effect_is_what_its_file_says() {
     assert_eq!(read(HARDENING).unwrap(), "test-hardening");
@@ -51,15 +51,15 @@ fn mistakes_are_named_with_their_place_and_remedy() {
     let with = |from: &str, to: &str| HARDENING.replace("test-hardening", "test-mistake").replace(from, to);
     let cases = [
         (with("state = \"path\"", "state = \"pth\""), "did you mean `path`"),
-        (with("\"young_modulus_pa\"", "\"colour\""), "nothing that can depend"),
+        (with("\"young_modulus_pa\"", "\"colour\""), "cannot depend on a state"),
         (with("(1 + gain", "(1 + gian"), "column 6"),
         (with("path / length", "1 / length"), "does not depend on path"),
-        (with("(1 + gain * path / length)^2", "1.5 + gain * path / length"), "has to return"),
+        (with("(1 + gain * path / length)^2", "1.5 + gain * path / length"), "as in the model without the effect"),
         (with("null = 0.0", ""), "no parameter has a null"),
         (with("null = 0.0", "null = -1.0"), "inside the parameter's ends"),
         (with("\"half_normal\", sd = 0.5", "\"normal\", mean = 0.0, sd = 0.5"), "narrow the prior"),
         (with("factor", "factr"), "did you mean `factor`"),
-        (with("name = \"test-mistake\"", "name = \"softening\""), "effect of the program"),
+        (with("name = \"test-mistake\"", "name = \"softening\""), "built-in effect"),
         (
             with(
                 "[parameters.length]",
@@ -67,7 +67,7 @@ fn mistakes_are_named_with_their_place_and_remedy() {
             ),
             "does not occur",
         ),
-        (HARDENING.replace("sd = 0.5 }", "sd = 0.7 }"), "another effect already"),
+        (HARDENING.replace("sd = 0.5 }", "sd = 0.7 }"), "already the name of another effect"),
     ];
     read(HARDENING).unwrap();
     for (text, remedy) in cases {
@@ -76,7 +76,7 @@ fn mistakes_are_named_with_their_place_and_remedy() {
     }
 }
 
-/// Factors at the points, between them without overshoot, and the table's power.
+/// The function equals the factors at the points, does not overshoot between them, and scales with the table's power.
 #[test]
 fn a_table_goes_through_its_points() {
     let text = r#"
@@ -97,7 +97,7 @@ prior = { distribution = "normal", mean = 1.0, sd = 0.5 }
     }
     assert!((at(3e-4, 0.5).value - 2.0).abs() < 1e-12);
     for k in 0..199 {
-        // Off the ends, where the slope is one-sided.
+        // The states avoid the ends, where the slope is one-sided.
         let state = -1e-4 + 2e-6 * (f64::from(k) + 0.3);
         let (here, next) = (at(state, 1.0), at(state + 1e-10, 1.0));
         assert!(here.value <= next.value + 1e-15, "monotone at {state}");

@@ -11,7 +11,7 @@
 //!   simulation/                      the last simulation, written whole or not at all
 //!   .m0.checkpoint/                  what an interrupted run of m0 resumes from
 //! ```
-//! Hidden names with `.partial-` or `.replaced` are left by a killed program and removed by the next one that opens the study.
+//! Names with `.partial-` or `.replaced` are hidden leftovers of a killed program. The next program that opens the study removes them.
 
 mod atomic;
 pub mod effect_file;
@@ -33,36 +33,36 @@ use record::{Experiment, ExperimentFiles};
 
 const TOML_NAME: &str = "experiment.toml";
 const HASHES_NAME: &str = "inputs.sha256";
-/// The directory of a study that holds its last simulation.
+/// Directory of a study's last simulation.
 pub const SIMULATION_NAME: &str = "simulation";
-/// The file of a study that holds its last point estimate.
+/// File name of a study's last point estimate.
 pub const FIT_NAME: &str = "fit.json";
-/// The file of a study that compares its revisions; its figures stand beside it, as `ladder.svg` and `ladder.png`.
+/// File name of a study's comparison of its revisions. Its figures are `ladder.svg` and `ladder.png` beside it.
 pub const LADDER_NAME: &str = "ladder.json";
-/// The figure of a study that lays posteriors of its revisions over each other, where one was asked for; `corner.png` beside it.
+/// File name of a study's corner plot of several posteriors, if one was requested; `corner.png` is beside it.
 pub const CORNER_NAME: &str = "corner.svg";
-/// The file of a study that shows all of it to a browser.
+/// File name of a study's report for a browser.
 pub const PAGE_NAME: &str = "report.html";
-/// The file of a revision with its posterior.
+/// File name of a revision's posterior.
 pub const POSTERIOR_NAME: &str = "posterior.json";
-/// The file of a revision with what it predicts of every row.
+/// File name of a revision's predictions of every row.
 pub const PREDICTIONS_NAME: &str = "predictions.csv";
-/// The file of a revision that says where it fails.
+/// File name of a revision's findings.
 pub const COMPARISON_NAME: &str = "comparison.json";
-/// What `learn` writes into a revision; its figure stands in `figures/learned`.
+/// File name of a revision's learnt law, written by `learn`; its figure is in `figures/learned`.
 pub const LEARNED_NAME: &str = "learned.json";
-/// The table of a revision with what every effect would explain.
+/// File name of a revision's table of expected effects.
 pub const FINGERPRINTS_NAME: &str = "fingerprints.csv";
-/// The file of a revision, or of the study of an oscillation, that says what it lacks.
+/// File name of the diagnosis of a revision, or of the study of an oscillation.
 pub const DIAGNOSIS_NAME: &str = "diagnosis.json";
-/// The file of a revision that says what extending led to.
+/// File name of a revision's record of its extension.
 pub const EXTENSION_NAME: &str = "extension.json";
 fn out_remedy() -> String {
     format!("choose a writable place with `{}`", Setting::Out)
 }
 const INCOMPLETE_REMEDY: &str = "check that the study is complete and readable";
 const WHAT: &str = "a study";
-/// Studies go here when no directory is named.
+/// Parent directory of studies without a given directory.
 const DEFAULT_PARENT: &str = "vitreo-uq-out";
 
 /// A study directory whose inputs have been checked.
@@ -73,35 +73,35 @@ pub struct Study {
     opening: Opening,
 }
 
-/// How a study came to be open.
+/// Way in which a study was opened.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Opening {
-    /// It was made now.
+    /// It was created.
     Created,
-    /// It was there, with the same input.
+    /// It existed with the same input.
     Continued,
-    /// It was there with another input, and `--force` replaced it.
+    /// It existed with another input, and `--force` replaced it.
     Replaced,
 }
 
 impl Study {
-    /// Where a study goes when no directory is named: `vitreo-uq-out/<specimen id>/`, the id made safe as a file name.
+    /// Default directory of a study: `vitreo-uq-out/<specimen id>/`, with the id made safe as a file name.
     pub fn default_dir(specimen_id: &str) -> PathBuf {
         Path::new(DEFAULT_PARENT).join(files::safe_name(specimen_id))
     }
 
-    /// Whether a path is a study directory, as opposed to an experiment. One whose hashes are a link or no file is a study that is refused when it is opened.
+    /// Returns true if a path is a study directory and not an experiment. If its hashes are a link or no file, it still counts as a study, which is refused on opening.
     pub fn is_study(path: &Path) -> bool {
         path.join(HASHES_NAME).symlink_metadata().is_ok()
     }
 
-    /// Makes the study of an experiment, or continues it if it is there with the same input.
+    /// Creates the study of an experiment, or continues it if it exists with the same input.
     ///
     /// A study of another input is replaced if `force` is set, as a whole and in one step.
     ///
     /// # Errors
-    /// [`Error::Input`] if the directory holds a study of another input and `force` is not set, if it holds other
-    /// files, or if another program is writing to it; [`Error::File`] if the operating system refuses.
+    /// [`Error::Input`] in three cases: the directory holds a study of another input and `force` is not set; it holds other files; or another program is writing to it.
+    /// [`Error::File`] if the operating system refuses.
     pub fn open_or_create(dir: &Path, files: &ExperimentFiles, force: bool) -> Result<Self> {
         let inputs_sha256 = hashes_of(files)?;
         let study = |opening| Self { dir: dir.to_path_buf(), inputs_sha256: inputs_sha256.clone(), opening };
@@ -133,16 +133,16 @@ impl Study {
         files::enclose(dir, WHAT);
         match created {
             Ok(()) => Ok(study(Opening::Created)),
-            // Another program made the same study in the meantime.
+            // Another program created the same study in the meantime.
             Err(_) if Self::is_study(dir) && read_hashes(dir)? == inputs_sha256 => Ok(study(Opening::Continued)),
             Err(error) => Err(error),
         }
     }
 
-    /// Whether a study may stand in a directory: it is one, or absent, or empty.
+    /// Checks that a directory is suitable for a study: it is a study, absent, or empty.
     ///
     /// # Errors
-    /// [`Error::Input`] if it holds other files, [`Error::File`] if it cannot be looked at.
+    /// [`Error::Input`] if it holds other files, [`Error::File`] if it cannot be read.
     pub fn check_place(dir: &Path) -> Result<()> {
         if Self::is_study(dir) || is_absent_or_empty(dir)? {
             return Ok(());
@@ -151,17 +151,17 @@ impl Study {
             Place::file(dir),
             "this is not a study, and it is not empty",
             format!(
-                "choose a new or empty directory with `{}`; `{}` replaces studies only",
+                "choose a new or empty directory with `{}`; `{}` only replaces studies",
                 Setting::Out,
                 Setting::Force
             ),
         ))
     }
 
-    /// Opens a study that is there.
+    /// Opens an existing study.
     ///
     /// # Errors
-    /// [`Error::Input`] if it is not a study or its inputs have been changed since it was made.
+    /// [`Error::Input`] if it is not a study or its inputs have been changed since its creation.
     pub fn open(dir: &Path) -> Result<Self> {
         if !Self::is_study(dir) {
             return Err(Error::input(
@@ -177,20 +177,20 @@ impl Study {
         Ok(Self { dir: dir.to_path_buf(), inputs_sha256, opening: Opening::Continued })
     }
 
-    /// The directory.
+    /// Directory of the study.
     pub fn dir(&self) -> &Path {
         &self.dir
     }
 
-    /// SHA-256 of the inputs of an experiment, as a study of it would keep them.
+    /// SHA-256 of an experiment's inputs, as a study of it would keep them.
     ///
     /// # Errors
-    /// [`Error::Input`] if its files have names that a study keeps for itself.
+    /// [`Error::Input`] if its files have names that are reserved in a study.
     pub fn hashes_of(files: &ExperimentFiles) -> Result<BTreeMap<String, String>> {
         hashes_of(files)
     }
 
-    /// How it came to be open.
+    /// Way in which the study was opened.
     pub fn opening(&self) -> Opening {
         self.opening
     }
@@ -203,12 +203,12 @@ impl Study {
     /// Reads the study's copy of the experiment.
     ///
     /// # Errors
-    /// As [`Experiment::read`].
+    /// Errors of [`Experiment::read`].
     pub fn read_experiment(&self) -> Result<(Experiment, ExperimentFiles)> {
         Experiment::read(&self.dir.join(TOML_NAME))
     }
 
-    /// The header of a JSON document of this study: schema `vitreo-uq/<kind>/<number>`.
+    /// Header of a JSON document of this study: schema `vitreo-uq/<kind>/<number>`.
     pub fn provenance(&self, kind: &str, number: u32, seed: u64) -> Provenance {
         Provenance::new(kind, number, seed, self.inputs_sha256.clone())
     }
@@ -233,7 +233,7 @@ impl Study {
     /// Directory of a finished revision.
     ///
     /// # Errors
-    /// [`Error::Input`] if there is none of this name.
+    /// [`Error::Input`] if no revision has this name.
     pub fn revision_dir(&self, name: &str) -> Result<PathBuf> {
         let dir = self.dir.join(name);
         if revision_number(name).is_some() {
@@ -251,7 +251,7 @@ impl Study {
         Err(Error::input(Place::file(&self.dir).at_key(name), "this study has no such revision", remedy))
     }
 
-    /// Begins to write a revision, `m0`, `m1`, …; nothing is visible until [`RevisionWriter::commit`].
+    /// Begins to write a revision, `m0`, `m1`, …. It becomes visible with [`RevisionWriter::commit`].
     ///
     /// # Errors
     /// [`Error::Input`] if the name is not a revision's or another program is writing to the study.
@@ -259,18 +259,17 @@ impl Study {
         RevisionWriter::begin(&self.dir, self.checked(name)?)
     }
 
-    /// Begins to write a finished revision again, with all that it holds already in [`RevisionWriter::path`]: to add to it, in one step.
+    /// Begins to extend a finished revision in one step; [`RevisionWriter::path`] already contains its files.
     ///
     /// # Errors
-    /// [`Error::Input`] if there is none of this name or another program is writing to the study, [`Error::File`] if it cannot be copied.
+    /// [`Error::Input`] if no revision has this name or another program is writing to the study, [`Error::File`] if it cannot be copied.
     pub fn amend_revision(&self, name: &str) -> Result<RevisionWriter> {
         let writer = self.begin_revision(name)?;
         atomic::copy_tree(&self.revision_dir(name)?, writer.path())?;
         Ok(writer)
     }
 
-    /// Begins to write the directory [`SIMULATION_NAME`]; nothing is visible until [`RevisionWriter::commit`], which replaces
-    /// an earlier simulation.
+    /// Begins to write the directory [`SIMULATION_NAME`]. It becomes visible with [`RevisionWriter::commit`], which replaces an earlier simulation.
     ///
     /// # Errors
     /// [`Error::Input`] if another program is writing to the study.
@@ -278,11 +277,11 @@ impl Study {
         RevisionWriter::begin(&self.dir, SIMULATION_NAME)
     }
 
-    /// Directory in which a run of a revision keeps what it can resume from. It is made if absent, survives a kill, and
-    /// stays until [`Study::discard_checkpoint`].
+    /// Directory of a revision's checkpoint, from which an interrupted run can resume. It is created if absent, survives a kill, and stays until
+    /// [`Study::discard_checkpoint`].
     ///
     /// # Errors
-    /// [`Error::Input`] if the name is not a revision's, [`Error::File`] if the directory cannot be made.
+    /// [`Error::Input`] if the name is not a revision's, [`Error::File`] if the directory cannot be created.
     pub fn checkpoint_dir(&self, name: &str) -> Result<PathBuf> {
         let dir = self.dir.join(format!(".{}.checkpoint", self.checked(name)?));
         files::create_folders(&dir, "make the study directory writable")?;
@@ -304,12 +303,12 @@ impl Study {
         Err(Error::input(
             Place::file(&self.dir).at_key(name),
             "this is not the name of a revision",
-            "revisions are called m0, m1, m2, …",
+            "use a name such as m0, m1, m2",
         ))
     }
 }
 
-/// The number of `m<number>`, written without leading zeros.
+/// Number in `m<number>`, which has no leading zeros.
 fn revision_number(name: &str) -> Option<u32> {
     let number = name.strip_prefix('m')?.parse::<u32>().ok()?;
     (name == format!("m{number}")).then_some(number)
@@ -341,7 +340,7 @@ fn hashes_of(files: &ExperimentFiles) -> Result<BTreeMap<String, String>> {
         if taken || first.starts_with('.') || revision_number(&first).is_some() {
             return Err(Error::input(
                 Place::file(&files.toml_name).at_key("file"),
-                format!("`{name}` is a name that a study keeps for itself"),
+                format!("`{name}` is a reserved name in a study"),
                 "rename the table, for example to trajectory.csv, and change `file` in [measurement] or [actuation]",
             ));
         }
@@ -351,10 +350,10 @@ fn hashes_of(files: &ExperimentFiles) -> Result<BTreeMap<String, String>> {
     Ok(hashes)
 }
 
-/// Builds the study in a hidden directory and moves it to its place in one step; `replace` allows that a study is there.
+/// Builds the study in a hidden directory and moves it to its place in one step; `replace` allows an existing study there.
 fn create(dir: &Path, files: &ExperimentFiles, hashes: &BTreeMap<String, String>, replace: bool) -> Result<()> {
     let refused = |action, path: &Path, source| Error::at_path(action, path, source, out_remedy());
-    // Behind a symbolic link the directory itself is meant, and `.` has a name only in full.
+    // A symbolic link stands for its directory, and `.` has a name only as a full path.
     let dir = &dir.canonicalize().unwrap_or_else(|_| dir.to_path_buf());
     let parent = base::files::folder_of(dir);
     std::fs::create_dir_all(parent).map_err(|source| refused("create", parent, source))?;
@@ -394,9 +393,9 @@ fn read_hashes(dir: &Path) -> Result<BTreeMap<String, String>> {
         let (hash, name) = line.split_once("  ").ok_or_else(|| {
             Error::input(
                 Place::file(&path).at_line(index + 1),
-                "expected a hash, two spaces and a file name",
+                "this is not a hash, two spaces and a file name",
                 format!(
-                    "the study's record is damaged: make the study anew with `{}` or in another place",
+                    "the study's list of hashes is damaged: create the study again with `{}` or in another place",
                     Setting::Force
                 ),
             )
@@ -406,7 +405,7 @@ fn read_hashes(dir: &Path) -> Result<BTreeMap<String, String>> {
             return Err(Error::input(
                 Place::file(&path).at_line(index + 1),
                 format!("`{name}` is not a path inside the study"),
-                "the study's record was changed: make the study anew in another place",
+                "the study's list of hashes was changed: create the study again in another place",
             ));
         }
         hashes.insert(name.to_string(), hash.to_string());
@@ -421,7 +420,7 @@ fn check_copies(dir: &Path, hashes: &BTreeMap<String, String>) -> Result<()> {
         if sha256_hex(&bytes) != *hash {
             return Err(Error::input(
                 Place::file(&path),
-                "this copy has been changed since the study was made",
+                "this copy has been changed since the study was created",
                 format!(
                     "restore it from the original, or make a new study of the changed input with `{}`",
                     Setting::Out

@@ -1,4 +1,4 @@
-//! `model.toml`: which model a revision is (formats §2).
+//! Model of a revision in `model.toml` (formats §2).
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -18,31 +18,31 @@ use laws::rheology::{BaseLaw, MOST_PARAMETERS, Network, OutsideLaw};
 use models::effects::{Effect, Library, NUISANCES};
 use record::Scales;
 
-/// The file of a revision that holds a copy of a prior that the program does not know by name.
+/// File name of a revision's copy of a prior that is not built in.
 pub const PRIOR_COPY: &str = "prior.toml";
 
-/// A model: base law, effects, noise, priors, and parameters that are not inferred.
+/// A model: base law, effects, noise, priors, and fixed parameters.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ModelSpecification {
-    /// The base law.
+    /// Base law.
     pub base: BaseLaw,
     /// Slugs of the effects.
     pub effects: Vec<String>,
-    /// Noise models.
+    /// Names of the noise terms.
     pub noise: Vec<String>,
     /// Name or file of the priors.
     pub prior: String,
-    /// Parameters held at a value, in their own units.
+    /// Parameters held at a value, in their units.
     pub fixed: BTreeMap<String, f64>,
-    /// Parameters that would be held at their null, and are not.
+    /// Optional parameters that are free instead of being held at their null.
     pub freed: Vec<String>,
 }
 
-/// Values by parameter; none where it is freed.
+/// Values of parameters by name; `None` frees a parameter.
 pub type Assignments = BTreeMap<String, Option<f64>>;
 
 impl ModelSpecification {
-    /// As documents show it.
+    /// Summary for documents.
     pub fn summary(&self) -> ModelSummary {
         ModelSummary { base: self.base.name().into(), effects: self.effects.clone(), noise: self.noise.clone() }
     }
@@ -61,7 +61,7 @@ impl Default for ModelSpecification {
     }
 }
 
-/// A specification as it stands in `model.toml`. Tables come last, since what follows one in TOML belongs to it.
+/// Specification as written in `model.toml`. Tables come last, because TOML assigns the keys after a table to it.
 #[derive(Serialize)]
 struct Written<'a> {
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -74,21 +74,21 @@ struct Written<'a> {
     #[serde(rename = "base", skip_serializing_if = "Option::is_none")]
     network: Option<BTreeMap<&'a str, toml::Value>>,
     fixed: &'a BTreeMap<String, f64>,
-    /// Definitions of effects that are not of the program.
+    /// Definitions of effects that are not built in.
     #[serde(skip_serializing_if = "<[toml::Table]>::is_empty")]
     effect: &'a [toml::Table],
 }
 
-/// Where each part of a specification stands, for messages.
+/// Places of the parts of a specification, for messages.
 struct Places<'p> {
     of: &'p dyn Fn(&str) -> Place,
 }
 
 impl ModelSpecification {
-    /// The model of a revision; a prior that was copied into the revision is named by its path.
+    /// Model of a revision; a prior that was copied into the revision is named by its path.
     ///
     /// # Errors
-    /// As [`ModelSpecification::read`].
+    /// Errors of [`ModelSpecification::read`].
     pub fn of_revision(revision_dir: &Path, library: &Library) -> Result<Self> {
         let mut specification = Self::kept(revision_dir, library)?;
         if specification.prior == PRIOR_COPY {
@@ -97,10 +97,10 @@ impl ModelSpecification {
         Ok(specification)
     }
 
-    /// The same as it stands there. Its prior is one of the program's or the copy in the revision: a study that was received names no other file.
+    /// Model of a revision exactly as written. Its prior is a built-in one or the copy in the revision, so that a received study cannot name another file.
     ///
     /// # Errors
-    /// As [`ModelSpecification::read`].
+    /// Errors of [`ModelSpecification::read`].
     pub fn kept(revision_dir: &Path, library: &Library) -> Result<Self> {
         let path = revision_dir.join("model.toml");
         let specification = Self::read(&path, library)?;
@@ -110,24 +110,24 @@ impl ModelSpecification {
         }
         Err(Error::input(
             Place::file(path).at_key("prior"),
-            format!("`{prior}` is neither a prior of this program nor the revision's own copy, `{PRIOR_COPY}`"),
+            format!("`{prior}` is neither a built-in prior nor the revision's own copy, `{PRIOR_COPY}`"),
             format!("copy the prior into the revision as `{PRIOR_COPY}`, if you trust it, and write that name"),
         ))
     }
 
-    /// Reads and checks a `model.toml` whose effects are in the library; only `base` must be there.
+    /// Reads and checks a `model.toml` with effects of the library; only `base` is required.
     ///
     /// # Errors
     /// [`Error::File`] if it cannot be read, [`Error::Input`] with file, line, key and remedy if it is not acceptable.
     pub fn read(path: &Path, library: &Library) -> Result<Self> {
-        let bytes = files::read(path, Content::Settings, "give a file that is there and can be read")?;
+        let bytes = files::read(path, Content::Settings, "give a file that exists and can be read")?;
         Self::from_text(path, &bytes, library)
     }
 
-    /// The same from TOML in memory; `file` is only named in errors.
+    /// Reads and checks TOML in memory; `file` only serves as a name in errors.
     ///
     /// # Errors
-    /// As [`ModelSpecification::read`].
+    /// Errors of [`ModelSpecification::read`].
     pub fn from_text(file: &Path, bytes: &[u8], library: &Library) -> Result<Self> {
         let text = text_of(file, bytes)?;
         let document = TomlInput::parse(file, text)?;
@@ -143,7 +143,7 @@ impl ModelSpecification {
             for name in table.keys() {
                 if matches!(table.table(name), Ok(Some(_))) {
                     let remedy = format!("quote the whole name, as in `\"{name}.…\" = 1.0`");
-                    return Err(table.refuse(name, "a name with a dot stands without quotes", remedy));
+                    return Err(table.refuse(name, "a name with a dot needs quotes", remedy));
                 }
                 fixed.insert(name.to_string(), table.required_number(name, &format!("{name} = 1.0"))?);
             }
@@ -177,9 +177,9 @@ impl ModelSpecification {
         Ok(specification)
     }
 
-    /// From the options `--base`, `--with`, `--noise`, `--prior` and `--set NAME=VALUE`; what is absent keeps its default. A base may be a
-    /// TOML file whose base it is, such as a network, or the address of a server, followed by `#` and its model's name if that is given: its
-    /// parameters are then those that the prior names.
+    /// Creates a specification from the options `--base`, `--with`, `--noise`, `--prior` and `--set NAME=VALUE`, with defaults for missing options. A base may be a TOML
+    /// file, such as a network, whose base is used. It may also be a server's address, optionally followed by `#` and the model's name; its parameters are then those of
+    /// the prior.
     ///
     /// # Errors
     /// [`Error::Input`] that names the option.
@@ -193,10 +193,10 @@ impl ModelSpecification {
         Self::default().with_options(base, effects, noise, prior, set)
     }
 
-    /// The same on top of this specification: effects are added, values set, the rest replaced.
+    /// Applies options to this specification: effects are added, values set, the rest replaced.
     ///
     /// # Errors
-    /// As [`ModelSpecification::from_options`].
+    /// Errors of [`ModelSpecification::from_options`].
     pub fn with_options(
         self,
         base: Option<&str>,
@@ -249,7 +249,7 @@ impl ModelSpecification {
         Ok(specification)
     }
 
-    /// Values of this model's parameters from options `--set NAME=VALUE`; none of those that are freed.
+    /// Values of this model's parameters from options `--set NAME=VALUE`; `None` for freed parameters.
     ///
     /// # Errors
     /// [`Error::Input`] for a name that is no parameter of the model, or a value outside its support.
@@ -261,7 +261,7 @@ impl ModelSpecification {
         Ok(assignments)
     }
 
-    /// Holds parameters at values, or frees those that have none.
+    /// Holds parameters at values, or frees those without one.
     pub fn set(&mut self, assignments: &Assignments) {
         for (name, value) in assignments {
             self.freed.retain(|freed| freed != name);
@@ -273,7 +273,7 @@ impl ModelSpecification {
         }
     }
 
-    /// The same with what is neither set nor freed, and is held at its null, among what is fixed; without what effects held that are no longer there.
+    /// Adds optional parameters that are neither set nor freed to the fixed ones, at their nulls. Fixed parameters of missing effects are removed.
     pub fn with_nulls(mut self, scales: &Scales, library: &Library) -> Self {
         for effect in library.effects() {
             let is_there = self.effects.iter().any(|slug| slug == effect.slug());
@@ -291,7 +291,7 @@ impl ModelSpecification {
         self
     }
 
-    /// Writes `model.toml`, whole or not at all.
+    /// Writes `model.toml`, completely or not at all.
     ///
     /// # Errors
     /// [`Error::File`] if the operating system refuses.
@@ -313,7 +313,7 @@ impl ModelSpecification {
         write_atomically(path, text.as_bytes())
     }
 
-    /// The effects, in the order of the library, which is that of their application; those that files have defined come last.
+    /// Effects in the order of the library, which is the order of their application; effects from files come last.
     pub fn effects(&self, library: &Library) -> Vec<&'static dyn Effect> {
         let is_named = |effect: &&&dyn Effect| self.effects.iter().any(|slug| slug == effect.slug());
         let of_library = library.effects();
@@ -322,10 +322,10 @@ impl ModelSpecification {
         of_library.iter().filter(is_named).copied().chain(defined).collect()
     }
 
-    /// The noise model.
+    /// Noise model.
     ///
     /// # Errors
-    /// [`Error::Input`] at `place` for names that are none, or lack what every noise has.
+    /// [`Error::Input`] at `place` for unknown names, or a missing `white`.
     pub fn noise_model(&self, place: &Place) -> Result<NoiseModel> {
         NoiseModel::named(&self.noise, place)
     }
@@ -337,20 +337,20 @@ impl ModelSpecification {
         check_known(places, "effects", &self.effects, &slugs)?;
         let noise = self.noise_model(&(places.of)("noise"))?;
         let effects = self.effects(library);
-        // Whether the experiment has them is for the problem to say.
+        // The problem checks later that the experiment has these effects.
         let of_effects =
             effects.iter().chain(NUISANCES).flat_map(|effect| effect.parameters()).map(|parameter| parameter.spec);
-        // What is no effect's is a scale that divides somewhere, so the lower end of its support is out, too.
+        // Parameters of law and noise are scales that divide somewhere, so the lower end of their support is excluded, too.
         let scales: Vec<ParameterSpec> = self.base.parameters().iter().copied().chain(noise.parameters()).collect();
         let all: Vec<ParameterSpec> = scales.iter().copied().chain(of_effects).collect();
         for name in &self.freed {
             if !all.iter().any(|spec| spec.name == name && spec.is_optional) {
                 let optional: Vec<&str> = all.iter().filter(|spec| spec.is_optional).map(|spec| spec.name).collect();
                 let remedy = match optional[..] {
-                    [] => "leave it away: parameters of this model are free unless they are set".to_string(),
-                    _ => format!("free {}; others are free unless they are set", optional.join(", ")),
+                    [] => "leave it out: parameters of this model are free unless they are set".to_string(),
+                    _ => format!("free {}; other parameters are free unless they are set", optional.join(", ")),
                 };
-                return Err(Error::input((places.of)("free"), format!("`{name}` is not held"), remedy));
+                return Err(Error::input((places.of)("free"), format!("`{name}` is free already"), remedy));
             }
         }
         for (name, value) in &self.fixed {
@@ -359,7 +359,7 @@ impl ModelSpecification {
                 let names: Vec<&str> = all.iter().map(|spec| spec.name).collect();
                 let near = nearest_name(name, names.iter().copied());
                 let hint = near.map_or(String::new(), |near| format!("did you mean `{near}`? "));
-                let remedy = format!("{hint}this model has {}", names.join(", "));
+                let remedy = format!("{hint}this model has the parameters {}", names.join(", "));
                 return Err(Error::input(place, format!("unknown parameter `{name}`"), remedy));
             };
             let is_scale = scales.contains(spec);
@@ -380,10 +380,10 @@ impl ModelSpecification {
     }
 }
 
-/// Slugs of effects, of which some are named by the files that define them.
+/// Slugs of effects; some of the names may be files that define an effect.
 ///
 /// # Errors
-/// As [`effect_file::read`].
+/// Errors of [`effect_file::read`].
 pub fn named_effects(names: &[String]) -> Result<Vec<String>> {
     let slug = |name: &String| match effect_file::is_file(name) {
         true => effect_file::read(Path::new(name)).map(String::from),
@@ -392,7 +392,7 @@ pub fn named_effects(names: &[String]) -> Result<Vec<String>> {
     names.iter().map(slug).collect()
 }
 
-/// Effects that a `model.toml` defines, which may then be named.
+/// Registers the effects that a `model.toml` defines.
 fn define_effects(root: &Table<'_>, text: &str) -> Result<()> {
     let whole: toml::Table = text
         .parse()
@@ -404,21 +404,21 @@ fn define_effects(root: &Table<'_>, text: &str) -> Result<()> {
     Ok(())
 }
 
-/// Names without the blanks around them; empty ones are left out.
+/// Names without surrounding blanks; empty ones are left out.
 fn trimmed(names: &[String]) -> Vec<String> {
     names.iter().map(|name| name.trim().to_string()).filter(|name| !name.is_empty()).collect()
 }
 
-/// The base law of a file that says nothing else.
+/// Base law of a file that contains nothing else.
 fn base_of_file(file: &Path) -> Result<BaseLaw> {
     let specification = ModelSpecification::read(file, &Library::default())?;
     let base = specification.base;
     if specification != (ModelSpecification { base, ..ModelSpecification::default() }) {
         return Err(Error::input(
             Place::file(file),
-            "this file holds more than a base law",
+            "this file contains more than a base law",
             format!(
-                "keep its base alone, and give effects, noise, prior and values by {}, {}, {} and {}",
+                "keep only its base, and give effects, noise, prior and values by {}, {}, {} and {}",
                 Setting::Effects,
                 Setting::Noise,
                 Setting::Prior,
@@ -429,7 +429,7 @@ fn base_of_file(file: &Path) -> Result<BaseLaw> {
     Ok(base)
 }
 
-/// The law of a server's model, at an address with `#` and the model's name if that is given; its parameters are those that the prior names, but for those of effects and noise.
+/// Law of a server's model, at an address with `#` and the model's name if given. Its parameters are those of the prior, without parameters of effects and noise.
 fn base_at(address: &str, prior: &str) -> Result<BaseLaw> {
     let (url, name) = address.split_once('#').map_or((address, None), |(url, name)| (url, Some(name)));
     let of_noise: Vec<&str> = NoiseModel::known_parameters().map(|spec| spec.name).collect();
@@ -445,14 +445,14 @@ fn base_at(address: &str, prior: &str) -> Result<BaseLaw> {
     if parameters.is_empty() || parameters.len() > MOST_PARAMETERS {
         let found = format!("`{prior}` names {} parameters for the model at {url}", parameters.len());
         let remedy = format!(
-            "give a prior file with one to {MOST_PARAMETERS} of them, in the order of the model's input, and the noise"
+            "give a prior file with one to {MOST_PARAMETERS} parameters, in the order of the model's input, and the noise"
         );
         return refuse(found, remedy);
     }
     Ok(BaseLaw::Outside(OutsideLaw::new(url, name, &parameters)))
 }
 
-/// The base law of a name that stands at `place`.
+/// Base law with a name, which is given at `place`.
 fn base_named(name: &str, place: Place) -> Result<BaseLaw> {
     BaseLaw::named(name).ok_or_else(|| {
         let known = BaseLaw::NAMED.map(BaseLaw::name);
@@ -489,7 +489,7 @@ fn check_known(places: &Places<'_>, key: &str, names: &[String], known: &[&str])
     Ok(())
 }
 
-/// Values by name; none where `free` stands.
+/// Values by parameter name; `None` for `free`.
 fn assignments(set: &[String]) -> Result<Assignments> {
     let mut values = BTreeMap::new();
     for assignment in set {

@@ -123,7 +123,7 @@ fn options_are_refused_by_their_names() {
     assert_eq!((specification.fixed["young_modulus_pa"], specification.prior.as_str()), (3.5, "generic"));
 }
 
-/// A mobility is held at 0 unless it is set or freed; what is free anyway cannot be freed, and a file keeps what was.
+/// A mobility is held at 0 unless it is set or freed. Parameters that are always free cannot be freed, and a file keeps the choice.
 #[test]
 fn an_optional_parameter_is_held_at_its_null_until_it_is_freed() {
     use models::effects::MOBILITY;
@@ -144,7 +144,7 @@ fn an_optional_parameter_is_held_at_its_null_until_it_is_freed() {
     assert_eq!(value(freed.clone()), None);
     for set in ["large-displacement.amplitude=free", "young_modulus_pa=free"] {
         let refusal = held(&[set]).unwrap_err().to_string();
-        assert!(refusal.contains("is not held") && refusal.contains(MOBILITY), "{refusal}");
+        assert!(refusal.contains("is free already") && refusal.contains(MOBILITY), "{refusal}");
     }
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("model.toml");

@@ -1,11 +1,11 @@
-//! What every JSON file says about its origin (formats §3).
+//! Origin of every JSON file (formats §3).
 
 use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 
-/// Header of a JSON document; flattened into it, so that its keys stand at the top.
+/// Header of a JSON document, flattened into it so that its keys are at the top level.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct Provenance {
@@ -20,13 +20,13 @@ pub struct Provenance {
 }
 
 impl Provenance {
-    /// A header with this program's version.
+    /// Creates a header with this program's version.
     pub fn new(kind: &str, number: u32, seed: u64, inputs_sha256: BTreeMap<String, String>) -> Self {
         let version = env!("CARGO_PKG_VERSION").to_string();
         Self { schema: format!("vitreo-uq/{kind}/{number}"), version, seed, inputs_sha256 }
     }
 
-    /// The same header with one more input, such as a prior file.
+    /// Adds one more input, such as a prior file.
     pub fn with_input(mut self, name: impl Into<String>, bytes: &[u8]) -> Self {
         self.inputs_sha256.insert(name.into(), sha256_hex(bytes));
         self
@@ -40,12 +40,12 @@ pub struct WithProvenance<T> {
     /// Header.
     #[serde(flatten)]
     pub provenance: Provenance,
-    /// Body; a struct or map, none of whose keys is one of the header's.
+    /// Body: a struct or map without the header's keys.
     #[serde(flatten)]
     pub body: T,
 }
 
-/// What the program keeps to use again, with the hash of its content: what was changed since is found out, and made anew.
+/// Content that the program keeps for later use, with its hash. A changed content is detected and made again.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Kept<T> {
     content_sha256: String,
@@ -54,17 +54,18 @@ pub struct Kept<T> {
 }
 
 impl<T: Serialize> Kept<T> {
-    /// Seals the content.
+    /// Adds the hash to the content.
     pub fn new(content: T) -> Self {
         Self { content_sha256: Self::hash(&content), content }
     }
 
-    /// The content, if it is what was sealed.
+    /// Content, if its hash is unchanged.
     pub fn unchanged(self) -> Option<T> {
         (self.content_sha256 == Self::hash(&self.content)).then_some(self.content)
     }
 
-    /// Of the content as it is written: numbers read back to the last bit, so what was read is written as before. What cannot be written has no hash.
+    /// Hash of the content as it is written. Numbers read back to the last bit, so content that was read is written identically. Content that cannot be written has an
+    /// empty hash.
     fn hash(content: &T) -> String {
         serde_json::to_vec(content).map_or_else(|_| String::new(), |bytes| sha256_hex(&bytes))
     }

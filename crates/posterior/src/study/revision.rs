@@ -1,4 +1,4 @@
-//! A revision being written.
+//! Writer of a revision.
 
 use std::path::{Path, PathBuf};
 
@@ -30,15 +30,15 @@ impl RevisionWriter {
         Ok(Self { building, target, _lock: lock })
     }
 
-    /// Directory to write the revision's files into.
+    /// Directory for the revision's files.
     pub fn path(&self) -> &Path {
         self.building.path()
     }
 
-    /// Writes a document and the files beside it, and makes the revision visible, whole or not at all. Returns its directory.
+    /// Writes a document and the files beside it, and makes the revision visible, completely or not at all. Returns its directory.
     ///
     /// # Errors
-    /// [`Error::File`] if the operating system refuses, and those of `files`.
+    /// [`Error::File`] if the operating system refuses, and errors of `files`.
     pub fn publish<D: Serialize>(
         self,
         name: &str,
@@ -50,7 +50,7 @@ impl RevisionWriter {
         self.commit()
     }
 
-    /// Makes the revision visible under its name, replacing an earlier one of that name in one step.
+    /// Makes the revision visible under its name and replaces an earlier one of that name in one step.
     ///
     /// # Errors
     /// [`Error::File`] if the operating system refuses; an earlier revision is then untouched.
@@ -61,7 +61,7 @@ impl RevisionWriter {
     }
 }
 
-/// Removes what killed programs left; the lock says that none of them is still at work.
+/// Removes leftovers of killed programs; the lock ensures that none of these programs is still running.
 fn remove_leftovers(study_dir: &Path) -> Result<()> {
     for (name, kind) in entries(study_dir, "check that the study is readable")? {
         let text = name.to_string_lossy();

@@ -17,17 +17,17 @@ class Parameter(TypedDict):
     upper: float
 
 class Experiment:
-    """What was measured, in SI units. Arrays have one entry a row; each access makes a new one."""
+    """Measured force and position over time, in SI units. Arrays have one entry per row; each access makes a new array."""
 
     @staticmethod
     def read(path: str | os.PathLike[str]) -> Experiment:
         """Reads a directory with `experiment.toml`, the path of the TOML, or a study. Raises `InputError`."""
     @staticmethod
     def replica() -> Experiment:
-        """The synthetic experiment that is in the program."""
+        """The synthetic experiment that is embedded in the program."""
     @property
     def path(self) -> str | os.PathLike[str] | None:
-        """Where it was read; None for the replica."""
+        """Path of the experiment; None for the replica."""
     @property
     def label(self) -> str:
         """The specimen's identifier."""
@@ -37,7 +37,7 @@ class Experiment:
     def region(self) -> str | None: ...
     @property
     def source(self) -> str:
-        """Where the data come from."""
+        """Origin of the data."""
     @property
     def time_s(self) -> npt.NDArray[np.float64]:
         """Times in s, shape (rows,)."""
@@ -46,7 +46,7 @@ class Experiment:
         """Commanded force in N, shape (rows,)."""
     @property
     def position_m(self) -> npt.NDArray[np.float64]:
-        """Position in m, shape (rows,); NaN where there is none."""
+        """Position in m, shape (rows,); NaN if it is missing."""
     @property
     def cycle(self) -> npt.NDArray[np.uint32]:
         """Cycle of each row, from 1, shape (rows,)."""
@@ -55,20 +55,20 @@ class Experiment:
         """Cycles that the base model is fitted to."""
     @property
     def heldout_cycles(self) -> list[int]:
-        """Cycles that no fit of the base model sees."""
+        """Held-out cycles, which no fit of the base model uses."""
     @property
     def noise_um(self) -> float | None:
-        """The tracker's known noise in µm, if it is stated."""
+        """Known noise standard deviation of the tracker in µm, if it is stated."""
     @property
     def notes(self) -> list[str]:
-        """What the reader noticed: how cycles were found, positions that are missing, and the like."""
+        """Remarks of the reader, for example about how cycles were found or positions that are missing."""
     def __len__(self) -> int: ...
 
 class ReducedModel:
-    """The reduced model of an experiment, or of a study's revision (the last unless said).
+    """Reduced model of an experiment or of a study's revision (by default the last).
 
     `base`, `effects`, `noise`, `prior` and `fixed` are the program's `--base`, `--with`, `--noise`, `--prior` and `--set`; a value None in
-    `fixed` frees a parameter that is held. `fixed` values are in the parameter's unit.
+    `fixed` frees a fixed parameter. `fixed` values are in the parameter's unit.
     """
 
     def __init__(
@@ -84,22 +84,22 @@ class ReducedModel:
     ) -> None: ...
     @property
     def parameters(self) -> list[Parameter]:
-        """The sampled parameters, in order: the model's, then the noise's, without those that are fixed."""
+        """The sampled parameters, in order: the model's, then the noise's, without fixed ones."""
     @property
     def names(self) -> list[str]:
-        """Their names."""
+        """Names of the sampled parameters, in order."""
     @property
     def prior_median(self) -> npt.NDArray[np.float64]:
         """Medians of the priors, shape (parameters,): a start inside the range."""
     @property
     def n_trajectory_parameters(self) -> int:
-        """How many `trajectory` takes: the first of `names`, without the noise's."""
+        """Number of parameters that `trajectory` takes: the first ones of `names`, without the noise's."""
     @property
     def max_relative_error(self) -> float | None:
-        """Largest distance from full finite elements, as a share of the amplitude; None for an instrument."""
+        """Largest distance from full finite elements, relative to the amplitude; None for an instrument."""
     def trajectory(self, points: npt.ArrayLike) -> npt.NDArray[np.float64]:
         """Positions in µm at the record's rows: (n, d) gives (n, rows), (d,) gives (rows,). Raises `InputError` outside a parameter's range."""
     def log_density(self, points: npt.ArrayLike) -> npt.NDArray[np.float64]:
-        """ln(prior × likelihood) over the parameters as they are: (n, d) gives (n,), (d,) gives (); −inf outside."""
+        """ln(prior × likelihood) over the untransformed parameters: (n, d) gives (n,), (d,) gives (); −inf outside."""
     def log_density_gradient(self, points: npt.ArrayLike) -> npt.NDArray[np.float64]:
-        """Its gradient, per unit of each parameter: (n, d) gives (n, d), (d,) gives (d,); 0 where the density is 0."""
+        """Gradient of `log_density`, per unit of each parameter: (n, d) gives (n, d), (d,) gives (d,); 0 if the density is 0."""

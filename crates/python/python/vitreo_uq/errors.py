@@ -1,4 +1,4 @@
-"""What can go wrong. Messages say where, what was found, and what to do."""
+"""Errors of the module. Messages name the place, what was found, and what to do."""
 
 
 class Error(Exception):
@@ -10,4 +10,4 @@ class InputError(Error, ValueError):
 
 
 class NotTrusted(UserWarning):
-    """A command ran, but its result is not to be trusted as it stands (exit code 1 of the program): the document says why."""
+    """A command ran, but its result cannot be trusted (exit code 1 of the program). The document gives the reason."""

@@ -1,7 +1,7 @@
-"""The program that is in the wheel, as functions.
+"""Functions that run the program in the wheel.
 
-Commands run as a child process, not in this one: they take minutes, and so progress, Ctrl-C, checkpoints and exit codes are those of the program, by the
-same code; a crash or a full memory ends the child alone.
+Commands take minutes and run in a child process. Progress, Ctrl-C, checkpoints and exit codes are therefore those of the program.
+A crash or a full memory ends only the child.
 """
 
 import json
@@ -21,7 +21,7 @@ from vitreo_uq._native import Experiment
 from vitreo_uq.errors import Error, InputError, NotTrusted
 
 Target = Experiment | str | os.PathLike[str]
-"""An experiment or a study; an `Experiment` that was read stands for its path, the replica for no path."""
+"""An experiment or a study. An `Experiment` is passed as its path, the replica as no path."""
 
 
 def program() -> str:
@@ -33,15 +33,15 @@ def program() -> str:
             return str(Path(folder) / name)
     found = shutil.which(name)
     if found is None:
-        raise Error("the program vitreo-uq is not beside Python and not on the PATH\n  what to do: install the wheel anew")
+        raise Error("the program vitreo-uq is neither beside Python nor on the PATH\n  what to do: install the wheel again")
     return found
 
 
 def run(*arguments: str | os.PathLike[str], progress: bool = False) -> dict[str, Any]:
     """Runs a command of the program and returns its JSON document.
 
-    `arguments` are the command's words without ``--json``; `progress` shows what it says on standard error. Raises `InputError` where the program
-    refuses its input, `Error` where it fails; warns with `NotTrusted` where the result is not to be trusted as it stands.
+    `arguments` are the command's words without ``--json``; `progress` shows its messages on standard error. Raises `InputError` if the program
+    refuses its input and `Error` if it fails. Warns with `NotTrusted` if the result cannot be trusted.
     """
     words = [os.fspath(word) for word in arguments]
     command = [program(), *words, "--json", "-", *([] if progress else ["--quiet"])]
@@ -53,7 +53,7 @@ def run(*arguments: str | os.PathLike[str], progress: bool = False) -> dict[str,
             for line in child.stderr or ():
                 said.append(line)
                 if progress:
-                    # Not the child's own stream: a notebook shows what goes through Python's.
+                    # A notebook shows output of Python's stream, not of the child's own.
                     print(line, end="", file=sys.stderr)
 
         listener = threading.Thread(target=listen, daemon=True)
@@ -62,7 +62,7 @@ def run(*arguments: str | os.PathLike[str], progress: bool = False) -> dict[str,
             text = child.stdout.read()
             code = child.wait()
         except KeyboardInterrupt:
-            # A notebook interrupts Python alone. The program stops within a second and leaves nothing half-written.
+            # A notebook interrupts only Python. The program stops within a second and leaves nothing half-written.
             child.send_signal(signal.SIGINT)
             try:
                 child.wait(timeout=10)
@@ -86,7 +86,7 @@ def run(*arguments: str | os.PathLike[str], progress: bool = False) -> dict[str,
 
 
 def _message(said: Sequence[str]) -> str:
-    """The program's error: from its line `error: …` on, else all that it said."""
+    """Error message of the program: from its line `error: …` on, otherwise its whole output."""
     starts = [place for place, line in enumerate(said) if line.startswith("error: ")]
     return "".join(said[starts[-1] :] if starts else said).removeprefix("error: ").strip()
 
@@ -97,7 +97,7 @@ def _words(target: Target | None) -> list[str]:
 
 
 def _options(**options: object) -> list[str]:
-    """Options of the program: lists are joined by commas, mappings give one option a name, None and empty ones are left out."""
+    """Options of the program: lists are joined by commas, mappings give one option per name, None and empty values are left out."""
     words: list[str] = []
     for name, value in options.items():
         option = "--" + name.rstrip("_").replace("_", "-")
@@ -116,9 +116,9 @@ def _options(**options: object) -> list[str]:
 
 
 def _listed(argument: str, names: Sequence[str]) -> list[str]:
-    """A list of names; one name alone would be taken for a list of letters."""
+    """A list of names; a single text would be taken for a list of letters."""
     if isinstance(names, str):
-        raise InputError(f"`{argument}`: {names!r} is one text\n  what to do: give a list, as in [{names!r}]")
+        raise InputError(f"`{argument}`: {names!r} is a single text\n  what to do: give a list, as in [{names!r}]")
     return list(names)
 
 
@@ -142,9 +142,9 @@ def sample(
 ) -> dict[str, Any]:
     """Samples the posterior into a study and returns the document ``vitreo-uq/posterior/1``.
 
-    `target` is an experiment (None: the replica), `out` the study (``vitreo-uq-out/<id>`` unless said), `chains` the walkers of an ensemble, `steps`
-    the most steps of a walker, `fixed` parameters held at a value in their unit (None frees one). `report` also writes ``report.html``. Draws are then to
-    be had by `read_study`.
+    `target` is an experiment (None: the replica), `out` the study (default ``vitreo-uq-out/<id>``), `chains` the walkers of an ensemble, `steps`
+    the largest number of steps of a walker, `fixed` parameters held at a value in their unit (None frees one). `report` also writes ``report.html``.
+    `read_study` then returns the draws.
     """
     options = _options(
         out=out, base=base, with_=_listed("effects", effects), noise=_listed("noise", noise), prior=prior, set_=fixed, chains=chains, steps=steps, seed=seed, threads=threads,
@@ -163,9 +163,9 @@ def diagnose(
     report: bool = False,
     progress: bool = False,
 ) -> dict[str, Any]:
-    """Asks which physical effect a model lacks and returns the document ``vitreo-uq/diagnosis/1``.
+    """Finds the physical effect that a model lacks and returns the document ``vitreo-uq/diagnosis/1``.
 
-    `study` is a study or an experiment; `simulations` is the most simulated searches by which a gain is judged.
+    `study` is a study or an experiment; `simulations` is the largest number of simulated searches that test a gain.
     """
     options = _options(out=out, simulations=simulations, seed=seed, threads=threads, no_report=not report)
     return run("diagnose", *_words(study), *options, progress=progress)

@@ -40,11 +40,11 @@ class _LogDensity(Op):  # type: ignore[misc, unused-ignore]
     def grad(self, inputs: Any, output_gradients: Any) -> list[Any]:
         return [output_gradients[0] * self.gradient(inputs[0])]
 
-    # The newer name of the same.
+    # Newer name of `grad`.
     def pullback(self, inputs: Any, outputs: Any, cotangents: Any) -> list[Any]:
         return self.grad(inputs, cotangents)
 
 
 def log_density_op(model: ReducedModel) -> Any:
-    """ln(prior × likelihood) as an operation: a vector of the model's `names`, in their units, to a number. It has a gradient."""
+    """ln(prior × likelihood) as an operation with a gradient. It maps a vector of the model's `names`, in their units, to a number."""
     return _LogDensity(model)

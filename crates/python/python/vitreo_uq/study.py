@@ -15,10 +15,10 @@ GROUPS = ("posterior", "sample_stats", "log_likelihood", "observed_data")
 
 
 def read_study(path: str | os.PathLike[str], revision: str | None = None) -> "arviz.InferenceData | xarray.DataTree":
-    """The draws of a study's revision (the last unless said), as ``posterior.nc`` holds them.
+    """Returns the draws of a study's revision (by default the last) from ``posterior.nc``.
 
-    ``posterior`` has one variable a parameter, shape (chain, draw), in the unit of its name; a chain is an independent ensemble. ``observed_data`` and
-    ``posterior_predictive`` are positions in µm, one a row. ArviZ 0.x gives its ``InferenceData``, ArviZ 1 an ``xarray.DataTree`` of the same groups. Raises `InputError` where there is no such revision, `Error` without ArviZ.
+    ``posterior`` has one variable per parameter, shape (chain, draw), in the unit of its name; a chain is an independent ensemble. ``observed_data`` and
+    ``posterior_predictive`` are positions in µm, one per row. ArviZ 0.x returns its ``InferenceData``, ArviZ 1 an ``xarray.DataTree`` of the same groups. Raises `InputError` if there is no such revision, `Error` without ArviZ.
     """
     study = Path(path)
     if not (study / "inputs.sha256").is_file():

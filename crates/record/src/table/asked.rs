@@ -1,40 +1,40 @@
-//! What is known of a table, and questions to whoever knows more.
+//! The user's settings for a table, and questions to the user.
 
-/// What the user says of a table; whatever is missing is found.
+/// The user's settings for a table. Missing settings are inferred from the table.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Given {
     /// Columns of time, force, position and cycle, by name or number.
     pub columns: [Option<String>; 4],
-    /// Columns of x, y and z, where the position is not in one column.
+    /// Columns of x, y and z, if the position is not in a single column.
     pub axes: [Option<String>; 3],
     /// Units of time, force and position.
     pub units: [Option<String>; 3],
-    /// The tables of a file that holds several, such as `1,2`, or `all`.
+    /// Tables to read from a file with several, such as `1,2` or `all`.
     pub tables: Option<String>,
-    /// Column of a tracker's tracks, and the track that is read.
+    /// Column of a tracker's tracks, and the track to read.
     pub track: [Option<String>; 2],
-    /// What a blank force stands for: `above` or `zero`.
+    /// Meaning of a blank force: `above` or `zero`.
     pub blank_force: Option<String>,
-    /// The sign between thousands, or `none`.
+    /// Thousands separator, or `none`.
     pub thousands: Option<String>,
-    /// `join` where times that begin again go on.
+    /// `join` if times that restart continue.
     pub time_restarts: Option<String>,
-    /// `spread` where equal times are spread over a clock's steps.
+    /// `spread` if equal times are spread over a clock's steps.
     pub time_ties: Option<String>,
 }
 
-/// What a table does not say, for whoever can.
+/// A question about a table that the table does not answer.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Question {
-    /// What is asked for, without a question mark.
+    /// Text of the question, without a question mark.
     pub text: String,
-    /// What may be answered; empty where anything may.
+    /// Possible answers; empty if any answer is allowed.
     pub choices: Vec<String>,
-    /// What may be answered, too, without being listed.
+    /// Further possible answers that are not listed.
     pub also: Vec<String>,
-    /// What is proposed.
+    /// Proposed answer.
     pub proposal: Option<String>,
 }
 
-/// Gives the answer to a question, or `None` where nobody is there.
+/// Answers a question, or returns `None` if no user is present.
 pub type Ask<'a> = &'a mut dyn FnMut(&Question) -> Option<String>;

@@ -1,4 +1,4 @@
-//! The tables that a text holds: how their rows are laid out, their headers, and the lines between which they stand.
+//! Finds the tables in a text: the layout of their rows, their headers, and their first and last lines.
 
 use std::borrow::Cow;
 
@@ -6,18 +6,18 @@ use super::spelling::{Spelt, clock_s, is_date_time, split_unit, unit};
 use super::text::{Decimal, Delimiter, cells, header_cells, is_aside};
 use crate::trajectory::is_lost;
 
-/// Lines that are looked at for the layout.
+/// Number of lines inspected for the layout.
 const LOOKED_AT: usize = 5_000;
-/// Letters of a cell in a line of units, brackets left out.
+/// Largest number of letters of a cell in a unit line, without brackets.
 const LONGEST_UNIT: usize = 8;
-/// Names of columns of remarks.
+/// Names of comment columns.
 const REMARKS: [&str; 6] = ["", "comment", "comments", "note", "notes", "remarks"];
-/// Rows that a table has at least; fewer numbers are a preamble.
+/// Smallest number of rows of a table. Fewer rows of numbers are a preamble.
 const FEWEST_ROWS: usize = 3;
-/// Letters of a table's title that are shown.
+/// Number of displayed letters of a table's title.
 const LONGEST_TITLE: usize = 60;
 
-/// Between what the cells of a table stand.
+/// Layout of a table's cells.
 #[derive(Debug, Clone)]
 pub(super) struct Layout {
     pub delimiter: Delimiter,
@@ -27,7 +27,7 @@ pub(super) struct Layout {
     pub n_cells: usize,
 }
 
-/// Rows that follow each other under one header.
+/// Consecutive rows under one header.
 #[derive(Debug, Clone)]
 pub(super) struct Block {
     pub layout: Layout,
@@ -35,9 +35,9 @@ pub(super) struct Block {
     pub end: usize,
     pub n_rows: usize,
     pub header: Header,
-    /// What stands above the header; empty where nothing does.
+    /// Line above the header; empty if there is none.
     pub title: String,
-    /// Last columns that are empty in every row: rows may end in a delimiter.
+    /// Number of last columns that are empty in every row, because rows may end in a delimiter.
     pub n_empty: usize,
 }
 
@@ -52,14 +52,14 @@ pub(super) fn is_value(cell: &str, decimal: Decimal) -> bool {
     decimal.number(cell).is_some() || clock_s(cell).is_some() || is_date_time(cell)
 }
 
-/// Whether a line is a row of numbers: how many of its cells are values, and how many are something else.
+/// Number of cells in a line that are values, and number of cells with other content.
 fn counts(cells: &[Cow<'_, str>], decimal: Decimal) -> (i64, i64) {
     let n_values = cells.iter().filter(|cell| is_value(cell, decimal)).count() as i64;
     let n_others = cells.iter().filter(|cell| !is_value(cell, decimal) && !is_lost(cell)).count() as i64;
     (n_values, n_others)
 }
 
-/// The layout in which most cells of one block of lines are numbers or times.
+/// Layout in which most cells of one block of lines are numbers or times.
 fn layout(lines: &[&str]) -> Option<Layout> {
     let mut best: Option<(i64, Layout)> = None;
     for delimiter in Delimiter::ALL {
@@ -94,20 +94,20 @@ fn layout(lines: &[&str]) -> Option<Layout> {
     best.map(|(_, layout)| layout)
 }
 
-/// The tables of a text, in order, at least one; `None` where no block of numbers is found.
+/// Finds the tables of a text, in order. Returns at least one, or `None` if there is no block of numbers.
 ///
-/// A new table begins where a header stands between rows. Other lines between rows belong to the table, and are refused when they are read.
+/// A new table begins at a header between rows. Other lines between rows belong to the table and cause an error when they are read.
 pub(super) fn blocks(lines: &[&str]) -> Option<Vec<Block>> {
     let found = layout(&lines[..lines.len().min(LOOKED_AT)])?;
     let mut blocks: Vec<Block> = Vec::new();
-    // Where what may be a header begins: after the last row.
+    // Index of the line after the last row. A header may begin there.
     let mut after = 0;
     for (index, line) in lines.iter().enumerate().filter(|(_, line)| !is_aside(line, None)) {
         let cells = cells(line, found.delimiter);
         let (n_values, n_others) = counts(&cells, found.decimal);
-        // A row of a table may have lost all but its time.
+        // A row of a table may have lost all values but its time.
         let is_row = n_values >= 2 && n_values >= n_others || n_values == 1 && n_others == 0 && !blocks.is_empty();
-        // Words with two numbers, as above the next table of an export.
+        // Words with two numbers form a preamble, as above the next table of an export.
         let is_preamble = n_others > 0
             && blocks.last().is_some_and(|block| block.n_rows >= FEWEST_ROWS && cells.len() < block.layout.n_cells);
         if !is_row || is_preamble {
@@ -152,7 +152,7 @@ pub(super) fn blocks(lines: &[&str]) -> Option<Vec<Block>> {
     Some(blocks)
 }
 
-/// Number of last cells that are empty in every row: rows may end in a delimiter.
+/// Number of last columns that are empty in every row, because rows may end in a delimiter.
 fn n_empty_at_end(rows: &[&str], layout: &Layout) -> usize {
     let rows = rows.iter().filter(|line| !is_aside(line, None)).take(LOOKED_AT);
     let empty = rows.map(|line| {
@@ -162,22 +162,22 @@ fn n_empty_at_end(rows: &[&str], layout: &Layout) -> usize {
     empty.min().unwrap_or(0)
 }
 
-/// The header's line, its names and the units beneath them.
+/// A header: its line, its names and the units below them.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Header {
     /// Index of the line.
     pub line: Option<usize>,
     pub names: Vec<String>,
     pub units: Vec<Option<Spelt>>,
-    /// Columns whose unit is none of ours: a temperature, a voltage.
+    /// Columns with a unit that the program does not know, such as a temperature or a voltage.
     pub foreign: Vec<usize>,
 }
 
-/// A line's cells as names, if it has as many as the rows have and two of them are words; `n_empty` last cells of the rows may have no name.
+/// Cells of a line as names, if their number matches the rows and at least two are words. The rows' last `n_empty` cells may have no name.
 fn names_in(line: &str, layout: &Layout, n_empty: usize) -> Option<Vec<String>> {
     let mut found: Vec<String> =
         header_cells(line, layout.delimiter, None, layout.n_cells).into_iter().map(Cow::into_owned).collect();
-    // A column of remarks may have a name and no cells.
+    // A comment column may have a name but no cells.
     while found.len() > layout.n_cells
         && found.last().is_some_and(|last| REMARKS.contains(&last.to_lowercase().as_str()))
     {
@@ -190,7 +190,7 @@ fn names_in(line: &str, layout: &Layout, n_empty: usize) -> Option<Vec<String>> 
     (found.len() == layout.n_cells && n_words >= 2).then_some(found)
 }
 
-/// The header of the rows of a layout, among the lines from `from` on.
+/// Header of a layout's rows, among the lines from `from` on.
 fn header(lines: &[&str], from: usize, layout: &Layout, n_empty: usize) -> Header {
     let above: Vec<usize> =
         (from..layout.first).rev().filter(|index| !lines[*index].trim().is_empty()).take(2).collect();
@@ -199,7 +199,7 @@ fn header(lines: &[&str], from: usize, layout: &Layout, n_empty: usize) -> Heade
     let Some((line, nearest)) = names(0) else { return Header::default() };
     let units: Vec<Option<Spelt>> = nearest.iter().map(|cell| unit(cell)).collect();
     let length = |cell: &String| cell.trim_matches(['[', ']', '(', ')']).chars().count();
-    // A line of units may have some that are none of ours, such as °C.
+    // A unit line may contain units that the program does not know, such as °C.
     if let Some((line, names)) = names(1)
         && units.iter().flatten().count() >= 2
         && nearest.iter().all(|cell| length(cell) <= LONGEST_UNIT)
@@ -212,7 +212,7 @@ fn header(lines: &[&str], from: usize, layout: &Layout, n_empty: usize) -> Heade
     Header { line: Some(line), names: nearest, units, foreign: Vec::new() }
 }
 
-/// The nearest line above a table's header, as words.
+/// Nearest line above a table's header, as words.
 fn title(lines: &[&str], from: usize, block: &Block) -> String {
     let above =
         (from..block.header.line.unwrap_or(block.layout.first)).rev().find(|index| !lines[*index].trim().is_empty());

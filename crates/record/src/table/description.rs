@@ -1,4 +1,4 @@
-//! How a table of another maker is written: what `[measurement]` says of it beside its name (formats §1).
+//! Description of a foreign table in `[measurement]`, in addition to its file name (formats §1).
 
 use super::spelling::{DateOrder, Spelt, split_unit, unit};
 use super::text::{Decimal, Delimiter, Encoding, Thousands};
@@ -10,25 +10,25 @@ use base::units::Dimension;
 /// A column, by its name or by its number from 1.
 #[derive(Debug, Clone, PartialEq)]
 pub enum ColumnName {
-    /// As it stands in the header.
+    /// Name in the header.
     Named(String),
-    /// Counted from 1.
+    /// Number, counted from 1.
     Number(usize),
 }
 
-/// How times are written.
+/// Format of times.
 #[derive(Debug, Clone, PartialEq)]
 pub enum TimeFormat {
     /// Numbers in a unit.
     Unit(Spelt),
-    /// `hh:mm:ss`, counted from the first row; past midnight it goes on.
+    /// Times of day `hh:mm:ss`, counted from the first row and continued past midnight.
     Clock,
-    /// A date with a time, counted from the first row. Without an order the dates must show it themselves.
+    /// Date with time, counted from the first row. Without a given order the dates must show it themselves.
     Date(Option<DateOrder>),
 }
 
 impl TimeFormat {
-    /// The format that a word names: `clock`, `iso`, `day-first` or `month-first`.
+    /// Format for a word: `clock`, `iso`, `day-first` or `month-first`.
     pub fn named(word: &str) -> Option<Self> {
         Some(match word {
             "clock" => Self::Clock,
@@ -39,7 +39,7 @@ impl TimeFormat {
         })
     }
 
-    /// The unit, or the word that names the format.
+    /// Unit, or word for the format.
     pub fn name(&self) -> &str {
         match self {
             Self::Unit(unit) => &unit.name,
@@ -54,14 +54,14 @@ impl TimeFormat {
 /// The force of a row whose force cell is blank.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum BlankForce {
-    /// That of the row above: the log shows changes alone.
+    /// Force of the row above: the log only contains changes.
     Above,
-    /// None.
+    /// Zero force.
     Zero,
 }
 
 impl BlankForce {
-    /// Both.
+    /// Both meanings.
     pub const ALL: [Self; 2] = [Self::Above, Self::Zero];
 
     /// Name in `experiment.toml`.
@@ -73,17 +73,17 @@ impl BlankForce {
     }
 }
 
-/// Where the position stands.
+/// Columns that contain the position.
 #[derive(Debug, Clone, PartialEq)]
 pub enum PositionColumns {
-    /// In one column, along the force.
+    /// One column, along the force.
     Along(ColumnName),
-    /// In two or three: x, y and z.
+    /// Two or three columns: x, y and z.
     Axes(Vec<ColumnName>),
 }
 
 impl PositionColumns {
-    /// The columns, x first.
+    /// All columns, x first.
     pub fn all(&self) -> &[ColumnName] {
         match self {
             Self::Along(column) => std::slice::from_ref(column),
@@ -92,53 +92,53 @@ impl PositionColumns {
     }
 }
 
-/// How the text of a table is laid out.
+/// Layout of a table's text.
 #[derive(Debug, Clone, PartialEq)]
 pub struct TableLayout {
-    /// Between cells.
+    /// Delimiter between cells.
     pub delimiter: Delimiter,
-    /// Before decimals.
+    /// Decimal sign.
     pub decimal: Decimal,
-    /// Letters as bytes; `None`: as the bytes show.
+    /// Character encoding; `None` if it is detected from the bytes.
     pub encoding: Option<Encoding>,
-    /// The sign that makes a line a comment; `None`: `#`, `%` and `//`.
+    /// Sign that begins a comment line; `None` for `#`, `%` and `//`.
     pub comment: Option<String>,
-    /// Line of the header, from 1; `None` where there is none.
+    /// Line of the header, from 1; `None` without a header.
     pub header_line: Option<usize>,
     /// Line of the first row, from 1.
     pub first_row_line: usize,
-    /// First and last line of each table that is read, from 1, one after the other; empty: all lines from the first row on.
+    /// First and last lines of the tables that are read, from 1, in ascending order. Empty for all lines from the first row on.
     pub row_lines: Vec<[usize; 2]>,
-    /// The sign between thousands, where numbers have one that could be taken for a decimal sign.
+    /// Thousands separator, if numbers contain one that could be mistaken for a decimal sign.
     pub thousands: Option<Thousands>,
 }
 
-/// A table of force and position against time.
+/// Description of a table of force and position over time.
 #[derive(Debug, Clone, PartialEq)]
 pub struct TableDescription {
-    /// Lines, cells and letters.
+    /// Layout of lines and cells, with the encoding.
     pub layout: TableLayout,
-    /// Times.
+    /// Column and format of the times.
     pub time: (ColumnName, TimeFormat),
-    /// Forces, or currents that make them; `None` in a table whose force is logged in another.
+    /// Column and unit of forces, or of currents that produce them; `None` if another table contains the force.
     pub force: Option<(ColumnName, Spelt)>,
-    /// Positions; `None` in a log of the force.
+    /// Columns and unit of positions; `None` for a force log.
     pub position: Option<(PositionColumns, Spelt)>,
-    /// Cycles; found from the force where there is no such column.
+    /// Column of cycles; `None` if cycles are found from the force.
     pub cycle: Option<ColumnName>,
     /// Column of a tracker's tracks, and the track that is read.
     pub track: Option<(ColumnName, String)>,
-    /// What a blank force stands for; `None`: blank forces are refused.
+    /// Meaning of a blank force; `None` if blank forces are errors.
     pub blank_force: Option<BlankForce>,
-    /// Positions, in the column's unit, that stand for lost tracking.
+    /// Position values, in the column's unit, that mark lost tracking.
     pub lost: Vec<f64>,
-    /// What is done to times that do not ascend.
+    /// Rules for times that do not ascend.
     pub time_rules: TimeRules,
 }
 
-/// Keys of `[measurement]` and `[actuation]` that describe a table of another form than the program's own.
+/// Keys of `[measurement]` and `[actuation]` that describe a foreign table.
 pub(crate) const KEYS: [&str; 15] = [
-    // Those of the layout, which every kind of table has.
+    // Keys of the layout, which every kind of table has.
     "columns",
     "units",
     "delimiter",
@@ -156,22 +156,22 @@ pub(crate) const KEYS: [&str; 15] = [
     "time_ties",
 ];
 
-/// Those of a table of moduli.
+/// Keys for a table of moduli.
 pub(crate) const SWEEP_KEYS: &[&str] = KEYS.split_at(9).0;
 
 const EXAMPLE: &str = "position = \"x [µm]\"";
 
 impl TableDescription {
-    /// What `[measurement]` says; `None` where it has no `[measurement.columns]`: then the table is one of the program's own form. `is_driven_elsewhere` where
-    /// `[actuation]` has the force.
+    /// Reads `[measurement]`. Returns `None` without `[measurement.columns]`: the table then has the program's own format. `is_driven_elsewhere` is true if
+    /// `[actuation]` contains the force.
     pub fn read(measurement: Table<'_>, is_driven_elsewhere: bool) -> Result<Option<Self>> {
         let Some(columns) = measurement.table("columns")? else {
             return match KEYS.iter().find(|key| measurement.has(key)) {
                 None => Ok(None),
                 Some(key) => Err(measurement.refuse(
                     key,
-                    "this describes a table whose columns are not described",
-                    "add [measurement.columns] with `time`, `force` and `position`, or let `vitreo-uq init FILE` write it",
+                    "this key describes a table, but [measurement.columns] is missing",
+                    "add [measurement.columns] with `time`, `force` and `position`, or create it with `vitreo-uq init FILE`",
                 )),
             };
         };
@@ -179,7 +179,7 @@ impl TableDescription {
         let units = Units::read(measurement, &["time", "force", "position"])?;
         if is_driven_elsewhere && columns.has("force") {
             let remedy = "remove one of them";
-            return Err(columns.refuse("force", "the force stands here and in [actuation]", remedy));
+            return Err(columns.refuse("force", "both this table and [actuation] contain the force", remedy));
         }
         let force = if is_driven_elsewhere { None } else { Some(units.column(columns, "force", Dimension::Force)?) };
         let position = position_columns(columns)?;
@@ -189,14 +189,14 @@ impl TableDescription {
         Ok(Some(Self { force, position, cycle, lost, ..Self::of_times(measurement, columns, &units)? }))
     }
 
-    /// What `[actuation]` says of its log.
+    /// Reads the log's description in `[actuation]`.
     pub(crate) fn read_log(actuation: Table<'_>) -> Result<Self> {
         let columns = actuation.required_table("columns")?;
         columns.only(&["time", "force", "current"])?;
         let units = Units::read(actuation, &["time", "force", "current"])?;
         let force = if columns.has("current") {
             if columns.has("force") {
-                return Err(columns.refuse("force", "the log has a force and a current", "name one of them"));
+                return Err(columns.refuse("force", "the log has both a force and a current", "keep one of them"));
             }
             units.column(columns, "current", Dimension::Current)?
         } else {
@@ -205,7 +205,7 @@ impl TableDescription {
         Ok(Self { force: Some(force), ..Self::of_times(actuation, columns, &units)? })
     }
 
-    /// The layout and the times alone.
+    /// Reads only the layout and the times.
     fn of_times(measurement: Table<'_>, columns: Table<'_>, units: &Units<'_>) -> Result<Self> {
         let time = column(columns, "time")?;
         let format = match units.text("time")?.as_deref().and_then(TimeFormat::named) {
@@ -228,13 +228,13 @@ impl TableDescription {
         })
     }
 
-    /// Number of coordinates of a position: 1 along the force; 2 or 3 where positions are x, y and z.
+    /// Number of coordinates of a position: 1 along the force, or 2 or 3 for x, y and z.
     pub fn n_axes(&self) -> usize {
         self.position.as_ref().map_or(1, |(columns, _)| columns.all().len())
     }
 }
 
-/// Whether a key has the only word that it may have.
+/// True if a key has its only allowed value; an error for another value.
 fn is_said(table: Table<'_>, key: &str, word: &'static str) -> Result<bool> {
     Ok(one_of(table, key, &[word], |word| word)?.is_some())
 }
@@ -249,20 +249,20 @@ fn track(measurement: Table<'_>, columns: Table<'_>) -> Result<Option<(ColumnNam
 }
 
 impl TableLayout {
-    /// What the keys beside the columns say.
+    /// Reads the keys of the layout.
     pub fn read(measurement: Table<'_>) -> Result<Self> {
         let delimiter = one_of(measurement, "delimiter", &Delimiter::ALL, Delimiter::name)?.unwrap_or(Delimiter::Comma);
         let decimal = one_of(measurement, "decimal", &Decimal::ALL, Decimal::name)?.unwrap_or(Decimal::Point);
         if delimiter == Delimiter::Comma && decimal == Decimal::Comma {
-            let remedy = "one of `delimiter` and `decimal` must be another sign";
-            return Err(measurement.refuse("decimal", "commas stand between cells and before decimals", remedy));
+            let remedy = "change `delimiter` or `decimal`";
+            return Err(measurement.refuse("decimal", "the comma is both delimiter and decimal sign", remedy));
         }
         let header_line = line(measurement, "header_line")?;
         let row_lines = row_lines(measurement)?;
         let first_row_line = match row_lines.first() {
             Some([first, _]) if measurement.has("first_row_line") => {
-                let remedy = format!("keep `row_lines`, which begins with line {first}");
-                return Err(measurement.refuse("first_row_line", "`row_lines` says the same", remedy));
+                let remedy = format!("remove this key; `row_lines` already begins with line {first}");
+                return Err(measurement.refuse("first_row_line", "`row_lines` also gives the first row", remedy));
             }
             Some([first, _]) => Some(*first),
             None => line(measurement, "first_row_line")?,
@@ -279,17 +279,17 @@ impl TableLayout {
             thousands: one_of(measurement, "thousands", &Thousands::ALL, Thousands::name)?,
         };
         if layout.thousands.is_some_and(|thousands| thousands.name() == decimal.name()) {
-            let remedy = "one of `thousands` and `decimal` must be another sign";
-            return Err(measurement.refuse("thousands", "the same sign stands before decimals", remedy));
+            let remedy = "change `thousands` or `decimal`";
+            return Err(measurement.refuse("thousands", "this sign is also the decimal sign", remedy));
         }
         if layout.header_line.is_some_and(|header| header >= layout.first_row_line) {
-            let remedy = "the header stands above the first row";
-            return Err(measurement.refuse("header_line", "the header stands below the first row", remedy));
+            let remedy = "give a header line above the first row";
+            return Err(measurement.refuse("header_line", "the header is not above the first row", remedy));
         }
         Ok(layout)
     }
 
-    /// The number that a cell holds, if it is one.
+    /// Value of a cell; `None` if the cell is not a number.
     pub fn number(&self, cell: &str) -> Option<f64> {
         match self.thousands {
             Some(thousands) => self.decimal.number(&thousands.removed(cell)?),
@@ -297,7 +297,7 @@ impl TableLayout {
         }
     }
 
-    /// The table, counted from 0, whose rows include a line (from 1); `None` where the line is not read.
+    /// Index (from 0) of the table that contains a line (from 1); `None` if the line is not read.
     pub fn table_of(&self, line: usize) -> Option<usize> {
         if self.row_lines.is_empty() {
             return (line >= self.first_row_line).then_some(0);
@@ -307,20 +307,20 @@ impl TableLayout {
     }
 }
 
-/// Pairs of first and last lines, in order.
+/// Reads pairs of first and last lines in ascending order.
 fn row_lines(measurement: Table<'_>) -> Result<Vec<[usize; 2]>> {
     let key = "row_lines";
     let Some(pairs) = measurement.intervals(key)? else { return Ok(Vec::new()) };
     let are_lines = pairs.iter().flatten().all(|line| *line >= 1.0 && line.fract() == 0.0 && *line < 1e9);
     let ascend = pairs.windows(2).all(|two| two[0][1] < two[1][0]);
     if !are_lines || !ascend || pairs.is_empty() {
-        let remedy = "give first and last lines, counted from 1 and one after the other, as in `row_lines = [[4, 103], [108, 207]]`";
-        return Err(measurement.refuse(key, "these are no lines of tables one after the other", remedy));
+        let remedy = "give first and last lines, counted from 1 and in ascending order, as in `row_lines = [[4, 103], [108, 207]]`";
+        return Err(measurement.refuse(key, "these are not pairs of lines in ascending order", remedy));
     }
     Ok(pairs.into_iter().map(|pair| pair.map(|line| line as usize)).collect())
 }
 
-/// One of a few words.
+/// Reads one of several allowed words.
 pub(crate) fn one_of<T: Copy>(
     table: Table<'_>,
     key: &str,
@@ -342,7 +342,7 @@ fn line(table: Table<'_>, key: &str) -> Result<Option<usize>> {
     if number >= 1.0 && number.fract() == 0.0 && number < 1e9 {
         return Ok(Some(number as usize));
     }
-    Err(table.refuse(key, format!("{number} is no line of a file"), format!("count lines from 1, as in `{key} = 1`")))
+    Err(table.refuse(key, format!("{number} is not a line number"), format!("count lines from 1, as in `{key} = 1`")))
 }
 
 pub(crate) fn column(columns: Table<'_>, key: &str) -> Result<ColumnName> {
@@ -361,8 +361,8 @@ fn position_columns(columns: Table<'_>) -> Result<PositionColumns> {
         return column(columns, "position").map(PositionColumns::Along);
     }
     if columns.has("position") {
-        let remedy = "keep `position`, or `position_x` with `position_y` (and `position_z`)";
-        return Err(columns.refuse("position", "the position is named twice", remedy));
+        let remedy = "keep either `position`, or `position_x` and `position_y` (and `position_z`)";
+        return Err(columns.refuse("position", "the position is given twice", remedy));
     }
     let mut axes = vec![column(columns, "position_x")?, column(columns, "position_y")?];
     if columns.has("position_z") {
@@ -371,7 +371,7 @@ fn position_columns(columns: Table<'_>) -> Result<PositionColumns> {
     Ok(PositionColumns::Axes(axes))
 }
 
-/// `[measurement.units]`; a column whose name ends in its unit needs none there.
+/// Units from `[measurement.units]`. A column whose name ends in its unit needs no entry there.
 pub(crate) struct Units<'a> {
     measurement: Table<'a>,
     table: Option<Table<'a>>,
@@ -384,7 +384,7 @@ impl<'a> Units<'a> {
         Ok(Self { measurement, table })
     }
 
-    /// A column with its unit.
+    /// Returns a column with its unit.
     fn column(&self, columns: Table<'_>, key: &str, dimension: Dimension) -> Result<(ColumnName, Spelt)> {
         let name = column(columns, key)?;
         let unit = self.of(key, dimension, &name)?;
@@ -425,7 +425,11 @@ impl<'a> Units<'a> {
                 Dimension::Angle => ", deg",
                 _ => "",
             };
-            table.refuse(key, format!("`{text}` is no unit of this"), format!("write one of {known}{others}"))
+            table.refuse(
+                key,
+                format!("`{text}` is not a unit of this quantity"),
+                format!("write one of {known}{others}"),
+            )
         })
     }
 }

@@ -1,7 +1,7 @@
-//! Tables as other makers write them: any encoding, delimiter and decimal sign, named units, columns that are not needed.
+//! Reads foreign tables: any encoding, delimiter and decimal sign, named units, and unused columns.
 //!
-//! `experiment.toml` describes such a table ([`TableDescription`]), and [`propose`] finds a description by looking at one. What is read is the description's alone, so that
-//! the same file always means the same.
+//! `experiment.toml` describes such a table ([`TableDescription`]), and [`propose`] infers a description from a table. Reading depends on the description
+//! alone, so a file always has one meaning.
 
 mod asked;
 mod blocks;

@@ -1,4 +1,4 @@
-//! Looks at a table and says how it is written, and why it thinks so.
+//! Infers the description of a table, with reasons.
 
 use std::path::Path;
 
@@ -16,34 +16,35 @@ use crate::times::TimeRules;
 use crate::trajectory::{Trajectory, is_lost};
 use base::error::{Error, Place, Result, Setting};
 
-/// Names of columns of tracks, without the `ID` that may follow.
+/// Names of track columns, without the `ID` that may follow.
 const TRACKS: [&str; 5] = ["track", "particle", "trajectory", "bead", "spottrack"];
-/// Tracks of a table that are told apart.
+/// Largest number of distinguished tracks in a table.
 const MOST_TRACKS: usize = 1_000;
-/// Numbers with a sign between thousands, and smaller numbers without one, that show what the sign is. A sign before decimals would leave one and two decimals in ten of a hundred numbers each.
+/// Smallest numbers of values with a possible thousands separator, and of small values without it, that prove its meaning. A decimal sign would leave one or
+/// two decimals in ten of a hundred values each.
 const FEWEST_GROUPED: usize = 8;
 const FEWEST_SMALL: usize = 2;
-/// Share of a table's range of positions within which the next table begins where it ended.
+/// Largest gap between the end of a table's positions and the start of the next, as a fraction of the range, for one recording.
 const GOES_ON: f64 = 0.1;
-/// Share of the positions' range by which a record that starts at 0 may miss it.
+/// Largest distance of a record's start from 0, as a fraction of the positions' range, that counts as 0.
 const NEAR_ZERO: f64 = 0.02;
 
-/// A description, and what speaks for it.
+/// A description with its reasons.
 #[derive(Debug, Clone)]
 pub struct Proposal {
     /// The description.
     pub description: TableDescription,
-    /// Where positions are zero and which way they grow.
+    /// Zero and direction of positions.
     pub frame: Frame,
-    /// Whether the force is a sensor's noise about the levels between which it was switched.
+    /// True if the force has a sensor's noise about the levels between which it was switched.
     pub has_noisy_levels: bool,
-    /// Names of all columns, empty where there is no header.
+    /// Names of all columns; empty without a header.
     pub columns: Vec<String>,
-    /// In words, one sentence each.
+    /// Reasons, one sentence each.
     pub reasons: Vec<String>,
     /// Number of rows.
     pub n_rows: usize,
-    /// Rows without a position.
+    /// Number of rows without a position.
     pub n_lost: usize,
     /// Length of the record, in s.
     pub duration_s: f64,
@@ -51,14 +52,15 @@ pub struct Proposal {
     pub loaded_from_s: Option<f64>,
     /// Smallest and largest force, in N.
     pub force_n: [f64; 2],
-    /// Smallest and largest position from where it is 0, in m.
+    /// Smallest and largest position relative to the zero, in m.
     pub position_m: [f64; 2],
 }
 
-/// Finds how a table is written; `file` is only named in errors. What cannot be told is asked for.
+/// Infers the description of a table. Errors name `file`. Ambiguous properties are asked for with `ask`.
 ///
 /// # Errors
-/// [`Error::Input`] where no block of numbers is found, where a column, a unit or one of several tables cannot be told, and what reading the table so refuses; with the option that helps.
+/// [`Error::Input`] if there is no block of numbers; if a column, a unit or the table stays ambiguous; or if reading fails with the description. The error
+/// names the option that helps.
 pub fn propose(file: &Path, bytes: &[u8], given: &Given, ask: Ask<'_>) -> Result<Proposal> {
     let text = &*table_text(bytes);
     let lines: Vec<&str> = text.lines().collect();
@@ -69,11 +71,11 @@ pub fn propose(file: &Path, bytes: &[u8], given: &Given, ask: Ask<'_>) -> Result
         && given.tables.is_none()
         && tables.len() > 1
     {
-        // One recording in several tables shows in its times and positions.
+        // Times and positions show if several tables form one recording.
         let described = Described { file, bytes, text, lines: &lines, given, tables };
         let description = described.description(&mut Vec::new(), ask)?;
         if !described.goes_on(&description)? {
-            chosen = Chosen::One(asked_table(file, &all, "each begins anew, so that they are no one recording", ask)?);
+            chosen = Chosen::One(asked_table(file, &all, "each starts anew, so they are not one recording", ask)?);
         }
     }
     let tables = match chosen {
@@ -88,13 +90,13 @@ pub fn propose(file: &Path, bytes: &[u8], given: &Given, ask: Ask<'_>) -> Result
     let has_noisy_levels = has_noisy_levels(&trajectory.force_n);
     if has_noisy_levels {
         reasons.push(
-            "the force scatters about the levels between which it is switched, as a sensor's does: each hold has its median (force = \"levels\")".into(),
+            "the force varies about the levels between which it is switched, like a sensor's: each hold gets its median (force = \"levels\")".into(),
         );
     }
     let frame = frame(&trajectory, &mut reasons);
     if let Some(projection) = frame.settle(file, &mut trajectory)?.projection {
         reasons.push(format!(
-            "positions are {projection}; across it they scatter by {:.3} µm (root mean square)",
+            "positions are {projection}; across it they vary by {:.3} µm (root mean square)",
             1e6 * projection.across_rms_m
         ));
     }
@@ -116,7 +118,7 @@ pub fn propose(file: &Path, bytes: &[u8], given: &Given, ask: Ask<'_>) -> Result
     })
 }
 
-/// Names of the columns but for those at the end that have neither a name nor a cell.
+/// Names of the columns, without last columns that have neither a name nor a cell.
 fn named_columns(table: &Block) -> Vec<String> {
     let mut names = table.header.names.clone();
     while names.len() + table.n_empty > table.layout.n_cells && names.last().is_some_and(String::is_empty) {
@@ -125,10 +127,10 @@ fn named_columns(table: &Block) -> Vec<String> {
     names
 }
 
-/// The tracks of a table, in order; empty where it has no column of them. `file` is only named in errors.
+/// Returns the tracks of a table, in order; empty without a track column. Errors name `file`.
 ///
 /// # Errors
-/// [`Error::Input`] where no block of numbers is found, or the given column is not there.
+/// [`Error::Input`] if there is no block of numbers, or if the given column does not exist.
 pub fn tracks(file: &Path, bytes: &[u8], given: &Given) -> Result<Vec<String>> {
     let text = &*table_text(bytes);
     let lines: Vec<&str> = text.lines().collect();
@@ -144,21 +146,21 @@ fn tables_of(file: &Path, lines: &[&str]) -> Result<Vec<Block>> {
     blocks(lines).filter(|blocks| !blocks.is_empty()).ok_or_else(|| {
         Error::input(
             Place::file(file),
-            "no two columns of numbers are found",
-            "export the table as text: one sample a line, cells between commas, semicolons, tabulators or blanks",
+            "the file has no two columns of numbers",
+            "export the table as text: one sample on each line, with commas, semicolons, tabs or blanks between cells",
         )
     })
 }
 
-/// The tables that are read.
+/// Tables that are read.
 enum Chosen<'a> {
-    /// One after the other.
+    /// Several tables, joined in time.
     Joined(Vec<&'a Block>),
-    /// This alone.
+    /// A single table.
     One(&'a Block),
 }
 
-/// A table in a list: its number, lines, rows, title and columns.
+/// Text for a table in a list: its number, lines, rows, title and columns.
 fn listed_table(number: usize, table: &Block) -> String {
     let [first, last] = table.lines();
     let title = if table.title.is_empty() { String::new() } else { format!(" \"{}\"", table.title) };
@@ -188,14 +190,14 @@ fn chosen_tables<'a>(file: &Path, all: &'a [Block], given: &Given, ask: Ask<'_>)
     let mut numbers: Vec<usize> = numbers.collect::<Option<_>>().ok_or_else(|| {
         let remedy =
             format!("give numbers from 1 to {}, as in `{setting} 1` or `{setting} 1,2`, or `{setting} all`", all.len());
-        Error::input(Place::setting(setting), format!("`{said}` names no tables of {}", file.display()), remedy)
+        Error::input(Place::setting(setting), format!("`{said}` is not a list of tables in {}", file.display()), remedy)
     })?;
     numbers.sort_unstable();
     numbers.dedup();
     Ok(Chosen::Joined(numbers.into_iter().map(|number| &all[number - 1]).collect()))
 }
 
-/// The table that is asked for, of several that cannot be read as one.
+/// Asks for one of several tables that cannot be read as one.
 fn asked_table<'a>(file: &Path, all: &'a [Block], why: &str, ask: Ask<'_>) -> Result<&'a Block> {
     let list: Vec<String> = all.iter().enumerate().map(|(place, table)| listed_table(place + 1, table)).collect();
     let question = Question {
@@ -208,16 +210,16 @@ fn asked_table<'a>(file: &Path, all: &'a [Block], why: &str, ask: Ask<'_>) -> Re
         Some(table) => Ok(table),
         None => Err(Error::input(
             Place::file(file),
-            format!("the file holds {} tables, and {why}:\n    {}", all.len(), list.join("\n    ")),
+            format!("the file contains {} tables, and {why}:\n    {}", all.len(), list.join("\n    ")),
             format!(
-                "choose one with `{0} 1`, or several steps of one test, joined in time, with `{0} 1,2` or `{0} all`",
+                "choose one with `{0} 1`; join several steps of one test with `{0} 1,2` or `{0} all`",
                 Setting::Tables
             ),
         )),
     }
 }
 
-/// What is done with the tables of a file that holds several.
+/// Sentences on the use of each table of a file with several tables.
 fn said_of_tables(all: &[Block], read: &[&Block]) -> Vec<String> {
     if all.len() == 1 {
         return Vec::new();
@@ -229,12 +231,12 @@ fn said_of_tables(all: &[Block], read: &[&Block]) -> Vec<String> {
     };
     let mut sentences: Vec<String> = all.iter().enumerate().map(said).collect();
     if read.len() > 1 {
-        sentences.push("the tables are joined in time, with the force of each".into());
+        sentences.push("the tables are joined in time, each with its own force".into());
     }
     sentences
 }
 
-/// A file, what is known of it, and the tables that are read.
+/// A file, the user's settings, and the tables that are read.
 struct Described<'a> {
     file: &'a Path,
     bytes: &'a [u8],
@@ -249,13 +251,13 @@ impl Described<'_> {
         &self.tables[0].header
     }
 
-    /// Cells of the rows that are read, without blanks and comments.
+    /// Cells of the rows that are read, without blank lines and comments.
     fn rows(&self) -> impl Iterator<Item = Vec<std::borrow::Cow<'_, str>>> {
         let lines = self.tables.iter().flat_map(|table| &self.lines[table.layout.first..table.end]);
         lines.filter(|line| !is_aside(line, None)).map(|line| cells(line, self.tables[0].layout.delimiter))
     }
 
-    /// The columns, units and layout.
+    /// Infers the columns, units and layout.
     fn description(&self, reasons: &mut Vec<String>, ask: Ask<'_>) -> Result<TableDescription> {
         let Self { file, bytes, lines, given, tables, .. } = *self;
         let (header, layout) = (self.header(), &tables[0].layout);
@@ -295,19 +297,19 @@ impl Described<'_> {
             let names: Vec<&str> = missing.iter().map(|role| role.name()).collect();
             let options: Vec<String> = missing.iter().map(|role| role.unit_option(called(*role))).collect();
             let counts: Vec<&str> = missing.iter().filter_map(|role| Some(counted(called(*role))?.1)).collect();
-            let of_counts = counts.first().map_or(String::new(), |what| format!(" where a {what} is as long as that"));
+            let of_counts = counts.first().map_or(String::new(), |what| format!(" if one {what} is that long"));
             return Err(Error::input(
                 Place::setting(first.unit_setting()),
-                format!("{}: the table does not say the unit of {}", file.display(), names.join(" and ")),
-                format!("say it, as in `{}`{of_counts}", options.join(" ")),
+                format!("{}: the table does not give the unit of {}", file.display(), names.join(" and ")),
+                format!("give it, as in `{}`{of_counts}", options.join(" ")),
             ));
         }
         let told = |role: Role| said[role as usize].as_deref();
         let unit_of = |role: Role| -> Result<Spelt> {
             let found = told(role).map_or_else(|| own_unit(role), unit);
             found.filter(|unit| Some(unit.dimension) == role.dimension()).ok_or_else(|| {
-                let found = format!("`{}` is no unit of a {}", told(role).unwrap_or_default(), role.name());
-                let remedy = format!("say it, as in `{}`", role.unit_option(called(role)));
+                let found = format!("`{}` is not a unit of {}", told(role).unwrap_or_default(), role.name());
+                let remedy = format!("give it, as in `{}`", role.unit_option(called(role)));
                 Error::input(Place::setting(role.unit_setting()), found, remedy)
             })
         };
@@ -333,7 +335,7 @@ impl Described<'_> {
         };
         let track = self.track(&seen, &taken, ask)?.map(|(at, track)| (name_at(at), track));
         if let Some((column, track)) = &track {
-            reasons.push(format!("the rows of track `{track}` are read, by the column {}", spoken(column)));
+            reasons.push(format!("the rows of track `{track}` are read, selected by the column {}", spoken(column)));
         }
         let force_at = columns[Role::Force as usize];
         let thousands = self.thousands(&taken, reasons)?;
@@ -368,13 +370,13 @@ impl Described<'_> {
         })
     }
 
-    /// Whether other lines than blank ones and comments follow the last row that is read.
+    /// True if lines other than blank lines and comments follow the last row that is read.
     fn is_followed(&self) -> bool {
         let end = self.tables.last().map_or(0, |table| table.end);
         self.lines[end..].iter().any(|line| !is_aside(line, None))
     }
 
-    /// The column of tracks: the given one, or the one that is called so.
+    /// The given track column, or else one with a known name.
     fn track_column(&self, seen: &Seen<'_>, taken: &[usize]) -> Result<Option<usize>> {
         if let Some(column) = &self.given.track[0] {
             return seen.told(Setting::TrackColumn, column).map(Some);
@@ -386,7 +388,7 @@ impl Described<'_> {
         Ok(self.header().names.iter().position(is_track).filter(|at| !taken.contains(at)))
     }
 
-    /// The tracks in a column, each with its number of rows.
+    /// Tracks in a column, each with its number of rows.
     fn tracks(&self, at: usize) -> Vec<(String, usize)> {
         let mut tracks: Vec<(String, usize)> = Vec::new();
         for row in self.rows() {
@@ -400,7 +402,7 @@ impl Described<'_> {
         tracks
     }
 
-    /// The column of tracks and the track that is read, where rows are of several.
+    /// Track column and the track that is read, if the rows belong to several tracks.
     fn track(&self, seen: &Seen<'_>, taken: &[usize], ask: Ask<'_>) -> Result<Option<(usize, String)>> {
         let Some(at) = self.track_column(seen, taken)? else { return Ok(None) };
         if let Some(track) = &self.given.track[1] {
@@ -421,9 +423,9 @@ impl Described<'_> {
             Some(track) => Ok(Some((at, track))),
             None => Err(Error::input(
                 Place::setting(Setting::Track),
-                format!("the rows are of several tracks: {}", list.join(", ")),
+                format!("the rows belong to several tracks: {}", list.join(", ")),
                 format!(
-                    "choose one with `{0} {1}`, or make an experiment of each with `{0} all`",
+                    "choose one with `{0} {1}`, or create an experiment for each with `{0} all`",
                     Setting::Track,
                     tracks[0].0
                 ),
@@ -431,7 +433,7 @@ impl Described<'_> {
         }
     }
 
-    /// What a blank force stands for, where a force is blank.
+    /// Meaning of a blank force, if a force is blank.
     fn blank_force(&self, force: Option<usize>, ask: Ask<'_>) -> Result<Option<BlankForce>> {
         let setting = Setting::BlankForce;
         let named = |word: &str| BlankForce::ALL.into_iter().find(|blank| blank.name() == word);
@@ -439,7 +441,7 @@ impl Described<'_> {
             return named(word).map(Some).ok_or_else(|| {
                 Error::input(
                     Place::setting(setting),
-                    format!("`{word}` is no meaning of a blank force"),
+                    format!("`{word}` is not a known meaning of a blank force"),
                     "give `above` or `zero`",
                 )
             });
@@ -450,7 +452,7 @@ impl Described<'_> {
             return Ok(None);
         }
         let question = Question {
-            text: "force of the rows whose force is blank (above: that of the row above; zero: none)".into(),
+            text: "force of rows with a blank force cell (above: force of the row above; zero: no force)".into(),
             choices: BlankForce::ALL.map(|blank| blank.name().to_string()).to_vec(),
             also: Vec::new(),
             proposal: None,
@@ -458,7 +460,8 @@ impl Described<'_> {
         Ok(ask(&question).and_then(|word| named(&word)))
     }
 
-    /// The sign that stands between thousands though it could stand before decimals: all numbers that have it are of groups of three digits, and those below 1,000 do without.
+    /// Thousands separator that could also be a decimal sign. All numbers with this sign must have groups of three digits, and numbers below 1,000 must lack
+    /// it.
     fn thousands(&self, taken: &[usize], reasons: &mut Vec<String>) -> Result<Option<Thousands>> {
         let setting = Setting::Thousands;
         match self.given.thousands.as_deref() {
@@ -467,7 +470,7 @@ impl Described<'_> {
             Some(word) => {
                 return Thousands::ALL.into_iter().find(|sign| sign.name() == word).map(Some).ok_or_else(|| {
                     let remedy = format!("give `{setting} .`, `{setting} ,` or `{setting} none`");
-                    Error::input(Place::setting(setting), format!("`{word}` is no sign between thousands"), remedy)
+                    Error::input(Place::setting(setting), format!("`{word}` is not a thousands separator"), remedy)
                 });
             }
         }
@@ -495,12 +498,12 @@ impl Described<'_> {
         }
         let sign_name = sign.name();
         reasons.push(format!(
-            "`{sign_name}` stands between thousands: all {n_grouped} numbers that have it end in groups of three digits, and {n_small} smaller ones do without (thousands = \"{sign_name}\"); `{setting} none` if it stands before decimals"
+            "`{sign_name}` is read as thousands separator: all {n_grouped} numbers with it end in groups of three digits, and {n_small} smaller numbers lack it (thousands = \"{sign_name}\"); use `{setting} none` if it is the decimal sign"
         ));
         Ok(Some(sign))
     }
 
-    /// Whether several tables are one recording: each follows the one before in time and begins near where it ended.
+    /// True if several tables form one recording: each follows the previous one in time and begins near its end.
     fn goes_on(&self, description: &TableDescription) -> Result<bool> {
         let joined = with_times(description, TimeRules { joins_restarts: true, spreads_ties: true });
         let trajectory = read_described(self.file, self.text, &joined)?;
@@ -521,14 +524,14 @@ impl Described<'_> {
         Ok(ends.windows(2).all(follows))
     }
 
-    /// Reads the rows, and adds to the description what they show: a clock that begins again or is coarse, positions that stand for lost ones, a coordinate that never changes.
+    /// Reads the rows and completes the description from them: a clock that restarts or is coarse, values for lost positions, and a constant coordinate.
     fn completed(&self, description: &mut TableDescription, reasons: &mut Vec<String>) -> Result<Trajectory> {
         let read = |description: &TableDescription| read_described(self.file, self.text, description);
         let told = description.time_rules;
         let lenient = with_times(description, TimeRules { joins_restarts: true, spreads_ties: true });
         if let Ok(trajectory) = read(&lenient) {
             let restarts = &trajectory.ordered.restart_rows;
-            // With a column of cycles, or at the border of two tables, the clock is known to begin anew within one recording.
+            // With a cycle column, or at the border of two tables, a restarting clock is known to belong to one recording.
             let cycle_begins = |row: usize| trajectory.cycle.as_ref().is_some_and(|cycle| cycle[row] > cycle[row - 1]);
             let table_begins = |row: usize| self.tables.iter().any(|table| table.lines()[0] == trajectory.lines[row]);
             if !restarts.is_empty()
@@ -537,7 +540,7 @@ impl Described<'_> {
             {
                 description.time_rules.joins_restarts = true;
                 reasons.push(format!(
-                    "the clock begins again {} times and is taken to go on from the row before (time_restarts = \"join\")",
+                    "the clock restarts {} times and is assumed to continue from the previous row (time_restarts = \"join\")",
                     restarts.len()
                 ));
             }
@@ -545,7 +548,7 @@ impl Described<'_> {
             if is_coarse && description.track.is_none() && !told.spreads_ties {
                 description.time_rules.spreads_ties = true;
                 reasons.push(format!(
-                    "{} rows have the time of the row before, for the clock is coarse: they are spread evenly over its steps (time_ties = \"spread\")",
+                    "{} rows have the previous row's time because the clock is coarse: they are spread evenly over its steps (time_ties = \"spread\")",
                     trajectory.ordered.n_ties
                 ));
             }
@@ -575,7 +578,7 @@ impl Described<'_> {
             let count = coordinates().map(|positions| positions.iter().filter(|x| **x == Some(*value_m)).count()).max();
             let (count, value) = (count.unwrap_or(0), as_written(*value_m, unit_m));
             reasons.push(format!(
-                "{count} positions are exactly {value} while the rows around them are elsewhere: they are taken as lost (lost = [{value:?}])"
+                "{count} positions are exactly {value}, far from the rows around them: they are treated as lost (lost = [{value:?}])"
             ));
         }
         description.lost = lost.iter().map(|value_m| as_written(*value_m, unit_m)).collect();
@@ -583,11 +586,11 @@ impl Described<'_> {
     }
 }
 
-/// A position in the unit of its column, rounded as it was written.
+/// A position in the unit of its column, rounded as in the file.
 fn as_written(value_m: f64, unit_m: f64) -> f64 {
     let value = value_m / unit_m;
     let rounded = (1e6 * value).round() / 1e6;
-    // No minus before a zero.
+    // This avoids a negative zero.
     if (rounded - value).abs() <= 1e-9 * value.abs() { rounded + 0.0 } else { value }
 }
 
@@ -595,7 +598,7 @@ fn with_times(description: &TableDescription, time_rules: TimeRules) -> TableDes
     TableDescription { time_rules, ..description.clone() }
 }
 
-/// Whether a setting with one word is given.
+/// True if a setting with a single allowed word is given; an error for another word.
 fn one_word(setting: Setting, given: Option<&str>, word: &str) -> Result<bool> {
     match given {
         None => Ok(false),
@@ -613,23 +616,23 @@ fn spoken(column: &ColumnName) -> String {
     }
 }
 
-/// A table's layout and what its columns are called.
+/// Layout of a table and names of its columns.
 #[derive(Debug, Clone)]
 pub struct Looked {
     /// The layout.
     pub layout: TableLayout,
-    /// Names of the columns; empty where there is no header.
+    /// Names of the columns; empty without a header.
     pub columns: Vec<String>,
-    /// Their units, where they are said.
+    /// Units of the columns, if given.
     pub units: Vec<Option<Spelt>>,
-    /// The layout in words.
+    /// Description of the layout as a sentence.
     pub said: String,
 }
 
-/// Finds a table's layout and header; `file` is only named in errors.
+/// Finds a table's layout and header. Errors name `file`.
 ///
 /// # Errors
-/// [`Error::Input`] where no block of numbers is found.
+/// [`Error::Input`] if there is no block of numbers.
 pub fn look(file: &Path, bytes: &[u8]) -> Result<Looked> {
     let text = &*table_text(bytes);
     let lines: Vec<&str> = text.lines().collect();
@@ -640,7 +643,7 @@ pub fn look(file: &Path, bytes: &[u8]) -> Result<Looked> {
     Ok(Looked { layout: written(bytes, &lines, first), columns: names, units, said })
 }
 
-/// The layout as it is described, all lines from the first row on.
+/// Layout for the description, with all lines from the first row on.
 fn written(bytes: &[u8], lines: &[&str], table: &Block) -> TableLayout {
     TableLayout {
         delimiter: table.layout.delimiter,
@@ -659,13 +662,13 @@ fn said_of(tables: &[&Block], lines: &[&str]) -> String {
     let between = match layout.delimiter {
         Delimiter::Comma => "commas",
         Delimiter::Semicolon => "semicolons",
-        Delimiter::Tab => "tabulators",
+        Delimiter::Tab => "tabs",
         Delimiter::Spaces => "blanks",
     };
     let decimals = if layout.decimal == Decimal::Comma { ", decimal commas" } else { "" };
     let named = match header.line {
         Some(index) => format!("names in line {}", index + 1),
-        None => "no names".into(),
+        None => "no header".into(),
     };
     let skipped = lines[..layout.first].iter().filter(|line| !line.trim().is_empty()).count();
     let above = if skipped > usize::from(header.line.is_some()) {
@@ -673,10 +676,10 @@ fn said_of(tables: &[&Block], lines: &[&str]) -> String {
     } else {
         String::new()
     };
-    format!("{} columns between {between}{decimals}, {named}{above}", layout.n_cells)
+    format!("{} columns separated by {between}{decimals}, {named}{above}", layout.n_cells)
 }
 
-/// Where the position is 0 and which way it grows, with the reasons.
+/// Zero and direction of the positions, with reasons.
 fn frame(trajectory: &Trajectory, reasons: &mut Vec<String>) -> Frame {
     let Trajectory { force_n, position_m, others_m, .. } = trajectory;
     let coordinates: Vec<&[Option<f64>]> = std::iter::once(position_m).chain(others_m).map(Vec::as_slice).collect();
@@ -695,14 +698,14 @@ fn frame(trajectory: &Trajectory, reasons: &mut Vec<String>) -> Frame {
     let zero = match (rest, first) {
         (Some(rest), _) if is_far(&rest) => {
             reasons.push(format!(
-                "the position is {} before the force acts; what counts as 0 is fitted with the rest, for a few rows would leave their noise in it (zero = \"fit\")",
+                "the position is {} before the force acts; its zero is fitted with the model because a few rows would add their noise to it (zero = \"fit\")",
                 written(&rest)
             ));
             Zero::Fit
         }
         (None, Some(first)) if is_far(&first) => {
             reasons.push(format!(
-                "the first position is {}; what counts as 0 is fitted with the rest, for one row would leave its noise in it (zero = \"fit\")",
+                "the first position is {}; its zero is fitted with the model because one row would add its noise to it (zero = \"fit\")",
                 written(&first)
             ));
             Zero::Fit
@@ -713,7 +716,7 @@ fn frame(trajectory: &Trajectory, reasons: &mut Vec<String>) -> Frame {
         return Frame { zero, direction: Direction::Fit };
     }
     if turns_against(force_n, position_m) {
-        reasons.push("the position grows against the force, so that its sign is turned (direction = \"-\")".into());
+        reasons.push("the position grows against the force, so its sign is reversed (direction = \"-\")".into());
         return Frame { zero, direction: Direction::Backward };
     }
     Frame { zero, direction: Direction::Forward }
@@ -735,7 +738,7 @@ mod tests {
         let two = refused("t [s],F [uN],position a [um],position b [um]\n0,1,0,0\n1,1,2,2\n");
         assert!(two.contains("several columns may be the position"), "{two}");
         let counts = refused("frame,F [uN],x (px)\n0,1,0\n1,1,2\n");
-        assert!(counts.contains("unit_time \"0.05 s\" unit_position \"0.65 um\"` where a frame"), "{counts}");
+        assert!(counts.contains("unit_time \"0.05 s\" unit_position \"0.65 um\"` if one frame"), "{counts}");
         let current = refused("t [s],coil [A],x [um]\n0,1,0\n1,1,2\n");
         assert!(current.contains("[actuation]"), "{current}");
         assert!(refused("nothing\nhere\n").contains("no two columns"));
@@ -764,7 +767,7 @@ mod tests {
         assert_eq!(proposal.position_m, [0.0, 3e-6]);
     }
 
-    /// A column of remarks without cells, as LabVIEW writes it, and a camera's counts whose sizes are said.
+    /// A comment column without cells, as written by LabVIEW, and a camera's pixels and frames with given sizes.
     #[test]
     fn remarks_are_no_column_and_counts_have_sizes() {
         let given = Given { units: ["0.05 s", "uN", "0.65 um"].map(|unit| Some(unit.into())), ..Given::default() };

@@ -11,28 +11,28 @@ use crate::trajectory::{CYCLE, FORCE, POSITION, Row, TIME, Trajectory, is_lost};
 use base::error::{Error, Place, Result, Setting};
 use base::files::refuse_long_lines;
 
-/// A day; a clock that runs back by more than half of one has passed midnight.
+/// Seconds in a day. A clock that falls back by more than half a day has passed midnight.
 const DAY_S: f64 = 86_400.0;
 
-/// Where each quantity stands in a row.
+/// Column of each quantity.
 struct Columns {
     time: (usize, String),
     force: Option<(usize, String)>,
-    /// One, or those of x, y and z.
+    /// Column of the position, or columns of x, y and z.
     positions: Vec<(usize, String)>,
     cycle: Option<(usize, String)>,
     track: Option<(usize, String)>,
 }
 
-/// The columns of a table by their names, where it has a header.
+/// Columns of a table by their names, if it has a header.
 pub struct ColumnNames<'a> {
     file: &'a Path,
-    /// The header's line and its cells.
+    /// Line and cells of the header.
     header: Option<(usize, Vec<Cow<'a, str>>)>,
 }
 
 impl<'a> ColumnNames<'a> {
-    /// Those of a text; `file` is only named in errors.
+    /// Reads the column names of a text. Errors name `file`.
     pub fn new(file: &'a Path, text: &'a str, layout: &TableLayout) -> Self {
         let header = layout.header_line.map(|number| {
             let mut lines = text.lines().skip(number - 1);
@@ -44,15 +44,15 @@ impl<'a> ColumnNames<'a> {
         Self { file, header }
     }
 
-    /// The names, empty where there is no header.
+    /// All names; empty without a header.
     pub fn all(&self) -> &[Cow<'a, str>] {
         self.header.as_ref().map_or(&[], |(_, cells)| cells)
     }
 
-    /// Place of a column from 0, and what messages call it.
+    /// Index of a column (from 0) and its name in messages.
     ///
     /// # Errors
-    /// [`Error::Input`] where no column has the name.
+    /// [`Error::Input`] if no column has the name.
     pub fn place(&self, name: &ColumnName) -> Result<(usize, String)> {
         match (name, &self.header) {
             (ColumnName::Number(number), _) => Ok((*number - 1, format!("column {number}"))),
@@ -60,7 +60,7 @@ impl<'a> ColumnNames<'a> {
                 let at = cells.iter().position(|cell| cell == name).ok_or_else(|| {
                     Error::input(
                         Place::file(self.file).at_line(*line).at_key(name.as_str()),
-                        format!("the header has no such column; it has {}", quoted(cells)),
+                        format!("the header lacks this column; it has {}", quoted(cells)),
                         "correct the name in [measurement.columns], or give the column's number",
                     )
                 })?;
@@ -68,7 +68,7 @@ impl<'a> ColumnNames<'a> {
             }
             (ColumnName::Named(name), None) => Err(Error::input(
                 Place::file(self.file).at_key(name.as_str()),
-                "a column is named, and the table has no header",
+                "the column is given by name, but the table has no header",
                 "give the column's number in [measurement.columns], or `header_line`",
             )),
         }
@@ -95,16 +95,16 @@ fn quoted(cells: &[Cow<'_, str>]) -> String {
     names.join(", ")
 }
 
-/// The text of a table, in its encoding or in the one that its bytes show.
+/// Decodes a table in the given encoding, or in the one detected from its bytes.
 pub fn text_in<'a>(file: &Path, bytes: &'a [u8], encoding: Option<Encoding>) -> Result<Cow<'a, str>> {
     let encoding = encoding.unwrap_or_else(|| Encoding::of(bytes));
     encoding.text(bytes).ok_or_else(|| {
-        let found = format!("the table is not written in {}", encoding.name());
-        Error::input(Place::file(file), found, "correct `encoding`, or leave it out so that it is found")
+        let found = format!("the table is not valid {}", encoding.name());
+        Error::input(Place::file(file), found, "correct `encoding`, or remove it so that it is detected")
     })
 }
 
-/// Parses a described table, positions as they are written; `file` is only named in errors.
+/// Parses a described table and returns its positions as written. Errors name `file`.
 pub(crate) fn read_described(file: &Path, text: &str, description: &TableDescription) -> Result<Trajectory> {
     refuse_long_lines(file, text.as_bytes())?;
     let columns = Columns::new(file, text, description)?;
@@ -133,8 +133,8 @@ pub(crate) fn read_described(file: &Path, text: &str, description: &TableDescrip
             Some(cell) => Ok(cell.as_ref()),
             None => Err(Error::input(
                 place().at_key(name.as_str()),
-                format!("the row ends after {} cells", cells.len()),
-                "give every row all of its cells; leave the position empty where tracking was lost",
+                format!("the row has only {} cells", cells.len()),
+                "write every cell of the row; leave the position empty if tracking was lost",
             )),
         };
         if let Some((column, (_, track))) = columns.track.as_ref().zip(description.track.as_ref())
@@ -165,13 +165,13 @@ pub(crate) fn read_described(file: &Path, text: &str, description: &TableDescrip
                     (true, Some(BlankForce::Zero), _) => 0.0,
                     (true, Some(BlankForce::Above), Some(above_n)) => *above_n,
                     (true, Some(BlankForce::Above), None) => {
-                        let remedy = "give the force of the first row; the rows below take it over";
+                        let remedy = "give the force of the first row; blank rows below take it over";
                         return Err(Error::input(at(FORCE), "the first row has no force", remedy));
                     }
                     (true, None, _) => return Err(blank_force(at(FORCE))),
-                    (false, ..) => unit.to_si(number(text, &|| at(FORCE), &|| {
-                        "correct the force that was commanded in this row".into()
-                    })?),
+                    (false, ..) => {
+                        unit.to_si(number(text, &|| at(FORCE), &|| "correct the commanded force of this row".into())?)
+                    }
                 }
             }
             None => 0.0,
@@ -180,12 +180,12 @@ pub(crate) fn read_described(file: &Path, text: &str, description: &TableDescrip
             let text = cell(column)?;
             let Some((_, unit)) = description.position.as_ref().filter(|_| !is_lost(text)) else { return Ok(None) };
             let value = number(text, &|| place().at_key(column.1.as_str()), &|| {
-                "correct the position, or leave the cell empty where tracking was lost".into()
+                "correct the position, or leave the cell empty if tracking was lost".into()
             })?;
             Ok((!description.lost.contains(&value)).then(|| unit.to_si(value)))
         };
         let coordinates: Vec<Option<f64>> = columns.positions.iter().map(coordinate).collect::<Result<_>>()?;
-        // A point that misses one coordinate is lost.
+        // A point that lacks a coordinate is lost.
         let is_whole = coordinates.iter().all(Option::is_some);
         for (others_m, coordinate) in trajectory.others_m.iter_mut().zip(coordinates.iter().skip(1)) {
             others_m.push(coordinate.filter(|_| is_whole));
@@ -196,8 +196,12 @@ pub(crate) fn read_described(file: &Path, text: &str, description: &TableDescrip
         trajectory.add(Row { time_s, force_n, position_m, cycle }, &at)?;
     }
     if let (Some((_, track)), true) = (&description.track, trajectory.time_s.is_empty()) {
-        let remedy = "name one of the tracks that the table has";
-        return Err(Error::input(Place::file(file).at_key("track"), format!("no row is of track `{track}`"), remedy));
+        let remedy = "give one of the table's tracks";
+        return Err(Error::input(
+            Place::file(file).at_key("track"),
+            format!("no row belongs to track `{track}`"),
+            remedy,
+        ));
     }
     trajectory.check_length(file, layout.first_row_line)?;
     let place = |row: usize| Place::file(file).at_line(trajectory.lines[row]).at_key(columns.time.1.as_str());
@@ -209,28 +213,29 @@ pub(crate) fn read_described(file: &Path, text: &str, description: &TableDescrip
 }
 
 fn not_a_number(cell: &str, layout: &TableLayout) -> String {
-    let thousands = layout.thousands.map_or(String::new(), |sign| format!(" and `{}` between thousands", sign.name()));
-    format!("`{cell}` is not a number with `{}` before its decimals{thousands}", layout.decimal.name())
+    let thousands =
+        layout.thousands.map_or(String::new(), |sign| format!(" and the thousands separator `{}`", sign.name()));
+    format!("`{cell}` is not a number with the decimal sign `{}`{thousands}", layout.decimal.name())
 }
 
 fn blank_force(place: Place) -> Error {
     let option = Setting::BlankForce;
     Error::input(
         place,
-        "the cell is blank",
+        "the force cell is blank",
         format!(
-            "say what a blank force stands for: `{option} above` (in [measurement]: blank_force = \"above\") where the log shows changes alone, `{option} zero` where no force acted"
+            "give its meaning: `{option} above` (in [measurement]: blank_force = \"above\") if the log only contains changes, `{option} zero` if no force acted"
         ),
     )
 }
 
-/// Times that are counted from the first row.
+/// Converts times to seconds from the first row.
 #[derive(Default)]
 struct Clock {
     first_s: Option<f64>,
     last_s: f64,
     days: f64,
-    /// Orders in which all dates so far can be read, each with its first time.
+    /// Date orders that fit all dates so far, each with its first time.
     orders: Option<Vec<(DateOrder, f64)>>,
 }
 
@@ -249,12 +254,12 @@ impl Clock {
             TimeFormat::Unit(unit) => {
                 let number = layout.number(cell).ok_or_else(|| refuse("not a number"))?;
                 let time_s = unit.to_si(number);
-                // A clock that starts before zero is shifted; one that starts later is a record's own affair.
+                // A clock that starts before zero is shifted. A later start stays as recorded.
                 let first_s = *self.first_s.get_or_insert(time_s.min(0.0));
                 return Ok(time_s - first_s);
             }
             TimeFormat::Clock => {
-                let time_s = clock_s(cell).ok_or_else(|| refuse("no time of day such as 10:15:00.25"))?;
+                let time_s = clock_s(cell).ok_or_else(|| refuse("not a time of day such as 10:15:00.25"))?;
                 if time_s < self.last_s - 0.5 * DAY_S {
                     self.days += 1.0;
                 }
@@ -262,14 +267,14 @@ impl Clock {
                 time_s + DAY_S * self.days
             }
             TimeFormat::Date(Some(order)) => {
-                date_time_s(cell, *order).ok_or_else(|| refuse("no date of this order with a time"))?
+                date_time_s(cell, *order).ok_or_else(|| refuse("not a date of this order with a time"))?
             }
             TimeFormat::Date(None) => return self.dated(cell, place),
         };
         Ok(since - *self.first_s.get_or_insert(since))
     }
 
-    /// Seconds since the first row of dates whose order nobody said: all orders that are left must agree.
+    /// Seconds since the first row for dates without a given order. All remaining orders must agree.
     fn dated(&mut self, cell: &str, place: &dyn Fn() -> Place) -> Result<f64> {
         let refuse = |what: &str, remedy: String| Err(Error::input(place(), format!("`{cell}` {what}"), remedy));
         let read = |order| Some((order, date_time_s(cell, order)?));
@@ -282,15 +287,15 @@ impl Clock {
             .collect();
         match elapsed_s.as_slice() {
             [] => refuse(
-                "is no date with a time such as 2026-11-22T10:15:00.25Z or 22.11.2026 10:15:00",
+                "is not a date with a time such as 2026-11-22T10:15:00.25Z or 22.11.2026 10:15:00",
                 "correct the time, or `time` in [measurement.units]".into(),
             ),
             [first, others @ ..] if others.iter().any(|other| other != first) => refuse(
-                "may begin with the day or with the month, which makes different times",
-                format!("say it: `{0} day-first` or `{0} month-first`", Setting::TimeUnit),
+                "may begin with the day or with the month, with different resulting times",
+                format!("give the order with `{0} day-first` or `{0} month-first`", Setting::TimeUnit),
             ),
             [elapsed_s, ..] => {
-                // What the clock shows at time 0; orders that agree differ by whole days, which no other table can show.
+                // Reading of the clock at time 0. Orders that agree differ by whole days, which no other table can reveal.
                 self.first_s = firsts.first().map(|(_, first_s)| *first_s);
                 Ok(*elapsed_s)
             }

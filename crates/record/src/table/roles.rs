@@ -1,4 +1,4 @@
-//! Which column is the time, the force, the position and the cycle.
+//! Assigns columns to time, force, position and cycle.
 
 use std::path::Path;
 
@@ -9,7 +9,7 @@ use super::spelling::{Spelt, counted, split_unit, unit};
 use base::error::{Error, Place, Result, Setting};
 use base::units::Dimension;
 
-/// What a column is for; in the order of [`Given::columns`].
+/// Role of a column, in the order of [`Given::columns`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Role {
     Time,
@@ -30,7 +30,7 @@ impl Role {
         }
     }
 
-    /// The setting that says which column it is.
+    /// Setting that selects the column.
     fn column_setting(self) -> Setting {
         match self {
             Self::Time => Setting::TimeColumn,
@@ -40,7 +40,7 @@ impl Role {
         }
     }
 
-    /// The setting that says its unit; a cycle has none.
+    /// Setting that gives the unit; a cycle has none.
     pub fn unit_setting(self) -> Setting {
         match self {
             Self::Time => Setting::TimeUnit,
@@ -49,7 +49,7 @@ impl Role {
         }
     }
 
-    /// An example of the setting that says its unit, of a column of that name.
+    /// Example of the setting for the unit of a column with this name.
     pub fn unit_option(self, column: &str) -> String {
         let unit = match (self, counted(column)) {
             (Self::Time, None) => "s",
@@ -68,14 +68,14 @@ impl Role {
             Self::Position | Self::Cycle => ("m, mm, um, nm", "um"),
         };
         Question {
-            text: format!("unit of the {} ({choices}, or so many of one as in `0.65 um`)", self.name()),
+            text: format!("unit of the {} ({choices}, or a multiple as in `0.65 um`)", self.name()),
             choices: Vec::new(),
             also: Vec::new(),
             proposal: Some(proposal.into()),
         }
     }
 
-    /// Asks until the answer is a unit of this; `None` where nobody answers.
+    /// Asks until the answer is a unit of this quantity; `None` without an answer.
     pub fn asked_unit(self, ask: Ask<'_>) -> Option<String> {
         let mut question = self.unit_question();
         loop {
@@ -84,8 +84,8 @@ impl Role {
             if is_format || unit(&answer).is_some_and(|unit| Some(unit.dimension) == self.dimension()) {
                 return Some(answer);
             }
-            let text = format!("`{answer}` is no unit of a {}; {}", self.name(), self.unit_question().text);
-            // A program that gives one answer for ever is not asked for ever.
+            let text = format!("`{answer}` is not a unit of {}; {}", self.name(), self.unit_question().text);
+            // A program that repeats one answer must not be asked for ever.
             if text == question.text {
                 return None;
             }
@@ -102,7 +102,7 @@ impl Role {
         }
     }
 
-    /// Names that are this and nothing else, and parts of names that suggest it.
+    /// Names that only this role has, and parts of names that suggest it.
     fn words(self) -> (&'static [&'static str], &'static [&'static str]) {
         match self {
             Self::Time => (
@@ -119,7 +119,7 @@ impl Role {
     }
 }
 
-/// How well a column fits a role; `None` where its unit speaks against it.
+/// Score of a column for a role; `None` if its unit contradicts the role.
 fn fit(role: Role, name: &str, unit: Option<&Spelt>) -> Option<u32> {
     let stem = counted(name).map_or_else(|| split_unit(name).0, |(stem, _)| stem);
     let plain: String = stem.to_lowercase().chars().filter(|c| c.is_alphanumeric()).collect();
@@ -134,18 +134,18 @@ fn fit(role: Role, name: &str, unit: Option<&Spelt>) -> Option<u32> {
         (_, Some(_)) => return None,
         _ => 0,
     };
-    // A unit alone says what is measured, not what of.
+    // A unit alone gives the quantity but not the body that it belongs to.
     Some(by_name + by_unit)
 }
 
-/// Where a quantity stands.
+/// Columns found for a quantity.
 pub(super) enum Found {
     Nowhere,
     Alone(usize),
     Axes(Vec<usize>),
 }
 
-/// What is known of a table's columns.
+/// Known properties of a table's columns.
 pub(super) struct Seen<'a> {
     pub file: &'a Path,
     pub given: &'a Given,
@@ -170,15 +170,15 @@ impl Seen<'_> {
 
     pub fn told(&self, setting: Setting, told: &str) -> Result<usize> {
         self.at(told).ok_or_else(|| {
-            let remedy = format!("{}; give a name or a number", self.listed());
+            let remedy = format!("{}; give one of them or its number", self.listed());
             Error::input(Place::setting(setting), format!("there is no column `{told}`"), remedy)
         })
     }
 
-    /// x and y, with z or without, as they are given.
+    /// Given columns of x and y, with or without z.
     fn given_axes(&self) -> Result<Option<Vec<usize>>> {
         let [x, y, position] = [Setting::XColumn, Setting::YColumn, Setting::PositionColumn];
-        let one_way = format!("give `{x}` and `{y}`, or `{position}` alone");
+        let one_way = format!("give either `{x}` and `{y}`, or only `{position}`");
         match (&self.given.axes, &self.given.columns[Role::Position as usize]) {
             ([None, None, None], _) => Ok(None),
             ([Some(x), Some(y), z], None) => {
@@ -190,17 +190,17 @@ impl Seen<'_> {
             }
             ([x, ..], None) => {
                 let missing = if x.is_none() { Setting::XColumn } else { Setting::YColumn };
-                let found = "one coordinate is given without the others";
+                let found = "the columns of x and y must be given together";
                 Err(Error::input(Place::setting(missing), found, one_way))
             }
             (_, Some(_)) => {
-                let found = "the position is given beside x and y";
+                let found = "the position is given in addition to x and y";
                 Err(Error::input(Place::setting(Setting::PositionColumn), found, one_way))
             }
         }
     }
 
-    /// The column that is called as this one with another letter, such as `y`, for an x, with the same unit.
+    /// Column with the name and unit of an x column but another letter, such as `y`.
     fn partner(&self, at: usize, letter: char, taken: &[usize]) -> Option<usize> {
         let (names, units) = (&self.header.names, &self.header.units);
         let name = names.get(at)?;
@@ -218,7 +218,7 @@ impl Seen<'_> {
             .find(|other| free(other) && units.get(*other) == units.get(at))
     }
 
-    /// Where a role's column is: where it is said, where it fits best, or where the answer to a question says.
+    /// Column of a role: the given one, the one with the best score, or the answer to a question.
     pub fn column(&self, role: Role, taken: &[usize], ask: Ask<'_>) -> Result<Found> {
         if role == Role::Position
             && let Some(axes) = self.given_axes()?
@@ -248,10 +248,10 @@ impl Seen<'_> {
         let found = match best.as_slice() {
             [] if role == Role::Cycle => return Ok(Found::Nowhere),
             [at] => return Ok(Found::Alone(*at)),
-            [] => format!("{}: no column is called as a {} is", self.file.display(), role.name()),
+            [] => format!("{}: no column name suggests a {}", self.file.display(), role.name()),
             _ => format!("{}: several columns may be the {}", self.file.display(), role.name()),
         };
-        // A header may say which columns are left; without one every number may be meant.
+        // A header shows the remaining columns. Without a header every number may be meant.
         let left = (0..self.n_cells).filter(|at| !taken.contains(at));
         let called = |at: usize| header.names.get(at).filter(|name| !name.is_empty()).cloned();
         let choices: Vec<String> = left.map(|at| called(at).unwrap_or_else(|| (at + 1).to_string())).collect();
@@ -265,13 +265,12 @@ impl Seen<'_> {
                     |unit: &Option<Spelt>| unit.as_ref().is_some_and(|unit| unit.dimension == Dimension::Current);
                 let of_current = match role {
                     Role::Force if header.units.iter().any(is_current) => {
-                        "; a coil's current becomes a force in [actuation], which docs/experiment.md describes"
+                        "; to convert a coil current to a force, use [actuation] (docs/experiment.md)"
                     }
-                    Role::Force => "; a force in a file of its own is described in [actuation], see docs/experiment.md",
+                    Role::Force => "; for a force in a separate file, use [actuation] (docs/experiment.md)",
                     _ => "",
                 };
-                let remedy =
-                    format!("say which it is with `{setting} NAME` or its number; {}{of_current}", self.listed());
+                let remedy = format!("select it with `{setting} NAME` or its number; {}{of_current}", self.listed());
                 Err(Error::input(Place::setting(setting), found, remedy))
             }
         }

@@ -1,8 +1,8 @@
-//! Units and times as laboratories write them.
+//! Spellings of units and times in laboratory files.
 
 use base::units::{Dimension, UNITS};
 
-/// Spellings of units that are not suffixes of the program's own, with how many SI units they are.
+/// Spellings of units that differ from the program's own suffixes, with their value in SI units.
 const SPELLINGS: [(&str, Dimension, f64); 34] = [
     ("sec", Dimension::Time, 1.0),
     ("secs", Dimension::Time, 1.0),
@@ -40,14 +40,14 @@ const SPELLINGS: [(&str, Dimension, f64); 34] = [
     ("%", Dimension::Ratio, 1e-2),
 ];
 
-/// A unit that was recognised.
+/// A recognised unit.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Spelt {
-    /// What it measures.
+    /// Dimension of the unit.
     pub dimension: Dimension,
-    /// As it is written in `experiment.toml`: with `u` for µ.
+    /// Name in `experiment.toml`, with `u` for µ.
     pub name: String,
-    /// A value in this unit is `value / per_si_unit` for powers of ten, exactly, and `value × si_units` for others.
+    /// Conversion to SI: exactly `value / per_si_unit` for powers of ten, otherwise `value × si_units`.
     scale: Scale,
 }
 
@@ -58,7 +58,7 @@ enum Scale {
 }
 
 impl Spelt {
-    /// A value in this unit as SI.
+    /// Converts a value in this unit to SI.
     pub fn to_si(&self, value: f64) -> f64 {
         match self.scale {
             Scale::Over(per_si_unit) => value / per_si_unit,
@@ -67,8 +67,8 @@ impl Spelt {
     }
 }
 
-/// The unit of a text such as `µm`, `[uN]` or `(s)`, if it is one; also so many of one, as a camera's pixel is `0.65 um` and its frame `0.05 s`. The program's
-/// own suffixes keep their case (`mN` is no `MN`); words do not.
+/// Parses a unit such as `µm`, `[uN]` or `(s)`. Multiples are allowed: a camera's pixel may be `0.65 um` and its frame `0.05 s`. The program's own suffixes are
+/// case-sensitive (`mN` is not `MN`); words are not.
 pub fn unit(text: &str) -> Option<Spelt> {
     let many = text.trim().split_once(' ').and_then(|(many, of)| Some((many.parse::<f64>().ok()?, one_unit(of)?)));
     match many {
@@ -81,7 +81,7 @@ pub fn unit(text: &str) -> Option<Spelt> {
     }
 }
 
-/// Prefixes written out, with the letter that they stand for.
+/// Written-out prefixes with their letters.
 const PREFIXES: [(&str, &str); 6] =
     [("micro", "u"), ("milli", "m"), ("nano", "n"), ("pico", "p"), ("femto", "f"), ("kilo", "k")];
 
@@ -91,7 +91,7 @@ fn one_unit(text: &str) -> Option<Spelt> {
     let lower = plain.to_lowercase();
     let prefix = PREFIXES.into_iter().find(|(prefix, _)| lower.starts_with(prefix));
     let rest = prefix.and_then(|(prefix, letter)| Some((letter, plain.get(prefix.len()..)?.trim_start_matches('-'))));
-    // `microN` is a force, though `micron` is a length.
+    // `microN` is a force, although `micron` is a length.
     let by_prefix = |(letter, rest): (&str, &str)| {
         let symbol = match rest.to_lowercase().as_str() {
             _ if ["N", "Pa", "A", "s", "m"].contains(&rest) => rest,
@@ -118,9 +118,9 @@ fn known_unit(plain: &str) -> Option<Spelt> {
     Some(Spelt { dimension: *dimension, name: (*name).into(), scale: Scale::Times(*si_units) })
 }
 
-/// A name and the unit in it: `x [µm]`, `x (µm)`, `x/µm`, `x_um`, `x in µm`.
+/// Splits a name such as `x [µm]`, `x (µm)`, `x/µm`, `x_um` or `x in µm` into stem and unit.
 pub fn split_unit(name: &str) -> (&str, Option<Spelt>) {
-    // The joint of `rad_s` and the stroke of `rad/s` are the unit's own.
+    // The `_` of `rad_s` and the `/` of `rad/s` belong to the unit.
     for ending in ["_rad_s", "_rad/s", " rad/s"] {
         if let Some(stem) = name.strip_suffix(ending) {
             return (stem, unit("rad/s"));
@@ -132,7 +132,7 @@ pub fn split_unit(name: &str) -> (&str, Option<Spelt>) {
     found.map_or((name, None), |(stem, unit)| (stem, Some(unit)))
 }
 
-/// What is counted in a column such as `x (px)` or `frame`, and the rest of its name.
+/// Stem and counted thing (pixel or frame) of a column such as `x (px)` or `frame`.
 pub fn counted(name: &str) -> Option<(&str, &'static str)> {
     const COUNTS: [(&str, &str); 6] = [
         ("px", "pixel"),
@@ -150,7 +150,7 @@ pub fn counted(name: &str) -> Option<(&str, &'static str)> {
     parts.chain([(name, name)]).find_map(|(stem, text)| Some((stem.trim(), of(text)?)))
 }
 
-/// Seconds of a clock's `hh:mm:ss.fff` or `mm:ss.fff`, or of `hh:mm:ss AM`.
+/// Seconds of a time of day `hh:mm:ss.fff`, `mm:ss.fff` or `hh:mm:ss AM`.
 pub fn clock_s(cell: &str) -> Option<f64> {
     let half = cell.trim_end().get(cell.trim_end().len().saturating_sub(3)..).unwrap_or("");
     let later_h = match half.to_ascii_uppercase().as_str() {
@@ -177,7 +177,7 @@ pub fn clock_s(cell: &str) -> Option<f64> {
     Some(larger?.iter().fold(0.0, |sum, part| (sum + f64::from(*part)) * 60.0) + seconds)
 }
 
-/// What comes first in a date.
+/// First element of a date.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum DateOrder {
     /// ISO 8601: `2026-11-22`.
@@ -189,11 +189,11 @@ pub enum DateOrder {
 }
 
 impl DateOrder {
-    /// All of them.
+    /// All orders.
     pub const ALL: [Self; 3] = [Self::Year, Self::Day, Self::Month];
 }
 
-/// Seconds since 1970 of a date with a time, such as ISO 8601's `2026-11-22T10:00:00.25Z`, `22.11.2026 10:00:00,25` or `11/22/2026 10:00 AM`, whose date has this order.
+/// Seconds since 1970 of a date with time in a given order, such as ISO 8601's `2026-11-22T10:00:00.25Z`, `22.11.2026 10:00:00,25` or `11/22/2026 10:00 AM`.
 pub fn date_time_s(cell: &str, order: DateOrder) -> Option<f64> {
     let (date, time) = cell.split_once(['T', ' '])?;
     let date = date.trim_end_matches(',');
@@ -203,7 +203,7 @@ pub fn date_time_s(cell: &str, order: DateOrder) -> Option<f64> {
     let [first, second, third] = *numbers.as_slice() else { return None };
     let (year, month, day) = match order {
         DateOrder::Year => (first, second, third),
-        // Points stand in dates that begin with the day.
+        // Points occur in dates that begin with the day.
         DateOrder::Month if sign == '.' => return None,
         DateOrder::Day => (third, second, first),
         DateOrder::Month => (third, first, second),
@@ -224,7 +224,7 @@ pub fn date_time_s(cell: &str, order: DateOrder) -> Option<f64> {
             if sign == "+" { seconds } else { -seconds }
         }
     };
-    // Days since 1970 of the Gregorian calendar, years counted from March (H. Hinnant, "chrono-compatible low-level date algorithms").
+    // Days since 1970 of the Gregorian calendar, with years counted from March (H. Hinnant, "chrono-compatible low-level date algorithms").
     let year = if month <= 2 { year - 1 } else { year };
     let (era, of_era) = (year.div_euclid(400), year.rem_euclid(400));
     let of_year = (153 * ((month + 9) % 12) + 2) / 5 + day - 1;
@@ -232,7 +232,7 @@ pub fn date_time_s(cell: &str, order: DateOrder) -> Option<f64> {
     Some(86_400.0 * days as f64 + clock_s(time)? - offset_s)
 }
 
-/// Whether a cell is a date with a time, in any order.
+/// True if a cell is a date with a time, in any order.
 pub fn is_date_time(cell: &str) -> bool {
     DateOrder::ALL.into_iter().any(|order| date_time_s(cell, order).is_some())
 }

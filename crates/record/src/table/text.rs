@@ -1,25 +1,25 @@
-//! A table's bytes as text, its lines as cells, its cells as numbers.
+//! Decodes a table's bytes to text, splits lines into cells and parses numbers.
 
 use std::borrow::Cow;
 
-/// Bytes that are looked at for an encoding.
+/// Number of bytes inspected for the encoding.
 const LOOKED_AT: usize = 4096;
 
-/// What stands between two cells.
+/// Sign between two cells.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Delimiter {
     /// `,`
     Comma,
     /// `;`
     Semicolon,
-    /// A tabulator.
+    /// A tab.
     Tab,
-    /// One blank or more; tabulators count.
+    /// One or more blanks or tabs.
     Spaces,
 }
 
 impl Delimiter {
-    /// All, in the order in which they are tried.
+    /// All delimiters, in the order in which they are tried.
     pub const ALL: [Self; 4] = [Self::Tab, Self::Semicolon, Self::Comma, Self::Spaces];
 
     /// Name in `experiment.toml`.
@@ -33,7 +33,7 @@ impl Delimiter {
     }
 }
 
-/// What stands before the decimals.
+/// Sign before the decimals.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Decimal {
     /// `1.5`
@@ -43,7 +43,7 @@ pub enum Decimal {
 }
 
 impl Decimal {
-    /// Both.
+    /// Both signs.
     pub const ALL: [Self; 2] = [Self::Point, Self::Comma];
 
     /// Name in `experiment.toml`.
@@ -54,7 +54,7 @@ impl Decimal {
         }
     }
 
-    /// The number that a cell holds, if it is one; infinite values and NaN are none. A minus may be typeset (U+2212), and thousands may stand apart (`4 600`, `4'600`).
+    /// Value of a cell; `None` if it is not a finite number. The minus may be typeset (U+2212), and thousands may be separated (`4 600`, `4'600`).
     pub fn number(self, cell: &str) -> Option<f64> {
         let cell = &*plain(cell)?;
         let number = match self {
@@ -68,12 +68,12 @@ impl Decimal {
     }
 }
 
-/// Signs that typeset tables and word processors write for a minus.
+/// Signs for a minus in typeset tables and word processors.
 const MINUS: [char; 3] = ['\u{2212}', '\u{2013}', '\u{2012}'];
-/// Signs between thousands that cannot be decimal signs: blanks of fixed width, apostrophes.
+/// Thousands separators that cannot be decimal signs: blanks and apostrophes.
 const APART: [char; 6] = [' ', '\u{a0}', '\u{202f}', '\u{2009}', '\'', '\u{2019}'];
 
-/// A number's text with an ASCII minus and without signs between its thousands; `None` where such a sign stands elsewhere.
+/// Text of a number with an ASCII minus and without thousands separators; `None` if such a separator is misplaced.
 fn plain(cell: &str) -> Option<Cow<'_, str>> {
     let has = |signs: &[char]| cell.contains(signs);
     if !has(&MINUS) && !has(&APART) {
@@ -87,7 +87,7 @@ fn plain(cell: &str) -> Option<Cow<'_, str>> {
     Some(Cow::Owned(text))
 }
 
-/// A whole number whose thousands stand apart, such as `-1'234'567`, without the signs between them; `None` where its groups are not of three digits.
+/// Removes the separators from a whole number such as `-1'234'567`; `None` if its groups do not have three digits.
 fn joined_groups(whole: &str, between: char) -> Option<String> {
     let mut groups = whole.trim_start_matches(['+', '-']).split(between);
     let first = groups.next()?;
@@ -96,14 +96,14 @@ fn joined_groups(whole: &str, between: char) -> Option<String> {
     (is_first && groups.all(|group| group.len() == 3 && are_digits(group))).then(|| whole.replace(between, ""))
 }
 
-/// A number such as `1,234.5` without the signs between its thousands. Decimals must follow: `1,234` alone may be another number with a decimal comma.
+/// Removes the thousands separators from a number such as `1,234.5`. Decimals must follow, because `1,234` alone may have a decimal comma.
 fn without_groups(cell: &str, between: char, before_decimals: char) -> Option<String> {
     let (whole, decimals) = cell.split_once(before_decimals)?;
     let whole = joined_groups(whole, between)?;
     (!decimals.contains(between)).then(|| format!("{whole}{before_decimals}{decimals}"))
 }
 
-/// The sign between the thousands of whole numbers, where a table's numbers show that it is none before decimals.
+/// Thousands separator of whole numbers, if a table's numbers show that it is not the decimal sign.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Thousands {
     /// `1.234`
@@ -113,7 +113,7 @@ pub enum Thousands {
 }
 
 impl Thousands {
-    /// Both.
+    /// Both separators.
     pub const ALL: [Self; 2] = [Self::Point, Self::Comma];
 
     /// Name in `experiment.toml`.
@@ -131,7 +131,7 @@ impl Thousands {
         }
     }
 
-    /// The cell without the signs between its thousands; `None` where such a sign stands elsewhere.
+    /// Removes the thousands separators from a cell; `None` if a separator is misplaced.
     pub fn removed(self, cell: &str) -> Option<Cow<'_, str>> {
         let plain = plain(cell)?;
         if !plain.contains(self.sign()) {
@@ -143,21 +143,21 @@ impl Thousands {
     }
 }
 
-/// How letters are written as bytes.
+/// Character encoding.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Encoding {
-    /// With its mark or without.
+    /// UTF-8 with or without a byte order mark.
     Utf8,
-    /// The smaller byte first.
+    /// UTF-16 with the lower byte first.
     Utf16Little,
-    /// The larger byte first.
+    /// UTF-16 with the higher byte first.
     Utf16Big,
-    /// A byte a letter, in which instruments write µ and °.
+    /// Latin-1: one byte for each letter, used by instruments for µ and °.
     Latin1,
 }
 
 impl Encoding {
-    /// All of them.
+    /// All encodings.
     pub const ALL: [Self; 4] = [Self::Utf8, Self::Utf16Little, Self::Utf16Big, Self::Latin1];
 
     /// Name in `experiment.toml`.
@@ -170,7 +170,7 @@ impl Encoding {
         }
     }
 
-    /// That of a table's bytes: by their mark, by the zeros beside the digits of UTF-16, or Latin-1 where they are no UTF-8.
+    /// Detects the encoding of a table by its byte order mark, or by the zero bytes beside digits in UTF-16. Other text that is not valid UTF-8 is Latin-1.
     pub fn of(bytes: &[u8]) -> Self {
         match bytes {
             [0xff, 0xfe, ..] => return Self::Utf16Little,
@@ -189,10 +189,10 @@ impl Encoding {
         if std::str::from_utf8(bytes).is_ok() { Self::Utf8 } else { Self::Latin1 }
     }
 
-    /// Bytes as text with line feeds, without their mark; `None` where UTF-8 is said and they are none.
+    /// Decodes bytes to text with line feeds and without the byte order mark; `None` if the bytes are not valid UTF-8 although UTF-8 is given.
     pub fn text(self, bytes: &[u8]) -> Option<Cow<'_, str>> {
         let text = self.decoded(bytes)?;
-        // Old instruments end lines with a carriage return alone.
+        // Old instruments end lines with a carriage return only.
         let has_lone_returns = text.contains('\r') && !text.contains('\n');
         Some(if has_lone_returns { Cow::Owned(text.replace('\r', "\n")) } else { text })
     }
@@ -214,15 +214,15 @@ impl Encoding {
     }
 }
 
-/// Text of a table in the encoding that its bytes show.
+/// Decodes a table in the encoding detected from its bytes.
 pub fn table_text(bytes: &[u8]) -> Cow<'_, str> {
     Encoding::of(bytes).text(bytes).unwrap_or_else(|| String::from_utf8_lossy(bytes))
 }
 
-/// Signs of comments, where none is named.
+/// Comment signs, if none is given.
 const COMMENTS: [&str; 3] = ["#", "%", "//"];
 
-/// The sign that makes a line a comment, if it is one; `comment` is the only sign where it is named.
+/// Sign that makes a line a comment, if it is one. If `comment` is given, it is the only such sign.
 pub fn comment_sign<'a>(line: &str, comment: Option<&'a str>) -> Option<&'a str> {
     let line = line.trim_start();
     match comment {
@@ -231,12 +231,12 @@ pub fn comment_sign<'a>(line: &str, comment: Option<&'a str>) -> Option<&'a str>
     }
 }
 
-/// Whether a line says nothing of the table: blank, or a comment.
+/// True if a line is blank or a comment.
 pub fn is_aside(line: &str, comment: Option<&str>) -> bool {
     line.trim().is_empty() || comment_sign(line, comment).is_some()
 }
 
-/// The cells of a line, without blanks around them and without their quotation marks.
+/// Cells of a line, without surrounding blanks and quotation marks.
 pub fn cells(line: &str, delimiter: Delimiter) -> Vec<Cow<'_, str>> {
     let byte = match delimiter {
         Delimiter::Comma => b',',
@@ -257,9 +257,9 @@ pub fn cells(line: &str, delimiter: Delimiter) -> Vec<Cow<'_, str>> {
     row.iter().map(|cell| Cow::Owned(cell.to_string())).collect()
 }
 
-/// The cells of a header above rows of `n_cells`; a comment sign before it is none of them.
+/// Cells of a header above rows of `n_cells` cells, without a leading comment sign.
 ///
-/// Names between blanks may hold blanks themselves: then two or more stand between them, or each ends in its unit's bracket.
+/// Names separated by blanks may contain blanks. They are then separated by at least two blanks, or each ends in its unit's bracket.
 pub fn header_cells<'a>(
     whole: &'a str,
     delimiter: Delimiter,
@@ -271,7 +271,7 @@ pub fn header_cells<'a>(
         line = line[sign.len()..].trim_start();
     }
     if comment_sign(whole, comment).is_none() {
-        // The first column may have no name, so that its line begins with a tabulator.
+        // The first column may have no name, so its line may begin with a tab.
         let with_empty = cells(whole, delimiter);
         if with_empty.len() == n_cells {
             return with_empty;

@@ -1,4 +1,4 @@
-//! Columns that are not read although they move with the position: a coordinate that was left out.
+//! Finds unread columns that follow the position, such as a forgotten coordinate.
 
 use super::description::TableDescription;
 use super::read::ColumnNames;
@@ -6,23 +6,24 @@ use super::spelling::split_unit;
 use super::text::cells;
 use base::units::Dimension;
 
-/// A column that is not read.
+/// An unread column.
 #[derive(Debug, Clone, PartialEq)]
 pub struct UnreadColumn {
-    /// Its name.
+    /// Name of the column.
     pub name: String,
     /// Correlation with the position.
     pub correlation: f64,
 }
 
-/// Rows that are looked at: more say nothing new.
+/// Largest number of inspected rows. More rows add no information.
 const MOST_ROWS: usize = 20_000;
-/// Share of the rows that must hold a number.
+/// Smallest fraction of the rows that must contain a number.
 const MOSTLY: f64 = 0.9;
-/// Correlation from which a column follows the position.
+/// Smallest correlation for which a column follows the position.
 const FOLLOWS: f64 = 0.7;
 
-/// Columns of lengths, or called as coordinates are, that follow the position; `lines` are those of the rows, from 1, and `position_m` their positions.
+/// Returns unread columns of lengths, or with names of coordinates, that follow the position. `lines` are the line numbers of the rows, from 1, and
+/// `position_m` their positions.
 pub(crate) fn unread_columns(
     file: &std::path::Path,
     text: &str,
@@ -40,7 +41,7 @@ pub(crate) fn unread_columns(
         .chain(others)
         .filter_map(|name| names.place(name).ok().map(|(at, _)| at))
         .collect();
-    // Without a unit in its name a column may be anything that follows the motion: a compliance, a torque.
+    // A column without a unit in its name may be anything that follows the motion, such as a compliance or a torque.
     let is_coordinate = |name: &str| match split_unit(name) {
         (_, Some(unit)) => unit.dimension == Dimension::Length,
         (stem, None) => {
@@ -72,7 +73,7 @@ pub(crate) fn unread_columns(
     }
     let follows = |place: usize| {
         let pairs = &values[place];
-        // Counters and clocks only grow.
+        // Counters and clocks only increase.
         let is_monotone =
             pairs.windows(2).all(|two| two[0].0 <= two[1].0) || pairs.windows(2).all(|two| two[0].0 >= two[1].0);
         if is_monotone || (n_numbers[place] as f64) < MOSTLY * n_rows as f64 {
@@ -84,7 +85,7 @@ pub(crate) fn unread_columns(
     (0..candidates.len()).filter_map(follows).collect()
 }
 
-/// Pearson's correlation; `None` where a value never changes.
+/// Pearson's correlation; `None` if a value never changes.
 fn correlation(pairs: &[(f64, f64)]) -> Option<f64> {
     let n = pairs.len() as f64;
     let mean = pairs.iter().fold((0.0, 0.0), |sum, pair| (sum.0 + pair.0 / n, sum.1 + pair.1 / n));

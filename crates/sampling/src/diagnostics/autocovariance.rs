@@ -1,4 +1,4 @@
-//! Autocovariance by fast Fourier transform, and the effective sample size that follows from it.
+//! Autocovariance by fast Fourier transform, and the effective sample size derived from it.
 
 use super::chains::Chains;
 
@@ -7,7 +7,7 @@ pub fn autocovariance(series: &[f64]) -> Vec<f64> {
     with_twiddles(series, &Twiddles::new(padded_length(series.len())))
 }
 
-/// Twice the length at least: the circular correlation of the padded series is then the linear one.
+/// At least twice the length, so that the circular correlation of the padded series equals the linear one.
 fn padded_length(n: usize) -> usize {
     (2 * n).next_power_of_two()
 }
@@ -29,7 +29,7 @@ fn with_twiddles(series: &[f64], twiddles: &Twiddles) -> Vec<f64> {
         *a = *a * *a + *b * *b;
         *b = 0.0;
     }
-    // The power spectrum is even, so a forward transform is its inverse up to the factor.
+    // The power spectrum is even, so that a forward transform is its inverse up to the factor.
     twiddles.transform(&mut re, &mut im);
     re.truncate(n);
     let scale = 1.0 / (length as f64 * n as f64);
@@ -83,14 +83,14 @@ impl Twiddles {
 pub struct Integrated {
     /// Integrated autocorrelation time in draws: 1 + 2 Σ ρ_t.
     pub time: f64,
-    /// Marginal variance estimate that ρ_t refers to (within and between chains).
+    /// Estimate of the marginal variance (within and between chains) to which ρ_t refers.
     pub variance: f64,
 }
 
-/// Integrated autocorrelation time of several chains of one quantity, from pooled autocovariances with Geyer's initial
+/// Integrated autocorrelation time of several chains of one quantity, from pooled autocovariances and Geyer's initial
 /// monotone positive sequence (Geyer 1992; Vehtari et al. 2021, §3.2).
 ///
-/// `None` when there are fewer than four draws a chain, a value is not finite or the values do not vary.
+/// `None` if there are fewer than four draws per chain, a value is not finite or the values do not vary.
 pub fn integrate(chains: &Chains) -> Option<Integrated> {
     let (n_chains, n_draws) = (chains.n_chains(), chains.n_draws());
     if n_chains == 0 || n_draws < 4 || !chains.varies() {
@@ -114,8 +114,8 @@ pub fn integrate(chains: &Chains) -> Option<Integrated> {
     time.is_finite().then_some(Integrated { time, variance })
 }
 
-/// −1 + 2 Σ P_k over pairs P_k = ρ_{2k} + ρ_{2k+1}: as long as they are positive, made non-increasing. The even term
-/// that follows the last pair is added once if positive, which helps antithetic chains.
+/// −1 + 2 Σ P_k over pairs P_k = ρ_{2k} + ρ_{2k+1} while they are positive, made non-increasing. The even term
+/// after the last pair is added once if positive, which helps antithetic chains.
 fn sum_initial_monotone(rho: impl Fn(usize) -> f64, n_draws: usize) -> f64 {
     let mut sum = 0.0;
     let mut previous = f64::INFINITY;
@@ -123,7 +123,7 @@ fn sum_initial_monotone(rho: impl Fn(usize) -> f64, n_draws: usize) -> f64 {
     loop {
         let (even, odd) = (rho(lag), rho(lag + 1));
         let pair = even + odd;
-        // The last lags of a series are never a full pair: they take the role of the first non-positive one.
+        // The last lags of a series never form a full pair. They count as the first non-positive pair.
         if lag > 0 && (pair <= 0.0 || lag + 4 >= n_draws) {
             return -1.0 + 2.0 * sum + even.max(0.0);
         }
@@ -151,7 +151,7 @@ pub(super) fn sum(values: &[f64]) -> f64 {
     sum_of(values, |v| v)
 }
 
-/// Σ f(value), in eight sums that do not wait for each other.
+/// Σ f(value), in eight independent partial sums.
 #[inline(always)]
 fn sum_of(values: &[f64], f: impl Fn(f64) -> f64) -> f64 {
     let mut sums = [0.0; 8];

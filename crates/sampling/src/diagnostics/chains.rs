@@ -31,14 +31,14 @@ impl Chains {
         self.chains.iter().map(Vec::as_slice)
     }
 
-    /// Each chain cut into a first and a last half; the middle draw of an odd number is dropped.
+    /// Cuts each chain into a first and a last half. An odd number of draws loses its middle one.
     pub fn split(&self) -> Self {
         let half = self.n_draws() / 2;
         let halves = |chain: &Vec<f64>| [chain[..half].to_vec(), chain[chain.len() - half..].to_vec()];
         Self { chains: self.chains.iter().flat_map(halves).collect() }
     }
 
-    /// All finite and not all equal.
+    /// True if the values are finite and not all equal.
     pub(super) fn varies(&self) -> bool {
         let mut values = self.chains.iter().flatten();
         let Some(&first) = values.next() else { return false };
@@ -56,7 +56,7 @@ impl Chains {
         self.chains.concat()
     }
 
-    /// The same shape with other values, in [`Chains::flat`]'s order.
+    /// Chains of equal shape with other values, in the order of [`Chains::flat`].
     pub(super) fn with_values(&self, values: &[f64]) -> Self {
         Self { chains: values.chunks(self.n_draws().max(1)).map(<[f64]>::to_vec).collect() }
     }

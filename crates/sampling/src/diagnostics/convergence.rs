@@ -4,7 +4,7 @@ use super::autocovariance::{integrate, sample_variance};
 use super::chains::Chains;
 use super::ranks::{Sorted, median};
 
-/// Rank-normalised split R̂: the larger of the bulk and the folded one (Vehtari et al. 2021, eqs. 1–4 and §3.1).
+/// Rank-normalised split R̂: the larger of the bulk and the folded value (Vehtari et al. 2021, eqs. 1–4 and §3.1).
 /// NaN for fewer than four draws or two chains.
 pub fn rhat(chains: &Chains) -> f64 {
     if chains.n_chains() < 2 || chains.n_draws() < 4 || !chains.varies() {
@@ -23,12 +23,12 @@ fn plain_rhat(chains: &Chains) -> f64 {
     ((n - 1.0) / n + sample_variance(&means) / within).sqrt()
 }
 
-/// Effective number of draws for location: that of the split, rank-normalised chains. NaN where undefined.
+/// Effective number of draws for location, from the split, rank-normalised chains. NaN if undefined.
 pub fn ess_bulk(chains: &Chains) -> f64 {
     if chains.n_draws() < 4 { f64::NAN } else { ess(&chains.split().rank_normalised()) }
 }
 
-/// Effective number of draws for the 5 % and 95 % quantiles, the smaller. NaN where undefined.
+/// Effective number of draws for the 5 % and 95 % quantiles, whichever is smaller. NaN if undefined.
 pub fn ess_tail(chains: &Chains) -> f64 {
     if chains.n_draws() < 4 {
         return f64::NAN;
@@ -42,7 +42,7 @@ pub fn ess_tail(chains: &Chains) -> f64 {
     at(0.05).min(at(0.95))
 }
 
-/// Effective number of draws for the mean. NaN where undefined.
+/// Effective number of draws for the mean. NaN if undefined.
 pub fn ess_mean(chains: &Chains) -> f64 {
     if chains.n_draws() < 4 { f64::NAN } else { ess(&chains.split()) }
 }
@@ -52,7 +52,7 @@ pub fn mcse_mean(chains: &Chains) -> f64 {
     (sample_variance(&chains.flat()) / ess_mean(chains)).sqrt()
 }
 
-/// Integrated autocorrelation time in draws: number of draws over [`ess_mean`].
+/// Integrated autocorrelation time in draws: number of draws divided by [`ess_mean`].
 pub fn autocorrelation_time(chains: &Chains) -> f64 {
     (chains.n_chains() * chains.n_draws()) as f64 / ess_mean(chains)
 }
@@ -62,7 +62,7 @@ fn ess(chains: &Chains) -> f64 {
     if chains.iter().flatten().any(|value| !value.is_finite()) {
         return f64::NAN;
     }
-    // Values that do not vary carry no autocorrelation: every draw counts.
+    // Constant values have no autocorrelation, so that every draw counts.
     if !chains.varies() {
         return n;
     }
@@ -90,8 +90,8 @@ mod tests {
         Chains::new((0..n_chains).map(|_| chain(&mut normal)).collect())
     }
 
-    /// 400,000 draws at φ = 0.9: the relative error of τ̂ is about √(2·(2·2.5τ)/n) = 2.2 % by Sokal's formula
-    /// (window ≈ 2.5 τ); six of those fail once in 10⁸.
+    /// Sokal's formula for 400,000 draws at φ = 0.9 gives τ̂ a relative error of about √(2·(2·2.5τ)/n) = 2.2 %
+    /// (window ≈ 2.5 τ). The tolerance is six of these, which fails once in 10⁸.
     #[test]
     fn known_autocorrelation_time_is_recovered() {
         for (phi, tolerance) in [(0.9_f64, 0.13), (0.0, 0.06), (-0.6, 0.10)] {

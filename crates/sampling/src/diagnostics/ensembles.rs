@@ -1,13 +1,13 @@
 //! Diagnostics of ensembles, whose walkers are correlated with each other.
 //!
 //! Let `x[e][s][w]` be a parameter in ensemble e, step s, walker w, and z the normal scores of its ranks over all draws.
-//! - R̂: every ensemble is split into a first and a last half of its steps; a chain is one such half with *all its walkers'
-//!   draws*. The value is the larger of that of z and that of the folded scores.
-//! - Effective sample size of a quantity g (z for the bulk, 1{x ≤ q₀.₀₅} and 1{x ≤ q₀.₉₅} for the tails, x for the mean):
-//!   the per-step averages `ḡ[e][s]` over walkers form one time series an ensemble (split in halves); with τ_ḡ and
-//!   Var ḡ their integrated time and variance over n steps and m ensembles, the mean's error is Var ḡ·τ_ḡ/(m n), and
-//!   ESS = Var g/(Var ḡ·τ_ḡ/(m n)). Correlation between walkers, of either sign, is so accounted for.
-//! - Autocorrelation time: draws over ESS of the mean, in steps. It is what one walker alone would need.
+//! - R̂: the steps of every ensemble are split into a first and a last half. Each half with *all its walkers' draws* is a
+//!   chain. R̂ is the larger of the values for z and for the folded scores.
+//! - Effective sample size of a quantity g: z for the bulk, 1{x ≤ q₀.₀₅} and 1{x ≤ q₀.₉₅} for the tails, x for the mean.
+//!   The per-step averages `ḡ[e][s]` over walkers form one time series per ensemble (split in halves). Let τ_ḡ and
+//!   Var ḡ be their integrated time and variance over n steps and m ensembles. The mean's error is Var ḡ·τ_ḡ/(m n), and
+//!   ESS = Var g/(Var ḡ·τ_ḡ/(m n)). This includes correlation of either sign between walkers.
+//! - Autocorrelation time: draws over ESS of the mean, in steps. It is the number of steps that one walker alone would need.
 
 use super::autocovariance::{integrate, sample_variance, sum};
 use super::chains::Chains;
@@ -26,7 +26,7 @@ pub struct DrawColumn {
     pub values: Vec<f64>,
 }
 
-/// Summary of one parameter's draws and how far it can be trusted.
+/// Summary of one parameter's draws, with diagnostics of its accuracy.
 #[derive(Debug, Clone, Copy, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct ParameterDiagnostics {
     /// Posterior mean.
@@ -39,11 +39,11 @@ pub struct ParameterDiagnostics {
     pub median: f64,
     /// 95 % quantile.
     pub q95: f64,
-    /// Rank-normalised split R̂, one chain an ensemble, walkers pooled.
+    /// Rank-normalised split R̂, with one chain per ensemble and all its walkers pooled.
     pub rhat: f64,
     /// Effective number of draws for location.
     pub ess_bulk: f64,
-    /// Effective number of draws for the 5 % and 95 % quantiles, the smaller.
+    /// Effective number of draws for the 5 % and 95 % quantiles, whichever is smaller.
     pub ess_tail: f64,
     /// Monte Carlo standard error of the mean.
     pub mcse_mean: f64,
@@ -51,8 +51,8 @@ pub struct ParameterDiagnostics {
     pub autocorrelation_time: f64,
 }
 
-/// Summary of a column. Figures that cannot be computed (fewer than eight steps, no variation) are NaN.
-/// `blom` must be for as many values.
+/// Summary of a column. Values that cannot be computed (fewer than eight steps, no variation) are NaN.
+/// `blom` must have the same length as the column.
 pub fn diagnose(column: &DrawColumn, blom: &BlomScores) -> ParameterDiagnostics {
     let n = column.values.len();
     let mean = sum(&column.values) / n as f64;
@@ -79,19 +79,19 @@ pub fn diagnose(column: &DrawColumn, blom: &BlomScores) -> ParameterDiagnostics 
     }
 }
 
-/// Autocorrelation time of the mean in the column's steps: the part of [`diagnose`] that sorts nothing. NaN where undefined.
+/// Autocorrelation time of the mean in the column's steps: the part of [`diagnose`] without sorting. NaN if undefined.
 pub fn autocorrelation_time(column: &DrawColumn) -> f64 {
     column.values.len() as f64 / ess(column, &column.values)
 }
 
-/// Per-step averages over walkers of a quantity in the column's layout, one chain an ensemble.
+/// Per-step averages over walkers of a quantity in the column's layout, one chain per ensemble.
 pub fn walker_averages(column: &DrawColumn, quantity: &[f64]) -> Chains {
     let average = |walkers: &[f64]| sum(walkers) / column.n_walkers as f64;
     let chain = |steps: &[f64]| steps.chunks_exact(column.n_walkers).map(average).collect();
     Chains::new(quantity.chunks_exact((column.n_steps * column.n_walkers).max(1)).map(chain).collect())
 }
 
-/// Effective number of draws for the mean of a quantity given in the column's layout. NaN where undefined.
+/// Effective number of draws for the mean of a quantity in the column's layout. NaN if undefined.
 pub fn ess(column: &DrawColumn, quantity: &[f64]) -> f64 {
     let averages = walker_averages(column, quantity).split();
     let variance = sample_variance(quantity);
@@ -100,7 +100,7 @@ pub fn ess(column: &DrawColumn, quantity: &[f64]) -> f64 {
     variance * n_averages / (integrated.variance * integrated.time)
 }
 
-/// √(((n − 1)/n)·W + B) / √W over half ensembles with all their walkers' draws; NaN for fewer than two ensembles.
+/// √(((n − 1)/n)·W + B) / √W over half ensembles with the draws of all their walkers. NaN for fewer than two ensembles.
 fn pooled_rhat(column: &DrawColumn, scores: &[f64]) -> f64 {
     let half = column.n_steps / 2 * column.n_walkers;
     if column.n_ensembles < 2 || half < 2 * column.n_walkers {
@@ -124,7 +124,7 @@ mod tests {
     use crate::diagnostics::convergence;
     use rand::{RngExt, SeedableRng};
 
-    /// AR(1) walkers with a part in common: correlation `common` between walkers at every lag.
+    /// AR(1) walkers with a common part: correlation `common` between walkers at every lag.
     fn column(n_steps: usize, n_walkers: usize, phi: f64, common: f64) -> DrawColumn {
         let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(17);
         let mut normal = || -> f64 { rng.sample(rand_distr::StandardNormal) };
@@ -159,7 +159,7 @@ mod tests {
         }
     }
 
-    /// Four ensembles of eight walkers, 500 steps each, the last one's draws moved and stretched.
+    /// R̂ of four ensembles of eight walkers and 500 steps each, with the last one's draws shifted and scaled.
     fn rhat_with_one_ensemble(shift: f64, scale: f64) -> f64 {
         let mut column = column(500, 8, 0.5, 0.0);
         let first = 3 * column.n_steps * column.n_walkers;
@@ -167,9 +167,9 @@ mod tests {
         diagnose(&column, &BlomScores::new(column.values.len())).rhat
     }
 
-    /// A shift of one ensemble in four by δ sd gives its eight half chains' means a variance of 8/7·(1/4)(3/4)δ²: R̂ = 1.026 for
-    /// δ = ½, above the 1.01 that a run demands, and 1.059 for δ = ¾. An ensemble's mean has a standard error of √(3/4000) = 0.03,
-    /// by which R̂ varies by 0.004 to 0.005. A doubled scale about the same median shows in the folded scores alone.
+    /// A shift of one ensemble in four by δ sd gives the means of the eight half chains a variance of 8/7·(1/4)(3/4)δ². R̂ is 1.026 for
+    /// δ = ½, above the limit of 1.01 for a run, and 1.059 for δ = ¾. An ensemble's mean has a standard error of √(3/4000) = 0.03,
+    /// which varies R̂ by 0.004 to 0.005. A doubled scale about an equal median appears only in the folded scores.
     #[test]
     fn one_ensemble_unlike_the_others_is_seen_by_rhat() {
         assert!(rhat_with_one_ensemble(0.0, 1.0) < 1.005);
@@ -178,8 +178,8 @@ mod tests {
         assert!(rhat_with_one_ensemble(0.0, 2.0) > 1.05);
     }
 
-    /// Var of the mean of W walkers with mutual correlation c is σ²(c + (1 − c)/W): the effective number falls by
-    /// 1 + (W − 1)c. The estimate's relative error is about 6 % (n = 80,000 steps, τ = 3): six of those are allowed.
+    /// Var of the mean of W walkers with mutual correlation c is σ²(c + (1 − c)/W): the effective number falls by a factor of
+    /// 1 + (W − 1)c. The estimate's relative error is about 6 % (n = 80,000 steps, τ = 3); the tolerance is six of these.
     #[test]
     fn correlation_between_walkers_is_charged() {
         let (n_steps, n_walkers) = (20_000, 8);

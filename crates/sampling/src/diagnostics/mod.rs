@@ -1,10 +1,10 @@
-//! How far a set of draws can be trusted: R̂, effective sample sizes, Monte Carlo errors, autocorrelation times.
+//! Diagnostics of a set of draws: R̂, effective sample sizes, Monte Carlo errors, autocorrelation times.
 //!
-//! Two views share one autocovariance and one truncation rule ([`autocovariance`]):
+//! Two modules share one autocovariance and one truncation rule ([`autocovariance`]):
 //! - [`convergence`]: independent chains, the textbook definitions (Vehtari, Gelman, Simpson, Carpenter, Bürkner 2021,
 //!   "Rank-normalization, folding, and localization", doi:10.1214/20-BA1221), as ArviZ computes them;
-//! - [`ensembles`]: walkers of one ensemble are *not* independent chains, ensembles are. What is correlated in time is
-//!   therefore the per-step average over an ensemble's walkers, and a chain of R̂ is an ensemble.
+//! - [`ensembles`]: ensembles are independent chains, but walkers of one ensemble are *not*. The series for correlation in time is
+//!   therefore the per-step average over an ensemble's walkers, and each chain of R̂ is an ensemble.
 
 pub mod autocovariance;
 pub mod chains;

@@ -1,15 +1,15 @@
-//! Sorting once for quantiles, ranks and normal scores.
+//! Sorts values once for quantiles, ranks and normal scores.
 
 use statrs::distribution::{ContinuousCDF, Normal};
 
-/// Order of a set of values.
+/// A sorted set of values.
 pub struct Sorted {
-    /// Values ascending, each with its place in the original order.
+    /// Values in ascending order, each with its index in the original order.
     entries: Vec<(f64, u32)>,
 }
 
 impl Sorted {
-    /// Sorts values; at most 2³² − 1 of them. NaN sorts last (first if its sign is negative).
+    /// Sorts at most 2³² − 1 values. NaN sorts last (first if its sign is negative).
     pub fn new(values: &[f64]) -> Self {
         if let Some(entries) = sorted_by_place(values) {
             return Self { entries };
@@ -19,7 +19,7 @@ impl Sorted {
         Self { entries }
     }
 
-    /// Quantile by linear interpolation between order statistics (Hyndman–Fan type 7). NaN when empty.
+    /// Quantile by linear interpolation between order statistics (Hyndman–Fan type 7). NaN if empty.
     pub fn quantile(&self, probability: f64) -> f64 {
         let Some(last) = self.entries.len().checked_sub(1) else { return f64::NAN };
         let position = probability.clamp(0.0, 1.0) * last as f64;
@@ -28,14 +28,14 @@ impl Sorted {
         low + (position - below as f64) * (high - low)
     }
 
-    /// Normal scores of the ranks, ties sharing their mean rank, in the original order of the values. `blom` must be for as many
-    /// values.
+    /// Normal scores of the ranks, in the original order of the values. Ties share their mean rank. `blom` must have the same
+    /// length.
     pub fn normal_scores(&self, blom: &BlomScores) -> Vec<f64> {
         scores(&self.entries, blom)
     }
 
-    /// Normal scores of |value − centre|, without sorting again: the values left and right of the centre are sorted
-    /// already and only need merging.
+    /// Normal scores of |value − centre| without sorting again. The values on either side of the centre are already
+    /// sorted and only need merging.
     pub fn folded_normal_scores(&self, centre: f64, blom: &BlomScores) -> Vec<f64> {
         let split = self.entries.partition_point(|entry| entry.0 < centre);
         let (left, right) = self.entries.split_at(split);
@@ -55,8 +55,8 @@ impl Sorted {
     }
 }
 
-/// Φ⁻¹((r − 3/8)/(n + 1/4)) for all ranks r of n values (Blom 1958). Worth keeping: every column of a set of draws has the
-/// same ones.
+/// Φ⁻¹((r − 3/8)/(n + 1/4)) for all ranks r of n values (Blom 1958). Compute it once: every column of a set of draws uses the same
+/// scores.
 pub struct BlomScores {
     scores: Vec<f64>,
 }
@@ -87,7 +87,7 @@ fn scores(entries: &[(f64, u32)], blom: &BlomScores) -> Vec<f64> {
         while end < n && entries[end].0 == entries[start].0 {
             end += 1;
         }
-        // Ranks start + 1 … end: ties share their mean, which only for an odd number of them is a rank itself.
+        // Ranks start + 1 … end: ties share their mean rank, which is a rank itself only for an odd number of ties.
         let value = if (end - start) % 2 == 1 {
             blom.scores[(start + end - 1) / 2]
         } else {
@@ -99,8 +99,8 @@ fn scores(entries: &[(f64, u32)], blom: &BlomScores) -> Vec<f64> {
     out
 }
 
-/// Sorts by where a value lies between the smallest and the largest, in 2³² cells, and within a cell by value. `None` for few values, or ones that are
-/// not finite or all the same.
+/// Sorts by position between the smallest and the largest value, in 2³² cells, and by value within a cell. `None` if the values are few, not
+/// finite or all equal.
 fn sorted_by_place(values: &[f64]) -> Option<Vec<(f64, u32)>> {
     const DIGIT_BITS: usize = 11;
     const N_BUCKETS: usize = 1 << DIGIT_BITS;
@@ -108,7 +108,7 @@ fn sorted_by_place(values: &[f64]) -> Option<Vec<(f64, u32)>> {
     let (lowest, highest) =
         values.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), v| (low.min(*v), high.max(*v)));
     let scale = f64::from(u32::MAX) / (highest - lowest);
-    // Of what is not a number the sum is none either; differences of neighbours times the scale keep their order.
+    // The sum is not finite if any value is NaN. Differences of neighbours times the scale keep their order.
     if values.len() < N_BUCKETS || !scale.is_normal() || !values.iter().sum::<f64>().is_finite() {
         return None;
     }
@@ -144,13 +144,13 @@ fn sorted_by_place(values: &[f64]) -> Option<Vec<(f64, u32)>> {
     Some(entries)
 }
 
-/// Bits that sort as integers like the numbers do, −0 below +0.
+/// Maps a number to an integer of equal order; −0 sorts below +0.
 fn ordered_bits(value: f64) -> u64 {
     let bits = value.to_bits();
     if bits >> 63 == 1 { !bits } else { bits | 1 << 63 }
 }
 
-/// Sorts by the first component, stably: least significant digits first, digits that do not differ passed over.
+/// Sorts by the first component, stably, from the least significant digit. Digits that do not differ are skipped.
 fn radix_sorted(mut entries: Vec<(u64, u32)>) -> Vec<(u64, u32)> {
     const DIGIT_BITS: u32 = 11;
     const N_BUCKETS: usize = 1 << DIGIT_BITS;
@@ -180,7 +180,7 @@ fn radix_sorted(mut entries: Vec<(u64, u32)>) -> Vec<(u64, u32)> {
     entries
 }
 
-/// Median of a set of values; NaN when empty.
+/// Median of a set of values; NaN if empty.
 pub fn median(values: &[f64]) -> f64 {
     Sorted::new(values).quantile(0.5)
 }
@@ -217,7 +217,7 @@ mod tests {
         assert!(sorted.entries.iter().all(|&(value, idx)| values[idx as usize] == value));
     }
 
-    /// One value far off puts all others into a few cells; equal values keep their order.
+    /// One distant value puts all others into a few cells. Equal values keep their order.
     #[test]
     fn outliers_do_not_spoil_the_order() {
         let mut values: Vec<f64> = (0..6_000_i64).map(|i| ((i * 7919) % 2999 - 1500) as f64 * 0.37e-3).collect();

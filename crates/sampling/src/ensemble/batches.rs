@@ -1,11 +1,11 @@
-//! A dear log density's batch, split over threads.
+//! Splits the batch of an expensive log density over threads.
 
 use crate::LogDensity;
 use rayon::prelude::*;
 use std::sync::atomic::{AtomicU64, Ordering};
 
-/// Evaluates a batch in pieces on the current thread pool. Since a point's value may not depend on its batch (a rule of
-/// [`LogDensity`]), the bytes are those of the whole batch.
+/// Evaluates a batch in pieces on the current thread pool. A point's value does not depend on its batch (a rule of
+/// [`LogDensity`]), so that the bytes equal those of the whole batch.
 pub(super) struct SplitDensity<'a> {
     pub inner: &'a dyn LogDensity,
     /// Points of a piece.
@@ -28,7 +28,7 @@ impl LogDensity for SplitDensity<'_> {
     }
 }
 
-/// Counts evaluated points. For what happens between steps; the steps themselves are counted by arithmetic.
+/// Counts evaluations outside of steps. Those of the steps follow from the number of steps.
 pub(super) struct CountingDensity<'a> {
     inner: &'a dyn LogDensity,
     count: AtomicU64,

@@ -8,13 +8,13 @@ use crate::diagnostics::DrawColumn;
 pub struct Draws {
     /// Independent ensembles.
     pub n_ensembles: usize,
-    /// Kept steps of each.
+    /// Kept steps of each ensemble.
     pub n_steps: usize,
-    /// Walkers of each.
+    /// Walkers of each ensemble.
     pub n_walkers: usize,
     /// Unconstrained coordinates of a point.
     pub dimension: usize,
-    /// Steps from one kept step to the next.
+    /// Interval between kept steps.
     pub store_every: u64,
     /// Coordinate d of ensemble e, kept step s, walker w at `positions[((e·n_steps + s)·dimension + d)·n_walkers + w]`.
     pub positions: Vec<f64>,
@@ -23,17 +23,17 @@ pub struct Draws {
 }
 
 impl Draws {
-    /// One coordinate.
+    /// Value of one coordinate of one draw.
     pub fn value(&self, ensemble: usize, step: usize, walker: usize, d: usize) -> f64 {
         self.positions[((ensemble * self.n_steps + step) * self.dimension + d) * self.n_walkers + walker]
     }
 
-    /// One point.
+    /// All coordinates of one draw.
     pub fn point(&self, ensemble: usize, step: usize, walker: usize) -> Vec<f64> {
         (0..self.dimension).map(|d| self.value(ensemble, step, walker, d)).collect()
     }
 
-    /// `n` points spread over all ensembles, steps and walkers by the golden ratio, which no stride of theirs divides.
+    /// `n` points spread over all ensembles, steps and walkers by the golden ratio, which is no multiple of their strides.
     pub fn spread(&self, n: usize) -> Vec<Vec<f64>> {
         let golden = 0.5 * (5.0_f64.sqrt() - 1.0);
         let pick = |k: usize| {
@@ -49,7 +49,7 @@ impl Draws {
         self.log_density.len()
     }
 
-    /// Whether nothing was kept.
+    /// True if there are no draws.
     pub fn is_empty(&self) -> bool {
         self.log_density.is_empty()
     }
@@ -64,7 +64,7 @@ impl Draws {
         self.with_values(values)
     }
 
-    /// Points one by one, from kept step `first` on.
+    /// Points one by one, starting at kept step `first`.
     pub fn points(&self, first: usize) -> Vec<Vec<f64>> {
         let mut points = Vec::new();
         for ensemble in 0..self.n_ensembles {
@@ -86,13 +86,13 @@ pub(super) struct Record {
     pub positions: Vec<f64>,
     pub log_density: Vec<f64>,
     pub n_stored: usize,
-    /// Step after which recording began.
+    /// Step after which recording begins.
     pub base_step: u64,
     pub store_every: u64,
 }
 
 impl Record {
-    /// Empty, allocated for at most `capacity` steps.
+    /// An empty record with memory for at most `capacity` steps.
     pub fn new(base_step: u64, store_every: u64, capacity: usize, dimension: usize, n_walkers: usize) -> Self {
         Self {
             positions: Vec::with_capacity(capacity * dimension * n_walkers),
@@ -103,14 +103,14 @@ impl Record {
         }
     }
 
-    /// Forgets all draws and begins after `base_step`.
+    /// Deletes all draws and starts again after `base_step`.
     pub fn restart(&mut self, base_step: u64, store_every: u64) {
         self.positions.clear();
         self.log_density.clear();
         (self.n_stored, self.base_step, self.store_every) = (0, base_step, store_every);
     }
 
-    /// Keeps the ensemble's present step if it is due. With `limit`, a full record is thinned to every second step.
+    /// Keeps the ensemble's present step if it is due. `limit` thins a full record to every second step.
     pub fn keep(&mut self, ensemble: &Ensemble, limit: Option<usize>) {
         if !(ensemble.n_steps() - self.base_step).is_multiple_of(self.store_every) {
             return;
@@ -122,7 +122,7 @@ impl Record {
         }
     }
 
-    /// Drops the 1st, 3rd, … step: what is left lies at multiples of twice the interval.
+    /// Drops the 1st, 3rd, … step. The remaining steps are multiples of twice the interval.
     fn thin(&mut self) {
         let kept = self.n_stored / 2;
         for values in [&mut self.positions, &mut self.log_density] {
@@ -137,7 +137,7 @@ impl Record {
     }
 }
 
-/// Joins the records of ensembles that have done the same number of steps.
+/// Joins the records of ensembles that have done equally many steps.
 pub(super) fn join(records: &[&Record], dimension: usize, n_walkers: usize) -> Draws {
     let first = records.first();
     Draws {

@@ -1,43 +1,43 @@
-//! Walkers that never joined the others.
+//! Finds walkers that never joined the others.
 //!
-//! A stretch ensemble started off the mode loses a walker or two for good; their draws then dominate a standard
-//! deviation, and neither an autocorrelation time nor R̂ over walkers notices. Looked for here, over a window of kept
-//! steps, with the walkers of all ensembles side by side:
+//! A stretch ensemble that starts far from the mode loses a walker or two for good. Their draws then dominate a standard
+//! deviation, and neither an autocorrelation time nor R̂ over walkers shows it. This module searches a window of kept
+//! steps over the walkers of all ensembles for three signs:
 //! - *low*: a walker's mean log density lies below the pooled median m by more than 5 (m − q₀.₀₅). In a Gaussian bulk m − ln p is
-//!   a shifted χ²_d/2 and this is beyond 10⁻⁶ even for single draws up to d = 20; for heavy tails the quantile widens with them.
-//! - *stuck*: a walker that has not moved while others would have with probability 1 − 10⁻¹²;
-//! - *apart*: a walker's mean of a coordinate lies ten robust standard deviations of the walkers' means from their median, and
-//!   more than the walker's own spread.
+//!   a shifted χ²_d/2. Even single draws exceed this limit with a probability below 10⁻⁶ up to d = 20; heavy tails widen the quantile.
+//! - *stuck*: a walker has not moved, while others would have with probability 1 − 10⁻¹²;
+//! - *apart*: a walker's mean of a coordinate differs from the median of all walkers' means by more than ten of their robust standard deviations, and
+//!   by more than the walker's own spread.
 //!
-//! Where more than a quarter of the walkers are stuck or apart, that is slow mixing or a second mode of weight, not walkers left
-//! behind: it shows in R̂ over walkers and in the effective sample size, and nobody is suspected for it.
+//! If more than a quarter of the walkers are stuck or apart, the cause is slow mixing or a second mode with mass, not walkers left
+//! behind. R̂ over walkers and the effective sample size show this, so that no walker is listed for that reason.
 //!
-//! Suspicion is not a verdict: who is reseeded is decided after a climb from the walker's place (see [`super::sample`]).
+//! These signs alone do not reseed a walker: a climb from its position decides (see [`super::sample`]).
 
 use super::draws::Draws;
 use crate::diagnostics::ranks::{Sorted, median};
 
-/// Why a walker is suspected.
+/// Reason to examine a walker.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Reason {
-    /// Far below the others' log density, on average.
+    /// Mean log density far below that of the others.
     Low,
-    /// Not moving.
+    /// No move in the window.
     Stuck,
-    /// Around another place than the others.
+    /// Mean position far from that of the others.
     Apart,
 }
 
 /// A walker that may have been left behind.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Suspect {
-    /// Ensemble.
+    /// Index of the ensemble.
     pub ensemble: usize,
-    /// Walker in it.
+    /// Index of the walker in its ensemble.
     pub walker: usize,
-    /// Why.
+    /// Reason to examine the walker.
     pub reason: Reason,
-    /// Its mean log density over the window.
+    /// Mean log density of the walker over the window.
     pub mean_log_density: f64,
 }
 
@@ -45,7 +45,7 @@ const LOW_FACTOR: f64 = 5.0;
 const STUCK_PROBABILITY: f64 = 1e-12;
 const APART_FACTOR: f64 = 10.0;
 
-/// Suspects over the last half of the kept steps; none when fewer than 8 are kept.
+/// Walkers that may have been left behind, from the last half of the kept steps. Empty if fewer than 8 steps are kept.
 pub fn suspects(draws: &Draws) -> Vec<Suspect> {
     let first = draws.n_steps / 2;
     if draws.n_steps < 8 {
@@ -81,12 +81,12 @@ pub fn suspects(draws: &Draws) -> Vec<Suspect> {
     found
 }
 
-/// What all walkers did; one entry a walker, ensemble by ensemble.
+/// Statistics of all walkers over a window of steps; one entry per walker, ensemble by ensemble.
 struct Window<'a> {
     draws: &'a Draws,
     first: usize,
     mean_log_density: Vec<f64>,
-    /// Kept steps at which the walker is elsewhere than one kept step earlier.
+    /// Number of kept steps at which the walker's position differs from that of the previous kept step.
     moves: Vec<usize>,
 }
 
@@ -110,19 +110,19 @@ impl<'a> Window<'a> {
         self.first..self.draws.n_steps
     }
 
-    /// One entry a walker.
+    /// Log densities at a step, one entry per walker.
     fn log_densities(&self, ensemble: usize, step: usize) -> &'a [f64] {
         let Draws { n_steps, n_walkers, log_density, .. } = self.draws;
         &log_density[(ensemble * n_steps + step) * n_walkers..][..*n_walkers]
     }
 
-    /// One entry a walker.
+    /// Values of a coordinate at a step, one entry per walker.
     fn coordinates(&self, ensemble: usize, step: usize, d: usize) -> &'a [f64] {
         let Draws { n_steps, n_walkers, dimension, positions, .. } = self.draws;
         &positions[((ensemble * n_steps + step) * dimension + d) * n_walkers..][..*n_walkers]
     }
 
-    /// Mean over the steps of a function of each walker's value, given the walker's number.
+    /// Mean over the steps of a function of each walker's index and value.
     fn means(&self, row: impl Fn(usize, usize) -> &'a [f64], of: impl Fn(usize, f64) -> f64) -> Vec<f64> {
         let n_walkers = self.draws.n_walkers;
         let mut sums = vec![0.0; self.draws.n_ensembles * n_walkers];
@@ -151,13 +151,13 @@ impl<'a> Window<'a> {
         middle - LOW_FACTOR * (middle - sorted.quantile(0.05))
     }
 
-    /// Whether the window is long enough for a walker without any move to be stuck.
+    /// True if the window is long enough to call a walker without any move stuck.
     fn stuck_after(&self) -> bool {
         let rates: Vec<f64> = self.moves.iter().map(|n| *n as f64 / (self.steps().len() - 1) as f64).collect();
         (1.0 - median(&rates)).powi(self.steps().len() as i32 - 1) < STUCK_PROBABILITY
     }
 
-    /// For each walker, whether one of its coordinates keeps apart from the others'.
+    /// True for each walker with a coordinate apart from those of the others.
     fn apart(&self) -> Vec<bool> {
         let mut apart = vec![false; self.draws.n_ensembles * self.draws.n_walkers];
         for d in 0..self.draws.dimension {

@@ -1,15 +1,15 @@
-//! Affine-invariant ensemble sampling that says when it cannot be trusted.
+//! Affine-invariant ensemble sampler that reports when its result cannot be trusted.
 //!
-//! Several independent ensembles of walkers. Order of events, see [`sample`]:
-//! 1. optima are found from several starts with their Laplace masses ([`crate::optimum`]);
-//! 2. walkers are drawn from the modes' Laplace approximations, slightly over-dispersed, in proportion to mass;
-//! 3. burn-in: walkers left behind are found and reseeded, except where their own mode carries mass ([`left_behind`]);
-//! 4. a *freeze* fits the approximation that jumps are drawn from, discards every draw so far, and from then on nothing but the
-//!    fixed kernel moves walkers;
-//! 5. at growing intervals convergence is judged; a walker found left behind means a new burn-in and a new freeze.
+//! It runs several independent ensembles of walkers. Order of events (see [`sample`]):
+//! 1. The optimiser finds modes and their Laplace masses from several starts ([`crate::optimum`]).
+//! 2. Walkers are drawn from the modes' Laplace approximations, slightly over-dispersed, in proportion to mass.
+//! 3. Burn-in: walkers left behind are found and reseeded, except if their own mode has mass ([`left_behind`]).
+//! 4. A *freeze* fits the approximation for jumps and discards all draws so far. From then on only the fixed kernel
+//!    moves walkers.
+//! 5. Convergence is judged at growing intervals. A walker left behind causes a new burn-in and a new freeze.
 //!
-//! Everything that decides falls on step counts, never on clocks or threads, so that the same seed gives the same bytes
-//! with any number of threads, and after any interruption.
+//! All decisions depend on step counts, never on clocks or threads. Equal seeds therefore give equal bytes
+//! for any number of threads and after any interruption.
 
 mod batches;
 mod draws;

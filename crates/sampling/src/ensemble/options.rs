@@ -1,4 +1,4 @@
-//! What a caller decides about a run.
+//! Options of a sampling run.
 
 use super::moves::{Move, default_move};
 use base::error::{Place, Setting};
@@ -7,8 +7,8 @@ use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 use std::time::Duration;
 
-/// Settings of a run. All of them, except the number of threads and how batches are split, are part of what fixes the
-/// result to the last bit.
+/// Settings of a run. They determine the result to the last bit, except for the number of threads and the splitting of batches,
+/// which do not influence it.
 #[derive(Clone)]
 pub struct SamplerOptions {
     /// Walkers of one ensemble: even, at least 8 and more than twice the dimension.
@@ -19,26 +19,26 @@ pub struct SamplerOptions {
     pub max_steps: u64,
     /// Seed of all random streams.
     pub seed: u64,
-    /// How walkers propose.
+    /// Move that proposes new positions.
     pub kernel: Arc<dyn Move>,
     /// Largest fraction of half-steps that jump into the posterior's approximation ([`super::moves::Independence`]) instead of
-    /// moving by `kernel`; less is used where jumps are refused. 0 for none.
+    /// using `kernel`. The fraction is reduced if few jumps are accepted. 0 disables jumps.
     pub jump_fraction: f64,
-    /// Keep every so many steps. `None`: every step at first, twice as rarely each time that `max_stored_steps` are full.
+    /// Interval between kept steps. `None` keeps every step at first and doubles the interval each time that `max_stored_steps` are full.
     pub store_every: Option<u64>,
     /// Steps of each ensemble that are kept when `store_every` is `None`; even.
     pub max_stored_steps: usize,
-    /// End as soon as the demands are met; otherwise go on to `max_steps`.
+    /// True ends the run as soon as the demands are met. Otherwise it continues to `max_steps`.
     pub stop_when_converged: bool,
-    /// When a run counts as converged.
+    /// Convergence criteria.
     pub demands: Demands,
-    /// Threads; 0 for as many as there are cores.
+    /// Number of threads; 0 for one per core.
     pub threads: usize,
-    /// Whether one ensemble's batch is split over threads.
+    /// Splitting of one ensemble's batch over threads.
     pub batches: Batches,
 }
 
-/// When a run counts as converged, all parameters considered.
+/// Convergence criteria for all parameters.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Demands {
     /// Steps after the freeze, in autocorrelation times.
@@ -47,19 +47,19 @@ pub struct Demands {
     pub rhat: f64,
     /// Smallest effective sample size, bulk and tail.
     pub ess: f64,
-    /// Largest R̂ over single walkers: above it walkers keep to separate regions. Looser, since one walker's chain is short.
+    /// Largest R̂ over single walkers. Above it, walkers stay in separate regions. This limit is looser, because one walker's chain is short.
     pub rhat_walkers: f64,
 }
 
-/// Whether one ensemble's batch of log densities is split over threads. The values are the same bytes either way.
+/// Splitting of one ensemble's batch of log densities over threads. It does not change the bytes of the values.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Batches {
-    /// Split when threads outnumber ensembles and a point is measured to cost more than 20 µs.
+    /// Split if threads outnumber ensembles and the measured cost of a point exceeds 20 µs.
     #[default]
     Measured,
     /// Never split: the density is cheap.
     Whole,
-    /// Always split: the density is dear.
+    /// Always split: the density is expensive.
     Split,
 }
 
@@ -88,18 +88,18 @@ impl Default for SamplerOptions {
     }
 }
 
-/// Fewest steps that leave room for a burn-in and a draw.
+/// Smallest number of steps that allows a burn-in and a draw.
 const FEWEST_STEPS: u64 = 32;
-/// Most steps: days of the cheapest model.
+/// Largest number of steps: days for the cheapest model.
 const MOST_STEPS: u64 = 1_000_000_000;
-/// Most walkers of an ensemble: more than any model has use for, and their draws still fit into memory.
+/// Largest number of walkers of an ensemble: more than any model needs, with draws that still fit into memory.
 const MOST_WALKERS: usize = 4_096;
 
 impl SamplerOptions {
-    /// Refuses settings that cannot give a sound run.
+    /// Rejects settings that cannot give a valid run.
     ///
     /// # Errors
-    /// [`Error::Input`] naming the option.
+    /// [`Error::Input`] that names the option.
     pub fn validate(&self, dimension: usize) -> Result<()> {
         let refuse = |place: Place, found: String, remedy: String| Err(Error::input(place, found, remedy));
         let fewest = self.fewest_walkers(dimension);
@@ -147,8 +147,8 @@ impl SamplerOptions {
         if self.store_every == Some(0) || self.max_stored_steps < 16 || !self.max_stored_steps.is_multiple_of(2) {
             return refuse(
                 Place::default().at_key("store_every"),
-                format!("keep every {:?} steps, at most {}", self.store_every, self.max_stored_steps),
-                "keep every 1 or more steps, and an even number of at least 16".into(),
+                format!("an interval of {:?} steps and at most {} kept steps", self.store_every, self.max_stored_steps),
+                "use an interval of at least 1 step and an even number of at least 16 kept steps".into(),
             );
         }
         if !(0.0..=0.9).contains(&self.jump_fraction) {
@@ -156,7 +156,7 @@ impl SamplerOptions {
             return refuse(
                 Place::default().at_key("jump_fraction"),
                 found,
-                "use 0 to 0.9: more would leave nothing to the ensemble's moves".into(),
+                "use 0 to 0.9: the ensemble's own moves need the rest".into(),
             );
         }
         Ok(())
@@ -167,48 +167,48 @@ impl SamplerOptions {
     }
 }
 
-/// How a run is watched, interrupted and kept. Nothing here changes the result.
+/// Monitoring, interruption and checkpoints of a run. Nothing here changes the result.
 #[derive(Default)]
 pub struct RunControl<'a> {
-    /// Set to true from anywhere: the run ends at the next step with [`Error::Interrupted`], its state saved.
+    /// Stop request. If another thread sets it to true, the run ends at the next step with [`Error::Interrupted`] and saves its state.
     pub stop: Option<&'a AtomicBool>,
-    /// Called a few times a second.
+    /// Callback for progress, called a few times per second.
     pub progress: Option<&'a (dyn Fn(&Progress) + Sync)>,
-    /// Where the state goes while the run lasts.
+    /// Regular saving of the state; `None` disables it.
     pub checkpoint: Option<Checkpointing<'a>>,
-    /// Bytes that a checkpoint sink was given: the run goes on from there.
+    /// Bytes from a checkpoint sink, from which the run continues.
     pub resume: Option<&'a [u8]>,
-    /// What the log density was built from (a hash of data, prior and model): a checkpoint of another is refused.
+    /// Hash of the data, prior and model behind the log density. A checkpoint with another fingerprint is refused.
     pub fingerprint: String,
 }
 
 /// Regular saving of a run's state.
 pub struct Checkpointing<'a> {
-    /// Takes the complete state; replaces what it was given before (see [`base::files::write_atomically`]).
+    /// Callback that stores the complete state and replaces the earlier one (see [`base::files::write_atomically`]).
     pub sink: &'a (dyn Fn(&[u8]) -> Result<()> + Sync),
-    /// Wall time between two states; stretched where saving would take more than 2 % of the time.
+    /// Wall time between two saved states, increased if saving would take more than 2 % of the time.
     pub interval: Duration,
 }
 
-/// What a run is doing.
+/// Phase of a run.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 pub enum Phase {
-    /// Walkers spread; draws will be discarded.
+    /// Burn-in: walkers spread, and draws will be discarded.
     BurnIn,
-    /// Frozen: draws count.
+    /// Sampling after a freeze: draws are kept.
     Sampling,
 }
 
-/// How far a run is.
+/// Progress of a run.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Progress {
-    /// What it is doing.
+    /// Present phase.
     pub phase: Phase,
     /// Steps of the slowest ensemble.
     pub steps: u64,
-    /// Step of the next judgement; the run may end there.
+    /// Step of the next judgement, at which the run may end.
     pub next_judgement: u64,
-    /// Step at which it ends at the latest.
+    /// Step at which the run ends at the latest.
     pub max_steps: u64,
 }
 

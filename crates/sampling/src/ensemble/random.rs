@@ -1,11 +1,11 @@
-//! Counter-based random streams: one a walker, so that results do not depend on threads or on the order of walkers.
+//! Counter-based random streams, one per walker, so that results do not depend on threads or the order of walkers.
 
 use rand::{Rng, RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::StandardNormal;
 
-/// A stream of random words: ChaCha8 under a seed's key, with its own stream number. Read in sequence; its position is
-/// all that a checkpoint has to keep.
+/// A stream of random words: ChaCha8 with the seed as key and its own stream number. Words are read in sequence; a checkpoint
+/// stores only the position.
 #[derive(Debug, Clone)]
 pub struct RandomStream {
     generator: ChaCha8Rng,
@@ -25,7 +25,7 @@ impl RandomStream {
         self.generator.get_word_pos() as u64
     }
 
-    /// Goes to a position given by [`RandomStream::position`].
+    /// Moves to a position from [`RandomStream::position`].
     pub fn seek(&mut self, position: u64) {
         self.generator.set_word_pos(u128::from(position));
     }
@@ -36,20 +36,20 @@ impl RandomStream {
         self.generator.next_u32()
     }
 
-    /// Uniform on (0, 1): the midpoints of 2³² cells; one word. The smallest value is 1.2·10⁻¹⁰, so an acceptance
-    /// probability below that is rounded.
+    /// Uniform on (0, 1): the midpoints of 2³² cells. Reads one word. The smallest value is 1.2·10⁻¹⁰, so that smaller acceptance
+    /// probabilities are rounded.
     #[inline]
     pub fn unit(&mut self) -> f64 {
         (f64::from(self.word()) + 0.5) * (1.0 / 4_294_967_296.0)
     }
 
-    /// Uniform on 0 … n − 1 by multiply and shift; one word. Not uniform by at most n/2³², relatively. 0 for n = 0.
+    /// Uniform on 0 … n − 1 by multiply and shift. Reads one word. Probabilities deviate by at most n/2³² relatively. 0 for n = 0.
     #[inline]
     pub fn below(&mut self, n: usize) -> usize {
         ((u64::from(self.word()) * n as u64) >> 32) as usize
     }
 
-    /// Two distinct indices below n ≥ 2; two words.
+    /// Two distinct indices below n ≥ 2. Reads two words.
     #[inline]
     pub fn distinct_pair(&mut self, n: usize) -> (usize, usize) {
         let first = self.below(n);
@@ -57,7 +57,7 @@ impl RandomStream {
         (first, second + usize::from(second >= first))
     }
 
-    /// Three distinct indices below n ≥ 3; three words.
+    /// Three distinct indices below n ≥ 3. Reads three words.
     #[inline]
     pub fn distinct_triple(&mut self, n: usize) -> (usize, usize, usize) {
         let (first, second) = self.distinct_pair(n);
@@ -67,7 +67,7 @@ impl RandomStream {
         (first, second, third)
     }
 
-    /// Standard normal by the ziggurat; two words, rarely more.
+    /// Standard normal by the ziggurat method. Reads two words, rarely more.
     #[inline]
     pub fn normal(&mut self) -> f64 {
         self.generator.sample(StandardNormal)
@@ -109,7 +109,7 @@ mod tests {
         assert!(chi2 < 150.0, "{chi2}");
     }
 
-    /// Mean of z², error √(2/n) = 0.0045: six of those.
+    /// The mean of z² has an error of √(2/n) = 0.0045; the tolerance is six of these.
     #[test]
     fn normal_has_unit_variance() {
         let mut stream = RandomStream::new(2, 0);

@@ -1,4 +1,4 @@
-//! What is done about walkers that may have been left behind.
+//! Recovery of walkers that may have been left behind.
 
 use super::draws::Draws;
 use super::left_behind::{Reason, Suspect, suspects};
@@ -10,35 +10,35 @@ use crate::optimum::{Modes, Optimum, maximise};
 use base::Result;
 use rayon::prelude::*;
 
-/// What was found, and done.
+/// Findings and actions of a recovery.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub(super) struct Recovery {
-    /// Walkers left behind: their own mode, if any, carries no mass to speak of.
+    /// Walkers left behind: their own mode, if any, has negligible mass.
     pub left_behind: u64,
-    /// Those that were put back among the others.
+    /// Walkers that were reseeded among the others.
     pub reseeded: u64,
-    /// Walkers that do not move although they are where mass is.
+    /// Walkers that do not move, although they are at a mode with mass.
     pub stuck: u64,
-    /// A mode with mass was found that no walker began from.
+    /// True if the search found a mode with mass from which no walker started.
     pub new_heavy_mode: bool,
 }
 
 impl Recovery {
-    /// Whether draws up to here are to be discarded.
+    /// True if the draws so far must be discarded.
     pub fn disturbed(&self) -> bool {
         self.left_behind > 0 || self.new_heavy_mode
     }
 }
 
-/// Share of the total Laplace mass below which a mode is nothing.
+/// Share of the total Laplace mass below which a mode is negligible.
 const NEGLIGIBLE_SHARE: f64 = 1e-4;
-/// Share from which a mode found late makes all walkers begin again.
+/// Share above which a newly found mode restarts all walkers.
 const HEAVY_SHARE: f64 = 4e-3;
 
-/// Finds suspects, climbs from where they are, and reseeds those whose own mode carries no mass.
+/// Finds walkers that may have been left behind, climbs from their positions, and reseeds those whose mode has negligible mass.
 ///
-/// A walker stays where it is when its climb ends in a mode with mass and it is within that mode's reach, or the mode is another than
-/// the heaviest. With `only_look`, none is moved.
+/// A walker stays if its climb ends in a mode with mass and either the walker is within that mode's reach or the mode is not
+/// the heaviest. `only_look` moves no walker.
 pub(super) fn recover(
     density: &dyn LogDensity,
     draws: &Draws,
@@ -78,7 +78,7 @@ pub(super) fn recover(
     Ok(recovery)
 }
 
-/// Adds those optima that are proper and in none of the known modes; returns where they are.
+/// Adds the converged optima that are not in a known mode; returns their locations.
 fn add_new<'a>(modes: &mut Modes, optima: impl Iterator<Item = &'a Optimum>) -> Vec<Vec<f64>> {
     let mut found = Vec::new();
     for optimum in optima.filter(|optimum| optimum.converged) {
@@ -91,7 +91,7 @@ fn add_new<'a>(modes: &mut Modes, optima: impl Iterator<Item = &'a Optimum>) -> 
     found
 }
 
-/// Log density that all but one in twenty of the walkers exceed.
+/// Log density exceeded by 95 % of the walkers.
 fn floor(lanes: &[Lane]) -> f64 {
     let values: Vec<f64> = lanes
         .iter()
@@ -100,8 +100,8 @@ fn floor(lanes: &[Lane]) -> f64 {
     Sorted::new(&values).quantile(0.05)
 }
 
-/// Puts a walker among the others: a draw from the Laplace approximations if one is as good as they are, otherwise
-/// where a healthy walker of its ensemble is.
+/// Moves a walker to a draw from the Laplace approximations whose log density is at least `floor`. If there is none, it moves to
+/// the position of a healthy walker of its ensemble.
 fn reseed(
     density: &dyn LogDensity,
     modes: &Modes,
@@ -144,7 +144,7 @@ mod tests {
     const N_WALKERS: usize = 16;
     const N_STEPS: usize = 300;
 
-    /// Four ensembles in the first bump of a target, but for some walkers at `elsewhere` in each, after 300 stretch moves.
+    /// Four ensembles in the first mode of a target after 300 stretch moves. In each, some walkers start at `elsewhere`.
     fn run(target: &TwoBumps, n_elsewhere: usize, elsewhere: [f64; 2]) -> (Vec<Lane>, Draws) {
         let mut stream = RandomStream::new(21, 0);
         let lanes: Vec<Lane> = (0..4)
@@ -169,7 +169,7 @@ mod tests {
         (lanes, draws)
     }
 
-    /// A spike of mass 10⁻⁷ and width 10⁻⁵ holds the walkers that are on it.
+    /// A spike of mass 10⁻⁷ and width 10⁻⁵ traps the walkers on it.
     #[test]
     fn walkers_on_a_mode_without_mass_are_reseeded() {
         let target = TwoBumps::new(1.0 - 1e-7, 30.0, 1e-5);
@@ -183,7 +183,7 @@ mod tests {
         assert!(lanes.iter().all(|lane| lane.ensemble.position(0)[0].abs() < 6.0));
     }
 
-    /// The same walkers on a bump with mass: never moved, but a bump that nobody knew of makes the run begin again.
+    /// Walkers on a second mode with mass are never moved. If that mode is unknown, the run restarts.
     #[test]
     fn walkers_on_a_mode_with_mass_are_not() {
         let target = TwoBumps::new(0.8, 60.0, 1.0);

@@ -1,4 +1,4 @@
-//! A run from starts to draws: the order of events, and where it stops.
+//! A run from starting points to draws: the order of events and the end.
 
 use super::batches::{CountingDensity, SplitDensity};
 use super::draws::{Draws, Record, join};
@@ -18,52 +18,52 @@ use rayon::prelude::*;
 use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
 
-/// What a run has led to.
+/// Result of a run.
 #[derive(Debug, Clone)]
 pub struct SampleOutcome {
     /// Draws since the freeze.
     pub draws: Draws,
-    /// One summary a coordinate; autocorrelation times in steps.
+    /// One summary per coordinate, with autocorrelation times in steps.
     pub parameters: Vec<ParameterDiagnostics>,
-    /// Whether all demands are met.
+    /// True if all demands are met.
     pub converged: bool,
-    /// What is missing or remarkable, in words; empty for a plain converged run.
+    /// Demands that are not met and other remarks, in words; empty for a plain converged run.
     pub messages: Vec<String>,
     /// Steps of each walker, burn-in included.
     pub n_steps: u64,
-    /// Step of the freeze: earlier draws were discarded.
+    /// Step of the freeze. Earlier draws were discarded.
     pub freeze_step: u64,
-    /// Times that a freeze was declared; more than one when walkers were found left behind after it, or the burn-in too short.
+    /// Number of freezes. It exceeds one if walkers were left behind after a freeze, or if the burn-in was too short.
     pub n_freezes: u64,
     /// Fraction of proposals accepted since the freeze.
     pub acceptance: f64,
     /// Longest integrated autocorrelation time over coordinates, in steps.
     pub autocorrelation_time: f64,
-    /// Points at which the log density was evaluated, optimisation included.
+    /// Evaluations of the log density, including those of the optimisation.
     pub likelihood_evaluations: u64,
-    /// Walkers moved during burn-in because they had been left behind.
+    /// Number of walkers that the burn-in moved because they were left behind.
     pub walkers_reseeded: u64,
     /// Distinct modes found, heaviest first.
     pub modes: Vec<Mode>,
 }
 
-/// Steps of the first burn-in round; each later one ends at twice the step.
+/// Steps of the first burn-in round. Each later round doubles the total number of steps.
 const FIRST_ROUND: u64 = 128;
-/// A burn-in shorter than this many autocorrelation times is repeated.
+/// Shortest burn-in in autocorrelation times. A shorter one is repeated.
 const BURN_IN_TIMES: f64 = 10.0;
-/// Acceptance of jumps from which on they are used as often as allowed: below, the ensemble's own moves are the better.
+/// Acceptance above which jumps are used as often as allowed. Below it, the ensemble's own moves are more effective.
 const FULL_JUMP_ACCEPTANCE: f64 = 0.3;
-/// Wall time after which a run looks up from its steps. Has no influence on results.
+/// Wall time between two checks for progress, stop and checkpoint. It does not influence results.
 const LOOK_UP: Duration = Duration::from_millis(50);
 
-/// Draws from a log density with independent ensembles, from starts that need not be near the bulk.
+/// Samples a log density with independent ensembles. The starting points need not be near the bulk.
 ///
-/// The order of events is described in [`super`]. The same options and starts give the same bytes for any number of
-/// threads and however often the run was interrupted and resumed.
+/// [`super`] describes the order of events. Equal options and starts give equal bytes for any number of
+/// threads and any number of interruptions.
 ///
 /// # Errors
-/// [`Error::Input`] for unsound options or an unusable checkpoint; [`Error::Numerical`] when no start can be climbed or a
-/// log density is NaN or +∞; [`Error::Interrupted`] when stopped; whatever the checkpoint sink returns.
+/// [`Error::Input`] for invalid options or an unusable checkpoint; [`Error::Numerical`] if no start leads to a maximum or a
+/// log density is NaN or +∞; [`Error::Interrupted`] if the run was stopped; any error of the checkpoint sink.
 pub fn sample(
     density: &dyn LogDensity,
     start_points: &[Vec<f64>],
@@ -75,12 +75,15 @@ pub fn sample(
     if dimension == 0 || start_points.is_empty() || start_points.iter().any(|start| start.len() != dimension) {
         return Err(Error::input(
             Place::default().at_key("starts"),
-            format!("{} starts for a log density of {dimension} parameters", start_points.len()),
+            format!("the {} starts do not fit a log density of {dimension} parameters", start_points.len()),
             "give at least one start with one coordinate for every parameter",
         ));
     }
     let pool = rayon::ThreadPoolBuilder::new().num_threads(options.threads).build().map_err(|error| {
-        Error::numerical(format!("no threads to be had: {error}"), format!("use fewer threads ({})", Setting::Threads))
+        Error::numerical(
+            format!("the threads cannot be started: {error}"),
+            format!("use fewer threads ({})", Setting::Threads),
+        )
     })?;
     pool.install(|| {
         let problem = problem(options, dimension, start_points, &control.fingerprint);
@@ -142,7 +145,7 @@ impl<'a> Run<'a> {
         Ok(run)
     }
 
-    /// Draws every walker anew, in proportion to the modes' masses.
+    /// Draws every walker again, in proportion to the modes' masses.
     fn place_all(&mut self, density: &dyn LogDensity) -> Result<()> {
         let weights = self.course.modes.weights();
         let allocation = starts::allocation(&weights, self.options.n_ensembles, self.options.n_walkers);
@@ -168,7 +171,7 @@ impl<'a> Run<'a> {
         }
     }
 
-    /// Points of a piece when batches are split over threads.
+    /// Number of points in each piece if batches are split over threads, otherwise `None`.
     fn splits_batches(&self) -> Option<usize> {
         let half = self.options.n_walkers / 2;
         let threads = rayon::current_num_threads();
@@ -186,7 +189,7 @@ impl<'a> Run<'a> {
         }
     }
 
-    /// Moves all ensembles to the next judgement, looking up now and then.
+    /// Moves all ensembles to the next judgement, with regular checks for progress, stop and checkpoint.
     fn advance(&mut self, density: &dyn LogDensity) -> Result<()> {
         let stopped = || self.control.stop.is_some_and(|stop| stop.load(Ordering::Relaxed));
         let target = self.course.target_step;
@@ -220,14 +223,14 @@ impl<'a> Run<'a> {
         Ok(())
     }
 
-    /// Saves the state; returns the error that ends the run.
+    /// Saves the state and returns the error that ends the run.
     fn interrupted(&self) -> Error {
         let Some(checkpoint) = &self.control.checkpoint else {
-            return Error::Interrupted { kept: "nothing was kept: the run had no checkpoint".into() };
+            return Error::Interrupted { kept: "nothing was saved: the run had no checkpoint".into() };
         };
         match to_bytes(&self.problem, &self.course, &self.lanes).and_then(|bytes| (checkpoint.sink)(&bytes)) {
             Ok(()) => {
-                Error::Interrupted { kept: format!("the sampler's state was saved: go on with {}", Setting::Resume) }
+                Error::Interrupted { kept: format!("the sampler's state was saved: continue with {}", Setting::Resume) }
             }
             Err(error) => error,
         }
@@ -249,18 +252,18 @@ impl<'a> Run<'a> {
         join(&records, self.density.dimension(), self.options.n_walkers)
     }
 
-    /// What follows from the draws at hand.
+    /// Chooses the next phase from the present draws. Returns the outcome if the run ends.
     fn decide(&mut self) -> Result<Option<SampleOutcome>> {
         let draws = self.draws();
         let recovery = if self.course.forced { Recovery::default() } else { self.recover(&draws)? };
         let steps = self.course.target_step;
         let time = self.resolved(autocorrelation_time(&draws), draws.store_every);
-        // Another round doubles the steps, and half of them at least are to be left for draws; what is not had by then is said.
+        // Another round doubles the steps, and at least half of all steps must remain for draws. The outcome lists demands that are not met by then.
         let may_burn = 4 * steps <= self.options.max_steps;
         let burnt = if self.course.phase == Phase::BurnIn { steps } else { self.course.base_step };
-        // An unknown time (NaN) is no reason to go on burning: the sampling phase will tell.
+        // An unknown time (NaN) does not prolong the burn-in: the sampling phase resolves it.
         let too_short = (burnt as f64) < BURN_IN_TIMES * time;
-        // Said whatever comes next: a further freeze brings no walker back.
+        // Reported in any case: a later freeze does not bring walkers back.
         self.course.forced |= recovery.disturbed() && !may_burn;
         match self.course.phase {
             _ if may_burn && recovery.disturbed() => self.burn_in(steps),
@@ -272,7 +275,7 @@ impl<'a> Run<'a> {
         Ok(None)
     }
 
-    /// An autocorrelation time as estimated, or where draws are kept too rarely to tell, as it was before they were thinned.
+    /// The estimated autocorrelation time. If draws are kept too rarely to resolve it, an earlier estimate limits it.
     fn resolved(&mut self, estimate: f64, store_every: u64) -> f64 {
         if estimate > 3.0 * store_every as f64 || store_every == 1 || self.options.store_every.is_some() {
             self.course.autocorrelation_time = Some(estimate);
@@ -280,7 +283,7 @@ impl<'a> Run<'a> {
         self.course.autocorrelation_time.map_or(estimate, |known| if known < estimate { known } else { estimate })
     }
 
-    /// The outcome, if there is enough or no more is allowed.
+    /// The outcome if all demands are met or the step limit is reached.
     fn judge(&mut self, draws: Draws, time: f64, recovery: &Recovery) -> Option<SampleOutcome> {
         let steps = self.course.target_step;
         let since = (steps - self.course.base_step) as f64;
@@ -305,30 +308,30 @@ impl<'a> Run<'a> {
         None
     }
 
-    /// Next judgement after about so many more steps.
+    /// Sets the next judgement after about `more` further steps.
     fn go_on(&mut self, steps: u64, more: f64) {
         self.course.target_step = (steps + (more.ceil() as u64).max(8)).min(self.options.max_steps);
     }
 
-    /// Another round of burn-in, as long as everything before it.
+    /// Starts another burn-in round, as long as all steps so far.
     fn burn_in(&mut self, steps: u64) {
         self.course.phase = Phase::BurnIn;
         self.discard(steps);
         self.go_on(steps, steps as f64);
     }
 
-    /// Declares the freeze: earlier draws are discarded, and only the kernel moves walkers from here on.
+    /// Freezes the kernel: discards earlier draws; from here on only the kernel moves walkers.
     fn freeze(&mut self, steps: u64, time: f64, draws: &Draws) {
         self.course.phase = Phase::Sampling;
         self.course.n_freezes += 1;
         self.fit_jumps(draws);
         self.discard(steps);
         let wanted = 1.05 * self.options.demands.autocorrelation_times * time;
-        // An autocorrelation time that a burn-in round cannot tell is told by a short first sampling round.
+        // If the burn-in round did not resolve the autocorrelation time, the first sampling round is short.
         self.go_on(steps, if wanted.is_finite() { wanted.clamp(64.0, 1e6) } else { 256.0 });
     }
 
-    /// Fits the jumps to the last half of what is about to be discarded, and jumps less often where jumps are refused.
+    /// Fits the jumps to the last half of the draws before they are discarded. Jumps become rarer if few are accepted.
     fn fit_jumps(&mut self, draws: &Draws) {
         let counts = self.lanes.iter().map(|lane| lane.ensemble.jumps());
         let (proposed, accepted) = counts.fold((0, 0), |sum, count| (sum.0 + count.proposed, sum.1 + count.accepted));
@@ -348,10 +351,10 @@ impl<'a> Run<'a> {
         }
     }
 
-    /// Looks for walkers left behind and brings them back.
+    /// Finds walkers left behind and reseeds them.
     fn recover(&mut self, draws: &Draws) -> Result<Recovery> {
         let counting = CountingDensity::new(self.density);
-        // Draws that are kept must come from the kernel alone.
+        // Kept draws must come from the kernel alone.
         let only_look = self.course.phase == Phase::Sampling && 4 * self.course.target_step > self.options.max_steps;
         let recovery = recover(&counting, draws, &mut self.course.modes, &mut self.lanes, only_look)?;
         if recovery.new_heavy_mode && !only_look {
@@ -374,7 +377,7 @@ impl<'a> Run<'a> {
         let accepted: u64 = self.lanes.iter().flat_map(|lane| lane.ensemble.accepted()).sum();
         let mut messages = verdict.missing;
         if self.course.forced {
-            messages.push("walkers were still left behind when no more steps could be spent on burning in".into());
+            messages.push("walkers were still left behind when the burn-in reached its step limit".into());
         }
         if recovery.stuck > 0 {
             messages.push(format!("{} walkers have stopped moving", recovery.stuck));
@@ -400,13 +403,13 @@ impl<'a> Run<'a> {
     }
 }
 
-/// Steps between two looks up, for about 50 ms each.
+/// Steps until the next check, for about 50 ms of wall time.
 fn next_chunk(chunk: u64, elapsed: Duration) -> u64 {
     let ratio = LOOK_UP.as_secs_f64() / elapsed.as_secs_f64().max(1e-9);
     ((chunk as f64 * ratio.clamp(0.1, 4.0)) as u64).clamp(1, 1 << 20)
 }
 
-/// When to save: at intervals, but so that saving takes at most one part in fifty of the time.
+/// Decides when to save: at intervals, but using at most one fiftieth of the time.
 struct Pace {
     last: Instant,
     cost: Duration,

@@ -1,19 +1,19 @@
-//! Where walkers begin: draws from the modes' Laplace approximations, in proportion to their masses.
+//! Starting points of walkers: draws from the modes' Laplace approximations, in proportion to their masses.
 
 use super::random::RandomStream;
 use crate::LogDensity;
 use crate::optimum::{Mode, Modes};
 use base::{Error, Result};
 
-/// Standard deviations of the Laplace approximation are stretched by this: R̂ is to start from above.
+/// Factor on the standard deviations of the Laplace approximation, so that R̂ approaches 1 from above.
 const SPREAD: f64 = 1.2;
-/// Draws before a walker is given up on and put next to its mode.
+/// Attempts to draw a walker, after which it starts at its mode.
 const ATTEMPTS: usize = 60;
 
 /// Mode of each walker: `allocation(weights, m, n)[e][w]`.
 ///
-/// Systematic, with ensembles as the fastest index: any mode's share is right to one walker over all ensembles and to
-/// one walker in each of them. Neighbours go to different halves, so that either half sees every mode with two walkers.
+/// Systematic, with ensembles as the fastest index. The share of each mode is right to one walker over all ensembles and to
+/// one walker in each ensemble. Neighbours go to different halves, so that a mode with two walkers occurs in both halves.
 pub(super) fn allocation(weights: &[f64], n_ensembles: usize, n_walkers: usize) -> Vec<Vec<usize>> {
     let mut modes = vec![vec![0; n_walkers]; n_ensembles];
     let n_slots = (n_ensembles * n_walkers) as f64;
@@ -29,10 +29,10 @@ pub(super) fn allocation(weights: &[f64], n_ensembles: usize, n_walkers: usize) 
     modes
 }
 
-/// Draws a walker from a mode's Laplace approximation, again while it lands far below what the mode's bulk would have.
+/// Draws a walker from a mode's Laplace approximation. Repeats the draw while the log density is far below that of the mode's bulk.
 ///
 /// # Errors
-/// [`Error::Numerical`] when the log density is NaN or +∞, or −∞ even on the mode.
+/// [`Error::Numerical`] if the log density is NaN or +∞, or −∞ even at the mode.
 pub(super) fn draw(density: &dyn LogDensity, mode: &Mode, stream: &mut RandomStream) -> Result<(Vec<f64>, f64)> {
     let reach = reach(mode.location.len());
     let mut spread = SPREAD;
@@ -43,7 +43,7 @@ pub(super) fn draw(density: &dyn LogDensity, mode: &Mode, stream: &mut RandomStr
             return Ok((point, value));
         }
         if attempt % 15 == 0 {
-            // The approximation is too wide in some direction: closer to the mode there must be room.
+            // The approximation is too wide in some direction. The support must contain points closer to the mode.
             spread *= 0.3;
         }
     }
@@ -52,12 +52,12 @@ pub(super) fn draw(density: &dyn LogDensity, mode: &Mode, stream: &mut RandomStr
         return Ok((mode.location.clone(), value));
     }
     Err(Error::numerical(
-        format!("the log density is {value} at a mode found before"),
-        "the log density does not repeat itself: report this fault of the model",
+        format!("the log density is {value} at a mode where it was finite before"),
+        "report this fault of the model: its log density is not reproducible",
     ))
 }
 
-/// How far below its mode's peak a walker of a unimodal bulk may be: a Gaussian's d/2 and a wide margin.
+/// Largest distance in log density below the mode's peak for a walker of a unimodal bulk: d/2 as for a Gaussian, plus a wide margin.
 pub(super) fn reach(dimension: usize) -> f64 {
     0.5 * dimension as f64 + 4.0 * (dimension as f64).sqrt() + 20.0
 }
@@ -70,16 +70,16 @@ pub(super) fn evaluate_one(density: &dyn LogDensity, point: &[f64]) -> Result<f6
     Ok(value[0])
 }
 
-/// The modes that walkers can begin from.
+/// Checks that there is a mode from which walkers can start.
 ///
 /// # Errors
-/// [`Error::Numerical`] when no start led anywhere.
+/// [`Error::Numerical`] if no start led to a mode.
 pub(super) fn require(modes: &Modes, n_starts: usize) -> Result<()> {
     if !modes.is_empty() {
         return Ok(());
     }
     Err(Error::numerical(
-        format!("none of {n_starts} starts has a finite log density that can be climbed"),
+        format!("none of the {n_starts} starts leads to a maximum of the log density"),
         "give starts inside the prior's support, and check the data's units",
     ))
 }

@@ -1,4 +1,4 @@
-//! The complete state of a run, and its bytes.
+//! The complete state of a run, and its serialised form.
 
 use super::draws::Record;
 use super::moves::Independence;
@@ -9,24 +9,24 @@ use crate::optimum::Modes;
 use base::Result;
 use serde::{Deserialize, Serialize};
 
-/// What the decisions of a run have led to so far. Changes only at judgements.
+/// Results of a run's decisions so far. They change only at judgements.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub(super) struct Course {
     pub phase: Phase,
-    /// Step of the last freeze, or of the last beginning of a burn-in round.
+    /// Step of the last freeze, or of the start of the last burn-in round.
     pub base_step: u64,
     /// Step of the next judgement.
     pub target_step: u64,
     pub modes: Modes,
-    /// What jumps are drawn from, and the fraction of half-steps that jump.
+    /// Proposal for jumps, and the fraction of half-steps that jump.
     pub jumps: Option<(Independence, f64)>,
     pub walkers_reseeded: u64,
     pub n_freezes: u64,
-    /// Points evaluated beside the steps.
+    /// Evaluations of the density outside of steps.
     pub extra_evaluations: u64,
     /// Latest estimate of the autocorrelation time, in steps, from draws kept often enough to resolve it.
     pub autocorrelation_time: Option<f64>,
-    /// The freeze was forced by the limit of steps, with walkers still behind.
+    /// True if the step limit forced the freeze while walkers were still left behind.
     pub forced: bool,
 }
 
@@ -37,7 +37,7 @@ pub(super) struct Lane {
     pub record: Record,
 }
 
-/// Integers of a lane; the numbers follow as binary.
+/// Integers of a lane. Its floating-point numbers follow in binary form.
 #[derive(Serialize, Deserialize)]
 struct LaneHeader {
     n_steps: u64,
@@ -55,7 +55,7 @@ struct Header {
     lanes: Vec<LaneHeader>,
 }
 
-/// All that fixes the result of a run, as text.
+/// Text of all inputs that determine the result of a run.
 pub(super) fn problem(options: &SamplerOptions, dimension: usize, starts: &[Vec<f64>], fingerprint: &str) -> String {
     let SamplerOptions {
         n_walkers, n_ensembles, max_steps, seed, jump_fraction, store_every, max_stored_steps, ..
@@ -69,7 +69,7 @@ pub(super) fn problem(options: &SamplerOptions, dimension: usize, starts: &[Vec<
     )
 }
 
-/// Bytes of a state.
+/// Serialises a state.
 pub(super) fn to_bytes(problem: &str, course: &Course, lanes: &[Lane]) -> Result<Vec<u8>> {
     let states: Vec<EnsembleState> = lanes.iter().map(|lane| lane.ensemble.state()).collect();
     let lane_header = |(lane, state): (&Lane, &EnsembleState)| LaneHeader {
@@ -92,17 +92,17 @@ pub(super) fn to_bytes(problem: &str, course: &Course, lanes: &[Lane]) -> Result
     Ok(checkpoint::pack(problem, &header, &numbers))
 }
 
-/// The state that bytes hold.
+/// Reads a state from bytes.
 ///
 /// # Errors
-/// [`base::Error::Input`] when they are damaged or another problem's.
+/// [`base::Error::Input`] if the bytes are damaged or belong to another problem.
 pub(super) fn from_bytes(
     problem: &str,
     options: &SamplerOptions,
     dimension: usize,
     bytes: &[u8],
 ) -> Result<(Course, Vec<Lane>)> {
-    let inconsistent = || checkpoint::refuse("the checkpoint contradicts itself", "delete it and start the run again");
+    let inconsistent = || checkpoint::refuse("the checkpoint is inconsistent", "delete it and start the run again");
     let (header, numbers) = checkpoint::unpack(problem, bytes)?;
     let header: Header = serde_json::from_str(&header).map_err(|_| inconsistent())?;
     let mut rest = &numbers[..];

@@ -1,4 +1,4 @@
-//! Is this enough? In numbers and in words.
+//! Judges whether a run has enough draws, in numbers and in words.
 
 use super::draws::Draws;
 use super::options::Demands;
@@ -9,17 +9,17 @@ use rayon::prelude::*;
 /// Judgement of a set of draws.
 #[derive(Debug, Clone)]
 pub(super) struct Verdict {
-    /// One summary a coordinate; autocorrelation times in steps.
+    /// One summary per coordinate, with autocorrelation times in steps.
     pub parameters: Vec<ParameterDiagnostics>,
-    /// Longest autocorrelation time over coordinates, in steps; NaN when unknown.
+    /// Longest autocorrelation time over all coordinates, in steps; NaN if unknown.
     pub autocorrelation_time: f64,
-    /// What is missing, in words; empty when all demands are met.
+    /// Demands that are not met, in words; empty if all are met.
     pub missing: Vec<String>,
-    /// Factor by which the number of steps falls short; 1 when met, ∞ when unknown.
+    /// Factor by which the number of steps is too small: 1 if all demands are met, ∞ if unknown.
     pub shortfall: f64,
 }
 
-/// Judges draws kept since a freeze.
+/// Judges the draws kept since a freeze.
 pub(super) fn judge(draws: &Draws, demands: &Demands) -> Verdict {
     let blom = BlomScores::new(draws.len());
     let columns: Vec<(ParameterDiagnostics, f64)> = (0..draws.dimension)
@@ -44,14 +44,14 @@ pub(super) fn judge(draws: &Draws, demands: &Demands) -> Verdict {
     verdict
 }
 
-/// Longest autocorrelation time of the means, in steps; NaN when one is unknown. Much cheaper than [`judge`].
+/// Longest autocorrelation time of the means, in steps; NaN if one is unknown. This is much cheaper than [`judge`].
 pub(super) fn autocorrelation_time(draws: &Draws) -> f64 {
     let times: Vec<f64> =
         (0..draws.dimension).into_par_iter().map(|d| ensembles::autocorrelation_time(&draws.column(d))).collect();
     times.into_iter().fold(0.0, longer) * draws.store_every as f64
 }
 
-/// The larger; an unknown time stays unknown, which `max` would pass over.
+/// The larger time. An unknown time (NaN) stays unknown; `f64::max` would ignore it.
 fn longer(a: f64, b: f64) -> f64 {
     if a.is_nan() || b.is_nan() { f64::NAN } else { a.max(b) }
 }
@@ -64,10 +64,10 @@ impl Verdict {
         }
         self.fall_short(demands.autocorrelation_times / times);
         self.missing.push(if times.is_nan() {
-            format!("{n_steps} steps after the freeze are too few to tell the autocorrelation time")
+            format!("{n_steps} steps after the freeze are too few to estimate the autocorrelation time")
         } else {
             format!(
-                "{n_steps} steps after the freeze are {times:.0} autocorrelation times ({:.0} steps each), {} are wanted",
+                "{n_steps} steps after the freeze are {times:.0} autocorrelation times ({:.0} steps each); {} are required",
                 self.autocorrelation_time, demands.autocorrelation_times
             )
         });
@@ -77,12 +77,16 @@ impl Verdict {
         for (name, of) in [("bulk", (|p| p.ess_bulk) as fn(&ParameterDiagnostics) -> f64), ("tail", |p| p.ess_tail)] {
             let worst = worst(&self.parameters, |p| -of(p));
             let Some((d, ess)) = worst.map(|(d, value)| (d, -value)) else { continue };
-            // Written so that NaN does not pass.
+            // Written so that NaN fails.
             if ess >= demands.ess {
                 continue;
             }
             self.fall_short(demands.ess / ess);
-            self.missing.push(format!("{name} ESS of parameter {} is {ess:.0}, {} is wanted", d + 1, demands.ess));
+            self.missing.push(format!(
+                "{name} ESS of parameter {} is {ess:.0}; at least {} is required",
+                d + 1,
+                demands.ess
+            ));
         }
     }
 
@@ -92,13 +96,13 @@ impl Verdict {
         {
             // The excess of R̂ falls with the number of steps.
             self.fall_short(((rhat - 1.0) / (demands.rhat - 1.0)).max(1.2));
-            self.missing.push(format!("R̂ of parameter {} is {rhat:.3}, at most {} is wanted", d + 1, demands.rhat));
+            self.missing.push(format!("R̂ of parameter {} is {rhat:.3}; at most {} is allowed", d + 1, demands.rhat));
         }
         if rhat_walkers > demands.rhat_walkers {
             self.fall_short(2.0);
             self.missing.push(format!(
-                "walkers keep to separate regions (R̂ over walkers is {rhat_walkers:.2}): the weights between regions are those of \
-                 the Laplace approximations the walkers began from"
+                "walkers stay in separate regions (R̂ over walkers is {rhat_walkers:.2}): the weights of the regions come from \
+                 the Laplace approximations at the start, not from sampling"
             ));
         }
     }
@@ -108,18 +112,18 @@ impl Verdict {
     }
 }
 
-/// Parameter with the largest value, NaN counting as largest.
+/// Index and value of the parameter with the largest value. NaN counts as largest.
 fn worst(parameters: &[ParameterDiagnostics], of: impl Fn(&ParameterDiagnostics) -> f64) -> Option<(usize, f64)> {
     let key = |value: f64| if value.is_nan() { f64::INFINITY } else { value };
     let values = parameters.iter().map(of).enumerate();
     values.max_by(|a, b| key(a.1).total_cmp(&key(b.1)))
 }
 
-/// R̂ with one chain a walker, not split, not ranked: √(1 + B/W).
+/// R̂ with one chain per walker, without splitting or ranking: √(1 + B/W).
 fn walker_rhat(column: &DrawColumn) -> f64 {
     let (n, n_walkers) = (column.n_steps as f64, column.n_walkers);
     let mut sums = vec![(0.0, 0.0); column.n_ensembles * n_walkers];
-    // Around a pooled centre: sums of squares lose no digits.
+    // Values are centred at the pooled mean, so that sums of squares lose no digits.
     let centre = column.values.iter().sum::<f64>() / column.values.len() as f64;
     for (ensemble, draws) in column.values.chunks_exact((column.n_steps * n_walkers).max(1)).enumerate() {
         for step in draws.chunks_exact(n_walkers) {

@@ -6,12 +6,12 @@ use crate::{LogDensity, check_log_densities};
 use base::Result;
 use base::elementary;
 
-/// How the walkers of a run are moved: the moves that know only the ensemble, and jumps into a fixed approximation.
+/// Moves of a run's walkers: local moves that use only the ensemble, and jumps into a fixed approximation.
 #[derive(Clone, Copy)]
 pub struct Kernel<'a> {
-    /// Proposes from the other half.
+    /// Move that proposes from the other half.
     pub local: &'a dyn Move,
-    /// Proposes from an approximation of the posterior, in this fraction of the half-steps.
+    /// Approximation of the posterior from which jumps are drawn, and the fraction of half-steps that jump.
     pub jumps: Option<(&'a Independence, f64)>,
 }
 
@@ -24,10 +24,10 @@ pub struct JumpCount {
     pub accepted: u64,
 }
 
-/// An ensemble: walkers in two halves, each half proposing from the other in one batch.
+/// An ensemble of walkers in two halves. Each half proposes from the other in one batch.
 ///
-/// Walker w is number w mod h of half w / h, h = `n_walkers / 2`. Everything that the next step depends on is here.
-/// Aligned so that ensembles on different threads share no cache line.
+/// Walker w is number w mod h of half w / h, h = `n_walkers / 2`. This struct holds the complete state for the next step.
+/// The alignment keeps ensembles on different threads in separate cache lines.
 #[derive(Debug, Clone)]
 #[repr(align(128))]
 pub struct Ensemble {
@@ -57,7 +57,7 @@ struct Proposal {
     thresholds: Vec<f64>,
 }
 
-/// What a checkpoint keeps of an ensemble; walkers in order, layout of [`Points`].
+/// Checkpoint data of an ensemble. Walkers are in order, in the layout of [`Points`].
 #[derive(Debug, Clone, PartialEq)]
 pub struct EnsembleState {
     /// Coordinate d of walker w at `positions[d * n_walkers + w]`.
@@ -66,7 +66,7 @@ pub struct EnsembleState {
     pub log_density: Vec<f64>,
     /// Accepted proposals of each walker since the last freeze.
     pub accepted: Vec<u64>,
-    /// Words read from each walker's random stream, then from the ensemble's own.
+    /// Words read from each walker's random stream, then from the ensemble's own stream.
     pub stream_positions: Vec<u64>,
     /// Jumps since the last freeze.
     pub jumps: JumpCount,
@@ -75,10 +75,10 @@ pub struct EnsembleState {
 }
 
 impl Ensemble {
-    /// Ensemble number `number` of a run, at given positions (layout of [`EnsembleState::positions`]) whose log densities
-    /// are known.
+    /// Builds ensemble number `number` of a run at given positions (layout of [`EnsembleState::positions`]) with known log
+    /// densities.
     ///
-    /// Random streams are numbered walker by walker over ensembles, then the ensembles' own from 2⁶³ on.
+    /// Random streams are numbered walker by walker over all ensembles. The ensembles' own streams start at 2⁶³.
     pub fn new(seed: u64, number: usize, dimension: usize, positions: &[f64], log_density: &[f64]) -> Self {
         let n_walkers = log_density.len();
         let h = n_walkers / 2;
@@ -104,7 +104,7 @@ impl Ensemble {
     /// Moves every walker once.
     ///
     /// # Errors
-    /// [`base::Error::Numerical`] when a log density is NaN or +∞.
+    /// [`base::Error::Numerical`] if a log density is NaN or +∞.
     pub fn step(&mut self, density: &dyn LogDensity, kernel: &Kernel) -> Result<()> {
         for moving in 0..2 {
             self.half_step(moving, density, kernel)?;
@@ -154,7 +154,7 @@ impl Ensemble {
         self.halves.iter().flat_map(|half| half.accepted.iter().copied())
     }
 
-    /// Starts counting accepted proposals again.
+    /// Resets the counts of accepted proposals and jumps.
     pub fn forget_acceptance(&mut self) {
         self.halves.iter_mut().for_each(|half| half.accepted.fill(0));
         self.jumps = JumpCount::default();
@@ -187,7 +187,7 @@ impl Ensemble {
         self.halves[walker / h].log_density[walker % h]
     }
 
-    /// Puts a walker elsewhere; only meaningful before a freeze, since it breaks the chain.
+    /// Moves a walker to another position. Only valid before a freeze, because it breaks the chain.
     pub fn place(&mut self, walker: usize, position: &[f64], log_density: f64) {
         let h = self.halves[0].log_density.len();
         let (half, i) = (&mut self.halves[walker / h], walker % h);
@@ -197,13 +197,13 @@ impl Ensemble {
         half.log_density[i] = log_density;
     }
 
-    /// A walker's random stream, for what is drawn between steps.
+    /// A walker's random stream, for draws between steps.
     pub fn stream(&mut self, walker: usize) -> &mut RandomStream {
         let h = self.halves[0].log_density.len();
         &mut self.halves[walker / h].streams[walker % h]
     }
 
-    /// What a checkpoint keeps.
+    /// Checkpoint data of the ensemble.
     pub fn state(&self) -> EnsembleState {
         let (mut positions, mut log_density) = (Vec::new(), Vec::new());
         self.record(&mut positions, &mut log_density);
@@ -218,7 +218,7 @@ impl Ensemble {
         }
     }
 
-    /// The ensemble that [`Ensemble::state`] was taken from, to the last bit. The state's sizes must agree.
+    /// Restores an ensemble bit by bit from the result of [`Ensemble::state`]. The sizes in the state must agree.
     pub fn restored(seed: u64, number: usize, dimension: usize, state: &EnsembleState) -> Self {
         let mut ensemble = Self::new(seed, number, dimension, &state.positions, &state.log_density);
         let h = ensemble.halves[0].log_density.len();
@@ -235,7 +235,7 @@ impl Ensemble {
 }
 
 impl Half {
-    /// Metropolis decision for every walker: one word each, whatever the outcome. Returns how many moved.
+    /// Metropolis decision for every walker. It always reads one word per walker. Returns the number of walkers that moved.
     fn accept(&mut self, proposal: &mut Proposal, dimension: usize) -> u64 {
         let n = self.log_density.len();
         let mut n_accepted = 0;
@@ -243,7 +243,7 @@ impl Half {
         elementary::ln_all(&mut proposal.thresholds);
         for i in 0..n {
             let log_ratio = proposal.log_density[i] - self.log_density[i] + proposal.log_factors[i];
-            // A NaN ratio (a factor of 0·∞) compares false: the walker stays.
+            // A comparison with a NaN ratio (a factor of 0·∞) is false: the walker stays.
             let accept = proposal.thresholds[i] < log_ratio;
             self.accepted[i] += u64::from(accept);
             n_accepted += u64::from(accept);

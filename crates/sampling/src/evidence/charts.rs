@@ -1,9 +1,9 @@
-//! Several proposals side by side, each for a part of the posterior.
+//! Several proposals, each for one part of the posterior.
 //!
-//! One map cannot make two answers straight at once: their ridges bend differently. So draws are also parted by the mode that they are nearest to, and
-//! every part that has draws enough gets a map and a mixture of its own; a part that has not keeps its mode's Laplace approximation, so that no mode that
-//! was found is lost. Whichever describes the weighted draws better, one proposal or several, is taken: the larger Σ w ln q, which differs from the
-//! Kullback–Leibler distance by a constant.
+//! One map cannot straighten two modes at once, because their ridges bend differently. Draws are therefore also split by their nearest mode.
+//! Each part with enough draws gets its own map and mixture. A part with too few keeps its mode's Laplace approximation, so that no known mode
+//! is lost. The better description of the weighted draws, one proposal or several, is used: the one with the larger Σ w ln q. This sum differs from the
+//! Kullback–Leibler distance by sign and a constant.
 
 use super::proposal::Proposal;
 use super::weighted::effective_size;
@@ -13,7 +13,7 @@ use crate::t_mixture::TMixture;
 
 /// Effective draws per coordinate below which a part is not fitted.
 const DRAWS_PER_COORDINATE: f64 = 8.0;
-/// A part is drawn from this often at least.
+/// Smallest probability of drawing from a part.
 const SMALLEST_SHARE: f64 = 0.02;
 
 /// A mixture of proposals.
@@ -29,27 +29,27 @@ impl Charts {
         Self { parts: vec![(1.0, proposal)] }
     }
 
-    /// The modes' Laplace approximations, each drawn from often enough to be seen: its mass says little of a ridge's.
+    /// The modes' Laplace approximations, each with a minimum share, because its Laplace mass is a poor estimate of a ridge's mass.
     pub fn of_modes(modes: &Modes, dimension: usize) -> Option<Self> {
         let part = |(mode, share): (&Mode, f64)| Some((share.max(SMALLEST_SHARE), touching(mode, dimension)?));
         let parts: Vec<(f64, Proposal)> = modes.iter().zip(modes.weights()).filter_map(part).collect();
         (!parts.is_empty()).then(|| Self::of(parts))
     }
 
-    /// Parts whose shares add up to anything.
+    /// Normalises the shares of parts.
     fn of(mut parts: Vec<(f64, Proposal)>) -> Self {
         let total: f64 = parts.iter().map(|(share, _)| share).sum();
         parts.iter_mut().for_each(|(share, _)| *share /= total);
         Self { parts }
     }
 
-    /// Fitted to points with weights that add up to one, as one or with a part for each mode; `None` when the points lie in a plane.
+    /// Fits one proposal, or one part per mode, to points with weights that add up to one. `None` if the points lie in a plane.
     pub fn fitted(points: &[Vec<f64>], weights: &[f64], modes: &Modes, stream: &mut RandomStream) -> Option<Self> {
         let one = Proposal::fitted(points, weights, stream);
         Self::or_parted(one, points, weights, modes, stream)
     }
 
-    /// One proposal that was fitted to these points, or a part for each mode where that describes them better.
+    /// Returns the proposal fitted to these points, or one part per mode if that fits better.
     pub fn or_parted(
         one: Option<Proposal>,
         points: &[Vec<f64>],
@@ -69,7 +69,7 @@ impl Charts {
         }
     }
 
-    /// A part for each mode; `None` where there is one, or none has draws enough.
+    /// One part per mode. `None` if there is only one mode, or no part has enough draws.
     fn parted(points: &[Vec<f64>], weights: &[f64], modes: &Modes, stream: &mut RandomStream) -> Option<Self> {
         let dimension = points.first()?.len();
         if modes.len() < 2 {
@@ -96,7 +96,7 @@ impl Charts {
         (n_fitted > 0).then(|| Self::of(parts))
     }
 
-    /// The same with a component of this share that has the moments of all weighted points, `stretch` times as wide.
+    /// Returns this mixture with one wide part of weight `share`: the moments of all weighted points, with standard deviations multiplied by `stretch`.
     pub fn with_background(&self, points: &[Vec<f64>], weights: &[f64], share: f64, stretch: f64) -> Self {
         if let [(_, only)] = &self.parts[..] {
             return Self::one(only.with_background(points, weights, share, stretch));
@@ -138,7 +138,7 @@ impl Charts {
     }
 }
 
-/// A mode's Laplace approximation; `None` where its curvature cannot be used.
+/// A mode's Laplace approximation; `None` if its curvature is unusable.
 fn touching(mode: &Mode, dimension: usize) -> Option<Proposal> {
     Some(Proposal::plain(TMixture::from_modes(&Modes::only(mode), dimension)?, dimension))
 }
@@ -148,7 +148,7 @@ mod tests {
     use super::*;
     use crate::optimum::Optimum;
 
-    /// Two ridges bent opposite ways, 16 apart: x₀ = ±8 + u, x₁ = ±1.5 u² + 0.3 v with standard normals u and v.
+    /// Two ridges bent in opposite directions, 16 apart: x₀ = ±8 + u, x₁ = ±1.5 u² + 0.3 v with standard normals u and v.
     fn bent(n: usize, seed: u64) -> Vec<Vec<f64>> {
         let mut stream = RandomStream::new(seed, 0);
         let mut one = |k: usize| {
@@ -167,8 +167,8 @@ mod tests {
         modes
     }
 
-    /// On draws that fitted nothing, a part for each ridge describes them better than one map for both by half a nat and more, and its shares are theirs: 4,000
-    /// draws in proportions of 1 to 3 have an error of 0.007 in a share, and that of 4,000 more; six of both.
+    /// One part per ridge describes independent draws better than one map for both, by at least half a nat. The shares are those of the ridges: 4,000
+    /// draws in proportions of 1 to 3 have an error of 0.007 in a share, and 4,000 more have it again. The tolerance is six of both.
     #[test]
     fn a_part_for_each_answer_describes_two_bent_ridges() {
         let (points, others) = (bent(4_000, 1), bent(4_000, 2));
@@ -186,7 +186,7 @@ mod tests {
         assert!((share - 0.25).abs() < 0.06, "{share}");
     }
 
-    /// A mode that no draw of weight came from is drawn from all the same, and one mode alone makes one proposal.
+    /// A mode without weighted draws still gets draws, and one single mode makes one proposal.
     #[test]
     fn no_mode_is_lost() {
         let points = bent(4_000, 4);
@@ -195,7 +195,7 @@ mod tests {
         let mut stream = RandomStream::new(5, 0);
         let charts = Charts::fitted(&points, &weights, &three, &mut stream).expect("spread");
         let drawn = charts.draw(4_000, 2, &mut stream);
-        // 80 are expected: fewer than 30 come once in 10⁹.
+        // 80 are expected: fewer than 30 occur once in 10⁹.
         assert!(drawn.iter().filter(|x| x[0] > 40.0).count() >= 30);
         let alone = Charts::fitted(&points, &weights, &modes(&[[8.0, 0.0]]), &mut stream).expect("spread");
         assert_eq!(alone.parts.len(), 1);
@@ -213,7 +213,7 @@ mod tests {
         let drawn = wide.draw(20_000, 2, &mut stream);
         let ratios: Vec<f64> = drawn.iter().map(|x| (charts.ln_density(x) - wide.ln_density(x)).exp()).collect();
         let mean = ratios.iter().sum::<f64>() / 20_000.0;
-        // A ratio is at most 1/0.9: six errors of the mean of 20,000 are below 0.02.
+        // A ratio is at most 1/0.9, so that six errors of the mean of 20,000 are below 0.02.
         assert!((mean - 1.0).abs() < 0.02 && ratios.iter().all(|ratio| *ratio < 1.12), "{mean}");
     }
 }

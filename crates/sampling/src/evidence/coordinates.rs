@@ -1,39 +1,39 @@
 //! Coordinates in which every prior is a standard normal.
 //!
-//! u = Φ⁻¹(F(x)), F the prior's distribution function. What data say nothing about is then a standard normal whatever its prior, and amplitudes next to
-//! nothing have tails that end as a normal's: a mixture of t distributions covers both, as it does not in ln x.
+//! u = Φ⁻¹(F(x)), F the prior's distribution function. A parameter that the data do not constrain is then standard normal for any prior. The tails of an amplitude
+//! near zero decay like a normal's. A mixture of t distributions covers both in u, but not in ln x.
 //!
-//! The sampler's coordinate z(u) is kept as a table of values and slopes that cubics join. Densities take the cubics' own slope as Jacobian, so
-//! what they integrate to has no error of interpolation; only the prior is a standard normal to within about 10⁻⁶ instead of exactly.
+//! The sampler's coordinate z(u) is stored as a table of values and slopes, joined by cubics. Densities use the slope of the cubics as Jacobian, so that
+//! their integral has no interpolation error. Only the prior deviates from a standard normal, by about 10⁻⁶.
 
 use crate::LogDensity;
 use base::distribution::Distribution;
 use statrs::distribution::{ContinuousCDF, Normal};
 
-/// Reach of the tables, 10⁻⁹ of a prior on either side, and the distance of their nodes. Beyond, z goes on along a line.
+/// Reach of the tables (10⁻⁹ of a prior on either side) and distance of their nodes. Beyond the tables z is linear.
 const REACH: f64 = 6.0;
 const N_INTERVALS: usize = 120;
 const INTERVAL: f64 = 2.0 * REACH / N_INTERVALS as f64;
 
-/// ln of the standard normal density at a point.
+/// Logarithm of the standard normal density at a point.
 pub fn ln_standard_normal(point: &[f64]) -> f64 {
     let squares: f64 = point.iter().map(|u| u * u).sum();
     -0.5 * squares - 0.5 * point.len() as f64 * std::f64::consts::TAU.ln()
 }
 
-/// The coordinate of a value in which its prior is a standard normal; values far out in a tail are moved to where tables end.
+/// The coordinate u of a value under its prior. Values far in a tail move to the end of the tables.
 pub fn normal_of(prior: &Distribution, value: f64) -> f64 {
     Normal::standard().inverse_cdf(prior.cdf(value)).clamp(-REACH, REACH)
 }
 
-/// A posterior over the sampler's coordinates, seen in coordinates whose priors are standard normals.
+/// A posterior over the sampler's coordinates, expressed in coordinates with standard normal priors.
 pub struct PriorCoordinates<'a> {
     posterior: &'a dyn LogDensity,
     scales: Vec<Scale>,
 }
 
 impl<'a> PriorCoordinates<'a> {
-    /// Of a posterior and the priors of its coordinates, in their order.
+    /// Wraps a posterior, given the priors of its coordinates in their order.
     pub fn new(posterior: &'a dyn LogDensity, priors: impl IntoIterator<Item = Distribution>) -> Self {
         let scales = priors.into_iter().map(Scale::new).collect();
         Self { posterior, scales }
@@ -45,7 +45,7 @@ impl<'a> PriorCoordinates<'a> {
         scale.distribution.from_unconstrained(scale.at(u).0)
     }
 
-    /// The coordinate of a natural value; values far out in a tail are moved to where the table ends.
+    /// Coordinate u of a natural value. Values far in a tail move to the end of the table.
     pub fn of_natural(&self, coordinate: usize, value: f64) -> f64 {
         normal_of(&self.scales[coordinate].distribution, value)
     }
@@ -93,7 +93,7 @@ impl Scale {
     /// z and dz/du.
     fn at(&self, u: f64) -> (f64, f64) {
         let along = (u + REACH) / INTERVAL;
-        // NaN goes to the first interval and stays NaN.
+        // NaN selects the first interval and stays NaN.
         let k = (along.max(0.0) as usize).min(N_INTERVALS - 1);
         let ((z0, slope0), (z1, slope1)) = (self.nodes[k], self.nodes[k + 1]);
         let t = along - k as f64;
@@ -126,7 +126,7 @@ mod tests {
         ]
     }
 
-    /// Between the nodes, too, the value has the prior mass Φ(u) below it, and the prior of u is a standard normal.
+    /// The value has the prior mass Φ(u) below it, also between nodes, and the prior of u is a standard normal.
     #[test]
     fn priors_are_standard_normals() {
         for distribution in examples() {
@@ -143,7 +143,7 @@ mod tests {
         }
     }
 
-    /// The slope is that of the table's own curve, inside and beyond it, and the curve climbs.
+    /// The slope is that of the table's own curve, inside and beyond the table, and the curve rises.
     #[test]
     fn slopes_are_the_derivatives_of_values() {
         for distribution in examples() {

@@ -1,10 +1,10 @@
 //! Importance sampling from a mixture of t distributions that is adapted to the posterior.
 //!
-//! ẑ = (1/N) Σ p(θᵢ)/q(θᵢ), θᵢ ~ q. The proposal starts from the modes' Laplace approximations; rounds of draws then refit it to what the weights
-//! say (`charts`: a part for each mode where that describes them better): to all draws so far, each weighted by the mixture of the proposals that they came from (Cornuet et al. 2012,
-//! doi:10.1111/j.1467-9469.2011.00756.x), the weights truncated so that no single draw takes the proposal with it (Ionides 2008,
-//! doi:10.1198/106186008X320456). The estimate comes from fresh draws of the final proposal alone:
-//! it is unbiased, whatever the adaptation did, and its k̂ says whether its error can be believed.
+//! ẑ = (1/N) Σ p(θᵢ)/q(θᵢ), θᵢ ~ q. The proposal starts from the modes' Laplace approximations. Each round refits it to all draws so far (`charts`: one part
+//! per mode if that fits better). Each draw is weighted by the mixture of all proposals used so far (Cornuet et al. 2012,
+//! doi:10.1111/j.1467-9469.2011.00756.x). Weights are truncated, so that no single draw dominates the proposal (Ionides 2008,
+//! doi:10.1198/106186008X320456). The estimate uses only fresh draws of the final proposal:
+//! it is unbiased for any adaptation, and its k̂ tells whether its error is reliable.
 
 use super::charts::Charts;
 use super::weighted::{effective_size, normalised};
@@ -15,27 +15,27 @@ use crate::optimum::Modes;
 use crate::pareto::pareto_k;
 use base::error::{Error, Result};
 
-/// Pareto k̂ below which an estimate is believed (Vehtari et al. 2024, JMLR 25:72).
+/// Pareto k̂ below which an estimate is reliable (Vehtari et al. 2024, JMLR 25:72).
 pub const LARGEST_PARETO_K: f64 = 0.7;
 
-/// Effective draws below which it is not, whatever k̂ says: quantiles need them, too.
+/// Effective draws below which an estimate is unreliable for any k̂: quantiles need them.
 pub const FEWEST_EFFECTIVE_DRAWS: f64 = 200.0;
 
-/// Whether an estimate by importance sampling can be believed.
+/// True if an estimate by importance sampling is reliable.
 pub fn is_reliable(estimate: &Estimate) -> bool {
     estimate.pareto_k.is_some_and(|k| k < LARGEST_PARETO_K) && estimate.draws.effective_size() >= FEWEST_EFFECTIVE_DRAWS
 }
 
-/// How many draws to spend.
+/// Number of draws to spend.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct ImportanceOptions {
     /// Draws of each round of adaptation.
     pub n_adapting: usize,
-    /// Rounds of adaptation, at most.
+    /// Largest number of adaptation rounds.
     pub n_rounds: usize,
     /// Draws of the estimate.
     pub n_draws: usize,
-    /// An estimate that cannot be believed is tried again with more draws, so often in all.
+    /// Largest number of attempts. After an unreliable estimate the next attempt uses more draws.
     pub n_attempts: usize,
     /// Seed of the draws.
     pub seed: u64,
@@ -48,34 +48,34 @@ impl Default for ImportanceOptions {
 }
 
 impl ImportanceOptions {
-    /// For densities that take a millisecond: an error of 0.03 nats where the proposal is good, and more draws only where it is not.
+    /// For densities that take a millisecond: an error of 0.03 nats with a good proposal, and more draws only with a poor one.
     pub fn of_slow_density() -> Self {
         Self { n_adapting: 600, n_draws: 2_000, ..Self::default() }
     }
 
-    /// Where a tenth of a nat will do: an answer at once where the proposal is good.
+    /// For an error of a tenth of a nat: one attempt with few draws is enough if the proposal is good.
     pub fn in_brief() -> Self {
         Self { n_adapting: 800, n_rounds: 5, n_draws: 2_500, ..Self::default() }
     }
 }
 
-/// Effective draws per coordinate that a proposal is fitted to: weights are taken to a power that leaves as many.
+/// Effective draws per coordinate for a proposal's fit. Weights are raised to a power that leaves this many.
 const DRAWS_PER_COORDINATE: f64 = 30.0;
-/// Share of the estimate's draws that come from one wide component over all of the posterior, and how much wider it is: what the others miss must not
-/// weigh much.
+/// Share of the estimate's draws from one wide component over the whole posterior, and the stretch of its standard deviations. It limits the weight of
+/// regions that the other components miss.
 const BACKGROUND_SHARE: f64 = 0.1;
 const BACKGROUND_STRETCH: f64 = 1.5;
-/// Effective share of the draws at which the proposal is good enough.
+/// Effective share of the draws above which the proposal needs no further adaptation.
 const GOOD_SHARE: f64 = 0.75;
-/// By what factor more draws there are when an estimate that cannot be believed is tried again.
+/// Factor on the number of draws after an unreliable estimate.
 const MORE: usize = 3;
-/// Rounds of adaptation then.
+/// Adaptation rounds after an unreliable estimate.
 const ROUNDS_AGAIN: usize = 2;
 
-/// Evidence by importance sampling. Ask [`is_reliable`] before it is used.
+/// Estimates the evidence by importance sampling. Check it with [`is_reliable`] before use.
 ///
 /// # Errors
-/// [`Error::Numerical`] when no mode has a usable curvature, when no draw has a finite density, or when the density is +∞ or often NaN.
+/// [`Error::Numerical`] if no mode has a usable curvature, if no draw has a finite density, or if the density is +∞ or often NaN.
 pub fn evidence(density: &dyn LogDensity, modes: &Modes, options: &ImportanceOptions) -> Result<Estimate> {
     let dimension = density.dimension();
     let proposal = Charts::of_modes(modes, dimension).ok_or_else(no_mode)?;
@@ -101,8 +101,8 @@ pub fn evidence(density: &dyn LogDensity, modes: &Modes, options: &ImportanceOpt
 
 fn no_mode() -> Error {
     Error::numerical(
-        "the posterior has no maximum around which it could be sampled",
-        "look at the priors, or fix a parameter that the data say nothing about",
+        "no maximum of the posterior has a usable curvature",
+        "check the priors, or fix a parameter that the data do not constrain",
     )
 }
 
@@ -123,7 +123,7 @@ struct Pool {
     values: Vec<f64>,
     /// ln Σ n_r q_r of each point over the rounds r.
     ln_proposed: Vec<f64>,
-    /// The proposals and how many draws came from each.
+    /// The proposals and the number of draws from each.
     proposals: Vec<(Charts, usize)>,
 }
 
@@ -157,7 +157,7 @@ fn ln_sum(a: f64, b: f64) -> f64 {
 }
 
 impl Sampler<'_> {
-    /// Draws from a proposal with their log densities.
+    /// Draws from a proposal; returns the points and their log densities.
     fn draw(&mut self, proposal: &Charts, n: usize) -> Result<(Vec<Vec<f64>>, Vec<f64>)> {
         let points = proposal.draw(n, self.density.dimension(), &mut self.stream);
         let values = evaluate(self.density, &points)?;
@@ -199,7 +199,7 @@ fn ln_weights(mixture: &Charts, points: &[Vec<f64>], values: &[f64]) -> Vec<f64>
     points.iter().zip(values).map(|(point, value)| value - mixture.ln_density(point)).collect()
 }
 
-/// Weights to the largest power of at most one that leaves enough of them effective.
+/// Raises weights to the largest power up to one that leaves enough of them effective.
 fn tempered(ln_weights: &[f64], wanted: f64) -> Vec<f64> {
     let to_power = |power: f64| -> Vec<f64> {
         normalised(&ln_weights.iter().map(|w| if w.is_finite() { power * w } else { *w }).collect::<Vec<_>>())

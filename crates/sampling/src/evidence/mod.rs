@@ -1,6 +1,6 @@
 //! The evidence ∫ p(data | θ) p(θ) dθ of a model, and weighted draws from its posterior.
 //!
-//! Two ways, which must agree: importance sampling from a mixture that is adapted to the posterior ([`importance`]), and sequential Monte Carlo from
+//! Two independent methods check each other: importance sampling from a mixture adapted to the posterior ([`importance`]), and sequential Monte Carlo from
 //! the prior ([`tempering`]).
 
 mod charts;
@@ -25,26 +25,26 @@ use rayon::prelude::*;
 pub struct Estimate {
     /// ln ∫ p(data | θ) p(θ) dθ, in nats.
     pub ln_evidence: f64,
-    /// Its standard error.
+    /// Standard error of `ln_evidence`.
     pub standard_error: f64,
-    /// Pareto k̂ of the importance weights: below 0.7 the two above can be believed. `None` where nothing was weighted.
+    /// Pareto k̂ of the importance weights. Evidence and error are reliable below 0.7. `None` if no importance weights were used.
     pub pareto_k: Option<f64>,
     /// Posterior draws, in the density's coordinates.
     pub draws: WeightedDraws,
-    /// Points at which the density was asked for.
+    /// Number of evaluations of the density.
     pub n_evaluations: usize,
 }
 
-/// Points of a batch that one thread evaluates; a multiple of the lanes that share registers.
+/// Points of a batch that one thread evaluates: a multiple of the number of vector lanes.
 const BATCH: usize = 256;
-/// Share of points without a number above which the density is at fault and not the reach of a proposal's tails.
+/// Largest share of NaN among the points. A larger share is a fault of the density; a smaller one comes from the tails of a proposal.
 const MOST_UNDEFINED: f64 = 0.01;
 
-/// Log densities of points given one by one. Proposals reach far beyond the posterior's bulk, to where a model may leave the range of numbers: NaN
-/// counts as −∞, unless there are too many of them.
+/// Log densities of points given one by one. Proposals reach far beyond the posterior's bulk, where a model may overflow. NaN therefore
+/// counts as −∞, unless there are too many.
 ///
 /// # Errors
-/// [`Error::Numerical`] for +∞, and for more than one NaN in a hundred points.
+/// [`Error::Numerical`] for +∞, or if more than one point in a hundred is NaN.
 fn evaluate(density: &dyn LogDensity, points: &[Vec<f64>]) -> Result<Vec<f64>> {
     let dimension = density.dimension();
     let batch = |points: &[Vec<f64>]| -> Result<(Vec<f64>, usize)> {
@@ -61,13 +61,13 @@ fn evaluate(density: &dyn LogDensity, points: &[Vec<f64>]) -> Result<Vec<f64>> {
     if n_undefined as f64 > MOST_UNDEFINED * points.len() as f64 {
         return Err(Error::numerical(
             format!("the log density is not a number at {n_undefined} of {} points", points.len()),
-            "look at the priors' reach: the model cannot be computed in a good part of it",
+            "narrow the priors: the model cannot be computed in a large part of their range",
         ));
     }
     Ok(batches.into_iter().flat_map(|(values, _)| values).collect())
 }
 
-/// ln of the mean of weights given by their logarithms, and that mean's relative standard error.
+/// Logarithm of the mean of weights given by their logarithms, and the relative standard error of that mean.
 fn ln_mean(ln_weights: &[f64]) -> (f64, f64) {
     let n = ln_weights.len() as f64;
     let top = ln_weights.iter().copied().fold(f64::NEG_INFINITY, f64::max);

@@ -1,12 +1,12 @@
-//! Proposals that follow funnels and bent ridges: a mixture of t distributions behind a triangular map.
+//! Proposals for funnels and bent ridges: a mixture of t distributions behind a triangular map.
 //!
-//! How well a law is known depends on the noise's parameters, and where it lies on those of an effect: no few ellipses fit that. The map takes the
-//! coordinates one by one, those with the widest spread first. Given the ones before it, y, coordinate d is
+//! The uncertainty of a law depends on the noise parameters, and its location on the parameters of effects. A few ellipses cannot describe such a posterior. The map orders
+//! the coordinates by spread, widest first. Given the coordinates y before it, coordinate d is
 //!
 //! x_d = μ_d(y) + exp(λ_d(y)) w_d,
 //!
-//! with μ a sum of parabolas and λ linear. Both are fitted to weighted draws by penalised likelihood as if w were standard normals. The map is one to
-//! one whatever its coefficients, so a poor fit costs draws and nothing else.
+//! with μ a sum of parabolas and λ linear. Both are fitted to weighted draws by penalised likelihood, as if w were standard normal. The map is one to
+//! one for any coefficients, so that a poor fit costs only draws.
 
 use nalgebra::{DMatrix, DVector};
 
@@ -14,34 +14,34 @@ use super::weighted::{effective_size, resampled_indices};
 use crate::ensemble::RandomStream;
 use crate::t_mixture::TMixture;
 
-/// Deviations, in standard deviations, beyond which a coordinate pulls the later ones no further: parabolas leave for infinity.
+/// Deviation (standard deviations) beyond which a coordinate has no further influence on later ones. It bounds the parabolas.
 const LARGEST_PULL: f64 = 4.0;
-/// Passes over location and spread, and steps of the latter's fit in each.
+/// Passes over location and spread, and steps of the spread's fit in each pass.
 const N_PASSES: usize = 3;
 const N_SPREAD_STEPS: usize = 3;
-/// Standard deviations of the coefficients of λ and of μ before any draw is seen, in units of standardised coordinates.
+/// Prior standard deviations of the coefficients of λ and μ, in standardised coordinates.
 const SPREAD_SLOPE_SD: f64 = 0.5;
 const LOCATION_SLOPE_SD: f64 = 1.0;
-/// Smallest λ: draws on a plane do not make it vanish.
+/// Smallest λ, so that draws on a plane do not give zero spread.
 const SMALLEST_LN_SPREAD: f64 = -12.0;
-/// Components that are added, where the draws are, to the one of their moments, and steps of expectation and maximisation that fit them.
+/// Components added at draws to the one with the draws' moments, and the number of expectation–maximisation steps that fit them.
 const ADDED_COMPONENTS: usize = 2;
 const FIT_STEPS: usize = 2;
 
-/// One coordinate given those before it.
+/// One coordinate, given those before it in the map's order.
 #[derive(Debug, Clone)]
 struct Conditional {
     coordinate: usize,
     centre: f64,
     sd: f64,
-    /// Coefficients of μ: constant, then a linear and a quadratic one for each coordinate before.
+    /// Coefficients of μ: a constant, then a linear and a quadratic one for each earlier coordinate.
     location: Vec<f64>,
-    /// Coefficients of λ: constant, then one for each coordinate before.
+    /// Coefficients of λ: a constant, then one for each earlier coordinate.
     ln_spread: Vec<f64>,
 }
 
 impl Conditional {
-    /// μ and λ given the standardised coordinates before.
+    /// μ and λ, given the standardised earlier coordinates.
     fn at(&self, before: &[f64]) -> (f64, f64) {
         let (mut location, mut ln_spread) = (self.location[0], self.ln_spread[0]);
         for (j, y) in before.iter().enumerate() {
@@ -57,14 +57,14 @@ fn pull(y: f64) -> f64 {
     y.clamp(-LARGEST_PULL, LARGEST_PULL)
 }
 
-/// The triangular map between points x and what the mixture describes, w.
+/// Triangular map between points x and the coordinates w of the mixture.
 #[derive(Debug, Clone)]
 pub struct Map {
     conditionals: Vec<Conditional>,
 }
 
 impl Map {
-    /// x = w.
+    /// The identity map, x = w.
     pub fn identity(dimension: usize) -> Self {
         let conditional = |coordinate: usize| Conditional {
             coordinate,
@@ -76,7 +76,7 @@ impl Map {
         Self { conditionals: (0..dimension).map(conditional).collect() }
     }
 
-    /// Fitted to points with weights that add up to one; `None` when a coordinate does not vary.
+    /// Fits the map to points with weights that add up to one. `None` if a coordinate does not vary.
     pub fn fitted(points: &[Vec<f64>], weights: &[f64]) -> Option<Self> {
         let dimension = points.first()?.len();
         let moments = |d: usize| {
@@ -92,7 +92,7 @@ impl Map {
         let used: Vec<usize> = (0..points.len()).filter(|i| weights[*i] > 0.0).collect();
         let n_effective = effective_size(weights);
         let counts: Vec<f64> = used.iter().map(|i| n_effective * weights[*i]).collect();
-        // Standardised coordinates in the map's order, one point a column.
+        // Standardised coordinates in the map's order, one column per point.
         let standard = DMatrix::from_fn(dimension, used.len(), |k, i| {
             (points[used[i]][order[k]] - moments[order[k]].0) / moments[order[k]].1
         });
@@ -104,7 +104,7 @@ impl Map {
         Some(Self { conditionals: (0..dimension).map(conditional).collect::<Option<_>>()? })
     }
 
-    /// x of w, and ln |dx/dw|.
+    /// x at w, and ln |dx/dw|.
     pub fn point(&self, w: &[f64]) -> (Vec<f64>, f64) {
         let mut before = Vec::with_capacity(w.len());
         let (mut x, mut ln_volume) = (vec![0.0; w.len()], 0.0);
@@ -118,7 +118,7 @@ impl Map {
         (x, ln_volume)
     }
 
-    /// w of x, and ln |dx/dw|.
+    /// w at x, and ln |dx/dw|.
     pub fn straightened(&self, x: &[f64]) -> (Vec<f64>, f64) {
         let mut before = Vec::with_capacity(x.len());
         let (mut w, mut ln_volume) = (Vec::with_capacity(x.len()), 0.0);
@@ -161,7 +161,7 @@ fn fit_conditional(standard: &DMatrix<f64>, k: usize, counts: &[f64]) -> Option<
             let mean = residuals2.iter().zip(counts).map(|(r2, count)| r2 * count).sum::<f64>() / total;
             ln_spread[0] = (0.5 * mean.ln()).max(SMALLEST_LN_SPREAD);
         }
-        // Fisher's scoring of Σ counts (λ + r² e^(−2λ) / 2).
+        // Fisher scoring of Σ counts (λ + r² e^(−2λ) / 2).
         for _ in 0..N_SPREAD_STEPS {
             let mut slope = DVector::from_fn(1 + k, |row, _| {
                 if row == 0 { 0.0 } else { -ln_spread[row] / (SPREAD_SLOPE_SD * SPREAD_SLOPE_SD) }
@@ -188,20 +188,20 @@ fn weighted_squares(features: &DMatrix<f64>, weights: &[f64]) -> DMatrix<f64> {
     weighted * features.transpose()
 }
 
-/// With what a normal prior adds for every coefficient but the constant.
+/// Adds the precision of a normal prior to every coefficient except the constant.
 fn penalised(squares: &DMatrix<f64>, sd: f64) -> DMatrix<f64> {
     let mut sum = squares.clone();
     (1..sum.nrows()).for_each(|k| sum[(k, k)] += 1.0 / (sd * sd));
     sum
 }
 
-/// A mixture behind a map: what is drawn from.
+/// A proposal distribution: a mixture behind a map.
 #[derive(Debug, Clone)]
 pub struct Proposal {
     /// The map.
     pub map: Map,
     mixture: TMixture,
-    /// What all densities of the mixture have in common.
+    /// Constant term of all log densities of the mixture.
     ln_constant: f64,
 }
 
@@ -210,12 +210,12 @@ impl Proposal {
         Self { map, ln_constant: mixture.ln_constant(), mixture }
     }
 
-    /// The mixture as it is.
+    /// A proposal from the mixture without a map.
     pub fn plain(mixture: TMixture, dimension: usize) -> Self {
         Self::new(Map::identity(dimension), mixture)
     }
 
-    /// Fitted to points with weights that add up to one; `None` when they lie in a plane.
+    /// Fits map and mixture to points with weights that add up to one. `None` if the points lie in a plane.
     pub fn fitted(points: &[Vec<f64>], weights: &[f64], stream: &mut RandomStream) -> Option<Self> {
         let map = Map::fitted(points, weights)?;
         let straight: Vec<Vec<f64>> = points.iter().map(|x| map.straightened(x).0).collect();
@@ -226,7 +226,7 @@ impl Proposal {
         Some(Self::new(map, mixture))
     }
 
-    /// The same with a component of this share that has the moments of weighted points, `stretch` times as wide.
+    /// Returns this proposal with one wide component of weight `share`: the moments of the weighted points, with standard deviations multiplied by `stretch`.
     pub fn with_background(&self, points: &[Vec<f64>], weights: &[f64], share: f64, stretch: f64) -> Self {
         let straight: Vec<Vec<f64>> = points.iter().map(|x| self.map.straightened(x).0).collect();
         let mixture = self.mixture.with_background(&straight, weights, share, stretch);
@@ -254,7 +254,7 @@ impl Proposal {
 mod tests {
     use super::*;
 
-    /// A funnel: x₁ = 3y with a standard normal y, and x₀ = 0.1 + 0.05 y² + 0.01 e^(y/2) z with another one, z: the second coordinate goes first.
+    /// A funnel: x₁ = 3y and x₀ = 0.1 + 0.05 y² + 0.01 e^(y/2) z, with independent standard normals y and z. The map orders x₁ first.
     fn funnel() -> (Vec<Vec<f64>>, Vec<f64>) {
         let mut stream = RandomStream::new(5, 0);
         let mut one = |_| {
@@ -279,7 +279,7 @@ mod tests {
         }
     }
 
-    /// The logarithm of the volume is that of the determinant of differences.
+    /// The logarithm of the volume is that of the determinant by differences.
     #[test]
     fn volumes_are_those_of_the_map_s_derivative() {
         let (points, weights) = funnel();
@@ -298,8 +298,8 @@ mod tests {
         }
     }
 
-    /// Straightened draws are standard normals whose spread does not depend on each other: 5,000 draws have errors of 0.014 in means, of 0.010 in standard
-    /// deviations, and of about 0.03 in the correlation of squares; six of them.
+    /// Straightened draws are standard normals with independent spreads. Errors of 5,000 draws are 0.014 in means, 0.010 in standard
+    /// deviations and about 0.03 in the correlation of squares; the tolerance is six of these.
     #[test]
     fn a_funnel_is_made_straight() {
         let (points, weights) = funnel();

@@ -1,13 +1,13 @@
 //! Sequential Monte Carlo from the prior to the posterior.
 //!
 //! Particles from the prior pass through p(θ) p(data | θ)^φ with φ from 0 to 1 (Neal 2001, doi:10.1023/A:1008923215028; Del Moral et al. 2006,
-//! doi:10.1111/j.1467-9868.2006.00553.x). Each φ is as far on as leaves nine tenths of the particles effective; they are resampled and then moved by
-//! kernels that leave the tempered density as it is, until most of them are somewhere else. Jumps go into a proposal fitted to the particles, with a part
-//! for each mode (`charts`): they carry particles between modes. Steps go along differences of two of them (ter Braak 2006,
-//! doi:10.1007/s11222-006-8769-1) and need no fit. The evidence is the product of the mean weights. Several replicates, independent of each other, give its error.
+//! doi:10.1111/j.1467-9868.2006.00553.x). Each rise of φ leaves nine tenths of the particles effective. The particles are then resampled and moved by
+//! kernels that keep the tempered density invariant, until most particles have moved. Jumps are draws from a proposal fitted to the particles, with one part
+//! per mode (`charts`): they carry particles between modes. Steps follow differences of two particles (ter Braak 2006,
+//! doi:10.1007/s11222-006-8769-1) and need no fit. The evidence is the product of the mean weights. Several independent replicates give its error.
 //!
-//! A part of the posterior in which particles hardly move, such as a narrow ridge beside a wide bulk, dies out on the way: the evidence is then too low by
-//! its share, which no replicate tells.
+//! Particles die out in a part of the posterior in which they hardly move, such as a narrow ridge beside a wide bulk. The evidence is then too low by
+//! the share of that part, and the replicates do not reveal it.
 
 use rayon::prelude::*;
 
@@ -21,12 +21,12 @@ use crate::ensemble::RandomStream;
 use crate::optimum::Modes;
 use base::error::{Error, Result};
 
-/// How much to spend.
+/// Size of a run: particles, replicates and seed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct TemperingOptions {
     /// Particles of a replicate.
     pub n_particles: usize,
-    /// Replicates, at least two.
+    /// Number of replicates, at least two.
     pub n_replicates: usize,
     /// Seed of all replicates.
     pub seed: u64,
@@ -38,30 +38,30 @@ impl Default for TemperingOptions {
     }
 }
 
-/// Effective share of the particles that a rise of φ leaves.
+/// Effective share of the particles after a rise of φ.
 const KEPT_SHARE: f64 = 0.9;
-/// Temperatures after which a run is given up.
+/// Largest number of temperatures.
 const MOST_TEMPERATURES: usize = 1_000;
-/// Moves at a temperature end when the particles have been accepted this often on average, or after this many rounds of a jump and a step.
+/// Average number of acceptances per particle that ends the moves at a temperature. `MOST_ROUNDS` rounds of one jump and one step also end them.
 const WANTED_ACCEPTANCES: f64 = 3.0;
 const MOST_ROUNDS: usize = 12;
 
-/// Evidence by sequential Monte Carlo of a posterior over coordinates whose priors are standard normals ([`super::PriorCoordinates`]). Modes divide the
-/// particles for jumps; none need be known.
+/// Estimates the evidence by sequential Monte Carlo. The coordinates of the posterior must have standard normal priors ([`super::PriorCoordinates`]). `modes`
+/// split the particles for the fit of jumps and may be empty.
 ///
 /// # Errors
-/// [`Error::Numerical`] when no draw from the prior has a finite density, when the temperature does not reach 1, or when the density is +∞ or often
-/// NaN.
+/// [`Error::Numerical`] if no draw from the prior has a finite density, if φ does not reach 1, or if the density is
+/// +∞ or often NaN.
 pub fn evidence(posterior: &dyn LogDensity, modes: &Modes, options: &TemperingOptions) -> Result<Estimate> {
     let one = |replicate: usize| Replicate::new((posterior, modes), options, replicate as u64)?.run();
     let runs: Vec<Finished> = (0..options.n_replicates.max(2)).into_par_iter().map(one).collect::<Result<_>>()?;
     let ln_evidences: Vec<f64> = runs.iter().map(|run| run.ln_evidence).collect();
     let (ln_evidence, scatter) = ln_mean(&ln_evidences);
     let n_runs = runs.len() as f64;
-    // A few replicates may agree by chance: particles that are independent of each other at every temperature have at least this error.
+    // A few replicates may agree by chance. Particles that are independent at every temperature have at least this error.
     let least = (runs.iter().map(|run| run.variance).sum::<f64>() / n_runs / n_runs).sqrt();
     let n_evaluations = runs.iter().map(|run| run.n_evaluations).sum();
-    // A replicate's draws stand for as much as its own evidence.
+    // The draws of a replicate are weighted by its evidence.
     let ln_weights: Vec<f64> =
         runs.iter().flat_map(|run| std::iter::repeat_n(run.ln_evidence, run.points.len())).collect();
     let points = runs.into_iter().flat_map(|run| run.points).collect();
@@ -143,14 +143,14 @@ impl<'a> Replicate<'a> {
         }
         Err(Error::numerical(
             format!(
-                "sequential Monte Carlo is at a power {:.2e} of the likelihood after {MOST_TEMPERATURES} steps",
+                "sequential Monte Carlo reached only the power {:.2e} of the likelihood in {MOST_TEMPERATURES} steps",
                 self.phi
             ),
-            "give priors nearer to what the data can be explained by",
+            "give priors closer to values that explain the data",
         ))
     }
 
-    /// Goes to the largest φ that leaves enough effective particles; returns their weights.
+    /// Raises φ as far as enough particles stay effective; returns their weights.
     fn raise_temperature(&mut self) -> Result<Vec<f64>> {
         let increments = |phi: f64| -> Vec<f64> {
             self.particles.iter().map(|particle| (phi - self.phi) * particle.ln_likelihood).collect()
@@ -158,8 +158,8 @@ impl<'a> Replicate<'a> {
         let n_finite = self.particles.iter().filter(|particle| particle.ln_likelihood.is_finite()).count();
         if n_finite == 0 {
             return Err(Error::numerical(
-                "the model has a finite likelihood at none of the draws from the prior",
-                "look at the priors' medians and spreads, and at the data's units",
+                "the likelihood is finite at no draw from the prior",
+                "check the medians and spreads of the priors, and the units of the data",
             ));
         }
         let wanted = KEPT_SHARE * n_finite as f64;
@@ -179,7 +179,7 @@ impl<'a> Replicate<'a> {
         Ok(normalised(&ln_weights))
     }
 
-    /// What jumps are drawn from, and the map that makes steps straight.
+    /// The proposal for jumps, and the map that straightens steps.
     fn proposals(&mut self, weights: &[f64]) -> Option<(Charts, Map)> {
         let points: Vec<Vec<f64>> = self.particles.iter().map(|particle| particle.point.clone()).collect();
         let one = Proposal::fitted(&points, weights, &mut self.stream)?;
@@ -205,7 +205,7 @@ impl<'a> Replicate<'a> {
         self.accept(points, |old, new| proposal.ln_density(old) - proposal.ln_density(new))
     }
 
-    /// Steps along the difference of two other particles, where the map has made it straight.
+    /// Moves each particle along the difference of two others, in the map's straightened coordinates.
     fn step(&mut self, map: &Map) -> Result<usize> {
         let length = 2.38 / (2.0 * self.posterior.dimension() as f64).sqrt();
         let n = self.particles.len();
@@ -221,7 +221,7 @@ impl<'a> Replicate<'a> {
         self.accept(proposals, |old, new| map.straightened(new).1 - map.straightened(old).1)
     }
 
-    /// Accepts or rejects proposals: returns how many were accepted.
+    /// Accepts or rejects proposals; returns the number accepted.
     fn accept(&mut self, proposals: Vec<Vec<f64>>, ln_factor: impl Fn(&[f64], &[f64]) -> f64) -> Result<usize> {
         let proposed = self.particles_at(proposals)?;
         let mut n_accepted = 0;

@@ -1,23 +1,23 @@
-//! Where a posterior of one number has a valley between two answers.
+//! Finds the valley between two modes of a posterior of one quantity.
 //!
-//! The weighted draws' density is smoothed by a normal kernel of the usual width for one bump (Silverman 1986, eq. 3.31), which is too wide for two: what
-//! still shows a valley has one. Both answers must have a share that is worth a word, and the valley must be deeper than so many draws leave to chance.
+//! The density of the weighted draws is smoothed by a normal kernel of the usual width for one mode (Silverman 1986, eq. 3.31). This is too wide for two modes,
+//! so that a valley that is still visible is real. Both modes need a minimum share, and the valley must be deeper than the sampling error explains.
 
 use super::WeightedDraws;
 
-/// The lower of two peaks is at least so many times as high as the valley between them.
+/// Smallest ratio of the lower peak's height to the height of the valley.
 const LEAST_DEPTH: f64 = 2.0;
-/// The lower peak stands above the valley by so many standard errors of the smoothed density's difference.
+/// Smallest height of the lower peak above the valley, in standard errors of the smoothed density's difference.
 const LEAST_ERRORS: f64 = 4.0;
-/// Smallest share of an answer.
+/// Smallest share of a mode.
 const LEAST_SHARE: f64 = 0.05;
 const N_NODES: usize = 160;
-/// Kernels end after so many widths.
+/// Reach of a kernel, in widths.
 const REACH: f64 = 4.0;
-/// Quartiles of a standard normal are so far apart.
+/// Distance between the quartiles of a standard normal.
 const QUARTILES_APART: f64 = 1.349;
 
-/// The value at the bottom of the deepest valley of a function of the draws; `None` where there is one answer.
+/// Value at the bottom of the deepest valley of a function of the draws; `None` if there is only one mode.
 pub fn valley(draws: &WeightedDraws, of: impl Fn(&[f64]) -> f64) -> Option<f64> {
     let [low, lower, upper, high] = draws.quantiles(&of, &[0.001, 0.25, 0.75, 0.999]).try_into().ok()?;
     let mean = draws.mean(&of);
@@ -39,7 +39,7 @@ pub fn valley(draws: &WeightedDraws, of: impl Fn(&[f64]) -> f64) -> Option<f64> 
             density[k] += weight * (-0.5 * ((node(k) - value) / width).powi(2)).exp();
         }
     }
-    // Of kernels that integrate to one; their squares integrate to 1/(2 √π width), which over n is the variance for a density of one.
+    // Each kernel integrates to one. Its square integrates to 1/(2 √π width); divided by n this is the variance for unit density.
     density.iter_mut().for_each(|value| *value /= width * std::f64::consts::TAU.sqrt());
     let unit_variance = 1.0 / (2.0 * std::f64::consts::PI.sqrt() * width * n_effective);
     let highest = |nodes: &[f64]| nodes.iter().copied().fold(0.0, f64::max);
@@ -63,8 +63,8 @@ mod tests {
         WeightedDraws::new((0..n).map(|_| vec![of(&mut stream)]).collect(), &vec![0.0; n])
     }
 
-    /// Two normals six standard deviations apart, one of a share of 0.2: with 1,000 draws its peak stands seven standard errors above the valley, of which four are
-    /// asked for, and its share is known to 0.013, five of which are allowed.
+    /// Two normals six standard deviations apart, one with a share of 0.2. With 1,000 draws its peak is seven standard errors above the valley (four are
+    /// required). The standard error of its share is 0.013 (five are allowed).
     #[test]
     fn two_bumps_have_a_valley_between_them() {
         let two = |stream: &mut RandomStream| stream.normal() + if stream.unit() < 0.2 { 6.0 } else { 0.0 };
@@ -76,7 +76,7 @@ mod tests {
         }
     }
 
-    /// One bump has none, whatever its shape: normals, flat ones that end, long tails, 200 draws of each 100 times.
+    /// One mode of any shape has no valley: normal, uniform, long tail; 200 draws of each, 100 times.
     #[test]
     fn one_bump_has_no_valley() {
         for seed in 0..100 {

@@ -1,4 +1,4 @@
-//! Draws that carry weights.
+//! Draws with weights.
 
 use crate::ensemble::RandomStream;
 
@@ -7,17 +7,17 @@ use crate::ensemble::RandomStream;
 pub struct WeightedDraws {
     /// The points.
     pub points: Vec<Vec<f64>>,
-    /// Weight of each.
+    /// Weight of each point.
     pub weights: Vec<f64>,
 }
 
 impl WeightedDraws {
-    /// Draws with weights given by their logarithms up to a constant; all alike where none is finite.
+    /// Builds draws from the logarithms of their weights, up to a constant. All weights are equal if no logarithm is finite.
     pub fn new(points: Vec<Vec<f64>>, ln_weights: &[f64]) -> Self {
         Self { weights: normalised(ln_weights), points }
     }
 
-    /// Number of draws of equal weight that would serve a mean as well: 1/Σw².
+    /// Number of equally weighted draws that would give a mean of equal accuracy: 1/Σw².
     pub fn effective_size(&self) -> f64 {
         effective_size(&self.weights)
     }
@@ -27,8 +27,8 @@ impl WeightedDraws {
         self.points.iter().zip(&self.weights).map(|(point, weight)| weight * of(point)).sum()
     }
 
-    /// Quantiles of a function of the draws, in the order of `probabilities`: the inverse of the distribution function that joins the middles of
-    /// its steps by lines.
+    /// Quantiles of a function of the draws, in the order of `probabilities`. They invert the distribution function, whose steps are joined
+    /// by lines through their midpoints.
     pub fn quantiles(&self, of: impl Fn(&[f64]) -> f64, probabilities: &[f64]) -> Vec<f64> {
         let with_weight = self.points.iter().zip(&self.weights).filter(|(_, weight)| **weight > 0.0);
         let mut steps: Vec<(f64, f64)> = with_weight.map(|(point, weight)| (of(point), *weight)).collect();
@@ -44,7 +44,7 @@ impl WeightedDraws {
         probabilities.iter().map(|probability| interpolated(&knots, *probability)).collect()
     }
 
-    /// The draws at which a condition holds; all of them where it holds at none of any weight.
+    /// Restricts the weights to draws that satisfy a condition. Returns all draws if the condition holds at no draw with weight.
     pub fn part(&self, is_in: impl Fn(&[f64]) -> bool) -> Self {
         let mut part = self.clone();
         let own = self.points.iter().zip(&mut part.weights);
@@ -58,7 +58,7 @@ impl WeightedDraws {
     }
 }
 
-/// Value at a probability on the line through (value, probability) knots in ascending order; the end knots' values beyond them.
+/// Interpolates the value at a probability between (value, probability) knots in ascending order. Constant beyond the end knots.
 fn interpolated(knots: &[(f64, f64)], probability: f64) -> f64 {
     let after = knots.partition_point(|(_, p)| *p < probability);
     match (after.checked_sub(1).map(|i| knots[i]), knots.get(after)) {
@@ -68,7 +68,7 @@ fn interpolated(knots: &[(f64, f64)], probability: f64) -> f64 {
     }
 }
 
-/// Weights that add up to one, of logarithms.
+/// Weights that add up to one, from their logarithms.
 pub(super) fn normalised(ln_weights: &[f64]) -> Vec<f64> {
     let top = ln_weights.iter().copied().fold(f64::NEG_INFINITY, f64::max);
     if top == f64::NEG_INFINITY {
@@ -84,7 +84,7 @@ pub(super) fn effective_size(weights: &[f64]) -> f64 {
     1.0 / weights.iter().map(|weight| weight * weight).sum::<f64>()
 }
 
-/// Systematic resampling: n indices, each as often as its weight asks for to within one.
+/// Systematic resampling: n indices. The count of each differs from its expected count by less than one.
 pub(super) fn resampled_indices(weights: &[f64], n: usize, stream: &mut RandomStream) -> Vec<usize> {
     let offset = stream.unit();
     let (mut index, mut below) = (0, weights.first().copied().unwrap_or(0.0));
@@ -103,7 +103,7 @@ pub(super) fn resampled_indices(weights: &[f64], n: usize, stream: &mut RandomSt
 mod tests {
     use super::*;
 
-    /// Uniform draws with weights that make them exponential: quantiles −ln(1 − p), by a grid instead of chance.
+    /// Weights turn uniform draws into an exponential distribution with quantiles −ln(1 − p). A grid replaces random draws.
     #[test]
     fn quantiles_are_those_of_the_weighted_distribution() {
         let points: Vec<Vec<f64>> = (0..40_000).map(|i| vec![(f64::from(i) + 0.5) / 2_000.0]).collect();

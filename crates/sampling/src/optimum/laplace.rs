@@ -4,18 +4,18 @@ use super::Optimum;
 use crate::ensemble::RandomStream;
 use nalgebra::{DMatrix, DVector};
 
-/// A mode: a maximum and the Gaussian that touches it.
+/// A mode: a maximum and the Gaussian with its curvature.
 #[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct Mode {
     /// Unconstrained coordinates of the maximum.
     pub location: Vec<f64>,
-    /// Log density there.
+    /// Log density at the maximum.
     pub log_density: f64,
     /// Precision matrix of the Laplace approximation, row by row.
     pub precision: Vec<f64>,
     /// Laplace approximation of the log of the mode's mass: ln p + (d/2) ln 2π − ½ ln det precision.
     pub log_mass: f64,
-    /// Whether the climb ended at a proper maximum.
+    /// True if the climb ended at a proper maximum.
     pub converged: bool,
 }
 
@@ -25,7 +25,7 @@ pub struct Modes {
     modes: Vec<Mode>,
 }
 
-/// Two optima closer than this (in either's standard deviations) are one mode.
+/// Two optima closer than this (in standard deviations of either) are one mode.
 const SAME_MODE_DISTANCE: f64 = 1.0;
 
 impl Mode {
@@ -45,7 +45,7 @@ impl Mode {
         }
     }
 
-    /// Distance of a point in this mode's standard deviations.
+    /// Distance of a point from the maximum, in this mode's standard deviations.
     pub fn distance(&self, point: &[f64]) -> f64 {
         let n = self.location.len();
         let away: Vec<f64> = point.iter().zip(&self.location).map(|(x, m)| x - m).collect();
@@ -53,11 +53,11 @@ impl Mode {
         form.max(0.0).sqrt()
     }
 
-    /// A draw from the Laplace approximation with standard deviations multiplied by `spread`.
+    /// Draws from the Laplace approximation, with standard deviations multiplied by `spread`.
     pub fn draw(&self, spread: f64, stream: &mut RandomStream) -> Vec<f64> {
         let n = self.location.len();
         let noise = DVector::from_fn(n, |_, _| stream.normal());
-        // Precision = L Lᵀ: L⁻ᵀ z has its inverse as covariance.
+        // Precision = L Lᵀ, so that the covariance of L⁻ᵀ z is the inverse of the precision.
         let step = DMatrix::from_row_slice(n, n, &self.precision)
             .cholesky()
             .and_then(|factor| factor.l().transpose().solve_upper_triangular(&noise))
@@ -67,7 +67,7 @@ impl Mode {
 }
 
 impl Modes {
-    /// One mode alone.
+    /// A set of one mode.
     pub fn only(mode: &Mode) -> Self {
         Self { modes: vec![mode.clone()] }
     }
@@ -89,12 +89,12 @@ impl Modes {
         self.modes.sort_by(|a, b| b.log_mass.total_cmp(&a.log_mass));
     }
 
-    /// The mode in whose standard deviations a point is nearest, with its number.
+    /// The mode nearest to a point, in that mode's standard deviations, with its index.
     pub fn nearest(&self, point: &[f64]) -> Option<(usize, &Mode)> {
         self.modes.iter().enumerate().min_by(|a, b| a.1.distance(point).total_cmp(&b.1.distance(point)))
     }
 
-    /// The mode at a point u of [0, 1) of the cumulated weights.
+    /// The mode at which the cumulated weights exceed u, in [0, 1).
     pub fn at_share(&self, u: f64) -> Option<&Mode> {
         let mut cumulated = 0.0;
         let reached = |weight: f64| {
@@ -115,7 +115,7 @@ impl Modes {
         self.modes.len()
     }
 
-    /// Whether none was found.
+    /// True if no mode was found.
     pub fn is_empty(&self) -> bool {
         self.modes.is_empty()
     }
@@ -145,7 +145,7 @@ mod tests {
         assert!(modes.iter().map(|mode| mode.log_mass.exp()).sum::<f64>() - 1.0 < 1e-3);
     }
 
-    /// Mean square distance of draws is d; its error with 20,000 draws of d = 2 is √(2·2/20000) = 0.014: six of those.
+    /// The mean square distance of draws is d. Its error for 20,000 draws and d = 2 is √(2·2/20000) = 0.014; the tolerance is six of these.
     #[test]
     fn draws_have_the_approximation_s_covariance() {
         let optimum = Optimum {

@@ -1,39 +1,39 @@
-//! A saddle-free Newton ascent on a log density of few coordinates, derivatives by differences.
+//! Saddle-free Newton ascent on a log density of few coordinates, with derivatives by differences.
 
 use super::stencil::{Derivatives, differentiate, evaluate};
 use crate::LogDensity;
 use base::Result;
 use nalgebra::{DMatrix, DVector, SymmetricEigen};
 
-/// A maximum and the curvature there.
+/// A maximum and its curvature.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Optimum {
     /// Unconstrained coordinates.
     pub location: Vec<f64>,
-    /// Log density there.
+    /// Log density at the maximum.
     pub log_density: f64,
     /// Precision matrix −∂²ln p, made positive definite, row by row.
     pub precision: Vec<f64>,
-    /// Whether the gradient vanishes to within 10⁻⁶ nats of gain and the curvature is negative in every direction.
+    /// True if the quadratic model promises less than 10⁻⁶ nats of gain and the curvature is negative in every direction.
     pub converged: bool,
 }
 
 const MAX_ITERATIONS: usize = 500;
-/// Iterations before ridges are reckoned with: most climbs have ended by then, and corrections cost ten times a plain step.
+/// Iterations before steps are corrected for ridges. Most climbs end earlier, and a correction costs ten times a plain step.
 const PLAIN_ITERATIONS: usize = 20;
 /// Dampings μ tried at every step, in units of the curvature along coordinates.
 const DAMPINGS: [f64; 14] = [0.0, 1e-6, 1e-5, 1e-4, 1e-3, 3e-3, 1e-2, 3e-2, 0.1, 0.3, 1.0, 10.0, 100.0, 1e4];
-/// Damping of the step that leads back to a ridge: stiff directions only are to be corrected.
+/// Damping of the step that leads back to a ridge. It corrects only the stiff directions.
 const RIDGE_DAMPING: f64 = 0.03;
-/// Gain (nats) that the local quadratic model still promises at convergence.
+/// Gain (nats) promised by the local quadratic model below which the climb has converged.
 const GAIN_TOLERANCE: f64 = 1e-6;
-/// Change of log density (nats) that a difference step aims at: large against rounding, small against the model's range.
+/// Target change of the log density (nats) over a difference step: large against rounding, small against the model's range.
 const DIFFERENCE_TARGET: f64 = 1e-2;
 
-/// Climbs to a maximum. `None` when the start, or the way up, lies where nothing can be differentiated (−∞).
+/// Climbs to a maximum. `None` if the log density cannot be differentiated (−∞) at the start or on the way up.
 ///
-/// Steps are taken in coordinates scaled by the curvature's diagonal, along (|Λ| + μ)⁻¹ of its eigenvalues Λ; all
-/// candidates for μ are tried in one batch and the best is taken, so no trust region has to be tuned.
+/// Steps use coordinates scaled by the curvature's diagonal and follow (|Λ| + μ)⁻¹ of its eigenvalues Λ. All candidates
+/// for μ are evaluated in one batch and the best is used, so that no trust region needs tuning.
 ///
 /// # Errors
 /// [`base::Error::Numerical`] when a log density is +∞.
@@ -46,7 +46,7 @@ pub fn maximise(density: &dyn LogDensity, start: &[f64]) -> Result<Option<Optimu
         let adapted = adapted_steps(&x, value, &derivatives, &steps);
         let settled = adapted.iter().zip(&steps).all(|(new, old)| (0.5..2.0).contains(&(new / old)));
         steps = adapted;
-        // The curvature that leaves here must have been taken with steps of the right size.
+        // The returned curvature must come from steps of the right size.
         let at_rest = local.gain < GAIN_TOLERANCE && local.is_maximum();
         if (at_rest && (settled || refined)) || iteration == MAX_ITERATIONS {
             return Ok(Some(local.optimum(&x, value, at_rest)));
@@ -63,15 +63,15 @@ pub fn maximise(density: &dyn LogDensity, start: &[f64]) -> Result<Option<Optimu
         if values[best] > value {
             (x, value) = (candidates[best].clone(), values[best]);
         } else if !at_rest && settled {
-            // Rounding or a kink: as far up as differences lead.
+            // Rounding or a kink: differences cannot lead higher.
             return Ok(Some(local.optimum(&x, value, local.gain < 1e-3 && local.is_maximum())));
         }
     }
     Ok(None)
 }
 
-/// The Gaussian that has the density's value and curvature at a point that is no maximum; `None` where nothing can be differentiated. Difference steps are
-/// adapted twice, which takes them from a thousandth of a unit to any that a maximum's would be.
+/// The Gaussian with the density's value and curvature at a point that is not a maximum. `None` if the density cannot be differentiated there. Difference steps
+/// are adapted twice, which can change them from a thousandth of a unit to any size that a maximum needs.
 ///
 /// # Errors
 /// [`base::Error::Numerical`] when a log density is +∞.
@@ -88,7 +88,7 @@ pub fn touching(density: &dyn LogDensity, point: &[f64]) -> Result<Option<Optimu
 /// A point, its log density and the first difference steps.
 type Beginning = (DVector<f64>, f64, DVector<f64>);
 
-/// `None` outside the support.
+/// Starting values at a point; `None` outside the support.
 fn beginning(density: &dyn LogDensity, point: &[f64]) -> Result<Option<Beginning>> {
     let x = DVector::from_column_slice(point);
     let value = evaluate(density, std::slice::from_ref(&x))?[0];
@@ -96,14 +96,14 @@ fn beginning(density: &dyn LogDensity, point: &[f64]) -> Result<Option<Beginning
     Ok((value.is_finite() && !x.is_empty()).then_some((x, value, steps)))
 }
 
-/// Steps over which each coordinate alone would change the log density by the target.
+/// Steps over which each coordinate alone changes the log density by the target.
 fn adapted_steps(x: &DVector<f64>, value: f64, derivatives: &Derivatives, steps: &DVector<f64>) -> DVector<f64> {
     let target = DIFFERENCE_TARGET.max(1e-9 * value.abs());
     DVector::from_fn(x.len(), |i, _| {
         let curvature = derivatives.hessian[(i, i)].abs();
         let wanted = (2.0 * target / curvature.max(1e-300)).sqrt();
         let widest = 0.1 * (1.0 + x[i].abs());
-        // At most tenfold at a time: a single curvature may be an accident.
+        // At most tenfold at a time, because a single curvature may be an outlier.
         wanted.clamp(0.1 * steps[i], 10.0 * steps[i]).clamp(1e-9 * (1.0 + x[i].abs()), widest)
     })
 }
@@ -139,8 +139,8 @@ impl Local {
         self.eigen.eigenvalues.iter().all(|&l| l > 1e-8)
     }
 
-    /// A step given along the eigenvectors, in coordinates. None of them moves by more than a few units at once: in logarithms
-    /// that is a factor of twenty.
+    /// Converts a step along the eigenvectors to coordinates. No coordinate moves by more than a few units at once,
+    /// which is a factor of twenty for a logarithm.
     fn bounded_step(&self, x: &DVector<f64>, along: DVector<f64>) -> DVector<f64> {
         let step = (&self.eigen.eigenvectors * along).component_mul(&self.scale);
         let longest = step.iter().zip(x).map(|(s, x)| s.abs() / (3.0 + x.abs())).fold(0.0, f64::max);
@@ -154,7 +154,7 @@ impl Local {
             push(self.slope.zip_map(&self.eigen.eigenvalues, |g, l| g / (Self::stiff(l) + mu)));
         }
         for (k, &l) in self.eigen.eigenvalues.iter().enumerate() {
-            // Down a ridge's side both ways, in case the gradient vanishes on it.
+            // Down the side of a ridge in both directions, in case the gradient vanishes on the ridge.
             if l < -1e-8 {
                 for length in [-1.0, -0.1, 0.1, 1.0] {
                     push(DVector::from_fn(x.len(), |i, _| if i == k { length } else { 0.0 }));
@@ -164,8 +164,8 @@ impl Local {
         candidates
     }
 
-    /// Where the quadratic model breaks down, on a curved ridge, a long step along the soft directions leaves the ridge. A
-    /// second step, from the gradient at its end but with the same curvature, leads back: the candidates so corrected.
+    /// Corrects candidates on curved ridges. A long step along the soft directions leaves such a ridge, because the quadratic model fails there.
+    /// A second step leads back: it uses the gradient at the end of the first step and the old curvature.
     fn corrected(
         &self,
         density: &dyn LogDensity,

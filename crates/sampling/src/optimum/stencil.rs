@@ -1,4 +1,4 @@
-//! Gradient and Hessian by central differences, all points in one batch.
+//! Gradient and Hessian by central differences, with all points in one batch.
 
 use crate::LogDensity;
 use crate::check_log_densities;
@@ -11,8 +11,8 @@ pub(super) struct Derivatives {
     pub hessian: DMatrix<f64>,
 }
 
-/// Log densities of points given one by one. NaN counts as −∞ here: a long trial step may leave the range of numbers, and
-/// it is for the sampler, which keeps to where the mass is, to stop at a NaN.
+/// Log densities of points given one by one. NaN counts as −∞ here, because a long trial step may overflow.
+/// The sampler, which stays near the mass, stops at a NaN.
 pub(super) fn evaluate(density: &dyn LogDensity, points: &[DVector<f64>]) -> Result<Vec<f64>> {
     let (n, dimension) = (points.len(), density.dimension());
     if n == 0 {
@@ -26,10 +26,10 @@ pub(super) fn evaluate(density: &dyn LogDensity, points: &[DVector<f64>]) -> Res
     Ok(values)
 }
 
-/// Central differences with the given steps; steps are halved until the whole stencil lies in the support, `None` when
-/// that does not help.
+/// Differentiates by central differences with the given steps. The steps are halved until the whole stencil lies in the support.
+/// `None` if halving does not help.
 ///
-/// Mixed derivatives come from the two corners (+,+) and (−,−): 1 + d + d² points in all but the centre.
+/// Mixed derivatives use the two corners (+,+) and (−,−), so that the stencil has 1 + d + d² points besides the centre.
 pub(super) fn differentiate(
     density: &dyn LogDensity,
     centre: &DVector<f64>,

@@ -1,4 +1,4 @@
-//! What the ranks of all replicates say.
+//! Judges a calibration by the ranks of all replicates.
 
 use super::sentence::sentence;
 use super::{FEWEST, LEVEL, LOG_DENSITY, N_DRAWS, Ranked, Replicate, Subject};
@@ -7,17 +7,17 @@ use sampling::calibration::{
     Ranks, chi_square, count_interval, holm, p_of_chi_square, p_of_score, probability_interval,
 };
 
-/// Numbers of bins, the most first, that divide the ranks; as many are taken as leave [`FEWEST_IN_BIN`] ranks in each.
+/// Numbers of bins for the ranks, largest first. The first number that leaves [`FEWEST_IN_BIN`] ranks in each bin is used.
 const BINS: [usize; 4] = [20, 10, 5, 4];
-/// Ranks in a bin, on average, from which on χ² may be trusted.
+/// Smallest mean number of ranks in a bin for which χ² can be trusted.
 const FEWEST_IN_BIN: usize = 5;
 
-/// The document of a calibration, from its replicates in any order.
+/// Document of a calibration, from its replicates in any order.
 pub fn judged(subject: &Subject, replicates: &[Replicate]) -> Calibration {
     let mut sorted: Vec<&Replicate> = replicates.iter().collect();
     sorted.sort_by_key(|own| own.number);
     let sampled: Vec<&Ranked> = sorted.iter().filter_map(|own| own.ranked.as_ref()).collect();
-    // Whether a run has converged depends on its record, not on its truth but through it: leaving out those that have not keeps the others' ranks uniform.
+    // Convergence depends on the truth only through the record. Leaving out runs that did not converge therefore keeps the other ranks uniform.
     let ranked: Vec<&Ranked> = sampled.iter().copied().filter(|own| own.converged).collect();
     let n_bins = BINS.into_iter().find(|bins| bins * FEWEST_IN_BIN <= ranked.len()).unwrap_or(BINS[BINS.len() - 1]);
     let names = subject.parameters.iter().map(String::as_str).chain([LOG_DENSITY]);
@@ -80,7 +80,7 @@ fn quantity(name: &str, index: usize, ranked: &[&Ranked], n_bins: usize) -> Cali
     }
 }
 
-/// Three statistics a quantity: χ² sees any shape, place and spread see the two usual ones with fewer replicates.
+/// Corrects p for three statistics of each quantity: χ² detects any shape, while place and spread detect the two usual faults with fewer replicates.
 fn correct(quantities: &mut [CalibratedQuantity]) {
     let of = |own: &CalibratedQuantity| Some([own.p_chi_square?, p_of_score(own.place?), p_of_score(own.spread?)]);
     let Some(p) = quantities.iter().map(of).collect::<Option<Vec<_>>>() else { return };

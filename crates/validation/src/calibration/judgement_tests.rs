@@ -1,4 +1,4 @@
-//! Ranks made by hand: right, wrong in known ways, too few.
+//! Judges ranks that are made by hand: right ones, wrong ones of known kinds, and too few.
 
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -16,7 +16,7 @@ fn subject() -> Subject {
     }
 }
 
-/// Uniform ranks, the first parameter's changed by `change`.
+/// Uniform ranks, with those of the first parameter changed by `change`.
 fn replicates(n: usize, change: impl Fn(usize) -> usize) -> Vec<Replicate> {
     let mut rng = ChaCha8Rng::seed_from_u64(11);
     let one = |number: usize| {
@@ -28,13 +28,13 @@ fn replicates(n: usize, change: impl Fn(usize) -> usize) -> Vec<Replicate> {
     (0..n).map(one).collect()
 }
 
-/// Right ranks pass but once in a hundred seeds, and wrong ones are called by their names: of 200 ranks that are halved the place is expected at −12 standard errors, of those drawn towards the ends
-/// the spread beyond 8.
+/// Right ranks fail for one seed in a hundred, and wrong ranks are named correctly. For 200 halved ranks the expected place is −12 standard errors. For ranks
+/// drawn towards the ends the spread exceeds 8.
 #[test]
 fn verdicts_are_those_of_the_ranks() {
     let right = judged(&subject(), &replicates(200, |rank| rank));
     assert_eq!((right.verdict.kind, right.redrawn), (CalibrationKind::Calibrated, 100));
-    assert!(right.verdict.sentence.contains("as often as they say: over 200 simulated records nothing"));
+    assert!(right.verdict.sentence.contains("as often as stated, over 200 simulated records"));
     assert_eq!(right.quantities.iter().map(|own| own.counts.len()).collect::<Vec<_>>(), [20, 20, 20]);
     assert_eq!((right.quantities[0].z_mean, right.quantities[2].z_mean), (Some(0.5), None));
     let high = judged(&subject(), &replicates(200, |rank| rank / 2));
@@ -47,7 +47,7 @@ fn verdicts_are_those_of_the_ranks() {
     assert!(narrow.quantities[0].coverage_90.share < Some(0.8));
 }
 
-/// What did not converge is counted and left out; with too few of the rest nothing is said.
+/// Replicates that did not converge are counted and left out. With too few others there is no verdict.
 #[test]
 fn what_cannot_be_counted_is_said() {
     let mut all = replicates(60, |rank| rank);
@@ -58,7 +58,7 @@ fn what_cannot_be_counted_is_said() {
     let found = judged(&subject(), &all);
     assert_eq!((found.replicates, found.ranked, found.not_converged, found.failed), (60, 29, 30, 1));
     assert_eq!((found.verdict.kind, found.quantities[0].counts.len()), (CalibrationKind::Calibrated, 5));
-    assert!(found.verdict.sentence.contains("30 of 60 had not converged and are not counted, 1 of 60 could not be"));
+    assert!(found.verdict.sentence.contains("30 of 60 did not converge and are not counted, 1 of 60 could not be"));
     all.reverse();
     assert_eq!(judged(&subject(), &all), found, "the order of replicates shows");
     let few = judged(&subject(), &all[..30]);

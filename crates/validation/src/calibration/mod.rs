@@ -1,8 +1,8 @@
-//! Simulation-based calibration of one experiment's inference (Talts et al. 2018, arXiv:1804.06788): parameters are drawn from its prior, a record is simulated at its rows and sampled as
-//! `sample` does, and the truth's rank among the draws must be uniform.
+//! Simulation-based calibration of one experiment's inference (Talts et al. 2018, arXiv:1804.06788). Parameters are drawn from the prior, and a record is
+//! simulated at the experiment's rows and sampled as by `sample`. The truth's rank among the draws must be uniform.
 //!
-//! Records are simulated by the full finite-element model and sampled by the reduced one, so that the reduced model's error shows in the ranks. A calibration cannot say whether the finite
-//! elements are the physics.
+//! The full-order model simulates the records and the surrogate samples them, so that the surrogate's error shows in the ranks. A calibration cannot test if
+//! the finite elements describe the physics.
 
 mod judgement;
 mod sentence;
@@ -32,20 +32,20 @@ use sampling::calibration::{apart, rank};
 use sampling::ensemble::SampleOutcome;
 use sampling::{LogDensity, SamplerOptions};
 
-/// Posterior draws that a truth is ranked among: 100 ranks, which bins of 20 and intervals of 50 % and 90 % divide without a rest.
+/// Number of posterior draws that a truth is ranked among. The 100 possible ranks divide evenly into 20 bins and into intervals of 50 % and 90 %.
 pub const N_DRAWS: usize = 99;
-/// Name of the last ranked quantity: it sees what no single parameter shows, such as a posterior that is the prior.
+/// Name of the last ranked quantity. It reveals faults that no single parameter shows, such as a posterior that equals the prior.
 pub const LOG_DENSITY: &str = "log_density";
-/// Largest corrected p at which a calibration fails: a right program fails one in a hundred at most.
+/// Largest corrected p at which a calibration fails. A right program fails at most once in a hundred.
 const LEVEL: f64 = 0.01;
-/// Fewest ranked truths that are judged: with fewer χ² is no χ², and only gross errors would show.
+/// Smallest number of ranked truths for a verdict. With fewer, the statistic is not χ² distributed and only gross errors would show.
 pub const FEWEST: usize = 20;
-/// Streams of truths and their noise, one a replicate; samplers have seeds of their own.
+/// First random stream of truths and their noise, one stream for each replicate. Samplers have their own seeds.
 const STREAMS: u64 = 1 << 61;
-/// Draws from the prior for one replicate: where so few have a model there is no prior to calibrate.
+/// Largest number of prior draws for one replicate. If the model fails for all of them, there is no prior to calibrate.
 const MOST_DRAWN: usize = 200;
 
-/// What a calibration is of; the same for all its replicates.
+/// Subject of a calibration, common to all replicates.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Subject {
     /// Specimen of the experiment.
@@ -54,40 +54,40 @@ pub struct Subject {
     pub model: ModelSummary,
     /// Sampled parameters.
     pub parameters: Vec<String>,
-    /// What simulates its records.
+    /// Model that simulates the records.
     pub simulated_by: Simulator,
 }
 
-/// One simulated record and what its posterior said.
+/// One simulated record with the result of its sampling.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Replicate {
-    /// Its number, from 0.
+    /// Number of the replicate, from 0.
     pub number: usize,
-    /// The sampled parameters that it was simulated with, in their own units.
+    /// True values of the sampled parameters, in their own units.
     pub truth: Vec<f64>,
-    /// Draws from the prior before this truth, which the model refuses.
+    /// Number of prior draws before this truth that the model refused.
     pub redrawn: usize,
-    /// What the sampler came to; `None` where it failed.
+    /// Ranks from the sampler; `None` if it failed.
     pub ranked: Option<Ranked>,
-    /// Why it failed.
+    /// Reason of the failure.
     pub failure: Option<String>,
 }
 
-/// A truth among the draws of its posterior.
+/// Ranks of a truth among the draws of its posterior.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Ranked {
-    /// Ranks of all parameters, and of the log-density last.
+    /// Ranks of all parameters, then of the log density.
     pub ranks: Vec<usize>,
-    /// (truth − posterior mean)/posterior standard deviation of each parameter, in the sampler's coordinates.
+    /// (true value − posterior mean)/posterior standard deviation of each parameter, in the sampler's coordinates.
     pub z: Vec<f64>,
-    /// Whether the sampler's demands were met.
+    /// True if the sampler has converged.
     pub converged: bool,
 }
 
-/// Refuses an experiment whose inference cannot be calibrated, before anything is meshed; gives the model's priors as they are written.
+/// Checks that an experiment's inference can be calibrated, before any mesh is made. Returns the text of the model's priors.
 ///
 /// # Errors
-/// [`Error::Input`].
+/// [`Error::Input`] if it cannot be calibrated.
 pub fn check(experiment: &Experiment, model: &ModelSpecification, options: &SamplerOptions) -> Result<String> {
     refuse_too_many_rows(experiment.record.n_rows())?;
     let mechanics = Arc::new(Mechanics::Instrument { compliance_per_m: 1.0 });
@@ -97,7 +97,7 @@ pub fn check(experiment: &Experiment, model: &ModelSpecification, options: &Samp
         return Err(Error::input(
             Place::setting(Setting::Effects),
             format!(
-                "{} are learnt about the law of one record, and every simulated record would take its own",
+                "the surrogate for {} is trained for the law of one record, so each simulated record would need its own",
                 field.words()
             ),
             format!("calibrate the model without `{slug}`"),
@@ -107,22 +107,22 @@ pub fn check(experiment: &Experiment, model: &ModelSpecification, options: &Samp
     Ok(problem.priors.text().into())
 }
 
-/// What all replicates share: meshed, assembled and trained once.
+/// Prepared model that all replicates share: meshed, assembled and trained once.
 pub struct Bench {
     model: PreparedModel,
 }
 
 impl Bench {
-    /// Meshes, assembles and trains.
+    /// Meshes, assembles and trains the model.
     ///
     /// # Errors
-    /// As [`check`]; whatever meshing and training refuse.
+    /// Errors of [`check`], of meshing and of training.
     pub fn new(experiment: Experiment, model: ModelSpecification, monitor: &dyn Monitor) -> Result<Self> {
         let problem = Problem::new(experiment, model, None, monitor)?;
         Ok(Self { model: PreparedModel::unverified(&problem, None, monitor)? })
     }
 
-    /// What is calibrated.
+    /// Returns the subject of the calibration.
     pub fn subject(&self) -> Subject {
         let has_finite_elements = self.model.problem.finite_elements().is_some();
         Subject {
@@ -133,10 +133,10 @@ impl Bench {
         }
     }
 
-    /// Replicates of some numbers, in their order; each depends on its number and on the seed in `options` alone.
+    /// Returns the replicates with these numbers, in order. Each depends only on its number and on the seed in `options`.
     ///
     /// # Errors
-    /// [`Error::Interrupted`] when stopped; [`Error::Numerical`] where next to nothing of the prior has a model.
+    /// [`Error::Interrupted`] when stopped; [`Error::Numerical`] if the model fails for nearly all of the prior.
     pub fn replicates(
         &self,
         numbers: std::ops::Range<usize>,
@@ -183,7 +183,7 @@ impl Bench {
         }
     }
 
-    /// A truth that has a model, and its record.
+    /// Draws a truth for which the model works, and simulates its record.
     fn simulated(&self, forwards: &Forwards<'_>, rng: &mut ChaCha8Rng, monitor: &dyn Monitor) -> Result<Simulated> {
         let Problem { experiment, model, noise, priors, .. } = &self.model.problem;
         let record = &experiment.record;
@@ -196,7 +196,7 @@ impl Bench {
             let natural = posterior.natural(&priors.to_unconstrained(&truth));
             let (parameters, of_noise) = natural.split_at(model.parameters().len());
             let Ok(trajectory_m) = forwards.trajectory_m(parameters) else { continue };
-            // Where tracking was lost nothing is simulated: a heavy-tailed noise that is seen everywhere would not be that of what is left.
+            // Rows with lost tracking are not simulated. A heavy-tailed noise has another effect if it is observed in more rows.
             let time_s: Vec<f64> = rows.iter().map(|row| record.time_s[*row]).collect();
             let recordings = self.model.problem.recordings();
             let cycle: Vec<u32> = rows.iter().map(|row| recordings[*row]).collect();
@@ -211,8 +211,12 @@ impl Bench {
             }
         }
         Err(Error::numerical(
-            format!("of {MOST_DRAWN} draws from the prior none has a model for this record"),
-            format!("give a narrower prior ({}), or fix what makes it fail ({})", Setting::Prior, Setting::Fixed),
+            format!("the model fails for all of {MOST_DRAWN} draws from the prior with this record"),
+            format!(
+                "give a narrower prior ({}), or fix the parameter that makes it fail ({})",
+                Setting::Prior,
+                Setting::Fixed
+            ),
         ))
     }
 
@@ -235,13 +239,13 @@ impl Bench {
     }
 }
 
-/// A truth, at a point of the sampler and by its log-density, among the draws.
+/// Ranks a truth among the draws, by its coordinates and its log density.
 fn ranked(point: &[f64], log_density: f64, outcome: &SampleOutcome) -> Result<Ranked> {
     let draws = &outcome.draws;
     let places = apart(draws, N_DRAWS);
     if places.len() < N_DRAWS {
         return Err(Error::numerical(
-            format!("{} draws were kept, and {N_DRAWS} are ranked among", places.len()),
+            format!("only {} draws were kept, but ranks need {N_DRAWS}", places.len()),
             format!("give more steps ({}) or walkers ({})", Setting::Steps, Setting::Chains),
         ));
     }
@@ -262,26 +266,27 @@ fn ranked(point: &[f64], log_density: f64, outcome: &SampleOutcome) -> Result<Ra
     });
     let z: Vec<f64> = z.collect();
     if z.iter().any(|z| !z.is_finite()) {
-        return Err(Error::numerical("the draws do not differ", format!("give more steps ({})", Setting::Steps)));
+        return Err(Error::numerical("all draws are equal", format!("give more steps ({})", Setting::Steps)));
     }
     Ok(Ranked { ranks, z, converged: outcome.converged })
 }
 
-/// A truth that was drawn, and the positions (m) that were simulated at the fitted rows.
+/// A drawn truth with the simulated positions (m) at the fitted rows.
 struct Simulated {
     truth: Vec<f64>,
     redrawn: usize,
     position_m: Vec<Option<f64>>,
 }
 
-/// The models of one record up to its last fitted row.
+/// Models of one record up to its last fitted row.
 struct Forwards<'a> {
     reduced: &'a dyn Forward,
     full: Option<&'a dyn Forward>,
 }
 
 impl Forwards<'_> {
-    /// The trajectory (m) by the full model, where there is one. What the reduced model refuses is outside of the posterior, and so of the prior; it is asked first, since it answers at once.
+    /// Returns the trajectory (m) of the full-order model, if there is one. Parameters that the surrogate refuses lie outside the posterior and hence the
+    /// prior. The surrogate runs first because it is fast.
     fn trajectory_m(&self, parameters: &[f64]) -> Result<Vec<f64>> {
         let reduced_m = self.reduced.trajectory_m(parameters)?;
         self.full.map_or(Ok(reduced_m), |full| full.trajectory_m(parameters))

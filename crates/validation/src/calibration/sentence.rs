@@ -1,25 +1,25 @@
-//! The verdict in plain English.
+//! The calibration's verdict as a sentence.
 
 use super::{FEWEST, LEVEL, LOG_DENSITY};
 use documents::calibration::{CalibratedQuantity, Calibration, CalibrationKind};
 use figures::number::significant;
 
-/// A score beyond this is said as what is wrong; the verdict itself rests on corrected p.
+/// Score beyond which a fault is named. The verdict itself uses the corrected p.
 const TELLING: f64 = 3.0;
-/// Quantities that are named.
+/// Largest number of named quantities.
 const MOST_NAMED: usize = 3;
 
-/// What follows.
+/// Returns the verdict as a sentence.
 pub(super) fn sentence(found: &Calibration) -> String {
     let n = found.ranked;
     let records = format!("{n} simulated records");
     let said = match found.verdict.kind {
         CalibrationKind::Undecided => format!(
-            "Nothing is said of the posteriors: {n} of {} simulated records could be ranked, and {FEWEST} are needed.",
+            "There is no verdict on the posteriors: {n} of {} simulated records could be ranked, but {FEWEST} are needed.",
             found.replicates
         ),
         CalibrationKind::Calibrated => format!(
-            "The posteriors hold the truths as often as they say: over {records} nothing speaks against it (smallest corrected p {}).",
+            "The posteriors are calibrated: their intervals contain the true values as often as stated, over {records} (smallest corrected p {}).",
             p(found.quantities.iter())
         ),
         CalibrationKind::Miscalibrated => {
@@ -31,14 +31,11 @@ pub(super) fn sentence(found: &Calibration) -> String {
                 0 => String::new(),
                 more => format!("; and {more} more"),
             };
-            format!(
-                "The posteriors do not hold the truths as often as they say, over {records}: {}{more}.",
-                named.join("; ")
-            )
+            format!("The posteriors are not calibrated, over {records}: {}{more}.", named.join("; "))
         }
     };
     let left_out: Vec<String> =
-        [(found.not_converged, "had not converged and are not counted"), (found.failed, "could not be sampled")]
+        [(found.not_converged, "did not converge and are not counted"), (found.failed, "could not be sampled")]
             .into_iter()
             .filter(|(count, _)| *count > 0)
             .map(|(count, words)| format!("{count} of {} {words}", found.replicates))
@@ -46,11 +43,13 @@ pub(super) fn sentence(found: &Calibration) -> String {
     if left_out.is_empty() { said } else { format!("{said} {}.", left_out.join(", ")) }
 }
 
-/// One quantity's fault.
+/// Text on one quantity's fault.
 fn fault(own: &CalibratedQuantity) -> String {
     let corrected = p([own].into_iter());
     if own.name == LOG_DENSITY {
-        return format!("the log-density at the truth is not among those of the draws (corrected p {corrected})");
+        return format!(
+            "the log density at the true values does not rank uniformly among the draws (corrected p {corrected})"
+        );
     }
     let (place, spread) = (own.place.unwrap_or(0.0), own.spread.unwrap_or(0.0));
     let mut words = Vec::new();
@@ -64,11 +63,11 @@ fn fault(own: &CalibratedQuantity) -> String {
     } else if spread < -TELLING {
         words.push("too wide");
     }
-    let what = if words.is_empty() { "of another shape".into() } else { words.join(" and ") };
+    let what = if words.is_empty() { "wrong in shape".into() } else { words.join(" and ") };
     format!("{} is {what} (corrected p {corrected})", own.name)
 }
 
-/// The smallest corrected p, to two digits.
+/// Smallest corrected p, with two digits.
 fn p<'a>(quantities: impl Iterator<Item = &'a CalibratedQuantity>) -> String {
     let smallest = quantities.filter_map(|own| own.p_holm).fold(1.0, f64::min);
     significant(smallest, 2)

@@ -1,4 +1,4 @@
-//! Where truths are drawn.
+//! Draws the truths of challenges.
 
 use rayon::prelude::*;
 
@@ -22,68 +22,69 @@ use posterior::study::ModelSpecification;
 use record::{Apparatus, Experiment};
 use sampling::ensemble::RandomStream;
 
-/// Pairs that are drawn at most until two effects can stand together.
+/// Largest number of pairs that are drawn until two effects are compatible.
 const MOST_PAIRS: usize = 1000;
 
-/// What to hide, in which experiment.
+/// Specification of a truth: the hidden thing and the experiment.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Order {
-    /// What to hide.
+    /// The hidden thing.
     pub hidden: Hidden,
-    /// Protocol.
+    /// Protocol of the experiment.
     pub protocol: Protocol,
-    /// Noise.
+    /// Noise of the experiment.
     pub noise: NoiseKind,
-    /// Whether the experiment states the noise.
+    /// True if the experiment states the noise.
     pub is_noise_given: bool,
-    /// How much of it.
+    /// Strength of the hidden thing.
     pub strength: Strength,
 }
 
-/// The reference apparatus with its reduced model, on which truths are drawn and sized.
+/// The reference apparatus with its surrogate. Truths are drawn and sized on it.
 pub struct Bench {
     problem: Problem,
     compliance: Compliance,
     library: Library,
-    /// Effects that can be fitted here, in the library's order.
+    /// Effects that can be fitted on this bench, in the library's order.
     served: Vec<&'static dyn Effect>,
 }
 
-/// Elastic displacement, retardation time and flow of a drawn law lie within these factors of Table I's.
+/// Elastic displacement, retardation time and flow of a drawn law lie within these factors of the values in Table I.
 const LARGEST_FACTOR: f64 = 2.0;
 const LONGEST_FACTOR: f64 = 3.0;
-/// Laws, signs and shapes that are tried before a signal is called out of reach.
+/// Number of laws, signs and shapes that are tried before a signal counts as out of reach.
 const MOST_DRAWS: usize = 40;
-/// Signal of what is outside the library where none is asked for: it has no prior.
+/// Default signal of physics outside the library, which has no prior.
 const OUTSIDE_SIGMA: f64 = 20.0;
-/// Rounds in which sizes and the range of positions that their priors are scaled by come to agree.
+/// Number of rounds in which sizes become consistent with the position range that scales their priors.
 const PRIOR_ROUNDS: usize = 4;
 
-/// An effect with a size from its prior.
+/// An effect with its size drawn from the prior.
 pub(super) struct FromPriors {
     /// E (Pa), c₁ and c₂ (Pa s).
     pub law: [f64; 3],
     /// Parameters of the effect.
     pub parameters: Vec<NamedValue>,
-    /// Distance in σ that the best fit without it leaves of its noise-free data.
+    /// Signal: distance in σ between the noise-free data and the best fit without the effect.
     pub signal_sigma: f64,
-    /// Noise-free position (m) at every row, by the reduced model.
+    /// Noise-free position (m) at every row, from the surrogate.
     pub position_m: Vec<f64>,
 }
 
 impl Bench {
-    /// Meshes the reference apparatus and trains its reduced model for all effects of the library.
+    /// Meshes the reference apparatus and trains its surrogate for all effects of the library.
     ///
     /// # Errors
-    /// Whatever the training refuses.
+    /// Errors of the training.
     pub fn new(monitor: &dyn Monitor) -> Result<Self> {
         Self::serving_those(|_| true, monitor)
     }
 
-    /// Trains its reduced model for those effects alone that are named, and for all that need no more than the base law's: for one truth with these hidden.
+    /// Trains the surrogate only for the named effects and for all effects that need no more than the base law's surrogate. This suffices for one truth with
+    /// these effects hidden.
     ///
     /// # Errors
-    /// [`Error::Input`] where there is no such effect; whatever the training refuses.
+    /// [`Error::Input`] if an effect does not exist; errors of the training.
     pub fn serving(slugs: &[String], monitor: &dyn Monitor) -> Result<Self> {
         refuse_unknown(&Library::default(), slugs)?;
         Self::serving_those(|effect| !effect.changes_field() || slugs.iter().any(|s| s == effect.slug()), monitor)
@@ -99,7 +100,7 @@ impl Bench {
         Ok(Self { problem, compliance, library, served })
     }
 
-    /// The library.
+    /// The library of effects.
     pub fn library(&self) -> &Library {
         &self.library
     }
@@ -109,7 +110,7 @@ impl Bench {
         &self.problem.experiment.apparatus
     }
 
-    /// A subject of the diagnosis: an experiment on the reference apparatus, under the default base model.
+    /// Returns a subject of the diagnosis: an experiment on the reference apparatus with the default base model.
     ///
     /// # Errors
     /// As [`Subject::with_compliance`].
@@ -118,7 +119,7 @@ impl Bench {
         Subject::with_compliance(&problem, &self.library, self.compliance.clone())
     }
 
-    /// The subject of a protocol and positions (m, one a row), with the noise of a tracker that has white noise.
+    /// Returns the subject for a protocol and positions (m, one for each row), with a tracker's white noise.
     ///
     /// # Errors
     /// As [`Bench::subject`].
@@ -127,7 +128,7 @@ impl Bench {
         self.subject_measured(protocol, &all, Some(WHITE_M))
     }
 
-    /// The subject of a protocol, positions (m, one a row, some of which may be lost) and noise (m), where it is given.
+    /// Returns the subject for a protocol, positions (m, one for each row, some possibly lost) and noise (m), if it is given.
     ///
     /// # Errors
     /// As [`Bench::subject`].
@@ -140,10 +141,10 @@ impl Bench {
         self.subject(protocol.experiment("challenge", self.apparatus().clone(), position_m, noise_sd_m))
     }
 
-    /// Draws a truth. The same order and stream give the same truth.
+    /// Draws a truth. Equal orders and streams give equal truths.
     ///
     /// # Errors
-    /// [`Error::Input`] where there is no such effect, or the signal asked for is out of its reach.
+    /// [`Error::Input`] if an effect does not exist, or if the requested signal is out of reach.
     pub fn draw(&self, order: &Order, stream: &mut RandomStream) -> Result<Truth> {
         if let Hidden::Outside(kind) = order.hidden
             && !kind.suits(order.protocol)
@@ -165,10 +166,10 @@ impl Bench {
         Err(out_of_reach(order))
     }
 
-    /// A truth with its class completed by the effects that were not compared when it was drawn.
+    /// Completes the ideal class of a truth with the effects that were not compared when it was drawn.
     ///
     /// # Errors
-    /// [`Error::Numerical`] where the truth has no model.
+    /// [`Error::Numerical`] if the model fails for the truth.
     pub fn compared(&self, truth: &Truth) -> Result<Truth> {
         let mut whole = Truth { not_compared: Vec::new(), ..truth.clone() };
         let is_late = |effect: &&&'static dyn Effect| truth.not_compared.iter().any(|slug| slug == effect.slug());
@@ -197,7 +198,7 @@ impl Bench {
         Ok(whole)
     }
 
-    /// Effects in the library's order, which is that of a model's parameters.
+    /// Sorts the effects in the library's order, which is the order of a model's parameters.
     fn in_order_of_application(&self, order: &Order) -> Result<Order> {
         let Hidden::Effects(slugs) = &order.hidden else { return Ok(order.clone()) };
         refuse_unknown(&self.library, slugs)?;
@@ -206,8 +207,8 @@ impl Bench {
         Ok(Order { hidden: Hidden::Effects(sorted), ..order.clone() })
     }
 
-    /// A law from the prior, given that elastic displacement, retardation time and flow are within factors of Table I's: so that the motion is like that
-    /// of an experiment, and none of its parts is over before the first sample or hidden in the noise.
+    /// Draws a law from the prior with elastic displacement, retardation time and flow within factors of Table I. The motion then resembles an experiment: no
+    /// part ends before the first sample or is hidden in the noise.
     fn law(&self, stream: &mut RandomStream) -> [f64; 3] {
         let priors = self.problem.priors.priors();
         let within = |value: f64, reference: f64, factor: f64| (value / reference).ln().abs() <= f64::ln(factor);
@@ -221,7 +222,7 @@ impl Bench {
                 return [e, c1, c2];
             }
         }
-        // A draw in about thirty is taken, so that this is out of reach.
+        // About one draw in thirty is accepted, so this line is practically never reached.
         TABLE_I
     }
 
@@ -232,13 +233,13 @@ impl Bench {
         let base = still.base();
         let theta: Vec<f64> = theta_of(&base);
         let position_m = still.trajectory_m(&base, &theta)?;
-        // Once more, so that priors that are scaled by the range of positions are those of this motion.
+        // The second subject scales its priors by the position range of this motion.
         let subject = self.subject_of(protocol, &position_m)?;
         let base = subject.base();
         Ok(Motion { theta: theta_of(&base), subject, base, noise: noise.parameters() })
     }
 
-    /// An effect whose parameters are at uniform quantiles of their priors, as an experiment with their own data has them; `None` where that has no model.
+    /// Draws an effect with parameters at uniform quantiles of their priors, as an experiment with these data has them; `None` if the model fails.
     pub(super) fn draw_from_priors(
         &self,
         slug: &str,
@@ -311,7 +312,7 @@ impl Bench {
                 let drawn = Disturbance::draw(*kind, stream);
                 let Some((disturbance, sigma)) = motion.with_outside(&drawn, asked_sigma)? else { return Ok(None) };
                 let position_m = motion.disturbed_m(&disturbance)?;
-                // What an effect of the library would explain is not outside.
+                // A disturbance that an effect of the library explains is not outside.
                 if !motion.ideal_class(&motion.shown(&position_m), &[], &self.served).is_empty() {
                     return Ok(None);
                 }
@@ -321,18 +322,19 @@ impl Bench {
         Ok(Some(truth))
     }
 
-    /// Whether this is the slug of large displacements.
+    /// True if the slug is that of large displacements.
     fn is_large(&self, slug: &str) -> bool {
         self.library.get(slug).is_some_and(large::is_large)
     }
 
-    /// The mobility of a truth's gel where that has large displacements.
+    /// Mobility of a truth's gel with large displacements; `None` without them.
     pub(super) fn mobility_of(&self, truth: &Truth) -> Option<f64> {
         large::mobility_of(truth, |slug| self.is_large(slug))
     }
 
-    /// A gel so much stiffer or softer than the drawn law that large displacements show as strongly as is asked, as nearly as some radii between 1 and 4 do: the law takes up so much of the deviation
-    /// that the signal need not grow with them. With those radii, and the signal in σ.
+    /// Returns a truth with large displacements, the distance in radii and the signal in σ. The drawn law is scaled so that the robot moves by 1 to 4 radii.
+    /// The tried distance with the signal nearest to the requested one is taken. The law absorbs much of the deviation, so the signal need not grow with the
+    /// distance.
     fn with_large(&self, order: &Order, motion: &Motion, law: [f64; 3], mobility: f64) -> Result<(Truth, f64, f64)> {
         let asked_sigma = order.strength.sigma_or(OUTSIDE_SIGMA);
         let gel = LargeGel::new(self.apparatus(), &large::SIZING)?;
@@ -357,8 +359,8 @@ impl Bench {
     }
 }
 
-/// Effects that are hidden unless one is named: all but those that only rescale the law in a creep test of one body, of which no signal can be asked for; and large displacements, which are learnt anew for every record,
-/// and whose signal is bounded.
+/// Effects that may be hidden if none is named. Left out are effects that only rescale the law in a creep test of one body, because their signal cannot be
+/// prescribed. Large displacements are left out because their surrogate is trained for each record and their signal is bounded.
 pub fn hideable(library: &Library) -> Vec<String> {
     let shows = |effect: &&&dyn Effect| match effect.field() {
         Some(field) => !field.is_learnt_for_record(),
@@ -367,10 +369,10 @@ pub fn hideable(library: &Library) -> Vec<String> {
     library.effects().iter().filter(shows).map(|effect| effect.slug().to_string()).collect()
 }
 
-/// Two effects that one model can have, drawn from some.
+/// Draws two effects that one model can contain.
 ///
 /// # Errors
-/// Whatever reading the reference experiment refuses; [`Error::Input`] where no two can stand together.
+/// Errors of reading the reference experiment; [`Error::Input`] if no two effects are compatible.
 pub fn draw_pair(library: &Library, slugs: &[String], stream: &mut RandomStream) -> Result<[String; 2]> {
     let (replica, _) = embedded()?;
     for _ in 0..MOST_PAIRS {
@@ -380,14 +382,14 @@ pub fn draw_pair(library: &Library, slugs: &[String], stream: &mut RandomStream)
             return Ok([slugs[a].clone(), slugs[b].clone()]);
         }
     }
-    Err(Error::input(Place::setting(Setting::Pair), "no two of these effects can stand together", "name other effects"))
+    Err(Error::input(Place::setting(Setting::Pair), "no two of these effects fit into one model", "give other effects"))
 }
 
 fn not_beside() -> Error {
     Error::input(
         Place::setting(Setting::Pair),
-        "large displacements are hidden alone",
-        format!("ask for `{} large-displacement`", Setting::HiddenEffect),
+        "large displacements cannot be hidden together with another effect",
+        format!("give only `{} large-displacement`", Setting::HiddenEffect),
     )
 }
 
@@ -397,7 +399,7 @@ fn refuse_unknown(library: &Library, slugs: &[String]) -> Result<()> {
         Some(unknown) => Err(Error::input(
             Place::setting(Setting::HiddenEffect),
             format!("there is no effect `{unknown}`"),
-            "name effects that `vitreo-uq effects` lists",
+            "give effects listed by `vitreo-uq effects`",
         )),
     }
 }
@@ -406,10 +408,10 @@ fn unsuited(kind: OutsideKind) -> Error {
     Error::input(
         Place::setting(Setting::Outside),
         format!(
-            "`{}` is no unknown physics with the paper's protocol: with one force level it is a delay or a scale",
+            "`{}` is not outside the library with the paper's protocol: with one force level it equals a delay or a scale",
             kind.name()
         ),
-        format!("ask for `{} levels`, or leave the kind away", Setting::Protocol),
+        format!("use `{} levels`, or remove the kind", Setting::Protocol),
     )
 }
 
@@ -420,13 +422,13 @@ fn out_of_reach(order: &Order) -> Error {
         _ => "this".into(),
     };
     let (setting, strength) = match order.strength {
-        Strength::Sigma(sigma) => (Setting::Strength, format!(" by {sigma} standard deviations")),
+        Strength::Sigma(sigma) => (Setting::Strength, format!(" at a signal of {sigma} standard deviations")),
         Strength::Prior => (Setting::Strength, String::new()),
         Strength::Size(size) => (Setting::Size, format!(" at a size of {size}")),
     };
     Error::input(
         Place::setting(setting),
-        format!("{what} cannot be made to show{strength} under the {} protocol", order.protocol.name()),
-        "ask for less, for another effect, or for the other protocol; `vitreo-uq effects` says what an experiment can see",
+        format!("{what} is out of reach{strength} under the {} protocol", order.protocol.name()),
+        "request a smaller signal, another effect or the other protocol; `vitreo-uq effects` lists the detectable effects of an experiment",
     )
 }

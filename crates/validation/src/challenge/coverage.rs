@@ -1,9 +1,8 @@
-//! How often 90 % intervals hold the truth: truths from the priors, each record fitted and weighed as `diagnose` does it.
+//! Measures the coverage of 90 % intervals. Truths are drawn from the priors, and each record is fitted and its evidence computed as in `diagnose`.
 //!
-//! A posterior that is computed rightly covers draws from its own prior as often as it says, whatever the model (Cook, Gelman & Rubin 2006,
-//! doi:10.1198/106186006X136976). So data come from the reduced model itself here: what is counted is the computation, not the model. Sizes are uniform in
-//! the prior's quantiles as the diagnosis of their own record sees them; a truth is taken when its signal is at least so many standard deviations, since
-//! only effects that show are ever claimed.
+//! A correctly computed posterior covers draws from its own prior at the stated rate, for any model (Cook, Gelman & Rubin 2006, doi:10.1198/106186006X136976).
+//! The data therefore come from the surrogate: the count tests the computation, not the model. Sizes are uniform in the prior's quantiles of the record's own
+//! diagnosis. Truths with a signal below a minimum are drawn again, because only detectable effects are ever claimed.
 
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -17,94 +16,98 @@ use criticism::{Search, Subject};
 use posterior::monitor::{Counter, Monitor};
 use sampling::ensemble::RandomStream;
 
-/// What is counted.
+/// Request for a coverage count.
 #[derive(Debug, Clone, PartialEq)]
 pub struct CoverageRequest {
-    /// How many records.
+    /// Number of records.
     pub count: usize,
-    /// Number of the first: a part of a long count takes the records that the whole would have taken.
+    /// Number of the first record. A part of a long count takes the same records as the whole.
     pub first: usize,
-    /// Effects by slug, in turn.
+    /// Slugs of the effects, used in turn.
     pub effects: Vec<String>,
     /// Smallest signal of a truth, in standard deviations.
     pub least_sigma: f64,
-    /// Seed of truths, noises and intervals.
+    /// Seed of truths, noise and intervals.
     pub seed: u64,
 }
 
-/// One interval beside its truth.
+/// One interval with its true value.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Interval {
     /// Number of the record, from 0.
     pub number: usize,
     /// Slug of the effect.
     pub effect: String,
-    /// Protocol.
+    /// Protocol of the record.
     pub protocol: Protocol,
-    /// Noise.
+    /// Noise of the record.
     pub noise: NoiseKind,
     /// The law: E (Pa), c₁ and c₂ (Pa s).
     pub law: [f64; 3],
-    /// True parameters of the effect; the first is counted.
+    /// True parameters of the effect. The first one is counted.
     pub truth: Vec<NamedValue>,
     /// Signal in standard deviations.
     pub signal_sigma: f64,
-    /// 5 % and 95 % quantile of the first parameter's posterior; `None` where it could not be computed.
+    /// 5 % and 95 % quantile of the first parameter's posterior; `None` if the computation failed.
     pub interval: Option<[f64; 2]>,
-    /// Whether the truth lies between them.
+    /// True if the true value lies in the interval; `None` without an interval.
     pub is_covered: Option<bool>,
-    /// Answers that the posterior gives: parts with a valley between them.
+    /// Number of modes of the posterior.
     pub n_answers: usize,
-    /// Pareto k̂ of the weights; `None` where sequential Monte Carlo took over.
+    /// Pareto k̂ of the importance weights; `None` if sequential Monte Carlo was used.
     pub pareto_k: Option<f64>,
-    /// How the posterior was computed.
+    /// Method that computed the posterior.
     pub method: Option<String>,
-    /// Why there is no interval.
+    /// Reason why there is no interval; `None` if there is one.
     pub failure: Option<String>,
 }
 
-/// The count of one effect.
+/// Coverage of one effect.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct EffectCoverage {
-    /// Slug.
+    /// Slug of the effect.
     pub effect: String,
-    /// Records with an interval.
+    /// Number of records with an interval.
     pub counted: usize,
-    /// Of those, with the truth inside.
+    /// Number of records with an interval that contains the true value.
     pub covered: usize,
-    /// Of those, with more than one answer.
+    /// Number of records with an interval and several modes.
     pub with_several_answers: usize,
-    /// Records without an interval.
+    /// Number of records without an interval.
     pub failed: usize,
 }
 
-/// All of it.
+/// Result of a coverage count.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Coverage {
-    /// Share of intervals that hold the truth.
+    /// Share of intervals that contain the true value.
     pub share: f64,
-    /// Records with an interval.
+    /// Number of records with an interval.
     pub counted: usize,
-    /// Effect by effect.
+    /// Results for each effect.
     pub effects: Vec<EffectCoverage>,
-    /// One by one.
+    /// Every interval.
     pub intervals: Vec<Interval>,
 }
 
-/// Truths that are drawn before an effect's signals are called out of reach.
+/// Number of truths drawn before an effect's signals count as out of reach.
 const MOST_DRAWS: usize = 400;
-/// Streams of noises; truths have those before.
+/// First random stream of the noise. Smaller stream numbers belong to the truths.
 const NOISE_STREAMS: u64 = 1 << 32;
-/// Noises that the fitted noise model has.
+/// Kinds of noise that the fitted noise model contains.
 const NOISES: [NoiseKind; 3] = [NoiseKind::White, NoiseKind::Ou, NoiseKind::Gain];
 
-/// Counts.
+/// Counts the coverage of a request.
 ///
 /// # Errors
-/// [`Error::Input`] for effects that are not of the library or never show; whatever the base model's fit refuses.
+/// [`Error::Input`] for effects that are not in the library or never reach the minimum signal; errors of the base model's fit.
 pub fn count(bench: &Bench, request: &CoverageRequest, monitor: &dyn Monitor) -> Result<Coverage> {
     if request.count == 0 || request.effects.is_empty() {
-        return Err(Error::input(Place::setting(Setting::Count), "nothing to count", "give a number and an effect"));
+        return Err(Error::input(
+            Place::setting(Setting::Count),
+            "there is nothing to count",
+            "give a positive number and an effect",
+        ));
     }
     monitor.stage(&format!("counting intervals of {} records", request.count));
     let counter = Counter::new(monitor, request.count);
@@ -179,7 +182,7 @@ fn interval(bench: &Bench, request: &CoverageRequest, number: usize) -> Result<I
     Ok(made)
 }
 
-/// The first draw that shows.
+/// Returns the first draw with at least the minimum signal.
 fn drawn(
     bench: &Bench,
     slug: &str,
@@ -195,12 +198,12 @@ fn drawn(
     }
     Err(Error::input(
         Place::setting(Setting::HiddenEffect),
-        format!("none of {MOST_DRAWS} draws of {slug} shows by {least_sigma} standard deviations"),
-        "name another effect",
+        format!("none of {MOST_DRAWS} draws of {slug} reaches a signal of {least_sigma} standard deviations"),
+        "give another effect",
     ))
 }
 
-/// The posterior of the model with an effect, from fits as the diagnosis makes them.
+/// Computes the posterior of the model with an effect, with the fits of a diagnosis.
 fn posterior_of(subject: &Subject, slug: &str, seed: u64) -> Result<criticism::evidence::ModelEvidence> {
     let base = Refitted::new(subject, subject.base(), &[], Search::Wide)?;
     let with = Refitted::new(subject, subject.extended(&[slug])?, &[&base], Search::Wide)?;

@@ -1,4 +1,4 @@
-//! The directory of a sealed challenge: an experiment, the sealed answer, and the hash that was written before either.
+//! The directory of a sealed challenge: an experiment, the sealed answer, and the answer's hash, which is written first.
 
 use std::path::{Path, PathBuf};
 
@@ -16,27 +16,27 @@ use posterior::study::sha256_hex;
 use record::{Apparatus, Record, RobotShape, density_toml};
 use sampling::ensemble::RandomStream;
 
-/// The hash of salt and answer; written first.
+/// File with the hash of salt and answer, written first.
 pub const COMMITMENT_FILE: &str = "commitment.sha256";
-/// The sealed answer.
+/// File with the sealed answer.
 pub const SEALED_FILE: &str = "sealed.json";
-/// How the experiment's comment begins that repeats the hash.
+/// Start of the comment in the experiment that repeats the hash.
 const COMMENT: &str = "# Sealed answer, SHA-256: ";
 
-/// What is sealed.
+/// Content of the seal.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Answer {
-    /// What the data were made from.
+    /// Truth behind the data.
     pub truth: Truth,
-    /// SHA-256 of `trajectory.csv`, so that the answer belongs to these data and no others.
+    /// SHA-256 of `trajectory.csv`. It binds the answer to these data.
     pub trajectory_sha256: String,
-    /// Position (µm) of every row without noise; none in seals from before it was kept.
+    /// Noise-free position (µm) of every row; empty in seals without it.
     #[serde(default)]
     pub noise_free_um: Vec<f64>,
 }
 
 impl Answer {
-    /// The noise of the data whose CSV is given; `None` where the seal does not hold what it is reckoned from.
+    /// Noise of the data in a CSV; `None` if the seal lacks the noise-free positions.
     fn noise(&self, csv: &str) -> Option<Noise> {
         let measured_um = csv.lines().skip(1).map(|line| line.split(',').nth(2)?.parse::<f64>().ok());
         let measured_um: Vec<Option<f64>> = measured_um.collect();
@@ -49,35 +49,36 @@ impl Answer {
     }
 }
 
-/// A challenge that was opened.
+/// An opened challenge.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Opened {
-    /// What was sealed.
+    /// The sealed answer.
     pub answer: Answer,
-    /// Noise of the data; `None` where the seal is too old to hold it.
+    /// Noise of the data; `None` if the seal lacks the noise-free positions.
     pub noise: Option<Noise>,
-    /// The hash that was committed to.
+    /// The committed hash.
     pub commitment_sha256: String,
 }
 
-/// A challenge to be made.
+/// A challenge to create.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Case {
     /// Directory that does not exist or is empty.
     pub dir: PathBuf,
-    /// What to hide in it.
+    /// Specification of the truth.
     pub order: Order,
-    /// Seed of all its random numbers: the same order and seed give the same files, whatever is made beside them.
+    /// Seed of all random numbers. Equal orders and seeds give equal files, independent of other challenges.
     pub seed: u64,
 }
 
-/// Makes challenges: draws every truth, runs full finite elements for all of them at once, adds noise, seals the answers. Returns the hashes; nothing of the answers.
+/// Creates challenges: draws every truth, runs the full-order model for all of them at once, adds noise and seals the answers. Returns the hashes and nothing
+/// of the answers.
 ///
 /// # Errors
-/// [`Error::Input`] where a directory is in use or an order cannot be met; [`Error::File`] where one cannot be written.
+/// [`Error::Input`] if a directory is in use or an order cannot be met; [`Error::File`] if a directory cannot be written.
 pub fn make(cases: &[Case], bench: &Bench, monitor: &dyn Monitor) -> Result<Vec<String>> {
     cases.iter().try_for_each(|case| check_place(&case.dir))?;
-    monitor.stage("drawing what is hidden and sizing its signal");
+    monitor.stage("drawing the hidden effects and setting their signals");
     let draw = |case: &Case| bench.draw(&case.order, &mut RandomStream::new(case.seed, 0));
     let truths: Vec<Truth> = cases.par_iter().map(draw).collect::<Result<_>>()?;
     let trajectories_m = trajectories_m(bench, &truths, None, monitor)?;
@@ -85,20 +86,20 @@ pub fn make(cases: &[Case], bench: &Bench, monitor: &dyn Monitor) -> Result<Vec<
     made.map(|((case, truth), position_m)| make_one(case, bench, truth, &position_m)).collect()
 }
 
-/// `position_m` without noise.
+/// Creates one challenge from noise-free positions `position_m`.
 fn make_one(case: &Case, bench: &Bench, truth: Truth, position_m: &[f64]) -> Result<String> {
     let record = truth.protocol.record();
     let noise = truth.noise.draw(&record, position_m, &mut RandomStream::new(case.seed, 1));
     let csv = trajectory_csv(&record, &noise.measured_m(position_m));
     let stated_um = truth.is_noise_given.then_some(1e6 * noise.stated_sd_m);
-    // As many digits as it takes to tell the noise to a thousandth of what it is.
+    // The digits suffice to recover the noise to a thousandth.
     let noise_free_um = position_m.iter().map(|x| (1e10 * x).round() / 1e4).collect();
     let mut salt = [0; SALT_BYTES];
     let mut stream = RandomStream::new(case.seed, 2);
     salt.chunks_mut(4).for_each(|part| part.copy_from_slice(&stream.word().to_le_bytes()));
     let answer = Answer { truth, trajectory_sha256: sha256_hex(csv.as_bytes()), noise_free_um };
     let bytes = serde_json::to_vec(&answer).map_err(|error| {
-        Error::numerical(format!("the answer is no JSON: {error}"), "report the command that was run")
+        Error::numerical(format!("the answer cannot be written as JSON: {error}"), "report the command that you ran")
     })?;
     let sealed = seal(&salt, &bytes);
     let toml = experiment_toml(bench.apparatus(), &sealed.commitment_sha256, stated_um);
@@ -106,10 +107,10 @@ fn make_one(case: &Case, bench: &Bench, truth: Truth, position_m: &[f64]) -> Res
     Ok(sealed.commitment_sha256)
 }
 
-/// Writes the four files, all of them or none.
+/// Writes either all four files or none.
 fn write(dir: &Path, sealed: &Sealed, csv: &str, toml: &str) -> Result<()> {
     let remedy = format!("give another `{}`", Setting::Out);
-    // Behind a symbolic link the directory itself is meant, and `.` has a name only in full.
+    // A symbolic link means its target directory, and `.` needs its full path to have a name.
     let dir = &dir.canonicalize().unwrap_or_else(|_| dir.to_path_buf());
     let parent = files::folder_of(dir);
     std::fs::create_dir_all(parent).map_err(|source| Error::at_path("create", parent, source, &*remedy))?;
@@ -123,10 +124,10 @@ fn write(dir: &Path, sealed: &Sealed, csv: &str, toml: &str) -> Result<()> {
     building.move_to(dir, "experiment.toml", &remedy)
 }
 
-/// Refuses a directory that holds anything.
+/// Refuses a directory that is not empty.
 ///
 /// # Errors
-/// [`Error::Input`].
+/// [`Error::Input`] if the directory is not empty.
 pub fn check_place(dir: &Path) -> Result<()> {
     let is_free = match std::fs::read_dir(dir) {
         Ok(mut entries) => entries.next().is_none(),
@@ -138,50 +139,50 @@ pub fn check_place(dir: &Path) -> Result<()> {
     Err(Error::input(
         Place::setting(Setting::Out),
         format!("{} is not an empty directory", dir.display()),
-        "give a directory that does not exist yet; a challenge replaces nothing",
+        "give a directory that does not exist; a challenge never replaces files",
     ))
 }
 
-/// Opens a challenge and checks that neither the answer nor the data have changed since the hash was written.
+/// Opens a challenge and checks that answer and data are unchanged since the hash was written.
 ///
 /// # Errors
-/// [`Error::Input`] with the file that does not fit; [`Error::File`] where one cannot be read.
+/// [`Error::Input`] with the file that does not match; [`Error::File`] if a file cannot be read.
 pub fn reveal(dir: &Path) -> Result<Opened> {
     files::enclose(dir, "a challenge");
     let text = |name: &str| {
-        let (path, remedy) = (dir.join(name), "give the directory that `vitreo-uq challenge new` made");
+        let (path, remedy) = (dir.join(name), "give the directory created by `vitreo-uq challenge new`");
         let content = if name.ends_with(".csv") { Content::Table } else { Content::Document };
         let bytes = files::read(&path, content, remedy)?;
-        String::from_utf8(bytes).map_err(|_| Error::input(Place::file(path), "this is not UTF-8 text", remedy))
+        String::from_utf8(bytes).map_err(|_| Error::input(Place::file(path), "the file is not UTF-8 text", remedy))
     };
     let refuse = |name: &str, found: &str| {
         Err(Error::input(
             Place::file(dir.join(name)),
             found,
-            "restore the directory as `vitreo-uq challenge new` made it; as it stands, it proves nothing",
+            "restore the directory as created by `vitreo-uq challenge new`; a changed challenge proves nothing",
         ))
     };
     let commitment = text(COMMITMENT_FILE)?.trim().to_string();
     let Ok(sealed) = serde_json::from_str::<Sealed>(&text(SEALED_FILE)?) else {
-        return refuse(SEALED_FILE, "this is no sealed answer");
+        return refuse(SEALED_FILE, "the file is not a sealed answer");
     };
     if sealed.commitment_sha256 != commitment {
-        return refuse(SEALED_FILE, "this is not the answer whose hash commitment.sha256 holds");
+        return refuse(SEALED_FILE, "the answer's hash differs from the one in commitment.sha256");
     }
     if !text("experiment.toml")?.lines().any(|line| line.strip_prefix(COMMENT) == Some(commitment.as_str())) {
-        return refuse("experiment.toml", "its comment does not hold the hash of commitment.sha256");
+        return refuse("experiment.toml", "its comment does not contain the hash in commitment.sha256");
     }
     let Some(answer) = open(&sealed).and_then(|bytes| serde_json::from_slice::<Answer>(&bytes).ok()) else {
-        return refuse(SEALED_FILE, "the answer does not have the hash that was committed to");
+        return refuse(SEALED_FILE, "the opened answer does not match its committed hash");
     };
     let csv = text("trajectory.csv")?;
     if sha256_hex(csv.as_bytes()) != answer.trajectory_sha256 {
-        return refuse("trajectory.csv", "these are not the data that the answer belongs to");
+        return refuse("trajectory.csv", "the data do not match the hash in the answer");
     }
     Ok(Opened { noise: answer.noise(&csv), answer, commitment_sha256: commitment })
 }
 
-/// Specimen identifier of the challenge with a hash.
+/// Specimen identifier of the challenge with this hash.
 pub fn specimen_id(commitment: &str) -> String {
     format!("challenge-{}", commitment.get(..8).unwrap_or(commitment))
 }
@@ -235,7 +236,7 @@ mod tests {
     use super::*;
     use crate::challenge::{NoiseKind, Protocol};
 
-    /// A whole challenge, written without finite elements.
+    /// A complete challenge, written without finite elements.
     fn written(dir: &Path, salt: &[u8; SALT_BYTES], law: [f64; 3]) -> Sealed {
         let truth = Truth::of_nothing(Protocol::Paper, NoiseKind::White, law);
         let mut measured_m = vec![Some(1e-6); 800];
@@ -257,7 +258,7 @@ mod tests {
         sealed
     }
 
-    /// Seals from before the trajectory was kept open, and the noise is not told.
+    /// Seals without noise-free positions open, but the noise is unknown.
     #[test]
     fn an_older_answer_opens_without_its_noise() {
         let truth = Truth::of_nothing(Protocol::Paper, NoiseKind::White, [1.0, 2.0, 3.0]);
@@ -270,7 +271,7 @@ mod tests {
         assert!(older.truth.is_noise_given && older.noise(&csv).is_none());
     }
 
-    /// The noise stands in the experiment where it is given, and only there.
+    /// The experiment contains the noise if and only if it is given.
     #[test]
     fn the_noise_is_stated_or_left_to_be_estimated() {
         let toml = |noise_um| experiment_toml(&Apparatus::Instrument { compliance_per_m: 1.0 }, "00", noise_um);
@@ -278,7 +279,7 @@ mod tests {
         assert!(!toml(None).contains("noise_um"));
     }
 
-    /// Every one of the four files is held to the hash; a whole answer to other physics of the same data, with a hash of its own, does not pass either.
+    /// Each of the four files is bound to the hash. An answer with other physics for the same data fails as well, even with its own hash.
     #[test]
     fn no_file_of_a_challenge_can_be_changed() {
         let folder = tempfile::tempdir().expect("a temporary directory");
@@ -288,7 +289,7 @@ mod tests {
         let sealed = written(dir, &salt, law);
         let opened = reveal(dir).expect("whole");
         assert_eq!(opened.commitment_sha256, sealed.commitment_sha256);
-        // 1 µm was measured, 0.25 µm are there, and one position was lost.
+        // 1 µm was measured, the true position is 0.25 µm, and one position was lost.
         let noise = opened.noise.expect("sealed");
         assert!((noise.rms_m(|_| true).expect("rows") - 0.75e-6).abs() < 1e-18);
         assert_eq!((noise.rms_m(|row| row == 7), noise.is_lost.iter().filter(|is| **is).count()), (None, 1));
@@ -307,7 +308,7 @@ mod tests {
             let refusal = reveal(dir).expect_err("changed").to_string();
             assert!(refusal.contains(name), "{name}: {refusal}");
         }
-        // A hash that was replaced with its answer still stands in the experiment's comment.
+        // A hash that was replaced together with its answer still differs from the experiment's comment.
         written(dir, &salt, law);
         std::fs::write(dir.join(COMMITMENT_FILE), &other.commitment_sha256).expect("writable");
         std::fs::write(dir.join(SEALED_FILE), json(&other)).expect("writable");

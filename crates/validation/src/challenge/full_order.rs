@@ -1,4 +1,4 @@
-//! Noise-free trajectories by full finite elements, kept on disk.
+//! Computes noise-free trajectories with the full-order model and caches them on disk.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -22,18 +22,20 @@ use posterior::monitor::Monitor;
 use posterior::study::{ModelSpecification, sha256_hex};
 use record::Force;
 
-/// Mesh level of the data; the fitted model stands one level below.
+/// Mesh level of the data. The fitted model uses the next coarser level.
 const DATA_LEVEL: usize = MODEL_LEVEL + 1;
-/// That of nonlinear laws, whose reduced models are trained on the mesh below: on the next one a run would take a quarter of an hour.
+/// Mesh level for nonlinear laws, whose surrogates are trained on the next coarser mesh. A run on the next finer mesh would take a quarter of an hour.
 const NONLINEAR_DATA_LEVEL: usize = MODEL_LEVEL;
-/// The data's time steps are this much shorter; but where an effect changes the displacement field: the reduced models of such effects have no steps, or steps of their own.
+/// Factor by which the data's time steps are shorter. Effects that change the displacement field are excepted: their surrogates have no time steps or their
+/// own.
 const FINER_STEPS: u32 = 2;
 
-/// Position (m) at every row for each truth, without noise: full finite elements on a finer mesh and with finer time steps than the fitted model's; linear effects that change the displacement
-/// field around a sphere, laws that are not linear and large displacements on meshes of their own. Those in the directory `cache` are read, others are computed, and kept there.
+/// Returns the noise-free position (m) at every row for each truth. The full-order model uses a finer mesh and finer time steps than the fitted model. Three
+/// cases have their own meshes: linear effects that change the displacement field around a sphere, nonlinear laws, and large displacements. Trajectories in the
+/// directory `cache` are read; others are computed and stored there.
 ///
 /// # Errors
-/// [`Error::Numerical`] where a truth has no full-order model; [`Error::File`] where the cache cannot be written.
+/// [`Error::Numerical`] if a truth has no full-order model; [`Error::File`] if the cache cannot be written.
 pub fn trajectories_m(
     bench: &Bench,
     truths: &[Truth],
@@ -42,15 +44,10 @@ pub fn trajectories_m(
 ) -> Result<Vec<Vec<f64>>> {
     if let Some(folder) = cache {
         std::fs::create_dir_all(folder).map_err(|source| {
-            Error::at_path(
-                "create",
-                folder,
-                source,
-                format!("give a directory that can be written with `{}`", Setting::Cache),
-            )
+            Error::at_path("create", folder, source, format!("give a writable directory with `{}`", Setting::Cache))
         })?;
     }
-    // Controls share their truths: each is computed once.
+    // Controls share their truths, so each truth is computed once.
     let keys: Vec<String> = truths.iter().map(key).collect();
     let mut needed: BTreeMap<&str, &Truth> = BTreeMap::new();
     let mut known: BTreeMap<&str, Vec<f64>> = BTreeMap::new();
@@ -64,7 +61,7 @@ pub fn trajectories_m(
         }
     }
     if !needed.is_empty() {
-        monitor.stage(&format!("full finite elements: {} trajectories", needed.len()));
+        monitor.stage(&format!("computing {} trajectories with full finite elements", needed.len()));
         let workshop = Workshop::new(bench, DATA_LEVEL)?;
         let full = FullOrderModel::new(&workshop.stiffness, workshop.poisson_ratio)?;
         let is_any_nonlinear = needed.values().any(|truth| is_nonlinear(bench, truth));
@@ -103,7 +100,7 @@ fn is_nonlinear(bench: &Bench, truth: &Truth) -> bool {
     bench.library().any_nonlinear(truth.effects.iter().map(|effect| effect.slug.as_str()))
 }
 
-/// The finer finite elements of every robot that is not where it is said to be.
+/// Finer finite elements of every robot with an offset that the experiment does not state.
 fn off_centre<'a>(
     bench: &Bench,
     truths: impl Iterator<Item = &'a &'a Truth>,
@@ -119,7 +116,7 @@ fn off_centre<'a>(
     errors.into_iter().map(|error| Ok((error, stiffness(error)?))).collect()
 }
 
-/// Hash of all that a trajectory depends on.
+/// Hash of all inputs of a trajectory.
 fn key(truth: &Truth) -> String {
     let parameters: Vec<_> = truth.effects.iter().map(|effect| (&effect.slug, &effect.parameters)).collect();
     let text = format!(
@@ -137,7 +134,7 @@ fn place(folder: &Path, key: &str) -> PathBuf {
     folder.join(format!("{key}.f64"))
 }
 
-/// A kept trajectory; `None` where there is none or it is damaged.
+/// Reads a stored trajectory; `None` if it is missing or damaged.
 fn read(path: &Path, n_rows: usize) -> Option<Vec<f64>> {
     let bytes = read_if_there(path, Content::Table)?;
     let (numbers, []) = bytes.as_chunks::<8>() else { return None };
@@ -145,7 +142,7 @@ fn read(path: &Path, n_rows: usize) -> Option<Vec<f64>> {
     (position_m.len() == n_rows && position_m.iter().all(|x| x.is_finite())).then_some(position_m)
 }
 
-/// The finer finite elements.
+/// Finer finite elements for the data.
 struct Workshop {
     mesh: Mesh,
     stiffness: Stiffness,
@@ -164,7 +161,7 @@ impl Workshop {
         Ok(Self { mesh, stiffness, poisson_ratio, sizes, resolution })
     }
 
-    /// `full` is factorised at the stated Poisson ratio, with the robot where it is.
+    /// Computes the trajectory of a truth. `full` is factorised at the stated Poisson ratio, with the robot at its true place.
     fn trajectory_m(&self, bench: &Bench, full: &FullOrderModel<'_>, truth: &Truth) -> Result<Vec<f64>> {
         let record = truth.protocol.record();
         let still = bench.subject_of(truth.protocol, &vec![0.0; record.n_rows()])?;

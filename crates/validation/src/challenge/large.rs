@@ -1,6 +1,8 @@
-//! A gel in which the robot moves by several of its radii: the fluid that its law linearises ([`elements::fe::oldroyd`]), Oldroyd-B where the effect is hidden, and Giesekus's as another law of the same small strains.
+//! A gel in which the robot moves by several radii. Its fluid ([`elements::fe::oldroyd`]) has the law as linear limit: Oldroyd-B if the effect is hidden,
+//! Giesekus as another law with equal small-strain behaviour.
 //!
-//! What the robot does is the linear model's answer in full finite elements and the fluid's deviation from it. The drawn law is made stiffer or softer, all three numbers by one factor: its times stay.
+//! The robot's motion is the linear full-order model's plus the fluid's deviation from it. One factor scales all three parameters of the drawn law, so its
+//! times stay unchanged.
 
 use super::{Disturbance, OutsideKind, Truth};
 use base::error::{Error, Result};
@@ -14,30 +16,30 @@ use models::effects::{Effect, Stages};
 use posterior::mechanics::robot_mesh;
 use record::{Apparatus, Record, Robot, RobotShape, Vitreous};
 
-/// How far the robot may come from its start, in its radii, if the gel were linear.
+/// Farthest distance of the robot from its start in a linear gel, in robot radii.
 pub(super) const RADII: [f64; 7] = [1.0, 1.5, 2.0, 2.5, 3.0, 3.5, 4.0];
-/// Mobilities of Giesekus's fluid.
+/// Range of the mobility of Giesekus's fluid.
 const MOBILITIES: [f64; 2] = [0.005, 0.05];
 
-/// How finely a gel is cut.
+/// Resolution of a gel's discretisation.
 pub(super) struct Cut {
     /// Level of the linear model's mesh.
     level: usize,
     fineness: Fineness,
 }
 
-/// For sizing signals.
+/// Resolution for sizing signals.
 pub(super) const SIZING: Cut = Cut { level: 1, fineness: Fineness::ESTIMATE };
-/// For data: finer than what is learnt from.
+/// Resolution for data, finer than that of the training.
 pub(super) const DATA: Cut =
     Cut { level: 2, fineness: Fineness { order: 6, n_angles: 6, layer_ratio: 2.0, steps_per_doubling: 6 } };
 
-/// Whether an effect is that of large displacements.
+/// True if an effect is that of large displacements.
 pub(super) fn is_large(effect: &dyn Effect) -> bool {
     effect.is_learnt_for_record()
 }
 
-/// The mobility of a truth's gel where that has large displacements; Oldroyd-B has none.
+/// Mobility of a truth's gel with large displacements, 0 for Oldroyd-B; `None` without large displacements.
 pub(super) fn mobility_of(truth: &Truth, is_large: impl Fn(&str) -> bool) -> Option<f64> {
     match &truth.outside {
         Some(Disturbance { kind: OutsideKind::LargeDisplacement, shape, .. }) => shape.first().copied(),
@@ -45,12 +47,12 @@ pub(super) fn mobility_of(truth: &Truth, is_large: impl Fn(&str) -> bool) -> Opt
     }
 }
 
-/// A mobility from a number between 0 and 1, evenly in its logarithm.
+/// Mobility for a number between 0 and 1, uniform in its logarithm.
 pub(super) fn mobility(uniform: f64) -> f64 {
     MOBILITIES[0] * (MOBILITIES[1] / MOBILITIES[0]).powf(uniform)
 }
 
-/// The reference apparatus meshed for large displacements.
+/// The reference apparatus, meshed for large displacements.
 pub(super) struct LargeGel {
     stiffness: Stiffness,
     poisson_ratio: f64,
@@ -78,18 +80,18 @@ impl LargeGel {
     }
 }
 
-/// The robot's radius in m.
+/// Radius of the robot, in m.
 ///
 /// # Errors
 /// [`Error::Numerical`] for an apparatus without a sphere.
 pub(super) fn radius_m(apparatus: &Apparatus) -> Result<f64> {
     match robot_of(apparatus)?.0.shape {
         RobotShape::Sphere { diameter_m } => Ok(0.5 * diameter_m),
-        _ => Err(Error::numerical("the reference apparatus has no sphere", "reinstall the program")),
+        _ => Err(Error::numerical("the robot of the reference apparatus is not a sphere", "reinstall the program")),
     }
 }
 
-/// The reference apparatus's robot and gel.
+/// Robot and gel of the reference apparatus.
 pub(super) fn robot_of(apparatus: &Apparatus) -> Result<(&Robot, &Vitreous)> {
     match apparatus {
         Apparatus::Robot { robot, vitreous } => Ok((robot, vitreous)),

@@ -1,9 +1,9 @@
-//! Data with a hidden effect, made to test the diagnosis: one sealed case, or many that are played.
+//! Challenges with hidden effects that test the diagnosis: one sealed case, or many cases that are played.
 //!
-//! A [`Truth`] is drawn on a [`Bench`], which sizes what is hidden by its signal in standard deviations; its noise-free trajectory comes from
-//! [`full_order::trajectories_m`]: full finite elements on a finer mesh and finer time steps than the fitted model's, never the surrogate. [`seal`] hides
-//! the answer of a single case; [`plays`] gives many cases fresh noise, has each diagnosed, and [`tally`] counts what was said. [`coverage`] counts how often
-//! intervals hold truths that were drawn from the priors.
+//! A [`Truth`] is drawn on a [`Bench`], which sets its size by the signal in standard deviations. [`full_order::trajectories_m`] computes its noise-free
+//! trajectory with the full-order model. Mesh and time steps are finer than in the fitted model, and no surrogate is used. [`seal`] hides the answer of a
+//! single case. [`plays`] gives many cases fresh noise and diagnoses each, and [`tally`] counts the results. [`coverage`] measures the coverage of intervals
+//! for truths drawn from the priors.
 
 mod bench;
 pub mod coverage;

@@ -1,4 +1,4 @@
-//! A law's motion, to which something is added at the size of a signal.
+//! Adds effects or disturbances of a given signal to the motion of a law.
 
 use super::strength::{Strength, scaled_to};
 use super::{Disturbance, HiddenEffect, NamedValue, Truth};
@@ -10,10 +10,10 @@ use models::effects::Effect;
 use record::Record;
 use sampling::ensemble::RandomStream;
 
-/// Sizes stay where the prior leaves this on either side.
+/// Prior tail probability that sizes do not enter, on either side.
 const SIZE_TAIL: f64 = 1e-3;
 
-/// A law's motion, ready to have something added.
+/// Motion of a law, to which effects or disturbances are added.
 pub(super) struct Motion {
     pub subject: Subject,
     pub base: Candidate,
@@ -22,7 +22,7 @@ pub(super) struct Motion {
 }
 
 impl Motion {
-    /// Farthest position (m) without anything hidden.
+    /// Farthest position (m) without a hidden thing.
     pub fn farthest_m(&self) -> Result<f64> {
         let position_m = self.subject.trajectory_m(&self.base, &self.theta)?;
         Ok(position_m.iter().fold(0.0, |most, x| x.abs().max(most)))
@@ -32,17 +32,18 @@ impl Motion {
         &self.subject.experiment().record
     }
 
-    /// Noise-free positions (m) that the law has a part in.
+    /// Pairs noise-free positions (m) with the law's motion.
     pub fn shown<'a>(&'a self, position_m: &'a [f64]) -> Shown<'a> {
         Shown { candidate: &self.base, theta: &self.theta, noise: self.noise, position_m }
     }
 
-    /// Distance in σ that the best fit of a candidate leaves; `None` where it has no model.
+    /// Distance in σ between the positions and the best fit of a candidate; `None` if its model fails.
     pub fn distance_sigma(&self, shown: &Shown, candidate: &Candidate) -> Option<f64> {
         closest(&self.subject, candidate, shown).ok().map(|closest| closest.distance)
     }
 
-    /// Effects of the strength asked for, each given the others, and those that cannot be told from them; `None` where that is out of reach.
+    /// Returns effects of the requested strength and the effects that are equivalent to them. Each signal is measured with the other effects in the model.
+    /// `None` if the strength is out of reach.
     pub fn with_effects(
         &self,
         slugs: &[String],
@@ -53,7 +54,7 @@ impl Motion {
         let names: Vec<&str> = slugs.iter().map(String::as_str).collect();
         let candidate = self.subject.extended(&names)?;
         let mut theta = candidate.embed(&self.base, &self.theta);
-        // Coordinate, null and signed reach of each effect's size.
+        // Coordinate, null and signed range of each effect's size.
         let mut sizes: Vec<(usize, f64, f64)> = Vec::new();
         for (k, free) in candidate.free.iter().enumerate().filter(|(_, free)| free.effect.is_some()) {
             let [lower, upper] = [free.quantile(SIZE_TAIL), free.quantile(1.0 - SIZE_TAIL)];
@@ -126,7 +127,7 @@ impl Motion {
         Ok(Some((effects, self.ideal_class(&shown, slugs, compared))))
     }
 
-    /// The law with a truth's effects, at their values.
+    /// Returns the law with a truth's effects at their values.
     pub fn with_hidden_effects(&self, truth: &Truth) -> Result<(Candidate, Vec<f64>)> {
         let names: Vec<&str> = truth.effects.iter().map(|effect| effect.slug.as_str()).collect();
         let candidate = self.subject.extended(&names)?;
@@ -162,7 +163,7 @@ impl Motion {
         Ok(found.map(|(sizes, sigma)| (at(&sizes), sigma[0])))
     }
 
-    /// Of some effects those that cannot be told from the hidden ones by noise-free data: alone, or in the place of one of a pair.
+    /// Returns the compared effects that noise-free data cannot distinguish from the hidden ones, alone or in the place of one effect of a pair.
     pub fn ideal_class(&self, shown: &Shown, hidden: &[String], compared: &[&'static dyn Effect]) -> Vec<String> {
         let mut class = Vec::new();
         for effect in compared {
@@ -173,7 +174,7 @@ impl Motion {
                 models.extend([vec![slug, b], vec![a, slug]]);
             }
             let explains = |model: &Vec<&str>| {
-                // What cannot stand together, or with this law, is no candidate.
+                // Effects that are incompatible with each other or with this law are no candidates.
                 let Ok(candidate) = self.subject.extended(model) else { return false };
                 self.distance_sigma(shown, &candidate).is_some_and(|sigma| sigma < SEPARATED_SIGMA)
             };
@@ -195,7 +196,7 @@ mod tests {
     use super::*;
     use models::effects::Library;
 
-    /// Signals are those asked for; on one force level an asymmetry stands for a bias, alone or beside a drift, and on two it does not.
+    /// Signals have the requested size. On one force level an asymmetry is equivalent to a bias, alone or together with a drift. On two levels it is not.
     #[test]
     fn an_ideal_class_is_what_the_protocol_cannot_tell_from_what_is_hidden() {
         let library = Library::only(&["clock-offset", "force-asymmetry", "force-bias", "tracking-drift"]);

@@ -1,4 +1,4 @@
-//! Physics that nobody put into the library.
+//! Physics outside the effect library.
 
 use std::f64::consts::TAU;
 
@@ -8,37 +8,37 @@ use super::Protocol;
 use record::Record;
 use sampling::ensemble::RandomStream;
 
-/// What is outside the library.
+/// Kinds of physics outside the library.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 #[serde(rename_all = "kebab-case")]
 pub enum OutsideKind {
-    /// A vibration of the camera at a frequency of its own.
+    /// A vibration of the camera at its own frequency.
     Vibration,
-    /// One whose frequency is a multiple of the cycle's.
+    /// A vibration whose frequency is a multiple of the cycle's.
     CycleVibration,
     /// The tracked point jumps once and stays there.
     Slip,
-    /// The tracker's scale changes at one moment.
+    /// The tracker's scale changes once.
     GainJump,
-    /// The robot is displaced for about a second, and comes back.
+    /// The robot is displaced for about a second and returns.
     Bump,
-    /// Smooth wandering over tens of seconds.
+    /// The position wanders smoothly over tens of seconds.
     Wander,
     /// The tracker's scale depends on the position: x (1 + s (x/x_max)²).
     CubicScale,
-    /// The tracker draws readings towards its pixels: a saw-tooth of the position, from −s to s in a pitch.
+    /// The tracker draws readings towards its pixels. The error is a saw-tooth of the position, from −s to s over one pixel pitch.
     PixelLocking,
-    /// The tracker follows through a dead band (play operator). On a square wave that is a delay, so it is made with rests only.
+    /// The tracker follows with a dead band (play operator). On a square wave this equals a delay, so it is only used with rests.
     Backlash,
-    /// The force is not proportional to its command: F (1 + s (|F|/F_max − 1)). With one force level that is a scale.
+    /// The force is not proportional to its command: F (1 + s (|F|/F_max − 1)). With one force level this equals a scale.
     ForceLevel,
-    /// The robot moves by several radii in a gel whose large-strain law is not the library's (Giesekus's fluid). Its size is in robot radii.
+    /// The robot moves by several radii in a gel whose large-strain law is not in the library (Giesekus's fluid). The size is in robot radii.
     LargeDisplacement,
 }
 
 impl OutsideKind {
-    /// Those that may be drawn; data with large displacements take a minute, and are made where they are asked for by name.
+    /// Kinds that may be drawn at random. Data with large displacements take a minute, so they are only made on request.
     pub const DRAWN: [Self; 10] = [
         Self::Vibration,
         Self::CycleVibration,
@@ -52,7 +52,7 @@ impl OutsideKind {
         Self::ForceLevel,
     ];
 
-    /// All of them.
+    /// All kinds.
     pub fn all() -> Vec<Self> {
         Self::DRAWN.into_iter().chain([Self::LargeDisplacement]).collect()
     }
@@ -74,12 +74,12 @@ impl OutsideKind {
         }
     }
 
-    /// Whether it is outside the library with this protocol.
+    /// True if the kind is outside the library with this protocol.
     pub fn suits(self, protocol: Protocol) -> bool {
         protocol == Protocol::Levels || !matches!(self, Self::Backlash | Self::ForceLevel)
     }
 
-    /// A size at which it is sure to be seen, in the unit of [`Disturbance::size`].
+    /// A size that is surely detectable, in the unit of [`Disturbance::size`].
     fn first_size(self) -> f64 {
         match self {
             Self::GainJump | Self::CubicScale | Self::ForceLevel => 0.05,
@@ -88,32 +88,33 @@ impl OutsideKind {
         }
     }
 
-    /// Whether the size may have either sign.
+    /// True if the size may have either sign.
     fn has_two_signs(self) -> bool {
         !matches!(self, Self::Vibration | Self::CycleVibration | Self::Backlash | Self::LargeDisplacement)
     }
 }
 
-/// Something outside the library, with its numbers.
+/// A disturbance from outside the library, with its parameters.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct Disturbance {
-    /// What it is.
+    /// Kind of the disturbance.
     pub kind: OutsideKind,
-    /// Its size: in m where it adds to the position, in robot radii for large displacements (the farthest position if the gel were linear), else a fraction.
+    /// Size of the disturbance: in m if it adds to the position, otherwise a fraction. For large displacements: farthest position in a linear gel, in robot
+    /// radii.
     pub size: f64,
-    /// Moments, frequencies and phases, as numbers from 0 to 1 that each kind puts on its own scale.
+    /// Moments, frequencies and phases as numbers from 0 to 1, which each kind maps to its own scale.
     pub shape: Vec<f64>,
 }
 
 impl Disturbance {
-    /// One of a kind with random moments, frequencies, phases and sign, and a size that is sure to be seen.
+    /// Draws a disturbance with random moments, frequencies, phases and sign, and a surely detectable size.
     pub fn draw(kind: OutsideKind, stream: &mut RandomStream) -> Self {
         let sign = if stream.unit() < 0.5 && kind.has_two_signs() { -1.0 } else { 1.0 };
         Self { kind, size: sign * kind.first_size(), shape: (0..4).map(|_| stream.unit()).collect() }
     }
 
-    /// The same with another size.
+    /// Returns the disturbance with another size.
     pub fn sized(&self, size: f64) -> Self {
         Self { size, ..self.clone() }
     }
@@ -122,13 +123,13 @@ impl Disturbance {
         self.shape.get(index).copied().unwrap_or(0.5)
     }
 
-    /// A moment (s) between two shares of the record.
+    /// Moment (s) between two fractions of the record.
     fn moment_s(&self, record: &Record, shares: [f64; 2]) -> f64 {
         let last_s = record.time_s.last().copied().unwrap_or(0.0);
         last_s * (shares[0] + (shares[1] - shares[0]) * self.shape(0))
     }
 
-    /// The force (N) that acts.
+    /// The acting force, in N.
     pub fn force_n(&self, record: &Record) -> Vec<f64> {
         if self.kind != OutsideKind::ForceLevel {
             return record.force_n.clone();
@@ -137,7 +138,7 @@ impl Disturbance {
         record.force_n.iter().map(|force| force * (1.0 + self.size * (force.abs() / largest_n - 1.0))).collect()
     }
 
-    /// The position (m) that is recorded of a true one. Events lie in the first three quarters, which is what is fitted.
+    /// Recorded position (m) for a true one. Events lie in the first three quarters, which are fitted.
     pub fn recorded_m(&self, record: &Record, position_m: &[f64]) -> Vec<f64> {
         let size = self.size;
         let each = |of: &dyn Fn(f64, f64) -> f64| {
@@ -190,7 +191,7 @@ impl Disturbance {
                 };
                 position_m.iter().map(follow).collect()
             }
-            // What acts otherwise is in the true position.
+            // The changed physics is already part of the true position.
             OutsideKind::ForceLevel | OutsideKind::LargeDisplacement => position_m.to_vec(),
         }
     }

@@ -1,28 +1,28 @@
-//! One challenge as it was played.
+//! One played challenge.
 
 use serde::{Deserialize, Serialize};
 
 use super::Truth;
 
-/// Kinds of hidden things.
+/// Sorts of hidden things.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 #[serde(rename_all = "lowercase")]
 pub enum Sort {
-    /// Nothing.
+    /// Nothing is hidden.
     None,
     /// One effect of the library.
     Single,
-    /// Two.
+    /// Two effects of the library.
     Pair,
-    /// Something outside the library.
+    /// Physics outside the library.
     Outside,
     /// A wrong constant of the apparatus, which the law absorbs.
     Apparatus,
 }
 
 impl Sort {
-    /// Of a truth.
+    /// Sort of a truth.
     pub fn of(truth: &Truth) -> Self {
         match (&truth.outside, truth.apparatus, truth.effects.len()) {
             (Some(_), ..) => Self::Outside,
@@ -45,57 +45,57 @@ impl Sort {
     }
 }
 
-/// One challenge as it was played.
+/// One played challenge.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct Play {
-    /// Number, from 0.
+    /// Number of the play, from 0.
     pub number: usize,
-    /// Sort.
+    /// Sort of the hidden thing.
     pub sort: Sort,
-    /// What it was made from.
+    /// Truth behind the data.
     pub truth: Truth,
-    /// What a right diagnosis names.
+    /// Verdict of a right diagnosis.
     pub label: String,
-    /// What was said: slugs joined by `+`, `none`, `unexplained`, or `failed`.
+    /// Verdict of the diagnosis: slugs joined by `+`, `none`, `unexplained`, or `failed`.
     pub said: String,
-    /// The effects that were named, and those that were called equivalent.
+    /// Claimed effects and their equivalent effects.
     pub class: Vec<String>,
-    /// Kinds of structure that were called unexplained.
+    /// Kinds of unexplained misfits.
     pub unexplained: Vec<String>,
-    /// The effect that stood first: the first that was named, else the one whose refit gained most.
+    /// The leading effect: the first claimed one, or else the one with the largest gain.
     pub first: Option<String>,
-    /// Gain in nats of each effect's refit, best first, with that on the last cycle.
+    /// Gain of each effect's refit in nats, best first, with the gain on the last cycle.
     pub gains: Vec<(String, f64, Option<f64>)>,
-    /// The verdict in its own words; empty where there is none.
+    /// Sentence of the verdict; empty if there is none.
     pub sentence: String,
-    /// Seed of the diagnosis; 0 where it is not known.
+    /// Seed of the diagnosis; 0 if it is unknown.
     pub seed: u64,
-    /// Whether the size of the hidden effect lies in its 90 % interval; `None` where it was not named or nothing was hidden.
+    /// True if the hidden effect's size lies in its 90 % interval; `None` if it was not claimed or nothing was hidden.
     pub size_covered: Option<bool>,
-    /// The size of every hidden effect that was named.
+    /// Size of every hidden effect that was claimed.
     pub sizes: Vec<NamedSize>,
-    /// Noise (µm) that the diagnosis measured misfits against, given or estimated.
+    /// Noise (µm) that the diagnosis compared residuals with, given or estimated.
     pub yardstick_um: Option<f64>,
-    /// Root mean square error (µm) on the scored cycle with what was named, of the base model where nothing was.
+    /// Root mean square error (µm) on the scored cycle with the claimed effects, or of the base model without a claim.
     pub rmse_heldout_um: Option<f64>,
-    /// Root mean square (µm) of the noise that was drawn, over the rows on which that error was taken: what the true model leaves.
+    /// Root mean square (µm) of the drawn noise over the scored rows, which is the error of the true model.
     pub true_noise_um: Option<f64>,
-    /// The error over the true noise. The true model reads 1, whatever was drawn, and a misfit of f times the noise √(1 + f²), but for what it shares with it.
+    /// Ratio of the error to the true noise: 1 for the true model. A misfit of f times the noise gives √(1 + f²), unless it correlates with the noise.
     pub heldout_over_true_noise: Option<f64>,
-    /// The error over the total predictive noise that the diagnosis gives the model that it named; `None` where it named none.
+    /// Ratio of the error to the predictive noise of the claimed model; `None` without a claim.
     pub heldout_over_predictive_noise: Option<f64>,
-    /// Why there is no diagnosis.
+    /// Reason why there is no diagnosis.
     pub failure: Option<String>,
 }
 
-/// The size of a hidden effect beside what the diagnosis says of it.
+/// True size of a hidden effect, with the diagnosis's estimate.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct NamedSize {
     /// Name of the parameter, with unit.
     pub name: String,
-    /// What was hidden.
+    /// Hidden value.
     pub value: f64,
     /// Posterior mean.
     pub mean: f64,
@@ -106,11 +106,11 @@ pub struct NamedSize {
 }
 
 impl Play {
-    /// Whether the diagnosis was right: the hidden effects in the class, `none` where nothing is hidden, `unexplained` of what is outside.
+    /// True if the diagnosis was right: the hidden effects are in the class, `none` if nothing is hidden, `unexplained` for physics outside the library.
     pub fn is_right(&self) -> bool {
         match self.sort {
             Sort::None | Sort::Apparatus => self.said == "none",
-            // Where an effect of the library does the same, it may be named.
+            // An equivalent effect of the library may be claimed instead.
             Sort::Outside => {
                 self.said == "unexplained" || self.class.iter().any(|slug| self.truth.ideal_class.contains(slug))
             }

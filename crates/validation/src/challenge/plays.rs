@@ -1,4 +1,4 @@
-//! Many challenges, each diagnosed.
+//! Plays many challenges and diagnoses each.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -23,10 +23,10 @@ use posterior::study::{Provenance, WithProvenance};
 use record::Understood;
 use sampling::ensemble::RandomStream;
 
-/// What diagnoses a subject, with a seed.
+/// Function that diagnoses a subject with a seed.
 pub type Diagnose<'a> = dyn Fn(&Subject, u64) -> Result<Diagnosis> + Sync + 'a;
 
-/// Diagnoses as `challenge run` does: without what only a person reads.
+/// Diagnoses as `challenge run` does, without the parts that only a reader needs.
 ///
 /// # Errors
 /// As [`diagnose`].
@@ -35,26 +35,26 @@ pub fn in_brief(subject: &Subject, seed: u64) -> Result<Diagnosis> {
     Ok(diagnose(subject, &request, &Silent)?.diagnosis)
 }
 
-/// Which challenges are played.
+/// Request for a run of challenges.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct PlaysRequest {
-    /// How many.
+    /// Number of challenges.
     pub count: usize,
-    /// Number of the first: a part of a long run plays what the whole would have played.
+    /// Number of the first play. A part of a long run makes the same plays as the whole.
     pub first: usize,
     /// Signals in standard deviations.
     pub signals_sigma: Vec<f64>,
-    /// One sort only; `None` for a mixture.
+    /// The only sort to play; `None` for a mixture.
     pub only: Option<Sort>,
-    /// These effects only; empty for the whole library.
+    /// The only effects to hide; empty for the whole library.
     pub effects: Vec<String>,
-    /// Protocols.
+    /// Protocols, used in turn.
     pub protocols: Vec<Protocol>,
-    /// Noises.
+    /// Kinds of noise, used in turn.
     pub noises: Vec<NoiseKind>,
-    /// Whether the experiments state their noise; where they do not, each diagnosis has to estimate it.
+    /// True if the experiments state their noise. Otherwise each diagnosis estimates it.
     pub is_noise_given: bool,
-    /// Seed of truths and noises.
+    /// Seed of truths and noise.
     pub seed: u64,
 }
 
@@ -74,7 +74,7 @@ impl Default for PlaysRequest {
     }
 }
 
-/// Ten plays of a mixture.
+/// Sorts of ten consecutive plays of a mixture.
 const MIXTURE: [Sort; 10] = [
     Sort::Single,
     Sort::None,
@@ -87,43 +87,43 @@ const MIXTURE: [Sort; 10] = [
     Sort::Apparatus,
     Sort::Pair,
 ];
-/// Streams of the seed: truths from here on, noises from there, controls' laws from the last.
+/// Random streams of the seed: truths start at 0, noise at the first constant, and the controls' laws at the second.
 const NOISE_STREAMS: u64 = 1 << 32;
 const CONTROL_STREAMS: u64 = 1 << 33;
-/// Controls share this many laws a protocol, so that their trajectories are computed once.
+/// Number of laws for each protocol that the controls share, so that their trajectories are computed once.
 const CONTROL_LAWS: usize = 40;
-/// Pairs are asked for signals of at least this: each has to show beside the other.
+/// Smallest signal of effects in pairs, because each must be detectable beside the other.
 const LEAST_PAIR_SIGMA: f64 = 10.0;
-/// Golden section: its multiples spread evenly over choices without locking to another choice.
+/// Golden ratio. Its multiples spread evenly over choices without locking to another choice.
 const GOLDEN: f64 = 0.618_033_988_749_894_9;
 
-/// All challenges as they were played.
+/// All played challenges.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct Plays {
-    /// Counts.
+    /// Counts of the plays.
     #[serde(flatten)]
     pub tally: Tally,
-    /// One by one.
+    /// Every play.
     pub plays: Vec<Play>,
 }
 
 impl Plays {
-    /// Counts what was played, whether at once or in parts.
+    /// Counts the plays of a run or of its parts.
     pub fn of(plays: Vec<Play>) -> Self {
         Self { tally: tally(&plays), plays }
     }
 
-    /// The document of a run with a seed.
+    /// Document of a run with a seed.
     pub fn document(&self, seed: u64) -> WithProvenance<&Self> {
         WithProvenance { provenance: Provenance::new("challenge", 1, seed, BTreeMap::new()), body: self }
     }
 }
 
-/// Plays challenges: draws truths, makes their data, has each diagnosed. `diagnose` gets a seed of its own for every play.
+/// Plays challenges: draws truths, makes their data and diagnoses each. `diagnose` gets a separate seed for every play.
 ///
 /// # Errors
-/// [`Error::Input`] for a request that cannot be met; what drawing and the full finite elements refuse. A diagnosis that fails is a play that failed.
+/// [`Error::Input`] for an impossible request; errors of drawing and of the full-order model. A failed diagnosis is a failed play.
 pub fn run(
     bench: &Bench,
     request: &PlaysRequest,
@@ -132,7 +132,7 @@ pub fn run(
     monitor: &dyn Monitor,
 ) -> Result<Plays> {
     check(bench.library(), request)?;
-    monitor.stage(&format!("drawing {} hidden things and sizing their signals", request.count));
+    monitor.stage(&format!("drawing {} truths and setting their signals", request.count));
     let drawn: Vec<(Sort, Truth)> = (request.first..request.first + request.count)
         .into_par_iter()
         .map(|number| {
@@ -151,7 +151,7 @@ pub fn run(
         .enumerate()
         .map(|(number, ((sort, truth), position_m))| {
             if monitor.stop().is_some_and(|stop| stop.load(Ordering::Relaxed)) {
-                return Err(Error::Interrupted { kept: "nothing is kept but the trajectories in the cache".into() });
+                return Err(Error::Interrupted { kept: "only the trajectories in the cache are kept".into() });
             }
             let case = Case { number: request.first + number, sort, truth, position_m };
             let play = play(bench, request, case, diagnose)?;
@@ -165,15 +165,15 @@ pub fn run(
     Ok(Plays::of(plays))
 }
 
-/// Refuses what cannot be played, before anything is computed.
+/// Checks a request before anything is computed.
 ///
 /// # Errors
-/// [`Error::Input`] with the option and what to give.
+/// [`Error::Input`] with the option and the remedy.
 pub fn check(library: &Library, request: &PlaysRequest) -> Result<()> {
     let refuse =
         |setting: Setting, found: String, remedy: &str| Err(Error::input(Place::setting(setting), found, remedy));
     if request.count == 0 {
-        return refuse(Setting::Count, "nothing to play".into(), "give a positive number");
+        return refuse(Setting::Count, "there is nothing to play".into(), "give a positive number");
     }
     let is_signal = |sigma: &f64| sigma.is_finite() && (0.5..=1e3).contains(sigma);
     if request.signals_sigma.is_empty() || !request.signals_sigma.iter().all(is_signal) {
@@ -183,26 +183,26 @@ pub fn check(library: &Library, request: &PlaysRequest) -> Result<()> {
         return refuse(
             Setting::HiddenEffect,
             format!("there is no effect `{unknown}`"),
-            "name effects that `vitreo-uq effects` lists",
+            "give effects listed by `vitreo-uq effects`",
         );
     }
     if request.effects.len() == 1 && request.only == Some(Sort::Pair) {
-        return refuse(Setting::HiddenEffect, "a pair of one effect".into(), "name two effects at least");
+        return refuse(Setting::HiddenEffect, "a pair needs two effects".into(), "give at least two effects");
     }
     if request.protocols.is_empty() || request.noises.is_empty() {
         return refuse(
             Setting::Protocol,
-            "no protocol or no noise".into(),
-            "name one at least, or leave the options away",
+            "there is no protocol or no noise".into(),
+            "give at least one of each, or remove the options",
         );
     }
     Ok(())
 }
 
-/// Truth number `number`. Where its signal is out of reach, the next effect takes its place.
+/// Draws truth number `number`. If its signal is out of reach, the next effect is tried.
 fn draw(bench: &Bench, request: &PlaysRequest, sort: Sort, number: usize) -> Result<Truth> {
     let (protocols, noises, signals) = (&request.protocols, &request.noises, &request.signals_sigma);
-    // Where sorts are mixed, those of one sort are numbered by themselves.
+    // In a mixture, each sort has its own numbering.
     let place = if request.only.is_some() {
         number
     } else {
@@ -221,7 +221,7 @@ fn draw(bench: &Bench, request: &PlaysRequest, sort: Sort, number: usize) -> Res
         strength: Strength::Sigma(signal_sigma),
     };
     let stream_number = match sort {
-        // The same laws for all noises.
+        // All noises share these laws.
         Sort::None => CONTROL_STREAMS + (place / (protocols.len() * noises.len()) % CONTROL_LAWS) as u64,
         Sort::Apparatus => CONTROL_STREAMS + (place / protocols.len() % CONTROL_LAWS) as u64,
         _ => number as u64,
@@ -257,10 +257,10 @@ fn draw(bench: &Bench, request: &PlaysRequest, sort: Sort, number: usize) -> Res
             Err(error) => return Err(error),
         }
     }
-    Err(refusal.unwrap_or_else(|| Error::numerical("no truth was drawn", "ask for other effects or signals")))
+    Err(refusal.unwrap_or_else(|| Error::numerical("no truth could be drawn", "request other effects or signals")))
 }
 
-/// The effects to choose from: those asked for, else all that can be hidden.
+/// Effects to choose from: the requested ones, or all that can be hidden.
 fn slugs(bench: &Bench, request: &PlaysRequest) -> Vec<String> {
     if request.effects.is_empty() { hideable(bench.library()) } else { request.effects.clone() }
 }
@@ -281,7 +281,7 @@ fn play(bench: &Bench, request: &PlaysRequest, case: Case, diagnose: &Diagnose<'
     let stated_sd_m = truth.is_noise_given.then_some(noise.stated_sd_m);
     let subject = bench.subject_measured(truth.protocol, &noise.measured_m(&position_m), stated_sd_m)?;
     let seed = u64::from(stream.word()) << 32 | u64::from(stream.word());
-    // As the command does before it fits: a sound record that is refused is a play that failed.
+    // The command also checks the record before it fits. If a sound record is refused, the play has failed.
     let looked = refuse_certain(subject.experiment(), &Understood::default(), &Silent);
     let play = match looked.and_then(|()| diagnose(&subject, seed)) {
         Ok(diagnosis) => judged(number, sort, truth, &diagnosis, Some(&noise)),
@@ -314,7 +314,7 @@ fn failed(number: usize, sort: Sort, truth: Truth, error: &Error) -> Play {
     }
 }
 
-/// What a diagnosis said, beside the truth and the noise that was drawn, where that is known.
+/// Compares a diagnosis with the truth and with the drawn noise, if it is known.
 pub fn judged(number: usize, sort: Sort, truth: Truth, diagnosis: &Diagnosis, noise: Option<&Noise>) -> Play {
     let verdict = &diagnosis.verdict;
     let said = match verdict.kind {
@@ -367,14 +367,14 @@ pub fn judged(number: usize, sort: Sort, truth: Truth, diagnosis: &Diagnosis, no
     }
 }
 
-/// Root mean square (µm) of the drawn noise over the rows whose error a diagnosis reports: those of the scored cycle.
+/// Root mean square (µm) of the drawn noise over the rows of the scored cycle, whose error the diagnosis reports.
 fn true_noise_um(truth: &Truth, diagnosis: &Diagnosis, noise: &Noise) -> Option<f64> {
     let cycle = truth.protocol.record().cycle;
     let is_scored = |row: usize| cycle.get(row).is_some_and(|cycle| diagnosis.heldout_cycles.contains(cycle));
     noise.rms_m(is_scored).map(|rms_m| 1e6 * rms_m)
 }
 
-/// Sizes of the hidden effects that a diagnosis names.
+/// Sizes of the hidden effects that a diagnosis claims.
 fn named_sizes(truth: &Truth, diagnosis: &Diagnosis) -> Vec<NamedSize> {
     let verdict = &diagnosis.verdict;
     let is_named = |slug: &String| verdict.kind == VerdictKind::Missing && verdict.effects.contains(slug);
@@ -387,7 +387,7 @@ fn named_sizes(truth: &Truth, diagnosis: &Diagnosis) -> Vec<NamedSize> {
     named.collect()
 }
 
-/// Whether the size of the one hidden effect lies in the interval that the diagnosis gives it, if it names that effect alone.
+/// True if the hidden effect's size lies in its interval; `None` unless exactly this effect is hidden and claimed.
 fn size_covered(truth: &Truth, diagnosis: &Diagnosis) -> Option<bool> {
     let ([effect], [named]) = (truth.effects.as_slice(), diagnosis.verdict.effects.as_slice()) else { return None };
     if effect.slug != *named {

@@ -1,4 +1,4 @@
-//! Diagnoses and truths written by hand: what is made of one, and what many come to.
+//! Judges and counts diagnoses and truths that are written by hand.
 
 use super::super::{Disturbance, HiddenEffect, NamedValue};
 use super::*;
@@ -28,7 +28,7 @@ fn apparatus() -> Truth {
     Truth { apparatus: Some(ApparatusError::PoissonRatio(0.45)), ..truth(&[], &[]) }
 }
 
-/// An effect with its gain and the interval of its size.
+/// A candidate effect with its gain and the interval of its size.
 fn candidate(slug: &str, gain_nats: f64, [q05, q95]: [f64; 2]) -> CandidateEntry {
     let parameter = RefitParameter { name: format!("{slug}.size"), mean: 0.5 * (q05 + q95), q05, q95 };
     CandidateEntry {
@@ -96,7 +96,7 @@ fn unexplained(diagnosis: Diagnosis) -> Diagnosis {
     Diagnosis { unexplained: vec![entry], ..diagnosis }
 }
 
-/// Noise of this size (µm) in every row, but for one before the scored cycle in which it is far larger.
+/// Noise of this size (µm) in every row. One row before the scored cycle has a far larger error.
 fn noise_of_um(size_um: f64) -> Noise {
     let mut error_m: Vec<f64> = (0..800).map(|row| 1e-6 * if row % 2 == 0 { size_um } else { -size_um }).collect();
     error_m[100] = 1e-3;
@@ -118,14 +118,14 @@ fn a_claim_is_judged_by_its_class_its_size_and_its_error() {
     assert_eq!(right.first.as_deref(), Some("drift"));
     let gains: Vec<(&str, f64)> = right.gains.iter().map(|(slug, gain, _)| (slug.as_str(), *gain)).collect();
     assert_eq!(gains, [("bias", 30.0), ("drift", 7.0), ("delay", 3.0)]);
-    // The interval's end is inside; a size of another effect, or beside another effect, is not this one's.
+    // The interval includes its end. A size of another effect, or of a pair, is not counted.
     assert_eq!(right.size_covered, Some(true));
     assert_eq!(play(truth(&["bias"], &["bias"]), &missing(&["bias"], &[])).size_covered, Some(false));
     assert_eq!(play(hidden(), &missing(&["delay"], &["drift"])).size_covered, None);
     assert_eq!(play(hidden(), &missing(&["delay", "drift"], &[])).size_covered, None);
     assert_eq!(play(truth(&["delay", "drift"], &[]), &missing(&["delay", "drift"], &[])).size_covered, None);
     assert_eq!(right.heldout_over_predictive_noise, Some(4.2 / 4.0));
-    // A pair is named in alphabetical order, whatever the order of the claim.
+    // A pair is named in alphabetical order, independent of the claim's order.
     assert_eq!(play(truth(&["drift", "bias"], &[]), &missing(&["drift", "bias"], &["delay"])).said, "bias+drift");
 }
 
@@ -138,8 +138,8 @@ fn without_a_claim_there_is_no_class_and_the_largest_gain_is_first() {
     }
 }
 
-/// The named effect leaves 7 µm where 4 µm of noise were drawn. A predictive noise of 12.9 µm, as a floor of a gain makes it, calls that noise; the noise
-/// that was drawn does not. Noise of other cycles does not count.
+/// With the claimed effect 7 µm remain, but only 4 µm of noise were drawn. A predictive noise of 12.9 µm, inflated by a gain's floor, hides this; the drawn
+/// noise does not. Noise of other cycles does not count.
 #[test]
 fn an_error_is_counted_against_the_noise_that_was_drawn() {
     let nothing = diagnosis(VerdictKind::None, &[], &[]);
@@ -157,12 +157,12 @@ fn an_error_is_counted_against_the_noise_that_was_drawn() {
     assert!((far.heldout_over_predictive_noise.expect("scored") - 7.0 / 12.9).abs() < 1e-9);
     let tallied = tally(std::slice::from_ref(&far));
     assert_eq!((tallied.heldout_at_predictive_noise, tallied.heldout_at_true_noise), (Some(1.0), Some(0.0)));
-    // The true model leaves what was drawn, and reads 1.
+    // The true model leaves the drawn noise and has the ratio 1.
     diagnosis.extended = Some(errors(4.0, 4.0));
     let near = play(hidden(), &diagnosis);
     assert!((near.heldout_over_true_noise.expect("scored") - 1.0).abs() < 1e-9);
     assert_eq!(tally(&[far, near]).heldout_at_true_noise, Some(0.5));
-    // Where nothing is named, it is the base model that leaves it.
+    // Without a claim, the error is that of the base model.
     let none = play(truth(&[], &[]), &nothing);
     assert_eq!((none.rmse_heldout_um, none.heldout_over_predictive_noise), (Some(9.0), None));
     assert!((none.heldout_over_true_noise.expect("scored") - 9.0 / 4.0).abs() < 1e-9);
@@ -170,7 +170,7 @@ fn an_error_is_counted_against_the_noise_that_was_drawn() {
     assert_eq!((unknown.heldout_over_true_noise, unknown.heldout_over_predictive_noise), (None, Some(1.0)));
 }
 
-/// Coverage can be counted again from what is kept of a play, of pairs too.
+/// A stored play suffices to count coverage again, also for pairs.
 #[test]
 fn sizes_of_what_was_named_are_kept_with_their_intervals() {
     let both = play(truth(&["drift", "bias"], &[]), &diagnosis(VerdictKind::Missing, &["drift", "bias"], &[]));
@@ -185,7 +185,7 @@ fn sizes_of_what_was_named_are_kept_with_their_intervals() {
     assert_eq!(kept, both);
 }
 
-/// Nineteen plays whose every count differs from its neighbours, so that no share is right by a wrong denominator.
+/// Nineteen plays with distinct counts, so that no share is right with a wrong denominator.
 #[test]
 fn shares_are_counted_over_what_they_are_shares_of() {
     let missing = |effects: &[&str], equivalent: &[&str]| diagnosis(VerdictKind::Missing, effects, equivalent);
@@ -198,7 +198,7 @@ fn shares_are_counted_over_what_they_are_shares_of() {
     let bias = || truth(&["bias"], &["bias"]);
     let pair = || truth(&["drift", "bias"], &["drift", "bias"]);
     let mut plays = vec![
-        // Singles: seven, of which five are claims, three in class, six first places held by what cannot be told from the truth.
+        // Seven singles: five claims, three in class, and six first places held by the truth or an equivalent effect.
         play(drift(), &missing(&["drift"], &["delay", "bias"])),
         play(drift(), &far(missing(&["delay"], &["drift"]))),
         play(drift(), &missing(&["delay"], &[])),
@@ -206,17 +206,17 @@ fn shares_are_counted_over_what_they_are_shares_of() {
         play(bias(), &missing(&["drift"], &[])),
         play(bias(), &none()),
         play(bias(), &none()),
-        // Pairs: three, one of them whole.
+        // Three pairs, one of them complete.
         play(pair(), &missing(&["drift", "bias"], &[])),
         play(pair(), &missing(&["drift"], &["delay"])),
         play(pair(), &missing(&["bias"], &[])),
-        // Controls: five, one claimed, two called unexplained.
+        // Five controls: one claimed, two called unexplained.
         play(truth(&[], &[]), &none()),
         play(truth(&[], &[]), &missing(&["delay"], &[])),
         play(truth(&[], &[]), &unexplained(diagnosis(VerdictKind::Unexplained, &[], &[]))),
         play(apparatus(), &unexplained(diagnosis(VerdictKind::Unexplained, &[], &[]))),
         play(apparatus(), &none()),
-        // Outside: four, two called so, one taken for an effect, one taken for an effect beside which something remains.
+        // Four outside the library: two called unexplained, one claimed as an effect, one claimed as an effect with something unexplained.
         play(outside(), &unexplained(diagnosis(VerdictKind::Unexplained, &[], &[]))),
         play(outside(), &unexplained(diagnosis(VerdictKind::Unexplained, &[], &[]))),
         play(outside(), &missing(&["delay"], &[])),
@@ -227,14 +227,14 @@ fn shares_are_counted_over_what_they_are_shares_of() {
     assert_eq!(found.class_coverage, Some(3.0 / 7.0));
     assert_eq!(found.mean_class_size, Some((3.0 + 2.0 + 1.0 + 1.0 + 1.0) / 5.0));
     assert_eq!(found.ideal_class_size, Some((2.0 + 2.0 + 2.0 + 1.0 + 1.0) / 5.0));
-    // Three claims of `drift` or what is like it, one of `bias`, and two without a claim where `bias` gained most.
+    // Three claims are `drift` or equivalent, one is `bias`, and two plays have no claim but the largest gain by `bias`.
     assert_eq!(found.first_place_separated, Some(6.0 / 7.0));
     assert_eq!((found.false_claims, found.false_unexplained), (Some(1.0 / 5.0), Some(2.0 / 5.0)));
     assert_eq!(found.pair_coverage, Some(1.0 / 3.0));
     assert_eq!((found.unexplained_called, found.misattributed), (Some(2.0 / 4.0), Some(1.0 / 4.0)));
-    // Sizes: of the drift inside, of the bias outside.
+    // The drift's size is inside its interval, the bias's is outside.
     assert_eq!(found.interval_coverage_90, Some(1.0 / 2.0));
-    // In class: three singles and a pair, one of them farther off than 1.1 times the noise.
+    // Three singles and a pair are in class. One of them has an error above 1.1 times the noise.
     assert_eq!(found.heldout_at_predictive_noise, Some(3.0 / 4.0));
     assert_eq!(found.heldout_at_true_noise, Some(3.0 / 4.0));
     let of = |truth: &str, said: &str| {
@@ -251,7 +251,7 @@ fn shares_are_counted_over_what_they_are_shares_of() {
     assert_eq!(group(Sort::None), (3, 1, 1, None));
     assert_eq!(group(Sort::Apparatus), (2, 1, 0, None));
     assert_eq!(group(Sort::Outside), (4, 2, 2, Some(20)));
-    // A diagnosis that failed is no claim, and not right.
+    // A failed diagnosis is no claim and not right.
     plays = vec![failed(0, Sort::None, truth(&[], &[]), &Error::numerical("no model", "try again"))];
     let found = tally(&plays);
     assert_eq!((found.failed, found.false_claims, found.false_unexplained), (1, Some(0.0), Some(0.0)));

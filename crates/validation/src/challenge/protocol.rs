@@ -1,30 +1,30 @@
-//! The protocols of challenges.
+//! Protocols of challenges.
 
 use serde::{Deserialize, Serialize};
 
 use record::{Apparatus, Experiment, Record};
 
-/// A protocol: which force, when. All have four cycles of 10 s at 20 Hz.
+/// A protocol: commanded force over time. All have four cycles of 10 s at 20 Hz.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 #[serde(rename_all = "lowercase")]
 pub enum Protocol {
-    /// The paper's: ±F, 5 s each.
+    /// The paper's protocol: ±F for 5 s each.
     Paper,
-    /// Three force levels of both signs, with rests between them.
+    /// Three force levels of both signs, separated by rests.
     Levels,
 }
 
 const N_CYCLES: u32 = 4;
-/// Rows a second.
+/// Rows per second.
 const RATE_HZ: f64 = 20.0;
-/// The paper's force.
+/// Force of the paper's protocol.
 const FORCE_N: f64 = 4.6e-6;
 /// White noise of the tracker.
 pub(super) const WHITE_M: f64 = 4e-6;
 
 impl Protocol {
-    /// All of them.
+    /// All protocols.
     pub const ALL: [Self; 2] = [Self::Paper, Self::Levels];
 
     /// Name in options and JSON.
@@ -35,7 +35,7 @@ impl Protocol {
         }
     }
 
-    /// Force over the largest one, and for how many seconds, through one cycle.
+    /// Holds of one cycle: force relative to the largest one, and duration in s.
     fn holds(self) -> &'static [(f64, f64)] {
         match self {
             Self::Paper => &[(1.0, 5.0), (-1.0, 5.0)],
@@ -53,7 +53,7 @@ impl Protocol {
         }
     }
 
-    /// The record, with positions of zero.
+    /// The record, with all positions 0.
     pub fn record(self) -> Record {
         let one_cycle: Vec<f64> = self
             .holds()
@@ -70,8 +70,8 @@ impl Protocol {
         }
     }
 
-    /// An experiment with this protocol, these positions (m, one a row) and this noise (m), if it is given: the first cycle calibrates, the rest is held
-    /// out.
+    /// Returns an experiment with this protocol, these positions (m, one for each row) and this noise (m), if it is given. The first cycle calibrates, and the
+    /// others are held out.
     pub fn experiment(
         self,
         specimen_id: &str,

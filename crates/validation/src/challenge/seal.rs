@@ -1,33 +1,33 @@
-//! An answer that can be opened later and cannot be changed meanwhile.
+//! Seals an answer: it can be opened later but cannot be changed unnoticed.
 //!
-//! The commitment is SHA-256 of salt and answer; the answer itself is kept beside it, folded with a stream of SHA-256 of the salt, so that no glance at the
-//! file gives it away. Who wants to open it can: the seal guards against accident and against a changed mind, not against an attack.
+//! The commitment is the SHA-256 of salt and answer. The answer is stored beside it, masked with a SHA-256 stream of the salt, so that the file does not show
+//! it at a glance. Anyone can open the seal. It protects against accidental reading and later changes, not against an attack.
 
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 
 use posterior::study::sha256_hex;
 
-/// Bytes of a salt.
+/// Number of bytes of a salt.
 pub const SALT_BYTES: usize = 32;
 
-/// A sealed answer, as it is kept.
+/// A sealed answer, as stored.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Sealed {
-    /// `vitreo-uq/sealed/1`.
+    /// Schema name, `vitreo-uq/sealed/1`.
     pub schema: String,
     /// SHA-256 of salt and answer.
     pub commitment_sha256: String,
-    /// Salt, in hexadecimal.
+    /// Salt, in hexadecimal digits.
     pub salt: String,
-    /// The answer, folded, in hexadecimal.
+    /// Masked answer, in hexadecimal digits.
     pub answer: String,
 }
 
-/// Name of the document.
+/// Schema name of the document.
 pub const SCHEMA: &str = "vitreo-uq/sealed/1";
 
-/// SHA-256, in hexadecimal, of salt and answer.
+/// SHA-256 of salt and answer, in hexadecimal digits.
 pub fn commitment_sha256(salt: &[u8], answer: &[u8]) -> String {
     sha256_hex(&[salt, answer].concat())
 }
@@ -42,14 +42,14 @@ pub fn seal(salt: &[u8; SALT_BYTES], answer: &[u8]) -> Sealed {
     }
 }
 
-/// Opens a sealed answer; `None` where it is damaged or is not what was committed to.
+/// Opens a sealed answer; `None` if it is damaged or does not match its commitment.
 pub fn open(sealed: &Sealed) -> Option<Vec<u8>> {
     let (salt, bytes) = (from_hex(&sealed.salt)?, from_hex(&sealed.answer)?);
     let answer = folded(&salt, &bytes);
     (commitment_sha256(&salt, &answer) == sealed.commitment_sha256).then_some(answer)
 }
 
-/// Exclusive or with SHA-256 of salt and block number; its own inverse.
+/// Exclusive or with the SHA-256 of salt and block number. Applying it twice restores the bytes.
 fn folded(salt: &[u8], bytes: &[u8]) -> Vec<u8> {
     let mut out = Vec::with_capacity(bytes.len());
     for (number, block) in (0_u64..).zip(bytes.chunks(32)) {

@@ -1,22 +1,23 @@
-//! How much of something is hidden, and how large it has to be to show as strongly as is asked.
+//! Strength of a hidden thing, and the search for the size with a given signal.
 
-/// A size is found when its signal is what was asked for to this fraction.
+/// Relative tolerance of the signal for a size.
 const TOLERANCE: f64 = 0.02;
 const MOST_ROUNDS: usize = 24;
 
-/// How much of something is hidden.
+/// Strength of a hidden thing.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Strength {
-    /// So much that each hidden thing has this signal, in standard deviations.
+    /// Signal of each hidden thing, in standard deviations.
     Sigma(f64),
-    /// A size from the effect's prior.
+    /// Size drawn from the effect's prior.
     Prior,
-    /// The one effect's first parameter so far from its null, in its unit; downwards where it can only lie below.
+    /// Distance of the single effect's first parameter from its null, in its unit; negative direction if the parameter can only lie below.
     Size(f64),
 }
 
 impl Strength {
-    /// The signal that is asked for, in standard deviations; `otherwise` where a size is: what is outside the library, and large displacements, have no such parameter.
+    /// Requested signal in standard deviations, or `otherwise` if a size is requested. Physics outside the library and large displacements have no size
+    /// parameter.
     pub(super) fn sigma_or(self, otherwise: f64) -> f64 {
         match self {
             Self::Sigma(sigma) => sigma,
@@ -25,10 +26,10 @@ impl Strength {
     }
 }
 
-/// Scales sizes until each signal is `asked_sigma`. `signals` gives the signals at sizes, `None` where there is no model; a size at `largest` that shows
-/// less ends the search.
+/// Scales sizes until each signal is `asked_sigma`. `signals` returns the signals for sizes, or `None` if the model fails. The search fails if a size reaches
+/// `largest` with a smaller signal.
 ///
-/// Signals are nearly proportional to sizes, so that few rounds do.
+/// Few rounds suffice because signals are nearly proportional to sizes.
 pub fn scaled_to(
     asked_sigma: f64,
     mut sizes: Vec<f64>,
@@ -48,7 +49,7 @@ pub fn scaled_to(
                 return None;
             }
             let factor = (asked_sigma / signal.max(1e-3 * asked_sigma)).clamp(0.1, 10.0);
-            // Shorter steps where whole ones go to and fro.
+            // Later rounds take shorter steps, in case whole steps oscillate.
             let factor = if round < 6 { factor } else { factor.sqrt() };
             sizes[index] = (sizes[index] * factor).min(largest[index]);
         }
@@ -62,7 +63,7 @@ mod tests {
 
     #[test]
     fn sizes_are_scaled_to_the_signal_that_is_asked_for() {
-        // Two coupled, curved signals.
+        // The two signals are coupled and nonlinear.
         let signals =
             |sizes: &[f64]| Some(vec![3.0 * sizes[0] + sizes[0].powi(2), (8.0 * sizes[1]).sqrt() + 0.1 * sizes[0]]);
         let (sizes, found) = scaled_to(10.0, vec![0.1, 0.1], &[100.0, 100.0], signals).expect("reachable");

@@ -1,4 +1,4 @@
-//! What many plays come to.
+//! Counts the results of many plays.
 
 use std::collections::BTreeMap;
 
@@ -7,42 +7,42 @@ use serde::{Deserialize, Serialize};
 use super::play::{Play, Sort};
 use super::{NoiseKind, Protocol};
 
-/// Body of `vitreo-uq/challenge/1`. Rates are from 0 to 1, `None` where nothing of the sort was played.
+/// Body of `vitreo-uq/challenge/1`. Rates are from 0 to 1; `None` if no such case was played.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct Tally {
     /// Number of plays.
     pub played: usize,
-    /// Plays whose diagnosis failed.
+    /// Number of plays whose diagnosis failed.
     pub failed: usize,
-    /// What was said of which truth.
+    /// Confusion matrix of truths and verdicts.
     pub confusion: Vec<Confusion>,
     /// Share of single effects that are in the reported class.
     pub class_coverage: Option<f64>,
-    /// Mean size of the classes that were reported of single effects.
+    /// Mean size of the classes reported for single effects.
     pub mean_class_size: Option<f64>,
-    /// Mean size that those classes should have: all effects that the experiment cannot tell from the hidden one.
+    /// Mean size of the ideal classes of the same plays: all effects that the experiment cannot distinguish from the hidden one.
     pub ideal_class_size: Option<f64>,
-    /// Share of single effects of which the first place is held by it, or by an effect that the experiment cannot tell from it.
+    /// Share of single effects for which the leading effect is the hidden one or is equivalent to it.
     pub first_place_separated: Option<f64>,
-    /// Share of plays without a hidden effect in which one was claimed.
+    /// Share of plays without a hidden effect in which an effect was claimed.
     pub false_claims: Option<f64>,
-    /// Share of those that were called unexplained.
+    /// Share of plays without a hidden effect that were called unexplained.
     pub false_unexplained: Option<f64>,
-    /// Share of pairs of which both are in the reported class.
+    /// Share of pairs with both effects in the reported class.
     pub pair_coverage: Option<f64>,
-    /// Share of what is outside the library that was called unexplained.
+    /// Share of plays with physics outside the library that were called unexplained.
     pub unexplained_called: Option<f64>,
-    /// Share of it that was called an effect of the library, with nothing said of what remains.
+    /// Share of plays with physics outside the library in which an effect was claimed and nothing was called unexplained.
     pub misattributed: Option<f64>,
-    /// Share of rightly named single effects whose size lies in its 90 % interval.
+    /// Share of rightly claimed single effects whose size lies in its 90 % interval.
     pub interval_coverage_90: Option<f64>,
-    /// Share of rightly named cases whose error on the scored cycle, after the addition, is at most 1.1 times the noise that was drawn there.
+    /// Share of rightly claimed cases whose error on the scored cycle is at most 1.1 times the drawn noise.
     pub heldout_at_true_noise: Option<f64>,
-    /// Share of them where it is at most 1.1 times the total predictive noise of the diagnosis: whether the diagnosis knows how far off it is. A predictive
-    /// noise that is too large makes this 1 whatever is left.
+    /// Share of rightly claimed cases whose error is at most 1.1 times the diagnosis's predictive noise. It shows if the diagnosis knows its own error. A predictive
+    /// noise that is too large gives 1 for any residual.
     pub heldout_at_predictive_noise: Option<f64>,
-    /// The same by sort, protocol, noise and signal.
+    /// Counts by sort, protocol, noise and signal.
     pub groups: Vec<Group>,
 }
 
@@ -54,7 +54,7 @@ pub struct Confusion {
     pub truth: String,
     /// Slugs joined by `+`, `none`, `unexplained` or `failed`.
     pub said: String,
-    /// How often.
+    /// Number of plays.
     pub count: usize,
 }
 
@@ -62,23 +62,23 @@ pub struct Confusion {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct Group {
-    /// Sort.
+    /// Sort of the hidden thing.
     pub sort: Sort,
-    /// Protocol.
+    /// Protocol of the plays.
     pub protocol: Protocol,
-    /// Noise.
+    /// Noise of the plays.
     pub noise: NoiseKind,
-    /// Signal in standard deviations, rounded; `None` where nothing is hidden.
+    /// Signal in standard deviations, rounded; `None` if nothing is hidden.
     pub signal_sigma: Option<u32>,
-    /// How many.
+    /// Number of plays.
     pub played: usize,
-    /// How many were right: in class, both in class, `none`, or `unexplained`.
+    /// Number of right diagnoses: in class, both in class, `none`, or `unexplained`.
     pub right: usize,
-    /// In how many an effect was claimed.
+    /// Number of plays with a claimed effect.
     pub claimed: usize,
 }
 
-/// Error on the scored cycle over its noise that is allowed after the addition.
+/// Largest allowed ratio of the error on the scored cycle to its noise.
 const ALLOWED_RATIO: f64 = 1.1;
 
 fn share(plays: &[&Play], is: impl Fn(&Play) -> bool) -> Option<f64> {

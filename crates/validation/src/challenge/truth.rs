@@ -1,4 +1,4 @@
-//! What a challenge hides.
+//! The truth behind a challenge.
 
 use serde::{Deserialize, Serialize};
 
@@ -14,36 +14,36 @@ pub enum Hidden {
     Effects(Vec<String>),
     /// Something outside the library.
     Outside(OutsideKind),
-    /// A constant of the apparatus that is not what the experiment says. In a creep test of one body that is absorbed by the law, so that the right
-    /// answer is `none`.
+    /// A wrong constant of the apparatus. In a creep test of one body the law absorbs it, so the right verdict is `none`.
     Apparatus(ApparatusError),
 }
 
-/// A constant of the apparatus that is not what the experiment says.
+/// A constant of the apparatus that differs from the experiment's statement.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 #[serde(rename_all = "kebab-case")]
 pub enum ApparatusError {
     /// The gel's Poisson ratio.
     PoissonRatio(f64),
-    /// The robot's place: so far off the centre.
+    /// The robot's place is off the centre.
     OffCentre {
-        /// Distance of the centres in m.
+        /// Distance of the centres, in m.
         distance_m: f64,
-        /// Across the force, or along it.
+        /// True if the offset is across the force, false if it is along it.
         across: bool,
     },
 }
 
 impl ApparatusError {
-    /// The robot where it is in truth.
+    /// Returns the robot at its true place.
     pub fn robot(self, stated: &Robot) -> Robot {
         let Self::OffCentre { distance_m, across } = self else { return *stated };
         let direction = if across { OffsetDirection::Across } else { OffsetDirection::Along };
         Robot { offset: Some(Offset { distance_m, direction }), ..*stated }
     }
 
-    /// Those that are played: two Poisson ratios where 0.48 is stated, and a robot off the centre in both directions, which makes the gel 4 and 5 % stiffer.
+    /// Errors that are played: two Poisson ratios instead of the stated 0.48, and a robot off the centre in both directions. The offsets make the gel 4 and 5 %
+    /// stiffer.
     pub const ALL: [Self; 4] = [
         Self::PoissonRatio(0.45),
         Self::PoissonRatio(0.495),
@@ -70,46 +70,46 @@ pub struct HiddenEffect {
     pub slug: String,
     /// Parameters in the effect's order; the first is its size.
     pub parameters: Vec<NamedValue>,
-    /// Signal in standard deviations: the distance that the best fit without it leaves of noise-free data.
+    /// Signal in standard deviations: distance between noise-free data and the best fit without the effect.
     pub signal_sigma: f64,
 }
 
-/// Everything that the data of a challenge were made from, but for the noise's random numbers.
+/// All inputs of a challenge's data, except the random numbers of the noise.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct Truth {
-    /// Protocol.
+    /// Protocol of the experiment.
     pub protocol: Protocol,
-    /// Noise.
+    /// Noise of the experiment.
     pub noise: NoiseKind,
-    /// Whether the experiment states the noise; where it does not, the diagnosis has to estimate it.
+    /// True if the experiment states the noise. Otherwise the diagnosis estimates it.
     #[serde(default = "is_given")]
     pub is_noise_given: bool,
-    /// E (Pa), c₁ (Pa·s), c₂ (Pa·s).
+    /// Parameters of the law: E (Pa), c₁ (Pa·s), c₂ (Pa·s).
     pub law: [f64; 3],
-    /// Effects of the library, none to two.
+    /// Effects of the library, at most two.
     pub effects: Vec<HiddenEffect>,
-    /// Something outside the library.
+    /// Disturbance from outside the library.
     pub outside: Option<Disturbance>,
-    /// A wrong constant of the apparatus.
+    /// Wrong constant of the apparatus.
     pub apparatus: Option<ApparatusError>,
-    /// Signal of what is outside, as that of an effect.
+    /// Signal of the disturbance, in standard deviations.
     pub outside_sigma: Option<f64>,
-    /// Effects that this experiment cannot tell from the hidden ones: the best fit with one to noise-free data stays below 4 standard deviations. The
-    /// hidden ones are among them.
+    /// Effects that this experiment cannot distinguish from the hidden ones: their best fit to noise-free data stays below 4 standard deviations. The hidden
+    /// effects are included.
     pub ideal_class: Vec<String>,
-    /// Effects that are not compared yet: their reduced models take long to build and were not needed to make the data. Opening the answer compares them.
+    /// Effects that are not compared yet. Their surrogates take long to build and are not needed for the data. Opening the answer compares them.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub not_compared: Vec<String>,
 }
 
-/// Answers that were sealed before there was a choice.
+/// Default for sealed answers without this field.
 fn is_given() -> bool {
     true
 }
 
 impl Truth {
-    /// Of data in which nothing is hidden.
+    /// Truth of data with nothing hidden.
     pub fn of_nothing(protocol: Protocol, noise: NoiseKind, law: [f64; 3]) -> Self {
         Self {
             protocol,
@@ -125,7 +125,7 @@ impl Truth {
         }
     }
 
-    /// What a right diagnosis names: slugs joined by `+`, `none` or `outside`.
+    /// Verdict of a right diagnosis: slugs joined by `+`, `none` or `outside`.
     pub fn label(&self) -> String {
         match (&self.outside, self.effects.as_slice()) {
             (Some(_), _) => "outside".into(),
@@ -134,7 +134,7 @@ impl Truth {
         }
     }
 
-    /// More of it: the kind of what is outside, the wrong constant.
+    /// Detail of the truth: the kind of disturbance, or the wrong constant.
     pub fn detail(&self) -> String {
         match (&self.outside, self.apparatus) {
             (Some(outside), _) => outside.kind.name().into(),
@@ -147,14 +147,14 @@ impl Truth {
         }
     }
 
-    /// The smallest signal in standard deviations; `None` where nothing is hidden.
+    /// Smallest signal in standard deviations; `None` if nothing is hidden.
     pub fn signal_sigma(&self) -> Option<f64> {
         let of_effects = self.effects.iter().map(|effect| effect.signal_sigma);
         of_effects.chain(self.outside_sigma).min_by(f64::total_cmp)
     }
 }
 
-/// Slugs in alphabetical order, joined.
+/// Slugs in alphabetical order, joined by `+`.
 pub(super) fn joined<'a>(slugs: impl Iterator<Item = &'a str>) -> String {
     let mut slugs: Vec<&str> = slugs.collect();
     slugs.sort_unstable();
@@ -165,7 +165,7 @@ pub(super) fn joined<'a>(slugs: impl Iterator<Item = &'a str>) -> String {
 mod tests {
     use super::*;
 
-    /// Answers that were sealed before effects could be left for later have no such list, and none is written where there is nothing to list.
+    /// Sealed answers without the list `not_compared` can be read. The list is not written if it is empty.
     #[test]
     fn a_truth_with_nothing_left_to_compare_is_written_as_ever() {
         let truth = Truth::of_nothing(Protocol::Paper, NoiseKind::White, [1.0, 2.0, 3.0]);

@@ -1,4 +1,4 @@
-//! The files of a study of shapes: `<study>/shapes/`, written whole or not at all.
+//! Writes the files of a shape study to `<study>/shapes/`, either all or none.
 
 use std::path::PathBuf;
 
@@ -10,13 +10,13 @@ use elements::mesh::vtu::{PointData, write_vtu};
 use figures::svg::write_figure;
 use posterior::study::{Provenance, RevisionWriter, Study, WithProvenance};
 
-/// The folder, beside the revisions.
+/// Name of the folder, beside the revisions.
 const FOLDER: &str = "shapes";
 
-/// Writes the document, its figure, and the bodies of equal volume with the gel's displacement for ParaView. Returns their folder.
+/// Writes the document, its figure, and the equal-volume bodies with the gel's displacement for ParaView. Returns the folder.
 ///
 /// # Errors
-/// [`base::Error::File`] where the file system refuses.
+/// [`base::Error::File`] if a file cannot be written.
 pub fn write(study: &Study, found: &ShapesResult, summary: &ShapesSummary, provenance: Provenance) -> Result<PathBuf> {
     let document = WithProvenance { provenance, body: summary };
     RevisionWriter::begin(study.dir(), FOLDER)?.publish("shapes.json", &document, |dir| {

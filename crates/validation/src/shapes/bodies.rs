@@ -1,13 +1,13 @@
-//! The five bodies under two rules of size.
+//! The five bodies under two size rules.
 
 use documents::shapes::{Shape, SizeRule};
 use elements::fe::meridional::{BodyOfRevolution, Direction};
 use record::{Orientation, Robot, RobotShape};
 
-/// Length to diameter, and long to short semi-axis, in the paper.
+/// The paper's ratio of length to diameter, or of long to short semi-axis.
 pub const PAPER_ASPECT: f64 = 68.0 / 7.0;
 
-/// A body of this shape and aspect ratio (length to diameter), as large as a sphere of this diameter by the rule.
+/// Returns a body of this shape and aspect ratio (length to diameter), sized by the rule to a sphere of this diameter.
 pub fn sized(shape: Shape, aspect: f64, rule: SizeRule, sphere_diameter_m: f64) -> BodyOfRevolution {
     let sphere = BodyOfRevolution::sphere(0.5 * sphere_diameter_m);
     let unit = match shape {
@@ -24,18 +24,18 @@ pub fn sized(shape: Shape, aspect: f64, rule: SizeRule, sphere_diameter_m: f64) 
 /// A body of the study.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Body {
-    /// What it is.
+    /// Shape of the body.
     pub shape: Shape,
-    /// How it lies to the force; of no effect for a sphere.
+    /// Orientation to the force; without effect for a sphere.
     pub orientation: Orientation,
-    /// How large it is.
+    /// Rule that sets the body's size.
     pub rule: SizeRule,
-    /// Its surface.
+    /// Surface of the body.
     pub revolution: BodyOfRevolution,
 }
 
 impl Body {
-    /// Direction of the force relative to its axis.
+    /// Direction of the force relative to the body's axis.
     pub fn direction(&self) -> Direction {
         match self.orientation {
             Orientation::Horizontal => Direction::Axial,
@@ -43,7 +43,7 @@ impl Body {
         }
     }
 
-    /// Length along its axis and diameter across it, in m.
+    /// Length along the axis and diameter across it, in m.
     pub fn sizes_m(&self) -> [f64; 2] {
         match self.revolution {
             BodyOfRevolution::Spheroid { semi_axis_along_m, semi_axis_across_m } => {
@@ -53,7 +53,7 @@ impl Body {
         }
     }
 
-    /// The same body as an experiment describes it.
+    /// Returns the body as an experiment describes it.
     pub fn robot(&self) -> Robot {
         let ([length_m, diameter_m], orientation) = (self.sizes_m(), self.orientation);
         let shape = match self.shape {
@@ -64,7 +64,7 @@ impl Body {
         Robot { shape, density_kg_m3: None, offset: None }
     }
 
-    /// What figures and sentences call it.
+    /// Label in figures and sentences.
     pub fn label(&self) -> String {
         match (self.shape, self.orientation) {
             (Shape::Sphere, _) => "sphere".into(),
@@ -74,7 +74,7 @@ impl Body {
     }
 }
 
-/// The sphere, and ellipsoid and cylinder either way, under both rules: ten bodies, the sphere twice.
+/// Returns ten bodies: the sphere, and ellipsoid and cylinder in both orientations, each under both rules.
 pub fn bodies(aspect: f64, sphere_diameter_m: f64) -> Vec<Body> {
     use Orientation::{Horizontal, Vertical};
     let five = [

@@ -1,4 +1,4 @@
-//! What the paper says of the shapes, and whether it is so.
+//! Tests the paper's claims on shapes.
 
 use documents::shapes::{Claim, ClaimVerdict};
 use statrs::distribution::{ContinuousCDF, Normal};
@@ -7,30 +7,30 @@ use super::bodies::Body;
 use documents::shapes::{Shape, SizeRule};
 use record::Orientation;
 
-/// A claim holds, or does not, where its probability is beyond this or below the rest.
+/// A claim holds above this probability, and does not hold below 1 minus it.
 const SURE: f64 = 0.95;
-/// "Proportional to the surface" would be true within this.
+/// Tolerance of the claim "proportional to the surface".
 const PROPORTIONAL: f64 = 0.05;
 
-/// A body's stiffness and how far it may be off.
+/// Stiffness of a body with its error.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Measured {
     /// The body.
     pub body: Body,
-    /// Force per displacement per Pa, in m.
+    /// Force per displacement per Pa of Young's modulus, in m.
     pub stiffness_m: f64,
     /// Relative error.
     pub relative_error: f64,
 }
 
 impl Measured {
-    /// Probability that this body moves easier than another; relative errors are taken as standard deviations.
+    /// Probability that this body moves more easily than another. Relative errors count as standard deviations.
     fn easier_than(&self, other: &Self) -> f64 {
         easier(-self.stiffness_m.ln(), -other.stiffness_m.ln(), self.relative_error.hypot(other.relative_error))
     }
 }
 
-/// The paper's claims, in its order.
+/// Tests the paper's claims, in its order.
 pub fn claims(all: &[Measured]) -> Vec<Claim> {
     let mut list = Vec::new();
     let find = |rule: SizeRule, shape: Shape, orientation: Orientation| {
@@ -48,7 +48,7 @@ pub fn claims(all: &[Measured]) -> Vec<Claim> {
         let easiest = others.iter().map(|own| sphere.easier_than(own)).product();
         let lowest = others.iter().min_by(|a, b| a.stiffness_m.total_cmp(&b.stiffness_m));
         let numbers = lowest.map_or_else(String::new, |own| {
-            format!("next to it, or before it: {} at {:.4} × the sphere's resistance", own.body.label(), ratio(own))
+            format!("closest to the sphere: {} at {:.4} × the sphere's resistance", own.body.label(), ratio(own))
         });
         list.push(claim(format!("at {}, the sphere moves easiest", rule.title()), easiest, numbers));
         for orientation in [Horizontal, Vertical] {
@@ -85,12 +85,12 @@ fn claim(claim: String, probability: f64, numbers: String) -> Claim {
     Claim { claim, verdict: verdict_of(probability), probability, numbers }
 }
 
-/// Probability that the first of two numbers is the larger, their difference having this standard deviation.
+/// Probability that the first of two numbers is larger, if their difference has this standard deviation.
 pub(super) fn easier(first: f64, second: f64, sd: f64) -> f64 {
     Normal::standard().cdf((first - second) / sd.max(f64::EPSILON))
 }
 
-/// What is to be said of a claim with this probability.
+/// Verdict on a claim with this probability.
 pub(super) fn verdict_of(probability: f64) -> ClaimVerdict {
     match probability {
         p if p >= SURE => ClaimVerdict::Holds,
@@ -99,7 +99,7 @@ pub(super) fn verdict_of(probability: f64) -> ClaimVerdict {
     }
 }
 
-/// "The viscoelastic force is approximately proportional to the surface area of the robot."
+/// Tests "The viscoelastic force is approximately proportional to the surface area of the robot."
 fn proportional_to_surface(sphere: &Measured, others: &[&&Measured]) -> Claim {
     let area = |own: &Measured| own.body.revolution.surface_area_m2();
     let parts: Vec<(f64, f64)> =
@@ -131,7 +131,7 @@ mod tests {
             .collect()
     }
 
-    /// One standard deviation of the difference apart, an ordering has probability Φ(1); far apart it is sure, and the other way round it is not.
+    /// For a difference of one standard deviation an ordering has probability Φ(1). For a large difference it is certain, and its converse is false.
     #[test]
     fn errors_decide_what_is_too_close() {
         let easier = |distance: f64, relative_error: f64| {
@@ -150,14 +150,14 @@ mod tests {
         assert_eq!(easier(-5.0 * sd, 1e-3).verdict, ClaimVerdict::DoesNotHold);
     }
 
-    /// Of bodies whose resistance is their surface, that claim holds, and the sphere is the easiest at equal volume.
+    /// If resistance equals surface, that claim holds and the sphere moves most easily at equal volume.
     #[test]
     fn resistance_that_is_proportional_to_the_surface_is_called_so() {
         let list = claims(&measured(|body| body.revolution.surface_area_m2(), 1e-6));
         let verdict = |words: &str| list.iter().find(|own| own.claim.contains(words)).unwrap().verdict;
         assert_eq!(verdict("proportional to the surface"), ClaimVerdict::Holds);
         assert_eq!(verdict("at equal volume, the sphere moves easiest"), ClaimVerdict::Holds);
-        // At equal surface all are alike.
+        // At equal surface all bodies are alike.
         assert_eq!(verdict("at equal surface, the horizontal ellipsoid moves easier than"), ClaimVerdict::TooClose);
         let list = claims(&measured(|body| body.revolution.volume_m3(), 1e-6));
         assert_eq!(list[5].verdict, ClaimVerdict::DoesNotHold, "{:?}", list[5]);

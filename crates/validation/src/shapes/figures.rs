@@ -1,4 +1,4 @@
-//! The figure of a study of shapes: trajectories as in the paper's Figs. 7 and 8, beside the bodies drawn to scale.
+//! Figure of a shape study: trajectories as in the paper's Figs. 7 and 8, beside the bodies drawn to scale.
 
 use super::bodies::Body;
 use super::job::{ShapesResult, Solved};
@@ -10,10 +10,10 @@ use figures::shapes::{Outline, ShapeCurve, ShapesFigure, ShapesPanel, shapes};
 use figures::svg::Svg;
 use record::Orientation;
 
-/// Draws the study.
+/// Draws the figure of a study.
 ///
 /// # Errors
-/// What the figure refuses.
+/// Errors of the figure.
 pub fn shapes_figure(found: &ShapesResult, summary: &ShapesSummary) -> Result<Svg> {
     let curve = |(index, own): (usize, &Solved)| {
         let quantile = |k: usize| found.force_per_pa.iter().map(|row| 1e6 * row[k] / own.stiffness_m).collect();
@@ -41,7 +41,7 @@ pub fn shapes_figure(found: &ShapesResult, summary: &ShapesSummary) -> Result<Sv
     })
 }
 
-/// Shapes in colours, orientations in dashes.
+/// Colours distinguish shapes, dashes distinguish orientations.
 fn colour(index: usize) -> Colour {
     series(index.div_ceil(2))
 }

@@ -1,4 +1,4 @@
-//! The study: stiffness of every body by two solvers, the posterior carried through, claims, predictors and the design question.
+//! Runs the shape study: stiffness of every body by two solvers, posterior displacements, claims, predictors and the longest robot.
 
 use documents::shapes::ElasticRecord;
 use rayon::prelude::*;
@@ -28,102 +28,102 @@ use posterior::mechanics::{MODEL_LEVEL, robot_mesh};
 use posterior::monitor::{Counter, Monitor};
 use record::{Orientation, Vitreous};
 
-/// Times a hold of the cycle in trajectories.
+/// Number of times in a hold of the trajectories.
 const ROWS_A_HOLD: usize = 100;
 
-/// What a caller decides.
+/// Settings of a shape study.
 pub struct ShapesRequest {
-    /// The sphere whose volume or surface the others have, in m.
+    /// Diameter of the sphere whose volume or surface the other bodies have, in m.
     pub sphere_diameter_m: f64,
-    /// The gel around them.
+    /// The gel around the bodies.
     pub vitreous: Vitreous,
-    /// Lengths to diameters, and long to short semi-axes; at least one, the first is the study's and the others its sweep.
+    /// Ratios of length to diameter, or of long to short semi-axis. At least one; the first is the study's own, and the others form its sweep.
     pub aspects: Vec<f64>,
-    /// Poisson ratios of the gel, as many as are to be compared; the first is the study's.
+    /// Poisson ratios of the gel. The first is the study's own, and the others are compared with it.
     pub poisson_ratios: Vec<f64>,
-    /// Amplitude of the force, in N: + for one hold, − for the next.
+    /// Amplitude of the force, in N: positive in one hold, negative in the next.
     pub force_n: f64,
     /// Length of a hold, in s.
     pub hold_s: f64,
-    /// How far the longest robot must move within one hold, in m.
+    /// Required displacement of the longest robot within one hold, in m.
     pub distance_m: f64,
-    /// Posterior draws of the gel.
+    /// Creep compliance of the gel for each posterior draw.
     pub laws: Vec<CreepCompliance>,
-    /// The law at the posterior's mean as a fluid whose strains may be large; `None` where it has no such form.
+    /// Large-strain fluid for the law at the posterior mean; `None` if the law has no such form.
     pub finite_law: Option<FiniteLaw>,
-    /// Mesh of a body of the user's, to be set beside the others.
+    /// Mesh of the user's own body for comparison, if given.
     pub own_mesh: Option<Mesh>,
 }
 
-/// A body's stiffness, found twice.
+/// Stiffness of a body from two solvers.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Solved {
     /// The body.
     pub body: Body,
-    /// Force per displacement per Pa of Young's modulus, whole body, in m: by high-order elements in the meridian.
+    /// Force per displacement per Pa of Young's modulus for the whole body, in m, from high-order elements in the meridian.
     pub stiffness_m: f64,
-    /// Their own error estimate.
+    /// Error estimate of these elements, relative.
     pub relative_error: f64,
-    /// The same by the program's three-dimensional elements, in m.
+    /// Stiffness from the program's three-dimensional elements, in m.
     pub stiffness_3d_m: f64,
-    /// Their unknowns.
+    /// Number of unknowns of the three-dimensional elements.
     pub unknowns: usize,
-    /// Shapes of their elements.
+    /// Shape quality of the three-dimensional elements.
     pub quality: MeshQuality,
 }
 
-/// A mesh around a body and the gel's displacement on it.
+/// A mesh around a body, with the gel's displacement on it.
 pub struct BodyField {
     /// The body.
     pub body: Body,
-    /// Its mesh.
+    /// Mesh around the body.
     pub mesh: Mesh,
     /// Displacement of every node per displacement of the robot.
     pub displacement: Vec<[f64; 3]>,
 }
 
-/// The bodies at one aspect ratio in a gel of one Poisson ratio.
+/// Results for the bodies of one aspect ratio in a gel of one Poisson ratio.
 pub struct Studied {
-    /// Length to diameter.
+    /// Ratio of length to diameter.
     pub aspect: f64,
     /// Poisson ratio of the gel.
     pub poisson_ratio: f64,
-    /// Ten bodies.
+    /// Ten bodies, five under each size rule.
     pub solved: Vec<Solved>,
-    /// The paper's claims.
+    /// Tests of the paper's claims.
     pub claims: Vec<Claim>,
     /// Stiffness of the user's own body, in m.
     pub own_stiffness_m: Option<f64>,
 }
 
-/// The body of the user's own mesh.
+/// Body of the user's own mesh.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct OwnMesh {
-    /// Its size as the mesh has it.
+    /// Size of the body in the mesh.
     pub size: RobotSize,
-    /// Unknowns.
+    /// Number of unknowns.
     pub unknowns: usize,
-    /// Shapes of the elements.
+    /// Shape quality of the elements.
     pub quality: MeshQuality,
 }
 
-/// What the study led to.
+/// Results of a shape study.
 pub struct ShapesResult {
-    /// Every aspect ratio with every Poisson ratio; the first is the study's own.
+    /// Every aspect ratio with every Poisson ratio. The first is the study's own.
     pub studied: Vec<Studied>,
-    /// Meshes and fields of the study's bodies of equal volume.
+    /// Meshes and fields of the study's equal-volume bodies.
     pub fields: Vec<BodyField>,
-    /// The user's mesh, where there is one.
+    /// The user's own mesh, if given.
     pub own_mesh: Option<OwnMesh>,
     /// Times of one cycle, in s.
     pub time_s: Vec<f64>,
-    /// Position times stiffness (N/Pa) at each of them: 5 %, 50 %, 95 %. A body's position is this over its stiffness.
+    /// Position times stiffness (N/Pa) at each time: 5 %, 50 %, 95 % quantile. Division by a body's stiffness gives its position.
     pub force_per_pa: Vec<[f64; 3]>,
-    /// The same at the end of the first hold.
+    /// Position times stiffness (N/Pa) at the end of the first hold: 5 %, 50 %, 95 % quantile.
     pub after_hold: [f64; 3],
-    /// How far elastic robots are from rigid ones.
+    /// Differences of elastic robots from rigid ones.
     pub elastic: Vec<ElasticRecord>,
-    /// What predicts the stiffness.
+    /// Predictors of the stiffness.
     pub predictors: Vec<PredictorRecord>,
     /// The longest robots.
     pub longest: Vec<LongestRobot>,
@@ -131,9 +131,9 @@ pub struct ShapesResult {
     pub large_strains: Option<LargeStrains>,
 }
 
-/// Moduli that are tried; a metal's is about 10¹⁰ times the gel's, where rounding hides the difference.
+/// Ratios of the robot's modulus to the gel's. For a metal the ratio is about 10¹⁰, where rounding hides the difference.
 const MODULUS_RATIOS: [f64; 3] = [1e2, 1e3, 1e4];
-/// Fineness of elastic robots and of the rigid ones that they are compared with.
+/// Resolution of the elastic robots and of the rigid ones that they are compared with.
 const ELASTIC: Resolution = Resolution { order: 6, rim_layers: 3, formulation: Formulation::Mixed };
 
 fn elastic(bodies: &[Body], outer_radius_m: f64, poisson_ratio: f64) -> Result<Vec<ElasticRecord>> {
@@ -152,7 +152,7 @@ fn elastic(bodies: &[Body], outer_radius_m: f64, poisson_ratio: f64) -> Result<V
     MODULUS_RATIOS.into_iter().map(of_ratio).collect()
 }
 
-/// A body's stiffness at every Poisson ratio, the mesh made once, and its field at the first.
+/// Returns a body's stiffness at every Poisson ratio, from one mesh, and its field at the first.
 fn solve_body(body: &Body, vitreous: &Vitreous, poisson_ratios: &[f64]) -> Result<(Vec<Solved>, BodyField)> {
     let mesh = robot_mesh(&body.robot(), vitreous, MODEL_LEVEL)?;
     let stiffness = Stiffness::new(&mesh)?;
@@ -179,9 +179,9 @@ fn solve_body(body: &Body, vitreous: &Vitreous, poisson_ratios: &[f64]) -> Resul
     Ok((solved, BodyField { body: *body, mesh, displacement }))
 }
 
-/// The bodies at every aspect and Poisson ratio, the Poisson ratios running fastest.
+/// Returns the bodies at every aspect ratio and Poisson ratio; the Poisson ratio varies fastest.
 ///
-/// With them come the fields of the first aspect's bodies of equal volume; those of equal surface differ by a scale.
+/// The fields belong to the first aspect ratio's equal-volume bodies. Fields of equal-surface bodies differ only by a scale.
 fn study(
     request: &ShapesRequest,
     own_stiffnesses_m: &[f64],
@@ -220,7 +220,7 @@ fn study(
     Ok((studied, fields.into_iter().flatten().collect()))
 }
 
-/// The user's mesh, and its body's stiffness (m) at every Poisson ratio.
+/// Returns the user's mesh, and its body's stiffness (m) at every Poisson ratio.
 fn own_body(request: &ShapesRequest) -> Result<(Option<OwnMesh>, Vec<f64>)> {
     let Some(mesh) = &request.own_mesh else { return Ok((None, Vec::new())) };
     let stiffness = Stiffness::new(mesh)?;
@@ -230,14 +230,14 @@ fn own_body(request: &ShapesRequest) -> Result<(Option<OwnMesh>, Vec<f64>)> {
     Ok((Some(own), stiffnesses_m))
 }
 
-/// Runs the study.
+/// Runs the shape study.
 ///
 /// # Errors
-/// Those of meshes and solvers, for bodies that do not fit.
+/// Errors of meshes and solvers, for bodies that do not fit.
 pub fn run(request: &ShapesRequest, monitor: &dyn Monitor) -> Result<ShapesResult> {
     let ShapesRequest { sphere_diameter_m, vitreous, force_n, hold_s, distance_m, laws, .. } = request;
     let outer_radius_m = 0.5 * vitreous.diameter_m;
-    monitor.stage("solving for every body, in the meridian and in three dimensions");
+    monitor.stage("computing the stiffness of every body, in the meridian and in three dimensions");
     let (own_mesh, own_stiffnesses_m) = own_body(request)?;
     let (studied, fields) = study(request, &own_stiffnesses_m, monitor)?;
     let (aspect, poisson_ratio) = (studied[0].aspect, studied[0].poisson_ratio);
@@ -255,9 +255,9 @@ pub fn run(request: &ShapesRequest, monitor: &dyn Monitor) -> Result<ShapesResul
 
     monitor.stage("comparing elastic robots with rigid ones");
     let elastic = elastic(&bodies(aspect, *sphere_diameter_m)[..5], outer_radius_m, poisson_ratio)?;
-    monitor.stage("comparing what may predict the stiffness");
+    monitor.stage("comparing predictors of the stiffness");
     let predictors = compare_predictors(*sphere_diameter_m, outer_radius_m, poisson_ratio)?;
-    monitor.stage("looking for the longest robot that moves far enough");
+    monitor.stage("searching for the longest robot that moves far enough");
     let ends: Vec<f64> = trajectories.iter().map(|own| own[ROWS_A_HOLD]).collect();
     let mut found = Vec::new();
     for shape in [Shape::Ellipsoid, Shape::Cylinder] {

@@ -1,7 +1,8 @@
-//! Bodies along the force in a gel whose strains may be large (physics §7.6): do the paper's orderings last when the bodies move by their own lengths?
+//! Bodies along the force in a gel with large strains (physics §7.6). The study tests if the paper's orderings persist when bodies move by their own lengths.
 //!
-//! Only bodies that move along their axis of revolution are meshed for large strains. The gel is bonded to them, so strains before a slender tip or at a sharp rim are far larger than around a sphere: the
-//! mesh follows such bodies only so far, and they are compared as far as it does. Beside Oldroyd-B the same is run with a mobility, since the small strains do not say which fluid it is.
+//! Only bodies that move along their axis of revolution are meshed for large strains. The gel is bonded to them, so strains at a slender tip or sharp rim are
+//! far larger than around a sphere. The mesh can follow such bodies only for a limited time, and they are compared up to that time. The run in the Oldroyd-B
+//! fluid is repeated with a mobility, because small strains do not determine the fluid.
 
 use rayon::prelude::*;
 
@@ -15,42 +16,42 @@ use laws::stages::Stages;
 use posterior::monitor::{Counter, Monitor};
 use record::{Force, Orientation};
 
-/// Ellipsoids beside the study's own: bodies that a mesh follows far.
+/// Aspect ratios of additional ellipsoids, which a mesh can follow far.
 const ASPECTS: [f64; 2] = [1.5, 2.0];
-/// Mobility of the other fluid.
+/// Mobility of the Giesekus fluid.
 pub const OTHER_MOBILITY: f64 = 0.1;
 
-/// The bodies' surroundings and what pulls them.
+/// Surroundings of the bodies, and the force.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Setting {
-    /// The sphere whose volume or surface the others have, in m.
+    /// Diameter of the sphere whose volume or surface the other bodies have, in m.
     pub sphere_diameter_m: f64,
-    /// Radius of the gel around them, in m.
+    /// Radius of the gel, in m.
     pub outer_radius_m: f64,
-    /// Its Poisson ratio, for the small strains.
+    /// Poisson ratio of the gel, for small strains.
     pub poisson_ratio: f64,
-    /// Length to diameter of the study's bodies.
+    /// Ratio of length to diameter of the study's bodies.
     pub aspect: f64,
-    /// Force in N.
+    /// Force, in N.
     pub force_n: f64,
 }
 
-/// A body's way through the hold.
+/// Motion of a body through the hold.
 struct Followed {
     body: Body,
     aspect: f64,
-    /// Displacement of small strains (m) at every row of the hold.
+    /// Small-strain displacement (m) at every row of the hold.
     small_m: Vec<f64>,
-    /// By how much it is farther in Oldroyd-B's fluid, in m, at the rows to which it was followed.
+    /// Excess displacement in the Oldroyd-B fluid (m), at the rows that the mesh can follow.
     deviation_m: Vec<f64>,
-    /// Its error from row to row, in m.
+    /// Error of that excess at each row, in m.
     error_m: Vec<f64>,
-    /// The same as the deviation in Giesekus's fluid; `None` where not even the first was followed to the end.
+    /// Excess displacement in the Giesekus fluid (m); `None` if the Oldroyd-B run was not followed to the end.
     other_deviation_m: Option<Vec<f64>>,
 }
 
 impl Followed {
-    /// Rows to which it was followed at both finenesses.
+    /// Number of rows that both meshes can follow.
     fn n_rows(&self) -> usize {
         self.error_m.len()
     }
@@ -59,12 +60,12 @@ impl Followed {
         self.n_rows() == self.small_m.len()
     }
 
-    /// Displacement (m) at a row in Oldroyd-B's fluid.
+    /// Displacement (m) at a row in the Oldroyd-B fluid.
     fn at_m(&self, row: usize) -> f64 {
         self.small_m[row] + self.deviation_m[row]
     }
 
-    /// The same in Giesekus's, where it was followed there.
+    /// Displacement (m) at a row in the Giesekus fluid; `None` if it was not followed there.
     fn other_m(&self, row: usize) -> Option<f64> {
         Some(self.small_m[row] + self.other_deviation_m.as_ref()?.get(row)?)
     }
@@ -89,7 +90,7 @@ impl Followed {
     }
 }
 
-/// Two finenesses of a body's mesh: what is reported, and what it is compared with.
+/// Resolutions of a body's mesh: the reported one and a coarser one for comparison.
 fn finenesses(shape: Shape) -> [Fineness; 2] {
     let of_order = |order| Fineness { order, ..Fineness::ESTIMATE };
     match shape {
@@ -128,10 +129,10 @@ fn follow(
     })
 }
 
-/// Runs the bodies through one hold. `time_s` are the hold's rows, `force_per_pa` is position times stiffness (N/Pa) of small strains at each of them.
+/// Runs the bodies through one hold. `time_s` are the hold's times; `force_per_pa` is the small-strain position times stiffness (N/Pa) at each of them.
 ///
 /// # Errors
-/// Those of meshes. A mesh that follows a body no farther is none.
+/// Errors of meshes. A mesh that cannot follow a body further causes no error.
 pub fn run(
     setting: &Setting,
     law: &FiniteLaw,
@@ -149,7 +150,7 @@ pub fn run(
         let revolution = sized(shape, aspect, rule, sphere_diameter_m);
         (Body { shape, orientation: Orientation::Horizontal, rule, revolution }, aspect)
     };
-    // A sphere is as large under either rule.
+    // A sphere has equal size under both rules.
     let mut all = vec![body(Shape::Sphere, SizeRule::EqualVolume, 1.0)];
     for rule in SizeRule::ALL {
         all.extend(aspects.iter().map(|aspect| body(Shape::Ellipsoid, rule, *aspect)));
@@ -176,7 +177,7 @@ pub fn run(
     })
 }
 
-/// Whether the first goes farther than the others at a row: a claim that holds in one fluid alone is too close.
+/// Tests if the first body moves farther than the others at a row. A claim that holds in only one fluid is undecided.
 fn judge(claim: String, first: &Followed, others: &[&Followed], row: usize, numbers: String) -> Claim {
     let sd = |other: &Followed| first.error_m[row].hypot(other.error_m[row]);
     let probability: f64 = others.iter().map(|other| easier(first.at_m(row), other.at_m(row), sd(other))).product();
@@ -184,14 +185,14 @@ fn judge(claim: String, first: &Followed, others: &[&Followed], row: usize, numb
     let verdict = verdict_of(probability);
     match in_other.product::<Option<f64>>() {
         Some(other) if verdict_of(other) != verdict => {
-            let numbers = format!("{numbers}; the two fluids do not agree");
+            let numbers = format!("{numbers}; the two fluids disagree");
             Claim { claim, verdict: ClaimVerdict::TooClose, probability, numbers }
         }
         _ => Claim { claim, verdict, probability, numbers },
     }
 }
 
-/// Among ellipsoids that were followed to the end of the hold.
+/// Compares the sphere with the ellipsoids that were followed to the end of the hold.
 fn sphere_is_easiest(rule: SizeRule, all: &[&Followed]) -> Option<Claim> {
     let sphere = all.iter().find(|own| own.body.shape == Shape::Sphere && own.is_whole())?;
     let others: Vec<&Followed> =
@@ -213,7 +214,7 @@ fn sphere_is_easiest(rule: SizeRule, all: &[&Followed]) -> Option<Claim> {
     Some(judge(claim, sphere, &others, row, numbers))
 }
 
-/// At the last moment to which both were followed.
+/// Compares ellipsoid and cylinder at the last time to which both were followed.
 fn ellipsoid_before_cylinder(rule: SizeRule, all: &[&Followed], aspect: f64, time_s: &[f64]) -> Option<Claim> {
     let find = |shape: Shape| all.iter().find(|own| own.body.shape == shape && own.aspect == aspect).copied();
     let (ellipsoid, cylinder) = (find(Shape::Ellipsoid)?, find(Shape::Cylinder)?);

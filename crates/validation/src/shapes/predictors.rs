@@ -1,9 +1,9 @@
-//! What predicts a body's stiffness beyond its volume and the area of its surface: the question that the paper leaves open.
+//! Compares predictors of a body's stiffness beyond volume and surface area, a question that the paper leaves open.
 //!
-//! Each candidate is a length that a sphere has, too, so that the stiffness of a body is predicted as the sphere's times the ratio of lengths, with
-//! nothing fitted. They are compared over ellipsoids and cylinders of many aspect ratios, along and across the force. Beside them stands what
-//! knows the aspect ratio and the orientation: spheroids in the body's place, whose stiffness is known in closed form (physics §4.3, §4.8). They are
-//! compared over cylinders alone, since a spheroid is its own.
+//! Each predictor is a length that a sphere also has. The predicted stiffness of a body is the sphere's times the ratio of lengths; nothing is fitted. The
+//! predictors are compared for ellipsoids and cylinders of many aspect ratios, along and across the force. Spheroids that replace the body are further
+//! predictors: they include aspect ratio and orientation, and their stiffness has a closed form (physics §4.3, §4.8). They are compared for cylinders only,
+//! because a spheroid would replace itself.
 
 use documents::shapes::PredictorRecord;
 use std::f64::consts::PI;
@@ -19,29 +19,29 @@ use record::Orientation;
 /// Aspect ratios of the sweep.
 pub const SWEEP_ASPECTS: [f64; 9] = [0.2, 0.35, 0.6, 1.0, 1.7, 3.0, 5.0, 68.0 / 7.0, 15.0];
 
-/// A length that may stand for a body.
+/// A length that may predict a body's stiffness.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Predictor {
     /// Diameter of the sphere of equal volume.
     Volume,
-    /// Diameter of the sphere of equal surface: what the paper takes for the cause.
+    /// Diameter of the sphere of equal surface, which the paper takes for the cause.
     Surface,
-    /// Diameter of the disc of equal area as the body's shadow along the force.
+    /// Diameter of the disc with the area of the body's shadow along the force.
     Projected,
     /// Largest extent.
     Length,
-    /// A third of the shadow's and two thirds of the surface's diameter (Leith 1987, Aerosol Sci. Technol. 6:153): pressure and shear drag.
+    /// One third of the shadow's diameter plus two thirds of the surface's, for pressure and shear drag (Leith 1987, Aerosol Sci. Technol. 6:153).
     Leith,
-    /// Mean caliper diameter: of the body's extents over all directions.
+    /// Mean caliper diameter: mean extent of the body over all directions.
     MeanCaliper,
 }
 
 impl Predictor {
-    /// All.
+    /// All predictors.
     pub const ALL: [Self; 6] =
         [Self::Volume, Self::Surface, Self::Projected, Self::Length, Self::Leith, Self::MeanCaliper];
 
-    /// In words.
+    /// Name of the predictor in words.
     pub fn title(self) -> &'static str {
         match self {
             Self::Volume => "volume",
@@ -53,7 +53,7 @@ impl Predictor {
         }
     }
 
-    /// Its length in m.
+    /// Value of this length for a body, in m.
     pub fn length_m(self, body: &Body) -> f64 {
         let [along, across] = body.sizes_m();
         let disc = |area_m2: f64| (4.0 * area_m2 / PI).sqrt();
@@ -72,10 +72,10 @@ impl Predictor {
     }
 }
 
-/// Mean over directions of the distance between parallel planes that touch the body.
+/// Mean over all directions of the distance between parallel planes that touch the body.
 fn mean_caliper_m(body: BodyOfRevolution) -> f64 {
     match body {
-        // Along a direction at cosine u to the axis a spheroid is 2 √(a²u² + b²(1 − u²)) wide.
+        // Along a direction with cosine u to the axis, the width of a spheroid is 2 √(a²u² + b²(1 − u²)).
         BodyOfRevolution::Spheroid { semi_axis_along_m: a, semi_axis_across_m: b } => {
             let n = 2_000;
             let width = |i: usize| {
@@ -84,15 +84,15 @@ fn mean_caliper_m(body: BodyOfRevolution) -> f64 {
             };
             (0..n).map(width).sum::<f64>() / n as f64
         }
-        // L|u| + D √(1 − u²), averaged.
+        // This is the mean of L|u| + D √(1 − u²).
         BodyOfRevolution::Cylinder { length_m, diameter_m } => 0.5 * length_m + 0.25 * PI * diameter_m,
     }
 }
 
-/// Ratios to the sphere of the sweep's bodies, at equal volume, and each candidate's record; best first.
+/// Compares the predictors with the sweep's stiffness ratios to the sphere at equal volume, and returns their accuracy, best first.
 ///
 /// # Errors
-/// Those of the meridional solver.
+/// Errors of the meridional solver.
 pub fn compare_predictors(
     sphere_diameter_m: f64,
     outer_radius_m: f64,
@@ -156,8 +156,8 @@ fn record_of(title: &str, errors: &[f64], bodies: &[(f64, Body)]) -> PredictorRe
     }
 }
 
-/// Spheroids that stand for a cylinder, and their axes over its length and diameter: the cube root of 3/2 for equal volume, and those of equal mean squares of
-/// the coordinates, L²/12 = a²/5 and D²/16 = b²/5.
+/// Spheroids that replace a cylinder, with the ratios of their axes to its length and diameter. For equal volume both are the cube root of 3/2. For equal mean
+/// squares of the coordinates, L²/12 = a²/5 and D²/16 = b²/5.
 const TWINS: [(&str, [f64; 2]); 2] = [
     ("spheroid of equal volume and aspect (cylinders)", [1.144_714_242_553_332, 1.144_714_242_553_332]),
     ("spheroid of equal second moments (cylinders)", [1.290_994_448_735_805_6, 1.118_033_988_749_895]),
@@ -177,7 +177,7 @@ mod tests {
 
     const RULE: SizeRule = SizeRule::EqualVolume;
 
-    /// A sphere's every length is its diameter.
+    /// Every length of a sphere is its diameter.
     #[test]
     fn lengths_of_a_sphere_are_its_diameter() {
         let (diameter_m, orientation) = (0.55e-3, Orientation::Vertical);
@@ -192,8 +192,8 @@ mod tests {
         }
     }
 
-    /// Mean caliper diameters in closed form: L/2 + πD/4 of a cylinder; a + b artanh-type of a spheroid, here by its limit of a needle, whose mean
-    /// |cos| is ½.
+    /// Mean caliper diameters in closed form: L/2 + πD/4 for a cylinder. A spheroid's (with an artanh) is tested in the limit of a needle, whose mean |cos| is
+    /// ½.
     #[test]
     fn mean_caliper_diameters() {
         let cylinder = BodyOfRevolution::Cylinder { length_m: 3.0, diameter_m: 2.0 };
@@ -202,7 +202,7 @@ mod tests {
         assert!((mean_caliper_m(needle) - 1.0).abs() < 1e-6);
     }
 
-    /// The spheroids that stand for a cylinder have its volume, or its second moments.
+    /// The spheroids that replace a cylinder have its volume, or its second moments.
     #[test]
     fn spheroids_in_a_cylinders_place() {
         let (length_m, diameter_m) = (3e-3, 0.4e-3);

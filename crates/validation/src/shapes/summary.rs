@@ -1,4 +1,4 @@
-//! The document of a study of shapes, `vitreo-uq/shapes/1`.
+//! Document of a shape study, `vitreo-uq/shapes/1`.
 
 use documents::shapes::{BodySummary, Displacement, MeshSummary, OwnBody, ShapesSummary, SweepSummary};
 
@@ -13,11 +13,11 @@ fn mesh_summary(unknowns: usize, quality: &MeshQuality) -> MeshSummary {
     MeshSummary { unknowns, smallest_scaled_jacobian, largest_aspect }
 }
 
-/// Puts what was found into numbers; `forces_n` are the sweep's, the first of which is the study's.
+/// Summarises the results. `forces_n` are the sweep's forces, the first of which is the study's own.
 pub fn summarise(request: &ShapesRequest, found: &ShapesResult, forces_n: &[f64]) -> ShapesSummary {
     let outer_radius_m = 0.5 * request.vitreous.diameter_m;
     let of = |studied: &Studied, force_n: f64| {
-        // The gel is linear: displacements go with the force.
+        // The gel is linear, so displacements are proportional to the force.
         let after_hold = found.after_hold.map(|x| x * force_n / request.force_n);
         let own_body = found.own_mesh.as_ref().zip(studied.own_stiffness_m);
         SweepSummary {
@@ -52,7 +52,7 @@ pub fn summarise(request: &ShapesRequest, found: &ShapesResult, forces_n: &[f64]
     }
 }
 
-/// The sphere as large as a body, by the body's rule.
+/// The sphere of a body's size rule.
 fn sphere_of<'a>(studied: &'a Studied, own: &Solved) -> &'a Solved {
     let is_sphere = |other: &&Solved| other.body.rule == own.body.rule && other.body.shape == Shape::Sphere;
     studied.solved.iter().find(is_sphere).unwrap_or(&studied.solved[0])

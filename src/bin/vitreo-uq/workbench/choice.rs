@@ -1,4 +1,4 @@
-//! Which rows of a record serve for what: cycles that are fitted and held out, and stretches of time that are left out, written into its description.
+//! Choice of rows: fitted and held-out cycles and ignored time ranges, written into the experiment's description.
 
 use std::path::Path;
 
@@ -7,27 +7,27 @@ use vitreo_uq::base::error::{Error, Place, Result};
 use vitreo_uq::base::files::{self, Content};
 use vitreo_uq::record::Experiment;
 
-/// What a page chooses.
+/// Choice that a page sends.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 pub struct Choice {
-    /// The item.
+    /// Name of the item.
     pub item: String,
-    /// Cycles that are fitted.
+    /// Fitted cycles.
     pub fitted: Vec<u32>,
-    /// Cycles that are held out.
+    /// Held-out cycles.
     pub heldout: Vec<u32>,
-    /// Intervals in s whose positions are not compared.
+    /// Time ranges in s whose positions are ignored.
     pub left_out_s: Vec<[f64; 2]>,
 }
 
-/// Writes a choice into the description in a folder, after the reader has taken it.
+/// Writes a choice into a folder's description, after checking that the changed description is readable.
 pub fn choose(dir: &Path, choice: &Choice) -> Result<()> {
     let path = dir.join("experiment.toml");
-    let bytes = files::read(&path, Content::Settings, "put the description there again")?;
+    let bytes = files::read(&path, Content::Settings, "restore the description")?;
     let by_hand = |found: &str| {
         Error::input(Place::file(&path).at_key("measurement"), found, "change the description in an editor")
     };
-    let text = String::from_utf8(bytes).map_err(|_| by_hand("this is no text"))?;
+    let text = String::from_utf8(bytes).map_err(|_| by_hand("this is not text"))?;
     let list = |numbers: &[u32]| format!("{numbers:?}");
     let intervals: Vec<String> = choice.left_out_s.iter().map(|[from, to]| format!("[{from:?}, {to:?}]")).collect();
     let keys = [
@@ -35,8 +35,8 @@ pub fn choose(dir: &Path, choice: &Choice) -> Result<()> {
         ("heldout_cycles", Some(list(&choice.heldout))),
         ("left_out_s", (!intervals.is_empty()).then(|| format!("[{}]", intervals.join(", ")))),
     ];
-    let changed = with_keys(&text, &keys).ok_or_else(|| by_hand("its lines are not as this page can change them"))?;
-    // Read as a study would read it, beside its own tables, before anything is written over.
+    let changed = with_keys(&text, &keys).ok_or_else(|| by_hand("this page cannot change the layout of its lines"))?;
+    // Reads the changed description in its folder, as a study would, before replacing the original.
     let trial = tempfile::Builder::new().prefix(".trial-").suffix(".toml").tempfile_in(dir);
     let trial = trial.map_err(|error| Error::at_path("write", dir, error, "make the folder writable"))?;
     std::fs::write(trial.path(), &changed)
@@ -53,7 +53,7 @@ pub fn choose(dir: &Path, choice: &Choice) -> Result<()> {
     files::write_atomically(&path, changed.as_bytes())
 }
 
-/// A description with keys of `[measurement]` set, or taken away where they have no value; `None` where that would change anything else.
+/// Returns a description with keys of `[measurement]` set, or removed if they have no value. Returns `None` if any other value would change.
 fn with_keys(text: &str, keys: &[(&str, Option<String>)]) -> Option<String> {
     const HEAD: &str = "[measurement]";
     let mut lines: Vec<String> = text.lines().map(String::from).collect();

@@ -1,4 +1,4 @@
-//! The folder of a workbench: which experiments and studies stand in it, and what may be read of them.
+//! Folder of a workbench: its experiments and studies, and the files that may be read.
 
 use std::ffi::OsString;
 use std::path::{Component, Path, PathBuf};
@@ -8,43 +8,43 @@ use vitreo_uq::base::error::{Error, Place, Result};
 use vitreo_uq::base::files::{self, Content, Kind};
 use vitreo_uq::posterior::study::Study;
 
-/// In the environment of what a workbench starts: its folder, which is data to its commands, too.
+/// Environment variable of commands that a workbench starts. It holds the workbench's folder, whose files are untrusted data for these commands too.
 pub const FOLDER_VARIABLE: &str = "VITREO_UQ_WORKBENCH";
-/// Where the workbench keeps its own: uploads, and what it runs.
+/// Folder for the workbench's own files: uploads and the record of its job.
 const OWN: &str = ".vitreo-uq-workbench";
-/// Where `groups` writes when no directory is named.
+/// Directory that `groups` writes to by default.
 pub const GROUPS: &str = "vitreo-uq-out/groups";
 const DESCRIPTION: &str = "experiment.toml";
-/// The folder in which commands put studies when none is named.
+/// Folder for studies by default.
 const STUDIES: &str = "vitreo-uq-out";
-/// Files of a study that the page may show or hand out.
+/// Extensions of a study's files that the page may show or offer for download.
 const SHOWN: [&str; 7] = ["svg", "png", "html", "csv", "json", "toml", "nc"];
-/// Entries of a folder that are looked at.
+/// Maximum number of entries that are read from a folder.
 const MOST_ENTRIES: usize = 5000;
 
-/// A folder of experiments and studies.
+/// Folder of experiments and studies.
 #[derive(Debug, Clone)]
 pub struct Home {
     dir: PathBuf,
 }
 
-/// An experiment, a study, or both; or what `groups` or `shapes` wrote.
+/// Experiment, study, or both; or the results of `groups` or `shapes`.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct Item {
-    /// Its path in the folder, which names it.
+    /// Path within the folder, used as the name.
     pub name: String,
-    /// The experiment's folder, in the home.
+    /// Folder of the experiment, relative to the home.
     pub experiment: Option<PathBuf>,
-    /// The study's folder, in the home, whether or not it is there yet.
+    /// Folder of the study, relative to the home; it may not exist yet.
     pub study: PathBuf,
-    /// Finished revisions.
+    /// Names of finished revisions.
     pub revisions: Vec<String>,
-    /// Figures of what `groups` or `shapes` wrote; none of a study.
+    /// Figures of the results of `groups` or `shapes`; empty for a study.
     pub figures: Vec<String>,
 }
 
 impl Home {
-    /// The folder that a user means, and the item in it.
+    /// Returns the folder that a user means by a path, and the item in it.
     pub fn of(target: &Path) -> Result<(Self, Option<String>)> {
         let whole = std::fs::canonicalize(target).map_err(|error| {
             Error::at_path("open", target, error, "give an experiment, a study, or a folder of them")
@@ -56,8 +56,8 @@ impl Home {
         if !whole.is_dir() {
             return Err(Error::input(
                 Place::file(target),
-                "this is no folder",
-                "give an experiment, a study, or a folder of them; a table is dropped on the page",
+                "this is not a folder",
+                "give an experiment, a study, or a folder of them; drop tables on the page",
             ));
         }
         if !(Study::is_study(&whole) || whole.join(DESCRIPTION).is_file()) {
@@ -75,23 +75,23 @@ impl Home {
         Ok((home, name))
     }
 
-    /// What stands in the folder may come from somebody else.
+    /// The folder's files may come from other people.
     fn in_folder(dir: PathBuf) -> Self {
         files::enclose_folder(&dir, "a workbench's folder");
         Self { dir }
     }
 
-    /// The folder.
+    /// Absolute path of the folder.
     pub fn dir(&self) -> &Path {
         &self.dir
     }
 
-    /// Where the workbench keeps its own.
+    /// Folder for the workbench's own files.
     pub fn own(&self) -> PathBuf {
         self.dir.join(OWN)
     }
 
-    /// What stands in it: experiments with the studies that belong to them, then studies alone.
+    /// Experiments with their studies, then studies without an experiment.
     pub fn items(&self) -> Vec<Item> {
         let mut items = Vec::new();
         for name in folders(&self.dir) {
@@ -121,13 +121,13 @@ impl Home {
         items
     }
 
-    /// Where groups of the folder are compared, formed by some keys.
+    /// Item for the comparison of groups, defined by these keys.
     pub fn groups(&self, keys: &[String]) -> Item {
         let study = Path::new(GROUPS).join(keys.join("-"));
         Item { name: study.display().to_string(), experiment: None, study, revisions: Vec::new(), figures: Vec::new() }
     }
 
-    /// Experiments whose descriptions have all of some keys of the specimen.
+    /// Experiments whose descriptions contain all of these keys of the specimen.
     pub fn labelled(&self, keys: &[String]) -> Vec<PathBuf> {
         let has_all = |inside: &PathBuf| keys.iter().all(|key| of_specimen(&self.dir.join(inside), key).is_some());
         self.items().into_iter().filter_map(|item| item.experiment).filter(has_all).collect()
@@ -143,21 +143,21 @@ impl Home {
         Item { name, experiment, study, revisions, figures: Vec::new() }
     }
 
-    /// The item of a name; no other path is ever opened.
+    /// Finds an item by its name. No other path is ever opened.
     pub fn find(&self, name: &str) -> Result<Item> {
         self.items().into_iter().find(|item| item.name == name).ok_or_else(|| {
             Error::input(
                 Place::file(&self.dir),
-                format!("there is no experiment or study `{name}` here"),
-                "choose one of the list, or drop a table",
+                format!("there is no experiment or study `{name}` in this folder"),
+                "choose one from the list, or drop a table",
             )
         })
     }
 
-    /// A file of a study: of a kind that is shown, and in the study itself, without links on the way.
+    /// Path of a file of a study. It must have a shown extension, and lie in the study without links on the way.
     pub fn file(&self, item: &Item, path: &str) -> Result<PathBuf> {
         let refused =
-            || Error::input(Place::file(path), "this is no file of the study", "follow the links on the page");
+            || Error::input(Place::file(path), "this is not a file of the study", "follow the links on the page");
         let inside = Path::new(path);
         let is_plain = |part: Component<'_>| match part {
             Component::Normal(name) => !name.to_string_lossy().starts_with('.'),
@@ -171,7 +171,7 @@ impl Home {
         if files::is_file(&whole) { Ok(whole) } else { Err(refused()) }
     }
 
-    /// A folder for a new experiment, after the table's name: one that is not there.
+    /// Unused folder name for a new experiment, derived from the table's name.
     pub fn new_experiment(&self, table: &str) -> String {
         let stem = Path::new(table).file_stem().map_or(String::new(), |stem| stem.to_string_lossy().into_owned());
         let safe = files::safe_name(&stem);
@@ -180,7 +180,7 @@ impl Home {
         names.find(|name| name != STUDIES && files::kind(&self.dir.join(name)).is_none()).unwrap_or(safe)
     }
 
-    /// What changes when anything of the items does.
+    /// Hash that changes whenever an item changes.
     pub fn state(&self) -> u64 {
         use std::hash::{DefaultHasher, Hash, Hasher};
         let mut hasher = DefaultHasher::new();
@@ -198,7 +198,7 @@ impl Home {
     }
 }
 
-/// Names of the folders in a folder, in their order; links and hidden ones are left out.
+/// Sorted names of the folders in a folder, without links and hidden folders.
 fn folders(dir: &Path) -> Vec<String> {
     let entries = files::entries(dir, "").unwrap_or_default().into_iter().take(MOST_ENTRIES);
     let folder = |(name, kind): (OsString, Kind)| {
@@ -219,7 +219,7 @@ fn drawings(dir: &Path) -> Vec<String> {
     all
 }
 
-/// What a description says of its specimen.
+/// Value of a key of the specimen in a description.
 fn of_specimen(dir: &Path, key: &str) -> Option<String> {
     let bytes = files::read_if_there(&dir.join(DESCRIPTION), Content::Settings)?;
     let table: toml::Table = toml::from_str(std::str::from_utf8(&bytes).ok()?).ok()?;
@@ -230,7 +230,7 @@ fn of_specimen(dir: &Path, key: &str) -> Option<String> {
 mod tests {
     use super::*;
 
-    /// A study with a revision, an experiment beside it, and a secret outside.
+    /// Creates a study with a revision, an experiment beside it, and a secret file outside.
     fn place() -> (tempfile::TempDir, Home) {
         let place = tempfile::tempdir().unwrap();
         let put = |path: &str, text: &str| {
@@ -260,7 +260,7 @@ mod tests {
         assert_eq!(items[0].revisions, ["m0", "m2", "m10"]);
         for name in ["../secret", "vitreo-uq-out/../.."] {
             let error = home.find(name).err().unwrap().to_string();
-            assert!(error.contains(&format!("there is no experiment or study `{name}` here")), "{error}");
+            assert!(error.contains(&format!("there is no experiment or study `{name}` in this folder")), "{error}");
         }
         let (found, name) = Home::of(&home.dir.join("vitreo-uq-out/left-eye")).unwrap();
         assert_eq!(name.as_deref(), Some("eye"));
@@ -286,7 +286,7 @@ mod tests {
             "m0/posterior.json\0",
         ] {
             let error = home.file(&item, path).unwrap_err().to_string();
-            assert!(error.contains("this is no file of the study"), "{path}: {error}");
+            assert!(error.contains("this is not a file of the study"), "{path}: {error}");
         }
         #[cfg(unix)]
         {
@@ -294,7 +294,7 @@ mod tests {
             std::os::unix::fs::symlink(&whole, link).unwrap();
             assert!(
                 home.file(&item, "m0/link.json")
-                    .is_err_and(|error| error.to_string().contains("this is no file of the study"))
+                    .is_err_and(|error| error.to_string().contains("this is not a file of the study"))
             );
         }
     }

@@ -1,7 +1,7 @@
-//! What the page starts: the program's own commands, one after the other, each a process of its own.
+//! Jobs of the page: the program's own commands, run in sequence, each in its own process.
 //!
-//! A command that a terminal would run is the same command here, with the same results on disk. A workbench that ends by Ctrl-C or another signal ends the command, too. The command outlives a
-//! workbench that is killed, and a workbench that is started again looks after it.
+//! A command gives the same results on disk as in a terminal. A workbench that ends by Ctrl-C or another signal also ends its command. If a workbench is killed, its command continues, and a
+//! workbench that is started again watches it.
 
 use std::io::{Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
@@ -21,107 +21,107 @@ use super::process::{Process, stop_child};
 use crate::child::{absolute, words};
 use crate::interrupt;
 
-/// Time between two looks at a command's words.
+/// Time between two reads of a command's output.
 const LOOK: Duration = Duration::from_millis(150);
-/// The same while the workbench waits for the command's end.
+/// Time between two reads while the workbench waits for the command's end.
 const LAST_LOOK: Duration = Duration::from_millis(20);
-/// Of a command's words, the last so many bytes are looked at.
+/// Number of bytes that are read from the end of a command's output.
 const TAIL_BYTES: u64 = 16_384;
-/// Posteriors of so many revisions are laid over each other at most.
+/// Maximum number of revisions whose posteriors are overlaid.
 const MOST_OVERLAID: usize = 4;
 const WRITABLE: &str = "make the folder writable";
-/// Exit code of a result that is not to be trusted: the command came to its end all the same.
+/// Exit code of a command that finished with a result that is not to be trusted.
 const DOUBTFUL: i32 = 1;
 
-/// What a page asks for.
+/// Job that a page requests.
 #[derive(Debug, Clone, Deserialize)]
 pub struct Wish {
-    /// The item; of a comparison of groups the folder that it is written to.
+    /// Name of the item; for a comparison of groups, the folder of its results.
     pub item: String,
-    /// What to do with it.
+    /// Kind of the job.
     pub kind: Kind,
-    /// The revision to look at or to extend; the last where none is named.
+    /// Revision to analyse or extend; by default the last.
     pub revision: Option<String>,
-    /// Effects to add; of a comparison what groups are formed by.
+    /// Effects to add; for a comparison of groups, the keys that define them.
     #[serde(default)]
     pub with: Vec<String>,
 }
 
-/// What a page may start.
+/// Kinds of jobs.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Kind {
-    /// The first model, and where it fails.
+    /// Fit the first model, and test its residuals.
     Sample,
-    /// Where a revision fails.
+    /// Test the residuals of a revision.
     Compare,
-    /// What it lacks.
+    /// Find missing effects of a revision.
     Diagnose,
-    /// What the data write by themselves.
+    /// Learn a correction of the law from data.
     Learn,
-    /// The next revision, where that fails, and how the error fell.
+    /// Add effects as the next revision, test its residuals, and compare the errors of all revisions.
     Extend,
-    /// The formula that `learn` wrote, added.
+    /// Add the formula that `learn` wrote.
     Adopt,
-    /// The folder's experiments compared by species or region.
+    /// Compare the folder's experiments by species or region.
     Groups,
 }
 
-/// How a job stands.
+/// Status of a job.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Standing {
-    /// It runs.
+    /// Running.
     Running,
-    /// It came to its end.
+    /// Finished.
     Done,
-    /// It was refused, or failed.
+    /// Refused or failed.
     Failed,
-    /// The user stopped it.
+    /// Stopped by the user.
     Stopped,
-    /// The workbench ended while it ran; what it had finished is kept.
+    /// Interrupted, because the workbench ended. Finished results are kept.
     Broken,
 }
 
-/// A job.
+/// Job with its status.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Job {
-    /// The item.
+    /// Name of the item.
     pub item: String,
-    /// What is done.
+    /// Kind of the job.
     pub kind: Kind,
-    /// Arguments of the commands.
+    /// Arguments of each command.
     pub commands: Vec<Vec<String>>,
-    /// The command that runs.
+    /// Index of the command that runs.
     pub at: usize,
-    /// Its process.
+    /// Process of this command.
     pub process: Process,
-    /// Seconds since 1970 at which the job began.
+    /// Start of the job, in seconds since 1970.
     pub began_s: u64,
-    /// How it stands.
+    /// Status of the job.
     pub standing: Standing,
-    /// What it says of itself, or why it failed.
+    /// Last line of its output, or the reason of its failure.
     pub words: String,
-    /// What is done of the present stage, and all there is to do.
+    /// Steps done in the present stage, and all steps of it.
     pub progress: Option<[u64; 2]>,
 }
 
-/// The one job at a time: commands use all cores.
+/// Job queue of length one, because each command uses all cores.
 pub struct Jobs {
     home: Home,
     program: PathBuf,
     present: Mutex<Option<Job>>,
-    /// The process that this workbench has started and not yet waited for: its number is nobody else's.
+    /// Process that this workbench has started and not yet waited for, so that its number cannot be reused.
     child: Mutex<Option<Child>>,
     is_stopped: AtomicBool,
     news: watch::Sender<u64>,
 }
 
 impl Jobs {
-    /// Takes up the job that an earlier workbench left.
+    /// Creates the queue, and takes over the job of an earlier workbench.
     pub fn new(home: Home, news: watch::Sender<u64>) -> Result<Arc<Self>> {
         let program = std::env::current_exe()
-            .map_err(|error| Error::at_path("find", "the program", error, "start it by its whole path"))?;
+            .map_err(|error| Error::at_path("find", "the program", error, "start it by its absolute path"))?;
         let left: Option<Job> = files::read_if_there(&home.own().join("job.json"), Content::Document)
             .and_then(|bytes| serde_json::from_slice(&bytes).ok());
         let jobs = Arc::new(Self {
@@ -139,12 +139,12 @@ impl Jobs {
         Ok(jobs)
     }
 
-    /// The job that runs, or the last one.
+    /// Running job, or the last one.
     pub fn present(&self) -> Option<Job> {
         self.present.lock().ok()?.clone()
     }
 
-    /// Starts what a page asks for; a study of another record is replaced by the first model of this one.
+    /// Starts a requested job. If `is_replaced`, the study belongs to another record and its first model is made anew.
     pub fn start(self: &Arc<Self>, wish: &Wish, item: &Item, is_replaced: bool) -> Result<Job> {
         let members = if wish.kind == Kind::Groups { self.home.labelled(&wish.with) } else { Vec::new() };
         let commands = commands(self.home.dir(), wish, item, is_replaced, &members)?;
@@ -165,8 +165,8 @@ impl Jobs {
             if let Some(other) = present.as_ref().filter(|other| other.standing == Standing::Running) {
                 return Err(Error::input(
                     Place::file(&other.item),
-                    "something else is under way",
-                    "wait for its end, or stop it",
+                    "another job is running",
+                    "wait until it ends, or stop it",
                 ));
             }
             *present = Some(job.clone());
@@ -177,7 +177,7 @@ impl Jobs {
         self.present().ok_or_else(broken)
     }
 
-    /// Stops the job: its process has a second to leave nothing half-written.
+    /// Stops the job. Its process has a second to finish its files.
     pub fn stop(&self) {
         self.is_stopped.store(true, Ordering::SeqCst);
         if let Some(child) = self.child().as_ref() {
@@ -204,7 +204,7 @@ impl Jobs {
         let after = job.clone();
         drop(present);
         if is_kept {
-            // What cannot be kept is lost to the next workbench only.
+            // If the job cannot be saved, only the next workbench misses it.
             let _ = files::create_folders(&self.home.own(), WRITABLE);
             let _ = files::write_json_atomically(&self.home.own().join("job.json"), &after);
         }
@@ -225,14 +225,14 @@ impl Jobs {
             self.change(|job| job.at = at);
             let arguments = self.present().map_or(Vec::new(), |job| job.commands[at].clone());
             let code = self.spawn(&arguments).and_then(|process| {
-                // The workbench that ends by a signal ends what it had started.
+                // If a signal ends the workbench, it also ends this process group.
                 interrupt::owns_group(process.number());
                 self.change(|job| job.process = process);
                 self.watch()
             });
             let is_stopped = self.is_stopped.load(Ordering::SeqCst) || interrupt::has_come();
             if is_stopped {
-                self.end(Standing::Stopped, "stopped; nothing is half-written, and what was finished is kept".into());
+                self.end(Standing::Stopped, "stopped; finished results are kept, and no file is half-written".into());
             }
             interrupt::owns_group(0);
             if is_stopped {
@@ -250,7 +250,7 @@ impl Jobs {
     fn spawn(&self, arguments: &[String]) -> Result<Process> {
         let own = self.home.own();
         files::create_folders(&own, WRITABLE)?;
-        // Files, not pipes: the command goes on when the workbench is killed.
+        // Output goes to files instead of pipes, so that the command continues if the workbench is killed.
         let [out, log] = ["job.out", "job.log"].map(|name| files::create_anew(&own.join(name), WRITABLE));
         let mut command = Command::new(&self.program);
         command
@@ -262,10 +262,10 @@ impl Jobs {
             .stdout(out?)
             .stderr(log?);
         let token = super::token()?;
-        // Held, so that a stop comes before its start or finds it.
+        // The lock is held, so that a stop comes either before the start or after it.
         let mut child = self.child();
         let (started, process) = Process::spawn(&mut command, token)
-            .map_err(|error| Error::at_path("start", &self.program, error, "install the program anew"))?;
+            .map_err(|error| Error::at_path("start", &self.program, error, "reinstall the program"))?;
         if self.is_stopped.load(Ordering::SeqCst) {
             stop_child(child.insert(started));
         } else {
@@ -274,7 +274,7 @@ impl Jobs {
         Ok(process)
     }
 
-    /// Waits for a command, and passes its words on; its exit code, if it ended by itself.
+    /// Waits for a command and passes on its output. Returns its exit code if it ended by itself.
     fn watch(&self) -> Result<Option<i32>> {
         loop {
             {
@@ -303,11 +303,11 @@ impl Jobs {
         });
     }
 
-    /// Waits for the command of an earlier workbench. What was to come after it is left to the user.
+    /// Waits for the command of an earlier workbench. The user has to start the commands after it.
     fn look_after_left(&self) {
         let Some(job) = self.present() else { return };
         if !job.process.is_running() {
-            let words = "the workbench ended while this ran: start it again; what was finished is kept";
+            let words = "the workbench ended during this job; finished results are kept; start the job again";
             return self.end(Standing::Broken, words.into());
         }
         interrupt::owns_group(job.process.number());
@@ -318,14 +318,14 @@ impl Jobs {
         let tail = self.tail();
         let is_stopped = self.is_stopped.load(Ordering::SeqCst) || interrupt::has_come();
         match tail.lines().any(|line| line.starts_with("error: ")) {
-            _ if is_stopped => self.end(Standing::Stopped, "stopped; nothing is half-written".into()),
+            _ if is_stopped => self.end(Standing::Stopped, "stopped; no file is half-written".into()),
             true => self.end(Standing::Failed, error_in(&tail)),
             false => self.end(Standing::Done, String::new()),
         }
         interrupt::owns_group(0);
     }
 
-    /// The last words of the command.
+    /// Last part of the command's output.
     fn tail(&self) -> String {
         let read = || -> std::io::Result<String> {
             let mut file = files::open_file(&self.home.own().join("job.log")).map_err(std::io::Error::other)?;
@@ -340,10 +340,10 @@ impl Jobs {
 }
 
 fn broken() -> Error {
-    Error::numerical("the workbench has lost its jobs", "start it again")
+    Error::numerical("the workbench has lost its list of jobs", "start the workbench again")
 }
 
-/// The commands that a wish comes to, in a folder; `members` are the experiments that groups are made of.
+/// Commands of a requested job in a folder; `members` are the experiments of a comparison of groups.
 pub(super) fn commands(
     home: &Path,
     wish: &Wish,
@@ -356,8 +356,8 @@ pub(super) fn commands(
     let named = || -> Result<&String> {
         let revision = wish.revision.as_ref().or(item.revisions.last());
         revision.filter(|name| item.revisions.contains(name)).ok_or_else(|| {
-            let remedy = "fit the first model to the record before anything else";
-            Error::input(Place::file(&item.study), "there is no such revision", remedy)
+            let remedy = "fit the first model to the record";
+            Error::input(Place::file(&item.study), "this revision does not exist", remedy)
         })
     };
     let of_study = |command: &str| words(&[command], &[], std::slice::from_ref(&study));
@@ -390,34 +390,38 @@ pub(super) fn commands(
             let is_letter = |c: char| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '-';
             let is_slug = |slug: &String| !slug.is_empty() && !slug.starts_with('-') && slug.chars().all(is_letter);
             if wish.with.is_empty() || !wish.with.iter().all(is_slug) {
-                let remedy = "choose effects of the list";
-                return Err(Error::input(Place::setting(Setting::Effects), "these are no effects' names", remedy));
+                let remedy = "choose effects from the list";
+                return Err(Error::input(Place::setting(Setting::Effects), "these are not names of effects", remedy));
             }
             extended(wish.with.join(","))
         }
         Kind::Groups => {
             if wish.with.is_empty() || !wish.with.iter().all(|key| key == "species" || key == "region") {
                 let remedy = "choose species, region, or both";
-                return Err(Error::input(Place::setting(Setting::By), "groups are not formed by that", remedy));
+                return Err(Error::input(Place::setting(Setting::By), "this is not a key for groups", remedy));
             }
             let options = [("by", Some(wish.with.join(","))), ("out", Some(place(Path::new(GROUPS))?))];
-            // The comparison names its members as they are named here, and goes with its folder.
+            // The comparison uses these paths as names of its members, and its results stay in its folder.
             let members: Vec<String> = members.iter().map(|member| member.display().to_string()).collect();
             Ok(vec![words(&["groups"], &options, &members), of_study("report")])
         }
         Kind::Adopt => {
-            // Named from the folder, in which the command runs: a comma would divide the path, and the folder's own name may hold one.
+            // The path is relative to the folder in which the command runs. A comma would divide the path, and the folder's own name may contain one.
             let file = Path::new(".").join(&item.study).join(named()?).join(vitreo_uq::criticism::learn::FILE_NAME);
             let file = file.display().to_string();
             if file.contains(',') {
-                return Err(Error::input(Place::file(&item.study), "this name has a comma", "rename it without one"));
+                return Err(Error::input(
+                    Place::file(&item.study),
+                    "this name contains a comma",
+                    "rename it without one",
+                ));
             }
             extended(file)
         }
     }
 }
 
-/// The command that lays the posteriors of the latest revisions over each other, the next one among them.
+/// Command that overlays the posteriors of the latest revisions and the next one.
 fn overlaid(home: &Path, item: &Item) -> Result<Vec<String>> {
     let last = item.revisions.last().and_then(|name| name.strip_prefix('m')?.parse::<u32>().ok());
     let next = last.map(|number| format!("m{}", number + 1));
@@ -428,7 +432,7 @@ fn overlaid(home: &Path, item: &Item) -> Result<Vec<String>> {
     Ok(words(&["corner"], &[("out", Some(absolute(&study.join(CORNER_NAME).with_extension(""))?))], &paths))
 }
 
-/// What a command says last, and how far it is.
+/// Last message of a command, and its progress.
 fn told(tail: &str) -> (Option<String>, Option<[u64; 2]>) {
     let mut lines = tail.lines().rev().filter(|line| !line.trim().is_empty());
     let Some(last) = lines.next() else { return (None, None) };
@@ -437,11 +441,11 @@ fn told(tail: &str) -> (Option<String>, Option<[u64; 2]>) {
     (lines.find(|line| !line.starts_with(crate::terminal::PROGRESS)).map(String::from), numbers)
 }
 
-/// Why a command failed, in its own words.
+/// Error message of a failed command.
 fn error_in(tail: &str) -> String {
     match tail.rfind("error: ") {
         Some(at) => tail[at + "error: ".len()..].trim_end().to_string(),
-        None => tail.lines().last().unwrap_or("it ended without a word").to_string(),
+        None => tail.lines().last().unwrap_or("the command ended without a message").to_string(),
     }
 }
 
@@ -499,15 +503,15 @@ mod tests {
             assert!(error.contains(words), "`{words}` in {error}");
         };
         for with in [&["--force"][..], &["../x.toml"], &["a b"], &[]] {
-            refuses(wish(Kind::Extend, None, with), &["m0"], "`--with`: these are no effects' names");
+            refuses(wish(Kind::Extend, None, with), &["m0"], "`--with`: these are not names of effects");
         }
         for with in [&["--force"][..], &[]] {
-            refuses(wish(Kind::Groups, None, with), &[], "`--by`: groups are not formed by that");
+            refuses(wish(Kind::Groups, None, with), &[], "`--by`: this is not a key for groups");
         }
         for revision in ["--out", "m7", ""] {
-            refuses(wish(Kind::Diagnose, Some(revision), &[]), &["m0"], "there is no such revision");
+            refuses(wish(Kind::Diagnose, Some(revision), &[]), &["m0"], "this revision does not exist");
         }
-        refuses(wish(Kind::Compare, None, &[]), &[], "there is no such revision");
+        refuses(wish(Kind::Compare, None, &[]), &[], "this revision does not exist");
     }
 
     #[test]

@@ -1,6 +1,6 @@
-//! `workbench`: a local page on which a record becomes a model, with the same commands as in a terminal.
+//! `workbench`: a local web page that turns a record into a model, with the same commands as in a terminal.
 //!
-//! What is on disk is the state: experiments and studies in one folder, its *home*. The page starts the program's own commands, each a process of its own, and shows the documents that they write.
+//! The files on disk are the only state: experiments and studies in one folder, the *home*. The page starts the program's commands as separate processes, and shows the documents that they write.
 
 mod choice;
 mod home;
@@ -34,34 +34,34 @@ pub struct WorkbenchArguments {
     /// Experiment or study to open, or a folder of them [default: this folder]
     #[arg(value_name = "EXPERIMENT|STUDY|FOLDER")]
     target: Option<PathBuf>,
-    /// Port; 0 for any that is free
+    /// Port; 0 for any free port
     #[arg(long, value_name = "N", default_value_t = USUAL_PORT)]
     port: u16,
-    /// Address to listen on, where others than this machine shall reach the page: whoever has its link may run commands here
+    /// Address to listen on, if other machines need the page; anyone with its link can run commands here
     #[arg(long, value_name = "ADDRESS", default_value_t = IpAddr::V4(Ipv4Addr::LOCALHOST))]
     listen: IpAddr,
-    /// A further name under which the page may be asked for, beside addresses, localhost and this machine's name; may be repeated
+    /// Further host name that requests may use, besides addresses, localhost and this machine's name; may be repeated
     #[arg(long, value_name = "NAME")]
     allow_host: Vec<String>,
-    /// Do not open the page in a browser: the program never does, so that this changes nothing
+    /// Do not open the page in a browser; the program never opens it, so this option has no effect
     #[arg(long)]
     no_open: bool,
-    /// Say the link alone on standard output
+    /// Print only the link, on standard output
     #[arg(long)]
     quiet: bool,
 }
 
 pub fn run(arguments: &WorkbenchArguments) -> Result<ExitCode> {
     let (home, item) = Home::of(arguments.target.as_deref().unwrap_or(Path::new(".")))?;
-    // Another workbench may have the usual port.
+    // Another workbench may use the usual port.
     let ports = if arguments.port == USUAL_PORT { vec![USUAL_PORT, 0] } else { vec![arguments.port] };
     let (listener, address) = crate::http::listen(arguments.listen, &ports)?;
     let token = token()?;
     let link = format!("http://{address}/{token}/{}", item.map_or(String::new(), |item| format!("#{item}")));
     if !arguments.quiet {
-        say(&format!("Workbench of {}; Ctrl-C ends it, and what it had started.", home.dir().display()));
+        say(&format!("Workbench of {}; Ctrl-C ends it and its running command.", home.dir().display()));
         if !address.ip().is_loopback() {
-            say("note: other machines reach this page; whoever has its link may run commands here");
+            say("note: other machines can reach this page; anyone with its link can run commands here");
         }
         say("Open this link in a browser:");
     }
@@ -70,11 +70,14 @@ pub fn run(arguments: &WorkbenchArguments) -> Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// 128 bits that nobody guesses, in hexadecimal.
+/// Unguessable token of 128 bits, in hexadecimal.
 fn token() -> Result<String> {
     let mut bytes = [0_u8; 16];
     getrandom::fill(&mut bytes).map_err(|error| {
-        Error::numerical(format!("the system gives no random numbers: {error}"), "look after the system")
+        Error::numerical(
+            format!("the operating system provides no random numbers: {error}"),
+            "repair the operating system's random number generator",
+        )
     })?;
     Ok(bytes.iter().map(|byte| format!("{byte:02x}")).collect())
 }

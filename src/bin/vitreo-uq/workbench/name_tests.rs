@@ -1,4 +1,4 @@
-//! 500 hostile names, of tables that are dropped on the page and of folders that stand there: none becomes an option, leaves its folder, or is another name in a command than it was.
+//! Tests with 500 hostile names of dropped tables and of folders. No name may become an option, leave its folder, or change on its way into a command.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
@@ -13,7 +13,7 @@ use super::jobs::{Kind, Wish, commands};
 use super::tables::{Answered, Described, describe, keep};
 
 const N_NAMES: usize = 500;
-/// What names are put together of.
+/// Parts that names are assembled from.
 const PARTS: [&str; 64] = [
     "-",
     "--",
@@ -83,7 +83,7 @@ const PARTS: [&str; 64] = [
 const ENDINGS: [&str; 6] = [".csv", "", ".tar.gz", ".", ".--force", ".c\nsv"];
 const TABLE_ROWS: usize = 40;
 
-/// The worst ones first, then others by a fixed seed.
+/// Worst names first, then random ones from a fixed seed.
 fn hostile_names() -> Vec<String> {
     let mut names: Vec<String> =
         ["--force.csv", "--json=pwned.json", "-", "--", "..", ".", "", " ", "\0"].map(String::from).to_vec();
@@ -103,7 +103,7 @@ fn hostile_names() -> Vec<String> {
     names
 }
 
-/// A folder with a secret beside it.
+/// Folder with a secret file beside it.
 fn place() -> (tempfile::TempDir, Home) {
     let place = tempfile::tempdir().unwrap();
     std::fs::create_dir(place.path().join("home")).unwrap();
@@ -118,14 +118,14 @@ fn names_in(dir: &Path) -> BTreeSet<String> {
     entries.map(|entry| entry.unwrap().file_name().to_string_lossy().into_owned()).collect()
 }
 
-/// The options and paths that words give to a command of the program, by their names in it.
+/// Options and paths that the parser finds in a command's words, by their names.
 fn understood(words: &[String]) -> (String, BTreeMap<String, Vec<String>>) {
     let found = crate::Program::command()
         .try_get_matches_from(std::iter::once("vitreo-uq".to_string()).chain(words.iter().cloned()));
     let found = found.unwrap_or_else(|error| panic!("{error}\n{words:?}"));
     let (command, inner): (&str, &ArgMatches) = found.subcommand().unwrap();
     let ids = inner.ids().map(clap::Id::as_str).filter(|id| inner.value_source(id) == Some(ValueSource::CommandLine));
-    // What clap keeps of a group of arguments is not on the command line.
+    // Clap's names of argument groups are not on the command line.
     let ids = ids.filter(|id| !id.starts_with(char::is_uppercase));
     let value = |id: &str| {
         let raw = inner.get_raw(id).into_iter().flatten();
@@ -134,7 +134,7 @@ fn understood(words: &[String]) -> (String, BTreeMap<String, Vec<String>>) {
     (command.to_string(), ids.map(value).collect())
 }
 
-/// Checks that every command for an item is understood as it was meant.
+/// Checks that the parser understands every command for an item as intended.
 fn is_understood(home: &Home, item: &Item) {
     let place = |inside: &Path| home.dir().join(inside).display().to_string();
     let study = place(&item.study);
@@ -176,7 +176,7 @@ fn is_understood(home: &Home, item: &Item) {
         Ok(adopt) => {
             check(&adopt[0], "extend", &[("target", &[&study]), ("from", &["m1"]), ("with", &[&file])]);
         }
-        Err(error) => assert!(file.contains(',') && error.to_string().contains("has a comma"), "{error}"),
+        Err(error) => assert!(file.contains(',') && error.to_string().contains("contains a comma"), "{error}"),
     }
     if let Some(member) = &item.experiment {
         let groups = built(Kind::Groups, &["species"], false).unwrap();
@@ -187,7 +187,7 @@ fn is_understood(home: &Home, item: &Item) {
     }
 }
 
-/// Answers to what the page asks of the table of [`table`].
+/// Answers to the questions of the page about the table of [`table`].
 fn answers(home: &Home) -> BTreeMap<String, String> {
     let mut answers = BTreeMap::new();
     for number in 0..9 {
@@ -248,7 +248,7 @@ fn hostile_names_of_tables_become_plain_folders() {
     assert_eq!(names_in(outside.path()), BTreeSet::from(["home".to_string(), "secret".to_string()]));
 }
 
-/// Folders that other programs have made have any name that the file system takes.
+/// Folders made by other programs can have any name that the file system allows.
 #[cfg(unix)]
 #[test]
 fn hostile_names_of_folders_are_no_options() {

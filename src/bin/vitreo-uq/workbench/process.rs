@@ -1,4 +1,4 @@
-//! The process of a job, told from every other that has or had its number.
+//! Process of a job, distinguished from other processes that have or had its number.
 
 use std::process::{Child, Command};
 
@@ -6,20 +6,20 @@ use serde::{Deserialize, Serialize};
 
 use crate::interrupt::{self, Urgency};
 
-/// In the environment of a job's process: the token of the job.
+/// Environment variable of a job's process. It holds the job's token.
 const TOKEN: &str = "VITREO_UQ_JOB";
 
-/// A process by its number, its start and a token that nobody guesses. The system gives numbers again, and a list of jobs that was received names any.
+/// Process identified by its number, start time and an unguessable token. The system reuses numbers, and a job list from another person may contain any number.
 #[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Process {
     number: u32,
-    /// As the system tells it; empty where it does not.
+    /// Start time as the system reports it; empty if unknown.
     started: String,
     token: String,
 }
 
 impl Process {
-    /// Starts a command as the first of a process group of its own, which [`Process::stop`] ends.
+    /// Starts a command as the first of its own process group, which [`Process::stop`] ends.
     pub fn spawn(command: &mut Command, token: String) -> std::io::Result<(Child, Self)> {
         command.env(TOKEN, &token);
         #[cfg(unix)]
@@ -29,12 +29,12 @@ impl Process {
         Ok((child, Self { number, started: system::start_of(number).unwrap_or_default(), token }))
     }
 
-    /// Its number, which is its group's too; 0 before the first.
+    /// Number of the process and of its group; 0 before the first.
     pub fn number(&self) -> u32 {
         self.number
     }
 
-    /// Whether it runs; another process that has its number now does not count.
+    /// Returns whether the process runs. Another process that has its number does not count.
     pub fn is_running(&self) -> bool {
         !self.token.is_empty()
             && !self.started.is_empty()
@@ -42,7 +42,7 @@ impl Process {
             && system::has_in_environment(self.number, &format!("{TOKEN}={}", self.token))
     }
 
-    /// Asks it and what it has started to end, if it runs.
+    /// Asks the process and its children to end, if it runs.
     pub fn stop(&self) {
         if self.is_running() {
             interrupt::end_group(self.number, Urgency::Ask);
@@ -50,27 +50,27 @@ impl Process {
     }
 }
 
-/// Asks a child that was not waited for, and what it has started, to end.
+/// Asks a child that was not waited for, and its own children, to end.
 pub fn stop_child(child: &Child) {
     interrupt::end_group(child.id(), Urgency::Ask);
 }
 
 #[cfg(target_os = "linux")]
 mod system {
-    /// Place of the start among what follows a process's name, from its state on (`man 5 proc_pid_stat`).
+    /// Index of the start time among the fields after the process's name (`man 5 proc_pid_stat`).
     const START: usize = 19;
 
-    /// Clock ticks between the system's start and the process's; `None` for one that is not there, or has ended and was not waited for.
+    /// Clock ticks from the system's start to the process's start. `None` if the process does not exist, or has ended without being waited for.
     pub fn start_of(number: u32) -> Option<String> {
         let text = std::fs::read_to_string(format!("/proc/{number}/stat")).ok()?;
-        // The name may hold anything.
+        // The name may contain any characters.
         let mut fields = text.rsplit_once(')')?.1.split_whitespace();
         let state = fields.next()?;
         (!["Z", "X"].contains(&state)).then_some(())?;
         fields.nth(START - 1).map(String::from)
     }
 
-    /// Whether a process began with a variable; one whose environment is not to be seen is somebody else's.
+    /// Returns whether a process started with this variable. If its environment is unreadable, the process belongs to another user.
     pub fn has_in_environment(number: u32, variable: &str) -> bool {
         let bytes = std::fs::read(format!("/proc/{number}/environ")).unwrap_or_default();
         bytes.split(|byte| *byte == 0).any(|own| own == variable.as_bytes())
@@ -85,18 +85,18 @@ mod system {
         (!text.is_empty()).then_some(text)
     }
 
-    /// Second at which the process began.
+    /// Start time of the process, to the second.
     pub fn start_of(number: u32) -> Option<String> {
         told(number, &["-o", "lstart="])
     }
 
-    /// Whether a process began with a variable.
+    /// Returns whether a process started with this variable.
     pub fn has_in_environment(number: u32, variable: &str) -> bool {
         told(number, &["-E", "-ww", "-o", "command="]).is_some_and(|text| text.split(' ').any(|own| own == variable))
     }
 }
 
-/// Elsewhere a process of an earlier workbench is not known again.
+/// On other systems a process of an earlier workbench is not recognized.
 #[cfg(not(any(target_os = "linux", target_vendor = "apple")))]
 mod system {
     pub fn start_of(_: u32) -> Option<String> {
@@ -121,7 +121,7 @@ mod tests {
         let (mut own, process) = sleeping("0a1b");
         let (mut other, of_other) = sleeping("ffff");
         assert!(process.is_running() && of_other.is_running());
-        // Whatever of it is another's, it is not the process.
+        // A process that differs in any field is another process.
         for foreign in [
             Process { number: of_other.number, ..process.clone() },
             Process { number: of_other.number, started: of_other.started.clone(), token: "0a1b".into() },
@@ -143,7 +143,7 @@ mod tests {
         assert!(!other.wait().unwrap().success());
     }
 
-    /// A shell and what it has started end together, and nobody else of the group that tests run in.
+    /// A stop ends a shell and its children, and no other process of the group that runs the tests.
     #[test]
     fn a_stop_ends_the_group_alone() {
         let mut command = Command::new("sh");

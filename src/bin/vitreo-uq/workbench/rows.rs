@@ -1,4 +1,4 @@
-//! Rows for the page's plots: a record, with what a revision predicts of it.
+//! Rows for the page's plots: a record with a revision's predictions.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -14,27 +14,27 @@ use vitreo_uq::posterior::check;
 use vitreo_uq::posterior::study::{PREDICTIONS_NAME, Study};
 use vitreo_uq::record::Experiment;
 
-/// Points of a plot at least and at most.
+/// Minimum and maximum number of points in a plot.
 const POINTS: [usize; 2] = [50, 4000];
-/// Experiments and predictions that are kept in memory.
+/// Maximum number of experiments and predictions kept in memory.
 const KEPT: usize = 4;
 
-/// A record as it was read.
+/// Record with its check.
 pub struct Read {
-    /// The experiment.
+    /// Parsed experiment.
     pub experiment: Experiment,
-    /// What was understood, and what contradicts it.
+    /// Description of the record as read, and contradictions with it.
     pub summary: CheckSummary,
-    /// Hashes of its files, as a study of it would keep them.
+    /// Hashes of its files, as a study would keep them.
     pub sha256: BTreeMap<String, String>,
 }
 
-/// What was read of files, as long as they stay as they are.
+/// Cache of values read from files, valid until a file changes.
 pub struct Memory<T> {
     kept: Mutex<Vec<Remembered<T>>>,
 }
 
-/// What was read of a path, and when its files were last changed.
+/// Cached value with its path and the times of the last changes of its files.
 struct Remembered<T> {
     path: PathBuf,
     changed: Vec<Option<SystemTime>>,
@@ -48,7 +48,7 @@ impl<T> Default for Memory<T> {
 }
 
 impl<T> Memory<T> {
-    /// What a path holds, read again where one of the files has changed.
+    /// Returns the value of a path, and reads it again if one of the files has changed.
     pub fn get(&self, path: &Path, files: &[PathBuf], read: impl FnOnce() -> Result<T>) -> Result<Arc<T>> {
         let changed = |path: &PathBuf| std::fs::metadata(path).and_then(|metadata| metadata.modified()).ok();
         let changed: Vec<_> = files.iter().map(changed).collect();
@@ -64,7 +64,7 @@ impl<T> Memory<T> {
     }
 }
 
-/// The record that a folder describes.
+/// Reads the record that a folder describes.
 pub fn read_record(memory: &Memory<Read>, dir: &Path) -> Result<Arc<Read>> {
     let entries = files::entries(dir, "").unwrap_or_default().into_iter();
     let files: Vec<PathBuf> = entries.filter(|(_, kind)| *kind == Kind::File).map(|(name, _)| dir.join(name)).collect();
@@ -75,7 +75,7 @@ pub fn read_record(memory: &Memory<Read>, dir: &Path) -> Result<Arc<Read>> {
     })
 }
 
-/// What a revision predicts; `None` where it was written by a version that did not say.
+/// Reads a revision's predictions, or `None` if an older version wrote no predictions.
 pub fn read_revision(memory: &Memory<Predictions>, dir: &Path) -> Result<Option<Arc<Predictions>>> {
     let path = dir.join(PREDICTIONS_NAME);
     files::refuse_link(&path)?;
@@ -85,23 +85,23 @@ pub fn read_revision(memory: &Memory<Predictions>, dir: &Path) -> Result<Option<
     memory.get(&path, std::slice::from_ref(&path), || read_predictions(&path)).map(Some)
 }
 
-/// A stretch of time, and how many points show it.
+/// Time range, and the number of points to show.
 #[derive(Debug, Clone, Copy, PartialEq, serde::Deserialize)]
 pub struct Window {
-    /// Its begin in s; the record's where none is said.
+    /// Start in s; by default the record's.
     pub from_s: Option<f64>,
-    /// Its end in s.
+    /// End in s.
     pub to_s: Option<f64>,
-    /// Columns of pixels.
+    /// Number of pixel columns.
     pub points: Option<usize>,
 }
 
-/// Rows that are shown.
+/// Rows to show.
 #[derive(Debug, Serialize)]
 pub struct Shown {
-    /// Rows of the record, and of the window.
+    /// Number of rows of the record, and of the window.
     pub rows: [usize; 2],
-    /// Indices of the rows that are shown: of every column of pixels those with the lowest and highest values.
+    /// Indices of the shown rows: in each pixel column those with the lowest and highest values.
     #[serde(skip)]
     pub chosen: Vec<usize>,
     time_s: Vec<f64>,
@@ -112,7 +112,7 @@ pub struct Shown {
     predicted: Option<ShownPredictions>,
 }
 
-/// What is predicted of rows that are shown.
+/// Predictions of the shown rows.
 #[derive(Debug, Serialize)]
 struct ShownPredictions {
     median_um: Vec<f64>,
@@ -121,7 +121,7 @@ struct ShownPredictions {
     residual_um: Vec<Option<f64>>,
 }
 
-/// A window of a record, with what is predicted of it.
+/// Rows of a record in a window, with their predictions.
 pub fn shown(experiment: &Experiment, predictions: Option<&Predictions>, window: Window) -> Shown {
     let record = &experiment.record;
     let predictions = predictions.filter(|own| own.time_s.len() == record.n_rows());
@@ -153,14 +153,14 @@ pub fn shown(experiment: &Experiment, predictions: Option<&Predictions>, window:
     }
 }
 
-/// Rows of a window, one more on either side.
+/// Rows of a window, with one more on either side.
 fn rows_of(time_s: &[f64], window: Window) -> std::ops::Range<usize> {
     let from = window.from_s.map_or(0, |from_s| time_s.partition_point(|t| *t < from_s).saturating_sub(1));
     let to = window.to_s.map_or(time_s.len(), |to_s| (time_s.partition_point(|t| *t <= to_s) + 1).min(time_s.len()));
     from.min(to)..to
 }
 
-/// Of every column of rows the first, and those with the lowest and highest value of each look.
+/// Picks rows: in each column the first row, and those with the lowest and highest value of each function in `looks`.
 fn decimated(rows: std::ops::Range<usize>, n_points: usize, looks: &[&dyn Fn(usize) -> Option<f64>]) -> Vec<usize> {
     if rows.len() <= n_points {
         return rows.collect();
@@ -188,7 +188,7 @@ fn decimated(rows: std::ops::Range<usize>, n_points: usize, looks: &[&dyn Fn(usi
 mod tests {
     use super::*;
 
-    /// A single row far away is never lost, rows stay in order, and no more are shown than was asked for, but for a few.
+    /// An isolated row is never lost, rows stay in order, and the number of rows is at most a few above the request.
     #[test]
     fn what_stands_out_is_shown() {
         let value = |row: usize| Some(if row == 54_321 { 9.0 } else { (row as f64 * 0.01).sin() });

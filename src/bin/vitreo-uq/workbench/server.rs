@@ -1,4 +1,4 @@
-//! The server: what a page may ask, and what it gets.
+//! HTTP server of the workbench: the requests of a page and their responses.
 
 use std::net::TcpListener;
 use std::sync::Arc;
@@ -37,14 +37,14 @@ use crate::guard::{Guard, guard};
 use crate::http::{self, Connection};
 use vitreo_uq::figures::predictions::Predictions;
 
-/// A table that is sent has so long to come.
+/// Maximum duration of a table's upload.
 const UPLOAD: Duration = Duration::from_secs(120);
-/// Bytes of a request that is no table.
+/// Maximum size of other requests, in bytes.
 const MOST_BYTES: usize = 1 << 16;
-/// Time between two looks whether a terminal has changed something.
+/// Time between two checks for changes by other programs.
 const LOOK: Duration = Duration::from_secs(2);
 
-/// The page's own files.
+/// Files of the page.
 const FILES: [(&str, &str, &str); 7] = [
     ("", "text/html; charset=utf-8", include_str!("page/index.html")),
     ("app.js", "text/javascript; charset=utf-8", include_str!("page/app.js")),
@@ -62,14 +62,14 @@ struct Bench {
     predictions: Memory<Predictions>,
     trials: Memory<Trial>,
     news: watch::Sender<u64>,
-    /// The folder's state, with the number of the news for which it was looked for.
+    /// Hash of the folder's state, with the number of the event for which it was computed.
     folder: tokio::sync::Mutex<Option<(u64, String)>>,
     uploads: AtomicU64,
 }
 
 type Shared = Arc<Bench>;
 
-/// Serves until the program is ended.
+/// Serves until the program ends.
 pub fn run(listener: TcpListener, home: Home, token: String, names: Guard) -> Result<()> {
     let refused = |error| Error::at_path("serve", home.dir(), error, "start the workbench again");
     tables::forget(&home);
@@ -111,12 +111,13 @@ fn router(bench: Shared, token: &str, names: Guard) -> Router {
     for (name, kind, text) in FILES {
         router = router.route(&at(name), get(move || async move { ([(header::CONTENT_TYPE, kind)], text) }));
     }
-    let nothing =
-        || async { (StatusCode::NOT_FOUND, "There is nothing here. Open the link that `vitreo-uq workbench` said.\n") };
+    let nothing = || async {
+        (StatusCode::NOT_FOUND, "This page does not exist. Open the link that `vitreo-uq workbench` printed.\n")
+    };
     router.fallback(nothing).layer(middleware::from_fn_with_state(names, guard)).with_state(bench)
 }
 
-/// Looks whether something was changed from elsewhere, as long as a page listens.
+/// Checks for changes by other programs, as long as a page listens.
 async fn watch_folder(bench: Shared) {
     let mut before = 0;
     loop {
@@ -133,7 +134,7 @@ async fn watch_folder(bench: Shared) {
     }
 }
 
-/// Runs what may take a while beside the server, and answers with its document, or with words for people.
+/// Runs slow work on a thread of its own. The response is its document, or an error message.
 async fn answer<T: Serialize + Send + 'static>(work: impl FnOnce() -> Result<T> + Send + 'static) -> Response {
     let refused = |status: StatusCode, words: &str| http::json_body(status, &json!({ "error": words }));
     let written = move || match work() {
@@ -141,11 +142,11 @@ async fn answer<T: Serialize + Send + 'static>(work: impl FnOnce() -> Result<T> 
         Err(error) => refused(StatusCode::UNPROCESSABLE_ENTITY, &error.to_string()),
     };
     tokio::task::spawn_blocking(written).await.unwrap_or_else(|_| {
-        refused(StatusCode::INTERNAL_SERVER_ERROR, "this broke the workbench's work; its log says why")
+        refused(StatusCode::INTERNAL_SERVER_ERROR, "this request failed inside the workbench; the reason is in its log")
     })
 }
 
-/// An item by its name, and the revision that is looked at.
+/// Item by name, and the revision to show.
 #[derive(Deserialize)]
 struct Named {
     item: String,
@@ -161,13 +162,13 @@ async fn study(State(bench): State<Shared>, Query(named): Query<Named>) -> Respo
 }
 
 impl Bench {
-    /// The record that an item shows: the experiment's own, or the study's where that stands alone.
+    /// Record of an item: the experiment's, or the study's if it has no experiment.
     fn record(&self, item: &Item) -> Result<Arc<Read>> {
         let inside = item.experiment.as_ref().unwrap_or(&item.study);
         read_record(&self.records, &self.home.dir().join(inside))
     }
 
-    /// An item whose study is of another record than the experiment has now, without that study's revisions: they say nothing of this record.
+    /// Finds an item. If its study belongs to another record than the experiment has, the study's revisions are omitted, because they do not describe this record.
     fn current(&self, name: &str) -> Result<(Item, bool)> {
         let mut item = self.home.find(name)?;
         let study = self.home.dir().join(&item.study);
@@ -188,8 +189,8 @@ async fn choice(State(bench): State<Shared>, Json(choice): Json<Choice>) -> Resp
         let Some(experiment) = &item.experiment else {
             return Err(Error::input(
                 Place::file(&item.study),
-                "this is a study alone, whose record stays as it is",
-                "open the experiment that it was made from",
+                "this is a study without its experiment, whose record cannot be changed",
+                "open the experiment that the study was made from",
             ));
         };
         choose(&bench.home.dir().join(experiment), &choice)?;
@@ -242,7 +243,7 @@ fn study_of(bench: &Bench, name: &str, revision: Option<String>) -> Result<Value
     }))
 }
 
-/// Intervals that a description leaves out, as they stand there.
+/// Time ranges that a description leaves out, as written there.
 fn left_out_s(bench: &Bench, item: &Item) -> Value {
     let read = || -> Option<Value> {
         let path = bench.home.dir().join(item.experiment.as_ref()?).join("experiment.toml");
@@ -253,7 +254,7 @@ fn left_out_s(bench: &Bench, item: &Item) -> Value {
     read().unwrap_or_else(|| json!([]))
 }
 
-/// Where each cycle begins and ends, and what it serves for.
+/// Start, end and use of each cycle.
 fn cycles(experiment: &Experiment) -> Vec<Value> {
     let shown = |CycleSpan { cycle, start_s, end_s, kind }| {
         let serves = match kind {
@@ -266,14 +267,14 @@ fn cycles(experiment: &Experiment) -> Vec<Value> {
     artefacts::cycle_spans(experiment).into_iter().map(shown).collect()
 }
 
-/// Changes of the force that the page marks at most.
+/// Maximum number of force steps that the page marks.
 const MOST_STEPS: usize = 500;
 
 fn steps_s(record: &Record) -> Vec<f64> {
     record.force_step_rows().into_iter().take(MOST_STEPS).map(|row| record.time_s[row]).collect()
 }
 
-/// A document as it stands; nothing where there is none.
+/// Document as stored, or null if it does not exist.
 fn document(path: &std::path::Path) -> Value {
     let bytes = files::read_if_there(path, Content::Document);
     bytes.and_then(|bytes| serde_json::from_slice(&bytes).ok()).unwrap_or(Value::Null)
@@ -287,7 +288,7 @@ struct AskedRows {
     window: WindowOfQuery,
 }
 
-/// A window in a query, whose numbers are words.
+/// Window in a query, with numbers as text.
 #[derive(Deserialize)]
 struct WindowOfQuery {
     from_s: Option<String>,
@@ -326,7 +327,7 @@ async fn knobs(State(bench): State<Shared>, Json(tried): Json<Tried>) -> Respons
     answer(move || {
         let trial = bench.trial(&tried)?;
         serde_json::to_value(trial.knobs())
-            .map_err(|error| Error::numerical(error.to_string(), "report what was tried"))
+            .map_err(|error| Error::numerical(error.to_string(), "report the parameters that were tried"))
     })
     .await
 }
@@ -353,14 +354,14 @@ async fn table(
     Query(upload): Query<Upload>,
     body: Body,
 ) -> Response {
-    // Longer than the upload may take, so that there are words where it takes too long.
+    // This limit exceeds that of the upload, so that a slow upload gets an error message.
     connection.give_time(2 * UPLOAD);
     let most = usize::try_from(Content::Table.most_bytes()).unwrap_or(usize::MAX);
     let refused = |words: &str| (StatusCode::UNPROCESSABLE_ENTITY, Json(json!({ "error": words }))).into_response();
     let bytes = match tokio::time::timeout(UPLOAD, to_bytes(body, most)).await {
         Ok(Ok(bytes)) => bytes,
-        Ok(Err(_)) => return refused("the table did not come whole, or is larger than this program reads"),
-        Err(_) => return refused("the table did not come within two minutes"),
+        Ok(Err(_)) => return refused("the table did not arrive completely, or is larger than this program reads"),
+        Err(_) => return refused("the table did not arrive within two minutes"),
     };
     connection.has_whole_request();
     let number = bench.uploads.fetch_add(1, Ordering::Relaxed);
@@ -390,7 +391,7 @@ async fn stop(State(bench): State<Shared>) -> Response {
     .await
 }
 
-/// News: the present job, and a number that changes with the folder.
+/// Event stream of the present job, and a hash that changes with the folder.
 async fn events(State(bench): State<Shared>, Extension(connection): Extension<Connection>) -> impl IntoResponse {
     connection.becomes_stream();
     let news = WatchStream::new(bench.news.subscribe());
@@ -405,7 +406,7 @@ async fn events(State(bench): State<Shared>, Extension(connection): Extension<Co
 }
 
 impl Bench {
-    /// The folder's state when the news had this number, looked for once however many pages are open.
+    /// Folder's state for an event number, computed once for all open pages.
     async fn state_at(self: &Arc<Self>, number: u64) -> String {
         let mut known = self.folder.lock().await;
         if let Some((_, state)) = known.as_ref().filter(|(at, _)| *at >= number) {
@@ -427,7 +428,7 @@ struct AskedFile {
 async fn file(State(bench): State<Shared>, Query(asked): Query<AskedFile>) -> Response {
     let read = move || {
         let path = bench.home.file(&bench.home.find(&asked.item)?, &asked.path)?;
-        let bytes = files::read(&path, Content::Document, "make the study anew")?;
+        let bytes = files::read(&path, Content::Document, "make the study again")?;
         Ok((path, bytes))
     };
     match tokio::task::spawn_blocking(read).await {

@@ -1,4 +1,4 @@
-//! Tables that a browser sends, and what `init` has to ask of them.
+//! Tables that a browser uploads, and the questions of `init` about them.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -12,27 +12,27 @@ use vitreo_uq::record::table::Question;
 
 use super::home::Home;
 
-/// Longest ending of a table's name that is kept.
+/// Maximum length of the extension of a table's name that is kept.
 const LONGEST_ENDING: usize = 10;
 
-/// What a page knows of a table.
+/// Information of the page about a table.
 #[derive(Debug, Clone, Default, Deserialize)]
 pub struct Described {
-    /// What the upload was called when it came.
+    /// Name of the upload, as returned by [`keep`].
     pub upload: String,
-    /// The table's own name.
+    /// Original name of the table.
     pub file: String,
-    /// Answers by the texts of their questions.
+    /// Answers, by the texts of their questions.
     #[serde(default)]
     pub answers: BTreeMap<String, String>,
-    /// Known noise of the tracker in µm.
+    /// Known noise standard deviation of the tracker, in µm.
     pub noise_um: Option<f64>,
-    /// Species and region of the eye, by which groups are formed.
+    /// Species and region of the eye, which are keys for groups.
     #[serde(default)]
     pub groups: [Option<String>; 2],
 }
 
-/// A question for the page.
+/// Question for the page.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct Asked {
     text: String,
@@ -40,25 +40,25 @@ pub struct Asked {
     proposal: Option<String>,
 }
 
-/// What became of a table.
+/// Result of describing a table.
 #[derive(Debug, Serialize)]
 #[serde(untagged)]
 pub enum Answered {
-    /// More has to be known.
+    /// Further information is needed.
     Questions {
-        /// What.
+        /// Open questions.
         questions: Vec<Asked>,
     },
     /// The experiment is written.
     Written {
         /// Its name among the items.
         item: String,
-        /// What was understood.
+        /// Description of the table as read.
         summary: Box<InitSummary>,
     },
 }
 
-/// Keeps a table that came, whatever its name; gives the name under which it is asked for.
+/// Keeps an uploaded table, whatever its name. Returns the name of the upload.
 pub fn keep(home: &Home, name: &str, number: u64, bytes: &[u8]) -> Result<String> {
     let upload = format!("upload-{number}");
     let folder = home.own().join(&upload);
@@ -67,7 +67,7 @@ pub fn keep(home: &Home, name: &str, number: u64, bytes: &[u8]) -> Result<String
     Ok(upload)
 }
 
-/// The name under which a table is kept: letters, digits, dots and hyphens, with the ending that it had.
+/// File name of a kept table: letters, digits, dots and hyphens, with the original extension.
 fn stored(name: &str) -> String {
     let name = Path::new(name);
     let stem = files::safe_name(&name.file_stem().unwrap_or_default().to_string_lossy());
@@ -78,7 +78,7 @@ fn stored(name: &str) -> String {
     }
 }
 
-/// Removes what earlier workbenches kept.
+/// Removes the uploads of earlier workbenches.
 pub fn forget(home: &Home) {
     for (name, _) in files::entries(&home.own(), "").unwrap_or_default() {
         if name.to_string_lossy().starts_with("upload-") {
@@ -87,13 +87,13 @@ pub fn forget(home: &Home) {
     }
 }
 
-/// Writes the experiment of a table, or says what has to be known first: nothing is written before every question has an answer.
+/// Writes the experiment of a table, or returns open questions. Nothing is written until every question has an answer.
 pub fn describe(home: &Home, described: &Described) -> Result<Answered> {
     let file = kept(home, described)?;
     written(home, &file, described).map_err(|error| named_alone(error, &file))
 }
 
-/// The same of a table that is here.
+/// Writes the experiment of a kept table, or returns open questions.
 fn written(home: &Home, file: &Path, described: &Described) -> Result<Answered> {
     let request = |out: PathBuf| InitRequest {
         file: file.to_path_buf(),
@@ -130,7 +130,7 @@ fn written(home: &Home, file: &Path, described: &Described) -> Result<Answered> 
     Ok(Answered::Written { item, summary: Box::new(summary) })
 }
 
-/// An error with the table's own name: where the workbench keeps it is nobody's concern.
+/// Replaces the path of a kept table in an error by the table's original name.
 fn named_alone(error: Error, file: &Path) -> Error {
     match error {
         Error::Input { mut place, found, remedy } => {
@@ -143,7 +143,7 @@ fn named_alone(error: Error, file: &Path) -> Error {
     }
 }
 
-/// The table of an upload.
+/// Path of the kept table of an upload.
 fn kept(home: &Home, described: &Described) -> Result<PathBuf> {
     let is_number = |name: &str| !name.is_empty() && name.chars().all(|c| c.is_ascii_digit());
     let is_upload = described.upload.strip_prefix("upload-").is_some_and(is_number);
@@ -151,5 +151,5 @@ fn kept(home: &Home, described: &Described) -> Result<PathBuf> {
     if is_upload && files::is_file(&path) {
         return Ok(path);
     }
-    Err(Error::input(Place::file(&described.file), "this table is not here any more", "drop it on the page again"))
+    Err(Error::input(Place::file(&described.file), "the workbench has no such table", "drop it on the page again"))
 }

@@ -1,4 +1,4 @@
-//! A model tried by hand: its curve for parameters that a person chooses.
+//! Trial by hand: the curve of a model for parameters that the user chooses.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -20,36 +20,36 @@ use vitreo_uq::posterior::study::{POSTERIOR_NAME, Study, WithProvenance};
 
 use super::rows::{Memory, Shown, Window, shown};
 
-/// Prior quantiles between which an effect's parameter is tried.
+/// Prior quantiles that limit the slider of an effect's parameter.
 const TAIL: f64 = 0.02;
-/// By how much a parameter of the law that the data have told is tried.
+/// Largest factor by which a slider of the law changes a parameter from its posterior median.
 const SPREAD: f64 = 3.0;
 
-/// A model that is tried.
+/// Trial that a page requests.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 pub struct Tried {
-    /// The item.
+    /// Name of the item.
     pub item: String,
-    /// The revision.
+    /// Name of the revision.
     pub revision: String,
-    /// Effects beside those of the revision.
+    /// Effects added to those of the revision.
     #[serde(default)]
     pub effects: Vec<String>,
-    /// Values of parameters; those that are not named stay at the revision's.
+    /// Values of parameters; others keep the revision's values.
     #[serde(default)]
     pub parameters: BTreeMap<String, f64>,
-    /// What is shown.
+    /// Time range to show.
     #[serde(flatten)]
     pub window: Window,
 }
 
-/// A prepared model and its sliders.
+/// Prepared model and its sliders.
 pub struct Trial {
     model: PreparedModel,
     knobs: Vec<Knob>,
 }
 
-/// A parameter for a slider.
+/// Slider of a parameter.
 #[derive(Debug, Clone, Serialize)]
 pub struct Knob {
     name: String,
@@ -58,26 +58,26 @@ pub struct Knob {
     value: f64,
     low: f64,
     high: f64,
-    /// Where the effect is not there.
+    /// Null of the effect.
     null_value: Option<f64>,
     is_logarithmic: bool,
 }
 
-/// An effect that may be tried.
+/// Effect that can be tried.
 #[derive(Debug, Serialize)]
 pub struct Offered {
     slug: &'static str,
     summary: &'static str,
 }
 
-/// What a person may turn, and what may be added.
+/// Sliders, and effects that can be added.
 #[derive(Debug, Serialize)]
 pub struct Knobs<'a> {
     knobs: &'a [Knob],
     effects: Vec<Offered>,
 }
 
-/// The curve of a trial, and how far it is from the measurement.
+/// Curve of a trial, and its distance from the measurement.
 #[derive(Debug, Serialize)]
 pub struct Curve {
     #[serde(flatten)]
@@ -87,7 +87,7 @@ pub struct Curve {
     rmse_heldout_um: Option<f64>,
 }
 
-/// The model of a trial, made once.
+/// Returns the model of a trial, prepared once.
 pub fn trial(memory: &Memory<Trial>, study: &Path, tried: &Tried) -> Result<Arc<Trial>> {
     let Tried { revision, effects, .. } = tried;
     let key = study.join(revision).join(effects.join(","));
@@ -105,15 +105,15 @@ impl Trial {
         let problem = Problem::new(experiment, specification, None, &Silent)?;
         let model = PreparedModel::unverified(&problem, kept_surrogate(&study, &Silent), &Silent)?;
         let path = dir.join(POSTERIOR_NAME);
-        let bytes = files::read(&path, Content::Document, "make the study anew")?;
+        let bytes = files::read(&path, Content::Document, "make the study again")?;
         let posterior: WithProvenance<PosteriorSummary> = serde_json::from_slice(&bytes).map_err(|error| {
-            Error::input(Place::file(&path).at_line(error.line()), error.to_string(), "make the study anew")
+            Error::input(Place::file(&path).at_line(error.line()), error.to_string(), "make the study again")
         })?;
         let knobs = knobs(&problem, &posterior.body);
         Ok(Self { model, knobs })
     }
 
-    /// What may be turned and added.
+    /// Sliders, and effects that can be added.
     pub fn knobs(&self) -> Knobs<'_> {
         let own = &self.model.problem.specification.effects;
         let library = Library::default();
@@ -122,7 +122,7 @@ impl Trial {
         Knobs { knobs: &self.knobs, effects }
     }
 
-    /// The curve of a model at values of its parameters.
+    /// Curve of the model at the given parameter values.
     pub fn curve(&self, tried: &Tried) -> Result<Curve> {
         let problem = &self.model.problem;
         let value = |name: &str| {
@@ -153,7 +153,7 @@ impl Trial {
     }
 }
 
-/// Parameters of a model: where the revision has them, or where their effects are not there.
+/// Sliders of a model, at the revision's values or at the null of added effects.
 fn knobs(problem: &Problem, posterior: &PosteriorSummary) -> Vec<Knob> {
     let model = &problem.model;
     let n_before = model.n_before_effects();

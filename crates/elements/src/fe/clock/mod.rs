@@ -1,4 +1,4 @@
-//! What all time stepping shares: lengths of steps, coefficients of methods.
+//! Common parts of all time stepping: lengths of steps, coefficients of methods.
 
 mod steps;
 mod tableau;
@@ -7,5 +7,5 @@ pub(crate) use steps::{Grading, StepRule, ending_well, share_of_gap};
 pub use tableau::Scheme;
 pub use tableau::{FOURTH, Tableau};
 
-/// Times that differ by less than this share of the record's length are the same.
+/// Times that differ by less than this share of the record's length count as equal.
 pub const CLOCK_ROUNDING: f64 = 1e-13;

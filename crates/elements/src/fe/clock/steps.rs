@@ -1,15 +1,15 @@
-//! How long steps are: geometric after every switch, and ending where the force or a row asks for it.
+//! Lengths of steps: they grow geometrically after every switch, and end at switches and rows.
 
-/// Least starting scale of steps after a switch, as a share of the time to the next stop: what is over sooner is stable without being resolved.
+/// Smallest starting scale of steps after a switch, as a share of the time to the next stop. Faster processes are stable without being resolved.
 const SHARE_OF_GAP: f64 = 1e-4;
-/// The same where the force does not jump: what is fast then follows it from the beginning.
+/// Smallest starting scale if the force does not jump, as a share of the time to the next stop. Fast processes then follow the force from the start.
 const SHARE_OF_SMOOTH_GAP: f64 = 0.1;
-/// Longest step times the rate at which the gel softens, over η.
+/// Longest step times the gel's softening rate, over η.
 const SOFTENING_SHARE: f64 = 3.0;
-/// Binary digits that a step's length does without: lengths that differ by rounding of the clock share their matrices.
+/// Number of binary digits dropped from a step's length, so that lengths that differ by rounding of the clock share their matrices.
 const DROPPED_BITS: u32 = 52 - 36;
 
-/// The rule: h ≤ η (time since the switch + scale), on a ladder of lengths η 2^(j/k), so that few lengths occur.
+/// Rule for steps: h ≤ η (time since the switch + scale), on a ladder of lengths η 2^(j/k), so that few lengths occur.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct StepRule {
     steps_per_doubling: f64,
@@ -17,17 +17,17 @@ pub(crate) struct StepRule {
     growth: f64,
     /// Fastest time that steps resolve, in s.
     fastest_s: f64,
-    /// Whether the force depends on the position, which has no time of its own.
+    /// True if the force depends on the position. This feedback has no time scale of its own.
     feeds_back: bool,
     longest_step_s: f64,
 }
 
-/// Least starting scale of steps after a switch, as a share of the time to the next stop.
+/// Smallest starting scale of steps after a switch, as a share of the time to the next stop.
 pub(crate) fn share_of_gap(jumps: bool) -> f64 {
     if jumps { SHARE_OF_GAP } else { SHARE_OF_SMOOTH_GAP }
 }
 
-/// Steps since one switch.
+/// Grading of steps after one switch.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Grading {
     switched_s: f64,
@@ -35,7 +35,7 @@ pub(crate) struct Grading {
 }
 
 impl StepRule {
-    /// The rule for a fastest time of the law and the lag, and a softening rate.
+    /// Builds the rule from the fastest time of the law and the lag, and a softening rate.
     pub fn new(steps_per_doubling: u32, fastest_s: f64, feeds_back: bool, softening_per_s: f64) -> Self {
         let steps_per_doubling = f64::from(steps_per_doubling.max(1));
         let growth = steps_per_doubling.recip().exp2() - 1.0;
@@ -43,7 +43,7 @@ impl StepRule {
         Self { steps_per_doubling, growth, fastest_s, feeds_back, longest_step_s }
     }
 
-    /// Steps after a switch that is followed by a stop `gap_s` later; `jumps` where the force does.
+    /// Steps after a switch, with the next stop `gap_s` later. `jumps` tells whether the force jumps.
     pub(crate) fn after_switch(&self, switched_s: f64, gap_s: f64, jumps: bool) -> Grading {
         let fastest_s = if self.feeds_back { self.fastest_s.min(gap_s) } else { self.fastest_s };
         Grading { switched_s, scale_s: fastest_s.max(share_of_gap(jumps) * gap_s) }
@@ -58,8 +58,8 @@ impl StepRule {
     }
 }
 
-/// The step to take where one of `ladder_s` is wanted and `left_s` are left: not so long that it passes the end, nor such that a short one is left over; to 36 binary
-/// digits, 7e-12 of it.
+/// Length of the next step for a wanted length `ladder_s` and a remaining time `left_s`. It does not pass the end or leave a short rest. It is rounded to 36 binary
+/// digits, 7e-12 of its value.
 pub(crate) fn ending_well(ladder_s: f64, left_s: f64) -> f64 {
     let length_s = if ladder_s >= left_s {
         left_s

@@ -1,10 +1,10 @@
-//! How time is stepped: by singly diagonally implicit Runge–Kutta methods, whose every stage is a step of implicit Euler and whose last stage is the
+//! Time-stepping methods: singly diagonally implicit Runge–Kutta. Every stage is a step of implicit Euler, and the last stage is the
 //! step's end, so that the balance holds there.
 //!
 //! [`Scheme::Fourth`] has order 4 and five stages, is L-stable and has γ = ¼: E. Hairer, G. Wanner, Solving Ordinary Differential Equations II, §IV.6,
-//! Table 6.5, doi:10.1007/978-3-642-05221-7. [`Scheme::Euler`] has one stage; it serves where the shapes of fields matter and their times do not.
+//! Table 6.5, doi:10.1007/978-3-642-05221-7. [`Scheme::Euler`] has one stage, for cases in which the shapes of fields matter but not their times.
 
-/// Method of a run.
+/// Time-stepping method of a run.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Scheme {
     /// Order 4, five stages.
@@ -21,12 +21,12 @@ pub struct Tableau {
     pub diagonal: f64,
     /// Stages as shares of the step.
     pub nodes: &'static [f64],
-    /// Below the diagonal: stage i starts from the step's start plus the step times Σⱼ `matrix[i][j]` times the rates of the stages j before it.
+    /// Coefficients below the diagonal. Stage i starts from the step's start plus the step times Σⱼ `matrix[i][j]` times the rates of the earlier stages j.
     pub matrix: &'static [&'static [f64]],
 }
 
 impl Scheme {
-    /// Its coefficients.
+    /// Coefficients of the method.
     pub fn tableau(self) -> Tableau {
         match self {
             Self::Fourth => FOURTH,
@@ -66,7 +66,7 @@ mod tests {
         std::array::from_fn(|i| a[i] * b[i])
     }
 
-    /// All eight conditions of order 4; the weights are the last row.
+    /// All eight conditions of order 4. The weights are the last row.
     #[test]
     fn the_order_conditions_hold() {
         let c = apply([1.0; N_STAGES]);
@@ -87,7 +87,7 @@ mod tests {
         }
     }
 
-    /// R(z) = 1 + z bᵀ(I − zA)⁻¹1 is e^z to z⁵, at most 1 on the imaginary axis and 0 at −∞.
+    /// R(z) = 1 + z bᵀ(I − zA)⁻¹1 agrees with e^z to z⁵, is at most 1 on the imaginary axis and 0 at −∞.
     #[test]
     fn the_method_is_l_stable() {
         let a = SMatrix::<f64, N_STAGES, N_STAGES>::from_fn(|i, j| if j <= i { entry(i, j) } else { 0.0 });

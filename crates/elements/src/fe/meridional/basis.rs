@@ -6,7 +6,7 @@ pub(in crate::fe) fn legendre(degree: usize, x: f64) -> (f64, f64) {
     for k in 0..degree {
         let k = k as f64;
         let next = ((2.0 * k + 1.0) * x * now - k * before) / (k + 1.0);
-        // P′ₖ₊₁ = P′ₖ₋₁ + (2k + 1) Pₖ holds at the ends too.
+        // P′ₖ₊₁ = P′ₖ₋₁ + (2k + 1) Pₖ also holds at the ends.
         let next_slope = slope_before + (2.0 * k + 1.0) * now;
         (before, now, slope_before, slope) = (now, next, slope, next_slope);
     }
@@ -54,7 +54,7 @@ pub(in crate::fe) fn gauss_lobatto(order: usize) -> Vec<f64> {
     (0..=order).map(node).collect()
 }
 
-/// Value and derivative at x of every Lagrange function of the nodes. Products, not quotients: x may be a node.
+/// Value and derivative at x of every Lagrange function of the nodes. It uses products instead of quotients, because x may be a node.
 pub(in crate::fe) fn lagrange(nodes: &[f64], x: f64) -> Vec<(f64, f64)> {
     let others =
         |skip: &[usize]| -> f64 { (0..nodes.len()).filter(|m| !skip.contains(m)).map(|m| x - nodes[m]).product() };

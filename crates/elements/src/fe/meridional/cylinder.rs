@@ -6,28 +6,28 @@ use super::geometry::Point;
 use super::mesh::{Boundary, Chain, Mesh};
 
 const ON_BODY: Boundary = Boundary { body: true, ..Boundary::INSIDE };
-/// Factor of the radii of neighbouring circles around the rim.
+/// Ratio of the radii of neighbouring circles around the rim.
 const RIM_FACTOR: f64 = 0.15;
-/// Radius of the largest circle around the rim, in halves of the box's sides.
+/// Radius of the largest circle around the rim, in half sides of the box.
 const LARGEST_CIRCLE: f64 = 0.5;
-/// Growth of the distances of the boxes from the cylinder.
+/// Growth ratio of the distances of the boxes from the cylinder.
 const BOX_RATIO: f64 = 2.5;
-/// Largest growth of the layers between the last box and the outer sphere.
+/// Largest growth ratio of the layers between the last box and the outer sphere.
 const LAST_RATIO: f64 = 3.0;
-/// Growth of the distances from the rim along the end and the side.
+/// Growth ratio of the distances from the rim along the end and the side.
 const SIDE_RATIO: f64 = 3.0;
-/// Rays of the rim's box from the top of the end (0) round the outside to the side (6), in units of the box's half sides.
+/// Rays of the rim's box from the top of the end (0) around the outside to the side (6), in units of the box's half sides.
 const RAYS: [Point; 7] = [[-1.0, 0.0], [-1.0, 1.0], [0.0, 1.0], [1.0, 1.0], [1.0, 0.0], [1.0, -1.0], [0.0, -1.0]];
 
 /// Mesh around the cylinder with this radius and half length (m), inside the sphere of this radius (m).
 ///
-/// Around the rim circles, the innermost collapsed onto it, and a box; along the rest of the end and of the side one layer as thick as that box; around both, boxes
-/// that grow with the distance; from the last of them layers to the sphere.
+/// The rim is surrounded by circles, the innermost collapsed onto it, and a box. Along the rest of the end and of the side there is one layer as thick as that box. Further boxes around both
+/// grow with the distance, and layers fill the space from the last box to the sphere.
 pub(super) fn mesh(radius_m: f64, half_length_m: f64, outer_radius_m: f64, n_rim_layers: usize) -> Mesh {
     let mut mesh = Mesh::default();
     let rim = [radius_m, half_length_m];
     let box_size = radius_m.min(half_length_m).min(0.35 * (outer_radius_m - radius_m.hypot(half_length_m)));
-    // Where it would leave only a thin remainder, the box reaches the axis or the equator.
+    // The box extends to the axis or the equator if it would otherwise leave only a thin remainder.
     let half_side = rim.map(|length| if length < 1.4 * box_size { length } else { box_size });
     let rays = around_rim(&mut mesh, rim, half_side, n_rim_layers);
     let mut inner = first_box(&mut mesh, rim, half_side, rays);
@@ -57,7 +57,7 @@ pub(super) fn mesh(radius_m: f64, half_length_m: f64, outer_radius_m: f64, n_rim
     mesh
 }
 
-/// Cells from the rim to its box; the vertices of the box, ray by ray.
+/// Adds cells from the rim to its box. Returns the vertices of the box, ray by ray.
 fn around_rim(mesh: &mut Mesh, rim: Point, half_side: Point, n_layers: usize) -> [usize; 7] {
     let rim_vertex = mesh.vertex(rim, ON_BODY);
     let mut inner = mesh.polyline(&[rim_vertex; 7]);
@@ -80,9 +80,9 @@ fn around_rim(mesh: &mut Mesh, rim: Point, half_side: Point, n_layers: usize) ->
     rays
 }
 
-/// Cells along what the rim's box leaves of the end and of the side; the box around it all, from the axis to the equator.
+/// Adds cells along the remaining end and side. Returns the box around everything, from the axis to the equator.
 fn first_box(mesh: &mut Mesh, rim: Point, half_side: Point, rays: [usize; 7]) -> Chain {
-    // Places from the rim's box away, the last on the axis or the equator.
+    // Positions away from the rim's box; the last is on the axis or the equator.
     let remainder = |d: usize| -> Vec<f64> {
         let ratio = rim[d] / half_side[d];
         let n = (ratio.ln() / SIDE_RATIO.ln()).ceil();
@@ -105,8 +105,8 @@ fn first_box(mesh: &mut Mesh, rim: Point, half_side: Point, rays: [usize; 7]) ->
     mesh.polyline(&ring)
 }
 
-/// Distances of the boxes after the first from the cylinder, in units of the first's: geometric, until the corner of the last is at 0.6 outer radii or
-/// half way between the rim and the sphere.
+/// Distances of the boxes after the first from the cylinder, in units of the first distance. They grow geometrically until the corner of the last box is at 0.6 outer radii or
+/// midway between the rim and the sphere.
 fn box_growths(rim: Point, half_side: Point, outer_radius_m: f64) -> Vec<f64> {
     let corner = |growth: f64| (rim[0] + growth * half_side[0]).hypot(rim[1] + growth * half_side[1]);
     let last_corner = (0.6 * outer_radius_m).max(0.5 * (outer_radius_m + corner(0.0)));

@@ -1,7 +1,7 @@
-//! A rigid sphere off the centre of the fixed outer sphere, z the line of the centres.
+//! A rigid sphere off the centre of the fixed outer sphere; z is the line of the centres.
 //!
-//! There is no symmetry about z = 0, so the whole half meridian is meshed. Cells lie between the circles of bipolar coordinates, the family to which both
-//! spheres belong, and the circles across them: the Möbius image of a concentric mesh, with right angles and cells that are small in the gap.
+//! There is no symmetry about z = 0, so that the whole half meridian is meshed. Cells lie between the circles of bipolar coordinates, the family of both
+//! spheres, and the circles across them. This is the Möbius image of a concentric mesh, with right angles and small cells in the gap.
 
 use std::f64::consts::FRAC_PI_2;
 
@@ -11,11 +11,11 @@ use super::solver::{Assembled, Motion};
 use super::{Direction, Resolution};
 use base::error::{Error, Result};
 
-/// Most ratio of the distances of neighbouring circles on the side away from the gap, from where the limiting point is.
+/// Largest ratio of the distances of neighbouring circles from the limiting point, on the side away from the gap.
 const LAYER_RATIO: f64 = 2.0;
-/// Rays from pole to pole in the concentric picture, at equal angles.
+/// Number of rays from pole to pole in the concentric image, at equal angles.
 const N_ANGLES: usize = 6;
-/// Where the gap is small those angles bunch up at its pole of the outer sphere; more rays follow, each this much farther from there than the one before.
+/// Ratio of the distances of further rays from the gap's pole. For a small gap the equal angles cluster at that pole of the outer sphere, so that further rays follow.
 const RAY_RATIO: f64 = 3.0;
 
 /// A rigid sphere in a fixed one, lengths in m.
@@ -23,37 +23,37 @@ const RAY_RATIO: f64 = 3.0;
 pub struct EccentricSphere {
     /// Radius of the rigid sphere.
     pub radius_m: f64,
-    /// Radius of the fixed one.
+    /// Radius of the fixed sphere.
     pub outer_radius_m: f64,
     /// Distance of the centres.
     pub offset_m: f64,
 }
 
-/// Stiffness that an eccentric sphere feels, of the whole body, per Pa of Young's modulus.
+/// Stiffness of the whole body of an eccentric sphere, per Pa of Young's modulus.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct EccentricStiffness {
     /// Force per displacement without rotation, in m.
     pub translation_m: f64,
-    /// The same by the force on the outer sphere.
+    /// Force per displacement from the force on the outer sphere, in m.
     pub by_reaction_m: f64,
-    /// Torque per rotation without displacement, in m³; across the line of the centres only.
+    /// Torque per rotation without displacement, in m³. Only for motion across the line of the centres.
     pub rotation_m3: Option<f64>,
-    /// Torque per displacement, which is force per rotation, in m²; across only.
+    /// Torque per displacement, equal to force per rotation, in m². Only for motion across the line of the centres.
     pub coupling_m2: Option<f64>,
-    /// Force per displacement of a sphere that is free to rotate, in m. Along the line of the centres it does not.
+    /// Force per displacement of a sphere that is free to rotate, in m. Along the line of the centres it does not rotate.
     pub free_translation_m: f64,
-    /// Relative difference of `translation_m` from that of one order less.
+    /// Relative difference of `translation_m` from that of the next lower order.
     pub relative_error: f64,
-    /// Unknowns, condensed ones included, pressures not.
+    /// Number of unknowns, including condensed ones, without pressures.
     pub n_unknowns: usize,
 }
 
 impl EccentricSphere {
-    /// Solves for translations along the line of the centres ([`Direction::Axial`]) or across it, in a medium of this Poisson ratio in (−1, ½). Rim layers are of no
+    /// Solves for translations along the line of the centres ([`Direction::Axial`]) or across it, in a medium of this Poisson ratio in (−1, ½). Rim layers have no
     /// effect.
     ///
     /// # Errors
-    /// [`Error::Numerical`] where the sphere does not lie inside the other with a gap of a millionth of its radius, or ratio or order is out of range.
+    /// [`Error::Numerical`] if the gap between the spheres is less than a millionth of the radius, or if ratio or order is out of range.
     pub fn solve(
         &self,
         poisson_ratio: f64,
@@ -103,16 +103,16 @@ impl EccentricSphere {
         })
     }
 
-    /// The Möbius map of the outer sphere on itself that takes concentric spheres to the family of both spheres: where the centre goes, and the radius of the rigid
-    /// sphere before, both over the outer radius.
+    /// Parameters of the Möbius map of the outer sphere to itself that maps concentric spheres to the family of both spheres.
+    /// They are the image of the centre and the radius of the rigid sphere before mapping, both over the outer radius.
     fn concentric_picture(&self) -> [f64; 2] {
         let [radius, offset] = [self.radius_m, self.offset_m].map(|x| x / self.outer_radius_m);
-        // The centre goes to the family's limiting point p, the inner of two that are inverse in both spheres: p p* = 1, (d − p)(d − p*) = R².
+        // The image of the centre is the family's limiting point p, the inner of two points that are inverse in both spheres: p p* = 1, (d − p)(d − p*) = R².
         let half_sum = 0.5 * (1.0 + offset * offset - radius * radius);
-        // half_sum − d without cancellation in the gap.
+        // half_sum − d, without cancellation in the gap.
         let excess = 0.5 * ((1.0 - offset).powi(2) - radius * radius);
         let centre = offset / (half_sum + (excess * (half_sum + offset)).sqrt());
-        // Its image has the radius s (1 − p²)/(1 − p² s²).
+        // The image has the radius s (1 − p²)/(1 − p² s²).
         let squeezed = 1.0 - centre * centre;
         let before = 2.0 * radius / (squeezed + (squeezed * squeezed + (2.0 * centre * radius).powi(2)).sqrt());
         [centre, before]
@@ -141,7 +141,7 @@ impl EccentricSphere {
                     Boundary::INSIDE,
                 ),
             };
-            // From the upper pole to the lower one, where the image of a ray crosses the circle.
+            // From the upper pole to the lower one, at the crossings of the circle with the images of rays.
             let angle = |k: usize| match k {
                 0 => FRAC_PI_2,
                 k if k == last => -FRAC_PI_2,
@@ -163,7 +163,7 @@ impl EccentricSphere {
     }
 }
 
-/// Angles of the rays above the equator in the concentric picture, from the pole of the gap to the other.
+/// Angles of the rays above the equator in the concentric image, from the gap's pole to the other.
 fn concentric_angles(centre: f64) -> Vec<f64> {
     let mut angles: Vec<f64> = (0..N_ANGLES).map(|k| FRAC_PI_2 * (1.0 - 2.0 * k as f64 / N_ANGLES as f64)).collect();
     // On the outer sphere the tangent of half the distance from the pole shrinks by (1 − p)/(1 + p).

@@ -1,6 +1,6 @@
-//! An elastic robot: its inside is meshed too, and the force is spread over its volume, as magnetism does.
+//! An elastic robot. Its inside is meshed, too, and the force is spread over its volume, like a magnetic force.
 //!
-//! The paper treats the robot so and ties its surface to the gel's point by point. Towards infinite stiffness it becomes the rigid body.
+//! The paper uses this model and ties the robot's surface to the gel's point by point. An infinitely stiff robot is the rigid body.
 
 use faer::sparse::Triplet;
 use rayon::prelude::*;
@@ -12,16 +12,16 @@ use super::solver::{Condensed, Freedom, Skeleton, condense, edges_of, freedoms, 
 use super::{BodyOfRevolution, Direction, Resolution};
 use base::error::Result;
 
-/// What the robot is made of.
+/// Material of the robot.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ElasticRobot {
-    /// Its Young's modulus over the gel's.
+    /// Ratio of its Young's modulus to the gel's.
     pub modulus_ratio: f64,
     /// Its Poisson ratio.
     pub poisson_ratio: f64,
 }
 
-/// Force, spread evenly over the body's volume, per its mean displacement and per Pa of the gel's Young's modulus, in m.
+/// Force, spread evenly over the body's volume, per mean displacement of the body and per Pa of the gel's Young's modulus, in m.
 ///
 /// # Errors
 /// Those of [`super::solve`].
@@ -78,11 +78,11 @@ pub fn solve_elastic(
     }
     let displacement = solve_sparse(n_skeleton, &triplets, load.clone())?;
     work += displacement.iter().zip(&load).map(|(u, f)| u * f).sum::<f64>();
-    // With a unit force per volume on both halves, force · mean displacement = 2 circle · work, and the force is the volume.
+    // For a unit force per volume on both halves, force · mean displacement = 2 circle · work, and the force equals the volume.
     Ok(body.volume_m3().powi(2) / (2.0 * mode.circle * work))
 }
 
-/// Cells from the body's centre to every edge on its surface.
+/// Adds cells from the body's centre to every edge on its surface.
 fn add_inside(mesh: &mut Mesh) {
     let mut surface: Vec<([usize; 2], Curve)> = Vec::new();
     for cell in &mesh.cells {
@@ -136,8 +136,8 @@ mod tests {
         ]
     }
 
-    /// The elastic robot's stiffness is below the rigid one's by a share that falls with its modulus, in the end as its inverse: below 0.1 at 10³ times
-    /// the gel's, where a slender body across the force bends, and below 0.02 at 10⁴. A magnet's is 10¹⁰ times: below 2·10⁻⁸.
+    /// The elastic robot is less stiff than the rigid one by a share that falls with its modulus, finally as its inverse. The share is below 0.1 at 10³ times
+    /// the gel's modulus, for a slender body that bends across the force, and below 0.02 at 10⁴. For a magnet at 10¹⁰ times it is below 2·10⁻⁸.
     #[test]
     fn a_stiff_robot_is_a_rigid_one() {
         let resolution = Resolution { order: 6, rim_layers: 3, ..Resolution::default() };
@@ -155,8 +155,8 @@ mod tests {
         }
     }
 
-    /// A robot of the gel's own modulus: the force on a ball inside a homogeneous medium. In an unbounded one Kelvin's solution, averaged twice over
-    /// the ball, is the mean displacement: F/ū = 24πμR(1−ν)·5 / (6(5−6ν)) … = (5/6) · 24πμR(1−ν)/(5−6ν).
+    /// A robot with the gel's modulus: the force on a ball inside a homogeneous medium. In an unbounded medium the mean displacement is Kelvin's solution averaged twice over
+    /// the ball: F/ū = 24πμR(1−ν)·5 / (6(5−6ν)) … = (5/6) · 24πμR(1−ν)/(5−6ν).
     #[test]
     fn a_robot_of_gel_moves_as_kelvin_says() {
         let (poisson_ratio, radius_m) = (0.3, 0.275e-3);

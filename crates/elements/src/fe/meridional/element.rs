@@ -11,7 +11,7 @@ use super::geometry::Ruled;
 use super::{Direction, Formulation};
 use base::error::{Error, Result};
 
-/// What a displacement component contributes to a strain: ∂/∂r, ∂/∂z or division by r, times a coefficient.
+/// Operator from a displacement component to a strain: ∂/∂r, ∂/∂z or division by r, times a coefficient.
 #[derive(Debug, Clone, Copy)]
 enum Operator {
     ByR,
@@ -20,7 +20,7 @@ enum Operator {
 }
 use Operator::{ByR, ByZ, OverR};
 
-/// A term of a strain: component (of those the mode has), operator, coefficient.
+/// A term of a strain: component (index within the mode), operator, coefficient.
 type Term = (usize, Operator, f64);
 
 /// The kinematics of a Fourier mode n: u_r = U cos nθ, u_θ = V sin nθ, u_z = W cos nθ.
@@ -30,7 +30,7 @@ type Term = (usize, Operator, f64);
 pub(super) struct Mode {
     /// Displacement components: (U, W) for n = 0, (U, V, W) for n = 1.
     pub(super) n_components: usize,
-    /// ∫ cos² nθ dθ over the whole circle (of sin² too, for n = 1).
+    /// ∫ cos² nθ dθ over the whole circle (also of sin² for n = 1).
     pub(super) circle: f64,
     /// ε : ε = Σ weight × strain².
     strains: Vec<(f64, Vec<Term>)>,
@@ -75,10 +75,10 @@ impl Mode {
     }
 }
 
-/// Quadrature points a direction beyond the order. The integrands are not polynomials; what this leaves out is far below the discretisation error.
+/// Number of quadrature points per direction in excess of the order. The integrands are not polynomials; the quadrature error is far below the discretisation error.
 const EXTRA_POINTS: usize = 3;
 
-/// Functions of one order tabulated at the quadrature points of the reference square; rows are points, columns functions.
+/// Functions of one order tabulated at the quadrature points of the reference square. Rows are points, columns functions.
 pub(super) struct Table {
     /// Polynomial order of the displacements.
     pub(super) order: usize,
@@ -92,7 +92,7 @@ pub(super) struct Table {
 }
 
 impl Table {
-    /// Lagrange functions of this order at the Gauss–Lobatto nodes, ξ running fastest.
+    /// Tabulates Lagrange functions of this order at the Gauss–Lobatto nodes, ξ running fastest.
     pub fn new(order: usize) -> Self {
         let nodes = gauss_lobatto(order);
         let line = gauss_legendre(order + EXTRA_POINTS);
@@ -125,12 +125,12 @@ impl Table {
         }
     }
 
-    /// Functions of one component.
+    /// Number of functions of one component.
     pub(super) fn n_functions(&self) -> usize {
         self.nodes.len() * self.nodes.len()
     }
 
-    /// ∫ (2μ ε : ε + λ (Π div u)²) r dr dz, of unit Young's modulus, rows and columns component by component; lower triangle.
+    /// ∫ (2μ ε : ε + λ (Π div u)²) r dr dz for unit Young's modulus. Rows and columns are ordered component by component; lower triangle.
     pub(super) fn stiffness(
         &self,
         map: &Ruled,
@@ -162,7 +162,7 @@ impl Table {
                         sum.iter_mut().zip(values).for_each(|(s, v)| *s += coefficient * v);
                     }
                 }
-                // With the pressures' mass M = LLᵀ: Bᵀ M⁻¹ B = (L⁻¹B)ᵀ (L⁻¹B).
+                // With the pressures' mass matrix M = LLᵀ: Bᵀ M⁻¹ B = (L⁻¹B)ᵀ (L⁻¹B).
                 let mut mass = product_of_transpose(&pressure, &pressure);
                 let mut projected = product_of_transpose(&pressure, &divergence);
                 cholesky(mass.as_mut())?;
@@ -180,7 +180,7 @@ impl Table {
         Ok((0..self.n_functions()).map(integral).collect())
     }
 
-    /// ∫ N M r dr dz of every two functions N and M of one component.
+    /// ∫ N M r dr dz of every pair of functions N and M of one component.
     pub(super) fn products(&self, map: &Ruled) -> Result<Mat<f64>> {
         let (_, roots) = self.operators(map)?;
         let mut values = self.value.clone();
@@ -190,8 +190,8 @@ impl Table {
         Ok(product_of_transpose(&values, &values))
     }
 
-    /// Derivatives by r and by z and values over r of every function (columns, one operator after the other) at every point (rows), times the root
-    /// of the point's weight; and the roots.
+    /// Derivatives by r and by z and values over r of every function, times the root of each point's weight. Columns are functions, one operator
+    /// after the other; rows are points. Also returns the roots.
     fn operators(&self, map: &Ruled) -> Result<(Mat<f64>, Vec<f64>)> {
         let n = self.n_functions();
         let (mut factors, mut roots) = (Vec::with_capacity(self.points.len()), Vec::with_capacity(self.points.len()));

@@ -2,13 +2,13 @@
 
 use base::error::{Error, Result};
 
-/// A point of the half meridian (r, z) in m, and its like.
+/// A point of the half meridian (r, z) in m, or a vector there.
 pub(in crate::fe) type Point = [f64; 2];
 
 /// A smooth curve over t in [0, 1].
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(in crate::fe) enum Curve {
-    /// Straight, or a single point where both ends agree.
+    /// Straight line, or a single point if both ends agree.
     Segment { from: Point, to: Point },
     /// Arc of an ellipse: centre + (semi_axes[0] cos φ, semi_axes[1] sin φ).
     Arc { centre: Point, semi_axes: Point, from_rad: f64, to_rad: f64 },
@@ -35,7 +35,7 @@ impl Curve {
 }
 
 impl Curve {
-    /// Its mirror image across z = 0, run the other way.
+    /// Mirror image across z = 0, with reversed direction.
     fn mirrored(&self) -> Self {
         let image = |[r, z]: Point| [r, -z];
         match *self {
@@ -50,7 +50,7 @@ impl Curve {
 /// The map (1 − s) inner(t) + s outer(t) of the square [−1, 1]²: t = (1 + ξ)/2 along both curves, and across them s from `across[0]` at
 /// η = −1 to `across[1]` at η = 1.
 ///
-/// It is exact on curved bodies: nothing of the geometry is interpolated.
+/// The map is exact on curved bodies: no geometry is interpolated.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(in crate::fe) struct Ruled {
     pub(in crate::fe) inner: Curve,
@@ -59,12 +59,12 @@ pub(in crate::fe) struct Ruled {
 }
 
 impl Ruled {
-    /// Its mirror image across z = 0, run the other way along both curves.
+    /// Mirror image across z = 0, with both curves reversed.
     pub(in crate::fe) fn mirrored(&self) -> Self {
         Self { inner: self.inner.mirrored(), outer: self.outer.mirrored(), ..*self }
     }
 
-    /// (r, z) at (ξ, η) with its derivatives by ξ and by η.
+    /// (r, z) at (ξ, η), with its derivatives by ξ and by η.
     pub(in crate::fe) fn at(&self, xi: f64, eta: f64) -> (Point, Point, Point) {
         let half = 0.5 * (self.across[1] - self.across[0]);
         let (t, s) = (0.5 * (1.0 + xi), self.across[0] + (1.0 + eta) * half);
@@ -74,10 +74,10 @@ impl Ruled {
         (blend(inner, outer), along, [half * (outer[0] - inner[0]), half * (outer[1] - inner[1])])
     }
 
-    /// The same with the Jacobian.
+    /// [`Self::at`] with the Jacobian.
     ///
     /// # Errors
-    /// [`Error::Numerical`] where the cell is inverted or leaves the half meridian.
+    /// [`Error::Numerical`] if the cell is inverted or leaves the half meridian.
     pub(in crate::fe) fn upright_at(&self, xi: f64, eta: f64) -> Result<(Point, Point, Point, f64)> {
         let (at, along, across) = self.at(xi, eta);
         let jacobian = along[0] * across[1] - along[1] * across[0];

@@ -2,7 +2,7 @@
 
 use super::geometry::{Curve, Point, Ruled};
 
-/// Which parts of the boundary a vertex lies on; an edge lies where both its ends do.
+/// Boundary parts of a vertex. An edge lies on a part if both its ends do.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub(in crate::fe) struct Boundary {
     pub(in crate::fe) body: bool,
@@ -16,7 +16,7 @@ pub(in crate::fe) struct Boundary {
 impl Boundary {
     pub(in crate::fe) const INSIDE: Self = Self { body: false, outer: false, axis: false, equator: false };
 
-    /// What both have in common.
+    /// Parts common to both.
     pub(in crate::fe) fn and(self, other: Self) -> Self {
         Self {
             body: self.body && other.body,
@@ -27,20 +27,20 @@ impl Boundary {
     }
 }
 
-/// A cell: its vertices (inner from, inner to, outer from, outer to; two may be one) and its map.
+/// A cell: its vertices (inner from, inner to, outer from, outer to; two may coincide) and its map.
 #[derive(Debug, Clone, Copy)]
 pub(in crate::fe) struct Cell {
     pub(in crate::fe) vertices: [usize; 4],
     pub(in crate::fe) map: Ruled,
 }
 
-/// Vertices known by what they touch, and cells between them.
+/// Vertices with their boundary parts, and cells between them.
 #[derive(Debug, Clone, Default)]
 pub(in crate::fe) struct Mesh {
     pub points: Vec<Point>,
     pub(in crate::fe) boundaries: Vec<Boundary>,
     pub(in crate::fe) cells: Vec<Cell>,
-    /// Both halves are meshed, without symmetry about z = 0.
+    /// True if both halves are meshed, without symmetry about z = 0.
     pub(in crate::fe) is_whole: bool,
 }
 
@@ -52,7 +52,7 @@ pub(in crate::fe) struct Chain {
 }
 
 impl Mesh {
-    /// Adds a vertex. Points with r = 0 or z = 0, exactly, are on the axis or the equator.
+    /// Adds a vertex. A point with exactly r = 0 or z = 0 is on the axis or the equator.
     pub(in crate::fe) fn vertex(&mut self, point: Point, surface: Boundary) -> usize {
         self.points.push(point);
         self.boundaries.push(Boundary { axis: point[0] == 0.0, equator: point[1] == 0.0 && !self.is_whole, ..surface });
@@ -65,7 +65,7 @@ impl Mesh {
         Chain { vertices: vertices.to_vec(), curves: vertices.windows(2).map(segment).collect() }
     }
 
-    /// New vertices on an ellipse around `centre` at these angles (from the equator, rad), joined by its arcs. Angles 0 and ±π/2 around the
+    /// Adds vertices on an ellipse around `centre` at these angles (from the equator, rad), joined by its arcs. Angles 0 and ±π/2 around the
     /// origin give points exactly on the equator and the axis.
     pub(in crate::fe) fn arcs(
         &mut self,
@@ -91,7 +91,7 @@ impl Mesh {
         self.rule_layers(inner, outer, &[0.0, 1.0]);
     }
 
-    /// Layers of cells between two chains, cut at these fractions of the way, from 0 to 1.
+    /// Adds layers of cells between two chains, cut at these fractions of the distance, from 0 to 1.
     pub(in crate::fe) fn rule_layers(&mut self, inner: &Chain, outer: &Chain, fractions: &[f64]) {
         let mut from = inner.vertices.clone();
         for across in fractions.windows(2) {
@@ -106,7 +106,7 @@ impl Mesh {
         }
     }
 
-    /// Both halves of a mesh of the upper one.
+    /// Builds both halves from a mesh of the upper one.
     pub(in crate::fe) fn whole(&self) -> Self {
         let mut whole = Self { is_whole: true, cells: self.cells.clone(), ..Self::default() };
         for (point, boundary) in self.points.iter().zip(&self.boundaries) {
@@ -124,7 +124,7 @@ impl Mesh {
         whole
     }
 
-    /// New vertices a fraction of the way from one chain's to another's.
+    /// Adds vertices at a fraction of the distance between two chains.
     fn between(&mut self, inner: &Chain, outer: &Chain, fraction: f64) -> Vec<usize> {
         let pairs = inner.vertices.iter().zip(&outer.vertices);
         let points: Vec<Point> = pairs
@@ -134,7 +134,7 @@ impl Mesh {
     }
 }
 
-/// Distances 0 = x₀ < … < xₙ = `length`, the first step about `first` and each at most `ratio` times as far as the one before.
+/// Distances 0 = x₀ < … < xₙ = `length`. The first step is about `first`, and each distance is at most `ratio` times the one before.
 pub(in crate::fe) fn graded(first: f64, ratio: f64, length: f64) -> Vec<f64> {
     if first >= length {
         return vec![0.0, length];

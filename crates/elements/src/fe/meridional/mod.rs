@@ -1,14 +1,14 @@
-//! Rigid bodies of revolution in a fixed sphere, solved in the half meridian: references for the three-dimensional elements.
+//! Rigid bodies of revolution in a fixed sphere, solved in the half meridian: reference solutions for the three-dimensional elements.
 //!
-//! With the displacement u_r = U cos nθ, u_θ = V sin nθ, u_z = W cos nθ, the quasi-static balance of an isotropic medium (physics §3.1) separates
-//! in the angle θ around the body's axis z: a translation along the axis is mode n = 0 (V = 0), one across it mode n = 1 (x = cos θ e_r − sin θ e_θ, so
-//! U = −V = 1 on the body). What remains has two coordinates, r and z, and by symmetry only z ≥ 0 is meshed.
+//! The quasi-static balance of an isotropic medium (physics §3.1) separates in the angle θ around the body's axis z. The displacement of mode n is
+//! u_r = U cos nθ, u_θ = V sin nθ, u_z = W cos nθ. A translation along the axis is mode n = 0 (V = 0). One across it is mode n = 1 (x = cos θ e_r − sin θ e_θ, so
+//! that U = −V = 1 on the body). The remaining coordinates are r and z; by symmetry only z ≥ 0 is meshed.
 //!
-//! Elements are quadrilaterals of high order on exact geometry, with discontinuous pressures one degree lower, condensed: around a smooth body the error falls
-//! more than tenfold an order, the same for any Poisson ratio below ½. The sharp rim of a cylinder has a field like ρ^0.55 at the distance ρ; cells shrink towards it in
+//! Elements are quadrilaterals of high order on exact geometry, with condensed discontinuous pressures one degree lower. Around a smooth body the error falls
+//! more than tenfold per order, for any Poisson ratio below ½. At the sharp rim of a cylinder the field varies like ρ^0.55 with the distance ρ. Cells shrink towards the rim in
 //! geometric progression, so that the error still falls exponentially (hp version; C. Schwab, *p- and hp-Finite Element Methods*, 1998).
 //!
-//! Nothing is shared with the three-dimensional elements but the dense and sparse Cholesky kernels of `faer`.
+//! Only the dense and sparse Cholesky kernels of `faer` are shared with the three-dimensional elements.
 
 pub(super) mod basis;
 mod cylinder;
@@ -35,7 +35,7 @@ pub use pair::{SecondMatrix, pair_around_sphere};
 /// A rigid body of revolution about z, symmetric about z = 0. Lengths in m.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum BodyOfRevolution {
-    /// Prolate, oblate or a sphere.
+    /// Prolate or oblate spheroid, or sphere.
     Spheroid {
         /// Half the length along the axis of revolution.
         semi_axis_along_m: f64,
@@ -82,7 +82,7 @@ impl BodyOfRevolution {
         }
     }
 
-    /// The same shape, `factor` times as large.
+    /// Returns this shape, `factor` times as large.
     pub fn scaled(&self, factor: f64) -> Self {
         match *self {
             Self::Spheroid { semi_axis_along_m, semi_axis_across_m } => Self::Spheroid {
@@ -117,34 +117,34 @@ impl BodyOfRevolution {
 /// Direction of the body's translation and of the force on it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Direction {
-    /// Along the axis of revolution: a long body lies horizontal to a horizontal force.
+    /// Along the axis of revolution. A long body is horizontal if the force is.
     Axial,
-    /// Across the axis of revolution: a long body stands vertical.
+    /// Across the axis of revolution. A long body is vertical if the force is horizontal.
     Transverse,
 }
 
-/// How the volumetric energy is taken.
+/// Formulation of the volumetric energy.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Formulation {
-    /// Projected on discontinuous pressures, polynomials of total degree order − 1: does not lock.
+    /// Projection on discontinuous pressures, polynomials of total degree order − 1. It does not lock.
     Mixed,
-    /// From the displacements alone. The stiffness is found from above; towards ν = ½ it takes one or two orders more. A check of the other.
+    /// Displacements alone, as a check of the other formulation. The stiffness approaches its value from above; near ν = ½ it needs one or two orders more.
     Displacement,
 }
 
-/// Fineness of the discretisation.
+/// Resolution of the discretisation.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Resolution {
     /// Polynomial order of the displacements, 3 to 14.
     pub order: usize,
-    /// Layers of cells around the rim of a cylinder, 1 to 12, each 0.15 times as far from it as the one before; of no effect on spheroids.
+    /// Number of layers of cells around the rim of a cylinder, 1 to 12. Each is 0.15 times as far from the rim as the one before. No effect on spheroids.
     pub rim_layers: usize,
-    /// How the volumetric energy is taken.
+    /// Formulation of the volumetric energy.
     pub formulation: Formulation,
 }
 
 impl Default for Resolution {
-    /// Relative errors below 10⁻⁸ for aspect ratios from 0.1 to 20, where the sphere's radius is 1.5 times the body's circumscribed one or more.
+    /// Relative errors below 10⁻⁸ for aspect ratios from 0.1 to 20. The sphere's radius must be at least 1.5 times that of the body's circumscribed sphere.
     fn default() -> Self {
         Self { order: 10, rim_layers: 9, formulation: Formulation::Mixed }
     }
@@ -155,21 +155,22 @@ impl Default for Resolution {
 pub struct MeridionalSolution {
     /// Twice the strain energy of unit displacement.
     pub stiffness_m: f64,
-    /// Force on the outer sphere for unit displacement. It differs from the energy by rounding alone.
+    /// Force on the outer sphere for unit displacement. It differs from the energy only by rounding.
     pub by_reaction_m: f64,
-    /// Relative difference from the solution of one order and one layer around the rim less, an estimate of that solution's error and so on the
-    /// safe side; no less than the difference between energy and reaction.
+    /// Relative difference from the solution with one order and one rim layer less. It estimates the error of that coarser solution and is therefore
+    /// conservative. At least the difference between energy and reaction.
     pub relative_error: f64,
-    /// Unknowns, condensed ones included, pressures not.
+    /// Number of unknowns, including condensed ones, without pressures.
     pub n_unknowns: usize,
 }
 
-/// Least half extent of a body, in outer radii: below it meshes would grow without need.
+/// Smallest half extent of a body, in outer radii. Below it meshes would grow needlessly.
 const SMALLEST_EXTENT: f64 = 1e-6;
 
-/// Solves for the stiffness that `body` feels at the centre of a fixed sphere of `outer_radius_m`, in a medium of this Poisson ratio in (−1, ½).
+/// Solves for the stiffness of `body` at the centre of a fixed sphere of `outer_radius_m`, in a medium of this Poisson ratio in (−1, ½).
 ///
-/// Fails with [`Error::Numerical`] where the body does not lie inside the sphere or is thinner than a millionth of it, or the Poisson ratio or the resolution is out of range.
+/// Fails with [`Error::Numerical`] if the body does not lie inside the sphere or is thinner than a millionth of it.
+/// Also fails if the Poisson ratio or the resolution is out of range.
 pub fn solve(
     body: BodyOfRevolution,
     outer_radius_m: f64,
@@ -234,12 +235,12 @@ mod tests {
             let area = |along| {
                 BodyOfRevolution::Spheroid { semi_axis_along_m: along, semi_axis_across_m: 1.0 }.surface_area_m2()
             };
-            // To first order in the stretch a sphere's area grows by two thirds of it.
+            // A sphere's area grows by two thirds of the stretch, to first order.
             assert!((area(along) / (4.0 * PI) - 1.0 - (along - 1.0) * 2.0 / 3.0).abs() < 1e-6);
         }
     }
 
-    /// The cells fill the sphere around the body, each once.
+    /// The cells fill the sphere around the body exactly once.
     #[test]
     fn cells_have_the_volume_of_the_gel() {
         let outer_radius_m = 3.0;

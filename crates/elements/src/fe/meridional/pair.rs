@@ -1,6 +1,6 @@
-//! The two matrices of a linear effect around a sphere, for the time stepping of [`crate::fe::spatial`]: a second full-order model of such effects, in the half meridian.
+//! The two matrices of a linear effect around a sphere, for the time stepping of [`crate::fe::spatial`]. They form a second full-order model of such effects, in the half meridian.
 //!
-//! It shares with the three-dimensional one the equations, the time stepping and the Cholesky kernels; mesh, elements, quadrature and unknowns are others. The displacement is axisymmetric
+//! It shares the equations, the time stepping and the Cholesky kernels with the three-dimensional model, but not mesh, elements, quadrature and unknowns. The displacement is axisymmetric
 //! about the force. A node's first component is along the axis, the second across it.
 
 use std::f64::consts::{FRAC_PI_2, PI};
@@ -17,40 +17,40 @@ use super::{Direction, Formulation};
 use crate::fe::spatial::{Freedoms, SpatialSystem, SymmetricMatrix};
 use base::error::{Error, Result};
 
-/// Polynomial order of the displacements: relative errors of the stiffness are below 10⁻⁸.
+/// Polynomial order of the displacements. Relative errors of the stiffness are below 10⁻⁸.
 const ORDER: usize = 10;
 /// Largest ratio of neighbouring layers' radii.
 const LAYER_RATIO: f64 = 2.0;
-/// Quadrature points along an edge beyond the order.
+/// Number of quadrature points along an edge in excess of the order.
 const EXTRA_POINTS: usize = 3;
-/// Share of body and force that the upper half carries.
+/// Share of body and force in the upper half.
 const SHARE: f64 = 0.5;
 
-/// What stands beside the gel's law around a sphere, and where.
+/// Second matrix of an effect around a sphere.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum SecondMatrix {
-    /// Stiffness (m) of the gel nearer to the centre than this, for unit Young's modulus; the gel's own matrix is that of the rest.
+    /// Stiffness (m) of the gel closer to the centre than this radius, for unit Young's modulus. The gel's own matrix is that of the rest.
     GelWithin {
-        /// In m.
+        /// Radius in m.
         radius_m: f64,
     },
     /// Mass in kg.
     Mass {
-        /// Of the gel.
+        /// Density of the gel.
         gel_density_kg_m3: f64,
-        /// Of the whole body.
+        /// Mass of the whole body.
         body_kg: f64,
     },
-    /// ∫ g·g over the body, g the gel's slip along it, in m².
+    /// ∫ g·g over the body, with the gel's slip g along it, in m².
     Slip,
-    /// ∫ u·u over the outer surface per outer radius, in m; the surface is free.
+    /// ∫ u·u over the outer surface per outer radius, in m. The surface is free.
     OuterSprings,
 }
 
-/// The matrices for a sphere at the centre of a larger one (radii in m), in a medium of this Poisson ratio.
+/// Builds the matrices for a sphere at the centre of a larger one (radii in m), in a medium of this Poisson ratio.
 ///
 /// # Errors
-/// [`Error::Numerical`] where the radii are not in order, and for a Poisson ratio outside (−1, ½).
+/// [`Error::Numerical`] if the radii are not in order, and for a Poisson ratio outside (−1, ½).
 pub fn pair_around_sphere(
     radius_m: f64,
     outer_radius_m: f64,
@@ -105,7 +105,7 @@ pub fn pair_around_sphere(
     SpatialSystem::in_order(freedoms, gel, second, &half.order())
 }
 
-/// The same matrix for both components.
+/// One matrix for both components.
 fn isotropic(products: &Mat<f64>, factor: f64) -> DMatrix<f64> {
     let n = products.nrows();
     let value = |i: usize, j: usize| if i % 3 == j % 3 && i % 3 < 2 { factor * products[(i / 3, j / 3)] } else { 0.0 };
@@ -124,7 +124,7 @@ struct HalfMeridian {
 }
 
 impl HalfMeridian {
-    /// Layers end at each of the radii (m).
+    /// Builds layers that end at each of the radii (m).
     fn new(radii_m: &[f64]) -> Self {
         let (mut mesh, table) = (Mesh::default(), Table::new(ORDER));
         let mut layers_m = vec![radii_m[0]];
@@ -169,7 +169,7 @@ impl HalfMeridian {
         r.hypot(z)
     }
 
-    /// On the axis nothing moves across it, on the equator an axial translation leaves nothing across either.
+    /// Nothing moves across the axis, and an axial translation causes no motion across it on the equator.
     fn freedoms(&self, second: SecondMatrix) -> Freedoms {
         let mut combinations: Vec<[Vec<(u32, f64)>; 3]> = vec![Default::default(); self.boundaries.len()];
         let mut count = 0;
@@ -189,7 +189,7 @@ impl HalfMeridian {
             for (node, _) in on_body().filter(|(_, boundary)| !boundary.axis) {
                 let [r, z] = self.places_m[node];
                 let radius_m = r.hypot(z);
-                // Along the meridian; on the equator along the axis.
+                // The slip is along the meridian; on the equator it is along the axis.
                 combinations[node][0].push((count, -r / radius_m));
                 if z != 0.0 {
                     combinations[node][1].push((count, z / radius_m));
@@ -213,7 +213,7 @@ impl HalfMeridian {
         SymmetricMatrix::assemble(freedoms, elements.iter().map(|(nodes, matrix)| (nodes.as_slice(), matrix.clone())))
     }
 
-    /// `factor` ∫ u·u over a surface, or of the slips along it alone.
+    /// `factor` ∫ u·u over a surface, or of the slips along it only.
     fn on_surface(
         &self,
         freedoms: &Freedoms,
@@ -233,7 +233,7 @@ impl HalfMeridian {
                     let length = along[0].hypot(along[1]);
                     let area_m2 = 2.0 * PI * r * length * weight;
                     let [across, axial] = along.map(|d| d / length);
-                    // What each unknown moves here, along the axis and across it.
+                    // Displacement per unknown at this point, along the axis and across it.
                     let mut moves: Vec<(u32, [f64; 2])> = Vec::new();
                     for (node, (shape, _)) in edge.iter().zip(lagrange(&self.table.nodes, *xi)) {
                         for component in [0, 1] {

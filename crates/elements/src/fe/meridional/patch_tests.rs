@@ -1,4 +1,4 @@
-//! Patch tests: fields that the elements hold exactly leave no force on any node inside the patch, and have the energy of their closed form.
+//! Patch tests: fields that the elements represent exactly cause no force on any node inside the patch, and have the energy of their closed form.
 
 use super::basis::gauss_legendre;
 use super::element::{Mode, Table};
@@ -11,7 +11,7 @@ const POISSON_RATIO: f64 = 0.48;
 /// Components of a mode at (r, z).
 type Field = fn(Point) -> Vec<f64>;
 
-/// 2 × 2 crooked cells with straight edges, the first at r = `start`.
+/// 2 × 2 distorted cells with straight edges, the first at r = `start`.
 fn patch(start: f64) -> Vec<Ruled> {
     let nodes = [
         [[0.0, 0.0], [0.0, 0.7], [0.0, 1.2]],
@@ -30,7 +30,7 @@ fn patch(start: f64) -> Vec<Ruled> {
     cells
 }
 
-/// Force on every node of the patch, found by its place, and twice the energy.
+/// Force on every node of the patch, identified by its position, and twice the energy.
 fn forces(start: f64, direction: Direction, formulation: Formulation, field: Field) -> (Vec<(Point, Vec<f64>)>, f64) {
     let (table, mode) = (Table::new(ORDER), Mode::of(direction));
     let (mut nodes, mut energy): (Vec<(Point, Vec<f64>)>, f64) = (Vec::new(), 0.0);
@@ -61,7 +61,7 @@ fn forces(start: f64, direction: Direction, formulation: Formulation, field: Fie
     (nodes, energy)
 }
 
-/// Whether a node is off the patch's outline: inside, or on the axis away from the ends.
+/// True if a node is not on the patch's outline: inside, or on the axis away from the ends.
 fn is_inside(start: f64, [r, z]: Point) -> bool {
     let inside = |r: f64, z: f64| {
         patch(start).iter().any(|map| {
@@ -78,8 +78,8 @@ fn is_inside(start: f64, [r, z]: Point) -> bool {
     [[left, 0.0], [h, 0.0], [0.0, h], [0.0, -h]].iter().all(|[dr, dz]| inside(r + dr, z + dz))
 }
 
-/// Fields in balance that the elements of the fourth order hold: rotation, shear and stretch; and the fourth mode of physics §4.2, whose divergence is linear and
-/// whose stress therefore tests the pressures.
+/// Equilibrium fields that fourth-order elements represent: rotation, shear, stretch, and the fourth mode of physics §4.2. The divergence of the last is linear, so that
+/// its stress tests the pressures.
 const MODE_0: [Field; 4] = [
     |_| vec![0.0, 1.0],
     |[r, z]| vec![-0.5 * r, z],
@@ -116,7 +116,7 @@ fn fields_in_balance_leave_no_force_inside() {
                     largest = largest.max(norm);
                     if is_inside(start, *place) {
                         n_inside += 1;
-                        // On the axis only what a smooth field may do works: W for n = 0, U = −V for n = 1.
+                        // On the axis only forces that work on a smooth field count: W for n = 0, U = −V for n = 1.
                         let allowed = match (place[0] < 1e-12, direction) {
                             (false, _) => norm,
                             (true, Direction::Axial) => force[1].abs(),
@@ -134,7 +134,7 @@ fn fields_in_balance_leave_no_force_inside() {
     }
 }
 
-/// Twice the energy of uniform strains: 2μ ε:ε + λ tr², times ∫ r dr dz (the mode's strain squared, its cosine apart).
+/// Twice the energy of uniform strains: 2μ ε:ε + λ tr², times ∫ r dr dz (the square of the mode's strain, without its cosine).
 #[test]
 fn uniform_strains_have_their_energy() {
     let two_mu = 1.0 / (1.0 + POISSON_RATIO);

@@ -22,7 +22,7 @@ pub(super) struct Freedom {
     pub factor: f64,
 }
 
-/// Stiffnesses that one discretisation gives: of the whole body, per Pa of Young's modulus, in m.
+/// Stiffnesses of the whole body from one discretisation, per Pa of Young's modulus, in m.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Discrete {
     pub(super) by_energy_m: f64,
@@ -34,7 +34,7 @@ pub(super) struct Discrete {
 pub(in crate::fe) struct Skeleton {
     order: usize,
     pub(in crate::fe) boundaries: Vec<Boundary>,
-    /// First of the inner nodes of each edge, which run from the vertex of the lower index.
+    /// First inner node of each edge. The nodes run from the vertex of the lower index.
     edges: HashMap<[usize; 2], usize>,
 }
 
@@ -67,7 +67,7 @@ impl Skeleton {
         }
     }
 
-    /// Node of each function of a cell, or `None` for its interior.
+    /// Node of each function of a cell; `None` for functions of its interior.
     pub(in crate::fe) fn nodes(&self, cell: &Cell) -> Vec<Option<usize>> {
         let [bottom, top, left, right] = edges_of(cell);
         let last = self.order;
@@ -82,13 +82,13 @@ impl Skeleton {
     }
 }
 
-/// Edges of a cell: along the inner curve, along the outer, across at the start, across at the end.
+/// Edges of a cell: along the inner curve, along the outer curve, across at the start, across at the end.
 pub(super) fn edges_of(cell: &Cell) -> [[usize; 2]; 4] {
     let [a, b, c, d] = cell.vertices;
     [[a, b], [c, d], [a, c], [b, d]]
 }
 
-/// The body's translation, by component of the mode.
+/// Translation of the body, by component of the mode.
 pub(super) fn translation(direction: Direction) -> &'static [f64] {
     match direction {
         Direction::Axial => &[0.0, 1.0],
@@ -97,10 +97,10 @@ pub(super) fn translation(direction: Direction) -> &'static [f64] {
     }
 }
 
-/// Components of every node.
+/// Degrees of freedom of every node, by component.
 ///
-/// On the axis a smooth field has U = 0 for n = 0, and U + V = 0 and W = 0 for n = 1 (a horizontal vector there). Across the plane z = 0 an axial
-/// translation makes W even and U odd, a transverse one U and V even and W odd.
+/// A smooth field on the axis has U = 0 for n = 0. It has U + V = 0 and W = 0 for n = 1 (a horizontal vector). Across the plane z = 0 an axial
+/// translation makes W even and U odd; a transverse one makes U and V even and W odd.
 pub(super) fn freedoms(boundaries: &[Boundary], direction: Direction, is_rigid: bool) -> (Vec<Vec<Freedom>>, usize) {
     let mut count = 0;
     let mut unknown = |is_free: bool| {
@@ -127,12 +127,12 @@ pub(super) fn freedoms(boundaries: &[Boundary], direction: Direction, is_rigid: 
     (boundaries.iter().map(of_node).collect(), count)
 }
 
-/// A cell's stiffness between the functions on its edges, the interior condensed.
+/// Stiffness of a cell between the functions on its edges, with the interior condensed.
 pub(super) struct Condensed {
     pub(super) nodes: Vec<usize>,
     /// Component by component; both triangles.
     pub(super) stiffness: Mat<f64>,
-    /// Load on the same, and what the condensed interior adds to load · displacement.
+    /// Load on these functions, and the contribution of the condensed interior to load · displacement.
     pub(super) load: Vec<f64>,
     pub(super) work: f64,
 }
@@ -171,16 +171,16 @@ pub(super) fn condense(
     Ok(Condensed { nodes: nodes.iter().flatten().copied().collect(), stiffness: condensed, load, work })
 }
 
-/// The rigid motions of the body that a mode has.
+/// Rigid motion of the body in a mode.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum Motion {
     /// Unit translation.
     Translation,
-    /// Unit rotation about the line through the axis at this height, across axis and translation; of mode 1 only.
+    /// Unit rotation about the line at this height through the axis, perpendicular to axis and translation; mode 1 only.
     Rotation { height_m: f64 },
 }
 
-/// Everything but the body's motion: the cells condensed, the unknowns numbered.
+/// The problem without the body's motion: condensed cells and numbered unknowns.
 pub(super) struct Assembled<'a> {
     mesh: &'a Mesh,
     table: &'a Table,
@@ -190,7 +190,7 @@ pub(super) struct Assembled<'a> {
     cells: Vec<Condensed>,
     triplets: Vec<Triplet<u32, u32, f64>>,
     n_skeleton: usize,
-    /// ∫ over the circle, of both halves where only one is meshed.
+    /// ∫ over the circle, for both halves if only one is meshed.
     whole: f64,
     n_components: usize,
 }
@@ -255,7 +255,7 @@ impl<'a> Assembled<'a> {
             .collect()
     }
 
-    /// What the body's motion prescribes on the edges of a cell, component by component; of no meaning where there are unknowns.
+    /// Displacements prescribed by the body's motion on the edges of a cell, component by component. Values at unknowns are meaningless.
     fn prescribed(&self, index: usize, motion: Motion) -> Vec<f64> {
         let cell = &self.cells[index];
         let Motion::Rotation { height_m } = motion else {
@@ -295,7 +295,7 @@ impl<'a> Assembled<'a> {
         Ok(Response(self.cells.iter().enumerate().map(of_cell).collect()))
     }
 
-    /// Work of the forces of one motion's response on another's, of the whole body.
+    /// Work of one response's forces on another response, for the whole body.
     pub(super) fn energy(&self, one: &Response, other: &Response) -> f64 {
         let mut energy = 0.0;
         for ((cell, one), other) in self.cells.iter().zip(&one.0).zip(&other.0) {
@@ -307,7 +307,7 @@ impl<'a> Assembled<'a> {
         self.whole * energy
     }
 
-    /// Force of a response on the outer sphere along the translation.
+    /// Force of a response on the outer sphere, along the translation.
     pub(super) fn reaction(&self, response: &Response) -> f64 {
         let translation = translation(self.direction);
         let mut reaction = 0.0;
@@ -340,7 +340,7 @@ pub(super) fn solve(
     })
 }
 
-/// Solves a positive definite system given by its lower triangle; one thread, so that the result is the same bytes for any number.
+/// Solves a positive definite system given by its lower triangle. Uses one thread, so that results have equal bytes for any number of threads.
 pub(super) fn solve_sparse(
     n: usize,
     triplets: &[Triplet<u32, u32, f64>],

@@ -1,4 +1,4 @@
-//! Mesh around a spheroid: nearly confocal ellipses that end on the outer sphere.
+//! Mesh around a spheroid, with nearly confocal ellipses up to the outer sphere.
 
 use std::f64::consts::FRAC_PI_2;
 
@@ -6,21 +6,21 @@ use super::mesh::{Boundary, Mesh, graded};
 
 /// Ratio of the minor semi-axes of neighbouring ellipses.
 const LAYER_RATIO: f64 = 2.0;
-/// First eccentric angle from the tip, in distances of the poles.
+/// First eccentric angle from the tip, in units of the distance of the poles.
 const FIRST_ANGLE: f64 = 1.5;
 /// Ratio of the eccentric angles of neighbouring rays, from the tip.
 const ANGLE_RATIO: f64 = 3.0;
 
 /// Mesh around the spheroid with these semi-axes (m), inside the sphere of this radius (m).
 ///
-/// With m and M the minor and major semi-axes, the confocal family has M² − m² constant; here M² is the linear function of m² that takes
-/// both to the outer radius. The fields have poles at the foci, at ±iξ in the eccentric angle from the tip, tanh ξ = m/M on the body: rays are
-/// graded towards the tip so that every element sees them from afar.
+/// Let m and M be the minor and major semi-axes. The confocal family has constant M² − m². Here M² is the linear function of m² that makes
+/// both equal the outer radius at the sphere. The fields have poles at the foci, at ±iξ in the eccentric angle from the tip, tanh ξ = m/M on the body. Rays are
+/// graded towards the tip, so that every element is far from the poles relative to its size.
 pub(super) fn mesh(along_m: f64, across_m: f64, outer_radius_m: f64) -> Mesh {
     let (minor, major) = (along_m.min(across_m), along_m.max(across_m));
     let (m2, major2, outer2) = (minor * minor, major * major, outer_radius_m * outer_radius_m);
     let from_tip = graded(FIRST_ANGLE * (minor / major).atanh(), ANGLE_RATIO, FRAC_PI_2);
-    // The tip is on the axis or, of a disc, on the equator; chains run from the axis.
+    // The tip is on the axis or, for a disc, on the equator. Chains run from the axis.
     let angles: Vec<f64> = if along_m >= across_m {
         from_tip.iter().map(|t| FRAC_PI_2 - t).collect()
     } else {

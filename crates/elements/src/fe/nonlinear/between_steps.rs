@@ -1,7 +1,7 @@
-//! Runs whose steps do not end at rows: what the rows see is interpolated.
+//! Runs whose steps do not end at rows. The values at rows are interpolated.
 //!
-//! Between two switches the robot's excess over a linear law is a smooth function of ξ = ln(1 + t/θ), t the time since the switch and θ what the first step
-//! shows. A polynomial of degree 5 goes through it at the ends of steps; the linear law is stepped on its own, at steps' ends and rows, by the linear model.
+//! Between two switches the robot's excess over a linear law is a smooth function of ξ = ln(1 + t/θ). t is the time since the switch; θ follows from the first step.
+//! A polynomial of degree 5 interpolates the excess between the ends of steps. The linear model steps the linear law separately, at steps' ends and rows.
 
 use super::run::{self, Record};
 use super::{Bodies, NonlinearModel, NonlinearResult, Options};
@@ -13,14 +13,14 @@ use laws::stages::{Spatial, Stages};
 use record::Force;
 use std::collections::BTreeMap;
 
-/// Ends of steps that a polynomial goes through.
+/// Number of step ends that a polynomial interpolates.
 const N_NODES: usize = 6;
 
 impl NonlinearModel<'_> {
-    /// Runs the stages of a law that is not linear: recorded position (m) at every row, and all unknowns (m) at `rows`. Steps do not end at rows.
+    /// Runs the stages of a nonlinear law. Returns the recorded position (m) at every row, and all unknowns (m) at `rows`. Steps do not end at rows.
     ///
     /// # Errors
-    /// Those of [`Self::run`], and [`Error::Numerical`] for stages without such a law and where the gel softens.
+    /// Errors of [`Self::run`], and [`Error::Numerical`] for stages without a nonlinear law or with softening.
     pub fn run_stages<'f>(
         &self,
         stages: &Stages,
@@ -31,17 +31,17 @@ impl NonlinearModel<'_> {
     ) -> Result<NonlinearResult> {
         let force = force.into();
         let Some(Spatial::Nonlinear(nonlinearity)) = stages.spatial else {
-            return Err(Error::numerical("the law is linear", "step it by the linear model"));
+            return Err(Error::numerical("the law is linear", "use the linear model"));
         };
         if !stages.softening_rate_per_s.is_constant(0.0) {
             return Err(Error::numerical(
-                "a gel that softens while it is measured is not stepped beside a law that is not linear",
+                "softening over time cannot be combined with a nonlinear law",
                 "leave one of them out",
             ));
         }
         let bodies = Bodies::<f64>::new(&stages.law, nonlinearity)?;
         let load = stages.load.of::<f64>();
-        // A spring in series jumps with the force, and where the force follows the position its excess jumps, too: such a run stops at every row.
+        // A spring in series jumps with the force. If the force depends on the position, its excess jumps, too. Such a run stops at every row.
         let jumps = bodies.instantaneous_per_pa > 0.0 && load.depends_on_position();
         let wanted = rows.iter().copied().filter(|&row| row < time_s.len());
         let mut stop_rows: Vec<usize> = if jumps { (0..time_s.len()).collect() } else { wanted.collect() };
@@ -71,19 +71,19 @@ impl NonlinearModel<'_> {
     }
 }
 
-/// A run's error with how far the robot came.
+/// Adds the robot's largest distance to the error of a run.
 fn with_place(error: Error, steps: &[(f64, f64)]) -> Error {
     let farthest_m = steps.iter().fold(0.0_f64, |most, step| most.max(step.1.abs()));
     match error {
         Error::Numerical { what, remedy } => Error::Numerical {
-            what: format!("{what}; the robot was {farthest_m:.3e} m away at most until then"),
+            what: format!("{what}; the robot had moved by at most {farthest_m:.3e} m until then"),
             remedy,
         },
         other => other,
     }
 }
 
-/// Displacement (m) at the rows from that at the ends of steps.
+/// Displacement (m) at the rows from the displacement at the ends of steps.
 fn displacements_m(
     model: &NonlinearModel,
     stages: &Stages,
@@ -105,7 +105,7 @@ fn displacements_m(
     };
     let length_s = time_s.last().zip(time_s.first()).map_or(0.0, |(last, first)| last - first);
     let rounding_s = CLOCK_ROUNDING * length_s;
-    // The excess does not jump with the force: a switch finds what the step before it left.
+    // The excess does not jump with the force: at a switch it has its value from the step before.
     let excesses: Vec<(f64, f64)> = steps.iter().map(|&(t, x)| (t, x - linear_m(t))).collect();
     let begins_s: Vec<f64> =
         stages.load.of::<f64>().switches(time_s, force).iter().map(|switch| switch.time_s).collect();
@@ -127,11 +127,11 @@ fn displacements_m(
     Ok(found)
 }
 
-/// The value at a time of the polynomial in ξ through the nodes nearest to it; the first node is the switch.
+/// Value at a time of the polynomial in ξ through the nearest nodes. The first node is the switch.
 fn interpolated(nodes: &[(f64, f64)], time_s: f64) -> f64 {
     let Some(&(begin_s, first)) = nodes.first() else { return 0.0 };
     let Some(&(second_s, _)) = nodes.get(1) else { return first };
-    // Steps grow geometrically, the first is about a fifth of θ.
+    // Steps grow geometrically; the first is about a fifth of θ.
     let scale_s = STEPS_IN_SCALE * (second_s - begin_s);
     let place = |t: f64| ((t - begin_s) / scale_s).max(0.0).ln_1p();
     let n = nodes.len().min(N_NODES);
@@ -147,5 +147,5 @@ fn interpolated(nodes: &[(f64, f64)], time_s: f64) -> f64 {
     chosen.iter().enumerate().map(|(i, node)| weight(i) * node.1).sum()
 }
 
-/// θ over the first step.
+/// Ratio of θ to the first step.
 const STEPS_IN_SCALE: f64 = 5.0;

@@ -1,18 +1,18 @@
-//! What a nonlinear gel is made of: bodies in series, one of which is not linear (physics §2, §5).
+//! Bodies of a nonlinear gel, in series, one of which is nonlinear (physics §2, §5).
 
 use base::error::{Error, Result};
 use base::number::{Dual, PointScalar};
 use laws::rheology::Element;
 use laws::stages::Nonlinearity;
 
-/// A Kelvin–Voigt body by its compliance: τ ε̇ + ε = C s.
+/// A Kelvin–Voigt body, given by its compliance: τ ε̇ + ε = C s.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Retarded<N> {
     pub compliance_per_pa: N,
     pub time_s: N,
 }
 
-/// The bodies in series, which all carry the stress.
+/// Bodies in series, which all carry the full stress.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Bodies<N> {
     /// E of the first Kelvin–Voigt body.
@@ -21,18 +21,18 @@ pub struct Bodies<N> {
     pub viscosity_1_pa_s: N,
     /// c₂ of the dashpot.
     pub viscosity_2_pa_s: N,
-    /// The springs together.
+    /// Compliance of all springs.
     pub instantaneous_per_pa: N,
-    /// The other Kelvin–Voigt bodies, which are linear.
+    /// Further Kelvin–Voigt bodies, which are linear.
     pub retarded: Vec<Retarded<N>>,
     pub nonlinearity: Nonlinearity<N>,
 }
 
 impl<N: PointScalar> Bodies<N> {
-    /// The bodies of elements in series.
+    /// Extracts the bodies from elements in series.
     ///
     /// # Errors
-    /// [`Error::Numerical`] for laws that are not Kelvin–Voigt bodies, springs and one dashpot in series, and for numbers outside their support.
+    /// [`Error::Numerical`] for laws that are not Kelvin–Voigt bodies, springs and one dashpot in series, and for values outside their support.
     pub fn new(law: &[Element], nonlinearity: Nonlinearity<Dual>) -> Result<Self> {
         nonlinearity.check()?;
         let bodies = Self::of_elements(law, nonlinearity)?;
@@ -46,7 +46,7 @@ impl<N: PointScalar> Bodies<N> {
             let values = [sizes[0], sizes[1], sizes[2]].map(PointScalar::value);
             return Err(Error::numerical(
                 format!(
-                    "a law with the modulus and viscosities {values:?} has a body without resistance or without end"
+                    "a law with the modulus and viscosities {values:?} has a body without resistance or with an infinite one"
                 ),
                 "give positive, finite parameters",
             ));
@@ -77,7 +77,7 @@ impl<N: PointScalar> Bodies<N> {
                             retarded.push(Retarded { compliance_per_pa, time_s: viscosity / modulus });
                         }
                     }
-                    _ => return Err(unsuited("a group that is no Kelvin–Voigt body")),
+                    _ => return Err(unsuited("a group that is not a Kelvin–Voigt body")),
                 },
                 Element::Dashpot { .. } => return Err(unsuited("two dashpots in series")),
                 Element::Springpot { .. } => return Err(unsuited("a springpot")),
@@ -95,12 +95,12 @@ impl<N: PointScalar> Bodies<N> {
         })
     }
 
-    /// Bodies that keep a strain of their own: the one that is not linear, the other of the first two, the retarded ones.
+    /// Number of bodies with a strain of their own: the nonlinear one, the other of the first two, and the retarded ones.
     pub fn n_histories(&self) -> usize {
         2 + self.retarded.len()
     }
 
-    /// The shortest retardation time in s where the nonlinear body's equivalent strain is `equivalent`: a spring that has stiffened relaxes faster, by its tangent.
+    /// Shortest retardation time in s for an equivalent strain `equivalent` of the nonlinear body. A stiffened spring relaxes faster, by its tangent.
     pub fn fastest_s(&self, equivalent: f64) -> f64 {
         let times = self.retarded.iter().filter(|body| body.compliance_per_pa.value() > 0.0);
         let stiffened = match self.nonlinearity {
@@ -114,10 +114,8 @@ impl<N: PointScalar> Bodies<N> {
 
 fn unsuited(what: &str) -> Error {
     Error::numerical(
-        format!(
-            "the law has {what}, and a nonlinear law must be Kelvin–Voigt bodies, springs and one dashpot in series"
-        ),
-        "use the base law lethersich, burgers or two-element, or leave the nonlinear effect out",
+        format!("the law has {what}; a nonlinear law must be Kelvin–Voigt bodies, springs and one dashpot in series"),
+        "use the base law lethersich, burgers or two-element, or remove the nonlinear effect",
     )
 }
 

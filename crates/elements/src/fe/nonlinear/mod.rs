@@ -1,12 +1,12 @@
 //! Nonlinear laws in full finite elements (physics §3.2, §3.4, §5).
 //!
-//! The bodies of the law are in series: one Kelvin–Voigt body whose spring may stiffen, one dashpot that may thin or yield, and more linear bodies. The
-//! stress is no longer one field times one function of time, so every body keeps its strain at every integration point, and the
-//! balance is solved at every stage of every step: Newton's method on the displacements, its linear systems by conjugate gradients with the
+//! The bodies of the law are in series: one Kelvin–Voigt body whose spring may stiffen, one dashpot that may thin or yield, and further linear bodies. The
+//! stress is not one field times one function of time, so that every body has its own strain at every integration point. The
+//! balance is solved at every stage of every step by Newton's method on the displacements. Conjugate gradients solve its linear systems with the
 //! linear stiffness, factorised once for all steps, as preconditioner. Strains are ε̄ = dev ε + ⅓Π(div u)I.
 //!
-//! Time is stepped by a method of order 4 (Hairer & Wanner's SDIRK), L-stable and stiffly accurate, in steps that end at every row and switch and grow
-//! geometrically after a switch. A step whose balance is not found is halved.
+//! Time is stepped by a method of order 4 (Hairer & Wanner's SDIRK), L-stable and stiffly accurate. Steps end at every row and switch and grow
+//! geometrically after a switch. Steps without a balance are halved.
 
 mod between_steps;
 mod law;
@@ -31,66 +31,66 @@ use laws::stages::{Load, Nonlinearity};
 use points::IntegrationPoints;
 use record::Force;
 
-/// How fine a run is.
+/// Refinement and accuracy of a run.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Options {
-    /// Method of the steps.
+    /// Time-stepping method.
     pub scheme: Scheme,
-    /// How fine the steps are; the error falls with the power of the method's order.
+    /// Refinement of the steps. The error falls with the power of the method's order.
     pub resolution: Resolution,
-    /// Largest residual of the balance that is accepted, relative to the largest force, both in the norm √(rᵀK̂⁻¹r).
+    /// Largest accepted residual of the balance, relative to the largest force, both in the norm √(rᵀK̂⁻¹r).
     pub tolerance: f64,
 }
 
 impl Default for Options {
-    /// The robot's position errs by less than 2·10⁻⁵ of its largest.
+    /// The error of the robot's position is below 2·10⁻⁵ of the largest position.
     fn default() -> Self {
         Self { scheme: Scheme::Fourth, resolution: Resolution { steps_per_doubling: 4 }, tolerance: 1e-7 }
     }
 }
 
-/// What is run: a law, a load and a record.
+/// Input of a run: a law, a load and a record.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct NonlinearRun<'a> {
-    /// Kelvin–Voigt bodies, springs and one dashpot in series; derivatives are ignored.
+    /// Kelvin–Voigt bodies, springs and one dashpot in series. Derivatives are ignored.
     pub law: &'a [Element],
-    /// What is not linear about them.
+    /// Nonlinearity of the law.
     pub nonlinearity: Nonlinearity<Dual>,
-    /// From the commanded to the acting force.
+    /// Stages from the commanded to the acting force.
     pub load: &'a Load,
     /// Times of the rows in s, ascending.
     pub time_s: &'a [f64],
-    /// Commanded force. Before the first row nothing acts.
+    /// Commanded force. Nothing acts before the first row.
     pub force: Force<'a>,
 }
 
-/// What a run cost.
+/// Cost of a run.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Cost {
-    /// Steps in time.
+    /// Number of time steps.
     pub n_steps: usize,
-    /// Balances solved.
+    /// Number of balances solved.
     pub n_stages: usize,
-    /// Residuals computed.
+    /// Number of residuals computed.
     pub n_evaluations: usize,
-    /// Conjugate gradients.
+    /// Number of conjugate gradients.
     pub n_gradients: usize,
-    /// Steps that were halved.
+    /// Number of halved steps.
     pub n_retries: usize,
 }
 
-/// What came of a run.
+/// Result of a run.
 #[derive(Debug, Clone, PartialEq)]
 pub struct NonlinearResult {
-    /// The robot's displacement (m) at every row, the limit from the left.
+    /// Displacement of the robot (m) at every row, as the limit from the left.
     pub displacement_m: Vec<f64>,
     /// All unknowns (m) at the chosen rows, one vector after the other.
     pub fields: Vec<Vec<f64>>,
-    /// What it cost.
+    /// Cost of the run.
     pub cost: Cost,
 }
 
-/// A mesh on which nonlinear laws are run, at one Poisson ratio: factorised once, run for any law and load.
+/// A mesh for nonlinear laws at one Poisson ratio. It is factorised once and run for any law and load.
 pub struct NonlinearModel<'a> {
     factor: Factor<'a>,
     points: IntegrationPoints,
@@ -99,7 +99,7 @@ pub struct NonlinearModel<'a> {
 }
 
 impl<'a> NonlinearModel<'a> {
-    /// Prepares a mesh, whose stiffness was assembled before, at a Poisson ratio in (−1, 0.5).
+    /// Prepares a mesh with its assembled stiffness at a Poisson ratio in (−1, 0.5).
     ///
     /// # Errors
     /// [`Error::Numerical`] for a stiffness of another mesh, an inverted element or a Poisson ratio out of range.
@@ -126,11 +126,11 @@ impl<'a> NonlinearModel<'a> {
         self.factor.n_unknowns()
     }
 
-    /// Runs a law through a record; fields are kept at `rows`, those that the record does not have left out.
+    /// Runs a law through a record and keeps the fields at `rows`. Rows that the record lacks are omitted.
     ///
     /// # Errors
-    /// [`Error::Numerical`] for a law that is no series of Kelvin–Voigt bodies, springs and a dashpot, for parameters outside their support, where a force
-    /// gradient is refused, and where the balance is not found in ever smaller steps.
+    /// [`Error::Numerical`] for a law that is not a series of Kelvin–Voigt bodies, springs and a dashpot, and for parameters outside their support. The run also
+    /// fails if a force gradient is refused, or no balance is found in ever smaller steps.
     pub fn run(&self, what: &NonlinearRun, rows: &[usize], options: Options) -> Result<NonlinearResult> {
         let mut result = NonlinearResult {
             displacement_m: Vec::with_capacity(what.time_s.len()),
@@ -147,7 +147,7 @@ impl<'a> NonlinearModel<'a> {
         Ok(result)
     }
 
-    /// [`Self::run`] with every row's state shown to `at_row`.
+    /// [`Self::run`] that passes every row's state to `at_row`.
     pub fn watch(&self, what: &NonlinearRun, options: Options, at_row: impl FnMut(AtRow)) -> Result<Cost> {
         let bodies = Bodies::new(what.law, what.nonlinearity)?;
         let balance = self.balance();

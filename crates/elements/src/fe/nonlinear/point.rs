@@ -1,13 +1,13 @@
-//! The law at one integration point over one stage of a step: strain and histories in, stress out.
+//! The law at one integration point over one stage of a step. The input is the strain and the histories, the output the stress.
 //!
 //! Tensors are six numbers: five coordinates of the deviator in an orthonormal basis, and the trace. Over a stage of implicit Euler with the
-//! step g every linear body reads ε = d H + j s, H its strain at the stage's start. With h = Σ d H and j_l = Σ j over the linear bodies and H_N the
-//! history of the body that is not linear, the stress is
+//! step g every linear body reads ε = d H + j s, H its strain at the stage's start. Let h = Σ d H and j_l = Σ j over the linear bodies, and H_N the
+//! history of the nonlinear body. The stress is
 //!
 //!   dev s = σ₁(|a|) dev a − κ dev H_N,   a = ε − h + ω H_N,
 //!
 //! stiffening: ω = j_l c₁/g, κ = c₁/g; thinning and yielding: ω = −1, κ = 0. The size m of ε_k or s solves one scalar equation
-//! α m + ψ(m) = √⅔ |dev a| with a convex ψ, so that Newton's method from the right cannot fail.
+//! α m + ψ(m) = √⅔ |dev a| with a convex ψ, so that Newton's method from the right always converges.
 
 use super::law::Bodies;
 use base::number::{Dual, PointScalar};
@@ -18,7 +18,7 @@ pub(crate) type Tensor<N> = [N; 6];
 
 /// Numbers with a logarithm.
 pub trait Number: PointScalar {
-    /// Whether the number carries a derivative, which iterations on its value alone would lose.
+    /// True if the number carries a derivative, which iterations on its value alone lose.
     const HAS_DERIVATIVE: bool;
     /// ln x.
     fn ln(self) -> Self;
@@ -40,7 +40,7 @@ impl Number for Dual {
     }
 }
 
-/// √⅔: from a deviator's norm to the equivalent of physics §5.
+/// √⅔: factor from a deviator's norm to the equivalent of physics §5.
 pub const EQUIVALENT: f64 = 0.816_496_580_927_726;
 
 /// A linear body over a stage: ε = decay H + compliance s.
@@ -53,7 +53,7 @@ pub struct LinearBody<N> {
 /// The law over a stage of one length.
 #[derive(Debug, Clone)]
 pub struct StageLaw<N> {
-    /// Linear bodies that keep a strain of their own.
+    /// Linear bodies with a strain of their own.
     pub linear: Vec<LinearBody<N>>,
     /// j_l.
     pub linear_compliance: N,
@@ -62,7 +62,7 @@ pub struct StageLaw<N> {
     pub radial: Radial<N>,
 }
 
-/// What the scalar equation needs.
+/// Coefficients of the scalar equation.
 #[derive(Debug, Clone, Copy)]
 pub enum Radial<N> {
     /// c₁/g, E and Eβ.
@@ -73,11 +73,11 @@ pub enum Radial<N> {
     Yield { fluidity: N, stress: N, smoothing: f64 },
 }
 
-/// How the stress follows a: dev s + κ dev H_N = `secant` dev a, tr s + κ tr H_N = `volumetric` tr a.
+/// Stress as a function of a: dev s + κ dev H_N = `secant` dev a, tr s + κ tr H_N = `volumetric` tr a.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Moduli<N> {
     pub secant: N,
-    /// d|dev s|/d|dev a| along dev a; across it the secant serves.
+    /// d|dev s|/d|dev a| along dev a; the secant applies across it.
     pub normal: N,
     pub volumetric: N,
     /// Derivative of `volumetric` with respect to |dev a|.
@@ -117,13 +117,13 @@ impl<N: Number> StageLaw<N> {
         Self { linear, linear_compliance, omega, kappa, radial }
     }
 
-    /// Whether nothing stiffens, thins or yields, whatever derivatives say.
+    /// True if the law has no stiffening, thinning or yielding, ignoring derivatives.
     #[inline(always)]
     pub fn is_linear(&self) -> bool {
         matches!(self.radial, Radial::Stiffening { cubic, .. } if cubic.value() == 0.0)
     }
 
-    /// −h + ω H_N: what is added to the strain to make a. Histories: the nonlinear body's, then the linear ones'.
+    /// −h + ω H_N. The sum of this and the strain is a. Histories: the nonlinear body's, then the linear ones'.
     #[inline(always)]
     pub(crate) fn offset(&self, histories: &[Tensor<N>]) -> Tensor<N> {
         let mut offset = histories[0].map(|h| self.omega * h);
@@ -135,7 +135,7 @@ impl<N: Number> StageLaw<N> {
         offset
     }
 
-    /// Strains of all bodies at the stage's end, in place of their histories.
+    /// Replaces the histories of all bodies by their strains at the stage's end.
     #[inline(always)]
     pub(crate) fn advance(&self, strain: &Tensor<N>, stress: &Tensor<N>, histories: &mut [Tensor<N>]) {
         let mut rest: Tensor<N> = std::array::from_fn(|i| strain[i] - self.linear_compliance * stress[i]);
@@ -150,7 +150,7 @@ impl<N: Number> StageLaw<N> {
         nonlinear[0] = rest;
     }
 
-    /// Moduli where the deviator of a has the norm `norm`.
+    /// Moduli for a deviator of a with the norm `norm`.
     #[inline(always)]
     pub(crate) fn moduli(&self, norm: N) -> Moduli<N> {
         match self.radial {
@@ -189,7 +189,7 @@ impl<N: Number> StageLaw<N> {
     fn thinning(&self, norm: N, fluidity: N, exponent: N, reference: N) -> Moduli<N> {
         let (j, driving) = (self.linear_compliance, norm * EQUIVALENT);
         let (jv, g, p, s0, e) = (j.value(), fluidity.value(), exponent.value(), reference.value(), driving.value());
-        // In logarithms both limits are straight lines: y = ln(m/s₀), ln ρ = ln(g/j) + p y, y + ln(1 + ρ) = ln(e/(j s₀)).
+        // Both limits are straight lines in logarithms: y = ln(m/s₀), ln ρ = ln(g/j) + p y, y + ln(1 + ρ) = ln(e/(j s₀)).
         let (target, offset) = ((e / (jv * s0)).ln(), (g / jv).ln());
         let mut y = target.min((target - offset) / (1.0 + p));
         if e > 0.0 {
@@ -235,21 +235,21 @@ impl<N: Number> StageLaw<N> {
     }
 }
 
-/// m of (a + b m²) m = e to 4 % where t = b e²/a³ is below 1000: e/a times the quotient of two polynomials 1 + p₁ t + p₂ t².
+/// m of (a + b m²) m = e to 4 % for t = b e²/a³ below 1000: e/a times the quotient of two polynomials 1 + p₁ t + p₂ t².
 pub const STIFFENING_START: [[f64; 2]; 2] = [[0.33035, 0.0010286], [0.91573, 0.012622]];
-/// Most steps of the scalar equation; from the right they only ever come closer, and five do.
+/// Largest number of steps of the scalar equation. Steps from the right always approach the root, and five suffice.
 const MOST_ITERATIONS: usize = 60;
-/// Relative change below which its solution stands.
+/// Relative change at convergence.
 const ROUNDING: f64 = 1e-10;
 
-/// The root in numbers that carry a derivative: one more step with them gives it.
+/// Root in numbers that carry a derivative: one more step gives the derivative.
 #[inline(always)]
 fn polished<N: Number>(root: f64, rest: impl Fn(N) -> N, slope: f64) -> N {
     let root = N::constant(root);
     if N::HAS_DERIVATIVE { root - rest(root) * (1.0 / slope) } else { root }
 }
 
-/// Moduli of j in series with a flow: strain m (j + `flow`), of slope j + `slope`.
+/// Moduli of j in series with a flow: strain m (j + `flow`), with slope j + `slope`.
 #[inline(always)]
 fn in_series<N: Number>(j: N, flow: N, slope: N, m: N) -> Moduli<N> {
     let one = N::constant(1.0);
@@ -262,8 +262,8 @@ fn in_series<N: Number>(j: N, flow: N, slope: N, m: N) -> Moduli<N> {
 
 /// r(m)/m and r'(m) for r(m) = ½[m − s_y + √((m − s_y)² + 4δ² s_y m)], which smooths ⟨m − s_y⟩ (m the equivalent stress).
 ///
-/// r is convex and rising, r(0) = 0, exactly m at s_y = 0, and exceeds ⟨m − s_y⟩ by at most δ s_y (at m = s_y): far below the yield stress the dashpot
-/// creeps with δ² of its fluidity, far above it r exceeds by δ² s_y.
+/// r is convex and rising, with r(0) = 0. It equals m at s_y = 0, and exceeds ⟨m − s_y⟩ by at most δ s_y (at m = s_y). Far below the yield stress the dashpot
+/// creeps with δ² of its fluidity; far above it r exceeds ⟨m − s_y⟩ by δ² s_y.
 pub(crate) fn smoothed_yield<N: Number>(m: N, stress: N, smoothing: f64) -> [N; 2] {
     if stress.value() == 0.0 && m.value() == 0.0 {
         return [N::constant(1.0); 2];
@@ -275,7 +275,7 @@ pub(crate) fn smoothed_yield<N: Number>(m: N, stress: N, smoothing: f64) -> [N; 
     [share, ((beyond + quarter) / root + N::constant(1.0)) * 0.5]
 }
 
-/// √(Σ tᵢ²) of a deviator; the derivative at zero, where there is none, is set to zero.
+/// √(Σ tᵢ²) of a deviator. The undefined derivative at zero is set to zero.
 #[inline(always)]
 pub(crate) fn deviator_norm<N: Number>(tensor: &Tensor<N>) -> N {
     let mut squared = tensor[0] * tensor[0];

@@ -1,4 +1,4 @@
-//! The stage's stress put back into the law's equations, tangents and derivatives against finite differences, and limits.
+//! The stage's stress inserted into the law's equations, tangents and derivatives against finite differences, and limits.
 
 use super::*;
 use laws::rheology::BaseLaw;
@@ -38,7 +38,7 @@ fn equivalent(tensor: &Tensor<f64>) -> f64 {
     (2.0 / 3.0 * tensor[..5].iter().map(|t| t * t).sum::<f64>()).sqrt()
 }
 
-/// Every body's own equation, over implicit Euler with the step, and the strains' sum.
+/// Equation of every body for an implicit Euler step, and the sum of strains.
 #[test]
 fn the_stress_satisfies_the_equations_of_every_body() {
     for base in BaseLaw::NAMED {
@@ -82,7 +82,7 @@ fn the_stress_satisfies_the_equations_of_every_body() {
     }
 }
 
-/// All 36 entries of ds/dε against central differences, which err by about 1e-9 here.
+/// All 36 entries of ds/dε against central differences, whose error is about 1e-9 here.
 #[test]
 fn tangents_are_finite_differences() {
     for kind in kinds() {
@@ -116,7 +116,7 @@ fn tangents_are_finite_differences() {
     }
 }
 
-/// Derivatives with respect to every parameter, the step and the strain, carried along, against central differences.
+/// Automatic derivatives with respect to every parameter, the step and the strain, against central differences.
 #[test]
 fn derivatives_are_carried_through_the_scalar_equation() {
     let moved = |kind: Nonlinearity<Dual>, by: Dual| match kind {
@@ -151,7 +151,7 @@ fn derivatives_are_carried_through_the_scalar_equation() {
     }
 }
 
-/// At their nulls all three are the linear law, to rounding: s = (ε − h)/j.
+/// At their nulls all three equal the linear law to rounding: s = (ε − h)/j.
 #[test]
 fn nulls_are_the_linear_law() {
     let exact = {
@@ -177,7 +177,7 @@ fn nulls_are_the_linear_law() {
     }
 }
 
-/// What the documentation of the smoothing claims, for small and large δ.
+/// The documented properties of the smoothing, for small and large δ.
 #[test]
 fn the_smoothed_bracket_is_convex_and_near_the_sharp_one() {
     for smoothing in [0.3, 0.1, YIELD_SMOOTHING] {

@@ -1,7 +1,7 @@
-//! Strains at all integration points from displacements, and forces from stresses, the one the transpose of the other.
+//! Strains at all integration points from displacements, and forces from stresses. The two operations are transposes of each other.
 //!
-//! Tensors are the deviator's coordinates in an orthonormal basis and the trace, which is projected on the element's pressures (physics §3.4):
-//! ε̄ = dev ε + ⅓Π(div u)I. A stress s = D̂⁻¹σ does the work 2μ̂ dev s : dev δε + κ̂ tr s Π(div δu).
+//! Tensors are the deviator's coordinates in an orthonormal basis, and the trace, projected on the element's pressures (physics §3.4):
+//! ε̄ = dev ε + ⅓Π(div u)I. The virtual work of a stress s = D̂⁻¹σ is 2μ̂ dev s : dev δε + κ̂ tr s Π(div δu).
 
 use super::point::Tensor;
 use crate::fe::assembly::{Unknowns, unit_moduli};
@@ -13,15 +13,15 @@ use faer::{Accum, Mat, Par};
 use nalgebra::{DMatrix, Matrix3};
 use rayon::prelude::*;
 
-/// Elements whose gradients are held at once.
+/// Number of elements whose gradients are stored at once.
 const CHUNK: usize = 24;
 
-/// Number of a displacement component that is held fixed.
+/// Index of a fixed displacement component.
 const FIXED: u32 = u32::MAX;
 
 /// The integration points of a mesh at one Poisson ratio.
 pub struct IntegrationPoints {
-    /// Nodes of an element, its points and its pressures.
+    /// Numbers of nodes, points and pressures of an element.
     n_nodes: usize,
     n_points: usize,
     n_pressures: usize,
@@ -43,7 +43,7 @@ pub struct IntegrationPoints {
 }
 
 impl IntegrationPoints {
-    /// Of a mesh whose unknowns are numbered by `unknowns`.
+    /// Prepares a mesh with unknowns numbered by `unknowns`.
     pub fn new(mesh: &Mesh, unknowns: &Unknowns, poisson_ratio: f64) -> Result<Self> {
         let table = TabulatedElement::of(mesh.element_kind);
         let n_nodes = table.n_nodes;
@@ -66,7 +66,7 @@ impl IntegrationPoints {
                 }
             })?;
             for jacobian in table.jacobians(&coordinates) {
-                // The element is not inverted, or the visit above had failed.
+                // The element is not inverted; otherwise the visit above would have failed.
                 let inverse = jacobian.try_inverse().unwrap_or_else(Matrix3::zeros);
                 inverse_jacobian.push(std::array::from_fn(|k| inverse[(k / 3, k % 3)]));
             }
@@ -93,7 +93,7 @@ impl IntegrationPoints {
         })
     }
 
-    /// Number of points of the whole mesh.
+    /// Number of points in the whole mesh.
     pub(crate) fn count(&self) -> usize {
         self.volume_m3.len()
     }
@@ -127,7 +127,7 @@ impl IntegrationPoints {
         strains
     }
 
-    /// Nodal forces (N, per Pa of s) of stresses s, summed on the unknowns.
+    /// Nodal forces (N, per Pa of s) of stresses s, summed over the unknowns.
     pub(crate) fn forces(&self, stresses: &[Tensor<f64>]) -> Vec<f64> {
         let chunks: Vec<Mat<f64>> = stresses
             .par_chunks(CHUNK * self.n_points)
@@ -166,7 +166,7 @@ impl IntegrationPoints {
         force
     }
 
-    /// ∂uᵢ/∂ξ_d at the points of `n_elements` elements from `first` on: row 3q + d, column 3e + i.
+    /// ∂uᵢ/∂ξ_d at the points of `n_elements` elements, starting at `first`: row 3q + d, column 3e + i.
     fn reference_gradients(&self, displacement: &[f64], first: usize, n_elements: usize) -> Mat<f64> {
         let nodal = self.gathered(displacement, first, n_elements);
         let mut reference = Mat::<f64>::zeros(3 * self.n_points, 3 * n_elements);
@@ -202,7 +202,7 @@ impl IntegrationPoints {
         nodal
     }
 
-    /// Forces of elements from `first` on. `fill` gives an element's stresses times volumes.
+    /// Forces of elements, starting at `first`. `fill` writes an element's stresses times volumes.
     fn element_forces(
         &self,
         first: usize,
@@ -229,7 +229,7 @@ impl IntegrationPoints {
         force
     }
 
-    /// Projects the traces of an element's points on its pressures; elements without pressures keep them.
+    /// Projects the traces of an element's points on its pressures. Elements without pressures keep their traces.
     fn project(&self, element: usize, tensors: &mut [Tensor<f64>]) {
         let n = self.n_pressures;
         if n == 0 {
@@ -253,7 +253,7 @@ impl IntegrationPoints {
     }
 }
 
-/// Pressures of the elements that there are: four, or none.
+/// Largest number of pressures of the existing elements: four, or none.
 const MOST_PRESSURES: usize = 4;
 
 const R2: f64 = std::f64::consts::FRAC_1_SQRT_2;

@@ -12,20 +12,20 @@ use laws::stages::{Load, Switch};
 use rayon::prelude::*;
 use record::Force;
 
-/// Most halvings of a step whose stages do not converge.
+/// Largest number of halvings of a step whose stages do not converge.
 const MOST_RETRIES: u32 = 8;
 
 /// Index of the last of five stages.
 const LAST_STAGE: usize = 4;
 
-/// What a stop sees: unknowns (m) and stresses s (Pa) at all points, the limit from the left.
+/// State at a stop: unknowns (m) and stresses s (Pa) at all points, as the limit from the left.
 pub struct AtRow<'a> {
     pub row: usize,
     pub displacement: &'a [f64],
     pub stresses: &'a [Tensor<f64>],
 }
 
-/// Times and commands of a record, and the times in it at which a run stops, all ascending.
+/// Times and commands of a record, and the stop times of a run within it, all ascending.
 #[derive(Clone, Copy)]
 pub(super) struct Record<'a> {
     pub time_s: &'a [f64],
@@ -33,7 +33,7 @@ pub(super) struct Record<'a> {
     pub stops_s: &'a [f64],
 }
 
-/// Steps the gel through a record and shows its state at every stop, and the time and the robot's displacement at the end of every step.
+/// Steps the gel through a record. Passes its state at every stop, and the time and the robot's displacement at the end of every step.
 pub fn run(
     balance: Balance,
     bodies: &Bodies<f64>,
@@ -51,7 +51,7 @@ pub fn run(
     let mut run = Run::new(balance, bodies, &load, &switches, options, start_s);
     let mut coming = switches.iter().copied().enumerate().peekable();
     for (row, &row_s) in stops_s.iter().enumerate() {
-        // A switch at a row comes after it: positions are limits from the left.
+        // A switch at a row comes after the row: positions are limits from the left.
         while let Some((i, switch)) = coming.next_if(|(_, switch)| switch.time_s < row_s - rounding_s) {
             run.advance_to(switch.time_s, rounding_s, &mut at_step)?;
             run.switch(switch, gap_s(time_s, &switches, i, rounding_s));
@@ -69,18 +69,18 @@ struct Run<'a> {
     resolution: Resolution,
     rule: StepRule,
     grading: Grading,
-    /// Largest residual that is accepted.
+    /// Largest accepted residual.
     tolerance: f64,
     load: &'a Load<f64>,
     now_s: f64,
-    /// The force that enters the lag since it switched last, and what the lag made of those before.
+    /// Force at the input of the lag since its last switch, and the output of the lag from earlier forces.
     input: Switch,
     lagged_n: f64,
     /// Strains of every body at every point.
     histories: Vec<Tensor<f64>>,
     displacement: Vec<f64>,
     stresses: Vec<Tensor<f64>>,
-    /// Times and displacements since the switch from which others are extrapolated.
+    /// Times and displacements since the switch, for extrapolation.
     known: Vec<(f64, Vec<f64>)>,
     cost: Cost,
 }
@@ -118,7 +118,7 @@ impl<'a> Run<'a> {
         }
     }
 
-    /// Changes the force; the next row or switch comes `gap_s` later.
+    /// Changes the force. The next row or switch comes `gap_s` later.
     fn switch(&mut self, switch: Switch, gap_s: f64) {
         self.lagged_n = self.force_n(self.now_s);
         self.input = Switch { time_s: self.now_s, ..switch };
@@ -130,7 +130,7 @@ impl<'a> Run<'a> {
         self.known.clear();
     }
 
-    /// The force after the lag.
+    /// Force after the lag.
     fn force_n(&self, time_s: f64) -> f64 {
         self.load.after_lag_n(&self.input, self.lagged_n, time_s)
     }
@@ -139,7 +139,7 @@ impl<'a> Run<'a> {
         while stop_s - self.now_s > rounding_s {
             let left_s = stop_s - self.now_s;
             let step_s = self.rule.step_s(self.grading, self.now_s, left_s);
-            // The last step is `left_s` but for rounding.
+            // The last step is `left_s` up to rounding.
             let end_s = if step_s > 0.75 * left_s { stop_s } else { self.now_s + step_s };
             self.step(end_s, MOST_RETRIES)?;
             at_step(end_s, self.displacement[self.balance.robot]);
@@ -147,7 +147,7 @@ impl<'a> Run<'a> {
         Ok(())
     }
 
-    /// One step, or two of half its length where its stages do not converge.
+    /// Takes one step, or two of half its length if its stages do not converge.
     fn step(&mut self, end_s: f64, retries: u32) -> Result<()> {
         let start_s = self.now_s;
         let (displacement, known) = (self.displacement.clone(), self.known.clone());
@@ -174,7 +174,7 @@ impl<'a> Run<'a> {
         let step_s = end_s - start_s;
         let Tableau { diagonal, nodes, matrix } = self.tableau;
         let law = StageLaw::new(self.bodies, diagonal * step_s);
-        // A spring in series jumps with the force, and what was before the switch tells nothing.
+        // A spring in series jumps with the force, so that displacements from before the switch are useless.
         if self.known.is_empty() && self.bodies.instantaneous_per_pa == 0.0 {
             self.known.push((start_s, self.displacement.clone()));
         }
@@ -209,7 +209,7 @@ impl<'a> Run<'a> {
         }
         self.now_s = end_s;
         self.cost.n_steps += 1;
-        // The next step extrapolates from this one's middle, its third quarter and its end; without stages, from the last three ends.
+        // The next step extrapolates from the middle, the third quarter and the end of this one; with a single stage, from the last three ends.
         if nodes.len() == 1 {
             let surplus = self.known.len().saturating_sub(3);
             self.known.drain(..surplus);
@@ -220,12 +220,12 @@ impl<'a> Run<'a> {
         Ok(())
     }
 
-    /// A guess at the displacement: the parabola through three known ones.
+    /// A guess of the displacement: the parabola through three known ones.
     fn extrapolated(&self, stage: usize, time_s: f64) -> Vec<f64> {
         if self.known.is_empty() {
             return self.displacement.clone();
         }
-        // The last three are wide apart and near the stage, but for the last of five stages.
+        // The last three are widely spaced and close to the stage, except for the last of five stages.
         let n = self.known.len();
         let places = if stage == LAST_STAGE { vec![n - 4, n - 3, n - 1] } else { (n.saturating_sub(3)..n).collect() };
         let chosen: Vec<&(f64, Vec<f64>)> = places.into_iter().map(|place| &self.known[place]).collect();
@@ -239,7 +239,7 @@ impl<'a> Run<'a> {
     }
 }
 
-/// Strains at a stage's start: the step's start and what the stages before add.
+/// Strains at a stage's start: those of the step's start plus contributions of earlier stages.
 fn started(start: &[Tensor<f64>], rates: &[Vec<Tensor<f64>>], weights: &[f64], step_s: f64) -> Vec<Tensor<f64>> {
     let mut histories = start.to_vec();
     for (rates, weight) in rates.iter().zip(weights) {
@@ -256,7 +256,7 @@ fn differences(from: &[Tensor<f64>], to: &[Tensor<f64>], factor: f64) -> Vec<Ten
     from.par_iter().zip(to).map(difference).collect()
 }
 
-/// What failed, without its remedy.
+/// Description of an error, without its remedy.
 fn words(error: &Error) -> String {
     match error {
         Error::Numerical { what, .. } => what.clone(),

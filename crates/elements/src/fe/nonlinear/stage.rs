@@ -1,8 +1,8 @@
-//! The balance at one stage: Newton's method on the displacements, its linear systems by conjugate gradients (physics §3.2).
+//! The balance at one stage: Newton's method on the displacements, with conjugate gradients for its linear systems (physics §3.2).
 //!
-//! The tangent is that of the stage's stress, so Newton's method converges quadratically. It is not factorised: K̂, factorised once, is so near to
-//! it that a few conjugate gradients do. Only their accuracy decides how fast Newton's method is, never where it ends. Gradients want a symmetric matrix; what is
-//! not symmetric, the change of the trace's modulus with the deviator where the dashpot flows, is left out there, so that the last steps gain digits evenly.
+//! The tangent is that of the stage's stress, so that Newton's method converges quadratically. The tangent is not factorised: the factor of K̂ is such a good
+//! preconditioner that a few conjugate gradients suffice. Their accuracy affects only the speed of Newton's method, not its result. Conjugate gradients need a symmetric matrix. The
+//! asymmetric part, the change of the trace's modulus with the deviator in a flowing dashpot, is therefore omitted, and the last steps converge linearly.
 
 use super::point::{Moduli, StageLaw, Tensor, deviator_norm};
 use super::points::IntegrationPoints;
@@ -11,19 +11,19 @@ use base::error::{Error, Result};
 use laws::stages::Load;
 use rayon::prelude::*;
 
-/// Most steps of Newton's method before the time step is halved.
+/// Largest number of Newton steps before the time step is halved.
 const MOST_STEPS: usize = 30;
-/// Most halvings of a step that makes the residual larger.
+/// Largest number of halvings of a Newton step that increases the residual.
 const MOST_HALVINGS: usize = 8;
-/// Most gradients a linear system.
+/// Largest number of conjugate gradients per linear system.
 const MOST_GRADIENTS: usize = 200;
-/// Residual of the linear systems, relative to the one they start from, unless the tolerance asks for less.
+/// Residual of the linear systems relative to its initial value, unless the tolerance needs less.
 const FORCING: f64 = 0.05;
 
-/// Integration points handled together.
+/// Number of integration points handled together.
 const CHUNK: usize = 512;
 
-/// What pushes the robot: a force in N on the unknowns that may depend on the robot's displacement.
+/// Force on the robot: a force in N on the unknowns, which may depend on the robot's displacement.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Push<'a> {
     pub force_n: f64,
@@ -45,11 +45,11 @@ pub(super) struct Balance<'a> {
     pub points: &'a IntegrationPoints,
     pub factor: &'a Factor<'a>,
     pub robot: usize,
-    /// Share of the force that the model carries.
+    /// Share of the force in the model.
     pub share: f64,
 }
 
-/// One stage: the law, the histories of all points (`n_histories` each, one point after the other) and the push.
+/// One stage: the law, the histories of all points (`n_histories` each, one point after the other) and the force.
 pub(super) struct Stage<'a> {
     pub law: &'a StageLaw<f64>,
     pub histories: &'a [Tensor<f64>],
@@ -57,13 +57,13 @@ pub(super) struct Stage<'a> {
     pub push: Push<'a>,
 }
 
-/// Where a residual stands.
+/// A residual with its intermediate results.
 struct Evaluated {
     strains: Vec<Tensor<f64>>,
     stresses: Vec<Tensor<f64>>,
     tangents: Vec<Tangent>,
     residual: Vec<f64>,
-    /// By how much the push grows with x, in N/m.
+    /// Derivative of the force with respect to x, in N/m.
     slope_n_per_m: f64,
     /// K̂⁻¹ times the residual.
     preconditioned: Vec<f64>,
@@ -75,7 +75,7 @@ struct Evaluated {
 pub(super) struct Solved {
     pub strains: Vec<Tensor<f64>>,
     pub stresses: Vec<Tensor<f64>>,
-    /// Residuals computed and linear operators applied, for the record of what a run costs.
+    /// Numbers of residuals and of linear operators computed, for the cost of a run.
     pub n_evaluations: usize,
     pub n_gradients: usize,
     /// Norm of the residual before every step of Newton's method and at the end.
@@ -84,10 +84,10 @@ pub(super) struct Solved {
 }
 
 impl Balance<'_> {
-    /// Finds the displacements (m) at which the stage balances, from those given, to a residual of `tolerance` in the norm √(rᵀK̂⁻¹r).
+    /// Finds the displacements (m) that balance the stage, starting from the given ones, to a residual of `tolerance` in the norm √(rᵀK̂⁻¹r).
     ///
     /// # Errors
-    /// [`Error::Numerical`] where Newton's method does not converge.
+    /// [`Error::Numerical`] if Newton's method does not converge.
     pub(super) fn solve(&self, stage: &Stage, displacement: &mut [f64], tolerance: f64) -> Result<Solved> {
         let mut now = self.evaluate(stage, displacement);
         let (mut n_evaluations, mut n_gradients, mut norms) = (1, 0, vec![now.norm]);
@@ -119,7 +119,7 @@ impl Balance<'_> {
             norms.push(now.norm);
         }
         Err(Error::numerical(
-            format!("the residual stays at {:.3e} of a unit force's, and {tolerance:.3e} is asked for", now.norm),
+            format!("the residual stays at {:.3e} of that of a unit force; {tolerance:.3e} is required", now.norm),
             "give parameters of moderate size, or a larger tolerance",
         ))
     }
@@ -168,7 +168,7 @@ impl Balance<'_> {
         product
     }
 
-    /// Solves tangent × step = residual until what is left is below `goal`; the number of gradients is counted.
+    /// Solves tangent × step = residual until the remaining residual is below `goal`. Counts the gradients.
     fn conjugate_gradients(&self, now: &Evaluated, goal: f64) -> (Vec<f64>, usize) {
         let mut step = vec![0.0; now.residual.len()];
         let (mut rest, mut preconditioned) = (now.residual.clone(), now.preconditioned.clone());
@@ -181,7 +181,7 @@ impl Balance<'_> {
             let image = self.apply(now, &direction, true);
             let curvature = dot(&direction, &image);
             if curvature <= 0.0 {
-                // A gradient of the force beyond what the gel can hold: the step so far is as good as any.
+                // The force gradient exceeds the stiffness of the gel: the present step is as good as any.
                 return (if n == 0 { direction } else { step }, n + 1);
             }
             let length = squared / curvature;

@@ -1,4 +1,4 @@
-//! The balance's tangent against finite differences, and how fast the iterations converge.
+//! The balance's tangent against finite differences, and convergence of the iterations.
 
 use super::super::Bodies;
 use super::*;
@@ -20,9 +20,9 @@ fn kinds() -> [Nonlinearity; 3] {
     ]
 }
 
-/// Calls `check` with a balance on a coarse ball, a stage with histories that are not zero, and a displacement of the size of the solution.
+/// Calls `check` with a balance on a coarse ball, a stage with non-zero histories, and a displacement of the solution's size.
 fn with_stage(nonlinearity: Nonlinearity, check: impl Fn(&Balance, &Stage, Vec<f64>)) {
-    // The displacement over the linear one of the force.
+    // Ratio of the displacement to the linear displacement under the force.
     let size = 0.1;
     let ball = QuarterBall { robot_radius_m: 0.275e-3, outer_radius_m: 10e-3, n_per_edge: 1, n_layers: 2 };
     let mesh = ball.mesh().expect("the sizes are good");
@@ -46,7 +46,7 @@ fn with_stage(nonlinearity: Nonlinearity, check: impl Fn(&Balance, &Stage, Vec<f
     check(&balance, &stage, wavy);
 }
 
-/// Tangent as a matrix, with what is not symmetric.
+/// Tangent as a matrix, including its asymmetric part.
 fn dense_tangent(balance: &Balance, stage: &Stage, displacement: &[f64]) -> DMatrix<f64> {
     let now = balance.evaluate(stage, displacement);
     let n = displacement.len();
@@ -82,7 +82,7 @@ fn the_tangent_is_the_residuals_derivative() {
     }
 }
 
-/// With the whole tangent the number of right digits nearly doubles a step.
+/// The complete tangent nearly doubles the number of correct digits per step.
 #[test]
 fn newtons_method_converges_quadratically_with_the_whole_tangent() {
     for nonlinearity in kinds() {
@@ -104,7 +104,7 @@ fn newtons_method_converges_quadratically_with_the_whole_tangent() {
     }
 }
 
-/// The iteration in use: each step leaves a twentieth or less, and it ends where the whole Newton step is zero.
+/// Each step of the iteration in use leaves at most a twentieth of the residual. It ends where the complete Newton step is zero.
 #[test]
 fn the_iteration_with_conjugate_gradients_converges_to_the_balance() {
     for nonlinearity in kinds() {

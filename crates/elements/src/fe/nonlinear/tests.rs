@@ -1,4 +1,4 @@
-//! Runs against the linear model, homogeneous bodies solved by other means, and each other.
+//! Runs against the linear model, against homogeneous bodies solved by other means, and against each other.
 
 use super::*;
 use crate::fe::spatial::{Sizes, Surroundings};
@@ -7,7 +7,7 @@ use crate::mesh::QuarterBall;
 use laws::rheology::BaseLaw;
 use laws::stages::{Nonlinearity, Spatial, Stages, YIELD_SMOOTHING};
 
-/// Of the quarter model.
+/// Share of the body in the quarter model.
 const QUARTER: f64 = 0.25;
 const P: [f64; 5] = [3.527, 1.402, 47.370, 20.0, 2.5];
 const FORCE_N: f64 = 4.6e-6;
@@ -23,7 +23,7 @@ fn ball() -> Mesh {
     ball.mesh().expect("the sizes are good")
 }
 
-/// Every effect of the load at once.
+/// All effects of the load at once.
 fn full_load() -> Load {
     let mut load = Stages::of_law(Vec::new()).load;
     load.delay_s = 0.013.into();
@@ -48,7 +48,7 @@ fn distance(found: &[f64], exact: &[f64]) -> f64 {
     found.iter().zip(exact).fold(0.0_f64, |m, (a, b)| m.max((a - b).abs())) / amplitude
 }
 
-/// The linear model's own steps of order 5, with which nothing is shared but the load's switches and the ladder of steps.
+/// Fifth-order steps of the linear model, which share only the load's switches and the ladder of steps with the tested code.
 #[test]
 fn nulls_are_the_linear_model() {
     let mesh = ball();
@@ -80,7 +80,7 @@ fn nulls_are_the_linear_model() {
     }
 }
 
-/// A cube of 2 × 2 × 2 elements with curved inner faces, in which only u_x is free: fixed on one face, moved as a whole on the opposite one.
+/// A cube of 2 × 2 × 2 elements with curved inner faces. Only u_x is free: one face is fixed, the opposite one moves as a whole.
 fn cube(axis: usize) -> Mesh {
     let mut mesh = Mesh {
         node_coordinates_m: Vec::new(),
@@ -116,11 +116,11 @@ fn cube(axis: usize) -> Mesh {
     mesh
 }
 
-/// The Lethersich law in one homogeneous motion, stepped by the classical Runge–Kutta method: a deviator of one coordinate, and a trace.
+/// The Lethersich law in one homogeneous motion, by the classical Runge–Kutta method: a deviator of one coordinate, and a trace.
 struct Homogeneous {
     nonlinearity: Nonlinearity,
     poisson_ratio: f64,
-    /// Whether the motion is a simple shear; a stretch along x at fixed width else.
+    /// True if the motion is a simple shear; otherwise it is a stretch along x at fixed width.
     shears: bool,
 }
 
@@ -158,7 +158,7 @@ impl Homogeneous {
         if self.shears {
             return rates([stress_pa / two_mu, 0.0]);
         }
-        // The stretch is uniaxial: the deviator's rate is ⅔ of the trace's, at the stress that this takes.
+        // The stretch is uniaxial: the deviator's rate is ⅔ of the trace's, at the corresponding stress.
         let both = |deviator: f64| [deviator, (stress_pa - two_mu * deviator) / kappa];
         let excess = |deviator: f64| {
             let r = rates(both(deviator));
@@ -207,7 +207,7 @@ fn run_cube(homogeneous: &Homogeneous, load: &Load, time_s: &[f64], force_n: &[f
 const CUBE_TIME_S: [f64; 6] = [0.0, 0.2, 1.0, 3.0, 3.4, 6.0];
 const CUBE_FORCE_N: [f64; 6] = [8.0, 8.0, 8.0, -6.0, -6.0, -6.0];
 
-/// Every law in shear and in a stretch with volume change, with the position feeding back on the force.
+/// Every law in shear and in a stretch with volume change, with a force that depends on the position.
 #[test]
 fn homogeneous_motions_are_the_scalar_equations() {
     let mut load = Stages::of_law(Vec::new()).load;
@@ -227,7 +227,7 @@ fn homogeneous_motions_are_the_scalar_equations() {
     }
 }
 
-/// The smoothed law leads to the sharp one, about in proportion to δ² away from the yield stress.
+/// The smoothed law converges to the sharp one, about in proportion to δ² away from the yield stress.
 #[test]
 fn the_sharp_yield_stress_is_the_limit_of_the_smoothed_one() {
     let load = Stages::of_law(Vec::new()).load;
@@ -242,7 +242,7 @@ fn the_sharp_yield_stress_is_the_limit_of_the_smoothed_one() {
     assert!(error(YIELD_SMOOTHING) < 1e-4);
 }
 
-/// One hold a switch, so that the rule and not the rows set the steps; against the scalar equations.
+/// One hold per switch, so that the rule and not the rows sets the steps. The result is compared with the scalar equations.
 #[test]
 fn the_error_falls_with_the_fourth_power_of_the_step() {
     let load = Stages::of_law(Vec::new()).load;
@@ -289,7 +289,7 @@ fn a_run_has_the_same_bytes_for_any_number_of_threads() {
     assert_eq!(bits(&one.fields[0]), bits(&two.fields[0]));
 }
 
-/// A tolerance below rounding: the message says when, how far it came, and what to do.
+/// A tolerance below rounding gives an error with the time, the distance reached and a remedy.
 #[test]
 fn a_balance_that_is_not_found_is_an_error() {
     let mesh = ball();
@@ -319,7 +319,7 @@ fn a_stiffness_of_another_mesh_is_refused() {
     assert!(error.contains(&words) && ball.n_nodes() != cube.n_nodes(), "`{words}` in {error}");
 }
 
-/// Steps that do not end at rows against steps that do, for every law and every effect of the load; and the fields at the chosen rows.
+/// Steps that do not end at rows agree with steps that do, for every law and every effect of the load. The fields at chosen rows agree, too.
 #[test]
 #[ignore = "thorough"]
 fn rows_between_steps_are_interpolated_to_the_steps_own_error() {
@@ -362,8 +362,8 @@ fn rows_between_steps_are_interpolated_to_the_steps_own_error() {
     }
 }
 
-/// How far a robot moves in a gel that thins (n = 0.3): the mesh for it, and the level's own, against half as long elements along the radius with twice as many around it.
-/// Shares of the last that the first two err by.
+/// Relative errors of a robot's motion in a thinning gel (n = 0.3) for the level's own mesh and the mesh for thinning. The reference has elements half as long along the radius and twice as many
+/// around it.
 fn errors_without_and_with_layers(ball: QuarterBall) -> [f64; 2] {
     let excess_m = |ball: QuarterBall| {
         let mesh = ball.mesh().unwrap();
@@ -400,7 +400,7 @@ fn errors_without_and_with_layers(ball: QuarterBall) -> [f64; 2] {
 const LEVEL_1: QuarterBall =
     QuarterBall { robot_radius_m: 0.275e-3, outer_radius_m: 10e-3, n_per_edge: 1, n_layers: 4 };
 
-/// At level 1 what is left is the error around the robot.
+/// The remaining error at level 1 is that around the robot.
 #[test]
 #[ignore = "thorough"]
 fn layers_are_what_a_law_that_thins_needs() {

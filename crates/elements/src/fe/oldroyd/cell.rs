@@ -1,4 +1,4 @@
-//! One cell: gradients of displacements, forces, tangent, and its interior condensed.
+//! One cell: displacement gradients, forces, tangent, and condensation of its interior.
 
 use std::f64::consts::PI;
 
@@ -11,17 +11,17 @@ use crate::fe::meridional::basis::{gauss_legendre, gauss_lobatto, lagrange, lege
 use crate::fe::meridional::geometry::Ruled;
 use base::error::Result;
 
-/// Quadrature points a direction beyond the order.
+/// Number of quadrature points per direction in excess of the order.
 const EXTRA_POINTS: usize = 2;
 
-/// Functions of one order at the quadrature points of the reference square, which is a product of lines: ξ runs fastest.
+/// Functions of one order at the quadrature points of the reference square, a product of lines. ξ runs fastest.
 pub(super) struct Reference {
     pub(super) order: usize,
     line: Vec<(f64, f64)>,
     /// Value and slope of every function of a line (fastest) at every point.
     value: Vec<f64>,
     slope: Vec<f64>,
-    /// Pressures (columns) at the points of the square, of total degree order − 1; the first is constant.
+    /// Pressures (columns) at the points of the square, of total degree order − 1. The first is constant.
     pressure: Mat<f64>,
 }
 
@@ -38,7 +38,7 @@ impl Reference {
         Self { order, line, value, slope, pressure }
     }
 
-    /// Functions of one component.
+    /// Number of functions of one component.
     pub(super) fn n_functions(&self) -> usize {
         (self.order + 1) * (self.order + 1)
     }
@@ -71,11 +71,11 @@ fn column(values: &[f64]) -> MatRef<'_, f64> {
 /// Components of F in the order of their operators, for displacements along r and along z.
 const OF: [&[usize]; 2] = [&[0, 1, 4], &[2, 3]];
 
-/// A cell of the unmoved mesh.
+/// A cell of the undeformed mesh.
 pub(super) struct CellShape {
-    /// 2π r times the area that each point stands for.
+    /// 2π r times the area of each point.
     pub(super) weights: Vec<f64>,
-    /// Derivatives by r, by z and values over r of every function (columns), one under the other.
+    /// Derivatives by r, by z and values over r of every function (columns), stacked.
     operators: Mat<f64>,
 }
 
@@ -105,7 +105,7 @@ impl CellShape {
         Ok(Self { weights, operators })
     }
 
-    /// F at every point; displacements component by component, ξ running fastest.
+    /// F at every point. Displacements are ordered component by component, ξ running fastest.
     pub(super) fn gradients(&self, displacement: &[f64]) -> Vec<Gradient> {
         let (n_points, n) = (self.weights.len(), self.operators.ncols());
         let mut found = vec![IDENTITY; n_points];
@@ -118,7 +118,7 @@ impl CellShape {
         found
     }
 
-    /// Forces on the displacements, component by component, and −∫ ψ (det F − 1) for every pressure ψ, less what the volume gives, behind each other.
+    /// Forces on the displacements, component by component, followed by −∫ ψ (det F − 1) for every pressure ψ. The part of a compressible volume is subtracted.
     pub(super) fn forces(&self, reference: &Reference, held: &[Held], f: &[Gradient], pressures: &[f64]) -> Vec<f64> {
         let pressure_at = reference.pressures_at(pressures);
         let n_points = f.len();
@@ -204,7 +204,7 @@ pub(super) struct Condensed {
     interior: DenseLu,
     edge_by_interior: Mat<f64>,
     interior_by_edge: Mat<f64>,
-    /// Between what lies on the edges.
+    /// Matrix between the values on the edges.
     pub(super) matrix: Mat<f64>,
 }
 
@@ -227,13 +227,13 @@ impl Condensed {
         Self { interior, edge_by_interior, interior_by_edge, matrix: condensed }
     }
 
-    /// Takes what the interior's forces leave on the edges off those, K_EI K_II⁻¹ times them, and replaces the interior's by K_II⁻¹ times them.
+    /// Subtracts K_EI K_II⁻¹ times the interior's forces from those on the edges, and replaces the interior's forces by K_II⁻¹ times them.
     pub(super) fn reduce(&self, interior: &mut [f64], edge: &mut [f64]) {
         self.interior.solve_one(interior);
         subtract_product(&self.edge_by_interior, interior, edge);
     }
 
-    /// Changes of the interior where the edges change, from what [`Self::reduce`] made of its forces: −(K_II⁻¹ forces + K_II⁻¹ K_IE changes).
+    /// Changes of the interior for changes of the edges, from the forces reduced by [`Self::reduce`]: −(K_II⁻¹ forces + K_II⁻¹ K_IE changes).
     pub(super) fn interior(&self, mut reduced: Vec<f64>, changes: &[f64]) -> Vec<f64> {
         reduced.iter_mut().for_each(|x| *x = -*x);
         subtract_product(&self.interior_by_edge, changes, &mut reduced);

@@ -1,11 +1,11 @@
-//! A second formulation, for tests alone: Oldroyd-B around a sphere in the frame that moves with it, the conformation being carried along with the flow on a mesh that does not move.
+//! A second formulation, for tests only: Oldroyd-B around a sphere in its moving frame. The flow convects the conformation through a fixed mesh.
 //!
-//! Nothing of it is shared with the elements: velocities are poloidal fields, free of divergence, so that there is no pressure; Legendre functions in the angle and polynomials in ln r; conformations are collocated,
+//! It shares nothing with the elements. Velocities are divergence-free poloidal fields, so that there is no pressure. They use Legendre functions in the angle and polynomials in ln r. Conformations are collocated,
 //! and time is stepped by the explicit Runge–Kutta method of order four. With u = ∇×∇×(r g_n P_n), N = n(n + 1), a dot for d/d ln r and a dash for d/dθ,
 //!
-//!     u_r = N g P/r,  u_θ = (g + ġ) P′/r,  r² ∂u/∂x = N (ġ − g) P in rr, (N g − g − ġ) P′ in rθ, (g̈ − g) P′ in θr, (g + ġ) P″ + N g P in θθ, and their trace is 0.
+//!  u_r = N g P/r,  u_θ = (g + ġ) P′/r,  r² ∂u/∂x = N (ġ − g) P in rr, (N g − g − ġ) P′ in rθ, (g̈ − g) P′ in θr, (g + ġ) P″ + N g P in θθ, and their trace is 0.
 //!
-//! The container is a sphere around the moving one in place of one at rest; what flows through the mesh fades out towards it, where nothing flows. In a container that is large enough neither shows.
+//! The container is a sphere around the moving one, instead of one at rest. The flow through the mesh fades out towards the container and vanishes there. In a sufficiently large container neither has an effect.
 
 use std::f64::consts::PI;
 
@@ -13,19 +13,19 @@ use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 
 use crate::fe::meridional::basis::{gauss_legendre, gauss_lobatto, lagrange, legendre};
 
-/// How many functions and points there are.
+/// Numbers of functions and points.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Cut {
-    /// Polynomials in ln r, and nodes beyond them.
+    /// Number of polynomials in ln r. [`MORE_NODES`] gives the additional nodes.
     pub(super) n_radial: usize,
-    /// Legendre functions; half as many points again.
+    /// Number of Legendre functions; the number of points is larger by half.
     pub(super) n_angular: usize,
     pub(super) step_s: f64,
 }
 
-/// Nodes beyond the polynomials.
+/// Number of nodes in excess of the polynomials.
 const MORE_NODES: usize = 12;
-/// From this share of the largest ln r on the flow through the mesh fades out.
+/// Share of the largest ln r from which the flow through the mesh fades out.
 const FADING: f64 = 0.5;
 
 /// Oldroyd-B in units of the sphere's radius.
@@ -47,7 +47,7 @@ pub(super) struct Eulerian {
     fluid: Fluid,
     step_s: f64,
     radii: Vec<f64>,
-    /// How much of the flow goes through the mesh.
+    /// Share of the flow that passes through the mesh.
     shares: Vec<f64>,
     /// 2π r and the weight in ln r of every node.
     weights: Vec<f64>,
@@ -55,11 +55,11 @@ pub(super) struct Eulerian {
     /// P, P′, P″ and P′ cot θ of every Legendre function (rows) at the angles.
     angular: [Field; 4],
     radial: Radial,
-    /// The function of the sphere's own motion, of n = 1, likewise.
+    /// The function of the sphere's own motion, n = 1, with its derivatives.
     rigid: [DVector<f64>; 3],
     factors: Vec<Cholesky<f64, Dyn>>,
     by_radius: Field,
-    /// Transposed: by the cosine, of fields that stand in rows.
+    /// Derivative by the cosine, transposed for fields stored in rows.
     by_cosine: Field,
 }
 
@@ -79,13 +79,13 @@ fn legendres(n: usize, x: f64) -> Vec<[f64; 3]> {
     all
 }
 
-/// Functions that are 0 with their slopes at both ends (J. Shen, SIAM J. Sci. Comput. 15:1489, 1994, doi:10.1137/0915089).
+/// Functions that vanish with their slopes at both ends (J. Shen, SIAM J. Sci. Comput. 15:1489, 1994, doi:10.1137/0915089).
 fn clamped(n: usize, x: f64) -> Vec<[f64; 3]> {
     let p = legendres(n + 3, x);
     let function = |k: usize| {
         let by = 2.0 * k as f64;
         let (middle, last) = (2.0 * (by + 5.0) / (by + 7.0), (by + 3.0) / (by + 7.0));
-        // Scaled so that the second derivatives have about the same size.
+        // Scaled so that the second derivatives have similar sizes.
         let scale = 1.0 / ((by + 3.0) * (by + 5.0));
         std::array::from_fn(|d| scale * (p[k][d] - middle * p[k + 2][d] + last * p[k + 4][d]))
     };
@@ -107,7 +107,7 @@ impl Eulerian {
         let functions: Vec<_> = nodes.iter().map(|xi| clamped(cut.n_radial, *xi)).collect();
         let tabulated =
             |d: usize| Field::from_fn(nodes.len(), cut.n_radial, |i, k| by_ln.powi(d as i32) * functions[i][k][d]);
-        // The cubic with value and slope ½ at the sphere, and neither at the container.
+        // The cubic with value and slope ½ at the sphere, and value and slope 0 at the container.
         let rigid = |d: usize| {
             let (a, b) = (0.125, span / 16.0);
             let at = |x: f64| match d {
@@ -151,7 +151,7 @@ impl Eulerian {
         found
     }
 
-    /// Values and derivatives of the functions of a degree, that of the sphere's motion first where it has one.
+    /// Values and derivatives of the functions of a degree. The sphere's motion comes first if it has that degree.
     fn functions(&self, n: usize) -> [Field; 3] {
         let first = usize::from(n == 0);
         let of = |d: usize, i: usize, k: usize| match k.checked_sub(first) {
@@ -182,7 +182,7 @@ impl Eulerian {
         (matrix * (2.0 * self.fluid.solvent_pa_s)).cholesky().expect("the power of a motion is positive")
     }
 
-    /// The flow that balances force and polymer, as g and its derivatives by node and degree; and the sphere's velocity in radii a second.
+    /// The flow that balances force and polymer, as g and its derivatives by node and degree, and the sphere's velocity in radii per second.
     fn flow(&self, polymer: &Conformation) -> ([Field; 3], f64) {
         let Conformation([rr, rt, tt, pp]) = polymer;
         let [p, p1, p2, cot] = &self.angular;
@@ -219,7 +219,7 @@ impl Eulerian {
         (found, velocity)
     }
 
-    /// Rates (1/s) of what a conformation is beyond rest, and the sphere's velocity.
+    /// Rates (1/s) of a conformation's excess over rest, and the sphere's velocity.
     fn rates(&self, beyond: &Conformation) -> (Conformation, f64) {
         let ([g, g1, g2], velocity) = self.flow(beyond);
         let [p, p1, _, cot] = &self.angular;
@@ -231,7 +231,7 @@ impl Eulerian {
         let hoop = &beta * cot + &gamma * p;
         let (shear_rt, shear_tr) = ((&gamma - &beta) * p1, (&g2 - &g) * p1);
         let [rr, rt, tt, pp] = &beyond.0;
-        // By the cosine: rθ is the sine times a polynomial of it.
+        // Derivatives by the cosine: rθ is the sine times a polynomial of the cosine.
         let sines: Vec<f64> = self.cosines.iter().map(|(x, _)| (1.0 - x * x).sqrt()).collect();
         let mut over_sine = rt.clone();
         over_sine.column_iter_mut().zip(&sines).for_each(|(mut column, sine)| column /= *sine);
@@ -271,7 +271,7 @@ impl Eulerian {
         (Conformation(rates), velocity)
     }
 
-    /// The sphere's place, in its radii, after every so many steps.
+    /// Position of the sphere, in its radii, every `every` steps.
     pub(super) fn places(&self, n_steps: usize, every: usize) -> Vec<f64> {
         let nothing = || Field::zeros(self.radii.len(), self.cosines.len());
         let (mut beyond, mut place) = (Conformation([0, 1, 2, 3].map(|_| nothing())), 0.0);

@@ -1,7 +1,7 @@
 //! The gel's field: unknowns, balance and its solution.
 //!
-//! Unknowns are displacements in body radii and pressures in Pa. Those inside a cell, with all its pressures but the mean one, are condensed; one unknown is the body's displacement. The
-//! last cell's mean pressure is 0 where the gel keeps its volume: a pressure that is the same everywhere does nothing then in a gel that is held all around.
+//! Unknowns are displacements in body radii and pressures in Pa. Those inside a cell, with all its pressures except the mean, are condensed. One unknown is the body's displacement. The
+//! last cell's mean pressure is 0 if the gel keeps its volume: a uniform pressure has no effect in a gel that is fixed all around.
 
 use rayon::prelude::*;
 
@@ -12,20 +12,20 @@ use crate::fe::meridional::mesh::Mesh;
 use crate::fe::meridional::solver::Skeleton;
 use base::error::{Error, Result};
 
-/// Place of the body's displacement among the unknowns.
+/// Index of the body's displacement among the unknowns.
 pub(super) const BODY: usize = 0;
-/// Largest change of a displacement, in body radii, that is left to Newton's method.
+/// Largest change of a displacement, in body radii, at convergence of Newton's method.
 const TOLERANCE: f64 = 1e-7;
-/// Share of a change that the next may have before the matrix is made anew.
+/// Ratio of successive changes above which the matrix is factorised again.
 const SLOW: f64 = 0.2;
 const MOST_ITERATIONS: usize = 40;
 
 /// How a gel resists changes of volume.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct GivingVolume {
-    /// The modulus of what depends on the volume alone, over the shear modulus.
+    /// Modulus of the part that depends only on the volume, over the shear modulus.
     pub(super) modulus_ratio: f64,
-    /// Whether the conformation resists changes of shape only.
+    /// True if the conformation resists only changes of shape.
     pub(super) is_apart: bool,
 }
 
@@ -33,18 +33,18 @@ pub(super) struct GivingVolume {
 pub(super) struct FieldMesh {
     pub(super) reference: Reference,
     pub(super) cells: Vec<FieldCell>,
-    /// Unknowns that are not condensed.
+    /// Number of unknowns that are not condensed.
     n_global: usize,
     pub(super) n_unknowns: usize,
-    /// `None` where the gel keeps its volume.
+    /// Volume rule; `None` if the gel keeps its volume.
     pub(super) volume: Option<GivingVolume>,
-    /// Whether an unknown is a pressure.
+    /// True if an unknown is a pressure.
     is_pressure: Vec<bool>,
-    /// Places of the cells' entries in the matrix of what is not condensed.
+    /// Positions of the cells' entries in the matrix of the unknowns that are not condensed.
     pattern: Pattern,
 }
 
-/// A cell and the places of its numbers, displacements component by component and then pressures.
+/// A cell and the indices of its values, displacements component by component and then pressures.
 pub(super) struct FieldCell {
     pub(super) shape: CellShape,
     interior: Vec<usize>,
@@ -53,7 +53,7 @@ pub(super) struct FieldCell {
 }
 
 impl FieldCell {
-    /// Row and column of every entry between what lies on the edges, and their unknowns; only where both are unknown.
+    /// Row and column of every entry between edge values that are both unknown, with their unknowns.
     fn places(&self) -> impl Iterator<Item = (usize, usize, [usize; 2])> {
         let known = |place: &usize| self.unknown[*place];
         let pairs = (0..self.edge.len()).flat_map(|b| (0..self.edge.len()).map(move |a| (a, b)));
@@ -62,7 +62,7 @@ impl FieldCell {
 }
 
 impl FieldMesh {
-    /// Of a mesh of both halves of the meridian, in body radii.
+    /// Numbers the unknowns of a mesh of both halves of the meridian, in body radii.
     pub fn new(mesh: &Mesh, order: usize, volume: Option<GivingVolume>) -> Result<Self> {
         let reference = Reference::new(order);
         let skeleton = Skeleton::new(mesh, order);
@@ -128,17 +128,17 @@ impl FieldMesh {
     }
 }
 
-/// What a stage holds fixed.
+/// Constants of a stage.
 pub(super) struct Stage<'a> {
     /// Force on the body over its radius squared, in Pa.
     pub(super) force_pa: f64,
     /// The law.
     pub(super) law: StageLaw<'a>,
-    /// Unknowns where the stage starts.
+    /// Unknowns at the start of the stage.
     pub(super) start: &'a [f64],
     /// S* by cell, point and mode.
     pub(super) configurations: &'a [Vec<Symmetric>],
-    /// det F − 1 at which no pressure is left, by cell and point; none where the gel keeps its volume.
+    /// det F − 1 at zero pressure, by cell and point; empty if the gel keeps its volume.
     pub(super) rests: &'a [Vec<f64>],
 }
 
@@ -158,13 +158,13 @@ impl Stage<'_> {
     }
 }
 
-/// What is out of balance in a cell: on its edges, after the inside is condensed, and K_II⁻¹ times that inside.
+/// Residual of a cell: on its edges after condensation, and K_II⁻¹ times the residual of its interior.
 struct CellForces {
     interior: Vec<f64>,
     edge: Vec<f64>,
 }
 
-/// The factorised matrix of some stage, which serves others for a while.
+/// The factorised matrix of one stage, which is reused for others.
 struct Factorised {
     cells: Vec<Condensed>,
     lu: SparseLu,
@@ -185,14 +185,14 @@ impl<'a> Solver<'a> {
         Self { mesh, factorised: None, iterations: 0, factorisations: 0 }
     }
 
-    /// Unknowns that balance a stage, from a guess.
+    /// Solves for the unknowns that balance a stage, from a guess.
     pub(super) fn solve(&mut self, stage: &Stage, guess: Vec<f64>) -> Result<Vec<f64>> {
         let mesh = self.mesh;
         let starts: Vec<Vec<Gradient>> = mesh.cells.par_iter().map(|cell| mesh.gradients(cell, stage.start)).collect();
         let held: Vec<Vec<Held>> = starts.iter().enumerate().map(|(cell, start)| stage.held(cell, start)).collect();
         let mut x = guess;
         let rate = stage.law.rate_per_s;
-        // Steps of other lengths have other matrices; those that grow slowly are near enough.
+        // Steps of other lengths have other matrices. Those of slowly growing steps are close enough.
         let mut factorised = match self.factorised.take() {
             Some(kept) if (kept.rate_per_s / rate).ln().abs() < 0.5 => kept,
             kept => self.factorise(&held, &x, rate, kept.as_ref())?,
@@ -218,7 +218,7 @@ impl<'a> Solver<'a> {
         Err(lost())
     }
 
-    /// Unknowns that balance a stage where everything is small: one step of Newton's method from rest.
+    /// Solves for the unknowns that balance a stage of small strains, by one Newton step from rest.
     pub(super) fn linear(&mut self, stage: &Stage) -> Result<Vec<f64>> {
         let mesh = self.mesh;
         let mut x = vec![0.0; mesh.n_unknowns];
@@ -229,7 +229,7 @@ impl<'a> Solver<'a> {
         Ok(x)
     }
 
-    /// One step of Newton's method with a kept matrix; the largest change of a displacement.
+    /// One Newton step with a stored matrix. Returns the largest change of a displacement.
     fn iterate(&self, stage: &Stage, held: &[Vec<Held>], factorised: &Factorised, x: &mut [f64]) -> f64 {
         let mesh = self.mesh;
         let of_cell = |((cell, held), condensed): ((&FieldCell, &Vec<Held>), &Condensed)| {
@@ -301,7 +301,7 @@ impl<'a> Solver<'a> {
         Ok(Factorised { cells, lu, rate_per_s })
     }
 
-    /// Smallest and largest det F, which is 1 but for what the mesh cannot follow.
+    /// Smallest and largest det F, which is 1 up to the error of the mesh.
     pub(super) fn volume_ratios(&self, x: &[f64]) -> [f64; 2] {
         let of_cell = |cell: &FieldCell| {
             let ratios = self.mesh.gradients(cell, x).into_iter().map(|f| point::determinant(&f));

@@ -1,4 +1,4 @@
-//! Large displacements against what is not of these elements: a formulation that moves with the sphere, a tube's known drag, gels that give in volume, and other bodies.
+//! Large displacements against independent results: a formulation that moves with the sphere, the known drag in a tube, compressible gels, and other bodies.
 
 use std::f64::consts::PI;
 
@@ -13,7 +13,7 @@ use laws::rheology::BaseLaw;
 use laws::stages::Stages;
 use laws::stages::{Load, Switch};
 
-/// The paper's law, through holds to either side.
+/// The paper's law under holds in alternating directions.
 fn pulled(gel: &FiniteGel, n_holds: usize) -> FiniteResult {
     let law = FiniteLaw::new(&BaseLaw::Lethersich.elements(&LAW.map(Dual::constant)), 0.0).expect("no springpot");
     let (time_s, force_n) = record(1.0, n_holds);
@@ -22,8 +22,8 @@ fn pulled(gel: &FiniteGel, n_holds: usize) -> FiniteResult {
     gel.run(&what).expect("the mesh carries it")
 }
 
-/// The first pull, 3.8 radii in a container of 100, by conformations that are carried along with the flow on a mesh that moves with the sphere: two codes that share no discretisation of space or time agree to 0.1 µm of the 27 µm
-/// by which the sphere goes farther. The wall, which moves with the sphere there, is so far away that its place does not matter.
+/// The first pull, 3.8 radii in a container of 100, against conformations convected by the flow on a mesh that moves with the sphere. The two codes share no discretisation of space or time. They agree to 0.1 µm of the
+/// 27 µm deviation. The wall, which moves with the sphere in one of them, is so far away that its position does not matter.
 #[test]
 #[ignore = "thorough"]
 fn a_mesh_that_moves_with_the_sphere_finds_the_same_pull() {
@@ -48,7 +48,7 @@ fn a_mesh_that_moves_with_the_sphere_finds_the_same_pull() {
     assert!(deviation_um > 25.0 && most_um < 0.1, "{most_um} of {deviation_um}");
 }
 
-/// A tube of twice the sphere's radius and of this half length, both in the sphere's radii, closed at its ends.
+/// A tube with twice the sphere's radius and this half length, both in sphere radii, closed at its ends.
 fn tube(half_length: f64, n_each: usize) -> Mesh {
     const RADIUS: f64 = 2.0;
     let mut mesh = Mesh { is_whole: true, ..Mesh::default() };
@@ -58,7 +58,7 @@ fn tube(half_length: f64, n_each: usize) -> Mesh {
     let body = Boundary { body: true, ..Boundary::INSIDE };
     let wall = Boundary { outer: true, ..Boundary::INSIDE };
     let sphere = mesh.arcs([0.0; 2], [1.0; 2], &angles_rad, body);
-    // Round a square from the axis above the sphere to the axis below it.
+    // Around a square from the axis above the sphere to the axis below it.
     let at = |k: usize| match k as f64 / n_each as f64 {
         t if t <= 1.0 => [RADIUS * t, RADIUS],
         t if t <= 3.0 => [RADIUS, RADIUS * (2.0 - t)],
@@ -84,7 +84,7 @@ fn tube(half_length: f64, n_each: usize) -> Mesh {
     mesh
 }
 
-/// Drag of a Newtonian fluid on a sphere along the axis of a tube of twice its radius, over Stokes's: 5.947 (W. L. Haberman, R. M. Sayre, David Taylor Model Basin Report 1143, 1958). The tube is as good as endless.
+/// Drag of a Newtonian fluid on a sphere along the axis of a tube of twice its radius, relative to Stokes drag: 5.947 (W. L. Haberman, R. M. Sayre, David Taylor Model Basin Report 1143, 1958). The tube is practically infinite.
 #[test]
 fn drag_in_a_tube_is_known() {
     let factor = |half_length: f64, n_each: usize, order: usize| {
@@ -97,8 +97,8 @@ fn drag_in_a_tube_is_known() {
     assert!((found - factor(12.0, 2, 6)).abs() < 1e-4);
 }
 
-/// The same for Oldroyd-B, half of whose viscosity is the solvent's, once it has gone on for four to five relaxation times: drag over 6π (η_s + η_p) R U falls with De = λ U/R, and neither time nor a coarser mesh changes
-/// it by more than 0.1 %. No published table of it could be read, so that its value is held to nothing outside.
+/// Drag in the tube for Oldroyd-B with half its viscosity from the solvent, after four to five relaxation times. Drag over 6π (η_s + η_p) R U falls with De = λ U/R. Neither time nor a coarser mesh changes
+/// it by more than 0.1 %. No published table was readable, so that no external value is compared.
 #[test]
 #[ignore = "campaigns/long-tests"]
 fn drag_in_a_tube_falls_with_elasticity() {
@@ -138,8 +138,8 @@ fn drag_in_a_tube_falls_with_elasticity() {
     }
 }
 
-/// Gels whose Poisson ratio is 0.48 and 0.49 and small strains the closed form's, by two rules for their volume: how far each deviates is another matter than where the volume stays, by up to 5 and 11 µm after the first pull
-/// and by 16 µm to either side after the second, of the 27 and −2 µm of a gel that keeps its volume. So the deviation that stands in for theirs is one of three; towards ½ they come together.
+/// Gels with Poisson ratios 0.48 and 0.49 have small strains of the closed form under two volume rules. Their deviations differ from those at constant volume by up to 5 and 11 µm after the first pull
+/// and by 16 µm to either side after the second, compared with 27 and −2 µm at constant volume. The constant-volume deviation is thus one of three possible values. They converge towards ½.
 #[test]
 #[ignore = "thorough"]
 fn volumes_that_give_deviate_otherwise() {
@@ -167,7 +167,7 @@ fn volumes_that_give_deviate_otherwise() {
     }
     assert!(both[0][0] < -3.0 && both[0][1] > 10.0 && both[1][0] > 8.0 && both[1][1] < -10.0, "{both:?}");
     assert!(both.iter().flatten().all(|by| by.abs() < 20.0), "{both:?}");
-    // What stands in docs is not the coarse mesh's.
+    // The values in the documentation are not those of the coarse mesh.
     let finer = of(Volume::Network { poisson_ratio: 0.48 }, Fineness::default());
     let kept_finer = holds(Fineness::default(), 0.0, 1.0, 2);
     let apart = ends.map(|row| 1e6 * (finer.deviation_m[row] - kept_finer.deviation_m[row]));
@@ -175,10 +175,10 @@ fn volumes_that_give_deviate_otherwise() {
     assert!(apart.iter().zip(both[0]).all(|(fine, coarse)| (fine - coarse).abs() < 0.5), "{apart:?}");
     let refused = FiniteGel::new(BodyOfRevolution::sphere(1.0), 9.0, Volume::Apart { poisson_ratio: 0.5 }, coarse());
     let refused = refused.err().expect("refused").to_string();
-    assert!(refused.contains("the Poisson ratio of a gel that gives in volume is 0.5\n"), "{refused}");
+    assert!(refused.contains("the Poisson ratio of a compressible gel is 0.5\n"), "{refused}");
 }
 
-/// Spheroids along the force: a nearly spherical one deviates as the sphere does, on another mesh; one of twice the length of its diameter far less; and small strains are the meridional solver's.
+/// Spheroids along the force. A nearly spherical one deviates like the sphere, on another mesh. One with a length of twice its diameter deviates far less. Small strains equal those of the meridional solver.
 #[test]
 #[ignore = "thorough"]
 fn spheroids_are_meshed_too() {

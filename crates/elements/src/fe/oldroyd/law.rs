@@ -2,30 +2,30 @@
 
 use laws::rheology::{Element, stieltjes};
 
-/// A mode of relaxation: G (λ s)/(1 + λ s) of the complex modulus.
+/// A relaxation mode: G (λ s)/(1 + λ s) of the complex modulus.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct RelaxationMode {
     /// G in Pa.
     pub shear_modulus_pa: f64,
-    /// λ in s; infinite for what does not relax.
+    /// λ in s; infinite for a mode that does not relax.
     pub time_s: f64,
 }
 
-/// An incompressible gel in shear, G(s) = η_s s + Σ G λs/(1 + λs), with the rule that takes it to strains of any size.
+/// An incompressible gel in shear, G(s) = η_s s + Σ G λs/(1 + λs), with the rule that extends it to large strains.
 #[derive(Debug, Clone, PartialEq)]
 pub struct FiniteLaw {
     /// η_s in Pa·s.
     pub solvent_pa_s: f64,
-    /// The polymer's modes.
+    /// Relaxation modes of the polymer.
     pub modes: Vec<RelaxationMode>,
-    /// α in [0, ½] of Giesekus; 0 is Oldroyd-B.
+    /// Giesekus's α in [0, ½]; 0 is Oldroyd-B.
     pub mobility: f64,
     /// Shortest retardation time in s.
     pub fastest_s: f64,
 }
 
 impl FiniteLaw {
-    /// The incompressible gel whose creep compliance under a pull is that of these elements in series, a third of its compliance in shear; `None` where one is a springpot.
+    /// The incompressible gel whose creep compliance under a pull is that of these elements in series, a third of its compliance in shear. `None` if an element is a springpot.
     pub fn new(elements: &[Element], mobility: f64) -> Option<Self> {
         let whole = Element::Series(elements.to_vec());
         let (relaxation, retardation) = (stieltjes::relaxation_of(&whole)?, stieltjes::spectrum_of(&whole)?);
@@ -34,7 +34,7 @@ impl FiniteLaw {
             time_s: 1.0 / rate_per_s,
         };
         let retarded = retardation.modes.iter().map(|mode| mode.rate_per_s.value).reduce(f64::max);
-        // A gel that is not retarded answers with a line.
+        // A gel without retardation has a linear response in time.
         let relaxed = relaxation.modes.iter().map(|[_, rate_per_s]| *rate_per_s).fold(0.0, f64::max);
         Some(Self {
             solvent_pa_s: relaxation.viscosity_pa_s / 3.0,
@@ -46,7 +46,7 @@ impl FiniteLaw {
 }
 
 impl FiniteLaw {
-    /// The gel of the same creep compliance under a pull, whose Poisson ratio is not ½.
+    /// The gel with equal creep compliance under a pull and another Poisson ratio.
     pub(super) fn of_poisson_ratio(&self, poisson_ratio: f64) -> Self {
         let by = 1.5 / (1.0 + poisson_ratio);
         let mode = |mode: &RelaxationMode| RelaxationMode { shear_modulus_pa: by * mode.shear_modulus_pa, ..*mode };
@@ -64,7 +64,7 @@ mod tests {
         law.elements(&parameters.iter().copied().map(Dual::constant).collect::<Vec<Dual>>())
     }
 
-    /// Solvent and modes add up to 1/(3 s J(s)), J(s) by its definition: three base laws, one that does not flow, one of two equal bodies.
+    /// Solvent and modes add up to 1/(3 s J(s)), with J(s) from its definition. Cases: three base laws, one that does not flow, one of two equal bodies.
     #[test]
     fn solvent_and_modes_add_up_to_the_law() {
         let spring = |modulus_pa: f64| Element::Spring { modulus_pa: Dual::constant(modulus_pa) };

@@ -1,4 +1,4 @@
-//! Factors L U with partial pivoting, dense and sparse; one thread each, so that results are the same bytes for any number.
+//! L U factors with partial pivoting, dense and sparse. Each uses one thread, so that results have equal bytes for any number of threads.
 
 use std::sync::Arc;
 
@@ -34,7 +34,7 @@ impl DenseLu {
         Self { factors: matrix, rows }
     }
 
-    /// Solves for one column, in place: plain loops, since a block's machinery costs more than so few numbers.
+    /// Solves for one column, in place. Plain loops are cheaper here than block operations.
     pub(super) fn solve_one(&self, right: &mut [f64]) {
         let moved: Vec<f64> = self.rows[0].iter().map(|row| right[*row as usize]).collect();
         right.copy_from_slice(&moved);
@@ -66,14 +66,14 @@ impl DenseLu {
     }
 }
 
-/// Places of a square sparse matrix's entries; those of the same place are summed.
+/// Positions of a square sparse matrix's entries. Entries at equal positions are summed.
 pub(super) struct Pattern {
     symbolic: SymbolicSparseColMat<u32>,
     order: Argsort<u32>,
 }
 
 impl Pattern {
-    /// Of a matrix with so many columns, by row and column of its entries.
+    /// Builds the pattern of a matrix with `n` columns from the rows and columns of its entries.
     pub fn new(n: usize, places: impl Iterator<Item = [usize; 2]>) -> Result<Self> {
         let places: Vec<Pair<u32, u32>> = places.map(|[row, column]| Pair::new(row as u32, column as u32)).collect();
         let made = SymbolicSparseColMat::try_new_from_indices(n, n, &places);
@@ -84,7 +84,7 @@ impl Pattern {
 
 fn singular(n: usize, why: &str) -> Error {
     let remedy = "use a smaller force, a stiffer gel or a finer mesh";
-    Error::numerical(format!("the gel's matrix of {n} unknowns has no factors: {why}"), remedy)
+    Error::numerical(format!("the gel's matrix of {n} unknowns cannot be factorised: {why}"), remedy)
 }
 
 /// A factorised sparse matrix.
@@ -94,7 +94,7 @@ pub(super) struct SparseLu {
 }
 
 impl SparseLu {
-    /// Of the matrix with these entries; one of the same pattern lends its ordering.
+    /// Factorises the matrix with these entries. `like`, a factor with this pattern, provides the ordering.
     pub fn new(pattern: &Pattern, entries: &[f64], like: Option<&Self>) -> Result<Self> {
         let n = pattern.symbolic.ncols();
         let matrix = SparseColMat::new_from_argsort(pattern.symbolic.clone(), &pattern.order, entries);

@@ -1,18 +1,19 @@
-//! Large displacements: the gel as the fluid that its law linearises (physics §7.6), around a body of revolution that is pulled along its axis.
+//! Large displacements of a body of revolution that is pulled along its axis. The gel is the fluid whose linear limit is its law (physics §7.6).
 //!
-//! **Law.** In the incompressible limit the Lethersich law is the linear limit of Oldroyd-B (J. G. Oldroyd, Proc. R. Soc. Lond. A 200:523, 1950, doi:10.1098/rspa.1950.0035), and any series of
-//! Kelvin–Voigt bodies, springs and dashpots that of one with several modes. In coordinates of the unmoved gel a mode's conformation A = F S Fᵀ obeys
-//! Ṡ = −(S − C⁻¹)/λ at every point by itself, so nothing is carried from point to point: stress = −p + 2η_s D + Σ G A. With a mobility α it is Giesekus's fluid (H. Giesekus, J. Non-Newton. Fluid Mech.
-//! 11:69, 1982, doi:10.1016/0377-0257(82)85016-7), whose linear limit is the same.
+//! **Law.** In the incompressible limit the Lethersich law is the linear limit of Oldroyd-B (J. G. Oldroyd, Proc. R. Soc. Lond. A 200:523, 1950, doi:10.1098/rspa.1950.0035). Any series of
+//! Kelvin–Voigt bodies, springs and dashpots is the limit of an Oldroyd-B fluid with several modes. In coordinates of the undeformed gel a mode's conformation A = F S Fᵀ obeys
+//! Ṡ = −(S − C⁻¹)/λ at every point independently, without convection: stress = −p + 2η_s D + Σ G A. A mobility α gives Giesekus's fluid (H. Giesekus, J. Non-Newton. Fluid Mech.
+//! 11:69, 1982, doi:10.1016/0377-0257(82)85016-7), which has an equal linear limit.
 //!
-//! **Space.** The half meridian, both halves, on the unmoved mesh (total Lagrangian): the mesh is bonded to the body and to the wall and moves with the gel. Displacements are polynomials of high order with
+//! **Space.** The half meridian, both halves, on the undeformed mesh (total Lagrangian). The mesh is bonded to the body and to the wall and moves with the gel. Displacements are polynomials of high order with
 //! discontinuous pressures one degree lower, as in [`crate::fe::meridional`]; det F = 1 in their mean. Cells' interiors are condensed.
 //!
-//! **Time.** The method of [`crate::fe::clock`] of order four, whose stages are steps of implicit Euler; a stage's conformation follows from its displacement, so that only displacement and pressure are solved for, by
-//! Newton's method with a matrix that is kept while it serves. Beside every run a twin of small strains takes the same steps, and what is reported is the deviation from it: errors of mesh and steps that both have
-//! cancel. What is added to the twin's place is the linear model's answer, at its own Poisson ratio.
+//! **Time.** The fourth-order method of [`crate::fe::clock`], whose stages are steps of implicit Euler. A stage's conformation follows from its displacement, so that only displacement and pressure are solved for.
+//! Newton's method uses one matrix as long as it converges. A small-strain twin takes equal steps. The reported deviation is the difference from the twin, which cancels common errors of mesh and
+//! steps. The final position adds this deviation to the linear model's response at its own Poisson ratio.
 //!
-//! **Limits.** The gel is bonded: it neither tears nor slides. It is incompressible unless [`Volume`] says otherwise: what a Poisson ratio below ½ does beyond small strains is not that ratio's to say, and is left to studies. In front of the body cells are pressed flat; the run ends with an error where a volume that should stay is a tenth of itself at a point, or ten times as large.
+//! **Limits.** The gel is bonded: it neither tears nor slides. It is incompressible unless [`Volume`] says otherwise. The Poisson ratio alone does not determine the gel's volume beyond
+//! small strains; studies must choose a rule. Cells in front of the body are pressed flat. The run ends with an error if a volume that should stay constant becomes a tenth or ten times as large at a point.
 
 mod cell;
 #[cfg(test)]
@@ -41,42 +42,42 @@ use point::{AT_REST, StageLaw};
 use record::Force;
 use run::{Moment, Pull, walk};
 
-/// How finely space and time are cut.
+/// Refinement in space and time.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Fineness {
     /// Polynomial order of the displacements, 3 to 10.
     pub order: usize,
-    /// Cells from pole to pole of a sphere; spheroids and cylinders have their own.
+    /// Number of cells from pole to pole of a sphere. Spheroids and cylinders have their own numbers.
     pub n_angles: usize,
-    /// Mean ratio of neighbouring layers' radii; near the body layers are thinner, far away thicker.
+    /// Mean ratio of neighbouring layers' radii. Layers are thinner near the body and thicker far from it.
     pub layer_ratio: f64,
-    /// Steps in which the time since a switch doubles.
+    /// Number of steps in which the time since a switch doubles.
     pub steps_per_doubling: u32,
 }
 
 impl Fineness {
-    /// For an estimate: 0.3 µm over the paper's four cycles, four times as fast as the default.
+    /// For an estimate: an error of 0.3 µm over the paper's four cycles, four times as fast as the default.
     pub const ESTIMATE: Self = Self { order: 5, n_angles: 4, layer_ratio: 2.0, steps_per_doubling: 3 };
 }
 
 impl Default for Fineness {
-    /// 0.1 µm over the paper's four cycles, where the body moves by 3.6 radii.
+    /// An error of 0.1 µm over the paper's four cycles, in which the body moves by 3.6 radii.
     fn default() -> Self {
         Self { order: 5, n_angles: 6, layer_ratio: 2.0, steps_per_doubling: 6 }
     }
 }
 
-/// What a gel's volume does. Small strains say one number of it, the Poisson ratio; large ones take a rule, and there are two that are common.
+/// Rule for the gel's volume. For small strains the Poisson ratio determines the volume. Large strains need a rule; two rules are common.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Volume {
-    /// It stays: a Poisson ratio of ½.
+    /// Constant volume: a Poisson ratio of ½.
     Kept,
-    /// As in a network of rubber (Lamé's moduli): where the conformation is stretched it pulls the volume together, and Λ (det F − 1), relaxing likewise, resists.
+    /// Rule of a rubber network (Lamé's moduli): a stretched conformation contracts the volume. Λ (det F − 1) resists, with equal relaxation.
     Network {
         /// Poisson ratio of small strains, below ½.
         poisson_ratio: f64,
     },
-    /// Shape and volume resist apart: the conformation knows nothing of the volume, which has the bulk modulus for itself.
+    /// Separate resistance of shape and volume. The conformation does not depend on the volume, and only the bulk modulus resists its change.
     Apart {
         /// Poisson ratio of small strains, below ½.
         poisson_ratio: f64,
@@ -97,8 +98,8 @@ impl Volume {
         match self {
             Self::Kept => Ok(None),
             _ if !(poisson_ratio > 0.0 && poisson_ratio < 0.5) => Err(Error::numerical(
-                format!("the Poisson ratio of a gel that gives in volume is {poisson_ratio}"),
-                "give one between 0 and 0.5, both excluded",
+                format!("the Poisson ratio of a compressible gel is {poisson_ratio}"),
+                "give a Poisson ratio between 0 and 0.5, both excluded",
             )),
             Self::Network { .. } => Ok(Some(GivingVolume { modulus_ratio: lame_ratio, is_apart: false })),
             Self::Apart { .. } => Ok(Some(GivingVolume { modulus_ratio: lame_ratio + 2.0 / 3.0, is_apart: true })),
@@ -106,58 +107,58 @@ impl Volume {
     }
 }
 
-/// The gel around a body, meshed.
+/// The meshed gel around a body.
 pub struct FiniteGel {
     mesh: FieldMesh,
-    /// The body's radius across its axis, in m: the unit of length.
+    /// Radius of the body across its axis, in m: the unit of length.
     radius_m: f64,
-    /// Force over shear modulus and displacement of small strains, in units of the radius.
+    /// Force over shear modulus and displacement for small strains, in units of the radius.
     stiffness: f64,
     volume: Volume,
     fineness: Fineness,
 }
 
-/// What is run.
+/// Input of a run.
 #[derive(Debug, Clone, Copy)]
 pub struct FiniteRun<'a> {
     /// The gel's law.
     pub law: &'a FiniteLaw,
-    /// From the commanded to the acting force.
+    /// Stages from the commanded to the acting force.
     pub load: &'a Load,
     /// Times of the rows in s, ascending.
     pub time_s: &'a [f64],
-    /// Commanded force. Before the first row nothing acts.
+    /// Commanded force. Nothing acts before the first row.
     pub force: Force<'a>,
 }
 
-/// What came of a run.
+/// Result of a run.
 #[derive(Debug, Clone, PartialEq)]
 pub struct FiniteResult {
-    /// The body's place (m) at every row, the limit from the left.
+    /// Position of the body (m) at every row, as the limit from the left.
     pub displacement_m: Vec<f64>,
-    /// By how much (m) it is farther than in the same gel with small strains.
+    /// Additional displacement (m) relative to an equal gel with small strains.
     pub deviation_m: Vec<f64>,
-    /// Farthest that the body came from its start, in m.
+    /// Largest distance of the body from its start, in m.
     pub farthest_m: f64,
-    /// Smallest and largest det F, which would be 1 on an endless mesh.
+    /// Smallest and largest det F. Both would be 1 on an infinitely fine mesh.
     pub volume_ratios: [f64; 2],
-    /// Steps, iterations of Newton's method and factorisations.
+    /// Numbers of steps, Newton iterations and factorisations.
     pub cost: [usize; 3],
 }
 
 impl FiniteGel {
-    /// Meshes the gel between a sphere and the fixed one around it, lengths in m.
+    /// Meshes the gel between a sphere and the fixed sphere around it; lengths in m.
     ///
     /// # Errors
-    /// [`Error::Numerical`] where one does not lie inside the other.
+    /// [`Error::Numerical`] if one does not lie inside the other.
     pub fn around_sphere(radius_m: f64, outer_radius_m: f64, fineness: Fineness) -> Result<Self> {
         Self::new(BodyOfRevolution::sphere(radius_m), outer_radius_m, Volume::Kept, fineness)
     }
 
-    /// Meshes the gel between a body, which is pulled along its axis, and the fixed sphere around it.
+    /// Meshes the gel between a body that is pulled along its axis and the fixed sphere around it.
     ///
     /// # Errors
-    /// [`Error::Numerical`] where one does not lie inside the other, and for a Poisson ratio outside (0, ½).
+    /// [`Error::Numerical`] if one does not lie inside the other, and for a Poisson ratio outside (0, ½).
     pub fn new(body: BodyOfRevolution, outer_radius_m: f64, volume: Volume, fineness: Fineness) -> Result<Self> {
         let [across_m, along_m, around_m] = body.extents_m();
         if !(across_m > 0.0 && along_m > 0.0 && outer_radius_m > around_m && outer_radius_m.is_finite()) {
@@ -176,12 +177,12 @@ impl FiniteGel {
         Ok(Self { mesh, radius_m: across_m, stiffness, volume, fineness })
     }
 
-    /// Displacements and pressures.
+    /// Number of displacements and pressures.
     pub fn n_unknowns(&self) -> usize {
         self.mesh.n_unknowns
     }
 
-    /// Force per displacement and shear modulus where strains are small, in m.
+    /// Force per displacement and shear modulus for small strains, in m.
     pub fn stiffness_m(&self) -> f64 {
         self.stiffness * self.radius_m
     }
@@ -189,13 +190,13 @@ impl FiniteGel {
     /// Runs a law through a record.
     ///
     /// # Errors
-    /// [`Error::Numerical`] for a load that depends on the position, and where the mesh follows the body no farther or no balance is found; that says when, and how far it came.
+    /// [`Error::Numerical`] for a load that depends on the position, if the mesh fails, or if no balance is found. The last two state the time and the distance reached.
     pub fn run(&self, what: &FiniteRun) -> Result<FiniteResult> {
         let (result, stopped) = self.follow(what)?;
         stopped.map_or(Ok(result), Err)
     }
 
-    /// Runs a law through as much of a record as the mesh follows: rows up to there, and what stopped it.
+    /// Runs a law through the part of a record for which the mesh is valid. Returns the rows of that part and the reason for the end.
     ///
     /// # Errors
     /// [`Error::Numerical`] for a load that depends on the position.
@@ -203,7 +204,7 @@ impl FiniteGel {
         let FiniteRun { law, load, time_s, force } = *what;
         let load = load.of::<f64>();
         if load.depends_on_position() {
-            return Err(Error::numerical(Spatial::BARS_FEEDBACK, "leave the force's gradient away"));
+            return Err(Error::numerical(Spatial::BARS_FEEDBACK, "remove the gradient of the force"));
         }
         let Some(&end_s) = time_s.last() else {
             let nothing = FiniteResult {
@@ -239,15 +240,15 @@ impl FiniteGel {
     }
 }
 
-/// Layers of cells around the rim of a cylinder.
+/// Number of layers of cells around the rim of a cylinder.
 const RIM_LAYERS: usize = 2;
-/// Layers are at equal distances in this root of ln r: strains are large near the body.
+/// Power of ln r that grades layers: they are at equal distances in this root of ln r, because strains are large near the body.
 const GRADING: f64 = 1.5;
 
 /// Cells between a sphere of radius 1 and one around it, layer by layer.
 fn concentric(outer_radius: f64, fineness: Fineness) -> Mesh {
     let n_angles = fineness.n_angles;
-    // The ends exactly, so that they lie on the axis.
+    // Exact values at the ends, so that they lie on the axis.
     let angle = |k: usize| FRAC_PI_2 * (n_angles as f64 - 2.0 * k as f64) / n_angles as f64;
     let angles_rad: Vec<f64> = (0..=n_angles).map(angle).collect();
     let n_layers = (outer_radius.ln() / fineness.layer_ratio.ln()).ceil().max(1.0) as usize;
@@ -264,7 +265,7 @@ fn concentric(outer_radius: f64, fineness: Fineness) -> Mesh {
     mesh
 }
 
-/// Force on the body for unit displacement and shear modulus, strains being small.
+/// Force on the body for unit displacement and shear modulus at small strains.
 fn stiffness(mesh: &FieldMesh) -> Result<f64> {
     let start = vec![0.0; mesh.n_unknowns];
     let configurations: Vec<_> = mesh.cells.iter().map(|cell| vec![AT_REST; cell.shape.weights.len()]).collect();
@@ -286,16 +287,16 @@ fn stiffness(mesh: &FieldMesh) -> Result<f64> {
     Ok(1.0 / Solver::new(mesh).linear(&stage)?[BODY])
 }
 
-/// Moments from which a row between them is interpolated.
+/// Number of moments for the interpolation of a row between them.
 const N_NEAREST: usize = 4;
 
-/// A length times what is known at the moments, at every row: by polynomials of degree 3 that reach across no switch.
+/// A length times a function of the moments, interpolated at every row by polynomials of degree 3 within one hold.
 fn at_rows(legs: &[Vec<Moment>], time_s: &[f64], length_m: f64, of: impl Fn(&Moment) -> f64) -> Vec<f64> {
     let at = |&row_s: &f64| {
         let ends = |leg: &Vec<Moment>| leg.last().map_or(f64::INFINITY, |moment| moment.time_s);
         let Some(leg) = legs.get(legs.partition_point(|leg| ends(leg) < row_s)).or(legs.last()) else { return 0.0 };
         let after = leg.partition_point(|moment| moment.time_s < row_s);
-        // The first row is a moment; a row before the force's first switch has nothing to move it.
+        // The first row is a moment. Nothing moves at a row before the force's first switch.
         if after == 0 {
             return length_m * of(&leg[0]);
         }

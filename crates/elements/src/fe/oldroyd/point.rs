@@ -1,7 +1,7 @@
 //! Stress of the gel at one point of the half meridian.
 //!
 //! With A = F S Fᵀ, a stage of implicit Euler of Giesekus's law reads A + z [(A − 1) + α (A − 1)²] = A* where A* = F S* Fᵀ and z = γh/λ. A has the axes of A*, so that it is a
-//! matrix function: with b = 1 + z(1 − 2α), m = A* + z(1 − α) and the root R² = b² + 4αz m, it is A = 2m(b + R)⁻¹. α = 0 is Oldroyd-B.
+//! matrix function: A = 2m(b + R)⁻¹ with b = 1 + z(1 − 2α), m = A* + z(1 − α) and the root R² = b² + 4αz m. α = 0 is Oldroyd-B.
 
 use base::number::{Dual, PointScalar};
 
@@ -13,7 +13,7 @@ pub(super) type Symmetric<N = f64> = [N; N_SYMMETRIC];
 pub(super) const N_SYMMETRIC: usize = 4;
 
 pub(super) const IDENTITY: Gradient = [1.0, 0.0, 0.0, 1.0, 1.0];
-/// S of a gel that has rested for long.
+/// S of a gel after a long rest.
 pub(super) const AT_REST: Symmetric = [1.0, 0.0, 1.0, 1.0];
 
 /// The law over a stage of a step.
@@ -27,23 +27,23 @@ pub struct StageLaw<'a> {
     pub(super) mobility: f64,
     /// Modulus (Pa) and z of every mode.
     pub modes: &'a [(f64, f64)],
-    /// By how much det F gives to a pressure, in 1/Pa, and the solvent's part of what resists that, in Pa·s; both 0 where the gel keeps its volume.
+    /// Compliance of det F to a pressure, in 1/Pa, and the solvent's bulk viscosity, in Pa·s. Both are 0 if the gel keeps its volume.
     pub(super) give_per_pa: f64,
     pub(super) bulk_pa_s: f64,
-    /// Whether a change of volume leaves the conformation alone, which then resists changes of shape only.
+    /// True if a change of volume does not affect the conformation, which then resists only changes of shape.
     pub(super) is_apart: bool,
 }
 
-/// What a stage of a step holds fixed at a point.
+/// Constants of a stage at a point.
 #[derive(Debug, Clone)]
 pub(super) struct Held<'a> {
     /// The law.
     pub(super) law: StageLaw<'a>,
-    /// F where the stage starts.
+    /// F at the start of the stage.
     pub(super) start: Gradient,
     /// S* of every mode.
     pub(super) configurations: &'a [Symmetric],
-    /// det F − 1 that no pressure is left at.
+    /// det F − 1 at zero pressure.
     pub(super) rest: f64,
 }
 
@@ -98,7 +98,7 @@ fn relaxed<N: PointScalar>(start: &Symmetric<N>, z: f64, mobility: f64) -> Symme
     }
     let four = 4.0 * mobility * z;
     let squared = N::constant(b * b);
-    // The root of a symmetric 2 × 2 matrix M: (M + √det M)/√(tr M + 2 √det M).
+    // Root of a symmetric 2 × 2 matrix M: (M + √det M)/√(tr M + 2 √det M).
     let square = [squared + m[0] * four, m[1] * four, squared + m[2] * four];
     let root_of_determinant = (square[0] * square[2] - square[1] * square[1]).sqrt();
     let by = (square[0] + square[2] + root_of_determinant * 2.0).sqrt();
@@ -114,7 +114,7 @@ fn relaxed<N: PointScalar>(start: &Symmetric<N>, z: f64, mobility: f64) -> Symme
     [found[0] * 2.0, found[1] * 2.0, found[3] * 2.0, hoop * 2.0]
 }
 
-/// What of F changes the conformation: all, or what is left without its change of volume.
+/// Part of F that changes the conformation: all of F, or F without its change of volume.
 fn shape<N: PointScalar>(f: &Gradient<N>, is_apart: bool) -> Gradient<N> {
     if !is_apart {
         return *f;
@@ -126,7 +126,7 @@ fn shape<N: PointScalar>(f: &Gradient<N>, is_apart: bool) -> Gradient<N> {
 
 /// First Piola–Kirchhoff stress P in Pa, without the pressure's part.
 ///
-/// Each mode adds G (A − 1). G A alone differs from it by a pressure while det F = 1; where a mesh meets that in its mean only, the relaxed part of G A pulls volumes apart, and a mode as stiff as a spring in series
+/// Each mode adds G (A − 1). G A alone differs from it by a pressure if det F = 1. A mesh satisfies this only in the mean. The relaxed part of G A then pulls volumes apart, and a mode as stiff as a spring in series
 /// (Burgers) destroys the mesh.
 pub(super) fn stress<N: PointScalar>(held: &Held, f: &Gradient<N>) -> Gradient<N> {
     let law = held.law;
@@ -161,7 +161,7 @@ pub(super) fn configuration(f: &Gradient, start: &Symmetric, z: f64, mobility: f
     pushed(&back, &a)
 }
 
-/// ∂P/∂F in Pa, that of the part −p cof F of a pressure (Pa) included: [row][column].
+/// ∂P/∂F in Pa, including the part −p cof F of a pressure (Pa): [row][column].
 pub(super) fn tangent(held: &Held, f: &Gradient, pressure_pa: f64) -> [Gradient; N_GRADIENT] {
     let mut tangent = [[0.0; N_GRADIENT]; N_GRADIENT];
     for column in 0..N_GRADIENT {
@@ -200,7 +200,7 @@ mod tests {
         }
     }
 
-    /// A of a stage fulfils A + z [(A − 1) + α (A − 1)²] = A*, and S gives it back.
+    /// A of a stage satisfies A + z [(A − 1) + α (A − 1)²] = A*, and S reproduces it.
     #[test]
     fn a_stage_fulfils_the_law() {
         for mobility in [0.0, 1e-9, 0.1, 0.5] {
@@ -217,7 +217,7 @@ mod tests {
         }
     }
 
-    /// A mode that does not relax, in a gel that rests: the stress of a neo-Hookean solid, P = G (F − F⁻ᵀ).
+    /// The stress of a mode that does not relax, in a gel at rest, is that of a neo-Hookean solid, P = G (F − F⁻ᵀ).
     #[test]
     fn what_does_not_relax_is_a_rubber() {
         let law = StageLaw { modes: &[(2.0, 0.0)], ..held(0.0).law };
@@ -229,7 +229,7 @@ mod tests {
         }
     }
 
-    /// Against differences of the stress and of the pressure's part.
+    /// The tangent equals differences of the stress and of the pressure's part.
     #[test]
     fn the_tangent_is_the_derivative() {
         let (h, pressure_pa) = (1e-6, 0.7);

@@ -1,4 +1,4 @@
-//! Steps in time, and the twin of small strains that is stepped beside them.
+//! Time steps, and the small-strain twin that takes them in parallel.
 
 use rayon::prelude::*;
 
@@ -10,33 +10,33 @@ use crate::fe::meridional::basis::lagrange;
 use base::error::{Error, Result};
 use laws::stages::{Load, Switch};
 
-/// det F at a point beyond which a mesh does not follow any more. Over the paper's four cycles it goes from 0.64 to 1.37 on the mesh of [`super::Fineness::ESTIMATE`], whose places are right to 0.3 µm then; with 1.3
-/// times the force, from 0.26 to 3.6 and to 1 µm.
+/// Range of det F at a point within which a mesh is valid. Over the paper's four cycles it is 0.64 to 1.37 on the mesh of [`super::Fineness::ESTIMATE`], whose positions then have an error of 0.3 µm. At 1.3
+/// times the force it is 0.26 to 3.6, with an error of 1 µm.
 const VOLUME_RATIOS: [f64; 2] = [0.1, 10.0];
-/// The first step after a jump of the force, over the law's fastest time: without a solvent the body jumps, too.
+/// First step after a jump of the force, over the law's fastest time. The body itself jumps if there is no solvent.
 const FIRST_STEP: f64 = 1e-3;
-/// Time that steps resolve after a switch, over the law's fastest: where the flow turns round, the gel's answer is as fast as its law and uneven.
+/// Time that steps resolve after a switch, over the law's fastest time. When the flow reverses, the gel's response is as fast as its law and uneven.
 const RESOLVED: f64 = 0.2;
-/// Lengths of steps are rounded by less than this share.
+/// Relative rounding error of step lengths.
 const LENGTH_ROUNDING: f64 = 1e-9;
-/// A step that finds no balance is halved so often.
+/// Largest number of halvings of a step that finds no balance.
 const MOST_HALVINGS: u32 = 6;
-/// Points in time from which a stage is guessed.
+/// Number of points in time from which the guess for a stage is extrapolated.
 const N_GUESS: usize = 4;
 
-/// What came of a run, in body radii.
+/// Result of a run, in body radii.
 pub(super) struct Walked {
-    /// From switch to switch: where each step ended, and before the first of them where it began.
+    /// From switch to switch: the end of each step, preceded by the start of the first step.
     pub(super) legs: Vec<Vec<Moment>>,
     pub(super) farthest: f64,
     pub(super) volume_ratios: [f64; 2],
     pub(super) iterations: usize,
     pub(super) factorisations: usize,
-    /// Why the run ended before the pull did.
+    /// Reason for an end before the end of the pull.
     pub(super) stopped: Option<Error>,
 }
 
-/// The body's place and its twin's at a time (s).
+/// Positions of the body and its twin at a time (s).
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Moment {
     pub(super) time_s: f64,
@@ -44,7 +44,7 @@ pub(super) struct Moment {
     pub(super) twin: f64,
 }
 
-/// The body in a gel of small strains: same modes, same steps.
+/// The body in a gel of small strains, with equal modes and steps.
 #[derive(Debug, Clone)]
 struct Twin {
     displacement: f64,
@@ -52,7 +52,7 @@ struct Twin {
     elastic: Vec<f64>,
 }
 
-/// Everything that is carried from step to step.
+/// State that passes from step to step.
 struct Walker<'a> {
     mesh: &'a FieldMesh,
     law: &'a FiniteLaw,
@@ -62,10 +62,10 @@ struct Walker<'a> {
     x: Vec<f64>,
     /// S by cell, point and mode.
     configurations: Vec<Vec<Symmetric>>,
-    /// What is relaxed of det F − 1, likewise; none where the gel keeps its volume.
+    /// Relaxed part of det F − 1 by cell, point and mode; empty if the gel keeps its volume.
     swellings: Vec<Vec<f64>>,
     twin: Twin,
-    /// Times (s) and unknowns that the next are guessed from; none from before a jump.
+    /// Times (s) and unknowns for extrapolation; none from before a jump.
     past: Vec<(f64, Vec<f64>)>,
 }
 
@@ -77,17 +77,17 @@ struct Rates {
     twin: Twin,
 }
 
-/// What moves the body.
+/// The force that moves the body.
 pub(super) struct Pull<'a> {
     /// Changes of the force, in N, before the lag.
     pub switches: &'a [Switch],
     pub(super) load: &'a Load<f64>,
-    /// Force per unit of the equations', the body's radius squared in m².
+    /// Force per unit of the equations' force: the body's radius squared, in m².
     pub(super) newtons_per_pa: f64,
     pub(super) end_s: f64,
 }
 
-/// Runs a law up to the end of the pull, or as far as the mesh follows.
+/// Runs a law up to the end of the pull, or as far as the mesh is valid.
 pub(super) fn walk(mesh: &FieldMesh, law: &FiniteLaw, stiffness: f64, pull: &Pull, steps_per_doubling: u32) -> Walked {
     let Pull { switches, load, newtons_per_pa, end_s } = *pull;
     let mut walker = Walker::new(mesh, law, stiffness);
@@ -128,7 +128,7 @@ pub(super) fn walk(mesh: &FieldMesh, law: &FiniteLaw, stiffness: f64, pull: &Pul
                     break;
                 }
             };
-            // The last step ends on the stop, whatever rounding its length had.
+            // The last step ends on the stop exactly, despite rounding of its length.
             let next_s = if taken_s > (1.0 - LENGTH_ROUNDING) * left_s { stop_s } else { now_s + taken_s };
             let [low, high] = walker.solver.volume_ratios(&walker.x);
             walked.volume_ratios = [walked.volume_ratios[0].min(low), walked.volume_ratios[1].max(high)];
@@ -136,7 +136,7 @@ pub(super) fn walk(mesh: &FieldMesh, law: &FiniteLaw, stiffness: f64, pull: &Pul
             if !(low > VOLUME_RATIOS[0] && high < VOLUME_RATIOS[1]) {
                 walked.stopped = Some(Error::numerical(
                     format!(
-                        "at {next_s:.3} s, {:.2} of its radii from its start, the mesh follows the body no farther: a volume that stays became {low:.2} to {high:.2} times itself",
+                        "the mesh fails at {next_s:.3} s, with the body {:.2} of its radii from its start: volumes that must stay constant changed by factors from {low:.2} to {high:.2}",
                         walker.x[BODY]
                     ),
                     "use a smaller force, a stiffer gel or a finer mesh",
@@ -180,7 +180,7 @@ impl<'a> Walker<'a> {
         Moment { time_s, place: self.x[BODY], twin: self.twin.displacement }
     }
 
-    /// A step, or half of one that finds no balance, and so on; what was taken.
+    /// Takes a step and halves it as long as no balance is found. Returns the length of the step taken.
     fn step_halving(&mut self, now_s: f64, step_s: f64, force_pa: &dyn Fn(f64) -> f64) -> Result<f64> {
         for halvings in 0..=MOST_HALVINGS {
             let step_s = step_s * 0.5_f64.powi(halvings as i32);
@@ -190,14 +190,14 @@ impl<'a> Walker<'a> {
         }
         Err(Error::numerical(
             format!(
-                "at {now_s:.3} s, {:.2} of its radii from its start, no balance of the gel was found",
+                "no balance of the gel was found at {now_s:.3} s, with the body {:.2} of its radii from its start",
                 self.x[BODY]
             ),
             "use a smaller force, a stiffer gel or a finer mesh",
         ))
     }
 
-    /// One step; the unknowns' rates (1/s) in its last stage. Nothing changes where it fails.
+    /// Takes one step. Returns the unknowns' rates (1/s) in its last stage. The state is unchanged on failure.
     fn step(&mut self, now_s: f64, step_s: f64, force_pa: &dyn Fn(f64) -> f64) -> Result<Vec<f64>> {
         let stage_s = FOURTH.diagonal * step_s;
         let modes: Vec<(f64, f64)> =
@@ -281,7 +281,7 @@ impl<'a> Walker<'a> {
         self.mesh.cells.par_iter().zip(starts).map(of_cell).unzip()
     }
 
-    /// What is relaxed of det F − 1 at a stage's end, and its rate.
+    /// Relaxed part of det F − 1 at a stage's end, and its rate.
     fn swollen(&self, stage: &Stage, x: &[f64], starts: &[Vec<f64>]) -> (Vec<Vec<f64>>, Vec<Vec<f64>>) {
         let modes = stage.law.modes;
         let of_cell = |(cell, starts): (&FieldCell, &Vec<f64>)| {
@@ -313,7 +313,7 @@ fn stiff_pa(modes: &[(f64, f64)]) -> f64 {
     modes.iter().map(|(modulus_pa, z)| modulus_pa / (1.0 + z)).sum()
 }
 
-/// det F − 1 at every point of a cell at which no pressure is left, from what is relaxed of it by point and mode.
+/// det F − 1 without pressure at every point of a cell, from its relaxed part by point and mode.
 fn rests(modes: &[(f64, f64)], swellings: &[f64]) -> Vec<f64> {
     let weighed = |own: &[f64]| modes.iter().zip(own).map(|((modulus_pa, z), x)| modulus_pa / (1.0 + z) * x).sum();
     let stiff_pa = stiff_pa(modes);
@@ -324,7 +324,7 @@ fn add(to: &mut [f64], by: f64, from: &[f64]) {
     to.iter_mut().zip(from).for_each(|(to, from)| *to += by * from);
 }
 
-/// The polynomial through some points in time, at another time; the last point where that is farther from it than the points are from each other.
+/// Value at a time of the polynomial through some points in time. Returns the last point if that is farther from the time than the points are from each other.
 fn guess(past: &[(f64, Vec<f64>)], time_s: f64) -> Option<Vec<f64>> {
     let times_s: Vec<f64> = past.iter().map(|(time_s, _)| *time_s).collect();
     let (last_s, last) = past.last()?;
@@ -346,7 +346,7 @@ mod tests {
     use base::number::Dual;
     use laws::rheology::BaseLaw;
 
-    /// Stored ½ Σ G (tr A − 3) and the power that is lost, 2η_s D : D + Σ G (tr A − 3)/(2λ), over the gel; and the smallest determinant of S.
+    /// Stored energy ½ Σ G (tr A − 3) and dissipated power 2η_s D : D + Σ G (tr A − 3)/(2λ) over the gel, and the smallest determinant of S.
     fn energy(walker: &Walker, rates_per_s: &[f64]) -> ([f64; 2], f64) {
         let (mut stored, mut lost, mut smallest) = (0.0, 0.0, f64::INFINITY);
         let modes = &walker.law.modes;
@@ -381,8 +381,8 @@ mod tests {
         ([stored, lost], smallest)
     }
 
-    /// Over the paper's first pull, 3.6 radii, and the way back, the work of the force is what is stored and what is lost, to 10⁻⁴ of it; what is lost is summed by the
-    /// trapezoidal rule, which leaves about as much. Conformations stay positive definite.
+    /// The work of the force is the sum of stored and dissipated energy, to 10⁻⁴, over the paper's first pull of 3.6 radii and the way back. The trapezoidal rule sums
+    /// the dissipation, with an error of about this size. Conformations stay positive definite.
     #[test]
     #[ignore = "thorough"]
     fn work_is_stored_or_lost() {

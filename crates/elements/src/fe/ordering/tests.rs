@@ -13,7 +13,7 @@ use super::nested_dissection;
 
 type Nodes = (Vec<[f64; 3]>, Vec<u32>);
 
-/// A quarter ball around a quarter sphere: cube-sphere patches of `n` elements a quarter face, `n_layers` radial layers, 27 nodes an element.
+/// A quarter ball around a quarter sphere: cube-sphere patches of `n` elements per quarter face, `n_layers` radial layers, 27 nodes per element.
 fn quarter_shell(n: i32, n_layers: usize) -> Nodes {
     let m = 2 * n;
     type Face = (i32, fn(i32, i32, i32) -> [i32; 3]);
@@ -118,7 +118,7 @@ fn a_shell_of_sixty_thousand_unknowns_needs_a_third_of_the_work_of_minimum_degre
 
 #[test]
 fn numbering_of_the_elements_does_not_matter_much() {
-    // A cut that followed the numbering instead of the geometry would lose its small separators when the elements are shuffled.
+    // A cut that followed the numbering instead of the geometry would lose its small separators after a shuffle of the elements.
     let (coordinates, elements) = quarter_shell(3, 5);
     let n_nodes = coordinates.len();
     let n_elements = elements.len() / 27;

@@ -1,6 +1,6 @@
-//! The porous body for time stepping, the displacements eliminated exactly: K_d is under the law's operator alone, so u = K_d⁻¹(f θ + Bᵀp'), θ = J ∗ F.
+//! The porous body for time stepping, with the displacements eliminated exactly. Only the law's operator acts on K_d, so that u = K_d⁻¹(f θ + Bᵀp'), θ = J ∗ F.
 //!
-//! What is left is one unknown for θ and one a pressure, A ṗ' + b θ̇ + k H w = 0, w_θ = F, with A = M/M̂ + B K_d⁻¹ Bᵀ, b = B K_d⁻¹ e.
+//! The remaining unknowns are θ and one per pressure: A ṗ' + b θ̇ + k H w = 0, w_θ = F, with A = M/M̂ + B K_d⁻¹ Bᵀ, b = B K_d⁻¹ e.
 
 use faer::dyn_stack::{MemBuffer, MemStack};
 use faer::linalg::cholesky::llt::solve::solve_in_place_with_conj;
@@ -12,19 +12,19 @@ use crate::fe::factorisation::add_symmetric_product;
 use crate::fe::transient::{Part, StageSolve, StageWeights, TransientSystem};
 use base::error::Result;
 
-/// Columns of B K_d⁻¹ Bᵀ that are solved for at once.
+/// Number of columns of B K_d⁻¹ Bᵀ solved at once.
 const BLOCK: usize = 64;
 
-/// A porous body with a mobility, for [`crate::fe::transient::run`] with the law of the undrained body; one law. Unknowns are p' of every pressure, then θ in N/Pa.
+/// A porous body with a mobility, for [`crate::fe::transient::run`] with one law, that of the undrained body. Unknowns are p' of every pressure, then θ in N/Pa.
 pub struct CondensedPores<'a> {
     body: &'a DrainedModel<'a>,
     mobility_m2_per_pa_s: f64,
-    /// A, whole, by columns.
+    /// The complete matrix A, by columns.
     stored: Vec<f64>,
 }
 
 impl<'a> CondensedPores<'a> {
-    /// Eliminates the displacements: as many solves as there are pressures. `mobility_m2_per_pa_s` ≥ 0.
+    /// Eliminates the displacements with one solve per pressure. `mobility_m2_per_pa_s` ≥ 0.
     pub fn new(body: &'a DrainedModel<'a>, mobility_m2_per_pa_s: f64) -> Self {
         let n = body.load.len();
         let mut stored = Vec::with_capacity(n * n);
@@ -37,7 +37,7 @@ impl<'a> CondensedPores<'a> {
         Self { body, mobility_m2_per_pa_s, stored }
     }
 
-    /// The same body with another mobility.
+    /// Returns this body with another mobility.
     pub fn with_mobility(self, mobility_m2_per_pa_s: f64) -> Self {
         Self { mobility_m2_per_pa_s, ..self }
     }
@@ -74,7 +74,7 @@ impl TransientSystem for CondensedPores<'_> {
         let diffusion = self.body.model.pressures.diffusion();
         for column in 0..n {
             for at in diffusion.col_ptr()[column]..diffusion.col_ptr()[column + 1] {
-                // The upper triangle's entry belongs to the lower one, which the factor reads.
+                // The entry of the upper triangle belongs to the lower one, which the factorisation reads.
                 matrix[(column, diffusion.row_idx()[at as usize] as usize)] += area_m2 * diffusion.val()[at as usize];
             }
         }

@@ -1,4 +1,4 @@
-//! The creep of a porous body as a network: the law, and in series with it one body a term of the pore spectrum.
+//! The creep of a porous body as a network: the law in series with one body per term of the pore spectrum.
 
 use super::PoreSpectrum;
 use base::error::{Error, Result};
@@ -6,10 +6,10 @@ use base::number::Dual;
 use laws::rheology::Element;
 
 impl PoreSpectrum {
-    /// Elements in series whose creep compliance is that of the robot over Φ(0), for a law of the undrained body (elements in series), a mobility k ≥ 0
-    /// (m²/(Pa·s)) and a drained Poisson ratio: term k adds w/(G + (τ/k) s), the law in parallel with a dashpot of viscosity τ/k, all over w.
+    /// Elements in series whose creep compliance is that of the robot over Φ(0). Arguments are a law of the undrained body (elements in series), a mobility k ≥ 0
+    /// (m²/(Pa·s)) and a drained Poisson ratio. Term k adds w/(G + (τ/k) s): the law in parallel with a dashpot of viscosity τ/k, both divided by w.
     ///
-    /// At k = 0 these are the law's own elements, without a derivative with respect to k.
+    /// At k = 0 the result is the law's own elements, without a derivative with respect to k.
     ///
     /// # Errors
     /// [`Error::OutsideTrainedRange`] for ratios outside the range, [`Error::Numerical`] for a negative or infinite mobility.
@@ -23,7 +23,7 @@ impl PoreSpectrum {
         if !(mobility_m2_per_pa_s.value >= 0.0 && mobility_m2_per_pa_s.value.is_finite()) {
             return Err(Error::numerical(
                 format!("the mobility of the pore fluid is {} m²/(Pa·s)", mobility_m2_per_pa_s.value),
-                "give a mobility that is positive and finite, or 0 for none",
+                "give a positive, finite mobility, or 0 for no pore flow",
             ));
         }
         let terms = self.terms(drained_poisson_ratio)?;

@@ -4,12 +4,12 @@ use super::{PoreModel, pressure::PressureFactor};
 use crate::fe::factorisation::Factor;
 use base::error::{Error, Result};
 
-/// Residual, in the preconditioner's norm and relative to the load's, at which pressures are good; outputs err by its square.
+/// Residual at convergence of the pressures, in the preconditioner's norm and relative to that of the load. Outputs err by its square.
 const TOLERANCE: f64 = 1e-10;
-/// More iterations mean a mistake: the preconditioner is spectrally equivalent, so their number does not grow with the mesh.
+/// Largest number of iterations. The preconditioner is spectrally equivalent, so that the number does not grow with the mesh; more iterations mean a mistake.
 const MOST_ITERATIONS: usize = 400;
 
-/// Pressures and A times them.
+/// Pressures and the product of A with them.
 #[derive(Debug, Clone)]
 pub(super) struct Pressure {
     pub values: Vec<f64>,
@@ -20,11 +20,11 @@ pub(super) struct Pressure {
 /// Moduli for unit Young's modulus of the undrained body.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Moduli {
-    /// K_d = K̂(ν_d)/softness, K̂ being the base's stiffness.
+    /// K_d = K̂(ν_d)/softness, where K̂ is the base's stiffness.
     pub softness: f64,
     /// 1/M̂ = 1/(κ̂_u − κ̂_d).
     pub inverse_storage_modulus: f64,
-    /// S = 1/M̂ + 1/(κ̂_d + 4μ̂/3): what storage is for irrotational fields, and an upper bound of it for any.
+    /// S = 1/M̂ + 1/(κ̂_d + 4μ̂/3): storage for irrotational fields, and an upper bound for any field.
     pub storage: f64,
 }
 
@@ -42,7 +42,7 @@ impl Moduli {
     }
 }
 
-/// The porous body at one drained Poisson ratio, unit Young's modulus (of the undrained body) and unit force on the model that was meshed.
+/// The porous body at one drained Poisson ratio, for unit Young's modulus (of the undrained body) and unit force on the meshed model.
 pub struct DrainedModel<'a> {
     pub(super) model: &'a PoreModel<'a>,
     pub(super) moduli: Moduli,
@@ -67,26 +67,26 @@ impl<'a> DrainedModel<'a> {
         self.share() * self.drained()
     }
 
-    /// Φ(τ) in 1/m for every τ ≥ 0 (m²): displacement of the robot per unit force on the whole body and unit Young's modulus.
+    /// Φ(τ) in 1/m for every τ ≥ 0 (m²): displacement of the robot per unit force on the whole body, at unit Young's modulus.
     ///
     /// # Errors
-    /// [`Error::Numerical`] where the pressures are not found.
+    /// [`Error::Numerical`] if the pressures are not found.
     pub fn compliances_per_m(&self, areas_m2: &[f64]) -> Result<Vec<f64>> {
         let solved = self.pressures(areas_m2)?;
         Ok(solved.iter().map(|p| self.share() * (self.drained() - dot(&self.load, &p.values))).collect())
     }
 
-    /// Share of the force that the model carries.
+    /// Share of the force in the model.
     pub(super) fn share(&self) -> f64 {
         self.model.stiffness.assembly.unknowns.share()
     }
 
-    /// Φ_d of the model that was meshed.
+    /// Φ_d of the meshed model.
     pub(super) fn drained(&self) -> f64 {
         self.unit_response[self.unit_response.len() - 1]
     }
 
-    /// Displacements for a force (N) on the model that was meshed and pressures.
+    /// Displacements for a force (N) on the meshed model and pressures.
     pub(super) fn displacements(&self, force_n: f64, pressures: &[f64]) -> Vec<f64> {
         let mut field = vec![0.0; self.unit_response.len()];
         self.model.pressures.add_transposed_divergence(pressures, &mut field);
@@ -95,7 +95,7 @@ impl<'a> DrainedModel<'a> {
         field
     }
 
-    /// K_d⁻¹ in place of columns one after the other.
+    /// Replaces columns, stored one after the other, by K_d⁻¹ times them.
     pub(super) fn solve_skeleton(&self, columns: &mut [f64]) {
         columns.iter_mut().for_each(|f| *f *= self.moduli.softness);
         self.factor.solve_in_place(columns);
@@ -117,8 +117,8 @@ impl<'a> DrainedModel<'a> {
         columns.iter().zip(block.chunks_exact(n)).map(product).collect()
     }
 
-    /// (A + τH)⁻¹ b for every τ, all at once so that the skeleton is solved in blocks. The preconditioner S M + τH bounds A + τH from above and is
-    /// equal to it on irrotational fields.
+    /// (A + τH)⁻¹ b for every τ, all at once so that the skeleton is solved in blocks. The preconditioner S M + τH is an upper bound of A + τH and
+    /// equals it on irrotational fields.
     pub(super) fn pressures(&self, areas_m2: &[f64]) -> Result<Vec<Pressure>> {
         let mut systems: Vec<Conjugate> =
             areas_m2.iter().map(|&area| Conjugate::new(self, area)).collect::<Result<_>>()?;
@@ -132,9 +132,7 @@ impl<'a> DrainedModel<'a> {
             active.iter_mut().zip(stored).for_each(|(system, stored)| system.advance(self, &stored));
         }
         Err(Error::numerical(
-            format!(
-                "the pore pressures are not found within {MOST_ITERATIONS} iterations at the areas {areas_m2:?} m²"
-            ),
+            format!("the pore pressures do not converge in {MOST_ITERATIONS} iterations at the areas {areas_m2:?} m²"),
             "check the mesh for flat elements",
         ))
     }
@@ -148,7 +146,7 @@ struct Conjugate<'a> {
     stored: Vec<f64>,
     residual: Vec<f64>,
     direction: Vec<f64>,
-    /// r · P⁻¹r, now and at the start.
+    /// r · P⁻¹r, at present and at the start.
     square: f64,
     first_square: f64,
 }

@@ -1,16 +1,16 @@
 //! Pore flow around the robot: Biot's quasi-static equations with displacements and pressures (physics §5, `poroelasticity`; exact references §4.2, §4.9).
 //!
-//! The law acts on skeleton and storage alike, so with p = G p' the whole body is one operator in τ = k G/s (k the mobility in m²/(Pa·s)):
+//! The law acts on skeleton and storage alike. Let p = G p'. The whole body is then one operator in τ = k G/s (k the mobility in m²/(Pa·s)):
 //!
 //!   K_d u − Bᵀp' = f/G,  B u + (M/M̂ + τH) p' = 0,
 //!
-//! with K_d = 2μ̂ K_dev + κ̂_d K_vol, μ̂ the same drained and undrained, κ̂ = 2μ̂(1 + ν)/(3(1 − 2ν)) and 1/M̂ = 1/(κ̂_u − κ̂_d) (α = 1, M. A. Biot 1941,
-//! doi:10.1063/1.1712886). The robot's compliance is Φ(τ)/G, Φ(τ) = eᵀ[K_d + Bᵀ(M/M̂ + τH)⁻¹B]⁻¹e: it rises from the undrained Φ(0) to the drained Φ(∞),
-//! Φ(τ) = Φ(0) (1 + Σ wₖ τ/(τ + τₖ)) with wₖ, τₖ > 0. [`PoreSpectrum`] gives ten such terms or fewer for any drained Poisson ratio.
+//! with K_d = 2μ̂ K_dev + κ̂_d K_vol, equal μ̂ for drained and undrained, κ̂ = 2μ̂(1 + ν)/(3(1 − 2ν)) and 1/M̂ = 1/(κ̂_u − κ̂_d) (α = 1, M. A. Biot 1941,
+//! doi:10.1063/1.1712886). The robot's compliance is Φ(τ)/G, Φ(τ) = eᵀ[K_d + Bᵀ(M/M̂ + τH)⁻¹B]⁻¹e. It rises from the undrained Φ(0) to the drained Φ(∞),
+//! Φ(τ) = Φ(0) (1 + Σ wₖ τ/(τ + τₖ)) with wₖ, τₖ > 0. [`PoreSpectrum`] gives at most ten such terms for any drained Poisson ratio.
 //!
-//! Elements are Taylor–Hood's: the project's displacements with continuous pressures that are linear between the corners, which is stable. K_d is the base's
-//! stiffness at ν_d (its condensed pressures cost nothing and the drained limit is the base model at ν_d to rounding); the undrained limit is another
-//! discretisation than the base's, 1e-5 from it on the model mesh. Between the limits the linear pressures leave an error of second order, up to 4e-4 of the
+//! The elements are of Taylor–Hood type: the project's displacements with continuous pressures that are linear between the corners, which is stable. K_d is the base's
+//! stiffness at ν_d. Its condensed pressures cost nothing, and the drained limit equals the base model at ν_d to rounding. The undrained limit is another
+//! discretisation than the base's; the difference is 1e-5 on the model mesh. Between the limits the linear pressures have an error of second order, up to 4e-4 of the
 //! compliance on a mesh like the model's.
 
 mod condensed;
@@ -34,12 +34,12 @@ pub struct PoreModel<'a> {
     stiffness: &'a Stiffness,
     pressures: PressureSpace,
     poisson_ratio: f64,
-    /// Lengths (m) between which pressures vary: the robot's smallest radius and the mesh's largest.
+    /// Range of lengths (m) over which pressures vary: the robot's smallest radius and the mesh's largest.
     lengths_m: [f64; 2],
 }
 
 impl<'a> PoreModel<'a> {
-    /// Adds pressures to a mesh's stiffness; `poisson_ratio` is the undrained one, below ½.
+    /// Adds pressures to a mesh's stiffness. `poisson_ratio` is the undrained one, below ½.
     ///
     /// # Errors
     /// Those of [`PressureSpace::new`], and [`Error::Numerical`] for a Poisson ratio outside (−1, ½).
@@ -67,7 +67,7 @@ impl<'a> PoreModel<'a> {
         self.poisson_ratio
     }
 
-    /// The body at a drained Poisson ratio in (−1, ν), ν the undrained one.
+    /// The body at a drained Poisson ratio in (−1, ν), with ν the undrained ratio.
     ///
     /// # Errors
     /// [`Error::Numerical`] for other ratios.
@@ -78,7 +78,7 @@ impl<'a> PoreModel<'a> {
                     "the drained Poisson ratio is {drained_poisson_ratio} and the undrained one {}",
                     self.poisson_ratio
                 ),
-                "give a drained Poisson ratio above −1 and below the undrained one: fluid that leaves softens",
+                "give a drained Poisson ratio above −1 and below the undrained one: drainage softens the gel",
             ));
         }
         DrainedModel::new(self, drained_poisson_ratio)

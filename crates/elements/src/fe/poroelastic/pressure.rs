@@ -13,12 +13,12 @@ use crate::fe::factorisation::add_symmetric_product;
 use crate::mesh::{ElementKind, HEXAHEDRON27_REFERENCE_NODES, Mesh};
 use base::error::{Error, Result};
 
-/// Pressures of a mesh: B = ∫ q div u, M = ∫ q q and H = ∫ ∇q·∇q. No pressure is fixed: robot, outer wall and symmetry planes let nothing through.
+/// Pressures of a mesh: B = ∫ q div u, M = ∫ q q and H = ∫ ∇q·∇q. No pressure is fixed: robot, outer wall and symmetry planes are impermeable.
 #[derive(Debug)]
 pub struct PressureSpace {
     nodes: Vec<u32>,
     n_displacements: usize,
-    /// B by rows: start of each pressure's entries, unknowns and values (m²).
+    /// B by rows: start of each pressure's entries; unknowns and values (m²).
     row_start: Vec<usize>,
     entries: Vec<(u32, f64)>,
     /// Upper triangle of M and H.
@@ -36,7 +36,7 @@ struct ElementMatrices {
 }
 
 impl PressureSpace {
-    /// Assembles a mesh of 27-node hexahedra or 10-node tetrahedra; `unknowns` are those of its displacements.
+    /// Assembles a mesh of 27-node hexahedra or 10-node tetrahedra with the displacement unknowns `unknowns`.
     ///
     /// # Errors
     /// [`Error::Numerical`] for 4-node tetrahedra, whose linear displacements make linear pressures oscillate, and for inverted elements.
@@ -52,7 +52,7 @@ impl PressureSpace {
         };
         let matrices: Vec<ElementMatrices> = elements.par_iter().map(matrices).collect::<Result<_>>()?;
 
-        // Position of every node's components among the unknowns, counted from 1; 0 where the component is fixed.
+        // Index of every node's components among the unknowns, counted from 1; 0 for fixed components.
         let count = unknowns.count();
         let places = unknowns.nodal_displacement(&(1..=count).map(|i| i as f64).collect::<Vec<_>>());
         let (mut divergence, mut symmetric) = (Vec::new(), Vec::new());
@@ -112,12 +112,12 @@ impl PressureSpace {
         self.nodes.len()
     }
 
-    /// Node of the mesh at which each pressure stands.
+    /// Node of the mesh for each pressure.
     pub fn nodes(&self) -> &[u32] {
         &self.nodes
     }
 
-    /// B u, in m² times what u is in.
+    /// B u, in m² times the unit of u.
     pub fn divergence(&self, displacements: &[f64]) -> Vec<f64> {
         let product = |range: &[usize]| {
             self.entries[range[0]..range[1]].iter().map(|(j, b)| b * displacements[*j as usize]).sum()
@@ -202,7 +202,7 @@ impl PressureFactor<'_> {
     }
 }
 
-/// Linear functions of the corners at all nodes: they are combinations of the element's own shape functions, Ψ = Σ Ψ(node) φ.
+/// Values of the corners' linear functions at all nodes. The functions are combinations of the element's own shape functions, Ψ = Σ Ψ(node) φ.
 fn corner_values(kind: ElementKind) -> Result<Vec<Vec<f64>>> {
     match kind {
         ElementKind::Hexahedron27 => {
@@ -214,7 +214,7 @@ fn corner_values(kind: ElementKind) -> Result<Vec<Vec<f64>>> {
             Ok(corners.iter().map(of_corner).collect())
         }
         ElementKind::Tetrahedron10 => {
-            // The middles' shape functions vanish at the corners and 4 λₐλ_b is ½ of each of its ends' functions there.
+            // The shape functions of edge middles vanish at the corners, and 4 λₐλ_b is ½ of each end's function there.
             let table = TabulatedElement::of(kind);
             const EDGES: [[usize; 2]; 6] = [[0, 1], [1, 2], [0, 2], [0, 3], [1, 3], [2, 3]];
             let value = |corner: usize, node: usize| match node.checked_sub(4) {
@@ -236,7 +236,7 @@ fn corner_values(kind: ElementKind) -> Result<Vec<Vec<f64>>> {
     }
 }
 
-/// Pressure of each node (`u32::MAX` where there is none) and node of each pressure, in the order of the nodes.
+/// Pressure of each node (`u32::MAX` if it has none) and node of each pressure, in the order of the nodes.
 fn numbered(mesh: &Mesh, n_corners: usize) -> (Vec<u32>, Vec<u32>) {
     let mut pressure_of = vec![u32::MAX; mesh.n_nodes()];
     mesh.elements().for_each(|nodes| nodes[..n_corners].iter().for_each(|&node| pressure_of[node as usize] = 0));
@@ -284,7 +284,7 @@ fn element_matrices(
     Ok(result)
 }
 
-/// Entries with the same key added in their order, sorted by key.
+/// Sorts entries by key and adds those of equal keys in their order.
 fn summed<T>(mut entries: Vec<((u32, u32), T)>, add: impl Fn(&mut T, T)) -> Vec<((u32, u32), T)> {
     entries.sort_by_key(|(key, _)| *key);
     let mut result: Vec<((u32, u32), T)> = Vec::with_capacity(entries.len() / 4);

@@ -1,10 +1,10 @@
-//! The pore spectrum: Φ(τ) = Φ(0) (1 + Σ wₖ τ/(τ + τₖ)) by a few terms for every drained Poisson ratio of a range.
+//! The pore spectrum: Φ(τ) = Φ(0) (1 + Σ wₖ τ/(τ + τₖ)) with a few terms, for every drained Poisson ratio of a range.
 //!
 //! At each of a few ratios (Chebyshev points) the terms are the Galerkin projection on pressures at fixed τ/S, S the storage of irrotational fields. These τ
-//! are chosen greedily at the middle ratio. Ritz values of such a space never cross, so ln(wₖ/(ν − ν_d)) and ln(τₖ/S) are smooth in ν_d, and polynomials through
-//! the Chebyshev points serve between them, with exact derivatives of their own.
+//! are chosen greedily at the middle ratio. Ritz values of such a space never cross, so that ln(wₖ/(ν − ν_d)) and ln(τₖ/S) are smooth in ν_d. Polynomials through
+//! the Chebyshev points interpolate them and have exact derivatives.
 //!
-//! Errors are those of Φ at real τ; after a change of the force the error in time may be twenty times as large, up to 3e-6 of the position with the default settings.
+//! Errors are those of Φ at real τ. After a change of the force the error in time may be twenty times as large, up to 3e-6 of the position with the default settings.
 //!
 //! Response: with the law G, a term is wₖ/(G + (τₖ/k) s), the law in parallel with a dashpot of viscosity τₖ/k, both divided by wₖ.
 
@@ -19,28 +19,28 @@ use super::terms::{Direction, Terms};
 use base::error::{Error, Result};
 use base::number::{Dual, Scalar};
 
-/// τ/S between which terms are chosen: from the square of this share of the robot's smallest radius to that of the mesh's largest.
+/// Shortest length for the choice of terms, over the robot's smallest radius. The range of τ/S extends from its square to the square of the mesh's largest radius.
 const NEAREST: f64 = 0.01;
-/// Pressures a decade of τ that stand for all of them while the terms are chosen.
+/// Number of pressures per decade of τ that represent all pressures during the choice of terms.
 const PER_DECADE: f64 = 4.0;
-/// τ a decade at which errors are looked at.
+/// Number of τ per decade at which errors are evaluated.
 const CANDIDATES_PER_DECADE: f64 = 20.0;
 
-/// What a spectrum is built for.
+/// Settings of a spectrum.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SpectrumSettings {
     /// Lowest and highest drained Poisson ratio; the highest lies below the undrained one.
     pub drained_poisson_ratio: [f64; 2],
-    /// Largest error of Φ relative to Φ(0) at which no more terms are added.
+    /// Largest error of Φ relative to Φ(0) at which no further terms are added.
     pub tolerance: f64,
-    /// No more terms than these, at least 2.
+    /// Largest number of terms, at least 2.
     pub most_terms: usize,
-    /// Drained ratios at which the terms are computed, at least 2.
+    /// Number of drained ratios at which the terms are computed, at least 2.
     pub n_ratios: usize,
 }
 
 impl Default for SpectrumSettings {
-    /// Ten terms or fewer for 1e-6, ν_d from 0 to 0.45.
+    /// At most ten terms for 1e-6, ν_d from 0 to 0.45.
     fn default() -> Self {
         Self { drained_poisson_ratio: [0.0, 0.45], tolerance: 1e-6, most_terms: 10, n_ratios: 10 }
     }
@@ -55,19 +55,19 @@ pub struct PoreTerm {
     pub area_m2: Dual,
 }
 
-/// The terms of a mesh for any drained Poisson ratio of a range.
+/// Terms of a mesh for any drained Poisson ratio of a range.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct PoreSpectrum {
     /// The undrained Poisson ratio.
     pub poisson_ratio: f64,
     /// Lowest and highest drained Poisson ratio.
     pub drained_poisson_ratio: [f64; 2],
-    /// Φ(0) of the porous elements, in 1/m, at the middle drained ratio; the base's compliance is another discretisation of it.
+    /// Φ(0) of the porous elements, in 1/m, at the middle drained ratio. The base's compliance comes from another discretisation.
     pub undrained_compliance_per_m: f64,
-    /// Largest error indicator of the terms, relative to Φ(0), over all τ and the ratios at which they were computed: the square norm of the residual, which
-    /// is at least half of the error and no more than all of it.
+    /// Largest error indicator of the terms, relative to Φ(0), over all τ and the computed ratios: the square norm of the residual. It
+    /// is at least half of the error and at most the error.
     pub error_indicator: f64,
-    /// Error of the polynomials in ν_d, relative to Φ(0), over all τ at a ratio between those at which the terms were computed.
+    /// Error of the polynomials in ν_d, relative to Φ(0), over all τ at a ratio between the computed ones.
     pub interpolation_error: f64,
     /// Chebyshev coefficients of ln(wₖ/(ν − ν_d)), term by term.
     log_weights: Vec<Vec<f64>>,
@@ -94,7 +94,7 @@ impl PoreSpectrum {
     /// Computes the terms of a mesh.
     ///
     /// # Errors
-    /// [`Error::Numerical`] for settings that make no sense, and where pressures are not found.
+    /// [`Error::Numerical`] for invalid settings, and if pressures are not found.
     pub fn build(model: &PoreModel, settings: &SpectrumSettings) -> Result<Self> {
         let [lowest, highest] = settings.drained_poisson_ratio;
         let [smallest_m, largest_m] = model.lengths_m;
@@ -110,13 +110,13 @@ impl PoreSpectrum {
                     "a pore spectrum cannot be built with {settings:?} around a robot of radius {smallest_m} m in {largest_m} m, undrained ratio {}",
                     model.poisson_ratio
                 ),
-                "give a rising range of drained Poisson ratios below the undrained one, at least two ratios, two terms, and a robot at the mesh's centre",
+                "give a rising range of drained Poisson ratios below the undrained one, at least two ratios and two terms, and a robot at the mesh's centre",
             ));
         }
         let (scaled_areas_m2, undrained_compliance_per_m) = chosen_areas_m2(model, settings)?;
         let ratio = |x: f64| 0.5 * (lowest + highest) + 0.5 * (highest - lowest) * x;
         let mut ratios: Vec<f64> = chebyshev_points(settings.n_ratios).map(ratio).collect();
-        // Where the last Chebyshev polynomial that is left out is largest, a quarter of the way.
+        // The position of the largest value of the first omitted Chebyshev polynomial, at a quarter of the range.
         let n_quarter = (settings.n_ratios / 4).max(1) as f64;
         ratios.push(ratio((PI * n_quarter / settings.n_ratios as f64).cos()));
         let compute = |&ratio: &f64| computed(&model.drained(ratio)?, &scaled_areas_m2);
@@ -124,12 +124,12 @@ impl PoreSpectrum {
         let n_terms = computed[0].weights.len();
         if computed.iter().any(|at| at.weights.len() != n_terms) {
             return Err(Error::numerical(
-                "the pore spectrum has not the same number of terms at all drained Poisson ratios",
-                "ask for fewer terms",
+                "the number of terms of the pore spectrum differs between drained Poisson ratios",
+                "request fewer terms",
             ));
         }
         let (Some(checked), Some(checked_ratio)) = (computed.pop(), ratios.pop()) else {
-            return Err(Error::numerical("no drained Poisson ratio was computed", "ask for at least two ratios"));
+            return Err(Error::numerical("no drained Poisson ratio was computed", "request at least two ratios"));
         };
         let fitted = |value: &dyn Fn(usize, usize) -> f64| -> Vec<Vec<f64>> {
             (0..n_terms)
@@ -154,12 +154,12 @@ impl PoreSpectrum {
         Ok(spectrum)
     }
 
-    /// Number of terms, the same at every drained Poisson ratio.
+    /// Number of terms, equal for every drained Poisson ratio.
     pub fn n_terms(&self) -> usize {
         self.log_weights.len()
     }
 
-    /// The terms at a drained Poisson ratio, slowest first, with derivatives in the direction that it carries.
+    /// Terms at a drained Poisson ratio, slowest first, with derivatives in the direction that the ratio carries.
     ///
     /// # Errors
     /// [`Error::OutsideTrainedRange`] for ratios outside the range.
@@ -192,10 +192,10 @@ impl PoreSpectrum {
         Ok(1.0 + terms.iter().map(|term| term.weight.value / (1.0 + term.area_m2.value / area_m2)).sum::<f64>())
     }
 
-    /// Largest error of Φ(τ)/Φ(0) over τ in [0, ∞] at one drained Poisson ratio, by solving for the pressures there.
+    /// Largest error of Φ(τ)/Φ(0) over τ in [0, ∞] at one drained Poisson ratio. The exact pressures are solved for.
     ///
     /// # Errors
-    /// As [`Self::relative_compliance`], and [`Error::Numerical`] where pressures are not found.
+    /// As [`Self::relative_compliance`], and [`Error::Numerical`] if pressures are not found.
     pub fn largest_error(&self, model: &PoreModel, drained_poisson_ratio: f64) -> Result<f64> {
         let body = model.drained(drained_poisson_ratio)?;
         let areas_m2: Vec<f64> = areas_m2(model, PER_DECADE).iter().map(|t| t * body.moduli.storage).collect();
@@ -210,7 +210,7 @@ impl PoreSpectrum {
     }
 }
 
-/// 0 and τ/S from the shortest to the longest length.
+/// 0 and the values of τ/S from the shortest to the longest length.
 fn areas_m2(model: &PoreModel, per_decade: f64) -> Vec<f64> {
     let [smallest_m, largest_m] = model.lengths_m;
     let (first, last) = (2.0 * (NEAREST * smallest_m).log10(), 2.0 * largest_m.log10());
@@ -219,7 +219,7 @@ fn areas_m2(model: &PoreModel, per_decade: f64) -> Vec<f64> {
     [0.0].into_iter().chain((0..=n as usize).map(area)).collect()
 }
 
-/// The τ/S whose pressures carry the terms: greedily, where the error at the middle ratio is largest. And Φ(0) of the whole body there.
+/// Chooses the τ/S of the terms' pressures greedily, at the largest error for the middle ratio. Also returns Φ(0) of the whole body there.
 fn chosen_areas_m2(model: &PoreModel, settings: &SpectrumSettings) -> Result<(Vec<f64>, f64)> {
     let [lowest, highest] = settings.drained_poisson_ratio;
     let body = model.drained(0.5 * (lowest + highest))?;
@@ -227,7 +227,7 @@ fn chosen_areas_m2(model: &PoreModel, settings: &SpectrumSettings) -> Result<(Ve
     let many: Vec<f64> = areas_m2(model, PER_DECADE).iter().map(|t| t * storage).collect();
     let directions: Vec<Direction> =
         body.pressures(&many)?.into_iter().map(|pressure| Direction::of(&body, pressure)).collect();
-    // All that follows happens in the span of these, in whose own vectors A = 1 and H is diagonal.
+    // The following steps work in the span of these, in a basis with A = 1 and diagonal H.
     let all = Terms::galerkin(&directions, &body.load)?;
     let undrained = body.drained() - all.at(0.0);
     let direction = |area_m2: f64| {
@@ -241,7 +241,7 @@ fn chosen_areas_m2(model: &PoreModel, settings: &SpectrumSettings) -> Result<(Ve
     while chosen.len() < settings.most_terms {
         let terms = Terms::galerkin(&directions, &all.shares)?;
         if terms.shares.len() < chosen.len() {
-            // Nothing new is left: the mesh has no more to say.
+            // The new direction depends on the others: the mesh allows no more terms.
             chosen.pop();
             break;
         }
@@ -274,8 +274,8 @@ fn computed(body: &DrainedModel, scaled_areas_m2: &[f64]) -> Result<Computed> {
     })
 }
 
-/// The error of Φ at τ is the residual's square in the norm of (A + τH)⁻¹; here in that of the preconditioner's inverse, which is a lower bound, and equal
-/// to it on irrotational fields.
+/// Error of Φ at τ: the square of the residual in the norm of (A + τH)⁻¹. The indicator uses the preconditioner's inverse instead, which gives a lower bound that equals
+/// the error on irrotational fields.
 pub(super) fn indicator(body: &DrainedModel, terms: &Terms, area_m2: f64) -> Result<f64> {
     let residual = terms.residual(area_m2, &body.load);
     let mut solved = residual.clone();

@@ -1,6 +1,6 @@
 //! bᵀ(A + τH)⁻¹b as a short sum Σ c/(1 + τσ): the Galerkin projection on pressures at a few τ (a rational Krylov space).
 //!
-//! The sum agrees with the whole in value and slope at these τ, lies below it everywhere, and has positive c and distinct σ > 0 that depend smoothly on A.
+//! The sum agrees with the exact function in value and slope at these τ and lies below it elsewhere. It has positive c and distinct σ > 0 that depend smoothly on A.
 
 use faer::dyn_stack::{MemBuffer, MemStack};
 use faer::{Mat, Par};
@@ -9,11 +9,11 @@ use nalgebra::DMatrix;
 use super::drained::{DrainedModel, Pressure, add_scaled, dot};
 use base::error::{Error, Result};
 
-/// A direction whose part outside the others is smaller than this, by the A-norm, is left out: it would add its square to the result, and rounding of the
-/// skeleton's solves would be a large part of it.
+/// Smallest part of a direction outside the span of the others, in the A-norm. A direction with a smaller part is omitted: it would add only the square of this part to the result, and
+/// rounding of the skeleton's solves would be a large share of it.
 const LEAST_NEW_PART: f64 = 1e-5;
 
-/// A vector with A and H applied to it.
+/// A vector with the products of A and H with it.
 #[derive(Debug, Clone)]
 pub(super) struct Direction {
     pub values: Vec<f64>,
@@ -22,7 +22,7 @@ pub(super) struct Direction {
 }
 
 impl Direction {
-    /// The pressures of a body, with A and H applied.
+    /// Pressures of a body, with the products of A and H with them.
     pub fn of(body: &DrainedModel, pressure: Pressure) -> Self {
         let mut diffused = vec![0.0; pressure.values.len()];
         body.model.pressures.add_product(0.0, 1.0, &pressure.values, &mut diffused);
@@ -40,7 +40,7 @@ impl Direction {
     }
 }
 
-/// Σ βₖ²/(1 + τσₖ), σ rising, with the vectors that carry it (A-orthonormal, H-orthogonal).
+/// Σ βₖ²/(1 + τσₖ) with rising σ, and its vectors (A-orthonormal, H-orthogonal).
 #[derive(Debug, Clone)]
 pub(super) struct Terms {
     /// σ in 1/m².
@@ -51,13 +51,13 @@ pub(super) struct Terms {
 }
 
 impl Terms {
-    /// Projects on the span of `directions`; those that depend on earlier ones are left out.
+    /// Projects on the span of `directions`. Directions that depend on earlier ones are omitted.
     pub(super) fn galerkin(directions: &[Direction], load: &[f64]) -> Result<Self> {
         let mut basis: Vec<Direction> = Vec::with_capacity(directions.len());
         for direction in directions {
             let mut next = direction.clone();
             let whole = dot(&next.values, &next.stored).sqrt();
-            // Twice is enough.
+            // Two orthogonalisations are enough.
             for _ in 0..2 {
                 for earlier in &basis {
                     let share = dot(&earlier.values, &next.stored);
@@ -89,7 +89,7 @@ impl Terms {
         let rates_per_m2: Vec<f64> = order.iter().map(|&k| eigen.eigenvalues[k]).collect();
         if !rates_per_m2.iter().all(|rate| *rate > 0.0) {
             return Err(Error::numerical(
-                format!("the pores drain at rates of {rates_per_m2:?} 1/m², which are not all positive"),
+                format!("the drainage rates of the pores are {rates_per_m2:?} 1/m²; all must be positive"),
                 "check the mesh for flat elements",
             ));
         }
@@ -101,7 +101,7 @@ impl Terms {
         self.shares.iter().zip(&self.rates_per_m2).map(|(b, rate)| b * b / (1.0 + area_m2 * rate)).sum()
     }
 
-    /// b − (A + τH) p of the projection's p.
+    /// b − (A + τH) p of the projected p.
     pub(super) fn residual(&self, area_m2: f64, load: &[f64]) -> Vec<f64> {
         let mut residual = load.to_vec();
         for ((share, rate), vector) in self.shares.iter().zip(&self.rates_per_m2).zip(&self.vectors) {
@@ -113,7 +113,7 @@ impl Terms {
     }
 }
 
-/// The lower Cholesky factor in place of a symmetric matrix's lower triangle; one thread.
+/// Replaces a symmetric matrix's lower triangle by its lower Cholesky factor, on one thread.
 pub(super) fn dense_cholesky(matrix: &mut Mat<f64>) -> Result<()> {
     use faer::linalg::cholesky::llt::factor::{LltRegularization, cholesky_in_place, cholesky_in_place_scratch};
     let n = matrix.nrows();

@@ -1,7 +1,7 @@
-//! Unknowns that one of two matrices alone knows, eliminated exactly before time is stepped.
+//! Exact elimination of unknowns that occur in only one of two matrices, before time stepping.
 //!
-//! Where only one law acts, K_ee w_e + K_ek w_k = 0 at all times, so that z_e = −K_ee⁻¹K_ek z_k whatever the law: only what both matrices know has a motion of its own. That is the robot's surface
-//! where the gel slips, the outer surface where it gives way, and the edge of a pocket; with mass it is all of the gel.
+//! Unknowns e with one law only satisfy K_ee w_e + K_ek w_k = 0 at all times, so that z_e = −K_ee⁻¹K_ek z_k for any law. Only unknowns k in both matrices move independently. These are on the robot's surface
+//! for a slipping gel, on the outer surface for a yielding wall, and on the edge of a pocket. All unknowns of the gel remain if it has mass.
 
 use faer::Mat;
 use faer::sparse::Triplet;
@@ -10,25 +10,25 @@ use super::matrices::triplets_of;
 use super::{Freedoms, SpatialSystem, SymmetricMatrix, SymmetricSolver};
 use base::error::Result;
 
-/// Columns that are solved for at once.
+/// Number of columns solved at once.
 const BLOCK: usize = 64;
-/// Nothing is eliminated where more than this share of the unknowns stays.
+/// Largest share of kept unknowns at which elimination is worth its cost.
 const MOST_KEPT: f64 = 0.25;
 
-/// The matrices between the unknowns that both know, and what follows from those.
+/// Matrices between the unknowns that both contain, and the data to recover the others.
 pub(super) struct Condensed<'a> {
     whole: &'a SpatialSystem,
-    /// The system between unknowns that are kept.
+    /// System between the kept unknowns.
     pub(super) system: SpatialSystem,
     kept: Vec<usize>,
     eliminated: Vec<usize>,
-    /// Both matrices together between what is eliminated, ready to be factorised.
+    /// Sum of both matrices between the eliminated unknowns.
     between: SymmetricMatrix,
     solver: SymmetricSolver,
 }
 
 impl<'a> Condensed<'a> {
-    /// Eliminates what one matrix alone knows; `None` where that is little.
+    /// Eliminates the unknowns that occur in only one matrix. `None` if they are few.
     ///
     /// # Errors
     /// As [`SymmetricSolver::factor`].
@@ -42,7 +42,7 @@ impl<'a> Condensed<'a> {
             }
             known
         });
-        // The robot is the last.
+        // The robot's unknown is the last.
         let is_kept = |k: &usize| (known[0][*k] && known[1][*k]) || *k + 1 == n;
         let (kept, eliminated): (Vec<usize>, Vec<usize>) = (0..n).partition(is_kept);
         if kept.len() as f64 > MOST_KEPT * n as f64 {
@@ -53,7 +53,7 @@ impl<'a> Condensed<'a> {
             list.iter().zip(0_u32..).for_each(|(unknown, number)| place[*unknown] = number);
         }
         let is_kept: Vec<bool> = (0..n).map(|k| is_kept(&k)).collect();
-        // By matrix: between what is kept, and from what is kept to what is eliminated.
+        // Per matrix: entries between kept unknowns, and from kept to eliminated ones.
         let mut condensed = both.map(|_| Mat::<f64>::zeros(kept.len(), kept.len()));
         let mut couplings: [Vec<(usize, usize, f64)>; 2] = [Vec::new(), Vec::new()];
         let mut between = Vec::new();
@@ -95,7 +95,7 @@ impl<'a> Condensed<'a> {
         }
         drop(factor);
         let [gel, second] = condensed.map(|matrix| {
-            // Symmetric but for rounding.
+            // Symmetric up to rounding.
             let entry = |i: usize, j: usize| 0.5 * (matrix[(i, j)] + matrix[(j, i)]);
             let upper = (0..matrix.ncols()).flat_map(|j| (0..=j).map(move |i| (i, j)));
             let upper: Vec<_> = upper.map(|(i, j)| Triplet::new(i as u32, j as u32, entry(i, j))).collect();
@@ -106,7 +106,7 @@ impl<'a> Condensed<'a> {
         Ok(Some(Self { whole, system, kept, eliminated, between, solver }))
     }
 
-    /// All unknowns, where those that are kept have these values, one vector after the other.
+    /// All unknowns for given values of the kept ones, one vector after the other.
     ///
     /// # Errors
     /// As [`SymmetricSolver::factor`].

@@ -1,4 +1,4 @@
-//! Which combinations of unknowns the displacement components of the nodes are: tied to the robot, or slipping along its surface.
+//! Displacement components of nodes as combinations of unknowns: tied to the robot, or slipping along its surface.
 
 use nalgebra::Vector3;
 
@@ -6,25 +6,25 @@ use crate::fe::surface::robot_normals;
 use crate::mesh::Mesh;
 use base::error::{Error, Result};
 
-/// Normals at a node that differ by less (cosine) are one: the faces of a smooth surface.
+/// Cosine above which two normals at a node count as equal: the faces belong to a smooth surface.
 const SAME_NORMAL: f64 = 0.94;
-/// Length of what is left of a direction below which nothing is left.
+/// Length of a remaining direction below which it counts as zero.
 const NOTHING_LEFT: f64 = 1e-6;
 
-/// Displacement of every node as combinations of unknowns; the last unknown is the robot's translation along x (physics §3.1).
+/// Displacement of every node as combinations of unknowns. The last unknown is the robot's translation along x (physics §3.1).
 #[derive(Debug, Clone)]
 pub struct Freedoms {
-    /// Terms of component 3·node + i: from here to the next entry.
+    /// Terms of component 3·node + i: from this entry to the next.
     start: Vec<u32>,
     terms: Vec<(u32, f64)>,
     count: usize,
-    /// First unknown that is a slip; those from here to the robot's are.
+    /// First slip unknown. All unknowns from here to the robot's are slips.
     first_slip: usize,
     share: f64,
 }
 
 impl Freedoms {
-    /// The robot's surface moves with it.
+    /// Ties the robot's surface to the robot.
     ///
     /// # Errors
     /// [`Error::Numerical`] for a mesh without a robot or an outer surface.
@@ -32,7 +32,7 @@ impl Freedoms {
         Self::new(mesh, |_| Vec::new(), false)
     }
 
-    /// The robot's surface moves with it, and the outer surface is free.
+    /// Ties the robot's surface to the robot and frees the outer surface.
     ///
     /// # Errors
     /// As [`Self::tied`].
@@ -40,9 +40,9 @@ impl Freedoms {
         Self::new(mesh, |_| Vec::new(), true)
     }
 
-    /// The gel on the robot's surface moves with it along the normal and slips along the surface.
+    /// Ties the gel on the robot's surface along the normal and lets it slip along the surface.
     ///
-    /// At an edge, where faces of several directions meet, it slips along what they have in common.
+    /// At an edge, where faces of several directions meet, it slips along their common direction.
     ///
     /// # Errors
     /// As [`Self::tied`].
@@ -69,7 +69,7 @@ impl Freedoms {
         )
     }
 
-    /// `slips` gives the directions in which a node of the robot's surface may slip.
+    /// `slips` gives the slip directions of a node on the robot's surface.
     fn new(mesh: &Mesh, slips: impl Fn(usize) -> Vec<Vector3<f64>>, is_outer_free: bool) -> Result<Self> {
         if mesh.robot_nodes.is_empty() || mesh.outer_nodes.is_empty() {
             return Err(Error::numerical(
@@ -107,13 +107,13 @@ impl Freedoms {
         Ok(Self::of_combinations(combinations, robot_nodes, [first_slip, count as usize], mesh.share()))
     }
 
-    /// So many unknowns that belong to no node, the last being the robot's.
+    /// `count` unknowns without nodes. The last is the robot's.
     pub(super) fn without_nodes(count: usize, share: f64) -> Self {
         Self { start: vec![0], terms: Vec::new(), count, first_slip: count, share }
     }
 
-    /// From what every node's components are without the robot's translation, which is added to the first component of its nodes; unknowns from the first slip to the last one are
-    /// slips.
+    /// Builds freedoms from every node's components without the robot's translation. This function adds the translation to the first component of the robot's nodes. Unknowns from
+    /// `first_slip` to the last one are slips.
     pub(in crate::fe) fn of_combinations(
         mut combinations: Vec<[Vec<(u32, f64)>; 3]>,
         robot_nodes: impl Iterator<Item = usize>,
@@ -136,7 +136,7 @@ impl Freedoms {
         self.count
     }
 
-    /// Share of the robot and of the force that the model carries ([`Mesh::share`]).
+    /// Share of the robot and of the force in the model ([`Mesh::share`]).
     pub fn share(&self) -> f64 {
         self.share
     }
@@ -146,7 +146,7 @@ impl Freedoms {
         self.count - 1
     }
 
-    /// Whether an unknown is a slip along the robot's surface.
+    /// True if an unknown is a slip along the robot's surface.
     pub fn is_slip(&self, unknown: u32) -> bool {
         (self.first_slip..self.robot()).contains(&(unknown as usize))
     }
@@ -164,7 +164,7 @@ impl Freedoms {
         (0..n_nodes as u32).map(|node| std::array::from_fn(|i| value(node, i))).collect()
     }
 
-    /// Unknowns in the order of elimination that follows from an order of the nodes: slips with their node, the robot's translation last.
+    /// Elimination order of the unknowns for an order of the nodes. Slips follow their node; the robot's translation is last.
     pub fn elimination_order(&self, node_order: &[usize]) -> Vec<usize> {
         let mut is_taken = vec![false; self.count];
         is_taken[self.robot()] = true;
@@ -182,13 +182,13 @@ impl Freedoms {
     }
 }
 
-/// What is left of a direction beside orthonormal ones, of unit length.
+/// Unit vector along the part of a direction that is orthogonal to orthonormal ones.
 fn left_of(direction: Vector3<f64>, others: &[Vector3<f64>]) -> Option<Vector3<f64>> {
     let left = others.iter().fold(direction, |left, other| left - other * other.dot(&left));
     (left.norm() > NOTHING_LEFT).then(|| left.normalize())
 }
 
-/// Distinct normals of the robot's surface at every node: means over faces that meet smoothly.
+/// Distinct normals of the robot's surface at every node: means over smoothly adjacent faces.
 fn distinct_normals(mesh: &Mesh) -> Vec<Vec<Vector3<f64>>> {
     let distinct = |normals: Vec<Vector3<f64>>| {
         let mut sums: Vec<Vector3<f64>> = Vec::new();

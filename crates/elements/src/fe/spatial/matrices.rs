@@ -13,10 +13,10 @@ use base::error::{Error, Result};
 pub struct SymmetricMatrix(SparseColMat<u32, f64>);
 
 impl SymmetricMatrix {
-    /// The sum of element matrices, rows and columns ordered node by node, three components each.
+    /// Sum of element matrices, with rows and columns ordered node by node, three components each.
     ///
     /// # Errors
-    /// [`Error::Numerical`] for more entries than can be numbered.
+    /// [`Error::Numerical`] if there are too many entries to number.
     pub fn assemble<'a>(
         freedoms: &Freedoms,
         elements: impl Iterator<Item = (&'a [u32], DMatrix<f64>)>,
@@ -42,13 +42,13 @@ impl SymmetricMatrix {
         Self::from_triplets(freedoms.count(), &triplets)
     }
 
-    /// The sum of entries of the upper triangle.
+    /// Sum of entries of the upper triangle.
     ///
     /// # Errors
     /// As [`Self::assemble`].
     pub fn from_triplets(n: usize, triplets: &[Triplet<u32, u32, f64>]) -> Result<Self> {
         SparseColMat::try_new_from_triplets(n, n, triplets).map(Self).map_err(|e| {
-            Error::numerical(format!("a matrix of {n} unknowns cannot be made: {e:?}"), "use a coarser mesh")
+            Error::numerical(format!("a matrix of {n} unknowns cannot be built: {e:?}"), "use a coarser mesh")
         })
     }
 
@@ -96,21 +96,21 @@ pub(super) fn triplets_of(upper: SparseColMatRef<'_, u32, f64>) -> impl Iterator
     })
 }
 
-/// Weighted sums of some matrices, with the pattern and the symbolic factor that all sums share.
+/// Weighted sums of some matrices, with the pattern and the symbolic factor shared by all sums.
 #[derive(Debug)]
 pub struct SymmetricSolver {
     /// Zeros on the common pattern.
     pattern: SparseColMat<u32, f64>,
-    /// Places of the matrices' entries in it.
+    /// Positions of the matrices' entries in the pattern.
     places: Vec<Vec<u32>>,
     symbolic: SymbolicCholesky<u32>,
 }
 
 impl SymmetricSolver {
-    /// Analyses the sums of matrices over as many unknowns; `order` is that of elimination.
+    /// Analyses the sums of matrices over equally many unknowns. `order` is the elimination order.
     ///
     /// # Errors
-    /// [`Error::Numerical`] where the factor is too large.
+    /// [`Error::Numerical`] if the factor is too large.
     pub fn new(matrices: &[&SymmetricMatrix], order: &[usize]) -> Result<Self> {
         let n = order.len();
         let zeros: Vec<_> = matrices
@@ -123,7 +123,7 @@ impl SymmetricSolver {
             let column = entry.col as usize;
             let first = pattern.col_ptr()[column] as usize;
             let rows = &pattern.row_idx()[first..pattern.col_ptr()[column + 1] as usize];
-            // Every entry is in the pattern, which was made of them.
+            // Every entry is in the pattern, because the pattern was built from these entries.
             (first + rows.partition_point(|row| *row < entry.row)) as u32
         };
         let places = matrices.iter().map(|matrix| triplets_of(matrix.upper()).map(place).collect()).collect();
@@ -131,10 +131,10 @@ impl SymmetricSolver {
         Ok(Self { pattern, places, symbolic })
     }
 
-    /// Cholesky factor of Σ weight × matrix, the matrices in the order in which they were given.
+    /// Cholesky factor of Σ weight × matrix, with the matrices in the order given to [`Self::new`].
     ///
     /// # Errors
-    /// [`Error::Numerical`] where the sum is not positive definite.
+    /// [`Error::Numerical`] if the sum is not positive definite.
     pub fn factor(&self, matrices: &[&SymmetricMatrix], weights: &[f64]) -> Result<SymmetricFactor<'_>> {
         let mut sum = self.pattern.clone();
         for ((matrix, places), weight) in matrices.iter().zip(&self.places).zip(weights) {

@@ -1,4 +1,4 @@
-//! Full-order runs of linear effects that change the displacement field, by time stepping of their definition.
+//! Full-order runs of linear effects that change the displacement field. They step the effects' definitions in time.
 
 use super::condensed::Condensed;
 use super::{SpatialSystem, SteppedSystem, Surroundings};
@@ -11,17 +11,17 @@ use laws::rheology::{Beside, Element, TimeWindow};
 use laws::stages::{Stages, Switch};
 use record::Force;
 
-/// What a run gives.
+/// Result of a run.
 pub struct SpatialRun {
     /// Recorded position (m) at every row.
     pub position_m: Vec<f64>,
-    /// Displacement of every node (m) at the rows that were asked for.
+    /// Displacement of every node (m) at the requested rows.
     pub fields: Vec<Vec<[f64; 3]>>,
-    /// Their mesh, where it is not the surroundings' own.
+    /// Mesh of the fields, if it differs from that of the surroundings.
     pub mesh: Option<Mesh>,
 }
 
-/// A record that is stepped through.
+/// A record to step through.
 #[derive(Debug, Clone, Copy)]
 pub struct SpatialJob<'a> {
     /// Load, law and observation.
@@ -30,14 +30,14 @@ pub struct SpatialJob<'a> {
     pub time_s: &'a [f64],
     /// Commanded force.
     pub force: Force<'a>,
-    /// Rows at which fields are wanted.
+    /// Rows at which fields are requested.
     pub rows: &'a [usize],
     /// Length of the steps.
     pub resolution: Resolution,
 }
 
-/// Positions (m) at rows, and unknowns at the rows of `job`, by superposition: a force that does not depend on the position acts on a linear system, so that one step and
-/// one ramp of it, stepped once through the record's length, give the answer to any.
+/// Positions (m) at rows, and unknowns at the rows of `job`, by superposition. A force that does not depend on the position acts on a linear system. Responses to one step and
+/// one ramp over the record's length therefore give the response to any force.
 fn superposed(
     job: &SpatialJob<'_>,
     system: &dyn TransientSystem,
@@ -90,10 +90,10 @@ fn superposed(
 }
 
 impl SpatialJob<'_> {
-    /// Steps a gel with something beside its law.
+    /// Steps a gel with an effect in addition to its law.
     ///
     /// # Errors
-    /// [`Error::Numerical`] where the gel softens beside it, or the run fails.
+    /// [`Error::Numerical`] if the gel softens over time in addition to the effect, or the run fails.
     pub fn run(&self, system: &SpatialSystem, beside: &Beside) -> Result<SpatialRun> {
         let condensed = Condensed::of(system)?;
         let (stepped, laws) =
@@ -107,7 +107,7 @@ impl SpatialJob<'_> {
         })
     }
 
-    /// Steps a gel that water leaves: mobility in m²/(Pa·s), Poisson ratio of the skeleton.
+    /// Steps a gel that drains. `mobility` in m²/(Pa·s); `drained_ratio` is the Poisson ratio of the skeleton.
     ///
     /// # Errors
     /// As [`Self::run`].
@@ -130,7 +130,7 @@ impl SpatialJob<'_> {
     ) -> Result<SpatialRun> {
         if !self.stages.softening_rate_per_s.is_constant(0.0) {
             return Err(Error::numerical(
-                "a gel that softens while it is measured is not stepped beside an effect that changes the field",
+                "softening over time cannot be combined with an effect that changes the displacement field",
                 "leave one of them out",
             ));
         }
@@ -153,7 +153,7 @@ impl SpatialJob<'_> {
         })
     }
 
-    /// Times between a hundredth of the shortest interval and the record's length.
+    /// Window from a hundredth of the shortest interval to the record's length.
     fn window(&self) -> TimeWindow {
         let shortest_s = self.time_s.windows(2).map(|pair| pair[1] - pair[0]).fold(f64::INFINITY, f64::min);
         let length_s = self.time_s.last().zip(self.time_s.first()).map_or(1.0, |(last, first)| last - first);

@@ -1,4 +1,4 @@
-//! Two matrices on one set of unknowns: the gel's, and that of what stands beside its law.
+//! Two matrices on one set of unknowns: the gel's, and that of an additional effect.
 
 use nalgebra::DMatrix;
 use rayon::prelude::*;
@@ -13,39 +13,39 @@ use crate::mesh::Mesh;
 use base::error::Result;
 use laws::rheology::{Beside, Element};
 
-/// The matrices of one effect at one Poisson ratio.
+/// Matrices of one effect at one Poisson ratio.
 #[derive(Debug)]
 pub struct SpatialSystem {
     /// The unknowns.
     pub freedoms: Freedoms,
-    /// What the gel's law multiplies: stiffness for unit Young's modulus, in m.
+    /// Matrix that the gel's law multiplies: stiffness for unit Young's modulus, in m.
     pub gel: SymmetricMatrix,
-    /// What stands beside it: a stiffness for unit modulus (m), a mass for unit density scale (kg), or a friction for unit coefficient (m²).
+    /// Matrix of the effect: a stiffness for unit modulus (m), a mass for unit density scale (kg), or a friction for unit coefficient (m²).
     pub second: SymmetricMatrix,
     solver: SymmetricSolver,
     /// Unknowns in the order of elimination.
     pub(super) order: Vec<usize>,
 }
 
-/// How two matrices are split into terms.
+/// Splitting of two matrices into terms.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Splitting {
-    /// Factor of the second matrix at which the two make the energy norm: at 0 a term is w/(G + μ B), with B what stands beside the law; at 1 it is w/((1 − θ) G + θ B).
+    /// Factor of the second matrix at which the two define the energy norm. At 0 a term is w/(G + μ B), with B the effect's operator; at 1 it is w/((1 − θ) G + θ B).
     pub reference: f64,
-    /// Factors over the reference at which the full model is solved.
+    /// Factors over the reference at which the full-order model is solved.
     pub snapshots: Vec<f64>,
-    /// Whether at the effect's null the second matrix holds fast, so that the fields which leave it alone are all that is left.
+    /// True if the second matrix is rigid at the effect's null. Only fields that it does not resist are then possible.
     pub is_rigid_at_null: bool,
 }
 
-/// From the lowest to the highest, so many a decade.
+/// Values from the lowest to the highest, with a number per decade.
 pub fn decades(lowest: f64, highest: f64, per_decade: f64) -> Vec<f64> {
     let n = ((highest / lowest).log10() * per_decade).ceil() as usize;
     (0..=n).map(|k| lowest * (highest / lowest).powf(k as f64 / n as f64)).collect()
 }
 
 impl SpatialSystem {
-    /// Prepares the factors of two matrices that were assembled on a mesh.
+    /// Prepares the factorisation of two matrices that were assembled on a mesh.
     ///
     /// # Errors
     /// As [`SymmetricSolver::new`].
@@ -56,7 +56,7 @@ impl SpatialSystem {
         Self::in_order(freedoms, gel, second, &node_order)
     }
 
-    /// The same for nodes that are eliminated in a given order.
+    /// Prepares the factorisation for a given elimination order of the nodes.
     ///
     /// # Errors
     /// As [`SymmetricSolver::new`].
@@ -70,7 +70,7 @@ impl SpatialSystem {
         Self::of_unknowns(freedoms, gel, second, order)
     }
 
-    /// The same for unknowns that are eliminated in a given order.
+    /// Prepares the factorisation for a given elimination order of the unknowns.
     pub(super) fn of_unknowns(
         freedoms: Freedoms,
         gel: SymmetricMatrix,
@@ -86,15 +86,15 @@ impl SpatialSystem {
         self.freedoms.count()
     }
 
-    /// Factor of the gel's matrix and of the second, weighted.
+    /// Factor of the weighted sum of the gel's and the second matrix.
     ///
     /// # Errors
-    /// [`base::Error::Numerical`] where the sum is not positive definite.
+    /// [`base::Error::Numerical`] if the sum is not positive definite.
     pub fn factor(&self, weights: [f64; 2]) -> Result<SymmetricFactor<'_>> {
         self.solver.factor(&[&self.gel, &self.second], &weights)
     }
 
-    /// The gel's matrix and the second, weighted.
+    /// Weighted sum of the gel's and the second matrix.
     ///
     /// # Errors
     /// As [`SymmetricMatrix::from_triplets`].
@@ -103,7 +103,7 @@ impl SpatialSystem {
     }
 }
 
-/// Matrices of the elements that are wanted by their nodes, computed in parallel from the nodes' coordinates (m), in the order of the elements.
+/// Matrices of the elements selected by their nodes, computed in parallel from the nodes' coordinates (m), in the order of the elements.
 ///
 /// # Errors
 /// Those of `matrix`.
@@ -120,7 +120,7 @@ pub fn element_matrices<'a>(
     wanted.par_iter().map(of_element).collect()
 }
 
-/// Stiffness (m) of the elements that are wanted by their nodes, for unit Young's modulus.
+/// Stiffness (m) of the elements selected by their nodes, for unit Young's modulus.
 ///
 /// # Errors
 /// [`base::Error::Numerical`] for inverted elements.
@@ -139,25 +139,25 @@ pub fn stiffness(
     SymmetricMatrix::assemble(freedoms, elements.into_iter())
 }
 
-/// What the second matrix does, at one size of the effect.
+/// Role of the second matrix, with the size of the effect.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Second {
-    /// It resists by a law of its own.
+    /// Stiffness with a law of its own.
     Stiffness,
-    /// It resists velocities, by so many Pa·s/m.
+    /// Damping, as resistance to velocities, in Pa·s/m.
     Damping(f64),
-    /// It resists accelerations, so many times.
+    /// Mass, as resistance to accelerations, with its scale.
     Mass(f64),
 }
 
-/// A system with something beside the law, ready to be stepped.
+/// A system with an additional effect, for time stepping.
 pub struct SteppedSystem<'a> {
     system: &'a SpatialSystem,
     second: Second,
 }
 
 impl<'a> SteppedSystem<'a> {
-    /// The system, and its laws in the order of [`Part::Stiffness`].
+    /// Builds the system and its laws, in the order of [`Part::Stiffness`].
     pub fn new(system: &'a SpatialSystem, law: &[Element], beside: &Beside) -> (Self, Vec<Vec<Element>>) {
         let (second, own) = match beside {
             Beside::Friction { compliance } => (Second::Damping(compliance.value.recip()), None),

@@ -1,9 +1,9 @@
-//! What a force that depends on the position does within a step (physics §5).
+//! Solves for a force that depends on the position within a step (physics §5).
 
 use laws::stages::{Load, MOST_NEWTON_STEPS};
 use nalgebra::{Matrix3, Vector3};
 
-/// What answers the force within a step: x = compliance (M F + h).
+/// Response to the force within a step: x = compliance (M F + h).
 pub(crate) struct Mechanics {
     /// Position per unit force and unit modulus, in 1/m.
     pub compliance_per_m: f64,
@@ -13,7 +13,7 @@ pub(crate) struct Mechanics {
     pub history: Vector3<f64>,
 }
 
-/// F = F_in e^{gx} at the stages, `mechanics` telling x, by Newton's method for g x from where the step begins; not a number where no balance is found.
+/// F = F_in e^{gx} at the stages, with x from `mechanics`, by Newton's method for g x from the step's start. NaN if no balance is found.
 pub(crate) fn with_gradient(
     load: &Load<f64>,
     start_m: f64,
@@ -39,7 +39,7 @@ pub(crate) fn with_gradient(
     Vector3::repeat(f64::NAN)
 }
 
-/// By how much g x changes between a step's first stage and its end, for strains (N/Pa) at the stages.
+/// Change of g x between a step's first stage and its end, for strains (N/Pa) at the stages.
 pub(crate) fn change(load: &Load<f64>, compliance_per_m: f64, strain: &Vector3<f64>) -> f64 {
     let exponent = strain * (compliance_per_m * load.gradient_per_m);
     (exponent[2] - exponent[0]).abs()

@@ -1,14 +1,14 @@
-//! The full-order model under any stages, by time stepping of its own: every effect of load, mechanics and observation, carried from its definition.
+//! Time stepping of the full-order model under any stages. Every effect of load, mechanics and observation is computed from its definition.
 //!
-//! The load is one scalar, F(t) along x, and the law is the same everywhere, so every unknown is the field of a unit force times one function
-//! of time (physics §3.3): u(x, t) = U(x) q(t), K̂U = f̂, where q is the strain (N/Pa) with which the law answers the stress F e^{rt}. The fields
-//! come from the finite elements and q from the steps below. Nothing here knows a creep compliance, a spectrum or a closed form.
+//! The load is one scalar, F(t) along x, and the law is homogeneous. Every unknown is therefore the field of a unit force times one function
+//! of time (physics §3.3): u(x, t) = U(x) q(t), K̂U = f̂, where q is the law's strain response (N/Pa) to the stress F e^{rt}. The finite elements
+//! give the fields, and the steps below give q. This module uses no creep compliance, spectrum or closed form.
 //!
-//! q is stepped by the three-stage Radau IIA method. The law is a network of springs, dashpots and springpots, each with its own strain;
-//! lag, gradient and softening are solved with it at the stages. Steps end at every row and at every switch of the delayed command, and grow
+//! q is stepped by the three-stage Radau IIA method. The law is a network of springs, dashpots and springpots, each with its own strain.
+//! Lag, gradient and softening are solved with it at the stages. Steps end at every row and at every switch of the delayed command, and grow
 //! geometrically after a switch.
 //!
-//! At the default [`Resolution`] the robot's position errs by less than 2e-8 of its largest.
+//! At the default [`Resolution`] the error of the robot's position is below 2e-8 of the largest position.
 
 mod gradient;
 mod network;
@@ -22,38 +22,38 @@ use base::error::{Error, Result};
 use laws::stages::Stages;
 use record::Force;
 
-/// How fine the steps are.
+/// Refinement of the steps.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Resolution {
-    /// Steps in which the time since a switch doubles, at least 1; the error falls with its fifth power.
+    /// Number of steps in which the time since a switch doubles, at least 1. The error falls with its fifth power.
     pub steps_per_doubling: u32,
 }
 
 impl Default for Resolution {
-    /// Fine enough for the errors that [`crate::fe::stepping`] states.
+    /// Fine enough for the error stated in [`crate::fe::stepping`].
     fn default() -> Self {
         Self { steps_per_doubling: 12 }
     }
 }
 
-/// One run: what the camera sees and what the robot does, at every row, the limit from the left.
+/// Result of a run: recorded position and displacement of the robot at every row, as limits from the left.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Stepped {
     /// Recorded position, in m.
     pub position_m: Vec<f64>,
-    /// The robot's own displacement, in m.
+    /// Displacement of the robot, in m.
     pub displacement_m: Vec<f64>,
     /// q, in N/Pa.
     strain_n_per_pa: Vec<f64>,
 }
 
 impl FullOrderModel<'_> {
-    /// Steps the model through a record: times (s), ascending, and the commanded force. Before the first row nothing acts.
+    /// Steps the model through a record: ascending times (s) and the commanded force. Nothing acts before the first row.
     ///
-    /// The Poisson ratio is the one that this model was factorised at, whatever the stages say.
+    /// The Poisson ratio is that of this model's factorisation; the stages' value is ignored.
     ///
     /// # Errors
-    /// [`Error::Numerical`] where a force gradient is refused, where the law has an element without stiffness, and where the position is not finite.
+    /// [`Error::Numerical`] if a force gradient is refused, the law has an element without stiffness, or the position is not finite.
     pub fn step<'f>(
         &self,
         stages: &Stages,
@@ -78,7 +78,7 @@ impl FullOrderModel<'_> {
         Ok(Stepped { position_m, displacement_m, strain_n_per_pa })
     }
 
-    /// Displacement of all unknowns (m) at the chosen rows of a run, one vector after the other; rows that the run does not have are left out.
+    /// Displacement of all unknowns (m) at the chosen rows of a run, one vector after the other. Rows that the run lacks are omitted.
     pub fn fields_of(&self, stepped: &Stepped, rows: &[usize]) -> Vec<Vec<f64>> {
         let field_per_n = self.field_per_n();
         let strains = rows.iter().filter_map(|&row| stepped.strain_n_per_pa.get(row));

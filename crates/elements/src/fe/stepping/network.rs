@@ -1,10 +1,10 @@
 //! The law as a network of elements, stepped element by element (physics §3.2).
 //!
 //! At the three stages of a step every body relates stresses σ and strains ε (vectors of three) by its matrix and its history: ε = Jσ + h
-//! where the stress is given (in series), σ = Gε + g where the strain is (in parallel). Springs: J = I/E, h = 0. Dashpots, c ε̇ = σ:
-//! J = Δt A/c, h = ε at the start. In series J and h add, in parallel G and g; G = J⁻¹, g = −J⁻¹h lead from one to the other.
-//! Bodies in series and in parallel alternate after flattening, so one kind of group serves: parallel where its stress is given, in series
-//! where its strain is.
+//! for given stress (in series), σ = Gε + g for given strain (in parallel). Springs: J = I/E, h = 0. Dashpots, c ε̇ = σ:
+//! J = Δt A/c, h = ε at the start. In series J and h add, in parallel G and g. G = J⁻¹, g = −J⁻¹h convert one form to the other.
+//! Bodies in series and in parallel alternate after flattening, so that one kind of group is enough: its parts are parallel for given stress, and in series
+//! for given strain.
 
 use super::radau::{Radau, inverted};
 use super::springpot::{ArmsStep, RateRange, Springpot};
@@ -14,7 +14,7 @@ use laws::rheology::Element;
 use laws::stages::Leaf;
 use nalgebra::{Matrix3, Vector3};
 
-/// What a body is given.
+/// Quantity given to a body.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Given {
     /// The stress: the body is one of several in series.
@@ -36,11 +36,11 @@ impl Given {
 #[derive(Debug, Clone)]
 pub(super) struct Network {
     bodies: Vec<Body>,
-    /// Place of the body whose element depends on a state, and of the part of it that does.
+    /// Index of the body whose element depends on a state, and of that element's part.
     depending: Option<(usize, Option<usize>)>,
 }
 
-/// Factors of an element's stress at the stages: of a body, or of one of its parts.
+/// Factors on the stress of a body, or of one of its parts, at the stages.
 #[derive(Debug, Clone, Copy)]
 struct Factors {
     part: Option<usize>,
@@ -50,7 +50,7 @@ struct Factors {
 #[derive(Debug, Clone)]
 struct Body {
     kind: Kind,
-    /// h or g of the step under way.
+    /// h or g of the present step.
     history: Vector3<f64>,
 }
 
@@ -62,20 +62,20 @@ enum Kind {
     Group(Vec<Body>),
 }
 
-/// What a step of one length needs of the network.
+/// Coefficients of the network for steps of one length.
 #[derive(Debug, Clone)]
 pub(super) struct NetworkStep {
-    /// J of the whole.
+    /// J of the whole network.
     pub compliance: Matrix3<f64>,
     bodies: Vec<BodyStep>,
 }
 
 #[derive(Debug, Clone)]
 struct BodyStep {
-    /// J or G, whichever the body is asked for.
+    /// J or G, depending on the given quantity.
     response: Matrix3<f64>,
     parts: Parts,
-    /// Of its stress at the stages.
+    /// Factors on the body's stress at the stages.
     factors: Vector3<f64>,
 }
 
@@ -93,15 +93,15 @@ impl Network {
     /// [`Error::Numerical`] for a law without resistance.
     pub fn new(law: &[Element], range: RateRange) -> Result<Self> {
         let bodies = bodies(law, Given::Stress, range).ok_or_else(|| {
-            Error::numerical("an element of the law has no stiffness, so it flows without end", "give it a modulus")
+            Error::numerical("an element of the law has no stiffness and flows without limit", "give it a modulus")
         })?;
         Ok(Self { bodies, depending: None })
     }
 
-    /// The same with an element whose stress is multiplied by factors at the stages.
+    /// Builds a network with an element whose stress is multiplied by factors at the stages.
     ///
     /// # Errors
-    /// As [`Self::new`], and where the element is none with a strain of its own.
+    /// As [`Self::new`], and if the element has no strain of its own.
     pub(super) fn with_depending(law: &[Element], leaf: Leaf, range: RateRange) -> Result<Self> {
         let n_before = |elements: &[Element], place: usize, given: Given| -> Option<usize> {
             let own = elements.get(place..=place)?;
@@ -115,15 +115,12 @@ impl Network {
             _ => None,
         };
         let depending = body.zip(part).ok_or_else(|| {
-            Error::numerical(
-                "an element that depends on a state has no strain of its own",
-                "let another element depend",
-            )
+            Error::numerical("the element that depends on a state has no strain of its own", "choose another element")
         })?;
         Ok(Self { depending: Some(depending), ..Self::new(law, range)? })
     }
 
-    /// About the fastest rate (1/s) at which the network answers a change of the stress; 0 where it has none.
+    /// Approximate fastest rate (1/s) at which the network responds to a change of the stress; 0 if it has none.
     pub(super) fn fastest_rate_per_s(&self, range: RateRange) -> f64 {
         let rate = |body: &Body| {
             let mut sizes = Sizes { stiffness_pa: 0.0, viscosity_pa_s: f64::INFINITY, has_springpot: false };
@@ -138,7 +135,7 @@ impl Network {
         self.prepare_with(radau, step_s, Vector3::repeat(1.0))
     }
 
-    /// The same where the stress of the element that depends is multiplied by factors at the stages.
+    /// [`Self::prepare`] with factors at the stages on the stress of the state-dependent element.
     pub(super) fn prepare_with(&self, radau: &Radau, step_s: f64, at_stages: Vector3<f64>) -> NetworkStep {
         let of = |(place, body): (usize, &Body)| {
             let own = self.depending.filter(|(depending, _)| *depending == place);
@@ -148,19 +145,19 @@ impl Network {
         NetworkStep { compliance: bodies.iter().map(|body| body.response).sum(), bodies }
     }
 
-    /// Strain at the stages of the body whose element depends, given the stress there, after [`Self::begin`]; of the whole where none does.
+    /// Strain at the stages of the body with the state-dependent element, given the stress there, after [`Self::begin`]. Strain of the whole network if there is none.
     pub(super) fn strain_of_depending(&self, step: &NetworkStep, stress: &Vector3<f64>) -> Vector3<f64> {
         let all = self.bodies.iter().zip(&step.bodies).enumerate();
         let is_meant = |place: usize| self.depending.is_none_or(|(depending, _)| depending == place);
         all.filter(|(place, _)| is_meant(*place)).map(|(_, (body, step))| step.response * stress + body.history).sum()
     }
 
-    /// Strain at the stages if the stress were zero.
+    /// Strain at the stages for zero stress.
     pub fn begin(&mut self, step: &NetworkStep) -> Vector3<f64> {
         self.bodies.iter_mut().zip(&step.bodies).map(|(body, step)| body.begin(step, Given::Stress)).sum()
     }
 
-    /// Carries every body to the step's end, given the stress at the stages.
+    /// Advances every body to the step's end, given the stress at the stages.
     pub(super) fn end(&mut self, step: &NetworkStep, stress: &Vector3<f64>) {
         for (body, step) in self.bodies.iter_mut().zip(&step.bodies) {
             body.end(step, Given::Stress, stress);
@@ -168,15 +165,15 @@ impl Network {
     }
 }
 
-/// What an element amounts to.
+/// Mechanical type of an element.
 enum Built {
     Rigid,
     WithoutResistance,
     Body(Kind),
 }
 
-/// Bodies of `elements` that are all given the same; `None` where one of them decides alone: one without resistance in series, a rigid one
-/// in parallel. Those that add nothing (rigid in series, without resistance in parallel) are left out.
+/// Bodies of `elements` that all receive the given quantity. `None` if one element alone determines the response: one without resistance in series, or a rigid one
+/// in parallel. Elements without effect (rigid in series, without resistance in parallel) are omitted.
 fn bodies(elements: &[Element], given: Given, range: RateRange) -> Option<Vec<Body>> {
     let mut found = Vec::with_capacity(elements.len());
     for element in elements {
@@ -186,7 +183,7 @@ fn bodies(elements: &[Element], given: Given, range: RateRange) -> Option<Vec<Bo
             Element::Compliance { compliance_per_pa } => spring(1.0 / compliance_per_pa.value),
             Element::Retarded { compliance_per_pa, time_s } => {
                 let modulus_pa = Dual::constant(1.0 / compliance_per_pa.value);
-                // A body that never yields is rigid, whatever its time.
+                // A body that never yields is rigid for any retardation time.
                 let kelvin_voigt = Element::kelvin_voigt(modulus_pa, modulus_pa * time_s.value);
                 found.extend(bodies(&[kelvin_voigt], given, range)?);
                 continue;
@@ -251,11 +248,11 @@ fn sized(size: f64, kind: impl FnOnce() -> Kind) -> Built {
     }
 }
 
-/// What sets the rates of a body.
+/// Quantities that determine the rates of a body.
 struct Sizes {
-    /// Sum of the springs.
+    /// Sum of the springs' moduli.
     stiffness_pa: f64,
-    /// The smallest.
+    /// Smallest viscosity.
     viscosity_pa_s: f64,
     has_springpot: bool,
 }

@@ -1,5 +1,5 @@
 //! The three-stage Radau IIA method (order 5, L-stable): E. Hairer, G. Wanner, Solving Ordinary Differential Equations II, §IV.5,
-//! doi:10.1007/978-3-642-05221-7. Its last stage is the step's end, so strains that jump with the stress need no care of their own.
+//! doi:10.1007/978-3-642-05221-7. Its last stage is the step's end, so that strains that jump with the stress need no special treatment.
 
 use nalgebra::{Matrix3, Vector3};
 
@@ -8,7 +8,7 @@ use nalgebra::{Matrix3, Vector3};
 pub(super) struct Radau {
     /// Stages as shares of the step.
     pub nodes: Vector3<f64>,
-    /// A: stage values are the start's plus Δt A times the stages' rates.
+    /// A: stage values are the start's value plus Δt A times the stages' rates.
     pub matrix: Matrix3<f64>,
     /// A⁻¹.
     pub inverse: Matrix3<f64>,
@@ -32,13 +32,13 @@ impl Radau {
         Self { nodes, matrix, inverse: inverted(matrix) }
     }
 
-    /// (I + zA)⁻¹: stage values of y' = −(z/Δt)(y − y_end) as a share of what is left.
+    /// (I + zA)⁻¹: stage values of y' = −(z/Δt)(y − y_end), as a share of the initial distance.
     pub(super) fn resolvent(&self, z: f64) -> Matrix3<f64> {
         inverted(Matrix3::identity() + self.matrix * z)
     }
 }
 
-/// The inverse; not a number where there is none, so that the run's check of its result finds it.
+/// The inverse. It is NaN for a singular matrix, so that the run's check of its result detects this.
 pub(super) fn inverted(matrix: Matrix3<f64>) -> Matrix3<f64> {
     matrix.try_inverse().unwrap_or_else(|| Matrix3::repeat(f64::NAN))
 }
@@ -47,7 +47,7 @@ pub(super) fn inverted(matrix: Matrix3<f64>) -> Matrix3<f64> {
 mod tests {
     use super::*;
 
-    /// Stages integrate tⁿ⁻¹ exactly up to n = 3, and the end, as the last row of A, up to n = 5.
+    /// Stages integrate tⁿ⁻¹ exactly up to n = 3; the end, the last row of A, up to n = 5.
     #[test]
     fn polynomials_are_integrated_exactly() {
         let radau = Radau::new();

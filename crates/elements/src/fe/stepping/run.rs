@@ -1,4 +1,4 @@
-//! One run: stops, steps, and what is solved in a step.
+//! One run: stops, steps, and the equations of a step.
 
 use super::Resolution;
 use super::gradient::{self, Mechanics};
@@ -24,7 +24,7 @@ pub fn strains(
     Ok(answers(compliance_per_m, stages, time_s, force, resolution)?.into_iter().map(|answer| answer[0]).collect())
 }
 
-/// q (N/Pa) at every row, and the position (m) that is observed there.
+/// q (N/Pa) and the observed position (m) at every row.
 pub fn answers(
     compliance_per_m: f64,
     stages: &Stages,
@@ -42,7 +42,7 @@ pub fn answers(
     let mut coming = switches.iter().copied().enumerate().peekable();
     let mut answers = Vec::with_capacity(time_s.len());
     for &row_s in time_s {
-        // A switch at a row comes after it: positions are limits from the left.
+        // A switch at a row comes after the row: positions are limits from the left.
         while let Some((i, switch)) = coming.next_if(|(_, switch)| switch.time_s < row_s - run.rounding_s) {
             run.advance_to(switch.time_s)?;
             run.switch(switch, gap_s(time_s, &switches, i, run.rounding_s));
@@ -61,12 +61,12 @@ pub(crate) fn gap_s(time_s: &[f64], switches: &[Switch], i: usize, rounding_s: f
     row_s.min(switch_s) - switches[i].time_s
 }
 
-/// Share of the lag's F − F_in at a step's start that is left at the stages.
+/// Factor at the stages on the lag's F − F_in at the step's start.
 fn lag_left(radau: &Radau, load: &Load<f64>, step_s: f64) -> Vector3<f64> {
     load.lags_in(step_s).map_or_else(Vector3::zeros, |lags| radau.resolvent(lags) * Vector3::repeat(1.0))
 }
 
-/// The force (N) after the lag at stages (s), where it was `start_n` at the step's start and `left` of its distance from the input is left.
+/// Force (N) after the lag at stages (s). `start_n` is the force at the step's start, and `left` the remaining share of its distance from the input.
 fn lagged_n(
     load: &Load<f64>,
     input: &Switch,
@@ -77,10 +77,10 @@ fn lagged_n(
     left * (start_n - load.followed_n(input, start_s)) + at_s.map(|t| load.followed_n(input, t))
 }
 
-/// Least time after a switch at which the response is resolved, as a share of the mean time between rows.
+/// Shortest time after a switch at which the response is resolved, as a share of the mean time between rows.
 const LEAST_GAP: f64 = 1e-7;
 
-/// The shortest time from a switch to the next row or switch.
+/// Shortest time from a switch to the next row or switch.
 fn shortest_gap_s(time_s: &[f64], switches: &[Switch], length_s: f64, rounding_s: f64) -> f64 {
     let gaps = (0..switches.len()).map(|i| gap_s(time_s, switches, i, rounding_s));
     gaps.fold(length_s, f64::min).max(LEAST_GAP * length_s / time_s.len() as f64)
@@ -90,20 +90,20 @@ fn shortest_gap_s(time_s: &[f64], switches: &[Switch], length_s: f64, rounding_s
 struct Prepared {
     step_s: f64,
     network: NetworkStep,
-    /// Share of the lag's F − F_in at the start that is left at the stages.
+    /// Factor at the stages on the lag's F − F_in at the start.
     lag_left: Vector3<f64>,
 }
 
-/// Most that g x may change between a step's first stage and its end, so that Radau's method follows the force to 10⁻⁸.
+/// Largest change of g x between a step's first stage and its end at which Radau's method follows the force to 10⁻⁸.
 const MOST_CHANGE: f64 = 0.15;
-/// Most halvings of a step for that: what still changes more runs away.
+/// Largest number of halvings of a step for this limit. A change that is still larger means instability.
 const MOST_HALVINGS: u32 = 20;
 
-/// Turns in which a quantity and its state are brought to agree, and the first of them, which take what is found as it is.
+/// Iterations to make a quantity agree with its state, and number of the first ones without damping.
 const MOST_PICARD_STEPS: usize = 200;
 const SIMPLE_PICARD_STEPS: usize = 60;
 
-/// Step lengths kept at once; only records without any regularity need more.
+/// Largest number of stored step lengths. Only completely irregular records need more.
 const MOST_LENGTHS: usize = 4096;
 
 /// State of one run.
@@ -116,15 +116,15 @@ struct Run<'a> {
     network: Network,
     prepared: HashMap<u64, Prepared>,
     start_s: f64,
-    /// Times closer than this are the same.
+    /// Times closer than this count as equal.
     rounding_s: f64,
     now_s: f64,
     grading: Grading,
-    /// F_in, and what the lag has made of it, in N.
+    /// F_in and its value after the lag, in N.
     input: Switch,
     lagged_n: f64,
     strain_n_per_pa: f64,
-    /// What a quantity that depends on a state follows, if there is one.
+    /// State of a quantity that depends on one, if there is such a quantity.
     state: Option<Followed<'a>>,
 }
 
@@ -169,10 +169,10 @@ impl<'a> Run<'a> {
         })
     }
 
-    /// Changes the force; the next row or switch comes `gap_s` later.
+    /// Changes the force. The next row or switch comes `gap_s` later.
     fn switch(&mut self, switch: Switch, gap_s: f64) {
         self.input = switch;
-        // A springpot has no fastest time, so that a bend is as sharp to it as a jump.
+        // A springpot has no fastest time, so that it resolves a change of slope like a jump.
         self.grading = self.rule.after_switch(self.now_s, gap_s, true);
     }
 
@@ -184,13 +184,13 @@ impl<'a> Run<'a> {
             while !self.step(step_s, n_halvings < MOST_HALVINGS)? {
                 (step_s, n_halvings) = (0.5 * step_s, n_halvings + 1);
             }
-            // The last step is `left_s` but for rounding.
+            // The last step is `left_s` up to rounding.
             self.now_s = if step_s > 0.75 * left_s { stop_s } else { self.now_s + step_s };
         }
         Ok(())
     }
 
-    /// The position (m) that is observed, before offset, scale and drift.
+    /// The observed position (m), before offset, scale and drift.
     fn observed_m(&self) -> f64 {
         let position_m = self.compliance_per_m * self.strain_n_per_pa;
         self.state
@@ -198,7 +198,7 @@ impl<'a> Run<'a> {
             .map_or(position_m, |state| state.observed_m(position_m, [self.start_s, self.now_s], self.lagged_n))
     }
 
-    /// [`Self::step`] where a quantity depends on a state: stages are solved with its factors until these agree with the states that they lead to.
+    /// [`Self::step`] for a quantity that depends on a state. It iterates on the stages until the quantity's factors agree with the resulting states.
     fn step_with_state(&mut self, step_s: f64, is_optional: bool) -> Result<bool> {
         let Some(mut followed) = self.state.take() else { return Ok(true) };
         let (start_s, since_s) = (self.now_s, self.now_s - self.start_s);
@@ -229,7 +229,7 @@ impl<'a> Run<'a> {
             let own = self.network.strain_of_depending(&step, &stress);
             let found = followed.values(&stage, &(strain * self.compliance_per_m), &(own * self.compliance_per_m));
             let distance = (found - values).amax() / (1.0 + found.amax());
-            // Where values swing, their mean is nearer.
+            // If the values oscillate, their mean is closer to the solution.
             values = if turn < SIMPLE_PICARD_STEPS { found } else { (found + values) * 0.5 };
             (distance < 1e-13).then_some((step, stress, strain))
         });
@@ -241,7 +241,7 @@ impl<'a> Run<'a> {
         }
         let Some((step, stress, strain)) = solved else {
             return Err(Error::numerical(
-                format!("no state and quantity that agree are found at {start_s} s"),
+                format!("the iteration for the state-dependent quantity does not converge at {start_s} s"),
                 "take parameters nearer to their nulls",
             ));
         };
@@ -253,7 +253,7 @@ impl<'a> Run<'a> {
         Ok(true)
     }
 
-    /// Takes a step, if the force does not change too much in it to be followed or `is_optional` is false; whether it did.
+    /// Takes a step and returns whether it did. An optional step is rejected if the force changes too much in it.
     fn step(&mut self, step_s: f64, is_optional: bool) -> Result<bool> {
         if self.state.is_some() {
             return self.step_with_state(step_s, is_optional);
@@ -279,7 +279,7 @@ impl<'a> Run<'a> {
         let force_n = gradient::with_gradient(load, start_m, lagged_n, &mechanics);
         let strain = mechanics.response * force_n + mechanics.history;
         let change = gradient::change(load, self.compliance_per_m, &strain);
-        // What is not a number has changed too much as well.
+        // A value that is not a number also counts as too large a change.
         if is_optional && load.depends_on_position() && (change.is_nan() || change >= MOST_CHANGE) {
             return Ok(false);
         }

@@ -1,10 +1,10 @@
-//! A springpot as a body of Maxwell arms (physics §3.2): what a time step can carry.
+//! A springpot as a body of Maxwell arms (physics §3.2), so that time steps can advance it.
 //!
 //! For 0 < α < 1 the Caputo derivative from t = 0 is
 //!   Dᵅε = (sin απ / π) ∫₀^∞ r^{α−1} φ_r dr,  φ̇_r = ε̇ − r φ_r,  φ_r(0) = 0,
-//! the stress of Maxwell arms of all rates r. The integral is the trapezoidal sum in ln r, whose error falls as exp(−π²/h) with the grid's
-//! step h. Arms beyond either end of the grid are joined into one, which has their weight and their first moment; as the sum is geometric there,
-//! both are known, and the body goes over into a dashpot as α → 1 and into a spring as α → 0.
+//! the stress of Maxwell arms of all rates r. The trapezoidal sum in ln r approximates the integral; its error falls as exp(−π²/h) with the grid's
+//! step h. Arms beyond either end of the grid are joined into one with their weight and their first moment. The sum is geometric there, so that
+//! both are known. The body becomes a dashpot as α → 1 and a spring as α → 0.
 
 use super::radau::Radau;
 use nalgebra::{Matrix3, Vector3};
@@ -12,12 +12,12 @@ use std::f64::consts::PI;
 
 /// h: exp(−π²/h) is 3e-9.
 const GRID_STEP: f64 = 0.5;
-/// Slowest rate of the grid times the run's length: what is slower errs by about the power 2 + α of it.
+/// Slowest rate of the grid times the run's length. The error of slower arms is about this value to the power 2 + α.
 const SLOWEST: f64 = 1e-4;
-/// Fastest rate of the grid times the shortest time that is resolved: what is faster errs by about the power −(3 − α) of it.
+/// Fastest rate of the grid times the shortest resolved time. The error of faster arms is about this value to the power −(3 − α).
 const FASTEST: f64 = 3e3;
 
-/// Rates between which springpots are resolved, in 1/s.
+/// Range of rates resolved for springpots, in 1/s.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct RateRange {
     lowest_per_s: f64,
@@ -25,12 +25,12 @@ pub(super) struct RateRange {
 }
 
 impl RateRange {
-    /// The range for a run of `longest_s` whose response is asked for `shortest_s` after a switch.
+    /// Range for a run of `longest_s` whose response is needed `shortest_s` after a switch.
     pub(super) fn between(shortest_s: f64, longest_s: f64) -> Self {
         Self { lowest_per_s: SLOWEST / longest_s, highest_per_s: FASTEST / shortest_s }
     }
 
-    /// Fastest rate that steps have to resolve.
+    /// Fastest rate that steps must resolve.
     pub(super) fn highest_per_s(self) -> f64 {
         self.highest_per_s
     }
@@ -45,17 +45,17 @@ pub(super) struct Springpot {
     flowed: Vec<f64>,
 }
 
-/// What a step of one length does to the arms.
+/// Coefficients of the arms for steps of one length.
 #[derive(Debug, Clone)]
 pub(super) struct ArmsStep {
-    /// Per arm: stress at the three stages per ψ at the start (with its sign), then ψ at the end per strain at the three stages and per ψ.
+    /// Seven coefficients per arm. First: stress at the three stages per ψ at the start (with its sign). Then: ψ at the end per strain at the three stages and per ψ at the start.
     arms: Vec<[f64; 7]>,
     /// Stress at the stages per strain at the stages.
     pub stiffness: Matrix3<f64>,
 }
 
 impl Springpot {
-    /// The body of s = `coefficient` Dᵅε, 0 < α < 1, coefficient in Pa·sᵅ.
+    /// Body with s = `coefficient` Dᵅε, 0 < α < 1, coefficient in Pa·sᵅ.
     pub fn new(coefficient: f64, order: f64, range: RateRange) -> Self {
         let (h, left) = (GRID_STEP, 1.0 - order);
         let (first, last) = ((range.lowest_per_s.ln() / h).floor(), (range.highest_per_s.ln() / h).ceil());
@@ -64,10 +64,10 @@ impl Springpot {
         let grid = (0..n_arms).map(|i| ((first + i as f64) * h).exp());
         let mut arms: Vec<(f64, f64)> = grid.map(|rate| (density * rate.powf(order), rate)).collect();
         let (lowest, highest) = ((first * h).exp(), (last * h).exp());
-        // Σ over the slower arms of w, and of w r divided by it.
+        // Sums over the slower arms: Σ w, and Σ w r divided by Σ w.
         let slower = lowest.powf(order) / (order * h).exp_m1();
         arms.push((density * slower, lowest * (order * h).exp_m1() / ((1.0 + order) * h).exp_m1()));
-        // Σ over the faster arms of w/r (a viscosity), and of w/r² divided by it (a time).
+        // Sums over the faster arms: Σ w/r (a viscosity), and Σ w/r² divided by Σ w/r (a time).
         let faster = highest.powf(-left) / (left * h).exp_m1();
         let rate = highest * ((1.0 + left) * h).exp_m1() / (left * h).exp_m1();
         arms.push((density * faster * rate, rate));
@@ -90,7 +90,7 @@ impl Springpot {
         ArmsStep { arms, stiffness }
     }
 
-    /// Stress at the stages if the strain were zero.
+    /// Stress at the stages for zero strain.
     pub(super) fn history_pa(&self, step: &ArmsStep) -> Vector3<f64> {
         let mut stress = [0.0; 3];
         for (arm, psi) in step.arms.iter().zip(&self.flowed) {
@@ -101,7 +101,7 @@ impl Springpot {
         Vector3::from(stress)
     }
 
-    /// Carries the arms to the step's end, given the strain at the stages.
+    /// Advances the arms to the step's end, given the strain at the stages.
     pub(super) fn advance(&mut self, step: &ArmsStep, strain: &Vector3<f64>) {
         for (arm, psi) in step.arms.iter().zip(&mut self.flowed) {
             *psi = arm[3] * strain[0] + arm[4] * strain[1] + arm[5] * strain[2] + arm[6] * *psi;

@@ -1,5 +1,5 @@
-//! A quantity that depends on a state (physics §5.3), carried from its definition: the element's modulus, the force or the observed position at every stage is what the function
-//! gives for the state there.
+//! A quantity that depends on a state (physics §5.3), computed from its definition. The element's modulus, the force or the observed position at every stage is the function's
+//! value for the state there.
 
 use crate::fe::clock::CLOCK_ROUNDING;
 use base::number::Dual;
@@ -7,31 +7,31 @@ use laws::rheology::Element;
 use laws::stages::{Leaf, Operation, Quantity, State, StateLaw};
 use nalgebra::{Matrix3, Vector3};
 
-/// The states that a law may ask for, as they were at the end of the last step.
+/// State of a law with a state-dependent quantity at the end of the last step.
 #[derive(Clone)]
 pub(super) struct Followed<'a> {
     law: &'a StateLaw,
-    /// When force steps come to act, in s.
+    /// Times at which force steps start to act, in s.
     steps_s: Vec<f64>,
     path_m: f64,
     largest_m: f64,
     velocity_m_per_s: f64,
     begin_m: f64,
     value: f64,
-    /// The quantity, where the function is added to it.
+    /// Value of the quantity, if the function is added to it.
     quantity: f64,
 }
 
-/// What the stages of a step share.
+/// Data that the stages of a step share.
 pub(super) struct Stage {
     pub step_s: f64,
-    /// Since the record's start, and on the record's clock.
+    /// Stage times since the record's start, and on the record's clock.
     pub time_s: Vector3<f64>,
     pub absolute_s: Vector3<f64>,
     pub force_n: Vector3<f64>,
     /// A⁻¹ of Radau's method.
     pub inverse: Matrix3<f64>,
-    /// Position where the step begins, in m.
+    /// Position at the start of the step, in m.
     pub begin_m: f64,
 }
 
@@ -45,12 +45,12 @@ impl<'a> Followed<'a> {
         Self { law, steps_s, path_m: 0.0, largest_m: 0.0, velocity_m_per_s: 0.0, begin_m: 0.0, value, quantity }
     }
 
-    /// Values of the function at the stages, to begin with.
+    /// First guess of the function's values at the stages.
     pub(super) fn guess(&self) -> Vector3<f64> {
         Vector3::repeat(self.value)
     }
 
-    /// Factors of the element's stress.
+    /// Factors on the element's stress.
     pub(super) fn element_factors(&self, values: &Vector3<f64>) -> Vector3<f64> {
         match (self.law.quantity, self.law.operation) {
             (Quantity::Element(_), Operation::Multiply) => *values,
@@ -68,7 +68,7 @@ impl<'a> Followed<'a> {
         }
     }
 
-    /// The position that is observed.
+    /// The observed position.
     pub(super) fn observed_m(&self, position_m: f64, [start_s, now_s]: [f64; 2], force_n: f64) -> f64 {
         if self.law.quantity != Quantity::Position {
             return position_m;
@@ -86,13 +86,13 @@ impl<'a> Followed<'a> {
         if self.law.operation == Operation::Add { position_m + value } else { position_m * value }
     }
 
-    /// When the last force step before a time came to act, in s.
+    /// Time at which the last force step before `now_s` started to act, in s.
     fn last_step_s(&self, now_s: f64) -> Option<f64> {
         let acting = self.steps_s.partition_point(|step_s| *step_s < now_s - CLOCK_ROUNDING * now_s.abs());
         acting.checked_sub(1).map(|last| self.steps_s[last])
     }
 
-    /// States at the stages of a step whose positions (m) and whose body's share of them are known.
+    /// States at the stages of a step, given the positions (m) and the element's share of them (m).
     fn states(&self, stage: &Stage, position_m: &Vector3<f64>, share_m: &Vector3<f64>) -> Vector3<f64> {
         match self.law.state {
             State::Position => *position_m,
@@ -122,12 +122,12 @@ impl<'a> Followed<'a> {
         }
     }
 
-    /// Values of the function there.
+    /// Values of the function at the stages.
     pub(super) fn values(&self, stage: &Stage, position_m: &Vector3<f64>, share_m: &Vector3<f64>) -> Vector3<f64> {
         self.states(stage, position_m, share_m).map(|state| self.law.value(Dual::constant(state)).value)
     }
 
-    /// The step is taken.
+    /// Updates the state at the end of a step.
     pub(super) fn take(&mut self, stage: &Stage, position_m: &Vector3<f64>, values: &Vector3<f64>) {
         self.path_m += (stage.begin_m - self.begin_m).abs();
         let mut before = stage.begin_m;
@@ -142,7 +142,7 @@ impl<'a> Followed<'a> {
     }
 }
 
-/// The modulus or viscosity of an element.
+/// Modulus or viscosity of an element.
 fn number_of(elements: &[Element], leaf: Leaf) -> f64 {
     let own = match (elements.get(leaf.body), leaf.part) {
         (Some(Element::Parallel(parts)), Some(part)) => parts.get(part),

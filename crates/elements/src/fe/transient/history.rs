@@ -1,11 +1,11 @@
-//! The fields that a law's bodies keep, and what they say of the stage under way.
+//! Fields of a law's bodies, and their contributions to the present stage.
 
 use nalgebra::Complex;
 
 use super::ChainLaw;
 use super::stages::{DIAGONAL, N_STAGES, predict};
 
-/// A chain of bodies that all carry the stress w; their strains (fields in m, w in Pa·m) add up to z.
+/// A chain of bodies that all carry the stress w. Their strains (fields in m, w in Pa·m) add up to z.
 pub(super) struct Chain {
     bodies: Vec<Body>,
     turning: Vec<Turning>,
@@ -16,13 +16,13 @@ struct Body {
     history: History,
 }
 
-/// y' = λ (a w − y), complex, of which the real part is a strain.
+/// A body with complex y, y' = λ (a w − y). Its strain is the real part of y.
 struct Turning {
     /// a in 1/Pa.
     compliance_per_pa: Complex<f64>,
     /// λ in 1/s.
     rate_per_s: Complex<f64>,
-    /// Of the real and of the imaginary part.
+    /// Histories of the real and the imaginary part.
     histories: [History; 2],
 }
 
@@ -31,7 +31,7 @@ struct History {
     strain_m: Vec<f64>,
     /// Rates at the stages, in m/s.
     rates_m_per_s: Vec<Vec<f64>>,
-    /// Strain at the stage under way, less γΔt times its rate.
+    /// Strain at the present stage, less γΔt times its rate.
     predicted_m: Vec<f64>,
 }
 
@@ -46,7 +46,7 @@ enum Kind {
 }
 
 impl Kind {
-    /// ε̇ at a stage is first · w − second · (predicted strain), both in 1/s but for the stress.
+    /// Coefficients of ε̇ at a stage: first · w − second · (predicted strain), in 1/(Pa·s) and 1/s.
     fn rate(self, implicit_s: f64) -> [f64; 2] {
         match self {
             Self::Retarded { compliance_per_pa, time_s } => {
@@ -72,7 +72,7 @@ impl History {
         predict(stage, step_s, &self.strain_m, &self.rates_m_per_s, &mut self.predicted_m);
     }
 
-    /// Takes the strain at the last stage for that at the next step's start.
+    /// Uses the strain at the last stage for the start of the next step.
     fn end(&mut self, stage: usize, implicit_s: f64) {
         if stage + 1 == N_STAGES {
             let rates = &self.rates_m_per_s[stage];
@@ -84,7 +84,7 @@ impl History {
 }
 
 impl Turning {
-    /// λ/(1 + γΔt λ): at a stage y' is this times (a w − the predicted y).
+    /// λ/(1 + γΔt λ): at a stage y' is this times (a w − predicted y).
     fn stiff_rate(&self, implicit_s: f64) -> Complex<f64> {
         self.rate_per_s / (self.rate_per_s * implicit_s + 1.0)
     }
@@ -97,7 +97,7 @@ pub(super) struct Response {
     pub compliance_per_pa: f64,
 }
 
-/// h and g: strain (m) and rate (m/s) at the stage if the stress were zero.
+/// h and g: strain (m) and rate (m/s) at the stage for zero stress.
 #[derive(Debug, Clone)]
 pub(super) struct Free {
     pub strain_m: Vec<f64>,
@@ -133,7 +133,7 @@ impl Chain {
         Self { bodies: kinds.map(body).collect(), turning: turning.collect() }
     }
 
-    /// Response at the stages of a step; all stages have the same.
+    /// Response at the stages of a step, equal for all stages.
     pub(super) fn response(&self, step_s: f64) -> Response {
         let implicit_s = DIAGONAL * step_s;
         let of_bodies: f64 = self.bodies.iter().map(|body| body.kind.rate(implicit_s)[0]).sum();
@@ -142,7 +142,7 @@ impl Chain {
         Response { rate_per_pa_s, compliance_per_pa: implicit_s * rate_per_pa_s }
     }
 
-    /// Prepares a stage: what strain and rate would be without stress.
+    /// Prepares a stage: strain and rate for zero stress.
     pub(super) fn begin_stage(&mut self, stage: usize, step_s: f64, free: &mut Free) {
         let implicit_s = DIAGONAL * step_s;
         free.strain_m.fill(0.0);
@@ -176,7 +176,7 @@ impl Chain {
         }
     }
 
-    /// Ends a stage at which the stress was `stress_pa_m`.
+    /// Ends a stage with the stress `stress_pa_m`.
     pub(super) fn end_stage(&mut self, stage: usize, step_s: f64, stress_pa_m: &[f64]) {
         let implicit_s = DIAGONAL * step_s;
         for body in &mut self.bodies {

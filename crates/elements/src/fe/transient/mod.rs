@@ -1,18 +1,19 @@
 //! Time stepping of linear systems that do not separate into one field times one function of time (physics §3.2, §3.3).
 //!
-//! With laws Gᵢ that act on the same unknowns z, z = Gᵢ⁻¹wᵢ, a system reads
+//! A system whose laws Gᵢ act on common unknowns z, z = Gᵢ⁻¹wᵢ, reads
 //!
 //!   Σᵢ Kᵢ wᵢ + D ż + M z̈ = F(t) f.
 //!
 //! K w = f alone is the base model. Inertia adds M z̈, a slipping interface and pore flow add D ż, a pocket has two laws. Kᵢ and D need not be symmetric.
 //!
-//! Steps are taken by a singly diagonally implicit Runge–Kutta method of order four, L-stable and stiffly accurate. A law is a chain of springs, dashpots and
-//! Kelvin–Voigt bodies, each of which keeps a field of its own. At a stage every body, and so the chain, is an affine function of w: z = j w + h and ż = c w + g with
-//! scalars j, c and fields h, g that the bodies' histories give. One solve with Σᵢ (j₁/jᵢ) Kᵢ + c₁ D + (c₁/γΔt) M then gives w₁. While the force holds the system is
-//! autonomous and linear, so the method keeps its order on stiff parts too.
+//! The method is a singly diagonally implicit Runge–Kutta method of order four, L-stable and stiffly accurate. A law is a chain of springs, dashpots and
+//! Kelvin–Voigt bodies, each with its own field. At a stage every body, and so the chain, is an affine function of w: z = j w + h and ż = c w + g with
+//! scalars j, c and fields h, g from the bodies' histories. One solve with Σᵢ (j₁/jᵢ) Kᵢ + c₁ D + (c₁/γΔt) M then gives w₁. While the force holds, the system is
+//! autonomous and linear, so that the method keeps its order on stiff parts.
 //!
-//! Steps end at the switches of the force, not at rows; positions at rows are read off by cubic Hermite interpolation, whose error is of the method's order with
-//! a smaller constant. A force that does not depend on the position acts on a linear system, so that one step and one ramp of it give the answer to any (`respond`). Step lengths are powers of two that grow with the time since the switch, so that few factors serve a run.
+//! Steps end at the switches of the force, not at rows. Positions at rows come from cubic Hermite interpolation, whose error has the method's order and
+//! a smaller constant. A force that does not depend on the position acts on a linear system. Responses to one step and one ramp then give the response to any force (`respond`).
+//! Step lengths are powers of two that grow with the time since the switch, so that few factors serve a run.
 
 mod history;
 mod load;
@@ -34,7 +35,7 @@ use laws::rheology::{
 /// A matrix of a system.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Part {
-    /// Kᵢ, of the law of this index.
+    /// Kᵢ of the law with this index.
     Stiffness(usize),
     /// D.
     Damping,
@@ -42,7 +43,7 @@ pub enum Part {
     Mass,
 }
 
-/// Factors of a system's matrices in a stage's matrix.
+/// Weights of a system's matrices in the matrix of a stage.
 #[derive(Debug, Clone, PartialEq)]
 pub struct StageWeights {
     /// j₁/jᵢ, 1 for the first law.
@@ -53,7 +54,7 @@ pub struct StageWeights {
     pub mass_per_pa_s2: f64,
 }
 
-/// Replaces a right-hand side by the solution of a stage.
+/// Function that replaces a right-hand side by the solution of a stage.
 pub type StageSolve<'a> = Box<dyn Fn(&mut [f64]) -> Result<()> + 'a>;
 
 /// Σᵢ Kᵢ wᵢ + D ż + M z̈ = F f, with a position that is linear in z.
@@ -62,14 +63,14 @@ pub trait TransientSystem {
     fn n_unknowns(&self) -> usize;
     /// Number of laws, at least 1.
     fn n_laws(&self) -> usize;
-    /// Whether M is not zero, so that velocities are kept.
+    /// True if M is not zero, so that velocities must be stored.
     fn has_mass(&self) -> bool;
     /// Factorises Σᵢ stiffnessᵢ Kᵢ + damping D + mass M.
     ///
     /// # Errors
-    /// [`base::Error::Numerical`] where the matrix is singular.
+    /// [`base::Error::Numerical`] if the matrix is singular.
     fn factor(&self, weights: &StageWeights) -> Result<StageSolve<'_>>;
-    /// `result` += the part times `x`; nothing for parts that the system does not have.
+    /// `result` += the part times `x`. Does nothing for parts that the system lacks.
     fn add_product(&self, part: Part, x: &[f64], result: &mut [f64]);
     /// Adds the force on the whole body (N) along x to a right-hand side.
     fn add_load(&self, force_n: f64, right_hand_side: &mut [f64]);
@@ -77,12 +78,12 @@ pub trait TransientSystem {
     fn position_m(&self, unknowns: &[f64]) -> f64;
 }
 
-/// A law as a chain of bodies that all carry the stress.
+/// A law as a chain of bodies that all carry the full stress.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ChainLaw {
     /// Springs, dashpots and Kelvin–Voigt bodies.
     pub bodies: CreepCompliance,
-    /// Bodies whose rate and compliance are complex, λ and a of Re a (1 − e^{−λt}), as a springpot beside a spring has them: y' = λ (a w − y), of which the real part counts.
+    /// Bodies with complex rate λ and compliance a, Re a (1 − e^{−λt}), as of a springpot beside a spring. y' = λ (a w − y), and the strain is the real part of y.
     pub turning: Vec<OscillatingMode<f64>>,
 }
 
@@ -92,7 +93,7 @@ impl From<CreepCompliance> for ChainLaw {
     }
 }
 
-/// A law as a chain of bodies. Networks of springs and dashpots are exact; springpots are right for the times of the window.
+/// Converts a law into a chain of bodies. Networks of springs and dashpots are exact; springpots are accurate within the window's times.
 ///
 /// # Errors
 /// Those of [`RetardationSpectrum::of`].

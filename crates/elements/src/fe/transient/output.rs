@@ -2,9 +2,9 @@
 
 use super::TransientSystem;
 
-/// Sees the steps of a run, one after the other.
+/// Records the steps of a run in order.
 pub(super) trait Recorder {
-    /// Takes note of a step.
+    /// Records a step.
     fn record(&mut self, from: &State, to: &State, system: &dyn TransientSystem);
 }
 
@@ -16,7 +16,7 @@ pub(super) struct State {
     pub rates_per_s: Vec<f64>,
 }
 
-/// Rows that have been passed.
+/// Results at the rows passed so far.
 pub(super) struct Output<'a> {
     pub time_s: &'a [f64],
     pub rows_of_fields: &'a [usize],
@@ -26,7 +26,7 @@ pub(super) struct Output<'a> {
     pub fields: Vec<Vec<f64>>,
 }
 
-/// Weights at `time_s` of value and rate at a step's start, and of value and rate at its end, in the cubic that has them.
+/// Weights at `time_s` of value and rate at a step's start and end, for the cubic through them.
 fn cubic_weights(from_s: f64, to_s: f64, time_s: f64) -> [f64; 4] {
     let step_s = to_s - from_s;
     let x = if step_s > 0.0 { ((time_s - from_s) / step_s).min(1.0) } else { 1.0 };
@@ -35,7 +35,7 @@ fn cubic_weights(from_s: f64, to_s: f64, time_s: f64) -> [f64; 4] {
 }
 
 impl Recorder for Output<'_> {
-    /// Gives the rows up to the end of a step, by the cubic of values and rates at its ends.
+    /// Records the rows up to the end of a step, by the cubic through values and rates at its ends.
     fn record(&mut self, from: &State, to: &State, system: &dyn TransientSystem) {
         let ends = [&from.unknowns, &from.rates_per_s, &to.unknowns, &to.rates_per_s];
         let mut at_ends = None;
@@ -52,7 +52,7 @@ impl Recorder for Output<'_> {
     }
 }
 
-/// A share of the field of a unit change that is wanted in a sum of fields.
+/// A share of the field of a unit change in a sum of fields.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct FieldTerm {
     /// Time since the change, in s.
@@ -63,7 +63,7 @@ pub struct FieldTerm {
     pub factor: f64,
 }
 
-/// Position of a system after one change of the force, at any age of it, and sums of its fields.
+/// Position of a system after one change of the force, at any age of the change, and sums of its fields.
 #[derive(Debug, Clone, PartialEq)]
 pub struct UnitResponse {
     /// Age (s), position (m) and its rate (m/s) at the ends of steps.
@@ -82,15 +82,15 @@ impl UnitResponse {
     }
 }
 
-/// What a response is made of while it is stepped.
+/// A response under construction.
 pub(super) struct ResponseRecorder<'a> {
-    /// In the order of their ages.
+    /// Terms in the order of their ages.
     terms: std::iter::Peekable<std::slice::Iter<'a, FieldTerm>>,
     pub(super) response: UnitResponse,
 }
 
 impl<'a> ResponseRecorder<'a> {
-    /// `terms` ascend by age; there are as many sums as they name.
+    /// Prepares a response. `terms` ascend by age; their largest index gives the number of sums.
     pub(super) fn new(terms: &'a [FieldTerm], n_unknowns: usize) -> Self {
         let n_sums = terms.iter().map(|term| term.sum + 1).max().unwrap_or(0);
         let response = UnitResponse { moments: Vec::new(), fields: vec![vec![0.0; n_unknowns]; n_sums] };

@@ -1,4 +1,4 @@
-//! One run: switches, steps, stages, and the positions at rows.
+//! One run: switches, steps, stages, and positions at rows.
 
 use std::collections::HashMap;
 use std::rc::Rc;
@@ -13,30 +13,30 @@ use crate::fe::clock::{CLOCK_ROUNDING, FOURTH};
 use base::error::{Error, Result};
 use laws::stages::Switch;
 
-/// What a run gives.
+/// Result of a run.
 #[derive(Debug, Clone, PartialEq)]
 pub struct TransientRun {
-    /// Displacement of the robot (m) at every row, the limit from the left.
+    /// Displacement of the robot (m) at every row, as the limit from the left.
     pub position_m: Vec<f64>,
-    /// Unknowns z at the rows that were asked for, in the order of time.
+    /// Unknowns z at the requested rows, in the order of time.
     pub fields: Vec<Vec<f64>>,
-    /// Steps that were taken.
+    /// Number of steps.
     pub n_steps: usize,
-    /// Factors that were made.
+    /// Number of factorisations.
     pub n_factors: usize,
 }
 
-/// Scale of the first steps of a response, as a share of the first age at which it is wanted. Whatever decays within a step is gone by then, since the method is L-stable.
+/// Scale of the first steps of a response, as a share of its first age. Faster processes have decayed by then, because the method is L-stable.
 const SHARE_OF_FIRST_AGE: f64 = 0.03;
 
-/// Factors kept at once: a run of one hold needs about two for every decade of time.
+/// Largest number of stored factors. A run of one hold needs about two per decade of time.
 const MOST_FACTORS: usize = 48;
 
-/// Steps a system, at rest before the first switch, through a load; one law for each of the system's. Rows `time_s` (s) ascend; of the rows in `rows_of_fields`
-/// all unknowns are given.
+/// Steps a system through a load; it rests before the first switch. `laws` has one law for each of the system's. Rows `time_s` (s) ascend. The result has
+/// all unknowns at the rows in `rows_of_fields`.
 ///
 /// # Errors
-/// [`Error::Numerical`] where the number of laws is not the system's, a law is rigid, the force gradient pulls the robot away, or a position is not finite.
+/// [`Error::Numerical`] if the number of laws is wrong, a law is rigid, the force gradient pulls the robot away, or a position is not finite.
 pub fn run<L: Clone + Into<ChainLaw>>(
     system: &dyn TransientSystem,
     laws: &[L],
@@ -82,8 +82,8 @@ pub fn run<L: Clone + Into<ChainLaw>>(
     Ok(TransientRun { position_m: output.position_m, fields: output.fields, n_steps, n_factors })
 }
 
-/// Steps a system, at rest, through one change of the force at time 0; one law for each of the system's. Positions are known from `first_age_s` to `last_age_s` after it
-/// (s, both above 0), and sums of fields at the ages of `terms`, which ascend and lie between the two.
+/// Steps a system at rest through one change of the force at time 0; `laws` has one law for each of the system's. Positions are known from `first_age_s` to `last_age_s` after it
+/// (s, both above 0). Sums of fields are known at the ages of `terms`, which ascend and lie between the two.
 ///
 /// # Errors
 /// As [`run`].
@@ -120,11 +120,11 @@ fn gap_s(time_s: &[f64], switches: &[Switch], i: usize, rounding_s: f64) -> f64 
     row_s.min(switch_s) - switches[i].time_s
 }
 
-/// What all stages of one step length share.
+/// Data that all stages of one step length share.
 struct Prepared<'a> {
     responses: Vec<Response>,
     solve: StageSolve<'a>,
-    /// First law's stress per unit force, where the force depends on the position.
+    /// Stress of the first law per unit force, if the force depends on the position.
     stress_per_n: Option<Vec<f64>>,
 }
 
@@ -136,7 +136,7 @@ struct Run<'a> {
     factors: HashMap<u64, Rc<Prepared<'a>>>,
     grading: Grading,
     now: State,
-    /// Whether no step has been taken since the switch: rates at its left side say nothing of the right.
+    /// True if no step has followed the switch yet: the rates before the switch do not apply after it.
     is_fresh: bool,
     input: Switch,
     lagged_n: f64,
@@ -152,7 +152,7 @@ impl<'a> Run<'a> {
         if laws.len() != system.n_laws() || laws.is_empty() {
             return Err(Error::numerical(
                 format!("the system has {} laws and {} are given", system.n_laws(), laws.len()),
-                "give one law for each of the system's",
+                "give one law for each law of the system",
             ));
         }
         let n = system.n_unknowns();
@@ -182,7 +182,7 @@ impl<'a> Run<'a> {
     }
 
     fn advance_to(&mut self, stop_s: f64, rounding_s: f64, recorder: &mut dyn Recorder) -> Result<()> {
-        // Before the first switch nothing moves.
+        // Nothing moves before the first switch.
         if self.n_steps == 0 && self.input.force_n == 0.0 && self.input.slope_n_per_s == 0.0 {
             let rest = self.rest(stop_s);
             recorder.record(&self.now, &rest, self.system);
@@ -194,7 +194,7 @@ impl<'a> Run<'a> {
             let step_s = self.grading.step_s(self.now.time_s, left_s);
             let before = self.now.clone();
             self.step(step_s)?;
-            // The last step is `left_s` but for rounding.
+            // The last step is `left_s` up to rounding.
             self.now.time_s = if step_s > 0.75 * left_s { stop_s } else { before.time_s + step_s };
             let rates_per_s = if self.is_fresh { self.now.rates_per_s.clone() } else { before.rates_per_s };
             recorder.record(&State { rates_per_s, ..before }, &self.now, self.system);
@@ -216,8 +216,8 @@ impl<'a> Run<'a> {
             .any(|response| !(response.compliance_per_pa > 0.0 && response.compliance_per_pa.is_finite()))
         {
             return Err(Error::numerical(
-                format!("a law answers a step of {step_s} s by {responses:?}"),
-                "give a law that yields: moduli and viscosities that are positive and finite",
+                format!("the response of a law to a step of {step_s} s is {responses:?}"),
+                "give positive and finite moduli and viscosities",
             ));
         }
         let weights = StageWeights {
@@ -297,7 +297,7 @@ impl<'a> Run<'a> {
         Ok(())
     }
 
-    /// Adds to the right-hand side what the histories leave: − D g₁ − M (g₁ − predicted velocity)/γΔt − Σ Kᵢ (h₁ − hᵢ)/jᵢ.
+    /// Adds the histories' contribution to the right-hand side: − D g₁ − M (g₁ − predicted velocity)/γΔt − Σ Kᵢ (h₁ − hᵢ)/jᵢ.
     fn add_histories(
         &mut self,
         stage: usize,

@@ -1,4 +1,4 @@
-//! The stages of the method of order four: what each starts from.
+//! Starting values of the stages of the fourth-order method.
 
 use crate::fe::clock::FOURTH;
 

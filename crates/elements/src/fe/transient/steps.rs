@@ -1,24 +1,24 @@
-//! How long steps are: powers of two that grow with the time since the last switch.
+//! Lengths of steps: powers of two that grow with the time since the last switch.
 
 use crate::fe::clock::{ending_well, share_of_gap};
 
-/// How fine the steps are.
+/// Refinement of the steps.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Resolution {
     /// n ≥ 1: steps are between 1/2n and 1/n of the time since the switch. The error falls with the fourth power of 1/n.
     pub steps_per_doubling: u32,
-    /// Steps are no longer than this, in s: a system that rings long after a switch needs about ten a period.
+    /// Longest step, in s. A system that rings long after a switch needs about ten steps per period.
     pub longest_step_s: f64,
 }
 
 impl Default for Resolution {
-    /// Errors of less than 1e-6 of the largest position where nothing rings.
+    /// Errors below 1e-6 of the largest position, if nothing rings.
     fn default() -> Self {
         Self { steps_per_doubling: 10, longest_step_s: f64::INFINITY }
     }
 }
 
-/// Steps since one switch: h ≤ η (time since the switch + scale).
+/// Steps after one switch: h ≤ η (time since the switch + scale).
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Grading {
     growth: f64,
@@ -28,14 +28,14 @@ pub(super) struct Grading {
 }
 
 impl Grading {
-    /// Steps after a switch that is followed by a row or switch `gap_s` later; `jumps` where the force does.
+    /// Steps after a switch, with the next row or switch `gap_s` later. `jumps` tells whether the force jumps there.
     pub fn new(resolution: Resolution, switched_s: f64, gap_s: f64, jumps: bool) -> Self {
         let Resolution { steps_per_doubling, longest_step_s } = resolution;
         let growth = f64::from(steps_per_doubling.max(1)).recip();
         Self { growth, switched_s, scale_s: share_of_gap(jumps) * gap_s, longest_step_s }
     }
 
-    /// Steps after a change at time 0 of which the first resolve `scale_s`.
+    /// Steps after a change at time 0. The first ones resolve `scale_s`.
     pub fn within(resolution: Resolution, scale_s: f64) -> Self {
         Self { scale_s, ..Self::new(resolution, 0.0, 0.0, true) }
     }

@@ -1,4 +1,4 @@
-//! Steps against closed forms and against the eigenvectors of small meshes with matrix exponentials of their own, none of which share code with them.
+//! Steps against closed forms, and against the eigenvectors of small meshes with separate matrix exponentials. No code is shared.
 
 use nalgebra::{DMatrix, DVector, SMatrix, SVector};
 
@@ -11,7 +11,7 @@ use base::number::Dual;
 use laws::rheology::BaseLaw;
 use laws::stages::Stages;
 
-/// E, c₁, c₂ of the paper, a series spring.
+/// E, c₁, c₂ of the paper, and a series spring.
 const PARAMETERS: [f64; 4] = [3.527, 1.402, 47.370, 20.0];
 const WINDOW: TimeWindow = TimeWindow { shortest_s: 1e-3, longest_s: 100.0 };
 
@@ -44,14 +44,14 @@ fn record() -> (Vec<f64>, Vec<f64>) {
     (time_s, force_n)
 }
 
-/// Largest difference over the largest value of `exact`.
+/// Largest difference, divided by the largest value of `exact`.
 fn distance(found: &[f64], exact: &[f64]) -> f64 {
     assert_eq!(found.len(), exact.len());
     let amplitude = exact.iter().fold(0.0_f64, |m, x| m.max(x.abs()));
     found.iter().zip(exact).fold(0.0_f64, |m, (a, b)| m.max((a - b).abs())) / amplitude
 }
 
-/// A system of dense matrices; the last unknown is the robot's.
+/// A system of dense matrices. The last unknown is the robot's.
 struct Dense {
     stiffness: Vec<DMatrix<f64>>,
     damping: Option<DMatrix<f64>>,
@@ -105,7 +105,7 @@ fn ball() -> Mesh {
     ball.mesh().expect("the radii are in order")
 }
 
-/// K̂ of the mesh as a dense matrix; `robot_load` is a unit force on the whole body.
+/// K̂ of the mesh as a dense matrix. `robot_load` is a unit force on the whole body.
 fn base() -> Dense {
     let assembly = Assembly::new(&ball()).expect("a sound mesh");
     let upper = assembly.unit_stiffness(0.48);
@@ -122,7 +122,7 @@ fn base() -> Dense {
     Dense { stiffness: vec![matrix], damping: None, mass: None, load }
 }
 
-/// Mass of each unknown at a density, row sums of the consistent matrix's squares: positive, of the mesh's sizes.
+/// Mass of each unknown at a density: positive row sums of the consistent matrix's squares, of realistic size for the mesh.
 fn lumped_mass(density_kg_per_m3: f64) -> DMatrix<f64> {
     let (mesh, assembly) = (ball(), Assembly::new(&ball()).expect("a sound mesh"));
     let table = TabulatedElement::of(mesh.element_kind);
@@ -166,7 +166,7 @@ fn by_modes(
     position
 }
 
-/// Rows of ẏ = A y + b F from rest, read off by `output`; the exponential of every interval is computed anew.
+/// Rows of ẏ = A y + b F from rest, read by `output`. The exponential of every interval is computed separately.
 fn by_exponentials<const N: usize>(a: SMatrix<f64, N, N>, b: SVector<f64, N>, output: SVector<f64, N>) -> Vec<f64> {
     let (time_s, force_n) = record();
     let mut y = DVector::<f64>::zeros(N + 1);
@@ -231,7 +231,7 @@ fn inertia_is_the_sum_of_its_modes() {
     assert!(distance(&found, &exact) < 1e-6, "{:e}", distance(&found, &exact));
 }
 
-/// w + μ ż = F for every mode of a damping that most unknowns do not have; the spring makes the others jump.
+/// w + μ ż = F for every mode of a damping that acts on few unknowns. The spring makes the others jump.
 #[test]
 fn damping_is_the_sum_of_its_modes() {
     let mut system = base();
@@ -266,7 +266,7 @@ fn damping_is_the_sum_of_its_modes() {
     assert!(distance(&found, &exact) < 1e-6, "{:e}", distance(&found, &exact));
 }
 
-/// κ w₁ + (1 − κ) w₂ = F for every mode: the two laws in parallel, whose creep is known exactly.
+/// κ w₁ + (1 − κ) w₂ = F for every mode: two laws in parallel with exactly known creep.
 #[test]
 fn two_laws_are_the_sum_of_their_modes() {
     let whole = base();
@@ -316,7 +316,7 @@ fn two_laws_are_the_sum_of_their_modes() {
     assert!(distance(&found, &exact) < 1e-6, "{:e}", distance(&found, &exact));
 }
 
-/// One unknown, K w + M z̈ = F under a Kelvin–Voigt body: a ringing oscillator, with a longest step.
+/// One unknown, K w + M z̈ = F under a Kelvin–Voigt body: a ringing oscillator with a longest step.
 #[test]
 fn the_error_falls_with_the_fourth_power_of_the_step() {
     let (modulus, viscosity, mass) = (3.0, 0.4, 0.1_f64);
@@ -378,7 +378,7 @@ fn lag_and_gradient_are_those_of_the_other_stepper() {
     assert!(refused.is_err_and(|e| e.to_string().contains("pulls the robot away")));
 }
 
-/// A springpot's chain holds for the window's times.
+/// The chain of a springpot is accurate within the window's times.
 #[test]
 fn springpots_are_those_of_the_other_stepper() {
     let stiffness = Stiffness::new(&ball()).expect("a sound mesh");
@@ -389,7 +389,7 @@ fn springpots_are_those_of_the_other_stepper() {
     let springpot = Element::Springpot { modulus_pa: e, time_s: c1 / e, order };
     let beside = Element::Parallel(vec![Element::Spring { modulus_pa: e }, springpot.clone()]);
     let flow = Element::Dashpot { viscosity_pa_s: c2 };
-    // A springpot beside a spring has complex rates, one in series has none.
+    // A springpot beside a spring has complex rates; one in series does not.
     for (law, n_turning) in [
         (vec![Element::kelvin_voigt(e, c1), springpot, flow.clone()], 0),
         (vec![beside.clone(), flow], 1),
@@ -414,7 +414,7 @@ fn laws_that_do_not_fit_are_refused() {
     let rigid = CreepCompliance { instantaneous_per_pa: 0.0, retarded: Vec::new(), fluidity_per_pa_s: 0.0 };
     for (laws, words) in [
         (vec![], "the system has 1 laws and 0 are given"),
-        (vec![rigid], "a law answers a step of"),
+        (vec![rigid], "the response of a law to a step of"),
         (vec![chain(BaseLaw::Burgers); 2], "the system has 1 laws and 2 are given"),
     ] {
         let error = run(&system, &laws, &load, &time_s, &[], Resolution::default()).unwrap_err().to_string();

@@ -1,4 +1,4 @@
-//! From the sections of a file to the quarter model: volume elements, node sets, and the checks that catch a wrong geometry.
+//! Builds the quarter model from the sections of a file: volume elements, node sets, and checks for a wrong geometry.
 
 use std::collections::{HashMap, HashSet};
 
@@ -10,14 +10,14 @@ use base::error::{Error, Result};
 
 /// Names of the surfaces that a mesh must define.
 const SURFACES: [&str; 4] = ["robot", "outer", "symmetry_y", "symmetry_z"];
-/// How far a node may lie off its symmetry plane, relative to the mesh's extent.
+/// Largest distance of a node from its symmetry plane, relative to the mesh's extent.
 const PLANE_TOLERANCE: f64 = 1e-6;
-/// How far the robot's middle along x may lie from the origin without a warning, relative to its extent.
+/// Largest distance of the robot's middle along x from the origin without a warning, relative to its extent.
 const CENTRE_TOLERANCE: f64 = 0.01;
-/// Marks a node of no volume element.
+/// Mark of a node of no volume element.
 const UNUSED: u32 = u32::MAX;
 
-/// Makes an error about the file from what was found and the remedy.
+/// Builds an error about the file from the finding and the remedy.
 pub(super) type Refuse<'a> = dyn Fn(String, String) -> Error + 'a;
 /// The corners of a triangle, sorted.
 type Face = [u32; 3];
@@ -68,7 +68,7 @@ fn volume_elements(blocks: &[ElementBlock], refuse: &Refuse<'_>) -> Result<(Elem
             other => {
                 return Err(refuse(
                     format!(
-                        "volume {} has elements of Gmsh type {other}, not tetrahedra of 4 or 10 nodes",
+                        "volume {} has elements of Gmsh type {other}; tetrahedra of 4 or 10 nodes are needed",
                         block.entity
                     ),
                     "mesh with tetrahedra: `gmsh -3 -order 2 -format msh41`, without recombination".to_owned(),
@@ -78,7 +78,7 @@ fn volume_elements(blocks: &[ElementBlock], refuse: &Refuse<'_>) -> Result<(Elem
         if *found.get_or_insert(kind) != kind {
             return Err(refuse(
                 "volume elements of 4 and of 10 nodes are mixed".to_owned(),
-                "set the order of the whole mesh: `gmsh -3 -order 2 -format msh41`".to_owned(),
+                "use one order for the whole mesh: `gmsh -3 -order 2 -format msh41`".to_owned(),
             ));
         }
         tags.extend_from_slice(&block.tags);
@@ -86,7 +86,7 @@ fn volume_elements(blocks: &[ElementBlock], refuse: &Refuse<'_>) -> Result<(Elem
             let start = connectivity.len();
             connectivity.extend_from_slice(nodes);
             if kind == ElementKind::Tetrahedron10 {
-                // Gmsh numbers the edges 2–3 and 1–3 the other way round.
+                // Gmsh numbers the edges 2–3 and 1–3 in the opposite order.
                 connectivity.swap(start + 8, start + 9);
             }
         }
@@ -95,14 +95,14 @@ fn volume_elements(blocks: &[ElementBlock], refuse: &Refuse<'_>) -> Result<(Elem
         Some(kind) => Ok((kind, connectivity, tags)),
         None => Err(refuse(
             "there are no volume elements".to_owned(),
-            "mesh in three dimensions (`gmsh -3`); where physical groups exist, Gmsh saves only what they hold, so add \
+            "mesh in three dimensions (`gmsh -3`); if there are physical groups, Gmsh saves only these, so add \
              `Physical Volume(\"gel\") = {…};`"
                 .to_owned(),
         )),
     }
 }
 
-/// Turns elements that are inside out and returns how many; refuses degenerate ones.
+/// Corrects elements that are inside out and returns their number. Refuses degenerate ones.
 fn orient(
     connectivity: &mut [u32],
     n_nodes: usize,
@@ -180,7 +180,7 @@ fn sorted(mut face: Face) -> Face {
     face
 }
 
-/// Every face of the volume's boundary must be in a group, or it would silently be free of traction; and a group must lie on the boundary.
+/// Checks that every face of the volume's boundary is in a group, because it would otherwise be free of traction. Checks also that every group lies on the boundary.
 fn check_boundary(
     connectivity: &[u32],
     n_nodes: usize,
@@ -203,7 +203,7 @@ fn check_boundary(
                         "a triangle of `{name}` near {:?} is not on the boundary of the volume mesh",
                         points[face[0] as usize]
                     ),
-                    format!("let `{name}` hold outer surfaces of the gel only, with nothing meshed inside the robot"),
+                    format!("put only outer surfaces of the gel into `{name}`, and mesh nothing inside the robot"),
                 ));
             }
             if !named.insert(*face) {
@@ -228,7 +228,7 @@ fn check_boundary(
     }
 }
 
-/// Drops nodes of no element: new index by old one, and the coordinates kept, in m.
+/// Drops nodes of no element. Returns the new index of each old node, and the kept coordinates in m.
 fn compact(nodes: &[[f64; 3]], connectivity: &mut [u32], metres_per_unit: f64) -> (Vec<u32>, Vec<[f64; 3]>) {
     let mut new_index = vec![UNUSED; nodes.len()];
     for &node in connectivity.iter() {
@@ -247,21 +247,21 @@ fn compact(nodes: &[[f64; 3]], connectivity: &mut [u32], metres_per_unit: f64) -
     (new_index, kept)
 }
 
-/// A surface's nodes in the new numbering, sorted.
+/// Nodes of a surface in the new numbering, sorted.
 fn node_set(name: &str, surface: &Surface, new_index: &[u32], refuse: &Refuse<'_>) -> Result<Vec<u32>> {
     let mut set: Vec<u32> = surface.nodes.iter().map(|&node| new_index[node as usize]).collect();
     set.sort_unstable();
     set.dedup();
     if set.last() == Some(&UNUSED) {
         return Err(refuse(
-            format!("triangles of `{name}` have nodes that the volume elements lack"),
+            format!("triangles of `{name}` have nodes that no volume element has"),
             "set one order for the whole mesh: `gmsh -3 -order 2 -format msh41`".to_owned(),
         ));
     }
     Ok(set)
 }
 
-/// Symmetry nodes lie on their planes, the mesh on the positive side of both, and the robot does not touch the outer surface.
+/// Checks that symmetry nodes lie on their planes, the mesh is on the positive side of both, and the robot does not touch the outer surface.
 fn check_geometry(mesh: &Mesh, metres_per_unit: f64, refuse: &Refuse<'_>) -> Result<()> {
     let extent = mesh.node_coordinates_m.iter().flatten().fold(0.0_f64, |extent, c| extent.max(c.abs()));
     let tolerance = PLANE_TOLERANCE * extent;
@@ -271,14 +271,14 @@ fn check_geometry(mesh: &Mesh, metres_per_unit: f64, refuse: &Refuse<'_>) -> Res
     {
         if let Some(&node) = nodes.iter().find(|&&n| mesh.node_coordinates_m[n as usize][axis].abs() > tolerance) {
             return Err(refuse(
-                format!("a node of `{name}` stands at {:?}, off its plane {plane}", in_file_units(node)),
-                format!("let `{name}` hold the flat surfaces on {plane} only, with the robot's centre at the origin"),
+                format!("a node of `{name}` is at {:?}, off its plane {plane}", in_file_units(node)),
+                format!("put only the flat surfaces on {plane} into `{name}`, with the robot's centre at the origin"),
             ));
         }
         let below = (0_u32..).zip(&mesh.node_coordinates_m).find(|(_, point)| point[axis] < -tolerance);
         if let Some((node, _)) = below {
             return Err(refuse(
-                format!("a node stands at {:?}, behind the symmetry plane {plane}", in_file_units(node)),
+                format!("a node is at {:?}, behind the symmetry plane {plane}", in_file_units(node)),
                 "mesh the quarter with y ≥ 0 and z ≥ 0".to_owned(),
             ));
         }
@@ -292,7 +292,7 @@ fn check_geometry(mesh: &Mesh, metres_per_unit: f64, refuse: &Refuse<'_>) -> Res
     }
 }
 
-/// A warning when the robot's extent along x is not centred at the origin.
+/// A warning if the robot's extent along x is not centred at the origin.
 fn off_centre(mesh: &Mesh) -> Option<GmshWarning> {
     let (least, largest) = mesh
         .robot_nodes

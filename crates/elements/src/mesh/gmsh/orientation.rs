@@ -1,6 +1,6 @@
-//! Jacobians of tetrahedra: which elements are inside out, which are folded.
+//! Jacobians of tetrahedra: detects elements that are inside out or folded.
 
-/// Whether an element's Jacobian determinant has one sign.
+/// Sign of an element's Jacobian determinant.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Orientation {
     Positive,
@@ -10,7 +10,7 @@ pub(super) enum Orientation {
     Degenerate,
 }
 
-/// Reference coordinates at which a Jacobian is looked at: corners, edge middles, and inner points near the usual integration points.
+/// Reference coordinates at which the Jacobian is checked: corners, edge middles, and inner points near the usual integration points.
 const SAMPLES: [[f64; 3]; 15] = [
     [0.0, 0.0, 0.0],
     [1.0, 0.0, 0.0],
@@ -52,7 +52,7 @@ pub(super) fn orientation(points: &[[f64; 3]]) -> Orientation {
     }
 }
 
-/// Renumbers an element inside out: corners 0 and 1 change places, and the edge nodes with them.
+/// Renumbers an element that is inside out: exchanges corners 0 and 1 and the edge nodes with them.
 pub(super) fn turn(nodes: &mut [u32]) {
     nodes.swap(0, 1);
     if nodes.len() == 10 {
@@ -110,7 +110,7 @@ mod tests {
 
     #[test]
     fn a_straight_element_has_six_times_its_volume_everywhere() {
-        // Base 2 × 1 / 2, height 1.5: volume 0.5.
+        // Base 2 × 1 / 2, height 1.5: the volume is 0.5.
         for sample in SAMPLES {
             assert!((jacobian_determinant(&CORNERS, sample) - 3.0).abs() < 1e-12);
             assert!((jacobian_determinant(&straight_tetrahedron10(), sample) - 3.0).abs() < 1e-12);

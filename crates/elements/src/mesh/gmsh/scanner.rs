@@ -1,10 +1,10 @@
-//! Numbers and section marks of an MSH file, text or binary, with the position for error messages.
+//! Reads numbers and section marks of an MSH file, text or binary, and keeps the position for error messages.
 
 use std::path::Path;
 
 use base::error::{Error, Place, Result};
 
-/// What to do about a file that breaks off or does not follow the format.
+/// Remedy for a file that ends early or does not follow the format.
 const DAMAGED: &str = "the file is damaged or not a Gmsh 4.1 mesh: save it again with `gmsh -3 -format msh41`";
 
 /// A cursor over the bytes of an MSH file.
@@ -14,7 +14,7 @@ pub(super) struct Scanner<'a> {
     position: usize,
     /// Line of the last text token, from 1.
     line: usize,
-    /// Whether numbers are stored as little-endian bytes.
+    /// True if numbers are stored as little-endian bytes.
     pub(super) binary: bool,
 }
 
@@ -23,7 +23,7 @@ impl<'a> Scanner<'a> {
         Self { path, bytes, position: 0, line: 1, binary: false }
     }
 
-    /// An error at the current position: the line of a text file, the byte offset of a binary one.
+    /// An error at the current position: the line of a text file or the byte offset of a binary one.
     pub(super) fn error(&self, found: impl std::fmt::Display, remedy: impl Into<String>) -> Error {
         if self.binary {
             let found = format!("at byte offset {}: {found}", self.position);
@@ -50,7 +50,7 @@ impl<'a> Scanner<'a> {
         }
     }
 
-    /// The next word of text, whatever the mode; empty at the end of the file.
+    /// Next word of text, in text and binary files; empty at the end of the file.
     fn word(&mut self) -> &'a [u8] {
         self.skip_whitespace();
         let rest = &self.bytes[self.position..];
@@ -59,7 +59,7 @@ impl<'a> Scanner<'a> {
         &rest[..length]
     }
 
-    /// The name after `$` that opens the next section, or `None` at the end of the file.
+    /// Name after `$` that opens the next section; `None` at the end of the file.
     pub(super) fn section(&mut self) -> Result<Option<&'a str>> {
         let word = self.word();
         if word.is_empty() {
@@ -68,26 +68,26 @@ impl<'a> Scanner<'a> {
         match std::str::from_utf8(word).ok().and_then(|word| word.strip_prefix('$')) {
             Some(name) => {
                 if self.binary {
-                    // Numbers start right after the line break.
+                    // Numbers start directly after the line break.
                     self.end_of_line();
                 }
                 Ok(Some(name))
             }
-            None => Err(self.damaged(format!("`{}` where a section such as `$Nodes` should start", printable(word)))),
+            None => Err(self.damaged(format!("found `{}`, expected a section such as `$Nodes`", printable(word)))),
         }
     }
 
-    /// Consumes the mark that closes section `name`.
+    /// Reads the mark that closes section `name`.
     pub(super) fn end_of_section(&mut self, name: &str) -> Result<()> {
         let word = self.word();
         if word.strip_prefix(b"$End") == Some(name.as_bytes()) {
             Ok(())
         } else {
-            Err(self.damaged(format!("`{}` where `$End{name}` should stand", printable(word))))
+            Err(self.damaged(format!("found `{}`, expected `$End{name}`", printable(word))))
         }
     }
 
-    /// Passes over a section that is not needed.
+    /// Skips a section that is not needed.
     pub(super) fn skip_section(&mut self, name: &str) -> Result<()> {
         let mark = format!("$End{name}");
         let rest = &self.bytes[self.position..];
@@ -109,19 +109,19 @@ impl<'a> Scanner<'a> {
         self.position += length;
     }
 
-    /// A number written as text, in text and binary files alike.
+    /// A number written as text, in text and binary files.
     pub(super) fn text_number<T: std::str::FromStr>(&mut self, what: &str) -> Result<T> {
         let word = self.word();
         if word.is_empty() {
-            return Err(self.damaged(format!("the file ends where {what} should stand")));
+            return Err(self.damaged(format!("the file ends, expected {what}")));
         }
         std::str::from_utf8(word)
             .ok()
             .and_then(|word| word.parse().ok())
-            .ok_or_else(|| self.damaged(format!("`{}` where {what} should stand", printable(word))))
+            .ok_or_else(|| self.damaged(format!("found `{}`, expected {what}", printable(word))))
     }
 
-    /// A name in double quotes, in text and binary files alike.
+    /// A name in double quotes, in text and binary files.
     pub(super) fn quoted(&mut self, what: &str) -> Result<String> {
         self.skip_whitespace();
         let rest = &self.bytes[self.position..];
@@ -134,7 +134,7 @@ impl<'a> Scanner<'a> {
                 self.position += inner.len() + 2;
                 Ok(String::from_utf8_lossy(inner).into_owned())
             }
-            None => Err(self.damaged(format!("no name in double quotes where {what} should stand"))),
+            None => Err(self.damaged(format!("found no double quotes, expected {what} in double quotes"))),
         }
     }
 
@@ -148,7 +148,7 @@ impl<'a> Scanner<'a> {
         }
     }
 
-    /// The marker 1 that tells the byte order of a binary file.
+    /// The marker 1, which shows the byte order of a binary file.
     pub(super) fn byte_order(&mut self) -> Result<()> {
         let marker = self.raw("the byte-order marker")?;
         match i32::from_le_bytes(marker) {
@@ -157,7 +157,7 @@ impl<'a> Scanner<'a> {
                 "the numbers are stored with the most significant byte first",
                 "save the mesh as text with `gmsh -3 -format msh41 -bin 0`",
             )),
-            other => Err(self.damaged(format!("{other} where the byte-order marker 1 should stand"))),
+            other => Err(self.damaged(format!("found {other}, expected the byte-order marker 1"))),
         }
     }
 
@@ -174,24 +174,28 @@ impl<'a> Scanner<'a> {
     /// A finite double-precision number.
     pub(super) fn double(&mut self, what: &str) -> Result<f64> {
         let value = if self.binary { f64::from_le_bytes(self.raw(what)?) } else { self.text_number(what)? };
-        if value.is_finite() { Ok(value) } else { Err(self.damaged(format!("{value} where {what} should stand"))) }
+        if value.is_finite() {
+            Ok(value)
+        } else {
+            Err(self.damaged(format!("found {value}, expected {what} as a finite number")))
+        }
     }
 
-    /// A number of items of at least `bytes_each` binary bytes; one that the rest of the file cannot hold is an error, so that a damaged
-    /// count never asks for memory.
+    /// A number of items of at least `bytes_each` binary bytes. It is an error if the rest of the file cannot hold them, so that a damaged
+    /// count never allocates memory.
     pub(super) fn count(&mut self, what: &str, bytes_each: usize) -> Result<usize> {
         let count = self.size(what)?;
-        // As text the shortest item is a digit and a separator.
+        // In a text file the shortest item is a digit and a separator.
         let bytes_each = if self.binary { bytes_each } else { 2 };
         let room = self.bytes.len().saturating_sub(self.position) / bytes_each + 1;
         match usize::try_from(count) {
             Ok(count) if count <= room => Ok(count),
-            _ => Err(self.damaged(format!("{what} is given as {count}, more than the rest of the file can hold"))),
+            _ => Err(self.damaged(format!("{what} is {count}, more than the rest of the file can hold"))),
         }
     }
 }
 
-/// A short, printable form of what was found.
+/// A short, printable form of a word.
 fn printable(word: &[u8]) -> String {
     if word.is_empty() {
         return "end of file".to_owned();

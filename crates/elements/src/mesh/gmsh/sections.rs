@@ -1,11 +1,11 @@
-//! The sections of an MSH 4.1 file as plain lists, before anything is known about the model.
+//! Reads the sections of an MSH 4.1 file into plain lists, without interpretation.
 
 use std::collections::{HashMap, HashSet};
 
 use super::scanner::Scanner;
 use base::error::Result;
 
-/// What an MSH file says, node tags already replaced by indices into `nodes`.
+/// Content of an MSH file, with node tags replaced by indices into `nodes`.
 #[derive(Default)]
 pub(super) struct RawMesh {
     /// (dimension, tag) of a physical group by its name.
@@ -24,11 +24,11 @@ pub(super) struct ElementBlock {
     /// Gmsh's number of the element type.
     pub kind: i32,
     pub tags: Vec<u64>,
-    /// `nodes_per_element(kind)` indices an element, in Gmsh's order.
+    /// `nodes_per_element(kind)` indices per element, in Gmsh's order.
     pub nodes: Vec<u32>,
 }
 
-/// Nodes of one element of a Gmsh type, for the types up to second order.
+/// Number of nodes of an element of a Gmsh type, up to second order.
 pub(super) fn nodes_per_element(kind: i32) -> Option<usize> {
     Some(match kind {
         15 => 1,
@@ -50,17 +50,17 @@ pub(super) fn nodes_per_element(kind: i32) -> Option<usize> {
     })
 }
 
-/// Reads every section that matters and passes over the others.
+/// Reads every relevant section and skips the others.
 pub(super) fn read_sections(scanner: &mut Scanner<'_>) -> Result<RawMesh> {
     let mut raw = RawMesh::default();
     let mut node_index = HashMap::new();
     let mut seen = HashSet::new();
     while let Some(name) = scanner.section()? {
         if !seen.insert(name) && matches!(name, "MeshFormat" | "Entities" | "Nodes" | "Elements") {
-            return Err(scanner.damaged(format!("a second section `${name}`")));
+            return Err(scanner.damaged(format!("section `${name}` appears twice")));
         }
         if seen.len() == 1 && name != "MeshFormat" && name != "Comments" {
-            return Err(scanner.damaged(format!("section `${name}` stands before `$MeshFormat`")));
+            return Err(scanner.damaged(format!("section `${name}` comes before `$MeshFormat`")));
         }
         match name {
             "MeshFormat" => read_format(scanner)?,
@@ -85,7 +85,7 @@ pub(super) fn read_sections(scanner: &mut Scanner<'_>) -> Result<RawMesh> {
         if !seen.contains(name) {
             return Err(scanner.file_error(
                 format!("section `${name}` is missing"),
-                "give a whole Gmsh 4.1 mesh, as `gmsh -3 -order 2 -format msh41` writes it",
+                "use a complete Gmsh 4.1 mesh, as written by `gmsh -3 -order 2 -format msh41`",
             ));
         }
     }
@@ -96,7 +96,7 @@ fn read_format(scanner: &mut Scanner<'_>) -> Result<()> {
     let version: f64 = scanner.text_number("the format's version")?;
     if version != 4.1 {
         return Err(scanner.error(
-            format!("the mesh has format version {version:.1}; only 4.1 is read"),
+            format!("the mesh has format version {version:.1}; only 4.1 is supported"),
             "save it with `gmsh -3 -format msh41`, or set Mesh.MshFileVersion = 4.1",
         ));
     }
@@ -114,7 +114,7 @@ fn read_format(scanner: &mut Scanner<'_>) -> Result<()> {
 }
 
 fn read_physical_names(scanner: &mut Scanner<'_>, raw: &mut RawMesh) -> Result<()> {
-    // This section is text in binary files too.
+    // This section is text in binary files, too.
     let count: u32 = scanner.text_number("the number of physical names")?;
     for _ in 0..count {
         let dimension = scanner.text_number("a physical group's dimension")?;
@@ -122,7 +122,7 @@ fn read_physical_names(scanner: &mut Scanner<'_>, raw: &mut RawMesh) -> Result<(
         let name = scanner.quoted("a physical group's name")?;
         if let Some((other, _)) = raw.groups.insert(name.clone(), (dimension, tag)) {
             return Err(scanner.error(
-                format!("physical name `{name}` is given twice, in dimensions {other} and {dimension}"),
+                format!("physical name `{name}` is used twice, in dimensions {other} and {dimension}"),
                 "give every physical group its own name",
             ));
         }
@@ -144,7 +144,7 @@ fn read_entities(scanner: &mut Scanner<'_>, raw: &mut RawMesh) -> Result<()> {
             let n_groups = scanner.count("a number of physical tags", 4)?;
             let mut groups = Vec::with_capacity(n_groups);
             for _ in 0..n_groups {
-                // A negative tag is the same group with the entity's orientation reversed.
+                // A negative tag means the group with the entity's orientation reversed.
                 groups.push(scanner.int("a physical tag")?.saturating_abs());
             }
             if dimension > 0 {
@@ -171,7 +171,7 @@ fn read_nodes(scanner: &mut Scanner<'_>, raw: &mut RawMesh) -> Result<HashMap<u6
     for _ in 0..n_blocks {
         let dimension = scanner.int("a node block's dimension")?;
         scanner.int("a node block's entity")?;
-        let is_parametric = scanner.int("whether nodes are parametric")?;
+        let is_parametric = scanner.int("the flag for parametric nodes")?;
         let n_parameters = match (is_parametric, dimension) {
             (0, 0..=3) => 0,
             (1, 0..=3) => dimension,
@@ -186,7 +186,9 @@ fn read_nodes(scanner: &mut Scanner<'_>, raw: &mut RawMesh) -> Result<HashMap<u6
             let tag = scanner.size("a node's tag")?;
             let next = index.len() as u32;
             if index.insert(tag, next).is_some() || index.len() > n_nodes {
-                return Err(scanner.damaged(format!("node {tag} stands twice, or more nodes than announced")));
+                return Err(
+                    scanner.damaged(format!("node {tag} appears twice, or the file has more nodes than declared"))
+                );
             }
         }
         for _ in 0..n_in_block {
@@ -203,7 +205,7 @@ fn read_nodes(scanner: &mut Scanner<'_>, raw: &mut RawMesh) -> Result<HashMap<u6
     if raw.nodes.len() == n_nodes {
         Ok(index)
     } else {
-        Err(scanner.damaged(format!("{} nodes where {n_nodes} were announced", raw.nodes.len())))
+        Err(scanner.damaged(format!("{} nodes found, but {n_nodes} declared", raw.nodes.len())))
     }
 }
 
@@ -221,7 +223,7 @@ fn read_elements(scanner: &mut Scanner<'_>, raw: &mut RawMesh, node_index: &Hash
     if n_read == n_elements {
         Ok(())
     } else {
-        Err(scanner.damaged(format!("{n_read} elements where {n_elements} were announced")))
+        Err(scanner.damaged(format!("{n_read} elements found, but {n_elements} declared")))
     }
 }
 

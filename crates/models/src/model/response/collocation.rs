@@ -1,9 +1,9 @@
 //! Steps under a force that depends on the position.
 //!
-//! The force is F_in + R with F_in = L + D e^{−λt} and R = F_in (e^{gx} − 1). What F_in does to a mode is known exactly; R, smooth away from switches, is
-//! a quartic through five nodes, integrated exactly against e^{−ρ(h−s)} however fast the mode. x at the nodes depends on R there linearly, so that g x solves
-//! five equations, by Newton's method. A point whose equations have no solution near where the step begins has no position from there on: the force runs
-//! away with the robot, or by more in one step than a quartic follows.
+//! The force is F_in + R with F_in = L + D e^{−λt} and R = F_in (e^{gx} − 1). The effect of F_in on a mode is known exactly. R is smooth away from switches. It is
+//! approximated by a quartic through five nodes, which is integrated exactly against e^{−ρ(h−s)} for any rate of the mode. x at the nodes depends linearly on R there.
+//! Newton's method therefore solves five equations for g x. If a point's equations have no solution near the step's start, it has no position from there on.
+//! Then the force diverges with the position, or changes by more in one step than a quartic can follow.
 
 use std::ops::{Add, Mul};
 
@@ -17,36 +17,36 @@ use base::number::{Complex, PointScalar};
 
 pub(super) const N_NODES: usize = N_FUNCTIONS;
 
-/// Radau's nodes on [0, 1]. The last is the end: fast modes follow R there, so that a quartic that is wrong there would be wrong for them by its
-/// full error, not by that of its integral.
+/// Radau's nodes on [0, 1]. The last is the end, where fast modes follow R. Without a node there, their error would be the quartic's full error
+/// instead of that of its integral.
 pub(super) const NODES: [f64; N_NODES] =
     [0.057_104_196_114_517_68, 0.276_843_013_638_123_8, 0.583_590_432_368_916_8, 0.860_240_135_656_219_5, 1.0];
 
-/// The node at the end.
+/// Index of the node at the end.
 pub(super) const END: usize = N_NODES - 1;
 
-/// Most steps of Newton's method; few serve, since a step of time begins where the last one ended.
+/// Largest number of Newton steps. Few are needed, since a time step starts at the end of the last one.
 const MOST_NEWTON_STEPS: usize = 12;
-/// A step of Newton's method of this squared size is the last: what it leaves is of the size of its square.
+/// Squared size of the last Newton step. The remaining error is of the size of its square.
 const LAST_STEP_SQUARED: f64 = 1e-14;
-/// Most that g x may change between a step's first node and its end.
+/// Largest change of g x between a step's first node and its end.
 const MOST_CHANGE: f64 = 1.5;
 
-/// What a step does to one mode.
+/// Effect of a step on one mode.
 #[derive(Clone, Copy)]
 pub(super) struct ModeStep<T> {
     /// e^{−ρ c h} at the nodes c.
     pub node_decay: [T; N_NODES],
     pub whole: Row<T>,
-    /// What R at the nodes adds.
+    /// Weights of R at the nodes.
     pub weights: [T; N_NODES],
 }
 
-/// A step of one length.
+/// Step of one length.
 pub(super) struct CollocationStep<S> {
     modes: Vec<ModeStep<S>>,
     oscillating: Vec<ModeStep<Complex<S>>>,
-    /// Σ Y at the nodes for a unit of L, of what it rises, of D and of R at the nodes.
+    /// Σ Y at the nodes for a unit of L, of its rate, of D and of R at the nodes.
     by_level: [S; N_NODES],
     by_slope: [S; N_NODES],
     by_deficit: [S; N_NODES],
@@ -58,7 +58,7 @@ pub(super) struct CollocationStep<S> {
     growth: [S; N_NODES],
 }
 
-/// The state between steps.
+/// State between steps.
 pub(super) struct State<S> {
     modes: Vec<S>,
     oscillating: Vec<Complex<S>>,
@@ -85,7 +85,7 @@ impl<S: Number> State<S> {
     }
 }
 
-/// One mode: its step, and Σ Y at the nodes by L, what it rises, D and R.
+/// Step of one mode, and its Σ Y at the nodes for L, its rate, D and R.
 pub(super) struct OfMode<T> {
     pub step: ModeStep<T>,
     pub by_level: [T; N_NODES],
@@ -94,7 +94,8 @@ pub(super) struct OfMode<T> {
     pub by_feedback: [[T; N_NODES]; N_NODES],
 }
 
-/// `rows` are those over the nodes' parts of the step and `functions` φₖ(−ρ c h) there; `gain` is κ h.
+/// Returns the step of one mode. `rows` are the rows over the nodes' parts of the step, `functions` are φₖ(−ρ c h) at the nodes, and
+/// `gain` is κ h.
 #[inline(always)]
 pub(super) fn of_mode<T: Copy + Add<Output = T> + Mul<Output = T> + Mul<f64, Output = T>>(
     gain: T,
@@ -113,7 +114,7 @@ pub(super) fn of_mode<T: Copy + Add<Output = T> + Mul<Output = T> + Mul<f64, Out
     OfMode { step, by_level, by_slope, by_deficit, by_feedback }
 }
 
-/// gain ∫₀ᶜ e^{−rate (c−s)} ℓⱼ(s) ds of the nodes' Lagrange polynomials ℓⱼ, from φₖ(−rate c).
+/// Weights gain ∫₀ᶜ e^{−rate (c−s)} ℓⱼ(s) ds for the nodes' Lagrange polynomials ℓⱼ, from φₖ(−rate c).
 #[inline(always)]
 fn weights<T: Copy + Add<Output = T> + Mul<Output = T> + Mul<f64, Output = T>>(
     gain: T,
@@ -154,7 +155,7 @@ pub(super) fn lagrange(j: usize) -> [f64; N_NODES] {
 }
 
 impl<S: Number> CollocationStep<S> {
-    /// `rises` where forces rise while they act.
+    /// Step of a length. `rises` is true if forces rise while they act.
     pub fn new(system: &System<S>, length_s: S, rises: bool) -> Self {
         let zero = S::constant(0.0);
         let mut step = Self {
@@ -183,7 +184,7 @@ impl<S: Number> CollocationStep<S> {
         step
     }
 
-    /// Oscillating modes, point by point.
+    /// Fills the oscillating modes, point by point.
     fn set_oscillating(
         &mut self,
         system: &System<S>,
@@ -212,7 +213,7 @@ impl<S: Number> CollocationStep<S> {
     }
 }
 
-/// The real modes of all points at once.
+/// Task that fills the real modes of all points at once.
 struct FillModes<'a, S> {
     system: &'a System<S>,
     length_s: S,
@@ -298,11 +299,11 @@ pub(super) fn advance<S: Number>(system: &System<S>, step: &CollocationStep<S>, 
     }
 }
 
-/// R at the nodes.
+/// Returns R at the nodes.
 #[inline(always)]
 fn feedback_at_nodes<S: Number>(system: &System<S>, step: &CollocationStep<S>, state: &State<S>) -> [S; N_NODES] {
     let (zero, one) = (S::constant(0.0), S::constant(1.0));
-    // Σ Y at the nodes without R: all nodes of a mode together, so that no sum waits for itself.
+    // Σ Y at the nodes without R. The inner loop is over the nodes of a mode, so that no sum waits for itself.
     let mut known = [zero; N_NODES];
     for i in 0..N_NODES {
         known[i] = step.by_level[i].mul_add(state.level_n, step.by_deficit[i] * state.deficit_n);
@@ -327,7 +328,7 @@ fn feedback_at_nodes<S: Number>(system: &System<S>, step: &CollocationStep<S>, s
             force_n[i] = (state.slope_n_per_s * NODES[i]).mul_add(step.length_s, force_n[i]);
         }
     }
-    // g x = known + Σ by_force (e^{gx} − 1) at the nodes.
+    // The equations are g x = known + Σ by_force (e^{gx} − 1) at the nodes.
     let mut by_force = [[zero; N_NODES]; N_NODES];
     for i in 0..N_NODES {
         let strength = system.load.gradient_per_m * state.growth * step.growth[i];
@@ -337,11 +338,11 @@ fn feedback_at_nodes<S: Number>(system: &System<S>, step: &CollocationStep<S>, s
         }
         by_force[i][i] += strength * system.instantaneous * force_n[i];
     }
-    // From what the state alone says of where the step begins: a point that waits for others is to end where it was, to the bit.
+    // The start depends on the state at the step's start alone. A point that waits for others must end where it was, to the bit.
     let (flowed, start_n) = (flowed_m_per_growth(state), state.level_n + state.deficit_n);
     let start = system.load.gradient_per_m * state.growth * system.instantaneous.mul_add(start_n, flowed);
     let mut exponent = [start; N_NODES];
-    // Squared size of each point's last step of Newton's method: what a point does is not to depend on its neighbours.
+    // Squared size of each point's last Newton step. A point's result must not depend on its neighbours.
     let mut size = one;
     for _ in 0..MOST_NEWTON_STEPS {
         let (mut matrix, mut right) = (by_force, known);
@@ -379,7 +380,7 @@ fn feedback_at_nodes<S: Number>(system: &System<S>, step: &CollocationStep<S>, s
     feedback
 }
 
-/// By elimination without pivots: the matrix is the identity and a feedback, which takes a pivot away only where the force runs away.
+/// Solves by elimination without pivots. The matrix is the identity plus a feedback, and a pivot vanishes only where the force diverges.
 #[inline(always)]
 pub(super) fn solve<S: Number>(mut matrix: [[S; N_NODES]; N_NODES], mut right: [S; N_NODES]) -> [S; N_NODES] {
     for k in 0..N_NODES {
@@ -404,7 +405,7 @@ pub(super) fn solve<S: Number>(mut matrix: [[S; N_NODES]; N_NODES], mut right: [
     right
 }
 
-/// Σ Y.
+/// Returns Σ Y.
 #[inline(always)]
 fn flowed_m_per_growth<S: Number>(state: &State<S>) -> S {
     let mut sum = S::constant(0.0);
@@ -448,7 +449,7 @@ pub(super) fn position_m<S: Number>(system: &System<S>, state: &State<S>) -> S {
 mod tests {
     use super::*;
 
-    /// Nodes and weights integrate polynomials up to degree 8 over the step, as Radau's do; a wrong digit in a node would show.
+    /// Checks that nodes and weights integrate polynomials up to degree 8 over the step, as Radau's do. A wrong digit in a node would show.
     #[test]
     fn nodes_are_those_of_radau() {
         let weights = weights(1.0, 1.0, entire_functions_of_decay(0.0), &std::array::from_fn(lagrange));
@@ -458,7 +459,7 @@ mod tests {
         }
     }
 
-    /// ∫₀ᶜ e^{−z(c−s)} s³ ds by the trapezoidal sum with Richardson's extrapolation, slow to stiff.
+    /// Checks ∫₀ᶜ e^{−z(c−s)} s³ ds against the trapezoidal sum with Richardson's extrapolation, from slow to stiff.
     #[test]
     fn weights_integrate_against_any_decay() {
         for (rate, end) in [(1e-9, 1.0), (0.9, NODES[2]), (1.1, 1.0), (7.0, NODES[0]), (60.0, 1.0)] {

@@ -1,4 +1,4 @@
-//! The robot's position where the force depends on it, F = F_in e^{gx}: [`super::collocation`] on the steps that [`super::schedule`] grades after switches.
+//! Robot's position under a position-dependent force, F = F_in e^{gx}: [`super::collocation`] on the steps that [`super::schedule`] grades after switches.
 
 use pulp::{Arch, Simd, WithSimd};
 
@@ -10,7 +10,7 @@ use super::system::System;
 use base::number::PointScalar;
 use laws::stages::LARGEST_EXPONENT;
 
-/// Position (m) of the robot at every row.
+/// Computes the position (m) of the robot at every row.
 pub fn run<S: Number>(record: &Record, system: &System<S>, position_m: &mut [S]) {
     let schedule = Schedule::new(record, system);
     let steps: Vec<CollocationStep<S>> =
@@ -18,7 +18,7 @@ pub fn run<S: Number>(record: &Record, system: &System<S>, position_m: &mut [S])
     Arch::new().dispatch(CollocationRun { system, schedule: &schedule, steps: &steps, position_m });
 }
 
-/// Which points' |g x| stay below the limit at every row. What is not a number passes here, and is found at the last row.
+/// For each point, true if |g x| stays below the limit at every row. NaN counts as true here and is found at the last row.
 pub(super) fn are_held<S: Number>(system: &System<S>, position_m: &[S]) -> [bool; N_LANES] {
     Arch::new().dispatch(LargestExponent { system, position_m }).map(|largest| largest < LARGEST_EXPONENT)
 }
@@ -64,12 +64,12 @@ impl<S: Number> WithSimd for CollocationRun<'_, S> {
             let level = &self.schedule.levels[piece.level];
             let mut level_n = level.force_n;
             if self.schedule.is_linear {
-                // What the lag follows is the command of its time before.
+                // The lagged force follows the command of the lag time before.
                 level_n += level.slope_n_per_s * (state.now_s - level.from_s - late_s);
                 state.slope_n_per_s = level.slope_n_per_s;
             }
             if system.shape.lagging {
-                // The difference first: where a level stays, nothing is rounded.
+                // The difference comes first, so that a constant level causes no rounding.
                 state.deficit_n += state.level_n - level_n;
             }
             state.level_n = level_n;

@@ -1,10 +1,10 @@
-//! The robot's position where the force does not depend on it: exact recursions, one exponential a mode and distinct step.
+//! Robot's position under a force that does not depend on it: exact recursions, one exponential for each mode and distinct step.
 //!
-//! Between switches the force is L + D e^{−λt}, λ = 1/τ of the lag, L the level that it tends to. Over a step h a mode goes
+//! Between switches the force is L + D e^{−λt}, λ = 1/τ of the lag, L its limit. Over a step h a mode changes by
 //! Y ← d Y + q L + k D with d = e^{−ρh}, q = κ ∫ e^{−ρ(h−s)} ds, k = κ ∫ e^{−ρ(h−s)} e^{−λs} ds. Where L rises by S a second, r S is added with
-//! r = κ ∫ e^{−ρ(h−s)} s ds; behind a lag, L is then what the force tends to: the command of τ before. A switch between rows acts by superposition:
-//! the step is taken as if it had not been, and its own response over what is left of the step is added, so that all points take the same steps
-//! whatever their delays.
+//! r = κ ∫ e^{−ρ(h−s)} s ds. Behind a lag, the limit L is then the command of τ before. A switch between rows acts by superposition.
+//! The step is first taken without the switch; then the response to the switch over the rest of the step is added. All points thus take equal steps
+//! for any delays.
 
 use pulp::{Arch, Simd, WithSimd};
 
@@ -14,7 +14,7 @@ use super::prepared_record::Record;
 use super::system::{Mode, System};
 use base::number::{Complex, PointScalar, Scalar};
 
-/// What a step does to the modes.
+/// Effect of a step on the modes.
 struct Step<S> {
     modes: Vec<Row<S>>,
     oscillating: Vec<Row<Complex<S>>>,
@@ -23,13 +23,13 @@ struct Step<S> {
     length_s: f64,
 }
 
-/// d, q, k and r of one mode.
+/// Coefficients d, q, k and r of one mode.
 #[derive(Clone, Copy)]
 pub(super) struct Row<T> {
     pub decay: T,
     pub gain: T,
     pub lag_gain: T,
-    /// 0 where forces hold.
+    /// r; 0 where forces hold.
     pub ramp_gain: T,
 }
 
@@ -39,7 +39,7 @@ impl<T: Copy> Row<T> {
     }
 }
 
-/// d, q, k of a mode over a step of length h, and r where forces rise.
+/// Coefficients d, q, k of a mode over a step of length h, and r where forces rise.
 #[inline(always)]
 pub(super) fn row<N: Number>(mode: Mode<N>, length_s: N, lag_rate: Option<N>, rises: bool) -> Row<N> {
     let z = mode.rate * length_s;
@@ -53,7 +53,7 @@ pub(super) fn row<N: Number>(mode: Mode<N>, length_s: N, lag_rate: Option<N>, ri
     Row { decay, gain: input * mean, lag_gain, ramp_gain }
 }
 
-/// The same of an oscillating mode.
+/// Coefficients of an oscillating mode, as [`row`] returns them.
 pub(super) fn oscillating_row<N: Real>(
     mode: Mode<Complex<N>>,
     length_s: N,
@@ -119,7 +119,7 @@ impl<S: Number> Step<S> {
     }
 }
 
-/// The modes' rows of all points at once.
+/// Task that fills the modes' rows of all points at once.
 struct FillRows<'a, S> {
     system: &'a System<S>,
     length_s: f64,
@@ -144,23 +144,23 @@ fn complex_zero<N: Number>() -> Complex<N> {
     Complex { re: N::constant(0.0), im: N::constant(0.0) }
 }
 
-/// A switch that falls between rows, at one point.
+/// Switch between rows, at one point.
 struct Kick<N> {
     lane: usize,
-    /// The row after it.
+    /// Row after the switch.
     row: usize,
-    /// Time from it to that row, in s.
+    /// Time from the switch to that row, in s.
     remaining_s: N,
-    /// Change of the level in N, and of what it rises in N/s.
+    /// Change of the level in N, and of its rate in N/s.
     change_n: N,
     bend_n_per_s: N,
 }
 
-/// All points' switches in the order of rows.
+/// Switches of all points in the order of rows.
 fn kicks<S: Number>(record: &Record, system: &System<S>) -> Vec<Kick<S::Lane>> {
     let mut kicks = Vec::with_capacity(S::N_POINTS * record.switches.len());
     let mut rows = [1; N_LANES];
-    // Points inside switches: delays are alike, so that the kicks come nearly sorted.
+    // Points are the inner loop: delays are similar, so that the kicks are nearly sorted.
     for switch in &record.switches {
         let (after_n, after_slope) = system.scaled(switch.after, switch.time_s);
         let (before_n, before_slope) = system.scaled(switch.before, switch.time_s);
@@ -184,12 +184,12 @@ fn kicks<S: Number>(record: &Record, system: &System<S>) -> Vec<Kick<S::Lane>> {
     kicks
 }
 
-/// The response to a unit change of the level, at a later time, and to one of what it rises.
+/// Response at a later time to a unit change of the level, and to a unit change of its rate.
 struct KickResponse<N> {
     after_s: N,
     modes: Vec<(N, N)>,
     oscillating: Vec<(Complex<N>, Complex<N>)>,
-    /// By how long a lag follows late, in s.
+    /// Time by which a lag delays a straight line, in s.
     late_s: N,
     /// e^{−λ after}; 0 without lag.
     lag_decay: N,
@@ -201,7 +201,7 @@ impl<N: Real> KickResponse<N> {
         let late_s = system.late_s().lane(lane);
         let real = system.modes.iter().map(|mode| row(mode.lane(lane), after_s, lag_rate, rises));
         let complex = system.oscillating.iter().map(|mode| oscillating_row(mode.lane(lane), after_s, lag_rate, rises));
-        // A bend leaves the level behind a lag by that of τ before, and the force where it was.
+        // Behind a lag, a bend moves the level by −τ times the change of the slope and leaves the force unchanged.
         let of_real = |row: Row<N>| {
             let step = row.gain - row.lag_gain;
             (step, row.ramp_gain - late_s * step)
@@ -220,7 +220,7 @@ impl<N: Real> KickResponse<N> {
     }
 }
 
-/// Position (m) at every row without the factor of softening.
+/// Computes the position (m) at every row without the factor of softening.
 pub fn run<S: Number>(record: &Record, system: &System<S>, position_m: &mut [S]) {
     let zero = S::constant(0.0);
     let longest = record.holds.iter().map(|hold| hold.rows.len()).max().unwrap_or(0);
@@ -263,28 +263,28 @@ pub fn run<S: Number>(record: &Record, system: &System<S>, position_m: &mut [S])
     }
 }
 
-/// The state on its way through the record.
+/// State on its way through the record.
 struct Sweep<'a, S> {
     system: &'a System<S>,
     steps: Vec<Step<S>>,
     modes: Vec<S>,
     oscillating: Vec<Complex<S>>,
     is_linear: bool,
-    /// By how long a lag follows late, in s.
+    /// Time by which a lag delays a straight line, in s.
     late_s: S,
-    /// L, by how much it rises, and D.
+    /// L, its rate, and D.
     level_n: S,
     slope_n_per_s: S,
     deficit_n: S,
     /// D at the ends of the steps of a run of rows.
     deficits_n: Vec<S>,
-    /// q L of every mode, with r S where the force rises.
+    /// q L of every mode, plus r S where the force rises.
     input: Vec<S>,
     oscillating_input: Vec<Complex<S>>,
 }
 
 impl<S: Number> Sweep<'_, S> {
-    /// The force stays where it is where there is lag.
+    /// Changes the level. Behind a lag the force itself does not jump.
     fn change_level(&mut self, command_n: S, slope_n_per_s: S) {
         let mut level_n = command_n;
         if self.is_linear {
@@ -312,7 +312,7 @@ impl<S: Number> Sweep<'_, S> {
             for (input, row) in self.oscillating_input.iter_mut().zip(&step.oscillating) {
                 *input = *input + row.ramp_gain.times(self.slope_n_per_s);
             }
-            // Every row of such a record is a step of its own.
+            // In such a record every row is a separate step.
             self.level_n += self.slope_n_per_s * step.length_s;
         }
         Arch::new().dispatch(Rows {
@@ -329,7 +329,7 @@ impl<S: Number> Sweep<'_, S> {
         });
     }
 
-    /// Adds a switch's own response in the step that has just been taken.
+    /// Adds a switch's own response in the last step.
     fn kick(
         &mut self,
         kick: &Kick<S::Lane>,
@@ -365,7 +365,7 @@ impl<S: Number> Sweep<'_, S> {
     }
 }
 
-/// Equal steps under one level.
+/// Task that takes equal steps under one level.
 struct Rows<'a, S> {
     step: &'a Step<S>,
     system: &'a System<S>,
@@ -407,8 +407,8 @@ impl<S: Number> WithSimd for Rows<'_, S> {
             deficits_n,
             lagging: system.shape.lagging,
         };
-        // Blocks keep their states in registers. They are as wide as one another, since a narrow one waits for its recursion, and an oscillating mode
-        // goes with a block for the same reason.
+        // Blocks keep their states in registers. All have nearly equal widths, since a narrow one waits for its recursion. An oscillating mode
+        // shares a block for this reason.
         let mut n_blocks = part.rows.len().div_ceil(WIDEST);
         while n_blocks > 0 {
             match part.rows.len().div_ceil(n_blocks) {
@@ -429,10 +429,10 @@ impl<S: Number> WithSimd for Rows<'_, S> {
     }
 }
 
-/// Most real modes of a block.
+/// Largest number of real modes in a block.
 const WIDEST: usize = 8;
 
-/// The modes that are still to go through the rows.
+/// Modes that have not passed through the rows yet.
 struct Part<'a, S> {
     rows: &'a [Row<S>],
     inputs: &'a [S],
@@ -445,7 +445,7 @@ struct Part<'a, S> {
 }
 
 impl<S: Number> Part<'_, S> {
-    /// The first `B` modes, with an oscillating one if there is one left, through the rows, added to the position.
+    /// Passes the first `B` modes, with an oscillating one if any is left, through the rows, and adds them to the position.
     #[inline(always)]
     fn block<const B: usize>(&mut self, position_m: &mut [S]) {
         match (self.oscillating.is_empty(), self.lagging) {
@@ -458,7 +458,7 @@ impl<S: Number> Part<'_, S> {
 
     #[inline(always)]
     fn take<const B: usize, const O: usize, const LAGGING: bool>(&mut self, position_m: &mut [S]) {
-        // Not by closures: compiled apart, without the vector instructions, they would be called.
+        // Closures would be compiled separately without the vector instructions, and called.
         let zero = S::constant(0.0);
         let (mut state, mut decay, mut input, mut lag_gain) = ([zero; B], [zero; B], [zero; B], [zero; B]);
         for k in 0..B {

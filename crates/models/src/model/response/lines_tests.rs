@@ -1,4 +1,4 @@
-//! Forces that go in lines: the closed forms against the stepping of the stages' definition, which shares nothing with them.
+//! Tests of forces that are straight lines between rows: closed forms against the stepping of the stages' definition, an independent algorithm.
 
 use super::Response;
 use super::tests::{assert_close, lethersich, rich_law};
@@ -11,7 +11,7 @@ use record::{Force, ForceRule};
 
 const COMPLIANCE_PER_M: f64 = 549.0;
 
-/// Irregular rows of a swinging force that begins with a jump, with a row wherever it crosses zero, and a hold at the end.
+/// Irregular rows of a swinging force that begins with a jump, with a row at each zero crossing, and a hold at the end.
 fn record() -> (Vec<f64>, Vec<f64>) {
     let (mut time_s, mut force_n) = (Vec::new(), Vec::new());
     for i in 0..90 {
@@ -33,7 +33,7 @@ fn number(value: f64) -> Dual {
     Dual::constant(value)
 }
 
-/// Every part of the load and the mechanics alone, and all of them. The steps err by 2e-8, springpots' sums by 1e-6 of a step each.
+/// Checks every part of the load and the mechanics alone, and all of them. The steps err by 2e-8, springpots' sums by 1e-6 of a step each.
 #[test]
 fn equal_the_stepping_of_the_definition() {
     let (time_s, force_n) = record();
@@ -69,7 +69,7 @@ fn assert_equal(stages: &Stages, response: &Response, time_s: &[f64], force: For
     assert_close(&found, &stepped, tolerance, what);
 }
 
-/// Between rows of a held force the lines are level: the same rows twice, one a hair later, are steps.
+/// Checks steps given as steep lines: every row of a held force occurs twice, the second time slightly later.
 #[test]
 fn steep_lines_are_steps() {
     let mut stages = rich_law();

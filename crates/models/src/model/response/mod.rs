@@ -1,10 +1,10 @@
-//! The reduced model of any stages: command → load → mechanics → observation in closed form (physics §5).
+//! Reduced model of any stages: command → load → mechanics → observation in closed form (physics §5).
 //!
-//! Written once for numbers, numbers with a derivative and eight points at once. [`system`] turns stages into rates and gains, [`linear`] moves
-//! the robot where the force does not depend on its position, [`feedback`] where it does, in steps that [`schedule`] chooses, [`state_law`] adds what a quantity
-//! that depends on a state makes of it, and what is common stands here.
+//! The code is generic over numbers, numbers with a derivative and eight points at once. [`system`] converts stages into rates and gains. [`linear`] moves
+//! the robot if the force does not depend on its position, [`feedback`] if it does, in steps that [`schedule`] chooses. [`state_law`] adds the effect of a quantity
+//! that depends on a state.
 
-// Indices as in the formulas; iterators' closures are compiled apart, without the vector instructions of the kernels.
+// Indices are those of the formulas. Closures of iterators would be compiled separately, without the kernels' vector instructions.
 #![allow(clippy::needless_range_loop)]
 
 mod collocation;
@@ -37,7 +37,7 @@ use prepared_record::Record;
 use record::{Force, KeptForce};
 use system::{Lowered, System};
 
-/// A record prepared for the evaluation of models.
+/// Record prepared for the evaluation of models.
 #[derive(Debug, Clone)]
 pub struct Response {
     record: Record,
@@ -49,11 +49,11 @@ pub struct Response {
 impl Response {
     /// Prepares the first `n_rows` rows of a record: times (s), strictly increasing, and the commanded force.
     pub fn new<'f>(time_s: &[f64], force: impl Into<Force<'f>>, n_rows: usize) -> Self {
-        // What the force does after the last row is no concern of the rows.
+        // The force after the last row does not affect the rows.
         let force = force.into().first(n_rows);
         let record = Record::new(time_s, force, n_rows);
         let shortest_s = record.step_s.iter().copied().fold(f64::INFINITY, f64::min);
-        // Without a step nothing is asked of the law; any window serves.
+        // Without a step the law is not evaluated, and any window is suitable.
         let window = match record.time_s.last() {
             Some(&longest_s) if !record.step_s.is_empty() => TimeWindow { shortest_s, longest_s },
             _ => TimeWindow { shortest_s: 1.0, longest_s: 1.0 },
@@ -62,7 +62,7 @@ impl Response {
         Self { record, window, time_s, force }
     }
 
-    /// The numbers of stages, with what a law that is not linear adds to the linear one's position.
+    /// Numbers of stages, with the excess of a nonlinear law over the linear one's position.
     fn lowered<T: Real>(&self, stages: &Stages, compliance_per_m: T) -> Result<Lowered<T>> {
         let mut point = Lowered::new(stages, compliance_per_m, self.window, &self.record)?;
         if let Some(Spread::Stepped(stepped)) = &stages.spread {
@@ -75,10 +75,10 @@ impl Response {
         Ok(point)
     }
 
-    /// Recorded position (m) at every row, the limit from the left. `compliance_per_m` is the displacement per force at unit creep compliance.
+    /// Recorded position (m) at every row, as the limit from the left. `compliance_per_m` is the displacement per force at unit creep compliance.
     ///
     /// # Errors
-    /// [`base::Error::Numerical`] where the law has no spectrum, a force gradient pulls the robot away or the position is not finite.
+    /// [`base::Error::Numerical`] if the law has no spectrum, a force gradient pulls the robot away or the position is not finite.
     pub fn trajectory_m(&self, stages: &Stages, compliance_per_m: f64) -> Result<Vec<f64>> {
         let point = self.lowered(stages, compliance_per_m)?;
         let mut position_m = Vec::new();
@@ -89,7 +89,7 @@ impl Response {
     /// Recorded position and its derivative in the direction that the stages carry, at every row.
     ///
     /// # Errors
-    /// Those of [`Self::trajectory_m`], and [`base::Error::Numerical`] for a derivative with respect to the lag's time where there is no lag.
+    /// Those of [`Self::trajectory_m`], and [`base::Error::Numerical`] for a derivative with respect to the lag's time where the lag is 0.
     pub fn derivative_m(&self, stages: &Stages, compliance_per_m: Dual) -> Result<Vec<Dual>> {
         stages.load.check_derivative()?;
         let point = self.lowered(stages, compliance_per_m)?;
@@ -98,7 +98,7 @@ impl Response {
         if sound { Ok(position_m) } else { Err(stages.load.of::<f64>().refusal()) }
     }
 
-    /// Derivatives of the recorded position at every row by each parameter of the function of a state; none where no quantity depends on one.
+    /// Derivatives of the recorded position at every row by each parameter of the function of a state; empty without such a function.
     ///
     /// # Errors
     /// Those of [`Self::trajectory_m`].
@@ -119,8 +119,8 @@ impl Response {
         Ok(slopes.into_iter().map(recorded).collect())
     }
 
-    /// Recorded positions (m) of one to eight points, row by row in `position_m`; which points have one. A point's bits are those of
-    /// [`Self::trajectory_m`], whatever the other points are; a lane beyond the points, or of a point that has no position, means nothing.
+    /// Recorded positions (m) of one to eight points, row by row in `position_m`. The result is true for each point that has a position. A point's bits are those of
+    /// [`Self::trajectory_m`] and do not depend on the other points. A lane beyond the points, or of a point without position, is undefined.
     pub fn trajectories_m(
         &self,
         stages: &[Stages],
@@ -157,7 +157,7 @@ impl Response {
         sound
     }
 
-    /// Points of one shape; whether each has a position.
+    /// Computes points of one shape. The result is true for each point that has a position.
     fn run<S: Number>(&self, points: &[&Lowered<S::Lane>], position_m: &mut Vec<S>) -> [bool; N_LANES] {
         let system = System::<S>::gather(points);
         position_m.resize(self.record.n_rows, S::constant(0.0));
@@ -191,7 +191,7 @@ impl Response {
         if system.shape.observed {
             observe(&self.record, &system, position_m);
         }
-        // What is not finite stays so: the last row tells.
+        // A value that is not finite remains so, and the last row shows it.
         if let Some(last) = position_m.last() {
             for (lane, sound) in sound.iter_mut().enumerate().take(points.len()) {
                 *sound &= last.lane(lane).value().is_finite();
@@ -201,7 +201,7 @@ impl Response {
     }
 }
 
-/// e^{rt}, row by row.
+/// Multiplies the positions by e^{rt}, row by row.
 fn soften<S: Number>(record: &Record, system: &System<S>, position_m: &mut [S]) {
     let growths: Vec<S> = record.step_s.iter().map(|&step_s| (system.softening_rate * step_s).exp()).collect();
     let mut factor = S::constant(1.0);
@@ -213,12 +213,12 @@ fn soften<S: Number>(record: &Record, system: &System<S>, position_m: &mut [S]) 
     }
 }
 
-/// An indenter's depth, point by point.
+/// Depth of an indenter, point by point.
 fn depth<S: Number>(linear: S, observation: &Observation<S>) -> S {
     gather(|lane| Observation::depth_m(observation.depth_exponent.lane(lane), linear.lane(lane)))
 }
 
-/// From the robot's to the recorded position.
+/// Converts the robot's into the recorded position.
 fn observe<S: Number>(record: &Record, system: &System<S>, position_m: &mut [S]) {
     for (position, &time_s) in position_m.iter_mut().zip(&record.time_s) {
         *position = system.observation.straight_m(*position, time_s);

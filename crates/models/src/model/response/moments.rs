@@ -1,15 +1,15 @@
-//! The functions that exponential integrators are made of, for real and complex arguments.
+//! Entire functions of exponential integrators, for real and complex arguments.
 
 use super::numbers::{Field, Number};
 
-/// How many functions there are: what collocation with that many nodes needs.
+/// Number of functions. Collocation with as many nodes needs them.
 pub(super) const N_FUNCTIONS: usize = 5;
 
-/// Below this size the functions are computed by series; above, by a recursion that loses a digit at most.
+/// Size of the argument below which the functions are computed by series. Above, a recursion loses a digit at most.
 const SERIES_BELOW: f64 = 1.0;
 const N_TERMS: u32 = 17;
 
-/// φ₁(w) … φ₅(w): φ₀ = eʷ, φₖ₊₁ = (φₖ − 1/k!)/w, φₖ(0) = 1/k!.
+/// Functions φ₁(w) … φ₅(w): φ₀ = eʷ, φₖ₊₁ = (φₖ − 1/k!)/w, φₖ(0) = 1/k!.
 pub(super) fn entire_functions<T: Field>(w: T) -> [T; N_FUNCTIONS] {
     let mut functions = [T::real(1.0); N_FUNCTIONS];
     if w.size() < SERIES_BELOW {
@@ -32,7 +32,7 @@ pub(super) fn entire_functions<T: Field>(w: T) -> [T; N_FUNCTIONS] {
     functions
 }
 
-/// The same of −z for one or several points: each by what its own size asks for.
+/// Functions φ₁ … φ₅ of −z for one or several points. Each point uses the series or the recursion by its own size.
 #[inline(always)]
 pub(super) fn entire_functions_of_decay<S: Number>(z: S) -> [S; N_FUNCTIONS] {
     let w = -z;
@@ -60,7 +60,7 @@ pub(super) fn entire_functions_of_decay<S: Number>(z: S) -> [S; N_FUNCTIONS] {
 mod tests {
     use super::*;
 
-    /// Both ways to compute them are one, on either side of where the series ends.
+    /// Checks that both algorithms agree, on either side of the limit of the series.
     #[test]
     fn real_and_complex_arguments_give_the_same() {
         for z in [-40.0, -3.0, -0.3, 0.0, 1e-9, 0.2, 0.999_999, 1.0, 3.0, 40.0, 800.0] {

@@ -1,4 +1,4 @@
-//! What the kernel computes with, beside [`Scalar`]: eight points at once, the lanes of such a number, and complex numbers.
+//! Number types of the kernel beside [`Scalar`]: eight points at once, their lanes, and complex numbers.
 
 use std::ops::{Add, AddAssign, Div, Mul, Neg, Sub};
 
@@ -7,10 +7,10 @@ use base::number::{Complex, Dual, PointScalar, Scalar};
 use laws::stages::{FieldStepper, Stages};
 use record::Force;
 
-/// Points that one pass carries.
+/// Number of points in one pass.
 pub const N_LANES: usize = 8;
 
-/// One number of each of [`N_LANES`] points.
+/// One number for each of [`N_LANES`] points.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[repr(align(64))]
 pub struct Lanes(pub [f64; N_LANES]);
@@ -21,19 +21,19 @@ impl std::borrow::Borrow<[f64; N_LANES]> for Lanes {
     }
 }
 
-/// A number of the kernel: one or several points, each a [`Real`].
+/// Number of the kernel: one or several points, each a [`Real`].
 pub trait Number: Scalar {
-    /// The number of a single point.
+    /// Number of a single point.
     type Lane: Real;
-    /// How many points there are.
+    /// Number of points.
     const N_POINTS: usize;
-    /// self · factor + addend, rounded once: the same bits in every kind of number.
+    /// self · factor + addend, rounded once, with equal bits in every kind of number.
     fn mul_add(self, factor: Self, addend: Self) -> Self;
-    /// One point's number.
+    /// Number of one point.
     fn lane(self, lane: usize) -> Self::Lane;
-    /// Replaces one point's number.
+    /// Replaces the number of one point.
     fn set_lane(&mut self, lane: usize, value: Self::Lane);
-    /// e⁻ᶻ and its mean over [0, z], (1 − e⁻ᶻ)/z; z < 0 grows.
+    /// e⁻ᶻ and its mean over [0, z], (1 − e⁻ᶻ)/z. For z < 0 it grows.
     fn decay(self) -> (Self, Self);
     /// ∫₀¹ e^{−a(1−s)} e^{−bs} ds, without overflow and accurate where a and b are equal.
     fn overlap(self, other: Self) -> Self;
@@ -41,15 +41,15 @@ pub trait Number: Scalar {
     fn choose(self, limit: f64, below: Self, otherwise: Self) -> Self;
 }
 
-/// A number of one point.
+/// Number of one point.
 pub(super) trait Real: PointScalar + Number<Lane = Self> + Field {
-    /// Whether the other may stand for this: nearly the same value, and the same derivative.
+    /// Returns `true` if the other can replace this one: nearly the same value, and the same derivative.
     fn is_close(self, other: Self, tolerance: f64) -> bool;
-    /// Whether it carries a derivative.
+    /// True if the type carries a derivative.
     const CARRIES: bool;
-    /// The number with the derivative that it carries.
+    /// Number with the derivative that it carries.
     fn carried(self) -> Dual;
-    /// What a law that is not linear adds at every row, in m.
+    /// Excess of a nonlinear law's position over the linear one's at every row, in m.
     fn excess_m(
         stepper: &dyn FieldStepper,
         stages: &Stages,
@@ -59,19 +59,19 @@ pub(super) trait Real: PointScalar + Number<Lane = Self> + Field {
     ) -> Result<Vec<Self>>;
 }
 
-/// Real and complex numbers alike.
+/// Operations common to real and complex numbers.
 pub(super) trait Field:
     Copy + Add<Output = Self> + Sub<Output = Self> + Mul<Output = Self> + Div<Output = Self> + Mul<f64, Output = Self>
 {
-    /// A real constant.
+    /// Real constant.
     fn real(value: f64) -> Self;
     /// eᶻ.
     fn exponential(self) -> Self;
-    /// A norm of the value.
+    /// Norm of the value.
     fn size(self) -> f64;
 }
 
-/// Gathers the points' numbers.
+/// Gathers the numbers of all points.
 pub(super) fn gather<S: Number>(mut of_lane: impl FnMut(usize) -> S::Lane) -> S {
     let mut number = S::constant(0.0);
     for lane in 0..S::N_POINTS {
@@ -110,25 +110,25 @@ impl Number for f64 {
     }
 }
 
-/// e⁻ᶻ and (1 − e⁻ᶻ)/z, within a few roundings, without branches: a loop over lanes becomes vector instructions.
+/// e⁻ᶻ and (1 − e⁻ᶻ)/z, within a few roundings, without branches, so that a loop over lanes becomes vector instructions.
 ///
-/// −z = k ln 2 + r, e⁻ᶻ − 1 = 2ᵏ (eʳ − 1) + (2ᵏ − 1). Without fused operations, so that the bits are the same wherever it is compiled.
+/// −z = k ln 2 + r, e⁻ᶻ − 1 = 2ᵏ (eʳ − 1) + (2ᵏ − 1). Fused operations are avoided, so that all builds give equal bits.
 #[inline(always)]
 fn plain_decay(z: f64) -> (f64, f64) {
-    // Adding this leaves the nearest integer in the last bits.
+    // Adding this constant leaves the nearest integer in the last bits.
     const ROUNDING: f64 = 6_755_399_441_055_744.0;
-    // ln 2 in two parts, the first with zeros at its end: its product with k is exact.
+    // ln 2 in two parts. The first ends in zeros, so that its product with k is exact.
     const LN_2_HIGH: f64 = 6.931_471_803_691_238e-1;
     const LN_2_LOW: f64 = 1.908_214_929_270_587_7e-10;
     const EXPONENT_BIAS: u64 = 1023;
     const MANTISSA_BITS: u32 = 52;
-    // Below, e⁻ᶻ is not a normal number, and above it is too large for one. What is not a number passes.
+    // Below the range e⁻ᶻ is not a normal number, and above it is too large for one. NaN passes.
     let x = if z > 708.0 { -708.0 } else { -z };
     let x = if x > 709.0 { 709.0 } else { x };
     let rounded = x * std::f64::consts::LOG2_E + ROUNDING;
     let k = rounded - ROUNDING;
     let r = (x - k * LN_2_HIGH) - k * LN_2_LOW;
-    // (eʳ − 1 − r)/r² = Σ rⁿ/(n+2)!; the first term left out is below 1e-17 for r up to ln 2/2.
+    // (eʳ − 1 − r)/r² = Σ rⁿ/(n+2)!. The first omitted term is below 1e-17 for r up to ln 2/2.
     let mut sum = 1.0 / 6_227_020_800.0;
     let mut factorial_ratio = 13.0;
     let mut coefficient = 1.0 / 6_227_020_800.0;
@@ -200,7 +200,7 @@ impl Number for Dual {
         let z = self.value;
         let (left, mean) = z.decay();
         let slope = if z.abs() < SERIES_BELOW {
-            // −Σ (k+1)(−z)ᵏ/(k+2)!, by Horner from the end; the first term left out is below 1e-17.
+            // −Σ (k+1)(−z)ᵏ/(k+2)!, by Horner from the end. The first omitted term is below 1e-17.
             let (mut sum, mut factorial) = (0.0, 1_307_674_368_000.0);
             for k in (0..14).rev() {
                 sum = sum * -z + f64::from(k + 1) / factorial;
@@ -225,7 +225,7 @@ impl Number for Dual {
     }
 }
 
-/// Below this, (1 − e⁻ᶻ)/z is differentiated term by term: its closed derivative loses digits there.
+/// Size below which (1 − e⁻ᶻ)/z is differentiated term by term. Its closed derivative loses digits there.
 const SERIES_BELOW: f64 = 0.5;
 
 impl Real for Dual {
@@ -259,7 +259,7 @@ impl Field for Dual {
     }
 }
 
-/// Writes an operation on lanes as a loop over them, which becomes a vector instruction where the caller is compiled for one.
+/// Writes an operation on lanes as a loop over them. The loop becomes vector instructions if the caller is compiled for them.
 macro_rules! elementwise {
     ($trait:ident, $method:ident, $operator:tt) => {
         impl $trait for Lanes {
@@ -378,9 +378,9 @@ impl Number for Lanes {
 
 /// Complex numbers of several points.
 pub(super) trait ComplexLanes<L> {
-    /// One point's number.
+    /// Number of one point.
     fn lane(self, lane: usize) -> Complex<L>;
-    /// Replaces one point's number.
+    /// Replaces the number of one point.
     fn set_lane(&mut self, lane: usize, value: Complex<L>);
 }
 
@@ -410,7 +410,7 @@ impl<N: Real> Field for Complex<N> {
 mod tests {
     use super::*;
 
-    /// Against the standard library's functions, from the smallest to where nothing is left.
+    /// Checks against the standard library's functions, from the smallest arguments to full decay.
     #[test]
     fn decays_are_those_of_the_standard_library() {
         for i in -300..=960 {
@@ -423,7 +423,7 @@ mod tests {
         for z in [-1e-9, -0.3, -0.6, -2.0, -40.0, -700.0] {
             let (grown, mean) = z.decay();
             assert!((grown / (-z).exp() - 1.0).abs() < 1e-13 && (mean * z / -(-z).exp_m1() - 1.0).abs() < 1e-13, "{z}");
-            // d/dz of the mean, by a central difference whose own error is below 1e-9.
+            // The reference is d/dz of the mean by a central difference, whose own error is below 1e-9.
             let h = 1e-6 * z.abs().min(40.0);
             let difference = ((z + h).decay().1 - (z - h).decay().1) / (2.0 * h);
             let found = Dual::variable(z).decay().1.derivative;

@@ -1,4 +1,4 @@
-//! The record's rows and commands, prepared once for all points.
+//! Rows and commands of a record, prepared once for all points.
 
 use std::collections::HashMap;
 use std::ops::Range;
@@ -6,14 +6,14 @@ use std::ops::Range;
 use super::numbers::Real;
 use record::Force;
 
-/// Steps whose lengths differ by less than this fraction of the record's length count as equal: decimal times such as 0.05 i are
-/// not equally spaced in binary, and exponentials are dear.
+/// Relative tolerance of equal steps, as a fraction of the record's length. Decimal times such as 0.05 i are
+/// not equally spaced in binary, and exponentials are expensive.
 const EQUAL_STEP_TOLERANCE: f64 = 1e-13;
 
-/// How many distinct steps are looked through for an equal one: a record with more has no equal ones worth looking for.
+/// Number of distinct steps that are searched for an equal one. A record with more has hardly any equal steps.
 const N_SEARCHED: usize = 64;
 
-/// Rows and commands; times are from the first row.
+/// Rows and commands. Times are measured from the first row.
 #[derive(Debug, Clone)]
 pub(super) struct Record {
     pub n_rows: usize,
@@ -23,65 +23,65 @@ pub(super) struct Record {
     pub step_s: Vec<f64>,
     pub holds: Vec<Hold>,
     pub switches: Vec<Switch>,
-    /// Distinct commands; the first, zero, acts before the record.
+    /// Distinct commands. The first is zero and acts before the record.
     pub commands: Vec<Line>,
-    /// Whether commands change between rows.
+    /// True if commands change between rows.
     pub is_linear: bool,
-    /// Largest size of a command in N.
+    /// Largest size of a command, in N.
     pub largest_n: f64,
-    /// Lengths closer than this are equal, in s.
+    /// Lengths that differ by less are equal, in s.
     pub tolerance_s: f64,
 }
 
-/// Consecutive rows that are reached by equal steps under an equal command.
+/// Consecutive rows at the ends of equal steps under an equal command.
 #[derive(Debug, Clone)]
 pub(super) struct Hold {
     /// Index of the step's length.
     pub step: usize,
-    /// The command from the row before the first on.
+    /// Command from the row before the first on.
     pub line: Line,
-    /// The rows at the steps' ends.
+    /// Rows at the steps' ends.
     pub rows: Range<usize>,
 }
 
-/// A command that goes in a line.
+/// Command that is a straight line in time.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Line {
-    /// Since when, in s; any time where it holds.
+    /// Start time in s; any time if the command is constant.
     pub from_s: f64,
-    /// In N, then.
+    /// Command at the start time, in N.
     pub force_n: f64,
-    /// In N/s.
+    /// Rate of the command, in N/s.
     pub slope_n_per_s: f64,
-    /// Whether it pushes forward.
+    /// True if the command pushes forward.
     pub is_positive: bool,
 }
 
 impl Line {
     const ZERO: Self = Self { from_s: 0.0, force_n: 0.0, slope_n_per_s: 0.0, is_positive: false };
 
-    /// In N, at a time.
+    /// Command in N at a time (s).
     pub fn at_n(self, time_s: f64) -> f64 {
         self.force_n + self.slope_n_per_s * (time_s - self.from_s)
     }
 }
 
-/// A change of the command.
+/// Change of the command.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Switch {
-    /// The row from which on it is commanded.
+    /// Row from which on the change is commanded.
     pub row: usize,
     pub time_s: f64,
     pub before: Line,
     pub after: Line,
-    /// Index of the command after it.
+    /// Index of the command after the change.
     pub command: usize,
-    /// |change| over the largest force, that within a row after it included.
+    /// Size of the change over the largest force, including the change within the row after it.
     pub relative_size: f64,
 }
 
 impl Record {
-    /// The first `n_rows` rows.
+    /// Prepares the first `n_rows` rows.
     pub fn new(time_s: &[f64], force: Force<'_>, n_rows: usize) -> Self {
         let n_rows = n_rows.min(time_s.len()).min(force.at_rows_n.len());
         let (time_s, force) = (&time_s[..n_rows], force.first(n_rows));
@@ -126,7 +126,7 @@ impl Record {
     }
 }
 
-/// The index of a length among the known ones, to which it is added where it is new.
+/// Index of a length among the known ones. A new length is appended.
 pub(super) fn slot<N: Real>(known_s: &mut Vec<N>, length_s: N, tolerance_s: f64) -> usize {
     let from = known_s.len().saturating_sub(N_SEARCHED);
     match known_s[from..].iter().position(|known| known.is_close(length_s, tolerance_s)) {

@@ -1,7 +1,7 @@
-//! The steps of points whose force depends on the position: from row to row, cut where commands come to act and graded after them.
+//! Steps of points whose force depends on the position: from row to row, cut where commands begin to act, and graded after them.
 //!
-//! The tests hold the positions to 1e-8 of their amplitude, against exact steps and against far finer ones, for forces that step, that are trimmed at
-//! every row by anything between nothing and their own size, and that vary smoothly.
+//! The tests check positions to 1e-8 of their amplitude, against exact steps and against far finer ones. Their forces step, are trimmed at
+//! every row by up to their own size, or vary smoothly.
 
 use std::collections::HashMap;
 use std::ops::Range;
@@ -11,21 +11,21 @@ use super::numbers::{N_LANES, Number, Real, gather};
 use super::prepared_record::{Line, Record, slot};
 use super::system::System;
 
-/// After a switch of each class, steps are at most this share of the time since: smaller behind a lag, which moves the force itself.
+/// Largest step after a switch of each class, as a share of the time since. Behind a lag it is smaller, as the lag moves the force itself.
 const SHARE_OF_AGE: [f64; N_SIZES] = [0.5, 1.0, 1.0];
 const SHARE_OF_AGE_BEHIND_LAG: [f64; N_SIZES] = [0.25, 0.5, 1.0];
 
-/// A part of a row's step is its length halved at most so often.
+/// Largest number of halvings of a row's step.
 const MOST_HALVINGS: usize = 60;
 
 /// Equal steps under one command.
 #[derive(Debug, Clone)]
 pub(super) struct Piece {
-    /// Index of a step's length.
+    /// Index of the step's length.
     pub length: usize,
-    /// Index of a level.
+    /// Index of the level.
     pub level: usize,
-    /// The rows at the steps' ends; empty for a single step that ends between rows.
+    /// Rows at the steps' ends; empty for a single step that ends between rows.
     pub rows: Range<usize>,
 }
 
@@ -35,32 +35,32 @@ impl Piece {
         self.rows.len().max(1)
     }
 
-    /// The row at the end of a step, if there is one.
+    /// Row at the end of a step, if there is one.
     #[inline(always)]
     pub fn end_row(&self, step: usize) -> Option<usize> {
         if step < self.rows.len() { Some(self.rows.start + step) } else { None }
     }
 }
 
-/// All points' steps, in order.
+/// Steps of all points, in order.
 pub(super) struct Schedule<S> {
     pub pieces: Vec<Piece>,
     /// Lengths in s.
     pub length_s: Vec<S>,
     /// Levels of the force.
     pub levels: Vec<Level<S>>,
-    /// Whether they change while they act.
+    /// True if levels change while they act.
     pub is_linear: bool,
 }
 
-/// A force that enters the lag.
+/// Force that enters the lag.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Level<S> {
-    /// In N, offset included, when it comes to act.
+    /// Force when it begins to act, in N, offset included.
     pub force_n: S,
-    /// By how much it rises, in N/s.
+    /// Rate of the force, in N/s.
     pub slope_n_per_s: S,
-    /// Since when it acts, in s; of no meaning where it does not rise.
+    /// Time at which it begins to act, in s; unused if it does not rise.
     pub from_s: S,
 }
 
@@ -91,10 +91,10 @@ impl<S: Number> Schedule<S> {
     }
 }
 
-/// One index of each point.
+/// One index for each point.
 type Indices = [u32; N_LANES];
 
-/// The parts of several points, side by side: a point that has fewer between two rows than another waits, in steps of no length.
+/// Parts of several points in parallel. A point with fewer parts between two rows than another waits, in steps of length 0.
 struct Joint {
     pieces: Vec<Piece>,
     lengths: Distinct,
@@ -134,13 +134,13 @@ impl Distinct {
     }
 }
 
-/// One point's way through its parts.
+/// Position of one point within its parts.
 #[derive(Clone, Copy)]
 struct Cursor {
     piece: usize,
-    /// Pieces before the one that ends at the next row.
+    /// Number of pieces before the one that ends at the next row.
     n_before: usize,
-    /// Equal steps from here on.
+    /// Number of equal steps from here on.
     n_rows: usize,
 }
 
@@ -196,34 +196,34 @@ impl Joint {
     }
 }
 
-/// One point's parts in order, and their distinct lengths in s, of which the first is 0.
+/// Parts of one point in order, and their distinct lengths in s. The first length is 0.
 struct Parts<N> {
     pieces: Vec<Piece>,
     length_s: Vec<N>,
-    /// Distinct lengths before they are halved, and where in `length_s` the halves stand.
+    /// Distinct lengths before they are halved, and the indices of the halves in `length_s`.
     whole_s: Vec<N>,
     halved: Vec<[u32; MOST_HALVINGS + 1]>,
     tolerance_s: f64,
     /// Longest steps in s just after switches of each class.
     longest_s: [f64; N_SIZES],
-    /// After them, they are at most this share of the time since.
+    /// Later steps are at most this share of the time since.
     share_of_age: [f64; N_SIZES],
     /// Time in s since the last switch of each class.
     age_s: [f64; N_SIZES],
 }
 
 impl<N> Parts<N> {
-    /// Whether a piece has steps before a row.
+    /// Returns `true` if a piece has steps before a row.
     fn is_within(&self, piece: usize, row: usize) -> bool {
         self.pieces.get(piece).is_some_and(|piece| !piece.rows.is_empty() && piece.rows.start < row)
     }
 }
 
 impl<N: Real> Parts<N> {
-    /// `delay_s` cuts rows where commands come to act; with a `None` they act at rows.
+    /// Parts for a delay. `delay_s` cuts rows where commands begin to act; with `None` they act at rows.
     fn new(record: &Record, delay_s: Option<N>, longest_s: [f64; N_SIZES], share_of_age: [f64; N_SIZES]) -> Self {
         let mut age_s = [f64::INFINITY; N_SIZES];
-        // What acts from the beginning on, such as an offset, may be of any size.
+        // A force that acts from the start, such as an offset, may have any size.
         age_s[0] = 0.0;
         let mut parts = Self {
             pieces: Vec::with_capacity(record.n_rows),
@@ -239,7 +239,7 @@ impl<N: Real> Parts<N> {
         let mut switches = record.switches.iter().peekable();
         let mut command = 0;
         for hold in &record.holds {
-            // Not the difference of the rows' times: equal steps are to have equal bits.
+            // The difference of the rows' times would give equal steps different bits.
             let step_s = record.step_s[hold.step];
             let hold_end_s = record.time_s[hold.rows.end - 1];
             for row in hold.rows.clone() {
@@ -264,7 +264,7 @@ impl<N: Real> Parts<N> {
         parts
     }
 
-    /// The longest step that all switches so far allow, in s.
+    /// Longest step that all switches so far allow, in s.
     fn longest_step_s(&self) -> f64 {
         let mut longest_s = f64::INFINITY;
         for class in 0..N_SIZES {
@@ -286,7 +286,7 @@ impl<N: Real> Parts<N> {
         }
     }
 
-    /// Adds a part, cut where it is graded: into its halves, their halves and so on, so that few lengths are distinct.
+    /// Adds a part, cut by the grading into its halves, their halves and so on, so that few lengths are distinct.
     fn push(&mut self, length_s: N, level: usize, end_row: Option<usize>) {
         // A length of zero may still carry a derivative, or end at a row.
         if end_row.is_none() && length_s.is_close(N::constant(0.0), 0.0) {
@@ -301,7 +301,7 @@ impl<N: Real> Parts<N> {
         let (mut left, mut share, mut n_halvings) = (1.0, 1.0, 0);
         while left > 0.0 {
             let longest_s = self.longest_step_s() * (1.0 + ROUNDING);
-            // As long as it may be, and no longer than what is left: a sum of halves' halves.
+            // The step is the longest allowed one within the rest, which is a sum of repeated halves.
             while n_halvings > 0 && 2.0 * share <= left && 2.0 * share * whole_s <= longest_s {
                 (share, n_halvings) = (2.0 * share, n_halvings - 1);
             }
@@ -315,7 +315,7 @@ impl<N: Real> Parts<N> {
         }
     }
 
-    /// The index of a length that is a share of another.
+    /// Index of a length that is a share of another.
     fn length(&mut self, whole: usize, n_halvings: usize, share: f64) -> usize {
         if self.halved[whole][n_halvings] == UNKNOWN {
             self.halved[whole][n_halvings] = self.length_s.len() as u32;
@@ -339,10 +339,10 @@ impl<N: Real> Parts<N> {
 }
 
 const UNKNOWN: u32 = u32::MAX;
-/// Ages are sums of lengths.
+/// Relative rounding of ages, which are sums of lengths.
 const ROUNDING: f64 = 1e-9;
 
-/// The class of a switch.
+/// Class of a switch.
 fn class(relative_size: f64) -> usize {
     let mut class = 0;
     while class + 1 < N_SIZES && relative_size * SIZE_RATIO.powi(class as i32 + 1) <= 1.0 {

@@ -1,4 +1,5 @@
-//! Quantities that depend on a state: the reduced model against the full one's stepping, which knows no pseudo-stress, and against closed forms.
+//! Tests of quantities that depend on a state, against closed forms and against the full-order model's stepping.
+//! The stepping uses no pseudo-stress and is independent.
 
 use super::Response;
 use base::number::{Dual, Scalar};
@@ -10,7 +11,7 @@ use record::{Force, ForceRule};
 
 const COMPLIANCE_PER_M: f64 = 550.0;
 
-/// 1 + a tanh(s/s₀): smooth, and limited where states run away.
+/// 1 + a tanh(s/s₀): smooth, and bounded where states diverge.
 #[derive(Debug)]
 struct Bounded;
 
@@ -32,7 +33,7 @@ impl StateFunction for Exponential {
     }
 }
 
-/// Holds of both signs with a rest, rows that are not equally far apart.
+/// Record of holds of both signs with a rest, at irregular rows.
 fn record() -> (Vec<f64>, Vec<f64>) {
     let (mut time_s, mut force_n, mut t) = (Vec::new(), Vec::new(), 0.0);
     for row in 0..160_u32 {
@@ -53,7 +54,7 @@ fn bounded(base: BaseLaw, parameters: &[f64], quantity: &str, state: State, size
     let scale = match state.unit() {
         "m" => 5e-4,
         "s" => 2.0,
-        // Faster forces at larger velocities would run away.
+        // Forces that grow with larger velocities would diverge.
         "m/s" => 2.5e-3,
         _ => 4e-6,
     };
@@ -94,7 +95,7 @@ fn springpot_law() -> BaseLaw {
     BaseLaw::Network(Network::from_text("law.toml".as_ref(), text).expect("a law"))
 }
 
-/// Every quantity of the base law on every state that it may have, under forces that hold and that go in lines.
+/// Checks every quantity of the base law with every state that it may have, under forces that hold and that are straight lines.
 #[test]
 fn reduced_and_full_agree() {
     let (time_s, force_n) = record();
@@ -117,11 +118,11 @@ fn reduced_and_full_agree() {
             }
         }
     }
-    // In lines, the robot turns inside a row: path, excursion and the sign of the force have their kinks there.
+    // Under straight lines the robot turns inside a row. Path, excursion and the sign of the force have kinks there.
     assert!(worst[0] < 1e-8 && worst[1] < 5e-5 && n_cases == 76, "{worst:?} {n_cases}");
 }
 
-/// Laws with springpots, with a body of parts and at once.
+/// Checks laws with springpots, with a body of several parts and with an instantaneous response.
 #[test]
 fn reduced_and_full_agree_for_springpots() {
     let (time_s, force_n) = record();
@@ -148,7 +149,7 @@ fn reduced_and_full_agree_for_springpots() {
     assert!(worst < 5e-6, "{worst}");
 }
 
-/// Exact derivatives against central differences, by the law's parameters and the function's.
+/// Checks exact derivatives by the law's and the function's parameters against central differences.
 #[test]
 fn sensitivities_equal_differences() {
     let (time_s, force_n) = record();
@@ -176,7 +177,7 @@ fn sensitivities_equal_differences() {
     }
 }
 
-/// Derivatives by the function's parameters that are followed beside a run are those that numbers carry through it, for every quantity and state.
+/// Checks that `by_function_m` and dual numbers give equal derivatives by the function's parameters, for every quantity and state.
 #[test]
 fn followed_slopes_are_those_that_numbers_carry() {
     let (time_s, force_n) = record();
@@ -196,7 +197,7 @@ fn followed_slopes_are_those_that_numbers_carry() {
                     continue;
                 }
                 let stages = bounded(base, parameters, quantity, state, 0.4);
-                // Where the position runs away there is neither.
+                // Where the position diverges, neither exists.
                 let Ok(found) = response.by_function_m(&stages, COMPLIANCE_PER_M) else { continue };
                 n_cases += found.len();
                 for (place, found) in found.iter().enumerate() {
@@ -213,7 +214,8 @@ fn followed_slopes_are_those_that_numbers_carry() {
     assert!(n_cases > 170, "{n_cases}");
 }
 
-/// A dashpot whose viscosity grows as e^{b x} under a held force: e^{bx} = 1 + b C F t/c; and one whose force falls with the path, the same.
+/// Checks a dashpot whose viscosity grows as e^{b x} under a held force: e^{bx} = 1 + b C F t/c.
+/// A dashpot whose force falls with the path obeys the equivalent equation.
 #[test]
 fn a_dashpot_that_hardens_has_a_closed_form() {
     let base = BaseLaw::Network(Network::from_text("law.toml".as_ref(), "dashpot = \"flow\"").expect("a law"));
@@ -239,7 +241,7 @@ fn a_dashpot_that_hardens_has_a_closed_form() {
     }
 }
 
-/// A function that is 1 everywhere leaves every bit as it was, and one that is added with the value 0, too.
+/// Checks that a factor of 1 everywhere, or an added 0, changes no bit.
 #[test]
 fn at_the_null_the_base_returns() {
     let (time_s, force_n) = record();

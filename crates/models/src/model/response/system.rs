@@ -1,7 +1,7 @@
-//! Stages as the numbers of a linear system: what the kernels integrate.
+//! Stages as the numbers of a linear system, which the kernels integrate.
 //!
 //! The strain of a mode obeys s' = r (F̃ − s) with F̃ = F eᵛᵗ, v the softening rate. With Y = C a s e^{−vt} this is Y' = κ F − ρ Y, κ = C a r,
-//! ρ = r + v, and the position is e^{vt} (C J₀ F + Σ Y): softening is a change of rates and a growing factor, and a dashpot is a mode of rate 0
+//! ρ = r + v, and the position is e^{vt} (C J₀ F + Σ Y). Softening therefore changes rates and adds a growing factor. A dashpot is a mode of rate 0
 //! with κ = C φ. C is the compliance per m.
 
 use super::grading::Grading;
@@ -12,7 +12,7 @@ use base::number::Complex;
 use laws::rheology::{Accuracy, RetardationSpectrum, TimeWindow};
 use laws::stages::{Load, Observation, Spatial, Spread, Stages};
 
-/// Which parts a model has. Points of one shape are computed together: what a point's arithmetic is depends on nothing else.
+/// Parts that a model has. Points of one shape are computed together. A point's arithmetic depends on its shape alone.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Shape {
     n_modes: usize,
@@ -22,23 +22,23 @@ pub(super) struct Shape {
     pub lagging: bool,
     pub softening: bool,
     pub feedback: bool,
-    /// Whether the recorded position differs from the robot's.
+    /// True if the recorded position differs from the robot's.
     pub observed: bool,
-    /// Whether it is a root of what answers linearly.
+    /// True if the position is a root of the linear response.
     pub rooted: bool,
 }
 
-/// One point: its shape, and its numbers in the order in which [`System::gather`] reads them.
+/// Numbers of one point, in the order of [`System::gather`], and its shape.
 #[derive(Debug, Clone)]
 pub(super) struct Lowered<T> {
     pub shape: Shape,
     pub grading: Grading,
     numbers: Vec<T>,
-    /// What a law that is not linear adds at every row, in m.
+    /// Excess of a nonlinear law's position over the linear one's at every row, in m.
     pub excess_m: Option<Vec<T>>,
 }
 
-/// A mode Y' = κ F − ρ Y.
+/// Mode Y' = κ F − ρ Y.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Mode<T> {
     /// κ in m/(N·s).
@@ -47,11 +47,11 @@ pub(super) struct Mode<T> {
     pub rate: T,
 }
 
-/// The numbers of one or several points of one shape.
+/// Numbers of one or several points of one shape.
 #[derive(Debug, Clone)]
 pub(super) struct System<S> {
     pub shape: Shape,
-    /// The points' own.
+    /// Grading of each point.
     pub gradings: [Grading; N_LANES],
     /// C J₀ in m/N.
     pub instantaneous: S,
@@ -64,12 +64,12 @@ pub(super) struct System<S> {
     pub observation: Observation<S>,
 }
 
-/// Shortest time after a switch that matters, as a part of the shortest step, where a switch may fall between rows or the force changes
+/// Shortest relevant time after a switch, as a share of the shortest step. It applies where a switch may be between rows or the force changes
 /// between them.
 pub(super) const BETWEEN_ROWS: f64 = 1e-2;
 
 impl<T: Real> Lowered<T> {
-    /// The numbers of stages, without what a law that is not linear adds. `window` is what the record's rows ask for.
+    /// Numbers of stages, without the excess of a nonlinear law. `window` is the range of times that the record's rows need.
     pub fn new(stages: &Stages, compliance_per_m: T, window: TimeWindow, record: &Record) -> Result<Self> {
         let load = &stages.load;
         load.check()?;
@@ -77,7 +77,7 @@ impl<T: Real> Lowered<T> {
             || stages.state_law.is_some() && load.depends_on_position()
         {
             return Err(Error::numerical(
-                "a quantity that depends on a state stands beside a force gradient or a field that is solved for",
+                "a quantity that depends on a state is combined with a force gradient or a computed displacement field",
                 "leave one of them out",
             ));
         }
@@ -96,7 +96,7 @@ impl<T: Real> Lowered<T> {
             (None, None) => RetardationSpectrum::with_accuracy(&stages.law, window, Accuracy::Fast)?,
             _ => {
                 return Err(Error::numerical(
-                    "the field's terms are not there, or stand beside a gel that softens",
+                    "the field's terms are missing, or the gel softens as well",
                     "complete the stages by the compliance, and leave `softening` out",
                 ));
             }
@@ -104,7 +104,7 @@ impl<T: Real> Lowered<T> {
         Ok(Self::with_spectrum(stages, &spectrum, compliance_per_m, record.largest_n))
     }
 
-    /// The same with the law's spectrum as it is given, for commands of a largest size (N).
+    /// Numbers of stages with a given spectrum of the law, for commands up to `largest_n` (N).
     pub fn with_spectrum(
         stages: &Stages,
         spectrum: &RetardationSpectrum<T>,
@@ -143,7 +143,7 @@ impl<T: Real> Lowered<T> {
     }
 }
 
-/// How steps of a law are graded behind a lag of some rate (1/s), under a gradient whose exponent is `strength_pa` times the creep compliance.
+/// Grading of steps for a law behind a lag of some rate (1/s). The exponent of the gradient is `strength_pa` times the creep compliance.
 pub(super) fn grading<T: Real>(spectrum: &RetardationSpectrum<T>, lag_rate: Option<f64>, strength_pa: f64) -> Grading {
     let real = spectrum.modes.iter().map(|mode| (mode.compliance_per_pa.value(), mode.rate_per_s.value()));
     let size = |[re, im]: [T; 2]| re.value().hypot(im.value());
@@ -153,7 +153,7 @@ pub(super) fn grading<T: Real>(spectrum: &RetardationSpectrum<T>, lag_rate: Opti
     let total = spectrum.instantaneous_per_pa.value()
         + rough.iter().map(|(compliance, _)| compliance).sum::<f64>()
         + lag_rate.map_or(0.0, |rate| fluidity / rate);
-    // Of what does not decay no share is lost; its scale is any.
+    // A law without decaying parts loses no share, and any scale is suitable.
     let inverse = if total > 0.0 { 1.0 / total } else { 1.0 };
     rough.iter_mut().for_each(|(share, _)| *share *= inverse);
     let mut modes: Vec<(f64, f64)> = rough.iter().map(|&(share, rate)| (share * rate, rate)).collect();
@@ -162,7 +162,7 @@ pub(super) fn grading<T: Real>(spectrum: &RetardationSpectrum<T>, lag_rate: Opti
     Grading::new(&rough, &modes, strength_pa / inverse)
 }
 
-/// Modes that answer a force under a compliance in 1/m: those of the law, the one that flows last, and those that oscillate.
+/// Modes of the response to a force under a compliance in 1/m: those of the law with the flowing one last, and the oscillating ones.
 pub(super) fn modes_of<T: Real>(
     spectrum: &RetardationSpectrum<T>,
     compliance_per_m: T,
@@ -183,7 +183,7 @@ pub(super) fn modes_of<T: Real>(
 }
 
 impl<S: Number> System<S> {
-    /// Gathers points of one shape; the last stands in for those that are missing.
+    /// Gathers points of one shape. The last point fills missing lanes.
     pub fn gather(points: &[&Lowered<S::Lane>]) -> Self {
         let shape = points[0].shape;
         let mut next = 0;
@@ -206,13 +206,13 @@ impl<S: Number> System<S> {
         }
     }
 
-    /// The force on its way after the factors, without the offset, in N, and by how much it rises in N/s.
+    /// Force after the factors, without the offset, in N, and its rate in N/s.
     pub fn scaled(&self, line: Line, time_s: f64) -> (S, S) {
         let scaled = |commanded: f64| self.load.scaled(commanded, line.is_positive);
         (scaled(line.at_n(time_s)), scaled(line.slope_n_per_s))
     }
 
-    /// By how long a lag follows a line late, in s.
+    /// Time by which a lag delays a straight line, in s.
     pub fn late_s(&self) -> S {
         if self.shape.lagging { S::constant(1.0) / self.lag_rate } else { S::constant(0.0) }
     }

@@ -1,4 +1,4 @@
-//! The kernel against closed forms and against Runge–Kutta steps of the equations as physics §5 states them.
+//! Tests of the kernel against closed forms and against Runge–Kutta steps of the equations in physics §5.
 
 use super::numbers::Number;
 use super::system::Lowered;
@@ -14,7 +14,7 @@ use record::{Force, ForceRule};
 const COMPLIANCE_PER_M: f64 = 549.0;
 const LETHERSICH: [f64; 3] = [3.527, 1.402, 47.37];
 
-/// Irregular rows; the command changes at every row at first, then seldom.
+/// Record with irregular rows. The command changes at every row at first, then rarely.
 pub(super) fn record() -> (Vec<f64>, Vec<f64>) {
     let mut time_s = vec![2.0];
     let mut force_n = Vec::new();
@@ -39,7 +39,7 @@ fn number(value: f64) -> Dual {
     Dual::constant(value)
 }
 
-/// A second body and a spring beside the base law.
+/// Base law with a second body and a spring in series.
 pub(super) fn rich_law() -> Stages {
     let mut stages = lethersich();
     stages.law.push(Element::kelvin_voigt(number(9.0), number(19.0)));
@@ -65,7 +65,7 @@ pub(super) fn assert_close(found: &[f64], expected: &[f64], tolerance: f64, what
     }
 }
 
-/// The equations of the stages stepped by Runge and Kutta's fourth-order scheme between all switches and rows; its own error is below 1e-10 for
+/// Steps the equations of the stages by Runge and Kutta's fourth-order scheme between all switches and rows. Its own error is below 1e-10 for
 /// rates below 10/s.
 struct RungeKutta<'a> {
     stages: &'a Stages,
@@ -73,12 +73,12 @@ struct RungeKutta<'a> {
 }
 
 impl RungeKutta<'_> {
-    /// Lag's force, modes, dashpot, real and imaginary parts.
+    /// Number of states: lagged force, dashpot, modes, real and imaginary parts.
     fn n_states(&self) -> usize {
         2 + self.spectrum.modes.len() + 2 * self.spectrum.oscillating.len()
     }
 
-    /// Acting force × e^{rt}, and the position.
+    /// Returns acting force × e^{rt}, and the position.
     fn drive(&self, time_s: f64, input_n: f64, state: &[f64]) -> (f64, f64) {
         let n = self.spectrum.modes.len();
         let mut strain = self.spectrum.fluidity_per_pa_s.value * state[1];
@@ -92,7 +92,7 @@ impl RungeKutta<'_> {
         let softened_n = before_n * (self.stages.softening_rate_per_s.value * time_s).exp();
         let instantaneous = self.spectrum.instantaneous_per_pa.value * softened_n;
         let gradient = self.stages.load.gradient_per_m.value;
-        // x = C (J₀ F̃ e^{gx} + strain), solved for x by Newton's method.
+        // x = C (J₀ F̃ e^{gx} + strain) is solved for x by Newton's method.
         let mut x = COMPLIANCE_PER_M * strain;
         for _ in 0..if gradient == 0.0 { 1 } else { 8 } {
             let jump_m = COMPLIANCE_PER_M * instantaneous * (gradient * x).exp();
@@ -167,7 +167,7 @@ fn runge_kutta(stages: &Stages, spectrum: &RetardationSpectrum) -> Vec<f64> {
     RungeKutta { stages, spectrum }.trajectory_m()
 }
 
-/// The law's spectrum and, where asked for, a mode that oscillates.
+/// Spectrum of the law, with an oscillating mode on request.
 pub(super) fn spectrum(stages: &Stages, oscillating: bool) -> RetardationSpectrum {
     let window = TimeWindow { shortest_s: 1e-4, longest_s: 10.0 };
     let mut spectrum = RetardationSpectrum::of(&stages.law, window).expect("a spectrum");
@@ -179,7 +179,7 @@ pub(super) fn spectrum(stages: &Stages, oscillating: bool) -> RetardationSpectru
     spectrum
 }
 
-/// The spectrum in the numbers that a kernel carries.
+/// Spectrum in the numbers that a kernel carries.
 fn carried<T: PointScalar>(spectrum: &RetardationSpectrum) -> RetardationSpectrum<T> {
     let real = |mode: &SpectralMode| SpectralMode {
         compliance_per_pa: T::of(mode.compliance_per_pa),
@@ -197,7 +197,7 @@ fn carried<T: PointScalar>(spectrum: &RetardationSpectrum) -> RetardationSpectru
     }
 }
 
-/// The kernel's answer for a given spectrum.
+/// Response of the kernel for a given spectrum.
 pub(super) fn respond_with<S: Number>(
     stages: &Stages,
     spectrum: &RetardationSpectrum,
@@ -221,7 +221,7 @@ fn without_effects_is_the_convolution() {
     assert_close(&respond(&lethersich()), &convolve_m(COMPLIANCE_PER_M, &law, &time_s, &force_n), 1e-12, "base");
 }
 
-/// Σ ΔFₖ J(t − tₖ − δ), for delays within a row, over several and of exactly one.
+/// Checks Σ ΔFₖ J(t − tₖ − δ), for delays within a row, over several and of exactly one.
 #[test]
 fn delays_are_superpositions_of_late_steps() {
     let (time_s, force_n) = record();
@@ -248,7 +248,7 @@ fn delays_are_superpositions_of_late_steps() {
     }
 }
 
-/// A Kelvin–Voigt body behind a lag, also with equal and nearly equal times.
+/// Checks a Kelvin–Voigt body behind a lag, also with equal and nearly equal times.
 #[test]
 fn lag_of_a_single_body_has_its_closed_form() {
     let time_s: Vec<f64> = (0..60).map(|i| 0.1 * f64::from(i)).collect();
@@ -262,7 +262,7 @@ fn lag_of_a_single_body_has_its_closed_form() {
             .iter()
             .map(|&t| {
                 if (ratio - 1.0).abs() < 1e-3 {
-                    // 1 − (1 + u) e⁻ᵘ and its first derivative by the ratio; the next term is below 1e-14.
+                    // The response is 1 − (1 + u) e⁻ᵘ plus its first derivative by the ratio. The next term is below 1e-14.
                     let u = t / body_s;
                     1.0 - (1.0 + u) * (-u).exp() - 0.5 * (ratio - 1.0) * u * u * (-u).exp()
                 } else {
@@ -275,8 +275,8 @@ fn lag_of_a_single_body_has_its_closed_form() {
     }
 }
 
-/// Every combination of delay, lag, softening and gradient, with and without an oscillating mode; bias, asymmetry and drift throughout.
-/// Recursions are held to the reference's own error, collocation under a gradient to 2e-8.
+/// Checks every combination of delay, lag, softening and gradient, with and without an oscillating mode; all have bias, asymmetry and drift.
+/// The tolerance of recursions is the reference's own error, that of collocation under a gradient 2e-8.
 #[test]
 fn all_combinations_equal_runge_kutta() {
     for choice in 0..32 {
@@ -298,7 +298,7 @@ fn all_combinations_equal_runge_kutta() {
     }
 }
 
-/// A gel that sets faster than its slowest modes creep, so that their rates are negative: with and without what else there is.
+/// Checks a gel that sets faster than its slowest modes creep, so that their rates are negative, with and without other effects.
 #[test]
 fn a_gel_that_sets_equals_runge_kutta() {
     for (rate, lag_time_s, gradient_per_m) in
@@ -322,7 +322,8 @@ fn a_gel_that_sets_equals_runge_kutta() {
     }
 }
 
-/// Gradients that change the force several times over, down and up: what they do in closed form to a dashpot, e^{−gx} = 1 − g C φ F t, until it runs away.
+/// Checks gradients that change the force several times over, down and up.
+/// Their closed form for a dashpot is e^{−gx} = 1 − g C φ F t, until the force diverges.
 #[test]
 fn a_dashpot_under_a_strong_gradient_is_a_closed_form() {
     let time_s: Vec<f64> = (0..80).map(|i| 0.1 * f64::from(i)).collect();
@@ -349,7 +350,7 @@ fn a_dashpot_under_a_strong_gradient_is_a_closed_form() {
     }
 }
 
-/// A lag much shorter than a row, under a gradient: the force comes in time, to first order in the lag.
+/// Checks a lag much shorter than a row, under a gradient: the force is delayed, to first order in the lag.
 #[test]
 fn short_lags_under_a_gradient_equal_runge_kutta() {
     for lag_time_s in [2e-3, 1.3e-2] {
@@ -374,7 +375,7 @@ fn strong_feedback_is_refused() {
     assert_eq!(sound, [true, false, false, false, false, false, false, false]);
 }
 
-/// Points of several shapes in one batch have the bits that they have alone, under many levels of the force and under few.
+/// Checks that points of several shapes in one batch have the bits of single points, under many levels of the force and under few.
 #[test]
 fn lanes_have_the_bits_of_single_points() {
     let (time_s, many_n) = record();
@@ -422,7 +423,7 @@ fn lanes_have_the_bits_of_single_points_under(time_s: &[f64], force: Force<'_>) 
     }
 }
 
-/// No rows, one row, and fewer rows than the record has.
+/// Checks records without rows, with one row, and with fewer rows than given.
 #[test]
 fn short_records_are_served() {
     let (time_s, force_n) = record();
@@ -436,7 +437,7 @@ fn short_records_are_served() {
     }
 }
 
-/// A delay of whole rows, or a rounding beside it, shifts the trajectory by rows: no row is lost where a switch falls on one.
+/// Checks that a delay of whole rows, up to rounding, shifts the trajectory by rows. No row is lost where a switch coincides with one.
 #[test]
 fn delays_of_whole_rows_shift_the_trajectory() {
     let time_s: Vec<f64> = (0..60).map(|i| 0.05 * f64::from(i)).collect();
@@ -451,7 +452,7 @@ fn delays_of_whole_rows_shift_the_trajectory() {
             for rounding in [-1e-15, -1e-17, 0.0, 1e-17, 1e-15] {
                 stages.load.delay_s = number(time_s[n_rows] + rounding);
                 let found = response.trajectory_m(&stages, COMPLIANCE_PER_M).expect("sound");
-                // What jumps with the force may do so at either side of a row that a switch falls on: compared are the others.
+                // An instantaneous part may jump at either side of a row that coincides with a switch, so only the other rows are compared.
                 for row in n_rows..time_s.len() {
                     let at_switch = row == n_rows || force_n[row - n_rows] != force_n[row - n_rows - 1];
                     let error = (found[row] - plain[row - n_rows]).abs() / largest(&plain);

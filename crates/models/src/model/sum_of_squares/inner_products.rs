@@ -1,19 +1,19 @@
-//! Sums over the compared rows that the residual sum of squares is made of, for many rates at once.
+//! Sums over the compared rows that define the residual sum of squares, for many rates at once.
 
 use pulp::{Arch, Simd, WithSimd};
 
 use super::{LANES, Lanes, SumOfSquares};
 use base::elementary::exp_m1_all;
 
-/// A trajectory that others are compared with, and what it leaves; entries of rows that are not compared are 0.
+/// Reference trajectory and its residuals. Entries of rows that are not compared are 0.
 pub(super) struct Reference {
     /// Unit response at the reference rate, in N.
     pub response_n: Vec<f64>,
-    /// Position less the reference trajectory, in m.
+    /// Position minus the reference trajectory, in m.
     pub residual_m: Vec<f64>,
 }
 
-/// Sums over the compared rows with h, the unit response less the reference's, of one rate.
+/// Sums over the compared rows with h, the unit response minus the reference's, of one rate.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct InnerProducts {
     /// Residual times h.
@@ -32,7 +32,7 @@ impl SumOfSquares {
         let mut response_n = vec![0.0; self.observed_m.len()];
         let mut state = 0.0_f64;
         for hold in &self.holds {
-            // By what is lost and not by what is left, which would round the rate where steps are short.
+            // The loss avoids the rounding of the decay, which would round the rate where steps are short.
             let lost = -(-self.step_s[hold.step] * rate_per_s).exp_m1();
             for row in hold.rows.clone() {
                 state = lost.mul_add(hold.force_n - state, state);
@@ -42,7 +42,7 @@ impl SumOfSquares {
         response_n
     }
 
-    /// The inner products of every rate.
+    /// Returns the inner products of every rate.
     pub(super) fn inner_products(&self, rates_per_s: &[f64], reference: &Reference) -> Vec<InnerProducts> {
         let mut found = Vec::with_capacity(rates_per_s.len());
         let mut grown = vec![[0.0; LANES]; self.step_s.len()];

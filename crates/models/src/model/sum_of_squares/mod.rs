@@ -1,4 +1,4 @@
-//! The hot loop: residual sum of squares of many parameter points at once, one point a vector lane.
+//! Residual sum of squares of many parameter points at once, one point a vector lane. This is the innermost loop of sampling.
 
 mod inner_products;
 mod table;
@@ -7,14 +7,14 @@ use pulp::{Arch, Simd, WithSimd};
 
 use table::Table;
 
-/// Points that one pass carries. A multiple of every register width, so that no point ever shares a pass of another shape.
+/// Number of points in one pass. It is a multiple of every register width, so that all points take one shape of pass.
 const LANES: usize = 16;
 
-/// Steps whose lengths differ by less than this fraction of the record's length count as equal: decimal times such as 0.05 i are
-/// not equally spaced in binary, and one exponential per step length is dear.
+/// Relative tolerance of equal steps, as a fraction of the record's length. Decimal times such as 0.05 i are
+/// not equally spaced in binary, and one exponential for each step length is expensive.
 const EQUAL_STEP_TOLERANCE: f64 = 1e-13;
 
-/// A record prepared for the evaluation of Σ (yᵢ − xᵢ)² over chosen rows, for laws of one Kelvin–Voigt body and a dashpot.
+/// Record prepared for the evaluation of Σ (yᵢ − xᵢ)² over chosen rows, for laws of one Kelvin–Voigt body and a dashpot.
 #[derive(Debug, Clone)]
 pub struct SumOfSquares {
     /// Distinct step lengths in s.
@@ -22,17 +22,17 @@ pub struct SumOfSquares {
     holds: Vec<Hold>,
     /// ∫F dt up to each row, in N·s.
     impulse_n_s: Vec<f64>,
-    /// Observed position of each row in m; NaN where it is not compared.
+    /// Observed position of each row in m; NaN for rows that are not compared.
     observed_m: Vec<f64>,
     n_observed: usize,
-    /// What stands for the rows, over a range of rates.
+    /// Table that replaces the sums over rows, in a range of rates.
     table: Option<Table>,
 }
 
-/// How many distinct steps are looked through for an equal one: a record with more has no equal ones worth looking for.
+/// Number of distinct steps that are searched for an equal one. A record with more has hardly any equal steps.
 const N_SEARCHED: usize = 64;
 
-/// Consecutive rows that are reached by equal steps under equal force.
+/// Consecutive rows at the ends of equal steps under equal force.
 #[derive(Debug, Clone)]
 struct Hold {
     step: usize,
@@ -52,7 +52,7 @@ pub struct CreepLanes<'a> {
 }
 
 impl SumOfSquares {
-    /// Prepares a record: times (s), commanded force (N), and the positions (m) to compare with, `None` where there is nothing to compare.
+    /// Prepares a record: times (s), commanded force (N), and the positions (m) to compare with, `None` where there is no comparison.
     /// Rows after the last comparison are dropped.
     pub fn new(time_s: &[f64], force_n: &[f64], observed_m: &[Option<f64>]) -> Self {
         let n_rows = observed_m.iter().rposition(Option::is_some).map_or(0, |last| last + 1);
@@ -78,8 +78,8 @@ impl SumOfSquares {
         Self { step_s, holds, impulse_n_s, observed_m, n_observed, table: None }
     }
 
-    /// The same with a table over a range of ln(rate·s), so that a point in it costs the same however many rows there are; without one
-    /// where a table would not be as good as the sum.
+    /// Adds a table over a range of ln(rate·s), in which the cost of a point does not depend on the number of rows. No table is added
+    /// if it would be less accurate than the sum.
     pub fn tabulated(mut self, ln_rates: (f64, f64)) -> Self {
         self.table = Table::new(&self, ln_rates);
         self
@@ -90,7 +90,7 @@ impl SumOfSquares {
         self.n_observed
     }
 
-    /// Residual sum of squares (m²) of every point.
+    /// Writes the residual sum of squares (m²) of every point to `sum_m2`.
     pub fn evaluate(&self, lanes: CreepLanes, sum_m2: &mut [f64]) {
         let Some(table) = &self.table else { return self.sum_rows(lanes, sum_m2) };
         table.evaluate(lanes, sum_m2);
@@ -107,7 +107,7 @@ impl SumOfSquares {
         left.into_iter().zip(sums).for_each(|(i, sum)| sum_m2[i] = sum);
     }
 
-    /// The same by a pass over all rows.
+    /// Writes the sums of [`Self::evaluate`] by a pass over all rows.
     pub fn sum_rows(&self, lanes: CreepLanes, sum_m2: &mut [f64]) {
         let mut scratch = Scratch::new(self.step_s.len());
         for (index, chunk) in sum_m2.chunks_mut(LANES).enumerate() {
@@ -125,7 +125,7 @@ impl SumOfSquares {
 
 type Lanes = [f64; LANES];
 
-/// One pass's lanes; unused lanes repeat the last point.
+/// Lanes of one pass. Unused lanes repeat the last point.
 struct Scratch {
     decay: Vec<Lanes>,
     retarded: Lanes,
@@ -178,7 +178,7 @@ impl WithSimd for Pass<'_> {
                 let (a, _) = S::as_simd_f64s(&decay[hold.step][..]);
                 let a = [a[pair], a[pair + 1]];
                 let force = simd.splat_f64s(hold.force_n);
-                // Not by a closure: compiled apart, without the vector instructions, it would be called.
+                // A closure would be compiled separately without the vector instructions, and called.
                 let mut gain = [one; 2];
                 for k in 0..2 {
                     gain[k] = simd.mul_f64s(simd.mul_f64s(retarded[pair + k], force), simd.sub_f64s(one, a[k]));
@@ -214,7 +214,7 @@ mod tests {
     use rand_chacha::ChaCha8Rng;
     use rand_distr::StandardNormal;
 
-    /// Irregular steps, gaps, batch sizes that do not fill the lanes: equal to the plain recursion, and independent of the batch.
+    /// Checks irregular steps, gaps and batch sizes that do not fill the lanes: results equal the plain recursion and do not depend on the batch.
     #[test]
     fn equals_the_plain_recursion_for_any_batch() {
         let n = 137;
@@ -242,7 +242,7 @@ mod tests {
         }
     }
 
-    /// A record of creep under alternating force with noise of 4 µm: positions at irregular times, some lost.
+    /// Record of creep under alternating force with noise of 4 µm, at irregular times and with missing positions.
     fn noisy_record(n: usize, irregular: bool) -> SumOfSquares {
         let step_s = 40.0 / n as f64;
         let jitter = |i: usize| if irregular { 0.3 * step_s * ((i * 7919) % 13) as f64 / 13.0 } else { 0.0 };
@@ -257,11 +257,11 @@ mod tests {
         SumOfSquares::new(&time_s, &force_n, &observed)
     }
 
-    /// E, c₁, c₂ of the records, and their noise.
+    /// Parameters E, c₁, c₂ of the records, and their noise.
     const TRUTH: [f64; 3] = [3.527, 1.402, 47.37];
     const NOISE_M: f64 = 4e-6;
 
-    /// Sums by the table and by the rows at points exp(size·(−1 … 1)) times the truth, and how many the table left to the rows.
+    /// Sums by the table and by the rows at points exp(size·(−1 … 1)) times the truth, and the number of points outside the table.
     fn sums_around_the_truth(record: &SumOfSquares, size: f64, n_points: usize) -> (Vec<(f64, f64)>, usize) {
         let golden = [0.618_033_988_75, 0.754_877_666_25, 0.569_840_290_99];
         let of = |i: usize, d: usize| TRUTH[d] * (size * (2.0 * (golden[d] * (i + 1) as f64).fract() - 1.0)).exp();
@@ -279,8 +279,8 @@ mod tests {
         (by_table.into_iter().zip(by_rows).collect(), n_left)
     }
 
-    /// At points that trained nothing, from inside the posterior to e⁶ times as far as any prior allows: sums of squares to 1e-8, and where a posterior
-    /// lies log-likelihoods to 1e-6 nats, with 300 rows as with 200,000. Most of the points are the table's own.
+    /// Checks the table at points not used for training, from inside the posterior to e⁶ times as far as any prior allows. Sums of squares agree to 1e-8. In the posterior
+    /// log-likelihoods agree to 1e-6 nats, with 300 and with 200,000 rows. The table covers most of the points.
     #[test]
     fn the_table_is_as_good_as_the_rows() {
         for (n, irregular) in [(300, false), (301, true), (200_000, false)] {
@@ -299,7 +299,7 @@ mod tests {
         }
     }
 
-    /// A record that determines nothing has the sums of its rows; a range that is none has no table.
+    /// Checks that a record without motion falls back to sums over its rows, and that an invalid range gives no table.
     #[test]
     fn a_record_without_motion_is_summed() {
         let observed = [Some(1e-6); 12];
@@ -311,7 +311,7 @@ mod tests {
         assert!(noisy_record(300, false).tabulated((f64::NAN, 1.0)).table.is_none());
     }
 
-    /// Ten thousand steps, all of other lengths, are prepared in one pass.
+    /// Checks ten thousand steps of different lengths, which are prepared in one pass.
     #[test]
     fn irregular_records_equal_the_plain_recursion() {
         let record = noisy_record(10_000, true);

@@ -1,16 +1,16 @@
-//! The residual sum of squares at a cost that does not grow with the rows.
+//! Table of the residual sum of squares, with a cost independent of the number of rows.
 //!
-//! The trajectory is A u(r) + B g: a body of compliance A and rate r, and a dashpot B. What the rows enter by are inner products of u(r), g and
-//! the positions: functions of one variable, the rate, tabulated once over its range (reduced-order quadrature in time: Canizares et al. 2013,
+//! The trajectory is A u(r) + B g: a body of compliance A and rate r, and a dashpot B. The rows enter by inner products of u(r), g and
+//! the positions. These are functions of one variable, the rate, tabulated once over its range (reduced-order quadrature in time: Canizares et al. 2013,
 //! doi:10.1103/PhysRevD.87.124005).
 //!
-//! To keep digits, everything is relative to the least-squares trajectory A₀ u(r₀) + B₀ g, which leaves residuals e: with k = (u(r) − u(r₀))/(ln r − ln r₀),
-//! which is smooth, a = A − A₀, b = B − B₀ and c = A (ln r − ln r₀),
+//! To keep digits, all values are relative to the least-squares trajectory A₀ u(r₀) + B₀ g, which leaves residuals e. The function k = (u(r) − u(r₀))/(ln r − ln r₀)
+//! is smooth. With a = A − A₀, b = B − B₀ and c = A (ln r − ln r₀),
 //!
 //!   Σ (y − x)² = Σ (e − a u(r₀) − b g − c k)²
 //!
-//! is a quadratic form whose every term is small where the posterior is. Where terms are much larger than their sum, or the rate lies outside the
-//! table, rows are summed.
+//! is a quadratic form, and every term is small near the posterior. Rows are summed where terms are much larger than their sum, or where the rate is outside the
+//! table.
 
 use pulp::{Arch, Simd, WithSimd};
 
@@ -18,27 +18,27 @@ use super::inner_products::{InnerProducts, Reference};
 use super::{CreepLanes, SumOfSquares};
 use base::elementary;
 
-/// Width of a piece of the table in ln r. The inner products are analytic for |Im ln r| < π/2, 25 times a piece's half width: each further
-/// coefficient is fifty times smaller.
+/// Width of a piece of the table in ln r. The inner products are analytic for |Im ln r| < π/2, 25 times a piece's half width. Each further
+/// coefficient is therefore fifty times smaller.
 const PIECE: f64 = 0.125;
 /// Coefficients of a piece.
 const N_COEFFICIENTS: usize = 8;
 /// Tabulated functions: products of k with the residual, itself, the reference response and the impulse.
 const N_FUNCTIONS: usize = 4;
-/// The table ends this far from the reference rate at the latest, in ln r.
+/// Largest distance of the table's ends from the reference rate, in ln r.
 const LONGEST_REACH: f64 = 24.0;
-/// Rates at which the table is held to the sums over the rows; they trained nothing.
+/// Number of rates at which the table is checked against the sums over the rows. They are not used for training.
 const N_CHECKED: usize = 48;
-/// Largest error there, relative to the terms of the sum of squares. With the largest cancellation: 1e-8 of a sum of squares.
+/// Largest error at these rates, relative to the terms of the sum of squares. With the largest cancellation it is 1e-8 of a sum of squares.
 const CHECK_TOLERANCE: f64 = 1e-12;
-/// Terms that are so many times their sum are not added: 1e-12 of them is 1e-8 of it.
+/// Largest ratio of the terms to their sum. An error of 1e-12 of the terms is then 1e-8 of the sum. Beyond it rows are summed.
 const LARGEST_CANCELLATION: f64 = 1e4;
-/// Rates of the first round of the search for the least-squares trajectory, and by how much each later round is finer.
+/// Number of rates in the first round of the search for the least-squares trajectory, number of rounds, and refinement of each later round.
 const N_SEARCHED: usize = 64;
 const N_ROUNDS: usize = 5;
 const FINER: f64 = 16.0;
 
-/// Polynomials in the piece's coordinate on [−1, 1], lowest power first; the functions side by side.
+/// Polynomials in the piece's coordinate on [−1, 1], lowest power first. Each power has one coefficient for each function.
 type Piece = [[f64; N_FUNCTIONS]; N_COEFFICIENTS];
 
 /// Inner products over a range of rates.
@@ -47,7 +47,7 @@ pub(super) struct Table {
     retarded_m_per_n: f64,
     flow_m_per_n_s: f64,
     ln_rate: f64,
-    /// Pieces before the reference rate.
+    /// Number of pieces before the reference rate.
     n_before: usize,
     pieces: Vec<Piece>,
     products: Constants,
@@ -66,7 +66,7 @@ struct Constants {
 }
 
 impl Table {
-    /// Tabulates a record over a range of ln r; `None` where the record determines no reference, or the table does not hold what it promises.
+    /// Tabulates a record over a range of ln r; `None` if the record determines no reference, or the table fails its check.
     pub fn new(record: &SumOfSquares, ln_rates: (f64, f64)) -> Option<Self> {
         let (lower, upper) = ln_rates;
         if !(lower.is_finite() && upper.is_finite() && lower <= upper) {
@@ -123,11 +123,11 @@ impl Table {
         record.inner_products(&rates, reference).into_iter().zip(ln_rates).map(of_rate).collect()
     }
 
-    /// Whether the table agrees with the rows at rates spread over its range that are nodes of no piece.
+    /// Returns `true` if the table agrees with the rows at rates spread over its range that are nodes of no piece.
     fn holds(&self, record: &SumOfSquares, reference: &Reference) -> bool {
         let golden = 0.5 * (5.0_f64.sqrt() - 1.0);
         let (first, width) = (self.centre(0) - 0.5 * PIECE, PIECE * self.pieces.len() as f64);
-        // Half of them over the whole range, half around the reference rate.
+        // Half of the rates cover the whole range, half are around the reference rate.
         let ln_rate = |k: usize| {
             let fraction = ((k as f64 + 0.5) * golden).fract();
             if k.is_multiple_of(2) { first + width * fraction } else { self.ln_rate + 4.0 * PIECE * (fraction - 0.5) }
@@ -135,11 +135,11 @@ impl Table {
         let ln_rates: Vec<f64> = (0..N_CHECKED).map(ln_rate).filter(|x| (x - self.ln_rate).abs() > 1e-3).collect();
         let exact = self.products_with_k(record, reference, &ln_rates);
         let p = &self.products;
-        // Bodies as compliant as the reference's, or as what is left would ask for.
+        // The compared body's compliance combines the reference's and the one that would explain the residuals.
         let retarded = (self.retarded_m_per_n.powi(2) + p.residual_2 / p.response_2).sqrt();
         ln_rates.iter().zip(exact).all(|(ln_rate, exact)| {
             let Some(found) = self.at(*ln_rate) else { return true };
-            // An error is small where it is against the form's terms: a k² in c² k² against e² + c² k², and so on.
+            // Errors are compared with the form's terms: a k² in c² k² with e² + c² k², and so on.
             let c = retarded * (ln_rate - self.ln_rate);
             let k = (exact[1] + p.residual_2 / (c * c)).sqrt();
             let scales = [p.residual_2.sqrt() * k, k * k, p.response_2.sqrt() * k, p.impulse_2.sqrt() * k];
@@ -166,7 +166,7 @@ impl Table {
         Some(sums)
     }
 
-    /// Residual sums of squares (m²); NaN where the rows have to be summed.
+    /// Writes residual sums of squares (m²); NaN where the rows have to be summed.
     pub fn evaluate(&self, lanes: CreepLanes, sum_m2: &mut [f64]) {
         sum_m2.copy_from_slice(lanes.rate_per_s);
         elementary::ln_all(sum_m2);
@@ -206,7 +206,7 @@ impl WithSimd for Evaluation<'_> {
     }
 }
 
-/// Coefficients of 1, t, t², … of the polynomial through values at nodes: Newton's divided differences, multiplied out.
+/// Coefficients of 1, t, t², … of the polynomial through values at nodes, by Newton's divided differences, multiplied out.
 fn polynomial(nodes: &[f64; N_COEFFICIENTS], mut values: [f64; N_COEFFICIENTS]) -> [f64; N_COEFFICIENTS] {
     for order in 1..N_COEFFICIENTS {
         for j in (order..N_COEFFICIENTS).rev() {
@@ -223,11 +223,11 @@ fn polynomial(nodes: &[f64; N_COEFFICIENTS], mut values: [f64; N_COEFFICIENTS]) 
     monomials
 }
 
-/// The best trajectory of one rate.
+/// Best trajectory of one rate.
 struct Profile {
     retarded_m_per_n: f64,
     flow_m_per_n_s: f64,
-    /// What it takes away from the sum of squares, in m².
+    /// Decrease of the sum of squares by the trajectory, in m².
     explained_m2: f64,
 }
 
@@ -260,7 +260,7 @@ impl Profile {
     }
 }
 
-/// The rate of the least-squares trajectory, searched for round by round.
+/// Rate of the least-squares trajectory, by a search in rounds.
 fn best_ln_rate(record: &SumOfSquares, lower: f64, upper: f64) -> Option<f64> {
     let (mut first, mut width) = (lower, upper - lower);
     let mut best = None;
@@ -280,7 +280,7 @@ fn best_ln_rate(record: &SumOfSquares, lower: f64, upper: f64) -> Option<f64> {
     best
 }
 
-/// Unit response and residuals of the reference trajectory, and the products that do not depend on the rate.
+/// Returns unit response and residuals of the reference trajectory, and the products that do not depend on the rate.
 fn reference(record: &SumOfSquares, ln_rate: f64, retarded: f64, flow: f64) -> (Reference, Constants) {
     let response_n = record.response_n(ln_rate.exp());
     let mut products = Constants::default();

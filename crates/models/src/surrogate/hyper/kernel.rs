@@ -1,8 +1,8 @@
-//! The law at blocks of cubature points, and the reduced balance summed over them.
+//! Evaluates the law at blocks of cubature points, and the reduced balance summed over them.
 //!
 //! The equations are those of [`elements::fe::nonlinear::point`], for eight points at once.
 //!
-//! What loops over the blocks is a pass of its own ([`pulp::Simd::vectorize`]): compiled as one function, a whole run took the compiler a minute for each kind of
+//! Each loop over the blocks is a separate pass ([`pulp::Simd::vectorize`]). A whole run compiled as one function takes the compiler a minute for each kind of
 //! processor, since the time of its passes grows with the square of a function's length.
 
 use super::lanes::{Block, N_LANES, Plain};
@@ -12,20 +12,20 @@ use elements::fe::nonlinear::point::{EQUIVALENT, Number, Radial, STIFFENING_STAR
 use laws::stages::Nonlinearity;
 use pulp::{Simd, WithSimd};
 
-/// A strain or stress at the points of a block.
+/// Strain or stress at the points of a block.
 pub(super) type BlockTensor<B> = [B; 6];
 
-/// Added to squared deviators (of strains): nothing that moves is so still, and nothing is divided by zero.
+/// Added to squared deviators (of strains). It is far below any strain in motion and prevents a division by zero.
 const STILL: f64 = 1e-60;
 const MOST_ITERATIONS: usize = 60;
-/// √(v² + this) beside |v| + 2 ln(1 + e^−|v|): nowhere further away than 0.2.
+/// √(v² + this) approximates |v| + 2 ln(1 + e^−|v|) within 0.2.
 const HYPERBOLA: f64 = 1.6;
 
-/// What M modes strain at the points of the cubature, in blocks.
+/// Strains of M modes at the points of the cubature, in blocks.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct CubaturePoints<const M: usize>(Vec<Points<M>>);
 
-/// A block of points.
+/// Block of points.
 #[derive(Debug, Clone, PartialEq)]
 struct Points<const M: usize> {
     /// Strain of every mode, by tensor coordinate.
@@ -37,10 +37,10 @@ struct Points<const M: usize> {
 }
 
 impl<const M: usize> CubaturePoints<M> {
-    /// From strains (point by point, coordinate by coordinate, mode by mode), weights in m³ and unit moduli 2μ̂ and κ̂.
+    /// Points from strains (point by point, coordinate by coordinate, mode by mode), weights in m³ and unit moduli 2μ̂ and κ̂.
     pub fn new(strains: &[f64], weights_m3: &[f64], unit_moduli: [f64; 2]) -> Self {
         let lanes = |values: &[f64], stride: usize, place: usize, block: usize| {
-            // Points that fill the last block up weigh nothing.
+            // Points that fill up the last block have the weight 0.
             let of_point = |l: usize| values.get((block * N_LANES + l) * stride + place).copied().unwrap_or(0.0);
             Plain(std::array::from_fn(of_point))
         };
@@ -83,7 +83,7 @@ impl<const M: usize> Points<M> {
     }
 }
 
-/// What the law makes of the histories of a block: a = strain + offset, and κ H_N.
+/// Contribution of a block's histories to the law: a = strain + offset, and κ H_N.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Given<B> {
     pub offset: BlockTensor<B>,
@@ -91,7 +91,7 @@ pub(super) struct Given<B> {
 }
 
 impl<B: Block> Given<B> {
-    /// From the histories of a block: the nonlinear body's, then the linear ones'.
+    /// Contribution of a block's histories: the nonlinear body's, then the linear ones'.
     #[inline(always)]
     pub fn new(law: &StageLaw<B::Scalar>, histories: &[BlockTensor<B>]) -> Self {
         let (omega, kappa) = (B::splat(law.omega), B::splat(law.kappa));
@@ -119,7 +119,7 @@ impl<B: Block> Given<B> {
     }
 }
 
-/// Moduli as in [`elements::fe::nonlinear::point::Moduli`].
+/// Moduli of a block, as in [`elements::fe::nonlinear::point::Moduli`].
 #[derive(Debug, Clone, Copy)]
 struct BlockModuli<B> {
     secant: B,
@@ -133,13 +133,13 @@ fn splat(value: f64) -> Plain {
     Plain([value; N_LANES])
 }
 
-/// The root in numbers that carry a derivative, given what `rest` it leaves there.
+/// Root with its derivative, from the residual `rest` there.
 #[inline(always)]
 fn polished<B: Block>(root: B, rest: B, slope: Plain) -> B {
     if B::Scalar::HAS_DERIVATIVE { root - rest * (splat(1.0) / slope) } else { root }
 }
 
-/// Moduli of j in series with a flow: strain m (j + `flow`), of slope j + `slope`.
+/// Moduli of j in series with a flow: strain m (j + `flow`), with the slope j + `slope`.
 #[inline(always)]
 fn in_series<B: Block>(j: B, flow: B, slope: B, m: B) -> BlockModuli<B> {
     let one = B::constant(splat(1.0));
@@ -148,9 +148,9 @@ fn in_series<B: Block>(j: B, flow: B, slope: B, m: B) -> BlockModuli<B> {
     BlockModuli { secant, normal, volumetric: secant, coupling }
 }
 
-/// m of (a + b m²) m = e by steps of third order (Halley's).
+/// Solution m of (a + b m²) m = e by steps of third order (Halley's).
 ///
-/// Started within 4 % for b e²/a³ below 1000, two steps reach rounding; beyond it takes more.
+/// The start is accurate to 4 % for b e²/a³ below 1000, and two steps then reach rounding. Larger values need more steps.
 #[inline(always)]
 fn stiffening_root(a: Plain, b: Plain, e: Plain) -> Plain {
     let (one, three, inverse) = (splat(1.0), splat(3.0), splat(1.0) / a);
@@ -165,7 +165,7 @@ fn stiffening_root(a: Plain, b: Plain, e: Plain) -> Plain {
         let (excess, slope) = (m * (one + squared) - linear, one + three * squared);
         let change = excess * slope / (slope * slope - excess * three * bend * m);
         m = m - change;
-        // A step of third order leaves the cube of this.
+        // A step of third order leaves an error of the cube of this.
         if step > 0 && change.is_within(m * splat(1e-5)) {
             break;
         }
@@ -178,9 +178,9 @@ fn stiffening_slope(a: Plain, b: Plain, m: Plain) -> Plain {
     a + b * splat(3.0) * m * m
 }
 
-/// m of m (j + g (m/s₀)^p) = e, and g (m/s₀)^p/j.
+/// Solution m of m (j + g (m/s₀)^p) = e, and g (m/s₀)^p/j.
 ///
-/// With v = ln(g/j) + p ln(m/s₀): v + p ln(1 + eᵛ) = c, a curve along two straight lines. The hyperbola beside it starts two steps of third order.
+/// With v = ln(g/j) + p ln(m/s₀): v + p ln(1 + eᵛ) = c, a curve along two straight lines. A hyperbola near it gives the start of two steps of third order.
 #[inline(always)]
 fn thinning_root(e: Plain, j: f64, g: f64, s0: f64, p: f64) -> (Plain, Plain) {
     let (one, half, power) = (splat(1.0), splat(0.5), splat(p));
@@ -277,7 +277,7 @@ fn moduli<B: Block>(law: &StageLaw<B::Scalar>, norm: B) -> BlockModuli<B> {
     }
 }
 
-/// The equivalent strain of the nonlinear body where its spring bears what without stiffening would be `elastic`.
+/// Equivalent strain of the nonlinear body if its spring bears a stress that gives the strain `elastic` without stiffening.
 pub(super) fn stiffened_strain(bodies: &Bodies<f64>, elastic: f64) -> f64 {
     match bodies.nonlinearity {
         Nonlinearity::StrainStiffening { coefficient } => {
@@ -316,7 +316,7 @@ fn deviator_norm<B: Block>(a: &BlockTensor<B>) -> B {
     (squared + B::constant(splat(STILL))).sqrt()
 }
 
-/// The law at a block.
+/// Law at a block.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct At {
     a: BlockTensor<Plain>,
@@ -325,7 +325,7 @@ pub(super) struct At {
 }
 
 impl At {
-    /// What the stress would be at a little beside a, by the tangent.
+    /// Stress at a strain slightly different from a, by the tangent.
     #[inline(always)]
     fn stress_beside(&self, a: &BlockTensor<Plain>, taken: &BlockTensor<Plain>) -> BlockTensor<Plain> {
         let Self { a: here, inverse_norm, moduli } = self;
@@ -344,7 +344,7 @@ impl At {
     }
 }
 
-/// Internal forces on the modes and, row by row, their derivatives. What it finds at the blocks stands in `at`.
+/// Internal forces on the modes and, row by row, their derivatives. The results at the blocks are written to `at`.
 pub(super) struct ForcesAndTangent<'a, const M: usize> {
     pub points: &'a CubaturePoints<M>,
     pub law: &'a StageLaw<f64>,
@@ -359,7 +359,7 @@ impl<const M: usize> WithSimd for ForcesAndTangent<'_, M> {
     #[inline(always)]
     fn with_simd<S: Simd>(self, _: S) -> Self::Output {
         let Self { points, law, given, coordinates, at } = self;
-        // The law of all blocks first: their roots and quotients wait for themselves, not for each other.
+        // The law of all blocks is evaluated first. Roots and quotients of one block wait for each other, but not for other blocks.
         at.clear();
         for (points, given) in points.0.iter().zip(given) {
             let a = sum(&points.strain::<Plain>(coordinates), &given.offset);
@@ -431,7 +431,7 @@ fn stress<B: Block>(law: &StageLaw<B::Scalar>, given: &Given<B>, strain: &BlockT
     stress
 }
 
-/// Internal forces on the modes alone.
+/// Internal forces on the modes, without derivatives.
 pub(super) struct Forces<'a, B: Block, const M: usize> {
     pub points: &'a CubaturePoints<M>,
     pub law: &'a StageLaw<B::Scalar>,
@@ -460,8 +460,8 @@ impl<B: Block, const M: usize> WithSimd for Forces<'_, B, M> {
     }
 }
 
-/// Carries the histories of all blocks (`n_histories` each) to the stage's end. Plain numbers take the law's tangent from where the balance was last looked at, `at`:
-/// the last step of Newton's method leaves no more than the square of its length, there as here.
+/// Advances the histories of all blocks (`n_histories` each) to the stage's end. Plain numbers use the law's tangent at the last evaluation of the balance, `at`.
+/// Its error is at most the square of the last Newton step, as for the balance.
 pub(super) struct Advance<'a, B: Block, const M: usize> {
     pub points: &'a CubaturePoints<M>,
     pub law: &'a StageLaw<B::Scalar>,

@@ -1,16 +1,16 @@
 //! Eight points at once: plain numbers, and numbers that carry a derivative.
 //!
-//! Loops over the eight lanes are left to the compiler, which makes vector instructions of them where the processor has them (see
+//! The compiler converts loops over the eight lanes into vector instructions if the processor has them (see
 //! [`pulp::Arch::dispatch`] in the stepper).
 
 use base::number::Dual;
 use elements::fe::nonlinear::point::Number;
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
-/// Points of a block.
+/// Number of points in a block.
 pub(super) const N_LANES: usize = 8;
 
-/// What the kernel computes with at a block of points.
+/// Number type of the kernel at a block of points.
 pub(super) trait Block:
     Copy
     + Add<Output = Self>
@@ -22,9 +22,9 @@ pub(super) trait Block:
 {
     /// One number for all points.
     type Scalar: Number;
-    /// The same at all points.
+    /// Block with this number at all points.
     fn splat(value: Self::Scalar) -> Self;
-    /// Constants.
+    /// Block of constants.
     fn constant(values: Plain) -> Self;
     /// Values without derivatives.
     fn values(self) -> Plain;
@@ -65,7 +65,7 @@ lanewise!(Sub, sub, -);
 lanewise!(Mul, mul, *);
 lanewise!(Div, div, /);
 
-/// A function of every lane; loops, unlike the library's maps, become part of whatever vector code calls them.
+/// Applies a function to every lane. Unlike the library's maps, the loop becomes part of the calling vector code.
 #[inline(always)]
 fn each(x: Plain, function: impl Fn(f64) -> f64) -> Plain {
     let mut result = x;
@@ -84,7 +84,7 @@ impl Neg for Plain {
 }
 
 impl Plain {
-    /// Whether no lane's absolute value is beyond its limit.
+    /// Returns `true` if no lane's absolute value exceeds its limit.
     #[inline(always)]
     pub(super) fn is_within(self, limit: Self) -> bool {
         let mut beyond = 0_u64;
@@ -107,10 +107,10 @@ impl Plain {
 
 const LN_2_HIGH: f64 = 6.931_471_803_691_238e-1;
 const LN_2_LOW: f64 = 1.908_214_929_270_587_7e-10;
-/// 1.5·2⁵²: adding it rounds to an integer, which then stands in the low bits.
+/// 1.5·2⁵². Adding it rounds to an integer, which is then in the low bits.
 const ROUNDER: f64 = 6_755_399_441_055_744.0;
 
-/// eˣ to a few units of rounding: eˣ = 2ᵏ eʳ, |r| ≤ ½ ln 2, and Taylor's polynomial of degree 13.
+/// eˣ to a few units of rounding: eˣ = 2ᵏ eʳ, |r| ≤ ½ ln 2, with Taylor's polynomial of degree 13.
 #[inline(always)]
 fn exp(x: f64) -> f64 {
     let x = if x > 700.0 { 700.0 } else { x };
@@ -126,7 +126,7 @@ fn exp(x: f64) -> f64 {
     sum * f64::from_bits(exponent)
 }
 
-/// 1/12!, …, 1/1!, 1.
+/// Coefficients 1/12!, …, 1/1!, 1.
 const EXP_COEFFICIENTS: [f64; 13] = [
     1.0 / 479_001_600.0,
     1.0 / 39_916_800.0,
@@ -143,15 +143,15 @@ const EXP_COEFFICIENTS: [f64; 13] = [
     1.0,
 ];
 
-/// ln x for normal x > 0: x = 2ᵏ m, √½ < m ≤ √2, and the series of 2 artanh((m − 1)/(m + 1)).
+/// ln x for normal x > 0: x = 2ᵏ m, √½ < m ≤ √2, with the series of 2 artanh((m − 1)/(m + 1)).
 #[inline(always)]
 fn ln(x: f64) -> f64 {
     let bits = x.to_bits();
-    // √½'s bits: mantissas above √2 move to the next power.
+    // The constant holds the bits of √½, so that mantissas above √2 move to the next power.
     let shifted = bits.wrapping_sub(0x3fe6_a09e_667f_3bcd);
     let exponent = (shifted as i64) >> 52;
     let m = f64::from_bits(bits.wrapping_sub((exponent as u64) << 52));
-    // A small integer as a number without a conversion instruction.
+    // This converts a small integer to a floating-point number without a conversion instruction.
     let k = f64::from_bits((exponent as u64).wrapping_add(ROUNDER.to_bits())) - ROUNDER;
     let z = (m - 1.0) / (m + 1.0);
     let squared = z * z;
@@ -312,7 +312,7 @@ mod tests {
         assert!((ln(1.0 + 1e-9) / 1e-9_f64.ln_1p() - 1.0).abs() < 1e-6);
     }
 
-    /// Against [`Dual`], lane by lane.
+    /// Checks against [`Dual`], lane by lane.
     #[test]
     fn derivatives_are_those_of_dual_numbers() {
         let x = Dual { value: 0.7, derivative: 1.3 };

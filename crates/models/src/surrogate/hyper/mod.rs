@@ -1,12 +1,12 @@
-//! A hyper-reduced surrogate of nonlinear laws: few modes, few integration points, the same answers (physics §3.3).
+//! Hyper-reduced surrogate of nonlinear laws with few modes and few integration points (physics §3.3).
 //!
-//! Full runs over a box of parameters give displacement fields, of which the proper orthogonal decomposition keeps a few modes, and stresses, from which
-//! the empirical cubature chooses a few points with weights. What then is left of the gel is a handful of coordinates and the strains of its bodies at those points;
-//! it is stepped by the method of the full model, but with steps that do not end at rows.
+//! Full-order runs over a box of parameters give displacement fields and stresses. Proper orthogonal decomposition keeps a few modes of the fields, and
+//! empirical cubature selects a few points with weights from the stresses. The reduced gel is a handful of coordinates and the strains of its bodies at those points.
+//! It is stepped by the full-order model's method, but with steps that do not end at rows.
 //!
-//! Only the excess over a linear law is taken from it: the linear law is stepped beside it in the same way, with the same compliance, and subtracted. To the
-//! excess, the response of the linear law is added in closed form (see [`crate::model::Response`]), so that the base returns at the null, and errors of steps and
-//! of the mesh are those of the excess alone.
+//! Only the excess over a linear law is used. The linear law is stepped in parallel by this method, with an equal compliance, and subtracted. The closed-form
+//! response of the linear law is added to the excess (see [`crate::model::Response`]). At the null the response is therefore exactly the base's, and errors of steps and
+//! of the mesh affect the excess alone.
 
 mod cubature;
 mod kernel;
@@ -31,17 +31,17 @@ use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 use stepper::{Fineness, Member, Reduced};
 
-/// Modes of a surrogate.
+/// Number of modes of a surrogate.
 pub const N_MODES: usize = 6;
 
-/// What a surrogate is, as it is kept on disk.
+/// Content of a surrogate, as stored on disk.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct HyperReduced {
-    /// What is not linear.
+    /// Kind of the nonlinear law.
     pub family: NonlinearFamily,
     /// Poisson ratio of the gel.
     pub poisson_ratio: f64,
-    /// The robot's translation in each of the m modes.
+    /// Translation of the robot in each of the m modes.
     pub robot: [f64; N_MODES],
     /// Share of the whole body's force that the meshed part carries.
     pub force_share: f64,
@@ -53,19 +53,19 @@ pub struct HyperReduced {
     pub unit_moduli: [f64; 2],
     /// Singular values of the normalised snapshots, relative to the largest.
     pub singular_values: Vec<f64>,
-    /// What the points leave of the training states' forces, relative to them.
+    /// Relative residual of the cubature for the training states' forces.
     pub cubature_residual: f64,
-    /// Full runs that trained it.
+    /// Number of full-order runs that trained it.
     pub training_runs: usize,
-    /// Full runs at other parameters that it was compared with.
+    /// Number of full-order runs at other parameters that verified it.
     pub verification_runs: usize,
-    /// Largest distance of a reduced trajectory from a full one in these, relative to the latter's amplitude; 0 without any.
+    /// Largest difference of a reduced trajectory from a full-order one in these, relative to the latter's amplitude; 0 without such runs.
     pub max_relative_error: f64,
-    /// Unknowns of the full model.
+    /// Number of unknowns of the full-order model.
     pub fe_unknowns: usize,
 }
 
-/// A surrogate made ready to run; a copy shares its numbers.
+/// Surrogate that is ready to run. Copies share its numbers.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(into = "HyperReduced", try_from = "HyperReduced")]
 pub struct HyperModel(Arc<Ready>);
@@ -74,15 +74,15 @@ pub struct HyperModel(Arc<Ready>);
 struct Ready {
     reduced: HyperReduced,
     points: CubaturePoints<N_MODES>,
-    /// One point and one mode of the same compliance.
+    /// One point and one mode of equal compliance.
     linear: CubaturePoints<1>,
-    /// Displacement (1/m) of the robot per force at unit creep compliance, where the law is linear.
+    /// Displacement (1/m) of the robot per force at unit creep compliance, for a linear law.
     compliance_per_m: f64,
-    /// Largest equivalent strain at the points per force (Pa/N), where the law is an elastic one.
+    /// Largest equivalent strain at the points per force (Pa/N), for an elastic law.
     strain_per_force: f64,
 }
 
-/// A run, to be compiled for the vector registers that the processor has.
+/// Run, compiled for the processor's vector registers.
 struct Job<'a, B: Block> {
     law: Member<'a, B::Scalar, N_MODES>,
     linear: Member<'a, B::Scalar, 1>,
@@ -101,7 +101,7 @@ impl<B: Block> WithSimd for Job<'_, B> {
     }
 }
 
-/// Steps in which the time since a switch doubles, where nothing has stiffened.
+/// Number of steps in which the time since a switch doubles, without stiffening.
 fn steps_per_doubling(family: NonlinearFamily) -> f64 {
     match family {
         NonlinearFamily::StrainStiffening => 2.0,
@@ -109,7 +109,7 @@ fn steps_per_doubling(family: NonlinearFamily) -> f64 {
     }
 }
 
-/// The same bodies, all linear.
+/// Linear bodies with equal parameters.
 fn linear_bodies<N: PointScalar>(bodies: &Bodies<N>) -> Bodies<N> {
     let nonlinearity = Nonlinearity::StrainStiffening { coefficient: N::constant(0.0) };
     Bodies { nonlinearity, ..bodies.clone() }
@@ -124,7 +124,7 @@ impl From<HyperModel> for HyperReduced {
 impl TryFrom<HyperReduced> for HyperModel {
     type Error = Error;
 
-    /// Makes a surrogate ready.
+    /// Prepares a surrogate.
     fn try_from(reduced: HyperReduced) -> Result<Self> {
         let n = reduced.weights_m3.len();
         let damaged = || {
@@ -152,7 +152,7 @@ impl TryFrom<HyperReduced> for HyperModel {
     }
 }
 
-/// Coordinates per force (m/N at unit modulus) where the law is linear, by the modes and the points; `None` where these bear nothing.
+/// Coordinates per force (m/N at unit modulus) for a linear law, from the modes and the points; `None` if the points' stiffness is singular.
 fn linear_field(reduced: &HyperReduced) -> Option<[f64; N_MODES]> {
     let m = N_MODES;
     let mut stiffness = DMatrix::<f64>::zeros(m, m);
@@ -169,7 +169,7 @@ fn linear_field(reduced: &HyperReduced) -> Option<[f64; N_MODES]> {
 }
 
 impl HyperModel {
-    /// What is kept on disk.
+    /// Content that is stored on disk.
     pub fn reduced(&self) -> &HyperReduced {
         &self.0.reduced
     }
@@ -179,7 +179,7 @@ impl HyperModel {
         self.0.reduced.weights_m3.len()
     }
 
-    /// The excess in one kind of number. The model's own compliance differs by its mesh's and its points' error from that of the whole model; positions are
+    /// Excess in one number type. The surrogate's compliance differs from the whole model's by the error of its mesh and its points. Positions are
     /// scaled by the ratio.
     fn excess<B: Block>(
         &self,
@@ -215,8 +215,8 @@ impl HyperModel {
         match stages.spatial {
             Some(Spatial::Nonlinear(law)) if law.family() == self.0.reduced.family => Ok(law),
             _ => Err(Error::numerical(
-                format!("the surrogate is of {:?}, and another law is asked for", self.0.reduced.family),
-                "build the surrogate of that law",
+                format!("the surrogate is for {:?}, but the model has another law", self.0.reduced.family),
+                "build the surrogate for that law",
             )),
         }
     }
@@ -238,9 +238,9 @@ impl FieldStepper for HyperModel {
             && stress_pa.value == 0.0
             && stress_pa.derivative != 0.0
         {
-            // What yields first is what stands still, and which way it would have moved nobody can tell.
+            // Points at rest yield first, and the direction in which they would move is undetermined.
             return Err(Error::numerical(
-                "the position has no computable derivative with respect to the yield stress at 0",
+                "the derivative with respect to the yield stress cannot be computed at 0",
                 "take a finite step from 0",
             ));
         }

@@ -1,8 +1,8 @@
 //! Steps of the reduced model: few modes, few points, a small dense Newton iteration.
 //!
 //! Between two switches steps grow geometrically: with θ the law's fastest time, rounded down to a power of two, they are equal in ξ = ln(1 + t/θ).
-//! Rows lie between the steps' ends and are interpolated by a polynomial of degree 5 in ξ. Lengths of steps depend on the parameters through that power of
-//! two and the delay alone, so that a trajectory is smooth in its parameters but where θ passes a power of two.
+//! Rows are between the steps' ends and are interpolated by a polynomial of degree 5 in ξ. The lengths of steps depend on the parameters through that power of
+//! two and the delay alone. A trajectory is therefore smooth in its parameters except where θ passes a power of two.
 
 use super::kernel::{self, Advance, At, BlockTensor, CubaturePoints, Forces, ForcesAndTangent, Given};
 use super::lanes::{Block, N_LANES, Plain};
@@ -16,42 +16,42 @@ use laws::stages::{Load, Switch};
 use pulp::Simd;
 use record::Force;
 
-/// Nodes of an interpolation.
+/// Number of nodes of an interpolation.
 const N_NODES: usize = 6;
-/// Fewest steps between two switches.
+/// Smallest number of steps between two switches.
 const FEWEST_STEPS: usize = 3;
-/// Share of steps by which there are more for every halving of the fastest time that stiffening has brought, and how many times as many there are at most.
+/// Relative increase of the number of steps for every halving of the fastest time by stiffening, and largest factor in all.
 const MORE_STEPS: f64 = 0.25;
 const MOST_STEPS: f64 = 2.0;
-/// Steps are no finer than this share of the time from a switch to the row after it.
+/// Length of the finest step, as a share of the time from a switch to the row after it.
 const SHARE_OF_GAP: f64 = 0.1;
-/// Length of the step in which springs in series jump, in parts of the fastest time.
+/// Length of the step in which springs in series jump, as a share of the fastest time.
 const SHARE_OF_JUMP: f64 = 1e-9;
-/// Most steps of Newton's method.
+/// Largest number of Newton steps.
 const MOST_ITERATIONS: usize = 25;
-/// Change of the coordinates, relative to the largest they have had, after which one more step is exact enough: it squares the error.
+/// Change of the coordinates, relative to their largest value so far, after which one more step is the last. That step squares the error.
 const NEARLY: f64 = 1e-5;
 
 /// Points and modes of a run.
 #[derive(Clone, Copy)]
 pub(super) struct Reduced<'a, const M: usize> {
     pub points: &'a CubaturePoints<M>,
-    /// The robot's translation in every mode.
+    /// Translation of the robot in every mode.
     pub robot: [f64; M],
     /// Share of the robot and of the force that the mesh carries.
     pub share: f64,
 }
 
-/// How fine the steps of a run are.
+/// Fineness of a run's steps.
 #[derive(Clone, Copy)]
 pub(super) struct Fineness {
-    /// Steps in which the time since a switch doubles, where nothing has stiffened.
+    /// Number of steps in which the time since a switch doubles, without stiffening.
     pub steps_per_doubling: f64,
-    /// Largest equivalent strain per force (Pa/N) where the law is an elastic one: it tells how far springs will stiffen.
+    /// Largest equivalent strain per force (Pa/N) for an elastic law. It predicts the stiffening of springs.
     pub strain_per_force: f64,
 }
 
-/// A law over some points.
+/// Law over some points.
 #[derive(Clone, Copy)]
 pub(super) struct Member<'a, N, const M: usize> {
     pub reduced: Reduced<'a, M>,
@@ -75,16 +75,16 @@ struct State<'a, B: Block, const M: usize> {
     given: Vec<Given<B>>,
     plain_given: Vec<Given<Plain>>,
     coordinates: [B::Scalar; M],
-    /// Times and coordinates from which others are extrapolated.
+    /// Times and coordinates for extrapolation.
     known: Vec<(f64, [f64; M])>,
     at: Vec<At>,
     /// Largest coordinate so far.
     largest: f64,
 }
 
-/// By how much (m) the robot's displacement at every row exceeds that of a linear law, the limit from the left.
+/// Returns the robot's displacement at every row (m) minus that of a linear law, as the limit from the left.
 ///
-/// Both are stepped alike, so that most of what steps and interpolation err drops out, and all of it where the law is linear.
+/// Both are stepped equally. Most errors of steps and interpolation cancel, and all of them for a linear law.
 #[inline(always)]
 pub fn run<B: Block, S: Simd, const M: usize>(
     simd: S,
@@ -123,7 +123,7 @@ pub fn run<B: Block, S: Simd, const M: usize>(
         let largest = kernel::largest_equivalent(&state.histories, law.bodies.n_histories());
         let doublings_of = |time_s: f64| time_s.min(slowest_s).log2().floor();
         let fastest = doublings_of(law.plain_bodies.fastest_s(largest));
-        // A spring that has stiffened lets go and stiffens again the other way within one doubling.
+        // A spring that has stiffened relaxes and stiffens again in the other direction within one doubling.
         let at_end_n = switch.input_n(B::Scalar::constant(stop_s)).value().abs();
         let pushes_n = switch.force_n.value().abs().max(at_end_n);
         let elastic = fineness.strain_per_force * pushes_n / law.plain_bodies.modulus_pa;
@@ -146,7 +146,7 @@ pub fn run<B: Block, S: Simd, const M: usize>(
     Ok(found)
 }
 
-/// The value at ξ of the polynomial through the nodes nearest to it, which stand at 0, 1, 2, …
+/// Value at ξ of the polynomial through the nearest nodes. Nodes are at 0, 1, 2, …
 #[inline(always)]
 fn interpolated<N: Number>(nodes: &[N], place: N) -> N {
     let n = nodes.len().min(N_NODES);
@@ -209,7 +209,7 @@ impl<'a, B: Block, const M: usize> State<'a, B, M> {
         self.known.clear();
     }
 
-    /// The force after the lag.
+    /// Force after the lag.
     #[inline(always)]
     fn force_n(&self, time_s: B::Scalar) -> B::Scalar {
         self.load.after_lag_n(&self.input, self.lagged_n, time_s)
@@ -224,7 +224,7 @@ impl<'a, B: Block, const M: usize> State<'a, B, M> {
         x
     }
 
-    /// Steps through the time after a switch; positions at the steps' ends, the first right after the switch.
+    /// Steps through the time after a switch. Returns the positions at the steps' ends, the first right after the switch.
     #[inline(always)]
     fn hold<S: Simd>(
         &mut self,
@@ -237,7 +237,7 @@ impl<'a, B: Block, const M: usize> State<'a, B, M> {
         let doublings = (length_s.value() / scale_s).ln_1p() / std::f64::consts::LN_2;
         let n = ((steps_per_doubling * doublings).ceil() as usize).max(FEWEST_STEPS);
         let logarithm = (length_s * (1.0 / scale_s) + B::Scalar::constant(1.0)).ln() * (1.0 / n as f64);
-        // Springs in series jump with the force: an implicit step of almost no length shows where to.
+        // Springs in series jump with the force. An implicit step of almost no length gives the jump.
         let jumps = self.plain_bodies.instantaneous_per_pa > 0.0;
         let mut nodes = Vec::with_capacity(n + 1);
         let mut from_s = begin_s;
@@ -317,7 +317,7 @@ impl<'a, B: Block, const M: usize> State<'a, B, M> {
         Ok(())
     }
 
-    /// A guess: the parabola through three known coordinates, as in the full-order run.
+    /// Guess by the parabola through three known coordinates, as in the full-order run.
     #[inline(always)]
     fn extrapolated(&self, stage: usize, time_s: f64) -> [f64; M] {
         let mut guess = [0.0; M];
@@ -334,7 +334,7 @@ impl<'a, B: Block, const M: usize> State<'a, B, M> {
         guess
     }
 
-    /// Balances a stage that starts from `started`: coordinates and what the law made of the histories are kept.
+    /// Balances a stage that starts from `started`. It keeps the coordinates and the law's values at the histories.
     #[inline(always)]
     fn solve<S: Simd>(
         &mut self,
@@ -377,7 +377,7 @@ impl<'a, B: Block, const M: usize> State<'a, B, M> {
                 return Err(diverged(time_s.value(), f64::NAN));
             }
             if is_near {
-                // One step with numbers that carry derivatives, by the tangent where the iteration ended.
+                // One step with numbers that carry derivatives, by the tangent at the iteration's end.
                 let at = z.map(B::Scalar::constant);
                 let force = simd.vectorize(Forces { points, law, given: &self.given, coordinates: &at });
                 let mut x = B::Scalar::constant(0.0);
@@ -392,7 +392,7 @@ impl<'a, B: Block, const M: usize> State<'a, B, M> {
             z.iter_mut().zip(&step).for_each(|(z, s)| *z += s);
             self.largest = z.iter().fold(self.largest, |most, z| most.max(z.abs()));
             size = step.iter().fold(0.0_f64, |most, s| most.max(s.abs()));
-            // A linear balance under a force that is given is exact after one step.
+            // A linear balance under a given force is exact after one step.
             is_near =
                 size <= NEARLY * self.largest || (plain_law.is_linear() && !self.plain_load.depends_on_position());
         }
@@ -410,8 +410,8 @@ impl<'a, B: Block, const M: usize> State<'a, B, M> {
     }
 }
 
-/// LU factors of a small matrix in place, the inverse pivots on the diagonal; false where a pivot vanishes. The tangent is nearly symmetric and positive
-/// definite: no pivoting.
+/// Computes the LU factors of a small matrix in place, with the inverse pivots on the diagonal. Returns false if a pivot vanishes. The tangent is nearly
+/// symmetric and positive definite, so that no pivoting is needed.
 #[inline(always)]
 fn factorise<const M: usize>(matrix: &mut [[f64; M]; M]) -> bool {
     for k in 0..M {
@@ -450,8 +450,8 @@ fn substitute<N: Number, const M: usize>(factors: &[[f64; M]; M], vector: &mut [
 fn diverged(time_s: f64, change: f64) -> Error {
     Error::numerical(
         format!(
-            "the reduced nonlinear balance is not found at {time_s} s: the last change is {change:.1e} of the largest displacement"
+            "the reduced nonlinear balance is not found at {time_s} s: the last Newton step is {change:.1e} of the largest displacement"
         ),
-        "give parameters inside the trained range, or use the full finite-element model",
+        "give parameters inside the trained range, or use the full-order model",
     )
 }

@@ -1,4 +1,4 @@
-//! The surrogate against full finite elements at parameters, laws, records and loads that it was not trained with.
+//! Tests of the surrogate against full finite elements at parameters, laws, records and loads that were not used for training.
 
 use super::*;
 use crate::model::Response;
@@ -13,11 +13,11 @@ use std::sync::OnceLock;
 
 const FORCE_N: f64 = 4.6e-6;
 const REFERENCE_STRESS_PA: f64 = 4.84;
-/// E, c₁, c₂, then what Burgers and the two-element law add.
+/// Values of E, c₁, c₂, then of the additional parameters of Burgers' and the two-element law.
 const PORCINE: [f64; 5] = [3.527, 1.402, 47.370, 20.0, 2.5];
 const FAMILIES: [NonlinearFamily; 3] =
     [NonlinearFamily::StrainStiffening, NonlinearFamily::ShearThinning, NonlinearFamily::YieldStress];
-/// A parameter of each family, in the middle of its prior.
+/// Parameter of each family, in the middle of its prior.
 const MIDDLE: [f64; 3] = [0.3, 0.6, 1.5];
 const BALL: QuarterBall = QuarterBall { robot_radius_m: 0.275e-3, outer_radius_m: 10e-3, n_per_edge: 1, n_layers: 4 };
 
@@ -38,7 +38,7 @@ fn surroundings() -> Surroundings<'static> {
     Surroundings { mesh, stiffness, poisson_ratio: 0.48, sizes }
 }
 
-/// Mesh and stiffness that a family's full runs take.
+/// Mesh and stiffness of a family's full-order runs.
 fn parts(which: usize) -> (&'static Mesh, &'static Stiffness) {
     static FOR_THINNING: OnceLock<(Mesh, Stiffness)> = OnceLock::new();
     let Surroundings { mesh, stiffness, .. } = surroundings();
@@ -53,7 +53,7 @@ fn parts(which: usize) -> (&'static Mesh, &'static Stiffness) {
     (mesh, stiffness)
 }
 
-/// The full model that a family's surrogate stands for.
+/// Full-order model of a family's surrogate.
 fn full(which: usize) -> NonlinearModel<'static> {
     let (mesh, stiffness) = parts(which);
     NonlinearModel::new(mesh, stiffness, 0.48).expect("positive definite")
@@ -102,7 +102,7 @@ fn largest_distance(found: &[f64], exact: &[f64]) -> f64 {
     found.iter().zip(exact).fold(0.0_f64, |m, (a, b)| m.max((a - b).abs())) / amplitude
 }
 
-/// Few modes and points, and errors below a thousandth of the amplitude at parameters outside the training set, by training's own comparison.
+/// Checks that few modes and points give errors below a thousandth of the amplitude at parameters outside the training set, by training's own comparison.
 #[test]
 fn a_few_modes_and_points_are_right_to_a_thousandth() {
     for (which, family) in FAMILIES.into_iter().enumerate() {
@@ -110,7 +110,7 @@ fn a_few_modes_and_points_are_right_to_a_thousandth() {
         let reduced = model.reduced();
         println!("{family:?}: {N_MODES} modes, {} points, error {:.1e}", model.n_points(), reduced.max_relative_error);
         assert!(model.n_points() <= 56, "{family:?}: {}", model.n_points());
-        // The error is reached with fewer points than the tolerance asks for.
+        // The error is reached with fewer points than the tolerance needs.
         assert!(reduced.weights_m3.iter().all(|w| *w > 0.0) && reduced.cubature_residual < 1e-3, "{family:?}");
         assert!(reduced.singular_values[N_MODES] < 0.01, "{family:?}: {:?}", &reduced.singular_values[..8]);
         let error = reduced.max_relative_error;
@@ -118,7 +118,7 @@ fn a_few_modes_and_points_are_right_to_a_thousandth() {
     }
 }
 
-/// Every base law with a record and a load that no surrogate was trained on: rests, smaller forces, and every effect of the load.
+/// Checks every base law with a record and a load not used for training: rests, smaller forces, and every effect of the load.
 #[test]
 #[ignore = "thorough"]
 fn other_laws_records_and_loads_are_right() {
@@ -144,7 +144,7 @@ fn other_laws_records_and_loads_are_right() {
     }
 }
 
-/// A fiftieth of the middle parameter, where the excess is small: what is left of it is small beside it, too.
+/// Checks a fiftieth of the middle parameter, where the excess is small. The error must be small relative to this excess.
 #[test]
 fn small_effects_are_right_beside_themselves() {
     let (time_s, force_n) = record(120);
@@ -168,7 +168,7 @@ fn small_effects_are_right_beside_themselves() {
     }
 }
 
-/// Where the law is nearly linear nothing of the modes' or the steps' errors is left: the excess falls in proportion to the parameter.
+/// Checks that errors of modes and steps vanish for a nearly linear law: the excess falls in proportion to the parameter.
 #[test]
 fn the_excess_vanishes_with_the_nonlinearity() {
     let (time_s, force_n) = record(220);
@@ -179,7 +179,7 @@ fn the_excess_vanishes_with_the_nonlinearity() {
             model_of(which).excess_m(&stages, compliance_per_m(which), &time_s, (&force_n).into()).unwrap()
         };
         let largest = |x: &[f64]| x.iter().fold(0.0_f64, |m, x| m.max(x.abs()));
-        // At the null itself rounding is left, of displacements of a millimetre.
+        // At the null the excess is the rounding of displacements of a millimetre.
         assert!(largest(&excess(0.0)) < 1e-13, "{which}: {:e}", largest(&excess(0.0)));
         let (near, nearer) = (excess(1e-5), excess(5e-6));
         let twice: Vec<f64> = nearer.iter().map(|x| 2.0 * x).collect();
@@ -187,7 +187,7 @@ fn the_excess_vanishes_with_the_nonlinearity() {
     }
 }
 
-/// Derivatives in the direction of every parameter and of everything in the load, against central differences.
+/// Checks derivatives in the direction of every parameter, the load's included, against central differences.
 #[test]
 fn sensitivities_are_finite_differences() {
     let (time_s, force_n) = record(180);
@@ -219,7 +219,7 @@ fn sensitivities_are_finite_differences() {
     }
 }
 
-/// Eight points at once are eight points alone, bit for bit; one that has no position does not touch the others.
+/// Checks that eight points at once have the bits of eight single points. A point without position does not affect the others.
 #[test]
 #[ignore = "thorough"]
 fn a_batch_gives_every_point_its_own_bits() {

@@ -1,8 +1,8 @@
-//! Training: full runs over a box, modes, cubature, and a comparison with full runs at other parameters.
+//! Training of a hyper-reduced surrogate: full-order runs over a box, modes, cubature, and a comparison with full-order runs at other parameters.
 //!
-//! Laws have similarities, so that few runs serve every experiment on a gel: with the modulus and a hold's length as units only the ratios of the law's times to the
-//! hold, and what is below, shape the fields. Stiffening: β (x/R)², x the robot's elastic displacement. Thinning: n. Yielding: s_y over the force on the robot's surface.
-//! Nothing of what was measured enters, nor any prior: outside the box the modes still serve, as well as they can.
+//! By similarity of laws few runs cover every experiment on a gel. In units of the modulus and a hold's length, fields depend on the ratios of the law's times to the
+//! hold and on one nonlinear number. Stiffening: β (x/R)², x the robot's elastic displacement. Thinning: n. Yielding: s_y over the force on the robot's surface.
+//! Measurements and priors do not enter. Outside the box the modes are used, too, with larger errors.
 
 use super::cubature;
 use super::{HyperModel, HyperReduced, N_MODES};
@@ -22,11 +22,11 @@ use rayon::prelude::*;
 use std::f64::consts::PI;
 use std::sync::Arc;
 
-/// Seed of the scrambled Sobol sequence: the training design is part of the method, not of a run.
+/// Seed of the scrambled Sobol sequence. The training design is part of the method, not of a run.
 const DESIGN_SEED: u32 = 2;
-/// Forces of the training record's holds, in parts of the largest.
+/// Forces of the training record's holds, relative to the largest.
 const HOLDS: [f64; 3] = [1.0, -1.0, 0.4];
-/// When fields are taken, as shares of a hold.
+/// Times at which fields are sampled, as shares of a hold.
 const TAKEN_AT: [f64; 5] = [0.004, 0.03, 0.12, 0.4, 1.0];
 /// c₁/E and c₂/E, in holds.
 const TIMES: [[f64; 2]; 2] = [[0.02, 1.0], [0.5, 20.0]];
@@ -36,16 +36,16 @@ const STIFFENINGS: [f64; 2] = [0.05, 50.0];
 const INDICES: [f64; 2] = [0.3, 1.0];
 /// s_y over F/(4πR²), more densely towards 0, where priors are largest and fields change most.
 const YIELDS: [f64; 2] = [0.0, 2.0];
-/// States that the cubature is fitted to, at most.
+/// Largest number of states to which the cubature is fitted.
 const MOST_STATES: usize = 80;
-/// Weight of the reduced linear stiffness beside the states' forces.
+/// Weight of the reduced linear stiffness relative to the states' forces.
 const STIFFNESS_WEIGHT: f64 = 1.0;
-/// Elements from a quarter sphere's middle to its rim in training meshes: the excess over the linear law is less than the whole, and so is its error.
+/// Number of elements from a quarter sphere's middle to its rim in training meshes. The excess over the linear law, and so its error, is less than the whole.
 const MOST_PER_EDGE: usize = 2;
-/// Accuracy of the full runs: shapes of fields matter, their times do not.
+/// Accuracy of the training runs. Only the shapes of fields matter, not their times.
 const TRAINING: Options =
     Options { scheme: Scheme::Euler, resolution: Resolution { steps_per_doubling: 1 }, tolerance: 1e-4 };
-/// Accuracy of the runs that verify, of the higher order. A spring that lets go and stiffens again is not resolved by fewer steps.
+/// Accuracy of the verification runs, of the higher order. Fewer steps do not resolve a spring that relaxes and stiffens again.
 fn verification(family: NonlinearFamily) -> Options {
     let steps_per_doubling = match family {
         NonlinearFamily::StrainStiffening | NonlinearFamily::YieldStress => 4,
@@ -54,21 +54,21 @@ fn verification(family: NonlinearFamily) -> Options {
     Options { scheme: Scheme::Fourth, resolution: Resolution { steps_per_doubling }, tolerance: 1e-5 }
 }
 
-/// How a surrogate is trained.
+/// Settings of a surrogate's training.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct HyperSettings {
-    /// What the cubature may leave of the training states' forces, relative to them.
+    /// Largest residual of the cubature for the training states' forces, relative to them.
     pub cubature_tolerance: f64,
-    /// Most points of the cubature.
+    /// Largest number of points of the cubature.
     pub most_points: usize,
-    /// Full runs that give fields.
+    /// Number of full-order runs that give fields.
     pub training_runs: u32,
-    /// Full runs at other parameters to compare with.
+    /// Number of full-order runs at other parameters for verification.
     pub verification_runs: u32,
 }
 
 impl HyperSettings {
-    /// Those that reach a thousandth of the amplitude. Where a yield stress stops the flow depends on all three numbers, which takes more runs.
+    /// Settings that reach a thousandth of the amplitude. The place where a yield stress stops the flow depends on all three numbers and needs more runs.
     pub fn of(family: NonlinearFamily) -> Self {
         let (most_points, training_runs) = match family {
             NonlinearFamily::StrainStiffening => (32, 16),
@@ -78,41 +78,41 @@ impl HyperSettings {
         Self { cubature_tolerance: 3e-4, most_points, training_runs, verification_runs: 4 }
     }
 
-    /// Full runs, of both kinds.
+    /// Number of full-order runs of both kinds.
     pub fn n_runs(&self) -> usize {
         (self.training_runs + self.verification_runs) as usize
     }
 }
 
-/// One state of a training run.
+/// State of a training run.
 struct State {
     displacement: Vec<f64>,
     stresses: Vec<[f64; 6]>,
 }
 
-/// One point of the training design, in units in which the modulus and the hold are 1.
+/// Point of the training design, in units in which the modulus and the hold are 1.
 struct DesignPoint {
     law: Vec<Element>,
     nonlinearity: Nonlinearity<Dual>,
 }
 
-/// The training problem: a mesh prepared, and a force.
+/// Training problem: a prepared mesh, and a force.
 struct Workshop<'a> {
     model: NonlinearModel<'a>,
     family: NonlinearFamily,
     radius_m: f64,
-    /// Largest force, by which the robot moves by its radius at unit creep compliance.
+    /// Largest force. It moves the robot by its radius at unit creep compliance.
     force_n: f64,
     compliance_per_m: f64,
     time_s: Vec<f64>,
     command_n: Vec<f64>,
 }
 
-/// Trains a surrogate on full runs; `run_done` is called after each. Around a sphere in a built-in mesh these use another one, with fewer elements along the
+/// Trains a surrogate on full-order runs and calls `run_done` after each. Around a sphere in a built-in mesh these use another mesh, with fewer elements along the
 /// robot's surface.
 ///
 /// # Errors
-/// [`Error::Numerical`] for a number of modes out of range, and where a full run fails.
+/// [`Error::Numerical`] for a number of modes out of range, or if a full-order run fails.
 pub fn build(
     surroundings: &Surroundings,
     family: NonlinearFamily,
@@ -157,7 +157,7 @@ fn train(
         .collect::<Result<_>>()?;
     let states: Vec<State> = runs.into_iter().flatten().collect();
     let energy = EnergyProduct(model.factor().matrix());
-    // The linear model's own field is among the snapshots.
+    // The linear model's field is one of the snapshots.
     let linear = model.factor().unit_response();
     let snapshots: Vec<Vec<f64>> =
         std::iter::once(linear).chain(states.iter().map(|state| state.displacement.clone())).collect();
@@ -204,7 +204,7 @@ fn train(
     HyperModel::try_from(reduced)
 }
 
-/// Between the ends of a range, on a logarithmic scale.
+/// Value between the ends of a range, on a logarithmic scale.
 fn on_log([lower, upper]: [f64; 2], share: f64) -> f64 {
     lower * (upper / lower).powf(share)
 }
@@ -264,7 +264,7 @@ impl<'a> Workshop<'a> {
         Ok(states)
     }
 
-    /// Largest distance of the reduced from the full trajectory at a design point, relative to the latter's amplitude.
+    /// Largest difference of the reduced from the full-order trajectory at a design point, relative to the latter's amplitude.
     fn distance(&self, ready: &HyperModel, index: u32) -> Result<f64> {
         let DesignPoint { law, nonlinearity } = self.design_point(index);
         let mut stages = Stages::of_law(law);
@@ -282,7 +282,7 @@ impl<'a> Workshop<'a> {
     }
 }
 
-/// At most [`MOST_STATES`] of the states, evenly.
+/// Selects at most [`MOST_STATES`] of the states, evenly.
 fn kept_states(states: &[State]) -> Vec<&State> {
     let n = states.len().min(MOST_STATES);
     (0..n).map(|k| &states[k * states.len() / n]).collect()
@@ -321,7 +321,7 @@ fn conditions(
     for column in columns.chunks_exact(n_rows) {
         target.iter_mut().zip(column).for_each(|(t, c)| *t += c);
     }
-    // Every state's forces count alike.
+    // All states' forces have equal weights.
     let mut scale = vec![1.0; n_rows];
     for (scale, target) in scale[..states.len() * m].chunks_exact_mut(m).zip(target.chunks_exact(m)) {
         let norm = target.iter().map(|t| t * t).sum::<f64>().sqrt();

@@ -1,4 +1,4 @@
-//! A box of coordinates in which trajectories are few time modes with polynomials for amplitudes, or two boxes, or none.
+//! Box of coordinates. It holds a fit of the trajectories by few time modes with polynomial amplitudes, two halves of the box, or nothing.
 
 use super::polynomial::Basis;
 use base::number::Scalar;
@@ -6,35 +6,35 @@ use serde::{Deserialize, Serialize};
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
-/// Most time modes.
+/// Largest number of time modes.
 const MOST_MODES: usize = 40;
-/// Share of the tolerance that modes may leave of the trajectories that made them.
+/// Share of the tolerance that the modes' residuals of their own trajectories may take.
 const SHARE_OF_MODES: f64 = 0.1;
-/// Halvings, one after another.
+/// Largest number of successive halvings.
 const MOST_HALVINGS: usize = 2;
-/// A box whose error is more than so many times the tolerance is not halved: two halves would not do.
+/// Ratio of the error to the tolerance above which a box is not halved, as its halves would fail, too.
 const FARTHEST: f64 = 12.0;
 
-/// What runs the stepper at coordinates: the excess (m) at every row at unit modulus, and the displacement (m) that errors are measured by; both by any one
-/// factor.
+/// Function that runs the stepper at coordinates. It returns the excess (m) at every row at unit modulus, and the displacement (m) that scales errors.
+/// One common factor may multiply both.
 pub(super) type Run<'a> = dyn Fn(&[f64]) -> Option<Trained> + Sync + 'a;
 pub(super) type Trained = (Vec<f64>, f64);
 
-/// A box.
+/// Box of coordinates.
 #[derive(Debug)]
 pub(super) struct Chart {
     lower: Vec<f64>,
     upper: Vec<f64>,
     n_halvings: usize,
-    /// What it is made from, until it is made.
+    /// Runs for building the box; `None` after it is built.
     work: Mutex<Option<Arc<Work>>>,
     made: OnceLock<Made>,
 }
 
-/// Runs at the points that check a fit, and after them at those that it is made from. Those of one degree come first among those of the next.
+/// Runs at the check points of a fit, followed by runs at its design points. The runs of one degree are the first ones of the next degree.
 #[derive(Debug)]
 struct Work {
-    /// The next run to be begun, degree by degree.
+    /// Next run to be started, for each degree.
     next: Vec<AtomicUsize>,
     runs: Vec<OnceLock<Option<Trained>>>,
 }
@@ -47,20 +47,20 @@ enum Made {
         at: f64,
         halves: Box<[Chart; 2]>,
     },
-    /// No polynomials of this degree come near enough.
+    /// Polynomials of this degree are not accurate enough.
     Rough,
 }
 
 /// Time modes and their amplitudes.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub(super) struct Surface {
-    /// Which of the polynomials, by their degree.
+    /// Index of the polynomials' degree.
     level: usize,
-    /// Mode by mode, one value a row.
+    /// Modes, one value a row.
     modes: Vec<Vec<f64>>,
-    /// Mode by mode, one coefficient a polynomial.
+    /// Coefficients of each mode, one for each polynomial.
     coefficients: Vec<Vec<f64>>,
-    /// Largest error on points that trained nothing, relative to the displacement there.
+    /// Largest error at points not used for training, relative to the displacement there.
     pub certified: f64,
 }
 
@@ -73,7 +73,7 @@ impl Chart {
         Self { lower, upper, n_halvings, work: Mutex::new(None), made: OnceLock::new() }
     }
 
-    /// The surface at coordinates inside, and the place in its box; made now where nobody has asked yet. `None` where there is none.
+    /// Surface at coordinates inside, and the place in its box. It is built on first use. `None` if there is none.
     pub fn surface<'a, N: Scalar>(
         &'a self,
         values: &[f64],
@@ -99,12 +99,12 @@ impl Chart {
         }
     }
 
-    /// Every thread that asks helps, and all find the same.
+    /// Returns the box's content. Every thread that needs it helps to build it, and all get equal results.
     fn made(&self, bases: &[Basis], tolerance: f64, run: &Run<'_>) -> &Made {
         if let Some(made) = self.made.get() {
             return made;
         }
-        // Of all degrees the checks are the same, and designs begin alike.
+        // All degrees use one set of checks, and their designs start with equal points.
         let Some(Basis { checks, design, .. }) = bases.last() else { return self.made.get_or_init(|| Made::Rough) };
         let work = {
             let mut work = self.work.lock().unwrap_or_else(PoisonError::into_inner);
@@ -134,7 +134,7 @@ impl Chart {
                 let Some(place) = places.get(number) else { break };
                 place.get_or_init(|| at(number));
             }
-            // What others are still at is waited for.
+            // This waits for runs of other threads.
             let runs: Vec<_> =
                 places.iter().enumerate().map(|(k, place)| place.get_or_init(|| at(k)).as_ref()).collect();
             made = self.make(bases, level, tolerance, &runs);
@@ -152,7 +152,7 @@ impl Chart {
         point.iter().zip(ends).map(|(x, (lower, upper))| 0.5 * (lower + upper) + 0.5 * (upper - lower) * x).collect()
     }
 
-    /// What comes of polynomials of one degree; `None` where those of the next are to be tried.
+    /// Content of the box for polynomials of one degree; `None` if the next degree is to be tried.
     fn make(&self, bases: &[Basis], level: usize, tolerance: f64, runs: &[Option<&Trained>]) -> Option<Made> {
         let Some(runs) = runs.iter().copied().collect::<Option<Vec<_>>>() else { return Some(Made::Rough) };
         let surface = Surface::new(bases, level, tolerance, &runs);
@@ -184,11 +184,11 @@ impl Chart {
 }
 
 impl Surface {
-    /// Of polynomials of one degree, from runs at the checks and then at the design; modes leave a tenth of the tolerance.
+    /// Fits polynomials of one degree to runs at the checks and then at the design. The modes' residuals are at most a tenth of the tolerance.
     pub fn new(bases: &[Basis], level: usize, tolerance: f64, runs: &[&Trained]) -> Self {
         let basis = &bases[level];
         let (checks, design) = runs.split_at(basis.checks.len());
-        // Displacements differ within a box: everything is seen relative to them.
+        // Displacements differ within a box, so that all values are relative to them.
         let scaled: Vec<Vec<f64>> =
             design.iter().map(|(excess_m, amplitude_m)| excess_m.iter().map(|x| x / amplitude_m).collect()).collect();
         let modes = modes(scaled, SHARE_OF_MODES * tolerance);
@@ -209,13 +209,13 @@ impl Surface {
         surface
     }
 
-    /// The same at some of its rows.
+    /// Surface at some of its rows.
     pub fn at(&self, rows: &[usize]) -> Self {
         let modes = self.modes.iter().map(|mode| rows.iter().map(|row| mode[*row]).collect()).collect();
         Self { modes, ..self.clone() }
     }
 
-    /// The excess (m) at the first rows, at a place in the box.
+    /// Excess (m) at the first rows, at a place in the box.
     pub fn excess_m<N: Scalar>(&self, bases: &[Basis], place: &[N], factor: N, n_rows: usize) -> Vec<N> {
         let polynomials = bases[self.level].values(place);
         let mut excess_m = vec![N::constant(0.0); n_rows];
@@ -228,7 +228,7 @@ impl Surface {
     }
 }
 
-/// Orthonormal modes that leave no trajectory more than `tolerance` at any row: every time the one that is left the largest.
+/// Orthonormal modes. Each next one is the largest remaining trajectory, until no residual exceeds `tolerance` at any row.
 fn modes(mut trajectories: Vec<Vec<f64>>, tolerance: f64) -> Vec<Vec<f64>> {
     let mut modes: Vec<Vec<f64>> = Vec::new();
     while modes.len() < MOST_MODES {
@@ -237,7 +237,7 @@ fn modes(mut trajectories: Vec<Vec<f64>>, tolerance: f64) -> Vec<Vec<f64>> {
             (0..trajectories.len()).max_by(|a, b| largest(&trajectories[*a]).total_cmp(&largest(&trajectories[*b])));
         let Some(worst) = worst.filter(|k| largest(&trajectories[*k]) > tolerance) else { break };
         let mut mode = trajectories[worst].clone();
-        // Once more against what rounding leaves of the others.
+        // A second pass removes the rounding of the first.
         for other in &modes {
             subtract(&mut mode, other);
         }

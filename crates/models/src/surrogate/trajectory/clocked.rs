@@ -1,39 +1,39 @@
-//! Trajectories on a finer clock than the record's rows, so that a force that comes later, or smoothed, needs no further runs.
+//! Trajectories on a finer clock than the record's rows. A delayed or lagging force then needs no further runs.
 //!
-//! A law whose rest does not change with time answers a delayed force with a delayed trajectory, exactly: x(t − δ). A lagging force is to first order a delayed one; the trajectory that lags likewise,
-//! τ ż = x − z, is exact for linear laws and has the same first order for all others.
+//! A law that does not change with time responds to a delayed force with a delayed trajectory, exactly: x(t − δ). A lagging force is to first order a delayed one.
+//! The trajectory with this lag, τ ż = x − z, is exact for linear laws and has the correct first order for all others.
 
 use base::number::PointScalar;
 use laws::stages::Load;
 use record::{Force, ForceRule};
 
-/// Points of time in every hold of the force, at least.
+/// Least number of points of time in every hold of the force.
 const POINTS_PER_HOLD: f64 = 256.0;
-/// Most points between two rows.
+/// Largest number of points between two rows.
 const MOST_BETWEEN_ROWS: f64 = 16.0;
-/// Most points in all.
+/// Largest number of points in all.
 const MOST_POINTS: usize = 20_000;
-/// Points that a trajectory is interpolated between: cubic pieces.
+/// Number of points for interpolation of a trajectory, by cubic pieces.
 const STENCIL: usize = 4;
 
-/// Times at which a program is asked.
+/// Times at which a program computes positions.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Clock {
-    /// In s, the rows' among them.
+    /// Times in s, which include the rows' times.
     pub time_s: Vec<f64>,
-    /// Where each row stands among them.
+    /// Index of each row among the times.
     pub rows: Vec<usize>,
-    /// Where the force changes, or its slope: trajectories are smooth between.
+    /// Times at which the force or its slope changes. Trajectories are smooth between them.
     breaks: Vec<usize>,
 }
 
 impl Clock {
-    /// The rows' times (s) alone.
+    /// Clock of the rows' times (s) alone.
     pub fn of_rows(time_s: &[f64]) -> Self {
         Self { time_s: time_s.to_vec(), rows: (0..time_s.len()).collect(), breaks: Vec::new() }
     }
 
-    /// As fine as delays and lags ask for: times between the rows are put in evenly.
+    /// Clock that is fine enough for delays and lags, with evenly spaced times between the rows.
     pub fn finer(time_s: &[f64], force: Force<'_>) -> Self {
         let changes: Vec<usize> = (1..force.at_rows_n.len().min(time_s.len()))
             .filter(|row| force.at_rows_n[*row] != force.at_rows_n[row - 1])
@@ -53,17 +53,18 @@ impl Clock {
         Self { time_s: finer, rows, breaks }
     }
 
-    /// The commanded force (N) at its times.
+    /// Commanded force (N) at the clock's times.
     pub fn commanded_n(&self, time_s: &[f64], force: Force<'_>) -> Vec<f64> {
         self.time_s.iter().map(|at_s| force.at_n(time_s, *at_s)).collect()
     }
 
-    /// Its points up to the last of the first rows.
+    /// Number of points up to the last of the first rows.
     pub(super) fn n_points(&self, n_rows: usize) -> usize {
         n_rows.checked_sub(1).and_then(|last| self.rows.get(last)).map_or(0, |last| last + 1)
     }
 
-    /// What lags and, where it is delayed, comes later, at the first points. Lags come first: a delay moves the trajectory's corners off the clock's points, and straight lines between these would cut them.
+    /// Applies lag and, if requested, delay to the first points of a trajectory. The lag comes first, because a delay moves the trajectory's
+    /// corners off the clock's points, where straight lines between the points would cut them.
     pub(super) fn later<N: PointScalar>(&self, mut x: Vec<N>, load: &Load, is_delayed: bool) -> Vec<N> {
         if load.lags() {
             x = self.lagging(&x, &load.of());
@@ -74,12 +75,12 @@ impl Clock {
         x
     }
 
-    /// x(t − δ) at the first points; before the first the rest.
+    /// x(t − δ) at the first points; before the first point the position at rest.
     fn delayed<N: PointScalar>(&self, x: &[N], load: &Load<N>) -> Vec<N> {
         let time_s = &self.time_s[..x.len()];
         let at = |own_s: &f64| {
             let t = load.commanded_at_s(*own_s);
-            // From the left: a delay that grows from 0 goes there.
+            // The piece is on the left, where a delay that grows from 0 leads.
             let Some(before) = time_s.partition_point(|point| *point < t.value()).checked_sub(1) else { return x[0] };
             let begin = self.breaks.iter().rev().find(|place| **place <= before).copied().unwrap_or(0);
             let end = self.breaks.iter().find(|place| **place > before).copied().unwrap_or(x.len()).min(x.len() - 1);
@@ -97,7 +98,7 @@ impl Clock {
         time_s.iter().map(at).collect()
     }
 
-    /// What the load's lag makes of x at the first points, by straight lines of x between them.
+    /// x after the load's lag at the first points, by straight lines between them.
     fn lagging<N: PointScalar>(&self, x: &[N], load: &Load<N>) -> Vec<N> {
         let mut z = Vec::with_capacity(x.len());
         for (k, own) in x.iter().enumerate() {
@@ -111,7 +112,8 @@ impl Clock {
         z
     }
 
-    /// The acting force of a load as a program is asked for it: times (s), forces (N), and where the rows stand. A delay's jumps become times of their own; a lagging force keeps its mean between two times.
+    /// Acting force of a load for an external program: times (s), forces (N), and the indices of the rows. The jumps of a delay become additional
+    /// times. A lagging force keeps its mean between two times.
     pub fn acting(&self, time_s: &[f64], force: Force<'_>, load: &Load) -> (Vec<f64>, Vec<f64>, Vec<usize>) {
         let load = load.of::<f64>();
         let end_s = self.time_s.last().copied().unwrap_or(0.0);
@@ -129,7 +131,7 @@ impl Clock {
         let (mut acting_n, mut lagged_n) = (Vec::with_capacity(times.len()), 0.0);
         for (k, at_s) in times.iter().enumerate() {
             let step_s = times.get(k + 1).map_or(0.0, |next| next - at_s);
-            // Of a hold the middle: rounding does not decide on which side of a jump it stands.
+            // A hold is evaluated at its middle, so that rounding does not decide on which side of a jump it is.
             let entering_n = entering(if holds { at_s + 0.5 * step_s } else { *at_s });
             if !load.lags() {
                 acting_n.push(entering_n);
@@ -152,7 +154,8 @@ mod tests {
     use laws::rheology::BaseLaw;
     use laws::stages::Stages;
 
-    /// Delay and lag of a linear law's trajectory on the clock, against the closed form of the delayed and lagging force: 1.2e-4, a quarter of what twice the step leaves, whether a delay ends on the clock's points or between. And the derivatives against differences.
+    /// Checks delay and lag of a linear law's trajectory on the clock against the closed form of the delayed and lagging force. The error is 1.2e-4, a quarter of that
+    /// with twice the step, for delays that end at the clock's points or between them. Derivatives are compared with differences.
     #[test]
     fn a_later_force_moves_later() {
         let time_s: Vec<f64> = (0..=160).map(|row| 0.25 * f64::from(row)).collect();
@@ -177,7 +180,7 @@ mod tests {
             assert!(worst < 2e-4 * most, "{delay_s} {lag_s}: {:e}", worst / most);
         }
         let constants: Vec<Dual> = x.iter().map(|x| Dual::constant(*x)).collect();
-        // Not where cubics meet: their slopes differ there.
+        // The delay avoids the ends of cubic pieces, where slopes differ.
         let (delay_s, lag_s, step_s) = (0.19, 0.1, 1e-5);
         let lagging = |delay_s: Dual, lag_s: Dual| clock.later(constants.clone(), &load(delay_s, lag_s), true);
         let slopes = [
@@ -201,7 +204,7 @@ mod tests {
         }
     }
 
-    /// What a program is asked under a load, stepped by the closed form, is the closed form under that load.
+    /// Checks that the closed form under the acting force for a program equals the closed form under the load.
     #[test]
     fn the_acting_force_is_the_loads() {
         let time_s: Vec<f64> = (0..=80).map(|row| 0.25 * f64::from(row)).collect();

@@ -1,30 +1,30 @@
-//! Where a law stands among all laws of its kind, in as few numbers as similarity leaves.
+//! Coordinates of a law among all laws of its kind, in as few numbers as similarity permits.
 //!
-//! With the first body's modulus E as the unit of stress, a law under a given force differs from another by its times c/E and its ratios of moduli, by how far it is from a linear one,
-//! and by a factor 1/E of all displacements. So one number less has to be covered than a law has, and that the one which data hold best.
+//! The first body's modulus E is the unit of stress. Laws under a given force then differ by their times c/E, their ratios of moduli, their distance from the
+//! linear law, and a factor 1/E of all displacements. The coordinates are therefore one fewer than the law's numbers. The omitted one is usually the best determined.
 
 use base::number::{Dual, Scalar};
 use laws::rheology::Element;
 use laws::stages::{NonlinearFamily, Nonlinearity, Spatial, Stages};
 use std::f64::consts::{LN_2, PI};
 
-/// Stiffening shows where β (x/R)² comes to this.
+/// Value of β (x/R)² at which stiffening becomes visible.
 const STIFFENING_UNIT: f64 = 0.3;
-/// A yield stress shows where it comes to this part of the force over the robot's surface.
+/// Yield stress, over the force per area of the robot's surface, at which it becomes visible.
 const YIELD_UNIT: f64 = 0.003;
 
-/// What laws of one kind share.
+/// Common properties of laws of one kind.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) struct Kind {
     family: NonlinearFamily,
-    /// What stands where in the law.
+    /// Structure of the law.
     shape: Vec<Tag>,
     /// Bits of the compliance and of the constant of the nonlinear law.
     constants: [u64; 2],
 }
 
 impl Kind {
-    /// How far the last coordinate is from where the law is linear and nothing exceeds it.
+    /// Distance of the last coordinate from the linear law, where the excess vanishes.
     pub fn beyond_null<N: Scalar>(&self, last: N) -> N {
         match self.family {
             NonlinearFamily::ShearThinning => N::constant(1.0) - last,
@@ -54,7 +54,7 @@ pub(super) struct Sizes {
 }
 
 impl Sizes {
-    /// β (x/R)² per β, with x = F K the elastic displacement at unit modulus and R = 1/(2πK), which is a sphere's radius in an incompressible gel.
+    /// β (x/R)² per β. Here x = F K is the elastic displacement at unit modulus, and R = 1/(2πK), a sphere's radius in an incompressible gel.
     fn squared_strain(self) -> f64 {
         (2.0 * PI * self.compliance_per_m.powi(2) * self.force_n).powi(2)
     }
@@ -65,17 +65,17 @@ impl Sizes {
     }
 }
 
-/// A law among those of its kind.
+/// Coordinates of a law among those of its kind.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Place {
     pub kind: Kind,
-    /// Logarithms of moduli over E, of times (s), and what is not linear.
+    /// Logarithms of moduli over E, of times (s), and the nonlinear coordinate.
     pub coordinates: Vec<Dual>,
     pub modulus_pa: Dual,
 }
 
 impl Place {
-    /// `None` where more than the law and what is not linear about it is away from what is usual, or the law is of other elements.
+    /// Place of a law; `None` if the stages have other effects than a nonlinear law, or the law has other elements.
     pub fn of(stages: &Stages, sizes: Sizes) -> Option<Self> {
         let plain = Stages::of_law(Vec::new());
         let Some(Spatial::Nonlinear(law)) = stages.spatial else { return None };
@@ -125,7 +125,7 @@ fn coordinate_of(law: Nonlinearity<Dual>, modulus_pa: Dual, sizes: Sizes) -> Dua
     }
 }
 
-/// Stages at other coordinates of the same kind, with the first body's modulus 1 Pa.
+/// Stages at other coordinates of an equal kind, with the first body's modulus 1 Pa.
 pub(super) fn stages_at(template: &Stages, coordinates: &[f64], sizes: Sizes) -> Option<Stages> {
     let (mut shape, mut numbers) = (Vec::new(), Vec::new());
     read(&template.law, &mut shape, &mut numbers)?;
@@ -154,7 +154,7 @@ pub(super) fn stages_at(template: &Stages, coordinates: &[f64], sizes: Sizes) ->
     Some(stages)
 }
 
-/// Width of a chart's root in every coordinate, and the ends of the last: steps of the stepper change where a time passes a power of two, where charts end too.
+/// Width of a chart's root in every coordinate, and the ends of the last. The stepper's steps change where a time passes a power of two; charts end there, too.
 pub(super) fn widths(kind: &Kind) -> (Vec<f64>, [f64; 2]) {
     let (of_nonlinearity, ends) = match kind.family {
         NonlinearFamily::StrainStiffening => (0.5, [0.0, 6.0]),
@@ -168,7 +168,7 @@ pub(super) fn widths(kind: &Kind) -> (Vec<f64>, [f64; 2]) {
             Tag::Parallel => is_inside = true,
             Tag::Series | Tag::End => is_inside = false,
             Tag::Spring | Tag::Dashpot => {
-                // What flows for ever does so as smoothly over longer times, but where it may stand still.
+                // A dashpot in series flows equally smoothly over longer times, unless the gel may come to rest.
                 let is_wide = *tag == Tag::Dashpot && !is_inside && kind.family != NonlinearFamily::YieldStress;
                 if first != Some(number) {
                     widths.push(if is_wide { 2.0 * LN_2 } else { LN_2 });
@@ -181,7 +181,7 @@ pub(super) fn widths(kind: &Kind) -> (Vec<f64>, [f64; 2]) {
     (widths, ends)
 }
 
-/// A displacement (m) that trajectories at unit modulus come to.
+/// Typical displacement (m) of trajectories at unit modulus.
 pub(super) fn amplitude_m(stages: &Stages, sizes: Sizes) -> f64 {
     let of = |element: &Element| match element {
         Element::Dashpot { viscosity_pa_s } => sizes.impulse_n_s / viscosity_pa_s.value,
@@ -217,7 +217,7 @@ pub fn read(elements: &[Element], shape: &mut Vec<Tag>, numbers: &mut Vec<Dual>)
     Some(())
 }
 
-/// Place among the numbers of the first spring inside a body.
+/// Index, among the numbers, of the first spring inside a body.
 pub(super) fn first_body(shape: &[Tag]) -> Option<usize> {
     let (mut number, mut is_inside) = (0, false);
     for tag in shape {

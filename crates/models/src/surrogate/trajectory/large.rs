@@ -1,9 +1,10 @@
-//! Large displacements in one record: what full runs of a gel near to the record's own make of it, as few time modes with polynomials for amplitudes.
+//! Large displacements in one record: full-order runs of similar gels, as few time modes with polynomial amplitudes.
 //!
-//! A full run takes seconds, so that there is one box, about the law that fits the record with small strains. By similarity the deviation from the linear model depends on the ratios of the law's numbers and on the force
-//! over a modulus; its third power is taken out, so that the polynomials are of its square. A mobility that is free is one more coordinate.
-//! What stands between the commanded and the acting force is followed to first order, by one run each at the law's own place: a few hundredths of the force change the deviation by three times as much, and its square by
-//! next to nothing. Outside the box's ratios those at its faces serve: the data that lead there are far from the record.
+//! A full-order run takes seconds. There is therefore one box, around the law that fits the record with small strains. By similarity the deviation from the linear model
+//! depends on the ratios of the law's numbers and on the force over a modulus. Its third power is factored out, so that the polynomials are of its square.
+//! A free mobility is one more coordinate. Differences between the commanded and the acting force enter to first order, by one run each at the law's own place.
+//! A few hundredths of the force change the deviation by three times as much, and its square by almost nothing. Outside the box's ratios those at its faces
+//! are used: data that lead there are far from the record.
 
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -21,46 +22,47 @@ use record::{Force, KeptForce};
 
 /// Half the box's width in the logarithm of a ratio.
 const HALF_WIDTH: f64 = 0.2;
-/// Ratios of the centre are rounded to this share of their logarithm, so that fits that differ by little are served by the same runs.
+/// Rounding step of the centre's ratios, in their logarithm. Fits that differ by little then use equal runs.
 const CENTRE_STEP: f64 = 0.05;
-/// Radii that the centre's law moves the robot by with the largest force, linearly, in an Oldroyd-B fluid.
+/// Linear displacement, in robot radii, of the centre's law under the largest force, for an Oldroyd-B fluid.
 pub const FARTHEST_RADII: f64 = 4.6;
-/// The same over those of the law itself in other fluids, which go farther than they would linearly.
+/// Ratio of that displacement to the law's own for other fluids, which move farther than linearly.
 const BEYOND_OWN: f64 = 1.2;
-/// Largest mobility that a free one may have: where it is larger, the mesh follows no farther than the paper's robot goes.
+/// Largest free mobility. For larger ones the mesh follows the robot no farther than the paper's robot moves.
 pub const MOST_MOBILITY: f64 = 0.03;
-/// Least square of the force over the largest: below it the deviation is next to nothing, and errors of runs are not.
+/// Smallest square of the force over the largest. Below it the deviation is almost 0, but errors of runs are not.
 const LEAST_SQUARE: f64 = 0.02;
-/// Degree of the polynomials; a degree in a ratio counts as more than one in the square of the force: cubes of the square, squares of ratios, and products of a ratio with the square's squares.
+/// Degree of the polynomials. A degree in a ratio counts as more than one in the square of the force. The polynomials are cubes of the square, squares of ratios,
+/// and products of a ratio with the square's squares.
 const DEGREE: f64 = 3.4;
 const RATIO_WEIGHT: f64 = 1.3;
 const MOBILITY_WEIGHT: f64 = 1.2;
-/// Points over polynomials, and runs that check them.
+/// Ratio of points to polynomials, and number of runs that check them.
 const OVERSAMPLING: f64 = 1.15;
 const N_CHECKS: u32 = 3;
-/// What modes leave, and what the whole may leave, of the displacement.
+/// Largest residual of the modes, and largest total error, relative to the displacement.
 const TOLERANCE: f64 = 2e-4;
 const LARGEST_ERROR: f64 = 1e-3;
 
-/// Mobilities that are learnt.
+/// Mobilities of the training.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub enum Mobilities {
-    /// One.
+    /// One fixed mobility.
     Held(f64),
-    /// From 0 to [`MOST_MOBILITY`].
+    /// All mobilities from 0 to [`MOST_MOBILITY`].
     Free,
 }
 
 impl Mobilities {
-    /// That of Oldroyd-B's fluid.
+    /// Mobility of the Oldroyd-B fluid.
     pub const OLDROYD_B: Self = Self::Held(0.0);
 }
 
-/// Steps by which slopes are taken: of factors, of the offset over the largest force, and of times in s.
+/// Steps for slopes: of factors, of the offset over the largest force, and of times in s.
 const FACTOR_STEP: f64 = 0.03;
 const TIME_STEP_S: f64 = 0.03;
 
-/// Step of a number of the load, under commands of a largest size (N).
+/// Step of a parameter of the load, under commands up to `largest_n` (N).
 fn step(number: &LoadNumber, largest_n: f64) -> f64 {
     match number.unit {
         LoadUnit::Factor => FACTOR_STEP,
@@ -69,16 +71,16 @@ fn step(number: &LoadNumber, largest_n: f64) -> f64 {
     }
 }
 
-/// What is learnt.
+/// Scope of the training.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct LargeScope {
-    /// Mobilities.
+    /// Mobilities of the training.
     pub mobilities: Mobilities,
-    /// Whether the force may be another than is commanded.
+    /// True if the acting force may differ from the commanded one.
     pub with_load: bool,
 }
 
-/// What was learnt for one record.
+/// Result of the training for one record.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct LargeSurface {
     /// Logarithms of the law's other numbers over its modulus, at the box's middle.
@@ -87,12 +89,12 @@ pub struct LargeSurface {
     largest_per_pa2: f64,
     farthest_radii: f64,
     mobilities: Mobilities,
-    /// Change of the deviation, in the units of the surface's, for a unit of every number of the load; none where the force is as it is commanded.
+    /// Change of the deviation, in the surface's units, for a unit of every parameter of the load; empty if the force acts as commanded.
     by_load: Vec<Vec<f64>>,
     surface: Surface,
 }
 
-/// A law's numbers over its modulus.
+/// Numbers of a law over its modulus.
 struct Ratios {
     modulus_pa: Dual,
     ln: Vec<Dual>,
@@ -114,12 +116,12 @@ impl Ratios {
         self.ln.iter().map(|ln| (ln.value / CENTRE_STEP).round() * CENTRE_STEP).collect()
     }
 
-    /// The modulus's logarithm, as coarse as those.
+    /// Logarithm of the modulus, rounded by [`CENTRE_STEP`].
     fn modulus_step(&self) -> f64 {
         (self.modulus_pa.value.ln() / CENTRE_STEP).round() * CENTRE_STEP
     }
 
-    /// The law of the same shape with unit modulus.
+    /// Law of equal structure with unit modulus.
     fn law(&self, like: &[Element], ln: &[f64]) -> Option<Vec<Element>> {
         let mut values: Vec<f64> = ln.iter().map(|x| x.exp()).collect();
         values.insert(self.first, 1.0);
@@ -138,20 +140,20 @@ fn basis(n_ratios: usize, mobilities: Mobilities) -> Option<Basis> {
 
 fn no_law() -> Error {
     Error::numerical(
-        "large displacements are not run for a law of such elements",
+        "large displacements cannot be computed for this law's elements",
         "use springs and dashpots, in series and in parallel",
     )
 }
 
 impl LargeSurface {
-    /// Full runs that learning takes for a law.
+    /// Number of full-order runs for a law.
     pub fn n_runs(law: &[Element], scope: LargeScope) -> usize {
         let basis = Ratios::of(law).and_then(|ratios| basis(ratios.ln.len(), scope.mobilities));
         let of_load = if scope.with_load { 1 + LoadNumber::ALL.len() } else { 0 };
         basis.map_or(0, |basis| basis.checks.len() + basis.design.len() + of_load)
     }
 
-    /// Where the box of a law would be: laws of the same box share what is learnt.
+    /// Place of a law's box. Laws of one box share the trained surface.
     ///
     /// # Errors
     /// [`Error::Numerical`] for springpots.
@@ -166,10 +168,10 @@ impl LargeSurface {
         Ok(place)
     }
 
-    /// Learns about a law, the radii of robot and container in m, and a record; `piece_done` is called, from any thread, after every run.
+    /// Trains on a law, the radii of robot and container in m, and a record. It calls `piece_done` after every run, from any thread.
     ///
     /// # Errors
-    /// [`Error::Numerical`] where the robot moves farther than is followed, a run fails, or the polynomials do not come near enough to runs that trained nothing.
+    /// [`Error::Numerical`] if the robot moves too far, a run fails, or the polynomials miss the runs that were not used for training.
     pub fn learn(
         [radius_m, outer_radius_m]: [f64; 2],
         (law, scope): (&[Element], LargeScope),
@@ -193,12 +195,12 @@ impl LargeSurface {
         if own_radii.is_nan() || own_radii >= FARTHEST_RADII {
             return Err(Error::numerical(
                 format!(
-                    "the robot moves by {own_radii:.1} of its radii, and large displacements are followed to {FARTHEST_RADII}"
+                    "the robot moves by {own_radii:.1} of its radii, but large displacements are computed up to {FARTHEST_RADII} only"
                 ),
                 "leave `large-displacement` out, or use a smaller force",
             ));
         }
-        // In m at every row; the load's offset is that at the force as it is commanded.
+        // The deviation is in m at every row. The load's offset is given for a scale of 1.
         let deviation_m = |elements: &[Element], mobility: f64, load: &Load, scale: f64| -> Result<Vec<f64>> {
             let law = FiniteLaw::new(elements, mobility).ok_or_else(no_law)?;
             let load = load.of_commands_times(scale);
@@ -228,7 +230,7 @@ impl LargeSurface {
         if surface.certified.is_nan() || surface.certified >= LARGEST_ERROR {
             return Err(Error::numerical(
                 format!(
-                    "what was learnt of large displacements misses full runs by {:.1e} of the displacement",
+                    "the trained model of large displacements differs from full-order runs by {:.1e} of the displacement",
                     surface.certified
                 ),
                 "leave `large-displacement` out, or use a smaller force",
@@ -258,13 +260,13 @@ impl LargeSurface {
         Ok(Self { centre, largest_per_pa2, farthest_radii, mobilities, by_load, surface })
     }
 
-    /// Largest distance from full runs that trained nothing, relative to the displacement.
+    /// Largest difference from full-order runs not used for training, relative to the displacement.
     pub fn certified(&self) -> f64 {
         self.surface.certified
     }
 }
 
-/// Answers from what was learnt.
+/// Stepper that evaluates a trained surface.
 #[derive(Debug)]
 pub struct LargeStepper {
     learnt: LargeSurface,
@@ -274,10 +276,10 @@ pub struct LargeStepper {
 }
 
 impl LargeStepper {
-    /// For the record that it was learnt for.
+    /// Stepper for the record of the training.
     ///
     /// # Errors
-    /// [`Error::Numerical`] for what was not learnt by this program.
+    /// [`Error::Numerical`] for a surface that another program made.
     pub fn new(learnt: LargeSurface, time_s: &[f64], force: Force<'_>) -> Result<Self> {
         let bases = [basis(learnt.centre.len(), learnt.mobilities).ok_or_else(no_law)?];
         Ok(Self { learnt, bases, time_s: time_s.to_vec(), force: force.into() })
@@ -297,8 +299,8 @@ impl LargeStepper {
             && !stages.load.depends_on_position();
         let (Some(Spatial::Large { amplitude, mobility }), true) = (&stages.spatial, is_own) else {
             return Err(Error::numerical(
-                "large displacements were learnt for another record, or for the force as it is commanded",
-                "learn them for this one",
+                "large displacements were learnt for another record, or for the commanded force only",
+                "learn them for this record and force",
             ));
         };
         let LargeSurface { centre, largest_per_pa2, farthest_radii, mobilities, by_load, surface } = &self.learnt;
@@ -317,8 +319,8 @@ impl LargeStepper {
         let square = scale * scale;
         if square.value.is_nan() || square.value > *largest_per_pa2 {
             return Err(Error::numerical(
-                format!("large displacements of {farthest_radii:.1} radii and more are not followed"),
-                "stay at smaller amplitudes, or stiffer gels",
+                format!("large displacements of {farthest_radii:.1} radii and more cannot be computed"),
+                "use a smaller amplitude, or a stiffer gel",
             ));
         }
         let inside = |x: Dual| if x.value.abs() <= 1.0 { x } else { Dual::constant(x.value.clamp(-1.0, 1.0)) };
@@ -362,10 +364,11 @@ mod tests {
     use super::*;
     use laws::rheology::BaseLaw;
 
-    /// Oldroyd-B under the force as it is commanded.
+    /// Scope of an Oldroyd-B fluid under the commanded force.
     const COMMANDED: LargeScope = LargeScope { mobilities: Mobilities::OLDROYD_B, with_load: false };
 
-    /// The paper's bead over one cycle: laws and amplitudes that trained nothing, among them the paper's own, against full runs on a finer mesh with finer steps; and the derivatives against differences.
+    /// Checks the paper's bead over one cycle, at laws and amplitudes not used for training, among them the paper's own. The reference is full-order runs
+    /// on a finer mesh with finer steps. Derivatives are compared with differences.
     #[test]
     #[ignore = "thorough"]
     fn what_is_learnt_is_what_full_runs_find() {
@@ -416,7 +419,7 @@ mod tests {
         }
     }
 
-    /// Mobilities between those that were learnt from, at two amplitudes, against full runs on a finer mesh with finer steps.
+    /// Checks mobilities between those of the training, at two amplitudes, against full-order runs on a finer mesh with finer steps.
     #[test]
     #[ignore = "campaigns/long-tests"]
     fn free_mobilities_are_what_full_runs_find() {
@@ -458,7 +461,8 @@ mod tests {
         );
     }
 
-    /// Loads of a few hundredths and hundredths of a second, one at a time and together, against full runs on a finer mesh: what they change of the deviation, of 12 µm, is right to a tenth of a µm or two.
+    /// Checks loads of a few hundredths, and hundredths of a second, one at a time and together, against full-order runs on a finer mesh.
+    /// Their change of the deviation, of 12 µm, is correct to one or two tenths of a µm.
     #[test]
     #[ignore = "thorough"]
     fn loads_are_followed_to_first_order() {

@@ -1,8 +1,8 @@
-//! Trajectories of nonlinear laws as few time modes with polynomials for amplitudes, where those are certified; elsewhere by the stepper itself.
+//! Trajectories of nonlinear laws as few time modes with polynomial amplitudes, where those are certified; elsewhere the stepper computes them.
 //!
-//! Laws of one kind are told apart by few numbers, by similarity (the first body's modulus only scales displacements). Over these, space is divided into boxes once and for all; a box is learnt from runs of the
-//! stepper at a design of points when it is first asked for, compared with runs that trained nothing, and serves if these agree to [`TOLERANCE`] of the displacement; else it is
-//! halved, or left to the stepper. What a box answers depends on the box alone: not on who asked first, nor on what else was asked.
+//! By similarity few numbers distinguish laws of one kind, as the first body's modulus only scales displacements. Their space is divided into fixed boxes. A box is
+//! trained on first use, by runs of the stepper at a design of points, and checked by runs that were not used for training. It is used if these agree to
+//! [`TOLERANCE`] of the displacement. Otherwise it is halved, or left to the stepper. A box's content depends on the box alone, not on the order of the queries.
 
 mod chart;
 mod clocked;
@@ -28,22 +28,22 @@ use record::{Force, KeptForce};
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, OnceLock, PoisonError, RwLock};
 
-/// Largest error, relative to the displacement, on points that trained nothing: a tenth of that of the reduced steppers themselves.
+/// Largest error, relative to the displacement, at points not used for training. It is a tenth of the reduced steppers' own error.
 pub const TOLERANCE: f64 = 1e-4;
-/// Runs that check a box.
+/// Number of runs that check a box.
 const N_CHECKS: u32 = 24;
-/// Numbers of coordinates that are served, and the polynomials' degrees: the next one is tried where the one before does not do, on its points and more.
+/// Supported numbers of coordinates, and the polynomials' degrees. If a degree fails, the next one is tried, on the previous points and more.
 const FEWEST_COORDINATES: usize = 2;
 const DEGREES: [&[usize]; 3] = [&[2, 4, 8], &[2, 3, 4, 6], &[2, 3, 5]];
-/// Longest record that is served: a box keeps a few dozen numbers a row.
+/// Largest number of rows. A box keeps a few dozen numbers for each row.
 const MOST_ROWS: usize = 20_000;
-/// Times from which on they are of no experiment, as logarithms of seconds.
+/// Logarithm of the largest time (s). No experiment has longer times.
 const LONGEST_LN_S: f64 = 16.0;
 
-/// Boxes by the kind of law and their numbers along every coordinate.
+/// Boxes by the kind of law and their index along every coordinate.
 type Charts = BTreeMap<(Kind, Vec<i32>), Arc<Chart>>;
 
-/// A stepper that remembers.
+/// Stepper that stores trained trajectories.
 #[derive(Debug)]
 pub struct LocalStepper {
     stepper: Stepped,
@@ -54,7 +54,7 @@ pub struct LocalStepper {
 }
 
 impl LocalStepper {
-    /// For one record: rows' times (s) and the commanded force, or the first rows of it.
+    /// Stepper for one record: the rows' times (s) and the commanded force. Queries may be for its first rows only.
     pub fn new(stepper: Stepped, time_s: &[f64], force: Force<'_>) -> Self {
         let largest_n = force.at_rows_n.iter().fold(0.0_f64, |most, f| most.max(f.abs()));
         let (mut impulse, mut most) = (0.0_f64, 0.0_f64);
@@ -71,7 +71,7 @@ impl LocalStepper {
         }
     }
 
-    /// The learnt excess, `None` where the stepper is to be asked.
+    /// Trained excess; `None` if the stepper has to compute it.
     fn learnt<N: Scalar>(
         &self,
         stages: &Stages,
@@ -98,7 +98,7 @@ impl LocalStepper {
             return None;
         }
         let chart = self.chart(kind.clone(), &values, &widths, ends);
-        // Divided by the distance from the linear law, so that what is learnt vanishes there as the excess does.
+        // The excess is divided by the distance from the linear law. The trained excess then vanishes there exactly.
         let run = |coordinates: &[f64]| {
             let at = stages_at(stages, coordinates, sizes)?;
             let inverse = 1.0 / kind.beyond_null(*coordinates.last()?);
@@ -116,7 +116,7 @@ impl LocalStepper {
         let last = values.len() - 1;
         let origin = |k: usize| if k == last { ends[0] } else { 0.0 };
         let number = |k: usize| ((values[k] - origin(k)) / widths[k]).floor();
-        // What stands on the last end belongs to the box below it.
+        // A point on the last end belongs to the box below it.
         let n_last = ((ends[1] - ends[0]) / widths[last]).round();
         let cell: Vec<f64> =
             (0..=last).map(|k| if k == last { number(k).min(n_last - 1.0) } else { number(k) }).collect();
@@ -152,7 +152,7 @@ impl FieldStepper for LocalStepper {
     }
 }
 
-/// Polynomials of so many coordinates, of rising degree.
+/// Polynomials of `n_coordinates` coordinates, of rising degree.
 fn bases_of(n_coordinates: usize) -> Option<&'static [Basis]> {
     static BASES: [OnceLock<Option<Vec<Basis>>>; DEGREES.len()] = [const { OnceLock::new() }; DEGREES.len()];
     let place = n_coordinates.checked_sub(FEWEST_COORDINATES)?;
@@ -160,7 +160,7 @@ fn bases_of(n_coordinates: usize) -> Option<&'static [Basis]> {
     BASES.get(place)?.get_or_init(make).as_deref()
 }
 
-/// A compliance whose nonlinear laws remember their trajectories in one record: rows' times (s) and commanded force.
+/// Compliance whose nonlinear laws store their trajectories for one record: the rows' times (s) and the commanded force.
 pub fn local<'f>(compliance: &Compliance, time_s: &[f64], force: impl Into<Force<'f>>) -> Compliance {
     let record = Arc::new((time_s.to_vec(), KeptForce::from(force.into())));
     let steppers: Mutex<BTreeMap<NonlinearFamily, Stepped>> = Mutex::default();

@@ -1,7 +1,7 @@
-//! Another program's trajectories in one record: few time modes with polynomials for amplitudes over a box of logarithms of its parameters.
+//! Trajectories of an external program in one record, as few time modes with polynomial amplitudes over a box of logarithms of its parameters.
 //!
-//! Errors are measured by the noise, at points that trained nothing. What factors of the force and an offset make is followed to first order, by slopes that are learnt over the same box; delays and lags are
-//! taken of the trajectory itself (`clocked`).
+//! Errors are measured in units of the noise, at points not used for training. Factors of the force and an offset enter to first order, by slopes trained over
+//! the box. Delays and lags are applied to the trajectory itself (`clocked`).
 
 use rayon::prelude::*;
 
@@ -13,61 +13,63 @@ use base::number::{Dual, PointScalar};
 use laws::stages::{FieldStepper, LoadNumber, LoadUnit, Spatial, Stages};
 use record::{Force, KeptForce};
 
-/// What modes and polynomials may leave at any row, over the noise.
+/// Largest error of modes and polynomials at any row, in units of the noise.
 pub const OUTSIDE_TOLERANCE: f64 = 0.03;
-/// Degrees that are tried, one after another, as far as the calls allow.
+/// Degrees that are tried in turn, as far as the number of calls permits.
 const DEGREES: [usize; 8] = [2, 3, 4, 6, 8, 10, 14, 20];
-/// Most points that a box is learnt from, but for those that check it.
+/// Largest number of training points of a box, without those that check it.
 pub const OUTSIDE_MOST_POINTS: usize = 700;
-/// Errors over the noise of which more than this would be left by the highest degree end the search in a box: nothing is concluded from such a surface.
+/// Extrapolated error at the highest degree, in units of the noise, above which the search in a box ends.
+/// Such a surface would support no conclusion.
 const HOPELESS: f64 = 0.5;
-/// Lowest degree at which a box is given up.
+/// Lowest degree at which the search may end early.
 const LEAST_TRIED: usize = 6;
-/// Points that check it.
+/// Number of points that check a box.
 const N_CHECKS: u32 = 24;
-/// Sizes at which slopes are taken: of factors, and of the offset over the largest force.
+/// Sizes for slopes: of factors, and of the offset over the largest force.
 const LOAD_STEP: f64 = 0.05;
-/// Size of such a number by which its slope's error is measured.
+/// Size of such a parameter at which its slope's error is measured.
 const USUAL_SIZE: f64 = 0.1;
 
-/// What answers: parameters, and the force (N) at the clock's times → position (m) at these.
+/// Function of parameters and the force (N) at the clock's times that returns the position (m) at these times.
 pub type Ask<'a> = dyn Fn(&[f64], &[f64]) -> Result<Vec<f64>> + Sync + 'a;
 
-/// The box, and what it is learnt from.
+/// Box and training data.
 pub struct OutsideLesson<'a> {
-    /// Smallest and largest value of every parameter; the same where it is held.
+    /// Smallest and largest value of every parameter; equal if the parameter is fixed.
     pub ends: &'a [(f64, f64)],
-    /// Times at which the program is asked.
+    /// Times at which the program computes positions.
     pub clock: &'a Clock,
-    /// Rows' times in s.
+    /// Times of the rows, in s.
     pub time_s: &'a [f64],
-    /// The commanded force.
+    /// Commanded force.
     pub force: Force<'a>,
-    /// Noise (m) that errors are measured by.
+    /// Noise (m), the unit of errors.
     pub noise_m: f64,
-    /// Whether the force may be another than is commanded.
+    /// True if the acting force may differ from the commanded one.
     pub with_load: bool,
 }
 
-/// What was learnt.
+/// Result of the training.
 #[derive(Debug, Clone)]
 pub struct OutsideSurface {
     /// Logarithms at the ends of every parameter.
     ln_ends: Vec<(f64, f64)>,
     bases: [Basis; 1],
     surface: Surface,
-    /// The same at the rows alone.
+    /// Surface at the rows alone.
     at_rows: Surface,
-    /// Changes (m) for a unit of the positive and the negative factor, and of the offset (N); none where the force is as it is commanded.
+    /// Changes (m) for a unit of the positive and the negative factor, and of the offset (N); empty if the force acts as commanded.
     by_load: Vec<Surface>,
     n_points: usize,
 }
 
 impl OutsideSurface {
-    /// Asks at points of rising number until points that trained nothing are met to [`OUTSIDE_TOLERANCE`], or there are no more; `piece_done` is called, from any thread, after every answer.
+    /// Trains on a rising number of points until errors at other points are below [`OUTSIDE_TOLERANCE`], or no more points are allowed.
+    /// It calls `piece_done` after every response, from any thread.
     ///
     /// # Errors
-    /// Whatever `ask` refuses; [`Error::Numerical`] for more parameters than polynomials are made of.
+    /// Those of `ask`. [`Error::Numerical`] for more parameters than the polynomials support.
     pub fn learn(lesson: &OutsideLesson<'_>, ask: &Ask<'_>, piece_done: &(dyn Fn() + Sync)) -> Result<Self> {
         let OutsideLesson { ends, clock, time_s, force, noise_m, with_load } = *lesson;
         let ln_ends: Vec<(f64, f64)> = ends.iter().map(|(lower, upper)| (lower.ln(), upper.ln())).collect();
@@ -104,7 +106,7 @@ impl OutsideSurface {
             let surface = surface(&basis, &runs);
             let is_better = best.as_ref().is_none_or(|(_, other)| surface.certified < other.certified);
             let is_done = surface.certified <= OUTSIDE_TOLERANCE;
-            // As fast as from the degree before to this one.
+            // The error is extrapolated at the rate from the degree before to this one.
             let is_hopeless = before.is_some_and(|(other, error)| {
                 let left = (degrees[degrees.len() - 1] - degree) as f64 / (degree - other) as f64;
                 degree >= LEAST_TRIED && surface.certified * (surface.certified / error).powf(left) > HOPELESS
@@ -119,8 +121,8 @@ impl OutsideSurface {
         }
         let Some((basis, own)) = best else {
             return Err(Error::numerical(
-                format!("no polynomials of {} parameters could be fitted", free.len()),
-                format!("hold some of them at values ({})", Setting::Fixed),
+                format!("no polynomials of {} parameters can be fitted", free.len()),
+                format!("fix some of them at values ({})", Setting::Fixed),
             ));
         };
         let n_points = asked[0].len() + asked[1].len();
@@ -145,12 +147,12 @@ impl OutsideSurface {
         Ok(Self { ln_ends, bases: [basis], surface: own, at_rows, by_load, n_points })
     }
 
-    /// Largest distance from answers that trained nothing, over the noise.
+    /// Largest error at points not used for training, in units of the noise.
     pub fn certified(&self) -> f64 {
         self.by_load.iter().fold(self.surface.certified, |worst, own| worst.max(own.certified))
     }
 
-    /// Points that were asked for.
+    /// Number of points that the program computed.
     pub fn n_points(&self) -> usize {
         self.n_points
     }
@@ -160,7 +162,7 @@ fn surface(basis: &Basis, runs: &[Trained]) -> Surface {
     Surface::new(std::slice::from_ref(basis), 0, OUTSIDE_TOLERANCE, &runs.iter().collect::<Vec<_>>())
 }
 
-/// Answers from what was learnt.
+/// Stepper that evaluates a trained surface.
 #[derive(Debug)]
 pub struct OutsideStepper {
     learnt: OutsideSurface,
@@ -170,7 +172,7 @@ pub struct OutsideStepper {
 }
 
 impl OutsideStepper {
-    /// For the record that it was learnt for.
+    /// Stepper for the record of the training.
     pub fn new(learnt: OutsideSurface, lesson: &OutsideLesson<'_>) -> Self {
         let OutsideLesson { clock, time_s, force, .. } = *lesson;
         Self { learnt, clock: clock.clone(), time_s: time_s.to_vec(), force: force.into() }
@@ -184,18 +186,18 @@ impl OutsideStepper {
         let (Some(Spatial::Outside(parameters)), true) = (&stages.spatial, is_own) else {
             return Err(Error::numerical(
                 "the other program's trajectories were learnt for another record or force",
-                "learn them for this one",
+                "learn them for this record and force",
             ));
         };
         let OutsideSurface { ln_ends, bases, surface, at_rows, by_load, .. } = &self.learnt;
         let mut place = Vec::with_capacity(parameters.len());
         for (value, (lower, upper)) in parameters.iter().zip(ln_ends) {
             let ln = value.ln();
-            // Ends are asked for by their values, of which logarithms are rounded.
+            // Queries may give ends by their values, whose logarithms are rounded.
             let slack = 1e-12 * (1.0 + lower.abs().max(upper.abs()));
             if !(lower - slack..=upper + slack).contains(&ln.value) {
                 return Err(Error::numerical(
-                    format!("a parameter of {} lies outside the box that the other program was learnt in", value.value),
+                    format!("a parameter of {} is outside the box in which the other program was learnt", value.value),
                     format!("stay between {} and {}", lower.exp(), upper.exp()),
                 ));
             }
@@ -209,7 +211,7 @@ impl OutsideStepper {
         }
         if by_load.is_empty() {
             return Err(Error::numerical(
-                "the other program was learnt for the force as it is commanded",
+                "the other program was learnt for the commanded force only",
                 "leave effects of load out",
             ));
         }
@@ -223,7 +225,7 @@ impl OutsideStepper {
         let mut x = surface.excess_m(bases, &place, one, n);
         changes(true).for_each(|change| add(&mut x, change));
         let mut x = self.clock.later(x, &stages.load, true);
-        // What acts from the beginning on does so whatever the delay.
+        // Effects that act from the beginning on are not delayed.
         changes(false).for_each(|change| add(&mut x, self.clock.later(change, &stages.load, false)));
         Ok(self.clock.rows[..n_rows].iter().map(|row| x[*row]).collect())
     }

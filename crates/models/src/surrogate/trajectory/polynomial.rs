@@ -4,39 +4,39 @@ use base::number::Scalar;
 use nalgebra::DMatrix;
 use std::f64::consts::PI;
 
-/// Points of a design for every polynomial that is fitted to them.
+/// Number of design points for each fitted polynomial.
 const OVERSAMPLING: f64 = 1.6;
-/// Seeds of the scrambled Sobol sequences of the design and of the points that check it: they are part of the method.
+/// Seeds of the scrambled Sobol sequences of the design and of the points that check it. They are part of the method.
 const DESIGN_SEED: u32 = 17;
 const CHECK_SEED: u32 = 29;
 
-/// Polynomials on [−1, 1]ᵈ, a design of points, and what fits the ones to values at the others.
+/// Polynomials on [−1, 1]ᵈ, a design of points, and the matrix that fits them to values at the points.
 #[derive(Debug, Clone)]
 pub(super) struct Basis {
-    /// Degree in every coordinate, polynomial by polynomial.
+    /// Degree in every coordinate, for each polynomial.
     degrees: Vec<Vec<usize>>,
     degree: usize,
-    /// Points at which values are asked for.
+    /// Points at which values are needed.
     pub design: Vec<Vec<f64>>,
     /// Points that check a fit, inside and near the faces.
     pub checks: Vec<Vec<f64>>,
-    /// Coefficients from values: one row a polynomial, one column a point of the design.
+    /// Matrix that gives coefficients from values: one row a polynomial, one column a point of the design.
     pub fit: DMatrix<f64>,
 }
 
 impl Basis {
-    /// Of a total degree. `None` where the polynomials cannot be told apart on the design, which no number of coordinates has led to.
+    /// Basis of a total degree. `None` if the polynomials are indistinguishable on the design, which occurs for no tested number of coordinates.
     pub fn new(n_coordinates: usize, degree: usize, n_checks: u32) -> Option<Self> {
         Self::weighted(&vec![1.0; n_coordinates], degree as f64, OVERSAMPLING, n_checks)
     }
 
-    /// Points of the design of a total degree.
+    /// Number of design points of a total degree.
     pub fn n_points(n_coordinates: usize, degree: usize) -> usize {
         let n_polynomials = (1..=n_coordinates).fold(1.0, |product, k| product * (degree + k) as f64 / k as f64);
         (OVERSAMPLING * n_polynomials.round()).ceil() as usize
     }
 
-    /// The same where a degree in some coordinates counts as more than one, with a share of points over polynomials.
+    /// Basis in which a degree in some coordinates counts as more than one, with a ratio of points to polynomials.
     pub fn weighted(weights: &[f64], degree: f64, oversampling: f64, n_checks: u32) -> Option<Self> {
         let n_coordinates = weights.len();
         let mut degrees = vec![Vec::new()];
@@ -74,7 +74,7 @@ impl Basis {
         self.degrees.len()
     }
 
-    /// The polynomials at a point.
+    /// Values of the polynomials at a point.
     pub fn values<N: Scalar>(&self, point: &[N]) -> Vec<N> {
         let one = N::constant(1.0);
         let mut of_one = Vec::with_capacity(point.len() * (self.degree + 1));
@@ -96,7 +96,7 @@ impl Basis {
             .collect()
     }
 
-    /// Part of the squares of coefficients that is due to the highest degrees of each coordinate.
+    /// Share of the squared coefficients that belongs to the highest degrees of each coordinate.
     pub fn tails(&self, squares: &[f64]) -> Vec<f64> {
         let n_coordinates = self.degrees.first().map_or(0, Vec::len);
         let tail = |d: usize| -> f64 {

@@ -1,4 +1,4 @@
-//! Remembered trajectories against the stepper, at points that trained nothing.
+//! Tests of trained trajectories against the stepper, at points not used for training.
 
 use super::*;
 use crate::surrogate::hyper::{self, HyperModel, HyperSettings};
@@ -14,10 +14,10 @@ const FAMILIES: [NonlinearFamily; 3] =
 const PORCINE: [f64; 3] = [3.527, 1.402, 47.370];
 const COMPLIANCE_PER_M: f64 = 549.0;
 const FORCE_N: f64 = 4.6e-6;
-/// Values of a family's parameter about which points lie.
+/// Values of each family's parameter around which the points are.
 const ABOUT: [[f64; 2]; 3] = [[0.05, 0.3], [0.93, 0.75], [0.3, 1.2]];
 
-/// A stepper of each family; of few runs, since no full model is compared with here.
+/// Stepper of each family, from few runs, since the tests do not compare it with a full-order model.
 fn stepper(which: usize) -> &'static HyperModel {
     static MODELS: [OnceLock<HyperModel>; 3] = [const { OnceLock::new() }; 3];
     MODELS[which].get_or_init(|| {
@@ -60,7 +60,7 @@ fn stages(which: usize, law: [Dual; 3], value: Dual) -> Stages {
     stages
 }
 
-/// Points about a value: laws within 4 %, the value within 3 %.
+/// Points around a value: laws within 4 %, the value within 3 %.
 fn points(which: usize, about: f64) -> Vec<Stages> {
     let near = |index: u32, dimension: u32, width: f64| {
         1.0 + width * (2.0 * f64::from(sobol_burley::sample(index, dimension, 91)) - 1.0)
@@ -76,7 +76,7 @@ fn largest(values: &[f64]) -> f64 {
     values.iter().fold(0.0, |most, x| most.max(x.abs()))
 }
 
-/// The reduction by similarity, on which all else stands: E, c₁ and c₂ by one factor, with what is not linear to match.
+/// Checks the reduction by similarity, the basis of this module: one factor multiplies E, c₁ and c₂, and the nonlinear parameter is adapted.
 #[test]
 fn steppers_only_scale_with_the_modulus() {
     let (time_s, force_n) = record();
@@ -94,7 +94,7 @@ fn steppers_only_scale_with_the_modulus() {
     }
 }
 
-/// At points that trained nothing, whole record and its first half: within what boxes are held to.
+/// Checks points not used for training, for the whole record and its first half, within the boxes' tolerance.
 #[test]
 fn what_is_remembered_is_what_the_stepper_says() {
     let (time_s, force_n) = record();
@@ -127,7 +127,7 @@ fn what_is_remembered_is_what_the_stepper_says() {
     }
 }
 
-/// What is not covered is left to the stepper, to the last bit: another record, another load, a law outside all boxes.
+/// Checks that the stepper computes uncovered cases, to the last bit: another record, another load, a law outside all boxes.
 #[test]
 fn what_is_not_covered_is_left_to_the_stepper() {
     let (time_s, force_n) = record();
@@ -151,7 +151,7 @@ fn what_is_not_covered_is_left_to_the_stepper() {
     assert!(!learnt(&thin, &time_s));
 }
 
-/// A point has the same bits whoever asked before it, alone or beside others.
+/// Checks that the bits of a point do not depend on earlier queries or on other points.
 #[test]
 fn answers_depend_on_nothing_but_the_point() {
     let (time_s, force_n) = record();
@@ -170,7 +170,8 @@ fn answers_depend_on_nothing_but_the_point() {
     assert!(in_order == reversed && in_order == at_once);
 }
 
-/// Next to the linear law the excess goes to nothing, and what is remembered of it by the same share: so do the steps of a fit that begins there find their way.
+/// Checks that the excess and its trained value vanish in proportion near the linear law.
+/// Fits that start there need this.
 #[test]
 fn little_excess_is_as_right_as_much() {
     let (time_s, force_n) = record();
@@ -185,7 +186,8 @@ fn little_excess_is_as_right_as_much() {
     }
 }
 
-/// Derivatives are those of what is remembered, to the error of a central difference, and those of the stepper to that of the polynomials.
+/// Checks that derivatives equal those of the trained trajectory, up to the error of a central difference.
+/// They equal those of the stepper up to the polynomials' error.
 #[test]
 fn derivatives_are_those_of_the_trajectory() {
     let (time_s, force_n) = record();
@@ -212,7 +214,7 @@ fn derivatives_are_those_of_the_trajectory() {
             };
             let of_difference = distance(&|i| (ahead[i] - behind[i]) / 2e-5);
             let of_stepper = dual(stepper(which));
-            // Errors of 10⁻⁴ of the displacement, here a millimetre, over boxes of a tenth have derivatives of some 10⁻³ of it.
+            // Errors are 10⁻⁴ of the displacement, here a millimetre, over boxes of a tenth. Derivatives then have errors of some 10⁻³ of it.
             let of_stepper = distance(&|i| of_stepper[i]) * largest(&own) / 1e-3;
             println!("{:?} {direction}: {of_difference:e} {of_stepper:e}", FAMILIES[which]);
             assert!(of_difference < 1e-6, "{:?} {direction}: {of_difference:e}", FAMILIES[which]);

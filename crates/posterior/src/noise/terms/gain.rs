@@ -1,4 +1,4 @@
-//! A gain and an offset for each cycle.
+//! Noise term with a gain and an offset for each cycle.
 
 use super::{Equations, NoiseTerm};
 use crate::noise::NoiseScales;
@@ -22,7 +22,7 @@ impl NoiseTerm for Gain {
 
     fn default_prior(&self, parameter: &ParameterSpec, scales: &NoiseScales) -> Option<(Distribution, &'static str)> {
         Some(if *parameter == GAIN_SD {
-            (Distribution::HalfNormal { sd: 0.03 }, "chosen: cycles alike to a few per cent")
+            (Distribution::HalfNormal { sd: 0.03 }, "chosen: cycles agree to a few per cent")
         } else {
             (Distribution::HalfNormal { sd: scales.noise_sd_um }, "chosen: at most about the white noise")
         })
@@ -70,7 +70,7 @@ impl LearntTerm for Gain {
     }
 
     fn words(&self, values: &[f64]) -> String {
-        format!("a gain of {:.2} % and an offset of {} µm a cycle", 100.0 * values[0], significant(values[1], 2))
+        format!("a gain of {:.2} % and an offset of {} µm per cycle", 100.0 * values[0], significant(values[1], 2))
     }
 
     fn sds_um(&self, values: &[f64], position_um: f64) -> Vec<f64> {

@@ -1,5 +1,5 @@
-//! The terms of the noise, one file each. A term says what it is called, what its parameters are and what is known of them, how a
-//! search learns them, and writes itself into the [`Scales`] that the filter takes. A new one is a file and a line in [`TERMS`]; only one whose equation the filter does not have touches that, too.
+//! Terms of the noise, one file each. A term states its name, its parameters with their priors, and its learning in a search. It writes itself into the [`Scales`] of the
+//! filter. A new term is a file and a line in [`TERMS`]; only a term with a new equation changes the filter, too.
 
 mod gain;
 mod ornstein_uhlenbeck;
@@ -16,38 +16,38 @@ pub(super) trait NoiseTerm: Sync {
     /// Name in `model.toml`.
     fn name(&self) -> &'static str;
 
-    /// Its parameters, in order.
+    /// Parameters, in order.
     fn parameters(&self) -> &'static [ParameterSpec];
 
-    /// Prior of one of its parameters where no file gives one, and why; `None` where a file must.
+    /// Default prior of a parameter, used if no file gives one, and its reason; `None` if a file must give it.
     fn default_prior(&self, parameter: &ParameterSpec, scales: &NoiseScales) -> Option<(Distribution, &'static str)>;
 
-    /// What of the filter it needs.
+    /// Parts of the filter that the term needs.
     fn equations(&self) -> Equations;
 
-    /// How a search learns it; `None` where none does.
+    /// Learning of the term in a search; `None` if a search cannot learn it.
     fn learning(&'static self) -> Option<&'static dyn LearntTerm> {
         None
     }
 
-    /// Writes values of its parameters, which lie in their supports, beside what the terms before it have written.
+    /// Writes parameter values, which lie in their supports, into the scales. The terms before it have already written theirs.
     fn write(&self, values: &[f64], scales: &mut Scales);
 }
 
 /// Parts of the filter.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub(super) struct Equations {
-    /// A state that forgets with time.
+    /// A state that decays with time.
     pub process: bool,
     /// States that begin anew with every cycle.
     pub cycles: bool,
-    /// Student's t in place of normal predictions.
+    /// Student's t instead of normal predictions.
     pub heavy_tails: bool,
 }
 
-/// Every term, in the order of their parameters; the first is in every model, and the others' sizes are written in terms of its own.
+/// All terms, in the order of their parameters. The first is in every model, and the sizes of the others are relative to its size.
 pub(super) const TERMS: &[&dyn NoiseTerm] =
     &[&white::White, &ornstein_uhlenbeck::OrnsteinUhlenbeck, &gain::Gain, &student::Student];
 
-/// No fewer than all terms have parameters.
+/// Upper bound of the number of parameters of all terms.
 pub(super) const MOST_PARAMETERS: usize = 8;

@@ -1,4 +1,4 @@
-//! A stationary Ornstein–Uhlenbeck process.
+//! Noise term with a stationary Ornstein–Uhlenbeck process.
 
 use super::{Equations, NoiseTerm};
 use crate::noise::NoiseScales;
@@ -26,7 +26,7 @@ impl NoiseTerm for OrnsteinUhlenbeck {
             let distribution = Distribution::LogNormal { median: 0.5 * noise_sd_um, log_sd: 1.0 };
             return Some((distribution, "chosen: about half the white noise, within a factor of seven (95 %)"));
         }
-        // A process that forgets within two rows is white noise by another name, and the two would trade places.
+        // A process that decays within two rows is equivalent to white noise, and the two could exchange their roles.
         let lower = 2.0 * sample_interval_s;
         let distribution = Distribution::LogUniform { lower, upper: cycle_s.max(10.0 * lower) };
         Some((distribution, "chosen: from two sample intervals, below which it is white noise, to a cycle"))
@@ -46,8 +46,8 @@ impl NoiseTerm for OrnsteinUhlenbeck {
     }
 }
 
-/// Standard deviation of ln σ_ou where the yardstick is estimated from short lags, which do not show slow noise: at ten times the sample interval it is four
-/// times the estimate, at ten seconds twenty times.
+/// Standard deviation of ln σ_ou if the yardstick is estimated from short lags, which do not show slow noise. At ten times the sample interval slow noise is four times the
+/// estimate, at ten seconds twenty times.
 const LOG_SD_OF_ESTIMATE: f64 = 2.5;
 
 fn ln_time_s(priors: &[Distribution]) -> [f64; 2] {
@@ -82,7 +82,7 @@ impl LearntTerm for OrnsteinUhlenbeck {
         vec![sd, time]
     }
 
-    /// Processes of three lengths, small and large.
+    /// Starts with three correlation times, each with a small and a large size.
     fn starts(&self, scales: &NoiseScales, priors: &[Distribution]) -> Vec<Vec<f64>> {
         let ln_white_um = scales.noise_sd_um.ln();
         let [shortest, longest] = ln_time_s(priors);
@@ -94,7 +94,11 @@ impl LearntTerm for OrnsteinUhlenbeck {
     }
 
     fn words(&self, values: &[f64]) -> String {
-        format!("slow noise of {} µm that lasts {} s", significant(values[0], 3), significant(values[1], 2))
+        format!(
+            "slow noise of {} µm with a correlation time of {} s",
+            significant(values[0], 3),
+            significant(values[1], 2)
+        )
     }
 
     fn sds_um(&self, values: &[f64], _: f64) -> Vec<f64> {

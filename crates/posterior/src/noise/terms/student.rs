@@ -1,4 +1,4 @@
-//! Student's t in place of normal predictions.
+//! Noise term with Student's t instead of normal predictions.
 
 use super::{Equations, NoiseTerm};
 use crate::noise::NoiseScales;
@@ -19,10 +19,7 @@ impl NoiseTerm for Student {
 
     fn default_prior(&self, _parameter: &ParameterSpec, _scales: &NoiseScales) -> Option<(Distribution, &'static str)> {
         let distribution = Distribution::LogUniform { lower: 2.1, upper: 100.0 };
-        Some((
-            distribution,
-            "chosen: from tails almost without a variance to tails that cannot be told from normal ones",
-        ))
+        Some((distribution, "chosen: from tails with almost infinite variance to tails that are almost normal"))
     }
 
     fn equations(&self) -> Equations {

@@ -1,4 +1,4 @@
-//! Independent errors of one size; in every model.
+//! Noise term with independent errors of one size; it is in every model.
 
 use super::{Equations, NoiseTerm};
 use crate::noise::NoiseScales;
@@ -36,7 +36,7 @@ impl NoiseTerm for White {
     }
 }
 
-/// Standard deviation of ln σ about the yardstick: known, yet not so well that it could stand in the way of the data.
+/// Standard deviation of ln σ around the yardstick. It allows for an uncertain yardstick, so that the prior does not dominate the data.
 const LOG_SD: f64 = 0.5;
 
 impl LearntTerm for White {

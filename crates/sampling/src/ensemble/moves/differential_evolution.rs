@@ -1,7 +1,7 @@
 //! Differential evolution: a walker moves along the difference of two others.
 //!
-//! y = x + γ (c₁ − c₂), γ = γ₀·u with γ₀ = 2.38/√(2d) and u uniform on [1 − s, 1 + s]; in a fraction of the proposals γ = 1,
-//! which carries walkers between modes. Symmetric, so the correction is one.
+//! y = x + γ (c₁ − c₂), γ = γ₀·u with γ₀ = 2.38/√(2d) and u uniform on [1 − s, 1 + s]. In a fraction of the proposals γ = 1,
+//! which carries walkers between modes. The move is symmetric, so that the correction is one.
 //! ter Braak 2006, doi:10.1007/s11222-006-8769-1; Nelson, Ford & Payne 2013, doi:10.1088/0067-0049/210/1/11.
 
 use super::{Move, Points};
@@ -10,7 +10,7 @@ use crate::ensemble::random::RandomStream;
 /// Differential-evolution move.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct DifferentialEvolution {
-    /// Multiplies γ₀ = 2.38/√(2d).
+    /// Factor on γ₀ = 2.38/√(2d).
     pub scale: f64,
     /// Half-width s of the uniform factor on γ, in [0, 1).
     pub spread: f64,
@@ -46,7 +46,7 @@ impl Move for DifferentialEvolution {
         log_factors.fill(0.0);
         for (i, stream) in own.iter_mut().enumerate() {
             let (a, b) = stream.distinct_pair(n);
-            // One word serves both choices: below `jump` it is a jump, above it is uniform again.
+            // One word makes both choices: below `jump` it selects a jump, above it is again uniform.
             let u = stream.unit();
             let factor = 1.0 + self.spread * (2.0 * (u - jump) / (1.0 - jump) - 1.0);
             let gamma = if u < jump { 1.0 } else { gamma_0 * factor };

@@ -1,9 +1,9 @@
-//! Independence move: a walker jumps to a draw from a fixed approximation of the posterior, wherever it is.
+//! Independence move: a walker jumps to a draw from a fixed approximation of the posterior.
 //!
-//! The approximation is a mixture of multivariate t distributions with six degrees of freedom, one a mode:
-//! q(y) = Σ w_k t₆(y; m_k, S_k), drawn without regard to x and accepted with (π(y)/q(y))/(π(x)/q(x)).
-//! Where q is good most draws are accepted and nearly independent, between modes as within; where it is not, draws are
-//! refused and the other moves do the work. Tierney 1994, doi:10.1214/aos/1176325750, §2.3.2.
+//! The approximation is a mixture of multivariate t distributions with six degrees of freedom, one per mode:
+//! q(y) = Σ w_k t₆(y; m_k, S_k). A draw does not depend on x and is accepted with (π(y)/q(y))/(π(x)/q(x)).
+//! If q is good, most draws are accepted and nearly independent, within and between modes. Otherwise most draws are
+//! rejected and the other moves do the work. Tierney 1994, doi:10.1214/aos/1176325750, §2.3.2.
 
 use super::{Move, Points};
 use crate::ensemble::random::RandomStream;
@@ -19,18 +19,18 @@ pub struct Independence {
 }
 
 impl Independence {
-    /// From the modes' Laplace approximations; `None` when none has a usable curvature.
+    /// Builds the move from the modes' Laplace approximations. `None` if no mode has a usable curvature.
     pub fn from_modes(modes: &Modes, dimension: usize) -> Option<Self> {
         TMixture::from_modes(modes, dimension).map(|mixture| Self { mixture })
     }
 
-    /// The same with location and shape of each mode's component fitted to the draws nearest to it, where there are enough.
+    /// Builds the move from the modes and fits each component's location and shape to the draws nearest to its mode, if there are enough.
     /// `points` lists draws one by one.
     pub fn fitted(modes: &Modes, dimension: usize, points: &[Vec<f64>]) -> Option<Self> {
         TMixture::fitted(modes, dimension, points).map(|mixture| Self { mixture })
     }
 
-    /// Replaces a point by a draw; returns ln q(point) − ln q(draw).
+    /// Replaces a point by a draw and returns ln q(point) − ln q(draw).
     #[inline]
     fn jump(&self, stream: &mut RandomStream, point: &mut [f64], noise: &mut [f64]) -> f64 {
         let mixture = &self.mixture;
@@ -59,7 +59,7 @@ impl Move for Independence {
             return Jumps { component, exponent, points, draws: proposals, log_factors }.draw(own);
         }
         let dimension = moving.dimension;
-        // Work space on the stack for the usual dimensions, so that the hot loop allocates nothing.
+        // Work space on the stack for usual dimensions, so that the hot loop does not allocate.
         let mut few = [0.0; 2 * 16];
         let mut many;
         let space = if dimension <= 16 {
@@ -83,7 +83,7 @@ mod tests {
     use super::*;
     use crate::optimum::Optimum;
 
-    /// All walkers at once, by one component: the draws and factors that each has by itself, for numbers of walkers that fill blocks and do not.
+    /// One component for all walkers at once gives the draws and factors of single walkers. The numbers of walkers do and do not fill blocks.
     #[test]
     fn the_short_way_of_one_component_is_the_long_one() {
         let mut modes = Modes::default();

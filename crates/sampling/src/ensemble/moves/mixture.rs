@@ -3,8 +3,8 @@
 use super::{Move, Points};
 use crate::ensemble::random::RandomStream;
 
-/// Moves with weights. The choice does not depend on the walkers, so that what each move leaves invariant the mixture
-/// does, too.
+/// Moves with weights. The choice does not depend on the walkers, so that the mixture keeps every distribution invariant that
+/// all its moves keep.
 pub struct Mixture {
     /// Upper ends of the cells of [0, 1) that choose a move.
     moves: Vec<(f64, Box<dyn Move>)>,
@@ -12,7 +12,7 @@ pub struct Mixture {
 }
 
 impl Mixture {
-    /// Moves with positive weights that need not add up to one; those without a positive, finite weight are left out.
+    /// Builds a mixture from weights that need not add up to one. Moves without a positive, finite weight are omitted.
     pub fn new(weighted: Vec<(f64, Box<dyn Move>)>) -> Self {
         let mut moves = weighted;
         moves.retain(|(weight, _)| *weight > 0.0 && weight.is_finite());
@@ -46,7 +46,7 @@ impl Move for Mixture {
         let chosen = self.moves.iter().find(|(upper, _)| u < *upper).or(self.moves.last());
         match chosen {
             Some((_, part)) => part.propose(moving, complement, shared, own, proposals, log_factors),
-            // An empty mixture stays where it is.
+            // An empty mixture does not move.
             None => {
                 proposals.copy_from_slice(moving.coordinates);
                 log_factors.fill(0.0);

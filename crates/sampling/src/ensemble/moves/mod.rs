@@ -1,7 +1,7 @@
-//! Moves: how a walker proposes where to go, given the walkers of the other half of its ensemble.
+//! Moves propose new positions of walkers, given the walkers of the other half of the ensemble.
 //!
-//! The split-ensemble scheme (Goodman & Weare 2010, doi:10.2140/camcos.2010.5.65; Foreman-Mackey et al. 2013,
-//! doi:10.1086/670067) stands in [`super::Ensemble`]; a move only fills in proposals and their correction factors.
+//! [`super::Ensemble`] implements the split-ensemble scheme (Goodman & Weare 2010, doi:10.2140/camcos.2010.5.65; Foreman-Mackey et al. 2013,
+//! doi:10.1086/670067). A move only computes proposals and their correction factors.
 
 mod differential_evolution;
 mod independence;
@@ -30,16 +30,16 @@ pub struct Points<'a> {
 
 /// A proposal for every walker of one half.
 ///
-/// A move leaves any target invariant when, with π the target, a proposal y from x given the complement is accepted with
+/// A move leaves any target π invariant under this acceptance rule: accept a proposal y from x, given the complement, with
 /// probability min(1, exp(log_factor)·π(y)/π(x)).
 pub trait Move: Send + Sync {
-    /// Name with its constants; part of what a checkpoint must agree with.
+    /// Name with all constants. A checkpoint must agree with it.
     fn name(&self) -> String;
 
     /// Fills `proposals` (layout of [`Points`], as many as `moving`) and `log_factors`.
     ///
-    /// `own` holds one random stream a moving walker, `shared` is the ensemble's for choices that all walkers make
-    /// together. The complement has at least four points and must not be changed by what is drawn from `own`.
+    /// `own` holds one random stream per moving walker. `shared` is the ensemble's stream, for choices that all walkers
+    /// share. The complement has at least four points. Draws from `own` must not change it.
     fn propose(
         &self,
         moving: Points,
@@ -51,9 +51,9 @@ pub trait Move: Send + Sync {
     );
 }
 
-/// The default: mostly differential evolution, whose autocorrelation time on the creep posterior of the base model was the
-/// shortest of the ensemble's moves, with some snooker, which takes steps of other directions and lengths. (With jumps into a
-/// fixed approximation, the default of a run, the choice matters little there.)
+/// The default move: mostly differential evolution, with some snooker for steps in other directions and of other lengths. Differential evolution
+/// had the shortest autocorrelation time of the ensemble's moves on the creep posterior of the base model. (A run also jumps into a
+/// fixed approximation by default, which makes this choice less important.)
 pub fn default_move() -> Mixture {
     Mixture::new(vec![
         (0.8, Box::new(DifferentialEvolution::default()) as Box<dyn Move>),

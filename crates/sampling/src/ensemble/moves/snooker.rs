@@ -1,6 +1,6 @@
-//! Snooker: a walker moves on the line through another, by the projected difference of two more.
+//! Snooker: a walker moves on the line through another walker, by the projected difference of two more.
 //!
-//! With e the direction of x − c, y = x + γ ((c₁ − c₂)·e) e, accepted with (|y − c|/|x − c|)^(d−1) π(y)/π(x).
+//! The proposal is y = x + γ ((c₁ − c₂)·e) e, with e the direction of x − c. It is accepted with (|y − c|/|x − c|)^(d−1) π(y)/π(x).
 //! ter Braak & Vrugt 2008, doi:10.1007/s11222-008-9104-9, eq. 3–4.
 
 use super::{Move, Points};
@@ -44,7 +44,7 @@ impl Move for Snooker {
                 distance2 += towards * towards;
                 projected += (others[a] - others[b]) * towards;
             }
-            // A walker on its anchor has no direction: it proposes to stay.
+            // A walker at its anchor has no direction and proposes to stay.
             let along = if distance2 > 0.0 { self.scale * projected / distance2 } else { 0.0 };
             for d in 0..moving.dimension {
                 let x = moving.coordinates[d * moving.n + i];

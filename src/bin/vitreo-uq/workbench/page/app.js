@@ -1,5 +1,5 @@
 // @ts-check
-// The workbench: shows the documents that commands write, and starts commands. Nothing is computed here but what is drawn.
+// Workbench page: shows the documents that commands write, and starts commands. It computes only the layout of drawings.
 import { Plots } from "./plots.js";
 
 /** @typedef {{name: string, experiment: string|null, study: string, revisions: string[], figures: string[]}} Item */
@@ -31,11 +31,11 @@ const state = {
   /** @type {Knob[]} */ knobs: [],
   /** @type {string} */ effect: "",
   /** @type {Record<string, number>} */ values: {},
-  /** Rows that are chosen and not used yet; news of the folder must not undo them. @type {Draft|null} */ draft: null,
+  /** Choice of rows that is not applied yet. Changes of the folder must not discard it. @type {Draft|null} */ draft: null,
   folder: "",
 };
 
-// ---- Asking the server ----
+// ---- Requests to the server ----
 
 /** @param {string} path @param {RequestInit} [options] @returns {Promise<any>} */
 async function ask(path, options) {
@@ -43,7 +43,7 @@ async function ask(path, options) {
   try {
     response = await fetch(path, options);
   } catch {
-    throw new Error("The workbench does not answer: it has ended. Start `vitreo-uq workbench` again, and open the link that it says.");
+    throw new Error("The workbench does not answer, because it has ended. Start `vitreo-uq workbench` again, and open the link that it prints.");
   }
   if (!response.ok) {
     const text = await response.text();
@@ -51,7 +51,7 @@ async function ask(path, options) {
     try {
       words = JSON.parse(text).error ?? text;
     } catch {
-      // Words that are no document are shown as they are.
+      // A response that is not JSON is shown unchanged.
     }
     throw new Error(words);
   }
@@ -68,13 +68,13 @@ function fault(error) {
   at("fault-words").textContent = error instanceof Error ? error.message : String(error);
   at("fault").hidden = false;
 }
-/** Runs what a person has asked for; what goes wrong is shown. @param {() => Promise<void>} work */
+/** Runs an action of the user, and shows its errors. @param {() => Promise<void>} work */
 const attempt = (work) => {
   at("fault").hidden = true;
   work().catch(fault);
 };
 
-// ---- Tables that are dropped ----
+// ---- Dropped tables ----
 
 /** @param {File} file */
 async function upload(file) {
@@ -82,8 +82,8 @@ async function upload(file) {
   await describe({ upload, file: file.name, answers: {} });
 }
 
-/** What may be known, and need not. */
-const OPTIONAL = [["noise", "Known noise of the tracker in µm, if it is known"], ["species", "Species, if groups are to be compared"], ["region", "Region of the eye, if groups are to be compared"]];
+/** Optional information: name of the field and its label. */
+const OPTIONAL = [["noise", "Noise standard deviation of the tracker in µm, if known"], ["species", "Species, if groups are to be compared"], ["region", "Region of the eye, if groups are to be compared"]];
 
 /** @param {{upload: string, file: string, answers: Record<string, string>, noise_um?: number|null, groups?: (string|null)[]}} described */
 async function describe(described) {
@@ -95,7 +95,7 @@ async function describe(described) {
   }
   const form = at("answers");
   form.replaceChildren(
-    make("p", { textContent: `${described.file}: the rest was read from the table itself.` }),
+    make("p", { textContent: `${described.file}: the table gives all other information.` }),
     ...found.questions.map((/** @type {any} */ question, /** @type {number} */ place) => {
       const field = question.choices.length > 0
         ? make("select", { name: String(place) }, question.choices.map((/** @type {string} */ choice) => make("option", { value: choice, textContent: choice, selected: choice === question.proposal })))
@@ -103,7 +103,7 @@ async function describe(described) {
       return make("label", {}, [question.text[0].toUpperCase() + question.text.slice(1), field]);
     }),
     ...OPTIONAL.map(([name, words]) => make("label", {}, [words, make("input", { name, autocomplete: "off" })])),
-    make("p", {}, [make("button", { className: "main", textContent: "Go on" })]),
+    make("p", {}, [make("button", { className: "main", textContent: "Continue" })]),
   );
   form.onsubmit = (event) => {
     event.preventDefault();
@@ -113,7 +113,7 @@ async function describe(described) {
     });
     const [noise, species, region] = OPTIONAL.map(([name]) => /** @type {HTMLInputElement} */ (form.querySelector(`[name="${name}"]`)).value.trim());
     const noise_um = noise ? Number(noise.replace(",", ".")) : null;
-    if (Number.isNaN(noise_um)) return fault(new Error(`\`${noise}\` is no number of micrometres.`));
+    if (Number.isNaN(noise_um)) return fault(new Error(`\`${noise}\` is not a number of micrometres.`));
     attempt(() => describe({ ...described, answers, noise_um, groups: [species || null, region || null] }));
   };
   at("questions").hidden = false;
@@ -161,7 +161,7 @@ async function refresh() {
   state.study = study;
   const names = study.item.revisions;
   if (state.revision === null || !names.includes(state.revision)) state.revision = names[names.length - 1] ?? null;
-  // A later model is fitted to more cycles than the first, for which they were chosen.
+  // Later revisions are fitted to more cycles than the first, for which the user has chosen them.
   study.cycles.forEach((own) => (own.chosen = own.serves));
   const heldout = study.revisions.find((own) => own.name === state.revision)?.posterior?.heldout;
   if (heldout) study.cycles.forEach((own) => (own.serves = heldout.cycles.includes(own.cycle) ? "held out" : heldout.fitted_cycles.includes(own.cycle) ? "fitted" : "unused"));
@@ -171,13 +171,13 @@ async function refresh() {
   await Promise.all([refreshRows(), refreshKnobs()]);
 }
 
-/** What `groups` or `shapes` wrote. @param {Item} item */
+/** Shows the results of `groups` or `shapes`. @param {Item} item */
 function showSheet(item) {
   at("sheet").hidden = false;
   at("sheet-heading").textContent = item.name;
   const path = (/** @type {string} */ path) => `file?${query({ item: item.name, path, of: state.folder })}`;
   at("sheet-body").replaceChildren(
-    make("p", {}, [make("a", { href: path("report.html"), textContent: "All of it as one page", target: "_blank" })]),
+    make("p", {}, [make("a", { href: path("report.html"), textContent: "All results on one page", target: "_blank" })]),
     ...item.figures.map((name) => make("p", {}, [make("img", { src: path(name), loading: "lazy", alt: name })])),
   );
 }
@@ -190,7 +190,7 @@ async function refreshRows() {
   if (number !== askedRows) return;
   const [all, inside] = rows.rows;
   at("decimated").textContent = rows.time_s.length < inside
-    ? `${rows.time_s.length} of ${inside} rows are drawn, of every column of pixels the lowest and the highest${inside < all ? `; the record has ${all}` : ""}`
+    ? `${rows.time_s.length} of ${inside} rows are drawn: the lowest and highest of each pixel column${inside < all ? `; the record has ${all}` : ""}`
     : "";
   plots.show(rows, window);
   if (Object.keys(state.values).length > 0 || state.effect) tryNow();
@@ -213,24 +213,24 @@ function showStudy(study) {
   showLadder(study);
   showMap(study, revision);
   showSuspects(study, revision);
-  const parts = /** @type {[string, string][]} */ ([["posterior", "How sure that is"], ["errors", "Where the uncertainty comes from"], ["fails", "Where the model fails: every look"], ["missing", "What is missing: figures and noise"], ["measured", "What was measured"], ["warned", "Everything that was warned of"], ["origin", "Commands that make it again"]]);
+  const parts = /** @type {[string, string][]} */ ([["posterior", "Posterior"], ["errors", "Sources of uncertainty"], ["fails", "Misfits: all tests"], ["missing", "Missing effects: figures and noise"], ["measured", "Measurement"], ["warned", "Warnings"], ["origin", "Commands that reproduce the study"]]);
   const opened = new Set([...at("parts").querySelectorAll("details[open]")].map((own) => /** @type {HTMLElement} */ (own).dataset.part));
   at("parts").replaceChildren(...parts.filter(([id]) => study.parts[id]).map(([id, heading]) => {
     const details = make("details", { open: opened.has(id) }, [make("summary", { textContent: heading })]);
     details.dataset.part = id;
-    if (id === "posterior" && study.overlay && revisions.length > 1) details.append(make("p", {}, [make("img", { src: fileOf(study, study.overlay), loading: "lazy", alt: "Posteriors of the latest models over each other" })]));
+    if (id === "posterior" && study.overlay && revisions.length > 1) details.append(make("p", {}, [make("img", { src: fileOf(study, study.overlay), loading: "lazy", alt: "Overlaid posteriors of the latest revisions" })]));
     details.insertAdjacentHTML("beforeend", study.parts[id]);
     return details;
   }));
   if (revisions.length === 0) {
-    at("parts").replaceChildren(make("section", {}, [make("h2", { textContent: "What was understood" }), make("ul", {}, record.understood.sentences.map((/** @type {string} */ text) => make("li", { textContent: text }))),
+    at("parts").replaceChildren(make("section", {}, [make("h2", { textContent: "Record as read" }), make("ul", {}, record.understood.sentences.map((/** @type {string} */ text) => make("li", { textContent: text }))),
       ...record.contradictions.map((/** @type {any} */ own) => make("p", { className: "fatal", textContent: `${own.text}. What to do: ${own.advice}.` }))]));
   }
   showFiles(study);
   showChoice(study);
 }
 
-/** Cycles that are fitted and held out, and what is left out. @param {Study} study */
+/** Shows the choice of fitted, held-out and unused cycles, and of omitted time ranges. @param {Study} study */
 function showChoice(study) {
   at("choice").hidden = study.item.experiment === null;
   /** @type {Draft} */
@@ -247,7 +247,7 @@ function showChoice(study) {
   });
   const list = make("ul");
   const showList = () => list.replaceChildren(...leftOut.map((own, place) => {
-    const button = make("button", { type: "button", textContent: "take in again" });
+    const button = make("button", { type: "button", textContent: "use again" });
     button.addEventListener("click", () => {
       leftOut.splice(place, 1);
       keep();
@@ -255,9 +255,9 @@ function showChoice(study) {
     });
     return make("li", {}, [`left out: ${shown(own[0], 5)} to ${shown(own[1], 5)} s `, button]);
   }));
-  const leave = make("button", { type: "button", textContent: "Leave out what the plots show now" });
+  const leave = make("button", { type: "button", textContent: "Leave out the shown time range" });
   leave.addEventListener("click", () => {
-    if (!state.window) return fault(new Error("Drag over a plot first: the stretch of time that it then shows can be left out."));
+    if (!state.window) return fault(new Error("First drag over a plot to select the time range to leave out."));
     leftOut.push(/** @type {[number, number]} */ (state.window.map((time) => Number(time.toPrecision(7)))));
     keep();
     showList();
@@ -269,7 +269,7 @@ function showChoice(study) {
     make("p", { className: "tools" }, serves.slice(0, 60).map((own) => own.label)),
     list,
     make("p", { className: "tools" }, [leave, apply]),
-    make("p", { className: "lead", textContent: study.item.revisions.length > 0 ? "Models that were fitted to other rows do not stand for these: the next fit replaces them." : "" }),
+    make("p", { className: "lead", textContent: study.item.revisions.length > 0 ? "Existing models belong to the previous choice of rows. The next fit replaces them." : "" }),
   );
   form.onsubmit = (event) => {
     event.preventDefault();
@@ -298,42 +298,42 @@ const action = (text, wish, isMain = false) => {
   return button;
 };
 
-/** What a person would do next. @param {Study} study @param {Revision|undefined} revision */
+/** Shows the next step. @param {Study} study @param {Revision|undefined} revision */
 function showNext(study, revision) {
   const lines = [];
   const paragraph = (/** @type {(Node|string)[]} */ ...children) => lines.push(make("p", {}, children));
   if (!revision) {
     if (study.is_changed) paragraph("The record has changed since its models were fitted. A new fit replaces them.");
-    paragraph("Fit the first model to the record, check it by full finite elements, and see where it fails.");
+    paragraph("Fit the first model to the record, check it with full finite elements, and test its residuals.");
     paragraph(action("Fit the model", { kind: "sample" }, true));
   } else {
     const { diagnosis, learned } = revision;
     const effects = diagnosis?.verdict.effects ?? [];
     if (!diagnosis) {
-      paragraph("Ask which physical effect is missing: each is refitted, and judged on a cycle that no fit has seen.");
-      paragraph(action("What is missing?", { kind: "diagnose" }, true));
+      paragraph("Find out which physical effect is missing. Each candidate effect is refitted and tested on the last held-out cycle.");
+      paragraph(action("Find missing effects", { kind: "diagnose" }, true));
     } else if (effects.length > 0) {
-      paragraph("Add it, fit again, and watch the error on the cycles that no fit has seen.");
+      paragraph("Add it, fit again, and compare the error on the last held-out cycle.");
       paragraph(action(`Add ${effects.join(" and ")}`, { kind: "extend", with: effects }, true));
     } else if (diagnosis.verdict.kind === "unexplained" && !learned) {
-      paragraph("No effect of the library explains what is left. Let the data write the law that is missing.");
+      paragraph("No effect of the library explains the remaining misfit. Learn a correction of the law from the data.");
       paragraph(action("Learn from the data", { kind: "learn" }, true));
     } else if (learned?.formula) {
       paragraph(learned.verdict.sentence);
-      paragraph(action("Add the learned formula", { kind: "adopt" }, true));
+      paragraph(action("Add the learnt formula", { kind: "adopt" }, true));
     } else {
       paragraph(diagnosis.verdict.sentence);
     }
     const others = [];
-    if (diagnosis) others.push(action("Ask again", { kind: "diagnose" }));
+    if (diagnosis) others.push(action("Diagnose again", { kind: "diagnose" }));
     if (!learned && diagnosis && (effects.length > 0 || diagnosis.verdict.kind !== "unexplained")) others.push(action("Learn from the data", { kind: "learn" }));
-    if (!revision.comparison) others.push(action("Where does it fail?", { kind: "compare" }));
+    if (!revision.comparison) others.push(action("Test the residuals", { kind: "compare" }));
     if (others.length > 0) lines.push(make("p", { className: "tools" }, others));
   }
   at("next").replaceChildren(...lines);
 }
 
-/** How the error falls on the last held-out cycle, as the ladder or any other document of a revision gives it; of a first model of which nothing more was asked, on all held-out cycles. @param {Study} study */
+/** Shows the error of each revision on the last held-out cycle, from the ladder or another document of the revision. Without such a document it shows the error on all held-out cycles. @param {Study} study */
 function showLadder(study) {
   const isWhole = study.ladder?.revisions.length === study.revisions.length;
   const extending = (/** @type {Revision} */ { name }) => study.revisions.find((other) => other.extension?.from === name)?.extension;
@@ -355,7 +355,7 @@ function showLadder(study) {
   at("ladder").replaceChildren(
     ...rungs.map(({ name, error }) => line(name, error, "")),
     ...(study.noise_um ? [line("noise", study.noise_um, "noise")] : []),
-    make("p", { className: "lead", textContent: isWhole ? study.ladder.sentence : `Root mean square on ${isOnLast ? "the last held-out cycle" : "the held-out cycles"}.` }),
+    make("p", { className: "lead", textContent: isWhole ? study.ladder.sentence : `Root mean square error on ${isOnLast ? "the last held-out cycle" : "all held-out cycles"}.` }),
   );
 }
 
@@ -385,7 +385,7 @@ function showMap(study, revision) {
   at("map").replaceChildren(make("table", { className: "map" }, [make("tbody", {}, body)]));
 }
 
-/** Shows in the plots where a cell of the map looks. @param {Study} study @param {any} panel @param {any} bar */
+/** Marks the cell of a map in the plots. @param {Study} study @param {any} panel @param {any} bar */
 async function goTo(study, panel, bar) {
   const cycle = panel.where === "cycle" && study.cycles.find((own) => String(own.cycle) === bar.label);
   if (cycle) {
@@ -417,20 +417,20 @@ function showSuspects(study, revision) {
     row.append(make("td", {}, refused.has(slug) ? [] : [button]));
   });
   if (diagnosis && revision) showFingerprints(study, revision.name).catch(fault);
-  at("suspects").querySelector("thead tr")?.append(make("th", { scope: "col", textContent: "to the model" }));
+  at("suspects").querySelector("thead tr")?.append(make("th", { scope: "col", textContent: "add to model" }));
   const parts = [];
   if (learned) {
-    parts.push(make("h3", { textContent: "What the data write by themselves" }), make("p", { textContent: learned.verdict.sentence }));
-    if (learned.function) parts.push(make("p", {}, [make("img", { src: fileOf(study, `${revision?.name}/figures/learned.svg`), alt: `The learned function of ${learned.verdict.quantity} by ${learned.verdict.state}, with its 90 per cent band` })]));
-    if (learned.formula) parts.push(make("p", {}, [action("Add the learned formula", { kind: "adopt" })]));
+    parts.push(make("h3", { textContent: "Correction of the law learnt from data" }), make("p", { textContent: learned.verdict.sentence }));
+    if (learned.function) parts.push(make("p", {}, [make("img", { src: fileOf(study, `${revision?.name}/figures/learned.svg`), alt: `Learnt function of ${learned.verdict.quantity} by ${learned.verdict.state}, with its 90 per cent band` })]));
+    if (learned.formula) parts.push(make("p", {}, [action("Add the learnt formula", { kind: "adopt" })]));
   }
   at("learned").replaceChildren(...parts);
 }
 
-/** A suspect that is pointed at draws what it would explain over what the model leaves. @param {Study} study @param {string} name */
+/** Draws the fingerprint of the candidate effect under the pointer over the residuals. @param {Study} study @param {string} name */
 async function showFingerprints(study, name) {
   const response = await fetch(fileOf(study, `${name}/fingerprints.csv`));
-  // Diagnoses of earlier versions have none.
+  // Diagnoses of other versions may have no fingerprints.
   if (!response.ok) return;
   const [head, ...rows] = (await response.text()).trim().split("\n").map((line) => line.split(","));
   const column = (/** @type {number} */ place) => rows.map((row) => Number(row[place]));
@@ -440,7 +440,7 @@ async function showFingerprints(study, name) {
     if (place < 2) return;
     const own = { time_s, left_um, change_um: column(place) };
     const show = () => {
-      at("fingerprint-of").textContent = `Points: what the model leaves. Line: what ${head[place]} would explain.`;
+      at("fingerprint-of").textContent = `Points: residuals. Line: part that ${head[place]} would explain.`;
       plots.showFingerprint(own);
     };
     for (const kind of ["mouseenter", "focusin"]) row.addEventListener(kind, show);
@@ -456,14 +456,14 @@ function showFiles(study) {
   const name = state.revision;
   at("export").hidden = name === null;
   if (name === null) return;
-  const list = [["report.html", "the whole study as one page, for a colleague"], [`${name}/figures/predictive.svg`, "model against measurement"], [`${name}/figures/corner.svg`, "the posterior"], [`${name}/figures/comparison_map.svg`, "the failure map"],
-    [`${name}/figures/diagnosis.svg`, "every suspect"], ["ladder.svg", "how the error fell"], [`${name}/predictions.csv`, "predictions of every row"], [`${name}/draws.csv`, "draws of the posterior"], [`${name}/posterior.nc`, "the same for ArviZ"]];
+  const list = [["report.html", "the whole study on one page"], [`${name}/figures/predictive.svg`, "measurement and predictions"], [`${name}/figures/corner.svg`, "the posterior"], [`${name}/figures/comparison_map.svg`, "the failure map"],
+    [`${name}/figures/diagnosis.svg`, "all candidate effects"], ["ladder.svg", "error of each revision"], [`${name}/predictions.csv`, "predictions for every row"], [`${name}/draws.csv`, "posterior draws"], [`${name}/posterior.nc`, "posterior draws for ArviZ"]];
   const revision = study.revisions.find((own) => own.name === name);
   const isThere = (/** @type {string} */ path) => !(path.includes("comparison") && !revision?.comparison) && !(path.includes("diagnosis") && !revision?.diagnosis) && !(path.startsWith("ladder") && !study.ladder);
   at("files").replaceChildren(...list.filter(([path]) => isThere(path)).map(([path, words]) => make("li", {}, [make("a", { href: fileOf(study, path), textContent: path, download: path.endsWith("html") ? "" : path.split("/").pop(), target: "_blank" }), `: ${words}`])));
 }
 
-// ---- Trying by hand ----
+// ---- Trials by hand ----
 
 async function refreshKnobs() {
   at("by-hand").hidden = state.revision === null;
@@ -483,7 +483,7 @@ async function refreshKnobs() {
 
 /** @param {Knob} knob */
 function slider(knob) {
-  // A parameter of the law goes by its logarithm; one of an effect by its cube root about none, since what shows is often small.
+  // Sliders of the law are logarithmic. Sliders of effects use the cube root of the distance from the null, because visible changes are often small.
   const none = knob.null_value ?? 0;
   const bent = knob.is_logarithmic ? Math.log : knob.null_value === null ? (/** @type {number} */ own) => own : (/** @type {number} */ own) => Math.cbrt(own - none);
   const straight = knob.is_logarithmic ? Math.exp : knob.null_value === null ? (/** @type {number} */ own) => own : (/** @type {number} */ own) => none + own ** 3;
@@ -504,7 +504,7 @@ function slider(knob) {
 }
 
 let isTrying = false, isStale = false;
-/** One question at a time; the last position of a slider is always asked for. */
+/** Requests the curve of the trial. Only one request runs at a time, and the last slider position is always requested. */
 function tryNow() {
   if (isTrying) {
     isStale = true;
@@ -517,7 +517,7 @@ function tryNow() {
     .then((curve) => {
       plots.showTried(curve);
       const noise = state.study?.noise_um;
-      at("tried").textContent = `By hand: ${shown(curve.rmse_fitted_um)} µm on fitted cycles${curve.rmse_heldout_um === null ? "" : `, ${shown(curve.rmse_heldout_um)} µm on held-out cycles`}${noise ? `; noise ${shown(noise)} µm` : ""}`;
+      at("tried").textContent = `Error of the trial: ${shown(curve.rmse_fitted_um)} µm on fitted cycles${curve.rmse_heldout_um === null ? "" : `, ${shown(curve.rmse_heldout_um)} µm on held-out cycles`}${noise ? `; noise ${shown(noise)} µm` : ""}`;
     })
     .catch(fault)
     .finally(() => {
@@ -529,7 +529,7 @@ function tryNow() {
     });
 }
 
-// ---- Windows of time ----
+// ---- Time windows ----
 
 /** @param {[number, number]|null} window */
 async function setWindow(window) {
@@ -539,10 +539,10 @@ async function setWindow(window) {
 }
 const plots = new Plots((from, to) => attempt(() => setWindow(from === null || to === null ? null : [from, to])));
 
-// ---- Jobs and news ----
+// ---- Jobs and events ----
 
 /** @type {Record<string, string>} */
-const KINDS = { sample: "Fitting the model", compare: "Looking where it fails", diagnose: "Asking what is missing", learn: "Learning from the data", extend: "Adding to the model", adopt: "Adding the learned formula", groups: "Comparing groups" };
+const KINDS = { sample: "Fitting the model", compare: "Testing the residuals", diagnose: "Finding missing effects", learn: "Learning from the data", extend: "Extending the model", adopt: "Adding the learnt formula", groups: "Comparing groups" };
 
 /** @param {Job|null} job */
 function showJob(job) {
@@ -579,7 +579,7 @@ function listen() {
   };
 }
 
-// ---- Begin ----
+// ---- Start ----
 
 at("items").addEventListener("change", (event) => attempt(() => open(/** @type {HTMLSelectElement} */ (event.target).value || null)));
 at("revision").addEventListener("change", (event) => attempt(() => {

@@ -1,5 +1,5 @@
 // @ts-check
-// Three plots over one time: positions, what is left of them, and the force.
+// Plots with a common time axis: positions, residuals and force.
 
 /** @typedef {{time_s: number[], force_un: number[], position_um: (number|null)[], rows: [number, number],
  *   predicted?: {median_um: number[], q05_um: number[], q95_um: number[], residual_um: (number|null)[]}}} Rows */
@@ -13,7 +13,7 @@ const GROUP = "time";
 const colour = (name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
 
 export class Plots {
-  /** @param {(from: number|null, to: number|null) => void} onWindow called with the stretch of time that a person chooses */
+  /** @param {(from: number|null, to: number|null) => void} onWindow called with the time range that the user selects */
   constructor(onWindow) {
     this.onWindow = onWindow;
     /** @type {Rows|null} */ this.rows = null;
@@ -28,7 +28,7 @@ export class Plots {
     matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => this.rebuild());
   }
 
-  /** @param {{from: number, to: number}[]} heldOut stretches of time that no fit has seen */
+  /** @param {{from: number, to: number}[]} heldOut time ranges of held-out cycles */
   setHeldOut(heldOut) {
     this.heldOut = heldOut;
   }
@@ -38,7 +38,7 @@ export class Plots {
     this.rows = rows;
     this.window = window;
     const kind = rows.predicted ? "predicted" : "record";
-    // Without a model nothing is left of it.
+    // Without a model there are no residuals.
     /** @type {HTMLElement} */ (document.getElementById("plot-residual")).hidden = !rows.predicted;
     if (kind !== this.kind || this.plots.length === 0) {
       this.kind = kind;
@@ -48,7 +48,7 @@ export class Plots {
     }
   }
 
-  /** What an effect would explain, over what the model leaves. @param {{time_s: number[], left_um: (number|null)[], change_um: (number|null)[]}} own */
+  /** Draws the residuals, and the part that an effect would explain. @param {{time_s: number[], left_um: (number|null)[], change_um: (number|null)[]}} own */
   showFingerprint(own) {
     this.fingerprint = own;
     const plot = this.plots[3];
@@ -61,7 +61,7 @@ export class Plots {
     if (this.plots.length > 0) this.plots[0].setData(this.positions(), false), this.rescale(this.plots[0]);
   }
 
-  /** @param {{from: number, to: number}[]} marks stretches of time that are shaded */
+  /** @param {{from: number, to: number}[]} marks time ranges to shade */
   mark(marks) {
     this.marks = marks;
     this.plots.forEach((plot) => plot.redraw(false));
@@ -71,7 +71,7 @@ export class Plots {
     const rows = /** @type {Rows} */ (this.rows);
     const own = rows.predicted;
     const none = rows.time_s.map(() => null);
-    // A trial may have been asked for another stretch of time.
+    // The trial may belong to another time range.
     const fits = this.tried && this.tried.time_s.length === rows.time_s.length && this.tried.time_s[0] === rows.time_s[0];
     const tried = fits ? /** @type {Tried} */ (this.tried).tried_um : none;
     return own
@@ -148,12 +148,12 @@ export class Plots {
       { label: "5 %", show: shown, stroke: blue, width: 0.5 },
       { label: "model", show: shown, stroke: blue, width: 2 },
       { label: "measured", stroke: ink, width: 0, points, paths: () => null },
-      { label: "by hand", stroke: orange, width: 2, dash: [6, 4] },
+      { label: "trial", stroke: orange, width: 2, dash: [6, 4] },
     ], [{ series: [1, 2], fill: blue + "33" }], false), "Measured position in micrometres against time, over the model's median and its band from 5 to 95 per cent");
-    put("plot-residual", options(160, "left (µm)", [{ label: "measured less model", stroke: orange, width: 0, points: { show: true, size: 3, fill: orange }, paths: () => null }], [], false),
-      "What the model leaves of the position, in micrometres against time");
+    put("plot-residual", options(160, "residual (µm)", [{ label: "residual", stroke: orange, width: 0, points: { show: true, size: 3, fill: orange }, paths: () => null }], [], false),
+      "Residuals in micrometres against time");
     put("plot-force", options(150, "force (µN)", [{ label: "force", stroke: green, width: 1.5, paths: uPlot.paths.stepped({ align: 1 }) }], [], true), "Commanded force in micronewtons against time");
-    put("plot-fingerprint", options(170, "left (µm)", [{ label: "left", stroke: ink, width: 0, points, paths: () => null }, { label: "with the effect", stroke: orange, width: 2.5 }], [], true), "What the model leaves, and what the suspect that is pointed at would explain of it, in micrometres against time");
+    put("plot-fingerprint", options(170, "residual (µm)", [{ label: "residual", stroke: ink, width: 0, points, paths: () => null }, { label: "explained by the effect", stroke: orange, width: 2.5 }], [], true), "Residuals, and the part that the selected candidate effect would explain, in micrometres against time");
     if (this.fingerprint) this.showFingerprint(this.fingerprint);
     this.refill();
   }

@@ -1,4 +1,4 @@
-//! R, the state and the position at the nodes of a step, which depend on each other: Newton's method.
+//! Newton's method for R, the state and the position at the nodes of a step, which depend on each other.
 
 use super::super::collocation::{END, N_NODES};
 use super::super::numbers::Real;
@@ -8,39 +8,40 @@ use base::number::{Dual, Scalar};
 use laws::rheology::Element;
 use laws::stages::{Leaf, Operation, Quantity, State, StateLaw};
 
-/// Most steps of Newton's method at one step in time.
+/// Largest number of Newton steps in one time step.
 const MOST_NEWTON_STEPS: usize = 40;
-/// A step of Newton's method that changes no node by more than this share of the largest force leaves its square, which is below rounding. Where numbers carry a derivative, one more step brings that.
+/// Size of the last Newton step, as a share of the largest force. The error after it is its square, which is below rounding. Numbers with a derivative
+/// take one more step.
 const LAST_STEP: f64 = 1e-8;
-/// Least share of a step of Newton's method that is tried.
+/// Smallest share of a Newton step that is tried.
 const LEAST_SHARE: f64 = 1e-3;
 
-/// How R follows from force, strain and the function.
+/// Relation of R to force, strain and the function.
 #[derive(Clone, Copy)]
 pub enum Source<T> {
-    /// F (φ − 1), or the function itself.
+    /// R = F (φ − 1), or the function itself.
     Force,
-    /// −E (φ − 1) ε.
+    /// R = −E (φ − 1) ε.
     Spring(T),
-    /// (1/φ − 1)(s − E ε), E of the springs beside it.
+    /// R = (1/φ − 1)(s − E ε), E of the parallel springs.
     Other(T),
-    /// None: the position is multiplied.
+    /// No R: the position is multiplied.
     Position,
 }
 
-/// Force, strain and state at so many places at once.
+/// Force, strain and state at `N` places at once.
 pub struct Nodes<T, const N: usize> {
     pub force_n: [T; N],
     pub growth: [T; N],
     pub time_s: [T; N],
     /// Position and the body's share without R.
     pub known: [[T; N]; 2],
-    /// Both by R at the nodes.
+    /// Derivatives of both by R at the nodes.
     pub by_feedback: [[T; N]; N],
 }
 
 impl<T: Real, const N: usize> Nodes<T, N> {
-    /// The position, or the body's share of it, at the nodes under R.
+    /// Position (`which` 0), or the body's share of it (`which` 1), at the nodes under R.
     fn answers(&self, which: usize, feedback: &[T; N]) -> [T; N] {
         std::array::from_fn(|i| {
             let answered = (0..N).fold(self.known[which][i], |sum, j| sum + self.by_feedback[i][j] * feedback[j]);
@@ -49,13 +50,13 @@ impl<T: Real, const N: usize> Nodes<T, N> {
     }
 }
 
-/// The residual of R at the nodes, with its derivatives.
+/// Residual of R at the nodes, with its derivatives.
 pub struct Imbalance<T, const N: usize> {
     pub left: [T; N],
-    /// Derivatives of R less that of what it is to be, by R.
+    /// Derivatives of the residual by R.
     pub matrix: [[f64; N]; N],
     pub states: [f64; N],
-    /// Of the states by the positions at the nodes.
+    /// Derivatives of the states by the positions at the nodes.
     pub by_position: [[f64; N]; N],
     /// Derivatives of the function by the state, and of the target of R by the function and by the strain.
     pub by_state: [f64; N],
@@ -63,7 +64,7 @@ pub struct Imbalance<T, const N: usize> {
     pub by_strain: [f64; N],
 }
 
-/// How R follows, and the quantity where the function is added to it.
+/// Relation of R, and the quantity if the function is added to it.
 pub fn source<T: Real>(law: &StateLaw, elements: &[Element], compliance_per_m: T) -> Result<(Source<T>, Option<T>)> {
     let Quantity::Element(Leaf { body, part }) = law.quantity else {
         return Ok((if law.quantity == Quantity::Force { Source::Force } else { Source::Position }, None));
@@ -92,8 +93,8 @@ pub fn source<T: Real>(law: &StateLaw, elements: &[Element], compliance_per_m: T
             Element::Spring { modulus_pa } => springs += T::of(*modulus_pa),
             _ => {
                 return Err(Error::numerical(
-                    "an element beside others that are no springs cannot depend on a state",
-                    "let the spring of that body depend, or write the law with bodies in series",
+                    "an element in parallel with dashpots or springpots cannot depend on a state",
+                    "make the spring of that body depend on it, or write the law with bodies in series",
                 ));
             }
         }
@@ -102,11 +103,11 @@ pub fn source<T: Real>(law: &StateLaw, elements: &[Element], compliance_per_m: T
 }
 
 pub fn no_element() -> Error {
-    Error::numerical("the law has no such element where this effect would find it", "name another element")
+    Error::numerical("the law has no element for this effect's quantity", "name another element")
 }
 
 impl<T: Real> Run<'_, T> {
-    /// R and the positions at the nodes, and the velocity at the last, by Newton's method from a guess, with the derivatives of values.
+    /// Returns R and the positions at the nodes, and the velocity at the last, by Newton's method from a guess, with derivatives.
     pub fn balance<const N: usize>(
         &self,
         nodes: &Nodes<T, N>,
@@ -122,7 +123,7 @@ impl<T: Real> Run<'_, T> {
         if matches!(self.source, Source::Position) {
             return ended([T::constant(0.0); N]);
         }
-        // Where the state is known beforehand the equations are linear: the first step is the last.
+        // If the state is known in advance, the equations are linear and the first step is the last.
         let is_linear = !self.law.state.is_of_motion() && !T::CARRIES;
         let mut feedback = guess;
         let mut before = f64::INFINITY;
@@ -131,7 +132,7 @@ impl<T: Real> Run<'_, T> {
         for _ in 0..MOST_NEWTON_STEPS {
             let Imbalance { left, matrix, .. } = self.imbalance(nodes, now, &feedback, length_s);
             let size = left.iter().fold(0.0_f64, |most, left| most.max(left.value().abs()));
-            // A step that leads away was too long. What is not a number leads away.
+            // A step that increases the residual, or makes it NaN, is too long.
             if let Some((step, share)) =
                 last_step.filter(|(_, share)| (size.is_nan() || size > before) && *share > LEAST_SHARE && !is_last)
             {
@@ -154,7 +155,7 @@ impl<T: Real> Run<'_, T> {
         Err(no_balance(now.now_s.value()))
     }
 
-    /// The residual at the nodes, with its derivatives.
+    /// Returns the residual at the nodes, with its derivatives.
     pub fn imbalance<const N: usize>(
         &self,
         nodes: &Nodes<T, N>,
@@ -180,7 +181,7 @@ impl<T: Real> Run<'_, T> {
             let (target, by_value, by_strain) = self.feedback(value, nodes.force_n[i], strain);
             at.left[i] = target - feedback[i];
             (at.by_state[i], at.by_value[i], at.by_strain[i]) = (slope.derivative, by_value, by_strain);
-            // The state by R at the nodes.
+            // Derivatives of the state by R at the nodes.
             let mut state = [0.0; N];
             for k in (0..N).filter(|k| by_position[i][*k] != 0.0) {
                 let by_answer = by_position[i][k] * nodes.growth[k].value();
@@ -194,7 +195,7 @@ impl<T: Real> Run<'_, T> {
         at
     }
 
-    /// R, and its derivatives by the function's value and by the strain.
+    /// Returns R, and its derivatives by the function's value and by the strain.
     fn feedback(&self, value: T, force_n: T, strain: T) -> (T, f64, f64) {
         let one = T::constant(1.0);
         let (factor, by_value) = match (self.law.operation, self.quantity) {
@@ -228,13 +229,13 @@ impl<T: Real> Run<'_, T> {
         self.slope_at(node, now.position_m, position_m, length_s)
     }
 
-    /// Derivative at a node of what has these values at a step's begin and nodes.
+    /// Derivative at a node of a function with these values at a step's start and nodes.
     pub fn slope_at(&self, node: usize, begin: T, at_nodes: &[T], length_s: T) -> T {
         let slopes = &self.slopes[node];
         at_nodes.iter().zip(&slopes[1..]).fold(begin * slopes[0], |sum, (x, slope)| sum + *x * *slope) / length_s
     }
 
-    /// States at the nodes, and their derivatives by the positions there.
+    /// Returns the states at the nodes, and their derivatives by the positions there.
     fn states<const N: usize>(
         &self,
         nodes: &Nodes<T, N>,
@@ -249,7 +250,7 @@ impl<T: Real> Run<'_, T> {
         match self.law.state {
             State::Position => by_position = std::array::from_fn(|i| std::array::from_fn(|j| identity(i, j))),
             State::Strain => {
-                // R moves the body and the robot by the same.
+                // R moves the body and the robot equally.
                 states = *share_m;
                 by_position = std::array::from_fn(|i| std::array::from_fn(|j| identity(i, j)));
             }
@@ -297,7 +298,7 @@ impl<T: Real> Run<'_, T> {
     }
 }
 
-/// The solution of a system of values for numbers that may carry a derivative, by elimination with pivots; none where there is none.
+/// Solves a linear system by elimination with pivots. The right side may carry a derivative. `None` if the matrix is singular.
 pub fn solved<T: Scalar, const N: usize>(mut matrix: [[f64; N]; N], mut right: [T; N]) -> Option<[T; N]> {
     for k in 0..N {
         let pivot = (k..N).max_by(|&a, &b| matrix[a][k].abs().total_cmp(&matrix[b][k].abs()))?;
@@ -326,7 +327,7 @@ pub fn solved<T: Scalar, const N: usize>(mut matrix: [[f64; N]; N], mut right: [
 pub fn no_balance(time_s: f64) -> Error {
     Error::numerical(
         format!(
-            "no force and position that agree are found {time_s} s after the record's start: the quantity changes too fast with its state"
+            "no consistent force and position exist {time_s} s after the record's start: the quantity changes too fast with its state"
         ),
         "take parameters nearer to their nulls",
     )

@@ -1,9 +1,9 @@
-//! The robot's position where a quantity depends on a state (physics §5.3): what it adds to the linear law's answer.
+//! Excess of the robot's position over the linear law's if a quantity depends on a state (physics §5.3).
 //!
-//! A body whose element depends on a state answers as if it did not, to another stress: s + R. Where the element is a spring of modulus E beside others, R = −E (φ − 1) ε with
-//! ε the body's strain; where it is the body, or the only one of its parts that is no spring, R = (1/φ − 1)(s − E ε), E the modulus of the springs beside it; a force that
-//! depends is R = F (φ − 1) on all bodies. R is smooth between switches: a quartic through the nodes of [`super::collocation`], integrated exactly against every mode, and found with the
-//! state by Newton's method.
+//! A body with a state-dependent element responds like the unchanged body under another stress, s + R. For a spring of modulus E in parallel with others,
+//! R = −E (φ − 1) ε with ε the body's strain. For an element that is the whole body, or its only part besides springs, R = (1/φ − 1)(s − E ε), E the modulus
+//! of the parallel springs. For a state-dependent force, R = F (φ − 1) on all bodies. R is smooth between switches. It is a quartic through the nodes of
+//! [`super::collocation`], integrated exactly against every mode, and Newton's method finds it together with the state.
 
 mod balance;
 mod modes;
@@ -22,18 +22,18 @@ use base::number::{Complex, Dual};
 use laws::rheology::{Accuracy, Element, RetardationSpectrum, TimeWindow};
 use laws::stages::{Operation, Quantity, Stages, State, StateLaw};
 
-/// Shortest time after a switch that matters to R where switches fall on rows, as a part of the shortest step.
+/// Shortest relevant time after a switch for R, as a share of the shortest step, if switches coincide with rows.
 const WITHIN_ROWS: f64 = 0.04;
-/// By how much a quantity is taken to change over the range of what moves it, for the lengths of steps.
+/// Assumed relative change of a quantity over the range of its state, for the choice of step lengths.
 const STRENGTH: f64 = 0.1;
-/// Longest step over the one before into which that one's polynomial is drawn on.
+/// Largest ratio of a step to the one before for which that one's polynomial is extrapolated.
 const MOST_AHEAD: f64 = 2.5;
-/// Times nearer than this share of themselves are the same.
+/// Times that differ by less than this share are equal.
 const CLOCK_ROUNDING: f64 = 1e-12;
 
-/// What is carried from step to step.
+/// State carried from step to step.
 struct Carried<T> {
-    /// Under the force, all modes; under R, the body's.
+    /// Modes under the force, all of them, and under R, the body's.
     by_force: (Vec<T>, Vec<Complex<T>>),
     by_feedback: (Vec<T>, Vec<Complex<T>>),
     now_s: T,
@@ -42,7 +42,7 @@ struct Carried<T> {
     deficit_n: T,
     growth: T,
     feedback_n: T,
-    /// R at the last step's begin and nodes, and the step's length: where the next step's R is looked for. `None` after a jump.
+    /// R at the last step's start and nodes, and the step's length, from which the next R is guessed. `None` after a jump.
     before: Option<([T; N_NODES + 1], f64)>,
     position_m: T,
     path_m: T,
@@ -50,26 +50,26 @@ struct Carried<T> {
     velocity: T,
 }
 
-/// One run.
+/// One run through the record.
 struct Run<'a, T> {
     law: &'a StateLaw,
-    /// The function's parameters without what they carry.
+    /// Parameters of the function without derivatives.
     constants: Vec<Dual>,
     source: Source<T>,
-    /// The quantity itself, where the function is added to it.
+    /// Quantity itself, if the function is added to it.
     quantity: Option<T>,
     modes: Modes<T>,
     rises: bool,
     /// Times of force steps after the delay, ascending.
     steps_s: Vec<T>,
     largest_n: f64,
-    /// Derivatives at the nodes of the polynomial through the step's begin and the nodes.
+    /// Derivatives at the nodes of the polynomial through the step's start and the nodes.
     slopes: [[f64; N_NODES + 1]; N_NODES],
-    /// What the values there weigh at the nodes of a next step as long as this one.
+    /// Weights of the values there for extrapolation to the nodes of an equally long next step.
     next: [[f64; N_NODES + 1]; N_NODES],
 }
 
-/// What the stages' state law adds to the linear law's position at every row, in m.
+/// Excess of the position with the stages' state law over the linear law's at every row, in m.
 pub(super) fn excess_m<T: Real>(
     response: &Response,
     stages: &Stages,
@@ -79,7 +79,7 @@ pub(super) fn excess_m<T: Real>(
     excess(response, stages, law, compliance_per_m, false).map(|(excess_m, _)| excess_m)
 }
 
-/// The same with its derivatives by the function's parameters, one value a row each.
+/// Excess, and its derivatives by the function's parameters, one value a row each.
 pub(super) fn excess_and_slopes_m(
     response: &Response,
     stages: &Stages,
@@ -149,7 +149,7 @@ fn excess<T: Real>(
 }
 
 impl<T: Real> Run<'_, T> {
-    /// Through all steps of a schedule; what is added at the rows.
+    /// Steps through a whole schedule. Returns the excess at the rows.
     fn through(
         &mut self,
         system: &System<T>,
@@ -212,7 +212,7 @@ impl<T: Real> Run<'_, T> {
         Ok(excess_m)
     }
 
-    /// What is added now.
+    /// Returns the present excess.
     fn excess(&self, now: &Carried<T>) -> T {
         let (one, force_n) = (T::constant(1.0), now.level_n + now.deficit_n);
         match self.source {
@@ -238,7 +238,7 @@ impl<T: Real> Run<'_, T> {
         }
     }
 
-    /// Time since the last step came to act: the limit from the right, or from the left.
+    /// Time since the last force step began to act, as the limit from the right or from the left.
     fn since_step(&self, now_s: T, is_after: bool) -> T {
         let rounding_s = CLOCK_ROUNDING * now_s.value().abs();
         let limit_s = now_s.value() + if is_after { rounding_s } else { -rounding_s };
@@ -246,7 +246,7 @@ impl<T: Real> Run<'_, T> {
         acting.checked_sub(1).map_or(now_s, |last| now_s - self.steps_s[last])
     }
 
-    /// The force has jumped: the position and R do, where something answers at once.
+    /// Updates position and R after a jump of the force, if part of the law responds instantaneously.
     fn jump(&self, now: &mut Carried<T>, slopes: Option<&mut Slopes>) -> Result<()> {
         let force_n = now.level_n + now.deficit_n;
         let [whole, own] = self.modes.instantaneous;
@@ -270,7 +270,7 @@ impl<T: Real> Run<'_, T> {
         Ok(())
     }
 
-    /// Σ Y of all modes and of the body's, both with what R has left.
+    /// Σ Y of all modes and of the body's, both including the contribution of earlier R.
     fn known(&self, now: &Carried<T>) -> [T; 2] {
         let of_feedback = sum(&now.by_feedback);
         let (real, oscillating) = &now.by_force;
@@ -289,7 +289,8 @@ impl<T: Real> Run<'_, T> {
         }
     }
 
-    /// R at the nodes of a step if it goes on as in the step before: by the polynomial through that, or by its tangent where they part, as after a kink.
+    /// Guess of R at the nodes of a step, from the step before. It extrapolates that step's polynomial,
+    /// or its tangent where the two diverge, as after a kink.
     fn ahead(&self, now: &Carried<T>, length_s: f64) -> [T; N_NODES] {
         let Some((at, before_s)) = &now.before else { return [now.feedback_n; N_NODES] };
         let (ratio, zero) = (length_s / before_s, T::constant(0.0));

@@ -1,4 +1,4 @@
-//! The modes that answer a force, those of the body that depends first, and steps through them.
+//! Modes of the response to a force, with those of the state-dependent body first, and steps through them.
 
 use super::super::collocation::{ModeStep, N_NODES, NODES, lagrange, of_mode};
 use super::super::linear::{oscillating_row, row};
@@ -8,24 +8,24 @@ use super::super::system::{Mode, System, modes_of};
 use base::number::Complex;
 use laws::rheology::RetardationSpectrum;
 
-/// Modes that answer the force, those of the body that depends first, each with what they are to R.
+/// Modes of the response to the force, with those of the state-dependent body first, and their response to R.
 pub struct Modes<T> {
     pub real: Vec<Mode<T>>,
     pub oscillating: Vec<Mode<Complex<T>>>,
-    /// How many of each are the body's.
+    /// Number of the body's modes, of each kind.
     pub n_real: usize,
     pub n_oscillating: usize,
-    /// C J₀ of the whole and of the body.
+    /// C J₀ of the whole law and of the body.
     pub instantaneous: [T; 2],
 }
 
-/// A step of one length.
+/// Step of one length.
 pub struct Step<T> {
     pub real: Vec<ModeStep<T>>,
     pub oscillating: Vec<ModeStep<Complex<T>>>,
     /// Σ Y at the nodes of all modes, and of the body's, by level, slope and deficit.
     pub by_force: [[[T; N_NODES]; 3]; 2],
-    /// Σ Y of the body's by R at the nodes.
+    /// Σ Y of the body's modes by R at the nodes.
     pub by_feedback: [[T; N_NODES]; N_NODES],
     pub length_s: T,
     pub lag_decay: [T; N_NODES],
@@ -33,7 +33,7 @@ pub struct Step<T> {
 }
 
 impl<T: Real> Modes<T> {
-    /// Of the body's spectrum and the others'.
+    /// Modes for the spectra of the body and of the others.
     pub fn new([own, others]: [&RetardationSpectrum<T>; 2], compliance_per_m: T, softening: T) -> Self {
         let (real, oscillating) = modes_of(own, compliance_per_m, softening);
         let (mut real, mut oscillating): (Vec<_>, Vec<_>) = (real.collect(), oscillating.collect());
@@ -48,7 +48,7 @@ impl<T: Real> Modes<T> {
 }
 
 impl<T: Real> Step<T> {
-    /// Of a length, under forces in straight lines or not.
+    /// Step of a length, under forces in straight lines (`rises`) or constant ones.
     pub fn new(modes: &Modes<T>, system: &System<T>, length_s: T, rises: bool) -> Self {
         let zero = T::constant(0.0);
         let polynomials = std::array::from_fn(lagrange);
@@ -97,7 +97,8 @@ impl<T: Real> Step<T> {
     }
 }
 
-/// What the values at a step's begin and nodes weigh in the polynomial through them, drawn on to the nodes of the next step, which is so many times as long.
+/// Weights of the values at a step's start and nodes that extrapolate their polynomial to the nodes of the next step.
+/// The next step is `ratio` times as long.
 pub fn next(ratio: f64) -> [[f64; N_NODES + 1]; N_NODES] {
     let places = places();
     let weight = |x: f64, j: usize| -> f64 {
@@ -106,14 +107,14 @@ pub fn next(ratio: f64) -> [[f64; N_NODES + 1]; N_NODES] {
     NODES.map(|part| std::array::from_fn(|j| weight(1.0 + ratio * part, j)))
 }
 
-/// The begin of a step of length 1 and its nodes.
+/// Start of a step of length 1 and its nodes.
 fn places() -> [f64; N_NODES + 1] {
     let mut places = [0.0; N_NODES + 1];
     places[1..].copy_from_slice(&NODES);
     places
 }
 
-/// Derivatives at the nodes of the polynomial through the begin of a step of length 1 and its nodes, by the values there.
+/// Derivatives at the nodes of the polynomial through the start of a step of length 1 and its nodes, by the values there.
 pub fn slopes() -> [[f64; N_NODES + 1]; N_NODES] {
     let places = places();
     // ℓⱼ'(x) = Σ_k 1/(xⱼ − x_k) Π_{m≠j,k} (x − x_m)/(xⱼ − x_m).

@@ -1,4 +1,4 @@
-//! Derivatives by the function's parameters, computed beside a run. Each step solves its Newton equations once more for every parameter.
+//! Derivatives by the function's parameters, computed during a run. Each step solves its Newton equations once more for every parameter.
 
 use super::super::collocation::{END, N_NODES};
 use super::super::numbers::{Lanes, N_LANES, Real};
@@ -9,15 +9,15 @@ use base::error::Result;
 use base::number::Complex;
 use laws::stages::{Operation, State};
 
-/// Derivatives by all parameters, eight by eight.
+/// Derivatives by all parameters, in blocks of eight.
 pub struct Slopes {
     n_parameters: usize,
     blocks: Vec<Block>,
-    /// Of the function by the parameters, node by node.
+    /// Derivatives of the function by the parameters, node by node.
     by_parameters: Vec<f64>,
 }
 
-/// Derivatives of what is carried from step to step, and of what is added at the rows.
+/// Derivatives of the state carried from step to step, and of the excess at the rows.
 struct Block {
     by_feedback: (Vec<Lanes>, Vec<Complex<Lanes>>),
     feedback_n: Lanes,
@@ -45,13 +45,13 @@ impl Slopes {
         Self { n_parameters, blocks, by_parameters: Vec::new() }
     }
 
-    /// Of what is added at the rows, by each parameter.
+    /// Derivatives of the excess at the rows, by each parameter.
     pub fn excess_m(&self) -> Vec<Vec<f64>> {
         let of = |k: usize| self.blocks[k / N_LANES].excess_m.iter().map(|row| row.0[k % N_LANES]).collect();
         (0..self.n_parameters).map(of).collect()
     }
 
-    /// The function's at some states.
+    /// Sets the derivatives of the function at some states.
     fn set_by_parameters<T: Real>(&mut self, run: &Run<'_, T>, states: &[f64]) {
         self.by_parameters.resize(states.len() * self.n_parameters, 0.0);
         if self.n_parameters > 0 {
@@ -62,14 +62,14 @@ impl Slopes {
     }
 }
 
-/// Of a block's parameters the function's derivatives at a node.
+/// Derivatives of the function at a node by the parameters of a block.
 fn of_node(by_parameters: &[f64], n_parameters: usize, block: usize, node: usize) -> Lanes {
     let of_block = by_parameters[node * n_parameters..][..n_parameters].chunks(N_LANES).nth(block).unwrap_or(&[]);
     Lanes(std::array::from_fn(|lane| of_block.get(lane).copied().unwrap_or(0.0)))
 }
 
 impl<T: Real> Run<'_, T> {
-    /// At a row.
+    /// Records the derivatives at a row.
     pub fn note_slopes(&self, slopes: &mut Slopes, now: &Carried<T>, row: usize) {
         let is_of_position = matches!(self.source, Source::Position);
         if is_of_position {
@@ -88,7 +88,7 @@ impl<T: Real> Run<'_, T> {
         }
     }
 
-    /// Through a step whose R and positions are found, or a jump; `now` is still its begin.
+    /// Advances the derivatives through a step whose R and positions are known, or through a jump. `now` is still the step's start.
     pub fn follow<const N: usize>(
         &self,
         slopes: &mut Slopes,
@@ -155,7 +155,7 @@ impl Block {
         sum
     }
 
-    /// Of the states at the nodes where the positions there stay.
+    /// Derivatives of the states at the nodes at constant positions there.
     fn carried<T: Real, const N: usize>(
         &self,
         run: &Run<'_, T>,
@@ -173,7 +173,7 @@ impl Block {
         })
     }
 
-    /// Modes and R at a step's end.
+    /// Advances modes and R to a step's end.
     fn advance<T: Real, const N: usize>(&mut self, step: Option<&Step<T>>, feedback: &[Lanes; N]) {
         self.feedback_n = feedback[N - 1];
         let Some(step) = step else { return };
