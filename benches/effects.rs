@@ -7,7 +7,7 @@ use std::hint::black_box;
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use vitreo_uq::models::effects::Library;
-use vitreo_uq::posterior::monitor::Silent;
+use vitreo_uq::posterior::monitor::SilentMonitor;
 use vitreo_uq::posterior::prepared::PreparedModel;
 use vitreo_uq::posterior::problem::Problem;
 use vitreo_uq::posterior::replica::{TABLE_I, embedded};
@@ -40,7 +40,7 @@ fn batch(problem: &Problem) -> Vec<f64> {
 }
 
 fn measure(criterion: &mut Criterion, group: &str, name: &str, problem: &Problem) {
-    let prepared = PreparedModel::unverified(problem, None, &Silent).expect("training succeeds");
+    let prepared = PreparedModel::unverified(problem, None, &SilentMonitor).expect("training succeeds");
     let posterior = prepared.posterior();
     let (points, mut values) = (batch(problem), vec![0.0; N_POINTS]);
     posterior.log_density(&points, &mut values);
@@ -55,7 +55,7 @@ fn measure(criterion: &mut Criterion, group: &str, name: &str, problem: &Problem
 
 fn all(criterion: &mut Criterion) {
     let library = Library::default();
-    let base = Problem::new(experiment(), ModelSpecification::default(), None, &Silent).expect("sound");
+    let base = Problem::new(experiment(), ModelSpecification::default(), None, &SilentMonitor).expect("sound");
     measure(criterion, "effect", "none", &base);
     for effect in library.effects() {
         let effects = vec![effect.slug().to_string()];

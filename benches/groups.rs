@@ -1,9 +1,11 @@
 //! Sweeps of the population's sampler: 200 specimens in four groups, three parameters, draws and likelihoods.
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
-use vitreo_uq::cohorts::hierarchy::{ExperimentDensity, HierarchyOptions, InterimDraws, Member, sample_population};
+use vitreo_uq::cohorts::hierarchy::{
+    ExperimentDensity, ExperimentMember, HierarchyOptions, InterimDraws, sample_population,
+};
 use vitreo_uq::cohorts::{Design, Labels};
-use vitreo_uq::posterior::monitor::Silent;
+use vitreo_uq::posterior::monitor::SilentMonitor;
 
 const N_SPECIMENS: usize = 200;
 const N_DRAWS: usize = 1_000;
@@ -57,13 +59,13 @@ fn sweeps(criterion: &mut Criterion) {
     };
     let mut group = criterion.benchmark_group("population, 200 specimens");
     group.throughput(Throughput::Elements(N_SWEEPS as u64));
-    let mut run = |name: &str, members: Vec<Member>| {
+    let mut run = |name: &str, members: Vec<ExperimentMember>| {
         group.bench_function(name, |bencher| {
-            bencher.iter(|| sample_population(&design, &members, &options, &Silent).expect("sound"));
+            bencher.iter(|| sample_population(&design, &members, &options, &SilentMonitor).expect("sound"));
         });
     };
-    run("sweeps over draws", draws.iter().map(Member::Draws).collect());
-    run("sweeps over likelihoods", densities.iter().map(|own| Member::Exact(own)).collect());
+    run("sweeps over draws", draws.iter().map(ExperimentMember::Draws).collect());
+    run("sweeps over likelihoods", densities.iter().map(|density| ExperimentMember::Exact(density)).collect());
     group.finish();
 }
 

@@ -4,7 +4,7 @@
 
 use criterion::Criterion;
 use vitreo_uq::jobs::artefacts;
-use vitreo_uq::posterior::monitor::Silent;
+use vitreo_uq::posterior::monitor::SilentMonitor;
 use vitreo_uq::posterior::problem::Problem;
 use vitreo_uq::posterior::replica;
 use vitreo_uq::posterior::sample::{SampleRequest, run};
@@ -13,10 +13,11 @@ use vitreo_uq::sampling::SamplerOptions;
 
 fn main_job() {
     let (experiment, _) = replica::embedded().expect("the replica is sound");
-    let problem = Problem::new(experiment, ModelSpecification::default(), None, &Silent).expect("a sound problem");
+    let problem =
+        Problem::new(experiment, ModelSpecification::default(), None, &SilentMonitor).expect("a sound problem");
     let request =
         SampleRequest { options: SamplerOptions::default(), kept_surrogate: None, checkpoint: None, resume: false };
-    let result = run(&problem, &request, &Silent).expect("the job runs");
+    let result = run(&problem, &request, &SilentMonitor).expect("the job runs");
     let dir = tempfile::tempdir().expect("a temporary directory");
     let header = |kind: &str| Provenance::new(kind, 1, 1, Default::default());
     artefacts::write(dir.path(), &result, &header).expect("results are written");

@@ -5,7 +5,7 @@
 use std::hint::black_box;
 
 use criterion::{Criterion, Throughput};
-use vitreo_uq::base::error::Place;
+use vitreo_uq::base::error::InputPlace;
 use vitreo_uq::posterior::noise::{LANES, NoiseLikelihood, NoiseModel};
 
 const N_ROWS: usize = 800;
@@ -13,7 +13,7 @@ const N_ROWS: usize = 800;
 fn models() -> [(&'static str, NoiseModel, Vec<f64>); 4] {
     let model = |names: &[&str], parameters: &[f64]| {
         let names: Vec<String> = names.iter().map(|name| name.to_string()).collect();
-        let model = NoiseModel::named(&names, &Place::default()).expect("names of terms");
+        let model = NoiseModel::named(&names, &InputPlace::default()).expect("names of terms");
         (model, parameters.to_vec())
     };
     [

@@ -17,7 +17,7 @@ const APART: u64 = 1_000_000;
 
 fn called(wrong: Option<&str>, seed: u64) -> Vec<String> {
     let (experiment, files) = record(wrong, seed);
-    let kinds = contradictions(&experiment, &files.understood).into_iter().map(|contradiction| contradiction.kind);
+    let kinds = contradictions(&experiment, &files.interpretation).into_iter().map(|contradiction| contradiction.kind);
     // Correct sines are sampled as curves but described as lines, so this finding is correct.
     kinds.filter(|kind| kind != "curve_between_rows").collect()
 }
@@ -33,7 +33,7 @@ fn main() {
         .enumerate()
         .map(|(place, kind)| {
             let seeds = (0..count).into_par_iter().map(|k| first(place + 1) + k);
-            (*kind, seeds.filter(|seed| called(Some(kind), *seed).iter().any(|own| own == kind)).count())
+            (*kind, seeds.filter(|seed| called(Some(kind), *seed).iter().any(|name| name == kind)).count())
         })
         .collect();
     let of_sound: Vec<Vec<String>> = (0..sound).into_par_iter().map(|k| called(None, first(0) + k)).collect();

@@ -3,9 +3,9 @@
 use std::path::PathBuf;
 
 use vitreo_uq::figures::corner::{CornerOptions, ParameterColumn, Posterior, corner};
-use vitreo_uq::figures::density::{guessed_support, sorted};
+use vitreo_uq::figures::density::{estimate_support, sorted};
 use vitreo_uq::figures::draws::{DrawTable, read_draws_csv};
-use vitreo_uq::figures::labels::{ParameterLabel, of_parameter};
+use vitreo_uq::figures::labels::{ParameterLabel, parameter_label};
 use vitreo_uq::figures::palette::series;
 use vitreo_uq::figures::svg::write_figure;
 
@@ -18,7 +18,7 @@ struct Loaded {
 fn load(path: PathBuf) -> vitreo_uq::Result<Loaded> {
     let table = read_draws_csv(&path)?;
     let columns =
-        table.parameter_names.iter().enumerate().map(|(i, name)| (of_parameter(name), table.column(i))).collect();
+        table.parameter_names.iter().enumerate().map(|(i, name)| (parameter_label(name), table.column(i))).collect();
     let label = path.file_stem().map_or_else(String::new, |stem| stem.to_string_lossy().into_owned());
     Ok(Loaded { label, table, columns })
 }
@@ -51,7 +51,7 @@ fn parameters(posterior: &Loaded) -> Vec<ParameterColumn<'_>> {
             symbol: &label.symbol,
             unit: &label.unit,
             draws,
-            support: guessed_support(&sorted(draws)),
+            support: estimate_support(&sorted(draws)),
             prior: None,
             reference: None,
         })

@@ -8,12 +8,12 @@ use vitreo_uq::base::number::Dual;
 use vitreo_uq::base::parameter::{ParameterSpec, Support};
 use vitreo_uq::figures::labels;
 use vitreo_uq::jobs::extend::{self, ExtensionRequest};
-use vitreo_uq::models::effects::{Approach, Effect, EffectParameter, Library, Stage, Stages};
-use vitreo_uq::posterior::monitor::Silent;
+use vitreo_uq::models::effects::{DriftApproach, Effect, EffectParameter, Library, Stage, Stages};
+use vitreo_uq::posterior::monitor::SilentMonitor;
 use vitreo_uq::posterior::problem::Problem;
 use vitreo_uq::posterior::replica;
 use vitreo_uq::posterior::study::ModelSpecification;
-use vitreo_uq::record::Scales;
+use vitreo_uq::record::CharacteristicSizes;
 
 struct ThermalDrift;
 
@@ -50,9 +50,9 @@ impl Effect for ThermalDrift {
     fn parameters(&self) -> &'static [EffectParameter] {
         PARAMETERS
     }
-    fn apply(&self, parameters: &[Dual], _scales: &Scales, stages: &mut Stages) -> Result<()> {
+    fn apply(&self, parameters: &[Dual], _scales: &CharacteristicSizes, stages: &mut Stages) -> Result<()> {
         if !parameters[0].is_constant(0.0) {
-            stages.observation.approaches.push(Approach { amplitude_m: parameters[0], time_s: parameters[1] });
+            stages.observation.approaches.push(DriftApproach { amplitude_m: parameters[0], time_s: parameters[1] });
         }
         Ok(())
     }
@@ -65,13 +65,13 @@ fn main() -> Result<()> {
     let record = &mut experiment.record;
     let drift_m = |t: &f64| 30e-6 * (1.0 - (-t / 8.0).exp());
     record.position_m.iter_mut().zip(&record.time_s).for_each(|(x, t)| *x = x.map(|x| x + drift_m(t)));
-    let base = Problem::with_library(experiment, ModelSpecification::default(), &library, None, &Silent)?;
+    let base = Problem::with_library(experiment, ModelSpecification::default(), &library, None, &SilentMonitor)?;
     let effects = [ThermalDrift.slug().to_string()];
     let request = ExtensionRequest { effects: &effects, ..ExtensionRequest::default() };
-    let pair = extend::compared(&base, &request, &library)?;
-    let summary = extend::refit(pair, &request, &Silent)?.summary;
+    let pair = extend::prepare_comparison(&base, &request, &library)?;
+    let summary = extend::refit(pair, &request, &SilentMonitor)?.summary;
     println!("{}", summary.sentence);
     summary.parameters.iter().for_each(|p| println!("{} = {:.3e} ± {:.1e}", p.name, p.mean, p.sd));
-    println!("On figures the first is {}.", labels::of_parameter(PARAMETERS[0].spec.name).axis());
+    println!("On figures the first is {}.", labels::parameter_label(PARAMETERS[0].spec.name).axis());
     Ok(())
 }

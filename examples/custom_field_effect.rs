@@ -8,18 +8,20 @@ use vitreo_uq::Result;
 use vitreo_uq::base::distribution::Distribution;
 use vitreo_uq::base::number::Dual;
 use vitreo_uq::base::parameter::{ParameterSpec, Support};
-use vitreo_uq::elements::fe::spatial::{Freedoms, Sizes, SpatialSystem, Splitting, Surroundings, decades, stiffness};
-use vitreo_uq::laws::rheology::{Beside, Element};
+use vitreo_uq::elements::fe::spatial::{
+    DegreesOfFreedom, GelAndRobot, MatrixSplitting, PhysicalProperties, SpatialSystem, log_spaced, stiffness,
+};
+use vitreo_uq::laws::rheology::{AdditionalTerm, Element};
 use vitreo_uq::models::effects::{
-    Effect, EffectParameter, Field, FieldSystem, Library, LinearField, MatrixPair, Spatial, Stage, Stages,
+    Effect, EffectParameter, FieldEffect, FieldSystem, Library, LinearField, MatrixPair, Spatial, Stage, Stages,
 };
 use vitreo_uq::models::model::Forward;
-use vitreo_uq::posterior::monitor::Silent;
+use vitreo_uq::posterior::monitor::SilentMonitor;
 use vitreo_uq::posterior::prepared::PreparedModel;
 use vitreo_uq::posterior::problem::Problem;
 use vitreo_uq::posterior::replica;
 use vitreo_uq::posterior::study::ModelSpecification;
-use vitreo_uq::record::Scales;
+use vitreo_uq::record::CharacteristicSizes;
 
 struct StiffRim;
 
@@ -56,14 +58,14 @@ impl Effect for StiffRim {
     fn parameters(&self) -> &'static [EffectParameter] {
         PARAMETERS
     }
-    fn field(&self) -> Option<Field> {
-        Some(Field::Pair(&StiffRim))
+    fn field(&self) -> Option<FieldEffect> {
+        Some(FieldEffect::Pair(&StiffRim))
     }
-    fn apply(&self, parameters: &[Dual], _scales: &Scales, stages: &mut Stages) -> Result<()> {
+    fn apply(&self, parameters: &[Dual], _scales: &CharacteristicSizes, stages: &mut Stages) -> Result<()> {
         if !parameters[0].is_constant(0.0) {
             let factor = Dual::ONE + parameters[0];
             let rim = stages.law.iter().map(|element| stiffened(element, factor)).collect();
-            let (effect, beside) = (self.slug(), Beside::Law(rim));
+            let (effect, beside) = (self.slug(), AdditionalTerm::Law(rim));
             stages.spatial = Some(Spatial::Linear(LinearField { effect, shape: None, beside }));
         }
         Ok(())
@@ -75,13 +77,13 @@ impl MatrixPair for StiffRim {
         "a stiff rim"
     }
     /// The rim is stiffer by a factor 1 + x.
-    fn splitting(&self, _sizes: &Sizes) -> Splitting {
-        let snapshots = decades(1.0, 1e3, 2.0).iter().map(|factor| factor - 1.0).collect();
-        Splitting { reference: 1.0, snapshots, is_rigid_at_null: false }
+    fn splitting(&self, _sizes: &PhysicalProperties) -> MatrixSplitting {
+        let snapshots = log_spaced(1.0, 1e3, 2.0).iter().map(|factor| factor - 1.0).collect();
+        MatrixSplitting { reference: 1.0, snapshots, is_rigid_at_null: false }
     }
-    fn system(&self, surroundings: &Surroundings<'_>, _shape: Option<f64>) -> Result<FieldSystem> {
+    fn system(&self, surroundings: &GelAndRobot<'_>, _shape: Option<f64>) -> Result<FieldSystem> {
         let (mesh, inner_radius_m) = (surroundings.mesh, surroundings.sizes.outer_radius_m * 2.0 / 3.0);
-        let freedoms = Freedoms::tied(mesh)?;
+        let freedoms = DegreesOfFreedom::tied(mesh)?;
         let is_rim = |nodes: &[u32]| {
             let sum: Vector3<f64> = nodes.iter().map(|&n| Vector3::from(mesh.node_coordinates_m[n as usize])).sum();
             sum.norm() > inner_radius_m * nodes.len() as f64
@@ -96,8 +98,8 @@ fn main() -> Result<()> {
     let library = Library::default().with(&StiffRim);
     let (experiment, _) = replica::embedded()?;
     let specification = ModelSpecification { effects: vec!["stiff-rim".into()], ..ModelSpecification::default() };
-    let problem = Problem::with_library(experiment, specification, &library, None, &Silent)?;
-    let prepared = PreparedModel::unverified(&problem, None, &Silent)?;
+    let problem = Problem::with_library(experiment, specification, &library, None, &SilentMonitor)?;
+    let prepared = PreparedModel::unverified(&problem, None, &SilentMonitor)?;
     let full = problem.full_forward()?.expect("the replica has finite elements");
     let largest = |from: &[f64], to: &[f64]| from.iter().zip(to).fold(0.0_f64, |most, (a, b)| most.max((a - b).abs()));
     let trajectory = |excess: f64| prepared.forward().trajectory_m(&[3.527, 1.402, 47.370, excess]);

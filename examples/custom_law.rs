@@ -4,10 +4,10 @@
 //! `model.toml` contains the same text under `[base.network]`.
 
 use vitreo_uq::Result;
-use vitreo_uq::base::error::{Place, Setting};
+use vitreo_uq::base::error::{InputPlace, Setting};
 use vitreo_uq::laws::rheology::{BaseLaw, Network};
-use vitreo_uq::models::model::{Compliance, Forward, Model, ReducedForward, Response};
-use vitreo_uq::record::Scales;
+use vitreo_uq::models::model::{Compliance, Forward, Model, Response, SurrogateForward};
+use vitreo_uq::record::CharacteristicSizes;
 
 const NETWORK: &str = r#"series = [{ spring = "gel" }, { parallel = [{ spring = "mesh" }, { dashpot = "water" }] }]"#;
 
@@ -15,13 +15,13 @@ fn main() -> Result<()> {
     let law = BaseLaw::Network(Network::from_text("network.toml".as_ref(), NETWORK)?);
     let names: Vec<&str> = law.parameters().iter().map(|parameter| parameter.name).collect();
     println!("parameters: {}", names.join(", "));
-    let model = Model::new(law, Vec::new(), Scales::default(), &Place::setting(Setting::Base))?;
+    let model = Model::new(law, Vec::new(), CharacteristicSizes::default(), &InputPlace::setting(Setting::Base))?;
     // A force of 1 µN for 5 s, then 5 s of rest.
     let time_s: Vec<f64> = (0..=100).map(|row| 0.1 * f64::from(row)).collect();
     let force_n: Vec<f64> = time_s.iter().map(|time| if *time < 5.0 { 1e-6 } else { 0.0 }).collect();
-    let forward = ReducedForward {
+    let forward = SurrogateForward {
         model: &model,
-        compliance: Compliance::given(500.0),
+        compliance: Compliance::fixed(500.0),
         response: Response::new(&time_s, &force_n, time_s.len()),
         trained: &[],
     };

@@ -3,13 +3,13 @@
 //! `cargo run --example diagnose_draws -- draws.csv`
 
 use std::collections::BTreeMap;
-use vitreo_uq::base::error::Place;
+use vitreo_uq::base::error::InputPlace;
 use vitreo_uq::sampling::diagnostics::{Chains, convergence, ess_bulk, ess_mean, ess_tail, mcse_mean, rhat};
 use vitreo_uq::{Error, Result};
 
 fn read(path: &str) -> Result<Chains> {
     let fail = |error: &dyn std::fmt::Display| {
-        Error::input(Place::file(path), error.to_string(), "give a CSV with the columns chain,draw,value")
+        Error::input(InputPlace::file(path), error.to_string(), "give a CSV with the columns chain,draw,value")
     };
     let mut reader = csv::Reader::from_path(path).map_err(|error| fail(&error))?;
     let mut chains: BTreeMap<u64, BTreeMap<u64, f64>> = BTreeMap::new();

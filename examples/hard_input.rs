@@ -129,7 +129,8 @@ fn play_variants(count: u64, seed: u64) -> ExitCode {
     let played: BTreeMap<&str, serde_json::Value> =
         readers.par_iter().map(|reader| (reader.name, of_reader(reader))).collect();
     let most_mib = largest_memory_mib();
-    let is_sound = played.values().all(|own| own["is_sound"] == true) && most_mib.is_none_or(|most| most < MOST_MIB);
+    let is_sound =
+        played.values().all(|value| value["is_sound"] == true) && most_mib.is_none_or(|most| most < MOST_MIB);
     let document = serde_json::json!({ "schema": "vitreo-uq/valid-variants/1", "count": count, "seed": seed, "readers": played,
         "largest_memory_mib": most_mib, "is_sound": is_sound, "seconds": began.elapsed().as_secs_f64() });
     println!("{document:#}");

@@ -128,15 +128,15 @@ fn run(
             "largest_excursion" => largest,
             _ => c * if quantity == "viscosity_2_pa_s" { y[1] } else { y[0] },
         };
-        let factor = |s: f64| hidden.map_or(1.0, |own| (own.strength * (own.shape)(s / own.size)).exp());
+        let factor = |s: f64| hidden.map_or(1.0, |hidden| (hidden.strength * (hidden.shape)(s / hidden.size)).exp());
         // Rates at a time just after `t`. If the state is the velocity, it is found by iteration.
         let rates = |y: &[f64; 2], path: f64, largest: f64, t: f64, since: f64| -> [f64; 2] {
             let f = force_n(drive, largest_n, t);
             let mut v = 0.0;
             let mut out = [0.0; 2];
             for _ in 0..if state == "velocity" { 60 } else { 1 } {
-                let own = factor(value(y, path, largest, t, f, v, since));
-                let times = |name: &str| if quantity == name { own } else { 1.0 };
+                let x_value = factor(value(y, path, largest, t, f, v, since));
+                let times = |name: &str| if quantity == name { x_value } else { 1.0 };
                 let s = f * times("force");
                 out = [
                     (s - law[0] * times("young_modulus_pa") * y[0]) / (law[1] * times("viscosity_1_pa_s")),

@@ -5,9 +5,9 @@
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
-use vitreo_uq::base::error::{Error, Place, Result};
+use vitreo_uq::base::error::{Error, InputPlace, Result};
 use vitreo_uq::base::files::write_json_atomically;
-use vitreo_uq::posterior::monitor::Silent;
+use vitreo_uq::posterior::monitor::SilentMonitor;
 use vitreo_uq::validation::challenge::Bench;
 use vitreo_uq::validation::challenge::coverage::{CoverageRequest, count};
 
@@ -15,8 +15,9 @@ use vitreo_uq::validation::challenge::coverage::{CoverageRequest, count};
 const EFFECTS: [&str; 4] = ["interface-slip", "poroelasticity", "liquefied-pocket", "second-retardation"];
 
 fn parsed<T: FromStr>(option: &'static str, text: &str) -> Result<T> {
-    text.parse()
-        .map_err(|_| Error::input(Place::default().at_key(option), format!("`{text}` is no number"), "give a number"))
+    text.parse().map_err(|_| {
+        Error::input(InputPlace::default().at_key(option), format!("`{text}` is no number"), "give a number")
+    })
 }
 
 fn main() -> Result<()> {
@@ -36,12 +37,12 @@ fn main() -> Result<()> {
             _ => {
                 let found = format!("`{option}` is no option of this");
                 let remedy = "give --count, --first, --seed, --least-sigma, --effects or --json";
-                return Err(Error::input(Place::default().at_key("interval_coverage"), found, remedy));
+                return Err(Error::input(InputPlace::default().at_key("interval_coverage"), found, remedy));
             }
         }
     }
-    let bench = Bench::new(&Silent)?;
-    let coverage = count(&bench, &request, &Silent)?;
+    let bench = Bench::new(&SilentMonitor)?;
+    let coverage = count(&bench, &request, &SilentMonitor)?;
     for effect in &coverage.effects {
         println!(
             "{:<24}{:>4} of {:>4} covered, {} with several answers, {} failed",

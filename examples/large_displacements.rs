@@ -13,11 +13,11 @@ use vitreo_uq::criticism::Subject;
 use vitreo_uq::criticism::diagnose::{DiagnosisRequest, diagnose};
 use vitreo_uq::documents::posterior::{ParameterSummary, PosteriorSummary};
 use vitreo_uq::elements::fe::exact::SphereInContainer;
-use vitreo_uq::elements::fe::oldroyd::{Fineness, FiniteGel, FiniteLaw, FiniteRun};
+use vitreo_uq::elements::fe::oldroyd::{Discretisation, FiniteGel, FiniteInput, FiniteLaw};
 use vitreo_uq::laws::rheology::BaseLaw;
 use vitreo_uq::models::effects::{Library, Stages};
 use vitreo_uq::models::model::Response;
-use vitreo_uq::posterior::monitor::Silent;
+use vitreo_uq::posterior::monitor::SilentMonitor;
 use vitreo_uq::posterior::problem::Problem;
 use vitreo_uq::posterior::replica::{TABLE_I, embedded};
 use vitreo_uq::posterior::sample::{SampleRequest, run};
@@ -37,7 +37,7 @@ const POISSON_RATIO: f64 = 0.48;
 /// Largest factor between the law's times and those of Table I.
 const FACTOR: f64 = 2.0;
 /// Finer resolution than in the training.
-const FINENESS: Fineness = Fineness { order: 6, n_angles: 6, layer_ratio: 2.0, steps_per_doubling: 6 };
+const FINENESS: Discretisation = Discretisation { order: 6, n_angles: 6, layer_ratio: 2.0, steps_per_doubling: 6 };
 
 struct Hidden {
     protocol: Protocol,
@@ -65,7 +65,7 @@ impl Hidden {
         let law = FiniteLaw::new(&elements, 0.0).expect("no springpot");
         let gel = FiniteGel::around_sphere(RADIUS_M, OUTER_RADIUS_M, FINENESS)?;
         let load = Stages::of_law(Vec::new()).load;
-        let what = FiniteRun { law: &law, load: &load, time_s: &record.time_s, force: record.force() };
+        let what = FiniteInput { law: &law, load: &load, time_s: &record.time_s, force: record.force() };
         let deviation_m = gel.run(&what)?.deviation_m;
         Ok(linear_m(self.law, self.protocol)?.iter().zip(deviation_m).map(|(x, more)| x + more).collect())
     }
@@ -80,7 +80,12 @@ fn linear_m(law: [f64; 3], protocol: Protocol) -> Result<Vec<f64>> {
 
 fn problem(experiment: &Experiment, effects: &[&str]) -> Result<Problem> {
     let effects = effects.iter().map(|slug| slug.to_string()).collect();
-    Problem::new(experiment.clone(), ModelSpecification { effects, ..ModelSpecification::default() }, None, &Silent)
+    Problem::new(
+        experiment.clone(),
+        ModelSpecification { effects, ..ModelSpecification::default() },
+        None,
+        &SilentMonitor,
+    )
 }
 
 fn counted(number: usize, seed: u64, apparatus: &Apparatus) -> Result<Value> {
@@ -89,14 +94,14 @@ fn counted(number: usize, seed: u64, apparatus: &Apparatus) -> Result<Value> {
     let measured: Vec<Option<f64>> =
         hidden.position_m()?.iter().map(|x| Some(x + hidden.noise_m * stream.normal())).collect();
     let experiment = hidden.protocol.experiment("large", apparatus.clone(), &measured, Some(hidden.noise_m));
-    let subject = Subject::new(&problem(&experiment, &[])?, &Library::default(), None, &Silent)?;
-    let diagnosis = diagnose(&subject, &DiagnosisRequest::default(), &Silent)?.diagnosis;
+    let subject = Subject::new(&problem(&experiment, &[])?, &Library::default(), None, &SilentMonitor)?;
+    let diagnosis = diagnose(&subject, &DiagnosisRequest::default(), &SilentMonitor)?.diagnosis;
     let entry = diagnosis.candidates.iter().find(|candidate| candidate.effect == "large-displacement");
     let refit = entry.and_then(|entry| entry.refit.as_ref());
     let posterior = |effects: &[&str]| {
         let options = SamplerOptions::default();
         let request = SampleRequest { options, kept_surrogate: None, checkpoint: None, resume: false };
-        run(&problem(&experiment, effects)?, &request, &Silent).map(|outcome| outcome.summary)
+        run(&problem(&experiment, effects)?, &request, &SilentMonitor).map(|outcome| outcome.summary)
     };
     let parameters = |posterior: &PosteriorSummary| -> Vec<Value> {
         let truth = hidden.law.into_iter().chain([1.0]);

@@ -8,8 +8,8 @@ fn main() -> vitreo_uq::Result<()> {
     let default = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("docs/schemas");
     let dir = std::env::args_os().nth(1).map_or(default, PathBuf::from);
     let schemas = vitreo_uq::jobs::schemas::all();
-    for own in &schemas {
-        write_atomically(&dir.join(own.file_name()), own.text().as_bytes())?;
+    for document_schema in &schemas {
+        write_atomically(&dir.join(document_schema.file_name()), document_schema.text().as_bytes())?;
     }
     println!("{} schemas in {}", schemas.len(), dir.display());
     Ok(())

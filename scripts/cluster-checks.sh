@@ -101,7 +101,7 @@ code=0
 "$program" gather local --quiet --json missing.json >/dev/null || code=$?
 ((code == 1)) || fail "gather ended with $code where results are damaged"
 grep -q '"fault": "truncated"' missing.json && grep -q '"fault": "other-task"' missing.json || fail 'damage was not named'
-"$program" tasks run local --quiet | grep -q '^2 tasks run' || fail 'damaged results were not run again'
+"$program" tasks run local --quiet | grep -q '^2 tasks finished' || fail 'damaged results were not run again'
 gathered local 'damaged results'
 pass 'damaged results'
 

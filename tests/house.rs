@@ -31,7 +31,8 @@ fn root() -> &'static Path {
 /// Text files under a path, sorted by name.
 fn files(place: &Path) -> Vec<PathBuf> {
     if place.is_file() {
-        let is_text = place.extension().is_some_and(|ending| ["rs", "md", "py", "sh"].iter().any(|own| ending == *own));
+        let is_text =
+            place.extension().is_some_and(|ending| ["rs", "md", "py", "sh"].iter().any(|name| ending == *name));
         return if is_text { vec![place.to_path_buf()] } else { Vec::new() };
     }
     let entries = fs::read_dir(place).expect("a directory of the project");
@@ -325,10 +326,10 @@ fn named_paths(text: &str) -> Vec<Named<'_>> {
 
 /// Path from its crate on, as seen from a module; `None` if it leads out of the workspace.
 fn absolute(path: &[&str], module: &str, sources: &BTreeMap<String, String>) -> Option<String> {
-    let own = module.split("::").next().unwrap_or(module);
+    let name = module.split("::").next().unwrap_or(module);
     let first = path[0];
     let (base, rest) = match first {
-        "crate" => (own.to_string(), &path[1..]),
+        "crate" => (name.to_string(), &path[1..]),
         "self" => (module.to_string(), &path[1..]),
         "super" => {
             let n_up = path.iter().take_while(|part| **part == "super").count();

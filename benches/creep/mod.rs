@@ -47,7 +47,7 @@ impl Creep {
         let parts = PosteriorParts {
             model: &self.model,
             noise: NoiseModel::default(),
-            compliance: Compliance::given(COMPLIANCE_PER_M),
+            compliance: Compliance::fixed(COMPLIANCE_PER_M),
             trained: &self.trained,
             priors: &self.priors,
             fixed: &self.fixed,

@@ -142,7 +142,7 @@ pub fn experiments() -> Vec<Experiment> {
                 random.set_stream(16 * (1000 * code + number) + place);
                 random
             };
-            let own = deviation(BETWEEN_LOG_SD, &mut stream(0));
+            let values = deviation(BETWEEN_LOG_SD, &mut stream(0));
             let outlier = if specimen == OUTLIER.0 { OUTLIER.1 } else { 1.0 };
             for (place, region) in (1..).zip(species.regions) {
                 let n_runs = 1 + u64::from(region.name == "central" && species.repeated.contains(&number));
@@ -153,7 +153,7 @@ pub fn experiments() -> Vec<Experiment> {
                     let here = deviation(WITHIN_LOG_SD, &mut random);
                     let parameters = std::array::from_fn(|i| {
                         let median = TABLE_I[i] * species.ratio_to_porcine[i] * region.factor * outlier;
-                        median * (own[i] + here[i]).exp()
+                        median * (values[i] + here[i]).exp()
                     });
                     let noise_um = NOISE_UM[random.random_range(0..NOISE_UM.len())];
                     let missing = MISSING.iter().find(|(of, _)| *of == name).map(|(_, missing)| *missing);

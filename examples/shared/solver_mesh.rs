@@ -1,6 +1,6 @@
 //! Meshes for measuring solvers, and the memory of a process.
 
-use vitreo_uq::base::error::{Error, Place, Result};
+use vitreo_uq::base::error::{Error, InputPlace, Result};
 use vitreo_uq::elements::mesh::QuarterBall;
 
 /// Poisson ratio of the gel.
@@ -9,8 +9,8 @@ pub const POISSON_RATIO: f64 = 0.48;
 /// Level named by the program's argument, and its mesh around a sphere.
 pub fn asked_for() -> Result<(usize, QuarterBall)> {
     let level = std::env::args().nth(1).and_then(|text| text.parse().ok()).filter(|level| (1..=40).contains(level));
-    let level: usize =
-        level.ok_or_else(|| Error::input(Place::default(), "no level", "give a level of the mesh, from 1 to 40"))?;
+    let level: usize = level
+        .ok_or_else(|| Error::input(InputPlace::default(), "no level", "give a level of the mesh, from 1 to 40"))?;
     let ball = QuarterBall { robot_radius_m: 0.275e-3, outer_radius_m: 10e-3, n_per_edge: level, n_layers: 4 * level };
     Ok((level, ball))
 }

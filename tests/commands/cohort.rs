@@ -67,7 +67,7 @@ fn cohort(dir: &Path, n: usize, series_per_pa: f64, seed: u64) {
 
 fn effect<'a>(document: &'a Value, slug: &str) -> &'a Value {
     let effects = document["effects"].as_array().unwrap();
-    effects.iter().find(|own| own["effect"] == slug).unwrap()
+    effects.iter().find(|value| value["effect"] == slug).unwrap()
 }
 
 /// A spring in series in all six records is claimed, or equivalent to the claim. The document has all required keys, every file exists, and one and two threads write the same bytes.
@@ -91,7 +91,7 @@ fn what_records_have_in_common_is_found_and_written_down() {
     let specimens = document["specimens"].as_array().unwrap();
     let gain_of = |specimen: &Value| {
         let gains = specimen["gains"].as_array().unwrap();
-        gains.iter().find(|own| own["effect"] == claimed["effect"]).unwrap()["gain_nats"].as_f64().unwrap()
+        gains.iter().find(|gain| gain["effect"] == claimed["effect"]).unwrap()["gain_nats"].as_f64().unwrap()
     };
     let sum: f64 = specimens.iter().map(gain_of).sum();
     assert_eq!(specimens.len(), 6);
@@ -99,7 +99,7 @@ fn what_records_have_in_common_is_found_and_written_down() {
     // Effects that need finite elements are not tried on an instrument, and the document says so.
     assert!(effect(&document, "interface-slip")["refused"].is_string());
     let names: Vec<&str> =
-        document["groups"].as_array().unwrap().iter().map(|own| own["name"].as_str().unwrap()).collect();
+        document["groups"].as_array().unwrap().iter().map(|value| value["name"].as_str().unwrap()).collect();
     assert_eq!(names, ["bovine", "porcine"]);
     // The effect is equally large in both species.
     assert_eq!(document["contrasts"][0]["is_declared"], false, "{}", document["contrasts"]);
@@ -137,7 +137,7 @@ fn what_is_no_cohort_is_refused() {
     };
     refuses(&["empty"], &["no experiment was found"]);
     refuses(&["eyes", "--leave-out", "bovine-1"], &["1 record is too few for a cohort"]);
-    refuses(&["eyes", "--by", "colour"], &["there is no key `colour`"]);
+    refuses(&["eyes", "--by", "colour"], &["`colour` is not a known key"]);
     refuses(&["eyes", "--by", "region"], &["the experiment has no region"]);
     refuses(&["eyes", "--margin", "-1"], &["--margin"]);
     refuses(&["eyes", "--simulations", "5"], &["5 simulations"]);

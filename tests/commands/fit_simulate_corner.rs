@@ -139,7 +139,7 @@ fn corner_overlays_studies_and_csv_of_any_tool() {
     assert!(svg.contains("c₂") && svg.contains("gain") && svg.contains("other") && svg.contains("reference"));
     // Overlaid posteriors of possibly different data are marked in the output and in the legend.
     assert!(shown.stderr.contains("not of the same data") && shown.stderr.contains("fitted to cycle 1"), "{shown}");
-    assert!(svg.contains("(fitted to cycle 1)") && svg.contains("(data not known)"), "{svg}");
+    assert!(svg.contains("(fitted to cycle 1)") && svg.contains("(unknown data)"), "{svg}");
     let png = std::fs::read(place.path().join("figures/both.png")).unwrap();
     assert_eq!(&png[1..4], b"PNG");
     // A revision and the draws in it are the same posterior.

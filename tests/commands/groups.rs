@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use program::{tree, vitreo};
 use serde_json::Value;
 use vitreo_uq::cohorts::cohort;
-use vitreo_uq::posterior::monitor::{Collected, Silent};
+use vitreo_uq::posterior::monitor::{SilentMonitor, WarningCollector};
 
 const SOME: [&str; 8] = [
     "bovine-01-central",
@@ -148,7 +148,7 @@ fn the_same_note_of_many_experiments_is_said_once() {
         let without = toml.replace("source = \"synthetic: closed form\"\n", "");
         std::fs::write(gel.join("experiment.toml"), without.replace("id = \"gel\"", &format!("id = \"{k}\""))).unwrap();
     }
-    let heard = Collected::new(&Silent);
+    let heard = WarningCollector::new(&SilentMonitor);
     let measurements = cohort::read(&[place.path().join("eyes")], &[], &Ok, &heard).unwrap();
     let notes = heard.take();
     assert_eq!((measurements.len(), notes.len()), (20, 1), "{notes:?}");

@@ -9,7 +9,7 @@ use std::time::{Duration, Instant};
 
 use mutators::{Outcome, Place, input, readers, variant};
 use program::{Run, tree, vitreo, write_instrument_experiment};
-use vitreo_uq::posterior::monitor::{Collected, Silent};
+use vitreo_uq::posterior::monitor::{SilentMonitor, WarningCollector};
 use vitreo_uq::posterior::prepared::KeptSurrogate;
 
 /// Time limit of a refusal. It is much shorter on an idle machine; unguarded input would take minutes or gigabytes.
@@ -93,7 +93,7 @@ fn an_edited_surrogate_is_not_used() {
     let text = String::from_utf8(mutators::surrogate_json()).unwrap();
     let read = |text: &str| {
         std::fs::write(place.path().join("surrogate.json"), text).unwrap();
-        let heard = Collected::new(&Silent);
+        let heard = WarningCollector::new(&SilentMonitor);
         (KeptSurrogate::read(place.path(), &heard).is_some(), heard.take().join("; "))
     };
     assert_eq!(read(&text), (true, String::new()));
@@ -111,7 +111,7 @@ fn an_edited_surrogate_is_not_used() {
     }
     assert!(!read("{}").0);
     std::fs::remove_file(place.path().join("surrogate.json")).unwrap();
-    assert!(KeptSurrogate::read(place.path(), &Silent).is_none());
+    assert!(KeptSurrogate::read(place.path(), &SilentMonitor).is_none());
 }
 
 #[test]

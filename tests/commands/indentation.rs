@@ -41,7 +41,7 @@ fn write_indentation(dir: &Path) {
 const PRIOR: [&str; 2] = ["--prior", "generic"];
 
 fn names(parameters: &Value) -> Vec<&str> {
-    parameters.as_array().unwrap().iter().map(|own| own["name"].as_str().unwrap()).collect()
+    parameters.as_array().unwrap().iter().map(|value| value["name"].as_str().unwrap()).collect()
 }
 
 const OFFSET: &str = "position-offset.offset_m";
@@ -77,7 +77,7 @@ fn what_makes_no_sense_is_left_out_with_the_reason() {
     let document = vitreo(dir.path(), &[&["effects", "gel", "--json", "-"][..], &PRIOR].concat()).exits(0).json();
     for entry in document["effects"].as_array().unwrap() {
         let effect = EFFECTS.iter().find(|effect| entry["slug"] == effect.slug()).expect("of the library");
-        let is_refused = effect.needs_finite_elements() || effect.acts_on_position();
+        let is_refused = effect.needs_finite_elements() || effect.depends_on_position();
         assert_eq!(
             (entry["visible_fraction"].is_null(), entry["refused"].is_string()),
             (is_refused, is_refused),

@@ -67,10 +67,10 @@ fn a_law_that_no_list_holds_is_found_and_added() {
     let document = learned(dir.path(), 8e3);
     let verdict = &document["verdict"];
     assert_eq!(verdict["kind"], "learned", "{verdict}");
-    let is_it = |own: &Value| own["quantity"] == "flow_viscosity_pa_s" && own["state"] == "path";
-    let is_force = |own: &Value| own["quantity"] == "force" && own["state"] == "path";
+    let is_it = |value: &Value| value["quantity"] == "flow_viscosity_pa_s" && value["state"] == "path";
+    let is_force = |value: &Value| value["quantity"] == "force" && value["state"] == "path";
     let all: Vec<&Value> = verdict["equivalent"].as_array().unwrap().iter().chain([verdict]).collect();
-    assert!(all.iter().any(|own| is_it(own) || is_force(own)), "{verdict}");
+    assert!(all.iter().any(|value| is_it(value) || is_force(value)), "{verdict}");
     let error = |which: &str| document[which]["rmse_heldout_um"].as_f64().unwrap();
     assert!(error("base") > 5.0, "{}", error("base"));
     // The root mean square of 80 errors of 1 µm is 1 ± 0.08; five standard deviations are exceeded once in 10⁶.
@@ -192,11 +192,11 @@ fn half_of_a_cohort_confirms_what_the_other_half_wrote() {
         assert_eq!(verdict["kind"], "confirmed", "{verdict}");
         assert_eq!(document["state"], "path", "{verdict}");
         let confirmed = document["confirmed_on"].as_array().unwrap();
-        let names: Vec<&str> = confirmed.iter().map(|own| own["experiment"].as_str().unwrap()).collect();
+        let names: Vec<&str> = confirmed.iter().map(|value| value["experiment"].as_str().unwrap()).collect();
         assert_eq!(names, ["eye-1", "eye-3", "eye-5"]);
-        for own in confirmed {
+        for value in confirmed {
             // The bound for 80 errors of 1 µm, as above.
-            assert!(own["rmse_after_um"].as_f64().unwrap() < 1.4, "{own}");
+            assert!(value["rmse_after_um"].as_f64().unwrap() < 1.4, "{value}");
         }
         let extended =
             ["extend", "eyes", "--with", "cohort/learned/learned-effect.toml", "--base", "eyes/dashpot.toml"];

@@ -90,8 +90,8 @@ fn state(dir: &Path) -> BTreeMap<PathBuf, (String, u32, Vec<u8>)> {
     while let Some(folder) = waiting.pop() {
         for entry in std::fs::read_dir(&folder).unwrap() {
             let path = entry.unwrap().path();
-            let own = path.symlink_metadata().unwrap();
-            let (kind, content) = match own.file_type() {
+            let metadata = path.symlink_metadata().unwrap();
+            let (kind, content) = match metadata.file_type() {
                 kind if kind.is_symlink() => {
                     ("link", std::fs::read_link(&path).unwrap().as_os_str().as_encoded_bytes().to_vec())
                 }
@@ -102,7 +102,7 @@ fn state(dir: &Path) -> BTreeMap<PathBuf, (String, u32, Vec<u8>)> {
             if kind == "folder" {
                 waiting.push(path.clone());
             }
-            found.insert(path, (kind.to_string(), own.permissions().mode(), content));
+            found.insert(path, (kind.to_string(), metadata.permissions().mode(), content));
         }
     }
     found
@@ -123,8 +123,8 @@ fn craft(study: &Path, outside: &Path, random: &mut ChaCha8Rng) -> Vec<String> {
     let mut done = Vec::new();
     for _ in 0..random.random_range(1..4) {
         let all: Vec<(PathBuf, String)> = state(study).into_iter().map(|(path, (kind, ..))| (path, kind)).collect();
-        let files: Vec<&PathBuf> = all.iter().filter(|own| own.1 == "file").map(|own| &own.0).collect();
-        let mut folders: Vec<&PathBuf> = all.iter().filter(|own| own.1 == "folder").map(|own| &own.0).collect();
+        let files: Vec<&PathBuf> = all.iter().filter(|pair| pair.1 == "file").map(|pair| &pair.0).collect();
+        let mut folders: Vec<&PathBuf> = all.iter().filter(|pair| pair.1 == "folder").map(|pair| &pair.0).collect();
         let root = study.to_path_buf();
         folders.push(&root);
         let relative = |path: &Path| path.strip_prefix(study).unwrap().to_path_buf();
@@ -136,7 +136,7 @@ fn craft(study: &Path, outside: &Path, random: &mut ChaCha8Rng) -> Vec<String> {
         };
         let inside = relative(&place);
         let twin = if outside.join(&inside).exists() { outside.join(&inside) } else { outside.join("secret") };
-        if place.symlink_metadata().is_ok_and(|own| own.is_dir()) {
+        if place.symlink_metadata().is_ok_and(|metadata| metadata.is_dir()) {
             std::fs::remove_dir_all(&place).unwrap();
         } else if place.symlink_metadata().is_ok() {
             std::fs::remove_file(&place).unwrap();
@@ -172,7 +172,7 @@ fn craft(study: &Path, outside: &Path, random: &mut ChaCha8Rng) -> Vec<String> {
     let secret = outside.join("secret.toml").display().to_string();
     let edit = |name: &str, from: &str, to: &str| {
         let path = study.join(name);
-        if path.symlink_metadata().is_ok_and(|own| own.is_file()) {
+        if path.symlink_metadata().is_ok_and(|metadata| metadata.is_file()) {
             let text = std::fs::read_to_string(&path).unwrap();
             std::fs::write(&path, text.replacen(from, to, 1)).unwrap();
         }
@@ -406,7 +406,7 @@ fn a_crafted_list_of_tasks_writes_nowhere_else() {
         line
     };
     let names = || {
-        let mut names: Vec<_> = std::fs::read_dir(place.path()).unwrap().map(|own| own.unwrap().file_name()).collect();
+        let mut names: Vec<_> = std::fs::read_dir(place.path()).unwrap().map(|dir| dir.unwrap().file_name()).collect();
         names.sort();
         names
     };

@@ -64,7 +64,7 @@ impl Quantities {
     /// Adds all quantities of a document.
     fn read(&mut self, document: &Value, about: &About, place: &str) {
         if let Value::Array(list) = document {
-            list.iter().enumerate().for_each(|(k, own)| self.read(own, about, &format!("{place}[{k}]")));
+            list.iter().enumerate().for_each(|(k, value)| self.read(value, about, &format!("{place}[{k}]")));
         }
         let Value::Object(map) = document else { return };
         let mut about = about.clone();
@@ -84,8 +84,8 @@ impl Quantities {
             match (known, key.as_str()) {
                 (Some((name, _)), _) => self.add(&about, name, value, &at),
                 (None, "parameters") => {
-                    for own in value.as_array().into_iter().flatten().filter(|own| own["median"].is_number()) {
-                        self.add(&about, own["name"].as_str().unwrap_or("?"), &own["median"], &at);
+                    for x_value in value.as_array().into_iter().flatten().filter(|value| value["median"].is_number()) {
+                        self.add(&about, x_value["name"].as_str().unwrap_or("?"), &x_value["median"], &at);
                     }
                 }
                 (None, "before") => self.read(value, &About { revision: about.from.clone(), ..about.clone() }, &at),
@@ -124,7 +124,9 @@ fn numbers_after<'a>(words: &'a str, name: &str) -> Vec<&'a str> {
     let first = |(at, _): (usize, &str)| {
         let rest = words[at + name.len()..].trim_start_matches([' ', ':', '(']).trim_start_matches("is ");
         let text = rest.split(|c: char| !c.is_ascii_digit() && c != '.').next();
-        text.map(|text| text.trim_end_matches('.')).filter(is_number)
+        // A percentage of the noise is another quantity.
+        let is_share = text.is_some_and(|text| rest[text.len()..].starts_with(" %"));
+        text.map(|text| text.trim_end_matches('.')).filter(|text| !is_share && is_number(text))
     };
     // The inferred noise is another quantity.
     let is_own = |(at, _): &(usize, &str)| !words[..*at].ends_with("learnt ");
@@ -215,7 +217,7 @@ fn one_quantity_has_one_value_everywhere() {
     let diagnosis = read("m0/diagnosis.json");
     let expected_um = diagnosis["extended"]["rmse_heldout_um"].as_f64().expect("a claim");
     assert!(last_um[1] < last_um[0] && (expected_um / last_um[1] - 1.0).abs() < 0.05, "{expected_um} {last_um:?}");
-    let is_claimed = |own: &&Value| own["effect"] == "instantaneous-elasticity";
+    let is_claimed = |value: &&Value| value["effect"] == "instantaneous-elasticity";
     let candidate = diagnosis["candidates"].as_array().unwrap().iter().find(is_claimed).unwrap();
     assert_eq!(candidate["refit"]["rmse_heldout_um"], diagnosis["extended"]["rmse_heldout_um"]);
 }

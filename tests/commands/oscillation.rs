@@ -28,8 +28,8 @@ fn write_table(file: &Path, c2_pa_s: f64, spring_pa: f64) {
 
 fn median(document: &Value, name: &str) -> [f64; 3] {
     let all = document["parameters"].as_array().unwrap();
-    let own = all.iter().find(|own| own["name"] == name).unwrap_or_else(|| panic!("{name} in {document}"));
-    ["q05", "median", "q95"].map(|key| own[key].as_f64().unwrap())
+    let value = all.iter().find(|value| value["name"] == name).unwrap_or_else(|| panic!("{name} in {document}"));
+    ["q05", "median", "q95"].map(|key| value[key].as_f64().unwrap())
 }
 
 /// 90 % intervals widened by half on both sides: one of three misses in 1 of 100 seeds.

@@ -219,8 +219,8 @@ fn prior_toml(name: &str, median: f64, log_sd: f64, unit: &str) -> String {
 /// Mean and standard deviation of a parameter.
 fn moments(document: &Value, name: &str) -> (f64, f64) {
     let parameters = document["parameters"].as_array().unwrap_or_else(|| panic!("{document}"));
-    let own = parameters.iter().find(|p| p["name"] == name).unwrap_or_else(|| panic!("no {name} in {document}"));
-    (own["mean"].as_f64().unwrap(), own["sd"].as_f64().unwrap())
+    let value = parameters.iter().find(|p| p["name"] == name).unwrap_or_else(|| panic!("no {name} in {document}"));
+    (value["mean"].as_f64().unwrap(), value["sd"].as_f64().unwrap())
 }
 
 /// An external model with the built-in law's equations has the built-in law's posterior, checked by its own answers. A second run repeats no request, and the number of threads does not matter.
@@ -241,9 +241,9 @@ fn an_outside_model_is_sampled_as_our_own() {
         // A fraction of the noise of half a micrometre.
         let distance_um = heldout["surrogate_vs_fe_max_um"].as_f64().unwrap();
         assert!(distance_um > 0.0 && distance_um < 0.05 * NOISE_UM, "{distance_um}");
-        let own = sample("own", &[]);
+        let value = sample("own", &[]);
         for name in ["young_modulus_pa", "viscosity_1_pa_s", "viscosity_2_pa_s", "noise_sd_um"] {
-            let ((mean, sd), (own_mean, own_sd)) = (moments(&outside, name), moments(&own, name));
+            let ((mean, sd), (own_mean, own_sd)) = (moments(&outside, name), moments(&value, name));
             assert!((mean - own_mean).abs() < 0.15 * own_sd, "{name}: {mean} {own_mean} ± {own_sd}");
             assert!((sd / own_sd - 1.0).abs() < 0.15, "{name}: {sd} {own_sd}");
         }
@@ -271,14 +271,14 @@ fn a_hidden_lag_is_diagnosed_with_an_outside_model() {
     };
     let refusal = |document: &Value, slug: &str| {
         let candidates = document["candidates"].as_array().unwrap().iter();
-        let own =
-            candidates.clone().find(|own| own["effect"] == slug).unwrap_or_else(|| panic!("{slug} in {document}"));
-        own["refused"].as_str().map(String::from)
+        let value =
+            candidates.clone().find(|value| value["effect"] == slug).unwrap_or_else(|| panic!("{slug} in {document}"));
+        value["refused"].as_str().map(String::from)
     };
     let document = diagnosed(&Server::start(Kind::Sound), "study");
     let verdict = &document["verdict"];
     assert_eq!((&verdict["kind"], &verdict["effects"]), (&json!("missing"), &json!(["actuator-lag"])), "{verdict}");
-    let parameters = document["candidates"].as_array().unwrap().iter().find(|own| own["effect"] == "actuator-lag");
+    let parameters = document["candidates"].as_array().unwrap().iter().find(|value| value["effect"] == "actuator-lag");
     let lag_s = parameters.unwrap()["refit"]["parameters"]
         .as_array()
         .unwrap()

@@ -11,7 +11,7 @@ use std::time::Duration;
 use serde_json::{Value, json};
 use vitreo_uq::models::model::{Compliance, Forward};
 use vitreo_uq::posterior::advice::check_warning;
-use vitreo_uq::posterior::monitor::Silent;
+use vitreo_uq::posterior::monitor::SilentMonitor;
 use vitreo_uq::posterior::prepared::PreparedModel;
 use vitreo_uq::posterior::prior::PriorSet;
 use vitreo_uq::posterior::problem::Problem;
@@ -130,10 +130,10 @@ fn closed_form_um([young_pa, viscosity_1_pa_s, viscosity_2_pa_s]: [f64; 3]) -> V
 const POINT: [f64; 4] = [3.3, 1.5, 44.0, 0.7];
 
 /// Asserts that numbers differ by at most this fraction of the largest one.
-fn close(own: &[f64], expected: &[f64], part: f64) {
-    assert_eq!(own.len(), expected.len());
+fn close(values: &[f64], expected: &[f64], part: f64) {
+    assert_eq!(values.len(), expected.len());
     let largest = expected.iter().fold(0.0_f64, |largest, x| largest.max(x.abs()));
-    for (index, (a, b)) in own.iter().zip(expected).enumerate() {
+    for (index, (a, b)) in values.iter().zip(expected).enumerate() {
         assert!((a - b).abs() <= part * largest, "{index}: {a} {b} of {largest}");
     }
 }
@@ -146,11 +146,11 @@ fn the_trajectory_is_the_closed_form_and_its_derivatives_are_differences() {
         json!({ "protocolVersion": 1.0, "models": ["trajectory", "posterior"] })
     );
     for (name, sizes) in [("trajectory", [3, 200]), ("posterior", [4, 1])] {
-        let own = json!({ "name": name });
-        assert_eq!(server.answers("InputSizes", own.clone()), json!({ "inputSizes": [sizes[0]] }));
-        assert_eq!(server.answers("OutputSizes", own.clone()), json!({ "outputSizes": [sizes[1]] }));
+        let value = json!({ "name": name });
+        assert_eq!(server.answers("InputSizes", value.clone()), json!({ "inputSizes": [sizes[0]] }));
+        assert_eq!(server.answers("OutputSizes", value.clone()), json!({ "outputSizes": [sizes[1]] }));
         let support = json!({ "Evaluate": true, "Gradient": true, "ApplyJacobian": true, "ApplyHessian": false });
-        assert_eq!(server.answers("ModelInfo", own), json!({ "support": support }));
+        assert_eq!(server.answers("ModelInfo", value), json!({ "support": support }));
     }
     let law = [POINT[0], POINT[1], POINT[2]];
     let position_um = server.evaluate("trajectory", &law, Value::Null);
@@ -190,8 +190,8 @@ fn the_posterior_is_the_formula_and_its_gradient_a_difference() {
         let prior: f64 = priors.priors().iter().zip(point).map(|(prior, x)| prior.distribution.ln_pdf(x)).sum();
         likelihood + prior
     };
-    let own = server.evaluate("posterior", &POINT, Value::Null)[0];
-    assert!((own / expected(POINT) - 1.0).abs() < 1e-9, "{own} {}", expected(POINT));
+    let x_value = server.evaluate("posterior", &POINT, Value::Null)[0];
+    assert!((x_value / expected(POINT) - 1.0).abs() < 1e-9, "{x_value} {}", expected(POINT));
     let slope = |d: usize| {
         let at = |step: f64| {
             let mut moved = POINT;
@@ -201,13 +201,13 @@ fn the_posterior_is_the_formula_and_its_gradient_a_difference() {
         (at(1e-5) - at(-1e-5)) / (2e-5 * POINT[d])
     };
     let gradient = server.gradient("posterior", &POINT, &[2.0]);
-    for (d, own) in gradient.iter().enumerate() {
-        assert!((own - 2.0 * slope(d)).abs() < 1e-5 * (1.0 + own.abs()), "{d}: {own} {}", 2.0 * slope(d));
+    for (d, value) in gradient.iter().enumerate() {
+        assert!((value - 2.0 * slope(d)).abs() < 1e-5 * (1.0 + value.abs()), "{d}: {value} {}", 2.0 * slope(d));
     }
     let direction = [0.1, 0.2, -3.0, 0.05];
-    let along: f64 = gradient.iter().zip(direction).map(|(own, v)| 0.5 * own * v).sum();
-    let own = server.apply_jacobian("posterior", &POINT, &direction)[0];
-    assert!((own / along - 1.0).abs() < 1e-12, "{own} {along}");
+    let along: f64 = gradient.iter().zip(direction).map(|(value, v)| 0.5 * value * v).sum();
+    let number = server.apply_jacobian("posterior", &POINT, &direction)[0];
+    assert!((number / along - 1.0).abs() < 1e-12, "{number} {along}");
     // Several points in one request, one of them outside the support: each has the value that it has alone.
     let points = [[3.3, 1.5, 44.0, 0.7], [3.3, 1.5, -44.0, 0.7], [2.0, 1.0, 70.0, 5.0]];
     let config = json!({ "points": 3 });
@@ -224,20 +224,20 @@ fn the_posterior_is_the_formula_and_its_gradient_a_difference() {
 #[test]
 fn fixed_parameters_are_no_inputs_and_other_noise_has_its_own() {
     let server = Server::of_instrument(&["--quiet", "--set", "viscosity_1_pa_s=1.5", "--noise", "white,ou"]);
-    let own = json!({ "name": "trajectory" });
-    assert_eq!(server.answers("InputSizes", own), json!({ "inputSizes": [2] }));
+    let value = json!({ "name": "trajectory" });
+    assert_eq!(server.answers("InputSizes", value), json!({ "inputSizes": [2] }));
     let position_um = server.evaluate("trajectory", &[3.3, 44.0], Value::Null);
     close(&position_um, &closed_form_um([3.3, 1.5, 44.0]), 1e-11);
     let point = [3.3, 44.0, 0.7, 0.4, 0.5];
     let gradient = server.gradient("posterior", &point, &[1.0]);
-    for (d, own) in gradient.iter().enumerate() {
+    for (d, value) in gradient.iter().enumerate() {
         let at = |step: f64| {
             let mut moved = point;
             moved[d] *= 1.0 + step;
             server.evaluate("posterior", &moved, Value::Null)[0]
         };
         let difference = (at(1e-5) - at(-1e-5)) / (2e-5 * point[d]);
-        assert!((own - difference).abs() < 1e-4 * (1.0 + own.abs()), "{d}: {own} {difference}");
+        assert!((value - difference).abs() < 1e-4 * (1.0 + value.abs()), "{d}: {value} {difference}");
     }
 }
 
@@ -280,19 +280,19 @@ fn answers_do_not_depend_on_their_order() {
     let server = &server;
     let at_once: Vec<Vec<f64>> = std::thread::scope(|scope| {
         let client = |first: usize| {
-            let own = move |k: usize| (k * 5 + first) % 24;
+            let function = move |k: usize| (k * 5 + first) % 24;
             scope.spawn(move || {
                 let mut answers = vec![0.0; 24];
-                for k in (0..24).map(own) {
+                for k in (0..24).map(function) {
                     answers[k] = server.evaluate("posterior", &point(k), Value::Null)[0];
                 }
                 answers
             })
         };
         let clients: Vec<_> = (0..6).map(client).collect();
-        clients.into_iter().map(|own| own.join().unwrap()).collect()
+        clients.into_iter().map(|client| client.join().unwrap()).collect()
     });
-    assert!(at_once.iter().all(|own| *own == one_by_one));
+    assert!(at_once.iter().all(|values| *values == one_by_one));
 }
 
 /// The replica by full finite elements and the reduced model, over HTTP. The reduced positions equal the library's bit by bit, and differ from the full ones by at most the
@@ -314,17 +314,17 @@ fn full_and_reduced_agree_within_what_the_reduced_model_states() {
     let replica = Path::new(env!("CARGO_MANIFEST_DIR")).join("data/porcine-replica");
     let (experiment, _) = Experiment::read(&replica).unwrap();
     let observed_um: Vec<f64> = experiment.record.position_m.iter().map(|y| 1e6 * y.unwrap()).collect();
-    let problem = Problem::new(experiment, ModelSpecification::default(), None, &Silent).unwrap();
-    let prepared = PreparedModel::new(&problem, None, &Silent).unwrap();
+    let problem = Problem::new(experiment, ModelSpecification::default(), None, &SilentMonitor).unwrap();
+    let prepared = PreparedModel::new(&problem, None, &SilentMonitor).unwrap();
     let own_m = prepared.forward().trajectory_m(&point).unwrap();
     assert_eq!(reduced_um, own_m.iter().map(|x| 1e6 * x).collect::<Vec<f64>>());
     let amplitude = full_um.iter().fold(0.0_f64, |a, x| a.max(x.abs()));
     let stated = prepared.max_relative_error.unwrap().max(1e-12);
     // The stated error is measured at the start, so a wrong reduced model is detected in spite of its own statement.
-    let check = prepared.check_now(&Silent).unwrap().unwrap();
+    let check = prepared.verify_now(&SilentMonitor).unwrap().unwrap();
     assert!(check.n_runs == 2 && check.relative_error <= stated && check_warning(&check).is_none(), "{check:?}");
-    let compliance = Compliance::given(0.5 * prepared.compliance.given_per_m());
-    let wrong = PreparedModel { compliance, ..prepared.clone() }.check_now(&Silent).unwrap().unwrap();
+    let compliance = Compliance::fixed(0.5 * prepared.compliance.experiment_per_m());
+    let wrong = PreparedModel { compliance, ..prepared.clone() }.verify_now(&SilentMonitor).unwrap().unwrap();
     assert!((wrong.relative_error - 0.5).abs() < 1e-6, "{wrong:?}");
     let warning = check_warning(&wrong).unwrap();
     assert!(
@@ -357,7 +357,7 @@ fn a_port_that_is_taken_and_a_study_without_free_parameters_are_refused() {
     let set = |name: &str| format!("{name}=1");
     let names = ["young_modulus_pa", "viscosity_1_pa_s", "viscosity_2_pa_s", "noise_sd_um"].map(set);
     let mut arguments = vec!["serve", "gel", "--port", "0"];
-    names.iter().for_each(|own| arguments.extend(["--set", own]));
+    names.iter().for_each(|name| arguments.extend(["--set", name]));
     program::vitreo(place.path(), &arguments).refuses(&["--set", "every parameter is fixed"]);
     assert_eq!(program::tree(place.path()).len(), 2, "nothing is written");
 }

@@ -7,14 +7,17 @@ use program::{tree, vitreo};
 use serde_json::Value;
 
 fn body<'a>(document: &'a Value, shape: &str, orientation: Option<&str>, rule: &str) -> &'a Value {
-    let is_wanted =
-        |own: &&Value| own["shape"] == shape && own["size_rule"] == rule && own["orientation"].as_str() == orientation;
+    let is_wanted = |value: &&Value| {
+        value["shape"] == shape && value["size_rule"] == rule && value["orientation"].as_str() == orientation
+    };
     document["bodies"].as_array().unwrap().iter().find(is_wanted).unwrap()
 }
 
 fn verdict<'a>(document: &'a Value, claim: &str) -> &'a str {
     let claims = document["claims"].as_array().unwrap();
-    claims.iter().find(|own| own["claim"] == claim).unwrap_or_else(|| panic!("{claim}"))["verdict"].as_str().unwrap()
+    claims.iter().find(|value| value["claim"] == claim).unwrap_or_else(|| panic!("{claim}"))["verdict"]
+        .as_str()
+        .unwrap()
 }
 
 /// Closed-form stiffness (m) of the ellipsoid of equal surface along the force (physics §4.3, §4.8).
@@ -36,17 +39,17 @@ fn the_papers_claims_are_judged() {
     assert_eq!((&document["schema"], &document["poisson_ratio"]), (&"vitreo-uq/shapes/1".into(), &0.48.into()));
     let bodies = document["bodies"].as_array().unwrap();
     assert_eq!(bodies.len(), 10);
-    for own in bodies {
+    for body in bodies {
         for key in ["stiffness_m", "relative_error", "ratio_to_sphere", "surface_ratio"] {
-            assert!(own[key].is_f64(), "{key} in {own}");
+            assert!(body[key].is_f64(), "{key} in {body}");
         }
-        assert!(own["relative_error"].as_f64().unwrap() < 1e-5, "{own}");
-        let bar = if own["shape"] == "cylinder" { 5e-3 } else { 5e-4 };
-        assert!(own["relative_difference_3d"].as_f64().unwrap().abs() < bar, "{own}");
-        let moved = &own["displacement_5s_um"];
+        assert!(body["relative_error"].as_f64().unwrap() < 1e-5, "{body}");
+        let bar = if body["shape"] == "cylinder" { 5e-3 } else { 5e-4 };
+        assert!(body["relative_difference_3d"].as_f64().unwrap().abs() < bar, "{body}");
+        let moved = &body["displacement_5s_um"];
         assert!(moved["q05"].as_f64() < moved["median"].as_f64() && moved["median"].as_f64() < moved["q95"].as_f64());
     }
-    let stiffness = |own: &Value| own["stiffness_m"].as_f64().unwrap();
+    let stiffness = |value: &Value| value["stiffness_m"].as_f64().unwrap();
     let horizontal = body(&document, "ellipsoid", Some("horizontal"), "equal_surface");
     let exact = exact_m(&document, 0.48);
     assert!((stiffness(horizontal) / exact - 1.0).abs() < 3e-5, "{horizontal} {exact}");
@@ -76,7 +79,7 @@ fn the_papers_claims_are_judged() {
     assert_large_strains(&document);
     let longest = document["longest"].as_array().unwrap();
     assert_eq!(longest.len(), 4);
-    assert!(longest.iter().all(|own| own["surrogate_relative_error"].as_f64().unwrap() < 1e-3), "{longest:?}");
+    assert!(longest.iter().all(|value| value["surrogate_relative_error"].as_f64().unwrap() < 1e-3), "{longest:?}");
 }
 
 /// Bodies along the force with large strains. For the sphere an independent program found 27 µm at the end of the first pull, with laws 1 % away from this posterior's.
@@ -84,10 +87,10 @@ fn the_papers_claims_are_judged() {
 fn assert_large_strains(document: &Value) {
     let large = &document["large_strains"];
     let all = large["bodies"].as_array().unwrap();
-    let number = |own: &Value, key: &str| own[key].as_f64().unwrap_or_else(|| panic!("{key} in {own}"));
+    let number = |value: &Value, key: &str| value[key].as_f64().unwrap_or_else(|| panic!("{key} in {value}"));
     let find = |shape: &str, rule: &str, aspect: f64| {
-        let is_wanted = |own: &&Value| {
-            own["shape"] == shape && own["size_rule"] == rule && (number(own, "aspect") - aspect).abs() < 1e-9
+        let is_wanted = |value: &&Value| {
+            value["shape"] == shape && value["size_rule"] == rule && (number(value, "aspect") - aspect).abs() < 1e-9
         };
         all.iter().find(is_wanted).unwrap_or_else(|| panic!("{shape} {aspect}"))
     };
@@ -96,27 +99,30 @@ fn assert_large_strains(document: &Value) {
     assert!(number(sphere, "lengths_moved") > 1.5 && number(sphere, "error_um") < 0.3, "{sphere}");
     assert!((number(sphere, "deviation_with_mobility_um") - 82.0).abs() < 4.0, "{sphere}");
     let blunt = find("ellipsoid", "equal_volume", 2.0);
-    let small = |own: &Value| number(own, "small_strains_um");
-    let large_um = |own: &Value| small(own) + number(own, "deviation_um");
+    let small = |value: &Value| number(value, "small_strains_um");
+    let large_um = |value: &Value| small(value) + number(value, "deviation_um");
     assert!((small(blunt) / small(sphere) - 1.044).abs() < 1e-3, "{blunt}");
     assert!((large_um(blunt) / large_um(sphere) - 1.019).abs() < 1e-3, "{blunt}");
     let median_um = &body(document, "sphere", None, "equal_volume")["displacement_5s_um"]["median"];
     assert!((number(sphere, "small_strains_um") / median_um.as_f64().unwrap() - 1.0).abs() < 1e-12);
     for rule in ["equal_volume", "equal_surface"] {
         let deviations = [sphere, find("ellipsoid", rule, 1.5), find("ellipsoid", rule, 2.0)];
-        assert!(deviations.iter().all(|own| own["is_whole"] == true && own["followed_s"] == 5.0), "{deviations:?}");
-        let um = deviations.map(|own| number(own, "deviation_um"));
+        assert!(
+            deviations.iter().all(|deviation| deviation["is_whole"] == true && deviation["followed_s"] == 5.0),
+            "{deviations:?}"
+        );
+        let um = deviations.map(|value| number(value, "deviation_um"));
         assert!(um[0] > um[1] && um[1] > um[2] && um[2] > 0.0, "{um:?}");
         let slender = [find("ellipsoid", rule, 68.0 / 7.0), find("cylinder", rule, 68.0 / 7.0)];
-        for own in slender {
-            assert!(own["is_whole"] == false && own["deviation_with_mobility_um"].is_null(), "{own}");
-            assert!(number(own, "followed_s") < 1.0 && number(own, "radii_moved") > 1.0, "{own}");
-            assert!(number(own, "deviation_um").abs() < 0.01 * number(own, "small_strains_um"), "{own}");
+        for value in slender {
+            assert!(value["is_whole"] == false && value["deviation_with_mobility_um"].is_null(), "{value}");
+            assert!(number(value, "followed_s") < 1.0 && number(value, "radii_moved") > 1.0, "{value}");
+            assert!(number(value, "deviation_um").abs() < 0.01 * number(value, "small_strains_um"), "{value}");
         }
         let claim = |part: &str| {
             let claims = large["claims"].as_array().unwrap();
             let title = format!("at {}, the {part}", rule.replace('_', " "));
-            claims.iter().find(|own| own["claim"].as_str().unwrap().starts_with(&title)).unwrap()["verdict"].clone()
+            claims.iter().find(|value| value["claim"].as_str().unwrap().starts_with(&title)).unwrap()["verdict"].clone()
         };
         assert_eq!(claim("sphere moves easiest of the ellipsoids"), "does not hold");
         assert_eq!(claim("horizontal ellipsoid moves easier"), "holds");
@@ -154,13 +160,13 @@ fn assert_swept(poisson_ratios: &str, n_settings: usize) {
     let number = |value: &Value| value.as_f64().unwrap_or_else(|| panic!("{value}"));
     for setting in sweep {
         let nu = number(&setting["poisson_ratio"]);
-        for own in setting["bodies"].as_array().unwrap() {
-            let bar = if own["shape"] == "cylinder" { 5e-3 } else { 5e-4 };
+        for value in setting["bodies"].as_array().unwrap() {
+            let bar = if value["shape"] == "cylinder" { 5e-3 } else { 5e-4 };
             assert!(
-                number(&own["relative_difference_3d"]).abs() < bar && number(&own["relative_error"]) < 1e-8,
-                "{own}"
+                number(&value["relative_difference_3d"]).abs() < bar && number(&value["relative_error"]) < 1e-8,
+                "{value}"
             );
-            assert!(own["mesh_3d"]["unknowns"].as_u64().unwrap() <= 60_000, "{own}");
+            assert!(value["mesh_3d"]["unknowns"].as_u64().unwrap() <= 60_000, "{value}");
         }
         let horizontal = body(setting, "ellipsoid", Some("horizontal"), "equal_surface");
         let exact = exact_m(setting, nu);
@@ -181,9 +187,9 @@ fn the_users_mesh_is_set_beside_the_bodies() {
     let mesh = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/data/gmsh/quarter_sphere_tet10.msh");
     let arguments = ["shapes", "--mesh", mesh, "--poisson", "0.3", "--json", "-", "--quiet", "--out", "study"];
     let document = vitreo(dir.path(), &arguments).exits(0).json();
-    let own = &document["own_body"];
-    let number = |key: &str| own[key].as_f64().unwrap_or_else(|| panic!("{key} in {own}"));
-    println!("{own}");
+    let value = &document["own_body"];
+    let number = |key: &str| value[key].as_f64().unwrap_or_else(|| panic!("{key} in {value}"));
+    println!("{value}");
     let pi = std::f64::consts::PI;
     assert!((number("surface_area_mm2") / (pi * 0.55 * 0.55) - 1.0).abs() < 2e-3);
     assert!((number("volume_mm3") / (pi / 6.0 * 0.55_f64.powi(3)) - 1.0).abs() < 2e-3);

@@ -112,11 +112,11 @@ fn no_damaged_result_is_taken() {
     std::fs::write(dir.path().join("list/results/stray.task"), b"").unwrap();
     let gathered = vitreo(dir.path(), &["gather", "list", "--json", "-", "--quiet"]).exits(1).json();
     let faults: Vec<&str> =
-        gathered["missing"].as_array().unwrap().iter().map(|own| own["fault"].as_str().unwrap()).collect();
+        gathered["missing"].as_array().unwrap().iter().map(|value| value["fault"].as_str().unwrap()).collect();
     assert_eq!(faults, ["truncated", "damaged", "other-task", "other-program"]);
     assert_eq!(gathered["foreign"], serde_json::json!(["results/stray.task"]));
     assert!(tree(&dir.path().join("list/gathered")).is_empty(), "something was made of damaged results");
-    says(&vitreo(dir.path(), &["tasks", "run", "list", "--quiet"]).exits(0), &["4 tasks run; 0 tasks had"]);
+    says(&vitreo(dir.path(), &["tasks", "run", "list", "--quiet"]).exits(0), &["4 tasks finished; 0 tasks had"]);
     vitreo(dir.path(), &["gather", "list", "--quiet"]).exits(0);
     assert!(tree(&dir.path().join("before")) == tree(&dir.path().join("list/gathered")));
     for (file, bytes) in files.iter().zip(bytes) {
@@ -135,10 +135,10 @@ fn dying_workers_and_full_disks_lose_nothing() {
     {
         let line = format!("{limit}; \"$VITREO\" tasks run list --jobs 2 --quiet");
         let run = shell(dir.path(), &line).exits(1);
-        says(&run, &["0 tasks run", "Task 0 failed", words, "run the same command again"]);
+        says(&run, &["0 tasks finished", "Task 0 failed", words, "run the same command again"]);
         assert!(results(dir.path()).iter().all(|file| !file.exists()), "{run}");
     }
-    says(&vitreo(dir.path(), &["tasks", "run", "list", "--quiet"]).exits(0), &["4 tasks run"]);
+    says(&vitreo(dir.path(), &["tasks", "run", "list", "--quiet"]).exits(0), &["4 tasks finished"]);
     says(&vitreo(dir.path(), &["gather", "list", "--quiet"]).exits(0), &["4 of 4 results exist"]);
 }
 
@@ -150,7 +150,7 @@ fn changed_input_is_named_and_the_rest_is_kept() {
     vitreo(dir.path(), &["tasks", "run", "list", "--task", "0", "--quiet"]).exits(0);
     write_instrument_experiment(&dir.path().join("cohort/eye-1"), true, 0.5);
     let run = vitreo(dir.path(), &["tasks", "run", "list", "--quiet"]).exits(1);
-    says(&run, &["2 tasks run; 1 task had", "Task 1 failed", "eye-1", "have changed since the list was made"]);
+    says(&run, &["2 tasks finished; 1 task had", "Task 1 failed", "eye-1", "have changed since the list was made"]);
     vitreo(dir.path(), &["tasks", "sample", "cohort", "--out", "list"]).refuses(&["list has other tasks", "--force"]);
     vitreo(dir.path(), &["tasks", "sample", "cohort", "--out", "list", "--force", "--quiet"]).exits(0);
     let run = vitreo(dir.path(), &["tasks", "run", "list", "--quiet"]).exits(0);
@@ -180,7 +180,7 @@ fn scripts_hand_over_every_task_once() {
         Path::new("/"),
         &format!("SLURM_ARRAY_TASK_ID=1 '{}'", dir.path().join("my list/submit-slurm.sh").display()),
     );
-    says(&run.exits(0), &["1 task run"]);
+    says(&run.exits(0), &["1 task finished"]);
     // Substitute for HyperQueue: runs the command that follows `--` for every number of the array.
     let engine = r#"#!/usr/bin/env bash
 [[ "$*" == *"--array 0-2 --cpus 2 --resource mem=700 --time-limit 90m"* ]] || exit 9
@@ -191,7 +191,7 @@ for id in 0 1 2; do HQ_TASK_ID=$id "$@" || exit; done
     std::fs::write(dir.path().join("bin/hq"), engine).unwrap();
     let run =
         shell(dir.path(), "chmod +x bin/hq; PATH=$PWD/bin:$PATH; cd /; \"$OLDPWD/my list/submit-hq.sh\"").exits(0);
-    says(&run, &["0 tasks run; 1 task had", "1 task run; 0 tasks had", "2 tasks run; 0 tasks had"]);
+    says(&run, &["0 tasks finished; 1 task had", "1 task finished; 0 tasks had", "2 tasks finished; 0 tasks had"]);
     vitreo(dir.path(), &["gather", "my list", "--quiet"]).exits(0);
 }
 
@@ -265,9 +265,9 @@ fn a_calibration_is_the_same_in_any_blocks() {
     assert_eq!((&found["schema"], &found["simulated_by"]), (&"vitreo-uq/calibration/1".into(), &"closed-form".into()));
     let (ranked, unranked) = (&found["ranked"], found["not_converged"].as_u64().unwrap());
     assert_eq!(ranked.as_u64().unwrap() + unranked, 30, "{found:#}");
-    for own in found["quantities"].as_array().unwrap() {
-        let counts = own["counts"].as_array().unwrap().iter().map(|count| count.as_u64().unwrap());
-        assert_eq!(counts.sum::<u64>(), ranked.as_u64().unwrap(), "{own}");
+    for value in found["quantities"].as_array().unwrap() {
+        let counts = value["counts"].as_array().unwrap().iter().map(|count| count.as_u64().unwrap());
+        assert_eq!(counts.sum::<u64>(), ranked.as_u64().unwrap(), "{value}");
     }
     // Another seed draws other truths.
     let options = ["tasks", "calibration", "eye", "--count", "30", "--seed", "2", "--out", "other", "--quiet"];

@@ -33,7 +33,7 @@ fn gathered_commands_have_the_bytes_of_one_machine() {
     write_all(dir.path(), LIST);
     let run = |arguments: &[&str]| vitreo(dir.path(), arguments);
     says(&run(&["tasks", "commands", "list.txt", "--out", "list"]).exits(0), &["A list of 3 tasks is in list"]);
-    says(&run(&["tasks", "run", "list", "--jobs", "2", "--quiet"]).exits(0), &["3 tasks run"]);
+    says(&run(&["tasks", "run", "list", "--jobs", "2", "--quiet"]).exits(0), &["3 tasks finished"]);
     says(&run(&["gather", "list", "--quiet"]).exits(0), &["3 of 3 results exist", "commands.csv"]);
     std::fs::create_dir(dir.path().join("direct")).unwrap();
     std::fs::create_dir_all(dir.path().join("direct/0")).unwrap();
@@ -61,9 +61,9 @@ fn gathered_commands_have_the_bytes_of_one_machine() {
     std::fs::remove_dir_all(dir.path().join("list/results")).unwrap();
     std::fs::create_dir(dir.path().join("list/results")).unwrap();
     let run_again = run(&["tasks", "run", "list", "--quiet"]).exits(1);
-    says(&run_again, &["1 task run", "Task 1 failed", "gel-b", "changed since the list was made"]);
+    says(&run_again, &["1 task finished", "Task 1 failed", "gel-b", "changed since the list was made"]);
     run(&["tasks", "commands", "list.txt", "--out", "list", "--force", "--quiet"]).exits(0);
-    says(&run(&["tasks", "run", "list", "--quiet"]).exits(0), &["2 tasks run; 1 task had"]);
+    says(&run(&["tasks", "run", "list", "--quiet"]).exits(0), &["2 tasks finished; 1 task had"]);
 }
 
 /// Invalid commands are refused with their line before anything runs. Later failures are reported with the command's own message.
@@ -87,7 +87,7 @@ fn broken_commands_are_named() {
     assert!(!dir.path().join("list").exists(), "a list was made of broken commands");
     list("fit gel-c --out {out}\ncheck gel-b --json {out}/b.json\n").exits(0);
     let run = vitreo(dir.path(), &["tasks", "run", "list", "--quiet"]).exits(1);
-    says(&run, &["1 task run", "Task 0 failed", "fit gel-c", "gel-c"]);
+    says(&run, &["1 task finished", "Task 0 failed", "fit gel-c", "gel-c"]);
     let gathered = vitreo(dir.path(), &["gather", "list", "--quiet"]).exits(1);
     says(&gathered, &["1 of 2 results exist", "Task 0 has no result"]);
     let table = std::fs::read_to_string(dir.path().join("list/gathered/commands.csv")).unwrap();

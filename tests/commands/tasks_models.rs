@@ -29,7 +29,7 @@ fn gathered_models_serve_as_trained_ones() {
     let run = |cache: &str, arguments: &[&str]| vitreo_with_cache(dir.path(), cache, arguments);
     let list = ["tasks", "models", "eyes", "--out", "list", "--quiet"];
     says(&run("", &list).exits(0), &["A list of 2 tasks is in list"]);
-    says(&run("", &["tasks", "run", "list", "--jobs", "2", "--quiet"]).exits(0), &["2 tasks run"]);
+    says(&run("", &["tasks", "run", "list", "--jobs", "2", "--quiet"]).exits(0), &["2 tasks finished"]);
     run("", &["gather", "list", "--quiet"]).refuses(&["VITREO_UQ_CACHE", "no models are kept here"]);
     says(
         &run("other", &["gather", "list", "--quiet"]).exits(0),

@@ -56,7 +56,7 @@ fn cycles(kept: &[usize], stiffer: f64) -> Vec<Row> {
         .collect();
     let exact_um = positions_um(&force_un);
     let row = |row: usize| {
-        let number = 1 + kept.iter().position(|own| *own == row / ROWS_OF_CYCLE)?;
+        let number = 1 + kept.iter().position(|index| *index == row / ROWS_OF_CYCLE)?;
         let size = if number == kept.len() { 1.0 / stiffer } else { 1.0 };
         Some((STEP_S * row as f64, force_un[row], size * exact_um[row], number))
     };
@@ -68,7 +68,7 @@ fn level(document: &Value) -> &str {
 }
 
 fn kinds(document: &Value) -> Vec<&str> {
-    document["warnings"].as_array().unwrap().iter().map(|own| own["kind"].as_str().unwrap()).collect()
+    document["warnings"].as_array().unwrap().iter().map(|value| value["kind"].as_str().unwrap()).collect()
 }
 
 /// A missing cycle, and a cycle with a 20 % stiffer gel: `fit` judges the held-out cycle as `sample` does, with stated and with
@@ -99,7 +99,7 @@ fn fit_judges_held_out_cycles_like_sample() {
             .unwrap()
             .starts_with("Not to be trusted as it stands: the model misses the held-out cycles")
     );
-    assert!(words.contains("What to do: the model is not enough"), "{words}");
+    assert!(words.contains("What to do: the model does not describe this measurement"), "{words}");
 }
 
 /// Rows at logarithmic times, whose neighbours reveal little of the noise: a power law fitted by the program's law is not trusted, with or without an estimate of the noise.
@@ -191,9 +191,9 @@ fn equivalent_effects_stay_beside_the_name() {
         assert!(run.stdout.contains(words), "{words} in {run}");
     }
     let read = |name: &str| -> Value { serde_json::from_slice(&std::fs::read(study.join(name)).unwrap()).unwrap() };
-    let own = &read("m1/extension.json")["equivalents"][0];
-    assert_eq!((&own["rivals"], &own["diagnosis_of"]), (&json!(["actuator-lag"]), &json!("m0")));
-    assert_eq!(own["refits"][1]["parameters"][0]["name"], "actuator-lag.time_s");
+    let value = &read("m1/extension.json")["equivalents"][0];
+    assert_eq!((&value["rivals"], &value["diagnosis_of"]), (&json!(["actuator-lag"]), &json!("m0")));
+    assert_eq!(value["refits"][1]["parameters"][0]["name"], "actuator-lag.time_s");
     // One more, untested effect is added: the first class stays, and the second has no test.
     let run = vitreo(dir.path(), &["extend", "study", "--with", "tracking-drift"]);
     assert!(run.code < 2, "{run}");

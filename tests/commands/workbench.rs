@@ -132,10 +132,10 @@ fn files(place: &Path) -> Vec<std::path::PathBuf> {
 fn only_the_page_of_this_link_is_answered() {
     let bench = Bench::start();
     bench.lives();
-    let own = format!("/{}/", bench.token);
-    assert_eq!(bench.ask("GET", &own, "", b"").0, 200);
+    let label = format!("/{}/", bench.token);
+    assert_eq!(bench.ask("GET", &label, "", b"").0, 200);
     assert!(bench.get("app.js").1.contains("workbench"));
-    for path in ["/", "/api/items", "/0123456789abcdef0123456789abcdef/", &own[..own.len() - 2]] {
+    for path in ["/", "/api/items", "/0123456789abcdef0123456789abcdef/", &label[..label.len() - 2]] {
         assert_eq!(bench.ask("GET", path, "", b"").0, 404, "{path}");
     }
     // A host name of another site that leads here, and a script of another site.
@@ -145,11 +145,11 @@ fn only_the_page_of_this_link_is_answered() {
         format!("Host: {}\r\nOrigin: http://evil.example\r\n", bench.address),
         format!("Host: {}\r\nOrigin: null\r\n", bench.address),
     ] {
-        assert_eq!(bench.ask("GET", &own, &headers, b"").0, 403, "{headers}");
-        assert_eq!(bench.ask("DELETE", &format!("{own}api/job"), &headers, b"").0, 403, "{headers}");
+        assert_eq!(bench.ask("GET", &label, &headers, b"").0, 403, "{headers}");
+        assert_eq!(bench.ask("DELETE", &format!("{label}api/job"), &headers, b"").0, 403, "{headers}");
     }
     let origin = format!("Origin: http://{}\r\n", bench.address);
-    assert_eq!(bench.ask("GET", &own, &origin, b"").0, 200);
+    assert_eq!(bench.ask("GET", &label, &origin, b"").0, 200);
 }
 
 #[test]
@@ -177,13 +177,13 @@ fn nothing_outside_is_read_or_written() {
         assert_eq!(status, 200, "{name}: {body}");
     }
     let before = files(bench.home.parent().unwrap());
-    let own = bench.home.join(".vitreo-uq-workbench");
+    let entry = bench.home.join(".vitreo-uq-workbench");
     let is_plain = |path: &&std::path::PathBuf| {
         let name = path.file_name().unwrap().to_str().unwrap();
         name.starts_with(|c: char| c.is_alphanumeric()) && name.len() < 100
     };
-    assert_eq!(before.iter().filter(|path| path.starts_with(&own)).filter(is_plain).count(), 16, "{before:?}");
-    let elsewhere = before.iter().filter(|path| !path.starts_with(&own)).collect::<Vec<_>>();
+    assert_eq!(before.iter().filter(|path| path.starts_with(&entry)).filter(is_plain).count(), 16, "{before:?}");
+    let elsewhere = before.iter().filter(|path| !path.starts_with(&entry)).collect::<Vec<_>>();
     assert_eq!(elsewhere, [&bench.home, &secret]);
     let document = "Content-Type: application/json\r\n";
     for (upload, file) in
@@ -358,9 +358,12 @@ fn hostile_names_go_all_the_way() {
             let Some(questions) = answer["questions"].as_array() else {
                 break answer["item"].as_str().unwrap().to_string();
             };
-            for own in questions {
-                let answer = own["proposal"].as_str().or(own["choices"][0].as_str()).unwrap_or("1");
-                assert!(answers.insert(own["text"].as_str().unwrap().into(), answer.into()).is_none(), "{own}");
+            for question in questions {
+                let answer = question["proposal"].as_str().or(question["choices"][0].as_str()).unwrap_or("1");
+                assert!(
+                    answers.insert(question["text"].as_str().unwrap().into(), answer.into()).is_none(),
+                    "{question}"
+                );
             }
         };
         items.push(item);
@@ -392,13 +395,13 @@ fn hostile_names_go_all_the_way() {
         let inputs = bench.home.join(study["item"]["study"].as_str().unwrap()).join("inputs.sha256");
         assert!(std::fs::read_to_string(inputs).unwrap().contains("trajectory.csv"));
     }
-    let mut names: Vec<_> = std::fs::read_dir(&bench.home).unwrap().map(|own| own.unwrap().file_name()).collect();
+    let mut names: Vec<_> = std::fs::read_dir(&bench.home).unwrap().map(|dir| dir.unwrap().file_name()).collect();
     names.sort();
     let mut expected = [&items[..], &[".vitreo-uq-workbench".into(), "vitreo-uq-out".into()]].concat();
     expected.sort();
     assert_eq!(names, expected.iter().map(std::ffi::OsString::from).collect::<Vec<_>>());
     let studies = bench.home.join("vitreo-uq-out");
-    let studies: Vec<_> = std::fs::read_dir(studies).unwrap().map(|own| own.unwrap().file_name()).collect();
+    let studies: Vec<_> = std::fs::read_dir(studies).unwrap().map(|dir| dir.unwrap().file_name()).collect();
     assert!(
         studies.len() == 3 && studies.iter().all(|name| !name.to_string_lossy().starts_with(['-', '.'])),
         "{studies:?}"
@@ -410,8 +413,8 @@ fn hostile_names_go_all_the_way() {
 #[test]
 fn a_received_folder_ends_no_process_and_writes_no_file_elsewhere() {
     let outside = tempfile::tempdir().unwrap();
-    let (home, own) = (outside.path().join("home"), outside.path().join("home/.vitreo-uq-workbench"));
-    std::fs::create_dir_all(&own).unwrap();
+    let (home, path) = (outside.path().join("home"), outside.path().join("home/.vitreo-uq-workbench"));
+    std::fs::create_dir_all(&path).unwrap();
     write_instrument_experiment(&home.join("gel"), true, 0.0);
     // A foreign process with this program's name in its command line.
     let foreign = outside.path().join("vitreo-uq-of-somebody");
@@ -423,11 +426,11 @@ fn a_received_folder_ends_no_process_and_writes_no_file_elsewhere() {
         "item": "gel", "kind": "sample", "commands": [["sample"]], "at": 0, "began_s": 1, "standing": "running", "words": "", "progress": null,
         "process": {"number": foreign.id(), "started": started, "token": "0123456789abcdef"}
     });
-    std::fs::write(own.join("job.json"), job.to_string()).unwrap();
+    std::fs::write(path.join("job.json"), job.to_string()).unwrap();
     let victim = outside.path().join("victim");
     std::fs::write(&victim, "kept").unwrap();
     for name in ["job.log", "job.out", "upload-0"] {
-        std::os::unix::fs::symlink(&victim, own.join(name)).unwrap();
+        std::os::unix::fs::symlink(&victim, path.join(name)).unwrap();
     }
     let bench = Bench::start_in(outside);
     let began = Instant::now();

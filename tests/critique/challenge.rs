@@ -12,18 +12,19 @@ use vitreo_uq::documents::diagnosis::{
     BaseErrors, CandidateEntry, Diagnosis, Errors, Refit, Status, Verdict, VerdictKind,
 };
 use vitreo_uq::models::effects::Library;
-use vitreo_uq::posterior::monitor::Silent;
+use vitreo_uq::posterior::monitor::SilentMonitor;
 use vitreo_uq::record::Experiment;
 use vitreo_uq::sampling::ensemble::RandomStream;
-use vitreo_uq::validation::challenge::files::Case;
-use vitreo_uq::validation::challenge::play::Sort;
-use vitreo_uq::validation::challenge::plays::{PlaysRequest, judged, run};
+use vitreo_uq::validation::challenge::files::ChallengeCase;
+use vitreo_uq::validation::challenge::play::HiddenKind;
+use vitreo_uq::validation::challenge::plays::{PlaysRequest, judge, run};
 use vitreo_uq::validation::challenge::{
-    Bench, Hidden, NoiseKind, Order, OutsideKind, Protocol, Strength, draw_pair, files, full_order, hideable,
+    Bench, DisturbanceKind, HiddenThing, NoiseKind, Protocol, Strength, TruthRequest, draw_pair, files, full_order,
+    hideable_effects,
 };
 
 /// The reference apparatus, meshed once.
-static BENCH: LazyLock<Bench> = LazyLock::new(|| Bench::new(&Silent).expect("the reference apparatus"));
+static BENCH: LazyLock<Bench> = LazyLock::new(|| Bench::new(&SilentMonitor).expect("the reference apparatus"));
 
 /// Effects that leave the displacement field unchanged. Full runs of the others take a minute or more.
 fn by_factor() -> Vec<String> {
@@ -114,8 +115,14 @@ fn best_of<'a>(subject: &Subject, slugs: impl Iterator<Item = &'a str>) -> Resul
     })
 }
 
-fn order(hidden: Hidden, protocol: Protocol, strength_sigma: f64) -> Order {
-    Order { hidden, protocol, noise: NoiseKind::White, is_noise_given: true, strength: Strength::Sigma(strength_sigma) }
+fn order(hidden: HiddenThing, protocol: Protocol, strength_sigma: f64) -> TruthRequest {
+    TruthRequest {
+        hidden,
+        protocol,
+        noise: NoiseKind::White,
+        is_noise_given: true,
+        strength: Strength::Sigma(strength_sigma),
+    }
 }
 
 /// An effect of each stage, a pair and physics outside the library, single ones on alternating protocols. The signal is the requested one, and full finite elements agree with the reduced model
@@ -124,21 +131,21 @@ fn order(hidden: Hidden, protocol: Protocol, strength_sigma: f64) -> Order {
 #[ignore = "thorough"]
 fn truths_show_as_strongly_as_they_were_asked_to() {
     let slugs = ["actuator-lag", "softening", "tracking-drift"].map(String::from).to_vec();
-    assert_shown_as_asked(slugs, &OutsideKind::DRAWN[..1]);
+    assert_shown_as_asked(slugs, &DisturbanceKind::DRAWN[..1]);
 }
 
 /// Every effect that leaves the field unchanged, and all physics outside the library.
 #[test]
 #[ignore = "campaigns/long-tests"]
 fn all_truths_show_as_strongly_as_they_were_asked_to() {
-    assert_shown_as_asked(by_factor(), &OutsideKind::DRAWN);
+    assert_shown_as_asked(by_factor(), &DisturbanceKind::DRAWN);
 }
 
-fn assert_shown_as_asked(slugs: Vec<String>, outside: &[OutsideKind]) {
+fn assert_shown_as_asked(slugs: Vec<String>, outside: &[DisturbanceKind]) {
     let bench = &*BENCH;
     let mut truths = Vec::new();
     for (slug, protocol) in slugs.into_iter().zip(Protocol::ALL.into_iter().cycle()) {
-        let order = order(Hidden::Effects(vec![slug.clone()]), protocol, 10.0);
+        let order = order(HiddenThing::Effects(vec![slug.clone()]), protocol, 10.0);
         let clock = std::time::Instant::now();
         let truth = bench.draw(&order, &mut RandomStream::new(3, 0)).expect("in reach");
         let signal_sigma = truth.signal_sigma().expect("something is hidden");
@@ -147,17 +154,18 @@ fn assert_shown_as_asked(slugs: Vec<String>, outside: &[OutsideKind]) {
         assert!(truth.ideal_class.contains(&slug));
         truths.push(truth);
     }
-    let pair = Hidden::Effects(vec!["tracking-drift".into(), "force-bias".into()]);
+    let pair = HiddenThing::Effects(vec!["tracking-drift".into(), "force-bias".into()]);
     truths.push(bench.draw(&order(pair, Protocol::Levels, 15.0), &mut RandomStream::new(3, 1)).expect("in reach"));
     for &kind in outside {
         let clock = std::time::Instant::now();
-        let truth = bench.draw(&order(Hidden::Outside(kind), Protocol::Levels, 15.0), &mut RandomStream::new(3, 2));
+        let truth =
+            bench.draw(&order(HiddenThing::Outside(kind), Protocol::Levels, 15.0), &mut RandomStream::new(3, 2));
         let truth = truth.unwrap_or_else(|error| panic!("{kind:?}: {error}"));
         println!("{:?} {:?} {:?}", truth.outside, truth.outside_sigma, clock.elapsed());
         truths.push(truth);
     }
     let clock = std::time::Instant::now();
-    let full_m = full_order::trajectories_m(bench, &truths, None, &Silent).expect("the model runs");
+    let full_m = full_order::trajectories_m(bench, &truths, None, &SilentMonitor).expect("the model runs");
     println!("{} full-order trajectories {:?}", truths.len(), clock.elapsed());
     for (truth, full_m) in truths.iter().zip(&full_m).filter(|(truth, _)| truth.outside.is_none()) {
         let subject = bench.subject_of(truth.protocol, full_m).expect("an experiment");
@@ -180,10 +188,10 @@ fn assert_shown_as_asked(slugs: Vec<String>, outside: &[OutsideKind]) {
 #[ignore = "thorough"]
 fn a_bench_for_one_effect_draws_what_the_whole_one_draws() {
     let slugs = vec!["interface-slip".to_string()];
-    let own = Bench::serving(&slugs, &Silent).expect("the reference apparatus");
-    let order = order(Hidden::Effects(slugs), Protocol::Paper, 12.0);
+    let entry = Bench::for_effects(&slugs, &SilentMonitor).expect("the reference apparatus");
+    let order = order(HiddenThing::Effects(slugs), Protocol::Paper, 12.0);
     let draw = |bench: &Bench| bench.draw(&order, &mut RandomStream::new(8, 0)).expect("in reach");
-    let (quick, whole) = (draw(&own), draw(&BENCH));
+    let (quick, whole) = (draw(&entry), draw(&BENCH));
     println!("{:?} {:?} {:?}", quick.ideal_class, quick.not_compared, whole.ideal_class);
     assert_eq!(quick.law, whole.law);
     for (a, b) in quick.effects[0].parameters.iter().zip(&whole.effects[0].parameters) {
@@ -192,13 +200,13 @@ fn a_bench_for_one_effect_draws_what_the_whole_one_draws() {
     assert!(whole.not_compared.is_empty());
     for late in ["inertia", "poroelasticity", "yield-stress"] {
         assert!(quick.not_compared.iter().any(|slug| slug == late), "{late}");
-        let subject = own.subject_of(Protocol::Paper, &[0.0; 800]).expect("an experiment");
+        let subject = entry.subject_of(Protocol::Paper, &[0.0; 800]).expect("an experiment");
         let candidate = subject.extended(&[late]).expect("a model");
         let away: Vec<f64> = candidate.free.iter().map(|free| free.quantile(0.3)).collect();
         assert!(subject.trajectory_m(&candidate, &away).is_err(), "{late} was built");
     }
-    assert_eq!(BENCH.compared(&quick).expect("a model").ideal_class, whole.ideal_class);
-    let refusal = Bench::serving(&["wormhole".into()], &Silent).err().expect("unknown").to_string();
+    assert_eq!(BENCH.complete_ideal_class(&quick).expect("a model").ideal_class, whole.ideal_class);
+    let refusal = Bench::for_effects(&["wormhole".into()], &SilentMonitor).err().expect("unknown").to_string();
     assert!(refusal.contains("wormhole"), "{refusal}");
 }
 
@@ -208,14 +216,14 @@ fn a_bench_for_one_effect_draws_what_the_whole_one_draws() {
 #[ignore = "campaigns/long-tests"]
 fn large_displacements_leave_the_signal_that_is_stated() {
     let bench = &*BENCH;
-    let large = Hidden::Effects(vec!["large-displacement".into()]);
+    let large = HiddenThing::Effects(vec!["large-displacement".into()]);
     let truth = bench.draw(&order(large, Protocol::Paper, 4.0), &mut RandomStream::new(3, 4)).expect("in reach");
     println!("{:?} looks like {:?}", truth.effects, truth.ideal_class);
     let sigma = truth.effects[0].signal_sigma;
     assert!((sigma / 4.0).ln().abs() < 0.5, "{:?}", truth.effects);
     assert_eq!(truth.effects[0].parameters[0].value, 1.0);
     assert!(truth.ideal_class.iter().any(|slug| slug == "large-displacement"));
-    let position_m = full_order::trajectories_m(bench, &[truth], None, &Silent).expect("carried").remove(0);
+    let position_m = full_order::trajectories_m(bench, &[truth], None, &SilentMonitor).expect("carried").remove(0);
     let subject = bench.subject_of(Protocol::Paper, &position_m).expect("an experiment");
     let fitted = subject.fit(&subject.base(), &[], Search::Wide).expect("fits");
     let rest_m = fitted.rmse_m(&subject.fitted_m).expect("rows");
@@ -232,20 +240,25 @@ fn plays_are_the_same_for_any_number_of_threads_with_kept_trajectories_and_in_pa
         PlaysRequest { count: 10, signals_sigma: vec![20.0], seed: 5, effects: by_factor(), ..PlaysRequest::default() };
     let cache = tempfile::tempdir().expect("a temporary directory");
     let two = rayon::ThreadPoolBuilder::new().num_threads(2).build().expect("threads");
-    let first = two.install(|| run(bench, &request, Some(cache.path()), &by_gain_of_one, &Silent)).expect("plays");
+    let first =
+        two.install(|| run(bench, &request, Some(cache.path()), &by_gain_of_one, &SilentMonitor)).expect("plays");
     let n_kept = std::fs::read_dir(cache.path()).expect("readable").count();
     assert!(n_kept > 0 && n_kept <= request.count, "{n_kept}");
     // The last two plays again, by one thread, from the cache.
     let part = PlaysRequest { count: 2, first: 8, ..request.clone() };
     let one = rayon::ThreadPoolBuilder::new().num_threads(1).build().expect("a thread");
-    let part = one.install(|| run(bench, &part, Some(cache.path()), &by_gain_of_one, &Silent)).expect("plays");
+    let part = one.install(|| run(bench, &part, Some(cache.path()), &by_gain_of_one, &SilentMonitor)).expect("plays");
     assert_eq!(part.plays, first.plays[8..]);
     let tally = &first.tally;
     println!("{tally:#?}");
     assert_eq!(tally.played, 10);
     assert_eq!(tally.confusion.iter().map(|entry| entry.count).sum::<usize>(), 10);
-    let sorts: Vec<Sort> = first.plays.iter().map(|play| play.sort).collect();
-    assert!([Sort::None, Sort::Single, Sort::Pair, Sort::Outside, Sort::Apparatus].iter().all(|s| sorts.contains(s)));
+    let sorts: Vec<HiddenKind> = first.plays.iter().map(|play| play.sort).collect();
+    assert!(
+        [HiddenKind::None, HiddenKind::Single, HiddenKind::Pair, HiddenKind::Outside, HiddenKind::Apparatus]
+            .iter()
+            .all(|s| sorts.contains(s))
+    );
 }
 
 /// Easy cases with white noise: at 40 standard deviations the best refit is the hidden effect or an equivalent one.
@@ -256,12 +269,12 @@ fn a_strong_effect_is_first() {
     let request = PlaysRequest {
         count: 1,
         signals_sigma: vec![40.0],
-        only: Some(Sort::Single),
+        only: Some(HiddenKind::Single),
         noises: vec![NoiseKind::White],
         effects: by_factor(),
         ..PlaysRequest::default()
     };
-    let plays = run(bench, &request, None, &by_gain, &Silent).expect("plays");
+    let plays = run(bench, &request, None, &by_gain, &SilentMonitor).expect("plays");
     for play in &plays.plays {
         println!("{} {} {:?} ideal {:?}", play.label, play.said, play.class, play.truth.ideal_class);
     }
@@ -274,14 +287,14 @@ fn a_sealed_challenge_is_an_experiment_that_does_not_tell_its_answer() {
     let bench = &*BENCH;
     let folder = tempfile::tempdir().expect("a temporary directory");
     let dir = folder.path().join("case");
-    let order = order(Hidden::Effects(vec!["softening".into()]), Protocol::Paper, 20.0);
-    let case = |name: &str, seed: u64| Case { dir: folder.path().join(name), order: order.clone(), seed };
-    let commitment = files::make(&[case("case", 11)], bench, &Silent).expect("made").remove(0);
+    let order = order(HiddenThing::Effects(vec!["softening".into()]), Protocol::Paper, 20.0);
+    let case = |name: &str, seed: u64| ChallengeCase { dir: folder.path().join(name), order: order.clone(), seed };
+    let commitment = files::make(&[case("case", 11)], bench, &SilentMonitor).expect("made").remove(0);
     // The challenge is identical, to the byte, when made together with others.
-    let beside = files::make(&[case("1", 10), case("2", 11)], bench, &Silent).expect("made");
+    let beside = files::make(&[case("1", 10), case("2", 11)], bench, &SilentMonitor).expect("made");
     assert!(beside[1] == commitment && beside[0] != commitment);
     for entry in std::fs::read_dir(&dir).expect("readable") {
-        let (path, bytes) = entry.map(|own| (own.path(), std::fs::read(own.path()).expect("bytes"))).expect("an entry");
+        let (path, bytes) = entry.map(|dir| (dir.path(), std::fs::read(dir.path()).expect("bytes"))).expect("an entry");
         let twin = folder.path().join("2").join(path.file_name().expect("a name"));
         assert_eq!(std::fs::read(twin).expect("bytes"), bytes, "{}", path.display());
     }
@@ -292,31 +305,35 @@ fn a_sealed_challenge_is_an_experiment_that_does_not_tell_its_answer() {
         let text = std::fs::read_to_string(entry.expect("an entry").path()).expect("text");
         assert!(!text.contains("softening"));
     }
-    let opened = files::reveal(&dir).expect("whole");
+    let opened = files::open_challenge(&dir).expect("whole");
     assert_eq!((opened.answer.truth.label(), opened.commitment_sha256), ("softening".into(), commitment));
     // 200 rows with 4 µm: five standard deviations of 5 %.
     let noise_um = 1e6 * opened.noise.and_then(|noise| noise.rms_m(|row| row >= 600)).expect("sealed");
     assert!((3.0..5.0).contains(&noise_um), "{noise_um}");
     // A second challenge does not replace the first, and changed data are detected.
-    assert_eq!(files::make(&[case("new", 12), case("case", 12)], bench, &Silent).expect_err("in use").exit_code(), 2);
+    assert_eq!(
+        files::make(&[case("new", 12), case("case", 12)], bench, &SilentMonitor).expect_err("in use").exit_code(),
+        2
+    );
     assert!(!folder.path().join("new").exists(), "half a cohort");
     let csv = dir.join("trajectory.csv");
     let changed = std::fs::read_to_string(&csv).expect("text") + "40.00,4.60,1.0,4\n";
     std::fs::write(&csv, changed).expect("writable");
-    assert!(files::reveal(&dir).expect_err("changed").to_string().contains("trajectory.csv"));
+    assert!(files::open_challenge(&dir).expect_err("changed").to_string().contains("trajectory.csv"));
 }
 
 #[test]
 fn what_cannot_be_hidden_is_refused() {
     let bench = &*BENCH;
-    let refused = |order: &Order| bench.draw(order, &mut RandomStream::new(1, 0)).expect_err("refused").to_string();
-    let unknown = order(Hidden::Effects(vec!["ghost".into()]), Protocol::Paper, 10.0);
+    let refused =
+        |order: &TruthRequest| bench.draw(order, &mut RandomStream::new(1, 0)).expect_err("refused").to_string();
+    let unknown = order(HiddenThing::Effects(vec!["ghost".into()]), Protocol::Paper, 10.0);
     assert!(refused(&unknown).contains("there is no effect `ghost`"));
-    let hidden = order(Hidden::Effects(vec!["compressibility".into()]), Protocol::Paper, 10.0);
+    let hidden = order(HiddenThing::Effects(vec!["compressibility".into()]), Protocol::Paper, 10.0);
     assert!(refused(&hidden).contains("compressibility is out of reach at a signal of 10 standard deviations"));
-    let pair = Hidden::Effects(vec!["large-displacement".into(), "force-bias".into()]);
+    let pair = HiddenThing::Effects(vec!["large-displacement".into(), "force-bias".into()]);
     assert!(refused(&order(pair, Protocol::Paper, 6.0)).contains("alone"));
-    let delay = order(Hidden::Outside(OutsideKind::Backlash), Protocol::Paper, 10.0);
+    let delay = order(HiddenThing::Outside(DisturbanceKind::Backlash), Protocol::Paper, 10.0);
     assert!(refused(&delay).contains("`backlash` is not outside the library"));
 }
 
@@ -329,7 +346,7 @@ fn committed() -> Vec<PathBuf> {
     dirs.sort();
     assert!(dirs.len() >= 4, "{dirs:?}");
     for dir in &dirs {
-        files::reveal(dir).expect("whole");
+        files::open_challenge(dir).expect("whole");
     }
     dirs
 }
@@ -345,9 +362,9 @@ fn committed_challenges_are_rightly_diagnosed() {
         let (experiment, _) = Experiment::read(dir).expect("an experiment");
         let subject = bench.subject(experiment).expect("a subject");
         let request = DiagnosisRequest { in_full: false, ..DiagnosisRequest::default() };
-        let diagnosis = diagnose(&subject, &request, &Silent).expect("a diagnosis").diagnosis;
-        let truth = files::reveal(dir).expect("whole").answer.truth;
-        judged(0, Sort::of(&truth), truth, &diagnosis, None)
+        let diagnosis = diagnose(&subject, &request, &SilentMonitor).expect("a diagnosis").diagnosis;
+        let truth = files::open_challenge(dir).expect("whole").answer.truth;
+        judge(0, HiddenKind::of(&truth), truth, &diagnosis, None)
     };
     let plays: Vec<_> = dirs.par_iter().map(diagnosed).collect();
     for (dir, play) in dirs.iter().zip(&plays) {
@@ -360,7 +377,7 @@ fn committed_challenges_are_rightly_diagnosed() {
             play.unexplained
         );
     }
-    for play in plays.iter().filter(|play| matches!(play.sort, Sort::None | Sort::Single)) {
+    for play in plays.iter().filter(|play| matches!(play.sort, HiddenKind::None | HiddenKind::Single)) {
         assert!(play.is_right(), "{}: {}", play.label, play.said);
     }
 }
@@ -369,7 +386,7 @@ fn committed_challenges_are_rightly_diagnosed() {
 #[test]
 fn pairs_that_are_drawn_can_stand_together() {
     let library = Library::default();
-    let slugs = hideable(&library);
+    let slugs = hideable_effects(&library);
     let changes_field = |slug: &String| library.get(slug).expect("an effect").changes_field();
     let (mut drawn_anew, stream) = (0, |seed| RandomStream::new(seed, 0));
     for seed in 0..200 {
@@ -393,9 +410,10 @@ fn controls_hold_nothing_but_the_law() {
     let bench = &*BENCH;
     for (number, protocol) in (0..2).zip(Protocol::ALL.into_iter().cycle()) {
         let truth = bench
-            .draw(&order(Hidden::Nothing, protocol, 10.0), &mut RandomStream::new(1, (1 << 33) + number))
+            .draw(&order(HiddenThing::Nothing, protocol, 10.0), &mut RandomStream::new(1, (1 << 33) + number))
             .expect("a law");
-        let position_m = full_order::trajectories_m(bench, &[truth], None, &Silent).expect("the model runs").remove(0);
+        let position_m =
+            full_order::trajectories_m(bench, &[truth], None, &SilentMonitor).expect("the model runs").remove(0);
         let subject = bench.subject_of(protocol, &position_m).expect("a subject");
         let fitted = subject.fit(&subject.base(), &[], Search::Wide).expect("fits");
         let rmse_um = 1e6 * fitted.rmse_m(&subject.fitted_m).expect("positions");

@@ -8,7 +8,7 @@ use vitreo_uq::criticism::evidence::{CandidatePosterior, EvidenceMethod, evidenc
 use vitreo_uq::criticism::{Candidate, Fitted, Search, Subject};
 use vitreo_uq::laws::rheology::{BaseLaw, Network};
 use vitreo_uq::models::effects::Library;
-use vitreo_uq::posterior::monitor::Silent;
+use vitreo_uq::posterior::monitor::SilentMonitor;
 use vitreo_uq::posterior::problem::Problem;
 use vitreo_uq::posterior::replica::embedded;
 use vitreo_uq::posterior::study::ModelSpecification;
@@ -31,8 +31,8 @@ fn subject() -> &'static Subject {
         for (position, time_s) in record.position_m.iter_mut().zip(&record.time_s) {
             *position = position.map(|x| x + DRIFT_M_PER_S * time_s);
         }
-        let problem = Problem::new(experiment, ModelSpecification::default(), None, &Silent).expect("sound");
-        Subject::new(&problem, &Library::default(), None, &Silent).expect("sound")
+        let problem = Problem::new(experiment, ModelSpecification::default(), None, &SilentMonitor).expect("sound");
+        Subject::new(&problem, &Library::default(), None, &SilentMonitor).expect("sound")
     })
 }
 
@@ -111,8 +111,8 @@ fn exchanged_parts_have_one_evidence() {
     let text = "parallel = [{ springpot = \"fast\" }, { springpot = \"slow\" }]";
     let base = BaseLaw::Network(Network::from_text("law.toml".as_ref(), text).expect("a network"));
     let specification = ModelSpecification { base, ..ModelSpecification::default() };
-    let problem = Problem::new(experiment, specification, None, &Silent).expect("sound");
-    let data = Subject::new(&problem, &Library::default(), None, &Silent).expect("sound");
+    let problem = Problem::new(experiment, specification, None, &SilentMonitor).expect("sound");
+    let data = Subject::new(&problem, &Library::default(), None, &SilentMonitor).expect("sound");
     let candidate = data.base();
     let truth = candidate.free.iter().zip([2.0, 0.8, 3.0, 0.2]);
     let theta: Vec<f64> = truth.map(|(free, value)| free.coordinate.theta(value)).collect();

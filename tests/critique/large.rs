@@ -6,11 +6,11 @@ use vitreo_uq::base::number::Dual;
 use vitreo_uq::criticism::Subject;
 use vitreo_uq::criticism::diagnose::{DiagnosisRequest, diagnose};
 use vitreo_uq::elements::fe::exact::SphereInContainer;
-use vitreo_uq::elements::fe::oldroyd::{Fineness, FiniteGel, FiniteLaw, FiniteRun};
+use vitreo_uq::elements::fe::oldroyd::{Discretisation, FiniteGel, FiniteInput, FiniteLaw};
 use vitreo_uq::laws::rheology::BaseLaw;
 use vitreo_uq::models::effects::{Library, Stages};
 use vitreo_uq::models::model::Response;
-use vitreo_uq::posterior::monitor::Silent;
+use vitreo_uq::posterior::monitor::SilentMonitor;
 use vitreo_uq::posterior::problem::Problem;
 use vitreo_uq::posterior::replica;
 use vitreo_uq::posterior::sample::{SampleRequest, run};
@@ -37,9 +37,9 @@ fn experiment() -> Experiment {
     experiment.heldout_cycles = vec![2];
     let law = FiniteLaw::new(&BaseLaw::Lethersich.elements(&replica::TABLE_I.map(Dual::constant)), 0.0);
     let law = law.expect("no springpot");
-    let gel = FiniteGel::around_sphere(0.275e-3, 10e-3, Fineness::default()).expect("a mesh");
+    let gel = FiniteGel::around_sphere(0.275e-3, 10e-3, Discretisation::default()).expect("a mesh");
     let (record, load) = (&experiment.record, Stages::of_law(Vec::new()).load);
-    let what = FiniteRun { law: &law, load: &load, time_s: &record.time_s, force: record.force() };
+    let what = FiniteInput { law: &law, load: &load, time_s: &record.time_s, force: record.force() };
     let deviation_m = gel.run(&what).expect("a run").deviation_m;
     for (position, deviation_m) in experiment.record.position_m.iter_mut().zip(&deviation_m) {
         *position = position.map(|x| x + deviation_m);
@@ -54,10 +54,10 @@ fn experiment() -> Experiment {
 fn large_displacements_are_named_and_come_out_at_one() {
     let experiment = experiment();
     let small = ModelSpecification::default();
-    let problem = Problem::new(experiment.clone(), small.clone(), None, &Silent).expect("a problem");
-    let subject = Subject::new(&problem, &Library::default(), None, &Silent).expect("a subject");
+    let problem = Problem::new(experiment.clone(), small.clone(), None, &SilentMonitor).expect("a problem");
+    let subject = Subject::new(&problem, &Library::default(), None, &SilentMonitor).expect("a subject");
     let begun = Instant::now();
-    let diagnosis = diagnose(&subject, &DiagnosisRequest::default(), &Silent).expect("a diagnosis").diagnosis;
+    let diagnosis = diagnose(&subject, &DiagnosisRequest::default(), &SilentMonitor).expect("a diagnosis").diagnosis;
     println!("{} ({:.1} s)", diagnosis.verdict.sentence, begun.elapsed().as_secs_f64());
     for candidate in &diagnosis.candidates {
         let refit = candidate.refit.as_ref();
@@ -74,11 +74,11 @@ fn large_displacements_are_named_and_come_out_at_one() {
     assert!(refit.rmse_heldout_um.expect("a held-out cycle") < 1.1 * 4.0, "{refit:?}");
 
     let large = ModelSpecification { effects: vec!["large-displacement".into()], ..small };
-    let problem = Problem::new(experiment, large, None, &Silent).expect("a problem");
+    let problem = Problem::new(experiment, large, None, &SilentMonitor).expect("a problem");
     let request =
         SampleRequest { options: SamplerOptions::default(), kept_surrogate: None, checkpoint: None, resume: false };
     let begun = Instant::now();
-    let summary = run(&problem, &request, &Silent).expect("a posterior").summary;
+    let summary = run(&problem, &request, &SilentMonitor).expect("a posterior").summary;
     println!("sampled in {:.1} s; {:?}", begun.elapsed().as_secs_f64(), summary.warnings);
     assert!(summary.converged, "{:?}", summary.warnings);
     let exact = [replica::TABLE_I[0], replica::TABLE_I[1], replica::TABLE_I[2], 1.0];
@@ -99,11 +99,11 @@ fn a_protocol_of_levels_is_learnt_too() {
     keep_two_cycles(&mut record);
     let n_rows = record.n_rows();
     let stages = Stages::of_law(BaseLaw::Lethersich.elements(&replica::TABLE_I.map(Dual::constant)));
-    let gel = FiniteGel::around_sphere(0.275e-3, 10e-3, Fineness::default()).expect("a mesh");
+    let gel = FiniteGel::around_sphere(0.275e-3, 10e-3, Discretisation::default()).expect("a mesh");
     let stiffness_m = SphereInContainer::new(0.48, 0.275e-3, 10e-3).stiffness_n_per_m(1.0);
     let linear_m = Response::new(&record.time_s, record.force(), n_rows).trajectory_m(&stages, 1.0 / stiffness_m);
     let law = FiniteLaw::new(&stages.law, 0.0).expect("no springpot");
-    let what = FiniteRun { law: &law, load: &stages.load, time_s: &record.time_s, force: record.force() };
+    let what = FiniteInput { law: &law, load: &stages.load, time_s: &record.time_s, force: record.force() };
     let deviation_m = gel.run(&what).expect("a run").deviation_m;
     let mut stream = RandomStream::new(21, 0);
     let positions = linear_m.expect("a law").into_iter().zip(deviation_m);
@@ -115,9 +115,10 @@ fn a_protocol_of_levels_is_learnt_too() {
         noise_sd_m: Some(NOISE_M),
         ..replica
     };
-    let problem = Problem::new(experiment, ModelSpecification::default(), None, &Silent).expect("a problem");
-    let subject = Subject::new(&problem, &Library::default(), None, &Silent).expect("a subject");
-    let verdict = diagnose(&subject, &DiagnosisRequest::default(), &Silent).expect("a diagnosis").diagnosis.verdict;
+    let problem = Problem::new(experiment, ModelSpecification::default(), None, &SilentMonitor).expect("a problem");
+    let subject = Subject::new(&problem, &Library::default(), None, &SilentMonitor).expect("a subject");
+    let verdict =
+        diagnose(&subject, &DiagnosisRequest::default(), &SilentMonitor).expect("a diagnosis").diagnosis.verdict;
     println!("{}", verdict.sentence);
     let class: Vec<&String> = verdict.effects.iter().chain(&verdict.equivalent).collect();
     assert!(class.iter().any(|slug| *slug == "large-displacement"), "{}", verdict.sentence);

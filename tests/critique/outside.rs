@@ -6,15 +6,15 @@ use std::sync::LazyLock;
 
 use rayon::prelude::*;
 use vitreo_uq::criticism::outside::{
-    Outside, OutsideKind, OutsideRequest, discrepancies, events_over_all_cycles, search,
+    OutsideKind, OutsideRequest, OutsideStructure, discrepancies, events_over_all_cycles, search,
 };
 use vitreo_uq::criticism::{Fitted, Search, Subject, Tangent, outliers};
 use vitreo_uq::elements::fe::Stiffness;
 use vitreo_uq::elements::fe::stepping::Resolution;
 use vitreo_uq::models::effects::Library;
-use vitreo_uq::models::model::{Forward, FullForward};
+use vitreo_uq::models::model::{Forward, FullOrderForward};
 use vitreo_uq::posterior::mechanics::{MODEL_LEVEL, robot_mesh};
-use vitreo_uq::posterior::monitor::Silent;
+use vitreo_uq::posterior::monitor::SilentMonitor;
 use vitreo_uq::posterior::problem::Problem;
 use vitreo_uq::posterior::replica::{TABLE_I, embedded};
 use vitreo_uq::posterior::study::ModelSpecification;
@@ -35,7 +35,7 @@ struct Bench {
 impl Bench {
     fn new() -> Self {
         let (experiment, _) = embedded().expect("embedded");
-        let problem = Problem::new(experiment.clone(), ModelSpecification::default(), None, &Silent)
+        let problem = Problem::new(experiment.clone(), ModelSpecification::default(), None, &SilentMonitor)
             .expect("the replica is sound");
         let Apparatus::Robot { robot, vitreous } = &experiment.apparatus else { panic!("the replica has a robot") };
         let mesh = robot_mesh(robot, vitreous, MODEL_LEVEL + 1).expect("a sphere");
@@ -43,13 +43,13 @@ impl Bench {
         let finer = Resolution { steps_per_doubling: 2 * Resolution::default().steps_per_doubling };
         let record = &experiment.record;
         let full =
-            FullForward::new(&problem.model, &stiffness, vitreous.poisson_ratio, &record.time_s, &record.force_n);
+            FullOrderForward::new(&problem.model, &stiffness, vitreous.poisson_ratio, &record.time_s, &record.force_n);
         let truth_m = full
             .expect("positive definite")
             .with_resolution(finer)
             .trajectory_m(&TABLE_I)
             .expect("Table I has a model");
-        let subject = Subject::new(&problem, &Library::default(), None, &Silent).expect("sound");
+        let subject = Subject::new(&problem, &Library::default(), None, &SilentMonitor).expect("sound");
         Self { subject, experiment, truth_m }
     }
 
@@ -88,7 +88,7 @@ impl Bench {
         self.with_noise(&position_m, noise, 500 + seed)
     }
 
-    fn searched(&self, data: &Subject, n_simulations: usize) -> Vec<Outside> {
+    fn searched(&self, data: &Subject, n_simulations: usize) -> Vec<OutsideStructure> {
         let base = data.base();
         let fitted = data.fit(&base, &[], Search::Wide).expect("fits");
         search(data, &base, &fitted, &OutsideRequest { n_simulations, seed: 3 }).expect("searches")
@@ -114,7 +114,7 @@ enum Noise {
     Outliers,
 }
 
-fn is_finding(found: &Outside) -> bool {
+fn is_finding(found: &OutsideStructure) -> bool {
     found.p_familywise < 0.01 && found.gain_nats >= 10.0
 }
 
@@ -257,7 +257,7 @@ fn single_rows_far_off_are_outliers() {
     }
     let data = bench.with_noise(&position_m, Noise::White, 21);
     let fitted = data.fit(&data.base(), &[], Search::Wide).expect("fits");
-    assert_eq!(outliers::find(&data, &fitted), [57, 310, 488]);
+    assert_eq!(outliers::find_outliers(&data, &fitted), [57, 310, 488]);
 }
 
 /// Events over all cycles under the four kinds of noise: three of 320 controls had one that gains 7 nats at p ≤ 1 %. So two or more in four occur less than

@@ -1,14 +1,14 @@
 //! Rules for every effect of the library (physics §5) that can be checked without solving a model.
 
 use vitreo_uq::base::distribution::Distribution;
-use vitreo_uq::base::error::{Error, Place, Setting};
+use vitreo_uq::base::error::{Error, InputPlace, Setting};
 use vitreo_uq::base::number::Dual;
 use vitreo_uq::laws::rheology::BaseLaw;
 use vitreo_uq::models::effects::{EFFECTS, Effect, EffectParameter, Stage, Stages};
 use vitreo_uq::models::model::Model;
-use vitreo_uq::record::Scales;
+use vitreo_uq::record::CharacteristicSizes;
 
-const PORCINE: Scales = Scales {
+const PORCINE: CharacteristicSizes = CharacteristicSizes {
     largest_force_n: 4.6e-6,
     position_range_m: 0.98e-3,
     hold_s: 5.0,
@@ -24,12 +24,12 @@ const PORCINE: Scales = Scales {
 
 /// Experiments at the limits of formats §1: nothing measured, one constant pull, hardly any rows, any Poisson ratio, an
 /// instrument far from the scales of a bead.
-fn experiments() -> Vec<Scales> {
-    let one_pull = Scales { hold_s: PORCINE.duration_s, ..PORCINE };
-    let three_rows = Scales { sample_interval_s: 20.0, hold_s: 40.0, ..PORCINE };
-    let two_rows = Scales { sample_interval_s: 40.0, hold_s: 40.0, ..PORCINE };
-    let fast_switching = Scales { hold_s: 0.05, ..PORCINE };
-    let indenter = Scales {
+fn experiments() -> Vec<CharacteristicSizes> {
+    let one_pull = CharacteristicSizes { hold_s: PORCINE.duration_s, ..PORCINE };
+    let three_rows = CharacteristicSizes { sample_interval_s: 20.0, hold_s: 40.0, ..PORCINE };
+    let two_rows = CharacteristicSizes { sample_interval_s: 40.0, hold_s: 40.0, ..PORCINE };
+    let fast_switching = CharacteristicSizes { hold_s: 0.05, ..PORCINE };
+    let indenter = CharacteristicSizes {
         largest_force_n: 1e-9,
         position_range_m: 3e-8,
         hold_s: 2e-3,
@@ -43,8 +43,8 @@ fn experiments() -> Vec<Scales> {
         fits_position_offset: false,
     };
     let gels = [0.499_999, 0.4999, 0.31, 0.3, 0.2, 0.0, -0.5, -0.999]
-        .map(|ratio| Scales { poisson_ratio: Some(ratio), ..PORCINE });
-    let unmeasured = Scales { position_range_m: 0.0, largest_force_n: 0.0, ..PORCINE };
+        .map(|ratio| CharacteristicSizes { poisson_ratio: Some(ratio), ..PORCINE });
+    let unmeasured = CharacteristicSizes { position_range_m: 0.0, largest_force_n: 0.0, ..PORCINE };
     [PORCINE, one_pull, three_rows, two_rows, fast_switching, indenter, unmeasured].into_iter().chain(gels).collect()
 }
 
@@ -73,12 +73,12 @@ fn parameters() -> impl Iterator<Item = &'static EffectParameter> {
 }
 
 /// Model of one effect at unit parameters of the base law.
-fn model(base: BaseLaw, effects: &[&'static dyn Effect], scales: Scales) -> Result<Model, Error> {
-    Model::new(base, effects.to_vec(), scales, &Place::setting(Setting::Effects))
+fn model(base: BaseLaw, effects: &[&'static dyn Effect], scales: CharacteristicSizes) -> Result<Model, Error> {
+    Model::new(base, effects.to_vec(), scales, &InputPlace::setting(Setting::Effects))
 }
 
 /// The effect's parameters at the null; an unidentified one is set to its prior's median.
-fn null_of(effect: &dyn Effect, scales: &Scales) -> Vec<f64> {
+fn null_of(effect: &dyn Effect, scales: &CharacteristicSizes) -> Vec<f64> {
     let value = |p: &EffectParameter| (p.null)(scales).unwrap_or_else(|| (p.prior)(scales).quantile(0.5));
     effect.parameters().iter().map(value).collect()
 }
@@ -109,10 +109,10 @@ fn the_library_is_the_one_that_the_page_on_physics_has() {
             (cells[1].trim_matches('`').to_string(), cells[2].to_string(), cells[3].split(", ").count())
         })
         .collect();
-    let own = |effect: &&'static dyn Effect| {
+    let function = |effect: &&'static dyn Effect| {
         (effect.slug().to_string(), effect.stage().name().to_string(), effect.parameters().len())
     };
-    assert_eq!(written, EFFECTS.iter().map(own).collect::<Vec<_>>());
+    assert_eq!(written, EFFECTS.iter().map(function).collect::<Vec<_>>());
 }
 
 #[test]
@@ -142,11 +142,11 @@ fn suffix(unit: &str) -> String {
 fn parameters_are_named_by_their_effect_and_end_in_their_unit() {
     for &effect in EFFECTS {
         for EffectParameter { spec, .. } in effect.parameters() {
-            let own = spec.name.strip_prefix(effect.slug()).and_then(|rest| rest.strip_prefix('.')).unwrap();
+            let name = spec.name.strip_prefix(effect.slug()).and_then(|rest| rest.strip_prefix('.')).unwrap();
             let is_letter = |byte: u8| byte.is_ascii_lowercase() || byte.is_ascii_digit() || byte == b'_';
-            assert!(!own.is_empty() && own.bytes().all(is_letter), "{}", spec.name);
-            let is_named = spec.unit != "1" && own.ends_with(&suffix(spec.unit)) && own != &suffix(spec.unit)[1..];
-            let looks_like_a_unit = ["_s", "_m", "_pa", "_n"].iter().any(|unit| own.ends_with(unit));
+            assert!(!name.is_empty() && name.bytes().all(is_letter), "{}", spec.name);
+            let is_named = spec.unit != "1" && name.ends_with(&suffix(spec.unit)) && name != &suffix(spec.unit)[1..];
+            let looks_like_a_unit = ["_s", "_m", "_pa", "_n"].iter().any(|unit| name.ends_with(unit));
             assert!(is_named || (spec.unit == "1" && !looks_like_a_unit), "{} in `{}`", spec.name, spec.unit);
         }
     }
@@ -361,7 +361,7 @@ fn every_pair_of_effects_stands_together_and_takes_its_parameters_in_order() {
             let both_change_the_field = first.changes_field() && second.changes_field();
             let both_mechanics = first.stage() == Stage::Mechanics && second.stage() == Stage::Mechanics;
             let one_is_nonlinear = first.is_nonlinear() || second.is_nonlinear();
-            let is_beside_large = |other: &dyn Effect| other.acts_on_position();
+            let is_beside_large = |other: &dyn Effect| other.depends_on_position();
             let large_under_another_load =
                 (slugs.0 == LARGE && is_beside_large(*second)) || (slugs.1 == LARGE && is_beside_large(*first));
             let must_be_refused =
@@ -391,7 +391,7 @@ fn every_pair_of_effects_stands_together_and_takes_its_parameters_in_order() {
 
 #[test]
 fn instruments_take_all_but_what_needs_finite_elements() {
-    let instrument = Scales { poisson_ratio: None, ..PORCINE };
+    let instrument = CharacteristicSizes { poisson_ratio: None, ..PORCINE };
     let bare = stages_at(&model(BaseLaw::Lethersich, &[], PORCINE).unwrap(), &[]).unwrap();
     for &effect in EFFECTS {
         let outcome = model(BaseLaw::Lethersich, &[effect], instrument);
@@ -436,7 +436,7 @@ fn nonlinear_laws_refuse_networks_that_they_cannot_take_apart() {
 #[test]
 fn effects_of_the_law_mean_the_same_in_any_order() {
     let slugs = ["instantaneous-elasticity", "second-retardation", "fractional-damping"];
-    let own = [vec![0.3], vec![0.4, 6.0], vec![0.6]];
+    let valueses = [vec![0.3], vec![0.4, 6.0], vec![0.6]];
     let laws = [
         BaseLaw::Lethersich,
         network(SPRINGPOT_BESIDE_SPRING),
@@ -449,7 +449,7 @@ fn effects_of_the_law_mean_the_same_in_any_order() {
         for [i, j] in [[0, 1], [0, 2], [1, 2]] {
             let written = |order: [usize; 2]| {
                 let model = model(base, &order.map(|k| effect(slugs[k])), PORCINE).ok()?;
-                let stages = stages_at(&model, &order.map(|k| own[k].clone()).concat()).unwrap();
+                let stages = stages_at(&model, &order.map(|k| valueses[k].clone()).concat()).unwrap();
                 let mut law: Vec<String> = stages.law.iter().map(|element| format!("{element:?}")).collect();
                 law.sort();
                 Some(law)

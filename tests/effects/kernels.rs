@@ -3,21 +3,21 @@
 
 use std::sync::{Arc, OnceLock};
 
-use vitreo_uq::base::error::{Error, Place, Setting};
+use vitreo_uq::base::error::{Error, InputPlace, Setting};
 use vitreo_uq::base::number::Dual;
 use vitreo_uq::elements::fe::Stiffness;
-use vitreo_uq::elements::fe::spatial::{Sizes, Surroundings};
+use vitreo_uq::elements::fe::spatial::{GelAndRobot, PhysicalProperties};
 use vitreo_uq::elements::fe::time::FullOrderModel;
 use vitreo_uq::elements::mesh::{Mesh, QuarterBall};
 use vitreo_uq::laws::rheology::{BaseLaw, CreepCompliance, Element, Network, complex_modulus_pa};
-use vitreo_uq::laws::stages::Stepped;
-use vitreo_uq::models::effects::{EFFECTS, Effect, EffectParameter, Field, Stage};
+use vitreo_uq::laws::stages::SharedStepper;
+use vitreo_uq::models::effects::{EFFECTS, Effect, EffectParameter, FieldEffect, Stage};
 use vitreo_uq::models::model::{
-    Compliance, Forward, FullForward, Model, ReducedForward, Response, TrainedRange, convolve_m,
+    Compliance, Forward, FullOrderForward, Model, Response, SurrogateForward, TrainedRange, convolve_m,
 };
-use vitreo_uq::models::surrogate::trajectory::{LargeScope, LargeStepper, LargeSurface, Mobilities};
+use vitreo_uq::models::surrogate::trajectory::{LargeScope, LargeStepper, LargeSurface, MobilityRange};
 use vitreo_uq::models::surrogate::{FieldModels, Surrogate, Training};
-use vitreo_uq::record::{Force, ForceRule, Scales};
+use vitreo_uq::record::{CharacteristicSizes, Force, ForceRule};
 
 const POISSON_RATIO: f64 = 0.48;
 /// E, c₁, c₂, then the additional parameters of Burgers and of the two-element law.
@@ -28,7 +28,7 @@ struct Protocol {
     time_s: Vec<f64>,
     force_n: Vec<f64>,
     rule: ForceRule,
-    scales: Scales,
+    scales: CharacteristicSizes,
 }
 
 impl Protocol {
@@ -40,7 +40,7 @@ impl Protocol {
 fn protocol() -> Protocol {
     let time_s: Vec<f64> = (0..160).map(|i| 0.08 * f64::from(i) + if i % 3 == 1 { 0.03 } else { 0.0 }).collect();
     let force_n: Vec<f64> = (0..160).map(|i| [4.6e-6, -4.6e-6, 2e-6, 0.0, -3e-6][(i / 33) % 5]).collect();
-    let scales = Scales {
+    let scales = CharacteristicSizes {
         largest_force_n: 4.6e-6,
         position_range_m: 1e-3,
         hold_s: 2.64,
@@ -90,7 +90,7 @@ fn stiffness() -> &'static Stiffness {
 }
 
 /// The gel on the mesh for linear or nonlinear effects.
-fn surroundings(is_nonlinear: bool) -> Surroundings<'static> {
+fn surroundings(is_nonlinear: bool) -> GelAndRobot<'static> {
     static MESHES: [OnceLock<(Mesh, Stiffness)>; 2] = [const { OnceLock::new() }; 2];
     let ball = if is_nonlinear { COARSER_BALL } else { BALL };
     let (mesh, stiffness) = MESHES[usize::from(is_nonlinear)].get_or_init(|| {
@@ -99,11 +99,11 @@ fn surroundings(is_nonlinear: bool) -> Surroundings<'static> {
         (mesh, stiffness)
     });
     let robot_mass_kg = 7500.0 * 4.0 / 3.0 * std::f64::consts::PI * ball.robot_radius_m.powi(3);
-    Surroundings {
+    GelAndRobot {
         mesh,
         stiffness,
         poisson_ratio: POISSON_RATIO,
-        sizes: Sizes {
+        sizes: PhysicalProperties {
             gel_density_kg_m3: 1000.0,
             robot_mass_kg,
             robot_radius_m: ball.robot_radius_m,
@@ -118,30 +118,30 @@ fn fields(is_nonlinear: bool) -> &'static FieldModels {
     static FIELDS: [OnceLock<FieldModels>; 2] = [const { OnceLock::new() }; 2];
     let alike = EFFECTS.iter().copied().filter(|effect| effect.is_nonlinear() == is_nonlinear);
     let build_one = |effect| FieldModels::build(effect, &surroundings(is_nonlinear), &|| ()).expect("the mesh is good");
-    let build = || alike.fold(FieldModels::default(), |fields, effect| fields.or(build_one(effect)));
+    let build = || alike.fold(FieldModels::default(), |fields, effect| fields.merged_with(build_one(effect)));
     FIELDS[usize::from(is_nonlinear)].get_or_init(build)
 }
 
 fn is_large(model: &Model) -> bool {
-    matches!(model.field(), Some((_, Field::Large)))
+    matches!(model.field(), Some((_, FieldEffect::Large)))
 }
 
 /// Large displacements learned in the protocol of holds; only holds are supported.
-fn large_stepper() -> Stepped {
-    static LEARNT: OnceLock<Stepped> = OnceLock::new();
+fn large_stepper() -> SharedStepper {
+    static LEARNT: OnceLock<SharedStepper> = OnceLock::new();
     let learn = || {
         let protocol = protocol();
         let law = BaseLaw::Lethersich.elements(&LETHERSICH.map(Dual::constant));
         let radii_m = [BALL.robot_radius_m, BALL.outer_radius_m];
         let learnt = LargeSurface::learn(
             radii_m,
-            (&law, LargeScope { mobilities: Mobilities::OLDROYD_B, with_load: true }),
+            (&law, LargeScope { mobilities: MobilityRange::OLDROYD_B, with_load: true }),
             &protocol.time_s,
             protocol.force(),
             &|| (),
         )
         .expect("learns");
-        Stepped(Arc::new(LargeStepper::new(learnt, &protocol.time_s, protocol.force()).expect("a basis")))
+        SharedStepper(Arc::new(LargeStepper::new(learnt, &protocol.time_s, protocol.force()).expect("a basis")))
     };
     LEARNT.get_or_init(learn).clone()
 }
@@ -159,7 +159,7 @@ fn is_nonlinear(model: &Model) -> bool {
 fn compliance(model: &Model, protocol: &Protocol) -> Compliance {
     if is_slow(model) {
         let coarser = FullOrderModel::new(surroundings(true).stiffness, POISSON_RATIO).expect("positive definite");
-        return Compliance::given(coarser.compliance_per_m()).with_spread(|stages| fields(true).spread(stages));
+        return Compliance::fixed(coarser.compliance_per_m()).with_spread(|stages| fields(true).spread(stages));
     }
     static SURROGATE: OnceLock<Surrogate> = OnceLock::new();
     let surrogate = SURROGATE.get_or_init(|| {
@@ -180,21 +180,21 @@ fn compliance(model: &Model, protocol: &Protocol) -> Compliance {
         Surrogate::train(stiffness(), &training).expect("training succeeds")
     });
     let compliance = surrogate.compliance(POISSON_RATIO).expect("inside the range");
-    compliance.with_spread(|stages| fields(false).spread(stages)).with_learnt(|| Some(large_stepper()))
+    compliance.with_spread(|stages| fields(false).spread(stages)).with_trained(|| Some(large_stepper()))
 }
 
-fn model(effects: &[&'static dyn Effect], scales: Scales) -> Result<Model, Error> {
-    Model::new(BaseLaw::Lethersich, effects.to_vec(), scales, &Place::setting(Setting::Effects))
+fn model(effects: &[&'static dyn Effect], scales: CharacteristicSizes) -> Result<Model, Error> {
+    Model::new(BaseLaw::Lethersich, effects.to_vec(), scales, &InputPlace::setting(Setting::Effects))
 }
 
-fn reduced<'a>(model: &'a Model, protocol: &Protocol) -> ReducedForward<'a> {
+fn reduced<'a>(model: &'a Model, protocol: &Protocol) -> SurrogateForward<'a> {
     let response = Response::new(&protocol.time_s, protocol.force(), protocol.time_s.len());
-    ReducedForward { model, compliance: compliance(model, protocol), response, trained: &[] }
+    SurrogateForward { model, compliance: compliance(model, protocol), response, trained: &[] }
 }
 
-fn full<'a>(model: &'a Model, protocol: &'a Protocol) -> FullForward<'a> {
+fn full<'a>(model: &'a Model, protocol: &'a Protocol) -> FullOrderForward<'a> {
     let surroundings = surroundings(is_slow(model));
-    FullForward::new(model, surroundings.stiffness, POISSON_RATIO, &protocol.time_s, protocol.force())
+    FullOrderForward::new(model, surroundings.stiffness, POISSON_RATIO, &protocol.time_s, protocol.force())
         .expect("positive definite")
         .in_surroundings(surroundings)
 }
@@ -227,7 +227,7 @@ fn distance(a: &[f64], b: &[f64]) -> f64 {
 }
 
 /// Every effect alone and every allowed pair.
-fn models(scales: Scales) -> Vec<Model> {
+fn models(scales: CharacteristicSizes) -> Vec<Model> {
     let mut list: Vec<Model> = EFFECTS.iter().copied().filter_map(|effect| model(&[effect], scales).ok()).collect();
     for (i, first) in EFFECTS.iter().enumerate() {
         list.extend(EFFECTS[i + 1..].iter().filter_map(|second| model(&[*first, *second], scales).ok()));
@@ -248,7 +248,7 @@ fn at_the_null_the_base_returns() {
     let n_refused = n_fields * (n_fields - 1) / 2 + 2 * n_solved + 1 + 2 * n_nonlinear + 1;
     assert_eq!(models.len(), EFFECTS.len() * (EFFECTS.len() + 1) / 2 - n_refused);
     for model in &models {
-        let compliance_per_m = compliance(model, &protocol).given_per_m();
+        let compliance_per_m = compliance(model, &protocol).experiment_per_m();
         let base = convolve_m(compliance_per_m, &law, &protocol.time_s, protocol.force());
         let found = reduced(model, &protocol).trajectory_m(&null_of(model)).expect("the base is a model");
         assert!(distance(&found, &base) < 1e-12, "{model:?}: {:e}", distance(&found, &base));
@@ -311,8 +311,8 @@ fn tolerance(model: &Model, of_time: f64) -> f64 {
         return 1e-3;
     }
     match model.field() {
-        Some((_, Field::Pair(pair))) if pair.shape().is_some() => 1e-3,
-        Some((_, Field::Pores(_))) => 1e-3,
+        Some((_, FieldEffect::Pair(pair))) if pair.shape().is_some() => 1e-3,
+        Some((_, FieldEffect::Pores(_))) => 1e-3,
         Some(_) => 1e-4,
         None => of_time,
     }
@@ -357,11 +357,11 @@ fn sensitivities_agree_with_finite_differences() {
         let forward = reduced(&model, &protocol);
         let n_law = LETHERSICH.len();
         for index in 0..model.parameters().len() {
-            let own = index.checked_sub(n_law).map(|i| &effect.parameters()[i]);
-            if own.is_some_and(|own| own.spec.is_optional) {
+            let effect_parameter = index.checked_sub(n_law).map(|i| &effect.parameters()[i]);
+            if effect_parameter.is_some_and(|effect_parameter| effect_parameter.spec.is_optional) {
                 continue;
             }
-            let spread = own.map_or(0.1 * LETHERSICH[index.min(2)], |p| {
+            let spread = effect_parameter.map_or(0.1 * LETHERSICH[index.min(2)], |p| {
                 let prior = (p.prior)(&protocol.scales);
                 prior.quantile(0.75) - prior.quantile(0.25)
             });
@@ -377,9 +377,9 @@ fn sensitivities_agree_with_finite_differences() {
             let exact = forward.derivative_m(&inside, index).expect("differentiable inside");
             let name = model.parameters()[index].name;
             assert!(distance(&exact, &central) < 2e-5, "{name}: {:e}", distance(&exact, &central));
-            let Some(parameter) = own else { continue };
+            let Some(parameter) = effect_parameter else { continue };
             let null = null_of(&model);
-            if parameter.spec.is_squared {
+            if parameter.spec.enters_as_square {
                 let at_null = forward.derivative_m(&null, index).expect("differentiable at the null");
                 assert!(at_null.iter().all(|slope| *slope == 0.0), "{name}");
                 continue;
@@ -458,7 +458,7 @@ fn larger_laws_are_smaller_laws_with_an_effect() {
         ),
     ];
     for (law, added, slug, of_effect) in cases {
-        let larger = Model::new(law, vec![], protocol.scales, &Place::default()).expect("a law alone");
+        let larger = Model::new(law, vec![], protocol.scales, &InputPlace::default()).expect("a law alone");
         let smaller = model(&[named(slug)], protocol.scales).expect("an effect alone");
         let of = |added: &[f64]| LETHERSICH.iter().chain(added).copied().collect::<Vec<f64>>();
         let a = reduced(&larger, &protocol).trajectory_m(&of(&added)).expect("a model");
@@ -485,8 +485,9 @@ fn networks() -> [(BaseLaw, Vec<f64>); 4] {
 }
 
 fn of_effects(model: &Model, probability: f64) -> Vec<f64> {
-    let own = model.effects().iter().flat_map(|effect| effect.parameters()).enumerate();
-    own.map(|(i, p)| (p.prior)(model.scales()).quantile(if i % 2 == 0 { probability } else { 1.0 - probability }))
+    let enumerate = model.effects().iter().flat_map(|effect| effect.parameters()).enumerate();
+    enumerate
+        .map(|(i, p)| (p.prior)(model.scales()).quantile(if i % 2 == 0 { probability } else { 1.0 - probability }))
         .collect()
 }
 
@@ -508,16 +509,16 @@ fn assert_networks_agree(is_asked: fn(bool, usize) -> bool) {
     let protocol = protocol();
     let mut n_found = [0; 4];
     for ((law, of_law), n_found) in networks().into_iter().zip(&mut n_found) {
-        let alone = Model::new(law, vec![], protocol.scales, &Place::default()).expect("a law alone");
+        let alone = Model::new(law, vec![], protocol.scales, &InputPlace::default()).expect("a law alone");
         let base_m = reduced(&alone, &protocol).trajectory_m(&of_law).expect("a model");
         for &effect in EFFECTS {
-            let Ok(model) = Model::new(law, vec![effect], protocol.scales, &Place::default()) else { continue };
+            let Ok(model) = Model::new(law, vec![effect], protocol.scales, &InputPlace::default()) else { continue };
             *n_found += 1;
             let has_field = model.field().is_some();
             if !is_asked(has_field, of_law.len()) {
                 continue;
             }
-            let at = |own: Vec<f64>| [of_law.clone(), own].concat();
+            let at = |values: Vec<f64>| [of_law.clone(), values].concat();
             let null = effect
                 .parameters()
                 .iter()
@@ -577,11 +578,11 @@ fn effects_of_networks_are_larger_networks() {
             ),
         ),
     ];
-    for ((law, of_law, slug, own), (text, of_larger)) in cases {
+    for ((law, of_law, slug, values), (text, of_larger)) in cases {
         let named = EFFECTS.iter().copied().find(|effect| effect.slug() == slug).expect("in the library");
-        let smaller = Model::new(law, vec![named], protocol.scales, &Place::default()).expect("a model");
-        let larger = Model::new(network(&text), vec![], protocol.scales, &Place::default()).expect("a law alone");
-        let a = reduced(&smaller, &protocol).trajectory_m(&[of_law, own].concat()).expect("a model");
+        let smaller = Model::new(law, vec![named], protocol.scales, &InputPlace::default()).expect("a model");
+        let larger = Model::new(network(&text), vec![], protocol.scales, &InputPlace::default()).expect("a law alone");
+        let a = reduced(&smaller, &protocol).trajectory_m(&[of_law, values].concat()).expect("a model");
         let b = full(&larger, &protocol).trajectory_m(&of_larger).expect("a model");
         assert!(distance(&a, &b) < 1e-6, "{slug} on {law:?}: {:e}", distance(&a, &b));
         let b = reduced(&larger, &protocol).trajectory_m(&of_larger).expect("a model");
@@ -598,7 +599,7 @@ fn sensitivities_of_networks_agree_with_finite_differences() {
             ["instantaneous-elasticity", "second-retardation", "fractional-damping", "softening", "force-gradient"]
         {
             let effect = EFFECTS.iter().copied().find(|effect| effect.slug() == slug).expect("in the library");
-            let Ok(model) = Model::new(law, vec![effect], protocol.scales, &Place::default()) else { continue };
+            let Ok(model) = Model::new(law, vec![effect], protocol.scales, &InputPlace::default()) else { continue };
             let forward = reduced(&model, &protocol);
             let inside = [of_law.clone(), of_effects(&model, 0.4)].concat();
             for index in 0..inside.len() {
@@ -624,7 +625,7 @@ fn a_springpot_for_a_dashpot_has_a_derivative_where_it_is_one() {
     let protocol = protocol();
     let named = EFFECTS.iter().copied().find(|effect| effect.slug() == "fractional-damping").expect("in the library");
     for (law, of_law) in networks().into_iter().skip(2) {
-        let model = Model::new(law, vec![named], protocol.scales, &Place::default()).expect("a dashpot is there");
+        let model = Model::new(law, vec![named], protocol.scales, &InputPlace::default()).expect("a dashpot is there");
         let (reduced, full) = (reduced(&model, &protocol), full(&model, &protocol));
         let at = |order: f64| full.trajectory_m(&[of_law.clone(), vec![order]].concat()).expect("a model");
         let (here, near, far) = (at(1.0), at(1.0 - 2e-3), at(1.0 - 4e-3));

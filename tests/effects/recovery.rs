@@ -7,11 +7,11 @@ use rand_distr::{Distribution, StandardNormal};
 use rayon::prelude::*;
 use vitreo_uq::elements::fe::Stiffness;
 use vitreo_uq::elements::fe::stepping::Resolution;
-use vitreo_uq::jobs::extend::{ExtensionRequest, compared, refit};
+use vitreo_uq::jobs::extend::{ExtensionRequest, prepare_comparison, refit};
 use vitreo_uq::models::effects::{EFFECTS, Effect, Library};
-use vitreo_uq::models::model::{Forward, FullForward};
+use vitreo_uq::models::model::{Forward, FullOrderForward};
 use vitreo_uq::posterior::mechanics::{MODEL_LEVEL, robot_mesh};
-use vitreo_uq::posterior::monitor::Silent;
+use vitreo_uq::posterior::monitor::SilentMonitor;
 use vitreo_uq::posterior::prepared::PreparedModel;
 use vitreo_uq::posterior::problem::Problem;
 use vitreo_uq::posterior::replica::{TABLE_I, embedded};
@@ -49,7 +49,7 @@ fn problem_of(base: &Problem, effect: &dyn Effect) -> Problem {
 /// Positions (m) by the finer model; `None` if the effect has no model.
 fn finer_run(problem: &Problem, stiffness: &Stiffness, parameters: &[f64]) -> Option<Vec<f64>> {
     let (record, poisson_ratio) = (&problem.experiment.record, problem.model.scales().poisson_ratio.expect("a robot"));
-    let full = FullForward::new(&problem.model, stiffness, poisson_ratio, &record.time_s, &record.force_n);
+    let full = FullOrderForward::new(&problem.model, stiffness, poisson_ratio, &record.time_s, &record.force_n);
     let finer = Resolution { steps_per_doubling: 2 * Resolution::default().steps_per_doubling };
     full.expect("positive definite").with_resolution(finer).trajectory_m(parameters).ok()
 }
@@ -127,12 +127,12 @@ fn posteriors_cover_many_truths_as_often_as_they_say() {
     let file = directory.path().join("prior.toml");
     std::fs::write(&file, PRIOR).expect("writable");
     let specification = ModelSpecification { prior: file.display().to_string(), ..ModelSpecification::default() };
-    let base = Problem::new(experiment, specification, None, &Silent).expect("sound");
+    let base = Problem::new(experiment, specification, None, &SilentMonitor).expect("sound");
     let mut totals = [0_usize; 3];
     for (number, effect) in (0_u64..).zip(by_factor()) {
         let problem = problem_of(&base, effect);
         let problem = Problem { experiment: problem.experiment.for_comparison(), ..problem };
-        let prepared = PreparedModel::new(&problem, None, &Silent).expect("training succeeds");
+        let prepared = PreparedModel::new(&problem, None, &SilentMonitor).expect("training succeeds");
         let seeds = (0..n_replicates).map(|k| 1000 * number + k).collect::<Vec<u64>>();
         let found: Vec<Vec<[bool; 2]>> =
             seeds.par_iter().map(|seed| covered(&base, effect, &stiffness, &prepared, *seed)).collect();
@@ -162,7 +162,7 @@ fn posteriors_cover_many_truths_as_often_as_they_say() {
 fn assert_error_falls(is_asked: fn(&dyn Effect) -> bool) {
     let (experiment, _) = embedded().expect("embedded");
     let stiffness = finer_stiffness(&experiment);
-    let base = Problem::new(experiment, ModelSpecification::default(), None, &Silent).expect("sound");
+    let base = Problem::new(experiment, ModelSpecification::default(), None, &SilentMonitor).expect("sound");
     for (number, effect) in (0_u64..).zip(by_factor()).filter(|(_, effect)| is_asked(*effect)) {
         let problem = problem_of(&base, effect);
         // A value well inside the prior, away from the null.
@@ -177,11 +177,11 @@ fn assert_error_falls(is_asked: fn(&dyn Effect) -> bool) {
         let mut rng = ChaCha8Rng::seed_from_u64(70 + number);
         let made = noisy(&base.experiment, &position_m, &mut rng);
         let library = Library::default();
-        let lacking = base.with(made, ModelSpecification::default(), &library).expect("the base is a model");
+        let lacking = base.with_experiment(made, ModelSpecification::default(), &library).expect("the base is a model");
         let effects = [effect.slug().to_string()];
         let request = ExtensionRequest { effects: &effects, ..ExtensionRequest::default() };
-        let pair = compared(&lacking, &request, &library).expect("an effect alone is a model");
-        let summary = refit(pair, &request, &Silent).expect("extending succeeds").summary;
+        let pair = prepare_comparison(&lacking, &request, &library).expect("an effect alone is a model");
+        let summary = refit(pair, &request, &SilentMonitor).expect("extending succeeds").summary;
         let (before, after) =
             (summary.before.rmse_heldout_um.expect("scored"), summary.after.rmse_heldout_um.expect("scored"));
         println!("{:<26} held-out error {before:.2} → {after:.2} µm (noise 4)", effect.slug());

@@ -6,9 +6,9 @@ use vitreo_uq::base::distribution::Distribution;
 use vitreo_uq::documents::effects::EffectsSummary;
 use vitreo_uq::jobs::visibility;
 use vitreo_uq::models::effects::Library;
-use vitreo_uq::models::model::{Forward, ReducedForward};
+use vitreo_uq::models::model::{Forward, SurrogateForward};
 use vitreo_uq::posterior::fit;
-use vitreo_uq::posterior::monitor::Silent;
+use vitreo_uq::posterior::monitor::SilentMonitor;
 use vitreo_uq::posterior::prepared::{KeptSurrogate, PreparedModel};
 use vitreo_uq::posterior::problem::Problem;
 use vitreo_uq::posterior::replica::embedded;
@@ -73,7 +73,7 @@ struct Reference {
 
 impl Reference {
     fn new(problem: &Problem, kept: Option<KeptSurrogate>) -> Self {
-        let calibrated = fit::run(problem, kept, &Silent).expect("the fit succeeds");
+        let calibrated = fit::run(problem, kept, &SilentMonitor).expect("the fit succeeds");
         let kept = calibrated.model.to_keep().expect("hashable");
         let forward = calibrated.model.forward();
         let parameters = calibrated.model_parameters.clone();
@@ -111,8 +111,8 @@ impl Reference {
         specification.effects.push(slug.into());
         let extended = problem.with_model(specification, &Library::default()).expect("a model");
         let prepared =
-            PreparedModel::unverified(&extended, self.kept.clone(), &Silent).expect("the surrogate is there");
-        let forward = ReducedForward { trained: &[], ..prepared.forward() };
+            PreparedModel::unverified(&extended, self.kept.clone(), &SilentMonitor).expect("the surrogate is there");
+        let forward = SurrogateForward { trained: &[], ..prepared.forward() };
         let at = |of_effect: &[f64]| [&self.parameters[..], of_effect].concat();
         let shares: Vec<(f64, f64)> = match slug {
             "tracking-drift" => vec![central(&forward, &at(&[0.0]), 3, 1e-6)],
@@ -144,7 +144,7 @@ fn difference(there_m: &[f64], here_m: &[f64], step: f64) -> Vec<f64> {
     there_m.iter().zip(here_m).map(|(there, here)| (there - here) / step).collect()
 }
 
-fn central(forward: &ReducedForward, parameters: &[f64], index: usize, step: f64) -> Vec<f64> {
+fn central(forward: &SurrogateForward, parameters: &[f64], index: usize, step: f64) -> Vec<f64> {
     let run = |sign: f64| {
         let mut stepped = parameters.to_vec();
         stepped[index] += sign * step;
@@ -180,7 +180,7 @@ fn problem(prior: &str) -> Problem {
     let (mut experiment, _) = embedded().expect("embedded");
     experiment.noise_sd_m = Some(NOISE_SD_M);
     let specification = ModelSpecification { prior: prior.into(), ..ModelSpecification::default() };
-    Problem::new(experiment, specification, None, &Silent).expect("sound")
+    Problem::new(experiment, specification, None, &SilentMonitor).expect("sound")
 }
 
 fn found_in(summary: &EffectsSummary, slug: &str) -> (f64, f64) {
@@ -210,7 +210,7 @@ fn visible_shares_and_errors_are_those_of_generalised_least_squares() {
     for problem in [&white, &correlated] {
         let reference = Reference::new(problem, kept.take());
         kept = reference.kept.clone();
-        let summary = visibility::run(problem, &Library::default(), kept.clone(), &Silent).expect("it runs");
+        let summary = visibility::run(problem, &Library::default(), kept.clone(), &SilentMonitor).expect("it runs");
         assert!((summary.noise_um / 3.0 - 1.0).abs() < 1e-12, "{}", summary.noise_um);
         let slugs = ["tracking-drift", "force-asymmetry", "second-retardation"];
         let farthest = |variant: Variant| {
@@ -234,8 +234,8 @@ fn visible_shares_and_errors_are_those_of_generalised_least_squares() {
 #[ignore = "thorough"]
 fn what_large_displacements_would_move_is_said() {
     let (experiment, _) = embedded().expect("the replica");
-    let problem = Problem::new(experiment, ModelSpecification::default(), None, &Silent).expect("a problem");
-    let summary = visibility::run(&problem, &Library::default(), None, &Silent).expect("it runs");
+    let problem = Problem::new(experiment, ModelSpecification::default(), None, &SilentMonitor).expect("a problem");
+    let summary = visibility::run(&problem, &Library::default(), None, &SilentMonitor).expect("it runs");
     let entry = summary.effects.iter().find(|entry| entry.slug == "large-displacement").expect("in the library");
     println!("{}", entry.summary);
     let number = |before: &str, after: &str| -> f64 {

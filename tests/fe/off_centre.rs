@@ -6,11 +6,11 @@ use vitreo_uq::elements::fe::Stiffness;
 use vitreo_uq::elements::fe::exact::SphereInContainer;
 use vitreo_uq::elements::fe::meridional::{Direction, EccentricSphere, EccentricStiffness, Formulation, Resolution};
 use vitreo_uq::elements::fe::quality::MeshQuality;
-use vitreo_uq::elements::fe::spatial::Surroundings;
+use vitreo_uq::elements::fe::spatial::GelAndRobot;
 use vitreo_uq::elements::fe::surface::RobotSize;
 use vitreo_uq::elements::fe::time::FullOrderModel;
 use vitreo_uq::elements::mesh::Mesh;
-use vitreo_uq::models::effects::{EFFECTS, Field};
+use vitreo_uq::models::effects::{EFFECTS, FieldEffect};
 use vitreo_uq::posterior::mechanics::{robot_mesh, sizes_of};
 use vitreo_uq::record::{Offset, OffsetDirection, Orientation, Robot, RobotShape, Vitreous};
 
@@ -205,12 +205,12 @@ fn the_half_model_is_the_quarter_model_where_both_hold() {
     // Stiffness and mass or friction have comparable weight.
     for (slug, weight) in [("inertia", 1e4), ("interface-slip", 1e3)] {
         let effect = EFFECTS.iter().find(|effect| effect.slug() == slug).expect("an effect");
-        let Some(Field::Pair(pair)) = effect.field() else { panic!("{slug} has no matrices") };
+        let Some(FieldEffect::Pair(pair)) = effect.field() else { panic!("{slug} has no matrices") };
         let [quarter, half] = [centred, across].map(|robot| {
             let mesh = robot_mesh(&robot, &vitreous, 2).expect("a mesh");
             let stiffness = Stiffness::new(&mesh).expect("a sound mesh");
             let sizes = sizes_of(&robot, &vitreous, Some(2));
-            let surroundings = Surroundings { mesh: &mesh, stiffness: &stiffness, poisson_ratio: 0.48, sizes };
+            let surroundings = GelAndRobot { mesh: &mesh, stiffness: &stiffness, poisson_ratio: 0.48, sizes };
             let system = pair.system(&surroundings, None).expect("sound matrices").system;
             let factor = system.factor([1.0, weight]).expect("definite");
             let mut field = vec![0.0; system.n_unknowns()];

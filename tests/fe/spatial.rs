@@ -5,16 +5,16 @@ use std::f64::consts::PI;
 use nalgebra::{DMatrix, DVector};
 use vitreo_uq::base::number::Dual;
 use vitreo_uq::elements::fe::Stiffness;
-use vitreo_uq::elements::fe::meridional::{SecondMatrix, pair_around_sphere};
-use vitreo_uq::elements::fe::spatial::{Sizes, SpatialJob, SpatialSystem, SteppedSystem, Surroundings};
+use vitreo_uq::elements::fe::meridional::{EffectMatrix, build_effect_system};
+use vitreo_uq::elements::fe::spatial::{GelAndRobot, PhysicalProperties, SpatialInput, SpatialSystem, SteppedSystem};
 use vitreo_uq::elements::fe::transient::{self, Load, Resolution};
 use vitreo_uq::elements::mesh::QuarterBall;
 use vitreo_uq::laws::rheology::{
     Accuracy, BaseLaw, CreepCompliance, Element, RetardationSpectrum, SpreadTerm, TimeWindow,
 };
-use vitreo_uq::models::effects::{EFFECTS, Effect, Field, LinearField, MatrixPair, Spatial, Stages};
-use vitreo_uq::models::surrogate::spread::SpreadModes;
-use vitreo_uq::record::{Force, ForceRule, Scales};
+use vitreo_uq::models::effects::{EFFECTS, Effect, FieldEffect, LinearField, MatrixPair, Spatial, Stages};
+use vitreo_uq::models::surrogate::spread::FieldModes;
+use vitreo_uq::record::{CharacteristicSizes, Force, ForceRule};
 
 const RADIUS_M: f64 = 0.275e-3;
 const OUTER_RADIUS_M: f64 = 10e-3;
@@ -25,8 +25,8 @@ fn ball(level: usize) -> QuarterBall {
     QuarterBall { robot_radius_m: RADIUS_M, outer_radius_m: OUTER_RADIUS_M, n_per_edge: level, n_layers: 4 * level }
 }
 
-fn sizes(level: usize) -> Sizes {
-    Sizes {
+fn sizes(level: usize) -> PhysicalProperties {
+    PhysicalProperties {
         gel_density_kg_m3: GEL_DENSITY,
         robot_mass_kg: 4.0 / 3.0 * PI * RADIUS_M.powi(3) * ROBOT_DENSITY,
         robot_radius_m: RADIUS_M,
@@ -38,7 +38,7 @@ fn sizes(level: usize) -> Sizes {
 /// Effects that bring two matrices.
 fn pairs() -> Vec<(&'static dyn Effect, &'static dyn MatrixPair)> {
     let pair = |effect: &&'static dyn Effect| match effect.field() {
-        Some(Field::Pair(pair)) => Some((*effect, pair)),
+        Some(FieldEffect::Pair(pair)) => Some((*effect, pair)),
         _ => None,
     };
     EFFECTS.iter().filter_map(pair).collect()
@@ -48,10 +48,10 @@ fn pair(slug: &str) -> &'static dyn MatrixPair {
     pairs().into_iter().find(|(effect, _)| effect.slug() == slug).expect("an effect with matrices").1
 }
 
-fn with_surroundings<T>(level: usize, poisson_ratio: f64, job: impl Fn(&Surroundings<'_>) -> T) -> T {
+fn with_surroundings<T>(level: usize, poisson_ratio: f64, job: impl Fn(&GelAndRobot<'_>) -> T) -> T {
     let mesh = ball(level).mesh().unwrap();
     let stiffness = Stiffness::new(&mesh).expect("a sound mesh");
-    job(&Surroundings { mesh: &mesh, stiffness: &stiffness, poisson_ratio, sizes: sizes(level) })
+    job(&GelAndRobot { mesh: &mesh, stiffness: &stiffness, poisson_ratio, sizes: sizes(level) })
 }
 
 fn system(level: usize, poisson_ratio: f64, pair: &dyn MatrixPair, shape: Option<f64>) -> SpatialSystem {
@@ -255,7 +255,7 @@ fn reduced_terms_agree_with_the_full_model_between_snapshots() {
                 (mean - splitting.reference, 1.0 / stiffness(&system, [1.0, mean]))
             })
             .collect();
-        let modes = SpreadModes::new(&system, &splitting, 1e-6).unwrap();
+        let modes = FieldModes::new(&system, &splitting, 1e-6).unwrap();
         for (x, full_per_m) in &between {
             let exact = full_per_m / modes.compliance_per_m;
             // Scale: the compliance at rest, or the actual one if a soft wall makes it larger.
@@ -276,13 +276,13 @@ fn law() -> Vec<Element> {
     BaseLaw::Lethersich.elements(&[3.527, 1.402, 47.370].map(Dual::constant))
 }
 
-fn terms(modes: &SpreadModes) -> Vec<SpreadTerm> {
+fn terms(modes: &FieldModes) -> Vec<SpreadTerm> {
     let term = |(weight, number): (&f64, &f64)| SpreadTerm { weight: (*weight).into(), number: (*number).into() };
     modes.weights.iter().zip(&modes.numbers).map(term).collect()
 }
 
 /// Sizes of the reference experiment.
-const SCALES: Scales = Scales {
+const SCALES: CharacteristicSizes = CharacteristicSizes {
     largest_force_n: 4.6e-6,
     position_range_m: 0.98e-3,
     hold_s: 5.0,
@@ -319,14 +319,14 @@ fn creep_by_terms_agrees_with_time_stepping() {
         let (_, field) = stages(effect);
         let system = system(2, 0.48, pair, field.shape.map(|shape| shape.value));
         let splitting = pair.splitting(&sizes(2));
-        let modes = SpreadModes::new(&system, &splitting, 1e-6).unwrap();
+        let modes = FieldModes::new(&system, &splitting, 1e-6).unwrap();
         let spectrum =
             RetardationSpectrum::spread(&law(), &field.beside, &terms(&modes), window, Accuracy::Fine).unwrap();
         let time_s: Vec<f64> = (0..=250).map(|i| 0.02 * f64::from(i)).collect();
         let force_n = vec![4.6e-6; time_s.len()];
         let (stepped, laws) = SteppedSystem::new(&system, &law(), &field.beside);
         let chains: Vec<transient::ChainLaw> =
-            laws.iter().map(|law| transient::chain_of(law, window).unwrap()).collect();
+            laws.iter().map(|law| transient::to_chain(law, window).unwrap()).collect();
         let run =
             transient::run(&stepped, &chains, &Load::commanded(&time_s, &force_n), &time_s, &[], Resolution::default())
                 .unwrap();
@@ -364,12 +364,12 @@ fn superposition_is_what_steps_through_every_switch_give() {
             stages.load.negative_factor = if rule == ForceRule::Hold { 0.9.into() } else { Dual::ONE };
             stages.load.offset_n = 2e-7.into();
             let (force, resolution) = (Force { at_rows_n: &force_n, rule }, Resolution::default());
-            let job = SpatialJob { stages: &stages, time_s: &time_s, force, rows: &rows, resolution };
+            let job = SpatialInput { stages: &stages, time_s: &time_s, force, rows: &rows, resolution };
             let superposed = job.run(&system, &linear.beside).unwrap();
             let (stepped, laws) = SteppedSystem::new(&system, &stages.law, &linear.beside);
             let window = TimeWindow { shortest_s: 1e-3, longest_s: 3.9 };
             let chains: Vec<transient::ChainLaw> =
-                laws.iter().map(|law| transient::chain_of(law, window).unwrap()).collect();
+                laws.iter().map(|law| transient::to_chain(law, window).unwrap()).collect();
             let load = Load::of(&stages.load, &time_s, force);
             let exact = transient::run(&stepped, &chains, &load, &time_s, &rows, resolution).unwrap();
             let amplitude = exact.position_m.iter().fold(0.0_f64, |most, x| most.max(x.abs()));
@@ -399,7 +399,7 @@ fn superposition_is_what_steps_through_every_switch_give() {
 #[test]
 fn elements_in_the_half_meridian_meet_the_closed_forms() {
     for nu in [0.3, 0.48, 0.499] {
-        let system = |second: SecondMatrix| pair_around_sphere(RADIUS_M, OUTER_RADIUS_M, nu, second).unwrap();
+        let system = |second: EffectMatrix| build_effect_system(RADIUS_M, OUTER_RADIUS_M, nu, second).unwrap();
         let check = |what: &str, found: f64, exact: f64| {
             let error = found / exact - 1.0;
             assert!(error.abs() < 1e-7, "{what}, ν = {nu}: {error:e}");
@@ -421,7 +421,7 @@ fn elements_in_the_half_meridian_meet_the_closed_forms() {
     }
     let nu = 0.499_999;
     let second = pair("inertia").around_sphere(&sizes(1), None).expect("a sphere");
-    let inertia = pair_around_sphere(RADIUS_M, OUTER_RADIUS_M, nu, second).unwrap();
+    let inertia = build_effect_system(RADIUS_M, OUTER_RADIUS_M, nu, second).unwrap();
     let mu = 1.0 / (2.0 * (1.0 + nu));
     for y in [0.2, 1.0, 5.0] {
         let s_squared = y * mu / (GEL_DENSITY * RADIUS_M * RADIUS_M);
@@ -444,13 +444,13 @@ fn runs_in_the_half_meridian_are_those_that_finer_meshes_tend_to() {
         let field = effect.field().expect("matrices");
         let (stages, linear) = stages(effect);
         let (time_s, force, resolution) = (&time_s[..], (&force_n).into(), Resolution::default());
-        let job = SpatialJob { stages: &stages, time_s, force, rows: &[], resolution };
+        let job = SpatialInput { stages: &stages, time_s, force, rows: &[], resolution };
         let error = |level: usize| {
             with_surroundings(level, 0.48, |gel| {
                 let other = field.run(gel, &linear, &job).unwrap().position_m;
-                let own = field.run_in_half_meridian(gel, &linear, &job).unwrap().expect("a sphere");
-                let amplitude = own.iter().fold(0.0_f64, |most, x| most.max(x.abs()));
-                own.iter().zip(&other).fold(0.0_f64, |most, (a, b)| most.max((a - b).abs())) / amplitude
+                let values = field.run_in_half_meridian(gel, &linear, &job).unwrap().expect("a sphere");
+                let amplitude = values.iter().fold(0.0_f64, |most, x| most.max(x.abs()));
+                values.iter().zip(&other).fold(0.0_f64, |most, (a, b)| most.max((a - b).abs())) / amplitude
             })
         };
         let (coarse, fine) = (error(1), error(2));

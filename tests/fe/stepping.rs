@@ -6,7 +6,7 @@ use vitreo_uq::elements::fe::stepping::Resolution;
 use vitreo_uq::elements::fe::time::{FullOrderModel, TimeScheme};
 use vitreo_uq::elements::mesh::QuarterBall;
 use vitreo_uq::laws::rheology::BaseLaw;
-use vitreo_uq::models::effects::{Approach, Stages};
+use vitreo_uq::models::effects::{DriftApproach, Stages};
 
 /// Largest difference over the largest value of `exact`.
 fn distance(found: &[f64], exact: &[f64]) -> f64 {
@@ -26,7 +26,8 @@ fn positions_and_fields_are_those_of_the_exact_scheme_and_the_camera_sees_them_a
     let mut stages = Stages::of_law(BaseLaw::Lethersich.elements(&parameters.map(Dual::constant)));
     stages.observation.scale = Dual::constant(1.2);
     stages.observation.velocity_m_per_s = Dual::constant(2e-6);
-    stages.observation.approaches = vec![Approach { amplitude_m: Dual::constant(1e-5), time_s: Dual::constant(0.7) }];
+    stages.observation.approaches =
+        vec![DriftApproach { amplitude_m: Dual::constant(1e-5), time_s: Dual::constant(0.7) }];
 
     let stepped = model.step(&stages, &time_s, &force_n, Resolution::default()).expect("a sound model");
     let load = model.solve_load(&time_s, &force_n);

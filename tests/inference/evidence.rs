@@ -153,7 +153,7 @@ fn all_three_ways_agree_with_quadrature_where_an_amplitude_is_next_to_nothing() 
     let target = Amplitude::new();
     let seen = PriorCoordinates::new(&target, target.prior.distributions());
     let exact = Amplitude::ln_evidence(None);
-    let start = |amplitude: f64, level: f64| vec![seen.of_natural(0, amplitude), seen.of_natural(1, level)];
+    let start = |amplitude: f64, level: f64| vec![seen.from_natural(0, amplitude), seen.from_natural(1, level)];
     let weighted = by_importance(&seen, &[start(0.1, 0.2), start(0.003, 0.0)]);
     assert_importance(&weighted, exact, 0.03);
     let tempered = tempering::evidence(&seen, &Modes::default(), &TemperingOptions::default()).expect("finite");
@@ -261,7 +261,7 @@ fn both_ways_give_the_evidence_of_two_modes_and_do_not_depend_on_threads() {
         .sum();
     assert_tempering(&found, exact, 0.15);
     let starts: Vec<Vec<f64>> =
-        [-3.0, 3.0].map(|a| (0..5).map(|d| seen.of_natural(d, if d == 0 { a } else { d as f64 })).collect()).to_vec();
+        [-3.0, 3.0].map(|a| (0..5).map(|d| seen.from_natural(d, if d == 0 { a } else { d as f64 })).collect()).to_vec();
     assert_importance(&by_importance(&seen, &starts), exact, 0.03);
     // The weights of modes fluctuate, as 500 particles are resampled about sixty times: 0.2 is about four errors of three replicates.
     assert!((found.draws.mean(|x| f64::from(u8::from(x[0] > 0.0))) - 0.5).abs() < 0.2);

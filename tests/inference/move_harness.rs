@@ -8,7 +8,7 @@ use statrs::distribution::{ContinuousCDF, StudentsT};
 use std::sync::Arc;
 use vitreo_uq::sampling::LogDensity;
 use vitreo_uq::sampling::ensemble::moves::{
-    DifferentialEvolution, Independence, Mixture, Move, Points, Snooker, Stretch, default_move,
+    DifferentialEvolution, Independence, Mixture, Move, Snooker, Stretch, WalkerPoints, default_move,
 };
 use vitreo_uq::sampling::ensemble::{Ensemble, Kernel, RandomStream};
 use vitreo_uq::sampling::optimum::{Modes, Optimum};
@@ -143,14 +143,14 @@ impl Move for WithoutFactor {
     }
     fn propose(
         &self,
-        moving: Points,
-        complement: Points,
+        moving: WalkerPoints,
+        complement: WalkerPoints,
         shared: &mut RandomStream,
-        own: &mut [RandomStream],
+        random_streams: &mut [RandomStream],
         proposals: &mut [f64],
         log_factors: &mut [f64],
     ) {
-        self.0.propose(moving, complement, shared, own, proposals, log_factors);
+        self.0.propose(moving, complement, shared, random_streams, proposals, log_factors);
         log_factors.fill(0.0);
     }
 }

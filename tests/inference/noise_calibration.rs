@@ -4,9 +4,9 @@
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
-use vitreo_uq::base::error::Place;
+use vitreo_uq::base::error::InputPlace;
 use vitreo_uq::models::model::Forward;
-use vitreo_uq::posterior::monitor::Silent;
+use vitreo_uq::posterior::monitor::SilentMonitor;
 use vitreo_uq::posterior::noise::{NoiseLikelihood, NoiseModel};
 use vitreo_uq::posterior::prepared::PreparedModel;
 use vitreo_uq::posterior::problem::Problem;
@@ -68,13 +68,13 @@ fn ranks(base: &Problem, seed: u64) -> Vec<f64> {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     let truth = base.priors.draw(&mut rng);
     let n_model = base.model.parameters().len();
-    let prepared = PreparedModel::new(base, None, &Silent).expect("an instrument needs no training");
+    let prepared = PreparedModel::new(base, None, &SilentMonitor).expect("an instrument needs no training");
     let position_m = prepared.forward().trajectory_m(&truth[..n_model]).expect("a model");
     let mut experiment = base.experiment.clone();
     let record = &mut experiment.record;
     let noise_m = base.noise.simulate_m(&record.time_s, &record.cycle, &position_m, &truth[n_model..], &mut rng);
     record.position_m = position_m.iter().zip(noise_m).map(|(x, e)| Some(x + e)).collect();
-    let problem = base.with(experiment, base.specification.clone(), &Default::default()).expect("a model");
+    let problem = base.with_experiment(experiment, base.specification.clone(), &Default::default()).expect("a model");
     let prepared = prepared.for_problem(problem);
     let (problem, posterior) = (&prepared.problem, prepared.posterior());
     let starts: Vec<Vec<f64>> =
@@ -101,7 +101,7 @@ fn assert_uniform(n_replicates: u64) {
         prior: file.display().to_string(),
         ..ModelSpecification::default()
     };
-    let base = Problem::new(experiment(), specification, None, &Silent).expect("sound");
+    let base = Problem::new(experiment(), specification, None, &SilentMonitor).expect("sound");
     let all: Vec<Vec<f64>> = (0..n_replicates).into_par_iter().map(|seed| ranks(&base, seed)).collect();
     let n = n_replicates as f64;
     for (d, name) in base.priors.names().enumerate() {
@@ -125,8 +125,8 @@ const N_SIMULATED: usize = 1_500;
 fn simulated_noise_has_the_density_of_the_likelihood() {
     let experiment = experiment();
     let record = &experiment.record;
-    let noise =
-        NoiseModel::named(&["white", "ou", "gain", "student"].map(String::from), &Place::default()).expect("known");
+    let noise = NoiseModel::named(&["white", "ou", "gain", "student"].map(String::from), &InputPlace::default())
+        .expect("known");
     let position_m = |size: f64| -> Vec<f64> { record.time_s.iter().map(|t| size * 4e-4 * (0.9 * t).sin()).collect() };
     let truth: Vec<f64> = ALL_TERMS.into_iter().chain([1.0]).collect();
     let scores = |number: usize| -> Vec<[f64; 2]> {
@@ -157,8 +157,8 @@ fn simulated_noise_has_the_density_of_the_likelihood() {
     let n = N_SIMULATED as f64;
     for k in 0..truth.len() {
         for (which, name) in ["score", "information"].into_iter().enumerate() {
-            let mean = all.iter().map(|own| own[k][which]).sum::<f64>() / n;
-            let variance = all.iter().map(|own| (own[k][which] - mean).powi(2)).sum::<f64>() / (n - 1.0);
+            let mean = all.iter().map(|valueses| valueses[k][which]).sum::<f64>() / n;
+            let variance = all.iter().map(|valueses| (valueses[k][which] - mean).powi(2)).sum::<f64>() / (n - 1.0);
             let z = mean / (variance / n).sqrt();
             println!("parameter {k}: {name} {z:>5.2}");
             assert!(z.abs() < 6.0, "parameter {k}: {name} {z}");

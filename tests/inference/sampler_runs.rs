@@ -5,7 +5,7 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::time::Duration;
 use vitreo_uq::Error;
 use vitreo_uq::sampling::LogDensity;
-use vitreo_uq::sampling::ensemble::{Batches, Checkpointing, Demands, RunControl, SampleOutcome};
+use vitreo_uq::sampling::ensemble::{Batches, Checkpointing, ConvergenceCriteria, RunControl, SampleOutcome};
 use vitreo_uq::sampling::{SamplerOptions, sample};
 
 /// A curved ridge, x₀ ~ N(0, 1), x₁ | x₀ ~ N(x₀², 1), x₂ ~ N(0, 1). It counts its points and sets a flag at one of them.
@@ -62,7 +62,7 @@ fn uninterrupted() -> SampleOutcome {
 #[test]
 fn threads_do_not_change_a_bit() {
     let expected = bits(&uninterrupted());
-    for (threads, batches) in [(2, Batches::Whole), (3, Batches::Measured), (1, Batches::Split), (8, Batches::Split)] {
+    for (threads, batches) in [(2, Batches::Whole), (3, Batches::Auto), (1, Batches::Split), (8, Batches::Split)] {
         let outcome =
             sample(&Banana::stopping_at(u64::MAX), &starts(), &options(threads, batches), &RunControl::default())
                 .unwrap();
@@ -238,7 +238,8 @@ fn too_few_steps_are_said_in_words() {
 }
 
 /// Convergence criteria that any run meets.
-const NO_DEMANDS: Demands = Demands { autocorrelation_times: 1.0, rhat: 10.0, ess: 1.0, rhat_walkers: 10.0 };
+const NO_DEMANDS: ConvergenceCriteria =
+    ConvergenceCriteria { autocorrelation_times: 1.0, rhat: 10.0, ess: 1.0, rhat_walkers: 10.0 };
 
 /// Only steps after the burn-in are kept, all of them.
 #[test]
@@ -258,7 +259,7 @@ fn unknown_bump(seed: u64, gap: f64, max_steps: u64, stop_when_converged: bool) 
         jump_fraction: 0.0,
         store_every: Some(1),
         stop_when_converged,
-        demands: NO_DEMANDS,
+        convergence: NO_DEMANDS,
         ..SamplerOptions::default()
     };
     sample(&target, &[vec![-0.5, 0.5]], &options, &RunControl::default()).unwrap()

@@ -13,7 +13,7 @@ use vitreo_uq::models::model::{Compliance, Model, TrainedRange, convolve_m};
 use vitreo_uq::posterior::likelihood::{FittedRecord, PosteriorParts, ReducedPosterior};
 use vitreo_uq::posterior::noise::NoiseModel;
 use vitreo_uq::posterior::prior::PriorSet;
-use vitreo_uq::sampling::calibration::{Ranks, apart, chi_square, rank};
+use vitreo_uq::sampling::calibration::{Ranks, chi_square, independent_draw_indices, rank};
 use vitreo_uq::sampling::ensemble::{RandomStream, RunControl};
 use vitreo_uq::sampling::{LogDensity, SamplerOptions, sample};
 
@@ -62,7 +62,7 @@ where
         let mut at_truth = [0.0];
         density.log_density(&truth, &mut at_truth);
         let draws = &outcome.draws;
-        let places = apart(draws, N_DRAWS);
+        let places = independent_draw_indices(draws, N_DRAWS);
         let of = |value: &dyn Fn(usize, usize, usize) -> f64| {
             places.iter().map(|&[e, step, w]| value(e, step, w)).collect::<Vec<f64>>()
         };
@@ -101,7 +101,7 @@ fn chi_squares(replicates: &Replicates) -> Vec<f64> {
 /// For a Gaussian posterior whose sd is wrong by a factor f, u = Φ(z/f). With the long test's 512 replicates the expected spread reaches the limit at
 /// f = 0.83 or 1.22, so half of such mistakes are caught; the χ² of 16 bins needs 0.80 or 1.31. With 192 replicates the spread reaches it at 0.72 or 1.4.
 fn scores(replicates: &Replicates) -> Vec<[f64; 2]> {
-    replicates.quantities().iter().map(|ranks| [ranks.place(), ranks.spread()]).collect()
+    replicates.quantities().iter().map(|ranks| [ranks.location_score(), ranks.dispersion_score()]).collect()
 }
 
 /// Number of statistics asserted for a correct program: χ², location and spread of five quantities.
@@ -150,7 +150,7 @@ fn reduced_posterior(truth: &[f64], stream: &mut RandomStream, noise_factor: f64
     let parts = PosteriorParts {
         model: MODEL.get_or_init(Model::lethersich),
         noise: NoiseModel::default(),
-        compliance: Compliance::given(COMPLIANCE_PER_M),
+        compliance: Compliance::fixed(COMPLIANCE_PER_M),
         trained: trained(),
         priors: priors(),
         fixed: &FIXED,

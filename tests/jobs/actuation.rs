@@ -6,7 +6,7 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::StandardNormal;
 use vitreo_uq::posterior::fit;
-use vitreo_uq::posterior::monitor::Silent;
+use vitreo_uq::posterior::monitor::SilentMonitor;
 use vitreo_uq::posterior::problem::Problem;
 use vitreo_uq::posterior::study::ModelSpecification;
 use vitreo_uq::record::Experiment;
@@ -76,8 +76,8 @@ fn log_of_force() -> String {
 
 /// Fitted parameters over the true ones.
 fn ratios(experiment: Experiment) -> [f64; 3] {
-    let problem = Problem::new(experiment, ModelSpecification::default(), None, &Silent).expect("a problem");
-    let summary = fit::run(&problem, None, &Silent).expect("a fit").summary;
+    let problem = Problem::new(experiment, ModelSpecification::default(), None, &SilentMonitor).expect("a problem");
+    let summary = fit::run(&problem, None, &SilentMonitor).expect("a fit").summary;
     std::array::from_fn(|k| summary.parameters[k].value / TRUTH[k])
 }
 

@@ -63,17 +63,17 @@ fn trajectories_are_what_full_finite_elements_make() {
 /// The program reads every experiment: labelled, of this apparatus, with the missing parts that the note names.
 #[test]
 fn every_experiment_is_read_and_says_that_it_is_synthetic() {
-    for own in cohort::experiments() {
-        let (read, files) = vitreo_uq::record::Experiment::read(&directory().join(&own.name)).unwrap();
+    for experiment in cohort::experiments() {
+        let (read, files) = vitreo_uq::record::Experiment::read(&directory().join(&experiment.name)).unwrap();
         assert!(files.toml_bytes.starts_with(b"# SYNTHETIC") && read.source.starts_with("SYNTHETIC"));
-        assert_eq!((&read.specimen_id, read.species.as_deref()), (&own.specimen, Some(own.species.name)));
-        assert_eq!(read.region.as_deref(), Some(own.region));
-        let (robot, vitreous) = own.species.apparatus();
+        assert_eq!((&read.specimen_id, read.species.as_deref()), (&experiment.specimen, Some(experiment.species.name)));
+        assert_eq!(read.region.as_deref(), Some(experiment.region));
+        let (robot, vitreous) = experiment.species.apparatus();
         assert_eq!(read.apparatus, Apparatus::Robot { robot, vitreous });
-        assert!((1e6 * read.noise_sd_m.unwrap() - own.noise_um).abs() < 1e-9);
+        assert!((1e6 * read.noise_sd_m.unwrap() - experiment.noise_um).abs() < 1e-9);
         let n_lost = read.record.position_m.iter().filter(|position| position.is_none()).count();
-        assert_eq!(n_lost > 0, own.note == "positions lost", "{}", own.name);
-        assert_eq!(read.record.n_rows() < 300, own.note == "gap", "{}", own.name);
+        assert_eq!(n_lost > 0, experiment.note == "positions lost", "{}", experiment.name);
+        assert_eq!(read.record.n_rows() < 300, experiment.note == "gap", "{}", experiment.name);
     }
 }
 
@@ -106,11 +106,11 @@ fn the_readme_states_the_numbers_that_made_the_cohort() {
     let experiments = cohort::experiments();
     says(format!("{} creep experiments", experiments.len()));
     for species in &cohort::SPECIES {
-        let own = experiments.iter().filter(|experiment| experiment.species.name == species.name).count();
+        let index = experiments.iter().filter(|experiment| experiment.species.name == species.name).count();
         assert!(
             readme
                 .lines()
-                .any(|l| l.starts_with(&format!("| {} |", species.name)) && l.ends_with(&format!("| {own} |")))
+                .any(|l| l.starts_with(&format!("| {} |", species.name)) && l.ends_with(&format!("| {index} |")))
         );
         let median: [f64; 3] =
             std::array::from_fn(|i| vitreo_uq::posterior::replica::TABLE_I[i] * species.ratio_to_porcine[i]);

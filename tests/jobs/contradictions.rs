@@ -6,8 +6,8 @@
 mod contradictory;
 
 use contradictory::{KINDS, record};
-use vitreo_uq::posterior::check::{contradictions, refuse_certain, summary};
-use vitreo_uq::posterior::monitor::Silent;
+use vitreo_uq::posterior::check::{contradictions, refuse_contradictions, summary};
+use vitreo_uq::posterior::monitor::SilentMonitor;
 use vitreo_uq::posterior::replica;
 use vitreo_uq::record::ForceRule;
 
@@ -16,7 +16,7 @@ fn what_contradicts_a_description_is_found() {
     for (place, kind) in KINDS.iter().enumerate() {
         let is_found = |seed: &u64| {
             let (experiment, files) = record(Some(kind), *seed);
-            contradictions(&experiment, &files.understood).iter().any(|contradiction| contradiction.kind == *kind)
+            contradictions(&experiment, &files.interpretation).iter().any(|contradiction| contradiction.kind == *kind)
         };
         let first = 77_000_000 + 1_000 * place as u64;
         let n_found = (first..first + 10).filter(is_found).count();
@@ -29,7 +29,7 @@ fn sound_records_are_left_alone() {
     let called: Vec<(u64, Vec<_>)> = (78_000_000..78_000_040)
         .map(|seed| {
             let (experiment, files) = record(None, seed);
-            let mut called = contradictions(&experiment, &files.understood);
+            let mut called = contradictions(&experiment, &files.interpretation);
             // Sines are sampled as curves but described as lines, so this finding is correct.
             called.retain(|one| one.kind != "curve_between_rows" || experiment.record.force_rule == ForceRule::Hold);
             (seed, called)
@@ -44,15 +44,15 @@ fn sound_records_are_left_alone() {
 #[test]
 fn what_is_certain_is_refused_with_its_remedy() {
     let (experiment, files) = record(Some("against_force"), 1);
-    let refused = refuse_certain(&experiment, &files.understood, &Silent).unwrap_err();
+    let refused = refuse_contradictions(&experiment, &files.interpretation, &SilentMonitor).unwrap_err();
     assert_eq!(refused.exit_code(), 2);
     assert!(refused.to_string().contains("direction = \"-\""), "{refused}");
     // The remedy of another kind works: stating the force rule.
     let (experiment, mut files) = record(Some("force_between_rows"), 1);
-    let refused = refuse_certain(&experiment, &files.understood, &Silent).unwrap_err().to_string();
+    let refused = refuse_contradictions(&experiment, &files.interpretation, &SilentMonitor).unwrap_err().to_string();
     assert!(refused.contains("`force_between_rows`"), "{refused}");
-    files.understood.force_rule_given = true;
-    assert!(refuse_certain(&experiment, &files.understood, &Silent).is_ok());
+    files.interpretation.force_rule_given = true;
+    assert!(refuse_contradictions(&experiment, &files.interpretation, &SilentMonitor).is_ok());
     let document = summary(&experiment, &files);
     assert_eq!(document.understood.sentences.len(), 5);
 }

@@ -9,10 +9,10 @@ use rand_chacha::ChaCha8Rng;
 use rand_distr::StandardNormal;
 use vitreo_uq::posterior::check::contradictions;
 use vitreo_uq::posterior::fit;
-use vitreo_uq::posterior::monitor::Silent;
+use vitreo_uq::posterior::monitor::SilentMonitor;
 use vitreo_uq::posterior::problem::Problem;
 use vitreo_uq::posterior::study::ModelSpecification;
-use vitreo_uq::record::{Experiment, Understood};
+use vitreo_uq::record::{Experiment, Interpretation};
 
 /// E (Pa), c₁, c₂ (Pa·s).
 const TRUTH: [f64; 3] = [3.5, 1.4, 47.0];
@@ -97,8 +97,8 @@ fn experiment(drive: &Drive, rule: &str, motion_um: &[f64], seed: u64) -> Experi
 
 /// Errors of E, c₁ and c₂ in their standard errors.
 fn standardised(experiment: Experiment) -> [f64; 3] {
-    let problem = Problem::new(experiment, ModelSpecification::default(), None, &Silent).expect("a problem");
-    let summary = fit::run(&problem, None, &Silent).expect("a fit").summary;
+    let problem = Problem::new(experiment, ModelSpecification::default(), None, &SilentMonitor).expect("a problem");
+    let summary = fit::run(&problem, None, &SilentMonitor).expect("a fit").summary;
     std::array::from_fn(|k| {
         let found = &summary.parameters[k];
         (found.value - TRUTH[k]) / found.standard_error.expect("determined")
@@ -149,15 +149,15 @@ fn too_few_rows_of_a_curve_are_said() {
         let kept = |values: &[f64]| (0..values.len()).filter(keep).map(|row| values[row]).collect::<Vec<f64>>();
         if every > 1 {
             // Rows inserted at zero crossings of the force are removed with the omitted rows.
-            let own: Vec<usize> = (0..record.n_rows()).filter(|row| !record.force_rows.contains(row)).collect();
+            let indexes: Vec<usize> = (0..record.n_rows()).filter(|row| !record.force_rows.contains(row)).collect();
             for values in [&mut record.time_s, &mut record.force_n] {
-                *values = kept(&own.iter().map(|&row| values[row]).collect::<Vec<f64>>());
+                *values = kept(&indexes.iter().map(|&row| values[row]).collect::<Vec<f64>>());
             }
-            record.position_m = own.iter().map(|&row| record.position_m[row]).step_by(every).collect();
-            record.cycle = own.iter().map(|&row| record.cycle[row]).step_by(every).collect();
+            record.position_m = indexes.iter().map(|&row| record.position_m[row]).step_by(every).collect();
+            record.cycle = indexes.iter().map(|&row| record.cycle[row]).step_by(every).collect();
             record.force_rows.clear();
         }
-        let understood = Understood { force_rule_given: true, ..Understood::default() };
+        let understood = Interpretation { force_rule_given: true, ..Interpretation::default() };
         let kinds: Vec<String> = contradictions(&experiment, &understood).into_iter().map(|one| one.kind).collect();
         assert_eq!(kinds.contains(&"curve_between_rows".to_string()), is_said, "{name} {every}: {kinds:?}");
     }

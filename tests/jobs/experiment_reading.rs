@@ -66,7 +66,7 @@ fn a_line_through_each_rest_is_taken_from_its_noise() {
             row += 1;
         }
     }
-    let found = read(&csv, &[], "").noise_yardstick().expect("rests");
+    let found = read(&csv, &[], "").reference_noise().expect("rests");
     let NoiseOrigin::Rest { n_positions, n_windows, .. } = found.origin else { panic!("{found:?}") };
     assert_eq!((n_positions, n_windows), (24, 3));
     assert!((1e6 * found.sd_m - (24.0_f64 / 18.0).sqrt()).abs() < 1e-6, "{found:?}");
@@ -89,7 +89,7 @@ fn short_lags_are_right_on_uneven_rows() {
         csv += &format!("{t:.3},{force_un},{:.5},{}\n", 3.0 * t + 4.0 * normal, 1 + row / 3_100);
         t += if row % 2 == 0 { 0.02 } else { 0.04 };
     }
-    let found = read(&csv, &[], "").noise_yardstick().expect("differences");
+    let found = read(&csv, &[], "").reference_noise().expect("differences");
     assert!(matches!(found.origin, NoiseOrigin::ShortLag { n_differences } if n_differences > 2_900), "{found:?}");
     assert!((found.sd_m / 4e-6 - 1.0).abs() < 0.08, "{found:?}");
 }
@@ -103,10 +103,10 @@ fn a_force_before_the_camera_moves_the_clock() {
     let record = read(&format!("time_s,position_um,cycle\n{camera}"), &[("coil.csv", log)], toml).record;
     let forces: Vec<(f64, f64)> =
         record.force_rows.iter().map(|&row| (record.time_s[row], record.force_n[row])).collect();
-    assert_eq!(forces.iter().map(|own| own.1).collect::<Vec<_>>(), [4.6e-6, -4.6e-6]);
+    assert_eq!(forces.iter().map(|force| force.1).collect::<Vec<_>>(), [4.6e-6, -4.6e-6]);
     for (found, expected) in forces
         .iter()
-        .map(|own| own.0)
+        .map(|pair| pair.0)
         .chain([record.time_s[1], *record.time_s.last().expect("rows")])
         .zip([0.0, 1.95, 0.7, 4.6])
     {

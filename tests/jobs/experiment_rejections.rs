@@ -287,7 +287,7 @@ fn damaged_files_never_panic() {
                 assert!(experiment.record.time_s.windows(2).all(|pair| pair[0] < pair[1]));
                 assert!(experiment.record.force_n.iter().all(|force_n| force_n.is_finite()));
                 assert_eq!(experiment.record.cycle.len(), experiment.record.n_rows());
-                experiment.noise_yardstick();
+                experiment.reference_noise();
                 experiment.record.force_step_rows();
             }
             Err(error) => assert!(error.to_string().contains("what to do")),

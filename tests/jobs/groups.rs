@@ -14,10 +14,10 @@ use vitreo_uq::cohorts::job::{Comparison, GroupsRequest, run};
 use vitreo_uq::cohorts::summary::summarise;
 use vitreo_uq::documents::groups::{ExperimentSummary, GroupsSummary};
 use vitreo_uq::documents::posterior::WarningKind;
-use vitreo_uq::elements::fe::oldroyd::{Fineness, FiniteGel, FiniteLaw, FiniteRun};
+use vitreo_uq::elements::fe::oldroyd::{Discretisation, FiniteGel, FiniteInput, FiniteLaw};
 use vitreo_uq::laws::rheology::BaseLaw;
 use vitreo_uq::models::effects::Stages;
-use vitreo_uq::posterior::monitor::{Monitor, Silent};
+use vitreo_uq::posterior::monitor::{Monitor, SilentMonitor};
 use vitreo_uq::posterior::study::{ModelSpecification, sha256_hex};
 use vitreo_uq::record::Experiment;
 use vitreo_uq::sampling::SamplerOptions;
@@ -103,7 +103,7 @@ fn request(kept: &Path, is_exact: bool) -> GroupsRequest<'_> {
 
 fn compared(measurements: &[Measurement], kept: &Path, is_exact: bool) -> (Comparison, GroupsSummary) {
     let request = request(kept, is_exact);
-    let found = run(measurements, &request, &Silent).unwrap();
+    let found = run(measurements, &request, &SilentMonitor).unwrap();
     let summary = summarise(measurements, &found, &request).unwrap();
     (found, summary)
 }
@@ -118,11 +118,15 @@ fn reweighted_draws_agree_with_likelihoods() {
     let measurements = cohort([6, 6], 12, 80.0, 0.0);
     let (drawn, by_draws) = compared(&measurements, dir.path(), false);
     let (_, by_likelihoods) = compared(&measurements, dir.path(), true);
-    assert!(by_likelihoods.experiments.iter().all(|own| own.is_exact));
-    assert!(by_draws.experiments.iter().filter(|own| !own.is_exact).count() >= 6);
+    assert!(by_likelihoods.experiments.iter().all(|experiment| experiment.is_exact));
+    assert!(by_draws.experiments.iter().filter(|experiment| !experiment.is_exact).count() >= 6);
     // The posteriors are as wide as the population; otherwise the test would show nothing.
-    let width = |own: &[f64; 3]| (own[2] / own[0]).ln() / 3.29;
-    assert!(by_draws.experiments.iter().any(|own| width(&own.alone[1]) > 0.2), "{:?}", by_draws.experiments);
+    let width = |values: &[f64; 3]| (values[2] / values[0]).ln() / 3.29;
+    assert!(
+        by_draws.experiments.iter().any(|experiment| width(&experiment.alone[1]) > 0.2),
+        "{:?}",
+        by_draws.experiments
+    );
     for (a, b) in by_draws.contrasts.iter().zip(&by_likelihoods.contrasts) {
         let spread = (b.q95 / b.q05).ln() / 3.29;
         let distance = (a.ratio_median / b.ratio_median).ln().abs();
@@ -138,10 +142,10 @@ fn reweighted_draws_agree_with_likelihoods() {
     }
     // Probabilities beyond the margin are fractions of the draws: 1 + m above, 1/(1 + m) below.
     let margin = by_draws.margin.ln_1p();
-    for (own, said) in drawn.contrasts.iter().zip(&by_draws.contrasts) {
+    for (contrast, said) in drawn.contrasts.iter().zip(&by_draws.contrasts) {
         let share = |sign: f64| {
-            let n_beyond = own.log_ratio.iter().filter(|ratio| sign * **ratio > margin).count();
-            n_beyond as f64 / own.log_ratio.len() as f64
+            let n_beyond = contrast.log_ratio.iter().filter(|ratio| sign * **ratio > margin).count();
+            n_beyond as f64 / contrast.log_ratio.len() as f64
         };
         assert!((share(1.0) - said.probability_beyond_margin).abs() < 1e-9, "{said:?}");
         assert!((share(-1.0) - said.probability_below_margin).abs() < 1e-9, "{said:?}");
@@ -161,29 +165,29 @@ fn groups_take_large_displacements() {
     let mut measurements = cohort([1, 1], 60, 2.0, 0.0);
     let laws = [2.0, 1.0].map(|factor| [3.527, 1.402, 47.370].map(|x| factor * x));
     let mut rng = ChaCha8Rng::seed_from_u64(32);
-    for (index, (own, law)) in measurements.iter_mut().zip(laws).enumerate() {
+    for (index, (entry, law)) in measurements.iter_mut().zip(laws).enumerate() {
         let species = ["bovine", "porcine"][index];
         let recipe = Recipe { name: species.into(), species, law, noise_um: 2.0, rows_a_hold: 60, drift_um_per_s: 0.0 };
-        *own = measurement(&recipe, &mut rng);
-        let record = &own.experiment.record;
+        *entry = measurement(&recipe, &mut rng);
+        let record = &entry.experiment.record;
         let law = FiniteLaw::new(&BaseLaw::Lethersich.elements(&law.map(Dual::constant)), 0.0).unwrap();
-        let gel = FiniteGel::around_sphere(0.275e-3, 10e-3, Fineness::default()).unwrap();
+        let gel = FiniteGel::around_sphere(0.275e-3, 10e-3, Discretisation::default()).unwrap();
         let load = Stages::of_law(Vec::new()).load;
-        let what = FiniteRun { law: &law, load: &load, time_s: &record.time_s, force: record.force() };
+        let what = FiniteInput { law: &law, load: &load, time_s: &record.time_s, force: record.force() };
         let deviation_m = gel.run(&what).unwrap().deviation_m;
-        for (position, deviation_m) in own.experiment.record.position_m.iter_mut().zip(&deviation_m) {
+        for (position, deviation_m) in entry.experiment.record.position_m.iter_mut().zip(&deviation_m) {
             *position = position.map(|x| x + deviation_m);
         }
     }
     let away = |measurements: &[Measurement]| -> Vec<f64> {
         let dir = tempfile::tempdir().unwrap();
         let (_, summary) = compared(measurements, dir.path(), false);
-        let own = |(entry, law): (&_, [f64; 3])| away_by(entry, law);
-        summary.experiments.iter().zip(laws).flat_map(own).collect()
+        let function = |(entry, law): (&_, [f64; 3])| away_by(entry, law);
+        summary.experiments.iter().zip(laws).flat_map(function).collect()
     };
     let without = away(&measurements);
-    for own in &mut measurements {
-        own.specification.effects = vec!["large-displacement".into()];
+    for measurement in &mut measurements {
+        measurement.specification.effects = vec!["large-displacement".into()];
     }
     let with = away(&measurements);
     println!("{without:?} {with:?}");
@@ -202,9 +206,9 @@ fn away_by(entry: &ExperimentSummary, law: [f64; 3]) -> Vec<f64> {
 fn a_group_of_one_is_said_to_be_one() {
     let dir = tempfile::tempdir().unwrap();
     let (_, summary) = compared(&cohort([1, 6], 40, 4.0, 0.0), dir.path(), false);
-    let alone: Vec<_> = summary.warnings.iter().filter(|own| own.kind == WarningKind::GroupOfOne).collect();
+    let alone: Vec<_> = summary.warnings.iter().filter(|warning| warning.kind == WarningKind::GroupOfOne).collect();
     assert!(alone.len() == 1 && alone[0].text.contains("bovine"), "{:?}", summary.warnings);
-    let of = |name: &str| summary.groups.iter().find(|own| own.name == name).unwrap();
+    let of = |name: &str| summary.groups.iter().find(|group| group.name == name).unwrap();
     let width = |name: &str| (of(name).parameters[0].q95 / of(name).parameters[0].q05).ln();
     assert!(width("bovine") > 1.5 * width("porcine"));
     assert!(summary.is_sound());
@@ -217,9 +221,9 @@ fn a_model_that_is_not_enough_is_said_not_to_be() {
     let mut measurements = cohort([3, 3], 40, 4.0, 10.0);
     let (_, summary) = compared(&measurements, dir.path(), false);
     assert!(!summary.is_sound());
-    let warning = summary.warnings.iter().find(|own| own.kind == WarningKind::MisfitAboveNoise).unwrap();
+    let warning = summary.warnings.iter().find(|warning| warning.kind == WarningKind::MisfitAboveNoise).unwrap();
     assert!(warning.text.contains("6 of 6 experiments") && warning.text.contains("bovine-0"), "{}", warning.text);
-    measurements.iter_mut().for_each(|own| own.specification.effects = vec!["tracking-drift".into()]);
+    measurements.iter_mut().for_each(|measurement| measurement.specification.effects = vec!["tracking-drift".into()]);
     let (_, summary) = compared(&measurements, dir.path(), false);
     assert!(summary.is_sound(), "{:?}", summary.warnings);
     let ratio = &summary.contrasts[0];

@@ -7,7 +7,7 @@ use rayon::prelude::*;
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 use vitreo_uq::models::model::Forward;
 use vitreo_uq::posterior::fit;
-use vitreo_uq::posterior::monitor::Silent;
+use vitreo_uq::posterior::monitor::SilentMonitor;
 use vitreo_uq::posterior::prepared::PreparedModel;
 use vitreo_uq::posterior::problem::Problem;
 use vitreo_uq::posterior::study::ModelSpecification;
@@ -51,12 +51,12 @@ fn read(
 
 fn problem(experiment: Experiment, base: &str) -> Problem {
     let specification = ModelSpecification::from_options(Some(base), &[], &[], Some("generic"), &[]).expect("a model");
-    Problem::new(experiment, specification, None, &Silent).expect("a model of the experiment")
+    Problem::new(experiment, specification, None, &SilentMonitor).expect("a model of the experiment")
 }
 
 /// Positions (m) of the reduced model, the only model of an indenter.
 fn positions(problem: &Problem, parameters: &[f64]) -> Vec<f64> {
-    let prepared = PreparedModel::new(problem, None, &Silent).expect("no finite elements");
+    let prepared = PreparedModel::new(problem, None, &SilentMonitor).expect("no finite elements");
     prepared.forward().trajectory_m(parameters).expect("a trajectory")
 }
 
@@ -201,7 +201,7 @@ fn known_parameters_come_back() {
             assert_eq!((experiment.calibration_cycles.clone(), experiment.heldout_cycles.clone()), (vec![1], vec![2]));
             assert!(files.notes.iter().any(|note| matches!(note, Note::Contact { n_after, .. } if *n_after >= 99)));
             assert!(!files.notes.iter().any(|note| matches!(note, Note::TipUnknown { .. })));
-            let found = fit::run(&problem(experiment, "lethersich"), None, &Silent).expect("a fit");
+            let found = fit::run(&problem(experiment, "lethersich"), None, &SilentMonitor).expect("a fit");
             assert!(found.summary.converged, "{seed}: {:?}", found.summary);
             let names: Vec<&str> = found.summary.parameters.iter().map(|p| p.name.as_str()).collect();
             assert_eq!(names[3], "position-offset.offset_m");
@@ -256,7 +256,7 @@ fn an_unknown_offset_is_fitted() {
     let instrument = "[instrument]\ncompliance_per_m = 549.0";
     let (experiment, files) = read(instrument, "noise_um = 2.0\nzero = \"fit\"", &csv).expect("a record");
     assert!(files.notes.contains(&Note::PositionOffsetFitted));
-    let found = fit::run(&problem(experiment, "lethersich"), None, &Silent).expect("a fit");
+    let found = fit::run(&problem(experiment, "lethersich"), None, &SilentMonitor).expect("a fit");
     let expected = [law[0], law[1], law[2], -1e-6 * first_um];
     for (parameter, truth) in found.summary.parameters.iter().zip(expected) {
         let error = parameter.standard_error.expect("an error");
@@ -269,7 +269,7 @@ fn cycles_start_where_they_are_said_to() {
     let csv = pressed(|_| 10.0);
     let instrument = "[instrument]\ncompliance_per_m = 549.0";
     let (experiment, _) = read(instrument, "cycle_starts_s = [0, 1.5, 3]", &csv).expect("a record");
-    let starts = |cycle: u32| experiment.record.cycle.iter().position(|own| *own == cycle).expect("a cycle");
+    let starts = |cycle: u32| experiment.record.cycle.iter().position(|index| *index == cycle).expect("a cycle");
     assert_eq!([1, 2, 3].map(starts), [0, 150, 300]);
     let refused = |measurement: &str, csv: &str, words: &[&str]| {
         let message = read(instrument, measurement, csv).expect_err("refused").to_string();
@@ -305,6 +305,6 @@ fn what_an_indenter_cannot_have_is_refused() {
     assert!(files.notes.iter().any(|note| matches!(note, Note::TipUnknown { .. })));
     let effects = ["force-gradient".to_string()];
     let specification = ModelSpecification::from_options(None, &effects, &[], Some("generic"), &[]).expect("a model");
-    let error = Problem::new(experiment, specification, None, &Silent).err().expect("refused").to_string();
+    let error = Problem::new(experiment, specification, None, &SilentMonitor).err().expect("refused").to_string();
     assert!(error.contains("force-gradient") && error.contains("indenter"), "{error}");
 }

@@ -5,7 +5,7 @@ use std::path::Path;
 
 use vitreo_uq::jobs::init::{InitRequest, run};
 use vitreo_uq::record::Experiment;
-use vitreo_uq::record::table::Given;
+use vitreo_uq::record::table::TableSettings;
 
 const INTERVAL_S: f64 = 0.1;
 const N_ROWS: usize = 200;
@@ -200,10 +200,10 @@ fn written(look: &Look) -> Vec<u8> {
     let mut text = String::new();
     let mut line = |cells: Vec<String>| text += &(cells.join(look.between) + look.end);
     look.above.iter().for_each(|above| line(vec![(*above).to_string()]));
-    let row = |own: [String; 3], y: Option<String>, others: Vec<String>, cycle: Option<String>| -> Vec<String> {
-        let own = look.order.map(|at| own[at].clone());
-        let own = own.into_iter().chain(y);
-        others.into_iter().chain(own).chain(cycle).map(quoted).collect()
+    let row = |names: [String; 3], y: Option<String>, others: Vec<String>, cycle: Option<String>| -> Vec<String> {
+        let entry = look.order.map(|at| names[at].clone());
+        let chain = entry.into_iter().chain(y);
+        others.into_iter().chain(chain).chain(cycle).map(quoted).collect()
     };
     let others = |which: fn(&(&str, &str)) -> String| look.others.iter().map(which).collect::<Vec<_>>();
     let mut names = row(
@@ -223,8 +223,8 @@ fn written(look: &Look) -> Vec<u8> {
         let across = if look.plane.is_some() { 0.3 * (1.7 * i as f64).sin() } else { 0.0 };
         let x = look.sign * (cos * position - sin * across) + look.offset_um;
         let y = look.plane.map(|_| number((sin * position + cos * across - look.offset_um) * look.per[2]));
-        let own = [time(t), number(force * look.per[1]), number(x * look.per[2])];
-        line(row(own, y, others(|o| o.1.into()), look.cycle.map(|_| (1 + i / 100).to_string())));
+        let item = [time(t), number(force * look.per[1]), number(x * look.per[2])];
+        line(row(item, y, others(|o| o.1.into()), look.cycle.map(|_| (1 + i / 100).to_string())));
     }
     match look.encoding {
         Encoding::Utf8 => text.into_bytes(),
@@ -254,9 +254,15 @@ fn initialised(folder: &Path, number: usize, look: &Look, units: [Option<String>
     let file = folder.join(format!("table-{number}.txt"));
     std::fs::write(&file, written(look)).expect("room on the disk");
     let out = folder.join(format!("experiment-{number}"));
-    let given = Given { units, ..Given::default() };
-    let request =
-        InitRequest { file, out: Some(out.clone()), given, sizes: SIZES, replace: true, ..InitRequest::default() };
+    let given = TableSettings { units, ..TableSettings::default() };
+    let request = InitRequest {
+        file,
+        out: Some(out.clone()),
+        known_columns: given,
+        sizes: SIZES,
+        replace: true,
+        ..InitRequest::default()
+    };
     run(&request, &mut |_| None)?;
     Experiment::read(&out).map(|(experiment, _)| experiment)
 }

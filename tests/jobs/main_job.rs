@@ -7,12 +7,12 @@ use rand::SeedableRng;
 use rand_distr::{Distribution, StandardNormal};
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 use vitreo_uq::base::number::Dual;
-use vitreo_uq::elements::fe::oldroyd::{Fineness, FiniteGel, FiniteLaw, FiniteRun};
+use vitreo_uq::elements::fe::oldroyd::{Discretisation, FiniteGel, FiniteInput, FiniteLaw};
 use vitreo_uq::laws::rheology::BaseLaw;
 use vitreo_uq::models::effects::Stages;
 use vitreo_uq::models::model::Compliance;
 use vitreo_uq::posterior::full_check;
-use vitreo_uq::posterior::monitor::Silent;
+use vitreo_uq::posterior::monitor::SilentMonitor;
 use vitreo_uq::posterior::prepared::PreparedModel;
 use vitreo_uq::posterior::problem::Problem;
 use vitreo_uq::posterior::replica;
@@ -22,14 +22,14 @@ use vitreo_uq::sampling::SamplerOptions;
 
 fn main_job() -> (Problem, SampleResult) {
     let (experiment, _) = replica::embedded().unwrap();
-    let problem = Problem::new(experiment, ModelSpecification::default(), None, &Silent).unwrap();
+    let problem = Problem::new(experiment, ModelSpecification::default(), None, &SilentMonitor).unwrap();
     let request = SampleRequest {
         options: SamplerOptions { seed: 1, ..SamplerOptions::default() },
         kept_surrogate: None,
         checkpoint: None,
         resume: false,
     };
-    let result = run(&problem, &request, &Silent).unwrap();
+    let result = run(&problem, &request, &SilentMonitor).unwrap();
     (problem, result)
 }
 
@@ -102,10 +102,10 @@ fn a_missing_effect_is_not_called_sound() {
     for (position, time_s) in experiment.record.position_m.iter_mut().zip(&experiment.record.time_s) {
         *position = position.map(|x| x + 3e-6 * time_s);
     }
-    let problem = Problem::new(experiment, ModelSpecification::default(), None, &Silent).unwrap();
+    let problem = Problem::new(experiment, ModelSpecification::default(), None, &SilentMonitor).unwrap();
     let request =
         SampleRequest { options: SamplerOptions::default(), kept_surrogate: None, checkpoint: None, resume: false };
-    let summary = run(&problem, &request, &Silent).unwrap().summary;
+    let summary = run(&problem, &request, &SilentMonitor).unwrap().summary;
     assert!(summary.converged && !summary.is_sound(), "{:?}", summary.warnings);
     assert!(summary.heldout.joint_p.unwrap() < 0.001);
 }
@@ -115,14 +115,14 @@ fn a_missing_effect_is_not_called_sound() {
 fn a_posterior_at_the_end_of_the_prior_s_range_is_not_called_sound() {
     let (mut experiment, _) = replica::embedded().unwrap();
     experiment.record.position_m.iter_mut().for_each(|position| *position = position.map(|x| 1e-4 * x));
-    let problem = Problem::new(experiment, ModelSpecification::default(), None, &Silent).unwrap();
+    let problem = Problem::new(experiment, ModelSpecification::default(), None, &SilentMonitor).unwrap();
     let request = SampleRequest {
         options: SamplerOptions { max_steps: 4_000, ..SamplerOptions::default() },
         kept_surrogate: None,
         checkpoint: None,
         resume: false,
     };
-    let summary = run(&problem, &request, &Silent).unwrap().summary;
+    let summary = run(&problem, &request, &SilentMonitor).unwrap().summary;
     assert!(!summary.is_sound(), "{:?}", summary.warnings);
     assert!(summary.at_edge_of_range.iter().any(|name| name == "young_modulus_pa"), "{:?}", summary.at_edge_of_range);
 }
@@ -133,8 +133,8 @@ fn a_posterior_at_the_end_of_the_prior_s_range_is_not_called_sound() {
 fn a_wrong_surrogate_is_measured_by_the_full_model() {
     const ERROR: f64 = 2e-4;
     let (experiment, _) = replica::embedded().unwrap();
-    let problem = Problem::new(experiment, ModelSpecification::default(), None, &Silent).unwrap();
-    let mut prepared = PreparedModel::new(&problem, None, &Silent).unwrap();
+    let problem = Problem::new(experiment, ModelSpecification::default(), None, &SilentMonitor).unwrap();
+    let mut prepared = PreparedModel::new(&problem, None, &SilentMonitor).unwrap();
     // Draws of a posterior of about the right width, around Table I.
     let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(4);
     let mut normal = || -> f64 { StandardNormal.sample(&mut rng) };
@@ -146,7 +146,7 @@ fn a_wrong_surrogate_is_measured_by_the_full_model() {
     let exact = full_check::check(&prepared, &draws).unwrap();
     assert!(exact.surrogate_vs_full_max_m.unwrap() < 1e-12);
     assert_eq!(exact.pareto_k, Some(0.0));
-    prepared.compliance = Compliance::given(prepared.compliance.given_per_m() * (1.0 + ERROR));
+    prepared.compliance = Compliance::fixed(prepared.compliance.experiment_per_m() * (1.0 + ERROR));
     let wrong = full_check::check(&prepared, &draws).unwrap();
     let amplitude_m = wrong.trajectories_m.iter().flatten().fold(0.0_f64, |a, x| a.max(x.abs()));
     let ratio = wrong.surrogate_vs_full_max_m.unwrap() / (ERROR * amplitude_m);
@@ -169,20 +169,20 @@ fn a_wrong_surrogate_is_measured_by_the_full_model() {
 fn what_large_displacements_cost_is_said() {
     let (mut experiment, _) = replica::embedded().unwrap();
     let law = FiniteLaw::new(&BaseLaw::Lethersich.elements(&replica::TABLE_I.map(Dual::constant)), 0.0).unwrap();
-    let gel = FiniteGel::around_sphere(0.275e-3, 10e-3, Fineness::default()).unwrap();
+    let gel = FiniteGel::around_sphere(0.275e-3, 10e-3, Discretisation::default()).unwrap();
     let load = Stages::of_law(Vec::new()).load;
     let record = &experiment.record;
     let n_rows = record.cycle.iter().filter(|cycle| **cycle == 1).count();
     let what =
-        FiniteRun { law: &law, load: &load, time_s: &record.time_s[..n_rows], force: record.force().first(n_rows) };
+        FiniteInput { law: &law, load: &load, time_s: &record.time_s[..n_rows], force: record.force().first(n_rows) };
     let deviation_m = gel.run(&what).unwrap().deviation_m;
     for (position, deviation_m) in experiment.record.position_m.iter_mut().zip(&deviation_m) {
         *position = position.map(|x| x + deviation_m);
     }
-    let problem = Problem::new(experiment, ModelSpecification::default(), None, &Silent).unwrap();
+    let problem = Problem::new(experiment, ModelSpecification::default(), None, &SilentMonitor).unwrap();
     let request =
         SampleRequest { options: SamplerOptions::default(), kept_surrogate: None, checkpoint: None, resume: false };
-    let summary = run(&problem, &request, &Silent).unwrap().summary;
+    let summary = run(&problem, &request, &SilentMonitor).unwrap().summary;
     let large = summary.large_displacement.as_ref().unwrap();
     for ((parameter, shift), exact) in summary.parameters.iter().zip(&large.shifts).zip(replica::TABLE_I) {
         assert_eq!(parameter.name, shift.name);
@@ -206,10 +206,10 @@ fn shifts_are_of_parameters_that_are_free_and_known() {
     for specification in [lethersich, of(BaseLaw::Burgers), of(BaseLaw::TwoElement)] {
         let (experiment, _) = replica::embedded().unwrap();
         let is_plain = specification.base == BaseLaw::Lethersich;
-        let problem = Problem::new(experiment, specification, None, &Silent).unwrap();
+        let problem = Problem::new(experiment, specification, None, &SilentMonitor).unwrap();
         let request =
             SampleRequest { options: SamplerOptions::default(), kept_surrogate: None, checkpoint: None, resume: false };
-        let summary = run(&problem, &request, &Silent).unwrap().summary;
+        let summary = run(&problem, &request, &SilentMonitor).unwrap().summary;
         let large = summary.large_displacement.as_ref().unwrap();
         println!("{large:?}");
         // The data allow a fast second body, which makes the gel's initial response less elastic: 23 µm.

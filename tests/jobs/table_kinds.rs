@@ -5,7 +5,7 @@ use std::fmt::Write as _;
 use vitreo_uq::documents::init::InitSummary;
 use vitreo_uq::jobs::init::{InitRequest, run};
 use vitreo_uq::posterior::check::contradictions;
-use vitreo_uq::record::table::Given;
+use vitreo_uq::record::table::TableSettings;
 use vitreo_uq::record::{Experiment, ExperimentFiles};
 
 const INTERVAL_S: f64 = 0.05;
@@ -45,12 +45,12 @@ fn plain() -> String {
 type Read = (InitSummary, Experiment, ExperimentFiles);
 
 /// Applies `init` to a table, edits its description, and reads the experiment.
-fn edited(text: &str, given: Given, edit: impl Fn(&str) -> String) -> Result<Read, String> {
+fn edited(text: &str, given: TableSettings, edit: impl Fn(&str) -> String) -> Result<Read, String> {
     let folder = tempfile::tempdir().expect("a folder");
     let (file, out) = (folder.path().join("a.csv"), folder.path().join("a"));
     std::fs::write(&file, text).expect("room on the disk");
     let sizes = [Some(0.55), Some(20.0), Some(0.48)];
-    let request = InitRequest { file, out: Some(out.clone()), given, sizes, ..InitRequest::default() };
+    let request = InitRequest { file, out: Some(out.clone()), known_columns: given, sizes, ..InitRequest::default() };
     let (summary, _) = run(&request, &mut |_| None).map_err(|error| error.to_string())?;
     let toml = out.join("experiment.toml");
     let description = std::fs::read_to_string(&toml).expect("a description");
@@ -59,11 +59,11 @@ fn edited(text: &str, given: Given, edit: impl Fn(&str) -> String) -> Result<Rea
     Ok((summary, experiment, files))
 }
 
-fn read(text: &str, given: Given) -> Result<Read, String> {
+fn read(text: &str, given: TableSettings) -> Result<Read, String> {
     edited(text, given, str::to_string)
 }
 
-fn refused(text: &str, given: Given) -> String {
+fn refused(text: &str, given: TableSettings) -> String {
     read(text, given).expect_err("a refusal")
 }
 
@@ -82,7 +82,7 @@ fn distances(experiment: &Experiment) -> [f64; 3] {
 }
 
 #[track_caller]
-fn assert_is_truth(text: &str, given: Given) -> InitSummary {
+fn assert_is_truth(text: &str, given: TableSettings) -> InitSummary {
     let (summary, experiment, _) = read(text, given).expect("an experiment");
     let apart = distances(&experiment);
     assert!(apart[0] < 1e-6 && apart[1] < 1e-6 && apart[2] < 2e-3, "{apart:?} {summary:?}");
@@ -90,7 +90,7 @@ fn assert_is_truth(text: &str, given: Given) -> InitSummary {
 }
 
 fn kinds(experiment: &Experiment, files: &ExperimentFiles) -> Vec<String> {
-    contradictions(experiment, &files.understood).into_iter().map(|found| found.kind).collect()
+    contradictions(experiment, &files.interpretation).into_iter().map(|found| found.kind).collect()
 }
 
 fn said(word: &str) -> Option<String> {
@@ -99,7 +99,7 @@ fn said(word: &str) -> Option<String> {
 
 #[test]
 fn a_sound_record_has_no_contradiction() {
-    let (_, experiment, files) = read(&plain(), Given::default()).expect("an experiment");
+    let (_, experiment, files) = read(&plain(), TableSettings::default()).expect("an experiment");
     assert_eq!(kinds(&experiment, &files), [""; 0]);
 }
 
@@ -120,10 +120,11 @@ fn several_tables_of_one_recording_are_joined() {
         + &step("Pull - 2", table(200, 400, 0.0))
         + &step("Pull - 3", table(400, 600, 0.0));
     for text in [one_clock.clone(), own_clocks, steps] {
-        let summary = assert_is_truth(&text, Given::default());
+        let summary = assert_is_truth(&text, TableSettings::default());
         assert!(summary.reasons.iter().any(|reason| reason.contains("joined in time")), "{summary:?}");
     }
-    let (summary, experiment, _) = read(&one_clock, Given { tables: said("2"), ..Given::default() }).expect("one");
+    let (summary, experiment, _) =
+        read(&one_clock, TableSettings { tables: said("2"), ..TableSettings::default() }).expect("one");
     assert_eq!(experiment.record.n_rows(), 400);
     assert!(summary.reasons.iter().any(|reason| reason.contains("lines 2 to 201") && reason.ends_with("not read")));
 }
@@ -140,10 +141,10 @@ fn tables_that_are_no_one_recording_are_listed_and_chosen() {
     let two_beads = format!("{header}{}\n{header}{}", fresh(0, 300, 0.0), fresh(0, 300, 5000.0));
     let other_columns = format!("{}\nTime (s),Force (uN),Temperature (C)\n0,1,20\n1,1,20\n2,1,21\n", plain());
     for text in [two_beads, other_columns.clone()] {
-        let text = refused(&text, Given::default());
+        let text = refused(&text, TableSettings::default());
         assert!(text.contains("table 1: lines 2 to") && text.contains("table 2: lines"), "{text}");
     }
-    assert_is_truth(&other_columns, Given { tables: said("1"), ..Given::default() });
+    assert_is_truth(&other_columns, TableSettings { tables: said("1"), ..TableSettings::default() });
 }
 
 #[test]
@@ -157,10 +158,11 @@ fn a_motion_in_space_is_projected_and_an_unread_coordinate_is_named() {
     let third = 3.0_f64.sqrt().recip();
     for line in [[third; 3], [2.0 / 3.0, -1.0 / 3.0, 2.0 / 3.0], [0.6, 0.8, 0.0]] {
         let text = format!("time_s,force_uN,x_um,y_um,z_um\n{}", along(line));
-        let summary = assert_is_truth(&text, Given::default());
+        let summary = assert_is_truth(&text, TableSettings::default());
         assert_eq!(summary.columns.iter().any(|column| column.role == "position_z"), line[2] != 0.0);
         let axes = [said("x_um"), said("y_um"), None];
-        let (_, experiment, files) = read(&text, Given { axes, ..Given::default() }).expect("an experiment");
+        let (_, experiment, files) =
+            read(&text, TableSettings { axes, ..TableSettings::default() }).expect("an experiment");
         let is_named = kinds(&experiment, &files).contains(&"unread_column_follows".to_string());
         assert_eq!(is_named, line[2] != 0.0, "{line:?}");
     }
@@ -177,12 +179,12 @@ fn times_that_begin_again_are_joined_where_the_recording_went_on() {
         let cycle = if with_cycle { ",cycle" } else { "" };
         format!("time_s,force_uN,position_um{cycle}\n{}", rows(line))
     };
-    assert_is_truth(&cycles(0.0, true), Given::default());
-    let text = refused(&cycles(0.0, false), Given::default());
+    assert_is_truth(&cycles(0.0, true), TableSettings::default());
+    let text = refused(&cycles(0.0, false), TableSettings::default());
     assert!(text.contains("time restarts") && text.contains("time_restarts = \"join\""), "{text}");
-    assert_is_truth(&cycles(0.0, false), Given { time_restarts: said("join"), ..Given::default() });
+    assert_is_truth(&cycles(0.0, false), TableSettings { time_restarts: said("join"), ..TableSettings::default() });
     let unsorted = plain().replace("\n0.400,4.6,", "\n0.350,4.6,");
-    assert!(refused(&unsorted, Given::default()).contains("two rows have the time"));
+    assert!(refused(&unsorted, TableSettings::default()).contains("two rows have the time"));
 }
 
 #[test]
@@ -191,23 +193,24 @@ fn a_coarse_clock_is_spread_and_tracks_are_told_apart() {
     let seconds = rows(|_, [t, f, x]| format!("{:.0},{f},{x:.3}", t.floor()));
     let late = rows(|row, [_, f, x]| format!("10:00:{:02},{f},{x:.3}", (row + 10) / 20));
     for (header, text) in [("time", clock), ("time_s", seconds)] {
-        let summary = assert_is_truth(&format!("{header},force_uN,position_um\n{text}"), Given::default());
+        let summary = assert_is_truth(&format!("{header},force_uN,position_um\n{text}"), TableSettings::default());
         assert!(summary.reasons.iter().any(|reason| reason.contains("spread evenly")), "{summary:?}");
     }
     // The first second has ten rows, so the record began within it.
-    let (_, experiment, _) = read(&format!("time,force_uN,position_um\n{late}"), Given::default()).expect("a record");
+    let (_, experiment, _) =
+        read(&format!("time,force_uN,position_um\n{late}"), TableSettings::default()).expect("a record");
     let steps: Vec<f64> = experiment.record.time_s.windows(2).map(|pair| pair[1] - pair[0]).collect();
     assert!(steps.iter().all(|step| (step - INTERVAL_S).abs() < 1e-9), "{steps:?}");
 
     let beads = rows(|_, [t, f, x]| format!("0,{t:.3},{f},{x:.3}\n1,{t:.3},{f},{:.3}", 900.0 - 0.01 * x));
     let named = format!("TRACK_ID,time_s,force_uN,position_um\n{beads}");
-    let text = refused(&named, Given::default());
+    let text = refused(&named, TableSettings::default());
     assert!(text.contains("0 (600 rows), 1 (600 rows)"), "{text}");
-    assert_is_truth(&named, Given { track: [None, said("0")], ..Given::default() });
+    assert_is_truth(&named, TableSettings { track: [None, said("0")], ..TableSettings::default() });
     let nameless = format!("id,time_s,force_uN,position_um\n{beads}");
-    let text = refused(&nameless, Given::default());
+    let text = refused(&nameless, TableSettings::default());
     assert!(text.contains("several tracks"), "{text}");
-    assert_is_truth(&nameless, Given { track: [said("id"), said("0")], ..Given::default() });
+    assert_is_truth(&nameless, TableSettings { track: [said("id"), said("0")], ..TableSettings::default() });
 }
 
 #[test]
@@ -216,9 +219,9 @@ fn all_tracks_become_a_cohort() {
     let folder = tempfile::tempdir().expect("a folder");
     let (file, out) = (folder.path().join("beads.csv"), folder.path().join("beads"));
     std::fs::write(&file, format!("particle,time_s,force_uN,position_um\n{beads}")).expect("room on the disk");
-    let given = Given { track: [None, said("all")], ..Given::default() };
+    let given = TableSettings { track: [None, said("all")], ..TableSettings::default() };
     let sizes = [Some(0.55), Some(20.0), Some(0.48)];
-    let request = InitRequest { file, out: Some(out.clone()), given, sizes, ..InitRequest::default() };
+    let request = InitRequest { file, out: Some(out.clone()), known_columns: given, sizes, ..InitRequest::default() };
     let (summary, _) = run(&request, &mut |_| None).expect("two experiments");
     assert_eq!(summary.experiments, [out.join("7").display().to_string(), out.join("9").display().to_string()]);
     let travel = |track: &str| {
@@ -236,7 +239,7 @@ fn header_lines_of_a_tracker_are_names_and_units() {
         "LABEL,TRACK_ID,POSITION_X,POSITION_Y,POSITION_Z,POSITION_T,FRAME,FORCE\nLabel,Track ID,X,Y,Z,T,Frame,Force\n";
     let text =
         format!("{above}Label,Track ID,X,Y,Z,T,Frame,F\n,,(micron),(micron),(micron),(sec),,(uN)\n{}", rows(line));
-    let summary = assert_is_truth(&text, Given::default());
+    let summary = assert_is_truth(&text, TableSettings::default());
     let names: Vec<&str> = summary.columns.iter().map(|column| column.name.as_str()).collect();
     assert_eq!(names, ["T", "F", "X", "Y"]);
 }
@@ -253,7 +256,7 @@ fn dates_may_begin_with_the_day_or_the_month() {
     let american = rows(|row, [_, f, x]| format!("{} AM;{f};{x:.3}", at(row, "2/17/2020", ".")));
     let unclear = rows(|row, [_, f, x]| format!("{};{f};{x:.3}", at(row, "02/03/2020", ".")));
     for text in [german, american, unclear] {
-        assert_is_truth(&format!("time;force [uN];position [um]\n{text}"), Given::default());
+        assert_is_truth(&format!("time;force [uN];position [um]\n{text}"), TableSettings::default());
     }
     let midnight = rows(|row, [_, f, x]| {
         let (date, second) =
@@ -261,9 +264,9 @@ fn dates_may_begin_with_the_day_or_the_month() {
         format!("{date}{second}.{:03};{f};{x:.3}", 16 * (row % 60))
     });
     let text = format!("time;force [uN];position [um]\n{midnight}");
-    assert!(refused(&text, Given::default()).contains("day or with the month"));
+    assert!(refused(&text, TableSettings::default()).contains("day or with the month"));
     let units = [said("day-first"), None, None];
-    let (_, experiment, _) = read(&text, Given { units, ..Given::default() }).expect("a record");
+    let (_, experiment, _) = read(&text, TableSettings { units, ..TableSettings::default() }).expect("a record");
     assert!(experiment.record.time_s[599] < 30.0);
 }
 
@@ -280,13 +283,13 @@ fn signs_between_thousands_are_told_from_decimal_signs() {
     };
     let text = rows(|row, [_, f, x]| format!("{};{:.0};{}", 50 * row, 1000.0 * f, grouped(1000.0 * x)));
     let text = format!("Zeit [ms];Kraft [nN];Weg [nm]\n{text}");
-    let summary = assert_is_truth(&text, Given::default());
+    let summary = assert_is_truth(&text, TableSettings::default());
     assert!(summary.reasons.iter().any(|reason| reason.contains("thousands separator")), "{summary:?}");
-    let as_decimals = refused(&text, Given { thousands: said("none"), ..Given::default() });
+    let as_decimals = refused(&text, TableSettings { thousands: said("none"), ..TableSettings::default() });
     assert!(as_decimals.contains("is not a number"), "{as_decimals}");
     // Three decimals in every row are decimals, not thousands.
     let decimals = rows(|_, [t, f, x]| format!("{t:.3};{f:.3};{:.3}", 100.0 + x));
-    assert_is_truth(&format!("Zeit [s];Kraft [uN];Weg [um]\n{decimals}"), Given::default());
+    assert_is_truth(&format!("Zeit [s];Kraft [uN];Weg [um]\n{decimals}"), TableSettings::default());
 }
 
 #[test]
@@ -296,11 +299,11 @@ fn a_blank_force_is_asked_for() {
         format!("{t:.3},{force},{x:.3}")
     });
     let text = format!("time_s,force_uN,position_um\n{on_change}");
-    let refusal = refused(&text, Given::default());
+    let refusal = refused(&text, TableSettings::default());
     assert!(refusal.contains("line 3") && refusal.contains("blank_force = \"above\""), "{refusal}");
-    assert_is_truth(&text, Given { blank_force: said("above"), ..Given::default() });
+    assert_is_truth(&text, TableSettings { blank_force: said("above"), ..TableSettings::default() });
     let at_rest = plain().replace(",0,", ",,");
-    assert_is_truth(&at_rest, Given { blank_force: said("zero"), ..Given::default() });
+    assert_is_truth(&at_rest, TableSettings { blank_force: said("zero"), ..TableSettings::default() });
 }
 
 #[test]
@@ -311,13 +314,13 @@ fn values_that_stand_for_lost_tracking_are_found() {
             format!("{t:.3},{f},{position}")
         });
         let text = format!("time_s,force_uN,position_um\n{text}");
-        let summary = assert_is_truth(&text, Given::default());
+        let summary = assert_is_truth(&text, TableSettings::default());
         assert_eq!(summary.rows_without_position, N_ROWS.div_ceil(23) - usize::from(N_ROWS % 23 <= 7), "{sentinel}");
         // Without that line of the description the record reports the lost positions.
         let dropped = |toml: &str| {
             toml.lines().filter(|line| !line.starts_with("lost")).map(|line| format!("{line}\n")).collect()
         };
-        let (_, experiment, files) = edited(&text, Given::default(), dropped).expect("an experiment");
+        let (_, experiment, files) = edited(&text, TableSettings::default(), dropped).expect("an experiment");
         assert!(kinds(&experiment, &files).contains(&"lost_positions".to_string()), "{sentinel}");
     }
 }
@@ -336,7 +339,7 @@ fn spellings_of_numbers_units_and_lines_are_known() {
         plain().replace('\n', "\r"),
         plain().replace("(uN)", "(microN)").replace("(um)", "(microns)").replace("(s)", "(sec)"),
     ] {
-        assert_is_truth(&text, Given::default());
+        assert_is_truth(&text, TableSettings::default());
     }
 }
 
@@ -345,12 +348,13 @@ fn a_sensors_noise_about_levels_is_taken_off() {
     for size in [0.02, 0.05] {
         let text = rows(|row, [t, f, x]| format!("{t:.3},{:.5},{x:.3}", f + size * noise(7 * row + 3)));
         let (_, experiment, files) =
-            read(&format!("time_s,force_uN,position_um\n{text}"), Given::default()).expect("a record");
+            read(&format!("time_s,force_uN,position_um\n{text}"), TableSettings::default()).expect("a record");
         let apart = distances(&experiment);
         assert!(apart[1] < 0.2 * size && kinds(&experiment, &files).is_empty(), "{size} {apart:?}");
     }
     let sine = rows(|row, [t, _, x]| format!("{t:.3},{:.5},{x:.3}", 4.6 * (0.1 * t).sin() + 0.02 * noise(row)));
-    let (_, experiment, _) = read(&format!("time_s,force_uN,position_um\n{sine}"), Given::default()).expect("a record");
+    let (_, experiment, _) =
+        read(&format!("time_s,force_uN,position_um\n{sine}"), TableSettings::default()).expect("a record");
     assert!(experiment.record.force_n.windows(2).filter(|pair| pair[0] == pair[1]).count() < 5);
 }
 
@@ -362,29 +366,29 @@ fn a_gap_and_outliers_are_named_by_row() {
         .filter(|(n, _)| !(201..401).contains(n))
         .map(|(_, line)| format!("{line}\n"))
         .collect();
-    let (_, experiment, files) = read(&text, Given::default()).expect("a record");
-    let found = contradictions(&experiment, &files.understood);
+    let (_, experiment, files) = read(&text, TableSettings::default()).expect("a record");
+    let found = contradictions(&experiment, &files.interpretation);
     let gap = found.iter().find(|found| found.kind == "gap").expect("a gap");
     assert!(gap.text.contains("from 9.950 to 20.00 s (201 sampling intervals; 0.00 µN"), "{gap:?}");
 
     let text =
         rows(|row, [t, f, x]| format!("{t:.3},{f},{:.3}", if [150, 340, 599].contains(&row) { x + 400.0 } else { x }));
     let (_, experiment, files) =
-        read(&format!("time_s,force_uN,position_um\n{text}"), Given::default()).expect("a record");
-    let found = contradictions(&experiment, &files.understood);
+        read(&format!("time_s,force_uN,position_um\n{text}"), TableSettings::default()).expect("a record");
+    let found = contradictions(&experiment, &files.interpretation);
     let outliers = found.iter().find(|found| found.kind == "outliers").expect("outliers");
     assert!(
         ["3 positions", "(row 151)", "(row 341)", "(row 600)"].iter().all(|part| outliers.text.contains(part)),
         "{outliers:?}"
     );
-    let clean = read(&plain(), Given::default()).expect("a record").1.noise_yardstick().expect("a noise").sd_m;
-    assert!((experiment.noise_yardstick().expect("a noise").sd_m / clean - 1.0).abs() < 0.05);
+    let clean = read(&plain(), TableSettings::default()).expect("a record").1.reference_noise().expect("a noise").sd_m;
+    assert!((experiment.reference_noise().expect("a noise").sd_m / clean - 1.0).abs() < 0.05);
     // Applies the remedy.
     let left_out = |toml: &str| {
         toml.replace("delimiter", "left_out_s = [[7.49, 7.51], [16.99, 17.01], [29.94, 29.96]]\ndelimiter")
     };
     let (_, experiment, files) =
-        edited(&format!("time_s,force_uN,position_um\n{text}"), Given::default(), left_out).expect("a record");
+        edited(&format!("time_s,force_uN,position_um\n{text}"), TableSettings::default(), left_out).expect("a record");
     assert!(kinds(&experiment, &files).is_empty() && distances(&experiment)[2] < 2e-3);
 }
 
@@ -396,14 +400,14 @@ fn a_force_that_is_logged_late_is_recognised() {
         let force = |row: usize| if row < late { 0.0 } else { all[row - late][1] };
         let text = rows(|row, [t, _, x]| format!("{t:.3},{},{:.3}", force(row), sign * x));
         let text = format!("time_s,force_uN,position_um\n{text}");
-        let (_, experiment, files) = read(&text, Given::default()).expect("a record");
-        let found = contradictions(&experiment, &files.understood);
+        let (_, experiment, files) = read(&text, TableSettings::default()).expect("a record");
+        let found = contradictions(&experiment, &files.interpretation);
         let late_found = found.iter().find(|found| found.kind == "force_logged_late").expect("found");
         assert!(
             late_found.advice.contains("5.0000") && !found.iter().any(|found| found.kind == "against_force"),
             "{found:?}"
         );
-        assert_eq!(files.understood.settled.is_reversed, sign < 0.0);
+        assert_eq!(files.interpretation.settled.is_reversed, sign < 0.0);
     }
 }
 
@@ -416,11 +420,11 @@ fn a_record_that_starts_under_load_is_recognised() {
         format!("time_s,force_uN,position_um\n{}", rows.collect::<String>())
     };
     for from in [20, 60] {
-        let (_, experiment, files) = read(&kept(from), Given::default()).expect("a record");
+        let (_, experiment, files) = read(&kept(from), TableSettings::default()).expect("a record");
         assert!(kinds(&experiment, &files).contains(&"starts_under_load".to_string()), "{from}");
         let start_s = -INTERVAL_S * from as f64;
         let told = |toml: &str| toml.replace("# load_start_s = -3.0", &format!("load_start_s = {start_s:.3}"));
-        let (_, experiment, files) = edited(&kept(from), Given::default(), told).expect("a record");
+        let (_, experiment, files) = edited(&kept(from), TableSettings::default(), told).expect("a record");
         assert!(kinds(&experiment, &files).is_empty(), "{:?}", kinds(&experiment, &files));
         let record = &experiment.record;
         assert_eq!((record.position_m[0], record.n_rows()), (None, N_ROWS - from + 1));

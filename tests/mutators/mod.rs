@@ -21,27 +21,27 @@ use vitreo_uq::documents::ladder::LadderSummary;
 use vitreo_uq::elements::mesh::gmsh::read_gmsh;
 use vitreo_uq::figures;
 use vitreo_uq::figures::corner::{CornerOptions, ParameterColumn, Posterior, corner};
-use vitreo_uq::figures::density::{guessed_support, sorted};
+use vitreo_uq::figures::density::{estimate_support, sorted};
 use vitreo_uq::figures::draws::read_draws_csv;
 use vitreo_uq::figures::palette::series;
-use vitreo_uq::jobs::bridge::{Endpoint, Models};
+use vitreo_uq::jobs::bridge::{BridgeModels, Endpoint};
 use vitreo_uq::jobs::tasks::commands;
 use vitreo_uq::jobs::tasks::list::List;
 use vitreo_uq::laws::rheology::Network;
 use vitreo_uq::models::effects::Library;
 use vitreo_uq::models::surrogate::{ReducedOperators, Surrogate};
 use vitreo_uq::posterior::mechanics::Mechanics;
-use vitreo_uq::posterior::monitor::Silent;
+use vitreo_uq::posterior::monitor::SilentMonitor;
 use vitreo_uq::posterior::prepared::{KeptSurrogate, PreparedModel};
 use vitreo_uq::posterior::prior::PriorSet;
 use vitreo_uq::posterior::problem::Problem;
 use vitreo_uq::posterior::replica;
 use vitreo_uq::posterior::study::{Kept, ModelSpecification, Study, WithProvenance, effect_file, sha256_hex};
 use vitreo_uq::record::Experiment;
-use vitreo_uq::record::table::{Given, propose};
+use vitreo_uq::record::table::{TableSettings, propose};
 use vitreo_uq::sampling::ensemble::{Checkpointing, Progress, RunControl};
 use vitreo_uq::sampling::{LogDensity, SamplerOptions, sample};
-use vitreo_uq::validation::challenge::files::reveal;
+use vitreo_uq::validation::challenge::files::open_challenge;
 
 /// Random numbers by a fixed recurrence (xorshift64*), equal on every machine.
 pub struct Dice(u64);
@@ -372,7 +372,7 @@ fn instrument(toml: &[u8], csv: &[u8]) -> Result<Experiment> {
 fn ask(experiment: Experiment, specification: ModelSpecification) -> Result<()> {
     let mechanics = Arc::new(Mechanics::Instrument { compliance_per_m: 549.0 });
     let problem = Problem::with_mechanics(experiment, specification, &Library::default(), mechanics)?;
-    let prepared = PreparedModel::new(&problem, None, &Silent)?;
+    let prepared = PreparedModel::new(&problem, None, &SilentMonitor)?;
     let posterior = prepared.posterior();
     let medians: Vec<f64> = problem.priors.priors().iter().map(|prior| prior.distribution.quantile(0.5)).collect();
     let medians = problem.priors.to_unconstrained(&medians);
@@ -385,13 +385,13 @@ fn ask(experiment: Experiment, specification: ModelSpecification) -> Result<()> 
 
 fn read_experiment(_: &Place, bytes: &[u8]) -> Result<()> {
     let experiment = instrument(bytes, small_csv().as_bytes())?;
-    drop((experiment.noise_yardstick(), experiment.for_comparison()));
+    drop((experiment.reference_noise(), experiment.for_comparison()));
     Ok(())
 }
 
 fn read_trajectory(_: &Place, bytes: &[u8]) -> Result<()> {
     let experiment = instrument(SMALL_TOML.as_bytes(), bytes)?;
-    drop((experiment.noise_yardstick(), experiment.for_comparison()));
+    drop((experiment.reference_noise(), experiment.for_comparison()));
     if experiment.record.n_rows() < 500 { ask(experiment, ModelSpecification::default()) } else { Ok(()) }
 }
 
@@ -414,7 +414,7 @@ fn read_prior(place: &Place, bytes: &[u8]) -> Result<()> {
 
 fn read_surrogate(place: &Place, bytes: &[u8]) -> Result<()> {
     place.put("surrogate.json", bytes);
-    if let Some(kept) = KeptSurrogate::read(&place.folder, &Silent) {
+    if let Some(kept) = KeptSurrogate::read(&place.folder, &SilentMonitor) {
         kept.surrogate.compliance_per_m(0.48)?;
     }
     Ok(())
@@ -428,7 +428,7 @@ fn read_draws(place: &Place, bytes: &[u8]) -> Result<()> {
         symbol: name,
         unit: "Pa",
         draws,
-        support: guessed_support(&sorted(draws)),
+        support: estimate_support(&sorted(draws)),
         prior: None,
         reference: None,
     });
@@ -447,7 +447,7 @@ fn read_mesh(place: &Place, bytes: &[u8]) -> Result<()> {
 }
 
 fn read_table(_: &Place, bytes: &[u8]) -> Result<()> {
-    propose(Path::new("table.csv"), bytes, &Given::default(), &mut |_| None).map(drop)
+    propose(Path::new("table.csv"), bytes, &TableSettings::default(), &mut |_| None).map(drop)
 }
 
 fn read_effect(_: &Place, bytes: &[u8]) -> Result<()> {
@@ -489,16 +489,16 @@ fn read_request(_: &Place, bytes: &[u8]) -> Result<()> {
         let mechanics = Arc::new(Mechanics::Instrument { compliance_per_m: 549.0 });
         let problem =
             Problem::with_mechanics(experiment, ModelSpecification::default(), &Library::default(), mechanics);
-        PreparedModel::new(&problem.expect("it is sound"), None, &Silent).expect("an instrument")
+        PreparedModel::new(&problem.expect("it is sound"), None, &SilentMonitor).expect("an instrument")
     });
     let end = bytes.iter().position(|byte| *byte == b' ').unwrap_or(bytes.len());
     let (path, body) = (format!("/{}", String::from_utf8_lossy(&bytes[..end])), &bytes[(end + 1).min(bytes.len())..]);
-    let endpoint = Endpoint::ALL.into_iter().find(|own| own.path() == path).unwrap_or(Endpoint::Evaluate);
-    let answer = Models::new(model)?.answer(endpoint, body);
+    let endpoint = Endpoint::ALL.into_iter().find(|endpoint| endpoint.path() == path).unwrap_or(Endpoint::Evaluate);
+    let answer = BridgeModels::new(model)?.answer(endpoint, body);
     let words = answer.body.to_string();
     match answer.status {
         200 => Ok(()),
-        400 => Err(Error::input(error::Place::default(), words, "as the answer says")),
+        400 => Err(Error::input(error::InputPlace::default(), words, "as the answer says")),
         _ => Err(Error::numerical(words, "as the answer says")),
     }
 }
@@ -568,7 +568,7 @@ fn read_challenge(place: &Place, bytes: &[u8]) -> Result<()> {
     place.put("experiment.toml", b"# Sealed answer, SHA-256: 00\n");
     place.put("trajectory.csv", small_csv().as_bytes());
     place.put("sealed.json", bytes);
-    reveal(&place.folder).map(drop)
+    open_challenge(&place.folder).map(drop)
 }
 
 /// All readers. The accepted files are in `data/` and `tests/data/`, or made here.

@@ -7,7 +7,7 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 
 use program::write_instrument_experiment;
 use vitreo_uq::Error;
-use vitreo_uq::posterior::monitor::{Monitor, Silent};
+use vitreo_uq::posterior::monitor::{Monitor, SilentMonitor};
 use vitreo_uq::posterior::problem::Problem;
 use vitreo_uq::posterior::sample::{SampleRequest, SampleResult, run};
 use vitreo_uq::posterior::study::ModelSpecification;
@@ -55,8 +55,8 @@ fn a_stopped_and_resumed_job_gives_the_same_bytes() {
     let place = tempfile::tempdir().unwrap();
     write_instrument_experiment(&place.path().join("gel"), true, 0.0);
     let (experiment, _) = Experiment::read(&place.path().join("gel")).unwrap();
-    let problem = Problem::new(experiment, ModelSpecification::default(), None, &Silent).unwrap();
-    let uninterrupted = job(&problem, None, &Silent).unwrap();
+    let problem = Problem::new(experiment, ModelSpecification::default(), None, &SilentMonitor).unwrap();
+    let uninterrupted = job(&problem, None, &SilentMonitor).unwrap();
     let checkpoint = place.path().join("sampler.state");
     let mut interruptions = 0;
     let mut resumed = None;

@@ -51,7 +51,7 @@ fn killed_writers_leave_whole_revisions_and_a_usable_study() {
         csv_bytes: b"time_s\n".to_vec(),
         log_file: None,
         notes: vec![],
-        understood: vitreo_uq::record::Understood::default(),
+        interpretation: vitreo_uq::record::Interpretation::default(),
     };
     let study = Study::open_or_create(&dir, &files, false).unwrap();
     let mut n_killed_at_work = 0;

@@ -14,7 +14,7 @@ pub enum Error {
     #[error("{place}: {found}\n  what to do: {remedy}")]
     Input {
         /// Place of the fault.
-        place: Place,
+        place: InputPlace,
         /// Unacceptable content at that place.
         found: String,
         /// Action for the user.
@@ -224,7 +224,7 @@ impl std::fmt::Display for Setting {
 
 /// Place in the input: a file, and if known its line (from 1) and its column or key.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
-pub struct Place {
+pub struct InputPlace {
     /// File, or `None` for input from the caller.
     pub file: Option<PathBuf>,
     /// Line, counted from 1.
@@ -233,7 +233,7 @@ pub struct Place {
     pub key: Option<String>,
 }
 
-impl Place {
+impl InputPlace {
     /// A place in a file.
     pub fn file(file: impl Into<PathBuf>) -> Self {
         Self { file: Some(file.into()), ..Self::default() }
@@ -254,7 +254,7 @@ impl Place {
     }
 }
 
-impl std::fmt::Display for Place {
+impl std::fmt::Display for InputPlace {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         let source = || NAMING.get().map(|naming| naming.source);
         let key = self.key.as_ref().map(|key| format!("`{key}`"));
@@ -268,7 +268,7 @@ impl std::fmt::Display for Place {
 
 impl Error {
     /// An [`Error::Input`].
-    pub fn input(place: Place, found: impl Into<String>, remedy: impl Into<String>) -> Self {
+    pub fn input(place: InputPlace, found: impl Into<String>, remedy: impl Into<String>) -> Self {
         Self::Input { place, found: found.into(), remedy: remedy.into() }
     }
     /// An [`Error::File`].

@@ -12,7 +12,7 @@ pub struct ParameterSpec {
     /// Allowed range.
     pub support: Support,
     /// The response to the parameter begins with its square, so searches use the square as coordinate.
-    pub is_squared: bool,
+    pub enters_as_square: bool,
     /// The parameter stays at its null unless it is set or freed.
     pub is_optional: bool,
 }
@@ -20,12 +20,12 @@ pub struct ParameterSpec {
 impl ParameterSpec {
     /// Makes a parameter.
     pub const fn new(name: &'static str, symbol: &'static str, unit: &'static str, support: Support) -> Self {
-        Self { name, symbol, unit, support, is_squared: false, is_optional: false }
+        Self { name, symbol, unit, support, enters_as_square: false, is_optional: false }
     }
 
     /// Marks the parameter as one whose response begins with its square.
     pub const fn squared(self) -> Self {
-        Self { is_squared: true, ..self }
+        Self { enters_as_square: true, ..self }
     }
 
     /// Keeps the parameter at its null unless it is set or freed.
@@ -41,9 +41,9 @@ impl ParameterSpec {
 /// Young's modulus E of the Kelvin–Voigt body.
 pub const YOUNG_MODULUS: ParameterSpec = ParameterSpec::positive("young_modulus_pa", "E", "Pa");
 /// Retardation viscosity c₁ of the Kelvin–Voigt body.
-pub const VISCOSITY_1: ParameterSpec = ParameterSpec::positive("viscosity_1_pa_s", "c₁", "Pa s");
+pub const RETARDATION_VISCOSITY: ParameterSpec = ParameterSpec::positive("viscosity_1_pa_s", "c₁", "Pa s");
 /// Flow viscosity c₂ of the dashpot in series.
-pub const VISCOSITY_2: ParameterSpec = ParameterSpec::positive("viscosity_2_pa_s", "c₂", "Pa s");
+pub const FLOW_VISCOSITY: ParameterSpec = ParameterSpec::positive("viscosity_2_pa_s", "c₂", "Pa s");
 /// Modulus of the Burgers law's spring in series.
 pub const INSTANTANEOUS_MODULUS: ParameterSpec = ParameterSpec::positive("instantaneous_modulus_pa", "E₀", "Pa");
 /// Modulus of the two-element law's second body.
@@ -53,9 +53,9 @@ pub const SECOND_VISCOSITY: ParameterSpec = ParameterSpec::positive("second_visc
 /// Standard deviation of white noise.
 pub const NOISE_SD: ParameterSpec = ParameterSpec::positive("noise_sd_um", "σ", "um");
 /// Standard deviation of slow noise.
-pub const OU_SD: ParameterSpec = ParameterSpec::positive("ou_sd_um", "σ OU", "um");
+pub const SLOW_NOISE_SD: ParameterSpec = ParameterSpec::positive("ou_sd_um", "σ OU", "um");
 /// Correlation time of slow noise.
-pub const OU_TIME: ParameterSpec = ParameterSpec::positive("ou_time_s", "τ OU", "s");
+pub const SLOW_NOISE_TIME: ParameterSpec = ParameterSpec::positive("ou_time_s", "τ OU", "s");
 /// Standard deviation of a cycle's gain.
 pub const GAIN_SD: ParameterSpec = ParameterSpec::positive("gain_sd", "sd of gain", "1");
 /// Standard deviation of a cycle's offset.
@@ -71,14 +71,14 @@ pub const RELATIVE_NOISE: ParameterSpec = ParameterSpec::positive("noise_relativ
 pub fn named(name: &str) -> Option<&'static ParameterSpec> {
     const NAMED: &[ParameterSpec] = &[
         YOUNG_MODULUS,
-        VISCOSITY_1,
-        VISCOSITY_2,
+        RETARDATION_VISCOSITY,
+        FLOW_VISCOSITY,
         INSTANTANEOUS_MODULUS,
         SECOND_MODULUS,
         SECOND_VISCOSITY,
         NOISE_SD,
-        OU_SD,
-        OU_TIME,
+        SLOW_NOISE_SD,
+        SLOW_NOISE_TIME,
         GAIN_SD,
         OFFSET_SD,
         STUDENT_DOF,

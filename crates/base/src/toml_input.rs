@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
-use crate::error::{Error, Place, Result};
+use crate::error::{Error, InputPlace, Result};
 use crate::units::nearest_name;
 
 /// Text that `init` writes for an unknown number.
@@ -23,7 +23,7 @@ pub struct TomlInput<'a> {
 
 /// Table of a [`TomlInput`].
 #[derive(Clone, Copy)]
-pub struct Table<'a> {
+pub struct TomlTable<'a> {
     document: &'a TomlInput<'a>,
     table: &'a DeTable<'a>,
     line: usize,
@@ -39,7 +39,7 @@ pub fn text_of<'a>(file: &Path, bytes: &'a [u8]) -> Result<&'a str> {
     let text = std::str::from_utf8(bytes).map_err(|error| {
         let line = 1 + bytes[..error.valid_up_to()].iter().filter(|byte| **byte == b'\n').count();
         Error::input(
-            Place::file(file).at_line(line),
+            InputPlace::file(file).at_line(line),
             "this is not UTF-8 text",
             "save the file as UTF-8 (plain text, no spreadsheet format)",
         )
@@ -47,7 +47,7 @@ pub fn text_of<'a>(file: &Path, bytes: &'a [u8]) -> Result<&'a str> {
     let text = text.strip_prefix('\u{feff}').unwrap_or(text);
     if text.trim().is_empty() {
         return Err(Error::input(
-            Place::file(file).at_line(1),
+            InputPlace::file(file).at_line(1),
             "the file is empty",
             "write its content; the project's `data/` and `priors/` hold examples",
         ));
@@ -61,7 +61,7 @@ impl<'a> TomlInput<'a> {
         let root = DeTable::parse(text).map_err(|error| {
             let line = line_of(text, error.span().map_or(0, |span| span.start));
             Error::input(
-                Place::file(file).at_line(line),
+                InputPlace::file(file).at_line(line),
                 format!("not valid TOML: {}", error.message()),
                 "correct the syntax of this line; a key is written `name = value`, text in double quotes, each key once",
             )
@@ -70,8 +70,8 @@ impl<'a> TomlInput<'a> {
     }
 
     /// Root table.
-    pub fn root(&'a self) -> Table<'a> {
-        Table { document: self, table: self.root.get_ref(), line: 1 }
+    pub fn root(&'a self) -> TomlTable<'a> {
+        TomlTable { document: self, table: self.root.get_ref(), line: 1 }
     }
 }
 
@@ -103,7 +103,7 @@ fn path_in(value: &DeValue<'_>, target: &DeTable<'_>) -> Option<String> {
     }
 }
 
-impl<'a> Table<'a> {
+impl<'a> TomlTable<'a> {
     /// Path from the root, empty for the root itself. It is searched for on demand, because only errors need it.
     fn path(&self) -> String {
         path_to(self.document.root.get_ref(), self.table).unwrap_or_default()
@@ -137,9 +137,9 @@ impl<'a> Table<'a> {
     }
 
     /// Place of a key; for a missing key, the line of its table's header.
-    pub fn place(&self, key: &str) -> Place {
+    pub fn place(&self, key: &str) -> InputPlace {
         let line = self.entry(key).map_or(self.line, |(span, _)| line_of(self.document.text, span.start));
-        Place::file(&self.document.file).at_line(line).at_key(self.full_key(key))
+        InputPlace::file(&self.document.file).at_line(line).at_key(self.full_key(key))
     }
 
     /// Error about the value of a key.
@@ -149,7 +149,7 @@ impl<'a> Table<'a> {
 
     /// Error about the table as a whole.
     pub fn refuse_whole(&self, found: impl Into<String>, remedy: impl Into<String>) -> Error {
-        Error::input(Place::file(&self.document.file).at_line(self.line).at_key(self.path()), found, remedy)
+        Error::input(InputPlace::file(&self.document.file).at_line(self.line).at_key(self.path()), found, remedy)
     }
 
     /// Refuses the first key that is not in `known`, and suggests the most similar one.
@@ -235,11 +235,11 @@ impl<'a> Table<'a> {
     /// Required number above zero within a range.
     pub fn required_within(&self, key: &str, example: &str, sizes: [f64; 2]) -> Result<f64> {
         let value = self.required_positive(key, example)?;
-        self.check_within(key, value, sizes)
+        self.require_range(key, value, sizes)
     }
 
     /// Refuses a value outside a range. Such a value is probably a slip, and the computation could not handle it.
-    pub fn check_within(&self, key: &str, value: f64, [smallest, largest]: [f64; 2]) -> Result<f64> {
+    pub fn require_range(&self, key: &str, value: f64, [smallest, largest]: [f64; 2]) -> Result<f64> {
         if (smallest..=largest).contains(&value) {
             return Ok(value);
         }
@@ -336,32 +336,32 @@ impl<'a> Table<'a> {
     }
 
     /// Tables of a required list. `example` is a complete acceptable line.
-    pub fn tables(&self, key: &str, example: &str) -> Result<Vec<Table<'a>>> {
+    pub fn tables(&self, key: &str, example: &str) -> Result<Vec<TomlTable<'a>>> {
         let Some(values) = self.array(key, "a list of tables", example)? else {
             return Err(self.missing(key, example));
         };
         let document = self.document;
         let table = |value: &'a Spanned<DeValue<'a>>| match value.get_ref().as_table() {
-            Some(table) => Ok(Table { document, table, line: line_of(document.text, value.span().start) }),
+            Some(table) => Ok(TomlTable { document, table, line: line_of(document.text, value.span().start) }),
             None => Err(self.wrong_type(key, value.get_ref(), "a table in the list", example)),
         };
         values.iter().map(table).collect()
     }
 
     /// Nested table, if present.
-    pub fn table(&self, key: &str) -> Result<Option<Table<'a>>> {
+    pub fn table(&self, key: &str) -> Result<Option<TomlTable<'a>>> {
         let Some((span, value)) = self.entry(key) else { return Ok(None) };
         match value.get_ref().as_table() {
             Some(table) => {
                 let line = line_of(self.document.text, span.start);
-                Ok(Some(Table { document: self.document, table, line }))
+                Ok(Some(TomlTable { document: self.document, table, line }))
             }
             None => Err(self.wrong_type(key, value.get_ref(), "a table", &format!("[{}]", self.full_key(key)))),
         }
     }
 
     /// Required nested table.
-    pub fn required_table(&self, key: &str) -> Result<Table<'a>> {
+    pub fn required_table(&self, key: &str) -> Result<TomlTable<'a>> {
         self.table(key)?.ok_or_else(|| self.missing(key, &format!("[{}]", self.full_key(key))))
     }
 }

@@ -16,7 +16,7 @@ const STREAM: u64 = 1 << 40;
 ///
 /// An experiment differs from its specimen by the scatter of repeats, whose variance has the draws `within`. The specimen's value is simulated as the mean of one draw of
 /// each of its n experiments plus a normal of variance W/n. A cohort without repeats (`within` is empty) has no such scatter, so the draws are the specimen's own.
-pub fn quantiles_alone(experiments: &[&InterimDraws], within: &[f64], k: usize, p: usize, seed: u64) -> [f64; 3] {
+pub fn unpooled_quantiles(experiments: &[&InterimDraws], within: &[f64], k: usize, p: usize, seed: u64) -> [f64; 3] {
     let of_values = |values: &[f64]| {
         let ascending = sorted(values);
         [0.05, 0.5, 0.95].map(|probability| quantile_of_sorted(&ascending, probability))
@@ -28,7 +28,8 @@ pub fn quantiles_alone(experiments: &[&InterimDraws], within: &[f64], k: usize, 
     rng.set_stream(STREAM);
     let n = experiments.len() as f64;
     let simulated = |index: usize| {
-        let sum: f64 = experiments.iter().map(|own| own.get(rng.random_range(0..own.len()))[k]).sum();
+        let sum: f64 =
+            experiments.iter().map(|experiment| experiment.get(rng.random_range(0..experiment.len()))[k]).sum();
         let variance = within.get(index * within.len() / N_DRAWS).copied().unwrap_or(0.0);
         let noise: f64 = StandardNormal.sample(&mut rng);
         sum / n + (variance / n).sqrt() * noise
@@ -58,7 +59,7 @@ mod tests {
                 })
                 .collect();
             let of: Vec<&InterimDraws> = experiments.iter().collect();
-            let [q05, median, q95] = quantiles_alone(&of, &[SCATTER * SCATTER; 50], 0, 1, seed);
+            let [q05, median, q95] = unpooled_quantiles(&of, &[SCATTER * SCATTER; 50], 0, 1, seed);
             assert!(q05 < median && median < q95);
             n_inside += usize::from(q05 < truth && truth < q95);
         }
@@ -68,6 +69,6 @@ mod tests {
     #[test]
     fn without_repeats_they_are_the_experiment_s_own() {
         let draws = InterimDraws::new((0..101).map(f64::from).collect(), vec![0.0; 101]);
-        assert_eq!(quantiles_alone(&[&draws], &[], 0, 1, 3), [5.0, 50.0, 95.0]);
+        assert_eq!(unpooled_quantiles(&[&draws], &[], 0, 1, 3), [5.0, 50.0, 95.0]);
     }
 }

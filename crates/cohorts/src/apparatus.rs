@@ -7,13 +7,13 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use super::cohort::Measurement;
-use base::error::{Error, Place, Result, Setting};
+use base::error::{Error, InputPlace, Result, Setting};
 use elements::fe::time::FullOrderModel;
 use models::effects::Library;
 use models::model::Compliance;
-use posterior::cache::{self, BuiltFrom};
+use posterior::cache::{self, ModelInputs};
 use posterior::mechanics::MODEL_LEVEL;
-use posterior::monitor::{Counter, Monitor, Silent, Warnings};
+use posterior::monitor::{Counter, Monitor, SilentMonitor, WarningMonitor};
 use posterior::prepared::PreparedModel;
 use posterior::problem::Problem;
 use record::Apparatus;
@@ -26,20 +26,28 @@ struct KeptCompliance {
 
 /// Index of the first measurement with the same apparatus and the same other inputs of the compliance, for every measurement. That measurement's compliance serves for all
 /// of them.
-pub fn first_alike(measurements: &[Measurement]) -> Vec<usize> {
+pub fn first_equal_apparatus(measurements: &[Measurement]) -> Vec<usize> {
     let library = Library::default();
     let mut first: BTreeMap<String, usize> = BTreeMap::new();
-    measurements.iter().enumerate().map(|(index, own)| *first.entry(key(own, &library)).or_insert(index)).collect()
+    measurements
+        .iter()
+        .enumerate()
+        .map(|(index, measurement)| *first.entry(compliance_key(measurement, &library)).or_insert(index))
+        .collect()
 }
 
 /// Inputs of the compliance, as text: the apparatus' sizes and the model with its effects. The record's hash is added if an effect is learnt for each record.
-pub(super) fn key(own: &Measurement, library: &Library) -> String {
+pub(super) fn compliance_key(measurement: &Measurement, library: &Library) -> String {
     // Effects can need other Poisson ratios, in the range of their priors.
-    let model = if own.specification.effects.is_empty() { String::new() } else { format!("{:?}", own.specification) };
-    let effects = own.specification.effects.iter().filter_map(|slug| library.get(slug));
+    let model = if measurement.specification.effects.is_empty() {
+        String::new()
+    } else {
+        format!("{:?}", measurement.specification)
+    };
+    let effects = measurement.specification.effects.iter().filter_map(|slug| library.get(slug));
     let is_learnt = effects.into_iter().any(|effect| effect.is_learnt_for_record());
-    let record = if is_learnt { own.inputs_sha256.as_str() } else { "" };
-    format!("{:?} {model} {record}", own.experiment.apparatus)
+    let record = if is_learnt { measurement.inputs_sha256.as_str() } else { "" };
+    format!("{:?} {model} {record}", measurement.experiment.apparatus)
 }
 
 /// Computes the compliance of every measurement.
@@ -47,12 +55,12 @@ pub(super) fn key(own: &Measurement, library: &Library) -> String {
 /// # Errors
 /// Errors of meshing, assembly or the model.
 pub fn compliances(measurements: &[Measurement], monitor: &dyn Monitor) -> Result<Vec<Compliance>> {
-    let first = first_alike(measurements);
+    let first = first_equal_apparatus(measurements);
     let needed: BTreeSet<usize> = first.iter().copied().collect();
     let counter = Counter::new(monitor, needed.len());
     let of_apparatus = |index: &usize| {
-        let own = &measurements[*index];
-        let compliance = compliance(own, monitor).map_err(|error| own.named(error))?;
+        let measurement = &measurements[*index];
+        let compliance = compliance(measurement, monitor).map_err(|error| measurement.with_name(error))?;
         counter.add_one();
         Ok((*index, compliance))
     };
@@ -67,43 +75,44 @@ pub fn compliances(measurements: &[Measurement], monitor: &dyn Monitor) -> Resul
 pub fn compliance(measurement: &Measurement, monitor: &dyn Monitor) -> Result<Compliance> {
     if let Some(law) = measurement.specification.base.outside() {
         return Err(Error::input(
-            Place::setting(Setting::Base),
+            InputPlace::setting(Setting::Base),
             format!("{} predicts one record at a time, but groups compare built-in laws", law.url()),
             format!("sample each experiment with {}, or group them by another law", Setting::Forward),
         ));
     }
     let apparatus = &measurement.experiment.apparatus;
     match apparatus {
-        Apparatus::Instrument { compliance_per_m } => return Ok(Compliance::given(*compliance_per_m)),
-        Apparatus::Indenter(indenter) => return Ok(Compliance::given(indenter.compliance())),
+        Apparatus::Instrument { compliance_per_m } => return Ok(Compliance::fixed(*compliance_per_m)),
+        Apparatus::Indenter(indenter) => return Ok(Compliance::fixed(indenter.compliance())),
         Apparatus::Robot { .. } => (),
     }
     let built_from = compliance_built_from(apparatus);
     if measurement.specification.effects.is_empty()
         && let Some(kept) = cache::read::<KeptCompliance>(&built_from, monitor)
     {
-        return Ok(Compliance::given(kept.compliance_per_m));
+        return Ok(Compliance::fixed(kept.compliance_per_m));
     }
-    let problem = Problem::new(measurement.experiment.clone(), measurement.specification.clone(), None, &Silent)?;
+    let problem =
+        Problem::new(measurement.experiment.clone(), measurement.specification.clone(), None, &SilentMonitor)?;
     match problem.finite_elements() {
         Some(fe) if problem.model.field().is_none() && problem.poisson_ratios(fe)? == [fe.poisson_ratio; 2] => {
             let compliance_per_m = FullOrderModel::new(&fe.stiffness, fe.poisson_ratio)?.compliance_per_m();
             cache::write(&built_from, &KeptCompliance { compliance_per_m });
-            Ok(Compliance::given(compliance_per_m))
+            Ok(Compliance::fixed(compliance_per_m))
         }
-        _ => Ok(PreparedModel::unverified(&problem, None, &Warnings(monitor))?.compliance),
+        _ => Ok(PreparedModel::unverified(&problem, None, &WarningMonitor(monitor))?.compliance),
     }
 }
 
 /// Inputs that the compliance of an apparatus is built from.
-fn compliance_built_from(apparatus: &Apparatus) -> BuiltFrom {
-    BuiltFrom::new("compliance").with("mesh level", MODEL_LEVEL).with("apparatus", apparatus)
+fn compliance_built_from(apparatus: &Apparatus) -> ModelInputs {
+    ModelInputs::new("compliance").with("mesh level", MODEL_LEVEL).with("apparatus", apparatus)
 }
 
 /// File name under which the compliance of a measurement's apparatus is kept. `None` for instruments and for models with effects, whose compliance is not kept.
-pub fn kept_name(own: &Measurement) -> Option<String> {
-    let apparatus = &own.experiment.apparatus;
-    let is_kept = matches!(apparatus, Apparatus::Robot { .. }) && own.specification.effects.is_empty();
+pub fn cache_file_name(measurement: &Measurement) -> Option<String> {
+    let apparatus = &measurement.experiment.apparatus;
+    let is_kept = matches!(apparatus, Apparatus::Robot { .. }) && measurement.specification.effects.is_empty();
     is_kept.then(|| compliance_built_from(apparatus).file_name())
 }
 
@@ -111,7 +120,7 @@ pub fn kept_name(own: &Measurement) -> Option<String> {
 ///
 /// # Errors
 /// Errors of [`compliances`].
-pub fn kept_file(own: &Measurement, monitor: &dyn Monitor) -> Result<(String, Vec<u8>)> {
-    let compliance_per_m = compliance(own, monitor)?.given_per_m();
-    cache::file_of(&compliance_built_from(&own.experiment.apparatus), &KeptCompliance { compliance_per_m })
+pub fn cache_file(measurement: &Measurement, monitor: &dyn Monitor) -> Result<(String, Vec<u8>)> {
+    let compliance_per_m = compliance(measurement, monitor)?.experiment_per_m();
+    cache::file_of(&compliance_built_from(&measurement.experiment.apparatus), &KeptCompliance { compliance_per_m })
 }

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use super::cohort::{Key, Measurement};
 use super::figures;
 use super::job::Comparison;
-use base::error::{Error, Place, Result, Setting};
+use base::error::{Error, InputPlace, Result, Setting};
 use base::files::{Content, read_if_there, write_atomically};
 use documents::groups::GroupsSummary;
 use posterior::study::{Provenance, RevisionWriter, WithProvenance};
@@ -28,8 +28,10 @@ pub fn provenance(measurements: &[Measurement], seed: u64) -> Provenance {
 
 /// Head of a document of this kind about many experiments.
 pub(super) fn provenance_of(kind: &str, measurements: &[Measurement], seed: u64) -> Provenance {
-    let inputs: BTreeMap<String, String> =
-        measurements.iter().map(|own| (own.path.display().to_string(), own.inputs_sha256.clone())).collect();
+    let inputs: BTreeMap<String, String> = measurements
+        .iter()
+        .map(|measurement| (measurement.path.display().to_string(), measurement.inputs_sha256.clone()))
+        .collect();
     Provenance::new(kind, 1, seed, inputs)
 }
 
@@ -57,15 +59,15 @@ pub(super) fn refuse_other(
     force: bool,
     (found, remedy): (&str, &str),
 ) -> Result<()> {
-    if force || is_free(&file, provenance) { Ok(()) } else { Err(Error::input(Place::file(file), found, remedy)) }
+    if force || is_free(&file, provenance) { Ok(()) } else { Err(Error::input(InputPlace::file(file), found, remedy)) }
 }
 
 /// Returns true if the folder has no document, or one of the same experiments (at any path).
 fn is_free(file: &Path, provenance: &Provenance) -> bool {
     let Some(bytes) = read_if_there(file, Content::Document) else { return true };
     let before: Option<Provenance> = serde_json::from_slice(&bytes).ok();
-    let hashes = |own: &Provenance| {
-        let mut all: Vec<String> = own.inputs_sha256.values().cloned().collect();
+    let hashes = |provenance: &Provenance| {
+        let mut all: Vec<String> = provenance.inputs_sha256.values().cloned().collect();
         all.sort();
         all
     };
@@ -119,14 +121,19 @@ fn groups_csv(summary: &GroupsSummary) -> Result<Vec<u8>> {
         "pooling",
     ];
     let rows = summary.groups.iter().flat_map(|group| {
-        group.parameters.iter().map(|own| {
-            let [lower, upper] = own.new_specimen_90;
-            let mut row =
-                vec![group.name.clone(), group.specimens.to_string(), group.experiments.to_string(), own.name.clone()];
+        group.parameters.iter().map(|parameter| {
+            let [lower, upper] = parameter.new_specimen_90;
+            let mut row = vec![
+                group.name.clone(),
+                group.specimens.to_string(),
+                group.experiments.to_string(),
+                parameter.name.clone(),
+            ];
             row.extend(
-                [own.median, own.q05, own.q95, own.between_specimen_log_sd, lower, upper].map(|x| x.to_string()),
+                [parameter.median, parameter.q05, parameter.q95, parameter.between_specimen_log_sd, lower, upper]
+                    .map(|x| x.to_string()),
             );
-            row.push(own.pooling.map_or_else(String::new, |x| x.to_string()));
+            row.push(parameter.pooling.map_or_else(String::new, |x| x.to_string()));
             row
         })
     });
@@ -147,19 +154,19 @@ fn contrasts_csv(summary: &GroupsSummary) -> Result<Vec<u8>> {
         "is_declared",
         "more_specimens_per_group",
     ];
-    let rows = summary.contrasts.iter().map(|own| {
+    let rows = summary.contrasts.iter().map(|contrast| {
         let numbers = [
-            own.ratio_median,
-            own.q05,
-            own.q95,
-            own.probability_greater,
-            own.probability_beyond_margin,
-            own.probability_below_margin,
+            contrast.ratio_median,
+            contrast.q05,
+            contrast.q95,
+            contrast.probability_greater,
+            contrast.probability_beyond_margin,
+            contrast.probability_below_margin,
         ];
-        let mut row = vec![own.parameter.clone(), own.a.clone(), own.b.clone()];
+        let mut row = vec![contrast.parameter.clone(), contrast.a.clone(), contrast.b.clone()];
         row.extend(numbers.map(|x| x.to_string()));
-        row.push(own.is_declared.to_string());
-        row.push(own.more.and_then(|plan| plan.specimens_per_group).map_or_else(String::new, |n| n.to_string()));
+        row.push(contrast.is_declared.to_string());
+        row.push(contrast.more.and_then(|plan| plan.specimens_per_group).map_or_else(String::new, |n| n.to_string()));
         row
     });
     table(&header, rows)
@@ -179,9 +186,9 @@ fn specimens_csv(summary: &GroupsSummary) -> Result<Vec<u8>> {
         "is_outlying",
     ];
     let rows = summary.specimens.iter().flat_map(|specimen| {
-        specimen.parameters.iter().map(|own| {
-            let numbers = [own.alone, own.pooled].map(|[q05, median, q95]| [median, q05, q95]).concat();
-            let mut row = vec![specimen.name.clone(), specimen.group.clone(), own.name.clone()];
+        specimen.parameters.iter().map(|parameter| {
+            let numbers = [parameter.alone, parameter.pooled].map(|[q05, median, q95]| [median, q05, q95]).concat();
+            let mut row = vec![specimen.name.clone(), specimen.group.clone(), parameter.name.clone()];
             row.extend(numbers.iter().map(f64::to_string));
             row.push(specimen.is_outlying.to_string());
             row

@@ -6,9 +6,9 @@ use std::path::{Path, PathBuf};
 use sha2::{Digest, Sha256};
 
 use super::design::Labels;
-use base::error::{Error, Place, Result, Setting};
+use base::error::{Error, InputPlace, Result, Setting};
 use models::effects::Library;
-use posterior::monitor::{Collected, Monitor};
+use posterior::monitor::{Monitor, WarningCollector};
 use posterior::study::{ModelSpecification, Study};
 use record::{Experiment, ExperimentFiles};
 
@@ -35,7 +35,7 @@ impl Key {
         [Self::Species, Self::Region].into_iter().find(|key| key.name() == name)
     }
 
-    fn of(self, experiment: &Experiment) -> Option<&str> {
+    fn level(self, experiment: &Experiment) -> Option<&str> {
         let text = match self {
             Self::Species => &experiment.species,
             Self::Region => &experiment.region,
@@ -64,7 +64,7 @@ impl Measurement {
     }
 
     /// Adds the experiment's name to an error, and the option that leaves the experiment out.
-    pub fn named(&self, error: Error) -> Error {
+    pub fn with_name(&self, error: Error) -> Error {
         let name = self.name();
         let or_leave_out = |remedy: String| format!("{remedy}; or leave it out: {} {name}", Setting::LeaveOut);
         match error {
@@ -84,9 +84,9 @@ impl Measurement {
     /// The specimen, as id and species, and its level of each key.
     fn labels(&self, keys: &[Key]) -> Result<Labels> {
         let level = |key: &Key| {
-            key.of(&self.experiment).map(String::from).ok_or_else(|| {
+            key.level(&self.experiment).map(String::from).ok_or_else(|| {
                 Error::input(
-                    Place::file(&self.path).at_key(format!("specimen.{}", key.name())),
+                    InputPlace::file(&self.path).at_key(format!("specimen.{}", key.name())),
                     format!("the experiment has no {}", key.name()),
                     format!(
                         "add `{} = \"…\"` to [specimen], group by another key ({}), or leave it out ({} {})",
@@ -112,14 +112,14 @@ impl Measurement {
 /// # Errors
 /// [`Error::Input`] if a key is missing.
 pub fn labels(measurements: &[Measurement], keys: &[Key]) -> Result<Vec<Labels>> {
-    let mut labels = measurements.iter().map(|own| own.labels(keys)).collect::<Result<Vec<_>>>()?;
+    let mut labels = measurements.iter().map(|measurement| measurement.labels(keys)).collect::<Result<Vec<_>>>()?;
     let mut ids: BTreeMap<&str, BTreeSet<String>> = BTreeMap::new();
-    for (own, label) in measurements.iter().zip(&labels) {
-        ids.entry(&own.experiment.specimen_id).or_default().insert(label.specimen.clone());
+    for (measurement, label) in measurements.iter().zip(&labels) {
+        ids.entry(&measurement.experiment.specimen_id).or_default().insert(label.specimen.clone());
     }
-    for (own, label) in measurements.iter().zip(&mut labels) {
-        if ids[own.experiment.specimen_id.as_str()].len() == 1 {
-            label.specimen.clone_from(&own.experiment.specimen_id);
+    for (measurement, label) in measurements.iter().zip(&mut labels) {
+        if ids[measurement.experiment.specimen_id.as_str()].len() == 1 {
+            label.specimen.clone_from(&measurement.experiment.specimen_id);
         }
     }
     Ok(labels)
@@ -157,7 +157,7 @@ pub fn read(
         find(path, &mut places)?;
         if places.len() == before {
             return Err(Error::input(
-                Place::file(path),
+                InputPlace::file(path),
                 "no experiment was found here",
                 "give directories that are experiments (with experiment.toml) or studies, or that hold such directories",
             ));
@@ -180,19 +180,19 @@ pub fn read(
         if is_left_out(&|name| is_path_called(&path, name)) {
             continue;
         }
-        let collected = Collected::new(monitor);
+        let collected = WarningCollector::new(monitor);
         let found = measurement(&path, model, &collected);
         notes.add(&path, collected.take());
         match found {
-            Ok(own) if is_left_out(&|name| own.is_called(name)) => {}
-            Ok(own) => measurements.push(own),
+            Ok(entry) if is_left_out(&|name| entry.is_called(name)) => {}
+            Ok(item) => measurements.push(item),
             Err(error) => broken.push((path, error)),
         }
     }
     notes.lines().iter().for_each(|line| monitor.warn(line));
     if let Some(index) = used.iter().position(|used| !used) {
         return Err(Error::input(
-            Place::setting(Setting::LeaveOut),
+            InputPlace::setting(Setting::LeaveOut),
             format!("no experiment is called `{}`", leave_out[index]),
             "give an experiment's directory or its name, or a specimen's id",
         ));
@@ -248,7 +248,7 @@ fn find(path: &Path, places: &mut Vec<PathBuf>) -> Result<()> {
             // A link can lead in a circle, or to an unrelated folder.
             if entry.file_type().map_err(refused)?.is_symlink() {
                 return Err(Error::input(
-                    Place::file(entry.path()),
+                    InputPlace::file(entry.path()),
                     "this is a symbolic link; links inside a directory of experiments are not followed",
                     "name the directory that the link points to among the experiments, or remove the link",
                 ));
@@ -276,7 +276,7 @@ fn measurement(
         (Experiment::read(path)?, ModelSpecification::default())
     };
     files.notes.iter().for_each(|note| monitor.warn(&note.to_string()));
-    posterior::check::refuse_certain(&experiment, &files.understood, monitor)?;
+    posterior::check::refuse_contradictions(&experiment, &files.interpretation, monitor)?;
     Ok(Measurement {
         path: path.to_path_buf(),
         experiment,
@@ -316,10 +316,10 @@ fn refuse_broken(mut broken: Vec<(PathBuf, Error)>) -> Result<()> {
 
 /// Refuses a measurement that is given twice, because it would count as two specimens that agree.
 fn refuse_twice(measurements: &[Measurement]) -> Result<()> {
-    for (index, own) in measurements.iter().enumerate() {
-        if let Some(other) = measurements[..index].iter().find(|other| other.inputs_sha256 == own.inputs_sha256) {
+    for (index, entry) in measurements.iter().enumerate() {
+        if let Some(other) = measurements[..index].iter().find(|other| other.inputs_sha256 == entry.inputs_sha256) {
             return Err(Error::input(
-                Place::file(&own.path),
+                InputPlace::file(&entry.path),
                 format!("this is the same measurement as {}", other.path.display()),
                 "give each measurement once",
             ));

@@ -2,14 +2,14 @@
 
 use super::design::Design;
 use super::hierarchy::PopulationDraw;
-use super::scale::Scale;
+use super::scale::SizeScale;
 use documents::groups::RatioVerdict;
 use figures::density::{quantile_of_sorted, sorted};
 
 /// Smallest share of the posterior at which a ratio counts as beyond the margin, or within it.
-pub const SURE: f64 = 0.95;
+pub const CERTAINTY: f64 = 0.95;
 /// Smallest share of the posterior in which all stated signs are right together. With this share, fewer than 5 of 100 cohorts of equal groups state a sign.
-pub const SURE_OF_SIGNS: f64 = 0.997;
+pub const SIGN_CERTAINTY: f64 = 0.997;
 
 /// Posterior of the ratio of two groups' typical specimens.
 #[derive(Debug, Clone, PartialEq)]
@@ -20,7 +20,7 @@ pub struct Contrast {
     pub groups: [usize; 2],
     /// Logarithm of the ratio, one value per draw.
     pub log_ratio: Vec<f64>,
-    /// True if the sign is stated: all stated signs of the run are right together with [`SURE_OF_SIGNS`].
+    /// True if the sign is stated: all stated signs of the run are right together with [`SIGN_CERTAINTY`].
     pub is_declared: bool,
 }
 
@@ -41,11 +41,11 @@ impl Contrast {
     pub fn verdict(&self, margin: f64) -> RatioVerdict {
         let greater = self.probability_above(1.0 + margin);
         let less = 1.0 - self.probability_above(1.0 / (1.0 + margin));
-        if greater >= SURE {
+        if greater >= CERTAINTY {
             RatioVerdict::Greater
-        } else if less >= SURE {
+        } else if less >= CERTAINTY {
             RatioVerdict::Less
-        } else if 1.0 - greater - less >= SURE {
+        } else if 1.0 - greater - less >= CERTAINTY {
             RatioVerdict::Equivalent
         } else {
             RatioVerdict::Undecided
@@ -55,8 +55,8 @@ impl Contrast {
 
 /// Contrasts of every pair of groups in every parameter, with the stated signs marked.
 ///
-/// Signs are stated in the order of their probability, as long as all stated signs are right together in [`SURE_OF_SIGNS`] of the draws.
-pub fn contrasts(design: &Design, draws: &[&PopulationDraw], scales: &[Scale]) -> Vec<Contrast> {
+/// Signs are stated in the order of their probability, as long as all stated signs are right together in [`SIGN_CERTAINTY`] of the draws.
+pub fn contrasts(design: &Design, draws: &[&PopulationDraw], scales: &[SizeScale]) -> Vec<Contrast> {
     let (n_groups, n_parameters) = (design.groups.len(), scales.len());
     let mut all = Vec::new();
     for (parameter, scale) in scales.iter().enumerate() {
@@ -75,7 +75,7 @@ pub fn contrasts(design: &Design, draws: &[&PopulationDraw], scales: &[Scale]) -
 }
 
 fn declare(contrasts: &mut [Contrast], n_draws: usize) {
-    let is_positive: Vec<bool> = contrasts.iter().map(|own| own.probability_above(1.0) > 0.5).collect();
+    let is_positive: Vec<bool> = contrasts.iter().map(|contrast| contrast.probability_above(1.0) > 0.5).collect();
     let probability = |index: usize| {
         let above = contrasts[index].probability_above(1.0);
         above.max(1.0 - above)
@@ -87,7 +87,7 @@ fn declare(contrasts: &mut [Contrast], n_draws: usize) {
         for (right, x) in is_right.iter_mut().zip(&contrasts[index].log_ratio) {
             *right &= (*x > 0.0) == is_positive[index];
         }
-        if (is_right.iter().filter(|right| **right).count() as f64) < SURE_OF_SIGNS * n_draws as f64 {
+        if (is_right.iter().filter(|right| **right).count() as f64) < SIGN_CERTAINTY * n_draws as f64 {
             break;
         }
         contrasts[index].is_declared = true;
@@ -111,12 +111,12 @@ mod tests {
         };
         let declared = |mut list: Vec<Contrast>| {
             declare(&mut list, N);
-            list.iter().filter(|own| own.is_declared).count()
+            list.iter().filter(|contrast| contrast.is_declared).count()
         };
         assert_eq!(declared(vec![with_wrong(0..20), with_wrong(20..40)]), 1);
         assert_eq!(declared(vec![with_wrong(0..20), with_wrong(0..20)]), 2);
         assert_eq!(declared(vec![with_wrong(0..40)]), 0);
-        let negative = |own: Contrast| contrast(own.log_ratio.iter().map(|x| -x).collect());
+        let negative = |entry: Contrast| contrast(entry.log_ratio.iter().map(|x| -x).collect());
         assert_eq!(declared(vec![with_wrong(0..15), negative(with_wrong(0..15))]), 2);
     }
 

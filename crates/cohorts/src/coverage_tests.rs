@@ -9,10 +9,10 @@ use rayon::prelude::*;
 use super::contrast::{Contrast, contrasts};
 use super::design::{Design, Labels};
 use super::hierarchy::*;
-use super::plan::{Question, chance};
-use super::scale::Scale;
+use super::plan::{RatioQuestion, settling_probability};
+use super::scale::SizeScale;
 use documents::groups::RatioVerdict;
-use posterior::monitor::Silent;
+use posterior::monitor::SilentMonitor;
 
 const P: usize = 3;
 /// Spreads of specimens in the literature, and of their measurement.
@@ -45,7 +45,7 @@ fn cohort(means: &[[f64; P]], sizes: &[usize], rng: &mut ChaCha8Rng) -> (Design,
 }
 
 fn analysed(design: &Design, draws: &[InterimDraws], seed: u64) -> (Population, Vec<Contrast>) {
-    let members: Vec<Member> = draws.iter().map(Member::Draws).collect();
+    let members: Vec<ExperimentMember> = draws.iter().map(ExperimentMember::Draws).collect();
     let options = HierarchyOptions {
         overall_mean: vec![0.0; P],
         overall_sd: vec![PRIOR_SD; P],
@@ -58,9 +58,9 @@ fn analysed(design: &Design, draws: &[InterimDraws], seed: u64) -> (Population, 
         keep_every: 2,
         seed,
     };
-    let population = sample_population(design, &members, &options, &Silent).unwrap();
+    let population = sample_population(design, &members, &options, &SilentMonitor).unwrap();
     let all: Vec<&PopulationDraw> = population.draws().collect();
-    let found = contrasts(design, &all, &[Scale::Logarithm; P]);
+    let found = contrasts(design, &all, &[SizeScale::Logarithm; P]);
     (population, found)
 }
 
@@ -84,19 +84,19 @@ fn over_cohorts<T: Send>(
 fn assert_covered(n_cohorts: u64, of_intervals: std::ops::RangeInclusive<usize>, most_wrong: usize) {
     let means = [[0.0, 0.0, 0.0], [0.916, 0.916, 0.0], [-0.511, 0.0, -0.693]];
     let held = over_cohorts(n_cohorts, &means, 21, |found| {
-        let holds = |own: &Contrast| {
-            let [a, b] = own.groups;
-            let truth = (means[a][own.parameter] - means[b][own.parameter]).exp();
-            let [q05, q95] = own.ratio_quantiles([0.05, 0.95]);
-            let is_wrong = own.is_declared && (own.probability_above(1.0) > 0.5) != (truth > 1.0);
+        let holds = |contrast: &Contrast| {
+            let [a, b] = contrast.groups;
+            let truth = (means[a][contrast.parameter] - means[b][contrast.parameter]).exp();
+            let [q05, q95] = contrast.ratio_quantiles([0.05, 0.95]);
+            let is_wrong = contrast.is_declared && (contrast.probability_above(1.0) > 0.5) != (truth > 1.0);
             (q05 <= truth && truth <= q95, is_wrong)
         };
         found.iter().map(holds).collect::<Vec<(bool, bool)>>()
     });
-    let counts: Vec<usize> = (0..9).map(|c| held.iter().filter(|own| own[c].0).count()).collect();
+    let counts: Vec<usize> = (0..9).map(|c| held.iter().filter(|pairs| pairs[c].0).count()).collect();
     println!("{counts:?}");
     assert!(counts.iter().all(|count| of_intervals.contains(count)), "{counts:?}");
-    let n_wrong = held.iter().filter(|own| own.iter().any(|(_, is_wrong)| *is_wrong)).count();
+    let n_wrong = held.iter().filter(|pairs| pairs.iter().any(|(_, is_wrong)| *is_wrong)).count();
     assert!(n_wrong <= most_wrong, "{n_wrong}");
 }
 
@@ -116,8 +116,9 @@ fn intervals_of_ratios_cover_the_truth_in_many_cohorts() {
 /// Tests groups without differences: a difference (a sign, or one beyond the margin) is stated in at most 5 % of cohorts.
 fn assert_nothing_stated(n_cohorts: u64, most_stated: usize) {
     let means = [[0.3, -0.2, 0.1]; 3];
-    let is_stated =
-        |own: &Contrast| own.is_declared || matches!(own.verdict(0.2), RatioVerdict::Greater | RatioVerdict::Less);
+    let is_stated = |contrast: &Contrast| {
+        contrast.is_declared || matches!(contrast.verdict(0.2), RatioVerdict::Greater | RatioVerdict::Less)
+    };
     let stated = over_cohorts(n_cohorts, &means, 22, |found| found.iter().any(is_stated));
     let n_stated = stated.iter().filter(|stated| **stated).count();
     assert!(n_stated <= most_stated, "{n_stated}");
@@ -150,8 +151,8 @@ fn assert_promise_is_kept(n_repetitions: u64) {
         .iter()
         .map(|draw| draw.between_specimens[0] + draw.between_specimens[P * P] + 2.0 * MEASUREMENT_SD.powi(2))
         .collect();
-    let question = Question { log_ratio: &found[0].log_ratio, variance_of_pair: &variance_of_pair, margin };
-    let promised = chance(&question, n_more, 5);
+    let question = RatioQuestion { log_ratio: &found[0].log_ratio, variance_of_pair: &variance_of_pair, margin };
+    let promised = settling_probability(&question, n_more, 5);
 
     let repeat = |run: u64| {
         let mut rng = ChaCha8Rng::seed_from_u64(24);
@@ -163,8 +164,8 @@ fn assert_promise_is_kept(n_repetitions: u64) {
             labels.extend((0..*size).map(|s| label(group, s)));
         }
         for (group, size) in sizes.iter().enumerate() {
-            let own = &truth.between_specimens[group * P * P..(group + 1) * P * P];
-            let factor = DMatrix::from_column_slice(P, P, own).cholesky().unwrap().l();
+            let values = &truth.between_specimens[group * P * P..(group + 1) * P * P];
+            let factor = DMatrix::from_column_slice(P, P, values).cholesky().unwrap().l();
             for new in 0..n_more as usize {
                 let deviation = &factor * DVector::from_fn(P, |_, _| normal(&mut rng));
                 let value: Vec<f64> = (0..P).map(|k| truth.group_mean[group * P + k] + deviation[k]).collect();

@@ -51,25 +51,25 @@ pub struct Design {
 impl Design {
     /// Sorts experiments into specimens and groups.
     pub fn new(labels: &[Labels]) -> Self {
-        let n_keys = labels.first().map_or(0, |own| own.levels.len());
+        let n_keys = labels.first().map_or(0, |labels| labels.levels.len());
         let keys: Vec<Vec<String>> = (0..n_keys)
             .map(|key| {
-                let mut levels: Vec<String> = labels.iter().map(|own| own.levels[key].clone()).collect();
+                let mut levels: Vec<String> = labels.iter().map(|label| label.levels[key].clone()).collect();
                 levels.sort();
                 levels.dedup();
                 levels
             })
             .collect();
         let level = |key: usize, name: &String| keys[key].binary_search(name).unwrap_or(0);
-        let indices = |own: &Labels| -> Vec<usize> {
-            own.levels.iter().enumerate().map(|(key, name)| level(key, name)).collect()
+        let indices = |labels: &Labels| -> Vec<usize> {
+            labels.levels.iter().enumerate().map(|(key, name)| level(key, name)).collect()
         };
-        let mut places: BTreeMap<Vec<usize>, usize> = labels.iter().map(|own| (indices(own), 0)).collect();
+        let mut places: BTreeMap<Vec<usize>, usize> = labels.iter().map(|label| (indices(label), 0)).collect();
         places.values_mut().enumerate().for_each(|(place, value)| *value = place);
-        let group_of: Vec<usize> = labels.iter().map(|own| places[&indices(own)]).collect();
+        let group_of: Vec<usize> = labels.iter().map(|label| places[&indices(label)]).collect();
         let mut by_name: BTreeMap<&str, Vec<usize>> = BTreeMap::new();
-        for (experiment, own) in labels.iter().enumerate() {
-            by_name.entry(&own.specimen).or_default().push(experiment);
+        for (experiment, label) in labels.iter().enumerate() {
+            by_name.entry(&label.specimen).or_default().push(experiment);
         }
         let strata = strata(places.len(), by_name.values().map(|list| list.iter().map(|e| group_of[*e]).collect()));
         let n_strata = strata.iter().max().map_or(0, |last| last + 1);
@@ -110,10 +110,10 @@ fn strata(n_groups: usize, specimens: impl Iterator<Item = Vec<usize>>) -> Vec<u
     for groups in specimens {
         let lowest = groups.iter().map(|group| stratum[*group]).min().unwrap_or(0);
         let joined: Vec<usize> = groups.iter().map(|group| stratum[*group]).collect();
-        stratum.iter_mut().filter(|own| joined.contains(own)).for_each(|own| *own = lowest);
+        stratum.iter_mut().filter(|index| joined.contains(index)).for_each(|index| *index = lowest);
     }
     let mut names = stratum.clone();
     names.sort_unstable();
     names.dedup();
-    stratum.iter().map(|own| names.binary_search(own).unwrap_or(0)).collect()
+    stratum.iter().map(|index| names.binary_search(index).unwrap_or(0)).collect()
 }

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use super::hierarchy::PopulationDraw;
 use super::job::Comparison;
-use super::scale::Scale;
+use super::scale::SizeScale;
 use base::error::{Error, Result, Setting};
 use documents::groups::{CreepSummary, GroupsSummary, SpecimenSummary};
 use figures::contrasts::{ContrastCell, ContrastMatrix, ContrastPanel, contrast_matrix};
@@ -13,7 +13,7 @@ use figures::creep_bands::{CreepBands, CreepGroup, creep_bands};
 use figures::density::Support;
 use figures::forest::{Forest, ForestPanel, ForestReference, ForestRow, SpecimenMark, forest};
 use figures::labelled_netcdf::{Dimension, Variable, write_labelled_netcdf};
-use figures::labels::{ParameterLabel, of_parameter};
+use figures::labels::{ParameterLabel, parameter_label};
 use figures::palette::series;
 use figures::svg::{Svg, write_figure};
 
@@ -31,7 +31,7 @@ pub fn write(dir: &Path, found: &Comparison, summary: &GroupsSummary) -> Result<
     std::fs::create_dir_all(dir).map_err(|source| {
         Error::at_path("create", dir, source, format!("choose a writable place with `{}`", Setting::Out))
     })?;
-    let labels: Vec<ParameterLabel> = found.parameters.iter().map(|name| of_parameter(name)).collect();
+    let labels: Vec<ParameterLabel> = found.parameters.iter().map(|name| parameter_label(name)).collect();
     let mut figures = vec![("groups", forest_figure(summary, &labels)?), ("corner", corner_figure(found, &labels)?)];
     if !summary.contrasts.is_empty() {
         figures.push(("contrasts", contrasts_figure(summary, &labels)?));
@@ -52,19 +52,20 @@ fn title(summary: &GroupsSummary, what: &str) -> String {
 }
 
 fn forest_figure(summary: &GroupsSummary, labels: &[ParameterLabel]) -> Result<Svg> {
-    let specimens_of =
-        |group: &str| -> Vec<&SpecimenSummary> { summary.specimens.iter().filter(|own| own.group == group).collect() };
+    let specimens_of = |group: &str| -> Vec<&SpecimenSummary> {
+        summary.specimens.iter().filter(|specimen| specimen.group == group).collect()
+    };
     let panel = |(k, label): (usize, &ParameterLabel)| {
         let mut sorted: Vec<_> = summary.groups.iter().enumerate().collect();
         sorted.sort_by_key(|(_, group)| &group.name);
         let rows = sorted.into_iter().map(|(index, group)| {
-            let own = &group.parameters[k];
+            let group_parameter = &group.parameters[k];
             let mark = |specimen: &&SpecimenSummary| {
                 let of_parameter = &specimen.parameters[k];
                 (specimen.name.clone(), of_parameter.alone, of_parameter.pooled, specimen.is_outlying)
             };
             let marks: Vec<_> = specimens_of(&group.name).iter().map(mark).collect();
-            (index, group, own, marks)
+            (index, group, group_parameter, marks)
         });
         (label.axis(), rows.collect::<Vec<_>>())
     };
@@ -74,8 +75,8 @@ fn forest_figure(summary: &GroupsSummary, labels: &[ParameterLabel]) -> Result<S
         .first()
         .map_or(&[][..], |group| &group.parameters)
         .iter()
-        .map(|own| {
-            let of_parameter = summary.published.iter().filter(|value| value.parameter == own.name);
+        .map(|group_parameter| {
+            let of_parameter = summary.published.iter().filter(|value| value.parameter == group_parameter.name);
             of_parameter.map(|value| (format!("{} ({})", value.source, value.species), value.value)).collect()
         })
         .collect();
@@ -96,17 +97,17 @@ fn forest_figure(summary: &GroupsSummary, labels: &[ParameterLabel]) -> Result<S
                 label: label.clone(),
                 rows: rows
                     .iter()
-                    .map(|(index, group, own, marks)| ForestRow {
+                    .map(|(index, group, group_parameter, marks)| ForestRow {
                         group: &group.name,
                         colour: series(colours[*index]),
                         n_specimens: group.specimens,
-                        typical: [own.q05, own.median, own.q95],
-                        new_specimen: own.new_specimen_90,
+                        typical: [group_parameter.q05, group_parameter.median, group_parameter.q95],
+                        new_specimen: group_parameter.new_specimen_90,
                         specimens: marks
                             .iter()
                             .map(|(name, alone, pooled, is_outlying)| SpecimenMark {
                                 name,
-                                alone: *alone,
+                                unpooled: *alone,
                                 pooled: *pooled,
                                 is_outlying: *is_outlying,
                             })
@@ -121,30 +122,38 @@ fn forest_figure(summary: &GroupsSummary, labels: &[ParameterLabel]) -> Result<S
 }
 
 fn contrasts_figure(summary: &GroupsSummary, labels: &[ParameterLabel]) -> Result<Svg> {
-    let names: Vec<&str> = summary.groups.iter().filter(|own| own.specimens > 0).map(|own| own.name.as_str()).collect();
+    let names: Vec<&str> = summary
+        .groups
+        .iter()
+        .filter(|group| group.specimens > 0)
+        .map(|group_summary| group_summary.name.as_str())
+        .collect();
     let parameters = summary.groups.first().map_or(&[][..], |group| &group.parameters);
     let cell = |parameter: &str, a: &str, b: &str| {
         let find = |a: &str, b: &str| {
-            summary.contrasts.iter().find(|own| own.parameter == parameter && own.a == a && own.b == b)
+            summary
+                .contrasts
+                .iter()
+                .find(|contrast| contrast.parameter == parameter && contrast.a == a && contrast.b == b)
         };
-        let forward = find(a, b).map(|own| ContrastCell {
-            ratio: [own.q05, own.ratio_median, own.q95],
-            probability_greater: own.probability_greater,
-            probability_beyond_margin: own.probability_beyond_margin,
-            is_declared: own.is_declared,
+        let forward = find(a, b).map(|contrast_summary| ContrastCell {
+            ratio: [contrast_summary.q05, contrast_summary.ratio_median, contrast_summary.q95],
+            probability_greater: contrast_summary.probability_greater,
+            probability_beyond_margin: contrast_summary.probability_beyond_margin,
+            is_declared: contrast_summary.is_declared,
         });
-        let backward = find(b, a).map(|own| ContrastCell {
-            ratio: [1.0 / own.q95, 1.0 / own.ratio_median, 1.0 / own.q05],
-            probability_greater: 1.0 - own.probability_greater,
-            probability_beyond_margin: own.probability_below_margin,
-            is_declared: own.is_declared,
+        let backward = find(b, a).map(|contrast_summary| ContrastCell {
+            ratio: [1.0 / contrast_summary.q95, 1.0 / contrast_summary.ratio_median, 1.0 / contrast_summary.q05],
+            probability_greater: 1.0 - contrast_summary.probability_greater,
+            probability_beyond_margin: contrast_summary.probability_below_margin,
+            is_declared: contrast_summary.is_declared,
         });
         forward.or(backward)
     };
-    let panels = parameters.iter().zip(labels).map(|(own, label)| ContrastPanel {
+    let panels = parameters.iter().zip(labels).map(|(parameter, label)| ContrastPanel {
         label: label.symbol.clone(),
         groups: names.clone(),
-        cells: names.iter().map(|a| names.iter().map(|b| cell(&own.name, a, b)).collect()).collect(),
+        cells: names.iter().map(|a| names.iter().map(|b| cell(&parameter.name, a, b)).collect()).collect(),
     });
     contrast_matrix(&ContrastMatrix {
         title: &title(summary, "Ratios of typical specimens"),
@@ -155,12 +164,12 @@ fn contrasts_figure(summary: &GroupsSummary, labels: &[ParameterLabel]) -> Resul
 }
 
 fn creep_figure(summary: &GroupsSummary, creep: &CreepSummary) -> Result<Svg> {
-    let groups = summary.groups.iter().zip(&creep.groups).enumerate().map(|(index, (group, own))| CreepGroup {
+    let groups = summary.groups.iter().zip(&creep.groups).enumerate().map(|(index, (group, curves))| CreepGroup {
         label: &group.name,
         colour: series(index),
-        median_per_pa: own.median_per_pa.clone(),
-        typical_90_per_pa: [own.typical_q05_per_pa.clone(), own.typical_q95_per_pa.clone()],
-        new_specimen_90_per_pa: [own.new_specimen_q05_per_pa.clone(), own.new_specimen_q95_per_pa.clone()],
+        median_per_pa: curves.median_per_pa.clone(),
+        typical_90_per_pa: [curves.typical_q05_per_pa.clone(), curves.typical_q95_per_pa.clone()],
+        new_specimen_90_per_pa: [curves.new_specimen_q05_per_pa.clone(), curves.new_specimen_q95_per_pa.clone()],
     });
     creep_bands(&CreepBands {
         title: &title(summary, "Creep of a typical and of a new specimen"),
@@ -210,10 +219,10 @@ fn corner_figure(found: &Comparison, labels: &[ParameterLabel]) -> Result<Svg> {
 }
 
 /// Range of the values of a scale.
-fn support(scale: Scale) -> Support {
+fn support(scale: SizeScale) -> Support {
     match scale {
-        Scale::Logarithm => Support { lower: 0.0, upper: f64::INFINITY },
-        Scale::LogOdds { lower, upper } => Support { lower, upper },
+        SizeScale::Logarithm => Support { lower: 0.0, upper: f64::INFINITY },
+        SizeScale::LogOdds { lower, upper } => Support { lower, upper },
     }
 }
 
@@ -233,8 +242,11 @@ pub fn write_netcdf(path: &Path, found: &Comparison) -> Result<()> {
         members.map(|group| group.name.as_str()).collect::<Vec<&str>>().join(" + ")
     });
     let dimensions = [
-        Dimension { name: "group", labels: names(&mut design.groups.iter().map(|own| own.name.as_str())) },
-        Dimension { name: "specimen", labels: names(&mut design.specimens.iter().map(|own| own.name.as_str())) },
+        Dimension { name: "group", labels: names(&mut design.groups.iter().map(|group| group.name.as_str())) },
+        Dimension {
+            name: "specimen",
+            labels: names(&mut design.specimens.iter().map(|specimen| specimen.name.as_str())),
+        },
         Dimension { name: "stratum", labels: strata.collect() },
         Dimension { name: "parameter", labels: parameters() },
         Dimension { name: "other_parameter", labels: parameters() },

@@ -8,7 +8,7 @@ use statrs::function::gamma::ln_gamma;
 
 use super::design::{Design, Labels};
 use super::hierarchy::*;
-use posterior::monitor::Silent;
+use posterior::monitor::SilentMonitor;
 
 fn normal(rng: &mut impl Rng) -> f64 {
     StandardNormal.sample(rng)
@@ -70,11 +70,11 @@ fn options(p: usize, n_sweeps: [usize; 2], seed: u64) -> HierarchyOptions {
 }
 
 fn labels(list: &[(&str, &[&str])]) -> Vec<Labels> {
-    let own = |(specimen, levels): &(&str, &[&str])| Labels {
+    let function = |(specimen, levels): &(&str, &[&str])| Labels {
         specimen: specimen.to_string(),
         levels: levels.iter().map(|level| level.to_string()).collect(),
     };
-    list.iter().map(own).collect()
+    list.iter().map(function).collect()
 }
 
 /// Two groups, one parameter and normal measurements. Given the spreads, the difference is normal in closed form. The spreads' posterior is summed on a grid of their three
@@ -92,9 +92,9 @@ fn two_groups_agree_with_quadrature() {
     let mut rng = ChaCha8Rng::seed_from_u64(1);
     let members: Vec<Gaussian> =
         values.iter().flatten().map(|value| Gaussian::new(vec![*value], sd, &mut rng)).collect();
-    let members: Vec<Member> = members.iter().map(|own| Member::Exact(own)).collect();
+    let members: Vec<ExperimentMember> = members.iter().map(|member| ExperimentMember::Exact(member)).collect();
     let options = options(1, [2_000, 40_000], 7);
-    let population = sample_population(&design, &members, &options, &Silent).unwrap();
+    let population = sample_population(&design, &members, &options, &SilentMonitor).unwrap();
     let difference: Vec<f64> = population.draws().map(|draw| draw.group_mean[0] - draw.group_mean[1]).collect();
     let mean = difference.iter().sum::<f64>() / difference.len() as f64;
     let spread = (difference.iter().map(|d| (d - mean).powi(2)).sum::<f64>() / difference.len() as f64).sqrt();
@@ -113,7 +113,7 @@ fn two_groups_agree_with_quadrature() {
                     let constant = kappa * kappa.ln() + ln_gamma(kappa + 0.5) - 2.0 * ln_gamma(0.5 * kappa);
                     (constant - kappa * (one * two).ln() - (kappa + 0.5) * rate.ln()).exp()
                 };
-                let of_sigma: f64 = LIKENESS.iter().map(of_likeness).sum();
+                let of_sigma: f64 = SIMILARITIES.iter().map(of_likeness).sum();
                 let spreads = [one, two];
                 let covariance = DMatrix::from_fn(8, 8, |i, j| {
                     let same = if i == j { spreads[i / 4].powi(2) + sd * sd } else { 0.0 };
@@ -167,7 +167,7 @@ fn covariance(scales: &[f64], likeness: f64, rng: &mut impl Rng) -> DMatrix<f64>
 
 fn truth(design: &Design, options: &HierarchyOptions, rng: &mut ChaCha8Rng) -> Truth {
     let p = 2;
-    let layout = Layout::new(design);
+    let layout = ShareLayout::new(design);
     let mut shares = vec![Vec::new(); layout.n_shares];
     for (overall_mean, overall_sd) in options.overall_mean.iter().zip(&options.overall_sd) {
         shares[0].push(overall_mean + overall_sd * normal(rng));
@@ -181,10 +181,10 @@ fn truth(design: &Design, options: &HierarchyOptions, rng: &mut ChaCha8Rng) -> T
             range.clone().for_each(|share| shares[share].push(sd * normal(rng)));
         }
     }
-    let mean = |own: &Vec<usize>| (0..p).map(|k| own.iter().map(|share| shares[*share][k]).sum()).collect();
+    let mean = |indexes: &Vec<usize>| (0..p).map(|k| indexes.iter().map(|share| shares[*share][k]).sum()).collect();
     let group_mean: Vec<Vec<f64>> = layout.of_group.iter().map(mean).collect();
     let scales: Vec<f64> = (0..p).map(|_| inverse_gamma(0.5, options.scales[1].powi(-2), rng)).collect();
-    let likeness = LIKENESS[rng.random_range(0..LIKENESS.len())];
+    let likeness = SIMILARITIES[rng.random_range(0..SIMILARITIES.len())];
     let between: Vec<DMatrix<f64>> = (0..design.n_strata).map(|_| covariance(&scales, likeness, rng)).collect();
     let scales: Vec<f64> = (0..p).map(|_| inverse_gamma(0.5, options.scales[2].powi(-2), rng)).collect();
     let within = covariance(&scales, 2.0, rng);
@@ -216,8 +216,8 @@ fn ranks(design: &Design, options: &HierarchyOptions, sd: f64, rng: &mut ChaCha8
             Gaussian::new(measured, sd, rng)
         })
         .collect();
-    let members: Vec<Member> = densities.iter().map(|own| Member::Exact(own)).collect();
-    let population = sample_population(design, &members, options, &Silent).unwrap();
+    let members: Vec<ExperimentMember> = densities.iter().map(|density| ExperimentMember::Exact(density)).collect();
+    let population = sample_population(design, &members, options, &SilentMonitor).unwrap();
     let share = |of_draw: &dyn Fn(&PopulationDraw) -> f64, of_truth: f64| {
         let below = population.draws().filter(|draw| of_draw(draw) < of_truth).count();
         below as f64 / population.draws().count() as f64
@@ -338,11 +338,11 @@ fn draws_agree_with_likelihoods() {
         })
         .collect();
     let options = options(2, [1_000, 20_000], 3);
-    let exact: Vec<Member> = densities.iter().map(|own| Member::Exact(own)).collect();
-    let interim: Vec<InterimDraws> = densities.iter().map(|own| own.interim(1.2, 4_000, &mut rng)).collect();
-    let drawn: Vec<Member> = interim.iter().map(Member::Draws).collect();
-    let moments = |members: &[Member]| {
-        let population = sample_population(&design, members, &options, &Silent).unwrap();
+    let exact: Vec<ExperimentMember> = densities.iter().map(|density| ExperimentMember::Exact(density)).collect();
+    let interim: Vec<InterimDraws> = densities.iter().map(|density| density.interim(1.2, 4_000, &mut rng)).collect();
+    let drawn: Vec<ExperimentMember> = interim.iter().map(ExperimentMember::Draws).collect();
+    let moments = |members: &[ExperimentMember]| {
+        let population = sample_population(&design, members, &options, &SilentMonitor).unwrap();
         let values: Vec<f64> = population.draws().map(|draw| draw.group_mean[0] - draw.group_mean[2]).collect();
         let mean = values.iter().sum::<f64>() / values.len() as f64;
         (mean, (values.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / values.len() as f64).sqrt())

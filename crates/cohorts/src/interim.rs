@@ -9,7 +9,7 @@ use sha2::{Digest, Sha256};
 
 use super::cohort::Measurement;
 use super::hierarchy::{ExperimentDensity, InterimDraws};
-use super::scale::Scale;
+use super::scale::SizeScale;
 use base::error::Result;
 use base::files::{Content, read_if_there, to_json, write_atomically};
 use models::effects::Library;
@@ -17,7 +17,7 @@ use models::model::{Compliance, Forward};
 use posterior::full_check::{mean_trajectory, rmse_m};
 use posterior::likelihood::ReducedPosterior;
 use posterior::mechanics::Mechanics;
-use posterior::monitor::Stoppable;
+use posterior::monitor::StoppableMonitor;
 use posterior::prepared::PreparedModel;
 use posterior::prior::Prior;
 use posterior::problem::Problem;
@@ -40,7 +40,7 @@ pub struct Specimen {
 
 /// Kept results of an experiment on its own.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Interim {
+pub struct InterimResult {
     /// Hash of all inputs of the draws.
     pub built_from_sha256: String,
     /// Sampled parameters, in the order of the coordinates.
@@ -67,7 +67,7 @@ impl Specimen {
     /// # Errors
     /// [`base::Error::Input`] if the model does not suit the experiment.
     pub fn new(measurement: &Measurement, compliance: Compliance) -> Result<Self> {
-        let mechanics = Arc::new(Mechanics::Instrument { compliance_per_m: compliance.given_per_m() });
+        let mechanics = Arc::new(Mechanics::Instrument { compliance_per_m: compliance.experiment_per_m() });
         let experiment = measurement.experiment.for_comparison();
         let problem =
             Problem::with_mechanics(experiment, measurement.specification.clone(), &Library::default(), mechanics)?;
@@ -87,14 +87,14 @@ impl Specimen {
     }
 
     /// Scales of the pooled parameters in the population.
-    pub fn scales(&self) -> Vec<Scale> {
-        self.pooled_parameters().into_iter().map(|own| own.scale).collect()
+    pub fn scales(&self) -> Vec<SizeScale> {
+        self.pooled_parameters().into_iter().map(|pooled_parameter| pooled_parameter.scale).collect()
     }
 
     /// Hash of all inputs of the draws.
     pub fn built_from(&self, inputs_sha256: &str, options: &SamplerOptions) -> String {
         let Problem { specification, priors, .. } = &self.model.problem;
-        let compliance = self.model.compliance.given_per_m().to_bits();
+        let compliance = self.model.compliance.experiment_per_m().to_bits();
         let SamplerOptions { n_walkers, max_steps, seed, .. } = options;
         let mut hash = Sha256::new();
         hash.update(env!("CARGO_PKG_VERSION"));
@@ -108,13 +108,13 @@ impl Specimen {
     ///
     /// # Errors
     /// [`base::Error::Interrupted`] if stopped; errors of the sampler and the file system.
-    pub fn interim(
+    pub fn load_or_sample(
         &self,
         measurement: &Measurement,
         options: &SamplerOptions,
         folder: &Path,
         stop: Option<&AtomicBool>,
-    ) -> Result<Interim> {
+    ) -> Result<InterimResult> {
         let built_from_sha256 = self.built_from(&measurement.inputs_sha256, options);
         let file = folder.join(file_name(&measurement.name(), &built_from_sha256));
         if let Some(kept) = self.read_kept(&file, &built_from_sha256) {
@@ -125,10 +125,10 @@ impl Specimen {
         Ok(interim)
     }
 
-    /// Samples the experiment and returns the file that [`Specimen::interim`] would keep: its name and its bytes.
+    /// Samples the experiment and returns the file that [`Specimen::load_or_sample`] would keep: its name and its bytes.
     ///
     /// # Errors
-    /// Errors of [`Specimen::interim`].
+    /// Errors of [`Specimen::load_or_sample`].
     pub fn interim_file(
         &self,
         measurement: &Measurement,
@@ -142,11 +142,11 @@ impl Specimen {
     }
 
     /// Reads kept draws; `None` if the file cannot be read, was changed or belongs to another input.
-    fn read_kept(&self, file: &Path, built_from_sha256: &str) -> Option<Interim> {
+    fn read_kept(&self, file: &Path, built_from_sha256: &str) -> Option<InterimResult> {
         let bytes = read_if_there(file, Content::Document)?;
-        let document: WithProvenance<Kept<Interim>> = serde_json::from_slice(&bytes).ok()?;
+        let document: WithProvenance<Kept<InterimResult>> = serde_json::from_slice(&bytes).ok()?;
         let n = self.model.problem.priors.priors().len();
-        let is_ours = |kept: &Interim| {
+        let is_ours = |kept: &InterimResult| {
             kept.built_from_sha256 == built_from_sha256
                 && kept.parameters.iter().map(String::as_str).eq(self.model.problem.priors.names())
                 && !kept.points.is_empty()
@@ -161,16 +161,19 @@ impl Specimen {
         options: &SamplerOptions,
         built_from_sha256: String,
         stop: Option<&AtomicBool>,
-    ) -> Result<Interim> {
+    ) -> Result<InterimResult> {
         let posterior = self.posterior();
         let request = SampleRequest { options: options.clone(), kept_surrogate: None, checkpoint: None, resume: false };
-        let outcome = sample(&self.model.problem, &posterior, &request, &Stoppable(stop))?;
+        let outcome = sample(&self.model.problem, &posterior, &request, &StoppableMonitor(stop))?;
         let draws = &outcome.draws;
         let blom = BlomScores::new(draws.len());
         let of_parameter = |d: usize| diagnose(&draws.column(d), &blom);
         let diagnostics: Vec<_> = (0..draws.dimension).map(of_parameter).collect();
-        let ess = diagnostics.iter().map(|own| own.ess_bulk.min(own.ess_tail)).fold(f64::INFINITY, f64::min);
-        let points = draws.spread(N_DRAWS);
+        let ess = diagnostics
+            .iter()
+            .map(|diagnostic| diagnostic.ess_bulk.min(diagnostic.ess_tail))
+            .fold(f64::INFINITY, f64::min);
+        let points = draws.subsample(N_DRAWS);
         let forward = self.model.forward();
         let of_point = |point: &Vec<f64>| forward.trajectory_m(&self.model_parameters(&posterior, point));
         let chosen = points.iter().step_by(points.len().div_ceil(N_TRAJECTORIES).max(1));
@@ -179,14 +182,16 @@ impl Specimen {
         let misfit_um = |cycles: &[u32]| {
             let observed = self.model.problem.positions_of(cycles);
             (!trajectories.is_empty() && observed.iter().any(Option::is_some)).then(|| {
-                let squares: Vec<f64> =
-                    trajectories.iter().map(|own| rmse_m(own, &about(&mean_m, &observed)).powi(2)).collect();
+                let squares: Vec<f64> = trajectories
+                    .iter()
+                    .map(|trajectory| rmse_m(trajectory, &about(&mean_m, &observed)).powi(2))
+                    .collect();
                 let spread_m = (squares.iter().sum::<f64>() / squares.len() as f64).sqrt();
                 [1e6 * rmse_m(&mean_m, &observed), 1e6 * spread_m]
             })
         };
         let experiment = &self.model.problem.experiment;
-        Ok(Interim {
+        Ok(InterimResult {
             built_from_sha256,
             parameters: self.model.problem.priors.names().map(String::from).collect(),
             points: points.concat(),
@@ -195,7 +200,7 @@ impl Specimen {
             rmse_fitted_um: misfit_um(&experiment.calibration_cycles).map_or(f64::NAN, |[rmse, _]| rmse),
             rmse_heldout_um: misfit_um(&experiment.heldout_cycles).map(|[rmse, _]| rmse),
             predictive_sd_heldout_um: misfit_um(&experiment.heldout_cycles).map(|[_, spread]| spread),
-            noise_um: experiment.noise_yardstick().map(|yardstick| 1e6 * yardstick.sd_m),
+            noise_um: experiment.reference_noise().map(|yardstick| 1e6 * yardstick.sd_m),
         })
     }
 
@@ -204,17 +209,17 @@ impl Specimen {
     }
 
     /// Converts the draws to the population's coordinates, for the hierarchy.
-    pub fn draws(&self, interim: &Interim) -> InterimDraws {
+    pub fn draws(&self, interim: &InterimResult) -> InterimDraws {
         let pooled = self.pooled_parameters();
         let mut coordinates = Vec::new();
         let mut log_prior = Vec::new();
         for point in interim.points.chunks_exact(interim.parameters.len().max(1)) {
             let mut sum = 0.0;
-            for own in &pooled {
-                let value = own.prior.distribution.from_unconstrained(point[own.place]);
-                let coordinate = own.scale.coordinate(value);
+            for entry in &pooled {
+                let value = entry.prior.distribution.from_unconstrained(point[entry.place]);
+                let coordinate = entry.scale.coordinate(value);
                 coordinates.push(coordinate);
-                sum += own.ln_prior_of_coordinate(coordinate);
+                sum += entry.ln_prior_of_coordinate(coordinate);
             }
             log_prior.push(sum);
         }
@@ -226,7 +231,7 @@ impl Specimen {
         let of_law = self.model.problem.model.base().parameters().iter();
         let pooled = of_law.filter_map(|spec| {
             let place = priors.iter().position(|prior| prior.name == spec.name)?;
-            Some(Pooled { place, prior: &priors[place], scale: Scale::of(spec.support) })
+            Some(Pooled { place, prior: &priors[place], scale: SizeScale::of(spec.support) })
         });
         pooled.collect()
     }
@@ -237,7 +242,7 @@ struct Pooled<'a> {
     /// Index among the sampler's coordinates.
     place: usize,
     prior: &'a Prior,
-    scale: Scale,
+    scale: SizeScale,
 }
 
 impl Pooled<'_> {
@@ -263,13 +268,14 @@ pub struct SpecimenDensity<'a> {
 
 impl<'a> SpecimenDensity<'a> {
     /// Creates the density, with the interim draws as its archive.
-    pub fn new(specimen: &'a Specimen, interim: &Interim) -> Self {
+    pub fn new(specimen: &'a Specimen, interim: &InterimResult) -> Self {
         let n = interim.parameters.len();
         let pooled = specimen.pooled_parameters();
-        let others: Vec<usize> = (0..n).filter(|own| pooled.iter().all(|pooled| pooled.place != *own)).collect();
+        let others: Vec<usize> = (0..n).filter(|index| pooled.iter().all(|pooled| pooled.place != *index)).collect();
         let of_draw = |draw: &[f64]| -> Vec<f64> {
-            let coordinate =
-                |own: &Pooled| own.scale.coordinate(own.prior.distribution.from_unconstrained(draw[own.place]));
+            let coordinate = |pooled: &Pooled| {
+                pooled.scale.coordinate(pooled.prior.distribution.from_unconstrained(draw[pooled.place]))
+            };
             pooled.iter().map(coordinate).chain(others.iter().map(|place| draw[*place])).collect()
         };
         let archive = interim.points.chunks_exact(n.max(1)).map(of_draw).collect();
@@ -282,14 +288,14 @@ impl ExperimentDensity for SpecimenDensity<'_> {
         let mut coordinates = vec![0.0; point.len()];
         let mut ln_priors = 0.0;
         for (Pooled { place, prior, scale }, coordinate) in self.pooled.iter().zip(point) {
-            let own = prior.distribution.to_unconstrained(scale.value(*coordinate));
+            let x_value = prior.distribution.to_unconstrained(scale.value(*coordinate));
             // The interim prior can end before the parameter's support does. The likelihood is unknown beyond it.
-            if !own.is_finite() {
+            if !x_value.is_finite() {
                 return f64::NEG_INFINITY;
             }
-            coordinates[*place] = own;
+            coordinates[*place] = x_value;
             // This prior density is over the coordinate, as in the posterior.
-            ln_priors += prior.distribution.ln_pdf_unconstrained(own);
+            ln_priors += prior.distribution.ln_pdf_unconstrained(x_value);
         }
         for (place, value) in self.others.iter().zip(&point[self.pooled.len()..]) {
             coordinates[*place] = *value;
@@ -309,7 +315,7 @@ fn file_name(name: &str, hash: &str) -> String {
     format!("{}-{short}.json", base::files::safe_name(name))
 }
 
-fn to_keep(measurement: &Measurement, options: &SamplerOptions, interim: &Interim) -> Result<Vec<u8>> {
+fn to_keep(measurement: &Measurement, options: &SamplerOptions, interim: &InterimResult) -> Result<Vec<u8>> {
     let inputs = [(measurement.name(), measurement.inputs_sha256.clone())].into();
     let provenance = Provenance::new("specimen", 1, options.seed, inputs);
     to_json(Path::new(&measurement.name()), &WithProvenance { provenance, body: Kept::new(interim) })

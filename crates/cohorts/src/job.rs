@@ -8,12 +8,13 @@ use super::cohort::{self, Key, Measurement};
 use super::contrast::{Contrast, contrasts};
 use super::design::Design;
 use super::hierarchy::{
-    ExperimentDensity, HierarchyOptions, InterimDraws, KEPT, Member, Population, PopulationDraw, sample_population,
+    ExperimentDensity, ExperimentMember, HierarchyOptions, INTERRUPTED_MESSAGE, InterimDraws, Population,
+    PopulationDraw, sample_population,
 };
-use super::interim::{Interim, Specimen, SpecimenDensity};
+use super::interim::{InterimResult, Specimen, SpecimenDensity};
 use super::predict::{PredictedGroup, predicted_groups};
-use super::scale::Scale;
-use base::error::{Error, Place, Result, Setting};
+use super::scale::SizeScale;
+use base::error::{Error, InputPlace, Result, Setting};
 use laws::rheology::BaseLaw;
 use models::model::Compliance;
 use nalgebra::DMatrix;
@@ -65,7 +66,7 @@ impl GroupsRequest<'_> {
 
 /// Form in which an experiment enters the hierarchy.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Entry {
+pub struct ExperimentForm {
     /// Effective number of its draws, weighted to the population.
     pub effective_draws: f64,
     /// True if the exact likelihood replaces the draws.
@@ -81,15 +82,15 @@ pub struct Comparison {
     /// Names of the compared parameters.
     pub parameters: Vec<&'static str>,
     /// Scale of each parameter in the population.
-    pub scales: Vec<Scale>,
+    pub scales: Vec<SizeScale>,
     /// Each experiment joined with its model.
     pub specimens: Vec<Specimen>,
     /// Results of each experiment on its own.
-    pub interims: Vec<Interim>,
+    pub interims: Vec<InterimResult>,
     /// Draws of each experiment in the population's coordinates.
     pub draws: Vec<InterimDraws>,
     /// Form in which each experiment entered the hierarchy.
-    pub entries: Vec<Entry>,
+    pub entries: Vec<ExperimentForm>,
     /// The population.
     pub population: Population,
     /// Groups of the design, and predicted groups.
@@ -125,12 +126,15 @@ pub fn run_with(
     let design = Design::new(&labels);
     let pairs = measurements.iter().zip(compliances);
     let specimens: Vec<Specimen> = pairs
-        .map(|(own, compliance)| Specimen::new(own, compliance).map_err(|error| own.named(error)))
+        .map(|(measurement, compliance)| {
+            Specimen::new(measurement, compliance).map_err(|error| measurement.with_name(error))
+        })
         .collect::<Result<_>>()?;
     let (law, parameters) = common_parameters(measurements, &specimens)?;
     monitor.stage("sampling every experiment on its own");
     let interims = interims(measurements, &specimens, request, monitor)?;
-    let draws: Vec<InterimDraws> = specimens.iter().zip(&interims).map(|(own, interim)| own.draws(interim)).collect();
+    let draws: Vec<InterimDraws> =
+        specimens.iter().zip(&interims).map(|(specimen, interim)| specimen.draws(interim)).collect();
 
     monitor.stage("weighing the draws of single experiments by the population");
     let scales = specimens.first().map_or_else(Vec::new, Specimen::scales);
@@ -148,14 +152,14 @@ pub fn run_with(
     let densities: Vec<Option<SpecimenDensity>> = entries
         .iter()
         .zip(specimens.iter().zip(&interims))
-        .map(|(entry, (own, interim))| entry.is_exact.then(|| SpecimenDensity::new(own, interim)))
+        .map(|(entry, (specimen, interim))| entry.is_exact.then(|| SpecimenDensity::new(specimen, interim)))
         .collect();
-    let members: Vec<Member> = densities
+    let members: Vec<ExperimentMember> = densities
         .iter()
         .zip(&draws)
         .map(|(density, draws)| match density {
-            Some(density) => Member::Exact(density as &dyn ExperimentDensity),
-            None => Member::Draws(draws),
+            Some(density) => ExperimentMember::Exact(density as &dyn ExperimentDensity),
+            None => ExperimentMember::Draws(draws),
         })
         .collect();
     let population = sample_population(&design, &members, &main, monitor)?;
@@ -182,23 +186,23 @@ pub fn run_with(
 
 /// Law and parameters that all experiments share.
 fn common_parameters(measurements: &[Measurement], specimens: &[Specimen]) -> Result<(BaseLaw, Vec<&'static str>)> {
-    let of = |own: &Specimen| (own.model.problem.model.base(), own.pooled());
+    let of = |specimen: &Specimen| (specimen.model.problem.model.base(), specimen.pooled());
     let Some(first) = specimens.first() else {
         return Err(Error::input(
-            Place::default(),
+            InputPlace::default(),
             "there is no experiment to compare",
             "give directories that hold experiments",
         ));
     };
     let (law, parameters) = of(first);
-    for (own, measurement) in specimens.iter().zip(measurements) {
-        if of(own) != (law, parameters.clone()) {
+    for (specimen, measurement) in specimens.iter().zip(measurements) {
+        if of(specimen) != (law, parameters.clone()) {
             return Err(Error::input(
-                Place::file(&measurement.path),
+                InputPlace::file(&measurement.path),
                 format!(
                     "its model compares other parameters ({}: {}) than the model of {} ({}: {})",
-                    own.model.problem.model.base().name(),
-                    own.pooled().join(", "),
+                    specimen.model.problem.model.base().name(),
+                    specimen.pooled().join(", "),
                     measurements[0].name(),
                     law.name(),
                     parameters.join(", ")
@@ -215,7 +219,7 @@ fn common_parameters(measurements: &[Measurement], specimens: &[Specimen]) -> Re
     }
     if parameters.is_empty() {
         return Err(Error::input(
-            Place::setting(Setting::Fixed),
+            InputPlace::setting(Setting::Fixed),
             "every parameter of the law is fixed, so nothing can be compared",
             "leave at least one free",
         ));
@@ -229,17 +233,18 @@ fn interims(
     specimens: &[Specimen],
     request: &GroupsRequest,
     monitor: &dyn Monitor,
-) -> Result<Vec<Interim>> {
-    base::files::enclose(base::files::folder_of(request.kept), "a comparison");
+) -> Result<Vec<InterimResult>> {
+    base::files::forbid_links(base::files::folder_of(request.kept), "a comparison");
     base::files::create_folders(request.kept, &format!("choose a writable place with `{}`", Setting::Out))?;
     let options = SamplerOptions { threads: 1, ..request.sampler.clone() };
     let counter = Counter::new(monitor, specimens.len());
-    let one = |(own, measurement): (&Specimen, &Measurement)| {
-        let interim =
-            own.interim(measurement, &options, request.kept, monitor.stop()).map_err(|error| match error {
-                Error::Interrupted { .. } => Error::Interrupted { kept: KEPT.into() },
-                other => measurement.named(other),
-            })?;
+    let one = |(specimen, measurement): (&Specimen, &Measurement)| {
+        let interim = specimen.load_or_sample(measurement, &options, request.kept, monitor.stop()).map_err(
+            |error| match error {
+                Error::Interrupted { .. } => Error::Interrupted { kept: INTERRUPTED_MESSAGE.into() },
+                other => measurement.with_name(other),
+            },
+        )?;
         counter.add_one();
         Ok(interim)
     };
@@ -277,20 +282,26 @@ fn over_threads<T: Send>(n: usize, job: impl Fn(usize) -> Result<T> + Sync) -> R
 }
 
 /// Options of the hierarchy. The prior of the overall mean is the widest prior of the single experiments.
-fn options(specimens: &[Specimen], parameters: &[&str], scales: &[Scale], request: &GroupsRequest) -> HierarchyOptions {
+fn options(
+    specimens: &[Specimen],
+    parameters: &[&str],
+    scales: &[SizeScale],
+    request: &GroupsRequest,
+) -> HierarchyOptions {
     let [n_dropped, n_first] = FIRST_SWEEPS;
     let named = || parameters.iter().zip(scales);
-    let quantile = |own: &Specimen, (name, scale): (&&str, &Scale), probability: f64| {
-        let prior = own.model.problem.priors.get(name);
+    let quantile = |specimen: &Specimen, (name, scale): (&&str, &SizeScale), probability: f64| {
+        let prior = specimen.model.problem.priors.get(name);
         prior.map_or(f64::NAN, |prior| scale.coordinate(prior.distribution.quantile(probability)))
     };
-    let mean = |own_parameter: (&&str, &Scale)| {
-        specimens.iter().map(|own| quantile(own, own_parameter, 0.5)).sum::<f64>() / specimens.len() as f64
+    let mean = |own_parameter: (&&str, &SizeScale)| {
+        specimens.iter().map(|specimen| quantile(specimen, own_parameter, 0.5)).sum::<f64>() / specimens.len() as f64
     };
-    let sd = |own: &Specimen, parameter: (&&str, &Scale)| {
-        0.5 * (quantile(own, parameter, 0.8413) - quantile(own, parameter, 0.1587))
+    let sd = |specimen: &Specimen, parameter: (&&str, &SizeScale)| {
+        0.5 * (quantile(specimen, parameter, 0.8413) - quantile(specimen, parameter, 0.1587))
     };
-    let widest = |parameter: (&&str, &Scale)| specimens.iter().map(|own| sd(own, parameter)).fold(0.0, f64::max);
+    let widest =
+        |parameter: (&&str, &SizeScale)| specimens.iter().map(|specimen| sd(specimen, parameter)).fold(0.0, f64::max);
     HierarchyOptions {
         overall_mean: named().map(mean).collect(),
         overall_sd: named().map(widest).collect(),
@@ -312,13 +323,13 @@ fn entries(
     pilot: &HierarchyOptions,
     request: &GroupsRequest,
     monitor: &dyn Monitor,
-) -> Result<Vec<Entry>> {
+) -> Result<Vec<ExperimentForm>> {
     let p = pilot.overall_mean.len();
-    let members: Vec<Member> = draws.iter().map(Member::Draws).collect();
+    let members: Vec<ExperimentMember> = draws.iter().map(ExperimentMember::Draws).collect();
     let population = sample_population(design, &members, pilot, monitor)?;
     let all: Vec<&PopulationDraw> = population.draws().collect();
     let average = |of: &dyn Fn(&PopulationDraw) -> f64| all.iter().map(|draw| of(draw)).sum::<f64>() / all.len() as f64;
-    let mut entries = vec![Entry { effective_draws: 0.0, is_exact: false }; draws.len()];
+    let mut entries = vec![ExperimentForm { effective_draws: 0.0, is_exact: false }; draws.len()];
     for (index, specimen) in design.specimens.iter().enumerate() {
         let first = design.group_of[specimen.experiments[0]];
         for &e in &specimen.experiments {
@@ -343,7 +354,7 @@ fn entries(
             let Some(precision) = covariance.try_inverse() else { continue };
             let effective_draws = draws[e].effective_number(&mean, &precision);
             let is_exact = request.is_exact || effective_draws < FEWEST_EFFECTIVE;
-            entries[e] = Entry { effective_draws, is_exact };
+            entries[e] = ExperimentForm { effective_draws, is_exact };
         }
     }
     Ok(entries)

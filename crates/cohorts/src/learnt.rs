@@ -10,20 +10,20 @@ use std::path::{Path, PathBuf};
 
 use super::artefacts::{provenance_of, refuse_other};
 use super::cohort::Measurement;
-use super::missing::apparatus::Apparatuses;
-use super::missing::job::{FEWEST_RECORDS, stopped};
-use base::error::{Error, Place, Result, Setting};
+use super::cohort_diagnosis::apparatus::Apparatuses;
+use super::cohort_diagnosis::job::{FEWEST_RECORDS, check_interrupt};
+use base::error::{Error, InputPlace, Result, Setting};
 use base::files::{remove_if_there, write_atomically};
-use criticism::learn::record::{Formula, Record, Told, tried};
+use criticism::learn::record::{Formula, LearningRecord, PairGain, test_formula};
 use criticism::learn::{
     EQUAL_NATS, FILE_NAME, FORMULA_LOSS, FORMULA_LOSS_NATS, LARGEST_P, LEAST_EVIDENCE_NATS, LEAST_FUTURE_NATS,
     quantity_words,
 };
 use documents::learned::EquivalentPair;
 use documents::learned_cohort::{
-    CohortFormula, CohortPair, ConfirmedOn, LearnedCohort, LearnedCohortKind, LearnedCohortVerdict, LearntFrom,
+    CohortFormula, CohortPair, ConfirmedOn, LearnedCohort, LearnedCohortKind, LearnedCohortVerdict, TrainingRecord,
 };
-use figures::number::significant;
+use figures::number::format_significant;
 use posterior::monitor::{Counter, Monitor};
 use posterior::study::{Provenance, RevisionWriter, WithProvenance};
 
@@ -49,7 +49,7 @@ pub struct Outcome {
 pub fn run(measurements: &[Measurement], is_monotone: bool, monitor: &dyn Monitor) -> Result<Outcome> {
     if measurements.len() < 2 * FEWEST_RECORDS {
         return Err(Error::input(
-            Place::default(),
+            InputPlace::default(),
             format!("{} records are too few: one half is learnt from and the other half confirms", measurements.len()),
             format!("give at least {} records, or learn from a single record", 2 * FEWEST_RECORDS),
         ));
@@ -60,29 +60,29 @@ pub fn run(measurements: &[Measurement], is_monotone: bool, monitor: &dyn Monito
     monitor.stage("fitting every quantity as a function of every state to half of the records");
     let counter = Counter::new(monitor, from.len());
     let mut records = Vec::new();
-    for (_, own) in from {
-        stopped(monitor)?;
+    for (_, measurement) in from {
+        check_interrupt(monitor)?;
         let record = apparatuses
-            .subject(own)
-            .and_then(|subject| Record::new(&subject, is_monotone, &posterior::monitor::Silent));
-        records.push((own, record.map_err(|error| own.named(error))?));
+            .subject(measurement)
+            .and_then(|subject| LearningRecord::new(&subject, is_monotone, &posterior::monitor::SilentMonitor));
+        records.push((measurement, record.map_err(|error| measurement.with_name(error))?));
         counter.add_one();
     }
-    let half = Half::new(records);
+    let half = LearningRecords::new(records);
     let Some(leading) = half.leading() else { return Ok(half.nothing()) };
     monitor.stage("writing the function as a formula");
     let Some((formula, gain_nats)) = half.formula(leading, monitor)? else { return Ok(half.nothing()) };
     monitor.stage("confirming the formula on the other half");
     let counter = Counter::new(monitor, on.len());
     let mut confirmed_on = Vec::new();
-    for (_, own) in on {
-        stopped(monitor)?;
-        let tried = apparatuses.subject(own).and_then(|subject| tried(&subject, &formula));
+    for (_, measurement) in on {
+        check_interrupt(monitor)?;
+        let tried = apparatuses.subject(measurement).and_then(|subject| test_formula(&subject, &formula));
         counter.add_one();
         // A record whose model cannot have the formula contributes no evidence.
-        let Some(tried) = tried.map_err(|error| own.named(error))? else { continue };
+        let Some(tried) = tried.map_err(|error| measurement.with_name(error))? else { continue };
         let [rmse_before_um, rmse_after_um] = tried.rmse_um;
-        let (experiment, values) = (own.name(), tried.values);
+        let (experiment, values) = (measurement.name(), tried.values);
         let last_cycle_gain_nats = tried.last_cycle_gain_nats;
         confirmed_on.push(ConfirmedOn { experiment, last_cycle_gain_nats, rmse_before_um, rmse_after_um, values });
     }
@@ -90,25 +90,26 @@ pub fn run(measurements: &[Measurement], is_monotone: bool, monitor: &dyn Monito
 }
 
 /// Records that the law is learnt from.
-struct Half<'a> {
-    records: Vec<(&'a Measurement, Record)>,
+struct LearningRecords<'a> {
+    records: Vec<(&'a Measurement, LearningRecord)>,
     /// Gains of every pair in every record.
-    told: Vec<Vec<Told>>,
+    told: Vec<Vec<PairGain>>,
     /// Pairs that all records have, best first.
     pairs: Vec<(&'static str, CohortPair)>,
 }
 
-impl<'a> Half<'a> {
-    fn new(records: Vec<(&'a Measurement, Record)>) -> Self {
-        let told: Vec<Vec<Told>> = records.iter().map(|(_, record)| record.told()).collect();
-        let sum = |first: &Told| {
-            let of = |own: &Vec<Told>| own.iter().find(|own| own.slug == first.slug).cloned();
-            let all: Vec<Told> = told.iter().map(of).collect::<Option<_>>()?;
+impl<'a> LearningRecords<'a> {
+    fn new(records: Vec<(&'a Measurement, LearningRecord)>) -> Self {
+        let told: Vec<Vec<PairGain>> = records.iter().map(|(_, record)| record.pair_gains()).collect();
+        let sum = |first: &PairGain| {
+            let of =
+                |pair_gains: &Vec<PairGain>| pair_gains.iter().find(|pair_gain| pair_gain.slug == first.slug).cloned();
+            let all: Vec<PairGain> = told.iter().map(of).collect::<Option<_>>()?;
             let pair = CohortPair {
                 quantity: first.quantity.into(),
                 state: first.state.into(),
-                evidence_nats: all.iter().map(|own| own.evidence_nats).sum(),
-                heldout_gain_nats: all.iter().map(|own| own.heldout_gain_nats).sum::<Option<f64>>()?,
+                evidence_nats: all.iter().map(|pair_gain| pair_gain.evidence_nats).sum(),
+                heldout_gain_nats: all.iter().map(|pair_gain| pair_gain.heldout_gain_nats).sum::<Option<f64>>()?,
             };
             Some((first.slug, pair))
         };
@@ -121,8 +122,8 @@ impl<'a> Half<'a> {
     fn leading(&self) -> Option<usize> {
         let best = self.pairs.first()?.1.evidence_nats;
         let place = self.pairs.iter().position(|(_, pair)| pair.heldout_gain_nats > LEAST_FUTURE_NATS)?;
-        let own = &self.pairs[place].1;
-        (own.evidence_nats >= LEAST_EVIDENCE_NATS.max(best - EQUAL_NATS)).then_some(place)
+        let cohort_pair = &self.pairs[place].1;
+        (cohort_pair.evidence_nats >= LEAST_EVIDENCE_NATS.max(best - EQUAL_NATS)).then_some(place)
     }
 
     /// Simplest formula that predicts unseen cycles nearly as well as the functions, with its gain in nats. If no formula does, the formula with the best prediction.
@@ -131,16 +132,16 @@ impl<'a> Half<'a> {
         let ranges: Option<Vec<_>> = self.records.iter().map(|(_, record)| record.range(slug)).collect();
         let Some(ranges) = ranges else { return Ok(None) };
         let state = ranges[0].0;
-        let range = ranges.iter().fold([0.0_f64; 2], |[low, high], (_, own)| [low.min(own[0]), high.max(own[1])]);
+        let range = ranges.iter().fold([0.0_f64; 2], |[low, high], (_, range)| [low.min(range[0]), high.max(range[1])]);
         let formulas = self.records[0].1.formulas(slug, state, range);
         let mut sums: Vec<Option<f64>> = vec![Some(0.0); formulas.len()];
         let (mut of_functions, counter) = (0.0, Counter::new(monitor, self.records.len()));
         for (_, record) in &self.records {
-            stopped(monitor)?;
+            check_interrupt(monitor)?;
             let Some(gain) = record.function_gain_nats(slug) else { return Ok(None) };
             of_functions += gain;
-            let own = record.gains_nats(&formulas);
-            sums.iter_mut().zip(own).for_each(|(sum, own)| *sum = sum.zip(own).map(|(sum, own)| sum + own));
+            let values = record.gains_nats(&formulas);
+            sums.iter_mut().zip(values).for_each(|(sum, value)| *sum = sum.zip(value).map(|(sum, value)| sum + value));
             counter.add_one();
         }
         let n_records = self.records.len() as f64;
@@ -187,7 +188,7 @@ impl<'a> Half<'a> {
 
     fn learned(&self, leading: usize, (formula, gain_nats): (Formula, f64), on: Vec<ConfirmedOn>) -> Outcome {
         let (slug, pair) = &self.pairs[leading];
-        let gain: f64 = on.iter().map(|own| own.last_cycle_gain_nats).sum();
+        let gain: f64 = on.iter().map(|confirmed_on| confirmed_on.last_cycle_gain_nats).sum();
         let largest_p = (-gain).exp().min(1.0);
         let kind = if largest_p <= LARGEST_P { LearnedCohortKind::Confirmed } else { LearnedCohortKind::NotConfirmed };
         let equals = self.pairs.iter().enumerate().filter(|(place, (_, other))| {
@@ -196,23 +197,26 @@ impl<'a> Half<'a> {
                 && other.evidence_nats >= pair.evidence_nats - EQUAL_NATS
         });
         let equivalent: Vec<EquivalentPair> = equals
-            .map(|(_, (_, own))| EquivalentPair { quantity: own.quantity.clone(), state: own.state.clone() })
+            .map(|(_, (_, cohort_pair))| EquivalentPair {
+                quantity: cohort_pair.quantity.clone(),
+                state: cohort_pair.state.clone(),
+            })
             .collect();
-        let told = self.told.iter().zip(&self.records).filter_map(|(told, (own, _))| {
+        let told = self.told.iter().zip(&self.records).filter_map(|(told, (measurement, _))| {
             let told = told.iter().find(|told| told.slug == *slug)?;
-            Some(LearntFrom {
-                experiment: own.name(),
+            Some(TrainingRecord {
+                experiment: measurement.name(),
                 evidence_nats: told.evidence_nats,
                 heldout_gain_nats: told.heldout_gain_nats.unwrap_or(0.0),
             })
         });
-        let n_better = on.iter().filter(|own| own.last_cycle_gain_nats > 0.0).count();
+        let n_better = on.iter().filter(|confirmed_on| confirmed_on.last_cycle_gain_nats > 0.0).count();
         let mut sentence = format!(
             "Learnt from {} records: {} changes with the {} (gain {} nats on their unseen cycles). The formula is {} × ({}).",
             self.records.len(),
             quantity_words(&pair.quantity),
             pair.state.replace('_', " "),
-            significant(pair.heldout_gain_nats, 3),
+            format_significant(pair.heldout_gain_nats, 3),
             pair.quantity,
             formula.written.text,
         );
@@ -221,18 +225,22 @@ impl<'a> Half<'a> {
                 " The other {} records confirm it: {n_better} of them predict their last cycle better with it, by {} nats in total. Records without the effect gain as \
                  much with a probability of at most {largest_p:.1e}.",
                 on.len(),
-                significant(gain, 3)
+                format_significant(gain, 3)
             ),
             _ => format!(
                 " The other {} records do not confirm it: {n_better} of them predict their last cycle better with it, by {} nats in total; {} nats are required.",
                 on.len(),
-                significant(gain, 3),
-                significant(-LARGEST_P.ln(), 2)
+                format_significant(gain, 3),
+                format_significant(-LARGEST_P.ln(), 2)
             ),
         };
         if !equivalent.is_empty() {
-            let names: Vec<String> =
-                equivalent.iter().map(|own| format!("{} by {}", own.quantity, own.state.replace('_', " "))).collect();
+            let names: Vec<String> = equivalent
+                .iter()
+                .map(|equivalent_pair| {
+                    format!("{} by {}", equivalent_pair.quantity, equivalent_pair.state.replace('_', " "))
+                })
+                .collect();
             sentence += &format!(" These records cannot distinguish it from {}.", names.join(", "));
         }
         let learned = LearnedCohort {
@@ -244,8 +252,8 @@ impl<'a> Half<'a> {
             heldout_gain_nats: pair.heldout_gain_nats,
             formula: Some(CohortFormula {
                 text: formula.written.text.clone(),
-                parameters: formula.written.parameters.iter().map(|own| own.name.into()).collect(),
-                units: formula.written.parameters.iter().map(|own| own.unit.clone()).collect(),
+                parameters: formula.written.parameters.iter().map(|parameter| parameter.name.into()).collect(),
+                units: formula.written.parameters.iter().map(|parameter| parameter.unit.clone()).collect(),
                 file: FILE_NAME.into(),
                 heldout_gain_nats: gain_nats,
             }),

@@ -11,6 +11,7 @@ pub mod alone;
 pub mod apparatus;
 pub mod artefacts;
 pub mod cohort;
+pub mod cohort_diagnosis;
 pub mod contrast;
 #[cfg(test)]
 mod coverage_tests;
@@ -22,7 +23,6 @@ mod hierarchy_tests;
 pub mod interim;
 pub mod job;
 pub mod learnt;
-pub mod missing;
 pub mod plan;
 pub mod predict;
 pub mod published;

@@ -3,12 +3,12 @@
 //! A truth is drawn from the posterior. The mean of n new specimens per group scatters around it with that draw's spreads and the measurement error. All draws are then
 //! weighted by their prediction of that mean, each with its own spreads. The weighted draws show whether the question is settled.
 
-use documents::groups::Plan;
+use documents::groups::SampleSizePlan;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 
-use super::contrast::SURE;
+use super::contrast::CERTAINTY;
 
 /// Numbers of new specimens per group that are tried.
 const NUMBERS: [u32; 18] = [1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64, 96, 128, 192, 256, 384, 512];
@@ -19,7 +19,7 @@ const N_TRUTHS: usize = 200;
 const N_WEIGHTED: usize = 1_000;
 
 /// Posterior of a ratio and of the scatter of new specimens; one value per draw.
-pub struct Question<'a> {
+pub struct RatioQuestion<'a> {
     /// Logarithm of the ratio.
     pub log_ratio: &'a [f64],
     /// Variance of the difference between one new specimen of each group: spreads and measurement error.
@@ -29,10 +29,10 @@ pub struct Question<'a> {
 }
 
 /// Finds the smallest number of new specimens that is likely to settle a question.
-pub fn plan(question: &Question, seed: u64) -> Plan {
-    let mut plan = Plan { specimens_per_group: None, chance: 0.0 };
+pub fn plan(question: &RatioQuestion, seed: u64) -> SampleSizePlan {
+    let mut plan = SampleSizePlan { specimens_per_group: None, chance: 0.0 };
     for n in NUMBERS {
-        plan.chance = chance(question, n, seed);
+        plan.chance = settling_probability(question, n, seed);
         if plan.chance >= WANTED_CHANCE {
             plan.specimens_per_group = Some(n);
             break;
@@ -42,7 +42,7 @@ pub fn plan(question: &Question, seed: u64) -> Plan {
 }
 
 /// Probability that `n` new specimens per group settle the question. All n use the same random numbers.
-pub fn chance(question: &Question, n: u32, seed: u64) -> f64 {
+pub fn settling_probability(question: &RatioQuestion, n: u32, seed: u64) -> f64 {
     let every = |most: usize| question.log_ratio.len().div_ceil(most).max(1);
     let edge = question.margin.ln_1p();
     let pairs = || question.log_ratio.iter().zip(question.variance_of_pair).map(|(x, v)| (*x, v / f64::from(n)));
@@ -59,7 +59,7 @@ pub fn chance(question: &Question, n: u32, seed: u64) -> f64 {
             above += if *log_ratio > edge { weight } else { 0.0 };
             below += if *log_ratio < -edge { weight } else { 0.0 };
         }
-        settled += usize::from((above.max(below).max(all - above - below)) >= SURE * all);
+        settled += usize::from((above.max(below).max(all - above - below)) >= CERTAINTY * all);
         tried += 1;
     }
     settled as f64 / f64::from(tried.max(1))

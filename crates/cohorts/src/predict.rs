@@ -7,8 +7,8 @@ use rand_chacha::ChaCha8Rng;
 use rand_distr::{ChiSquared, Distribution, StandardNormal};
 
 use super::design::Design;
-use super::hierarchy::{Layout, PopulationDraw};
-use super::scale::Scale;
+use super::hierarchy::{PopulationDraw, ShareLayout};
+use super::scale::SizeScale;
 use base::error::{Result, Setting};
 use base::number::Dual;
 use figures::density::{quantile_of_sorted, sorted};
@@ -62,7 +62,7 @@ pub fn predicted_groups(
     }
     for levels in missing(design) {
         let mut rng = rng_of();
-        let layout = Layout::new(design);
+        let layout = ShareLayout::new(design);
         let shares: Vec<usize> = std::iter::once(0)
             .chain(levels.iter().zip(&layout.factors).map(|(level, range)| range.start + level))
             .collect();
@@ -76,7 +76,7 @@ pub fn predicted_groups(
             }
         }
         // Keys are ordered by importance: the first shared key decides.
-        let likeness = |own: &Vec<usize>| own.iter().zip(&levels).map(|(a, b)| a == b).collect::<Vec<bool>>();
+        let likeness = |indexes: &Vec<usize>| indexes.iter().zip(&levels).map(|(a, b)| a == b).collect::<Vec<bool>>();
         let nearest = (0..design.groups.len()).rev().max_by_key(|g| likeness(&design.groups[*g].levels)).unwrap_or(0);
         let names: Vec<&str> = levels.iter().zip(&design.keys).map(|(level, key)| key[*level].as_str()).collect();
         let stratum = design.groups[nearest].stratum;
@@ -104,13 +104,13 @@ fn with_specimens(
     let p = typical.len() / draws.len().max(1);
     let mut new_specimen = Vec::with_capacity(typical.len());
     let mut between_sd = Vec::with_capacity(typical.len());
-    let chi_squared = student_dof.and_then(|dof| ChiSquared::new(dof).ok().map(|own| (dof, own)));
+    let chi_squared = student_dof.and_then(|dof| ChiSquared::new(dof).ok().map(|chi_squared| (dof, chi_squared)));
     for (draw, mean) in draws.iter().zip(typical.chunks_exact(p.max(1))) {
         let covariance = &draw.between_specimens[stratum * p * p..(stratum + 1) * p * p];
         let matrix = DMatrix::from_column_slice(p, p, covariance);
         between_sd.extend((0..p).map(|k| matrix[(k, k)].sqrt()));
         let noise = DVector::from_fn(p, |_, _| StandardNormal.sample(rng));
-        let weight = chi_squared.map_or(1.0, |(dof, own)| own.sample(rng) / dof);
+        let weight = chi_squared.map_or(1.0, |(dof, chi_squared)| chi_squared.sample(rng) / dof);
         let deviation =
             matrix.cholesky().map_or_else(|| DVector::zeros(p), |factor| factor.l() * noise / weight.sqrt());
         new_specimen.extend(mean.iter().zip(deviation.iter()).map(|(mean, deviation)| mean + deviation));
@@ -128,7 +128,7 @@ pub fn creep_times_s(window: TimeWindow) -> Vec<f64> {
 ///
 /// # Errors
 /// [`base::Error::Numerical`] if no draw has a creep.
-pub fn creep(law: BaseLaw, scales: &[Scale], group: &PredictedGroup, time_s: &[f64]) -> Result<CreepPrediction> {
+pub fn creep(law: BaseLaw, scales: &[SizeScale], group: &PredictedGroup, time_s: &[f64]) -> Result<CreepPrediction> {
     let (Some(first), Some(last)) = (time_s.first(), time_s.last()) else {
         return Err(base::Error::numerical("the list of times for the creep is empty", "give at least one time"));
     };
@@ -142,7 +142,7 @@ pub fn creep(law: BaseLaw, scales: &[Scale], group: &PredictedGroup, time_s: &[f
             let parameters: Vec<Dual> = draw.iter().zip(scales).map(|(x, scale)| scale.value(*x).into()).collect();
             n_all += 1;
             match curve(law, &parameters, window, time_s) {
-                Some(curve) => at_time.iter_mut().zip(curve).for_each(|(values, own)| values.push(own)),
+                Some(curve) => at_time.iter_mut().zip(curve).for_each(|(values, value)| values.push(value)),
                 None => n_left_out += 1,
             }
         }
@@ -170,7 +170,7 @@ pub fn creep(law: BaseLaw, scales: &[Scale], group: &PredictedGroup, time_s: &[f
 
 /// J(t) at every time. `None` if the law has no spectrum in the window, or values beyond the range of numbers.
 fn curve(law: BaseLaw, parameters: &[Dual], window: TimeWindow, time_s: &[f64]) -> Option<Vec<f64>> {
-    let spectrum: RetardationSpectrum = RetardationSpectrum::of(&law.elements(parameters), window).ok()?;
+    let spectrum: RetardationSpectrum = RetardationSpectrum::of_law(&law.elements(parameters), window).ok()?;
     let curve: Vec<f64> = time_s.iter().map(|time| spectrum.creep_compliance_per_pa(*time)).collect();
     curve.iter().all(|value| value.is_finite() && *value > 0.0).then_some(curve)
 }

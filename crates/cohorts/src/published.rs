@@ -15,7 +15,7 @@ const PUBLICATIONS: [(&str, &str, &str); 6] = [
 ];
 
 /// Published values of some parameters, from the embedded priors of publications. Values that a prior only assumes are left out.
-pub fn published(parameters: &[&str]) -> Vec<Published> {
+pub fn published_values(parameters: &[&str]) -> Vec<Published> {
     let mut all = Vec::new();
     for (name, source, species) in PUBLICATIONS {
         let Ok(set) = PriorSet::named(name) else { continue };
@@ -41,9 +41,10 @@ mod tests {
     /// Compares with Table I of the paper and its two columns of other values; other publications give only their measured parameters.
     #[test]
     fn values_are_the_published_ones() {
-        let all = published(&["young_modulus_pa", "viscosity_1_pa_s", "viscosity_2_pa_s"]);
-        let values =
-            |source: &str| -> Vec<f64> { all.iter().filter(|own| own.source == source).map(|own| own.value).collect() };
+        let all = published_values(&["young_modulus_pa", "viscosity_1_pa_s", "viscosity_2_pa_s"]);
+        let values = |source: &str| -> Vec<f64> {
+            all.iter().filter(|published| published.source == source).map(|published| published.value).collect()
+        };
         assert_eq!(values("Wang 2013"), [3.527, 1.402, 47.37]);
         assert_eq!(values("Sharif-Kashani 2011"), [1.66, 2.4, 70.0]);
         assert_eq!(values("Lee 1994"), [0.937, 0.599, 8.402]);

@@ -9,7 +9,7 @@ const LARGEST_LOG_ODDS: f64 = 36.0;
 
 /// Transformation of a parameter to an unbounded coordinate. Parameters of laws are positive.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Scale {
+pub enum SizeScale {
     /// ln x, for x above 0.
     Logarithm,
     /// ln((x − a)/(b − x)), for x between a ≥ 0 and b.
@@ -21,7 +21,7 @@ pub enum Scale {
     },
 }
 
-impl Scale {
+impl SizeScale {
     /// Scale of a parameter with this support.
     pub fn of(support: Support) -> Self {
         if support.upper.is_finite() {
@@ -91,12 +91,12 @@ mod tests {
     use super::*;
     use laws::rheology::{BaseLaw, Network};
 
-    const ORDER: Scale = Scale::LogOdds { lower: 0.0, upper: 1.0 };
-    const BETWEEN: Scale = Scale::LogOdds { lower: 0.5, upper: 3.0 };
+    const ORDER: SizeScale = SizeScale::LogOdds { lower: 0.0, upper: 1.0 };
+    const BETWEEN: SizeScale = SizeScale::LogOdds { lower: 0.5, upper: 3.0 };
 
     #[test]
     fn values_come_back_and_stay_inside() {
-        for scale in [Scale::Logarithm, ORDER, BETWEEN] {
+        for scale in [SizeScale::Logarithm, ORDER, BETWEEN] {
             for coordinate in [-30.0, -2.0, -1e-3, 0.0, 0.7, 12.0] {
                 let value = scale.value(coordinate);
                 let ends = 1e-15 * coordinate.abs().exp();
@@ -109,13 +109,13 @@ mod tests {
         for end in [0.0, 1.0] {
             assert!(ORDER.coordinate(end).is_finite());
         }
-        assert!(Scale::Logarithm.coordinate(0.0).is_finite());
+        assert!(SizeScale::Logarithm.coordinate(0.0).is_finite());
     }
 
     /// Compares slopes with differences of the value.
     #[test]
     fn slopes_are_derivatives() {
-        for scale in [Scale::Logarithm, ORDER, BETWEEN] {
+        for scale in [SizeScale::Logarithm, ORDER, BETWEEN] {
             for coordinate in [-4.0, -0.3, 0.0, 2.5] {
                 let step = 1e-5;
                 let change = |of: &dyn Fn(f64) -> f64| (of(coordinate + step) - of(coordinate - step)) / (2.0 * step);

@@ -44,8 +44,8 @@ pub fn outlying(values: &[Vec<f64>], group_of: &[usize]) -> Vec<bool> {
     for k in 0..p {
         let column: Vec<f64> = values.iter().map(|row| row[k]).collect();
         let deviation = |s: usize| {
-            let own: Vec<f64> = (0..n).filter(|o| group_of[*o] == group_of[s]).map(|o| column[o]).collect();
-            (column[s] - median(&own)).abs()
+            let entry: Vec<f64> = (0..n).filter(|o| group_of[*o] == group_of[s]).map(|o| column[o]).collect();
+            (column[s] - median(&entry)).abs()
         };
         let deviations: Vec<f64> = counted.iter().map(|s| deviation(*s)).collect();
         let bar = most * median(&deviations) / NORMAL_MAD;

@@ -6,16 +6,16 @@ use documents::groups::{
 };
 use rayon::prelude::*;
 
-use super::alone::quantiles_alone;
+use super::alone::unpooled_quantiles;
 use super::cohort::{Key, Measurement};
 use super::contrast::Contrast;
 use super::design::Specimen as SpecimenOfDesign;
 use super::hierarchy::PopulationDraw;
 use super::job::{Comparison, GroupsRequest, HEAVY_TAILED_DOF};
-use super::plan::{Question, plan};
+use super::plan::{RatioQuestion, plan};
 use super::predict::{PredictedGroup, creep, creep_times_s};
-use super::published::published;
-use super::scale::Scale;
+use super::published::published_values;
+use super::scale::SizeScale;
 use super::{spread, wording};
 use base::error::Result;
 use figures::density::{quantile_of_sorted, sorted};
@@ -28,7 +28,7 @@ fn three(values: &[f64]) -> [f64; 3] {
 }
 
 /// Quantiles 5 %, 50 %, 95 % of the values at some coordinates.
-fn values(scale: Scale, coordinates: &[f64]) -> [f64; 3] {
+fn values(scale: SizeScale, coordinates: &[f64]) -> [f64; 3] {
     three(coordinates).map(|coordinate| scale.value(coordinate))
 }
 
@@ -44,7 +44,7 @@ pub fn summarise(measurements: &[Measurement], found: &Comparison, request: &Gro
     let draws: Vec<&PopulationDraw> = found.population.draws().collect();
     let groups: Vec<GroupSummary> = found.groups.iter().map(|group| group_summary(found, &draws, group)).collect();
     let contrasts: Vec<ContrastSummary> =
-        found.contrasts.par_iter().map(|own| contrast_summary(found, &draws, own, request)).collect();
+        found.contrasts.par_iter().map(|contrast| contrast_summary(found, &draws, contrast, request)).collect();
     let experiments: Vec<ExperimentSummary> =
         (0..measurements.len()).map(|e| experiment_summary(measurements, found, e)).collect();
     let specimens = specimen_summaries(found, &draws, request.sampler.seed);
@@ -63,7 +63,7 @@ pub fn summarise(measurements: &[Measurement], found: &Comparison, request: &Gro
         ess: population.ess,
     };
     let mut effects: Vec<String> =
-        measurements.iter().flat_map(|own| own.specification.effects.iter().cloned()).collect();
+        measurements.iter().flat_map(|measurement| measurement.specification.effects.iter().cloned()).collect();
     effects.sort();
     effects.dedup();
     let mut summary = GroupsSummary {
@@ -75,7 +75,7 @@ pub fn summarise(measurements: &[Measurement], found: &Comparison, request: &Gro
         sentences: Vec::new(),
         within_specimen_log_sd: found.design.has_repeats().then(|| (0..p).map(within).collect()),
         creep: creep_summary(found)?,
-        published: published(&found.parameters),
+        published: published_values(&found.parameters),
         converged: population.has_converged,
         sampler,
         groups,
@@ -90,13 +90,13 @@ pub fn summarise(measurements: &[Measurement], found: &Comparison, request: &Gro
     Ok(summary)
 }
 
-fn group_summary(found: &Comparison, draws: &[&PopulationDraw], own: &PredictedGroup) -> GroupSummary {
+fn group_summary(found: &Comparison, draws: &[&PopulationDraw], predicted_group: &PredictedGroup) -> GroupSummary {
     let p = found.parameters.len();
     let parameter = |k: usize| {
         let scale = found.scales[k];
-        let [q05, median, q95] = values(scale, &every(&own.typical, p, k));
-        let [lower, _, upper] = values(scale, &every(&own.new_specimen, p, k));
-        let [sd_lower, sd, sd_upper] = three(&every(&own.between_sd, p, k));
+        let [q05, median, q95] = values(scale, &every(&predicted_group.typical, p, k));
+        let [lower, _, upper] = values(scale, &every(&predicted_group.new_specimen, p, k));
+        let [sd_lower, sd, sd_upper] = three(&every(&predicted_group.between_sd, p, k));
         GroupParameter {
             name: found.parameters[k].into(),
             median,
@@ -106,10 +106,10 @@ fn group_summary(found: &Comparison, draws: &[&PopulationDraw], own: &PredictedG
             between_specimen_log_sd: sd,
             between_specimen_log_sd_90: [sd_lower, sd_upper],
             new_specimen_90: [lower, upper],
-            pooling: own.group.and_then(|group| pooling(found, draws, group, k)),
+            pooling: predicted_group.group.and_then(|group| pooling(found, draws, group, k)),
         }
     };
-    let correlation = own.group.map(|group| {
+    let correlation = predicted_group.group.map(|group| {
         let stratum = found.design.groups[group].stratum * p * p;
         let entry = |i: usize, j: usize| {
             let of = |draw: &PopulationDraw, i: usize, j: usize| draw.between_specimens[stratum + j * p + i];
@@ -120,9 +120,11 @@ fn group_summary(found: &Comparison, draws: &[&PopulationDraw], own: &PredictedG
         (0..p).map(|i| (0..p).map(|j| entry(i, j)).collect()).collect()
     });
     GroupSummary {
-        name: own.name.clone(),
-        specimens: own.group.map_or(0, |group| found.design.n_specimens(group)),
-        experiments: own.group.map_or(0, |group| found.design.group_of.iter().filter(|g| **g == group).count()),
+        name: predicted_group.name.clone(),
+        specimens: predicted_group.group.map_or(0, |group| found.design.n_specimens(group)),
+        experiments: predicted_group
+            .group
+            .map_or(0, |group| found.design.group_of.iter().filter(|g| **g == group).count()),
         parameters: (0..p).map(parameter).collect(),
         correlation,
     }
@@ -131,8 +133,9 @@ fn group_summary(found: &Comparison, draws: &[&PopulationDraw], own: &PredictedG
 /// Indices of the specimens whose first experiment is in a group.
 fn specimens_at_home(found: &Comparison, group: usize) -> Vec<usize> {
     let design = &found.design;
-    let is_home = |own: &SpecimenOfDesign| own.experiments.first().is_some_and(|e| design.group_of[*e] == group);
-    design.specimens.iter().enumerate().filter(|(_, own)| is_home(own)).map(|(index, _)| index).collect()
+    let is_home =
+        |specimen: &SpecimenOfDesign| specimen.experiments.first().is_some_and(|e| design.group_of[*e] == group);
+    design.specimens.iter().enumerate().filter(|(_, specimen)| is_home(specimen)).map(|(index, _)| index).collect()
 }
 
 /// Pooling factor: 1 − (variance over specimens of the mean deviation) / (mean over draws of the variance over specimens).
@@ -156,29 +159,29 @@ fn pooling(found: &Comparison, draws: &[&PopulationDraw], group: usize, k: usize
 fn contrast_summary(
     found: &Comparison,
     draws: &[&PopulationDraw],
-    own: &Contrast,
+    contrast: &Contrast,
     request: &GroupsRequest,
 ) -> ContrastSummary {
-    let [q05, ratio_median, q95] = own.ratio_quantiles([0.05, 0.5, 0.95]);
+    let [q05, ratio_median, q95] = contrast.ratio_quantiles([0.05, 0.5, 0.95]);
     let margin = request.margin;
-    let verdict = own.verdict(margin);
+    let verdict = contrast.verdict(margin);
     let more = (verdict == RatioVerdict::Undecided).then(|| {
-        let variance_of_pair = variance_of_pair(found, draws, own, request);
-        let question = Question { log_ratio: &own.log_ratio, variance_of_pair: &variance_of_pair, margin };
+        let variance_of_pair = variance_of_pair(found, draws, contrast, request);
+        let question = RatioQuestion { log_ratio: &contrast.log_ratio, variance_of_pair: &variance_of_pair, margin };
         plan(&question, request.sampler.seed)
     });
     let name = |group: usize| found.design.groups[group].name.clone();
     ContrastSummary {
-        parameter: found.parameters[own.parameter].into(),
-        a: name(own.groups[0]),
-        b: name(own.groups[1]),
+        parameter: found.parameters[contrast.parameter].into(),
+        a: name(contrast.groups[0]),
+        b: name(contrast.groups[1]),
         ratio_median,
         q05,
         q95,
-        probability_greater: own.probability_above(1.0),
-        probability_beyond_margin: own.probability_above(1.0 + margin),
-        probability_below_margin: 1.0 - own.probability_above(1.0 / (1.0 + margin)),
-        is_declared: own.is_declared || matches!(verdict, RatioVerdict::Greater | RatioVerdict::Less),
+        probability_greater: contrast.probability_above(1.0),
+        probability_beyond_margin: contrast.probability_above(1.0 + margin),
+        probability_below_margin: 1.0 - contrast.probability_above(1.0 / (1.0 + margin)),
+        is_declared: contrast.is_declared || matches!(verdict, RatioVerdict::Greater | RatioVerdict::Less),
         verdict,
         more,
     }
@@ -189,15 +192,15 @@ fn contrast_summary(
 fn variance_of_pair(
     found: &Comparison,
     draws: &[&PopulationDraw],
-    own: &Contrast,
+    contrast: &Contrast,
     request: &GroupsRequest,
 ) -> Vec<f64> {
-    let (p, k) = (found.parameters.len(), own.parameter);
-    let strata = own.groups.map(|group| found.design.groups[group].stratum);
+    let (p, k) = (found.parameters.len(), contrast.parameter);
+    let strata = contrast.groups.map(|group| found.design.groups[group].stratum);
     let heavy = if request.is_heavy_tailed { HEAVY_TAILED_DOF / (HEAVY_TAILED_DOF - 2.0) } else { 1.0 };
-    let of_measurement: f64 = own.groups.iter().map(|group| measurement_variance(found, *group, k)).sum();
+    let of_measurement: f64 = contrast.groups.iter().map(|group| measurement_variance(found, *group, k)).sum();
     let variance = |draw: &&PopulationDraw| {
-        let slopes = own.groups.map(|group| found.scales[k].relative_slope(draw.group_mean[group * p + k]));
+        let slopes = contrast.groups.map(|group| found.scales[k].relative_slope(draw.group_mean[group * p + k]));
         let between = |stratum: usize| heavy * draw.between_specimens[stratum * p * p + k * p + k];
         let within = draw.within_specimens.get(k * p + k).copied().unwrap_or(0.0);
         let is_shared = strata[0] == strata[1] && found.design.has_repeats();
@@ -218,7 +221,7 @@ fn measurement_variance(found: &Comparison, group: usize, k: usize) -> f64 {
         let coordinates = every(&found.draws[e].coordinates, p, k).into_iter();
         spread::variance(&coordinates.map(|x| found.scales[k].ln_value(x)).collect::<Vec<f64>>())
     };
-    let members = found.design.group_of.iter().enumerate().filter(|(_, own)| **own == group);
+    let members = found.design.group_of.iter().enumerate().filter(|(_, index)| **index == group);
     let variances: Vec<f64> = members.map(of_experiment).collect();
     quantile_of_sorted(&sorted(&variances), 0.5)
 }
@@ -226,10 +229,10 @@ fn measurement_variance(found: &Comparison, group: usize, k: usize) -> f64 {
 fn experiment_summary(measurements: &[Measurement], found: &Comparison, e: usize) -> ExperimentSummary {
     let p = found.parameters.len();
     let (interim, entry) = (&found.interims[e], found.entries[e]);
-    let specimen = found.design.specimens.iter().find(|own| own.experiments.contains(&e));
+    let specimen = found.design.specimens.iter().find(|specimen| specimen.experiments.contains(&e));
     ExperimentSummary {
         name: measurements[e].name(),
-        specimen: specimen.map_or_else(String::new, |own| own.name.clone()),
+        specimen: specimen.map_or_else(String::new, |specimen| specimen.name.clone()),
         group: found.design.groups[found.design.group_of[e]].name.clone(),
         alone: (0..p).map(|k| values(found.scales[k], &every(&found.draws[e].coordinates, p, k))).collect(),
         rmse_fitted_um: interim.rmse_fitted_um,
@@ -247,8 +250,8 @@ fn specimen_summaries(found: &Comparison, draws: &[&PopulationDraw], seed: u64) 
     let (p, design) = (found.parameters.len(), &found.design);
     let mut places: Vec<(usize, usize)> = Vec::new();
     for group in 0..design.groups.len() {
-        let is_there = |own: &SpecimenOfDesign| own.experiments.iter().any(|e| design.group_of[*e] == group);
-        let there = design.specimens.iter().enumerate().filter(|(_, own)| is_there(own));
+        let is_there = |specimen: &SpecimenOfDesign| specimen.experiments.iter().any(|e| design.group_of[*e] == group);
+        let there = design.specimens.iter().enumerate().filter(|(_, specimen)| is_there(specimen));
         places.extend(there.map(|(specimen, _)| (specimen, group)));
     }
     let within: Vec<Vec<f64>> = (0..p)
@@ -256,8 +259,8 @@ fn specimen_summaries(found: &Comparison, draws: &[&PopulationDraw], seed: u64) 
         .collect();
     let alone = |(specimen, group): (usize, usize), k: usize| {
         let is_there = |e: &&usize| design.group_of[**e] == group;
-        let own = design.specimens[specimen].experiments.iter().filter(is_there).map(|e| &found.draws[*e]);
-        quantiles_alone(&own.collect::<Vec<_>>(), &within[k], k, p, seed)
+        let map = design.specimens[specimen].experiments.iter().filter(is_there).map(|e| &found.draws[*e]);
+        unpooled_quantiles(&map.collect::<Vec<_>>(), &within[k], k, p, seed)
     };
     let pooled = |(specimen, group): (usize, usize), k: usize| {
         let home = design.group_of[design.specimens[specimen].experiments[0]];
@@ -268,7 +271,8 @@ fn specimen_summaries(found: &Comparison, draws: &[&PopulationDraw], seed: u64) 
     };
     let coordinates: Vec<Vec<[f64; 3]>> =
         places.iter().map(|place| (0..p).map(|k| alone(*place, k)).collect()).collect();
-    let medians: Vec<Vec<f64>> = coordinates.iter().map(|own| own.iter().map(|three| three[1]).collect()).collect();
+    let medians: Vec<Vec<f64>> =
+        coordinates.iter().map(|coordinate| coordinate.iter().map(|three| three[1]).collect()).collect();
     let group_of: Vec<usize> = places.iter().map(|(_, group)| *group).collect();
     let outlying = spread::outlying(&medians, &group_of);
     let summary = |index: usize| {
@@ -292,10 +296,12 @@ fn creep_summary(found: &Comparison) -> Result<Option<CreepSummary>> {
     if found.parameters.len() != found.law.parameters().len() {
         return Ok(None);
     }
-    let records = || found.specimens.iter().map(|own| &own.model.problem.experiment.record);
-    let shortest_s = records().filter_map(|own| own.median_interval_s()).fold(f64::INFINITY, f64::min);
+    let records = || found.specimens.iter().map(|specimen| &specimen.model.problem.experiment.record);
+    let shortest_s = records().filter_map(|record| record.median_interval_s()).fold(f64::INFINITY, f64::min);
     let longest_s = records()
-        .filter_map(|own| Some((own.time_s.last()? - own.time_s.first()?) / f64::from(own.n_cycles().max(1))))
+        .filter_map(|record| {
+            Some((record.time_s.last()? - record.time_s.first()?) / f64::from(record.n_cycles().max(1)))
+        })
         .fold(0.0, f64::max);
     if !(shortest_s > 0.0 && longest_s > shortest_s && longest_s.is_finite()) {
         return Ok(None);

@@ -1,9 +1,11 @@
 //! Sentences and warnings of a comparison.
 
 use super::hierarchy::{FEWEST_EFFECTIVE_DRAWS, LARGEST_RHAT};
-use documents::groups::{ContrastSummary, ExperimentSummary, GroupSummary, GroupsSummary, Plan, RatioVerdict};
+use documents::groups::{
+    ContrastSummary, ExperimentSummary, GroupSummary, GroupsSummary, RatioVerdict, SampleSizePlan,
+};
 use documents::posterior::{Warning, WarningKind};
-use figures::labels::of_parameter;
+use figures::labels::parameter_label;
 use posterior::misfit::NOISE_FACTOR;
 
 /// Largest numbers of pairs of groups, and of names, in a sentence.
@@ -12,7 +14,7 @@ const MOST_NAMES: usize = 8;
 
 /// Heading in one line: the compared specimens, groups and model.
 pub fn heading(summary: &GroupsSummary) -> String {
-    let measured: Vec<&GroupSummary> = summary.groups.iter().filter(|own| own.specimens > 0).collect();
+    let measured: Vec<&GroupSummary> = summary.groups.iter().filter(|group| group.specimens > 0).collect();
     let model = match summary.effects.len() {
         0 => format!("{} law", summary.law),
         _ => format!("{} law with {}", summary.law, summary.effects.join(", ")),
@@ -36,39 +38,54 @@ pub fn conclusions(summary: &GroupsSummary) -> Vec<String> {
     let margin = format!("{:.0} %", 100.0 * summary.margin);
     let names = summary.groups.first().map_or(&[][..], |group| &group.parameters);
     let of_parameter_named = |name: &str| {
-        let own: Vec<&ContrastSummary> = summary.contrasts.iter().filter(|own| own.parameter == name).collect();
+        let contrast: Vec<&ContrastSummary> =
+            summary.contrasts.iter().filter(|contrast| contrast.parameter == name).collect();
         let part = |is: &dyn Fn(&ContrastSummary) -> bool, before: &str, after: &str| {
-            let list: Vec<String> = own.iter().filter(|own| is(own)).map(|own| as_greater(own)).collect();
+            let list: Vec<String> = contrast
+                .iter()
+                .filter(|contrast_summary| is(contrast_summary))
+                .map(|contrast_summary| as_greater(contrast_summary))
+                .collect();
             (!list.is_empty()).then(|| format!("{before}{}{after}", at_most(MOST_PAIRS, &list)))
         };
-        let is_beyond = |own: &ContrastSummary| matches!(own.verdict, RatioVerdict::Greater | RatioVerdict::Less);
-        let is_open = |own: &ContrastSummary| own.verdict == RatioVerdict::Undecided;
+        let is_beyond = |contrast_summary: &ContrastSummary| {
+            matches!(contrast_summary.verdict, RatioVerdict::Greater | RatioVerdict::Less)
+        };
+        let is_open = |contrast_summary: &ContrastSummary| contrast_summary.verdict == RatioVerdict::Undecided;
         let parts = [
             part(&is_beyond, "", &format!(" by more than {margin}")),
-            part(&|own| is_open(own) && own.is_declared, "", " by an undecided amount"),
-            part(&|own| own.verdict == RatioVerdict::Equivalent, &format!("no difference beyond {margin}: "), ""),
-            part(&|own| is_open(own) && !own.is_declared, "undecided: ", ""),
+            part(
+                &|contrast_summary| is_open(contrast_summary) && contrast_summary.is_declared,
+                "",
+                " by an undecided amount",
+            ),
+            part(
+                &|contrast_summary| contrast_summary.verdict == RatioVerdict::Equivalent,
+                &format!("no difference beyond {margin}: "),
+                "",
+            ),
+            part(&|contrast_summary| is_open(contrast_summary) && !contrast_summary.is_declared, "undecided: ", ""),
         ];
-        format!("{}: {}.", of_parameter(name).symbol, parts.into_iter().flatten().collect::<Vec<_>>().join("; "))
+        format!("{}: {}.", parameter_label(name).symbol, parts.into_iter().flatten().collect::<Vec<_>>().join("; "))
     };
     if summary.contrasts.is_empty() {
         return Vec::new();
     }
-    names.iter().map(|own| of_parameter_named(&own.name)).collect()
+    names.iter().map(|name| of_parameter_named(&name.name)).collect()
 }
 
 /// "bovine above porcine (2.4 ×)", the greater first.
-fn as_greater(own: &ContrastSummary) -> String {
-    let (greater, less, ratio) = if own.ratio_median >= 1.0 {
-        (&own.a, &own.b, own.ratio_median)
+fn as_greater(contrast_summary: &ContrastSummary) -> String {
+    let (greater, less, ratio) = if contrast_summary.ratio_median >= 1.0 {
+        (&contrast_summary.a, &contrast_summary.b, contrast_summary.ratio_median)
     } else {
-        (&own.b, &own.a, 1.0 / own.ratio_median)
+        (&contrast_summary.b, &contrast_summary.a, 1.0 / contrast_summary.ratio_median)
     };
     format!("{greater} above {less} ({ratio:.2} ×)")
 }
 
 /// Number of further specimens that would settle a question, as text.
-pub fn what_it_takes(plan: &Plan) -> String {
+pub fn required_specimens(plan: &SampleSizePlan) -> String {
     match plan.specimens_per_group {
         Some(n) => format!("undecided: {n} more per group settle it with {:.0} % probability", 100.0 * plan.chance),
         None => format!("undecided: 512 more per group settle it with only {:.0} % probability", 100.0 * plan.chance),
@@ -80,11 +97,13 @@ const OPEN_SDS: f64 = 3.3;
 
 /// Describes a model's misfit to its experiment. It is a misfit if the residual exceeds 1.5 × the noise and, on the held-out cycle, also the posterior uncertainty of the
 /// prediction.
-fn misfit(own: &ExperimentSummary) -> Option<String> {
-    let bar_um = NOISE_FACTOR * own.noise_um?;
-    let open_um = OPEN_SDS * own.predictive_sd_heldout_um.unwrap_or(0.0);
-    let cases =
-        [("fitted", Some(own.rmse_fitted_um), bar_um), ("held-out", own.rmse_heldout_um, bar_um.hypot(open_um))];
+fn misfit(experiment_summary: &ExperimentSummary) -> Option<String> {
+    let bar_um = NOISE_FACTOR * experiment_summary.noise_um?;
+    let open_um = OPEN_SDS * experiment_summary.predictive_sd_heldout_um.unwrap_or(0.0);
+    let cases = [
+        ("fitted", Some(experiment_summary.rmse_fitted_um), bar_um),
+        ("held-out", experiment_summary.rmse_heldout_um, bar_um.hypot(open_um)),
+    ];
     let parts: Vec<String> = cases
         .into_iter()
         .filter_map(|(cycles, rmse, most)| rmse.filter(|rmse| *rmse > most).map(|rmse| (cycles, rmse, most)))
@@ -94,7 +113,7 @@ fn misfit(own: &ExperimentSummary) -> Option<String> {
 }
 
 /// The first names, and the number of the others.
-fn listed(names: &[&str]) -> String {
+fn join_names(names: &[&str]) -> String {
     at_most(MOST_NAMES, names)
 }
 
@@ -118,60 +137,79 @@ pub fn warnings(summary: &GroupsSummary) -> Vec<Warning> {
         add(WarningKind::NotConverged, text, "give more sweeps (--sweeps)");
     }
     let names = |is: &dyn Fn(&ExperimentSummary) -> bool| -> Vec<&str> {
-        summary.experiments.iter().filter(|own| is(own)).map(|own| own.name.as_str()).collect()
+        summary
+            .experiments
+            .iter()
+            .filter(|experiment| is(experiment))
+            .map(|experiment_summary| experiment_summary.name.as_str())
+            .collect()
     };
-    let unconverged = names(&|own| !own.converged);
+    let unconverged = names(&|experiment_summary| !experiment_summary.converged);
     if !unconverged.is_empty() {
-        let text = format!("the draws of {} have not converged", listed(&unconverged));
+        let text = format!("the draws of {} have not converged", join_names(&unconverged));
         add(
             WarningKind::NotConverged,
             text,
             "check each with `vitreo-uq sample`; give more steps (--steps), a narrower prior (--prior), or leave it out (--leave-out)",
         );
     }
-    let failing = names(&|own| misfit(own).is_some());
-    if let Some((own, words)) = summary.experiments.iter().find_map(|own| misfit(own).map(|words| (own, words))) {
+    let failing = names(&|experiment_summary| misfit(experiment_summary).is_some());
+    if let Some((entry, words)) =
+        summary.experiments.iter().find_map(|experiment| misfit(experiment).map(|words| (experiment, words)))
+    {
         let text = format!(
             "the models of {} of {} experiments do not fit: {}; in {} the model misses {words}",
             failing.len(),
             summary.experiments.len(),
-            listed(&failing),
-            own.name,
+            join_names(&failing),
+            entry.name,
         );
         let advice = "run `vitreo-uq diagnose` on them, extend their studies and give the studies here, or leave them out (--leave-out)";
         add(WarningKind::MisfitAboveNoise, text, advice);
     }
-    let unknown = names(&|own| own.noise_um.is_none());
+    let unknown = names(&|experiment_summary| experiment_summary.noise_um.is_none());
     if !unknown.is_empty() {
-        let text = format!("the noise of {} is neither given nor can it be estimated", listed(&unknown));
+        let text = format!("the noise of {} is neither given nor can it be estimated", join_names(&unknown));
         add(WarningKind::ResidualsUntested, text, "give `noise_um` in [measurement]");
     }
-    let alone: Vec<&str> =
-        summary.groups.iter().filter(|own| own.specimens == 1).map(|own| own.name.as_str()).collect();
+    let alone: Vec<&str> = summary
+        .groups
+        .iter()
+        .filter(|group| group.specimens == 1)
+        .map(|group_summary| group_summary.name.as_str())
+        .collect();
     if !alone.is_empty() {
-        let text = format!("only one specimen was measured in {}", listed(&alone));
+        let text = format!("only one specimen was measured in {}", join_names(&alone));
         add(
             WarningKind::GroupOfOne,
             text,
             "its spread comes from the prior and the other groups; measure more specimens before you interpret its differences",
         );
     }
-    let predicted: Vec<&str> =
-        summary.groups.iter().filter(|own| own.specimens == 0).map(|own| own.name.as_str()).collect();
+    let predicted: Vec<&str> = summary
+        .groups
+        .iter()
+        .filter(|group| group.specimens == 0)
+        .map(|group_summary| group_summary.name.as_str())
+        .collect();
     if !predicted.is_empty() {
-        let text = format!("nothing was measured in {}", listed(&predicted));
+        let text = format!("nothing was measured in {}", join_names(&predicted));
         add(
             WarningKind::GroupPredicted,
             text,
             "its values are predicted from the other groups; it has no differences to other groups",
         );
     }
-    let mut outlying: Vec<&str> =
-        summary.specimens.iter().filter(|own| own.is_outlying).map(|own| own.name.as_str()).collect();
+    let mut outlying: Vec<&str> = summary
+        .specimens
+        .iter()
+        .filter(|specimen| specimen.is_outlying)
+        .map(|specimen_summary| specimen_summary.name.as_str())
+        .collect();
     outlying.sort_unstable();
     outlying.dedup();
     if !outlying.is_empty() {
-        let text = format!("{} lies far from its group", listed(&outlying));
+        let text = format!("{} lies far from its group", join_names(&outlying));
         let advice = match summary.student_dof {
             Some(_) => "heavy tails keep it from widening its group; check its measurement",
             None => "check its measurement; with --heavy-tails it does not widen its group",

@@ -136,7 +136,7 @@ fn largest_gain(
     seed: u64,
     number: usize,
 ) -> f64 {
-    let data = simulated(subject, reference, seed, number).locally();
+    let data = simulated(subject, reference, seed, number).with_trajectory_memory();
     let start = (reference.fitted.theta.clone(), reference.fitted.noise);
     let Ok(base) = data.fit(&reference.candidate, &[start], Search::Local) else { return f64::INFINITY };
     let gain = |candidate: &Candidate| {
@@ -158,7 +158,7 @@ mod tests {
     use crate::NoiseValues;
     use crate::refit::refit_all;
     use crate::test_replica::{WHITE, base_fit, replica, simulated};
-    use posterior::monitor::Silent;
+    use posterior::monitor::SilentMonitor;
     use sampling::ensemble::RandomStream;
 
     fn candidates() -> Vec<Candidate> {
@@ -194,11 +194,11 @@ mod tests {
         let p_of = |seed: u64| {
             let data = simulated(&base, &fitted.theta, &noise, 1000 + seed);
             let reference = Refitted::new(&data, base.clone(), &[], Search::Wide).expect("fits");
-            let larger = refit_all(&data, &candidates, &[&reference], Search::Wide, &Silent);
+            let larger = refit_all(&data, &candidates, &[&reference], Search::Wide, &SilentMonitor);
             let gains = larger.iter().flatten().map(|model| model.gain_over(&reference, &data).fitted);
             let largest = gains.fold(0.0, f64::max);
             let simulations = Simulations { most, only_for: None };
-            Bootstrap::run(&data, &reference, &candidates, largest, simulations, seed, &Silent).p(largest)
+            Bootstrap::run(&data, &reference, &candidates, largest, simulations, seed, &SilentMonitor).p(largest)
         };
         (0..n_models).into_par_iter().map(p_of).collect()
     }
@@ -264,7 +264,7 @@ mod tests {
         for number in 0..8 {
             let data = super::simulated(replica(), &reference, 21, number);
             let base = Refitted::new(&data, reference.candidate.clone(), &[], Search::Wide).expect("fits");
-            let larger = refit_all(&data, &candidates, &[&base], Search::Wide, &Silent);
+            let larger = refit_all(&data, &candidates, &[&base], Search::Wide, &SilentMonitor);
             let gains: Vec<f64> =
                 larger.iter().flatten().map(|model| model.fitted.objective - base.fitted.objective).collect();
             n_of_second += usize::from(gains[1] > gains[0] + 0.2);

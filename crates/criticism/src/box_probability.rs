@@ -61,7 +61,9 @@ fn ln_of_correlated(correlation: &DMatrix<f64>, lower: &[f64], upper: &[f64]) ->
         }
         near.extend(added);
         // The least likely coordinates come first: the others depend on them.
-        near.sort_by(|a, b| Within::new(lower[*a], upper[*a]).ln_p.total_cmp(&Within::new(lower[*b], upper[*b]).ln_p));
+        near.sort_by(|a, b| {
+            TruncatedNormal::new(lower[*a], upper[*a]).ln_p.total_cmp(&TruncatedNormal::new(lower[*b], upper[*b]).ln_p)
+        });
         let Some(found) = Tilted::new(correlation, &near, lower, upper) else { return f64::NEG_INFINITY };
         let Some(pull) = found.factor.tr_solve_lower_triangular(&found.mean()) else { return f64::NEG_INFINITY };
         let moved = |k: usize| near.iter().zip(pull.iter()).map(|(j, pull)| correlation[(k, *j)] * pull).sum::<f64>();
@@ -72,11 +74,11 @@ fn ln_of_correlated(correlation: &DMatrix<f64>, lower: &[f64], upper: &[f64]) ->
 
 /// ln P(lower ≤ x ≤ upper) of a standard normal x.
 pub(super) fn ln_within(lower: f64, upper: f64) -> f64 {
-    Within::new(lower, upper).ln_p
+    TruncatedNormal::new(lower, upper).ln_p
 }
 
 /// A standard normal variable between two ends.
-struct Within {
+struct TruncatedNormal {
     /// ln of the probability between the ends.
     ln_p: f64,
     /// Densities at the ends over the probability.
@@ -87,7 +89,7 @@ struct Within {
 /// Length of an interval, relative to the scale of the density, below which the density is approximated by a parabola.
 const SHORT: f64 = 1e-4;
 
-impl Within {
+impl TruncatedNormal {
     fn new(lower: f64, upper: f64) -> Self {
         if upper <= 0.0 && lower < 0.0 {
             let mirrored = Self::new(-upper, -lower);
@@ -222,7 +224,7 @@ impl Tilted {
         let (mut slope, mut curvature) = (vec![0.0; n], vec![0.0; n]);
         for k in 0..n {
             let [lower, upper] = self.ends(k, x, shift[k]);
-            let within = Within::new(lower, upper);
+            let within = TruncatedNormal::new(lower, upper);
             (slope[k], curvature[k]) = (within.slope(), within.curvature(lower, upper));
         }
         let rows = &self.rows;
@@ -277,7 +279,7 @@ impl Tilted {
     fn mean(&self) -> DVector<f64> {
         DVector::from_fn(self.n(), |k, _| {
             let [lower, upper] = self.ends(k, &self.x, self.shift[k]);
-            self.shift[k] + Within::new(lower, upper).slope()
+            self.shift[k] + TruncatedNormal::new(lower, upper).slope()
         })
     }
 

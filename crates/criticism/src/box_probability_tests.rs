@@ -88,8 +88,8 @@ fn boxes_far_away_have_the_probability_of_a_single_integral() {
                 [(-1.0, 0.5), (5.0, f64::INFINITY), (15.0, 15.5), (15.0, f64::INFINITY), (-300.0, -200.0)]
             {
                 let given = |t: f64| {
-                    let own = |end: f64| (end - f64::sqrt(rho) * t) / f64::sqrt(1.0 - rho);
-                    -0.5 * (t * t + TAU.ln()) + n as f64 * ln_within(own(lower), own(upper))
+                    let function = |end: f64| (end - f64::sqrt(rho) * t) / f64::sqrt(1.0 - rho);
+                    -0.5 * (t * t + TAU.ln()) + n as f64 * ln_within(function(lower), function(upper))
                 };
                 let expected = ln_integral(given, [-320.0, 320.0], 640_000);
                 let found = ln_box_probability(&equal(n, rho), &vec![lower; n], &vec![upper; n]);
@@ -111,8 +111,8 @@ fn two_coordinates_agree_with_a_sum_over_one() {
             ([12.0, 9.0], [12.5, 40.0]),
         ] {
             let given = |x: f64| {
-                let own = |end: f64| (end - rho * x) / f64::sqrt(1.0 - rho * rho);
-                -0.5 * (x * x + TAU.ln()) + ln_within(own(lower[1]), own(upper[1]))
+                let function = |end: f64| (end - rho * x) / f64::sqrt(1.0 - rho * rho);
+                -0.5 * (x * x + TAU.ln()) + ln_within(function(lower[1]), function(upper[1]))
             };
             let expected = ln_integral(given, [lower[0], upper[0]], 400_000);
             let found = ln_box_probability(&equal(2, rho), &lower, &upper);
@@ -131,7 +131,7 @@ fn ends_count_where_they_are_reached() {
     // Nine standard deviations are far, until the first coordinate shifts the second to 9.5.
     let held = ln_box_probability(&covariance, &[10.0, -90.0, -90.0], &[90.0, 9.0, 90.0]);
     assert!(held < alone - 1.0, "{held} {alone}");
-    let own = ln_box_probability(&covariance, &[10.0, -90.0, 0.0], &[90.0, 90.0, f64::INFINITY]);
-    assert!((own - alone + std::f64::consts::LN_2).abs() < 1e-9, "{own}");
+    let value = ln_box_probability(&covariance, &[10.0, -90.0, 0.0], &[90.0, 90.0, f64::INFINITY]);
+    assert!((value - alone + std::f64::consts::LN_2).abs() < 1e-9, "{value}");
     assert_eq!(ln_box_probability(&DMatrix::zeros(0, 0), &[], &[]), 0.0);
 }

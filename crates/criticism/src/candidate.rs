@@ -129,7 +129,7 @@ impl Candidate {
         let n_before = model.n_before_effects();
         // The model has its effects in the library's order; the list may have the base's first.
         let listed = &problem.specification.effects;
-        let place = |slug: &str| listed.iter().position(|own| own == slug).unwrap_or(listed.len());
+        let place = |slug: &str| listed.iter().position(|name| name == slug).unwrap_or(listed.len());
         let of_effects: Vec<(usize, &EffectParameter)> = model
             .effects()
             .iter()
@@ -139,12 +139,12 @@ impl Candidate {
             let prior = problem.priors.get(spec.name)?;
             let effect = index.checked_sub(n_before).map(|k| of_effects[k]);
             let null = effect.and_then(|(_, parameter)| (parameter.null)(model.scales()));
-            let mut own = free(index, spec, prior.distribution, effect.map(|(place, _)| place), null);
+            let mut entry = free(index, spec, prior.distribution, effect.map(|(place, _)| place), null);
             if let (Some(range), Some(starts)) = (problem.learnt_range(spec.name), problem.starts_of(spec.name)) {
-                own.ends = [range.lower, range.upper].map(|end| own.coordinate.theta(end));
-                own.distribution = starts;
+                entry.ends = [range.lower, range.upper].map(|end| entry.coordinate.theta(end));
+                entry.distribution = starts;
             }
-            Some(own)
+            Some(entry)
         });
         let free = free.collect();
         Self { effects: problem.specification.effects.clone(), free, template, columns: Vec::new(), model }
@@ -227,7 +227,7 @@ fn free(
         }
     };
     let scale = quantiles[1] - quantiles[0];
-    let coordinate = match (is_logarithmic, spec.is_squared) {
+    let coordinate = match (is_logarithmic, spec.enters_as_square) {
         (true, _) => Coordinate::Logarithm,
         (false, true) => Coordinate::Square { scale },
         (false, false) => Coordinate::Linear { scale },

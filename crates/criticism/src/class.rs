@@ -9,7 +9,7 @@ use super::verdict::Rival;
 use base::error::{Error, Result};
 
 /// Fits the rivals of a claim and returns them with their models. Each has its rank deficit and, if the deficit is within reach of the data, its separation by the experiment.
-pub(super) fn rivals(
+pub(super) fn fit_rivals(
     subject: &Subject,
     criteria: &Criteria,
     found: &SearchResult,
@@ -20,7 +20,7 @@ pub(super) fn rivals(
     let mut rivals: Vec<(Rival, Refitted)> = Vec::new();
     for (slug, model) in replacements(subject, found, claimed) {
         // A rival that replaces several effects of the claim is listed once.
-        if rivals.iter().any(|(own, _)| own.effect == slug && criteria.is_equivalent(own)) {
+        if rivals.iter().any(|(rival, _)| rival.effect == slug && criteria.is_equivalent(rival)) {
             continue;
         }
         let deficit_nats = best - rank(&model);

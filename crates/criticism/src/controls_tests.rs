@@ -10,8 +10,8 @@ use super::{Search, Subject};
 use crate::NoiseValues;
 use documents::diagnosis::{Diagnosis, VerdictKind};
 use models::effects::Library;
-use posterior::misfit::{Gains, Misfit, Remainder};
-use posterior::monitor::Silent;
+use posterior::misfit::{GainKnowledge, Misfit, Residuals};
+use posterior::monitor::SilentMonitor;
 use posterior::problem::Problem;
 use posterior::study::ModelSpecification;
 use sampling::ensemble::RandomStream;
@@ -44,8 +44,8 @@ fn measured(position_m: &[Option<f64>], is_given: bool, effects: &[&str]) -> Sub
     let mut experiment = subject(Protocol::Paper).experiment().clone();
     experiment.record.position_m = position_m.to_vec();
     experiment.noise_sd_m = is_given.then_some(4e-6);
-    let problem = Problem::new(experiment, ModelSpecification::default(), None, &Silent).expect("sound");
-    Subject::new(&problem, &Library::only(effects), None, &Silent).expect("sound")
+    let problem = Problem::new(experiment, ModelSpecification::default(), None, &SilentMonitor).expect("sound");
+    Subject::new(&problem, &Library::only(effects), None, &SilentMonitor).expect("sound")
 }
 
 fn control(still: &Subject, noise: &Noise, seed: u64) -> Subject {
@@ -64,7 +64,7 @@ fn control(still: &Subject, noise: &Noise, seed: u64) -> Subject {
 
 fn diagnosed(subject: &Subject, seed: u64) -> Diagnosis {
     let request = DiagnosisRequest { in_full: false, seed, ..DiagnosisRequest::default() };
-    diagnose(subject, &request, &Silent).expect("a diagnosis").diagnosis
+    diagnose(subject, &request, &SilentMonitor).expect("a diagnosis").diagnosis
 }
 
 /// Slow noise alone is noise and is reported as an estimate, although short lags show a third of it at most, also with outliers and lost rows. At most one search in a hundred has
@@ -102,12 +102,12 @@ fn noise_that_is_not_given_is_not_a_misfit() {
         .map(|(kind, seed)| (kind, seed, diagnosed(&control(&still, &kinds[kind].1, 100 * kind as u64 + seed), seed)))
         .collect();
     for (kind, (name, noise)) in kinds.iter().enumerate().take(n_kinds) {
-        let own = || others.iter().filter(|other| other.0 == kind);
-        let wrong: Vec<_> = own().filter(|other| other.2.verdict.kind != VerdictKind::None).collect();
+        let function = || others.iter().filter(|other| other.0 == kind);
+        let wrong: Vec<_> = function().filter(|other| other.2.verdict.kind != VerdictKind::None).collect();
         println!("{name}: {} of {n} not none", wrong.len());
         wrong.iter().for_each(|(_, seed, other)| println!("  seed {seed}: {}", other.verdict.sentence));
         assert!(n > 1 || wrong.is_empty());
-        for (.., diagnosis) in own().filter(|other| other.2.verdict.kind == VerdictKind::None) {
+        for (.., diagnosis) in function().filter(|other| other.2.verdict.kind == VerdictKind::None) {
             assert_eq!(diagnosis.verdict.sentence.contains("estimated"), !noise.is_given);
             let true_um = noise.parameters[0].hypot(noise.parameters[1]);
             // For slow noise of ten seconds four cycles give a few independent numbers; for that of half a second some sixty, with an error of a tenth.
@@ -156,7 +156,7 @@ fn a_wrong_law_is_called_wrong_first() {
     assert!(verdict.effects.len() <= 1 && verdict.equivalent.is_empty(), "{:?}", verdict.effects);
     assert!(verdict.sentence.starts_with("No tried effect makes the model right"), "{}", verdict.sentence);
     let named = diagnosis.candidates.iter().find(|entry| verdict.effects.contains(&entry.effect)).expect("what helps");
-    assert_eq!(diagnosis.standing(named), "helps, not enough");
+    assert_eq!(diagnosis.status_words(named), "helps, not enough");
     assert!(diagnosis.extended.is_some());
 }
 
@@ -183,13 +183,13 @@ fn known_noise_binds_both_commands() {
         let left = |positions: &[Option<f64>]| -> Vec<Option<f64>> {
             positions.iter().zip(&model_m).map(|(y, x)| y.map(|y| y - x)).collect()
         };
-        let remainder = Remainder {
+        let remainder = Residuals {
             record: &record,
             fitted_m: &left(&data.fitted_m),
             heldout_m: &left(&data.scored_m),
             position_m: &model_m,
             absorbed_m: &[],
-            gains: Gains::None,
+            gains: GainKnowledge::None,
         };
         let of_sample = Misfit::of(&remainder, 4e-6, true).expect("positions");
         assert_eq!(of_sample.is_too_large(), is_misfit);
@@ -208,8 +208,8 @@ fn a_part_of_an_unbroken_hold_has_no_gain_of_its_own() {
     (experiment.calibration_cycles, experiment.heldout_cycles) = (vec![1, 2], vec![3]);
     experiment.noise_sd_m = Some(4e-6);
     let made = |experiment: record::Experiment| {
-        let problem = Problem::new(experiment, ModelSpecification::default(), None, &Silent).expect("sound");
-        Subject::new(&problem, &Library::only(&FEW[..2]), None, &Silent).expect("sound")
+        let problem = Problem::new(experiment, ModelSpecification::default(), None, &SilentMonitor).expect("sound");
+        Subject::new(&problem, &Library::only(&FEW[..2]), None, &SilentMonitor).expect("sound")
     };
     let still = made(experiment.clone());
     let truth_m = truth_of(&still, &[], &[]);
@@ -238,8 +238,8 @@ fn a_real_measurement_of_another_law_is_not_explained() {
     }
     let (experiment, _) = record::Experiment::read(&path).expect("an experiment");
     let specification = ModelSpecification { prior: "generic".into(), ..ModelSpecification::default() };
-    let problem = Problem::new(experiment, specification, None, &Silent).expect("sound");
-    let data = Subject::new(&problem, &Library::only(&QUICK), None, &Silent).expect("sound");
+    let problem = Problem::new(experiment, specification, None, &SilentMonitor).expect("sound");
+    let data = Subject::new(&problem, &Library::only(&QUICK), None, &SilentMonitor).expect("sound");
     let diagnosis = diagnosed(&data, 1);
     println!("{}", diagnosis.verdict.sentence);
     assert_eq!(diagnosis.verdict.kind, VerdictKind::Unexplained);

@@ -40,7 +40,7 @@ pub struct Criteria {
     /// Share of a claim's gain that structure in its residual must gain to count. This share is also added to the lead (outside).
     pub least_structure_share: f64,
     /// Cosine above which structure and an effect of the library are treated as alike: backlash is a delay on a square wave (outside).
-    pub twin_cosine: f64,
+    pub least_similar_cosine: f64,
     /// Largest p at which a process beside a known structure is reported.
     pub largest_process_p: f64,
 
@@ -91,7 +91,7 @@ impl Criteria {
         chance_nats: 1.5,
         structure_lead_nats: 4.0,
         least_structure_share: 0.1,
-        twin_cosine: 0.95,
+        least_similar_cosine: 0.95,
         largest_process_p: 0.05,
         least_noise_p: 0.01,
         claim_factor: posterior::misfit::NOISE_FACTOR,

@@ -5,7 +5,7 @@
 
 use rayon::prelude::*;
 
-use super::separation::{Imitation, Seen, Truth, closest, over_grid};
+use super::separation::{FirstOrderResidual, RivalFit, RivalTruth, fit_rival, over_grid};
 use super::{Candidate, Fitted, Subject};
 use base::error::{Error, Result};
 
@@ -26,7 +26,7 @@ const BLIND_FRACTION: f64 = 1e-3;
 
 /// Detectability of an effect in an experiment.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Detectable {
+pub struct Detectability {
     /// Slug.
     pub effect: String,
     /// Smallest visible value of the effect's first parameter, in its unit; `None` if no value in the prior's range is visible.
@@ -37,7 +37,7 @@ pub struct Detectable {
     pub visible_fraction: f64,
 }
 
-impl Detectable {
+impl Detectability {
     /// Returns whether the experiment hardly shows the effect at any size.
     pub fn is_blind_spot(&self) -> bool {
         // An effect that is visible at some size is no blind spot, even if small sizes leave no residual.
@@ -50,14 +50,14 @@ impl Detectable {
 ///
 /// # Errors
 /// Errors of building a model with an effect, except for effects that cannot be added.
-pub fn smallest_detectable(
+pub fn find_smallest_detectable(
     subject: &Subject,
     base: (&Candidate, &Fitted),
     threshold_sigma: f64,
-) -> Result<Vec<Detectable>> {
-    let own = base.0.effects.get(subject.specification().effects.len()..).unwrap_or(&[]);
-    let of = |effect: &&'static dyn models::effects::Effect| -> Result<Option<Detectable>> {
-        let slugs: Vec<&str> = own.iter().map(String::as_str).chain([effect.slug()]).collect();
+) -> Result<Vec<Detectability>> {
+    let names = base.0.effects.get(subject.specification().effects.len()..).unwrap_or(&[]);
+    let of = |effect: &&'static dyn models::effects::Effect| -> Result<Option<Detectability>> {
+        let slugs: Vec<&str> = names.iter().map(String::as_str).chain([effect.slug()]).collect();
         match subject.extended(&slugs) {
             // Effects that cannot be computed at any size are left out, like effects that cannot be added.
             Ok(extended) => match of_effect(subject, base, &extended, threshold_sigma) {
@@ -68,21 +68,21 @@ pub fn smallest_detectable(
             Err(other) => Err(other),
         }
     };
-    let list: Result<Vec<Option<Detectable>>> = subject.library().effects().par_iter().map(of).collect();
+    let list: Result<Vec<Option<Detectability>>> = subject.library().effects().par_iter().map(of).collect();
     Ok(list?.into_iter().flatten().collect())
 }
 
 /// A sign and a grid point of the unidentified parameters, with sizes from largest to smallest.
-struct Way {
+struct SearchDirection {
     /// Coordinates at the null.
     null: Vec<f64>,
     /// Largest step from the null, signed, in the coordinate.
     end: f64,
     /// First-order distance of each size; `None` if there is no model.
-    seen: Vec<Option<Seen>>,
+    seen: Vec<Option<FirstOrderResidual>>,
 }
 
-impl Way {
+impl SearchDirection {
     fn step(&self, halvings: usize) -> f64 {
         self.end * 0.5_f64.powi(halvings as i32)
     }
@@ -95,7 +95,7 @@ impl Way {
 
     /// Size of the step at which the first-order distance crosses a threshold.
     fn crossing(&self, threshold: f64) -> Option<f64> {
-        let of = |seen: &Option<Seen>| seen.as_ref().map(|seen| seen.squared.max(0.0).sqrt());
+        let of = |seen: &Option<FirstOrderResidual>| seen.as_ref().map(|seen| seen.squared.max(0.0).sqrt());
         let place = (0..self.seen.len()).rev().find(|k| of(&self.seen[*k]).is_some_and(|d| d >= threshold))?;
         let above = of(&self.seen[place])?;
         Some(self.step(place).abs() * (threshold / above).max(0.5))
@@ -108,32 +108,32 @@ fn of_effect(
     base: (&Candidate, &Fitted),
     extended: &Candidate,
     threshold: f64,
-) -> Result<Option<Detectable>> {
+) -> Result<Option<Detectability>> {
     let Some(last) = extended.effects.len().checked_sub(1) else { return Ok(None) };
     let is_size = |free: &super::Free| free.effect == Some(last) && free.null.is_some();
     // An effect whose size is fixed is skipped.
     let Some(place) = extended.free.iter().position(is_size) else { return Ok(None) };
     let mut ways = ways(subject, base, extended, last, place);
-    let refit = |way: &Way, step: f64| of_step(subject, base, extended, (way, place, step));
-    let largest = |way: &Way| way.largest().map_or(0.0, |(_, distance)| distance);
+    let refit = |way: &SearchDirection, step: f64| of_step(subject, base, extended, (way, place, step));
+    let largest = |way: &SearchDirection| way.largest().map_or(0.0, |(_, distance)| distance);
     ways.sort_by(|a, b| largest(b).total_cmp(&largest(a)));
-    let mut found = Detectable {
+    let mut found = Detectability {
         effect: extended.effects[last].clone(),
         smallest: None,
         largest_distance: 0.0,
         visible_fraction: ways
             .iter()
             .flat_map(|way| way.seen.iter().skip(SMALL).flatten())
-            .map(Seen::fraction)
+            .map(FirstOrderResidual::fraction)
             .fold(0.0, f64::max),
     };
-    let Some((end, _)) = ways.first().and_then(Way::largest) else { return Ok(Some(found)) };
+    let Some((end, _)) = ways.first().and_then(SearchDirection::largest) else { return Ok(Some(found)) };
     found.largest_distance = refit(&ways[0], end)?;
     if found.largest_distance < threshold {
         return Ok(Some(found));
     }
     // The way with the largest distance is tried last, so that its largest size is used if no other way is visible.
-    let guess = |way: &Way| way.crossing(threshold).unwrap_or(f64::INFINITY);
+    let guess = |way: &SearchDirection| way.crossing(threshold).unwrap_or(f64::INFINITY);
     let mut order: Vec<usize> = (0..ways.len()).filter(|k| guess(&ways[*k]).is_finite()).collect();
     order.sort_by(|a, b| guess(&ways[*a]).total_cmp(&guess(&ways[*b])));
     order.truncate(MOST_WAYS);
@@ -147,11 +147,17 @@ fn of_effect(
     Ok(Some(found))
 }
 
-fn ways(subject: &Subject, base: (&Candidate, &Fitted), extended: &Candidate, effect: usize, place: usize) -> Vec<Way> {
+fn ways(
+    subject: &Subject,
+    base: (&Candidate, &Fitted),
+    extended: &Candidate,
+    effect: usize,
+    place: usize,
+) -> Vec<SearchDirection> {
     let (candidate, fitted) = base;
     let null = extended.embed(candidate, &fitted.theta);
-    let truth = Truth { candidate, theta: &fitted.theta, noise: fitted.noise, position_m: &fitted.position_m };
-    let imitation = Imitation::new(subject, extended, &truth);
+    let truth = RivalTruth { candidate, theta: &fitted.theta, noise: fitted.noise, position_m: &fitted.position_m };
+    let imitation = RivalFit::new(subject, extended, &truth);
     let free = &extended.free[place];
     let mut ways = Vec::new();
     for null in over_grid(extended, effect, &null) {
@@ -166,7 +172,7 @@ fn ways(subject: &Subject, base: (&Candidate, &Fitted), extended: &Candidate, ef
                     theta
                 };
                 let points: Vec<Vec<f64>> = (0..N_HALVINGS).map(at).collect();
-                ways.push(Way { seen: imitation.seen(&null, &points), null: null.clone(), end });
+                ways.push(SearchDirection { seen: imitation.seen(&null, &points), null: null.clone(), end });
             }
         }
     }
@@ -178,21 +184,21 @@ fn of_step(
     subject: &Subject,
     base: (&Candidate, &Fitted),
     extended: &Candidate,
-    (way, place, step): (&Way, usize, f64),
+    (way, place, step): (&SearchDirection, usize, f64),
 ) -> Result<f64> {
     let mut theta = way.null.clone();
     theta[place] += step;
     let Ok(position_m) = subject.trajectory_m(extended, &theta) else { return Ok(0.0) };
-    let truth = Truth { candidate: extended, theta: &theta, noise: base.1.noise, position_m: &position_m };
-    Ok(closest(subject, base.0, &truth)?.distance)
+    let truth = RivalTruth { candidate: extended, theta: &theta, noise: base.1.noise, position_m: &position_m };
+    Ok(fit_rival(subject, base.0, &truth)?.distance)
 }
 
 /// Smallest signed step of a way whose distance reaches the threshold, by secants inside a bracket.
 fn smallest_step(
-    way: &Way,
+    way: &SearchDirection,
     guess: f64,
     threshold: f64,
-    distance: &impl Fn(&Way, f64) -> Result<f64>,
+    distance: &impl Fn(&SearchDirection, f64) -> Result<f64>,
 ) -> Result<Option<f64>> {
     let Some((end, _)) = way.largest() else { return Ok(None) };
     let (mut below, mut above) = (0.0, None);

@@ -9,7 +9,7 @@ const THRESHOLD: f64 = 4.0;
 fn the_smallest_size_is_just_seen_and_half_of_it_is_not() {
     let subject = subject(&ONE_LEVEL);
     let base = at(&subject, &[], &[]);
-    let found = smallest_detectable(&subject, (&base.0, &base.1), THRESHOLD).expect("sizes");
+    let found = find_smallest_detectable(&subject, (&base.0, &base.1), THRESHOLD).expect("sizes");
     assert!(found.len() >= 10, "{found:?}");
     let mut n_checked = 0;
     for entry in &found {
@@ -37,7 +37,7 @@ fn sizes_are_those_of_the_effect_that_a_base_with_effects_lacks() {
     let library = Library::only(&["clock-offset", "force-bias", "tracking-drift"]);
     let subject = subject_with(&ONE_LEVEL, &library, &["tracking-drift"]);
     let base = at(&subject, &[], &[1e-7]);
-    let found = smallest_detectable(&subject, (&base.0, &base.1), THRESHOLD).expect("sizes");
+    let found = find_smallest_detectable(&subject, (&base.0, &base.1), THRESHOLD).expect("sizes");
     let slugs: Vec<&str> = found.iter().map(|entry| entry.effect.as_str()).collect();
     assert_eq!(slugs, ["clock-offset", "force-bias"]);
     for entry in &found {
@@ -56,7 +56,7 @@ fn a_linear_effect_is_seen_from_the_size_that_dense_algebra_gives() {
     let velocity = 1e-9;
     let unit: Vec<f64> = subject.experiment().record.time_s.iter().map(|t| velocity * t).collect();
     let expected = velocity * THRESHOLD / dense_distance(&subject, &base, &unit);
-    let found = smallest_detectable(&subject, (&base.0, &base.1), THRESHOLD).expect("sizes");
+    let found = find_smallest_detectable(&subject, (&base.0, &base.1), THRESHOLD).expect("sizes");
     let drift = found.iter().find(|entry| entry.effect == "tracking-drift").expect("an effect of the library");
     let smallest = drift.smallest.expect("a visible effect");
     assert!((smallest.abs() / expected - 1.0).abs() < 0.02, "{smallest} against {expected}");

@@ -1,15 +1,17 @@
 //! Diagnosis of a record: the search, its rivals and residual tests, and the document.
 
 use super::bootstrap::simulated;
-use super::class::rivals;
+use super::class::fit_rivals;
 use super::document::Report;
-use super::leftover::{Leftover, event_in_any_cycle, is_gain_of_a_cycle, misfit, without_shape_of_no_law};
-use super::outside::{self, Outside, OutsideNull, OutsideRequest, outside_gain};
-use super::predicted::{over_predicted, over_white};
+use super::outside::{self, OutsideNull, OutsideRequest, OutsideStructure, largest_outside_gain};
+use super::predicted::{error_over_predicted_noise, error_over_white_noise};
 use super::refit::Refitted;
 pub use super::request::DiagnosisRequest;
-use super::search::{SearchResult, Step, search};
-use super::verdict::{Evidence, Residual, ResidualTest, verdict};
+use super::residual_structure::{
+    UnexplainedResidual, event_in_any_cycle, is_gain_of_a_cycle, measure_misfit, without_shape_of_no_law,
+};
+use super::search::{SearchResult, SearchStep, search};
+use super::verdict::{Evidence, Residual, ResidualTest, decide_verdict};
 use super::{Search, Subject, outliers};
 use documents::diagnosis::Diagnosis;
 use rayon::prelude::*;
@@ -18,13 +20,13 @@ use base::error::{Error, Result};
 use posterior::monitor::{Counter, Monitor};
 
 /// A diagnosis with the models it rests on.
-pub struct Outcome {
+pub struct DiagnosisResult {
     /// The document.
     pub diagnosis: Diagnosis,
     /// The search, on the positions without outliers.
     pub found: SearchResult,
     /// Summary of the unexplained residual, with its picture; `None` if nothing is unexplained or the request is not in full.
-    pub leftover: Option<Leftover>,
+    pub leftover: Option<UnexplainedResidual>,
     /// The subject without outliers.
     pub subject: Subject,
 }
@@ -45,16 +47,16 @@ const NONLINEAR_COUNTS_AS: usize = 50;
 ///
 /// # Errors
 /// Errors of fitting the base model.
-pub fn diagnose(subject: &Subject, request: &DiagnosisRequest, monitor: &dyn Monitor) -> Result<Outcome> {
+pub fn diagnose(subject: &Subject, request: &DiagnosisRequest, monitor: &dyn Monitor) -> Result<DiagnosisResult> {
     let base = subject.base();
     let first = subject.fit(&base, &[], Search::Wide)?;
-    let outlier_rows = outliers::find(subject, &first);
+    let outlier_rows = outliers::find_outliers(subject, &first);
     let whole = subject;
     let subject = if outlier_rows.is_empty() { whole.clone() } else { whole.without_rows(&outlier_rows) };
     let found = search(&subject, request, monitor)?;
     monitor.stage("testing for structure outside the library");
-    let Gathered { evidence, models, unexplained, equivalent } = gather(&subject, request, &found, monitor)?;
-    let verdict = verdict(&evidence, &request.criteria);
+    let GatheredEvidence { evidence, models, unexplained, equivalent } = gather(&subject, request, &found, monitor)?;
+    let verdict = decide_verdict(&evidence, &request.criteria);
     let Some(Residual::Record { misfit: left, over_predicted, .. }) = verdict.residual else {
         return Err(Error::numerical("the residual was not tested", "examine another revision with `--from`"));
     };
@@ -77,13 +79,14 @@ pub fn diagnose(subject: &Subject, request: &DiagnosisRequest, monitor: &dyn Mon
         let model = report.model.unwrap_or(&found.base);
         let outside = outside_request(request);
         if report.remains() {
-            report.leftover = Some(Leftover::of(&subject, model, &unexplained, (&request.criteria, &outside))?);
+            report.leftover =
+                Some(UnexplainedResidual::of(&subject, model, &unexplained, (&request.criteria, &outside))?);
         }
         report.event = event_in_any_cycle(&subject, model, &unexplained, (&request.criteria, &outside))?;
     }
     let diagnosis = report.document(outlier_rows, monitor)?;
     let leftover = report.leftover;
-    Ok(Outcome { diagnosis, found, leftover, subject })
+    Ok(DiagnosisResult { diagnosis, found, leftover, subject })
 }
 
 fn outside_request(request: &DiagnosisRequest) -> OutsideRequest {
@@ -91,12 +94,12 @@ fn outside_request(request: &DiagnosisRequest) -> OutsideRequest {
 }
 
 /// Evidence of a record, with the models and structure it rests on.
-struct Gathered<'a> {
+struct GatheredEvidence<'a> {
     evidence: Evidence,
     /// Models of the proposals.
     models: Vec<&'a Refitted>,
     /// Structure outside the library beside the accepted model.
-    unexplained: Vec<Outside>,
+    unexplained: Vec<OutsideStructure>,
     /// Models of the rivals that are equivalent to the claim.
     equivalent: Vec<Refitted>,
 }
@@ -107,18 +110,18 @@ fn gather<'a>(
     request: &DiagnosisRequest,
     found: &'a SearchResult,
     monitor: &dyn Monitor,
-) -> Result<Gathered<'a>> {
+) -> Result<GatheredEvidence<'a>> {
     let criteria = &request.criteria;
-    let steps: Vec<&Step> = found.largest.iter().chain(found.leading(criteria)).collect();
+    let steps: Vec<&SearchStep> = found.largest.iter().chain(found.leading(criteria)).collect();
     let proposals = steps.iter().map(|step| step.addition.clone().into()).collect();
     let mut evidence = Evidence { proposals, ..Evidence::default() };
     let mut unexplained = Vec::new();
-    while let Some(proposal) = evidence.open_test(criteria) {
+    while let Some(proposal) = evidence.next_test(criteria) {
         let step = proposal.map(|place| steps[place]);
         let (structure, replaces_effects) = structure_beside(subject, request, &found.base, step, monitor)?;
         let model = step.filter(|_| !replaces_effects).map_or(&found.base, |step| &step.refitted);
         let test = ResidualTest {
-            structure: structure.iter().map(Outside::evidence).collect(),
+            structure: structure.iter().map(OutsideStructure::evidence).collect(),
             replaces_effects,
             residual: Some(residual(subject, model, &structure, step.is_some() && !replaces_effects)?),
         };
@@ -135,25 +138,30 @@ fn gather<'a>(
     }
     let mut equivalent = Vec::new();
     if let Some(claim) = evidence.claim(criteria) {
-        for (rival, model) in rivals(subject, criteria, found, &steps[claim].refitted)? {
+        for (rival, model) in fit_rivals(subject, criteria, found, &steps[claim].refitted)? {
             equivalent.extend(criteria.is_equivalent(&rival).then_some(model));
             evidence.rivals.push(rival);
         }
     }
-    Ok(Gathered { evidence, models: steps.iter().map(|step| &step.refitted).collect(), unexplained, equivalent })
+    Ok(GatheredEvidence {
+        evidence,
+        models: steps.iter().map(|step| &step.refitted).collect(),
+        unexplained,
+        equivalent,
+    })
 }
 
 /// Residual of a model, without structure that belongs to no law, and the number of positions that judge it. It includes the error of a claim, or of a base whose recordings show no slow noise.
-fn residual(subject: &Subject, model: &Refitted, structure: &[Outside], is_claim: bool) -> Result<Residual> {
+fn residual(subject: &Subject, model: &Refitted, structure: &[OutsideStructure], is_claim: bool) -> Result<Residual> {
     let n = |positions: &[Option<f64>]| positions.iter().flatten().count();
     let n_positions = if n(&subject.scored_m) > 0 { n(&subject.scored_m) } else { n(&subject.fitted_m) };
     let without_shape = without_shape_of_no_law(model, structure);
     let over_predicted = match is_claim {
-        true => over_predicted(subject, without_shape),
+        true => error_over_predicted_noise(subject, without_shape),
         false if subject.can_show_slow_noise() => None,
-        false => over_white(subject, without_shape),
+        false => error_over_white_noise(subject, without_shape),
     };
-    Ok(Residual::Record { misfit: misfit(subject, model, structure)?, n_positions, over_predicted })
+    Ok(Residual::Record { misfit: measure_misfit(subject, model, structure)?, n_positions, over_predicted })
 }
 
 /// Structure outside the library beside a step, or beside the base. The flag is true if it lies in the base's residual and explains more than the step's effects.
@@ -161,29 +169,34 @@ fn structure_beside(
     subject: &Subject,
     request: &DiagnosisRequest,
     base: &Refitted,
-    step: Option<&Step>,
+    step: Option<&SearchStep>,
     monitor: &dyn Monitor,
-) -> Result<(Vec<Outside>, bool)> {
+) -> Result<(Vec<OutsideStructure>, bool)> {
     let criteria = &request.criteria;
-    let significant = |model: &Refitted| -> Result<Vec<Outside>> {
+    let significant = |model: &Refitted| -> Result<Vec<OutsideStructure>> {
         let mut list = outside::search(subject, &model.candidate, &model.fitted, &outside_request(request))?;
-        list.retain(|own| criteria.is_significant(&own.evidence()) && !is_gain_of_a_cycle(subject, own));
+        list.retain(|outside_structure| {
+            criteria.is_significant(&outside_structure.evidence()) && !is_gain_of_a_cycle(subject, outside_structure)
+        });
         Ok(list)
     };
-    let Some(Step { addition, refitted }) = step else {
+    let Some(SearchStep { addition, refitted }) = step else {
         // Structure that resembles an unclaimed effect of the library is at most suggestive.
         let mut list = significant(base)?;
-        list.retain(|own| !criteria.looks_like(&own.evidence(), |_| true));
+        list.retain(|outside_structure| !criteria.resembles_effect(&outside_structure.evidence(), |_| true));
         return Ok((confirmed(subject, base, list, request, monitor)?, false));
     };
     // Structure that resembles an effect of the step can neither add to the step nor replace it.
-    let is_own = |slug: &str| addition.effects.iter().any(|own| own == slug);
-    let is_other = |own: &Outside| !criteria.looks_like(&own.evidence(), is_own);
+    let is_own = |slug: &str| addition.effects.iter().any(|effect| effect == slug);
+    let is_other =
+        |outside_structure: &OutsideStructure| !criteria.resembles_effect(&outside_structure.evidence(), is_own);
     let mut beside = significant(refitted)?;
-    beside.retain(|own| criteria.is_beside(&own.evidence(), addition));
+    beside.retain(|outside_structure| criteria.adds_to_claim(&outside_structure.evidence(), addition));
     let has_beside = !beside.is_empty();
     let mut instead = significant(base)?;
-    instead.retain(|own| criteria.is_instead(&own.evidence(), addition, has_beside) && is_other(own));
+    instead.retain(|outside_structure| {
+        criteria.replaces_claim(&outside_structure.evidence(), addition, has_beside) && is_other(outside_structure)
+    });
     let instead = confirmed(subject, base, instead, request, monitor)?;
     if !instead.is_empty() {
         return Ok((instead, true));
@@ -197,19 +210,21 @@ fn structure_beside(
 fn confirmed(
     subject: &Subject,
     model: &Refitted,
-    mut list: Vec<Outside>,
+    mut list: Vec<OutsideStructure>,
     request: &DiagnosisRequest,
     monitor: &dyn Monitor,
-) -> Result<Vec<Outside>> {
+) -> Result<Vec<OutsideStructure>> {
     let Some(gain) = list.first().map(|first| first.penalised_gain_nats) else { return Ok(list) };
     let null = OutsideNull::of(subject, &model.candidate, &model.fitted, &outside_request(request))?;
     let counter = Counter::new(monitor, N_CONFIRMING);
     // Nonlinear laws use remembered trajectories: every data set needs hundreds, all near the fit.
     let gain_of = |number: usize| -> Result<(f64, usize)> {
-        let data = simulated(subject, model, request.seed ^ CONFIRMING_STREAMS, number).locally().counting();
+        let data = simulated(subject, model, request.seed ^ CONFIRMING_STREAMS, number)
+            .with_trajectory_memory()
+            .with_new_count();
         let start = (model.fitted.theta.clone(), model.fitted.noise);
         let fitted = data.fit(&model.candidate, &[start], Search::Local)?;
-        let simulated = outside_gain(&data, &model.candidate, &fitted, &null)?.0;
+        let simulated = largest_outside_gain(&data, &model.candidate, &fitted, &null)?.0;
         counter.add_one();
         Ok((simulated, data.n_evaluated()))
     };

@@ -8,7 +8,7 @@ use crate::separation::tests::{ONE_LEVEL, measured, subject_with};
 use crate::verdict::Addition;
 use documents::diagnosis::VerdictKind;
 use models::effects::Library;
-use posterior::monitor::Silent;
+use posterior::monitor::SilentMonitor;
 
 /// On one force level an asymmetry is equivalent to a bias, and a clock is not. A clock that comes as near by chance is still distinguished by its separation
 /// from the claim. An asymmetry out of reach of the data is not equivalent.
@@ -19,7 +19,7 @@ fn a_class_is_within_reach_and_not_separated_from_the_claim() {
     let mut found = found(&data, &[]);
     let claimed = found.singles[2].refitted.clone().expect("fits");
     let slugs = |found: &SearchResult| -> Vec<String> {
-        let rivals = rivals(&data, &Criteria::RECORD, found, &claimed).expect("rivals").into_iter();
+        let rivals = fit_rivals(&data, &Criteria::RECORD, found, &claimed).expect("rivals").into_iter();
         rivals.filter(|(rival, _)| Criteria::RECORD.is_equivalent(rival)).map(|(rival, _)| rival.effect).collect()
     };
     let raise = |found: &mut SearchResult, place: usize, to: f64| {
@@ -48,7 +48,7 @@ fn structure_takes_the_place_of_a_claim_that_it_explains_better() {
     let found = found(&data, &[]);
     let drift = step(&found, 2);
     let (list, replaces_effects) =
-        structure_beside(&data, &request, &found.base, Some(&drift), &Silent).expect("a search");
+        structure_beside(&data, &request, &found.base, Some(&drift), &SilentMonitor).expect("a search");
     assert!(replaces_effects);
     assert_eq!(list.first().map(|outside| outside.kind), Some(outside::OutsideKind::Slip));
 }
@@ -62,14 +62,14 @@ fn a_claim_stays_where_there_is_no_structure() {
     let found = found(&data, &[]);
     let bias = step(&found, 1);
     let (list, replaces_effects) =
-        structure_beside(&data, &request, &found.base, Some(&bias), &Silent).expect("a search");
+        structure_beside(&data, &request, &found.base, Some(&bias), &SilentMonitor).expect("a search");
     assert!(list.is_empty() && !replaces_effects);
 }
 
-fn step(found: &SearchResult, place: usize) -> Step {
+fn step(found: &SearchResult, place: usize) -> SearchStep {
     let single = &found.singles[place];
     let addition = Addition::single(single.slug, single.gain.expect("fits"), 0.01);
-    Step { addition, refitted: single.refitted.clone().expect("fits") }
+    SearchStep { addition, refitted: single.refitted.clone().expect("fits") }
 }
 
 /// A finding that every simulated record shows is rejected.
@@ -89,8 +89,8 @@ fn p_of_finding(gain: f64) -> Vec<f64> {
     let data = measured(&small(), &[], &[], 45);
     let base = found(&data, &[]).base;
     let request = DiagnosisRequest::default();
-    let finding = Outside { penalised_gain_nats: gain, ..slip(&base) };
-    let list = confirmed(&data, &base, vec![finding], &request, &Silent).expect("searches");
+    let finding = OutsideStructure { penalised_gain_nats: gain, ..slip(&base) };
+    let list = confirmed(&data, &base, vec![finding], &request, &SilentMonitor).expect("searches");
     list.iter().map(|outside| outside.p_familywise).collect()
 }
 
@@ -105,7 +105,7 @@ fn outliers_are_left_out_and_the_effect_is_found() {
     let off_m: Vec<f64> =
         (0..data.fitted_m.len()).map(|row| position(row) + if rows.contains(&row) { 1e-4 } else { 0.0 }).collect();
     let request = DiagnosisRequest { in_full: false, ..DiagnosisRequest::default() };
-    let outcome = diagnose(&data.with_positions(&off_m), &request, &Silent).expect("a diagnosis");
+    let outcome = diagnose(&data.with_positions(&off_m), &request, &SilentMonitor).expect("a diagnosis");
     assert_eq!(outcome.diagnosis.outlier_rows, rows);
     assert!(rows.iter().all(|row| outcome.subject.fitted_m[*row].is_none()));
     assert_eq!(outcome.diagnosis.verdict.kind, VerdictKind::Missing);

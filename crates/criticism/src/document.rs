@@ -1,23 +1,23 @@
 //! The document of a diagnosis: candidates, claim, remarks and their sentences.
 
-use super::detectable::{Detectable, smallest_detectable};
-use super::leftover::{Leftover, event_remark};
-use super::outside::Outside;
+use super::bayes_factors::{BayesFactor, EvidenceSet};
+use super::detectable::{Detectability, find_smallest_detectable};
+use super::outside::OutsideStructure;
 use super::own_errors::own_errors;
 use super::predicted::predictive_noise_um;
 use super::refit::{Gain, Refitted};
 use super::request::DiagnosisRequest;
+use super::residual_structure::{UnexplainedResidual, event_remark};
 use super::search::{SearchResult, Single};
 use super::verdict::{EffectEvidence, Verdict};
-use super::weighing::{Factor, Weighing};
 use super::{Candidate, Fitted, Subject, noise_learning, protocol, rank};
 use base::error::Result;
 use documents::diagnosis::{
-    Answer, BaseErrors, CandidateEntry, Diagnosis, Errors, PairEntry, Refit, RefitParameter, SmallestDetectable,
-    Status, UnexplainedEntry, VerdictKind,
+    BaseErrors, CandidateEntry, Diagnosis, Errors, PairEntry, PosteriorMode, Refit, RefitParameter, SmallestDetectable,
+    Status, UnexplainedMisfit, VerdictKind,
 };
 use documents::errors::ModelErrors;
-use figures::number::significant;
+use figures::number::format_significant;
 use models::effects::AMPLITUDE;
 use posterior::large_displacement::interpretation;
 use posterior::misfit::Misfit;
@@ -40,15 +40,15 @@ pub(super) struct Report<'a> {
     /// Model of the verdict's effects; `None` if it names none.
     pub model: Option<&'a Refitted>,
     /// Structure outside the library, the leading one first.
-    pub unexplained: &'a [Outside],
+    pub unexplained: &'a [OutsideStructure],
     /// Misfit on which the verdict rests.
     pub left: &'a Misfit,
     /// Error of the claim over its predictive noise, if that is too large.
     pub over_predicted: Option<f64>,
     /// Summary of the unexplained residual; `None` if nothing is unexplained or the request is not in full.
-    pub leftover: Option<Leftover>,
+    pub leftover: Option<UnexplainedResidual>,
     /// An event in any cycle, the scored one included.
-    pub event: Option<Outside>,
+    pub event: Option<OutsideStructure>,
     /// Models of the effects that are equivalent to the claim.
     pub equivalent: &'a [Refitted],
     /// The subject with its outliers.
@@ -62,7 +62,7 @@ impl Report<'_> {
         let experiment = subject.experiment();
         let base = self.request.base_errors.map_or_else(|| self.own_errors(&found.base), Ok)?;
         let extended = self.model.map(|model| self.errors(model)).transpose()?;
-        let shown = Shown { base, extended: extended.as_ref() };
+        let shown = DocumentSource { base, extended: extended.as_ref() };
         let scored: Vec<&Single> = found.singles.iter().filter(|single| single.score.is_some()).collect();
         let scores: Vec<rank::Score> = scored.iter().filter_map(|single| single.score.clone()).collect();
         let cosines = rank::cosines(&scores);
@@ -70,17 +70,22 @@ impl Report<'_> {
         let twins: Vec<Vec<String>> =
             rank::twins(&cosines).iter().map(|list| list.iter().map(slug).collect()).collect();
         monitor.stage("computing the evidence");
-        let weighing = Weighing::new(subject, self.request, (found, self.model), monitor)?;
-        let own = |single: &Single| {
+        let weighing = EvidenceSet::new(subject, self.request, (found, self.model), monitor)?;
+        let function = |single: &Single| {
             let refitted = single.refitted.as_ref().filter(|_| self.request.in_full);
             refitted.map(|refitted| self.own_errors(refitted)).transpose()
         };
-        let own: Vec<Option<ModelErrors>> = found.singles.par_iter().map(own).collect::<Result<_>>()?;
+        let model_errorses: Vec<Option<ModelErrors>> = found.singles.par_iter().map(function).collect::<Result<_>>()?;
         let mut candidates = Vec::new();
-        for (single, own) in found.singles.iter().zip(own) {
+        for (single, model_errors) in found.singles.iter().zip(model_errorses) {
             let place = scored.iter().position(|other| other.slug == single.slug);
             let twins = place.map_or(Vec::new(), |place| twins[place].clone());
-            candidates.push(self.candidate(single, twins, own.and_then(|own| own.rmse_heldout_um), &weighing)?);
+            candidates.push(self.candidate(
+                single,
+                twins,
+                model_errors.and_then(|model_errors| model_errors.rmse_heldout_um),
+                &weighing,
+            )?);
         }
         let learnt = noise_learning::learn(subject, &found.base.candidate, &found.base.fitted)?;
         let mut remarks = self.remarks(&scores, &cosines);
@@ -99,20 +104,20 @@ impl Report<'_> {
         if self.request.in_full {
             monitor.stage("computing the smallest detectable size of every effect");
             let base = (&found.base.candidate, &found.base.fitted);
-            detectable = smallest_detectable(subject, base, self.threshold_sigma())?;
+            detectable = find_smallest_detectable(subject, base, self.threshold_sigma())?;
             separating_protocol = self.separating_protocol()?;
         }
         // An effect that is invisible at small sizes may be visible at large ones.
-        let of = |slug: &str| detectable.iter().find(|d: &&Detectable| d.effect == slug);
+        let of = |slug: &str| detectable.iter().find(|d: &&Detectability| d.effect == slug);
         for entry in candidates.iter_mut().filter(|entry| entry.status == Status::Invisible) {
             if of(&entry.effect).is_some_and(|d| d.smallest.is_some()) {
                 entry.status = Status::Unsupported;
             }
         }
-        let is_blind = |slug: &str| of(slug).is_some_and(Detectable::is_blind_spot);
+        let is_blind = |slug: &str| of(slug).is_some_and(Detectability::is_blind_spot);
         let invisible = |c: &&CandidateEntry| c.status == Status::Invisible || is_blind(&c.effect);
         let blind_spots = candidates.iter().filter(invisible).map(|c| c.effect.clone()).collect();
-        let smallest = |d: &Detectable| SmallestDetectable { effect: d.effect.clone(), parameter: d.smallest };
+        let smallest = |d: &Detectability| SmallestDetectable { effect: d.effect.clone(), parameter: d.smallest };
         let pair = |(refitted, gain): &(Refitted, Gain)| PairEntry {
             effects: found.added(refitted).into_iter().map(String::from).collect(),
             gain_nats: gain.fitted,
@@ -153,7 +158,7 @@ impl Report<'_> {
         let Some(claimed) = self.model.filter(|_| !self.equivalent.is_empty()) else { return Ok(String::new()) };
         let models = std::iter::once(claimed).chain(self.equivalent);
         let members: Vec<(&Candidate, &Fitted)> = models.map(|model| (&model.candidate, &model.fitted)).collect();
-        let advice = protocol::advise(self.subject, &members, N_REPEATS, self.request.seed)?;
+        let advice = protocol::find_best_change(self.subject, &members, N_REPEATS, self.request.seed)?;
         Ok(advice.map_or(String::new(), |advice| advice.sentence))
     }
 
@@ -187,7 +192,7 @@ impl Report<'_> {
         single: &Single,
         twins: Vec<String>,
         rmse_heldout_um: Option<f64>,
-        weighing: &Weighing,
+        weighing: &EvidenceSet,
     ) -> Result<CandidateEntry> {
         let status = self.status(single);
         let score = single.score.as_ref();
@@ -211,14 +216,17 @@ impl Report<'_> {
     }
 
     /// Refit with an effect. For a claim of several effects, the parameters are those of the whole model; all else refers to the effect alone.
-    fn refit(&self, single: &Single, refitted: &Refitted, gain: Gain, weighing: &Weighing) -> Result<Refit> {
-        let parameters =
-            weighing.parameters(self.subject, single, self.verdict.effects.iter().any(|own| own == single.slug))?;
+    fn refit(&self, single: &Single, refitted: &Refitted, gain: Gain, weighing: &EvidenceSet) -> Result<Refit> {
+        let parameters = weighing.parameters(
+            self.subject,
+            single,
+            self.verdict.effects.iter().any(|effect| effect == single.slug),
+        )?;
         let parameters = parameters.of(&self.found.added(refitted));
         let (log_bayes_factor, log_bayes_factor_at_most) = match weighing.factor(single.slug) {
-            Factor::Known(value) => (Some(value), None),
-            Factor::AtMost(value) => (None, Some(value)),
-            Factor::Unknown => (None, None),
+            BayesFactor::Known(value) => (Some(value), None),
+            BayesFactor::AtMost(value) => (None, Some(value)),
+            BayesFactor::Unknown => (None, None),
         };
         Ok(Refit {
             gain_nats: gain.fitted,
@@ -229,7 +237,7 @@ impl Report<'_> {
             log_bayes_factor,
             log_bayes_factor_at_most,
             parameters: parameters.all,
-            answers: parameters.answers,
+            answers: parameters.modes,
         })
     }
 
@@ -256,7 +264,7 @@ impl Report<'_> {
         list
     }
 
-    fn sentence(&self, candidates: &[CandidateEntry], shown: &Shown) -> String {
+    fn sentence(&self, candidates: &[CandidateEntry], shown: &DocumentSource) -> String {
         match self.verdict.kind {
             VerdictKind::Missing => self.missing_sentence(candidates, shown),
             VerdictKind::Unexplained => self.unexplained_sentence(shown),
@@ -294,7 +302,7 @@ impl Report<'_> {
         }
     }
 
-    fn missing_sentence(&self, candidates: &[CandidateEntry], shown: &Shown) -> String {
+    fn missing_sentence(&self, candidates: &[CandidateEntry], shown: &DocumentSource) -> String {
         let effects = &self.verdict.effects;
         let errors = shown.change_in_words();
         let claimed = candidates.iter().filter(|candidate| candidate.status == Status::Claimed);
@@ -325,7 +333,7 @@ impl Report<'_> {
         self.leftover.as_ref().map(|leftover| leftover.entry.sentence.clone()).or_else(first)
     }
 
-    fn unexplained_sentence(&self, shown: &Shown) -> String {
+    fn unexplained_sentence(&self, shown: &DocumentSource) -> String {
         let what = self.what_remains().unwrap_or_default();
         let rest = if what.is_empty() { String::new() } else { format!(" Unexplained in this experiment: {what}") };
         if self.model.is_some() {
@@ -371,7 +379,7 @@ impl Report<'_> {
         format!("{:.1} times {noise} on the {which}{returning}", size.rms_m / noise_m)
     }
 
-    fn none_sentence(&self, candidates: &[CandidateEntry], shown: &Shown) -> String {
+    fn none_sentence(&self, candidates: &[CandidateEntry], shown: &DocumentSource) -> String {
         let suggestive: Vec<String> =
             candidates.iter().filter(|c| c.status == Status::Suggestive).map(|c| c.effect.clone()).collect();
         let hint = if suggestive.is_empty() {
@@ -400,12 +408,12 @@ impl Report<'_> {
 }
 
 /// Errors that the sentences mention.
-struct Shown<'a> {
+struct DocumentSource<'a> {
     base: ModelErrors,
     extended: Option<&'a Errors>,
 }
 
-impl Shown<'_> {
+impl DocumentSource<'_> {
     /// Change of the error by the model that is claimed or helps; empty if there is none.
     fn change_in_words(&self) -> String {
         let Some(after) = self.extended else { return String::new() };
@@ -426,8 +434,8 @@ fn without_the_cycles_own(rmse_um: f64, left_um: f64) -> String {
     format!(", {} µm of it without a gain and an offset of the cycle, which are part of the noise", short(left_um))
 }
 
-fn entry(outside: &Outside) -> UnexplainedEntry {
-    UnexplainedEntry {
+fn entry(outside: &OutsideStructure) -> UnexplainedMisfit {
+    UnexplainedMisfit {
         kind: outside.kind.name().into(),
         sentence: outside.sentence.clone(),
         gain_nats: outside.gain_nats,
@@ -448,8 +456,8 @@ fn size(parameter: &RefitParameter) -> String {
 }
 
 /// Modes of a posterior that has several, in words; the data do not decide between them.
-fn in_words(answers: &[Answer]) -> Option<String> {
-    let of = |answer: &Answer| {
+fn in_words(answers: &[PosteriorMode]) -> Option<String> {
+    let of = |answer: &PosteriorMode| {
         Some(format!("{} with probability {:.2}", size(answer.parameters.first()?), answer.probability))
     };
     let each: Vec<String> = answers.iter().filter_map(of).collect();
@@ -459,7 +467,7 @@ fn in_words(answers: &[Answer]) -> Option<String> {
 
 /// Three significant digits.
 fn short(value: f64) -> String {
-    significant(value, 3)
+    format_significant(value, 3)
 }
 
 /// `a, b and c`.

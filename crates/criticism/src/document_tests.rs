@@ -10,13 +10,13 @@ use crate::outside::OutsideKind;
 use crate::search::tests::{BIAS, DRIFT_M_PER_S, found, found_beside, refitted, small};
 use crate::separation::tests::measured;
 use crate::test_replica::replica_with;
-use crate::verdict::{Addition, Evidence, Proposal, Residual, ResidualTest, Rival, verdict};
+use crate::verdict::{Addition, ClaimProposal, Evidence, Residual, ResidualTest, Rival, decide_verdict};
 use models::effects::Library;
-use posterior::misfit::Size;
-use posterior::monitor::Silent;
+use posterior::misfit::ResidualSize;
+use posterior::monitor::SilentMonitor;
 
-const SMALL: Size = Size { rms_m: 4e-6, is_too_large: false };
-const LARGE: Size = Size { rms_m: 6.4e-6, is_too_large: true };
+const SMALL: ResidualSize = ResidualSize { rms_m: 4e-6, is_too_large: false };
+const LARGE: ResidualSize = ResidualSize { rms_m: 6.4e-6, is_too_large: true };
 /// A residual of 4 µm of known noise alone.
 const WITHIN: Misfit = Misfit {
     fitted: SMALL,
@@ -32,11 +32,11 @@ fn decided(
     model: Option<&Refitted>,
     found: &SearchResult,
     left: &Misfit,
-    outside: &[Outside],
+    outside: &[OutsideStructure],
     rivals: &[&str],
 ) -> Verdict {
     let test = ResidualTest {
-        structure: outside.iter().map(Outside::evidence).collect(),
+        structure: outside.iter().map(OutsideStructure::evidence).collect(),
         replaces_effects: false,
         residual: Some(Residual::Record { misfit: *left, n_positions: 100, over_predicted: None }),
     };
@@ -44,7 +44,7 @@ fn decided(
     let proposal = |model: &Refitted| {
         let effects = found.added(model).into_iter().map(String::from).collect();
         let addition = Addition { effects, gain, over_base: gain, p: 0.01, round: 0 };
-        Proposal { addition, test: Some(test.clone()), alone: None }
+        ClaimProposal { addition, test: Some(test.clone()), alone: None }
     };
     let rival =
         |slug: &&str| Rival { effect: slug.to_string(), deficit_nats: 1.0, separation_sigma: Some(1.0), lead_p: None };
@@ -53,7 +53,7 @@ fn decided(
         base: Some(test.clone()),
         rivals: rivals.iter().map(rival).collect(),
     };
-    verdict(&evidence, &Criteria::RECORD)
+    decide_verdict(&evidence, &Criteria::RECORD)
 }
 
 /// A report of a search and its verdict alone: nothing is unexplained.
@@ -81,13 +81,13 @@ fn plain<'a>(
 }
 
 /// Errors for a sentence.
-fn shown(extended: Option<&Errors>) -> Shown<'_> {
-    Shown { base: ModelErrors { rmse_fitted_um: 4.1, rmse_heldout_um: Some(9.0) }, extended }
+fn shown(extended: Option<&Errors>) -> DocumentSource<'_> {
+    DocumentSource { base: ModelErrors { rmse_fitted_um: 4.1, rmse_heldout_um: Some(9.0) }, extended }
 }
 
 /// Structure outside the library; only its sentence matters.
-pub fn slip(model: &Refitted) -> Outside {
-    Outside {
+pub fn slip(model: &Refitted) -> OutsideStructure {
+    OutsideStructure {
         kind: OutsideKind::Slip,
         sentence: "a slip.".into(),
         gain_nats: 30.0,
@@ -116,7 +116,7 @@ fn the_verdict_follows_claim_structure_and_noise() {
     let request = request();
     let after = Errors { rmse_fitted_um: 4.0, rmse_heldout_um: Some(4.2), predictive_noise_um: None };
     let too_large = Misfit { heldout: Some(LARGE), returning_m: Some(5e-6), ..WITHIN };
-    let kind = |found: &SearchResult, model: Option<&Refitted>, unexplained: &[Outside], left: &Misfit| {
+    let kind = |found: &SearchResult, model: Option<&Refitted>, unexplained: &[OutsideStructure], left: &Misfit| {
         let verdict = decided(model, found, left, unexplained, &[]);
         let report = Report { unexplained, left, ..plain(&data, &request, found, (&verdict, model)) };
         let statuses: Vec<Status> = found.singles.iter().map(|single| report.status(single)).collect();
@@ -128,8 +128,8 @@ fn the_verdict_follows_claim_structure_and_noise() {
     let (none, effects, sentence, statuses) = kind(&found, None, &[], &WITHIN);
     assert_eq!((none, effects.len()), (VerdictKind::None, 0));
     // The bias moves the whole cycle, which a gain and an offset would absorb: the sentence says why this counts as noise.
-    let own = "on the last held-out cycle, 4.00 µm of it without a gain and an offset of the cycle, which are part of the noise (noise 4.00)";
-    assert!(sentence.contains(own), "{sentence}");
+    let name = "on the last held-out cycle, 4.00 µm of it without a gain and an offset of the cycle, which are part of the noise (noise 4.00)";
+    assert!(sentence.contains(name), "{sentence}");
     assert_eq!(statuses[1], Status::Suggestive);
     let (unexplained, _, sentence, statuses) = kind(&found, None, &outside, &WITHIN);
     assert_eq!(unexplained, VerdictKind::Unexplained);
@@ -246,7 +246,7 @@ fn a_document_holds_the_claim_with_sizes_of_the_whole_model() {
     let verdict = decided(Some(&pair), &found, &WITHIN, &[], &[]);
     let request = request();
     let report = plain(&data, &request, &found, (&verdict, Some(&pair)));
-    let document = report.document(vec![3], &Silent).expect("a document");
+    let document = report.document(vec![3], &SilentMonitor).expect("a document");
     assert_eq!(document.verdict.effects, ["force-bias", "tracking-drift"]);
     assert_eq!((&document.outlier_rows[..], &document.heldout_cycles[..]), (&[3][..], &[4][..]));
     let (before, after) =
@@ -280,7 +280,7 @@ fn a_document_holds_the_claim_with_sizes_of_the_whole_model() {
     // An unclaimed effect that gains beyond chance is called weaker, not unsupported.
     let standing = |p_familywise: f64| {
         let entry = CandidateEntry { status: Status::Unsupported, p_familywise, ..other.clone() };
-        document.standing(&entry)
+        document.status_words(&entry)
     };
     assert_eq!([standing(0.01), standing(0.4)], ["weaker than the claim", "no more than chance"]);
 }
@@ -295,23 +295,24 @@ fn what_cannot_come_near_the_claim_gets_a_bound() {
     let claimed = found.single("force-bias").and_then(|single| single.refitted.clone());
     let verdict = decided(claimed.as_ref(), &found, &WITHIN, &[], &[]);
     let request = DiagnosisRequest::default();
-    let weighed =
-        |found: &SearchResult| Weighing::new(&data, &request, (found, claimed.as_ref()), &Silent).expect("weighed");
+    let weighed = |found: &SearchResult| {
+        EvidenceSet::new(&data, &request, (found, claimed.as_ref()), &SilentMonitor).expect("weighed")
+    };
     let at = |found: &SearchResult, slug: &str| weighed(found).factor(slug);
-    let Factor::Known(claim) = at(&found, "force-bias") else { panic!("the claim is weighed") };
+    let BayesFactor::Known(claim) = at(&found, "force-bias") else { panic!("the claim is weighed") };
     let gain = found.single("force-bias").and_then(|single| single.gain).expect("refitted").fitted;
     assert!(claim > 20.0 && claim < gain + 5.0, "{claim} {gain}");
     let drift = found.singles.iter().position(|single| single.slug == "tracking-drift").expect("of the library");
     let with_gain = |found: &mut SearchResult, nats: f64| {
         let single = &mut found.singles[drift];
-        single.gain = single.gain.map(|own| Gain { fitted: nats, ..own });
+        single.gain = single.gain.map(|gain| Gain { fitted: nats, ..gain });
     };
     with_gain(&mut found, 3.0);
-    assert_eq!(at(&found, "tracking-drift"), Factor::AtMost(8.0));
+    assert_eq!(at(&found, "tracking-drift"), BayesFactor::AtMost(8.0));
     with_gain(&mut found, 1.9);
-    assert_eq!(at(&found, "tracking-drift"), Factor::Unknown);
+    assert_eq!(at(&found, "tracking-drift"), BayesFactor::Unknown);
     with_gain(&mut found, claim - 14.9);
-    let Factor::Known(near) = at(&found, "tracking-drift") else { panic!("within reach") };
+    let BayesFactor::Known(near) = at(&found, "tracking-drift") else { panic!("within reach") };
     let single = found.single("tracking-drift").and_then(|single| single.refitted.as_ref()).expect("refitted");
     assert!(near < single.fitted.objective - found.base.fitted.objective + 5.0, "{near}");
     with_gain(&mut found, 3.0);
@@ -335,9 +336,9 @@ fn a_law_that_is_not_linear_is_not_weighed_beside_a_claim() {
     found.singles.iter_mut().for_each(|single| single.gain = Some(near));
     let claimed = found.singles[0].refitted.as_ref();
     let request = DiagnosisRequest::default();
-    let weighing = Weighing::new(&data, &request, (&found, claimed), &Silent).expect("weighed");
-    assert!(matches!(weighing.factor("force-bias"), Factor::Known(_)));
-    assert_eq!(weighing.factor("strain-stiffening"), Factor::AtMost(1005.0));
+    let weighing = EvidenceSet::new(&data, &request, (&found, claimed), &SilentMonitor).expect("weighed");
+    assert!(matches!(weighing.factor("force-bias"), BayesFactor::Known(_)));
+    assert_eq!(weighing.factor("strain-stiffening"), BayesFactor::AtMost(1005.0));
     let [remark] = &weighing.remarks[..] else { panic!("{:?}", weighing.remarks) };
     assert!(remark.contains("strain-stiffening") && remark.contains("such nonlinear laws take long"), "{remark}");
 }
@@ -347,7 +348,7 @@ fn a_law_that_is_not_linear_is_not_weighed_beside_a_claim() {
 fn two_answers_are_said() {
     let answer = |probability: f64, mean: f64| {
         let (q05, q95) = (0.9 * mean, 1.1 * mean);
-        Answer { probability, parameters: vec![RefitParameter { name: "a.size".into(), mean, q05, q95 }] }
+        PosteriorMode { probability, parameters: vec![RefitParameter { name: "a.size".into(), mean, q05, q95 }] }
     };
     assert_eq!(in_words(&[]), None);
     assert_eq!(

@@ -23,7 +23,7 @@ pub fn fingerprints(subject: &Subject, found: &SearchResult) -> Fingerprints {
     });
     Fingerprints {
         time_s: rows.iter().map(|row| record.time_s[*row]).collect(),
-        left_um: rows.iter().map(|row| Some(1e6 * (record.position_m[*row]? - base_m[*row]))).collect(),
+        residual_um: rows.iter().map(|row| Some(1e6 * (record.position_m[*row]? - base_m[*row]))).collect(),
         effects: changes.collect(),
     }
 }

@@ -79,7 +79,7 @@ impl Fitted {
 
 /// A point of a search.
 #[derive(Clone)]
-struct Point {
+struct FitPoint {
     theta: Vec<f64>,
     position_m: Vec<f64>,
     log_noise: LogNoise,
@@ -90,7 +90,7 @@ struct Point {
     is_guessed: bool,
 }
 
-impl Point {
+impl FitPoint {
     /// Moves to a better point. Broyden's rule updates the derivatives of the first `n_guessed` coordinates: the smallest change that agrees
     /// with the move. Otherwise they are dropped.
     fn move_to(&mut self, theta: &[f64], position_m: Vec<f64>, objective: f64, n_guessed: usize) {
@@ -129,7 +129,7 @@ impl Subject {
     /// [`Error::Numerical`] if the candidate has no model at any start.
     pub fn fit(&self, candidate: &Candidate, also: &[(Vec<f64>, NoiseValues)], search: Search) -> Result<Fitted> {
         let climber = Climber { subject: self, candidate, noise_prior: self.noise_prior(), search };
-        let mut ended: Vec<Point> = Vec::new();
+        let mut ended: Vec<FitPoint> = Vec::new();
         for start in climber.starts(also) {
             let point = climber.climb(start, &ended);
             ended.push(point);
@@ -139,7 +139,7 @@ impl Subject {
         best.map(|point| self.fitted_at(point)).ok_or_else(|| no_start(candidate))
     }
 
-    fn fitted_at(&self, point: Point) -> Fitted {
+    fn fitted_at(&self, point: FitPoint) -> Fitted {
         let noise = noise_fit::natural(&point.log_noise);
         let ln_likelihood = self.fitted.ln_likelihood(&point.position_m, &noise);
         Fitted { theta: point.theta, noise, position_m: point.position_m, objective: point.objective, ln_likelihood }
@@ -196,7 +196,7 @@ impl Climber<'_> {
     }
 
     /// The best few of many starts, by their objective under the noise of each start.
-    fn starts(&self, also: &[(Vec<f64>, NoiseValues)]) -> Vec<Point> {
+    fn starts(&self, also: &[(Vec<f64>, NoiseValues)]) -> Vec<FitPoint> {
         let white = self.noise_prior.white();
         let mut seeds: Vec<(Vec<f64>, LogNoise)> = Vec::new();
         for (theta, noise) in also {
@@ -240,13 +240,13 @@ impl Climber<'_> {
         list
     }
 
-    fn points(&self, seeds: &[(Vec<f64>, LogNoise)]) -> Vec<Point> {
+    fn points(&self, seeds: &[(Vec<f64>, LogNoise)]) -> Vec<FitPoint> {
         let mut points = Vec::new();
         for alike in seeds.chunk_by(|(_, a), (_, b)| a == b).flat_map(|alike| alike.chunks(N_LANES)) {
             let theta: Vec<Vec<f64>> = alike.iter().map(|(theta, _)| theta.clone()).collect();
             let (lanes, values) = self.objectives(&theta, &alike[0].1);
             for (lane, theta) in theta.into_iter().enumerate().filter(|(lane, _)| values[*lane].is_finite()) {
-                points.push(Point {
+                points.push(FitPoint {
                     theta,
                     position_m: lanes.iter().map(|row| row.0[lane]).collect(),
                     log_noise: alike[0].1,
@@ -341,7 +341,7 @@ impl Climber<'_> {
     }
 
     /// Alternates between mean and noise until both converge or the point reaches another climb's optimum.
-    fn climb(&self, mut point: Point, ended: &[Point]) -> Point {
+    fn climb(&self, mut point: FitPoint, ended: &[FitPoint]) -> FitPoint {
         for round in 0..MOST_ROUNDS {
             let before = point.objective;
             point = self.climb_mean(point);
@@ -363,21 +363,21 @@ impl Climber<'_> {
         self.search.least_gains(self.candidate.is_slow())
     }
 
-    fn is_at(&self, point: &Point, other: &Point) -> bool {
+    fn is_at(&self, point: &FitPoint, other: &FitPoint) -> bool {
         let fitted = self.subject.fitted_m.iter().zip(point.position_m.iter().zip(&other.position_m));
         let squares: f64 = fitted.filter(|(y, _)| y.is_some()).map(|(_, (a, b))| (a - b).powi(2)).sum();
         let is_near = squares < SAME_PLACE * self.subject.yardstick_m().powi(2);
         is_near && point.objective < other.objective + HIGHER_NATS
     }
 
-    fn climb_noise(&self, point: Point, widely: bool) -> Point {
+    fn climb_noise(&self, point: FitPoint, widely: bool) -> FitPoint {
         let (log_noise, value) =
             noise_fit::fit(&self.subject.fitted, &self.noise_prior, &point.position_m, &point.log_noise, widely);
         let objective = value + self.candidate.ln_prior(&point.theta);
-        if objective > point.objective { Point { log_noise, objective, ..point } } else { point }
+        if objective > point.objective { FitPoint { log_noise, objective, ..point } } else { point }
     }
 
-    fn climb_mean(&self, mut point: Point) -> Point {
+    fn climb_mean(&self, mut point: FitPoint) -> FitPoint {
         let [least_gain, _] = self.least_gains();
         let n_guessed = if self.candidate.model.is_nonlinear() { self.candidate.free.len() } else { 0 };
         let mut resting = 0;
@@ -425,7 +425,7 @@ impl Climber<'_> {
         point
     }
 
-    fn steps(&self, point: &mut Point) -> Option<Steps> {
+    fn steps(&self, point: &mut FitPoint) -> Option<Steps> {
         let (subject, candidate) = (self.subject, self.candidate);
         if point.columns_m.is_none() {
             let known_m = Some(&point.position_m[..]);
@@ -451,7 +451,7 @@ fn list_has_grid(candidate: &Candidate, effect: usize) -> bool {
     candidate.free.iter().any(|free| free.effect == Some(effect) && free.is_unidentified_at_null())
 }
 
-fn best_of(mut points: Vec<Point>, n: usize) -> Vec<Point> {
+fn best_of(mut points: Vec<FitPoint>, n: usize) -> Vec<FitPoint> {
     points.sort_by(|a, b| b.objective.total_cmp(&a.objective));
     points.truncate(n);
     points

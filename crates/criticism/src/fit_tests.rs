@@ -5,7 +5,7 @@ use crate::refit::Refitted;
 use crate::test_replica::{WHITE, base_fit, replica, replica_with, simulated, simulated_in};
 use models::effects::{Effect, Library};
 use posterior::fit;
-use posterior::monitor::Silent;
+use posterior::monitor::SilentMonitor;
 
 /// The base fit under fixed white noise and very weak priors is the least-squares estimate of `fit`. That command has its own search and
 /// analytic derivatives.
@@ -15,8 +15,8 @@ fn the_base_fit_is_the_least_squares_estimate() {
     let mut specification = replica().specification().clone();
     specification.noise = vec!["white".into()];
     let experiment = replica().experiment().clone();
-    let problem = replica().problem().with(experiment, specification, replica().library()).expect("sound");
-    let estimate = fit::run(&problem, None, &Silent).expect("fits");
+    let problem = replica().problem().with_experiment(experiment, specification, replica().library()).expect("sound");
+    let estimate = fit::run(&problem, None, &SilentMonitor).expect("fits");
     for (ours, theirs) in base.parameters(&fitted.theta).iter().zip(&estimate.model_parameters) {
         assert!((ours / theirs - 1.0).abs() < 2e-3, "{ours} {theirs}");
     }
@@ -139,7 +139,7 @@ fn guessed_derivatives_agree_with_the_last_move() {
     let position = |theta: &[f64]| vec![theta[0] * theta[0] + theta[1] + 3.0 * theta[2], theta[0] * theta[1]];
     let (from, to) = ([1.0, 2.0, 0.5], [1.3, 1.8, 0.9]);
     let columns = vec![vec![2.0, 2.0], vec![1.0, 1.0], vec![3.0, 0.0]];
-    let start = Point {
+    let start = FitPoint {
         theta: from.to_vec(),
         position_m: position(&from),
         log_noise: NoiseValues::new([0.0; 5]),
@@ -177,7 +177,7 @@ fn a_fit_with_the_models_own_noise_has_no_other() {
     let data = simulated(&base, &fitted.theta, &NoiseValues::new([4.0, 8.0, 1.0, 0.01, 1.0]), 12);
     let every = data.fit(&base, &[], Search::Wide).expect("fits");
     assert!(every.noise[1] > 4.0, "{:?}", every.noise);
-    let found = data.with_own_noise().fit(&base, &[(every.theta, every.noise)], Search::Local).expect("fits");
+    let found = data.with_specified_noise().fit(&base, &[(every.theta, every.noise)], Search::Local).expect("fits");
     let [white, process, _, gain, offset] = found.noise[..] else { panic!("five parameters") };
     assert!(white > 6.0 && process < 0.01 && gain < 1e-4 && offset < 0.01, "{:?}", found.noise);
     assert!(found.objective < every.objective);

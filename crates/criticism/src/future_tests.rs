@@ -268,11 +268,11 @@ fn integrals_with_several_ends_are_those_of_a_grid() {
         let slope = DVector::from_row_slice(&slope);
         let found = ln_integral(&told, &slope, &precision, &step, &reach);
         // The first coordinate is integrated by its formula, the others by the grid.
-        let own = told[(0, 0)] + precision[0];
+        let value = told[(0, 0)] + precision[0];
         let exponent = |x: f64, y: f64| {
             let pull = slope[0] + precision[0] * step[0] - told[(0, 1)] * x - told[(0, 2)] * y;
             let first =
-                0.5 * pull * pull / own + 0.5 * (precision[0] / own).ln() - 0.5 * precision[0] * step[0] * step[0];
+                0.5 * pull * pull / value + 0.5 * (precision[0] / value).ln() - 0.5 * precision[0] * step[0] * step[0];
             let of_data = slope[1] * x + slope[2] * y
                 - 0.5 * (told[(1, 1)] * x * x + 2.0 * told[(1, 2)] * x * y + told[(2, 2)] * y * y);
             first + of_data
@@ -296,15 +296,15 @@ fn a_parameter_without_a_derivative_changes_nothing() {
     let reach = [[-1.0, f64::INFINITY], [0.0, 5.0]];
     let (precision, step) = ([0.3, 0.7], [0.1, 0.0]);
     let alone = ln_integral(&told, &slope, &precision, &step, &reach);
-    for own in [[0.0, 2.0], [-0.1, 0.1], [f64::NEG_INFINITY, f64::INFINITY]] {
+    for values in [[0.0, 2.0], [-0.1, 0.1], [f64::NEG_INFINITY, f64::INFINITY]] {
         let found = ln_integral(
             &told.clone().resize(3, 3, 0.0),
             &slope.clone().resize_vertically(3, 0.0),
             &[0.3, 0.7, 0.5],
             &[0.1, 0.0, 0.05],
-            &[reach[0], reach[1], own],
+            &[reach[0], reach[1], values],
         );
-        assert!((found - alone).abs() < 5e-4, "{own:?}: {found} {alone}");
+        assert!((found - alone).abs() < 5e-4, "{values:?}: {found} {alone}");
     }
     let (base, fitted) = base_fit();
     let zero = base.with_columns(vec![vec![0.0; fitted.position_m.len()]]);

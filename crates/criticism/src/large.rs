@@ -1,11 +1,11 @@
 //! Decides whether large displacements are worth learning for a record, by one full-order run at the base's fit.
 
 use base::error::Result;
-use figures::number::significant;
-use laws::stages::Stepped;
-use models::surrogate::trajectory::FARTHEST_RADII;
+use figures::number::format_significant;
+use laws::stages::SharedStepper;
+use models::surrogate::trajectory::MAX_RADII;
 use posterior::large_displacement::LEAST_RADII;
-use posterior::learnt_displacement::{deviation_m, learnt};
+use posterior::learnt_displacement::{deviation_m, learn_displacements};
 use posterior::monitor::Monitor;
 
 use super::rank::Score;
@@ -39,7 +39,7 @@ pub(super) fn score_where_not_learnt(subject: &Subject, slug: &str) -> Option<Sc
 }
 
 /// Response to large displacements in this record, learnt about the base's fit, or the reason why it was not learnt.
-fn learn(subject: &Subject, base: &Refitted, monitor: &dyn Monitor) -> std::result::Result<Stepped, NotLearnt> {
+fn learn(subject: &Subject, base: &Refitted, monitor: &dyn Monitor) -> std::result::Result<SharedStepper, NotLearnt> {
     let said = |error: base::Error| NotLearnt::of(error.to_string().lines().next().unwrap_or_default());
     let problem = subject.problem();
     let ball = problem.finite_elements().and_then(|fe| fe.sizes.ball);
@@ -49,13 +49,13 @@ fn learn(subject: &Subject, base: &Refitted, monitor: &dyn Monitor) -> std::resu
     if radii < LEAST_RADII {
         return Err(NotLearnt::of(format!(
             "the robot moves by {} of its radii: large displacements are negligible there",
-            significant(radii, 2)
+            format_significant(radii, 2)
         )));
     }
-    if radii >= FARTHEST_RADII {
+    if radii >= MAX_RADII {
         return Err(NotLearnt::of(format!(
-            "the robot moves by {} of its radii, and large displacements are computed up to {FARTHEST_RADII}",
-            significant(radii, 2)
+            "the robot moves by {} of its radii, and large displacements are computed up to {MAX_RADII}",
+            format_significant(radii, 2)
         )));
     }
     let parameters = base.candidate.parameters(&base.fitted.theta);
@@ -63,28 +63,28 @@ fn learn(subject: &Subject, base: &Refitted, monitor: &dyn Monitor) -> std::resu
     let law = &parameters[..n_law];
     let promised = promised(subject, base, law).map_err(said)?;
     if promised.nats < LEAST_NATS {
-        let (most_um, nats) = (significant(promised.most_um, 2), significant(promised.nats, 2));
+        let (most_um, nats) = (format_significant(promised.most_um, 2), format_significant(promised.nats, 2));
         let gained = if promised.score.z > 0.0 {
             format!("gain {nats} nats at most after the law has absorbed its part")
         } else {
             "the law's residual shows nothing like that".into()
         };
         return Err(NotLearnt {
-            why: format!("large displacements would change positions by up to {most_um} µm, and {gained}"),
+            reason: format!("large displacements would change positions by up to {most_um} µm, and {gained}"),
             score: Some(promised.score),
         });
     }
-    learnt(problem, law, true, monitor).map(|(stepper, _)| stepper).map_err(said)
+    learn_displacements(problem, law, true, monitor).map(|(stepper, _)| stepper).map_err(said)
 }
 
-struct Promised {
+struct FirstOrderGain {
     nats: f64,
     most_um: f64,
     score: Score,
 }
 
 /// First-order gain of the deviation at the base's law, after the law has absorbed its part.
-fn promised(subject: &Subject, base: &Refitted, law: &[f64]) -> Result<Promised> {
+fn promised(subject: &Subject, base: &Refitted, law: &[f64]) -> Result<FirstOrderGain> {
     let deviation_m = deviation_m(subject.problem(), law)?;
     let tangent = Tangent::new(subject, &base.candidate, &base.fitted)?;
     let whole = tangent.whiten(std::slice::from_ref(&deviation_m)).swap_remove(0);
@@ -101,5 +101,5 @@ fn promised(subject: &Subject, base: &Refitted, law: &[f64]) -> Result<Promised>
         direction: None,
         is_one_sided: true,
     };
-    Ok(Promised { nats: FACTOR * 0.5 * z.max(0.0).powi(2) + NATS, most_um: 1e6 * most_m, score })
+    Ok(FirstOrderGain { nats: FACTOR * 0.5 * z.max(0.0).powi(2) + NATS, most_um: 1e6 * most_m, score })
 }

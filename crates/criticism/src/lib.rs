@@ -5,6 +5,7 @@
 //! model of the mean: a law with effects, and columns of free amplitude for structure that is no effect. [`Subject::fit`] finds its best parameters and noise.
 //! [`Tangent`] is the linear algebra around them.
 
+mod bayes_factors;
 pub mod bootstrap;
 mod box_probability;
 mod candidate;
@@ -23,7 +24,6 @@ mod fit;
 pub mod future;
 mod large;
 pub mod learn;
-pub mod leftover;
 mod noise_fit;
 pub mod noise_learning;
 pub mod outliers;
@@ -34,6 +34,7 @@ pub mod protocol;
 pub mod rank;
 pub mod refit;
 mod request;
+pub mod residual_structure;
 mod score;
 mod screen;
 pub mod search;
@@ -49,7 +50,6 @@ mod test_replica;
 #[cfg(test)]
 pub(crate) mod test_subjects;
 pub mod verdict;
-mod weighing;
 
 // Shared tests import this crate as `criticism`, as other crates do.
 #[cfg(test)]

@@ -5,7 +5,9 @@ use std::cell::OnceCell;
 use base::parameter::GAIN_SD;
 use models::model::N_LANES;
 pub use posterior::noise::NoiseValues;
-use posterior::noise::{Learning, LearningPrior, NoiseLikelihood, NoiseModel, NoiseScales, RowShare, SharedPosition};
+use posterior::noise::{
+    LearningPrior, NoiseLearning, NoiseLikelihood, NoiseModel, NoiseScales, RowShare, SharedPosition,
+};
 use sampling::ensemble::RandomStream;
 
 /// Logarithms of the noise's parameters.
@@ -14,7 +16,7 @@ pub(super) type LogNoise = NoiseValues;
 /// Priors of the noise and the ends of its search.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct NoisePrior {
-    learning: Learning,
+    learning: NoiseLearning,
     /// Marks parameters of terms that the model lacks; such a parameter stays at its lower end.
     is_absent: Vec<bool>,
 }
@@ -34,7 +36,7 @@ impl NoisePrior {
     pub fn only(self, terms: &[String]) -> Self {
         let known = self.learning.terms.iter();
         // Every model has white errors.
-        let is_absent = known.map(|own| *own != self.learning.terms[0] && !terms.iter().any(|term| term == own));
+        let is_absent = known.map(|name| *name != self.learning.terms[0] && !terms.iter().any(|term| term == name));
         Self { is_absent: is_absent.collect(), ..self }
     }
 
@@ -62,7 +64,9 @@ impl NoisePrior {
     /// Parameters that describe the scatter from row to row: their indices, and whether each is a standard deviation.
     pub fn of_rows(&self) -> Vec<(usize, bool)> {
         let all = self.learning.parameters.iter().enumerate();
-        all.filter(|(_, own)| own.of_row != RowShare::Nothing).map(|(k, own)| (k, own.of_row == RowShare::Sd)).collect()
+        all.filter(|(_, learnt_parameter)| learnt_parameter.of_row != RowShare::Nothing)
+            .map(|(k, learnt_parameter)| (k, learnt_parameter.of_row == RowShare::Sd))
+            .collect()
     }
 
     /// Clamps a noise to the ends of the search.
@@ -159,9 +163,9 @@ pub(super) fn fit(
     let starts: Vec<LogNoise> = prior.learning.starts.iter().map(|start| prior.clamped(*start)).collect();
     // The best starts may lie below different maxima, and a climb along a ridge may stop early. So one start per length of the process is climbed,
     // then the best result once more.
-    let own = starts.chunks(starts.len().div_ceil(N_GROUPS)).map(|starts| climb(&evaluate, prior, starts, 0.3));
+    let map = starts.chunks(starts.len().div_ceil(N_GROUPS)).map(|starts| climb(&evaluate, prior, starts, 0.3));
     let better = |best: (LogNoise, f64), top: (LogNoise, f64)| if top.1 > best.1 { top } else { best };
-    let best = own.fold(climb(&evaluate, prior, &[from], 0.3), better);
+    let best = map.fold(climb(&evaluate, prior, &[from], 0.3), better);
     climb(&evaluate, prior, &[best.0], 0.6)
 }
 
@@ -191,13 +195,13 @@ pub(super) fn settle(
     let shared_m = shared(position_m);
     let climb = |(residual_m, values): (&&[f64], Vec<f64>)| {
         // Most climbs end after their first trials, which need no separate likelihood.
-        let own = OnceCell::new();
+        let once_cell = OnceCell::new();
         let record = || likelihood.with_observed(&sums(residual_m, position_m));
         let evaluate = |points: &[LogNoise]| {
             if points.len() <= N_LANES {
                 return objectives(&[residual_m], points).concat();
             }
-            evaluate_at(own.get_or_init(record), prior, &shared_m, points)
+            evaluate_at(once_cell.get_or_init(record), prior, &shared_m, points)
         };
         let here =
             Climber { objective: &evaluate, prior, here: from, value: values[0], widths: from.map(|_| SETTLING_WIDTH) };

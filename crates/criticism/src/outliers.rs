@@ -47,9 +47,9 @@ const LEAST_SCALE: f64 = 0.25;
 ///
 /// # Errors
 /// Errors of fitting the model.
-pub fn without(subject: &Subject, candidate: &Candidate) -> Result<(Subject, Fitted, Vec<usize>)> {
+pub fn exclude_outliers(subject: &Subject, candidate: &Candidate) -> Result<(Subject, Fitted, Vec<usize>)> {
     let first = subject.fit(candidate, &[], Search::Wide)?;
-    let rows = find(subject, &first);
+    let rows = find_outliers(subject, &first);
     if rows.is_empty() {
         return Ok((subject.clone(), first, rows));
     }
@@ -59,7 +59,7 @@ pub fn without(subject: &Subject, candidate: &Candidate) -> Result<(Subject, Fit
 }
 
 /// Outlying rows of the record, from 0 and in order, among the fitted and the scored positions, judged by a fit (such as the base model's).
-pub fn find(subject: &Subject, fitted: &Fitted) -> Vec<usize> {
+pub fn find_outliers(subject: &Subject, fitted: &Fitted) -> Vec<usize> {
     let observed = subject.fitted_m.iter().zip(&subject.scored_m).map(|(fitted, scored)| fitted.or(*scored));
     let residual_m: Vec<Option<f64>> =
         observed.zip(&fitted.position_m).map(|(observed, position)| Some(observed? - position)).collect();
@@ -77,7 +77,7 @@ fn rows_of(record: &Record, residual_m: &[Option<f64>], least_scale_m: f64) -> V
     let sizes: Vec<f64> = departures.iter().flatten().map(|departure| departure.from_both_m.abs()).collect();
     let scale_m = (SD_PER_MAD * median(sizes)).max(least_scale_m);
     let stands_out = |place: &usize| {
-        departures[*place].as_ref().is_some_and(|departure| departure.standing_out_m > THRESHOLD * scale_m)
+        departures[*place].as_ref().is_some_and(|departure| departure.one_sided_m > THRESHOLD * scale_m)
     };
     let suspects: Vec<usize> = (0..rows.len()).filter(stands_out).collect();
     let steps = Steps::new(record, &time_s, interval_s);
@@ -96,7 +96,7 @@ struct Departure {
     /// Departure from the mean of the medians on both sides, in m, with its sign.
     from_both_m: f64,
     /// Departure from the nearer of the two medians, in m, if both lie to one side, else 0. A share of the departure if there is one median only.
-    standing_out_m: f64,
+    one_sided_m: f64,
 }
 
 /// Departure at `place`; `None` if both sides have too few neighbours.
@@ -109,10 +109,10 @@ fn departure(time_s: &[f64], residual_m: &[f64], place: usize, reach_s: f64) -> 
     let before_m = of_side((place.saturating_sub(N_NEIGHBOURS)..place).collect());
     let after_m = of_side((place + 1..residual_m.len().min(place + 1 + N_NEIGHBOURS)).collect());
     let (Some(before_m), Some(after_m)) = (before_m, after_m) else {
-        return before_m.or(after_m).map(|m| Departure { from_both_m: m, standing_out_m: ONE_SIDE * m.abs() });
+        return before_m.or(after_m).map(|m| Departure { from_both_m: m, one_sided_m: ONE_SIDE * m.abs() });
     };
     let standing_out_m = if before_m * after_m > 0.0 { before_m.abs().min(after_m.abs()) } else { 0.0 };
-    Some(Departure { from_both_m: 0.5 * (before_m + after_m), standing_out_m })
+    Some(Departure { from_both_m: 0.5 * (before_m + after_m), one_sided_m: standing_out_m })
 }
 
 /// Runs of successive places, except long ones.
@@ -131,7 +131,7 @@ fn has_sharp_edges(residual_m: &[f64], burst: &Range<usize>, least_m: f64) -> bo
 }
 
 /// A force step and the positions up to the next step.
-struct Step {
+struct OutlierStep {
     start_s: f64,
     end_s: f64,
     height_n: f64,
@@ -141,7 +141,7 @@ struct Step {
 
 /// The force steps of a record and its observed positions.
 struct Steps<'a> {
-    steps: Vec<Step>,
+    steps: Vec<OutlierStep>,
     time_s: &'a [f64],
     interval_s: f64,
 }
@@ -156,7 +156,7 @@ impl<'a> Steps<'a> {
             // A position is the limit from the left: at the step's own row it still belongs to the previous hold.
             let of_step = |time_s: &f64, bound_s: f64| *time_s <= bound_s;
             let places = time_s.partition_point(|t| of_step(t, start_s))..time_s.partition_point(|t| of_step(t, end_s));
-            Step { start_s, end_s, height_n: record.force_n[*row] - before_n, places }
+            OutlierStep { start_s, end_s, height_n: record.force_n[*row] - before_n, places }
         };
         let steps = step_rows.iter().enumerate().map(step).collect();
         Self { steps, time_s, interval_s }
@@ -165,17 +165,17 @@ impl<'a> Steps<'a> {
     /// Returns whether more than a third of the other force steps show a position's departure, or the position follows a step without comparable steps.
     fn may_belong_to_step(&self, departures: &[Option<Departure>], place: usize, scale_m: f64) -> bool {
         // Steps are ordered in time.
-        let own = self.steps.partition_point(|step| step.places.end <= place);
-        if self.steps.get(own).is_none_or(|step| !step.places.contains(&place)) {
+        let index = self.steps.partition_point(|step| step.places.end <= place);
+        if self.steps.get(index).is_none_or(|step| !step.places.contains(&place)) {
             return false;
         }
-        let step = &self.steps[own];
+        let step = &self.steps[index];
         let after_s = self.time_s[place] - step.start_s;
         let seen_m = departures[place].as_ref().map_or(0.0, |departure| departure.from_both_m);
         let every = self.steps.len().div_ceil(MOST_COMPARED).max(1);
-        let mut others: Vec<(f64, Vec<f64>)> = (own % every..self.steps.len())
+        let mut others: Vec<(f64, Vec<f64>)> = (index % every..self.steps.len())
             .step_by(every)
-            .filter(|other| *other != own)
+            .filter(|other| *other != index)
             .map(|other| (step.height_n / self.steps[other].height_n, self.departures_at(departures, other, after_s)))
             .filter(|(_, there)| !there.is_empty())
             .collect();

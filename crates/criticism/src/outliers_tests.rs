@@ -2,7 +2,7 @@
 
 use super::super::test_subjects::{Protocol, noise_of, random_sizes, subject, truth_of};
 use super::super::{Search, Subject};
-use super::find;
+use super::find_outliers;
 use crate::NoiseValues;
 use sampling::ensemble::RandomStream;
 
@@ -18,7 +18,7 @@ const NOISES: [NoiseValues; 4] = [
 /// Outliers of the base model's fit.
 fn found(data: &Subject) -> Vec<usize> {
     let fitted = data.fit(&data.base(), &[], Search::Wide).expect("fits");
-    find(data, &fitted)
+    find_outliers(data, &fitted)
 }
 
 /// Positions of a truth with noise.

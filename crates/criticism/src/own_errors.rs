@@ -12,7 +12,7 @@ use super::{Search, Subject};
 /// # Errors
 /// Errors of [`Subject::fit`].
 pub fn own_errors(subject: &Subject, model: &Refitted) -> Result<ModelErrors> {
-    let subject = subject.clone().with_own_noise();
+    let subject = subject.clone().with_specified_noise();
     let start = (model.fitted.theta.clone(), model.fitted.noise);
     let fitted = subject.fit(&model.candidate, &[start], Search::Local)?;
     let um = |positions_m: &[Option<f64>]| fitted.rmse_m(positions_m).map(|rmse_m| 1e6 * rmse_m);

@@ -31,14 +31,14 @@ pub fn allowed_noise_um(
 }
 
 /// Error of a claim on the scored cycle over its allowed predictive noise; `None` if no cycle is scored.
-pub fn over_predicted(subject: &Subject, model: (&Candidate, &Fitted)) -> Option<f64> {
+pub fn error_over_predicted_noise(subject: &Subject, model: (&Candidate, &Fitted)) -> Option<f64> {
     let error_m = model.1.rmse_m(&subject.scored_m)?;
     Some(1e6 * error_m / allowed_noise_um(subject, model, &subject.scored_m)?)
 }
 
 /// Error of a model on the scored cycle over the prediction from white noise and its parameters, the default prediction of `sample`. The noise is the yardstick, or the residual of the fitted cycles
 /// if that is larger. `None` if no cycle is scored.
-pub fn over_white(subject: &Subject, model: (&Candidate, &Fitted)) -> Option<f64> {
+pub fn error_over_white_noise(subject: &Subject, model: (&Candidate, &Fitted)) -> Option<f64> {
     let (candidate, fitted) = model;
     let (error_m, left_m) = (fitted.rmse_m(&subject.scored_m)?, fitted.rmse_m(&subject.fitted_m)?);
     let white = Fitted { noise: subject.noise_prior().white().map(f64::exp), ..fitted.clone() };

@@ -2,7 +2,7 @@
 //!
 //! The score of effect k is z_k = g_kᵀPr/‖Pg_k‖ with its whitened signature g_k at the null, averaged over draws of the base model's parameters. It is one-sided if
 //! the support is, and the largest over a grid if a parameter is unidentified at the null. Some effects equal, to first order, a change of the law's parameters. Their signature is the
-//! residual of the base's best fit at a finite size ([`models::effects::Effect::shows_at`]), at the base's own fit. A ranking orders the refits and explains; it excludes
+//! residual of the base's best fit at a finite size ([`models::effects::Effect::signature_size`]), at the base's own fit. A ranking orders the refits and explains; it excludes
 //! no effect, since a large effect is not where its tangent points.
 
 use nalgebra::{DMatrix, DVector};
@@ -11,7 +11,7 @@ use rayon::prelude::*;
 use super::candidate::Coordinate;
 use super::derivatives::column_m;
 pub use super::score::Score;
-use super::separation::{Truth, closest};
+use super::separation::{RivalTruth, fit_rival};
 use super::{Candidate, Fitted, Subject, Tangent};
 use base::error::Result;
 use sampling::ensemble::RandomStream;
@@ -250,24 +250,26 @@ struct Finite {
 impl Finite {
     /// Finite response of the effect that `candidate` adds; `None` for effects that show at small sizes.
     fn new(subject: &Subject, base: &Candidate, fitted: &Fitted, candidate: &Candidate) -> Result<Option<Self>> {
-        let is_new = |slug: &str| base.effects.iter().all(|own| own != slug);
+        let is_new = |slug: &str| base.effects.iter().all(|effect| effect != slug);
         let added = candidate.model.effects().iter().find(|effect| is_new(effect.slug()));
-        let Some(size) = added.and_then(|effect| effect.shows_at(candidate.model.scales())) else { return Ok(None) };
+        let Some(size) = added.and_then(|effect| effect.signature_size(candidate.model.scales())) else {
+            return Ok(None);
+        };
         let Some((place, points)) = points_at_null(base, fitted, candidate) else { return Ok(None) };
         let free = &candidate.free[place];
         let step = free.coordinate.theta(size) - free.null.unwrap_or(0.0);
-        let mut own = Self { step, whole_m: Vec::new(), left_m: Vec::new() };
+        let mut finite = Self { step, whole_m: Vec::new(), left_m: Vec::new() };
         for mut theta in points {
             theta[place] += step;
             // An effect without a model at this size shows nothing.
             let Ok(position_m) = subject.trajectory_m(candidate, &theta) else { continue };
-            let truth = Truth { candidate, theta: &theta, noise: fitted.noise, position_m: &position_m };
-            let nearest_m = subject.trajectory_m(base, &closest(subject, base, &truth)?.theta)?;
+            let truth = RivalTruth { candidate, theta: &theta, noise: fitted.noise, position_m: &position_m };
+            let nearest_m = subject.trajectory_m(base, &fit_rival(subject, base, &truth)?.theta)?;
             let per_unit = |other: &[f64]| position_m.iter().zip(other).map(|(a, b)| (a - b) / step).collect();
-            own.whole_m.push(per_unit(&fitted.position_m));
-            own.left_m.push(per_unit(&nearest_m));
+            finite.whole_m.push(per_unit(&fitted.position_m));
+            finite.left_m.push(per_unit(&nearest_m));
         }
-        Ok(Some(own))
+        Ok(Some(finite))
     }
 }
 

@@ -67,7 +67,7 @@ impl Refitted {
     /// Gain over a smaller model that this one contains.
     pub fn gain_over(&self, smaller: &Self, subject: &Subject) -> Gain {
         let both = self.future.zip(smaller.future);
-        let last = both.map(|(own, other)| own.last - other.last);
+        let last = both.map(|(future_score, other)| future_score.last - other.last);
         let fitted = self.fitted.objective - smaller.fitted.objective;
         let largest_m = self.fitted.position_m.iter().zip(&smaller.fitted.position_m);
         let largest_m = largest_m.fold(0.0, |largest: f64, (a, b)| largest.max((a - b).abs()));
@@ -76,7 +76,7 @@ impl Refitted {
         let penalty = NATS_PER_PARAMETER * n_parameters.saturating_sub(n_effects) as f64;
         Gain {
             fitted,
-            future: both.map(|(own, other)| own.all - other.all),
+            future: both.map(|(future_score, other)| future_score.all - other.all),
             last,
             largest_change: largest_m / subject.yardstick_m(),
             rank: fitted + last.unwrap_or(0.0) - penalty,

@@ -37,7 +37,7 @@ pub struct Single {
 
 /// A model with effects that one round proposes.
 #[derive(Clone)]
-pub struct Step {
+pub struct SearchStep {
     /// Its effects, with gains and p.
     pub addition: Addition,
     /// The model.
@@ -55,9 +55,9 @@ pub struct SearchResult {
     /// Pairs, best first, with their gains over the base.
     pub pairs: Vec<(Refitted, Gain)>,
     /// One step a round, in order; the last may fail.
-    pub steps: Vec<Step>,
+    pub steps: Vec<SearchStep>,
     /// The largest model that passes, without the effects that it does not need; `None` if no model passes.
-    pub largest: Option<Step>,
+    pub largest: Option<SearchStep>,
 }
 
 impl SearchResult {
@@ -68,7 +68,7 @@ impl SearchResult {
     }
 
     /// The best single effect, if it passes.
-    pub fn leading(&self, criteria: &Criteria) -> Option<&Step> {
+    pub fn leading(&self, criteria: &Criteria) -> Option<&SearchStep> {
         self.steps.first().filter(|step| criteria.passes(&step.addition))
     }
 
@@ -88,7 +88,7 @@ pub fn search(subject: &Subject, request: &DiagnosisRequest, monitor: &dyn Monit
     large::prepare(subject, &base, monitor);
     monitor.stage("fitting the model with every effect");
     let slugs: Vec<&'static str> = subject.library().effects().iter().map(|effect| effect.slug()).collect();
-    let candidates: Vec<_> = slugs.iter().map(|slug| addable(subject, slug)).collect();
+    let candidates: Vec<_> = slugs.iter().map(|slug| extend_base(subject, slug)).collect();
     let models: Vec<Candidate> = candidates.iter().flatten().cloned().collect();
     let mut refitted = refit_all(subject, &models, &[&base], Search::Wide, monitor);
     if let Some(better) = base_from(subject, &base, &refitted) {
@@ -132,7 +132,7 @@ fn better_of(first: Option<Refitted>, again: Option<Refitted>) -> Option<Refitte
 }
 
 /// Returns the base with an effect of the library, or the reason why it cannot be added.
-fn addable(subject: &Subject, slug: &str) -> std::result::Result<Candidate, String> {
+fn extend_base(subject: &Subject, slug: &str) -> std::result::Result<Candidate, String> {
     subject.extended(&[slug]).map_err(|error| match error {
         base::Error::Input { found, .. } => found,
         other => other.to_string(),
@@ -166,7 +166,9 @@ fn pairs(subject: &Subject, criteria: &Criteria, found: &SearchResult, monitor: 
     let mut wanted: Vec<[&str; 2]> = scored.iter().take(N_LEADING_PAIRS).map(|(_, pair)| *pair).collect();
     if let Some((best, refitted)) = best_single(&found.singles).and_then(|best| Some((best, best.refitted.as_ref()?))) {
         let others: Vec<&str> = usable.iter().map(|other| other.slug).filter(|slug| *slug != best.slug).collect();
-        wanted.extend(that_may_gain(subject, best.slug, refitted, &others).into_iter().map(|other| [best.slug, other]));
+        wanted.extend(
+            select_promising(subject, best.slug, refitted, &others).into_iter().map(|other| [best.slug, other]),
+        );
     }
     wanted.iter_mut().for_each(|pair| pair.sort_unstable());
     wanted.sort_unstable();
@@ -199,7 +201,7 @@ fn pairs(subject: &Subject, criteria: &Criteria, found: &SearchResult, monitor: 
 }
 
 /// Effects that may gain [`LEAST_BOUND_NATS`] beside the best single one at its fit; all of them if there are no first-order values.
-fn that_may_gain<'a>(subject: &Subject, best: &str, fitted: &Refitted, others: &[&'a str]) -> Vec<&'a str> {
+fn select_promising<'a>(subject: &Subject, best: &str, fitted: &Refitted, others: &[&'a str]) -> Vec<&'a str> {
     let candidate = |other: &&'a str| Some((*other, subject.extended(&[best, other]).ok()?));
     let (others, candidates): (Vec<&str>, Vec<Candidate>) = others.iter().filter_map(candidate).unzip();
     let Ok(screen) = Screen::new(subject, fitted, &candidates) else { return others };
@@ -222,7 +224,7 @@ fn rounds(subject: &Subject, request: &DiagnosisRequest, found: &mut SearchResul
     let Some(first) = best_single(&found.singles) else { return };
     let (Some(refitted), Some(gain)) = (first.refitted.clone(), first.gain) else { return };
     let addition = Addition::single(first.slug, gain, found.bootstrap.p(gain.fitted));
-    found.steps.push(Step { addition, refitted: refitted.clone() });
+    found.steps.push(SearchStep { addition, refitted: refitted.clone() });
     found.largest = found.leading(criteria).cloned();
     let mut current = refitted;
     for round in 1..criteria.most_effects {
@@ -239,14 +241,14 @@ fn rounds(subject: &Subject, request: &DiagnosisRequest, found: &mut SearchResul
         let simulated = Bootstrap::run(subject, &current, &additions, gain.fitted, simulations, seed, monitor);
         let effects = found.added(&larger).into_iter().map(String::from).collect();
         let addition = Addition { effects, gain, over_base, p: simulated.p(gain.fitted), round };
-        let step = Step { addition, refitted: larger.clone() };
+        let step = SearchStep { addition, refitted: larger.clone() };
         found.steps.push(step.clone());
         if !criteria.passes(&step.addition) {
             break;
         }
         (current, found.largest) = (larger, Some(step));
     }
-    found.largest = found.largest.take().map(|largest| without_needless(subject, criteria, found, largest));
+    found.largest = found.largest.take().map(|largest| remove_needless_effects(subject, criteria, found, largest));
 }
 
 /// Best model with one effect more than `current`, and its gain over `current`. The second round accepts any pair, even without the best
@@ -291,33 +293,38 @@ fn largest_change(subject: &Subject, a: &Refitted, b: &Refitted) -> f64 {
 /// All models with one effect more.
 fn additions_to(subject: &Subject, model: &Refitted) -> Vec<Candidate> {
     let n_base = subject.specification().effects.len();
-    let own: Vec<&str> = model.candidate.effects[n_base..].iter().map(String::as_str).collect();
-    let others = subject.library().effects().iter().map(|effect| effect.slug()).filter(|slug| !own.contains(slug));
-    others.filter_map(|slug| subject.extended(&[&own[..], &[slug]].concat()).ok()).collect()
+    let names: Vec<&str> = model.candidate.effects[n_base..].iter().map(String::as_str).collect();
+    let others = subject.library().effects().iter().map(|effect| effect.slug()).filter(|slug| !names.contains(slug));
+    others.filter_map(|slug| subject.extended(&[&names[..], &[slug]].concat()).ok()).collect()
 }
 
 /// Removes, one by one, effects whose removal hardly costs anything, as long as the remaining model passes by itself.
-fn without_needless(subject: &Subject, criteria: &Criteria, found: &SearchResult, mut step: Step) -> Step {
+fn remove_needless_effects(
+    subject: &Subject,
+    criteria: &Criteria,
+    found: &SearchResult,
+    mut step: SearchStep,
+) -> SearchStep {
     loop {
-        let own = &step.addition.effects;
-        if own.len() < 2 {
+        let names = &step.addition.effects;
+        if names.len() < 2 {
             return step;
         }
-        let smaller: Vec<Step> = own
+        let smaller: Vec<SearchStep> = names
             .par_iter()
             .filter_map(|slug| {
-                let rest: Vec<&str> = own.iter().filter(|other| *other != slug).map(String::as_str).collect();
+                let rest: Vec<&str> = names.iter().filter(|other| *other != slug).map(String::as_str).collect();
                 let candidate = subject.extended(&rest).ok()?;
                 let refitted = Refitted::new(subject, candidate, &[&found.base], Search::Wide).ok()?;
                 let gain = refitted.gain_over(&found.base, subject);
                 let effects = found.added(&refitted).into_iter().map(String::from).collect();
                 let p = found.bootstrap.p(gain.fitted);
-                Some(Step { addition: Addition { effects, gain, over_base: gain, p, round: 0 }, refitted })
+                Some(SearchStep { addition: Addition { effects, gain, over_base: gain, p, round: 0 }, refitted })
             })
             .collect();
-        let cost = |smaller: &Step| step.refitted.fitted.objective - smaller.refitted.fitted.objective;
+        let cost = |smaller: &SearchStep| step.refitted.fitted.objective - smaller.refitted.fitted.objective;
         let is_needless =
-            |smaller: &Step| cost(smaller) < criteria.least_removal_nats && criteria.passes(&smaller.addition);
+            |smaller: &SearchStep| cost(smaller) < criteria.least_removal_nats && criteria.passes(&smaller.addition);
         let needless = smaller.into_iter().filter(is_needless);
         match needless.min_by(|a, b| cost(a).total_cmp(&cost(b))) {
             Some(smaller) => step = smaller,
@@ -328,13 +335,13 @@ fn without_needless(subject: &Subject, criteria: &Criteria, found: &SearchResult
 
 /// Models in which another effect replaces one effect of a claim, with the slug of the new effect.
 pub fn replacements(subject: &Subject, found: &SearchResult, claimed: &Refitted) -> Vec<(&'static str, Refitted)> {
-    let own = found.added(claimed);
+    let names = found.added(claimed);
     let others: Vec<&'static str> =
-        found.singles.iter().filter(|s| s.refitted.is_some() && !own.contains(&s.slug)).map(|s| s.slug).collect();
+        found.singles.iter().filter(|s| s.refitted.is_some() && !names.contains(&s.slug)).map(|s| s.slug).collect();
     let mut wanted: Vec<(&'static str, Vec<&str>)> = Vec::new();
-    for replaced in &own {
+    for replaced in &names {
         for slug in &others {
-            let rest = own.iter().filter(|other| *other != replaced).copied();
+            let rest = names.iter().filter(|other| *other != replaced).copied();
             wanted.push((slug, rest.chain([*slug]).collect()));
         }
     }
@@ -343,7 +350,7 @@ pub fn replacements(subject: &Subject, found: &SearchResult, claimed: &Refitted)
         if let ([_], Some(single)) = (&effects[..], found.single(slug)) {
             return single.refitted.clone().map(|refitted| (*slug, refitted));
         }
-        let is_inside = |model: &&&Refitted| found.added(model).iter().all(|own| effects.contains(own));
+        let is_inside = |model: &&&Refitted| found.added(model).iter().all(|name| effects.contains(name));
         let contained: Vec<&Refitted> = single_models.iter().filter(is_inside).copied().chain([&found.base]).collect();
         let candidate = subject.extended(effects).ok()?;
         Refitted::new(subject, candidate, &contained, Search::Wide).ok().map(|refitted| (*slug, refitted))

@@ -5,7 +5,7 @@ use crate::future::FutureScore;
 use crate::separation::tests::{NOISE, TWO_LEVELS, measured, subject_with};
 use crate::{Fitted, rank};
 use models::effects::Library;
-use posterior::monitor::Silent;
+use posterior::monitor::SilentMonitor;
 
 const CRITERIA: Criteria = Criteria::RECORD;
 const SLUGS: [&str; 3] = ["force-asymmetry", "force-bias", "tracking-drift"];
@@ -77,7 +77,7 @@ fn a_gain_is_the_difference_of_two_models() {
 fn what_a_base_has_is_not_added() {
     let subject = subject_with(&TWO_LEVELS, &Library::only(&SLUGS), &["tracking-drift"]);
     let data = measured(&subject, &[], &[DRIFT_M_PER_S], 3);
-    assert_eq!(addable(&data, "tracking-drift").err().as_deref(), Some("the model has `tracking-drift` already"));
+    assert_eq!(extend_base(&data, "tracking-drift").err().as_deref(), Some("the model has `tracking-drift` already"));
     let found = found_beside(&data, &["force-bias"]);
     let bias = found.single("force-bias").and_then(|single| single.refitted.as_ref()).expect("fits");
     assert_eq!(found.added(bias), ["force-bias"]);
@@ -127,10 +127,11 @@ fn a_needless_effect_is_taken_back() {
         // One simulated search has no p below a half.
         let gain = pair.gain_over(&found.base, &data);
         let effects = found.added(&pair).into_iter().map(String::from).collect();
-        let step = Step { addition: Addition { effects, gain, over_base: gain, p: 0.01, round: 1 }, refitted: pair };
+        let step =
+            SearchStep { addition: Addition { effects, gain, over_base: gain, p: 0.01, round: 1 }, refitted: pair };
         let kept = |largest_p: f64| {
             let criteria = Criteria { largest_p, ..CRITERIA };
-            without_needless(&data, &criteria, &found, step.clone()).addition.effects
+            remove_needless_effects(&data, &criteria, &found, step.clone()).addition.effects
         };
         assert_eq!(kept(0.5), left);
         // A claim is not reduced to an effect that would not be claimed by itself.
@@ -147,14 +148,14 @@ fn a_pair_is_weighed_against_the_single() {
     let gain = pair.gain_over(&found.base, &data);
     found.pairs = vec![(pair.clone(), gain)];
     let single = found.single("tracking-drift").and_then(|single| single.refitted.clone()).expect("fits");
-    let (_, difference) = next_larger(&data, &found, &single, 1, &Silent).expect("a pair");
+    let (_, difference) = next_larger(&data, &found, &single, 1, &SilentMonitor).expect("a pair");
     assert!((difference.fitted - (pair.fitted.objective - single.fitted.objective)).abs() < 1e-9);
     let all = |model: &Refitted| model.future.expect("a cycle is held out").all;
     assert!((difference.future.expect("a cycle is held out") - (all(&pair) - all(&single))).abs() < 1e-9);
     let change = |(a, b): (&f64, &f64)| (a - b).abs() / 4e-6;
     let largest = pair.fitted.position_m.iter().zip(&single.fitted.position_m).map(change).fold(0.0, f64::max);
     assert!((difference.largest_change - largest).abs() < 1e-9);
-    rounds(&data, &request(99, CRITERIA), &mut found, &Silent);
+    rounds(&data, &request(99, CRITERIA), &mut found, &SilentMonitor);
     assert_eq!(found.largest.as_ref().expect("claimed").addition.effects, ["tracking-drift"]);
     assert_eq!((found.steps.len(), found.steps[0].addition.p), (1, 0.01));
 }
@@ -180,7 +181,7 @@ fn a_pair_beside_a_failed_single_has_to_make_good_what_that_lost() {
             single.gain = single.refitted.as_ref().map(|refitted| refitted.gain_over(&found.base, &data));
         }
         found.largest = None;
-        rounds(&data, &request, found, &Silent);
+        rounds(&data, &request, found, &SilentMonitor);
         let steps: Vec<bool> = found.steps.iter().map(|step| criteria.passes(&step.addition)).collect();
         (steps, found.largest.as_ref().map(|largest| largest.addition.effects.len()))
     };
@@ -225,7 +226,7 @@ fn a_search_adds_what_is_missing_and_no_more() {
         [(&[][..], &[][..]), (&["force-bias"], &[BIAS]), (&["force-bias", "tracking-drift"], &[BIAS, DRIFT_M_PER_S])]
     {
         let data = measured(&small(), truth, values, 9);
-        let found = search(&data, &request(99, CRITERIA), &Silent).expect("a search");
+        let found = search(&data, &request(99, CRITERIA), &SilentMonitor).expect("a search");
         let claimed = found.largest.as_ref().map_or(&[][..], |largest| &largest.addition.effects);
         assert_eq!(claimed, truth);
         assert_eq!(found.steps.iter().filter(|step| CRITERIA.passes(&step.addition)).count(), truth.len());

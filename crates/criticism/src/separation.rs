@@ -38,13 +38,13 @@ const NOTHING: f64 = 1e-6;
 /// [`Error::Numerical`] if the other model cannot be evaluated at any start.
 pub fn distance(subject: &Subject, other: &Candidate, truth: (&Candidate, &Fitted)) -> Result<f64> {
     let (candidate, fitted) = truth;
-    let truth = Truth { candidate, theta: &fitted.theta, noise: fitted.noise, position_m: &fitted.position_m };
-    Ok(closest(subject, other, &truth)?.distance)
+    let truth = RivalTruth { candidate, theta: &fitted.theta, noise: fitted.noise, position_m: &fitted.position_m };
+    Ok(fit_rival(subject, other, &truth)?.distance)
 }
 
 /// A model at a point, with its noise.
 #[derive(Clone, Copy)]
-pub struct Truth<'a> {
+pub struct RivalTruth<'a> {
     pub candidate: &'a Candidate,
     /// Coordinates of the model.
     pub theta: &'a [f64],
@@ -56,24 +56,24 @@ pub struct Truth<'a> {
 
 /// Point of a model that is closest to a truth.
 #[derive(Debug, Clone)]
-pub struct Closest {
+pub struct RivalPoint {
     /// Distance in σ.
     pub distance: f64,
     pub theta: Vec<f64>,
 }
 
 /// Best fit of a model to a truth.
-pub fn closest(subject: &Subject, other: &Candidate, truth: &Truth) -> Result<Closest> {
-    Imitation::new(subject, other, truth).best(&other.embed(truth.candidate, truth.theta))
+pub fn fit_rival(subject: &Subject, other: &Candidate, truth: &RivalTruth) -> Result<RivalPoint> {
+    RivalFit::new(subject, other, truth).best(&other.embed(truth.candidate, truth.theta))
 }
 
 /// Best fit of a model to a truth without priors: the distance follows from the protocol's geometry alone.
-pub(super) fn closest_without_priors(subject: &Subject, other: &Candidate, truth: &Truth) -> Result<Closest> {
-    Imitation::new(subject, other, truth).without_priors().best(&other.embed(truth.candidate, truth.theta))
+pub(super) fn closest_without_priors(subject: &Subject, other: &Candidate, truth: &RivalTruth) -> Result<RivalPoint> {
+    RivalFit::new(subject, other, truth).without_priors().best(&other.embed(truth.candidate, truth.theta))
 }
 
 /// A rival fit: a model that is fitted to a truth, or compared with it.
-pub(super) struct Imitation<'a> {
+pub(super) struct RivalFit<'a> {
     subject: &'a Subject,
     other: &'a Candidate,
     noise: NoiseValues,
@@ -90,7 +90,7 @@ struct Point {
 }
 
 /// Coordinates that absorb changes at a point, with their linear algebra.
-struct Absorbing {
+struct AbsorbingCoordinates {
     /// Coordinates that may move.
     active: Vec<usize>,
     /// Whitened columns of those coordinates.
@@ -99,7 +99,7 @@ struct Absorbing {
     inverse: DMatrix<f64>,
 }
 
-impl Absorbing {
+impl AbsorbingCoordinates {
     fn slope(&self, white: &[f64]) -> DVector<f64> {
         let dot = |column: &Vec<f64>| column.iter().zip(white).map(|(a, b)| a * b).sum::<f64>();
         DVector::from_iterator(self.columns.len(), self.columns.iter().map(dot))
@@ -108,7 +108,7 @@ impl Absorbing {
 
 /// First-order residual of a point.
 #[derive(Debug, Clone)]
-pub(super) struct Seen {
+pub(super) struct FirstOrderResidual {
     /// Squared distance in σ².
     pub squared: f64,
     /// Squared distance before absorption, in σ².
@@ -117,15 +117,15 @@ pub(super) struct Seen {
     pub theta: Vec<f64>,
 }
 
-impl Seen {
+impl FirstOrderResidual {
     /// Share that is not absorbed.
     pub fn fraction(&self) -> f64 {
         if self.whole > 0.0 { (self.squared / self.whole).max(0.0) } else { 0.0 }
     }
 }
 
-impl<'a> Imitation<'a> {
-    pub fn new(subject: &'a Subject, other: &'a Candidate, truth: &Truth<'a>) -> Self {
+impl<'a> RivalFit<'a> {
+    pub fn new(subject: &'a Subject, other: &'a Candidate, truth: &RivalTruth<'a>) -> Self {
         let of_truth = |name: &str| truth.candidate.free.iter().position(|free| free.name == name);
         let prior = |free: &super::Free| {
             free.prior.map(|(mean, sd)| (of_truth(free.name).map_or(mean, |place| truth.theta[place]), sd))
@@ -154,7 +154,7 @@ impl<'a> Imitation<'a> {
     }
 
     /// Best fit, from the nulls of effects and from several sizes and grid points.
-    pub fn best(&self, null: &[f64]) -> Result<Closest> {
+    pub fn best(&self, null: &[f64]) -> Result<RivalPoint> {
         let mut starts = vec![null.to_vec()];
         starts.extend(self.promising(null));
         let mut best: Option<Point> = None;
@@ -173,7 +173,7 @@ impl<'a> Imitation<'a> {
                 "check the priors of its parameters",
             )
         })?;
-        Ok(Closest { distance: best.squared.sqrt(), theta: best.theta })
+        Ok(RivalPoint { distance: best.squared.sqrt(), theta: best.theta })
     }
 
     /// Whitened differences (the truth's positions less the model's) of up to eight points; `None` if there is no model.
@@ -262,14 +262,14 @@ impl<'a> Imitation<'a> {
     /// The best few starts to first order, with one effect away from its null and the other coordinates at their absorbing values.
     fn promising(&self, null: &[f64]) -> Vec<Vec<f64>> {
         let starts = away_from_null(self.other, null);
-        let mut ranked: Vec<Seen> = self.seen(null, &starts).into_iter().flatten().collect();
+        let mut ranked: Vec<FirstOrderResidual> = self.seen(null, &starts).into_iter().flatten().collect();
         ranked.sort_by(|a, b| a.squared.total_cmp(&b.squared));
         ranked.truncate(N_FOLLOWED);
         ranked.into_iter().map(|seen| seen.theta).collect()
     }
 
     /// Linear algebra of the coordinates of the law and of effects away from their null.
-    fn absorbing(&self, theta: &[f64]) -> Option<Absorbing> {
+    fn absorbing(&self, theta: &[f64]) -> Option<AbsorbingCoordinates> {
         let is_on =
             |k: usize| self.other.free.get(k).is_none_or(|f| f.effect.is_none_or(|e| !is_off(self.other, e, theta)));
         let active: Vec<usize> = (0..self.other.dimension()).filter(|k| is_on(*k)).collect();
@@ -281,19 +281,19 @@ impl<'a> Imitation<'a> {
         for (i, k) in active.iter().enumerate() {
             normal[(i, i)] += self.priors.get(*k).copied().flatten().map_or(0.0, |(_, sd)| 1.0 / (sd * sd));
         }
-        Some(Absorbing { active, columns, inverse: normal.try_inverse()? })
+        Some(AbsorbingCoordinates { active, columns, inverse: normal.try_inverse()? })
     }
 
     /// First-order residuals of points after absorption by the law and by effects that are on at `null`; `None` if there is
     /// no model.
-    pub fn seen(&self, null: &[f64], points: &[Vec<f64>]) -> Vec<Option<Seen>> {
+    pub fn seen(&self, null: &[f64], points: &[Vec<f64>]) -> Vec<Option<FirstOrderResidual>> {
         let absorbing = if points.is_empty() { None } else { self.absorbing(null) };
         let Some(absorbing) = absorbing else { return vec![None; points.len()] };
         let differences = points.chunks(N_LANES).flat_map(|chunk| self.differences(chunk));
         points.iter().zip(differences).map(|(point, white)| Some(self.absorbed(&absorbing, point, &white?))).collect()
     }
 
-    fn absorbed(&self, absorbing: &Absorbing, start: &[f64], white: &[f64]) -> Seen {
+    fn absorbed(&self, absorbing: &AbsorbingCoordinates, start: &[f64], white: &[f64]) -> FirstOrderResidual {
         let slope = absorbing.slope(white);
         let step = &absorbing.inverse * &slope;
         let mut theta = start.to_vec();
@@ -302,7 +302,7 @@ impl<'a> Imitation<'a> {
             theta[*k] = (theta[*k] + step).clamp(lower, upper);
         }
         let whole = white.iter().map(|w| w * w).sum::<f64>();
-        Seen { squared: whole - slope.dot(&step), whole, theta }
+        FirstOrderResidual { squared: whole - slope.dot(&step), whole, theta }
     }
 }
 

@@ -192,8 +192,9 @@ fn no_start_comes_closer_than_the_best_fit() {
         let size = candidate.free.last().expect("the effect's").distribution.quantile(0.6);
         let (candidate, fitted) = at(&subject, &[slug], &[size]);
         let found = distance(&subject, &other, (&candidate, &fitted)).expect("a distance");
-        let truth = Truth { candidate: &candidate, theta: &fitted.theta, noise: NOISE, position_m: &fitted.position_m };
-        let imitation = Imitation::new(&subject, &other, &truth);
+        let truth =
+            RivalTruth { candidate: &candidate, theta: &fitted.theta, noise: NOISE, position_m: &fitted.position_m };
+        let imitation = RivalFit::new(&subject, &other, &truth);
         let null = other.embed(&candidate, &fitted.theta);
         for start in away_from_null(&other, &null).into_iter().step_by(5) {
             let closest = imitation.descend(start.clone()).map_or(f64::INFINITY, |point| point.squared.sqrt());

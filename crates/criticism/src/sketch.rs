@@ -9,10 +9,10 @@ use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
 use super::bootstrap::simulated_m;
-use super::leftover::misfit;
 use super::noise_fit::{GAIN_FLOOR, of_future};
 use super::rank::{Signature, signature};
 use super::refit::Refitted;
+use super::residual_structure::measure_misfit;
 use super::{Candidate, Fitted, Search, Subject, Tangent, outliers};
 use base::error::{Error, Result};
 use base::parameter::GAIN_SD;
@@ -28,7 +28,7 @@ type Visible = Vec<Option<DVector<f64>>>;
 
 /// Score and norm of one signature on one record.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Reading {
+pub struct SignatureScore {
     /// Score z: standard normal, to first order, if the effect is absent.
     pub z: f64,
     /// ‖Pg‖ per unit of amplitude; 0 if invisible.
@@ -37,7 +37,7 @@ pub struct Reading {
 
 /// One effect in a record's sketch.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Asked {
+pub struct EffectProbe {
     /// Slug.
     pub slug: &'static str,
     /// Name of the parameter that measures the effect's size; empty if the effect is not tested.
@@ -60,49 +60,49 @@ pub struct Asked {
 
 /// Readings of all signatures from one set of positions.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Told {
+pub struct ScoreSet {
     /// Readings from the fitted cycles.
-    pub fitted: Vec<Reading>,
+    pub fitted: Vec<SignatureScore>,
     /// Readings from the fitted cycles and from all cycles, under law and noise of the fitted ones. The gain is no smaller than the scores of future cycles assume. `None` if no
     /// cycle is held out.
-    pub before_and_after: Option<[Vec<Reading>; 2]>,
+    pub fitted_and_all: Option<[Vec<SignatureScore>; 2]>,
 }
 
-impl Told {
+impl ScoreSet {
     /// Readings from all cycles.
-    pub fn all(&self) -> &[Reading] {
-        self.before_and_after.as_ref().map_or(&self.fitted, |[_, after]| after)
+    pub fn all(&self) -> &[SignatureScore] {
+        self.fitted_and_all.as_ref().map_or(&self.fitted, |[_, after]| after)
     }
 
-    /// Sets of readings, in the order of [`Said::cosines`].
-    pub fn sets_mut(&mut self) -> impl Iterator<Item = &mut Vec<Reading>> {
-        std::iter::once(&mut self.fitted).chain(self.before_and_after.iter_mut().flatten())
+    /// Sets of readings, in the order of [`RecordScores::cosines`].
+    pub fn sets_mut(&mut self) -> impl Iterator<Item = &mut Vec<SignatureScore>> {
+        std::iter::once(&mut self.fitted).chain(self.fitted_and_all.iter_mut().flatten())
     }
 }
 
 /// Readings of one record for every effect: the complete input of a cohort's judgement.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Said {
+pub struct RecordScores {
     /// Every effect of the library, in its order.
-    pub effects: Vec<Asked>,
+    pub effects: Vec<EffectProbe>,
     /// Readings of the measured positions.
-    pub told: Told,
+    pub told: ScoreSet,
     /// Readings from all cycles under law and noise of the fitted ones, from which sizes are estimated. Readings from the fitted cycles if no cycle is held out.
-    pub whole: Vec<Reading>,
+    pub whole: Vec<SignatureScore>,
     /// Readings of every simulated record without any effect.
-    pub simulated: Vec<Told>,
+    pub simulated: Vec<ScoreSet>,
     /// Cosines of visible signatures, for each set of readings.
     pub cosines: Vec<DMatrix<f64>>,
 }
 
 /// Base model of a record at its fit.
-pub struct Based {
+pub struct BaseFit {
     /// The model and its fit.
     pub base: Refitted,
     /// Rows excluded as outliers of the tracker.
     pub outlier_rows: Vec<usize>,
     /// True if the base's residual exceeds the noise.
-    pub leaves_too_much: bool,
+    pub has_misfit: bool,
     /// Root mean square residual (µm) of the base on the scored cycle and the number of positions there; `None` if no cycle is held out.
     pub rmse_heldout: Option<(f64, usize)>,
 }
@@ -111,57 +111,58 @@ pub struct Based {
 ///
 /// # Errors
 /// Errors of fitting the base.
-pub fn sketch(subject: &Subject, n_simulations: usize, seed: u64) -> Result<(Said, Based)> {
-    let (subject, fitted, outlier_rows) = outliers::without(subject, &subject.base())?;
+pub fn sketch(subject: &Subject, n_simulations: usize, seed: u64) -> Result<(RecordScores, BaseFit)> {
+    let (subject, fitted, outlier_rows) = outliers::exclude_outliers(subject, &subject.base())?;
     let base = Refitted { candidate: subject.base(), fitted, future: None };
-    let of = |effect: &&'static dyn models::effects::Effect| asked(&subject, &base, effect.slug());
-    let found: Vec<(Asked, Vec<Vec<f64>>)> = subject.library().effects().par_iter().map(of).collect::<Result<_>>()?;
+    let of = |effect: &&'static dyn models::effects::Effect| sketch_effect(&subject, &base, effect.slug());
+    let found: Vec<(EffectProbe, Vec<Vec<f64>>)> =
+        subject.library().effects().par_iter().map(of).collect::<Result<_>>()?;
     let (mut effects, mut columns_m) = (Vec::new(), Vec::new());
     for (asked, columns) in found {
         let first = columns_m.len();
         columns_m.extend(columns);
-        effects.push(Asked { readings: first..columns_m.len(), ..asked });
+        effects.push(EffectProbe { readings: first..columns_m.len(), ..asked });
     }
     let is_scored = subject.scored_m.iter().any(Option::is_some);
-    let whole = is_scored.then(|| whole(&subject)).transpose()?;
-    let (told, directions) = told(&subject, whole.as_ref(), (&base.candidate, &base.fitted), &columns_m)?;
+    let whole = is_scored.then(|| fit_all_cycles(&subject)).transpose()?;
+    let (told, directions) = read_sets(&subject, whole.as_ref(), (&base.candidate, &base.fitted), &columns_m)?;
     let of_whole = match &whole {
         Some(whole) => read(whole, &base.candidate, &base.fitted, &columns_m)?.0,
         None => told.fitted.clone(),
     };
     let cosines = directions.iter().map(cosines).collect();
-    let chance = |number: usize| -> Result<Told> {
+    let chance = |number: usize| -> Result<ScoreSet> {
         let position_m = with_gains_of_future_cycles(&subject, &base, (seed, number));
         let data = subject.with_positions(&position_m);
-        let whole = whole.as_ref().map(|own| own.with_positions(&position_m));
+        let whole = whole.as_ref().map(|subject| subject.with_positions(&position_m));
         let start = (base.fitted.theta.clone(), base.fitted.noise);
         let fitted = data.fit(&base.candidate, &[start], Search::Local)?;
-        Ok(self::told(&data, whole.as_ref(), (&base.candidate, &fitted), &columns_m)?.0)
+        Ok(self::read_sets(&data, whole.as_ref(), (&base.candidate, &fitted), &columns_m)?.0)
     };
     let simulated = (0..n_simulations).into_par_iter().map(chance).collect::<Result<_>>()?;
-    let leaves_too_much = misfit(&subject, &base, &[])?.is_too_large();
+    let leaves_too_much = measure_misfit(&subject, &base, &[])?.is_too_large();
     let n_scored = subject.scored_m.iter().flatten().count();
     let rmse_heldout = base.fitted.rmse_m(&subject.scored_m).map(|rmse_m| (1e6 * rmse_m, n_scored));
-    let said = Said { effects, told, whole: of_whole, simulated, cosines };
-    Ok((said, Based { base, outlier_rows, leaves_too_much, rmse_heldout }))
+    let said = RecordScores { effects, told, whole: of_whole, simulated, cosines };
+    Ok((said, BaseFit { base, outlier_rows, has_misfit: leaves_too_much, rmse_heldout }))
 }
 
 /// Readings of columns (m, one value per row of the record) beside a fit, and the directions of each set. `whole` has the scored cycles among the fitted ones.
-fn told(
+fn read_sets(
     subject: &Subject,
     whole: Option<&Subject>,
     (candidate, fitted): (&Candidate, &Fitted),
     columns_m: &[Vec<f64>],
-) -> Result<(Told, Vec<Visible>)> {
+) -> Result<(ScoreSet, Vec<Visible>)> {
     let (readings, directions) = read(subject, candidate, fitted, columns_m)?;
     let Some(whole) = whole else {
-        return Ok((Told { fitted: readings, before_and_after: None }, vec![directions]));
+        return Ok((ScoreSet { fitted: readings, fitted_and_all: None }, vec![directions]));
     };
     let noise = of_future(subject.noise(), fitted.noise);
     let wary = Fitted { noise, ..fitted.clone() };
     let (before, of_before) = read(subject, candidate, &wary, columns_m)?;
     let (after, of_after) = read(whole, candidate, &wary, columns_m)?;
-    let told = Told { fitted: readings, before_and_after: Some([before, after]) };
+    let told = ScoreSet { fitted: readings, fitted_and_all: Some([before, after]) };
     Ok((told, vec![directions, of_before, of_after]))
 }
 
@@ -174,7 +175,7 @@ fn with_gains_of_future_cycles(subject: &Subject, base: &Refitted, (seed, number
     for cycle in &experiment.heldout_cycles {
         let gain = gain_sd * stream.normal();
         let rows = experiment.record.cycle.iter().zip(&base.fitted.position_m).zip(&mut position_m);
-        rows.filter(|((own, _), _)| *own == cycle).for_each(|((_, x), position_m)| *position_m += gain * x);
+        rows.filter(|((index, _), _)| *index == cycle).for_each(|((_, x), position_m)| *position_m += gain * x);
     }
     position_m
 }
@@ -188,7 +189,7 @@ fn cosines(directions: &Visible) -> DMatrix<f64> {
 }
 
 /// Returns the experiment with the scored cycles among the fitted ones; outliers stay excluded.
-pub fn whole(subject: &Subject) -> Result<Subject> {
+pub fn fit_all_cycles(subject: &Subject) -> Result<Subject> {
     let experiment = subject.experiment();
     let cycles: Vec<u32> = experiment.calibration_cycles.iter().chain(&experiment.heldout_cycles).copied().collect();
     let left_out: Vec<usize> = (0..subject.fitted_m.len())
@@ -198,9 +199,9 @@ pub fn whole(subject: &Subject) -> Result<Subject> {
 }
 
 /// Returns an effect and its columns; no columns if the effect is not tested.
-fn asked(subject: &Subject, base: &Refitted, slug: &'static str) -> Result<(Asked, Vec<Vec<f64>>)> {
+fn sketch_effect(subject: &Subject, base: &Refitted, slug: &'static str) -> Result<(EffectProbe, Vec<Vec<f64>>)> {
     let not = |why: String| {
-        let asked = Asked {
+        let asked = EffectProbe {
             slug,
             parameter: "",
             refused: Some(why),
@@ -229,7 +230,7 @@ fn asked(subject: &Subject, base: &Refitted, slug: &'static str) -> Result<(Aske
         return not("it has no visible response here".into());
     }
     let readings = 0..columns_m.len();
-    Ok((Asked { slug, parameter, refused: None, readings, unit, power, reach, null, is_downwards }, columns_m))
+    Ok((EffectProbe { slug, parameter, refused: None, readings, unit, power, reach, null, is_downwards }, columns_m))
 }
 
 /// Readings of columns (m, one value per row of the record) beside a fit, over the fitted cycles, and their unit directions.
@@ -238,7 +239,7 @@ fn read(
     candidate: &Candidate,
     fitted: &Fitted,
     columns_m: &[Vec<f64>],
-) -> Result<(Vec<Reading>, Visible)> {
+) -> Result<(Vec<SignatureScore>, Visible)> {
     let tangent = Tangent::new(subject, candidate, fitted)?;
     let residual = tangent.projected_residual();
     let of = |white: DVector<f64>| {
@@ -248,9 +249,9 @@ fn read(
         // NaN counts as invisible, too.
         if norm > LEAST_VISIBLE * whole && norm.is_finite() {
             let direction = visible / norm;
-            (Reading { z: direction.dot(&residual), norm }, Some(direction))
+            (SignatureScore { z: direction.dot(&residual), norm }, Some(direction))
         } else {
-            (Reading { z: 0.0, norm: 0.0 }, None)
+            (SignatureScore { z: 0.0, norm: 0.0 }, None)
         }
     };
     Ok(tangent.whiten(columns_m).into_iter().map(of).unzip())

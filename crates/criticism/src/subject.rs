@@ -4,9 +4,9 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, OnceLock};
 
 use super::{Candidate, score::Score};
-use base::error::{Error, Place, Result, Setting};
+use base::error::{Error, InputPlace, Result, Setting};
 use base::number::Dual;
-use laws::stages::Stepped;
+use laws::stages::SharedStepper;
 use models::effects::{Effect, Library};
 use models::model::{Compliance, Lanes, N_LANES, Response};
 use models::surrogate::trajectory;
@@ -25,11 +25,11 @@ const UNKNOWN_NOISE: f64 = 0.005;
 /// All subjects made from one by [`Subject::with_positions`] share everything that does not depend on the positions.
 #[derive(Clone)]
 pub struct Subject {
-    shared: Arc<Shared>,
+    shared: Arc<SharedParts>,
     /// True if trajectories of nonlinear laws come from the memory of learnt trajectories.
-    is_local: bool,
+    has_trajectory_memory: bool,
     /// True if the noise has only the terms of the model's specification.
-    has_own_noise: bool,
+    has_only_specified_noise: bool,
     /// Number of trajectories computed for this subject and those made from it.
     n_evaluated: Arc<AtomicUsize>,
     /// Positions (m) of the fitted cycles, `None` elsewhere; one entry per row of the record.
@@ -43,7 +43,7 @@ pub struct Subject {
 }
 
 /// Parts of a subject that do not depend on the positions.
-pub(super) struct Shared {
+pub(super) struct SharedParts {
     /// Base model under the noise of the fits, its experiment split into fitted and scored cycles. Its positions are unused. Its compliance serves every effect of the library.
     pub model: PreparedModel,
     pub library: Library,
@@ -54,24 +54,24 @@ pub(super) struct Shared {
     pub local: Compliance,
     pub response: Response,
     /// Learnt response of the effect that needs learning for each record, or the reason why it was not learnt. A search sets it once it has decided.
-    pub large: Large,
+    pub large: LearntResponse,
 }
 
 /// Learnt response of the effect that needs learning for each record, or the reason why it was not learnt.
-pub(super) type Large = Arc<OnceLock<std::result::Result<Stepped, NotLearnt>>>;
+pub(super) type LearntResponse = Arc<OnceLock<std::result::Result<SharedStepper, NotLearnt>>>;
 
 /// Reason why the effect was not learnt for the record.
 #[derive(Debug, Clone)]
 pub(super) struct NotLearnt {
     /// The reason, in words.
-    pub why: String,
+    pub reason: String,
     /// First-order score of the effect on this record, if a full-order run gave one.
     pub score: Option<Score>,
 }
 
 impl NotLearnt {
     pub fn of(why: impl Into<String>) -> Self {
-        Self { why: why.into(), score: None }
+        Self { reason: why.into(), score: None }
     }
 }
 
@@ -103,25 +103,25 @@ impl Subject {
             NoiseModel::learnt_names().into_iter().map(String::from).collect(),
         );
         specification.fixed.retain(|name, _| problem.model.parameters().iter().any(|p| p.name == name));
-        let base = problem.with(experiment, specification, library)?;
+        let base = problem.with_experiment(experiment, specification, library)?;
         let yardstick_m = problem
             .experiment
-            .noise_yardstick()
+            .reference_noise()
             .map_or_else(|| UNKNOWN_NOISE * problem.experiment.scales().position_range_m, |yardstick| yardstick.sd_m);
         let Experiment { record, calibration_cycles, heldout_cycles, .. } = &base.experiment;
         let response = Response::new(&record.time_s, record.force(), record.n_rows());
         let (fitted_m, scored_m) = (base.positions_of(calibration_cycles), base.positions_of(heldout_cycles));
         let library = library.clone();
-        let large = Large::default();
+        let large = LearntResponse::default();
         let slot = large.clone();
         let compliance = match problem.model.field() {
             // The surrogate of the model itself is learnt already.
             Some((_, field)) if field.is_learnt_for_record() => compliance,
-            _ => compliance.with_learnt(move || slot.get().and_then(|found| found.clone().ok())),
+            _ => compliance.with_trained(move || slot.get().and_then(|found| found.clone().ok())),
         };
-        let local = trajectory::local(&compliance, &record.time_s, record.force());
+        let local = trajectory::with_trajectory_cache(&compliance, &record.time_s, record.force());
         let model = PreparedModel::given(&base, compliance, Vec::new());
-        let shared = Shared { model, library, own_noise, yardstick_m, local, response, large };
+        let shared = SharedParts { model, library, own_noise, yardstick_m, local, response, large };
         Ok(Self::of(Arc::new(shared), fitted_m, scored_m))
     }
 
@@ -136,8 +136,8 @@ impl Subject {
     fn with_experiment(&self, experiment: Experiment, library: &Library) -> Result<Self> {
         let shared = &self.shared;
         let base = self.problem();
-        let problem = base.with(experiment, base.specification.clone(), library)?;
-        let own = Shared {
+        let problem = base.with_experiment(experiment, base.specification.clone(), library)?;
+        let shared_parts = SharedParts {
             model: PreparedModel { problem, ..shared.model.clone() },
             library: library.clone(),
             own_noise: shared.own_noise.clone(),
@@ -146,7 +146,7 @@ impl Subject {
             response: shared.response.clone(),
             large: shared.large.clone(),
         };
-        Ok(Self { shared: Arc::new(own), ..self.clone() })
+        Ok(Self { shared: Arc::new(shared_parts), ..self.clone() })
     }
 
     /// Returns the subject with other fitted and scored cycles.
@@ -156,13 +156,17 @@ impl Subject {
     pub fn with_cycles(&self, fitted: &[u32], scored: &[u32]) -> Result<Self> {
         let mut experiment = self.problem().experiment.clone();
         (experiment.calibration_cycles, experiment.heldout_cycles) = (fitted.to_vec(), scored.to_vec());
-        let own = self.with_experiment(experiment, &self.shared.library)?;
-        let (fitted_m, scored_m) = (own.problem().positions_of(fitted), own.problem().positions_of(scored));
-        let other = Self::of(own.shared, fitted_m, scored_m);
-        Ok(Self { is_local: self.is_local, has_own_noise: self.has_own_noise, ..other })
+        let subject = self.with_experiment(experiment, &self.shared.library)?;
+        let (fitted_m, scored_m) = (subject.problem().positions_of(fitted), subject.problem().positions_of(scored));
+        let other = Self::of(subject.shared, fitted_m, scored_m);
+        Ok(Self {
+            has_trajectory_memory: self.has_trajectory_memory,
+            has_only_specified_noise: self.has_only_specified_noise,
+            ..other
+        })
     }
 
-    fn of(shared: Arc<Shared>, fitted_m: Vec<Option<f64>>, scored_m: Vec<Option<f64>>) -> Self {
+    fn of(shared: Arc<SharedParts>, fitted_m: Vec<Option<f64>>, scored_m: Vec<Option<f64>>) -> Self {
         let Problem { experiment, noise, .. } = &shared.model.problem;
         let (record, recordings) = (&experiment.record, shared.model.problem.recordings());
         let likelihood =
@@ -171,8 +175,8 @@ impl Subject {
         let (fitted, all) = (likelihood(&fitted_m), likelihood(&both));
         Self {
             shared,
-            is_local: false,
-            has_own_noise: false,
+            has_trajectory_memory: false,
+            has_only_specified_noise: false,
             n_evaluated: Arc::default(),
             fitted_m,
             scored_m,
@@ -204,7 +208,12 @@ impl Subject {
         };
         let other = Self::of(self.shared.clone(), left(&self.fitted_m), left(&self.scored_m));
         let n_evaluated = self.n_evaluated.clone();
-        Self { is_local: self.is_local, has_own_noise: self.has_own_noise, n_evaluated, ..other }
+        Self {
+            has_trajectory_memory: self.has_trajectory_memory,
+            has_only_specified_noise: self.has_only_specified_noise,
+            n_evaluated,
+            ..other
+        }
     }
 
     /// Returns the subject with at most about `most` of its positions, evenly chosen, and the rows at which the force changes. Trajectories at the remaining rows are therefore unchanged.
@@ -220,15 +229,15 @@ impl Subject {
             return Ok(None);
         }
         let is_placed = |row: usize| self.fitted_m[row].is_some() || self.scored_m[row].is_some();
-        let Some(is_kept) = kept_rows(record, most, is_placed) else { return Ok(None) };
+        let Some(is_kept) = select_rows(record, most, is_placed) else { return Ok(None) };
         let mut experiment = self.experiment().clone();
         experiment.record = of_rows(record, &is_kept);
         let base = self.problem();
-        let problem = base.with(experiment, base.specification.clone(), &shared.library)?;
+        let problem = base.with_experiment(experiment, base.specification.clone(), &shared.library)?;
         let record = &problem.experiment.record;
-        let own = Shared {
+        let shared_parts = SharedParts {
             response: Response::new(&record.time_s, record.force(), record.n_rows()),
-            local: trajectory::local(&shared.model.compliance, &record.time_s, record.force()),
+            local: trajectory::with_trajectory_cache(&shared.model.compliance, &record.time_s, record.force()),
             model: PreparedModel { problem, ..shared.model.clone() },
             library: shared.library.clone(),
             own_noise: shared.own_noise.clone(),
@@ -238,22 +247,26 @@ impl Subject {
         let kept = |positions: &[Option<f64>]| {
             positions.iter().zip(&is_kept).filter(|(_, is_kept)| **is_kept).map(|(position, _)| *position).collect()
         };
-        let other = Self::of(Arc::new(own), kept(&self.fitted_m), kept(&self.scored_m));
-        Ok(Some(Self { is_local: self.is_local, has_own_noise: self.has_own_noise, ..other }))
+        let other = Self::of(Arc::new(shared_parts), kept(&self.fitted_m), kept(&self.scored_m));
+        Ok(Some(Self {
+            has_trajectory_memory: self.has_trajectory_memory,
+            has_only_specified_noise: self.has_only_specified_noise,
+            ..other
+        }))
     }
 
     /// Returns the subject with only the noise terms of each model's specification, as `sample` and `extend` fit it.
-    pub fn with_own_noise(self) -> Self {
-        Self { has_own_noise: true, ..self }
+    pub fn with_specified_noise(self) -> Self {
+        Self { has_only_specified_noise: true, ..self }
     }
 
     /// Returns the subject for many neighbouring models of one nonlinear law: their trajectories are learnt once and then remembered.
-    pub fn locally(self) -> Self {
-        Self { is_local: true, ..self }
+    pub fn with_trajectory_memory(self) -> Self {
+        Self { has_trajectory_memory: true, ..self }
     }
 
     /// Returns the subject with a new count of computed trajectories.
-    pub(super) fn counting(self) -> Self {
+    pub(super) fn with_new_count(self) -> Self {
         Self { n_evaluated: Arc::default(), ..self }
     }
 
@@ -294,9 +307,9 @@ impl Subject {
     pub fn extended(&self, effects: &[&str]) -> Result<Candidate> {
         let mut specification = self.problem().specification.clone();
         for slug in effects {
-            if specification.effects.iter().any(|own| own == slug) {
+            if specification.effects.iter().any(|effect| effect == slug) {
                 return Err(Error::input(
-                    Place::setting(Setting::Effects),
+                    InputPlace::setting(Setting::Effects),
                     format!("the model has `{slug}` already"),
                     "name effects that the model lacks",
                 ));
@@ -309,19 +322,19 @@ impl Subject {
         if let Some(effect) = problem.model.effects().iter().filter(is_new).find(of_record) {
             let reason = match self.shared.large.get() {
                 Some(Ok(_)) => None,
-                Some(Err(not_learnt)) => Some(not_learnt.why.clone()),
+                Some(Err(not_learnt)) => Some(not_learnt.reason.clone()),
                 None => effect.field().map(|field| format!("no search has learnt {} for this record", field.words())),
             };
             if let Some(reason) = reason {
                 let remedy = format!("leave `{}` out", effect.slug());
-                return Err(Error::input(Place::setting(Setting::Effects), reason, remedy));
+                return Err(Error::input(InputPlace::setting(Setting::Effects), reason, remedy));
             }
         }
         Ok(Candidate::new(&problem))
     }
 
     /// Slot for the effect that needs learning for each record; the search that learns it fills the slot.
-    pub(super) fn large(&self) -> &Large {
+    pub(super) fn large(&self) -> &LearntResponse {
         &self.shared.large
     }
 
@@ -337,7 +350,7 @@ impl Subject {
 
     /// Names of the noise terms in the model's specification, if fits use only those.
     pub(super) fn own_noise(&self) -> Option<&[String]> {
-        self.has_own_noise.then_some(&self.shared.own_noise[..])
+        self.has_only_specified_noise.then_some(&self.shared.own_noise[..])
     }
 
     /// Returns whether the model's specification has a gain and an offset for each recording.
@@ -361,12 +374,12 @@ impl Subject {
 
     /// Returns whether the noise is neither given nor estimable.
     pub fn is_noise_unknown(&self) -> bool {
-        self.problem().experiment.noise_yardstick().is_none()
+        self.problem().experiment.reference_noise().is_none()
     }
 
     /// Known or estimated noise standard deviation in µm, as documents show it; `None` if unknown.
     pub fn noise_um(&self) -> Option<f64> {
-        self.problem().experiment.noise_yardstick().map(|yardstick| 1e6 * yardstick.sd_m)
+        self.problem().experiment.reference_noise().map(|yardstick| 1e6 * yardstick.sd_m)
     }
 
     /// Returns whether the experiment gives the noise.
@@ -380,7 +393,7 @@ impl Subject {
     }
 
     /// Compliance that remembers the trajectories of nonlinear laws, for many neighbouring points.
-    pub fn local_compliance(&self) -> &Compliance {
+    pub fn memory_compliance(&self) -> &Compliance {
         &self.shared.local
     }
 
@@ -397,7 +410,8 @@ impl Subject {
         for (lane, theta) in points.iter().enumerate().take(N_LANES) {
             let parameters: Vec<Dual> = candidate.parameters(theta).into_iter().map(Dual::constant).collect();
             let made = candidate.model.stages(&parameters).and_then(|mut stages| {
-                let compliance = if self.is_local { &self.shared.local } else { &self.shared.model.compliance };
+                let compliance =
+                    if self.has_trajectory_memory { &self.shared.local } else { &self.shared.model.compliance };
                 let compliance = compliance.resolve(&mut stages)?;
                 Ok((stages, compliance.value))
             });
@@ -448,7 +462,7 @@ impl Subject {
 }
 
 /// Selects rows of a record: about `most` of its positions, evenly chosen, and the rows at which the force changes. `None` if it has no more positions.
-fn kept_rows(record: &Record, most: usize, is_placed: impl Fn(usize) -> bool) -> Option<Vec<bool>> {
+fn select_rows(record: &Record, most: usize, is_placed: impl Fn(usize) -> bool) -> Option<Vec<bool>> {
     let n_rows = record.n_rows();
     let n_placed = (0..n_rows).filter(|row| is_placed(*row)).count();
     let every = n_placed.div_ceil(most);
@@ -459,7 +473,7 @@ fn kept_rows(record: &Record, most: usize, is_placed: impl Fn(usize) -> bool) ->
     let is_kept = |row: usize| {
         let is_chosen = is_placed(row) && n_before % every == 0;
         n_before += usize::from(is_placed(row));
-        is_chosen || record.force().is_needed(row)
+        is_chosen || record.force().changes_at(row)
     };
     Some((0..n_rows).map(is_kept).collect())
 }

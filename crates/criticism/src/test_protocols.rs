@@ -2,7 +2,7 @@
 
 use criticism::{Candidate, Fitted, NoiseValues, Subject};
 use models::effects::Library;
-use posterior::monitor::Silent;
+use posterior::monitor::SilentMonitor;
 use posterior::problem::Problem;
 use posterior::study::ModelSpecification;
 use record::{Apparatus, Experiment, Record};
@@ -45,8 +45,8 @@ pub fn subject_with(cycles: &[&[f64]], library: &Library, effects: &[&str]) -> S
     };
     let effects = effects.iter().map(|slug| slug.to_string()).collect();
     let specification = ModelSpecification { effects, ..ModelSpecification::default() };
-    let problem = Problem::new(experiment, specification, None, &Silent).expect("a sound experiment");
-    Subject::new(&problem, library, None, &Silent).expect("a sound problem")
+    let problem = Problem::new(experiment, specification, None, &SilentMonitor).expect("a sound experiment");
+    Subject::new(&problem, library, None, &SilentMonitor).expect("a sound problem")
 }
 
 /// The paper's protocol.

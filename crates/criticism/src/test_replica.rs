@@ -7,7 +7,7 @@ use std::sync::OnceLock;
 use super::{Candidate, Fitted, Search, Subject};
 use crate::NoiseValues;
 use models::effects::{EFFECTS, Library};
-use posterior::monitor::Silent;
+use posterior::monitor::SilentMonitor;
 use posterior::problem::Problem;
 use posterior::replica::embedded;
 use posterior::study::ModelSpecification;
@@ -24,8 +24,8 @@ pub fn replica() -> &'static Subject {
 /// The replica with a selection of effects.
 pub fn replica_with(library: &Library) -> Subject {
     let (experiment, _) = embedded().expect("embedded");
-    let problem = Problem::new(experiment, ModelSpecification::default(), None, &Silent).expect("sound");
-    Subject::new(&problem, library, None, &Silent).expect("sound")
+    let problem = Problem::new(experiment, ModelSpecification::default(), None, &SilentMonitor).expect("sound");
+    Subject::new(&problem, library, None, &SilentMonitor).expect("sound")
 }
 
 /// White noise of 4 µm with hardly any other term.

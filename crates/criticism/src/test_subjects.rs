@@ -3,7 +3,7 @@
 use super::Subject;
 use crate::NoiseValues;
 use models::effects::Library;
-use posterior::monitor::Silent;
+use posterior::monitor::SilentMonitor;
 use posterior::problem::Problem;
 use posterior::replica::{TABLE_I, embedded};
 use posterior::study::ModelSpecification;
@@ -34,8 +34,8 @@ impl Protocol {
         record.position_m = (0..n_rows).map(|row| Some(1e-4 * (0.6 * row as f64).sin())).collect();
         experiment.calibration_cycles = (1..n_cycles as u32).collect();
         experiment.heldout_cycles = vec![n_cycles as u32];
-        let problem = Problem::new(experiment, ModelSpecification::default(), None, &Silent).expect("sound");
-        Subject::new(&problem, &Library::default(), None, &Silent).expect("sound")
+        let problem = Problem::new(experiment, ModelSpecification::default(), None, &SilentMonitor).expect("sound");
+        Subject::new(&problem, &Library::default(), None, &SilentMonitor).expect("sound")
     }
 }
 
@@ -56,12 +56,13 @@ pub fn subject(protocol: Protocol) -> Subject {
         experiment.heldout_cycles = vec![2, 3, 4, 5];
         experiment.noise_sd_m = Some(4e-6);
         // Ranges of positions scale default priors.
-        let problem = Problem::new(experiment.clone(), ModelSpecification::default(), None, &Silent).expect("sound");
-        let subject = Subject::new(&problem, &Library::default(), None, &Silent).expect("sound");
+        let problem =
+            Problem::new(experiment.clone(), ModelSpecification::default(), None, &SilentMonitor).expect("sound");
+        let subject = Subject::new(&problem, &Library::default(), None, &SilentMonitor).expect("sound");
         experiment.record.position_m = truth_of(&subject, &[], &[]).into_iter().map(Some).collect();
     }
-    let problem = Problem::new(experiment, ModelSpecification::default(), None, &Silent).expect("sound");
-    Subject::new(&problem, &Library::default(), None, &Silent).expect("sound")
+    let problem = Problem::new(experiment, ModelSpecification::default(), None, &SilentMonitor).expect("sound");
+    Subject::new(&problem, &Library::default(), None, &SilentMonitor).expect("sound")
 }
 
 /// Positions (m) of Table I's law with effects of these sizes, in the order of the model's parameters.

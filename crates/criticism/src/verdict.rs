@@ -1,6 +1,6 @@
 //! The verdict: a pure function of the evidence of a search and of [`Criteria`].
 //!
-//! The caller fills in the evidence in a fixed order. First come the additions that the search proposes. Then follow the residual test of the accepted model, and of the next one if it fails ([`Evidence::open_test`]); the residual
+//! The caller fills in the evidence in a fixed order. First come the additions that the search proposes. Then follow the residual test of the accepted model, and of the next one if it fails ([`Evidence::next_test`]); the residual
 //! of the leading effect alone, if structure of the law replaces it ([`Evidence::is_replaced_by_law`]); rivals of a claim ([`Evidence::claim`]). A record, a sweep and a cohort fill in the parts that they
 //! have. This module neither fits nor reads nor simulates.
 
@@ -106,7 +106,7 @@ pub struct ResidualTest {
 
 /// A model that the search proposes.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Proposal {
+pub struct ClaimProposal {
     /// Its effects and gains.
     pub addition: Addition,
     /// Its residual test; `None` until it is made.
@@ -115,7 +115,7 @@ pub struct Proposal {
     pub alone: Option<Residual>,
 }
 
-impl From<Addition> for Proposal {
+impl From<Addition> for ClaimProposal {
     fn from(addition: Addition) -> Self {
         Self { addition, test: None, alone: None }
     }
@@ -169,12 +169,12 @@ impl Criteria {
     }
 
     /// Returns whether structure in a claim's residual is more than an error of the claim's shape.
-    pub fn is_beside(&self, structure: &Structure, claim: &Addition) -> bool {
+    pub fn adds_to_claim(&self, structure: &Structure, claim: &Addition) -> bool {
         structure.gain_nats >= self.least_structure_share * claim.over_base.fitted
     }
 
     /// Returns whether structure in the base's residual explains more than a claim. The threshold depends on whether the claim's own residual shows structure.
-    pub fn is_instead(&self, structure: &Structure, claim: &Addition, has_beside: bool) -> bool {
+    pub fn replaces_claim(&self, structure: &Structure, claim: &Addition, has_beside: bool) -> bool {
         let gain_nats = claim.over_base.fitted;
         let chance_nats = self.chance_nats + self.larger_nats * claim.effects.len().saturating_sub(1) as f64;
         let lead_nats =
@@ -183,8 +183,8 @@ impl Criteria {
     }
 
     /// Returns whether structure resembles an effect that `is_effect` accepts.
-    pub fn looks_like(&self, structure: &Structure, is_effect: impl Fn(&str) -> bool) -> bool {
-        structure.twins.iter().any(|(slug, cosine)| *cosine > self.twin_cosine && is_effect(slug))
+    pub fn resembles_effect(&self, structure: &Structure, is_effect: impl Fn(&str) -> bool) -> bool {
+        structure.twins.iter().any(|(slug, cosine)| *cosine > self.least_similar_cosine && is_effect(slug))
     }
 
     /// Returns whether the data cannot distinguish a rival from the claim.
@@ -199,7 +199,7 @@ impl Criteria {
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Evidence {
     /// Models that may be claimed, in the order in which they are considered.
-    pub proposals: Vec<Proposal>,
+    pub proposals: Vec<ClaimProposal>,
     /// Residual test of the base; `None` until it is made.
     pub base: Option<ResidualTest>,
     /// Rivals of the claim.
@@ -229,8 +229,8 @@ pub struct Verdict {
 
 impl Evidence {
     /// The accepted proposal (`None`: the base), with its residual test.
-    fn standing(&self, criteria: &Criteria) -> (Option<usize>, Option<&ResidualTest>) {
-        for (place, Proposal { addition, test, .. }) in self.proposals.iter().enumerate() {
+    fn accepted(&self, criteria: &Criteria) -> (Option<usize>, Option<&ResidualTest>) {
+        for (place, ClaimProposal { addition, test, .. }) in self.proposals.iter().enumerate() {
             if !criteria.passes(addition) {
                 continue;
             }
@@ -245,21 +245,21 @@ impl Evidence {
     }
 
     /// Model whose residual must be tested next: a proposal, or the base (`Some(None)`); `None` if the accepted model is tested.
-    pub fn open_test(&self, criteria: &Criteria) -> Option<Option<usize>> {
-        let (proposal, test) = self.standing(criteria);
+    pub fn next_test(&self, criteria: &Criteria) -> Option<Option<usize>> {
+        let (proposal, test) = self.accepted(criteria);
         test.is_none().then_some(proposal)
     }
 
     /// Returns whether structure that may belong to the law has replaced every proposal. If so, the residual of the leading effect alone decides whether that effect helps.
     pub fn is_replaced_by_law(&self, criteria: &Criteria) -> bool {
-        let (proposal, test) = self.standing(criteria);
+        let (proposal, test) = self.accepted(criteria);
         let is_of_law = |test: &ResidualTest| test.structure.first().is_some_and(|first| first.is_of_law);
         proposal.is_none() && test.is_some_and(is_of_law)
     }
 
     /// Index of the claimed proposal, whose rivals must be found next.
     pub fn claim(&self, criteria: &Criteria) -> Option<usize> {
-        let verdict = verdict(self, criteria);
+        let verdict = decide_verdict(self, criteria);
         verdict.proposal.filter(|_| verdict.kind == VerdictKind::Missing)
     }
 }
@@ -274,10 +274,10 @@ impl ResidualTest {
 ///
 /// An effect is missing if a proposal passes and its residual is noise. The law is wrong for an unexplained reason if the residual of the accepted model exceeds the noise, or if structure outside
 /// the library is the only finding. Else nothing is missing. An untested residual does not count as noise.
-pub fn verdict(evidence: &Evidence, criteria: &Criteria) -> Verdict {
-    let (standing, test) = evidence.standing(criteria);
+pub fn decide_verdict(evidence: &Evidence, criteria: &Criteria) -> Verdict {
+    let (standing, test) = evidence.accepted(criteria);
     let has_structure = test.is_some_and(|test| !test.structure.is_empty());
-    let helps = |proposal: &Proposal| proposal.alone.is_some_and(|alone| alone.exceeds_noise(criteria));
+    let helps = |proposal: &ClaimProposal| proposal.alone.is_some_and(|alone| alone.exceeds_noise(criteria));
     let helping = evidence.proposals.iter().position(helps).filter(|_| evidence.is_replaced_by_law(criteria));
     let (proposal, residual) = match helping {
         Some(place) => (helping, evidence.proposals[place].alone),
@@ -312,7 +312,7 @@ impl Verdict {
 
     /// Status of an effect of the library under this verdict.
     pub fn status(&self, effect: &EffectEvidence, criteria: &Criteria) -> Status {
-        let is_among = |list: &[String]| list.iter().any(|own| own == effect.effect);
+        let is_among = |list: &[String]| list.iter().any(|name| name == effect.effect);
         let gain_nats = effect.gain_nats.unwrap_or(f64::NEG_INFINITY);
         let is_hidden = effect.visible_fraction.is_none_or(|fraction| fraction < criteria.least_visible);
         if is_among(&self.effects) {

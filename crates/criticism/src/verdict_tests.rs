@@ -1,7 +1,7 @@
 //! Tests of every kind of verdict, from evidence made by hand.
 
 use super::*;
-use posterior::misfit::Size;
+use posterior::misfit::ResidualSize;
 
 const CRITERIA: Criteria = Criteria::RECORD;
 /// A gain that passes every threshold of a record.
@@ -14,7 +14,7 @@ fn addition(effects: &[&str], p: f64, round: usize) -> Addition {
 
 /// Residual of `factor` times 4 µm of noise on the held-out cycle.
 fn misfit(factor: f64, is_known: bool, is_too_large: bool) -> Residual {
-    let size = Size { rms_m: factor * 4e-6, is_too_large };
+    let size = ResidualSize { rms_m: factor * 4e-6, is_too_large };
     let misfit =
         Misfit { fitted: size, heldout: Some(size), noise_m: 4e-6, is_known, returning_m: None, learnt_degrees: 1.0 };
     Residual::Record { misfit, n_positions: 100, over_predicted: None }
@@ -38,7 +38,7 @@ fn structure(is_of_law: bool) -> Structure {
 
 /// One effect that passes, with the residual beside it.
 fn claim(residual: Residual) -> Evidence {
-    let proposal = Proposal { test: Some(test(residual)), ..addition(&["force-bias"], 0.01, 0).into() };
+    let proposal = ClaimProposal { test: Some(test(residual)), ..addition(&["force-bias"], 0.01, 0).into() };
     Evidence { proposals: vec![proposal], base: None, rivals: Vec::new() }
 }
 
@@ -47,7 +47,7 @@ fn of_base(test: Option<ResidualTest>) -> Evidence {
 }
 
 fn decide(evidence: &Evidence) -> (VerdictKind, Vec<String>) {
-    let Verdict { kind, effects, .. } = verdict(evidence, &CRITERIA);
+    let Verdict { kind, effects, .. } = decide_verdict(evidence, &CRITERIA);
     (kind, effects)
 }
 
@@ -83,17 +83,17 @@ fn each_round_spends_half_of_the_one_before_and_every_threshold_has_to_be_passed
 fn nothing_is_missing_where_no_proposal_passes_and_the_base_leaves_noise() {
     let mut evidence = claim(noise());
     evidence.proposals[0].addition.p = 0.2;
-    assert_eq!(evidence.open_test(&CRITERIA), Some(None));
+    assert_eq!(evidence.next_test(&CRITERIA), Some(None));
     evidence.base = Some(test(noise()));
     assert_eq!(decide(&evidence), (VerdictKind::None, Vec::new()));
-    assert!(!verdict(&evidence, &CRITERIA).is_doubtful);
+    assert!(!decide_verdict(&evidence, &CRITERIA).is_doubtful);
 }
 
 /// 1.35 times the known noise in 100 positions: white noise is never so large, slow noise may be.
 #[test]
 fn a_large_residual_beside_known_noise_is_doubtful() {
     let is_doubtful = |factor: f64, is_known: bool| {
-        let verdict = verdict(&of_base(Some(test(misfit(factor, is_known, false)))), &CRITERIA);
+        let verdict = decide_verdict(&of_base(Some(test(misfit(factor, is_known, false)))), &CRITERIA);
         assert_eq!(verdict.kind, VerdictKind::None);
         verdict.is_doubtful
     };
@@ -107,7 +107,7 @@ fn an_untested_residual_is_not_noise() {
     assert_eq!(decide(&of_base(None)), (VerdictKind::Unexplained, Vec::new()));
     let mut evidence = claim(noise());
     evidence.proposals[0].test = None;
-    assert_eq!(evidence.open_test(&CRITERIA), Some(Some(0)));
+    assert_eq!(evidence.next_test(&CRITERIA), Some(Some(0)));
     assert_eq!(decide(&evidence), (VerdictKind::Unexplained, vec!["force-bias".into()]));
 }
 
@@ -131,16 +131,16 @@ fn a_claim_that_leaves_more_than_its_predictive_noise_is_unexplained() {
     assert_eq!(decide(&claim(leaves(24.6 / 9.4))), (VerdictKind::Unexplained, vec!["force-bias".into()]));
     // Only the leading effect of a pair helps, and it is judged alike.
     let pair =
-        Proposal { test: Some(test(leaves(2.6))), ..addition(&["force-bias", "tracking-drift"], 0.01, 1).into() };
+        ClaimProposal { test: Some(test(leaves(2.6))), ..addition(&["force-bias", "tracking-drift"], 0.01, 1).into() };
     let mut evidence = Evidence { proposals: vec![pair, addition(&["force-bias"], 0.01, 0).into()], ..claim(noise()) };
-    assert_eq!(evidence.open_test(&CRITERIA), Some(Some(1)));
+    assert_eq!(evidence.next_test(&CRITERIA), Some(Some(1)));
     evidence.proposals[1].test = Some(test(leaves(2.7)));
     assert_eq!(decide(&evidence), (VerdictKind::Unexplained, vec!["force-bias".into()]));
     // A cohort's claim: 1.76 µm at a noise of 0.1 µm.
     let of_cohort = |factor: f64| {
         let mut evidence = claim(Residual::CohortClaim(Some(factor)));
         evidence.proposals[0].addition = Addition::of_gains("force-bias", 20.0, [Some(9.0); 2], 0.005);
-        (verdict(&evidence, &Criteria::COHORT).kind, evidence.claim(&Criteria::COHORT))
+        (decide_verdict(&evidence, &Criteria::COHORT).kind, evidence.claim(&Criteria::COHORT))
     };
     assert_eq!(of_cohort(1.49), (VerdictKind::Missing, Some(0)));
     assert_eq!(of_cohort(17.6), (VerdictKind::Unexplained, None));
@@ -149,21 +149,22 @@ fn a_claim_that_leaves_more_than_its_predictive_noise_is_unexplained() {
 /// If a larger model keeps a misfit, the leading effect alone is considered, and then the base.
 #[test]
 fn no_effect_is_added_for_the_sake_of_a_misfit_that_stays() {
-    let pair = Proposal { test: Some(test(excess())), ..addition(&["force-bias", "tracking-drift"], 0.01, 1).into() };
+    let pair =
+        ClaimProposal { test: Some(test(excess())), ..addition(&["force-bias", "tracking-drift"], 0.01, 1).into() };
     let mut evidence = Evidence { proposals: vec![pair, addition(&["force-bias"], 0.01, 0).into()], ..claim(noise()) };
-    assert_eq!(evidence.open_test(&CRITERIA), Some(Some(1)));
+    assert_eq!(evidence.next_test(&CRITERIA), Some(Some(1)));
     evidence.proposals[1].test = Some(test(excess()));
-    assert_eq!(evidence.open_test(&CRITERIA), None);
+    assert_eq!(evidence.next_test(&CRITERIA), None);
     assert_eq!(decide(&evidence), (VerdictKind::Unexplained, vec!["force-bias".into()]));
     evidence.proposals[1].addition.p = 0.2;
-    assert_eq!(evidence.open_test(&CRITERIA), Some(None));
+    assert_eq!(evidence.next_test(&CRITERIA), Some(None));
 }
 
 #[test]
 fn structure_beside_a_claim_leaves_it_and_structure_alone_is_unexplained() {
     let mut evidence = claim(noise());
     evidence.proposals[0].test.as_mut().expect("tested").structure = vec![structure(true)];
-    let found = verdict(&evidence, &CRITERIA);
+    let found = decide_verdict(&evidence, &CRITERIA);
     assert_eq!((found.kind, found.has_structure), (VerdictKind::Missing, true));
     let alone = ResidualTest { structure: vec![structure(false)], ..test(noise()) };
     assert_eq!(decide(&of_base(Some(alone))), (VerdictKind::Unexplained, Vec::new()));
@@ -177,7 +178,7 @@ fn structure_takes_the_place_of_a_claim() {
         Some(ResidualTest { structure: vec![structure(is_of_law)], replaces_effects: true, ..test(noise()) })
     };
     evidence.proposals[0].test = replaced(false);
-    assert!(evidence.open_test(&CRITERIA).is_none() && !evidence.is_replaced_by_law(&CRITERIA));
+    assert!(evidence.next_test(&CRITERIA).is_none() && !evidence.is_replaced_by_law(&CRITERIA));
     assert_eq!(decide(&evidence), (VerdictKind::Unexplained, Vec::new()));
     evidence.proposals[0].test = replaced(true);
     assert!(evidence.is_replaced_by_law(&CRITERIA));
@@ -185,7 +186,7 @@ fn structure_takes_the_place_of_a_claim() {
     assert_eq!(decide(&evidence), (VerdictKind::Unexplained, Vec::new()));
     evidence.proposals[0].alone = Some(excess());
     assert_eq!(decide(&evidence), (VerdictKind::Unexplained, vec!["force-bias".into()]));
-    assert_eq!(verdict(&evidence, &CRITERIA).residual, Some(excess()));
+    assert_eq!(decide_verdict(&evidence, &CRITERIA).residual, Some(excess()));
 }
 
 #[test]
@@ -195,12 +196,12 @@ fn structure_is_held_against_chance_and_the_claim() {
     assert!(CRITERIA.is_significant(&of(5.5)) && !CRITERIA.is_significant(&of(5.4)));
     assert!(!CRITERIA.is_significant(&Structure { p_familywise: 0.021, ..of(30.0) }));
     // The claim gains 20 nats.
-    assert!(CRITERIA.is_beside(&of(2.0), &claim) && !CRITERIA.is_beside(&of(1.9), &claim));
-    assert!(CRITERIA.is_instead(&of(18.6), &claim, true) && !CRITERIA.is_instead(&of(18.4), &claim, true));
-    assert!(CRITERIA.is_instead(&of(24.6), &claim, false) && !CRITERIA.is_instead(&of(24.4), &claim, false));
-    assert!(CRITERIA.is_instead(&of(10.6), &addition(&["force-bias", "tracking-drift"], 0.01, 1), true));
-    assert!(CRITERIA.looks_like(&of(9.0), |slug| slug == "force-bias"));
-    assert!(!CRITERIA.looks_like(&of(9.0), |slug| slug == "tracking-drift"));
+    assert!(CRITERIA.adds_to_claim(&of(2.0), &claim) && !CRITERIA.adds_to_claim(&of(1.9), &claim));
+    assert!(CRITERIA.replaces_claim(&of(18.6), &claim, true) && !CRITERIA.replaces_claim(&of(18.4), &claim, true));
+    assert!(CRITERIA.replaces_claim(&of(24.6), &claim, false) && !CRITERIA.replaces_claim(&of(24.4), &claim, false));
+    assert!(CRITERIA.replaces_claim(&of(10.6), &addition(&["force-bias", "tracking-drift"], 0.01, 1), true));
+    assert!(CRITERIA.resembles_effect(&of(9.0), |slug| slug == "force-bias"));
+    assert!(!CRITERIA.resembles_effect(&of(9.0), |slug| slug == "tracking-drift"));
 }
 
 fn rival(deficit_nats: f64, separation_sigma: Option<f64>, lead_p: Option<f64>) -> Rival {
@@ -215,10 +216,10 @@ fn several_effects_are_equivalent() {
         rival(5.9, Some(4.0), None),
         rival(6.1, Some(0.0), None),
     ];
-    assert_eq!(verdict(&evidence, &CRITERIA).equivalent, ["force-asymmetry"]);
+    assert_eq!(decide_verdict(&evidence, &CRITERIA).equivalent, ["force-asymmetry"]);
     // A helping effect has no equivalent effects.
     evidence.proposals[0].test = Some(test(excess()));
-    assert!(verdict(&evidence, &CRITERIA).equivalent.is_empty());
+    assert!(decide_verdict(&evidence, &CRITERIA).equivalent.is_empty());
 }
 
 /// A sweep has no future cycles; its rivals are distinguished by nats alone.
@@ -233,7 +234,7 @@ fn a_sweep_is_judged_by_p_and_held_out_frequencies() {
     let kind = |p: f64| {
         let mut evidence = claim(Residual::Sweep(p));
         evidence.proposals[0].addition = addition(0.005, None);
-        verdict(&evidence, &criteria).kind
+        decide_verdict(&evidence, &criteria).kind
     };
     assert_eq!(
         [0.01, 0.009, f64::NAN].map(kind),
@@ -250,9 +251,9 @@ fn a_cohort_is_judged_by_p_and_held_out_cycles() {
     assert!(!criteria.passes(&addition(Some(2.0), 0.01)) && !criteria.passes(&addition(None, 0.01)));
     assert!(criteria.is_equivalent(&rival(30.0, None, Some(0.021))));
     assert!(!criteria.is_equivalent(&rival(0.1, None, Some(0.02))));
-    let kind = |n: usize| verdict(&of_base(Some(test(Residual::Cohort(n)))), &criteria).kind;
+    let kind = |n: usize| decide_verdict(&of_base(Some(test(Residual::Cohort(n)))), &criteria).kind;
     assert_eq!([0, 1].map(kind), [VerdictKind::None, VerdictKind::Unexplained]);
-    let nothing = verdict(&of_base(Some(test(Residual::Cohort(1)))), &criteria);
+    let nothing = decide_verdict(&of_base(Some(test(Residual::Cohort(1)))), &criteria);
     let status = |gain_nats: Option<f64>, p: f64| {
         let visible_fraction = gain_nats.map(|_| 1.0);
         nothing.status(&EffectEvidence { effect: "mass", gain_nats, p, visible_fraction }, &criteria)
@@ -270,7 +271,7 @@ fn a_status_is_that_of_gain_visibility_and_verdict() {
         p: 0.5,
         visible_fraction,
     };
-    let nothing = verdict(&of_base(Some(test(noise()))), &CRITERIA);
+    let nothing = decide_verdict(&of_base(Some(test(noise()))), &CRITERIA);
     let of = |gain: f64, visible: Option<f64>| nothing.status(&effect(gain, visible), &CRITERIA);
     assert_eq!(of(2.1, Some(0.5)), Status::Suggestive);
     assert_eq!(of(1.9, Some(0.5)), Status::Unsupported);
@@ -278,8 +279,8 @@ fn a_status_is_that_of_gain_visibility_and_verdict() {
     assert_eq!(of(2.1, Some(0.9e-3)), Status::Suggestive);
     assert_eq!(of(1.9, None), Status::Invisible);
     let bias = EffectEvidence { effect: "force-bias", ..effect(20.0, Some(0.5)) };
-    let missing = verdict(&claim(noise()), &CRITERIA);
+    let missing = decide_verdict(&claim(noise()), &CRITERIA);
     assert_eq!(missing.status(&bias, &CRITERIA), Status::Claimed);
     assert_eq!(missing.status(&effect(9.0, Some(0.5)), &CRITERIA), Status::Unsupported);
-    assert_eq!(verdict(&claim(excess()), &CRITERIA).status(&bias, &CRITERIA), Status::Suggestive);
+    assert_eq!(decide_verdict(&claim(excess()), &CRITERIA).status(&bias, &CRITERIA), Status::Suggestive);
 }

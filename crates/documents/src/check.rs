@@ -9,7 +9,7 @@ pub struct CheckSummary {
     /// Specimen identifier.
     pub experiment: String,
     /// The program's reading of the record.
-    pub understood: UnderstoodRecord,
+    pub understood: RecordReading,
     /// Contradictions between rows and description, certain ones first.
     pub contradictions: Vec<Contradiction>,
 }
@@ -17,7 +17,7 @@ pub struct CheckSummary {
 /// The program's reading of a record.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
-pub struct UnderstoodRecord {
+pub struct RecordReading {
     /// Number of rows.
     pub rows: usize,
     /// Number of rows with a position.

@@ -67,7 +67,7 @@ pub struct CohortEffect {
     /// Gain in the log score of the last cycles under the best size distribution; `None` if no cycle is held out.
     pub heldout_gain_nats: Option<f64>,
     /// Best size distribution; `None` if no distribution gains likelihood.
-    pub law: Option<CohortSizes>,
+    pub law: Option<SizeDistribution>,
     /// Number of records that can show the effect.
     pub records: usize,
     /// Reason why no record is searched for the effect; `None` if it is searched for.
@@ -77,7 +77,7 @@ pub struct CohortEffect {
 /// Best common distribution of an effect's size over the records.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
-pub struct CohortSizes {
+pub struct SizeDistribution {
     /// Median size in the records that have the effect.
     pub median: f64,
     /// Standard deviation of ln size between records that have the effect.
@@ -85,14 +85,14 @@ pub struct CohortSizes {
     /// Share of records that have the effect.
     pub share: f64,
     /// Side of the null on which sizes lie.
-    pub sides: SidesName,
+    pub sides: NullSide,
 }
 
 /// Side of an effect's null on which its sizes lie.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 #[serde(rename_all = "snake_case")]
-pub enum SidesName {
+pub enum NullSide {
     /// Above the null.
     Above,
     /// Below the null.
@@ -164,7 +164,7 @@ pub struct CohortGroup {
     /// Mean size over all records of the group, with size 0 for records without the effect: 5 %, 50 % and 95 % quantiles.
     pub mean: [f64; 3],
     /// Most probable side of the null on which sizes lie.
-    pub sides: SidesName,
+    pub sides: NullSide,
     /// Gain of the group by its best size distribution.
     pub gain_nats: f64,
 }

@@ -27,7 +27,7 @@ pub struct Comparison {
     /// Findings, clearest first. Explained findings come last.
     pub findings: Vec<Finding>,
     /// Every test.
-    pub panels: Vec<PanelEntry>,
+    pub panels: Vec<TestEntry>,
     /// Tests that do not apply to this experiment.
     pub left_out: Vec<LeftOutEntry>,
     /// Number of simulated records that correct the tests' p values jointly.
@@ -57,7 +57,7 @@ pub struct Finding {
 /// One test.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
-pub struct PanelEntry {
+pub struct TestEntry {
     /// Stable name of the test.
     #[serde(rename = "where")]
     pub place: String,
@@ -76,13 +76,13 @@ pub struct PanelEntry {
     /// p corrected for all tests.
     pub p_familywise: f64,
     /// Biases, in µm. For `runs`: a standard score; for `autocorrelation`: correlations.
-    pub bars: Vec<Bar>,
+    pub bars: Vec<ColumnBias>,
 }
 
 /// Bias in one column of a test.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
-pub struct Bar {
+pub struct ColumnBias {
     /// Short name.
     pub label: String,
     /// Place of the column, as the end of a sentence.

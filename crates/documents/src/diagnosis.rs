@@ -33,7 +33,7 @@ pub struct Diagnosis {
     /// Noise estimates by several methods, with a statement on their agreement.
     pub noise: Vec<NoiseEstimate>,
     /// Misfits that no effect of the library explains.
-    pub unexplained: Vec<UnexplainedEntry>,
+    pub unexplained: Vec<UnexplainedMisfit>,
     /// All unexplained misfits together and their share of the predictive noise. `None` if nothing is unexplained or if this was not requested.
     pub discrepancy: Option<DiscrepancyEntry>,
     /// Rows (from 0) left out as outliers.
@@ -49,7 +49,7 @@ const CHANCE_P: f64 = 0.05;
 
 impl Diagnosis {
     /// Status of a candidate in words, given the verdict.
-    pub fn standing(&self, candidate: &CandidateEntry) -> &'static str {
+    pub fn status_words(&self, candidate: &CandidateEntry) -> &'static str {
         let (kind, is_named) = (self.verdict.kind, self.verdict.effects.contains(&candidate.effect));
         let is_chance = candidate.refit.is_none() || candidate.p_familywise > CHANCE_P;
         match candidate.status {
@@ -68,11 +68,13 @@ impl Diagnosis {
     /// Sentence on effects that gain likelihood beyond chance without lowering the scored cycle's error; `None` if there are none.
     pub fn gains_without_error(&self) -> Option<String> {
         let before_um = self.base.rmse_heldout_um?;
-        let is_so = |own: &&CandidateEntry| {
-            let after_um = own.refit.as_ref().and_then(|refit| refit.rmse_heldout_um);
-            own.p_familywise <= CHANCE_P && after_um.is_some_and(|after_um| after_um > (1.0 - LEAST_FALL) * before_um)
+        let is_so = |candidate: &&CandidateEntry| {
+            let after_um = candidate.refit.as_ref().and_then(|refit| refit.rmse_heldout_um);
+            candidate.p_familywise <= CHANCE_P
+                && after_um.is_some_and(|after_um| after_um > (1.0 - LEAST_FALL) * before_um)
         };
-        let named: Vec<&str> = self.candidates.iter().filter(is_so).map(|own| own.effect.as_str()).collect();
+        let named: Vec<&str> =
+            self.candidates.iter().filter(is_so).map(|candidate| candidate.effect.as_str()).collect();
         let verb = if named.len() == 1 { "gains" } else { "gain" };
         (!named.is_empty()).then(|| {
             format!(
@@ -84,11 +86,11 @@ impl Diagnosis {
 }
 
 /// Effects that cannot be searched for, grouped by reason. Reasons keep the order of their first occurrence.
-pub fn by_reason<'a>(effects: impl Iterator<Item = (&'a str, Option<&'a str>)>) -> Vec<(&'a str, Vec<&'a str>)> {
+pub fn group_by_reason<'a>(effects: impl Iterator<Item = (&'a str, Option<&'a str>)>) -> Vec<(&'a str, Vec<&'a str>)> {
     let mut reasons: Vec<(&str, Vec<&str>)> = Vec::new();
     for (effect, refused) in effects {
         let Some(reason) = refused else { continue };
-        match reasons.iter_mut().find(|(own, _)| *own == reason) {
+        match reasons.iter_mut().find(|(known, _)| *known == reason) {
             Some((_, effects)) => effects.push(effect),
             None => reasons.push((reason, vec![effect])),
         }
@@ -212,13 +214,13 @@ pub struct Refit {
     pub parameters: Vec<RefitParameter>,
     /// Modes of the posterior if it has several, the most probable first. `parameters` averages over all of them.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    pub answers: Vec<Answer>,
+    pub answers: Vec<PosteriorMode>,
 }
 
 /// One of several modes of a posterior, separated from the others by a valley.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
-pub struct Answer {
+pub struct PosteriorMode {
     /// Share of the posterior in this mode.
     pub probability: f64,
     /// Parameters within this mode.
@@ -278,7 +280,7 @@ pub struct NoiseEstimate {
 /// A misfit that no effect of the library explains.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
-pub struct UnexplainedEntry {
+pub struct UnexplainedMisfit {
     /// `slip`, `vibration`, `backlash`, `cycle-locked`, …
     pub kind: String,
     /// Sentence on kind, time and size.
@@ -317,6 +319,6 @@ mod tests {
     #[test]
     fn a_reason_is_named_once_with_all_its_effects() {
         let effects = [("a", Some("no gel")), ("b", None), ("c", Some("no force")), ("d", Some("no gel"))];
-        assert_eq!(by_reason(effects.into_iter()), [("no gel", vec!["a", "d"]), ("no force", vec!["c"])]);
+        assert_eq!(group_by_reason(effects.into_iter()), [("no gel", vec!["a", "d"]), ("no force", vec!["c"])]);
     }
 }

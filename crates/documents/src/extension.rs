@@ -37,7 +37,7 @@ pub struct ExtensionSummary {
     pub converged: bool,
     /// Modes of the posterior that differ in a parameter of the added effects, the most probable first; empty for a single mode.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    pub answers: Vec<ExtensionAnswer>,
+    pub answers: Vec<ExtensionMode>,
     /// Effects that the diagnoses could not distinguish from the added effects and from those of earlier revisions.
     #[serde(default)]
     pub equivalents: Vec<EquivalentEffects>,
@@ -53,7 +53,7 @@ pub struct ExtensionSummary {
 /// One of several modes of a posterior, separated from the others by a valley.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
-pub struct ExtensionAnswer {
+pub struct ExtensionMode {
     /// The parameter that the modes differ in.
     pub parameter: String,
     /// Share of the posterior in this mode.

@@ -132,7 +132,7 @@ pub struct ContrastSummary {
     /// Verdict on the ratio, given the margin.
     pub verdict: RatioVerdict,
     /// Number of specimens that would settle the question; `None` if it is settled.
-    pub more: Option<Plan>,
+    pub more: Option<SampleSizePlan>,
 }
 
 /// Result of a specimen in a group.
@@ -231,7 +231,7 @@ pub enum RatioVerdict {
 /// Expected benefit of measuring more specimens.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
-pub struct Plan {
+pub struct SampleSizePlan {
     /// Smallest number of new specimens in each group that settles the question with probability 80 %; `None` if 512 are too few.
     pub specimens_per_group: Option<u32>,
     /// Probability of settling the question with `specimens_per_group` specimens, or with 512.

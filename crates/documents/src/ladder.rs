@@ -21,7 +21,7 @@ pub struct LadderSummary {
     /// Source of the noise value.
     pub noise_origin: String,
     /// The revisions, in their order.
-    pub revisions: Vec<Rung>,
+    pub revisions: Vec<LadderRow>,
     /// Changes of the law's parameters from the first revision to the last; empty for a single revision.
     pub shifts: Vec<Shift>,
     /// Summary of the figures, as a sentence.
@@ -34,7 +34,7 @@ pub struct LadderSummary {
 /// A revision.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
-pub struct Rung {
+pub struct LadderRow {
     /// Name of the revision.
     pub revision: String,
     /// All effects of the revision.
@@ -57,7 +57,7 @@ pub struct Rung {
     /// Monte Carlo standard error of the log score.
     pub heldout_log_score_mcse_nats: Option<f64>,
     /// Posterior of every sampled parameter.
-    pub parameters: Vec<RungParameter>,
+    pub parameters: Vec<LadderParameter>,
     /// Learnt noise from row to row, posterior median, in µm.
     pub learnt_noise_um: f64,
     /// Fraction of scored positions inside the central 50 % band.
@@ -79,7 +79,7 @@ pub struct Rung {
 /// A parameter of a revision.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
-pub struct RungParameter {
+pub struct LadderParameter {
     /// Name, with unit.
     pub name: String,
     /// Posterior mean.
@@ -94,7 +94,7 @@ pub struct RungParameter {
     pub q95: f64,
 }
 
-impl From<ParameterSummary> for RungParameter {
+impl From<ParameterSummary> for LadderParameter {
     fn from(summary: ParameterSummary) -> Self {
         let ParameterSummary { name, mean, sd, q05, median, q95, .. } = summary;
         Self { name, mean, sd, q05, median, q95 }
@@ -108,9 +108,9 @@ pub struct Shift {
     /// Name of the parameter.
     pub name: String,
     /// Posterior in the first revision.
-    pub before: RungParameter,
+    pub before: LadderParameter,
     /// Posterior in the last revision.
-    pub after: RungParameter,
+    pub after: LadderParameter,
     /// Median before divided by median after, minus 1.
     pub relative: f64,
     /// Mean before minus mean after, in standard deviations of the first revision.
@@ -130,14 +130,15 @@ impl LadderSummary {
         let last = self.revisions.len().saturating_sub(1);
         let revisions = self.revisions.iter().enumerate();
         revisions.flat_map(move |(k, rung)| {
-            let is_told = move |warning: &&Warning| spoils(warning.kind) || (k == last && warning.kind.is_fatal());
+            let is_told =
+                move |warning: &&Warning| invalidates_figures(warning.kind) || (k == last && warning.kind.is_fatal());
             rung.warnings.iter().filter(is_told).map(|warning| (rung.revision.as_str(), warning))
         })
     }
 }
 
 /// True if the warning says that figures are wrong, not only that a model is.
-fn spoils(kind: WarningKind) -> bool {
+fn invalidates_figures(kind: WarningKind) -> bool {
     use WarningKind::*;
     matches!(kind, NotConverged | SurrogateInaccurate | MeshInaccurate | Undetermined | DrawsRefused)
 }

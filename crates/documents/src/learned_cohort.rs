@@ -23,7 +23,7 @@ pub struct LearnedCohort {
     /// The formula; `None` if nothing was learnt.
     pub formula: Option<CohortFormula>,
     /// Training records.
-    pub learnt_from: Vec<LearntFrom>,
+    pub learnt_from: Vec<TrainingRecord>,
     /// Test records, with the formula added. They had no part in the training.
     pub confirmed_on: Vec<ConfirmedOn>,
     /// Gain of the test records in the log score of their last cycles, in nats; `None` if nothing was learnt.
@@ -76,7 +76,7 @@ pub struct CohortFormula {
 /// A training record.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
-pub struct LearntFrom {
+pub struct TrainingRecord {
     /// Name of the record.
     pub experiment: String,
     /// Gain of the pair in ln evidence, in nats.

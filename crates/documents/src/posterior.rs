@@ -1,6 +1,6 @@
 //! Document of `sample` (formats §5, `vitreo-uq/posterior/1`), with parts that other documents share.
 
-use laws::rheology::OUTSIDE;
+use laws::rheology::EXTERNAL;
 use serde::{Deserialize, Serialize};
 
 use super::trust::{Trust, TrustLevel};
@@ -78,18 +78,18 @@ pub struct ModelSummary {
 
 impl ModelSummary {
     /// True if another program computes the law.
-    pub fn is_outside(&self) -> bool {
-        self.base == OUTSIDE
+    pub fn is_external(&self) -> bool {
+        self.base == EXTERNAL
     }
 
     /// Name of the model that the surrogate replaces and is tested against.
     pub fn full_model(&self) -> &'static str {
-        if self.is_outside() { "the other program itself" } else { "full finite elements" }
+        if self.is_external() { "the other program itself" } else { "full finite elements" }
     }
 
     /// Text for `n` runs of the full-order model, or of the other program.
     pub fn full_runs(&self, n: usize) -> String {
-        if self.is_outside() {
+        if self.is_external() {
             format!("{n} answers of the other program")
         } else {
             format!("{n} full finite-element runs")

@@ -22,15 +22,15 @@ pub struct ShapesSummary {
     /// Ten bodies, five under each size rule.
     pub bodies: Vec<BodySummary>,
     /// Body of the user's own mesh; `None` if no mesh was given.
-    pub own_body: Option<OwnBody>,
+    pub own_body: Option<UserBody>,
     /// Results for every combination of aspect ratio, Poisson ratio and force; empty unless several were requested.
     pub sweep: Vec<SweepSummary>,
     /// Tests of the paper's claims.
     pub claims: Vec<Claim>,
     /// Differences of elastic robots from the rigid ones above.
-    pub elastic_robot: Vec<ElasticRecord>,
+    pub elastic_robot: Vec<ElasticRobotResult>,
     /// Predictors of the stiffness beyond volume and surface, best first.
-    pub predictors: Vec<PredictorRecord>,
+    pub predictors: Vec<PredictorAccuracy>,
     /// Required displacement of the longest robot within a hold, in mm.
     pub wanted_displacement_mm: f64,
     /// Longest robots that reach this displacement with probability 95 %, at the sphere's volume.
@@ -46,7 +46,7 @@ pub struct ShapesSummary {
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct BodySummary {
     /// Shape of the body.
-    pub shape: Shape,
+    pub shape: BodyShape,
     /// Axis of the body relative to the force, `horizontal` or `vertical`; `None` for a sphere.
     pub orientation: Option<String>,
     /// Rule that sets the body's size.
@@ -99,7 +99,7 @@ pub struct SweepSummary {
     /// Ten bodies, five under each size rule.
     pub bodies: Vec<BodySummary>,
     /// Body of the user's own mesh.
-    pub own_body: Option<OwnBody>,
+    pub own_body: Option<UserBody>,
     /// Tests of the paper's claims.
     pub claims: Vec<Claim>,
 }
@@ -107,7 +107,7 @@ pub struct SweepSummary {
 /// Body of the user's own mesh.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
-pub struct OwnBody {
+pub struct UserBody {
     /// Surface of the body inside the mesh, in mm².
     pub surface_area_mm2: f64,
     /// Volume of the body, in mm³.
@@ -164,7 +164,7 @@ impl SizeRule {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 #[serde(rename_all = "snake_case")]
-pub enum Shape {
+pub enum BodyShape {
     /// Sphere, the reference.
     Sphere,
     /// Prolate spheroid.
@@ -173,7 +173,7 @@ pub enum Shape {
     Cylinder,
 }
 
-impl Shape {
+impl BodyShape {
     /// Name of the shape in files and figures.
     pub fn name(self) -> &'static str {
         match self {
@@ -218,7 +218,7 @@ pub enum ClaimVerdict {
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct LongestRobot {
     /// Shape of the robot.
-    pub shape: Shape,
+    pub shape: BodyShape,
     /// Orientation in words.
     pub orientation: String,
     /// Ratio of length to diameter; `None` if even the shortest robot moves too little.
@@ -248,7 +248,7 @@ pub struct LargeStrains {
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct LargeShape {
     /// Shape of the body.
-    pub shape: Shape,
+    pub shape: BodyShape,
     /// Rule that sets the body's size.
     pub size_rule: SizeRule,
     /// Ratio of length to diameter.
@@ -274,7 +274,7 @@ pub struct LargeShape {
 /// Results of elastic robots of one modulus.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
-pub struct ElasticRecord {
+pub struct ElasticRobotResult {
     /// Ratio of the robot's Young's modulus to the gel's.
     pub modulus_ratio: f64,
     /// Largest relative deficit of a body's stiffness against a rigid one.
@@ -284,7 +284,7 @@ pub struct ElasticRecord {
 /// Accuracy of one predictor over the sweep.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
-pub struct PredictorRecord {
+pub struct PredictorAccuracy {
     /// Name of the predictor in words.
     pub predictor: String,
     /// Root mean square of the relative error of the predicted ratio to the sphere.

@@ -3,7 +3,7 @@
 use super::font::{fitting_size_px, shorten, text_width_px, wrapped};
 use super::palette::{AXIS, Colour, GRID, INK, MUTED};
 use super::svg::{Anchor, Fill, Path, Point, Rect, Stroke, Style, Svg, TextStyle};
-use super::ticks::{Scale, Ticks};
+use super::ticks::{AxisScale, Ticks};
 
 /// Font size of tick labels.
 pub const TICK_SIZE_PX: f64 = 11.0;
@@ -25,9 +25,9 @@ pub struct Axes {
     /// Area of the data, in pixels.
     pub frame: Rect,
     /// Horizontal scale.
-    pub x: Scale,
+    pub x: AxisScale,
     /// Vertical scale.
-    pub y: Scale,
+    pub y: AxisScale,
 }
 
 /// Style of an axis.
@@ -84,7 +84,7 @@ impl Axes {
         let mut path = Path::default();
         let points: Vec<Point> = x.iter().zip(y).map(|(&x, &y)| self.px(x, y)).collect();
         for run in points.split(|(x, y)| !(x.is_finite() && y.is_finite())) {
-            let mut run = thinned(run).into_iter();
+            let mut run = thin_curve(run).into_iter();
             if let Some(first) = run.next() {
                 path.move_to(first);
             }
@@ -101,7 +101,7 @@ impl Axes {
         let mut start = 0;
         while start < n {
             let run: Vec<usize> = (start..n).take_while(finite).collect();
-            let edge = |y: &[f64]| thinned(&run.iter().map(|&i| self.px(x[i], y[i])).collect::<Vec<Point>>());
+            let edge = |y: &[f64]| thin_curve(&run.iter().map(|&i| self.px(x[i], y[i])).collect::<Vec<Point>>());
             if run.len() > 1 {
                 path.polyline(edge(upper).into_iter().chain(edge(lower).into_iter().rev()), true);
             }
@@ -119,7 +119,7 @@ impl Axes {
         diameter_px: f64,
         opacity: f64,
     ) {
-        let inside = |scale: &Scale, value| (0.0..=1.0).contains(&scale.fraction(value));
+        let inside = |scale: &AxisScale, value| (0.0..=1.0).contains(&scale.fraction(value));
         let is_drawn =
             |(x, y): &(f64, f64)| x.is_finite() && y.is_finite() && inside(&self.x, *x) && inside(&self.y, *y);
         let mut drawn: Vec<Point> = points.filter(is_drawn).map(|(x, y)| self.px(x, y)).collect();
@@ -231,7 +231,7 @@ impl Axes {
 
 /// Removes the points of a curve that a picture cannot show. The curve runs from left to right. In each column of pixels the first, lowest, highest
 /// and last points are kept, so that the curve's envelope is exact.
-fn thinned(run: &[Point]) -> Vec<Point> {
+fn thin_curve(run: &[Point]) -> Vec<Point> {
     let width_px = run.first().zip(run.last()).map_or(0.0, |(first, last)| last.0 - first.0);
     let is_sparse = (run.len() as f64) < POINTS_OF_COLUMN * (1.0 + width_px / COLUMN_PX);
     if is_sparse || !run.is_sorted_by(|a, b| a.0 <= b.0) {
@@ -277,7 +277,7 @@ fn with_factor(label: &str, ticks: &Ticks) -> String {
 }
 
 /// Width of the widest number on a vertical axis with at most `most_ticks` numbers.
-pub fn widest_y_number_px(scale: &Scale, most_ticks: usize) -> f64 {
+pub fn widest_y_number_px(scale: &AxisScale, most_ticks: usize) -> f64 {
     let ticks = scale.ticks(most_ticks);
     ticks.major.iter().map(|(_, label)| text_width_px(label, TICK_SIZE_PX)).fold(0.0, f64::max)
 }
@@ -310,7 +310,7 @@ mod tests {
 
     fn axes() -> Axes {
         let frame = Rect { x: 10.0, y: 20.0, width: 100.0, height: 50.0 };
-        Axes { frame, x: Scale::linear(0.0, 10.0), y: Scale::linear(0.0, 1.0) }
+        Axes { frame, x: AxisScale::linear(0.0, 10.0), y: AxisScale::linear(0.0, 1.0) }
     }
 
     #[test]
@@ -330,13 +330,13 @@ mod tests {
     fn curves_keep_their_envelope_when_thinned() {
         let value = |i: usize| if i == 31_007 { 0.99 } else { 0.3 + 0.1 * (0.37 * i as f64).sin() };
         let run: Vec<Point> = (0..50_000).map(|i| axes().px(10.0 * i as f64 / 49_999.0, value(i))).collect();
-        let kept = thinned(&run);
+        let kept = thin_curve(&run);
         assert!(kept.len() <= 4 * 201, "{}", kept.len());
         assert_eq!((kept.first(), kept.last()), (run.first(), run.last()));
         let highest = |points: &[Point]| points.iter().map(|p| p.1).fold(f64::INFINITY, f64::min);
         assert_eq!(highest(&kept), highest(&run));
         let sparse: Vec<Point> = run.into_iter().step_by(100).collect();
-        assert_eq!(thinned(&sparse), sparse);
+        assert_eq!(thin_curve(&sparse), sparse);
     }
 
     #[test]

@@ -2,12 +2,12 @@
 
 use super::axes::{Axes, AxisStyle, LABEL_SIZE_PX, note, title};
 use super::font::shorten;
-use super::labels::of_parameter;
+use super::labels::parameter_label;
 use super::legend::{self, Entry, Mark};
-use super::number::significant;
+use super::number::format_significant;
 use super::palette::{BLUE, GREEN, INK, MUTED, VERMILLION};
 use super::svg::{Anchor, Fill, Rect, Stroke, Style, Svg, TextStyle};
-use super::ticks::Scale;
+use super::ticks::AxisScale;
 use documents::calibration::{CalibratedQuantity, Calibration, CalibrationKind};
 
 const WIDTH_PX: f64 = 1080.0;
@@ -50,16 +50,16 @@ pub fn rank_histograms(found: &Calibration) -> Svg {
     svg
 }
 
-fn draw(svg: &mut Svg, found: &Calibration, own: &CalibratedQuantity, frame: Rect) {
+fn draw(svg: &mut Svg, found: &Calibration, calibrated_quantity: &CalibratedQuantity, frame: Rect) {
     let [lower, upper] = found.bin_interval_99.map(|count| count as f64);
-    let n_bins = own.counts.len().max(1);
+    let n_bins = calibrated_quantity.counts.len().max(1);
     let mean = found.ranked as f64 / n_bins as f64;
-    let most = own.counts.iter().map(|count| *count as f64).fold(upper, f64::max).max(1.0);
+    let most = calibrated_quantity.counts.iter().map(|count| *count as f64).fold(upper, f64::max).max(1.0);
     let last = found.draws as f64 + 1.0;
-    let axes = Axes { frame, x: Scale::linear(0.0, last), y: Scale::linear(0.0, 1.12 * most) };
+    let axes = Axes { frame, x: AxisScale::linear(0.0, last), y: AxisScale::linear(0.0, 1.12 * most) };
     axes.y_axis(svg, AxisStyle::new(Some("true values (–)"), 5, 48.0).grid().integers());
     axes.band(svg, &[0.0, last], &[lower, lower], &[upper, upper], Fill::new(GREEN, BAND_OPACITY));
-    for (bin, count) in own.counts.iter().enumerate() {
+    for (bin, count) in calibrated_quantity.counts.iter().enumerate() {
         let edge = |bin: usize| axes.x_px(last * bin as f64 / n_bins as f64);
         let (x, y) = (edge(bin) + 0.6, axes.y_px(*count as f64));
         let is_outside = !(lower..=upper).contains(&(*count as f64));
@@ -70,13 +70,16 @@ fn draw(svg: &mut Svg, found: &Calibration, own: &CalibratedQuantity, frame: Rec
     axes.horizontal(svg, mean, Stroke::solid(MUTED, 1.3).dashed(6.0, 4.0));
     axes.x_axis(svg, AxisStyle::new(Some("rank of the true value (–)"), 6, 34.0));
     axes.outline(svg);
-    let symbol = of_parameter(&own.name).symbol;
-    let p = own.p_holm.map_or(String::new(), |p| format!(", corrected p {}", significant(p, 2)));
+    let symbol = parameter_label(&calibrated_quantity.name).symbol;
+    let p = calibrated_quantity.p_holm.map_or(String::new(), |p| format!(", corrected p {}", format_significant(p, 2)));
     let heading = shorten(&format!("{symbol}{p}"), LABEL_SIZE_PX, frame.width + 40.0);
     svg.text(&heading, (frame.x, frame.y - 9.0), TextStyle::new(LABEL_SIZE_PX, Anchor::Start).colour(INK));
     let share = |share: Option<f64>| share.map_or("–".into(), |share| format!("{:.0} %", 100.0 * share));
-    let covered =
-        format!("50 % intervals contain {}, 90 % {}", share(own.coverage_50.share), share(own.coverage_90.share));
+    let covered = format!(
+        "50 % intervals contain {}, 90 % {}",
+        share(calibrated_quantity.coverage_50.share),
+        share(calibrated_quantity.coverage_90.share)
+    );
     note(svg, &covered, (frame.right(), frame.bottom() + 52.0), Anchor::End, frame.width);
 }
 

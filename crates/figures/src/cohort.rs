@@ -2,10 +2,10 @@
 
 use super::axes::{Axes, TICK_SIZE_PX, title_with_text};
 use super::font::{shorten, text_width_px};
-use super::number::{significant, with_decimals};
+use super::number::{format_decimals, format_significant};
 use super::palette::{BLUE, Colour, GREEN, INK, MUTED, ORANGE, SKY, VERMILLION, WHITE};
 use super::svg::{Anchor, Fill, Point, Rect, Stroke, Style, Svg, TextStyle};
-use super::ticks::Scale;
+use super::ticks::AxisScale;
 use base::Result;
 use documents::cohort::{CohortDiagnosis, CohortEffect, CohortSpecimen};
 use documents::diagnosis::Status;
@@ -64,9 +64,11 @@ struct Map<'a> {
 
 impl<'a> Map<'a> {
     fn of(diagnosis: &'a CohortDiagnosis) -> Self {
-        let is_looked_for = |own: &&CohortEffect| own.refused.is_none() && own.parameter.is_some();
+        let is_looked_for =
+            |cohort_effect: &&CohortEffect| cohort_effect.refused.is_none() && cohort_effect.parameter.is_some();
         let mut effects: Vec<&CohortEffect> = diagnosis.effects.iter().filter(is_looked_for).collect();
-        let is_named = |own: &CohortEffect| matches!(own.status, Status::Claimed | Status::Equivalent);
+        let is_named =
+            |cohort_effect: &CohortEffect| matches!(cohort_effect.status, Status::Claimed | Status::Equivalent);
         effects.sort_by(|a, b| is_named(b).cmp(&is_named(a)).then(b.gain_nats.total_cmp(&a.gain_nats)));
         let mut records: Vec<&CohortSpecimen> = diagnosis.specimens.iter().collect();
         records.sort_by(|a, b| a.group.cmp(&b.group));
@@ -86,7 +88,7 @@ impl<'a> Map<'a> {
     /// Draws the map from `top` downwards and returns its lower end.
     fn draw(&self, svg: &mut Svg, top: f64) -> f64 {
         let header =
-            self.effects.iter().map(|own| text_width_px(&own.effect, TICK_SIZE_PX)).fold(40.0, f64::max) + 10.0;
+            self.effects.iter().map(|effect| text_width_px(&effect.effect, TICK_SIZE_PX)).fold(40.0, f64::max) + 10.0;
         let n_groups = self.records.chunk_by(|a, b| a.group == b.group).count();
         let height = self.row_px * self.records.len() as f64 + GAP_PX * n_groups.saturating_sub(1) as f64;
         let left = MARGIN_PX + LABEL_PX;
@@ -131,7 +133,7 @@ impl<'a> Map<'a> {
             };
             let line = if self.is_named() { Some(Stroke::solid(WHITE, 0.8)) } else { None };
             svg.rect(area, Style { fill: Some(Fill::new(colour(gain.gain_nats), 1.0)), stroke: line });
-            let text = significant(gain.gain_nats, 2);
+            let text = format_significant(gain.gain_nats, 2);
             let fits = text_width_px(&text, TICK_SIZE_PX) < column - 4.0 && strip.height >= FEW.1;
             if gain.gain_nats.abs() > WRITTEN_NATS && fits {
                 let ink = if gain.gain_nats.abs() > 0.6 * FULL_NATS { WHITE } else { INK };
@@ -145,9 +147,9 @@ impl<'a> Map<'a> {
     fn sums(&self, svg: &mut Svg, frame: Rect, column: f64) -> f64 {
         type Text<'a> = &'a dyn Fn(&CohortEffect) -> String;
         let rows: [(&str, Text); 3] = [
-            ("all records (nats)", &|own| rounded(own.gain_nats)),
-            ("held-out cycles (nats)", &|own| own.heldout_gain_nats.map_or("–".into(), rounded)),
-            ("p of the search", &|own| short_p(own.p_familywise)),
+            ("all records (nats)", &|cohort_effect| rounded(cohort_effect.gain_nats)),
+            ("held-out cycles (nats)", &|cohort_effect| cohort_effect.heldout_gain_nats.map_or("–".into(), rounded)),
+            ("p of the search", &|cohort_effect| short_p(cohort_effect.p_familywise)),
         ];
         let mut y = frame.bottom() + 10.0;
         for (name, of) in rows {
@@ -167,11 +169,11 @@ impl<'a> Map<'a> {
 }
 
 fn rounded(gain_nats: f64) -> String {
-    with_decimals(gain_nats, usize::from(gain_nats.abs() < 10.0))
+    format_decimals(gain_nats, usize::from(gain_nats.abs() < 10.0))
 }
 
 fn short_p(p: f64) -> String {
-    if p >= 0.1 { with_decimals(p, 1) } else { with_decimals(p, 3).replacen("0.", ".", 1) }
+    if p >= 0.1 { format_decimals(p, 1) } else { format_decimals(p, 3).replacen("0.", ".", 1) }
 }
 
 fn ink(effect: &CohortEffect) -> Colour {
@@ -187,7 +189,7 @@ fn ink(effect: &CohortEffect) -> Colour {
 fn colour_bar(svg: &mut Svg, frame: Rect) {
     const N_STRIPES: usize = 48;
     let bar = Rect { x: frame.right() + 24.0, y: frame.y, width: BAR_PX, height: frame.height.max(120.0) };
-    let axes = Axes { frame: bar, x: Scale::linear(0.0, 1.0), y: Scale::linear(-FULL_NATS, FULL_NATS) };
+    let axes = Axes { frame: bar, x: AxisScale::linear(0.0, 1.0), y: AxisScale::linear(-FULL_NATS, FULL_NATS) };
     for k in 0..N_STRIPES {
         let low = -FULL_NATS + 2.0 * FULL_NATS * k as f64 / N_STRIPES as f64;
         let high = low + 2.0 * FULL_NATS / N_STRIPES as f64;
@@ -196,7 +198,7 @@ fn colour_bar(svg: &mut Svg, frame: Rect) {
     }
     for value in [-6.0, -3.0, 0.0, 3.0, 6.0] {
         let at = (bar.right() + 6.0, axes.y_px(value) + 0.36 * TICK_SIZE_PX);
-        svg.text(&significant(value, 1), at, TextStyle::new(TICK_SIZE_PX, Anchor::Start));
+        svg.text(&format_significant(value, 1), at, TextStyle::new(TICK_SIZE_PX, Anchor::Start));
     }
     for (y, text) in [(bar.y - 22.0, "nats that a"), (bar.y - 8.0, "record gains")] {
         svg.text(text, (bar.x - 6.0, y), TextStyle::new(TICK_SIZE_PX, Anchor::Start));
@@ -212,7 +214,7 @@ mod tests {
     use documents::diagnosis::VerdictKind;
 
     fn diagnosis(n_records: usize) -> CohortDiagnosis {
-        let slugs = models::effects::EFFECTS.iter().map(|own| own.slug());
+        let slugs = models::effects::EFFECTS.iter().map(|effect| effect.slug());
         let effect = |(k, slug): (usize, &str)| CohortEffect {
             effect: slug.into(),
             parameter: Some("x".into()),

@@ -2,11 +2,11 @@
 
 use super::axes::{Axes, AxisStyle, title, widest_y_number_px};
 use super::legend::{self, Entry, Mark};
-use super::number::significant;
+use super::number::format_significant;
 use super::palette::{BLUE, INK, MUTED, SKY, VERMILLION};
 use super::svg::{Fill, Rect, Stroke, Svg};
-use super::ticks::Scale;
-use base::error::Place;
+use super::ticks::AxisScale;
+use base::error::InputPlace;
 use base::{Error, Result};
 
 const WIDTH_PX: f64 = 960.0;
@@ -50,21 +50,21 @@ pub fn comparison(data: &ComparisonData) -> Result<Svg> {
     let lengths = [data.position_um.len(), data.model_um.len(), data.sd_um.len(), data.whitened.len()];
     if n < 2 || lengths.iter().any(|length| *length != n) {
         return Err(Error::input(
-            Place::default().at_key("comparison figure"),
+            InputPlace::default().at_key("comparison figure"),
             format!("{n} times and {lengths:?} values"),
             "give one value per row, and at least two rows",
         ));
     }
     let bands = data.model_um.iter().zip(data.sd_um).flat_map(|(x, sd)| [x - NORMAL_90 * sd, x + NORMAL_90 * sd]);
-    let time = Scale::linear(data.time_s[0], data.time_s[n - 1]);
+    let time = AxisScale::linear(data.time_s[0], data.time_s[n - 1]);
     let left_out = data.outliers.iter().map(|(_, y)| *y);
-    let position = Scale::over(data.position_um.iter().flatten().copied().chain(bands).chain(left_out), 0.05);
-    let white = Scale::over(data.whitened.iter().flatten().copied().chain([-3.5, 3.5]), 0.06);
+    let position = AxisScale::over(data.position_um.iter().flatten().copied().chain(bands).chain(left_out), 0.05);
+    let white = AxisScale::over(data.whitened.iter().flatten().copied().chain([-3.5, 3.5]), 0.06);
     let residuals = data.time_s.iter().zip(data.position_um).zip(data.model_um);
     let left_um: Vec<(f64, f64)> = residuals.filter_map(|((t, y), x)| y.map(|y| (*t, y - x))).collect();
     let limits_um: Vec<f64> = data.noise.iter().flat_map(|(um, _)| [-NORMAL_90 * um, NORMAL_90 * um]).collect();
     let room_um = limits_um.iter().map(|limit_um| 2.0 * limit_um);
-    let left_scale = Scale::over(left_um.iter().map(|(_, left)| *left).chain(room_um), 0.06);
+    let left_scale = AxisScale::over(left_um.iter().map(|(_, left)| *left).chain(room_um), 0.06);
     let left = [(&position, 8), (&left_scale, 6), (&white, 6)]
         .map(|(scale, most)| widest_y_number_px(scale, most))
         .into_iter()
@@ -74,7 +74,7 @@ pub fn comparison(data: &ComparisonData) -> Result<Svg> {
     let entries = entries(data);
     let top = 36.0 + legend::row_height_px(&entries, width) + 8.0;
     let main = Axes { frame: Rect { x: left, y: top, width, height: MAIN_HEIGHT_PX }, x: time, y: position };
-    let below = |above: &Axes, y: Scale| {
+    let below = |above: &Axes, y: AxisScale| {
         let frame = Rect { y: above.frame.bottom() + 14.0, height: RESIDUAL_HEIGHT_PX, ..above.frame };
         Axes { frame, x: time, y }
     };
@@ -116,7 +116,7 @@ fn entries(data: &ComparisonData) -> Vec<Entry> {
         Entry::new(Mark::Dot(VERMILLION, 4.5), "whitened residual beyond 3 σ"),
     ];
     if let Some((um, origin)) = data.noise {
-        let text = format!("90 % of the noise of {} µm ({origin})", significant(um, 2));
+        let text = format!("90 % of the noise of {} µm ({origin})", format_significant(um, 2));
         entries.insert(3, Entry::new(Mark::Line(KNOWN), text));
     }
     if !data.outliers.is_empty() {

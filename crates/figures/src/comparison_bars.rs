@@ -4,7 +4,7 @@ use super::axes::{Axes, AxisStyle, LABEL_SIZE_PX, TICK_SIZE_PX, title};
 use super::font::{shorten, text_width_px};
 use super::palette::{AXIS, BLUE, INK, MUTED, VERMILLION};
 use super::svg::{Anchor, Fill, Rect, Stroke, Style, Svg, TextStyle};
-use super::ticks::Scale;
+use super::ticks::AxisScale;
 
 const WIDTH_PX: f64 = 1080.0;
 const N_COLUMNS: usize = 3;
@@ -17,7 +17,7 @@ const LEAST_BAR_PX: f64 = 0.7;
 #[derive(Debug, Clone, PartialEq)]
 pub struct BarPanel {
     /// Name, with its p.
-    pub heading: String,
+    pub title: String,
     /// Quantity along the horizontal axis.
     pub x_label: String,
     /// Quantity of the bars, with unit.
@@ -25,7 +25,7 @@ pub struct BarPanel {
     /// True if the test is a finding.
     pub is_significant: bool,
     /// True if another finding explains it.
-    pub is_echo: bool,
+    pub is_explained: bool,
     /// Label, height and standard error of each bar.
     pub bars: Vec<(String, f64, f64)>,
 }
@@ -53,16 +53,16 @@ pub fn bias_sheet(heading: &str, panels: &[BarPanel]) -> Svg {
 fn draw(svg: &mut Svg, panel: &BarPanel, frame: Rect) {
     let ends = panel.bars.iter().flat_map(|(_, bias, sd)| [bias - 2.0 * sd, bias + 2.0 * sd]);
     let n = panel.bars.len();
-    let axes = Axes { frame, x: Scale::linear(0.0, n.max(1) as f64), y: Scale::over(ends.chain([0.0]), 0.08) };
+    let axes = Axes { frame, x: AxisScale::linear(0.0, n.max(1) as f64), y: AxisScale::over(ends.chain([0.0]), 0.08) };
     let colour = if panel.is_significant { VERMILLION } else { BLUE };
-    if panel.is_significant && !panel.is_echo {
+    if panel.is_significant && !panel.is_explained {
         svg.rect(
             Rect { x: frame.x - 68.0, y: frame.y - 24.0, width: frame.width + 80.0, height: PITCH_PX - 14.0 },
             Fill::new(VERMILLION, 0.12),
         );
     }
     let ink = if panel.is_significant { VERMILLION } else { INK };
-    let heading = shorten(&panel.heading, LABEL_SIZE_PX, frame.width + 40.0);
+    let heading = shorten(&panel.title, LABEL_SIZE_PX, frame.width + 40.0);
     svg.text(&heading, (frame.x - 60.0, frame.y - 8.0), TextStyle::new(LABEL_SIZE_PX, Anchor::Start).colour(ink));
     axes.y_axis(svg, AxisStyle::new(Some(&panel.y_label), 5, 58.0).grid());
     let zero = axes.y_px(0.0);
@@ -71,7 +71,7 @@ fn draw(svg: &mut Svg, panel: &BarPanel, frame: Rect) {
         let (x, right) = (axes.x_px(k as f64 + 0.15), axes.x_px(k as f64 + 0.85));
         let y = axes.y_px(*bias);
         let is_clear = bias.abs() > 2.0 * sd;
-        let opacity = if is_clear && panel.is_echo {
+        let opacity = if is_clear && panel.is_explained {
             0.55
         } else if is_clear {
             0.9

@@ -2,10 +2,10 @@
 
 use super::axes::{Axes, AxisStyle, TICK_SIZE_PX, title};
 use super::font::text_width_px;
-use super::number::significant;
+use super::number::format_significant;
 use super::palette::{BLUE, Colour, INK, MUTED, VERMILLION, WHITE};
 use super::svg::{Anchor, Fill, Rect, Stroke, Style, Svg, TextStyle};
-use super::ticks::Scale;
+use super::ticks::AxisScale;
 
 const WIDTH_PX: f64 = 960.0;
 const BAR_WIDTH_PX: f64 = 18.0;
@@ -58,8 +58,8 @@ pub fn failure_map(data: &MapData) -> Svg {
     let note = "colour: mean residual along the step over its standard error; numbers: µm, if above 3";
     svg.text(note, (left, 46.0), TextStyle::new(TICK_SIZE_PX + 1.0, Anchor::Start).colour(MUTED));
     let last = data.lag_ends_s.last().copied().unwrap_or(1.0);
-    let x = Scale::log10(data.shortest_s, last);
-    let axes = Axes { frame, x, y: Scale::linear(0.0, 1.0) };
+    let x = AxisScale::log10(data.shortest_s, last);
+    let axes = Axes { frame, x, y: AxisScale::linear(0.0, 1.0) };
     for (place, row) in data.rows.iter().enumerate() {
         let strip = Rect { y: frame.y + row_height * place as f64, height: row_height, ..frame };
         draw_row(&mut svg, &axes, data, row, strip);
@@ -89,7 +89,7 @@ fn draw_row(svg: &mut Svg, axes: &Axes, data: &MapData, row: &MapRow, strip: Rec
         };
         let style = Style { fill: Some(Fill::new(colour(*score), 1.0)), stroke: Some(Stroke::solid(WHITE, 0.8)) };
         svg.rect(area, style);
-        let text = significant(*mean_um, 2);
+        let text = format_significant(*mean_um, 2);
         // Correlated noise can reverse the sign of the whitened mean. A number would then contradict its colour.
         if score.abs() > MARKED
             && score * mean_um > 0.0
@@ -119,7 +119,7 @@ fn frame_heldout(svg: &mut Svg, rows: &[MapRow], frame: Rect, row_height: f64) {
 fn colour_bar(svg: &mut Svg, frame: &Rect) {
     const N_STRIPES: usize = 48;
     let bar = Rect { x: frame.right() + 24.0, y: frame.y, width: BAR_WIDTH_PX, height: frame.height.max(120.0) };
-    let axes = Axes { frame: bar, x: Scale::linear(0.0, 1.0), y: Scale::linear(-FULL_COLOUR, FULL_COLOUR) };
+    let axes = Axes { frame: bar, x: AxisScale::linear(0.0, 1.0), y: AxisScale::linear(-FULL_COLOUR, FULL_COLOUR) };
     for k in 0..N_STRIPES {
         let low = -FULL_COLOUR + 2.0 * FULL_COLOUR * k as f64 / N_STRIPES as f64;
         let high = low + 2.0 * FULL_COLOUR / N_STRIPES as f64;
@@ -128,7 +128,7 @@ fn colour_bar(svg: &mut Svg, frame: &Rect) {
     }
     for value in [-6.0, -3.0, 0.0, 3.0, 6.0] {
         let at = (bar.right() + 6.0, axes.y_px(value) + 0.36 * TICK_SIZE_PX);
-        svg.text(&significant(value, 1), at, TextStyle::new(TICK_SIZE_PX, Anchor::Start));
+        svg.text(&format_significant(value, 1), at, TextStyle::new(TICK_SIZE_PX, Anchor::Start));
     }
     for (y, text) in
         [(bar.y - 8.0, "bead ahead"), (bar.bottom() + 16.0, "bead lags"), (bar.bottom() + 32.0, "* held out")]

@@ -2,10 +2,10 @@
 
 use super::axes::{TICK_SIZE_PX, title_with_text};
 use super::font::{fitting_size_px, shorten, text_width_px, wrapped, wrapped_to};
-use super::number::{significant, with_decimals};
+use super::number::{format_decimals, format_significant};
 use super::palette::{BLUE, Colour, GRID, INK, MUTED, VERMILLION, WHITE};
 use super::svg::{Anchor, Fill, Point, Rect, Stroke, Style, Svg, TextStyle};
-use base::error::Place;
+use base::error::InputPlace;
 use base::{Error, Result};
 
 const MARGIN_PX: f64 = 20.0;
@@ -67,7 +67,7 @@ pub struct ContrastCell {
 /// Ratios have to be finite, positive and in order, and probabilities have to lie between 0 and 1.
 pub fn contrast_matrix(data: &ContrastMatrix) -> Result<Svg> {
     check(data)?;
-    let layout = Layout::new(data);
+    let layout = ContrastLayout::new(data);
     let draw = |svg: &mut Svg| {
         let width = layout.width_px - 2.0 * MARGIN_PX;
         let below = MARGIN_PX + title_with_text(svg, data.title, data.sentence, (MARGIN_PX, MARGIN_PX), width) + 12.0;
@@ -83,7 +83,7 @@ pub fn contrast_matrix(data: &ContrastMatrix) -> Result<Svg> {
 
 fn check(data: &ContrastMatrix) -> Result<()> {
     let refuse =
-        |found: String, remedy: &str| Err(Error::input(Place::default().at_key("contrast matrix"), found, remedy));
+        |found: String, remedy: &str| Err(Error::input(InputPlace::default().at_key("contrast matrix"), found, remedy));
     if data.panels.is_empty() {
         return refuse("no parameters".into(), "give at least one panel");
     }
@@ -118,11 +118,11 @@ fn check(data: &ContrastMatrix) -> Result<()> {
     Ok(())
 }
 
-struct Layout {
+struct ContrastLayout {
     width_px: f64,
     n_columns: usize,
     cell: (f64, f64),
-    sizes: Sizes,
+    sizes: ContrastSizes,
     /// Room left of the cells for the rows' names.
     name_px: f64,
     /// Room above the cells for the columns' names.
@@ -133,18 +133,18 @@ struct Layout {
 
 /// Font sizes of the ratio, and of its interval and probabilities.
 #[derive(Debug, Clone, Copy)]
-struct Sizes {
+struct ContrastSizes {
     ratio_px: f64,
     small_px: f64,
 }
 
-impl Layout {
+impl ContrastLayout {
     fn new(data: &ContrastMatrix) -> Self {
         let n_groups = data.panels.iter().map(|panel| panel.groups.len()).max().unwrap_or(2);
         let (cell, sizes) = match n_groups {
-            ..=4 => ((98.0, 66.0), Sizes { ratio_px: 16.0, small_px: 11.0 }),
-            5..=6 => ((90.0, 60.0), Sizes { ratio_px: 14.0, small_px: 10.5 }),
-            _ => ((84.0, 54.0), Sizes { ratio_px: 13.0, small_px: 10.0 }),
+            ..=4 => ((98.0, 66.0), ContrastSizes { ratio_px: 16.0, small_px: 11.0 }),
+            5..=6 => ((90.0, 60.0), ContrastSizes { ratio_px: 14.0, small_px: 10.5 }),
+            _ => ((84.0, 54.0), ContrastSizes { ratio_px: 13.0, small_px: 10.0 }),
         };
         // Names are horizontal above their columns if every word fits.
         let fits = |name: &str| {
@@ -209,7 +209,7 @@ impl Layout {
             for (column, cell) in cells.iter().enumerate() {
                 match cell {
                     Some(cell) => {
-                        let colour = self.scale.colour(cell.ratio[1], sureness(cell.probability_greater));
+                        let colour = self.scale.colour(cell.ratio[1], sign_certainty(cell.probability_greater));
                         svg.rect(at(row, column), Fill::new(colour, 1.0));
                         numbers(svg, cell, panel.cells[column][row].as_ref(), at(row, column), self.sizes);
                     }
@@ -255,8 +255,8 @@ impl Layout {
 }
 
 /// Writes ratio, interval and probabilities; `inverse` is the cell of the column's group over the row's.
-fn numbers(svg: &mut Svg, cell: &ContrastCell, inverse: Option<&ContrastCell>, rect: Rect, sizes: Sizes) {
-    let Sizes { ratio_px, small_px } = sizes;
+fn numbers(svg: &mut Svg, cell: &ContrastCell, inverse: Option<&ContrastCell>, rect: Rect, sizes: ContrastSizes) {
+    let ContrastSizes { ratio_px, small_px } = sizes;
     let (x, room) = (rect.x + rect.width / 2.0, rect.width - 15.0);
     let [q05, median, q95] = cell.ratio;
     let lines = [
@@ -275,7 +275,7 @@ fn numbers(svg: &mut Svg, cell: &ContrastCell, inverse: Option<&ContrastCell>, r
 
 /// Formats a ratio with two decimals if it is near one, otherwise with two digits.
 fn ratio_text(ratio: f64) -> String {
-    if (0.0995..9.995).contains(&ratio) { with_decimals(ratio, 2) } else { significant(ratio, 2) }
+    if (0.0995..9.995).contains(&ratio) { format_decimals(ratio, 2) } else { format_significant(ratio, 2) }
 }
 
 /// Probability of the median's direction, and of a difference beyond the margin in this direction.
@@ -293,9 +293,9 @@ fn probabilities_text(cell: &ContrastCell, inverse: Option<&ContrastCell>) -> St
 fn probability_text(probability: f64) -> String {
     match probability {
         ..0.0005 => "<0.001".into(),
-        ..0.00995 | 0.99..0.9995 => with_decimals(probability, 3),
+        ..0.00995 | 0.99..0.9995 => format_decimals(probability, 3),
         0.9995.. => ">0.999".into(),
-        _ => with_decimals(probability, 2),
+        _ => format_decimals(probability, 2),
     }
 }
 
@@ -306,7 +306,7 @@ fn declared_mark(svg: &mut Svg, rect: Rect) {
 }
 
 /// Certainty of the sign: 0 if both signs are equally probable, 1 if one is certain.
-fn sureness(probability_greater: f64) -> f64 {
+fn sign_certainty(probability_greater: f64) -> f64 {
     (2.0 * probability_greater - 1.0).abs()
 }
 
@@ -335,8 +335,8 @@ impl ColourScale {
 }
 
 /// Draws the legend of numbers, colours and frames. Returns the height used.
-fn legend(svg: &mut Svg, data: &ContrastMatrix, layout: &Layout, (x, y): Point) -> f64 {
-    let percent = significant(100.0 * data.margin, 2);
+fn legend(svg: &mut Svg, data: &ContrastMatrix, layout: &ContrastLayout, (x, y): Point) -> f64 {
+    let percent = format_significant(100.0 * data.margin, 2);
     let percent = percent.strip_suffix(".0").unwrap_or(&percent);
     let height = layout.cell.1.max(60.0);
     let sample = Rect { x, y, width: layout.cell.0, height };
@@ -346,7 +346,7 @@ fn legend(svg: &mut Svg, data: &ContrastMatrix, layout: &Layout, (x, y): Point) 
         probability_beyond_margin: 0.97,
         is_declared: true,
     };
-    svg.rect(sample, Fill::new(layout.scale.colour(cell.ratio[1], sureness(cell.probability_greater)), 1.0));
+    svg.rect(sample, Fill::new(layout.scale.colour(cell.ratio[1], sign_certainty(cell.probability_greater)), 1.0));
     numbers(svg, &cell, None, sample, layout.sizes);
     declared_mark(svg, sample);
     let notes = [
@@ -377,7 +377,7 @@ fn colour_key(svg: &mut Svg, scale: ColourScale, (x, y): Point) {
         let y = top + row * i as f64;
         for k in 0..STEPS {
             let exponent = 2.0 * (k as f64 + 0.5) / STEPS as f64 - 1.0;
-            let colour = scale.colour((exponent * scale.end.ln()).exp(), sureness(probability));
+            let colour = scale.colour((exponent * scale.end.ln()).exp(), sign_certainty(probability));
             // Slightly wider, so that no gap shows between steps.
             let rect = Rect { x: x + step * k as f64, y, width: step + 0.3, height: row };
             svg.rect(rect, Fill::new(colour, 1.0));
@@ -387,7 +387,7 @@ fn colour_key(svg: &mut Svg, scale: ColourScale, (x, y): Point) {
     }
     let frame = Rect { x, y: top, width, height: row * SURE.len() as f64 };
     svg.rect(frame, Style::from(Stroke::solid(MUTED, 0.8)));
-    let end = |ratio: f64| significant(ratio, 2);
+    let end = |ratio: f64| format_significant(ratio, 2);
     let plain = |text: String| text.strip_suffix(".0").map(str::to_owned).unwrap_or(text);
     let labels = [
         (x, format!("÷ {}", plain(end(scale.end))), Anchor::Start),

@@ -6,12 +6,12 @@
 use super::axes::title;
 use super::corner_content::{Content, Slot};
 pub use super::corner_content::{CornerOptions, FEWEST_DRAWS_FOR_CONTOURS, ParameterColumn, Posterior, PriorCurve};
-use super::corner_draw::{self, Layout};
+use super::corner_draw::{self, CornerLayout};
 use super::density::{self, Support, quantile_of_sorted};
 use super::labels::axis_label;
 use super::svg::Svg;
-use super::ticks::Scale;
-use base::error::Place;
+use super::ticks::AxisScale;
+use base::error::InputPlace;
 use base::{Error, Result};
 
 const MOST_PARAMETERS: usize = 12;
@@ -36,7 +36,7 @@ pub fn corner(posteriors: &[Posterior], options: &CornerOptions) -> Result<Svg> 
         return Err(refuse(found, "choose between one and twelve parameters"));
     }
     let content = Content { slots, posteriors, ascending, options };
-    let layout = Layout::new(&content);
+    let layout = CornerLayout::new(&content);
     let names: Vec<&str> = content.slots.iter().map(|slot| slot.symbol).collect();
     let mut svg = Svg::new(layout.width_px, layout.height_px, &format!("Corner plot of {}", names.join(", ")));
     title(&mut svg, options.title, (layout.origin.0, 24.0), layout.width_px - layout.origin.0 - 16.0);
@@ -50,7 +50,7 @@ pub fn corner(posteriors: &[Posterior], options: &CornerOptions) -> Result<Svg> 
 }
 
 fn refuse(found: String, remedy: &str) -> Error {
-    Error::input(Place::default().at_key("corner plot"), found, remedy)
+    Error::input(InputPlace::default().at_key("corner plot"), found, remedy)
 }
 
 fn check(posteriors: &[Posterior], options: &CornerOptions) -> Result<()> {
@@ -98,7 +98,7 @@ fn slots<'a>(posteriors: &'a [Posterior<'a>], ascending: &[Vec<Vec<f64>>]) -> Ve
 }
 
 /// Scale of all draws except outliers, with a margin. It includes the reference value unless the draws would be crushed.
-fn common_scale(columns: &[(&ParameterColumn, &[f64])], reference: Option<f64>) -> Scale {
+fn common_scale(columns: &[(&ParameterColumn, &[f64])], reference: Option<f64>) -> AxisScale {
     let (mut lower, mut upper) = (f64::INFINITY, f64::NEG_INFINITY);
     let mut limits = Support { lower: f64::INFINITY, upper: f64::NEG_INFINITY };
     for (column, ascending) in columns {
@@ -124,7 +124,7 @@ fn common_scale(columns: &[(&ParameterColumn, &[f64])], reference: Option<f64>) 
             end = value + margin;
         }
     }
-    Scale::linear(start, end)
+    AxisScale::linear(start, end)
 }
 
 #[cfg(test)]

@@ -2,7 +2,7 @@
 
 use super::density::Support;
 use super::palette::Colour;
-use super::ticks::Scale;
+use super::ticks::AxisScale;
 
 /// Minimum number of draws for contours; with fewer, only the draws are shown.
 pub const FEWEST_DRAWS_FOR_CONTOURS: usize = 50;
@@ -69,7 +69,7 @@ pub(super) struct Slot<'a> {
     pub(super) label: String,
     pub(super) symbol: &'a str,
     pub(super) unit: &'a str,
-    pub(super) scale: Scale,
+    pub(super) scale: AxisScale,
     pub(super) reference: Option<f64>,
     /// Index into the parameters of each posterior.
     pub(super) columns: Vec<Option<usize>>,

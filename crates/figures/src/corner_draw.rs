@@ -5,13 +5,13 @@ use super::contour::simplify;
 use super::corner_content::{
     Content, CornerOptions, FEWEST_DRAWS_FOR_CONTOURS, ParameterColumn, Posterior, PriorCurve, Slot,
 };
-use super::density::{self, Joint, quantile_of_sorted};
+use super::density::{self, JointDensity, quantile_of_sorted};
 use super::font::{shorten, text_width_px};
 use super::legend::{self, Entry, Mark};
-use super::number::{ValueWithErrors, significant};
+use super::number::{ValueWithErrors, format_significant};
 use super::palette::{Colour, INK, MUTED};
 use super::svg::{Anchor, Fill, Path, Point, Rect, Stroke, Style, Svg, TextStyle};
-use super::ticks::Scale;
+use super::ticks::AxisScale;
 
 const GAP_PX: f64 = 14.0;
 /// Maximum number of draws for contours; more would make no visible difference.
@@ -26,7 +26,7 @@ const SMALLEST_TITLE_PX: f64 = 8.5;
 
 /// Positions of panels, and sizes of text.
 #[derive(Debug)]
-pub(super) struct Layout {
+pub(super) struct CornerLayout {
     pub(super) width_px: f64,
     pub(super) height_px: f64,
     /// Upper left corner of the first panel.
@@ -38,7 +38,7 @@ pub(super) struct Layout {
     most_ticks: usize,
 }
 
-impl Layout {
+impl CornerLayout {
     pub fn new(content: &Content) -> Self {
         let Content { slots, posteriors, options, .. } = content;
         let n = slots.len();
@@ -81,7 +81,7 @@ impl Layout {
 }
 
 /// Draws the panel in a row and a column.
-pub(super) fn panel(svg: &mut Svg, layout: &Layout, content: &Content, row: usize, column: usize) {
+pub(super) fn panel(svg: &mut Svg, layout: &CornerLayout, content: &Content, row: usize, column: usize) {
     let (frame, slots) = (layout.frame(row, column), &content.slots);
     let axes = if row == column {
         marginal_panel(svg, layout, content, row)
@@ -100,7 +100,7 @@ pub(super) fn panel(svg: &mut Svg, layout: &Layout, content: &Content, row: usiz
 }
 
 /// Posteriors that have a parameter, with its column.
-fn having<'a, 'b>(
+fn posteriors_with_parameter<'a, 'b>(
     posteriors: &'a [Posterior<'b>],
     slot: &'a Slot,
 ) -> impl Iterator<Item = (usize, &'a Posterior<'b>, &'a ParameterColumn<'b>)> {
@@ -116,9 +116,9 @@ fn prior_stroke() -> Stroke {
     Stroke::solid(MUTED, 1.4).dashed(6.0, 4.0)
 }
 
-fn marginal_panel(svg: &mut Svg, layout: &Layout, content: &Content, row: usize) -> Axes {
+fn marginal_panel(svg: &mut Svg, layout: &CornerLayout, content: &Content, row: usize) -> Axes {
     let (slot, frame, posteriors) = (&content.slots[row], layout.frame(row, row), content.posteriors);
-    let curves: Vec<_> = having(posteriors, slot)
+    let curves: Vec<_> = posteriors_with_parameter(posteriors, slot)
         .map(|(i, posterior, column)| {
             let sorted = slot.columns[i].map_or(&[][..], |c| &content.ascending[i][c]);
             (posterior, column, sorted, density::marginal(sorted, column.support))
@@ -130,7 +130,7 @@ fn marginal_panel(svg: &mut Svg, layout: &Layout, content: &Content, row: usize)
         .flat_map(|m| m.density.iter().copied())
         .fold(0.0, f64::max);
     let top = if peak > 0.0 { 1.08 * peak } else { 1.0 };
-    let axes = Axes { frame, x: slot.scale, y: Scale::linear(0.0, top) };
+    let axes = Axes { frame, x: slot.scale, y: AxisScale::linear(0.0, top) };
     svg.clipped(frame, |svg| {
         for (posterior, column, sorted, curve) in &curves {
             match curve {
@@ -197,7 +197,7 @@ fn reference_mark(svg: &mut Svg, axes: &Axes, slot: &Slot) {
         axes.vertical(svg, value, reference_stroke());
         return;
     }
-    let text = significant(value, 3);
+    let text = format_significant(value, 3);
     let y = axes.frame.y + 16.0;
     if fraction > 1.0 {
         svg.text(&format!("{text} →"), (axes.frame.right() - 7.0, y), TextStyle::new(11.0, Anchor::End));
@@ -209,12 +209,12 @@ fn reference_mark(svg: &mut Svg, axes: &Axes, slot: &Slot) {
 fn pair_panel(svg: &mut Svg, axes: &Axes, content: &Content, row: &Slot, column: &Slot) {
     let Content { posteriors, options, .. } = content;
     let outermost = options.masses.iter().copied().fold(0.0, f64::max);
-    for (i, posterior, x) in having(posteriors, column) {
+    for (i, posterior, x) in posteriors_with_parameter(posteriors, column) {
         let Some(y) = row.columns[i].map(|c| &posterior.parameters[c]) else { continue };
         let (xs, ys) = (thinned(x.draws), thinned(y.draws));
         let points = || xs.iter().copied().zip(ys.iter().copied());
         let enough = xs.len() >= FEWEST_DRAWS_FOR_CONTOURS;
-        let joint = if enough { Joint::new(&xs, &ys, x.support, y.support) } else { None };
+        let joint = if enough { JointDensity::new(&xs, &ys, x.support, y.support) } else { None };
         let Some(joint) = joint else {
             axes.scatter(svg, points().step_by(xs.len().div_ceil(MOST_DOTS)), posterior.colour, 2.4, 0.6);
             continue;
@@ -246,7 +246,7 @@ fn thinned(draws: &[f64]) -> Vec<f64> {
 }
 
 /// Masses in drawing order: the largest region first, at the back.
-fn from_the_back(masses: &[f64]) -> Vec<f64> {
+fn draw_order(masses: &[f64]) -> Vec<f64> {
     let mut masses = masses.to_vec();
     masses.sort_by(|a, b| b.total_cmp(a));
     masses
@@ -263,7 +263,7 @@ fn region_stroke(colour: Colour) -> Stroke {
 fn contours(
     svg: &mut Svg,
     axes: &Axes,
-    joint: &Joint,
+    joint: &JointDensity,
     (x, y): (&ParameterColumn, &ParameterColumn),
     colour: Colour,
     masses: &[f64],
@@ -271,7 +271,7 @@ fn contours(
 ) {
     let window = supported_window(axes, x, y);
     svg.clipped(window, |svg| {
-        for mass in from_the_back(masses) {
+        for mass in draw_order(masses) {
             let mut path = Path::default();
             for points in joint.contour(mass) {
                 let mut pixels: Vec<Point> = points.into_iter().map(|(x, y)| axes.px(x, y)).collect();
@@ -303,7 +303,7 @@ fn supported_window(axes: &Axes, x: &ParameterColumn, y: &ParameterColumn) -> Re
 /// symbol is omitted, then the size shrinks.
 fn titles(
     svg: &mut Svg,
-    layout: &Layout,
+    layout: &CornerLayout,
     frame: Rect,
     slot: &Slot,
     lines: &[(Colour, ValueWithErrors)],
@@ -361,7 +361,7 @@ fn value_with_errors(
 }
 
 /// Draws the legend of colours, lines and contours in the empty upper right corner.
-pub(super) fn legend(svg: &mut Svg, layout: &Layout, content: &Content) {
+pub(super) fn legend(svg: &mut Svg, layout: &CornerLayout, content: &Content) {
     let Content { posteriors, slots, options, .. } = content;
     let entries = entries(posteriors, slots, options);
     let shade = if posteriors.len() == 1 { "quantiles (darker on the diagonal)" } else { "quantiles" };
@@ -399,11 +399,11 @@ fn entries(posteriors: &[Posterior], slots: &[Slot], options: &CornerOptions) ->
         entries.push(Entry::new(Mark::Line(Stroke::solid(posterior.colour, 2.5)), posterior.label));
     }
     let colour = if let [only] = posteriors { only.colour } else { MUTED };
-    for (depth, mass) in from_the_back(options.masses).into_iter().enumerate() {
+    for (depth, mass) in draw_order(options.masses).into_iter().enumerate() {
         // Regions overlap, so the sample shows the sum of their opacities.
         let opacity = 1.0 - (1.0 - region_fill(colour, posteriors.len()).opacity).powi(depth as i32 + 1);
         let area = Style { fill: Some(Fill::new(colour, opacity)), stroke: Some(region_stroke(colour)) };
-        let percent = significant(100.0 * mass, 3);
+        let percent = format_significant(100.0 * mass, 3);
         let percent =
             if percent.contains('.') { percent.trim_end_matches('0').trim_end_matches('.') } else { percent.as_str() };
         entries.push(Entry::new(Mark::Area(area), format!("encloses {percent} % of the draws")));

@@ -7,8 +7,8 @@ use super::font::{text_width_px, wrapped};
 use super::legend::{self, Entry, Mark};
 use super::palette::{Colour, INK, MUTED};
 use super::svg::{Anchor, Fill, Path, Point, Rect, Stroke, Svg, TextStyle};
-use super::ticks::Scale;
-use base::error::Place;
+use super::ticks::AxisScale;
+use base::error::InputPlace;
 use base::{Error, Result};
 
 const MARGIN_PX: f64 = 20.0;
@@ -74,7 +74,11 @@ pub fn creep_bands(data: &CreepBands) -> Result<Svg> {
         let width = WIDTH_PX - 2.0 * MARGIN_PX;
         let below = MARGIN_PX + title_with_text(svg, data.title, data.sentence, (MARGIN_PX, MARGIN_PX), width) + 10.0;
         let below = below + legend::row(svg, &entries(data), (MARGIN_PX, below), width) + 10.0;
-        if data.groups.len() <= MOST_TOGETHER { together(svg, data, below) } else { multiples(svg, data, below) }
+        if data.groups.len() <= MOST_TOGETHER {
+            draw_shared_axes(svg, data, below)
+        } else {
+            draw_separate_axes(svg, data, below)
+        }
     };
     // First drawing, to determine the height.
     let height = draw(&mut Svg::new(WIDTH_PX, 1.0, ""));
@@ -84,7 +88,8 @@ pub fn creep_bands(data: &CreepBands) -> Result<Svg> {
 }
 
 fn check(data: &CreepBands) -> Result<()> {
-    let refuse = |found: String, remedy: &str| Err(Error::input(Place::default().at_key("creep bands"), found, remedy));
+    let refuse =
+        |found: String, remedy: &str| Err(Error::input(InputPlace::default().at_key("creep bands"), found, remedy));
     let n = data.time_s.len();
     if n < 2 || data.groups.is_empty() {
         return refuse(format!("{n} times and {} groups", data.groups.len()), "give at least two times and one group");
@@ -119,11 +124,11 @@ fn check(data: &CreepBands) -> Result<()> {
 }
 
 /// Common scales of all groups. Wide predictions for new specimens lengthen them only up to a limit.
-fn scales(data: &CreepBands) -> (Scale, Scale) {
+fn scales(data: &CreepBands) -> (AxisScale, AxisScale) {
     let typical = data.groups.iter().flat_map(|group| group.typical_90_per_pa.iter().flatten());
     let new = data.groups.iter().flat_map(|group| group.new_specimen_90_per_pa.iter().flatten());
-    let y = Scale::log10_around(typical.copied(), new.copied(), std::iter::empty());
-    (Scale::log10(data.time_s[0], data.time_s[data.time_s.len() - 1]), y)
+    let y = AxisScale::log10_around(typical.copied(), new.copied(), std::iter::empty());
+    (AxisScale::log10(data.time_s[0], data.time_s[data.time_s.len() - 1]), y)
 }
 
 fn draw_bands(svg: &mut Svg, axes: &Axes, data: &CreepBands, group: &CreepGroup) {
@@ -139,7 +144,7 @@ fn draw_median(svg: &mut Svg, axes: &Axes, data: &CreepBands, group: &CreepGroup
 }
 
 /// Draws all groups in one pair of axes, with names at the curves' ends. Returns the lower end.
-fn together(svg: &mut Svg, data: &CreepBands, top: f64) -> f64 {
+fn draw_shared_axes(svg: &mut Svg, data: &CreepBands, top: f64) -> f64 {
     let (x, y) = scales(data);
     let names: Vec<Vec<String>> =
         data.groups.iter().map(|group| wrapped(group.label, LABEL_SIZE_PX, MOST_NAME_PX)).collect();
@@ -160,7 +165,7 @@ fn together(svg: &mut Svg, data: &CreepBands, top: f64) -> f64 {
     let end = |group: &CreepGroup| axes.y_px(group.median_per_pa[data.time_s.len() - 1]).clamp(frame.y, frame.bottom());
     let wanted: Vec<f64> = data.groups.iter().map(end).collect();
     let heights: Vec<f64> = names.iter().map(|lines| NAME_LINE_PX * lines.len() as f64 + 4.0).collect();
-    for (i, middle) in apart(&wanted, &heights, (frame.y, frame.bottom())).into_iter().enumerate() {
+    for (i, middle) in separate_blocks(&wanted, &heights, (frame.y, frame.bottom())).into_iter().enumerate() {
         let mut lead = Path::default();
         let right = frame.right();
         lead.polyline(
@@ -182,7 +187,7 @@ fn name(svg: &mut Svg, lines: &[String], (left, middle): Point) {
 }
 
 /// Centres of blocks of these heights, near the wanted ones and in their order, without overlap. They stay within the limits if there is room.
-fn apart(wanted: &[f64], heights: &[f64], (upper, lower): (f64, f64)) -> Vec<f64> {
+fn separate_blocks(wanted: &[f64], heights: &[f64], (upper, lower): (f64, f64)) -> Vec<f64> {
     let mut order: Vec<usize> = (0..wanted.len()).collect();
     order.sort_by(|a, b| wanted[*a].total_cmp(&wanted[*b]));
     let mut middles = wanted.to_vec();
@@ -200,7 +205,7 @@ fn apart(wanted: &[f64], heights: &[f64], (upper, lower): (f64, f64)) -> Vec<f64
 }
 
 /// Draws one pair of axes per group, with the medians of the others. Returns the lower end.
-fn multiples(svg: &mut Svg, data: &CreepBands, top: f64) -> f64 {
+fn draw_separate_axes(svg: &mut Svg, data: &CreepBands, top: f64) -> f64 {
     let (x, y) = scales(data);
     let n = data.groups.len();
     let n_columns = if n == 4 { 2 } else { 3 };
@@ -267,9 +272,9 @@ mod tests {
 
     #[test]
     fn names_keep_their_order_and_apart() {
-        let middles = apart(&[50.0, 10.0, 52.0, 98.0], &[20.0; 4], (0.0, 100.0));
+        let middles = separate_blocks(&[50.0, 10.0, 52.0, 98.0], &[20.0; 4], (0.0, 100.0));
         assert_eq!(middles, [50.0, 10.0, 70.0, 90.0]);
-        let crowded = apart(&[99.0, 98.0, 97.0], &[30.0; 3], (0.0, 100.0));
+        let crowded = separate_blocks(&[99.0, 98.0, 97.0], &[30.0; 3], (0.0, 100.0));
         assert_eq!(crowded, [85.0, 55.0, 25.0]);
     }
 }

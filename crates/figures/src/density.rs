@@ -15,7 +15,7 @@ const KERNEL_REACH: f64 = 4.5;
 const STRONG_CORRELATION: f64 = 0.5;
 
 /// Estimated support of draws: from zero if all draws are non-negative and many are close to zero.
-pub fn guessed_support(sorted: &[f64]) -> Support {
+pub fn estimate_support(sorted: &[f64]) -> Support {
     let (least, low, middle) =
         (quantile_of_sorted(sorted, 0.0), quantile_of_sorted(sorted, 0.05), quantile_of_sorted(sorted, 0.5));
     let lower = if least >= 0.0 && low < 0.25 * middle { 0.0 } else { f64::NEG_INFINITY };
@@ -160,7 +160,7 @@ pub fn marginal(sorted: &[f64], support: Support) -> Option<Marginal> {
 
 /// Joint density of two parameters, on a grid in coordinates without strong correlation.
 #[derive(Debug, Clone)]
-pub struct Joint {
+pub struct JointDensity {
     grid: Grid,
     frame: Frame,
     horizontal: GridAxis,
@@ -169,7 +169,7 @@ pub struct Joint {
     at_draws: Vec<f64>,
 }
 
-impl Joint {
+impl JointDensity {
     /// Kernel estimate from pairs of draws, or `None` if one of the two is constant.
     pub fn new(x: &[f64], y: &[f64], support_x: Support, support_y: Support) -> Option<Self> {
         let frame = Frame::new(x, y)?;
@@ -217,7 +217,7 @@ impl Joint {
         loops.into_iter().map(|points| points.into_iter().map(to_data).collect()).collect()
     }
 
-    /// Returns whether a point lies outside the region that contains the fraction `mass`, given its [`Joint::threshold`].
+    /// Returns whether a point lies outside the region that contains the fraction `mass`, given its [`JointDensity::threshold`].
     pub fn is_outside(&self, x: f64, y: f64, threshold: f64) -> bool {
         let (a, b) = self.frame.forward(x, y);
         self.grid.interpolate((self.horizontal.position(a), self.vertical.position(b))) < threshold

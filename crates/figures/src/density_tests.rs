@@ -56,7 +56,7 @@ fn mass_contours_enclose_the_area_of_the_normal_ellipse() {
         let x: Vec<f64> = z.iter().map(|z| 3.0 + sd_x * z).collect();
         let mixed = |z: f64, w: f64| correlation * z + (1.0 - correlation * correlation).sqrt() * w;
         let y: Vec<f64> = z.iter().zip(&w).map(|(&z, &w)| -7.0 + sd_y * mixed(z, w)).collect();
-        let joint = Joint::new(&x, &y, Support::default(), Support::default()).unwrap();
+        let joint = JointDensity::new(&x, &y, Support::default(), Support::default()).unwrap();
         for mass in [0.5, 0.9] {
             let area: f64 = joint.contour(mass).iter().map(|points| signed_area(points).abs()).sum();
             let chi_squared = -2.0 * f64::ln(1.0 - mass);
@@ -78,14 +78,14 @@ fn separate_modes_stay_separate() {
     let peak = marginal.density.iter().copied().fold(0.0, f64::max);
     // Two thirds of the draws lie in a normal peak of standard deviation 0.2, so its height is 1.33.
     assert!((peak - 1.33).abs() < 0.2, "{peak}");
-    let joint = Joint::new(&x, &y, Support::default(), Support::default()).unwrap();
+    let joint = JointDensity::new(&x, &y, Support::default(), Support::default()).unwrap();
     assert_eq!(joint.contour(0.5).iter().filter(|points| points.len() > 40).count(), 2);
 }
 
 #[test]
 fn constant_draws_have_no_density() {
     assert!(marginal(&[2.0; 100], Support::default()).is_none());
-    assert!(Joint::new(&[1.0; 50], &normals(50, 8), Support::default(), Support::default()).is_none());
+    assert!(JointDensity::new(&[1.0; 50], &normals(50, 8), Support::default(), Support::default()).is_none());
 }
 
 #[test]

@@ -3,10 +3,10 @@
 use super::axes::{Axes, AxisStyle, TICK_SIZE_PX, title_with_text};
 use super::font::{shorten, text_width_px, wrapped};
 use super::legend::{self, Entry, Mark};
-use super::number::{listed, significant, with_decimals};
+use super::number::{format_decimals, format_ranges, format_significant};
 use super::palette::{AXIS, BLUE, Colour, GREEN, GRID, INK, MUTED, ORANGE, PURPLE, SKY, VERMILLION, WHITE};
 use super::svg::{Anchor, Fill, Rect, Stroke, Style, Svg, TextStyle};
-use super::ticks::Scale;
+use super::ticks::AxisScale;
 use base::Result;
 use documents::diagnosis::{CandidateEntry, Diagnosis, Status};
 
@@ -50,7 +50,7 @@ pub fn diagnosis(diagnosis: &Diagnosis) -> Result<Svg> {
 }
 
 /// Colour and name of a status.
-fn look(status: Status) -> (Colour, &'static str) {
+fn status_style(status: Status) -> (Colour, &'static str) {
     match status {
         Status::Claimed => (GREEN, "claimed"),
         Status::Equivalent => (SKY, "equivalent"),
@@ -64,7 +64,7 @@ fn entries(diagnosis: &Diagnosis) -> Vec<Entry> {
     let is_there = |status: &Status| diagnosis.candidates.iter().any(|c| c.status == *status && c.refit.is_some());
     let all = [Status::Claimed, Status::Equivalent, Status::Suggestive, Status::Unsupported, Status::Invisible];
     let of_status = |status| {
-        let (colour, name) = look(status);
+        let (colour, name) = status_style(status);
         Entry::new(Mark::Area(Fill::new(colour, 1.0).into()), name)
     };
     let mut entries: Vec<Entry> = all.into_iter().filter(is_there).map(of_status).collect();
@@ -76,7 +76,7 @@ fn entries(diagnosis: &Diagnosis) -> Vec<Entry> {
 }
 
 /// Row of the bar chart.
-struct Row {
+struct CandidateRow {
     label: String,
     /// Text below the label, wrapped to several lines if needed.
     detail: String,
@@ -93,7 +93,7 @@ struct Row {
 /// All rows, in sections.
 struct Bars {
     /// Heading and rows of each section; the first has no heading.
-    sections: Vec<(&'static str, Vec<Row>)>,
+    sections: Vec<(&'static str, Vec<CandidateRow>)>,
     /// Number of equivalent effects, which are the top rows of the first section.
     n_in_class: usize,
     /// Smallest and largest gain.
@@ -129,10 +129,10 @@ impl Bars {
         let width = WIDTH_PX - MARGIN_PX - left - columns_px;
         let heights: f64 = self.sections.iter().flat_map(|(_, rows)| rows).map(|row| row.height_px(width)).sum();
         let frame = Rect { x: left, y: top + 20.0, width, height: heights + SECTION_PX * n_headings as f64 };
-        let [least, largest] = self.range_nats.map(compressed);
+        let [least, largest] = self.range_nats.map(compress_gain);
         let pad = 0.03 * (largest - least);
         let lower = if least < 0.0 { least - pad } else { 0.0 };
-        let axes = Axes { frame, x: Scale::linear(lower, largest + pad), y: Scale::linear(0.0, 1.0) };
+        let axes = Axes { frame, x: AxisScale::linear(lower, largest + pad), y: AxisScale::linear(0.0, 1.0) };
         gain_axis(svg, &axes, self.range_nats);
         let mut x = frame.right();
         for (title, width) in COLUMNS {
@@ -154,7 +154,7 @@ impl Bars {
             }
         }
         axes.vertical(svg, 0.0, Stroke::solid(AXIS, 1.0));
-        axes.vertical(svg, compressed(CLAIM_NATS), CLAIM);
+        axes.vertical(svg, compress_gain(CLAIM_NATS), CLAIM);
         let mut y = frame.y;
         for (heading, rows) in &self.sections {
             y += if heading.is_empty() { 0.0 } else { SECTION_PX };
@@ -188,7 +188,7 @@ fn bracket(svg: &mut Svg, top: f64, bottom: f64) {
 }
 
 /// Compressed gain sign(g) log₁₀(1 + |g|), for gains from tenths to thousands of nats, and losses, on one axis.
-fn compressed(gain_nats: f64) -> f64 {
+fn compress_gain(gain_nats: f64) -> f64 {
     gain_nats.signum() * gain_nats.abs().ln_1p() / std::f64::consts::LN_10
 }
 
@@ -197,13 +197,14 @@ fn gain_axis(svg: &mut Svg, axes: &Axes, [least, largest]: [f64; 2]) {
     let marks = powers.flat_map(|power| [power, -power]).chain([0.0]);
     let bottom = axes.frame.bottom();
     let mut previous_end = f64::NEG_INFINITY;
-    let mut marks: Vec<f64> = marks.filter(|mark| (0.0..=1.0).contains(&axes.x.fraction(compressed(*mark)))).collect();
+    let mut marks: Vec<f64> =
+        marks.filter(|mark| (0.0..=1.0).contains(&axes.x.fraction(compress_gain(*mark)))).collect();
     marks.sort_by(f64::total_cmp);
     for mark in marks {
-        let x = axes.x_px(compressed(mark));
+        let x = axes.x_px(compress_gain(mark));
         svg.line((x, axes.frame.y), (x, bottom), Stroke::solid(GRID, 0.8));
         svg.line((x, bottom), (x, bottom - 5.0), Stroke::solid(AXIS, 1.0));
-        let label = with_decimals(mark, 0);
+        let label = format_decimals(mark, 0);
         let half = 0.5 * text_width_px(&label, TICK_SIZE_PX);
         if x - half > previous_end + 6.0 {
             svg.text(&label, (x, bottom + 15.0), TextStyle::new(TICK_SIZE_PX, Anchor::Middle));
@@ -219,7 +220,7 @@ fn gain_axis(svg: &mut Svg, axes: &Axes, [least, largest]: [f64; 2]) {
 const SMALL_PX: f64 = 10.0;
 const SMALL_PITCH_PX: f64 = 12.5;
 
-impl Row {
+impl CandidateRow {
     fn details(&self) -> Vec<String> {
         wrapped(&self.detail, SMALL_PX, LABEL_PX - 10.0)
     }
@@ -269,7 +270,7 @@ impl Row {
             svg.text(line, at, TextStyle::new(SMALL_PX, Anchor::End).colour(MUTED));
         }
         let bar = |y: f64, height: f64, gain_nats: f64| {
-            let (from, to) = (axes.x_px(0.0), axes.x_px(compressed(gain_nats)));
+            let (from, to) = (axes.x_px(0.0), axes.x_px(compress_gain(gain_nats)));
             Rect { x: from.min(to), y, width: (to - from).abs().max(1.0), height }
         };
         let upper = middle - 0.5 * (FIT_BAR_PX + self.room_below_px(axes.frame.width));
@@ -280,7 +281,7 @@ impl Row {
             let style = Style { fill: Some(Fill::new(WHITE, 1.0)), stroke: Some(Stroke::solid(self.colour, 1.4)) };
             svg.rect(bar(upper + FIT_BAR_PX + 2.0, HELDOUT_BAR_PX, gain), style);
         }
-        let start = axes.x_px(compressed(CLAIM_NATS)) + 8.0;
+        let start = axes.x_px(compress_gain(CLAIM_NATS)) + 8.0;
         let lines = wrapped(&self.instead, SMALL_PX, axes.frame.right() - start - 6.0);
         for (i, line) in lines.iter().take(2).enumerate() {
             let baseline = middle + 4.0 + 12.0 * (i as f64 - 0.5 * (lines.len().min(2) as f64 - 1.0));
@@ -295,22 +296,22 @@ impl Row {
     }
 }
 
-fn candidate_row(diagnosis: &Diagnosis, candidate: &CandidateEntry) -> Row {
-    let (colour, _) = look(candidate.status);
+fn candidate_row(diagnosis: &Diagnosis, candidate: &CandidateEntry) -> CandidateRow {
+    let (colour, _) = status_style(candidate.status);
     let refit = candidate.refit.as_ref();
     let detail =
         if candidate.twins.is_empty() { String::new() } else { format!("like {}", candidate.twins.join(", ")) };
     let number = |shown: bool, text: String| if shown { text } else { "–".into() };
     let is_refused = candidate.refused.is_some();
-    Row {
+    CandidateRow {
         label: candidate.effect.clone(),
         detail,
         colour,
         gain_nats: refit.map(|refit| refit.gain_nats),
         heldout_gain_nats: refit.and_then(|refit| refit.heldout_gain_nats),
         columns: [
-            diagnosis.standing(candidate).into(),
-            number(candidate.z.is_finite() && !is_refused, with_decimals(candidate.z, 1)),
+            diagnosis.status_words(candidate).into(),
+            number(candidate.z.is_finite() && !is_refused, format_decimals(candidate.z, 1)),
             number(refit.is_some() && candidate.p_familywise.is_finite(), probability(candidate.p_familywise)),
             number(candidate.visible_fraction.is_finite() && !is_refused, percent(candidate.visible_fraction)),
         ],
@@ -319,12 +320,12 @@ fn candidate_row(diagnosis: &Diagnosis, candidate: &CandidateEntry) -> Row {
     }
 }
 
-fn pair_rows(diagnosis: &Diagnosis) -> Vec<Row> {
+fn pair_rows(diagnosis: &Diagnosis) -> Vec<CandidateRow> {
     let row = |pair: &documents::diagnosis::PairEntry| {
         let is_claimed =
             pair.effects.len() > 1 && pair.effects.iter().all(|slug| diagnosis.verdict.effects.contains(slug));
-        let (colour, name) = if is_claimed { look(Status::Claimed) } else { (MUTED, "") };
-        Row {
+        let (colour, name) = if is_claimed { status_style(Status::Claimed) } else { (MUTED, "") };
+        CandidateRow {
             label: pair.effects.first().cloned().unwrap_or_default(),
             detail: pair.effects.get(1).map_or(String::new(), |slug| format!("+ {slug}")),
             colour,
@@ -338,8 +339,8 @@ fn pair_rows(diagnosis: &Diagnosis) -> Vec<Row> {
     diagnosis.pairs.iter().take(MOST_OTHERS).map(row).collect()
 }
 
-fn unexplained_rows(diagnosis: &Diagnosis) -> Vec<Row> {
-    let row = |entry: &documents::diagnosis::UnexplainedEntry| Row {
+fn unexplained_rows(diagnosis: &Diagnosis) -> Vec<CandidateRow> {
+    let row = |entry: &documents::diagnosis::UnexplainedMisfit| CandidateRow {
         label: entry.kind.clone(),
         detail: String::new(),
         colour: PURPLE,
@@ -353,14 +354,14 @@ fn unexplained_rows(diagnosis: &Diagnosis) -> Vec<Row> {
 }
 
 fn probability(p: f64) -> String {
-    if p < 0.001 { "< 0.001".into() } else { with_decimals(p, if p < 0.1 { 3 } else { 2 }) }
+    if p < 0.001 { "< 0.001".into() } else { format_decimals(p, if p < 0.1 { 3 } else { 2 }) }
 }
 
 fn percent(fraction: f64) -> String {
     if fraction > 0.0 && fraction < 0.001 {
         "< 0.1 %".into()
     } else {
-        format!("{} %", significant(100.0 * fraction, 2))
+        format!("{} %", format_significant(100.0 * fraction, 2))
     }
 }
 
@@ -374,17 +375,20 @@ fn errors(svg: &mut Svg, diagnosis: &Diagnosis, top: f64) -> f64 {
     }
     let noise_um = base.noise_um;
     let area = |colour| Mark::Area(Fill::new(colour, 1.0).into());
-    let mut entries = vec![Entry::new(area(SKY), format!("fitted cycles {}", listed(&diagnosis.fitted_cycles)))];
+    let mut entries = vec![Entry::new(area(SKY), format!("fitted cycles {}", format_ranges(&diagnosis.fitted_cycles)))];
     if !diagnosis.heldout_cycles.is_empty() {
-        entries.insert(0, Entry::new(area(BLUE), format!("last held-out cycle {}", listed(&diagnosis.heldout_cycles))));
+        entries.insert(
+            0,
+            Entry::new(area(BLUE), format!("last held-out cycle {}", format_ranges(&diagnosis.heldout_cycles))),
+        );
     }
-    entries.extend(noise_um.map(|um| Entry::new(Mark::Line(NOISE), format!("noise {} µm", significant(um, 3)))));
+    entries.extend(noise_um.map(|um| Entry::new(Mark::Line(NOISE), format!("noise {} µm", format_significant(um, 3)))));
     let left = MARGIN_PX + BRACKET_PX + LABEL_PX;
     let width = WIDTH_PX - MARGIN_PX - left - 62.0;
     let top = top + legend::row(svg, &entries, (left, top), width) + 4.0;
     let frame = Rect { x: left, y: top, width, height: (ROW_PX + 6.0) * rows.len() as f64 };
     let largest = rows.iter().flat_map(|row| [Some(row.1), row.2]).chain([noise_um]).flatten().fold(0.0, f64::max);
-    let axes = Axes { frame, x: Scale::linear(0.0, 1.04 * largest), y: Scale::linear(0.0, 1.0) };
+    let axes = Axes { frame, x: AxisScale::linear(0.0, 1.04 * largest), y: AxisScale::linear(0.0, 1.0) };
     axes.x_axis(svg, AxisStyle::new(Some("root mean square error (µm)"), 10, 36.0).grid());
     for (k, (label, fitted, heldout)) in rows.iter().enumerate() {
         let middle = frame.y + (ROW_PX + 6.0) * (k as f64 + 0.5);
@@ -395,7 +399,7 @@ fn errors(svg: &mut Svg, diagnosis: &Diagnosis, top: f64) -> f64 {
         svg.rect(bar(middle + 3.0, 8.0, *fitted), Fill::new(SKY, 1.0));
         let label = shorten(label, 12.0, LABEL_PX + BRACKET_PX - 10.0);
         svg.text(&label, (frame.x - 8.0, middle + 4.0), TextStyle::new(12.0, Anchor::End));
-        let text = format!("{} µm", significant(heldout.unwrap_or(*fitted), 3));
+        let text = format!("{} µm", format_significant(heldout.unwrap_or(*fitted), 3));
         svg.text(&text, (frame.right() + 62.0, middle), TextStyle::new(12.0, Anchor::End));
     }
     if let Some(noise_um) = noise_um {

@@ -4,8 +4,8 @@ use super::axes::{Axes, AxisStyle, title_with_text, widest_y_number_px};
 use super::legend::{self, Entry, Mark};
 use super::palette::{AXIS, MUTED, VERMILLION};
 use super::svg::{Fill, Rect, Stroke, Svg};
-use super::ticks::Scale;
-use base::error::Place;
+use super::ticks::AxisScale;
+use base::error::InputPlace;
 use base::{Error, Result};
 
 const WIDTH_PX: f64 = 820.0;
@@ -21,7 +21,7 @@ const BAND_SDS: f64 = 1.645;
 #[derive(Debug, Clone)]
 pub struct DiscrepancyPanel {
     /// Legend text of the curve.
-    pub what: String,
+    pub legend_text: String,
     /// Quantity and unit of the axis, such as `time since the force step (s)`.
     pub axis_label: String,
     /// True if the axis is logarithmic; values that are not positive are then omitted.
@@ -37,7 +37,7 @@ pub struct DiscrepancyPanel {
 }
 
 /// Point of the curve, averaged over the rows of a bin.
-struct Point {
+struct BandPoint {
     coordinate: f64,
     mean_um: f64,
     sd_um: f64,
@@ -49,7 +49,7 @@ struct Point {
 /// # Errors
 /// [`Error::Input`] for series of unequal length or fewer than two different values along an axis.
 pub fn discrepancy(panels: &[DiscrepancyPanel], heading: &str, text: &str) -> Result<Svg> {
-    let drawn: Vec<(Vec<Point>, &DiscrepancyPanel)> =
+    let drawn: Vec<(Vec<BandPoint>, &DiscrepancyPanel)> =
         panels.iter().map(|panel| Ok((points(panel)?, panel))).collect::<Result<_>>()?;
     let width = WIDTH_PX - 2.0 * MARGIN_PX;
     let draw = |svg: &mut Svg| {
@@ -64,21 +64,21 @@ pub fn discrepancy(panels: &[DiscrepancyPanel], heading: &str, text: &str) -> Re
 }
 
 /// Draws a panel from `top` downwards and returns its lower end.
-fn draw_panel(svg: &mut Svg, points: &[Point], panel: &DiscrepancyPanel, top: f64) -> f64 {
+fn draw_panel(svg: &mut Svg, points: &[BandPoint], panel: &DiscrepancyPanel, top: f64) -> f64 {
     let x: Vec<f64> = points.iter().map(|point| point.coordinate).collect();
-    let of = |value: &dyn Fn(&Point) -> f64| points.iter().map(value).collect::<Vec<f64>>();
+    let of = |value: &dyn Fn(&BandPoint) -> f64| points.iter().map(value).collect::<Vec<f64>>();
     let mean = of(&|point| point.mean_um);
     let lower = of(&|point| point.mean_um - BAND_SDS * point.sd_um);
     let upper = of(&|point| point.mean_um + BAND_SDS * point.sd_um);
     let residual = of(&|point| point.residual_um);
     let shown = lower.iter().chain(&upper).chain(&residual).copied().chain([0.0]).filter(|value| value.is_finite());
-    let y_scale = Scale::over(shown, 0.06);
+    let y_scale = AxisScale::over(shown, 0.06);
     let (first, last) = (x[0], x[x.len() - 1]);
-    let x_scale = if panel.is_logarithmic { Scale::log10(first, last) } else { Scale::linear(first, last) };
+    let x_scale = if panel.is_logarithmic { AxisScale::log10(first, last) } else { AxisScale::linear(first, last) };
     let left = widest_y_number_px(&y_scale, 7) + 52.0;
     let width = WIDTH_PX - left - 22.0;
     let has_band = points.iter().any(|point| point.sd_um > 0.0);
-    let top = top + legend::row(svg, &entries(&panel.what, has_band), (left, top), width) + 8.0;
+    let top = top + legend::row(svg, &entries(&panel.legend_text, has_band), (left, top), width) + 8.0;
     let frame = Rect { x: left, y: top, width, height: HEIGHT_PX };
     let axes = Axes { frame, x: x_scale, y: y_scale };
     axes.y_axis(svg, AxisStyle::new(Some("residual (µm)"), 7, left - 18.0).grid());
@@ -102,8 +102,9 @@ fn entries(what: &str, has_band: bool) -> Vec<Entry> {
 }
 
 /// Non-empty bins of equal width along the axis.
-fn points(rows: &DiscrepancyPanel) -> Result<Vec<Point>> {
-    let refuse = |found: String, remedy: &str| Err(Error::input(Place::default().at_key("discrepancy"), found, remedy));
+fn points(rows: &DiscrepancyPanel) -> Result<Vec<BandPoint>> {
+    let refuse =
+        |found: String, remedy: &str| Err(Error::input(InputPlace::default().at_key("discrepancy"), found, remedy));
     let n = rows.coordinate.len();
     if [rows.mean_um.len(), rows.sd_um.len(), rows.residual_um.len()] != [n; 3] {
         return refuse("series of unequal length".into(), "give one value per row");
@@ -122,7 +123,7 @@ fn points(rows: &DiscrepancyPanel) -> Result<Vec<Point>> {
     let average = |values: &[f64], of: &[usize]| of.iter().map(|row| values[*row]).sum::<f64>() / of.len() as f64;
     let point = |of: &Vec<usize>| {
         let measured: Vec<usize> = of.iter().copied().filter(|row| rows.residual_um[*row].is_finite()).collect();
-        Point {
+        BandPoint {
             coordinate: average(&rows.coordinate, of),
             mean_um: average(&rows.mean_um, of),
             sd_um: average(&rows.sd_um, of),
@@ -138,7 +139,7 @@ mod tests {
 
     fn panel(coordinate: &[f64], values: &[f64]) -> DiscrepancyPanel {
         DiscrepancyPanel {
-            what: "unexplained, 90 % band".into(),
+            legend_text: "unexplained, 90 % band".into(),
             axis_label: "time since the force step (s)".into(),
             is_logarithmic: true,
             coordinate: coordinate.to_vec(),
@@ -166,7 +167,8 @@ mod tests {
 
     #[test]
     fn parts_stand_one_below_the_other_and_what_is_known_has_no_band() {
-        let known = DiscrepancyPanel { what: "slip".into(), sd_um: vec![0.0; 2], ..panel(&[1.0, 2.0], &[1.0, 2.0]) };
+        let known =
+            DiscrepancyPanel { legend_text: "slip".into(), sd_um: vec![0.0; 2], ..panel(&[1.0, 2.0], &[1.0, 2.0]) };
         let parts = |panels: &[DiscrepancyPanel]| discrepancy(panels, "heading", "text").unwrap().document();
         let (one, both) = (parts(std::slice::from_ref(&known)), parts(&[known, panel(&[1.0, 2.0], &[1.0, 2.0])]));
         assert!(one.contains(">slip<") && !one.contains("fill-opacity=\"0.22\""), "{one}");

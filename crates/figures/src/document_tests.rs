@@ -3,13 +3,13 @@
 use super::diagnosis::diagnosis;
 use super::ladder::ladder;
 use super::layout_tests::{LONG, assert_legible};
-use crate::rung_for_tests::rung_of;
+use crate::rung_for_tests::make_rung;
 use documents::diagnosis::*;
 use documents::extension::EquivalentEffects;
-use documents::ladder::{LadderSummary, Rung};
+use documents::ladder::{LadderRow, LadderSummary};
 use documents::trust::{Trust, TrustLevel};
 
-fn ladder_of(revisions: Vec<Rung>, experiment: &str, sentence: &str) -> LadderSummary {
+fn ladder_of(revisions: Vec<LadderRow>, experiment: &str, sentence: &str) -> LadderSummary {
     LadderSummary {
         experiment: experiment.into(),
         fitted_cycles: vec![1, 2, 3],
@@ -23,11 +23,11 @@ fn ladder_of(revisions: Vec<Rung>, experiment: &str, sentence: &str) -> LadderSu
     }
 }
 
-fn three_rungs() -> Vec<Rung> {
+fn three_rungs() -> Vec<LadderRow> {
     let mut rungs = vec![
-        rung_of("m0", None, &[], Some(40.0)),
-        rung_of("m1", Some("m0"), &["instantaneous-elasticity"], Some(10.0)),
-        rung_of("m12", Some("m1"), &["instantaneous-elasticity", "second-retardation", "tracking-drift"], Some(4.1)),
+        make_rung("m0", None, &[], Some(40.0)),
+        make_rung("m1", Some("m0"), &["instantaneous-elasticity"], Some(10.0)),
+        make_rung("m12", Some("m1"), &["instantaneous-elasticity", "second-retardation", "tracking-drift"], Some(4.1)),
     ];
     rungs[2].added = vec!["second-retardation".into(), "tracking-drift".into()];
     rungs[1].equivalents = vec![EquivalentEffects {
@@ -137,7 +137,7 @@ fn a_diagnosis(experiment: &str, sentence: &str) -> Diagnosis {
         smallest_detectable: vec![],
         separating_protocol: String::new(),
         noise: vec![],
-        unexplained: vec![UnexplainedEntry {
+        unexplained: vec![UnexplainedMisfit {
             kind: "vibration".into(),
             sentence: "a vibration of 2.1 Hz and 3 µm, all through the record".into(),
             size_um: 3.0,

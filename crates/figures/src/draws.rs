@@ -5,7 +5,7 @@ use std::path::Path;
 
 use super::density::{quantile_of_sorted, sorted};
 use super::labels;
-use base::error::Place;
+use base::error::InputPlace;
 use base::files::{self, Content, refuse_long_lines, stream_atomically};
 use base::{Error, Result};
 
@@ -115,7 +115,7 @@ impl DrawTable {
 }
 
 fn refuse(found: String, remedy: &str) -> Error {
-    Error::input(Place::default().at_key("draws"), found, remedy)
+    Error::input(InputPlace::default().at_key("draws"), found, remedy)
 }
 
 /// Writes the draws as CSV, ordered by ensemble, walker and step, all counted from 0. Numbers have enough digits to
@@ -163,7 +163,11 @@ pub fn read_draws_csv(path: &Path) -> Result<DrawTable> {
     let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::All).from_reader(bytes.as_slice());
     let broken = |error: csv::Error| {
         let line = error.position().map_or(1, |position| position.line() as usize);
-        Error::input(Place::file(path).at_line(line), error.to_string(), "give every line as many fields as the header")
+        Error::input(
+            InputPlace::file(path).at_line(line),
+            error.to_string(),
+            "give every line as many fields as the header",
+        )
     };
     let header: Vec<String> = reader.headers().map_err(broken)?.iter().map(str::to_owned).collect();
     let mut rows: Vec<Vec<f64>> = Vec::new();
@@ -172,7 +176,7 @@ pub fn read_draws_csv(path: &Path) -> Result<DrawTable> {
         let line = record.position().map_or(0, |position| position.line() as usize);
         if rows.len() * header.len() >= MOST_NUMBERS {
             return Err(Error::input(
-                Place::file(path).at_line(line),
+                InputPlace::file(path).at_line(line),
                 format!("the table has more than {MOST_NUMBERS} numbers"),
                 "keep every k-th draw; a few thousand are enough",
             ));
@@ -188,7 +192,7 @@ fn numbers(path: &Path, line: usize, header: &[String], record: &csv::StringReco
     let number = |(name, field): (&String, &str)| match field.parse::<f64>() {
         Ok(value) if value.is_finite() => Ok(value),
         _ => {
-            let place = Place::file(path).at_line(line).at_key(name);
+            let place = InputPlace::file(path).at_line(line).at_key(name);
             Err(Error::input(
                 place,
                 format!("`{field}` is not a finite number"),
@@ -200,7 +204,7 @@ fn numbers(path: &Path, line: usize, header: &[String], record: &csv::StringReco
 }
 
 fn table_from_rows(path: &Path, header: &[String], rows: &[Vec<f64>]) -> Result<DrawTable> {
-    let place = || Place::file(path);
+    let place = || InputPlace::file(path);
     let is_parameter = |name: &str| !INDEX_COLUMNS.contains(&name) && name != LOG_DENSITY;
     let parameters: Vec<usize> = (0..header.len()).filter(|&i| is_parameter(&header[i])).collect();
     if rows.is_empty() || parameters.is_empty() {
@@ -235,7 +239,7 @@ fn table_from_rows(path: &Path, header: &[String], rows: &[Vec<f64>]) -> Result<
     let log_density = header.iter().position(|name| name == LOG_DENSITY);
     Ok(DrawTable {
         parameter_names: parameters.iter().map(|&i| header[i].clone()).collect(),
-        units: parameters.iter().map(|&i| labels::of_parameter(&header[i]).unit).collect(),
+        units: parameters.iter().map(|&i| labels::parameter_label(&header[i]).unit).collect(),
         n_ensembles,
         n_walkers,
         n_steps,

@@ -6,8 +6,8 @@ use super::axes::{Axes, AxisStyle, title_with_text};
 use super::legend::{self, Entry, Mark};
 use super::palette::{MUTED, VERMILLION};
 use super::svg::{Rect, Stroke, Svg};
-use super::ticks::Scale;
-use base::error::{Error, Place, Result};
+use super::ticks::AxisScale;
+use base::error::{Error, InputPlace, Result};
 use base::files::stream_atomically;
 
 const WIDTH_PX: f64 = 960.0;
@@ -27,7 +27,7 @@ pub struct Fingerprints {
     /// Time of each row, in s.
     pub time_s: Vec<f64>,
     /// Residual, in µm; `None` for rows without a measurement.
-    pub left_um: Vec<Option<f64>>,
+    pub residual_um: Vec<Option<f64>>,
     /// Name of each effect, and the change of the fitted curve in µm when the model is refitted with it; by decreasing gain.
     pub effects: Vec<(String, Vec<f64>)>,
 }
@@ -42,7 +42,7 @@ pub fn write_fingerprints(path: &Path, fingerprints: &Fingerprints) -> Result<()
         let names: String = fingerprints.effects.iter().map(|(slug, _)| format!(",{slug}")).collect();
         writeln!(out, "time_s,left_um{names}")?;
         for (row, time_s) in fingerprints.time_s.iter().enumerate() {
-            let left = fingerprints.left_um[row].map_or(String::new(), |left| format!("{left:.4}"));
+            let left = fingerprints.residual_um[row].map_or(String::new(), |left| format!("{left:.4}"));
             let changes: String =
                 fingerprints.effects.iter().map(|(_, change)| format!(",{:.4}", change[row])).collect();
             writeln!(out, "{time_s:?},{left}{changes}")?;
@@ -61,18 +61,18 @@ pub fn fingerprints(fingerprints: &Fingerprints, experiment: &str) -> Result<Svg
         (time_s.first(), time_s.last(), !fingerprints.effects.is_empty() && time_s.len() > 1)
     else {
         return Err(Error::input(
-            Place::default(),
+            InputPlace::default(),
             "there is nothing to draw",
             "give at least two rows and one effect",
         ));
     };
     let heading = format!("{experiment}: residuals that each effect would explain");
     let text = "Points: residuals. Line: change of the fitted curve when the model is refitted with the effect.";
-    let left = fingerprints.left_um.iter().flatten().copied();
+    let left = fingerprints.residual_um.iter().flatten().copied();
     let changes = shown.clone().flat_map(|(_, change)| change.iter().copied());
-    let (x, y) = (Scale::linear(*first, *last), Scale::over(left.chain(changes), 0.06));
+    let (x, y) = (AxisScale::linear(*first, *last), AxisScale::over(left.chain(changes), 0.06));
     let measured: Vec<(f64, f64)> =
-        time_s.iter().zip(&fingerprints.left_um).filter_map(|(t, left)| Some((*t, (*left)?))).collect();
+        time_s.iter().zip(&fingerprints.residual_um).filter_map(|(t, left)| Some((*t, (*left)?))).collect();
     let width = (WIDTH_PX - 2.0 * MARGIN_PX - COLUMNS as f64 * LEFT_PX) / COLUMNS as f64;
     let draw = |svg: &mut Svg| {
         let at = (MARGIN_PX, MARGIN_PX);
@@ -112,7 +112,7 @@ mod tests {
         let left_um = time_s.iter().map(|t| (*t != 1.0).then(|| t.sin())).collect();
         let change = |scale: f64| time_s.iter().map(|t| scale * t.sin()).collect::<Vec<f64>>();
         let effects = [("softening", 0.9), ("inertia", 0.1)].map(|(slug, scale)| (slug.to_string(), change(scale)));
-        Fingerprints { left_um, effects: effects.to_vec(), time_s }
+        Fingerprints { residual_um: left_um, effects: effects.to_vec(), time_s }
     }
 
     /// Every effect has a column and a panel. A row without a position has an empty cell.

@@ -4,11 +4,11 @@ use super::axes::{Axes, AxisStyle, TICK_SIZE_PX, title_with_text};
 use super::flags::{self, Flag};
 use super::font::{shorten, text_width_px, wrapped, wrapped_to};
 use super::legend::{self, Entry, Mark};
-use super::number::{decimal_exponent, factored_exponent, power_of_ten, with_decimals};
+use super::number::{decimal_exponent, factored_exponent, format_decimals, power_of_ten};
 use super::palette::{AXIS, Colour, GRID, INK, MUTED, WHITE};
 use super::svg::{Anchor, Fill, Path, Point, Rect, Stroke, Style, Svg, TextStyle};
-use super::ticks::Scale;
-use base::error::Place;
+use super::ticks::AxisScale;
+use base::error::InputPlace;
 use base::{Error, Result};
 
 const MARGIN_PX: f64 = 20.0;
@@ -85,7 +85,7 @@ pub struct SpecimenMark<'a> {
     /// Name of the specimen.
     pub name: &'a str,
     /// 5 % quantile, median and 95 % quantile from the specimen's own data.
-    pub alone: [f64; 3],
+    pub unpooled: [f64; 3],
     /// 5 % quantile, median and 95 % quantile, pooled with the other specimens.
     pub pooled: [f64; 3],
     /// True if it lies far from its group.
@@ -108,7 +108,7 @@ pub struct ForestReference<'a> {
 /// order.
 pub fn forest(data: &Forest) -> Result<Svg> {
     check(data)?;
-    let layout = Layout::new(data);
+    let layout = ForestLayout::new(data);
     let draw = |svg: &mut Svg| {
         let width = layout.width_px() - 2.0 * MARGIN_PX;
         let below = MARGIN_PX + title_with_text(svg, data.title, data.sentence, (MARGIN_PX, MARGIN_PX), width) + 10.0;
@@ -123,7 +123,8 @@ pub fn forest(data: &Forest) -> Result<Svg> {
 }
 
 fn check(data: &Forest) -> Result<()> {
-    let refuse = |found: String, remedy: &str| Err(Error::input(Place::default().at_key("forest plot"), found, remedy));
+    let refuse =
+        |found: String, remedy: &str| Err(Error::input(InputPlace::default().at_key("forest plot"), found, remedy));
     let [first, others @ ..] = &data.panels[..] else {
         return refuse("no parameters".into(), "give at least one panel");
     };
@@ -147,7 +148,7 @@ fn check(data: &Forest) -> Result<()> {
             if !(ascending(&row.typical) && ascending(&row.new_specimen)) {
                 return refuse(format!("{place}: the summary is {not_ascending}"), remedy);
             }
-            if let Some(odd) = row.specimens.iter().find(|s| !(ascending(&s.alone) && ascending(&s.pooled))) {
+            if let Some(odd) = row.specimens.iter().find(|s| !(ascending(&s.unpooled) && ascending(&s.pooled))) {
                 return refuse(format!("{place}, {}: the estimate is {not_ascending}", odd.name), remedy);
             }
         }
@@ -175,7 +176,7 @@ enum Specimens {
 
 /// Part of the height for a group, the same in all panels.
 #[derive(Debug, Clone)]
-struct Block {
+struct ForestBlock {
     specimens: Specimens,
     /// Lines of the group's name.
     name: Vec<String>,
@@ -185,16 +186,16 @@ struct Block {
     specimens_px: f64,
 }
 
-impl Block {
+impl ForestBlock {
     fn height_px(&self) -> f64 {
         self.summary_px + self.specimens_px + BELOW_PX
     }
 }
 
-struct Layout {
+struct ForestLayout {
     label_px: f64,
     panel_px: f64,
-    blocks: Vec<Block>,
+    blocks: Vec<ForestBlock>,
     n_panels: usize,
 }
 
@@ -203,7 +204,7 @@ fn size_text(row: &ForestRow) -> String {
     format!("n = {}", row.n_specimens)
 }
 
-impl Layout {
+impl ForestLayout {
     fn new(data: &Forest) -> Self {
         let rows = &data.panels[0].rows;
         let n_rows: usize = rows.iter().map(|row| row.specimens.len()).filter(|n| *n <= MOST_ROWS).sum();
@@ -221,18 +222,21 @@ impl Layout {
 
     /// Draws the panels from `top` downwards and returns their lower end.
     fn draw(&self, svg: &mut Svg, data: &Forest, top: f64) -> f64 {
-        let height: f64 = self.blocks.iter().map(Block::height_px).sum();
+        let height: f64 = self.blocks.iter().map(ForestBlock::height_px).sum();
         let frame_at = |k: usize, y: f64| Rect {
             x: MARGIN_PX + self.label_px + k as f64 * (self.panel_px + PANEL_GAP_PX),
             y,
             width: self.panel_px,
             height,
         };
-        let axes_at =
-            |k: usize, y: f64| Axes { frame: frame_at(k, y), x: scale(&data.panels[k]), y: Scale::linear(0.0, 1.0) };
+        let axes_at = |k: usize, y: f64| Axes {
+            frame: frame_at(k, y),
+            x: scale(&data.panels[k]),
+            y: AxisScale::linear(0.0, 1.0),
+        };
         let flags_at = |axes: &Axes, panel: &ForestPanel| {
             let values: Vec<(&str, f64)> = panel.references.iter().map(|r| (r.label, r.value)).collect();
-            flags::place(axes, &values, 0.35 * PANEL_GAP_PX)
+            flags::place_flags(axes, &values, 0.35 * PANEL_GAP_PX)
         };
         let heights =
             data.panels.iter().enumerate().map(|(k, panel)| flags::height_px(&flags_at(&axes_at(k, 0.0), panel)));
@@ -246,7 +250,7 @@ impl Layout {
     }
 
     /// Blocks with their upper edges, in a panel that starts at `top`.
-    fn placed(&self, top: f64) -> impl Iterator<Item = (&Block, f64)> {
+    fn placed(&self, top: f64) -> impl Iterator<Item = (&ForestBlock, f64)> {
         self.blocks.iter().scan(top, |y, block| {
             let upper = *y;
             *y += block.height_px();
@@ -321,7 +325,7 @@ impl Layout {
     }
 }
 
-fn block(data: &Forest, index: usize, named: bool, label_px: f64) -> Block {
+fn block(data: &Forest, index: usize, named: bool, label_px: f64) -> ForestBlock {
     let row = &data.panels[0].rows[index];
     let n = row.specimens.len();
     let specimens = if n > MOST_ROWS { Specimens::Cloud } else { Specimens::Rows { named } };
@@ -344,7 +348,7 @@ fn block(data: &Forest, index: usize, named: bool, label_px: f64) -> Block {
         Specimens::Rows { named: true } => (SUMMARY_PX.max(text_px), specimens_px),
         _ => (SUMMARY_PX, specimens_px.max(text_px - SUMMARY_PX)),
     };
-    Block { specimens, name, outlying, summary_px, specimens_px }
+    ForestBlock { specimens, name, outlying, summary_px, specimens_px }
 }
 
 /// Text such as `outlying: a, b and 7 more` in three lines, or more if the first name needs them.
@@ -358,16 +362,16 @@ fn outlying_lines(names: &[&str], width_px: f64) -> Vec<String> {
     lines_of(shown)
 }
 
-fn scale(panel: &ForestPanel) -> Scale {
+fn scale(panel: &ForestPanel) -> AxisScale {
     let specimens = || panel.rows.iter().flat_map(|row| &row.specimens);
     let typical = panel.rows.iter().flat_map(|row| row.typical);
-    let estimates = typical.chain(specimens().flat_map(|specimen| [specimen.alone[1], specimen.pooled[1]]));
+    let estimates = typical.chain(specimens().flat_map(|specimen| [specimen.unpooled[1], specimen.pooled[1]]));
     let intervals = panel
         .rows
         .iter()
         .flat_map(|row| row.new_specimen)
-        .chain(specimens().flat_map(|s| [s.alone, s.pooled].concat()));
-    Scale::log10_around(estimates, intervals, panel.references.iter().map(|reference| reference.value))
+        .chain(specimens().flat_map(|s| [s.unpooled, s.pooled].concat()));
+    AxisScale::log10_around(estimates, intervals, panel.references.iter().map(|reference| reference.value))
 }
 
 /// Part of `inside` between two values, at least two pixels wide.
@@ -407,13 +411,13 @@ fn axis_exponent(axes: &Axes) -> i32 {
 /// its own if the number is very large or small.
 fn with_interval([lower, median, upper]: [f64; 3], axis_exponent: i32) -> String {
     let (exponent, factor) = match (axis_exponent, factored_exponent(median)) {
-        (0, own) if own != 0 => (own, format!("×{}", power_of_ten(own))),
+        (0, index) if index != 0 => (index, format!("×{}", power_of_ten(index))),
         (axis, _) => (axis, String::new()),
     };
     let scale = 10f64.powi(exponent);
     let width = (upper - lower).max(1e-4 * median);
     let decimals = (1 - decimal_exponent(width / scale)).max(-decimal_exponent(lower / scale)).clamp(0, 4) as usize;
-    let [lower, median, upper] = [lower, median, upper].map(|value| with_decimals(value / scale, decimals));
+    let [lower, median, upper] = [lower, median, upper].map(|value| format_decimals(value / scale, decimals));
     format!("{median} ({lower}–{upper}){factor}")
 }
 
@@ -444,13 +448,13 @@ fn rows(svg: &mut Svg, axes: &Axes, row: &ForestRow, below: Rect, named: bool) {
             svg.line((x(q05), y), (x(q95), y), Stroke::solid(row.colour, width).opacity(opacity));
             arrows(svg, axes, [q05, q95], y, row.colour);
         };
-        interval(specimen.alone, above, OWN_LINE_PX, OWN_OPACITY);
+        interval(specimen.unpooled, above, OWN_LINE_PX, OWN_OPACITY);
         interval(specimen.pooled, under, POOLED_LINE_PX * size, 1.0);
-        let (own, pooled) = (x(specimen.alone[1]), x(specimen.pooled[1]));
+        let (x_value, pooled) = (x(specimen.unpooled[1]), x(specimen.pooled[1]));
         if specimen.is_outlying {
-            outlying_mark(svg, (own, above), 6.2 * size);
+            outlying_mark(svg, (x_value, above), 6.2 * size);
         }
-        svg.circle((own, above), 2.4 * size, own_style(row.colour));
+        svg.circle((x_value, above), 2.4 * size, own_style(row.colour));
         svg.circle((pooled, under), 2.6 * size, Fill::new(row.colour, 1.0));
     }
 }
@@ -458,19 +462,19 @@ fn rows(svg: &mut Svg, axes: &Axes, row: &ForestRow, below: Rect, named: bool) {
 /// Draws only marks, each at its own height. Multiples of the golden ratio fill the height evenly for any number of marks.
 fn cloud(svg: &mut Svg, axes: &Axes, row: &ForestRow, below: Rect) {
     let y = |i: usize| below.y + 3.0 + (below.height - 6.0) * (0.5 + i as f64 * 0.618_033_988_749_895).fract();
-    let (mut joins, mut own, mut pooled) = (Path::default(), Path::default(), Path::default());
+    let (mut joins, mut path, mut pooled) = (Path::default(), Path::default(), Path::default());
     for (i, specimen) in row.specimens.iter().enumerate() {
-        let (from, to) = ((axes.x_px(specimen.alone[1]), y(i)), (axes.x_px(specimen.pooled[1]), y(i)));
+        let (from, to) = ((axes.x_px(specimen.unpooled[1]), y(i)), (axes.x_px(specimen.pooled[1]), y(i)));
         joins.polyline([from, to], false);
-        own.dot(from);
+        path.dot(from);
         pooled.dot(to);
     }
     svg.path(&joins, Stroke::solid(row.colour, 0.8).opacity(0.5));
-    svg.dots(&own, row.colour, 4.6, 0.8);
-    svg.dots(&own, WHITE, 2.8, 1.0);
+    svg.dots(&path, row.colour, 4.6, 0.8);
+    svg.dots(&path, WHITE, 2.8, 1.0);
     svg.dots(&pooled, row.colour, 3.6, 0.9);
     for (i, specimen) in row.specimens.iter().enumerate().filter(|(_, specimen)| specimen.is_outlying) {
-        outlying_mark(svg, (axes.x_px(specimen.alone[1]), y(i)), 5.2);
+        outlying_mark(svg, (axes.x_px(specimen.unpooled[1]), y(i)), 5.2);
     }
 }
 
@@ -485,7 +489,7 @@ fn outlying_mark(svg: &mut Svg, (x, y): Point, radius: f64) {
     svg.path(&path, Stroke::solid(INK, 1.3));
 }
 
-fn entries(data: &Forest, layout: &Layout) -> Vec<Entry> {
+fn entries(data: &Forest, layout: &ForestLayout) -> Vec<Entry> {
     let rows = || data.panels.iter().flat_map(|panel| &panel.rows);
     let mut entries = vec![
         Entry::new(
@@ -507,9 +511,9 @@ fn entries(data: &Forest, layout: &Layout) -> Vec<Entry> {
             (true, true) => "median and 90 % (of large groups the median)",
             (false, _) => "median",
         };
-        let [own, pooled] =
+        let [item, pooled] =
             if has_rows { [own_with_interval, pooled_with_interval] } else { [own_alone, pooled_alone] };
-        entries.push(Entry::new(Mark::Drawn(own), format!("specimen, from its own data: {shown}")));
+        entries.push(Entry::new(Mark::Drawn(item), format!("specimen, from its own data: {shown}")));
         entries.push(Entry::new(Mark::Drawn(pooled), format!("specimen, pooled with the others: {shown}")));
         if has_clouds {
             let mark = |svg: &mut Svg, r: Rect| {

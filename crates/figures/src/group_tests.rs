@@ -36,7 +36,7 @@ fn row<'a>(group: usize, centre: f64, spread: f64, names: &'a [String]) -> Fores
         let shift = (spread * wobble(i + 3 * group)).exp();
         SpecimenMark {
             name,
-            alone: [0.5, 1.0, 2.5].map(|factor| centre * shift * factor),
+            unpooled: [0.5, 1.0, 2.5].map(|factor| centre * shift * factor),
             pooled: [0.7, 1.0, 1.6].map(|factor| centre * shift.sqrt() * factor),
             is_outlying: i % 7 == 1,
         }
@@ -109,7 +109,7 @@ fn forests_without_groups_or_with_odd_numbers_are_refused() {
         (|panels| panels[1].rows[0].specimens[0].name = "another", "differ from the first panel's"),
         (|panels| panels[0].rows[1].typical[1] = f64::NAN, "E (Pa), bovine: the summary"),
         (|panels| panels[0].rows[1].new_specimen[0] = 0.0, "the summary"),
-        (|panels| panels[0].rows[0].specimens[2].alone = [3.0, 2.0, 4.0], "specimen 3: the estimate"),
+        (|panels| panels[0].rows[0].specimens[2].unpooled = [3.0, 2.0, 4.0], "specimen 3: the estimate"),
         (|panels| panels[0].rows[0].specimens[2].pooled[2] = f64::INFINITY, "specimen 3: the estimate"),
         (|panels| panels[0].references[0].value = -1.0, "the reference `Lee 1992` is -1"),
     ];
@@ -150,7 +150,7 @@ fn endless_intervals_leave_the_frame() {
     let width = |lower: f64| {
         let mut panels = panels(1, &[4, 4], &names);
         panels[0].references.clear();
-        panels[0].rows[0].specimens[0].alone[0] *= lower;
+        panels[0].rows[0].specimens[0].unpooled[0] *= lower;
         let svg = forest(&Forest { title: "t", sentence: "s", panels }).unwrap();
         let needle = format!("height=\"12\" fill=\"{}\"", series(0));
         (

@@ -6,7 +6,7 @@
 use std::path::Path;
 
 use super::netcdf_file::{NcResult, add_group, add_unit, into_bytes, new_file};
-use base::error::Place;
+use base::error::InputPlace;
 use base::files::write_atomically;
 use base::{Error, Result};
 
@@ -57,7 +57,7 @@ pub fn write_labelled_netcdf(
     variables.iter().try_for_each(|variable| check_values(variable, n_chains * n_draws, dimensions))?;
     let refused = |error: netcdf_writer::Error| {
         Error::input(
-            Place::default().at_key("NetCDF"),
+            InputPlace::default().at_key("NetCDF"),
             error.to_string(),
             "rename the dimension or variable, or use fewer draws",
         )
@@ -67,7 +67,7 @@ pub fn write_labelled_netcdf(
 }
 
 fn refuse(found: String, remedy: &str) -> Result<()> {
-    Err(Error::input(Place::default().at_key("NetCDF"), found, remedy))
+    Err(Error::input(InputPlace::default().at_key("NetCDF"), found, remedy))
 }
 
 /// Checks names. Dimensions and variables share one set of names, because a dimension's labels are a variable.
@@ -150,9 +150,9 @@ fn encode(n_chains: usize, n_draws: usize, dimensions: &[Dimension], variables: 
         file.write_string_variable(coordinate, labels)?;
         ids.push(id);
     }
-    for Variable { name, unit, dimensions: own, values } in variables {
+    for Variable { name, unit, dimensions: names, values } in variables {
         let place = |name: &&str| dimensions.iter().position(|dimension| dimension.name == *name);
-        let shape: Vec<_> = draws.into_iter().chain(own.iter().filter_map(place).map(|place| ids[place])).collect();
+        let shape: Vec<_> = draws.into_iter().chain(names.iter().filter_map(place).map(|place| ids[place])).collect();
         let variable = file.add_variable_path::<f64>(format!("{GROUP}/{name}"), &shape)?;
         add_unit(&mut file, variable, unit)?;
         file.write_variable(variable, values)?;

@@ -3,7 +3,7 @@
 use base::parameter::named;
 use documents::extension::EquivalentEffects;
 use documents::posterior::ModelSummary;
-use laws::rheology::{BaseLaw, OutsideLaw};
+use laws::rheology::{BaseLaw, ExternalLaw};
 use models::effects::parameter_named;
 
 /// Symbol and unit of a parameter in figures.
@@ -38,7 +38,7 @@ pub fn model_title_with(model: &ModelSummary, equivalents: &[EquivalentEffects])
 /// Text " + effect" for every effect, with "(or: …)" after the last effect of those with equivalents.
 pub fn effects_with(effects: &[String], equivalents: &[EquivalentEffects]) -> String {
     let words = |slug: &String| {
-        let is_last = |own: &&EquivalentEffects| own.effects.last() == Some(slug);
+        let is_last = |equivalent_effects: &&EquivalentEffects| equivalent_effects.effects.last() == Some(slug);
         let or = equivalents.iter().find(is_last).and_then(EquivalentEffects::alternative);
         format!(" + {slug}{}", or.map_or(String::new(), |or| format!(" ({or})")))
     };
@@ -69,16 +69,16 @@ const UNITS: [(&str, &str); 14] = [
 ];
 
 /// Symbol and unit of a parameter. If no model knows it, the symbol is its name.
-pub fn of_parameter(name: &str) -> ParameterLabel {
+pub fn parameter_label(name: &str) -> ParameterLabel {
     if let Some(spec) = named(name) {
         return ParameterLabel { symbol: spec.symbol.into(), unit: shown_unit(spec.unit) };
     }
-    if let Some(spec) = OutsideLaw::parameter_named(name) {
-        return declared(name, spec.unit);
+    if let Some(spec) = ExternalLaw::parameter_named(name) {
+        return external_parameter_label(name, spec.unit);
     }
     // Two effects may use the same symbol.
     parameter_named(name).map_or_else(
-        || of_name(name),
+        || label_from_name(name),
         |(effect, parameter)| ParameterLabel {
             symbol: format!("{} {}", effect.slug(), parameter.spec.symbol),
             unit: shown_unit(parameter.spec.unit),
@@ -91,13 +91,13 @@ fn shown_unit(unit: &str) -> String {
 }
 
 /// Label of a parameter of another program, whose name may end in its unit.
-fn declared(name: &str, unit: &str) -> ParameterLabel {
+fn external_parameter_label(name: &str, unit: &str) -> ParameterLabel {
     let ending = format!("_{}", unit.to_lowercase().replace('/', "_per_").replace(' ', "_"));
     let stem = name.strip_suffix(&ending).unwrap_or(name);
     ParameterLabel { symbol: stem.replace('_', " "), unit: shown_unit(unit).replace("m2", "m²").replace("m3", "m³") }
 }
 
-fn of_name(name: &str) -> ParameterLabel {
+fn label_from_name(name: &str) -> ParameterLabel {
     let (stem, unit) = UNITS
         .iter()
         .find_map(|(suffix, unit)| name.strip_suffix(suffix).map(|stem| (stem, *unit)))
@@ -112,45 +112,45 @@ mod tests {
 
     #[test]
     fn names_of_the_contracts_have_symbols_and_units() {
-        assert_eq!(of_parameter("young_modulus_pa").axis(), "E (Pa)");
-        assert_eq!(of_parameter("viscosity_2_pa_s").axis(), "c₂ (Pa·s)");
-        assert_eq!(of_parameter("noise_sd_um").axis(), "σ (µm)");
+        assert_eq!(parameter_label("young_modulus_pa").axis(), "E (Pa)");
+        assert_eq!(parameter_label("viscosity_2_pa_s").axis(), "c₂ (Pa·s)");
+        assert_eq!(parameter_label("noise_sd_um").axis(), "σ (µm)");
     }
 
     #[test]
     fn effects_give_their_own_symbols_and_units() {
-        assert_eq!(of_parameter("actuator-lag.time_s").axis(), "actuator-lag τ (s)");
-        assert_eq!(of_parameter("fractional-damping.order").axis(), "fractional-damping α (–)");
-        assert_eq!(of_parameter("tracking-drift.velocity_m_per_s").axis(), "tracking-drift v (m/s)");
-        assert_eq!(of_parameter("force-gradient.gradient_per_m").axis(), "force-gradient g (1/m)");
+        assert_eq!(parameter_label("actuator-lag.time_s").axis(), "actuator-lag τ (s)");
+        assert_eq!(parameter_label("fractional-damping.order").axis(), "fractional-damping α (–)");
+        assert_eq!(parameter_label("tracking-drift.velocity_m_per_s").axis(), "tracking-drift v (m/s)");
+        assert_eq!(parameter_label("force-gradient.gradient_per_m").axis(), "force-gradient g (1/m)");
     }
 
     #[test]
     fn parameters_of_another_program_have_the_units_that_are_declared() {
-        OutsideLaw::new(
+        ExternalLaw::new(
             "http://labels",
             None,
             &[("cubic_pa_per_mm2".into(), "Pa/mm2".into()), ("rate".into(), "1/s".into())],
         );
-        assert_eq!(of_parameter("cubic_pa_per_mm2").axis(), "cubic (Pa/mm²)");
-        assert_eq!(of_parameter("rate").axis(), "rate (1/s)");
+        assert_eq!(parameter_label("cubic_pa_per_mm2").axis(), "cubic (Pa/mm²)");
+        assert_eq!(parameter_label("rate").axis(), "rate (1/s)");
     }
 
     #[test]
     fn parameters_that_nobody_knows_are_labelled_by_their_names() {
-        assert_eq!(of_parameter("thermal-drift.amplitude_m").axis(), "thermal-drift: amplitude (m)");
-        assert_eq!(of_parameter("membrane.mobility_m2_per_pa_s").axis(), "membrane: mobility (m²/(Pa·s))");
-        assert_eq!(of_parameter("membrane.order").axis(), "membrane: order (–)");
+        assert_eq!(parameter_label("thermal-drift.amplitude_m").axis(), "thermal-drift: amplitude (m)");
+        assert_eq!(parameter_label("membrane.mobility_m2_per_pa_s").axis(), "membrane: mobility (m²/(Pa·s))");
+        assert_eq!(parameter_label("membrane.order").axis(), "membrane: order (–)");
     }
 
     /// Two columns of one corner plot must have different labels. The unit in an effect's table must match the suffix of its name.
     #[test]
     fn labels_of_effects_are_unique_and_agree_with_their_names() {
         let names = || EFFECTS.iter().flat_map(|effect| effect.parameters()).map(|parameter| parameter.spec.name);
-        let labels: std::collections::BTreeSet<String> = names().map(|name| of_parameter(name).axis()).collect();
+        let labels: std::collections::BTreeSet<String> = names().map(|name| parameter_label(name).axis()).collect();
         assert_eq!(labels.len(), names().count());
         for name in names() {
-            assert_eq!(of_parameter(name).unit, of_name(name).unit, "{name}");
+            assert_eq!(parameter_label(name).unit, label_from_name(name).unit, "{name}");
         }
     }
 }

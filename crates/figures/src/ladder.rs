@@ -2,16 +2,16 @@
 
 use super::axes::{Axes, AxisStyle, TICK_SIZE_PX, title_with_text};
 use super::font::{shorten, wrapped};
-use super::labels::of_parameter;
+use super::labels::parameter_label;
 use super::legend::{self, Entry, Mark};
-use super::number::{listed, significant};
+use super::number::{format_ranges, format_significant};
 use super::palette::{BLUE, Colour, GRID, INK, MUTED, SKY, VERMILLION};
 use super::svg::{Anchor, Fill, Path, Rect, Stroke, Style, Svg, TextStyle};
-use super::ticks::Scale;
+use super::ticks::AxisScale;
 use crate::labels::{effects_with, model_title};
-use base::error::Place;
+use base::error::InputPlace;
 use base::{Error, Result};
-use documents::ladder::{LadderSummary, Rung, RungParameter};
+use documents::ladder::{LadderParameter, LadderRow, LadderSummary};
 
 const WIDTH_PX: f64 = 960.0;
 const MARGIN_PX: f64 = 20.0;
@@ -41,7 +41,7 @@ const REMOVED: Fill = Fill { colour: GRID, opacity: 1.0 };
 pub fn ladder(summary: &LadderSummary) -> Result<Svg> {
     if summary.revisions.is_empty() {
         return Err(Error::input(
-            Place::default().at_key("revisions"),
+            InputPlace::default().at_key("revisions"),
             "a ladder without revisions",
             "run `sample` first",
         ));
@@ -65,21 +65,22 @@ fn entries(summary: &LadderSummary) -> Vec<Entry> {
     let area = |colour| Mark::Area(Fill::new(colour, 1.0).into());
     let mut entries = Vec::new();
     if !summary.heldout_cycles.is_empty() {
-        entries.push(Entry::new(area(HELDOUT), format!("last held-out cycle {}", listed(&summary.heldout_cycles))));
+        entries
+            .push(Entry::new(area(HELDOUT), format!("last held-out cycle {}", format_ranges(&summary.heldout_cycles))));
     }
-    entries.push(Entry::new(area(FITTED), format!("fitted cycles {}", listed(&summary.fitted_cycles))));
+    entries.push(Entry::new(area(FITTED), format!("fitted cycles {}", format_ranges(&summary.fitted_cycles))));
     if summary.revisions.len() > 1 && !summary.heldout_cycles.is_empty() {
         entries.push(Entry::new(Mark::Area(REMOVED.into()), "removed by the added effect"));
     }
     if let Some(noise) = summary.noise_um {
-        let text = format!("noise {} µm ({})", significant(noise, 3), summary.noise_origin);
+        let text = format!("noise {} µm ({})", format_significant(noise, 3), summary.noise_origin);
         entries.push(Entry::new(Mark::Line(NOISE), text));
     }
     entries
 }
 
 /// Revision that a rung extends.
-fn parent<'a>(summary: &'a LadderSummary, rung: &Rung) -> Option<&'a Rung> {
+fn parent<'a>(summary: &'a LadderSummary, rung: &LadderRow) -> Option<&'a LadderRow> {
     let from = rung.from.as_ref()?;
     summary.revisions.iter().find(|other| other.revision == *from)
 }
@@ -100,7 +101,7 @@ fn waterfall(svg: &mut Svg, summary: &LadderSummary, top: f64) -> f64 {
         width: WIDTH_PX - 2.0 * MARGIN_PX - LABEL_PX - numbers_px,
         height: ROW_PX * rungs.len() as f64,
     };
-    let axes = Axes { frame, x: Scale::linear(0.0, 1.04 * largest), y: Scale::linear(0.0, 1.0) };
+    let axes = Axes { frame, x: AxisScale::linear(0.0, 1.04 * largest), y: AxisScale::linear(0.0, 1.0) };
     axes.x_axis(svg, AxisStyle::new(Some("root mean square error (µm)"), 8, 36.0).grid());
     for (k, title) in NUMBERS.iter().enumerate() {
         let at = (frame.right() + NUMBER_PX * (k + 1) as f64, top + 12.0);
@@ -119,7 +120,7 @@ fn waterfall(svg: &mut Svg, summary: &LadderSummary, top: f64) -> f64 {
     frame.bottom() + 52.0
 }
 
-fn bars(svg: &mut Svg, axes: &Axes, summary: &LadderSummary, rung: &Rung, row: Rect) {
+fn bars(svg: &mut Svg, axes: &Axes, summary: &LadderSummary, rung: &LadderRow, row: Rect) {
     let bar = |y: f64, height: f64, from: f64, to: f64| Rect {
         x: axes.x_px(from),
         y,
@@ -147,7 +148,7 @@ fn bars(svg: &mut Svg, axes: &Axes, summary: &LadderSummary, rung: &Rung, row: R
 }
 
 /// Writes the label of a revision: the model for the first, the added effects for the others.
-fn label(svg: &mut Svg, rung: &Rung, row: Rect) {
+fn label(svg: &mut Svg, rung: &LadderRow, row: Rect) {
     let words = match &rung.from {
         None => model_title(&rung.model),
         Some(from) => format!("{from}{}", effects_with(&rung.added, &rung.equivalents)),
@@ -162,9 +163,9 @@ fn label(svg: &mut Svg, rung: &Rung, row: Rect) {
     }
 }
 
-fn numbers(svg: &mut Svg, rung: &Rung, row: Rect) {
-    let value = |value: Option<f64>| value.map_or("–".into(), |value| significant(value, 3));
-    let score = rung.heldout_log_score_nats.map_or("–".into(), |score| super::number::with_decimals(score, 1));
+fn numbers(svg: &mut Svg, rung: &LadderRow, row: Rect) {
+    let value = |value: Option<f64>| value.map_or("–".into(), |value| format_significant(value, 3));
+    let score = rung.heldout_log_score_nats.map_or("–".into(), |score| super::number::format_decimals(score, 1));
     let middle = row.y + row.height / 2.0;
     for (k, text) in [value(rung.rmse_heldout_um), value(Some(rung.rmse_fitted_um)), score].iter().enumerate() {
         let at = (row.right() + NUMBER_PX * (k + 1) as f64, middle + 4.0);
@@ -203,11 +204,11 @@ fn parameters(svg: &mut Svg, summary: &LadderSummary, top: f64) -> f64 {
 }
 
 fn panel(svg: &mut Svg, summary: &LadderSummary, name: &str, frame: Rect) {
-    let find = |rung: &'_ Rung| rung.parameters.iter().find(|p| p.name == name).cloned();
-    let found: Vec<Option<RungParameter>> = summary.revisions.iter().map(find).collect();
+    let find = |rung: &'_ LadderRow| rung.parameters.iter().find(|p| p.name == name).cloned();
+    let found: Vec<Option<LadderParameter>> = summary.revisions.iter().map(find).collect();
     let ends = found.iter().flatten().flat_map(|p| [p.q05, p.q95]);
-    let axes = Axes { frame, x: Scale::over(ends, 0.08), y: Scale::linear(0.0, 1.0) };
-    let label = of_parameter(name).axis();
+    let axes = Axes { frame, x: AxisScale::over(ends, 0.08), y: AxisScale::linear(0.0, 1.0) };
+    let label = parameter_label(name).axis();
     axes.x_axis(svg, AxisStyle::new(Some(&label), 5, 36.0).grid());
     let last = found.len() - 1;
     for (k, (rung, parameter)) in summary.revisions.iter().zip(&found).enumerate() {

@@ -33,11 +33,11 @@ fn tree(svg: &Svg) -> usvg::Tree {
 
 /// Compares the PNG with another renderer's picture of the SVG. A channel differs by less than 4 of 255 on average, because that renderer uses kerning.
 fn assert_same_picture(what: &str, svg: &Svg) {
-    let own = tiny_skia::Pixmap::decode_png(&svg.png().unwrap()).unwrap();
-    let mut other = tiny_skia::Pixmap::new(own.width(), own.height()).unwrap();
+    let pixmap = tiny_skia::Pixmap::decode_png(&svg.png().unwrap()).unwrap();
+    let mut other = tiny_skia::Pixmap::new(pixmap.width(), pixmap.height()).unwrap();
     resvg::render(&tree(svg), tiny_skia::Transform::from_scale(1.5, 1.5), &mut other.as_mut());
-    let differences = own.data().iter().zip(other.data()).map(|(a, b)| f64::from(a.abs_diff(*b)));
-    let mean = differences.sum::<f64>() / own.data().len() as f64;
+    let differences = pixmap.data().iter().zip(other.data()).map(|(a, b)| f64::from(a.abs_diff(*b)));
+    let mean = differences.sum::<f64>() / pixmap.data().len() as f64;
     println!("{what}: mean difference {mean}");
     assert!(mean < 4.0, "{what}: {mean}");
 }

@@ -1,13 +1,13 @@
 //! Figure of a learnt function: its band over the visited states, and its formula.
 
 use super::axes::{Axes, AxisStyle, title_with_text};
-use super::labels::of_parameter;
+use super::labels::parameter_label;
 use super::legend::{self, Entry, Mark};
-use super::number::significant;
+use super::number::format_significant;
 use super::palette::{BLUE, GRID, MUTED, VERMILLION};
 use super::svg::{Fill, Rect, Stroke, Svg};
-use super::ticks::Scale;
-use base::error::Place;
+use super::ticks::AxisScale;
+use base::error::InputPlace;
 use base::{Error, Result};
 use documents::learned::{Learned, LearnedFunction, LearnedPoint};
 
@@ -28,7 +28,7 @@ const UNVISITED: Fill = Fill { colour: GRID, opacity: 1.0 };
 /// [`Error::Input`] if the document has no function.
 pub fn learned(document: &Learned) -> Result<Svg> {
     let Some(function) = document.function.as_ref().filter(|function| function.points.len() > 1) else {
-        let place = Place::default().at_key("function");
+        let place = InputPlace::default().at_key("function");
         return Err(Error::input(place, "no function was learnt", "give a document with a function"));
     };
     let heading = format!("{}: correction of the law learnt from data", document.experiment);
@@ -88,7 +88,7 @@ fn plot(svg: &mut Svg, document: &Learned, function: &LearnedFunction, frame: Re
     let seen = states.iter().zip(points).filter(|(state, _)| is_visited(**state));
     let formula = document.formula.as_ref().map(|formula| formula.factors.clone()).unwrap_or_default();
     let values = seen.flat_map(|(_, point)| [point.q05, point.q95]).chain([1.0]);
-    let axes = Axes { frame, x: Scale::over(states.iter().copied(), 0.0), y: Scale::over(values, 0.06) };
+    let axes = Axes { frame, x: AxisScale::over(states.iter().copied(), 0.0), y: AxisScale::over(values, 0.06) };
     for [from, to] in [[states[0], visited[0]], [visited[1], states[states.len() - 1]]] {
         if to > from {
             let [left, right] = [from, to].map(|end| axes.x_px(end));
@@ -97,8 +97,8 @@ fn plot(svg: &mut Svg, document: &Learned, function: &LearnedFunction, frame: Re
     }
     let quantity = format!(
         "{}, relative to its value at {} {unit}",
-        of_parameter(&document.verdict.quantity).symbol,
-        significant(factor * function.reference_state, 3)
+        parameter_label(&document.verdict.quantity).symbol,
+        format_significant(factor * function.reference_state, 3)
     );
     axes.y_axis(svg, AxisStyle::new(Some(&quantity), 7, 66.0).grid());
     axes.x_axis(svg, AxisStyle::new(Some(&format!("{} ({unit})", document.verdict.state.replace('_', " "))), 8, 38.0));

@@ -13,7 +13,7 @@ use netcdf_writer::{DimensionId, NcFileBuilder};
 use super::draws::DrawTable;
 use super::netcdf_file::{NcResult, add_coordinate, add_draws, add_unit, attribute, describe, into_bytes, new_file};
 pub use super::record_netcdf::{DrawnRows, PriorDraws, RecordGroups, RowColumn};
-use base::error::Place;
+use base::error::InputPlace;
 use base::files::write_atomically;
 use base::{Error, Result};
 
@@ -37,7 +37,7 @@ pub fn write_draws_netcdf(path: &Path, table: &DrawTable, record: &RecordGroups)
 }
 
 fn refused(found: String) -> Error {
-    Error::input(Place::default().at_key("NetCDF"), found, "use the CSV, or rename the parameter")
+    Error::input(InputPlace::default().at_key("NetCDF"), found, "use the CSV, or rename the parameter")
 }
 
 /// Walker and step of every draw of a chain, in order.
@@ -79,7 +79,7 @@ impl<'a> Group<'a> {
         let labels: Vec<i64> = (0..order.len() as i64).collect();
         let dimensions = add_draws(file, name, table.n_ensembles, &labels)?;
         for (place, coordinate) in ["walker", "step"].into_iter().enumerate() {
-            let values: Vec<i64> = order.iter().map(|own| own[place] as i64).collect();
+            let values: Vec<i64> = order.iter().map(|indexes| indexes[place] as i64).collect();
             add_coordinate(file, name, coordinate, dimensions[1], &values)?;
         }
         Ok(Self { name, table, order, dimensions })

@@ -19,7 +19,7 @@ pub fn superscript(exponent: i32) -> String {
 }
 
 /// Lists ascending numbers, with long runs as ranges: `1, 3–4000`.
-pub fn listed(numbers: &[u32]) -> String {
+pub fn format_ranges(numbers: &[u32]) -> String {
     /// Number of consecutive values above which a run becomes a range.
     const LONGEST_WRITTEN_OUT: usize = 6;
     let runs = numbers.chunk_by(|a, b| a + 1 == *b);
@@ -36,7 +36,7 @@ pub fn power_of_ten(exponent: i32) -> String {
 }
 
 /// Formats fixed decimals with a proper minus sign, and never `−0`.
-pub fn with_decimals(value: f64, decimals: usize) -> String {
+pub fn format_decimals(value: f64, decimals: usize) -> String {
     let text = format!("{value:.decimals$}");
     match text.strip_prefix('-') {
         Some(digits) if digits.bytes().any(|b| (b'1'..=b'9').contains(&b)) || digits == "inf" => format!("−{digits}"),
@@ -57,16 +57,16 @@ pub fn factored_exponent(largest: f64) -> i32 {
 }
 
 /// Formats a number with `digits` significant digits, as `mantissa × 10ⁿ` if it is very large or small.
-pub fn significant(value: f64, digits: usize) -> String {
+pub fn format_significant(value: f64, digits: usize) -> String {
     if !value.is_finite() {
-        return with_decimals(value, 0);
+        return format_decimals(value, 0);
     }
     // The value is rounded first, so that 9.99 with two digits counts as 10.
     let rounded: f64 = format!("{value:.*e}", digits.saturating_sub(1)).parse().unwrap_or(value);
     let factored = factored_exponent(rounded);
     let scaled = rounded / 10f64.powi(factored);
     let decimals = (digits as i32 - 1 - decimal_exponent(scaled)).max(0) as usize;
-    let mantissa = with_decimals(scaled, decimals);
+    let mantissa = format_decimals(scaled, decimals);
     if factored == 0 { mantissa } else { format!("{mantissa}×{}", power_of_ten(factored)) }
 }
 
@@ -90,7 +90,12 @@ impl ValueWithErrors {
         let smallest = [plus, minus].into_iter().filter(|error| *error > 0.0).fold(f64::INFINITY, f64::min);
         if !smallest.is_finite() {
             let zero = |sign: &str| format!("{sign}0");
-            return Self { centre: significant(median, 4), plus: zero("+"), minus: zero("−"), factor: String::new() };
+            return Self {
+                centre: format_significant(median, 4),
+                plus: zero("+"),
+                minus: zero("−"),
+                factor: String::new(),
+            };
         }
         // The text 0.00135 +0.00149 is longer and harder to read than 1.35 +1.49 ×10⁻³.
         let exponent = match decimal_exponent(median.abs().max(plus).max(minus)) {
@@ -100,9 +105,9 @@ impl ValueWithErrors {
         let scale = 10f64.powi(exponent);
         let decimals = (1 - decimal_exponent(smallest / scale)).clamp(0, 12) as usize;
         Self {
-            centre: with_decimals(median / scale, decimals),
-            plus: format!("+{}", with_decimals(plus / scale, decimals)),
-            minus: format!("−{}", with_decimals(minus / scale, decimals)),
+            centre: format_decimals(median / scale, decimals),
+            plus: format!("+{}", format_decimals(plus / scale, decimals)),
+            minus: format!("−{}", format_decimals(minus / scale, decimals)),
             factor: if exponent == 0 { String::new() } else { format!("×{}", power_of_ten(exponent)) },
         }
     }
@@ -114,10 +119,10 @@ mod tests {
 
     #[test]
     fn long_runs_are_shown_by_their_ends() {
-        assert_eq!(listed(&[2, 3, 4]), "2, 3, 4");
-        assert_eq!(listed(&[1, 3, 4, 5, 6, 7, 8, 9, 12]), "1, 3–9, 12");
-        assert_eq!(listed(&(1..=4000).collect::<Vec<_>>()), "1–4000");
-        assert_eq!(listed(&[]), "");
+        assert_eq!(format_ranges(&[2, 3, 4]), "2, 3, 4");
+        assert_eq!(format_ranges(&[1, 3, 4, 5, 6, 7, 8, 9, 12]), "1, 3–9, 12");
+        assert_eq!(format_ranges(&(1..=4000).collect::<Vec<_>>()), "1–4000");
+        assert_eq!(format_ranges(&[]), "");
     }
 
     #[test]
@@ -133,9 +138,9 @@ mod tests {
             (1_000.0, 2, "1000"),
         ];
         for (value, digits, text) in cases {
-            assert_eq!(significant(value, digits), text, "{value}");
+            assert_eq!(format_significant(value, digits), text, "{value}");
         }
-        assert_eq!(with_decimals(-0.001, 2), "0.00");
+        assert_eq!(format_decimals(-0.001, 2), "0.00");
         assert_eq!(power_of_ten(-12), "10⁻¹²");
     }
 

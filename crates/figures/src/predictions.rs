@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use base::error::{Error, Place, Result};
+use base::error::{Error, InputPlace, Result};
 use base::files::{self, Content, stream_atomically};
 
 /// Columns of quantiles, from low to high.
@@ -44,7 +44,7 @@ pub fn read_predictions(path: &Path) -> Result<Predictions> {
     let again = "run the command that wrote it again";
     let bytes = files::read(path, Content::Table, again)?;
     let refused =
-        |line: usize| Error::input(Place::file(path).at_line(line), "this is not a row of predictions", again);
+        |line: usize| Error::input(InputPlace::file(path).at_line(line), "this is not a row of predictions", again);
     let mut predictions = Predictions { time_s: Vec::new(), quantiles_um: Default::default() };
     let mut rows = csv::Reader::from_reader(bytes.as_slice());
     for (row, record) in rows.deserialize::<(f64, [f64; 5])>().enumerate() {

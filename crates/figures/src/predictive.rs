@@ -4,11 +4,11 @@ use super::axes::{Axes, AxisStyle, TICK_SIZE_PX, note, title, widest_y_number_px
 use super::density::{quantile_of_sorted, sorted};
 use super::font::{shorten, text_width_px};
 use super::legend::{self, Entry, Mark};
-use super::number::significant;
+use super::number::format_significant;
 use super::palette::{BLUE, Colour, INK, MUTED, ORANGE, SKY, VERMILLION};
 use super::svg::{Anchor, Fill, Rect, Stroke, Svg, TextStyle};
-use super::ticks::Scale;
-use base::error::Place;
+use super::ticks::AxisScale;
+use base::error::InputPlace;
 use base::{Error, Result};
 
 const WIDTH_PX: f64 = 960.0;
@@ -84,7 +84,7 @@ pub struct PredictiveData<'a> {
 pub fn predictive(data: &PredictiveData) -> Result<Svg> {
     check(data)?;
     let (force_label, force) = force_in_readable_unit(data.force_un);
-    let scales = Scales::new(data, &force);
+    let scales = PredictiveScales::new(data, &force);
     let left = scales.widest_number_px() + 42.0;
     let width = WIDTH_PX - left - 18.0;
     let names = CycleNames::fitting(data.cycles, &scales.time, width);
@@ -120,8 +120,9 @@ pub fn predictive(data: &PredictiveData) -> Result<Svg> {
 }
 
 fn check(data: &PredictiveData) -> Result<()> {
-    let refuse =
-        |found: String, remedy: &str| Err(Error::input(Place::default().at_key("predictive figure"), found, remedy));
+    let refuse = |found: String, remedy: &str| {
+        Err(Error::input(InputPlace::default().at_key("predictive figure"), found, remedy))
+    };
     let n = data.time_s.len();
     let lengths = [
         data.position_um.len(),
@@ -145,14 +146,14 @@ fn residuals(data: &PredictiveData) -> Vec<f64> {
     data.position_um.iter().zip(data.median_um).map(|(p, median)| p.unwrap_or(f64::NAN) - median).collect()
 }
 
-struct Scales {
-    time: Scale,
-    force: Scale,
-    position: Scale,
-    residual: Scale,
+struct PredictiveScales {
+    time: AxisScale,
+    force: AxisScale,
+    position: AxisScale,
+    residual: AxisScale,
 }
 
-impl Scales {
+impl PredictiveScales {
     fn new(data: &PredictiveData, force: &[f64]) -> Self {
         let end = |scale: Option<&f64>| scale.copied().unwrap_or(0.0);
         let last_cycle_end = data.cycles.iter().map(|c| c.end_s).fold(end(data.time_s.last()), f64::max);
@@ -161,10 +162,10 @@ impl Scales {
         let noise = data.noise.map_or(0.0, |(sd, _)| 1.4 * NORMAL_90 * sd);
         let residuals = residuals(data);
         Self {
-            time: Scale::linear(end(data.time_s.first()), last_cycle_end),
-            force: Scale::over(force.iter().copied().chain([0.0]), 0.18),
-            position: Scale::over(positions.chain(bands).copied(), 0.05),
-            residual: Scale::over(residuals.into_iter().chain([-noise, noise]), 0.08),
+            time: AxisScale::linear(end(data.time_s.first()), last_cycle_end),
+            force: AxisScale::over(force.iter().copied().chain([0.0]), 0.18),
+            position: AxisScale::over(positions.chain(bands).copied(), 0.05),
+            residual: AxisScale::over(residuals.into_iter().chain([-noise, noise]), 0.08),
         }
     }
 
@@ -219,7 +220,7 @@ enum CycleNames {
 
 impl CycleNames {
     /// Longest form that fits into the narrowest cycle.
-    fn fitting(cycles: &[CycleSpan], time: &Scale, width_px: f64) -> Self {
+    fn fitting(cycles: &[CycleSpan], time: &AxisScale, width_px: f64) -> Self {
         let span_px = |c: &CycleSpan| (time.fraction(c.end_s) - time.fraction(c.start_s)) * width_px;
         let narrowest = cycles.iter().map(span_px).fold(f64::INFINITY, f64::min);
         let fits = |form: &Self| cycles.iter().all(|c| text_width_px(&form.text(c), TICK_SIZE_PX) + 8.0 <= narrowest);
@@ -345,8 +346,9 @@ impl Panels {
                 }
             }
         });
-        let scored =
-            |kind| score(data, &residuals, kind).map(|(rmse, name)| format!("{name} RMSE {} µm", significant(rmse, 2)));
+        let scored = |kind| {
+            score(data, &residuals, kind).map(|(rmse, name)| format!("{name} RMSE {} µm", format_significant(rmse, 2)))
+        };
         let text: Vec<String> = [CycleKind::Calibration, CycleKind::HeldOut].into_iter().filter_map(scored).collect();
         let at = (self.residual.frame.right(), self.residual.frame.bottom() + 38.0);
         note(svg, &text.join(", "), at, Anchor::End, 0.42 * self.residual.frame.width);
@@ -395,7 +397,7 @@ fn entries(data: &PredictiveData, names: CycleNames) -> Vec<Entry> {
         Entry::new(Mark::Area(Fill::new(BLUE, 0.22).into()), "90 % band"),
     ];
     if let Some((sd, name)) = data.noise {
-        let text = format!("90 % of the {} (σ = {} µm)", shorten(name, TICK_SIZE_PX, 200.0), significant(sd, 2));
+        let text = format!("90 % of the {} (σ = {} µm)", shorten(name, TICK_SIZE_PX, 200.0), format_significant(sd, 2));
         entries.push(Entry::new(Mark::Line(noise_stroke()), text));
     }
     let has = |kind| names != CycleNames::NumberAndKind && data.cycles.iter().any(|cycle| cycle.kind == kind);

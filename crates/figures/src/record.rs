@@ -4,8 +4,8 @@ use super::axes::{Axes, AxisStyle, title_with_text};
 use super::legend::{self, Entry, Mark};
 use super::palette::{BLUE, GRID, MUTED, ORANGE, VERMILLION};
 use super::svg::{Rect, Stroke, Svg};
-use super::ticks::Scale;
-use base::error::Place;
+use super::ticks::AxisScale;
+use base::error::InputPlace;
 use base::{Error, Result};
 
 const WIDTH_PX: f64 = 900.0;
@@ -30,7 +30,7 @@ pub struct RawRecord<'a> {
     /// Positions in m; `None` if tracking was lost.
     pub position_m: &'a [Option<f64>],
     /// Positions across the line of motion, in m; empty if there was one coordinate.
-    pub across_m: &'a [Option<f64>],
+    pub lateral_m: &'a [Option<f64>],
     /// Cycle of each row.
     pub cycle: &'a [u32],
 }
@@ -49,12 +49,12 @@ pub fn raw_record(record: &RawRecord, heading: &str, text: &str) -> Result<Svg> 
     legend::row(&mut svg, &entries, (LEFT_PX, below_px), width_px);
     let top_px = below_px + 6.0 + legend::row_height_px(&entries, width_px);
     let um = |values: &[Option<f64>]| values.iter().flatten().map(|x| MICRO * x).collect::<Vec<_>>();
-    let (force_un, shown_um) = (forces(record), [um(record.position_m), um(record.across_m)].concat());
-    let time = Scale::over(record.time_s.iter().copied(), 0.01);
+    let (force_un, shown_um) = (forces(record), [um(record.position_m), um(record.lateral_m)].concat());
+    let time = AxisScale::over(record.time_s.iter().copied(), 0.01);
     let frames = [(top_px, FORCE_PX), (top_px + FORCE_PX + 18.0, POSITION_PX)];
     let [force, position] = frames.map(|(y, height)| Rect { x: LEFT_PX, y, width: width_px, height });
-    let force = Axes { frame: force, x: time, y: Scale::over(force_un.1.iter().copied(), MARGIN) };
-    let position = Axes { frame: position, x: time, y: Scale::over(shown_um, MARGIN) };
+    let force = Axes { frame: force, x: time, y: AxisScale::over(force_un.1.iter().copied(), MARGIN) };
+    let position = Axes { frame: position, x: time, y: AxisScale::over(shown_um, MARGIN) };
     for (axes, label) in [(&force, "force (µN)"), (&position, "position (µm)")] {
         axes.y_axis(&mut svg, AxisStyle::new(Some(label), 6, 66.0).grid());
         axes.verticals(&mut svg, &starts_s(record), Stroke::solid(MUTED, 1.0).dashed(5.0, 4.0));
@@ -65,7 +65,7 @@ pub fn raw_record(record: &RawRecord, heading: &str, text: &str) -> Result<Svg> 
     let dots = |values: &[Option<f64>]| -> Vec<(f64, f64)> {
         record.time_s.iter().zip(values).filter_map(|(t, x)| Some((*t, MICRO * (*x)?))).collect()
     };
-    position.scatter(&mut svg, dots(record.across_m).into_iter(), ORANGE, DOT_PX, 0.7);
+    position.scatter(&mut svg, dots(record.lateral_m).into_iter(), ORANGE, DOT_PX, 0.7);
     position.scatter(&mut svg, dots(record.position_m).into_iter(), BLUE, DOT_PX, 0.8);
     force.outline(&mut svg);
     position.outline(&mut svg);
@@ -75,10 +75,10 @@ pub fn raw_record(record: &RawRecord, heading: &str, text: &str) -> Result<Svg> 
 fn check(record: &RawRecord) -> Result<()> {
     let n = record.time_s.len();
     let is_whole = [record.force_n.len(), record.position_m.len(), record.cycle.len()].iter().all(|len| *len == n);
-    if n > 0 && is_whole && (record.across_m.is_empty() || record.across_m.len() == n) {
+    if n > 0 && is_whole && (record.lateral_m.is_empty() || record.lateral_m.len() == n) {
         return Ok(());
     }
-    let place = Place::default().at_key("record");
+    let place = InputPlace::default().at_key("record");
     Err(Error::input(place, "no rows, or columns of different lengths", "give every row all of its values"))
 }
 
@@ -108,7 +108,7 @@ fn entries(record: &RawRecord) -> Vec<Entry> {
         Entry::new(Mark::Line(Stroke::solid(VERMILLION, 1.5)), format!("force, {rule}")),
         Entry::new(Mark::Dot(BLUE, 6.0), "position"),
     ];
-    if !record.across_m.is_empty() {
+    if !record.lateral_m.is_empty() {
         entries.push(Entry::new(Mark::Dot(ORANGE, 6.0), "across the line of motion"));
     }
     if !starts_s(record).is_empty() {
@@ -130,12 +130,12 @@ mod tests {
             force_n: &force_n,
             is_linear: false,
             position_m: &position_m,
-            across_m: &[],
+            lateral_m: &[],
             cycle: &[1, 1, 2, 2],
         };
         assert_eq!(forces(&record), (vec![0.0, 1.0, 2.0, 2.0, 3.0], vec![1.0, 1.0, 1.0, -1.0, -1.0]));
         assert_eq!(starts_s(&record), [2.0]);
-        let linear = RawRecord { is_linear: true, across_m: &position_m, ..record };
+        let linear = RawRecord { is_linear: true, lateral_m: &position_m, ..record };
         assert_eq!(forces(&linear).0.len(), 4);
         let document = raw_record(&linear, "bead", "").unwrap().document();
         assert!(document.contains("across the line of motion") && document.contains("start of a cycle"));

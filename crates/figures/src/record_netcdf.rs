@@ -68,28 +68,30 @@ pub struct RecordGroups<'a> {
 impl RecordGroups<'_> {
     /// Checks the sizes. The error says which lengths do not match.
     pub(super) fn check(&self) -> Result<(), String> {
-        let n_rows = self.constant.first().map_or(0, |own| own.values.len());
-        let uneven = |list: &[RowColumn], n: usize| list.iter().any(|own| own.values.len() != n);
+        let n_rows = self.constant.first().map_or(0, |row_column| row_column.values.len());
+        let uneven = |list: &[RowColumn], n: usize| list.iter().any(|row_column| row_column.values.len() != n);
         if uneven(&self.constant, n_rows) || uneven(&self.observed, self.observed_rows.len()) {
             return Err("columns of rows have different lengths".into());
         }
         if let Some(prior) = &self.prior {
             let n = prior.columns.first().map_or(0, Vec::len);
-            let is_even = prior.columns.iter().all(|own| own.len() == n)
+            let is_even = prior.columns.iter().all(|column| column.len() == n)
                 && prior.names.len() == prior.columns.len()
                 && prior.units.len() == prior.columns.len();
             if !is_even {
                 return Err("columns of prior draws have different lengths".into());
             }
         }
-        match self.drawn.iter().find(|own| own.values.len() != own.n_chains * own.draws.len() * own.rows.len()) {
+        match self.drawn.iter().find(|drawn_rows| {
+            drawn_rows.values.len() != drawn_rows.n_chains * drawn_rows.draws.len() * drawn_rows.rows.len()
+        }) {
             Some(odd) => Err(format!("`{}` has {} values", odd.group, odd.values.len())),
             None => Ok(()),
         }
     }
 
     pub(super) fn add_to(&self, file: &mut NcFileBuilder) -> NcResult<()> {
-        let n_rows = self.constant.first().map_or(0, |own| own.values.len());
+        let n_rows = self.constant.first().map_or(0, |row_column| row_column.values.len());
         let all: Vec<i64> = (0..n_rows as i64).collect();
         add_columns(file, "constant_data", &all, &self.constant)?;
         add_columns(file, "observed_data", &self.observed_rows, &self.observed)?;
@@ -103,7 +105,7 @@ impl RecordGroups<'_> {
                 file.write_variable(variable, values)?;
             }
         }
-        self.drawn.iter().try_for_each(|own| own.add_to(file))
+        self.drawn.iter().try_for_each(|drawn_rows| drawn_rows.add_to(file))
     }
 }
 

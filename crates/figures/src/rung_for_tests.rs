@@ -1,12 +1,12 @@
 //! Rung of a ladder, for tests of modules that make or draw ladders.
 
-use documents::ladder::{Rung, RungParameter};
+use documents::ladder::{LadderParameter, LadderRow};
 use documents::posterior::ModelSummary;
 
 /// Rung with one parameter of the law.
-pub(crate) fn rung_of(revision: &str, from: Option<&str>, effects: &[&str], heldout_um: Option<f64>) -> Rung {
+pub(crate) fn make_rung(revision: &str, from: Option<&str>, effects: &[&str], heldout_um: Option<f64>) -> LadderRow {
     let effects: Vec<String> = effects.iter().map(|slug| slug.to_string()).collect();
-    let spread = |name: &str, median: f64| RungParameter {
+    let spread = |name: &str, median: f64| LadderParameter {
         name: name.into(),
         mean: median,
         sd: 0.1,
@@ -14,7 +14,7 @@ pub(crate) fn rung_of(revision: &str, from: Option<&str>, effects: &[&str], held
         median,
         q95: median + 0.16,
     };
-    Rung {
+    LadderRow {
         revision: revision.into(),
         effects: effects.clone(),
         from: from.map(String::from),

@@ -5,8 +5,8 @@ use std::f64::consts::PI;
 use super::axes::{Axes, AxisStyle, TICK_SIZE_PX, title};
 use super::palette::{AXIS, Colour, INK, MUTED};
 use super::svg::{Anchor, Fill, Path, Rect, Stroke, Style, Svg, TextStyle};
-use super::ticks::Scale;
-use base::error::Place;
+use super::ticks::AxisScale;
+use base::error::InputPlace;
 use base::{Error, Result};
 
 const MARGIN_PX: f64 = 20.0;
@@ -85,8 +85,11 @@ pub fn shapes(data: &ShapesFigure) -> Result<Svg> {
     let mut svg = Svg::new(width, height, &data.title);
     title(&mut svg, &data.title, (MARGIN_PX, MARGIN_PX + 14.0), width - 2.0 * MARGIN_PX);
     let all = || data.panels.iter().flat_map(|panel| &panel.curves);
-    let y = Scale::over(all().flat_map(|own| own.lower_um.iter().chain(&own.upper_um)).copied(), 0.05);
-    let x = Scale::over(data.time_s.iter().copied(), 0.0);
+    let y = AxisScale::over(
+        all().flat_map(|shape_curve| shape_curve.lower_um.iter().chain(&shape_curve.upper_um)).copied(),
+        0.05,
+    );
+    let x = AxisScale::over(data.time_s.iter().copied(), 0.0);
     let px_per_mm = data.panels.iter().map(px_per_mm).fold(f64::INFINITY, f64::min);
     for (index, panel) in data.panels.iter().enumerate() {
         let top = MARGIN_PX + HEADING_PX + index as f64 * (panel_height + GAP_PX);
@@ -106,36 +109,42 @@ pub fn shapes(data: &ShapesFigure) -> Result<Svg> {
 
 fn check(data: &ShapesFigure) -> Result<()> {
     let refuse = |found: &str| {
-        let place = Place::default().at_key("shapes");
+        let place = InputPlace::default().at_key("shapes");
         Err(Error::input(place, found, "give every body a finite value at every time"))
     };
     if data.time_s.len() < 2 || data.panels.iter().all(|panel| panel.curves.is_empty()) {
         return refuse("a figure without bodies or times");
     }
-    for own in data.panels.iter().flat_map(|panel| &panel.curves) {
-        for values in [&own.lower_um, &own.median_um, &own.upper_um] {
+    for shape_curve in data.panels.iter().flat_map(|panel| &panel.curves) {
+        for values in [&shape_curve.lower_um, &shape_curve.median_um, &shape_curve.upper_um] {
             if values.len() != data.time_s.len() || values.iter().any(|x| !x.is_finite()) {
-                return refuse(&format!("{}: values that are not finite, or not one per time", own.label));
+                return refuse(&format!("{}: values that are not finite, or not one per time", shape_curve.label));
             }
         }
     }
     Ok(())
 }
 
-fn stroke(own: &ShapeCurve) -> Stroke {
-    let solid = Stroke::solid(own.colour, 1.8);
-    if own.is_dashed { solid.dashed(6.0, 4.0) } else { solid }
+fn stroke(shape_curve: &ShapeCurve) -> Stroke {
+    let solid = Stroke::solid(shape_curve.colour, 1.8);
+    if shape_curve.is_dashed { solid.dashed(6.0, 4.0) } else { solid }
 }
 
 fn curves(svg: &mut Svg, axes: &Axes, time_s: &[f64], panel: &ShapesPanel) {
     axes.x_axis(svg, AxisStyle::new(Some("time (s)"), 6, 38.0).grid());
     axes.y_axis(svg, AxisStyle::new(Some("position (µm)"), 7, 54.0).grid());
     svg.clipped(axes.frame, |svg| {
-        for own in &panel.curves {
-            axes.band(svg, time_s, &own.lower_um, &own.upper_um, Fill::new(own.colour, BAND_OPACITY));
+        for shape_curve in &panel.curves {
+            axes.band(
+                svg,
+                time_s,
+                &shape_curve.lower_um,
+                &shape_curve.upper_um,
+                Fill::new(shape_curve.colour, BAND_OPACITY),
+            );
         }
-        for own in &panel.curves {
-            axes.line(svg, time_s, &own.median_um, stroke(own));
+        for shape_curve in &panel.curves {
+            axes.line(svg, time_s, &shape_curve.median_um, stroke(shape_curve));
         }
     });
     axes.outline(svg);
@@ -147,8 +156,8 @@ const LEAST_ROW_PX: f64 = TICK_SIZE_PX + 6.0;
 /// Largest scale at which a panel's bodies fit beside its curves.
 fn px_per_mm(panel: &ShapesPanel) -> f64 {
     let n = panel.curves.len() as f64;
-    let widest_mm = panel.curves.iter().map(|own| own.outline.width_mm).fold(f64::MIN_POSITIVE, f64::max);
-    let total_mm: f64 = panel.curves.iter().map(|own| own.outline.height_mm).sum();
+    let widest_mm = panel.curves.iter().map(|curve| curve.outline.width_mm).fold(f64::MIN_POSITIVE, f64::max);
+    let total_mm: f64 = panel.curves.iter().map(|curve| curve.outline.height_mm).sum();
     let free_px = CURVES_HEIGHT_PX - BODY_GAP_PX * (n + 1.0) - LEAST_ROW_PX * n;
     ((BODIES_WIDTH_PX - LABEL_PX - 20.0) / widest_mm).min(free_px / total_mm.max(f64::MIN_POSITIVE))
 }
@@ -163,18 +172,19 @@ fn round_length_mm(most_mm: f64) -> f64 {
 fn bodies(svg: &mut Svg, room: Rect, scale: f64, panel: &ShapesPanel) {
     let centre = room.x + LABEL_PX + 0.5 * (room.width - LABEL_PX);
     let mut top = room.y + BODY_GAP_PX;
-    for own in &panel.curves {
-        let height = (scale * own.outline.height_mm).max(LEAST_ROW_PX);
+    for shape_curve in &panel.curves {
+        let height = (scale * shape_curve.outline.height_mm).max(LEAST_ROW_PX);
         let middle = top + 0.5 * height;
-        svg.line((room.x, middle), (room.x + 22.0, middle), stroke(own));
+        svg.line((room.x, middle), (room.x + 22.0, middle), stroke(shape_curve));
         svg.text(
-            &own.label,
+            &shape_curve.label,
             (room.x + 28.0, middle + 0.35 * TICK_SIZE_PX),
             TextStyle::new(TICK_SIZE_PX, Anchor::Start).colour(INK),
         );
-        let (half_width, half_height) = (0.5 * scale * own.outline.width_mm, 0.5 * scale * own.outline.height_mm);
+        let (half_width, half_height) =
+            (0.5 * scale * shape_curve.outline.width_mm, 0.5 * scale * shape_curve.outline.height_mm);
         let mut path = Path::default();
-        if own.outline.is_round {
+        if shape_curve.outline.is_round {
             let point = |i: usize| {
                 let angle = 2.0 * PI * i as f64 / 72.0;
                 (centre + half_width * angle.cos(), middle + half_height * angle.sin())
@@ -184,7 +194,7 @@ fn bodies(svg: &mut Svg, room: Rect, scale: f64, panel: &ShapesPanel) {
             let corners = [(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)];
             path.polyline(corners.map(|(u, v)| (centre + u * half_width, middle + v * half_height)), true);
         }
-        svg.path(&path, Style::from(Fill::new(own.colour, 0.55)));
+        svg.path(&path, Style::from(Fill::new(shape_curve.colour, 0.55)));
         svg.path(&path, Stroke::solid(AXIS, 0.8));
         top += height + BODY_GAP_PX;
     }

@@ -2,11 +2,11 @@
 
 use super::axes::{Axes, AxisStyle, note, title};
 use super::legend::{self, Entry, Mark};
-use super::number::significant;
+use super::number::format_significant;
 use super::palette::{MUTED, WHITE, series};
 use super::svg::{Anchor, Fill, Rect, Stroke, Style, Svg};
-use super::ticks::Scale;
-use base::error::Place;
+use super::ticks::AxisScale;
+use base::error::InputPlace;
 use base::{Error, Result};
 
 const WIDTH_PX: f64 = 760.0;
@@ -40,7 +40,7 @@ pub fn singular_values(families: &[Family], tolerance: f64, heading: &str) -> Re
     let top = if heading.is_empty() { 14.0 } else { 42.0 };
     let legend_px = legend::row_height_px(&entries, WIDTH_PX - left - 20.0);
     let frame = Rect { x: left, y: top + legend_px + 6.0, width: WIDTH_PX - left - 20.0, height: HEIGHT_PX };
-    let axes = Axes { frame, x: Scale::linear(0.5, shown as f64 + 0.5), y: Scale::log10(0.3 * smallest, 3.0) };
+    let axes = Axes { frame, x: AxisScale::linear(0.5, shown as f64 + 0.5), y: AxisScale::log10(0.3 * smallest, 3.0) };
     let mut svg = Svg::new(WIDTH_PX, frame.bottom() + 50.0, "Singular values of the snapshots");
     title(&mut svg, heading, (left, 26.0), frame.width);
     legend::row(&mut svg, &entries, (left, top), frame.width);
@@ -62,7 +62,7 @@ pub fn singular_values(families: &[Family], tolerance: f64, heading: &str) -> Re
 
 fn check(families: &[Family], tolerance: f64) -> Result<()> {
     let refuse =
-        |found: String, remedy: &str| Err(Error::input(Place::default().at_key("singular values"), found, remedy));
+        |found: String, remedy: &str| Err(Error::input(InputPlace::default().at_key("singular values"), found, remedy));
     if families.is_empty() {
         return refuse("no snapshots".to_owned(), "compute snapshots first");
     }
@@ -104,7 +104,7 @@ fn entries(families: &[Family], tolerance: f64) -> Vec<Entry> {
     };
     let mut entries: Vec<Entry> = families.iter().enumerate().map(of_family).collect();
     let line = Mark::Line(Stroke::solid(MUTED, 1.3).dashed(6.0, 4.0));
-    entries.push(Entry::new(line, format!("tolerance {}", significant(tolerance, 1))));
+    entries.push(Entry::new(line, format!("tolerance {}", format_significant(tolerance, 1))));
     entries
 }
 

@@ -209,14 +209,14 @@ pub struct Svg {
     description: String,
     body: String,
     /// Shapes of `body`, for the PNG.
-    shapes: Vec<Shape>,
+    shapes: Vec<SvgShape>,
     /// Clipping window of new shapes.
     window: Option<Rect>,
 }
 
 /// Shape of a drawing.
 #[derive(Debug, Clone)]
-struct Shape {
+struct SvgShape {
     outline: tiny_skia::Path,
     style: Style,
     rule: FillRule,
@@ -224,7 +224,7 @@ struct Shape {
     window: Option<Rect>,
 }
 
-impl Shape {
+impl SvgShape {
     fn draw(&self, pixels: &mut Pixmap, mask: Option<&Mask>) {
         let scale = Transform::from_scale(PNG_SCALE, PNG_SCALE);
         let paint = |Colour(red, green, blue): Colour, opacity: f64| {
@@ -351,7 +351,7 @@ impl Svg {
         self.body.push_str("</svg>\n");
     }
     fn push(&mut self, outline: Option<tiny_skia::Path>, style: Style, rule: FillRule, cap: LineCap) {
-        self.shapes.extend(outline.map(|outline| Shape { outline, style, rule, cap, window: self.window }));
+        self.shapes.extend(outline.map(|outline| SvgShape { outline, style, rule, cap, window: self.window }));
     }
     /// Text of the whole document.
     pub fn document(&self) -> String {

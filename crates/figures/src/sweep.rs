@@ -4,8 +4,8 @@ use super::axes::{Axes, AxisStyle, title};
 use super::legend::{self, Entry, Mark};
 use super::palette::{BLUE, Colour, GRID, MUTED, VERMILLION, WHITE};
 use super::svg::{Fill, Rect, Stroke, Svg};
-use super::ticks::Scale;
-use base::error::Place;
+use super::ticks::AxisScale;
+use base::error::InputPlace;
 use base::{Error, Result};
 
 const WIDTH_PX: f64 = 760.0;
@@ -19,7 +19,7 @@ const NORMAL_95: f64 = 1.96;
 
 /// Data to draw; rows ascend in frequency.
 #[derive(Debug, Clone, Copy)]
-pub struct SweepFigure<'a> {
+pub struct OscillationFigure<'a> {
     /// Frequencies of the rows in Hz.
     pub frequency_hz: &'a [f64],
     /// Measured G′ and G″ of the rows in Pa.
@@ -40,12 +40,12 @@ pub struct SweepFigure<'a> {
 ///
 /// # Errors
 /// [`Error::Input`] for an oscillation without rows, or with columns of different lengths.
-pub fn sweep(data: &SweepFigure, heading: &str) -> Result<Svg> {
+pub fn oscillation(data: &OscillationFigure, heading: &str) -> Result<Svg> {
     let n = data.frequency_hz.len();
     let is_whole =
         data.moduli_pa.len() == n && data.is_heldout.len() == n && data.bands_pa.len() == data.curve_hz.len();
     if n == 0 || !is_whole || !(data.residuals.is_empty() || data.residuals.len() == n) {
-        let place = Place::default().at_key("sweep");
+        let place = InputPlace::default().at_key("sweep");
         return Err(Error::input(
             place,
             "no rows, or columns of different lengths",
@@ -63,7 +63,7 @@ pub fn sweep(data: &SweepFigure, heading: &str) -> Result<Svg> {
     let spread = |values: &mut dyn Iterator<Item = f64>, factor: f64| {
         let positive = values.filter(|x| *x > 0.0 && x.is_finite());
         let (low, high) = positive.fold((f64::INFINITY, 0.0_f64), |(low, high), x| (low.min(x), high.max(x)));
-        Scale::log10(low / factor, high * factor)
+        AxisScale::log10(low / factor, high * factor)
     };
     let frequency = spread(&mut data.frequency_hz.iter().copied(), 1.15);
     let moduli = spread(&mut data.moduli_pa.iter().flatten().copied(), 1.4);
@@ -79,7 +79,7 @@ pub fn sweep(data: &SweepFigure, heading: &str) -> Result<Svg> {
     }
     let largest = data.residuals.iter().flatten().fold(3.0_f64, |largest, r| largest.max(r.abs()));
     let below = frame(top_px + MAIN_PX + 22.0, RESIDUAL_PX);
-    let residual = Axes { frame: below, x: frequency, y: Scale::linear(-1.1 * largest, 1.1 * largest) };
+    let residual = Axes { frame: below, x: frequency, y: AxisScale::linear(-1.1 * largest, 1.1 * largest) };
     residual.y_axis(&mut svg, AxisStyle::new(Some("residual (sd)"), 5, 66.0).grid());
     residual.x_axis(&mut svg, frequency_label);
     residual.horizontal(&mut svg, 0.0, Stroke::solid(MUTED, 1.2));
@@ -94,7 +94,7 @@ pub fn sweep(data: &SweepFigure, heading: &str) -> Result<Svg> {
     Ok(svg)
 }
 
-fn draw_moduli(svg: &mut Svg, data: &SweepFigure, main: &Axes) {
+fn draw_moduli(svg: &mut Svg, data: &OscillationFigure, main: &Axes) {
     for (k, colour) in COLOURS.into_iter().enumerate() {
         let quantile = |q: usize| -> Vec<f64> { data.bands_pa.iter().map(|band| band[k][q]).collect() };
         svg.clipped(main.frame, |svg| {
@@ -127,7 +127,7 @@ fn ring(svg: &mut Svg, place: Rect) {
     svg.circle(centre, 0.5 * DOT_PX - 1.5, Fill::new(WHITE, 1.0));
 }
 
-fn entries(data: &SweepFigure, has_model: bool) -> Vec<Entry> {
+fn entries(data: &OscillationFigure, has_model: bool) -> Vec<Entry> {
     let mut entries = vec![
         Entry::new(Mark::Dot(COLOURS[0], DOT_PX), "G′, storage"),
         Entry::new(Mark::Dot(COLOURS[1], DOT_PX), "G″, loss"),

@@ -29,7 +29,7 @@ pub enum ScaleKind {
 
 /// Range of values along an axis.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Scale {
+pub struct AxisScale {
     /// Linear or logarithmic.
     pub kind: ScaleKind,
     /// Value at the start of the axis.
@@ -49,7 +49,7 @@ pub struct Ticks {
     pub factor: String,
 }
 
-impl Scale {
+impl AxisScale {
     /// Linear scale. Empty or non-finite ranges are widened so that they can be drawn.
     pub fn linear(lower: f64, upper: f64) -> Self {
         let (lower, upper) = if lower.is_finite() && upper.is_finite() { (lower, upper) } else { (0.0, 1.0) };
@@ -155,7 +155,7 @@ impl Scale {
         let exponent = number::factored_exponent(self.lower.abs().max(self.upper.abs()));
         let scale = 10f64.powi(exponent);
         let decimals = (-number::decimal_exponent(step / scale * (1.0 + 1e-9))).max(0) as usize;
-        let label = |value: f64| number::with_decimals(value / scale, decimals);
+        let label = |value: f64| number::format_decimals(value / scale, decimals);
         let minor_step = step / if leading_digit(step) == 2 { 4.0 } else { 5.0 };
         Ticks {
             major: multiples(step, self.lower, self.upper).map(|value| (value, label(value))).collect(),
@@ -184,7 +184,7 @@ impl Scale {
                 return self.linear_ticks(most);
             };
             let exponent = number::factored_exponent(self.upper);
-            let label = |value: f64| (value, number::significant(value / 10f64.powi(exponent), 1));
+            let label = |value: f64| (value, number::format_significant(value / 10f64.powi(exponent), 1));
             // Exactly three powers of ten are formatted like a larger number of them.
             if powers.len() == 3 && digits.len() == 1 {
                 return Ticks {
@@ -241,37 +241,40 @@ mod tests {
 
     #[test]
     fn linear_marks_are_round_and_not_too_many() {
-        assert_eq!(labels(&Scale::linear(-0.21, 1.03).ticks(6)), ["0.0", "0.5", "1.0"]);
-        assert_eq!(labels(&Scale::linear(-0.21, 1.03).ticks(7)), ["−0.2", "0.0", "0.2", "0.4", "0.6", "0.8", "1.0"]);
+        assert_eq!(labels(&AxisScale::linear(-0.21, 1.03).ticks(6)), ["0.0", "0.5", "1.0"]);
+        assert_eq!(
+            labels(&AxisScale::linear(-0.21, 1.03).ticks(7)),
+            ["−0.2", "0.0", "0.2", "0.4", "0.6", "0.8", "1.0"]
+        );
         for (lower, upper) in [(3.2, 3.9), (0.0, 1e-7), (-1e9, 1e9), (1_000_000.0, 1_000_000.5), (46.0, 49.7)] {
             for most in 2..9 {
-                let ticks = Scale::linear(lower, upper).ticks(most);
+                let ticks = AxisScale::linear(lower, upper).ticks(most);
                 assert!(ticks.major.len() <= most && !ticks.major.is_empty(), "{lower} {upper} {most}");
                 let distinct: std::collections::BTreeSet<_> = labels(&ticks).into_iter().collect();
                 assert_eq!(distinct.len(), ticks.major.len(), "{ticks:?}");
             }
         }
-        assert_eq!(Scale::linear(0.0, 1e-7).ticks(6).factor, "×10⁻⁷");
+        assert_eq!(AxisScale::linear(0.0, 1e-7).ticks(6).factor, "×10⁻⁷");
     }
 
     #[test]
     fn log_marks_are_powers_of_ten() {
-        assert_eq!(labels(&Scale::log10(3e-4, 20.0).ticks(8)), ["10⁻³", "10⁻²", "10⁻¹", "10⁰", "10¹"]);
-        assert_eq!(labels(&Scale::log10(0.9, 8.0).ticks(8)), ["1", "2", "5"]);
-        assert!(Scale::log10(1e-18, 1.0).ticks(7).major.len() <= 7);
+        assert_eq!(labels(&AxisScale::log10(3e-4, 20.0).ticks(8)), ["10⁻³", "10⁻²", "10⁻¹", "10⁰", "10¹"]);
+        assert_eq!(labels(&AxisScale::log10(0.9, 8.0).ticks(8)), ["1", "2", "5"]);
+        assert!(AxisScale::log10(1e-18, 1.0).ticks(7).major.len() <= 7);
     }
 
     #[test]
     fn logarithmic_axes_over_few_decades_have_more_than_one_number() {
-        assert_eq!(labels(&Scale::log10(0.8, 12.0).ticks(5)), ["1", "2", "5", "10"]);
-        assert_eq!(labels(&Scale::log10(0.15, 90.0).ticks(5)), ["0.3", "1", "3", "10", "30"]);
-        let tiny = Scale::log10(2e-8, 4e-6).ticks(5);
+        assert_eq!(labels(&AxisScale::log10(0.8, 12.0).ticks(5)), ["1", "2", "5", "10"]);
+        assert_eq!(labels(&AxisScale::log10(0.15, 90.0).ticks(5)), ["0.3", "1", "3", "10", "30"]);
+        let tiny = AxisScale::log10(2e-8, 4e-6).ticks(5);
         assert_eq!((labels(&tiny).join(" "), tiny.factor.as_str()), ("0.03 0.1 0.3 1 3".into(), "×10⁻⁶"));
-        assert_eq!(labels(&Scale::log10(2.1, 4.7).ticks(5)), ["3", "4"]);
-        assert_eq!(labels(&Scale::log10(3.31, 3.49).ticks(5)), ["3.35", "3.40", "3.45"]);
+        assert_eq!(labels(&AxisScale::log10(2.1, 4.7).ticks(5)), ["3", "4"]);
+        assert_eq!(labels(&AxisScale::log10(3.31, 3.49).ticks(5)), ["3.35", "3.40", "3.45"]);
         for k in 0..400 {
             let (lower, ratio) = (10f64.powf(0.01 * f64::from(k)), 1.01 + 0.07 * f64::from(k));
-            let n = Scale::log10(lower, lower * ratio).ticks(5).major.len();
+            let n = AxisScale::log10(lower, lower * ratio).ticks(5).major.len();
             assert!((2..=5).contains(&n), "{n} numbers from {lower} to {}", lower * ratio);
         }
     }
@@ -279,7 +282,7 @@ mod tests {
     #[test]
     fn vague_intervals_lengthen_an_axis_to_some_degree() {
         let around = |interval: [f64; 2], other: f64| {
-            let scale = Scale::log10_around([1.0, 100.0].into_iter(), interval.into_iter(), [other].into_iter());
+            let scale = AxisScale::log10_around([1.0, 100.0].into_iter(), interval.into_iter(), [other].into_iter());
             (scale.lower, scale.upper)
         };
         let (lower, upper) = around([0.5, 200.0], 50.0);
@@ -292,7 +295,7 @@ mod tests {
 
     #[test]
     fn labels_side_by_side_do_not_touch() {
-        let scale = Scale::linear(1_000_000.0, 1_000_000.4);
+        let scale = AxisScale::linear(1_000_000.0, 1_000_000.4);
         for length in [60.0, 120.0, 500.0] {
             let ticks = scale.ticks_side_by_side(8, length, 11.0, 6.0);
             let mut end = f64::NEG_INFINITY;
@@ -306,7 +309,7 @@ mod tests {
 
     #[test]
     fn labels_lost_at_the_ends_are_made_up_for() {
-        let ticks = Scale::linear(2.995, 4.005).ticks_side_by_side(5, 200.0, 11.0, 5.0);
+        let ticks = AxisScale::linear(2.995, 4.005).ticks_side_by_side(5, 200.0, 11.0, 5.0);
         let shown: Vec<&str> = labels(&ticks).into_iter().filter(|label| !label.is_empty()).collect();
         assert_eq!(shown, ["3.2", "3.4", "3.6", "3.8"]);
     }
@@ -317,9 +320,9 @@ mod tests {
             [0.0, 5.0, -1e308, f64::MAX, f64::MIN_POSITIVE, 5e-324, 1e19, 1e19 + 1e4, f64::NAN, f64::INFINITY];
         let pairs = || extreme.iter().flat_map(|lower| extreme.map(|upper| (*lower, upper)));
         let scales = pairs().flat_map(|(lower, upper)| {
-            [Scale::linear(lower, upper), Scale::log10(lower, upper), Scale::over([lower, upper], 0.1)]
+            [AxisScale::linear(lower, upper), AxisScale::log10(lower, upper), AxisScale::over([lower, upper], 0.1)]
         });
-        for scale in scales.chain([Scale::over([], 0.1)]) {
+        for scale in scales.chain([AxisScale::over([], 0.1)]) {
             assert!(scale.upper > scale.lower && !scale.ticks(5).major.is_empty(), "{scale:?}");
         }
     }

@@ -2,11 +2,11 @@
 
 use super::axes::{Axes, AxisStyle, title, widest_y_number_px};
 use super::legend::{self, Entry, Mark};
-use super::number::significant;
+use super::number::format_significant;
 use super::palette::{AXIS, INK, MUTED, series};
 use super::svg::{Anchor, Fill, Rect, Stroke, Svg, TextStyle};
-use super::ticks::Scale;
-use base::error::Place;
+use super::ticks::AxisScale;
+use base::error::InputPlace;
 use base::{Error, Result};
 
 const WIDTH_PX: f64 = 960.0;
@@ -49,7 +49,7 @@ pub fn trace(parameters: &[ParameterTrace], n_discarded: usize, heading: &str) -
     let n_steps = check(parameters)?;
     let n_ensembles = parameters.iter().map(|p| p.ensembles.len()).max().unwrap_or(0);
     let entries = entries(n_ensembles, n_discarded);
-    let scales: Vec<Scale> = parameters.iter().map(value_scale).collect();
+    let scales: Vec<AxisScale> = parameters.iter().map(value_scale).collect();
     let left = scales.iter().map(|scale| widest_y_number_px(scale, 5)).fold(0.0, f64::max) + 50.0;
     let width = WIDTH_PX - left - 18.0;
     let legend_top = if heading.is_empty() { 8.0 } else { 36.0 };
@@ -64,17 +64,17 @@ pub fn trace(parameters: &[ParameterTrace], n_discarded: usize, heading: &str) -
         let last = row + 1 == parameters.len();
         let correlation_px = AUTOCORRELATION_SHARE * width;
         let frame = Rect { x: left, y, width: width - correlation_px - 64.0, height: ROW_HEIGHT_PX };
-        let axes = Axes { frame, x: Scale::linear(0.0, n_steps as f64), y: scale };
+        let axes = Axes { frame, x: AxisScale::linear(0.0, n_steps as f64), y: scale };
         trace_panel(&mut svg, &axes, parameter, n_discarded, (last, left));
         let frame = Rect { x: left + width - correlation_px, y, width: correlation_px, height: ROW_HEIGHT_PX };
-        let axes = Axes { frame, x: lags, y: Scale::linear(-0.2, 1.05) };
+        let axes = Axes { frame, x: lags, y: AxisScale::linear(-0.2, 1.05) };
         autocorrelation_panel(&mut svg, &axes, parameter, last);
     }
     Ok(svg)
 }
 
 fn check(parameters: &[ParameterTrace]) -> Result<usize> {
-    let refuse = |found: String, remedy: &str| Err(Error::input(Place::default().at_key("trace"), found, remedy));
+    let refuse = |found: String, remedy: &str| Err(Error::input(InputPlace::default().at_key("trace"), found, remedy));
     let n_steps = parameters.iter().flat_map(|p| &p.ensembles).map(|e| e.mean.len()).max().unwrap_or(0);
     if n_steps < 2 {
         return refuse(format!("{} parameters, {n_steps} steps", parameters.len()), "give at least two steps");
@@ -95,21 +95,24 @@ fn check(parameters: &[ParameterTrace]) -> Result<usize> {
     Ok(n_steps)
 }
 
-fn value_scale(parameter: &ParameterTrace) -> Scale {
+fn value_scale(parameter: &ParameterTrace) -> AxisScale {
     let of_ensemble = |e: &EnsembleTrace| {
         let walkers = e.walkers.iter().flat_map(|walker| walker.iter());
         e.mean.iter().chain(e.lower).chain(e.upper).chain(walkers).copied().collect::<Vec<f64>>()
     };
-    Scale::over(parameter.ensembles.iter().flat_map(of_ensemble), 0.06)
+    AxisScale::over(parameter.ensembles.iter().flat_map(of_ensemble), 0.06)
 }
 
 /// Lags up to five autocorrelation times, because an estimated autocorrelation is only noise beyond.
-fn lag_scale(parameters: &[ParameterTrace]) -> Scale {
+fn lag_scale(parameters: &[ParameterTrace]) -> AxisScale {
     let longest = parameters.iter().flat_map(|p| &p.autocorrelation).map(|a| a.len()).max().unwrap_or(0);
     let slowest =
         parameters.iter().filter_map(|p| p.autocorrelation_time_steps).filter(|t| t.is_finite()).fold(0.0, f64::max);
     let available = longest.saturating_sub(1).max(1) as f64;
-    Scale::linear(0.0, if slowest > 0.0 { (5.0 * slowest).clamp(available.min(10.0), available) } else { available })
+    AxisScale::linear(
+        0.0,
+        if slowest > 0.0 { (5.0 * slowest).clamp(available.min(10.0), available) } else { available },
+    )
 }
 
 fn trace_panel(svg: &mut Svg, axes: &Axes, parameter: &ParameterTrace, n_discarded: usize, (last, left): (bool, f64)) {
@@ -193,7 +196,7 @@ fn autocorrelation_panel(svg: &mut Svg, axes: &Axes, parameter: &ParameterTrace,
     });
     if let Some(steps) = parameter.autocorrelation_time_steps {
         let at = (axes.frame.right() - 8.0, axes.frame.y + 18.0);
-        svg.text(&format!("τ = {} steps", significant(steps, 3)), at, TextStyle::new(12.0, Anchor::End));
+        svg.text(&format!("τ = {} steps", format_significant(steps, 3)), at, TextStyle::new(12.0, Anchor::End));
     }
     let label = last.then_some("lag (steps)");
     axes.x_axis(svg, AxisStyle::new(label, 5, 38.0).overhang_px(14.0));

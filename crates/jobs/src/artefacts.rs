@@ -10,7 +10,7 @@ use documents::posterior::ModelSummary;
 use figures::corner::{CornerOptions, ParameterColumn, Posterior, PriorCurve, corner};
 use figures::density::Support;
 use figures::draws::{DrawTable, write_draws_csv};
-use figures::labels::of_parameter;
+use figures::labels::parameter_label;
 use figures::netcdf::write_draws_netcdf;
 use figures::palette::series;
 use figures::predictions::{Predictions, write_predictions};
@@ -19,7 +19,7 @@ use figures::singular_values::{Family, singular_values};
 use figures::svg::{Svg, write_figure};
 use figures::trace::{EnsembleTrace, ParameterTrace, trace};
 use laws::rheology::LETHERSICH;
-use posterior::near_normal::BAND_PROBABILITIES;
+use posterior::gaussian_predictive::BAND_PROBABILITIES;
 use posterior::prepared::SURROGATE_NAME;
 use posterior::prior::PriorSet;
 use posterior::problem::Problem;
@@ -54,7 +54,7 @@ pub fn write(dir: &Path, result: &SampleResult, header: &dyn Fn(&str) -> Provena
     if let Some(kept) = result.model.to_keep()? {
         write_document(&dir.join(SURROGATE_NAME), header("surrogate"), &Kept::new(kept))?;
     }
-    let table = draw_table(&problem.priors, &result.outcome, &result.columns);
+    let table = arrange_draws(&problem.priors, &result.outcome, &result.columns);
     write_draws_csv(&dir.join("draws.csv"), &table)?;
     let record = &problem.experiment.record;
     let position_um: Vec<Option<f64>> = record.position_m.iter().map(|x| x.map(|x| 1e6 * x)).collect();
@@ -68,7 +68,7 @@ pub fn write(dir: &Path, result: &SampleResult, header: &dyn Fn(&str) -> Provena
 /// Writes `model.toml`, with copies of the prior and the effects that come from files. The revision stays complete if those files change or vanish.
 pub(crate) fn write_model(dir: &Path, specification: &ModelSpecification, priors: &PriorSet) -> Result<()> {
     let mut specification = specification.clone();
-    if !PriorSet::embedded_names().any(|name| name == specification.prior) {
+    if !PriorSet::builtin_names().any(|name| name == specification.prior) {
         write_atomically(&dir.join(PRIOR_COPY), priors.text().as_bytes())?;
         specification.prior = PRIOR_COPY.into();
     }
@@ -92,13 +92,13 @@ pub fn with_inputs(mut header: Provenance, problem: &Problem) -> Provenance {
 /// Adds the prior to the input hashes of a header.
 pub fn with_prior(header: Provenance, priors: &PriorSet) -> Provenance {
     let name = priors.name();
-    let is_embedded = PriorSet::embedded_names().any(|embedded| embedded == name);
+    let is_embedded = PriorSet::builtin_names().any(|embedded| embedded == name);
     let name = if is_embedded { format!("prior {name}") } else { PRIOR_COPY.into() };
     header.with_input(name, priors.text().as_bytes())
 }
 
 /// Returns `true` if an input named in a header is a file of the experiment.
-pub fn of_measurement(name: &str) -> bool {
+pub fn is_measurement_file(name: &str) -> bool {
     name != PRIOR_COPY && name != MESH_INPUT && !name.starts_with("prior ")
 }
 
@@ -113,7 +113,7 @@ pub(crate) fn write_document(path: &Path, provenance: Provenance, body: &impl se
 }
 
 /// Arranges the draws with names and units in the layout of the exchange formats.
-pub(crate) fn draw_table(priors: &PriorSet, outcome: &SampleOutcome, columns: &[DrawColumn]) -> DrawTable {
+pub(crate) fn arrange_draws(priors: &PriorSet, outcome: &SampleOutcome, columns: &[DrawColumn]) -> DrawTable {
     let draws = &outcome.draws;
     let mut values = Vec::with_capacity(draws.len() * columns.len());
     let mut log_density = Vec::with_capacity(draws.len());
@@ -128,7 +128,7 @@ pub(crate) fn draw_table(priors: &PriorSet, outcome: &SampleOutcome, columns: &[
     }
     let names: Vec<String> = priors.names().map(String::from).collect();
     DrawTable {
-        units: names.iter().map(|name| of_parameter(name).unit).collect(),
+        units: names.iter().map(|name| parameter_label(name).unit).collect(),
         parameter_names: names,
         n_ensembles: draws.n_ensembles,
         n_walkers: draws.n_walkers,
@@ -159,9 +159,9 @@ fn write_figures(
 ) -> Result<()> {
     make_folder(dir)?;
     let mut figures = vec![
-        ("corner", corner_of_record(problem, result)?),
+        ("corner", draw_record_corner(problem, result)?),
         ("predictive", predictive_figure(problem, result, position_um, predictions)?),
-        ("trace", trace_figure(&problem.experiment.specimen_id, &problem.priors, &result.outcome, &result.columns)?),
+        ("trace", draw_trace(&problem.experiment.specimen_id, &problem.priors, &result.outcome, &result.columns)?),
     ];
     if let Some(surrogate) = &result.model.surrogate {
         let shown: Vec<f64> = surrogate.singular_values.iter().take(12).copied().collect();
@@ -173,18 +173,18 @@ fn write_figures(
     figures.par_iter().map(|(stem, svg): &(&str, Svg)| write_figure(dir, stem, svg)).collect()
 }
 
-fn corner_of_record(problem: &Problem, result: &SampleResult) -> Result<Svg> {
+fn draw_record_corner(problem: &Problem, result: &SampleResult) -> Result<Svg> {
     let id = &problem.experiment.specimen_id;
     let is_replica = id == "porcine-replica";
     let reference = |name: &str| {
         let place = LETHERSICH.iter().position(|p| p.name == name).filter(|_| is_replica)?;
         TABLE_I.get(place).copied()
     };
-    corner_figure(id, &result.summary.model, &problem.priors, &result.columns, &reference)
+    draw_corner(id, &result.summary.model, &problem.priors, &result.columns, &reference)
 }
 
 /// Draws the corner plot of draws in natural units, with priors and any reference values.
-pub(crate) fn corner_figure(
+pub(crate) fn draw_corner(
     id: &str,
     model: &ModelSummary,
     priors: &PriorSet,
@@ -193,7 +193,7 @@ pub(crate) fn corner_figure(
 ) -> Result<Svg> {
     let curves: Vec<(Vec<f64>, Vec<f64>)> =
         priors.priors().iter().zip(columns).map(|(prior, column)| prior_curve(prior, &column.values)).collect();
-    let labels: Vec<_> = priors.names().map(of_parameter).collect();
+    let labels: Vec<_> = priors.names().map(parameter_label).collect();
     let columns = priors.priors().iter().zip(columns).zip(curves.iter().zip(&labels));
     let parameters = columns
         .map(|((prior, column), ((x, density), label))| {
@@ -275,14 +275,9 @@ fn predictive_figure(
 }
 
 /// Trace figure of the draws.
-pub(crate) fn trace_figure(
-    id: &str,
-    priors: &PriorSet,
-    outcome: &SampleOutcome,
-    columns: &[DrawColumn],
-) -> Result<Svg> {
-    let table = draw_table(priors, outcome, columns);
-    let labels: Vec<String> = priors.names().map(|name| of_parameter(name).axis()).collect();
+pub(crate) fn draw_trace(id: &str, priors: &PriorSet, outcome: &SampleOutcome, columns: &[DrawColumn]) -> Result<Svg> {
+    let table = arrange_draws(priors, outcome, columns);
+    let labels: Vec<String> = priors.names().map(|name| parameter_label(name).axis()).collect();
     let n_ensembles = table.n_ensembles;
     let summaries: Vec<Vec<_>> = (0..labels.len())
         .map(|p| (0..n_ensembles).map(|ensemble| table.walker_summary(ensemble, p)).collect())

@@ -28,7 +28,7 @@ pub fn run(target: &Target, request: &CompareRequest, monitor: &dyn Monitor) -> 
     monitor.stage("testing the residuals for misfits");
     let subject = revision.subject(monitor)?;
     let simulations = request.simulations.unwrap_or_else(|| compare::default_simulations(subject.n_fitted()));
-    let found = compare::run(&subject, &subject.base(), Some(errors), simulations, seed)?;
+    let found = compare::compare_model(&subject, &subject.base(), Some(errors), simulations, seed)?;
     monitor.stage("writing results and figures");
     revision.amend("comparison", seed, found.comparison.clone(), |dir| figures::write(&dir.join("figures"), &found))
 }

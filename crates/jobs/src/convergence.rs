@@ -11,7 +11,7 @@ use posterior::monitor::Monitor;
 use record::{Apparatus, OffsetDirection, Robot, RobotShape};
 
 /// Finest level of a table. Above it, one factorisation takes minutes and several gigabytes.
-pub fn finest_level(apparatus: &Apparatus) -> usize {
+pub fn max_refinement_level(apparatus: &Apparatus) -> usize {
     match apparatus {
         Apparatus::Robot { robot: Robot { shape: RobotShape::Sphere { .. }, offset, .. }, .. }
             if offset.is_none_or(|offset| offset.direction == OffsetDirection::Along) =>

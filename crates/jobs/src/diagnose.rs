@@ -1,14 +1,14 @@
 //! `diagnose`: finds the missing effect.
 
-use base::error::{Error, Place, Result};
+use base::error::{Error, InputPlace, Result};
 use base::files::write_json_atomically;
 use cohorts::cohort::{Key, Measurement};
-use cohorts::missing::artefacts as cohort_artefacts;
-use cohorts::missing::job::{self as cohort_job, CohortRequest};
+use cohorts::cohort_diagnosis::artefacts as cohort_artefacts;
+use cohorts::cohort_diagnosis::job::{self as cohort_job, CohortRequest};
 use criticism::criteria::Criteria;
 use criticism::diagnose::{DiagnosisRequest, diagnose};
 use criticism::fingerprints::fingerprints;
-use criticism::learn::first_look;
+use criticism::learn::preview_learning;
 use documents::cohort::CohortDiagnosis;
 use documents::diagnosis::{Diagnosis, VerdictKind};
 use documents::oscillation::OscillationDiagnosis;
@@ -24,7 +24,7 @@ use serde::Serialize;
 use crate::artefacts::with_prior;
 use crate::outcome::Outcome;
 use crate::sweep;
-use crate::target::{CohortTarget, CreepTarget, SweepTarget, Target, not_taken};
+use crate::target::{CohortTarget, CreepTarget, SweepTarget, Target, unsupported_target};
 
 /// Name of the figure that shows the unexplained residual.
 pub const DISCREPANCY_FIGURE: &str = "discrepancy";
@@ -68,7 +68,7 @@ pub fn run(target: &Target, request: &DiagnoseRequest, monitor: &dyn Monitor) ->
         Target::Creep(creep) => of_creep(creep, request, monitor),
         Target::Oscillation(sweep) => of_oscillation(sweep, request, monitor),
         Target::Cohort(cohort) => of_cohort(cohort, request, monitor),
-        Target::Joint(_) => Err(not_taken()),
+        Target::Joint(_) => Err(unsupported_target()),
     }
 }
 
@@ -86,7 +86,7 @@ fn of_creep(
     let mut found = diagnose(&revision.subject_for_effects(monitor)?, &of_search, monitor)?;
     if found.diagnosis.verdict.kind == VerdictKind::Unexplained {
         // Residuals that no effect explains may call for a new law.
-        found.diagnosis.remarks.extend(first_look(&found.subject, &found.found.base, monitor)?);
+        found.diagnosis.remarks.extend(preview_learning(&found.subject, &found.found.base, monitor)?);
     }
     monitor.stage("writing results and figures");
     let body = DiagnoseDocument::Creep(Box::new(found.diagnosis.clone()));
@@ -127,10 +127,10 @@ fn of_cohort(
     monitor: &dyn Monitor,
 ) -> Result<Outcome<DiagnoseDocument>> {
     cohort.refuse_options_of_one(&[], "diagnose")?;
-    if let Some(path) = cohort.request.paths.iter().find(|path| record::Sweep::is_one(path)) {
+    if let Some(path) = cohort.request.paths.iter().find(|path| record::OscillationRecord::is_described_in(path)) {
         let remedy = "give records over time, and diagnose the oscillation by itself";
         return Err(Error::input(
-            Place::file(path),
+            InputPlace::file(path),
             "an oscillation has no cycles and shows only the law, so it cannot join a cohort",
             remedy,
         ));
@@ -139,7 +139,7 @@ fn of_cohort(
     let keys = if request.keys.is_empty() { default_keys(&measurements) } else { request.keys.clone() };
     let (out, seed) = (cohort.out(COHORT_OUT), request.sampler.seed);
     let provenance = cohort_artefacts::provenance(&measurements, seed);
-    cohort_artefacts::check_place(out, &provenance, cohort.request.force)?;
+    cohort_artefacts::check_place(out, &provenance, cohort.request.replace_existing)?;
     let of_cohort = CohortRequest { keys, margin: request.margin, n_simulations: request.simulations, seed };
     let diagnosis = cohort_job::run(&measurements, &of_cohort, monitor)?;
     monitor.stage("writing results and figures");
@@ -151,9 +151,9 @@ fn of_cohort(
 /// Species, if every record names one and there are at least two; otherwise no key.
 fn default_keys(measurements: &[Measurement]) -> Vec<Key> {
     let mut species: Vec<Option<&str>> =
-        measurements.iter().map(|own| own.experiment.species.as_deref().map(str::trim)).collect();
+        measurements.iter().map(|measurement| measurement.experiment.species.as_deref().map(str::trim)).collect();
     species.sort_unstable();
     species.dedup();
-    let is_grouped = species.len() > 1 && species.iter().all(|own| own.is_some_and(|own| !own.is_empty()));
+    let is_grouped = species.len() > 1 && species.iter().all(|specy| specy.is_some_and(|name| !name.is_empty()));
     if is_grouped { vec![Key::Species] } else { Vec::new() }
 }

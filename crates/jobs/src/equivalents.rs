@@ -13,18 +13,21 @@ use serde::de::DeserializeOwned;
 ///
 /// # Errors
 /// [`base::Error::Input`] if the study has no such revision.
-pub fn of_revision(study: &Study, revision: &str) -> Result<Vec<EquivalentEffects>> {
+pub fn revision_equivalents(study: &Study, revision: &str) -> Result<Vec<EquivalentEffects>> {
     let extension: Option<ExtensionSummary> = document(study, revision, EXTENSION_NAME)?;
     // A revision extends an earlier one. An extension document that names a later one is ignored.
     let number = |name: &str| name.get(1..).and_then(|digits| digits.parse::<u32>().ok());
-    let Some(extension) = extension.filter(|own| number(&own.from) < number(revision)) else { return Ok(Vec::new()) };
-    let mut list = of_revision(study, &extension.from)?;
+    let Some(extension) = extension.filter(|extension_summary| number(&extension_summary.from) < number(revision))
+    else {
+        return Ok(Vec::new());
+    };
+    let mut list = revision_equivalents(study, &extension.from)?;
     let diagnosis: Option<Diagnosis> = document(study, &extension.from, DIAGNOSIS_NAME)?;
-    let as_written = extension.equivalents.iter().filter(|own| own.revision == revision);
+    let as_written = extension.equivalents.iter().filter(|equivalent| equivalent.revision == revision);
     match &diagnosis {
         // The diagnosis has been removed: the extension document's list is used.
         None if as_written.clone().next().is_some() => list.extend(as_written.cloned()),
-        _ => list.extend(of_added(diagnosis.as_ref(), &extension.from, revision, &extension.effects)),
+        _ => list.extend(added_equivalents(diagnosis.as_ref(), &extension.from, revision, &extension.effects)),
     }
     Ok(list)
 }
@@ -32,24 +35,36 @@ pub fn of_revision(study: &Study, revision: &str) -> Result<Vec<EquivalentEffect
 /// Equivalents of the effects of a revision and of effects to add to it.
 ///
 /// # Errors
-/// As [`of_revision`].
-pub fn of_extension(study: &Study, from: &str, revision: &str, added: &[String]) -> Result<Vec<EquivalentEffects>> {
-    let mut list = of_revision(study, from)?;
+/// As [`revision_equivalents`].
+pub fn extension_equivalents(
+    study: &Study,
+    from: &str,
+    revision: &str,
+    added: &[String],
+) -> Result<Vec<EquivalentEffects>> {
+    let mut list = revision_equivalents(study, from)?;
     let diagnosis: Option<Diagnosis> = document(study, from, DIAGNOSIS_NAME)?;
-    list.extend(of_added(diagnosis.as_ref(), from, revision, added));
+    list.extend(added_equivalents(diagnosis.as_ref(), from, revision, added));
     Ok(list)
 }
 
 /// Equivalents of added effects by a diagnosis: one entry for claimed effects, one for effects that it does not claim.
-fn of_added(diagnosis: Option<&Diagnosis>, from: &str, revision: &str, added: &[String]) -> Vec<EquivalentEffects> {
-    let class = diagnosis.map(class_of).unwrap_or_default();
+fn added_equivalents(
+    diagnosis: Option<&Diagnosis>,
+    from: &str,
+    revision: &str,
+    added: &[String],
+) -> Vec<EquivalentEffects> {
+    let class = diagnosis.map(equivalence_class).unwrap_or_default();
     let is_claimed = |slug: &&String| class.claimed.contains(slug);
     let (claimed, others): (Vec<&String>, Vec<&String>) = added.iter().partition(is_claimed);
     let rivals: Vec<String> = class.rivals(&claimed);
     let refits = match diagnosis {
         Some(diagnosis) if !rivals.is_empty() => {
             let all = claimed.iter().copied().chain(&rivals);
-            all.filter_map(|slug| diagnosis.candidates.iter().find(|own| own.effect == **slug)).map(refit).collect()
+            all.filter_map(|slug| diagnosis.candidates.iter().find(|candidate| candidate.effect == **slug))
+                .map(refit)
+                .collect()
         }
         _ => Vec::new(),
     };
@@ -67,14 +82,14 @@ fn of_added(diagnosis: Option<&Diagnosis>, from: &str, revision: &str, added: &[
 
 /// Effects that a diagnosis claims or cannot distinguish from its claim.
 #[derive(Default)]
-struct Class {
+struct EquivalenceClass {
     claimed: Vec<String>,
     equivalent: Vec<String>,
     /// The claim is a single effect, so each member of the class can replace it.
     is_single: bool,
 }
 
-impl Class {
+impl EquivalenceClass {
     /// Rivals of added effects.
     fn rivals(&self, added: &[&String]) -> Vec<String> {
         if added.is_empty() {
@@ -86,22 +101,22 @@ impl Class {
 }
 
 /// Class of a diagnosis. A single claim and its equivalents form one class: each member has all others as rivals.
-fn class_of(diagnosis: &Diagnosis) -> Class {
+fn equivalence_class(diagnosis: &Diagnosis) -> EquivalenceClass {
     let verdict = &diagnosis.verdict;
     let is_single = verdict.effects.len() == 1;
     let mut claimed = verdict.effects.clone();
     if is_single {
         claimed.extend(verdict.equivalent.iter().cloned());
     }
-    Class { claimed, equivalent: verdict.equivalent.clone(), is_single }
+    EquivalenceClass { claimed, equivalent: verdict.equivalent.clone(), is_single }
 }
 
 fn refit(candidate: &CandidateEntry) -> EquivalentRefit {
-    let own = candidate.refit.as_ref();
+    let entry = candidate.refit.as_ref();
     EquivalentRefit {
         effect: candidate.effect.clone(),
-        rmse_heldout_um: own.and_then(|own| own.rmse_heldout_um),
-        parameters: own.map_or(Vec::new(), |own| own.parameters.clone()),
+        rmse_heldout_um: entry.and_then(|refit| refit.rmse_heldout_um),
+        parameters: entry.map_or(Vec::new(), |refit| refit.parameters.clone()),
     }
 }
 
@@ -172,18 +187,21 @@ mod tests {
 
     fn added(diagnosis: Option<&Diagnosis>, effects: &[&str]) -> Vec<EquivalentEffects> {
         let effects: Vec<String> = effects.iter().map(|slug| slug.to_string()).collect();
-        of_added(diagnosis, "m0", "m1", &effects)
+        added_equivalents(diagnosis, "m0", "m1", &effects)
     }
 
     #[test]
     fn a_claim_keeps_its_equivalents_with_both_refits() {
         let found = &added(Some(&diagnosis(&["clock-offset"], &["actuator-lag"])), &["clock-offset"])[..];
-        let [own] = found else { panic!("{found:?}") };
-        assert_eq!((own.rivals.clone(), own.diagnosis_of.as_deref()), (vec!["actuator-lag".to_string()], Some("m0")));
-        let refits: Vec<&str> = own.refits.iter().map(|refit| refit.effect.as_str()).collect();
+        let [equivalent_effects] = found else { panic!("{found:?}") };
+        assert_eq!(
+            (equivalent_effects.rivals.clone(), equivalent_effects.diagnosis_of.as_deref()),
+            (vec!["actuator-lag".to_string()], Some("m0"))
+        );
+        let refits: Vec<&str> = equivalent_effects.refits.iter().map(|refit| refit.effect.as_str()).collect();
         assert_eq!(refits, ["clock-offset", "actuator-lag"]);
-        assert_eq!(own.alternative().as_deref(), Some("or: actuator-lag"));
-        assert!(own.sentence().expect("a rival").contains("cannot tell clock-offset from actuator-lag"));
+        assert_eq!(equivalent_effects.alternative().as_deref(), Some("or: actuator-lag"));
+        assert!(equivalent_effects.sentence().expect("a rival").contains("cannot tell clock-offset from actuator-lag"));
     }
 
     /// Adding the rival instead of the claim makes the claim a rival.
@@ -206,9 +224,16 @@ mod tests {
         let separated = diagnosis(&["clock-offset"], &[]);
         for (diagnosis, effect) in [(None, "clock-offset"), (Some(&separated), "force-bias")] {
             let found = &added(diagnosis, &[effect])[..];
-            let [own] = found else { panic!("{found:?}") };
-            assert!(own.diagnosis_of.is_none() && own.rivals.is_empty() && own.alternative().is_none());
-            assert!(own.sentence().expect("untested").contains("were not tested"), "{own:?}");
+            let [equivalent_effects] = found else { panic!("{found:?}") };
+            assert!(
+                equivalent_effects.diagnosis_of.is_none()
+                    && equivalent_effects.rivals.is_empty()
+                    && equivalent_effects.alternative().is_none()
+            );
+            assert!(
+                equivalent_effects.sentence().expect("untested").contains("were not tested"),
+                "{equivalent_effects:?}"
+            );
         }
         // A claim that the diagnosis has separated needs no remark.
         let found = added(Some(&separated), &["clock-offset"]);

@@ -7,9 +7,9 @@ use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 
-use figures::labels::of_parameter;
+use figures::labels::parameter_label;
 use figures::netcdf::{DrawnRows, PriorDraws, RecordGroups, RowColumn, arrangement};
-use models::model::{Forward, ReducedForward};
+use models::model::{Forward, SurrogateForward};
 use posterior::likelihood::ReducedPosterior;
 use posterior::noise::{Conditional, NoiseLikelihood};
 use posterior::prepared::PreparedModel;
@@ -63,13 +63,13 @@ pub fn record_groups(model: &PreparedModel, draws: &Draws, seed: u64) -> RecordG
 }
 
 /// Prediction of one draw: log-density of every fitted position, and positions with noise at every kept row.
-type Predicted = (Vec<f64>, Vec<f64>);
+type DrawPrediction = (Vec<f64>, Vec<f64>);
 
 /// Predicts chosen rows.
 struct Predictor<'a> {
     problem: &'a Problem,
     posterior: &'a ReducedPosterior<'a>,
-    forward: ReducedForward<'a>,
+    forward: SurrogateForward<'a>,
     likelihood: NoiseLikelihood,
     /// Predicted rows: every `stride`-th row that has a position.
     rows: Vec<usize>,
@@ -138,13 +138,13 @@ impl<'a> Predictor<'a> {
             let rng = &mut self.random(POSTERIOR_STREAM + index as u64);
             Some((chosen, self.with_noise_um(&trajectory_m, &noise, rng)))
         };
-        let all: Vec<Option<Predicted>> = (0..self.n_chains * n_draws).into_par_iter().map(one).collect();
+        let all: Vec<Option<DrawPrediction>> = (0..self.n_chains * n_draws).into_par_iter().map(one).collect();
         // A draw that has no model on some row is left out of all chains.
         let is_there = |k: &usize| (0..self.n_chains).all(|chain| all[chain * n_draws + k].is_some());
         let kept: Vec<usize> = (0..n_draws).filter(is_there).collect();
-        let of = |part: fn(&Predicted) -> &Vec<f64>| -> Vec<f64> {
+        let of = |part: fn(&DrawPrediction) -> &Vec<f64>| -> Vec<f64> {
             let chains = (0..self.n_chains).flat_map(|chain| kept.iter().map(move |k| chain * n_draws + k));
-            chains.filter_map(|index| all[index].as_ref()).flat_map(|own| part(own).iter().copied()).collect()
+            chains.filter_map(|index| all[index].as_ref()).flat_map(|pair| part(pair).iter().copied()).collect()
         };
         if kept.is_empty() {
             return;
@@ -173,9 +173,9 @@ impl<'a> Predictor<'a> {
             "ln density of each fitted position, in nats for positions in µm, {given}; {selection}; these draws are nearly independent: use az.loo(data, reff=1)"
         );
         let fitted = self.fitted.iter().map(|(_, row)| *row as i64).collect();
-        groups.drawn.push(of_group("log_likelihood", "1", note, fitted, of(|own| &own.0)));
+        groups.drawn.push(of_group("log_likelihood", "1", note, fitted, of(|pair| &pair.0)));
         let note = format!("positions with noise, by the reduced model; {selection}");
-        groups.drawn.push(of_group("posterior_predictive", "µm", note, self.row_labels(), of(|own| &own.1)));
+        groups.drawn.push(of_group("posterior_predictive", "µm", note, self.row_labels(), of(|pair| &pair.1)));
     }
 
     fn add_prior(&self, groups: &mut RecordGroups) {
@@ -195,11 +195,11 @@ impl<'a> Predictor<'a> {
         if all.is_empty() {
             return;
         }
-        let units: Vec<String> = priors.names().map(|name| of_parameter(name).unit).collect();
+        let units: Vec<String> = priors.names().map(|name| parameter_label(name).unit).collect();
         groups.prior = Some(PriorDraws {
             names: priors.names().map(String::from).collect(),
             units,
-            columns: (0..priors.priors().len()).map(|d| all.iter().map(|own| own.0[d]).collect()).collect(),
+            columns: (0..priors.priors().len()).map(|d| all.iter().map(|pair| pair.0[d]).collect()).collect(),
             note: "draws at which the model has no prediction are drawn again".into(),
         });
         let selection = self.selection(&format!("{} draws", all.len()));
@@ -211,7 +211,7 @@ impl<'a> Predictor<'a> {
             n_chains: 1,
             draws: (0..all.len() as i64).collect(),
             rows: self.row_labels(),
-            values: all.iter().flat_map(|own| own.1.iter().copied()).collect(),
+            values: all.iter().flat_map(|pair| pair.1.iter().copied()).collect(),
         });
     }
 
@@ -231,7 +231,7 @@ impl<'a> Predictor<'a> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use posterior::monitor::Silent;
+    use posterior::monitor::SilentMonitor;
     use posterior::replica;
     use posterior::study::ModelSpecification;
     use record::Apparatus;
@@ -244,7 +244,7 @@ mod tests {
             .priors
             .priors()
             .iter()
-            .map(|own| own.distribution.to_unconstrained(own.distribution.quantile(0.5)))
+            .map(|prior| prior.distribution.to_unconstrained(prior.distribution.quantile(0.5)))
             .collect();
         let mut stream = RandomStream::new(3, 3);
         let n = n_ensembles * n_steps;
@@ -273,14 +273,14 @@ mod tests {
         }
         let noise = noise.iter().map(ToString::to_string).collect();
         let specification = ModelSpecification { noise, ..ModelSpecification::default() };
-        let problem = Problem::new(experiment, specification, None, &Silent).expect("sound");
-        let model = PreparedModel::unverified(&problem, None, &Silent).expect("an instrument");
+        let problem = Problem::new(experiment, specification, None, &SilentMonitor).expect("sound");
+        let model = PreparedModel::unverified(&problem, None, &SilentMonitor).expect("an instrument");
         let groups = record_groups(&model, &draws(&problem), 1);
         (problem, groups)
     }
 
     fn group<'a>(groups: &'a RecordGroups<'static>, name: &str) -> &'a DrawnRows<'static> {
-        groups.drawn.iter().find(|own| own.group == name).expect("written")
+        groups.drawn.iter().find(|drawn_rows| drawn_rows.group == name).expect("written")
     }
 
     /// Every fitted position has a likelihood and every position a prediction. Pointwise terms add up to the likelihood.
@@ -296,10 +296,10 @@ mod tests {
         assert_eq!(group(&groups, "prior_predictive").rows, groups.observed_rows);
         assert_eq!(groups.constant[0].values.len(), experiment.record.n_rows());
         let n_fitted: f64 = groups.constant[3].values.iter().sum();
-        let of_cycle = experiment.record.cycle.iter().filter(|own| experiment.calibration_cycles.contains(own));
+        let of_cycle = experiment.record.cycle.iter().filter(|index| experiment.calibration_cycles.contains(index));
         assert_eq!(n_fitted as usize, of_cycle.count());
         // The first draw of the first chain, against the likelihood of all positions.
-        let prepared = PreparedModel::unverified(&problem, None, &Silent).expect("an instrument");
+        let prepared = PreparedModel::unverified(&problem, None, &SilentMonitor).expect("an instrument");
         let posterior = prepared.posterior();
         let [walker, step] = arrangement(8, 20)[ln_likelihood.draws[0] as usize];
         let natural = posterior.natural(&draws(&problem).point(0, step, walker));
@@ -329,13 +329,13 @@ mod tests {
     #[test]
     fn long_records_stay_small() {
         let (_, groups) = groups(&["white"], 200_000);
-        for own in &groups.drawn {
+        for group in &groups.drawn {
             assert!(
-                own.values.len() <= MOST_VALUES + 200_000 / 40 && own.values.len() > MOST_VALUES / 8,
+                group.values.len() <= MOST_VALUES + 200_000 / 40 && group.values.len() > MOST_VALUES / 8,
                 "{}",
-                own.group
+                group.group
             );
-            assert!(own.note.contains("one of every 40 rows"), "{}", own.note);
+            assert!(group.note.contains("one of every 40 rows"), "{}", group.note);
         }
     }
 }

@@ -2,13 +2,13 @@
 
 use std::path::{Path, PathBuf};
 
-use base::error::{Error, Place, Result, Setting};
+use base::error::{Error, InputPlace, Result, Setting};
 use cohorts::cohort::{self, Measurement};
 use documents::errors::ModelErrors;
-use documents::extension::{EquivalentEffects, ExtensionAnswer, ExtensionSummary};
+use documents::extension::{EquivalentEffects, ExtensionMode, ExtensionSummary};
 use documents::posterior::PosteriorSummary;
 use documents::trust::{Trust, TrustLevel};
-use figures::number::significant;
+use figures::number::format_significant;
 use models::effects::Library;
 use posterior::monitor::Monitor;
 use posterior::prepared::KeptSurrogate;
@@ -17,13 +17,13 @@ use posterior::sample::{self, SampleRequest, SampleResult, refuse_nothing_to_sam
 use posterior::study::{Assignments, EXTENSION_NAME, ModelSpecification, Provenance, Study, WithProvenance};
 use sampling::SamplerOptions;
 use sampling::diagnostics::DrawColumn;
-use sampling::evidence::{WeightedDraws, normal_of, valley};
+use sampling::evidence::{WeightedDraws, find_density_valley, to_normal_coordinate};
 use serde::Serialize;
 
 use crate::first_revision::{FIRST_REVISION, kept_surrogate, make_first_revision};
-use crate::last_cycle::{LastCycle, errors};
+use crate::last_cycle::{LastCycleFit, errors};
 use crate::outcome::Outcome;
-use crate::target::{CohortTarget, CreepTarget, Target, TargetRequest, not_taken};
+use crate::target::{CohortTarget, CreepTarget, Target, TargetRequest, unsupported_target};
 use crate::{artefacts, equivalents, pages};
 
 /// Default directory of a cohort's studies, with one folder per record.
@@ -78,7 +78,7 @@ pub fn run(target: &Target, request: &ExtendRequest, monitor: &dyn Monitor) -> R
             Ok(Outcome { document, is_sound, written, study })
         }
         Target::Cohort(cohort) => of_cohort(cohort, request, monitor),
-        Target::Oscillation(_) | Target::Joint(_) => Err(not_taken()),
+        Target::Oscillation(_) | Target::Joint(_) => Err(unsupported_target()),
     }
 }
 
@@ -89,7 +89,7 @@ fn of_creep(target: &CreepTarget, request: &ExtendRequest, monitor: &dyn Monitor
         && !study.revisions()?.is_empty()
     {
         return Err(Error::input(
-            Place::setting(Setting::Base),
+            InputPlace::setting(Setting::Base),
             "the study has a base law already",
             format!(
                 "leave out {} (or {}), or make a study of another law with `sample {} … {} DIR`",
@@ -100,7 +100,7 @@ fn of_creep(target: &CreepTarget, request: &ExtendRequest, monitor: &dyn Monitor
             ),
         ));
     }
-    let specification = extended(&target.specification, &request.effects, &library)?;
+    let specification = add_effects(&target.specification, &request.effects, &library)?;
     let values = specification.values_from_options(&request.set, &library)?;
     let before = target.problem(monitor)?;
     let (from, revision, earlier) = match target.existing_study() {
@@ -110,8 +110,8 @@ fn of_creep(target: &CreepTarget, request: &ExtendRequest, monitor: &dyn Monitor
     let request =
         ExtensionRequest { from: &from, revision: &revision, effects: &request.effects, values, earlier, options };
     // All checks come here, before anything is sampled or written.
-    let mut pair = compared(&before, &request, &library)?;
-    for problem in [&before, &pair.before, &pair.after] {
+    let mut pair = prepare_comparison(&before, &request, &library)?;
+    for problem in [&before, &pair.base, &pair.after] {
         refuse_nothing_to_sample(problem)?;
         request.options.validate(problem.priors.priors().len())?;
     }
@@ -122,13 +122,13 @@ fn of_creep(target: &CreepTarget, request: &ExtendRequest, monitor: &dyn Monitor
     }
     pair.kept_surrogate = kept_surrogate(&study, monitor);
     if pair.is_before_as_stored {
-        let fitted = LastCycle::of(&study, &before, &from)?;
+        let fitted = LastCycleFit::of(&study, &before, &from)?;
         pair.posterior_before = Some(fitted.posterior(&request.options, false, monitor)?);
     }
     let writer = study.begin_revision(&revision)?;
     let Extension { mut summary, problem, after } = refit(pair, &request, monitor)?;
-    summary.equivalents = equivalents::of_extension(&study, &from, &revision, request.effects)?;
-    let of_equivalents = summary.equivalents.iter().filter(|own| own.revision == revision);
+    summary.equivalents = equivalents::extension_equivalents(&study, &from, &revision, request.effects)?;
+    let of_equivalents = summary.equivalents.iter().filter(|equivalent| equivalent.revision == revision);
     let sentences: Vec<String> = of_equivalents.filter_map(EquivalentEffects::sentence).collect();
     sentences.iter().for_each(|sentence| summary.sentence += &format!(" {sentence}"));
     monitor.stage("writing results and figures");
@@ -152,21 +152,21 @@ fn revisions(study: &Study, from: Option<&str>) -> Result<(String, String, usize
 fn of_cohort(cohort: &CohortTarget, request: &ExtendRequest, monitor: &dyn Monitor) -> Result<Outcome<ExtendDocument>> {
     let measurements = cohort::read(&cohort.request.paths, &[], &Ok, monitor)?;
     let out = cohort.out(COHORT_OUT);
-    let places = places(&measurements, out)?;
+    let places = study_directories(&measurements, out)?;
     let (mut records, mut is_sound) = (Vec::new(), true);
-    for (number, (own, place)) in measurements.iter().zip(&places).enumerate() {
-        let name = own.name();
+    for (number, (measurement, place)) in measurements.iter().zip(&places).enumerate() {
+        let name = measurement.name();
         monitor.stage(&format!("{name} ({} of {})", number + 1, measurements.len()));
-        if let Some(revision) = revision_with(place, &request.effects)? {
+        if let Some(revision) = find_revision_with_effects(place, &request.effects)? {
             records.push(ExtendedRecord { name, revision, extension: None });
             continue;
         }
-        let path = if Study::is_study(place) { place } else { &own.path };
+        let path = if Study::is_study(place) { place } else { &measurement.path };
         let study_out = (!Study::is_study(path)).then(|| place.clone());
         let one = TargetRequest { paths: vec![path.clone()], out: study_out, ..cohort.request.clone() };
         let outcome = CreepTarget::open(one, None, monitor)
             .and_then(|target| of_creep(&target, request, monitor))
-            .map_err(|error| own.named(error))?;
+            .map_err(|error| measurement.with_name(error))?;
         if let (true, Some(study)) = (request.pages, &outcome.study)
             && let Err(error) = pages::write(study.dir(), None)
         {
@@ -176,19 +176,22 @@ fn of_cohort(cohort: &CohortTarget, request: &ExtendRequest, monitor: &dyn Monit
         let extension = outcome.document.body;
         records.push(ExtendedRecord { name, revision: extension.revision.clone(), extension: Some(extension) });
     }
-    let hashes = measurements.iter().map(|own| (own.name(), own.inputs_sha256.clone())).collect();
+    let hashes =
+        measurements.iter().map(|measurement| (measurement.name(), measurement.inputs_sha256.clone())).collect();
     let provenance = Provenance::new("cohort-extension", 1, request.sampler.seed, hashes);
     let document = WithProvenance { provenance, body: ExtendDocument::Cohort { records } };
     Ok(Outcome { document, is_sound, written: out.to_path_buf(), study: None })
 }
 
 /// Study directory of every record: the study itself, or a folder of the record's name.
-fn places(measurements: &[Measurement], out: &Path) -> Result<Vec<PathBuf>> {
-    let place = |own: &Measurement| if Study::is_study(&own.path) { own.path.clone() } else { out.join(own.name()) };
+fn study_directories(measurements: &[Measurement], out: &Path) -> Result<Vec<PathBuf>> {
+    let place = |measurement: &Measurement| {
+        if Study::is_study(&measurement.path) { measurement.path.clone() } else { out.join(measurement.name()) }
+    };
     let places: Vec<PathBuf> = measurements.iter().map(place).collect();
     match (0..places.len()).find(|k| places[..*k].contains(&places[*k])) {
         Some(second) => Err(Error::input(
-            Place::file(&measurements[second].path),
+            InputPlace::file(&measurements[second].path),
             format!("another record's directory is also called {}", measurements[second].name()),
             format!("give them different names, or extend one of them by itself with `{}`", Setting::Out),
         )),
@@ -197,7 +200,7 @@ fn places(measurements: &[Measurement], out: &Path) -> Result<Vec<PathBuf>> {
 }
 
 /// Last revision of a study, if it has the effects from an earlier run of this command.
-fn revision_with(place: &Path, effects: &[String]) -> Result<Option<String>> {
+fn find_revision_with_effects(place: &Path, effects: &[String]) -> Result<Option<String>> {
     if !Study::is_study(place) {
         return Ok(None);
     }
@@ -245,12 +248,13 @@ pub struct Extension {
 ///
 /// # Errors
 /// [`Error::Input`] if the model has one of them already or the library does not.
-pub fn extended(
+pub fn add_effects(
     specification: &ModelSpecification,
     effects: &[String],
     library: &Library,
 ) -> Result<ModelSpecification> {
-    let refuse = |found: String, remedy: String| Err(Error::input(Place::setting(Setting::Effects), found, remedy));
+    let refuse =
+        |found: String, remedy: String| Err(Error::input(InputPlace::setting(Setting::Effects), found, remedy));
     let mut model = specification.clone();
     if effects.is_empty() {
         return refuse(
@@ -281,9 +285,9 @@ pub fn extended(
 }
 
 /// Two models of one experiment, to be fitted and scored on the same cycles.
-pub struct Pair {
+pub struct ModelPair {
     /// Model to extend.
-    pub before: Problem,
+    pub base: Problem,
     /// Extended model.
     pub after: Problem,
     /// `before` is the stored revision, with nothing fixed or freed.
@@ -297,20 +301,20 @@ pub struct Pair {
 /// Joins both models with the experiment for a comparison. `before` is the model to extend, on the whole experiment.
 ///
 /// # Errors
-/// As [`extended`]; [`Error::Input`] for effects that cannot be combined.
-pub fn compared(before: &Problem, request: &ExtensionRequest, library: &Library) -> Result<Pair> {
+/// As [`add_effects`]; [`Error::Input`] for effects that cannot be combined.
+pub fn prepare_comparison(before: &Problem, request: &ExtensionRequest, library: &Library) -> Result<ModelPair> {
     let mut specification = before.specification.clone();
-    let own = before.parameters();
+    let parameter_specs = before.parameters();
     let mut of_both = request.values.clone();
-    of_both.retain(|name, _| own.iter().any(|spec| spec.name == name));
+    of_both.retain(|name, _| parameter_specs.iter().any(|spec| spec.name == name));
     specification.set(&of_both);
-    let mut larger = extended(&specification, request.effects, library)?;
+    let mut larger = add_effects(&specification, request.effects, library)?;
     larger.set(&request.values);
     let experiment = before.experiment.for_comparison();
-    Ok(Pair {
+    Ok(ModelPair {
         is_before_as_stored: of_both.is_empty(),
-        before: before.with(experiment.clone(), specification, library)?,
-        after: before.with(experiment, larger, library)?,
+        base: before.with_experiment(experiment.clone(), specification, library)?,
+        after: before.with_experiment(experiment, larger, library)?,
         posterior_before: None,
         kept_surrogate: None,
     })
@@ -320,7 +324,7 @@ pub fn compared(before: &Problem, request: &ExtensionRequest, library: &Library)
 ///
 /// # Errors
 /// As [`sample::run`].
-pub fn refit(pair: Pair, request: &ExtensionRequest, monitor: &dyn Monitor) -> Result<Extension> {
+pub fn refit(pair: ModelPair, request: &ExtensionRequest, monitor: &dyn Monitor) -> Result<Extension> {
     let (problem, kept) = (pair.after, pair.kept_surrogate);
     let sampled = |problem: &Problem, kept_surrogate| {
         let request =
@@ -331,20 +335,20 @@ pub fn refit(pair: Pair, request: &ExtensionRequest, monitor: &dyn Monitor) -> R
         Some(base) => (base, kept),
         None => {
             monitor.stage(&format!("the model of {}, refitted on the same cycles", request.from));
-            let base = sampled(&pair.before, kept)?;
+            let base = sampled(&pair.base, kept)?;
             let kept = base.model.to_keep()?;
             (base.summary, kept)
         }
     };
     monitor.stage(&format!("the model with {}", request.effects.join(", ")));
     let after = sampled(&problem, kept)?;
-    let mut summary = summarise(&problem, request, &base, &after.summary);
-    summary.answers = answers(&problem, request.effects, &after.columns);
-    summary.sentence.push_str(&in_words(&summary.answers));
+    let mut summary = summarise_extension(&problem, request, &base, &after.summary);
+    summary.answers = split_modes(&problem, request.effects, &after.columns);
+    summary.sentence.push_str(&modes_in_words(&summary.answers));
     Ok(Extension { summary, problem, after })
 }
 
-fn summarise(
+fn summarise_extension(
     problem: &Problem,
     request: &ExtensionRequest,
     base: &PosteriorSummary,
@@ -383,11 +387,11 @@ fn trust(base: &PosteriorSummary, after: &PosteriorSummary) -> Trust {
 }
 
 /// Number of draws that are searched for separate modes, spread evenly over all draws.
-const N_DRAWS_FOR_ANSWERS: usize = 2_000;
+const N_DRAWS_FOR_MODES: usize = 2_000;
 const GOLDEN: f64 = 0.618_033_988_749_894_9;
 
 /// Two modes of an added effect's first bimodal parameter, found in the coordinate in which its prior is a standard normal.
-fn answers(problem: &Problem, effects: &[String], columns: &[DrawColumn]) -> Vec<ExtensionAnswer> {
+fn split_modes(problem: &Problem, effects: &[String], columns: &[DrawColumn]) -> Vec<ExtensionMode> {
     let is_added = |name: &str| {
         effects.iter().any(|slug| name.strip_prefix(slug.as_str()).is_some_and(|rest| rest.starts_with('.')))
     };
@@ -395,14 +399,15 @@ fn answers(problem: &Problem, effects: &[String], columns: &[DrawColumn]) -> Vec
         // Multiples of the golden ratio choose the draws. A fixed stride would favour some walkers.
         let n = column.values.len();
         let place = |k: usize| ((k as f64 * GOLDEN).fract() * n as f64) as usize;
-        let natural: Vec<f64> = (0..N_DRAWS_FOR_ANSWERS.min(n)).map(|k| column.values[place(k)]).collect();
-        let points: Vec<Vec<f64>> = natural.iter().map(|x| vec![normal_of(&prior.distribution, *x), *x]).collect();
+        let natural: Vec<f64> = (0..N_DRAWS_FOR_MODES.min(n)).map(|k| column.values[place(k)]).collect();
+        let points: Vec<Vec<f64>> =
+            natural.iter().map(|x| vec![to_normal_coordinate(&prior.distribution, *x), *x]).collect();
         let draws = WeightedDraws::new(points, &vec![0.0; natural.len()]);
-        let Some(bottom) = valley(&draws, |point| point[0]) else { continue };
+        let Some(bottom) = find_density_valley(&draws, |point| point[0]) else { continue };
         let side = |is_on: &dyn Fn(f64) -> bool| {
-            let part = draws.part(|point| is_on(point[0]));
+            let part = draws.restricted_to(|point| is_on(point[0]));
             let quantiles = part.quantiles(|point| point[1], &[0.05, 0.95]);
-            ExtensionAnswer {
+            ExtensionMode {
                 parameter: prior.name.clone(),
                 probability: draws.mean(|point| f64::from(u8::from(is_on(point[0])))),
                 mean: part.mean(|point| point[1]),
@@ -417,10 +422,10 @@ fn answers(problem: &Problem, effects: &[String], columns: &[DrawColumn]) -> Vec
     Vec::new()
 }
 
-fn in_words(answers: &[ExtensionAnswer]) -> String {
-    let digits = |value: f64| significant(value, 3);
-    let of = |answer: &ExtensionAnswer| {
-        let ExtensionAnswer { parameter, probability, mean, q05, q95 } = answer;
+fn modes_in_words(answers: &[ExtensionMode]) -> String {
+    let digits = |value: f64| format_significant(value, 3);
+    let of = |answer: &ExtensionMode| {
+        let ExtensionMode { parameter, probability, mean, q05, q95 } = answer;
         format!(
             "{parameter} = {} ({} to {} at 90 %) with probability {probability:.2}",
             digits(*mean),
@@ -510,7 +515,7 @@ mod tests {
         let (experiment, _) = posterior::replica::embedded().expect("embedded");
         let effects = ["instantaneous-elasticity".to_string()];
         let specification = ModelSpecification { effects: effects.to_vec(), ..ModelSpecification::default() };
-        let problem = Problem::new(experiment, specification, None, &posterior::monitor::Silent).expect("sound");
+        let problem = Problem::new(experiment, specification, None, &posterior::monitor::SilentMonitor).expect("sound");
         let place =
             problem.priors.names().position(|name| name.starts_with("instantaneous-elasticity.")).expect("sampled");
         let prior = problem.priors.priors()[place].distribution;
@@ -524,24 +529,24 @@ mod tests {
             };
             (0..problem.priors.priors().len()).map(of).collect()
         };
-        let two = answers(&problem, &effects, &columns(&|k| if k % 10 < 3 { 0.9 } else { 0.1 }));
+        let two = split_modes(&problem, &effects, &columns(&|k| if k % 10 < 3 { 0.9 } else { 0.1 }));
         assert_eq!(two.len(), 2);
         // 2,000 draws give a probability with a standard error of 0.01. The test allows five.
         assert!((two[0].probability - 0.7).abs() < 0.05 && two[0].q95 < two[1].q05, "{two:?}");
-        assert!(in_words(&two).contains(", or instantaneous-elasticity."), "{}", in_words(&two));
-        assert!(answers(&problem, &effects, &columns(&|_| 0.4)).is_empty());
-        assert_eq!(in_words(&[]), "");
+        assert!(modes_in_words(&two).contains(", or instantaneous-elasticity."), "{}", modes_in_words(&two));
+        assert!(split_modes(&problem, &effects, &columns(&|_| 0.4)).is_empty());
+        assert_eq!(modes_in_words(&[]), "");
     }
 
     #[test]
     fn an_effect_is_added_once() {
         let (specification, library) = (ModelSpecification::default(), Library::default());
         let slug = [library.effects()[0].slug().to_string()];
-        let model = extended(&specification, &slug, &library).expect("it is in the library");
+        let model = add_effects(&specification, &slug, &library).expect("it is in the library");
         assert_eq!(model.effects, slug);
         for (model, slugs) in [(&model, &slug[..]), (&specification, &["nonsense".to_string()]), (&specification, &[])]
         {
-            assert!(matches!(extended(model, slugs, &library), Err(Error::Input { .. })), "{slugs:?}");
+            assert!(matches!(add_effects(model, slugs, &library), Err(Error::Input { .. })), "{slugs:?}");
         }
     }
 }

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 use std::time::Instant;
 
 use super::artefacts;
-use base::error::{Error, Place, Result, Setting};
+use base::error::{Error, InputPlace, Result, Setting};
 use models::effects::Library;
 use posterior::monitor::Monitor;
 use posterior::prepared::KeptSurrogate;
@@ -51,7 +51,7 @@ pub fn make_first_revision(
 }
 
 /// Experiment with the cycles that a revision is fitted to. m0 (or none) uses the calibration cycles, later revisions all cycles except the last held-out one, as in `extend`.
-pub fn as_fitted(experiment: Experiment, revision: Option<&str>) -> Experiment {
+pub fn with_fitted_cycles_of(experiment: Experiment, revision: Option<&str>) -> Experiment {
     if revision.is_none_or(|name| name == FIRST_REVISION) { experiment } else { experiment.for_comparison() }
 }
 
@@ -71,7 +71,7 @@ pub fn refuse_other_model(study: &Study, specification: &ModelSpecification, for
         return Ok(());
     }
     Err(Error::input(
-        Place::file(path),
+        InputPlace::file(path),
         "the study's m0 is of another model, and `sample` writes only m0",
         format!(
             "choose another directory with `{}`, replace m0 with `{}`, or add effects with `extend`",

@@ -4,16 +4,17 @@ use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
 use super::init_creep::RheometerCreep;
-use super::init_sweep::described;
-use base::error::{Error, Place, Result, Setting};
+use super::init_sweep::describe_sweep;
+use base::error::{Error, InputPlace, Result, Setting};
 use base::files::{self, Content, write_together};
 use base::toml_input::{UNKNOWN, quoted};
 use documents::init::{InitColumn, InitSummary};
 use posterior::study::sha256_hex;
 use record::table::{
-    Ask, ColumnName, Given, PositionColumns, Proposal, Question, TableDescription, look, propose, tracks,
+    Ask, ColumnName, PositionColumns, Question, TableDescription, TableProposal, TableSettings, inspect_table, propose,
+    tracks,
 };
-use record::{Direction, Sweep, Zero, sweep_columns};
+use record::{Direction, OscillationRecord, Zero, sweep_columns};
 
 /// Settings that the caller chooses.
 #[derive(Debug, Clone, Default)]
@@ -23,7 +24,7 @@ pub struct InitRequest {
     /// Directory to write; by default the table's name without its extension.
     pub out: Option<PathBuf>,
     /// Known properties of the columns.
-    pub given: Given,
+    pub known_columns: TableSettings,
     /// Specimen identifier.
     pub id: Option<String>,
     /// Species, and region of the eye.
@@ -47,13 +48,13 @@ pub fn run(request: &InitRequest, ask: Ask<'_>) -> Result<(InitSummary, String)>
     let name = file_name(&request.file)?;
     let stem = PathBuf::from(Path::new(&name).file_stem().unwrap_or_default());
     let out = request.out.clone().unwrap_or_else(|| stem.clone());
-    if request.given.track[1].as_deref() == Some(ALL_TRACKS) {
+    if request.known_columns.track[1].as_deref() == Some(ALL_TRACKS) {
         return cohort(request, &bytes, &stem.to_string_lossy(), &out, ask);
     }
     let toml_path = out.join("experiment.toml");
     if files::kind(&toml_path).is_some() && !request.replace {
         return Err(Error::input(
-            Place::file(&toml_path),
+            InputPlace::file(&toml_path),
             "there is already an experiment here",
             format!("give another directory with `{}`, or overwrite it with `{}`", Setting::Out, Setting::Replace),
         ));
@@ -61,22 +62,22 @@ pub fn run(request: &InitRequest, ask: Ask<'_>) -> Result<(InitSummary, String)>
     if let Some(summary) = oscillation(request, &name, &bytes, &out)? {
         return Ok((summary, sha256_hex(&bytes)));
     }
-    let looked = look(&request.file, &bytes).ok();
-    let creep = looked.and_then(|looked| RheometerCreep::of(&looked, &request.given, request.sizes[2]));
-    let given = creep.as_ref().map_or(&request.given, |creep| &creep.given);
+    let looked = inspect_table(&request.file, &bytes).ok();
+    let creep = looked.and_then(|looked| RheometerCreep::of(&looked, &request.known_columns, request.sizes[2]));
+    let given = creep.as_ref().map_or(&request.known_columns, |creep| &creep.given);
     let mut proposal = propose(&request.file, &bytes, given, ask)?;
     if let Some(creep) = &creep {
         proposal.reasons.push(creep.reason());
         if load_start_s(&proposal, Some(creep)).is_some() {
             proposal.reasons.push("the step began at 0, before the first row (load_start_s = 0)".into());
         }
-        proposal.reasons.extend(sizes_are_idle(request));
+        proposal.reasons.extend(unused_sizes_remark(request));
     }
     let mut request = request.clone();
     let mut unknown = Vec::new();
     if creep.is_none() {
         for (size, asked) in request.sizes.iter_mut().zip(&SIZES) {
-            *size = size.or_else(|| asked_size(asked, ask));
+            *size = size.or_else(|| prompt_size(asked, ask));
             unknown.extend(size.is_none().then(|| asked.key.to_string()));
         }
     }
@@ -103,19 +104,22 @@ const ALL_TRACKS: &str = "all";
 fn cohort(request: &InitRequest, bytes: &[u8], stem: &str, out: &Path, ask: Ask<'_>) -> Result<(InitSummary, String)> {
     let mut made = None;
     let mut experiments = Vec::new();
-    for track in tracks(&request.file, bytes, &request.given)? {
+    for track in tracks(&request.file, bytes, &request.known_columns)? {
         // A track's name may hold any character; a directory's name may not.
         let safe: String = track.chars().map(|c| if c.is_ascii_alphanumeric() { c } else { '_' }).collect();
-        let given = Given { track: [request.given.track[0].clone(), Some(track)], ..request.given.clone() };
+        let given = TableSettings {
+            track: [request.known_columns.track[0].clone(), Some(track)],
+            ..request.known_columns.clone()
+        };
         let id = Some(format!("{}-{safe}", request.id.as_deref().unwrap_or(stem)));
-        let of_track = InitRequest { out: Some(out.join(&safe)), id, given, ..request.clone() };
+        let of_track = InitRequest { out: Some(out.join(&safe)), id, known_columns: given, ..request.clone() };
         let (summary, sha256) = run(&of_track, ask)?;
         experiments.push(summary.directory.clone());
         made.get_or_insert((summary, sha256));
     }
     let (first, sha256) = made.ok_or_else(|| {
         let remedy = format!("name it with `{}`", Setting::TrackColumn);
-        Error::input(Place::file(&request.file), "the table has no column of tracks", remedy)
+        Error::input(InputPlace::file(&request.file), "the table has no column of tracks", remedy)
     })?;
     Ok((InitSummary { directory: out.display().to_string(), experiments, ..first }, sha256))
 }
@@ -128,16 +132,16 @@ fn write(out: &Path, name: &str, bytes: &[u8], toml: &str) -> Result<()> {
 
 /// Writes the description of a rheometer's oscillation. Returns `None` if the table is of another kind or the user names columns of a record over time.
 fn oscillation(request: &InitRequest, name: &str, bytes: &[u8], out: &Path) -> Result<Option<InitSummary>> {
-    let given = &request.given;
+    let given = &request.known_columns;
     if given.columns.iter().chain(&given.axes).any(Option::is_some) {
         return Ok(None);
     }
-    let Ok(looked) = look(&request.file, bytes) else { return Ok(None) };
+    let Ok(looked) = inspect_table(&request.file, bytes) else { return Ok(None) };
     let Some(columns) = sweep_columns(&looked) else { return Ok(None) };
-    let (toml, mut summary) = described(name, request.id.as_deref(), request.sizes[2], &looked, &columns)?;
-    summary.reasons.extend(sizes_are_idle(request));
+    let (toml, mut summary) = describe_sweep(name, request.id.as_deref(), request.sizes[2], &looked, &columns)?;
+    summary.reasons.extend(unused_sizes_remark(request));
     write(out, name, bytes, &toml)?;
-    let (sweep, _) = Sweep::read(out)?;
+    let (sweep, _) = OscillationRecord::read(out)?;
     Ok(Some(InitSummary {
         directory: out.display().to_string(),
         rows: sweep.rows.len() + sweep.n_incomplete,
@@ -146,13 +150,13 @@ fn oscillation(request: &InitRequest, name: &str, bytes: &[u8], out: &Path) -> R
 }
 
 /// Remark that the given sizes are unused, because a rheometer has no robot.
-fn sizes_are_idle(request: &InitRequest) -> Option<String> {
+fn unused_sizes_remark(request: &InitRequest) -> Option<String> {
     let is_given = request.sizes[..2].iter().chain([&request.robot_density_kg_m3]).any(Option::is_some);
     is_given.then(|| "the sizes of robot and vitreous are ignored: a rheometer has neither".into())
 }
 
 /// Size to ask for: key, description and allowed values.
-struct AskedSize {
+struct PromptedSize {
     key: &'static str,
     what: &'static str,
     allowed: fn(f64) -> bool,
@@ -160,20 +164,20 @@ struct AskedSize {
 }
 
 /// Sizes in the order of [`InitRequest::sizes`].
-const SIZES: [AskedSize; 3] = [
-    AskedSize {
+const SIZES: [PromptedSize; 3] = [
+    PromptedSize {
         key: "robot.diameter_mm",
         what: "diameter of the robot, a sphere, in mm",
         allowed: |x| x > 0.0,
         allowed_in_words: "a diameter is above 0",
     },
-    AskedSize {
+    PromptedSize {
         key: "vitreous.diameter_mm",
         what: "diameter of the vitreous in mm",
         allowed: |x| x > 0.0,
         allowed_in_words: "a diameter is above 0",
     },
-    AskedSize {
+    PromptedSize {
         key: "vitreous.poisson_ratio",
         what: "Poisson ratio of the vitreous (0.48 to 0.499 for a gel that is nearly incompressible)",
         allowed: |x| x > -1.0 && x < 0.5,
@@ -182,7 +186,7 @@ const SIZES: [AskedSize; 3] = [
 ];
 
 /// Asks until the answer is an allowed value; `None` if the value is unknown.
-fn asked_size(size: &AskedSize, ask: Ask<'_>) -> Option<f64> {
+fn prompt_size(size: &PromptedSize, ask: Ask<'_>) -> Option<f64> {
     let mut text = size.what.to_string();
     loop {
         let question = Question { text, choices: Vec::new(), also: Vec::new(), proposal: Some(UNKNOWN.into()) };
@@ -206,7 +210,7 @@ fn file_name(file: &Path) -> Result<String> {
     let name = file.file_name().and_then(|name| name.to_str()).filter(|name| !name.contains(char::is_control));
     name.map(String::from).ok_or_else(|| {
         Error::input(
-            Place::file(file),
+            InputPlace::file(file),
             "this file name contains control characters or is not Unicode",
             "rename the table to letters, digits and dots",
         )
@@ -223,7 +227,7 @@ fn name_of(column: &ColumnName) -> String {
 /// Keys of the coordinates.
 const AXES: [&str; 3] = ["position_x", "position_y", "position_z"];
 
-fn columns(proposal: &Proposal) -> Vec<InitColumn> {
+fn columns(proposal: &TableProposal) -> Vec<InitColumn> {
     let TableDescription { time, force, position, cycle, .. } = &proposal.description;
     let column = |role: &str, name: &ColumnName, unit: String, range| InitColumn {
         role: role.into(),
@@ -248,7 +252,7 @@ fn columns(proposal: &Proposal) -> Vec<InitColumn> {
     columns
 }
 
-fn others(proposal: &Proposal) -> Vec<String> {
+fn others(proposal: &TableProposal) -> Vec<String> {
     let TableDescription { time, force, position, cycle, track, .. } = &proposal.description;
     let positions = position.iter().flat_map(|(columns, _)| columns.all());
     let [force, track] = [force.iter().map(|(name, _)| name).next(), track.iter().map(|(name, _)| name).next()];
@@ -256,7 +260,7 @@ fn others(proposal: &Proposal) -> Vec<String> {
         std::iter::once(&time.0).chain(force).chain(positions).chain(cycle).chain(track).collect();
     let is_used = |(at, name): &(usize, &String)| {
         used.iter().any(|column| match column {
-            ColumnName::Named(own) => own == *name,
+            ColumnName::Named(label) => label == *name,
             ColumnName::Number(number) => *number == at + 1,
         })
     };
@@ -275,13 +279,18 @@ fn column_name(column: &ColumnName) -> String {
 const FIRST_ROW: f64 = 0.01;
 
 /// Start of a rheometer's load in s of the table's time: 0 if the first row follows soon after.
-fn load_start_s(proposal: &Proposal, creep: Option<&RheometerCreep>) -> Option<f64> {
+fn load_start_s(proposal: &TableProposal, creep: Option<&RheometerCreep>) -> Option<f64> {
     let first_s = proposal.loaded_from_s.filter(|_| creep.is_some())?;
     (first_s > 0.0 && first_s <= FIRST_ROW * proposal.duration_s).then_some(0.0)
 }
 
 /// Text of `experiment.toml`, with a comment on each line.
-fn experiment_toml(request: &InitRequest, file: &str, proposal: &Proposal, creep: Option<&RheometerCreep>) -> String {
+fn experiment_toml(
+    request: &InitRequest,
+    file: &str,
+    proposal: &TableProposal,
+    creep: Option<&RheometerCreep>,
+) -> String {
     let table = &proposal.description;
     let layout = &table.layout;
     let stem = Path::new(file).file_stem().map_or("specimen".into(), |stem| stem.to_string_lossy().into_owned());

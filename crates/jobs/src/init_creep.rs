@@ -2,7 +2,7 @@
 
 use base::error::Setting;
 use base::units::Dimension;
-use record::table::{Given, Looked};
+use record::table::{InspectedTable, TableSettings};
 
 /// Words in the names of stress and strain columns, and a word that excludes a strain column.
 const STRESS: [&str; 3] = ["stress", "spannung", "contrainte"];
@@ -15,14 +15,14 @@ const OF_WATER: f64 = 0.5;
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct RheometerCreep {
     /// Columns to read and their units: 1 Pa is read as 1 N, a strain of 1 as 1 m.
-    pub given: Given,
+    pub given: TableSettings,
     /// Strain over stress at unit creep compliance, 2 + 2ν.
     pub compliance: f64,
 }
 
 impl RheometerCreep {
     /// Finds the stress and strain columns of a table; `None` if there are none.
-    pub fn of(looked: &Looked, given: &Given, poisson_ratio: Option<f64>) -> Option<Self> {
+    pub fn of(looked: &InspectedTable, given: &TableSettings, poisson_ratio: Option<f64>) -> Option<Self> {
         if given.columns.iter().chain(&given.axes).any(Option::is_some) {
             return None;
         }
@@ -46,7 +46,7 @@ impl RheometerCreep {
         let number = |place: usize| Some((place + 1).to_string());
         let so_many = |many: f64, of: &str| Some(if many == 1.0 { of.to_string() } else { format!("{many} {of}") });
         Some(Self {
-            given: Given {
+            given: TableSettings {
                 columns: [None, number(stress), number(strain), None],
                 units: [given.units[0].clone(), so_many(pascals, "N"), so_many(part, "m")],
                 ..given.clone()
@@ -68,12 +68,12 @@ impl RheometerCreep {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use record::table::look;
+    use record::table::inspect_table;
 
     fn creep(header: &str, poisson_ratio: Option<f64>) -> Option<RheometerCreep> {
         let text = format!("{header}\n0,0,1\n1,5,1\n2,6,1\n");
-        let looked = look("creep.csv".as_ref(), text.as_bytes()).expect("a table");
-        RheometerCreep::of(&looked, &Given::default(), poisson_ratio)
+        let looked = inspect_table("creep.csv".as_ref(), text.as_bytes()).expect("a table");
+        RheometerCreep::of(&looked, &TableSettings::default(), poisson_ratio)
     }
 
     #[test]

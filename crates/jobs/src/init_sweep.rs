@@ -3,17 +3,17 @@
 use std::fmt::Write as _;
 use std::path::Path;
 
-use base::error::{Error, Place, Result};
+use base::error::{Error, InputPlace, Result};
 use base::toml_input::quoted;
 use base::units::Dimension;
 use documents::init::{InitColumn, InitSummary};
-use record::table::{Looked, Spelt};
+use record::table::{InspectedTable, ParsedUnit};
 use record::{OSCILLATION, SweepColumn};
 
 /// Unit of a column: the table's own, or the one named in an error's remedy.
-fn unit_of(looked: &Looked, column: SweepColumn, place: usize) -> Result<Spelt> {
-    if let Some(own) = &looked.units[place] {
-        return Ok(own.clone());
+fn unit_of(looked: &InspectedTable, column: SweepColumn, place: usize) -> Result<ParsedUnit> {
+    if let Some(parsed_unit) = &looked.units[place] {
+        return Ok(parsed_unit.clone());
     }
     let name = &looked.columns[place];
     let what = match column.dimension() {
@@ -22,22 +22,22 @@ fn unit_of(looked: &Looked, column: SweepColumn, place: usize) -> Result<Spelt> 
         _ => "Pa or kPa",
     };
     Err(Error::input(
-        Place::default().at_key(name.as_str()),
+        InputPlace::default().at_key(name.as_str()),
         format!("the table does not say the unit of the {}", column.key()),
         format!("write it into the column's name, {what}, as in `{name} [{}]`", what.split(' ').next().unwrap_or("Pa")),
     ))
 }
 
 /// Text of `experiment.toml` for an oscillation, and the interpretation of the table.
-pub(super) fn described(
+pub(super) fn describe_sweep(
     file: &str,
     id: Option<&str>,
     poisson_ratio: Option<f64>,
-    looked: &Looked,
+    looked: &InspectedTable,
     columns: &[(SweepColumn, usize)],
 ) -> Result<(String, InitSummary)> {
     let stem = Path::new(file).file_stem().map_or("specimen".into(), |stem| stem.to_string_lossy().into_owned());
-    let units: Vec<Spelt> =
+    let units: Vec<ParsedUnit> =
         columns.iter().map(|(column, place)| unit_of(looked, *column, *place)).collect::<Result<_>>()?;
     let mut lines = String::from("# Description of the experiment: an oscillation of a rheometer.\n");
     let mut line = |key: &str, value: String, comment: &str| {
@@ -83,7 +83,7 @@ pub(super) fn described(
         };
         line(&key, quoted(&unit.name), known);
     }
-    let shown = |((column, place), unit): (&(SweepColumn, usize), &Spelt)| InitColumn {
+    let shown = |((column, place), unit): (&(SweepColumn, usize), &ParsedUnit)| InitColumn {
         role: column.key().into(),
         name: looked.columns[*place].clone(),
         unit: unit.name.clone(),

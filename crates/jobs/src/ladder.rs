@@ -4,10 +4,10 @@
 //! Revisions made by `extend` are fitted this way, so their posteriors are read. Others are fitted again unless an earlier command did so:
 //! above all m0, which is fitted to the calibration cycles only.
 
-use base::error::{Error, Place, Result};
+use base::error::{Error, InputPlace, Result};
 use base::files::{self, Content};
 use documents::extension::{EquivalentEffects, ExtensionSummary};
-use documents::ladder::{LadderSummary, Rung, RungParameter, Shift};
+use documents::ladder::{LadderParameter, LadderRow, LadderSummary, Shift};
 use documents::posterior::PosteriorSummary;
 use documents::trust::Trust;
 use figures::svg::figure_files;
@@ -20,7 +20,7 @@ use posterior::trust::trust;
 use sampling::SamplerOptions;
 
 use crate::equivalents;
-use crate::last_cycle::{LastCycle, errors, read_document};
+use crate::last_cycle::{LastCycleFit, errors, read_document};
 use crate::outcome::Outcome;
 use crate::target::Target;
 
@@ -31,7 +31,7 @@ pub struct LadderRequest {
     /// The sampler's settings for revisions that must be fitted.
     pub options: SamplerOptions,
     /// Fits again every posterior except the revisions' own.
-    pub anew: bool,
+    pub refit: bool,
 }
 
 /// Compares the revisions of a creep record's study and writes the comparison into the study.
@@ -41,7 +41,7 @@ pub struct LadderRequest {
 pub fn run(target: &Target, request: &LadderRequest, monitor: &dyn Monitor) -> Result<Outcome<LadderSummary>> {
     let seed = request.options.seed;
     let crate::target::Revision { study, problem, .. } = target.creep()?.revision(request.options.clone(), monitor)?;
-    let summary = compared(&study, &problem, request, monitor)?;
+    let summary = compare_revisions(&study, &problem, request, monitor)?;
     monitor.stage("writing results and figures");
     let provenance = provenance(&study, &summary, seed)?;
     let document = WithProvenance { provenance, body: summary };
@@ -72,38 +72,43 @@ fn provenance(study: &Study, summary: &LadderSummary, seed: u64) -> Result<Prove
 ///
 /// # Errors
 /// [`Error::Input`] if the study has no revision, or one on another mesh; otherwise as [`sample::run`].
-fn compared(study: &Study, first: &Problem, request: &LadderRequest, monitor: &dyn Monitor) -> Result<LadderSummary> {
+fn compare_revisions(
+    study: &Study,
+    first: &Problem,
+    request: &LadderRequest,
+    monitor: &dyn Monitor,
+) -> Result<LadderSummary> {
     let mut names = study.revisions()?;
     if let Some(last) = request.up_to.as_deref() {
         study.revision_dir(last)?;
         let end = names.iter().position(|name| name == last).map_or(names.len(), |place| place + 1);
         names.truncate(end);
     }
-    let revisions: Vec<LastCycle> =
-        names.iter().map(|name| LastCycle::of(study, first, name)).collect::<Result<_>>()?;
+    let revisions: Vec<LastCycleFit> =
+        names.iter().map(|name| LastCycleFit::of(study, first, name)).collect::<Result<_>>()?;
     // All options are checked before any fit.
     for revision in &revisions {
         request.options.validate(revision.problem.priors.priors().len())?;
     }
     let mut rungs = Vec::with_capacity(revisions.len());
     for revision in &revisions {
-        let posterior = revision.posterior(&request.options, request.anew, monitor)?;
+        let posterior = revision.posterior(&request.options, request.refit, monitor)?;
         let extension = read_document::<ExtensionSummary>(&study.revision_dir(&revision.name)?.join(EXTENSION_NAME));
-        rungs.push(rung(&revision.name, extension.map(|own| own.body.from), posterior));
+        rungs.push(rung(&revision.name, extension.map(|with_provenance| with_provenance.body.from), posterior));
     }
     let effects_of: Vec<(String, Vec<String>)> =
         rungs.iter().map(|rung| (rung.revision.clone(), rung.effects.clone())).collect();
     for rung in &mut rungs {
         rung.added = added(rung, &effects_of);
-        rung.equivalents = equivalents::of_revision(study, &rung.revision)?;
+        rung.equivalents = equivalents::revision_equivalents(study, &rung.revision)?;
     }
     summarise(&revisions, rungs)
 }
 
-fn rung(revision: &str, from: Option<String>, posterior: PosteriorSummary) -> Rung {
+fn rung(revision: &str, from: Option<String>, posterior: PosteriorSummary) -> LadderRow {
     let errors = errors(&posterior);
     let PosteriorSummary { model, parameters, heldout, error_budget_um, converged, warnings, .. } = posterior;
-    Rung {
+    LadderRow {
         revision: revision.into(),
         effects: model.effects.clone(),
         from,
@@ -114,7 +119,7 @@ fn rung(revision: &str, from: Option<String>, posterior: PosteriorSummary) -> Ru
         rmse_heldout_um: errors.rmse_heldout_um,
         heldout_log_score_nats: heldout.log_score_nats,
         heldout_log_score_mcse_nats: heldout.log_score_mcse_nats,
-        parameters: parameters.into_iter().map(RungParameter::from).collect(),
+        parameters: parameters.into_iter().map(LadderParameter::from).collect(),
         learnt_noise_um: error_budget_um.noise,
         coverage_50: heldout.coverage_50,
         coverage_90: heldout.coverage_90,
@@ -127,23 +132,23 @@ fn rung(revision: &str, from: Option<String>, posterior: PosteriorSummary) -> Ru
 }
 
 /// Effects of a revision that the revision it extends lacks; for the first revision, all its effects.
-fn added(rung: &Rung, effects_of: &[(String, Vec<String>)]) -> Vec<String> {
+fn added(rung: &LadderRow, effects_of: &[(String, Vec<String>)]) -> Vec<String> {
     let of = |name: &String| effects_of.iter().find(|(revision, _)| revision == name).map(|(_, effects)| effects);
     let before = rung.from.as_ref().and_then(of);
     let is_new = |slug: &&String| before.is_none_or(|effects| !effects.contains(slug));
     rung.effects.iter().filter(is_new).cloned().collect()
 }
 
-fn summarise(revisions: &[LastCycle], rungs: Vec<Rung>) -> Result<LadderSummary> {
-    let Some(LastCycle { problem, .. }) = revisions.first() else {
+fn summarise(revisions: &[LastCycleFit], rungs: Vec<LadderRow>) -> Result<LadderSummary> {
+    let Some(LastCycleFit { problem, .. }) = revisions.first() else {
         return Err(Error::input(
-            Place::default(),
+            InputPlace::default(),
             "this study has no revision",
             "run `vitreo-uq sample` on this study first",
         ));
     };
     let experiment = &problem.experiment;
-    let yardstick = experiment.noise_yardstick();
+    let yardstick = experiment.reference_noise();
     let noise_um = yardstick.map(|yardstick| 1e6 * yardstick.sd_m);
     let n_scored = problem.positions_of(&experiment.heldout_cycles).iter().flatten().count();
     let mut summary = LadderSummary {
@@ -151,7 +156,7 @@ fn summarise(revisions: &[LastCycle], rungs: Vec<Rung>) -> Result<LadderSummary>
         fitted_cycles: experiment.calibration_cycles.clone(),
         heldout_cycles: experiment.heldout_cycles.clone(),
         noise_um,
-        noise_origin: yardstick.map_or("unknown", |yardstick| sample::origin(yardstick.origin)).into(),
+        noise_origin: yardstick.map_or("unknown", |yardstick| sample::noise_origin_text(yardstick.origin)).into(),
         shifts: shifts(problem.model.base(), &rungs),
         sentence: sentence(&rungs, noise_um, n_scored),
         trust: Trust::default(),
@@ -166,9 +171,9 @@ fn summarise(revisions: &[LastCycle], rungs: Vec<Rung>) -> Result<LadderSummary>
 }
 
 /// Shifts of the law's parameters that both the first and the last revision sample.
-fn shifts(law: BaseLaw, rungs: &[Rung]) -> Vec<Shift> {
+fn shifts(law: BaseLaw, rungs: &[LadderRow]) -> Vec<Shift> {
     let [first, .., last] = rungs else { return Vec::new() };
-    let find = |rung: &Rung, name: &str| rung.parameters.iter().find(|p| p.name == name).cloned();
+    let find = |rung: &LadderRow, name: &str| rung.parameters.iter().find(|p| p.name == name).cloned();
     let shift = |name: &str| {
         let (before, after) = (find(first, name)?, find(last, name)?);
         let relative = before.median / after.median - 1.0;
@@ -182,7 +187,7 @@ fn shifts(law: BaseLaw, rungs: &[Rung]) -> Vec<Shift> {
 const NOISE_FLOOR_IN_ERRORS: f64 = 3.0;
 
 /// Sentence about the change of the error.
-fn sentence(rungs: &[Rung], noise_um: Option<f64>, n_scored: usize) -> String {
+fn sentence(rungs: &[LadderRow], noise_um: Option<f64>, n_scored: usize) -> String {
     let [first, .., last] = rungs else {
         return "The study has one revision, so the ladder has one rung.".into();
     };

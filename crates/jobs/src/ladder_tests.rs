@@ -1,7 +1,7 @@
 //! Tests of the sentences, branches and shifts of a ladder.
 
 use super::*;
-use rung_for_tests::rung_of;
+use rung_for_tests::make_rung;
 
 #[path = "../../figures/src/rung_for_tests.rs"]
 mod rung_for_tests;
@@ -9,7 +9,7 @@ mod rung_for_tests;
 #[test]
 fn sentences_claim_what_was_scored() {
     let say = |was: f64, is: f64| {
-        let rungs = [rung_of("m0", None, &[], Some(was)), rung_of("m1", Some("m0"), &["clock-offset"], Some(is))];
+        let rungs = [make_rung("m0", None, &[], Some(was)), make_rung("m1", Some("m0"), &["clock-offset"], Some(is))];
         sentence(&rungs, Some(4.0), 200)
     };
     // 200 positions give an error known to 5 %, so an error of up to 4.6 µm counts as the noise of 4 µm.
@@ -21,7 +21,7 @@ fn sentences_claim_what_was_scored() {
     assert!(fallen.contains("+750.0 nats"), "{fallen}");
     assert!(say(12.0, 4.7).contains("still above the noise"));
     assert!(say(4.0, 12.0).contains("rises") && say(4.3, 4.0).contains("within its uncertainty"));
-    let unscored = [rung_of("m0", None, &[], None), rung_of("m1", Some("m0"), &["clock-offset"], None)];
+    let unscored = [make_rung("m0", None, &[], None), make_rung("m1", Some("m0"), &["clock-offset"], None)];
     assert!(sentence(&unscored, None, 0).contains("at most suggestive"));
     assert!(sentence(&unscored[..1], None, 0).contains("one rung"));
 }
@@ -30,10 +30,10 @@ fn sentences_claim_what_was_scored() {
 #[test]
 fn branches_are_compared_with_what_they_extend() {
     let rungs = [
-        rung_of("m0", None, &[], Some(9.0)),
-        rung_of("m1", Some("m0"), &["a"], Some(5.0)),
-        rung_of("m2", Some("m0"), &["b"], Some(4.0)),
-        rung_of("m3", Some("m1"), &["a", "c"], Some(4.0)),
+        make_rung("m0", None, &[], Some(9.0)),
+        make_rung("m1", Some("m0"), &["a"], Some(5.0)),
+        make_rung("m2", Some("m0"), &["b"], Some(4.0)),
+        make_rung("m3", Some("m1"), &["a", "c"], Some(4.0)),
     ];
     let effects_of: Vec<_> = rungs.iter().map(|rung| (rung.revision.clone(), rung.effects.clone())).collect();
     let added: Vec<Vec<String>> = rungs.iter().map(|rung| added(rung, &effects_of)).collect();
@@ -43,7 +43,7 @@ fn branches_are_compared_with_what_they_extend() {
 /// E changes from 3.9 ± 0.1 to 3.4: 5 standard deviations, 14.7 %.
 #[test]
 fn shifts_are_counted_in_what_the_first_revision_claimed() {
-    let rungs = [rung_of("m0", None, &[], Some(9.0)), rung_of("m1", Some("m0"), &["a"], Some(4.0))];
+    let rungs = [make_rung("m0", None, &[], Some(9.0)), make_rung("m1", Some("m0"), &["a"], Some(4.0))];
     let found = shifts(BaseLaw::default(), &rungs);
     assert_eq!(found.len(), 1);
     assert!((found[0].in_sd_before - 5.0).abs() < 1e-9 && (found[0].relative - 0.5 / 3.4).abs() < 1e-9, "{found:?}");

@@ -1,6 +1,6 @@
 //! Posterior of a revision for all cycles except the last (formats §4). Every comparison of revisions shows the errors of this posterior.
 
-use base::error::{Error, Place, Result, Setting};
+use base::error::{Error, InputPlace, Result, Setting};
 use base::files::{Content, read_if_there};
 use documents::errors::ModelErrors;
 use documents::posterior::PosteriorSummary;
@@ -18,7 +18,7 @@ use crate::first_revision::kept_surrogate;
 const LAST_CYCLE_NAME: &str = "last_cycle.json";
 
 /// Revision joined with the experiment for comparing revisions: all cycles except the last are fitted, and the last is scored.
-pub struct LastCycle<'a> {
+pub struct LastCycleFit<'a> {
     study: &'a Study,
     /// Name of the revision.
     pub name: String,
@@ -26,7 +26,7 @@ pub struct LastCycle<'a> {
     pub problem: Problem,
 }
 
-impl<'a> LastCycle<'a> {
+impl<'a> LastCycleFit<'a> {
     /// Opens a revision. `of_study` is any problem of the study; it provides the mechanics.
     ///
     /// # Errors
@@ -34,19 +34,19 @@ impl<'a> LastCycle<'a> {
     pub fn of(study: &'a Study, of_study: &Problem, name: &str) -> Result<Self> {
         let (dir, library) = (study.revision_dir(name)?, Library::default());
         let specification = ModelSpecification::of_revision(&dir, &library)?;
-        let problem = of_study.with(of_study.experiment.for_comparison(), specification, &library)?;
-        let own = Self { study, name: name.into(), problem };
+        let problem = of_study.with_experiment(of_study.experiment.for_comparison(), specification, &library)?;
+        let last_cycle_fit = Self { study, name: name.into(), problem };
         let mesh_of = |provenance: &Provenance| provenance.inputs_sha256.get(MESH_INPUT).cloned();
         let path = dir.join(POSTERIOR_NAME);
         let there: Option<WithProvenance<PosteriorSummary>> = read_document(&path);
-        if there.is_some_and(|document| mesh_of(&document.provenance) != mesh_of(&own.provenance(0))) {
+        if there.is_some_and(|document| mesh_of(&document.provenance) != mesh_of(&last_cycle_fit.provenance(0))) {
             return Err(Error::input(
-                Place::file(path),
+                InputPlace::file(path),
                 "this revision is on another mesh",
                 format!("name the mesh of the study (`{}`, `{}`)", Setting::Mesh, Setting::MeshUnit),
             ));
         }
-        Ok(own)
+        Ok(last_cycle_fit)
     }
 
     fn provenance(&self, seed: u64) -> Provenance {

@@ -1,6 +1,6 @@
 //! `learn`: infers a constitutive correction from one record, or from half of a cohort with confirmation on the other half.
 
-use base::error::{Error, Place, Result, Setting};
+use base::error::{Error, InputPlace, Result, Setting};
 use base::files::{remove_if_there, write_atomically};
 use cohorts::learnt;
 use criticism::Subject;
@@ -16,7 +16,7 @@ use serde::Serialize;
 
 use crate::diagnose::COHORT_OUT;
 use crate::outcome::Outcome;
-use crate::target::{CohortTarget, CreepTarget, Target, not_taken};
+use crate::target::{CohortTarget, CreepTarget, Target, unsupported_target};
 
 /// Stem of the figure's file name.
 const FIGURE: &str = "learned";
@@ -51,7 +51,7 @@ pub fn run(target: &Target, request: &LearnRequest, monitor: &dyn Monitor) -> Re
     match target {
         Target::Creep(creep) => of_creep(creep, request, monitor),
         Target::Cohort(cohort) => of_cohort(cohort, request, monitor),
-        Target::Oscillation(_) | Target::Joint(_) => Err(not_taken()),
+        Target::Oscillation(_) | Target::Joint(_) => Err(unsupported_target()),
     }
 }
 
@@ -90,7 +90,7 @@ fn of_first_cycles(subject: Subject, first: Option<u32>) -> Result<Subject> {
     if fitted.is_empty() || scored.is_empty() {
         let remedy = "give a number that leaves at least one cycle on each side";
         return Err(Error::input(
-            Place::setting(Setting::FirstCycles),
+            InputPlace::setting(Setting::FirstCycles),
             format!("{first} leaves no cycle to fit or no cycle to score"),
             remedy,
         ));
@@ -103,7 +103,7 @@ fn of_cohort(cohort: &CohortTarget, request: &LearnRequest, monitor: &dyn Monito
     let measurements = cohort.measurements(&[], monitor)?;
     let out = cohort.out(COHORT_OUT);
     let provenance = learnt::provenance(&measurements, request.sampler.seed);
-    learnt::check_place(out, &provenance, cohort.request.force)?;
+    learnt::check_place(out, &provenance, cohort.request.replace_existing)?;
     let found = learnt::run(&measurements, request.is_monotone, monitor)?;
     monitor.stage("writing results");
     let written = learnt::write(out, &found, provenance.clone())?;

@@ -7,8 +7,10 @@ use serde::de::DeserializeOwned;
 
 use super::artefacts::{MESH_INPUT, effect_copy};
 use super::equivalents;
-use base::error::{Error, Place, Result};
-use base::files::{Content, Kind, enclose, entries, is_folder, kind, read_if_there, refuse_link, write_atomically};
+use base::error::{Error, InputPlace, Result};
+use base::files::{
+    Content, FileKind, entries, forbid_links, is_folder, kind, read_if_there, refuse_link, write_atomically,
+};
 use documents::groups::GroupsSummary;
 use documents::posterior::PosteriorSummary;
 use documents::shapes::ShapesSummary;
@@ -17,12 +19,12 @@ use laws::rheology::BaseLaw;
 use models::effects::Library;
 use posterior::check;
 use posterior::study::{
-    COMPARISON_NAME, DIAGNOSIS_NAME, EXTENSION_NAME, LADDER_NAME, LEARNED_NAME, ModelSpecification, PAGE_NAME,
+    DIAGNOSIS_NAME, EXTENSION_NAME, FINDINGS_NAME, LADDER_NAME, LEARNED_NAME, ModelSpecification, PAGE_NAME,
     POSTERIOR_NAME, Provenance, Study, WithProvenance, effect_file, sha256_hex,
 };
 use record::Experiment;
 
-const AGAIN: &str = "run the command that wrote it again";
+const RERUN_REMEDY: &str = "run the command that wrote it again";
 
 /// Writes the page of a study, or of the results of `groups` or `shapes`, to `out` or beside the results. Returns the page's path.
 ///
@@ -30,12 +32,12 @@ const AGAIN: &str = "run the command that wrote it again";
 /// [`Error::Input`] if there is nothing to show or a document is unreadable; [`Error::File`] if the operating system refuses.
 pub fn write(dir: &Path, out: Option<&Path>) -> Result<PathBuf> {
     if is_folder(dir) {
-        enclose(dir, if Study::is_study(dir) { "a study" } else { "a comparison" });
+        forbid_links(dir, if Study::is_study(dir) { "a study" } else { "a comparison" });
     }
     let html = if let Some(document) = read::<GroupsSummary>(&dir.join("groups.json"))? {
-        page::groups(&document.body, drawings(dir)?, &origin(document.provenance))
+        page::groups(&document.body, read_figures(dir)?, &origin(document.provenance))
     } else if let Some(document) = read::<ShapesSummary>(&dir.join("shapes.json"))? {
-        page::shapes(&document.body, drawings(dir)?, &origin(document.provenance))
+        page::shapes(&document.body, read_figures(dir)?, &origin(document.provenance))
     } else {
         page::study(content(&Study::open(dir)?)?)
     };
@@ -50,7 +52,7 @@ pub fn write(dir: &Path, out: Option<&Path>) -> Result<PathBuf> {
 /// As [`write()`].
 pub fn parts(dir: &Path, revision: &str) -> Result<Vec<(&'static str, String)>> {
     let mut content = content(&Study::open(dir)?)?;
-    if let Some(place) = content.revisions.iter().position(|own| own.name == revision) {
+    if let Some(place) = content.revisions.iter().position(|revision_page| revision_page.name == revision) {
         content.revisions.truncate(place + 1);
     }
     Ok(page::study_parts(&content))
@@ -62,12 +64,12 @@ fn origin(provenance: Provenance) -> Origin {
 }
 
 /// All figures of a result, sorted by name. They lie beside the document or in the folder `figures`.
-fn drawings(dir: &Path) -> Result<Vec<Figure>> {
+fn read_figures(dir: &Path) -> Result<Vec<Figure>> {
     let folder = if is_folder(&dir.join("figures")) { "figures/" } else { "" };
     let names = entries(&dir.join(folder), "make the directory readable")?.into_iter();
-    let svg = |(name, _): (std::ffi::OsString, Kind)| name.into_string().ok().filter(|name| name.ends_with(".svg"));
+    let svg = |(name, _): (std::ffi::OsString, FileKind)| name.into_string().ok().filter(|name| name.ends_with(".svg"));
     let names: Vec<String> = names.filter_map(svg).map(|name| format!("{folder}{name}")).collect();
-    names.iter().filter_map(|name| drawing(dir, name).transpose()).collect()
+    names.iter().filter_map(|name| read_figure(dir, name).transpose()).collect()
 }
 
 /// Reads the content of a study's page.
@@ -84,18 +86,18 @@ fn content(study: &Study) -> Result<StudyPage> {
     };
     let mut posteriors_sha256 = BTreeMap::new();
     for name in &names {
-        let revision = Kept::read(study, name)?;
+        let revision = StoredRevision::read(study, name)?;
         let posterior = &revision.posterior.provenance;
         content.version.clone_from(&posterior.version);
         content.inputs_sha256.extend(posterior.inputs_sha256.clone());
         content.commands.extend(revision.commands(study, name, &experiment)?);
         posteriors_sha256.insert(format!("{name}/{POSTERIOR_NAME}"), revision.posterior_sha256.clone());
         let page = revision.into_page(name)?;
-        content.revisions.push(RevisionPage { equivalents: equivalents::of_revision(study, name)?, ..page });
+        content.revisions.push(RevisionPage { equivalents: equivalents::revision_equivalents(study, name)?, ..page });
     }
     if content.revisions.is_empty() {
         return Err(Error::input(
-            Place::file(study.dir()),
+            InputPlace::file(study.dir()),
             "the study has no revision yet",
             "run `vitreo-uq sample` on it first",
         ));
@@ -107,7 +109,7 @@ fn content(study: &Study) -> Result<StudyPage> {
     };
     if posteriors_sha256.iter().all(is_of_these)
         && let Some(WithProvenance { provenance, body: summary }) = ladder
-        && let Some(figure) = drawing(study.dir(), "ladder.svg")?
+        && let Some(figure) = read_figure(study.dir(), "ladder.svg")?
     {
         content.commands.push(format!("vitreo-uq ladder STUDY --seed {}", provenance.seed));
         content.ladder = Some(LadderPage { summary, figure });
@@ -116,7 +118,7 @@ fn content(study: &Study) -> Result<StudyPage> {
 }
 
 /// Revision as stored on disk.
-struct Kept {
+struct StoredRevision {
     dir: PathBuf,
     posterior: WithProvenance<PosteriorSummary>,
     posterior_sha256: String,
@@ -126,7 +128,7 @@ struct Kept {
     extension: Option<WithProvenance<documents::extension::ExtensionSummary>>,
 }
 
-impl Kept {
+impl StoredRevision {
     fn read(study: &Study, name: &str) -> Result<Self> {
         let dir = study.revision_dir(name)?;
         let path = dir.join(POSTERIOR_NAME);
@@ -134,7 +136,7 @@ impl Kept {
         Ok(Self {
             posterior: parsed(&path, &bytes)?,
             posterior_sha256: sha256_hex(&bytes),
-            comparison: read(&dir.join(COMPARISON_NAME))?,
+            comparison: read(&dir.join(FINDINGS_NAME))?,
             diagnosis: read(&dir.join(DIAGNOSIS_NAME))?,
             learned: read(&dir.join(LEARNED_NAME))?,
             extension: read(&dir.join(EXTENSION_NAME))?,
@@ -147,7 +149,7 @@ impl Kept {
         let Self { posterior, comparison, diagnosis, learned, extension, .. } = self;
         let library = Library::default();
         let model = |revision: &str| -> Result<ModelSpecification> {
-            ModelSpecification::kept(&study.revision_dir(revision)?, &library)
+            ModelSpecification::read_kept(&study.revision_dir(revision)?, &library)
         };
         let mut settings = format!(" --seed {} --chains {}", posterior.provenance.seed, posterior.body.sampler.walkers);
         // A run that did not converge stopped at its largest number of steps.
@@ -201,7 +203,7 @@ impl Kept {
         ];
         let mut figures = BTreeMap::new();
         for stem in stems {
-            if let Some(drawing) = drawing(&self.dir, &format!("figures/{stem}.svg"))? {
+            if let Some(drawing) = read_figure(&self.dir, &format!("figures/{stem}.svg"))? {
                 figures.insert(stem.into(), Figure { file: format!("{name}/{}", drawing.file), ..drawing });
             }
         }
@@ -261,22 +263,22 @@ fn read<T: DeserializeOwned>(path: &Path) -> Result<Option<WithProvenance<T>>> {
     if kind(path).is_none() {
         return Ok(None);
     }
-    parsed(path, &base::files::read(path, Content::Document, AGAIN)?).map(Some)
+    parsed(path, &base::files::read(path, Content::Document, RERUN_REMEDY)?).map(Some)
 }
 
 fn parsed<T: DeserializeOwned>(path: &Path, bytes: &[u8]) -> Result<T> {
     serde_json::from_slice(bytes).map_err(|error| {
-        let place = Place::file(path).at_line(error.line());
-        Error::input(place, format!("this document is unreadable: {error}"), AGAIN)
+        let place = InputPlace::file(path).at_line(error.line());
+        Error::input(place, format!("this document is unreadable: {error}"), RERUN_REMEDY)
     })
 }
 
 /// Reads a figure; `None` if it does not exist.
-fn drawing(dir: &Path, file: &str) -> Result<Option<Figure>> {
+fn read_figure(dir: &Path, file: &str) -> Result<Option<Figure>> {
     let path = dir.join(file);
     refuse_link(&path)?;
     let Some(bytes) = read_if_there(&path, Content::Document) else { return Ok(None) };
-    let refused = || Error::input(Place::file(&path), "this is not a figure of this program", AGAIN);
+    let refused = || Error::input(InputPlace::file(&path), "this is not a figure of this program", RERUN_REMEDY);
     let svg = String::from_utf8(bytes).map_err(|_| refused())?;
     // The page embeds the drawing unchanged, so the file may contain nothing else.
     if !svg.starts_with("<svg ") || svg.contains("<script") || svg.contains("<foreignObject") || svg.contains("href=") {

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use base::error::{Error, Place, Result, Setting};
+use base::error::{Error, InputPlace, Result, Setting};
 use base::files::{Content, read_if_there, write_json_atomically};
 use documents::joint::JointSummary;
 use documents::oscillation::OscillationSummary;
@@ -22,10 +22,12 @@ use serde::Serialize;
 use crate::artefacts;
 use crate::first_revision::{FIRST_REVISION, make_first_revision, refuse_other_model};
 use crate::outcome::Outcome;
-use crate::sweep::joint::{Joint, Member};
+use crate::sweep::joint::{Joint, JointMember};
 use crate::sweep::problem::SweepProblem;
 use crate::sweep::{self, job};
-use crate::target::{CreepTarget, JointTarget, Record, SweepTarget, Target, not_taken, refuse_options_of_one};
+use crate::target::{
+    CreepTarget, JointTarget, SweepTarget, Target, TargetRecord, refuse_options_of_one, unsupported_target,
+};
 
 /// Name of the posterior of several records, and of its figure.
 const JOINT: &str = "joint";
@@ -59,7 +61,7 @@ pub fn run(target: &Target, request: &SampleRequest, monitor: &dyn Monitor) -> R
         Target::Creep(creep) => of_creep(creep, request, monitor),
         Target::Oscillation(sweep) => of_oscillation(sweep, request, monitor),
         Target::Joint(joint) => of_several(joint, request, monitor),
-        Target::Cohort(_) => Err(not_taken()),
+        Target::Cohort(_) => Err(unsupported_target()),
     }
 }
 
@@ -97,7 +99,7 @@ fn refuse_other_mesh(study: &Study, problem: &Problem, force: bool) -> Result<()
         return Ok(());
     }
     Err(Error::input(
-        Place::file(path),
+        InputPlace::file(path),
         "the study's m0 is on another mesh",
         format!("choose another directory with `{}`, or replace m0 with `{}`", Setting::Out, Setting::Force),
     ))
@@ -112,7 +114,7 @@ fn of_oscillation(
     let problem = target.problem()?;
     if problem.priors.priors().is_empty() {
         let found = "every parameter is fixed, so there is nothing to infer";
-        return Err(Error::input(Place::setting(Setting::Fixed), found, "leave at least one parameter free"));
+        return Err(Error::input(InputPlace::setting(Setting::Fixed), found, "leave at least one parameter free"));
     }
     options.validate(problem.priors.priors().len())?;
     let study = target.make_study()?;
@@ -130,21 +132,21 @@ fn of_oscillation(
 }
 
 /// Record joined with the law, ready for evaluation.
-enum Prepared {
+enum PreparedRecord {
     Creep(Box<PreparedModel>),
     Oscillation(Box<SweepProblem>),
 }
 
-impl Prepared {
-    fn of(record: &Record, target: &JointTarget, monitor: &dyn Monitor) -> Result<Self> {
+impl PreparedRecord {
+    fn of(record: &TargetRecord, target: &JointTarget, monitor: &dyn Monitor) -> Result<Self> {
         let specification = target.specification.clone();
         Ok(match record {
-            Record::Creep(experiment, files) => {
-                check::refuse_certain(experiment, &files.understood, monitor)?;
+            TargetRecord::Creep(experiment, files) => {
+                check::refuse_contradictions(experiment, &files.interpretation, monitor)?;
                 let problem = Problem::new((**experiment).clone(), specification, None, monitor)?;
                 Self::Creep(Box::new(PreparedModel::new(&problem, None, monitor)?))
             }
-            Record::Oscillation(sweep, _) => {
+            TargetRecord::Oscillation(sweep, _) => {
                 let problem = SweepProblem::new((**sweep).clone(), specification, &Library::default())?;
                 Self::Oscillation(Box::new(problem))
             }
@@ -158,15 +160,15 @@ impl Prepared {
         }
     }
 
-    fn member<'a>(&'a self, density: Option<&'a ReducedPosterior<'a>>) -> Option<Member<'a>> {
+    fn member<'a>(&'a self, density: Option<&'a ReducedPosterior<'a>>) -> Option<JointMember<'a>> {
         match self {
-            Self::Creep(creep) => density.map(|density| Member {
+            Self::Creep(creep) => density.map(|density| JointMember {
                 id: creep.problem.experiment.specimen_id.clone(),
                 kind: "creep",
                 density,
                 priors: &creep.problem.priors,
             }),
-            Self::Oscillation(problem) => Some(Member {
+            Self::Oscillation(problem) => Some(JointMember {
                 id: problem.sweep.specimen_id.clone(),
                 kind: "oscillation",
                 density: &**problem,
@@ -179,20 +181,20 @@ impl Prepared {
 fn of_several(target: &JointTarget, request: &SampleRequest, monitor: &dyn Monitor) -> Result<Outcome<SampleDocument>> {
     refuse_options_of_one(&[(Setting::Resume, request.resume)])?;
     let options = &request.sampler;
-    let records: Vec<Prepared> =
-        target.records.iter().map(|record| Prepared::of(record, target, monitor)).collect::<Result<_>>()?;
+    let records: Vec<PreparedRecord> =
+        target.records.iter().map(|record| PreparedRecord::of(record, target, monitor)).collect::<Result<_>>()?;
     let mut header = Provenance::new(JOINT, 1, options.seed, BTreeMap::new());
     for (number, record) in target.records.iter().enumerate() {
         for (name, hash) in Study::hashes_of(record.files())? {
             header.inputs_sha256.insert(format!("record {}: {name}", number + 1), hash);
         }
     }
-    let densities: Vec<_> = records.iter().map(Prepared::density).collect();
+    let densities: Vec<_> = records.iter().map(PreparedRecord::density).collect();
     let pairs = records.iter().zip(&densities);
-    let members: Vec<Member<'_>> = pairs.filter_map(|(record, density)| record.member(density.as_ref())).collect();
+    let members: Vec<JointMember<'_>> = pairs.filter_map(|(record, density)| record.member(density.as_ref())).collect();
     let joint = Joint::new(members, target.specification.base.parameters())?;
     options.validate(joint.priors.priors().len())?;
-    let id = target.records.first().map_or("", Record::specimen_id);
+    let id = target.records.first().map_or("", TargetRecord::specimen_id);
     let dir = target.out.clone().unwrap_or_else(|| Study::default_dir(&format!("{id}-{JOINT}")));
     let written = dir.join(format!("{JOINT}.json"));
     if !written.is_file() {

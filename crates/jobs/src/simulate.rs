@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use std::time::Instant;
 
 use super::convergence;
-use base::error::{Error, Place, Result, Setting};
+use base::error::{Error, InputPlace, Result, Setting};
 use base::number::Dual;
 use documents::posterior::PosteriorSummary;
 use elements::fe::stepping::Resolution;
@@ -13,13 +13,13 @@ use elements::fe::strain::largest_principal_strain;
 use elements::fe::time::{FullOrderModel, TimeScheme};
 use elements::mesh::Mesh;
 use laws::rheology::CreepCompliance;
-use models::model::{Forward, FullForward, FullRun, Response};
+use models::model::{Forward, FullOrderForward, FullRun, Response};
 use posterior::advice::strain_warning;
 use posterior::mechanics::FiniteElements;
 use posterior::monitor::Monitor;
 use posterior::prepared::field_models;
 use posterior::problem::Problem;
-use record::{KeptForce, Record};
+use record::{OwnedForce, Record};
 
 /// Largest number of displacement fields that are written.
 const MOST_FIELDS: usize = 20;
@@ -63,7 +63,7 @@ pub fn parameters(
 ) -> Result<Vec<SimulationParameter>> {
     if let Some(noise) = problem.noise.parameters().iter().find(|p| set.contains_key(p.name)) {
         return Err(Error::input(
-            Place::setting(Setting::Fixed),
+            InputPlace::setting(Setting::Fixed),
             format!("{} is given, but a simulation has no noise", noise.name),
             "leave it out; add noise to the trajectory afterwards if you need it",
         ));
@@ -83,7 +83,7 @@ pub fn parameters(
         };
         sampled.or_else(fixed).or_else(prior).ok_or_else(|| {
             Error::input(
-                Place::setting(Setting::Fixed),
+                InputPlace::setting(Setting::Fixed),
                 format!("{name} has no value"),
                 format!("give one with `{} {name}=VALUE`", Setting::Fixed),
             )
@@ -104,7 +104,7 @@ pub fn parameters(
 pub fn check_request(problem: &Problem, request: &SimulationRequest, has_mesh_file: bool) -> Result<()> {
     finite_elements(problem)?;
     let refuse =
-        |setting: Setting, found: String, remedy: &str| Err(Error::input(Place::setting(setting), found, remedy));
+        |setting: Setting, found: String, remedy: &str| Err(Error::input(InputPlace::setting(setting), found, remedy));
     if request.scheme.is_some() && !problem.is_exponential() {
         return refuse(
             Setting::Scheme,
@@ -140,7 +140,7 @@ pub fn check_request(problem: &Problem, request: &SimulationRequest, has_mesh_fi
         );
     }
     if let Some(levels) = request.refine {
-        let finest = convergence::finest_level(&problem.experiment.apparatus);
+        let finest = convergence::max_refinement_level(&problem.experiment.apparatus);
         if levels == 0 || levels > finest {
             return refuse(
                 Setting::Refine,
@@ -165,14 +165,14 @@ pub fn check_request(problem: &Problem, request: &SimulationRequest, has_mesh_fi
 pub(super) fn finite_elements(problem: &Problem) -> Result<&FiniteElements> {
     if let Some(outside) = problem.outside() {
         return Err(Error::input(
-            Place::setting(Setting::Forward),
+            InputPlace::setting(Setting::Forward),
             format!("{} is another program's model, which `simulate` cannot run", outside.title()),
             format!("send requests to its server, or leave out {}", Setting::Forward),
         ));
     }
     problem.finite_elements().ok_or_else(|| {
         Error::input(
-            Place::default().at_key("robot"),
+            InputPlace::default().at_key("robot"),
             "an instrument or an indenter has no finite elements to simulate",
             "give an experiment with [robot] and [vitreous]; for instruments and indenters use `sample` or `fit`",
         )
@@ -199,12 +199,12 @@ pub fn run(
     let grid = TimeGrid::new(record, request.time_step_s);
     let written_rows = field_rows(record);
     let run = match (request.scheme, problem.model.base().creep_compliance(&values)) {
-        (Some(scheme), Some(law)) => law_alone(fe, &grid, &law, scheme, &written_rows)?,
-        _ => all_stages(problem, fe, &values, &written_rows)?,
+        (Some(scheme), Some(law)) => run_law(fe, &grid, &law, scheme, &written_rows)?,
+        _ => run_all_stages(problem, fe, &values, &written_rows)?,
     };
-    let Run { rows, position_m, fields, mesh, compliance_per_m, extreme_row } = run;
+    let FullOrderRun { rows, position_m, fields, mesh, compliance_per_m, extreme_row } = run;
     let mesh = mesh.unwrap_or_else(|| fe.mesh.clone());
-    let exact_m = exact_in_time_m(problem, fe, compliance_per_m, &values)?;
+    let exact_m = reference_trajectory_m(problem, fe, compliance_per_m, &values)?;
     let mut largest_strain = 0.0_f64;
     for field in &fields {
         largest_strain = largest_strain.max(largest_principal_strain(&mesh, field)?);
@@ -241,7 +241,7 @@ fn scheme_name(scheme: Option<TimeScheme>) -> &'static str {
 }
 
 /// Result of a full-order run.
-struct Run {
+struct FullOrderRun {
     /// Rows of `fields`, in order.
     rows: Vec<usize>,
     position_m: Vec<f64>,
@@ -264,13 +264,13 @@ fn rows_with_extreme(written_rows: &[usize], position_m: &[f64]) -> (Vec<usize>,
     (rows, extreme_row)
 }
 
-fn law_alone(
+fn run_law(
     fe: &FiniteElements,
     grid: &TimeGrid,
     law: &CreepCompliance,
     scheme: TimeScheme,
     written_rows: &[usize],
-) -> Result<Run> {
+) -> Result<FullOrderRun> {
     let model = FullOrderModel::new(&fe.stiffness, fe.poisson_ratio)?;
     let load = model.solve_load(&grid.time_s, grid.force.get());
     let stepped_m = model.trajectory(&load, law, scheme);
@@ -278,42 +278,53 @@ fn law_alone(
     let (rows, extreme_row) = rows_with_extreme(written_rows, &position_m);
     let places: Vec<usize> = rows.iter().map(|&row| grid.place_of_row[row]).collect();
     let unknowns = &fe.stiffness.assembly.unknowns;
-    let fields = model.fields_by(&load, law, &places, scheme);
+    let fields = model.fields_with_scheme(&load, law, &places, scheme);
     let fields = fields.iter().map(|field| unknowns.nodal_displacement(field)).collect();
-    Ok(Run { rows, position_m, fields, mesh: None, compliance_per_m: model.compliance_per_m(), extreme_row })
+    Ok(FullOrderRun { rows, position_m, fields, mesh: None, compliance_per_m: model.compliance_per_m(), extreme_row })
 }
 
-fn all_stages(problem: &Problem, fe: &FiniteElements, values: &[f64], written_rows: &[usize]) -> Result<Run> {
+fn run_all_stages(
+    problem: &Problem,
+    fe: &FiniteElements,
+    values: &[f64],
+    written_rows: &[usize],
+) -> Result<FullOrderRun> {
     let record = &problem.experiment.record;
-    let full = FullForward::new(&problem.model, &fe.stiffness, fe.poisson_ratio, &record.time_s, record.force())?
+    let full = FullOrderForward::new(&problem.model, &fe.stiffness, fe.poisson_ratio, &record.time_s, record.force())?
         .in_surroundings(fe.surroundings());
     let position_m = full.trajectory_m(values)?;
     let (rows, extreme_row) = rows_with_extreme(written_rows, &position_m);
     let FullRun { position_m, fields, mesh, compliance_per_m } = full.run(values, &rows)?;
-    Ok(Run { rows, position_m, fields, mesh, compliance_per_m, extreme_row })
+    Ok(FullOrderRun { rows, position_m, fields, mesh, compliance_per_m, extreme_row })
 }
 
 /// Reference trajectory (m) for the time integration's error. For a linear law it is the closed form at the run's own compliance.
 /// For other laws it is the full-order trajectory with steps twice as long; the difference is then several times the error.
-fn exact_in_time_m(problem: &Problem, fe: &FiniteElements, compliance_per_m: f64, values: &[f64]) -> Result<Vec<f64>> {
+fn reference_trajectory_m(
+    problem: &Problem,
+    fe: &FiniteElements,
+    compliance_per_m: f64,
+    values: &[f64],
+) -> Result<Vec<f64>> {
     let record = &problem.experiment.record;
     if problem.model.effects().iter().any(|effect| effect.is_nonlinear()) {
         let resolution = Resolution { steps_per_doubling: Resolution::default().steps_per_doubling / 2 };
-        return FullForward::new(&problem.model, &fe.stiffness, fe.poisson_ratio, &record.time_s, record.force())?
+        return FullOrderForward::new(&problem.model, &fe.stiffness, fe.poisson_ratio, &record.time_s, record.force())?
             .in_surroundings(fe.surroundings())
             .with_resolution(resolution)
             .trajectory_m(values);
     }
     let constants: Vec<Dual> = values.iter().map(|value| Dual::constant(*value)).collect();
     let mut stages = problem.model.stages(&constants)?;
-    stages.spread = field_models(fe, None, problem.model.effects(), &posterior::monitor::Silent)?.spread(&stages)?;
+    stages.spread =
+        field_models(fe, None, problem.model.effects(), &posterior::monitor::SilentMonitor)?.spread(&stages)?;
     Response::new(&record.time_s, record.force(), record.n_rows()).trajectory_m(&stages, compliance_per_m)
 }
 
 /// The record's times, with steps in between that are no longer than the requested one.
 struct TimeGrid {
     time_s: Vec<f64>,
-    force: KeptForce,
+    force: OwnedForce,
     /// Index of each row of the record in `time_s`.
     place_of_row: Vec<usize>,
 }
@@ -341,7 +352,7 @@ impl TimeGrid {
                 force_n.push(record.force().at_n(&record.time_s, at_s));
             }
         }
-        Self { time_s, force: KeptForce { at_rows_n: force_n, rule: record.force_rule }, place_of_row }
+        Self { time_s, force: OwnedForce { at_rows_n: force_n, rule: record.force_rule }, place_of_row }
     }
 }
 

@@ -5,7 +5,7 @@ use crate::simulation_files;
 use elements::fe::Stiffness;
 use elements::mesh::QuarterBall;
 use posterior::mechanics::Mechanics;
-use posterior::monitor::Silent;
+use posterior::monitor::SilentMonitor;
 use posterior::replica::{TABLE_I, embedded};
 use posterior::study::ModelSpecification;
 use record::Experiment;
@@ -13,7 +13,7 @@ use record::Experiment;
 /// The replica on a coarse mesh, for quick tests.
 fn problem() -> Problem {
     let (experiment, _) = embedded().unwrap();
-    let mut problem = Problem::new(experiment, ModelSpecification::default(), None, &Silent).unwrap();
+    let mut problem = Problem::new(experiment, ModelSpecification::default(), None, &SilentMonitor).unwrap();
     if let Some(Mechanics::FiniteElements(fe)) = Arc::get_mut(&mut problem.mechanics) {
         let ball = QuarterBall { robot_radius_m: 0.275e-3, outer_radius_m: 10e-3, n_per_edge: 1, n_layers: 4 };
         fe.mesh = ball.mesh().unwrap();
@@ -34,7 +34,7 @@ fn request(problem: &Problem, scheme: TimeScheme, time_step_s: Option<f64>) -> S
 fn exponential_is_exact_and_midpoint_of_second_order() {
     let problem = problem();
     let error_um = |scheme, step| {
-        let simulation = run(&problem, &request(&problem, scheme, step), false, &Silent).unwrap();
+        let simulation = run(&problem, &request(&problem, scheme, step), false, &SilentMonitor).unwrap();
         simulation.summary.time_integration_error_um / simulation.summary.largest_displacement_um
     };
     assert!(error_um(TimeScheme::Exponential, None) < 1e-12);
@@ -77,7 +77,7 @@ fn fields_stand_at_the_ends_of_holds_and_are_not_too_many() {
 #[test]
 fn the_directory_is_itself_an_experiment() {
     let problem = problem();
-    let simulation = run(&problem, &request(&problem, TimeScheme::Exponential, None), false, &Silent).unwrap();
+    let simulation = run(&problem, &request(&problem, TimeScheme::Exponential, None), false, &SilentMonitor).unwrap();
     let dir = tempfile::tempdir().unwrap();
     simulation_files::write(dir.path(), &problem, &simulation).unwrap();
     let (experiment, files) = Experiment::read(dir.path()).unwrap();
@@ -106,7 +106,7 @@ fn the_directory_is_itself_an_experiment() {
 fn convergence_table_converges_to_the_exact_value() {
     let problem = problem();
     let request = SimulationRequest { refine: Some(3), ..request(&problem, TimeScheme::Exponential, None) };
-    let table = run(&problem, &request, false, &Silent).unwrap().summary.convergence;
+    let table = run(&problem, &request, false, &SilentMonitor).unwrap().summary.convergence;
     assert_eq!(table.len(), 3);
     let exact_m = 1.820902396e-3;
     for level in &table {

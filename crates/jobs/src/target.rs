@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use base::error::{Error, Place, Result, Setting};
+use base::error::{Error, InputPlace, Result, Setting};
 use cohorts::cohort::{self, Measurement};
 use criticism::Subject;
 use documents::errors::ModelErrors;
@@ -14,13 +14,13 @@ use posterior::problem::Problem;
 use posterior::sample::refuse_nothing_to_sample;
 use posterior::study::{ModelSpecification, Provenance, Study, WithProvenance};
 use posterior::{check, replica};
-use record::{Experiment, ExperimentFiles, Sweep, Understood};
+use record::{Experiment, ExperimentFiles, Interpretation, OscillationRecord};
 use sampling::SamplerOptions;
 use serde::Serialize;
 
 use crate::artefacts;
 use crate::first_revision::{FIRST_REVISION, kept_surrogate, make_first_revision};
-use crate::last_cycle::{self, LastCycle};
+use crate::last_cycle::{self, LastCycleFit};
 use crate::outcome::Outcome;
 use crate::sweep::problem::{DEFAULT_PRIOR, SweepProblem};
 
@@ -32,7 +32,7 @@ pub struct TargetRequest {
     /// Directory of the results; `None` for the default.
     pub out: Option<PathBuf>,
     /// Replaces results of another input or model.
-    pub force: bool,
+    pub replace_existing: bool,
     /// Changes of the model by options.
     pub model: ModelRequest,
 }
@@ -87,7 +87,7 @@ impl ModelRequest {
 
 /// Kinds of targets. Every command accepts a creep record, and names the other kinds that it accepts.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Kind {
+pub enum TargetKind {
     /// One creep record or its study.
     Creep,
     /// One oscillation of a rheometer or its study.
@@ -98,7 +98,7 @@ pub enum Kind {
     Cohort,
 }
 
-impl Kind {
+impl TargetKind {
     /// Kind of the given paths, for a command that accepts some kinds: the first kind that fits, otherwise a creep record.
     pub fn of(paths: &[PathBuf], taken: &[Self]) -> Self {
         let is_folder = |path: &PathBuf| {
@@ -108,7 +108,7 @@ impl Kind {
         };
         let fits = |kind: &Self| match kind {
             Self::Creep => true,
-            Self::Oscillation => paths.first().is_some_and(|path| Sweep::is_one(path)),
+            Self::Oscillation => paths.first().is_some_and(|path| OscillationRecord::is_described_in(path)),
             Self::Joint => paths.len() > 1,
             Self::Cohort => paths.len() > 1 || paths.first().is_some_and(is_folder),
         };
@@ -135,15 +135,15 @@ impl Target {
     /// The errors of reading; [`Error::Input`] if the output directory or the model is refused.
     pub fn open(
         request: TargetRequest,
-        taken: &[Kind],
+        taken: &[TargetKind],
         default_revision: Option<&str>,
         monitor: &dyn Monitor,
     ) -> Result<Self> {
-        Ok(match Kind::of(&request.paths, taken) {
-            Kind::Creep => Self::Creep(Box::new(CreepTarget::open(request, default_revision, monitor)?)),
-            Kind::Oscillation => Self::Oscillation(Box::new(SweepTarget::open(request)?)),
-            Kind::Joint => Self::Joint(JointTarget::open(request)?),
-            Kind::Cohort => Self::Cohort(CohortTarget { request }),
+        Ok(match TargetKind::of(&request.paths, taken) {
+            TargetKind::Creep => Self::Creep(Box::new(CreepTarget::open(request, default_revision, monitor)?)),
+            TargetKind::Oscillation => Self::Oscillation(Box::new(SweepTarget::open(request)?)),
+            TargetKind::Joint => Self::Joint(JointTarget::open(request)?),
+            TargetKind::Cohort => Self::Cohort(CohortTarget { request }),
         })
     }
 
@@ -154,14 +154,14 @@ impl Target {
     pub fn creep(&self) -> Result<&CreepTarget> {
         match self {
             Self::Creep(creep) => Ok(creep),
-            _ => Err(not_taken()),
+            _ => Err(unsupported_target()),
         }
     }
 }
 
 /// Error for a target that a command does not accept.
-pub(crate) fn not_taken() -> Error {
-    Error::input(Place::default(), "this command takes one creep record", "give one experiment or study")
+pub(crate) fn unsupported_target() -> Error {
+    Error::input(InputPlace::default(), "this command takes one creep record", "give one experiment or study")
 }
 
 /// First option that is given.
@@ -177,7 +177,7 @@ pub struct CreepTarget {
     /// The experiment.
     pub experiment: Experiment,
     /// Interpretation of the experiment's description.
-    understood: Understood,
+    understood: Interpretation,
     /// Model from the options, or else from the study's last revision.
     pub specification: ModelSpecification,
     /// Changes of the model by options.
@@ -198,19 +198,19 @@ impl CreepTarget {
     /// # Errors
     /// As [`Target::open`].
     pub fn open(request: TargetRequest, default_revision: Option<&str>, monitor: &dyn Monitor) -> Result<Self> {
-        let TargetRequest { paths, out, force, model } = request;
+        let TargetRequest { paths, out, replace_existing: force, model } = request;
         let (place, experiment, understood) = match paths.first() {
             Some(path) if Study::is_study(path) => {
                 refuse_out_of_study(path, out.as_deref())?;
                 let study = Study::open(path)?;
                 let (experiment, files) = study.read_experiment()?;
                 report_notes(&files, monitor);
-                (StudyPlace::There(study), experiment, files.understood)
+                (StudyPlace::There(study), experiment, files.interpretation)
             }
             path => {
                 if let Some(dir) = path.filter(|dir| dir.join("model.toml").is_file()) {
                     return Err(Error::input(
-                        Place::file(dir.as_path()),
+                        InputPlace::file(dir.as_path()),
                         "this is a revision of a study",
                         format!("give the study, and the revision with `{}`", Setting::Revision),
                     ));
@@ -221,7 +221,7 @@ impl CreepTarget {
                 };
                 report_notes(&files, monitor);
                 let dir = out.unwrap_or_else(|| Study::default_dir(&experiment.specimen_id));
-                let understood = files.understood.clone();
+                let understood = files.interpretation.clone();
                 (place_of(dir, files, force)?, experiment, understood)
             }
         };
@@ -232,9 +232,9 @@ impl CreepTarget {
     /// Refuses a record that certainly contradicts its description, and reports possible contradictions. It runs before any fit.
     ///
     /// # Errors
-    /// As [`check::refuse_certain`].
+    /// As [`check::refuse_contradictions`].
     pub fn check(&self, monitor: &dyn Monitor) -> Result<()> {
-        check::refuse_certain(&self.experiment, &self.understood, monitor)
+        check::refuse_contradictions(&self.experiment, &self.understood, monitor)
     }
 
     /// Returns the study, if it exists.
@@ -284,7 +284,7 @@ impl CreepTarget {
         };
         if let (false, Some(option)) = (there.is_empty(), self.request.changing_setting()) {
             return Err(Error::input(
-                Place::setting(option),
+                InputPlace::setting(option),
                 "the study has revisions, and this option would change them",
                 format!(
                     "leave out the option, choose a revision with `{}`, or make the next one with `vitreo-uq extend {} EFFECT`",
@@ -338,9 +338,9 @@ impl Revision {
     /// Errors of the revision's posterior fitted to all cycles except the last.
     ///
     /// # Errors
-    /// As [`LastCycle::posterior`].
+    /// As [`LastCycleFit::posterior`].
     pub fn errors(&self, options: &SamplerOptions, monitor: &dyn Monitor) -> Result<ModelErrors> {
-        let fitted = LastCycle::of(&self.study, &self.problem, &self.name)?;
+        let fitted = LastCycleFit::of(&self.study, &self.problem, &self.name)?;
         Ok(last_cycle::errors(&fitted.posterior(options, false, monitor)?))
     }
 
@@ -392,7 +392,7 @@ fn place_of(dir: PathBuf, files: ExperimentFiles, force: bool) -> Result<StudyPl
 fn refuse_out_of_study(study: &Path, out: Option<&Path>) -> Result<()> {
     match out {
         Some(_) => Err(Error::input(
-            Place::setting(Setting::Out),
+            InputPlace::setting(Setting::Out),
             format!("{} is already a study", study.display()),
             format!("leave out {}, or give the experiment instead of the study", Setting::Out),
         )),
@@ -414,7 +414,7 @@ fn specification(
         (Some(name), Some(study)) => Some((study, name.clone())),
         (Some(name), None) => {
             return Err(Error::input(
-                Place::setting(Setting::Revision),
+                InputPlace::setting(Setting::Revision),
                 format!("there is no study yet, so there is no revision {name}"),
                 format!("leave out {}, or give the study that an earlier command made", Setting::Revision),
             ));
@@ -435,7 +435,7 @@ fn specification(
 
 /// Oscillation with its existing or future study.
 pub struct SweepTarget {
-    sweep: Sweep,
+    sweep: OscillationRecord,
     files: ExperimentFiles,
     dir: PathBuf,
     model: ModelRequest,
@@ -445,9 +445,9 @@ pub struct SweepTarget {
 
 impl SweepTarget {
     fn open(request: TargetRequest) -> Result<Self> {
-        let TargetRequest { paths, out, force, model } = request;
+        let TargetRequest { paths, out, replace_existing: force, model } = request;
         let path = paths.first().map_or(Path::new("."), PathBuf::as_path);
-        let (sweep, files) = Sweep::read(path)?;
+        let (sweep, files) = OscillationRecord::read(path)?;
         let dir = if Study::is_study(path) {
             refuse_out_of_study(path, out.as_deref())?;
             path.to_path_buf()
@@ -463,13 +463,13 @@ impl SweepTarget {
     /// Model of the study's posterior, if the study has one of this oscillation; otherwise the default.
     fn specification(&self) -> Result<ModelSpecification> {
         if !Study::is_study(&self.dir) {
-            return Ok(of_several());
+            return Ok(default_specification());
         }
         let study = Study::open(&self.dir)?;
         let is_same = *study.inputs_sha256() == Study::hashes_of(&self.files)?;
         match study.revision_dir(FIRST_REVISION).ok().filter(|_| is_same) {
             Some(dir) => ModelSpecification::of_revision(&dir, &Library::default()),
-            None => Ok(of_several()),
+            None => Ok(default_specification()),
         }
     }
 
@@ -481,7 +481,7 @@ impl SweepTarget {
         let ModelRequest { mesh, from, .. } = &self.model;
         if let Some(option) = first_given(&[(Setting::Mesh, mesh.is_some()), (Setting::Revision, from.is_some())]) {
             let found = "an oscillation has neither finite elements nor later revisions";
-            return Err(Error::input(Place::setting(option), found, format!("leave out {option}")));
+            return Err(Error::input(InputPlace::setting(option), found, format!("leave out {option}")));
         }
         let specification = self.model.applied_to(self.specification()?)?;
         SweepProblem::new(self.sweep.clone(), specification, &Library::default())
@@ -497,14 +497,14 @@ impl SweepTarget {
 }
 
 /// Default model of oscillations and of several records. Its prior suits every instrument.
-fn of_several() -> ModelSpecification {
+fn default_specification() -> ModelSpecification {
     ModelSpecification { prior: DEFAULT_PRIOR.into(), ..ModelSpecification::default() }
 }
 
 /// Several records of one specimen that share a law.
 pub struct JointTarget {
     /// The records, in the order of the command line.
-    pub records: Vec<Record>,
+    pub records: Vec<TargetRecord>,
     /// Model: a law with white noise.
     pub specification: ModelSpecification,
     /// Directory of the results; `None` for the default.
@@ -512,14 +512,14 @@ pub struct JointTarget {
 }
 
 /// Record of a specimen, with its files.
-pub enum Record {
+pub enum TargetRecord {
     /// Positions over time.
     Creep(Box<Experiment>, ExperimentFiles),
     /// Moduli over frequency.
-    Oscillation(Box<Sweep>, ExperimentFiles),
+    Oscillation(Box<OscillationRecord>, ExperimentFiles),
 }
 
-impl Record {
+impl TargetRecord {
     /// Specimen identifier.
     pub fn specimen_id(&self) -> &str {
         match self {
@@ -545,14 +545,14 @@ impl JointTarget {
             (Setting::Mesh, model.mesh.is_some()),
             (Setting::Revision, model.from.is_some()),
         ])?;
-        let specification = model.applied_to(of_several())?;
-        let record = |path: &PathBuf| -> Result<Record> {
-            if Sweep::is_one(path) {
-                let (sweep, files) = Sweep::read(path)?;
-                return Ok(Record::Oscillation(Box::new(sweep), files));
+        let specification = model.applied_to(default_specification())?;
+        let record = |path: &PathBuf| -> Result<TargetRecord> {
+            if OscillationRecord::is_described_in(path) {
+                let (sweep, files) = OscillationRecord::read(path)?;
+                return Ok(TargetRecord::Oscillation(Box::new(sweep), files));
             }
             let (experiment, files) = Experiment::read(path)?;
-            Ok(Record::Creep(Box::new(experiment), files))
+            Ok(TargetRecord::Creep(Box::new(experiment), files))
         };
         Ok(Self { records: paths.iter().map(record).collect::<Result<_>>()?, specification, out })
     }
@@ -562,7 +562,7 @@ impl JointTarget {
 pub(crate) fn refuse_options_of_one(options: &[(Setting, bool)]) -> Result<()> {
     match first_given(options) {
         Some(option) => Err(Error::input(
-            Place::setting(option),
+            InputPlace::setting(option),
             "several records share only the law, each with its own white noise",
             format!("leave out {option}, or sample one record"),
         )),
@@ -583,7 +583,7 @@ impl CohortTarget {
     /// As [`cohort::read`].
     pub fn measurements(&self, leave_out: &[String], monitor: &dyn Monitor) -> Result<Vec<Measurement>> {
         let TargetRequest { paths, model, .. } = &self.request;
-        cohort::read(paths, leave_out, &|own| model.applied_to(own), monitor)
+        cohort::read(paths, leave_out, &|model_specification| model.applied_to(model_specification), monitor)
     }
 
     /// Directory of the results.
@@ -601,7 +601,7 @@ impl CohortTarget {
         match first_given(&of_model).or_else(|| first_given(more)) {
             Some(option) => {
                 let remedy = format!("leave out {option}, or {command} one record");
-                Err(Error::input(Place::setting(option), "this option applies to one record only", remedy))
+                Err(Error::input(InputPlace::setting(option), "this option applies to one record only", remedy))
             }
             None => Ok(()),
         }

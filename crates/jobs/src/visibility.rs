@@ -4,7 +4,7 @@
 //! base parameters, with one extra row per prior, and P = I − AA⁺. The visible fraction is ‖Pg‖² over ‖g‖² under white noise alone.
 //! 1/‖Pg‖ is the standard error of ε. The noise's random effects (correlated errors, gains, offsets) are in L and reduce the visible fraction.
 //!
-//! Some effects equal other values of the law's parameters to first order. Such an effect is evaluated at a size of its own ([`Effect::shows_at`]):
+//! Some effects equal other values of the law's parameters to first order. Such an effect is evaluated at a size of its own ([`Effect::signature_size`]):
 //! g is the change caused by this size, and Pg the remainder after the best change of those values.
 //! The remainder grows with the square of the size, so the standard error is the size at which ‖Pg‖ is 1.
 //!
@@ -18,12 +18,12 @@ use base::distribution::Distribution;
 use base::error::{Error, Result};
 use base::parameter::NOISE_SD;
 use base::parameter::ParameterSpec;
-use figures::number::significant;
+use figures::number::format_significant;
 use models::effects::{Effect, EffectParameter, Library};
-use models::model::{Forward, ReducedForward};
+use models::model::{Forward, SurrogateForward};
 use posterior::fit;
 use posterior::learnt_displacement::deviation_m;
-use posterior::monitor::{Monitor, Silent};
+use posterior::monitor::{Monitor, SilentMonitor};
 use posterior::noise::NoiseLikelihood;
 use posterior::prepared::{KeptSurrogate, PreparedModel};
 use posterior::problem::Problem;
@@ -81,7 +81,7 @@ impl Base {
             let Some(prior) = problem.priors.get(spec.name) else { continue };
             columns.push(forward.derivative_m(&parameters, index)?);
             sampled.push(index);
-            prior_rows.push(1.0 / prior_sd_near(&prior.distribution, parameters[index]));
+            prior_rows.push(1.0 / local_prior_sd(&prior.distribution, parameters[index]));
         }
         let white = noise.whiten(&columns, &position_m, &noise_parameters);
         let (n_rows, n_columns) = (noise.n_observed(), columns.len());
@@ -98,7 +98,7 @@ impl Base {
     }
 
     /// Part of a signature that the base cannot absorb.
-    fn visible(&self, Signature { whole_m, left_m, size }: Signature) -> Visible {
+    fn visible(&self, Signature { whole_m, remainder_m: left_m, size }: Signature) -> VisiblePart {
         let noise_sd_m = 1e-6 * self.noise_parameters[0];
         let observed = self.observed_rows.iter().map(|row| whole_m[*row] / noise_sd_m);
         let whole: f64 = observed.map(|g| g * g).sum();
@@ -111,7 +111,7 @@ impl Base {
             None => rest.norm().recip(),
             Some(size) => size.abs() * rest.norm().sqrt().recip(),
         };
-        Visible { fraction, rest, standard_error }
+        VisiblePart { fraction, rest, standard_error }
     }
 }
 
@@ -120,19 +120,19 @@ struct Signature {
     /// Change in m: per unit of the parameter, or for its size.
     whole_m: Vec<f64>,
     /// Change in m after the base has absorbed its nonlinear part.
-    left_m: Vec<f64>,
+    remainder_m: Vec<f64>,
     /// Size of the effect; `None` for a derivative.
     size: Option<f64>,
 }
 
 impl Signature {
     fn derivative(column_m: Vec<f64>) -> Self {
-        Self { left_m: column_m.clone(), whole_m: column_m, size: None }
+        Self { remainder_m: column_m.clone(), whole_m: column_m, size: None }
     }
 }
 
 /// Part of a signature that the base cannot absorb.
-struct Visible {
+struct VisiblePart {
     fraction: f64,
     /// Residual signature Pg.
     rest: DVector<f64>,
@@ -146,9 +146,10 @@ const TWIN_COSINE: f64 = 0.99;
 const LEAST_VISIBLE: f64 = 1e-6;
 
 /// Adds the twins to the entries.
-fn with_twins(list: Vec<(EffectEntry, Option<Visible>)>) -> Vec<EffectEntry> {
-    let direction =
-        |visible: &Option<Visible>| visible.as_ref().filter(|v| v.fraction > LEAST_VISIBLE).map(|v| v.rest.normalize());
+fn with_twins(list: Vec<(EffectEntry, Option<VisiblePart>)>) -> Vec<EffectEntry> {
+    let direction = |visible: &Option<VisiblePart>| {
+        visible.as_ref().filter(|v| v.fraction > LEAST_VISIBLE).map(|v| v.rest.normalize())
+    };
     let directions: Vec<Option<DVector<f64>>> = list.iter().map(|(_, visible)| direction(visible)).collect();
     let slugs: Vec<String> = list.iter().map(|(entry, _)| entry.slug.clone()).collect();
     let twins_of = |i: usize| {
@@ -164,13 +165,13 @@ fn with_twins(list: Vec<(EffectEntry, Option<Visible>)>) -> Vec<EffectEntry> {
 
 /// Parameters of the noise: the known noise standard deviation, else the root mean square residual of the calibrated base; other terms at their priors' medians.
 fn noise_parameters(problem: &Problem, rmse_um: f64) -> Vec<f64> {
-    let known = problem.experiment.noise_yardstick().map_or(rmse_um, |yardstick| 1e6 * yardstick.sd_m);
+    let known = problem.experiment.reference_noise().map_or(rmse_um, |yardstick| 1e6 * yardstick.sd_m);
     let value = |name: &str| problem.range_of(name, 0.5).lower;
     problem.noise.parameters().iter().map(|p| if p.name == NOISE_SD.name { known } else { value(p.name) }).collect()
 }
 
 /// Standard deviation of a prior at a parameter value. For scales it is the standard deviation of the logarithm times the value.
-fn prior_sd_near(distribution: &Distribution, value: f64) -> f64 {
+fn local_prior_sd(distribution: &Distribution, value: f64) -> f64 {
     match *distribution {
         Distribution::LogNormal { log_sd, .. } => log_sd * value,
         Distribution::LogUniform { lower, upper } => (upper / lower).ln() / 12_f64.sqrt() * value,
@@ -183,7 +184,7 @@ fn entry(
     library: &Library,
     effect: &'static dyn Effect,
     base: &Base,
-) -> Result<(EffectEntry, Option<Visible>)> {
+) -> Result<(EffectEntry, Option<VisiblePart>)> {
     let scales = problem.model.scales();
     let parameter = |p: &EffectParameter| ParameterEntry {
         name: p.spec.name.into(),
@@ -232,13 +233,13 @@ fn entry(
         let most_um = 1e6 * largest(&deviation_m);
         let ball = problem.finite_elements().and_then(|fe| fe.sizes.ball);
         let at = ball.map_or(String::new(), |ball| {
-            format!("at {} radii ", significant(largest(&base.position_m) / ball.robot_radius_m, 2))
+            format!("at {} radii ", format_significant(largest(&base.position_m) / ball.robot_radius_m, 2))
         });
         entry.summary = format!(
             "{}: {at}up to {} µm here, {} × the noise",
             entry.summary,
-            significant(most_um, 2),
-            significant(most_um / base.noise_parameters[0], 2)
+            format_significant(most_um, 2),
+            format_significant(most_um / base.noise_parameters[0], 2)
         );
         // The deviation grows with the square, so its derivative at 1 is twice its value.
         let visible = base.visible(Signature::derivative(deviation_m.iter().map(|x| 2.0 * x).collect()));
@@ -246,8 +247,8 @@ fn entry(
         entry.standard_error = Some(visible.standard_error).filter(|error| error.is_finite());
         return Ok((entry, Some(visible)));
     }
-    let prepared = PreparedModel::unverified(&extended, base.kept.clone(), &Silent)?;
-    let forward = ReducedForward { trained: &[], ..prepared.forward() };
+    let prepared = PreparedModel::unverified(&extended, base.kept.clone(), &SilentMonitor)?;
+    let forward = SurrogateForward { trained: &[], ..prepared.forward() };
     let seen = signatures(effect, &forward, base)?.into_iter().map(|signature| base.visible(signature));
     let best = seen.max_by(|a, b| a.fraction.total_cmp(&b.fraction));
     if let Some(visible) = &best {
@@ -258,19 +259,21 @@ fn entry(
 }
 
 /// Signatures of an effect's first parameter. If some parameters are unidentified at the null, there is one signature per grid point of their priors.
-fn signatures(effect: &dyn Effect, forward: &ReducedForward, base: &Base) -> Result<Vec<Signature>> {
+fn signatures(effect: &dyn Effect, forward: &SurrogateForward, base: &Base) -> Result<Vec<Signature>> {
     let (model, scales) = (forward.model, forward.model.scales());
-    let own = effect.parameters();
-    let is_first = |spec: &ParameterSpec| own.first().is_some_and(|parameter| parameter.spec == *spec);
+    let effect_parameters = effect.parameters();
+    let is_first = |spec: &ParameterSpec| effect_parameters.first().is_some_and(|parameter| parameter.spec == *spec);
     let Some(first) = model.parameters().iter().position(is_first) else { return Ok(Vec::new()) };
-    let is_free = own.iter().any(|p| (p.null)(scales).is_none());
+    let is_free = effect_parameters.iter().any(|p| (p.null)(scales).is_none());
     let mut list = Vec::new();
     for probability in if is_free { &GRID[..] } else { &GRID[4..5] } {
-        let values = own.iter().map(|p| (p.null)(scales).unwrap_or_else(|| (p.prior)(scales).quantile(*probability)));
+        let values = effect_parameters
+            .iter()
+            .map(|p| (p.null)(scales).unwrap_or_else(|| (p.prior)(scales).quantile(*probability)));
         let mut parameters = base.parameters.clone();
         parameters.splice(first..first, values);
-        let finite_step = own.first().and_then(|p| p.finite_step);
-        list.push(match (effect.shows_at(scales), finite_step) {
+        let finite_step = effect_parameters.first().and_then(|p| p.finite_step);
+        list.push(match (effect.signature_size(scales), finite_step) {
             (Some(size), _) => finite(forward, base, parameters, first, size)?,
             (None, None) => Signature::derivative(forward.derivative_m(&parameters, first)?),
             (None, Some(step)) => {
@@ -290,7 +293,7 @@ const ABSORBING_STEPS: usize = 8;
 
 /// Signature of an effect of finite size, and its remainder at the nearest base parameters. They move until the extended model is as close to the base as possible.
 fn finite(
-    forward: &ReducedForward,
+    forward: &SurrogateForward,
     base: &Base,
     mut parameters: Vec<f64>,
     first: usize,
@@ -320,5 +323,5 @@ fn finite(
         }
         left_m = difference(&forward.trajectory_m(&parameters)?);
     }
-    Ok(Signature { whole_m, left_m, size: Some(size) })
+    Ok(Signature { whole_m, remainder_m: left_m, size: Some(size) })
 }

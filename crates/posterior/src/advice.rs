@@ -4,7 +4,7 @@ use super::cache;
 use super::judgement::Judgement;
 use super::prepared::{SURROGATE_NAME, Verification};
 use documents::posterior::{ModelSummary, PosteriorSummary, Warning, WarningKind};
-use figures::number::significant;
+use figures::number::format_significant;
 use models::effects::Library;
 use record::{Apparatus, Experiment};
 
@@ -27,7 +27,7 @@ const UNITS_FIRST: &str =
     "check the units of force, position and sizes first: other values show that one of them is wrong";
 
 /// Results that the warnings are derived from.
-pub struct Findings<'a> {
+pub struct WarningInputs<'a> {
     /// Summary without its warnings.
     pub summary: &'a PosteriorSummary,
     /// Judgement of the residuals of the posterior mean.
@@ -39,7 +39,7 @@ pub struct Findings<'a> {
 }
 
 /// All warnings that apply, most serious first.
-pub fn warnings(findings: &Findings) -> Vec<Warning> {
+pub fn warnings(findings: &WarningInputs) -> Vec<Warning> {
     let mut list = Vec::new();
     let mut add = |kind, text: String, advice: &str| list.push(Warning { kind, text, advice: advice.into() });
     let summary = findings.summary;
@@ -75,13 +75,13 @@ pub fn warnings(findings: &Findings) -> Vec<Warning> {
     }
     model_error(summary, heldout.noise_um.unwrap_or(summary.error_budget_um.noise), units_first, &mut add);
     if heldout.rmse_um.is_none() {
-        let Warning { kind, text, advice } = nothing_held_out();
+        let Warning { kind, text, advice } = nothing_held_out_warning();
         add(kind, text, &advice);
     }
     if let Some(warning) = summary.largest_strain.and_then(strain_warning) {
         add(warning.kind, warning.text, &warning.advice);
     }
-    if summary.surrogate.fe_unknowns.is_none() && !summary.model.is_outside() {
+    if summary.surrogate.fe_unknowns.is_none() && !summary.model.is_external() {
         let text = "the compliance of the instrument or indenter is given: finite elements, strain and discretisation error are omitted".to_string();
         add(
             WarningKind::NoFiniteElements,
@@ -93,7 +93,7 @@ pub fn warnings(findings: &Findings) -> Vec<Warning> {
 }
 
 /// Warning that no cycle tests the predictions.
-pub fn nothing_held_out() -> Warning {
+pub fn nothing_held_out_warning() -> Warning {
     Warning {
         kind: WarningKind::NothingHeldOut,
         text: "no cycle is held out, so the model's predictions are untested".into(),
@@ -117,7 +117,7 @@ pub fn surrogate_warning(
              smaller amplitude; if it is off by more, {}",
             make_anew()
         )
-    } else if model.is_outside() {
+    } else if model.is_external() {
         "narrow the prior, or fix a parameter that the data do not determine: the surrogate of the external program is then more accurate".into()
     } else {
         format!("{}; if that changes nothing, narrow the prior", make_anew())
@@ -127,8 +127,8 @@ pub fn surrogate_warning(
         text: format!(
             "the reduced model differs from {} by up to {} µm (noise {} µm{weights})",
             model.full_model(),
-            significant(distance_um, 3),
-            significant(noise_um, 3)
+            format_significant(distance_um, 3),
+            format_significant(noise_um, 3)
         ),
         advice,
     })
@@ -140,7 +140,7 @@ pub fn check_warning(check: &Verification) -> Option<Warning> {
         kind: WarningKind::SurrogateInaccurate,
         text: format!(
             "the reduced model differs from full finite elements of this apparatus by {} % of the amplitude",
-            significant(100.0 * check.relative_error, 2)
+            format_significant(100.0 * check.relative_error, 2)
         ),
         advice: make_anew(),
     })
@@ -150,7 +150,7 @@ pub fn check_warning(check: &Verification) -> Option<Warning> {
 fn make_anew() -> String {
     format!(
         "rebuild the reduced model: {}; delete `{SURROGATE_NAME}` in the study's revisions, too",
-        cache::how_to_empty()
+        cache::cache_instructions()
     )
 }
 
@@ -178,7 +178,7 @@ fn noise_below(summary: &PosteriorSummary, noise: f64, add: &mut impl FnMut(Warn
         let text = format!(
             "the learnt noise of {learnt:.2e} µm is far below the {} noise of {} µm",
             summary.heldout.noise_origin,
-            significant(noise, 3)
+            format_significant(noise, 3)
         );
         add(
             WarningKind::LearntNoiseBelowKnown,
@@ -201,7 +201,7 @@ fn model_error(
         add(warning.kind, warning.text, &warning.advice);
     }
     if heldout.fe_runs.is_some()
-        && !summary.model.is_outside()
+        && !summary.model.is_external()
         && let Some(warning) = mesh_warning(summary.error_budget_um.fe_discretisation, noise, units_first)
     {
         add(warning.kind, warning.text, &warning.advice);
@@ -209,7 +209,7 @@ fn model_error(
 }
 
 /// Warning about positions that range farther than the gel that the robot moves in.
-pub fn impossible_positions(experiment: &Experiment) -> Option<Warning> {
+pub fn impossible_positions_warning(experiment: &Experiment) -> Option<Warning> {
     let Apparatus::Robot { vitreous, .. } = &experiment.apparatus else { return None };
     let positions_m = experiment.record.position_m.iter().flatten();
     let [lowest, highest] =
@@ -232,8 +232,8 @@ pub fn mesh_warning(error_um: Option<f64>, noise_um: f64, units_first: bool) -> 
             WarningKind::MeshInaccurate,
             format!(
                 "the mesh misplaces the robot by {} µm, more than the noise of {} µm: E, c₁ and c₂ have absorbed this error",
-                significant(error, 3),
-                significant(noise_um, 3)
+                format_significant(error, 3),
+                format_significant(noise_um, 3)
             ),
             "give a finer mesh of 10-node tetrahedra (--mesh), or use the built-in mesh",
         ),
@@ -241,8 +241,8 @@ pub fn mesh_warning(error_um: Option<f64>, noise_um: f64, units_first: bool) -> 
             WarningKind::MeshTooCoarse,
             format!(
                 "the mesh's error of {} µm is not small relative to the noise of {} µm",
-                significant(error, 3),
-                significant(noise_um, 3)
+                format_significant(error, 3),
+                format_significant(noise_um, 3)
             ),
             "give a finer mesh (--mesh)",
         ),
@@ -261,7 +261,7 @@ pub fn mesh_warning(error_um: Option<f64>, noise_um: f64, units_first: bool) -> 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::misfit::{Misfit, Size};
+    use crate::misfit::{Misfit, ResidualSize};
     use crate::systematic::SystematicTest;
     use crate::trust::trust;
     use WarningKind::*;
@@ -340,7 +340,7 @@ mod tests {
 
     /// White residuals of many rows; residuals above 1.5 × the noise are no chance.
     fn misfit_of(summary: &PosteriorSummary) -> Misfit {
-        let size = |rms_um: f64| Size { rms_m: 1e-6 * rms_um, is_too_large: rms_um > 6.0 };
+        let size = |rms_um: f64| ResidualSize { rms_m: 1e-6 * rms_um, is_too_large: rms_um > 6.0 };
         Misfit {
             fitted: size(summary.heldout.rmse_fitted_um),
             heldout: summary.heldout.rmse_um.map(size),
@@ -356,8 +356,12 @@ mod tests {
         let mut summary = sound();
         change(&mut summary);
         let judgement = &judgement_of(&summary);
-        summary.warnings =
-            warnings(&Findings { summary: &summary, judgement, sampler_messages: &[], impossible_positions: None });
+        summary.warnings = warnings(&WarningInputs {
+            summary: &summary,
+            judgement,
+            sampler_messages: &[],
+            impossible_positions: None,
+        });
         summary.trust = trust(&summary.warnings);
         (summary.warnings.iter().map(|warning| warning.kind).collect(), summary.is_sound())
     }
@@ -382,7 +386,7 @@ mod tests {
         assert_eq!(after(|s| s.heldout.surrogate_vs_fe_max_um = Some(0.39)), none);
         assert_eq!(after(|s| s.heldout.surrogate_vs_fe_max_um = Some(0.41)), (vec![SurrogateInaccurate], false));
         let inaccurate = surrogate_warning(0.41, None, 4.0, &sound().model).expect("it is too far");
-        assert!(inaccurate.advice.contains(&cache::how_to_empty()), "{inaccurate:?}");
+        assert!(inaccurate.advice.contains(&cache::cache_instructions()), "{inaccurate:?}");
         assert_eq!(after(|s| s.heldout.pareto_k = Some(0.69)), none);
         assert_eq!(after(|s| s.heldout.pareto_k = Some(0.71)), (vec![SurrogateInaccurate], false));
         // Mesh: a quarter of the noise, and the noise.
@@ -413,7 +417,7 @@ mod tests {
             let mut summary = sound();
             summary.error_budget_um.fe_discretisation = Some(400.0);
             change(&mut summary);
-            let all = warnings(&Findings {
+            let all = warnings(&WarningInputs {
                 summary: &summary,
                 judgement: &judgement_of(&summary),
                 sampler_messages: &[],
@@ -436,13 +440,13 @@ mod tests {
     #[test]
     fn positions_that_no_gel_allows_are_told_first() {
         let (mut experiment, _) = crate::replica::embedded().expect("embedded");
-        assert_eq!(impossible_positions(&experiment), None);
+        assert_eq!(impossible_positions_warning(&experiment), None);
         experiment.record.position_m.iter_mut().flatten().for_each(|x| *x *= 1e3);
-        let impossible = impossible_positions(&experiment).expect("the gel measures 20 mm");
+        let impossible = impossible_positions_warning(&experiment).expect("the gel measures 20 mm");
         assert!(impossible.kind.is_fatal() && impossible.advice.starts_with("check the units"));
         let mut summary = sound();
         summary.heldout.rmse_um = Some(4e3);
-        let all = warnings(&Findings {
+        let all = warnings(&WarningInputs {
             summary: &summary,
             judgement: &judgement_of(&summary),
             sampler_messages: &[],

@@ -1,6 +1,6 @@
 //! Cache of reduced models that take long to build. Each is kept on disk under the hash of its inputs.
 //!
-//! The file also states the inputs of its model ([`BuiltFrom`]). A reader compares them with the requested inputs and does not use a file under another model's name.
+//! The file also states the inputs of its model ([`ModelInputs`]). A reader compares them with the requested inputs and does not use a file under another model's name.
 //!
 //! Models of fields depend on the apparatus, not on the measurement: one serves every experiment of a laboratory. The surrogate of the law also depends on the record's
 //! times and forces: one serves every command on that record. The cache is only a convenience: an unreadable model is built again, and a model that cannot be written is
@@ -18,8 +18,8 @@ use sha2::{Digest, Sha256};
 
 use crate::monitor::Monitor;
 use crate::study::{Kept, sha256_hex};
-use base::error::{Error, Place, Result};
-use base::files::{Content, folder_of, read_if_there, refused, to_json, write_atomically};
+use base::error::{Error, InputPlace, Result};
+use base::files::{Content, file_error, folder_of, read_if_there, to_json, write_atomically};
 use elements::mesh::Mesh;
 use record::Force;
 
@@ -30,14 +30,14 @@ const FOLDER: &str = models::SOURCE_HASH;
 
 /// Inputs of a kept model, as written in its file. Long lists of numbers are represented by their length and SHA-256.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
-pub struct BuiltFrom {
+pub struct ModelInputs {
     model: String,
     program: String,
     code_sha256: String,
     input: BTreeMap<String, String>,
 }
 
-impl BuiltFrom {
+impl ModelInputs {
     /// Creates the description of a kind of model of this program, without inputs.
     pub fn new(model: &str) -> Self {
         Self {
@@ -112,14 +112,14 @@ impl BuiltFrom {
 /// A model with its inputs, as written in a file.
 #[derive(Serialize, Deserialize)]
 struct Entry<T> {
-    built_from: BuiltFrom,
+    built_from: ModelInputs,
     #[serde(flatten)]
     model: T,
 }
 
 /// Reads the model that is kept for some inputs; `None` if there is none. A changed file, or a file with a model of other inputs, is not used; `monitor` receives a
 /// warning.
-pub fn read<T: Serialize + DeserializeOwned>(built_from: &BuiltFrom, monitor: &dyn Monitor) -> Option<T> {
+pub fn read<T: Serialize + DeserializeOwned>(built_from: &ModelInputs, monitor: &dyn Monitor) -> Option<T> {
     let path = built_from.path()?;
     let bytes = read_if_there(&path, Content::Document)?;
     let entry = serde_json::from_slice::<Kept<Entry<T>>>(&bytes).ok().and_then(Kept::unchanged);
@@ -128,17 +128,25 @@ pub fn read<T: Serialize + DeserializeOwned>(built_from: &BuiltFrom, monitor: &d
         Some(entry) => entry.built_from.difference(built_from),
         None => "it is damaged or was changed".into(),
     };
-    monitor.warn(&format!("{} is not used: {fault}; the model is built again ({})", path.display(), how_to_empty()));
+    monitor.warn(&format!(
+        "{} is not used: {fault}; the model is built again ({})",
+        path.display(),
+        cache_instructions()
+    ));
     None
 }
 
-impl BuiltFrom {
+impl ModelInputs {
     /// Describes the difference between these inputs and the requested ones.
     fn difference(&self, asked_for: &Self) -> String {
-        let parts = |own: &Self| {
-            let fixed = [("model", &own.model), ("program", &own.program), ("code", &own.code_sha256)];
+        let parts = |model_inputs: &Self| {
+            let fixed = [
+                ("model", &model_inputs.model),
+                ("program", &model_inputs.program),
+                ("code", &model_inputs.code_sha256),
+            ];
             let fixed = fixed.map(|(name, value)| (name.to_string(), value.clone()));
-            fixed.into_iter().chain(own.input.clone()).collect::<BTreeMap<_, _>>()
+            fixed.into_iter().chain(model_inputs.input.clone()).collect::<BTreeMap<_, _>>()
         };
         let (found, expected) = (parts(self), parts(asked_for));
         let names = found.keys().chain(expected.keys()).filter(|name| found.get(*name) != expected.get(*name));
@@ -154,7 +162,7 @@ impl BuiltFrom {
 }
 
 /// States the place of the cache and the way to discard its models.
-pub fn how_to_empty() -> String {
+pub fn cache_instructions() -> String {
     match cache_directory() {
         Some(directory) => format!("models are kept in {}, and deleting it rebuilds all of them", directory.display()),
         None => "no models are kept between commands".into(),
@@ -162,7 +170,7 @@ pub fn how_to_empty() -> String {
 }
 
 /// Keeps a model.
-pub fn write(built_from: &BuiltFrom, model: &impl Serialize) {
+pub fn write(built_from: &ModelInputs, model: &impl Serialize) {
     let Some(path) = built_from.path() else { return };
     let is_there = path.parent().is_some_and(|folder| std::fs::create_dir_all(folder).is_ok());
     if is_there && let Ok((_, bytes)) = file_of(built_from, model) {
@@ -175,7 +183,7 @@ pub fn write(built_from: &BuiltFrom, model: &impl Serialize) {
 ///
 /// # Errors
 /// [`base::Error::Numerical`] if it cannot be written as JSON.
-pub fn file_of(built_from: &BuiltFrom, model: &impl Serialize) -> Result<(String, Vec<u8>)> {
+pub fn file_of(built_from: &ModelInputs, model: &impl Serialize) -> Result<(String, Vec<u8>)> {
     let name = built_from.file_name();
     let bytes = to_json(Path::new(&name), &Kept::new(Entry { built_from: built_from.clone(), model }))?;
     Ok((name, bytes))
@@ -188,7 +196,7 @@ pub fn file_of(built_from: &BuiltFrom, model: &impl Serialize) -> Result<(String
 pub fn adopt(name: &str, bytes: &[u8]) -> Result<bool> {
     let Some(directory) = cache_directory() else {
         return Err(Error::input(
-            Place::default().at_key(PLACE),
+            InputPlace::default().at_key(PLACE),
             "no models are kept here: the variable is empty, or the system has no cache directory",
             format!("name a directory for the models: {PLACE}=DIR"),
         ));
@@ -198,7 +206,7 @@ pub fn adopt(name: &str, bytes: &[u8]) -> Result<bool> {
         return Ok(false);
     }
     let folder = folder_of(&path);
-    std::fs::create_dir_all(folder).map_err(refused("create", folder))?;
+    std::fs::create_dir_all(folder).map_err(file_error("create", folder))?;
     write_atomically(&path, bytes)?;
     Ok(true)
 }
@@ -207,9 +215,9 @@ pub fn adopt(name: &str, bytes: &[u8]) -> Result<bool> {
 pub fn is_entry(name: &str, bytes: &[u8]) -> bool {
     #[derive(Deserialize)]
     struct Named {
-        built_from: BuiltFrom,
+        built_from: ModelInputs,
     }
-    serde_json::from_slice::<Named>(bytes).is_ok_and(|own| own.built_from.file_name() == name)
+    serde_json::from_slice::<Named>(bytes).is_ok_and(|named| named.built_from.file_name() == name)
 }
 
 /// Directory for everything that is kept between commands and belongs to no study. It is the one in `VITREO_UQ_CACHE`, or the system's directory for user caches. `None` if
@@ -228,7 +236,7 @@ fn directory(asked_for: Option<OsString>) -> Option<PathBuf> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::monitor::{Collected, Silent};
+    use crate::monitor::{SilentMonitor, WarningCollector};
 
     #[test]
     fn the_place_can_be_asked_for_or_switched_off() {
@@ -238,28 +246,28 @@ mod tests {
     }
 
     #[derive(Debug, PartialEq, Serialize, Deserialize)]
-    struct Model {
+    struct CachedModel {
         values: Vec<f64>,
     }
 
     /// Inputs that no other test has.
-    fn input(diameter_mm: f64) -> BuiltFrom {
-        BuiltFrom::new("test").with("diameter_mm", diameter_mm).with("process", std::process::id())
+    fn input(diameter_mm: f64) -> ModelInputs {
+        ModelInputs::new("test").with("diameter_mm", diameter_mm).with("process", std::process::id())
     }
 
     #[test]
     fn what_is_kept_comes_back_and_damage_is_none() {
         let built_from = input(0.1);
         let Some(path) = built_from.path() else { return };
-        let warned = Collected::new(&Silent);
-        assert_eq!(read::<Model>(&built_from, &warned), None);
-        write(&built_from, &Model { values: vec![0.1, 1e-300] });
-        assert_eq!(read::<Model>(&built_from, &warned), Some(Model { values: vec![0.1, 1e-300] }));
+        let warned = WarningCollector::new(&SilentMonitor);
+        assert_eq!(read::<CachedModel>(&built_from, &warned), None);
+        write(&built_from, &CachedModel { values: vec![0.1, 1e-300] });
+        assert_eq!(read::<CachedModel>(&built_from, &warned), Some(CachedModel { values: vec![0.1, 1e-300] }));
         assert!(warned.take().is_empty());
         let text = std::fs::read_to_string(&path).unwrap();
         for changed in [text.replace("0.1", "0.2"), text[..text.len() / 2].into()] {
             std::fs::write(&path, changed).unwrap();
-            assert_eq!(read::<Model>(&built_from, &warned), None);
+            assert_eq!(read::<CachedModel>(&built_from, &warned), None);
             let text = warned.take().concat();
             assert!(text.contains(&path.display().to_string()) && text.contains("damaged or was changed"));
         }
@@ -270,10 +278,10 @@ mod tests {
     fn a_model_under_the_name_of_another_is_not_used() {
         let (small, large) = (input(0.55), input(1.1));
         let (Some(small_path), Some(large_path)) = (small.path(), large.path()) else { return };
-        write(&large, &Model { values: vec![2.0] });
+        write(&large, &CachedModel { values: vec![2.0] });
         std::fs::rename(large_path, &small_path).unwrap();
-        let warned = Collected::new(&Silent);
-        assert_eq!(read::<Model>(&small, &warned), None);
+        let warned = WarningCollector::new(&SilentMonitor);
+        assert_eq!(read::<CachedModel>(&small, &warned), None);
         let text = warned.take().concat();
         let directory = cache_directory().unwrap();
         for words in [&small_path, &directory].map(|path| path.display().to_string()) {
@@ -286,7 +294,7 @@ mod tests {
     #[test]
     fn inputs_that_differ_anywhere_have_other_names() {
         let force = Force { at_rows_n: &[1.0, 2.0], rule: record::ForceRule::Hold };
-        let of = |time_s: &[f64], force| BuiltFrom::new("test").with_record(time_s, force).sha256();
+        let of = |time_s: &[f64], force| ModelInputs::new("test").with_record(time_s, force).sha256();
         let first = of(&[0.0, 1.0], force);
         assert_eq!(first, of(&[0.0, 1.0], force));
         assert_ne!(first, of(&[0.0, 1.0 + f64::EPSILON], force));

@@ -9,8 +9,10 @@ use std::collections::BTreeMap;
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
-use super::fitted_rows::{FittedRows, MOST_SEARCHED, SAME_MINIMUM, finished, is_same_minimum};
-use crate::advice::{impossible_positions, mesh_warning, nothing_held_out, strain_warning, surrogate_warning};
+use super::fitted_rows::{FittedRows, MOST_SEARCHED, SAME_MINIMUM, is_same_minimum, refine_minima};
+use crate::advice::{
+    impossible_positions_warning, mesh_warning, nothing_held_out_warning, strain_warning, surrogate_warning,
+};
 use crate::full_check::{largest_strain, rmse_m};
 use crate::judgement::{Judgement, Prediction};
 use crate::monitor::Monitor;
@@ -18,12 +20,12 @@ use crate::noise::NoiseModel;
 use crate::prepared::{KeptSurrogate, PreparedModel};
 use crate::problem::{Problem, TAIL_MASS};
 use crate::trust::trust;
-use base::error::{Error, Place, Result, Setting};
+use base::error::{Error, InputPlace, Result, Setting};
 use documents::posterior::{Warning, WarningKind};
 use documents::trust::Trust;
 use models::effects::EffectParameter;
-use models::model::{Forward, ReducedForward, TrainedRange};
-use sampling::least_squares::{Fit, Residuals, Tolerances, fit};
+use models::model::{Forward, SurrogateForward, TrainedRange};
+use sampling::least_squares::{Fit, LeastSquaresProblem, Tolerances, fit};
 
 /// Number of starts at quantiles of the prior, besides the start at its medians.
 const N_QUANTILE_STARTS: u32 = 15;
@@ -65,7 +67,7 @@ pub fn run(problem: &Problem, kept_surrogate: Option<KeptSurrogate>, monitor: &d
     let free: Vec<usize> = (0..names.len()).filter(|&j| !problem.specification.fixed.contains_key(names[j])).collect();
     if free.is_empty() {
         return Err(Error::input(
-            Place::setting(Setting::Fixed),
+            InputPlace::setting(Setting::Fixed),
             "every parameter of the model is fixed, so no parameter is left to fit",
             format!("leave one of {} free, or use `simulate`", names.join(", ")),
         ));
@@ -106,7 +108,7 @@ fn best_support<'a>(prepared: &'a PreparedModel, free: &[usize], rows: &FittedRo
             residuals.search(&starts)?
         } else {
             let few = CreepResiduals::new(prepared, &left, held, &rows.thinned(MOST_SEARCHED));
-            finished(&residuals, &few.search(&starts)?, rows.observed.len() as f64 / few.observed.len() as f64)?
+            refine_minima(&residuals, &few.search(&starts)?, rows.observed.len() as f64 / few.observed.len() as f64)?
         };
         let in_order = |found: Fit| match residuals.reordered(problem, &found.theta) {
             Some(theta) => {
@@ -140,18 +142,18 @@ fn effects_with_null_at_end(problem: &Problem, free: &[usize]) -> Vec<BTreeMap<u
     let (scales, mut first) = (problem.model.scales(), problem.model.n_before_effects());
     let mut list = Vec::new();
     for effect in problem.model.effects() {
-        let own = effect.parameters();
-        let is_at_end = own.first().is_some_and(|p| {
+        let effect_parameters = effect.parameters();
+        let is_at_end = effect_parameters.first().is_some_and(|p| {
             (p.null)(scales).is_some_and(|null| null == p.spec.support.lower || null == p.spec.support.upper)
         });
         let off = |(i, p): (usize, &EffectParameter)| {
             (first + i, (p.null)(scales).unwrap_or_else(|| problem.range_of(p.spec.name, 0.5).lower))
         };
-        let values: BTreeMap<usize, f64> = own.iter().enumerate().map(off).collect();
+        let values: BTreeMap<usize, f64> = effect_parameters.iter().enumerate().map(off).collect();
         if is_at_end && values.keys().all(|j| free.contains(j)) {
             list.push(values);
         }
-        first += own.len();
+        first += effect_parameters.len();
     }
     list
 }
@@ -191,7 +193,7 @@ impl Coordinate {
 
 /// Residuals of the fitted cycles, in m, as a function of the free coordinates.
 struct CreepResiduals<'a> {
-    forward: ReducedForward<'a>,
+    forward: SurrogateForward<'a>,
     /// Model parameters, with the fixed values set.
     template: Vec<f64>,
     /// Indices of the free parameters, and the search coordinate of each.
@@ -275,7 +277,7 @@ impl<'a> CreepResiduals<'a> {
     fn starts(&self, problem: &Problem) -> Vec<Vec<f64>> {
         let quantile = |(j, coordinate): (usize, Coordinate), probability: f64| {
             let name = problem.model.parameters()[j].name;
-            let value = problem.starts_of(name).map_or(1.0, |own| own.quantile(probability));
+            let value = problem.starts_of(name).map_or(1.0, |distribution| distribution.quantile(probability));
             coordinate.theta(value)
         };
         let medians = self.free.iter().map(|&free| quantile(free, 0.5)).collect();
@@ -335,7 +337,7 @@ impl<'a> CreepResiduals<'a> {
     }
 }
 
-impl Residuals for CreepResiduals<'_> {
+impl LeastSquaresProblem for CreepResiduals<'_> {
     fn residuals(&self, theta: &[f64]) -> Option<DVector<f64>> {
         let parameters = self.model_parameters(theta);
         let position_m = self.forward.trajectory_m(&parameters).ok()?;
@@ -426,7 +428,7 @@ fn summarise(
         .filter(|j| data.free.iter().all(|(index, _)| index != *j))
         .map(|&j| problem.model.parameters()[j].name)
         .collect();
-    let yardstick = problem.experiment.noise_yardstick();
+    let yardstick = problem.experiment.reference_noise();
     let specification = &problem.specification;
     let mut summary = FitSummary {
         experiment: problem.experiment.specimen_id.clone(),
@@ -459,7 +461,7 @@ fn summarise(
     let judgement = Judgement::of(problem, &prediction, yardstick);
     let at_end = data.at_end_of_range(&best.theta);
     summary.converged &= at_end.is_empty();
-    let impossible = impossible_positions(&problem.experiment);
+    let impossible = impossible_positions_warning(&problem.experiment);
     summary.warnings = warnings(&summary, &judgement, (&at_end, &at_null), impossible);
     summary.warnings.extend(full.and_then(|full| full.largest_strain).and_then(strain_warning));
     summary.warnings.extend(problem.finite_elements().into_iter().flat_map(|fe| fe.mesh_warnings.clone()));
@@ -517,12 +519,12 @@ fn warnings(
     }
     list.extend(judgement.warnings());
     if summary.rmse_heldout_um.is_none() {
-        list.push(nothing_held_out());
+        list.push(nothing_held_out_warning());
     }
     if let Some(noise_um) = summary.noise_um {
         let distance_um = summary.surrogate_vs_fe_max_um.unwrap_or(0.0);
         list.extend(surrogate_warning(distance_um, None, noise_um, &summary.model));
-        if summary.surrogate_vs_fe_max_um.is_some() && !summary.model.is_outside() {
+        if summary.surrogate_vs_fe_max_um.is_some() && !summary.model.is_external() {
             list.extend(mesh_warning(summary.fe_discretisation_um, noise_um, units_first));
         }
     }

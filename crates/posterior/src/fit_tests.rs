@@ -4,7 +4,7 @@ use rand_distr::{Distribution, Normal};
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 
 use super::*;
-use crate::monitor::Silent;
+use crate::monitor::SilentMonitor;
 use crate::replica::{TABLE_I, embedded};
 use crate::study::ModelSpecification;
 use laws::rheology::{BaseLaw, CreepCompliance, Network};
@@ -16,7 +16,7 @@ const COMPLIANCE_PER_M: f64 = 549.0;
 fn problem(experiment: Experiment, set: &[&str]) -> Problem {
     let set: Vec<String> = set.iter().map(|s| s.to_string()).collect();
     let specification = ModelSpecification::from_options(None, &[], &[], None, &set).unwrap();
-    Problem::new(experiment, specification, None, &Silent).unwrap()
+    Problem::new(experiment, specification, None, &SilentMonitor).unwrap()
 }
 
 /// The replica's protocol with an instrument of the same compliance; positions in m by the closed form.
@@ -37,12 +37,12 @@ fn instrument_experiment(law_parameters: &[f64], noise_sd_m: f64, rng: &mut ChaC
 fn noise_free_data_of_the_reduced_model_return_the_truth() {
     let (replica, _) = embedded().unwrap();
     let mut problem = problem(replica, &[]);
-    let prepared = PreparedModel::new(&problem, None, &Silent).unwrap();
+    let prepared = PreparedModel::new(&problem, None, &SilentMonitor).unwrap();
     let kept = prepared.to_keep().unwrap().unwrap();
     for truth in [TABLE_I, [0.5, 4.0, 9.0], [12.0, 0.6, 200.0]] {
         let position_m = prepared.forward().trajectory_m(&truth).unwrap();
         problem.experiment.record.position_m = position_m.into_iter().map(Some).collect();
-        let found = run(&problem, Some(kept.clone()), &Silent).unwrap();
+        let found = run(&problem, Some(kept.clone()), &SilentMonitor).unwrap();
         assert!(found.summary.converged);
         for (parameter, truth) in found.summary.parameters.iter().zip(truth) {
             assert!((parameter.value / truth - 1.0).abs() < 1e-6, "{parameter:?} against {truth}");
@@ -63,7 +63,7 @@ fn mahalanobis(result: &FitResult, truth: &[f64]) -> f64 {
 #[test]
 fn table_i_lies_within_the_joint_error_on_the_replica() {
     let (replica, _) = embedded().unwrap();
-    let found = run(&problem(replica, &[]), None, &Silent).unwrap();
+    let found = run(&problem(replica, &[]), None, &SilentMonitor).unwrap();
     let summary = &found.summary;
     assert!(summary.is_sound(), "{:?}", summary.warnings);
     let limit = ChiSquared::new(3.0).unwrap().inverse_cdf(0.999);
@@ -86,7 +86,7 @@ fn standard_errors_are_calibrated() {
     let mut squares = [0.0; 4];
     for _ in 0..n_replicates {
         let experiment = instrument_experiment(&TABLE_I, 4e-6, &mut rng);
-        let found = run(&problem(experiment, &[]), None, &Silent).unwrap();
+        let found = run(&problem(experiment, &[]), None, &SilentMonitor).unwrap();
         assert!(found.summary.converged);
         for (j, parameter) in found.summary.parameters.iter().enumerate() {
             squares[j] += ((parameter.value - TABLE_I[j]) / parameter.standard_error.unwrap()).powi(2);
@@ -105,7 +105,7 @@ fn standard_errors_are_calibrated() {
 fn a_fixed_parameter_stays_and_is_not_estimated() {
     let mut rng = ChaCha8Rng::seed_from_u64(21);
     let experiment = instrument_experiment(&TABLE_I, 1e-12, &mut rng);
-    let found = run(&problem(experiment, &["viscosity_1_pa_s=1.402", "noise_sd_um=2"]), None, &Silent).unwrap();
+    let found = run(&problem(experiment, &["viscosity_1_pa_s=1.402", "noise_sd_um=2"]), None, &SilentMonitor).unwrap();
     let names: Vec<&str> = found.summary.parameters.iter().map(|p| p.name.as_str()).collect();
     assert_eq!(names, ["young_modulus_pa", "viscosity_2_pa_s"]);
     assert_eq!(found.model_parameters[1], 1.402);
@@ -117,7 +117,7 @@ fn a_fixed_parameter_stays_and_is_not_estimated() {
 fn nothing_left_to_fit_is_refused() {
     let (replica, _) = embedded().unwrap();
     let set = ["young_modulus_pa=1", "viscosity_1_pa_s=1", "viscosity_2_pa_s=1"];
-    let error = run(&problem(replica, &set), None, &Silent).err().unwrap();
+    let error = run(&problem(replica, &set), None, &SilentMonitor).err().unwrap();
     assert!(matches!(error, Error::Input { .. }), "{error}");
     assert!(error.to_string().contains("`fixed`"));
 }
@@ -128,7 +128,7 @@ fn undetermined_parameters_have_no_error_and_are_named() {
     let mut rng = ChaCha8Rng::seed_from_u64(22);
     let mut experiment = instrument_experiment(&TABLE_I, 1e-6, &mut rng);
     experiment.record.force_n.iter_mut().for_each(|force| *force = 0.0);
-    let found = run(&problem(experiment, &[]), None, &Silent).unwrap();
+    let found = run(&problem(experiment, &[]), None, &SilentMonitor).unwrap();
     assert!(found.summary.parameters.iter().all(|p| p.standard_error.is_none()));
     assert!(found.summary.warnings.iter().any(|w| w.kind == WarningKind::Undetermined));
     assert!(!found.summary.is_sound());
@@ -139,7 +139,8 @@ fn undetermined_parameters_have_no_error_and_are_named() {
 fn an_estimate_at_the_end_of_the_range_is_not_converged() {
     let mut rng = ChaCha8Rng::seed_from_u64(23);
     let experiment = instrument_experiment(&[3.5, 1.4, 4.7e7], 1e-7, &mut rng);
-    let found = run(&problem(experiment, &["viscosity_1_pa_s=1.4", "young_modulus_pa=3.5"]), None, &Silent).unwrap();
+    let found =
+        run(&problem(experiment, &["viscosity_1_pa_s=1.4", "young_modulus_pa=3.5"]), None, &SilentMonitor).unwrap();
     assert!(!found.summary.converged && !found.summary.is_sound());
     let warning = &found.summary.warnings[0];
     assert!(warning.kind == WarningKind::NotConverged && warning.text.contains("viscosity_2_pa_s"), "{warning:?}");
@@ -153,7 +154,7 @@ fn effects_that_are_not_there_are_estimated_at_their_null() {
     let experiment = instrument_experiment(&TABLE_I, 4e-6, &mut rng);
     let base = problem(experiment, &[]);
     let library = models::effects::Library::default();
-    let objective = run(&base, None, &Silent).unwrap().summary.objective_m2;
+    let objective = run(&base, None, &SilentMonitor).unwrap().summary.objective_m2;
     // These parameters have the null 0.
     let with_null =
         ["actuator-lag.time_s", "clock-offset.delay_s", "softening.rate_per_s", "second-retardation.compliance_ratio"];
@@ -166,7 +167,7 @@ fn effects_that_are_not_there_are_estimated_at_their_null() {
     ] {
         let effects = slugs.iter().map(|slug| slug.to_string()).collect();
         let specification = ModelSpecification { effects, ..base.specification.clone() };
-        let found = run(&base.with_model(specification, &library).unwrap(), None, &Silent).unwrap().summary;
+        let found = run(&base.with_model(specification, &library).unwrap(), None, &SilentMonitor).unwrap().summary;
         assert!(found.objective_m2 <= objective * (1.0 + 1e-6), "{slugs:?}: {} above {objective}", found.objective_m2);
         assert!(found.converged && found.is_sound(), "{slugs:?}: {:?}", found.warnings);
         let at_null = found.warnings.iter().find(|w| w.kind == WarningKind::AtNull).map_or("", |w| &w.text);
@@ -196,7 +197,7 @@ fn a_parameter_at_the_end_of_its_range_does_not_stop_the_others() {
     let effects = vec!["second-retardation".into()];
     let specification = ModelSpecification { effects, ..base.specification.clone() };
     let with = base.with_model(specification, &models::effects::Library::default()).unwrap();
-    let found = run(&with, None, &Silent).unwrap().summary;
+    let found = run(&with, None, &SilentMonitor).unwrap().summary;
     assert!(found.starts == 16 && found.starts_agreeing >= 6, "{found:?}");
 }
 
@@ -226,7 +227,7 @@ fn an_effect_that_is_there_is_found() {
     let base = problem(experiment, &[]);
     let specification = ModelSpecification { effects: vec!["actuator-lag".into()], ..base.specification.clone() };
     let lagging = base.with_model(specification, &models::effects::Library::default()).unwrap();
-    let found = run(&lagging, None, &Silent).unwrap().summary;
+    let found = run(&lagging, None, &SilentMonitor).unwrap().summary;
     let lag = found.parameters.iter().find(|p| p.name == "actuator-lag.time_s").unwrap();
     assert!(found.is_sound() && (lag.value - lag_s).abs() < 5.0 * lag.standard_error.unwrap(), "{found:?}");
 }
@@ -239,15 +240,16 @@ fn interchangeable_parts_are_fitted_in_order() {
     let base = BaseLaw::Network(Network::from_text("law.toml".as_ref(), text).unwrap());
     let specification = ModelSpecification { base, ..ModelSpecification::default() };
     let experiment = instrument_experiment(&TABLE_I, 0.0, &mut ChaCha8Rng::seed_from_u64(1));
-    let mut problem = Problem::new(experiment, specification, None, &Silent).unwrap();
-    let position_m = PreparedModel::new(&problem, None, &Silent).unwrap().forward().trajectory_m(&TRUTH).unwrap();
+    let mut problem = Problem::new(experiment, specification, None, &SilentMonitor).unwrap();
+    let position_m =
+        PreparedModel::new(&problem, None, &SilentMonitor).unwrap().forward().trajectory_m(&TRUTH).unwrap();
     problem.experiment.record.position_m = position_m.into_iter().map(Some).collect();
-    let found = run(&problem, None, &Silent).unwrap();
+    let found = run(&problem, None, &SilentMonitor).unwrap();
     for (value, truth) in found.model_parameters.iter().zip(TRUTH) {
         assert!((value / truth - 1.0).abs() < 1e-5, "{:?}", found.model_parameters);
     }
     let rows = FittedRows::new(&problem);
-    let prepared = PreparedModel::new(&problem, None, &Silent).unwrap();
+    let prepared = PreparedModel::new(&problem, None, &SilentMonitor).unwrap();
     let searched = best_support(&prepared, &[0, 1, 2, 3], &rows).unwrap();
     for found in &searched.searches {
         let parameters = searched.residuals.model_parameters(&found.theta);

@@ -3,8 +3,8 @@
 use crate::problem::Problem;
 use base::error::Result;
 use models::model::Response;
-use record::KeptForce;
-use sampling::least_squares::{Fit, Residuals, Tolerances, fit};
+use record::OwnedForce;
+use sampling::least_squares::{Fit, LeastSquaresProblem, Tolerances, fit};
 
 /// Largest number of positions in the search from all starts. In a longer record, the best minima are refined with all positions.
 pub(super) const MOST_SEARCHED: usize = 20_000;
@@ -16,7 +16,7 @@ pub(super) const SAME_MINIMUM: f64 = 1e-6;
 /// Rows up to the last fitted position.
 pub(super) struct FittedRows {
     time_s: Vec<f64>,
-    force: KeptForce,
+    force: OwnedForce,
     /// Row and position (m) of the fitted positions.
     pub observed: Vec<(usize, f64)>,
 }
@@ -36,15 +36,15 @@ impl FittedRows {
     pub fn thinned(&self, most: usize) -> Self {
         let every = self.observed.len().div_ceil(most).max(1);
         let mut chosen = self.observed.iter().step_by(every).peekable();
-        let KeptForce { at_rows_n, rule } = &self.force;
-        let empty = KeptForce { at_rows_n: Vec::new(), rule: *rule };
+        let OwnedForce { at_rows_n, rule } = &self.force;
+        let empty = OwnedForce { at_rows_n: Vec::new(), rule: *rule };
         let mut thinned = Self { time_s: Vec::new(), force: empty, observed: Vec::new() };
         for (row, (&time_s, &force_n)) in self.time_s.iter().zip(at_rows_n).enumerate() {
             let fitted = chosen.next_if(|(chosen, _)| *chosen == row);
             if let Some((_, position_m)) = fitted {
                 thinned.observed.push((thinned.time_s.len(), *position_m));
             }
-            if fitted.is_some() || self.force.get().is_needed(row) {
+            if fitted.is_some() || self.force.get().changes_at(row) {
                 thinned.time_s.push(time_s);
                 thinned.force.at_rows_n.push(force_n);
             }
@@ -60,7 +60,7 @@ impl FittedRows {
 
 /// Refines searches over few positions with all positions. The best minima continue from their parameters; the other searches keep their objectives, scaled by `more`, the
 /// ratio of all positions to the searched ones.
-pub(super) fn finished(all: &dyn Residuals, found: &[Fit], more: f64) -> Result<Vec<Fit>> {
+pub(super) fn refine_minima(all: &dyn LeastSquaresProblem, found: &[Fit], more: f64) -> Result<Vec<Fit>> {
     let mut order: Vec<&Fit> = found.iter().collect();
     order.sort_by(|a, b| a.objective.total_cmp(&b.objective));
     let mut minima: Vec<&Fit> = Vec::new();
@@ -98,7 +98,7 @@ mod tests {
         let time_s: Vec<f64> = (0..n).map(|i| 0.01 * i as f64 + 0.004 * ((i * 7) % 5) as f64 / 5.0).collect();
         let force_n: Vec<f64> = (0..n).map(|i| 4.6e-6 * f64::from([1, 1, -1, 0][(i / 311) % 4])).collect();
         let observed = (0..n).filter(|i| i % 3 != 1).map(|i| (i, i as f64)).collect();
-        let all = FittedRows { time_s, force: KeptForce { at_rows_n: force_n, rule: ForceRule::Hold }, observed };
+        let all = FittedRows { time_s, force: OwnedForce { at_rows_n: force_n, rule: ForceRule::Hold }, observed };
         let few = all.thinned(50);
         assert_eq!(few.observed.len(), 50);
         assert!(few.time_s.len() <= 50 + 11);

@@ -66,8 +66,8 @@ impl DrawnNoise {
         let parameters: Vec<Vec<f64>> = draws.iter().map(|draw| draw[n_model..].to_vec()).collect();
         let pairs = parameters.par_iter().zip(trajectories_m);
         let recordings = problem.recordings();
-        let sd_m = pairs.map(|(own, x)| model.marginal_sd_m(&record.time_s, &recordings, x, own)).collect();
-        let components = parameters.iter().map(|own| normal_components(model.student_dof(own))).collect();
+        let sd_m = pairs.map(|(values, x)| model.marginal_sd_m(&record.time_s, &recordings, x, values)).collect();
+        let components = parameters.iter().map(|parameter| normal_components(model.student_dof(parameter))).collect();
         Self { model, parameters, sd_m, components }
     }
 }

@@ -1,26 +1,26 @@
 //! Gradient of the log posterior over natural parameters, for gradient-based samplers.
 
-use super::likelihood::{Source, sources};
+use super::likelihood::{ParameterSource, sources};
 use super::noise::NoiseLikelihood;
 use super::prior::PriorSet;
 use base::error::Result;
-use models::model::{Forward, ReducedForward};
+use models::model::{Forward, SurrogateForward};
 
 /// Gradient of [`super::likelihood::ReducedPosterior::log_density_natural`]. It combines exact sensitivities of the reduced model's trajectory, finite differences of the
 /// noise filter, and closed forms of the priors.
 pub struct PosteriorGradient<'a> {
     /// Model up to the last compared row.
-    forward: ReducedForward<'a>,
+    forward: SurrogateForward<'a>,
     noise: NoiseLikelihood,
     priors: &'a PriorSet,
     /// Sources of the model's parameters in order, then the noise's.
-    sources: Vec<Source>,
+    sources: Vec<ParameterSource>,
 }
 
 impl<'a> PosteriorGradient<'a> {
     /// Joins the parts of a posterior; `fixed` holds the parameters without a prior.
     pub fn new(
-        forward: ReducedForward<'a>,
+        forward: SurrogateForward<'a>,
         noise: NoiseLikelihood,
         priors: &'a PriorSet,
         fixed: &std::collections::BTreeMap<String, f64>,
@@ -32,11 +32,11 @@ impl<'a> PosteriorGradient<'a> {
     /// Derivatives by each sampled parameter, per unit of the parameter, in the priors' order. `point` holds natural values in that order.
     ///
     /// # Errors
-    /// Errors of [`ReducedForward::derivative_along_m`]: if the log density is −∞, or the trajectory has no derivative.
+    /// Errors of [`SurrogateForward::derivative_along_m`]: if the log density is −∞, or the trajectory has no derivative.
     pub fn gradient(&self, point: &[f64]) -> Result<Vec<f64>> {
-        let value = |source: &Source| match *source {
-            Source::Sampled(index) => point[index],
-            Source::Fixed(value) => value,
+        let value = |source: &ParameterSource| match *source {
+            ParameterSource::Sampled(index) => point[index],
+            ParameterSource::Fixed(value) => value,
         };
         let values: Vec<f64> = self.sources.iter().map(value).collect();
         let (of_model, of_noise) = values.split_at(self.forward.model.parameters().len());
@@ -44,7 +44,7 @@ impl<'a> PosteriorGradient<'a> {
         let priors = self.priors.priors().iter().zip(point);
         let mut gradient: Vec<f64> = priors.map(|(prior, x)| prior.distribution.ln_pdf_slope(*x)).collect();
         for (place, source) in self.sources.iter().enumerate() {
-            let Source::Sampled(index) = *source else { continue };
+            let ParameterSource::Sampled(index) = *source else { continue };
             gradient[index] += match place.checked_sub(of_model.len()) {
                 Some(noise) => self.noise.slope_in(&position_m, of_noise, noise),
                 None => {

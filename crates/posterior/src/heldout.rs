@@ -5,9 +5,9 @@ use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 
 use super::full_check::FullCheck;
+use super::gaussian_predictive::{BAND_PROBABILITIES, NearNormal, band_normals, near_normals};
 use super::joint::{Predicted, joint};
 use super::mixture::Mixture;
-use super::near_normal::{BAND_PROBABILITIES, NearNormal, band_normals, near_normals};
 use crate::noise::NoiseModel;
 use crate::recordings::recordings;
 use record::Record;
@@ -204,18 +204,18 @@ mod tests {
         };
         let mut rng = ChaCha8Rng::seed_from_u64(8);
         let draw = |rng: &mut ChaCha8Rng| -> f64 { rng.sample(rand_distr::StandardNormal) };
-        let own: Vec<f64> = (0..n_rows).map(|i| check.trajectories_m[0][i] + 4e-6 * draw(&mut rng)).collect();
+        let entry: Vec<f64> = (0..n_rows).map(|i| check.trajectories_m[0][i] + 4e-6 * draw(&mut rng)).collect();
         let scored = |values: &dyn Fn(usize) -> f64| {
             let observed: Vec<Option<f64>> = (0..n_rows).map(|i| Some(values(i))).collect();
             score(&check, &bands, &record, &observed, 3).expect("there are positions")
         };
-        let good = scored(&|i| own[i]);
+        let good = scored(&|i| entry[i]);
         assert!(good.joint_p > 0.01, "{good:?}");
         for (coverage, [lower, upper]) in good.coverage.iter().zip(good.coverage_expected) {
             assert!(*coverage >= lower && *coverage <= upper, "{good:?}");
         }
-        assert!(scored(&|i| own[i] + if i % 2 == 0 { 4e-6 } else { -4e-6 }).joint_p < 1e-3);
-        assert!(scored(&|i| own[i] + if i == 77 { 28e-6 } else { 0.0 }).joint_p < 1e-3);
+        assert!(scored(&|i| entry[i] + if i % 2 == 0 { 4e-6 } else { -4e-6 }).joint_p < 1e-3);
+        assert!(scored(&|i| entry[i] + if i == 77 { 28e-6 } else { 0.0 }).joint_p < 1e-3);
         assert!(score(&check, &bands, &record, &vec![None; n_rows], 3).is_none());
     }
 }

@@ -4,7 +4,7 @@ use rand_distr::StandardNormal;
 
 use super::*;
 use crate::full_check::{NaturalDraw, check};
-use crate::monitor::Silent;
+use crate::monitor::SilentMonitor;
 use crate::prepared::PreparedModel;
 use crate::problem::Problem;
 use crate::replica::{TABLE_I, embedded};
@@ -23,7 +23,7 @@ fn problem() -> Problem {
     experiment.apparatus = Apparatus::Instrument { compliance_per_m: COMPLIANCE_PER_M };
     let noise = ["white", "ou", "gain"].map(String::from);
     let specification = ModelSpecification::from_options(None, &[], &noise, None, &[]).unwrap();
-    Problem::new(experiment, specification, None, &Silent).unwrap()
+    Problem::new(experiment, specification, None, &SilentMonitor).unwrap()
 }
 
 /// Positions (m) of the law in closed form.
@@ -34,7 +34,7 @@ fn exact_m(problem: &Problem) -> Vec<f64> {
 
 /// Check of four equal draws.
 fn check_of(problem: &Problem) -> FullCheck {
-    let prepared = PreparedModel::new(problem, None, &Silent).unwrap();
+    let prepared = PreparedModel::new(problem, None, &SilentMonitor).unwrap();
     let draw: NaturalDraw = TABLE_I.into_iter().chain(NOISE).collect();
     check(&prepared, &vec![draw; 4]).unwrap()
 }

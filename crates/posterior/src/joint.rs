@@ -11,7 +11,7 @@ use super::full_check::FullCheck;
 use super::mixture::Mixture;
 
 /// Number of rows at which slowly varying probabilities are evaluated. They are spread by the golden ratio, which no period of a protocol divides.
-const N_ASKED: usize = 4096;
+const N_EVALUATED: usize = 4096;
 /// Probability on either side of the expected range of a coverage.
 const TAIL: f64 = 0.005;
 
@@ -28,7 +28,7 @@ pub(super) struct Predicted<'a> {
 
 /// Probabilities of larger statistics, and expected ranges of the coverages.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Joint {
+pub(super) struct JointScore {
     /// Probability of a largest standardised deviation at least as large.
     pub p_largest: f64,
     /// Probability of a mean square at least as large.
@@ -38,7 +38,7 @@ pub(super) struct Joint {
 }
 
 /// Probabilities given one draw.
-struct OfDraw {
+struct DrawStatistics {
     p_largest: f64,
     p_square: f64,
     /// Mean and standard deviation of each coverage.
@@ -46,11 +46,11 @@ struct OfDraw {
 }
 
 /// Joint probabilities of the observed `largest` and mean `square` of the standardised deviations.
-pub(super) fn joint(predicted: &Predicted, largest: f64, square: f64) -> Joint {
+pub(super) fn joint(predicted: &Predicted, largest: f64, square: f64) -> JointScore {
     let n_draws = predicted.check.trajectories_m.len();
-    let draws: Vec<OfDraw> =
+    let draws: Vec<DrawStatistics> =
         (0..n_draws).into_par_iter().map(|draw| of_draw(predicted, draw, largest, square)).collect();
-    let mean = |of: fn(&OfDraw) -> f64| draws.iter().map(of).sum::<f64>() / n_draws as f64;
+    let mean = |of: fn(&DrawStatistics) -> f64| draws.iter().map(of).sum::<f64>() / n_draws as f64;
     let range = |band: usize| {
         let coverage = Mixture {
             mean_m: draws.iter().map(|draw| draw.coverage[band].0).collect(),
@@ -58,10 +58,10 @@ pub(super) fn joint(predicted: &Predicted, largest: f64, square: f64) -> Joint {
         };
         [coverage.quantile(TAIL), coverage.quantile(1.0 - TAIL)]
     };
-    Joint { p_largest: mean(|d| d.p_largest), p_square: mean(|d| d.p_square), coverage: [range(0), range(1)] }
+    JointScore { p_largest: mean(|d| d.p_largest), p_square: mean(|d| d.p_square), coverage: [range(0), range(1)] }
 }
 
-fn of_draw(predicted: &Predicted, draw: usize, largest: f64, square: f64) -> OfDraw {
+fn of_draw(predicted: &Predicted, draw: usize, largest: f64, square: f64) -> DrawStatistics {
     let Predicted { check, rows, centre, bands_m } = predicted;
     let (x, sd) = (&check.trajectories_m[draw], &check.noise.sd_m[draw]);
     let n = rows.len() as f64;
@@ -77,7 +77,7 @@ fn of_draw(predicted: &Predicted, draw: usize, largest: f64, square: f64) -> OfD
     }
     let standard = Normal::standard();
     let golden = 0.5 * (5.0_f64.sqrt() - 1.0);
-    let n_asked = N_ASKED.min(rows.len());
+    let n_asked = N_EVALUATED.min(rows.len());
     let asked = |i: usize| {
         if n_asked == rows.len() { i } else { (((i as f64 + 0.5) * golden).fract() * n) as usize }
     };
@@ -96,7 +96,7 @@ fn of_draw(predicted: &Predicted, draw: usize, largest: f64, square: f64) -> OfD
         }
     }
     let asked_share = 1.0 / n_asked as f64;
-    OfDraw {
+    DrawStatistics {
         p_largest: -(ln_below * n * asked_share).exp_m1(),
         p_square: exceeds(n * square, cumulants),
         coverage: std::array::from_fn(|band| (inside[band] * asked_share, (variance[band] * asked_share / n).sqrt())),

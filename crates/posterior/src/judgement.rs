@@ -4,10 +4,10 @@
 //! residuals are tested for patterns ([`SystematicTest`]). If draws predict the held-out cycles jointly, their joint band counts as well.
 
 use documents::posterior::{Warning, WarningKind};
-use figures::number::significant;
-use record::{NoiseOrigin, NoiseYardstick};
+use figures::number::format_significant;
+use record::{NoiseOrigin, ReferenceNoise};
 
-use super::misfit::{Gains, Misfit, OUTSIDE_BAND, Remainder};
+use super::misfit::{GainKnowledge, Misfit, OUTSIDE_BAND, Residuals};
 use super::noise::{NoiseLikelihood, NoiseModel};
 use super::problem::Problem;
 use super::systematic::SystematicTest;
@@ -48,7 +48,7 @@ pub struct Judgement {
 
 impl Judgement {
     /// Judges a prediction; `yardstick` is the noise that is given or estimated from the record.
-    pub fn of(problem: &Problem, prediction: &Prediction, yardstick: Option<NoiseYardstick>) -> Self {
+    pub fn of(problem: &Problem, prediction: &Prediction, yardstick: Option<ReferenceNoise>) -> Self {
         let (experiment, record) = (&problem.experiment, &problem.experiment.record);
         let Prediction { position_m, columns_m, noise: (noise, parameters), learnt_noise_m, joint_p } = *prediction;
         let fitted = problem.positions_of(&experiment.calibration_cycles);
@@ -56,17 +56,17 @@ impl Judgement {
             positions.iter().zip(position_m).map(|(y, x)| y.map(|y| y - x)).collect()
         };
         let has_gain = noise.names().contains(&"gain");
-        let remainder = Remainder {
+        let remainder = Residuals {
             record,
             fitted_m: &left(&fitted),
             heldout_m: &left(&problem.positions_of(&experiment.heldout_cycles)),
             position_m,
             absorbed_m: columns_m,
-            gains: if has_gain { Gains::Declared } else { Gains::None },
+            gains: if has_gain { GainKnowledge::Declared } else { GainKnowledge::None },
         };
         let misfit = match yardstick {
-            Some(NoiseYardstick { sd_m, origin }) => Misfit::of(&remainder, sd_m, matches!(origin, NoiseOrigin::Known)),
-            None => Misfit::beside_fitted(&remainder),
+            Some(ReferenceNoise { sd_m, origin }) => Misfit::of(&remainder, sd_m, matches!(origin, NoiseOrigin::Known)),
+            None => Misfit::relative_to_fitted(&remainder),
         };
         let systematic = yardstick.is_none().then(|| {
             let mut columns: Vec<Vec<f64>> = columns_m.to_vec();
@@ -113,12 +113,12 @@ impl Judgement {
         };
         let miss = |(which, rms_um): (&str, f64)| {
             let over_noise = rms_um / noise_um;
-            let [rms_um, noise_um] = [rms_um, noise_um].map(|um| significant(um, 3));
+            let [rms_um, noise_um] = [rms_um, noise_um].map(|um| format_significant(um, 3));
             format!("the {which} cycles by {rms_um} µm ({over_noise:.1} × {of_noise} {noise_um} µm)")
         };
         let sizes = [("fitted", Some(left.fitted)), ("held-out", left.heldout)];
         let too_large =
-            sizes.into_iter().filter_map(|(which, size)| Some((which, size?))).filter(|own| own.1.is_too_large);
+            sizes.into_iter().filter_map(|(which, size)| Some((which, size?))).filter(|pair| pair.1.is_too_large);
         let misses: Vec<String> = too_large.map(|(which, size)| miss((which, 1e6 * size.rms_m))).collect();
         let mut list = Vec::new();
         if !misses.is_empty() {
@@ -129,7 +129,8 @@ impl Judgement {
                     record, `vitreo-uq diagnose` searches for the missing effect, `vitreo-uq extend --with EFFECT` adds it".into(),
             };
             if let Some(returning_m) = left.returning_m {
-                warning.text += &format!(", and {} µm of it recur in every cycle", significant(1e6 * returning_m, 3));
+                warning.text +=
+                    &format!(", and {} µm of it recur in every cycle", format_significant(1e6 * returning_m, 3));
             }
             // If the noise is as expected and has no gain for each cycle, only the parameters' spread can cover a misfit.
             let is_covered = !is_learnt_too_large && !self.has_gain && self.joint_p.is_some_and(|p| p >= OUTSIDE_BAND);
@@ -146,9 +147,9 @@ impl Judgement {
                 kind: WarningKind::LearntNoiseAboveKnown,
                 text: format!(
                     "the learnt noise of {} µm is {:.1} × the {origin} noise of {} µm: it has absorbed a misfit",
-                    significant(learnt_um, 3),
+                    format_significant(learnt_um, 3),
                     learnt_um / noise_um,
-                    significant(noise_um, 3)
+                    format_significant(noise_um, 3)
                 ),
                 advice:
                     "read the posterior's intervals as the size of the misfit, not as the precision of the measurement"
@@ -172,7 +173,7 @@ impl Judgement {
                     test.first_autocorrelation,
                     test.runs_score.abs(),
                     if test.runs_score < 0.0 { "longer" } else { "shorter" },
-                    significant(test.p, 1)
+                    format_significant(test.p, 1)
                 ),
                 "the law is wrong, or the noise is slow: run `vitreo-uq diagnose`, try another law (--base), or give `noise_um` in [measurement]",
             ),

@@ -10,12 +10,12 @@ use base::number::Dual;
 use documents::posterior::{
     LargeDisplacement, ParameterShift, ParameterSummary, PosteriorSummary, Warning, WarningKind,
 };
-use elements::fe::oldroyd::{Fineness, FiniteGel, FiniteLaw, FiniteRun};
-use figures::labels::of_parameter;
-use figures::number::significant;
+use elements::fe::oldroyd::{Discretisation, FiniteGel, FiniteInput, FiniteLaw};
+use figures::labels::parameter_label;
+use figures::number::format_significant;
 use laws::stages::Stages;
 use models::effects::{AMPLITUDE, MOBILITY};
-use models::surrogate::trajectory::MOST_MOBILITY;
+use models::surrogate::trajectory::MAX_MOBILITY;
 use record::{Apparatus, Robot, RobotShape, Vitreous};
 use sampling::diagnostics::DrawColumn;
 
@@ -26,7 +26,7 @@ use super::problem::Problem;
 /// Smallest displacement in radii for which the estimate runs. The neglected part is cubic in the displacement: a ten-thousandth of it at this value.
 pub const LEAST_RADII: f64 = 0.2;
 /// Smallest root mean square deviation, relative to the noise, that causes a warning.
-const WORTH_SAYING: f64 = 0.1;
+const LEAST_RELEVANT: f64 = 0.1;
 /// Largest relative standard deviation of a parameter for which a first-order shift is meaningful.
 const WELL_KNOWN: f64 = 0.1;
 /// Share of the largest learnt mobility beyond which a mobility's 95 % quantile lies at the end of the range.
@@ -63,10 +63,10 @@ pub fn estimate(problem: &Problem, columns: &[DrawColumn], check: &FullCheck) ->
         deviation_most_um: None,
         shifts: Vec::new(),
     };
-    let gel = FiniteGel::around_sphere(radius_m, outer_radius_m, Fineness::ESTIMATE)?;
+    let gel = FiniteGel::around_sphere(radius_m, outer_radius_m, Discretisation::ESTIMATE)?;
     let load = Stages::of_law(Vec::new()).load;
     let what =
-        FiniteRun { law: &law, load: &load, time_s: &record.time_s[..n_rows], force: record.force().first(n_rows) };
+        FiniteInput { law: &law, load: &load, time_s: &record.time_s[..n_rows], force: record.force().first(n_rows) };
     let Ok(run) = gel.run(&what) else { return Ok(Some(found)) };
     let nothing: Vec<Option<f64>> = fitted[..n_rows].iter().map(|position| position.map(|_| 0.0)).collect();
     found.deviation_rms_um = Some(1e6 * rmse_m(&run.deviation_m, &nothing));
@@ -144,10 +144,10 @@ pub fn warnings(summary: &PosteriorSummary) -> Vec<Warning> {
         text: interpretation([found.mean, found.q05, found.q95], mobility.is_some()),
         advice: "read E, c₁ and c₂ as the gel's properties if the amplitude is 1, otherwise as effective values".into(),
     });
-    let at_end = mobility.is_some_and(|mobility| mobility.q95 > NEARLY * MOST_MOBILITY);
+    let at_end = mobility.is_some_and(|mobility| mobility.q95 > NEARLY * MAX_MOBILITY);
     let at_end = at_end.then(|| Warning {
         kind: WarningKind::EdgeOfRange,
-        text: format!("the mobility of large displacements lies at the end of the learnt range, {MOST_MOBILITY}: this cuts off its interval and those of the other parameters"),
+        text: format!("the mobility of large displacements lies at the end of the learnt range, {MAX_MOBILITY}: this cuts off its interval and those of the other parameters"),
         advice: format!("fix the mobility at larger values (--set {MOBILITY}=0.05), and compare the errors"),
     });
     large.into_iter().chain(interpreted).chain(at_end).collect()
@@ -155,7 +155,7 @@ pub fn warnings(summary: &PosteriorSummary) -> Vec<Warning> {
 
 /// Warning about the estimate, if its deviation is relevant at this noise (µm).
 fn warning(found: &LargeDisplacement, noise_um: Option<f64>) -> Option<Warning> {
-    let digits = |x: f64| significant(x, 2);
+    let digits = |x: f64| format_significant(x, 2);
     let kind = WarningKind::LargeDisplacement;
     let advice = "read the law's parameters as effective values at this amplitude, or repeat with a smaller force. This is an estimate and no correction: other gels \
         with the same small strains (Giesekus's, or a compressible one) deviate differently".into();
@@ -165,7 +165,7 @@ fn warning(found: &LargeDisplacement, noise_um: Option<f64>) -> Option<Warning> 
             format!("the robot moves by {radii} of its radii; the effect of large displacements could not be computed");
         return Some(Warning { kind, text, advice });
     };
-    if noise_um.is_some_and(|noise_um| rms_um < WORTH_SAYING * noise_um) {
+    if noise_um.is_some_and(|noise_um| rms_um < LEAST_RELEVANT * noise_um) {
         return None;
     }
     let over = noise_um.map_or(String::new(), |noise_um| format!(", {} × the noise", digits(rms_um / noise_um)));
@@ -176,7 +176,7 @@ fn warning(found: &LargeDisplacement, noise_um: Option<f64>) -> Option<Warning> 
         digits(rms_um)
     );
     let shift = |shift: &ParameterShift| {
-        let label = of_parameter(&shift.name);
+        let label = parameter_label(&shift.name);
         let side = if shift.relative > 0.0 { "above" } else { "below" };
         format!("{} {} % {side}", label.symbol, digits(100.0 * shift.relative.abs()))
     };
@@ -190,7 +190,7 @@ fn warning(found: &LargeDisplacement, noise_um: Option<f64>) -> Option<Warning> 
 
 /// Interpretation of a fitted amplitude. The value 1 means the exact geometry, in an Oldroyd-B fluid or in a fluid with the fitted mobility.
 pub fn interpretation([mean, q05, q95]: [f64; 3], has_mobility: bool) -> String {
-    let digits = |x: f64| significant(x, 3);
+    let digits = |x: f64| format_significant(x, 3);
     let found = format!(
         "the amplitude of large displacements is {} ({} to {} at 90 %)",
         digits(mean),

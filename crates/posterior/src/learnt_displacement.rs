@@ -5,20 +5,20 @@ use std::sync::Arc;
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
-use super::cache::{self, BuiltFrom};
+use super::cache::{self, ModelInputs};
 use super::problem::Problem;
 use crate::monitor::{Counter, Monitor};
 use crate::study::ModelSpecification;
 use base::error::{Error, Result};
 use base::number::Dual;
-use elements::fe::oldroyd::{Fineness, FiniteGel, FiniteLaw, FiniteRun};
+use elements::fe::oldroyd::{Discretisation, FiniteGel, FiniteInput, FiniteLaw};
 use laws::rheology::Element;
-use laws::stages::{Stages, Stepped};
+use laws::stages::{SharedStepper, Stages};
 use models::effects::{Library, MOBILITY};
-use models::model::{Compliance, Forward, ReducedForward, Response};
-use models::surrogate::trajectory::{LargeScope, LargeStepper, LargeSurface, Mobilities};
+use models::model::{Compliance, Forward, Response, SurrogateForward};
+use models::surrogate::trajectory::{LargeScope, LargeStepper, LargeSurface, MobilityRange};
 use record::Record;
-use sampling::least_squares::{Residuals, Tolerances, fit};
+use sampling::least_squares::{LeastSquaresProblem, Tolerances, fit};
 
 /// Largest number of force changes in a run. Each change takes a fraction of a second, and a linear force changes at every row.
 pub(crate) const MOST_SWITCHES: usize = 64;
@@ -50,23 +50,28 @@ fn refuse_many_switches(record: &Record) -> Result<()> {
 ///
 /// # Errors
 /// [`Error::Numerical`] if there is no sphere at the centre, and errors of [`LargeSurface::learn`].
-pub fn learnt(problem: &Problem, law: &[f64], with_load: bool, monitor: &dyn Monitor) -> Result<(Stepped, f64)> {
+pub fn learn_displacements(
+    problem: &Problem,
+    law: &[f64],
+    with_load: bool,
+    monitor: &dyn Monitor,
+) -> Result<(SharedStepper, f64)> {
     let (_, surface) = surface(problem, law, with_load, monitor)?;
     let (record, error) = (&problem.experiment.record, surface.certified());
     let stepper = LargeStepper::new(surface, &record.time_s, record.force())?;
-    Ok((Stepped(Arc::new(stepper)), error))
+    Ok((SharedStepper(Arc::new(stepper)), error))
 }
 
-/// The learnt surface behind [`learnt`], read from the cache or learnt anew, with its inputs.
+/// The learnt surface behind [`learn_displacements`], read from the cache or learnt anew, with its inputs.
 ///
 /// # Errors
-/// Errors of [`learnt`].
+/// Errors of [`learn_displacements`].
 pub fn surface(
     problem: &Problem,
     law: &[f64],
     with_load: bool,
     monitor: &dyn Monitor,
-) -> Result<(BuiltFrom, LargeSurface)> {
+) -> Result<(ModelInputs, LargeSurface)> {
     let Some(ball) = problem.finite_elements().and_then(|fe| fe.sizes.ball) else { return Err(no_sphere()) };
     let elements = problem.model.base().elements(&law.iter().copied().map(Dual::constant).collect::<Vec<Dual>>());
     let record = &problem.experiment.record;
@@ -75,9 +80,9 @@ pub fn surface(
     // A model without the effect has its mobility held at the null.
     let is_free = problem.specification.freed.iter().any(|name| name == MOBILITY);
     let mobilities = match problem.specification.fixed.get(MOBILITY) {
-        Some(mobility) => Mobilities::Held(*mobility),
-        None if is_free => Mobilities::Free,
-        None => Mobilities::OLDROYD_B,
+        Some(mobility) => MobilityRange::Held(*mobility),
+        None if is_free => MobilityRange::Free,
+        None => MobilityRange::OLDROYD_B,
     };
     // A surface learnt with loads also serves without them.
     let scopes = [true, false].map(|with_load| LargeScope { mobilities, with_load });
@@ -111,9 +116,9 @@ pub fn deviation_m(problem: &Problem, law: &[f64]) -> Result<Vec<f64>> {
     let law = FiniteLaw::new(&elements, mobility).ok_or_else(|| {
         Error::numerical("large displacements cannot be run for springpots", "leave `large-displacement` out")
     })?;
-    let gel = FiniteGel::around_sphere(ball.robot_radius_m, ball.outer_radius_m, Fineness::ESTIMATE)?;
+    let gel = FiniteGel::around_sphere(ball.robot_radius_m, ball.outer_radius_m, Discretisation::ESTIMATE)?;
     let (record, load) = (&problem.experiment.record, Stages::of_law(Vec::new()).load);
-    let what = FiniteRun { law: &law, load: &load, time_s: &record.time_s, force: record.force() };
+    let what = FiniteInput { law: &law, load: &load, time_s: &record.time_s, force: record.force() };
     Ok(gel.run(&what)?.deviation_m)
 }
 
@@ -121,8 +126,8 @@ fn no_sphere() -> Error {
     Error::numerical("large displacements need a sphere at the centre of the gel", "leave `large-displacement` out")
 }
 
-fn built_from(radii_m: [f64; 2], (law, scope): (&[Element], LargeScope), record: &Record) -> Result<BuiltFrom> {
-    Ok(BuiltFrom::new("large displacements")
+fn built_from(radii_m: [f64; 2], (law, scope): (&[Element], LargeScope), record: &Record) -> Result<ModelInputs> {
+    Ok(ModelInputs::new("large displacements")
         .with("radii_m", radii_m)
         .with("law", LargeSurface::place(law, scope)?)
         .with("scope", scope)
@@ -133,7 +138,7 @@ fn built_from(radii_m: [f64; 2], (law, scope): (&[Element], LargeScope), record:
 ///
 /// # Errors
 /// [`Error::Input`] if the base alone is no model of the experiment; [`Error::Numerical`] if it cannot be computed at any start.
-pub fn nearest_law(problem: &Problem, compliance: &Compliance) -> Result<Vec<f64>> {
+pub fn fit_base_law(problem: &Problem, compliance: &Compliance) -> Result<Vec<f64>> {
     let specification = ModelSpecification { effects: Vec::new(), ..problem.specification.clone() };
     let base = problem.with_model(specification, &Library::default())?;
     let record = &base.experiment.record;
@@ -148,9 +153,9 @@ pub fn nearest_law(problem: &Problem, compliance: &Compliance) -> Result<Vec<f64
         return Ok(template[..n_law].to_vec());
     }
     let response = Response::new(&record.time_s, record.force(), record.n_rows());
-    let forward = ReducedForward { model: &base.model, compliance: compliance.clone(), response, trained: &[] };
+    let forward = SurrogateForward { model: &base.model, compliance: compliance.clone(), response, trained: &[] };
     let scale_m = base.experiment.scales().position_range_m;
-    let residuals = Distances { forward, template, free: &free, n_law, scale_m, observed };
+    let residuals = BaseResiduals { forward, template, free: &free, n_law, scale_m, observed };
     let start = |quantile: &dyn Fn(usize) -> f64| -> Vec<f64> {
         let of = |(place, k): (usize, &usize)| match base.priors.get(names[*k]) {
             Some(prior) if *k < n_law => prior.distribution.quantile(quantile(place)).ln(),
@@ -183,8 +188,8 @@ pub fn nearest_law(problem: &Problem, compliance: &Compliance) -> Result<Vec<f64
 }
 
 /// Residuals (m) of the base model's positions. The coordinates are logarithms of the law's parameters, and an offset in units of the positions' range.
-struct Distances<'a> {
-    forward: ReducedForward<'a>,
+struct BaseResiduals<'a> {
+    forward: SurrogateForward<'a>,
     template: Vec<f64>,
     free: &'a [usize],
     n_law: usize,
@@ -192,7 +197,7 @@ struct Distances<'a> {
     observed: Vec<(usize, f64)>,
 }
 
-impl Distances<'_> {
+impl BaseResiduals<'_> {
     fn parameters(&self, theta: &[f64]) -> Vec<f64> {
         let mut parameters = self.template.clone();
         for (k, theta) in self.free.iter().zip(theta) {
@@ -202,7 +207,7 @@ impl Distances<'_> {
     }
 }
 
-impl Residuals for Distances<'_> {
+impl LeastSquaresProblem for BaseResiduals<'_> {
     fn residuals(&self, theta: &[f64]) -> Option<DVector<f64>> {
         let position_m = self.forward.trajectory_m(&self.parameters(theta)).ok()?;
         Some(DVector::from_iterator(self.observed.len(), self.observed.iter().map(|(row, y)| position_m[*row] - y)))

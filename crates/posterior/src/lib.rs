@@ -8,9 +8,9 @@
 //!
 //! No cost grows faster than linearly in the rows:
 //!
-//! - The sum of squares of a base law under white noise depends on one number, the rate E/c₁. `models::model::SumOfSquares` tabulates its inner products, so a point costs
+//! - The sum of squares of a base law under white noise depends on one number, the rate E/c₁. `models::model::ResidualSumOfSquares` tabulates its inner products, so a point costs
 //!   the same with 200 rows and with 200,000.
-//! - Predictions whose draws differ by less than the noise are normal distributions with small corrections ([`near_normal`]).
+//! - Predictions whose draws differ by less than the noise are normal distributions with small corrections ([`gaussian_predictive`]).
 //! - The joint probability of more than 10,000 independent errors has a closed form; other noise is simulated.
 //! - [`fit`] searches among 20,000 positions and refines the best minima with all positions.
 //!
@@ -25,6 +25,7 @@ pub mod check;
 pub mod fit;
 mod fitted_rows;
 pub mod full_check;
+pub mod gaussian_predictive;
 pub mod gradient;
 pub mod heldout;
 mod joint;
@@ -40,7 +41,6 @@ pub mod misfit;
 mod mixture;
 pub mod model_priors;
 pub mod monitor;
-pub mod near_normal;
 pub mod noise;
 pub mod outside;
 pub mod prepared;

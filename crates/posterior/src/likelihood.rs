@@ -12,13 +12,15 @@ use base::elementary;
 use base::error::Result;
 use base::number::Dual;
 use laws::rheology::{BaseLaw, LETHERSICH};
-use models::model::{Compliance, CreepLanes, Forward, Lanes, Model, N_LANES, Response, SumOfSquares, TrainedRange};
+use models::model::{
+    Compliance, CreepLanes, Forward, Lanes, Model, N_LANES, ResidualSumOfSquares, Response, TrainedRange,
+};
 use record::Force;
 use sampling::LogDensity;
 
 /// Source of a parameter's value.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Source {
+pub enum ParameterSource {
     /// Coordinate of the sampler.
     Sampled(usize),
     /// `[fixed]` of `model.toml`, in the parameter's unit.
@@ -26,11 +28,16 @@ pub enum Source {
 }
 
 /// Sources of all parameters: the model's in order, then the noise's.
-pub fn sources(model: &Model, noise: NoiseModel, priors: &PriorSet, fixed: &BTreeMap<String, f64>) -> Vec<Source> {
+pub fn sources(
+    model: &Model,
+    noise: NoiseModel,
+    priors: &PriorSet,
+    fixed: &BTreeMap<String, f64>,
+) -> Vec<ParameterSource> {
     let of_noise = noise.parameters();
-    let source = |name: &str| match priors.names().position(|own| own == name) {
-        Some(index) => Source::Sampled(index),
-        None => Source::Fixed(fixed.get(name).copied().unwrap_or(f64::NAN)),
+    let source = |name: &str| match priors.names().position(|label| label == name) {
+        Some(index) => ParameterSource::Sampled(index),
+        None => ParameterSource::Fixed(fixed.get(name).copied().unwrap_or(f64::NAN)),
     };
     model.parameters().iter().chain(&of_noise).map(|spec| source(spec.name)).collect()
 }
@@ -89,13 +96,13 @@ pub struct FittedRecord<'a> {
 pub struct ReducedPosterior<'a> {
     parts: PosteriorParts<'a>,
     /// Sources of the model's parameters in order, then the noise's.
-    sources: Vec<Source>,
+    sources: Vec<ParameterSource>,
     kernel: Kernel,
 }
 
 enum Kernel {
     /// Lethersich law, no effect, white noise, a force that holds between rows.
-    Squares(SumOfSquares),
+    Squares(ResidualSumOfSquares),
     /// All other models.
     Stages { response: Response, noise: NoiseLikelihood },
 }
@@ -108,7 +115,7 @@ impl<'a> ReducedPosterior<'a> {
         let sources = sources(model, noise, priors, fixed);
         let is_plain = model.base() == BaseLaw::Lethersich && model.is_law_alone();
         let kernel = if is_plain && noise == NoiseModel::default() && !force.is_linear() {
-            Kernel::Squares(SumOfSquares::new(time_s, force.at_rows_n, observed_m).tabulated(ln_rates(&parts)))
+            Kernel::Squares(ResidualSumOfSquares::new(time_s, force.at_rows_n, observed_m).tabulated(ln_rates(&parts)))
         } else {
             let n_rows = observed_m.iter().rposition(Option::is_some).map_or(0, |last| last + 1);
             Kernel::Stages {
@@ -121,9 +128,11 @@ impl<'a> ReducedPosterior<'a> {
 
     /// All parameters, sampled and fixed, in natural units (the model's, then the noise's) at a point of the sampler.
     pub fn natural(&self, point: &[f64]) -> Vec<f64> {
-        let value = |source: &Source| match *source {
-            Source::Sampled(index) => self.parts.priors.priors()[index].distribution.from_unconstrained(point[index]),
-            Source::Fixed(value) => value,
+        let value = |source: &ParameterSource| match *source {
+            ParameterSource::Sampled(index) => {
+                self.parts.priors.priors()[index].distribution.from_unconstrained(point[index])
+            }
+            ParameterSource::Fixed(value) => value,
         };
         self.sources.iter().map(value).collect()
     }
@@ -148,8 +157,8 @@ impl<'a> ReducedPosterior<'a> {
         let mut values = vec![0.0; self.sources.len() * n];
         for (source, out) in self.sources.iter().zip(values.chunks_exact_mut(n)) {
             match *source {
-                Source::Sampled(index) => natural(index, out),
-                Source::Fixed(value) => out.fill(value),
+                ParameterSource::Sampled(index) => natural(index, out),
+                ParameterSource::Fixed(value) => out.fill(value),
             }
         }
         log_density.fill(0.0);
@@ -166,7 +175,7 @@ impl<'a> ReducedPosterior<'a> {
 
     /// Displacement per force at unit creep compliance and the experiment's Poisson ratio (1/m), and the valid ranges of the reduced model.
     pub fn mechanics(&self) -> (f64, &[TrainedRange]) {
-        (self.parts.compliance.given_per_m(), self.parts.trained)
+        (self.parts.compliance.experiment_per_m(), self.parts.trained)
     }
 
     /// Number of compared positions.
@@ -206,8 +215,8 @@ impl<'a> ReducedPosterior<'a> {
         points.sort_unstable_by(order);
     }
 
-    fn add_by_squares(&self, data: &SumOfSquares, values: &mut [f64], log_density: &mut [f64]) {
-        let (n, compliance_per_m) = (log_density.len(), self.parts.compliance.given_per_m());
+    fn add_by_squares(&self, data: &ResidualSumOfSquares, values: &mut [f64], log_density: &mut [f64]) {
+        let (n, compliance_per_m) = (log_density.len(), self.parts.compliance.experiment_per_m());
         let Some(inside) = log_density.iter().position(|density| *density > f64::NEG_INFINITY) else { return };
         // An excluded point takes the values of an included one, so that it cannot leave the table.
         for values in values.chunks_exact_mut(n) {
@@ -303,8 +312,8 @@ impl<'a> ReducedPosterior<'a> {
             (n_model..self.sources.len()).map(|d| std::array::from_fn(|lane| of_lane(d, lane))).collect();
         let mut ln_likelihood = [0.0; N_LANES];
         noise.ln_likelihood_lanes(&scratch.positions_m, &of_noise, &mut ln_likelihood);
-        for (lane, (&point, &own)) in scratch.points.iter().zip(&scratch.lanes).enumerate() {
-            if is_valid[own] {
+        for (lane, (&point, &index)) in scratch.points.iter().zip(&scratch.lanes).enumerate() {
+            if is_valid[index] {
                 log_density[point] += ln_likelihood[lane];
             } else {
                 log_density[point] = f64::NEG_INFINITY;
@@ -377,7 +386,7 @@ mod stages_tests;
 #[cfg(test)]
 mod tests {
     use super::*;
-    use models::model::ReducedForward;
+    use models::model::SurrogateForward;
     use std::collections::BTreeMap;
 
     /// The vectorised posterior equals prior plus scalar likelihood, with a fixed parameter and one point outside the trained range.
@@ -396,7 +405,7 @@ mod tests {
             range("viscosity_2_pa_s", 5.0, 500.0),
         ];
         let model = Model::lethersich();
-        let compliance = Compliance::given(549.0);
+        let compliance = Compliance::fixed(549.0);
         let parts = PosteriorParts {
             model: &model,
             noise: NoiseModel::default(),
@@ -410,7 +419,7 @@ mod tests {
             FittedRecord { time_s: &time_s, force: (&force_n).into(), recording: &cycle, observed_m: &observed };
         let posterior = ReducedPosterior::new(parts, record);
         let response = Response::new(&time_s, &force_n, time_s.len());
-        let forward = ReducedForward { model: &model, compliance, response, trained: &trained };
+        let forward = SurrogateForward { model: &model, compliance, response, trained: &trained };
         let noise_likelihood = NoiseLikelihood::new(NoiseModel::default(), &time_s, &cycle, &observed);
         let naturals = [[3.5, 47.0, 4.0], [2.0, 100.0, 50.0], [25.0, 47.0, 4.0]];
         let n = naturals.len();
@@ -444,7 +453,7 @@ mod tests {
         let parts = PosteriorParts {
             model: &model,
             noise: NoiseModel::default(),
-            compliance: Compliance::given(549.0),
+            compliance: Compliance::fixed(549.0),
             trained: &[],
             priors: &priors,
             fixed: &fixed,

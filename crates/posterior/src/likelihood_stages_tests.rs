@@ -3,10 +3,10 @@
 use super::*;
 use crate::prior::Prior;
 use base::distribution::Distribution;
-use base::error::Place;
+use base::error::InputPlace;
 use models::effects::Library;
-use models::model::ReducedForward;
-use record::Scales;
+use models::model::SurrogateForward;
+use record::CharacteristicSizes;
 
 const COMPLIANCE_PER_M: f64 = 549.0;
 const INTERVAL_S: f64 = 0.05;
@@ -30,11 +30,12 @@ struct Case {
 impl Case {
     /// Creates the case. The priors of the effects include points without a model.
     fn new() -> Self {
-        let scales = Scales { sample_interval_s: INTERVAL_S, duration_s: 4.5, ..Scales::default() };
+        let scales =
+            CharacteristicSizes { sample_interval_s: INTERVAL_S, duration_s: 4.5, ..CharacteristicSizes::default() };
         let library = Library::default();
         let effects = ["force-gradient", "second-retardation"].map(|slug| library.get(slug).unwrap());
-        let model = Model::new(BaseLaw::Lethersich, effects.to_vec(), scales, &Place::default()).unwrap();
-        let noise = NoiseModel::named(&["white".into(), "ou".into()], &Place::default()).unwrap();
+        let model = Model::new(BaseLaw::Lethersich, effects.to_vec(), scales, &InputPlace::default()).unwrap();
+        let noise = NoiseModel::named(&["white".into(), "ou".into()], &InputPlace::default()).unwrap();
         let wanted: Vec<_> = model.parameters().iter().copied().chain(noise.parameters()).collect();
         let distribution = |name: &str| match name {
             "force-gradient.gradient_per_m" => Distribution::Normal { mean: 0.0, sd: 1e3 },
@@ -59,7 +60,7 @@ impl Case {
         PosteriorParts {
             model: &self.model,
             noise: self.noise,
-            compliance: Compliance::given(COMPLIANCE_PER_M),
+            compliance: Compliance::fixed(COMPLIANCE_PER_M),
             trained: &[],
             priors: &self.priors,
             fixed: &self.fixed,
@@ -84,8 +85,8 @@ impl Case {
     /// Prior plus the scalar likelihood of one point; `None` if the forward model refuses it.
     fn scalar(&self, natural: &[f64]) -> Option<f64> {
         let response = Response::new(&self.time_s, &self.force_n, N_ROWS);
-        let compliance = Compliance::given(COMPLIANCE_PER_M);
-        let forward = ReducedForward { model: &self.model, compliance, response, trained: &[] };
+        let compliance = Compliance::fixed(COMPLIANCE_PER_M);
+        let forward = SurrogateForward { model: &self.model, compliance, response, trained: &[] };
         let noise = NoiseLikelihood::new(self.noise, &self.time_s, &self.cycle, &self.observed_m);
         let (of_model, of_noise) = natural.split_at(self.model.parameters().len());
         let likelihood = ln_likelihood(&forward, &noise, of_model, of_noise).ok()?;

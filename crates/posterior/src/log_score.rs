@@ -27,7 +27,7 @@ pub fn log_score(problem: &Problem, trajectories_m: &[Vec<f64>], noise: &[Vec<f6
     if n_scored == 0 || trajectories_m.is_empty() {
         return None;
     }
-    let of_draw = |(x, own): (&Vec<f64>, &Vec<f64>)| all.ln_likelihood(x, own) - past.ln_likelihood(x, own);
+    let of_draw = |(x, values): (&Vec<f64>, &Vec<f64>)| all.ln_likelihood(x, values) - past.ln_likelihood(x, values);
     let ln_densities: Vec<f64> = trajectories_m.par_iter().zip(noise).map(of_draw).collect();
     let top = ln_densities.iter().copied().fold(f64::NEG_INFINITY, f64::max);
     let densities: Vec<f64> = ln_densities.iter().map(|ln| (ln - top).exp()).collect();
@@ -45,7 +45,7 @@ mod tests {
     use nalgebra::{DMatrix, DVector};
 
     use super::*;
-    use crate::monitor::Silent;
+    use crate::monitor::SilentMonitor;
     use crate::replica;
     use crate::study::ModelSpecification;
 
@@ -63,7 +63,7 @@ mod tests {
         let (experiment, _) = replica::embedded().expect("embedded");
         let specification =
             ModelSpecification { noise: vec!["white".into(), "ou".into()], ..ModelSpecification::default() };
-        let problem = Problem::new(experiment.for_comparison(), specification, None, &Silent).expect("sound");
+        let problem = Problem::new(experiment.for_comparison(), specification, None, &SilentMonitor).expect("sound");
         let record = &problem.experiment.record.clone();
         let last = problem.experiment.heldout_cycles.clone();
         let observed: Vec<usize> = (0..record.n_rows()).filter(|i| record.position_m[*i].is_some()).collect();
@@ -78,13 +78,13 @@ mod tests {
         let densities: Vec<f64> = noise
             .iter()
             .zip([0.3, 0.5])
-            .map(|(own, draw)| {
+            .map(|(values, draw)| {
                 let of_rows = |rows: &[usize]| {
                     let y = DVector::from_fn(rows.len(), |k, _| miss_um(draw, rows[k]));
                     let covariance = DMatrix::from_fn(rows.len(), rows.len(), |a, b| {
                         let lag_s = (record.time_s[rows[a]] - record.time_s[rows[b]]).abs();
-                        let white = if a == b { own[0] * own[0] } else { 0.0 };
-                        white + own[1] * own[1] * (-lag_s / own[2]).exp()
+                        let white = if a == b { values[0] * values[0] } else { 0.0 };
+                        white + values[1] * values[1] * (-lag_s / values[2]).exp()
                     });
                     ln_normal(&y, &covariance)
                 };

@@ -3,15 +3,15 @@
 use std::path::PathBuf;
 
 use super::mesh_check;
-use super::outside::Outside;
+use super::outside::ExternalModel;
 use crate::study::sha256_hex;
-use base::error::{Error, Place, Result, Setting};
+use base::error::{Error, InputPlace, Result, Setting};
 use base::files::{self, Content};
 use documents::posterior::Warning;
 use elements::fe::Stiffness;
 use elements::fe::exact::SphereInContainer;
 use elements::fe::quality::MeshQuality;
-use elements::fe::spatial::{Sizes, Surroundings};
+use elements::fe::spatial::{GelAndRobot, PhysicalProperties};
 use elements::fe::time::FullOrderModel;
 use elements::mesh::gmsh::read_gmsh;
 use elements::mesh::{Cylinder, Mesh, OffCentre, QuarterBall, Spheroid};
@@ -39,7 +39,7 @@ pub enum Mechanics {
         compliance_per_m: f64,
     },
     /// An external program.
-    Outside(Box<Outside>),
+    External(Box<ExternalModel>),
 }
 
 /// A second compliance (1/m), with which the mesh's error is estimated.
@@ -71,7 +71,7 @@ pub struct FiniteElements {
     /// Poisson ratio of the vitreous.
     pub poisson_ratio: f64,
     /// Sizes and weights of gel and robot.
-    pub sizes: Sizes,
+    pub sizes: PhysicalProperties,
     /// Reference of the discretisation error; `None` for imported bodies other than spheres in the middle.
     pub comparison: Option<Comparison>,
     /// SHA-256 of the imported mesh's file and unit.
@@ -82,8 +82,8 @@ pub struct FiniteElements {
 
 impl FiniteElements {
     /// Mesh, stiffness and sizes for effects that change the displacement field.
-    pub fn surroundings(&self) -> Surroundings<'_> {
-        Surroundings {
+    pub fn surroundings(&self) -> GelAndRobot<'_> {
+        GelAndRobot {
             mesh: &self.mesh,
             stiffness: &self.stiffness,
             poisson_ratio: self.poisson_ratio,
@@ -96,9 +96,9 @@ impl FiniteElements {
 const WATER_KG_M3: f64 = 1000.0;
 
 /// Sizes and weights of gel and robot in a built-in mesh of a level, or in an imported mesh (`None`).
-pub fn sizes_of(robot: &Robot, vitreous: &Vitreous, level: Option<usize>) -> Sizes {
+pub fn sizes_of(robot: &Robot, vitreous: &Vitreous, level: Option<usize>) -> PhysicalProperties {
     let ball = |diameter_m: f64| level.map(|level| ball(diameter_m, 0.5 * vitreous.diameter_m, level));
-    Sizes {
+    PhysicalProperties {
         // Without a density inertia is refused, and no other effect uses the weights.
         gel_density_kg_m3: vitreous.density_kg_m3.unwrap_or(WATER_KG_M3),
         robot_mass_kg: robot.density_kg_m3.unwrap_or(WATER_KG_M3) * robot.shape.volume_m3(),
@@ -138,13 +138,15 @@ pub fn robot_mesh(robot: &Robot, vitreous: &Vitreous, level: usize) -> Result<Me
         None => mesh,
     };
     mesh.map_err(|error| match error {
-        Error::Numerical { what, remedy } => Error::input(Place::file("experiment.toml").at_key("robot"), what, remedy),
+        Error::Numerical { what, remedy } => {
+            Error::input(InputPlace::file("experiment.toml").at_key("robot"), what, remedy)
+        }
         other => other,
     })
 }
 
 fn moved(place: &OffCentre, centred: Mesh) -> Result<Mesh> {
-    let mesh = place.displaced(centred)?;
+    let mesh = place.displace_mesh(centred)?;
     let n_inverted = MeshQuality::of(&mesh).n_inverted;
     if n_inverted > 0 {
         return Err(Error::numerical(
@@ -177,8 +179,8 @@ fn exact_comparison(robot: &Robot, vitreous: &Vitreous) -> Option<Comparison> {
 /// [`Error::Input`] and [`Error::File`] of the reader.
 pub fn read_mesh(file: &MeshFile, robot: Option<&Robot>, vitreous: &Vitreous) -> Result<(Mesh, Vec<Warning>)> {
     let read = read_gmsh(&file.path, file.metres_per_unit)?;
-    let said = read.warnings.iter().map(|w| mesh_check::warning(w.text(), w.advice()));
-    let doubts = mesh_check::doubts(&read.mesh, robot, vitreous);
+    let said = read.warnings.iter().map(|w| mesh_check::warning(w.message(), w.advice()));
+    let doubts = mesh_check::mesh_warnings(&read.mesh, robot, vitreous);
     let warnings = said.chain(doubts).collect();
     Ok((read.mesh, warnings))
 }
@@ -187,7 +189,7 @@ pub fn read_mesh(file: &MeshFile, robot: Option<&Robot>, vitreous: &Vitreous) ->
 fn refuse_across(robot: &Robot) -> Result<()> {
     match robot.offset {
         Some(Offset { direction: OffsetDirection::Across, distance_m }) => Err(Error::input(
-            Place::setting(Setting::Mesh),
+            InputPlace::setting(Setting::Mesh),
             format!(
                 "the robot is {:.4} mm off the centre across the force, but a mesh from a file is a quarter model, symmetric about that line",
                 1e3 * distance_m

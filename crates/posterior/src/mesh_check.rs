@@ -15,7 +15,7 @@ pub fn warning(text: impl Into<String>, advice: &str) -> Warning {
 }
 
 /// Warnings about doubtful properties of a mesh. Without a robot it may contain any body.
-pub fn doubts(mesh: &Mesh, robot: Option<&Robot>, vitreous: &Vitreous) -> Vec<Warning> {
+pub fn mesh_warnings(mesh: &Mesh, robot: Option<&Robot>, vitreous: &Vitreous) -> Vec<Warning> {
     let mut list = Vec::new();
     // The robot's centre is at the origin. The vitreous is offset from it, on either side.
     let reach_m = |nodes: &[u32], offset: Option<Offset>| {
@@ -84,19 +84,19 @@ mod tests {
     #[test]
     fn a_mesh_of_the_same_apparatus_raises_no_doubt() {
         let (robot, vitreous) = apparatus(0.552, 19.9, 0.499);
-        assert_eq!(doubts(&mesh(), Some(&robot), &vitreous), Vec::<Warning>::new());
+        assert_eq!(mesh_warnings(&mesh(), Some(&robot), &vitreous), Vec::<Warning>::new());
     }
 
     #[test]
     fn sizes_that_differ_by_more_than_one_per_cent_are_named() {
         let (robot, vitreous) = apparatus(0.56, 20.0, 0.48);
-        let found = doubts(&mesh(), Some(&robot), &vitreous);
+        let found = mesh_warnings(&mesh(), Some(&robot), &vitreous);
         assert!(
             found.len() == 1 && found[0].text.contains("0.2750 mm in the mesh and 0.2800 mm in [robot]"),
             "{found:?}"
         );
         let (robot, vitreous) = apparatus(0.55, 20.5, 0.48);
-        let found = doubts(&mesh(), Some(&robot), &vitreous);
+        let found = mesh_warnings(&mesh(), Some(&robot), &vitreous);
         assert!(found.len() == 1 && found[0].text.contains("[vitreous]"), "{found:?}");
     }
 
@@ -107,11 +107,11 @@ mod tests {
         let offset = Some(Offset { distance_m: 2e-3, direction: OffsetDirection::Along });
         let robot = Robot { offset, ..centred };
         let mut moved = crate::mechanics::robot_mesh(&robot, &vitreous, 1).unwrap();
-        assert_eq!(doubts(&moved, Some(&robot), &vitreous), Vec::<Warning>::new());
-        let found = doubts(&moved, Some(&centred), &vitreous);
+        assert_eq!(mesh_warnings(&moved, Some(&robot), &vitreous), Vec::<Warning>::new());
+        let found = mesh_warnings(&moved, Some(&centred), &vitreous);
         assert!(found.len() == 1 && found[0].text.contains("12.0000 mm in the mesh and 10.0000 mm"), "{found:?}");
         moved.node_coordinates_m.iter_mut().for_each(|place| place[0] = -place[0]);
-        assert_eq!(doubts(&moved, Some(&robot), &vitreous), Vec::<Warning>::new());
+        assert_eq!(mesh_warnings(&moved, Some(&robot), &vitreous), Vec::<Warning>::new());
     }
 
     #[test]
@@ -119,9 +119,9 @@ mod tests {
         // The check uses only the kind of the elements.
         let tetrahedral = Mesh { element_kind: ElementKind::Tetrahedron10, connectivity: Vec::new(), ..mesh() };
         let (robot, vitreous) = apparatus(0.55, 20.0, 0.495);
-        let found = doubts(&tetrahedral, Some(&robot), &vitreous);
+        let found = mesh_warnings(&tetrahedral, Some(&robot), &vitreous);
         assert!(found.len() == 1 && found[0].text.contains("0.495"), "{found:?}");
         let (robot, vitreous) = apparatus(0.55, 20.0, 0.48);
-        assert!(doubts(&tetrahedral, Some(&robot), &vitreous).is_empty());
+        assert!(mesh_warnings(&tetrahedral, Some(&robot), &vitreous).is_empty());
     }
 }

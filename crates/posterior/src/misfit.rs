@@ -57,7 +57,7 @@ const SAME_DURATION: f64 = 0.05;
 const LEAST_NEW: f64 = 1e-6;
 
 /// Residuals of a model in a record.
-pub struct Remainder<'a> {
+pub struct Residuals<'a> {
     /// Times, cycles and forces.
     pub record: &'a Record,
     /// Residual (m) in the fitted cycles; one entry per row.
@@ -69,12 +69,12 @@ pub struct Remainder<'a> {
     /// Columns (m) along which the parameters can move the model's position. A residual that recurs along them is no misfit.
     pub absorbed_m: &'a [Vec<f64>],
     /// Knowledge about a gain and an offset of each recording.
-    pub gains: Gains,
+    pub gains: GainKnowledge,
 }
 
 /// Knowledge about a gain and an offset of each recording.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Gains {
+pub enum GainKnowledge {
     /// The noise has none.
     None,
     /// The model declares them.
@@ -85,7 +85,7 @@ pub enum Gains {
 
 /// Root mean square residual, compared with the noise.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Size {
+pub struct ResidualSize {
     /// Root mean square residual in m. If the noise has a gain and an offset for each cycle, they are removed.
     pub rms_m: f64,
     /// True if it exceeds the limit of the noise.
@@ -96,9 +96,9 @@ pub struct Size {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Misfit {
     /// Residual of the fitted cycles.
-    pub fitted: Size,
+    pub fitted: ResidualSize,
     /// Residual of the held-out cycles; `None` without held-out cycles.
-    pub heldout: Option<Size>,
+    pub heldout: Option<ResidualSize>,
     /// Noise (m) that the residuals are compared with.
     pub noise_m: f64,
     /// True if the noise was given with the experiment.
@@ -111,26 +111,28 @@ pub struct Misfit {
 
 impl Misfit {
     /// Compares residuals with a known noise (m), or with a noise estimated from rests or short lags, in which slow noise does not show. `None` if no position is fitted.
-    pub fn of(remainder: &Remainder, noise_m: f64, is_known: bool) -> Option<Self> {
+    pub fn of(remainder: &Residuals, noise_m: f64, is_known: bool) -> Option<Self> {
         Self::beside(remainder, noise_m, is_known, true)
     }
 
     /// Compares residuals with the noise. If the noise is not `is_measured`, its size alone sets no limit.
-    fn beside(remainder: &Remainder, noise_m: f64, is_known: bool, is_measured: bool) -> Option<Self> {
-        let returning = Returning::of(remainder);
-        let has_gain = remainder.gains != Gains::None;
+    fn beside(remainder: &Residuals, noise_m: f64, is_known: bool, is_measured: bool) -> Option<Self> {
+        let returning = RecurringPart::of(remainder);
+        let has_gain = remainder.gains != GainKnowledge::None;
         let fitted = Series::of(remainder, remainder.fitted_m, has_gain)?;
         let heldout = Series::of(remainder, remainder.heldout_m, has_gain && remainder.shows_gains());
         // The parameters' columns spread a misfit of the held-out cycles over all cycles. A recurring misfit must also be in the fitted ones.
         let most_m2 = NOISE_FACTOR * NOISE_FACTOR * fitted.mean_square_m2;
-        let comes_again = returning.as_ref().is_some_and(|own| own.p < RETURN_P && own.returning_m2 <= most_m2);
+        let comes_again = returning
+            .as_ref()
+            .is_some_and(|recurring_part| recurring_part.p < RETURN_P && recurring_part.returning_m2 <= most_m2);
         // Only recurrence distinguishes a misfit from slow noise of unknown size.
         let noise_m = match &returning {
-            Some(own) if !is_known => noise_m.max(own.noise_m2.min(fitted.mean_square_m2).sqrt()),
+            Some(part) if !is_known => noise_m.max(part.noise_m2.min(fitted.mean_square_m2).sqrt()),
             _ => noise_m,
         };
         let has_bound = is_known || is_measured && returning.is_none();
-        let judged = |series: &Series, is_beyond: bool| Size {
+        let judged = |series: &Series, is_beyond: bool| ResidualSize {
             rms_m: series.mean_square_m2.sqrt(),
             is_too_large: series.mean_square_m2.sqrt() > NOISE_FACTOR * noise_m
                 && (comes_again
@@ -143,14 +145,16 @@ impl Misfit {
             heldout: heldout.as_ref().map(|series| judged(series, beyond_fitted(series))),
             noise_m,
             is_known,
-            returning_m: returning.filter(|_| comes_again).map(|own| own.returning_m2.max(0.0).sqrt()),
+            returning_m: returning
+                .filter(|_| comes_again)
+                .map(|recurring_part| recurring_part.returning_m2.max(0.0).sqrt()),
             learnt_degrees: if has_bound { fitted.degrees(noise_m) } else { 0.0 },
         })
     }
 
     /// Compares the held-out residuals with the fitted ones, for unknown noise; `None` if no position is fitted.
-    pub fn beside_fitted(remainder: &Remainder) -> Option<Self> {
-        let fitted = Series::of(remainder, remainder.fitted_m, remainder.gains != Gains::None)?;
+    pub fn relative_to_fitted(remainder: &Residuals) -> Option<Self> {
+        let fitted = Series::of(remainder, remainder.fitted_m, remainder.gains != GainKnowledge::None)?;
         Self::beside(remainder, fitted.corrected_m2(remainder.absorbed_m.len()).sqrt(), false, false)
     }
 
@@ -180,7 +184,7 @@ pub fn directions_of_spread(draws_m: &[Vec<f64>], mean_m: &[f64], n: usize) -> V
     let mut directions: Vec<Vec<f64>> = Vec::with_capacity(n);
     let mut largest = 0.0_f64;
     for _ in 0..n.min(left.len()) {
-        let squares: Vec<f64> = left.iter().map(|own| dot(own, own)).collect();
+        let squares: Vec<f64> = left.iter().map(|values| dot(values, values)).collect();
         let Some(farthest) = (0..left.len()).max_by(|a, b| squares[*a].total_cmp(&squares[*b])) else { break };
         largest = largest.max(squares[farthest]);
         if squares[farthest] <= LEAST_NEW * LEAST_NEW * largest {
@@ -188,9 +192,9 @@ pub fn directions_of_spread(draws_m: &[Vec<f64>], mean_m: &[f64], n: usize) -> V
         }
         let norm = squares[farthest].sqrt();
         let direction: Vec<f64> = left[farthest].iter().map(|value| value / norm).collect();
-        for own in &mut left {
-            let along = dot(own, &direction);
-            subtract(own, &direction, along);
+        for values in &mut left {
+            let along = dot(values, &direction);
+            subtract(values, &direction, along);
         }
         directions.push(direction);
     }
@@ -220,7 +224,7 @@ impl Recording {
     }
 }
 
-impl Remainder<'_> {
+impl Residuals<'_> {
     /// Recordings that contain some of the rows.
     fn recordings(&self, rows: &[Option<f64>]) -> Vec<Recording> {
         let numbers = recordings(self.record);
@@ -241,11 +245,11 @@ impl Remainder<'_> {
 
     /// Returns true if held-out recordings may have a separate gain and offset: if the model declares them, or if they are as large as in fitted recordings.
     fn shows_gains(&self) -> bool {
-        if self.gains != Gains::Learnt {
-            return self.gains == Gains::Declared;
+        if self.gains != GainKnowledge::Learnt {
+            return self.gains == GainKnowledge::Declared;
         }
         let taken_m2 = |rows: &[Option<f64>]| -> Vec<f64> {
-            self.recordings(rows).iter().filter(|own| own.has_own_gain).map(Recording::taken_m2).collect()
+            self.recordings(rows).iter().filter(|recording| recording.has_own_gain).map(Recording::taken_m2).collect()
         };
         let (fitted, heldout) = (taken_m2(self.fitted_m), taken_m2(self.heldout_m));
         if heldout.is_empty() || fitted.len() < 2 {
@@ -267,8 +271,8 @@ struct Series {
 
 impl Series {
     /// Collects residuals. `gives_up_gains` removes a gain and an offset from each recording.
-    fn of(remainder: &Remainder, rows: &[Option<f64>], gives_up_gains: bool) -> Option<Self> {
-        let of = |own: Recording| if gives_up_gains { own.without_gain_m } else { own.left_m };
+    fn of(remainder: &Residuals, rows: &[Option<f64>], gives_up_gains: bool) -> Option<Self> {
+        let of = |recording: Recording| if gives_up_gains { recording.without_gain_m } else { recording.left_m };
         let left_m: Vec<f64> = remainder.recordings(rows).into_iter().flat_map(of).collect();
         let n = left_m.len();
         let mean_square_m2 = left_m.iter().map(|left| left * left).sum::<f64>() / n.max(1) as f64;
@@ -325,7 +329,7 @@ impl Series {
 }
 
 /// Part of the residuals that recurs in every cycle of the same command.
-struct Returning {
+struct RecurringPart {
     /// Share of experiments in which pure noise recurs as well.
     p: f64,
     /// Mean squares of the recurring part and of the other part, in m².
@@ -333,9 +337,9 @@ struct Returning {
     noise_m2: f64,
 }
 
-impl Returning {
+impl RecurringPart {
     /// Estimates the recurring part; `None` if no two cycles of the same command have enough rows.
-    fn of(remainder: &Remainder) -> Option<Self> {
+    fn of(remainder: &Residuals) -> Option<Self> {
         let record = remainder.record;
         let mut left_m: Vec<Option<f64>> =
             remainder.fitted_m.iter().zip(remainder.heldout_m).map(|(fitted, heldout)| fitted.or(*heldout)).collect();
@@ -351,7 +355,7 @@ impl Returning {
         for cycle in &cycles {
             let mut of_cycle: Vec<f64> = cycle.rows.iter().filter_map(|row| left_m[*row]).collect();
             let mut nuisance = vec![vec![1.0; cycle.rows.len()], cycle.phase.clone()];
-            if remainder.gains != Gains::None {
+            if remainder.gains != GainKnowledge::None {
                 nuisance.push(cycle.rows.iter().map(|row| remainder.position_m[*row]).collect());
             }
             take_out(&mut of_cycle, nuisance);
@@ -362,9 +366,12 @@ impl Returning {
         let n_cycles = cycles.len() as f64;
         let (mut statistic, mut returning_m2) = (0.0, 0.0);
         for k in 0..n_harmonics {
-            let sum = coefficients.iter().fold([0.0; 2], |sum, own| [sum[0] + own[k][0], sum[1] + own[k][1]]);
+            let sum = coefficients
+                .iter()
+                .fold([0.0; 2], |sum, coefficient| [sum[0] + coefficient[k][0], sum[1] + coefficient[k][1]]);
             let of_sum = sum[0].powi(2) + sum[1].powi(2);
-            let each: f64 = coefficients.iter().map(|own| own[k][0].powi(2) + own[k][1].powi(2)).sum();
+            let each: f64 =
+                coefficients.iter().map(|coefficient| coefficient[k][0].powi(2) + coefficient[k][1].powi(2)).sum();
             if each > 0.0 {
                 let coherence = (of_sum / (n_cycles * each)).min(1.0 - f64::EPSILON);
                 statistic -= (n_cycles - 1.0) * (-coherence).ln_1p();
@@ -443,9 +450,9 @@ fn take_out(values: &mut [f64], columns: Vec<Vec<f64>>) {
         let whole = dot(&column, &column);
         // Two passes give orthogonality to rounding.
         for _ in 0..2 {
-            for own in &basis {
-                let along = dot(own, &column);
-                subtract(&mut column, own, along);
+            for values in &basis {
+                let along = dot(values, &column);
+                subtract(&mut column, values, along);
             }
         }
         let left = dot(&column, &column);

@@ -4,7 +4,7 @@ use rayon::prelude::*;
 
 use super::*;
 use crate::noise::NoiseModel;
-use base::error::{Place, Setting};
+use base::error::{InputPlace, Setting};
 use sampling::ensemble::RandomStream;
 
 const KNOWN_M: f64 = 4e-6;
@@ -44,8 +44,8 @@ fn kind(noise: [f64; 5], lost: f64, off: f64) -> Kind {
 /// Residuals of pure noise; the last cycle is held out.
 fn left_of(kind: &Kind, record: &Record, position_m: &[f64], seed: u64) -> Vec<Option<f64>> {
     use rand::SeedableRng;
-    let model =
-        NoiseModel::named(&["white", "ou", "gain"].map(String::from), &Place::setting(Setting::Noise)).expect("named");
+    let model = NoiseModel::named(&["white", "ou", "gain"].map(String::from), &InputPlace::setting(Setting::Noise))
+        .expect("named");
     let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(seed);
     let noise_m = model.simulate_m(&record.time_s, &record.cycle, position_m, &kind.noise, &mut rng);
     let mut stream = RandomStream::new(77, seed);
@@ -62,13 +62,13 @@ fn misfit(record: &Record, position_m: &[f64], left_m: &[Option<f64>], is_known:
     let split = |is_wanted: &dyn Fn(u32) -> bool| -> Vec<Option<f64>> {
         left_m.iter().zip(&record.cycle).map(|(left, cycle)| left.filter(|_| is_wanted(*cycle))).collect()
     };
-    let remainder = Remainder {
+    let remainder = Residuals {
         record,
         fitted_m: &split(&|cycle| cycle < 4),
         heldout_m: &split(&|cycle| cycle == 4),
         position_m,
         absorbed_m: &[],
-        gains: if has_gain { Gains::Learnt } else { Gains::None },
+        gains: if has_gain { GainKnowledge::Learnt } else { GainKnowledge::None },
     };
     let noise_m = if is_known { KNOWN_M } else { 1e-6 };
     Misfit::of(&remainder, noise_m, is_known).expect("positions")
@@ -161,13 +161,13 @@ fn what_parameters_can_make_and_other_commands_do_not_count() {
         .collect();
     let found = |record: &Record, absorbed_m: &[Vec<f64>]| {
         let none = vec![None; left_m.len()];
-        let remainder = Remainder {
+        let remainder = Residuals {
             record,
             fitted_m: &left_m,
             heldout_m: &none,
             position_m: &position_m,
             absorbed_m,
-            gains: Gains::Learnt,
+            gains: GainKnowledge::Learnt,
         };
         Misfit::of(&remainder, 1e-6, false).expect("positions").returning_m
     };
@@ -202,18 +202,18 @@ fn noise_is_as_large_in_held_out_cycles_as_in_fitted_ones() {
         let split = |is_wanted: &dyn Fn(u32) -> bool| -> Vec<Option<f64>> {
             left_m.iter().zip(&record.cycle).map(|(left, cycle)| left.filter(|_| is_wanted(*cycle))).collect()
         };
-        let remainder = Remainder {
+        let remainder = Residuals {
             record: &record,
             fitted_m: &split(&|cycle| cycle < 4),
             heldout_m: &split(&|cycle| cycle == 4),
             position_m: &position_m,
             absorbed_m: &[],
-            gains: Gains::None,
+            gains: GainKnowledge::None,
         };
-        let unknown = Misfit::beside_fitted(&remainder).expect("positions");
+        let unknown = Misfit::relative_to_fitted(&remainder).expect("positions");
         [estimated, unknown]
             .iter()
-            .all(|own| own.heldout.is_some_and(|size| size.is_too_large) && !own.fitted.is_too_large)
+            .all(|misfit| misfit.heldout.is_some_and(|size| size.is_too_large) && !misfit.fitted.is_too_large)
     };
     assert_eq!((0..100_u64).into_par_iter().filter(is_found).count(), 100);
 }
@@ -224,19 +224,19 @@ fn noise_is_as_large_in_held_out_cycles_as_in_fitted_ones() {
 fn a_held_out_gain_needs_fitted_ones() {
     let (record, position_m) = record();
     let white = [4.0, 0.01, 1.0, 1e-6, 1e-6];
-    let found = |noise: [f64; 5], heldout_gain: f64, gains: Gains, seed: u64| {
+    let found = |noise: [f64; 5], heldout_gain: f64, gains: GainKnowledge, seed: u64| {
         let left_m = left_of(&kind(noise, 0.0, 0.0), &record, &position_m, 900 + seed);
-        let own = |(row, left): (usize, &Option<f64>)| left.map(|left| left + heldout_gain * position_m[row]);
+        let function = |(row, left): (usize, &Option<f64>)| left.map(|left| left + heldout_gain * position_m[row]);
         let part = |is_wanted: &dyn Fn(u32) -> bool| -> Vec<Option<f64>> {
             let all = left_m.iter().enumerate().zip(&record.cycle);
-            all.map(|(own_row, cycle)| own(own_row).filter(|_| is_wanted(*cycle))).collect()
+            all.map(|(own_row, cycle)| function(own_row).filter(|_| is_wanted(*cycle))).collect()
         };
         let mut fitted_m = part(&|cycle| cycle < 4);
         fitted_m
             .iter_mut()
             .enumerate()
             .for_each(|(row, left)| *left = left.map(|left| left - heldout_gain * position_m[row]));
-        let remainder = Remainder {
+        let remainder = Residuals {
             record: &record,
             fitted_m: &fitted_m,
             heldout_m: &part(&|cycle| cycle == 4),
@@ -246,14 +246,14 @@ fn a_held_out_gain_needs_fitted_ones() {
         };
         Misfit::of(&remainder, KNOWN_M, true).expect("positions").heldout.is_some_and(|size| size.is_too_large)
     };
-    let count = |noise: [f64; 5], gain: f64, gains: Gains| {
+    let count = |noise: [f64; 5], gain: f64, gains: GainKnowledge| {
         (0..100_u64).into_par_iter().filter(|seed| found(noise, gain, gains, *seed)).count()
     };
     let with_gains = [4.0, 0.01, 1.0, 0.03, 1e-6];
-    assert_eq!(count(white, 0.15, Gains::Learnt), 100);
-    assert_eq!(count(white, 0.15, Gains::Declared), 0);
+    assert_eq!(count(white, 0.15, GainKnowledge::Learnt), 100);
+    assert_eq!(count(white, 0.15, GainKnowledge::Declared), 0);
     // Of 100 records 0.1 are expected: 4 or more have a probability below 1e-5.
-    assert!(count(with_gains, 0.0, Gains::Learnt) < 4);
+    assert!(count(with_gains, 0.0, GainKnowledge::Learnt) < 4);
 }
 
 /// Rows of one unbroken hold: the held-out rows have the gain and the offset of the fitted ones, declared or not, so that a growing misfit remains.

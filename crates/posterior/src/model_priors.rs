@@ -46,8 +46,8 @@ pub fn read_priors_with(
     others.dedup();
     let default = |spec: &ParameterSpec, before: &[Prior]| {
         let all = model.nuisances().iter().chain(model.effects());
-        let own = all.flat_map(|effect| effect.parameters()).find(|p| p.spec == *spec);
-        if let Some(parameter) = own {
+        let effect_parameter = all.flat_map(|effect| effect.parameters()).find(|p| p.spec == *spec);
+        if let Some(parameter) = effect_parameter {
             return Some(Prior {
                 name: spec.name.into(),
                 distribution: (parameter.prior)(scales),

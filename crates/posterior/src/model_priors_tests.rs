@@ -1,18 +1,18 @@
 use super::*;
 use crate::replica::embedded;
 use base::distribution::Distribution;
-use base::error::Place;
+use base::error::InputPlace;
 use models::effects::EFFECTS;
 
 fn model(base: BaseLaw, effects: &[&str]) -> Model {
     let library = Library::default();
     let effects = effects.iter().map(|slug| library.get(slug).unwrap()).collect();
-    Model::new(base, effects, embedded().unwrap().0.scales(), &Place::default()).unwrap()
+    Model::new(base, effects, embedded().unwrap().0.scales(), &InputPlace::default()).unwrap()
 }
 
 fn priors(name_or_file: &str, model: &Model, noise: &[&str]) -> PriorSet {
     let noise: Vec<String> = noise.iter().map(|name| name.to_string()).collect();
-    let noise = NoiseModel::named(&noise, &Place::default()).unwrap();
+    let noise = NoiseModel::named(&noise, &InputPlace::default()).unwrap();
     read_priors(name_or_file, model, noise, &Library::default()).unwrap()
 }
 
@@ -74,9 +74,9 @@ fn effects_bring_their_own_priors() {
 fn a_file_s_table_replaces_the_default() {
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("own.toml");
-    let own = "\n[\"tracking-drift.velocity_m_per_s\"]\ndistribution = \"normal\"\nmean = 1e-6\nsd = 3e-7\nunit = \"m/s\"\nsource = \"a stage\"\n\
+    let label = "\n[\"tracking-drift.velocity_m_per_s\"]\ndistribution = \"normal\"\nmean = 1e-6\nsd = 3e-7\nunit = \"m/s\"\nsource = \"a stage\"\n\
                \n[ou_sd_um]\ndistribution = \"half_normal\"\nsd = 7.0\nunit = \"um\"\nsource = \"a stage\"\n";
-    std::fs::write(&file, [PriorSet::named("porcine").unwrap().text(), own].concat()).unwrap();
+    std::fs::write(&file, [PriorSet::named("porcine").unwrap().text(), label].concat()).unwrap();
     let path = file.to_str().unwrap();
     let both = model(BaseLaw::Lethersich, &["force-asymmetry", "tracking-drift"]);
     let (with, without) =

@@ -22,9 +22,9 @@ pub trait Monitor: Sync {
 
 /// Monitor that ignores everything, for tests and callers without a terminal.
 #[derive(Debug, Clone, Copy, Default)]
-pub struct Silent;
+pub struct SilentMonitor;
 
-impl Monitor for Silent {
+impl Monitor for SilentMonitor {
     fn stage(&self, _text: &str) {}
     fn sampling(&self, _progress: &Progress) {}
     fn progress(&self, _done: usize, _most: usize) {}
@@ -46,9 +46,9 @@ pub fn refuse_if_stopped(monitor: &dyn Monitor, kept: &str) -> Result<()> {
 }
 
 /// Silent monitor of one of many pieces of work, which can be stopped.
-pub struct Stoppable<'a>(pub Option<&'a AtomicBool>);
+pub struct StoppableMonitor<'a>(pub Option<&'a AtomicBool>);
 
-impl Monitor for Stoppable<'_> {
+impl Monitor for StoppableMonitor<'_> {
     fn stage(&self, _text: &str) {}
     fn sampling(&self, _progress: &Progress) {}
     fn progress(&self, _done: usize, _most: usize) {}
@@ -59,9 +59,9 @@ impl Monitor for Stoppable<'_> {
 }
 
 /// Monitor that passes on warnings only, for work beside a monitored stage.
-pub struct Warnings<'a>(pub &'a dyn Monitor);
+pub struct WarningMonitor<'a>(pub &'a dyn Monitor);
 
-impl Monitor for Warnings<'_> {
+impl Monitor for WarningMonitor<'_> {
     fn stage(&self, _text: &str) {}
     fn sampling(&self, _progress: &Progress) {}
     fn progress(&self, _done: usize, _most: usize) {}
@@ -74,12 +74,12 @@ impl Monitor for Warnings<'_> {
 }
 
 /// Monitor that only collects warnings, in their order.
-pub struct Collected<'a> {
+pub struct WarningCollector<'a> {
     monitor: &'a dyn Monitor,
     warnings: Mutex<Vec<String>>,
 }
 
-impl<'a> Collected<'a> {
+impl<'a> WarningCollector<'a> {
     /// Creates a collector for work that `monitor` can stop.
     pub fn new(monitor: &'a dyn Monitor) -> Self {
         Self { monitor, warnings: Mutex::default() }
@@ -91,7 +91,7 @@ impl<'a> Collected<'a> {
     }
 }
 
-impl Monitor for Collected<'_> {
+impl Monitor for WarningCollector<'_> {
     fn stage(&self, _text: &str) {}
     fn sampling(&self, _progress: &Progress) {}
     fn progress(&self, _done: usize, _most: usize) {}

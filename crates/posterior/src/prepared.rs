@@ -6,12 +6,12 @@ use std::sync::Arc;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use super::cache::{self, BuiltFrom};
-use super::learnt_displacement::{learnt, nearest_law};
-use super::learnt_outside::{self, Learnt};
+use super::cache::{self, ModelInputs};
+use super::learnt_displacement::{fit_base_law, learn_displacements};
+use super::learnt_outside::{self, ExternalSurrogate};
 use super::mechanics::{FiniteElements, Mechanics};
-use super::monitor::{Counter, Monitor, Warnings};
-use super::outside::Outside;
+use super::monitor::{Counter, Monitor, WarningMonitor};
+use super::outside::ExternalModel;
 use super::problem::{Problem, TAIL_MASS};
 use crate::likelihood::{FittedRecord, PosteriorParts, ReducedPosterior};
 use crate::prior::PriorSet;
@@ -19,9 +19,9 @@ use crate::study::{Kept, WithProvenance};
 use base::error::Result;
 use base::files::{Content, kind, read_if_there};
 use laws::rheology::BaseLaw;
-use laws::stages::{Spread, Stages};
-use models::effects::{Effect, Field, Library, Stage};
-use models::model::{Compliance, Forward, FullForward, ReducedForward, Response, TrainedRange};
+use laws::stages::{ReducedField, Stages};
+use models::effects::{Effect, FieldEffect, Library, Stage};
+use models::model::{Compliance, Forward, FullOrderForward, Response, SurrogateForward, TrainedRange};
 use models::surrogate::{FieldModels, Surrogate, Training, n_pieces, trajectory};
 use record::{Experiment, Force, Record};
 
@@ -98,8 +98,11 @@ impl PreparedModel {
     pub fn new(problem: &Problem, kept: Option<KeptSurrogate>, monitor: &dyn Monitor) -> Result<Self> {
         let mut prepared = Self::unverified(problem, kept, monitor)?;
         if let (Some(fe), false) = (problem.finite_elements(), problem.is_exponential()) {
-            let of_field =
-                problem.model.field().and_then(|(slug, _)| prepared.fields.verified(slug)).or(prepared.learnt_error);
+            let of_field = problem
+                .model
+                .field()
+                .and_then(|(slug, _)| prepared.fields.verification_error(slug))
+                .or(prepared.learnt_error);
             let found = match of_field {
                 Some(found) => found,
                 None => {
@@ -119,7 +122,7 @@ impl PreparedModel {
     ///
     /// # Errors
     /// Errors of the full-order model.
-    pub fn check_now(&self, monitor: &dyn Monitor) -> Result<Option<Verification>> {
+    pub fn verify_now(&self, monitor: &dyn Monitor) -> Result<Option<Verification>> {
         let Some(fe) = self.problem.finite_elements() else { return Ok(None) };
         monitor.stage("checking the reduced model on two full finite-element runs");
         verify(&self.problem, fe, &self.compliance, SLOW_VERIFICATION_RUNS).map(Some)
@@ -129,9 +132,11 @@ impl PreparedModel {
     pub fn unverified(problem: &Problem, kept: Option<KeptSurrogate>, monitor: &dyn Monitor) -> Result<Self> {
         let fe = match &*problem.mechanics {
             Mechanics::Instrument { compliance_per_m } => {
-                return Ok(Self::given(problem, Compliance::given(*compliance_per_m), Vec::new()));
+                return Ok(Self::given(problem, Compliance::fixed(*compliance_per_m), Vec::new()));
             }
-            Mechanics::Outside(own) => return Self::of_outside(problem, own, problem.model.effects(), monitor),
+            Mechanics::External(external_model) => {
+                return Self::for_external(problem, external_model, problem.model.effects(), monitor);
+            }
             Mechanics::FiniteElements(fe) => fe,
         };
         let fields = field_models(fe, kept.as_ref(), problem.model.effects(), monitor)?;
@@ -139,10 +144,10 @@ impl PreparedModel {
         let mut compliance = with_fields(surrogate.compliance(fe.poisson_ratio)?, &fields);
         let mut learnt_error = None;
         if problem.model.field().is_some_and(|(_, field)| field.is_learnt_for_record()) {
-            let law = nearest_law(problem, &compliance)?;
+            let law = fit_base_law(problem, &compliance)?;
             let with_load = problem.model.effects().iter().any(|effect| effect.stage() == Stage::Load);
-            let (stepper, error) = learnt(problem, &law, with_load, monitor)?;
-            compliance = compliance.with_learnt(move || Some(stepper.clone()));
+            let (stepper, error) = learn_displacements(problem, &law, with_load, monitor)?;
+            compliance = compliance.with_trained(move || Some(stepper.clone()));
             learnt_error = Some(error);
         }
         Ok(Self {
@@ -170,17 +175,18 @@ impl PreparedModel {
     }
 
     /// Surrogate of an external program, for models with any of some effects.
-    pub fn of_outside(
+    pub fn for_external(
         problem: &Problem,
-        own: &Outside,
+        external_model: &ExternalModel,
         effects: &[&'static dyn Effect],
         monitor: &dyn Monitor,
     ) -> Result<Self> {
         let is_load = |effect: &&'static dyn Effect| effect.stage() == Stage::Load;
-        let with_load = effects.iter().any(is_load) && own.answers_own_force_alone().is_none();
-        let Learnt { stepper, trained, over_noise } = learnt_outside::learnt(problem, own, with_load, monitor)?;
-        let answers = move |_: &Stages| Ok(Some(Spread::Stepped(stepper.clone())));
-        let compliance = Compliance::given(1.0).with_spread(answers);
+        let with_load = effects.iter().any(is_load) && external_model.force_refusal().is_none();
+        let ExternalSurrogate { stepper, trained, over_noise } =
+            learnt_outside::learn_external(problem, external_model, with_load, monitor)?;
+        let answers = move |_: &Stages| Ok(Some(ReducedField::Stepped(stepper.clone())));
+        let compliance = Compliance::fixed(1.0).with_spread(answers);
         Ok(Self { learnt_error: Some(over_noise), ..Self::given(problem, compliance, trained) })
     }
 
@@ -197,12 +203,14 @@ impl PreparedModel {
         monitor: &dyn Monitor,
     ) -> Result<Self> {
         if let Some(outside) = problem.outside() {
-            return Self::of_outside(problem, outside, &[problem.model.effects(), effects].concat(), monitor);
+            return Self::for_external(problem, outside, &[problem.model.effects(), effects].concat(), monitor);
         }
-        let Some(fe) = problem.finite_elements() else { return Self::unverified(problem, kept, &Warnings(monitor)) };
-        let (widest, wanted) = asked_for(problem, fe, library, effects)?;
+        let Some(fe) = problem.finite_elements() else {
+            return Self::unverified(problem, kept, &WarningMonitor(monitor));
+        };
+        let (widest, wanted) = effect_requirements(problem, fe, library, effects)?;
         let fields = field_models(fe, kept.as_ref(), &wanted, monitor)?;
-        let widest = Self::unverified(widest.as_ref().unwrap_or(problem), kept, &Warnings(monitor))?;
+        let widest = Self::unverified(widest.as_ref().unwrap_or(problem), kept, &WarningMonitor(monitor))?;
         Ok(Self { compliance: with_fields(widest.compliance.clone(), &fields), problem: problem.clone(), ..widest })
     }
 
@@ -222,7 +230,7 @@ pub fn surrogate(
     fe: &FiniteElements,
     kept: Option<KeptSurrogate>,
     monitor: &dyn Monitor,
-) -> Result<(BuiltFrom, Surrogate)> {
+) -> Result<(ModelInputs, Surrogate)> {
     let (law, parameters) = training_law(problem)?;
     let training = training(problem, fe, law, &parameters)?;
     let built_from = built_from(fe, &training);
@@ -245,7 +253,7 @@ pub fn surrogate(
 }
 
 /// Inputs of a problem's surrogate.
-pub fn surrogate_built_from(problem: &Problem, fe: &FiniteElements) -> Result<BuiltFrom> {
+pub fn surrogate_built_from(problem: &Problem, fe: &FiniteElements) -> Result<ModelInputs> {
     let (law, parameters) = training_law(problem)?;
     Ok(built_from(fe, &training(problem, fe, law, &parameters)?))
 }
@@ -263,7 +271,7 @@ pub fn field_models(
         let slug = effect.slug();
         let is_asked = effect.field().is_some_and(|field| !fields.has(slug) && !field.is_learnt_for_record());
         if is_asked {
-            fields = fields.or(field_model(fe, *effect, monitor)?);
+            fields = fields.merged_with(field_model(fe, *effect, monitor)?);
         }
     }
     Ok(fields)
@@ -276,7 +284,7 @@ pub fn field_model(fe: &FiniteElements, effect: &'static dyn Effect, monitor: &d
     if let Some(cached) = cached.filter(|cached| cached.has(effect.slug())) {
         return Ok(cached);
     }
-    let words = effect.field().map_or("an effect", Field::words);
+    let words = effect.field().map_or("an effect", FieldEffect::words);
     monitor.stage(&format!("reducing full finite elements with {words}"));
     let counter = Counter::new(monitor, n_pieces(effect));
     let built = FieldModels::build(effect, &fe.surroundings(), &|| counter.add_one())?;
@@ -285,7 +293,7 @@ pub fn field_model(fe: &FiniteElements, effect: &'static dyn Effect, monitor: &d
 }
 
 /// Inputs of an effect's field model, which depend only on the apparatus.
-pub fn field_built_from(fe: &FiniteElements, slug: &str) -> BuiltFrom {
+pub fn field_built_from(fe: &FiniteElements, slug: &str) -> ModelInputs {
     fields_built_from(fe).with("effect", slug)
 }
 
@@ -309,7 +317,7 @@ impl PreparedModel {
         let parts = PosteriorParts {
             model: &problem.model,
             noise: problem.noise,
-            compliance: trajectory::local(&self.compliance, time_s, force),
+            compliance: trajectory::with_trajectory_cache(&self.compliance, time_s, force),
             trained: &self.trained,
             priors: &problem.priors,
             fixed: &problem.specification.fixed,
@@ -319,23 +327,23 @@ impl PreparedModel {
     }
 
     /// Reduced forward model over the whole record.
-    pub fn forward(&self) -> ReducedForward<'_> {
+    pub fn forward(&self) -> SurrogateForward<'_> {
         let record = &self.problem.experiment.record;
         self.forward_over(Response::new(&record.time_s, record.force(), record.n_rows()))
     }
 
     /// Reduced forward model over the first rows, with the compliance of the posterior.
-    pub fn forward_up_to(&self, n_rows: usize) -> ReducedForward<'_> {
+    pub fn forward_up_to(&self, n_rows: usize) -> SurrogateForward<'_> {
         let record = &self.problem.experiment.record;
         let (time_s, force) = (&record.time_s, record.force());
-        let compliance = trajectory::local(&self.compliance, time_s, force);
-        ReducedForward { compliance, ..self.forward_over(Response::new(time_s, force, n_rows)) }
+        let compliance = trajectory::with_trajectory_cache(&self.compliance, time_s, force);
+        SurrogateForward { compliance, ..self.forward_over(Response::new(time_s, force, n_rows)) }
     }
 
     /// Reduced forward model over the rows of a response.
-    pub(super) fn forward_over(&self, response: Response) -> ReducedForward<'_> {
+    pub(super) fn forward_over(&self, response: Response) -> SurrogateForward<'_> {
         let compliance = self.compliance.clone();
-        ReducedForward { model: &self.problem.model, compliance, response, trained: &self.trained }
+        SurrogateForward { model: &self.problem.model, compliance, response, trained: &self.trained }
     }
 }
 
@@ -344,13 +352,13 @@ impl PreparedModel {
 ///
 /// # Errors
 /// Errors of a model's stages.
-pub fn asked_for(
+pub fn effect_requirements(
     problem: &Problem,
     fe: &FiniteElements,
     library: &Library,
     effects: &[&'static dyn Effect],
 ) -> Result<(Option<Problem>, Vec<&'static dyn Effect>)> {
-    let own = problem.poisson_ratios(fe)?;
+    let values = problem.poisson_ratios(fe)?;
     let (mut widest, mut wanted) = (None, problem.model.effects().to_vec());
     for effect in effects {
         let mut specification = problem.specification.clone();
@@ -361,7 +369,7 @@ pub fn asked_for(
         let Ok(extended) = problem.with_model(specification, library) else { continue };
         wanted.push(*effect);
         let asked = extended.poisson_ratios(fe)?;
-        if asked[0] < own[0] || asked[1] > own[1] {
+        if asked[0] < values[0] || asked[1] > values[1] {
             // At most one effect needs another ratio.
             widest = Some(extended);
         }
@@ -415,10 +423,10 @@ pub struct Verification {
 fn verify(problem: &Problem, fe: &FiniteElements, compliance: &Compliance, n_runs: u32) -> Result<Verification> {
     let (time_s, force) = training_load(problem);
     let model = &problem.model;
-    let full =
-        FullForward::new(model, &fe.stiffness, fe.poisson_ratio, time_s, force)?.in_surroundings(fe.surroundings());
+    let full = FullOrderForward::new(model, &fe.stiffness, fe.poisson_ratio, time_s, force)?
+        .in_surroundings(fe.surroundings());
     let response = Response::new(time_s, force, time_s.len());
-    let reduced = ReducedForward { model, compliance: compliance.clone(), response, trained: &[] };
+    let reduced = SurrogateForward { model, compliance: compliance.clone(), response, trained: &[] };
     let relative_error = |index: u32| {
         let quantile = |(d, name): (u32, &str)| {
             let coordinate = f64::from(sobol_burley::sample(index, d, VERIFICATION_SEED));
@@ -437,17 +445,17 @@ fn verify(problem: &Problem, fe: &FiniteElements, compliance: &Compliance, n_run
 }
 
 /// Inputs of field models: the mesh, sizes, weights and the Poisson ratio.
-fn fields_built_from(fe: &FiniteElements) -> BuiltFrom {
-    BuiltFrom::new("displacement field")
+fn fields_built_from(fe: &FiniteElements) -> ModelInputs {
+    ModelInputs::new("displacement field")
         .with_mesh(&fe.mesh)
         .with("apparatus", fe.sizes)
         .with("poisson_ratio", fe.poisson_ratio)
 }
 
 /// Inputs of a law's surrogate: the mesh and the whole training.
-fn built_from(fe: &FiniteElements, training: &Training) -> BuiltFrom {
+fn built_from(fe: &FiniteElements, training: &Training) -> ModelInputs {
     let Training { law, parameters, poisson_ratio, time_s, force, tolerance } = training;
-    BuiltFrom::new("surrogate")
+    ModelInputs::new("surrogate")
         .with_mesh(&fe.mesh)
         .with("robot_radius_m", fe.sizes.robot_radius_m)
         .with("outer_radius_m", fe.sizes.outer_radius_m)

@@ -5,10 +5,10 @@ use std::path::{Path, PathBuf};
 use rand::Rng;
 
 pub use base::distribution::{Distribution, UnconstrainedDensity};
-use base::error::{Error, Place, Result, Setting};
+use base::error::{Error, InputPlace, Result, Setting};
 use base::files::{self, Content};
 use base::parameter::{NOISE_SD, ParameterSpec};
-use base::toml_input::{Table, TomlInput, text_of};
+use base::toml_input::{TomlInput, TomlTable, text_of};
 use laws::rheology::{InterchangeableParts, LETHERSICH};
 
 /// Parameters of the base law (physics §2) and the white noise, in the order used everywhere.
@@ -60,7 +60,7 @@ pub struct PriorSet {
 
 impl PriorSet {
     /// Names of the built-in priors; the first is the default.
-    pub fn embedded_names() -> impl Iterator<Item = &'static str> {
+    pub fn builtin_names() -> impl Iterator<Item = &'static str> {
         EMBEDDED.iter().map(|(name, _)| *name)
     }
 
@@ -69,7 +69,7 @@ impl PriorSet {
     /// # Errors
     /// [`Error::Input`] if no built-in prior has this name.
     pub fn named(name: &str) -> Result<Self> {
-        if Self::embedded_names().any(|known| known == name) { Self::read(name) } else { Err(unknown_name(name)) }
+        if Self::builtin_names().any(|known| known == name) { Self::read(name) } else { Err(unknown_name(name)) }
     }
 
     /// Reads priors of the base law, by a built-in name or from a file.
@@ -300,11 +300,11 @@ impl PriorSet {
 }
 
 fn unknown_name(name: &str) -> Error {
-    let names: Vec<&str> = PriorSet::embedded_names().collect();
+    let names: Vec<&str> = PriorSet::builtin_names().collect();
     let near = base::units::nearest_name(name, names.iter().copied());
     let hint = near.map_or(String::new(), |near| format!("did you mean `{near}`? "));
     Error::input(
-        Place::setting(Setting::Prior),
+        InputPlace::setting(Setting::Prior),
         format!("`{name}` is neither a file nor the name of a prior"),
         format!("{hint}give the path of a TOML file or one of {}", names.join(", ")),
     )
@@ -312,7 +312,7 @@ fn unknown_name(name: &str) -> Error {
 
 const DISTRIBUTIONS: [&str; 6] = ["log_normal", "normal", "half_normal", "uniform", "log_uniform", "beta"];
 
-fn prior_from(table: Table<'_>, spec: &ParameterSpec) -> Result<Prior> {
+fn prior_from(table: TomlTable<'_>, spec: &ParameterSpec) -> Result<Prior> {
     let distribution = distribution_of(table)?;
     let unit = table.required_text("unit", &format!("unit = \"{}\"", spec.unit))?;
     if unit != spec.unit {
@@ -342,14 +342,14 @@ fn prior_from(table: Table<'_>, spec: &ParameterSpec) -> Result<Prior> {
 ///
 /// # Errors
 /// [`Error::Input`] with file, line, key and remedy.
-pub fn distribution_of(table: Table<'_>) -> Result<Distribution> {
+pub fn distribution_of(table: TomlTable<'_>) -> Result<Distribution> {
     let kind = table.required_text("distribution", "distribution = \"log_normal\"")?;
     let distribution = distribution_from(table, &kind)?;
     refuse_absurd(table)?;
     Ok(distribution)
 }
 
-fn distribution_from(table: Table<'_>, kind: &str) -> Result<Distribution> {
+fn distribution_from(table: TomlTable<'_>, kind: &str) -> Result<Distribution> {
     let only = |numbers: &[&str]| table.only(&[&["distribution", "unit", "source"], numbers].concat());
     let positive = |key: &str| table.required_positive(key, &format!("{key} = 1.0"));
     let number = |key: &str| table.required_number(key, &format!("{key} = 1.0"));
@@ -400,7 +400,7 @@ const SIZES: [f64; 2] = [1e-30, 1e15];
 /// Ranges of numbers without a unit, which give a width or a shape.
 const SHAPES: [(&str, [f64; 2]); 3] = [("log_sd", [1e-6, 20.0]), ("alpha", [1e-3, 1e6]), ("beta", [1e-3, 1e6])];
 
-fn refuse_absurd(table: Table<'_>) -> Result<()> {
+fn refuse_absurd(table: TomlTable<'_>) -> Result<()> {
     for key in table.keys() {
         let shape = SHAPES.iter().find(|(name, _)| *name == key).map(|(_, sizes)| *sizes);
         let is_number = ["median", "mean", "sd", "lower", "upper"].contains(&key);
@@ -418,7 +418,7 @@ fn refuse_absurd(table: Table<'_>) -> Result<()> {
 }
 
 /// Log-normal by median and log_sd, or by the mean and sd of the parameter itself, as papers print them.
-fn log_normal_from(table: Table<'_>) -> Result<Distribution> {
+fn log_normal_from(table: TomlTable<'_>) -> Result<Distribution> {
     let has_moments = table.has("mean") || table.has("sd");
     let has_median = table.has("median") || table.has("log_sd");
     if has_moments && has_median {
@@ -437,7 +437,7 @@ fn log_normal_from(table: Table<'_>) -> Result<Distribution> {
     Ok(Distribution::LogNormal { median, log_sd: table.required_positive("log_sd", "log_sd = 1.25")? })
 }
 
-fn ordered(table: Table<'_>, lower: f64, upper: f64) -> Result<(f64, f64)> {
+fn ordered(table: TomlTable<'_>, lower: f64, upper: f64) -> Result<(f64, f64)> {
     if lower < upper && (upper - lower).is_finite() {
         return Ok((lower, upper));
     }

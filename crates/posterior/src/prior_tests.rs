@@ -28,14 +28,14 @@ fn read(text: &str) -> Result<PriorSet> {
 
 #[test]
 fn every_embedded_prior_is_complete_and_says_where_it_comes_from() {
-    for name in PriorSet::embedded_names() {
+    for name in PriorSet::builtin_names() {
         let set = PriorSet::named(name).unwrap();
         assert_eq!(set.name(), name);
         let expected: Vec<&str> = BASE_PARAMETERS.iter().map(|spec| spec.name).collect();
         assert_eq!(set.names().collect::<Vec<_>>(), expected);
         assert!(set.priors().iter().all(|prior| prior.source.len() > 20));
     }
-    assert_eq!(PriorSet::embedded_names().next(), Some("porcine"));
+    assert_eq!(PriorSet::builtin_names().next(), Some("porcine"));
 }
 
 /// Each file in `priors/` is built in and named in the users' documentation of priors.
@@ -45,7 +45,7 @@ fn every_prior_file_is_embedded_and_documented() {
     let files = std::fs::read_dir(root.join("priors")).unwrap();
     let mut stems: Vec<String> =
         files.map(|file| file.unwrap().path().file_stem().unwrap().to_str().unwrap().into()).collect();
-    let mut names: Vec<&str> = PriorSet::embedded_names().collect();
+    let mut names: Vec<&str> = PriorSet::builtin_names().collect();
     stems.sort();
     names.sort_unstable();
     assert_eq!(stems, names);
@@ -111,7 +111,7 @@ fn values_published_without_spread_are_medians() {
 #[test]
 fn parameters_that_a_publication_leaves_open_are_the_porcine_prior_s() {
     let porcine = PriorSet::named("porcine").unwrap();
-    for name in PriorSet::embedded_names().filter(|name| !["porcine", "generic"].contains(name)) {
+    for name in PriorSet::builtin_names().filter(|name| !["porcine", "generic"].contains(name)) {
         let set = PriorSet::named(name).unwrap();
         for prior in set.priors().iter().filter(|prior| prior.source.contains("not from this publication")) {
             assert_eq!(prior.distribution, porcine.get(&prior.name).unwrap().distribution, "{name}: {}", prior.name);
@@ -295,7 +295,7 @@ fn interchangeable_parts_stand_in_order() {
         set.add_ln_pdf(natural, &mut by_value);
         set.add_ln_pdf_unconstrained(&set.to_unconstrained(natural), &mut by_coordinate);
         assert_eq!(by_value[0].is_finite(), by_coordinate[0].is_finite());
-        let each: f64 = set.distributions().zip(natural).map(|(own, x)| own.ln_pdf(*x)).sum();
+        let each: f64 = set.distributions().zip(natural).map(|(distribution, x)| distribution.ln_pdf(*x)).sum();
         by_value[0] - each
     };
     let alike = of(Distribution::Uniform { lower: 0.0, upper: 1.0 });

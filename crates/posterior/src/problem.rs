@@ -4,18 +4,18 @@ use std::sync::Arc;
 
 use super::mechanics::{FiniteElements, Mechanics, MeshFile};
 use super::model_priors::read_priors;
-use super::outside::{Outside, OutsideForward};
+use super::outside::{ExternalForward, ExternalModel};
 use crate::monitor::Monitor;
 use crate::noise::{NoiseLikelihood, NoiseModel};
 use crate::prior::PriorSet;
 use crate::recordings::recordings;
 use crate::study::ModelSpecification;
 use base::distribution::Distribution;
-use base::error::{Error, Place, Result, Setting};
+use base::error::{Error, InputPlace, Result, Setting};
 use base::number::Dual;
 use base::parameter::ParameterSpec;
-use models::effects::{Field, Library, Stage};
-use models::model::{FullForward, Model, TrainedRange};
+use models::effects::{FieldEffect, Library, Stage};
+use models::model::{FullOrderForward, Model, TrainedRange};
 use record::{Apparatus, Experiment};
 
 /// Prior mass beyond either end of the surrogate's trained range; the prior is truncated there.
@@ -63,7 +63,7 @@ impl Problem {
                 refuse_mesh_outside(mesh_file)?;
                 monitor.stage(&format!("connecting to {}", law.url()));
                 let medians = checked.medians(law.parameters());
-                Mechanics::Outside(Box::new(Outside::connect(law, &experiment.record, &medians)?))
+                Mechanics::External(Box::new(ExternalModel::connect(law, &experiment.record, &medians)?))
             }
             None => {
                 if matches!(experiment.apparatus, Apparatus::Robot { .. }) {
@@ -102,14 +102,19 @@ impl Problem {
     /// # Errors
     /// [`Error::Input`] if the model does not suit the experiment.
     pub fn with_model(&self, specification: ModelSpecification, library: &Library) -> Result<Self> {
-        self.with(self.experiment.clone(), specification, library)
+        self.with_experiment(self.experiment.clone(), specification, library)
     }
 
     /// Joins another model, or other positions, with the same apparatus.
     ///
     /// # Errors
     /// [`Error::Input`] if the model does not suit the experiment.
-    pub fn with(&self, experiment: Experiment, specification: ModelSpecification, library: &Library) -> Result<Self> {
+    pub fn with_experiment(
+        &self,
+        experiment: Experiment,
+        specification: ModelSpecification,
+        library: &Library,
+    ) -> Result<Self> {
         Self::with_mechanics(experiment, specification, library, self.mechanics.clone())
     }
 
@@ -141,22 +146,23 @@ impl Problem {
     pub fn finite_elements(&self) -> Option<&FiniteElements> {
         match &*self.mechanics {
             Mechanics::FiniteElements(fe) => Some(fe),
-            Mechanics::Instrument { .. } | Mechanics::Outside(_) => None,
+            Mechanics::Instrument { .. } | Mechanics::External(_) => None,
         }
     }
 
     /// External program, if the law is one.
-    pub fn outside(&self) -> Option<&Outside> {
+    pub fn outside(&self) -> Option<&ExternalModel> {
         match &*self.mechanics {
-            Mechanics::Outside(outside) => Some(outside),
+            Mechanics::External(outside) => Some(outside),
             Mechanics::FiniteElements(_) | Mechanics::Instrument { .. } => None,
         }
     }
 
     /// Forward model of the external program over the whole record.
-    pub fn outside_forward(&self) -> Option<OutsideForward<'_>> {
+    pub fn outside_forward(&self) -> Option<ExternalForward<'_>> {
         let record = &self.experiment.record;
-        self.outside().map(|own| OutsideForward::new(own, &self.model, &record.time_s, record.force()))
+        self.outside()
+            .map(|external_model| ExternalForward::new(external_model, &self.model, &record.time_s, record.force()))
     }
 
     /// Range of a parameter's prior without `tail` on either side, or its fixed value.
@@ -213,7 +219,7 @@ impl Problem {
     pub fn positions_of(&self, cycles: &[u32]) -> Vec<Option<f64>> {
         let record = &self.experiment.record;
         let pairs = record.position_m.iter().zip(&record.cycle);
-        let is_wanted = record.are_among(cycles);
+        let is_wanted = record.cycle_filter(cycles);
         pairs.map(|(position, cycle)| position.filter(|_| is_wanted(*cycle))).collect()
     }
 
@@ -229,11 +235,11 @@ impl Problem {
     }
 
     /// Full-order forward model over the whole record; `None` without finite elements.
-    pub fn full_forward(&self) -> Result<Option<FullForward<'_>>> {
+    pub fn full_forward(&self) -> Result<Option<FullOrderForward<'_>>> {
         let record = &self.experiment.record;
         self.finite_elements()
             .map(|fe| {
-                FullForward::new(&self.model, &fe.stiffness, fe.poisson_ratio, &record.time_s, record.force())
+                FullOrderForward::new(&self.model, &fe.stiffness, fe.poisson_ratio, &record.time_s, record.force())
                     .map(|full| full.in_surroundings(fe.surroundings()))
             })
             .transpose()
@@ -245,12 +251,12 @@ fn refuse_without_mesh(model: &Model, mechanics: &Mechanics) -> Result<()> {
     let fe = match mechanics {
         Mechanics::FiniteElements(fe) => fe,
         Mechanics::Instrument { .. } => return Ok(()),
-        Mechanics::Outside(outside) => return refuse_loads_unheeded(model, outside),
+        Mechanics::External(outside) => return refuse_loads_unheeded(model, outside),
     };
     match model.field().and_then(|(slug, field)| Some((slug, field.lacks(&fe.surroundings())?))) {
         None => Ok(()),
         Some((slug, reason)) => Err(Error::input(
-            Place::setting(Setting::Effects),
+            InputPlace::setting(Setting::Effects),
             format!("`{slug}` cannot be computed for this robot and mesh: {reason}"),
             "leave it out, or use another mesh",
         )),
@@ -263,8 +269,8 @@ fn refuse_without_density(model: &Model, experiment: &Experiment) -> Result<()> 
     let missing = [("robot", robot.density_kg_m3), ("vitreous", vitreous.density_kg_m3)];
     let missing = missing.iter().find(|(_, density)| density.is_none());
     match (model.field(), missing) {
-        (Some((slug, Field::Pair(pair))), Some((table, _))) if pair.has_mass() => Err(Error::input(
-            Place::setting(Setting::Effects),
+        (Some((slug, FieldEffect::Pair(pair))), Some((table, _))) if pair.has_mass() => Err(Error::input(
+            InputPlace::setting(Setting::Effects),
             format!("`{slug}` needs a density, but [{table}] has none"),
             format!("add `density_kg_m3` to [{table}] of experiment.toml"),
         )),
@@ -273,11 +279,11 @@ fn refuse_without_density(model: &Model, experiment: &Experiment) -> Result<()> 
 }
 
 /// Refuses effects of load if the external program ignores the force.
-fn refuse_loads_unheeded(model: &Model, outside: &Outside) -> Result<()> {
+fn refuse_loads_unheeded(model: &Model, outside: &ExternalModel) -> Result<()> {
     let load = model.effects().iter().find(|effect| effect.stage() == Stage::Load);
-    match (load, outside.answers_own_force_alone()) {
+    match (load, outside.force_refusal()) {
         (Some(effect), Some(reason)) => Err(Error::input(
-            Place::setting(Setting::Effects),
+            InputPlace::setting(Setting::Effects),
             format!(
                 "`{}` changes the force, but the external program predicts only under the record's own force: {reason}",
                 effect.slug()
@@ -291,7 +297,7 @@ fn refuse_loads_unheeded(model: &Model, outside: &Outside) -> Result<()> {
 fn refuse_mesh_outside(mesh_file: Option<&MeshFile>) -> Result<()> {
     mesh_file.map_or(Ok(()), |_| {
         let found = "the law is an external program and has no mesh here";
-        Err(Error::input(Place::setting(Setting::Mesh), found, "leave it out"))
+        Err(Error::input(InputPlace::setting(Setting::Mesh), found, "leave it out"))
     })
 }
 
@@ -306,7 +312,7 @@ fn refuse_fixed_without_model(specification: &ModelSpecification, model: &Model,
     };
     let middle: Vec<Dual> = model.parameters().iter().map(|p| value(p.name).into()).collect();
     match model.stages(&middle) {
-        Err(Error::Numerical { what, remedy }) => Err(Error::input(Place::setting(Setting::Fixed), what, remedy)),
+        Err(Error::Numerical { what, remedy }) => Err(Error::input(InputPlace::setting(Setting::Fixed), what, remedy)),
         other => other.map(|_| ()),
     }
 }
@@ -335,20 +341,20 @@ fn check(experiment: &Experiment, specification: ModelSpecification, library: &L
     let effects = specification.effects(library);
     if let Some(unknown) = specification.effects.iter().find(|slug| library.get(slug).is_none()) {
         return Err(Error::input(
-            Place::setting(Setting::Effects),
+            InputPlace::setting(Setting::Effects),
             format!("there is no effect `{unknown}`"),
             "name effects that `vitreo-uq effects` lists, or give the library that contains it",
         ));
     }
-    let model = Model::new(specification.base, effects, scales, &Place::setting(Setting::Effects))?;
-    let noise = specification.noise_model(&Place::setting(Setting::Noise))?;
+    let model = Model::new(specification.base, effects, scales, &InputPlace::setting(Setting::Effects))?;
+    let noise = specification.noise_model(&InputPlace::setting(Setting::Noise))?;
     let all_priors = read_priors(&specification.prior, &model, noise, library)?;
     for (name, value) in &specification.fixed {
         let spec = model.parameters().iter().copied().chain(noise.parameters()).find(|spec| spec.name == name);
         if !spec.is_some_and(|spec| value.is_finite() && spec.support.contains(*value)) {
             let names: Vec<&str> = all_priors.names().collect();
             return Err(Error::input(
-                Place::setting(Setting::Fixed),
+                InputPlace::setting(Setting::Fixed),
                 format!("{name} = {value}"),
                 format!("set one of {} to a value inside its support", names.join(", ")),
             ));

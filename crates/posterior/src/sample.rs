@@ -6,7 +6,7 @@ use std::time::Instant;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 
-use super::advice::{Findings, impossible_positions, warnings};
+use super::advice::{WarningInputs, impossible_positions_warning, warnings};
 use super::full_check::{self, FullCheck, N_CHECK_DRAWS, NaturalDraw, mean_trajectory, rmse_m};
 use super::heldout::{self, Score};
 use super::judgement::{Judgement, Prediction};
@@ -20,12 +20,12 @@ use crate::monitor::Monitor;
 use crate::prior::PriorSet;
 use crate::trust::trust;
 use base::distribution::Distribution;
-use base::error::{Error, Place, Result, Setting};
+use base::error::{Error, InputPlace, Result, Setting};
 use base::files::write_atomically;
 use documents::posterior::*;
 use documents::trust::Trust;
 use laws::rheology::BaseLaw;
-use record::{Experiment, NoiseOrigin, NoiseYardstick};
+use record::{Experiment, NoiseOrigin, ReferenceNoise};
 use sampling::checkpoint;
 use sampling::diagnostics::ranks::BlomScores;
 use sampling::diagnostics::{DrawColumn, ParameterDiagnostics, diagnose};
@@ -69,7 +69,7 @@ pub struct SampleResult {
     /// Predictive quantiles (m) of every row.
     pub bands_m: Vec<[f64; 5]>,
     /// Noise standard deviation with which residuals are compared.
-    pub yardstick: Option<NoiseYardstick>,
+    pub yardstick: Option<ReferenceNoise>,
     /// Wall-clock seconds of each stage.
     pub timing_s: Vec<(&'static str, f64)>,
 }
@@ -84,7 +84,7 @@ pub fn refuse_too_many_rows(n_rows: usize) -> Result<()> {
     }
     let every = n_rows.div_ceil(MOST_ROWS);
     Err(Error::input(
-        Place::default().at_key("measurement"),
+        InputPlace::default().at_key("measurement"),
         format!("the record has {n_rows} rows, but posterior draws can be predicted at {MOST_ROWS} rows at most"),
         format!("average every {every} rows into one, or use `fit`, which takes the whole record"),
     ))
@@ -98,7 +98,7 @@ pub fn refuse_nothing_to_sample(problem: &Problem) -> Result<()> {
     refuse_too_many_rows(problem.experiment.record.n_rows())?;
     if problem.priors.priors().is_empty() {
         return Err(Error::input(
-            Place::setting(Setting::Fixed),
+            InputPlace::setting(Setting::Fixed),
             "every parameter is fixed, so there is nothing to infer",
             "leave at least one parameter free, or use `simulate`",
         ));
@@ -129,7 +129,7 @@ pub fn run(problem: &Problem, request: &SampleRequest, monitor: &dyn Monitor) ->
         (None, None) => "predicting all cycles".into(),
     });
     let columns = natural_columns(&problem.priors, &outcome);
-    let spread = outcome.draws.spread(N_CHECK_DRAWS);
+    let spread = outcome.draws.subsample(N_CHECK_DRAWS);
     let draws: Vec<NaturalDraw> = spread.iter().map(|point| posterior.natural(point)).collect();
     let check = full_check::check(&model, &draws)?;
     lap("full finite elements");
@@ -139,7 +139,7 @@ pub fn run(problem: &Problem, request: &SampleRequest, monitor: &dyn Monitor) ->
     lap("held-out score");
     let large_displacement = large_displacement::estimate(problem, &columns, &check)?;
     lap("large displacements");
-    let yardstick = problem.experiment.noise_yardstick();
+    let yardstick = problem.experiment.reference_noise();
     let summary = summarise(&model, request, &outcome, &columns, &check, score, large_displacement, yardstick);
     lap("summary");
     Ok(SampleResult { summary, model, outcome, columns, bands_m, yardstick, timing_s })
@@ -167,7 +167,7 @@ pub fn sample(
     let n_starts = if is_plain { N_STARTS } else { N_STARTS_OF_LARGER };
     let names: Vec<&str> = problem.priors.names().collect();
     let from: Vec<Distribution> = names.iter().filter_map(|name| problem.starts_of(name)).collect();
-    let mut start = || -> Vec<f64> { from.iter().map(|own| own.draw(&mut rng)).collect() };
+    let mut start = || -> Vec<f64> { from.iter().map(|distribution| distribution.draw(&mut rng)).collect() };
     let starts: Vec<Vec<f64>> =
         (0..n_starts).map(|_| problem.priors.to_unconstrained(&problem.priors.ordered(start()))).collect();
     let resumed = match request.checkpoint {
@@ -238,7 +238,7 @@ fn summarise(
     check: &FullCheck,
     score: Option<Score>,
     large_displacement: Option<LargeDisplacement>,
-    yardstick: Option<NoiseYardstick>,
+    yardstick: Option<ReferenceNoise>,
 ) -> PosteriorSummary {
     let problem = &prepared.problem;
     let parameters = parameter_summaries(prepared, columns, check);
@@ -254,7 +254,7 @@ fn summarise(
         rmse_um: score.as_ref().map(|s| 1e6 * s.rmse_m),
         rmse_fitted_um: 1e6 * rmse_m(&mean_m, &fitted),
         noise_um: yardstick.map(|y| 1e6 * y.sd_m),
-        noise_origin: yardstick.map_or("unknown".into(), |y| origin(y.origin).into()),
+        noise_origin: yardstick.map_or("unknown".into(), |y| noise_origin_text(y.origin).into()),
         coverage_50: score.as_ref().map(|s| s.coverage[0]),
         coverage_90: score.as_ref().map(|s| s.coverage[1]),
         coverage_50_expected: score.as_ref().map(|s| s.coverage_expected[0]),
@@ -294,7 +294,7 @@ fn summarise(
         trust: Trust::default(),
         warnings: Vec::new(),
     };
-    let messages = with_names(&outcome.messages, &problem.priors);
+    let messages = with_parameter_names(&outcome.messages, &problem.priors);
     let columns_m = directions_of_spread(&check.trajectories_m, &mean_m, problem.model.parameters().len());
     let prediction = Prediction {
         position_m: &mean_m,
@@ -304,8 +304,8 @@ fn summarise(
         joint_p: summary.heldout.joint_p,
     };
     let judgement = &Judgement::of(problem, &prediction, yardstick);
-    let impossible_positions = impossible_positions(&problem.experiment);
-    let findings = Findings { summary: &summary, judgement, sampler_messages: &messages, impossible_positions };
+    let impossible_positions = impossible_positions_warning(&problem.experiment);
+    let findings = WarningInputs { summary: &summary, judgement, sampler_messages: &messages, impossible_positions };
     summary.warnings = warnings(&findings);
     let of_large = large_displacement::warnings(&summary);
     summary.warnings.extend(of_large);
@@ -320,7 +320,7 @@ fn summarise(
 fn median_noise(check: &FullCheck) -> Vec<f64> {
     let draws = &check.noise.parameters;
     let median = |k: usize| {
-        let mut values: Vec<f64> = draws.iter().map(|own| own[k]).collect();
+        let mut values: Vec<f64> = draws.iter().map(|draw| draw[k]).collect();
         values.sort_by(f64::total_cmp);
         values[values.len() / 2]
     };
@@ -369,7 +369,7 @@ fn at_edge_of_box(prepared: &PreparedModel, columns: &[DrawColumn]) -> Option<Wa
 }
 
 /// Replaces the sampler's coordinate numbers by parameter names. The highest number comes first, since 1 begins 10.
-pub fn with_names(messages: &[String], priors: &PriorSet) -> Vec<String> {
+pub fn with_parameter_names(messages: &[String], priors: &PriorSet) -> Vec<String> {
     let names: Vec<&str> = priors.names().collect();
     let named = |message: &String| {
         let numbered = names.iter().enumerate().rev();
@@ -379,7 +379,7 @@ pub fn with_names(messages: &[String], priors: &PriorSet) -> Vec<String> {
 }
 
 /// Origin of the noise standard deviation, in words.
-pub fn origin(origin: NoiseOrigin) -> &'static str {
+pub fn noise_origin_text(origin: NoiseOrigin) -> &'static str {
     match origin {
         NoiseOrigin::Known => "known",
         NoiseOrigin::Rest { .. } => "estimated from rests",
@@ -431,7 +431,7 @@ fn parameter_summaries(prepared: &PreparedModel, columns: &[DrawColumn], check: 
     let relative_mesh_error = problem
         .finite_elements()
         .and_then(|fe| fe.comparison)
-        .map(|comparison| comparison.relative_error(prepared.compliance.given_per_m()));
+        .map(|comparison| comparison.relative_error(prepared.compliance.experiment_per_m()));
     let blom = &BlomScores::new(columns.first().map_or(0, |column| column.values.len()));
     let summary = |(prior, column): (&crate::prior::Prior, &DrawColumn)| {
         let d = diagnose(column, blom);
@@ -463,7 +463,7 @@ fn refused_warning(n_refused: usize) -> Warning {
 /// Learnt noise (µm) that varies from row to row, all such terms together: median over the draws.
 fn learnt_noise_um(check: &FullCheck) -> f64 {
     let noise = &check.noise;
-    let mut noise_um: Vec<f64> = noise.parameters.iter().map(|own| noise.model.row_sd_um(own)).collect();
+    let mut noise_um: Vec<f64> = noise.parameters.iter().map(|parameter| noise.model.row_sd_um(parameter)).collect();
     noise_um.sort_by(f64::total_cmp);
     noise_um[noise_um.len() / 2]
 }
@@ -478,7 +478,7 @@ fn monte_carlo_m(trajectories_m: &[Vec<f64>], mean_m: &[f64]) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::monitor::Silent;
+    use crate::monitor::SilentMonitor;
     use crate::replica;
     use crate::study::ModelSpecification;
     use models::model::Compliance;
@@ -494,10 +494,10 @@ mod tests {
     #[test]
     fn other_mechanics_have_another_fingerprint() {
         let (experiment, _) = replica::embedded().expect("embedded");
-        let problem = Problem::new(experiment, ModelSpecification::default(), None, &Silent).expect("sound");
+        let problem = Problem::new(experiment, ModelSpecification::default(), None, &SilentMonitor).expect("sound");
         let of = |compliance_per_m: f64| {
             let trained = problem.training_ranges();
-            let model = PreparedModel::given(&problem, Compliance::given(compliance_per_m), trained);
+            let model = PreparedModel::given(&problem, Compliance::fixed(compliance_per_m), trained);
             fingerprint(&problem, &model.posterior())
         };
         assert_eq!(of(549.0), of(549.0));

@@ -42,8 +42,8 @@ impl SystematicTest {
         if n < basis.len() + LEAST_DEGREES || !is_finite {
             return None;
         }
-        let own = statistics(residuals);
-        let each = if n > MOST_SIMULATED { in_closed_form(own) } else { by_simulation(own, n, &basis) };
+        let values = statistics(residuals);
+        let each = if n > MOST_SIMULATED { in_closed_form(values) } else { by_simulation(values, n, &basis) };
         Some(Self {
             p: (2.0 * each[0].min(each[1])).min(1.0),
             first_autocorrelation: autocorrelation(residuals)[0],
@@ -67,7 +67,7 @@ fn in_closed_form([correlated, few_runs]: [f64; 2]) -> [f64; 2] {
     [of_lags, Normal::standard().sf(few_runs)]
 }
 
-fn by_simulation(own: [f64; 2], n: usize, basis: &[DVector<f64>]) -> [f64; 2] {
+fn by_simulation(values: [f64; 2], n: usize, basis: &[DVector<f64>]) -> [f64; 2] {
     let simulated = |number: usize| {
         let mut stream = RandomStream::new(SEED, number as u64);
         let mut noise = DVector::from_fn(n, |_, _| stream.normal());
@@ -79,7 +79,7 @@ fn by_simulation(own: [f64; 2], n: usize, basis: &[DVector<f64>]) -> [f64; 2] {
     };
     let all: Vec<[f64; 2]> = (0..N_SIMULATIONS).into_par_iter().map(simulated).collect();
     [0, 1].map(|k| {
-        let at_least = all.iter().filter(|other| other[k] >= own[k]).count();
+        let at_least = all.iter().filter(|other| other[k] >= values[k]).count();
         (1 + at_least) as f64 / (1 + N_SIMULATIONS) as f64
     })
 }
@@ -88,18 +88,18 @@ fn by_simulation(own: [f64; 2], n: usize, basis: &[DVector<f64>]) -> [f64; 2] {
 fn orthonormal(columns: &[Vec<f64>]) -> Vec<DVector<f64>> {
     let mut basis: Vec<DVector<f64>> = Vec::with_capacity(columns.len());
     for column in columns {
-        let mut own = DVector::from_column_slice(column);
-        let whole = own.norm();
+        let mut matrix = DVector::from_column_slice(column);
+        let whole = matrix.norm();
         // Two passes give orthogonality to rounding.
         for _ in 0..2 {
             for direction in &basis {
-                let along = direction.dot(&own);
-                own.axpy(-along, direction, 1.0);
+                let along = direction.dot(&matrix);
+                matrix.axpy(-along, direction, 1.0);
             }
         }
-        let norm = own.norm();
+        let norm = matrix.norm();
         if norm > 1e-9 * whole && norm.is_finite() {
-            basis.push(own / norm);
+            basis.push(matrix / norm);
         }
     }
     basis

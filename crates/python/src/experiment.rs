@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use numpy::{IntoPyArray, PyArray1};
 use pyo3::prelude::*;
 use vitreo_uq::posterior::replica;
-use vitreo_uq::record::{self, ExperimentFiles, Understood};
+use vitreo_uq::record::{self, ExperimentFiles, Interpretation};
 
 use crate::errors::raised;
 
@@ -13,7 +13,7 @@ use crate::errors::raised;
 #[pyclass(frozen, module = "vitreo_uq")]
 pub struct Experiment {
     pub experiment: record::Experiment,
-    pub understood: Understood,
+    pub understood: Interpretation,
     /// Remarks of the reader.
     notes: Vec<String>,
     /// `None` for the embedded replica.
@@ -23,7 +23,7 @@ pub struct Experiment {
 impl Experiment {
     fn new(experiment: record::Experiment, files: ExperimentFiles, path: Option<PathBuf>) -> Self {
         let notes = files.notes.iter().map(ToString::to_string).collect();
-        Self { experiment, understood: files.understood, notes, path }
+        Self { experiment, understood: files.interpretation, notes, path }
     }
 }
 

@@ -13,15 +13,15 @@ use pyo3::types::PyDict;
 use rayon::prelude::*;
 use self_cell::self_cell;
 use vitreo_uq::base::error::{Error, Result};
-use vitreo_uq::jobs::bridge::{Input, Models};
-use vitreo_uq::jobs::first_revision::{as_fitted, kept_surrogate};
+use vitreo_uq::jobs::bridge::{BridgeInput, BridgeModels};
+use vitreo_uq::jobs::first_revision::{kept_surrogate, with_fitted_cycles_of};
 use vitreo_uq::models::effects::Library;
 use vitreo_uq::posterior::check;
 use vitreo_uq::posterior::monitor::Monitor;
 use vitreo_uq::posterior::prepared::PreparedModel;
 use vitreo_uq::posterior::problem::Problem;
 use vitreo_uq::posterior::study::{ModelSpecification, Study};
-use vitreo_uq::record::{self, Understood};
+use vitreo_uq::record::{self, Interpretation};
 use vitreo_uq::sampling::ensemble::Progress;
 
 use crate::errors::{at_point, raised, refused};
@@ -36,21 +36,21 @@ const LOOK: Duration = Duration::from_millis(50);
 
 // The models borrow the prepared model.
 self_cell!(
-    struct Owned {
+    struct OwnedModels {
         owner: PreparedModel,
         #[not_covariant]
-        dependent: Models,
+        dependent: BridgeModels,
     }
 );
 
 /// Keeps warnings for Python, and stops when Python is interrupted.
 #[derive(Default)]
-struct Watcher {
+struct PythonMonitor {
     warnings: Mutex<Vec<String>>,
     stop: AtomicBool,
 }
 
-impl Monitor for Watcher {
+impl Monitor for PythonMonitor {
     fn stage(&self, _text: &str) {}
     fn sampling(&self, _progress: &Progress) {}
     fn progress(&self, _done: usize, _most: usize) {}
@@ -72,24 +72,24 @@ enum Target<'py> {
 }
 
 /// Input after reading.
-struct Subject {
+struct TargetInput {
     experiment: record::Experiment,
-    understood: Understood,
+    understood: Interpretation,
     study: Option<Study>,
 }
 
-impl Subject {
+impl TargetInput {
     fn of(target: &Target<'_>) -> Result<Self> {
         Ok(match target {
-            Target::Experiment(own) => {
-                let Experiment { experiment, understood, .. } = own.get();
+            Target::Experiment(bound) => {
+                let Experiment { experiment, understood, .. } = bound.get();
                 Self { experiment: experiment.clone(), understood: understood.clone(), study: None }
             }
             Target::Path(path) => {
                 let study = if Study::is_study(path) { Some(Study::open(path)?) } else { None };
                 let read = |study: &Study| study.read_experiment();
                 let (experiment, files) = study.as_ref().map_or_else(|| record::Experiment::read(path), read)?;
-                Self { experiment, understood: files.understood, study }
+                Self { experiment, understood: files.interpretation, study }
             }
         })
     }
@@ -123,16 +123,16 @@ struct Asked {
     revision: Option<String>,
 }
 
-fn built(subject: Subject, asked: Asked, watcher: &Watcher) -> Result<Owned> {
-    check::refuse_certain(&subject.experiment, &subject.understood, watcher)?;
+fn built(subject: TargetInput, asked: Asked, watcher: &PythonMonitor) -> Result<OwnedModels> {
+    check::refuse_contradictions(&subject.experiment, &subject.understood, watcher)?;
     let Asked { base, effects, noise, prior, set, revision } = asked;
     let revision = subject.revision(revision)?;
     let start = subject.specification(revision.as_deref())?;
     let specification = start.with_options(base.as_deref(), &effects, &noise, prior.as_deref(), &set)?;
     let kept = subject.study.as_ref().and_then(|study| kept_surrogate(study, watcher));
-    let experiment = as_fitted(subject.experiment, revision.as_deref());
+    let experiment = with_fitted_cycles_of(subject.experiment, revision.as_deref());
     let problem = Problem::new(experiment, specification, None, watcher)?;
-    Owned::try_new(PreparedModel::new(&problem, kept, watcher)?, |model| Models::new(model))
+    OwnedModels::try_new(PreparedModel::new(&problem, kept, watcher)?, |model| BridgeModels::new(model))
 }
 
 /// Reduced model of an experiment or of a study's revision: trajectories, log-densities and their gradients at arrays of points, on all cores.
@@ -140,7 +140,7 @@ fn built(subject: Subject, asked: Asked, watcher: &Watcher) -> Result<Owned> {
 /// Parameters have the order and units of the documents: the model's, then the noise's, without fixed ones.
 #[pyclass(frozen, module = "vitreo_uq")]
 pub struct ReducedModel {
-    owned: Owned,
+    owned: OwnedModels,
     max_relative_error: Option<f64>,
 }
 
@@ -167,11 +167,11 @@ impl ReducedModel {
         let set = fixed.into_iter().map(assigned).collect();
         let prior = prior.map(|path| path.display().to_string());
         let asked = Asked { base, effects, noise, prior, set, revision };
-        let subject = Subject::of(&target).map_err(raised)?;
+        let subject = TargetInput::of(&target).map_err(raised)?;
         if subject.study.is_none() && asked.revision.is_some() {
             return Err(refused("revision", "an experiment has no revisions", "leave it out, or give a study"));
         }
-        let watcher = Watcher::default();
+        let watcher = PythonMonitor::default();
         let owned = std::thread::scope(|scope| {
             let work = scope.spawn(|| built(subject, asked, &watcher));
             while !work.is_finished() {
@@ -196,7 +196,7 @@ impl ReducedModel {
     #[getter]
     fn parameters<'py>(&self, py: Python<'py>) -> PyResult<Vec<Bound<'py, PyDict>>> {
         let inputs = self.with_models(|models| models.inputs());
-        let shown = |Input { prior, ends }: &Input| {
+        let shown = |BridgeInput { prior, ends }: &BridgeInput| {
             let dictionary = PyDict::new(py);
             dictionary.set_item("name", &prior.name)?;
             dictionary.set_item("unit", &prior.unit)?;
@@ -224,7 +224,7 @@ impl ReducedModel {
     /// Number of parameters that `trajectory` takes: the first ones of `names`, without the noise's.
     #[getter]
     fn n_trajectory_parameters(&self) -> usize {
-        self.with_models(|models| models.n_of_trajectory())
+        self.with_models(|models| models.n_trajectory_inputs())
     }
 
     /// Largest distance from full finite elements, relative to the amplitude, on runs that did not train the model; None for an instrument.
@@ -235,7 +235,7 @@ impl ReducedModel {
 
     /// Positions in µm at the rows of the record. Points of shape (n, d) give (n, rows), one point of shape (d,) gives (rows,). `d` is the number of
     /// model parameters, without the noise's. Raises `InputError` if a point lies outside a parameter's range.
-    fn trajectory<'py>(&self, py: Python<'py>, points: Points<'py>) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
+    fn trajectory<'py>(&self, py: Python<'py>, points: PointArray<'py>) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
         let n_rows = self.with_models(|models| models.n_rows());
         let points = points.of_length(self.n_trajectory_parameters())?;
         let values = self.of_each(py, &points, |models, pieces| {
@@ -246,7 +246,7 @@ impl ReducedModel {
 
     /// ln(prior × likelihood) of the fitted cycles, over the untransformed parameters. Points of shape (n, d) give (n,), one point of shape (d,) gives a number
     /// of shape (). It is −inf outside a parameter's range and if an effect has no model. A point with NaN is refused.
-    fn log_density<'py>(&self, py: Python<'py>, points: Points<'py>) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
+    fn log_density<'py>(&self, py: Python<'py>, points: PointArray<'py>) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
         let points = points.of_length(self.with_models(|models| models.inputs()).len())?;
         let values = self.of_each(py, &points, |models, pieces| match models.posterior().log_densities(pieces) {
             Ok(densities) => densities.into_iter().map(Ok).collect(),
@@ -257,7 +257,11 @@ impl ReducedModel {
 
     /// Gradient of `log_density` with respect to each parameter, in its unit. Points of shape (n, d) give (n, d), one point of shape (d,) gives (d,). It is 0
     /// if the density is 0. Raises `InputError` if a parameter has no derivative.
-    fn log_density_gradient<'py>(&self, py: Python<'py>, points: Points<'py>) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
+    fn log_density_gradient<'py>(
+        &self,
+        py: Python<'py>,
+        points: PointArray<'py>,
+    ) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
         let points = points.of_length(self.with_models(|models| models.inputs()).len())?;
         let values = self.of_each(py, &points, |models, pieces| {
             pieces.chunks_exact(points.length).map(|point| models.posterior().gradient_at(point)).collect()
@@ -283,7 +287,7 @@ fn broken() -> Error {
 }
 
 impl ReducedModel {
-    fn with_models<T>(&self, ask: impl FnOnce(&Models<'_>) -> T) -> T {
+    fn with_models<T>(&self, ask: impl FnOnce(&BridgeModels<'_>) -> T) -> T {
         self.owned.with_dependent(|_, models| ask(models))
     }
 
@@ -291,8 +295,8 @@ impl ReducedModel {
     fn of_each<T: Send>(
         &self,
         py: Python<'_>,
-        points: &Flat,
-        ask: impl Fn(&Models<'_>, &[f64]) -> Vec<Result<T>> + Sync,
+        points: &FlatPoints,
+        ask: impl Fn(&BridgeModels<'_>, &[f64]) -> Vec<Result<T>> + Sync,
     ) -> PyResult<Vec<T>> {
         let mut values = Vec::with_capacity(points.n_points());
         for block in points.values.chunks(BLOCK * points.length) {
@@ -312,9 +316,9 @@ impl ReducedModel {
 }
 
 /// Array argument of points: anything that NumPy can convert to an array of numbers.
-struct Points<'py>(PyReadonlyArrayDyn<'py, f64>);
+struct PointArray<'py>(PyReadonlyArrayDyn<'py, f64>);
 
-impl<'py> FromPyObject<'_, 'py> for Points<'py> {
+impl<'py> FromPyObject<'_, 'py> for PointArray<'py> {
     type Error = PyErr;
 
     fn extract(object: Borrowed<'_, 'py, PyAny>) -> PyResult<Self> {
@@ -340,9 +344,9 @@ impl<'py> FromPyObject<'_, 'py> for Points<'py> {
     }
 }
 
-impl Points<'_> {
+impl PointArray<'_> {
     /// Checks that points have `length` numbers, and copies them one after another.
-    fn of_length(&self, length: usize) -> PyResult<Flat> {
+    fn of_length(&self, length: usize) -> PyResult<FlatPoints> {
         let shape = self.0.shape();
         let is_one = match *shape {
             [d] if d == length => true,
@@ -357,17 +361,17 @@ impl Points<'_> {
             let found = format!("number {} of point {} is NaN", at % length, at / length);
             return Err(refused("points", found, "give numbers"));
         }
-        Ok(Flat { values, length, is_one })
+        Ok(FlatPoints { values, length, is_one })
     }
 }
 
-struct Flat {
+struct FlatPoints {
     values: Vec<f64>,
     length: usize,
     is_one: bool,
 }
 
-impl Flat {
+impl FlatPoints {
     fn n_points(&self) -> usize {
         self.values.len() / self.length
     }

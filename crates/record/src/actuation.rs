@@ -3,10 +3,10 @@
 use std::path::Path;
 
 use super::force::{Force, ForceRule};
-use super::table::{KEYS, TableDescription, one_of, read_described, text_in};
+use super::table::{KEYS, TableDescription, decode_table, read_choice, read_described};
 use super::trajectory::Trajectory;
-use base::error::{Error, Place, Result};
-use base::toml_input::Table;
+use base::error::{Error, InputPlace, Result};
+use base::toml_input::TomlTable;
 use base::units::Dimension;
 
 /// Content of the table `[actuation]`.
@@ -27,7 +27,7 @@ const SAME_TIME: f64 = 1e-12;
 
 impl Actuation {
     /// Reads the table. `file` checks and returns the path of the log.
-    pub fn read(actuation: Table<'_>, file: impl Fn(Table<'_>) -> Result<String>) -> Result<Self> {
+    pub fn read(actuation: TomlTable<'_>, file: impl Fn(TomlTable<'_>) -> Result<String>) -> Result<Self> {
         actuation.only(&[&["file", "force", "calibration"], &KEYS[..]].concat())?;
         let description = TableDescription::read_log(actuation)?;
         let calibration = actuation.numbers("calibration")?.unwrap_or_default();
@@ -47,7 +47,7 @@ impl Actuation {
             file: file(actuation)?,
             description,
             calibration,
-            rule: one_of(actuation, "force", &ForceRule::ALL, ForceRule::name)?.unwrap_or_default(),
+            rule: read_choice(actuation, "force", &ForceRule::ALL, ForceRule::name)?.unwrap_or_default(),
             rule_given: actuation.has("force"),
         })
     }
@@ -70,7 +70,7 @@ impl Actuation {
         let begin_s = trajectory.time_s.first().copied().unwrap_or(0.0);
         let first_push_s = (0..log.time_s.len()).find(|&row| changes(row)).map_or(begin_s, |row| log.time_s[row]);
         let shift_s = (-first_push_s).max(0.0);
-        let (mut made, mut force_rows) = (trajectory.emptied(), Vec::new());
+        let (mut made, mut force_rows) = (trajectory.without_rows(), Vec::new());
         let mut coming = (0..log.time_s.len())
             .filter(|&row| changes(row) && log.time_s[row] < last_s - same_s)
             .map(|row| log.time_s[row])
@@ -90,7 +90,7 @@ impl Actuation {
 
     /// Reads the log's rows: times (s) on the trajectory's clock, forces (N).
     fn log(&self, file: &Path, bytes: &[u8], trajectory: &Trajectory) -> Result<Trajectory> {
-        let text = text_in(file, bytes, self.description.layout.encoding)?;
+        let text = decode_table(file, bytes, self.description.layout.encoding)?;
         let mut log = read_described(file, &text, &self.description)?;
         let later_s = log.clock_zero_s - trajectory.clock_zero_s;
         log.time_s.iter_mut().for_each(|time_s| *time_s += later_s);
@@ -101,7 +101,7 @@ impl Actuation {
             if !force.is_finite() {
                 let remedy = "correct the current, or the calibration in [actuation]";
                 return Err(Error::input(
-                    Place::file(file).at_line(*line),
+                    InputPlace::file(file).at_line(*line),
                     format!("the force is {force} N, not a finite number"),
                     remedy,
                 ));
@@ -111,7 +111,7 @@ impl Actuation {
             && log.time_s.last().zip(trajectory.time_s.first()).is_some_and(|(a, b)| a > b);
         if !overlaps {
             return Err(Error::input(
-                Place::file(file).at_line(log.lines.first().copied().unwrap_or(1)),
+                InputPlace::file(file).at_line(log.lines.first().copied().unwrap_or(1)),
                 format!(
                     "the log covers {:?} to {:?} s, but the positions cover {:?} to {:?} s",
                     log.time_s.first().copied().unwrap_or(0.0),

@@ -4,7 +4,7 @@ use std::f64::consts::PI;
 
 use super::indenter::Indenter;
 use base::error::Result;
-use base::toml_input::Table;
+use base::toml_input::TomlTable;
 
 /// Apparatus that converts force to position.
 #[derive(Debug, Clone, PartialEq)]
@@ -198,7 +198,7 @@ const LARGEST_RATIO: f64 = 1e4;
 
 impl Apparatus {
     /// Reads `[robot]` and `[vitreous]`, `[instrument]` or `[indenter]`.
-    pub(super) fn from_document(root: Table<'_>) -> Result<Self> {
+    pub(super) fn from_document(root: TomlTable<'_>) -> Result<Self> {
         if let Some(indenter) = root.table("indenter")? {
             if let Some(other) = ["robot", "vitreous", "instrument"].into_iter().find(|other| root.has(other)) {
                 return Err(root.refuse(
@@ -275,7 +275,7 @@ impl Apparatus {
     }
 }
 
-fn robot_from(table: Table<'_>) -> Result<Robot> {
+fn robot_from(table: TomlTable<'_>) -> Result<Robot> {
     let shape_name = table.required_text("shape", "shape = \"sphere\"")?;
     let shape = match shape_name.as_str() {
         "sphere" => {
@@ -314,7 +314,7 @@ fn robot_from(table: Table<'_>) -> Result<Robot> {
 }
 
 /// Returns `None` for a missing offset or an offset of 0: the robot is in the middle.
-fn offset_from(table: Table<'_>) -> Result<Option<Offset>> {
+fn offset_from(table: TomlTable<'_>) -> Result<Option<Offset>> {
     let distance_mm = table.number("offset_mm")?.unwrap_or(0.0);
     if !(distance_mm >= 0.0 && distance_mm.is_finite()) {
         return Err(table.refuse(
@@ -339,7 +339,7 @@ fn offset_from(table: Table<'_>) -> Result<Option<Offset>> {
     Ok((distance_mm > 0.0).then_some(Offset { distance_m: distance_mm / MM_PER_M, direction }))
 }
 
-fn orientation_from(table: Table<'_>) -> Result<Orientation> {
+fn orientation_from(table: TomlTable<'_>) -> Result<Orientation> {
     match table.required_text("orientation", "orientation = \"horizontal\"")?.as_str() {
         "horizontal" => Ok(Orientation::Horizontal),
         "vertical" => Ok(Orientation::Vertical),
@@ -351,12 +351,12 @@ fn orientation_from(table: Table<'_>) -> Result<Orientation> {
     }
 }
 
-fn density(table: Table<'_>, example: &str) -> Result<Option<f64>> {
+fn density(table: TomlTable<'_>, example: &str) -> Result<Option<f64>> {
     let key = "density_kg_m3";
-    table.positive(key, example)?.map(|density| table.check_within(key, density, DENSITIES_KG_M3)).transpose()
+    table.positive(key, example)?.map(|density| table.require_range(key, density, DENSITIES_KG_M3)).transpose()
 }
 
-fn vitreous_from(table: Table<'_>) -> Result<Vitreous> {
+fn vitreous_from(table: TomlTable<'_>) -> Result<Vitreous> {
     table.only(&["diameter_mm", "poisson_ratio", "density_kg_m3"])?;
     let diameter_m = size_m(table, "diameter_mm", "diameter_mm = 20.0")?;
     let poisson_ratio = table.required_number("poisson_ratio", "poisson_ratio = 0.48")?;
@@ -371,7 +371,7 @@ fn vitreous_from(table: Table<'_>) -> Result<Vitreous> {
     Ok(Vitreous { diameter_m, poisson_ratio, density_kg_m3 })
 }
 
-fn size_m(table: Table<'_>, key: &str, example: &str) -> Result<f64> {
+fn size_m(table: TomlTable<'_>, key: &str, example: &str) -> Result<f64> {
     Ok(table.required_within(key, example, SIZES_MM)? / MM_PER_M)
 }
 

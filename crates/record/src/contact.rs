@@ -8,12 +8,12 @@ use std::ops::Range;
 use std::path::Path;
 
 use super::indenter::Indenter;
-use super::line::Line;
+use super::line::MotionLine;
 use super::noise::SD_PER_MAD;
 use super::notes::Note;
 use super::robust::median;
 use super::trajectory::Trajectory;
-use base::error::{Error, Place, Result};
+use base::error::{Error, InputPlace, Result};
 
 /// Fraction of the largest force above which the tip is surely in contact. Rows before that may be those of a free tip.
 const SURE_OF_CONTACT: f64 = 0.05;
@@ -35,7 +35,7 @@ const FALL: f64 = 0.01;
 const N_FALLING: usize = 5;
 
 /// Force of a free tip.
-struct Free {
+struct FreeForce {
     /// Force at the row where contact begins, in N.
     force_n: f64,
     /// Difference at that row between the straight line through the free rows and the mean of their last quarter, in N.
@@ -50,10 +50,10 @@ struct Free {
 ///
 /// # Errors
 /// [`Error::Input`] if the tip is not pressed in, if the position does not follow the force, or if too few rows remain.
-pub(super) fn settle_contact(file: &Path, trajectory: &mut Trajectory, indenter: &Indenter) -> Result<Note> {
+pub(super) fn trim_to_contact(file: &Path, trajectory: &mut Trajectory, indenter: &Indenter) -> Result<Note> {
     let refuse = |row: usize, key: &str, found: String, remedy: &str| {
         let line = trajectory.lines.get(row).copied().unwrap_or(1);
-        Err(Error::input(Place::file(file).at_line(line).at_key(key), found, remedy))
+        Err(Error::input(InputPlace::file(file).at_line(line).at_key(key), found, remedy))
     };
     let n_rows = trajectory.time_s.len();
     let free = free_force(&trajectory.time_s, &trajectory.force_n);
@@ -123,7 +123,7 @@ const LOST_REMEDY: &str = "give the positions of the tip while it is pressed in"
 
 /// Fits the force of a free tip: a straight line through the rows before contact, because optical levers drift. Returns its value at the last of these rows, or
 /// `None` if the record begins in contact and its forces count unchanged.
-fn free_force(time_s: &[f64], force_n: &[f64]) -> Option<Free> {
+fn free_force(time_s: &[f64], force_n: &[f64]) -> Option<FreeForce> {
     let first_n = median(force_n.iter().take(MIN_FREE_ROWS).copied().collect())?;
     let largest_n = force_n.iter().copied().fold(f64::NEG_INFINITY, f64::max);
     let sure = force_n.iter().position(|force| force - first_n > SURE_OF_CONTACT * (largest_n - first_n))?;
@@ -133,7 +133,7 @@ fn free_force(time_s: &[f64], force_n: &[f64]) -> Option<Free> {
     }
     let steps = force_n[..n_free].windows(2).map(|pair| (pair[1] - pair[0]).abs()).collect();
     let sd_n = SD_PER_MAD / 2.0_f64.sqrt() * median(steps)?;
-    let line = Line::through(time_s.iter().copied().zip(force_n.iter().copied()).take(n_free));
+    let line = MotionLine::through(time_s.iter().copied().zip(force_n.iter().copied()).take(n_free));
     let drift_n = line.slope_per_s.abs() * (time_s[sure] - time_s[0]);
     if drift_n > FREE_DRIFT * SURE_OF_CONTACT * (largest_n - first_n) {
         return None;
@@ -149,7 +149,7 @@ fn free_force(time_s: &[f64], force_n: &[f64]) -> Option<Free> {
     let late = &force_n[n_free - n_free / 4..n_free];
     let late_n = late.iter().sum::<f64>() / late.len() as f64;
     let at_contact_n = line.at(time_s[last_row]);
-    Some(Free { force_n: at_contact_n, error_n: (at_contact_n - late_n).abs(), sd_n, last_row })
+    Some(FreeForce { force_n: at_contact_n, error_n: (at_contact_n - late_n).abs(), sd_n, last_row })
 }
 
 /// Index after the last row of growing depth.

@@ -40,7 +40,7 @@ fn indentation(drift_n_per_s: f64, seed: u64) -> Trajectory {
 }
 
 fn settle(trajectory: &mut Trajectory, indenter: &Indenter) -> Result<Note> {
-    settle_contact(Path::new("t.csv"), trajectory, indenter)
+    trim_to_contact(Path::new("t.csv"), trajectory, indenter)
 }
 
 /// The free force lies within 5 standard errors of a line through 120 rows, extrapolated by 30 rows (0.3 σ). For 100 records this fails once in 10⁶.

@@ -20,14 +20,14 @@ const LAG_GRID: usize = 2000;
 const LAG_TOLERANCE: f64 = 0.05;
 
 /// Cycles of a record.
-pub(super) struct FoundCycles {
+pub(super) struct DetectedCycles {
     /// Cycle of each row, from 1.
     pub cycle: Vec<u32>,
     period_s: Option<f64>,
     text: String,
 }
 
-impl FoundCycles {
+impl DetectedCycles {
     /// Note to the user on the cycles found.
     pub(super) fn note(&self) -> Note {
         let n_cycles = self.cycle.last().copied().unwrap_or(1);
@@ -54,7 +54,7 @@ struct Repetition {
 }
 
 /// Finds the cycles of `record` from its force and ignores existing cycle numbers.
-pub(super) fn find_cycles(record: &Record) -> FoundCycles {
+pub(super) fn find_cycles(record: &Record) -> DetectedCycles {
     let holds = holds_of(record);
     if let Some(repetition) = find_repetition(&holds, record.force_range_n()) {
         return from_repetition(record, &holds, &repetition);
@@ -66,7 +66,7 @@ pub(super) fn find_cycles(record: &Record) -> FoundCycles {
         "there is no `cycle` column and the force does not repeat ({} steps): the whole record is one cycle",
         holds.len().saturating_sub(1)
     );
-    FoundCycles { cycle: vec![1; record.n_rows()], period_s: None, text }
+    DetectedCycles { cycle: vec![1; record.n_rows()], period_s: None, text }
 }
 
 fn holds_of(record: &Record) -> Vec<Hold> {
@@ -151,7 +151,7 @@ fn repeats(holds: &[Hold], length: usize, levels_agree: bool, range_n: f64) -> b
         })
 }
 
-fn from_repetition(record: &Record, holds: &[Hold], repetition: &Repetition) -> FoundCycles {
+fn from_repetition(record: &Record, holds: &[Hold], repetition: &Repetition) -> DetectedCycles {
     let n_hold_groups = (holds.len() - repetition.first).div_ceil(repetition.length);
     let mut starts: Vec<usize> =
         (0..n_hold_groups).map(|group| holds[repetition.first + group * repetition.length].first_row).collect();
@@ -181,7 +181,7 @@ fn from_repetition(record: &Record, holds: &[Hold], repetition: &Repetition) -> 
     if n_left > 0 && !last_is_rest {
         text += "; the last cycle is incomplete";
     }
-    FoundCycles { cycle, period_s, text }
+    DetectedCycles { cycle, period_s, text }
 }
 
 fn listed(times_s: &[f64]) -> String {
@@ -230,7 +230,7 @@ fn repeating_lag_s(record: &Record) -> Option<f64> {
 }
 
 /// Forms cycles of length `period_s`. Each begins at the force step nearest to its expected start, if a step is near.
-fn from_period(record: &Record, period_s: f64) -> FoundCycles {
+fn from_period(record: &Record, period_s: f64) -> DetectedCycles {
     let step_rows = record.force_step_rows();
     let mut starts = vec![0];
     let mut due_s = record.time_s[0] + period_s;
@@ -266,7 +266,7 @@ fn from_period(record: &Record, period_s: f64) -> FoundCycles {
         "there is no `cycle` column; the force repeats every {period_s:.4} s (found by autocorrelation), which makes {} cycles",
         starts.len()
     );
-    FoundCycles { cycle, period_s: Some(period_s), text }
+    DetectedCycles { cycle, period_s: Some(period_s), text }
 }
 
 #[cfg(test)]

@@ -39,21 +39,21 @@ pub struct Force<'a> {
 
 /// An owned [`Force`].
 #[derive(Debug, Clone, PartialEq, Default)]
-pub struct KeptForce {
+pub struct OwnedForce {
     /// Force at every row, in N.
     pub at_rows_n: Vec<f64>,
     /// Rule for the force between rows.
     pub rule: ForceRule,
 }
 
-impl KeptForce {
+impl OwnedForce {
     /// Returns a borrowed view for computations.
     pub fn get(&self) -> Force<'_> {
         Force { at_rows_n: &self.at_rows_n, rule: self.rule }
     }
 }
 
-impl From<Force<'_>> for KeptForce {
+impl From<Force<'_>> for OwnedForce {
     fn from(force: Force<'_>) -> Self {
         Self { at_rows_n: force.at_rows_n.to_vec(), rule: force.rule }
     }
@@ -110,7 +110,7 @@ impl<'a> Force<'a> {
     }
 
     /// True if the force changes at a row. A record that keeps these rows has an unchanged force.
-    pub fn is_needed(self, row: usize) -> bool {
+    pub fn changes_at(self, row: usize) -> bool {
         let force_n = self.at_rows_n;
         row == 0
             || force_n[row] != force_n[row - 1]
@@ -221,8 +221,9 @@ mod tests {
     #[test]
     fn rows_at_which_a_force_changes_are_needed() {
         let force_n = [1.0, 1.0, 1.0, 3.0, 3.0];
-        let needed =
-            |rule| -> Vec<usize> { (0..5).filter(|row| Force { at_rows_n: &force_n, rule }.is_needed(*row)).collect() };
+        let needed = |rule| -> Vec<usize> {
+            (0..5).filter(|row| Force { at_rows_n: &force_n, rule }.changes_at(*row)).collect()
+        };
         assert_eq!((needed(ForceRule::Hold), needed(ForceRule::Linear)), (vec![0, 3], vec![0, 2, 3]));
         assert_eq!(Force::from(&force_n).holds(), [0..3, 3..5]);
         assert_eq!(Force::from(&[0.0, 0.0, 2.0]).holds(), [0..2, 2..3]);

@@ -5,8 +5,8 @@ use std::path::Path;
 use super::force::Force;
 use super::robust::median;
 use super::trajectory::Trajectory;
-use base::error::{Error, Place, Result};
-use base::toml_input::Table;
+use base::error::{Error, InputPlace, Result};
+use base::toml_input::TomlTable;
 
 /// Position that counts as 0.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -54,7 +54,7 @@ impl Default for Frame {
 
 /// Conversion that turned coordinates into positions along the force.
 #[derive(Debug, Clone, PartialEq, Default)]
-pub struct Settled {
+pub struct AppliedFrame {
     /// Subtracted position in m, for each coordinate.
     pub zero_m: Vec<f64>,
     /// True if the sign of a single coordinate was reversed.
@@ -100,7 +100,7 @@ const CLEARLY: f64 = 0.2;
 
 impl Frame {
     /// Reads the frame from `[measurement]`. `n_axes` is the number of coordinates.
-    pub fn read(measurement: Table<'_>, n_axes: usize) -> Result<Self> {
+    pub fn read(measurement: TomlTable<'_>, n_axes: usize) -> Result<Self> {
         Ok(Self { zero: zero(measurement, n_axes)?, direction: direction(measurement, n_axes)? })
     }
 
@@ -108,27 +108,27 @@ impl Frame {
     ///
     /// # Errors
     /// [`Error::Input`] if the frame needs a position that the table lacks.
-    pub(super) fn settle(&self, file: &Path, trajectory: &mut Trajectory) -> Result<Settled> {
+    pub(super) fn apply(&self, file: &Path, trajectory: &mut Trajectory) -> Result<AppliedFrame> {
         let zero_m = self.zero_m(file, trajectory)?;
         if trajectory.others_m.is_empty() {
             trajectory.position_m.iter_mut().flatten().for_each(|x| *x -= zero_m[0]);
             let is_reversed = match self.direction {
                 Direction::Backward => true,
-                Direction::Fit => is_against(&trajectory.force_n, &trajectory.position_m, 0.0),
+                Direction::Fit => is_work_negative(&trajectory.force_n, &trajectory.position_m, 0.0),
                 Direction::Forward | Direction::Degrees(_) => false,
             };
             if is_reversed {
                 // This avoids a negative zero.
                 trajectory.position_m.iter_mut().flatten().for_each(|x| *x = 0.0 - *x);
             }
-            return Ok(Settled { zero_m, is_reversed, projection: None });
+            return Ok(AppliedFrame { zero_m, is_reversed, projection: None });
         }
         let others_m = std::mem::take(&mut trajectory.others_m);
         let n_axes = 1 + others_m.len();
-        let points: Vec<Option<Point>> = (0..trajectory.position_m.len())
+        let points: Vec<Option<SpacePoint>> = (0..trajectory.position_m.len())
             .map(|row| {
                 let others = others_m.iter().map(|coordinate| coordinate[row]);
-                let mut point = Point::default();
+                let mut point = SpacePoint::default();
                 for (k, coordinate) in std::iter::once(trajectory.position_m[row]).chain(others).enumerate() {
                     point[k] = coordinate? - zero_m[k];
                 }
@@ -136,18 +136,18 @@ impl Frame {
             })
             .collect();
         let along =
-            |axis: Point| -> Vec<Option<f64>> { points.iter().map(|point| Some(dot(axis, (*point)?))).collect() };
+            |axis: SpacePoint| -> Vec<Option<f64>> { points.iter().map(|point| Some(dot(axis, (*point)?))).collect() };
         let axis = match self.direction {
             Direction::Forward => [1.0, 0.0, 0.0],
             Direction::Backward => [-1.0, 0.0, 0.0],
             Direction::Degrees(degrees) => [degrees.to_radians().cos(), degrees.to_radians().sin(), 0.0],
             Direction::Fit => {
                 let axis = line_of_motion(&points);
-                if is_against(&trajectory.force_n, &along(axis), 0.0) { axis.map(|x| -x) } else { axis }
+                if is_work_negative(&trajectory.force_n, &along(axis), 0.0) { axis.map(|x| -x) } else { axis }
             }
         };
         trajectory.position_m = along(axis);
-        let off_line = |point: Point| without(point, axis);
+        let off_line = |point: SpacePoint| without(point, axis);
         let first_across = match n_axes {
             2 => [-axis[1], axis[0], 0.0],
             _ => normal(line_of_motion(&points.iter().map(|point| point.map(off_line)).collect::<Vec<_>>()), axis),
@@ -169,12 +169,12 @@ impl Frame {
             rms_m2 += square_m2(&along(last_across));
         }
         let projection = Projection { axis: axis[..n_axes].to_vec(), across_m, across_rms_m: rms_m2.sqrt() };
-        Ok(Settled { zero_m, is_reversed: false, projection: Some(projection) })
+        Ok(AppliedFrame { zero_m, is_reversed: false, projection: Some(projection) })
     }
 
     fn zero_m(&self, file: &Path, trajectory: &Trajectory) -> Result<Vec<f64>> {
         let refuse = |found: &str, remedy: &str| {
-            let place = Place::file(file).at_line(trajectory.lines.first().copied().unwrap_or(1)).at_key("zero");
+            let place = InputPlace::file(file).at_line(trajectory.lines.first().copied().unwrap_or(1)).at_key("zero");
             Err(Error::input(place, found, remedy))
         };
         let coordinates = || std::iter::once(&trajectory.position_m).chain(&trajectory.others_m);
@@ -203,14 +203,14 @@ impl Frame {
 }
 
 /// Coordinates of a row; missing ones are 0.
-type Point = [f64; 3];
+type SpacePoint = [f64; 3];
 
-fn dot(a: Point, b: Point) -> f64 {
+fn dot(a: SpacePoint, b: SpacePoint) -> f64 {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
 /// Component of a vector that is normal to a unit vector.
-fn without(point: Point, axis: Point) -> Point {
+fn without(point: SpacePoint, axis: SpacePoint) -> SpacePoint {
     let along = dot(point, axis);
     [0, 1, 2].map(|k| point[k] - along * axis[k])
 }
@@ -229,14 +229,14 @@ fn work_and_size(force_n: &[f64], position_m: &[Option<f64>]) -> (f64, f64) {
 }
 
 /// True if the work of the force from row to row is negative and its absolute value exceeds `share` times the summed absolute work.
-pub fn is_against(force_n: &[f64], position_m: &[Option<f64>], share: f64) -> bool {
+pub fn is_work_negative(force_n: &[f64], position_m: &[Option<f64>], share: f64) -> bool {
     let (work, size) = work_and_size(force_n, position_m);
     work < -share * size && work < 0.0
 }
 
 /// True if positions clearly grow against the force, which a passive body cannot do. The force is first shifted, within the allowed delay, to the lag with the
 /// largest absolute work. The work at lag 0 alone would not reveal the sign of a delayed force.
-pub(super) fn turns_against(force_n: &[f64], position_m: &[Option<f64>]) -> bool {
+pub(super) fn moves_against_force(force_n: &[f64], position_m: &[Option<f64>]) -> bool {
     let steps = Force::from(force_n).step_rows();
     let shortest = steps.windows(2).map(|pair| pair[1] - pair[0]).min().unwrap_or(0);
     let share = |lag: usize| {
@@ -249,7 +249,7 @@ pub(super) fn turns_against(force_n: &[f64], position_m: &[Option<f64>]) -> bool
 }
 
 /// Unit vector normal to an axis, near `direction` unless `direction` lies along the axis.
-fn normal(direction: Point, axis: Point) -> Point {
+fn normal(direction: SpacePoint, axis: SpacePoint) -> SpacePoint {
     let smallest = (0..3).min_by(|a, b| axis[*a].abs().total_cmp(&axis[*b].abs())).unwrap_or(0);
     let across = without(direction, axis);
     let across = if dot(across, across) > 0.25 {
@@ -262,13 +262,13 @@ fn normal(direction: Point, axis: Point) -> Point {
 }
 
 /// Unit vector of the line that contains most of a motion. Rows far from the line do not affect it.
-fn line_of_motion(points: &[Option<Point>]) -> Point {
-    let mut kept: Vec<Point> = points.iter().flatten().copied().collect();
+fn line_of_motion(points: &[Option<SpacePoint>]) -> SpacePoint {
+    let mut kept: Vec<SpacePoint> = points.iter().flatten().copied().collect();
     let mut axis = [1.0, 0.0, 0.0];
     for _ in 0..PASSES {
         let n = kept.len().max(1) as f64;
         let mean = [0, 1, 2].map(|k| kept.iter().map(|point| point[k]).sum::<f64>() / n);
-        let about = |point: &Point| [0, 1, 2].map(|k| point[k] - mean[k]);
+        let about = |point: &SpacePoint| [0, 1, 2].map(|k| point[k] - mean[k]);
         let mut covariance = [[0.0; 3]; 3];
         for point in kept.iter().map(about) {
             for j in 0..3 {
@@ -276,12 +276,12 @@ fn line_of_motion(points: &[Option<Point>]) -> Point {
             }
         }
         axis = largest_direction(covariance).unwrap_or(axis);
-        let distance = |point: &Point| {
+        let distance = |point: &SpacePoint| {
             let off = without(about(point), axis);
             dot(off, off).sqrt()
         };
         let Some(middle) = median(kept.iter().map(distance).collect()).filter(|middle| *middle > 0.0) else { break };
-        let near: Vec<Point> = kept.iter().filter(|point| distance(point) <= FAR * middle).copied().collect();
+        let near: Vec<SpacePoint> = kept.iter().filter(|point| distance(point) <= FAR * middle).copied().collect();
         if near.len() == kept.len() {
             break;
         }
@@ -291,7 +291,7 @@ fn line_of_motion(points: &[Option<Point>]) -> Point {
 }
 
 /// Unit eigenvector of the largest eigenvalue of a symmetric matrix, by repeated squaring; `None` for a zero matrix.
-fn largest_direction(matrix: [[f64; 3]; 3]) -> Option<Point> {
+fn largest_direction(matrix: [[f64; 3]; 3]) -> Option<SpacePoint> {
     let mut power = matrix;
     for _ in 0..SQUARINGS {
         let trace = power[0][0] + power[1][1] + power[2][2];
@@ -308,7 +308,7 @@ fn largest_direction(matrix: [[f64; 3]; 3]) -> Option<Point> {
     (length > 0.0).then(|| direction.map(|x| x / length))
 }
 
-fn zero(measurement: Table<'_>, n_axes: usize) -> Result<Zero> {
+fn zero(measurement: TomlTable<'_>, n_axes: usize) -> Result<Zero> {
     if !measurement.has("zero") {
         return Ok(Zero::AsWritten);
     }
@@ -334,7 +334,7 @@ fn zero(measurement: Table<'_>, n_axes: usize) -> Result<Zero> {
 /// Allowed range of a direction, in degrees.
 const DEGREES: std::ops::RangeInclusive<f64> = -360.0..=360.0;
 
-fn direction(measurement: Table<'_>, n_axes: usize) -> Result<Direction> {
+fn direction(measurement: TomlTable<'_>, n_axes: usize) -> Result<Direction> {
     let remedy = match n_axes {
         1 => "write \"+\", \"-\" or \"fit\"; degrees are for tables with `position_x` and `position_y`",
         2 => "write \"fit\", or the direction of the motion in degrees from x towards y",
@@ -411,7 +411,7 @@ mod tests {
             (0..2).for_each(|k| trajectory.others_m[k].push(at(k + 1)));
         }
         let frame = Frame { zero: Zero::First, direction: Direction::Fit };
-        let projection = frame.settle(Path::new("t.csv"), &mut trajectory).unwrap().projection.unwrap();
+        let projection = frame.apply(Path::new("t.csv"), &mut trajectory).unwrap().projection.unwrap();
         assert!(projection.axis.iter().zip(line).all(|(found, line)| (found - line).abs() < 1e-3), "{projection}");
         let rms_m = (0.5_f64.powi(2) + 0.2_f64.powi(2)).sqrt() * 1e-6;
         assert!((projection.across_rms_m - rms_m).abs() < 2e-9, "{}", projection.across_rms_m);
@@ -424,7 +424,7 @@ mod tests {
     fn a_plane_motion_becomes_one_along_the_force_and_what_is_across_is_kept() {
         let (mut trajectory, truth) = plane();
         let frame = Frame { zero: Zero::Rest, direction: Direction::Fit };
-        let settled = frame.settle(Path::new("t.csv"), &mut trajectory).unwrap();
+        let settled = frame.apply(Path::new("t.csv"), &mut trajectory).unwrap();
         let projection = settled.projection.unwrap();
         assert!((degrees(&projection) + 150.0).abs() < 0.1, "{projection}");
         assert_eq!(trajectory.position_m[50], None);
@@ -442,7 +442,7 @@ mod tests {
     fn a_stated_direction_is_taken() {
         let (mut trajectory, truth) = plane();
         let frame = Frame { zero: Zero::First, direction: Direction::Degrees(-150.0) };
-        let settled = frame.settle(Path::new("t.csv"), &mut trajectory).unwrap();
+        let settled = frame.apply(Path::new("t.csv"), &mut trajectory).unwrap();
         assert!((trajectory.position_m[399].unwrap() - truth[399]).abs() < 1e-9);
         assert!((degrees(&settled.projection.unwrap()) + 150.0).abs() < 1e-9);
     }
@@ -453,7 +453,7 @@ mod tests {
         trajectory.others_m.clear();
         trajectory.position_m = truth.iter().map(|x| Some(7e-6 - x)).collect();
         let frame = Frame { zero: Zero::Rest, direction: Direction::Fit };
-        assert!(frame.settle(Path::new("t.csv"), &mut trajectory).unwrap().is_reversed);
+        assert!(frame.apply(Path::new("t.csv"), &mut trajectory).unwrap().is_reversed);
         assert!((trajectory.position_m[399].unwrap() - truth[399]).abs() < 1e-12);
     }
 }

@@ -3,7 +3,7 @@
 use std::f64::consts::PI;
 
 use base::error::Result;
-use base::toml_input::Table;
+use base::toml_input::TomlTable;
 
 /// A tip that is pressed into a half-space: δ^p = k ∫J dF while the contact grows. δ is the depth below the contact point.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -84,12 +84,12 @@ impl Tip {
     }
 
     /// Size in SI units, from a key and its value.
-    fn size_from(self, table: Table<'_>, key: &str, value: f64) -> Result<f64> {
+    fn size_from(self, table: TomlTable<'_>, key: &str, value: f64) -> Result<f64> {
         match self {
-            Self::Cone => Ok(table.check_within(key, value, HALF_ANGLES_DEG)?.to_radians()),
+            Self::Cone => Ok(table.require_range(key, value, HALF_ANGLES_DEG)?.to_radians()),
             Self::Sphere | Self::Punch => {
                 let per_m = if key.ends_with("_mm") { 1e3 } else { 1e6 };
-                Ok(table.check_within(key, value, RADII_M.map(|radius_m| per_m * radius_m))? / per_m)
+                Ok(table.require_range(key, value, RADII_M.map(|radius_m| per_m * radius_m))? / per_m)
             }
         }
     }
@@ -97,7 +97,7 @@ impl Tip {
 
 impl Indenter {
     /// Reads `[indenter]`.
-    pub(super) fn from_table(table: Table<'_>) -> Result<Self> {
+    pub(super) fn from_table(table: TomlTable<'_>) -> Result<Self> {
         table.only(&KEYS)?;
         let exponent = table.required_number("exponent", "exponent = 1.5")?;
         let Some(tip) = Tip::ALL.into_iter().find(|tip| tip.exponent() == exponent) else {
@@ -133,7 +133,7 @@ impl Indenter {
         }
         let stiffness = table.positive("cantilever_n_per_m", "cantilever_n_per_m = 0.06")?;
         let cantilever_n_per_m = stiffness
-            .map(|stiffness| table.check_within("cantilever_n_per_m", stiffness, STIFFNESSES_N_PER_M))
+            .map(|stiffness| table.require_range("cantilever_n_per_m", stiffness, STIFFNESSES_N_PER_M))
             .transpose()?;
         Ok(Self { tip, size, poisson_ratio, cantilever_n_per_m })
     }

@@ -2,12 +2,12 @@
 
 use std::path::{Path, PathBuf};
 
-use super::frame::Settled;
+use super::frame::AppliedFrame;
 use super::notes::Note;
 use super::table::UnreadColumn;
 use base::error::Result;
 use base::files::{self, Content};
-use base::toml_input::Table;
+use base::toml_input::TomlTable;
 
 /// Value of `kind` for an oscillation.
 pub const OSCILLATION: &str = "oscillation";
@@ -30,16 +30,16 @@ pub struct ExperimentFiles {
     /// Notes to the user on how the data were read.
     pub notes: Vec<Note>,
     /// Interpretation of the description.
-    pub understood: Understood,
+    pub interpretation: Interpretation,
 }
 
 /// Interpretation of a description, for checks against the rows.
 #[derive(Debug, Clone, PartialEq, Default)]
-pub struct Understood {
+pub struct Interpretation {
     /// True if `force` in `[measurement]` or `[actuation]` gives the rule for the force between rows.
     pub force_rule_given: bool,
     /// Conversion of the coordinates.
-    pub settled: Settled,
+    pub settled: AppliedFrame,
     /// Number of positions left out by `left_out_s`.
     pub n_left_out: usize,
     /// Unread columns that follow the position.
@@ -65,7 +65,7 @@ pub(super) fn read_table(toml_path: &Path, name: &str, remedy: &str) -> Result<V
 }
 
 /// True if `kind` under `[measurement]` or at top level says oscillation. The default is creep.
-pub(super) fn is_oscillation(root: Table<'_>, measurement: Table<'_>) -> Result<bool> {
+pub(super) fn is_oscillation(root: TomlTable<'_>, measurement: TomlTable<'_>) -> Result<bool> {
     let mut found = false;
     for table in [root, measurement] {
         match table.text("kind")?.as_deref() {
@@ -81,7 +81,7 @@ pub(super) fn is_oscillation(root: Table<'_>, measurement: Table<'_>) -> Result<
 }
 
 /// Checks that a table's path stays inside the TOML's directory, because a study copies the files side by side.
-pub(super) fn plain_path(table: Table<'_>, example: &str) -> Result<String> {
+pub(super) fn plain_path(table: TomlTable<'_>, example: &str) -> Result<String> {
     let name = table.required_text("file", &format!("file = \"{example}\""))?;
     let inside = Path::new(&name).components().all(|part| matches!(part, std::path::Component::Normal(_)));
     if inside && !name.contains(char::is_control) {

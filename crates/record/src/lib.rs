@@ -24,17 +24,17 @@ mod times;
 mod trajectory;
 
 pub use apparatus::{Apparatus, Offset, OffsetDirection, Orientation, Robot, RobotShape, Vitreous, density_toml};
-pub use force::{Force, ForceRule, KeptForce, has_noisy_levels};
-pub use frame::{Direction, Frame, Projection, Settled, Zero, is_against};
+pub use force::{Force, ForceRule, OwnedForce, has_noisy_levels};
+pub use frame::{AppliedFrame, Direction, Frame, Projection, Zero, is_work_negative};
 pub use indenter::{Indenter, Tip};
-pub use inputs::{ExperimentFiles, OSCILLATION, Understood};
-pub use line::Line;
+pub use inputs::{ExperimentFiles, Interpretation, OSCILLATION};
+pub use line::MotionLine;
 pub use lost::repeated_outliers;
-pub use noise::{NoiseOrigin, NoiseYardstick};
+pub use noise::{NoiseOrigin, ReferenceNoise};
 pub use notes::Note;
 pub use record::Record;
-pub use scales::Scales;
-pub use sweep::{Sweep, SweepColumn, SweepForm, SweepRow, sweep_columns};
+pub use scales::CharacteristicSizes;
+pub use sweep::{OscillationRecord, SweepColumn, SweepForm, SweepRow, sweep_columns};
 pub use times::TimeRules;
 
 /// One checked experiment, in SI units.

@@ -2,7 +2,7 @@
 
 /// A straight line x = mean + slope (t − mean time).
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Line {
+pub struct MotionLine {
     mean_s: f64,
     mean: f64,
     /// Slope, in units of x per second.
@@ -11,7 +11,7 @@ pub struct Line {
     pub spread_s2: f64,
 }
 
-impl Line {
+impl MotionLine {
     /// Fits times (s) and values of any unit. At least two times must differ.
     pub fn through(points: impl Iterator<Item = (f64, f64)> + Clone) -> Self {
         let n = points.clone().count() as f64;
@@ -41,7 +41,7 @@ mod tests {
     #[test]
     fn the_normal_equations_hold() {
         let points = [(0.0, 1.0), (1.0, 2.0), (3.0, 6.0)];
-        let line = Line::through(points.into_iter());
+        let line = MotionLine::through(points.into_iter());
         assert!((line.slope_per_s - 12.0 / 7.0).abs() < 1e-15 && (line.spread_s2 - 14.0 / 3.0).abs() < 1e-14);
         assert!((line.at(0.0) - 5.0 / 7.0).abs() < 1e-15);
         let excesses = points.map(|point| line.excess(point));

@@ -1,20 +1,20 @@
 //! Noise standard deviation that residuals are compared with: known for the tracker, or estimated from rests or short lags (formats §4).
 
 use super::Experiment;
-use super::line::Line;
+use super::line::MotionLine;
 use super::record::Record;
 use super::robust::median;
 
 /// Noise that residuals are compared with.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct NoiseYardstick {
+pub struct ReferenceNoise {
     /// Standard deviation of one position, in m.
     pub sd_m: f64,
     /// Source of the value.
     pub origin: NoiseOrigin,
 }
 
-/// Source of a [`NoiseYardstick`].
+/// Source of a [`ReferenceNoise`].
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum NoiseOrigin {
     /// Given as `measurement.noise_um`.
@@ -84,15 +84,15 @@ pub const NO_FORCE_FRACTION: f64 = 0.01;
 impl Experiment {
     /// Returns the noise that residuals are compared with: `noise_um` if it is given, else the estimate from rests, else the estimate from short lags. `None`
     /// if the record has too few positions.
-    pub fn noise_yardstick(&self) -> Option<NoiseYardstick> {
+    pub fn reference_noise(&self) -> Option<ReferenceNoise> {
         match self.noise_sd_m {
-            Some(sd_m) => Some(NoiseYardstick { sd_m, origin: NoiseOrigin::Known }),
+            Some(sd_m) => Some(ReferenceNoise { sd_m, origin: NoiseOrigin::Known }),
             None => estimate(&self.record),
         }
     }
 }
 
-impl std::fmt::Display for NoiseYardstick {
+impl std::fmt::Display for ReferenceNoise {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         let sd_um = self.sd_m * 1e6;
         match self.origin {
@@ -107,7 +107,7 @@ impl std::fmt::Display for NoiseYardstick {
     }
 }
 
-fn estimate(record: &Record) -> Option<NoiseYardstick> {
+fn estimate(record: &Record) -> Option<ReferenceNoise> {
     // Rounded positions of a smooth motion may lie on lines to the last digit. They still have rounding errors.
     let rounding_sd_m = written_step_m(record).map_or(0.0, |step_m| step_m / 12_f64.sqrt());
     let short_lag = short_lag(record).map(|(sd_m, n_differences)| (sd_m.max(rounding_sd_m), n_differences));
@@ -116,10 +116,10 @@ fn estimate(record: &Record) -> Option<NoiseYardstick> {
         let sd_m = (rest.sum_of_squares / rest.degrees_of_freedom as f64).sqrt().max(rounding_sd_m);
         let short_lag_sd_m = short_lag.map(|(sd_m, _)| sd_m);
         let origin = NoiseOrigin::Rest { n_positions: rest.n_positions, n_windows: rest.n_windows, short_lag_sd_m };
-        return Some(NoiseYardstick { sd_m, origin });
+        return Some(ReferenceNoise { sd_m, origin });
     }
     let (sd_m, n_differences) = short_lag?;
-    Some(NoiseYardstick { sd_m, origin: NoiseOrigin::ShortLag { n_differences } })
+    Some(ReferenceNoise { sd_m, origin: NoiseOrigin::ShortLag { n_differences } })
 }
 
 /// Noise (m) from neighbouring positions and the number of deviations used: late in each hold, or in all rows if these are too few.
@@ -321,7 +321,7 @@ fn rest_residuals(record: &Record) -> RestResiduals {
 fn squares_about_line(points: &[(f64, f64)]) -> (f64, usize) {
     let mut kept = points.to_vec();
     for _ in 0..PASSES {
-        let line = Line::through(kept.iter().copied());
+        let line = MotionLine::through(kept.iter().copied());
         let sd = SD_PER_MAD * median(kept.iter().map(|point| line.excess(*point).abs()).collect()).unwrap_or(0.0);
         let near: Vec<(f64, f64)> =
             kept.iter().copied().filter(|point| line.excess(*point).abs() <= FAR_SDS * sd).collect();
@@ -330,7 +330,7 @@ fn squares_about_line(points: &[(f64, f64)]) -> (f64, usize) {
         }
         kept = near;
     }
-    let line = Line::through(kept.iter().copied());
+    let line = MotionLine::through(kept.iter().copied());
     (kept.iter().map(|point| line.excess(*point).powi(2)).sum(), kept.len())
 }
 

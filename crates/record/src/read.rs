@@ -4,18 +4,18 @@ use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 use super::actuation::Actuation;
-use super::contact::settle_contact;
+use super::contact::trim_to_contact;
 use super::cycles::find_cycles;
 use super::force::{ForceRule, levels};
 use super::frame::{Frame, Zero};
-use super::inputs::{ExperimentFiles, Understood, is_oscillation, plain_path, read_table, read_toml};
+use super::inputs::{ExperimentFiles, Interpretation, is_oscillation, plain_path, read_table, read_toml};
 use super::notes::{Note, UM_PER_M};
 use super::record::Record;
-use super::table::{KEYS, TableDescription, one_of, read_described, text_in, unread_columns};
+use super::table::{KEYS, TableDescription, decode_table, read_choice, read_described, unread_columns};
 use super::trajectory::{Trajectory, read_trajectory};
 use super::{Apparatus, Experiment};
-use base::error::{Error, Place, Result};
-use base::toml_input::{Table, TomlInput, text_of};
+use base::error::{Error, InputPlace, Result};
+use base::toml_input::{TomlInput, TomlTable, text_of};
 
 /// Smallest number of positions in a calibration cycle: twice the number of parameters of the base law with its noise.
 const MIN_POSITIONS: usize = 8;
@@ -68,9 +68,9 @@ struct Specification {
     force_rule: ForceRule,
     force_rule_given: bool,
     /// Place of `force = "levels"`: a sensor's noise about the levels of the holds is removed. `None` for another rule.
-    levels: Option<Place>,
+    levels: Option<InputPlace>,
     /// Time at which the first row's force began to act, in s of the table's clock, with its place.
-    load_start: Option<(Place, f64)>,
+    load_start: Option<(InputPlace, f64)>,
     /// True if the zero of the positions is fitted.
     fits_position_offset: bool,
     cycle_starts: Option<CycleStarts>,
@@ -83,12 +83,12 @@ struct Specification {
 
 /// Cycles listed in the TOML, if any, with the place of the list.
 struct CycleList {
-    place: Place,
+    place: InputPlace,
     cycles: Option<Vec<u32>>,
 }
 
 impl CycleList {
-    fn read(measurement: Table<'_>, key: &str) -> Result<Self> {
+    fn read(measurement: TomlTable<'_>, key: &str) -> Result<Self> {
         let list = Self { place: measurement.place(key), cycles: measurement.counts(key)? };
         if let Some(cycles) = &list.cycles {
             let mut seen = BTreeSet::new();
@@ -116,13 +116,13 @@ impl CycleList {
 
 /// Time intervals without comparison of positions, with the place of the list.
 struct LeftOut {
-    place: Place,
+    place: InputPlace,
     /// Start and end in s of the record, both included.
     intervals_s: Vec<[f64; 2]>,
 }
 
 impl LeftOut {
-    fn read(measurement: Table<'_>) -> Result<Self> {
+    fn read(measurement: TomlTable<'_>) -> Result<Self> {
         let key = "left_out_s";
         Ok(Self { place: measurement.place(key), intervals_s: measurement.intervals(key)?.unwrap_or_default() })
     }
@@ -149,12 +149,12 @@ impl LeftOut {
 
 /// Start times of cycles in the table's time, with the place of the list.
 struct CycleStarts {
-    place: Place,
+    place: InputPlace,
     starts_s: Vec<f64>,
 }
 
 impl CycleStarts {
-    fn read(measurement: Table<'_>) -> Result<Option<Self>> {
+    fn read(measurement: TomlTable<'_>) -> Result<Option<Self>> {
         let key = "cycle_starts_s";
         let Some(starts_s) = measurement.numbers(key)? else { return Ok(None) };
         if starts_s.is_empty() || starts_s.windows(2).any(|pair| pair[0] >= pair[1]) {
@@ -230,7 +230,7 @@ impl Specification {
         let has_levels = measurement.text("force")?.as_deref() == Some(LEVELS);
         let of_rows = match has_levels {
             true => ForceRule::Hold,
-            false => one_of(measurement, "force", &ForceRule::ALL, ForceRule::name)?.unwrap_or_default(),
+            false => read_choice(measurement, "force", &ForceRule::ALL, ForceRule::name)?.unwrap_or_default(),
         };
         let (force_rule, force_rule_given) =
             actuation.as_ref().map_or((of_rows, measurement.has("force")), |log| (log.rule, log.rule_given));
@@ -252,7 +252,7 @@ impl Specification {
         let fits_position_offset = is_indenter || frame.zero == Zero::Fit;
         let noise_um = measurement.positive("noise_um", "noise_um = 4.0")?;
         let noise_um =
-            noise_um.map(|noise_um| measurement.check_within("noise_um", noise_um, NOISES_UM)).transpose()?;
+            noise_um.map(|noise_um| measurement.require_range("noise_um", noise_um, NOISES_UM)).transpose()?;
         let noise_sd_m = noise_um.map(|noise_um| noise_um / UM_PER_M);
         Ok(Self {
             specimen_id,
@@ -288,7 +288,7 @@ impl Specification {
         let mut trajectory = match &self.table {
             None => read_trajectory(csv_place, text_of(csv_place, csv_bytes)?, self.actuation.is_some())?,
             Some(table) => {
-                let text = text_in(csv_place, csv_bytes, table.layout.encoding)?;
+                let text = decode_table(csv_place, csv_bytes, table.layout.encoding)?;
                 let trajectory = read_described(csv_place, &text, table)?;
                 unread = unread_columns(csv_place, &text, table, &trajectory.lines, &trajectory.position_m);
                 trajectory
@@ -313,17 +313,17 @@ impl Specification {
         }
         check_driven(&driven_place, &trajectory)?;
         let mut notes = Vec::new();
-        let settled = self.frame.settle(csv_place, &mut trajectory)?;
+        let settled = self.frame.apply(csv_place, &mut trajectory)?;
         if let Some(starts) = &self.cycle_starts {
             starts.number(&mut trajectory)?;
         }
         if let Some((place, start_s)) = &self.load_start {
-            trajectory.load_from(place, *start_s)?;
+            trajectory.start_under_load(place, *start_s)?;
             force_rows.iter_mut().for_each(|row| *row += 1);
             force_rows.insert(0, 0);
         }
         if let Apparatus::Indenter(indenter) = &self.apparatus {
-            notes.push(settle_contact(csv_place, &mut trajectory, indenter)?);
+            notes.push(trim_to_contact(csv_place, &mut trajectory, indenter)?);
             notes.extend(indenter.nominal_size().map(|nominal| Note::TipUnknown { nominal }));
             check_first_cycle(csv_place, &trajectory)?;
         } else if self.fits_position_offset {
@@ -335,7 +335,7 @@ impl Specification {
         let n_left_out = self.left_out.leave_out(&mut record)?;
         notes.extend((n_left_out > 0).then_some(Note::PositionsLeftOut { n_left_out, n_rows: record.n_samples() }));
         let (calibration_cycles, heldout_cycles) = self.choose_cycles(record.n_cycles())?;
-        check_positions(&record, &calibration_cycles, &Place::file(csv_place).at_key(position_column), &lines)?;
+        check_positions(&record, &calibration_cycles, &InputPlace::file(csv_place).at_key(position_column), &lines)?;
         note_data(&record, &heldout_cycles, self.source.is_none(), &mut notes);
         if let Some(projection) = &settled.projection {
             let range_m = range_m(&record);
@@ -350,7 +350,7 @@ impl Specification {
             csv_bytes: csv_bytes.to_vec(),
             log_file,
             notes,
-            understood: Understood { force_rule_given: self.force_rule_given, settled, n_left_out, unread },
+            interpretation: Interpretation { force_rule_given: self.force_rule_given, settled, n_left_out, unread },
         };
         let experiment = Experiment {
             specimen_id: self.specimen_id,
@@ -419,7 +419,7 @@ fn record_from(
 fn check_first_cycle(csv_place: &Path, trajectory: &Trajectory) -> Result<()> {
     match trajectory.cycle.as_ref().and_then(|cycle| cycle.first()) {
         Some(first) if *first != 1 => Err(Error::input(
-            Place::file(csv_place).at_line(trajectory.lines.first().copied().unwrap_or(1)),
+            InputPlace::file(csv_place).at_line(trajectory.lines.first().copied().unwrap_or(1)),
             format!("contact begins only in cycle {first}, and rows before contact are left out"),
             "extend the first cycle into the contact, for example with `cycle_starts_s = [0, 5]` for the approach and the first part of the hold",
         )),
@@ -433,7 +433,7 @@ fn check_driven(csv_place: &Path, trajectory: &Trajectory) -> Result<()> {
         return Ok(());
     }
     Err(Error::input(
-        Place::file(csv_place)
+        InputPlace::file(csv_place)
             .at_line(trajectory.lines.first().copied().unwrap_or(1))
             .at_key(trajectory.force_column.as_str()),
         "the force is zero in every row",
@@ -441,7 +441,7 @@ fn check_driven(csv_place: &Path, trajectory: &Trajectory) -> Result<()> {
     ))
 }
 
-fn check_positions(record: &Record, calibration_cycles: &[u32], place: &Place, lines: &[usize]) -> Result<()> {
+fn check_positions(record: &Record, calibration_cycles: &[u32], place: &InputPlace, lines: &[usize]) -> Result<()> {
     let counts = record.n_positions();
     for &cycle in calibration_cycles {
         let n_positions = counts.get(cycle as usize).copied().unwrap_or(0);

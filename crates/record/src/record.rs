@@ -47,13 +47,13 @@ impl Record {
     }
 
     /// Command before a row, in N: the previous row's force, or 0 before the first row.
-    pub fn before_n(&self, row: usize) -> f64 {
+    pub fn previous_force_n(&self, row: usize) -> f64 {
         row.checked_sub(1).map_or(0.0, |before| self.force_n[before])
     }
 
     /// Command that acts when a row's position is measured, in N: the limit from the left, 0 at the first row.
-    pub fn acting_n(&self, row: usize) -> f64 {
-        if row > 0 && self.force().is_linear() { self.force_n[row] } else { self.before_n(row) }
+    pub fn acting_force_n(&self, row: usize) -> f64 {
+        if row > 0 && self.force().is_linear() { self.force_n[row] } else { self.previous_force_n(row) }
     }
 
     /// Highest cycle number, 0 for an empty record.
@@ -62,7 +62,7 @@ impl Record {
     }
 
     /// Returns a test if a cycle is one of `cycles`. Its cost does not grow with their number, because records may have a hundred thousand cycles.
-    pub fn are_among(&self, cycles: &[u32]) -> impl Fn(u32) -> bool + use<> {
+    pub fn cycle_filter(&self, cycles: &[u32]) -> impl Fn(u32) -> bool + use<> {
         let mut is_wanted = vec![false; self.largest_cycle() + 1];
         for cycle in cycles {
             if let Some(wanted) = is_wanted.get_mut(*cycle as usize) {
@@ -111,10 +111,10 @@ impl Record {
         let (mut made, mut lines_made) = (Self { force_rule: self.force_rule, ..Self::default() }, Vec::new());
         for (row, &line) in lines.iter().enumerate() {
             let crossing = crossing_s(row).map(|at_s| (at_s, 0.0, None, true));
-            let own = (self.time_s[row], self.force_n[row], self.position_m[row]);
+            let entry = (self.time_s[row], self.force_n[row], self.position_m[row]);
             let is_added = self.force_rows.binary_search(&row).is_ok();
             for (time_s, force_n, position_m, is_added) in
-                std::iter::once((own.0, own.1, own.2, is_added)).chain(crossing)
+                std::iter::once((entry.0, entry.1, entry.2, is_added)).chain(crossing)
             {
                 if is_added {
                     made.force_rows.push(made.time_s.len());
@@ -191,9 +191,9 @@ mod tests {
     fn what_acts_at_a_row_is_the_limit_from_the_left() {
         let held = record(&[1.0, -3.0, 2.0]);
         let linear = Record { force_rule: ForceRule::Linear, ..held.clone() };
-        assert_eq!([0, 1, 2].map(|row| held.acting_n(row)), [0.0, 1.0, -3.0]);
-        assert_eq!([0, 1, 2].map(|row| linear.acting_n(row)), [0.0, -3.0, 2.0]);
-        assert_eq!([0, 1, 2].map(|row| linear.before_n(row)), [0.0, 1.0, -3.0]);
+        assert_eq!([0, 1, 2].map(|row| held.acting_force_n(row)), [0.0, 1.0, -3.0]);
+        assert_eq!([0, 1, 2].map(|row| linear.acting_force_n(row)), [0.0, -3.0, 2.0]);
+        assert_eq!([0, 1, 2].map(|row| linear.previous_force_n(row)), [0.0, 1.0, -3.0]);
     }
 
     #[test]

@@ -4,7 +4,7 @@ use super::{Apparatus, Experiment};
 
 /// Characteristic sizes of an experiment.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub struct Scales {
+pub struct CharacteristicSizes {
     /// Largest absolute commanded force, in N.
     pub largest_force_n: f64,
     /// Largest minus smallest measured position, in m; 0 without measurements.
@@ -31,7 +31,7 @@ pub struct Scales {
 
 impl Experiment {
     /// Returns the experiment's characteristic sizes.
-    pub fn scales(&self) -> Scales {
+    pub fn scales(&self) -> CharacteristicSizes {
         let record = &self.record;
         let positions = || record.position_m.iter().flatten().copied();
         let (lowest, highest) =
@@ -46,7 +46,7 @@ impl Experiment {
             Apparatus::Robot { robot, vitreous } => Some((robot, vitreous)),
             Apparatus::Instrument { .. } | Apparatus::Indenter(_) => None,
         };
-        Scales {
+        CharacteristicSizes {
             largest_force_n: record.force_n.iter().fold(0.0_f64, |largest, force| largest.max(force.abs())),
             position_range_m: if highest > lowest { highest - lowest } else { 0.0 },
             hold_s: super::robust::median(between_s).unwrap_or(duration_s),

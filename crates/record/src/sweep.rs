@@ -1,17 +1,17 @@
 //! An oscillation measured with a rheometer: moduli over frequency (formats §1.2).
 //!
-//! [`Sweep::read`] checks the input. All data that it returns are complete and in SI units.
+//! [`OscillationRecord::read`] checks the input. All data that it returns are complete and in SI units.
 
 use std::path::Path;
 
-use super::inputs::{ExperimentFiles, Understood, is_oscillation, plain_path, read_table, read_toml};
+use super::inputs::{ExperimentFiles, Interpretation, is_oscillation, plain_path, read_table, read_toml};
 use super::table::{
-    ColumnName, ColumnNames, Looked, SWEEP_KEYS, Spelt, TableLayout, Units, cells, column, is_aside, split_unit,
-    text_in,
+    ColumnName, ColumnNames, InspectedTable, ParsedUnit, SWEEP_KEYS, TableLayout, Units, cells, column, decode_table,
+    is_blank_or_comment, split_unit,
 };
-use base::error::{Error, Place, Result};
+use base::error::{Error, InputPlace, Result};
 use base::files::refuse_long_lines;
-use base::toml_input::{Table, TomlInput, text_of};
+use base::toml_input::{TomlInput, TomlTable, text_of};
 use base::units::Dimension;
 
 /// Smallest number of fitted rows.
@@ -64,7 +64,7 @@ impl SweepForm {
 pub struct SweepRow {
     /// Frequency in Hz.
     pub frequency_hz: f64,
-    /// Pair of numbers as specified by [`Sweep::form`].
+    /// Pair of numbers as specified by [`OscillationRecord::form`].
     pub pair: [f64; 2],
     /// Standard deviations of the pair.
     pub sd: Option<[f64; 2]>,
@@ -74,7 +74,7 @@ pub struct SweepRow {
 
 /// A checked oscillation in SI units, with rows in order of ascending frequency.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Sweep {
+pub struct OscillationRecord {
     /// Specimen identifier, `[specimen] id`.
     pub specimen_id: String,
     /// Poisson ratio ν of the specimen. It converts Young's moduli to shear moduli: G = E/(2 + 2ν).
@@ -151,7 +151,7 @@ impl SweepColumn {
     }
 
     /// Column type for a name that a rheometer's program uses; `None` for other names. Standard deviations are not recognised by name.
-    fn called(name: &str, unit: Option<&Spelt>) -> Option<Self> {
+    fn from_name(name: &str, unit: Option<&ParsedUnit>) -> Option<Self> {
         let stem = split_unit(name).0.to_lowercase();
         let plain: String = stem.chars().filter(|c| !c.is_whitespace() && !"_-|*.()".contains(*c)).collect();
         let found = match plain.as_str() {
@@ -171,10 +171,11 @@ impl SweepColumn {
 }
 
 /// Columns of a sweep in an inspected table, in the order of [`SweepColumn::ALL`]; `None` if the table is no sweep.
-pub fn sweep_columns(looked: &Looked) -> Option<Vec<(SweepColumn, usize)>> {
+pub fn sweep_columns(looked: &InspectedTable) -> Option<Vec<(SweepColumn, usize)>> {
     let called = |column: SweepColumn| {
         let mut places = looked.columns.iter().zip(&looked.units).enumerate();
-        let (place, _) = places.find(|(_, (name, unit))| SweepColumn::called(name, unit.as_ref()) == Some(column))?;
+        let (place, _) =
+            places.find(|(_, (name, unit))| SweepColumn::from_name(name, unit.as_ref()) == Some(column))?;
         Some((column, place))
     };
     let pairs = [[SweepColumn::Storage, SweepColumn::Loss], [SweepColumn::Modulus, SweepColumn::Phase]];
@@ -183,9 +184,9 @@ pub fn sweep_columns(looked: &Looked) -> Option<Vec<(SweepColumn, usize)>> {
     Some(vec![frequency, pair[0], pair[1]])
 }
 
-impl Sweep {
+impl OscillationRecord {
     /// True if the experiment's description says that it is an oscillation. Unreadable input gives false; its reader then refuses it.
-    pub fn is_one(path: &Path) -> bool {
+    pub fn is_described_in(path: &Path) -> bool {
         let Ok((toml_path, bytes)) = read_toml(path) else { return false };
         let found =
             text_of(&toml_path, &bytes).and_then(|text| TomlInput::parse(&toml_path, text)).and_then(|document| {
@@ -213,7 +214,7 @@ impl Sweep {
         let remedy = "put the table where `file` in [measurement] says, beside the TOML";
         let csv_bytes = read_table(&toml_path, &csv_name, remedy)?;
         let layout = TableLayout::read(measurement)?;
-        let text = text_in(&csv_path, &csv_bytes, layout.encoding)?;
+        let text = decode_table(&csv_path, &csv_bytes, layout.encoding)?;
         refuse_long_lines(&csv_path, text.as_bytes())?;
         let columns = Columns::new(&csv_path, &text, measurement, &layout)?;
         let (mut rows, n_incomplete) = columns.rows(&csv_path, &text, &layout)?;
@@ -222,7 +223,7 @@ impl Sweep {
         let n_fitted = rows.iter().filter(|row| !row.is_heldout).count();
         if n_fitted < FEWEST_FITTED {
             return Err(Error::input(
-                Place::file(&csv_path),
+                InputPlace::file(&csv_path),
                 format!("only {n_fitted} frequencies are fitted"),
                 format!("give at least {FEWEST_FITTED}, because a law has three or more parameters"),
             ));
@@ -237,7 +238,7 @@ impl Sweep {
         };
         let toml_name =
             toml_path.file_name().map_or("experiment.toml".into(), |name| name.to_string_lossy().into_owned());
-        let understood = Understood::default();
+        let understood = Interpretation::default();
         let files = ExperimentFiles {
             toml_name,
             toml_bytes: toml_bytes.clone(),
@@ -245,7 +246,7 @@ impl Sweep {
             csv_bytes,
             log_file: None,
             notes: Vec::new(),
-            understood,
+            interpretation: understood,
         };
         Ok((sweep, files))
     }
@@ -263,7 +264,7 @@ impl Sweep {
 }
 
 /// Poisson ratio from `[rheometer]`, else from `[vitreous]`, else 0.5.
-fn poisson_ratio(root: Table<'_>) -> Result<f64> {
+fn poisson_ratio(root: TomlTable<'_>) -> Result<f64> {
     for name in ["rheometer", "vitreous"] {
         let Some(table) = root.table(name)? else { continue };
         if name == "rheometer" {
@@ -286,19 +287,19 @@ fn poisson_ratio(root: Table<'_>) -> Result<f64> {
 /// Column number, name and unit of each quantity.
 struct Columns {
     form: SweepForm,
-    frequency: (usize, String, Spelt),
-    pair: [(usize, String, Spelt); 2],
-    sd: Option<[(usize, String, Spelt); 2]>,
+    frequency: (usize, String, ParsedUnit),
+    pair: [(usize, String, ParsedUnit); 2],
+    sd: Option<[(usize, String, ParsedUnit); 2]>,
 }
 
 impl Columns {
-    fn new(file: &Path, text: &str, measurement: Table<'_>, layout: &TableLayout) -> Result<Self> {
+    fn new(file: &Path, text: &str, measurement: TomlTable<'_>, layout: &TableLayout) -> Result<Self> {
         let names = ColumnNames::new(file, text, layout);
         let described = measurement.table("columns")?;
         let keys = SweepColumn::ALL.map(SweepColumn::key);
         described.map_or(Ok(()), |table| table.only(&keys))?;
         let units = Units::read(measurement, &keys)?;
-        let find = |wanted: SweepColumn| -> Result<Option<(usize, String, Spelt)>> {
+        let find = |wanted: SweepColumn| -> Result<Option<(usize, String, ParsedUnit)>> {
             let name = match described {
                 Some(table) if table.has(wanted.key()) => column(table, wanted.key())?,
                 Some(_) => return Ok(None),
@@ -317,7 +318,7 @@ impl Columns {
         let missing = |what: &str, example: &str| {
             let found = names.all().join("`, `");
             Error::input(
-                Place::file(file).at_line(layout.header_line.unwrap_or(layout.first_row_line)),
+                InputPlace::file(file).at_line(layout.header_line.unwrap_or(layout.first_row_line)),
                 format!("there is no column for the {what}; the header has `{found}`"),
                 format!("name the column {example}, or assign it in [measurement.columns]"),
             )
@@ -341,9 +342,9 @@ impl Columns {
     fn rows(&self, file: &Path, text: &str, layout: &TableLayout) -> Result<(Vec<SweepRow>, usize)> {
         let (mut rows, mut n_incomplete) = (Vec::new(), 0);
         let lines = text.lines().enumerate().skip(layout.first_row_line - 1);
-        for (index, line) in lines.filter(|(_, line)| !is_aside(line, layout.comment.as_deref())) {
+        for (index, line) in lines.filter(|(_, line)| !is_blank_or_comment(line, layout.comment.as_deref())) {
             let cells = cells(line, layout.delimiter);
-            let number = |(place, name, unit): &(usize, String, Spelt)| -> Result<Option<f64>> {
+            let number = |(place, name, unit): &(usize, String, ParsedUnit)| -> Result<Option<f64>> {
                 let cell = cells.get(*place).map_or("", |cell| cell.as_ref());
                 if cell.is_empty() {
                     return Ok(None);
@@ -352,15 +353,16 @@ impl Columns {
                     let decimal = layout.decimal.name();
                     let found = format!("`{cell}` is not a number with the decimal sign `{decimal}`");
                     let remedy = "correct it, or leave the cell empty if nothing was measured";
-                    Error::input(Place::file(file).at_line(index + 1).at_key(name.as_str()), found, remedy)
+                    Error::input(InputPlace::file(file).at_line(index + 1).at_key(name.as_str()), found, remedy)
                 })?;
                 Ok(Some(unit.to_si(found)))
             };
-            let refuse = |(_, name, _): &(usize, String, Spelt), found: String, remedy: &str| {
-                Error::input(Place::file(file).at_line(index + 1).at_key(name.as_str()), found, remedy)
+            let refuse = |(_, name, _): &(usize, String, ParsedUnit), found: String, remedy: &str| {
+                Error::input(InputPlace::file(file).at_line(index + 1).at_key(name.as_str()), found, remedy)
             };
-            let both =
-                |columns: &[(usize, String, Spelt); 2]| Ok::<_, Error>(number(&columns[0])?.zip(number(&columns[1])?));
+            let both = |columns: &[(usize, String, ParsedUnit); 2]| {
+                Ok::<_, Error>(number(&columns[0])?.zip(number(&columns[1])?))
+            };
             let (frequency_hz, pair) = (number(&self.frequency)?, both(&self.pair)?);
             let sd = self.sd.as_ref().map(both).transpose()?;
             let (Some(frequency_hz), Some(pair), None | Some(Some(_))) = (frequency_hz, pair, sd) else {
@@ -383,7 +385,7 @@ impl Columns {
 }
 
 /// Marks the held-out rows: those in `heldout_hz`, or by default every third row starting with the second.
-fn hold_out(measurement: Table<'_>, rows: &mut [SweepRow]) -> Result<()> {
+fn hold_out(measurement: TomlTable<'_>, rows: &mut [SweepRow]) -> Result<()> {
     let Some(wanted_hz) = measurement.numbers("heldout_hz")? else {
         if rows.len() >= FEWEST_TO_HOLD_OUT {
             rows.iter_mut().skip(1).step_by(3).for_each(|row| row.is_heldout = true);

@@ -1,15 +1,15 @@
 use super::*;
 
 /// Reads a sweep from this table and these lines of `[measurement]`.
-fn read(table: &str, measurement: &str) -> Result<Sweep> {
+fn read(table: &str, measurement: &str) -> Result<OscillationRecord> {
     let dir = tempfile::tempdir().unwrap();
     let toml = format!(
         "[specimen]\nid = \"gel\"\n\n[measurement]\nkind = \"oscillation\"\nfile = \"sweep.csv\"\n{measurement}"
     );
     std::fs::write(dir.path().join("experiment.toml"), toml).unwrap();
     std::fs::write(dir.path().join("sweep.csv"), table).unwrap();
-    assert!(Sweep::is_one(dir.path()));
-    Sweep::read(dir.path()).map(|(sweep, _)| sweep)
+    assert!(OscillationRecord::is_described_in(dir.path()));
+    OscillationRecord::read(dir.path()).map(|(sweep, _)| sweep)
 }
 
 const TABLE: &str = "frequency_hz,storage_pa,loss_pa\n10,4,5\n0.1,1,2\n1,2,3\n100,6,7\n";
@@ -82,9 +82,10 @@ fn what_is_no_sweep_is_refused_with_its_place() {
 #[test]
 fn a_rheometers_own_names_are_known() {
     let table = "Angular frequency\tStorage modulus\tLoss modulus\tTan(delta)\nrad/s\tPa\tPa\t\n1,0\t2,0\t3,0\t1,5\n2,0\t3,0\t4,0\t1,3\n";
-    let looked = super::super::table::look("a.txt".as_ref(), table.as_bytes()).unwrap();
+    let looked = super::super::table::inspect_table("a.txt".as_ref(), table.as_bytes()).unwrap();
     let columns = sweep_columns(&looked).unwrap();
     assert_eq!(columns, [(SweepColumn::Frequency, 0), (SweepColumn::Storage, 1), (SweepColumn::Loss, 2)]);
-    let creep = super::super::table::look("b.csv".as_ref(), b"time_s,force_uN,position_um\n0,1,2\n1,1,3\n").unwrap();
+    let creep =
+        super::super::table::inspect_table("b.csv".as_ref(), b"time_s,force_uN,position_um\n0,1,2\n1,1,3\n").unwrap();
     assert_eq!(sweep_columns(&creep), None);
 }

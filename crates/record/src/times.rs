@@ -1,7 +1,7 @@
 //! Makes times ascend: joins a clock that restarts, and spreads rows within one step of a coarse clock.
 
 use super::robust::median;
-use base::error::{Error, Place, Result, Setting};
+use base::error::{Error, InputPlace, Result, Setting};
 
 /// Fraction of the last interval within which the next table counts as begun at the previous table's last row.
 const BEGAN_BEFORE: f64 = 0.5;
@@ -14,7 +14,7 @@ const TRACKS: f64 = 3.0;
 
 /// Changes made to the times of a table.
 #[derive(Debug, Clone, PartialEq, Default)]
-pub(crate) struct Ordered {
+pub(crate) struct TimeChanges {
     /// Rows at which the clock restarted.
     pub restart_rows: Vec<usize>,
     /// Number of rows with the previous row's time.
@@ -23,7 +23,7 @@ pub(crate) struct Ordered {
     pub are_tracks: bool,
 }
 
-impl Ordered {
+impl TimeChanges {
     /// True if the clock is coarser than the rows of a single track.
     pub fn is_coarse(&self, n_rows: usize) -> bool {
         !self.are_tracks && self.n_ties as f64 >= COARSE * n_rows as f64
@@ -31,7 +31,7 @@ impl Ordered {
 }
 
 /// Rows whose times are ordered.
-pub(super) struct Rows<'a> {
+pub(super) struct TimeRows<'a> {
     pub time_s: &'a mut [f64],
     pub force_n: &'a mut [f64],
     pub position_m: &'a [Option<f64>],
@@ -52,13 +52,13 @@ pub struct TimeRules {
 /// # Errors
 /// [`Error::Input`] at the first time that does not ascend, with the cause that the rows suggest.
 pub(super) fn order_times(
-    place: &dyn Fn(usize) -> Place,
+    place: &dyn Fn(usize) -> InputPlace,
     rules: TimeRules,
     starts: &[usize],
-    rows: Rows<'_>,
-) -> Result<Ordered> {
-    let Rows { time_s, force_n, position_m } = rows;
-    let mut ordered = Ordered::default();
+    rows: TimeRows<'_>,
+) -> Result<TimeChanges> {
+    let TimeRows { time_s, force_n, position_m } = rows;
+    let mut ordered = TimeChanges::default();
     if rules.joins_restarts {
         ordered.restart_rows = join_restarts(time_s);
     }
@@ -134,10 +134,10 @@ fn spread_ties(time_s: &mut [f64]) -> usize {
 }
 
 /// Error for a time that does not ascend, with the cause that the rows suggest and its remedy.
-fn refused(place: Place, row: usize, time_s: &[f64], position_m: &[Option<f64>]) -> Error {
+fn refused(place: InputPlace, row: usize, time_s: &[f64], position_m: &[Option<f64>]) -> Error {
     let (time, before) = (time_s[row], time_s[row - 1]);
     let n_ties = time_s.windows(2).filter(|pair| pair[1] == pair[0]).count();
-    let is_coarse = Ordered { n_ties, ..Ordered::default() }.is_coarse(time_s.len());
+    let is_coarse = TimeChanges { n_ties, ..TimeChanges::default() }.is_coarse(time_s.len());
     let (found, remedy) = if time == before && is_coarse && alternate(time_s, position_m) {
         (
             format!(
@@ -205,7 +205,7 @@ mod tests {
     /// The next table starts just after the first table's last row, as a rheometer logs it. Then it starts later, and then at an equal time.
     #[test]
     fn a_table_that_begins_with_the_last_row_of_another_switches_there() {
-        let place = |row: usize| Place::file("t.csv").at_line(row + 2);
+        let place = |row: usize| InputPlace::file("t.csv").at_line(row + 2);
         let position_m = [Some(0.0); 5];
         for (third_s, expected_n, is_nudged) in [
             (60.01, [1.0, 1.0, 2.0, 2.0, 2.0], false),
@@ -213,7 +213,7 @@ mod tests {
             (60.0, [1.0, 1.0, 1.0, 2.0, 2.0], true),
         ] {
             let (mut time_s, mut force_n) = ([0.01, 30.0, 60.0, third_s, 100.0], [1.0, 1.0, 1.0, 2.0, 2.0]);
-            let rows = Rows { time_s: &mut time_s, force_n: &mut force_n, position_m: &position_m };
+            let rows = TimeRows { time_s: &mut time_s, force_n: &mut force_n, position_m: &position_m };
             order_times(&place, TimeRules::default(), &[0, 3], rows).expect("times that ascend");
             assert_eq!(force_n, expected_n, "{third_s}");
             assert_eq!(time_s[2] < 60.0, is_nudged, "{third_s}");

@@ -2,8 +2,8 @@
 
 use std::path::Path;
 
-use super::times::Ordered;
-use base::error::{Error, Place, Result};
+use super::times::TimeChanges;
+use base::error::{Error, InputPlace, Result};
 use base::files::refuse_long_lines;
 use base::units::{Dimension, UNITS, Unit, nearest_name};
 
@@ -28,11 +28,11 @@ pub(super) struct Trajectory {
     pub force_column: String,
     pub position_column: String,
     /// Changes made to the times.
-    pub ordered: Ordered,
+    pub ordered: TimeChanges,
 }
 
 /// One row in SI units, with the text of its cycle.
-pub(super) struct Row<'a> {
+pub(super) struct TableRow<'a> {
     pub time_s: f64,
     pub force_n: f64,
     pub position_m: Option<f64>,
@@ -82,18 +82,18 @@ struct Header {
 /// Parses a trajectory. Errors name `file`. `is_driven_elsewhere` is true if another file contains the force.
 pub(super) fn read_trajectory(file: &Path, text: &str, is_driven_elsewhere: bool) -> Result<Trajectory> {
     refuse_long_lines(file, text.as_bytes())?;
-    let mut rows = Rows::new(file, text);
+    let mut rows = TableRows::new(file, text);
     let Some(header_line) = rows.next_row()? else {
-        return Err(Error::input(Place::file(file).at_line(1), "the file has no header", HEADER_REMEDY));
+        return Err(Error::input(InputPlace::file(file).at_line(1), "the file has no header", HEADER_REMEDY));
     };
     let names: Vec<String> = rows.record.iter().map(str::to_string).collect();
-    let header = Header::parse(&Place::file(file).at_line(header_line), &names, is_driven_elsewhere)?;
+    let header = Header::parse(&InputPlace::file(file).at_line(header_line), &names, is_driven_elsewhere)?;
     let force_column = header.force.map_or("", |(index, _)| header.names[index].as_str());
     let mut trajectory = Trajectory::empty(header.cycle.is_some(), force_column, &header.names[header.position.0]);
     trajectory.position_unit_m = header.position.1.to_si(1.0);
     while let Some(line) = rows.next_row()? {
         trajectory.note_line(file, line)?;
-        trajectory.push(&header, &|| Place::file(file).at_line(line), &rows.record)?;
+        trajectory.push(&header, &|| InputPlace::file(file).at_line(line), &rows.record)?;
     }
     trajectory.check_length(file, header_line + trajectory.time_s.len())?;
     Ok(trajectory)
@@ -103,7 +103,7 @@ const HEADER_REMEDY: &str =
     "write the header `time_s,force_uN,position_um,cycle` (other units are allowed; `cycle` is optional)";
 
 /// Rows of a CSV with their line numbers; blank lines are skipped.
-struct Rows<'a> {
+struct TableRows<'a> {
     file: &'a Path,
     text: &'a [u8],
     reader: csv::Reader<&'a [u8]>,
@@ -112,7 +112,7 @@ struct Rows<'a> {
     line: usize,
 }
 
-impl<'a> Rows<'a> {
+impl<'a> TableRows<'a> {
     fn new(file: &'a Path, text: &'a str) -> Self {
         let reader = csv::ReaderBuilder::new()
             .has_headers(false)
@@ -127,7 +127,7 @@ impl<'a> Rows<'a> {
         let start = usize::try_from(self.reader.position().byte()).unwrap_or(usize::MAX);
         let more = self.reader.read_record(&mut self.record).map_err(|error| {
             Error::input(
-                Place::file(self.file).at_line(self.line),
+                InputPlace::file(self.file).at_line(self.line),
                 format!("the row is not readable as CSV: {error}"),
                 "separate the cells by commas, write one sample on each line and remove stray quotation marks",
             )
@@ -151,7 +151,7 @@ impl<'a> Rows<'a> {
 }
 
 impl Header {
-    fn parse(place: &Place, cells: &[String], is_driven_elsewhere: bool) -> Result<Self> {
+    fn parse(place: &InputPlace, cells: &[String], is_driven_elsewhere: bool) -> Result<Self> {
         if let [only] = cells
             && (only.contains(';') || only.contains('\t'))
         {
@@ -199,7 +199,7 @@ impl Header {
     }
 }
 
-fn duplicate(place: Place, earlier: &str) -> Error {
+fn duplicate(place: InputPlace, earlier: &str) -> Error {
     Error::input(
         place,
         format!("two columns contain this quantity; the other is `{earlier}`"),
@@ -208,7 +208,7 @@ fn duplicate(place: Place, earlier: &str) -> Error {
 }
 
 impl Column {
-    fn parse(place: &Place, name: &str) -> Result<Self> {
+    fn parse(place: &InputPlace, name: &str) -> Result<Self> {
         if name == "cycle" {
             return Ok(Self::Cycle);
         }
@@ -244,7 +244,7 @@ impl Column {
 
 impl Trajectory {
     /// Adds a row of the CSV. `place` is called only for errors, because files have millions of rows.
-    fn push(&mut self, header: &Header, place: &dyn Fn() -> Place, cells: &csv::StringRecord) -> Result<()> {
+    fn push(&mut self, header: &Header, place: &dyn Fn() -> InputPlace, cells: &csv::StringRecord) -> Result<()> {
         if cells.len() != header.names.len() {
             return Err(Error::input(
                 place(),
@@ -272,7 +272,7 @@ impl Trajectory {
             Some(unit.to_si(finite(&place_of_position, text, remedy)?))
         };
         let cycle = header.cycle.map(|index| &cells[index]);
-        self.add(Row { time_s, force_n, position_m, cycle }, &|which| match which {
+        self.add(TableRow { time_s, force_n, position_m, cycle }, &|which| match which {
             CYCLE => at(header.cycle.unwrap_or(0)),
             TIME => at(header.time.0),
             FORCE => at(header.force.unwrap_or(header.time).0),
@@ -287,7 +287,7 @@ impl Trajectory {
             force_n: Vec::new(),
             position_m: Vec::new(),
             others_m: Vec::new(),
-            ordered: Ordered::default(),
+            ordered: TimeChanges::default(),
             position_unit_m: 1.0,
             clock_zero_s: 0.0,
             cycle: has_cycles.then(Vec::new),
@@ -298,8 +298,8 @@ impl Trajectory {
     }
 
     /// Adds a row. `place` returns the place of a quantity by its index, or of [`CYCLE`].
-    pub(super) fn add(&mut self, row: Row<'_>, place: &dyn Fn(usize) -> Place) -> Result<()> {
-        let Row { time_s, force_n, position_m, cycle } = row;
+    pub(super) fn add(&mut self, row: TableRow<'_>, place: &dyn Fn(usize) -> InputPlace) -> Result<()> {
+        let TableRow { time_s, force_n, position_m, cycle } = row;
         plausible(&|| place(TIME), time_s, TIMES_S, "s")?;
         plausible(&|| place(FORCE), force_n, FORCES_N, "N")?;
         if let Some(position_m) = position_m {
@@ -315,7 +315,7 @@ impl Trajectory {
     }
 
     /// Returns an empty trajectory with the same columns.
-    pub(super) fn emptied(&self) -> Self {
+    pub(super) fn without_rows(&self) -> Self {
         let mut emptied = Self::empty(self.cycle.is_some(), &self.force_column, &self.position_column);
         (emptied.position_unit_m, emptied.clock_zero_s) = (self.position_unit_m, self.clock_zero_s);
         emptied.others_m = vec![Vec::new(); self.others_m.len()];
@@ -331,15 +331,15 @@ impl Trajectory {
         for (coordinate, theirs) in self.others_m.iter_mut().zip(&other.others_m) {
             coordinate.push(kept(theirs[row]));
         }
-        if let Some((own, theirs)) = self.cycle.as_mut().zip(other.cycle.as_ref()) {
-            own.push(theirs[row]);
+        if let Some((indexes, theirs)) = self.cycle.as_mut().zip(other.cycle.as_ref()) {
+            indexes.push(theirs[row]);
         }
         self.lines.push(other.lines[row]);
     }
 
     /// Inserts a row without position before the first row, for a record that started under load. The first row's force acts from there, and times count from
     /// there.
-    pub(super) fn load_from(&mut self, place: &Place, start_s: f64) -> Result<()> {
+    pub(super) fn start_under_load(&mut self, place: &InputPlace, start_s: f64) -> Result<()> {
         let first_s = self.time_s.first().copied().unwrap_or(0.0);
         if start_s >= first_s || (first_s - start_s).abs() > TIMES_S[1] {
             return Err(Error::input(
@@ -365,7 +365,7 @@ impl Trajectory {
     pub(super) fn note_line(&mut self, file: &Path, line: usize) -> Result<()> {
         if self.lines.len() == MOST_ROWS {
             return Err(Error::input(
-                Place::file(file).at_line(line),
+                InputPlace::file(file).at_line(line),
                 format!("this row exceeds the limit of {MOST_ROWS} rows in a record"),
                 "keep every k-th row, or split the record",
             ));
@@ -380,13 +380,13 @@ impl Trajectory {
             return Ok(());
         }
         Err(Error::input(
-            Place::file(file).at_line(line),
+            InputPlace::file(file).at_line(line),
             format!("the table has {} rows below the header", self.time_s.len()),
             "give one row for each sample, at least two",
         ))
     }
 
-    fn check_time(&self, place: &dyn Fn() -> Place, time_s: f64) -> Result<()> {
+    fn check_time(&self, place: &dyn Fn() -> InputPlace, time_s: f64) -> Result<()> {
         match self.time_s.last() {
             None if time_s < 0.0 => Err(Error::input(
                 place(),
@@ -403,7 +403,7 @@ impl Trajectory {
     }
 }
 
-fn finite(place: &dyn Fn() -> Place, text: &str, remedy: &str) -> Result<f64> {
+fn finite(place: &dyn Fn() -> InputPlace, text: &str, remedy: &str) -> Result<f64> {
     let found = match text.parse::<f64>() {
         Ok(number) if number.is_finite() => return Ok(number),
         Ok(_) => format!("`{text}` is not a finite number"),
@@ -418,7 +418,7 @@ const TIMES_S: [f64; 2] = [1e-12, 1e12];
 const FORCES_N: [f64; 2] = [1e-24, 1e12];
 const POSITIONS_M: [f64; 2] = [0.0, 1e6];
 
-fn plausible(place: &dyn Fn() -> Place, value: f64, [smallest, largest]: [f64; 2], unit: &str) -> Result<()> {
+fn plausible(place: &dyn Fn() -> InputPlace, value: f64, [smallest, largest]: [f64; 2], unit: &str) -> Result<()> {
     if value == 0.0 || (smallest..=largest).contains(&value.abs()) {
         return Ok(());
     }
@@ -430,7 +430,7 @@ fn plausible(place: &dyn Fn() -> Place, value: f64, [smallest, largest]: [f64; 2
 }
 
 /// Checks that cycles are counted from 1 without gaps.
-fn next_cycle(place: &dyn Fn() -> Place, text: &str, before: Option<u32>) -> Result<u32> {
+fn next_cycle(place: &dyn Fn() -> InputPlace, text: &str, before: Option<u32>) -> Result<u32> {
     let cycle = text.parse::<u32>().ok().filter(|cycle| *cycle >= 1).ok_or_else(|| {
         Error::input(
             place(),

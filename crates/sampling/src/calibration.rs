@@ -11,7 +11,7 @@ use super::ensemble::Draws;
 ///
 /// Walkers of a stationary ensemble are independent of each other at any one step. The draws of the last step therefore need no thinning.
 /// If they are too few, further steps are used, as far apart as the kept ones allow.
-pub fn apart(draws: &Draws, n: usize) -> Vec<[usize; 3]> {
+pub fn independent_draw_indices(draws: &Draws, n: usize) -> Vec<[usize; 3]> {
     let n_of_step = draws.n_ensembles * draws.n_walkers;
     let n_steps = n.div_ceil(n_of_step.max(1)).min(draws.n_steps);
     let step = |k: usize| draws.n_steps - 1 - k * draws.n_steps / n_steps;
@@ -51,7 +51,7 @@ impl Ranks {
     }
 
     /// Score of the mean rank, standard normal for uniform ranks. It is negative for a posterior that lies too high and positive for one too low.
-    pub fn place(&self) -> f64 {
+    pub fn location_score(&self) -> f64 {
         let n = self.ranks.len() as f64;
         self.offsets().sum::<f64>() / n / (1.0 / 12.0 / n).sqrt()
     }
@@ -59,7 +59,7 @@ impl Ranks {
     /// Score of the mean squared distance of ranks from the middle, standard normal for uniform ranks. It is positive for a posterior too narrow and negative for one too wide.
     ///
     /// u² has mean 1/12 and variance 1/180.
-    pub fn spread(&self) -> f64 {
+    pub fn dispersion_score(&self) -> f64 {
         let n = self.ranks.len() as f64;
         (self.offsets().map(|u| u * u).sum::<f64>() / n - 1.0 / 12.0) / (1.0 / 180.0 / n).sqrt()
     }
@@ -116,7 +116,8 @@ pub fn probability_interval(count: usize, n: usize, level: f64) -> [f64; 2] {
         (0, _) | (_, Err(_)) => 1.0,
         (count, Ok(binomial)) => binomial.sf(count as u64 - 1),
     };
-    let at_most = |probability: f64| Binomial::new(probability, n as u64).map_or(1.0, |own| own.cdf(count as u64));
+    let at_most =
+        |probability: f64| Binomial::new(probability, n as u64).map_or(1.0, |binomial| binomial.cdf(count as u64));
     let lower = if count == 0 { 0.0 } else { bisect(|probability| at_least(probability) < tail) };
     let upper = if count >= n { 1.0 } else { bisect(|probability| at_most(probability) > tail) };
     [lower, upper]
@@ -145,9 +146,9 @@ mod tests {
 
     #[test]
     fn draws_are_of_the_last_step_or_of_steps_far_apart() {
-        let places = apart(&draws(100), 31);
+        let places = independent_draw_indices(&draws(100), 31);
         assert!(places.len() == 31 && places.iter().all(|[_, step, _]| *step == 99));
-        let places = apart(&draws(100), 99);
+        let places = independent_draw_indices(&draws(100), 99);
         let mut steps: Vec<usize> = places.iter().map(|[_, step, _]| *step).collect();
         steps.dedup();
         assert_eq!((places.len(), steps), (99, vec![99, 74, 49, 24]));
@@ -155,8 +156,8 @@ mod tests {
         distinct.sort_unstable();
         distinct.dedup();
         assert_eq!(distinct.len(), 99);
-        assert_eq!(apart(&draws(2), 99).len(), 64);
-        assert!(apart(&draws(0), 99).is_empty());
+        assert_eq!(independent_draw_indices(&draws(2), 99).len(), 64);
+        assert!(independent_draw_indices(&draws(0), 99).is_empty());
     }
 
     /// Known results: Holm's correction of four p-values by hand, and binomial counts. Clopper and Pearson's 95 % interval of 8 in 10 is from tables (0.4439 to 0.9748).
@@ -171,9 +172,9 @@ mod tests {
         assert_eq!(probability_interval(0, 10, 0.9)[0], 0.0);
         assert_eq!(probability_interval(10, 10, 0.9)[1], 1.0);
         let [lower, upper] = count_interval(100, 0.1, 0.99);
-        let own = Binomial::new(0.1, 100).unwrap();
-        assert!(own.cdf(upper as u64) >= 0.995 && own.cdf(upper as u64 - 1) < 0.995, "{upper}");
-        assert!(own.cdf(lower as u64) >= 0.005 && own.cdf(lower as u64 - 1) < 0.005, "{lower}");
+        let binomial = Binomial::new(0.1, 100).unwrap();
+        assert!(binomial.cdf(upper as u64) >= 0.995 && binomial.cdf(upper as u64 - 1) < 0.995, "{upper}");
+        assert!(binomial.cdf(lower as u64) >= 0.005 && binomial.cdf(lower as u64 - 1) < 0.005, "{lower}");
         assert!((p_of_chi_square(16.919, 10) - 0.05).abs() < 1e-4 && (p_of_score(-1.959_964) - 0.05).abs() < 1e-6);
     }
 
@@ -183,7 +184,11 @@ mod tests {
         let ranks = Ranks { ranks: (0..100).collect(), n_draws: 99 };
         assert_eq!(ranks.counts(20), vec![5; 20]);
         assert_eq!((ranks.n_inside(0.5), ranks.n_inside(0.9)), (50, 90));
-        assert!(ranks.place().abs() < 1e-9 && ranks.spread().abs() < 0.01 && chi_square(&ranks.counts(20)) == 0.0);
+        assert!(
+            ranks.location_score().abs() < 1e-9
+                && ranks.dispersion_score().abs() < 0.01
+                && chi_square(&ranks.counts(20)) == 0.0
+        );
     }
 
     /// Scores of 2,000 replicates for posteriors that are right, or too high, too narrow or too wide by known factors. The scores of the right one
@@ -197,9 +202,9 @@ mod tests {
             Ranks { ranks: (0..2_000).map(|_| of(stream.normal())).collect(), n_draws: 99 }
         };
         let right = ranks(0.0, 1.0);
-        assert!(right.place().abs() < 5.2 && right.spread().abs() < 5.2);
+        assert!(right.location_score().abs() < 5.2 && right.dispersion_score().abs() < 5.2);
         assert!(p_of_chi_square(chi_square(&right.counts(20)), 20) > 1e-7);
-        assert!(ranks(1.0, 1.0).place() < -20.0 && ranks(-1.0, 1.0).place() > 20.0);
-        assert!(ranks(0.0, 0.5).spread() > 20.0 && ranks(0.0, 2.0).spread() < -20.0);
+        assert!(ranks(1.0, 1.0).location_score() < -20.0 && ranks(-1.0, 1.0).location_score() > 20.0);
+        assert!(ranks(0.0, 0.5).dispersion_score() > 20.0 && ranks(0.0, 2.0).dispersion_score() < -20.0);
     }
 }

@@ -1,6 +1,6 @@
 //! Checkpoint files of a run's state. They are written completely or not at all. Damaged files and those of another problem are refused.
 
-use base::error::{Place, Setting};
+use base::error::{InputPlace, Setting};
 use base::files::{self, Content};
 use base::{Error, Result};
 use sha2::{Digest, Sha256};
@@ -72,7 +72,7 @@ pub(super) fn unpack(problem: &str, bytes: &[u8]) -> Result<(String, Vec<f64>)> 
 
 /// Error for an unusable checkpoint.
 pub(super) fn refuse(found: &str, remedy: &str) -> Error {
-    Error::input(Place::setting(Setting::Resume), found, remedy)
+    Error::input(InputPlace::setting(Setting::Resume), found, remedy)
 }
 
 #[cfg(test)]

@@ -28,7 +28,7 @@ impl Default for Tolerances {
 }
 
 /// A least-squares problem: its residuals, and their derivatives if they are known.
-pub trait Residuals {
+pub trait LeastSquaresProblem {
     /// Residual vector at θ; `None` if the model cannot be evaluated there.
     fn residuals(&self, theta: &[f64]) -> Option<DVector<f64>>;
 
@@ -64,9 +64,9 @@ pub struct Fit {
 ///
 /// # Errors
 /// [`Error::Numerical`] if there are no residuals, or they or their derivatives at the start are not finite.
-pub fn fit(problem: &dyn Residuals, start: &[f64], tolerances: &Tolerances) -> Result<Fit> {
+pub fn fit(problem: &dyn LeastSquaresProblem, start: &[f64], tolerances: &Tolerances) -> Result<Fit> {
     let bounds: Vec<(f64, f64)> = (0..start.len()).map(|j| problem.bounds(j)).collect();
-    let mut point = Point::at(problem, within(&bounds, start.to_vec())).ok_or_else(|| {
+    let mut point = TrustPoint::at(problem, within(&bounds, start.to_vec())).ok_or_else(|| {
         Error::numerical(
             format!("the residuals cannot be computed at the start {start:?}"),
             "start from parameters at which the model can be evaluated",
@@ -91,7 +91,7 @@ pub fn fit(problem: &dyn Residuals, start: &[f64], tolerances: &Tolerances) -> R
         if small && promised <= tolerances.objective * point.objective {
             converged = damping.lambda <= 1.0;
         }
-        let trial = Point::at(problem, theta).filter(|trial| trial.objective <= point.objective);
+        let trial = TrustPoint::at(problem, theta).filter(|trial| trial.objective <= point.objective);
         match trial {
             Some(trial) => {
                 let gain = point.objective - trial.objective;
@@ -138,7 +138,7 @@ impl Damping {
     }
 }
 
-struct Point {
+struct TrustPoint {
     theta: Vec<f64>,
     residuals: DVector<f64>,
     /// JᵀJ.
@@ -147,8 +147,8 @@ struct Point {
     objective: f64,
 }
 
-impl Point {
-    fn at(problem: &dyn Residuals, theta: Vec<f64>) -> Option<Self> {
+impl TrustPoint {
+    fn at(problem: &dyn LeastSquaresProblem, theta: Vec<f64>) -> Option<Self> {
         let residuals = problem.residuals(&theta)?;
         let objective = residuals.norm_squared();
         if !objective.is_finite() || residuals.is_empty() {
@@ -242,7 +242,7 @@ fn inverse_normal(jacobian: &DMatrix<f64>) -> Option<DMatrix<f64>> {
     Some(&inverse * inverse.transpose())
 }
 
-fn central_differences(problem: &dyn Residuals, theta: &[f64], n: usize) -> Option<DMatrix<f64>> {
+fn central_differences(problem: &dyn LeastSquaresProblem, theta: &[f64], n: usize) -> Option<DMatrix<f64>> {
     let mut jacobian = DMatrix::zeros(n, theta.len());
     for j in 0..theta.len() {
         // The cube root of the rounding unit balances truncation against cancellation.
@@ -261,12 +261,12 @@ fn central_differences(problem: &dyn Residuals, theta: &[f64], n: usize) -> Opti
 mod tests {
     use super::*;
 
-    struct Model<F> {
+    struct QuadraticModel<F> {
         data: Vec<(f64, f64)>,
         f: F,
     }
 
-    impl<F: Fn(f64, &[f64]) -> f64> Residuals for Model<F> {
+    impl<F: Fn(f64, &[f64]) -> f64> LeastSquaresProblem for QuadraticModel<F> {
         fn residuals(&self, theta: &[f64]) -> Option<DVector<f64>> {
             Some(DVector::from_iterator(self.data.len(), self.data.iter().map(|&(x, y)| (self.f)(x, theta) - y)))
         }
@@ -288,7 +288,8 @@ mod tests {
         let rss: f64 = data.iter().map(|d| (d.1 - intercept - slope * d.0).powi(2)).sum();
         let s2 = rss / (n - 2.0);
         let found =
-            fit(&Model { data, f: |x, t: &[f64]| t[0] + t[1] * x }, &[0.0, 0.0], &Tolerances::default()).unwrap();
+            fit(&QuadraticModel { data, f: |x, t: &[f64]| t[0] + t[1] * x }, &[0.0, 0.0], &Tolerances::default())
+                .unwrap();
         assert!(found.converged);
         let exact = [intercept, slope, (s2 * (1.0 / n + mx * mx / sxx)).sqrt(), (s2 / sxx).sqrt()];
         let ours = [found.theta[0], found.theta[1], found.standard_errors[0], found.standard_errors[1]];
@@ -303,7 +304,7 @@ mod tests {
     fn misra1a_is_certified() {
         let y = [10.07, 14.73, 17.94, 23.93, 29.61, 35.18, 40.02, 44.82, 50.76, 55.05, 61.01, 66.40, 75.47, 81.78];
         let x = [77.6, 114.9, 141.1, 190.8, 239.9, 289.0, 332.8, 378.4, 434.8, 477.3, 536.8, 593.1, 689.1, 760.0];
-        let model = Model {
+        let model = QuadraticModel {
             data: x.into_iter().zip(y).collect(),
             f: |x: f64, t: &[f64]| t[0] * (1.0 - (-t[1].exp() * x).exp()),
         };
@@ -327,7 +328,7 @@ mod tests {
         let truth = [1.3_f64, -0.4, 0.8];
         let f = |x: f64, t: &[f64]| t[0].exp() * (1.0 - (-x * t[1].exp()).exp()) + t[2] * x;
         let data = (1..60).map(|i| f64::from(i) * 0.1).map(|x| (x, f(x, &truth))).collect();
-        let found = fit(&Model { data, f }, &[0.0, 0.0, 0.0], &Tolerances::default()).unwrap();
+        let found = fit(&QuadraticModel { data, f }, &[0.0, 0.0, 0.0], &Tolerances::default()).unwrap();
         assert!(found.converged);
         assert!(found.theta.iter().zip(truth).all(|(a, b)| (a - b).abs() < 1e-6), "{:?}", found.theta);
     }
@@ -336,8 +337,8 @@ mod tests {
     /// If the true rate is beyond the bound, the search ends on the bound, at the best values of the other coordinates.
     #[test]
     fn bounds_do_not_stop_the_other_coordinates() {
-        struct Bounded<F>(Model<F>, Vec<(f64, f64)>);
-        impl<F: Fn(f64, &[f64]) -> f64> Residuals for Bounded<F> {
+        struct Bounded<F>(QuadraticModel<F>, Vec<(f64, f64)>);
+        impl<F: Fn(f64, &[f64]) -> f64> LeastSquaresProblem for Bounded<F> {
             fn residuals(&self, theta: &[f64]) -> Option<DVector<f64>> {
                 let is_within = theta.iter().zip(&self.1).all(|(t, (lower, upper))| t >= lower && t <= upper);
                 assert!(is_within, "{theta:?} is beyond its bounds");
@@ -363,12 +364,12 @@ mod tests {
         let data: Vec<(f64, f64)> = (0..50).map(|i| 0.1 * f64::from(i)).map(|x| (x, f(x, &truth))).collect();
         let none = (f64::NEG_INFINITY, f64::INFINITY);
         let start = [-1.0, -1.9, 4.0];
-        let wide = Bounded(Model { data: data.clone(), f }, vec![none, (-2.0, 2.0), (-5.0, 5.0)]);
+        let wide = Bounded(QuadraticModel { data: data.clone(), f }, vec![none, (-2.0, 2.0), (-5.0, 5.0)]);
         let found = fit(&wide, &start, &Tolerances::default()).unwrap();
         assert!(found.converged && found.theta.iter().zip(truth).all(|(a, b)| (a - b).abs() < 1e-6), "{found:?}");
-        let narrow = Bounded(Model { data: data.clone(), f }, vec![none, (-2.0, 0.2), (-5.0, 5.0)]);
+        let narrow = Bounded(QuadraticModel { data: data.clone(), f }, vec![none, (-2.0, 0.2), (-5.0, 5.0)]);
         let found = fit(&narrow, &start, &Tolerances::default()).unwrap();
-        let given = Model { data, f: |x: f64, t: &[f64]| f(x, &[t[0], 0.2, t[1]]) };
+        let given = QuadraticModel { data, f: |x: f64, t: &[f64]| f(x, &[t[0], 0.2, t[1]]) };
         let best = fit(&given, &[1.0, 0.0], &Tolerances::default()).unwrap();
         assert!(found.converged && found.theta[1] == 0.2, "{found:?}");
         assert!((found.objective / best.objective - 1.0).abs() < 1e-6, "{} {}", found.objective, best.objective);
@@ -377,7 +378,7 @@ mod tests {
     #[test]
     fn a_parameter_without_influence_has_no_error() {
         let data = (0..10).map(|i| (f64::from(i), 3.0 + f64::from(i % 2))).collect();
-        let found = fit(&Model { data, f: |_, t: &[f64]| t[0] }, &[0.0, 7.0], &Tolerances::default()).unwrap();
+        let found = fit(&QuadraticModel { data, f: |_, t: &[f64]| t[0] }, &[0.0, 7.0], &Tolerances::default()).unwrap();
         assert!((found.theta[0] - 3.5).abs() < 1e-6 && (found.theta[1] - 7.0).abs() < 1e-6, "{found:?}");
         assert!(found.standard_errors.iter().all(|e| e.is_nan()));
     }
@@ -385,7 +386,7 @@ mod tests {
     #[test]
     fn a_start_without_residuals_is_an_error() {
         struct Nothing;
-        impl Residuals for Nothing {
+        impl LeastSquaresProblem for Nothing {
             fn residuals(&self, _theta: &[f64]) -> Option<DVector<f64>> {
                 None
             }

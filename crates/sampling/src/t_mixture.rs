@@ -47,7 +47,7 @@ pub(super) struct Component {
 }
 
 /// A component before its factors are known.
-struct Shape {
+struct ComponentShape {
     weight: f64,
     location: Vec<f64>,
     covariance: DMatrix<f64>,
@@ -79,8 +79,8 @@ impl TMixture {
         Self::new(shapes, dimension)
     }
 
-    fn laplace_shapes(modes: &Modes, dimension: usize) -> Vec<Shape> {
-        let shape = |(mode, weight): (&Mode, f64)| Shape {
+    fn laplace_shapes(modes: &Modes, dimension: usize) -> Vec<ComponentShape> {
+        let shape = |(mode, weight): (&Mode, f64)| ComponentShape {
             weight,
             location: mode.location.clone(),
             covariance: DMatrix::from_row_slice(dimension, dimension, &mode.precision)
@@ -90,7 +90,7 @@ impl TMixture {
         modes.iter().zip(modes.weights()).take(MAX_COMPONENTS).map(shape).collect()
     }
 
-    fn new(shapes: Vec<Shape>, dimension: usize) -> Option<Self> {
+    fn new(shapes: Vec<ComponentShape>, dimension: usize) -> Option<Self> {
         let mut components: Vec<Component> =
             shapes.into_iter().filter_map(|shape| component(shape, dimension)).collect();
         let total: f64 = components.iter().map(|component| component.upper).sum();
@@ -105,7 +105,7 @@ impl TMixture {
     }
 
     /// Builds one component with the mean and covariance of weighted points, whose weights add up to one. `None` if the points lie in a plane.
-    pub fn of_moments(points: &[Vec<f64>], weights: &[f64]) -> Option<Self> {
+    pub fn from_moments(points: &[Vec<f64>], weights: &[f64]) -> Option<Self> {
         Self::new(vec![moments_of(points, weights)?], points.first()?.len())
     }
 
@@ -116,18 +116,23 @@ impl TMixture {
         let Some(covariance) = heaviest.map(|shape| shape.covariance.clone()) else { return self.clone() };
         shapes.iter_mut().for_each(|shape| shape.weight *= 0.5);
         let weight = 0.5 / centres.len().max(1) as f64;
-        let added =
-            centres.iter().map(|centre| Shape { weight, location: centre.clone(), covariance: covariance.clone() });
+        let added = centres.iter().map(|centre| ComponentShape {
+            weight,
+            location: centre.clone(),
+            covariance: covariance.clone(),
+        });
         shapes.extend(added);
         Self::new(shapes, self.dimension).unwrap_or_else(|| self.clone())
     }
 
     /// Returns this mixture with one wide component of weight `share`: the moments of the weighted points, with standard deviations multiplied by `stretch`.
     pub fn with_background(&self, points: &[Vec<f64>], weights: &[f64], share: f64, stretch: f64) -> Self {
-        let Some(Shape { location, covariance, .. }) = moments_of(points, weights) else { return self.clone() };
+        let Some(ComponentShape { location, covariance, .. }) = moments_of(points, weights) else {
+            return self.clone();
+        };
         let mut shapes = self.shapes();
         shapes.iter_mut().for_each(|shape| shape.weight *= 1.0 - share);
-        shapes.push(Shape { weight: share, location, covariance: covariance * (stretch * stretch) });
+        shapes.push(ComponentShape { weight: share, location, covariance: covariance * (stretch * stretch) });
         Self::new(shapes, self.dimension).unwrap_or_else(|| self.clone())
     }
 
@@ -165,19 +170,19 @@ impl TMixture {
             }
             let (location, covariance) = sums.moments()?;
             let covariance = (covariance * n_draws + old.covariance * fewest) / (n_draws + fewest);
-            Some(Shape { weight: sums.total, location, covariance })
+            Some(ComponentShape { weight: sums.total, location, covariance })
         });
         Self::new(refitted.collect(), self.dimension).unwrap_or_else(|| self.clone())
     }
 
-    fn shapes(&self) -> Vec<Shape> {
+    fn shapes(&self) -> Vec<ComponentShape> {
         let n = self.dimension;
         let mut lower = 0.0;
         let shape = |component: &Component| {
             let spread = DMatrix::from_row_slice(n, n, &component.spread);
             let weight = component.upper - lower;
             lower = component.upper;
-            Shape { weight, location: component.location.clone(), covariance: &spread * spread.transpose() }
+            ComponentShape { weight, location: component.location.clone(), covariance: &spread * spread.transpose() }
         };
         self.components.iter().map(shape).collect()
     }
@@ -342,7 +347,7 @@ impl Component {
     }
 }
 
-fn component(shape: Shape, dimension: usize) -> Option<Component> {
+fn component(shape: ComponentShape, dimension: usize) -> Option<Component> {
     let spread = shape.covariance.cholesky()?.l();
     let whiten = spread.solve_lower_triangular(&DMatrix::identity(dimension, dimension))?;
     let log_det: f64 = spread.diagonal().iter().map(|l| l.ln()).sum();
@@ -359,7 +364,7 @@ fn component(shape: Shape, dimension: usize) -> Option<Component> {
 }
 
 /// Mean and covariance of weighted points, whose weights add up to one. `None` if the points lie in a plane.
-fn moments_of(points: &[Vec<f64>], weights: &[f64]) -> Option<Shape> {
+fn moments_of(points: &[Vec<f64>], weights: &[f64]) -> Option<ComponentShape> {
     let mut sums = WeightedSums::new(points.first()?.len());
     points
         .iter()
@@ -367,7 +372,7 @@ fn moments_of(points: &[Vec<f64>], weights: &[f64]) -> Option<Shape> {
         .filter(|(_, weight)| **weight > 0.0)
         .for_each(|(point, weight)| sums.add(point, *weight, *weight));
     let (location, covariance) = sums.moments()?;
-    Some(Shape { weight: 1.0, location, covariance })
+    Some(ComponentShape { weight: 1.0, location, covariance })
 }
 
 /// Sums over weighted points to which a component is fitted. Distant points of a t distribution pull less: the pull is weight × (ν + n)/(ν + r²).

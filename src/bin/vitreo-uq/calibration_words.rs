@@ -1,10 +1,10 @@
 //! Text of a calibration: the verdict, then one line for each quantity.
 
 use vitreo_uq::documents::calibration::{CalibratedQuantity, Calibration, Coverage};
-use vitreo_uq::figures::number::significant;
+use vitreo_uq::figures::number::format_significant;
 
 /// Returns the verdict and the table that supports it.
-pub fn words_of_calibration(found: &Calibration) -> String {
+pub fn format_calibration(found: &Calibration) -> String {
     let mut lines = vec![
         format!("{}: {}", found.experiment, found.verdict.sentence),
         String::new(),
@@ -19,27 +19,27 @@ pub fn words_of_calibration(found: &Calibration) -> String {
     lines.join("\n") + "\n\n"
 }
 
-fn row(own: &CalibratedQuantity) -> String {
+fn row(calibrated_quantity: &CalibratedQuantity) -> String {
     let number =
         |value: Option<f64>, digits: usize| value.map_or_else(|| "–".into(), |value| format!("{value:.digits$}"));
-    let z = match (own.z_mean, own.z_sd) {
+    let z = match (calibrated_quantity.z_mean, calibrated_quantity.z_sd) {
         (Some(mean), Some(sd)) => format!("{mean:.2} ± {sd:.2}"),
         _ => "–".into(),
     };
     format!(
         "  {:<34}{:>11}{:>9}{:>9}{:>16}{:>20}{:>20}",
-        own.name,
-        own.p_holm.map_or_else(|| "–".into(), |p| significant(p, 2)),
-        number(own.place, 1),
-        number(own.spread, 1),
+        calibrated_quantity.name,
+        calibrated_quantity.p_holm.map_or_else(|| "–".into(), |p| format_significant(p, 2)),
+        number(calibrated_quantity.place, 1),
+        number(calibrated_quantity.spread, 1),
         z,
-        share(&own.coverage_50),
-        share(&own.coverage_90)
+        share(&calibrated_quantity.coverage_50),
+        share(&calibrated_quantity.coverage_90)
     )
 }
 
-fn share(own: &Coverage) -> String {
+fn share(coverage: &Coverage) -> String {
     let percent = |share: f64| format!("{:.0}", 100.0 * share);
-    let [lower, upper] = own.interval_95.map(percent);
-    own.share.map_or_else(|| "–".into(), |share| format!("{} % ({lower} to {upper})", percent(share)))
+    let [lower, upper] = coverage.interval_95.map(percent);
+    coverage.share.map_or_else(|| "–".into(), |share| format!("{} % ({lower} to {upper})", percent(share)))
 }

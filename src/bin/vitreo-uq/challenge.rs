@@ -7,7 +7,7 @@ use std::process::ExitCode;
 
 use clap::builder::{BoolishValueParser, RangedU64ValueParser};
 use clap::{ArgAction, Args, Subcommand, ValueEnum};
-use vitreo_uq::base::error::{Error, Place, Result, Setting};
+use vitreo_uq::base::error::{Error, InputPlace, Result, Setting};
 use vitreo_uq::base::files::{Content, read_if_there};
 use vitreo_uq::documents::diagnosis::Diagnosis;
 use vitreo_uq::models::effects::Library;
@@ -15,14 +15,14 @@ use vitreo_uq::posterior::cache::cache_directory;
 use vitreo_uq::posterior::monitor::Monitor;
 use vitreo_uq::posterior::study::{DIAGNOSIS_NAME, Provenance, Study, WithProvenance};
 use vitreo_uq::sampling::ensemble::RandomStream;
-use vitreo_uq::validation::challenge::files::{self, Case, Opened};
-use vitreo_uq::validation::challenge::play::Sort;
+use vitreo_uq::validation::challenge::files::{self, ChallengeCase, OpenedChallenge};
+use vitreo_uq::validation::challenge::play::HiddenKind;
 use vitreo_uq::validation::challenge::plays::{self, PlaysRequest};
 use vitreo_uq::validation::challenge::{
-    Bench, Hidden, NoiseKind, Order, OutsideKind, Protocol, Strength, draw_pair, hideable,
+    Bench, DisturbanceKind, HiddenThing, NoiseKind, Protocol, Strength, TruthRequest, draw_pair, hideable_effects,
 };
 
-use crate::challenge_words::{words_of_made, words_of_plays, words_of_truth};
+use crate::challenge_words::{format_new_challenges, format_plays, format_truth};
 use crate::options::use_threads;
 use crate::terminal::Terminal;
 
@@ -168,13 +168,13 @@ enum OnlySort {
 }
 
 impl OnlySort {
-    fn sort(self) -> Sort {
+    fn sort(self) -> HiddenKind {
         match self {
-            Self::None => Sort::None,
-            Self::Single => Sort::Single,
-            Self::Pair => Sort::Pair,
-            Self::Outside => Sort::Outside,
-            Self::Apparatus => Sort::Apparatus,
+            Self::None => HiddenKind::None,
+            Self::Single => HiddenKind::Single,
+            Self::Pair => HiddenKind::Pair,
+            Self::Outside => HiddenKind::Outside,
+            Self::Apparatus => HiddenKind::Apparatus,
         }
     }
 }
@@ -195,18 +195,18 @@ pub fn run(arguments: &ChallengeArguments) -> Result<ExitCode> {
 fn make(arguments: &NewArguments) -> Result<ExitCode> {
     files::check_place(&arguments.out)?;
     use_threads(0)?;
-    let seed = arguments.seed.unwrap_or_else(seed_of_the_system);
-    let orders: Vec<Order> =
-        (0..arguments.count).map(|number| order(arguments, seed_of(seed, number))).collect::<Result<_>>()?;
+    let seed = arguments.seed.unwrap_or_else(random_seed);
+    let orders: Vec<TruthRequest> =
+        (0..arguments.count).map(|number| challenge_order(arguments, seed_of(seed, number))).collect::<Result<_>>()?;
     let needed = orders.iter().flat_map(|order| match &order.hidden {
-        Hidden::Effects(slugs) => &slugs[..],
+        HiddenThing::Effects(slugs) => &slugs[..],
         _ => &[],
     });
     let needed: Vec<String> = needed.cloned().collect();
     let terminal = Terminal::new(arguments.quiet);
-    let bench = Bench::serving(&needed, &terminal)?;
+    let bench = Bench::for_effects(&needed, &terminal)?;
     let width = arguments.count.to_string().len();
-    let cases = orders.into_iter().enumerate().map(|(number, order)| Case {
+    let cases = orders.into_iter().enumerate().map(|(number, order)| ChallengeCase {
         dir: match arguments.count {
             1 => arguments.out.clone(),
             _ => arguments.out.join(format!("{:0width$}", number + 1)),
@@ -216,7 +216,7 @@ fn make(arguments: &NewArguments) -> Result<ExitCode> {
     });
     let commitments = files::make(&cases.collect::<Vec<_>>(), &bench, &terminal)?;
     terminal.finish();
-    crate::output::show(None, &(), &words_of_made(&arguments.out, &commitments))?;
+    crate::output::show(None, &(), &format_new_challenges(&arguments.out, &commitments))?;
     Ok(ExitCode::SUCCESS)
 }
 
@@ -226,7 +226,7 @@ fn seed_of(seed: u64, number: usize) -> u64 {
 }
 
 /// Specification of the challenge that a seed makes from the arguments.
-fn order(arguments: &NewArguments, seed: u64) -> Result<Order> {
+fn challenge_order(arguments: &NewArguments, seed: u64) -> Result<TruthRequest> {
     let protocol = named("--protocol", &arguments.protocol, &Protocol::ALL, Protocol::name)?;
     let noise = named("--noise-kind", &arguments.noise_kind, &NoiseKind::ALL, NoiseKind::name)?;
     // Streams 0 to 2 generate the data.
@@ -236,11 +236,11 @@ fn order(arguments: &NewArguments, seed: u64) -> Result<Order> {
         None => strength(arguments.strength.as_deref(), &mut stream)?,
     };
     let hidden = hidden(arguments, protocol, &mut stream)?;
-    Ok(Order { hidden, protocol, noise, is_noise_given: arguments.noise_known, strength })
+    Ok(TruthRequest { hidden, protocol, noise, is_noise_given: arguments.noise_known, strength })
 }
 
 /// Unpredictable seed: the operating system supplies the keys of hash maps.
-fn seed_of_the_system() -> u64 {
+fn random_seed() -> u64 {
     RandomState::new().build_hasher().finish()
 }
 
@@ -249,7 +249,7 @@ fn named<T: Copy>(option: &str, text: &str, all: &[T], name: impl Fn(T) -> &'sta
     all.iter().copied().find(|one| name(*one) == text).ok_or_else(|| {
         let names: Vec<&str> = all.iter().map(|one| name(*one)).collect();
         Error::input(
-            Place::default().at_key(option),
+            InputPlace::default().at_key(option),
             format!("`{text}` is not a known name"),
             format!("give one of {}", names.join(", ")),
         )
@@ -263,7 +263,7 @@ fn strength(text: Option<&str>, stream: &mut RandomStream) -> Result<Strength> {
         Some(text) => match text.parse::<f64>() {
             Ok(sigma) if (0.5..=1e3).contains(&sigma) => Ok(Strength::Sigma(sigma)),
             _ => Err(Error::input(
-                Place::setting(Setting::Strength),
+                InputPlace::setting(Setting::Strength),
                 format!("`{text}`"),
                 "give a number from 0.5 to 1000, or `prior`",
             )),
@@ -271,59 +271,59 @@ fn strength(text: Option<&str>, stream: &mut RandomStream) -> Result<Strength> {
     }
 }
 
-fn hidden(arguments: &NewArguments, protocol: Protocol, stream: &mut RandomStream) -> Result<Hidden> {
-    let suited: Vec<OutsideKind> = OutsideKind::DRAWN.into_iter().filter(|kind| kind.suits(protocol)).collect();
+fn hidden(arguments: &NewArguments, protocol: Protocol, stream: &mut RandomStream) -> Result<HiddenThing> {
+    let suited: Vec<DisturbanceKind> = DisturbanceKind::DRAWN.into_iter().filter(|kind| kind.suits(protocol)).collect();
     let library = Library::default();
-    let slugs = hideable(&library);
+    let slugs = hideable_effects(&library);
     if let Some(slug) = &arguments.effect {
-        return Ok(Hidden::Effects(vec![slug.clone()]));
+        return Ok(HiddenThing::Effects(vec![slug.clone()]));
     }
     if !arguments.pair.is_empty() {
         return match arguments.pair.as_slice() {
-            [a, b] if a != b => Ok(Hidden::Effects(vec![a.clone(), b.clone()])),
+            [a, b] if a != b => Ok(HiddenThing::Effects(vec![a.clone(), b.clone()])),
             _ => Err(Error::input(
-                Place::setting(Setting::Pair),
+                InputPlace::setting(Setting::Pair),
                 arguments.pair.join(","),
                 "give two different effects, such as `--pair softening,force-bias`",
             )),
         };
     }
     if let Some(Some(kind)) = &arguments.outside {
-        return Ok(Hidden::Outside(named("--outside", kind, &OutsideKind::all(), OutsideKind::name)?));
+        return Ok(HiddenThing::Outside(named("--outside", kind, &DisturbanceKind::all(), DisturbanceKind::name)?));
     }
     let choice = stream.unit();
     if arguments.none || (arguments.outside.is_none() && choice < 0.15) {
-        return Ok(Hidden::Nothing);
+        return Ok(HiddenThing::Nothing);
     }
     if arguments.outside.is_some() || choice < 0.3 {
-        return Ok(Hidden::Outside(suited[stream.below(suited.len())]));
+        return Ok(HiddenThing::Outside(suited[stream.below(suited.len())]));
     }
     if choice < 0.45 {
-        return draw_pair(&library, &slugs, stream).map(|pair| Hidden::Effects(pair.to_vec()));
+        return draw_pair(&library, &slugs, stream).map(|pair| HiddenThing::Effects(pair.to_vec()));
     }
     // The second draw of a pair is unused, so that each seed keeps its meaning.
     let (single, _) = stream.distinct_pair(slugs.len());
-    Ok(Hidden::Effects(vec![slugs[single].clone()]))
+    Ok(HiddenThing::Effects(vec![slugs[single].clone()]))
 }
 
 fn reveal(arguments: &RevealArguments) -> Result<ExitCode> {
     crate::output::check(arguments.json.as_deref())?;
-    let mut opened = files::reveal(&arguments.dir)?;
+    let mut opened = files::open_challenge(&arguments.dir)?;
     let diagnosis = diagnosis_of(&opened, arguments.study.as_deref())?;
     if diagnosis.is_some() && !opened.answer.truth.not_compared.is_empty() {
         // `challenge new` skips these slow comparisons. The diagnosis has cached the models that they need.
         let terminal = Terminal::new(arguments.quiet);
         let bench = Bench::new(&terminal)?;
         terminal.stage("comparing the hidden effect with the effects that change the displacement field");
-        opened.answer.truth = bench.compared(&opened.answer.truth)?;
+        opened.answer.truth = bench.complete_ideal_class(&opened.answer.truth)?;
         terminal.finish();
     }
     let judged = diagnosis.map(|diagnosis| {
         let truth = opened.answer.truth.clone();
-        (plays::judged(0, Sort::of(&truth), truth, &diagnosis, opened.noise.as_ref()), diagnosis)
+        (plays::judge(0, HiddenKind::of(&truth), truth, &diagnosis, opened.noise.as_ref()), diagnosis)
     });
     let looked_in = study_dir(&opened, arguments.study.as_deref());
-    let words = words_of_truth(&opened, judged.as_ref(), &arguments.dir, &looked_in);
+    let words = format_truth(&opened, judged.as_ref(), &arguments.dir, &looked_in);
     let body = serde_json::json!({
         "truth": opened.answer.truth,
         "commitment_sha256": opened.commitment_sha256,
@@ -337,13 +337,13 @@ fn reveal(arguments: &RevealArguments) -> Result<ExitCode> {
 }
 
 /// Directory of the challenge's study: the given one, or the one that `diagnose` creates.
-fn study_dir(opened: &Opened, study: Option<&Path>) -> PathBuf {
+fn study_dir(opened: &OpenedChallenge, study: Option<&Path>) -> PathBuf {
     let id = files::specimen_id(&opened.commitment_sha256);
     study.map_or_else(|| Study::default_dir(&id), Path::to_path_buf)
 }
 
 /// First diagnosis in a study of the challenge's data, or `None` if there is no study or no diagnosis in it.
-fn diagnosis_of(opened: &Opened, study: Option<&Path>) -> Result<Option<Diagnosis>> {
+fn diagnosis_of(opened: &OpenedChallenge, study: Option<&Path>) -> Result<Option<Diagnosis>> {
     let dir = study_dir(opened, study);
     if study.is_none() && !Study::is_study(&dir) {
         return Ok(None);
@@ -351,7 +351,7 @@ fn diagnosis_of(opened: &Opened, study: Option<&Path>) -> Result<Option<Diagnosi
     let study = Study::open(&dir)?;
     if !study.inputs_sha256().values().any(|hash| *hash == opened.answer.trajectory_sha256) {
         return Err(Error::input(
-            Place::default().at_key("--study"),
+            InputPlace::default().at_key("--study"),
             format!("{} is a study of different data", dir.display()),
             "give the study that `vitreo-uq diagnose` created for this challenge",
         ));
@@ -362,7 +362,7 @@ fn diagnosis_of(opened: &Opened, study: Option<&Path>) -> Result<Option<Diagnosi
         let read = serde_json::from_slice::<WithProvenance<Diagnosis>>(&bytes);
         return read.map(|document| Some(document.body)).map_err(|error| {
             Error::input(
-                Place::file(&path).at_line(error.line()),
+                InputPlace::file(&path).at_line(error.line()),
                 format!("this is not a diagnosis of this program: {error}"),
                 "run `vitreo-uq diagnose` again",
             )
@@ -377,7 +377,7 @@ impl PlaysArguments {
         if self.count > MOST_PLAYS {
             let found = format!("{} challenges", self.count);
             return Err(Error::input(
-                Place::setting(Setting::Count),
+                InputPlace::setting(Setting::Count),
                 found,
                 format!("play at most {MOST_PLAYS} at a time"),
             ));
@@ -385,7 +385,7 @@ impl PlaysArguments {
         if self.first > MOST_PLAYS {
             let found = format!("number {}", self.first);
             return Err(Error::input(
-                Place::default().at_key("--first"),
+                InputPlace::default().at_key("--first"),
                 found,
                 format!("begin at {MOST_PLAYS} or less"),
             ));
@@ -416,9 +416,9 @@ fn play(arguments: &RunArguments) -> Result<ExitCode> {
     let terminal = Terminal::new(arguments.quiet);
     let bench = Bench::new(&terminal)?;
     let cache = arguments.cache.clone().or_else(|| Some(cache_directory()?.join("challenge")));
-    let plays = plays::run(&bench, &request, cache.as_deref(), &plays::in_brief, &terminal)?;
+    let plays = plays::run(&bench, &request, cache.as_deref(), &plays::diagnose_briefly, &terminal)?;
     terminal.finish();
-    let words = words_of_plays(&plays.tally);
+    let words = format_plays(&plays.tally);
     crate::output::show(arguments.json.as_deref(), &plays.document(request.seed), &words)?;
     Ok(ExitCode::SUCCESS)
 }

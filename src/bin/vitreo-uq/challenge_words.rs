@@ -5,15 +5,15 @@ use std::path::Path;
 
 use vitreo_uq::documents::diagnosis::Diagnosis;
 use vitreo_uq::figures::page::PlaysPage;
-use vitreo_uq::validation::challenge::files::Opened;
+use vitreo_uq::validation::challenge::files::OpenedChallenge;
 use vitreo_uq::validation::challenge::play::Play;
 use vitreo_uq::validation::challenge::tally::{Group, Tally};
-use vitreo_uq::validation::challenge::{Disturbance, OutsideKind};
+use vitreo_uq::validation::challenge::{Disturbance, DisturbanceKind};
 
 use crate::text::significant;
 
 /// Text after `challenge new`: the directory, the hashes that seal the answers, and the next commands.
-pub fn words_of_made(out: &Path, commitments: &[String]) -> String {
+pub fn format_new_challenges(out: &Path, commitments: &[String]) -> String {
     let dir = out.display();
     if let [commitment] = commitments {
         return format!(
@@ -34,8 +34,8 @@ pub fn words_of_made(out: &Path, commitments: &[String]) -> String {
 }
 
 /// Answer of one challenge, with its diagnosis if the study `looked_in` has one.
-pub fn words_of_truth(
-    opened: &Opened,
+pub fn format_truth(
+    opened: &OpenedChallenge,
     judged: Option<&(Play, Diagnosis)>,
     challenge: &Path,
     looked_in: &Path,
@@ -122,7 +122,7 @@ fn error_of(play: &Play) -> Option<String> {
 /// Hidden displacement of the robot and fluid of the gel, for large displacements; empty for other kinds.
 fn size_of(outside: &Disturbance) -> String {
     match outside.kind {
-        OutsideKind::LargeDisplacement => {
+        DisturbanceKind::LargeDisplacement => {
             let mobility = outside.shape.first().copied().unwrap_or(0.0);
             format!(
                 "; the gel is a Giesekus fluid of mobility {}, and in a linear gel the robot would move {} of its radii",
@@ -135,7 +135,7 @@ fn size_of(outside: &Disturbance) -> String {
 }
 
 /// Each hidden truth with its number of plays and its verdicts with their counts.
-fn said_of(tally: &Tally) -> Vec<(&str, usize, String)> {
+fn verdict_rows(tally: &Tally) -> Vec<(&str, usize, String)> {
     let mut rows: BTreeMap<&str, Vec<(&str, usize)>> = BTreeMap::new();
     for entry in &tally.confusion {
         rows.entry(&entry.truth).or_default().push((&entry.said, entry.count));
@@ -191,10 +191,10 @@ fn groups(tally: &Tally) -> Vec<[String; 7]> {
 }
 
 /// Text of the results of many challenges.
-pub fn words_of_plays(tally: &Tally) -> String {
+pub fn format_plays(tally: &Tally) -> String {
     let mut lines = vec![format!("{} challenges were played.", tally.played), String::new()];
     lines.push(format!("  {:<44}{:>6}   verdicts", "hidden", "played"));
-    lines.extend(said_of(tally).iter().map(|(truth, total, said)| format!("  {truth:<44}{total:>6}   {said}")));
+    lines.extend(verdict_rows(tally).iter().map(|(truth, total, said)| format!("  {truth:<44}{total:>6}   {said}")));
     lines.push(String::new());
     lines.extend(rates(tally).iter().map(|(what, rate)| format!("  {what:<64}{rate:>8}")));
     if tally.failed > 0 {
@@ -210,13 +210,14 @@ pub fn words_of_plays(tally: &Tally) -> String {
 }
 
 /// Tables of the same results for a page.
-pub fn page_of_plays(tally: &Tally) -> PlaysPage {
-    let hidden = said_of(tally).into_iter().map(|(truth, total, said)| vec![truth.into(), total.to_string(), said]);
+pub fn plays_page(tally: &Tally) -> PlaysPage {
+    let hidden =
+        verdict_rows(tally).into_iter().map(|(truth, total, said)| vec![truth.into(), total.to_string(), said]);
     let rates = rates(tally).into_iter().map(|(what, rate)| vec![what.trim().into(), rate]);
     PlaysPage {
         played: tally.played,
         failed: tally.failed,
-        said: hidden.collect(),
+        verdicts: hidden.collect(),
         rates: rates.collect(),
         group_heads: GROUP_HEADS.to_vec(),
         groups: groups(tally).into_iter().map(Vec::from).collect(),

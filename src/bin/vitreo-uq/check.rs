@@ -10,7 +10,7 @@ use vitreo_uq::figures::record::{RawRecord, raw_record};
 use vitreo_uq::figures::svg::write_figure;
 use vitreo_uq::posterior::study::{Provenance, Study, WithProvenance};
 use vitreo_uq::posterior::{check, replica};
-use vitreo_uq::record::{Experiment, ExperimentFiles, Sweep};
+use vitreo_uq::record::{Experiment, ExperimentFiles, OscillationRecord};
 
 /// Exit code for a certain contradiction.
 const WRONG: u8 = 2;
@@ -34,7 +34,7 @@ pub struct CheckArguments {
 
 pub fn run(arguments: &CheckArguments) -> Result<ExitCode> {
     crate::output::check(arguments.json.as_deref())?;
-    if let Some(path) = arguments.target.as_ref().filter(|path| Sweep::is_one(path)) {
+    if let Some(path) = arguments.target.as_ref().filter(|path| OscillationRecord::is_described_in(path)) {
         return crate::sweep::check(path, &arguments.out, arguments.json.as_deref(), arguments.quiet);
     }
     let (experiment, files) = match &arguments.target {
@@ -47,14 +47,14 @@ pub fn run(arguments: &CheckArguments) -> Result<ExitCode> {
     let provenance = Provenance::new("check", 1, 0, Study::hashes_of(&files)?);
     crate::output::show(arguments.json.as_deref(), &WithProvenance { provenance, body: &summary }, &words(&summary))?;
     if !arguments.quiet {
-        crate::interrupt::say(&format!("Figure: {}.svg and .png", arguments.out.display()));
+        crate::interrupt::print_message(&format!("Figure: {}.svg and .png", arguments.out.display()));
     }
     Ok(ExitCode::from(if summary.is_sound() { 0 } else { WRONG }))
 }
 
 fn draw(arguments: &CheckArguments, experiment: &Experiment, files: &ExperimentFiles) -> Result<()> {
     let record = &experiment.record;
-    let settled = &files.understood.settled;
+    let settled = &files.interpretation.settled;
     let mut text = Vec::new();
     if let Some(projection) = &settled.projection {
         text.push(format!("Positions are {projection}."));
@@ -74,7 +74,7 @@ fn draw(arguments: &CheckArguments, experiment: &Experiment, files: &ExperimentF
         force_n: &record.force_n,
         is_linear: record.force().is_linear(),
         position_m: &record.position_m,
-        across_m,
+        lateral_m: across_m,
         cycle: &record.cycle,
     };
     let svg = raw_record(&raw, &experiment.specimen_id, &text.join(" ").replace('-', "−"))?;

@@ -4,7 +4,7 @@
 
 use std::path::Path;
 
-use vitreo_uq::base::error::{Error, Place, Result};
+use vitreo_uq::base::error::{Error, InputPlace, Result};
 
 /// Words of a command: its name, its options (named without dashes) with values, and positional paths.
 /// Each value shares a word with its option, and no word after `--` is an option.
@@ -27,8 +27,7 @@ pub fn words(command: &[&str], options: &[(&str, Option<String>)], paths: &[Stri
 pub fn absolute(path: &Path) -> Result<String> {
     let whole = std::path::absolute(path)
         .map_err(|source| Error::at_path("find", path, source, "give the folder's absolute path"))?;
-    whole
-        .into_os_string()
-        .into_string()
-        .map_err(|_| Error::input(Place::file(path), "the name of this folder is not Unicode", "rename the folder"))
+    whole.into_os_string().into_string().map_err(|_| {
+        Error::input(InputPlace::file(path), "the name of this folder is not Unicode", "rename the folder")
+    })
 }

@@ -1,8 +1,8 @@
 //! Text of `diagnose` on a cohort: the effects that its specimens lack in common.
 
-use vitreo_uq::documents::cohort::{CohortDiagnosis, CohortEffect, CohortSizes, SidesName};
+use vitreo_uq::documents::cohort::{CohortDiagnosis, CohortEffect, NullSide, SizeDistribution};
 use vitreo_uq::documents::diagnosis::{Status, VerdictKind};
-use vitreo_uq::figures::labels::of_parameter;
+use vitreo_uq::figures::labels::parameter_label;
 
 use crate::text::significant;
 
@@ -21,10 +21,15 @@ pub fn words(diagnosis: &CohortDiagnosis) -> String {
     ];
     let mut effects: Vec<&CohortEffect> = diagnosis.effects.iter().collect();
     effects.sort_by(|a, b| b.gain_nats.total_cmp(&a.gain_nats));
-    let (listed, rest): (Vec<&CohortEffect>, Vec<&CohortEffect>) =
-        effects.into_iter().partition(|own| own.gain_nats > LEAST_LISTED_NATS || own.status == Status::Claimed);
+    let (listed, rest): (Vec<&CohortEffect>, Vec<&CohortEffect>) = effects
+        .into_iter()
+        .partition(|effect| effect.gain_nats > LEAST_LISTED_NATS || effect.status == Status::Claimed);
     lines.extend(listed.into_iter().map(row));
-    let nothing: Vec<&str> = rest.iter().filter(|own| own.refused.is_none()).map(|own| own.effect.as_str()).collect();
+    let nothing: Vec<&str> = rest
+        .iter()
+        .filter(|cohort_effect| cohort_effect.refused.is_none())
+        .map(|cohort_effect| cohort_effect.effect.as_str())
+        .collect();
     if !nothing.is_empty() {
         lines.push(format!("  no gain from any common distribution of sizes: {}", nothing.join(", ")));
     }
@@ -70,13 +75,13 @@ fn row(effect: &CohortEffect) -> String {
     .to_string()
 }
 
-fn size(law: &CohortSizes, parameter: &str) -> String {
-    let label = of_parameter(parameter);
+fn size(law: &SizeDistribution, parameter: &str) -> String {
+    let label = parameter_label(parameter);
     let symbol = label.symbol.rsplit(' ').next().unwrap_or_default().to_string();
     let sign = match law.sides {
-        SidesName::Above => "",
-        SidesName::Below => "−",
-        SidesName::Either => "±",
+        NullSide::Above => "",
+        NullSide::Below => "−",
+        NullSide::Either => "±",
     };
     let unit = if label.unit == "–" { String::new() } else { format!(" {}", label.unit) };
     format!("{symbol} {sign}{}{unit} ×/÷ {:.1}", significant(law.median), law.between_specimen_log_sd.exp())
@@ -96,21 +101,21 @@ fn groups(diagnosis: &CohortDiagnosis) -> Vec<String> {
             "  {} ({} records): {} {median} ({q05} to {q95}), in {} % ({} to {}) of the records",
             group.name,
             group.records,
-            of_parameter(&group.parameter).axis(),
+            parameter_label(&group.parameter).axis(),
             percent(group.share),
             percent(group.share_q05),
             percent(group.share_q95)
         ));
     }
-    lines.extend(diagnosis.contrasts.iter().map(|own| {
-        let mark = if own.is_declared { "*" } else { " " };
-        format!("{mark} {}.", own.sentence)
+    lines.extend(diagnosis.contrasts.iter().map(|contrast| {
+        let mark = if contrast.is_declared { "*" } else { " " };
+        format!("{mark} {}.", contrast.sentence)
     }));
     for law in &diagnosis.law {
         lines.push(format!(
             "  {}: {} {} without the effect, {} with it",
             law.group,
-            of_parameter(&law.parameter).axis(),
+            parameter_label(&law.parameter).axis(),
             significant(law.before),
             significant(law.after)
         ));

@@ -4,7 +4,7 @@ use std::process::ExitCode;
 
 use vitreo_uq::base::error::Result;
 use vitreo_uq::criticism::compare::SIGNIFICANT;
-use vitreo_uq::documents::comparison::{Comparison, Finding, PanelEntry};
+use vitreo_uq::documents::comparison::{Comparison, Finding, TestEntry};
 use vitreo_uq::jobs::compare::{self, CompareRequest};
 
 use crate::options::{self, CompareArguments};
@@ -26,7 +26,7 @@ pub fn run(arguments: &CompareArguments) -> Result<ExitCode> {
 }
 
 /// Maximum number of findings printed in full. The document has all of them.
-const MOST_SENTENCES: usize = 5;
+const MAX_PRINTED_FINDINGS: usize = 5;
 
 fn words(comparison: &Comparison, revision: &str) -> String {
     let effects = if comparison.effects.is_empty() {
@@ -40,10 +40,10 @@ fn words(comparison: &Comparison, revision: &str) -> String {
     }
     let (sources, echoes): (Vec<&Finding>, Vec<&Finding>) =
         comparison.findings.iter().partition(|finding| finding.echo_of.is_none());
-    for finding in sources.iter().take(MOST_SENTENCES) {
+    for finding in sources.iter().take(MAX_PRINTED_FINDINGS) {
         lines.push(format!("* {}: {}", finding.place.replace('_', " "), finding.sentence));
     }
-    lines.extend(also("Also found", sources.iter().skip(MOST_SENTENCES)));
+    lines.extend(also("Also found", sources.iter().skip(MAX_PRINTED_FINDINGS)));
     lines.extend(also("Explained by these findings", echoes.iter()));
     lines.extend(outliers_left_out(comparison.outlier_rows.len()));
     lines.push(String::new());
@@ -72,7 +72,7 @@ fn also<'a>(words: &str, findings: impl Iterator<Item = &'a &'a Finding>) -> Opt
     (!names.is_empty()).then(|| format!("  {words}: {}.", names.join(", ")))
 }
 
-fn row(entry: &PanelEntry) -> String {
+fn row(entry: &TestEntry) -> String {
     let mark = if entry.p_familywise < SIGNIFICANT { " *" } else { "" };
     let p = if entry.p < 1e-4 { "< 0.0001".into() } else { format!("{:.4}", entry.p) };
     let name = entry.place.replace('_', " ");

@@ -5,12 +5,12 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use vitreo_uq::posterior::study::ModelSpecification;
 
-use vitreo_uq::base::error::{Error, Place, Result, Setting};
+use vitreo_uq::base::error::{Error, InputPlace, Result, Setting};
 use vitreo_uq::base::files;
 use vitreo_uq::figures::corner::{CornerOptions, ParameterColumn, Posterior, PriorCurve, corner};
-use vitreo_uq::figures::density::{Support, guessed_support, sorted};
+use vitreo_uq::figures::density::{Support, estimate_support, sorted};
 use vitreo_uq::figures::draws::read_draws_csv;
-use vitreo_uq::figures::labels::{ParameterLabel, of_parameter};
+use vitreo_uq::figures::labels::{ParameterLabel, parameter_label};
 use vitreo_uq::figures::palette::series;
 use vitreo_uq::figures::svg::write_figure;
 use vitreo_uq::jobs::artefacts;
@@ -20,7 +20,7 @@ use vitreo_uq::posterior::prior::{Prior, PriorSet};
 use vitreo_uq::posterior::replica;
 use vitreo_uq::posterior::study::{POSTERIOR_NAME, Study};
 
-use crate::corner_data::{FittedData, differences};
+use crate::corner_data::{FittedData, describe_data_differences};
 use crate::options::{self, CornerArguments};
 use crate::output;
 use crate::terminal::Terminal;
@@ -41,7 +41,7 @@ struct Column {
 }
 
 /// One posterior and its legend label.
-struct Loaded {
+struct LoadedPosterior {
     label: String,
     columns: Vec<Column>,
     /// Data that it was fitted to, if known.
@@ -57,12 +57,12 @@ pub fn run(arguments: &CornerArguments) -> Result<ExitCode> {
         paths => paths.to_vec(),
     };
     let mut loaded = paths.iter().map(|path| load(path)).collect::<Result<Vec<_>>>()?;
-    tell_apart(&mut loaded, &paths);
+    make_labels_unique(&mut loaded, &paths);
     draw_priors(&mut loaded);
     refuse_unknown_references(&references, &loaded)?;
     let names: Vec<&str> = loaded.iter().map(|posterior| posterior.label.as_str()).collect();
     let data: Vec<Option<FittedData>> = loaded.iter().map(|posterior| posterior.data.clone()).collect();
-    let (legend, note) = match differences(&names, &data) {
+    let (legend, note) = match describe_data_differences(&names, &data) {
         Some((added, note)) => {
             (names.iter().zip(added).map(|(name, added)| format!("{name} ({added})")).collect(), Some(note))
         }
@@ -82,7 +82,7 @@ pub fn run(arguments: &CornerArguments) -> Result<ExitCode> {
         })
         .collect();
     let figure = corner(&posteriors, &CornerOptions::default())?;
-    let (dir, stem) = place_of(&arguments.out)?;
+    let (dir, stem) = figure_path(&arguments.out)?;
     std::fs::create_dir_all(&dir)
         .map_err(|source| Error::at_path("create", &dir, source, "choose a writable place with `--out`"))?;
     write_figure(&dir, &stem, &figure)?;
@@ -100,7 +100,8 @@ pub fn run(arguments: &CornerArguments) -> Result<ExitCode> {
 
 /// `NAME=VALUE` pairs.
 fn references(texts: &[String]) -> Result<BTreeMap<String, f64>> {
-    let refuse = |found: String, remedy: &str| Err(Error::input(Place::default().at_key("--reference"), found, remedy));
+    let refuse =
+        |found: String, remedy: &str| Err(Error::input(InputPlace::default().at_key("--reference"), found, remedy));
     let mut references = BTreeMap::new();
     for text in texts {
         let remedy = "write NAME=VALUE with a finite number, as in `--reference young_modulus_pa=3.527`";
@@ -118,14 +119,14 @@ fn references(texts: &[String]) -> Result<BTreeMap<String, f64>> {
 }
 
 /// Refuses a reference value that belongs to no parameter, which is probably a typing error.
-fn refuse_unknown_references(references: &BTreeMap<String, f64>, loaded: &[Loaded]) -> Result<()> {
+fn refuse_unknown_references(references: &BTreeMap<String, f64>, loaded: &[LoadedPosterior]) -> Result<()> {
     let mut known: Vec<&str> =
         loaded.iter().flat_map(|p| p.columns.iter().map(|column| column.name.as_str())).collect();
     known.sort_unstable();
     known.dedup();
     match references.keys().find(|name| !known.contains(&name.as_str())) {
         Some(unknown) => Err(Error::input(
-            Place::default().at_key("--reference"),
+            InputPlace::default().at_key("--reference"),
             format!("no posterior has the parameter `{unknown}`"),
             format!("use one of {}", known.join(", ")),
         )),
@@ -133,10 +134,10 @@ fn refuse_unknown_references(references: &BTreeMap<String, f64>, loaded: &[Loade
     }
 }
 
-fn load(path: &Path) -> Result<Loaded> {
+fn load(path: &Path) -> Result<LoadedPosterior> {
     if Study::is_study(path) {
         let revision = Study::open(path)?.revisions()?.pop().ok_or_else(|| {
-            Error::input(Place::file(path), "this study has no posterior", "run `vitreo-uq sample` on it first")
+            Error::input(InputPlace::file(path), "this study has no posterior", "run `vitreo-uq sample` on it first")
         })?;
         return load_revision(&path.join(revision));
     }
@@ -153,12 +154,12 @@ fn load(path: &Path) -> Result<Loaded> {
     }
 }
 
-fn load_revision(dir: &Path) -> Result<Loaded> {
-    files::enclose(dir, "a revision");
+fn load_revision(dir: &Path) -> Result<LoadedPosterior> {
+    files::forbid_links(dir, "a revision");
     let draws = dir.join("draws.csv");
     files::refuse_link(&draws)?;
     if !files::is_file(&draws) {
-        return Err(Error::input(Place::file(dir), "this directory has no draws", PATH_REMEDY));
+        return Err(Error::input(InputPlace::file(dir), "this directory has no draws", PATH_REMEDY));
     }
     let name = |path: &Path| path.file_name().map(|name| name.to_string_lossy().into_owned());
     let full = dir.canonicalize().unwrap_or_else(|_| dir.to_path_buf());
@@ -167,12 +168,12 @@ fn load_revision(dir: &Path) -> Result<Loaded> {
     // Hard limits come from the priors. If their file is missing, they are estimated from the draws.
     let priors =
         ModelSpecification::of_revision(dir, &Library::default()).and_then(|model| PriorSet::read(&model.prior)).ok();
-    Ok(Loaded { data: FittedData::of_revision(dir), ..load_csv(&draws, label, priors.as_ref())? })
+    Ok(LoadedPosterior { data: FittedData::of_revision(dir), ..load_csv(&draws, label, priors.as_ref())? })
 }
 
-fn load_csv(path: &Path, label: String, priors: Option<&PriorSet>) -> Result<Loaded> {
+fn load_csv(path: &Path, label: String, priors: Option<&PriorSet>) -> Result<LoadedPosterior> {
     if files::kind(path).is_none() {
-        return Err(Error::input(Place::file(path), "this file or directory does not exist", NOTHING_REMEDY));
+        return Err(Error::input(InputPlace::file(path), "this file or directory does not exist", NOTHING_REMEDY));
     }
     let table = read_draws_csv(path)?;
     let columns = table.parameter_names.iter().enumerate().map(|(i, name)| {
@@ -183,16 +184,16 @@ fn load_csv(path: &Path, label: String, priors: Option<&PriorSet>) -> Result<Loa
                 let (lower, upper) = prior.distribution.support();
                 Support { lower, upper }
             }
-            None => guessed_support(&sorted(&draws)),
+            None => estimate_support(&sorted(&draws)),
         };
         let (prior, curve) = (prior.cloned(), (Vec::new(), Vec::new()));
-        Column { name: name.clone(), label: of_parameter(name), draws, support, prior, curve }
+        Column { name: name.clone(), label: parameter_label(name), draws, support, prior, curve }
     });
-    Ok(Loaded { label, columns: columns.collect(), data: None })
+    Ok(LoadedPosterior { label, columns: columns.collect(), data: None })
 }
 
 /// Draws each prior over the range of the draws of all posteriors, not only of its own.
-fn draw_priors(loaded: &mut [Loaded]) {
+fn draw_priors(loaded: &mut [LoadedPosterior]) {
     let mut ranges: BTreeMap<String, [f64; 2]> = BTreeMap::new();
     for column in loaded.iter().flat_map(|posterior| &posterior.columns) {
         let range = ranges.entry(column.name.clone()).or_insert([f64::INFINITY, f64::NEG_INFINITY]);
@@ -206,7 +207,7 @@ fn draw_priors(loaded: &mut [Loaded]) {
 }
 
 /// Labels posteriors of the same name by their paths.
-fn tell_apart(loaded: &mut [Loaded], paths: &[PathBuf]) {
+fn make_labels_unique(loaded: &mut [LoadedPosterior], paths: &[PathBuf]) {
     let labels: Vec<String> = loaded.iter().map(|posterior| posterior.label.clone()).collect();
     for (i, posterior) in loaded.iter_mut().enumerate() {
         if labels.iter().filter(|label| **label == labels[i]).count() > 1 {
@@ -228,12 +229,12 @@ fn parameter<'a>(column: &'a Column, references: &BTreeMap<String, f64>) -> Para
 }
 
 /// Directory and stem of the figure's files, without an extension `svg` or `png`.
-fn place_of(out: &Path) -> Result<(PathBuf, String)> {
+fn figure_path(out: &Path) -> Result<(PathBuf, String)> {
     let is_figure = out.extension().is_some_and(|extension| extension == "svg" || extension == "png");
     let name = if is_figure { out.file_stem() } else { out.file_name() };
     let Some(stem) = name.filter(|_| !out.is_dir()) else {
         return Err(Error::input(
-            Place::setting(Setting::Out),
+            InputPlace::setting(Setting::Out),
             format!("{} is a directory", out.display()),
             "give a file name without extension, such as `--out figures/corner`",
         ));

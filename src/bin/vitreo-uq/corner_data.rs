@@ -5,7 +5,7 @@ use std::path::Path;
 
 use serde::{Deserialize, Serialize};
 use vitreo_uq::base::files::{Content, read_if_there};
-use vitreo_uq::jobs::artefacts::of_measurement;
+use vitreo_uq::jobs::artefacts::is_measurement_file;
 use vitreo_uq::posterior::study::{POSTERIOR_NAME, Provenance, WithProvenance};
 
 /// The data of a posterior.
@@ -19,7 +19,7 @@ pub struct FittedData {
 
 /// Part of `posterior.json` that lists the data.
 #[derive(Deserialize)]
-struct OfPosterior {
+struct PosteriorData {
     heldout: OfHeldout,
 }
 
@@ -32,11 +32,11 @@ impl FittedData {
     /// Reads the data of a revision's posterior, or `None` if its document does not list them.
     pub fn of_revision(dir: &Path) -> Option<Self> {
         let bytes = read_if_there(&dir.join(POSTERIOR_NAME), Content::Document)?;
-        let document: WithProvenance<OfPosterior> = serde_json::from_slice(&bytes).ok()?;
+        let document: WithProvenance<PosteriorData> = serde_json::from_slice(&bytes).ok()?;
         let Provenance { inputs_sha256, .. } = document.provenance;
         Some(Self {
             fitted_cycles: document.body.heldout.fitted_cycles,
-            inputs_sha256: inputs_sha256.into_iter().filter(|(name, _)| of_measurement(name)).collect(),
+            inputs_sha256: inputs_sha256.into_iter().filter(|(name, _)| is_measurement_file(name)).collect(),
         })
     }
 
@@ -57,13 +57,13 @@ impl FittedData {
 }
 
 /// Legend texts, one for each posterior, and a note for the figure; `None` if all posteriors are known to have the same data.
-pub fn differences(names: &[&str], data: &[Option<FittedData>]) -> Option<(Vec<String>, String)> {
+pub fn describe_data_differences(names: &[&str], data: &[Option<FittedData>]) -> Option<(Vec<String>, String)> {
     let first = data.first()?;
-    if data.iter().all(|own| own == first) {
+    if data.iter().all(|fitted_data| fitted_data == first) {
         return None;
     }
-    let words = |own: &Option<FittedData>| match own {
-        Some(own) => format!("fitted to {}", own.cycles()),
+    let words = |fitted_data: &Option<FittedData>| match fitted_data {
+        Some(entry) => format!("fitted to {}", entry.cycles()),
         None => "unknown data".to_string(),
     };
     let known: Vec<&FittedData> = data.iter().flatten().collect();
@@ -72,7 +72,9 @@ pub fn differences(names: &[&str], data: &[Option<FittedData>]) -> Option<(Vec<S
     let each: Vec<String> = names
         .iter()
         .zip(data)
-        .map(|(name, own)| format!("{name}: {}{}", words(own), if own.is_some() { of } else { "" }))
+        .map(|(name, fitted_data)| {
+            format!("{name}: {}{}", words(fitted_data), if fitted_data.is_some() { of } else { "" })
+        })
         .collect();
     let advice = if is_one_measurement && known.len() == data.len() {
         "; `vitreo-uq ladder` compares revisions on the same cycles"
@@ -98,14 +100,14 @@ mod tests {
     #[test]
     fn differences_are_said_and_nothing_else() {
         let names = ["a m0", "a m1"];
-        assert_eq!(differences(&names, &[data(&[1], "x"), data(&[1], "x")]), None);
-        assert_eq!(differences(&names, &[None, None]), None);
-        let (legend, text) = differences(&names, &[data(&[1], "x"), data(&[1, 2, 3, 5], "x")]).unwrap();
+        assert_eq!(describe_data_differences(&names, &[data(&[1], "x"), data(&[1], "x")]), None);
+        assert_eq!(describe_data_differences(&names, &[None, None]), None);
+        let (legend, text) = describe_data_differences(&names, &[data(&[1], "x"), data(&[1, 2, 3, 5], "x")]).unwrap();
         assert_eq!(legend, ["fitted to cycle 1", "fitted to cycles 1–3, 5"]);
         assert!(text.contains("a m0: fitted to cycle 1; a m1") && text.contains("ladder"), "{text}");
-        let (_, text) = differences(&names, &[data(&[1], "x"), data(&[1], "y")]).unwrap();
+        let (_, text) = describe_data_differences(&names, &[data(&[1], "x"), data(&[1], "y")]).unwrap();
         assert!(text.contains("its own measurement") && !text.contains("ladder"), "{text}");
-        let (legend, _) = differences(&names, &[data(&[1], "x"), None]).unwrap();
+        let (legend, _) = describe_data_differences(&names, &[data(&[1], "x"), None]).unwrap();
         assert_eq!(legend[1], "unknown data");
     }
 }

@@ -2,11 +2,11 @@
 
 use std::process::ExitCode;
 
-use vitreo_uq::base::error::{Error, Place, Result};
-use vitreo_uq::documents::diagnosis::{CandidateEntry, Diagnosis, Status, VerdictKind, by_reason};
-use vitreo_uq::figures::number::listed;
+use vitreo_uq::base::error::{Error, InputPlace, Result};
+use vitreo_uq::documents::diagnosis::{CandidateEntry, Diagnosis, Status, VerdictKind, group_by_reason};
+use vitreo_uq::figures::number::format_ranges;
 use vitreo_uq::jobs::diagnose::{self, DISCREPANCY_FIGURE, DiagnoseDocument, DiagnoseRequest};
-use vitreo_uq::jobs::target::Kind;
+use vitreo_uq::jobs::target::TargetKind;
 
 use crate::options::{self, DiagnoseArguments};
 use crate::session::{RESULTS, Session};
@@ -19,7 +19,7 @@ const FEWEST_SIMULATIONS_OF_EACH: usize = 19;
 
 pub fn run(arguments: &DiagnoseArguments) -> Result<ExitCode> {
     let session = Session::begin(&arguments.common)?;
-    let taken = [Kind::Cohort, Kind::Oscillation];
+    let taken = [TargetKind::Cohort, TargetKind::Oscillation];
     let request = request(arguments, session.kind(&arguments.others, &taken), &session)?;
     let target = session.open(&arguments.model, &arguments.others, &taken)?;
     let outcome = diagnose::run(&target, &request, &session.terminal)?;
@@ -31,34 +31,34 @@ pub fn run(arguments: &DiagnoseArguments) -> Result<ExitCode> {
     session.end(&outcome, &words, label, &arguments.page)
 }
 
-fn request(arguments: &DiagnoseArguments, kind: Kind, session: &Session) -> Result<DiagnoseRequest> {
+fn request(arguments: &DiagnoseArguments, kind: TargetKind, session: &Session) -> Result<DiagnoseRequest> {
     let DiagnoseArguments { smallest, simulations, margin, .. } = *arguments;
     let mut keys = Vec::new();
     match kind {
-        Kind::Cohort => {
+        TargetKind::Cohort => {
             options::check_simulations(simulations, FEWEST_SIMULATIONS_OF_EACH)?;
             if !(margin >= 0.0 && margin.is_finite()) {
                 let found = format!("a margin of {margin}");
                 return Err(Error::input(
-                    Place::default().at_key("--margin"),
+                    InputPlace::default().at_key("--margin"),
                     found,
                     "give a fraction such as 0.2, for 20 %",
                 ));
             }
             keys = crate::groups::keys(&arguments.by)?;
         }
-        Kind::Creep => {
+        TargetKind::Creep => {
             if !(smallest.is_finite() && smallest >= 0.0) {
                 let remedy = "give a number of noise standard deviations, as in `--smallest 0.25`";
                 return Err(Error::input(
-                    Place::default().at_key("--smallest"),
+                    InputPlace::default().at_key("--smallest"),
                     format!("{smallest} is not a valid size"),
                     remedy,
                 ));
             }
             options::check_simulations(simulations, FEWEST_SIMULATIONS)?;
         }
-        Kind::Oscillation | Kind::Joint => {}
+        TargetKind::Oscillation | TargetKind::Joint => {}
     }
     let (sampler, leave_out) = (session.default_sampler(), arguments.leave_out.clone());
     Ok(DiagnoseRequest { smallest, simulations, sampler, keys, margin, leave_out })
@@ -68,11 +68,11 @@ fn words(diagnosis: &Diagnosis, revision: &str) -> String {
     let scored = if diagnosis.heldout_cycles.is_empty() {
         "none held out".to_string()
     } else {
-        format!("scored on {}", listed(&diagnosis.heldout_cycles))
+        format!("scored on {}", format_ranges(&diagnosis.heldout_cycles))
     };
     let mut lines = vec![
         format!("{} ({revision}): {}", diagnosis.experiment, diagnosis.verdict.sentence),
-        format!("(every model fitted to cycles {}, {scored})", listed(&diagnosis.fitted_cycles)),
+        format!("(every model fitted to cycles {}, {scored})", format_ranges(&diagnosis.fitted_cycles)),
         String::new(),
         format!(
             "  {:<26}{:>8}{:>11}{:>11}{:>10}{:>9}{:>10}   {}",
@@ -81,17 +81,20 @@ fn words(diagnosis: &Diagnosis, revision: &str) -> String {
     ];
     let mut candidates: Vec<&CandidateEntry> = diagnosis.candidates.iter().collect();
     candidates.sort_by(|a, b| gain(b).total_cmp(&gain(a)));
-    lines.extend(candidates.iter().filter(|own| own.refused.is_none()).map(|candidate| row(diagnosis, candidate)));
+    lines.extend(
+        candidates.iter().filter(|candidate| candidate.refused.is_none()).map(|candidate| row(diagnosis, candidate)),
+    );
     let error = diagnosis.base.rmse_heldout_um.map_or(String::new(), |um| {
         format!(
             " expected: error in µm on cycle {}, {} without an effect;",
-            listed(&diagnosis.heldout_cycles),
+            format_ranges(&diagnosis.heldout_cycles),
             significant(um)
         )
     });
     lines.push(format!("  (gains in nats over the model without the effect;{error} p: of the whole search)"));
     lines.extend(diagnosis.gains_without_error().map(|sentence| format!("  {sentence}")));
-    let reasons = by_reason(candidates.iter().map(|own| (own.effect.as_str(), own.refused.as_deref())));
+    let reasons =
+        group_by_reason(candidates.iter().map(|candidate| (candidate.effect.as_str(), candidate.refused.as_deref())));
     lines.extend(reasons.iter().map(|(reason, effects)| format!("  not applicable: {}: {reason}", effects.join(", "))));
     if let Some(pair) = diagnosis.pairs.first() {
         lines.push(format!("  best pair: {} with {:.1} nats", pair.effects.join(" + "), pair.gain_nats));
@@ -150,7 +153,7 @@ fn gain(candidate: &CandidateEntry) -> f64 {
 fn row(diagnosis: &Diagnosis, candidate: &CandidateEntry) -> String {
     let number = |value: Option<f64>| value.map_or("–".into(), |value| format!("{value:.1}"));
     let refit = candidate.refit.as_ref();
-    let standing = if candidate.status == Status::Claimed { "CLAIMED" } else { diagnosis.standing(candidate) };
+    let standing = if candidate.status == Status::Claimed { "CLAIMED" } else { diagnosis.status_words(candidate) };
     let ln_bayes = match refit.and_then(|refit| refit.log_bayes_factor_at_most) {
         Some(bound) => format!("< {bound:.0}"),
         None => number(refit.and_then(|refit| refit.log_bayes_factor)),

@@ -3,26 +3,26 @@
 use std::path::Path;
 use std::process::ExitCode;
 
-use vitreo_uq::base::error::{Error, Place, Result};
+use vitreo_uq::base::error::{Error, InputPlace, Result};
 use vitreo_uq::documents::errors::ModelErrors;
 use vitreo_uq::documents::extension::{EquivalentEffects, ExtensionSummary};
 use vitreo_uq::figures::labels::model_title_with;
-use vitreo_uq::figures::number::listed;
+use vitreo_uq::figures::number::format_ranges;
 use vitreo_uq::jobs::extend::{self, ExtendDocument, ExtendRequest, ExtendedRecord};
-use vitreo_uq::jobs::target::Kind;
+use vitreo_uq::jobs::target::TargetKind;
 use vitreo_uq::posterior::study::named_effects;
 
-use crate::options::{ExtendArguments, Model};
+use crate::options::{ExtendArguments, ModelOptions};
 use crate::session::{RESULTS, Session};
 use crate::text::{parameter_table, significant, warning_text};
 
 pub fn run(arguments: &ExtendArguments) -> Result<ExitCode> {
     let session = Session::begin(&arguments.common)?;
-    let taken = [Kind::Cohort];
-    let is_cohort = session.kind(&arguments.others, &taken) == Kind::Cohort;
+    let taken = [TargetKind::Cohort];
+    let is_cohort = session.kind(&arguments.others, &taken) == TargetKind::Cohort;
     if is_cohort && arguments.common.json.is_some() {
         let found = "`--json` takes one document, and every record of a cohort has its own";
-        return Err(Error::input(Place::default().at_key("--json"), found, "omit --json, or extend one record"));
+        return Err(Error::input(InputPlace::default().at_key("--json"), found, "omit --json, or extend one record"));
     }
     let request = ExtendRequest {
         effects: named_effects(&arguments.model.with)?,
@@ -31,7 +31,7 @@ pub fn run(arguments: &ExtendArguments) -> Result<ExitCode> {
         pages: !arguments.page.no_report,
     };
     // Effects and values apply to the new revision only. All other options also apply to the model that is extended.
-    let model = Model { with: Vec::new(), set: Vec::new(), ..arguments.model.clone() };
+    let model = ModelOptions { with: Vec::new(), set: Vec::new(), ..arguments.model.clone() };
     let target = session.open(&model, &arguments.others, &taken)?;
     let outcome = extend::run(&target, &request, &session.terminal)?;
     let words = match &outcome.document.body {
@@ -46,13 +46,13 @@ fn words(summary: &ExtensionSummary) -> String {
     let heldout = if summary.heldout_cycles.is_empty() {
         "no cycle held out".to_string()
     } else {
-        format!("scored on cycle {}", listed(&summary.heldout_cycles))
+        format!("scored on cycle {}", format_ranges(&summary.heldout_cycles))
     };
     let title = model_title_with(&summary.model, &summary.equivalents);
     let mut lines = vec![
         format!("{}: {title} ({}): {verdict}", summary.experiment, summary.revision),
         summary.trust.to_string(),
-        format!("Both models fitted to cycles {}, {heldout}.", listed(&summary.fitted_cycles)),
+        format!("Both models fitted to cycles {}, {heldout}.", format_ranges(&summary.fitted_cycles)),
         String::new(),
         parameter_table(&summary.parameters),
         String::new(),
@@ -65,7 +65,7 @@ fn words(summary: &ExtensionSummary) -> String {
     );
     lines.push(String::new());
     lines.push(summary.sentence.clone());
-    lines.extend(summary.equivalents.iter().filter(|own| !own.refits.is_empty()).flat_map(equivalents));
+    lines.extend(summary.equivalents.iter().filter(|equivalent| !equivalent.refits.is_empty()).flat_map(equivalents));
     for warning in &summary.warnings {
         lines.push(String::new());
         lines.push(warning_text(warning));
@@ -74,16 +74,21 @@ fn words(summary: &ExtensionSummary) -> String {
 }
 
 /// Table of parameters of the equivalent effects, each refitted on its own.
-fn equivalents(own: &EquivalentEffects) -> Vec<String> {
-    let heading = format!("  {} ({})", own.effects.join(" + "), own.alternative().unwrap_or_default());
-    let width = own.refits.iter().flat_map(|refit| &refit.parameters).map(|p| p.name.chars().count() + 2).max();
+fn equivalents(equivalent_effects: &EquivalentEffects) -> Vec<String> {
+    let heading = format!(
+        "  {} ({})",
+        equivalent_effects.effects.join(" + "),
+        equivalent_effects.alternative().unwrap_or_default()
+    );
+    let width =
+        equivalent_effects.refits.iter().flat_map(|refit| &refit.parameters).map(|p| p.name.chars().count() + 2).max();
     let width = width.unwrap_or(0).max(24);
     let mut lines = vec![
         String::new(),
         heading,
         format!("  {:<width$}{:>11}{:>11}{:>11}{:>20}", "each alone", "mean", "5 %", "95 %", "held-out error (µm)"),
     ];
-    for refit in &own.refits {
+    for refit in &equivalent_effects.refits {
         let error = refit.rmse_heldout_um.map_or("–".into(), significant);
         lines.extend(refit.parameters.iter().map(|p| {
             let [mean, q05, q95] = [p.mean, p.q05, p.q95].map(significant);
@@ -103,9 +108,9 @@ fn cohort_words(effects: &[String], records: &[ExtendedRecord], out: &Path) -> S
         format!("{} added to {} records", effects.join(", "), records.len()),
         format!("  {:<28}{:<5}{:>12}{:>12}   {}", "record", "", "before (µm)", "after (µm)", "sizes"),
     ];
-    lines.extend(records.iter().map(|own| match &own.extension {
-        Some(summary) => cohort_row(&own.name, summary),
-        None => format!("  {:<28}{} already has the effect", own.name, own.revision),
+    lines.extend(records.iter().map(|record| match &record.extension {
+        Some(summary) => cohort_row(&record.name, summary),
+        None => format!("  {:<28}{} already has the effect", record.name, record.revision),
     }));
     lines.push("  (errors on the last held-out cycle)".into());
     lines.push(format!("Next: `vitreo-uq groups {}` compares groups with the new model.", out.display()));
@@ -114,8 +119,10 @@ fn cohort_words(effects: &[String], records: &[ExtendedRecord], out: &Path) -> S
 
 fn cohort_row(name: &str, summary: &ExtensionSummary) -> String {
     let number = |value: Option<f64>| value.map_or("–".into(), significant);
-    let of_effects = summary.parameters.iter().filter(|own| own.name.contains('.'));
-    let sizes: Vec<String> = of_effects.map(|own| format!("{} {}", own.name, significant(own.median))).collect();
+    let of_effects = summary.parameters.iter().filter(|parameter| parameter.name.contains('.'));
+    let sizes: Vec<String> = of_effects
+        .map(|parameter_summary| format!("{} {}", parameter_summary.name, significant(parameter_summary.median)))
+        .collect();
     let mark = if summary.is_sound() { "" } else { "  NOT SOUND" };
     format!(
         "  {name:<28}{:<5}{:>12}{:>12}   {}{mark}",

@@ -5,7 +5,7 @@ use std::process::ExitCode;
 use vitreo_uq::base::error::Result;
 use vitreo_uq::base::parameter::NOISE_SD;
 use vitreo_uq::documents::fit::{FitSummary, FittedParameter};
-use vitreo_uq::figures::labels::{model_title, of_parameter};
+use vitreo_uq::figures::labels::{model_title, parameter_label};
 use vitreo_uq::jobs::fit;
 
 use crate::options::FitArguments;
@@ -67,7 +67,7 @@ fn words(summary: &FitSummary) -> String {
 }
 
 fn axis(name: &str) -> String {
-    of_parameter(name).axis()
+    parameter_label(name).axis()
 }
 
 fn row(parameter: &FittedParameter, width: usize) -> String {

@@ -14,8 +14,8 @@ use vitreo_uq::jobs::tasks::list::List;
 use vitreo_uq::posterior::cache::cache_directory;
 use vitreo_uq::posterior::study::{Provenance, WithProvenance};
 
-use crate::calibration_words::words_of_calibration;
-use crate::challenge_words::words_of_plays;
+use crate::calibration_words::format_calibration;
+use crate::challenge_words::format_plays;
 use crate::options::use_threads;
 use crate::terminal::Terminal;
 
@@ -40,19 +40,19 @@ pub struct GatherArguments {
 }
 
 /// Maximum number of missing results that are printed. The document has all of them.
-const MOST_NAMED: usize = 20;
+const MAX_PRINTED_MISSING: usize = 20;
 
 pub fn run(arguments: &GatherArguments) -> Result<ExitCode> {
     use_threads(arguments.threads)?;
     crate::output::check(arguments.json.as_deref())?;
-    let list = List::open(&arguments.dir)?.of_program(vitreo_uq::PROGRAM)?;
+    let list = List::open(&arguments.dir)?.check_program(vitreo_uq::PROGRAM)?;
     let out = arguments.out.clone().unwrap_or_else(|| arguments.dir.join("gathered"));
     let terminal = Terminal::new(arguments.quiet);
     let outcome = gather::gather(&list, &out, &terminal)?;
     terminal.finish();
     let gathered = &outcome.gathered;
-    let mut words = outcome.plays.as_ref().map_or_else(String::new, |plays| words_of_plays(&plays.tally));
-    words += &outcome.calibration.as_ref().map_or_else(String::new, words_of_calibration);
+    let mut words = outcome.plays.as_ref().map_or_else(String::new, |plays| format_plays(&plays.tally));
+    words += &outcome.calibration.as_ref().map_or_else(String::new, format_calibration);
     words += &words_of_results(gathered, &out);
     if let (Some(now), Some(cache)) = (outcome.n_adopted, cache_directory()) {
         let before = gathered.results - now;
@@ -67,11 +67,17 @@ pub fn run(arguments: &GatherArguments) -> Result<ExitCode> {
 fn words_of_results(gathered: &Gathered, out: &Path) -> String {
     let Gathered { kind, tasks, results, missing, foreign, .. } = gathered;
     let mut text = format!("{results} of {tasks} results exist.\n");
-    for own in missing.iter().take(MOST_NAMED) {
-        let _ = writeln!(text, "Task {} has no result: {} is {}.", own.task, own.file, own.fault.words());
+    for missing_result in missing.iter().take(MAX_PRINTED_MISSING) {
+        let _ = writeln!(
+            text,
+            "Task {} has no result: {} is {}.",
+            missing_result.task,
+            missing_result.file,
+            missing_result.fault.words()
+        );
     }
-    if missing.len() > MOST_NAMED {
-        let _ = writeln!(text, "… and {} more.", missing.len() - MOST_NAMED);
+    if missing.len() > MAX_PRINTED_MISSING {
+        let _ = writeln!(text, "… and {} more.", missing.len() - MAX_PRINTED_MISSING);
     }
     match foreign.as_slice() {
         [] => {}

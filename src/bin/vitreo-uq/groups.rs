@@ -5,13 +5,13 @@ use std::process::ExitCode;
 use std::time::Instant;
 
 use clap::Args;
-use vitreo_uq::base::error::{Error, Place, Result, Setting};
+use vitreo_uq::base::error::{Error, InputPlace, Result, Setting};
 use vitreo_uq::cohorts::cohort::{self, Key, Measurement};
 use vitreo_uq::cohorts::job::{self, GroupsRequest};
 use vitreo_uq::cohorts::summary;
 use vitreo_uq::cohorts::{artefacts, wording};
 use vitreo_uq::documents::groups::{ContrastSummary, GroupSummary, GroupsSummary, RatioVerdict, ScaleName};
-use vitreo_uq::figures::labels::of_parameter;
+use vitreo_uq::figures::labels::parameter_label;
 use vitreo_uq::jobs::tasks::sample::Sampling;
 use vitreo_uq::posterior::monitor::Monitor;
 use vitreo_uq::posterior::study::WithProvenance;
@@ -140,7 +140,7 @@ impl CohortArguments {
     /// Reads the experiments with their models.
     pub fn read(&self, terminal: &Terminal) -> Result<Vec<Measurement>> {
         let sampling = self.sampling();
-        cohort::read(&self.paths, &self.leave_out, &|own| sampling.model(own), terminal)
+        cohort::read(&self.paths, &self.leave_out, &|model_specification| sampling.model(model_specification), terminal)
     }
 }
 
@@ -180,14 +180,14 @@ pub fn run(arguments: &GroupsArguments) -> Result<ExitCode> {
     terminal.finish();
     let document = WithProvenance { provenance, body: &summary };
     crate::output::show(arguments.json.as_deref(), &document, &words(&summary))?;
-    crate::output::say_where(arguments.quiet, &written, began);
+    crate::output::print_result_path(arguments.quiet, &written, began);
     Ok(ExitCode::from(u8::from(!summary.is_sound())))
 }
 
 /// Parses the names of keys.
 pub fn keys(names: &[String]) -> Result<Vec<Key>> {
     let refuse = |found: String| {
-        Err(Error::input(Place::setting(Setting::By), found, "group by `species`, `region` or `species,region`"))
+        Err(Error::input(InputPlace::setting(Setting::By), found, "group by `species`, `region` or `species,region`"))
     };
     let mut keys = Vec::new();
     for name in names {
@@ -203,12 +203,16 @@ pub fn keys(names: &[String]) -> Result<Vec<Key>> {
 fn check(arguments: &GroupsArguments) -> Result<()> {
     if !(arguments.margin >= 0.0 && arguments.margin.is_finite()) {
         let found = format!("a margin of {}", arguments.margin);
-        return Err(Error::input(Place::default().at_key("--margin"), found, "give a fraction such as 0.2, for 20 %"));
+        return Err(Error::input(
+            InputPlace::default().at_key("--margin"),
+            found,
+            "give a fraction such as 0.2, for 20 %",
+        ));
     }
     if !(FEWEST_SWEEPS..=MOST_SWEEPS).contains(&arguments.sweeps) {
         let found = format!("{} sweeps", arguments.sweeps);
         let remedy = format!("give at least {FEWEST_SWEEPS} and at most {MOST_SWEEPS}");
-        return Err(Error::input(Place::default().at_key("--sweeps"), found, remedy));
+        return Err(Error::input(InputPlace::default().at_key("--sweeps"), found, remedy));
     }
     Ok(())
 }
@@ -237,24 +241,27 @@ fn words(summary: &GroupsSummary) -> String {
 
 /// Table of each group's typical specimen with its 90 % interval, and the spread between specimens as a factor.
 fn table(summary: &GroupsSummary) -> Vec<String> {
-    let width = summary.groups.iter().map(|own| own.name.chars().count()).max().unwrap_or(0).max(5) + 2;
+    let width = summary.groups.iter().map(|group| group.name.chars().count()).max().unwrap_or(0).max(5) + 2;
     let names = summary.groups.first().map_or(&[][..], |group| &group.parameters);
-    let mut rows = vec![names.iter().fold(format!("  {:<width$}{:>9}", "group", "specimens"), |row, own| {
-        row + &format!("{:>31}", of_parameter(&own.name).axis())
+    let mut rows = vec![names.iter().fold(format!("  {:<width$}{:>9}", "group", "specimens"), |row, name| {
+        row + &format!("{:>31}", parameter_label(&name.name).axis())
     })];
     rows.extend(summary.groups.iter().map(|group: &GroupSummary| {
         let count = if group.specimens == 0 { "predicted".into() } else { group.specimens.to_string() };
-        group.parameters.iter().fold(format!("  {:<width$}{count:>9}", group.name), |row, own| {
-            let [median, q05, q95] = [own.median, own.q05, own.q95].map(three_digits);
-            let factor = own.between_specimen_log_sd.exp();
+        group.parameters.iter().fold(format!("  {:<width$}{count:>9}", group.name), |row, parameter| {
+            let [median, q05, q95] = [parameter.median, parameter.q05, parameter.q95].map(three_digits);
+            let factor = parameter.between_specimen_log_sd.exp();
             row + &format!("{:>31}", format!("{median} ({q05}–{q95}) ×/÷ {factor:.2}"))
         })
     }));
     rows.push(
         "  Median of the typical specimen (its 90 % interval) ×/÷ one standard deviation between specimens.".into(),
     );
-    let between_ends: Vec<String> =
-        names.iter().filter(|own| own.scale == ScaleName::LogOdds).map(|own| of_parameter(&own.name).symbol).collect();
+    let between_ends: Vec<String> = names
+        .iter()
+        .filter(|name| name.scale == ScaleName::LogOdds)
+        .map(|group_parameter| parameter_label(&group_parameter.name).symbol)
+        .collect();
     if !between_ends.is_empty() {
         rows.push(format!(
             "  For {}, which is bounded on both sides, ×/÷ applies to the odds.",
@@ -272,29 +279,36 @@ fn three_digits(value: f64) -> String {
 
 /// Table of all ratios, one per line. An asterisk marks a declared difference.
 fn ratios(summary: &GroupsSummary) -> Vec<String> {
-    let name = |own: &ContrastSummary| format!("{} {} / {}", of_parameter(&own.parameter).symbol, own.a, own.b);
-    let width = summary.contrasts.iter().map(|own| name(own).chars().count()).max().unwrap_or(0) + 2;
+    let name = |contrast_summary: &ContrastSummary| {
+        format!(
+            "{} {} / {}",
+            parameter_label(&contrast_summary.parameter).symbol,
+            contrast_summary.a,
+            contrast_summary.b
+        )
+    };
+    let width = summary.contrasts.iter().map(|contrast| name(contrast).chars().count()).max().unwrap_or(0) + 2;
     let beyond = format!("P(> +{:.0} %)", 100.0 * summary.margin);
     let below = format!("P(< −{:.0} %)", 100.0 * (1.0 - 1.0 / (1.0 + summary.margin)));
     let mut rows =
         vec![format!("  {:<width$}{:>8}{:>17}{:>9}{beyond:>12}{below:>12}", "ratio", "median", "90 %", "P(> 1)")];
-    rows.extend(summary.contrasts.iter().map(|own| {
-        let mark = if own.is_declared { "*" } else { " " };
-        let verdict = match own.verdict {
+    rows.extend(summary.contrasts.iter().map(|contrast| {
+        let mark = if contrast.is_declared { "*" } else { " " };
+        let verdict = match contrast.verdict {
             RatioVerdict::Greater => "  greater",
             RatioVerdict::Less => "  less",
             RatioVerdict::Equivalent => "  no difference in practice",
             RatioVerdict::Undecided => "",
         };
-        let more = own.more.map_or_else(String::new, |plan| format!("  {}", wording::what_it_takes(&plan)));
+        let more = contrast.more.map_or_else(String::new, |plan| format!("  {}", wording::required_specimens(&plan)));
         format!(
             "{mark} {:<width$}{:>8.2}{:>17}{:>9.3}{:>12.3}{:>12.3}{verdict}{more}",
-            name(own),
-            own.ratio_median,
-            format!("{:.2}–{:.2}", own.q05, own.q95),
-            own.probability_greater,
-            own.probability_beyond_margin,
-            own.probability_below_margin
+            name(contrast),
+            contrast.ratio_median,
+            format!("{:.2}–{:.2}", contrast.q05, contrast.q95),
+            contrast.probability_greater,
+            contrast.probability_beyond_margin,
+            contrast.probability_below_margin
         )
     }));
     rows.push("  * declared: the groups differ (all such signs are right with a probability of 99.7 %), or by more than the margin (95 %).".into());

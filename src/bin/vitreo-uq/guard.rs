@@ -22,7 +22,7 @@ pub struct Guard {
 
 impl Guard {
     /// Creates the guard of a server at this address. If other machines can reach it, this machine's name is allowed; `others` are further names.
-    pub fn of(address: SocketAddr, others: &[String]) -> Self {
+    pub fn new(address: SocketAddr, others: &[String]) -> Self {
         let machine = if address.ip().is_loopback() { None } else { machine_name() };
         let short = machine.as_ref().and_then(|name| name.split('.').next()).map(String::from);
         let names = ["localhost".to_string()].into_iter().chain(machine).chain(short).chain(others.iter().cloned());
@@ -87,7 +87,7 @@ mod tests {
     #[test]
     fn other_names_and_other_sites_are_refused() {
         for address in [[127, 0, 0, 1], [0, 0, 0, 0], [192, 168, 0, 7]] {
-            let guard = Guard::of(SocketAddr::from((address, 8421)), &[]);
+            let guard = Guard::new(SocketAddr::from((address, 8421)), &[]);
             assert!(admits(&guard, &[(header::HOST, "localhost:8421")]));
             assert!(admits(&guard, &[(header::HOST, "localhost:8421"), (header::ORIGIN, "http://localhost:8421")]));
             for host in ["127.0.0.1:8421", "192.168.0.7", "[::1]:8421", "[fe80::1]", "LOCALHOST."] {
@@ -106,7 +106,7 @@ mod tests {
 
     #[test]
     fn further_names_are_those_that_were_given() {
-        let guard = Guard::of(SocketAddr::from(([0, 0, 0, 0], 8421)), &["gel.example".into()]);
+        let guard = Guard::new(SocketAddr::from(([0, 0, 0, 0], 8421)), &["gel.example".into()]);
         assert!(admits(&guard, &[(header::HOST, "gel.example:8421"), (header::ORIGIN, "http://gel.example:8421")]));
         assert!(!admits(&guard, &[(header::HOST, "bad.gel.example:8421")]));
     }

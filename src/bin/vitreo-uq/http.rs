@@ -24,7 +24,7 @@ use tokio::io::{AsyncRead, AsyncWrite, ReadBuf};
 use tokio::net::TcpStream;
 use tokio::sync::Notify;
 use tokio::time::Instant;
-use vitreo_uq::base::error::{Error, Place, Result};
+use vitreo_uq::base::error::{Error, InputPlace, Result};
 
 /// Maximum numbers of connections, of connections from one peer, and of event streams.
 const MOST_CONNECTIONS: usize = 512;
@@ -48,13 +48,13 @@ pub fn listen(address: IpAddr, ports: &[u16]) -> Result<(TcpListener, SocketAddr
     let mut refusal = None;
     for &port in ports {
         let bound = TcpListener::bind(SocketAddr::new(address, port));
-        let error = match bound.and_then(|listener| listener.local_addr().map(|own| (listener, own))) {
+        let error = match bound.and_then(|listener| listener.local_addr().map(|socket_addr| (listener, socket_addr))) {
             Ok(listening) => return Ok(listening),
             Err(error) => error,
         };
         let is_taken = error.kind() == std::io::ErrorKind::AddrInUse;
         refusal.get_or_insert(Error::input(
-            Place::default().at_key("--port"),
+            InputPlace::default().at_key("--port"),
             format!("cannot listen on {address}:{port}: {error}"),
             "give another port, or `--port 0` for any free port",
         ));
@@ -62,7 +62,8 @@ pub fn listen(address: IpAddr, ports: &[u16]) -> Result<(TcpListener, SocketAddr
             break;
         }
     }
-    Err(refusal.unwrap_or_else(|| Error::input(Place::default().at_key("--port"), "no port is given", "give a port")))
+    Err(refusal
+        .unwrap_or_else(|| Error::input(InputPlace::default().at_key("--port"), "no port is given", "give a port")))
 }
 
 /// Serves until the program ends. `router` is called inside the runtime, so that it may start its own tasks.
@@ -78,7 +79,7 @@ pub fn serve(listener: TcpListener, router: impl FnOnce() -> Router) -> std::io:
 
 /// Party that has to act next on a connection.
 #[derive(Debug, Clone, Copy, PartialEq)]
-enum Turn {
+enum NextActor {
     /// The peer, until this time.
     Peer { until: Instant },
     /// The program.
@@ -90,95 +91,98 @@ enum Turn {
 /// Connection of a local server. Handlers find it among a request's extensions.
 #[derive(Clone)]
 pub struct Connection {
-    state: Arc<State>,
+    state: Arc<ConnectionState>,
     all: Arc<Connections>,
 }
 
-struct State {
+struct ConnectionState {
     peer: IpAddr,
-    turn: Mutex<Turn>,
+    turn: Mutex<NextActor>,
     is_closed: Notify,
 }
 
-impl State {
-    fn turn(&self) -> Turn {
-        *locked(&self.turn)
+impl ConnectionState {
+    fn turn(&self) -> NextActor {
+        *lock(&self.turn)
     }
 
-    fn pass_to(&self, next: Turn) {
-        *locked(&self.turn) = next;
+    fn pass_to(&self, next: NextActor) {
+        *lock(&self.turn) = next;
     }
 }
 
 /// Locks a mutex. A panic while the lock is held cannot leave its data invalid.
-fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 impl Connection {
     fn new(peer: IpAddr, all: &Arc<Connections>) -> Self {
-        let turn = Mutex::new(Turn::Peer { until: Instant::now() + HEAD });
-        Self { state: Arc::new(State { peer, turn, is_closed: Notify::new() }), all: Arc::clone(all) }
+        let turn = Mutex::new(NextActor::Peer { until: Instant::now() + HEAD });
+        Self { state: Arc::new(ConnectionState { peer, turn, is_closed: Notify::new() }), all: Arc::clone(all) }
     }
 
     /// Gives the peer this time for its next step.
     pub fn give_time(&self, time: Duration) {
-        self.state.pass_to(Turn::Peer { until: Instant::now() + time });
+        self.state.pass_to(NextActor::Peer { until: Instant::now() + time });
     }
 
     /// Records that the whole request has arrived, so that the program has to act.
     pub fn has_whole_request(&self) {
-        self.state.pass_to(Turn::Program);
+        self.state.pass_to(NextActor::Program);
     }
 
     /// Records that the response is an event stream. The oldest stream ends if there are too many.
     pub fn becomes_stream(&self) {
-        self.state.pass_to(Turn::Stream { since: Instant::now() });
+        self.state.pass_to(NextActor::Stream { since: Instant::now() });
         self.all.keep_streams();
     }
 
     /// Records that a response is ready to be read.
     fn is_answered(&self) {
-        if self.state.turn() == Turn::Program {
+        if self.state.turn() == NextActor::Program {
             self.give_time(NEXT_HEAD);
         }
     }
 
     /// Records that the peer has taken a part of its response.
     fn has_written(&self) {
-        if let Turn::Peer { until } = self.state.turn() {
-            self.state.pass_to(Turn::Peer { until: until.max(Instant::now() + ANSWER) });
+        if let NextActor::Peer { until } = self.state.turn() {
+            self.state.pass_to(NextActor::Peer { until: until.max(Instant::now() + ANSWER) });
         }
     }
 
     /// Waits until the peer's time is over or its place is given to another.
-    async fn outlived(&self) {
+    async fn wait_until_expired(&self) {
         let is_late = async {
             loop {
                 // The time limit does not apply while the program works or a stream is open.
                 let look_at = match self.state.turn() {
-                    Turn::Peer { until } if until <= Instant::now() => return,
-                    Turn::Peer { until } => until,
-                    Turn::Program | Turn::Stream { .. } => Instant::now() + HEAD,
+                    NextActor::Peer { until } if until <= Instant::now() => return,
+                    NextActor::Peer { until } => until,
+                    NextActor::Program | NextActor::Stream { .. } => Instant::now() + HEAD,
                 };
                 tokio::time::sleep_until(look_at).await;
             }
         };
-        either(is_late, self.state.is_closed.notified()).await;
+        wait_for_first(is_late, self.state.is_closed.notified()).await;
     }
 }
 
 /// All open connections of a server.
 #[derive(Default)]
-struct Connections(Mutex<Vec<Arc<State>>>);
+struct Connections(Mutex<Vec<Arc<ConnectionState>>>);
 
 impl Connections {
     /// Returns a place for a peer's next connection, or `None` if all places have requests in progress.
     fn place_for(self: &Arc<Self>, peer: IpAddr) -> Option<Connection> {
-        let mut all = locked(&self.0);
-        let of_peer = |state: &State| state.peer == peer;
-        for (most, is_meant) in [(MOST_OF_PEER, &of_peer as &dyn Fn(&State) -> bool), (MOST_CONNECTIONS, &|_| true)] {
-            let is_counted = |state: &&Arc<State>| is_meant(state) && !matches!(state.turn(), Turn::Stream { .. });
+        let mut all = lock(&self.0);
+        let of_peer = |state: &ConnectionState| state.peer == peer;
+        for (most, is_meant) in
+            [(MOST_OF_PEER, &of_peer as &dyn Fn(&ConnectionState) -> bool), (MOST_CONNECTIONS, &|_| true)]
+        {
+            let is_counted =
+                |state: &&Arc<ConnectionState>| is_meant(state) && !matches!(state.turn(), NextActor::Stream { .. });
             if all.iter().filter(is_counted).count() >= most && !close_latest(&mut all, is_meant) {
                 return None;
             }
@@ -190,13 +194,13 @@ impl Connections {
 
     /// Closes the connection whose peer has the least time left, if the program waits for any peer.
     fn make_room(&self) {
-        close_latest(&mut locked(&self.0), &|_| true);
+        close_latest(&mut lock(&self.0), &|_| true);
     }
 
     fn keep_streams(&self) {
-        let mut all = locked(&self.0);
-        let since = |state: &State| match state.turn() {
-            Turn::Stream { since } => Some(since),
+        let mut all = lock(&self.0);
+        let since = |state: &ConnectionState| match state.turn() {
+            NextActor::Stream { since } => Some(since),
             _ => None,
         };
         while all.iter().filter(|state| since(state).is_some()).count() > MOST_STREAMS {
@@ -207,14 +211,14 @@ impl Connections {
     }
 
     fn forget(&self, connection: &Connection) {
-        locked(&self.0).retain(|state| !Arc::ptr_eq(state, &connection.state));
+        lock(&self.0).retain(|state| !Arc::ptr_eq(state, &connection.state));
     }
 }
 
 /// Closes the connection whose peer's time ends first, among those that `is_meant` selects. Returns whether there was one.
-fn close_latest(all: &mut Vec<Arc<State>>, is_meant: &dyn Fn(&State) -> bool) -> bool {
-    let until = |(index, state): (usize, &Arc<State>)| match state.turn() {
-        Turn::Peer { until } if is_meant(state) => Some((until, index)),
+fn close_latest(all: &mut Vec<Arc<ConnectionState>>, is_meant: &dyn Fn(&ConnectionState) -> bool) -> bool {
+    let until = |(index, state): (usize, &Arc<ConnectionState>)| match state.turn() {
+        NextActor::Peer { until } if is_meant(state) => Some((until, index)),
         _ => None,
     };
     let Some((_, index)) = all.iter().enumerate().filter_map(until).min() else { return false };
@@ -257,12 +261,12 @@ async fn answer(stream: TcpStream, connection: Connection, app: Router) {
     builder.header_read_timeout(None).max_buf_size(MOST_HEAD_BYTES);
     let io = TokioIo::new(WatchedStream { stream, connection: connection.clone() });
     // A peer may close its connection; this is no error.
-    either(builder.serve_connection(io, each), connection.outlived()).await;
+    wait_for_first(builder.serve_connection(io, each), connection.wait_until_expired()).await;
     connection.all.forget(&connection);
 }
 
 /// Waits until the first of two futures ends, and drops the other.
-async fn either(first: impl Future, second: impl Future) {
+async fn wait_for_first(first: impl Future, second: impl Future) {
     let (mut first, mut second) = (pin!(first), pin!(second));
     poll_fn(|cx| {
         let is_over = first.as_mut().poll(cx).is_ready() || second.as_mut().poll(cx).is_ready();
@@ -352,7 +356,7 @@ mod tests {
     const B: IpAddr = IpAddr::V4(std::net::Ipv4Addr::new(10, 0, 0, 2));
 
     fn is_open(connection: &Connection) -> bool {
-        locked(&connection.all.0).iter().any(|state| Arc::ptr_eq(state, &connection.state))
+        lock(&connection.all.0).iter().any(|state| Arc::ptr_eq(state, &connection.state))
     }
 
     #[test]

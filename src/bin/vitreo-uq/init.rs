@@ -9,7 +9,7 @@ use vitreo_uq::base::error::Result;
 use vitreo_uq::documents::init::{InitColumn, InitSummary};
 use vitreo_uq::jobs::init::{self, InitRequest};
 use vitreo_uq::posterior::study::{Provenance, WithProvenance};
-use vitreo_uq::record::table::{Given, unit as spelt};
+use vitreo_uq::record::table::{TableSettings, unit as spelt};
 
 use crate::questions;
 use crate::text::significant;
@@ -111,7 +111,7 @@ pub struct InitArguments {
 
 pub fn run(arguments: &InitArguments) -> Result<ExitCode> {
     crate::output::check(arguments.json.as_deref())?;
-    let given = Given {
+    let given = TableSettings {
         columns: [&arguments.time, &arguments.force, &arguments.position, &arguments.cycle].map(Clone::clone),
         axes: [&arguments.x, &arguments.y, &arguments.z].map(Clone::clone),
         units: [&arguments.unit_time, &arguments.unit_force, &arguments.unit_position].map(Clone::clone),
@@ -125,7 +125,7 @@ pub fn run(arguments: &InitArguments) -> Result<ExitCode> {
     let request = InitRequest {
         file: arguments.file.clone(),
         out: arguments.out.clone(),
-        given,
+        known_columns: given,
         id: arguments.id.clone(),
         groups: [arguments.species.clone(), arguments.region.clone()],
         sizes: [arguments.robot_diameter_mm, arguments.vitreous_diameter_mm, arguments.poisson_ratio],
@@ -133,13 +133,13 @@ pub fn run(arguments: &InitArguments) -> Result<ExitCode> {
         noise_um: arguments.noise_um,
         replace: arguments.replace,
     };
-    let may_ask = questions::may_be_asked(arguments.quiet, arguments.json.as_deref());
+    let may_ask = questions::can_ask_questions(arguments.quiet, arguments.json.as_deref());
     let (summary, sha256) =
         if may_ask { init::run(&request, &mut questions::ask)? } else { init::run(&request, &mut |_| None)? };
     let provenance = Provenance::new("init", 1, 0, BTreeMap::from([(summary.file.clone(), sha256)]));
     crate::output::show(arguments.json.as_deref(), &WithProvenance { provenance, body: &summary }, &words(&summary))?;
     if !arguments.quiet {
-        crate::interrupt::say(&next(&summary));
+        crate::interrupt::print_message(&next(&summary));
     }
     Ok(ExitCode::SUCCESS)
 }
@@ -169,7 +169,7 @@ fn column(column: &InitColumn) -> String {
     // A count, which is a multiple of a unit, is shown in that unit.
     let seen_in = unit.split_once(' ').map_or(unit.as_str(), |(_, of)| of);
     let (per, shown) = match spelt(seen_in) {
-        Some(own) => (in_document / own.to_si(1.0), seen_in),
+        Some(parsed_unit) => (in_document / parsed_unit.to_si(1.0), seen_in),
         None => (1.0, "s"),
     };
     let range = range.map_or(String::new(), |[low, high]| {

@@ -36,11 +36,12 @@ static SIGNAL: OnceLock<Arc<AtomicUsize>> = OnceLock::new();
 /// Watches for Ctrl-C, termination and a closed terminal. The program prints `how_to_go_on` when one of them ends it.
 pub fn watch(how_to_go_on: &'static str) {
     let signal = SIGNAL.get_or_init(Arc::default);
-    let watched = signals().into_iter().filter(|own| {
-        signal_hook::flag::register_usize(*own, Arc::clone(signal), usize::try_from(*own).unwrap_or_default()).is_ok()
+    let watched = signals().into_iter().filter(|index| {
+        signal_hook::flag::register_usize(*index, Arc::clone(signal), usize::try_from(*index).unwrap_or_default())
+            .is_ok()
     });
     if watched.count() == 0 {
-        return say("note: Ctrl-C will end the program immediately");
+        return print_message("note: Ctrl-C will end the program immediately");
     }
     std::thread::spawn(move || {
         while signal.load(Ordering::SeqCst) == 0 {
@@ -56,7 +57,7 @@ pub fn watch(how_to_go_on: &'static str) {
             if let Some(bar) = BAR.get() {
                 bar.finish_and_clear();
             }
-            say(&last_word(how_to_go_on));
+            print_message(&stop_message(how_to_go_on));
             let _ = said.send(());
         });
         let _ = heard.recv_timeout(LAST_WORD);
@@ -65,14 +66,14 @@ pub fn watch(how_to_go_on: &'static str) {
 }
 
 /// Blocks while a signal ends the program. A job that fails then fails because its files are removed, and its error is not reported.
-pub fn wait_for_an_end_under_way() {
+pub fn block_while_ending() {
     while ENDING.load(Ordering::SeqCst) {
         std::thread::park();
     }
 }
 
 /// Returns whether a signal to end the program has arrived.
-pub fn has_come() -> bool {
+pub fn is_signalled() -> bool {
     signal() != 0
 }
 
@@ -142,13 +143,13 @@ pub fn exit_code() -> u8 {
 }
 
 /// Message of a stopped program.
-pub fn last_word(how_to_go_on: &str) -> String {
+pub fn stop_message(how_to_go_on: &str) -> String {
     let by = if signal() == usize::try_from(SIGINT).unwrap_or_default() { "Ctrl-C" } else { "a signal" };
     format!("stopped by {by}; finished results are kept, and no file is half-written\n  what to do: {how_to_go_on}")
 }
 
 /// Prints one line on standard error. A closed terminal or pipe must not end the job.
-pub fn say(text: &str) {
+pub fn print_message(text: &str) {
     let _ = writeln!(std::io::stderr().lock(), "{text}");
 }
 

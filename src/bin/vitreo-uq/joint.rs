@@ -1,7 +1,7 @@
 //! Text of `sample` for several records of one specimen.
 
 use vitreo_uq::documents::joint::JointSummary;
-use vitreo_uq::figures::labels::{model_title, of_parameter};
+use vitreo_uq::figures::labels::{model_title, parameter_label};
 
 use crate::text::{parameter_table, significant, warning_text};
 
@@ -19,9 +19,10 @@ pub fn words(summary: &JointSummary) -> String {
         let law: Vec<String> = record
             .law
             .iter()
-            .map(|own| {
-                let label = of_parameter(&own.name);
-                let [value, lower, upper] = [own.value, own.lower, own.upper].map(significant);
+            .map(|law_estimate| {
+                let label = parameter_label(&law_estimate.name);
+                let [value, lower, upper] =
+                    [law_estimate.value, law_estimate.lower, law_estimate.upper].map(significant);
                 format!("{} = {value} ({lower} to {upper}) {}", label.symbol, label.unit)
             })
             .collect();

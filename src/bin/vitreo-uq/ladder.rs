@@ -3,9 +3,9 @@
 use std::process::ExitCode;
 
 use vitreo_uq::base::error::Result;
-use vitreo_uq::documents::ladder::{LadderSummary, Rung, RungParameter, Shift};
-use vitreo_uq::figures::labels::{effects_with, model_title, of_parameter};
-use vitreo_uq::figures::number::listed;
+use vitreo_uq::documents::ladder::{LadderParameter, LadderRow, LadderSummary, Shift};
+use vitreo_uq::figures::labels::{effects_with, model_title, parameter_label};
+use vitreo_uq::figures::number::format_ranges;
 use vitreo_uq::jobs::ladder::{self, LadderRequest};
 
 use crate::options::LadderArguments;
@@ -21,7 +21,7 @@ pub fn run(arguments: &LadderArguments) -> Result<ExitCode> {
     let session = Session::begin(&arguments.common)?;
     let options = session.sampler(arguments.chains, arguments.steps);
     let target = session.open(&arguments.model, &[], &[])?;
-    let request = LadderRequest { up_to: arguments.model.from.clone(), options, anew: arguments.common.force };
+    let request = LadderRequest { up_to: arguments.model.from.clone(), options, refit: arguments.common.force };
     let outcome = ladder::run(&target, &request, &session.terminal)?;
     session.end(&outcome, &words(&outcome.document.body), "Figure", &arguments.page)
 }
@@ -54,13 +54,17 @@ fn heading(summary: &LadderSummary) -> String {
     let scored = if summary.heldout_cycles.is_empty() {
         "no cycle is held out".to_string()
     } else {
-        format!("scored on cycle {} only", listed(&summary.heldout_cycles))
+        format!("scored on cycle {} only", format_ranges(&summary.heldout_cycles))
     };
-    format!("{}: every revision fitted to cycles {}, {scored}.", summary.experiment, listed(&summary.fitted_cycles))
+    format!(
+        "{}: every revision fitted to cycles {}, {scored}.",
+        summary.experiment,
+        format_ranges(&summary.fitted_cycles)
+    )
 }
 
 /// Label of a revision: the model for the first, the added effects for the others.
-fn label(rung: &Rung) -> String {
+fn label(rung: &LadderRow) -> String {
     match &rung.from {
         None => model_title(&rung.model),
         Some(_) => effects_with(&rung.added, &rung.equivalents).trim_start().into(),
@@ -69,7 +73,7 @@ fn label(rung: &Rung) -> String {
 
 /// Error of each revision as a bar, with the noise below.
 fn bars(summary: &LadderSummary) -> Vec<String> {
-    let error_um = |rung: &Rung| rung.rmse_heldout_um.unwrap_or(rung.rmse_fitted_um);
+    let error_um = |rung: &LadderRow| rung.rmse_heldout_um.unwrap_or(rung.rmse_fitted_um);
     let noise = summary.noise_um.map(|noise| (String::new(), format!("noise, {}", summary.noise_origin), noise));
     let rows = summary.revisions.iter().map(|rung| (rung.revision.clone(), label(rung), error_um(rung)));
     let rows: Vec<(String, String, f64)> = rows.chain(noise).collect();
@@ -125,21 +129,21 @@ fn table(summary: &LadderSummary) -> Vec<String> {
 }
 
 fn shifts(summary: &LadderSummary) -> Vec<String> {
-    let name = |rung: Option<&Rung>| rung.map_or(String::new(), |rung| rung.revision.clone());
+    let name = |rung: Option<&LadderRow>| rung.map_or(String::new(), |rung| rung.revision.clone());
     let (before, after) = (name(summary.revisions.first()), name(summary.revisions.last()));
     let width = column_width(summary.shifts.iter().map(|shift| shift.name.as_str()));
     let mut lines = vec![
         format!(
             "  The effects missing in {before} had shifted the law's parameters (median, 90 % interval; both fitted to cycles {}):",
-            listed(&summary.fitted_cycles)
+            format_ranges(&summary.fitted_cycles)
         ),
         format!("  {:<width$}{before:>26}{after:>26}{:>10}{:>12}", "parameter", "shift", "in sd"),
     ];
     let interval =
-        |p: &RungParameter| format!("{} [{}, {}]", significant(p.median), significant(p.q05), significant(p.q95));
+        |p: &LadderParameter| format!("{} [{}, {}]", significant(p.median), significant(p.q05), significant(p.q95));
     lines.extend(summary.shifts.iter().map(|shift: &Shift| {
         let (before, after) = (interval(&shift.before), interval(&shift.after));
-        let axis = of_parameter(&shift.name).axis();
+        let axis = parameter_label(&shift.name).axis();
         let percent = format!("{:+.1} %", 100.0 * shift.relative);
         format!("  {axis:<width$}{before:>26}{after:>26}{percent:>10}{:>+12.1}", shift.in_sd_before)
     }));

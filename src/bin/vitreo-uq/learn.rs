@@ -7,9 +7,9 @@ use vitreo_uq::base::error::Result;
 use vitreo_uq::documents::errors::ModelErrors;
 use vitreo_uq::documents::learned::{Learned, LearnedKind, LearnedPair, LearnedVerdict};
 use vitreo_uq::documents::learned_cohort::{CohortPair, ConfirmedOn, LearnedCohort, LearnedCohortKind};
-use vitreo_uq::figures::number::listed;
+use vitreo_uq::figures::number::format_ranges;
 use vitreo_uq::jobs::learn::{self, LearnDocument, LearnRequest};
-use vitreo_uq::jobs::target::Kind;
+use vitreo_uq::jobs::target::TargetKind;
 
 use crate::options::{self, LearnArguments};
 use crate::session::{RESULTS, Session};
@@ -24,8 +24,8 @@ const N_SHOWN_OF_COHORT: usize = 6;
 
 pub fn run(arguments: &LearnArguments) -> Result<ExitCode> {
     let session = Session::begin(&arguments.common)?;
-    let taken = [Kind::Cohort];
-    if session.kind(&arguments.others, &taken) == Kind::Creep {
+    let taken = [TargetKind::Cohort];
+    if session.kind(&arguments.others, &taken) == TargetKind::Creep {
         options::check_simulations(arguments.simulations, FEWEST_SIMULATIONS)?;
     }
     let target = session.open(&arguments.model, &arguments.others, &taken)?;
@@ -46,13 +46,13 @@ pub fn run(arguments: &LearnArguments) -> Result<ExitCode> {
 fn words(learned: &Learned, revision: &str) -> String {
     let scored = match learned.heldout_cycles[..] {
         [] => "none held out".to_string(),
-        _ => format!("scored on {}", listed(&learned.heldout_cycles)),
+        _ => format!("scored on {}", format_ranges(&learned.heldout_cycles)),
     };
     let mut lines = vec![
         format!("{} ({revision}): {}", learned.experiment, learned.verdict.sentence),
         format!(
             "(every model fitted to cycles {}, {scored}; p {:.3} of the whole search)",
-            listed(&learned.fitted_cycles),
+            format_ranges(&learned.fitted_cycles),
             learned.p_familywise
         ),
         String::new(),
@@ -69,20 +69,24 @@ fn words(learned: &Learned, revision: &str) -> String {
     lines.push(String::new());
     lines.push(format!("  {:<24}{:>18}{:>20}", "error (µm)", "fitted cycles", "last held-out cycle"));
     lines.push(errors("before", &learned.base));
-    lines.extend(learned.learned.as_ref().map(|own| errors("learnt function", own)));
-    lines.extend(learned.with_formula.as_ref().map(|own| errors("formula", own)));
+    lines.extend(learned.learned.as_ref().map(|model_errors| errors("learnt function", model_errors)));
+    lines.extend(learned.with_formula.as_ref().map(|model_errors| errors("formula", model_errors)));
     lines.extend(learned.noise_um.map(|noise_um| format!("  {:<24}{:>18}", "noise", significant(noise_um))));
     lines.extend(at_reference(learned));
     if let Some(formula) = &learned.formula {
         lines.push(String::new());
         lines.push(format!("Formula: {}", formula.product(&learned.verdict.quantity)));
-        lines.extend(formula.parameters.iter().map(|own| {
-            let [value, q05, q95] = [own.value, own.q05, own.q95].map(significant);
-            format!("  {:<12} {value} ({q05} to {q95}) {}", own.name, own.unit)
+        lines.extend(formula.parameters.iter().map(|parameter| {
+            let [value, q05, q95] = [parameter.value, parameter.q05, parameter.q95].map(significant);
+            format!("  {:<12} {value} ({q05} to {q95}) {}", parameter.name, parameter.unit)
         }));
     }
-    lines.extend(learned.memory.iter().filter(|own| own.share > 1e-3).map(|own| {
-        format!("  retardation of {} s: {} of the law's compliance", significant(own.time_s), significant(own.share))
+    lines.extend(learned.memory.iter().filter(|retardation| retardation.share > 1e-3).map(|entry| {
+        format!(
+            "  retardation of {} s: {} of the law's compliance",
+            significant(entry.time_s),
+            significant(entry.share)
+        )
     }));
     lines.push(String::new());
     lines.extend(advice(learned, revision));
@@ -91,10 +95,13 @@ fn words(learned: &Learned, revision: &str) -> String {
 
 /// Value of the quantity at the reference state, if the quantity is a parameter of the law.
 fn at_reference(learned: &Learned) -> Vec<String> {
-    let Some((function, own)) = learned.function.as_ref().and_then(|own| Some((own, own.at_reference?))) else {
+    let Some((function, quantity_at_reference)) =
+        learned.function.as_ref().and_then(|learned_function| Some((learned_function, learned_function.at_reference?)))
+    else {
         return Vec::new();
     };
-    let [value, q05, q95] = [own.value, own.q05, own.q95].map(significant);
+    let [value, q05, q95] =
+        [quantity_at_reference.value, quantity_at_reference.q05, quantity_at_reference.q95].map(significant);
     let LearnedVerdict { quantity, state, .. } = &learned.verdict;
     vec![
         String::new(),
@@ -135,9 +142,9 @@ fn row(pair: &LearnedPair) -> String {
     )
 }
 
-fn errors(label: &str, own: &ModelErrors) -> String {
-    let heldout = own.rmse_heldout_um.map_or("–".into(), significant);
-    format!("  {label:<24}{:>18}{heldout:>20}", significant(own.rmse_fitted_um))
+fn errors(label: &str, model_errors: &ModelErrors) -> String {
+    let heldout = model_errors.rmse_heldout_um.map_or("–".into(), significant);
+    format!("  {label:<24}{:>18}{heldout:>20}", significant(model_errors.rmse_fitted_um))
 }
 
 fn cohort_words(learned: &LearnedCohort, written: &Path) -> String {
@@ -173,19 +180,22 @@ fn cohort_words(learned: &LearnedCohort, written: &Path) -> String {
     lines.join("\n") + "\n"
 }
 
-fn cohort_row(own: &CohortPair) -> String {
-    let state = own.state.replace('_', " ");
-    format!("  {:<28}{state:<20}{:>11.1}{:>11.1}", own.quantity, own.evidence_nats, own.heldout_gain_nats)
+fn cohort_row(cohort_pair: &CohortPair) -> String {
+    let state = cohort_pair.state.replace('_', " ");
+    format!(
+        "  {:<28}{state:<20}{:>11.1}{:>11.1}",
+        cohort_pair.quantity, cohort_pair.evidence_nats, cohort_pair.heldout_gain_nats
+    )
 }
 
-fn confirmed_row(own: &ConfirmedOn) -> String {
-    let values: Vec<String> = own.values.iter().map(|value| significant(*value)).collect();
+fn confirmed_row(confirmed_on: &ConfirmedOn) -> String {
+    let values: Vec<String> = confirmed_on.values.iter().map(|value| significant(*value)).collect();
     format!(
         "  {:<28}{:>11.1}{:>13}{:>11}   {}",
-        own.experiment,
-        own.last_cycle_gain_nats,
-        significant(own.rmse_before_um),
-        significant(own.rmse_after_um),
+        confirmed_on.experiment,
+        confirmed_on.last_cycle_gain_nats,
+        significant(confirmed_on.rmse_before_um),
+        significant(confirmed_on.rmse_after_um),
         values.join(", ")
     )
 }

@@ -52,12 +52,12 @@ use options::{
     LadderArguments, LearnArguments, SampleArguments, SimulateArguments,
 };
 use vitreo_uq::Error;
-use vitreo_uq::base::error::{Place, rename_settings};
-use vitreo_uq::base::files::enclose_folder;
-use vitreo_uq::jobs::tasks::commands::{Line, OUT};
+use vitreo_uq::base::error::{InputPlace, rename_settings};
+use vitreo_uq::base::files::forbid_links_in_user_folder;
+use vitreo_uq::jobs::tasks::commands::{CommandLine, OUT};
 
 /// Options that name the output of a command.
-const WRITTEN: [&str; 3] = ["cache", "json", "out"];
+const OUTPUT_OPTIONS: [&str; 3] = ["cache", "json", "out"];
 
 /// Bayesian uncertainty quantification for creep experiments in soft gels.
 #[derive(Parser)]
@@ -121,10 +121,10 @@ fn main() -> ExitCode {
     rename_settings("command line", settings::option);
     // Commands that a workbench starts obey the workbench's rule for its folder.
     if let Some(folder) = std::env::var_os(workbench::FOLDER_VARIABLE) {
-        enclose_folder(Path::new(&folder), "a workbench's folder");
+        forbid_links_in_user_folder(Path::new(&folder), "a workbench's folder");
     }
     let program = Program::parse();
-    let how_to_go_on = how_to_go_on(&program.command);
+    let how_to_go_on = resume_advice(&program.command);
     interrupt::watch(how_to_go_on);
     let outcome = match &program.command {
         Command::Init(arguments) => init::run(arguments),
@@ -143,7 +143,7 @@ fn main() -> ExitCode {
         Command::Workbench(arguments) => workbench::run(arguments),
         Command::Serve(arguments) => serve::run(arguments),
         Command::Groups(arguments) => groups::run(arguments),
-        Command::Tasks(arguments) => tasks::run(arguments, refuse_as_task),
+        Command::Tasks(arguments) => tasks::run(arguments, check_task_command),
         Command::Gather(arguments) => gather::run(arguments),
         Command::Shapes(arguments) => shapes::run(arguments),
         Command::Challenge(arguments) => challenge::run(arguments),
@@ -151,26 +151,28 @@ fn main() -> ExitCode {
         Command::Man(arguments) => shell::man(arguments, Program::command()),
     };
     match outcome {
-        Ok(code) if !interrupt::has_come() => code,
+        Ok(code) if !interrupt::is_signalled() => code,
         // Work without signal checks may end just after a signal arrives. The exit code then still reports the signal.
         Ok(_) | Err(Error::Interrupted { .. }) => {
-            interrupt::wait_for_an_end_under_way();
-            interrupt::say(&interrupt::last_word(how_to_go_on));
+            interrupt::block_while_ending();
+            interrupt::print_message(&interrupt::stop_message(how_to_go_on));
             ExitCode::from(interrupt::exit_code())
         }
         Err(error) => {
-            interrupt::wait_for_an_end_under_way();
-            interrupt::say(&format!("error: {error}"));
+            interrupt::block_while_ending();
+            interrupt::print_message(&format!("error: {error}"));
             ExitCode::from(error.exit_code())
         }
     }
 }
 
 /// Refuses a line of a list that is not a command of this program, or whose command never ends.
-fn refuse_as_task(file: &Path, line: &Line) -> vitreo_uq::Result<()> {
-    let refuse = |found: String, remedy: &str| Err(Error::input(Place::file(file).at_line(line.number), found, remedy));
+fn check_task_command(file: &Path, line: &CommandLine) -> vitreo_uq::Result<()> {
+    let refuse =
+        |found: String, remedy: &str| Err(Error::input(InputPlace::file(file).at_line(line.number), found, remedy));
     let words = || ["vitreo-uq"].into_iter().chain(line.words.iter().map(String::as_str));
-    let astray = Program::command().try_get_matches_from(words()).ok().and_then(|found| written_astray(&found));
+    let astray =
+        Program::command().try_get_matches_from(words()).ok().and_then(|found| find_output_outside_task(&found));
     match Program::try_parse_from(words()).map(|program| program.command) {
         Ok(Command::Tasks(_) | Command::Gather(_)) => {
             refuse("a list cannot contain lists".into(), "write the commands themselves")
@@ -195,13 +197,13 @@ fn refuse_as_task(file: &Path, line: &Line) -> vitreo_uq::Result<()> {
 }
 
 /// First output path of a command line that is not below the task's directory.
-fn written_astray(found: &ArgMatches) -> Option<String> {
+fn find_output_outside_task(found: &ArgMatches) -> Option<String> {
     if let Some((_, inner)) = found.subcommand() {
-        return written_astray(inner);
+        return find_output_outside_task(inner);
     }
     let given =
         |id: &&str| found.try_contains_id(id).is_ok() && found.value_source(id) == Some(ValueSource::CommandLine);
-    let values = WRITTEN.into_iter().filter(given).filter_map(|id| found.get_raw(id)).flatten();
+    let values = OUTPUT_OPTIONS.into_iter().filter(given).filter_map(|id| found.get_raw(id)).flatten();
     let is_below =
         |path: &Path| path.starts_with(OUT) && path.components().all(|part| matches!(part, Component::Normal(_)));
     let mut astray = values.filter(|value| *value != "-" && !is_below(Path::new(value)));
@@ -209,7 +211,7 @@ fn written_astray(found: &ArgMatches) -> Option<String> {
 }
 
 /// Advice after a signal has stopped the command.
-fn how_to_go_on(command: &Command) -> &'static str {
+fn resume_advice(command: &Command) -> &'static str {
     match command {
         Command::Sample(_) => {
             "run the same command with `--resume`, which continues from the sampler's last saved state, if there is one"

@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
-use vitreo_uq::base::error::{Error, Place};
+use vitreo_uq::base::error::{Error, InputPlace};
 use vitreo_uq::posterior::prior::PriorSet;
 use vitreo_uq::sampling::SamplerOptions;
 
@@ -37,7 +37,7 @@ pub struct Common {
 
 /// Options of the model.
 #[derive(Args, Clone)]
-pub struct Model {
+pub struct ModelOptions {
     /// Base law: lethersich, burgers, two-element, or a TOML file with a [base.network]
     #[arg(long, value_name = "LAW|FILE.toml")]
     pub base: Option<String>,
@@ -71,10 +71,10 @@ pub struct Model {
 
 /// Help of `--prior`, with the names of the embedded priors.
 fn prior_help() -> String {
-    format!("Prior: {}, or a file", PriorSet::embedded_names().collect::<Vec<_>>().join(", "))
+    format!("Prior: {}, or a file", PriorSet::builtin_names().collect::<Vec<_>>().join(", "))
 }
 
-impl Model {
+impl ModelOptions {
     /// Base law as given: a name or file, or another program's address with `#` and the model's name.
     pub fn law(&self) -> Option<String> {
         let model = self.forward_model.as_ref().map_or(String::new(), |name| format!("#{name}"));
@@ -91,7 +91,7 @@ pub struct SampleArguments {
     #[arg(value_name = "EXPERIMENT")]
     pub others: Vec<PathBuf>,
     #[command(flatten)]
-    pub model: Model,
+    pub model: ModelOptions,
     #[command(flatten)]
     pub page: PageArguments,
     /// Number of walkers of each of the independent ensembles
@@ -111,7 +111,7 @@ pub struct FitArguments {
     #[command(flatten)]
     pub common: Common,
     #[command(flatten)]
-    pub model: Model,
+    pub model: ModelOptions,
 }
 
 /// Arguments of `simulate`.
@@ -120,7 +120,7 @@ pub struct SimulateArguments {
     #[command(flatten)]
     pub common: Common,
     #[command(flatten)]
-    pub model: Model,
+    pub model: ModelOptions,
     /// Also print a convergence table over the built-in meshes of levels 1 to N
     #[arg(long, value_name = "N")]
     pub refine: Option<usize>,
@@ -149,7 +149,7 @@ pub struct EffectsArguments {
     #[command(flatten)]
     pub common: Common,
     #[command(flatten)]
-    pub model: Model,
+    pub model: ModelOptions,
 }
 
 /// Arguments of `compare`.
@@ -158,7 +158,7 @@ pub struct CompareArguments {
     #[command(flatten)]
     pub common: Common,
     #[command(flatten)]
-    pub model: Model,
+    pub model: ModelOptions,
     #[command(flatten)]
     pub page: PageArguments,
     /// Number of simulated records that correct p for all tests together [default: 199; fewer above 15,000 fitted rows, but at least 59]
@@ -175,7 +175,7 @@ pub struct DiagnoseArguments {
     #[arg(value_name = "DIR")]
     pub others: Vec<PathBuf>,
     #[command(flatten)]
-    pub model: Model,
+    pub model: ModelOptions,
     #[command(flatten)]
     pub page: PageArguments,
     /// Smallest change of a predicted position that counts as an effect, in noise standard deviations
@@ -204,7 +204,7 @@ pub struct LearnArguments {
     #[arg(value_name = "DIR")]
     pub others: Vec<PathBuf>,
     #[command(flatten)]
-    pub model: Model,
+    pub model: ModelOptions,
     #[command(flatten)]
     pub page: PageArguments,
     /// Maximum number of simulated searches that give the p of a gain
@@ -227,7 +227,7 @@ pub struct ExtendArguments {
     #[arg(value_name = "DIR")]
     pub others: Vec<PathBuf>,
     #[command(flatten)]
-    pub model: Model,
+    pub model: ModelOptions,
     #[command(flatten)]
     pub page: PageArguments,
     /// Number of walkers of each of the independent ensembles
@@ -244,7 +244,7 @@ pub struct LadderArguments {
     #[command(flatten)]
     pub common: Common,
     #[command(flatten)]
-    pub model: Model,
+    pub model: ModelOptions,
     #[command(flatten)]
     pub page: PageArguments,
     /// Number of walkers of each of the independent ensembles
@@ -301,7 +301,7 @@ pub fn check_simulations(simulations: usize, fewest: usize) -> vitreo_uq::Result
     } else {
         return Ok(());
     };
-    Err(Error::input(Place::default().at_key("--simulations"), found, remedy))
+    Err(Error::input(InputPlace::default().at_key("--simulations"), found, remedy))
 }
 
 /// Sets the number of threads and returns it; 0 means the environment's number, or all cores. The number is at most that of the cores, because more would

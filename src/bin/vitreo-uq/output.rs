@@ -5,7 +5,7 @@ use std::path::Path;
 use std::time::Instant;
 
 use serde::Serialize;
-use vitreo_uq::base::error::{Error, Place, Result};
+use vitreo_uq::base::error::{Error, InputPlace, Result};
 use vitreo_uq::base::files::write_json_atomically;
 
 /// Refuses a path for the document that cannot be written, before hours of work.
@@ -16,7 +16,7 @@ pub fn check(json: Option<&Path>) -> Result<()> {
         return Ok(());
     }
     Err(Error::input(
-        Place::default().at_key("--json"),
+        InputPlace::default().at_key("--json"),
         format!("{} cannot be written: it is a directory, or its directory does not exist", path.display()),
         "give a file in a directory that exists, or `-` for standard output",
     ))
@@ -71,9 +71,9 @@ pub fn print(text: &str) -> Result<()> {
 }
 
 /// Prints the path of the results and the duration.
-pub fn say_where(quiet: bool, place: &Path, began: Instant) {
+pub fn print_result_path(quiet: bool, place: &Path, began: Instant) {
     if !quiet {
         let seconds = began.elapsed().as_secs_f64();
-        crate::interrupt::say(&format!("Results and figures: {} ({seconds:.1} s)", place.display()));
+        crate::interrupt::print_message(&format!("Results and figures: {} ({seconds:.1} s)", place.display()));
     }
 }

@@ -6,7 +6,7 @@ use std::path::Path;
 use vitreo_uq::record::table::Question;
 
 /// Returns whether questions can be asked: input and output are terminals, and neither `--quiet` nor `--json -` is given.
-pub fn may_be_asked(quiet: bool, json: Option<&Path>) -> bool {
+pub fn can_ask_questions(quiet: bool, json: Option<&Path>) -> bool {
     let is_read_by_a_program = json == Some(Path::new("-"));
     !quiet && !is_read_by_a_program && std::io::stdin().is_terminal() && std::io::stderr().is_terminal()
 }

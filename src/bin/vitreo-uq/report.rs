@@ -4,14 +4,14 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use clap::Args;
-use vitreo_uq::base::error::{Error, Place, Result};
+use vitreo_uq::base::error::{Error, InputPlace, Result};
 use vitreo_uq::base::files::{self, Content};
 use vitreo_uq::figures::page::{self, Origin};
 use vitreo_uq::jobs::pages;
 use vitreo_uq::posterior::study::{PAGE_NAME, Provenance, Study, WithProvenance};
 use vitreo_uq::validation::challenge::plays::Plays;
 
-use crate::challenge_words::page_of_plays;
+use crate::challenge_words::plays_page;
 
 /// Arguments of `report`.
 #[derive(Args)]
@@ -41,7 +41,7 @@ pub fn run(arguments: &ReportArguments) -> Result<ExitCode> {
         false => pages::write(&arguments.study, arguments.out.as_deref())?,
     };
     if !arguments.quiet {
-        crate::interrupt::say(&format!("Report: {}", page.display()));
+        crate::interrupt::print_message(&format!("Report: {}", page.display()));
     }
     Ok(ExitCode::SUCCESS)
 }
@@ -53,26 +53,26 @@ fn of_plays(document: &Path, out: Option<&Path>) -> Result<PathBuf> {
     let plays: WithProvenance<Plays> = serde_json::from_slice(&bytes).map_err(|error| {
         let remedy = "give a study, or the file that `challenge run --json FILE` wrote";
         Error::input(
-            Place::file(document).at_line(error.line()),
+            InputPlace::file(document).at_line(error.line()),
             format!("this is not a document of `challenge run`: {error}"),
             remedy,
         )
     })?;
     let Provenance { version, seed, inputs_sha256, .. } = plays.provenance;
-    let html = page::plays(&page_of_plays(&plays.body.tally), &Origin { version, seed, inputs_sha256 });
+    let html = page::plays(&plays_page(&plays.body.tally), &Origin { version, seed, inputs_sha256 });
     let place = out.map_or_else(|| document.with_file_name(PAGE_NAME), Path::to_path_buf);
     files::write_atomically(&place, html.as_bytes())?;
     Ok(place)
 }
 
 /// Updates the page of a changed study. The results are already on disk, so a page that cannot be written causes only a message.
-pub fn refresh(study: &Study, arguments: &PageArguments, quiet: bool) {
+pub fn update_page(study: &Study, arguments: &PageArguments, quiet: bool) {
     if arguments.no_report {
         return;
     }
     match pages::write(study.dir(), None) {
         Ok(page) if quiet => drop(page),
-        Ok(page) => crate::interrupt::say(&format!("Report: {}", page.display())),
-        Err(error) => crate::interrupt::say(&format!("no report: {error}")),
+        Ok(page) => crate::interrupt::print_message(&format!("Report: {}", page.display())),
+        Err(error) => crate::interrupt::print_message(&format!("no report: {error}")),
     }
 }

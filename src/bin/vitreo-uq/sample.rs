@@ -4,7 +4,7 @@ use std::process::ExitCode;
 
 use vitreo_uq::base::error::Result;
 use vitreo_uq::jobs::sample::{self, SampleDocument, SampleRequest};
-use vitreo_uq::jobs::target::Kind;
+use vitreo_uq::jobs::target::TargetKind;
 
 use crate::options::SampleArguments;
 use crate::session::{RESULTS, Session};
@@ -14,7 +14,8 @@ pub fn run(arguments: &SampleArguments) -> Result<ExitCode> {
     let session = Session::begin(&arguments.common)?;
     let sampler = session.sampler(arguments.chains, arguments.steps);
     let request = SampleRequest { sampler, resume: arguments.resume };
-    let target = session.open_first(&arguments.model, &arguments.others, &[Kind::Joint, Kind::Oscillation])?;
+    let target =
+        session.open_first(&arguments.model, &arguments.others, &[TargetKind::Joint, TargetKind::Oscillation])?;
     let outcome = sample::run(&target, &request, &session.terminal)?;
     let (words, label) = match &outcome.document.body {
         SampleDocument::Creep(summary) => (text::posterior(summary), RESULTS),

@@ -17,17 +17,17 @@ use tokio::sync::Semaphore;
 use vitreo_uq::base::error::{Error, Result};
 use vitreo_uq::documents::posterior::Warning;
 use vitreo_uq::figures::labels::model_title;
-use vitreo_uq::figures::number::listed;
-use vitreo_uq::jobs::bridge::{Endpoint, MOST_POINTS, Models, OUTSIDE};
-use vitreo_uq::jobs::first_revision::{as_fitted, kept_surrogate};
+use vitreo_uq::figures::number::format_ranges;
+use vitreo_uq::jobs::bridge::{BridgeModels, Endpoint, MAX_POINTS, NEGATIVE_INFINITY_SUBSTITUTE};
+use vitreo_uq::jobs::first_revision::{kept_surrogate, with_fitted_cycles_of};
 use vitreo_uq::jobs::target::CreepTarget;
 use vitreo_uq::posterior::advice::check_warning;
 use vitreo_uq::posterior::monitor::Monitor;
 use vitreo_uq::posterior::prepared::{PreparedModel, Verification};
 
 use crate::guard::{Guard, guard};
-use crate::interrupt::say;
-use crate::options::{self, Common, Model};
+use crate::interrupt::print_message;
+use crate::options::{self, Common, ModelOptions};
 use crate::session::target_request;
 use crate::terminal::Terminal;
 use crate::text::significant;
@@ -55,7 +55,7 @@ pub struct ServeArguments {
     #[arg(long)]
     quiet: bool,
     #[command(flatten)]
-    model: Model,
+    model: ModelOptions,
 }
 
 pub fn run(arguments: &ServeArguments) -> Result<ExitCode> {
@@ -70,13 +70,13 @@ pub fn run(arguments: &ServeArguments) -> Result<ExitCode> {
         (None, Some(study)) => study.revisions()?.pop(),
         (from, _) => from.clone(),
     };
-    target.experiment = as_fitted(target.experiment, revision.as_deref());
+    target.experiment = with_fitted_cycles_of(target.experiment, revision.as_deref());
     let problem = target.problem(&terminal)?;
     let kept = target.existing_study().and_then(|study| kept_surrogate(study, &terminal));
     // The model is used until the program ends, by tasks that never end earlier.
     let model: &'static PreparedModel = Box::leak(Box::new(PreparedModel::new(&problem, kept, &terminal)?));
-    let models = Arc::new(Models::new(model)?);
-    let check = model.check_now(&terminal)?;
+    let models = Arc::new(BridgeModels::new(model)?);
+    let check = model.verify_now(&terminal)?;
     terminal.finish();
     if let Some(Warning { text, advice, .. }) = check.as_ref().and_then(check_warning) {
         terminal.warn(&format!("{text}\n  what to do: {advice}"));
@@ -85,27 +85,27 @@ pub fn run(arguments: &ServeArguments) -> Result<ExitCode> {
     if !quiet {
         output::print(&words(model, &models, check))?;
         if !address.ip().is_loopback() {
-            say("note: other machines can reach these models and use this machine's processors");
+            print_message("note: other machines can reach these models and use this machine's processors");
         }
-        say("Serving; Ctrl-C ends the server.");
+        print_message("Serving; Ctrl-C ends the server.");
     }
     let refused = |error| Error::at_path("serve", address.to_string(), error, "start the command again");
-    let guard = Guard::of(address, &arguments.allow_host);
+    let guard = Guard::new(address, &arguments.allow_host);
     http::serve(listener, || router(models, threads, guard)).map_err(refused)?;
     Ok(ExitCode::SUCCESS)
 }
 
 /// State shared by the endpoints.
 #[derive(Clone)]
-struct Shared {
-    models: Arc<Models<'static>>,
+struct ServerState {
+    models: Arc<BridgeModels<'static>>,
     /// Limits the number of requests processed at once.
     free: Arc<Semaphore>,
 }
 
-fn router(models: Arc<Models<'static>>, threads: usize, names: Guard) -> Router {
-    let most_bytes = models.most_bytes();
-    let shared = Shared { models, free: Arc::new(Semaphore::new(threads)) };
+fn router(models: Arc<BridgeModels<'static>>, threads: usize, names: Guard) -> Router {
+    let most_bytes = models.max_request_bytes();
+    let shared = ServerState { models, free: Arc::new(Semaphore::new(threads)) };
     let endpoint = |endpoint: Endpoint| -> MethodRouter {
         let shared = shared.clone();
         let answer = move |body: Bytes| answer(shared, endpoint, body);
@@ -113,7 +113,7 @@ fn router(models: Arc<Models<'static>>, threads: usize, names: Guard) -> Router 
     };
     let nothing = || async { (StatusCode::NOT_FOUND, "This is a server of UM-Bridge models. Request /Info.\n") };
     let routes = Endpoint::ALL.into_iter();
-    let router = routes.fold(Router::new(), |router, own| router.route(own.path(), endpoint(own)));
+    let router = routes.fold(Router::new(), |router, entry| router.route(entry.path(), endpoint(entry)));
     let guarded = middleware::from_fn_with_state(names, guard);
     router
         .layer(middleware::from_fn(http::whole_body))
@@ -123,8 +123,8 @@ fn router(models: Arc<Models<'static>>, threads: usize, names: Guard) -> Router 
 }
 
 /// Computes a response on a thread of its own, so that long requests do not block the server.
-async fn answer(shared: Shared, endpoint: Endpoint, body: Bytes) -> Response {
-    let Shared { models, free } = shared;
+async fn answer(shared: ServerState, endpoint: Endpoint, body: Bytes) -> Response {
+    let ServerState { models, free } = shared;
     // The semaphore is never closed.
     let Ok(place) = free.acquire_owned().await else { return StatusCode::SERVICE_UNAVAILABLE.into_response() };
     let work = move || {
@@ -139,10 +139,10 @@ async fn answer(shared: Shared, endpoint: Endpoint, body: Bytes) -> Response {
     })
 }
 
-fn words(model: &PreparedModel, models: &Models, check: Option<Verification>) -> String {
+fn words(model: &PreparedModel, models: &BridgeModels, check: Option<Verification>) -> String {
     let problem = &model.problem;
     let experiment = &problem.experiment;
-    let (inputs, n) = (models.inputs(), models.n_of_trajectory());
+    let (inputs, n) = (models.inputs(), models.n_trajectory_inputs());
     let cycles = &experiment.calibration_cycles;
     let mut lines = vec![
         format!(
@@ -151,7 +151,7 @@ fn words(model: &PreparedModel, models: &Models, check: Option<Verification>) ->
             model_title(&problem.specification.summary()),
             problem.noise.names().join(" + "),
             if cycles.len() == 1 { "" } else { "s" },
-            listed(cycles)
+            format_ranges(cycles)
         ),
         String::new(),
     ];
@@ -190,8 +190,10 @@ fn words(model: &PreparedModel, models: &Models, check: Option<Verification>) ->
         "posterior: [[inputs 1 to {}]] → [[ln(prior × likelihood), as a density over these inputs]]",
         inputs.len()
     ));
-    lines.push(format!("  config {{\"points\": N}} for N points in sequence, at most {MOST_POINTS};"));
-    lines.push(format!("  {OUTSIDE:e} means −∞: outside the range of an input, or where an effect has no model."));
+    lines.push(format!("  config {{\"points\": N}} for N points in sequence, at most {MAX_POINTS};"));
+    lines.push(format!(
+        "  {NEGATIVE_INFINITY_SUBSTITUTE:e} means −∞: outside the range of an input, or where an effect has no model."
+    ));
     lines
         .push("Gradient and ApplyJacobian work for both, through the surrogate; ApplyHessian is not supported.".into());
     lines.join("\n") + "\n"

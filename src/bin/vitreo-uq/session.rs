@@ -8,11 +8,11 @@ use serde::Serialize;
 use vitreo_uq::base::error::Result;
 use vitreo_uq::jobs::first_revision::FIRST_REVISION;
 use vitreo_uq::jobs::outcome::Outcome;
-use vitreo_uq::jobs::target::{Kind, ModelRequest, Target, TargetRequest};
+use vitreo_uq::jobs::target::{ModelRequest, Target, TargetKind, TargetRequest};
 use vitreo_uq::posterior::mechanics::MeshFile;
 use vitreo_uq::sampling::SamplerOptions;
 
-use crate::options::{self, Common, Model};
+use crate::options::{self, Common, ModelOptions};
 use crate::report::PageArguments;
 use crate::terminal::Terminal;
 
@@ -41,12 +41,12 @@ impl<'a> Session<'a> {
     }
 
     /// Opens the target of the command; `taken` lists the kinds of targets that it accepts besides a creep record.
-    pub fn open(&self, model: &Model, others: &[PathBuf], taken: &[Kind]) -> Result<Target> {
+    pub fn open(&self, model: &ModelOptions, others: &[PathBuf], taken: &[TargetKind]) -> Result<Target> {
         Target::open(target_request(self.common, model, others), taken, None, &self.terminal)
     }
 
     /// Opens the target of `sample`, which recreates the study's revision m0 with its model.
-    pub fn open_first(&self, model: &Model, others: &[PathBuf], taken: &[Kind]) -> Result<Target> {
+    pub fn open_first(&self, model: &ModelOptions, others: &[PathBuf], taken: &[TargetKind]) -> Result<Target> {
         Target::open(target_request(self.common, model, others), taken, Some(FIRST_REVISION), &self.terminal)
     }
 
@@ -56,8 +56,8 @@ impl<'a> Session<'a> {
     }
 
     /// Returns the kind of the target.
-    pub fn kind(&self, others: &[PathBuf], taken: &[Kind]) -> Kind {
-        Kind::of(&paths(self.common, others), taken)
+    pub fn kind(&self, others: &[PathBuf], taken: &[TargetKind]) -> TargetKind {
+        TargetKind::of(&paths(self.common, others), taken)
     }
 
     /// Prints the result and its path, and updates the page of the changed study.
@@ -71,7 +71,7 @@ impl<'a> Session<'a> {
         self.show(&outcome.document, words)?;
         self.say(&format!("{label}: {} ({:.1} s)", outcome.written.display(), self.began.elapsed().as_secs_f64()));
         if let Some(study) = &outcome.study {
-            crate::report::refresh(study, page, self.common.quiet);
+            crate::report::update_page(study, page, self.common.quiet);
         }
         Ok(ExitCode::from(u8::from(!outcome.is_sound)))
     }
@@ -85,7 +85,7 @@ impl<'a> Session<'a> {
     /// Prints a message on standard error, unless the user wants quiet.
     pub fn say(&self, text: &str) {
         if !self.common.quiet {
-            crate::interrupt::say(text);
+            crate::interrupt::print_message(text);
         }
     }
 }
@@ -94,11 +94,11 @@ impl<'a> Session<'a> {
 pub const RESULTS: &str = "Results and figures";
 
 /// Target as given by the user.
-pub fn target_request(common: &Common, model: &Model, others: &[PathBuf]) -> TargetRequest {
+pub fn target_request(common: &Common, model: &ModelOptions, others: &[PathBuf]) -> TargetRequest {
     TargetRequest {
         paths: paths(common, others),
         out: common.out.clone(),
-        force: common.force,
+        replace_existing: common.force,
         model: model_request(model),
     }
 }
@@ -107,8 +107,8 @@ fn paths(common: &Common, others: &[PathBuf]) -> Vec<PathBuf> {
     common.target.iter().chain(others).cloned().collect()
 }
 
-fn model_request(model: &Model) -> ModelRequest {
-    let Model { base, with, noise, prior, set, from, mesh, mesh_unit, .. } = model.clone();
+fn model_request(model: &ModelOptions) -> ModelRequest {
+    let ModelOptions { base, with, noise, prior, set, from, mesh, mesh_unit, .. } = model.clone();
     ModelRequest {
         forward: model.forward.as_ref().and_then(|_| model.law()),
         mesh: mesh.map(|path| MeshFile { path, metres_per_unit: mesh_unit }),

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 
 use clap::Args;
-use vitreo_uq::base::error::{Error, Place, Result};
+use vitreo_uq::base::error::{Error, InputPlace, Result};
 use vitreo_uq::base::number::Dual;
 use vitreo_uq::documents::posterior::Warning;
 use vitreo_uq::documents::shapes::ShapesSummary;
@@ -22,7 +22,7 @@ use vitreo_uq::validation::shapes::bodies::PAPER_ASPECT;
 use vitreo_uq::validation::shapes::job::{self, ShapesRequest};
 use vitreo_uq::validation::shapes::summary::summarise;
 
-use crate::options::{Common, Model};
+use crate::options::{Common, ModelOptions};
 use crate::report::PageArguments;
 use crate::session::{RESULTS, Session};
 use crate::shapes_words;
@@ -49,7 +49,7 @@ pub struct ShapesArguments {
     #[arg(long)]
     quiet: bool,
     #[command(flatten)]
-    model: Model,
+    model: ModelOptions,
     /// Aspect ratios, separated by commas: length to diameter of cylinders, long to short semi-axis of ellipsoids; the study uses the first and compares the others
     #[arg(long, value_name = "RATIO", default_values_t = [PAPER_ASPECT], value_delimiter = ',', allow_negative_numbers = true)]
     aspect: Vec<f64>,
@@ -75,7 +75,7 @@ impl ShapesArguments {
         if let Some(Some(text)) = &self.force {
             if target.is_some() || text.split(',').all(|part| part.trim().parse::<f64>().is_ok()) {
                 return Err(Error::input(
-                    Place::default().at_key("--force"),
+                    InputPlace::default().at_key("--force"),
                     format!(
                         "`--force` takes no number such as `{text}`; it replaces a study that was made from another input"
                     ),
@@ -101,7 +101,7 @@ pub fn run(arguments: &ShapesArguments) -> Result<ExitCode> {
     let session = Session::begin(common)?;
     let terminal = &session.terminal;
     // The option's mesh is a body to compare. The experiment's gel is modelled with its own robot.
-    let model = Model { mesh: None, ..arguments.model.clone() };
+    let model = ModelOptions { mesh: None, ..arguments.model.clone() };
     let revision = session.open(&model, &[], &[])?.creep()?.revision(session.default_sampler(), terminal)?;
     let (request, warnings) = request(arguments, &revision)?;
     let found = job::run(&request, terminal)?;
@@ -120,15 +120,16 @@ pub fn run(arguments: &ShapesArguments) -> Result<ExitCode> {
 }
 
 fn check(arguments: &ShapesArguments) -> Result<()> {
-    let refuse =
-        |option: &str, found: String, remedy: &str| Err(Error::input(Place::default().at_key(option), found, remedy));
-    if let Some(aspect) = arguments.aspect.iter().find(|own| !(1.0..=20.0).contains(*own)) {
+    let refuse = |option: &str, found: String, remedy: &str| {
+        Err(Error::input(InputPlace::default().at_key(option), found, remedy))
+    };
+    if let Some(aspect) = arguments.aspect.iter().find(|value| !(1.0..=20.0).contains(*value)) {
         return refuse("--aspect", format!("an aspect ratio of {aspect}"), "give one between 1 and 20");
     }
-    if let Some(poisson) = arguments.poisson.iter().find(|own| !(0.0..=0.4999).contains(*own)) {
+    if let Some(poisson) = arguments.poisson.iter().find(|value| !(0.0..=0.4999).contains(*value)) {
         return refuse("--poisson", format!("a Poisson ratio of {poisson}"), "give one between 0 and 0.4999");
     }
-    if let Some(force) = arguments.force_un.iter().find(|own| !(**own > 0.0 && own.is_finite())) {
+    if let Some(force) = arguments.force_un.iter().find(|value| !(**value > 0.0 && value.is_finite())) {
         return refuse("--force-un", format!("a force of {force} µN"), "give a positive one");
     }
     if !(arguments.distance > 0.0 && arguments.distance.is_finite()) {
@@ -141,7 +142,7 @@ fn request(arguments: &ShapesArguments, revision: &Revision) -> Result<(ShapesRe
     let experiment = &revision.problem.experiment;
     let Apparatus::Robot { robot, vitreous } = &experiment.apparatus else {
         return Err(Error::input(
-            Place::file(revision.study.dir().join("experiment.toml")).at_key("instrument"),
+            InputPlace::file(revision.study.dir().join("experiment.toml")).at_key("instrument"),
             "shapes need the size of the gel around the robot, which an experiment with [instrument] does not give",
             "give an experiment with [robot] and [vitreous], or none for the embedded replica",
         ));
@@ -193,13 +194,15 @@ fn laws(revision: &Revision) -> Result<(Vec<CreepCompliance>, Option<Vec<Dual>>)
     let model = &revision.problem.model;
     if !model.effects().is_empty() || !model.base().is_exponential() {
         return Err(Error::input(
-            Place::file(revision.study.dir()).at_key(&revision.name),
+            InputPlace::file(revision.study.dir()).at_key(&revision.name),
             "shapes are compared in a gel of springs and dashpots alone, but this revision has further effects",
             "choose a revision without effects (--from m0)",
         ));
     }
     let table = read_draws_csv(&revision.study.revision_dir(&revision.name)?.join("draws.csv"))?;
-    let column = |name: &str| table.parameter_names.iter().position(|own| own == name).map(|index| table.column(index));
+    let column = |name: &str| {
+        table.parameter_names.iter().position(|parameter_name| parameter_name == name).map(|index| table.column(index))
+    };
     let fixed = &revision.problem.specification.fixed;
     let columns: Vec<(Option<Vec<f64>>, f64)> = model
         .base()

@@ -3,7 +3,7 @@
 use std::collections::BTreeSet;
 
 use vitreo_uq::documents::shapes::{
-    BodySummary, Claim, Displacement, LargeStrains, OwnBody, Shape, ShapesSummary, SweepSummary,
+    BodyShape, BodySummary, Claim, Displacement, LargeStrains, ShapesSummary, SweepSummary, UserBody,
 };
 
 /// Text and tables of the study.
@@ -47,8 +47,8 @@ fn name(body: &BodySummary) -> String {
     }
 }
 
-fn moved(own: Displacement) -> String {
-    format!("{:.0} ({:.0}–{:.0}) µm", own.median, own.q05, own.q95)
+fn moved(displacement: Displacement) -> String {
+    format!("{:.0} ({:.0}–{:.0}) µm", displacement.median, displacement.q05, displacement.q95)
 }
 
 fn bodies(summary: &ShapesSummary) -> Vec<String> {
@@ -77,16 +77,16 @@ fn bodies(summary: &ShapesSummary) -> Vec<String> {
     lines
 }
 
-fn own_body(own: &OwnBody) -> Vec<String> {
+fn own_body(user_body: &UserBody) -> Vec<String> {
     vec![
-        format!("  your mesh: a body of {:.4} mm² and {:.5} mm³", own.surface_area_mm2, own.volume_mm3),
+        format!("  your mesh: a body of {:.4} mm² and {:.5} mm³", user_body.surface_area_mm2, user_body.volume_mm3),
         format!(
             "    {:<22}{:>7.4} mm{:>11.4} times the sphere of equal volume, {:.4} times the sphere of equal surface; {}",
             "",
-            1e3 * own.stiffness_m,
-            own.ratio_to_sphere_of_equal_volume,
-            own.ratio_to_sphere_of_equal_surface,
-            moved(own.displacement_5s_um)
+            1e3 * user_body.stiffness_m,
+            user_body.ratio_to_sphere_of_equal_volume,
+            user_body.ratio_to_sphere_of_equal_surface,
+            moved(user_body.displacement_5s_um)
         ),
     ]
 }
@@ -100,10 +100,10 @@ fn meshes(summary: &ShapesSummary) -> Vec<String> {
     let mut lines = vec![format!(
         "3D meshes: {fewest} to {most} unknowns, scaled Jacobians from {flattest:.2}, aspect ratios of elements up to {slenderest:.0} : 1"
     )];
-    lines.extend(summary.own_body.iter().map(|own| {
+    lines.extend(summary.own_body.iter().map(|user_body| {
         format!(
             "your mesh: {} unknowns, scaled Jacobians from {:.2}, aspect ratios of elements up to {:.0} : 1",
-            own.mesh.unknowns, own.mesh.smallest_scaled_jacobian, own.mesh.largest_aspect
+            user_body.mesh.unknowns, user_body.mesh.smallest_scaled_jacobian, user_body.mesh.largest_aspect
         )
     }));
     lines
@@ -122,49 +122,61 @@ fn sweep(all: &[SweepSummary]) -> Vec<String> {
         ),
     ];
     let mut seen = BTreeSet::new();
-    for own in all.iter().filter(|own| seen.insert((own.aspect.to_bits(), own.poisson_ratio.to_bits()))) {
-        let ratios: Vec<f64> =
-            own.bodies.iter().filter(|body| body.orientation.is_some()).map(|body| body.ratio_to_sphere).collect();
+    for sweep_summary in all
+        .iter()
+        .filter(|sweep_summary| seen.insert((sweep_summary.aspect.to_bits(), sweep_summary.poisson_ratio.to_bits())))
+    {
+        let ratios: Vec<f64> = sweep_summary
+            .bodies
+            .iter()
+            .filter(|body| body.orientation.is_some())
+            .map(|body| body.ratio_to_sphere)
+            .collect();
         let numbers: Vec<String> = ratios.iter().map(|ratio| format!("{ratio:>8.4}")).collect();
         let (volume, surface) = numbers.split_at(numbers.len() / 2);
-        let within = own.bodies.iter().map(|body| body.relative_difference_3d.abs()).fold(0.0, f64::max);
+        let within = sweep_summary.bodies.iter().map(|body| body.relative_difference_3d.abs()).fold(0.0, f64::max);
         lines.push(format!(
             "  {:>8.3}{:>9} {}  {}{within:>10.0e}",
-            own.aspect,
-            own.poisson_ratio,
+            sweep_summary.aspect,
+            sweep_summary.poisson_ratio,
             volume.concat(),
             surface.concat()
         ));
     }
-    let forces: BTreeSet<u64> = all.iter().map(|own| own.force_un.to_bits()).collect();
+    let forces: BTreeSet<u64> = all.iter().map(|sweep_summary| sweep_summary.force_un.to_bits()).collect();
     if forces.len() > 1 {
         lines.push("Displacement after 5 s, median in µm, at the first aspect and Poisson ratio".into());
         let first = (all[0].aspect, all[0].poisson_ratio);
-        for own in all.iter().filter(|own| (own.aspect, own.poisson_ratio) == first) {
-            let numbers: Vec<String> =
-                own.bodies.iter().map(|body| format!("{} {:.0}", name(body), body.displacement_5s_um.median)).collect();
+        for sweep_summary in
+            all.iter().filter(|sweep_summary| (sweep_summary.aspect, sweep_summary.poisson_ratio) == first)
+        {
+            let numbers: Vec<String> = sweep_summary
+                .bodies
+                .iter()
+                .map(|body| format!("{} {:.0}", name(body), body.displacement_5s_um.median))
+                .collect();
             let (volume, surface) = numbers.split_at(numbers.len() / 2);
-            lines.push(format!("  ±{} µN, equal volume: {}", own.force_un, volume.join("; ")));
-            lines.push(format!("  ±{} µN, equal surface: {}", own.force_un, surface.join("; ")));
+            lines.push(format!("  ±{} µN, equal volume: {}", sweep_summary.force_un, volume.join("; ")));
+            lines.push(format!("  ±{} µN, equal surface: {}", sweep_summary.force_un, surface.join("; ")));
         }
     }
     lines
 }
 
 fn verdict(claim: &Claim) -> String {
-    serde_json::to_value(claim.verdict).ok().and_then(|own| own.as_str().map(String::from)).unwrap_or_default()
+    serde_json::to_value(claim.verdict).ok().and_then(|value| value.as_str().map(String::from)).unwrap_or_default()
 }
 
-fn claim(own: &Claim) -> String {
-    format!("  {:<15}{} ({})", verdict(own).to_uppercase(), own.claim, own.numbers)
+fn claim(entry: &Claim) -> String {
+    format!("  {:<15}{} ({})", verdict(entry).to_uppercase(), entry.claim, entry.numbers)
 }
 
 /// Claims whose verdict depends on the aspect ratio or the Poisson ratio.
 fn changing_claims(all: &[SweepSummary]) -> Vec<String> {
     let Some(first) = all.first() else { return Vec::new() };
     let mut lines = Vec::new();
-    for (index, own) in first.claims.iter().enumerate() {
-        let same = |other: &&SweepSummary| other.claims[index].verdict != own.verdict;
+    for (index, claim) in first.claims.iter().enumerate() {
+        let same = |other: &&SweepSummary| other.claims[index].verdict != claim.verdict;
         let mut others: Vec<String> = all
             .iter()
             .filter(same)
@@ -175,7 +187,7 @@ fn changing_claims(all: &[SweepSummary]) -> Vec<String> {
             .collect();
         others.dedup();
         if !others.is_empty() {
-            lines.push(format!("  for other values, {}: {}", own.claim, others.join("; ")));
+            lines.push(format!("  for other values, {}: {}", claim.claim, others.join("; ")));
         }
     }
     lines
@@ -198,25 +210,25 @@ fn large_strains(large: &LargeStrains, hold_s: f64) -> Vec<String> {
         ),
     ];
     let mut rule = None;
-    for own in &large.bodies {
-        if rule != Some(own.size_rule) && own.shape != Shape::Sphere {
-            lines.push(format!("  at {}", own.size_rule.title()));
-            rule = Some(own.size_rule);
+    for large_shape in &large.bodies {
+        if rule != Some(large_shape.size_rule) && large_shape.shape != BodyShape::Sphere {
+            lines.push(format!("  at {}", large_shape.size_rule.title()));
+            rule = Some(large_shape.size_rule);
         }
         lines.push(format!(
             "    {:<20}{:>8.2}{:>9.2} s{:>11.1} µm{:>+11.1} µm{:>8.1}{:>20}{:>8.1}{:>10.2}",
-            own.shape.name(),
-            own.aspect,
-            own.followed_s,
-            own.small_strains_um,
-            own.deviation_um,
-            own.error_um,
-            own.deviation_with_mobility_um.map_or("–".into(), |um| format!("{um:+.1} µm")),
-            own.radii_moved,
-            own.lengths_moved
+            large_shape.shape.name(),
+            large_shape.aspect,
+            large_shape.followed_s,
+            large_shape.small_strains_um,
+            large_shape.deviation_um,
+            large_shape.error_um,
+            large_shape.deviation_with_mobility_um.map_or("–".into(), |um| format!("{um:+.1} µm")),
+            large_shape.radii_moved,
+            large_shape.lengths_moved
         ));
     }
-    if large.bodies.iter().any(|own| !own.is_whole) {
+    if large.bodies.iter().any(|body| !body.is_whole) {
         lines.push(format!(
             "  At a slender tip or a sharp rim the bonded gel strains most and its mesh fails before {hold_s} s. Bodies are compared up to that time."
         ));
@@ -227,8 +239,13 @@ fn large_strains(large: &LargeStrains, hold_s: f64) -> Vec<String> {
 
 fn elastic(summary: &ShapesSummary) -> Vec<String> {
     let of = |ratio: f64, difference: f64| format!("{difference:.1e} at {ratio:e} ×");
-    let differences: Vec<String> =
-        summary.elastic_robot.iter().map(|own| of(own.modulus_ratio, own.largest_relative_difference)).collect();
+    let differences: Vec<String> = summary
+        .elastic_robot
+        .iter()
+        .map(|elastic_robot_result| {
+            of(elastic_robot_result.modulus_ratio, elastic_robot_result.largest_relative_difference)
+        })
+        .collect();
     vec![format!(
         "Relative loss of stiffness of an elastic robot, tied point to point, against a rigid one: {} the gel's modulus; metals are at 10¹⁰ ×",
         differences.join(", ")
@@ -240,13 +257,13 @@ fn predictors(summary: &ShapesSummary) -> Vec<String> {
         "Predictors of the resistance at equal volume, as the sphere's times a ratio of lengths (rms error, largest error):"
             .into(),
     ];
-    lines.extend(summary.predictors.iter().map(|own| {
+    lines.extend(summary.predictors.iter().map(|predictor| {
         format!(
             "  {:<50}{:>6.1} %{:>8.1} % ({})",
-            own.predictor,
-            100.0 * own.rms_relative_error,
-            100.0 * own.largest_relative_error,
-            own.worst
+            predictor.predictor,
+            100.0 * predictor.rms_relative_error,
+            100.0 * predictor.largest_relative_error,
+            predictor.worst
         )
     }));
     lines
@@ -257,15 +274,15 @@ fn longest(summary: &ShapesSummary) -> Vec<String> {
         "Longest robot that moves {} mm in {} s with a probability of 95 %, at the sphere's volume:",
         summary.wanted_displacement_mm, summary.hold_s
     )];
-    for own in &summary.longest {
-        let found = match (own.aspect, own.length_m) {
+    for longest_robot in &summary.longest {
+        let found = match (longest_robot.aspect, longest_robot.length_m) {
             (Some(aspect), Some(length_m)) => {
-                let or_longer = if own.is_limit_of_range { ", or longer" } else { "" };
+                let or_longer = if longest_robot.is_limit_of_range { ", or longer" } else { "" };
                 format!("{:.2} mm (aspect ratio {aspect:.1}{or_longer})", 1e3 * length_m)
             }
             _ => "none".into(),
         };
-        lines.push(format!("  {}, {}: {found}", own.shape.name(), own.orientation));
+        lines.push(format!("  {}, {}: {found}", longest_robot.shape.name(), longest_robot.orientation));
     }
     lines
 }

@@ -45,7 +45,7 @@ pub fn man(arguments: &ManArguments, program: Command) -> Result<ExitCode> {
         write_atomically(&out.join(name), page)?;
     }
     if !arguments.quiet {
-        crate::interrupt::say(&format!("{} pages: {}", pages.len(), out.display()));
+        crate::interrupt::print_message(&format!("{} pages: {}", pages.len(), out.display()));
     }
     Ok(ExitCode::SUCCESS)
 }
@@ -58,7 +58,7 @@ fn pages(program: Command) -> Result<Vec<(String, Vec<u8>)>> {
     let mut left = vec![program];
     let mut pages = Vec::new();
     while let Some(command) = left.pop() {
-        left.extend(command.get_subcommands().filter(|own| !own.is_hide_set()).cloned());
+        left.extend(command.get_subcommands().filter(|command| !command.is_hide_set()).cloned());
         let man = clap_mangen::Man::new(command);
         let (name, mut page) = (man.get_filename(), Vec::new());
         man.render(&mut page).map_err(|error| {

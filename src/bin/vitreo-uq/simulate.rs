@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::process::ExitCode;
 
-use vitreo_uq::base::error::{Error, Place, Result, Setting};
+use vitreo_uq::base::error::{Error, InputPlace, Result, Setting};
 use vitreo_uq::base::files::{self, Content, write_json_atomically};
 use vitreo_uq::documents::posterior::PosteriorSummary;
 use vitreo_uq::documents::simulation::MeshLevel;
@@ -25,14 +25,14 @@ pub fn run(arguments: &SimulateArguments) -> Result<ExitCode> {
     let session = Session::begin(common)?;
     let terminal = &session.terminal;
     // In this command `--set` gives values; it does not change the model.
-    let model = options::Model { set: Vec::new(), ..arguments.model.clone() };
+    let model = options::ModelOptions { set: Vec::new(), ..arguments.model.clone() };
     let target = session.open(&model, &[], &[])?;
     let target = target.creep()?;
     let set = target.specification.values_from_options(&arguments.model.set, &Library::default())?;
     let value = |(name, value): (String, Option<f64>)| match value {
         Some(value) => Ok((name, value)),
         None => Err(Error::input(
-            Place::setting(Setting::Fixed),
+            InputPlace::setting(Setting::Fixed),
             format!("`{name}=free` gives no value"),
             format!("give a value, as in `--set {name}=0.01`"),
         )),
@@ -92,7 +92,7 @@ fn posterior(
     };
     let Some(name) = name else { return Ok(None) };
     let dir = study.revision_dir(&name)?;
-    let its_model = ModelSpecification::kept(&dir, &Library::default())?;
+    let its_model = ModelSpecification::read_kept(&dir, &Library::default())?;
     if its_model.base != specification.base || its_model.effects != specification.effects {
         return Ok(None);
     }
@@ -101,7 +101,7 @@ fn posterior(
     let bytes = files::read(&path, Content::Document, remedy)?;
     let document: WithProvenance<PosteriorSummary> = serde_json::from_slice(&bytes).map_err(|error| {
         Error::input(
-            Place::file(&path).at_line(error.line()),
+            InputPlace::file(&path).at_line(error.line()),
             format!("this is not a posterior of this program: {error}"),
             remedy,
         )
@@ -120,7 +120,7 @@ fn words(summary: &SimulationSummary, seconds: &BTreeMap<&str, f64>) -> String {
     let parameters = summary.parameters.iter();
     let width = column_width(summary.parameters.iter().map(|p| p.name.as_str()));
     lines.extend(parameters.map(|p| {
-        let label = vitreo_uq::figures::labels::of_parameter(&p.name).axis();
+        let label = vitreo_uq::figures::labels::parameter_label(&p.name).axis();
         format!("  {label:<width$}{:>11}   {}", significant(p.value), p.origin)
     }));
     lines.push(String::new());

@@ -4,15 +4,15 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use vitreo_uq::base::error::Result;
-use vitreo_uq::documents::check::{CheckSummary, UnderstoodRecord};
+use vitreo_uq::documents::check::{CheckSummary, RecordReading};
 use vitreo_uq::documents::oscillation::{
     OscillationCandidate, OscillationDiagnosis, OscillationMisfit, OscillationSummary,
 };
-use vitreo_uq::figures::labels::{model_title, of_parameter};
+use vitreo_uq::figures::labels::{model_title, parameter_label};
 use vitreo_uq::figures::svg::write_figure;
 use vitreo_uq::jobs::sweep::artefacts;
 use vitreo_uq::posterior::study::{Provenance, Study, WithProvenance};
-use vitreo_uq::record::{Sweep, SweepForm};
+use vitreo_uq::record::{OscillationRecord, SweepForm};
 
 use crate::text::{parameter_table, significant, warning_text};
 
@@ -89,12 +89,13 @@ fn row(candidate: &OscillationCandidate) -> String {
     let sizes: Vec<String> = candidate
         .parameters
         .iter()
-        .map(|own| {
-            let label = of_parameter(&own.name);
+        .map(|oscillation_estimate| {
+            let label = parameter_label(&oscillation_estimate.name);
             let name = label.symbol.rsplit(' ').next().unwrap_or_default().to_string();
-            let range = format!("{} to {}", significant(own.lower), significant(own.upper));
+            let range =
+                format!("{} to {}", significant(oscillation_estimate.lower), significant(oscillation_estimate.upper));
             let unit = if label.unit == "–" { String::new() } else { format!(" {}", label.unit) };
-            format!("{name} = {} ({range}){unit}", significant(own.value))
+            format!("{name} = {} ({range}){unit}", significant(oscillation_estimate.value))
         })
         .collect();
     let gain = format!("{:.1}", candidate.gain_nats);
@@ -103,7 +104,7 @@ fn row(candidate: &OscillationCandidate) -> String {
 
 /// `check` for an oscillation: describes how the record was read, and draws its moduli.
 pub fn check(path: &Path, out: &Path, json: Option<&Path>, quiet: bool) -> Result<ExitCode> {
-    let (sweep, files) = Sweep::read(path)?;
+    let (sweep, files) = OscillationRecord::read(path)?;
     let dir = out.parent().filter(|dir| !dir.as_os_str().is_empty()).map_or(PathBuf::from("."), PathBuf::from);
     let stem = out.file_name().map_or("record".into(), |name| name.to_string_lossy().into_owned());
     write_figure(&dir, &stem, &artefacts::raw_figure(&sweep)?)?;
@@ -112,12 +113,12 @@ pub fn check(path: &Path, out: &Path, json: Option<&Path>, quiet: bool) -> Resul
     let words = summary.understood.sentences.join("\n") + "\n\nThe record agrees with its description.\n";
     crate::output::show(json, &WithProvenance { provenance, body: &summary }, &words)?;
     if !quiet {
-        crate::interrupt::say(&format!("Figure: {}.svg and .png", out.display()));
+        crate::interrupt::print_message(&format!("Figure: {}.svg and .png", out.display()));
     }
     Ok(ExitCode::SUCCESS)
 }
 
-fn understood(sweep: &Sweep) -> CheckSummary {
+fn understood(sweep: &OscillationRecord) -> CheckSummary {
     let n_heldout = sweep.rows.iter().filter(|row| row.is_heldout).count();
     let [lowest_hz, highest_hz] = sweep.range_hz().map(significant);
     let moduli: Vec<[f64; 2]> = sweep.rows.iter().map(|row| sweep.form.moduli(row.pair)).collect();
@@ -146,6 +147,6 @@ fn understood(sweep: &Sweep) -> CheckSummary {
         format!("Poisson ratio {}: G = E/{}.", sweep.poisson_ratio, significant(2.0 + 2.0 * sweep.poisson_ratio)),
         format!("{} frequencies are fitted, {n_heldout} are held out.", sweep.rows.len() - n_heldout),
     ];
-    let understood = UnderstoodRecord { rows: sweep.rows.len(), positions: sweep.rows.len(), cycles: 1, sentences };
+    let understood = RecordReading { rows: sweep.rows.len(), positions: sweep.rows.len(), cycles: 1, sentences };
     CheckSummary { experiment: sweep.specimen_id.clone(), understood, contradictions: Vec::new() }
 }

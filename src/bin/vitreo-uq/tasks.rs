@@ -6,15 +6,15 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, ExitCode};
 
 use clap::{Args, Subcommand, ValueEnum};
-use vitreo_uq::base::error::{Error, Place, Result, Setting};
+use vitreo_uq::base::error::{Error, InputPlace, Result, Setting};
 use vitreo_uq::cohorts::cohort;
 use vitreo_uq::documents::tasks::TaskKind;
-use vitreo_uq::jobs::tasks::commands::Line;
-use vitreo_uq::jobs::tasks::list::{List, Making, Work, absolute};
+use vitreo_uq::jobs::tasks::commands::CommandLine;
+use vitreo_uq::jobs::tasks::list::{List, ListOutcome, TaskInput, absolute};
 use vitreo_uq::jobs::tasks::submit::{self, Engine, Resources};
-use vitreo_uq::jobs::tasks::worker::{Ran, Worker, serve};
+use vitreo_uq::jobs::tasks::worker::{TaskOutcome, Worker, serve};
 use vitreo_uq::jobs::tasks::{calibration, challenge, commands, gather, local, models, sample};
-use vitreo_uq::posterior::monitor::{Monitor, Stoppable};
+use vitreo_uq::posterior::monitor::{Monitor, StoppableMonitor};
 
 use crate::challenge::PlaysArguments;
 use crate::child;
@@ -176,10 +176,10 @@ enum EngineName {
 }
 
 /// Maximum number of failures that are printed; `gather --json` lists all.
-const MOST_SAID: usize = 10;
+const MAX_PRINTED_FAILURES: usize = 10;
 
 /// Makes or runs a list. `refuse_line` refuses lines that are not valid commands for a task.
-pub fn run(arguments: &TasksArguments, refuse_line: impl Fn(&Path, &Line) -> Result<()>) -> Result<ExitCode> {
+pub fn run(arguments: &TasksArguments, refuse_line: impl Fn(&Path, &CommandLine) -> Result<()>) -> Result<ExitCode> {
     match &arguments.action {
         Action::Sample(arguments) => {
             let terminal = begin(&arguments.list)?;
@@ -196,14 +196,19 @@ pub fn run(arguments: &TasksArguments, refuse_line: impl Fn(&Path, &Line) -> Res
         Action::Calibration(arguments) => {
             let terminal = begin(&arguments.list)?;
             let sampling = arguments.sampling.sampling();
-            let own = sample::read(&arguments.target, &sampling, &terminal)?;
-            let work = calibration::work(&own, &sampling, arguments.count, arguments.list.block)?;
+            let measurement = sample::read(&arguments.target, &sampling, &terminal)?;
+            let work = calibration::work(&measurement, &sampling, arguments.count, arguments.list.block)?;
             make(&arguments.list.place, TaskKind::Calibration, sampling.seed, work, &terminal)
         }
         Action::Models(arguments) => {
             let terminal = begin_at(&arguments.list)?;
             let sampling = arguments.model.sampling();
-            let measurements = cohort::read(&arguments.paths, &[], &|own| sampling.model(own), &terminal)?;
+            let measurements = cohort::read(
+                &arguments.paths,
+                &[],
+                &|model_specification| sampling.model(model_specification),
+                &terminal,
+            )?;
             let (work, n_without) = models::work(&measurements, &sampling, arguments.every_effect, &terminal)?;
             if n_without > 0 {
                 terminal.warn(&format!("{n_without} of {} experiments need no model", measurements.len()));
@@ -222,7 +227,11 @@ pub fn run(arguments: &TasksArguments, refuse_line: impl Fn(&Path, &Line) -> Res
 
 fn begin(arguments: &ListArguments) -> Result<Terminal> {
     if arguments.block == 0 {
-        return Err(Error::input(Place::default().at_key("--block"), "0 items per task", "give a positive number"));
+        return Err(Error::input(
+            InputPlace::default().at_key("--block"),
+            "0 items per task",
+            "give a positive number",
+        ));
     }
     begin_at(&arguments.place)
 }
@@ -236,16 +245,16 @@ fn make(
     arguments: &PlaceArguments,
     kind: TaskKind,
     seed: u64,
-    work: Vec<Work>,
+    work: Vec<TaskInput>,
     terminal: &Terminal,
 ) -> Result<ExitCode> {
     let (list, making) = List::make(&arguments.out, kind, vitreo_uq::PROGRAM, seed, work, arguments.force)?;
     terminal.finish();
     let (n, dir) = (list.n_tasks(), arguments.out.display());
     let how = match making {
-        Making::Made => "is in",
-        Making::WasThere => "exists already in",
-        Making::Replaced => "replaces another list in",
+        ListOutcome::Made => "is in",
+        ListOutcome::WasThere => "exists already in",
+        ListOutcome::Replaced => "replaces another list in",
     };
     let words = format!(
         "A list of {n} tasks {how} {dir}.\n\
@@ -257,32 +266,32 @@ fn make(
     Ok(ExitCode::SUCCESS)
 }
 
-fn run_tasks(arguments: &RunTasks, refuse_line: &dyn Fn(&Path, &Line) -> Result<()>) -> Result<ExitCode> {
-    let list = List::open(&absolute(&arguments.dir)?)?.of_program(vitreo_uq::PROGRAM)?;
+fn run_tasks(arguments: &RunTasks, refuse_line: &dyn Fn(&Path, &CommandLine) -> Result<()>) -> Result<ExitCode> {
+    let list = List::open(&absolute(&arguments.dir)?)?.check_program(vitreo_uq::PROGRAM)?;
     // The list may come from another person, so its commands are checked again.
     let file = list.dir().join("tasks.jsonl");
-    let refuse_line = |line: &Line| refuse_line(&file, line);
+    let refuse_line = |line: &CommandLine| refuse_line(&file, line);
     match arguments.engine {
         EngineName::Hq => return submit(arguments, &list, Engine::HyperQueue),
         EngineName::Slurm => return submit(arguments, &list, Engine::Slurm),
         EngineName::Local => {}
     }
     if arguments.serve {
-        go_to(&list)?;
+        enter_list_directory(&list)?;
         use_threads(arguments.threads.unwrap_or(1))?;
-        let monitor = Stoppable(Some(crate::interrupt::flag()));
+        let monitor = StoppableMonitor(Some(crate::interrupt::flag()));
         serve(&list, &refuse_line, std::io::stdin().lock(), std::io::stdout().lock(), &monitor)?;
         return Ok(ExitCode::SUCCESS);
     }
     let terminal = Terminal::new(arguments.quiet);
     if let Some(number) = arguments.task {
-        go_to(&list)?;
+        enter_list_directory(&list)?;
         use_threads(arguments.threads.unwrap_or(0))?;
         let ran = Worker::new(&list, &refuse_line, &terminal).run(number)?;
         terminal.finish();
         let words = match ran {
-            Ran::Now => format!("Task {number} is done.\n"),
-            Ran::Before => format!("Task {number} already has its result.\n"),
+            TaskOutcome::Now => format!("Task {number} is done.\n"),
+            TaskOutcome::Before => format!("Task {number} already has its result.\n"),
         };
         crate::output::print(&words)?;
         return Ok(ExitCode::SUCCESS);
@@ -291,7 +300,7 @@ fn run_tasks(arguments: &RunTasks, refuse_line: &dyn Fn(&Path, &Line) -> Result<
 }
 
 /// Changes to the directory in which the list was made, because relative paths start there.
-fn go_to(list: &List) -> Result<()> {
+fn enter_list_directory(list: &List) -> Result<()> {
     let directory = Path::new(&list.head().directory);
     if list.head().kind == TaskKind::Challenge {
         return Ok(());
@@ -310,14 +319,16 @@ fn go_to(list: &List) -> Result<()> {
 fn run_here(arguments: &RunTasks, list: &List, terminal: &Terminal) -> Result<ExitCode> {
     let cores = std::thread::available_parallelism().map_or(1, usize::from);
     let jobs = match arguments.jobs {
-        Some(0) => return Err(Error::input(Place::default().at_key("--jobs"), "no workers", "give a positive number")),
+        Some(0) => {
+            return Err(Error::input(InputPlace::default().at_key("--jobs"), "no workers", "give a positive number"));
+        }
         jobs => jobs.unwrap_or(cores),
     };
     let range = part(arguments, list)?;
     use_threads(0)?;
     terminal.stage("looking for existing results");
     let n_asked_for = range.len();
-    let missing = gather::missing(list, range, &Stoppable(terminal.stop()))?;
+    let missing = gather::missing(list, range, &StoppableMonitor(terminal.stop()))?;
     let n_before = n_asked_for - missing.len();
     let program = this_program()?;
     let threads = arguments.threads.unwrap_or(1).to_string();
@@ -349,7 +360,7 @@ fn part(arguments: &RunTasks, list: &List) -> Result<Range<usize>> {
         Some((part, parts)) if parts <= 1_000_000 => submit::tasks_of_part(list.n_tasks(), part, parts),
         _ => {
             let remedy = "give the part's number, from 0, and the number of parts: `3/100`";
-            Err(Error::input(Place::setting(Setting::Part), format!("`{text}`"), remedy))
+            Err(Error::input(InputPlace::setting(Setting::Part), format!("`{text}`"), remedy))
         }
     }
 }
@@ -359,17 +370,17 @@ fn this_program() -> Result<PathBuf> {
         .map_err(|source| Error::at_path("find", "the program itself", source, "start it by its absolute path"))
 }
 
-fn summary(outcome: &local::Outcome, n_before: usize, dir: &Path) -> String {
+fn summary(outcome: &local::LocalOutcome, n_before: usize, dir: &Path) -> String {
     let n = |count: usize| if count == 1 { "1 task".to_string() } else { format!("{count} tasks") };
     let mut text = format!("{} finished; {} had results before.\n", n(outcome.done), n(n_before + outcome.before));
-    if outcome.deaths > 0 {
-        let _ = writeln!(text, "Workers died {} times; their tasks were repeated.", outcome.deaths);
+    if outcome.worker_deaths > 0 {
+        let _ = writeln!(text, "Workers died {} times; their tasks were repeated.", outcome.worker_deaths);
     }
-    for (task, why) in outcome.failed.iter().take(MOST_SAID) {
+    for (task, why) in outcome.failed.iter().take(MAX_PRINTED_FAILURES) {
         let _ = writeln!(text, "Task {task} failed: {why}");
     }
-    if outcome.failed.len() > MOST_SAID {
-        let _ = writeln!(text, "… and {} more.", outcome.failed.len() - MOST_SAID);
+    if outcome.failed.len() > MAX_PRINTED_FAILURES {
+        let _ = writeln!(text, "… and {} more.", outcome.failed.len() - MAX_PRINTED_FAILURES);
     }
     if let Some(first) = outcome.left.first() {
         let _ = writeln!(
@@ -394,7 +405,7 @@ fn submit(arguments: &RunTasks, list: &List, engine: Engine) -> Result<ExitCode>
         .find_map(|(option, is_given)| is_given.then_some(*option))
     {
         return Err(Error::input(
-            Place::default().at_key(option),
+            InputPlace::default().at_key(option),
             "this option is only for workers on this machine",
             "omit it; `--parts` and `--cores` set how an engine divides the list",
         ));

@@ -9,7 +9,7 @@ use indicatif::{ProgressBar, ProgressStyle};
 use vitreo_uq::posterior::monitor::Monitor;
 use vitreo_uq::sampling::ensemble::{Phase, Progress};
 
-use crate::interrupt::{self, say};
+use crate::interrupt::{self, print_message};
 
 /// Time between two lines about the sampler without a terminal.
 const LINE_INTERVAL_S: f64 = 5.0;
@@ -58,13 +58,13 @@ impl Terminal {
 
 impl Terminal {
     fn say_progress(&self, done: u64, most: u64) {
-        if self.may_speak(PROGRESS_INTERVAL_S) {
-            say(&format!("{PROGRESS}{done} of {most}"));
+        if self.is_line_due(PROGRESS_INTERVAL_S) {
+            print_message(&format!("{PROGRESS}{done} of {most}"));
         }
     }
 
     /// Returns whether enough time has passed for the next repeated line.
-    fn may_speak(&self, interval_s: f64) -> bool {
+    fn is_line_due(&self, interval_s: f64) -> bool {
         let Ok(mut last) = self.last_line.lock() else { return false };
         let is_due = !self.quiet && last.elapsed().as_secs_f64() > interval_s;
         if is_due {
@@ -85,7 +85,7 @@ impl Monitor for Terminal {
                     *stage = text.to_string();
                 }
             }
-            None if !self.quiet => say(&format!("{text} …")),
+            None if !self.quiet => print_message(&format!("{text} …")),
             None => {}
         }
     }
@@ -96,15 +96,15 @@ impl Monitor for Terminal {
             Phase::Sampling => "sampling",
         };
         let text =
-            format!("{phase}: step {} of {}, at most {}", progress.steps, progress.next_judgement, progress.max_steps);
+            format!("{phase}: step {} of {}, at most {}", progress.steps, progress.next_check_step, progress.max_steps);
         if let Some(bar) = &self.bar {
-            bar.set_length(progress.next_judgement.max(1));
+            bar.set_length(progress.next_check_step.max(1));
             bar.set_position(progress.steps);
             bar.set_message(text);
         } else if self.in_lines {
-            self.say_progress(progress.steps, progress.next_judgement);
-        } else if self.may_speak(LINE_INTERVAL_S) {
-            say(&text);
+            self.say_progress(progress.steps, progress.next_check_step);
+        } else if self.is_line_due(LINE_INTERVAL_S) {
+            print_message(&text);
         }
     }
 
@@ -119,7 +119,7 @@ impl Monitor for Terminal {
     }
 
     fn warn(&self, text: &str) {
-        let show = || say(&format!("note: {text}"));
+        let show = || print_message(&format!("note: {text}"));
         match &self.bar {
             Some(bar) => bar.suspend(show),
             None if !self.quiet => show(),

@@ -2,8 +2,8 @@
 
 use vitreo_uq::documents::posterior::{ParameterSummary, PosteriorSummary, Warning};
 use vitreo_uq::figures::labels::model_title;
-use vitreo_uq::figures::labels::of_parameter;
-use vitreo_uq::figures::number::listed;
+use vitreo_uq::figures::labels::parameter_label;
+use vitreo_uq::figures::number::format_ranges;
 
 /// Summary that `sample` prints.
 pub fn posterior(summary: &PosteriorSummary) -> String {
@@ -38,12 +38,12 @@ pub fn posterior(summary: &PosteriorSummary) -> String {
 
 /// Width of a column that fits the names of these parameters.
 pub fn column_width<'a>(names: impl Iterator<Item = &'a str>) -> usize {
-    names.map(|name| of_parameter(name).axis().chars().count() + 2).max().unwrap_or(0).max(12)
+    names.map(|name| parameter_label(name).axis().chars().count() + 2).max().unwrap_or(0).max(12)
 }
 
 /// Table of posteriors, one parameter per line.
 pub fn parameter_table(parameters: &[ParameterSummary]) -> String {
-    let names: Vec<String> = parameters.iter().map(|p| of_parameter(&p.name).axis()).collect();
+    let names: Vec<String> = parameters.iter().map(|p| parameter_label(&p.name).axis()).collect();
     let width = column_width(parameters.iter().map(|p| p.name.as_str()));
     let mut rows =
         vec![format!("  {:<width$}{:>11}{:>11}{:>11}{:>9}{:>8}", "parameter", "median", "5 %", "95 %", "ESS", "R̂")];
@@ -87,7 +87,7 @@ fn heldout_lines(summary: &PosteriorSummary, line: &mut impl FnMut(String)) {
         };
         line(format!(
             "Held-out cycles {}, predicted by {by}: held-out error {} µm.",
-            listed(&heldout.cycles),
+            format_ranges(&heldout.cycles),
             significant(rmse)
         ));
         let expected = |range: Option<[f64; 2]>| {

@@ -14,14 +14,14 @@ use vitreo_uq::cohorts::job::{GroupsRequest, run_with};
 use vitreo_uq::cohorts::summary::summarise;
 use vitreo_uq::documents::groups::GroupsSummary;
 use vitreo_uq::elements::fe::Stiffness;
-use vitreo_uq::elements::fe::spatial::{Sizes, Surroundings};
+use vitreo_uq::elements::fe::spatial::{GelAndRobot, PhysicalProperties};
 use vitreo_uq::elements::fe::time::FullOrderModel;
 use vitreo_uq::elements::mesh::{Mesh, QuarterBall};
 use vitreo_uq::laws::rheology::{BaseLaw, Network};
 use vitreo_uq::models::effects::{EFFECTS, Effect};
 use vitreo_uq::models::model::{Compliance, TrainedRange};
 use vitreo_uq::models::surrogate::{FieldModels, Surrogate, Training};
-use vitreo_uq::posterior::monitor::Silent;
+use vitreo_uq::posterior::monitor::SilentMonitor;
 use vitreo_uq::posterior::study::{ModelSpecification, sha256_hex};
 use vitreo_uq::record::Experiment;
 use vitreo_uq::sampling::SamplerOptions;
@@ -114,7 +114,7 @@ fn compared(
         kept: &dir.path().join("experiments"),
     };
     let what = format!("{} {:?} {:?}", specification.base.name(), specification.effects, specification.noise);
-    let found = run_with(&measurements, vec![compliance; measurements.len()], &request, &Silent)
+    let found = run_with(&measurements, vec![compliance; measurements.len()], &request, &SilentMonitor)
         .unwrap_or_else(|error| panic!("{what}: {error}"));
     let summary = summarise(&measurements, &found, &request).unwrap_or_else(|error| panic!("{what}: {error}"));
     let provenance = artefacts::provenance(&measurements, 1);
@@ -136,12 +136,17 @@ fn check(summary: &GroupsSummary, law: &[ParameterSpec], what: &str) {
         inside(&parameter.name, &parameter.new_specimen_90);
         assert!(parameter.between_specimen_log_sd > 0.0, "{what}: {parameter:?}");
     }
-    for parameter in summary.specimens.iter().flat_map(|own| &own.parameters) {
+    for parameter in summary.specimens.iter().flat_map(|specimen| &specimen.parameters) {
         inside(&parameter.name, &parameter.alone);
         inside(&parameter.name, &parameter.pooled);
     }
-    for own in &summary.contrasts {
-        assert!(own.q05 > 0.0 && own.q05 <= own.q95 && own.q95.is_finite(), "{what}: {own:?}");
+    for contrast_summary in &summary.contrasts {
+        assert!(
+            contrast_summary.q05 > 0.0
+                && contrast_summary.q05 <= contrast_summary.q95
+                && contrast_summary.q95.is_finite(),
+            "{what}: {contrast_summary:?}"
+        );
     }
     let creep = summary.creep.as_ref().unwrap_or_else(|| panic!("{what}: no creep"));
     assert_eq!(creep.groups.len(), 2, "{what}");
@@ -164,7 +169,7 @@ const NETWORKS: [&str; 5] = [
 ];
 
 fn compared_by_instruments(specification: &ModelSpecification) {
-    compared(specification, Apparatus::Instrument, lethersich, Compliance::given(COMPLIANCE_PER_M));
+    compared(specification, Apparatus::Instrument, lethersich, Compliance::fixed(COMPLIANCE_PER_M));
 }
 
 #[test]
@@ -186,16 +191,19 @@ fn every_law_and_network_goes_through() {
 #[test]
 fn an_order_near_one_stays_an_order() {
     let law = network("springpot = \"gel\"");
-    let summary = compared(&of_law(law), Apparatus::Instrument, springpot, Compliance::given(COMPLIANCE_PER_M));
+    let summary = compared(&of_law(law), Apparatus::Instrument, springpot, Compliance::fixed(COMPLIANCE_PER_M));
     let order = |name: &str| {
         let group = summary.groups.iter().find(|group| group.name == name).unwrap();
-        group.parameters.iter().find(|own| own.name == "gel_order").unwrap().clone()
+        group.parameters.iter().find(|parameter| parameter.name == "gel_order").unwrap().clone()
     };
     for name in ["bovine", "porcine"] {
-        let own = order(name);
-        assert!(own.q05 < 0.95 && 0.9 < own.q95 && own.new_specimen_90[1] < 1.0, "{own:?}");
+        let group_parameter = order(name);
+        assert!(
+            group_parameter.q05 < 0.95 && 0.9 < group_parameter.q95 && group_parameter.new_specimen_90[1] < 1.0,
+            "{group_parameter:?}"
+        );
     }
-    let ratio = summary.contrasts.iter().find(|own| own.parameter == "gel_order").unwrap();
+    let ratio = summary.contrasts.iter().find(|contrast| contrast.parameter == "gel_order").unwrap();
     let of_medians = order("bovine").median / order("porcine").median;
     assert!((ratio.ratio_median / of_medians).ln().abs() < 0.05, "{ratio:?} {of_medians}");
     assert!(ratio.q95 < 2.0, "an order is at most 1: {ratio:?}");
@@ -230,7 +238,7 @@ fn every_noise_and_every_effect_of_an_instrument_goes_through() {
 /// A coarse mesh, because only the completion of the comparison is tested, not its accuracy.
 const BALL: QuarterBall = QuarterBall { robot_radius_m: 0.275e-3, outer_radius_m: 10e-3, n_per_edge: 1, n_layers: 4 };
 
-fn surroundings(is_nonlinear: bool) -> Surroundings<'static> {
+fn surroundings(is_nonlinear: bool) -> GelAndRobot<'static> {
     static MESH: OnceLock<(Mesh, Stiffness)> = OnceLock::new();
     let (mesh, stiffness) = MESH.get_or_init(|| {
         let mesh = BALL.mesh().unwrap();
@@ -238,7 +246,7 @@ fn surroundings(is_nonlinear: bool) -> Surroundings<'static> {
         (mesh, stiffness)
     });
     let robot_mass_kg = 7500.0 * 4.0 / 3.0 * std::f64::consts::PI * BALL.robot_radius_m.powi(3);
-    let sizes = Sizes {
+    let sizes = PhysicalProperties {
         gel_density_kg_m3: 1000.0,
         robot_mass_kg,
         robot_radius_m: BALL.robot_radius_m,
@@ -246,14 +254,15 @@ fn surroundings(is_nonlinear: bool) -> Surroundings<'static> {
         // A thinning law would bring a finer mesh of its own.
         ball: (!is_nonlinear).then_some(BALL),
     };
-    Surroundings { mesh, stiffness, poisson_ratio: POISSON_RATIO, sizes }
+    GelAndRobot { mesh, stiffness, poisson_ratio: POISSON_RATIO, sizes }
 }
 
 /// Compliance over the effects' Poisson ratios.
 fn family() -> Compliance {
     static SURROGATE: OnceLock<Surrogate> = OnceLock::new();
     let surrogate = SURROGATE.get_or_init(|| {
-        let range = |own: &ParameterSpec| TrainedRange { name: own.name.into(), lower: 1.0, upper: 9.0 };
+        let range =
+            |parameter_spec: &ParameterSpec| TrainedRange { name: parameter_spec.name.into(), lower: 1.0, upper: 9.0 };
         let parameters: Vec<TrainedRange> = BaseLaw::Lethersich.parameters().iter().map(range).collect();
         let time_s: Vec<f64> = (0..4 * ROWS_A_HOLD).map(|row| INTERVAL_S * row as f64).collect();
         let force_n = vec![FORCE_N; time_s.len()];
@@ -275,7 +284,7 @@ fn assert_field_effects_go_through(is_asked: fn(&dyn Effect) -> bool) {
         let fields = FieldModels::build(*effect, &surroundings(effect.is_nonlinear()), &|| ()).unwrap();
         let compliance = if effect.is_nonlinear() {
             let full = FullOrderModel::new(surroundings(true).stiffness, POISSON_RATIO).unwrap();
-            Compliance::given(full.compliance_per_m())
+            Compliance::fixed(full.compliance_per_m())
         } else {
             family()
         };

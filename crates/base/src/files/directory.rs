@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use tempfile::TempDir;
 
-use super::{Kind, UnderWay, kind, leftovers, refuse_link, refused, sweep, together};
+use super::{FileKind, HiddenPath, file_error, hold_gate, kind, leftovers, refuse_link, remove_stale_files};
 use crate::error::{Error, Result};
 
 /// Directory that is removed unless it is moved to its target. This holds for every end of the program. It has usual permissions.
@@ -14,21 +14,21 @@ pub struct TemporaryDirectory {
     directory: TempDir,
     /// Holds the lock that marks its process as alive.
     _alive: Option<File>,
-    _under_way: UnderWay,
+    _under_way: HiddenPath,
 }
 
 impl TemporaryDirectory {
     /// Creates a new hidden directory in `parent`, which will become `name`.
     pub fn new(parent: &Path, name: &str) -> Result<Self> {
-        sweep(parent);
+        remove_stale_files(parent);
         let mut builder = tempfile::Builder::new();
         let prefix = leftovers::prefix(name);
         builder.prefix(&prefix);
         #[cfg(unix)]
         builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o777));
         let create = || builder.tempdir_in(parent);
-        let (directory, under_way) = UnderWay::begin(create, |directory| directory.path().to_path_buf())
-            .map_err(refused("create a directory in", parent))?;
+        let (directory, under_way) = HiddenPath::begin(create, |directory| directory.path().to_path_buf())
+            .map_err(file_error("create a directory in", parent))?;
         let alive = File::open(directory.path()).ok();
         alive.iter().for_each(leftovers::mark_alive);
         Ok(Self { directory, _alive: alive, _under_way: under_way })
@@ -48,8 +48,8 @@ impl TemporaryDirectory {
     /// working directory. `last` is then moved at the end: without that name the directory counts as unfinished.
     pub fn move_to(self, target: &Path, last: &str, remedy: &str) -> Result<()> {
         let refused = |action, source| Error::at_path(action, target, source, remedy);
-        let _uninterrupted = together();
-        if kind(target) != Some(Kind::Folder) {
+        let _uninterrupted = hold_gate();
+        if kind(target) != Some(FileKind::Folder) {
             refuse_link(target)?;
             fs::rename(self.path(), target).map_err(|source| refused("create", source))?;
             let _ = self.keep();

@@ -2,7 +2,7 @@
 //!
 //! A study that was received is data. The user names its directory, perhaps through a link. Everything beneath is opened name by name from that directory,
 //! and a link on the way is refused. A link inserted in the meantime is refused as well, because each step opens the entry that it checks ([`Folder`]).
-//! [`enclose`] declares such a directory. From then on all functions of [`super`] apply the rule to paths beneath it.
+//! [`forbid_links`] declares such a directory. From then on all functions of [`super`] apply the rule to paths beneath it.
 
 use std::ffi::{OsStr, OsString};
 use std::fs::File;
@@ -10,9 +10,9 @@ use std::io::{self, ErrorKind};
 use std::path::{Component, Path, PathBuf};
 use std::sync::{PoisonError, RwLock};
 
-use super::folder::{Folder, Kind};
+use super::folder::{FileKind, Folder};
 use super::{REMEDY, folder_of};
-use crate::error::{Error, Place, Result};
+use crate::error::{Error, InputPlace, Result};
 
 /// Prefix of the hidden names that this program uses in a user's folder.
 const PROGRAM: &str = ".vitreo-uq";
@@ -29,21 +29,21 @@ struct Enclosed {
 }
 
 /// Declares that a directory holds data, so no link beneath it is followed from now on. `what` describes it ("a study").
-pub fn enclose(root: &Path, what: &'static str) {
+pub fn forbid_links(root: &Path, what: &'static str) {
     add(root, what, false);
 }
 
-/// Declares a user's folder of experiments and studies like [`enclose`], except for hidden directories of other programs.
-pub fn enclose_folder(root: &Path, what: &'static str) {
+/// Declares a user's folder of experiments and studies like [`forbid_links`], except for hidden directories of other programs.
+pub fn forbid_links_in_user_folder(root: &Path, what: &'static str) {
     add(root, what, true);
 }
 
 fn add(root: &Path, what: &'static str, is_folder_of_user: bool) {
     let mut all = ENCLOSED.write().unwrap_or_else(PoisonError::into_inner);
     for root in [std::path::absolute(root).ok(), root.canonicalize().ok()].into_iter().flatten() {
-        let own = Enclosed { root, what, is_folder_of_user };
-        if !all.contains(&own) {
-            all.push(own);
+        let enclosed = Enclosed { root, what, is_folder_of_user };
+        if !all.contains(&enclosed) {
+            all.push(enclosed);
         }
     }
 }
@@ -74,12 +74,12 @@ impl Refusal {
     pub fn error(self, action: &'static str, path: &Path, remedy: &str) -> Error {
         match self {
             Self::Link { path, what } => Error::input(
-                Place::file(path),
+                InputPlace::file(path),
                 format!("this is a symbolic link; links inside {what} are not followed"),
                 "put a copy of the file or directory in the link's place, if you trust it; or remove the link",
             ),
             Self::Out { path, what } => Error::input(
-                Place::file(path),
+                InputPlace::file(path),
                 format!("this path leads out of {what}"),
                 "name files inside it, without `..`",
             ),
@@ -94,17 +94,17 @@ type Opened<T> = std::result::Result<T, Refusal>;
 fn placed(path: &Path) -> Opened<Option<(Enclosed, Vec<OsString>)>> {
     let full = std::path::absolute(path)?;
     let all = ENCLOSED.read().unwrap_or_else(PoisonError::into_inner);
-    let is_content = |own: &&Enclosed| {
-        let Ok(inside) = full.strip_prefix(&own.root) else { return false };
+    let is_content = |enclosed: &&Enclosed| {
+        let Ok(inside) = full.strip_prefix(&enclosed.root) else { return false };
         let hidden = inside.components().next().map(|first| first.as_os_str().to_string_lossy().into_owned());
-        !own.is_folder_of_user || hidden.is_none_or(|name| !name.starts_with('.') || name.starts_with(PROGRAM))
+        !enclosed.is_folder_of_user || hidden.is_none_or(|name| !name.starts_with('.') || name.starts_with(PROGRAM))
     };
-    let outermost = all.iter().filter(is_content).min_by_key(|own| own.root.components().count());
-    let Some(own) = outermost.cloned() else { return Ok(None) };
+    let outermost = all.iter().filter(is_content).min_by_key(|enclosed| enclosed.root.components().count());
+    let Some(entry) = outermost.cloned() else { return Ok(None) };
     drop(all);
-    match names_of(full.strip_prefix(&own.root).unwrap_or(&full)) {
-        Some(names) => Ok(Some((own, names))),
-        None => Err(Refusal::Out { path: path.to_path_buf(), what: own.what }),
+    match names_of(full.strip_prefix(&entry.root).unwrap_or(&full)) {
+        Some(names) => Ok(Some((entry, names))),
+        None => Err(Refusal::Out { path: path.to_path_buf(), what: entry.what }),
     }
 }
 
@@ -116,17 +116,17 @@ pub(super) fn is_enclosed(path: &Path) -> bool {
 /// Opens a directory one name further, and names the link if one is there.
 fn step(folder: &Folder, name: &OsStr, path: &Path, what: &'static str) -> Opened<Folder> {
     folder.inside(name).map_err(|error| match folder.kind(name) {
-        Ok(Kind::Link) => Refusal::Link { path: path.to_path_buf(), what },
+        Ok(FileKind::Link) => Refusal::Link { path: path.to_path_buf(), what },
         _ => Refusal::System(error),
     })
 }
 
 /// Opens the directory reached by names from an enclosed one.
-fn walk(own: &Enclosed, names: &[OsString]) -> Opened<Folder> {
-    let (mut folder, mut place) = (Folder::open(&own.root)?, own.root.clone());
+fn walk(enclosed: &Enclosed, names: &[OsString]) -> Opened<Folder> {
+    let (mut folder, mut place) = (Folder::open(&enclosed.root)?, enclosed.root.clone());
     for name in names {
         place.push(name);
-        folder = step(&folder, name, &place, own.what)?;
+        folder = step(&folder, name, &place, enclosed.what)?;
     }
     Ok(folder)
 }
@@ -134,7 +134,7 @@ fn walk(own: &Enclosed, names: &[OsString]) -> Opened<Folder> {
 /// Opens a directory.
 pub(super) fn folder(path: &Path) -> Opened<Folder> {
     match placed(path)? {
-        Some((own, names)) => walk(&own, &names),
+        Some((enclosed, names)) => walk(&enclosed, &names),
         None => Ok(Folder::open(path)?),
     }
 }
@@ -147,16 +147,16 @@ pub(super) fn parent(path: &Path) -> Opened<(Folder, OsString)> {
 
 /// Refusal of a link at a path.
 fn link(path: &Path) -> Refusal {
-    let what = placed(path).ok().flatten().map_or("this directory", |(own, _)| own.what);
+    let what = placed(path).ok().flatten().map_or("this directory", |(enclosed, _)| enclosed.what);
     Refusal::Link { path: path.to_path_buf(), what }
 }
 
 /// Kind of the entry at a path. Links are reported beneath an enclosed directory and followed elsewhere. `None` if nothing is visible.
-pub fn kind(path: &Path) -> Option<Kind> {
+pub fn kind(path: &Path) -> Option<FileKind> {
     found(path).ok()
 }
 
-fn found(path: &Path) -> Opened<Kind> {
+fn found(path: &Path) -> Opened<FileKind> {
     match placed(path)? {
         Some((_, names)) if !names.is_empty() => {
             let (folder, name) = parent(path)?;
@@ -166,23 +166,23 @@ fn found(path: &Path) -> Opened<Kind> {
     }
 }
 
-fn kind_through_links(path: &Path) -> io::Result<Kind> {
-    let own = std::fs::metadata(path)?;
+fn kind_through_links(path: &Path) -> io::Result<FileKind> {
+    let metadata = std::fs::metadata(path)?;
     Ok(match () {
-        () if own.is_dir() => Kind::Folder,
-        () if own.is_file() => Kind::File,
-        () => Kind::Other,
+        () if metadata.is_dir() => FileKind::Folder,
+        () if metadata.is_file() => FileKind::File,
+        () => FileKind::Other,
     })
 }
 
 /// Returns `true` if a path is a file that [`super::read`] can read.
 pub fn is_file(path: &Path) -> bool {
-    kind(path) == Some(Kind::File)
+    kind(path) == Some(FileKind::File)
 }
 
 /// Returns `true` if a path is a directory that [`entries`] lists.
 pub fn is_folder(path: &Path) -> bool {
-    kind(path) == Some(Kind::Folder)
+    kind(path) == Some(FileKind::Folder)
 }
 
 /// Refuses a path beneath an enclosed directory if it is a link or leads through one.
@@ -191,7 +191,7 @@ pub fn is_folder(path: &Path) -> bool {
 /// [`Error::Input`] that names the link. A missing path is accepted.
 pub fn refuse_link(path: &Path) -> Result<()> {
     match found(path) {
-        Ok(Kind::Link) => Err(link(path).error("open", path, REMEDY)),
+        Ok(FileKind::Link) => Err(link(path).error("open", path, REMEDY)),
         Ok(_) | Err(Refusal::System(_)) => Ok(()),
         Err(refusal) => Err(refusal.error("open", path, REMEDY)),
     }
@@ -201,13 +201,13 @@ pub fn refuse_link(path: &Path) -> Result<()> {
 ///
 /// # Errors
 /// [`Error::File`] with `remedy` if the operating system refuses, [`Error::Input`] for a link on the way beneath an enclosed directory.
-pub fn entries(path: &Path, remedy: &str) -> Result<Vec<(OsString, Kind)>> {
-    let list = || -> Opened<Vec<(OsString, Kind)>> {
+pub fn entries(path: &Path, remedy: &str) -> Result<Vec<(OsString, FileKind)>> {
+    let list = || -> Opened<Vec<(OsString, FileKind)>> {
         let mut all = folder(path)?.entries()?;
         if !is_enclosed(path) {
-            for (name, kind) in all.iter_mut().filter(|(_, kind)| *kind == Kind::Link) {
+            for (name, kind) in all.iter_mut().filter(|(_, kind)| *kind == FileKind::Link) {
                 // A broken link is reported as a link.
-                *kind = kind_through_links(&path.join(name)).unwrap_or(Kind::Link);
+                *kind = kind_through_links(&path.join(name)).unwrap_or(FileKind::Link);
             }
         }
         all.sort_by(|a, b| a.0.cmp(&b.0));
@@ -217,23 +217,27 @@ pub fn entries(path: &Path, remedy: &str) -> Result<Vec<(OsString, Kind)>> {
 }
 
 /// Opens a regular file for reading; otherwise returns the kind of the entry.
-pub(super) fn open(path: &Path) -> Opened<std::result::Result<File, Kind>> {
+pub(super) fn open(path: &Path) -> Opened<std::result::Result<File, FileKind>> {
     match placed(path)? {
-        Some((own, names)) if !names.is_empty() => open_beneath(&own, &names),
+        Some((enclosed, names)) if !names.is_empty() => open_beneath(&enclosed, &names),
         _ => match kind_through_links(path)? {
-            Kind::File => Ok(Ok(File::open(path)?)),
+            FileKind::File => Ok(Ok(File::open(path)?)),
             kind => Ok(Err(kind)),
         },
     }
 }
 
 /// Opens a file like [`open`], with `root` treated as an enclosed directory described by `what`.
-pub(super) fn open_inside(root: &Path, inside: &Path, what: &'static str) -> Opened<std::result::Result<File, Kind>> {
+pub(super) fn open_inside(
+    root: &Path,
+    inside: &Path,
+    what: &'static str,
+) -> Opened<std::result::Result<File, FileKind>> {
     let path = root.join(inside);
-    let own = Enclosed { root: root.to_path_buf(), what, is_folder_of_user: false };
+    let enclosed = Enclosed { root: root.to_path_buf(), what, is_folder_of_user: false };
     match (placed(&path)?, names_of(inside)) {
         (Some(_), _) => open(&path),
-        (None, Some(names)) => open_beneath(&own, &names),
+        (None, Some(names)) => open_beneath(&enclosed, &names),
         (None, None) => Err(Refusal::Out { path, what }),
     }
 }
@@ -247,12 +251,14 @@ fn names_of(inside: &Path) -> Option<Vec<OsString>> {
     inside.components().map(name).collect()
 }
 
-fn open_beneath(own: &Enclosed, names: &[OsString]) -> Opened<std::result::Result<File, Kind>> {
-    let Some((name, folders)) = names.split_last() else { return Ok(Err(Kind::Folder)) };
-    let folder = walk(own, folders)?;
+fn open_beneath(enclosed: &Enclosed, names: &[OsString]) -> Opened<std::result::Result<File, FileKind>> {
+    let Some((name, folders)) = names.split_last() else { return Ok(Err(FileKind::Folder)) };
+    let folder = walk(enclosed, folders)?;
     match folder.kind(name)? {
-        Kind::Link => Err(Refusal::Link { path: own.root.join(names.iter().collect::<PathBuf>()), what: own.what }),
-        Kind::File => Ok(Ok(folder.read(name)?)),
+        FileKind::Link => {
+            Err(Refusal::Link { path: enclosed.root.join(names.iter().collect::<PathBuf>()), what: enclosed.what })
+        }
+        FileKind::File => Ok(Ok(folder.read(name)?)),
         kind => Ok(Err(kind)),
     }
 }
@@ -264,7 +270,7 @@ fn open_beneath(own: &Enclosed, names: &[OsString]) -> Opened<std::result::Resul
 pub fn open_file(path: &Path) -> Result<File> {
     match open(path).map_err(|refusal| refusal.error("read", path, REMEDY))? {
         Ok(file) => Ok(file),
-        Err(_) => Err(Error::input(Place::file(path), "this is not a regular file", "remove it")),
+        Err(_) => Err(Error::input(InputPlace::file(path), "this is not a regular file", "remove it")),
     }
 }
 
@@ -276,9 +282,9 @@ pub fn open_lock(path: &Path) -> Result<File> {
     let refused = |refusal: Refusal| refusal.error("create", path, REMEDY);
     let (folder, name) = parent(path).map_err(refused)?;
     match folder.kind(&name) {
-        Ok(Kind::Link) => Err(refused(link(path))),
-        Ok(Kind::Folder | Kind::Other) => Err(Error::input(
-            Place::file(path),
+        Ok(FileKind::Link) => Err(refused(link(path))),
+        Ok(FileKind::Folder | FileKind::Other) => Err(Error::input(
+            InputPlace::file(path),
             "this must be a regular file, which the program uses as a lock",
             "remove it",
         )),
@@ -290,11 +296,11 @@ pub fn open_lock(path: &Path) -> Result<File> {
 ///
 /// # Errors
 /// [`Error::File`] with `remedy` if the operating system refuses, [`Error::Input`] for a link on the way beneath an enclosed directory.
-pub fn create_anew(path: &Path, remedy: &str) -> Result<File> {
+pub fn create_or_replace(path: &Path, remedy: &str) -> Result<File> {
     let create = || -> Opened<File> {
         let (folder, name) = parent(path)?;
         match folder.kind(&name) {
-            Ok(Kind::Folder) | Err(_) => {}
+            Ok(FileKind::Folder) | Err(_) => {}
             Ok(_) => folder.remove_all(&name)?,
         }
         Ok(folder.create_new(&name)?)
@@ -305,10 +311,10 @@ pub fn create_anew(path: &Path, remedy: &str) -> Result<File> {
 /// Copies a regular file. The target is new or an existing file, which is replaced.
 ///
 /// # Errors
-/// As [`super::read`] and [`create_anew`].
+/// As [`super::read`] and [`create_or_replace`].
 pub fn copy(from: &Path, to: &Path) -> Result<()> {
     let mut file = open_file(from)?;
-    let mut copy = create_anew(to, REMEDY)?;
+    let mut copy = create_or_replace(to, REMEDY)?;
     io::copy(&mut file, &mut copy).map_err(|source| Error::at_path("copy", from, source, REMEDY))?;
     Ok(())
 }

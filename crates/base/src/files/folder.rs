@@ -7,7 +7,7 @@ use std::path::Path;
 
 /// Kind of an entry.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Kind {
+pub enum FileKind {
     /// A regular file.
     File,
     /// A directory.
@@ -23,12 +23,12 @@ pub(super) use system::Folder;
 impl Folder {
     /// Removes the entry of a name, a directory with its content. Links are removed, not their targets.
     pub fn remove_all(&self, name: &OsStr) -> Result<()> {
-        if self.kind(name)? != Kind::Folder {
+        if self.kind(name)? != FileKind::Folder {
             return self.remove_file(name);
         }
         let inner = self.inside(name)?;
-        for (own, _) in inner.entries()? {
-            inner.remove_all(&own)?;
+        for (name, _) in inner.entries()? {
+            inner.remove_all(&name)?;
         }
         self.remove_folder(name)
     }
@@ -63,7 +63,7 @@ mod system {
         }
 
         /// Kind of the entry with a name.
-        pub fn kind(&self, name: &OsStr) -> Result<Kind> {
+        pub fn kind(&self, name: &OsStr) -> Result<FileKind> {
             Ok(kind_of(FileType::from_raw_mode(statat(&self.0, name, AtFlags::SYMLINK_NOFOLLOW)?.st_mode)))
         }
 
@@ -89,7 +89,7 @@ mod system {
         }
 
         /// Names of the entries, with the kind of each.
-        pub fn entries(&self) -> Result<Vec<(OsString, Kind)>> {
+        pub fn entries(&self) -> Result<Vec<(OsString, FileKind)>> {
             let mut all = Vec::new();
             for entry in Dir::read_from(&self.0)? {
                 let entry = entry?;
@@ -130,12 +130,12 @@ mod system {
         }
     }
 
-    fn kind_of(kind: FileType) -> Kind {
+    fn kind_of(kind: FileType) -> FileKind {
         match kind {
-            FileType::RegularFile => Kind::File,
-            FileType::Directory => Kind::Folder,
-            FileType::Symlink => Kind::Link,
-            _ => Kind::Other,
+            FileType::RegularFile => FileKind::File,
+            FileType::Directory => FileKind::Folder,
+            FileType::Symlink => FileKind::Link,
+            _ => FileKind::Other,
         }
     }
 }
@@ -165,13 +165,13 @@ mod system {
         }
 
         /// Kind of the entry with a name.
-        pub fn kind(&self, name: &OsStr) -> Result<Kind> {
+        pub fn kind(&self, name: &OsStr) -> Result<FileKind> {
             let own = self.0.join(name).symlink_metadata()?.file_type();
             Ok(match () {
-                () if own.is_symlink() => Kind::Link,
-                () if own.is_dir() => Kind::Folder,
-                () if own.is_file() => Kind::File,
-                () => Kind::Other,
+                () if own.is_symlink() => FileKind::Link,
+                () if own.is_dir() => FileKind::Folder,
+                () if own.is_file() => FileKind::File,
+                () => FileKind::Other,
             })
         }
 
@@ -198,7 +198,7 @@ mod system {
         }
 
         /// Names of the entries, with the kind of each.
-        pub fn entries(&self) -> Result<Vec<(OsString, Kind)>> {
+        pub fn entries(&self) -> Result<Vec<(OsString, FileKind)>> {
             fs::read_dir(&self.0)?
                 .map(|entry| entry.and_then(|own| Ok((own.file_name(), self.kind(&own.file_name())?))))
                 .collect()
@@ -231,7 +231,7 @@ mod system {
 
         fn refuse_link(&self, name: &OsStr) -> Result<()> {
             match self.kind(name) {
-                Ok(Kind::Link) => Err(Error::new(ErrorKind::InvalidInput, "this is a symbolic link")),
+                Ok(FileKind::Link) => Err(Error::new(ErrorKind::InvalidInput, "this is a symbolic link")),
                 _ => Ok(()),
             }
         }

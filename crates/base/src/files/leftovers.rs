@@ -7,7 +7,7 @@ use std::sync::{Mutex, PoisonError};
 use std::time::Duration;
 
 use super::enclosed;
-use super::folder::Kind;
+use super::folder::FileKind;
 
 /// Mark in the hidden name of everything that is being written.
 const MARK: &str = ".partial-";
@@ -30,7 +30,7 @@ pub(super) fn mark_alive(file: &File) {
 }
 
 /// Removes the leftovers of dead processes from a folder. Failures are ignored, because leftovers are harmless.
-pub fn sweep(folder: &Path) {
+pub fn remove_stale_files(folder: &Path) {
     let full = folder.canonicalize().unwrap_or_else(|_| folder.to_path_buf());
     if !SWEPT.lock().unwrap_or_else(PoisonError::into_inner).insert(full) {
         return;
@@ -38,7 +38,7 @@ pub fn sweep(folder: &Path) {
     let Ok(held) = enclosed::folder(folder) else { return };
     for (name, kind) in held.entries().unwrap_or_default() {
         if process_of(&name.to_string_lossy()).is_some_and(|process| !is_alive(process))
-            && matches!(kind, Kind::File | Kind::Folder)
+            && matches!(kind, FileKind::File | FileKind::Folder)
             && held.read(&name).is_ok_and(|file| is_given_up(&file))
         {
             let _ = held.remove_all(&name);
@@ -58,7 +58,7 @@ fn is_given_up(file: &File) -> bool {
         Ok(()) => true,
         Err(TryLockError::WouldBlock) => false,
         Err(TryLockError::Error(_)) => {
-            let modified = file.metadata().and_then(|own| own.modified()).ok();
+            let modified = file.metadata().and_then(|metadata| metadata.modified()).ok();
             modified.and_then(|then| then.elapsed().ok()).is_some_and(|age| age > OLD)
         }
     }

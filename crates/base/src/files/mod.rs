@@ -2,7 +2,7 @@
 //!
 //! A reader sees the old content of a file or the new, never a part. A kill or a signal leaves one of them (`under_way`).
 //! Only regular files of a limited size are read ([`read`]).
-//! No link is followed beneath directories that may come from another person ([`enclose`]).
+//! No link is followed beneath directories that may come from another person ([`forbid_links`]).
 
 mod directory;
 mod enclosed;
@@ -24,16 +24,16 @@ use folder::Folder;
 
 pub use directory::TemporaryDirectory;
 pub use enclosed::{
-    copy, create_anew, create_folders, enclose, enclose_folder, entries, exchange, is_file, is_folder, kind, open_file,
-    open_lock, refuse_link, remove_all, rename,
+    copy, create_folders, create_or_replace, entries, exchange, forbid_links, forbid_links_in_user_folder, is_file,
+    is_folder, kind, open_file, open_lock, refuse_link, remove_all, rename,
 };
-pub use folder::Kind;
-pub use leftovers::sweep;
+pub use folder::FileKind;
+pub use leftovers::remove_stale_files;
 pub use name::safe_name;
 pub use reading::refuse_long_lines;
 pub use reading::{Content, read, read_if_there, read_inside};
-pub(crate) use under_way::UnderWay;
-pub use under_way::{stop_writing, together};
+pub(crate) use under_way::HiddenPath;
+pub use under_way::{hold_gate, stop_writing};
 pub use xml::xml_text;
 
 use crate::error::{Error, Result};
@@ -41,7 +41,7 @@ use crate::error::{Error, Result};
 const REMEDY: &str = "check that the directory exists, is writable and has room";
 
 /// Converts the operating system's refusal of an action on a path to an [`Error::File`].
-pub fn refused(action: &'static str, path: &Path) -> impl Fn(std::io::Error) -> Error {
+pub fn file_error(action: &'static str, path: &Path) -> impl Fn(std::io::Error) -> Error {
     move |source| Error::at_path(action, path, source, REMEDY)
 }
 
@@ -59,7 +59,7 @@ pub fn write_atomically(path: &Path, bytes: &[u8]) -> Result<()> {
 /// [`Error::File`] if the operating system refuses.
 pub fn remove_if_there(path: &Path) -> Result<()> {
     match kind(path) {
-        Some(Kind::Folder) => Err(refused("remove", path)(std::io::ErrorKind::IsADirectory.into())),
+        Some(FileKind::Folder) => Err(file_error("remove", path)(std::io::ErrorKind::IsADirectory.into())),
         _ => remove_all(path),
     }
 }
@@ -69,7 +69,7 @@ pub fn remove_if_there(path: &Path) -> Result<()> {
 /// # Errors
 /// As [`write_atomically`].
 pub fn stream_atomically(path: &Path, write: impl FnOnce(&mut dyn Write) -> std::io::Result<()>) -> Result<()> {
-    Prepared::new(path, write)?.publish()?;
+    PreparedWrite::new(path, write)?.publish()?;
     sync_directory(folder_of(path))
 }
 
@@ -78,46 +78,46 @@ pub fn stream_atomically(path: &Path, write: impl FnOnce(&mut dyn Write) -> std:
 /// # Errors
 /// As [`write_atomically`].
 pub fn write_together(files: &[(&Path, &[u8])]) -> Result<()> {
-    let prepared = files.iter().map(|(path, bytes)| Prepared::new(path, |file| file.write_all(bytes)));
-    let prepared: Vec<Prepared<'_>> = prepared.collect::<Result<_>>()?;
-    let _uninterrupted = together();
-    prepared.into_iter().try_for_each(Prepared::publish)?;
+    let prepared = files.iter().map(|(path, bytes)| PreparedWrite::new(path, |file| file.write_all(bytes)));
+    let prepared: Vec<PreparedWrite<'_>> = prepared.collect::<Result<_>>()?;
+    let _uninterrupted = hold_gate();
+    prepared.into_iter().try_for_each(PreparedWrite::publish)?;
     files.iter().try_for_each(|(path, _)| sync_directory(folder_of(path)))
 }
 
 /// File that is written and flushed under a hidden name beside its place.
-struct Prepared<'a> {
+struct PreparedWrite<'a> {
     path: &'a Path,
     folder: Folder,
     file: NamedTempFile<File>,
-    _under_way: UnderWay,
+    _under_way: HiddenPath,
 }
 
-impl<'a> Prepared<'a> {
+impl<'a> PreparedWrite<'a> {
     fn new(path: &'a Path, write: impl FnOnce(&mut dyn Write) -> std::io::Result<()>) -> Result<Self> {
         let place = folder_of(path);
         let folder = enclosed::folder(place).map_err(|refusal| refusal.error("create a file beside", path, REMEDY))?;
-        sweep(place);
+        remove_stale_files(place);
         let mut builder = tempfile::Builder::new();
         let prefix = leftovers::prefix("");
         builder.prefix(&prefix);
         // The file gets the usual permissions of newly created files.
         let create = || builder.make_in(place, |hidden| folder.create_new(hidden.file_name().unwrap_or_default()));
-        let (file, under_way) =
-            UnderWay::begin(create, |file| file.path().to_path_buf()).map_err(refused("create a file beside", path))?;
+        let (file, under_way) = HiddenPath::begin(create, |file| file.path().to_path_buf())
+            .map_err(file_error("create a file beside", path))?;
         leftovers::mark_alive(file.as_file());
         let mut writer = BufWriter::new(file);
-        write(&mut writer).map_err(refused("write", path))?;
-        let file = writer.into_inner().map_err(|error| refused("write", path)(error.into_error()))?;
-        file.as_file().sync_all().map_err(refused("write", path))?;
+        write(&mut writer).map_err(file_error("write", path))?;
+        let file = writer.into_inner().map_err(|error| file_error("write", path)(error.into_error()))?;
+        file.as_file().sync_all().map_err(file_error("write", path))?;
         Ok(Self { path, folder, file, _under_way: under_way })
     }
 
     fn publish(self) -> Result<()> {
-        let _uninterrupted = together();
+        let _uninterrupted = hold_gate();
         let (hidden, name) = (self.file.path().file_name(), self.path.file_name());
         let (hidden, name) = (hidden.unwrap_or_default(), name.unwrap_or_default());
-        self.folder.rename(hidden, &self.folder, name).map_err(refused("write", self.path))?;
+        self.folder.rename(hidden, &self.folder, name).map_err(file_error("write", self.path))?;
         // The file has its final name, so the hidden name must not be removed.
         let _ = self.file.keep();
         Ok(())
@@ -158,7 +158,7 @@ pub fn folder_of(path: &Path) -> &Path {
 /// Makes names in a directory durable, which only Unix supports.
 pub fn sync_directory(path: &Path) -> Result<()> {
     let folder = enclosed::folder(path).map_err(|refusal| refusal.error("write", path, REMEDY))?;
-    folder.sync().map_err(refused("write", path))
+    folder.sync().map_err(file_error("write", path))
 }
 
 #[cfg(test)]

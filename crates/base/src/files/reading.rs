@@ -7,8 +7,8 @@ use std::io::Read;
 use std::path::Path;
 
 use super::enclosed::{self, Refusal};
-use super::folder::Kind;
-use crate::error::{Error, Place, Result};
+use super::folder::FileKind;
+use crate::error::{Error, InputPlace, Result};
 
 const MIB: u64 = 1 << 20;
 
@@ -29,7 +29,7 @@ pub enum Content {
 
 impl Content {
     /// Size limit in bytes.
-    pub fn most_bytes(self) -> u64 {
+    pub fn max_bytes(self) -> u64 {
         match self {
             Self::Settings => 4 * MIB,
             Self::Document => 64 * MIB,
@@ -68,7 +68,7 @@ pub fn read_inside(folder: &Path, inside: &str, what: &'static str, content: Con
 }
 
 fn content_of(
-    opened: std::result::Result<std::result::Result<File, Kind>, Refusal>,
+    opened: std::result::Result<std::result::Result<File, FileKind>, Refusal>,
     path: &Path,
     content: Content,
     remedy: &str,
@@ -78,20 +78,20 @@ fn content_of(
         Ok(file) => file,
         Err(kind) => {
             let (what, remedy) = match kind {
-                Kind::Folder => ("a directory", remedy),
+                FileKind::Folder => ("a directory", remedy),
                 _ => ("a pipe or a device", "write the content to a file and give that file"),
             };
-            return Err(Error::input(Place::file(path), format!("this is {what}, not a regular file"), remedy));
+            return Err(Error::input(InputPlace::file(path), format!("this is {what}, not a regular file"), remedy));
         }
     };
     let metadata = file.metadata().map_err(refused)?;
-    if !metadata.is_file() || metadata.len() > content.most_bytes() {
+    if !metadata.is_file() || metadata.len() > content.max_bytes() {
         return Err(too_large(path, content));
     }
     let mut bytes = Vec::new();
     // One extra byte reveals a file that grows or reports no size.
-    file.take(content.most_bytes() + 1).read_to_end(&mut bytes).map_err(refused)?;
-    if bytes.len() as u64 > content.most_bytes() {
+    file.take(content.max_bytes() + 1).read_to_end(&mut bytes).map_err(refused)?;
+    if bytes.len() as u64 > content.max_bytes() {
         return Err(too_large(path, content));
     }
     Ok(bytes)
@@ -104,8 +104,8 @@ pub fn read_if_there(path: &Path, content: Content) -> Option<Vec<u8>> {
 
 fn too_large(path: &Path, content: Content) -> Error {
     Error::input(
-        Place::file(path),
-        format!("the file exceeds the limit of {} MiB for {}", content.most_bytes() / MIB, content.words()),
+        InputPlace::file(path),
+        format!("the file exceeds the limit of {} MiB for {}", content.max_bytes() / MIB, content.words()),
         match content {
             Content::Table => "check that this is the right file; if so, split it or keep every k-th row",
             Content::Mesh => "check that this is the right file; if so, make the mesh coarser",
@@ -126,7 +126,7 @@ pub fn refuse_long_lines(path: &Path, bytes: &[u8]) -> Result<()> {
     match bytes.split(|byte| *byte == b'\n').position(too_long) {
         None => Ok(()),
         Some(index) => Err(Error::input(
-            Place::file(path).at_line(index + 1),
+            InputPlace::file(path).at_line(index + 1),
             format!("this line has more than {} KiB", LONGEST_LINE_BYTES / 1024),
             "give a CSV with one row per line",
         )),

@@ -23,11 +23,11 @@ fn leftovers_of_dead_processes_go_and_those_of_living_ones_stay() {
     let folder = tempfile::tempdir().unwrap();
     let at = |name: String| folder.path().join(name);
     let mut alive = Command::new("sleep").arg("60").stdin(Stdio::null()).spawn().unwrap();
-    let (dead, own) = (dead_process(), std::process::id());
+    let (dead, index) = (dead_process(), std::process::id());
     std::fs::write(at(format!(".partial-{dead}-abc")), "x").unwrap();
     std::fs::create_dir_all(at(format!(".m0.partial-{dead}-abc/figures"))).unwrap();
     let stay =
-        [format!(".partial-{}-abc", alive.id()), format!(".partial-{own}-abc"), ".partial-abc".into(), "m0".into()];
+        [format!(".partial-{}-abc", alive.id()), format!(".partial-{index}-abc"), ".partial-abc".into(), "m0".into()];
     stay.iter().for_each(|name| std::fs::write(at(name.clone()), "x").unwrap());
     // A process of another machine, whose number means nothing here, holds the lock.
     let elsewhere = at(format!(".partial-{dead}-def"));
@@ -74,14 +74,14 @@ fn what_is_too_large_is_refused_without_being_read() {
     let path = folder.path().join("huge");
     for content in [Content::Settings, Content::Document, Content::Table, Content::Mesh, Content::State] {
         // A sparse file takes no room on the disk.
-        File::create(&path).unwrap().set_len(content.most_bytes() + 1).unwrap();
+        File::create(&path).unwrap().set_len(content.max_bytes() + 1).unwrap();
         let began = std::time::Instant::now();
         let error = read(&path, content, "").unwrap_err().to_string();
         assert!(error.contains("MiB"), "{error}");
         assert!(began.elapsed() < Duration::from_secs(5));
     }
-    File::create(&path).unwrap().set_len(Content::Settings.most_bytes()).unwrap();
-    assert_eq!(read(&path, Content::Settings, "").unwrap().len() as u64, Content::Settings.most_bytes());
+    File::create(&path).unwrap().set_len(Content::Settings.max_bytes()).unwrap();
+    assert_eq!(read(&path, Content::Settings, "").unwrap().len() as u64, Content::Settings.max_bytes());
 }
 
 /// An enclosed directory `in/` that is reached by a link, and a secret file beside it.
@@ -93,7 +93,7 @@ fn enclosed_place() -> (tempfile::TempDir, std::path::PathBuf) {
     std::fs::write(place.path().join("out/secret"), "secret").unwrap();
     let named = place.path().join("named");
     std::os::unix::fs::symlink("in", &named).unwrap();
-    enclose(&named, "a study");
+    forbid_links(&named, "a study");
     (place, named)
 }
 
@@ -135,22 +135,24 @@ fn no_link_beneath_an_enclosed_directory_is_followed() {
     for path in ["folder/new", "m0/up/new", "loop/new", "dangling/new"] {
         let path = named.join(path);
         assert!(write_atomically(&path, b"x").is_err(), "{}", path.display());
-        assert!(create_folders(&path, "").is_err() && create_anew(&path, "").is_err() && open_lock(&path).is_err());
+        assert!(
+            create_folders(&path, "").is_err() && create_or_replace(&path, "").is_err() && open_lock(&path).is_err()
+        );
         assert!(entries(folder_of(&path), "").is_err());
         assert!(remove_all(&path).is_err() && rename(&named.join("m0"), &path).is_err());
     }
     assert!(open_lock(&named.join("m0/file")).is_err() && open_lock(&named.join("dangling")).is_err());
     let listed = entries(&named, "").unwrap();
-    let kind = |name: &str| listed.iter().find(|own| own.0 == name).unwrap().1;
-    assert_eq!([kind("folder"), kind("loop"), kind("m0")], [Kind::Link, Kind::Link, Kind::Folder]);
+    let kind = |name: &str| listed.iter().find(|pair| pair.0 == name).unwrap().1;
+    assert_eq!([kind("folder"), kind("loop"), kind("m0")], [FileKind::Link, FileKind::Link, FileKind::Folder]);
     assert!(
         read(&named.join("m0/../../out/secret"), Content::Table, "")
-            .is_err_and(|own| own.to_string().contains("leads out of a study"))
+            .is_err_and(|error| error.to_string().contains("leads out of a study"))
     );
     // Writing replaces a link, and removing removes the link itself.
     write_atomically(&named.join("m0/file"), b"own").unwrap();
     assert_eq!(read(&named.join("m0/file"), Content::Table, "").unwrap(), b"own");
-    create_anew(&named.join("dangling"), "").unwrap();
+    create_or_replace(&named.join("dangling"), "").unwrap();
     std::fs::remove_file(named.join("m0/file")).unwrap();
     symlink(&outside, named.join("m0/deep")).unwrap();
     remove_all(&named.join("m0")).unwrap();

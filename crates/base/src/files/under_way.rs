@@ -17,15 +17,15 @@ const MOST_TRIES: usize = 5;
 
 /// Hidden path that is being written; [`stop_writing`] removes it.
 #[derive(Debug)]
-pub(crate) struct UnderWay(PathBuf);
+pub(crate) struct HiddenPath(PathBuf);
 
-impl UnderWay {
+impl HiddenPath {
     /// Creates something at a hidden path. No stop can come between its creation and its registration.
     pub fn begin<T>(
         create: impl FnOnce() -> std::io::Result<T>,
         path_of: impl FnOnce(&T) -> PathBuf,
     ) -> std::io::Result<(T, Self)> {
-        let _uninterrupted = together();
+        let _uninterrupted = hold_gate();
         let created = create()?;
         let path = path_of(&created);
         hidden_paths().insert(path.clone());
@@ -33,7 +33,7 @@ impl UnderWay {
     }
 }
 
-impl Drop for UnderWay {
+impl Drop for HiddenPath {
     fn drop(&mut self) {
         hidden_paths().remove(&self.0);
     }
@@ -44,7 +44,7 @@ fn hidden_paths() -> std::sync::MutexGuard<'static, BTreeSet<PathBuf>> {
 }
 
 /// Makes [`stop_writing`] wait as long as the result lives. It is for quick steps that leave files consistent only when all are done.
-pub fn together() -> RwLockReadGuard<'static, ()> {
+pub fn hold_gate() -> RwLockReadGuard<'static, ()> {
     GATE.read().unwrap_or_else(PoisonError::into_inner)
 }
 

@@ -31,7 +31,7 @@ pub trait Scalar:
 /// Scalar of a single point, for computing a law's spectrum.
 pub trait PointScalar: Scalar {
     /// Converts a model's number; `f64` drops the derivative.
-    fn of(number: Dual) -> Self;
+    fn from_dual(number: Dual) -> Self;
     /// Value, for decisions.
     fn value(self) -> f64;
     /// Returns `true` if the number equals this value and carries no derivative.
@@ -225,7 +225,7 @@ impl Scalar for Dual {
 
 impl PointScalar for f64 {
     #[inline(always)]
-    fn of(number: Dual) -> Self {
+    fn from_dual(number: Dual) -> Self {
         number.value
     }
     #[inline(always)]
@@ -253,7 +253,7 @@ impl PointScalar for f64 {
 
 impl PointScalar for Dual {
     #[inline(always)]
-    fn of(number: Dual) -> Self {
+    fn from_dual(number: Dual) -> Self {
         number
     }
     #[inline(always)]

@@ -82,7 +82,7 @@ pub trait ExperimentDensity: Sync {
 }
 
 /// Contribution of one experiment to the hierarchy.
-pub enum Member<'a> {
+pub enum ExperimentMember<'a> {
     /// Draws, re-weighted to the population (Hogg, Myers, Bovy 2010, ApJ 725:2166).
     Draws(&'a InterimDraws),
     /// Exact likelihood; each step costs one trajectory.
@@ -90,7 +90,7 @@ pub enum Member<'a> {
 }
 
 /// State of a chain in one experiment.
-pub(super) struct Place {
+pub(super) struct ChainState {
     /// Coordinates of the pooled parameters.
     pub coordinates: Vec<f64>,
     index: usize,
@@ -102,7 +102,7 @@ pub(super) struct Place {
     accepted: usize,
 }
 
-impl Place {
+impl ChainState {
     /// Ends the counting and fixes the trials per sweep, so that two are accepted on average. The number never exceeds the present one.
     pub(super) fn freeze(&mut self) {
         let wanted = (WANTED_ACCEPTANCES * self.tried).div_ceil(self.accepted.max(1));
@@ -112,12 +112,12 @@ impl Place {
 
 /// Trials per sweep while the acceptance is still being counted.
 const N_TRIALS: usize = 8;
-/// Accepted trials per sweep that [`Place::freeze`] aims at.
+/// Accepted trials per sweep that [`ChainState::freeze`] aims at.
 const WANTED_ACCEPTANCES: usize = 2;
 /// Share of the archive steps that go the full distance between two archived draws, from mode to mode.
 const WHOLE_STEPS: f64 = 0.1;
 
-impl Member<'_> {
+impl ExperimentMember<'_> {
     /// Returns true if there is no draw to start from.
     pub fn is_empty(&self) -> bool {
         match self {
@@ -126,26 +126,26 @@ impl Member<'_> {
         }
     }
 
-    pub(super) fn start(&self, n_parameters: usize, rng: &mut impl Rng) -> Place {
+    pub(super) fn start(&self, n_parameters: usize, rng: &mut impl Rng) -> ChainState {
         let (n_trials, tried, accepted) = (N_TRIALS, 0, 0);
         match self {
             Self::Draws(draws) => {
                 let index = rng.random_range(0..draws.len());
                 let coordinates = draws.get(index).to_vec();
-                Place { coordinates, index, point: Vec::new(), ln_density: 0.0, n_trials, tried, accepted }
+                ChainState { coordinates, index, point: Vec::new(), ln_density: 0.0, n_trials, tried, accepted }
             }
             Self::Exact(density) => {
                 let archive = density.archive();
                 let point = archive[rng.random_range(0..archive.len())].clone();
                 let ln_density = density.ln_density(&point);
                 let coordinates = point[..n_parameters].to_vec();
-                Place { coordinates, index: 0, point, ln_density, n_trials, tried, accepted }
+                ChainState { coordinates, index: 0, point, ln_density, n_trials, tried, accepted }
             }
         }
     }
 
     /// Makes Monte Carlo steps whose invariant distribution is the conditional one, given the population's mean and precision.
-    pub(super) fn step(&self, place: &mut Place, mean: &[f64], precision: &DMatrix<f64>, rng: &mut impl Rng) {
+    pub(super) fn step(&self, place: &mut ChainState, mean: &[f64], precision: &DMatrix<f64>, rng: &mut impl Rng) {
         let mut distance = squared_distance(&place.coordinates, mean, precision);
         place.tried += place.n_trials;
         match self {
@@ -191,7 +191,7 @@ impl<'a> ExactSteps<'a> {
     }
 
     /// Proposes a point, and returns the population's share of the log acceptance ratio.
-    fn propose(&self, place: &Place, rng: &mut impl Rng) -> (Vec<f64>, f64) {
+    fn propose(&self, place: &ChainState, rng: &mut impl Rng) -> (Vec<f64>, f64) {
         match &self.factor {
             Some(factor) if rng.random::<bool>() => (self.by_population(place, factor, rng), 0.0),
             _ => {
@@ -205,7 +205,7 @@ impl<'a> ExactSteps<'a> {
 
     /// Proposes m + cos(θ)(φ − m) + sin(θ) ξ with ξ from the population and θ uniform up to a quarter turn. The proposal leaves the population's distribution invariant
     /// (preconditioned Crank–Nicolson; Cotter et al. 2013, Stat. Sci. 28:424).
-    fn by_population(&self, place: &Place, factor: &Cholesky<f64, Dyn>, rng: &mut impl Rng) -> Vec<f64> {
+    fn by_population(&self, place: &ChainState, factor: &Cholesky<f64, Dyn>, rng: &mut impl Rng) -> Vec<f64> {
         let mut fresh = normals(self.mean.len(), rng);
         factor.l_dirty().tr_solve_lower_triangular_mut(&mut fresh);
         let (sin, cos) = (std::f64::consts::FRAC_PI_2 * rng.random::<f64>()).sin_cos();
@@ -216,7 +216,7 @@ impl<'a> ExactSteps<'a> {
         point
     }
 
-    fn along_archive(&self, place: &Place, rng: &mut impl Rng) -> Vec<f64> {
+    fn along_archive(&self, place: &ChainState, rng: &mut impl Rng) -> Vec<f64> {
         let archive = self.density.archive();
         // This scale is optimal for a normal target (ter Braak 2006, Stat. Comput. 16:239).
         let short = 2.38 / (2.0 * place.point.len() as f64).sqrt();

@@ -32,8 +32,8 @@ use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 use statrs::function::gamma::ln_gamma;
 
-use members::Place;
-pub use members::{ExperimentDensity, InterimDraws, Member};
+use members::ChainState;
+pub use members::{ExperimentDensity, ExperimentMember, InterimDraws};
 use random::{factor, gamma, normal_of_information, normals, wishart_of_scatter};
 
 use super::design::Design;
@@ -47,13 +47,13 @@ pub const LARGEST_RHAT: f64 = 1.01;
 /// Smallest effective number of draws of every mean and spread of converged draws (Vehtari et al. 2021, Bayesian Anal. 16:667).
 pub const FEWEST_EFFECTIVE_DRAWS: f64 = 400.0;
 /// Message about the results that are kept when a run is stopped.
-pub(super) const KEPT: &str = "finished experiments are kept; repeat the command to continue from them";
+pub(super) const INTERRUPTED_MESSAGE: &str = "finished experiments are kept; repeat the command to continue from them";
 /// Sweeps between two checks of the monitor.
-const SWEEPS_A_PIECE: usize = 100;
+const SWEEPS_PER_CHECK: usize = 100;
 /// Degrees of freedom of the half-t priors of standard deviations.
 const HALF_T_DEGREES: f64 = 2.0;
 /// Values of κ, the similarity of the strata's covariances; all equally probable a priori.
-pub const LIKENESS: [f64; 5] = [2.0, 4.0, 8.0, 16.0, 32.0];
+pub const SIMILARITIES: [f64; 5] = [2.0, 4.0, 8.0, 16.0, 32.0];
 
 /// Priors and settings of the hierarchy.
 #[derive(Debug, Clone, PartialEq)]
@@ -95,13 +95,13 @@ pub struct PopulationDraw {
     pub specimen_mean: Vec<f64>,
     /// Weights λ of the specimens.
     pub specimen_weight: Vec<f64>,
-    /// Overall mean m and the levels' shares a, in the order of [`Layout`]; p values each.
+    /// Overall mean m and the levels' shares a, in the order of [`ShareLayout`]; p values each.
     pub shares: Vec<f64>,
 }
 
 /// Order of the shares that make up the groups' means.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Layout {
+pub struct ShareLayout {
     /// Number of shares, including the overall mean.
     pub n_shares: usize,
     /// Range of each factor's shares: first the keys; then, with several keys, the group's own share.
@@ -110,7 +110,7 @@ pub struct Layout {
     pub of_group: Vec<Vec<usize>>,
 }
 
-impl Layout {
+impl ShareLayout {
     /// Layout of the shares of a design.
     pub fn new(design: &Design) -> Self {
         let mut factors = Vec::new();
@@ -161,26 +161,26 @@ impl Population {
 /// [`base::Error::Numerical`] if an experiment has no draws or a covariance cannot be factored, [`base::Error::Interrupted`] if stopped.
 pub fn sample_population(
     design: &Design,
-    members: &[Member],
+    members: &[ExperimentMember],
     options: &HierarchyOptions,
     monitor: &dyn Monitor,
 ) -> Result<Population> {
-    if members.iter().any(Member::is_empty) {
+    if members.iter().any(ExperimentMember::is_empty) {
         return Err(Error::numerical("an experiment has no draws", format!("sample it longer ({})", Setting::Steps)));
     }
     let start = |number: usize| {
         let mut rng = ChaCha8Rng::seed_from_u64(options.seed);
         rng.set_stream(number as u64);
         let chain = Chain::new(design, members, options, &mut rng);
-        Run { chain, rng, kept: Vec::new() }
+        HierarchyRun { chain, rng, kept: Vec::new() }
     };
-    let mut runs: Vec<Run> = (0..options.n_chains).map(start).collect();
+    let mut runs: Vec<HierarchyRun> = (0..options.n_chains).map(start).collect();
     let [n_dropped, n_first] = options.n_sweeps;
-    go_on(&mut runs, n_dropped, usize::MAX, monitor)?;
-    runs.iter_mut().flat_map(|run| &mut run.chain.places).for_each(Place::freeze);
+    run_sweeps(&mut runs, n_dropped, usize::MAX, monitor)?;
+    runs.iter_mut().flat_map(|run| &mut run.chain.places).for_each(ChainState::freeze);
     let (mut n_sweeps, mut n_next, mut keep_every) = (0, n_first, options.keep_every);
     loop {
-        go_on(&mut runs, n_next, keep_every, monitor)?;
+        run_sweeps(&mut runs, n_next, keep_every, monitor)?;
         n_sweeps += n_next;
         let (rhat, ess) = diagnostics(design, &runs, options.overall_mean.len());
         let has_converged = rhat <= LARGEST_RHAT && ess >= FEWEST_EFFECTIVE_DRAWS;
@@ -201,25 +201,25 @@ pub fn sample_population(
 }
 
 /// A chain, its random numbers and its kept draws.
-struct Run<'a, 'm> {
+struct HierarchyRun<'a, 'm> {
     chain: Chain<'a, 'm>,
     rng: ChaCha8Rng,
     kept: Vec<PopulationDraw>,
 }
 
 /// Makes `n_sweeps` sweeps of all chains and keeps every `keep_every`-th state.
-fn go_on(runs: &mut [Run], n_sweeps: usize, keep_every: usize, monitor: &dyn Monitor) -> Result<()> {
-    let counter = Counter::new(monitor, runs.len() * n_sweeps / SWEEPS_A_PIECE);
-    let one = |run: &mut Run| {
+fn run_sweeps(runs: &mut [HierarchyRun], n_sweeps: usize, keep_every: usize, monitor: &dyn Monitor) -> Result<()> {
+    let counter = Counter::new(monitor, runs.len() * n_sweeps / SWEEPS_PER_CHECK);
+    let one = |run: &mut HierarchyRun| {
         for sweep in 1..=n_sweeps {
             run.chain.sweep(&mut run.rng)?;
             if sweep % keep_every == 0 {
                 run.kept.push(run.chain.draw());
             }
-            if sweep.is_multiple_of(SWEEPS_A_PIECE) {
+            if sweep.is_multiple_of(SWEEPS_PER_CHECK) {
                 counter.add_one();
                 if monitor.stop().is_some_and(|stop| stop.load(Ordering::Relaxed)) {
-                    return Err(Error::Interrupted { kept: KEPT.into() });
+                    return Err(Error::Interrupted { kept: INTERRUPTED_MESSAGE.into() });
                 }
             }
         }
@@ -229,7 +229,7 @@ fn go_on(runs: &mut [Run], n_sweeps: usize, keep_every: usize, monitor: &dyn Mon
 }
 
 /// Largest R̂ and smallest effective number of draws of the groups' means and the spreads' logarithms.
-fn diagnostics(design: &Design, runs: &[Run], p: usize) -> (f64, f64) {
+fn diagnostics(design: &Design, runs: &[HierarchyRun], p: usize) -> (f64, f64) {
     let n_kept = runs.first().map_or(0, |run| run.kept.len());
     let blom = BlomScores::new(runs.len() * n_kept);
     let of = |value: &(dyn Fn(&PopulationDraw) -> f64 + Sync)| {
@@ -243,8 +243,11 @@ fn diagnostics(design: &Design, runs: &[Run], p: usize) -> (f64, f64) {
     let n_within = if design.has_repeats() { p } else { 0 };
     let within = (0..n_within).into_par_iter().map(|i| of(&|draw| draw.within_specimens[diagonal(i)].ln()));
     let all: Vec<_> = means.chain(between).chain(within).collect();
-    let rhat = all.iter().map(|own| own.rhat).fold(0.0, f64::max);
-    let ess = all.iter().map(|own| own.ess_bulk.min(own.ess_tail)).fold(f64::INFINITY, f64::min);
+    let rhat = all.iter().map(|parameter_diagnostics| parameter_diagnostics.rhat).fold(0.0, f64::max);
+    let ess = all
+        .iter()
+        .map(|parameter_diagnostics| parameter_diagnostics.ess_bulk.min(parameter_diagnostics.ess_tail))
+        .fold(f64::INFINITY, f64::min);
     (rhat, ess)
 }
 
@@ -290,7 +293,7 @@ fn draw_covariances(
 /// Draws κ given the strata's inverse covariances and their scales.
 fn draw_likeness(precisions: &[DMatrix<f64>], scales: &[f64], rng: &mut ChaCha8Rng) -> f64 {
     let p = scales.len();
-    let ln_densities = LIKENESS.map(|likeness| {
+    let ln_densities = SIMILARITIES.map(|likeness| {
         let degrees = likeness + (p - 1) as f64;
         let ln_scale: f64 = scales.iter().map(|scale| (2.0 * likeness / scale).ln()).sum();
         // This is the multivariate gamma function up to a constant.
@@ -305,25 +308,25 @@ fn draw_likeness(precisions: &[DMatrix<f64>], scales: &[f64], rng: &mut ChaCha8R
     let largest = ln_densities.iter().copied().fold(f64::NEG_INFINITY, f64::max);
     let weights = ln_densities.map(|ln_density| (ln_density - largest).exp());
     let mut level = rng.random::<f64>() * weights.iter().sum::<f64>();
-    for (likeness, weight) in LIKENESS.iter().zip(weights) {
+    for (likeness, weight) in SIMILARITIES.iter().zip(weights) {
         level -= weight;
         if level <= 0.0 {
             return *likeness;
         }
     }
-    LIKENESS[LIKENESS.len() - 1]
+    SIMILARITIES[SIMILARITIES.len() - 1]
 }
 
 struct Chain<'a, 'm> {
     design: &'a Design,
-    members: &'a [Member<'m>],
+    members: &'a [ExperimentMember<'m>],
     options: &'a HierarchyOptions,
-    layout: Layout,
+    layout: ShareLayout,
     p: usize,
     has_repeats: bool,
     /// Specimen of every experiment.
     specimen_of: Vec<usize>,
-    places: Vec<Place>,
+    places: Vec<ChainState>,
     shares: DVector<f64>,
     group_mean: Vec<DVector<f64>>,
     /// Deviation of each specimen; without repeats, the whole deviation from the group's mean.
@@ -342,10 +345,15 @@ struct Chain<'a, 'm> {
 }
 
 impl<'a, 'm> Chain<'a, 'm> {
-    fn new(design: &'a Design, members: &'a [Member<'m>], options: &'a HierarchyOptions, rng: &mut ChaCha8Rng) -> Self {
+    fn new(
+        design: &'a Design,
+        members: &'a [ExperimentMember<'m>],
+        options: &'a HierarchyOptions,
+        rng: &mut ChaCha8Rng,
+    ) -> Self {
         let p = options.overall_mean.len();
-        let layout = Layout::new(design);
-        let places: Vec<Place> = members.iter().map(|member| member.start(p, rng)).collect();
+        let layout = ShareLayout::new(design);
+        let places: Vec<ChainState> = members.iter().map(|member| member.start(p, rng)).collect();
         let mut specimen_of = vec![0; design.n_experiments()];
         for (index, specimen) in design.specimens.iter().enumerate() {
             specimen.experiments.iter().for_each(|e| specimen_of[*e] = index);
@@ -357,7 +365,7 @@ impl<'a, 'm> Chain<'a, 'm> {
         Self {
             precision: (0..design.n_strata).map(|_| of_sd(spread(0.5 * options.scales[1]))).collect(),
             scale: vec![1.0; p],
-            likeness: LIKENESS[1],
+            likeness: SIMILARITIES[1],
             repeat_precision: of_sd(spread(0.5 * options.scales[2])),
             repeat_scale: vec![1.0; p],
             factor_variance: vec![vec![spread(options.scales[0]).powi(2); p]; n_factors],
@@ -422,13 +430,13 @@ impl<'a, 'm> Chain<'a, 'm> {
             }
         };
         for (index, specimen) in design.specimens.iter().enumerate() {
-            let own = &self.precision[specimen.stratum] * self.weight[index];
+            let matrix = &self.precision[specimen.stratum] * self.weight[index];
             let value = |e: usize| DVector::from_column_slice(&self.places[e].coordinates);
             if !self.has_repeats {
                 let e = specimen.experiments[0];
                 let group = design.group_of[e];
-                add([group, group], &own);
-                let product = &own * value(e);
+                add([group, group], &matrix);
+                let product = &matrix * value(e);
                 for share in &layout.of_group[group] {
                     let mut view = information.rows_mut(p * share, p);
                     view += &product;
@@ -437,7 +445,7 @@ impl<'a, 'm> Chain<'a, 'm> {
             }
             let repeat = &self.repeat_precision;
             let count = specimen.experiments.len() as f64;
-            let covariance = factor(own + repeat * count)?.inverse();
+            let covariance = factor(matrix + repeat * count)?.inverse();
             let shared = repeat * covariance * repeat;
             let sum = specimen.experiments.iter().fold(DVector::zeros(p), |sum, e| sum + value(*e));
             for &e in &specimen.experiments {
@@ -549,7 +557,10 @@ impl<'a, 'm> Chain<'a, 'm> {
 
     fn draw(&self) -> PopulationDraw {
         let inverse = |matrix: &DMatrix<f64>| -> Vec<f64> {
-            matrix.clone().try_inverse().map_or_else(|| vec![f64::NAN; self.p * self.p], |own| own.as_slice().to_vec())
+            matrix
+                .clone()
+                .try_inverse()
+                .map_or_else(|| vec![f64::NAN; self.p * self.p], |entry| entry.as_slice().to_vec())
         };
         let specimens = self.design.specimens.iter().zip(&self.deviation);
         PopulationDraw {

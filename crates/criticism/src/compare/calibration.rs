@@ -20,11 +20,11 @@ use posterior::whiteness::{ljung_box, runs};
 use sampling::ensemble::RandomStream;
 
 /// Fits of one record: the model alone, and the model with each panel's columns.
-pub struct Looks {
+pub struct TestStatistics {
     /// Fit of the model alone.
     pub base: LinearFit,
     /// Fits with the columns of each panel.
-    pub with: Vec<LinearFit>,
+    pub panel_fits: Vec<LinearFit>,
     /// Whitened residuals of the model alone.
     pub whitened: Vec<f64>,
     /// Gain of each panel in nats, then the statistics of runs and of Ljung and Box.
@@ -48,14 +48,19 @@ pub struct Significance {
 ///
 /// # Errors
 /// [`base::Error::Numerical`] if a fit has no solution.
-pub fn looks(linear: &Linear, likelihood: &NoiseLikelihood, residual_m: &[f64], panels: &[Columns]) -> Result<Looks> {
+pub fn run_tests(
+    linear: &Linear,
+    likelihood: &NoiseLikelihood,
+    residual_m: &[f64],
+    panels: &[Columns],
+) -> Result<TestStatistics> {
     let base = linear.fit_base(likelihood, residual_m)?;
     let with = linear.fit_with(likelihood, residual_m, &panels.iter().collect::<Vec<_>>(), &base)?;
     let whitened = linear.whitened(likelihood, residual_m, &base);
     let mut statistics: Vec<f64> = with.iter().map(|fit| (fit.objective - base.objective).max(0.0)).collect();
     statistics.push(runs(&whitened));
     statistics.push(ljung_box(&whitened));
-    Ok(Looks { base, with, whitened, statistics })
+    Ok(TestStatistics { base, panel_fits: with, whitened, statistics })
 }
 
 /// Noise (m) at every row of a subject's record: white numbers from `pool`, plus the other terms of the noise.
@@ -68,7 +73,7 @@ fn simulated_noise_m(
 ) -> Vec<f64> {
     let (record, recordings) = (&subject.experiment().record, subject.problem().recordings());
     let white_um = subject.noise().value(noise, &NOISE_SD);
-    let mut terms = subject.noise().drawn(noise, stream);
+    let mut terms = subject.noise().draw_terms(noise, stream);
     (0..record.n_rows())
         .map(|row| {
             let step_s = (row > 0).then(|| record.time_s[row] - record.time_s[row - 1]);
@@ -91,17 +96,17 @@ fn pool_of(whitened: &[f64]) -> Vec<f64> {
 /// p values of one record, from `n_simulations` simulated records with random streams of `seed`.
 ///
 /// # Errors
-/// Errors of [`looks`].
-pub fn significance(
+/// Errors of [`run_tests`].
+pub fn calibrate_significance(
     subject: &Subject,
     linear: &Linear,
     panels: &[Columns],
-    own: &Looks,
+    test_statistics: &TestStatistics,
     n_simulations: usize,
     seed: u64,
 ) -> Result<Significance> {
-    let pool = pool_of(&own.whitened);
-    let noises = linear.noise_draws(&subject.fitted, &own.base, n_simulations, seed);
+    let pool = pool_of(&test_statistics.whitened);
+    let noises = linear.noise_draws(&subject.fitted, &test_statistics.base, n_simulations, seed);
     let of_one = |number: usize| -> Result<Vec<f64>> {
         let mut stream = RandomStream::new(seed, number as u64);
         let noise_m = simulated_noise_m(subject, linear.position_m(), &noises[number], &pool, &mut stream);
@@ -109,21 +114,21 @@ pub fn significance(
         let observed_m: Vec<Option<f64>> = fitted.map(|((y, f), e)| y.map(|_| f + e)).collect();
         let likelihood = subject.fitted.with_observed(&observed_m);
         let residual_m: Vec<f64> = observed_m.iter().zip(&noise_m).map(|(y, e)| y.map_or(0.0, |_| *e)).collect();
-        Ok(looks(linear, &likelihood, &residual_m, panels)?.statistics)
+        Ok(run_tests(linear, &likelihood, &residual_m, panels)?.statistics)
     };
     let simulated: Vec<Vec<f64>> = (0..n_simulations).into_par_iter().map(of_one).collect::<Result<_>>()?;
-    Ok(corrected(&own.statistics, &simulated))
+    Ok(corrected(&test_statistics.statistics, &simulated))
 }
 
 /// p of each statistic against simulated ones, alone and corrected for all.
-fn corrected(own: &[f64], simulated: &[Vec<f64>]) -> Significance {
-    let tails: Vec<Option<Gamma>> = (0..own.len()).map(|k| tail(simulated.iter().map(|s| s[k]))).collect();
+fn corrected(values: &[f64], simulated: &[Vec<f64>]) -> Significance {
+    let tails: Vec<Option<Gamma>> = (0..values.len()).map(|k| tail(simulated.iter().map(|s| s[k]))).collect();
     let p_of = |k: usize, value: f64| tails[k].as_ref().map_or(1.0, |gamma| gamma.sf(value));
     let smallest: Vec<f64> = simulated
         .iter()
         .map(|statistics| statistics.iter().enumerate().map(|(k, value)| p_of(k, *value)).fold(1.0, f64::min))
         .collect();
-    let p: Vec<f64> = own.iter().enumerate().map(|(k, value)| p_of(k, *value)).collect();
+    let p: Vec<f64> = values.iter().enumerate().map(|(k, value)| p_of(k, *value)).collect();
     let familywise = |p: &f64| (1 + smallest.iter().filter(|s| *s <= p).count()) as f64 / (1 + simulated.len()) as f64;
     let mean = |k: usize| simulated.iter().map(|statistics| statistics[k]).sum::<f64>() / simulated.len().max(1) as f64;
     let mut sorted = smallest.clone();
@@ -135,7 +140,7 @@ fn corrected(own: &[f64], simulated: &[Vec<f64>]) -> Significance {
         tails.iter().map(|tail| tail.as_ref().map_or(f64::INFINITY, |gamma| gamma.inverse_cdf(1.0 - least_p)));
     Significance {
         p_familywise: p.iter().map(familywise).collect(),
-        mean: (0..own.len()).map(mean).collect(),
+        mean: (0..values.len()).map(mean).collect(),
         critical: critical.collect(),
         p,
     }
@@ -177,14 +182,14 @@ mod tests {
     #[test]
     fn what_no_simulated_record_shows_is_as_rare_as_they_can_tell() {
         let simulated: Vec<Vec<f64>> = (0..99).map(record).collect();
-        let mut own = record(5_000);
-        own[4] = 60.0;
-        let significance = corrected(&own, &simulated);
+        let mut values = record(5_000);
+        values[4] = 60.0;
+        let significance = corrected(&values, &simulated);
         assert_eq!(significance.p_familywise[4], 0.01);
         assert!(significance.p[4] < 1e-6);
-        own[4] = 1.01 * significance.critical[4];
-        assert!(corrected(&own, &simulated).p_familywise[4] < SIGNIFICANT);
-        own[4] = 0.9 * significance.critical[4];
-        assert!(corrected(&own, &simulated).p_familywise[4] >= SIGNIFICANT);
+        values[4] = 1.01 * significance.critical[4];
+        assert!(corrected(&values, &simulated).p_familywise[4] < SIGNIFICANT);
+        values[4] = 0.9 * significance.critical[4];
+        assert!(corrected(&values, &simulated).p_familywise[4] >= SIGNIFICANT);
     }
 }

@@ -3,21 +3,21 @@
 use std::collections::HashMap;
 use std::path::Path;
 
-use super::{Outcome, SIGNIFICANT};
+use super::{ComparisonResult, SIGNIFICANT};
 use crate::Subject;
 use base::error::Result;
-use documents::comparison::PanelEntry;
+use documents::comparison::TestEntry;
 use figures::comparison::{ComparisonData, comparison};
 use figures::comparison_bars::{BarPanel, bias_sheet};
 use figures::comparison_map::{MapData, MapRow, failure_map};
 use figures::svg::write_figure;
-use posterior::sample::origin;
+use posterior::sample::noise_origin_text;
 
 /// Writes `comparison`, `comparison_map` and `comparison_bias` as SVG and PNG into a directory.
 ///
 /// # Errors
 /// Errors of [`write_figure`].
-pub fn write(dir: &Path, outcome: &Outcome) -> Result<()> {
+pub fn write(dir: &Path, outcome: &ComparisonResult) -> Result<()> {
     let subject = &outcome.subject;
     let name = &outcome.comparison.experiment;
     write_figure(dir, "comparison", &comparison_figure(subject, outcome, name)?)?;
@@ -29,7 +29,7 @@ pub fn write(dir: &Path, outcome: &Outcome) -> Result<()> {
             MapData { title: &heading, lag_ends_s: &outcome.lag_ends_s, shortest_s: 0.6 * shortest_s, rows: &rows };
         write_figure(dir, "comparison_map", &failure_map(&data))?;
     }
-    let is_echo = |entry: &PanelEntry| {
+    let is_echo = |entry: &TestEntry| {
         outcome.comparison.findings.iter().any(|finding| finding.place == entry.place && finding.echo_of.is_some())
     };
     let panels: Vec<BarPanel> =
@@ -40,7 +40,7 @@ pub fn write(dir: &Path, outcome: &Outcome) -> Result<()> {
     write_figure(dir, "comparison_bias", &bias_sheet(&heading, &panels))
 }
 
-fn comparison_figure(subject: &Subject, outcome: &Outcome, name: &str) -> Result<figures::svg::Svg> {
+fn comparison_figure(subject: &Subject, outcome: &ComparisonResult, name: &str) -> Result<figures::svg::Svg> {
     let experiment = subject.experiment();
     let record = &experiment.record;
     let um = |values: &[f64]| values.iter().map(|x| 1e6 * x).collect::<Vec<f64>>();
@@ -73,7 +73,9 @@ fn comparison_figure(subject: &Subject, outcome: &Outcome, name: &str) -> Result
         outliers,
         step_s: &step_s,
         heldout_s,
-        noise: experiment.noise_yardstick().map(|own| (1e6 * own.sd_m, origin(own.origin))),
+        noise: experiment
+            .reference_noise()
+            .map(|reference_noise| (1e6 * reference_noise.sd_m, noise_origin_text(reference_noise.origin))),
     })
 }
 
@@ -124,7 +126,7 @@ fn step_groups(subject: &Subject) -> Vec<StepGroup> {
 }
 
 /// Whitened residuals with the sign of the step, averaged by step and time since it, together with residuals in µm.
-fn map_rows(subject: &Subject, outcome: &Outcome) -> Vec<MapRow> {
+fn map_rows(subject: &Subject, outcome: &ComparisonResult) -> Vec<MapRow> {
     let mut rows: Vec<MapRow> = Vec::new();
     for group in step_groups(subject) {
         let mut cells = vec![(0.0, 0.0, 0_usize); outcome.lag_ends_s.len()];
@@ -150,7 +152,7 @@ fn map_rows(subject: &Subject, outcome: &Outcome) -> Vec<MapRow> {
     rows
 }
 
-fn bar_panel(entry: &PanelEntry, is_echo: bool) -> BarPanel {
+fn bar_panel(entry: &TestEntry, is_echo: bool) -> BarPanel {
     let p = if entry.p_familywise < 0.01 {
         format!("{:.3}", entry.p_familywise)
     } else {
@@ -163,11 +165,11 @@ fn bar_panel(entry: &PanelEntry, is_echo: bool) -> BarPanel {
         _ => "bias (µm)",
     };
     BarPanel {
-        heading: match is_echo {
+        title: match is_echo {
             true => format!("{}: p = {p} (explained)", entry.place.replace('_', " ")),
             false => format!("{}: p = {p}", entry.place.replace('_', " ")),
         },
-        is_echo,
+        is_explained: is_echo,
         x_label: entry.title.clone(),
         y_label: y_label.into(),
         is_significant: entry.p_familywise < SIGNIFICANT,

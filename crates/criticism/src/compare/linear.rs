@@ -8,11 +8,11 @@ use nalgebra::DVector;
 use super::super::derivatives::columns_m;
 use super::super::noise_fit::{self, LogNoise, NoisePrior};
 use super::super::{Candidate, Fitted, Subject};
-use super::normal::{Normal, Solved};
+use super::normal::{Normal, NormalSolution};
 use super::rows::{ByCycle, Columns};
 use crate::NoiseValues;
 use base::error::{Error, Result};
-use posterior::noise::{Asked, NoiseLikelihood};
+use posterior::noise::{NoiseLikelihood, ProductRequest};
 use sampling::ensemble::RandomStream;
 
 /// A model linearised about its fit.
@@ -41,7 +41,7 @@ pub struct LinearFit {
 
 /// The best mean of some columns under one noise.
 struct Mean {
-    solved: Solved,
+    solved: NormalSolution,
     log_noise: LogNoise,
     /// Log posterior as in [`LinearFit`].
     objective: f64,
@@ -162,7 +162,7 @@ impl Linear {
     }
 
     /// Correction A δ + C a (m), one value per row of the record.
-    fn correction_m(&self, columns: &Columns, solved: &Solved) -> Vec<f64> {
+    fn correction_m(&self, columns: &Columns, solved: &NormalSolution) -> Vec<f64> {
         let mut correction_m = columns.by_cycle.as_ref().map_or_else(
             || vec![0.0; self.position_m.len()],
             |by_cycle| by_cycle.place.iter().map(|place| place.map_or(0.0, |place| solved.of_cycles[place])).collect(),
@@ -196,13 +196,13 @@ impl Linear {
         let n_common = self.derivatives_m.len() + 1;
         let mut columns: Vec<&[f64]> = self.derivatives_m.iter().map(Vec::as_slice).collect();
         columns.push(residual_m);
-        let mut own = Vec::with_capacity(looks.len());
+        let mut ranges = Vec::with_capacity(looks.len());
         for look in looks {
-            own.push(columns.len()..columns.len() + look.dense.len());
+            ranges.push(columns.len()..columns.len() + look.dense.len());
             columns.extend(look.dense.iter().map(Vec::as_slice));
         }
         let with_cycles = looks.iter().position(|look| look.by_cycle.is_some());
-        let asked = Asked { columns: &columns, n_common, own: &own, with_cycles };
+        let asked = ProductRequest { columns: &columns, n_common, own: &ranges, with_cycles };
         let products = likelihood
             .white_products(&asked, &self.position_m, &noise)
             .ok_or_else(|| no_solution("noise outside its support"))?;

@@ -4,7 +4,7 @@
 //! is judged against records simulated from the model and its fitted noise ([`calibration`]).
 
 pub mod calibration;
-mod echoes;
+mod explained_findings;
 pub mod figures;
 pub mod linear;
 mod normal;
@@ -13,17 +13,17 @@ pub mod rows;
 mod sentences;
 
 use crate::NoiseValues;
-use calibration::{Looks, Significance, looks, significance};
-use documents::comparison::{Bar, Comparison, LeftOutEntry, PanelEntry};
+use calibration::{Significance, TestStatistics, calibrate_significance, run_tests};
+use documents::comparison::{ColumnBias, Comparison, LeftOutEntry, TestEntry};
 use documents::errors::ModelErrors;
-use echoes::Shown;
+use explained_findings::RecordResults;
 use linear::Linear;
 use panels::Panel;
-use rows::{Column, Columns, Rows};
+use rows::{Column, Columns, TestRows};
 
-use super::leftover::misfit;
 use super::own_errors::own_errors;
 use super::refit::Refitted;
+use super::residual_structure::measure_misfit;
 use super::{Candidate, Fitted, Subject, outliers};
 use base::error::Result;
 use posterior::whiteness;
@@ -41,7 +41,7 @@ pub fn default_simulations(n_fitted: usize) -> usize {
 }
 
 /// Result of a comparison, with the data of its figures.
-pub struct Outcome {
+pub struct ComparisonResult {
     /// The document.
     pub comparison: Comparison,
     /// The experiment, without outliers.
@@ -63,48 +63,52 @@ pub struct Outcome {
 ///
 /// # Errors
 /// [`base::Error::Numerical`] if it cannot be fitted or has no derivatives.
-pub fn run(
+pub fn compare_model(
     subject: &Subject,
     candidate: &Candidate,
     errors: Option<ModelErrors>,
     n_simulations: usize,
     seed: u64,
-) -> Result<Outcome> {
+) -> Result<ComparisonResult> {
     let whole = subject;
-    let (subject, fitted, outlier_rows) = outliers::without(whole, candidate)?;
+    let (subject, fitted, outlier_rows) = outliers::exclude_outliers(whole, candidate)?;
     let subject = &subject;
     let linear = Linear::new(subject, candidate, &fitted)?;
     let record = &subject.experiment().record;
     let is_fitted = subject.fitted_m.iter().map(Option::is_some).collect();
-    let rows = Rows::new(record, &fitted.position_m, is_fitted);
+    let rows = TestRows::new(record, &fitted.position_m, is_fitted);
     let (panels, left_out) = panels::panels(&rows);
     let columns: Vec<Columns> = panels.iter().map(Panel::values).collect();
     let residual_m = residuals_m(&subject.fitted_m, &fitted.position_m);
-    let own = looks(&linear, &subject.fitted, &residual_m, &columns)?;
-    let significance = significance(subject, &linear, &columns, &own, n_simulations, seed)?;
+    let test_statistics = run_tests(&linear, &subject.fitted, &residual_m, &columns)?;
+    let significance = calibrate_significance(subject, &linear, &columns, &test_statistics, n_simulations, seed)?;
     let mut entries = Vec::with_capacity(panels.len() + 2);
     for (k, panel) in panels.iter().enumerate() {
-        let bars = bars(subject, &linear, &residual_m, panel, rows.is_fitted(), &own.with[k])?;
-        let rms_um = 1e6 * rms_m(subject, &own.with[k].correction_m);
-        entries.push(entry(panel, bars, rms_um, k, &own, &significance));
+        let bars = bars(subject, &linear, &residual_m, panel, rows.is_fitted(), &test_statistics.panel_fits[k])?;
+        let rms_um = 1e6 * rms_m(subject, &test_statistics.panel_fits[k].correction_m);
+        entries.push(entry(panel, bars, rms_um, k, &test_statistics, &significance));
     }
-    entries.extend(whiteness_entries(&own, &significance));
+    entries.extend(whiteness_entries(&test_statistics, &significance));
     let noise_um = subject.noise_um();
     let significant: Vec<usize> = (0..entries.len()).filter(|k| entries[*k].p_familywise < SIGNIFICANT).collect();
-    let shown = Shown {
+    let shown = RecordResults {
         linear: &linear,
         likelihood: &subject.fitted,
         residual_m: &residual_m,
         columns: &columns,
         primary: panels.iter().position(|panel| panel.place == "input_correlation"),
-        looks: &own,
+        looks: &test_statistics,
     };
-    let standings = echoes::standings(&shown, &significant, &significance)?;
-    let noise =
-        standings.first().and_then(|leading| own.with.get(leading.look)).map_or(&fitted.noise, |fit| &fit.noise);
+    let standings = explained_findings::order_findings(&shown, &significant, &significance)?;
+    let noise = standings
+        .first()
+        .and_then(|leading| test_statistics.panel_fits.get(leading.statistic))
+        .map_or(&fitted.noise, |fit| &fit.noise);
     let findings = standings
         .iter()
-        .map(|s| sentences::finding(&entries[s.look], noise_um, s.echo_of.map(|source| &entries[source])))
+        .map(|s| {
+            sentences::describe_finding(&entries[s.statistic], noise_um, s.explained_by.map(|source| &entries[source]))
+        })
         .collect();
     let compared = Refitted { candidate: candidate.clone(), fitted: fitted.clone(), future: None };
     let errors = errors.map_or_else(|| own_errors(whole, &compared), Ok)?;
@@ -127,9 +131,9 @@ pub fn run(
             .collect(),
         simulated_records: n_simulations,
     };
-    let misfit = (!subject.is_noise_unknown()).then(|| misfit(subject, &compared, &[])).transpose()?;
-    comparison.sentence = sentences::overall(&comparison, misfit);
-    Ok(Outcome {
+    let misfit = (!subject.is_noise_unknown()).then(|| measure_misfit(subject, &compared, &[])).transpose()?;
+    comparison.sentence = sentences::describe_comparison(&comparison, misfit);
+    Ok(ComparisonResult {
         comparison,
         position_sd_m: linear.position_sd_m(&subject.fitted, &fitted.noise)?,
         whitened: whitened(subject, &fitted, noise),
@@ -169,7 +173,7 @@ fn bars(
     panel: &Panel,
     is_fitted: &[bool],
     fit: &linear::LinearFit,
-) -> Result<Vec<Bar>> {
+) -> Result<Vec<ColumnBias>> {
     let masked = |column: &Column| -> Vec<f64> {
         let fitted = column.values.iter().zip(&subject.fitted_m);
         fitted.map(|(value, y)| y.map_or(0.0, |_| *value)).collect()
@@ -186,7 +190,7 @@ fn bars(
             linear.weighted_means_m(&subject.fitted, residual_m, &panel.values(), fit, &weights)?
         }
     };
-    let bar = |(column, (mean_m, sd_m)): (&Column, (f64, f64))| Bar {
+    let bar = |(column, (mean_m, sd_m)): (&Column, (f64, f64))| ColumnBias {
         label: column.label.clone(),
         phrase: column.phrase.clone(),
         lag_s: column.lag_s,
@@ -198,22 +202,29 @@ fn bars(
 }
 
 /// Combines cosine and sine of each harmonic, which are neighbours, into one amplitude.
-fn amplitudes(bars: Vec<Bar>) -> Vec<Bar> {
-    let amplitude = |pair: &[Bar]| {
+fn amplitudes(bars: Vec<ColumnBias>) -> Vec<ColumnBias> {
+    let amplitude = |pair: &[ColumnBias]| {
         let size_um = pair.iter().map(|bar| bar.bias_um.powi(2)).sum::<f64>().sqrt();
         let square: f64 = pair.iter().map(|bar| (bar.bias_um * bar.sd_um).powi(2)).sum();
         let sd_um = square.sqrt() / size_um.max(f64::MIN_POSITIVE);
-        Bar { bias_um: size_um, sd_um, ..pair[0].clone() }
+        ColumnBias { bias_um: size_um, sd_um, ..pair[0].clone() }
     };
     bars.chunk_by(|a, b| a.label == b.label).map(amplitude).collect()
 }
 
-fn entry(panel: &Panel, bars: Vec<Bar>, rms_um: f64, k: usize, own: &Looks, significance: &Significance) -> PanelEntry {
-    PanelEntry {
+fn entry(
+    panel: &Panel,
+    bars: Vec<ColumnBias>,
+    rms_um: f64,
+    k: usize,
+    test_statistics: &TestStatistics,
+    significance: &Significance,
+) -> TestEntry {
+    TestEntry {
         place: panel.place.into(),
         title: panel.title.into(),
         is_along_force: panel.is_along_force,
-        gain_nats: own.statistics[k],
+        gain_nats: test_statistics.statistics[k],
         gain_by_chance_nats: significance.mean[k],
         rms_um: Some(rms_um),
         p: significance.p[k],
@@ -223,31 +234,31 @@ fn entry(panel: &Panel, bars: Vec<Bar>, rms_um: f64, k: usize, own: &Looks, sign
 }
 
 /// Entries for runs and autocorrelation, whose bars are correlations rather than µm.
-fn whiteness_entries(own: &Looks, significance: &Significance) -> [PanelEntry; 2] {
-    let n = own.whitened.len();
+fn whiteness_entries(test_statistics: &TestStatistics, significance: &Significance) -> [TestEntry; 2] {
+    let n = test_statistics.whitened.len();
     let sd_um = whiteness::white_limit(n) / 1.96;
-    let correlation = |(rho, lag): (&f64, usize)| Bar {
+    let correlation = |(rho, lag): (&f64, usize)| ColumnBias {
         label: lag.to_string(),
         phrase: format!("at lag {lag}"),
         lag_s: None,
         bias_um: *rho,
         sd_um,
     };
-    let rho = whiteness::autocorrelation(&own.whitened);
-    let score = whiteness::runs_score(&own.whitened);
-    let first = own.with.len();
-    let made = |k: usize, place: &str, title: &str, bars| PanelEntry {
+    let rho = whiteness::autocorrelation(&test_statistics.whitened);
+    let score = whiteness::runs_score(&test_statistics.whitened);
+    let first = test_statistics.panel_fits.len();
+    let made = |k: usize, place: &str, title: &str, bars| TestEntry {
         place: place.into(),
         title: title.into(),
         is_along_force: false,
-        gain_nats: own.statistics[k],
+        gain_nats: test_statistics.statistics[k],
         gain_by_chance_nats: significance.mean[k],
         rms_um: None,
         p: significance.p[k],
         p_familywise: significance.p_familywise[k],
         bars,
     };
-    let of_runs = Bar { label: "score".into(), phrase: String::new(), lag_s: None, bias_um: score, sd_um: 1.0 };
+    let of_runs = ColumnBias { label: "score".into(), phrase: String::new(), lag_s: None, bias_um: score, sd_um: 1.0 };
     [
         made(first, "runs", "runs of one sign (standard score)", vec![of_runs]),
         made(

@@ -24,7 +24,7 @@ pub(super) struct Normal {
 }
 
 /// Amplitudes with their covariance.
-pub(super) struct Solved {
+pub(super) struct NormalSolution {
     /// Amplitudes of the columns.
     pub amplitudes: DVector<f64>,
     /// Amplitudes of cycles' columns; 0 for cycles without one.
@@ -38,7 +38,7 @@ pub(super) struct Solved {
 }
 
 /// Dependence of a cycle's amplitude on those of the columns.
-pub(super) struct InCycle {
+pub(super) struct CycleAmplitude {
     /// Derivative of the amplitude with respect to the columns' amplitudes, with the opposite sign.
     following: DVector<f64>,
     /// Variance of the amplitude for fixed columns' amplitudes.
@@ -55,7 +55,7 @@ struct Elimination {
 
 impl Normal {
     /// Solves for all amplitudes; `None` if numbers are not finite.
-    pub fn solve(&self) -> Option<Solved> {
+    pub fn solve(&self) -> Option<NormalSolution> {
         let n = self.products.nrows() - 1;
         let steps = self.eliminate();
         let mut reduced = self.products.clone();
@@ -83,7 +83,7 @@ impl Normal {
         let of_cycles: Vec<f64> = self.amplitudes_of_cycles(&steps, &sizes);
         let left = self.left(&sizes, &of_cycles);
         let links = self.cycles.iter().map(|cycle| [cycle.left, cycle.kept]).collect();
-        Some(Solved { amplitudes, of_cycles, left, covariance, steps, links })
+        Some(NormalSolution { amplitudes, of_cycles, left, covariance, steps, links })
     }
 
     /// Eliminates cycles from the last to the first; `None` for a cycle without a column.
@@ -140,14 +140,14 @@ impl Normal {
     }
 }
 
-impl Solved {
+impl NormalSolution {
     /// Weighted sum of the columns' amplitudes with its standard error.
     pub fn weighted(&self, weights: &DVector<f64>) -> (f64, f64) {
         (weights.dot(&self.amplitudes), weights.dot(&(&self.covariance * weights)).max(0.0).sqrt())
     }
 
     /// Dependence of all cycles' amplitudes on those of the columns.
-    pub fn in_cycles(&self) -> Vec<InCycle> {
+    pub fn in_cycles(&self) -> Vec<CycleAmplitude> {
         let n = self.amplitudes.len();
         let (mut s, mut variance) = (DVector::zeros(n), 0.0);
         let of_cycle = |(step, [left, kept]): (&Option<Elimination>, &[f64; 2])| {
@@ -156,11 +156,11 @@ impl Solved {
                     let share = step.c / step.h;
                     let own_variance = 1.0 / step.h + share * share * variance;
                     variance = (kept - left * share).powi(2) * variance + left * left / step.h;
-                    InCycle { following: step.b.rows(0, n) / step.h - &s * share, own_variance }
+                    CycleAmplitude { following: step.b.rows(0, n) / step.h - &s * share, own_variance }
                 }
                 None => {
                     variance *= kept * kept;
-                    InCycle { following: DVector::zeros(n), own_variance: 0.0 }
+                    CycleAmplitude { following: DVector::zeros(n), own_variance: 0.0 }
                 }
             };
             s = *left * &in_cycle.following + *kept * &s;
@@ -169,8 +169,8 @@ impl Solved {
         self.steps.iter().zip(&self.links).map(of_cycle).collect()
     }
 
-    /// Weighted sum as in [`Solved::weighted`], with the amplitude of cycle `number` added.
-    pub fn weighted_in_cycle(&self, weights: &DVector<f64>, number: usize, in_cycle: &InCycle) -> (f64, f64) {
+    /// Weighted sum as in [`StageSolution::weighted`], with the amplitude of cycle `number` added.
+    pub fn weighted_in_cycle(&self, weights: &DVector<f64>, number: usize, in_cycle: &CycleAmplitude) -> (f64, f64) {
         let net = weights - &in_cycle.following;
         let variance = net.dot(&(&self.covariance * &net)) + in_cycle.own_variance;
         (weights.dot(&self.amplitudes) + self.of_cycles[number], variance.max(0.0).sqrt())

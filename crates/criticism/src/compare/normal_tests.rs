@@ -2,8 +2,8 @@
 
 use super::*;
 use crate::NoiseValues;
-use base::error::Place;
-use posterior::noise::{Asked, NoiseLikelihood, NoiseModel};
+use base::error::InputPlace;
+use posterior::noise::{NoiseLikelihood, NoiseModel, ProductRequest};
 
 /// Whitened columns of a record with short and long cycles: three columns, the residuals, and one column per cycle.
 struct Dense {
@@ -23,7 +23,7 @@ fn dense(noise: &NoiseValues) -> Dense {
         (0..n).map(|row| 4e-6 * (12.9 * (row * row) as f64).sin() + 2e-6 * (0.03 * row as f64).cos()).collect();
     let observed: Vec<Option<f64>> = position_m.iter().zip(&residual_m).map(|(x, r)| Some(x + r)).collect();
     let names = ["white", "ou", "gain"].map(String::from);
-    let model = NoiseModel::named(&names, &Place::default()).expect("names");
+    let model = NoiseModel::named(&names, &InputPlace::default()).expect("names");
     let likelihood = NoiseLikelihood::new(model, &time_s, &cycle, &observed);
     // The first column is the position, the second is nearly confined to one cycle, the third is slow.
     let columns_m = [
@@ -32,8 +32,9 @@ fn dense(noise: &NoiseValues) -> Dense {
         time_s.iter().map(|t| 1e-4 * (0.1 * t).cos()).collect(),
     ];
     let slices: Vec<&[f64]> = columns_m.iter().map(Vec::as_slice).chain([residual_m.as_slice()]).collect();
-    let own = 4..4;
-    let asked = Asked { columns: &slices, n_common: 4, own: std::slice::from_ref(&own), with_cycles: Some(0) };
+    let range = 4..4;
+    let asked =
+        ProductRequest { columns: &slices, n_common: 4, own: std::slice::from_ref(&range), with_cycles: Some(0) };
     let products = likelihood.white_products(&asked, &position_m, noise).expect("in support");
     let numbers: Vec<u32> = cycle.chunk_by(|a, b| a == b).map(|rows| rows[0]).collect();
     let has_column: Vec<bool> = (0..numbers.len()).map(|k| k != 3 && k != numbers.len() - 2).collect();

@@ -3,7 +3,7 @@
 //! A column has one value per row of the record, at most 1 in size: a bias of one metre has amplitude 1 there. Columns along a motion are
 //! signed, since a bias that changes sign with the force cancels in a plain mean.
 
-use super::rows::{ByCycle, Column, Columns, Rows};
+use super::rows::{ByCycle, Column, Columns, TestRows};
 use record::Record;
 
 /// Columns that are tested together.
@@ -36,7 +36,7 @@ impl Panel {
 
 /// A test that is meaningless in an experiment.
 #[derive(Debug, Clone, PartialEq)]
-pub struct LeftOut {
+pub struct OmittedTest {
     /// Stable name of the test.
     pub place: &'static str,
     /// Reason.
@@ -52,17 +52,17 @@ const MOST_LEVELS: usize = 6;
 const PERIOD_TOLERANCE: f64 = 0.02;
 
 /// A test, or the reason why there is none.
-type Look = (&'static str, Result<Panel, &'static str>);
+type TestPanel = (&'static str, Result<Panel, &'static str>);
 
-fn panel(place: &'static str, title: &'static str, is_along_force: bool, columns: Vec<Column>) -> Look {
+fn panel(place: &'static str, title: &'static str, is_along_force: bool, columns: Vec<Column>) -> TestPanel {
     let is_empty = columns.is_empty();
     let panel = Panel { place, title, is_along_force, columns, by_cycle: None };
     (place, if is_empty { Err("too few positions for it") } else { Ok(panel) })
 }
 
 /// Returns every panel that is meaningful in the experiment, and the tests that are not.
-pub fn panels(rows: &Rows) -> (Vec<Panel>, Vec<LeftOut>) {
-    let looks: [Look; 12] = [
+pub fn panels(rows: &TestRows) -> (Vec<Panel>, Vec<OmittedTest>) {
+    let looks: [TestPanel; 12] = [
         input_correlation(rows),
         time_since_step(rows),
         cycle(rows),
@@ -80,7 +80,7 @@ pub fn panels(rows: &Rows) -> (Vec<Panel>, Vec<LeftOut>) {
     for (place, look) in looks {
         match look {
             Ok(panel) => panels.push(panel),
-            Err(reason) => left_out.push(LeftOut { place, reason }),
+            Err(reason) => left_out.push(OmittedTest { place, reason }),
         }
     }
     (panels, left_out)
@@ -89,7 +89,7 @@ pub fn panels(rows: &Rows) -> (Vec<Panel>, Vec<LeftOut>) {
 const NO_STEPS: &str = "the force never steps";
 
 fn seconds(value: f64) -> String {
-    figures::number::significant(value, 2)
+    figures::number::format_significant(value, 2)
 }
 
 fn lag_column(ends: &[f64], k: usize, values: Vec<f64>) -> Column {
@@ -111,11 +111,11 @@ fn lag_bin(ends: &[f64], lag_s: f64) -> Option<usize> {
 }
 
 /// Bias in the direction of every force change, large or small, by the time after it.
-fn input_correlation(rows: &Rows) -> Look {
+fn input_correlation(rows: &TestRows) -> TestPanel {
     let record = rows.record;
     let ends = rows.lag_ends_s(MOST_LAG_BINS);
     let changes: Vec<(f64, f64)> = (0..rows.n())
-        .map(|row| (record.time_s[row], record.force_n[row] - record.before_n(row)))
+        .map(|row| (record.time_s[row], record.force_n[row] - record.previous_force_n(row)))
         .filter(|change| change.1 != 0.0)
         .collect();
     if ends.is_empty() || changes.is_empty() {
@@ -153,7 +153,7 @@ fn summed_by_lag(time_s: &[f64], changes: &[(f64, f64)], ends: &[f64]) -> Vec<Ve
     (0..ends.len()).map(of_bin).collect()
 }
 
-fn time_since_step(rows: &Rows) -> Look {
+fn time_since_step(rows: &TestRows) -> TestPanel {
     let ends = rows.lag_ends_s(MOST_LAG_BINS);
     if ends.is_empty() {
         return ("time_since_step", Err(NO_STEPS));
@@ -167,7 +167,7 @@ fn time_since_step(rows: &Rows) -> Look {
     panel("time_since_step", "time since the last force step (s)", true, rows.kept(columns))
 }
 
-fn cycle(rows: &Rows) -> Look {
+fn cycle(rows: &TestRows) -> TestPanel {
     let (cycles, by_cycle) = rows.by_cycle();
     if cycles.len() < 2 {
         return ("cycle", Err("only one cycle is fitted"));
@@ -182,16 +182,16 @@ fn cycle(rows: &Rows) -> Look {
 }
 
 /// Sign of the force at a row: −1, 0 or 1.
-fn sign_of_force(rows: &Rows, row: usize) -> f64 {
+fn sign_of_force(rows: &TestRows, row: usize) -> f64 {
     let force = rows.acting_n[row];
     if force.abs() < LEVEL_TOLERANCE * rows.largest_n { 0.0 } else { force.signum() }
 }
 
-fn has_sign(rows: &Rows, sign: f64) -> bool {
+fn has_sign(rows: &TestRows, sign: f64) -> bool {
     rows.fitted_rows().any(|row| sign_of_force(rows, row) == sign)
 }
 
-fn force_sign(rows: &Rows) -> Look {
+fn force_sign(rows: &TestRows) -> TestPanel {
     let named =
         [(1.0, "+", "while the force is positive"), (0.0, "0", "at rest"), (-1.0, "−", "while the force is negative")];
     let there: Vec<_> = named.into_iter().filter(|(sign, ..)| has_sign(rows, *sign)).collect();
@@ -205,7 +205,7 @@ fn force_sign(rows: &Rows) -> Look {
 }
 
 /// Ends of groups of force levels, relative to the largest force, without rest.
-fn levels(rows: &Rows) -> Vec<[f64; 2]> {
+fn levels(rows: &TestRows) -> Vec<[f64; 2]> {
     let mut sizes: Vec<f64> = rows
         .fitted_rows()
         .map(|row| rows.acting_n[row].abs() / rows.largest_n)
@@ -229,7 +229,7 @@ fn levels(rows: &Rows) -> Vec<[f64; 2]> {
 
 const ONE_LEVEL: &str = "the force has one level";
 
-fn force_level(rows: &Rows) -> Look {
+fn force_level(rows: &TestRows) -> TestPanel {
     let levels = levels(rows);
     if levels.len() < 2 {
         return ("force_level", Err(ONE_LEVEL));
@@ -245,26 +245,28 @@ fn force_level(rows: &Rows) -> Look {
     panel("force_level", "force over the largest", true, rows.kept(levels.iter().map(of).collect()))
 }
 
-fn position(rows: &Rows) -> Look {
+fn position(rows: &TestRows) -> TestPanel {
     let say = |low: f64, high: f64| {
-        let [low, middle, high] = [low, 0.5 * (low + high), high].map(|x| figures::number::significant(1e6 * x, 3));
+        let [low, middle, high] =
+            [low, 0.5 * (low + high), high].map(|x| figures::number::format_significant(1e6 * x, 3));
         (middle, format!("where the bead is between {low} and {high} µm"))
     };
     panel("position", "position (µm)", false, rows.quantile_bins(rows.position_m, say))
 }
 
-fn velocity(rows: &Rows) -> Look {
+fn velocity(rows: &TestRows) -> TestPanel {
     let time_s = &rows.record.time_s;
     let speed = |row: usize| if row == 0 { 0.0 } else { rows.moved_m[row] / (time_s[row] - time_s[row - 1]) };
     let speeds: Vec<f64> = (0..rows.n()).map(speed).collect();
     let say = |low: f64, high: f64| {
-        let [low, middle, high] = [low, 0.5 * (low + high), high].map(|v| figures::number::significant(1e6 * v, 2));
+        let [low, middle, high] =
+            [low, 0.5 * (low + high), high].map(|v| figures::number::format_significant(1e6 * v, 2));
         (middle, format!("where the bead moves at {low} to {high} µm/s"))
     };
     panel("velocity", "velocity (µm/s)", false, rows.quantile_bins(&speeds, say))
 }
 
-fn loading(rows: &Rows) -> Look {
+fn loading(rows: &TestRows) -> TestPanel {
     let is_loading = |row: usize| rows.moved_m[row] * rows.position_m[row] > 0.0;
     let of = |(loads, label, phrase): (bool, &str, &str)| {
         rows.column(label.into(), phrase.into(), |row| {
@@ -279,7 +281,7 @@ fn loading(rows: &Rows) -> Look {
 }
 
 /// Tests whether the response is proportional to the force.
-fn superposition(rows: &Rows) -> Look {
+fn superposition(rows: &TestRows) -> TestPanel {
     let ends = rows.lag_ends_s(2);
     if levels(rows).len() < 2 || ends.len() < 2 {
         return ("superposition", Err(ONE_LEVEL));
@@ -300,7 +302,7 @@ fn superposition(rows: &Rows) -> Look {
 }
 
 /// Tests the part of the bias that does not change sign with the force.
-fn reversal(rows: &Rows) -> Look {
+fn reversal(rows: &TestRows) -> TestPanel {
     if !(has_sign(rows, 1.0) && has_sign(rows, -1.0)) {
         return ("reversal", Err("the force has one sign"));
     }
@@ -317,7 +319,7 @@ fn reversal(rows: &Rows) -> Look {
     panel("reversal", "even part: time since the step (s)", false, rows.kept((0..ends.len()).map(column).collect()))
 }
 
-fn trend(rows: &Rows) -> Look {
+fn trend(rows: &TestRows) -> TestPanel {
     let times: Vec<f64> = rows.fitted_rows().map(|row| rows.record.time_s[row]).collect();
     let (Some(first), Some(last)) = (times.first(), times.last()) else {
         return ("trend", Err("nothing is fitted"));
@@ -346,7 +348,7 @@ fn spans_s(record: &Record) -> Vec<[f64; 2]> {
     starts.iter().zip(ends).map(|(start, end)| [*start, end]).collect()
 }
 
-fn harmonics(rows: &Rows) -> Look {
+fn harmonics(rows: &TestRows) -> TestPanel {
     let spans = spans_s(rows.record);
     let lengths: Vec<f64> = spans.iter().map(|[start, end]| end - start).collect();
     let mean_s = lengths.iter().sum::<f64>() / lengths.len().max(1) as f64;
@@ -361,7 +363,7 @@ fn harmonics(rows: &Rows) -> Look {
     };
     let mut columns = Vec::new();
     for k in 1..=most {
-        let hertz = figures::number::significant(k as f64 / mean_s, 2);
+        let hertz = figures::number::format_significant(k as f64 / mean_s, 2);
         let phrase = format!("at {hertz} Hz, harmonic {k} of the force");
         columns.push(rows.column(k.to_string(), phrase.clone(), |row| (k as f64 * phase(row)).cos()));
         columns.push(rows.column(k.to_string(), phrase, |row| (k as f64 * phase(row)).sin()));
@@ -416,7 +418,7 @@ mod tests {
         };
         let position_m: Vec<f64> = (0..n).map(|row| 1e-4 * (0.6 * row as f64).sin()).collect();
         let is_fitted = record.cycle.iter().map(|cycle| *cycle < 2_000 && *cycle != 7).collect();
-        let (panels, _) = panels(&Rows::new(&record, &position_m, is_fitted));
+        let (panels, _) = panels(&TestRows::new(&record, &position_m, is_fitted));
         let cycles = panels.iter().find(|panel| panel.place == "cycle").expect("many cycles");
         assert_eq!(cycles.columns.len(), 1_998);
         let kept: usize = panels.iter().map(|panel| panel.values().dense.iter().map(Vec::len).sum::<usize>()).sum();

@@ -47,7 +47,7 @@ impl Columns {
 }
 
 /// Rows of a record, from which panels are made.
-pub struct Rows<'a> {
+pub struct TestRows<'a> {
     pub(super) record: &'a Record,
     /// Model's position (m).
     pub(super) position_m: &'a [f64],
@@ -62,15 +62,18 @@ pub struct Rows<'a> {
     pub(super) interval_s: f64,
 }
 
-impl<'a> Rows<'a> {
+impl<'a> TestRows<'a> {
     /// Prepares the rows of a record with a model's position (m) at every row; `is_fitted` marks the rows that count.
     pub fn new(record: &'a Record, position_m: &'a [f64], is_fitted: Vec<bool>) -> Self {
         let n = record.n_rows();
-        let acting_n: Vec<f64> = (0..n).map(|row| record.acting_n(row)).collect();
+        let acting_n: Vec<f64> = (0..n).map(|row| record.acting_force_n(row)).collect();
         let moved_m = (0..n).map(|i| if i == 0 { 0.0 } else { position_m[i] - position_m[i - 1] }).collect();
         let largest_n = record.force_n.iter().fold(0.0_f64, |largest, force| largest.max(force.abs()));
-        let steps: Vec<(usize, f64)> =
-            record.force_step_rows().into_iter().map(|row| (row, record.force_n[row] - record.before_n(row))).collect();
+        let steps: Vec<(usize, f64)> = record
+            .force_step_rows()
+            .into_iter()
+            .map(|row| (row, record.force_n[row] - record.previous_force_n(row)))
+            .collect();
         let largest_step = steps.iter().fold(f64::MIN_POSITIVE, |largest, step| largest.max(step.1.abs()));
         let last_before = |row: usize| {
             let place = steps.partition_point(|(at, _)| *at < row).checked_sub(1)?;
@@ -119,10 +122,10 @@ impl<'a> Rows<'a> {
     /// Cycles that begin a recording with fitted rows, and their columns if they have enough rows.
     pub(super) fn by_cycle(&self) -> (Vec<u32>, ByCycle) {
         let recordings = recordings(self.record);
-        let (mut own, mut cycles, mut counts) = (Vec::<u32>::new(), Vec::<u32>::new(), Vec::<usize>::new());
+        let (mut indexes, mut cycles, mut counts) = (Vec::<u32>::new(), Vec::<u32>::new(), Vec::<usize>::new());
         for row in self.fitted_rows() {
-            if own.last() != Some(&recordings[row]) {
-                own.push(recordings[row]);
+            if indexes.last() != Some(&recordings[row]) {
+                indexes.push(recordings[row]);
                 cycles.push(self.record.cycle[row]);
                 counts.push(0);
             }
@@ -133,10 +136,10 @@ impl<'a> Rows<'a> {
         let has_column: Vec<bool> = counts.iter().map(|count| *count >= FEWEST_ROWS).collect();
         let mut next = 0;
         let place_of = |recording: &u32| {
-            while next < own.len() && own[next] < *recording {
+            while next < indexes.len() && indexes[next] < *recording {
                 next += 1;
             }
-            (own.get(next) == Some(recording) && has_column[next]).then_some(next)
+            (indexes.get(next) == Some(recording) && has_column[next]).then_some(next)
         };
         let place = recordings.iter().map(place_of).collect();
         (cycles, ByCycle { place, has_column })

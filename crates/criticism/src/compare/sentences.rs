@@ -1,8 +1,8 @@
 //! Sentences of a comparison.
 
 use super::panels::lag_phrase;
-use documents::comparison::{Bar, Comparison, Finding, PanelEntry};
-use figures::number::significant;
+use documents::comparison::{ColumnBias, Comparison, Finding, TestEntry};
+use figures::number::format_significant;
 use posterior::misfit::{Misfit, NOISE_FACTOR};
 
 /// Neighbouring bars of one sign belong together if they exceed this fraction of the largest.
@@ -13,7 +13,7 @@ const CLEAR: f64 = 3.0;
 const LEAST_SHARE: f64 = 0.5;
 
 /// A significant test as a finding; `echo_of` names the finding that explains it.
-pub fn finding(entry: &PanelEntry, noise_um: Option<f64>, echo_of: Option<&PanelEntry>) -> Finding {
+pub fn describe_finding(entry: &TestEntry, noise_um: Option<f64>, echo_of: Option<&TestEntry>) -> Finding {
     let is_telling = |k: &usize| entry.rms_um.is_some_and(|rms_um| is_clear(&entry.bars[*k], rms_um));
     let clearest = clearest(&entry.bars).filter(is_telling);
     let bar = clearest.map(|k| &entry.bars[k]);
@@ -32,11 +32,11 @@ pub fn finding(entry: &PanelEntry, noise_um: Option<f64>, echo_of: Option<&Panel
     }
 }
 
-fn over_error(bar: &Bar) -> f64 {
+fn over_error(bar: &ColumnBias) -> f64 {
     bar.bias_um.abs() / bar.sd_um.max(f64::MIN_POSITIVE)
 }
 
-fn is_clear(bar: &Bar, rms_um: f64) -> bool {
+fn is_clear(bar: &ColumnBias, rms_um: f64) -> bool {
     over_error(bar) >= CLEAR && bar.bias_um.abs() > LEAST_SHARE * rms_um
 }
 
@@ -49,16 +49,16 @@ fn with_error(value: f64, sd: f64) -> String {
 }
 
 /// Index of the bar with the largest ratio to its error.
-fn clearest(bars: &[Bar]) -> Option<usize> {
+fn clearest(bars: &[ColumnBias]) -> Option<usize> {
     (0..bars.len()).max_by(|a, b| over_error(&bars[*a]).total_cmp(&over_error(&bars[*b])))
 }
 
 /// Phrase for the part that noise may explain, if the noise is known.
 fn of_noise(noise_um: Option<f64>) -> String {
-    noise_um.map_or(String::new(), |noise_um| format!("; noise explains {} µm", significant(noise_um, 2)))
+    noise_um.map_or(String::new(), |noise_um| format!("; noise explains {} µm", format_significant(noise_um, 2)))
 }
 
-fn about_place(entry: &PanelEntry, clearest: usize, noise_um: Option<f64>) -> String {
+fn about_place(entry: &TestEntry, clearest: usize, noise_um: Option<f64>) -> String {
     let bar = &entry.bars[clearest];
     format!(
         "The model misses {} µm{}, mostly {}{}.",
@@ -69,10 +69,10 @@ fn about_place(entry: &PanelEntry, clearest: usize, noise_um: Option<f64>) -> St
     )
 }
 
-fn about_whole(entry: &PanelEntry, noise_um: Option<f64>) -> String {
+fn about_whole(entry: &TestEntry, noise_um: Option<f64>) -> String {
     format!(
         "The model misses {} µm (root mean square) {}, and no single place stands out{}.",
-        significant(entry.rms_um.unwrap_or(0.0), 2),
+        format_significant(entry.rms_um.unwrap_or(0.0), 2),
         whole(&entry.place),
         of_noise(noise_um)
     )
@@ -97,7 +97,7 @@ fn whole(place: &str) -> &'static str {
 }
 
 /// Direction of the measurement's deviation, in words.
-fn direction(entry: &PanelEntry, bar: &Bar) -> &'static str {
+fn direction(entry: &TestEntry, bar: &ColumnBias) -> &'static str {
     let is_ahead = bar.bias_um > 0.0;
     match entry.place.as_str() {
         "time_since_step" | "input_correlation" if is_ahead => " (the bead is ahead of it)",
@@ -111,7 +111,7 @@ fn direction(entry: &PanelEntry, bar: &Bar) -> &'static str {
 }
 
 /// Place of the clearest bar, in words, with the neighbours in time that resemble it.
-fn phrase(bars: &[Bar], clearest: usize) -> String {
+fn phrase(bars: &[ColumnBias], clearest: usize) -> String {
     let bar = &bars[clearest];
     let is_plain = bar.lag_s.is_some_and(|lag_s| bar.phrase == lag_phrase(lag_s));
     if !is_plain {
@@ -126,7 +126,7 @@ fn phrase(bars: &[Bar], clearest: usize) -> String {
     }
 }
 
-fn about_whiteness(entry: &PanelEntry) -> Option<String> {
+fn about_whiteness(entry: &TestEntry) -> Option<String> {
     match entry.place.as_str() {
         "runs" => {
             let kind = if entry.bars.first().is_some_and(|bar| bar.bias_um < 0.0) { "longer" } else { "shorter" };
@@ -138,7 +138,7 @@ fn about_whiteness(entry: &PanelEntry) -> Option<String> {
             let bar = &entry.bars[clearest(&entry.bars)?];
             Some(format!(
                 "The whitened residuals are correlated, {} {}: noise of the assumed kind does not explain them.",
-                significant(bar.bias_um, 2),
+                format_significant(bar.bias_um, 2),
                 bar.phrase
             ))
         }
@@ -147,8 +147,8 @@ fn about_whiteness(entry: &PanelEntry) -> Option<String> {
 }
 
 /// Overall sentence; `judged` is the misfit by the thresholds of `diagnose`, `None` if the noise is unknown.
-pub fn overall(comparison: &Comparison, judged: Option<Misfit>) -> String {
-    let um = |value: f64| significant(value, 2);
+pub fn describe_comparison(comparison: &Comparison, judged: Option<Misfit>) -> String {
+    let um = |value: f64| format_significant(value, 2);
     let noise_um = comparison.noise_um;
     let (n, of) = (comparison.findings.len(), comparison.panels.len());
     let heldout = comparison
@@ -187,14 +187,14 @@ pub fn overall(comparison: &Comparison, judged: Option<Misfit>) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use posterior::misfit::Size;
+    use posterior::misfit::ResidualSize;
 
-    fn bar(bias_um: f64, sd_um: f64, lag_s: [f64; 2]) -> Bar {
-        Bar { label: String::new(), phrase: lag_phrase(lag_s), lag_s: Some(lag_s), bias_um, sd_um }
+    fn bar(bias_um: f64, sd_um: f64, lag_s: [f64; 2]) -> ColumnBias {
+        ColumnBias { label: String::new(), phrase: lag_phrase(lag_s), lag_s: Some(lag_s), bias_um, sd_um }
     }
 
-    fn entry(bars: Vec<Bar>) -> PanelEntry {
-        PanelEntry {
+    fn entry(bars: Vec<ColumnBias>) -> TestEntry {
+        TestEntry {
             place: "time_since_step".into(),
             title: String::new(),
             is_along_force: true,
@@ -210,7 +210,7 @@ mod tests {
     #[test]
     fn like_neighbours_in_time_make_one_place() {
         let bars = vec![bar(-12.0, 2.0, [0.0, 0.1]), bar(-9.0, 2.0, [0.1, 0.3]), bar(-3.0, 2.0, [0.3, 1.0])];
-        let finding = finding(&entry(bars), Some(4.0), None);
+        let finding = describe_finding(&entry(bars), Some(4.0), None);
         let expected = "The model misses 12 ± 2 µm (the bead lags behind it), mostly within 0.30 s after each force step; noise explains 4.0 µm.";
         assert_eq!((finding.sentence.as_str(), finding.size_um, finding.size_sd_um), (expected, Some(12.0), Some(2.0)));
     }
@@ -225,7 +225,8 @@ mod tests {
 
     #[test]
     fn a_feeble_bar_is_no_place() {
-        let finding = finding(&entry(vec![bar(0.59, 0.3, [0.0, 0.1]), bar(-0.5, 0.3, [0.1, 0.3])]), Some(4.0), None);
+        let finding =
+            describe_finding(&entry(vec![bar(0.59, 0.3, [0.0, 0.1]), bar(-0.5, 0.3, [0.1, 0.3])]), Some(4.0), None);
         assert!(finding.sentence.contains("1.2 µm (root mean square)"), "{}", finding.sentence);
         assert!(!finding.sentence.contains('±'), "{}", finding.sentence);
         assert_eq!((finding.size_um, finding.size_sd_um), (Some(1.21), None));
@@ -248,21 +249,21 @@ mod tests {
             left_out: Vec::new(),
             simulated_records: 199,
         };
-        let size = |rms_um: f64| Size { rms_m: 1e-6 * rms_um, is_too_large: rms_um > 6.0 };
+        let size = |rms_um: f64| ResidualSize { rms_m: 1e-6 * rms_um, is_too_large: rms_um > 6.0 };
         let judged = |heldout_um: f64| {
             let (fitted, heldout) = (size(4.2), Some(size(heldout_um)));
             Some(Misfit { fitted, heldout, noise_m: 4e-6, is_known: true, returning_m: None, learnt_degrees: 1.0 })
         };
-        let said = overall(&comparison, judged(14.0));
+        let said = describe_comparison(&comparison, judged(14.0));
         assert!(
             said.starts_with("The model does not predict the last held-out cycle") && said.contains("3.5 times"),
             "{said}"
         );
         comparison.rmse_heldout_um = Some(4.4);
-        let sound = overall(&comparison, judged(4.4));
+        let sound = describe_comparison(&comparison, judged(4.4));
         assert!(sound.starts_with("Nothing found") && !sound.contains("cannot be ruled out"), "{sound}");
         comparison.noise_um = None;
-        let unknown = overall(&comparison, None);
+        let unknown = describe_comparison(&comparison, None);
         assert!(unknown.contains("noise unknown") && unknown.contains("cannot be ruled out"), "{unknown}");
     }
 }

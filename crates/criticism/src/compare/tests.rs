@@ -29,7 +29,7 @@ fn noisy(subject: &Subject, truth_m: &[f64], kind: usize, seed: u64) -> Subject 
 }
 
 fn compared(data: &Subject, n_simulations: usize) -> Comparison {
-    run(data, &data.base(), None, n_simulations, 1).expect("a model").comparison
+    compare_model(data, &data.base(), None, n_simulations, 1).expect("a model").comparison
 }
 
 /// Tests 8 correct models with white, slow, gain and outlier noise. With 39 simulated records, one in forty may have a finding, and one in twenty would still

@@ -13,16 +13,16 @@ mod starts;
 use std::collections::BTreeMap;
 
 use super::{Candidate, Fitted, Subject};
-use base::error::{Error, Place, Result, Setting};
-use documents::diagnosis::{Answer, RefitParameter};
+use base::error::{Error, InputPlace, Result, Setting};
+use documents::diagnosis::{PosteriorMode, RefitParameter};
 use models::model::Compliance;
 use posterior::likelihood::{FittedRecord, PosteriorParts, ReducedPosterior};
 use posterior::prior::PriorSet;
 use posterior::problem::Problem;
 use sampling::evidence::importance::{self, ImportanceOptions};
 use sampling::evidence::tempering::{self, TemperingOptions};
-use sampling::evidence::{Estimate, PriorCoordinates, WeightedDraws, valley};
-use sampling::optimum::{Modes, find_modes, touching};
+use sampling::evidence::{Estimate, PriorCoordinates, WeightedDraws, find_density_valley};
+use sampling::optimum::{Modes, find_modes, fit_local_gaussian};
 
 pub use starts::Starts;
 
@@ -49,12 +49,12 @@ pub struct ModelEvidence {
     /// Sampled parameters of the law and of the effects, in the model's order, over all modes.
     pub parameters: Vec<RefitParameter>,
     /// Modes of the posterior, separated by a valley in an effect's parameter, the likelier first; empty if there is one mode.
-    pub answers: Vec<Answer>,
+    pub modes: Vec<PosteriorMode>,
 }
 
 /// Effort for an evidence.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Care {
+pub enum EvidenceBudget {
     /// All starts of the design, learnt trajectories, and a second method if the first fails; for the claim.
     Full,
     /// Fewer draws, and importance sampling alone; for models beside a claim.
@@ -66,7 +66,7 @@ pub struct CandidatePosterior<'a> {
     subject: &'a Subject,
     problem: Problem,
     fixed: BTreeMap<String, f64>,
-    care: Care,
+    care: EvidenceBudget,
 }
 
 impl<'a> CandidatePosterior<'a> {
@@ -77,7 +77,7 @@ impl<'a> CandidatePosterior<'a> {
     pub fn new(subject: &'a Subject, candidate: &Candidate) -> Result<Self> {
         if !candidate.columns.is_empty() {
             return Err(Error::input(
-                Place::setting(Setting::Effects),
+                InputPlace::setting(Setting::Effects),
                 "columns of free amplitude have no prior, so the model has no evidence",
                 "ask for the evidence of a law with effects",
             ));
@@ -86,7 +86,7 @@ impl<'a> CandidatePosterior<'a> {
         specification.effects.clone_from(&candidate.effects);
         let problem = subject.problem().with_model(specification, subject.library())?;
         let fixed = problem.specification.fixed.clone();
-        Ok(Self { subject, problem, fixed, care: Care::Full })
+        Ok(Self { subject, problem, fixed, care: EvidenceBudget::Full })
     }
 
     /// Priors of the sampled parameters.
@@ -101,7 +101,7 @@ impl<'a> CandidatePosterior<'a> {
 
     /// Log density for many draws: nonlinear laws remember their trajectories.
     fn density_of_draws(&self) -> ReducedPosterior<'_> {
-        self.density_by(self.subject.local_compliance())
+        self.density_by(self.subject.memory_compliance())
     }
 
     fn density_by(&self, compliance: &Compliance) -> ReducedPosterior<'_> {
@@ -129,11 +129,12 @@ impl<'a> CandidatePosterior<'a> {
         let starts = self.starts(candidate, fitted);
         let density = self.density();
         let seen = PriorCoordinates::new(&density, self.priors().distributions());
-        let of_natural = |natural: Vec<f64>| natural.iter().enumerate().map(|(d, x)| seen.of_natural(d, *x)).collect();
+        let of_natural =
+            |natural: Vec<f64>| natural.iter().enumerate().map(|(d, x)| seen.from_natural(d, *x)).collect();
         let climbs: Vec<Vec<f64>> = starts.climbs.into_iter().map(of_natural).collect();
         let mut modes = find_modes(&seen, &climbs)?;
         for point in starts.ridges.into_iter().map(of_natural) {
-            touching(&seen, &point)?.iter().for_each(|touching| modes.add(touching));
+            fit_local_gaussian(&seen, &point)?.iter().for_each(|touching| modes.add(touching));
         }
         Ok(modes)
     }
@@ -144,9 +145,9 @@ impl<'a> CandidatePosterior<'a> {
     /// Errors of [`importance::evidence`].
     pub fn by_importance(&self, modes: &Modes, seed: u64) -> Result<Estimate> {
         let options = match (self.is_slow(), self.care) {
-            (true, _) => ImportanceOptions::of_slow_density(),
-            (false, Care::Full) => ImportanceOptions::default(),
-            (false, Care::Brief) => ImportanceOptions::in_brief(),
+            (true, _) => ImportanceOptions::for_slow_density(),
+            (false, EvidenceBudget::Full) => ImportanceOptions::default(),
+            (false, EvidenceBudget::Brief) => ImportanceOptions::quick(),
         };
         let density = self.density_of_draws();
         let seen = PriorCoordinates::new(&density, self.priors().distributions());
@@ -173,7 +174,7 @@ impl<'a> CandidatePosterior<'a> {
         let weighted = self.by_importance(&modes, seed);
         match weighted {
             Ok(estimate) if importance::is_reliable(&estimate) => Ok((estimate, EvidenceMethod::ImportanceSampling)),
-            Ok(_) | Err(Error::Numerical { .. }) if !self.is_slow() && self.care == Care::Full => {
+            Ok(_) | Err(Error::Numerical { .. }) if !self.is_slow() && self.care == EvidenceBudget::Full => {
                 let mut tempered = self.by_tempering(&modes, seed)?;
                 // Replicates cannot show a part of the posterior that all of them miss; weights that reach it do.
                 if let Ok(weighted) = weighted {
@@ -198,7 +199,7 @@ impl<'a> CandidatePosterior<'a> {
 /// # Errors
 /// [`Error::Input`] if the candidate has columns of free amplitude, [`Error::Numerical`] if its posterior cannot be sampled.
 pub fn evidence(subject: &Subject, candidate: &Candidate, fitted: &Fitted, seed: u64) -> Result<ModelEvidence> {
-    evidence_with(subject, candidate, fitted, (Care::Full, seed))
+    evidence_with(subject, candidate, fitted, (EvidenceBudget::Full, seed))
 }
 
 /// [`evidence`] with a given effort.
@@ -209,7 +210,7 @@ pub(super) fn evidence_with(
     subject: &Subject,
     candidate: &Candidate,
     fitted: &Fitted,
-    (care, seed): (Care, u64),
+    (care, seed): (EvidenceBudget, u64),
 ) -> Result<ModelEvidence> {
     let posterior = CandidatePosterior { care, ..CandidatePosterior::new(subject, candidate)? };
     let (estimate, method) = posterior.estimate(candidate, fitted, seed)?;
@@ -241,9 +242,9 @@ fn evidence_of(posterior: &CandidatePosterior, estimate: &Estimate, method: Evid
     let density = posterior.density();
     let seen = PriorCoordinates::new(&density, posterior.priors().distributions());
     let parameters = parameters_of(posterior, &seen, &estimate.draws);
-    let answers = answers(posterior, &seen, &estimate.draws);
+    let answers = split_modes(posterior, &seen, &estimate.draws);
     let Estimate { ln_evidence, standard_error, pareto_k, .. } = *estimate;
-    ModelEvidence { ln_evidence, standard_error, pareto_k, method, parameters, answers }
+    ModelEvidence { ln_evidence, standard_error, pareto_k, method, parameters, modes: answers }
 }
 
 fn parameters_of(
@@ -261,18 +262,19 @@ fn parameters_of(
 }
 
 /// The two sides of the first valley in a parameter of an effect, if there is one.
-fn answers(posterior: &CandidatePosterior, seen: &PriorCoordinates, draws: &WeightedDraws) -> Vec<Answer> {
+fn split_modes(posterior: &CandidatePosterior, seen: &PriorCoordinates, draws: &WeightedDraws) -> Vec<PosteriorMode> {
     let n_before = posterior.problem.model.n_before_effects();
     let of_effects = &posterior.problem.model.parameters()[n_before..];
     let priors = posterior.priors().priors().iter().enumerate();
     let mut of_effects = priors.filter(|(_, prior)| of_effects.iter().any(|spec| spec.name == prior.name));
-    let Some((d, bottom)) = of_effects.find_map(|(d, _)| Some((d, valley(draws, |point| point[d])?))) else {
+    let Some((d, bottom)) = of_effects.find_map(|(d, _)| Some((d, find_density_valley(draws, |point| point[d])?)))
+    else {
         return Vec::new();
     };
     let side = |is_on: &dyn Fn(f64) -> bool| {
-        let part = draws.part(|point| is_on(point[d]));
+        let part = draws.restricted_to(|point| is_on(point[d]));
         let probability = draws.mean(|point| f64::from(u8::from(is_on(point[d]))));
-        Answer { probability, parameters: parameters_of(posterior, seen, &part) }
+        PosteriorMode { probability, parameters: parameters_of(posterior, seen, &part) }
     };
     let mut sides = vec![side(&|x| x < bottom), side(&|x| x >= bottom)];
     sides.sort_by(|a, b| b.probability.total_cmp(&a.probability));

@@ -8,9 +8,9 @@ use base::error::Result;
 use base::number::Dual;
 use base::parameter::{ParameterSpec, Support};
 use laws::rheology::Element;
-use models::effects::{Effect, EffectParameter, Field, Stage, Stages};
-use posterior::study::effect_file::leaked;
-use record::Scales;
+use models::effects::{Effect, EffectParameter, FieldEffect, Stage, Stages};
+use posterior::study::effect_file::leak;
+use record::CharacteristicSizes;
 
 /// Number of times per decade, and largest number of times.
 const TIMES_PER_DECADE: f64 = 1.5;
@@ -36,7 +36,7 @@ pub fn creep(subject: &Subject) -> Option<&'static Creep> {
     let times_s: Arc<[f64]> = (0..n).map(|k| shortest_s * 10.0_f64.powf(decades * k as f64 / (n - 1) as f64)).collect();
     let parameter = |k: usize| EffectParameter {
         spec: ParameterSpec::new(
-            leaked(format!("creep.share_{k}")),
+            leak(format!("creep.share_{k}")),
             "a",
             "1",
             Support { lower: 0.0, upper: f64::INFINITY },
@@ -66,10 +66,10 @@ impl Effect for Creep {
     fn parameters(&self) -> &'static [EffectParameter] {
         self.parameters
     }
-    fn barred_beside(&self, _field: Field) -> Option<&'static str> {
+    fn conflict_with_field(&self, _field: FieldEffect) -> Option<&'static str> {
         Some("a free memory cannot be combined with a solved displacement field")
     }
-    fn apply(&self, parameters: &[Dual], scales: &Scales, stages: &mut Stages) -> Result<()> {
+    fn apply(&self, parameters: &[Dual], scales: &CharacteristicSizes, stages: &mut Stages) -> Result<()> {
         let hold_s = if scales.hold_s > 0.0 { scales.hold_s } else { 1.0 };
         let unit_per_pa = Dual::ONE / Element::Series(stages.law.clone()).operator_pa(hold_s);
         let bodies = parameters.iter().zip(self.times_s.iter()).map(|(share, time_s)| Element::Retarded {

@@ -2,8 +2,8 @@
 
 use rayon::prelude::*;
 
-use super::formulas::{Parameter, Written, formulas};
-use super::pairs::{Kind, Pair, reach};
+use super::formulas::{FormulaText, Parameter, formulas};
+use super::pairs::{Pair, StateKind, state_range};
 use crate::refit::Refitted;
 use crate::{Search, Subject, Tangent};
 use base::number::Dual;
@@ -17,7 +17,7 @@ const NATS_PER_PARAMETER: f64 = 1.0;
 pub const FILE_NAME: &str = "learned-effect.toml";
 
 /// A formula at its fit.
-pub struct Distilled {
+pub struct FittedFormula {
     /// The formula as in its file.
     pub text: String,
     /// Its parameters.
@@ -31,7 +31,7 @@ pub struct Distilled {
     effect: &'static StateEffect,
 }
 
-impl Distilled {
+impl FittedFormula {
     /// Entry of the document, with its factors at the states of a function, relative to the function's reference.
     pub fn document(&self, function: &LearnedFunction) -> LearnedFormula {
         let states: Vec<f64> = function.points.iter().map(|point| point.state).collect();
@@ -45,20 +45,20 @@ impl Distilled {
 }
 
 /// Finds the formula with the fewest parameters, at most `most_parameters`, that predicts unseen cycles with a log score of at least `least_score` nats. The best predictor of several wins; `None` if there is none.
-pub fn distil(
+pub fn find_simplest_formula(
     subject: &Subject,
     base: &Refitted,
     pair: &Pair,
     (least_score, most_parameters): (f64, usize),
-) -> Option<Distilled> {
-    let Kind::Function { state, visited, .. } = &pair.kind else { return None };
-    let [low, high] = reach(visited);
+) -> Option<FittedFormula> {
+    let StateKind::Function { state, visited, .. } = &pair.kind else { return None };
+    let [low, high] = state_range(visited);
     let mut written = formulas(*state, [low, high]);
     written.retain(|written| written.parameters.len() <= most_parameters);
-    let fitted = |written: &Written| {
+    let fitted = |written: &FormulaText| {
         let (text, effect) = as_effect(written, pair)?;
-        let (own, refitted) = fitted(subject, base, effect)?;
-        Some((text, own, refitted, effect))
+        let (entry, refitted) = fit_with_effect(subject, base, effect)?;
+        Some((text, entry, refitted, effect))
     };
     let all: Vec<_> = written.par_iter().map(|written| (written, fitted(written))).collect();
     let score = |refitted: &Refitted| -> f64 {
@@ -68,26 +68,35 @@ pub fn distil(
     };
     let found = all.into_iter().filter_map(|(written, fitted)| Some((written, fitted?)));
     let mut found: Vec<_> = found.filter(|(_, (_, _, refitted, _))| score(refitted) >= least_score).collect();
-    found.sort_by(|(own, (_, _, a, _)), (other, (_, _, b, _))| {
-        own.parameters.len().cmp(&other.parameters.len()).then(score(b).total_cmp(&score(a)))
+    found.sort_by(|(formula_text, (_, _, a, _)), (other, (_, _, b, _))| {
+        formula_text.parameters.len().cmp(&other.parameters.len()).then(score(b).total_cmp(&score(a)))
     });
     // A formula whose parameters the data do not determine is rejected.
-    let (written, file, refitted, effect, own) =
+    let (written, file, refitted, effect, formula_parameters) =
         found.into_iter().find_map(|(written, (file, subject, refitted, effect))| {
-            let own = parameters(&subject, &refitted, written, effect)?;
-            let in_order =
-                written.parameters.iter().filter_map(|p| Some((p, own.iter().find(|own| own.name == p.name)?)));
-            let is_told = |(parameter, own): (&Parameter, &FormulaParameter)| {
-                !parameter.has_null || own.q05 > 0.0 || own.q95 < 0.0
+            let item = parameters(&subject, &refitted, written, effect)?;
+            let in_order = written
+                .parameters
+                .iter()
+                .filter_map(|p| Some((p, item.iter().find(|formula_parameter| formula_parameter.name == p.name)?)));
+            let is_told = |(parameter, formula_parameter): (&Parameter, &FormulaParameter)| {
+                !parameter.has_null || formula_parameter.q05 > 0.0 || formula_parameter.q95 < 0.0
             };
             let are_told = in_order.into_iter().all(is_told);
-            are_told.then_some((written, file, refitted, effect, own))
+            are_told.then_some((written, file, refitted, effect, item))
         })?;
-    Some(Distilled { text: written.text.clone(), parameters: own, score: score(&refitted), refitted, file, effect })
+    Some(FittedFormula {
+        text: written.text.clone(),
+        parameters: formula_parameters,
+        score: score(&refitted),
+        refitted,
+        file,
+        effect,
+    })
 }
 
 /// Makes an effect of a pair's formula, with its file.
-pub fn as_effect(written: &Written, pair: &Pair) -> Option<(String, &'static StateEffect)> {
+pub fn as_effect(written: &FormulaText, pair: &Pair) -> Option<(String, &'static StateEffect)> {
     let slug = format!("learned-{}-by-{}", pair.quantity, pair.state).replace('_', "-");
     let summary = format!("{} depends on {}", pair.quantity, pair.state.replace('_', " "));
     let text = written.file(&slug, pair.quantity, pair.state, &summary);
@@ -97,18 +106,22 @@ pub fn as_effect(written: &Written, pair: &Pair) -> Option<(String, &'static Sta
 }
 
 /// Fits a model with one more effect, and returns it with its subject; `None` if the experiment cannot have the effect.
-pub fn fitted(subject: &Subject, base: &Refitted, effect: &'static StateEffect) -> Option<(Subject, Refitted)> {
-    let own = beside(subject, effect)?;
-    let candidate = own.extended(&[effect.slug]).ok()?;
-    let refitted = Refitted::new(&own, candidate, &[base], Search::Local).ok()?;
-    Some((own, refitted))
+pub fn fit_with_effect(
+    subject: &Subject,
+    base: &Refitted,
+    effect: &'static StateEffect,
+) -> Option<(Subject, Refitted)> {
+    let entry = with_effect(subject, effect)?;
+    let candidate = entry.extended(&[effect.slug]).ok()?;
+    let refitted = Refitted::new(&entry, candidate, &[base], Search::Local).ok()?;
+    Some((entry, refitted))
 }
 
 /// Values and intervals of a formula's parameters, from a normal approximation in the coordinates of the search.
 fn parameters(
     subject: &Subject,
     refitted: &Refitted,
-    written: &Written,
+    written: &FormulaText,
     effect: &StateEffect,
 ) -> Option<Vec<FormulaParameter>> {
     let tangent = Tangent::new(subject, &refitted.candidate, &refitted.fitted).ok()?;
@@ -118,7 +131,7 @@ fn parameters(
         let place = refitted.candidate.free.iter().position(|free| free.name == spec.name)?;
         let (free, theta) = (&refitted.candidate.free[place], refitted.fitted.theta[place]);
         let at = |z: f64| free.coordinate.value(free.clamped(theta + z * sds[place].min(1e6)));
-        let unit = written.parameters.iter().find(|own| own.name == name)?.unit.clone();
+        let unit = written.parameters.iter().find(|parameter| parameter.name == name)?.unit.clone();
         Some(FormulaParameter { name: name.into(), unit, value: at(0.0), q05: at(-NORMAL_90), q95: at(NORMAL_90) })
     };
     effect.parameters.iter().map(|parameter| of(&parameter.spec)).collect()
@@ -132,13 +145,13 @@ fn factors(refitted: &Refitted, effect: &StateEffect, states: &[f64], reference:
     let all = refitted.candidate.parameters(&refitted.fitted.theta);
     let named = refitted.candidate.model.parameters();
     let value = |name: &str| named.iter().position(|spec| spec.name == name).map_or(f64::NAN, |place| all[place]);
-    let own: Vec<Dual> = effect.parameters.iter().map(|p| Dual::constant(value(p.spec.name))).collect();
-    let at = |state: f64| effect.function.value(Dual::constant(state), &own).value;
+    let duals: Vec<Dual> = effect.parameters.iter().map(|p| Dual::constant(value(p.spec.name))).collect();
+    let at = |state: f64| effect.function.value(Dual::constant(state), &duals).value;
     states.iter().map(|state| at(*state) / at(reference)).collect()
 }
 
 /// The subject with one more effect in its library; `None` if the experiment cannot have it.
-pub fn beside(subject: &Subject, effect: &'static StateEffect) -> Option<Subject> {
-    let library = subject.library().clone().beside([effect as &dyn Effect]);
+pub fn with_effect(subject: &Subject, effect: &'static StateEffect) -> Option<Subject> {
+    let library = subject.library().clone().with_all([effect as &dyn Effect]);
     subject.with_library(&library).ok()
 }

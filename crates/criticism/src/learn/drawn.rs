@@ -2,7 +2,7 @@
 
 use super::distil::NORMAL_90;
 use super::function::Function;
-use super::pairs::{Kind, Pair, reach};
+use super::pairs::{Pair, StateKind, state_range};
 use crate::Subject;
 use documents::learned::{LearnedFunction, LearnedPoint, QuantityAtReference};
 
@@ -17,7 +17,7 @@ const N_QUANTILES: usize = 21;
 const MOST_OUTSIDE: f64 = 0.3;
 
 /// Returns whether a formula's factors lie outside the function's 90 % band at more states than by chance.
-pub fn leaves_band(factors: &[f64], points: &[LearnedPoint]) -> bool {
+pub fn is_outside_band(factors: &[f64], points: &[LearnedPoint]) -> bool {
     let is_inside = |(factor, point): &(&f64, &LearnedPoint)| (point.q05..=point.q95).contains(*factor);
     let n_inside = factors.iter().zip(points).filter(is_inside).count();
     ((factors.len() - n_inside) as f64) > MOST_OUTSIDE * factors.len() as f64
@@ -46,8 +46,8 @@ pub fn share_beyond(subject: &Subject, visited: &[f64]) -> f64 {
 }
 
 /// Tabulates a function with its band over the states that the record visits; `None` if no row is fitted.
-pub fn drawn(subject: &Subject, function: &Function, pair: &Pair) -> Option<LearnedFunction> {
-    let Kind::Function { state, visited, .. } = &pair.kind else { return None };
+pub fn tabulate_function(subject: &Subject, function: &Function, pair: &Pair) -> Option<LearnedFunction> {
+    let StateKind::Function { state, visited, .. } = &pair.kind else { return None };
     let reference_state = function.best_known(&quantiles_of(subject, visited))?;
     let quantiles = |[mean, sd]: [f64; 2]| [0.0, -NORMAL_90, NORMAL_90].map(|z| (mean + z * sd).exp());
     let point = |(state, ln_factor): (&f64, &[f64; 2])| {
@@ -55,8 +55,8 @@ pub fn drawn(subject: &Subject, function: &Function, pair: &Pair) -> Option<Lear
         LearnedPoint { state: *state, factor, q05, q95 }
     };
     let states = states_of(subject, visited);
-    let at_reference = function.ln_quantity(reference_state).map(|own| {
-        let [value, q05, q95] = quantiles(own);
+    let at_reference = function.ln_quantity(reference_state).map(|values| {
+        let [value, q05, q95] = quantiles(values);
         QuantityAtReference { value, q05, q95 }
     });
     Some(LearnedFunction {
@@ -80,7 +80,7 @@ fn quantiles_of(subject: &Subject, visited: &[f64]) -> Vec<f64> {
 
 /// States at which a function is tabulated: those of the fitted rows, and a little more.
 fn states_of(subject: &Subject, visited: &[f64]) -> Vec<f64> {
-    let all = reach(visited);
+    let all = state_range(visited);
     let [low, high] = seen(subject, visited);
     let seen = [low.min(0.0), high.max(0.0)];
     let more = BEYOND * (seen[1] - seen[0]);

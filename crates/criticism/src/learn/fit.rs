@@ -6,7 +6,7 @@
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
-use super::pairs::{Kind, Pair};
+use super::pairs::{Pair, StateKind};
 use crate::derivatives::columns_m;
 use crate::future::{FutureScore, future_score};
 use crate::refit::Refitted;
@@ -17,7 +17,7 @@ use base::error::Result;
 const SPREADS: [f64; 4] = [0.3, 1.0, 3.0, 0.08];
 
 /// A pair at its fit.
-pub struct Learnt {
+pub struct PairFit {
     /// Index in the list of pairs.
     pub pair: usize,
     /// The model; its weights have their prior.
@@ -42,11 +42,11 @@ pub fn fit_own_priors(
     candidate: &Candidate,
     start: (Vec<f64>, NoiseValues),
 ) -> Option<(Candidate, Fitted, f64)> {
-    let mut own = candidate.clone();
+    let mut entry = candidate.clone();
     for k in weights(candidate) {
-        own.free[k].prior = Some(own.free[k].as_normal());
+        entry.free[k].prior = Some(entry.free[k].as_normal());
     }
-    fit_with_evidence(subject, own, start)
+    fit_with_evidence(subject, entry, start)
 }
 
 /// Fits a model whose weights have one spread, from a start. Returns it with its ln evidence, up to a constant of all models; `None` if there is none.
@@ -61,22 +61,22 @@ pub fn fit_spread(
 
 fn fit_with_evidence(
     subject: &Subject,
-    own: Candidate,
+    candidate: Candidate,
     start: (Vec<f64>, NoiseValues),
 ) -> Option<(Candidate, Fitted, f64)> {
-    let fitted = subject.fit(&own, &[start], Search::Local).ok()?;
-    let ln_evidence = ln_evidence(subject, &own, &fitted).ok()?;
-    Some((own, fitted, ln_evidence))
+    let fitted = subject.fit(&candidate, &[start], Search::Local).ok()?;
+    let ln_evidence = ln_evidence(subject, &candidate, &fitted).ok()?;
+    Some((candidate, fitted, ln_evidence))
 }
 
 /// The model with a normal prior of standard deviation τ about 0 for every weight.
 fn with_spread(candidate: &Candidate, spread: f64) -> Candidate {
-    let mut own = candidate.clone();
+    let mut entry = candidate.clone();
     for k in weights(candidate) {
-        let unit = own.free[k].coordinate.unit(0.0);
-        own.free[k].prior = Some((0.0, spread / unit));
+        let unit = entry.free[k].coordinate.unit(0.0);
+        entry.free[k].prior = Some((0.0, spread / unit));
     }
-    own
+    entry
 }
 
 /// ln Z, up to a constant of all models.
@@ -88,13 +88,13 @@ fn ln_evidence(subject: &Subject, candidate: &Candidate, fitted: &Fitted) -> Res
 }
 
 /// The model without a pair, with its ln evidence.
-pub struct Base<'a> {
+pub struct PairlessModel<'a> {
     /// The model at its fit.
     pub refitted: &'a Refitted,
     ln_evidence: f64,
 }
 
-impl<'a> Base<'a> {
+impl<'a> PairlessModel<'a> {
     /// # Errors
     /// Errors of computing derivatives at the fit.
     pub fn new(subject: &Subject, refitted: &'a Refitted) -> Result<Self> {
@@ -117,37 +117,42 @@ fn fit(
             || (candidate.embed(smaller, &base.0), base.1),
             |(_, fitted, _)| (fitted.theta.clone(), fitted.noise),
         );
-        let Some((own, fitted, ln_evidence)) = fit_spread(subject, candidate, *spread, start) else { continue };
+        let Some((entry, fitted, ln_evidence)) = fit_spread(subject, candidate, *spread, start) else { continue };
         let gain = ln_evidence - ln_evidence_of_base;
         if best.as_ref().is_none_or(|(_, _, before)| gain > *before) {
-            best = Some((own, fitted, gain));
+            best = Some((entry, fitted, gain));
         }
     }
     best
 }
 
 /// A pair's model at its fit in the search, with its gain in ln evidence in nats.
-pub type Sought = (Candidate, Fitted, f64);
+pub type SearchedFit = (Candidate, Fitted, f64);
 
 /// Fits all pairs, each beside the base; `None` for a pair without a model.
 pub fn search_all(
     subject: &Subject,
-    base: &Base<'_>,
+    base: &PairlessModel<'_>,
     pairs: &[Pair],
     candidates: &[Option<Candidate>],
-) -> Vec<Option<Sought>> {
+) -> Vec<Option<SearchedFit>> {
     let start = (base.refitted.fitted.theta.clone(), base.refitted.fitted.noise);
     let of = |place: usize| {
         let candidate = candidates[place].as_ref()?;
-        let spreads: &[f64] = if matches!(pairs[place].kind, Kind::Memory(_)) { &SPREADS[..1] } else { &SPREADS };
+        let spreads: &[f64] = if matches!(pairs[place].kind, StateKind::Memory(_)) { &SPREADS[..1] } else { &SPREADS };
         fit(subject, (&start, base.ln_evidence), &base.refitted.candidate, candidate, spreads)
     };
     (0..pairs.len()).into_par_iter().map(of).collect()
 }
 
 /// Refits pairs to all positions if the search used few of them; pairs without a fit are left out.
-pub fn finish_all(subject: &Subject, base: &Base<'_>, sought: Vec<Option<Sought>>, was_thinned: bool) -> Vec<Learnt> {
-    let of = |(pair, sought): (usize, Option<Sought>)| {
+pub fn finish_all(
+    subject: &Subject,
+    base: &PairlessModel<'_>,
+    sought: Vec<Option<SearchedFit>>,
+    was_thinned: bool,
+) -> Vec<PairFit> {
+    let of = |(pair, sought): (usize, Option<SearchedFit>)| {
         let (candidate, fitted, evidence_nats) = match sought? {
             (candidate, fitted, _) if was_thinned => {
                 let start = (fitted.theta, fitted.noise);
@@ -157,13 +162,13 @@ pub fn finish_all(subject: &Subject, base: &Base<'_>, sought: Vec<Option<Sought>
             sought => sought,
         };
         let future = future(subject, &candidate, &fitted).ok()?;
-        Some(Learnt { pair, candidate, fitted, evidence_nats, future })
+        Some(PairFit { pair, candidate, fitted, evidence_nats, future })
     };
     sought.into_par_iter().enumerate().filter_map(of).collect()
 }
 
 /// Fits a pair with the noise of another subject, and scores it there; `None` if it has no fit or no cycle is held out.
-pub fn fit_under(subject: &Subject, learnt: &Learnt) -> Option<(Fitted, FutureScore)> {
+pub fn fit_under(subject: &Subject, learnt: &PairFit) -> Option<(Fitted, FutureScore)> {
     let start = (learnt.fitted.theta.clone(), learnt.fitted.noise);
     let fitted = subject.fit(&learnt.candidate, &[start], Search::Local).ok()?;
     let future = future(subject, &learnt.candidate, &fitted).ok()??;
@@ -172,9 +177,9 @@ pub fn fit_under(subject: &Subject, learnt: &Learnt) -> Option<(Fitted, FutureSc
 
 /// Log scores of a model whose weights keep the prior of its fit.
 fn future(subject: &Subject, candidate: &Candidate, fitted: &Fitted) -> Result<Option<FutureScore>> {
-    let mut own = candidate.clone();
-    weights(candidate).into_iter().for_each(|k| own.free[k].null = None);
-    future_score(subject, &own, fitted)
+    let mut entry = candidate.clone();
+    weights(candidate).into_iter().for_each(|k| entry.free[k].null = None);
+    future_score(subject, &entry, fitted)
 }
 
 /// First-order gains of pairs in data without any, which select the fits worth making.
@@ -195,13 +200,15 @@ impl Screen {
             let candidate = candidate.as_ref()?;
             let theta = candidate.embed(&base.candidate, &base.fitted.theta);
             let columns = columns_m(subject, candidate, &theta).ok()?;
-            let own: Vec<Vec<f64>> = weights(candidate).into_iter().map(|k| columns[k].clone()).collect();
-            Some(DMatrix::from_columns(&tangent.visible(&own)))
+            let valueses: Vec<Vec<f64>> = weights(candidate).into_iter().map(|k| columns[k].clone()).collect();
+            Some(DMatrix::from_columns(&tangent.visible(&valueses)))
         };
         let directions = candidates.par_iter().map(of).collect();
         let unit = |candidate: &Option<Candidate>| {
-            let own = candidate.as_ref();
-            own.map_or(Vec::new(), |own| weights(own).iter().map(|k| own.free[*k].coordinate.unit(0.0)).collect())
+            let entry = candidate.as_ref();
+            entry.map_or(Vec::new(), |candidate| {
+                weights(candidate).iter().map(|k| candidate.free[*k].coordinate.unit(0.0)).collect()
+            })
         };
         let units = candidates.iter().map(unit).collect();
         Ok(Self { tangent, position_m: base.fitted.position_m.clone(), directions, units })

@@ -3,7 +3,7 @@
 use laws::stages::State;
 
 /// A formula with its parameters, as in its file.
-pub struct Written {
+pub struct FormulaText {
     /// Formula in the state and the parameters.
     pub text: String,
     /// Its parameters.
@@ -25,7 +25,7 @@ pub struct Parameter {
 }
 
 /// All formulas for a state between `low` ≤ 0 and `high` ≥ 0: linear, exponential, quadratic, power, saturating, threshold, two states, sum of two.
-pub fn formulas(state: State, [low, high]: [f64; 2]) -> Vec<Written> {
+pub fn formulas(state: State, [low, high]: [f64; 2]) -> Vec<FormulaText> {
     let (s, size) = (state.name(), high.max(-low));
     let of_size = if state.has_sign() { format!("abs({s})") } else { s.to_string() };
     // If only positive states occur, a function of the state's size is identical.
@@ -57,7 +57,7 @@ pub fn formulas(state: State, [low, high]: [f64; 2]) -> Vec<Written> {
     let rate = || free("rate", &per, 1.0 / size);
     let gain = || free("gain", "1", 1.0);
     let mut list = Vec::new();
-    let mut add = |text: String, parameters: Vec<Parameter>| list.push(Written { text, parameters });
+    let mut add = |text: String, parameters: Vec<Parameter>| list.push(FormulaText { text, parameters });
     for x in &states {
         add(format!("1 + rate*{x}"), vec![rate()]);
         add(format!("exp(rate*{x})"), vec![rate()]);
@@ -100,22 +100,22 @@ fn square(unit: &str) -> String {
     }
 }
 
-impl Written {
+impl FormulaText {
     /// Text of the file of an effect with this formula.
     pub fn file(&self, name: &str, quantity: &str, state: &str, summary: &str) -> String {
         let mut text = format!(
             "# Learnt from data by `vitreo-uq learn`; SI units.\nname = {name:?}\nsummary = {summary:?}\nquantity = {quantity:?}\nstate = {state:?}\nfactor = {:?}\n",
             self.text
         );
-        for own in &self.parameters {
-            text += &format!("\n[parameters.{}]\nunit = {:?}\n", own.name, own.unit);
-            if own.has_null {
+        for parameter in &self.parameters {
+            text += &format!("\n[parameters.{}]\nunit = {:?}\n", parameter.name, parameter.unit);
+            if parameter.has_null {
                 text += "null = 0.0\n";
             }
-            if own.is_positive {
+            if parameter.is_positive {
                 text += "lower = 0.0\n";
             }
-            text += &format!("prior = {}\n", own.prior);
+            text += &format!("prior = {}\n", parameter.prior);
         }
         text
     }

@@ -7,10 +7,10 @@
 use nalgebra::DMatrix;
 use rayon::prelude::*;
 
-use super::distil::{as_effect, beside};
-use super::fit::{Learnt, fit_own_priors, fit_spread, weights};
-use super::formulas::{Written, formulas};
-use super::pairs::{Kind, Pair, finer, reach};
+use super::distil::{as_effect, with_effect};
+use super::fit::{PairFit, fit_own_priors, fit_spread, weights};
+use super::formulas::{FormulaText, formulas};
+use super::pairs::{Pair, StateKind, finer_functions, state_range};
 use super::smooth::{Basis, Smooth};
 use super::truncated;
 use crate::{Candidate, Coordinate, Fitted, Free, Subject, Tangent};
@@ -25,7 +25,7 @@ const LEAST_SHARE_NATS: f64 = 7.0;
 
 /// Form of a function.
 #[derive(Clone, Copy)]
-enum Shape {
+enum FunctionShape {
     /// A sum of smooth functions.
     Smooth(&'static Smooth),
     /// A formula.
@@ -33,9 +33,9 @@ enum Shape {
 }
 
 /// A function under one prior at its fit.
-struct Member {
+struct BasisFunction {
     share: f64,
-    shape: Shape,
+    shape: FunctionShape,
     candidate: Candidate,
     fitted: Fitted,
     /// Mean and covariance of the coordinates; `None` if the data do not determine them.
@@ -46,7 +46,7 @@ struct Member {
 pub struct Function {
     quantity: &'static str,
     /// Functions under each prior, best first.
-    members: Vec<Member>,
+    members: Vec<BasisFunction>,
 }
 
 impl Function {
@@ -54,9 +54,10 @@ impl Function {
     ///
     /// # Errors
     /// Errors of computing derivatives at the fit.
-    pub fn of_search(subject: &Subject, learnt: &Learnt, pair: &Pair) -> Result<Option<Self>> {
-        let Kind::Function { smooth, .. } = &pair.kind else { return Ok(None) };
-        let only = Member::at(subject, Shape::Smooth(smooth), learnt.candidate.clone(), learnt.fitted.clone())?;
+    pub fn of_search(subject: &Subject, learnt: &PairFit, pair: &Pair) -> Result<Option<Self>> {
+        let StateKind::Function { smooth, .. } = &pair.kind else { return Ok(None) };
+        let only =
+            BasisFunction::at(subject, FunctionShape::Smooth(smooth), learnt.candidate.clone(), learnt.fitted.clone())?;
         Ok(Some(Self { quantity: pair.quantity, members: vec![only] }))
     }
 
@@ -64,15 +65,15 @@ impl Function {
     ///
     /// # Errors
     /// Errors of computing derivatives at the fit.
-    pub fn averaged(subject: &Subject, learnt: &Learnt, pair: &Pair) -> Result<Option<Self>> {
-        let finer = finer(pair);
-        let library = subject.library().clone().beside(finer.iter().map(|(effect, _)| *effect));
+    pub fn averaged(subject: &Subject, learnt: &PairFit, pair: &Pair) -> Result<Option<Self>> {
+        let finer = finer_functions(pair);
+        let library = subject.library().clone().with_all(finer.iter().map(|(effect, _)| *effect));
         let subject = subject.with_library(&library)?;
         let of_basis = |(effect, smooth): &(&'static dyn models::effects::Effect, &'static Smooth)| {
             let candidate = subject.extended(&[effect.slug()]).ok()?;
             Some(members(&subject, learnt, &candidate, smooth))
         };
-        let mut members: Vec<(Member, f64)> = finer.par_iter().filter_map(of_basis).flatten().collect();
+        let mut members: Vec<(BasisFunction, f64)> = finer.par_iter().filter_map(of_basis).flatten().collect();
         members.extend(by_formulas(&subject, learnt, pair));
         members.sort_by(|a, b| b.1.total_cmp(&a.1));
         let Some(best) = members.first().map(|(_, ln_evidence)| *ln_evidence) else {
@@ -82,7 +83,7 @@ impl Function {
         let whole: f64 = members.iter().map(|(_, ln_evidence)| (ln_evidence - best).exp()).sum();
         let members = members.into_iter().map(|(member, ln_evidence)| {
             let share = (ln_evidence - best).exp() / whole;
-            Member { share, ..member }
+            BasisFunction { share, ..member }
         });
         Ok(Some(Self { quantity: pair.quantity, members: members.collect() }))
     }
@@ -96,12 +97,12 @@ impl Function {
     ///
     /// A common factor of all states is a change of the quantity itself, so only ratios describe the function. [`Self::best_known`] finds the best reference for them.
     pub fn curve(&self, states: &[f64], reference: f64) -> Vec<[f64; 2]> {
-        let of = |member: &Member| {
+        let of = |member: &BasisFunction| {
             let (at_reference, slopes_there) = member.ln_factor(reference);
             let at = |state: &f64| {
-                let (own, slopes) = member.ln_factor(*state);
-                let apart = slopes.into_iter().zip(&slopes_there).map(|((k, own), (_, other))| (k, own - other));
-                [own - at_reference, member.spread(&apart.collect::<Vec<_>>())]
+                let (value, slopes) = member.ln_factor(*state);
+                let apart = slopes.into_iter().zip(&slopes_there).map(|((k, slope), (_, other))| (k, slope - other));
+                [value - at_reference, member.spread(&apart.collect::<Vec<_>>())]
             };
             states.iter().map(at).collect::<Vec<_>>()
         };
@@ -119,7 +120,7 @@ impl Function {
     /// Logarithm of the quantity at a state and its standard deviation; `None` if the quantity is no free parameter of the law (force, observed position).
     pub fn ln_quantity(&self, state: f64) -> Option<[f64; 2]> {
         let is_quantity = |free: &Free| free.name == self.quantity && matches!(free.coordinate, Coordinate::Logarithm);
-        let of = |member: &Member| {
+        let of = |member: &BasisFunction| {
             let (ln_factor, mut all) = member.ln_factor(state);
             let place = member.candidate.free.iter().position(is_quantity)?;
             all.push((place, 1.0));
@@ -132,16 +133,21 @@ impl Function {
     /// Mean and standard deviation over all priors.
     fn mixed(&self, of_members: impl Iterator<Item = [f64; 2]>) -> [f64; 2] {
         let [mut mean, mut square] = [0.0; 2];
-        for (member, [own, sd]) in self.members.iter().zip(of_members) {
-            mean += member.share * own;
-            square += member.share * (own * own + sd * sd);
+        for (member, [value, sd]) in self.members.iter().zip(of_members) {
+            mean += member.share * value;
+            square += member.share * (value * value + sd * sd);
         }
         [mean, (square - mean * mean).max(0.0).sqrt()]
     }
 }
 
 /// Fits a sum of functions under every spread of its weights, from the law and the noise of the search. Returns the fits with their ln evidence.
-fn members(subject: &Subject, learnt: &Learnt, candidate: &Candidate, smooth: &'static Smooth) -> Vec<(Member, f64)> {
+fn members(
+    subject: &Subject,
+    learnt: &PairFit,
+    candidate: &Candidate,
+    smooth: &'static Smooth,
+) -> Vec<(BasisFunction, f64)> {
     let mut start = (candidate.embed(&learnt.candidate, &learnt.fitted.theta), learnt.fitted.noise);
     let mut all = Vec::new();
     for spread in SPREADS {
@@ -149,35 +155,36 @@ fn members(subject: &Subject, learnt: &Learnt, candidate: &Candidate, smooth: &'
             continue;
         };
         start = (fitted.theta.clone(), fitted.noise);
-        let Ok(member) = Member::at(subject, Shape::Smooth(smooth), candidate, fitted) else { continue };
+        let Ok(member) = BasisFunction::at(subject, FunctionShape::Smooth(smooth), candidate, fitted) else { continue };
         all.push((member, ln_evidence));
     }
     all
 }
 
 /// Fits every formula; returns the fits with the ln evidence under their parameters' own priors. Empty for monotone functions, since formulas need not be monotone.
-fn by_formulas(subject: &Subject, learnt: &Learnt, pair: &Pair) -> Vec<(Member, f64)> {
-    let Kind::Function { smooth, state, visited, .. } = &pair.kind else { return Vec::new() };
+fn by_formulas(subject: &Subject, learnt: &PairFit, pair: &Pair) -> Vec<(BasisFunction, f64)> {
+    let StateKind::Function { smooth, state, visited, .. } = &pair.kind else { return Vec::new() };
     if matches!(smooth.basis(), Basis::Ramps { .. }) {
         return Vec::new();
     }
-    let range = reach(visited);
-    let of = |written: &Written| {
+    let range = state_range(visited);
+    let of = |written: &FormulaText| {
         let (_, effect) = as_effect(written, pair)?;
-        let subject = beside(subject, effect)?;
+        let subject = with_effect(subject, effect)?;
         let candidate = subject.extended(&[effect.slug]).ok()?;
         let start = (candidate.embed(&learnt.candidate, &learnt.fitted.theta), learnt.fitted.noise);
         let (candidate, fitted, ln_evidence) = fit_own_priors(&subject, &candidate, start)?;
-        let member = Member::at(&subject, Shape::Formula(effect), candidate, fitted).ok()?;
+        let member = BasisFunction::at(&subject, FunctionShape::Formula(effect), candidate, fitted).ok()?;
         Some((member, ln_evidence))
     };
     formulas(*state, range).par_iter().filter_map(of).collect()
 }
 
-impl Member {
-    fn at(subject: &Subject, shape: Shape, candidate: Candidate, fitted: Fitted) -> Result<Self> {
+impl BasisFunction {
+    fn at(subject: &Subject, shape: FunctionShape, candidate: Candidate, fitted: Fitted) -> Result<Self> {
         let tangent = Tangent::new(subject, &candidate, &fitted)?;
-        let is_one_way = matches!(&shape, Shape::Smooth(smooth) if matches!(smooth.basis(), Basis::Ramps { .. }));
+        let is_one_way =
+            matches!(&shape, FunctionShape::Smooth(smooth) if matches!(smooth.basis(), Basis::Ramps { .. }));
         let moments = if is_one_way {
             above_zero(&tangent, &candidate, &fitted)
         } else {
@@ -191,25 +198,25 @@ impl Member {
         let places = weights(&self.candidate);
         let coordinate = |k: usize| self.candidate.free[k].coordinate;
         match self.shape {
-            Shape::Smooth(smooth) => {
+            FunctionShape::Smooth(smooth) => {
                 let functions = smooth.functions(state.into());
                 let slope = |(k, function): (usize, &Dual)| (k, function.value * coordinate(k).unit(0.0));
                 let slopes: Vec<(usize, f64)> = places.into_iter().zip(&functions).map(slope).collect();
                 (slopes.iter().map(|(k, slope)| self.mean(*k) * slope).sum(), slopes)
             }
-            Shape::Formula(effect) => {
+            FunctionShape::Formula(effect) => {
                 let values: Vec<f64> = places.iter().map(|k| coordinate(*k).value(self.fitted.theta[*k])).collect();
                 let at = |moved: Option<usize>| {
-                    let own = values
+                    let map = values
                         .iter()
                         .enumerate()
                         .map(|(k, value)| Dual { value: *value, derivative: f64::from(u8::from(moved == Some(k))) });
-                    effect.function.value(Dual::constant(state), &own.collect::<Vec<_>>())
+                    effect.function.value(Dual::constant(state), &map.collect::<Vec<_>>())
                 };
                 // Beyond the record's states a line may cross 0.
                 let factor = at(None).value.max(f64::MIN_POSITIVE);
-                let slope = |(own, k): (usize, &usize)| {
-                    (*k, at(Some(own)).derivative / factor * coordinate(*k).unit(self.fitted.theta[*k]))
+                let slope = |(index, k): (usize, &usize)| {
+                    (*k, at(Some(index)).derivative / factor * coordinate(*k).unit(self.fitted.theta[*k]))
                 };
                 (factor.ln(), places.iter().enumerate().map(slope).collect())
             }

@@ -27,11 +27,11 @@ fn bands_are_as_wide_as_what_is_learnt_scatters() {
     let base = Refitted { candidate: subject.base(), fitted: start, future: None };
     let pairs = pairs(&subject, &base, false).unwrap();
     let pair = pairs.iter().find(|pair| (pair.quantity, pair.state) == ("viscosity_2_pa_s", "path")).unwrap();
-    let library = subject.library().clone().beside([pair.effect]);
+    let library = subject.library().clone().with_all([pair.effect]);
     let subject = subject.with_library(&library).unwrap();
     let candidate = subject.extended(&[pair.effect.slug()]).unwrap();
     let truth_m = truth_of(&subject, &[pair.effect.slug()], &WEIGHTS);
-    let Kind::Function { smooth, visited, .. } = &pair.kind else { panic!("a function") };
+    let StateKind::Function { smooth, visited, .. } = &pair.kind else { panic!("a function") };
     let far = visited.iter().fold(0.0_f64, |far, s| far.max(*s));
     let states = [0.3, 0.6].map(|part| part * far);
     let ln_factor = |state: f64| {
@@ -48,7 +48,7 @@ fn bands_are_as_wide_as_what_is_learnt_scatters() {
         let start = (base.fitted.theta.clone(), base.fitted.noise);
         let start = (candidate.embed(&base.candidate, &start.0), start.1);
         let (candidate, fitted, evidence_nats) = fit_spread(&data, &candidate, 1.0, start).unwrap();
-        let learnt = Learnt { pair: 0, candidate, fitted, evidence_nats, future: None };
+        let learnt = PairFit { pair: 0, candidate, fitted, evidence_nats, future: None };
         let function = Function::of_search(&data, &learnt, pair).unwrap().unwrap();
         let visited = NoiseValues::new([0.0, 0.15, 0.3, 0.45, 0.6]).map(|part| part * far);
         let best = function.best_known(&visited).unwrap();
@@ -87,8 +87,8 @@ fn bands_are_as_wide_as_what_is_learnt_scatters() {
     }
 }
 
-fn slopes_are_differences(member: &mut Member, state: f64) {
-    if matches!(member.shape, Shape::Smooth(_)) {
+fn slopes_are_differences(member: &mut BasisFunction, state: f64) {
+    if matches!(member.shape, FunctionShape::Smooth(_)) {
         return;
     }
     for (k, slope) in member.ln_factor(state).1 {

@@ -1,23 +1,23 @@
 //! The job of `learn`: fits every pair, judges the leading one, tabulates it and writes it as a formula.
 
-use super::distil::Distilled;
-use super::drawn::drawn;
-use super::fit::Learnt;
+use super::distil::FittedFormula;
+use super::drawn::tabulate_function;
+use super::fit::PairFit;
 use super::function::Function;
-use super::pairs::Kind;
-use super::search::{EQUAL_NATS, Found, Request, fitted_base};
-use super::words::{rises, words};
+use super::pairs::StateKind;
+use super::search::{EQUAL_NATS, PairSearch, Request, fitted_base};
+use super::words::{describe_pair, is_rising};
 use crate::Subject;
-use crate::leftover::misfit;
 use crate::own_errors::own_errors;
 use crate::refit::Refitted;
+use crate::residual_structure::measure_misfit;
 use base::error::Result;
 use documents::errors::ModelErrors;
 use documents::learned::{EquivalentPair, Learned, LearnedKind, LearnedPair, LearnedVerdict, Retardation};
 use posterior::monitor::Monitor;
 
 /// Result of learning, with the file of its formula.
-pub struct Outcome {
+pub struct LearningResult {
     /// The document.
     pub learned: Learned,
     /// The effect's file; `None` if there is no formula.
@@ -28,22 +28,22 @@ pub struct Outcome {
 ///
 /// # Errors
 /// Errors of fitting the base model.
-pub fn learn(subject: &Subject, request: &Request, monitor: &dyn Monitor) -> Result<Outcome> {
+pub fn learn(subject: &Subject, request: &Request, monitor: &dyn Monitor) -> Result<LearningResult> {
     monitor.stage("fitting the model");
     let whole = subject;
     let (subject, base) = fitted_base(whole)?;
-    let found = Found::new(&subject, base, request.is_monotone, monitor)?;
+    let found = PairSearch::new(&subject, base, request.is_monotone, monitor)?;
     let base_errors = request.base_errors.map_or_else(|| own_errors(whole, &found.base), Ok)?;
     monitor.stage("simulating searches without anything to learn");
     let p = found.p(request, monitor)?;
-    let chosen = match found.chosen(p) {
+    let chosen = match found.choose_pair(p) {
         Ok(chosen) => chosen,
         Err(why) => return found.nothing(base_errors, p, &why),
     };
     monitor.stage("comparing with the library");
-    let preferred = found.preferred(chosen, monitor);
+    let preferred = found.find_preferred_effects(chosen, monitor);
     monitor.stage("writing the function as a formula");
-    let (chosen, distilled) = found.written(chosen);
+    let (chosen, distilled) = found.write_formula(chosen);
     monitor.stage("averaging the function over priors");
     let function = Function::averaged(&found.subject, chosen, &found.pairs[chosen.pair])?;
     let errors = Errors { whole, base: base_errors };
@@ -54,16 +54,18 @@ pub fn learn(subject: &Subject, request: &Request, monitor: &dyn Monitor) -> Res
 ///
 /// # Errors
 /// Errors of [`learn`].
-pub fn first_look(subject: &Subject, base: &Refitted, monitor: &dyn Monitor) -> Result<Option<String>> {
-    let found = Found::new(subject, base.clone(), false, monitor)?;
-    let Ok(chosen) = found.chosen(0.0) else { return Ok(None) };
+pub fn preview_learning(subject: &Subject, base: &Refitted, monitor: &dyn Monitor) -> Result<Option<String>> {
+    let found = PairSearch::new(subject, base.clone(), false, monitor)?;
+    let Ok(chosen) = found.choose_pair(0.0) else { return Ok(None) };
     let pair = &found.pairs[chosen.pair];
     let Some(share) = found.explained(&chosen.fitted).filter(|share| *share > 0.0) else { return Ok(None) };
     let function = Function::of_search(&found.subject, chosen, pair)?;
-    let rises = function.and_then(|own| drawn(&found.subject, &own, pair)).map(|own| rises(&own));
+    let rises = function
+        .and_then(|function| tabulate_function(&found.subject, &function, pair))
+        .map(|learned_function| is_rising(&learned_function));
     Ok(Some(format!(
         "{} explains {:.0} % of the residual; `vitreo-uq learn STUDY` writes it as a formula",
-        words(pair, rises),
+        describe_pair(pair, rises),
         100.0 * share
     )))
 }
@@ -76,19 +78,19 @@ struct Errors<'a> {
     base: ModelErrors,
 }
 
-impl Found {
+impl PairSearch {
     fn document(&self, base: ModelErrors, p: f64, verdict: LearnedVerdict) -> Learned {
         let experiment = self.subject.experiment();
         let of_base = self.base.future;
-        let entry = |learnt: &Learnt| {
+        let entry = |learnt: &PairFit| {
             let pair = &self.pairs[learnt.pair];
             let future = learnt.future.zip(of_base);
             LearnedPair {
                 quantity: pair.quantity.into(),
                 state: pair.state.into(),
                 evidence_nats: learnt.evidence_nats,
-                heldout_gain_nats: future.map(|(own, base)| own.all - base.all),
-                last_cycle_gain_nats: future.map(|(own, base)| own.last - base.last),
+                heldout_gain_nats: future.map(|(future_score, base)| future_score.all - base.all),
+                last_cycle_gain_nats: future.map(|(future_score, base)| future_score.last - base.last),
                 rmse_heldout_um: learnt.fitted.rmse_m(&self.subject.scored_m).map(|rmse_m| 1e6 * rmse_m),
             }
         };
@@ -111,11 +113,11 @@ impl Found {
         }
     }
 
-    fn nothing(&self, base: ModelErrors, p: f64, why: &str) -> Result<Outcome> {
+    fn nothing(&self, base: ModelErrors, p: f64, why: &str) -> Result<LearningResult> {
         let mut sentence = format!(
             "Nothing was learnt: no dependence of a quantity on a state explains more than the model does ({why})."
         );
-        if misfit(&self.subject, &self.base, &[])?.is_too_large() {
+        if measure_misfit(&self.subject, &self.base, &[])?.is_too_large() {
             sentence += " The model's residual exceeds the noise: `vitreo-uq diagnose` shows whether an effect of the library explains it.";
         }
         let verdict = LearnedVerdict {
@@ -126,31 +128,33 @@ impl Found {
             library: Vec::new(),
             sentence,
         };
-        Ok(Outcome { learned: self.document(base, p, verdict), file: None })
+        Ok(LearningResult { learned: self.document(base, p, verdict), file: None })
     }
 
     fn learned(
         &self,
-        chosen: &Learnt,
-        distilled: Option<Distilled>,
+        chosen: &PairFit,
+        distilled: Option<FittedFormula>,
         function: Option<&Function>,
         (p, library): (f64, Vec<String>),
         errors: &Errors,
-    ) -> Result<Outcome> {
+    ) -> Result<LearningResult> {
         let pair = &self.pairs[chosen.pair];
         let (candidate, fitted) = function.map_or((&chosen.candidate, &chosen.fitted), Function::best);
         let model = Refitted { candidate: candidate.clone(), fitted: fitted.clone(), future: chosen.future };
-        let drawn = function.and_then(|own| drawn(&self.subject, own, pair));
-        let formula = distilled.as_ref().zip(drawn.as_ref()).map(|(own, drawn)| own.document(drawn));
+        let drawn = function.and_then(|function| tabulate_function(&self.subject, function, pair));
+        let formula =
+            distilled.as_ref().zip(drawn.as_ref()).map(|(fitted_formula, drawn)| fitted_formula.document(drawn));
         let is_equal =
-            |other: &&Learnt| self.is_another(other, pair) && other.evidence_nats >= chosen.evidence_nats - EQUAL_NATS;
+            |other: &&PairFit| self.is_another(other, pair) && other.evidence_nats >= chosen.evidence_nats - EQUAL_NATS;
         let equal = self.learnt.iter().filter(is_equal).map(|other| {
             let pair = &self.pairs[other.pair];
             EquivalentPair { quantity: pair.quantity.into(), state: pair.state.into() }
         });
         let equivalent: Vec<EquivalentPair> = equal.collect();
         let after = own_errors(errors.whole, &model)?;
-        let with_formula = distilled.as_ref().map(|own| own_errors(errors.whole, &own.refitted)).transpose()?;
+        let with_formula =
+            distilled.as_ref().map(|fitted_formula| own_errors(errors.whole, &fitted_formula.refitted)).transpose()?;
         let mut sentence = self.gain_in_words(pair, errors.base, after, drawn.as_ref());
         sentence += &self.formula_in_words(pair, with_formula, formula.as_ref().zip(drawn.as_ref()));
         sentence += &self.limits_in_words(chosen, &model, &library)?;
@@ -166,7 +170,7 @@ impl Found {
         learned.learned = Some(after);
         learned.explained_fraction = self.explained(&model.fitted);
         learned.function = drawn;
-        if let Kind::Memory(creep) = &pair.kind {
+        if let StateKind::Memory(creep) = &pair.kind {
             let shares = chosen.candidate.parameters(&chosen.fitted.theta);
             let first = shares.len() - creep.times_s.len();
             let all = creep.times_s.iter().zip(&shares[first..]);
@@ -174,6 +178,6 @@ impl Found {
         }
         learned.with_formula = with_formula;
         learned.formula = formula;
-        Ok(Outcome { learned, file: distilled.map(|own| own.file) })
+        Ok(LearningResult { learned, file: distilled.map(|fitted_formula| fitted_formula.file) })
     }
 }

@@ -20,7 +20,7 @@ mod truncated;
 mod words;
 
 pub use distil::FILE_NAME;
-pub use job::{Outcome, first_look, learn};
+pub use job::{LearningResult, learn, preview_learning};
 pub use search::{
     EQUAL_NATS, FORMULA_LOSS, FORMULA_LOSS_NATS, LARGEST_P, LEAST_EVIDENCE_NATS, LEAST_FUTURE_NATS, Request,
 };

@@ -11,7 +11,7 @@ use base::parameter::{ParameterSpec, Support};
 use laws::stages::{Operation, Stages, State};
 use models::effects::{Effect, EffectParameter, QuantityName, StateEffect};
 use models::model::Response;
-use posterior::study::effect_file::leaked;
+use posterior::study::effect_file::leak;
 
 /// A pair of a quantity and a state, or a free memory.
 pub struct Pair {
@@ -22,11 +22,11 @@ pub struct Pair {
     /// The pair as an effect.
     pub effect: &'static dyn Effect,
     /// Kind of the pair, with its data.
-    pub kind: Kind,
+    pub kind: StateKind,
 }
 
 /// Kind of a pair.
-pub enum Kind {
+pub enum StateKind {
     /// A function of a state, and the states of all rows under the model without it.
     Function {
         /// The function.
@@ -83,13 +83,13 @@ pub fn pairs(subject: &Subject, base: &Refitted, is_monotone: bool) -> Result<Ve
         add(QuantityName::Position, state);
     }
     if let Some(creep) = creep(subject) {
-        pairs.push(Pair { quantity: "creep", state: "time_since_step", effect: creep, kind: Kind::Memory(creep) });
+        pairs.push(Pair { quantity: "creep", state: "time_since_step", effect: creep, kind: StateKind::Memory(creep) });
     }
     Ok(pairs)
 }
 
 fn pair(quantity: QuantityName, state: State, visited: Vec<f64>, basis: Basis) -> Option<Pair> {
-    let range = reach(&visited);
+    let range = state_range(&visited);
     let mut distinct = visited.clone();
     distinct.sort_by(f64::total_cmp);
     distinct.dedup_by(|a, b| (*a - *b).abs() <= 1e-6 * (range[1] - range[0]));
@@ -97,7 +97,7 @@ fn pair(quantity: QuantityName, state: State, visited: Vec<f64>, basis: Basis) -
         return None;
     }
     let is_bent = matches!(state, State::Velocity | State::TimeSinceStep);
-    let smooth = lasting(Smooth::over(range, is_bent.then(|| BENT_AT * (range[1] - range[0])), basis));
+    let smooth = leak_function(Smooth::over(range, is_bent.then(|| BENT_AT * (range[1] - range[0])), basis));
     let way = match basis {
         Basis::Cosines { .. } => "",
         Basis::Ramps { falls: false, .. } => "-rising",
@@ -105,12 +105,12 @@ fn pair(quantity: QuantityName, state: State, visited: Vec<f64>, basis: Basis) -
     };
     let slug = format!("{}-by-{}{way}", quantity.name(), state.name()).replace('_', "-");
     let effect = effect(slug, quantity, state, smooth, N_WEIGHTS);
-    let kind = Kind::Function { smooth, quantity, state, visited };
+    let kind = StateKind::Function { smooth, quantity, state, visited };
     Some(Pair { quantity: quantity.name(), state: state.name(), effect, kind })
 }
 
 /// Smallest and largest state of a record, extended to include 0.
-pub fn reach(visited: &[f64]) -> [f64; 2] {
+pub fn state_range(visited: &[f64]) -> [f64; 2] {
     visited.iter().fold([0.0_f64; 2], |[low, high], s| [low.min(*s), high.max(*s)])
 }
 
@@ -118,21 +118,21 @@ pub fn reach(visited: &[f64]) -> [f64; 2] {
 const DECAYS: [f64; 3] = [1.0, 1.5, 2.0];
 
 /// Finer functions, with all their weights, for a pair; none for a free memory.
-pub fn finer(pair: &Pair) -> Vec<(&'static dyn Effect, &'static Smooth)> {
-    let Kind::Function { smooth, quantity, state, .. } = &pair.kind else { return Vec::new() };
+pub fn finer_functions(pair: &Pair) -> Vec<(&'static dyn Effect, &'static Smooth)> {
+    let StateKind::Function { smooth, quantity, state, .. } = &pair.kind else { return Vec::new() };
     let bases = match smooth.basis() {
         Basis::Cosines { .. } => DECAYS.map(|decay| Basis::Cosines { decay }).to_vec(),
         Basis::Ramps { falls, .. } => vec![Basis::Ramps { n: MOST_WEIGHTS, falls }],
     };
     let of = |(number, basis): (usize, &Basis)| {
-        let (slug, smooth) = (format!("{}-finer-{number}", pair.effect.slug()), lasting(smooth.with(*basis)));
+        let (slug, smooth) = (format!("{}-finer-{number}", pair.effect.slug()), leak_function(smooth.with(*basis)));
         (effect(slug, *quantity, *state, smooth, MOST_WEIGHTS), smooth)
     };
     bases.iter().enumerate().map(of).collect()
 }
 
 /// Makes a function static, since effects live until the program ends.
-fn lasting(smooth: Smooth) -> &'static Smooth {
+fn leak_function(smooth: Smooth) -> &'static Smooth {
     Box::leak(Box::new(smooth))
 }
 
@@ -145,13 +145,13 @@ fn effect(
 ) -> &'static dyn Effect {
     let is_monotone = matches!(smooth.basis(), Basis::Ramps { .. });
     let support = if is_monotone { Support { lower: 0.0, upper: f64::INFINITY } } else { Support::REAL };
-    let prior: &'static (dyn Fn(&record::Scales) -> Distribution + Send + Sync) = if is_monotone {
+    let prior: &'static (dyn Fn(&record::CharacteristicSizes) -> Distribution + Send + Sync) = if is_monotone {
         &|_| Distribution::HalfNormal { sd: 1.0 }
     } else {
         &|_| Distribution::Normal { mean: 0.0, sd: 1.0 }
     };
     let parameter = |k: usize| EffectParameter {
-        spec: ParameterSpec::new(leaked(format!("{slug}.weight_{k}")), "w", "1", support),
+        spec: ParameterSpec::new(leak(format!("{slug}.weight_{k}")), "w", "1", support),
         null: &|_| Some(0.0),
         prior,
         prior_source: "smooth functions about zero",
@@ -159,9 +159,9 @@ fn effect(
     };
     // Names of effects live until the program ends; a command makes only some dozens.
     Box::leak(Box::new(StateEffect {
-        slug: leaked(slug.clone()),
-        summary: leaked(format!("{} depends on {}", quantity.name(), state.name())),
-        equation: leaked(format!("{} × exp(g({}))", quantity.name(), state.name())),
+        slug: leak(slug.clone()),
+        summary: leak(format!("{} depends on {}", quantity.name(), state.name())),
+        equation: leak(format!("{} × exp(g({}))", quantity.name(), state.name())),
         quantity,
         state,
         operation: Operation::Multiply,
@@ -187,15 +187,15 @@ impl States {
         let theta = base.candidate.parameters(&base.fitted.theta);
         let stages = base.candidate.model.stages(&theta.into_iter().map(Dual::constant).collect::<Vec<_>>())?;
         let response = Response::new(&record.time_s, record.force(), record.n_rows());
-        let compliance_per_m = subject.compliance().given_per_m();
+        let compliance_per_m = subject.compliance().experiment_per_m();
         let share = |body: usize| {
             let law = vec![stages.law[body].clone()];
-            let own = Stages {
+            let entry = Stages {
                 load: stages.load.clone(),
                 softening_rate_per_s: stages.softening_rate_per_s,
                 ..Stages::of_law(law)
             };
-            response.trajectory_m(&own, compliance_per_m)
+            response.trajectory_m(&entry, compliance_per_m)
         };
         let share_m: Vec<Vec<f64>> = (0..stages.law.len()).map(share).collect::<Result<_>>()?;
         let n_rows = record.n_rows();

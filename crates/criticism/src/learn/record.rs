@@ -2,11 +2,11 @@
 
 use rayon::prelude::*;
 
-use super::distil::{as_effect, fitted};
+use super::distil::{as_effect, fit_with_effect};
 use super::fit::fit_under;
-use super::formulas::{Written, formulas};
-use super::pairs::{Kind, reach};
-use super::search::{Found, fitted_base, with_own_noise};
+use super::formulas::{FormulaText, formulas};
+use super::pairs::{StateKind, state_range};
+use super::search::{PairSearch, fitted_base, with_own_noise};
 use crate::Subject;
 use crate::refit::Refitted;
 use base::error::Result;
@@ -15,15 +15,15 @@ use models::effects::StateEffect;
 use posterior::monitor::Monitor;
 
 /// A record with every pair fitted, and its cycles scored under the noise of the model's specification.
-pub struct Record {
-    found: Found,
+pub struct LearningRecord {
+    found: PairSearch,
     subject: Subject,
     base: Refitted,
 }
 
 /// Results of a record for one pair.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Told {
+pub struct PairGain {
     /// Name of the pair, the same in all records.
     pub slug: &'static str,
     /// Name of the quantity.
@@ -39,7 +39,7 @@ pub struct Told {
 /// A formula for many records.
 pub struct Formula {
     /// The formula.
-    pub written: Written,
+    pub written: FormulaText,
     /// Its file.
     pub file: String,
     effect: &'static StateEffect,
@@ -47,7 +47,7 @@ pub struct Formula {
 
 /// Results of a formula in one record.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Tried {
+pub struct FormulaTest {
     /// Gain in the log score of the last cycle, which no fit has seen, in nats.
     pub last_cycle_gain_nats: f64,
     /// Errors on the held-out cycle in µm, without the formula and with it.
@@ -56,29 +56,29 @@ pub struct Tried {
     pub values: Vec<f64>,
 }
 
-impl Record {
+impl LearningRecord {
     /// Fits every pair.
     ///
     /// # Errors
     /// Errors of fitting the model.
     pub fn new(subject: &Subject, is_monotone: bool, monitor: &dyn Monitor) -> Result<Self> {
         let (subject, base) = fitted_base(subject)?;
-        let found = Found::new(&subject, base, is_monotone, monitor)?;
+        let found = PairSearch::new(&subject, base, is_monotone, monitor)?;
         let (subject, base) = with_own_noise(&found.subject, &found.base)?;
         Ok(Self { found, subject, base })
     }
 
     /// Results for every pair that is a function of a state.
-    pub fn told(&self) -> Vec<Told> {
+    pub fn pair_gains(&self) -> Vec<PairGain> {
         let of_base = self.found.base.future;
-        let of = |learnt: &super::fit::Learnt| {
+        let of = |learnt: &super::fit::PairFit| {
             let pair = &self.found.pairs[learnt.pair];
-            matches!(pair.kind, Kind::Function { .. }).then(|| Told {
+            matches!(pair.kind, StateKind::Function { .. }).then(|| PairGain {
                 slug: pair.effect.slug(),
                 quantity: pair.quantity,
                 state: pair.state,
                 evidence_nats: learnt.evidence_nats,
-                heldout_gain_nats: learnt.future.zip(of_base).map(|(own, base)| own.all - base.all),
+                heldout_gain_nats: learnt.future.zip(of_base).map(|(future_score, base)| future_score.all - base.all),
             })
         };
         self.found.learnt.iter().filter_map(of).collect()
@@ -87,13 +87,13 @@ impl Record {
     /// State of a pair and its range in this record, extended to include 0.
     pub fn range(&self, slug: &str) -> Option<(State, [f64; 2])> {
         let pair = self.found.pairs.iter().find(|pair| pair.effect.slug() == slug)?;
-        let Kind::Function { state, visited, .. } = &pair.kind else { return None };
-        Some((*state, reach(visited)))
+        let StateKind::Function { state, visited, .. } = &pair.kind else { return None };
+        Some((*state, state_range(visited)))
     }
 
     /// Gain of a pair's function in the log score of unseen cycles, under the noise of the model's specification, in nats.
     pub fn function_gain_nats(&self, slug: &str) -> Option<f64> {
-        let learnt = self.found.learnt.iter().find(|own| self.found.pairs[own.pair].effect.slug() == slug)?;
+        let learnt = self.found.learnt.iter().find(|pair_fit| self.found.pairs[pair_fit.pair].effect.slug() == slug)?;
         let (_, future) = fit_under(&self.subject, learnt)?;
         Some(future.all - self.base.future?.all)
     }
@@ -101,7 +101,7 @@ impl Record {
     /// Formulas for a pair over a range of its state.
     pub fn formulas(&self, slug: &str, state: State, range: [f64; 2]) -> Vec<Formula> {
         let Some(pair) = self.found.pairs.iter().find(|pair| pair.effect.slug() == slug) else { return Vec::new() };
-        let of = |written: Written| {
+        let of = |written: FormulaText| {
             let (file, effect) = as_effect(&written, pair)?;
             Some(Formula { written, file, effect })
         };
@@ -111,7 +111,7 @@ impl Record {
     /// Gains of formulas in the log score of unseen cycles, in nats; `None` for a formula without a fit.
     pub fn gains_nats(&self, formulas: &[Formula]) -> Vec<Option<f64>> {
         let gain = |formula: &Formula| {
-            let (_, refitted) = fitted(&self.subject, &self.base, formula.effect)?;
+            let (_, refitted) = fit_with_effect(&self.subject, &self.base, formula.effect)?;
             Some(refitted.future?.all - self.base.future?.all)
         };
         formulas.par_iter().map(gain).collect()
@@ -122,20 +122,20 @@ impl Record {
 ///
 /// # Errors
 /// Errors of fitting the model.
-pub fn tried(subject: &Subject, formula: &Formula) -> Result<Option<Tried>> {
+pub fn test_formula(subject: &Subject, formula: &Formula) -> Result<Option<FormulaTest>> {
     let (subject, base) = fitted_base(subject)?;
     let (subject, base) = with_own_noise(&subject, &base)?;
-    let Some((own, refitted)) = fitted(&subject, &base, formula.effect) else { return Ok(None) };
+    let Some((entry, refitted)) = fit_with_effect(&subject, &base, formula.effect) else { return Ok(None) };
     let Some((after, before)) = refitted.future.zip(base.future) else { return Ok(None) };
-    let rmse = |model: &Refitted| model.fitted.rmse_m(&own.scored_m).map(|rmse| 1e6 * rmse);
+    let rmse = |model: &Refitted| model.fitted.rmse_m(&entry.scored_m).map(|rmse| 1e6 * rmse);
     let Some((rmse_before, rmse_after)) = rmse(&base).zip(rmse(&refitted)) else { return Ok(None) };
     let all = refitted.candidate.parameters(&refitted.fitted.theta);
     let value = |name: &str| {
         let is_it = |spec: &&base::parameter::ParameterSpec| spec.name.rsplit('.').next() == Some(name);
-        let own = formula.effect.parameters.iter().map(|own| &own.spec).find(is_it)?;
-        let place = refitted.candidate.model.parameters().iter().position(|spec| spec.name == own.name)?;
+        let parameter_spec = formula.effect.parameters.iter().map(|parameter| &parameter.spec).find(is_it)?;
+        let place = refitted.candidate.model.parameters().iter().position(|spec| spec.name == parameter_spec.name)?;
         Some(all[place])
     };
-    let values = formula.written.parameters.iter().map(|own| value(own.name).unwrap_or(f64::NAN)).collect();
-    Ok(Some(Tried { last_cycle_gain_nats: after.last - before.last, rmse_um: [rmse_before, rmse_after], values }))
+    let values = formula.written.parameters.iter().map(|parameter| value(parameter.name).unwrap_or(f64::NAN)).collect();
+    Ok(Some(FormulaTest { last_cycle_gain_nats: after.last - before.last, rmse_um: [rmse_before, rmse_after], values }))
 }

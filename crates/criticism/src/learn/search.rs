@@ -1,7 +1,7 @@
 //! Search among pairs: fits of every pair beside a record's model, and the criteria for the leading one.
 
-use super::distil::{Distilled, distil};
-use super::fit::{Base, Learnt, Screen, finish_all, fit_under, largest_gain, search_all};
+use super::distil::{FittedFormula, find_simplest_formula};
+use super::fit::{PairFit, PairlessModel, Screen, finish_all, fit_under, largest_gain, search_all};
 use super::pairs::{Pair, pairs};
 use crate::bootstrap::{Bootstrap, Simulations, simulated};
 use crate::outliers;
@@ -55,7 +55,7 @@ impl Default for Request {
 }
 
 /// A search among pairs.
-pub struct Found {
+pub struct PairSearch {
     /// The record, with every pair as an effect.
     pub subject: Subject,
     /// All pairs in the search.
@@ -67,26 +67,26 @@ pub struct Found {
     /// The model without any pair.
     pub base: Refitted,
     /// Fitted pairs, best first.
-    pub learnt: Vec<Learnt>,
+    pub learnt: Vec<PairFit>,
     /// Data and result of the search.
-    searched: Searched,
+    searched: SearchedPositions,
 }
 
 /// Positions used in the search, all or a selection, with the base's fit to them and the largest gain in ln evidence.
-struct Searched {
+struct SearchedPositions {
     subject: Subject,
     base: Refitted,
     gain_nats: f64,
 }
 
-impl Found {
+impl PairSearch {
     /// Fits every pair beside a base model.
     ///
     /// # Errors
     /// Errors of fitting the base model.
     pub fn new(subject: &Subject, base: Refitted, is_monotone: bool, monitor: &dyn Monitor) -> Result<Self> {
         let pairs = pairs(subject, &base, is_monotone)?;
-        let library = subject.library().clone().beside(pairs.iter().map(|pair| pair.effect));
+        let library = subject.library().clone().with_all(pairs.iter().map(|pair| pair.effect));
         let subject = subject.with_library(&library)?;
         let candidates: Vec<Option<Candidate>> =
             pairs.iter().map(|pair| subject.extended(&[pair.effect.slug()]).ok()).collect();
@@ -102,19 +102,19 @@ impl Found {
                 (few, few_base)
             }
         };
-        let sought = search_all(&few, &Base::new(&few, &few_base)?, &pairs, &candidates);
+        let sought = search_all(&few, &PairlessModel::new(&few, &few_base)?, &pairs, &candidates);
         let gain_nats = sought.iter().flatten().map(|(.., gain)| *gain).fold(f64::NEG_INFINITY, f64::max).max(0.0);
-        let mut learnt = finish_all(&subject, &Base::new(&subject, &base)?, sought, was_thinned);
+        let mut learnt = finish_all(&subject, &PairlessModel::new(&subject, &base)?, sought, was_thinned);
         learnt.sort_by(|a, b| b.evidence_nats.total_cmp(&a.evidence_nats));
-        let searched = Searched { subject: few, base: few_base, gain_nats };
+        let searched = SearchedPositions { subject: few, base: few_base, gain_nats };
         Ok(Self { subject, pairs, is_monotone, candidates, base, learnt, searched })
     }
 }
 
-impl Found {
+impl PairSearch {
     /// p of the largest gain, from searches in data simulated from the base.
     pub fn p(&self, request: &Request, monitor: &dyn Monitor) -> Result<f64> {
-        let Searched { subject, base, gain_nats } = &self.searched;
+        let SearchedPositions { subject, base, gain_nats } = &self.searched;
         let screen = Screen::new(subject, base, &self.candidates)?;
         let simulations = Simulations { most: request.n_simulations, only_for: Some(LARGEST_P) };
         let counter = Counter::new(monitor, request.n_simulations);
@@ -131,12 +131,14 @@ impl Found {
     ///
     /// # Errors
     /// The reason, in words.
-    pub fn chosen(&self, p: f64) -> std::result::Result<&Learnt, String> {
-        let predicts = |learnt: &&Learnt| match learnt.future.zip(self.base.future) {
-            Some((own, base)) => own.all - base.all > LEAST_FUTURE_NATS && own.last - base.last > -LARGEST_LOSS_NATS,
+    pub fn choose_pair(&self, p: f64) -> std::result::Result<&PairFit, String> {
+        let predicts = |learnt: &&PairFit| match learnt.future.zip(self.base.future) {
+            Some((future_score, base)) => {
+                future_score.all - base.all > LEAST_FUTURE_NATS && future_score.last - base.last > -LARGEST_LOSS_NATS
+            }
             None => false,
         };
-        let shows = |learnt: &&Learnt| {
+        let shows = |learnt: &&PairFit| {
             let changes = learnt.fitted.position_m.iter().zip(&self.base.fitted.position_m);
             let largest_m = changes.fold(0.0_f64, |largest, (a, b)| largest.max((a - b).abs()));
             largest_m >= SMALLEST_CHANGE * self.subject.yardstick_m()
@@ -149,7 +151,7 @@ impl Found {
         if p > LARGEST_P {
             return Err("no gain beyond chance".into());
         }
-        let is_near = |own: &&Learnt| leading.evidence_nats - own.evidence_nats <= EQUAL_NATS;
+        let is_near = |pair_fit: &&PairFit| leading.evidence_nats - pair_fit.evidence_nats <= EQUAL_NATS;
         let Some(chosen) = self.learnt.iter().filter(is_near).filter(predicts).find(shows) else {
             return Err("no pair predicts unseen cycles".into());
         };
@@ -163,9 +165,9 @@ impl Found {
     }
 
     /// Effects of the library that predict unseen cycles as well as the function.
-    pub fn preferred(&self, chosen: &Learnt, monitor: &dyn Monitor) -> Vec<String> {
-        let own: Vec<&str> = self.pairs.iter().map(|pair| pair.effect.slug()).collect();
-        let others = self.subject.library().effects().iter().filter(|effect| !own.contains(&effect.slug()));
+    pub fn find_preferred_effects(&self, chosen: &PairFit, monitor: &dyn Monitor) -> Vec<String> {
+        let names: Vec<&str> = self.pairs.iter().map(|pair| pair.effect.slug()).collect();
+        let others = self.subject.library().effects().iter().filter(|effect| !names.contains(&effect.slug()));
         let candidates = others.filter_map(|effect| self.subject.extended(&[effect.slug()]).ok());
         let (slow, quick): (Vec<Candidate>, _) = candidates.partition(|candidate| candidate.model.is_nonlinear());
         let mut refitted = refit_all(&self.subject, &quick, &[&self.base], Search::Wide, monitor);
@@ -176,7 +178,7 @@ impl Found {
         let mut good: Vec<(f64, String)> = refitted
             .into_iter()
             .flatten()
-            .filter_map(|own| Some((own.future?.all, own.candidate.effects.last()?.clone())))
+            .filter_map(|refitted| Some((refitted.future?.all, refitted.candidate.effects.last()?.clone())))
             .filter(|(score, _)| *score >= learnt.all - allowed)
             .collect();
         good.sort_by(|a, b| b.0.total_cmp(&a.0));
@@ -187,7 +189,7 @@ impl Found {
     fn refit_slow(
         &self,
         candidates: &[Candidate],
-        chosen: &Learnt,
+        chosen: &PairFit,
         monitor: &dyn Monitor,
     ) -> Result<Vec<Option<Refitted>>> {
         let screen = screen::Screen::new(&self.subject, &self.base, candidates)?;
@@ -202,10 +204,10 @@ impl Found {
         let fitted = few.fit(&self.base.candidate, &[start], Search::Local)?;
         let base = Refitted { fitted, future: None, ..self.base.clone() };
         let sought = refit_all(&few, &candidates, &[&base], Search::Wide, monitor).into_iter().flatten();
-        let finished = sought.map(|own| {
-            let start = (own.fitted.theta, own.fitted.noise);
-            let fitted = self.subject.fit(&own.candidate, &[start], Search::Local).ok()?;
-            Refitted::at(&self.subject, own.candidate, fitted).ok()
+        let finished = sought.map(|refitted| {
+            let start = (refitted.fitted.theta, refitted.fitted.noise);
+            let fitted = self.subject.fit(&refitted.candidate, &[start], Search::Local).ok()?;
+            Refitted::at(&self.subject, refitted.candidate, fitted).ok()
         });
         Ok(finished.collect())
     }
@@ -216,7 +218,7 @@ impl Found {
         let rows = if is_scored { &self.subject.scored_m } else { &self.subject.fitted_m };
         let noise = self.subject.yardstick_m().powi(2);
         let [before, after] =
-            [&self.base.fitted, fitted].map(|own| own.rmse_m(rows).map(|rmse| (rmse * rmse - noise).max(0.0)));
+            [&self.base.fitted, fitted].map(|fitted| fitted.rmse_m(rows).map(|rmse| (rmse * rmse - noise).max(0.0)));
         let (before, after) = (before?, after?);
         (before > 0.0).then(|| (1.0 - after / before).clamp(-1.0, 1.0))
     }
@@ -224,7 +226,7 @@ impl Found {
     /// Finds the simplest formula that predicts unseen cycles nearly as well as the function. It belongs to the leading pair, or has one parameter and belongs to another pair within reach. Eight weights may hide that a
     /// line in another state does as well. All fits use the noise of the model's specification, since the formula is added to that model. Slow noise that only the search allows
     /// would absorb levels and leave only increments to the formula.
-    pub fn written<'a>(&'a self, chosen: &'a Learnt) -> (&'a Learnt, Option<Distilled>) {
+    pub fn write_formula<'a>(&'a self, chosen: &'a PairFit) -> (&'a PairFit, Option<FittedFormula>) {
         let Ok((subject, base)) = with_own_noise(&self.subject, &self.base) else { return (chosen, None) };
         let Some(((function, of_function), of_base)) = fit_under(&subject, chosen).zip(base.future) else {
             return (chosen, None);
@@ -233,22 +235,22 @@ impl Found {
         let left = (1e-6 * function.noise[0] / subject.yardstick_m()).powi(2).max(1.0);
         let gain = of_function.all - of_base.all;
         let least = of_function.all - FORMULA_LOSS_NATS * left - FORMULA_LOSS * gain;
-        let is_within = |other: &&Learnt| other.evidence_nats > chosen.evidence_nats - SIMPLER_WITHIN_NATS;
-        let formulas = self.learnt.iter().filter(is_within).filter_map(|own| {
-            let (pair, most) = (&self.pairs[own.pair], if own.pair == chosen.pair { usize::MAX } else { 1 });
-            Some((own, distil(&subject, &base, pair, (least, most))?))
+        let is_within = |other: &&PairFit| other.evidence_nats > chosen.evidence_nats - SIMPLER_WITHIN_NATS;
+        let formulas = self.learnt.iter().filter(is_within).filter_map(|pair_fit| {
+            let (pair, most) = (&self.pairs[pair_fit.pair], if pair_fit.pair == chosen.pair { usize::MAX } else { 1 });
+            Some((pair_fit, find_simplest_formula(&subject, &base, pair, (least, most))?))
         });
         let simplest = formulas.min_by(|(_, a), (_, b)| {
-            let n = |own: &Distilled| own.parameters.len();
+            let n = |fitted_formula: &FittedFormula| fitted_formula.parameters.len();
             n(a).cmp(&n(b)).then(b.score.total_cmp(&a.score))
         });
-        simplest.map_or((chosen, None), |(own, formula)| (own, Some(formula)))
+        simplest.map_or((chosen, None), |(pair_fit, formula)| (pair_fit, Some(formula)))
     }
 
     /// Returns whether a fit has another quantity or state than `pair`; the opposite direction does not count as another.
-    pub fn is_another(&self, other: &Learnt, pair: &Pair) -> bool {
-        let own = &self.pairs[other.pair];
-        (own.quantity, own.state) != (pair.quantity, pair.state)
+    pub fn is_another(&self, other: &PairFit, pair: &Pair) -> bool {
+        let entry = &self.pairs[other.pair];
+        (entry.quantity, entry.state) != (pair.quantity, pair.state)
     }
 }
 
@@ -257,7 +259,7 @@ impl Found {
 /// # Errors
 /// Errors of the fit.
 pub fn fitted_base(subject: &Subject) -> Result<(Subject, Refitted)> {
-    let (subject, fitted, _) = outliers::without(subject, &subject.base())?;
+    let (subject, fitted, _) = outliers::exclude_outliers(subject, &subject.base())?;
     let base = Refitted::at(&subject, subject.base(), fitted)?;
     Ok((subject, base))
 }
@@ -267,7 +269,7 @@ pub fn fitted_base(subject: &Subject) -> Result<(Subject, Refitted)> {
 /// # Errors
 /// Errors of the fit.
 pub fn with_own_noise(subject: &Subject, base: &Refitted) -> Result<(Subject, Refitted)> {
-    let subject = subject.clone().with_own_noise();
+    let subject = subject.clone().with_specified_noise();
     let fitted = subject.fit(&base.candidate, &[(base.fitted.theta.clone(), base.fitted.noise)], Search::Local)?;
     let base = Refitted::at(&subject, base.candidate.clone(), fitted)?;
     Ok((subject, base))

@@ -98,7 +98,7 @@ pub struct Smooth {
 impl Smooth {
     /// Makes the functions over a nonempty range of states.
     pub fn over(range: [f64; 2], bent_at: Option<f64>, basis: Basis) -> Self {
-        let warp = |s: f64| bent_at.map_or(s, |own| (s / own).asinh());
+        let warp = |s: f64| bent_at.map_or(s, |value| (s / value).asinh());
         let [from, to] = range.map(warp);
         let none = [0.0; MOST_WEIGHTS];
         Self { basis, from, width: to - from, bent_at, sizes: none, at_zero: none }.with(basis)
@@ -111,9 +111,9 @@ impl Smooth {
 
     /// Makes functions of another basis over this range.
     pub fn with(self, basis: Basis) -> Self {
-        let mut own = Self { basis, sizes: basis.sizes(), at_zero: [0.0; MOST_WEIGHTS], ..self };
-        own.at_zero = own.functions(Dual::ZERO).map(|function| function.value);
-        own
+        let mut smooth = Self { basis, sizes: basis.sizes(), at_zero: [0.0; MOST_WEIGHTS], ..self };
+        smooth.at_zero = smooth.functions(Dual::ZERO).map(|function| function.value);
+        smooth
     }
 
     /// Functions whose weighted sum is g, minus their values at the state 0.
@@ -132,8 +132,8 @@ impl Smooth {
     /// Value of u at a state.
     fn place(&self, state: Dual) -> Dual {
         let warped = match self.bent_at {
-            Some(own) => {
-                let x = state * own.recip();
+            Some(x_value) => {
+                let x = state * x_value.recip();
                 Dual { value: x.value.asinh(), derivative: x.derivative / (1.0 + x.value * x.value).sqrt() }
             }
             None => state,
@@ -192,7 +192,7 @@ mod tests {
             assert!(smooth.functions(Dual::ZERO).iter().all(|function| function.value == 0.0));
             for state in [-1.5e-4, 1e-5, 4e-4] {
                 let found = smooth.functions(Dual::variable(state));
-                let warp = |s: f64| bent_at.map_or(s, |own: f64| (s / own).asinh());
+                let warp = |s: f64| bent_at.map_or(s, |value: f64| (s / value).asinh());
                 let u = |s: f64| (warp(s) - warp(-2e-4)) / (warp(6e-4) - warp(-2e-4));
                 for (k, found) in found.iter().enumerate().skip(1) {
                     let cosine = |s: f64| (std::f64::consts::PI * k as f64 * u(s)).cos() * (k as f64).powf(-1.5);
@@ -245,21 +245,21 @@ mod tests {
                 let mut before = 0.0;
                 for step in 0..=400 {
                     let (state, h) = (step as f64 / 200.0, 1e-6);
-                    let own = at(state)[k];
-                    assert!(sign * own.value >= before - 1e-15, "{n} {k} {state}");
-                    before = sign * own.value;
+                    let dual = at(state)[k];
+                    assert!(sign * dual.value >= before - 1e-15, "{n} {k} {state}");
+                    before = sign * dual.value;
                     if step > 0 && step < 400 {
                         let slope = (at(state + h)[k].value - at(state - h)[k].value) / (2.0 * h);
-                        assert!((own.derivative - slope).abs() < 1e-4, "{n} {k} {state}: {slope} {own:?}");
+                        assert!((dual.derivative - slope).abs() < 1e-4, "{n} {k} {state}: {slope} {dual:?}");
                     }
                     let hat = 2.0 * k as f64 / (n - 1) as f64;
                     if (state - hat).abs() > 2.0 / (n - 1) as f64 {
-                        assert_eq!(own.derivative, 0.0);
+                        assert_eq!(dual.derivative, 0.0);
                     }
                 }
                 assert!((before - (n as f64).sqrt().recip()).abs() < 1e-12);
             }
-            assert!(at(1.0)[n..].iter().all(|own| own.value == 0.0));
+            assert!(at(1.0)[n..].iter().all(|dual| dual.value == 0.0));
         }
     }
 }

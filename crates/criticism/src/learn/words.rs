@@ -1,20 +1,20 @@
 //! Sentences on the learnt function.
 
-use super::drawn::{leaves_band, share_beyond};
-use super::fit::Learnt;
-use super::pairs::{Kind, Pair};
-use super::search::{EQUAL_NATS, Found};
-use crate::leftover::misfit;
+use super::drawn::{is_outside_band, share_beyond};
+use super::fit::PairFit;
+use super::pairs::{Pair, StateKind};
+use super::search::{EQUAL_NATS, PairSearch};
 use crate::refit::Refitted;
+use crate::residual_structure::measure_misfit;
 use base::error::Result;
 use documents::errors::ModelErrors;
 use documents::learned::{LearnedFormula, LearnedFunction, LearnedPoint};
-use figures::number::significant;
+use figures::number::format_significant;
 
 /// Share of held-out rows beyond the fitted states above which the verdict mentions them.
 const MOST_BEYOND: f64 = 0.1;
 
-impl Found {
+impl PairSearch {
     /// Sentence on the dependence and its gain.
     pub fn gain_in_words(
         &self,
@@ -23,16 +23,18 @@ impl Found {
         after: ModelErrors,
         drawn: Option<&LearnedFunction>,
     ) -> String {
-        let error = |own: ModelErrors| own.rmse_heldout_um.unwrap_or(own.rmse_fitted_um);
+        let error = |model_errors: ModelErrors| model_errors.rmse_heldout_um.unwrap_or(model_errors.rmse_fitted_um);
         let cycle = if after.rmse_heldout_um.is_some() { "last held-out cycle" } else { "fitted cycles" };
-        let words = words(pair, drawn.map(rises));
+        let words = describe_pair(pair, drawn.map(is_rising));
         let first = words.chars().next().map_or(String::new(), |c| c.to_uppercase().to_string());
         format!(
             "{first}{} changes the error on the {cycle} from {} to {} µm (noise {}).",
             words.chars().skip(1).collect::<String>(),
-            significant(error(before), 3),
-            significant(error(after), 3),
-            self.subject.noise_um().map_or("unknown".into(), |noise_um| format!("{} µm", significant(noise_um, 3)))
+            format_significant(error(before), 3),
+            format_significant(error(after), 3),
+            self.subject
+                .noise_um()
+                .map_or("unknown".into(), |noise_um| format!("{} µm", format_significant(noise_um, 3)))
         )
     }
 
@@ -46,17 +48,18 @@ impl Found {
         match with_formula.zip(written) {
             Some((errors, (formula, drawn))) => {
                 let left = errors.rmse_heldout_um.unwrap_or(errors.rmse_fitted_um);
-                sentence += &format!(" As a formula: {}, {} µm.", formula.product(pair.quantity), significant(left, 3));
-                if leaves_band(&formula.factors, &drawn.points) {
+                sentence +=
+                    &format!(" As a formula: {}, {} µm.", formula.product(pair.quantity), format_significant(left, 3));
+                if is_outside_band(&formula.factors, &drawn.points) {
                     sentence += " It lies outside the function's band: the formula is fitted with the noise of the study's model, the function with every kind of noise.";
                 }
             }
-            None if matches!(pair.kind, Kind::Function { .. }) => {
+            None if matches!(pair.kind, StateKind::Function { .. }) => {
                 sentence += " No short formula predicts unseen cycles as well.";
             }
             None => {}
         }
-        if let Kind::Function { visited, .. } = &pair.kind {
+        if let StateKind::Function { visited, .. } = &pair.kind {
             let beyond = share_beyond(&self.subject, visited);
             if beyond > MOST_BEYOND {
                 sentence += &format!(
@@ -70,16 +73,16 @@ impl Found {
     }
 
     /// Sentences on alternatives and on the remaining residual.
-    pub fn limits_in_words(&self, chosen: &Learnt, model: &Refitted, library: &[String]) -> Result<String> {
+    pub fn limits_in_words(&self, chosen: &PairFit, model: &Refitted, library: &[String]) -> Result<String> {
         let mut sentence = String::new();
         if !library.is_empty() {
             sentence += &format!(" The library's {} predicts as well and is preferable.", quoted(library));
         }
         let pair = &self.pairs[chosen.pair];
-        let is_near = |other: &&Learnt| {
+        let is_near = |other: &&PairFit| {
             self.is_another(other, pair) && (other.evidence_nats - chosen.evidence_nats).abs() <= EQUAL_NATS
         };
-        let named = |other: &Learnt| {
+        let named = |other: &PairFit| {
             let pair = &self.pairs[other.pair];
             format!("{} by {}", pair.quantity, pair.state.replace('_', " "))
         };
@@ -95,7 +98,7 @@ impl Found {
         if !near.is_empty() {
             sentence += &format!(" This experiment cannot distinguish it from {}.", near.join(", "));
         }
-        if misfit(&self.subject, model, &[])?.is_too_large() {
+        if measure_misfit(&self.subject, model, &[])?.is_too_large() {
             sentence += " Its residual still exceeds the noise.";
         }
         Ok(sentence)
@@ -112,7 +115,7 @@ pub fn quantity_words(quantity: &str) -> String {
 }
 
 /// Phrase for a pair and the direction of its dependence.
-pub fn words(pair: &Pair, rises: Option<bool>) -> String {
+pub fn describe_pair(pair: &Pair, rises: Option<bool>) -> String {
     if pair.quantity == "creep" {
         return "a memory with additional retardation times".into();
     }
@@ -126,7 +129,7 @@ pub fn words(pair: &Pair, rises: Option<bool>) -> String {
 }
 
 /// Returns whether a function rises from the state nearest to 0 to the farthest state.
-pub fn rises(function: &LearnedFunction) -> bool {
+pub fn is_rising(function: &LearnedFunction) -> bool {
     let by_size = |a: &&LearnedPoint, b: &&LearnedPoint| a.state.abs().total_cmp(&b.state.abs());
     let [near, far] = [function.points.iter().min_by(by_size), function.points.iter().max_by(by_size)];
     near.zip(far).is_some_and(|(near, far)| far.factor > near.factor)

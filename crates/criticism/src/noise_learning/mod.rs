@@ -15,14 +15,14 @@ mod restricted;
 use super::{Candidate, Fitted, Subject};
 use crate::NoiseValues;
 use base::error::Result;
-use base::parameter::{OFFSET_SD, OU_SD};
+use base::parameter::{OFFSET_SD, SLOW_NOISE_SD};
 use documents::diagnosis::NoiseEstimate;
 use posterior::noise::NoiseModel;
 use record::Record;
 
 /// A standard deviation and its standard error, both in m.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Spread {
+pub struct NoiseEstimateSd {
     /// Standard deviation of one position.
     pub sd_m: f64,
     /// Standard error of `sd_m`.
@@ -33,9 +33,9 @@ pub struct Spread {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct CycleSpread {
     /// Spread of one position, gains and offsets of cycles included.
-    pub whole: Spread,
+    pub whole: NoiseEstimateSd,
     /// Spread of one position without a gain and an offset of each cycle.
-    pub within: Spread,
+    pub within: NoiseEstimateSd,
     /// Standard deviation of a cycle's gain; 0 if no change is detected.
     pub gain_sd: f64,
     /// Standard error of `gain_sd`, limited by the number of cycles.
@@ -52,7 +52,7 @@ pub struct CycleSpread {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct RestrictedSpread {
     /// Spread from row to row: white errors and the process together.
-    pub row: Spread,
+    pub row: NoiseEstimateSd,
     /// Terms of the noise.
     pub model: NoiseModel,
     /// Noise parameters in their units, in the order of the model.
@@ -61,11 +61,11 @@ pub struct RestrictedSpread {
 
 /// Noise learnt in all ways.
 #[derive(Debug, Clone, PartialEq)]
-pub struct LearntNoise {
+pub struct NoiseEstimates {
     /// Estimate from rest records, if there are any.
-    pub rest: Option<Spread>,
+    pub rest: Option<NoiseEstimateSd>,
     /// Estimate from neighbouring positions late in holds.
-    pub neighbours: Option<Spread>,
+    pub neighbours: Option<NoiseEstimateSd>,
     /// Estimate from successive cycles.
     pub cycles: Option<CycleSpread>,
     /// Estimate by restricted maximum likelihood.
@@ -84,9 +84,9 @@ const LEAST_MISFIT_RATIO: f64 = 1.5;
 ///
 /// # Errors
 /// [`base::Error::Numerical`] if the candidate has no derivatives at its fit.
-pub fn learn(subject: &Subject, candidate: &Candidate, fitted: &Fitted) -> Result<LearntNoise> {
+pub fn learn(subject: &Subject, candidate: &Candidate, fitted: &Fitted) -> Result<NoiseEstimates> {
     let record = Record { position_m: subject.fitted_m.clone(), ..subject.experiment().record.clone() };
-    Ok(LearntNoise {
+    Ok(NoiseEstimates {
         rest: records::at_rest(&record),
         neighbours: records::of_neighbours(&record),
         cycles: records::of_cycles(&record, &fitted.position_m),
@@ -95,10 +95,10 @@ pub fn learn(subject: &Subject, candidate: &Candidate, fitted: &Fitted) -> Resul
     })
 }
 
-impl LearntNoise {
+impl NoiseEstimates {
     /// One statement per source, for the document and the terminal.
     pub fn estimates(&self) -> Vec<NoiseEstimate> {
-        let entry = |from: &str, spread: Option<Spread>, text: String| NoiseEstimate {
+        let entry = |from: &str, spread: Option<NoiseEstimateSd>, text: String| NoiseEstimate {
             from: from.into(),
             sd_um: spread.map(|spread| 1e6 * spread.sd_m),
             standard_error_um: spread.map(|spread| 1e6 * spread.standard_error_m),
@@ -136,7 +136,7 @@ impl LearntNoise {
                 )
             },
         );
-        let [of_rows, of_cycles] = self.restricted.model.words(&self.restricted.noise).map(|words| words.join(", "));
+        let [of_rows, of_cycles] = self.restricted.model.describe(&self.restricted.noise).map(|words| words.join(", "));
         let by_likelihood = format!(
             "Restricted maximum likelihood: {} from row to row ({of_rows}), {of_cycles}; this includes the model's misfit.",
             um(self.restricted.row),
@@ -197,18 +197,18 @@ impl CycleSpread {
     }
 
     /// Spread of whole cycles with its error under constant gain, as a test of constancy requires.
-    fn whole_by_chance(&self) -> Spread {
-        Spread { standard_error_m: self.within.standard_error_m, ..self.whole }
+    fn whole_by_chance(&self) -> NoiseEstimateSd {
+        NoiseEstimateSd { standard_error_m: self.within.standard_error_m, ..self.whole }
     }
 
     /// Returns whether a shift of whole cycles is detected that the likelihood does not attribute to slow noise.
     fn has_offset(&self, restricted: RestrictedSpread) -> bool {
         let [process_um, offset_um] =
-            [OU_SD, OFFSET_SD].map(|parameter| restricted.model.value(&restricted.noise, &parameter));
+            [SLOW_NOISE_SD, OFFSET_SD].map(|parameter| restricted.model.value(&restricted.noise, &parameter));
         self.offset_score > LEAST_GAIN_SCORE && offset_um > process_um
     }
 
-    fn against(&self, neighbours: Spread, restricted: RestrictedSpread) -> String {
+    fn against(&self, neighbours: NoiseEstimateSd, restricted: RestrictedSpread) -> String {
         let excess_m2 = self.whole.sd_m.powi(2) - neighbours.sd_m.powi(2);
         let by_gain_m2 = self.whole.sd_m.powi(2) - self.within.sd_m.powi(2);
         let why = if by_gain_m2 > 0.5 * excess_m2 && self.has_gain() {
@@ -223,13 +223,13 @@ impl CycleSpread {
     }
 }
 
-fn exceeds(larger: Spread, smaller: Spread) -> bool {
+fn exceeds(larger: NoiseEstimateSd, smaller: NoiseEstimateSd) -> bool {
     let error_m = larger.standard_error_m.hypot(smaller.standard_error_m);
     larger.sd_m - smaller.sd_m > (LEAST_ERRORS * error_m).max(LEAST_FRACTION * smaller.sd_m)
 }
 
 /// Value and standard error, the error with two digits.
-fn um(spread: Spread) -> String {
+fn um(spread: NoiseEstimateSd) -> String {
     let error_um = 1e6 * spread.standard_error_m;
     let decimals =
         if error_um > 0.0 && error_um.is_finite() { (1.0 - error_um.log10().floor()).clamp(0.0, 6.0) } else { 2.0 };

@@ -1,6 +1,6 @@
 //! Noise estimated from the record itself: rests, neighbouring positions, successive cycles.
 
-use super::{CycleSpread, Spread};
+use super::{CycleSpread, NoiseEstimateSd};
 use record::Record;
 use record::noise::{
     MIN_DIFFERENCES, MIN_PER_WINDOW, MIN_REST_POSITIONS, NO_FORCE_FRACTION, RECOVERY_FRACTION, SD_PER_MAD, holds,
@@ -17,7 +17,7 @@ const EQUAL_STEP_FRACTION: f64 = 0.05;
 const FEWEST_PER_PAIR: usize = 20;
 
 /// Scatter about straight lines without force: before the first force, and late in rests.
-pub(super) fn at_rest(record: &Record) -> Option<Spread> {
+pub(super) fn at_rest(record: &Record) -> Option<NoiseEstimateSd> {
     let no_force_n = NO_FORCE_FRACTION * record.force_range_n();
     let (mut series, mut n_positions, mut n_windows, mut is_loaded) = (Vec::new(), 0, 0, false);
     for hold in holds(record) {
@@ -39,21 +39,21 @@ pub(super) fn at_rest(record: &Record) -> Option<Spread> {
 }
 
 /// Spread from second differences of neighbours late in holds.
-pub(super) fn of_neighbours(record: &Record) -> Option<Spread> {
+pub(super) fn of_neighbours(record: &Record) -> Option<NoiseEstimateSd> {
     let mut sizes: Vec<f64> = second_differences(record).iter().map(|difference| difference.abs()).collect();
     if sizes.len() < MIN_DIFFERENCES {
         return None;
     }
     sizes.sort_by(f64::total_cmp);
     let sd_m = SD_PER_MAD * 0.5 * (sizes[(sizes.len() - 1) / 2] + sizes[sizes.len() / 2]);
-    (sd_m > 0.0).then(|| Spread { sd_m, standard_error_m: sd_m * MAD_ERROR / (sizes.len() as f64).sqrt() })
+    (sd_m > 0.0).then(|| NoiseEstimateSd { sd_m, standard_error_m: sd_m * MAD_ERROR / (sizes.len() as f64).sqrt() })
 }
 
 /// Spread from differences of a fit's residuals (positions in m) at equal times in successive cycles, if the last force step was equal in both. After
 /// different steps, as after the first of all, the true motions differ.
 pub(super) fn of_cycles(record: &Record, fitted_m: &[f64]) -> Option<CycleSpread> {
     let steps = record.force_step_rows();
-    let same = Same {
+    let same = MatchTolerance {
         time_s: SAME_TIME_INTERVALS * record.median_interval_s()?,
         force_n: EQUAL_STEP_FRACTION * record.force_range_n(),
     };
@@ -74,8 +74,8 @@ pub(super) fn of_cycles(record: &Record, fitted_m: &[f64]) -> Option<CycleSpread
     let error_m4 = (2.0 * within.sd_m * within.standard_error_m).powi(2) + 2.0 * between_m2.powi(2) / n_pairs as f64;
     let half = std::f64::consts::FRAC_1_SQRT_2;
     let whole_m = whole_m2.sqrt();
-    let whole = Spread { sd_m: half * whole_m, standard_error_m: half * error_m4.sqrt() / (2.0 * whole_m) };
-    let within_one = Spread { sd_m: half * within.sd_m, standard_error_m: half * within.standard_error_m };
+    let whole = NoiseEstimateSd { sd_m: half * whole_m, standard_error_m: half * error_m4.sqrt() / (2.0 * whole_m) };
+    let within_one = NoiseEstimateSd { sd_m: half * within.sd_m, standard_error_m: half * within.standard_error_m };
     let stretch = slowness(&pairs.iter().map(|pair| pair.left_m.clone()).collect::<Vec<_>>()).1;
     let mean = |of: &dyn Fn(&Pair) -> f64| pairs.iter().map(of).sum::<f64>() / n_pairs as f64;
     let by_chance = stretch * mean(&|pair| within.sd_m.powi(2) / pair.gain_weight_m2);
@@ -91,7 +91,7 @@ pub(super) fn of_cycles(record: &Record, fitted_m: &[f64]) -> Option<CycleSpread
 }
 
 /// Tolerances for equal times and equal forces.
-struct Same {
+struct MatchTolerance {
     time_s: f64,
     force_n: f64,
 }
@@ -109,10 +109,10 @@ struct Pair {
 }
 
 impl Pair {
-    fn new(record: &Record, fitted_m: &[f64], [own, next]: [&[Phase]; 2], same: &Same) -> Option<Self> {
+    fn new(record: &Record, fitted_m: &[f64], [phases, next]: [&[Phase]; 2], same: &MatchTolerance) -> Option<Self> {
         let (same_s, equal_n) = (same.time_s, same.force_n);
         let (mut difference_m, mut position_m) = (Vec::new(), Vec::new());
-        for row in own {
+        for row in phases {
             let at = next.partition_point(|other| other.after_s < row.after_s - same_s);
             if let (Some(other), Some(one_m)) = (next.get(at), record.position_m[row.row])
                 && other.after_s <= row.after_s + same_s
@@ -165,13 +165,13 @@ fn about_line(x: &[f64], y: &[f64]) -> ((f64, f64), Vec<f64>) {
 }
 
 /// Standard deviation of series about 0 with so many degrees of freedom, and its error for the correlation of the series.
-fn spread_of(series: &[Vec<f64>], degrees: usize) -> Option<Spread> {
+fn spread_of(series: &[Vec<f64>], degrees: usize) -> Option<NoiseEstimateSd> {
     let squares: f64 = series.iter().flatten().map(|value| value * value).sum();
     if degrees == 0 || squares <= 0.0 {
         return None;
     }
     let sd_m = (squares / degrees as f64).sqrt();
-    Some(Spread { sd_m, standard_error_m: sd_m * (slowness(series).0 / (2.0 * degrees as f64)).sqrt() })
+    Some(NoiseEstimateSd { sd_m, standard_error_m: sd_m * (slowness(series).0 / (2.0 * degrees as f64)).sqrt() })
 }
 
 /// 1 + 2 Σ ρ² and 1 + 2 Σ ρ over the lags before the correlation ρ vanishes in its own scatter: factors of the variances of a mean square

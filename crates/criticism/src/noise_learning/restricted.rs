@@ -5,7 +5,7 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use super::{RestrictedSpread, Spread};
+use super::{NoiseEstimateSd, RestrictedSpread};
 use crate::NoiseValues;
 use crate::derivatives::columns_m;
 use crate::noise_fit::{LogNoise, Objective, climb, natural};
@@ -83,7 +83,7 @@ pub(super) fn learn(subject: &Subject, candidate: &Candidate, fitted: &Fitted) -
     let slopes: Vec<(usize, f64)> = of_rows.iter().map(slope).collect();
     let relative_error = relative_error(&objective, &log_noise, &slopes);
     Ok(RestrictedSpread {
-        row: Spread { sd_m: 1e-6 * sd_um, standard_error_m: 1e-6 * sd_um * relative_error },
+        row: NoiseEstimateSd { sd_m: 1e-6 * sd_um, standard_error_m: 1e-6 * sd_um * relative_error },
         model: subject.noise(),
         noise,
     })

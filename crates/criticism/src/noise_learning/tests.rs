@@ -10,7 +10,7 @@ use super::*;
 use crate::NoiseValues;
 use crate::derivatives::columns_m;
 
-fn learnt(data: &Subject) -> LearntNoise {
+fn learnt(data: &Subject) -> NoiseEstimates {
     let fitted = data.fit(&data.base(), &[], Search::Wide).expect("fits");
     let clock = Instant::now();
     let learnt = learn(data, &data.base(), &fitted).expect("derivatives");
@@ -24,7 +24,7 @@ fn noisy(subject: &Subject, truth_m: &[f64], noise: &NoiseValues, seed: u64) -> 
 }
 
 /// Root mean square of (estimate − truth)/error over replicates.
-fn calibration(found: &[Spread], truth_um: f64) -> f64 {
+fn calibration(found: &[NoiseEstimateSd], truth_um: f64) -> f64 {
     let squares = found.iter().map(|spread| ((spread.sd_m - 1e-6 * truth_um) / spread.standard_error_m).powi(2));
     (squares.sum::<f64>() / found.len() as f64).sqrt()
 }
@@ -34,10 +34,10 @@ fn calibration(found: &[Spread], truth_um: f64) -> f64 {
 fn white_noise_is_found_every_way() {
     let subject = subject(Protocol::Levels);
     let truth_m = truth_of(&subject, &[], &[]);
-    let all: Vec<LearntNoise> = (0..24)
+    let all: Vec<NoiseEstimates> = (0..24)
         .map(|seed| learnt(&noisy(&subject, &truth_m, &NoiseValues::new([4.0, 1e-6, 1.0, 1e-9, 1e-6]), 50 + seed)))
         .collect();
-    let of = |part: fn(&LearntNoise) -> Option<Spread>| all.iter().filter_map(part).collect::<Vec<_>>();
+    let of = |part: fn(&NoiseEstimates) -> Option<NoiseEstimateSd>| all.iter().filter_map(part).collect::<Vec<_>>();
     let ways = [
         ("rest", of(|learnt| learnt.rest)),
         ("neighbours", of(|learnt| learnt.neighbours)),
@@ -52,7 +52,7 @@ fn white_noise_is_found_every_way() {
         assert!(score < 1.9, "{name}: {score}");
     }
     let n_disagreeing = all.iter().filter(|learnt| !learnt.disagreements().is_empty()).count();
-    all.iter().flat_map(LearntNoise::disagreements).for_each(|text| println!("{text}"));
+    all.iter().flat_map(NoiseEstimates::disagreements).for_each(|text| println!("{text}"));
     // A disagreement needs 3.5 errors, once in 2,000 records. Two of 24 occur about once in 10⁴, so the bound relies on its fixed seeds.
     assert!(n_disagreeing <= 1, "{n_disagreeing}");
     all[0].estimates().iter().for_each(|estimate| println!("{}", estimate.text));
@@ -111,12 +111,12 @@ fn a_gain_shows_between_cycles() {
 fn slow_noise_hides_from_neighbours() {
     let subject = subject(Protocol::Paper);
     let truth_m = truth_of(&subject, &[], &[]);
-    let all: Vec<LearntNoise> = (0..16)
+    let all: Vec<NoiseEstimates> = (0..16)
         .map(|seed| learnt(&noisy(&subject, &truth_m, &NoiseValues::new([4.0, 6.0, 1.0, 1e-9, 1e-6]), 250 + seed)))
         .collect();
-    let rows: Vec<Spread> = all.iter().map(|learnt| learnt.restricted.row).collect();
+    let rows: Vec<NoiseEstimateSd> = all.iter().map(|learnt| learnt.restricted.row).collect();
     let score = calibration(&rows, 4.0_f64.hypot(6.0));
-    let mean = |part: &dyn Fn(&LearntNoise) -> f64| 1e6 * all.iter().map(part).sum::<f64>() / 16.0;
+    let mean = |part: &dyn Fn(&NoiseEstimates) -> f64| 1e6 * all.iter().map(part).sum::<f64>() / 16.0;
     let by_neighbours = mean(&|learnt| learnt.neighbours.map_or(0.0, |spread| spread.sd_m));
     let by_likelihood = mean(&|learnt| learnt.restricted.row.sd_m);
     println!("neighbours {by_neighbours:.2}, restricted {by_likelihood:.2} µm, score {score:.2}");

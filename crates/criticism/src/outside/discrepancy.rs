@@ -5,8 +5,8 @@ use rayon::prelude::*;
 
 use super::OutsideRequest;
 use super::look::starts;
-use super::setting::Setting;
-use super::shape::Shape;
+use super::setting::SearchSetting;
+use super::shape::StructureShape;
 use crate::derivatives::columns_m;
 use crate::noise_fit::natural;
 use crate::{Candidate, Fitted, Search, Subject, Tangent};
@@ -40,12 +40,12 @@ impl Axis {
         }
     }
 
-    fn basis(self) -> Shape {
+    fn basis(self) -> StructureShape {
         match self {
-            Self::Phase => Shape::CycleLocked { n_harmonics: 8 },
-            Self::TimeSinceStep => Shape::SinceStep { n_knots: 12 },
-            Self::AbsoluteTime => Shape::SlowChange { n_waves: 14 },
-            Self::Force => Shape::ForceLevel,
+            Self::Phase => StructureShape::CycleLocked { n_harmonics: 8 },
+            Self::TimeSinceStep => StructureShape::SinceStep { n_knots: 12 },
+            Self::AbsoluteTime => StructureShape::SlowChange { n_waves: 14 },
+            Self::Force => StructureShape::ForceLevel,
         }
     }
 
@@ -129,7 +129,7 @@ impl Process {
 }
 
 /// One axis with its processes.
-struct Prepared {
+struct PreparedDiscrepancy {
     axis: Axis,
     tangent: Tangent,
     fitted: Fitted,
@@ -148,10 +148,10 @@ pub fn discrepancies(
     fitted: &Fitted,
     request: &OutsideRequest,
 ) -> Result<Vec<Discrepancy>> {
-    let setting = Setting::new(subject, candidate, fitted)?;
-    let prepared: Vec<Prepared> =
+    let setting = SearchSetting::new(subject, candidate, fitted)?;
+    let prepared: Vec<PreparedDiscrepancy> =
         Axis::ALL.par_iter().map(|axis| prepare(subject, candidate, fitted, &setting, *axis)).collect::<Result<_>>()?;
-    let best = |prepared: &Prepared, residual: &DVector<f64>| {
+    let best = |prepared: &PreparedDiscrepancy, residual: &DVector<f64>| {
         let gains = prepared.processes.iter().map(|process| process.gain_nats(residual)).enumerate();
         gains.max_by(|a, b| a.1.total_cmp(&b.1)).unwrap_or((0, 0.0))
     };
@@ -177,17 +177,17 @@ fn prepare(
     subject: &Subject,
     candidate: &Candidate,
     fitted: &Fitted,
-    setting: &Setting,
+    setting: &SearchSetting,
     axis: Axis,
-) -> Result<Prepared> {
+) -> Result<PreparedDiscrepancy> {
     let columns = axis.basis().columns_m(setting);
     let extended = candidate.with_columns(columns.clone());
     let start = extended.embed(candidate, &fitted.theta);
     let clean = natural(&subject.noise_prior().white());
     let noise = subject.fit(&extended, &starts(start, fitted, clean), Search::Local)?.noise;
-    let own = [(fitted.theta.clone(), noise)];
+    let pairs = [(fitted.theta.clone(), noise)];
     // Parameters are those of the model alone: the process describes their residual.
-    let alone = subject.fit(candidate, &own, Search::Local)?;
+    let alone = subject.fit(candidate, &pairs, Search::Local)?;
     let fitted = Fitted { noise, ..alone };
     let tangent = Tangent::new(subject, candidate, &fitted)?;
     let visible = DMatrix::from_columns(&tangent.visible(&columns));
@@ -196,26 +196,26 @@ fn prepare(
     for length in LENGTHS {
         processes.extend(SIZES.map(|size| Process::new(&visible, axis, length, size * yardstick)));
     }
-    Ok(Prepared { axis, tangent, fitted, columns, processes })
+    Ok(PreparedDiscrepancy { axis, tangent, fitted, columns, processes })
 }
 
-impl Prepared {
+impl PreparedDiscrepancy {
     fn discrepancy(
         &self,
         subject: &Subject,
         candidate: &Candidate,
-        setting: &Setting,
+        setting: &SearchSetting,
         process: &Process,
         gain_nats: f64,
         p_familywise: f64,
     ) -> Result<Discrepancy> {
         let n_rows = setting.time_s.len();
-        let own = columns_m(subject, candidate, &self.fitted.theta)?;
+        let valueses = columns_m(subject, candidate, &self.fitted.theta)?;
         let white = self.tangent.whiten(&self.columns);
         let mut basis = DMatrix::from_fn(n_rows, self.columns.len(), |row, k| self.columns[k][row]);
         for (k, white) in white.iter().enumerate() {
             let steps = self.tangent.absorbing_step(white).unwrap_or_default();
-            for (column, step) in own.iter().zip(steps) {
+            for (column, step) in valueses.iter().zip(steps) {
                 (0..n_rows).for_each(|row| basis[(row, k)] -= step * column[row]);
             }
         }
@@ -225,7 +225,7 @@ impl Prepared {
         let squares: f64 = setting.rows.iter().map(|row| mean[*row].powi(2)).sum();
         // Under this noise the parameters would absorb slightly more.
         let steps = self.tangent.absorbing_step(self.tangent.residual()).unwrap_or_default();
-        let absorbed_m = |row: usize| own.iter().zip(&steps).map(|(column, step)| step * column[row]).sum::<f64>();
+        let absorbed_m = |row: usize| valueses.iter().zip(&steps).map(|(column, step)| step * column[row]).sum::<f64>();
         let left_m = |row: usize| subject.fitted_m[row].map(|y| y - self.fitted.position_m[row] - absorbed_m(row));
         Ok(Discrepancy {
             axis: self.axis,
@@ -242,7 +242,7 @@ impl Prepared {
     }
 }
 
-fn coordinate(setting: &Setting, axis: Axis, row: usize) -> f64 {
+fn coordinate(setting: &SearchSetting, axis: Axis, row: usize) -> f64 {
     match axis {
         Axis::Phase => setting.phase[row].fract(),
         Axis::TimeSinceStep => setting.since_step[row].1,
@@ -251,6 +251,6 @@ fn coordinate(setting: &Setting, axis: Axis, row: usize) -> f64 {
     }
 }
 
-fn sign(setting: &Setting, axis: Axis, row: usize) -> f64 {
+fn sign(setting: &SearchSetting, axis: Axis, row: usize) -> f64 {
     if axis == Axis::TimeSinceStep { setting.since_step[row].0 } else { 1.0 }
 }

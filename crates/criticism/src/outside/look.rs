@@ -4,9 +4,9 @@ use rayon::prelude::*;
 
 use super::screen::{Scored, Screened, kept, screen};
 use super::sentence::describe;
-use super::setting::Setting;
-use super::shape::{Shape, families, is_event};
-use super::{Outside, OutsideKind, OutsideRequest};
+use super::setting::SearchSetting;
+use super::shape::{StructureShape, families, is_event};
+use super::{OutsideKind, OutsideRequest, OutsideStructure};
 use crate::NoiseValues;
 use crate::derivatives::columns_m;
 use crate::noise_fit::natural;
@@ -66,7 +66,7 @@ impl OutsideNull {
     /// # Errors
     /// Errors of [`Tangent::new`].
     pub fn of(subject: &Subject, candidate: &Candidate, fitted: &Fitted, request: &OutsideRequest) -> Result<Self> {
-        let setting = Setting::new(subject, candidate, fitted)?;
+        let setting = SearchSetting::new(subject, candidate, fitted)?;
         let tangent = Tangent::new(subject, candidate, fitted)?;
         let screened = screen(&tangent, &setting, &families(&setting), request.n_simulations, request.seed);
         Ok(Self::new(&screened))
@@ -82,22 +82,22 @@ impl OutsideNull {
 #[derive(Clone)]
 struct Refit {
     family: usize,
-    shape: Shape,
+    shape: StructureShape,
     candidate: Candidate,
     fitted: Fitted,
 }
 
 /// State of a search: the subject without outliers and the model's best fit to it.
-struct Looking<'a> {
+struct OutsideSearch<'a> {
     subject: Subject,
     candidate: &'a Candidate,
     base: Fitted,
     /// Tangent at that fit.
-    own: Tangent,
+    entry: Tangent,
     /// White noise of the yardstick's size with a small gain.
     clean: NoiseValues,
-    setting: Setting,
-    families: Vec<Vec<Shape>>,
+    setting: SearchSetting,
+    families: Vec<Vec<StructureShape>>,
 }
 
 /// Structure outside the library in the fitted rows of a subject, given a model and its fit: the best of each kind, by penalised gain.
@@ -109,8 +109,8 @@ pub fn search(
     candidate: &Candidate,
     fitted: &Fitted,
     request: &OutsideRequest,
-) -> Result<Vec<Outside>> {
-    let looking = Looking::new(subject, candidate, fitted, |_| true)?;
+) -> Result<Vec<OutsideStructure>> {
+    let looking = OutsideSearch::new(subject, candidate, fitted, |_| true)?;
     looking.outsides(request)
 }
 
@@ -126,12 +126,12 @@ pub fn events_over_all_cycles(
     candidate: &Candidate,
     fitted: &Fitted,
     request: &OutsideRequest,
-) -> Result<Vec<Outside>> {
+) -> Result<Vec<OutsideStructure>> {
     let mut unsealed = subject.clone();
     unsealed.fitted_m = subject.fitted_m.iter().zip(&subject.scored_m).map(|(a, b)| a.or(*b)).collect();
     unsealed.scored_m = vec![None; subject.scored_m.len()];
     unsealed.fitted = subject.all.clone();
-    let looking = Looking::new(&unsealed, candidate, fitted, is_event)?;
+    let looking = OutsideSearch::new(&unsealed, candidate, fitted, is_event)?;
     looking.outsides(request)
 }
 
@@ -139,45 +139,45 @@ pub fn events_over_all_cycles(
 ///
 /// # Errors
 /// Errors of [`search`].
-pub fn outside_gain(
+pub fn largest_outside_gain(
     subject: &Subject,
     candidate: &Candidate,
     fitted: &Fitted,
     null: &OutsideNull,
 ) -> Result<(f64, Option<OutsideKind>)> {
-    let looking = Looking::new(subject, candidate, fitted, |_| true)?;
-    let scores = screen(&looking.own, &looking.setting, &looking.families, 0, 0).scores;
+    let looking = OutsideSearch::new(subject, candidate, fitted, |_| true)?;
+    let scores = screen(&looking.entry, &looking.setting, &looking.families, 0, 0).scores;
     let refits = looking.refits(scores, null)?;
     let best = refits.iter().map(|refit| (looking.penalised(refit, null), refit.shape.kind()));
     let best = best.max_by(|a, b| a.0.total_cmp(&b.0));
     Ok(best.map_or((0.0, None), |(gain, kind)| (gain, Some(kind))))
 }
 
-impl<'a> Looking<'a> {
+impl<'a> OutsideSearch<'a> {
     fn new(
         subject: &Subject,
         candidate: &'a Candidate,
         fitted: &Fitted,
         is_wanted: impl Fn(OutsideKind) -> bool,
     ) -> Result<Self> {
-        let subject = subject.without_rows(&outliers::find(subject, fitted));
+        let subject = subject.without_rows(&outliers::find_outliers(subject, fitted));
         let mut clean = natural(&subject.noise_prior().white());
         clean[3] = CLEAN_GAIN_SD;
         // The gain must not come from another noise optimum of the model alone.
         let base = subject.fit(candidate, &starts(fitted.theta.clone(), fitted, clean), Search::Local)?;
-        let setting = Setting::new(&subject, candidate, &base)?;
+        let setting = SearchSetting::new(&subject, candidate, &base)?;
         let families = families(&setting).into_iter();
         let families = families.filter(|shapes| shapes.first().is_some_and(|shape| is_wanted(shape.kind()))).collect();
-        let own = Tangent::new(&subject, candidate, &base)?;
-        Ok(Self { subject, candidate, base, own, clean, setting, families })
+        let tangent = Tangent::new(&subject, candidate, &base)?;
+        Ok(Self { subject, candidate, base, entry: tangent, clean, setting, families })
     }
 
     fn tangent(&self, fitted: &Fitted) -> Result<Tangent> {
         Tangent::new(&self.subject, self.candidate, fitted)
     }
 
-    fn outsides(&self, request: &OutsideRequest) -> Result<Vec<Outside>> {
-        let screened = screen(&self.own, &self.setting, &self.families, request.n_simulations, request.seed);
+    fn outsides(&self, request: &OutsideRequest) -> Result<Vec<OutsideStructure>> {
+        let screened = screen(&self.entry, &self.setting, &self.families, request.n_simulations, request.seed);
         let null = OutsideNull::new(&screened);
         let refits = self.refits(screened.scores, &null)?;
         let mut best: Vec<(f64, Refit)> = Vec::new();
@@ -195,12 +195,12 @@ impl<'a> Looking<'a> {
     }
 
     /// Refits the nominated shapes and returns the best refit of each family.
-    fn refits(&self, own: Vec<Scored>, null: &OutsideNull) -> Result<Vec<Refit>> {
+    fn refits(&self, scoreds: Vec<Scored>, null: &OutsideNull) -> Result<Vec<Refit>> {
         let clean = self.tangent(&Fitted { noise: self.clean, ..self.base.clone() })?;
         let clean = screen(&clean, &self.setting, &self.families, 0, 0).scores;
-        let mut nominated: Vec<(usize, Shape)> = Vec::new();
+        let mut nominated: Vec<(usize, StructureShape)> = Vec::new();
         for family in 0..self.families.len() {
-            for scores in [&own, &clean] {
+            for scores in [&scoreds, &clean] {
                 for shape in leaders(scores, family) {
                     if !nominated.contains(&(family, shape)) {
                         nominated.push((family, shape));
@@ -236,9 +236,9 @@ impl<'a> Looking<'a> {
     }
 
     /// Refits the model with a shape; `None` if the model absorbs the whole shape.
-    fn refit(&self, family: usize, shape: Shape) -> Result<Option<Refit>> {
+    fn refit(&self, family: usize, shape: StructureShape) -> Result<Option<Refit>> {
         let columns = shape.columns_m(&self.setting);
-        let kept = kept(&self.own, &columns);
+        let kept = kept(&self.entry, &columns);
         if kept.is_empty() {
             return Ok(None);
         }
@@ -275,7 +275,7 @@ impl<'a> Looking<'a> {
         Ok(refit)
     }
 
-    fn outside(&self, refit: Refit, penalised_gain_nats: f64, null: &OutsideNull) -> Result<Outside> {
+    fn outside(&self, refit: Refit, penalised_gain_nats: f64, null: &OutsideNull) -> Result<OutsideStructure> {
         let without = self.without_columns(&refit)?;
         let tangent = self.tangent(&without)?;
         let n_own = self.candidate.dimension();
@@ -292,7 +292,7 @@ impl<'a> Looking<'a> {
         let twins = self.twins(&tangent, &without, &discrepancy_m);
         let cycle = &self.subject.experiment().record.cycle;
         let words = describe(refit.shape, amplitudes, &amplitude_sds, size_um, &self.setting, cycle);
-        Ok(Outside {
+        Ok(OutsideStructure {
             kind: refit.shape.kind(),
             sentence: with_twins(words.sentence, &twins),
             gain_nats: self.gain(&refit),
@@ -323,7 +323,7 @@ impl<'a> Looking<'a> {
 
     /// Effects whose signature at their null is parallel to a discrepancy.
     fn twins(&self, tangent: &Tangent, fitted: &Fitted, discrepancy_m: &[f64]) -> Vec<(String, f64)> {
-        let own = &tangent.visible(&[discrepancy_m.to_vec()])[0];
+        let matrix = &tangent.visible(&[discrepancy_m.to_vec()])[0];
         let mut twins = Vec::new();
         for effect in self.subject.library().effects() {
             let cosine = self
@@ -333,7 +333,7 @@ impl<'a> Looking<'a> {
                     let whole = &tangent.whiten(std::slice::from_ref(signature))[0];
                     let visible = tangent.project(whole.clone());
                     let is_visible = visible.norm() > 1e-3 * whole.norm();
-                    if is_visible { (visible.dot(own) / (visible.norm() * own.norm())).abs() } else { 0.0 }
+                    if is_visible { (visible.dot(matrix) / (visible.norm() * matrix.norm())).abs() } else { 0.0 }
                 })
                 .fold(0.0, f64::max);
             if cosine > TWIN_COSINE {
@@ -347,7 +347,7 @@ impl<'a> Looking<'a> {
     /// Derivatives (m) of the position with respect to the first parameter of an effect that the model lacks. Several values are used for parameters unidentified at its null.
     fn signatures(&self, fitted: &Fitted, slug: &str) -> Vec<Vec<f64>> {
         let base = self.subject.base();
-        let added = self.candidate.effects.iter().filter(|own| !base.effects.contains(own)).map(String::as_str);
+        let added = self.candidate.effects.iter().filter(|effect| !base.effects.contains(effect)).map(String::as_str);
         let effects: Vec<&str> = added.chain([slug]).collect();
         let Ok(extended) = self.subject.extended(&effects) else { return Vec::new() };
         let extended = extended.with_columns(self.candidate.columns.clone());
@@ -377,11 +377,11 @@ pub(super) fn starts(theta: Vec<f64>, fitted: &Fitted, clean: NoiseValues) -> [(
 }
 
 /// Leading shapes of a family that are not neighbours on its grid.
-fn leaders(scores: &[Scored], family: usize) -> Vec<Shape> {
+fn leaders(scores: &[Scored], family: usize) -> Vec<StructureShape> {
     let mut of_family: Vec<(usize, &Scored)> =
         scores.iter().filter(|score| score.family == family && score.degrees > 0).enumerate().collect();
     of_family.sort_by(|a, b| b.1.gain_nats.total_cmp(&a.1.gain_nats));
-    let mut chosen: Vec<(usize, Shape)> = Vec::new();
+    let mut chosen: Vec<(usize, StructureShape)> = Vec::new();
     for (place, score) in of_family {
         if chosen.len() == NOMINATED {
             break;

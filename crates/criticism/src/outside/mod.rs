@@ -28,7 +28,7 @@ mod setting;
 mod shape;
 
 pub use discrepancy::{Axis, Discrepancy, discrepancies};
-pub use look::{OutsideNull, events_over_all_cycles, outside_gain, search};
+pub use look::{OutsideNull, events_over_all_cycles, largest_outside_gain, search};
 
 use super::verdict::Structure;
 use super::{Candidate, Fitted};
@@ -115,7 +115,7 @@ impl Default for OutsideRequest {
 
 /// Structure outside the library.
 #[derive(Clone)]
-pub struct Outside {
+pub struct OutsideStructure {
     /// Kind of structure.
     pub kind: OutsideKind,
     /// Sentence: kind, time, size.
@@ -146,7 +146,7 @@ pub struct Outside {
     pub discrepancy_m: Vec<f64>,
 }
 
-impl Outside {
+impl OutsideStructure {
     /// Evidence for the verdict.
     pub(crate) fn evidence(&self) -> Structure {
         Structure {

@@ -5,8 +5,8 @@ use std::ops::Range;
 use nalgebra::DMatrix;
 use rayon::prelude::*;
 
-use super::setting::Setting;
-use super::shape::Shape;
+use super::setting::SearchSetting;
+use super::shape::StructureShape;
 use crate::Tangent;
 use posterior::noise::dot;
 use sampling::ensemble::RandomStream;
@@ -15,7 +15,7 @@ use sampling::ensemble::RandomStream;
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Scored {
     pub family: usize,
-    pub shape: Shape,
+    pub shape: StructureShape,
     /// ½‖Qᵀr‖², in nats.
     pub gain_nats: f64,
     /// Number of independent visible columns.
@@ -37,8 +37,8 @@ const LEAST_VISIBLE: f64 = 1e-3;
 /// Scores every shape of every family against the residuals of a tangent and against `n_simulations` residuals of white noise.
 pub(super) fn screen(
     tangent: &Tangent,
-    setting: &Setting,
-    families: &[Vec<Shape>],
+    setting: &SearchSetting,
+    families: &[Vec<StructureShape>],
     n_simulations: usize,
     seed: u64,
 ) -> Screened {
@@ -62,10 +62,10 @@ pub(super) fn screen(
 }
 
 /// A shape with its family and its nonzero rows.
-type Listed = (usize, Shape, Range<usize>);
+type Listed = (usize, StructureShape, Range<usize>);
 
 /// Groups of successive shapes that are scored together. Shapes that are 0 in most rows are neighbours.
-fn chunks<'a>(listed: &'a [Listed], setting: &Setting) -> Vec<&'a [Listed]> {
+fn chunks<'a>(listed: &'a [Listed], setting: &SearchSetting) -> Vec<&'a [Listed]> {
     let is_whole = |shape: &Listed| shape.2.len() == setting.time_s.len();
     let are_near = |a: &Listed, b: &Listed| is_whole(a) == is_whole(b) && (is_whole(a) || a.2.start <= b.2.start);
     let size = |run: &[Listed]| if run.first().is_some_and(is_whole) { CHUNK } else { LOCAL_CHUNK };
@@ -73,12 +73,12 @@ fn chunks<'a>(listed: &'a [Listed], setting: &Setting) -> Vec<&'a [Listed]> {
 }
 
 /// Common factors of all shapes: own and simulated residuals, projected, and the basis of the directions that the model absorbs.
-struct Beside {
+struct ScreenFactors {
     columns: DMatrix<f64>,
     n_residuals: usize,
 }
 
-fn beside(tangent: &Tangent, n_simulations: usize, seed: u64) -> Beside {
+fn beside(tangent: &Tangent, n_simulations: usize, seed: u64) -> ScreenFactors {
     let absorbed = tangent.absorbed();
     let mut residuals = DMatrix::zeros(tangent.n_rows(), 1 + n_simulations);
     residuals.set_column(0, tangent.residual());
@@ -91,14 +91,14 @@ fn beside(tangent: &Tangent, n_simulations: usize, seed: u64) -> Beside {
     let n_residuals = residuals.ncols();
     let mut columns = residuals.resize_horizontally(n_residuals + absorbed.ncols(), 0.0);
     columns.columns_mut(n_residuals, absorbed.ncols()).copy_from(absorbed);
-    Beside { columns, n_residuals }
+    ScreenFactors { columns, n_residuals }
 }
 
 fn score_chunk(
     tangent: &Tangent,
-    setting: &Setting,
+    setting: &SearchSetting,
     chunk: &[Listed],
-    beside: &Beside,
+    beside: &ScreenFactors,
 ) -> (Vec<Scored>, Vec<(usize, Vec<f64>)>) {
     let rows = chunk.iter().map(|(_, _, rows)| rows.clone()).reduce(|a, b| a.start.min(b.start)..a.end.max(b.end));
     let rows = rows.unwrap_or(0..0);
@@ -220,7 +220,7 @@ mod tests {
         let (candidate, fitted) = base_fit();
         for noise in [NoiseValues::new([4.0, 3.0, 0.7, 0.012, 2.0]), NoiseValues::new([4.0, 2.0, 40.0, 0.02, 1.0])] {
             let fitted = Fitted { noise, ..fitted.clone() };
-            let setting = Setting::new(replica(), &candidate, &fitted).expect("evaluates");
+            let setting = SearchSetting::new(replica(), &candidate, &fitted).expect("evaluates");
             let tangent = Tangent::new(replica(), &candidate, &fitted).expect("derivatives");
             let families = families(&setting);
             let screened = screen(&tangent, &setting, &families, 2, 5);
@@ -243,7 +243,7 @@ mod tests {
                 for (largest, residual) in maxima[score.family].iter_mut().zip(&simulated) {
                     *largest = largest.max(by_projection(&tangent, &columns, residual).0);
                 }
-                n_bells += usize::from(matches!(score.shape, Shape::Bump { .. }));
+                n_bells += usize::from(matches!(score.shape, StructureShape::Bump { .. }));
                 n_local += usize::from(2 * score.shape.rows(&setting).len() < setting.time_s.len());
             }
             assert!(n_bells > 500 && 2 * n_local > n_bells, "{n_bells} {n_local}");

@@ -1,10 +1,10 @@
 //! Sentences for structure outside the library.
 
-use super::setting::Setting;
-use super::shape::{Shape, Side};
+use super::setting::SearchSetting;
+use super::shape::{Side, StructureShape};
 
 /// Sentence, time and period of a finding.
-pub(super) struct Words {
+pub(super) struct FindingText {
     pub sentence: String,
     pub event_time_s: Option<f64>,
     pub period_s: Option<f64>,
@@ -31,13 +31,13 @@ fn with_sd(value: f64, sd: f64) -> String {
 
 /// Describes a shape by its amplitudes (µm), their standard deviations and its visible part (µm).
 pub(super) fn describe(
-    shape: Shape,
+    shape: StructureShape,
     amplitudes: &[f64],
     sds: &[f64],
     size_um: f64,
-    setting: &Setting,
+    setting: &SearchSetting,
     cycle: &[u32],
-) -> Words {
+) -> FindingText {
     let norm = |values: &[f64]| values.iter().map(|value| value * value).sum::<f64>().sqrt();
     let amplitude = amplitudes.first().copied().unwrap_or(0.0);
     let sd = sds.first().copied().unwrap_or(f64::NAN);
@@ -47,19 +47,19 @@ pub(super) fn describe(
         format!("at {} s (cycle {})", number(time_s), cycle.get(row).copied().unwrap_or(0))
     };
     let up_or_down = if amplitude > 0.0 { "up" } else { "down" };
-    let plain = |sentence: String| Words { sentence, event_time_s: None, period_s: None };
-    let event = |sentence: String, time_s: f64| Words { sentence, event_time_s: Some(time_s), period_s: None };
+    let plain = |sentence: String| FindingText { sentence, event_time_s: None, period_s: None };
+    let event = |sentence: String, time_s: f64| FindingText { sentence, event_time_s: Some(time_s), period_s: None };
     match shape {
-        Shape::Vibration { frequency_hz } => {
+        StructureShape::Vibration { frequency_hz } => {
             let height = with_sd(norm(amplitudes), norm(sds) / (sds.len().max(1) as f64).sqrt());
             let sentence = format!(
                 "A vibration of {height} µm at {} Hz{} runs through the record; no effect of the library makes one.",
                 number(frequency_hz),
-                locked(frequency_hz, setting)
+                describe_locking(frequency_hz, setting)
             );
-            Words { sentence, event_time_s: None, period_s: Some(1.0 / frequency_hz) }
+            FindingText { sentence, event_time_s: None, period_s: Some(1.0 / frequency_hz) }
         }
-        Shape::Step { row } => {
+        StructureShape::Step { row } => {
             let time_s = setting.time_s[row];
             let by = with_sd(amplitude.abs(), sd);
             let text = format!(
@@ -68,15 +68,15 @@ pub(super) fn describe(
             );
             event(text, time_s)
         }
-        Shape::RampFrom { time_s } => {
+        StructureShape::RampFrom { time_s } => {
             let rate = with_sd(amplitude, sd);
             event(format!("A drift of {rate} µm/s begins {}: a part outside the gel moves.", when(time_s)), time_s)
         }
-        Shape::RampUntil { time_s } => {
+        StructureShape::RampUntil { time_s } => {
             let rate = with_sd(amplitude, sd);
             event(format!("A drift of {rate} µm/s ends {}: a part outside the gel moved.", when(time_s)), time_s)
         }
-        Shape::GainChange { row } => {
+        StructureShape::GainChange { row } => {
             let time_s = setting.time_s[row];
             // Amplitudes are in µm at the largest position.
             let percent = 1e-4 / setting.largest_position_m().max(f64::MIN_POSITIVE);
@@ -89,7 +89,7 @@ pub(super) fn describe(
                 time_s,
             )
         }
-        Shape::Bump { centre_s, width_s } => {
+        StructureShape::Bump { centre_s, width_s } => {
             let by = with_sd(amplitude, sd);
             let text = format!(
                 "A disturbance of {by} µm passes {}, about {} s long: it occurs once and is no property of the gel.",
@@ -98,7 +98,7 @@ pub(super) fn describe(
             );
             event(text, centre_s)
         }
-        Shape::Backlash { half_width_m } => {
+        StructureShape::Backlash { half_width_m } => {
             // The width is the backward motion until the side has changed; the amplitude is the reading error. In a worn drive, the one is twice the other.
             let side = if amplitude > 0.0 { "lag behind" } else { "run ahead of" };
             plain(format!(
@@ -107,24 +107,24 @@ pub(super) fn describe(
                 number(2e6 * half_width_m)
             ))
         }
-        Shape::CycleLocked { n_harmonics } => Words {
+        StructureShape::CycleLocked { n_harmonics } => FindingText {
             sentence: format!(
                 "{size} µm repeat with the cycle, in its first {n_harmonics} harmonics, and follow no effect of the library."
             ),
             event_time_s: None,
             period_s: Some(setting.cycle_s),
         },
-        Shape::SinceStep { .. } => plain(format!(
+        StructureShape::SinceStep { .. } => plain(format!(
             "{size} µm follow the time since the force step and change sign with it: a response that the model lacks."
         )),
-        Shape::SlowChange { n_waves } => {
+        StructureShape::SlowChange { n_waves } => {
             let (first_s, last_s) = setting.span_s();
             plain(format!(
                 "{size} µm change slowly with absolute time (no faster than {} s): a nonlinear drift.",
                 number((last_s - first_s) / n_waves as f64)
             ))
         }
-        Shape::Nonlinearity { power, is_odd } => {
+        StructureShape::Nonlinearity { power, is_odd } => {
             let form = match (power, is_odd) {
                 (2, false) => "x²",
                 (2, true) => "x·|x|",
@@ -134,14 +134,14 @@ pub(super) fn describe(
                 "{size} µm follow the position itself, as {form}: the tracker's scale or the gel is not linear."
             ))
         }
-        Shape::OfPosition { .. } => plain(format!(
+        StructureShape::OfPosition { .. } => plain(format!(
             "{size} µm are a curve of the position itself: the tracker reads some positions too large and others too small."
         )),
-        Shape::PositionWave { period_m } => plain(format!(
+        StructureShape::PositionWave { period_m } => plain(format!(
             "{size} µm vary periodically with the position, with a period of {} µm, as if the tracker were drawn towards its pixels.",
             number(1e6 * period_m)
         )),
-        Shape::Ratchet { side } => {
+        StructureShape::Ratchet { side } => {
             let of = match side {
                 Side::Above => "highest",
                 Side::Below => "lowest",
@@ -151,17 +151,17 @@ pub(super) fn describe(
                 "{size} µm follow the {of} position so far and remain: the largest excursion has a permanent effect."
             ))
         }
-        Shape::ForceSquared => plain(format!(
+        StructureShape::ForceSquared => plain(format!(
             "{size} µm follow the square of the force, with the gel's own delay: the force is not proportional to its command."
         )),
-        Shape::ForceLevel => {
+        StructureShape::ForceLevel => {
             plain(format!("{size} µm follow the level of the force immediately, without the gel's delay."))
         }
     }
 }
 
 /// Phrase for a vibration that is locked to the cycle, as far as the record resolves it; empty for others.
-fn locked(frequency_hz: f64, setting: &Setting) -> String {
+fn describe_locking(frequency_hz: f64, setting: &SearchSetting) -> String {
     let (first_s, last_s) = setting.span_s();
     let a_cycle = frequency_hz * setting.cycle_s;
     let is_locked =

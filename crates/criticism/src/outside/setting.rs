@@ -5,7 +5,7 @@ use base::error::Result;
 use models::effects::AMPLITUDE;
 
 /// Times, forces and positions, one value per row of the record.
-pub(super) struct Setting {
+pub(super) struct SearchSetting {
     pub time_s: Vec<f64>,
     /// Force (N) that acts until the row: a position is the limit from the left.
     pub acting_force_n: Vec<f64>,
@@ -25,14 +25,14 @@ pub(super) struct Setting {
     pub yardstick_m: f64,
 }
 
-impl Setting {
+impl SearchSetting {
     /// # Errors
     /// Errors of evaluating the candidate.
     pub fn new(subject: &Subject, candidate: &Candidate, fitted: &Fitted) -> Result<Self> {
         let record = &subject.experiment().record;
         let scales = subject.experiment().scales();
         let n_rows = record.n_rows();
-        let acting_force_n = (0..n_rows).map(|row| record.acting_n(row)).collect();
+        let acting_force_n = (0..n_rows).map(|row| record.acting_force_n(row)).collect();
         Ok(Self {
             time_s: record.time_s.clone(),
             acting_force_n,
@@ -70,7 +70,7 @@ fn position_of_squares_m(subject: &Subject, candidate: &Candidate, fitted: &Fitt
     let force_n = &mut experiment.record.force_n;
     let largest_n = force_n.iter().fold(f64::MIN_POSITIVE, |a, force| a.max(force.abs()));
     force_n.iter_mut().for_each(|force| *force *= force.abs() / largest_n);
-    let acting = subject.problem().with(experiment, subject.specification().clone(), subject.library())?;
+    let acting = subject.problem().with_experiment(experiment, subject.specification().clone(), subject.library())?;
     let acting = Subject::with_compliance(&acting, subject.library(), subject.compliance().clone())?;
     // Large displacements are learnt for the record's own force: this first-order shape omits them.
     let mut theta = fitted.theta.clone();

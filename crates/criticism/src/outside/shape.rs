@@ -4,14 +4,14 @@ use std::f64::consts::PI;
 use std::ops::Range;
 
 use super::OutsideKind;
-use super::setting::Setting;
+use super::setting::SearchSetting;
 
 /// Unit of columns, 1 µm, so that all amplitudes have similar sizes.
 pub(super) const UNIT_M: f64 = 1e-6;
 
 /// A shape, up to its amplitudes.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) enum Shape {
+pub(super) enum StructureShape {
     /// Sine and cosine of time.
     Vibration { frequency_hz: f64 },
     /// A shift from one row on.
@@ -66,7 +66,7 @@ const MOST_FREQUENCIES: usize = 1200;
 /// Largest number of trial times of a ramp, and of trial rows of a step.
 const MOST_MOMENTS: usize = 1000;
 
-impl Shape {
+impl StructureShape {
     pub fn kind(self) -> OutsideKind {
         match self {
             Self::Vibration { .. } => OutsideKind::Vibration,
@@ -86,7 +86,7 @@ impl Shape {
     }
 
     /// Columns of the shape (m per unit amplitude, one value per row of the record).
-    pub fn columns_m(self, setting: &Setting) -> Vec<Vec<f64>> {
+    pub fn columns_m(self, setting: &SearchSetting) -> Vec<Vec<f64>> {
         let (first_s, last_s) = setting.span_s();
         let time = |row: usize| setting.time_s[row];
         let mut columns = match self {
@@ -141,7 +141,7 @@ impl Shape {
     }
 
     /// Rows in which the shape differs from 0, up to rounding.
-    pub fn rows(self, setting: &Setting) -> Range<usize> {
+    pub fn rows(self, setting: &SearchSetting) -> Range<usize> {
         match self {
             Self::Bump { centre_s, width_s } => {
                 let before = |time_s: f64| setting.time_s.partition_point(|other| *other < time_s);
@@ -151,8 +151,8 @@ impl Shape {
         }
     }
 
-    /// Columns of the shape in a range of rows that contains [`Shape::rows`].
-    pub fn columns_in_m(self, setting: &Setting, rows: Range<usize>) -> Vec<Vec<f64>> {
+    /// Columns of the shape in a range of rows that contains [`StructureShape::rows`].
+    pub fn columns_in_m(self, setting: &SearchSetting, rows: Range<usize>) -> Vec<Vec<f64>> {
         match self {
             Self::Bump { centre_s, width_s } => {
                 vec![rows.map(|row| UNIT_M * bell(setting.time_s[row], centre_s, width_s)).collect()]
@@ -162,7 +162,7 @@ impl Shape {
     }
 
     /// Neighbouring shapes on a finer grid, including this one; empty for shapes without a grid.
-    pub fn neighbours(self, setting: &Setting, fineness: f64) -> Vec<Self> {
+    pub fn neighbours(self, setting: &SearchSetting, fineness: f64) -> Vec<Self> {
         let (first_s, last_s) = setting.span_s();
         let offsets = || (-4..=4).map(|k| fineness * f64::from(k) / 4.0);
         match self {
@@ -207,7 +207,7 @@ fn bell(time_s: f64, centre_s: f64, width_s: f64) -> f64 {
 }
 
 /// Fitted rows near a row at which an event may begin.
-fn near_rows(setting: &Setting, row: usize) -> impl Iterator<Item = usize> {
+fn near_rows(setting: &SearchSetting, row: usize) -> impl Iterator<Item = usize> {
     let rows = event_rows(setting);
     let place = rows.partition_point(|other| *other < row);
     let reach = 1 + rows.len() / MOST_MOMENTS;
@@ -215,11 +215,11 @@ fn near_rows(setting: &Setting, row: usize) -> impl Iterator<Item = usize> {
 }
 
 /// Rows at which an event may begin.
-fn event_rows(setting: &Setting) -> &[usize] {
+fn event_rows(setting: &SearchSetting) -> &[usize] {
     setting.rows.get(LEAST_ROWS..setting.rows.len().saturating_sub(LEAST_ROWS)).unwrap_or(&[])
 }
 
-fn ramp_spacing_s(setting: &Setting) -> f64 {
+fn ramp_spacing_s(setting: &SearchSetting) -> f64 {
     let (first_s, last_s) = setting.span_s();
     ((last_s - first_s) / 250.0).max(2.0 * setting.interval_s)
 }
@@ -234,7 +234,7 @@ fn play_less_position(position_m: &[f64], half_width_m: f64) -> Vec<f64> {
     position_m.iter().map(follow).collect()
 }
 
-fn harmonics(setting: &Setting, n_harmonics: usize) -> Vec<Vec<f64>> {
+fn harmonics(setting: &SearchSetting, n_harmonics: usize) -> Vec<Vec<f64>> {
     let angle = |k: usize, row: usize| 2.0 * PI * k as f64 * setting.phase[row];
     (1..=n_harmonics)
         .flat_map(|k| [setting.column(|row| angle(k, row).sin()), setting.column(|row| angle(k, row).cos())])
@@ -242,7 +242,7 @@ fn harmonics(setting: &Setting, n_harmonics: usize) -> Vec<Vec<f64>> {
 }
 
 /// Hat functions over the logarithm of the time since the step, from a sample interval to a hold.
-fn hats_since_step(setting: &Setting, n_knots: usize) -> Vec<Vec<f64>> {
+fn hats_since_step(setting: &SearchSetting, n_knots: usize) -> Vec<Vec<f64>> {
     let (shortest, longest) = (setting.interval_s.ln(), setting.hold_s.max(2.0 * setting.interval_s).ln());
     let spacing = (longest - shortest) / (n_knots - 1) as f64;
     let hat = |knot: usize, row: usize| {
@@ -257,7 +257,7 @@ fn hats_since_step(setting: &Setting, n_knots: usize) -> Vec<Vec<f64>> {
 }
 
 /// Largest excursion so far, relative to the largest of all.
-fn largest_so_far(setting: &Setting, side: Side) -> Vec<f64> {
+fn largest_so_far(setting: &SearchSetting, side: Side) -> Vec<f64> {
     let largest_m = setting.largest_position_m().max(f64::MIN_POSITIVE);
     let mut so_far = 0.0_f64;
     let follow = |x: &f64| {
@@ -273,25 +273,25 @@ fn largest_so_far(setting: &Setting, side: Side) -> Vec<f64> {
 }
 
 /// Lowest and highest fitted position, in m.
-fn ends_m(setting: &Setting) -> [f64; 2] {
+fn ends_m(setting: &SearchSetting) -> [f64; 2] {
     let positions = || setting.rows.iter().map(|row| setting.position_m[*row]);
     [positions().fold(f64::INFINITY, f64::min), positions().fold(f64::NEG_INFINITY, f64::max)]
 }
 
-fn range_m(setting: &Setting) -> f64 {
+fn range_m(setting: &SearchSetting) -> f64 {
     let [lowest_m, highest_m] = ends_m(setting);
     (highest_m - lowest_m).max(f64::MIN_POSITIVE)
 }
 
 /// Hat functions over the range of the fitted positions.
-fn hats_of_position(setting: &Setting, n_knots: usize) -> Vec<Vec<f64>> {
+fn hats_of_position(setting: &SearchSetting, n_knots: usize) -> Vec<Vec<f64>> {
     let [lowest_m, highest_m] = ends_m(setting);
     let spacing_m = range_m(setting) / (n_knots - 1) as f64;
     let place = |row: usize| (setting.position_m[row].clamp(lowest_m, highest_m) - lowest_m) / spacing_m;
     (0..n_knots).map(|knot| setting.column(|row| (1.0 - (place(row) - knot as f64).abs()).max(0.0))).collect()
 }
 
-fn force_levels(setting: &Setting) -> Vec<Vec<f64>> {
+fn force_levels(setting: &SearchSetting) -> Vec<Vec<f64>> {
     let largest_n = setting.acting_force_n.iter().fold(f64::MIN_POSITIVE, |a, b| a.max(b.abs()));
     let mut levels: Vec<f64> = Vec::new();
     for row in &setting.rows {
@@ -312,32 +312,32 @@ fn force_levels(setting: &Setting) -> Vec<Vec<f64>> {
 const NARROWEST: f64 = 1.5;
 
 /// Families of shapes with equal degrees. A finding is compared with the best of its family by chance.
-pub(super) fn families(setting: &Setting) -> Vec<Vec<Shape>> {
+pub(super) fn families(setting: &SearchSetting) -> Vec<Vec<StructureShape>> {
     let rows = event_rows(setting);
     let rows: Vec<usize> = rows.iter().step_by(1 + rows.len() / MOST_MOMENTS).copied().collect();
     let ramps: Vec<f64> = moments(setting, ramp_spacing_s(setting));
     let mut families = vec![
         vibrations(setting),
-        rows.iter().map(|row| Shape::Step { row: *row }).collect(),
-        ramps.iter().map(|time_s| Shape::RampFrom { time_s: *time_s }).collect(),
-        ramps.iter().map(|time_s| Shape::RampUntil { time_s: *time_s }).collect(),
-        rows.iter().map(|row| Shape::GainChange { row: *row }).collect(),
+        rows.iter().map(|row| StructureShape::Step { row: *row }).collect(),
+        ramps.iter().map(|time_s| StructureShape::RampFrom { time_s: *time_s }).collect(),
+        ramps.iter().map(|time_s| StructureShape::RampUntil { time_s: *time_s }).collect(),
+        rows.iter().map(|row| StructureShape::GainChange { row: *row }).collect(),
         bumps(setting),
         backlashes(setting),
         vec![
-            Shape::Nonlinearity { power: 2, is_odd: false },
-            Shape::Nonlinearity { power: 2, is_odd: true },
-            Shape::Nonlinearity { power: 3, is_odd: true },
+            StructureShape::Nonlinearity { power: 2, is_odd: false },
+            StructureShape::Nonlinearity { power: 2, is_odd: true },
+            StructureShape::Nonlinearity { power: 3, is_odd: true },
         ],
-        vec![Shape::ForceLevel],
-        vec![Shape::ForceSquared],
+        vec![StructureShape::ForceLevel],
+        vec![StructureShape::ForceSquared],
         position_waves(setting),
-        [Side::Above, Side::Below, Side::Both].map(|side| Shape::Ratchet { side }).to_vec(),
+        [Side::Above, Side::Below, Side::Both].map(|side| StructureShape::Ratchet { side }).to_vec(),
     ];
-    families.extend([2, 5, 10].map(|n_harmonics| vec![Shape::CycleLocked { n_harmonics }]));
-    families.extend([4, 8, 14].map(|n_knots| vec![Shape::SinceStep { n_knots }]));
-    families.extend([3, 6, 12].map(|n_waves| vec![Shape::SlowChange { n_waves }]));
-    families.extend([5, 10, 20].map(|n_knots| vec![Shape::OfPosition { n_knots }]));
+    families.extend([2, 5, 10].map(|n_harmonics| vec![StructureShape::CycleLocked { n_harmonics }]));
+    families.extend([4, 8, 14].map(|n_knots| vec![StructureShape::SinceStep { n_knots }]));
+    families.extend([3, 6, 12].map(|n_waves| vec![StructureShape::SlowChange { n_waves }]));
+    families.extend([5, 10, 20].map(|n_knots| vec![StructureShape::OfPosition { n_knots }]));
     families
 }
 
@@ -346,53 +346,55 @@ pub(super) fn is_event(kind: OutsideKind) -> bool {
     matches!(kind, OutsideKind::Slip | OutsideKind::Ramp | OutsideKind::GainChange | OutsideKind::Disturbance)
 }
 
-fn moments(setting: &Setting, spacing_s: f64) -> Vec<f64> {
+fn moments(setting: &SearchSetting, spacing_s: f64) -> Vec<f64> {
     let (first_s, last_s) = setting.span_s();
     let n = ((last_s - first_s) / spacing_s).floor() as usize;
     (1..n).map(|k| first_s + k as f64 * spacing_s).collect()
 }
 
 /// Vibrations at half the frequency resolution, from two periods in the record to the Nyquist frequency.
-fn vibrations(setting: &Setting) -> Vec<Shape> {
+fn vibrations(setting: &SearchSetting) -> Vec<StructureShape> {
     let (first_s, last_s) = setting.span_s();
     let length_s = (last_s - first_s).max(f64::MIN_POSITIVE);
     let highest = (length_s / setting.interval_s.max(f64::MIN_POSITIVE)) as usize;
-    (4..highest.min(MOST_FREQUENCIES)).map(|k| Shape::Vibration { frequency_hz: 0.5 * k as f64 / length_s }).collect()
-}
-
-/// Waves at half the resolution, from two periods in the range of the fitted positions to four yardsticks: noise blurs shorter ones.
-fn position_waves(setting: &Setting) -> Vec<Shape> {
-    let range_m = range_m(setting);
-    let most = 2.0 * range_m / (4.0 * setting.yardstick_m).max(f64::MIN_POSITIVE);
-    (4..(most as usize).min(MOST_FREQUENCIES))
-        .map(|k| Shape::PositionWave { period_m: 2.0 * range_m / k as f64 })
+    (4..highest.min(MOST_FREQUENCIES))
+        .map(|k| StructureShape::Vibration { frequency_hz: 0.5 * k as f64 / length_s })
         .collect()
 }
 
-fn bumps(setting: &Setting) -> Vec<Shape> {
+/// Waves at half the resolution, from two periods in the range of the fitted positions to four yardsticks: noise blurs shorter ones.
+fn position_waves(setting: &SearchSetting) -> Vec<StructureShape> {
+    let range_m = range_m(setting);
+    let most = 2.0 * range_m / (4.0 * setting.yardstick_m).max(f64::MIN_POSITIVE);
+    (4..(most as usize).min(MOST_FREQUENCIES))
+        .map(|k| StructureShape::PositionWave { period_m: 2.0 * range_m / k as f64 })
+        .collect()
+}
+
+fn bumps(setting: &SearchSetting) -> Vec<StructureShape> {
     let mut list = Vec::new();
     let mut width_s = NARROWEST * setting.interval_s;
     while width_s < 0.5 * setting.cycle_s {
-        list.extend(moments(setting, width_s).into_iter().map(|centre_s| Shape::Bump { centre_s, width_s }));
+        list.extend(moments(setting, width_s).into_iter().map(|centre_s| StructureShape::Bump { centre_s, width_s }));
         width_s *= 1.7;
     }
     list
 }
 
-fn backlashes(setting: &Setting) -> Vec<Shape> {
+fn backlashes(setting: &SearchSetting) -> Vec<StructureShape> {
     let largest_m = 0.25 * setting.largest_position_m();
     let smallest_m = 0.25 * setting.yardstick_m;
     let n = (((largest_m / smallest_m).ln() / 0.4).ceil()).clamp(1.0, 30.0) as i32;
-    (0..=n).map(|k| Shape::Backlash { half_width_m: smallest_m * (0.4 * f64::from(k)).exp() }).collect()
+    (0..=n).map(|k| StructureShape::Backlash { half_width_m: smallest_m * (0.4 * f64::from(k)).exp() }).collect()
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    fn moving(position_um: &[f64]) -> Setting {
+    fn moving(position_um: &[f64]) -> SearchSetting {
         let n_rows = position_um.len();
-        Setting {
+        SearchSetting {
             time_s: (0..n_rows).map(|row| row as f64).collect(),
             acting_force_n: vec![0.0; n_rows],
             position_m: position_um.iter().map(|x| 1e-6 * x).collect(),
@@ -411,7 +413,7 @@ mod tests {
     fn a_ratchet_keeps_the_largest_excursion_of_its_side() {
         let setting = moving(&[0.0, 2.0, 1.0, -3.0, 1.0, 4.0]);
         let quarters = |side: Side| -> Vec<f64> {
-            let columns = Shape::Ratchet { side }.columns_m(&setting);
+            let columns = StructureShape::Ratchet { side }.columns_m(&setting);
             columns[0].iter().map(|value| (4.0 * value / UNIT_M).round()).collect()
         };
         assert_eq!(quarters(Side::Above), [0.0, 2.0, 2.0, 2.0, 2.0, 4.0]);
@@ -423,7 +425,7 @@ mod tests {
     #[test]
     fn curves_of_the_position_hold_every_straight_line() {
         let position_um = [-3.0, 0.5, 1.0, 4.0, 2.2, 5.0];
-        let columns = Shape::OfPosition { n_knots: 5 }.columns_m(&moving(&position_um));
+        let columns = StructureShape::OfPosition { n_knots: 5 }.columns_m(&moving(&position_um));
         for (row, x) in position_um.iter().enumerate() {
             let sum: f64 = columns.iter().map(|column| column[row] / UNIT_M).sum();
             let line: f64 =

@@ -19,7 +19,7 @@ const SAME_TIME: f64 = 1e-6;
 const NO_FORCE: f64 = 0.01;
 
 /// A time in the record, with its cycle.
-struct Moment {
+struct CycleTime {
     time_s: f64,
     /// Index of its cycle in the record, from 0.
     cycle: usize,
@@ -28,7 +28,7 @@ struct Moment {
     length_s: f64,
 }
 
-impl Moment {
+impl CycleTime {
     /// Time in a cycle that runs `factor` times as fast, repeatedly.
     fn faster(&self, factor: f64) -> f64 {
         self.start_s + (factor * (self.time_s - self.start_s)).rem_euclid(self.length_s)
@@ -64,7 +64,7 @@ impl Protocol<'_> {
     }
 
     /// Evenly sampled rows, each with a factor of the force and the time at which the force is read from the current protocol.
-    fn altered(&self, interval_s: f64, force: impl Fn(&Moment) -> (f64, f64)) -> Record {
+    fn altered(&self, interval_s: f64, force: impl Fn(&CycleTime) -> (f64, f64)) -> Record {
         let begin_s = self.record.time_s.first().copied().unwrap_or(0.0);
         let n_rows = ((self.end_s() - begin_s) / interval_s).round() as usize;
         let rule = self.record.force_rule;
@@ -75,7 +75,7 @@ impl Protocol<'_> {
             let cycle = self.starts.partition_point(|start| *start <= row).saturating_sub(1);
             let start_s = self.record.time_s[self.starts[cycle]];
             let end_s = self.starts.get(cycle + 1).map_or(self.end_s(), |next| self.record.time_s[*next]);
-            let (factor, at_s) = force(&Moment { time_s, cycle, start_s, length_s: end_s - start_s });
+            let (factor, at_s) = force(&CycleTime { time_s, cycle, start_s, length_s: end_s - start_s });
             made.time_s.push(time_s);
             let force_n = match rule {
                 ForceRule::Hold => self.record.force_n[self.row_at(at_s)],
@@ -121,7 +121,7 @@ pub fn changes(record: &Record, hold_s: f64) -> Vec<Change> {
 fn of_levels(protocol: &Protocol, n_cycles: usize, list: &mut Vec<Change>) {
     let largest_n = protocol.record.force_n.iter().fold(0.0_f64, |largest, force| largest.max(force.abs()));
     let level = |part: f64| format!("{} µN", short(1e6 * part * largest_n));
-    let mut add = |instruction: String, force: &dyn Fn(&Moment) -> (f64, f64)| {
+    let mut add = |instruction: String, force: &dyn Fn(&CycleTime) -> (f64, f64)| {
         list.push(Change { instruction, record: protocol.altered(protocol.interval_s, force) });
     };
     if n_cycles > 1 {
@@ -165,7 +165,7 @@ fn of_signs(protocol: &Protocol, n_cycles: usize, list: &mut Vec<Change>) {
 
 fn of_times(protocol: &Protocol, hold_s: f64, list: &mut Vec<Change>) {
     let begin_s = protocol.record.time_s[0];
-    let mut add = |instruction: String, force: &dyn Fn(&Moment) -> (f64, f64)| {
+    let mut add = |instruction: String, force: &dyn Fn(&CycleTime) -> (f64, f64)| {
         list.push(Change { instruction, record: protocol.altered(protocol.interval_s, force) });
     };
     add(format!("Hold half as long ({}), twice as often", seconds(0.5 * hold_s)), &|moment| (1.0, moment.faster(2.0)));

@@ -15,20 +15,20 @@ fn forces_un(record: &Record, length_s: f64) -> Vec<f64> {
 #[test]
 fn every_change_keeps_duration_cycles_and_the_largest_force() {
     for cycles in [&ONE_LEVEL[..], &TWO_LEVELS[..], &[&[3.0, 0.0][..]; 3][..], &[&[3.0, 0.0][..]][..]] {
-        let own = record(cycles);
-        let largest = own.force_n.iter().fold(0.0_f64, |a, b| a.max(b.abs()));
-        let list = changes(&own, 5.0);
+        let entry = record(cycles);
+        let largest = entry.force_n.iter().fold(0.0_f64, |a, b| a.max(b.abs()));
+        let list = changes(&entry, 5.0);
         assert!(list.len() >= 4, "{list:?}");
         for change in list {
             let made = &change.record;
             let n = made.n_rows();
             assert!([made.force_n.len(), made.position_m.len(), made.cycle.len()].iter().all(|length| *length == n));
             assert!(made.time_s.windows(2).all(|pair| pair[0] < pair[1]), "{}", change.instruction);
-            assert_eq!(made.n_cycles(), own.n_cycles(), "{}", change.instruction);
-            assert!((made.time_s[n - 1] - own.time_s[own.n_rows() - 1]).abs() < 0.1, "{}", change.instruction);
+            assert_eq!(made.n_cycles(), entry.n_cycles(), "{}", change.instruction);
+            assert!((made.time_s[n - 1] - entry.time_s[entry.n_rows() - 1]).abs() < 0.1, "{}", change.instruction);
             let force_n = made.force_n.iter().fold(0.0_f64, |a, b| a.max(b.abs()));
             assert!((force_n / largest - 1.0).abs() < 1e-12, "{}", change.instruction);
-            assert!(made.force_n != own.force_n || made.time_s.len() != own.n_rows(), "{}", change.instruction);
+            assert!(made.force_n != entry.force_n || made.time_s.len() != entry.n_rows(), "{}", change.instruction);
         }
     }
 }

@@ -5,7 +5,7 @@ use rayon::prelude::*;
 
 use crate::NoiseValues;
 use crate::noise_fit::natural;
-use crate::separation::{Imitation, Truth, closest_without_priors};
+use crate::separation::{RivalFit, RivalTruth, closest_without_priors};
 use crate::{Candidate, Subject};
 use base::error::{Error, Result};
 
@@ -61,7 +61,7 @@ pub fn exact_degeneracies(subject: &Subject) -> Result<Vec<Degeneracy>> {
     let middle: Vec<f64> = base.free.iter().map(|free| free.null.unwrap_or_else(|| free.quantile(0.5))).collect();
     let position_m = subject.trajectory_m(&base, &middle)?;
     let noise = natural(&subject.noise_prior().white());
-    let truth = Truth { candidate: &base, theta: &middle, noise, position_m: &position_m };
+    let truth = RivalTruth { candidate: &base, theta: &middle, noise, position_m: &position_m };
     let made = subject.library().effects().par_iter().map(|effect| match subject.extended(&[effect.slug()]) {
         Ok(candidate) => Ok(added(subject, effect.slug(), candidate, &truth)),
         Err(Error::Input { .. }) => Ok(None),
@@ -70,7 +70,7 @@ pub fn exact_degeneracies(subject: &Subject) -> Result<Vec<Degeneracy>> {
     let effects: Vec<Added> = made.collect::<Result<Vec<_>>>()?.into_iter().flatten().collect();
     let mut list = Vec::new();
     for hidden in effects.iter().filter(|added| added.visible.is_none()) {
-        if imitates(subject, &base, hidden, noise) {
+        if fits_data_of(subject, &base, hidden, noise) {
             list.push(Degeneracy {
                 effects: vec![hidden.slug.into()],
                 sentence: format!("this protocol does not show {}: it only changes the law's parameters", hidden.slug),
@@ -89,8 +89,8 @@ fn classes(subject: &Subject, effects: &[Added], noise: NoiseValues) -> Vec<Dege
         let (a, b) = (&effects[*i], &effects[*j]);
         let (Some(of_a), Some(of_b)) = (&a.visible, &b.visible) else { return false };
         of_a.dot(of_b).abs() > SAME_COSINE * of_a.norm() * of_b.norm()
-            && imitates(subject, &b.candidate, a, noise)
-            && imitates(subject, &a.candidate, b, noise)
+            && fits_data_of(subject, &b.candidate, a, noise)
+            && fits_data_of(subject, &a.candidate, b, noise)
     };
     let same: Vec<(usize, usize)> = pairs.into_par_iter().filter(is_same).collect();
     let mut class: Vec<usize> = (0..effects.len()).collect();
@@ -109,7 +109,7 @@ fn classes(subject: &Subject, effects: &[Added], noise: NoiseValues) -> Vec<Dege
     groups.map(named).collect()
 }
 
-fn added(subject: &Subject, slug: &'static str, candidate: Candidate, base: &Truth) -> Option<Added> {
+fn added(subject: &Subject, slug: &'static str, candidate: Candidate, base: &RivalTruth) -> Option<Added> {
     let last = candidate.effects.len().checked_sub(1)?;
     let place = candidate.free.iter().position(|free| free.effect == Some(last) && free.null.is_some())?;
     let null = candidate.embed(base.candidate, base.theta);
@@ -117,7 +117,7 @@ fn added(subject: &Subject, slug: &'static str, candidate: Candidate, base: &Tru
     let sign = if null[place] + COMPARED_STEP > free.ends[1] { -1.0 } else { 1.0 };
     let mut made = Added { slug, null, place, sign, visible: None, candidate };
     made.visible = {
-        let imitation = Imitation::new(subject, &made.candidate, base).without_priors();
+        let imitation = RivalFit::new(subject, &made.candidate, base).without_priors();
         let (left, fraction) = imitation.left(&made.null, &made.at(SIGNATURE_STEP))?;
         (fraction > LEAST_VISIBLE).then_some(left)
     };
@@ -125,9 +125,9 @@ fn added(subject: &Subject, slug: &'static str, candidate: Candidate, base: &Tru
 }
 
 /// Returns whether a model fits the noise-free data of an effect.
-fn imitates(subject: &Subject, other: &Candidate, truth: &Added, noise: NoiseValues) -> bool {
+fn fits_data_of(subject: &Subject, other: &Candidate, truth: &Added, noise: NoiseValues) -> bool {
     let theta = truth.at(COMPARED_STEP);
     let Ok(position_m) = subject.trajectory_m(&truth.candidate, &theta) else { return false };
-    let truth = Truth { candidate: &truth.candidate, theta: &theta, noise, position_m: &position_m };
+    let truth = RivalTruth { candidate: &truth.candidate, theta: &theta, noise, position_m: &position_m };
     closest_without_priors(subject, other, &truth).is_ok_and(|closest| closest.distance < SAME_SIGMA)
 }

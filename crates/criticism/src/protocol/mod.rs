@@ -13,7 +13,7 @@ use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 
-use super::separation::{SEPARATED_SIGMA, Truth, closest};
+use super::separation::{RivalTruth, SEPARATED_SIGMA, fit_rival};
 use super::{Candidate, Fitted, Search, Subject};
 use crate::NoiseValues;
 use base::error::{Error, Result};
@@ -56,7 +56,7 @@ pub type Members<'a> = [(&'a Candidate, &'a Fitted)];
 ///
 /// # Errors
 /// [`Error::Numerical`] if a model has free columns, which belong to one record, or cannot be fitted to another's data.
-pub fn advise(subject: &Subject, members: &Members, n_repeats: usize, seed: u64) -> Result<Option<Advice>> {
+pub fn find_best_change(subject: &Subject, members: &Members, n_repeats: usize, seed: u64) -> Result<Option<Advice>> {
     // Changes press and pull, but an indenter's law is valid only while the contact grows.
     if members.len() < 2 || subject.experiment().scales().depth_exponent.is_some() {
         return Ok(None);
@@ -126,7 +126,7 @@ fn changed(subject: &Subject, record: &Record) -> Result<Subject> {
         noise_sd_m: Some(subject.yardstick_m()),
         ..subject.experiment().clone()
     };
-    let problem = subject.problem().with(experiment, subject.specification().clone(), subject.library())?;
+    let problem = subject.problem().with_experiment(experiment, subject.specification().clone(), subject.library())?;
     Subject::with_compliance(&problem, subject.library(), subject.compliance().clone())
 }
 
@@ -143,8 +143,8 @@ fn separation(subject: &Subject, members: &Members) -> Result<Separation> {
     let positions: Vec<Vec<f64>> = positions.collect::<Result<_>>()?;
     let between = |truth: usize, other: usize| {
         let (candidate, fitted) = members[truth];
-        let truth = Truth { candidate, theta: &fitted.theta, noise, position_m: &positions[truth] };
-        Ok::<f64, Error>(closest(subject, members[other].0, &truth)?.distance)
+        let truth = RivalTruth { candidate, theta: &fitted.theta, noise, position_m: &positions[truth] };
+        Ok::<f64, Error>(fit_rival(subject, members[other].0, &truth)?.distance)
     };
     let mut smallest = Separation { distance: f64::INFINITY, other: 1 };
     for other in 1..members.len() {
@@ -165,7 +165,7 @@ fn n_right(subject: &Subject, members: &Members, other: usize, (n_repeats, seed)
 }
 
 /// Returns whether a truth beats every other model by enough in one repeat.
-fn is_right(subject: &Subject, members: &Members, truth: &Repeated, (seed, repeat): (u64, usize)) -> Result<bool> {
+fn is_right(subject: &Subject, members: &Members, truth: &RepeatTruth, (seed, repeat): (u64, usize)) -> Result<bool> {
     let noise = members[0].1.noise;
     let mut random = ChaCha8Rng::seed_from_u64(seed);
     random.set_stream(repeat as u64);
@@ -174,9 +174,9 @@ fn is_right(subject: &Subject, members: &Members, truth: &Repeated, (seed, repea
         let also = [(truth.thetas[place].clone(), noise)];
         Ok(data.fit(members[place].0, &also, Search::Local)?.objective)
     };
-    let own = objective(truth.place)?;
+    let value = objective(truth.place)?;
     for place in (0..members.len()).filter(|place| *place != truth.place) {
-        if own - objective(place)? <= REJECTED_NATS {
+        if value - objective(place)? <= REJECTED_NATS {
             return Ok(false);
         }
     }
@@ -184,14 +184,14 @@ fn is_right(subject: &Subject, members: &Members, truth: &Repeated, (seed, repea
 }
 
 /// A truth of simulated repeats.
-struct Repeated {
+struct RepeatTruth {
     place: usize,
     position_m: Vec<f64>,
     /// Point of each model that is closest to the truth.
     thetas: Vec<Vec<f64>>,
 }
 
-impl Repeated {
+impl RepeatTruth {
     /// Positions with one draw of noise.
     fn with_noise(&self, subject: &Subject, noise: NoiseValues, random: &mut ChaCha8Rng) -> Vec<f64> {
         let record = &subject.experiment().record;
@@ -201,15 +201,15 @@ impl Repeated {
     }
 }
 
-fn starts(subject: &Subject, members: &Members, place: usize) -> Result<Repeated> {
+fn starts(subject: &Subject, members: &Members, place: usize) -> Result<RepeatTruth> {
     let (candidate, fitted) = members[place];
     let position_m = subject.trajectory_m(candidate, &fitted.theta)?;
-    let truth = Truth { candidate, theta: &fitted.theta, noise: members[0].1.noise, position_m: &position_m };
+    let truth = RivalTruth { candidate, theta: &fitted.theta, noise: members[0].1.noise, position_m: &position_m };
     let theta = |at: usize| {
-        if at == place { Ok(fitted.theta.clone()) } else { Ok(closest(subject, members[at].0, &truth)?.theta) }
+        if at == place { Ok(fitted.theta.clone()) } else { Ok(fit_rival(subject, members[at].0, &truth)?.theta) }
     };
     let thetas = (0..members.len()).map(theta).collect::<Result<_>>()?;
-    Ok(Repeated { place, position_m, thetas })
+    Ok(RepeatTruth { place, position_m, thetas })
 }
 
 #[cfg(test)]

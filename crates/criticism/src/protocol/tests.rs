@@ -20,13 +20,13 @@ fn advice_separates_them_and_repeats_confirm_it() {
     // By hand: equal mean force, −a/2 = b.
     let asymmetry = at(&subject, &["force-asymmetry"], &[-0.1]);
     let members = [(&bias.0, &bias.1), (&asymmetry.0, &asymmetry.1)];
-    let advice = advise(&subject, &members, 20, 7).expect("advice").expect("changes to make");
+    let advice = find_best_change(&subject, &members, 20, 7).expect("advice").expect("changes to make");
     assert!(advice.separation_now < 0.5, "{}", advice.separation_now);
     assert!(advice.separates() && advice.separation > 8.0, "{}", advice.sentence);
     // At 8 σ a lead, N(32, 8²), is below 4 nats once in 4,000 repeats, so that one of twenty is below it once in 200 seeds; this seed is fixed.
     assert_eq!(advice.n_right, 20, "{}", advice.sentence);
     assert!(advice.sentence.starts_with(&advice.change.instruction) && advice.sentence.contains("right in 20 of 20"));
-    let again = advise(&subject, &members, 20, 7).expect("advice").expect("changes to make");
+    let again = find_best_change(&subject, &members, 20, 7).expect("advice").expect("changes to make");
     assert_eq!(again.sentence, advice.sentence);
 }
 
@@ -64,8 +64,8 @@ fn separation_of(subject: &Subject, truth: &(Candidate, Fitted), other: &(Candid
 fn one_model_needs_no_advice_and_columns_are_refused() {
     let subject = subject(&ONE_LEVEL);
     let base = at(&subject, &[], &[]);
-    assert!(advise(&subject, &[(&base.0, &base.1)], 4, 1).expect("nothing to do").is_none());
+    assert!(find_best_change(&subject, &[(&base.0, &base.1)], 4, 1).expect("nothing to do").is_none());
     let with_column = base.0.with_columns(vec![vec![0.0; 400]]);
-    let refused = advise(&subject, &[(&base.0, &base.1), (&with_column, &base.1)], 4, 1);
+    let refused = find_best_change(&subject, &[(&base.0, &base.1), (&with_column, &base.1)], 4, 1);
     assert!(matches!(refused, Err(Error::Numerical { .. })));
 }

@@ -338,12 +338,12 @@ impl<'a> Dissection<'a> {
 
     /// Number of nodes by which the separator shrinks if `element` changes sides.
     fn gain(&self, element: u32) -> i64 {
-        let own = self.side[element as usize] as usize;
+        let index = self.side[element as usize] as usize;
         let mut gain = 0;
         for &node in self.nodes_of(element) {
             if !self.placed[node as usize] {
                 let counts = self.counts[node as usize];
-                let (here, there) = (counts[own], counts[1 - own]);
+                let (here, there) = (counts[index], counts[1 - index]);
                 gain += i64::from(here == 1 && there > 0) - i64::from(here > 1 && there == 0);
             }
         }
@@ -352,13 +352,13 @@ impl<'a> Dissection<'a> {
 
     /// Moves `element` to the other side.
     fn flip(&mut self, element: u32) {
-        let own = self.side[element as usize] as usize;
+        let index = self.side[element as usize] as usize;
         for &node in self.nodes_of(element) {
             let counts = &mut self.counts[node as usize];
-            counts[own] -= 1;
-            counts[1 - own] += 1;
+            counts[index] -= 1;
+            counts[1 - index] += 1;
         }
-        self.side[element as usize] = 1 - own as u32;
+        self.side[element as usize] = 1 - index as u32;
     }
 }
 

@@ -1,7 +1,7 @@
 //! Gauss rules on the reference hexahedron and tetrahedron.
 
 /// A point of a rule: reference coordinates and weight.
-pub(super) type Point = ([f64; 3], f64);
+pub(super) type QuadraturePoint = ([f64; 3], f64);
 
 /// Four Gauss–Legendre points and weights on [−1, 1].
 pub(super) fn line() -> [(f64, f64); 4] {
@@ -14,7 +14,7 @@ pub(super) fn line() -> [(f64, f64); 4] {
 /// Tensor Gauss–Legendre rule with four points per direction on {−1, 1}³, exact to degree 7 in each coordinate.
 ///
 /// Three points suffice on straight elements. The fourth preserves the convergence order on curved ones.
-pub(super) fn hexahedron() -> Vec<Point> {
+pub(super) fn hexahedron() -> Vec<QuadraturePoint> {
     let line = line();
     let mut points = Vec::with_capacity(64);
     for (z, wz) in line {
@@ -31,7 +31,7 @@ pub(super) fn hexahedron() -> Vec<Point> {
 ///
 /// It uses four Gauss–Legendre points per direction with the collapse's Jacobian in the weights, so that
 /// no table is needed. Tests check the volume and all quartic monomials.
-pub(super) fn tetrahedron() -> Vec<Point> {
+pub(super) fn tetrahedron() -> Vec<QuadraturePoint> {
     hexahedron()
         .into_iter()
         .map(|([a, b, c], w)| {
@@ -54,7 +54,7 @@ mod tests {
     #[test]
     fn monomials_are_integrated_exactly() {
         for (i, j, k) in [(0, 0, 0), (1, 0, 0), (0, 2, 1), (2, 2, 0), (1, 1, 2), (4, 0, 0), (0, 0, 4)] {
-            let integral = |points: Vec<Point>| -> f64 {
+            let integral = |points: Vec<QuadraturePoint>| -> f64 {
                 points.iter().map(|([x, y, z], w)| w * x.powi(i) * y.powi(j) * z.powi(k)).sum()
             };
             let exact_tetrahedron = factorial(i) * factorial(j) * factorial(k) / factorial(i + j + k + 3);

@@ -84,11 +84,11 @@ impl<'a> FullOrderModel<'a> {
 
     /// Unknowns (m) at the chosen rows, one vector after the other.
     pub fn fields(&self, load: &SolvedLoad, law: &CreepCompliance, rows: &[usize]) -> Vec<Vec<f64>> {
-        self.fields_by(load, law, rows, TimeScheme::Exponential)
+        self.fields_with_scheme(load, law, rows, TimeScheme::Exponential)
     }
 
     /// Unknowns (m) at the chosen rows, by a chosen time integrator.
-    pub fn fields_by(
+    pub fn fields_with_scheme(
         &self,
         load: &SolvedLoad,
         law: &CreepCompliance,
@@ -112,9 +112,9 @@ fn run(
     field_per_n: &[f64],
     law: &CreepCompliance,
     scheme: TimeScheme,
-    mut at_row: impl FnMut(&Run),
+    mut at_row: impl FnMut(&TimeRun),
 ) {
-    let mut run = Run::new(law, field_per_n);
+    let mut run = TimeRun::new(law, field_per_n);
     at_row(&run);
     for row in 1..load.time_s.len() {
         let (force_n, slope_n_per_s) = (load.force.at_rows_n[row - 1], load.force.slope_n_per_s(load.time_s, row - 1));
@@ -128,7 +128,7 @@ fn run(
 
 /// State of one run. Within a hold every branch field is decay·(field at the start) + gain·w with scalar decay and gain. The
 /// fields themselves are therefore updated only at switches.
-struct Run<'a> {
+struct TimeRun<'a> {
     law: &'a CreepCompliance,
     branches: Vec<Branch>,
     /// Field of each branch at the start of the hold, in m.
@@ -159,7 +159,7 @@ impl Branch {
     }
 }
 
-impl<'a> Run<'a> {
+impl<'a> TimeRun<'a> {
     fn new(law: &'a CreepCompliance, field_per_n: &'a [f64]) -> Self {
         // One branch per Kelvin–Voigt body; the last branch holds the dashpots.
         let n_branches = law.retarded.len() + 1;

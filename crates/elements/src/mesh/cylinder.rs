@@ -118,7 +118,7 @@ struct Section {
 }
 
 /// A line from the body to the outer sphere.
-struct Line {
+struct MeridianLine {
     /// Start over half length and radius: a point on the edge of the unit square.
     start: [f64; 2],
     /// Direction of constant distance from cap or mantle; (1, 1) at the rim, so that the lines fan out there.
@@ -177,16 +177,16 @@ impl Section {
 
     /// Line number `i`, counted from the edge of the cap's middle part. All lines of the middle part have number 0 and differ by `core_radius`, their distance
     /// from the axis over that part's radius. The edge of the middle part is not quite a circle; the lines up to the rim compensate for this.
-    fn line(&self, i: usize, core_radius: f64) -> Line {
+    fn line(&self, i: usize, core_radius: f64) -> MeridianLine {
         let (n_cap, n_mantle) = (2 * self.n_cap, 2 * self.n_mantle);
         let edge = CORE * core_radius;
         if i <= n_cap {
             let outwards = edge + (1.0 - edge) * (i as f64 / n_cap as f64);
             let radial = if i == 0 { edge } else { 1.0 - (1.0 - edge) * self.cap[n_cap - i] };
-            Line { start: [1.0, radial], spread: [1.0, outwards], angle: self.rim_angle * outwards }
+            MeridianLine { start: [1.0, radial], spread: [1.0, outwards], angle: self.rim_angle * outwards }
         } else {
             let towards_middle = (i - n_cap) as f64 / n_mantle as f64;
-            Line {
+            MeridianLine {
                 start: [1.0 - self.mantle[i - n_cap], 1.0],
                 spread: [1.0 - towards_middle, 1.0],
                 angle: self.rim_angle + (FRAC_PI_2 - self.rim_angle) * towards_middle,
@@ -195,7 +195,7 @@ impl Section {
     }
 
     /// Coordinates (m) along and from the axis of the crossing of a line with a sheet.
-    fn meridian_m(&self, line: &Line, sheet: usize) -> [f64; 2] {
+    fn meridian_m(&self, line: &MeridianLine, sheet: usize) -> [f64; 2] {
         let progress = self.progress[sheet];
         let body = [self.half_length_m, self.radius_m];
         let growth = body.map(|size| (self.outer_radius_m - size) * progress);

@@ -33,7 +33,7 @@ impl OffCentre {
     ///
     /// # Errors
     /// [`Error::Numerical`] if the robot does not fit into the smaller ball, or the mesh has no such sheets.
-    pub fn displaced(&self, centred: Mesh) -> Result<Mesh> {
+    pub fn displace_mesh(&self, centred: Mesh) -> Result<Mesh> {
         let n_sheet = centred.robot_nodes.len();
         let is_layered = centred.element_kind == ElementKind::Hexahedron27
             && n_sheet > 0

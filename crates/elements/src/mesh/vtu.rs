@@ -6,7 +6,7 @@ use std::fmt::Write as _;
 use std::path::Path;
 
 use crate::mesh::{ElementKind, Mesh};
-use base::error::{Error, Place, Result};
+use base::error::{Error, InputPlace, Result};
 use base::files::{stream_atomically, write_atomically, xml_text};
 
 /// A field with values at the nodes.
@@ -88,7 +88,7 @@ pub fn write_pvd(path: impl AsRef<Path>, steps: &[TimeStep<'_>]) -> Result<()> {
     let increasing = steps.windows(2).all(|pair| pair[0].time_s < pair[1].time_s);
     if !increasing || steps.iter().any(|step| !step.time_s.is_finite()) {
         return Err(Error::input(
-            Place::file(path),
+            InputPlace::file(path),
             "the time steps of the collection are not finite and increasing",
             "write each time once, in order",
         ));
@@ -104,7 +104,7 @@ pub fn write_pvd(path: impl AsRef<Path>, steps: &[TimeStep<'_>]) -> Result<()> {
 
 fn check_fields(path: &Path, mesh: &Mesh, point_data: &[PointData<'_>]) -> Result<()> {
     for (k, field) in point_data.iter().enumerate() {
-        let place = || Place::file(path).at_key(field.name);
+        let place = || InputPlace::file(path).at_key(field.name);
         if field.components == 0 || field.values.len() != field.components * mesh.n_nodes() {
             return Err(Error::input(
                 place(),

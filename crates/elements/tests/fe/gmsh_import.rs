@@ -118,7 +118,7 @@ fn linear_tetrahedra_are_accepted_with_a_warning_about_locking() {
     let GmshMesh { mesh, warnings } = read("quarter_sphere_tet4.msh");
     assert_eq!((mesh.element_kind, mesh.n_nodes(), mesh.n_elements()), (ElementKind::Tetrahedron4, 282, 930));
     assert_eq!(warnings, [GmshWarning::LinearTetrahedra { n_elements: 930 }]);
-    let (text, advice) = (warnings[0].text(), warnings[0].advice());
+    let (text, advice) = (warnings[0].message(), warnings[0].advice());
     assert!(text.contains("18 %") && text.contains("lock") && advice.contains("-order 2"), "{text} {advice}");
     assert_node_sets(&mesh);
     // Flat facets cut corners of the ball. The volume is smaller than the ball's, by at most a tenth.

@@ -43,7 +43,7 @@ fn stiffness(
     resolution: Resolution,
 ) -> MeridionalSolution {
     let solution = solve(body, outer_radius_m, poisson_ratio, direction, resolution).expect("a sound problem");
-    let imbalance = solution.by_reaction_m / solution.stiffness_m - 1.0;
+    let imbalance = solution.reaction_stiffness_m / solution.stiffness_m - 1.0;
     assert!(imbalance.abs() < 1e-8, "{body:?}, {direction:?}: energy and reaction differ by {imbalance:e}");
     solution
 }

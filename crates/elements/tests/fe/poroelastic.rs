@@ -9,7 +9,7 @@ use elements::fe::Stiffness;
 use elements::fe::exact::SphereInContainer;
 use elements::fe::poroelastic::{CondensedPores, PoreModel, PoreSpectrum, PressureSpace, SpectrumSettings};
 use elements::fe::time::FullOrderModel;
-use elements::fe::transient::{self, Load, Part, Resolution, StageSolve, StageWeights, TransientSystem};
+use elements::fe::transient::{self, ChainPart, Load, Resolution, StageSolve, StageWeights, TransientSystem};
 use elements::mesh::gmsh::read_gmsh;
 use elements::mesh::{Cylinder, ElementKind, HEXAHEDRON27_REFERENCE_NODES, Mesh, QuarterBall, Spheroid};
 use laws::rheology::{BaseLaw, CreepCompliance, RetardationSpectrum, TimeWindow};
@@ -95,11 +95,11 @@ impl TransientSystem for Saddle {
             Ok(())
         }))
     }
-    fn add_product(&self, part: Part, x: &[f64], result: &mut [f64]) {
+    fn add_product(&self, part: ChainPart, x: &[f64], result: &mut [f64]) {
         let matrix = match part {
-            Part::Stiffness(_) => &self.stiffness,
-            Part::Damping => &self.damping,
-            Part::Mass => return,
+            ChainPart::Stiffness(_) => &self.stiffness,
+            ChainPart::Damping => &self.damping,
+            ChainPart::Mass => return,
         };
         let product = matrix * DVector::from_column_slice(x);
         result.iter_mut().zip(product.iter()).for_each(|(r, p)| *r += p);
@@ -146,7 +146,7 @@ fn conjugate_gradients_and_condensed_stepping_are_the_dense_saddle_system() {
     }
     let body = model.drained(0.3).expect("below the undrained ratio");
     let (mobility, (time_s, force_n), (law, window)) = (2e-8, record(), lethersich());
-    let law = [transient::chain_of(&law, window).expect("springs and dashpots")];
+    let law = [transient::to_chain(&law, window).expect("springs and dashpots")];
     let load = Load::commanded(&time_s, &force_n);
     let coarse = Resolution { steps_per_doubling: 4, ..Resolution::default() };
     let rows = [30, 77];
@@ -449,7 +449,7 @@ fn the_reduced_creep_is_the_stepped_one() {
     let model = PoreModel::new(&mesh, &stiffness, 0.48).expect("hexahedra");
     let spectrum = build(&model, &SpectrumSettings::default());
     let ((time_s, force_n), (law, window)) = (record(), lethersich());
-    let chain = [transient::chain_of(&law, window).expect("springs and dashpots")];
+    let chain = [transient::to_chain(&law, window).expect("springs and dashpots")];
     let load = Load::commanded(&time_s, &force_n);
     let exact_at = |row: usize, creep: &dyn Fn(f64) -> f64| -> f64 {
         let before = |k: usize| if k == 0 { 0.0 } else { force_n[k - 1] };
@@ -465,7 +465,7 @@ fn the_reduced_creep_is_the_stepped_one() {
             let stepped = transient::run(&pores, &chain, &load, &time_s, &[], Resolution::default()).expect("sound");
             let elements =
                 spectrum.elements(&law, Dual::constant(mobility), Dual::constant(drained)).expect("inside the range");
-            let creep = RetardationSpectrum::of(&elements, window).expect("springs and dashpots");
+            let creep = RetardationSpectrum::of_law(&elements, window).expect("springs and dashpots");
             let reduced: Vec<f64> =
                 (0..time_s.len()).map(|row| undrained * exact_at(row, &|t| creep.creep_compliance_per_pa(t))).collect();
             let base: Vec<f64> =
@@ -482,7 +482,7 @@ fn the_reduced_creep_is_the_stepped_one() {
     // Derivatives of the creep with respect to mobility and ν_d against differences.
     let creep = |mobility: Dual, drained: Dual, time_s: f64| {
         let elements = spectrum.elements(&law, mobility, drained).expect("inside the range");
-        let spectrum = RetardationSpectrum::of(&elements, window).expect("springs and dashpots");
+        let spectrum = RetardationSpectrum::of_law(&elements, window).expect("springs and dashpots");
         let modes = spectrum.modes.iter().map(|mode| -mode.compliance_per_pa * (-mode.rate_per_s * time_s).exp_m1());
         modes.fold(spectrum.fluidity_per_pa_s * time_s, |sum, mode| sum + mode)
     };

@@ -7,7 +7,7 @@ use std::collections::BTreeMap;
 
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 
-use crate::number::significant;
+use crate::number::format_significant;
 
 pub use sheets::{Origin, PlaysPage, groups, plays, shapes};
 pub use study::{LadderPage, RevisionPage, StudyPage, study, study_parts};
@@ -56,7 +56,7 @@ impl Tone {
 }
 
 /// Omits the largest figures until the rest fits into a page.
-fn fit<'a>(figures: impl Iterator<Item = &'a mut Figure>) {
+fn drop_largest_figures<'a>(figures: impl Iterator<Item = &'a mut Figure>) {
     let mut figures: Vec<&mut Figure> = figures.collect();
     let size = |figure: &Figure| figure.svg.as_ref().map_or(0, String::len);
     let mut total: usize = figures.iter().map(|figure| size(figure)).sum();
@@ -142,11 +142,11 @@ fn table_of(class: &str, caption: &str, heads: &[&str], rows: &[Vec<String>]) ->
 
 /// Text of an interval.
 fn interval(low: f64, high: f64) -> String {
-    format!("{} to {}", significant(low, 4), significant(high, 4))
+    format!("{} to {}", format_significant(low, 4), format_significant(high, 4))
 }
 
 /// Table of the inputs' hashes.
-fn hashes(inputs_sha256: &BTreeMap<String, String>) -> Markup {
+fn input_hash_table(inputs_sha256: &BTreeMap<String, String>) -> Markup {
     let rows: Vec<Vec<String>> = inputs_sha256.iter().map(|(name, hash)| vec![name.clone(), hash.clone()]).collect();
     table("SHA-256 of the inputs", &["input", "SHA-256"], &rows)
 }

@@ -4,9 +4,12 @@ use std::collections::BTreeMap;
 
 use maud::{Markup, html};
 
-use super::{Figure, Tone, figure, fit, hashes, interval, page, section, table, table_that_ends_in_words};
-use crate::labels::of_parameter;
-use crate::number::significant;
+use super::{
+    Figure, Tone, drop_largest_figures, figure, input_hash_table, interval, page, section, table,
+    table_that_ends_in_words,
+};
+use crate::labels::parameter_label;
+use crate::number::format_significant;
 use documents::groups::{GroupsSummary, RatioVerdict};
 use documents::posterior::Warning;
 use documents::shapes::{ClaimVerdict, ShapesSummary};
@@ -26,13 +29,17 @@ pub struct Origin {
 pub fn groups(summary: &GroupsSummary, figures: Vec<Figure>, origin: &Origin) -> String {
     let tone = if summary.is_sound() { Tone::Sound } else { Tone::Wrong };
     let heads: Vec<String> = std::iter::once("specimens".to_string())
-        .chain(summary.groups.first().iter().flat_map(|group| &group.parameters).map(|p| of_parameter(&p.name).axis()))
+        .chain(
+            summary.groups.first().iter().flat_map(|group| &group.parameters).map(|p| parameter_label(&p.name).axis()),
+        )
         .collect();
     let heads: Vec<&str> = std::iter::once("group").chain(heads.iter().map(String::as_str)).collect();
     let typical = summary.groups.iter().map(|group| {
         let count = if group.specimens == 0 { "predicted".into() } else { group.specimens.to_string() };
-        let of_parameters =
-            group.parameters.iter().map(|p| format!("{} ({})", significant(p.median, 3), interval(p.q05, p.q95)));
+        let of_parameters = group
+            .parameters
+            .iter()
+            .map(|p| format!("{} ({})", format_significant(p.median, 3), interval(p.q05, p.q95)));
         [group.name.clone(), count].into_iter().chain(of_parameters).collect()
     });
     let ratios = summary.contrasts.iter().map(|contrast| {
@@ -55,15 +62,19 @@ pub fn groups(summary: &GroupsSummary, figures: Vec<Figure>, origin: &Origin) ->
             ),
         });
         vec![
-            format!("{}: {} over {}", of_parameter(&contrast.parameter).symbol, contrast.a, contrast.b),
-            significant(contrast.ratio_median, 3),
+            format!("{}: {} over {}", parameter_label(&contrast.parameter).symbol, contrast.a, contrast.b),
+            format_significant(contrast.ratio_median, 3),
             interval(contrast.q05, contrast.q95),
             verdict.into(),
             more,
         ]
     });
-    let outlying: Vec<&str> =
-        summary.specimens.iter().filter(|own| own.is_outlying).map(|own| own.name.as_str()).collect();
+    let outlying: Vec<&str> = summary
+        .specimens
+        .iter()
+        .filter(|specimen| specimen.is_outlying)
+        .map(|specimen_summary| specimen_summary.name.as_str())
+        .collect();
     let body = html! {
         div class={ "verdict " (tone.class()) } role="status" {
             h2 { span aria-hidden="true" { (tone.mark()) " " } @if summary.is_sound() { "The comparison is sound" } @else { "Not to be trusted as it stands" } }
@@ -73,12 +84,12 @@ pub fn groups(summary: &GroupsSummary, figures: Vec<Figure>, origin: &Origin) ->
         }
         (table("Typical specimen of each group: median and 90 % interval", &heads, &typical.collect::<Vec<_>>()))
         (table_that_ends_in_words(
-            &format!("Ratios of typical specimens; specimens within a factor of {} count as equal", significant(1.0 + summary.margin, 2)),
+            &format!("Ratios of typical specimens; specimens within a factor of {} count as equal", format_significant(1.0 + summary.margin, 2)),
             &["ratio", "median", "90 % interval", "", "to decide it"],
             &ratios.collect::<Vec<_>>(),
         ))
     };
-    sheet("Comparison of species and regions", &body, figures, &summary.warnings, origin)
+    document_page("Comparison of species and regions", &body, figures, &summary.warnings, origin)
 }
 
 /// Page of `shapes`.
@@ -89,18 +100,18 @@ pub fn shapes(summary: &ShapesSummary, figures: Vec<Figure>, origin: &Origin) ->
             ClaimVerdict::DoesNotHold => "does not hold",
             ClaimVerdict::TooClose => "too close to decide",
         };
-        vec![claim.claim.clone(), significant(claim.probability, 3), verdict.into(), claim.numbers.clone()]
+        vec![claim.claim.clone(), format_significant(claim.probability, 3), verdict.into(), claim.numbers.clone()]
     });
     let bodies = summary.bodies.iter().map(|body| {
         let orientation = body.orientation.as_ref().map_or(String::new(), |way| format!(", {way}"));
         vec![
             format!("{}{orientation}, {}", body.shape.name(), body.size_rule.title()),
-            significant(body.length_mm, 3),
-            significant(body.diameter_mm, 3),
-            significant(body.ratio_to_sphere, 4),
-            significant(body.relative_error, 1),
-            significant(body.relative_difference_3d, 1),
-            significant(body.displacement_5s_um.median, 4),
+            format_significant(body.length_mm, 3),
+            format_significant(body.diameter_mm, 3),
+            format_significant(body.ratio_to_sphere, 4),
+            format_significant(body.relative_error, 1),
+            format_significant(body.relative_difference_3d, 1),
+            format_significant(body.displacement_5s_um.median, 4),
             interval(body.displacement_5s_um.q05, body.displacement_5s_um.q95),
         ]
     });
@@ -116,17 +127,17 @@ pub fn shapes(summary: &ShapesSummary, figures: Vec<Figure>, origin: &Origin) ->
     ];
     let caption = format!(
         "Gel of {} mm, Poisson ratio {}, force of {} µN held for {} s, robots {} times as long as wide",
-        significant(summary.vitreous_diameter_mm, 3),
+        format_significant(summary.vitreous_diameter_mm, 3),
         summary.poisson_ratio,
-        significant(summary.force_un, 3),
-        significant(summary.hold_s, 3),
-        significant(summary.aspect, 3)
+        format_significant(summary.force_un, 3),
+        format_significant(summary.hold_s, 3),
+        format_significant(summary.aspect, 3)
     );
     let body = html! {
         (table_that_ends_in_words("Claims of the paper", &["claim", "probability", "verdict", "numbers"], &claims.collect::<Vec<_>>()))
         (table(&caption, &heads, &bodies.collect::<Vec<_>>()))
     };
-    sheet("Comparison of robot shapes", &body, figures, &summary.warnings, origin)
+    document_page("Comparison of robot shapes", &body, figures, &summary.warnings, origin)
 }
 
 /// Results of many challenges as tables of text.
@@ -136,7 +147,7 @@ pub struct PlaysPage {
     pub played: usize,
     pub failed: usize,
     /// Hidden truths, their numbers of plays, and the verdicts on them.
-    pub said: Vec<Vec<String>>,
+    pub verdicts: Vec<Vec<String>>,
     /// Rates.
     pub rates: Vec<Vec<String>>,
     /// Heads and rows of the results by sort, protocol, noise and signal.
@@ -150,15 +161,21 @@ pub fn plays(content: &PlaysPage, origin: &Origin) -> String {
         p.lead { (content.played) @if content.played == 1 { " record" } @else { " records" } " with hidden effects or none, diagnosed and compared with the truth."
             @if content.failed > 0 { " In " (content.failed) " of them the diagnosis failed." } }
         (table("Rates", &["", "share"], &content.rates))
-        (table_that_ends_in_words("Verdicts", &["hidden", "played", "verdicts"], &content.said))
+        (table_that_ends_in_words("Verdicts", &["hidden", "played", "verdicts"], &content.verdicts))
         (table("Results by sort, protocol, noise and signal (σ)", &content.group_heads, &content.groups))
     };
-    sheet("Results of challenges", &body, Vec::new(), &[], origin)
+    document_page("Results of challenges", &body, Vec::new(), &[], origin)
 }
 
 /// Page with the parts common to all documents.
-fn sheet(title: &str, body: &Markup, mut figures: Vec<Figure>, warnings: &[Warning], origin: &Origin) -> String {
-    fit(figures.iter_mut());
+fn document_page(
+    title: &str,
+    body: &Markup,
+    mut figures: Vec<Figure>,
+    warnings: &[Warning],
+    origin: &Origin,
+) -> String {
+    drop_largest_figures(figures.iter_mut());
     let of_warnings = html! {
         @if warnings.is_empty() { p { "No warnings." } }
         ul {
@@ -172,7 +189,7 @@ fn sheet(title: &str, body: &Markup, mut figures: Vec<Figure>, warnings: &[Warni
     };
     let of_origin = html! {
         p { "Written by vitreo-uq " (origin.version) " with seed " (origin.seed) "." }
-        (hashes(&origin.inputs_sha256))
+        (input_hash_table(&origin.inputs_sha256))
     };
     let all = html! {
         h1 { (title) }

@@ -4,9 +4,12 @@ use std::collections::BTreeMap;
 
 use maud::{Markup, html};
 
-use super::{Figure, Tone, figure, fit, folded, hashes, interval, page, section, table, table_that_ends_in_words};
-use crate::labels::{model_title_with, of_parameter};
-use crate::number::{listed, significant, with_decimals};
+use super::{
+    Figure, Tone, drop_largest_figures, figure, folded, input_hash_table, interval, page, section, table,
+    table_that_ends_in_words,
+};
+use crate::labels::{model_title_with, parameter_label};
+use crate::number::{format_decimals, format_ranges, format_significant};
 use documents::check::CheckSummary;
 use documents::comparison::Comparison;
 use documents::diagnosis::{CandidateEntry, Diagnosis, RefitParameter, VerdictKind};
@@ -66,7 +69,7 @@ pub struct LadderPage {
 impl RevisionPage {
     fn warnings(&self) -> impl Iterator<Item = &Warning> {
         let of_extension = self.extension.iter().flat_map(|extension| &extension.warnings);
-        self.posterior.warnings.iter().chain(of_extension.filter(|own| !self.posterior.warnings.contains(own)))
+        self.posterior.warnings.iter().chain(of_extension.filter(|warning| !self.posterior.warnings.contains(warning)))
     }
 
     fn is_sound(&self) -> bool {
@@ -76,11 +79,11 @@ impl RevisionPage {
     /// Lower trust level of the posterior and the extension, limited by a diagnosis or a comparison.
     fn trust(&self) -> Trust {
         let of_extension = self.extension.iter().map(|extension| &extension.trust);
-        let own = of_extension.chain([&self.posterior.trust]).max_by_key(|trust| trust.level).cloned();
-        let own = own.unwrap_or_default();
-        let is_lacking = self.diagnosis.as_ref().is_some_and(|own| own.verdict.kind != VerdictKind::None);
-        let fails = self.comparison.as_ref().is_some_and(|own| !own.findings.is_empty());
-        if own.level == TrustLevel::Trusted && (is_lacking || fails) {
+        let entry = of_extension.chain([&self.posterior.trust]).max_by_key(|trust| trust.level).cloned();
+        let item = entry.unwrap_or_default();
+        let is_lacking = self.diagnosis.as_ref().is_some_and(|diagnosis| diagnosis.verdict.kind != VerdictKind::None);
+        let fails = self.comparison.as_ref().is_some_and(|comparison| !comparison.findings.is_empty());
+        if item.level == TrustLevel::Trusted && (is_lacking || fails) {
             let reason = if is_lacking {
                 "the diagnosis finds that the model is incomplete"
             } else {
@@ -88,7 +91,7 @@ impl RevisionPage {
             };
             return Trust { level: TrustLevel::Effective, reason: reason.into() };
         }
-        own
+        item
     }
 
     fn title(&self) -> String {
@@ -107,7 +110,7 @@ impl RevisionPage {
 /// Page of a study; equal documents give equal bytes.
 pub fn study(mut content: StudyPage) -> String {
     let ladder = content.ladder.iter_mut().map(|ladder| &mut ladder.figure);
-    fit(content.revisions.iter_mut().flat_map(|revision| revision.figures.values_mut()).chain(ladder));
+    drop_largest_figures(content.revisions.iter_mut().flat_map(|revision| revision.figures.values_mut()).chain(ladder));
     let content = &content;
     let name = &content.record.experiment;
     let sections = sections(content);
@@ -128,7 +131,7 @@ pub fn study(mut content: StudyPage) -> String {
 pub fn study_parts(content: &StudyPage) -> Vec<(&'static str, String)> {
     let last = content.revisions.last();
     let head = last.map(|last| {
-        let suspects = last.diagnosis.as_ref().map(suspects).unwrap_or_default();
+        let suspects = last.diagnosis.as_ref().map(candidate_table).unwrap_or_default();
         [("verdict", verdict(content, last)), ("parameters", parameters(last)), ("suspects", suspects)]
     });
     let sections = sections(content).into_iter().map(|(id, _, body)| (id, body));
@@ -145,7 +148,7 @@ fn sections(content: &StudyPage) -> [(&'static str, &'static str, Markup); 9] {
         ("ladder", "How the error fell", ladder_section(content)),
         ("posterior", "Posterior", posterior(content)),
         ("errors", "Sources of uncertainty", errors(content)),
-        ("warned", "Warnings", warned(content)),
+        ("warned", "Warnings", warnings_section(content)),
         ("origin", "Origin of this page", origin(content)),
     ]
 }
@@ -176,12 +179,12 @@ fn verdict(content: &StudyPage, last: &RevisionPage) -> Markup {
     let misfit = heldout.rmse_um.map(|rmse| {
         let noise = heldout
             .noise_um
-            .map_or("unknown".into(), |noise| format!("{} µm, {}", significant(noise, 3), heldout.noise_origin));
+            .map_or("unknown".into(), |noise| format!("{} µm, {}", format_significant(noise, 3), heldout.noise_origin));
         format!(
             "The error on held-out {} {} is {} µm; the noise is {noise}.",
             if heldout.cycles.len() == 1 { "cycle" } else { "cycles" },
-            listed(&heldout.cycles),
-            significant(rmse, 3)
+            format_ranges(&heldout.cycles),
+            format_significant(rmse, 3)
         )
     });
     html! {
@@ -214,8 +217,8 @@ fn sentence(words: &str) -> String {
 /// Tables of the parameters of the law and of added effects.
 fn parameters(last: &RevisionPage) -> Markup {
     let rows = last.posterior.parameters.iter().map(|p| {
-        let label = of_parameter(&p.name);
-        vec![label.symbol, significant(p.median, 4), interval(p.q05, p.q95), label.unit]
+        let label = parameter_label(&p.name);
+        vec![label.symbol, format_significant(p.median, 4), interval(p.q05, p.q95), label.unit]
     });
     html! {
         (table("Parameters", &["parameter", "median", "90 % interval", "unit"], &rows.collect::<Vec<_>>()))
@@ -224,25 +227,30 @@ fn parameters(last: &RevisionPage) -> Markup {
 }
 
 /// Table of the parameters of equivalent effects, side by side.
-fn equivalent_refits(own: &EquivalentEffects) -> Markup {
+fn equivalent_refits(equivalent_effects: &EquivalentEffects) -> Markup {
     let row = |refit: &EquivalentRefit| {
         let of = |p: &RefitParameter| {
-            vec![p.name.clone(), significant(p.mean, 4), interval(p.q05, p.q95), optional(refit.rmse_heldout_um, 3)]
+            vec![
+                p.name.clone(),
+                format_significant(p.mean, 4),
+                interval(p.q05, p.q95),
+                optional(refit.rmse_heldout_um, 3),
+            ]
         };
         refit.parameters.iter().map(of).collect::<Vec<_>>()
     };
-    let rows: Vec<Vec<String>> = own.refits.iter().flat_map(row).collect();
-    let diagnosed = own.diagnosis_of.as_deref().unwrap_or("an earlier revision");
+    let rows: Vec<Vec<String>> = equivalent_effects.refits.iter().flat_map(row).collect();
+    let diagnosed = equivalent_effects.diagnosis_of.as_deref().unwrap_or("an earlier revision");
     let caption = format!(
         "{} ({}): equivalent in the diagnosis of {diagnosed}, each refitted alone",
-        own.effects.join(" + "),
-        own.alternative().unwrap_or_default()
+        equivalent_effects.effects.join(" + "),
+        equivalent_effects.alternative().unwrap_or_default()
     );
     table(&caption, &["parameter", "mean", "90 % interval", "held-out error (µm)"], &rows)
 }
 
 fn optional(value: Option<f64>, digits: usize) -> String {
-    value.map_or("–".into(), |value| significant(value, digits))
+    value.map_or("–".into(), |value| format_significant(value, digits))
 }
 
 fn measured(content: &StudyPage) -> Markup {
@@ -273,7 +281,7 @@ fn heldout_table(last: &RevisionPage) -> Markup {
     let row = |name: &str, value: String, right: String| vec![name.to_string(), value, right];
     let noise = optional(heldout.noise_um, 3);
     let rows = [
-        row("error on the fitted cycles (µm)", significant(heldout.rmse_fitted_um, 3), noise.clone()),
+        row("error on the fitted cycles (µm)", format_significant(heldout.rmse_fitted_um, 3), noise.clone()),
         row("held-out error (µm)", optional(heldout.rmse_um, 3), noise),
         row("positions inside the 50 % band", percent(heldout.coverage_50), expected(heldout.coverage_50_expected)),
         row("positions inside the 90 % band", percent(heldout.coverage_90), expected(heldout.coverage_90_expected)),
@@ -314,7 +322,7 @@ fn missing(content: &StudyPage) -> Markup {
             @if let Some(diagnosis) = &revision.diagnosis {
                 h3 { (revision.name) }
                 p { strong { (diagnosis.verdict.sentence) } }
-                (suspects(diagnosis))
+                (candidate_table(diagnosis))
                 (revision.shown("diagnosis", "Gain of each candidate effect in the fit and on held-out cycles, and the error before and after"))
                 (revision.folded("fingerprints", "Fingerprints: residuals that each leading candidate effect would explain"))
                 @for entry in &diagnosis.unexplained { p { (entry.sentence) } }
@@ -332,16 +340,16 @@ fn missing(content: &StudyPage) -> Markup {
             h3 { (revision.name) ": correction of the law learnt from data" }
             p { (learned.verdict.sentence) }
             (revision.shown("learned", "Learnt function with its 90 % band and its formula; grey: states without fitted rows"))
-            (learnt(learned))
+            (learned_tables(learned))
         }
     }
 }
 
 /// Table of the formula's parameters, and of all pairs of quantity and state.
-fn learnt(learned: &Learned) -> Markup {
+fn learned_tables(learned: &Learned) -> Markup {
     let formula = learned.formula.as_ref().map(|formula| {
         let row = |p: &FormulaParameter| {
-            vec![p.name.clone(), significant(p.value, 4), interval(p.q05, p.q95), p.unit.clone()]
+            vec![p.name.clone(), format_significant(p.value, 4), interval(p.q05, p.q95), p.unit.clone()]
         };
         let rows: Vec<Vec<String>> = formula.parameters.iter().map(row).collect();
         table(&formula.product(&learned.verdict.quantity), &["parameter", "value", "90 % interval", "unit"], &rows)
@@ -349,8 +357,8 @@ fn learnt(learned: &Learned) -> Markup {
     let row = |pair: &LearnedPair| {
         vec![
             format!("{} by {}", pair.quantity, pair.state.replace('_', " ")),
-            with_decimals(pair.evidence_nats, 1),
-            pair.heldout_gain_nats.map_or("–".into(), |gain| with_decimals(gain, 1)),
+            format_decimals(pair.evidence_nats, 1),
+            pair.heldout_gain_nats.map_or("–".into(), |gain| format_decimals(gain, 1)),
             optional(pair.rmse_heldout_um, 3),
         ]
     };
@@ -363,24 +371,24 @@ fn learnt(learned: &Learned) -> Markup {
 }
 
 /// Table of all candidate effects by decreasing gain.
-fn suspects(diagnosis: &Diagnosis) -> Markup {
+fn candidate_table(diagnosis: &Diagnosis) -> Markup {
     let smallest = |slug: &str| {
         let entry = diagnosis.smallest_detectable.iter().find(|entry| entry.effect == slug);
         optional(entry.and_then(|entry| entry.parameter), 2)
     };
     let row = |candidate: &CandidateEntry| {
         let refit = candidate.refit.as_ref();
-        let chance = refit.map_or("–".into(), |_| with_decimals(candidate.p_familywise, 3));
+        let chance = refit.map_or("–".into(), |_| format_decimals(candidate.p_familywise, 3));
         let refused = candidate.refused.as_ref().map(|why| format!("not applicable: {why}"));
         vec![
             candidate.effect.clone(),
-            refit.map_or("–".into(), |refit| with_decimals(refit.gain_nats, 1)),
-            refit.and_then(|refit| refit.heldout_gain_nats).map_or("–".into(), |gain| with_decimals(gain, 1)),
-            refit.and_then(|refit| refit.rmse_heldout_um).map_or("–".into(), |um| significant(um, 3)),
+            refit.map_or("–".into(), |refit| format_decimals(refit.gain_nats, 1)),
+            refit.and_then(|refit| refit.heldout_gain_nats).map_or("–".into(), |gain| format_decimals(gain, 1)),
+            refit.and_then(|refit| refit.rmse_heldout_um).map_or("–".into(), |um| format_significant(um, 3)),
             chance,
             smallest(&candidate.effect),
             candidate.twins.join(", "),
-            refused.unwrap_or_else(|| diagnosis.standing(candidate).into()),
+            refused.unwrap_or_else(|| diagnosis.status_words(candidate).into()),
         ]
     };
     let gain =
@@ -414,14 +422,15 @@ fn ladder_section(content: &StudyPage) -> Markup {
     };
     let (before, after) = (names(false), names(true));
     let shifts = summary.shifts.iter().map(|shift| {
-        let shown =
-            |p: &documents::ladder::RungParameter| format!("{} ({})", significant(p.median, 4), interval(p.q05, p.q95));
+        let shown = |p: &documents::ladder::LadderParameter| {
+            format!("{} ({})", format_significant(p.median, 4), interval(p.q05, p.q95))
+        };
         vec![
-            of_parameter(&shift.name).axis(),
+            parameter_label(&shift.name).axis(),
             shown(&shift.before),
             shown(&shift.after),
-            format!("{} %", with_decimals(100.0 * shift.relative, 1)),
-            with_decimals(shift.in_sd_before, 1),
+            format!("{} %", format_decimals(100.0 * shift.relative, 1)),
+            format_decimals(shift.in_sd_before, 1),
         ]
     });
     let shifts: Vec<Vec<String>> = shifts.collect();
@@ -429,7 +438,7 @@ fn ladder_section(content: &StudyPage) -> Markup {
         p { (summary.sentence) }
         (figure(drawing, "Error on the last held-out cycle for each revision, and the noise"))
         @if !shifts.is_empty() {
-            (table(&format!("Parameters of the law before and after the missing effects were added: median and 90 % interval, both fitted to cycles {}", listed(&summary.fitted_cycles)), &["parameter", &before, &after, "shift", "in sd"], &shifts))
+            (table(&format!("Parameters of the law before and after the missing effects were added: median and 90 % interval, both fitted to cycles {}", format_ranges(&summary.fitted_cycles)), &["parameter", &before, &after, "shift", "in sd"], &shifts))
         }
     }
 }
@@ -460,12 +469,12 @@ fn sampling_table(last: &RevisionPage) -> Markup {
     );
     let rows = posterior.parameters.iter().map(|p| {
         vec![
-            of_parameter(&p.name).axis(),
-            significant(p.mean, 4),
-            significant(p.sd, 2),
-            with_decimals(p.ess_bulk, 0),
-            with_decimals(p.ess_tail, 0),
-            with_decimals(p.rhat, 3),
+            parameter_label(&p.name).axis(),
+            format_significant(p.mean, 4),
+            format_significant(p.sd, 2),
+            format_decimals(p.ess_bulk, 0),
+            format_decimals(p.ess_tail, 0),
+            format_decimals(p.rhat, 3),
             optional(p.surrogate_bias_sd, 1),
             optional(p.discretisation_bias_sd, 1),
         ]
@@ -479,10 +488,10 @@ fn errors(content: &StudyPage) -> Markup {
     let (budget, surrogate) = (&last.posterior.error_budget_um, &last.posterior.surrogate);
     let row = |name: &str, value: String| vec![name.to_string(), value];
     let rows = [
-        row("white noise, estimated", significant(budget.noise, 3)),
+        row("white noise, estimated", format_significant(budget.noise, 3)),
         row("mesh", optional(budget.fe_discretisation, 2)),
         row("surrogate", optional(budget.surrogate, 2)),
-        row("Monte Carlo", significant(budget.monte_carlo, 2)),
+        row("Monte Carlo", format_significant(budget.monte_carlo, 2)),
     ];
     html! {
         (table("Contributions to the uncertainty of a predicted position, in µm", &["", "µm"], &rows))
@@ -490,18 +499,18 @@ fn errors(content: &StudyPage) -> Markup {
             p { "The surrogate has " (modes) @if modes == 1 { " mode" } @else { " modes" } " from " (runs) " runs of " (unknowns) " unknowns; its error at parameters outside the training set is "
                 (optional(surrogate.max_relative_error, 1)) " times the amplitude." }
         }
-        @if let Some(strain) = last.posterior.largest_strain { p { "The largest strain is " (significant(strain, 3)) "." } }
+        @if let Some(strain) = last.posterior.largest_strain { p { "The largest strain is " (format_significant(strain, 3)) "." } }
         @if let Some(large) = &last.posterior.large_displacement {
-            p { "The robot moves by " (significant(large.farthest_radii, 2)) " of its radii."
+            p { "The robot moves by " (format_significant(large.farthest_radii, 2)) " of its radii."
                 @if let Some(most_um) = large.deviation_most_um {
-                    " With large strains, a gel of this law would deviate by at most " (significant(most_um, 2)) " µm."
+                    " With large strains, a gel of this law would deviate by at most " (format_significant(most_um, 2)) " µm."
                 } }
         }
     }
 }
 
 /// Section of the warnings of all revisions, each once, with the names of its revisions.
-fn warned(content: &StudyPage) -> Markup {
+fn warnings_section(content: &StudyPage) -> Markup {
     let mut all: Vec<(&Warning, Vec<&str>)> = Vec::new();
     for revision in &content.revisions {
         for warning in revision.warnings() {
@@ -539,6 +548,6 @@ fn origin(content: &StudyPage) -> Markup {
             @if content.revisions.iter().any(|revision| revision.diagnosis.is_some()) { " (except for " code { "--smallest" } " and " code { "--simulations" } " of a diagnosis, which are not stored)" }
             ":" }
         pre { @for command in &content.commands { (command) "\n" } }
-        (hashes(&content.inputs_sha256))
+        (input_hash_table(&content.inputs_sha256))
     }
 }

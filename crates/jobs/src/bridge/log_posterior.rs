@@ -3,8 +3,8 @@
 use serde::Deserialize;
 use serde_json::Value;
 
-use super::Input;
-use super::protocol::{OUTSIDE, Outcome, Refusal, Served, Sizes, config_of};
+use super::BridgeInput;
+use super::protocol::{BridgeOutcome, InterfaceSizes, NEGATIVE_INFINITY_SUBSTITUTE, Refusal, ServedModel, config_of};
 use base::error::{Error, Result};
 use models::model::TrainedRange;
 use posterior::gradient::PosteriorGradient;
@@ -13,7 +13,7 @@ use posterior::prepared::PreparedModel;
 use posterior::problem::Problem;
 
 /// Largest number of points in one request.
-pub const MOST_POINTS: usize = 10_000;
+pub const MAX_POINTS: usize = 10_000;
 
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -53,12 +53,12 @@ impl<'a> Posterior<'a> {
     }
 
     /// Returns the sampled parameters, in order.
-    pub fn inputs(&self) -> Vec<Input> {
+    pub fn inputs(&self) -> Vec<BridgeInput> {
         let input = |prior: &posterior::prior::Prior| {
             let (lower, upper) = prior.distribution.support();
             let trained = self.trained.iter().find(|range| range.name == prior.name);
             let ends = trained.map_or((lower, upper), |range| (range.lower.max(lower), range.upper.min(upper)));
-            Input { prior: prior.clone(), ends }
+            BridgeInput { prior: prior.clone(), ends }
         };
         self.problem.priors.priors().iter().map(input).collect()
     }
@@ -102,42 +102,55 @@ impl<'a> Posterior<'a> {
     }
 
     /// Log-densities for the protocol. A value that is not a number is reported as a fault of the model.
-    fn answered(&self, points: &[f64]) -> Outcome<Vec<f64>> {
+    fn served_log_densities(&self, points: &[f64]) -> BridgeOutcome<Vec<f64>> {
         self.log_densities(points).map_err(|error| Refusal::InvalidOutput(error.to_string()))
     }
 
     /// Gradients at points that are listed one after another.
-    fn gradients(&self, points: &[f64]) -> Outcome<Vec<Vec<f64>>> {
-        let densities = self.answered(points)?;
-        points.chunks_exact(self.n_inputs()).zip(densities).map(|(point, own)| Ok(self.slope(point, own)?)).collect()
+    fn gradients(&self, points: &[f64]) -> BridgeOutcome<Vec<Vec<f64>>> {
+        let densities = self.served_log_densities(points)?;
+        points
+            .chunks_exact(self.n_inputs())
+            .zip(densities)
+            .map(|(point, value)| Ok(self.slope(point, value)?))
+            .collect()
     }
 }
 
-impl Served for Posterior<'_> {
+impl ServedModel for Posterior<'_> {
     fn name(&self) -> &'static str {
         "posterior"
     }
 
-    fn sizes(&self, config: &Value) -> Outcome<Sizes> {
+    fn sizes(&self, config: &Value) -> BridgeOutcome<InterfaceSizes> {
         let Config { points } = config_of(config)?;
-        if !(1..=MOST_POINTS).contains(&points) {
-            return Err(Refusal::input(format!("`points` is {points}; ask for 1 to {MOST_POINTS} in one request")));
+        if !(1..=MAX_POINTS).contains(&points) {
+            return Err(Refusal::input(format!("`points` is {points}; ask for 1 to {MAX_POINTS} in one request")));
         }
-        Ok(Sizes { inputs: points * self.n_inputs(), outputs: points })
+        Ok(InterfaceSizes { inputs: points * self.n_inputs(), outputs: points })
     }
 
-    fn evaluate(&self, _config: &Value, points: &[f64]) -> Outcome<Vec<f64>> {
-        Ok(self.answered(points)?.into_iter().map(|value| value.max(OUTSIDE)).collect())
+    fn evaluate(&self, _config: &Value, points: &[f64]) -> BridgeOutcome<Vec<f64>> {
+        Ok(self
+            .served_log_densities(points)?
+            .into_iter()
+            .map(|value| value.max(NEGATIVE_INFINITY_SUBSTITUTE))
+            .collect())
     }
 
-    fn gradient(&self, _config: &Value, points: &[f64], sensitivity: &[f64]) -> Outcome<Vec<f64>> {
+    fn gradient(&self, _config: &Value, points: &[f64], sensitivity: &[f64]) -> BridgeOutcome<Vec<f64>> {
         let gradients = self.gradients(points)?;
-        Ok(gradients.iter().zip(sensitivity).flat_map(|(own, s)| own.iter().map(move |slope| s * slope)).collect())
+        Ok(gradients
+            .iter()
+            .zip(sensitivity)
+            .flat_map(|(gradient, s)| gradient.iter().map(move |slope| s * slope))
+            .collect())
     }
 
-    fn apply_jacobian(&self, _config: &Value, points: &[f64], direction: &[f64]) -> Outcome<Vec<f64>> {
+    fn apply_jacobian(&self, _config: &Value, points: &[f64], direction: &[f64]) -> BridgeOutcome<Vec<f64>> {
         let directions = direction.chunks_exact(self.n_inputs());
-        let along = |(own, direction): (&Vec<f64>, &[f64])| own.iter().zip(direction).map(|(a, b)| a * b).sum::<f64>();
+        let along =
+            |(values, direction): (&Vec<f64>, &[f64])| values.iter().zip(direction).map(|(a, b)| a * b).sum::<f64>();
         Ok(self.gradients(points)?.iter().zip(directions).map(along).collect())
     }
 }

@@ -7,40 +7,40 @@ mod log_posterior;
 mod protocol;
 mod trajectory;
 
-pub use log_posterior::{MOST_POINTS, Posterior};
+pub use log_posterior::{MAX_POINTS, Posterior};
 pub use posterior::outside::Endpoint;
-pub use protocol::{Answer, OUTSIDE};
+pub use protocol::{BridgeResponse, NEGATIVE_INFINITY_SUBSTITUTE};
 pub use trajectory::Trajectory;
 
-use base::error::{Error, Place, Result, Setting};
+use base::error::{Error, InputPlace, Result, Setting};
 use posterior::prepared::PreparedModel;
 use posterior::prior::Prior;
-use protocol::Served;
+use protocol::ServedModel;
 
 /// The two models that one prepared model offers.
-pub struct Models<'a> {
+pub struct BridgeModels<'a> {
     trajectory: Trajectory<'a>,
     posterior: Posterior<'a>,
 }
 
 /// Description of an input parameter for people.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Input {
+pub struct BridgeInput {
     /// Prior of the parameter, with name and unit.
     pub prior: Prior,
     /// Smallest and largest value at which the posterior density is positive.
     pub ends: (f64, f64),
 }
 
-impl<'a> Models<'a> {
+impl<'a> BridgeModels<'a> {
     /// Prepares both models.
     ///
     /// # Errors
-    /// [`Error::Input`] if every parameter is fixed.
+    /// [`Error::BridgeInput`] if every parameter is fixed.
     pub fn new(model: &'a PreparedModel) -> Result<Self> {
         if model.problem.priors.priors().is_empty() {
             return Err(Error::input(
-                Place::setting(Setting::Fixed),
+                InputPlace::setting(Setting::Fixed),
                 "every parameter is fixed, so the models have no input",
                 "leave at least one parameter free",
             ));
@@ -59,25 +59,25 @@ impl<'a> Models<'a> {
     }
 
     /// Answers a request with the given `body`.
-    pub fn answer(&self, endpoint: Endpoint, body: &[u8]) -> Answer {
-        protocol::answer(&[&self.trajectory as &dyn Served, &self.posterior], endpoint, body)
+    pub fn answer(&self, endpoint: Endpoint, body: &[u8]) -> BridgeResponse {
+        protocol::answer(&[&self.trajectory as &dyn ServedModel, &self.posterior], endpoint, body)
     }
 
     /// Size limit of a request in bytes. A number takes at most 24 characters, a comma and a space.
-    pub fn most_bytes(&self) -> usize {
+    pub fn max_request_bytes(&self) -> usize {
         const FRAME: usize = 1 << 16;
         const NUMBER: usize = 32;
         let (n_inputs, n_rows) = (self.inputs().len(), self.trajectory.n_rows());
-        FRAME + NUMBER * (n_rows + n_inputs + MOST_POINTS * (n_inputs + 1))
+        FRAME + NUMBER * (n_rows + n_inputs + MAX_POINTS * (n_inputs + 1))
     }
 
-    /// Inputs of `posterior`, in order. The first [`Models::n_of_trajectory`] of them are the inputs of `trajectory`.
-    pub fn inputs(&self) -> Vec<Input> {
+    /// Inputs of `posterior`, in order. The first [`BridgeModels::n_trajectory_inputs`] of them are the inputs of `trajectory`.
+    pub fn inputs(&self) -> Vec<BridgeInput> {
         self.posterior.inputs()
     }
 
     /// Number of inputs of `trajectory`, which takes every parameter except those of the noise.
-    pub fn n_of_trajectory(&self) -> usize {
+    pub fn n_trajectory_inputs(&self) -> usize {
         self.trajectory.n_inputs()
     }
 

@@ -9,14 +9,14 @@ use base::error::Error;
 use posterior::outside::Endpoint;
 
 /// Substitute for −∞, which JSON cannot express: the lowest finite number. Samplers refuse such a point even after they add other terms.
-pub const OUTSIDE: f64 = f64::MIN;
+pub const NEGATIVE_INFINITY_SUBSTITUTE: f64 = f64::MIN;
 
 /// Version of the protocol.
 const VERSION: f64 = 1.0;
 
 /// Answer to a request.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Answer {
+pub struct BridgeResponse {
     /// HTTP status.
     pub status: u16,
     /// The JSON object.
@@ -38,14 +38,14 @@ impl Refusal {
         Self::InvalidInput(message.into())
     }
 
-    fn answer(self) -> Answer {
+    fn answer(self) -> BridgeResponse {
         let (status, kind, message) = match self {
             Self::ModelNotFound(message) => (400, "ModelNotFound", message),
             Self::UnsupportedFeature(message) => (400, "UnsupportedFeature", message),
             Self::InvalidInput(message) => (400, "InvalidInput", message),
             Self::InvalidOutput(message) => (500, "InvalidOutput", message),
         };
-        Answer { status, body: json!({ "error": { "type": kind, "message": message } }) }
+        BridgeResponse { status, body: json!({ "error": { "type": kind, "message": message } }) }
     }
 }
 
@@ -56,28 +56,28 @@ impl From<Error> for Refusal {
     }
 }
 
-pub(super) type Outcome<T> = std::result::Result<T, Refusal>;
+pub(super) type BridgeOutcome<T> = std::result::Result<T, Refusal>;
 
 /// Lengths of a model's input vector and output vector.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) struct Sizes {
+pub(super) struct InterfaceSizes {
     pub inputs: usize,
     pub outputs: usize,
 }
 
 /// Model with one input vector and one output vector. `config` comes from the request, or is [`Value::Null`]. Vectors have the lengths that `sizes` returns.
-pub(super) trait Served: Sync {
+pub(super) trait ServedModel: Sync {
     fn name(&self) -> &'static str;
-    fn sizes(&self, config: &Value) -> Outcome<Sizes>;
-    fn evaluate(&self, config: &Value, point: &[f64]) -> Outcome<Vec<f64>>;
+    fn sizes(&self, config: &Value) -> BridgeOutcome<InterfaceSizes>;
+    fn evaluate(&self, config: &Value, point: &[f64]) -> BridgeOutcome<Vec<f64>>;
     /// Σ over the outputs of `sensitivity` times the output's derivative, one number per input.
-    fn gradient(&self, config: &Value, point: &[f64], sensitivity: &[f64]) -> Outcome<Vec<f64>>;
+    fn gradient(&self, config: &Value, point: &[f64], sensitivity: &[f64]) -> BridgeOutcome<Vec<f64>>;
     /// Derivative of every output along a direction of the inputs.
-    fn apply_jacobian(&self, config: &Value, point: &[f64], direction: &[f64]) -> Outcome<Vec<f64>>;
+    fn apply_jacobian(&self, config: &Value, point: &[f64], direction: &[f64]) -> BridgeOutcome<Vec<f64>>;
 }
 
 /// Reads the settings of a model; `T` must refuse unknown settings.
-pub(super) fn config_of<T: Default + serde::de::DeserializeOwned>(config: &Value) -> Outcome<T> {
+pub(super) fn config_of<T: Default + serde::de::DeserializeOwned>(config: &Value) -> BridgeOutcome<T> {
     if config.is_null() {
         return Ok(T::default());
     }
@@ -85,14 +85,14 @@ pub(super) fn config_of<T: Default + serde::de::DeserializeOwned>(config: &Value
 }
 
 /// Answers a request to one of `models`.
-pub(super) fn answer(models: &[&dyn Served], endpoint: Endpoint, body: &[u8]) -> Answer {
+pub(super) fn answer(models: &[&dyn ServedModel], endpoint: Endpoint, body: &[u8]) -> BridgeResponse {
     match respond(models, endpoint, body) {
-        Ok(body) => Answer { status: 200, body },
+        Ok(body) => BridgeResponse { status: 200, body },
         Err(refusal) => refusal.answer(),
     }
 }
 
-fn respond(models: &[&dyn Served], endpoint: Endpoint, body: &[u8]) -> Outcome<Value> {
+fn respond(models: &[&dyn ServedModel], endpoint: Endpoint, body: &[u8]) -> BridgeOutcome<Value> {
     let names: Vec<&str> = models.iter().map(|model| model.name()).collect();
     if endpoint == Endpoint::Info {
         return Ok(json!({ "protocolVersion": VERSION, "models": names }));
@@ -135,7 +135,7 @@ fn respond(models: &[&dyn Served], endpoint: Endpoint, body: &[u8]) -> Outcome<V
 }
 
 /// Reads the input vector. The optional `inWrt` and `outWrt` must name the only vector, 0.
-fn point(request: &Map<String, Value>, sizes: Sizes) -> Outcome<Vec<f64>> {
+fn point(request: &Map<String, Value>, sizes: InterfaceSizes) -> BridgeOutcome<Vec<f64>> {
     for key in ["outWrt", "inWrt"] {
         match request.get(key) {
             None => {}
@@ -154,11 +154,11 @@ fn point(request: &Map<String, Value>, sizes: Sizes) -> Outcome<Vec<f64>> {
     }
 }
 
-fn vector(request: &Map<String, Value>, key: &str, length: usize) -> Outcome<Vec<f64>> {
+fn vector(request: &Map<String, Value>, key: &str, length: usize) -> BridgeOutcome<Vec<f64>> {
     numbers(request.get(key).unwrap_or(&Value::Null), key, length)
 }
 
-fn numbers(value: &Value, key: &str, length: usize) -> Outcome<Vec<f64>> {
+fn numbers(value: &Value, key: &str, length: usize) -> BridgeOutcome<Vec<f64>> {
     let Some(values) = value.as_array() else {
         return Err(Refusal::input(format!("`{key}` is not a list of numbers")));
     };
@@ -172,7 +172,7 @@ fn numbers(value: &Value, key: &str, length: usize) -> Outcome<Vec<f64>> {
 }
 
 /// Passes finite numbers on and refuses others, which JSON cannot express.
-fn finite(values: Vec<f64>) -> Outcome<Vec<f64>> {
+fn finite(values: Vec<f64>) -> BridgeOutcome<Vec<f64>> {
     match values.iter().position(|value| !value.is_finite()) {
         None => Ok(values),
         Some(index) => Err(Refusal::InvalidOutput(format!(
@@ -189,29 +189,29 @@ mod tests {
     /// Test model x → (x₀ x₁, x₀ + x₁, 3).
     struct Simple;
 
-    impl Served for Simple {
+    impl ServedModel for Simple {
         fn name(&self) -> &'static str {
             "simple"
         }
-        fn sizes(&self, config: &Value) -> Outcome<Sizes> {
+        fn sizes(&self, config: &Value) -> BridgeOutcome<InterfaceSizes> {
             #[derive(Default, serde::Deserialize)]
             #[serde(deny_unknown_fields)]
             struct Nothing {}
             config_of::<Nothing>(config)?;
-            Ok(Sizes { inputs: 2, outputs: 3 })
+            Ok(InterfaceSizes { inputs: 2, outputs: 3 })
         }
-        fn evaluate(&self, _: &Value, x: &[f64]) -> Outcome<Vec<f64>> {
+        fn evaluate(&self, _: &Value, x: &[f64]) -> BridgeOutcome<Vec<f64>> {
             Ok(vec![x[0] * x[1], x[0] + x[1], 3.0])
         }
-        fn gradient(&self, _: &Value, x: &[f64], s: &[f64]) -> Outcome<Vec<f64>> {
+        fn gradient(&self, _: &Value, x: &[f64], s: &[f64]) -> BridgeOutcome<Vec<f64>> {
             Ok(vec![s[0] * x[1] + s[1], s[0] * x[0] + s[1]])
         }
-        fn apply_jacobian(&self, _: &Value, x: &[f64], v: &[f64]) -> Outcome<Vec<f64>> {
+        fn apply_jacobian(&self, _: &Value, x: &[f64], v: &[f64]) -> BridgeOutcome<Vec<f64>> {
             Ok(vec![v[0] * x[1] + v[1] * x[0], v[0] + v[1], 0.0])
         }
     }
 
-    fn ask(endpoint: Endpoint, body: &str) -> Answer {
+    fn ask(endpoint: Endpoint, body: &str) -> BridgeResponse {
         answer(&[&Simple], endpoint, body.as_bytes())
     }
 
@@ -228,24 +228,24 @@ mod tests {
     fn requests_are_answered_in_the_protocols_words() {
         use Endpoint::*;
         assert_eq!(ask(Info, "").body, json!({ "protocolVersion": 1.0, "models": ["simple"] }));
-        let own = r#"{"name": "simple""#;
-        assert_eq!(ask(InputSizes, &format!("{own}}}")).body, json!({ "inputSizes": [2] }));
-        assert_eq!(ask(OutputSizes, &format!("{own}, \"config\": {{}}}}")).body, json!({ "outputSizes": [3] }));
-        let at = format!("{own}, \"config\": null, \"input\": [[2, 5.5]]");
+        let label = r#"{"name": "simple""#;
+        assert_eq!(ask(InputSizes, &format!("{label}}}")).body, json!({ "inputSizes": [2] }));
+        assert_eq!(ask(OutputSizes, &format!("{label}, \"config\": {{}}}}")).body, json!({ "outputSizes": [3] }));
+        let at = format!("{label}, \"config\": null, \"input\": [[2, 5.5]]");
         assert_eq!(ask(Evaluate, &format!("{at}}}")).body, json!({ "output": [[11.0, 7.5, 3.0]] }));
         let wrt = format!("{at}, \"outWrt\": 0, \"inWrt\": 0");
         assert_eq!(ask(Gradient, &format!("{wrt}, \"sens\": [1, 10, 100]}}")).body, json!({ "output": [15.5, 12.0] }));
         assert_eq!(ask(ApplyJacobian, &format!("{wrt}, \"vec\": [1, 0]}}")).body, json!({ "output": [5.5, 1.0, 0.0] }));
-        assert_eq!(ask(ModelInfo, &format!("{own}}}")).body["support"]["ApplyHessian"], json!(false));
+        assert_eq!(ask(ModelInfo, &format!("{label}}}")).body["support"]["ApplyHessian"], json!(false));
     }
 
     #[test]
     fn what_is_wrong_is_refused_in_the_protocols_words() {
         use Endpoint::*;
-        let own = r#"{"name": "simple""#;
+        let label = r#"{"name": "simple""#;
         assert_eq!(refused(Evaluate, r#"{"name": "other"}"#).0, "ModelNotFound");
         // The missing Hessian is refused before the rest of the request is checked.
-        assert_eq!(refused(ApplyHessian, &format!("{own}}}")).0, "UnsupportedFeature");
+        assert_eq!(refused(ApplyHessian, &format!("{label}}}")).0, "UnsupportedFeature");
         for (endpoint, rest, words) in [
             (Evaluate, "", "`input` is not a list"),
             (Evaluate, ", \"input\": [[1, 2], [3]]", "2 vectors"),
@@ -259,13 +259,13 @@ mod tests {
             (Gradient, ", \"input\": [[1, 2]], \"outWrt\": 0, \"inWrt\": 0, \"sens\": [1, 2]", "`sens` has 2"),
             (ApplyJacobian, ", \"input\": [[1, 2]], \"vec\": 5", "`vec` is not a list"),
         ] {
-            let (kind, message) = refused(endpoint, &format!("{own}{rest}}}"));
+            let (kind, message) = refused(endpoint, &format!("{label}{rest}}}"));
             assert!(kind == "InvalidInput" && message.contains(words), "{rest}: {kind}, {message}");
         }
         for body in ["", "[]", "{", "{\"name\": 3}", "\u{0}"] {
             assert_eq!(refused(Evaluate, body).0, "InvalidInput", "{body}");
         }
-        let (kind, message) = refused(Evaluate, &format!("{own}, \"input\": [[1e200, 1e200]]}}"));
+        let (kind, message) = refused(Evaluate, &format!("{label}, \"input\": [[1e200, 1e200]]}}"));
         assert!(kind == "InvalidOutput" && message.contains("number 0 of the answer is inf"), "{kind}, {message}");
     }
 }

@@ -5,10 +5,10 @@ use std::sync::OnceLock;
 use serde::Deserialize;
 use serde_json::Value;
 
-use super::protocol::{Outcome, Refusal, Served, Sizes, config_of};
+use super::protocol::{BridgeOutcome, InterfaceSizes, Refusal, ServedModel, config_of};
 use base::error::{Error, Result};
-use models::model::{Forward, FullForward, ReducedForward};
-use posterior::likelihood::{Source, sources};
+use models::model::{Forward, FullOrderForward, SurrogateForward};
+use posterior::likelihood::{ParameterSource, sources};
 use posterior::prepared::PreparedModel;
 use posterior::problem::Problem;
 
@@ -17,7 +17,7 @@ const UM_PER_M: f64 = 1e6;
 /// Model that evaluates the request.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize)]
 #[serde(rename_all = "lowercase")]
-enum Which {
+enum ModelChoice {
     #[default]
     Reduced,
     Full,
@@ -27,17 +27,17 @@ enum Which {
 #[serde(deny_unknown_fields)]
 struct Config {
     #[serde(default)]
-    model: Which,
+    model: ModelChoice,
 }
 
 /// Model over the whole record.
 pub struct Trajectory<'a> {
     problem: &'a Problem,
-    reduced: ReducedForward<'a>,
+    reduced: SurrogateForward<'a>,
     /// Full-order model, prepared on first use; `None` for an instrument.
-    full: OnceLock<Option<FullForward<'a>>>,
+    full: OnceLock<Option<FullOrderForward<'a>>>,
     /// Sources of the model's parameters, in their order.
-    sources: Vec<Source>,
+    sources: Vec<ParameterSource>,
     n_inputs: usize,
 }
 
@@ -47,7 +47,7 @@ impl<'a> Trajectory<'a> {
         let problem = &model.problem;
         let mut sources = sources(&problem.model, problem.noise, &problem.priors, &problem.specification.fixed);
         sources.truncate(problem.model.parameters().len());
-        let n_inputs = sources.iter().filter(|source| matches!(source, Source::Sampled(_))).count();
+        let n_inputs = sources.iter().filter(|source| matches!(source, ParameterSource::Sampled(_))).count();
         let reduced = model.forward();
         Self { problem, reduced, full: OnceLock::new(), sources, n_inputs }
     }
@@ -62,7 +62,7 @@ impl<'a> Trajectory<'a> {
         self.problem.experiment.record.n_rows()
     }
 
-    fn full(&self) -> Result<Option<&FullForward<'a>>> {
+    fn full(&self) -> Result<Option<&FullOrderForward<'a>>> {
         if let Some(full) = self.full.get() {
             return Ok(full.as_ref());
         }
@@ -72,10 +72,10 @@ impl<'a> Trajectory<'a> {
 
     /// All parameters of the model at a point, fixed ones included; refuses values outside their supports.
     fn parameters(&self, point: &[f64]) -> Result<Vec<f64>> {
-        let value = |source: &Source| match *source {
+        let value = |source: &ParameterSource| match *source {
             // The model's parameters come before the noise's, so the index of a prior is the index of the input.
-            Source::Sampled(index) => point[index],
-            Source::Fixed(value) => value,
+            ParameterSource::Sampled(index) => point[index],
+            ParameterSource::Fixed(value) => value,
         };
         let parameters: Vec<f64> = self.sources.iter().map(value).collect();
         let specs = self.problem.model.parameters();
@@ -106,30 +106,30 @@ impl<'a> Trajectory<'a> {
     }
 
     /// Refuses derivatives of the full-order model, because only the reduced model has them.
-    fn refuse_full(config: &Value) -> Outcome<()> {
+    fn refuse_full(config: &Value) -> BridgeOutcome<()> {
         match config_of::<Config>(config)?.model {
-            Which::Reduced => Ok(()),
-            Which::Full => Err(Refusal::UnsupportedFeature(
+            ModelChoice::Reduced => Ok(()),
+            ModelChoice::Full => Err(Refusal::UnsupportedFeature(
                 "the full model has no derivatives: leave `config` out to use the reduced model".into(),
             )),
         }
     }
 }
 
-impl Served for Trajectory<'_> {
+impl ServedModel for Trajectory<'_> {
     fn name(&self) -> &'static str {
         "trajectory"
     }
 
-    fn sizes(&self, config: &Value) -> Outcome<Sizes> {
+    fn sizes(&self, config: &Value) -> BridgeOutcome<InterfaceSizes> {
         config_of::<Config>(config)?;
-        Ok(Sizes { inputs: self.n_inputs, outputs: self.n_rows() })
+        Ok(InterfaceSizes { inputs: self.n_inputs, outputs: self.n_rows() })
     }
 
-    fn evaluate(&self, config: &Value, point: &[f64]) -> Outcome<Vec<f64>> {
+    fn evaluate(&self, config: &Value, point: &[f64]) -> BridgeOutcome<Vec<f64>> {
         let forward: &dyn Forward = match config_of::<Config>(config)?.model {
-            Which::Reduced => &self.reduced,
-            Which::Full => self.full()?.ok_or_else(|| {
+            ModelChoice::Reduced => &self.reduced,
+            ModelChoice::Full => self.full()?.ok_or_else(|| {
                 Refusal::input(match self.problem.outside() {
                     Some(outside) => format!("the full model is {}: send the request there", outside.title()),
                     None => "an instrument has a given compliance and no full model: leave `config` out".into(),
@@ -139,22 +139,23 @@ impl Served for Trajectory<'_> {
         Ok(self.positions_um(forward, point)?)
     }
 
-    fn gradient(&self, config: &Value, point: &[f64], sensitivity: &[f64]) -> Outcome<Vec<f64>> {
+    fn gradient(&self, config: &Value, point: &[f64], sensitivity: &[f64]) -> BridgeOutcome<Vec<f64>> {
         Self::refuse_full(config)?;
         let parameters = self.parameters(point)?;
-        let sampled = self.sources.iter().enumerate().filter(|(_, source)| matches!(source, Source::Sampled(_)));
-        let slope = |(place, _): (usize, &Source)| -> Outcome<f64> {
+        let sampled =
+            self.sources.iter().enumerate().filter(|(_, source)| matches!(source, ParameterSource::Sampled(_)));
+        let slope = |(place, _): (usize, &ParameterSource)| -> BridgeOutcome<f64> {
             let derivative_m = self.reduced.derivative_m(&parameters, place)?;
             Ok(UM_PER_M * derivative_m.iter().zip(sensitivity).map(|(d, s)| d * s).sum::<f64>())
         };
         sampled.map(slope).collect()
     }
 
-    fn apply_jacobian(&self, config: &Value, point: &[f64], direction: &[f64]) -> Outcome<Vec<f64>> {
+    fn apply_jacobian(&self, config: &Value, point: &[f64], direction: &[f64]) -> BridgeOutcome<Vec<f64>> {
         Self::refuse_full(config)?;
-        let part = |source: &Source| match *source {
-            Source::Sampled(index) => direction[index],
-            Source::Fixed(_) => 0.0,
+        let part = |source: &ParameterSource| match *source {
+            ParameterSource::Sampled(index) => direction[index],
+            ParameterSource::Fixed(_) => 0.0,
         };
         let along: Vec<f64> = self.sources.iter().map(part).collect();
         let derivative_m = self.reduced.derivative_along_m(&self.parameters(point)?, &along)?;

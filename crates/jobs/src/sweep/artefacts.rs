@@ -5,14 +5,14 @@ use std::path::Path;
 use super::job::SweepResult;
 use super::joint::JointResult;
 use super::problem::SweepProblem;
-use crate::artefacts::{corner_figure, draw_table, trace_figure, write_document, write_model};
+use crate::artefacts::{arrange_draws, draw_corner, draw_trace, write_document, write_model};
 use base::error::Result;
 use figures::draws::write_draws_csv;
 use figures::svg::{Svg, write_figure};
-use figures::sweep::{SweepFigure, sweep as sweep_figure};
+use figures::sweep::{OscillationFigure, oscillation as sweep_figure};
 use posterior::prior::PriorSet;
 use posterior::study::{POSTERIOR_NAME, Provenance};
-use record::{Sweep, SweepRow};
+use record::{OscillationRecord, SweepRow};
 
 /// Number of points on the predicted curves.
 const N_CURVE: usize = 160;
@@ -31,15 +31,15 @@ pub fn write(
 ) -> Result<()> {
     write_model(dir, &problem.specification, &problem.priors)?;
     write_document(&dir.join(POSTERIOR_NAME), header("oscillation"), &result.summary)?;
-    let table = draw_table(&problem.priors, &result.outcome, &result.columns);
+    let table = arrange_draws(&problem.priors, &result.outcome, &result.columns);
     write_draws_csv(&dir.join("draws.csv"), &table)?;
     let figures = dir.join("figures");
     std::fs::create_dir_all(&figures)
         .map_err(|source| base::Error::at_path("create", &figures, source, "make the study directory writable"))?;
     let id = &problem.sweep.specimen_id;
-    let corner = corner_figure(id, &result.summary.model, &problem.priors, &result.columns, &|_| None)?;
+    let corner = draw_corner(id, &result.summary.model, &problem.priors, &result.columns, &|_| None)?;
     write_figure(&figures, "corner", &corner)?;
-    write_figure(&figures, "trace", &trace_figure(id, &problem.priors, &result.outcome, &result.columns)?)?;
+    write_figure(&figures, "trace", &draw_trace(id, &problem.priors, &result.outcome, &result.columns)?)?;
     write_figure(&figures, "moduli", &moduli_figure(problem, result)?)
 }
 
@@ -52,7 +52,7 @@ fn moduli_figure(problem: &SweepProblem, result: &SweepResult) -> Result<Svg> {
     let row = |frequency_hz| SweepRow { frequency_hz, pair: [f64::NAN; 2], sd: None, is_heldout: false };
     let curve_hz: Vec<f64> = (0..N_CURVE).map(at).collect();
     let curve = problem.with_rows(curve_hz.iter().copied().map(row).collect());
-    let drawn: Vec<Vec<[f64; 2]>> = result.values.iter().filter_map(|values| curve.predicted(values)).collect();
+    let drawn: Vec<Vec<[f64; 2]>> = result.values.iter().filter_map(|values| curve.predict(values)).collect();
     let quantiles = |place: usize, k: usize| {
         let mut all: Vec<f64> = drawn.iter().map(|pairs| sweep.form.moduli(pairs[place])[k]).collect();
         all.sort_by(f64::total_cmp);
@@ -68,12 +68,12 @@ fn moduli_figure(problem: &SweepProblem, result: &SweepResult) -> Result<Svg> {
 ///
 /// # Errors
 /// The errors of the figure.
-pub fn raw_figure(sweep: &Sweep) -> Result<Svg> {
+pub fn raw_figure(sweep: &OscillationRecord) -> Result<Svg> {
     draw(sweep, &[], &[], &[], &format!("{}: measured moduli", sweep.specimen_id))
 }
 
 fn draw(
-    sweep: &Sweep,
+    sweep: &OscillationRecord,
     curve_hz: &[f64],
     bands_pa: &[[[f64; 3]; 2]],
     residuals: &[[f64; 2]],
@@ -82,7 +82,7 @@ fn draw(
     let frequency_hz: Vec<f64> = sweep.rows.iter().map(|row| row.frequency_hz).collect();
     let moduli_pa: Vec<[f64; 2]> = sweep.rows.iter().map(|row| sweep.form.moduli(row.pair)).collect();
     let is_heldout: Vec<bool> = sweep.rows.iter().map(|row| row.is_heldout).collect();
-    let data = SweepFigure {
+    let data = OscillationFigure {
         frequency_hz: &frequency_hz,
         moduli_pa: &moduli_pa,
         is_heldout: &is_heldout,
@@ -99,5 +99,5 @@ fn draw(
 /// # Errors
 /// The errors of the figure.
 pub fn joint_figure(id: &str, priors: &PriorSet, result: &JointResult) -> Result<Svg> {
-    corner_figure(id, &result.summary.model, priors, &result.columns, &|_| None)
+    draw_corner(id, &result.summary.model, priors, &result.columns, &|_| None)
 }

@@ -6,11 +6,11 @@
 use rayon::prelude::*;
 
 use super::job::{misfit, model_summary, no_fit};
-use super::noise_like::{NoiseLike, noise_like};
+use super::noise_like::{ResidualPValues, test_residuals};
 use super::problem::{SweepFit, SweepProblem};
 use base::error::{Error, Result};
 use criticism::criteria::Criteria;
-use criticism::verdict::{Addition, Evidence, Residual, ResidualTest, Rival, Verdict, verdict};
+use criticism::verdict::{Addition, Evidence, Residual, ResidualTest, Rival, Verdict, decide_verdict};
 use documents::diagnosis::VerdictKind;
 use documents::oscillation::{OscillationCandidate, OscillationDiagnosis, OscillationEstimate};
 use models::effects::{Effect, Library, Stage};
@@ -30,7 +30,7 @@ const N_STARTS: usize = 6;
 const CRITERIA: Criteria = Criteria::SWEEP;
 
 /// Effect with the fit of the law that includes it.
-struct Tried {
+struct CandidateFit {
     effect: &'static dyn Effect,
     problem: SweepProblem,
     fit: SweepFit,
@@ -48,11 +48,11 @@ pub fn run(
 ) -> Result<OscillationDiagnosis> {
     monitor.stage("fitting every effect that changes the law");
     let base = problem.fit(seed, &[])?.ok_or_else(no_fit)?;
-    let mut tried: Vec<Tried> = Vec::new();
+    let mut tried: Vec<CandidateFit> = Vec::new();
     for effect in library.effects().iter().filter(|effect| effect.stage() == Stage::Mechanics) {
         let Some(with) = extended(problem, *effect, library) else { continue };
-        let fit = fitted_beside(problem, &base, &with, seed)?;
-        tried.extend(fit.map(|fit| Tried { effect: *effect, problem: with, fit }));
+        let fit = fit_near_base(problem, &base, &with, seed)?;
+        tried.extend(fit.map(|fit| CandidateFit { effect: *effect, problem: with, fit }));
     }
     tried.sort_by(|a, b| b.fit.ln_likelihood.total_cmp(&a.fit.ln_likelihood));
     monitor.stage("simulated searches without any effect");
@@ -61,22 +61,22 @@ pub fn run(
     let candidates: Vec<OscillationCandidate> =
         tried.iter().map(|tried| candidate(tried, &base, &chance, has_heldout)).collect();
     monitor.stage("testing the residuals");
-    let left = noise_like(problem, &base, seed)?.ok_or_else(no_fit)?;
+    let left = test_residuals(problem, &base, seed)?.ok_or_else(no_fit)?;
     let mut evidence = evidence(&candidates, &left);
-    let best = evidence.open_test(&CRITERIA).flatten();
+    let best = evidence.next_test(&CRITERIA).flatten();
     let left_with = match best {
-        Some(best) => noise_like(&tried[best].problem, &tried[best].fit, seed)?,
+        Some(best) => test_residuals(&tried[best].problem, &tried[best].fit, seed)?,
         None => None,
     };
     if let Some(best) = best {
         evidence.proposals[best].test = Some(test(left_with.as_ref()));
         evidence.rivals = rivals(&candidates, best);
     }
-    let verdict = verdict(&evidence, &CRITERIA);
-    let predicted = problem.predicted(&base.values).ok_or_else(no_fit)?;
+    let verdict = decide_verdict(&evidence, &CRITERIA);
+    let predicted = problem.predict(&base.values).ok_or_else(no_fit)?;
     let with = best.map(|best| &tried[best]).zip(left_with);
     let extended = with.and_then(|(tried, left)| {
-        let predicted = tried.problem.predicted(&tried.fit.values)?;
+        let predicted = tried.problem.predict(&tried.fit.values)?;
         Some(misfit(&tried.problem, &predicted, &tried.fit, &left))
     });
     Ok(OscillationDiagnosis {
@@ -102,15 +102,15 @@ fn extended(problem: &SweepProblem, effect: &dyn Effect, library: &Library) -> O
 }
 
 /// Best fit with an effect, chosen near the fit without it. Two bodies of a law can exchange roles with an equal fit; this choice keeps the law's values comparable.
-fn fitted_beside(problem: &SweepProblem, base: &SweepFit, with: &SweepProblem, seed: u64) -> Result<Option<SweepFit>> {
-    let starts = [with.starts(seed, N_WIDE_STARTS), beginnings(problem, base, with, seed)].concat();
+fn fit_near_base(problem: &SweepProblem, base: &SweepFit, with: &SweepProblem, seed: u64) -> Result<Option<SweepFit>> {
+    let starts = [with.starts(seed, N_WIDE_STARTS), starts_from_base(problem, base, with, seed)].concat();
     let mut fits = with.maxima(&starts)?;
     let highest = fits.first().map_or(f64::NAN, |fit| fit.ln_posterior);
     fits.retain(|fit| fit.ln_posterior > highest - CRITERIA.equivalent_nats);
     let law = problem.model.base().parameters();
     let distance = |fit: &SweepFit| -> f64 {
-        let of = |own: &SweepProblem, point: &[f64], name: &str| {
-            own.priors.names().position(|other| other == name).map(|place| point[place])
+        let of = |sweep_problem: &SweepProblem, point: &[f64], name: &str| {
+            sweep_problem.priors.names().position(|other| other == name).map(|place| point[place])
         };
         let apart = |name: &str| Some(of(problem, &base.point, name)? - of(with, &fit.point, name)?);
         law.iter().filter_map(|spec| apart(spec.name)).map(|apart| apart * apart).sum()
@@ -119,11 +119,11 @@ fn fitted_beside(problem: &SweepProblem, base: &SweepFit, with: &SweepProblem, s
 }
 
 /// Starts that join the law's and the error's coordinates of a fit with draws of the effect's parameters from its prior.
-fn beginnings(base: &SweepProblem, fit: &SweepFit, with: &SweepProblem, seed: u64) -> Vec<Vec<f64>> {
-    let of_base = |name: &str| base.priors.names().position(|own| own == name).map(|place| fit.point[place]);
+fn starts_from_base(base: &SweepProblem, fit: &SweepFit, with: &SweepProblem, seed: u64) -> Vec<Vec<f64>> {
+    let of_base = |name: &str| base.priors.names().position(|label| label == name).map(|place| fit.point[place]);
     let join = |start: Vec<f64>| {
         let named = with.priors.names().zip(start);
-        named.map(|(name, own)| of_base(name).unwrap_or(own)).collect()
+        named.map(|(name, value)| of_base(name).unwrap_or(value)).collect()
     };
     with.starts(seed, N_STARTS).into_iter().map(join).collect()
 }
@@ -132,22 +132,23 @@ fn beginnings(base: &SweepProblem, fit: &SweepFit, with: &SweepProblem, seed: u6
 fn searches(
     problem: &SweepProblem,
     base: &SweepFit,
-    tried: &[Tried],
+    tried: &[CandidateFit],
     seed: u64,
     monitor: &dyn Monitor,
 ) -> Result<Vec<f64>> {
-    let Some(predicted) = problem.predicted(&base.values) else { return Ok(Vec::new()) };
+    let Some(predicted) = problem.predict(&base.values) else { return Ok(Vec::new()) };
     let counter = Counter::new(monitor, N_SEARCHES);
     let search = |k: usize| -> Result<Option<f64>> {
         if monitor.stop().is_some_and(|stop| stop.load(std::sync::atomic::Ordering::Relaxed)) {
             return Err(Error::Interrupted { kept: "nothing was written".into() });
         }
         let mut stream = RandomStream::new(seed, STREAM + k as u64);
-        let rows = problem.simulated(&predicted, &base.values, &mut stream);
+        let rows = problem.simulate_rows(&predicted, &base.values, &mut stream);
         let without = problem.with_rows(rows.clone()).fit_from(std::slice::from_ref(&base.point))?;
         let mut largest = 0.0_f64;
         for tried in tried {
-            let starts = [vec![tried.fit.point.clone()], beginnings(problem, base, &tried.problem, seed)].concat();
+            let starts =
+                [vec![tried.fit.point.clone()], starts_from_base(problem, base, &tried.problem, seed)].concat();
             let with = tried.problem.with_rows(rows.clone()).fit_from(&starts)?;
             if let Some((with, without)) = with.as_ref().zip(without.as_ref()) {
                 largest = largest.max(with.ln_likelihood - without.ln_likelihood);
@@ -160,11 +161,11 @@ fn searches(
     Ok(found.into_iter().flatten().collect())
 }
 
-fn candidate(tried: &Tried, base: &SweepFit, chance: &[f64], has_heldout: bool) -> OscillationCandidate {
+fn candidate(tried: &CandidateFit, base: &SweepFit, chance: &[f64], has_heldout: bool) -> OscillationCandidate {
     let gain_nats = tried.fit.ln_likelihood - base.ln_likelihood;
     let n_larger = chance.iter().filter(|gain| **gain >= gain_nats).count();
     let estimate = |name: &'static str| {
-        let place = tried.problem.priors.names().position(|own| own == name)?;
+        let place = tried.problem.priors.names().position(|label| label == name)?;
         let (z, sd) = (tried.fit.point[place], tried.fit.sd[place]);
         let at = |z: f64| tried.problem.priors.priors()[place].distribution.from_unconstrained(z);
         Some(OscillationEstimate { name: name.into(), value: at(z), lower: at(z - sd), upper: at(z + sd) })
@@ -179,50 +180,56 @@ fn candidate(tried: &Tried, base: &SweepFit, chance: &[f64], has_heldout: bool) 
 }
 
 /// Evidence of the search, and the residual test of the law.
-fn evidence(candidates: &[OscillationCandidate], left: &NoiseLike) -> Evidence {
-    let addition = |own: &OscillationCandidate| {
-        Addition::of_gains(&own.effect, own.gain_nats, [None, own.heldout_gain_nats], own.p_familywise)
+fn evidence(candidates: &[OscillationCandidate], left: &ResidualPValues) -> Evidence {
+    let addition = |oscillation_candidate: &OscillationCandidate| {
+        Addition::of_gains(
+            &oscillation_candidate.effect,
+            oscillation_candidate.gain_nats,
+            [None, oscillation_candidate.heldout_gain_nats],
+            oscillation_candidate.p_familywise,
+        )
     };
-    let proposals = candidates.iter().map(|own| addition(own).into()).collect();
+    let proposals = candidates.iter().map(|candidate| addition(candidate).into()).collect();
     Evidence { proposals, base: Some(test(Some(left))), rivals: Vec::new() }
 }
 
-fn test(left: Option<&NoiseLike>) -> ResidualTest {
-    let residual = Some(Residual::Sweep(left.map_or(f64::NAN, NoiseLike::p)));
+fn test(left: Option<&ResidualPValues>) -> ResidualTest {
+    let residual = Some(Residual::Sweep(left.map_or(f64::NAN, ResidualPValues::p)));
     ResidualTest { residual, ..ResidualTest::default() }
 }
 
 /// Other effects, with their deficits to the best in fitted or held-out frequencies.
 fn rivals(candidates: &[OscillationCandidate], best: usize) -> Vec<Rival> {
-    let heldout = |own: &OscillationCandidate| own.heldout_gain_nats.unwrap_or(0.0);
+    let heldout = |oscillation_candidate: &OscillationCandidate| oscillation_candidate.heldout_gain_nats.unwrap_or(0.0);
     let best = &candidates[best];
-    let rival = |own: &OscillationCandidate| Rival {
-        effect: own.effect.clone(),
-        deficit_nats: (best.gain_nats - own.gain_nats).max(heldout(best) - heldout(own)),
+    let rival = |oscillation_candidate: &OscillationCandidate| Rival {
+        effect: oscillation_candidate.effect.clone(),
+        deficit_nats: (best.gain_nats - oscillation_candidate.gain_nats)
+            .max(heldout(best) - heldout(oscillation_candidate)),
         separation_sigma: None,
         lead_p: None,
     };
-    candidates.iter().filter(|own| own.effect != best.effect).map(rival).collect()
+    candidates.iter().filter(|candidate| candidate.effect != best.effect).map(rival).collect()
 }
 
 fn sentence(verdict: &Verdict, candidates: &[OscillationCandidate]) -> String {
     let Some(Residual::Sweep(p)) = verdict.residual else { return String::new() };
     match (verdict.kind, verdict.proposal.map(|place| &candidates[place])) {
-        (VerdictKind::Missing, Some(own)) => {
+        (VerdictKind::Missing, Some(oscillation_candidate)) => {
             let others = match &verdict.equivalent[..] {
                 [] => String::new(),
                 equivalent => format!("; these frequencies cannot distinguish it from {}", equivalent.join(" or ")),
             };
             format!(
                 "{} is missing: it gains {:.1} nats, which {} of simulated searches reach by chance, and the residuals are noise (p = {p:.2}){others}.",
-                own.effect,
-                own.gain_nats,
-                share(own.p_familywise)
+                oscillation_candidate.effect,
+                oscillation_candidate.gain_nats,
+                share(oscillation_candidate.p_familywise)
             )
         }
-        (_, Some(own)) => format!(
+        (_, Some(candidate)) => format!(
             "The law is wrong, and no effect of the library corrects it: {} gains most ({:.1} nats), but its residuals are not noise (p = {p:.3}).",
-            own.effect, own.gain_nats
+            candidate.effect, candidate.gain_nats
         ),
         (VerdictKind::Unexplained, None) => {
             format!(

@@ -1,13 +1,13 @@
 //! `sample` on an oscillation: posterior, misfit, summary.
 
-use super::noise_like::{LEAST_P, NoiseLike, noise_like};
+use super::noise_like::{LEAST_P, ResidualPValues, test_residuals};
 use super::problem::{SweepFit, SweepProblem};
 use base::error::{Error, Result, Setting};
 use base::parameter::RELATIVE_NOISE;
 use documents::oscillation::{Frequencies, OscillationMisfit, OscillationSummary};
 use documents::posterior::{ModelSummary, Warning, WarningKind};
 use posterior::monitor::Monitor;
-use posterior::sample::{natural_columns, parameter_summary, sampler_summary, with_names};
+use posterior::sample::{natural_columns, parameter_summary, sampler_summary, with_parameter_names};
 use record::SweepForm;
 use sampling::diagnostics::ranks::BlomScores;
 use sampling::diagnostics::{DrawColumn, diagnose};
@@ -51,10 +51,10 @@ pub fn run(problem: &SweepProblem, options: &SamplerOptions, monitor: &dyn Monit
     }
     monitor.stage("testing the residuals");
     let columns = natural_columns(&problem.priors, &outcome);
-    let values: Vec<Vec<f64>> = outcome.draws.spread(N_DRAWS).iter().map(|point| problem.values(point)).collect();
+    let values: Vec<Vec<f64>> = outcome.draws.subsample(N_DRAWS).iter().map(|point| problem.values(point)).collect();
     let mean = mean_prediction(problem, &values)?;
-    let fit = problem.fit(options.seed, &outcome.draws.spread(1))?.ok_or_else(no_fit)?;
-    let left = noise_like(problem, &fit, options.seed)?.ok_or_else(no_fit)?;
+    let fit = problem.fit(options.seed, &outcome.draws.subsample(1))?.ok_or_else(no_fit)?;
+    let left = test_residuals(problem, &fit, options.seed)?.ok_or_else(no_fit)?;
     let blom = BlomScores::new(columns.first().map_or(0, |column| column.values.len()));
     let names = problem.priors.names().zip(&columns);
     let parameters: Vec<_> = names.map(|(name, column)| parameter_summary(name, &diagnose(column, &blom))).collect();
@@ -69,7 +69,7 @@ pub fn run(problem: &SweepProblem, options: &SamplerOptions, monitor: &dyn Monit
         converged: outcome.converged,
         warnings: Vec::new(),
     };
-    summary.warnings = warnings(problem, &summary, &left, &with_names(&outcome.messages, &problem.priors));
+    summary.warnings = warnings(problem, &summary, &left, &with_parameter_names(&outcome.messages, &problem.priors));
     Ok(SweepResult { summary, outcome, columns, values, mean })
 }
 
@@ -84,7 +84,7 @@ pub(super) fn no_fit() -> Error {
 }
 
 fn mean_prediction(problem: &SweepProblem, values: &[Vec<f64>]) -> Result<Vec<[f64; 2]>> {
-    let all: Vec<Vec<[f64; 2]>> = values.iter().filter_map(|values| problem.predicted(values)).collect();
+    let all: Vec<Vec<[f64; 2]>> = values.iter().filter_map(|values| problem.predict(values)).collect();
     let n = all.len() as f64;
     if all.is_empty() {
         return Err(no_fit());
@@ -105,7 +105,7 @@ pub(super) fn misfit(
     problem: &SweepProblem,
     predicted: &[[f64; 2]],
     fit: &SweepFit,
-    left: &NoiseLike,
+    left: &ResidualPValues,
 ) -> OscillationMisfit {
     let sweep = &problem.sweep;
     let residuals = problem.residuals(predicted, &fit.values);
@@ -140,7 +140,7 @@ pub(super) fn misfit(
 fn warnings(
     problem: &SweepProblem,
     summary: &OscillationSummary,
-    left: &NoiseLike,
+    left: &ResidualPValues,
     messages: &[String],
 ) -> Vec<Warning> {
     let mut warnings = Vec::new();

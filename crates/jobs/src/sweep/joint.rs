@@ -5,13 +5,13 @@
 
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 
-use base::error::{Error, Place, Result, Setting};
+use base::error::{Error, InputPlace, Result, Setting};
 use base::parameter::ParameterSpec;
 use documents::joint::{Agreement, JointRecord, JointSummary, LawEstimate};
 use documents::posterior::{ModelSummary, Warning, WarningKind};
 use posterior::monitor::Monitor;
 use posterior::prior::{Prior, PriorSet};
-use posterior::sample::{natural_columns, parameter_summary, sampler_summary, with_names};
+use posterior::sample::{natural_columns, parameter_summary, sampler_summary, with_parameter_names};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use sampling::diagnostics::ranks::BlomScores;
@@ -28,7 +28,7 @@ const LEAST_P: f64 = 0.01;
 pub const MOST_RECORDS: usize = 20;
 
 /// Log-density of one record, with its priors in the order of its coordinates: those of the law first.
-pub struct Member<'a> {
+pub struct JointMember<'a> {
     /// Specimen identifier.
     pub id: String,
     /// `creep` or `oscillation`.
@@ -41,7 +41,7 @@ pub struct Member<'a> {
 
 /// Records that share a law.
 pub struct Joint<'a> {
-    members: Vec<Member<'a>>,
+    members: Vec<JointMember<'a>>,
     /// Priors of the law.
     law: PriorSet,
     /// All priors: the law's, then each record's own, with the record's number as prefix of their names.
@@ -63,8 +63,8 @@ impl<'a> Joint<'a> {
     ///
     /// # Errors
     /// [`Error::Input`] for fewer than two records, for too many, or if the priors of their laws differ.
-    pub fn new(members: Vec<Member<'a>>, law: &[ParameterSpec]) -> Result<Self> {
-        let refuse = |found: String, remedy: &str| Err(Error::input(Place::default(), found, remedy));
+    pub fn new(members: Vec<JointMember<'a>>, law: &[ParameterSpec]) -> Result<Self> {
+        let refuse = |found: String, remedy: &str| Err(Error::input(InputPlace::default(), found, remedy));
         if members.len() < 2 || members.len() > MOST_RECORDS {
             return refuse(
                 format!("{} records cannot be joined", members.len()),
@@ -73,8 +73,8 @@ impl<'a> Joint<'a> {
         }
         let is_of_law = |name: &str| law.iter().any(|spec| spec.name == name);
         let first = members[0].priors;
-        let own: Vec<&str> = first.names().filter(|name| !is_of_law(name)).collect();
-        let of_law = first.without(&own);
+        let names: Vec<&str> = first.names().filter(|name| !is_of_law(name)).collect();
+        let of_law = first.without(&names);
         if of_law.priors().is_empty() {
             return refuse("every parameter of the law is fixed".into(), "leave at least one free");
         }
@@ -85,9 +85,10 @@ impl<'a> Joint<'a> {
                 &format!("name one prior for all records with {}", Setting::Prior),
             );
         }
-        let named = |(number, member): (usize, &Member<'_>)| -> Vec<Prior> {
-            let own = member.priors.priors()[n_law..].iter();
-            own.map(|prior| Prior { name: format!("record {}: {}", number + 1, prior.name), ..prior.clone() }).collect()
+        let named = |(number, member): (usize, &JointMember<'_>)| -> Vec<Prior> {
+            let iter = member.priors.priors()[n_law..].iter();
+            iter.map(|prior| Prior { name: format!("record {}: {}", number + 1, prior.name), ..prior.clone() })
+                .collect()
         };
         let of_records: Vec<Prior> = members.iter().enumerate().flat_map(named).collect();
         let priors = of_law.with(&of_records);
@@ -97,10 +98,10 @@ impl<'a> Joint<'a> {
     /// Indices of a record's coordinates among all coordinates.
     fn places(&self, record: usize) -> Vec<usize> {
         let n_law = self.law.priors().len();
-        let n_own = |member: &Member<'_>| member.priors.priors().len() - n_law;
+        let n_own = |member: &JointMember<'_>| member.priors.priors().len() - n_law;
         let before: usize = self.members[..record].iter().map(n_own).sum();
-        let own = n_law + before..n_law + before + n_own(&self.members[record]);
-        (0..n_law).chain(own).collect()
+        let range = n_law + before..n_law + before + n_own(&self.members[record]);
+        (0..n_law).chain(range).collect()
     }
 
     /// Log-density of a point without the law's prior.
@@ -181,7 +182,7 @@ impl<'a> Joint<'a> {
             .zip(&columns)
             .map(|(name, column)| parameter_summary(name, &diagnose(column, &blom)))
             .collect();
-        let warnings = warnings(&agreement, &records, &outcome, &with_names(&outcome.messages, priors));
+        let warnings = warnings(&agreement, &records, &outcome, &with_parameter_names(&outcome.messages, priors));
         let summary = JointSummary {
             model,
             parameters,
@@ -238,12 +239,12 @@ impl LogDensity for Joint<'_> {
     fn log_density(&self, points: &[f64], log_density: &mut [f64]) {
         let n = log_density.len();
         log_density.fill(0.0);
-        let mut own = vec![0.0; n];
+        let mut values = vec![0.0; n];
         for (record, member) in self.members.iter().enumerate() {
             let columns = self.places(record).into_iter().flat_map(|place| &points[place * n..(place + 1) * n]);
             let columns: Vec<f64> = columns.copied().collect();
-            member.density.log_density(&columns, &mut own);
-            log_density.iter_mut().zip(&own).for_each(|(sum, own)| *sum += own);
+            member.density.log_density(&columns, &mut values);
+            log_density.iter_mut().zip(&values).for_each(|(sum, value)| *sum += value);
         }
         // The sum contains the law's prior once per record; it must count once.
         let mut prior = vec![0.0; n];

@@ -16,7 +16,7 @@ const STREAM: u64 = 1 << 40;
 
 /// Probabilities that noise alone gives residuals at least as extreme, one per test.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct NoiseLike {
+pub struct ResidualPValues {
     /// Correlation of the residuals of neighbouring frequencies.
     pub p_neighbours: f64,
     /// Size of fitted residuals; `None` if the size of the errors was inferred.
@@ -25,7 +25,7 @@ pub struct NoiseLike {
     pub p_heldout: Option<f64>,
 }
 
-impl NoiseLike {
+impl ResidualPValues {
     /// Smallest probability times the number of tests.
     pub fn p(&self) -> f64 {
         let all: Vec<f64> = [Some(self.p_neighbours), self.p_size, self.p_heldout].into_iter().flatten().collect();
@@ -39,8 +39,8 @@ impl NoiseLike {
 }
 
 /// Test statistics: relative sum of products of neighbours, sums of squares of fitted and of held-out rows.
-fn sizes(problem: &SweepProblem, fit: &SweepFit) -> Option<[f64; 3]> {
-    let predicted = problem.predicted(&fit.values)?;
+fn test_statistics(problem: &SweepProblem, fit: &SweepFit) -> Option<[f64; 3]> {
+    let predicted = problem.predict(&fit.values)?;
     let residuals = problem.residuals(&predicted, &fit.values);
     let part = |of_heldout: bool| -> Vec<[f64; 2]> {
         let rows = problem.sweep.rows.iter().zip(&residuals).filter(|(row, _)| row.is_heldout == of_heldout);
@@ -57,13 +57,15 @@ fn sizes(problem: &SweepProblem, fit: &SweepFit) -> Option<[f64; 3]> {
 ///
 /// # Errors
 /// The errors of fitting.
-pub fn noise_like(problem: &SweepProblem, fit: &SweepFit, seed: u64) -> Result<Option<NoiseLike>> {
-    let (Some(predicted), Some(found)) = (problem.predicted(&fit.values), sizes(problem, fit)) else { return Ok(None) };
+pub fn test_residuals(problem: &SweepProblem, fit: &SweepFit, seed: u64) -> Result<Option<ResidualPValues>> {
+    let (Some(predicted), Some(found)) = (problem.predict(&fit.values), test_statistics(problem, fit)) else {
+        return Ok(None);
+    };
     let simulate = |k: usize| -> Result<Option<[f64; 3]>> {
         let mut stream = RandomStream::new(seed, STREAM + k as u64);
-        let other = problem.with_rows(problem.simulated(&predicted, &fit.values, &mut stream));
+        let other = problem.with_rows(problem.simulate_rows(&predicted, &fit.values, &mut stream));
         let refitted = other.fit_from(std::slice::from_ref(&fit.point))?;
-        Ok(refitted.and_then(|refitted| sizes(&other, &refitted)))
+        Ok(refitted.and_then(|refitted| test_statistics(&other, &refitted)))
     };
     let all: Vec<Option<[f64; 3]>> = (0..N_SIMULATED).into_par_iter().map(simulate).collect::<Result<_>>()?;
     let simulated: Vec<[f64; 3]> = all.into_iter().flatten().collect();
@@ -72,7 +74,7 @@ pub fn noise_like(problem: &SweepProblem, fit: &SweepFit, seed: u64) -> Result<O
         (1 + n_larger) as f64 / (1 + simulated.len()) as f64
     };
     let has_heldout = problem.sweep.rows.iter().any(|row| row.is_heldout);
-    Ok(Some(NoiseLike {
+    Ok(Some(ResidualPValues {
         p_neighbours: p(0),
         p_size: problem.sweep.has_errors().then(|| p(1)),
         p_heldout: has_heldout.then(|| p(2)),

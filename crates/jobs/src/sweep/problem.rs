@@ -3,7 +3,7 @@
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 
-use base::error::{Error, Place, Result, Setting};
+use base::error::{Error, InputPlace, Result, Setting};
 use base::number::Dual;
 use base::parameter::{ParameterSpec, RELATIVE_NOISE};
 use laws::rheology::complex_modulus_pa;
@@ -13,7 +13,7 @@ use models::model::Model;
 use posterior::model_priors::read_priors_with;
 use posterior::prior::{Distribution, Prior, PriorSet};
 use posterior::study::ModelSpecification;
-use record::{Scales, Sweep, SweepForm, SweepRow};
+use record::{CharacteristicSizes, OscillationRecord, SweepForm, SweepRow};
 use sampling::LogDensity;
 use sampling::ensemble::RandomStream;
 use sampling::optimum::{Mode, find_modes};
@@ -35,7 +35,7 @@ const START_STREAM: u64 = u64::MAX / 3;
 #[derive(Debug, Clone)]
 pub struct SweepProblem {
     /// Measured oscillation.
-    pub sweep: Sweep,
+    pub sweep: OscillationRecord,
     /// Specification of the model.
     pub specification: ModelSpecification,
     /// Law and effects of the model.
@@ -64,16 +64,16 @@ pub struct SweepFit {
 }
 
 /// Scales for the priors of effects. The slowest period takes the role of the record's length, and the fastest sets the shortest visible time.
-fn scales(sweep: &Sweep) -> Scales {
+fn scales(sweep: &OscillationRecord) -> CharacteristicSizes {
     let [lowest_hz, highest_hz] = sweep.range_hz();
     let slowest_s = 1.0 / (std::f64::consts::TAU * lowest_hz);
-    Scales {
+    CharacteristicSizes {
         largest_force_n: 1.0,
         hold_s: slowest_s,
         sample_interval_s: 1.0 / (4.0 * std::f64::consts::TAU * highest_hz),
         cycle_s: slowest_s,
         duration_s: slowest_s,
-        ..Scales::default()
+        ..CharacteristicSizes::default()
     }
 }
 
@@ -82,24 +82,24 @@ impl SweepProblem {
     ///
     /// # Errors
     /// [`Error::Input`] for effects that an oscillation cannot show, noise terms, unknown parameters, and unsuitable priors.
-    pub fn new(sweep: Sweep, specification: ModelSpecification, library: &Library) -> Result<Self> {
+    pub fn new(sweep: OscillationRecord, specification: ModelSpecification, library: &Library) -> Result<Self> {
         if sweep.rows.len() > MOST_ROWS {
             let found = format!("{} frequencies exceed the limit of {MOST_ROWS}", sweep.rows.len());
             let remedy = "if this is a record over time, describe it as one; otherwise keep fewer frequencies";
-            return Err(Error::input(Place::default().at_key("sweep"), found, remedy));
+            return Err(Error::input(InputPlace::default().at_key("sweep"), found, remedy));
         }
         let effects = specification.effects(library);
-        let model = Model::new(specification.base, effects, scales(&sweep), &Place::setting(Setting::Effects))?;
+        let model = Model::new(specification.base, effects, scales(&sweep), &InputPlace::setting(Setting::Effects))?;
         if let Some(law) = specification.base.outside() {
             return Err(Error::input(
-                Place::setting(Setting::Forward),
+                InputPlace::setting(Setting::Forward),
                 format!("{} returns positions over time, but this is an oscillation", law.url()),
                 "leave it out: oscillations take laws of springs, dashpots and springpots",
             ));
         }
         if specification.noise != ModelSpecification::default().noise {
             return Err(Error::input(
-                Place::setting(Setting::Noise),
+                InputPlace::setting(Setting::Noise),
                 "an oscillation has no rows over time, so noise terms do not apply",
                 format!("leave out {}: the table gives the errors, or one relative error is inferred", Setting::Noise),
             ));
@@ -119,23 +119,23 @@ impl SweepProblem {
             if !spec.is_some_and(|spec| value.is_finite() && spec.support.contains(*value)) {
                 let names: Vec<&str> = all.names().collect();
                 let remedy = format!("set one of {} to a value inside its support", names.join(", "));
-                return Err(Error::input(Place::setting(Setting::Fixed), format!("{name} = {value}"), remedy));
+                return Err(Error::input(InputPlace::setting(Setting::Fixed), format!("{name} = {value}"), remedy));
             }
         }
         let fixed: Vec<&str> = specification.fixed.keys().map(String::as_str).collect();
         let priors = all.without(&fixed);
         let problem = Self { sweep, specification, model, priors };
-        problem.refuse_unseen(&all)?;
+        problem.refuse_invisible_effects(&all)?;
         Ok(problem)
     }
 
     /// Returns the problem with other rows at the same frequencies.
     pub fn with_rows(&self, rows: Vec<SweepRow>) -> Self {
-        Self { sweep: Sweep { rows, ..self.sweep.clone() }, ..self.clone() }
+        Self { sweep: OscillationRecord { rows, ..self.sweep.clone() }, ..self.clone() }
     }
 
     /// Refuses effects that change more than the law's relation of stress and strain. A stationary oscillation does not show them.
-    fn refuse_unseen(&self, all: &PriorSet) -> Result<()> {
+    fn refuse_invisible_effects(&self, all: &PriorSet) -> Result<()> {
         // The 0.8 quantile is used because a prior's middle may be an effect's null.
         let aside: Vec<Dual> = self
             .model
@@ -152,7 +152,7 @@ impl SweepProblem {
         }
         let slugs: Vec<&str> = self.model.effects().iter().map(|effect| effect.slug()).collect();
         Err(Error::input(
-            Place::setting(Setting::Effects),
+            InputPlace::setting(Setting::Effects),
             format!("{}: an oscillation shows only effects that change the law", slugs.join(", ")),
             "leave it out, or measure a creep record",
         ))
@@ -175,7 +175,7 @@ impl SweepProblem {
     }
 
     /// Predicted pair of numbers at every frequency; `None` if the model has no prediction.
-    pub fn predicted(&self, values: &[f64]) -> Option<Vec<[f64; 2]>> {
+    pub fn predict(&self, values: &[f64]) -> Option<Vec<[f64; 2]>> {
         let n = self.model.parameters().len();
         let parameters: Vec<Dual> = values[..n].iter().map(|value| (*value).into()).collect();
         let law = self.model.stages(&parameters).ok()?.law;
@@ -211,7 +211,7 @@ impl SweepProblem {
 
     /// Log-likelihood of the fitted or the held-out rows; −∞ if the model has no prediction.
     pub fn ln_likelihood(&self, values: &[f64], of_heldout: bool) -> f64 {
-        let Some(predicted) = self.predicted(values) else { return f64::NEG_INFINITY };
+        let Some(predicted) = self.predict(values) else { return f64::NEG_INFINITY };
         let mut sum = 0.0;
         for (row, pair) in self.sweep.rows.iter().zip(&predicted).filter(|(row, _)| row.is_heldout == of_heldout) {
             for (k, sd) in self.sd(row, *pair, values).into_iter().enumerate() {
@@ -273,7 +273,7 @@ impl SweepProblem {
     }
 
     /// Rows simulated from a prediction and the noise at these values.
-    pub fn simulated(&self, predicted: &[[f64; 2]], values: &[f64], stream: &mut RandomStream) -> Vec<SweepRow> {
+    pub fn simulate_rows(&self, predicted: &[[f64; 2]], values: &[f64], stream: &mut RandomStream) -> Vec<SweepRow> {
         let row = |(row, pair): (&SweepRow, &[f64; 2])| {
             let sd = self.sd(row, *pair, values);
             SweepRow { pair: [0, 1].map(|k| pair[k] + sd[k] * stream.normal()), ..*row }

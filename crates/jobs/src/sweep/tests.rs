@@ -6,13 +6,13 @@ use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution as _, StandardNormal};
 
 use super::diagnose;
-use super::noise_like::noise_like;
+use super::noise_like::test_residuals;
 use super::problem::{DEFAULT_PRIOR, SweepProblem};
 use documents::diagnosis::VerdictKind;
 use models::effects::Library;
-use posterior::monitor::Silent;
+use posterior::monitor::SilentMonitor;
 use posterior::study::ModelSpecification;
-use record::{Sweep, SweepForm, SweepRow};
+use record::{OscillationRecord, SweepForm, SweepRow};
 
 const TRUTH: [f64; 3] = [3.527, 1.402, 47.37];
 const POISSON: f64 = 0.48;
@@ -44,7 +44,7 @@ fn shear_modulus(omega: f64, beside: Beside) -> Complex<f64> {
 }
 
 /// 31 frequencies from 0.01 to 30 Hz with errors of 3 % of |G*|. The table gives these errors times `said`; every third row is held out.
-fn sweep(beside: Beside, form: SweepForm, said: Option<f64>, seed: u64) -> Sweep {
+fn sweep(beside: Beside, form: SweepForm, said: Option<f64>, seed: u64) -> OscillationRecord {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     let mut normal = || -> f64 { StandardNormal.sample(&mut rng) };
     let row = |k: usize| {
@@ -61,7 +61,7 @@ fn sweep(beside: Beside, form: SweepForm, said: Option<f64>, seed: u64) -> Sweep
             is_heldout: k % 3 == 1,
         }
     };
-    Sweep {
+    OscillationRecord {
         specimen_id: "gel".into(),
         poisson_ratio: POISSON,
         form,
@@ -71,7 +71,7 @@ fn sweep(beside: Beside, form: SweepForm, said: Option<f64>, seed: u64) -> Sweep
     }
 }
 
-fn problem(sweep: Sweep) -> SweepProblem {
+fn problem(sweep: OscillationRecord) -> SweepProblem {
     let specification = ModelSpecification { prior: DEFAULT_PRIOR.into(), ..ModelSpecification::default() };
     SweepProblem::new(sweep, specification, &Library::default()).unwrap()
 }
@@ -113,7 +113,7 @@ fn noise_is_told_from_what_is_none() {
     let p = |beside, said, seed| {
         let problem = problem(sweep(beside, SweepForm::StorageAndLoss, said, seed));
         let fit = problem.fit(1, &[]).unwrap().unwrap();
-        noise_like(&problem, &fit, seed).unwrap().unwrap()
+        test_residuals(&problem, &fit, seed).unwrap().unwrap()
     };
     let n_called = (0..8).flat_map(|seed| [p(Beside::Nothing, None, seed), p(Beside::Nothing, Some(1.0), seed)]);
     assert!(n_called.filter(|left| !left.is_noise()).count() <= 2);
@@ -131,7 +131,7 @@ fn noise_is_told_from_what_is_none() {
 fn what_is_hidden_is_named() {
     let found = |beside, seed| {
         let problem = problem(sweep(beside, SweepForm::StorageAndLoss, None, seed));
-        diagnose::run(&problem, 1, &Library::default(), &Silent).unwrap()
+        diagnose::run(&problem, 1, &Library::default(), &SilentMonitor).unwrap()
     };
     let nothing = found(Beside::Nothing, 5);
     assert_eq!(nothing.verdict.kind, VerdictKind::None, "{}", nothing.verdict.sentence);
@@ -142,7 +142,7 @@ fn what_is_hidden_is_named() {
         let found = found(beside, 6);
         assert_eq!((found.verdict.kind, &found.verdict.effects[..]), (VerdictKind::Missing, &[effect.to_string()][..]));
         let sizes = &found.candidates[0].parameters;
-        let size = sizes.iter().find(|own| own.name == parameter).unwrap_or_else(|| panic!("{sizes:?}"));
+        let size = sizes.iter().find(|size| size.name == parameter).unwrap_or_else(|| panic!("{sizes:?}"));
         let sd = 0.5 * (size.upper - size.lower);
         assert!((size.value - truth).abs() < 4.0 * sd, "{size:?} for {truth}");
         let after = found.extended.unwrap();

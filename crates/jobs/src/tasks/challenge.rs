@@ -2,7 +2,7 @@
 
 use serde_json::json;
 
-use super::list::{Task, Work, not_json};
+use super::list::{Task, TaskInput, not_json};
 use base::error::{Error, Result};
 use models::effects::Library;
 use posterior::cache::cache_directory;
@@ -15,12 +15,12 @@ use validation::challenge::plays::{self, PlaysRequest};
 ///
 /// # Errors
 /// [`Error::Input`] for a request that cannot be met.
-pub fn work(request: &PlaysRequest, block: usize) -> Result<Vec<Work>> {
+pub fn work(request: &PlaysRequest, block: usize) -> Result<Vec<TaskInput>> {
     plays::check(&Library::default(), request)?;
     let end = request.first + request.count;
     let parts = (request.first..end).step_by(block.max(1)).map(|first| {
         let part = PlaysRequest { first, count: block.max(1).min(end - first), ..request.clone() };
-        Work { arguments: json!(part), paths: Vec::new() }
+        TaskInput { arguments: json!(part), paths: Vec::new() }
     });
     Ok(parts.collect())
 }
@@ -30,9 +30,9 @@ pub fn work(request: &PlaysRequest, block: usize) -> Result<Vec<Work>> {
 /// # Errors
 /// As [`plays::run`].
 pub fn run(task: &Task, bench: &Bench, monitor: &dyn Monitor) -> Result<Vec<u8>> {
-    let request: PlaysRequest = task.understood()?;
+    let request: PlaysRequest = task.arguments_as()?;
     let cache = cache_directory().map(|place| place.join("challenge"));
-    let played = plays::run(bench, &request, cache.as_deref(), &plays::in_brief, monitor)?.plays;
+    let played = plays::run(bench, &request, cache.as_deref(), &plays::diagnose_briefly, monitor)?.plays;
     let body = serde_json::to_vec(&played).map_err(|error| not_json(&error))?;
     // Values that change when read back would make the result differ from a run on one machine.
     match read(&body) {

@@ -12,8 +12,8 @@ use serde::{Deserialize, Serialize};
 use serde_json::json;
 use sha2::{Digest, Sha256};
 
-use super::list::{List, Task, Work};
-use base::error::{Error, Place, Result, Setting};
+use super::list::{List, Task, TaskInput};
+use base::error::{Error, InputPlace, Result, Setting};
 use base::files::{self, Content, write_atomically};
 use posterior::monitor::{Monitor, THREADS_VARIABLE, refuse_if_stopped};
 use posterior::study::sha256_hex;
@@ -34,7 +34,7 @@ const MOST_LINES: usize = 5;
 
 /// Arguments of a task.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-struct Arguments {
+struct CommandTask {
     words: Vec<String>,
     /// SHA-256 of the content of every word that names a file or directory.
     inputs: BTreeMap<String, String>,
@@ -42,7 +42,7 @@ struct Arguments {
 
 /// Command of a list, with its line number.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Line {
+pub struct CommandLine {
     /// Line number, from 1.
     pub number: usize,
     /// Words of the command, without the program's name.
@@ -50,16 +50,16 @@ pub struct Line {
 }
 
 /// Check that refuses a line if it is not a command of the program, or not one that a task may run.
-pub type RefuseLine<'a> = &'a dyn Fn(&Line) -> Result<()>;
+pub type RefuseLine<'a> = &'a dyn Fn(&CommandLine) -> Result<()>;
 
 /// Reads the commands of a text: one per line, split as by a shell, without comments and empty lines.
 ///
 /// # Errors
 /// [`Error::File`] if the file is unreadable; [`Error::Input`] with the line that is not a command.
-pub fn read(path: &Path) -> Result<Vec<Line>> {
+pub fn read(path: &Path) -> Result<Vec<CommandLine>> {
     let bytes = files::read(path, Content::Document, "give a text file with one command per line")?;
     let refuse = |number: usize, found: &str, remedy: &str| {
-        Err(Error::input(Place::file(path).at_line(number), found.to_string(), remedy.to_string()))
+        Err(Error::input(InputPlace::file(path).at_line(number), found.to_string(), remedy.to_string()))
     };
     let Ok(text) = String::from_utf8(bytes) else {
         return refuse(1, "this is not UTF-8 text", "give a text file with one command per line");
@@ -79,7 +79,7 @@ pub fn read(path: &Path) -> Result<Vec<Line>> {
             let remedy = format!("write `{OUT}` as the place of its results, as in `diagnose eyes/a --out {OUT}`");
             return refuse(number, "this command writes no results to keep", &remedy);
         }
-        lines.push(Line { number, words });
+        lines.push(CommandLine { number, words });
     }
     Ok(lines)
 }
@@ -88,11 +88,11 @@ pub fn read(path: &Path) -> Result<Vec<Line>> {
 ///
 /// # Errors
 /// [`Error::Input`] and [`Error::File`] if an input is unreadable.
-pub fn work(lines: &[Line]) -> Result<Vec<Work>> {
+pub fn work(lines: &[CommandLine]) -> Result<Vec<TaskInput>> {
     let mut known = BTreeMap::new();
-    let one = |line: &Line| {
-        let arguments = Arguments { words: line.words.clone(), inputs: inputs(&line.words, &mut known)? };
-        Ok(Work { arguments: json!(arguments), paths: Vec::new() })
+    let one = |line: &CommandLine| {
+        let arguments = CommandTask { words: line.words.clone(), inputs: inputs(&line.words, &mut known)? };
+        Ok(TaskInput { arguments: json!(arguments), paths: Vec::new() })
     };
     lines.iter().map(one).collect()
 }
@@ -102,12 +102,12 @@ pub fn work(lines: &[Line]) -> Result<Vec<Work>> {
 /// # Errors
 /// The errors of `refuse`; [`Error::Input`] if an input has changed or the command refuses its input; [`Error::Numerical`] with the command's output for other failures.
 pub fn run(task: &Task, refuse: RefuseLine<'_>, monitor: &dyn Monitor) -> Result<Vec<u8>> {
-    let Arguments { words, inputs: wanted } = task.understood()?;
-    refuse(&Line { number: task.task + 1, words: words.clone() })?;
+    let CommandTask { words, inputs: wanted } = task.arguments_as()?;
+    refuse(&CommandLine { number: task.task + 1, words: words.clone() })?;
     let found = inputs(&words, &mut BTreeMap::new())?;
     if let Some(changed) = wanted.iter().chain(&found).find(|(word, _)| wanted.get(*word) != found.get(*word)) {
         return Err(Error::input(
-            Place::file(changed.0),
+            InputPlace::file(changed.0),
             "this input has changed since the list was made",
             format!(
                 "make the list again with the same command and `{}`: results of unchanged inputs are reused",
@@ -116,16 +116,16 @@ pub fn run(task: &Task, refuse: RefuseLine<'_>, monitor: &dyn Monitor) -> Result
         ));
     }
     let place = tempfile::Builder::new().prefix("vitreo-uq-task-").tempdir();
-    let place = place.map_err(files::refused("create a directory in", &std::env::temp_dir()))?;
+    let place = place.map_err(files::file_error("create a directory in", &std::env::temp_dir()))?;
     let (out, said) = (place.path().join("out"), place.path().join("said"));
-    std::fs::create_dir(&out).map_err(files::refused("create", &out))?;
-    let program = std::env::current_exe().map_err(files::refused("find", Path::new("the program itself")))?;
-    let stderr = std::fs::File::create(&said).map_err(files::refused("create", &said))?;
+    std::fs::create_dir(&out).map_err(files::file_error("create", &out))?;
+    let program = std::env::current_exe().map_err(files::file_error("find", Path::new("the program itself")))?;
+    let stderr = std::fs::File::create(&said).map_err(files::file_error("create", &said))?;
     let mut command = Command::new(program);
     command.args(words.iter().map(|word| word.replace(OUT, &out.display().to_string())));
     command.env(THREADS_VARIABLE, rayon::current_num_threads().to_string());
     command.stdin(Stdio::null()).stdout(Stdio::null()).stderr(stderr);
-    let mut child = command.spawn().map_err(files::refused("start", Path::new("vitreo-uq")))?;
+    let mut child = command.spawn().map_err(files::file_error("start", Path::new("vitreo-uq")))?;
     let code = end_of(&mut child, monitor)?;
     if !matches!(code, Some(0 | 1)) {
         let text = std::fs::read_to_string(&said).unwrap_or_default();
@@ -133,7 +133,7 @@ pub fn run(task: &Task, refuse: RefuseLine<'_>, monitor: &dyn Monitor) -> Result
     }
     body(code.unwrap_or_default(), &out).and_then(|body| {
         let remedy = format!("direct the command's results to `{OUT}`");
-        body.ok_or_else(|| Error::input(Place::default(), format!("`{}` wrote nothing", as_line(&words)), remedy))
+        body.ok_or_else(|| Error::input(InputPlace::default(), format!("`{}` wrote nothing", as_line(&words)), remedy))
     })
 }
 
@@ -143,7 +143,7 @@ fn end_of(child: &mut Child, monitor: &dyn Monitor) -> Result<Option<i32>> {
         match child.try_wait() {
             Ok(Some(status)) => return Ok(status.code()),
             Ok(None) => {}
-            Err(source) => return Err(files::refused("wait for", Path::new("a command"))(source)),
+            Err(source) => return Err(files::file_error("wait for", Path::new("a command"))(source)),
         }
         if let Err(stopped) = refuse_if_stopped(monitor, "written results are kept") {
             let _ = child.kill().and_then(|()| child.wait());
@@ -159,7 +159,7 @@ fn failure(words: &[String], code: Option<i32>, said: &str) -> Error {
     let what = format!("`{}`: {}", as_line(words), last.strip_prefix("error: ").unwrap_or(&last));
     match code {
         Some(2) => Error::input(
-            Place::default(),
+            InputPlace::default(),
             what,
             format!("correct it, and make the list again with `{}`", Setting::Force),
         ),
@@ -201,9 +201,9 @@ fn content_sha256(path: &Path) -> Result<String> {
         return Ok(sha256_hex(&input(path)?));
     }
     let mut all = Sha256::new();
-    for own in files_below(path)? {
-        let name = own.strip_prefix(path).unwrap_or(&own).to_string_lossy().into_owned();
-        all.update(format!("{name}\n{}\n", sha256_hex(&input(&own)?)));
+    for entry in files_below(path)? {
+        let name = entry.strip_prefix(path).unwrap_or(&entry).to_string_lossy().into_owned();
+        all.update(format!("{name}\n{}\n", sha256_hex(&input(&entry)?)));
     }
     Ok(all.finalize().iter().map(|byte| format!("{byte:02x}")).collect())
 }
@@ -216,9 +216,9 @@ fn input(path: &Path) -> Result<Vec<u8>> {
 fn files_below(folder: &Path) -> Result<Vec<PathBuf>> {
     let (mut found, mut waiting) = (Vec::new(), vec![folder.to_path_buf()]);
     while let Some(folder) = waiting.pop() {
-        for entry in std::fs::read_dir(&folder).map_err(files::refused("read", &folder))? {
-            let entry = entry.map_err(files::refused("read", &folder))?;
-            let kind = entry.file_type().map_err(files::refused("read", &folder))?;
+        for entry in std::fs::read_dir(&folder).map_err(files::file_error("read", &folder))? {
+            let entry = entry.map_err(files::file_error("read", &folder))?;
+            let kind = entry.file_type().map_err(files::file_error("read", &folder))?;
             if kind.is_dir() {
                 waiting.push(entry.path());
             } else if kind.is_file() {
@@ -227,7 +227,11 @@ fn files_below(folder: &Path) -> Result<Vec<PathBuf>> {
         }
         if found.len() > MOST_FILES {
             let what = format!("more than {MOST_FILES} files");
-            return Err(Error::input(Place::file(folder), what, "name the experiments of this directory one by one"));
+            return Err(Error::input(
+                InputPlace::file(folder),
+                what,
+                "name the experiments of this directory one by one",
+            ));
         }
     }
     found.sort();
@@ -246,9 +250,9 @@ fn body(code: i32, out: &Path) -> Result<Option<Vec<u8>>> {
     archive.mode(tar::HeaderMode::Deterministic);
     for path in found {
         let name = path.strip_prefix(out).unwrap_or(&path);
-        archive.append_path_with_name(&path, name).map_err(files::refused("keep", &path))?;
+        archive.append_path_with_name(&path, name).map_err(files::file_error("keep", &path))?;
     }
-    archive.into_inner().map(Some).map_err(files::refused("keep", out))
+    archive.into_inner().map(Some).map_err(files::file_error("keep", out))
 }
 
 /// Writes the files of a result into a folder. Returns the exit code, or `None` if `body` is not a result.
@@ -302,7 +306,7 @@ pub(super) fn table(list: &List, codes: &[Option<i32>]) -> Result<Vec<u8>> {
     table.write_record(["folder", "exit_code", "command"]).map_err(|_| broken())?;
     for (number, code) in codes.iter().enumerate() {
         let task = list.task(number)?;
-        let Arguments { words, .. } = task.understood()?;
+        let CommandTask { words, .. } = task.arguments_as()?;
         let code = code.map_or(String::new(), |code| code.to_string());
         table.write_record([folder_name(&task, codes.len()), code, as_line(&words)]).map_err(|_| broken())?;
     }
@@ -318,7 +322,7 @@ fn as_line(words: &[String]) -> String {
 mod tests {
     use super::*;
 
-    fn line(text: &str) -> Result<Vec<Line>> {
+    fn line(text: &str) -> Result<Vec<CommandLine>> {
         let folder = tempfile::tempdir().expect("a temporary directory");
         let path = folder.path().join("list.txt");
         std::fs::write(&path, text).expect("writable");
@@ -330,7 +334,7 @@ mod tests {
         let text =
             "# all eyes\n\nvitreo-uq diagnose 'eye 1' --out {out}/study\nfit eye-2 --json {out}/fit.json # second\n";
         let lines = line(text).expect("a list");
-        assert_eq!(lines.iter().map(|own| own.number).collect::<Vec<_>>(), [3, 4]);
+        assert_eq!(lines.iter().map(|line| line.number).collect::<Vec<_>>(), [3, 4]);
         assert_eq!(lines[0].words, ["diagnose", "eye 1", "--out", "{out}/study"]);
         assert_eq!(lines[1].words, ["fit", "eye-2", "--json", "{out}/fit.json"]);
         let refusal = line("fit a --out {out}\nfit 'b --out {out}").expect_err("open").to_string();

@@ -26,7 +26,7 @@ const WRITABLE: &str = "choose a writable directory";
 
 /// Result of gathering.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Outcome {
+pub struct GatherOutcome {
     /// Available and missing results.
     pub gathered: Gathered,
     /// All available plays, in order; `None` for other kinds, or if there are none.
@@ -42,8 +42,8 @@ pub struct Outcome {
 ///
 /// # Errors
 /// [`base::Error::File`] if the file system refuses, [`base::Error::Interrupted`] when stopped.
-pub fn gather(list: &List, out: &Path, monitor: &dyn Monitor) -> Result<Outcome> {
-    base::files::enclose(out, "the gathered results");
+pub fn gather(list: &List, out: &Path, monitor: &dyn Monitor) -> Result<GatherOutcome> {
+    base::files::forbid_links(out, "the gathered results");
     monitor.stage(&format!("reading the results of {} tasks", list.n_tasks()));
     let found = match list.head().kind {
         TaskKind::Challenge => {
@@ -51,24 +51,24 @@ pub fn gather(list: &List, out: &Path, monitor: &dyn Monitor) -> Result<Outcome>
             let faults = faults(&parts);
             let plays: Vec<Play> = parts.into_iter().filter_map(|part| part.ok()).flatten().collect();
             let plays = Some(plays).filter(|plays| !plays.is_empty()).map(Plays::of);
-            Found { plays, ..Found::of(faults) }
+            GatheredParts { plays, ..GatheredParts::of(faults) }
         }
         TaskKind::Sample => {
             let folder = out.join(EXPERIMENTS);
             create_folders(&folder, WRITABLE)?;
             let parts = over_tasks(list, monitor, |_, body| keep(&folder, &body))?;
-            Found::of(faults(&parts))
+            GatheredParts::of(faults(&parts))
         }
         TaskKind::Calibration => {
             let parts = over_tasks(list, monitor, |_, body| Ok(calibration::read(&body)))?;
             let faults = faults(&parts);
             let calibration = calibration::joined(parts.into_iter().filter_map(|part| part.ok()).collect());
-            Found { calibration, ..Found::of(faults) }
+            GatheredParts { calibration, ..GatheredParts::of(faults) }
         }
         TaskKind::Models => {
             let parts = over_tasks(list, monitor, |_, body| models::adopt(&body))?;
             let n_adopted = parts.iter().filter(|part| matches!(part, Ok(true))).count();
-            Found { n_adopted: Some(n_adopted), ..Found::of(faults(&parts)) }
+            GatheredParts { n_adopted: Some(n_adopted), ..GatheredParts::of(faults(&parts)) }
         }
         TaskKind::Commands => {
             let folder = |task: &Task| out.join(commands::folder_name(task, list.n_tasks()));
@@ -76,7 +76,7 @@ pub fn gather(list: &List, out: &Path, monitor: &dyn Monitor) -> Result<Outcome>
             let codes: Vec<Option<i32>> = parts.iter().map(|part| part.as_ref().ok().copied()).collect();
             create_folders(out, WRITABLE)?;
             write_atomically(&out.join(COMMANDS), &commands::table(list, &codes)?)?;
-            Found::of(faults(&parts))
+            GatheredParts::of(faults(&parts))
         }
     };
     monitor.stage("writing the gathered results");
@@ -100,8 +100,8 @@ pub fn gather(list: &List, out: &Path, monitor: &dyn Monitor) -> Result<Outcome>
         missing: found.faults,
         foreign: foreign(list)?,
     };
-    let Found { plays, calibration, n_adopted, .. } = found;
-    Ok(Outcome { gathered, plays, calibration, n_adopted })
+    let GatheredParts { plays, calibration, n_adopted, .. } = found;
+    Ok(GatherOutcome { gathered, plays, calibration, n_adopted })
 }
 
 /// Tasks without a valid result, among the given numbers.
@@ -118,14 +118,14 @@ pub fn missing(list: &List, numbers: std::ops::Range<usize>, monitor: &dyn Monit
     Ok(found.into_iter().flatten().collect())
 }
 
-struct Found {
+struct GatheredParts {
     faults: Vec<MissingResult>,
     plays: Option<Plays>,
     calibration: Option<Calibration>,
     n_adopted: Option<usize>,
 }
 
-impl Found {
+impl GatheredParts {
     fn of(faults: Vec<MissingResult>) -> Self {
         Self { faults, plays: None, calibration: None, n_adopted: None }
     }
@@ -158,10 +158,10 @@ fn faults<T>(parts: &[std::result::Result<T, MissingResult>]) -> Vec<MissingResu
 /// Writes the files of a result into the folder of `groups`. An identical file is left alone.
 fn keep(folder: &Path, body: &[u8]) -> Result<Option<()>> {
     let Some(files) = sample::files_of(body) else { return Ok(None) };
-    for own in files {
-        let path = folder.join(&own.name);
-        if read_if_there(&path, Content::Document).is_none_or(|there| there != own.text.as_bytes()) {
-            write_atomically(&path, own.text.as_bytes())?;
+    for file in files {
+        let path = folder.join(&file.name);
+        if read_if_there(&path, Content::Document).is_none_or(|there| there != file.text.as_bytes()) {
+            write_atomically(&path, file.text.as_bytes())?;
         }
     }
     Ok(Some(()))
@@ -169,8 +169,8 @@ fn keep(folder: &Path, body: &[u8]) -> Result<Option<()>> {
 
 /// Result files that belong to no task of the list, such as those of an earlier list or another program.
 fn foreign(list: &List) -> Result<Vec<String>> {
-    let own = (0..list.n_tasks()).map(|number| Ok(list.task(number)?.result)).collect::<Result<BTreeSet<_>>>()?;
-    Ok(list.result_names()?.into_iter().filter(|name| !own.contains(name)).collect())
+    let names = (0..list.n_tasks()).map(|number| Ok(list.task(number)?.result)).collect::<Result<BTreeSet<_>>>()?;
+    Ok(list.result_names()?.into_iter().filter(|name| !names.contains(name)).collect())
 }
 
 #[cfg(test)]

@@ -2,12 +2,12 @@
 
 use serde_json::json;
 
-use super::super::list::Work;
+use super::super::list::TaskInput;
 use super::*;
 use base::files::to_json;
 use documents::calibration::CalibrationKind;
-use posterior::monitor::Silent;
-use validation::challenge::play::Sort;
+use posterior::monitor::SilentMonitor;
+use validation::challenge::play::HiddenKind;
 use validation::challenge::plays::PlaysRequest;
 use validation::challenge::{NoiseKind, Protocol, Truth};
 
@@ -15,7 +15,7 @@ fn play(number: usize) -> Play {
     let third = number as f64 / 3.0;
     Play {
         number,
-        sort: Sort::None,
+        sort: HiddenKind::None,
         truth: Truth::of_nothing(Protocol::Paper, NoiseKind::White, [3.5 + third, 1.4, 47.0]),
         label: "none".into(),
         said: if number.is_multiple_of(3) { "force-lag".into() } else { "none".into() },
@@ -39,7 +39,7 @@ fn play(number: usize) -> Play {
 /// A list of seven plays in blocks of two, and the document of a single machine.
 fn list(dir: &Path) -> (List, Vec<Play>, Vec<u8>) {
     let request = PlaysRequest { count: 7, seed: 5, ..PlaysRequest::default() };
-    let work: Vec<Work> = challenge::work(&request, 2).unwrap();
+    let work: Vec<TaskInput> = challenge::work(&request, 2).unwrap();
     let (list, _) = List::make(dir, TaskKind::Challenge, "this", request.seed, work, false).unwrap();
     let plays: Vec<Play> = (0..7).map(play).collect();
     let whole = to_json(Path::new("one.json"), &Plays::of(plays.clone()).document(request.seed)).unwrap();
@@ -60,10 +60,10 @@ fn parts_in_any_order_are_the_whole_byte_for_byte() {
     for number in [2, 0, 3, 2, 1] {
         write(&list, &plays, number);
     }
-    let outcome = gather(&list, &out, &Silent).unwrap();
+    let outcome = gather(&list, &out, &SilentMonitor).unwrap();
     assert!(outcome.gathered.is_whole() && outcome.gathered.foreign.is_empty());
     assert!(std::fs::read(out.join(CHALLENGE)).unwrap() == whole, "other bytes than on one machine");
-    assert_eq!(missing(&list, 0..4, &Silent).unwrap(), Vec::<usize>::new());
+    assert_eq!(missing(&list, 0..4, &SilentMonitor).unwrap(), Vec::<usize>::new());
 }
 
 #[test]
@@ -71,16 +71,17 @@ fn what_is_missing_is_left_out_and_named() {
     let dir = tempfile::tempdir().unwrap();
     let (list, plays, _) = list(&dir.path().join("list"));
     let out = dir.path().join("out");
-    let nothing = gather(&list, &out, &Silent).unwrap();
+    let nothing = gather(&list, &out, &SilentMonitor).unwrap();
     assert!(nothing.plays.is_none() && nothing.gathered.results == 0 && !out.join(CHALLENGE).exists());
     write(&list, &plays, 1);
     write(&list, &plays, 3);
     // A valid envelope whose body is not a list of plays.
     result::write(&list, &list.task(0).unwrap(), b"{}").unwrap();
-    let outcome = gather(&list, &out, &Silent).unwrap();
+    let outcome = gather(&list, &out, &SilentMonitor).unwrap();
     let numbers: Vec<usize> = outcome.plays.unwrap().plays.iter().map(|play| play.number).collect();
     assert_eq!(numbers, [2, 3, 6]);
-    let faults: Vec<(usize, Fault)> = outcome.gathered.missing.iter().map(|own| (own.task, own.fault)).collect();
+    let faults: Vec<(usize, Fault)> =
+        outcome.gathered.missing.iter().map(|missing_result| (missing_result.task, missing_result.fault)).collect();
     assert_eq!(faults, [(0, Fault::Damaged), (2, Fault::Absent)]);
 }
 
@@ -113,7 +114,7 @@ fn calibration(dir: &Path, rank: impl Fn(usize) -> usize) -> List {
     let sampling = json!({ "with": [], "noise": [], "set": [], "n_walkers": 32, "max_steps": 100, "seed": 3 });
     let part = |first: usize| {
         let arguments = json!({ "sampling": sampling, "name": "eye", "inputs_sha256": "0a", "content_sha256": "0b", "first": first, "count": 100 });
-        Work { arguments, paths: vec!["eye".into()] }
+        TaskInput { arguments, paths: vec!["eye".into()] }
     };
     let (list, _) = List::make(dir, TaskKind::Calibration, "this", 3, vec![part(0), part(100)], false).unwrap();
     let subject = json!({ "experiment": "eye", "model": { "base": "lethersich", "effects": [], "noise": ["white"] },
@@ -133,12 +134,13 @@ fn calibration(dir: &Path, rank: impl Fn(usize) -> usize) -> List {
 #[test]
 fn ranks_of_all_tasks_make_one_verdict() {
     let dir = tempfile::tempdir().unwrap();
-    let right = gather(&calibration(&dir.path().join("right"), |k| k % 100), &dir.path().join("a"), &Silent).unwrap();
+    let right =
+        gather(&calibration(&dir.path().join("right"), |k| k % 100), &dir.path().join("a"), &SilentMonitor).unwrap();
     let found = right.calibration.unwrap();
     assert_eq!((found.verdict.kind, found.replicates), (CalibrationKind::Calibrated, 200));
     assert_eq!(found.quantities[0].counts, [10; 20]);
     let wrong = calibration(&dir.path().join("wrong"), |k| k % 100 / 2);
-    let found = gather(&wrong, &dir.path().join("b"), &Silent).unwrap().calibration.unwrap();
+    let found = gather(&wrong, &dir.path().join("b"), &SilentMonitor).unwrap().calibration.unwrap();
     assert_eq!(found.verdict.kind, CalibrationKind::Miscalibrated);
     assert!(found.verdict.sentence.contains("young_modulus_pa is too high"), "{}", found.verdict.sentence);
     let document: serde_json::Value =
@@ -147,6 +149,6 @@ fn ranks_of_all_tasks_make_one_verdict() {
     let task = wrong.task(1).unwrap();
     let body = String::from_utf8(result::read(&wrong, &task).unwrap()).unwrap();
     result::write(&wrong, &task, body.replacen("\"ranks\":[0,0]", "\"ranks\":[0]", 1).as_bytes()).unwrap();
-    let partial = gather(&wrong, &dir.path().join("b"), &Silent).unwrap();
+    let partial = gather(&wrong, &dir.path().join("b"), &SilentMonitor).unwrap();
     assert_eq!((partial.gathered.missing[0].fault, partial.calibration.unwrap().replicates), (Fault::Damaged, 100));
 }

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
-use base::error::{Error, Place, Result, Setting};
+use base::error::{Error, InputPlace, Result, Setting};
 use base::files::{self, Content, to_json, write_together};
 use documents::tasks::{TaskKind, TaskList};
 use posterior::study::{Provenance, WithProvenance, sha256_hex};
@@ -44,7 +44,7 @@ pub struct Task {
 
 /// Computation of one task, before the list is made.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Work {
+pub struct TaskInput {
     /// Arguments of the computation. Inputs are given by their content.
     pub arguments: Value,
     /// Paths of the inputs.
@@ -61,10 +61,10 @@ impl Task {
     ///
     /// # Errors
     /// [`Error::Input`] if the line is not of this program.
-    pub fn understood<T: serde::de::DeserializeOwned>(&self) -> Result<T> {
+    pub fn arguments_as<T: serde::de::DeserializeOwned>(&self) -> Result<T> {
         serde_json::from_value(self.arguments.clone()).map_err(|error| {
             Error::input(
-                Place::file(LINES).at_line(self.task + 1),
+                InputPlace::file(LINES).at_line(self.task + 1),
                 format!("these arguments are not valid for this program: {error}"),
                 damaged(),
             )
@@ -84,7 +84,7 @@ pub struct List {
 
 /// Outcome of making a list.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Making {
+pub enum ListOutcome {
     /// The list is new.
     Made,
     /// The identical list existed.
@@ -103,17 +103,17 @@ impl List {
         kind: TaskKind,
         program: &str,
         seed: u64,
-        work: Vec<Work>,
+        work: Vec<TaskInput>,
         force: bool,
-    ) -> Result<(Self, Making)> {
+    ) -> Result<(Self, ListOutcome)> {
         if work.is_empty() || work.len() > MOST_TASKS {
             let found = format!("{} tasks", work.len());
-            return Err(Error::input(Place::file(dir), found, format!("make lists of 1 to {MOST_TASKS} tasks")));
+            return Err(Error::input(InputPlace::file(dir), found, format!("make lists of 1 to {MOST_TASKS} tasks")));
         }
-        files::enclose(dir, WHAT);
+        files::forbid_links(dir, WHAT);
         let absolute = absolute(dir)?;
         let mut text = Vec::new();
-        for (task, Work { arguments, paths }) in work.into_iter().enumerate() {
+        for (task, TaskInput { arguments, paths }) in work.into_iter().enumerate() {
             let id = id_of(program, kind, &arguments);
             let result = result_of(&id);
             let place = absolute.display().to_string();
@@ -123,7 +123,7 @@ impl List {
             text.push(b'\n');
         }
         let starts = starts(&text);
-        let directory = std::env::current_dir().map_err(files::refused("find", Path::new(".")))?;
+        let directory = std::env::current_dir().map_err(files::file_error("find", Path::new(".")))?;
         let body = TaskList {
             kind,
             program: program.into(),
@@ -134,10 +134,10 @@ impl List {
         let head = WithProvenance { provenance: Provenance::new("tasks", 1, seed, BTreeMap::new()), body };
         let list = Self { dir: dir.to_path_buf(), head, text, starts };
         let making = list.place(force)?;
-        if making != Making::WasThere {
+        if making != ListOutcome::WasThere {
             let results = dir.join(RESULTS);
             files::create_folders(&results, &format!("choose a writable place with `{}`", Setting::Out))?;
-            files::enclose(dir, WHAT);
+            files::forbid_links(dir, WHAT);
             let (head, lines) = (dir.join(HEAD), dir.join(LINES));
             let document = to_json(&head, &list.head)?;
             write_together(&[(lines.as_path(), list.text.as_slice()), (head.as_path(), document.as_slice())])?;
@@ -146,15 +146,15 @@ impl List {
     }
 
     /// Checks that the list may be written to its directory.
-    fn place(&self, force: bool) -> Result<Making> {
+    fn place(&self, force: bool) -> Result<ListOutcome> {
         let head = self.dir.join(HEAD);
         if files::kind(&head).is_some() || files::kind(&self.dir.join(LINES)).is_some() {
             let is_same = Self::open(&self.dir).is_ok_and(|there| there.head == self.head);
             return match (is_same, force) {
-                (true, _) => Ok(Making::WasThere),
-                (false, true) => Ok(Making::Replaced),
+                (true, _) => Ok(ListOutcome::WasThere),
+                (false, true) => Ok(ListOutcome::Replaced),
                 (false, false) => Err(Error::input(
-                    Place::file(head),
+                    InputPlace::file(head),
                     "this list has other tasks: its inputs, options or program differ",
                     format!(
                         "choose another directory with `{}`, or replace the list with `{}` (existing results are kept and reused for equal tasks)",
@@ -167,13 +167,13 @@ impl List {
         let is_empty = match std::fs::read_dir(&self.dir) {
             Ok(mut entries) => entries.next().is_none(),
             Err(error) if error.kind() == std::io::ErrorKind::NotFound => true,
-            Err(error) => return Err(files::refused("use", &self.dir)(error)),
+            Err(error) => return Err(files::file_error("use", &self.dir)(error)),
         };
         if is_empty {
-            return Ok(Making::Made);
+            return Ok(ListOutcome::Made);
         }
         Err(Error::input(
-            Place::file(&self.dir),
+            InputPlace::file(&self.dir),
             "this directory is not empty and holds no list of tasks",
             format!("choose a new or empty directory with `{}`", Setting::Out),
         ))
@@ -184,11 +184,11 @@ impl List {
     /// # Errors
     /// [`Error::File`] or [`Error::Input`] if there is no list or it has been changed.
     pub fn open(dir: &Path) -> Result<Self> {
-        files::enclose(dir, WHAT);
+        files::forbid_links(dir, WHAT);
         let path = dir.join(HEAD);
         let bytes = files::read(&path, Content::Document, REMEDY)?;
         let head: WithProvenance<TaskList> = serde_json::from_slice(&bytes).map_err(|error| {
-            let place = Place::file(&path).at_line(error.line());
+            let place = InputPlace::file(&path).at_line(error.line());
             Error::input(place, format!("this is not a list of tasks of this program: {error}"), REMEDY)
         })?;
         let path = dir.join(LINES);
@@ -196,7 +196,7 @@ impl List {
         let starts = starts(&text);
         if sha256_hex(&text) != head.body.lines_sha256 || starts.len() != head.body.tasks + 1 {
             let found = format!("these lines do not match {HEAD}: the file was changed or cut short");
-            return Err(Error::input(Place::file(&path), found, damaged()));
+            return Err(Error::input(InputPlace::file(&path), found, damaged()));
         }
         Ok(Self { dir: dir.to_path_buf(), head, text, starts })
     }
@@ -205,12 +205,12 @@ impl List {
     ///
     /// # Errors
     /// [`Error::Input`] if the programs differ.
-    pub fn of_program(self, program: &str) -> Result<Self> {
+    pub fn check_program(self, program: &str) -> Result<Self> {
         if self.head.body.program == program {
             return Ok(self);
         }
         Err(Error::input(
-            Place::file(self.dir.join(HEAD)),
+            InputPlace::file(self.dir.join(HEAD)),
             format!("this list was made by vitreo-uq {}, but this program is {program}", self.head.body.program),
             format!(
                 "use the program that made it, or make the list again with `{}`; then everything is computed again",
@@ -252,10 +252,10 @@ impl List {
         let (Some(from), Some(to)) = (self.starts.get(number), self.starts.get(number + 1)) else {
             let found = format!("there is no task {number}");
             let remedy = format!("give a number from 0 to {}", self.n_tasks() - 1);
-            return Err(Error::input(Place::setting(Setting::Task), found, remedy));
+            return Err(Error::input(InputPlace::setting(Setting::Task), found, remedy));
         };
         let refuse =
-            |found: String| Error::input(Place::file(self.dir.join(LINES)).at_line(number + 1), found, damaged());
+            |found: String| Error::input(InputPlace::file(self.dir.join(LINES)).at_line(number + 1), found, damaged());
         let task: Task = serde_json::from_slice(&self.text[*from..*to])
             .map_err(|error| refuse(format!("this is not a task of this program: {error}")))?;
         let TaskList { program, kind, .. } = &self.head.body;
@@ -307,7 +307,7 @@ fn result_of(id: &str) -> String {
 /// # Errors
 /// [`Error::File`] if there is no current directory.
 pub fn absolute(path: &Path) -> Result<PathBuf> {
-    std::path::absolute(path).map_err(files::refused("find", path))
+    std::path::absolute(path).map_err(files::file_error("find", path))
 }
 
 /// Start of each line in bytes, and end of the last line.

@@ -7,7 +7,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
-use super::worker::Answer;
+use super::worker::WorkerAnswer;
 use base::error::{Error, Result};
 use posterior::monitor::{Counter, Monitor};
 
@@ -20,13 +20,13 @@ const LOOK: Duration = Duration::from_millis(20);
 
 /// Result of a run.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
-pub struct Outcome {
+pub struct LocalOutcome {
     /// Number of tasks that were run.
     pub done: usize,
     /// Number of tasks whose result existed before.
     pub before: usize,
     /// Number of workers that died.
-    pub deaths: usize,
+    pub worker_deaths: usize,
     /// Failed tasks by number, each with its last message.
     pub failed: Vec<(usize, String)>,
     /// Tasks that were not started, or not again, because too many failed in a row.
@@ -44,9 +44,9 @@ pub fn run(
     jobs: usize,
     worker: &(dyn Fn() -> Command + Sync),
     monitor: &dyn Monitor,
-) -> Result<Outcome> {
+) -> Result<LocalOutcome> {
     let jobs = jobs.clamp(1, tasks.len().max(1));
-    let shared = Shared {
+    let shared = SharedQueue {
         queue: Mutex::new(Queue { waiting: tasks.iter().map(|task| (*task, 0)).collect(), under_way: 0, in_a_row: 0 }),
         outcome: Mutex::default(),
         processes: (0..jobs).map(|_| Mutex::new(None)).collect(),
@@ -89,16 +89,16 @@ struct Queue {
 
 type Slot = Mutex<Option<Child>>;
 
-struct Shared<'a> {
+struct SharedQueue<'a> {
     queue: Mutex<Queue>,
-    outcome: Mutex<Outcome>,
+    outcome: Mutex<LocalOutcome>,
     /// Process of each thread, for stopping it.
     processes: Vec<Slot>,
     counter: Counter<'a>,
     monitor: &'a dyn Monitor,
 }
 
-impl Shared<'_> {
+impl SharedQueue<'_> {
     fn is_stopped(&self) -> bool {
         self.monitor.stop().is_some_and(|stop| stop.load(Ordering::Relaxed))
     }
@@ -122,7 +122,7 @@ impl Shared<'_> {
         }
     }
 
-    fn succeeded(&self, count: impl Fn(&mut Outcome)) {
+    fn succeeded(&self, count: impl Fn(&mut LocalOutcome)) {
         let mut outcome = locked(&self.outcome);
         count(&mut outcome);
         outcome.last_failure = None;
@@ -173,16 +173,16 @@ impl Shared<'_> {
                 Some(answer) => {
                     ends = Some((numbers, answers));
                     match answer {
-                        Answer::Done => self.succeeded(|outcome| outcome.done += 1),
-                        Answer::Before => self.succeeded(|outcome| outcome.before += 1),
-                        Answer::Failed(why) => self.failed(task, why, true),
-                        Answer::Refused(why) => self.failed(task, why, false),
+                        WorkerAnswer::Done => self.succeeded(|outcome| outcome.done += 1),
+                        WorkerAnswer::Before => self.succeeded(|outcome| outcome.before += 1),
+                        WorkerAnswer::Failed(why) => self.failed(task, why, true),
+                        WorkerAnswer::Refused(why) => self.failed(task, why, false),
                     }
                 }
                 None => {
                     let how = end(slot);
                     if !self.is_stopped() {
-                        locked(&self.outcome).deaths += 1;
+                        locked(&self.outcome).worker_deaths += 1;
                     }
                     self.failed(task, format!("its worker died ({how})"), true);
                 }

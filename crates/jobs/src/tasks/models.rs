@@ -9,18 +9,18 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use serde_json::json;
 
-use super::list::{Task, Work, not_json};
+use super::list::{Task, TaskInput, not_json};
 use super::sample::{Sampling, read as read_measurement};
-use base::error::{Error, Place, Result, Setting};
+use base::error::{Error, InputPlace, Result, Setting};
 use cohorts::apparatus;
 use cohorts::cohort::Measurement;
 use models::effects::{Library, Stage};
 use posterior::cache;
-use posterior::learnt_displacement::{nearest_law, surface};
+use posterior::learnt_displacement::{fit_base_law, surface};
 use posterior::mechanics::{FiniteElements, Mechanics};
-use posterior::monitor::{Counter, Monitor, Silent, refuse_if_stopped};
+use posterior::monitor::{Counter, Monitor, SilentMonitor, refuse_if_stopped};
 use posterior::prepared::{
-    asked_for, field_built_from, field_model, field_models, surrogate, surrogate_built_from, with_fields,
+    effect_requirements, field_built_from, field_model, field_models, surrogate, surrogate_built_from, with_fields,
 };
 use posterior::problem::Problem;
 use posterior::study::sha256_hex;
@@ -29,7 +29,7 @@ use record::Apparatus;
 /// Kind of reduced model.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
-enum Piece {
+enum ReducedModelKind {
     /// Displacement per force of an apparatus, for cohorts.
     Compliance,
     /// Surrogate of the law.
@@ -44,8 +44,8 @@ enum Piece {
 
 /// Arguments of a task.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-struct Arguments {
-    piece: Piece,
+struct ModelTask {
+    piece: ReducedModelKind,
     /// Name of the model's file in a cache. Large displacements have a file name only once their law is known; here it is the SHA-256 of the experiment and its model.
     content: String,
     sampling: Sampling,
@@ -61,71 +61,75 @@ pub fn work(
     sampling: &Sampling,
     every_effect: bool,
     monitor: &dyn Monitor,
-) -> Result<(Vec<Work>, usize)> {
+) -> Result<(Vec<TaskInput>, usize)> {
     // Each apparatus is meshed once, because the names of models are hashes of meshes. The mesh is dropped before the next one.
     let mut alike: BTreeMap<String, Vec<&Measurement>> = BTreeMap::new();
-    for own in measurements {
-        alike.entry(format!("{:?}", own.experiment.apparatus)).or_default().push(own);
+    for measurement in measurements {
+        alike.entry(format!("{:?}", measurement.experiment.apparatus)).or_default().push(measurement);
     }
     monitor.stage(&format!("meshing {} kinds of apparatus", alike.len()));
     let counter = Counter::new(monitor, alike.len());
     let of_apparatus = |group: &Vec<&Measurement>| {
         refuse_if_stopped(monitor, "nothing was written")?;
         let mut mechanics = None;
-        let named = |own: &&Measurement| {
-            let found = wanted(own, every_effect, &mut mechanics).map_err(|error| own.named(error))?;
-            Ok(found.into_iter().map(|(piece, content)| (own.path.display().to_string(), piece, content)).collect())
+        let named = |measurement: &&Measurement| {
+            let found = required_models(measurement, every_effect, &mut mechanics)
+                .map_err(|error| measurement.with_name(error))?;
+            Ok(found
+                .into_iter()
+                .map(|(piece, content)| (measurement.path.display().to_string(), piece, content))
+                .collect())
         };
         let found = group.iter().map(named).collect::<Result<Vec<Vec<_>>>>()?;
         counter.add_one();
         Ok(found)
     };
     let found = alike.values().collect::<Vec<_>>().into_par_iter().map(of_apparatus).collect::<Result<Vec<_>>>()?;
-    let n_without = found.iter().flatten().filter(|own| own.is_empty()).count();
+    let n_without = found.iter().flatten().filter(|entries| entries.is_empty()).count();
     let mut known = std::collections::BTreeSet::new();
-    let mut work: Vec<(Piece, Work)> = Vec::new();
+    let mut work: Vec<(ReducedModelKind, TaskInput)> = Vec::new();
     for (path, piece, content) in found.into_iter().flatten().flatten() {
         if known.insert(content.clone()) {
-            let arguments = json!(Arguments { piece: piece.clone(), content, sampling: sampling.clone() });
-            work.push((piece, Work { arguments, paths: vec![path] }));
+            let arguments = json!(ModelTask { piece: piece.clone(), content, sampling: sampling.clone() });
+            work.push((piece, TaskInput { arguments, paths: vec![path] }));
         }
     }
     if work.is_empty() {
         return Err(Error::input(
-            Place::default(),
+            InputPlace::default(),
             "none of these experiments needs a reduced model, because instruments and indenters have closed forms",
             "give experiments with a [robot]",
         ));
     }
     // Displacement fields come first because they take longest.
-    work.sort_by_key(|(piece, _)| !matches!(piece, Piece::Field(_)));
+    work.sort_by_key(|(piece, _)| !matches!(piece, ReducedModelKind::Field(_)));
     Ok((work.into_iter().map(|(_, work)| work).collect(), n_without))
 }
 
 /// Models that one experiment needs, each with its content. `mechanics` belongs to its apparatus and is made here if it is missing.
-fn wanted(
-    own: &Measurement,
+fn required_models(
+    measurement: &Measurement,
     every_effect: bool,
     mechanics: &mut Option<std::sync::Arc<Mechanics>>,
-) -> Result<Vec<(Piece, String)>> {
-    if !matches!(own.experiment.apparatus, Apparatus::Robot { .. }) {
+) -> Result<Vec<(ReducedModelKind, String)>> {
+    if !matches!(measurement.experiment.apparatus, Apparatus::Robot { .. }) {
         return Ok(Vec::new());
     }
-    let (experiment, model) = (own.experiment.clone(), own.specification.clone());
+    let (experiment, model) = (measurement.experiment.clone(), measurement.specification.clone());
     let problem = match mechanics {
         Some(mechanics) => Problem::with_mechanics(experiment, model, &Library::default(), mechanics.clone())?,
-        None => Problem::new(experiment, model, None, &Silent)?,
+        None => Problem::new(experiment, model, None, &SilentMonitor)?,
     };
     *mechanics = Some(problem.mechanics.clone());
     let Some(fe) = problem.finite_elements() else { return Ok(Vec::new()) };
-    let mut found = vec![(Piece::Surrogate, surrogate_built_from(&problem, fe)?.file_name())];
-    found.extend(apparatus::kept_name(own).map(|name| (Piece::Compliance, name)));
+    let mut found = vec![(ReducedModelKind::Surrogate, surrogate_built_from(&problem, fe)?.file_name())];
+    found.extend(apparatus::cache_file_name(measurement).map(|name| (ReducedModelKind::Compliance, name)));
     let mut effects = problem.model.effects().to_vec();
     if every_effect {
         let library = Library::default();
-        let (widest, all) = asked_for(&problem, fe, &library, library.effects())?;
+        let (widest, all) = effect_requirements(&problem, fe, &library, library.effects())?;
         if let Some(widest) = widest {
-            found.push((Piece::WidestSurrogate, surrogate_built_from(&widest, fe)?.file_name()));
+            found.push((ReducedModelKind::WidestSurrogate, surrogate_built_from(&widest, fe)?.file_name()));
         }
         effects = all;
     }
@@ -133,10 +137,10 @@ fn wanted(
         match effect.field() {
             Some(field) if !field.is_learnt_for_record() => {
                 let slug = effect.slug();
-                found.push((Piece::Field(slug.into()), field_built_from(fe, slug).file_name()));
+                found.push((ReducedModelKind::Field(slug.into()), field_built_from(fe, slug).file_name()));
             }
-            Some(_) if problem.model.effects().iter().any(|own| own.slug() == effect.slug()) => {
-                found.push((Piece::LargeDisplacement, content(own)));
+            Some(_) if problem.model.effects().iter().any(|entry| entry.slug() == effect.slug()) => {
+                found.push((ReducedModelKind::LargeDisplacement, content(measurement)));
             }
             _ => {}
         }
@@ -145,8 +149,8 @@ fn wanted(
 }
 
 /// SHA-256 of an experiment and its model.
-fn content(own: &Measurement) -> String {
-    sha256_hex(format!("{}\n{:?}", own.inputs_sha256, own.specification).as_bytes())
+fn content(measurement: &Measurement) -> String {
+    sha256_hex(format!("{}\n{:?}", measurement.inputs_sha256, measurement.specification).as_bytes())
 }
 
 /// Builds a task's model or reads it from the cache. Returns a line with the name of its file in a cache, and the file.
@@ -154,15 +158,19 @@ fn content(own: &Measurement) -> String {
 /// # Errors
 /// [`Error::Input`] if the experiment has changed since the list was made; otherwise the errors of the finite elements.
 pub fn run(task: &Task, monitor: &dyn Monitor) -> Result<Vec<u8>> {
-    let Arguments { piece, content: wanted, sampling } = task.understood()?;
+    let ModelTask { piece, content: wanted, sampling } = task.arguments_as()?;
     let Some(path) = task.paths.first() else {
         let found = format!("task {} has no path", task.task);
-        return Err(Error::input(Place::default(), found, format!("make the list again with `{}`", Setting::Force)));
+        return Err(Error::input(
+            InputPlace::default(),
+            found,
+            format!("make the list again with `{}`", Setting::Force),
+        ));
     };
-    let own = read_measurement(Path::new(path), &sampling, &Silent)?;
+    let measurement = read_measurement(Path::new(path), &sampling, &SilentMonitor)?;
     let has_changed = || {
         Error::input(
-            Place::file(&own.path),
+            InputPlace::file(&measurement.path),
             "this experiment, its model or its priors have changed since the list was made",
             format!(
                 "make the list again with the same command and `{}`: results of unchanged inputs are reused",
@@ -170,11 +178,11 @@ pub fn run(task: &Task, monitor: &dyn Monitor) -> Result<Vec<u8>> {
             ),
         )
     };
-    if piece == Piece::LargeDisplacement && content(&own) != wanted {
+    if piece == ReducedModelKind::LargeDisplacement && content(&measurement) != wanted {
         return Err(has_changed());
     }
-    let (name, bytes) = built(&own, &piece, monitor)?;
-    if piece != Piece::LargeDisplacement && name != wanted {
+    let (name, bytes) = built(&measurement, &piece, monitor)?;
+    if piece != ReducedModelKind::LargeDisplacement && name != wanted {
         return Err(has_changed());
     }
     let mut body = serde_json::to_vec(&json!({ "file": name })).map_err(|error| not_json(&error))?;
@@ -184,29 +192,29 @@ pub fn run(task: &Task, monitor: &dyn Monitor) -> Result<Vec<u8>> {
 }
 
 /// File of a model: its name below a cache's directory, and its bytes.
-fn built(own: &Measurement, piece: &Piece, monitor: &dyn Monitor) -> Result<(String, Vec<u8>)> {
-    if *piece == Piece::Compliance {
-        return apparatus::kept_file(own, monitor);
+fn built(measurement: &Measurement, piece: &ReducedModelKind, monitor: &dyn Monitor) -> Result<(String, Vec<u8>)> {
+    if *piece == ReducedModelKind::Compliance {
+        return apparatus::cache_file(measurement, monitor);
     }
-    let problem = Problem::new(own.experiment.clone(), own.specification.clone(), None, monitor)?;
+    let problem = Problem::new(measurement.experiment.clone(), measurement.specification.clone(), None, monitor)?;
     let fe = problem.finite_elements().ok_or_else(|| no_longer("it has no finite elements"))?;
     let library = Library::default();
     match piece {
-        Piece::Compliance | Piece::Surrogate => {
+        ReducedModelKind::Compliance | ReducedModelKind::Surrogate => {
             let (built_from, found) = surrogate(&problem, fe, None, monitor)?;
             cache::file_of(&built_from, &found)
         }
-        Piece::WidestSurrogate => {
-            let (widest, _) = asked_for(&problem, fe, &library, library.effects())?;
+        ReducedModelKind::WidestSurrogate => {
+            let (widest, _) = effect_requirements(&problem, fe, &library, library.effects())?;
             let (built_from, found) = surrogate(widest.as_ref().unwrap_or(&problem), fe, None, monitor)?;
             cache::file_of(&built_from, &found)
         }
-        Piece::Field(slug) => {
-            let own = problem.model.effects().iter().copied().find(|effect| effect.slug() == slug);
-            let effect = own.or_else(|| library.get(slug)).ok_or_else(|| no_longer("there is no such effect"))?;
+        ReducedModelKind::Field(slug) => {
+            let entry = problem.model.effects().iter().copied().find(|effect| effect.slug() == slug);
+            let effect = entry.or_else(|| library.get(slug)).ok_or_else(|| no_longer("there is no such effect"))?;
             cache::file_of(&field_built_from(fe, slug), &field_model(fe, effect, monitor)?)
         }
-        Piece::LargeDisplacement => large(&problem, fe, monitor),
+        ReducedModelKind::LargeDisplacement => large(&problem, fe, monitor),
     }
 }
 
@@ -215,14 +223,18 @@ fn large(problem: &Problem, fe: &FiniteElements, monitor: &dyn Monitor) -> Resul
     let (_, surrogate) = surrogate(problem, fe, None, monitor)?;
     let fields = field_models(fe, None, problem.model.effects(), monitor)?;
     let compliance = with_fields(surrogate.compliance(fe.poisson_ratio)?, &fields);
-    let law = nearest_law(problem, &compliance)?;
+    let law = fit_base_law(problem, &compliance)?;
     let with_load = problem.model.effects().iter().any(|effect| effect.stage() == Stage::Load);
     let (built_from, found) = surface(problem, &law, with_load, monitor)?;
     cache::file_of(&built_from, &found)
 }
 
 fn no_longer(found: &str) -> Error {
-    Error::input(Place::default(), found, format!("make the list again with the same command and `{}`", Setting::Force))
+    Error::input(
+        InputPlace::default(),
+        found,
+        format!("make the list again with the same command and `{}`", Setting::Force),
+    )
 }
 
 #[derive(Deserialize)]
@@ -253,7 +265,7 @@ mod tests {
     #[test]
     fn no_other_file_is_written() {
         let entry = |diameter_mm: f64| {
-            cache::file_of(&cache::BuiltFrom::new("test").with("diameter_mm", diameter_mm), &json!({})).unwrap()
+            cache::file_of(&cache::ModelInputs::new("test").with("diameter_mm", diameter_mm), &json!({})).unwrap()
         };
         let (name, bytes) = entry(0.55);
         let body = |name: &str| [&serde_json::to_vec(&json!({ "file": name })).unwrap(), &b"\n"[..], &bytes].concat();

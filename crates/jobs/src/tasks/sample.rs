@@ -6,13 +6,13 @@ use std::path::{Path, PathBuf};
 use serde::{Deserialize, Serialize};
 use serde_json::json;
 
-use super::list::{Task, Work, not_json};
-use base::error::{Error, Place, Result, Setting};
-use cohorts::apparatus::{compliance, first_alike};
+use super::list::{Task, TaskInput, not_json};
+use base::error::{Error, InputPlace, Result, Setting};
+use cohorts::apparatus::{compliance, first_equal_apparatus};
 use cohorts::cohort::{self, Measurement};
 use cohorts::interim::Specimen;
 use models::model::Compliance;
-use posterior::monitor::{Monitor, Silent};
+use posterior::monitor::{Monitor, SilentMonitor};
 use posterior::study::ModelSpecification;
 use sampling::SamplerOptions;
 
@@ -42,8 +42,14 @@ impl Sampling {
     ///
     /// # Errors
     /// As [`ModelSpecification::with_options`].
-    pub fn model(&self, own: ModelSpecification) -> Result<ModelSpecification> {
-        own.with_options(self.base.as_deref(), &self.with, &self.noise, self.prior.as_deref(), &self.set)
+    pub fn model(&self, model_specification: ModelSpecification) -> Result<ModelSpecification> {
+        model_specification.with_options(
+            self.base.as_deref(),
+            &self.with,
+            &self.noise,
+            self.prior.as_deref(),
+            &self.set,
+        )
     }
 
     /// The sampler's settings.
@@ -55,7 +61,7 @@ impl Sampling {
 
 /// Arguments of a task.
 #[derive(Serialize, Deserialize)]
-struct Arguments {
+struct SampleTask {
     sampling: Sampling,
     experiments: Vec<Sampled>,
 }
@@ -83,67 +89,68 @@ pub(super) struct KeptFile {
 ///
 /// # Errors
 /// [`Error::Input`] if an experiment and its model are incompatible.
-pub fn work(measurements: &[Measurement], sampling: &Sampling, block: usize) -> Result<Vec<Work>> {
-    let first = first_alike(measurements);
-    let one = |(own, first): (&Measurement, &usize)| -> Result<(Sampled, [String; 2])> {
+pub fn work(measurements: &[Measurement], sampling: &Sampling, block: usize) -> Result<Vec<TaskInput>> {
+    let first = first_equal_apparatus(measurements);
+    let one = |(measurement, first): (&Measurement, &usize)| -> Result<(Sampled, [String; 2])> {
         let stands_for_its = &measurements[*first];
-        let path = |own: &Measurement| own.path.display().to_string();
-        Ok((sampled(own, stands_for_its, sampling)?, [path(own), path(stands_for_its)]))
+        let path = |measurement: &Measurement| measurement.path.display().to_string();
+        Ok((sampled(measurement, stands_for_its, sampling)?, [path(measurement), path(stands_for_its)]))
     };
     let all = measurements.iter().zip(&first).map(one).collect::<Result<Vec<_>>>()?;
     let work = all.chunks(block.max(1)).map(|part| {
-        let experiments = part.iter().map(|(own, _)| own.clone()).collect();
-        Work {
-            arguments: json!(Arguments { sampling: sampling.clone(), experiments }),
+        let experiments = part.iter().map(|(sampled, _)| sampled.clone()).collect();
+        TaskInput {
+            arguments: json!(SampleTask { sampling: sampling.clone(), experiments }),
             paths: part.iter().flat_map(|(_, paths)| paths.clone()).collect(),
         }
     });
     Ok(work.collect())
 }
 
-fn sampled(own: &Measurement, stands_for_its: &Measurement, sampling: &Sampling) -> Result<Sampled> {
+fn sampled(measurement: &Measurement, stands_for_its: &Measurement, sampling: &Sampling) -> Result<Sampled> {
     // The apparatus identifies the compliance, so making a list needs no solution.
-    let specimen = Specimen::new(own, Compliance::given(1.0)).map_err(|error| own.named(error))?;
+    let specimen = Specimen::new(measurement, Compliance::fixed(1.0)).map_err(|error| measurement.with_name(error))?;
     Ok(Sampled {
-        name: own.name(),
-        content_sha256: specimen.built_from(&own.inputs_sha256, &sampling.options()),
+        name: measurement.name(),
+        content_sha256: specimen.built_from(&measurement.inputs_sha256, &sampling.options()),
         apparatus_sha256: stands_for_its.inputs_sha256.clone(),
     })
 }
 
 /// State that the tasks of one worker share: the compliance of each apparatus, computed once.
 #[derive(Default)]
-pub(super) struct Laboratory {
+pub(super) struct SamplingState {
     compliances: BTreeMap<PathBuf, (String, Compliance)>,
 }
 
-impl Laboratory {
+impl SamplingState {
     /// Samples a task's experiments.
     ///
     /// # Errors
     /// [`Error::Input`] if an experiment has changed since the list was made; otherwise the errors of the sampler.
     pub fn run(&mut self, task: &Task, monitor: &dyn Monitor) -> Result<Vec<u8>> {
-        let Arguments { sampling, experiments } = task.understood()?;
+        let SampleTask { sampling, experiments } = task.arguments_as()?;
         let (pairs, rest) = task.paths.as_chunks::<2>();
         if pairs.len() != experiments.len() || !rest.is_empty() {
             let found = format!("task {} does not have two paths per experiment", task.task);
             return Err(Error::input(
-                Place::default(),
+                InputPlace::default(),
                 found,
                 format!("make the list again with `{}`", Setting::Force),
             ));
         }
         let mut files = Vec::new();
-        for (wanted, [own, stands_for_its]) in experiments.iter().zip(pairs) {
-            let own = read(Path::new(own), &sampling, &Silent)?;
+        for (wanted, [label, stands_for_its]) in experiments.iter().zip(pairs) {
+            let measurement = read(Path::new(label), &sampling, &SilentMonitor)?;
             let (found, compliance) = self.compliance(Path::new(stands_for_its), &sampling)?;
-            let specimen = Specimen::new(&own, compliance).map_err(|error| own.named(error))?;
-            let now = Specimen::new(&own, Compliance::given(1.0)).map_err(|error| own.named(error))?;
-            if now.built_from(&own.inputs_sha256, &sampling.options()) != wanted.content_sha256
+            let specimen = Specimen::new(&measurement, compliance).map_err(|error| measurement.with_name(error))?;
+            let now =
+                Specimen::new(&measurement, Compliance::fixed(1.0)).map_err(|error| measurement.with_name(error))?;
+            if now.built_from(&measurement.inputs_sha256, &sampling.options()) != wanted.content_sha256
                 || found != wanted.apparatus_sha256
             {
                 return Err(Error::input(
-                    Place::file(&own.path),
+                    InputPlace::file(&measurement.path),
                     "this experiment, its model or its priors have changed since the list was made",
                     format!(
                         "make the list again with the same command and `{}`: results of unchanged inputs are reused",
@@ -151,8 +158,9 @@ impl Laboratory {
                     ),
                 ));
             }
-            let (name, bytes) =
-                specimen.interim_file(&own, &sampling.options(), monitor.stop()).map_err(|error| own.named(error))?;
+            let (name, bytes) = specimen
+                .interim_file(&measurement, &sampling.options(), monitor.stop())
+                .map_err(|error| measurement.with_name(error))?;
             files.push(KeptFile { name, text: String::from_utf8_lossy(&bytes).into_owned() });
         }
         serde_json::to_vec(&files).map_err(|error| not_json(&error))
@@ -163,8 +171,11 @@ impl Laboratory {
         if let Some(known) = self.compliances.get(path) {
             return Ok(known.clone());
         }
-        let own = read(path, sampling, &Silent)?;
-        let found = (own.inputs_sha256.clone(), compliance(&own, &Silent).map_err(|error| own.named(error))?);
+        let measurement = read(path, sampling, &SilentMonitor)?;
+        let found = (
+            measurement.inputs_sha256.clone(),
+            compliance(&measurement, &SilentMonitor).map_err(|error| measurement.with_name(error))?,
+        );
         self.compliances.insert(path.to_path_buf(), found.clone());
         Ok(found)
     }
@@ -176,11 +187,11 @@ impl Laboratory {
 /// As [`cohort::read`]; [`Error::Input`] unless there is exactly one.
 pub fn read(path: &Path, sampling: &Sampling, monitor: &dyn Monitor) -> Result<Measurement> {
     let paths = [path.to_path_buf()];
-    let mut found = cohort::read(&paths, &[], &|own| sampling.model(own), monitor)?;
+    let mut found = cohort::read(&paths, &[], &|model_specification| sampling.model(model_specification), monitor)?;
     match (found.pop(), found.is_empty()) {
-        (Some(own), true) => Ok(own),
+        (Some(measurement), true) => Ok(measurement),
         _ => Err(Error::input(
-            Place::file(path),
+            InputPlace::file(path),
             "this is not a single experiment",
             format!(
                 "give one experiment, or make the list of tasks again with the same command and `{}`",
@@ -193,6 +204,8 @@ pub fn read(path: &Path, sampling: &Sampling, monitor: &dyn Monitor) -> Result<M
 /// Reads the files of a result; `None` if a name is not a plain file name.
 pub(super) fn files_of(body: &[u8]) -> Option<Vec<KeptFile>> {
     let files: Vec<KeptFile> = serde_json::from_slice(body).ok()?;
-    let is_plain = |own: &KeptFile| Path::new(&own.name).file_name().is_some_and(|name| name == own.name.as_str());
+    let is_plain = |kept_file: &KeptFile| {
+        Path::new(&kept_file.name).file_name().is_some_and(|name| name == kept_file.name.as_str())
+    };
     files.iter().all(is_plain).then_some(files)
 }

@@ -7,8 +7,8 @@ use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
 use super::list::{List, absolute};
-use base::error::{Error, Place, Result, Setting};
-use base::files::{create_folders, refused, write_atomically};
+use base::error::{Error, InputPlace, Result, Setting};
+use base::files::{create_folders, file_error, write_atomically};
 
 /// Engine that starts the workers.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -40,7 +40,7 @@ const MOST_PARTS: usize = 1_000;
 pub fn tasks_of_part(n_tasks: usize, part: usize, parts: usize) -> Result<std::ops::Range<usize>> {
     if part >= parts {
         let found = format!("part {part} of {parts}");
-        return Err(Error::input(Place::setting(Setting::Part), found, "count parts from 0: `0/10` to `9/10`"));
+        return Err(Error::input(InputPlace::setting(Setting::Part), found, "count parts from 0: `0/10` to `9/10`"));
     }
     // Tasks and parts number at most millions, so the products cannot overflow.
     Ok(part * n_tasks / parts..(part + 1) * n_tasks / parts)
@@ -52,7 +52,7 @@ pub fn tasks_of_part(n_tasks: usize, part: usize, parts: usize) -> Result<std::o
 /// [`Error::Input`] if zero parts are requested.
 pub fn n_parts(n_tasks: usize, asked_for: Option<usize>) -> Result<usize> {
     match asked_for {
-        Some(0) => Err(Error::input(Place::setting(Setting::Parts), "no parts", "give a positive number")),
+        Some(0) => Err(Error::input(InputPlace::setting(Setting::Parts), "no parts", "give a positive number")),
         Some(parts) => Ok(parts.min(n_tasks)),
         None => Ok(n_tasks.min(MOST_PARTS)),
     }
@@ -67,7 +67,7 @@ pub fn write(list: &List, program: &Path, engine: Engine, resources: Resources, 
     for (setting, value) in [(Setting::Cores, cores as u64), (Setting::Minutes, minutes), (Setting::Memory, memory_mib)]
     {
         if value == 0 {
-            return Err(Error::input(Place::setting(setting), "0", "give a positive number"));
+            return Err(Error::input(InputPlace::setting(setting), "0", "give a positive number"));
         }
     }
     let dir = absolute(list.dir())?;
@@ -135,7 +135,7 @@ fn quoted_text(text: &str) -> String {
 #[cfg(unix)]
 fn executable(path: &Path) -> Result<()> {
     use std::os::unix::fs::PermissionsExt;
-    std::fs::set_permissions(path, std::fs::Permissions::from_mode(0o755)).map_err(refused("make executable", path))
+    std::fs::set_permissions(path, std::fs::Permissions::from_mode(0o755)).map_err(file_error("make executable", path))
 }
 
 #[cfg(not(unix))]

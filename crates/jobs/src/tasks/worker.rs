@@ -4,16 +4,16 @@ use std::io::{BufRead, Write};
 
 use super::commands::RefuseLine;
 use super::list::List;
-use super::sample::Laboratory;
+use super::sample::SamplingState;
 use super::{calibration, challenge, commands, models, result};
 use base::error::{Error, Result};
 use documents::tasks::TaskKind;
-use posterior::monitor::{Monitor, Stoppable};
+use posterior::monitor::{Monitor, StoppableMonitor};
 use validation::challenge::Bench;
 
 /// Outcome of running a task.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Ran {
+pub enum TaskOutcome {
     /// The task was run, and its result is written.
     Now,
     /// The result existed before.
@@ -24,8 +24,8 @@ pub enum Ran {
 pub struct Worker<'a> {
     list: &'a List,
     bench: Option<Bench>,
-    laboratory: Laboratory,
-    simulator: calibration::Simulator,
+    laboratory: SamplingState,
+    simulator: calibration::CalibrationState,
     refuse_line: RefuseLine<'a>,
     monitor: &'a dyn Monitor,
 }
@@ -33,7 +33,7 @@ pub struct Worker<'a> {
 impl<'a> Worker<'a> {
     /// Makes a worker. Preparation happens at the first task that needs it. Commands that `refuse_line` refuses are not run.
     pub fn new(list: &'a List, refuse_line: RefuseLine<'a>, monitor: &'a dyn Monitor) -> Self {
-        let (laboratory, simulator) = (Laboratory::default(), calibration::Simulator::default());
+        let (laboratory, simulator) = (SamplingState::default(), calibration::CalibrationState::default());
         Self { list, bench: None, laboratory, simulator, refuse_line, monitor }
     }
 
@@ -41,12 +41,12 @@ impl<'a> Worker<'a> {
     ///
     /// # Errors
     /// The errors of the task, and [`Error::File`] if its result cannot be written. No partial result remains.
-    pub fn run(&mut self, number: usize) -> Result<Ran> {
+    pub fn run(&mut self, number: usize) -> Result<TaskOutcome> {
         let task = self.list.task(number)?;
         if result::read(self.list, &task).is_ok() {
-            return Ok(Ran::Before);
+            return Ok(TaskOutcome::Before);
         }
-        let quiet = Stoppable(self.monitor.stop());
+        let quiet = StoppableMonitor(self.monitor.stop());
         let body = match self.list.head().kind {
             TaskKind::Challenge => {
                 let bench = match self.bench.take() {
@@ -61,14 +61,14 @@ impl<'a> Worker<'a> {
             TaskKind::Commands => commands::run(&task, self.refuse_line, &quiet)?,
         };
         result::write(self.list, &task, &body)?;
-        Ok(Ran::Now)
+        Ok(TaskOutcome::Now)
     }
 }
 
 /// Answer of a worker to a task number. [`serve`] writes answers, `local` reads them.
 #[derive(Debug, Clone, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "lowercase")]
-pub(super) enum Answer {
+pub(super) enum WorkerAnswer {
     /// The task was run and its result written.
     Done,
     /// The result existed before.
@@ -94,11 +94,11 @@ pub fn serve(
     for line in numbers.lines() {
         let Some(number) = line.ok().and_then(|line| line.trim().parse().ok()) else { return Ok(()) };
         let answer = match worker.run(number) {
-            Ok(Ran::Now) => Answer::Done,
-            Ok(Ran::Before) => Answer::Before,
+            Ok(TaskOutcome::Now) => WorkerAnswer::Done,
+            Ok(TaskOutcome::Before) => WorkerAnswer::Before,
             Err(error @ Error::Interrupted { .. }) => return Err(error),
-            Err(error @ Error::Input { .. }) => Answer::Refused(error.to_string()),
-            Err(error) => Answer::Failed(error.to_string()),
+            Err(error @ Error::Input { .. }) => WorkerAnswer::Refused(error.to_string()),
+            Err(error) => WorkerAnswer::Failed(error.to_string()),
         };
         let text = serde_json::to_string(&answer).map_err(|error| super::list::not_json(&error))?;
         let told = writeln!(answers, "{text}").and_then(|()| answers.flush());

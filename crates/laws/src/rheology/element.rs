@@ -4,7 +4,7 @@ use base::number::Dual;
 
 /// Place of an element in a law whose bodies are in series.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Leaf {
+pub struct ElementPlace {
     /// Index of the body.
     pub body: usize,
     /// Index among the parallel parts of the body; `None` if the element is the body.

@@ -12,8 +12,8 @@ impl InterchangeableParts {
     /// springpot it is minus the order, because the springpot of higher order acts faster. Otherwise it is the modulus or viscosity itself.
     pub fn slowness(part: &[ParameterSpec], values: &[f64]) -> f64 {
         let sum = |unit: &str| -> f64 {
-            let own = part.iter().zip(values).filter(|(spec, _)| spec.unit == unit);
-            own.map(|(_, value)| value).sum()
+            let filter = part.iter().zip(values).filter(|(spec, _)| spec.unit == unit);
+            filter.map(|(_, value)| value).sum()
         };
         let has = |unit: &str| part.iter().any(|spec| spec.unit == unit);
         match (has("Pa s"), has("1"), has("Pa")) {

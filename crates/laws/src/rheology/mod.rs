@@ -16,18 +16,19 @@ mod spectrum;
 mod spread;
 pub mod stieltjes;
 
-pub use element::{Element, Leaf};
+pub use element::{Element, ElementPlace};
 pub use interchangeable::InterchangeableParts;
 pub use network::Network;
 pub use oscillation::complex_modulus_pa;
-pub use outside::{MOST_PARAMETERS, OutsideLaw};
+pub use outside::{ExternalLaw, MOST_PARAMETERS};
 pub use spectrum::{Accuracy, OscillatingMode, RetardationSpectrum, SpectralMode, TimeWindow};
-pub use spread::{Beside, SpreadTerm};
+pub use spread::{AdditionalTerm, SpreadTerm};
 
 use base::distribution::Distribution;
 use base::number::Dual;
 use base::parameter::{
-    INSTANTANEOUS_MODULUS, ParameterSpec, SECOND_MODULUS, SECOND_VISCOSITY, VISCOSITY_1, VISCOSITY_2, YOUNG_MODULUS,
+    FLOW_VISCOSITY, INSTANTANEOUS_MODULUS, ParameterSpec, RETARDATION_VISCOSITY, SECOND_MODULUS, SECOND_VISCOSITY,
+    YOUNG_MODULUS,
 };
 
 /// Creep compliance of a linear law as a sum of bodies in series that all carry the stress s:
@@ -87,16 +88,17 @@ pub enum BaseLaw {
     /// Network from `model.toml`, with its own parameters.
     Network(&'static Network),
     /// Model of an external program, which computes trajectories.
-    Outside(&'static OutsideLaw),
+    Outside(&'static ExternalLaw),
 }
 
 /// Name of a law that an external program computes.
-pub const OUTSIDE: &str = "outside";
+pub const EXTERNAL: &str = "outside";
 
 /// Parameters of [`BaseLaw::Lethersich`].
-pub const LETHERSICH: &[ParameterSpec] = &[YOUNG_MODULUS, VISCOSITY_1, VISCOSITY_2];
-const BURGERS: &[ParameterSpec] = &[YOUNG_MODULUS, VISCOSITY_1, VISCOSITY_2, INSTANTANEOUS_MODULUS];
-const TWO_ELEMENT: &[ParameterSpec] = &[YOUNG_MODULUS, VISCOSITY_1, VISCOSITY_2, SECOND_MODULUS, SECOND_VISCOSITY];
+pub const LETHERSICH: &[ParameterSpec] = &[YOUNG_MODULUS, RETARDATION_VISCOSITY, FLOW_VISCOSITY];
+const BURGERS: &[ParameterSpec] = &[YOUNG_MODULUS, RETARDATION_VISCOSITY, FLOW_VISCOSITY, INSTANTANEOUS_MODULUS];
+const TWO_ELEMENT: &[ParameterSpec] =
+    &[YOUNG_MODULUS, RETARDATION_VISCOSITY, FLOW_VISCOSITY, SECOND_MODULUS, SECOND_VISCOSITY];
 
 impl BaseLaw {
     /// Laws that have a name.
@@ -114,7 +116,7 @@ impl BaseLaw {
             Self::Burgers => "Burgers",
             Self::TwoElement => "two-element",
             Self::Network(_) => "network",
-            Self::Outside(_) => OUTSIDE,
+            Self::Outside(_) => EXTERNAL,
         }
     }
 
@@ -125,7 +127,7 @@ impl BaseLaw {
             Self::Burgers => "burgers",
             Self::TwoElement => "two-element",
             Self::Network(_) => "network",
-            Self::Outside(_) => OUTSIDE,
+            Self::Outside(_) => EXTERNAL,
         }
     }
 
@@ -156,8 +158,8 @@ impl BaseLaw {
 
     /// Place of the element whose modulus or viscosity is the parameter `name`. It is a body in series, or a part of a body of parallel parts.
     /// `None` for orders, and for elements that occur elsewhere or twice.
-    pub fn leaf(self, name: &str) -> Option<Leaf> {
-        let at = |body: usize, part: Option<usize>| Some(Leaf { body, part });
+    pub fn leaf(self, name: &str) -> Option<ElementPlace> {
+        let at = |body: usize, part: Option<usize>| Some(ElementPlace { body, part });
         match (self, name) {
             (Self::Network(network), _) => network.leaf(name),
             (Self::Outside(_), _) => None,
@@ -216,7 +218,7 @@ impl BaseLaw {
         match self {
             Self::TwoElement => {
                 vec![InterchangeableParts(vec![
-                    vec![YOUNG_MODULUS, VISCOSITY_1],
+                    vec![YOUNG_MODULUS, RETARDATION_VISCOSITY],
                     vec![SECOND_MODULUS, SECOND_VISCOSITY],
                 ])]
             }
@@ -234,7 +236,7 @@ impl BaseLaw {
     }
 
     /// Model of the external program; `None` for other laws.
-    pub fn outside(self) -> Option<&'static OutsideLaw> {
+    pub fn outside(self) -> Option<&'static ExternalLaw> {
         match self {
             Self::Outside(law) => Some(law),
             _ => None,
@@ -271,7 +273,7 @@ mod tests {
             let p = &p[..law.parameters().len()];
             let elements = law.elements(&p.iter().map(|value| Dual::constant(*value)).collect::<Vec<_>>());
             let window = TimeWindow { shortest_s: 0.05, longest_s: 40.0 };
-            let spectrum = RetardationSpectrum::of(&elements, window).unwrap();
+            let spectrum = RetardationSpectrum::of_law(&elements, window).unwrap();
             let exact = law.creep_compliance(p).unwrap();
             for t in [0.1, 1.0, 30.0] {
                 assert!((spectrum.creep_compliance_per_pa(t) / exact.at(t) - 1.0).abs() < 1e-14);
@@ -291,12 +293,12 @@ mod tests {
             for (spec, value) in law.parameters().iter().zip(&values) {
                 let Some(leaf) = law.leaf(spec.name) else { continue };
                 n_found += 1;
-                let own = match (&elements[leaf.body], leaf.part) {
+                let element = match (&elements[leaf.body], leaf.part) {
                     (Element::Parallel(parts), Some(part)) => &parts[part],
-                    (own, None) => own,
+                    (entry, None) => entry,
                     other => panic!("{other:?}"),
                 };
-                let number = match own {
+                let number = match element {
                     Element::Spring { modulus_pa } | Element::Springpot { modulus_pa, .. } => *modulus_pa,
                     Element::Dashpot { viscosity_pa_s } => *viscosity_pa_s,
                     other => panic!("{other:?}"),

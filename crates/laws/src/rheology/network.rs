@@ -16,12 +16,12 @@
 use std::path::Path;
 use std::sync::{Mutex, PoisonError};
 
-use super::{Element, InterchangeableParts, Leaf};
+use super::{Element, ElementPlace, InterchangeableParts};
 use base::distribution::Distribution;
 use base::error::Result;
 use base::number::Dual;
 use base::parameter::{ParameterSpec, Support};
-use base::toml_input::{Table, TomlInput};
+use base::toml_input::{TomlInput, TomlTable};
 
 const SPRING: &str = "spring";
 const DASHPOT: &str = "dashpot";
@@ -114,7 +114,7 @@ impl Network {
     ///
     /// # Errors
     /// [`base::Error::Input`] with file, line, key and remedy.
-    pub fn from_toml(table: &Table<'_>) -> Result<&'static Self> {
+    pub fn from_toml(table: &TomlTable<'_>) -> Result<&'static Self> {
         let mut reader = Reader::default();
         let root = reader.node(table)?;
         // A law is copied into every forward model and thread, and parameter names are static. A network therefore lives as long as the program.
@@ -143,25 +143,25 @@ impl Network {
     }
 
     /// Implements [`super::BaseLaw::leaf`].
-    pub(super) fn leaf(&self, name: &str) -> Option<Leaf> {
+    pub(super) fn leaf(&self, name: &str) -> Option<ElementPlace> {
         let is_it = |node: &Node| match node {
-            Node::Leaf { kind, name: own, .. } => name == format!("{own}_{}", kind.parameters()[0].0),
+            Node::Leaf { kind, name: label, .. } => name == format!("{label}_{}", kind.parameters()[0].0),
             Node::Series(_) | Node::Parallel(_) => false,
         };
         let bodies = match &self.root {
             Node::Series(nodes) => &nodes[..],
             node => std::slice::from_ref(node),
         };
-        let places = |(body, node): (usize, &Node)| -> Vec<Leaf> {
+        let places = |(body, node): (usize, &Node)| -> Vec<ElementPlace> {
             match node {
                 Node::Parallel(parts) => {
-                    let own = parts.iter().enumerate().filter(|(_, part)| is_it(part));
-                    own.map(|(part, _)| Leaf { body, part: Some(part) }).collect()
+                    let filter = parts.iter().enumerate().filter(|(_, part)| is_it(part));
+                    filter.map(|(part, _)| ElementPlace { body, part: Some(part) }).collect()
                 }
-                node => is_it(node).then_some(Leaf { body, part: None }).into_iter().collect(),
+                node => is_it(node).then_some(ElementPlace { body, part: None }).into_iter().collect(),
             }
         };
-        let found: Vec<Leaf> = bodies.iter().enumerate().flat_map(places).collect();
+        let found: Vec<ElementPlace> = bodies.iter().enumerate().flat_map(places).collect();
         match (&found[..], self.root.count(&is_it)) {
             ([leaf], 1) => Some(*leaf),
             _ => None,
@@ -203,7 +203,7 @@ impl Network {
 }
 
 impl Reader {
-    fn node(&mut self, table: &Table<'_>) -> Result<Node> {
+    fn node(&mut self, table: &TomlTable<'_>) -> Result<Node> {
         table.only(&KEYS)?;
         let mut keys = table.keys();
         let (Some(key), None) = (keys.next(), keys.next()) else {
@@ -223,7 +223,7 @@ impl Reader {
         self.leaf(table, key, kind)
     }
 
-    fn nodes(&mut self, table: &Table<'_>, key: &str) -> Result<Vec<Node>> {
+    fn nodes(&mut self, table: &TomlTable<'_>, key: &str) -> Result<Vec<Node>> {
         let example = format!("{key} = [{EXAMPLE}, {{ dashpot = \"flow\" }}]");
         let parts = table.tables(key, &example)?;
         if parts.is_empty() {
@@ -232,7 +232,7 @@ impl Reader {
         parts.iter().map(|part| self.node(part)).collect()
     }
 
-    fn leaf(&mut self, table: &Table<'_>, key: &str, kind: Kind) -> Result<Node> {
+    fn leaf(&mut self, table: &TomlTable<'_>, key: &str, kind: Kind) -> Result<Node> {
         let name = table.required_text(key, EXAMPLE)?;
         self.n_bodies += 1;
         if self.n_bodies > MOST_BODIES {
@@ -318,7 +318,7 @@ impl Node {
         };
         let mut parts: Vec<(String, Vec<usize>)> = nodes.iter().map(Self::shape_and_places).collect();
         parts.sort();
-        places.extend(parts.iter().flat_map(|(_, own)| own));
+        places.extend(parts.iter().flat_map(|(_, part)| part));
         format!("{key}({})", parts.into_iter().map(|(shape, _)| shape).collect::<Vec<_>>().join(","))
     }
 
@@ -399,10 +399,10 @@ mod tests {
         assert_eq!(names, ["e_modulus_pa", "p_modulus_pa", "p_order", "c_viscosity_pa_s"]);
         let elements = law.elements(&[3.5, 1.4, 1.0, 47.0].map(Dual::constant));
         let window = TimeWindow { shortest_s: 0.05, longest_s: 40.0 };
-        let found = RetardationSpectrum::of(&elements, window).unwrap();
+        let found = RetardationSpectrum::of_law(&elements, window).unwrap();
         let lethersich = BaseLaw::Lethersich.elements(&[3.5, 1.4, 47.0].map(Dual::constant));
         // A springpot of order 1 is a dashpot with the viscosity G (1 s).
-        assert_eq!(found, RetardationSpectrum::of(&lethersich, window).unwrap());
+        assert_eq!(found, RetardationSpectrum::of_law(&lethersich, window).unwrap());
         for spec in law.parameters() {
             let (prior, _) = law.default_prior(spec.name, &|_| f64::NAN).unwrap();
             let (lower, upper) = prior.support();

@@ -168,7 +168,7 @@ const ZOO: &[Law] = &[
 fn networks_creep_as_the_inverse_laplace_transform_says() {
     for Law { name, network, modulus, parameters, .. } in ZOO {
         let duals = constants(parameters);
-        let spectrum = RetardationSpectrum::of(&[network(&duals)], WINDOW).unwrap();
+        let spectrum = RetardationSpectrum::of_law(&[network(&duals)], WINDOW).unwrap();
         let at = |t: f64| talbot(&|s| modulus(parameters, s), t);
         let size = at(WINDOW.longest_s);
         let mut largest = 0.0_f64;
@@ -187,7 +187,7 @@ fn derivatives_of_networks_equal_central_differences() {
         for index in 0..parameters.len() {
             let mut duals = constants(parameters);
             duals[index].derivative = 1.0;
-            let spectrum = RetardationSpectrum::of(&[network(&duals)], WINDOW).unwrap();
+            let spectrum = RetardationSpectrum::of_law(&[network(&duals)], WINDOW).unwrap();
             let step = 1e-4 * parameters[index];
             let at = |sign: f64, t: f64| {
                 let mut shifted = parameters.to_vec();
@@ -221,8 +221,8 @@ fn the_derivative_by_an_order_of_one_is_the_limit_from_below() {
         let arm = (s.powf(order) * 6.0).inv() + 1.0 / 3.0;
         ((arm.inv() + s * 0.5 + 2.0).inv() + (s * 20.0).inv()).inv()
     };
-    let spectrum = RetardationSpectrum::of(&[law(Dual::variable(1.0))], WINDOW).unwrap();
-    let with_dashpot = RetardationSpectrum::of(&[arms(dashpot(20.0.into()), dashpot(6.0.into()))], WINDOW).unwrap();
+    let spectrum = RetardationSpectrum::of_law(&[law(Dual::variable(1.0))], WINDOW).unwrap();
+    let with_dashpot = RetardationSpectrum::of_law(&[arms(dashpot(20.0.into()), dashpot(6.0.into()))], WINDOW).unwrap();
     let at = |order: f64, t: f64| talbot(&|s| modulus(order, s), t);
     let (size, h) = (at(1.0, WINDOW.longest_s), 1e-3);
     for t in times(WINDOW).into_iter().step_by(6) {
@@ -240,14 +240,14 @@ fn the_derivative_by_an_order_of_one_is_the_limit_from_below() {
 fn orders_without_a_spectrum_are_refused() {
     let two = [2.0, 3.0].map(|modulus_pa| springpot(modulus_pa.into(), Dual::variable(1.0))).to_vec();
     let network = Parallel([vec![spring(3.0.into()), dashpot(1.0.into())], two].concat());
-    let error = RetardationSpectrum::of(&[network], WINDOW).unwrap_err().to_string();
+    let error = RetardationSpectrum::of_law(&[network], WINDOW).unwrap_err().to_string();
     assert!(error.contains("below 1"), "{error}");
     for order in [0.0, 1.1, -0.5, f64::NAN] {
         let alone = springpot(2.0.into(), order.into());
         let body = Parallel(vec![spring(1.0.into()), alone.clone()]);
         let network = Parallel(vec![spring(1.0.into()), dashpot(1.0.into()), alone.clone()]);
         for element in [alone, body, network] {
-            let error = RetardationSpectrum::of(&[element], WINDOW).unwrap_err().to_string();
+            let error = RetardationSpectrum::of_law(&[element], WINDOW).unwrap_err().to_string();
             assert!(error.contains(&format!("a springpot has the order {order}\n")), "{order}: {error}");
         }
     }
@@ -265,7 +265,7 @@ fn networks_are_right_at_random_parameters() {
                 if orders.contains(&index) { 0.1 + 0.8999 * coordinate } else { 10_f64.powf(5.0 * coordinate - 2.0) }
             };
             let drawn: Vec<f64> = (0..parameters.len()).map(draw).collect();
-            let spectrum = RetardationSpectrum::of(&[network(&constants(&drawn))], WINDOW).unwrap();
+            let spectrum = RetardationSpectrum::of_law(&[network(&constants(&drawn))], WINDOW).unwrap();
             let at = |t: f64| talbot(&|s| modulus(&drawn, s), t);
             let size = at(WINDOW.longest_s);
             for t in times(WINDOW).into_iter().step_by(4) {
@@ -278,24 +278,24 @@ fn networks_are_right_at_random_parameters() {
 
 #[test]
 fn degenerate_networks_behave() {
-    let empty = RetardationSpectrum::of(&[Parallel(Vec::new())], WINDOW);
+    let empty = RetardationSpectrum::of_law(&[Parallel(Vec::new())], WINDOW);
     assert!(empty.is_err_and(|error| error.to_string().contains("a network has no element in parallel")));
     // Parallel springs are a spring and parallel dashpots a dashpot, also inside other bodies.
     let springs = Parallel(vec![spring(1.0.into()), spring(3.0.into())]);
     let dashpots = Parallel(vec![dashpot(2.0.into()), dashpot(5.0.into())]);
     let body = Parallel(vec![springs.clone(), dashpots.clone()]);
-    let of = |law: &[Element]| RetardationSpectrum::of(law, WINDOW).unwrap();
+    let of = |law: &[Element]| RetardationSpectrum::of_law(law, WINDOW).unwrap();
     assert_eq!(of(&[springs]).creep_compliance_per_pa(1.0), 0.25);
     assert!((of(&[dashpots]).creep_compliance_per_pa(2.0) - 2.0 / 7.0).abs() < 1e-15);
     let expected = -0.25 * (-4.0 / 7.0_f64).exp_m1();
     assert!((of(&[body]).creep_compliance_per_pa(1.0) - expected).abs() < 1e-15);
     // These cases are a springpot whose time exceeds all numbers, and invalid windows.
     let overflow = Parallel(vec![spring(1e-30.into()), springpot(1e30.into(), 0.05.into())]);
-    let overflow = RetardationSpectrum::of(&[overflow], WINDOW).unwrap_err().to_string();
+    let overflow = RetardationSpectrum::of_law(&[overflow], WINDOW).unwrap_err().to_string();
     assert!(overflow.contains("the creep compliance of") && overflow.contains("is not finite"), "{overflow}");
     for (shortest_s, longest_s) in [(0.0, 1.0), (2.0, 1.0), (f64::NAN, 1.0), (1.0, f64::INFINITY)] {
         let window = super::TimeWindow { shortest_s, longest_s };
-        let error = RetardationSpectrum::of(&[spring(1.0.into())], window).unwrap_err().to_string();
+        let error = RetardationSpectrum::of_law(&[spring(1.0.into())], window).unwrap_err().to_string();
         assert!(
             error.contains(&format!("a spectrum cannot cover times from {shortest_s} s to {longest_s} s")),
             "{error}"

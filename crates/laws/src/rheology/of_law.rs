@@ -10,9 +10,9 @@ impl RetardationSpectrum {
     /// Spectrum of elements in series with [`Accuracy::Fine`].
     ///
     /// # Errors
-    /// Those of [`Self::with_accuracy`].
-    pub fn of(law: &[Element], window: TimeWindow) -> Result<Self> {
-        Self::with_accuracy(law, window, Accuracy::Fine)
+    /// Those of [`Self::of_law_with_accuracy`].
+    pub fn of_law(law: &[Element], window: TimeWindow) -> Result<Self> {
+        Self::of_law_with_accuracy(law, window, Accuracy::Fine)
     }
 }
 
@@ -24,7 +24,7 @@ impl<T: PointScalar> RetardationSpectrum<T> {
     ///
     /// # Errors
     /// [`Error::Numerical`] if a network's spectrum cannot be computed, or the window's times are not positive and finite.
-    pub fn with_accuracy(law: &[Element], window: TimeWindow, accuracy: Accuracy) -> Result<Self> {
+    pub fn of_law_with_accuracy(law: &[Element], window: TimeWindow, accuracy: Accuracy) -> Result<Self> {
         let TimeWindow { shortest_s, longest_s } = window;
         if !(shortest_s > 0.0 && longest_s >= shortest_s && longest_s.is_finite()) {
             return Err(Error::numerical(
@@ -54,22 +54,25 @@ struct Builder<T> {
 
 impl<T: PointScalar> Builder<T> {
     fn add(&mut self, element: &Element) -> Result<()> {
-        let inverse = |number: Dual| T::constant(1.0) / T::of(number);
+        let inverse = |number: Dual| T::constant(1.0) / T::from_dual(number);
         let spectrum = &mut self.spectrum;
         match element {
             Element::Spring { modulus_pa } => spectrum.instantaneous_per_pa += inverse(*modulus_pa),
             Element::Dashpot { viscosity_pa_s } => spectrum.fluidity_per_pa_s += inverse(*viscosity_pa_s),
-            Element::Compliance { compliance_per_pa } => spectrum.instantaneous_per_pa += T::of(*compliance_per_pa),
-            Element::Retarded { compliance_per_pa, time_s } => spectrum
-                .modes
-                .push(SpectralMode { compliance_per_pa: T::of(*compliance_per_pa), rate_per_s: inverse(*time_s) }),
+            Element::Compliance { compliance_per_pa } => {
+                spectrum.instantaneous_per_pa += T::from_dual(*compliance_per_pa)
+            }
+            Element::Retarded { compliance_per_pa, time_s } => spectrum.modes.push(SpectralMode {
+                compliance_per_pa: T::from_dual(*compliance_per_pa),
+                rate_per_s: inverse(*time_s),
+            }),
             Element::Springpot { modulus_pa, time_s, order } => {
                 check_order(*order)?;
-                let (modulus_pa, time_s) = (T::of(*modulus_pa), T::of(*time_s));
+                let (modulus_pa, time_s) = (T::from_dual(*modulus_pa), T::from_dual(*time_s));
                 if order.is_constant(1.0) {
                     spectrum.fluidity_per_pa_s += T::constant(1.0) / (modulus_pa * time_s);
                 } else {
-                    let order = T::of(*order);
+                    let order = T::from_dual(*order);
                     let springpot = Springpot { coefficient: modulus_pa * time_s.pow(order), order };
                     springpot.add_to(spectrum, self.window, self.accuracy);
                 }
@@ -97,9 +100,9 @@ impl<T: PointScalar> Builder<T> {
                     self.spectrum.add_kelvin_voigt(*spring_pa, *modulus_pa * *time_s);
                 } else {
                     // E τᵅ = G tᵅ for the spring's E and the springpot's G and t.
-                    let (spring_pa, order) = (T::of(*spring_pa), T::of(*order));
-                    let ratio = (T::of(*modulus_pa) / spring_pa).pow(T::constant(1.0) / order);
-                    let body = FractionalBody { modulus_pa: spring_pa, time_s: T::of(*time_s) * ratio, order };
+                    let (spring_pa, order) = (T::from_dual(*spring_pa), T::from_dual(*order));
+                    let ratio = (T::from_dual(*modulus_pa) / spring_pa).pow(T::constant(1.0) / order);
+                    let body = FractionalBody { modulus_pa: spring_pa, time_s: T::from_dual(*time_s) * ratio, order };
                     body.add_to(&mut self.spectrum, self.window, self.accuracy);
                 }
             }

@@ -95,7 +95,7 @@ mod tests {
             let values = &values[..law.parameters().len()];
             let elements = law.elements(&duals(values));
             let window = TimeWindow { shortest_s: 1e-4, longest_s: 1e4 };
-            let spectrum = RetardationSpectrum::of(&elements, window).unwrap();
+            let spectrum = RetardationSpectrum::of_law(&elements, window).unwrap();
             for omega in [0.1, 1.0, 10.0] {
                 let j = transformed(&spectrum, omega);
                 let direct = reciprocal(complex_modulus_pa(&elements, omega));

@@ -11,10 +11,10 @@ use std::sync::{Mutex, PoisonError};
 
 use base::error::Result;
 use base::parameter::{ParameterSpec, Support};
-use base::toml_input::Table;
+use base::toml_input::TomlTable;
 
 /// All external laws named so far.
-static LAWS: Mutex<Vec<&'static OutsideLaw>> = Mutex::new(Vec::new());
+static LAWS: Mutex<Vec<&'static ExternalLaw>> = Mutex::new(Vec::new());
 const KEYS: [&str; 3] = ["url", "model", "parameters"];
 const PARAMETERS: &str = "parameters = [{ name = \"spring_pa\", unit = \"Pa\" }]";
 /// Largest number of parameters. A surrogate of more would need too many calls.
@@ -22,20 +22,20 @@ pub const MOST_PARAMETERS: usize = 8;
 
 /// Model that a server offers.
 #[derive(Debug, PartialEq)]
-pub struct OutsideLaw {
+pub struct ExternalLaw {
     url: String,
     model: Option<String>,
     parameters: Vec<ParameterSpec>,
 }
 
-impl OutsideLaw {
+impl ExternalLaw {
     /// Model at an address. `model` is its name; without it, the model that the server offers is used.
     /// Parameters are pairs of name and unit, in the server's order. Equal laws share one reference.
     pub fn new(url: &str, model: Option<&str>, parameters: &[(String, String)]) -> &'static Self {
         let is_same = |law: &&&Self| {
-            let own = law.parameters.iter().map(|spec| (spec.name, spec.unit));
+            let map = law.parameters.iter().map(|spec| (spec.name, spec.unit));
             let other = parameters.iter().map(|(name, unit)| (name.as_str(), unit.as_str()));
-            law.url == url && law.model.as_deref() == model && own.eq(other)
+            law.url == url && law.model.as_deref() == model && map.eq(other)
         };
         // A law is copied into every forward model and thread, and parameter names are static: see the networks.
         let mut laws = LAWS.lock().unwrap_or_else(PoisonError::into_inner);
@@ -58,7 +58,7 @@ impl OutsideLaw {
     ///
     /// # Errors
     /// [`base::Error::Input`] with file, line, key and remedy.
-    pub fn from_toml(table: &Table<'_>) -> Result<&'static Self> {
+    pub fn from_toml(table: &TomlTable<'_>) -> Result<&'static Self> {
         table.only(&KEYS)?;
         let url = table.required_text("url", "url = \"http://127.0.0.1:4242\"")?;
         let model = table.text("model")?;
@@ -67,7 +67,7 @@ impl OutsideLaw {
             entry.only(&["name", "unit"])?;
             let name = entry.required_text("name", "name = \"spring_pa\"")?;
             let unit = entry.required_text("unit", "unit = \"Pa\"")?;
-            if let Some((found, remedy)) = Self::mistake(&name, parameters.iter().map(|(name, _)| name.as_str())) {
+            if let Some((found, remedy)) = Self::check_name(&name, parameters.iter().map(|(name, _)| name.as_str())) {
                 return Err(entry.refuse("name", found, remedy));
             }
             parameters.push((name, unit));
@@ -82,7 +82,7 @@ impl OutsideLaw {
     }
 
     /// Error in a parameter's name, given the names before it, and the remedy; `None` if the name is valid.
-    pub fn mistake<'a>(name: &str, mut before: impl Iterator<Item = &'a str>) -> Option<(String, String)> {
+    pub fn check_name<'a>(name: &str, mut before: impl Iterator<Item = &'a str>) -> Option<(String, String)> {
         if !super::network::is_identifier(name) {
             let found = format!("`{name}` cannot be the name of a parameter");
             return Some((found, "use lower-case letters, digits and underscores, a letter first".into()));
@@ -134,9 +134,9 @@ mod tests {
     use super::*;
     use base::toml_input::TomlInput;
 
-    fn read(text: &str) -> Result<&'static OutsideLaw> {
+    fn read(text: &str) -> Result<&'static ExternalLaw> {
         let document = TomlInput::parse("law.toml".as_ref(), text)?;
-        OutsideLaw::from_toml(&document.root())
+        ExternalLaw::from_toml(&document.root())
     }
 
     #[test]

@@ -74,21 +74,21 @@ impl<T: PointScalar> RetardationSpectrum<T> {
 
     /// Adds the spectrum of a body in series: compliances add.
     pub(super) fn extend(&mut self, other: &RetardationSpectrum) {
-        let pair = |[re, im]: [Dual; 2]| [T::of(re), T::of(im)];
-        self.instantaneous_per_pa += T::of(other.instantaneous_per_pa);
+        let pair = |[re, im]: [Dual; 2]| [T::from_dual(re), T::from_dual(im)];
+        self.instantaneous_per_pa += T::from_dual(other.instantaneous_per_pa);
         self.modes.extend(other.modes.iter().map(|mode| SpectralMode {
-            compliance_per_pa: T::of(mode.compliance_per_pa),
-            rate_per_s: T::of(mode.rate_per_s),
+            compliance_per_pa: T::from_dual(mode.compliance_per_pa),
+            rate_per_s: T::from_dual(mode.rate_per_s),
         }));
         self.oscillating.extend(other.oscillating.iter().map(|mode| OscillatingMode {
             compliance_per_pa: pair(mode.compliance_per_pa),
             rate_per_s: pair(mode.rate_per_s),
         }));
-        self.fluidity_per_pa_s += T::of(other.fluidity_per_pa_s);
+        self.fluidity_per_pa_s += T::from_dual(other.fluidity_per_pa_s);
     }
 
     pub(super) fn add_kelvin_voigt(&mut self, modulus_pa: Dual, viscosity_pa_s: Dual) {
-        let (modulus_pa, viscosity_pa_s) = (T::of(modulus_pa), T::of(viscosity_pa_s));
+        let (modulus_pa, viscosity_pa_s) = (T::from_dual(modulus_pa), T::from_dual(viscosity_pa_s));
         let compliance_per_pa = T::constant(1.0) / modulus_pa;
         self.modes.push(SpectralMode { compliance_per_pa, rate_per_s: modulus_pa / viscosity_pa_s });
     }

@@ -44,7 +44,7 @@ fn fractional_kelvin_voigt_is_right_over_twelve_decades() {
                 TimeWindow { shortest_s, longest_s: (800.0 * shortest_s).max(if place == 26 { 1e6 } else { 0.0 }) };
             // A derivative of the order prevents that α = 1 is treated as a dashpot.
             let law = fractional_kelvin_voigt(Dual::ONE, Dual::ONE, Dual::variable(order));
-            let spectrum = RetardationSpectrum::of(&law, window).unwrap();
+            let spectrum = RetardationSpectrum::of_law(&law, window).unwrap();
             assert!(place == 26 || (27..=31).contains(&spectrum.modes.len()), "{} modes", spectrum.modes.len());
             for t in times(window) {
                 let expected = 1.0 - mittag_leffler(order, t.powf(order));
@@ -67,14 +67,14 @@ fn the_fast_spectrum_is_within_a_millionth() {
             let shortest_s = 1e-6 * 10_f64.powf(f64::from(place) * 0.35);
             let window = TimeWindow { shortest_s, longest_s: 800.0 * shortest_s };
             let law = fractional_kelvin_voigt(Dual::ONE, Dual::ONE, Dual::variable(order));
-            let spectrum = RetardationSpectrum::<Dual>::with_accuracy(&law, window, Accuracy::Fast).unwrap();
+            let spectrum = RetardationSpectrum::<Dual>::of_law_with_accuracy(&law, window, Accuracy::Fast).unwrap();
             assert_eq!(spectrum.modes.len(), N_FAST_MODES);
             for t in times(window) {
                 let expected = 1.0 - mittag_leffler(order, t.powf(order));
                 let error = (spectrum.creep_compliance_per_pa(t) - expected).abs();
                 largest = largest.max(error);
             }
-            let plain = RetardationSpectrum::<f64>::with_accuracy(&law, window, Accuracy::Fast).unwrap();
+            let plain = RetardationSpectrum::<f64>::of_law_with_accuracy(&law, window, Accuracy::Fast).unwrap();
             assert_eq!(plain.instantaneous_per_pa, spectrum.instantaneous_per_pa.value);
             assert_eq!(plain.fluidity_per_pa_s, spectrum.fluidity_per_pa_s.value);
             for (plain, mode) in plain.modes.iter().zip(&spectrum.modes) {
@@ -153,7 +153,7 @@ fn the_derivative_by_the_order_is_exact_also_at_one() {
             let law = fractional_kelvin_voigt(e.into(), c.into(), Dual::variable(order));
             let t = z * c / e;
             let window = TimeWindow { shortest_s: 0.3 * t, longest_s: 7.0 * t };
-            let spectrum = RetardationSpectrum::of(&law, window).unwrap();
+            let spectrum = RetardationSpectrum::of_law(&law, window).unwrap();
             let found = -dual_compliance(&spectrum, t).derivative * e;
             assert!((found - expected).abs() < 1e-7, "{order} {z}: {found} {expected}");
         }
@@ -168,7 +168,8 @@ fn derivatives_of_the_fractional_body_equal_differences_of_the_mittag_leffler_fu
     for index in 0..3 {
         let duals: [Dual; 3] =
             std::array::from_fn(|i| if i == index { Dual::variable(centre[i]) } else { centre[i].into() });
-        let spectrum = RetardationSpectrum::of(&fractional_kelvin_voigt(duals[0], duals[1], duals[2]), WINDOW).unwrap();
+        let spectrum =
+            RetardationSpectrum::of_law(&fractional_kelvin_voigt(duals[0], duals[1], duals[2]), WINDOW).unwrap();
         for t in times(WINDOW) {
             let step = 1e-4 * centre[index];
             let shifted = |sign: f64| {
@@ -187,7 +188,10 @@ fn derivatives_of_the_fractional_body_equal_differences_of_the_mittag_leffler_fu
 fn order_one_by_value_is_the_kelvin_voigt_body() {
     let law = fractional_kelvin_voigt(3.5.into(), 1.4.into(), Dual::ONE);
     let plain = [Element::kelvin_voigt(3.5.into(), 1.4.into())];
-    assert_eq!(RetardationSpectrum::of(&law, WINDOW).unwrap(), RetardationSpectrum::of(&plain, WINDOW).unwrap());
+    assert_eq!(
+        RetardationSpectrum::of_law(&law, WINDOW).unwrap(),
+        RetardationSpectrum::of_law(&plain, WINDOW).unwrap()
+    );
 }
 
 /// Checks J(t) = tᵅ/(G Γ(1 + α)) and its derivative by α. At α = 1 that is a dashpot and a one-sided derivative.
@@ -195,7 +199,7 @@ fn order_one_by_value_is_the_kelvin_voigt_body() {
 fn a_springpot_creeps_as_a_power() {
     for order in [0.05, 0.3, 0.5, 0.9, 0.999_999, 1.0] {
         let law = [Element::Springpot { modulus_pa: 2.0.into(), time_s: 3.0.into(), order: Dual::variable(order) }];
-        let spectrum = RetardationSpectrum::of(&law, WINDOW).unwrap();
+        let spectrum = RetardationSpectrum::of_law(&law, WINDOW).unwrap();
         let exact = |order: f64, t: f64| {
             t.powf(order) / (2.0 * 3_f64.powf(order) * statrs::function::gamma::gamma(1.0 + order))
         };
@@ -220,7 +224,7 @@ fn the_recursion_equals_the_superposition_of_exact_responses() {
     let (e, c, order) = (3.527, 1.402, 0.63);
     let switches = [(0.0, 4.6), (5.013, -9.2), (11.37, 4.0), (18.52, 7.2), (24.9, -6.6)];
     let law = fractional_kelvin_voigt(e.into(), c.into(), order.into());
-    let spectrum = RetardationSpectrum::of(&law, TimeWindow { shortest_s: 0.01, longest_s: 40.0 }).unwrap();
+    let spectrum = RetardationSpectrum::of_law(&law, TimeWindow { shortest_s: 0.01, longest_s: 40.0 }).unwrap();
     let all: f64 = switches.iter().map(|(_, jump): &(f64, f64)| jump.abs()).sum();
     let mut events: Vec<f64> = (1..800).map(|i| 0.05 * f64::from(i)).collect();
     events.extend(switches.iter().map(|(t, _)| *t));

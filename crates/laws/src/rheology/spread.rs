@@ -3,10 +3,10 @@
 //! The mechanics of such a field have two symmetric matrices with scalar factors, A a(s) + B b(s). Their common eigenvectors split the robot's complex
 //! compliance into terms with weights w ≥ 0. Each term has its own number μ ≥ 0 (or share θ in [0, 1]):
 //!
-//! - [`Beside::Friction`]: w/(G + μ s/b), b the compliance of an interface or the mobility of a pore fluid;
-//! - [`Beside::Mass`]: w/(G + μ d s²);
-//! - [`Beside::Law`]: w/(θ G₁ + (1 − θ) G), G₁ another law;
-//! - [`Beside::Spring`]: w/(θ/b + (1 − θ) G), b the compliance of a spring.
+//! - [`AdditionalTerm::Friction`]: w/(G + μ s/b), b the compliance of an interface or the mobility of a pore fluid;
+//! - [`AdditionalTerm::Mass`]: w/(G + μ d s²);
+//! - [`AdditionalTerm::Law`]: w/(θ G₁ + (1 − θ) G), G₁ another law;
+//! - [`AdditionalTerm::Spring`]: w/(θ/b + (1 − θ) G), b the compliance of a spring.
 //!
 //! Every term is the law in parallel with a dashpot, a mass, a spring or another law, and its creep is a sum of exponentials. For the Lethersich law these are
 //! closed forms. Other laws use [`super::stieltjes`], and masses the zeros of G/s + μ d s.
@@ -18,7 +18,7 @@ use base::number::{Dual, PointScalar};
 
 /// Element in parallel with the law in every term.
 #[derive(Debug, Clone, PartialEq)]
-pub enum Beside {
+pub enum AdditionalTerm {
     /// A dashpot of viscosity μ/b.
     Friction {
         /// b ≥ 0; at b = 0 terms with μ > 0 do not move.
@@ -51,17 +51,17 @@ pub struct SpreadTerm {
 fn lethersich<T: PointScalar>(law: &[Element]) -> Option<[T; 3]> {
     let [Element::Parallel(body), Element::Dashpot { viscosity_pa_s: flow }] = law else { return None };
     let [Element::Spring { modulus_pa }, Element::Dashpot { viscosity_pa_s }] = body.as_slice() else { return None };
-    Some([*modulus_pa, *viscosity_pa_s, *flow].map(T::of))
+    Some([*modulus_pa, *viscosity_pa_s, *flow].map(T::from_dual))
 }
 
 impl<T: PointScalar> RetardationSpectrum<T> {
     /// Spectrum of the sum over terms, for a law with an element in parallel.
     ///
     /// # Errors
-    /// Those of [`Self::with_accuracy`]. [`Error::Numerical`] for a mass in parallel with a law with springpots.
+    /// Those of [`Self::of_law_with_accuracy`]. [`Error::Numerical`] for a mass in parallel with a law with springpots.
     pub fn spread(
         law: &[Element],
-        beside: &Beside,
+        beside: &AdditionalTerm,
         terms: &[SpreadTerm],
         window: TimeWindow,
         accuracy: Accuracy,
@@ -69,14 +69,14 @@ impl<T: PointScalar> RetardationSpectrum<T> {
         let mut spectrum = Self::empty();
         for term in terms {
             match beside {
-                Beside::Friction { compliance } => {
+                AdditionalTerm::Friction { compliance } => {
                     spectrum.add_with_friction(law, *compliance, *term, window, accuracy)?;
                 }
-                Beside::Mass { scale } => spectrum.add_with_mass(law, *scale, *term)?,
-                Beside::Spring { compliance_per_pa } => {
+                AdditionalTerm::Mass { scale } => spectrum.add_with_mass(law, *scale, *term)?,
+                AdditionalTerm::Spring { compliance_per_pa } => {
                     spectrum.add_with_spring(law, *compliance_per_pa, *term, window, accuracy)?;
                 }
-                Beside::Law(second) => spectrum.add_shared(law, second, *term, window, accuracy)?,
+                AdditionalTerm::Law(second) => spectrum.add_shared(law, second, *term, window, accuracy)?,
             }
         }
         Ok(spectrum)
@@ -91,13 +91,13 @@ impl<T: PointScalar> RetardationSpectrum<T> {
         accuracy: Accuracy,
     ) -> Result<()> {
         if term.number.is_constant(0.0) {
-            return self.add_scaled(&Self::with_accuracy(law, window, accuracy)?, T::of(term.weight));
+            return self.add_scaled(&Self::of_law_with_accuracy(law, window, accuracy)?, T::from_dual(term.weight));
         }
         if compliance.is_constant(0.0) {
             return Ok(());
         }
         if let Some([e, c1, c2]) = lethersich::<T>(law) {
-            let (weight, mu, b) = (T::of(term.weight), T::of(term.number), T::of(compliance));
+            let (weight, mu, b) = (T::from_dual(term.weight), T::from_dual(term.number), T::from_dual(compliance));
             let (viscous, flowing) = (b * c1 * c2 + mu * (c1 + c2), b * c2 + mu);
             let rate_per_s = e * flowing / viscous;
             let drop = weight * e * c2 * c2 * b * b / (viscous * viscous);
@@ -107,7 +107,7 @@ impl<T: PointScalar> RetardationSpectrum<T> {
         }
         if compliance.value == 0.0 {
             // To first order the term is b/(μ s) for every law.
-            self.fluidity_per_pa_s += T::of(term.weight * compliance / term.number);
+            self.fluidity_per_pa_s += T::from_dual(term.weight * compliance / term.number);
             return Ok(());
         }
         let dashpot = Element::Dashpot { viscosity_pa_s: term.number / compliance };
@@ -125,19 +125,19 @@ impl<T: PointScalar> RetardationSpectrum<T> {
     ) -> Result<()> {
         let (share, rest) = (term.number, Dual::ONE - term.number);
         if share.is_constant(0.0) {
-            return self.add_scaled(&Self::with_accuracy(law, window, accuracy)?, T::of(term.weight));
+            return self.add_scaled(&Self::of_law_with_accuracy(law, window, accuracy)?, T::from_dual(term.weight));
         }
         if compliance.is_constant(0.0) {
             return Ok(());
         }
         if compliance.value == 0.0 || rest.is_constant(0.0) {
             // To first order the term is b/θ for every law.
-            self.instantaneous_per_pa += T::of(term.weight * compliance / share);
+            self.instantaneous_per_pa += T::from_dual(term.weight * compliance / share);
             return Ok(());
         }
         if let Some([e, c1, c2]) = lethersich::<T>(law) {
-            let [theta, b] = [share, compliance].map(T::of);
-            self.add_lethersich_with_spring(T::of(term.weight), theta, b, [e, c1, c2]);
+            let [theta, b] = [share, compliance].map(T::from_dual);
+            self.add_lethersich_with_spring(T::from_dual(term.weight), theta, b, [e, c1, c2]);
             return Ok(());
         }
         let scaled = |element: &Element| element.scaled(rest);
@@ -170,18 +170,19 @@ impl<T: PointScalar> RetardationSpectrum<T> {
     ) -> Result<()> {
         let (share, rest) = (term.number, Dual::ONE - term.number);
         if let (Some([e, c1, c2]), Some([soft, ..])) = (lethersich::<T>(law), lethersich::<T>(second)) {
-            let (weight, theta) = (T::of(term.weight), T::of(share));
+            let (weight, theta) = (T::from_dual(term.weight), T::from_dual(share));
             self.add_two_lethersich(weight, theta, [e, soft], [c1, c2]);
             return Ok(());
         }
         // A law with the share 0 is omitted.
         for (number, alone) in [(rest, second), (share, law)] {
             if number.is_constant(0.0) {
-                return self.add_scaled(&Self::with_accuracy(alone, window, accuracy)?, T::of(term.weight));
+                return self
+                    .add_scaled(&Self::of_law_with_accuracy(alone, window, accuracy)?, T::from_dual(term.weight));
             }
         }
         let scaled = |elements: &[Element], factor: Dual| {
-            Element::Series(elements.iter().map(|own| own.scaled(factor)).collect())
+            Element::Series(elements.iter().map(|element| element.scaled(factor)).collect())
         };
         self.add_parallel_terms(vec![scaled(second, share), scaled(law, rest)], term.weight, window, accuracy)
     }
@@ -207,7 +208,7 @@ impl<T: PointScalar> RetardationSpectrum<T> {
     fn add_with_mass(&mut self, law: &[Element], scale: Dual, term: SpreadTerm) -> Result<()> {
         let mass = term.number * scale;
         if let Some([e, c1, c2]) = lethersich::<T>(law) {
-            self.add_lethersich_with_mass(T::of(term.weight), T::of(mass), [e, c1, c2]);
+            self.add_lethersich_with_mass(T::from_dual(term.weight), T::from_dual(mass), [e, c1, c2]);
             return Ok(());
         }
         let with_mass = stieltjes::with_mass(&Element::Series(law.to_vec()), mass).ok_or_else(|| {
@@ -216,7 +217,7 @@ impl<T: PointScalar> RetardationSpectrum<T> {
                 "use a law without springpots, and take a finite step from a density of 0",
             )
         })?;
-        self.add_scaled(&with_mass.converted(), T::of(term.weight))
+        self.add_scaled(&with_mass.converted(), T::from_dual(term.weight))
     }
 
     /// Adds w (E + Cs)/(s N), N = m C s² + (c₁c₂ + m E) s + c₂E, C = c₁ + c₂.
@@ -258,8 +259,8 @@ impl<T: PointScalar> RetardationSpectrum<T> {
         window: TimeWindow,
         accuracy: Accuracy,
     ) -> Result<()> {
-        let spectrum = Self::with_accuracy(&[Element::Parallel(elements)], window, accuracy)?;
-        self.add_scaled(&spectrum, T::of(weight))
+        let spectrum = Self::of_law_with_accuracy(&[Element::Parallel(elements)], window, accuracy)?;
+        self.add_scaled(&spectrum, T::from_dual(weight))
     }
 
     /// Adds another spectrum, `weight` times.

@@ -15,7 +15,7 @@ fn term(weight: f64, number: f64) -> SpreadTerm {
     SpreadTerm { weight: weight.into(), number: number.into() }
 }
 
-fn spread(law: &[Element], beside: &Beside, terms: &[SpreadTerm]) -> RetardationSpectrum {
+fn spread(law: &[Element], beside: &AdditionalTerm, terms: &[SpreadTerm]) -> RetardationSpectrum {
     RetardationSpectrum::spread(law, beside, terms, WINDOW, Accuracy::Fine).unwrap()
 }
 
@@ -67,18 +67,18 @@ fn terms_are_what_they_are_defined_as() {
         let soft_modulus = |s: f64| modulus(&[&[0.3 * parameters[0]], &parameters[1..]].concat(), s);
         for (weight, number) in [(0.7, 0.6), (0.2, 0.02), (1.3, 0.99)] {
             let terms = [term(weight, number)];
-            let friction = Beside::Friction { compliance: 0.4.into() };
+            let friction = AdditionalTerm::Friction { compliance: 0.4.into() };
             let exact = |s: f64| weight / (modulus(parameters, s) + number * s / 0.4);
             assert_is(&spread(&law_of, &friction, &terms), exact, "friction");
             let exact = |s: f64| weight / (number * soft_modulus(s) + (1.0 - number) * modulus(parameters, s));
-            assert_is(&spread(&law_of, &Beside::Law(soft.clone()), &terms), exact, "two laws");
-            let spring = Beside::Spring { compliance_per_pa: 0.4.into() };
+            assert_is(&spread(&law_of, &AdditionalTerm::Law(soft.clone()), &terms), exact, "two laws");
+            let spring = AdditionalTerm::Spring { compliance_per_pa: 0.4.into() };
             let exact = |s: f64| weight / (number / 0.4 + (1.0 - number) * modulus(parameters, s));
             assert_is(&spread(&law_of, &spring, &terms), exact, "spring");
             // The scales give overdamped and oscillating responses.
             for scale in [1e-3, 1.0, 50.0] {
                 let exact = |s: f64| weight / (modulus(parameters, s) + number * scale * s * s);
-                assert_is(&spread(&law_of, &Beside::Mass { scale: scale.into() }, &terms), exact, "mass");
+                assert_is(&spread(&law_of, &AdditionalTerm::Mass { scale: scale.into() }, &terms), exact, "mass");
             }
         }
     }
@@ -101,11 +101,14 @@ fn closed_forms_agree_with_the_general_way() {
     for number in [0.01, 0.5, 0.9] {
         let terms = [term(0.4, number), term(0.6, 0.3 * number)];
         let pairs = [
-            (Beside::Friction { compliance: 2.0.into() }, Beside::Friction { compliance: 2.0.into() }),
-            (Beside::Spring { compliance_per_pa: 0.2.into() }, Beside::Spring { compliance_per_pa: 0.2.into() }),
-            (Beside::Mass { scale: 0.1.into() }, Beside::Mass { scale: 0.1.into() }),
-            (Beside::Mass { scale: 30.0.into() }, Beside::Mass { scale: 30.0.into() }),
-            (Beside::Law(soft(&direct)), Beside::Law(soft(&turned))),
+            (AdditionalTerm::Friction { compliance: 2.0.into() }, AdditionalTerm::Friction { compliance: 2.0.into() }),
+            (
+                AdditionalTerm::Spring { compliance_per_pa: 0.2.into() },
+                AdditionalTerm::Spring { compliance_per_pa: 0.2.into() },
+            ),
+            (AdditionalTerm::Mass { scale: 0.1.into() }, AdditionalTerm::Mass { scale: 0.1.into() }),
+            (AdditionalTerm::Mass { scale: 30.0.into() }, AdditionalTerm::Mass { scale: 30.0.into() }),
+            (AdditionalTerm::Law(soft(&direct)), AdditionalTerm::Law(soft(&turned))),
         ];
         for (one, other) in pairs {
             let (fast, general) = (spread(&direct, &one, &terms), spread(&turned, &other, &terms));
@@ -141,16 +144,16 @@ fn derivatives_agree_with_finite_differences() {
             };
             base.elements(&parameters.iter().enumerate().map(number).collect::<Vec<_>>())
         };
-        let kinds: [fn(Dual, Vec<Element>) -> Beside; 4] = [
-            |b, _| Beside::Friction { compliance: b },
-            |b, _| Beside::Spring { compliance_per_pa: b },
-            |d, _| Beside::Mass { scale: d },
+        let kinds: [fn(Dual, Vec<Element>) -> AdditionalTerm; 4] = [
+            |b, _| AdditionalTerm::Friction { compliance: b },
+            |b, _| AdditionalTerm::Spring { compliance_per_pa: b },
+            |d, _| AdditionalTerm::Mass { scale: d },
             |e, law| {
                 let soft = law.into_iter().map(|element| match element {
                     Element::Parallel(_) => Element::kelvin_voigt(e, 1.402.into()),
                     other => other,
                 });
-                Beside::Law(soft.collect())
+                AdditionalTerm::Law(soft.collect())
             },
         ];
         for kind in kinds {
@@ -158,7 +161,7 @@ fn derivatives_agree_with_finite_differences() {
             for what in 0..parameters.len() + 2 {
                 let at = |step: f64, seed: bool, t: f64| {
                     let moved = Dual { value: 0.9 + step, derivative: f64::from(u8::from(seed)) };
-                    let own = if what == 0 { moved } else { 0.9.into() };
+                    let dual = if what == 0 { moved } else { 0.9.into() };
                     let law_of = elements(what.checked_sub(1), step, seed);
                     let mut terms = [term(0.7, 0.3), term(0.3, 0.05)];
                     if what == parameters.len() + 1 {
@@ -166,7 +169,7 @@ fn derivatives_agree_with_finite_differences() {
                     }
                     // The second law's first dashpot is constant: only E, c₂ and later parameters have a derivative in it.
                     let soft = law_of.clone();
-                    creep(&spread(&law_of, &kind(own, soft), &terms), t)
+                    creep(&spread(&law_of, &kind(dual, soft), &terms), t)
                 };
                 if what == 2 {
                     continue;
@@ -190,14 +193,15 @@ fn derivatives_agree_with_finite_differences() {
 fn springs_move_off_their_null() {
     let base = law(BaseLaw::Lethersich, &LETHERSICH);
     let terms = [term(1.0, 0.0), term(0.2, 0.5), term(0.1, 1.0)];
-    let plain = RetardationSpectrum::of(&base, WINDOW).unwrap();
-    assert_eq!(spread(&base, &Beside::Spring { compliance_per_pa: Dual::ZERO }, &terms), plain);
+    let plain = RetardationSpectrum::of_law(&base, WINDOW).unwrap();
+    assert_eq!(spread(&base, &AdditionalTerm::Spring { compliance_per_pa: Dual::ZERO }, &terms), plain);
     for t in [0.1, 3.0] {
-        let moving = creep(&spread(&base, &Beside::Spring { compliance_per_pa: Dual::variable(0.0) }, &terms), t);
+        let moving =
+            creep(&spread(&base, &AdditionalTerm::Spring { compliance_per_pa: Dual::variable(0.0) }, &terms), t);
         assert!((moving.derivative - (0.2 / 0.5 + 0.1)).abs() < 1e-13, "{moving:?}");
     }
     // A small compliance is computed in full.
-    let small = creep(&spread(&base, &Beside::Spring { compliance_per_pa: 1e-6.into() }, &terms), 3.0);
+    let small = creep(&spread(&base, &AdditionalTerm::Spring { compliance_per_pa: 1e-6.into() }, &terms), 3.0);
     let null = creep(&plain, 3.0);
     assert!(((small.value - null.value) / 1e-6 - (0.2 / 0.5 + 0.1)).abs() < 1e-4, "{small:?}");
 }
@@ -207,8 +211,8 @@ fn springs_move_off_their_null() {
 fn friction_moves_off_its_null() {
     let base = law(BaseLaw::Lethersich, &LETHERSICH);
     let terms = [term(1.0, 0.0), term(0.2, 0.5), term(0.1, 4.0)];
-    let plain = RetardationSpectrum::of(&base, WINDOW).unwrap();
-    assert_eq!(spread(&base, &Beside::Friction { compliance: Dual::ZERO }, &terms), plain);
-    let moving = creep(&spread(&base, &Beside::Friction { compliance: Dual::variable(0.0) }, &terms), 3.0);
+    let plain = RetardationSpectrum::of_law(&base, WINDOW).unwrap();
+    assert_eq!(spread(&base, &AdditionalTerm::Friction { compliance: Dual::ZERO }, &terms), plain);
+    let moving = creep(&spread(&base, &AdditionalTerm::Friction { compliance: Dual::variable(0.0) }, &terms), 3.0);
     assert!((moving.derivative - 3.0 * (0.2 / 0.5 + 0.1 / 4.0)).abs() < 1e-13, "{moving:?}");
 }

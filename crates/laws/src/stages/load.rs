@@ -27,10 +27,10 @@ pub struct Load<N = Dual> {
 }
 
 /// Largest |g x| for which a force gradient is computed. There the force is 10⁸ times as large or as small as without gradient; a diverging force exceeds it (physics §5).
-pub const LARGEST_EXPONENT: f64 = 20.0;
+pub const MAX_GRADIENT_EXPONENT: f64 = 20.0;
 
 /// Most steps of Newton's method for a force that depends on the position.
-pub const MOST_NEWTON_STEPS: usize = 60;
+pub const MAX_NEWTON_STEPS: usize = 60;
 
 /// Change of the force that enters the lag. After it the force is a straight line.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -59,7 +59,7 @@ impl<N: Scalar> Switch<N> {
 }
 
 /// Parameter of the load for which the first-order response is available: each one except the gradient, which depends on the position.
-pub struct LoadNumber {
+pub struct LoadParameter {
     /// Unit of the parameter.
     pub unit: LoadUnit,
     /// True if the delay also delays this parameter's force. A force that acts from the record's start on is not delayed.
@@ -78,7 +78,7 @@ pub enum LoadUnit {
     Time,
 }
 
-impl LoadNumber {
+impl LoadParameter {
     /// All parameters: those that change the force's size first, times last.
     pub const ALL: [Self; 5] = [
         Self { unit: LoadUnit::Factor, is_delayed: true, field: |load| &mut load.positive_factor },
@@ -125,16 +125,16 @@ impl Load {
 
     /// Converts the load to another number type.
     pub fn of<N: PointScalar>(&self) -> Load<N> {
-        Load::of_numbers(self.numbers().map(N::of))
+        Load::of_numbers(self.numbers().map(N::from_dual))
     }
 
     /// Load for commands that are `factor` times as large. The offset grows in proportion.
-    pub fn of_commands_times(&self, factor: f64) -> Self {
+    pub fn for_scaled_commands(&self, factor: f64) -> Self {
         Self { offset_n: self.offset_n * factor, ..self.clone() }
     }
 
     /// Load for positions in a unit that is `unit` times as large.
-    pub fn of_positions_in(&self, unit: f64) -> Self {
+    pub fn in_position_unit(&self, unit: f64) -> Self {
         Self { gradient_per_m: self.gradient_per_m * unit, ..self.clone() }
     }
 
@@ -167,18 +167,18 @@ impl Load {
 }
 
 /// Number of a load's parameters.
-pub const N_LOAD_NUMBERS: usize = 6;
+pub const N_LOAD_PARAMETERS: usize = 6;
 
 impl<N: Scalar> Load<N> {
     /// Parameters of the load, in the order of [`Self::of_numbers`].
-    pub fn numbers(&self) -> [N; N_LOAD_NUMBERS] {
+    pub fn numbers(&self) -> [N; N_LOAD_PARAMETERS] {
         let Self { delay_s, positive_factor, negative_factor, offset_n, lag_time_s, gradient_per_m } = self;
         [delay_s, positive_factor, negative_factor, offset_n, lag_time_s, gradient_per_m].map(|number| *number)
     }
 
     /// Load with the parameters of [`Self::numbers`].
     pub fn of_numbers(
-        [delay_s, positive_factor, negative_factor, offset_n, lag_time_s, gradient_per_m]: [N; N_LOAD_NUMBERS],
+        [delay_s, positive_factor, negative_factor, offset_n, lag_time_s, gradient_per_m]: [N; N_LOAD_PARAMETERS],
     ) -> Self {
         Self { delay_s, positive_factor, negative_factor, offset_n, lag_time_s, gradient_per_m }
     }
@@ -199,12 +199,12 @@ impl<N: Scalar> Load<N> {
     }
 
     /// Time (s) at which a command given at `commanded_s` acts.
-    pub fn acts_at_s(&self, commanded_s: f64) -> N {
+    pub fn action_time_s(&self, commanded_s: f64) -> N {
         self.delay_s + N::constant(commanded_s)
     }
 
     /// Time (s) at which the command was given that acts at `at_s`.
-    pub fn commanded_at_s(&self, at_s: f64) -> N {
+    pub fn command_time_s(&self, at_s: f64) -> N {
         N::constant(at_s) + -self.delay_s
     }
 
@@ -228,7 +228,7 @@ impl<N: PointScalar> Load<N> {
     }
 
     /// Returns `true` if the acting force lags behind the force that enters the lag.
-    pub fn lags(&self) -> bool {
+    pub fn has_lag(&self) -> bool {
         self.lag_time_s.value() > 0.0
     }
 
@@ -244,7 +244,7 @@ impl<N: PointScalar> Load<N> {
 
     /// Fastest time (s) in which the force changes by itself; infinite without a lag.
     pub fn fastest_s(&self) -> f64 {
-        if self.lags() { self.lag_time_s.value() } else { f64::INFINITY }
+        if self.has_lag() { self.lag_time_s.value() } else { f64::INFINITY }
     }
 
     /// Largest force (N) that can act on a robot at rest when no command exceeds `commanded_n` (N).
@@ -268,7 +268,7 @@ impl<N: PointScalar> Load<N> {
             slope_before = slope;
             let is_positive = force.is_positive(row);
             switches.push(Switch {
-                time_s: self.acts_at_s(row_s),
+                time_s: self.action_time_s(row_s),
                 force_n: self.entering_n(force_n, is_positive),
                 slope_n_per_s: self.scaled(slope, is_positive),
                 jumps,
@@ -279,17 +279,17 @@ impl<N: PointScalar> Load<N> {
 
     /// Decay rate 1/τ of the lag's transient, in 1/s; `None` without a lag.
     pub fn lag_rate_per_s(&self) -> Option<N> {
-        self.lags().then(|| N::constant(1.0) / self.lag_time_s)
+        self.has_lag().then(|| N::constant(1.0) / self.lag_time_s)
     }
 
     /// Length of a step (s) in units of the lag time; `None` without a lag.
-    pub fn lags_in(&self, step_s: f64) -> Option<f64> {
-        self.lags().then(|| step_s / self.lag_time_s.value())
+    pub fn lag_times_in(&self, step_s: f64) -> Option<f64> {
+        self.has_lag().then(|| step_s / self.lag_time_s.value())
     }
 
     /// Force (N) after the lag's transient has decayed: the switch's straight line, late by the lag time.
     #[inline(always)]
-    pub fn followed_n(&self, input: &Switch<N>, time_s: N) -> N {
+    pub fn steady_lagged_n(&self, input: &Switch<N>, time_s: N) -> N {
         input.input_n(time_s) - input.slope_n_per_s * self.lag_time_s
     }
 
@@ -299,14 +299,14 @@ impl<N: PointScalar> Load<N> {
         if self.lag_time_s.value() == 0.0 {
             return input.input_n(time_s);
         }
-        let left_n = lagged_n - self.followed_n(input, input.time_s);
-        self.followed_n(input, time_s) + left_n * (-(time_s - input.time_s) / self.lag_time_s).exp()
+        let left_n = lagged_n - self.steady_lagged_n(input, input.time_s);
+        self.steady_lagged_n(input, time_s) + left_n * (-(time_s - input.time_s) / self.lag_time_s).exp()
     }
 
     /// Force (N) at an implicit stage of a Runge–Kutta method, and its rate k (N/s): τ k = F_in − (F₀ + earlier stages' share + h k).
     pub fn at_implicit_stage(&self, input_n: N, start_n: N, earlier_n: N, implicit_s: f64) -> (N, N) {
         let rate = (input_n - start_n - earlier_n) / (self.lag_time_s + N::constant(implicit_s));
-        (if self.lags() { start_n + earlier_n + rate * implicit_s } else { input_n }, rate)
+        (if self.has_lag() { start_n + earlier_n + rate * implicit_s } else { input_n }, rate)
     }
 
     /// Lagged signal at the end of a step (s) in which the input goes straight from `from` to `to`; `lagged` is its value at the start.
@@ -316,7 +316,7 @@ impl<N: PointScalar> Load<N> {
         to + -behind + (lagged + -from + behind) * left
     }
 
-    /// Exponent of the force's growth at a position (m). Its size must be below [`LARGEST_EXPONENT`].
+    /// Exponent of the force's growth at a position (m). Its size must be below [`MAX_GRADIENT_EXPONENT`].
     fn exponent(&self, position_m: f64) -> f64 {
         self.gradient_per_m.value() * position_m
     }
@@ -330,7 +330,7 @@ impl<N: PointScalar> Load<N> {
             return Ok(());
         }
         // A position that is not a number has no balance of forces.
-        if position_m.iter().all(|x| self.exponent(*x).abs() < LARGEST_EXPONENT) {
+        if position_m.iter().all(|x| self.exponent(*x).abs() < MAX_GRADIENT_EXPONENT) {
             return Ok(());
         }
         Err(Error::numerical(
@@ -363,7 +363,7 @@ impl Load<f64> {
     }
 
     /// Words by which a message names the force gradient; empty without one.
-    pub fn feedback_words(&self) -> String {
+    pub fn describe_gradient(&self) -> String {
         if self.gradient_per_m == 0.0 {
             return String::new();
         }
@@ -371,7 +371,7 @@ impl Load<f64> {
     }
 
     /// Error for a response under this load whose position is not finite.
-    pub fn refusal(&self) -> Error {
+    pub fn divergence_error(&self) -> Error {
         let gradient = self.gradient_per_m;
         if gradient == 0.0 {
             return Error::numerical("the position is not finite", "use rates and times that the record resolves");
@@ -388,7 +388,7 @@ impl Load<f64> {
 /// Solution y of y = a + b e^y on the branch that starts at b = 0. NaN if there is none, because the force diverges.
 pub fn balanced_exponent(a: f64, b: f64) -> f64 {
     let mut y = a;
-    for _ in 0..MOST_NEWTON_STEPS {
+    for _ in 0..MAX_NEWTON_STEPS {
         let grown = b * y.exp();
         let step = (a + grown - y) / (1.0 - grown);
         y += step;

@@ -9,14 +9,15 @@ mod observation;
 mod state_law;
 
 pub use load::{
-    LARGEST_EXPONENT, Load, LoadNumber, LoadUnit, MOST_NEWTON_STEPS, N_LOAD_NUMBERS, Switch, balanced_exponent,
+    Load, LoadParameter, LoadUnit, MAX_GRADIENT_EXPONENT, MAX_NEWTON_STEPS, N_LOAD_PARAMETERS, Switch,
+    balanced_exponent,
 };
 pub use nonlinearity::{NonlinearFamily, Nonlinearity, YIELD_SMOOTHING};
-pub use observation::{Approach, Observation};
+pub use observation::{DriftApproach, Observation};
 pub use state_law::{Function, Operation, Quantity, State, StateFunction, StateLaw};
 
-pub use crate::rheology::Leaf;
-use crate::rheology::{BaseLaw, Beside, Element, SpreadTerm};
+pub use crate::rheology::ElementPlace;
+use crate::rheology::{AdditionalTerm, BaseLaw, Element, SpreadTerm};
 use base::error::Result;
 use base::number::Dual;
 use record::Force;
@@ -38,7 +39,7 @@ pub struct Stages {
     /// Effect that changes the displacement field. It excludes another Poisson ratio.
     pub spatial: Option<Spatial>,
     /// Reduced model of [`Self::spatial`]; empty until one is attached.
-    pub spread: Option<Spread>,
+    pub spread: Option<ReducedField>,
     /// Quantity that depends on a state. It excludes effects on the field and a force gradient.
     pub state_law: Option<StateLaw>,
     /// Transformation of the robot's into the recorded position.
@@ -60,17 +61,18 @@ pub enum Spatial {
         mobility: Dual,
     },
     /// Law of an external program, at these parameters. That program computes the robot's whole displacement.
-    Outside(Vec<Dual>),
+    External(Vec<Dual>),
 }
 
 impl Spatial {
     /// Returns `true` if its reduced model is trained for one record, around the law that fits it, instead of once for a gel.
-    pub fn is_learnt_for_record(&self) -> bool {
+    pub fn is_trained_per_record(&self) -> bool {
         matches!(self, Self::Large { .. })
     }
 
     /// Reason why a position-dependent force cannot be combined with large strains.
-    pub const BARS_FEEDBACK: &str = "a force that depends on the position cannot be combined with large displacements";
+    pub const EXCLUDES_FEEDBACK: &str =
+        "a force that depends on the position cannot be combined with large displacements";
 }
 
 /// Element beside the law, and the part of the field that has it.
@@ -81,21 +83,21 @@ pub struct LinearField {
     /// Number on which the field's shape depends, such as a radius or a Poisson ratio; `None` if there is only one shape.
     pub shape: Option<Dual>,
     /// Element beside the law in that part.
-    pub beside: Beside,
+    pub beside: AdditionalTerm,
 }
 
 /// Reduced model of [`Spatial`]: the law distributed over the gel.
 #[derive(Debug, Clone, PartialEq)]
-pub enum Spread {
+pub enum ReducedField {
     /// Linear: the law at several places.
     Terms {
         /// Element beside the law, the same in every term.
-        beside: Beside,
+        beside: AdditionalTerm,
         /// Terms of the law.
         terms: Vec<SpreadTerm>,
     },
     /// Nonlinear: a law evaluated at few points.
-    Stepped(Stepped),
+    Stepped(SharedStepper),
 }
 
 /// Reduced model of a nonlinear law, which is stepped through a record.
@@ -122,9 +124,9 @@ pub trait FieldStepper: std::fmt::Debug + Send + Sync {
 
 /// Stepper, shared by all stages that use it.
 #[derive(Debug, Clone)]
-pub struct Stepped(pub Arc<dyn FieldStepper>);
+pub struct SharedStepper(pub Arc<dyn FieldStepper>);
 
-impl PartialEq for Stepped {
+impl PartialEq for SharedStepper {
     fn eq(&self, other: &Self) -> bool {
         Arc::ptr_eq(&self.0, &other.0)
     }
@@ -142,7 +144,7 @@ impl Stages {
             spatial: None,
             spread: None,
             state_law: None,
-            observation: Observation::AS_IT_IS,
+            observation: Observation::IDENTITY,
         }
     }
 }

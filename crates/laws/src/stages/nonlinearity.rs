@@ -67,13 +67,14 @@ impl Nonlinearity<Dual> {
     pub fn of<N: PointScalar>(self) -> Nonlinearity<N> {
         match self {
             Self::StrainStiffening { coefficient } => {
-                Nonlinearity::StrainStiffening { coefficient: N::of(coefficient) }
+                Nonlinearity::StrainStiffening { coefficient: N::from_dual(coefficient) }
             }
-            Self::ShearThinning { index, reference_stress_pa } => {
-                Nonlinearity::ShearThinning { index: N::of(index), reference_stress_pa: N::of(reference_stress_pa) }
-            }
+            Self::ShearThinning { index, reference_stress_pa } => Nonlinearity::ShearThinning {
+                index: N::from_dual(index),
+                reference_stress_pa: N::from_dual(reference_stress_pa),
+            },
             Self::YieldStress { stress_pa, smoothing } => {
-                Nonlinearity::YieldStress { stress_pa: N::of(stress_pa), smoothing }
+                Nonlinearity::YieldStress { stress_pa: N::from_dual(stress_pa), smoothing }
             }
         }
     }

@@ -14,12 +14,12 @@ pub struct Observation<N = Dual> {
     /// v in m/s.
     pub velocity_m_per_s: N,
     /// Drifts that approach a limit.
-    pub approaches: Vec<Approach<N>>,
+    pub approaches: Vec<DriftApproach<N>>,
 }
 
 /// Drift A (1 − e^{−t/τ}).
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Approach<N = Dual> {
+pub struct DriftApproach<N = Dual> {
     /// A in m.
     pub amplitude_m: N,
     /// τ > 0 in s.
@@ -28,7 +28,7 @@ pub struct Approach<N = Dual> {
 
 impl Observation {
     /// Observation without any effect: the recorded position is the robot's.
-    pub const AS_IT_IS: Self = Self {
+    pub const IDENTITY: Self = Self {
         scale: Dual::ONE,
         offset_m: Dual::ZERO,
         depth_exponent: Dual::ONE,
@@ -38,7 +38,7 @@ impl Observation {
 
     /// Converts the observation to another number type.
     pub fn of<N: PointScalar>(&self) -> Observation<N> {
-        let mut numbers = self.numbers().into_iter().map(N::of);
+        let mut numbers = self.numbers().into_iter().map(N::from_dual);
         Observation::of_numbers(self.approaches.len(), || numbers.next().unwrap_or(N::constant(0.0)))
     }
 
@@ -51,7 +51,7 @@ impl Observation {
     }
 
     /// Returns `true` if the position is a root of the linear response.
-    pub fn is_rooted(&self) -> bool {
+    pub fn is_depth(&self) -> bool {
         self.depth_exponent.value != 1.0
     }
 }
@@ -71,13 +71,13 @@ impl<N: Scalar> Observation<N> {
             offset_m: next(),
             depth_exponent: next(),
             velocity_m_per_s: next(),
-            approaches: (0..n_approaches).map(|_| Approach { amplitude_m: next(), time_s: next() }).collect(),
+            approaches: (0..n_approaches).map(|_| DriftApproach { amplitude_m: next(), time_s: next() }).collect(),
         }
     }
 
     /// Recorded position (m) without approaches, for a depth or position (m) at a time (s) after the record's start.
     #[inline(always)]
-    pub fn straight_m(&self, position_m: N, time_s: f64) -> N {
+    pub fn without_approaches_m(&self, position_m: N, time_s: f64) -> N {
         self.scale * position_m + self.offset_m + self.velocity_m_per_s * time_s
     }
 }
@@ -94,19 +94,19 @@ impl Observation<f64> {
     pub fn recorded_m(&self, position_m: f64, time_s: f64) -> f64 {
         let depth_m =
             if self.depth_exponent == 1.0 { position_m } else { Self::depth_m(self.depth_exponent, position_m) };
-        let approach = |a: &Approach<f64>| -a.amplitude_m * (-time_s / a.time_s).exp_m1();
-        self.straight_m(depth_m, time_s) + self.approaches.iter().map(approach).sum::<f64>()
+        let approach = |a: &DriftApproach<f64>| -a.amplitude_m * (-time_s / a.time_s).exp_m1();
+        self.without_approaches_m(depth_m, time_s) + self.approaches.iter().map(approach).sum::<f64>()
     }
 }
 
-impl<N: Scalar> Approach<N> {
+impl<N: Scalar> DriftApproach<N> {
     /// Factor by which the remaining share of the amplitude shrinks in a step (s).
-    pub fn left_after(&self, step_s: f64) -> N {
+    pub fn remaining_after(&self, step_s: f64) -> N {
         (N::constant(1.0) / self.time_s * -step_s).exp()
     }
 
     /// Drift (m) reached when a share `left` of the amplitude remains.
-    pub fn passed_m(&self, left: N) -> N {
+    pub fn drift_m(&self, left: N) -> N {
         self.amplitude_m * (N::constant(1.0) - left)
     }
 }

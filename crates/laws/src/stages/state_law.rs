@@ -1,6 +1,6 @@
 //! Quantity that depends on a state of the experiment (physics §5.3): the quantity, the state and the function.
 
-use crate::rheology::Leaf;
+use crate::rheology::ElementPlace;
 use base::number::Dual;
 
 /// Quantity that depends on the state.
@@ -11,7 +11,7 @@ pub enum Quantity {
     /// Observed position of the robot, before all other effects of observation.
     Position,
     /// Modulus or viscosity of one element of the law.
-    Element(Leaf),
+    Element(ElementPlace),
 }
 
 /// State on which the quantity depends. All states are zero before the record.
@@ -60,7 +60,7 @@ impl State {
 
     /// State with this name, if there is one.
     pub fn named(name: &str) -> Option<Self> {
-        Self::ALL.iter().find(|(_, own)| *own == name).map(|(state, _)| *state)
+        Self::ALL.iter().find(|(_, state_name)| *state_name == name).map(|(state, _)| *state)
     }
 
     /// Unit of the state in written functions.
@@ -74,7 +74,7 @@ impl State {
     }
 
     /// Returns `true` if the state follows from the robot's position, so that quantity and motion must be solved together.
-    pub fn is_of_motion(self) -> bool {
+    pub fn depends_on_motion(self) -> bool {
         !matches!(self, Self::Time | Self::TimeSinceStep | Self::Force)
     }
 }
@@ -95,7 +95,7 @@ pub trait StateFunction: std::fmt::Debug + Send + Sync {
 
     /// Writes the derivatives with respect to the parameters at a state to `slopes`.
     fn by_parameters(&self, state: f64, parameters: &[Dual], slopes: &mut [f64]) {
-        let mut moving: Vec<Dual> = parameters.iter().map(|own| Dual::constant(own.value)).collect();
+        let mut moving: Vec<Dual> = parameters.iter().map(|parameter| Dual::constant(parameter.value)).collect();
         for (k, slope) in slopes.iter_mut().enumerate() {
             moving[k].derivative = 1.0;
             *slope = self.value(Dual::constant(state), &moving).derivative;

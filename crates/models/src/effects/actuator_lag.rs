@@ -9,7 +9,7 @@ use base::distribution::Distribution;
 use base::error::Result;
 use base::number::Dual;
 use base::parameter::{ParameterSpec, Support};
-use record::Scales;
+use record::CharacteristicSizes;
 
 /// Step from the null, as a share of the sample interval.
 ///
@@ -45,7 +45,7 @@ impl Effect for ActuatorLag {
     fn parameters(&self) -> &'static [EffectParameter] {
         PARAMETERS
     }
-    fn apply(&self, parameters: &[Dual], _scales: &Scales, stages: &mut Stages) -> Result<()> {
+    fn apply(&self, parameters: &[Dual], _scales: &CharacteristicSizes, stages: &mut Stages) -> Result<()> {
         stages.load.lag_time_s += parameters[0];
         Ok(())
     }

@@ -18,7 +18,7 @@ pub(super) fn memory(base: &BaseLaw) -> Option<&'static str> {
 }
 
 /// Reason why mass cannot be added to a base law with an instantaneous response; `None` if it can.
-pub(super) fn waves(base: &BaseLaw) -> Option<&'static str> {
+pub(super) fn wave_conflict(base: &BaseLaw) -> Option<&'static str> {
     gives_way_at_once(&elements_of(base)).then_some(WAVES)
 }
 
@@ -33,7 +33,7 @@ fn has_springpot(element: &Element) -> bool {
 fn gives_way_at_once(law: &[Element]) -> bool {
     // The parameters are 1, so that any times around one second are suitable.
     let window = TimeWindow { shortest_s: 1e-3, longest_s: 1e3 };
-    RetardationSpectrum::<base::number::Dual>::of(law, window).is_ok_and(|s| s.instantaneous_per_pa.value > 0.0)
+    RetardationSpectrum::<base::number::Dual>::of_law(law, window).is_ok_and(|s| s.instantaneous_per_pa.value > 0.0)
 }
 
 /// Reason why a body of the base law cannot be nonlinear; `None` if it can. The law must be Kelvin–Voigt bodies, springs and one dashpot in series.
@@ -62,7 +62,7 @@ mod tests {
             [(BaseLaw::Lethersich, false), (BaseLaw::TwoElement, false), (BaseLaw::Burgers, true)]
         {
             assert_eq!(memory(&base), None);
-            assert_eq!(waves(&base), lets_waves_through.then_some(WAVES), "{base:?}");
+            assert_eq!(wave_conflict(&base), lets_waves_through.then_some(WAVES), "{base:?}");
         }
     }
 }

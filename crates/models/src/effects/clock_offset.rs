@@ -8,7 +8,7 @@ use base::distribution::Distribution;
 use base::error::Result;
 use base::number::Dual;
 use base::parameter::{ParameterSpec, Support};
-use record::Scales;
+use record::CharacteristicSizes;
 
 const PARAMETERS: &[EffectParameter] = &[EffectParameter {
     spec: ParameterSpec::new("clock-offset.delay_s", "δ", "s", Support::POSITIVE),
@@ -37,7 +37,7 @@ impl Effect for ClockOffset {
     fn parameters(&self) -> &'static [EffectParameter] {
         PARAMETERS
     }
-    fn apply(&self, parameters: &[Dual], _scales: &Scales, stages: &mut Stages) -> Result<()> {
+    fn apply(&self, parameters: &[Dual], _scales: &CharacteristicSizes, stages: &mut Stages) -> Result<()> {
         stages.load.delay_s += parameters[0];
         Ok(())
     }
@@ -61,11 +61,11 @@ mod tests {
 
     #[test]
     fn the_prior_is_scaled_by_the_slower_of_camera_and_hold() {
-        let median = |scales: &Scales| (PARAMETERS[0].prior)(scales).quantile(0.5);
+        let median = |scales: &CharacteristicSizes| (PARAMETERS[0].prior)(scales).quantile(0.5);
         // The median of a half-normal is Φ⁻¹(¾) of the standard deviation.
         let expected = |sd: f64| 0.674_489_750_196_081_7 * sd;
         assert!((median(&SCALES) - expected(0.05 * 5.0)).abs() < 1e-9);
-        let slow_camera = Scales { sample_interval_s: 1.0, ..SCALES };
+        let slow_camera = CharacteristicSizes { sample_interval_s: 1.0, ..SCALES };
         assert!((median(&slow_camera) - expected(2.0)).abs() < 1e-9);
     }
 }

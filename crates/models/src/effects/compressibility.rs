@@ -10,18 +10,18 @@ use base::distribution::Distribution;
 use base::error::{Error, Result};
 use base::number::Dual;
 use base::parameter::{ParameterSpec, Support};
-use record::Scales;
+use record::CharacteristicSizes;
 
 /// Ends of ν, where the shear or the bulk modulus for unit Young's modulus is infinite.
 const ENDS: (f64, f64) = (-1.0, 0.5);
 
 /// Uniform prior from 0.3 to 0.499. It is widened where the experiment's ν is near an end or outside, so that ν is always inside.
-fn prior(scales: &Scales) -> Distribution {
+fn prior(scales: &CharacteristicSizes) -> Distribution {
     let (lowest, highest) = (0.3, 0.499);
-    let Some(own) = scales.poisson_ratio else { return Distribution::Uniform { lower: lowest, upper: highest } };
-    let halfway = |end: f64| 0.5 * (own + end);
+    let Some(value) = scales.poisson_ratio else { return Distribution::Uniform { lower: lowest, upper: highest } };
+    let halfway = |end: f64| 0.5 * (value + end);
     Distribution::Uniform {
-        lower: f64::min(lowest, own - 0.18).max(halfway(ENDS.0)),
+        lower: f64::min(lowest, value - 0.18).max(halfway(ENDS.0)),
         upper: f64::max(highest, halfway(ENDS.1)),
     }
 }
@@ -56,7 +56,7 @@ impl Effect for Compressibility {
     fn changes_field(&self) -> bool {
         true
     }
-    fn apply(&self, parameters: &[Dual], scales: &Scales, stages: &mut Stages) -> Result<()> {
+    fn apply(&self, parameters: &[Dual], scales: &CharacteristicSizes, stages: &mut Stages) -> Result<()> {
         let ratio = parameters[0];
         if !(ratio.value > ENDS.0 && ratio.value < ENDS.1) {
             return Err(Error::numerical(
@@ -64,7 +64,7 @@ impl Effect for Compressibility {
                 "give a Poisson ratio between the ends",
             ));
         }
-        if !scales.poisson_ratio.is_some_and(|own| ratio.is_constant(own)) {
+        if !scales.poisson_ratio.is_some_and(|value| ratio.is_constant(value)) {
             stages.poisson_ratio = Some(ratio);
         }
         Ok(())

@@ -1,21 +1,23 @@
 //! Effects on the displacement field: their part of the full-order model, and its reduction.
 //!
 //! There are four kinds, which differ by their mathematics and not by their physics. An effect of the first kind defines its matrices, and the rest follows:
-//! [`elements::fe::spatial`] steps them, `surrogate` reduces them to terms, and `rheology::Beside` converts the terms into creep.
+//! [`elements::fe::spatial`] steps them, `surrogate` reduces them to terms, and `rheology::AdditionalTerm` converts the terms into creep.
 
 use base::error::{Error, Result};
-use elements::fe::meridional::{SecondMatrix, pair_around_sphere};
-use elements::fe::spatial::{Sizes, SpatialJob, SpatialRun, SpatialSystem, Splitting, Surroundings};
+use elements::fe::meridional::{EffectMatrix, build_effect_system};
+use elements::fe::spatial::{
+    GelAndRobot, MatrixSplitting, PhysicalProperties, SpatialInput, SpatialResult, SpatialSystem,
+};
 use elements::mesh::{ElementKind, Mesh};
-use laws::rheology::Beside;
+use laws::rheology::AdditionalTerm;
 use laws::stages::{LinearField, NonlinearFamily, Spatial};
 
 /// Mathematics of an effect on the displacement field.
 #[derive(Clone, Copy)]
-pub enum Field {
+pub enum FieldEffect {
     /// Linear, with two matrices and scalar factors.
     Pair(&'static dyn MatrixPair),
-    /// Biot's equations (physics §4.9). The element beside the law is [`Beside::Friction`] with the mobility as its compliance. The field's shape depends on the
+    /// Biot's equations (physics §4.9). The element beside the law is [`AdditionalTerm::Friction`] with the mobility as its compliance. The field's shape depends on the
     /// drained Poisson ratio; the function returns the range of drained ratios for an undrained one.
     Pores(fn(f64) -> [f64; 2]),
     /// Nonlinear law.
@@ -49,7 +51,7 @@ pub trait MatrixPair: Sync {
     /// Name of the effect in messages.
     fn words(&self) -> &'static str;
     /// Reason why it cannot be computed for a robot on its mesh; `None` if it can.
-    fn lacks(&self, _surroundings: &Surroundings<'_>) -> Option<&'static str> {
+    fn lacks(&self, _surroundings: &GelAndRobot<'_>) -> Option<&'static str> {
         None
     }
     /// Returns `true` if the element beside the law is a mass. A spring in series then transmits waves.
@@ -61,20 +63,20 @@ pub trait MatrixPair: Sync {
         None
     }
     /// Splitting of the matrices into terms.
-    fn splitting(&self, sizes: &Sizes) -> Splitting;
+    fn splitting(&self, sizes: &PhysicalProperties) -> MatrixSplitting;
     /// Assembles the matrices, at a value of [`Self::shape`] if there is one.
     ///
     /// # Errors
     /// [`Error::Numerical`] for inverted elements, for meshes without a robot, and for meshes that [`Self::lacks`] refuses.
-    fn system(&self, surroundings: &Surroundings<'_>, shape: Option<f64>) -> Result<FieldSystem>;
+    fn system(&self, surroundings: &GelAndRobot<'_>, shape: Option<f64>) -> Result<FieldSystem>;
     /// Element beside the law around a sphere, for the second full-order model, at a value of [`Self::shape`] if there is one.
     /// `None` if that model does not cover the effect.
-    fn around_sphere(&self, _sizes: &Sizes, _shape: Option<f64>) -> Option<SecondMatrix> {
+    fn around_sphere(&self, _sizes: &PhysicalProperties, _shape: Option<f64>) -> Option<EffectMatrix> {
         None
     }
 }
 
-impl Field {
+impl FieldEffect {
     /// Name of the effect in messages.
     pub fn words(self) -> &'static str {
         match self {
@@ -88,7 +90,7 @@ impl Field {
     }
 
     /// Reason why it cannot be computed for a robot on its mesh; `None` if it can.
-    pub fn lacks(self, surroundings: &Surroundings<'_>) -> Option<&'static str> {
+    pub fn lacks(self, surroundings: &GelAndRobot<'_>) -> Option<&'static str> {
         match self {
             Self::Pair(pair) => pair.lacks(surroundings),
             Self::Pores(_) if surroundings.mesh.element_kind == ElementKind::Tetrahedron4 => {
@@ -112,8 +114,8 @@ impl Field {
     }
 
     /// Reason why a position-dependent force cannot be combined with it; `None` if it can.
-    pub fn bars_feedback(self) -> Option<&'static str> {
-        matches!(self, Self::Large).then_some(Spatial::BARS_FEEDBACK)
+    pub fn feedback_conflict(self) -> Option<&'static str> {
+        matches!(self, Self::Large).then_some(Spatial::EXCLUDES_FEEDBACK)
     }
 
     /// Returns `true` if it has mass, through which waves travel.
@@ -125,14 +127,19 @@ impl Field {
     ///
     /// # Errors
     /// Those of its parts. [`Error::Numerical`] for a nonlinear law.
-    pub fn run(self, surroundings: &Surroundings<'_>, field: &LinearField, job: &SpatialJob<'_>) -> Result<SpatialRun> {
+    pub fn run(
+        self,
+        surroundings: &GelAndRobot<'_>,
+        field: &LinearField,
+        job: &SpatialInput<'_>,
+    ) -> Result<SpatialResult> {
         let shape = field.shape.map(|shape| shape.value);
         match (self, shape, &field.beside) {
             (Self::Pair(pair), shape, beside) => {
                 let FieldSystem { mesh, system } = pair.system(surroundings, shape)?;
-                Ok(SpatialRun { mesh, ..job.run(&system, beside)? })
+                Ok(SpatialResult { mesh, ..job.run(&system, beside)? })
             }
-            (Self::Pores(_), Some(drained_ratio), Beside::Friction { compliance }) => {
+            (Self::Pores(_), Some(drained_ratio), AdditionalTerm::Friction { compliance }) => {
                 job.run_pores(surroundings, compliance.value, drained_ratio)
             }
             _ => Err(Error::numerical(
@@ -149,15 +156,15 @@ impl Field {
     /// Those of [`Self::run`].
     pub fn run_in_half_meridian(
         self,
-        surroundings: &Surroundings<'_>,
+        surroundings: &GelAndRobot<'_>,
         field: &LinearField,
-        job: &SpatialJob<'_>,
+        job: &SpatialInput<'_>,
     ) -> Result<Option<Vec<f64>>> {
         let (Self::Pair(pair), Some(ball)) = (self, surroundings.sizes.ball) else { return Ok(None) };
         let shape = field.shape.map(|shape| shape.value);
         let Some(second) = pair.around_sphere(&surroundings.sizes, shape) else { return Ok(None) };
         let (radius_m, outer_radius_m) = (ball.robot_radius_m, ball.outer_radius_m);
-        let system = pair_around_sphere(radius_m, outer_radius_m, surroundings.poisson_ratio, second)?;
-        Ok(Some(SpatialJob { rows: &[], ..*job }.run(&system, &field.beside)?.position_m))
+        let system = build_effect_system(radius_m, outer_radius_m, surroundings.poisson_ratio, second)?;
+        Ok(Some(SpatialInput { rows: &[], ..*job }.run(&system, &field.beside)?.position_m))
     }
 }

@@ -6,19 +6,20 @@
 use super::hold_s;
 use base::number::Dual;
 use laws::rheology::{BaseLaw, Element};
-use record::Scales;
+use record::CharacteristicSizes;
 
 /// E in Pa of a law: the spring of the first Kelvin–Voigt body in series, or else the law's modulus at the time of a hold. Elements that effects add in series
 /// do not count, so that effects may be applied in any order.
-pub(super) fn reference_modulus_pa(law: &[Element], scales: &Scales) -> Dual {
-    let own = in_series(law)
+pub(super) fn reference_modulus_pa(law: &[Element], scales: &CharacteristicSizes) -> Dual {
+    let filter = in_series(law)
         .into_iter()
         .filter(|element| !matches!(element, Element::Compliance { .. } | Element::Retarded { .. }));
-    let own: Vec<&Element> = own.collect();
-    let of_body = own.iter().find_map(|element| body(element)).map(|(modulus_pa, _)| modulus_pa);
+    let elements: Vec<&Element> = filter.collect();
+    let of_body = elements.iter().find_map(|element| body(element)).map(|(modulus_pa, _)| modulus_pa);
     of_body.unwrap_or_else(|| {
         let hold_s = hold_s(scales);
-        let compliance_per_pa = own.iter().fold(Dual::ZERO, |sum, part| sum + Dual::ONE / part.operator_pa(hold_s));
+        let compliance_per_pa =
+            elements.iter().fold(Dual::ZERO, |sum, part| sum + Dual::ONE / part.operator_pa(hold_s));
         Dual::ONE / compliance_per_pa
     })
 }

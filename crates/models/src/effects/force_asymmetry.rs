@@ -10,7 +10,7 @@ use base::distribution::Distribution;
 use base::error::Result;
 use base::number::Dual;
 use base::parameter::{ParameterSpec, Support};
-use record::Scales;
+use record::CharacteristicSizes;
 
 const PARAMETERS: &[EffectParameter] = &[EffectParameter {
     spec: ParameterSpec::new("force-asymmetry.fraction", "a", "1", Support { lower: -1.0, upper: f64::INFINITY }),
@@ -40,7 +40,7 @@ impl Effect for ForceAsymmetry {
     fn parameters(&self) -> &'static [EffectParameter] {
         PARAMETERS
     }
-    fn apply(&self, parameters: &[Dual], _scales: &Scales, stages: &mut Stages) -> Result<()> {
+    fn apply(&self, parameters: &[Dual], _scales: &CharacteristicSizes, stages: &mut Stages) -> Result<()> {
         stages.load.negative_factor = stages.load.negative_factor * (parameters[0] + 1.0);
         Ok(())
     }

@@ -9,7 +9,7 @@ use base::distribution::Distribution;
 use base::error::Result;
 use base::number::Dual;
 use base::parameter::{ParameterSpec, Support};
-use record::Scales;
+use record::CharacteristicSizes;
 
 const PARAMETERS: &[EffectParameter] = &[EffectParameter {
     spec: ParameterSpec::new("force-bias.fraction", "b", "1", Support::REAL),
@@ -38,7 +38,7 @@ impl Effect for ForceBias {
     fn parameters(&self) -> &'static [EffectParameter] {
         PARAMETERS
     }
-    fn apply(&self, parameters: &[Dual], scales: &Scales, stages: &mut Stages) -> Result<()> {
+    fn apply(&self, parameters: &[Dual], scales: &CharacteristicSizes, stages: &mut Stages) -> Result<()> {
         stages.load.offset_n += parameters[0] * scales.largest_force_n;
         Ok(())
     }

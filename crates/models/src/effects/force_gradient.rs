@@ -4,12 +4,12 @@
 //! A dipole at the distance d pulls as d⁻⁴, so that g = ±4/d; the two differ by (gx)²/8. A force that decreases along the robot's path may do so at any rate.
 //! One that grows may diverge with the position; no position is computed there. Force calibrations over distance: Gosse & Croquette 2002, Biophys. J. 82:3314.
 
-use super::{Effect, EffectParameter, Field, Stage, Stages, position_range_m};
+use super::{Effect, EffectParameter, FieldEffect, Stage, Stages, position_range_m};
 use base::distribution::Distribution;
 use base::error::Result;
 use base::number::Dual;
 use base::parameter::{ParameterSpec, Support};
-use record::Scales;
+use record::CharacteristicSizes;
 
 const PARAMETERS: &[EffectParameter] = &[EffectParameter {
     spec: ParameterSpec::new("force-gradient.gradient_per_m", "g", "1/m", Support::REAL),
@@ -38,13 +38,13 @@ impl Effect for ForceGradient {
     fn parameters(&self) -> &'static [EffectParameter] {
         PARAMETERS
     }
-    fn acts_on_position(&self) -> bool {
+    fn depends_on_position(&self) -> bool {
         true
     }
-    fn barred_beside(&self, field: Field) -> Option<&'static str> {
-        field.bars_feedback()
+    fn conflict_with_field(&self, field: FieldEffect) -> Option<&'static str> {
+        field.feedback_conflict()
     }
-    fn apply(&self, parameters: &[Dual], _scales: &Scales, stages: &mut Stages) -> Result<()> {
+    fn apply(&self, parameters: &[Dual], _scales: &CharacteristicSizes, stages: &mut Stages) -> Result<()> {
         stages.load.gradient_per_m += parameters[0];
         Ok(())
     }
@@ -55,7 +55,7 @@ mod tests {
     use super::*;
     use crate::effects::test_scales::SCALES;
     use base::number::Scalar;
-    use laws::stages::LARGEST_EXPONENT;
+    use laws::stages::MAX_GRADIENT_EXPONENT;
 
     /// Checks the effect against a dipole: F ∝ d⁻⁴ with g = −4/d, moved away by x. It compares 1 + 4 (−x/d) + 10 (x/d)² with 1 + gx + (gx)²/2.
     #[test]
@@ -73,7 +73,7 @@ mod tests {
     /// Checks that the prior is far from the largest exponent of the force: 200 standard deviations over the whole range.
     #[test]
     fn the_prior_keeps_clear_of_the_limit() {
-        let limit = LARGEST_EXPONENT / SCALES.position_range_m;
+        let limit = MAX_GRADIENT_EXPONENT / SCALES.position_range_m;
         let Distribution::Normal { sd, .. } = (PARAMETERS[0].prior)(&SCALES) else { panic!("a normal prior") };
         assert!(limit > 199.0 * sd);
     }

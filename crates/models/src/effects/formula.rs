@@ -55,7 +55,7 @@ const DEEPEST: usize = 60;
 
 /// Error in a formula.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Mistake {
+pub struct FormulaError {
     /// Column, from 1.
     pub column: usize,
     /// Text that was found there.
@@ -69,7 +69,7 @@ impl Formula {
     ///
     /// # Errors
     /// The first mistake.
-    pub fn parse(text: &str, state: &str, parameters: &[&str]) -> Result<Self, Mistake> {
+    pub fn parse(text: &str, state: &str, parameters: &[&str]) -> Result<Self, FormulaError> {
         let mut parser = Parser { text, at: 0, state, parameters, n_nodes: 0, depth: 0 };
         let root = parser.sum()?;
         parser.blank();
@@ -188,9 +188,9 @@ impl Parser<'_> {
         self.at += self.rest().len() - self.rest().trim_start().len();
     }
 
-    fn mistake(&self, found: impl Into<String>, remedy: impl Into<String>) -> Mistake {
+    fn mistake(&self, found: impl Into<String>, remedy: impl Into<String>) -> FormulaError {
         let column = 1 + self.text[..self.at].chars().count();
-        Mistake { column, found: found.into(), remedy: remedy.into() }
+        FormulaError { column, found: found.into(), remedy: remedy.into() }
     }
 
     /// Consumes a sign if it is next. Returns true if it was.
@@ -203,7 +203,7 @@ impl Parser<'_> {
         is_next
     }
 
-    fn made(&mut self, node: Node) -> Result<Node, Mistake> {
+    fn made(&mut self, node: Node) -> Result<Node, FormulaError> {
         self.n_nodes += 1;
         if self.n_nodes > MOST_NODES {
             return Err(
@@ -213,11 +213,11 @@ impl Parser<'_> {
         Ok(node)
     }
 
-    fn binary(&mut self, operator: Operator, a: Node, b: Node) -> Result<Node, Mistake> {
+    fn binary(&mut self, operator: Operator, a: Node, b: Node) -> Result<Node, FormulaError> {
         self.made(Node::Binary(operator, Box::new([a, b])))
     }
 
-    fn sum(&mut self) -> Result<Node, Mistake> {
+    fn sum(&mut self) -> Result<Node, FormulaError> {
         self.depth += 1;
         if self.depth > DEEPEST {
             return Err(self.mistake("parentheses are nested too deeply", "write a simpler formula"));
@@ -237,7 +237,7 @@ impl Parser<'_> {
         }
     }
 
-    fn product(&mut self) -> Result<Node, Mistake> {
+    fn product(&mut self) -> Result<Node, FormulaError> {
         let mut left = self.signed()?;
         loop {
             let operator = if self.take('*') || self.take('·') {
@@ -253,7 +253,7 @@ impl Parser<'_> {
     }
 
     /// Reads a signed factor. −x^y is −(x^y).
-    fn signed(&mut self) -> Result<Node, Mistake> {
+    fn signed(&mut self) -> Result<Node, FormulaError> {
         if self.take('-') || self.take('−') {
             self.depth += 1;
             if self.depth > DEEPEST {
@@ -271,7 +271,7 @@ impl Parser<'_> {
         Ok(base)
     }
 
-    fn atom(&mut self) -> Result<Node, Mistake> {
+    fn atom(&mut self) -> Result<Node, FormulaError> {
         self.blank();
         let Some(first) = self.rest().chars().next() else {
             return Err(self.mistake("the formula is incomplete", "complete the formula"));
@@ -295,11 +295,12 @@ impl Parser<'_> {
             self.at += length;
             return self.made(Node::State);
         }
-        if let Some(place) = self.parameters.iter().position(|own| *own == name) {
+        if let Some(place) = self.parameters.iter().position(|parameter| *parameter == name) {
             self.at += length;
             return self.made(Node::Parameter(place));
         }
-        let Some((_, function, n_arguments)) = FUNCTIONS.iter().find(|(own, ..)| *own == name) else {
+        let Some((_, function, n_arguments)) = FUNCTIONS.iter().find(|(function_name, ..)| *function_name == name)
+        else {
             let functions: Vec<&str> = FUNCTIONS.iter().map(|(name, ..)| *name).collect();
             let known = [&[self.state], self.parameters, &functions].concat();
             let near = base::units::nearest_name(&name, known.iter().copied());
@@ -329,11 +330,11 @@ impl Parser<'_> {
         self.closed(call)
     }
 
-    fn closed(&mut self, inner: Node) -> Result<Node, Mistake> {
+    fn closed(&mut self, inner: Node) -> Result<Node, FormulaError> {
         if self.take(')') { Ok(inner) } else { Err(self.mistake("a parenthesis is not closed", "write `)` here")) }
     }
 
-    fn number(&mut self) -> Result<Node, Mistake> {
+    fn number(&mut self) -> Result<Node, FormulaError> {
         let rest = self.rest();
         let digits = |from: usize| {
             rest[from..].find(|c: char| !(c.is_ascii_digit() || c == '.')).map_or(rest.len(), |n| from + n)

@@ -11,13 +11,13 @@
 use super::beside_fields::MEMORY;
 use super::first_body::{body, elements_of, first_body_mut, first_element_mut, is_dashpot};
 use super::hold_s;
-use super::{Effect, EffectParameter, Field, Stage, Stages};
+use super::{Effect, EffectParameter, FieldEffect, Stage, Stages};
 use base::distribution::Distribution;
 use base::error::Result;
 use base::number::Dual;
 use base::parameter::{ParameterSpec, Support};
 use laws::rheology::{BaseLaw, Element};
-use record::Scales;
+use record::CharacteristicSizes;
 
 const SMALLEST_ORDER: f64 = 0.3;
 
@@ -52,10 +52,10 @@ impl Effect for FractionalDamping {
         let has_dashpot = first_element_mut(&mut elements_of(base), is_dashpot).is_some();
         (!has_dashpot).then_some("it has no dashpot that a springpot could replace")
     }
-    fn barred_beside(&self, _field: Field) -> Option<&'static str> {
+    fn conflict_with_field(&self, _field: FieldEffect) -> Option<&'static str> {
         Some(MEMORY)
     }
-    fn apply(&self, parameters: &[Dual], scales: &Scales, stages: &mut Stages) -> Result<()> {
+    fn apply(&self, parameters: &[Dual], scales: &CharacteristicSizes, stages: &mut Stages) -> Result<()> {
         let order = parameters[0];
         if order.is_constant(1.0) {
             return Ok(());

@@ -7,20 +7,21 @@
 
 use nalgebra::DMatrix;
 
-use super::beside_fields::{memory, waves};
-use super::{Effect, EffectParameter, Field, FieldSystem, LinearField, MatrixPair, Spatial, Stage, Stages};
+use super::beside_fields::{memory, wave_conflict};
+use super::{Effect, EffectParameter, FieldEffect, FieldSystem, LinearField, MatrixPair, Spatial, Stage, Stages};
 use base::distribution::Distribution;
 use base::error::Result;
 use base::number::Dual;
 use base::parameter::{ParameterSpec, Support};
 use elements::fe::element::TabulatedElement;
-use elements::fe::meridional::SecondMatrix;
+use elements::fe::meridional::EffectMatrix;
 use elements::fe::spatial::{
-    Freedoms, Sizes, SpatialSystem, Splitting, Surroundings, SymmetricMatrix, decades, element_matrices, stiffness,
+    DegreesOfFreedom, GelAndRobot, MatrixSplitting, PhysicalProperties, SpatialSystem, SymmetricMatrix,
+    element_matrices, log_spaced, stiffness,
 };
 use elements::mesh::Mesh;
-use laws::rheology::{BaseLaw, Beside};
-use record::Scales;
+use laws::rheology::{AdditionalTerm, BaseLaw};
+use record::CharacteristicSizes;
 
 const PARAMETERS: &[EffectParameter] = &[EffectParameter {
     spec: ParameterSpec::new("inertia.density_scale", "d", "1", Support::POSITIVE),
@@ -49,16 +50,16 @@ impl Effect for Inertia {
     fn parameters(&self) -> &'static [EffectParameter] {
         PARAMETERS
     }
-    fn field(&self) -> Option<Field> {
-        Some(Field::Pair(&Inertia))
+    fn field(&self) -> Option<FieldEffect> {
+        Some(FieldEffect::Pair(&Inertia))
     }
     fn conflict(&self, base: &BaseLaw) -> Option<&'static str> {
-        memory(base).or_else(|| waves(base))
+        memory(base).or_else(|| wave_conflict(base))
     }
-    fn apply(&self, parameters: &[Dual], _scales: &Scales, stages: &mut Stages) -> Result<()> {
+    fn apply(&self, parameters: &[Dual], _scales: &CharacteristicSizes, stages: &mut Stages) -> Result<()> {
         let density_scale = parameters[0];
         if !density_scale.is_constant(0.0) {
-            let beside = Beside::Mass { scale: density_scale };
+            let beside = AdditionalTerm::Mass { scale: density_scale };
             stages.spatial = Some(Spatial::Linear(LinearField { effect: self.slug(), shape: None, beside }));
         }
         Ok(())
@@ -73,28 +74,28 @@ impl MatrixPair for Inertia {
         true
     }
     /// Momentum reaches the outer surface where ρ x R_o² = 1, and the robot's where ρ x R² = 1.
-    fn splitting(&self, sizes: &Sizes) -> Splitting {
-        let Sizes { robot_radius_m, outer_radius_m, gel_density_kg_m3, .. } = *sizes;
+    fn splitting(&self, sizes: &PhysicalProperties) -> MatrixSplitting {
+        let PhysicalProperties { robot_radius_m, outer_radius_m, gel_density_kg_m3, .. } = *sizes;
         let lowest = 1e-2 / (gel_density_kg_m3 * outer_radius_m * outer_radius_m);
         let highest = 1e2 / (gel_density_kg_m3 * robot_radius_m * robot_radius_m);
-        let mut snapshots = decades(lowest, highest, 2.0);
+        let mut snapshots = log_spaced(lowest, highest, 2.0);
         snapshots.insert(0, 0.0);
-        Splitting { reference: 0.0, snapshots, is_rigid_at_null: false }
+        MatrixSplitting { reference: 0.0, snapshots, is_rigid_at_null: false }
     }
-    fn system(&self, surroundings: &Surroundings<'_>, _shape: Option<f64>) -> Result<FieldSystem> {
+    fn system(&self, surroundings: &GelAndRobot<'_>, _shape: Option<f64>) -> Result<FieldSystem> {
         let mesh = surroundings.mesh;
-        let freedoms = Freedoms::tied(mesh)?;
+        let freedoms = DegreesOfFreedom::tied(mesh)?;
         let gel = stiffness(surroundings, mesh, &freedoms, |_| true)?;
         let second = mass(surroundings, mesh, &freedoms)?;
         Ok(FieldSystem { mesh: None, system: SpatialSystem::new(mesh, freedoms, gel, second)? })
     }
-    fn around_sphere(&self, sizes: &Sizes, _shape: Option<f64>) -> Option<SecondMatrix> {
-        Some(SecondMatrix::Mass { gel_density_kg_m3: sizes.gel_density_kg_m3, body_kg: sizes.robot_mass_kg })
+    fn around_sphere(&self, sizes: &PhysicalProperties, _shape: Option<f64>) -> Option<EffectMatrix> {
+        Some(EffectMatrix::Mass { gel_density_kg_m3: sizes.gel_density_kg_m3, body_kg: sizes.robot_mass_kg })
     }
 }
 
 /// Matrix of ∫ ρ u·v over the gel, plus the robot's mass.
-fn mass(surroundings: &Surroundings<'_>, mesh: &Mesh, freedoms: &Freedoms) -> Result<SymmetricMatrix> {
+fn mass(surroundings: &GelAndRobot<'_>, mesh: &Mesh, freedoms: &DegreesOfFreedom) -> Result<SymmetricMatrix> {
     let table = TabulatedElement::of(mesh.element_kind);
     let n = table.n_nodes;
     let mut elements = element_matrices(
@@ -135,7 +136,7 @@ mod tests {
             stages.spatial
         };
         assert_eq!(written(0.0.into()), None);
-        let beside = Beside::Mass { scale: 1.0.into() };
+        let beside = AdditionalTerm::Mass { scale: 1.0.into() };
         assert_eq!(written(1.0.into()), Some(Spatial::Linear(LinearField { effect: "inertia", shape: None, beside })));
         assert!(written(Dual::variable(0.0)).is_some());
     }

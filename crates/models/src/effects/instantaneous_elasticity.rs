@@ -8,13 +8,13 @@
 
 use super::beside_fields::WAVES;
 use super::first_body::{elements_of, in_series, reference_modulus_pa};
-use super::{Effect, EffectParameter, Field, Stage, Stages};
+use super::{Effect, EffectParameter, FieldEffect, Stage, Stages};
 use base::distribution::Distribution;
 use base::error::Result;
 use base::number::Dual;
 use base::parameter::{ParameterSpec, Support};
 use laws::rheology::{BaseLaw, Element};
-use record::Scales;
+use record::CharacteristicSizes;
 
 const PARAMETERS: &[EffectParameter] = &[EffectParameter {
     spec: ParameterSpec::new("instantaneous-elasticity.compliance_ratio", "E/E₀", "1", Support::POSITIVE),
@@ -49,10 +49,10 @@ impl Effect for InstantaneousElasticity {
         has_spring
             .then_some("it already contains this effect as a spring in series, and a second one would be redundant")
     }
-    fn barred_beside(&self, field: Field) -> Option<&'static str> {
+    fn conflict_with_field(&self, field: FieldEffect) -> Option<&'static str> {
         field.has_mass().then_some(WAVES)
     }
-    fn apply(&self, parameters: &[Dual], scales: &Scales, stages: &mut Stages) -> Result<()> {
+    fn apply(&self, parameters: &[Dual], scales: &CharacteristicSizes, stages: &mut Stages) -> Result<()> {
         let ratio = parameters[0];
         if !ratio.is_constant(0.0) {
             let compliance_per_pa = ratio / reference_modulus_pa(&stages.law, scales);

@@ -10,27 +10,28 @@ use faer::sparse::Triplet;
 use nalgebra::Vector3;
 
 use super::{
-    Effect, EffectParameter, Field, FieldSystem, LinearField, MatrixPair, Spatial, Stage, Stages,
+    Effect, EffectParameter, FieldEffect, FieldSystem, LinearField, MatrixPair, Spatial, Stage, Stages,
     apparent_viscosity_pa_s, robot_radius_m,
 };
 use base::distribution::Distribution;
 use base::error::Result;
 use base::number::Dual;
 use base::parameter::{ParameterSpec, Support};
-use elements::fe::meridional::SecondMatrix;
+use elements::fe::meridional::EffectMatrix;
 use elements::fe::spatial::{
-    Freedoms, Sizes, SpatialSystem, Splitting, Surroundings, SymmetricMatrix, decades, stiffness,
+    DegreesOfFreedom, GelAndRobot, MatrixSplitting, PhysicalProperties, SpatialSystem, SymmetricMatrix, log_spaced,
+    stiffness,
 };
 use elements::fe::surface::for_each_surface_point;
 use elements::mesh::Mesh;
-use laws::rheology::Beside;
-use record::Scales;
+use laws::rheology::AdditionalTerm;
+use record::CharacteristicSizes;
 
 /// Product of friction and the robot's radius above which a slipping surface sticks.
 const STUCK: f64 = 1e9;
 
 /// 1/β at which the slip length equals the robot's radius.
-fn scale_m_per_pa_s(scales: &Scales) -> f64 {
+fn scale_m_per_pa_s(scales: &CharacteristicSizes) -> f64 {
     robot_radius_m(scales) / apparent_viscosity_pa_s(scales)
 }
 
@@ -61,16 +62,16 @@ impl Effect for InterfaceSlip {
     fn parameters(&self) -> &'static [EffectParameter] {
         PARAMETERS
     }
-    fn field(&self) -> Option<Field> {
-        Some(Field::Pair(&InterfaceSlip))
+    fn field(&self) -> Option<FieldEffect> {
+        Some(FieldEffect::Pair(&InterfaceSlip))
     }
-    fn shows_at(&self, scales: &Scales) -> Option<f64> {
+    fn signature_size(&self, scales: &CharacteristicSizes) -> Option<f64> {
         Some(0.03 * scale_m_per_pa_s(scales))
     }
-    fn apply(&self, parameters: &[Dual], _scales: &Scales, stages: &mut Stages) -> Result<()> {
+    fn apply(&self, parameters: &[Dual], _scales: &CharacteristicSizes, stages: &mut Stages) -> Result<()> {
         let compliance_m_per_pa_s = parameters[0];
         if !compliance_m_per_pa_s.is_constant(0.0) {
-            let beside = Beside::Friction { compliance: compliance_m_per_pa_s };
+            let beside = AdditionalTerm::Friction { compliance: compliance_m_per_pa_s };
             stages.spatial = Some(Spatial::Linear(LinearField { effect: self.slug(), shape: None, beside }));
         }
         Ok(())
@@ -82,27 +83,27 @@ impl MatrixPair for InterfaceSlip {
         "slip on the robot"
     }
     /// Friction competes with the stiffness at the scale 1/R.
-    fn splitting(&self, sizes: &Sizes) -> Splitting {
+    fn splitting(&self, sizes: &PhysicalProperties) -> MatrixSplitting {
         let radius_m = sizes.robot_radius_m;
-        let mut snapshots: Vec<f64> = decades(1e-3, 1e3, 2.0).iter().map(|x| x / radius_m).collect();
+        let mut snapshots: Vec<f64> = log_spaced(1e-3, 1e3, 2.0).iter().map(|x| x / radius_m).collect();
         snapshots.insert(0, 0.0);
         snapshots.push(STUCK / radius_m);
-        Splitting { reference: 0.0, snapshots, is_rigid_at_null: true }
+        MatrixSplitting { reference: 0.0, snapshots, is_rigid_at_null: true }
     }
-    fn system(&self, surroundings: &Surroundings<'_>, _shape: Option<f64>) -> Result<FieldSystem> {
+    fn system(&self, surroundings: &GelAndRobot<'_>, _shape: Option<f64>) -> Result<FieldSystem> {
         let mesh = surroundings.mesh;
-        let freedoms = Freedoms::slipping(mesh)?;
+        let freedoms = DegreesOfFreedom::slipping(mesh)?;
         let gel = stiffness(surroundings, mesh, &freedoms, |_| true)?;
         let second = friction(mesh, &freedoms)?;
         Ok(FieldSystem { mesh: None, system: SpatialSystem::new(mesh, freedoms, gel, second)? })
     }
-    fn around_sphere(&self, _sizes: &Sizes, _shape: Option<f64>) -> Option<SecondMatrix> {
-        Some(SecondMatrix::Slip)
+    fn around_sphere(&self, _sizes: &PhysicalProperties, _shape: Option<f64>) -> Option<EffectMatrix> {
+        Some(EffectMatrix::Slip)
     }
 }
 
 /// Matrix of ∫ g·g over the robot's surface, g the tangential slip.
-fn friction(mesh: &Mesh, freedoms: &Freedoms) -> Result<SymmetricMatrix> {
+fn friction(mesh: &Mesh, freedoms: &DegreesOfFreedom) -> Result<SymmetricMatrix> {
     let mut triplets = Vec::new();
     for_each_surface_point(mesh, &mesh.robot_nodes, |point| {
         let normal = Vector3::from(point.normal);
@@ -145,7 +146,7 @@ mod tests {
             stages.spatial
         };
         assert_eq!(written(0.0.into()), None);
-        let beside = Beside::Friction { compliance: 2.0.into() };
+        let beside = AdditionalTerm::Friction { compliance: 2.0.into() };
         let slip = LinearField { effect: "interface-slip", shape: None, beside };
         assert_eq!(written(2.0.into()), Some(Spatial::Linear(slip)));
     }

@@ -5,13 +5,13 @@
 //! within a few radii. Other gels with equal small strains deviate differently: with a mobility α > 0 the fluid is Giesekus's.
 
 use super::beside_fields::memory;
-use super::{Effect, EffectParameter, Field, Spatial, Stage, Stages};
+use super::{Effect, EffectParameter, FieldEffect, Spatial, Stage, Stages};
 use base::distribution::Distribution;
 use base::error::{Error, Result};
 use base::number::Dual;
 use base::parameter::{ParameterSpec, Support};
 use laws::rheology::BaseLaw;
-use record::Scales;
+use record::CharacteristicSizes;
 
 /// Name of the amplitude.
 pub const AMPLITUDE: &str = "large-displacement.amplitude";
@@ -19,7 +19,7 @@ pub const AMPLITUDE: &str = "large-displacement.amplitude";
 pub const MOBILITY: &str = "large-displacement.mobility";
 
 /// Error for surroundings and laws that the full-order model does not cover.
-pub fn needs_a_sphere() -> Error {
+pub fn sphere_required_error() -> Error {
     Error::numerical(
         "large displacements need a sphere at the centre and a gel without springpots",
         "leave `large-displacement` out",
@@ -62,16 +62,16 @@ impl Effect for LargeDisplacement {
     fn parameters(&self) -> &'static [EffectParameter] {
         PARAMETERS
     }
-    fn field(&self) -> Option<Field> {
-        Some(Field::Large)
+    fn field(&self) -> Option<FieldEffect> {
+        Some(FieldEffect::Large)
     }
-    fn shows_at(&self, _scales: &Scales) -> Option<f64> {
+    fn signature_size(&self, _scales: &CharacteristicSizes) -> Option<f64> {
         Some(1.0)
     }
     fn conflict(&self, base: &BaseLaw) -> Option<&'static str> {
         memory(base)
     }
-    fn apply(&self, parameters: &[Dual], _scales: &Scales, stages: &mut Stages) -> Result<()> {
+    fn apply(&self, parameters: &[Dual], _scales: &CharacteristicSizes, stages: &mut Stages) -> Result<()> {
         let (amplitude, mobility) = (parameters[0], parameters[1]);
         if !amplitude.is_constant(0.0) {
             stages.spatial = Some(Spatial::Large { amplitude, mobility });

@@ -25,7 +25,7 @@ impl Library {
     }
 
     /// Library with more effects, applied after the others. Other libraries do not get them.
-    pub fn beside(mut self, effects: impl IntoIterator<Item = &'static dyn Effect>) -> Self {
+    pub fn with_all(mut self, effects: impl IntoIterator<Item = &'static dyn Effect>) -> Self {
         self.0.extend(effects);
         self
     }
@@ -47,8 +47,8 @@ impl Library {
 
     /// Effect with this slug, in the library or defined in a file.
     pub fn get(&self, slug: &str) -> Option<&'static dyn Effect> {
-        let own = self.0.iter().copied().find(|effect| effect.slug() == slug);
-        own.or_else(|| state_effect::defined(slug).map(|(effect, _)| effect as &dyn Effect))
+        let entry = self.0.iter().copied().find(|effect| effect.slug() == slug);
+        entry.or_else(|| state_effect::defined(slug).map(|(effect, _)| effect as &dyn Effect))
     }
 
     /// Returns `true` if one of these effects has a nonlinear law.

@@ -10,17 +10,19 @@ use nalgebra::Vector3;
 
 use super::first_body::{body, elements_of, first_body_mut, first_element_mut, in_series};
 use super::{
-    Effect, EffectParameter, Field, FieldSystem, LinearField, MatrixPair, ShapeParameter, Spatial, Stage, Stages,
+    Effect, EffectParameter, FieldEffect, FieldSystem, LinearField, MatrixPair, ShapeParameter, Spatial, Stage, Stages,
 };
 use base::distribution::Distribution;
 use base::error::{Error, Result};
 use base::number::Dual;
 use base::parameter::{ParameterSpec, Support};
-use elements::fe::meridional::SecondMatrix;
-use elements::fe::spatial::{Freedoms, Sizes, SpatialSystem, Splitting, Surroundings, decades, stiffness};
+use elements::fe::meridional::EffectMatrix;
+use elements::fe::spatial::{
+    DegreesOfFreedom, GelAndRobot, MatrixSplitting, PhysicalProperties, SpatialSystem, log_spaced, stiffness,
+};
 use elements::mesh::{Mesh, QuarterBall};
-use laws::rheology::{BaseLaw, Beside, Element};
-use record::Scales;
+use laws::rheology::{AdditionalTerm, BaseLaw, Element};
+use record::CharacteristicSizes;
 
 /// Range of ρ_p that is meshed.
 const RADIUS_RATIOS: [f64; 2] = [1.5, 5.0];
@@ -73,17 +75,17 @@ impl Effect for LiquefiedPocket {
     fn parameters(&self) -> &'static [EffectParameter] {
         PARAMETERS
     }
-    fn field(&self) -> Option<Field> {
-        Some(Field::Pair(&LiquefiedPocket))
+    fn field(&self) -> Option<FieldEffect> {
+        Some(FieldEffect::Pair(&LiquefiedPocket))
     }
     fn conflict(&self, base: &BaseLaw) -> Option<&'static str> {
         let has_elasticity = elastic_mut(&mut elements_of(base)).is_some();
         (!has_elasticity).then_some(NO_ELASTICITY)
     }
-    fn shows_at(&self, _scales: &Scales) -> Option<f64> {
+    fn signature_size(&self, _scales: &CharacteristicSizes) -> Option<f64> {
         Some(0.5)
     }
-    fn apply(&self, parameters: &[Dual], _scales: &Scales, stages: &mut Stages) -> Result<()> {
+    fn apply(&self, parameters: &[Dual], _scales: &CharacteristicSizes, stages: &mut Stages) -> Result<()> {
         let (loss, radius_ratio) = (parameters[0], parameters[1]);
         if !(0.0..=1.0).contains(&loss.value) {
             return Err(Error::numerical(
@@ -97,7 +99,7 @@ impl Effect for LiquefiedPocket {
         stages.spatial = Some(Spatial::Linear(LinearField {
             effect: self.slug(),
             shape: Some(radius_ratio),
-            beside: Beside::Law(pocket_law(&stages.law, loss)?),
+            beside: AdditionalTerm::Law(pocket_law(&stages.law, loss)?),
         }));
         Ok(())
     }
@@ -134,7 +136,7 @@ impl MatrixPair for LiquefiedPocket {
     fn words(&self) -> &'static str {
         "a softer pocket"
     }
-    fn lacks(&self, surroundings: &Surroundings<'_>) -> Option<&'static str> {
+    fn lacks(&self, surroundings: &GelAndRobot<'_>) -> Option<&'static str> {
         surroundings.sizes.ball.is_none().then_some("a pocket needs the built-in mesh around a sphere")
     }
     /// Around a sphere the robot's displacement and two amplitudes at the pocket's edge determine the gel's field (physics §4.2). Exactly three shares occur: 0,
@@ -143,23 +145,23 @@ impl MatrixPair for LiquefiedPocket {
         Some(ShapeParameter { name: PARAMETERS[1].spec.name, range: RADIUS_RATIOS })
     }
     /// The pocket is softer by a factor 1 + x.
-    fn splitting(&self, _sizes: &Sizes) -> Splitting {
-        let snapshots = decades(1e-4, 1.0, 2.0).iter().map(|share| share - 1.0).collect();
-        Splitting { reference: 1.0, snapshots, is_rigid_at_null: false }
+    fn splitting(&self, _sizes: &PhysicalProperties) -> MatrixSplitting {
+        let snapshots = log_spaced(1e-4, 1.0, 2.0).iter().map(|share| share - 1.0).collect();
+        MatrixSplitting { reference: 1.0, snapshots, is_rigid_at_null: false }
     }
     /// Elements are inside or outside according to their centres.
-    fn system(&self, surroundings: &Surroundings<'_>, shape: Option<f64>) -> Result<FieldSystem> {
+    fn system(&self, surroundings: &GelAndRobot<'_>, shape: Option<f64>) -> Result<FieldSystem> {
         let radius_m = shape.unwrap_or(f64::NAN) * surroundings.sizes.robot_radius_m;
         let mesh = pocket_mesh(&surroundings.sizes, radius_m)?;
-        let freedoms = Freedoms::tied(&mesh)?;
+        let freedoms = DegreesOfFreedom::tied(&mesh)?;
         let is_inside = |nodes: &[u32]| middle_distance_m(&mesh, nodes) < radius_m;
         let second = stiffness(surroundings, &mesh, &freedoms, is_inside)?;
         let gel = stiffness(surroundings, &mesh, &freedoms, |nodes| !is_inside(nodes))?;
         let system = SpatialSystem::new(&mesh, freedoms, gel, second)?;
         Ok(FieldSystem { mesh: Some(mesh), system })
     }
-    fn around_sphere(&self, sizes: &Sizes, shape: Option<f64>) -> Option<SecondMatrix> {
-        Some(SecondMatrix::GelWithin { radius_m: shape.unwrap_or(f64::NAN) * sizes.robot_radius_m })
+    fn around_sphere(&self, sizes: &PhysicalProperties, shape: Option<f64>) -> Option<EffectMatrix> {
+        Some(EffectMatrix::GelWithin { radius_m: shape.unwrap_or(f64::NAN) * sizes.robot_radius_m })
     }
 }
 
@@ -167,7 +169,7 @@ impl MatrixPair for LiquefiedPocket {
 ///
 /// # Errors
 /// [`Error::Numerical`] if the robot is not a sphere in the middle of a built-in mesh, or if the pocket does not fit.
-fn pocket_mesh(sizes: &Sizes, radius_m: f64) -> Result<Mesh> {
+fn pocket_mesh(sizes: &PhysicalProperties, radius_m: f64) -> Result<Mesh> {
     let ball = sizes.ball.ok_or_else(|| {
         Error::numerical(
             "a liquefied pocket needs the built-in mesh around a sphere in the middle of the vitreous",

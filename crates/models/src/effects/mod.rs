@@ -33,10 +33,10 @@ mod test_scales;
 mod tracking_drift;
 mod yield_stress;
 
-pub use field::{Field, FieldSystem, MatrixPair, ShapeParameter};
-pub use formula::{Formula, Mistake};
-pub use large_displacement::{AMPLITUDE, MOBILITY, needs_a_sphere};
-pub use laws::stages::{Approach, LinearField, Load, Observation, Spatial, Stages};
+pub use field::{FieldEffect, FieldSystem, MatrixPair, ShapeParameter};
+pub use formula::{Formula, FormulaError};
+pub use large_displacement::{AMPLITUDE, MOBILITY, sphere_required_error};
+pub use laws::stages::{DriftApproach, LinearField, Load, Observation, Spatial, Stages};
 pub use library::{Library, parameter_named};
 pub use state_effect::{QuantityName, StateEffect, define, defined};
 
@@ -45,7 +45,7 @@ use base::error::Result;
 use base::number::Dual;
 use base::parameter::ParameterSpec;
 use laws::rheology::BaseLaw;
-use record::Scales;
+use record::CharacteristicSizes;
 
 /// All effects, in the order in which a model applies them.
 pub const EFFECTS: &[&dyn Effect] = &[
@@ -75,39 +75,39 @@ pub const EFFECTS: &[&dyn Effect] = &[
 pub const NUISANCES: &[&dyn Effect] = &[&position_offset::PositionOffset];
 
 /// Nuisances that this experiment has.
-pub fn nuisances(scales: &Scales) -> &'static [&'static dyn Effect] {
+pub fn nuisances(scales: &CharacteristicSizes) -> &'static [&'static dyn Effect] {
     if scales.fits_position_offset { NUISANCES } else { &[] }
 }
 
 /// Range of positions that scales default priors, in m. It is the measured range. Without measurements it is a millimetre, the largest displacement of the
 /// reference experiment (physics §1).
-fn position_range_m(scales: &Scales) -> f64 {
+fn position_range_m(scales: &CharacteristicSizes) -> f64 {
     if scales.position_range_m > 0.0 { scales.position_range_m } else { 1e-3 }
 }
 
 /// Radius of the robot that scales default priors, in m; a millimetre for an instrument.
-fn robot_radius_m(scales: &Scales) -> f64 {
+fn robot_radius_m(scales: &CharacteristicSizes) -> f64 {
     scales.robot_radius_m.unwrap_or(1e-3)
 }
 
 /// Largest force that scales default priors, in N; a micronewton if none is commanded.
-fn largest_force_n(scales: &Scales) -> f64 {
+fn largest_force_n(scales: &CharacteristicSizes) -> f64 {
     if scales.largest_force_n > 0.0 { scales.largest_force_n } else { 1e-6 }
 }
 
 /// Viscosity (Pa·s) at which the largest force moves the robot through the range of positions in one hold, by Stokes' law.
-fn apparent_viscosity_pa_s(scales: &Scales) -> f64 {
+fn apparent_viscosity_pa_s(scales: &CharacteristicSizes) -> f64 {
     let force_n = largest_force_n(scales);
     force_n * hold_s(scales) / (6.0 * std::f64::consts::PI * robot_radius_m(scales) * position_range_m(scales))
 }
 
 /// Time in s between force steps, which scales laws and priors; a second if there is none.
-fn hold_s(scales: &Scales) -> f64 {
+fn hold_s(scales: &CharacteristicSizes) -> f64 {
     if scales.hold_s > 0.0 { scales.hold_s } else { 1.0 }
 }
 
 /// Stress s₀ = F_max/(4πR²) in Pa: the largest force over the robot's surface.
-fn reference_stress_pa(scales: &Scales) -> f64 {
+fn reference_stress_pa(scales: &CharacteristicSizes) -> f64 {
     largest_force_n(scales) / (4.0 * std::f64::consts::PI * robot_radius_m(scales).powi(2))
 }
 
@@ -134,7 +134,7 @@ impl Stage {
 }
 
 /// Function of the sizes of an experiment.
-pub type OfScales<T> = dyn Fn(&Scales) -> T + Send + Sync;
+pub type ScaleFunction<T> = dyn Fn(&CharacteristicSizes) -> T + Send + Sync;
 
 /// Parameter of an effect. Its name, symbol, unit, support, null and default prior are defined here alone.
 #[derive(Clone, Copy)]
@@ -142,14 +142,14 @@ pub struct EffectParameter {
     /// Name `slug.name`, symbol, unit, support.
     pub spec: ParameterSpec,
     /// Value at which the effect vanishes; `None` if the parameter is unidentified at the effect's null.
-    pub null: &'static OfScales<Option<f64>>,
+    pub null: &'static ScaleFunction<Option<f64>>,
     /// Default prior, scaled by the experiment.
-    pub prior: &'static OfScales<Distribution>,
+    pub prior: &'static ScaleFunction<Distribution>,
     /// Source of the prior's numbers.
     pub prior_source: &'static str,
     /// Step from the null for the effect's signature, if the derivative at the null vanishes, jumps or cannot be computed; `None` if the
     /// derivative is used.
-    pub finite_step: Option<&'static OfScales<f64>>,
+    pub finite_step: Option<&'static ScaleFunction<f64>>,
 }
 
 impl std::fmt::Debug for EffectParameter {
@@ -171,7 +171,7 @@ pub trait Effect: Sync {
     /// Parameters, in the order of [`Effect::apply`].
     fn parameters(&self) -> &'static [EffectParameter];
     /// Change of the displacement field, if it is more than a factor. A model may have one such effect.
-    fn field(&self) -> Option<Field> {
+    fn field(&self) -> Option<FieldEffect> {
         None
     }
     /// Returns `true` if the displacement field differs from the base's.
@@ -183,16 +183,16 @@ pub trait Effect: Sync {
         self.changes_field()
     }
     /// Reason why the effect cannot be combined with one that has a [`Self::field`]; `None` if it can.
-    fn barred_beside(&self, _field: Field) -> Option<&'static str> {
+    fn conflict_with_field(&self, _field: FieldEffect) -> Option<&'static str> {
         None
     }
     /// Size of the first parameter for the effect's signature, if a small effect is to first order equivalent to other values of the law's parameters. The signature
     /// is the residual of their best fit at this size. It grows with the square of the size.
-    fn shows_at(&self, _scales: &Scales) -> Option<f64> {
+    fn signature_size(&self, _scales: &CharacteristicSizes) -> Option<f64> {
         None
     }
     /// Returns `true` if the effect depends on the robot's position where it acts. The position must then be the linear response.
-    fn acts_on_position(&self) -> bool {
+    fn depends_on_position(&self) -> bool {
         false
     }
     /// Returns `true` if the effect makes a quantity depend on a state. A model may have one such effect, and no other that depends on the position.
@@ -201,11 +201,11 @@ pub trait Effect: Sync {
     }
     /// Returns `true` if the law is nonlinear. Only load and observation effects can be combined with such an effect.
     fn is_nonlinear(&self) -> bool {
-        self.field().is_some_and(Field::is_nonlinear)
+        self.field().is_some_and(FieldEffect::is_nonlinear)
     }
     /// Returns `true` if its reduced model is trained for one record, around the law that fits it, instead of once for a gel.
     fn is_learnt_for_record(&self) -> bool {
-        self.field().is_some_and(Field::is_learnt_for_record)
+        self.field().is_some_and(FieldEffect::is_learnt_for_record)
     }
     /// Reason why the effect cannot be added to this base law; `None` if it can.
     fn conflict(&self, _base: &BaseLaw) -> Option<&'static str> {
@@ -216,5 +216,5 @@ pub trait Effect: Sync {
     ///
     /// # Errors
     /// [`base::Error::Numerical`] if there is no model at these parameters.
-    fn apply(&self, parameters: &[Dual], scales: &Scales, stages: &mut Stages) -> Result<()>;
+    fn apply(&self, parameters: &[Dual], scales: &CharacteristicSizes, stages: &mut Stages) -> Result<()>;
 }

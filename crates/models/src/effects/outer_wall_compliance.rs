@@ -8,27 +8,28 @@
 use faer::sparse::Triplet;
 
 use super::{
-    Effect, EffectParameter, Field, FieldSystem, LinearField, MatrixPair, Spatial, Stage, Stages, largest_force_n,
-    position_range_m, robot_radius_m,
+    Effect, EffectParameter, FieldEffect, FieldSystem, LinearField, MatrixPair, Spatial, Stage, Stages,
+    largest_force_n, position_range_m, robot_radius_m,
 };
 use base::distribution::Distribution;
 use base::error::Result;
 use base::number::Dual;
 use base::parameter::{ParameterSpec, Support};
-use elements::fe::meridional::SecondMatrix;
+use elements::fe::meridional::EffectMatrix;
 use elements::fe::spatial::{
-    Freedoms, Sizes, SpatialSystem, Splitting, Surroundings, SymmetricMatrix, decades, stiffness,
+    DegreesOfFreedom, GelAndRobot, MatrixSplitting, PhysicalProperties, SpatialSystem, SymmetricMatrix, log_spaced,
+    stiffness,
 };
 use elements::fe::surface::for_each_surface_point;
 use elements::mesh::Mesh;
-use laws::rheology::Beside;
-use record::Scales;
+use laws::rheology::AdditionalTerm;
+use record::CharacteristicSizes;
 
 /// Factor of the springs, in units of E/R_o, above which the surface is fixed.
 const FIXED: f64 = 1e9;
 
 /// 1/k at which the largest force moves the gel as a body through the range of positions.
-fn scale_m_per_pa(scales: &Scales) -> f64 {
+fn scale_m_per_pa(scales: &CharacteristicSizes) -> f64 {
     let radius_m = scales.outer_radius_m.unwrap_or_else(|| robot_radius_m(scales));
     4.0 * std::f64::consts::PI * radius_m.powi(2) * position_range_m(scales) / largest_force_n(scales)
 }
@@ -60,14 +61,14 @@ impl Effect for OuterWallCompliance {
     fn parameters(&self) -> &'static [EffectParameter] {
         PARAMETERS
     }
-    fn field(&self) -> Option<Field> {
-        Some(Field::Pair(&OuterWallCompliance))
+    fn field(&self) -> Option<FieldEffect> {
+        Some(FieldEffect::Pair(&OuterWallCompliance))
     }
-    fn apply(&self, parameters: &[Dual], scales: &Scales, stages: &mut Stages) -> Result<()> {
+    fn apply(&self, parameters: &[Dual], scales: &CharacteristicSizes, stages: &mut Stages) -> Result<()> {
         let compliance_m_per_pa = parameters[0];
         if !compliance_m_per_pa.is_constant(0.0) {
             let radius_m = scales.outer_radius_m.unwrap_or_else(|| robot_radius_m(scales));
-            let beside = Beside::Spring { compliance_per_pa: compliance_m_per_pa * radius_m.recip() };
+            let beside = AdditionalTerm::Spring { compliance_per_pa: compliance_m_per_pa * radius_m.recip() };
             stages.spatial = Some(Spatial::Linear(LinearField { effect: self.slug(), shape: None, beside }));
         }
         Ok(())
@@ -78,24 +79,28 @@ impl MatrixPair for OuterWallCompliance {
     fn words(&self) -> &'static str {
         "a compliant wall"
     }
-    fn splitting(&self, _sizes: &Sizes) -> Splitting {
-        let factors = decades(1e-6, 1e6, 2.0).into_iter().chain([FIXED]);
-        Splitting { reference: 1.0, snapshots: factors.map(|factor| factor - 1.0).collect(), is_rigid_at_null: true }
+    fn splitting(&self, _sizes: &PhysicalProperties) -> MatrixSplitting {
+        let factors = log_spaced(1e-6, 1e6, 2.0).into_iter().chain([FIXED]);
+        MatrixSplitting {
+            reference: 1.0,
+            snapshots: factors.map(|factor| factor - 1.0).collect(),
+            is_rigid_at_null: true,
+        }
     }
-    fn system(&self, surroundings: &Surroundings<'_>, _shape: Option<f64>) -> Result<FieldSystem> {
+    fn system(&self, surroundings: &GelAndRobot<'_>, _shape: Option<f64>) -> Result<FieldSystem> {
         let mesh = surroundings.mesh;
-        let freedoms = Freedoms::with_free_outer_surface(mesh)?;
+        let freedoms = DegreesOfFreedom::with_free_outer_surface(mesh)?;
         let gel = stiffness(surroundings, mesh, &freedoms, |_| true)?;
         let second = springs(mesh, &freedoms, surroundings.sizes.outer_radius_m)?;
         Ok(FieldSystem { mesh: None, system: SpatialSystem::new(mesh, freedoms, gel, second)? })
     }
-    fn around_sphere(&self, _sizes: &Sizes, _shape: Option<f64>) -> Option<SecondMatrix> {
-        Some(SecondMatrix::OuterSprings)
+    fn around_sphere(&self, _sizes: &PhysicalProperties, _shape: Option<f64>) -> Option<EffectMatrix> {
+        Some(EffectMatrix::OuterSprings)
     }
 }
 
 /// Matrix of ∫ u·v over the outer surface, per outer radius: with a modulus of k R_o in Pa it is k ∫ u·v.
-fn springs(mesh: &Mesh, freedoms: &Freedoms, outer_radius_m: f64) -> Result<SymmetricMatrix> {
+fn springs(mesh: &Mesh, freedoms: &DegreesOfFreedom, outer_radius_m: f64) -> Result<SymmetricMatrix> {
     let mut triplets = Vec::new();
     for_each_surface_point(mesh, &mesh.outer_nodes, |point| {
         for (&node, &shape) in point.nodes.iter().zip(point.shape).filter(|(_, shape)| **shape != 0.0) {
@@ -127,7 +132,7 @@ mod tests {
             stages.spatial
         };
         assert_eq!(written(0.0.into()), None);
-        let beside = Beside::Spring { compliance_per_pa: Dual::constant(0.02) * 10e-3_f64.recip() };
+        let beside = AdditionalTerm::Spring { compliance_per_pa: Dual::constant(0.02) * 10e-3_f64.recip() };
         let wall = LinearField { effect: "outer-wall-compliance", shape: None, beside };
         assert_eq!(written(0.02.into()), Some(Spatial::Linear(wall)));
     }

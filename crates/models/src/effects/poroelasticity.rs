@@ -7,14 +7,14 @@
 //! its future work).
 
 use super::{
-    Effect, EffectParameter, Field, LinearField, Spatial, Stage, Stages, apparent_viscosity_pa_s, robot_radius_m,
+    Effect, EffectParameter, FieldEffect, LinearField, Spatial, Stage, Stages, apparent_viscosity_pa_s, robot_radius_m,
 };
 use base::distribution::Distribution;
 use base::error::{Error, Result};
 use base::number::Dual;
 use base::parameter::{ParameterSpec, Support};
-use laws::rheology::Beside;
-use record::Scales;
+use laws::rheology::AdditionalTerm;
+use record::CharacteristicSizes;
 
 const HIGHEST_DRAINED: f64 = 0.45;
 
@@ -29,7 +29,7 @@ fn drained_range(poisson_ratio: f64) -> [f64; 2] {
 }
 
 /// k at which pressure diffuses over the robot's radius in about a hold.
-fn scale_m2_per_pa_s(scales: &Scales) -> f64 {
+fn scale_m2_per_pa_s(scales: &CharacteristicSizes) -> f64 {
     robot_radius_m(scales).powi(2) / apparent_viscosity_pa_s(scales)
 }
 
@@ -77,13 +77,13 @@ impl Effect for Poroelasticity {
     fn parameters(&self) -> &'static [EffectParameter] {
         PARAMETERS
     }
-    fn field(&self) -> Option<Field> {
-        Some(Field::Pores(drained_range))
+    fn field(&self) -> Option<FieldEffect> {
+        Some(FieldEffect::Pores(drained_range))
     }
-    fn shows_at(&self, scales: &Scales) -> Option<f64> {
+    fn signature_size(&self, scales: &CharacteristicSizes) -> Option<f64> {
         Some(0.03 * scale_m2_per_pa_s(scales))
     }
-    fn apply(&self, parameters: &[Dual], scales: &Scales, stages: &mut Stages) -> Result<()> {
+    fn apply(&self, parameters: &[Dual], scales: &CharacteristicSizes, stages: &mut Stages) -> Result<()> {
         let (mobility_m2_per_pa_s, drained_poisson_ratio) = (parameters[0], parameters[1]);
         let [lower, upper] = drained_range(scales.poisson_ratio.unwrap_or(0.48));
         if !(lower..=upper).contains(&drained_poisson_ratio.value) {
@@ -96,7 +96,7 @@ impl Effect for Poroelasticity {
             stages.spatial = Some(Spatial::Linear(LinearField {
                 effect: self.slug(),
                 shape: Some(drained_poisson_ratio),
-                beside: Beside::Friction { compliance: mobility_m2_per_pa_s },
+                beside: AdditionalTerm::Friction { compliance: mobility_m2_per_pa_s },
             }));
         }
         Ok(())

@@ -9,7 +9,7 @@ use base::distribution::Distribution;
 use base::error::Result;
 use base::number::Dual;
 use base::parameter::{ParameterSpec, Support};
-use record::Scales;
+use record::CharacteristicSizes;
 
 const PARAMETERS: &[EffectParameter] = &[EffectParameter {
     spec: ParameterSpec::new("position-offset.offset_m", "b", "m", Support::REAL),
@@ -38,7 +38,7 @@ impl Effect for PositionOffset {
     fn parameters(&self) -> &'static [EffectParameter] {
         PARAMETERS
     }
-    fn apply(&self, parameters: &[Dual], _scales: &Scales, stages: &mut Stages) -> Result<()> {
+    fn apply(&self, parameters: &[Dual], _scales: &CharacteristicSizes, stages: &mut Stages) -> Result<()> {
         stages.observation.offset_m += parameters[0];
         Ok(())
     }
@@ -57,20 +57,21 @@ mod tests {
     #[test]
     fn models_have_it_where_the_experiment_says_so() {
         let drift = EFFECTS.iter().copied().find(|effect| effect.slug() == "tracking-drift").unwrap();
-        let names = |scales: Scales| {
-            let model = Model::new(BaseLaw::Lethersich, vec![drift], scales, &base::error::Place::default()).unwrap();
+        let names = |scales: CharacteristicSizes| {
+            let model =
+                Model::new(BaseLaw::Lethersich, vec![drift], scales, &base::error::InputPlace::default()).unwrap();
             let names: Vec<&str> = model.parameters().iter().map(|spec: &ParameterSpec| spec.name).collect();
             (names[3..].to_vec(), model.n_before_effects(), model.is_law_alone())
         };
-        let fitted = Scales { fits_position_offset: true, ..SCALES };
+        let fitted = CharacteristicSizes { fits_position_offset: true, ..SCALES };
         assert_eq!(nuisances(&fitted).len(), NUISANCES.len());
         let (offset, velocity) = ("position-offset.offset_m", "tracking-drift.velocity_m_per_s");
         assert_eq!(names(fitted), (vec![offset, velocity], 4, false));
         assert_eq!(names(SCALES), (vec![velocity], 3, false));
         let alone =
-            |scales| Model::new(BaseLaw::Lethersich, Vec::new(), scales, &base::error::Place::default()).unwrap();
+            |scales| Model::new(BaseLaw::Lethersich, Vec::new(), scales, &base::error::InputPlace::default()).unwrap();
         assert!(alone(SCALES).is_law_alone() && !alone(fitted).is_law_alone());
-        assert!(!alone(Scales { depth_exponent: Some(1.5), ..SCALES }).is_law_alone());
+        assert!(!alone(CharacteristicSizes { depth_exponent: Some(1.5), ..SCALES }).is_law_alone());
     }
 
     #[test]

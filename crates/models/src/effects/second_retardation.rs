@@ -13,10 +13,10 @@ use base::error::{Error, Result};
 use base::number::Dual;
 use base::parameter::{ParameterSpec, Support};
 use laws::rheology::{BaseLaw, Element};
-use record::Scales;
+use record::CharacteristicSizes;
 
 /// Shortest τ₂ that this experiment can distinguish from a spring.
-fn shortest_time_s(scales: &Scales) -> f64 {
+fn shortest_time_s(scales: &CharacteristicSizes) -> f64 {
     2.0 * scales.sample_interval_s
 }
 
@@ -64,7 +64,7 @@ impl Effect for SecondRetardation {
             "it already contains this effect, and a second one would be redundant; use a network with two bodies to add a third",
         )
     }
-    fn apply(&self, parameters: &[Dual], scales: &Scales, stages: &mut Stages) -> Result<()> {
+    fn apply(&self, parameters: &[Dual], scales: &CharacteristicSizes, stages: &mut Stages) -> Result<()> {
         let (ratio, time_s) = (parameters[0], parameters[1]);
         let shortest_s = shortest_time_s(scales);
         if time_s.value < shortest_s {

@@ -6,14 +6,14 @@
 //! the response is nearly that of another c₂; two forces f and 1 flow at rates f^{1/n}: 1 (physics §5).
 
 use super::beside_fields::nonlinear_conflict;
-use super::{Effect, EffectParameter, Field, Stage, reference_stress_pa};
+use super::{Effect, EffectParameter, FieldEffect, Stage, reference_stress_pa};
 use base::distribution::Distribution;
 use base::error::Result;
 use base::number::Dual;
 use base::parameter::{ParameterSpec, Support};
 use laws::rheology::BaseLaw;
 use laws::stages::{NonlinearFamily, Nonlinearity, Spatial, Stages};
-use record::Scales;
+use record::CharacteristicSizes;
 
 const SMALLEST_INDEX: f64 = 0.3;
 
@@ -44,13 +44,13 @@ impl Effect for ShearThinning {
     fn parameters(&self) -> &'static [EffectParameter] {
         PARAMETERS
     }
-    fn field(&self) -> Option<Field> {
-        Some(Field::Nonlinear(NonlinearFamily::ShearThinning))
+    fn field(&self) -> Option<FieldEffect> {
+        Some(FieldEffect::Nonlinear(NonlinearFamily::ShearThinning))
     }
     fn conflict(&self, base: &BaseLaw) -> Option<&'static str> {
         nonlinear_conflict(base)
     }
-    fn apply(&self, parameters: &[Dual], scales: &Scales, stages: &mut Stages) -> Result<()> {
+    fn apply(&self, parameters: &[Dual], scales: &CharacteristicSizes, stages: &mut Stages) -> Result<()> {
         let index = parameters[0];
         if !index.is_constant(1.0) {
             let reference_stress_pa = reference_stress_pa(scales).into();

@@ -6,12 +6,12 @@
 //! A gel that is poured before the measurement sets instead.
 
 use super::beside_fields::AGEING;
-use super::{Effect, EffectParameter, Field, Stage, Stages};
+use super::{Effect, EffectParameter, FieldEffect, Stage, Stages};
 use base::distribution::Distribution;
 use base::error::Result;
 use base::number::Dual;
 use base::parameter::{ParameterSpec, Support};
-use record::Scales;
+use record::CharacteristicSizes;
 
 const PARAMETERS: &[EffectParameter] = &[EffectParameter {
     spec: ParameterSpec::new("softening.rate_per_s", "r", "1/s", Support::REAL),
@@ -40,10 +40,10 @@ impl Effect for Softening {
     fn parameters(&self) -> &'static [EffectParameter] {
         PARAMETERS
     }
-    fn barred_beside(&self, _field: Field) -> Option<&'static str> {
+    fn conflict_with_field(&self, _field: FieldEffect) -> Option<&'static str> {
         Some(AGEING)
     }
-    fn apply(&self, parameters: &[Dual], _scales: &Scales, stages: &mut Stages) -> Result<()> {
+    fn apply(&self, parameters: &[Dual], _scales: &CharacteristicSizes, stages: &mut Stages) -> Result<()> {
         stages.softening_rate_per_s += parameters[0];
         Ok(())
     }

@@ -2,12 +2,12 @@
 
 use std::sync::{Mutex, PoisonError};
 
-use super::{Effect, EffectParameter, Field, Stage, Stages};
+use super::{Effect, EffectParameter, FieldEffect, Stage, Stages};
 use base::error::{Error, Result};
 use base::number::Dual;
 use laws::rheology::BaseLaw;
 use laws::stages::{Function, Operation, Quantity, State, StateFunction, StateLaw};
-use record::Scales;
+use record::CharacteristicSizes;
 
 /// Quantity that depends on the state, by its name.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -62,8 +62,8 @@ static DEFINED: Mutex<Vec<(&'static StateEffect, toml::Table)>> = Mutex::new(Vec
 pub fn define(definition: toml::Table, effect: StateEffect) -> std::result::Result<&'static StateEffect, toml::Table> {
     let mut defined = DEFINED.lock().unwrap_or_else(PoisonError::into_inner);
     match defined.iter().find(|(known, _)| known.slug == effect.slug) {
-        Some((known, own)) if *own == definition => Ok(known),
-        Some((_, own)) => Err(own.clone()),
+        Some((known, map)) if *map == definition => Ok(known),
+        Some((_, entry)) => Err(entry.clone()),
         None => {
             // Names of effects and parameters are static everywhere, and only few files are read.
             let effect: &'static StateEffect = Box::leak(Box::new(effect));
@@ -108,13 +108,13 @@ impl Effect for StateEffect {
     fn parameters(&self) -> &'static [EffectParameter] {
         self.parameters
     }
-    fn acts_on_position(&self) -> bool {
-        self.depends_on_state() && (self.state.is_of_motion() || self.quantity == QuantityName::Position)
+    fn depends_on_position(&self) -> bool {
+        self.depends_on_state() && (self.state.depends_on_motion() || self.quantity == QuantityName::Position)
     }
     fn depends_on_state(&self) -> bool {
         true
     }
-    fn barred_beside(&self, _field: Field) -> Option<&'static str> {
+    fn conflict_with_field(&self, _field: FieldEffect) -> Option<&'static str> {
         Some("a quantity that depends on a state cannot be combined with a computed displacement field")
     }
     fn conflict(&self, base: &BaseLaw) -> Option<&'static str> {
@@ -127,7 +127,7 @@ impl Effect for StateEffect {
             None => Some("the law has no parameter with the name of its quantity"),
         }
     }
-    fn apply(&self, parameters: &[Dual], _scales: &Scales, stages: &mut Stages) -> Result<()> {
+    fn apply(&self, parameters: &[Dual], _scales: &CharacteristicSizes, stages: &mut Stages) -> Result<()> {
         let quantity = match self.quantity {
             QuantityName::Force => Quantity::Force,
             QuantityName::Position => Quantity::Position,

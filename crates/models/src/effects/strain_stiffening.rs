@@ -6,17 +6,17 @@
 //! Strains are small, as in all these models. A pulled body at rest obeys s = E (ε + β ε³) in its equivalents: slack at first, then ε → (s/(Eβ))^⅓.
 
 use super::beside_fields::nonlinear_conflict;
-use super::{Effect, EffectParameter, Field, Stage, position_range_m, robot_radius_m};
+use super::{Effect, EffectParameter, FieldEffect, Stage, position_range_m, robot_radius_m};
 use base::distribution::Distribution;
 use base::error::Result;
 use base::number::Dual;
 use base::parameter::{ParameterSpec, Support};
 use laws::rheology::BaseLaw;
 use laws::stages::{NonlinearFamily, Nonlinearity, Spatial, Stages};
-use record::Scales;
+use record::CharacteristicSizes;
 
 /// Strain near the robot: half the range of positions over the robot's radius.
-fn typical_strain(scales: &Scales) -> f64 {
+fn typical_strain(scales: &CharacteristicSizes) -> f64 {
     0.5 * position_range_m(scales) / robot_radius_m(scales)
 }
 
@@ -47,13 +47,13 @@ impl Effect for StrainStiffening {
     fn parameters(&self) -> &'static [EffectParameter] {
         PARAMETERS
     }
-    fn field(&self) -> Option<Field> {
-        Some(Field::Nonlinear(NonlinearFamily::StrainStiffening))
+    fn field(&self) -> Option<FieldEffect> {
+        Some(FieldEffect::Nonlinear(NonlinearFamily::StrainStiffening))
     }
     fn conflict(&self, base: &BaseLaw) -> Option<&'static str> {
         nonlinear_conflict(base)
     }
-    fn apply(&self, parameters: &[Dual], _scales: &Scales, stages: &mut Stages) -> Result<()> {
+    fn apply(&self, parameters: &[Dual], _scales: &CharacteristicSizes, stages: &mut Stages) -> Result<()> {
         let coefficient = parameters[0];
         if !coefficient.is_constant(0.0) {
             stages.spatial = Some(Spatial::Nonlinear(Nonlinearity::StrainStiffening { coefficient }));

@@ -2,10 +2,10 @@
 
 use base::number::{Dual, Scalar};
 use laws::rheology::{Element, RetardationSpectrum, TimeWindow};
-use record::Scales;
+use record::CharacteristicSizes;
 
 /// Sizes close to those of the reference experiment.
-pub(super) const SCALES: Scales = Scales {
+pub(super) const SCALES: CharacteristicSizes = CharacteristicSizes {
     largest_force_n: 4.6e-6,
     position_range_m: 0.98e-3,
     hold_s: 5.0,
@@ -21,7 +21,7 @@ pub(super) const SCALES: Scales = Scales {
 
 /// Returns J(t) in 1/Pa of elements in series, from their spectrum.
 pub(super) fn compliance_per_pa(law: &[Element], time_s: f64) -> Dual {
-    let spectrum = RetardationSpectrum::of(law, TimeWindow { shortest_s: 0.01, longest_s: 100.0 }).unwrap();
+    let spectrum = RetardationSpectrum::of_law(law, TimeWindow { shortest_s: 0.01, longest_s: 100.0 }).unwrap();
     let steady = spectrum.instantaneous_per_pa + spectrum.fluidity_per_pa_s * time_s;
     spectrum
         .modes

@@ -9,7 +9,7 @@ use base::distribution::Distribution;
 use base::error::Result;
 use base::number::Dual;
 use base::parameter::{ParameterSpec, Support};
-use record::Scales;
+use record::CharacteristicSizes;
 
 const PARAMETERS: &[EffectParameter] = &[EffectParameter {
     spec: ParameterSpec::new("tracking-drift.velocity_m_per_s", "v", "m/s", Support::REAL),
@@ -38,7 +38,7 @@ impl Effect for TrackingDrift {
     fn parameters(&self) -> &'static [EffectParameter] {
         PARAMETERS
     }
-    fn apply(&self, parameters: &[Dual], _scales: &Scales, stages: &mut Stages) -> Result<()> {
+    fn apply(&self, parameters: &[Dual], _scales: &CharacteristicSizes, stages: &mut Stages) -> Result<()> {
         stages.observation.velocity_m_per_s += parameters[0];
         Ok(())
     }

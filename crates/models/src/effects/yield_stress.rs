@@ -6,14 +6,14 @@
 //! ([`YIELD_SMOOTHING`]): below the yield stress the dashpot creeps at 10⁻⁴ of its fluidity or less, far above it nothing changes.
 
 use super::beside_fields::nonlinear_conflict;
-use super::{Effect, EffectParameter, Field, Stage, reference_stress_pa};
+use super::{Effect, EffectParameter, FieldEffect, Stage, reference_stress_pa};
 use base::distribution::Distribution;
 use base::error::Result;
 use base::number::Dual;
 use base::parameter::{ParameterSpec, Support};
 use laws::rheology::BaseLaw;
 use laws::stages::{NonlinearFamily, Nonlinearity, Spatial, Stages, YIELD_SMOOTHING};
-use record::Scales;
+use record::CharacteristicSizes;
 
 /// Step from the null, in units of s₀. With it the gel still flows everywhere except at points of no motion.
 /// At a hundredth of s₀ the distant gel would already be rigid.
@@ -46,13 +46,13 @@ impl Effect for YieldStress {
     fn parameters(&self) -> &'static [EffectParameter] {
         PARAMETERS
     }
-    fn field(&self) -> Option<Field> {
-        Some(Field::Nonlinear(NonlinearFamily::YieldStress))
+    fn field(&self) -> Option<FieldEffect> {
+        Some(FieldEffect::Nonlinear(NonlinearFamily::YieldStress))
     }
     fn conflict(&self, base: &BaseLaw) -> Option<&'static str> {
         nonlinear_conflict(base)
     }
-    fn apply(&self, parameters: &[Dual], _scales: &Scales, stages: &mut Stages) -> Result<()> {
+    fn apply(&self, parameters: &[Dual], _scales: &CharacteristicSizes, stages: &mut Stages) -> Result<()> {
         let stress_pa = parameters[0];
         if !stress_pa.is_constant(0.0) {
             let law = Nonlinearity::YieldStress { stress_pa, smoothing: YIELD_SMOOTHING };

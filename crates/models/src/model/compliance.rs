@@ -4,13 +4,13 @@ use std::sync::Arc;
 
 use base::error::{Error, Result};
 use base::number::Dual;
-use laws::stages::{Spread, Stages, Stepped};
+use laws::stages::{ReducedField, SharedStepper, Stages};
 
 /// Compliance (1/m) as a function of the Poisson ratio.
 type OfPoissonRatio = dyn Fn(Dual) -> Result<Dual> + Send + Sync;
 
 /// Function that returns the terms into which an effect on the field splits the law.
-type OfStages = dyn Fn(&Stages) -> Result<Option<Spread>> + Send + Sync;
+type OfStages = dyn Fn(&Stages) -> Result<Option<ReducedField>> + Send + Sync;
 
 /// Displacement per force at unit creep compliance. It converts ∫J dF into a position.
 #[derive(Clone)]
@@ -25,7 +25,7 @@ pub struct Compliance {
 
 impl Compliance {
     /// Compliance (1/m) without a model of other Poisson ratios.
-    pub fn given(per_m: f64) -> Self {
+    pub fn fixed(per_m: f64) -> Self {
         Self { given_per_m: per_m, family: None, spread: None }
     }
 
@@ -35,26 +35,34 @@ impl Compliance {
     }
 
     /// Adds the terms of effects on the field.
-    pub fn with_spread(self, of_stages: impl Fn(&Stages) -> Result<Option<Spread>> + Send + Sync + 'static) -> Self {
+    pub fn with_spread(
+        self,
+        of_stages: impl Fn(&Stages) -> Result<Option<ReducedField>> + Send + Sync + 'static,
+    ) -> Self {
         Self { spread: Some(Arc::new(of_stages)), ..self }
     }
 
     /// Replaces the steppers of nonlinear laws by `change`.
-    pub fn with_stepper(self, change: impl Fn(&Stages, Stepped) -> Stepped + Send + Sync + 'static) -> Self {
+    pub fn with_stepper(
+        self,
+        change: impl Fn(&Stages, SharedStepper) -> SharedStepper + Send + Sync + 'static,
+    ) -> Self {
         let Some(of_stages) = self.spread.clone() else { return self };
         self.with_spread(move |stages| {
             Ok(match of_stages(stages)? {
-                Some(Spread::Stepped(stepper)) => Some(Spread::Stepped(change(stages, stepper))),
+                Some(ReducedField::Stepped(stepper)) => Some(ReducedField::Stepped(change(stages, stepper))),
                 other => other,
             })
         })
     }
 
     /// Adds the stepper of an effect whose model is trained for one record. `stepper` returns `None` until it is trained.
-    pub fn with_learnt(self, stepper: impl Fn() -> Option<Stepped> + Send + Sync + 'static) -> Self {
+    pub fn with_trained(self, stepper: impl Fn() -> Option<SharedStepper> + Send + Sync + 'static) -> Self {
         let others = self.spread.clone();
         self.with_spread(move |stages| match (&stages.spatial, stepper(), &others) {
-            (Some(spatial), Some(stepper), _) if spatial.is_learnt_for_record() => Ok(Some(Spread::Stepped(stepper))),
+            (Some(spatial), Some(stepper), _) if spatial.is_trained_per_record() => {
+                Ok(Some(ReducedField::Stepped(stepper)))
+            }
             (_, _, Some(others)) => others(stages),
             (_, _, None) => Err(no_field()),
         })
@@ -73,7 +81,7 @@ impl Compliance {
     }
 
     /// Compliance (1/m) at the experiment's Poisson ratio, or of an instrument.
-    pub fn given_per_m(&self) -> f64 {
+    pub fn experiment_per_m(&self) -> f64 {
         self.given_per_m
     }
 

@@ -1,19 +1,19 @@
 //! Model: a base law and a valid combination of effects (physics §5).
 
-use crate::effects::{Effect, Field, Stage, nuisances};
-use base::error::{Error, Place, Result};
+use crate::effects::{Effect, FieldEffect, Stage, nuisances};
+use base::error::{Error, InputPlace, Result};
 use base::number::Dual;
 use base::parameter::ParameterSpec;
 use laws::rheology::BaseLaw;
 use laws::stages::{Spatial, Stages};
-use record::Scales;
+use record::CharacteristicSizes;
 
 /// Base law and effects. Parameters are the law's, then those of the experiment's nuisances, then each effect's.
 #[derive(Clone)]
 pub struct Model {
     base: BaseLaw,
     effects: Vec<&'static dyn Effect>,
-    scales: Scales,
+    scales: CharacteristicSizes,
     parameters: Vec<ParameterSpec>,
 }
 
@@ -29,14 +29,19 @@ impl Model {
     ///
     /// # Errors
     /// [`Error::Input`] with the reason.
-    pub fn new(base: BaseLaw, effects: Vec<&'static dyn Effect>, scales: Scales, place: &Place) -> Result<Self> {
+    pub fn new(
+        base: BaseLaw,
+        effects: Vec<&'static dyn Effect>,
+        scales: CharacteristicSizes,
+        place: &InputPlace,
+    ) -> Result<Self> {
         let refuse = |found: String, remedy: &str| Err(Error::input(place.clone(), found, remedy));
         for (place_in_list, effect) in effects.iter().enumerate() {
             let slug = effect.slug();
             if effects[..place_in_list].iter().any(|other| other.slug() == slug) {
                 return refuse(format!("`{slug}` is named twice"), "name it once");
             }
-            if let Some(reason) = barred_outside(*effect, &base).or_else(|| effect.conflict(&base)) {
+            if let Some(reason) = external_conflict(*effect, &base).or_else(|| effect.conflict(&base)) {
                 return refuse(
                     format!("`{slug}` cannot be added to the {} law: {reason}", base.title()),
                     &format!("use another base law ({}), or leave the effect out", base::error::Setting::Base),
@@ -48,7 +53,7 @@ impl Model {
                     "leave it out; load, separable mechanics and observation effects work for instruments",
                 );
             }
-            if effect.acts_on_position() && scales.depth_exponent.is_some_and(|exponent| exponent != 1.0) {
+            if effect.depends_on_position() && scales.depth_exponent.is_some_and(|exponent| exponent != 1.0) {
                 return refuse(
                     format!("`{slug}` needs a position in proportion to the force, which an indenter's depth is not"),
                     "leave it out; other effects of load, separable mechanics and observation work for indenters",
@@ -62,19 +67,19 @@ impl Model {
                 "keep one of them: a model has at most one effect that changes the field",
             );
         }
-        if let Some(own) = effects.iter().find(|effect| effect.depends_on_state()) {
+        if let Some(entry) = effects.iter().find(|effect| effect.depends_on_state()) {
             let is_other = |other: &&&dyn Effect| {
-                other.slug() != own.slug() && (other.depends_on_state() || other.acts_on_position())
+                other.slug() != entry.slug() && (other.depends_on_state() || other.depends_on_position())
             };
             if let Some(other) = effects.iter().find(is_other) {
                 return refuse(
-                    format!("`{}` and `{}` both make a quantity depend on a state", own.slug(), other.slug()),
+                    format!("`{}` and `{}` both make a quantity depend on a state", entry.slug(), other.slug()),
                     "keep one of them, or write both into one formula",
                 );
             }
         }
         if let Some((field, model)) = effects.iter().find_map(|e| Some((e, e.field()?))) {
-            let barred = effects.iter().find_map(|other| Some((other, other.barred_beside(model)?)));
+            let barred = effects.iter().find_map(|other| Some((other, other.conflict_with_field(model)?)));
             if let Some((other, reason)) = barred {
                 return refuse(
                     format!("`{}` and `{}` cannot be combined: {reason}", field.slug(), other.slug()),
@@ -100,7 +105,7 @@ impl Model {
 
     /// Lethersich law without effects. It depends on no size of an experiment.
     pub fn lethersich() -> Self {
-        let (base, scales) = (BaseLaw::Lethersich, Scales::default());
+        let (base, scales) = (BaseLaw::Lethersich, CharacteristicSizes::default());
         Self { base, effects: Vec::new(), scales, parameters: base.parameters().to_vec() }
     }
 
@@ -137,7 +142,7 @@ impl Model {
     }
 
     /// Sizes of the experiment to which effects refer.
-    pub fn scales(&self) -> &Scales {
+    pub fn scales(&self) -> &CharacteristicSizes {
         &self.scales
     }
 
@@ -166,34 +171,34 @@ impl Model {
         if self.base.outside().is_some() {
             // The external program returns the position itself.
             stages.observation.depth_exponent = Dual::ONE;
-            stages.spatial = Some(Spatial::Outside(law.to_vec()));
+            stages.spatial = Some(Spatial::External(law.to_vec()));
         }
         let mut of_field = None;
         for effect in self.nuisances().iter().chain(&self.effects) {
-            let (own, others) = rest.split_at(effect.parameters().len());
+            let (duals, others) = rest.split_at(effect.parameters().len());
             match effect.field() {
-                Some(_) => of_field = Some((effect, own)),
-                None => effect.apply(own, &self.scales, &mut stages)?,
+                Some(_) => of_field = Some((effect, duals)),
+                None => effect.apply(duals, &self.scales, &mut stages)?,
             }
             rest = others;
         }
-        if let Some((effect, own)) = of_field {
-            effect.apply(own, &self.scales, &mut stages)?;
+        if let Some((effect, entry)) = of_field {
+            effect.apply(entry, &self.scales, &mut stages)?;
         }
         Ok(stages)
     }
 
     /// Change of the displacement field, with the slug of the effect that causes it; `None` without such an effect.
-    pub fn field(&self) -> Option<(&'static str, Field)> {
+    pub fn field(&self) -> Option<(&'static str, FieldEffect)> {
         self.effects.iter().find_map(|effect| Some((effect.slug(), effect.field()?)))
     }
 }
 
 /// Reason why an effect cannot be added to an external law; `None` if it can. Only effects before or after the law can.
-fn barred_outside(effect: &dyn Effect, base: &BaseLaw) -> Option<&'static str> {
+fn external_conflict(effect: &dyn Effect, base: &BaseLaw) -> Option<&'static str> {
     base.outside()?;
     if effect.depends_on_state() || effect.stage() == Stage::Mechanics {
         return Some("it changes the law or the gel, which the other program computes");
     }
-    effect.acts_on_position().then_some("a force that depends on the position acts within the other program's model")
+    effect.depends_on_position().then_some("a force that depends on the position acts within the other program's model")
 }

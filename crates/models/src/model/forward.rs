@@ -1,12 +1,12 @@
 //! Common trait of the full-order and the reduced model.
 
 use super::{Compliance, Model, Response};
-use crate::effects::needs_a_sphere;
+use crate::effects::sphere_required_error;
 use base::error::{Error, Result};
 use base::number::Dual;
 use elements::fe::nonlinear::{self, NonlinearModel};
-use elements::fe::oldroyd::{self, FiniteGel, FiniteLaw, FiniteRun};
-use elements::fe::spatial::{SpatialJob, SpatialRun, Surroundings};
+use elements::fe::oldroyd::{self, FiniteGel, FiniteInput, FiniteLaw};
+use elements::fe::spatial::{GelAndRobot, SpatialInput, SpatialResult};
 use elements::fe::stepping::Resolution;
 use elements::fe::time::{FullOrderModel, TimeScheme};
 use elements::fe::{Stiffness, transient};
@@ -26,15 +26,15 @@ pub trait Forward: Sync {
 ///
 /// The base law alone takes the exponential step, which is exact between rows. With effects the network of elements is stepped by
 /// its definition, independently of the reduced model's closed forms.
-pub struct FullForward<'a> {
+pub struct FullOrderForward<'a> {
     model: &'a Model,
     stiffness: &'a Stiffness,
     /// Model at the experiment's Poisson ratio.
-    at_rest: FullOrderModel<'a>,
+    at_experiment_ratio: FullOrderModel<'a>,
     time_s: &'a [f64],
     force: Force<'a>,
     resolution: Resolution,
-    surroundings: Option<Surroundings<'a>>,
+    surroundings: Option<GelAndRobot<'a>>,
     /// Nonlinear model, prepared by the first run that needs it.
     nonlinear: OnceLock<NonlinearModel<'a>>,
 }
@@ -51,7 +51,7 @@ pub struct FullRun {
     pub compliance_per_m: f64,
 }
 
-impl<'a> FullForward<'a> {
+impl<'a> FullOrderForward<'a> {
     /// Factorises the stiffness at the experiment's Poisson ratio.
     pub fn new(
         model: &'a Model,
@@ -62,11 +62,20 @@ impl<'a> FullForward<'a> {
     ) -> Result<Self> {
         let at_rest = FullOrderModel::new(stiffness, poisson_ratio)?;
         let (resolution, nonlinear) = (Resolution::default(), OnceLock::new());
-        Ok(Self { model, stiffness, at_rest, time_s, force: force.into(), resolution, surroundings: None, nonlinear })
+        Ok(Self {
+            model,
+            stiffness,
+            at_experiment_ratio: at_rest,
+            time_s,
+            force: force.into(),
+            resolution,
+            surroundings: None,
+            nonlinear,
+        })
     }
 
     /// Adds the surroundings, which effects on the displacement field need.
-    pub fn in_surroundings(self, surroundings: Surroundings<'a>) -> Self {
+    pub fn in_surroundings(self, surroundings: GelAndRobot<'a>) -> Self {
         Self { surroundings: Some(surroundings), nonlinear: OnceLock::new(), ..self }
     }
 
@@ -77,16 +86,16 @@ impl<'a> FullForward<'a> {
 
     /// Displacement (1/m) of the robot per unit force at unit creep compliance, at the experiment's Poisson ratio.
     pub fn compliance_per_m(&self) -> f64 {
-        self.at_rest.compliance_per_m()
+        self.at_experiment_ratio.compliance_per_m()
     }
 
     /// Computes the trajectory, and the fields at some rows.
     pub fn run(&self, parameters: &[f64], field_rows: &[usize]) -> Result<FullRun> {
         let (base, is_exponential) = (self.model.base(), self.model.is_law_alone());
         if let Some(law) = base.creep_compliance(parameters).filter(|_| is_exponential) {
-            let load = self.at_rest.solve_load(self.time_s, self.force);
-            let position_m = self.at_rest.trajectory(&load, &law, TimeScheme::Exponential);
-            let fields = self.nodal(self.at_rest.fields(&load, &law, field_rows));
+            let load = self.at_experiment_ratio.solve_load(self.time_s, self.force);
+            let position_m = self.at_experiment_ratio.trajectory(&load, &law, TimeScheme::Exponential);
+            let fields = self.nodal(self.at_experiment_ratio.fields(&load, &law, field_rows));
             return Ok(FullRun { position_m, fields, mesh: None, compliance_per_m: self.compliance_per_m() });
         }
         let constants: Vec<Dual> = parameters.iter().map(|value| Dual::constant(*value)).collect();
@@ -103,13 +112,13 @@ impl<'a> FullForward<'a> {
                 _ => return self.run_nonlinear(surroundings, &stages, field_rows),
             };
             let (time_s, force, resolution) = (self.time_s, self.force, spatial_resolution(self.resolution));
-            let job = SpatialJob { stages: &stages, time_s, force, rows: field_rows, resolution };
-            let SpatialRun { position_m, fields, mesh } = field.run(surroundings, linear, &job)?;
+            let job = SpatialInput { stages: &stages, time_s, force, rows: field_rows, resolution };
+            let SpatialResult { position_m, fields, mesh } = field.run(surroundings, linear, &job)?;
             return Ok(FullRun { position_m, fields, mesh, compliance_per_m: self.compliance_per_m() });
         }
         let full = match stages.poisson_ratio {
             Some(ratio) => &FullOrderModel::new(self.stiffness, ratio.value)?,
-            None => &self.at_rest,
+            None => &self.at_experiment_ratio,
         };
         let stepped = full.step(&stages, self.time_s, self.force, self.resolution)?;
         let fields = self.nodal(full.fields_of(&stepped, field_rows));
@@ -119,32 +128,32 @@ impl<'a> FullForward<'a> {
     /// Adds the deviation of x(gF)/g to the linear model's run. The fields are the linear model's.
     fn run_large(
         &self,
-        surroundings: &Surroundings<'a>,
+        surroundings: &GelAndRobot<'a>,
         stages: &Stages,
         [amplitude, mobility]: [f64; 2],
         rows: &[usize],
     ) -> Result<FullRun> {
         let linear = Stages { spatial: None, ..stages.clone() };
-        let mut stepped = self.at_rest.step(&linear, self.time_s, self.force, self.resolution)?;
-        let fields = self.nodal(self.at_rest.fields_of(&stepped, rows));
-        let own = oldroyd::Fineness::default();
-        let steps_per_doubling = scaled(own.steps_per_doubling, self.resolution);
-        let fineness = oldroyd::Fineness { steps_per_doubling, ..own };
+        let mut stepped = self.at_experiment_ratio.step(&linear, self.time_s, self.force, self.resolution)?;
+        let fields = self.nodal(self.at_experiment_ratio.fields_of(&stepped, rows));
+        let discretisation = oldroyd::Discretisation::default();
+        let steps_per_doubling = scaled(discretisation.steps_per_doubling, self.resolution);
+        let fineness = oldroyd::Discretisation { steps_per_doubling, ..discretisation };
         let (Some(ball), Some(law)) = (surroundings.sizes.ball, FiniteLaw::new(&stages.law, mobility)) else {
-            return Err(needs_a_sphere());
+            return Err(sphere_required_error());
         };
         let gel = FiniteGel::around_sphere(ball.robot_radius_m, ball.outer_radius_m, fineness)?;
         let larger_n: Vec<f64> = self.force.at_rows_n.iter().map(|force_n| amplitude * force_n).collect();
         let force = Force { at_rows_n: &larger_n, ..self.force };
-        let load = stages.load.of_commands_times(amplitude);
-        let run = gel.run(&FiniteRun { law: &law, load: &load, time_s: self.time_s, force })?;
+        let load = stages.load.for_scaled_commands(amplitude);
+        let run = gel.run(&FiniteInput { law: &law, load: &load, time_s: self.time_s, force })?;
         let scale = stages.observation.scale.value / amplitude;
         stepped.position_m.iter_mut().zip(&run.deviation_m).for_each(|(x, deviation)| *x += scale * deviation);
         let (position_m, compliance_per_m) = (stepped.position_m, self.compliance_per_m());
         Ok(FullRun { position_m, fields, mesh: None, compliance_per_m })
     }
 
-    fn run_nonlinear(&self, surroundings: &Surroundings<'a>, stages: &Stages, rows: &[usize]) -> Result<FullRun> {
+    fn run_nonlinear(&self, surroundings: &GelAndRobot<'a>, stages: &Stages, rows: &[usize]) -> Result<FullRun> {
         let own_ball = match stages.spatial {
             Some(Spatial::Nonlinear(Nonlinearity::ShearThinning { .. })) => surroundings.thinning_ball(),
             _ => None,
@@ -156,7 +165,7 @@ impl<'a> FullForward<'a> {
             let run = self.run_balance(&model, &stiffness, stages, rows)?;
             return Ok(FullRun { mesh: Some(mesh), ..run });
         }
-        let Surroundings { mesh, stiffness, poisson_ratio, .. } = *surroundings;
+        let GelAndRobot { mesh, stiffness, poisson_ratio, .. } = *surroundings;
         let model = match self.nonlinear.get() {
             Some(model) => model,
             None => {
@@ -174,9 +183,12 @@ impl<'a> FullForward<'a> {
         stages: &Stages,
         rows: &[usize],
     ) -> Result<FullRun> {
-        let own = nonlinear::Options::default();
-        let resolution = scaled(own.resolution.steps_per_doubling, self.resolution);
-        let options = nonlinear::Options { resolution: Resolution { steps_per_doubling: resolution }, ..own };
+        let nonlinear_options = nonlinear::NonlinearOptions::default();
+        let resolution = scaled(nonlinear_options.resolution.steps_per_doubling, self.resolution);
+        let options = nonlinear::NonlinearOptions {
+            resolution: Resolution { steps_per_doubling: resolution },
+            ..nonlinear_options
+        };
         let run = model.run_stages(stages, self.time_s, self.force, rows, options)?;
         let unknowns = &stiffness.assembly.unknowns;
         let fields = run.fields.iter().map(|field| unknowns.nodal_displacement(field)).collect();
@@ -192,16 +204,16 @@ impl<'a> FullForward<'a> {
 
 /// Time steps for the field, refined relative to its default by the ratio of `resolution` to its own default.
 fn spatial_resolution(resolution: Resolution) -> transient::Resolution {
-    let own = transient::Resolution::default();
-    transient::Resolution { steps_per_doubling: scaled(own.steps_per_doubling, resolution), ..own }
+    let entry = transient::Resolution::default();
+    transient::Resolution { steps_per_doubling: scaled(entry.steps_per_doubling, resolution), ..entry }
 }
 
 /// Steps a doubling, scaled from `own` by the ratio of `wanted` to the default.
-fn scaled(own: u32, wanted: Resolution) -> u32 {
-    (own * wanted.steps_per_doubling).div_ceil(Resolution::default().steps_per_doubling)
+fn scaled(index: u32, wanted: Resolution) -> u32 {
+    (index * wanted.steps_per_doubling).div_ceil(Resolution::default().steps_per_doubling)
 }
 
-impl Forward for FullForward<'_> {
+impl Forward for FullOrderForward<'_> {
     fn trajectory_m(&self, parameters: &[f64]) -> Result<Vec<f64>> {
         Ok(self.run(parameters, &[])?.position_m)
     }
@@ -226,7 +238,7 @@ impl TrainedRange {
 }
 
 /// Reduced model: one compliance, and the stages in closed form.
-pub struct ReducedForward<'a> {
+pub struct SurrogateForward<'a> {
     /// Law and effects.
     pub model: &'a Model,
     /// Compliance that converts ∫J dF into a position.
@@ -237,7 +249,7 @@ pub struct ReducedForward<'a> {
     pub trained: &'a [TrainedRange],
 }
 
-impl ReducedForward<'_> {
+impl SurrogateForward<'_> {
     fn in_trained_range(&self, parameters: &[f64]) -> Result<()> {
         for (range, &value) in self.trained.iter().zip(parameters) {
             if !range.contains(value) {
@@ -286,7 +298,7 @@ impl ReducedForward<'_> {
     }
 }
 
-impl Forward for ReducedForward<'_> {
+impl Forward for SurrogateForward<'_> {
     fn trajectory_m(&self, parameters: &[f64]) -> Result<Vec<f64>> {
         self.in_trained_range(parameters)?;
         let constants: Vec<Dual> = parameters.iter().map(|value| Dual::constant(*value)).collect();

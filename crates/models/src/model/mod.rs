@@ -10,6 +10,6 @@ mod sum_of_squares;
 pub use compliance::Compliance;
 pub use composition::Model;
 pub use convolution::convolve_m;
-pub use forward::{Forward, FullForward, FullRun, ReducedForward, TrainedRange};
+pub use forward::{Forward, FullOrderForward, FullRun, SurrogateForward, TrainedRange};
 pub use response::{Lanes, N_LANES, Response};
-pub use sum_of_squares::{CreepLanes, SumOfSquares};
+pub use sum_of_squares::{CreepLanes, ResidualSumOfSquares};

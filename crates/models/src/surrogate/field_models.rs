@@ -6,15 +6,15 @@ use std::sync::Arc;
 use serde::{Deserialize, Serialize};
 
 use super::hyper::{self, HyperModel, HyperSettings};
-use super::spread::SpreadModes;
+use super::spread::FieldModes;
 use super::three_terms::{N_SHAPES, ThreeTerms};
-use crate::effects::{Effect, Field};
+use crate::effects::{Effect, FieldEffect};
 use base::error::{Error, Result};
 use base::number::Dual;
 use elements::fe::poroelastic::{PoreModel, PoreSpectrum, SpectrumSettings};
-use elements::fe::spatial::Surroundings;
+use elements::fe::spatial::GelAndRobot;
 use laws::rheology::SpreadTerm;
-use laws::stages::{LinearField, Spatial, Spread, Stages, Stepped};
+use laws::stages::{LinearField, ReducedField, SharedStepper, Spatial, Stages};
 
 /// Singular values below this fraction of the largest give no mode.
 const TOLERANCE: f64 = 1e-6;
@@ -24,7 +24,7 @@ const TOLERANCE: f64 = 1e-6;
 #[serde(rename_all = "kebab-case")]
 pub enum FieldModel {
     /// Terms of a field of one shape.
-    Modes(SpreadModes),
+    Modes(FieldModes),
     /// Terms of a field whose shape depends on a parameter.
     ThreeTerms(ThreeTerms),
     /// Terms of pore flow.
@@ -42,9 +42,9 @@ pub fn n_pieces(effect: &dyn Effect) -> usize {
     match effect.field() {
         None => 0,
         Some(field) if field.is_learnt_for_record() => 0,
-        Some(Field::Pair(pair)) if pair.shape().is_some() => N_SHAPES,
-        Some(Field::Pair(_) | Field::Pores(_)) => 1,
-        Some(Field::Nonlinear(family)) => HyperSettings::of(family).n_runs(),
+        Some(FieldEffect::Pair(pair)) if pair.shape().is_some() => N_SHAPES,
+        Some(FieldEffect::Pair(_) | FieldEffect::Pores(_)) => 1,
+        Some(FieldEffect::Nonlinear(family)) => HyperSettings::of(family).n_runs(),
         Some(_) => 0,
     }
 }
@@ -53,21 +53,21 @@ impl FieldModel {
     /// Builds the model of one effect, if its field needs one. It calls `piece_done` after every piece, from any thread.
     fn build(
         effect: &dyn Effect,
-        surroundings: &Surroundings<'_>,
+        surroundings: &GelAndRobot<'_>,
         piece_done: &(dyn Fn() + Sync),
     ) -> Result<Option<Self>> {
         let Some(field) = effect.field() else { return Ok(None) };
         Ok(Some(match field {
-            Field::Pair(pair) => match pair.shape() {
+            FieldEffect::Pair(pair) => match pair.shape() {
                 Some(shape) => Self::ThreeTerms(ThreeTerms::new(pair, shape, surroundings, TOLERANCE, piece_done)?),
                 None => {
                     let system = pair.system(surroundings, None)?.system;
-                    let modes = SpreadModes::new(&system, &pair.splitting(&surroundings.sizes), TOLERANCE)?;
+                    let modes = FieldModes::new(&system, &pair.splitting(&surroundings.sizes), TOLERANCE)?;
                     piece_done();
                     Self::Modes(modes)
                 }
             },
-            Field::Pores(drained_range) => {
+            FieldEffect::Pores(drained_range) => {
                 let model = PoreModel::new(surroundings.mesh, surroundings.stiffness, surroundings.poisson_ratio)?;
                 let drained_poisson_ratio = drained_range(surroundings.poisson_ratio);
                 let settings = SpectrumSettings { drained_poisson_ratio, ..SpectrumSettings::default() };
@@ -75,7 +75,7 @@ impl FieldModel {
                 piece_done();
                 Self::Pores(spectrum)
             }
-            Field::Nonlinear(family) => {
+            FieldEffect::Nonlinear(family) => {
                 Self::Nonlinear(hyper::build(surroundings, family, &HyperSettings::of(family), piece_done)?)
             }
             // The model is trained for one record, not for a gel (`surrogate::trajectory`).
@@ -104,13 +104,13 @@ impl FieldModels {
     ///
     /// # Errors
     /// Those of the full-order models.
-    pub fn build(effect: &dyn Effect, surroundings: &Surroundings<'_>, piece_done: &(dyn Fn() + Sync)) -> Result<Self> {
+    pub fn build(effect: &dyn Effect, surroundings: &GelAndRobot<'_>, piece_done: &(dyn Fn() + Sync)) -> Result<Self> {
         let model = FieldModel::build(effect, surroundings, piece_done)?;
         Ok(Self(model.map(|model| (effect.slug().to_string(), model)).into_iter().collect()))
     }
 
     /// Models of both sets. Those of `self` have precedence.
-    pub fn or(self, other: Self) -> Self {
+    pub fn merged_with(self, other: Self) -> Self {
         let mut all = other.0;
         all.extend(self.0);
         Self(all)
@@ -123,7 +123,7 @@ impl FieldModels {
 
     /// Largest difference from full-order runs, found when a nonlinear law's model was built, relative to their amplitude.
     /// `None` for other effects.
-    pub fn verified(&self, slug: &str) -> Option<f64> {
+    pub fn verification_error(&self, slug: &str) -> Option<f64> {
         match self.0.get(slug) {
             Some(FieldModel::Nonlinear(model)) => Some(model.reduced().max_relative_error),
             _ => None,
@@ -134,17 +134,17 @@ impl FieldModels {
     ///
     /// # Errors
     /// [`Error::Numerical`] for a model that was not built; [`Error::OutsideTrainedRange`].
-    pub fn spread(&self, stages: &Stages) -> Result<Option<Spread>> {
+    pub fn spread(&self, stages: &Stages) -> Result<Option<ReducedField>> {
         let missing = || {
             Error::numerical("the reduced model was not built for this effect", "build it for a model with this effect")
         };
         match &stages.spatial {
             None => Ok(None),
-            Some(Spatial::Large { .. } | Spatial::Outside(_)) => Err(missing()),
+            Some(Spatial::Large { .. } | Spatial::External(_)) => Err(missing()),
             Some(Spatial::Linear(field)) => {
                 let model = self.0.get(field.effect).ok_or_else(missing)?;
                 let terms = model.terms(field)?.ok_or_else(missing)?;
-                Ok(Some(Spread::Terms { beside: field.beside.clone(), terms }))
+                Ok(Some(ReducedField::Terms { beside: field.beside.clone(), terms }))
             }
             Some(Spatial::Nonlinear(law)) => {
                 let of_family = |model: &FieldModel| match model {
@@ -152,14 +152,14 @@ impl FieldModels {
                     _ => None,
                 };
                 let model = self.0.values().find_map(of_family).ok_or_else(missing)?;
-                Ok(Some(Spread::Stepped(Stepped(Arc::new(model)))))
+                Ok(Some(ReducedField::Stepped(SharedStepper(Arc::new(model)))))
             }
         }
     }
 }
 
 /// Terms with weights relative to the base law's compliance, which a vanishing effect reproduces exactly.
-fn terms_of(modes: &SpreadModes) -> Vec<SpreadTerm> {
+fn terms_of(modes: &FieldModes) -> Vec<SpreadTerm> {
     let pairs = || modes.weights.iter().zip(&modes.numbers);
     // If the element beside the law is rigid, only terms with μ = 0 remain; if it vanishes, all do.
     let stuck: f64 = pairs().filter(|(_, number)| **number == 0.0).map(|(weight, _)| weight).sum();

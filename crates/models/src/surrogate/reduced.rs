@@ -54,7 +54,7 @@ impl ReducedOperators {
         let Self { n_modes, deviatoric, volumetric, robot, force_share } = self;
         let square = n_modes.checked_mul(*n_modes);
         *n_modes > 0
-            && [deviatoric, volumetric].iter().all(|own| Some(own.len()) == square)
+            && [deviatoric, volumetric].iter().all(|values| Some(values.len()) == square)
             && robot.len() == *n_modes
             && [deviatoric, volumetric, robot].into_iter().flatten().chain([force_share]).all(|x| x.is_finite())
     }

@@ -11,7 +11,7 @@ use serde::{Deserialize, Serialize};
 
 use super::pod::{EnergyProduct, Pod, dot};
 use base::error::{Error, Result};
-use elements::fe::spatial::{SpatialSystem, Splitting};
+use elements::fe::spatial::{MatrixSplitting, SpatialSystem};
 
 /// Weights below this share of the total are omitted.
 const LEAST_WEIGHT: f64 = 1e-10;
@@ -20,7 +20,7 @@ const NO_SHARE: f64 = 1e-7;
 
 /// Pair of matrices reduced to a few terms.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct SpreadModes {
+pub struct FieldModes {
     /// Compliance of the full-order model at x = 0, in 1/m.
     pub compliance_per_m: f64,
     /// Weights w. They add up to 1 minus the error of the modes.
@@ -35,12 +35,12 @@ pub struct SpreadModes {
     pub unknowns: usize,
 }
 
-impl SpreadModes {
+impl FieldModes {
     /// Solves at the snapshots' values of x, and reduces. Singular values below `tolerance` times the largest are dropped.
     ///
     /// # Errors
     /// Those of the factors and of the decomposition.
-    pub fn new(system: &SpatialSystem, splitting: &Splitting, tolerance: f64) -> Result<Self> {
+    pub fn new(system: &SpatialSystem, splitting: &MatrixSplitting, tolerance: f64) -> Result<Self> {
         let values = &splitting.snapshots;
         let n = system.n_unknowns();
         let mut force = vec![0.0; n];

@@ -7,11 +7,11 @@ use std::f64::consts::PI;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use super::spread::SpreadModes;
+use super::spread::FieldModes;
 use crate::effects::{FieldSystem, MatrixPair, ShapeParameter};
 use base::error::{Error, Result};
 use base::number::{Dual, Scalar};
-use elements::fe::spatial::Surroundings;
+use elements::fe::spatial::GelAndRobot;
 use laws::rheology::SpreadTerm;
 
 /// Number of parameter values at which the terms are computed.
@@ -37,7 +37,7 @@ impl ThreeTerms {
     pub fn new(
         pair: &dyn MatrixPair,
         ShapeParameter { name, range }: ShapeParameter,
-        surroundings: &Surroundings<'_>,
+        surroundings: &GelAndRobot<'_>,
         tolerance: f64,
         shape_done: &(dyn Fn() + Sync),
     ) -> Result<Self> {
@@ -47,11 +47,11 @@ impl ThreeTerms {
             let x = -(PI * (i as f64 + 0.5) / N_SHAPES as f64).cos();
             let shape = (0.5 * (lower + upper) + 0.5 * (upper - lower) * x).exp();
             let FieldSystem { system, .. } = pair.system(surroundings, Some(shape))?;
-            let modes = SpreadModes::new(&system, &splitting, tolerance)?;
+            let modes = FieldModes::new(&system, &splitting, tolerance)?;
             shape_done();
             Ok(modes)
         };
-        let modes: Vec<SpreadModes> = (0..N_SHAPES).into_par_iter().map(at).collect::<Result<_>>()?;
+        let modes: Vec<FieldModes> = (0..N_SHAPES).into_par_iter().map(at).collect::<Result<_>>()?;
         let at_shapes: Vec<[f64; 4]> = modes.iter().map(three_terms).collect();
         if at_shapes.iter().flatten().any(|x| !x.is_finite()) {
             return Err(Error::numerical(
@@ -75,8 +75,9 @@ impl ThreeTerms {
         let (a, b) = (lower.ln(), upper.ln());
         let x = (shape.ln() * 2.0 - Dual::constant(a + b)) * (b - a).recip();
         let shares = lagrange(x);
-        let value =
-            |k: usize| self.at_shapes.iter().zip(&shares).fold(Dual::ZERO, |sum, (own, share)| sum + *share * own[k]);
+        let value = |k: usize| {
+            self.at_shapes.iter().zip(&shares).fold(Dual::ZERO, |sum, (at_shape, share)| sum + *share * at_shape[k])
+        };
         let weights = [0, 1, 2].map(|k| value(k).exp());
         let whole = weights.iter().fold(Dual::ZERO, |sum, weight| sum + *weight);
         let grown = value(3).exp();
@@ -86,7 +87,7 @@ impl ThreeTerms {
 }
 
 /// ln of the weights of shares 0, between and 1, and the logit of the mean share between.
-fn three_terms(modes: &SpreadModes) -> [f64; 4] {
+fn three_terms(modes: &FieldModes) -> [f64; 4] {
     let (mut weights, mut moment) = ([0.0; 3], 0.0);
     for (weight, share) in modes.weights.iter().zip(&modes.numbers) {
         match *share {
@@ -115,9 +116,9 @@ fn lagrange(x: Dual) -> [Dual; N_SHAPES] {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::effects::{EFFECTS, Field};
+    use crate::effects::{EFFECTS, FieldEffect};
     use elements::fe::Stiffness;
-    use elements::fe::spatial::Sizes;
+    use elements::fe::spatial::PhysicalProperties;
     use elements::mesh::QuarterBall;
 
     /// Checks intermediate radii and the range's ends against modes of a mesh for each.
@@ -128,11 +129,11 @@ mod tests {
         let ball = QuarterBall { robot_radius_m, outer_radius_m, n_per_edge: 2, n_layers: 8 };
         let mesh = ball.mesh().unwrap();
         let stiffness = Stiffness::new(&mesh).unwrap();
-        let surroundings = Surroundings {
+        let surroundings = GelAndRobot {
             mesh: &mesh,
             stiffness: &stiffness,
             poisson_ratio: 0.48,
-            sizes: Sizes {
+            sizes: PhysicalProperties {
                 gel_density_kg_m3: 1000.0,
                 robot_mass_kg: 1e-6,
                 robot_radius_m,
@@ -140,14 +141,14 @@ mod tests {
                 ball: Some(ball),
             },
         };
-        let with_shape = |field: Field| matches!(field, Field::Pair(pair) if pair.shape().is_some());
+        let with_shape = |field: FieldEffect| matches!(field, FieldEffect::Pair(pair) if pair.shape().is_some());
         let field = EFFECTS.iter().filter_map(|effect| effect.field()).find(|field| with_shape(*field));
-        let Some(Field::Pair(pair)) = field else { panic!("no effect has a shape") };
+        let Some(FieldEffect::Pair(pair)) = field else { panic!("no effect has a shape") };
         let shape = pair.shape().unwrap();
         let pocket = ThreeTerms::new(pair, shape, &surroundings, 1e-6, &|| ()).unwrap();
         for ratio in [1.5, 1.7, 3.0, 5.0] {
             let FieldSystem { system, .. } = pair.system(&surroundings, Some(ratio)).unwrap();
-            let modes = SpreadModes::new(&system, &pair.splitting(&surroundings.sizes), 1e-6).unwrap();
+            let modes = FieldModes::new(&system, &pair.splitting(&surroundings.sizes), 1e-6).unwrap();
             let terms = pocket.terms(ratio.into()).unwrap();
             for x in [-0.3, -0.9, -0.999] {
                 let found: f64 = terms.iter().map(|t| t.weight.value / (1.0 + x * t.number.value)).sum();

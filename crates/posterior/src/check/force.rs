@@ -1,9 +1,9 @@
 //! Checks of the force between rows, and of the response's sign.
 
 use super::quick_fit::{curve_beyond_lines, distance_between_rules_m};
-use super::{Looked, found, um};
+use super::{CheckContext, found, um};
 use documents::check::Contradiction;
-use record::{ForceRule, has_noisy_levels, is_against};
+use record::{ForceRule, has_noisy_levels, is_work_negative};
 
 /// Smallest share of rows with a change at which a force counts as not switched.
 const MOST: f64 = 0.5;
@@ -16,7 +16,7 @@ const CLEARLY: f64 = 0.5;
 const EXPLAINED: f64 = 0.3;
 
 /// Finds a force that changes in most rows while the description does not say whether it holds between them.
-pub(super) fn between_rows(looked: &Looked<'_>) -> Option<Contradiction> {
+pub(super) fn between_rows(looked: &CheckContext<'_>) -> Option<Contradiction> {
     let record = looked.record;
     if looked.understood.force_rule_given || record.force_rule != ForceRule::Hold {
         return None;
@@ -48,7 +48,7 @@ pub(super) fn between_rows(looked: &Looked<'_>) -> Option<Contradiction> {
 
 /// Finds a force curve that straight lines between rows cut off so much that a fitted parameter may be off by its own standard error. An error that all positions share
 /// matters more than the noise of one.
-pub(super) fn curved(looked: &Looked<'_>) -> Option<Contradiction> {
+pub(super) fn curved(looked: &CheckContext<'_>) -> Option<Contradiction> {
     let (record, fit) = (looked.record, looked.fit.as_ref()?);
     if record.force_rule != ForceRule::Linear || looked.noise_m == 0.0 {
         return None;
@@ -73,10 +73,10 @@ pub(super) fn curved(looked: &Looked<'_>) -> Option<Contradiction> {
 }
 
 /// Finds a response against the force. A passive body takes up work.
-pub(super) fn against(looked: &Looked<'_>) -> Option<Contradiction> {
+pub(super) fn against(looked: &CheckContext<'_>) -> Option<Contradiction> {
     let fit = looked.fit.as_ref().filter(|fit| fit.explained > EXPLAINED)?;
     let motion_m: Vec<Option<f64>> = fit.motion_m.iter().copied().map(Some).collect();
-    if !is_against(&looked.record.force_n, &motion_m, CLEARLY) {
+    if !is_work_negative(&looked.record.force_n, &motion_m, CLEARLY) {
         return None;
     }
     let text = "the position moves against the force, so the body would give work instead of taking it up".to_string();

@@ -11,18 +11,18 @@ mod switches;
 mod times;
 mod zero;
 
-use base::error::{Error, Place, Result};
+use base::error::{Error, InputPlace, Result};
 use documents::check::{CheckSummary, Contradiction};
-use record::{Apparatus, Experiment, ExperimentFiles, ForceRule, Record, Understood};
+use record::{Apparatus, Experiment, ExperimentFiles, ForceRule, Interpretation, Record};
 
 use crate::monitor::Monitor;
-use figures::number::listed;
+use figures::number::format_ranges;
 use quick_fit::{QuickFit, quick_fit};
 
 /// An experiment with the quantities that all checks share.
-struct Looked<'a> {
+struct CheckContext<'a> {
     experiment: &'a Experiment,
-    understood: &'a Understood,
+    understood: &'a Interpretation,
     record: &'a Record,
     /// Known noise in m, or the estimated noise, at most the residual of the quick fit; 0 if nothing is known.
     noise_m: f64,
@@ -35,11 +35,11 @@ struct Looked<'a> {
 /// Share of the positions that the range leaves out on either side.
 const TAIL: f64 = 0.01;
 
-impl<'a> Looked<'a> {
-    fn new(experiment: &'a Experiment, understood: &'a Understood) -> Self {
+impl<'a> CheckContext<'a> {
+    fn new(experiment: &'a Experiment, understood: &'a Interpretation) -> Self {
         let record = &experiment.record;
         let fit = quick_fit(record, record.force_rule);
-        let estimated_m = || experiment.noise_yardstick().map(|yardstick| yardstick.sd_m);
+        let estimated_m = || experiment.reference_noise().map(|yardstick| yardstick.sd_m);
         let left_m = fit.as_ref().map(|fit| fit.left_sd_m);
         let noise_m = experiment.noise_sd_m.or_else(|| match (estimated_m(), left_m) {
             (Some(estimated_m), Some(left_m)) => Some(estimated_m.min(left_m)),
@@ -60,12 +60,12 @@ fn found(kind: &str, certain: bool, text: String, advice: impl Into<String>) -> 
 
 /// Length in µm as text.
 fn um(metres: f64) -> String {
-    figures::number::significant(1e6 * metres, 3)
+    figures::number::format_significant(1e6 * metres, 3)
 }
 
 /// All contradictions with the description, the certain ones first.
-pub fn contradictions(experiment: &Experiment, understood: &Understood) -> Vec<Contradiction> {
-    let looked = Looked::new(experiment, understood);
+pub fn contradictions(experiment: &Experiment, understood: &Interpretation) -> Vec<Contradiction> {
+    let looked = CheckContext::new(experiment, understood);
     let looks = [
         force::between_rows,
         force::curved,
@@ -123,11 +123,15 @@ const CAUSES: [(&str, &[&str]); 3] = [
 ///
 /// # Errors
 /// [`Error::Input`] with the remedy of the first certain contradiction.
-pub fn refuse_certain(experiment: &Experiment, understood: &Understood, monitor: &dyn Monitor) -> Result<()> {
+pub fn refuse_contradictions(
+    experiment: &Experiment,
+    understood: &Interpretation,
+    monitor: &dyn Monitor,
+) -> Result<()> {
     for contradiction in contradictions(experiment, understood) {
         let Contradiction { kind, certain, text, advice } = contradiction;
         if certain {
-            let place = Place::file(experiment.specimen_id.as_str()).at_key(kind);
+            let place = InputPlace::file(experiment.specimen_id.as_str()).at_key(kind);
             return Err(Error::input(place, text, format!("{advice}; `vitreo-uq check` shows the record")));
         }
         monitor.warn(&format!("{text}: {advice}"));
@@ -139,20 +143,20 @@ pub fn refuse_certain(experiment: &Experiment, understood: &Understood, monitor:
 pub fn summary(experiment: &Experiment, files: &ExperimentFiles) -> CheckSummary {
     CheckSummary {
         experiment: experiment.specimen_id.clone(),
-        understood: documents::check::UnderstoodRecord {
+        understood: documents::check::RecordReading {
             rows: experiment.record.n_samples(),
             positions: experiment.record.position_m.iter().flatten().count(),
             cycles: experiment.record.n_cycles(),
-            sentences: sentences(experiment, &files.understood).to_vec(),
+            sentences: sentences(experiment, &files.interpretation).to_vec(),
         },
-        contradictions: contradictions(experiment, &files.understood),
+        contradictions: contradictions(experiment, &files.interpretation),
     }
 }
 
 /// Description of a record as it was read, in five lines.
-fn sentences(experiment: &Experiment, understood: &Understood) -> [String; 5] {
+fn sentences(experiment: &Experiment, understood: &Interpretation) -> [String; 5] {
     let record = &experiment.record;
-    let number = |value: f64| figures::number::significant(value, 3);
+    let number = |value: f64| figures::number::format_significant(value, 3);
     let scales = experiment.scales();
     let n_positions = record.position_m.iter().flatten().count();
     let apparatus = match &experiment.apparatus {
@@ -191,7 +195,7 @@ fn sentences(experiment: &Experiment, understood: &Understood) -> [String; 5] {
         0 => String::new(),
         n => format!(", {n} left out"),
     };
-    let noise = experiment.noise_yardstick().map_or("noise unknown".into(), |yardstick| yardstick.to_string());
+    let noise = experiment.reference_noise().map_or("noise unknown".into(), |yardstick| yardstick.to_string());
     [
         format!("{}: {apparatus}", experiment.specimen_id),
         format!(
@@ -206,8 +210,8 @@ fn sentences(experiment: &Experiment, understood: &Understood) -> [String; 5] {
             "{} cycles of {} s: fitted [{}], held out [{}]",
             record.n_cycles(),
             number(scales.cycle_s),
-            listed(&experiment.calibration_cycles),
-            listed(&experiment.heldout_cycles)
+            format_ranges(&experiment.calibration_cycles),
+            format_ranges(&experiment.heldout_cycles)
         ),
     ]
 }

@@ -1,10 +1,10 @@
 //! Check of the stated noise against the motion.
 
-use super::{Looked, found, um};
+use super::{CheckContext, found, um};
 use documents::check::Contradiction;
 
 /// Finds a stated noise above the spread of all positions, including the motion.
-pub(super) fn above_the_motion(looked: &Looked<'_>) -> Option<Contradiction> {
+pub(super) fn above_the_motion(looked: &CheckContext<'_>) -> Option<Contradiction> {
     let stated_m = looked.experiment.noise_sd_m.filter(|stated_m| *stated_m > looked.range_m)?;
     let text = format!("`noise_um` is {}, but all positions lie within {} µm", um(stated_m), um(looked.range_m));
     let advice = "check `noise_um` and the position's unit: one of them may be in nm or mm";

@@ -2,9 +2,9 @@
 
 use std::collections::HashMap;
 
-use super::{Looked, found, um};
+use super::{CheckContext, found, um};
 use documents::check::Contradiction;
-use figures::number::significant;
+use figures::number::format_significant;
 use record::noise::Outlier;
 use record::repeated_outliers;
 
@@ -25,13 +25,13 @@ fn resolution_m(positions: &[f64]) -> f64 {
 }
 
 /// Returns true if the noise moves positions by more than their last digit, so that equal positions are informative.
-fn is_fine(looked: &Looked<'_>, positions: &[f64]) -> bool {
+fn is_fine(looked: &CheckContext<'_>, positions: &[f64]) -> bool {
     let noise_m = looked.fit.as_ref().map_or(looked.noise_m, |fit| looked.noise_m.min(fit.left_sd_m));
     noise_m > 0.0 && resolution_m(positions) < COARSE * noise_m
 }
 
 /// Finds many positions that are exactly the largest or the smallest one.
-pub(super) fn clipped(looked: &Looked<'_>) -> Option<Contradiction> {
+pub(super) fn clipped(looked: &CheckContext<'_>) -> Option<Contradiction> {
     let positions: Vec<f64> = looked.record.position_m.iter().flatten().copied().collect();
     if !is_fine(looked, &positions) {
         return None;
@@ -53,7 +53,7 @@ pub(super) fn clipped(looked: &Looked<'_>) -> Option<Contradiction> {
 }
 
 /// Finds positions that repeat the previous one although the noise should have moved them.
-pub(super) fn repeated(looked: &Looked<'_>) -> Option<Contradiction> {
+pub(super) fn repeated(looked: &CheckContext<'_>) -> Option<Contradiction> {
     let positions: Vec<f64> = looked.record.position_m.iter().flatten().copied().collect();
     if !is_fine(looked, &positions) {
         return None;
@@ -75,12 +75,12 @@ pub(super) fn repeated(looked: &Looked<'_>) -> Option<Contradiction> {
 const LISTED: usize = 5;
 
 /// Finds single positions far from the rows around them.
-pub(super) fn outliers(looked: &Looked<'_>) -> Option<Contradiction> {
+pub(super) fn outliers(looked: &CheckContext<'_>) -> Option<Contradiction> {
     let record = looked.record;
     let outliers = record::noise::outliers(record);
     let at = |outlier: &Outlier| {
         let time_s = record.time_s[outlier.row];
-        format!("{} s (row {}) by {} µm", significant(time_s, 6), outlier.row + 1, um(outlier.distance_m))
+        format!("{} s (row {}) by {} µm", format_significant(time_s, 6), outlier.row + 1, um(outlier.distance_m))
     };
     let said: Vec<String> = outliers.iter().take(LISTED).map(at).collect();
     let more = outliers.len().saturating_sub(LISTED);
@@ -96,14 +96,14 @@ pub(super) fn outliers(looked: &Looked<'_>) -> Option<Contradiction> {
     );
     let advice = format!(
         "leave them out with `left_out_s = [[{}, {}]]` in [measurement], one pair for each; or use noise with heavy tails (`student`)",
-        significant(time_s - half_s, 6),
-        significant(time_s + half_s, 6)
+        format_significant(time_s - half_s, 6),
+        format_significant(time_s + half_s, 6)
     );
     Some(found("outliers", false, text, advice))
 }
 
 /// Finds a value that marks lost positions.
-pub(super) fn lost(looked: &Looked<'_>) -> Option<Contradiction> {
+pub(super) fn lost(looked: &CheckContext<'_>) -> Option<Contradiction> {
     let positions = &looked.record.position_m;
     let values = repeated_outliers(positions);
     let value = *values.first()?;
@@ -118,7 +118,7 @@ pub(super) fn lost(looked: &Looked<'_>) -> Option<Contradiction> {
 }
 
 /// Finds a column that is not read although it moves with the position.
-pub(super) fn unread(looked: &Looked<'_>) -> Option<Contradiction> {
+pub(super) fn unread(looked: &CheckContext<'_>) -> Option<Contradiction> {
     let columns: Vec<String> = looked
         .understood
         .unread

@@ -59,13 +59,13 @@ pub(super) fn median(mut values: Vec<f64>) -> Option<f64> {
 }
 
 /// Number of rows in the fit.
-pub fn n_looked_at(record: &Record) -> usize {
+pub fn n_quick_rows(record: &Record) -> usize {
     record.n_rows().min(MOST_ROWS)
 }
 
 /// Fits the law under a force rule; `None` for too few positions or no motion.
 pub fn quick_fit(record: &Record, rule: ForceRule) -> Option<QuickFit> {
-    let n_rows = n_looked_at(record);
+    let n_rows = n_quick_rows(record);
     let rows: Vec<(usize, f64)> = (0..n_rows).filter_map(|row| Some((row, record.position_m[row]?))).collect();
     let duration_s = record.time_s[n_rows - 1] - record.time_s[0];
     let interval_s = record.median_interval_s()?;
@@ -134,7 +134,7 @@ fn fit_at(
 
 impl QuickFit {
     /// Mean absolute residual in m. It also shows a misfit in a few rows.
-    pub fn mean_left_m(&self, record: &Record) -> f64 {
+    pub fn mean_residual_m(&self, record: &Record) -> f64 {
         let left = self.motion_m.iter().zip(&record.position_m);
         let left: Vec<f64> = left.filter_map(|(motion, x)| Some(((*x)? - motion - self.offset_m).abs())).collect();
         left.iter().sum::<f64>() / left.len().max(1) as f64

@@ -1,15 +1,15 @@
 //! Checks for sizes that contradict each other.
 
-use super::{Looked, found, um};
+use super::{CheckContext, found, um};
 use documents::check::Contradiction;
-use figures::number::significant;
+use figures::number::format_significant;
 use record::Apparatus;
 
 /// Range of Young's moduli in Pa of a material that is soft enough to be moved and stiff enough to hold.
 const MODULI_PA: [f64; 2] = [1e-3, 1e7];
 
 /// Finds a displacement that no gel allows for a robot of this size.
-pub(super) fn no_gel(looked: &Looked<'_>) -> Option<Contradiction> {
+pub(super) fn no_gel(looked: &CheckContext<'_>) -> Option<Contradiction> {
     let largest_n = looked.record.force_n.iter().fold(0.0_f64, |largest, force| largest.max(force.abs()));
     if looked.range_m <= 0.0 || largest_n == 0.0 {
         return None;
@@ -33,14 +33,14 @@ pub(super) fn no_gel(looked: &Looked<'_>) -> Option<Contradiction> {
         "a force of {} µN moves the body by {} µm: a Young's modulus of about {} Pa, which no gel has",
         um(largest_n),
         um(looked.range_m),
-        significant(modulus_pa, 2)
+        format_significant(modulus_pa, 2)
     );
     let advice = "check the units of force and position (mm for µm?) and the sizes in [robot] or [instrument]";
     Some(found("size_of_the_answer", true, text, advice))
 }
 
 /// Finds a robot that would leave its container.
-pub(super) fn leaves_its_container(looked: &Looked<'_>) -> Option<Contradiction> {
+pub(super) fn leaves_its_container(looked: &CheckContext<'_>) -> Option<Contradiction> {
     let Apparatus::Robot { robot, vitreous } = &looked.experiment.apparatus else { return None };
     let room_m = 0.5 * vitreous.diameter_m - robot.farthest_point_m();
     if looked.range_m <= 2.0 * room_m {
@@ -48,8 +48,8 @@ pub(super) fn leaves_its_container(looked: &Looked<'_>) -> Option<Contradiction>
     }
     let text = format!(
         "positions range over {} mm, but the robot has only {} mm of room in the vitreous",
-        significant(1e3 * looked.range_m, 3),
-        significant(2e3 * room_m, 3)
+        format_significant(1e3 * looked.range_m, 3),
+        format_significant(2e3 * room_m, 3)
     );
     let advice = "check the position's unit (mm for µm?), and the diameters in [robot] and [vitreous]";
     Some(found("leaves_its_container", true, text, advice))

@@ -1,10 +1,10 @@
 //! Checks that the force switches at the stated rows.
 
 use super::quick_fit::quick_fit;
-use super::{Looked, found, um};
+use super::{CheckContext, found, um};
 use documents::check::Contradiction;
-use figures::number::significant;
-use record::{Line, Record};
+use figures::number::format_significant;
+use record::{MotionLine, Record};
 
 /// Number of positions before a switch whose line is extrapolated to it. As many positions are extrapolated to the row before.
 const BEFORE: usize = 4;
@@ -17,7 +17,7 @@ const ERRORS: f64 = 5.0;
 const NOISES: f64 = 2.0;
 
 /// Excess of a row's position over the line through the four positions before it; `None` if too many are lost.
-fn excess_m(looked: &Looked<'_>, row: usize) -> Option<f64> {
+fn excess_m(looked: &CheckContext<'_>, row: usize) -> Option<f64> {
     let record = looked.record;
     let before = (row.saturating_sub(WITHIN)..row).rev();
     let known = before.filter_map(|row| Some((record.time_s[row], record.position_m[row]?)));
@@ -25,11 +25,11 @@ fn excess_m(looked: &Looked<'_>, row: usize) -> Option<f64> {
     if points.len() < BEFORE {
         return None;
     }
-    Some(Line::through(points.iter().copied()).excess((record.time_s[row], record.position_m[row]?)))
+    Some(MotionLine::through(points.iter().copied()).excess((record.time_s[row], record.position_m[row]?)))
 }
 
 /// Finds positions that have already moved at the row of a stated switch. A row's position is the limit from the left.
-pub(super) fn between_rows(looked: &Looked<'_>) -> Option<Contradiction> {
+pub(super) fn between_rows(looked: &CheckContext<'_>) -> Option<Contradiction> {
     let record = looked.record;
     let excesses: Vec<f64> = record
         .force_step_rows()
@@ -77,7 +77,7 @@ const SUSTAINED: usize = 3;
 const LISTED: usize = 8;
 
 /// Finds a force whose rows come later than its action: logged late, or more rarely than the positions.
-pub(super) fn logged_late(looked: &Looked<'_>) -> Option<Contradiction> {
+pub(super) fn logged_late(looked: &CheckContext<'_>) -> Option<Contradiction> {
     let record = looked.record;
     let fit = looked.fit.as_ref()?;
     let steps = record.force_step_rows();
@@ -86,12 +86,12 @@ pub(super) fn logged_late(looked: &Looked<'_>) -> Option<Contradiction> {
         let last_n = record.force_n.last().copied().unwrap_or(0.0);
         let earlier = record.force_n[lag..].iter().copied().chain(std::iter::repeat_n(last_n, lag)).collect();
         let moved = quick_fit(&Record { force_n: earlier, ..record.clone() }, record.force_rule)?;
-        Some((moved.mean_left_m(record), lag, moved.left_sd_m))
+        Some((moved.mean_residual_m(record), lag, moved.left_sd_m))
     };
     let most = MOST_LAG.min(shortest / 2);
     let lags = std::iter::successors(Some(1), |lag| Some((lag + lag / 4).max(lag + 1))).take_while(|lag| *lag <= most);
     let (left_m, _, noise_m) = lags.filter_map(moved).min_by(|a, b| a.0.total_cmp(&b.0))?;
-    let here_m = fit.mean_left_m(record);
+    let here_m = fit.mean_residual_m(record);
     if left_m > LEFT * here_m || here_m - left_m < MATTERS * looked.range_m {
         return None;
     }
@@ -107,10 +107,10 @@ pub(super) fn logged_late(looked: &Looked<'_>) -> Option<Contradiction> {
     let begins: Vec<(f64, f64)> =
         steps.iter().filter_map(|step| Some((record.time_s[begin(*step)? - 1], record.time_s[*step]))).collect();
     let late_s = record::robust::median(begins.iter().map(|(begin_s, step_s)| step_s - begin_s).collect())?;
-    let listed: Vec<String> = begins.iter().take(LISTED).map(|(begin_s, _)| significant(*begin_s, 5)).collect();
+    let listed: Vec<String> = begins.iter().take(LISTED).map(|(begin_s, _)| format_significant(*begin_s, 5)).collect();
     let text = format!(
         "the force column lags the motion: the body moves about {} s before the rows in which the force switches. The force was logged late or too rarely",
-        significant(late_s, 2)
+        format_significant(late_s, 2)
     );
     let advice = format!(
         "give the force in a separate log ([actuation]) with the times at which it switched; the motion begins at {} s{}",

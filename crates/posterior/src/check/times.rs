@@ -1,8 +1,8 @@
 //! Checks of the time unit and of the sampling density.
 
-use super::{Looked, found, um};
+use super::{CheckContext, found, um};
 use documents::check::Contradiction;
-use figures::number::significant;
+use figures::number::format_significant;
 use record::Apparatus;
 
 /// Range of sampling intervals (s): of a camera on a robot, and of another instrument.
@@ -13,7 +13,7 @@ const ROWS: f64 = 1.5;
 const NOISES: f64 = 6.0;
 
 /// Finds sampling intervals that no camera has.
-pub(super) fn units(looked: &Looked<'_>) -> Option<Contradiction> {
+pub(super) fn units(looked: &CheckContext<'_>) -> Option<Contradiction> {
     let interval_s = looked.record.median_interval_s()?;
     let [shortest_s, longest_s] = match looked.experiment.apparatus {
         Apparatus::Robot { .. } => CAMERA_S,
@@ -22,12 +22,12 @@ pub(super) fn units(looked: &Looked<'_>) -> Option<Contradiction> {
     if (shortest_s..=longest_s).contains(&interval_s) {
         return None;
     }
-    let text = format!("rows are {} s apart, which is unusual for a camera", significant(interval_s, 3));
+    let text = format!("rows are {} s apart, which is unusual for a camera", format_significant(interval_s, 3));
     Some(found("time_unit", false, text, "check the unit of the time: seconds and milliseconds may be confused"))
 }
 
 /// Finds a retarded motion that ends within one row.
-pub(super) fn few_rows(looked: &Looked<'_>) -> Option<Contradiction> {
+pub(super) fn few_rows(looked: &CheckContext<'_>) -> Option<Contradiction> {
     let fit = looked.fit.as_ref()?;
     let interval_s = looked.record.median_interval_s()?;
     let rows = 1.0 / (fit.rate_per_s * interval_s);
@@ -36,8 +36,8 @@ pub(super) fn few_rows(looked: &Looked<'_>) -> Option<Contradiction> {
     }
     let text = format!(
         "the elastic motion ends within about {} rows ({} s), so its viscosity is poorly determined",
-        significant(rows, 2),
-        significant(1.0 / fit.rate_per_s, 2)
+        format_significant(rows, 2),
+        format_significant(1.0 / fit.rate_per_s, 2)
     );
     Some(found("few_rows_in_a_retardation_time", false, text, "sample faster right after every switch of the force"))
 }
@@ -51,7 +51,7 @@ const LISTED: usize = 4;
 const JUMP_NOISES: f64 = 6.0;
 
 /// Finds stretches of time without rows, in which the last row's force is assumed to act.
-pub(super) fn gaps(looked: &Looked<'_>) -> Option<Contradiction> {
+pub(super) fn gaps(looked: &CheckContext<'_>) -> Option<Contradiction> {
     let record = looked.record;
     let median_s = record.median_interval_s()?;
     let interval_s = |row: usize| record.time_s[row + 1] - record.time_s[row];
@@ -76,10 +76,10 @@ pub(super) fn gaps(looked: &Looked<'_>) -> Option<Contradiction> {
         };
         format!(
             "from {} to {} s ({} sampling intervals; {} µN is assumed to act){jump}",
-            significant(record.time_s[row], 4),
-            significant(record.time_s[row + 1], 4),
-            significant(interval_s(row) / median_s, 3),
-            significant(1e6 * record.force_n[row], 3)
+            format_significant(record.time_s[row], 4),
+            format_significant(record.time_s[row + 1], 4),
+            format_significant(interval_s(row) / median_s, 3),
+            format_significant(1e6 * record.force_n[row], 3)
         )
     });
     let said: Vec<String> = said.collect();

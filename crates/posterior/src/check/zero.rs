@@ -1,10 +1,10 @@
 //! Checks of the zero of the positions and of the rest before the force.
 
 use super::quick_fit::median;
-use super::{Looked, found, um};
+use super::{CheckContext, found, um};
 use documents::check::Contradiction;
-use figures::number::significant;
-use record::Line;
+use figures::number::format_significant;
+use record::MotionLine;
 
 /// Number of first positions that are used.
 const FIRST: usize = 5;
@@ -26,7 +26,7 @@ const DRIFT_SHARE: f64 = 0.02;
 const DRIFT_ERRORS: f64 = 8.0;
 
 /// Finds a record that does not start at zero although no force has acted, as in camera coordinates.
-pub(super) fn off(looked: &Looked<'_>) -> Option<Contradiction> {
+pub(super) fn off(looked: &CheckContext<'_>) -> Option<Contradiction> {
     let record = looked.record;
     if looked.experiment.fits_position_offset {
         return None;
@@ -59,7 +59,7 @@ pub(super) fn off(looked: &Looked<'_>) -> Option<Contradiction> {
 }
 
 /// Finds a zero that is one row's position, whose noise all other positions then carry. The first position is exactly 0 although the known noise is many digits wide.
-pub(super) fn is_a_row(looked: &Looked<'_>) -> Option<Contradiction> {
+pub(super) fn is_a_row(looked: &CheckContext<'_>) -> Option<Contradiction> {
     let noise_m = looked.experiment.noise_sd_m?;
     let mut positions: Vec<f64> = looked.record.position_m.iter().flatten().copied().collect();
     if looked.experiment.fits_position_offset || positions.first() != Some(&0.0) {
@@ -86,7 +86,7 @@ pub(super) fn is_a_row(looked: &Looked<'_>) -> Option<Contradiction> {
 }
 
 /// Finds a body that moves before any force acts.
-pub(super) fn drifts_at_rest(looked: &Looked<'_>) -> Option<Contradiction> {
+pub(super) fn drifts_at_rest(looked: &CheckContext<'_>) -> Option<Contradiction> {
     let record = looked.record;
     let n_rest = record.force_n.iter().take_while(|force| **force == 0.0).count();
     let rest: Vec<(f64, f64)> =
@@ -94,7 +94,7 @@ pub(super) fn drifts_at_rest(looked: &Looked<'_>) -> Option<Contradiction> {
     if rest.len() < REST_ROWS {
         return None;
     }
-    let line = Line::through(rest.iter().copied());
+    let line = MotionLine::through(rest.iter().copied());
     let left: f64 = rest.iter().map(|point| line.excess(*point).powi(2)).sum();
     let (slope, error) = (line.slope_per_s, (left / (rest.len() as f64 - 2.0) / line.spread_s2).sqrt());
     let drift_m = slope * (rest[rest.len() - 1].0 - rest[0].0);
@@ -123,7 +123,7 @@ const SLOWER: f64 = 0.3;
 const ALIKE: f64 = 0.3;
 
 /// Finds a record that begins while a load already acts. Its first rows creep slowly, whereas the same force makes a fast motion at other switches.
-pub(super) fn starts_under_load(looked: &Looked<'_>) -> Option<Contradiction> {
+pub(super) fn starts_under_load(looked: &CheckContext<'_>) -> Option<Contradiction> {
     let record = looked.record;
     let first_n = *record.force_n.first()?;
     if first_n.abs() < ALIKE * record.force_range_n() {
@@ -143,7 +143,7 @@ pub(super) fn starts_under_load(looked: &Looked<'_>) -> Option<Contradiction> {
         let before_m = if row == 0 { 0.0 } else { here_m - at(near(here_s - after_s)?)? };
         Some(at(near(here_s + after_s)?)? - here_m - before_m)
     };
-    let switched_n = |row: usize| record.force_n[row] - record.before_n(row);
+    let switched_n = |row: usize| record.force_n[row] - record.previous_force_n(row);
     let steps = record.force_step_rows();
     let alike = steps.iter().filter(|row| **row > 0 && switched_n(**row).abs() > ALIKE * first_n.abs());
     let others: Vec<f64> = alike.filter_map(|row| Some(motion_m(*row)? / switched_n(*row))).collect();
@@ -157,7 +157,7 @@ pub(super) fn starts_under_load(looked: &Looked<'_>) -> Option<Contradiction> {
         "the record starts under load: {} µN act from the first row on, and the body moves by {} µm in the first {} s, whereas other switches move it by {} µm",
         um(first_n),
         um(found_m),
-        significant(after_s, 2),
+        format_significant(after_s, 2),
         um(expected_m)
     );
     let advice = "state when the first force began, in s of the table's time: `load_start_s = -3.0` in [measurement] if that was 3 s before time 0; or begin the table before the load";

@@ -4,16 +4,16 @@ mod nearest;
 
 use std::sync::Arc;
 
-use super::outside::{Ground, Outside};
+use super::outside::{ExternalModel, LearnedBox};
 use super::problem::{Problem, TAIL_MASS};
 use crate::monitor::{Counter, Monitor};
 use base::error::{Error, Result, Setting};
-use laws::stages::Stepped;
+use laws::stages::SharedStepper;
 use models::model::TrainedRange;
 use models::surrogate::trajectory::{
-    Clock, OUTSIDE_MOST_POINTS, OUTSIDE_TOLERANCE, OutsideLesson, OutsideStepper, OutsideSurface,
+    Clock, EXTERNAL_MAX_POINTS, EXTERNAL_TOLERANCE, ExternalStepper, ExternalSurface, ExternalTraining,
 };
-use nearest::nearest;
+use nearest::fit_to_data;
 use record::Force;
 
 /// Half widths of the box, in standard deviations of a logarithm. Added effects move parameters by several of them, and by twenty if the base misses the data by far. If
@@ -34,9 +34,9 @@ const LARGEST_ERROR: f64 = 0.5;
 const UNKNOWN_NOISE: f64 = 1e-3;
 
 /// The learnt surrogate.
-pub struct Learnt {
+pub struct ExternalSurrogate {
     /// Stepper that replaces the program.
-    pub stepper: Stepped,
+    pub stepper: SharedStepper,
     /// Box in which the surrogate was learnt.
     pub trained: Vec<TrainedRange>,
     /// Largest error at test points outside the training set, over the noise.
@@ -47,26 +47,31 @@ pub struct Learnt {
 ///
 /// # Errors
 /// [`Error::Numerical`] with the server's message, or if the polynomials' error exceeds half of the noise.
-pub fn learnt(problem: &Problem, outside: &Outside, with_load: bool, monitor: &dyn Monitor) -> Result<Learnt> {
+pub fn learn_external(
+    problem: &Problem,
+    outside: &ExternalModel,
+    with_load: bool,
+    monitor: &dyn Monitor,
+) -> Result<ExternalSurrogate> {
     let record = &problem.experiment.record;
     let specs = problem.model.base().parameters();
     let ranges: Vec<TrainedRange> = specs.iter().map(|spec| problem.range_of(spec.name, TAIL_MASS)).collect();
     let free: Vec<usize> = (0..ranges.len()).filter(|k| ranges[*k].lower < ranges[*k].upper).collect();
     let template: Vec<f64> = ranges.iter().map(|range| range.lower).collect();
-    let yardstick = problem.experiment.noise_yardstick().map(|yardstick| yardstick.sd_m);
+    let yardstick = problem.experiment.reference_noise().map(|yardstick| yardstick.sd_m);
     let noise_m = yardstick.unwrap_or(UNKNOWN_NOISE * problem.experiment.scales().position_range_m);
     // A box that serves one model of the experiment serves all its models.
     let (boxes, allowed): (Vec<Vec<TrainedRange>>, f64) = match (outside.learnt_in(), &free[..]) {
-        (Some(Ground { trained, allowed }), _) => {
-            (vec![ranges.iter().zip(trained).map(|(own, kept)| within(own, kept)).collect()], *allowed)
+        (Some(LearnedBox { trained, allowed }), _) => {
+            (vec![ranges.iter().zip(trained).map(|(range, kept)| within(range, kept)).collect()], *allowed)
         }
-        (None, []) => (vec![ranges.clone()], OUTSIDE_TOLERANCE),
+        (None, []) => (vec![ranges.clone()], EXTERNAL_TOLERANCE),
         (None, _) => {
             monitor.stage(&format!("fitting {} to the data", outside.title()));
-            let found = nearest(problem, outside, &template, &free, noise_m, &WIDTHS)?;
+            let found = fit_to_data(problem, outside, &template, &free, noise_m, &WIDTHS)?;
             let boxes = found.reaches.iter().map(|reaches| box_about(problem, &ranges, &free, &found.ln, reaches));
             // A narrow box would cut off the posterior. That is worse than an error that is small relative to the model's misfit.
-            let allowed = (OUTSIDE_TOLERANCE * found.over_noise).clamp(OUTSIDE_TOLERANCE, LARGEST_BESIDE_MISFIT);
+            let allowed = (EXTERNAL_TOLERANCE * found.over_noise).clamp(EXTERNAL_TOLERANCE, LARGEST_BESIDE_MISFIT);
             (boxes.collect(), allowed)
         }
     };
@@ -75,13 +80,13 @@ pub fn learnt(problem: &Problem, outside: &Outside, with_load: bool, monitor: &d
     let ask = |parameters: &[f64], force_n: &[f64]| {
         outside.position_m(parameters, &clock.time_s, Force { at_rows_n: force_n, ..force })
     };
-    let mut best: Option<(OutsideSurface, Vec<TrainedRange>)> = None;
+    let mut best: Option<(ExternalSurface, Vec<TrainedRange>)> = None;
     for trained in boxes {
         let ends: Vec<(f64, f64)> = trained.iter().map(|range| (range.lower, range.upper)).collect();
         monitor.stage(&format!("learning {}", outside.title()));
-        let counter = Counter::new(monitor, OUTSIDE_MOST_POINTS);
-        let lesson = OutsideLesson { ends: &ends, clock: &clock, time_s, force, noise_m, with_load };
-        let surface = OutsideSurface::learn(&lesson, &ask, &|| counter.add_one())?;
+        let counter = Counter::new(monitor, EXTERNAL_MAX_POINTS);
+        let lesson = ExternalTraining { ends: &ends, clock: &clock, time_s, force, noise_m, with_load };
+        let surface = ExternalSurface::learn(&lesson, &ask, &|| counter.add_one())?;
         let is_better = best.as_ref().is_none_or(|(other, _)| surface.certified() < other.certified());
         let is_done = surface.certified() <= allowed || free.is_empty();
         if is_better {
@@ -119,15 +124,19 @@ pub fn learnt(problem: &Problem, outside: &Outside, with_load: bool, monitor: &d
         ));
     }
     let ends: Vec<(f64, f64)> = trained.iter().map(|range| (range.lower, range.upper)).collect();
-    let lesson = OutsideLesson { ends: &ends, clock: &clock, time_s, force, noise_m, with_load };
-    let stepper = Stepped(Arc::new(OutsideStepper::new(surface, &lesson)));
-    outside.keep_ground(Ground { trained: trained.clone(), allowed });
-    Ok(Learnt { stepper, trained, over_noise })
+    let lesson = ExternalTraining { ends: &ends, clock: &clock, time_s, force, noise_m, with_load };
+    let stepper = SharedStepper(Arc::new(ExternalStepper::new(surface, &lesson)));
+    outside.keep_ground(LearnedBox { trained: trained.clone(), allowed });
+    Ok(ExternalSurrogate { stepper, trained, over_noise })
 }
 
 /// Range of a parameter in a model: its own fixed value, or the box's range.
-fn within(own: &TrainedRange, kept: &TrainedRange) -> TrainedRange {
-    if own.lower == own.upper || kept.lower == kept.upper { own.clone() } else { kept.clone() }
+fn within(trained_range: &TrainedRange, kept: &TrainedRange) -> TrainedRange {
+    if trained_range.lower == trained_range.upper || kept.lower == kept.upper {
+        trained_range.clone()
+    } else {
+        kept.clone()
+    }
 }
 
 /// Box that extends down and up by `reaches` from the best fit.

@@ -5,10 +5,10 @@ use std::sync::{Mutex, PoisonError};
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
-use crate::outside::Outside;
+use crate::outside::ExternalModel;
 use crate::problem::{Problem, TAIL_MASS};
 use base::error::{Error, Result};
-use sampling::least_squares::{Fit, Residuals, Tolerances, fit};
+use sampling::least_squares::{Fit, LeastSquaresProblem, Tolerances, fit};
 
 /// Tail mass outside the quantiles of the starts.
 const START_TAIL: f64 = 0.05;
@@ -35,7 +35,7 @@ const FAR: f64 = 0.1;
 
 /// Best fit of the program.
 #[derive(Debug)]
-pub(super) struct Nearest {
+pub(super) struct DataFit {
     /// Logarithms of the free parameters.
     pub ln: Vec<f64>,
     /// Distances down and up from the best fit, for every requested number of standard deviations and every free parameter.
@@ -48,14 +48,14 @@ pub(super) struct Nearest {
 ///
 /// # Errors
 /// [`Error::Numerical`] with the server's message if it predicts nothing at any start.
-pub(super) fn nearest(
+pub(super) fn fit_to_data(
     problem: &Problem,
-    outside: &Outside,
+    outside: &ExternalModel,
     template: &[f64],
     free: &[usize],
     noise_m: f64,
     widths: &[f64],
-) -> Result<Nearest> {
+) -> Result<DataFit> {
     let observed = problem.positions_of(&problem.experiment.calibration_cycles);
     let observed: Vec<(usize, f64)> = observed.iter().enumerate().filter_map(|(row, y)| Some((row, (*y)?))).collect();
     let names: Vec<&str> = problem.model.base().parameters().iter().map(|spec| spec.name).collect();
@@ -68,7 +68,7 @@ pub(super) fn nearest(
     };
     let priors = free.iter().map(prior).collect();
     let mut distances =
-        Distances { problem, outside, template, free, noise_m, observed, priors, refusal: Mutex::default() };
+        FitResiduals { problem, outside, template, free, noise_m, observed, priors, refusal: Mutex::default() };
     let sobol = |index: u32| -> Vec<f64> {
         let of = |(d, k): (u32, &usize)| {
             let coordinate = f64::from(sobol_burley::sample(index, d, START_SEED));
@@ -80,7 +80,7 @@ pub(super) fn nearest(
     let medians: Vec<f64> = free.iter().map(|k| quantile(*k, 0.5)).collect();
     let starts: Vec<Vec<f64>> = std::iter::once(medians).chain((0..n_starts).map(sobol)).collect();
     let sums: Vec<Option<f64>> =
-        starts.par_iter().map(|start| distances.residuals(start).map(|own| own.norm_squared())).collect();
+        starts.par_iter().map(|start| distances.residuals(start).map(|matrix| matrix.norm_squared())).collect();
     let best = sums.iter().zip(&starts).filter_map(|(sum, start)| Some((sum.filter(|sum| sum.is_finite())?, start)));
     let Some((_, start)) = best.min_by(|a, b| a.0.total_cmp(&b.0)) else {
         let refusal = distances.refusal.into_inner().unwrap_or_else(PoisonError::into_inner);
@@ -91,22 +91,22 @@ pub(super) fn nearest(
     let mut found = None;
     let mut at: Vec<f64> = start.clone();
     for _ in 0..ROUNDS {
-        let misses = distances.residuals(&at).map_or(1.0, |own| distances.misfit(own.as_slice()));
+        let misses = distances.residuals(&at).map_or(1.0, |matrix| distances.misfit(matrix.as_slice()));
         let louder = (misses * distances.noise_m).max(noise_m);
         if found.is_some() && (louder / distances.noise_m - 1.0).abs() < SAME_NOISE {
             break;
         }
         distances.noise_m = louder;
-        let own = fit(&distances, &at, &TOLERANCES)?;
-        at = own.theta.clone();
-        found = Some(own);
+        let entry = fit(&distances, &at, &TOLERANCES)?;
+        at = entry.theta.clone();
+        found = Some(entry);
     }
     let Some(found) = found else { return Err(Error::numerical("the model was not fitted", "give another prior")) };
     let of_width = |n_sd: &f64| -> Vec<[f64; 2]> {
         (0..free.len()).into_par_iter().map(|k| [-n_sd, *n_sd].map(|n_sd| distances.reach(&found, k, n_sd))).collect()
     };
     let reaches = widths.iter().map(of_width).collect();
-    Ok(Nearest { reaches, ln: found.theta, over_noise: distances.noise_m / noise_m })
+    Ok(DataFit { reaches, ln: found.theta, over_noise: distances.noise_m / noise_m })
 }
 
 /// Prior of a free logarithm.
@@ -118,9 +118,9 @@ struct Prior {
 }
 
 /// Residuals: distances from the measured positions over the noise, then distances from the prior's medians over its spread.
-struct Distances<'a> {
+struct FitResiduals<'a> {
     problem: &'a Problem,
-    outside: &'a Outside,
+    outside: &'a ExternalModel,
     template: &'a [f64],
     free: &'a [usize],
     noise_m: f64,
@@ -130,11 +130,11 @@ struct Distances<'a> {
     refusal: Mutex<Option<Error>>,
 }
 
-impl Distances<'_> {
+impl FitResiduals<'_> {
     /// Root mean square of the data's residuals.
     fn misfit(&self, residuals: &[f64]) -> f64 {
         let n = self.observed.len();
-        (residuals.iter().take(n).map(|own| own * own).sum::<f64>() / n.max(1) as f64).sqrt()
+        (residuals.iter().take(n).map(|residual| residual * residual).sum::<f64>() / n.max(1) as f64).sqrt()
     }
 
     /// Distance of a parameter for `n_sd` standard deviations, with the other parameters following. It is shorter if the sum of squares rises faster than a parabola, as
@@ -155,7 +155,7 @@ impl Distances<'_> {
                 (ln + follows * step).clamp(prior.ln_ends.0, prior.ln_ends.1)
             };
             let moved: Vec<f64> = found.theta.iter().zip(&follows).zip(&self.priors).map(moved).collect();
-            self.residuals(&moved).is_some_and(|own| own.norm_squared() <= most)
+            self.residuals(&moved).is_some_and(|matrix| matrix.norm_squared() <= most)
         };
         let shortened = |times: i32| step * SHORTER.powi(times);
         let near = (0..SHORTENINGS).map(shortened).find(|step| is_near(*step));
@@ -163,7 +163,7 @@ impl Distances<'_> {
     }
 }
 
-impl Residuals for Distances<'_> {
+impl LeastSquaresProblem for FitResiduals<'_> {
     fn residuals(&self, theta: &[f64]) -> Option<DVector<f64>> {
         let mut parameters = self.template.to_vec();
         self.free.iter().zip(theta).for_each(|(k, ln)| parameters[*k] = ln.exp());

@@ -3,7 +3,7 @@
 use nalgebra::{DMatrix, DVector};
 
 use super::NoiseModel;
-use base::error::Place;
+use base::error::InputPlace;
 
 /// A record for tests.
 pub struct TestRecord {
@@ -44,7 +44,7 @@ impl TestRecord {
 
 pub fn model(names: &[&str]) -> NoiseModel {
     let names: Vec<String> = names.iter().map(|name| name.to_string()).collect();
-    NoiseModel::named(&names, &Place::default()).expect("names of terms")
+    NoiseModel::named(&names, &InputPlace::default()).expect("names of terms")
 }
 
 /// Parameters of a model in its order, taken by name from a point with every term.

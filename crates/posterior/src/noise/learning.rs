@@ -82,7 +82,7 @@ impl std::fmt::Debug for NoiseValues {
 
 /// Instructions for a search that learns a noise model.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Learning {
+pub struct NoiseLearning {
     /// Parameters, in order.
     pub parameters: Vec<LearntParameter>,
     /// Name of the term of each parameter.
@@ -99,7 +99,7 @@ impl NoiseModel {
 
     /// Instructions for learning the model's parameters, without terms that a search cannot learn. `is_known` is true if the yardstick is known and false if it is
     /// estimated from short lags.
-    pub fn learning(self, scales: &NoiseScales, is_known: bool) -> Learning {
+    pub fn learning(self, scales: &NoiseScales, is_known: bool) -> NoiseLearning {
         let (mut parameters, mut terms, mut starts) = (Vec::new(), Vec::new(), vec![NoiseValues::new([])]);
         for (term, learnt) in self.learnt_terms() {
             let specs = term.parameters().iter();
@@ -107,20 +107,20 @@ impl NoiseModel {
                 specs.filter_map(|spec| term.default_prior(spec, scales)).map(|(prior, _)| prior).collect();
             parameters.extend(learnt.learnt(scales, &priors, is_known));
             terms.resize(parameters.len(), term.name());
-            let own = learnt.starts(scales, &priors);
+            let valueses = learnt.starts(scales, &priors);
             let joined = |start: &NoiseValues| -> Vec<NoiseValues> {
-                own.iter().map(|own| start.iter().chain(own).copied().collect()).collect()
+                valueses.iter().map(|valuese| start.iter().chain(valuese).copied().collect()).collect()
             };
             starts = starts.iter().flat_map(joined).collect();
         }
-        Learning { parameters, terms, starts }
+        NoiseLearning { parameters, terms, starts }
     }
 
     /// Values of the parameters in words: of terms that vary from row to row, and of terms that vary from cycle to cycle.
-    pub fn words(self, values: &[f64]) -> [Vec<String>; 2] {
+    pub fn describe(self, values: &[f64]) -> [Vec<String>; 2] {
         let mut words = [Vec::new(), Vec::new()];
-        self.with_values(values, |term, learnt, own| {
-            words[usize::from(term.equations().cycles)].push(learnt.words(own));
+        self.with_values(values, |term, learnt, values| {
+            words[usize::from(term.equations().cycles)].push(learnt.words(values));
         });
         words
     }
@@ -128,23 +128,23 @@ impl NoiseModel {
     /// Standard deviations (µm) that the terms add to one position (µm), independent of each other.
     pub fn sds_um(self, values: &[f64], position_um: f64) -> Vec<f64> {
         let mut sds_um = Vec::new();
-        self.with_values(values, |_, learnt, own| sds_um.extend(learnt.sds_um(own, position_um)));
+        self.with_values(values, |_, learnt, values| sds_um.extend(learnt.sds_um(values, position_um)));
         sds_um
     }
 
     /// Draws, row by row, of all terms except the white noise.
-    pub fn drawn(self, values: &[f64], stream: &mut RandomStream) -> Vec<Box<DrawRow>> {
+    pub fn draw_terms(self, values: &[f64], stream: &mut RandomStream) -> Vec<Box<DrawRow>> {
         let mut drawn = Vec::new();
-        self.with_values(values, |_, learnt, own| drawn.push(learnt.drawn(own, stream)));
+        self.with_values(values, |_, learnt, values| drawn.push(learnt.drawn(values, stream)));
         drawn
     }
 
     fn with_values(self, values: &[f64], mut of: impl FnMut(&dyn NoiseTerm, &dyn LearntTerm, &[f64])) {
         let mut left = values;
         for term in self.terms() {
-            let (own, others) = left.split_at(term.parameters().len());
+            let (entry, others) = left.split_at(term.parameters().len());
             if let Some(learnt) = term.learning() {
-                of(term, learnt, own);
+                of(term, learnt, entry);
             }
             left = others;
         }
@@ -156,7 +156,7 @@ impl NoiseModel {
 
     /// Index of a parameter in this model.
     pub fn place(self, parameter: &ParameterSpec) -> Option<usize> {
-        self.parameters().iter().position(|own| own == parameter)
+        self.parameters().iter().position(|parameter_spec| parameter_spec == parameter)
     }
 
     /// Value of a parameter; 0 if the model does not have it.
@@ -168,27 +168,29 @@ impl NoiseModel {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use base::error::Place;
+    use base::error::InputPlace;
 
     /// Every learnt term gives one rule per parameter, in order, and its starts lie inside the range of the search.
     #[test]
     fn rules_go_with_the_parameters() {
         let names: Vec<String> = NoiseModel::learnt_names().into_iter().map(String::from).collect();
         assert_eq!(names, ["white", "ou", "gain"]);
-        let model = NoiseModel::named(&names, &Place::default()).expect("sound");
+        let model = NoiseModel::named(&names, &InputPlace::default()).expect("sound");
         let scales = NoiseScales { noise_sd_um: 4.0, sample_interval_s: 0.05, cycle_s: 10.0 };
         let learning = model.learning(&scales, false);
         let specs: Vec<ParameterSpec> = learning.parameters.iter().map(|parameter| parameter.spec).collect();
         assert_eq!(specs, model.parameters());
         assert_eq!(learning.terms, ["white", "ou", "ou", "gain", "gain"]);
         assert_eq!(learning.starts.len(), 18);
-        for start in learning.starts.iter().chain([&learning.parameters.iter().map(|own| own.ln_white).collect()]) {
+        for start in learning.starts.iter().chain([&learning.parameters.iter().map(|start| start.ln_white).collect()]) {
             assert_eq!(start.len(), specs.len());
-            let inside = |(own, ln): (&LearntParameter, &f64)| own.ln_ends[0] <= *ln && *ln <= own.ln_ends[1];
+            let inside = |(learnt_parameter, ln): (&LearntParameter, &f64)| {
+                learnt_parameter.ln_ends[0] <= *ln && *ln <= learnt_parameter.ln_ends[1]
+            };
             assert!(learning.parameters.iter().zip(start.iter()).all(inside), "{start:?}");
         }
         let values = [4.0, 2.0, 0.8, 0.005, 1.0];
-        assert_eq!(model.words(&values)[1], ["a gain of 0.50 % and an offset of 1.0 µm per cycle"]);
+        assert_eq!(model.describe(&values)[1], ["a gain of 0.50 % and an offset of 1.0 µm per cycle"]);
         assert_eq!(model.sds_um(&values, 100.0), [4.0, 2.0, 0.5, 1.0]);
     }
 }

@@ -7,15 +7,15 @@ use pulp::{Arch, Scalar, Simd, WithSimd};
 use super::NoiseModel;
 use super::filter::{Covariance, Mean, PriorVariances};
 use super::lanes::{LANES, Product, Products, Register};
-use super::rows::Rows;
-use super::scales::Scales;
+use super::rows::NoiseRows;
+use super::scales::FilterScales;
 use super::terms::{Equations, MOST_PARAMETERS};
 
 /// A record prepared for the likelihood of its observed positions under a noise model.
 #[derive(Debug, Clone)]
 pub struct NoiseLikelihood {
     pub(super) model: NoiseModel,
-    pub(super) rows: Rows,
+    pub(super) rows: NoiseRows,
     /// Observed position in m of each visited row.
     pub(super) observed_m: Vec<f64>,
 }
@@ -25,14 +25,14 @@ impl NoiseLikelihood {
     /// observation. All slices have one entry per row.
     pub fn new(model: NoiseModel, time_s: &[f64], cycle: &[u32], observed_m: &[Option<f64>]) -> Self {
         let visited: Vec<usize> = (0..observed_m.len()).filter(|row| observed_m[*row].is_some()).collect();
-        let rows = Rows::new(time_s, cycle, &visited);
+        let rows = NoiseRows::new(time_s, cycle, &visited);
         Self { model, rows, observed_m: observed_m.iter().copied().flatten().collect() }
     }
 
     /// Replaces the observed positions (m): one entry per row of the record, `None` at rows that had no observation. It costs less than [`NoiseLikelihood::new`], which
     /// searches for equal steps.
     pub fn with_observed(&self, observed_m: &[Option<f64>]) -> Self {
-        let observed = |row: &super::rows::Row| observed_m[row.index].unwrap_or(f64::NAN);
+        let observed = |row: &super::rows::NoiseRow| observed_m[row.index].unwrap_or(f64::NAN);
         let observed_m = self.rows.rows.iter().map(observed).collect();
         Self { model: self.model, rows: self.rows.clone(), observed_m }
     }
@@ -77,7 +77,7 @@ impl NoiseLikelihood {
         self.evaluate(Vectors, position_m, &self.scales(parameters), out);
     }
 
-    pub(super) fn scales<const W: usize>(&self, parameters: &[[f64; W]]) -> [Option<Scales>; W] {
+    pub(super) fn scales<const W: usize>(&self, parameters: &[[f64; W]]) -> [Option<FilterScales>; W] {
         std::array::from_fn(|lane| {
             let mut values = [0.0; MOST_PARAMETERS];
             for (value, lanes) in values.iter_mut().zip(parameters) {
@@ -91,10 +91,10 @@ impl NoiseLikelihood {
         &self,
         machine: M,
         position_m: &[R],
-        scales: &[Option<Scales>; W],
+        scales: &[Option<FilterScales>; W],
         out: &mut [f64; W],
     ) {
-        let inside = scales.map(|scales| scales.unwrap_or(Scales::UNIT));
+        let inside = scales.map(|scales| scales.unwrap_or(FilterScales::UNIT));
         let Equations { process, cycles, heavy_tails } = self.model.equations();
         let sums = match (process, cycles, heavy_tails) {
             (false, false, false) => self.pass::<M, R, W, false, false, false>(machine, position_m, &inside),
@@ -118,10 +118,10 @@ impl NoiseLikelihood {
         &self,
         machine: M,
         position_m: &[R],
-        scales: &[Scales; W],
+        scales: &[FilterScales; W],
     ) -> Sums<W> {
-        let of = |part: fn(&Scales) -> f64| scales.each_ref().map(part);
-        let pass = Pass::<R, W, OU, GAIN, STUDENT> {
+        let of = |part: fn(&FilterScales) -> f64| scales.each_ref().map(part);
+        let pass = FilterPass::<R, W, OU, GAIN, STUDENT> {
             record: self,
             position_m,
             scales,
@@ -181,15 +181,15 @@ impl Machine for Scalars {
 
 /// A step of the process for every lane.
 #[derive(Clone)]
-pub(super) struct Step<const W: usize> {
+pub(super) struct FilterStep<const W: usize> {
     pub decay: [f64; W],
     pub gained: [f64; W],
 }
 
-impl<const W: usize> Step<W> {
+impl<const W: usize> FilterStep<W> {
     pub const NONE: Self = Self { decay: [0.0; W], gained: [0.0; W] };
 
-    /// Computes the decay exp(−Δt/τ) and the gained variance (1 − exp(−2Δt/τ)) σ_ou²/σ², like [`Scales::step`]. Uneven sampling needs one step per row, so single
+    /// Computes the decay exp(−Δt/τ) and the gained variance (1 − exp(−2Δt/τ)) σ_ou²/σ², like [`PredictiveScales::step`]. Uneven sampling needs one step per row, so single
     /// exponentials would cost more than the filter.
     #[inline(always)]
     pub fn fill<S: Simd>(&mut self, simd: S, register: usize, step_s: f64, ou: &[f64; W], ou_time_s: &[f64; W]) {
@@ -211,7 +211,7 @@ struct Sums<const W: usize> {
     tail: Products<W>,
 }
 
-fn ln_density<const W: usize>(n_observed: usize, scales: &Scales, sums: &Sums<W>, lane: usize) -> f64 {
+fn ln_density<const W: usize>(n_observed: usize, scales: &FilterScales, sums: &Sums<W>, lane: usize) -> f64 {
     let n = n_observed as f64;
     let scale = -n * (scales.noise_sd_m.ln() + 0.5 * (2.0 * std::f64::consts::PI).ln()) - 0.5 * sums.variance.ln(lane);
     if scales.dof.is_finite() {
@@ -238,10 +238,10 @@ pub(super) fn ln_student_constant(dof: f64) -> f64 {
 }
 
 /// One pass over the record.
-struct Pass<'a, R, const W: usize, const OU: bool, const GAIN: bool, const STUDENT: bool> {
+struct FilterPass<'a, R, const W: usize, const OU: bool, const GAIN: bool, const STUDENT: bool> {
     record: &'a NoiseLikelihood,
     position_m: &'a [R],
-    scales: &'a [Scales; W],
+    scales: &'a [FilterScales; W],
     ou: [f64; W],
     ou_time_s: [f64; W],
     gain_per_m2: [f64; W],
@@ -253,7 +253,7 @@ struct Pass<'a, R, const W: usize, const OU: bool, const GAIN: bool, const STUDE
 }
 
 impl<R: PositionRow<W>, const W: usize, const OU: bool, const GAIN: bool, const STUDENT: bool> WithSimd
-    for Pass<'_, R, W, OU, GAIN, STUDENT>
+    for FilterPass<'_, R, W, OU, GAIN, STUDENT>
 {
     type Output = Sums<W>;
 
@@ -262,7 +262,7 @@ impl<R: PositionRow<W>, const W: usize, const OU: bool, const GAIN: bool, const 
         let mut sums = Sums { quadratic_m2: [0.0; W], variance: Products::ONE, tail: Products::ONE };
         let mut steps = Vec::new();
         if OU {
-            steps.resize(self.record.rows.step_s.len(), Step::NONE);
+            steps.resize(self.record.rows.step_s.len(), FilterStep::NONE);
         }
         let n_registers = W / S::F64_LANES;
         for register in 0..n_registers {
@@ -287,11 +287,11 @@ impl<R: PositionRow<W>, const W: usize, const OU: bool, const GAIN: bool, const 
 }
 
 impl<R: PositionRow<W>, const W: usize, const OU: bool, const GAIN: bool, const STUDENT: bool>
-    Pass<'_, R, W, OU, GAIN, STUDENT>
+    FilterPass<'_, R, W, OU, GAIN, STUDENT>
 {
     /// Runs the filter over the record for the points of `K` registers, starting with register `first`.
     #[inline(always)]
-    fn run<S: Simd, const K: usize>(&self, simd: S, first: usize, steps: &[Step<W>], sums: &mut Sums<W>) {
+    fn run<S: Simd, const K: usize>(&self, simd: S, first: usize, steps: &[FilterStep<W>], sums: &mut Sums<W>) {
         let load = |lanes: &[f64; W]| -> [Register<S>; K] {
             std::array::from_fn(
                 #[inline(always)]
@@ -311,7 +311,7 @@ impl<R: PositionRow<W>, const W: usize, const OU: bool, const GAIN: bool, const 
             for k in 0..K {
                 let (covariance, mean) = (&mut covariance[k], &mut mean[k]);
                 if OU {
-                    let step: &Step<W> = &steps[row.step];
+                    let step: &FilterStep<W> = &steps[row.step];
                     let decay = Register::load(simd, &step.decay, first + k);
                     covariance.advance(decay, Register::load(simd, &step.gained, first + k));
                     mean.advance(decay);

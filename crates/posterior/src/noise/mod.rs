@@ -53,10 +53,10 @@ mod whitening;
 mod dense_for_tests;
 
 pub use lanes::LANES;
-pub use learning::{Learning, NoiseValues};
+pub use learning::{NoiseLearning, NoiseValues};
 pub use learnt_term::{DrawRow, LearningPrior, LearntParameter, RowShare};
 pub use likelihood::{NoiseLikelihood, SharedPosition};
 pub use model::NoiseModel;
 pub use pointwise::Conditional;
 pub use scales::NoiseScales;
-pub use whitening::{Asked, CycleProducts, Whitening, dot};
+pub use whitening::{CycleProducts, ProductRequest, Whitening, dot};

@@ -1,9 +1,9 @@
 //! Noise model: its terms, their parameters and default priors.
 
-use super::scales::{NoiseScales, Scales};
+use super::scales::{FilterScales, NoiseScales};
 use super::terms::{Equations, NoiseTerm, TERMS};
 use crate::prior::Prior;
-use base::error::{Error, Place, Result};
+use base::error::{Error, InputPlace, Result};
 use base::parameter::ParameterSpec;
 use base::units::nearest_name;
 
@@ -19,7 +19,7 @@ impl NoiseModel {
     ///
     /// # Errors
     /// [`Error::Input`] for an unknown name, a repeated name, or names without `white`.
-    pub fn named(names: &[String], place: &Place) -> Result<Self> {
+    pub fn named(names: &[String], place: &InputPlace) -> Result<Self> {
         let mut model = Self::default();
         for (index, name) in names.iter().enumerate() {
             if names[..index].contains(name) {
@@ -64,26 +64,26 @@ impl NoiseModel {
     }
 
     /// Converts parameters in the model's order and units; `None` outside their support.
-    pub(super) fn scales(self, parameters: &[f64]) -> Option<Scales> {
-        let (mut scales, mut left) = (Scales::UNIT, parameters);
+    pub(super) fn scales(self, parameters: &[f64]) -> Option<FilterScales> {
+        let (mut scales, mut left) = (FilterScales::UNIT, parameters);
         for term in self.terms() {
-            let (own, others) = left.split_at_checked(term.parameters().len())?;
+            let (values, others) = left.split_at_checked(term.parameters().len())?;
             let is_inside = |(spec, value): (&ParameterSpec, &f64)| value.is_finite() && spec.support.contains(*value);
-            if !term.parameters().iter().zip(own).all(is_inside) {
+            if !term.parameters().iter().zip(values).all(is_inside) {
                 return None;
             }
-            term.write(own, &mut scales);
+            term.write(values, &mut scales);
             left = others;
         }
-        scales.are_moderate().then_some(scales)
+        scales.is_in_range().then_some(scales)
     }
 
     /// Parts of the filter that the terms need.
     pub(super) fn equations(self) -> Equations {
-        self.terms().map(|term| term.equations()).fold(Equations::default(), |all, own| Equations {
-            process: all.process || own.process,
-            cycles: all.cycles || own.cycles,
-            heavy_tails: all.heavy_tails || own.heavy_tails,
+        self.terms().map(|term| term.equations()).fold(Equations::default(), |all, equations| Equations {
+            process: all.process || equations.process,
+            cycles: all.cycles || equations.cycles,
+            heavy_tails: all.heavy_tails || equations.heavy_tails,
         })
     }
 
@@ -101,7 +101,7 @@ impl NoiseModel {
     /// Standard deviation (µm) of the noise that varies from row to row: the white errors and the process. Gains and offsets are left out, because they are constant in a
     /// cycle. A misfit that they absorb is therefore still a difference between prediction and positions. NaN outside the parameters' support.
     pub fn row_sd_um(self, parameters: &[f64]) -> f64 {
-        let of_scales = |scales: Scales| 1e6 * scales.noise_sd_m * (scales.variance_factor() + scales.ou).sqrt();
+        let of_scales = |scales: FilterScales| 1e6 * scales.noise_sd_m * (scales.variance_factor() + scales.ou).sqrt();
         self.scales(parameters).map_or(f64::NAN, of_scales)
     }
 
@@ -118,7 +118,7 @@ mod tests {
 
     fn named(names: &[&str]) -> Result<NoiseModel> {
         let names: Vec<String> = names.iter().map(|name| name.to_string()).collect();
-        NoiseModel::named(&names, &Place::file("model.toml").at_line(4).at_key("noise"))
+        NoiseModel::named(&names, &InputPlace::file("model.toml").at_line(4).at_key("noise"))
     }
 
     fn scales() -> NoiseScales {

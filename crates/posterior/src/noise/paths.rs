@@ -7,8 +7,8 @@ use rand_distr::StandardNormal;
 use super::NoiseModel;
 use super::filter::{Covariance, Gain, Mean, PriorVariances};
 use super::lanes::Register;
-use super::rows::{Row, Rows};
-use super::scales::Scales;
+use super::rows::{NoiseRow, NoiseRows};
+use super::scales::FilterScales;
 
 pub type Number = Register<Scalar>;
 
@@ -17,22 +17,22 @@ pub(super) fn number(value: f64) -> Number {
 }
 
 /// Filter of one point, row by row; terms that the model lacks have variance 0.
-pub(super) struct Walk {
+pub(super) struct RowFilter {
     /// Decay of the process and the variance that it gains, by step.
     steps: Vec<(f64, f64)>,
     prior: PriorVariances<Scalar>,
     covariance: Covariance<Scalar, true, true>,
 }
 
-impl Walk {
-    pub fn new(scales: &Scales, step_s: &[f64]) -> Self {
+impl RowFilter {
+    pub fn new(scales: &FilterScales, step_s: &[f64]) -> Self {
         let steps = step_s.iter().map(|step_s| scales.step(*step_s)).collect();
         let prior = PriorVariances { gain: number(scales.gain_per_m2), offset: number(scales.offset) };
         Self { steps, prior, covariance: Covariance::zero(Scalar) }
     }
 
     /// Advances to a row and observes it. Returns the decay of the process up to the row, and the row's gain.
-    pub fn observe(&mut self, row: &Row, position_m: f64) -> (Number, Gain<Scalar>) {
+    pub fn observe(&mut self, row: &NoiseRow, position_m: f64) -> (Number, Gain<Scalar>) {
         let (decay, gained) = self.steps[row.step];
         self.covariance.advance(number(decay), number(gained));
         if row.new_cycle {
@@ -43,7 +43,7 @@ impl Walk {
 }
 
 /// Advances a mean to a row.
-pub(super) fn advance(mean: &mut Mean<Scalar, true, true>, row: &Row, decay: Number) {
+pub(super) fn advance(mean: &mut Mean<Scalar, true, true>, row: &NoiseRow, decay: Number) {
     mean.advance(decay);
     if row.new_cycle {
         mean.renew();
@@ -64,9 +64,9 @@ impl NoiseModel {
             return position_m.iter().map(|x| scales.noise_sd_m * (1.0 + prior(*x)).sqrt()).collect();
         }
         let rows = all_rows(time_s, cycle);
-        let mut walk = Walk::new(&scales, &rows.step_s);
+        let mut walk = RowFilter::new(&scales, &rows.step_s);
         let learnt = (scales.dof + 1.0) / (scales.dof + 3.0);
-        let sd_m = |row: &Row| {
+        let sd_m = |row: &NoiseRow| {
             let x = position_m[row.index];
             let left = walk.observe(row, x).1.excess.number();
             let variance = learnt * (prior(x) - left).max(0.0) + scales.variance_factor() * (1.0 + left);
@@ -96,10 +96,10 @@ impl NoiseModel {
             return position_m.iter().map(draw_m).collect();
         }
         let rows = all_rows(time_s, cycle);
-        let mut walk = Walk::new(&scales, &rows.step_s);
+        let mut walk = RowFilter::new(&scales, &rows.step_s);
         let mut mean = Mean::<Scalar, true, true>::zero(Scalar);
         let heavy_tails = self.equations().heavy_tails;
-        let mut draw_m = |row: &Row| {
+        let mut draw_m = |row: &NoiseRow| {
             let x = position_m[row.index];
             let (decay, gain) = walk.observe(row, x);
             advance(&mut mean, row, decay);
@@ -119,8 +119,8 @@ impl NoiseModel {
     }
 }
 
-fn all_rows(time_s: &[f64], cycle: &[u32]) -> Rows {
-    Rows::new(time_s, cycle, &(0..time_s.len()).collect::<Vec<_>>())
+fn all_rows(time_s: &[f64], cycle: &[u32]) -> NoiseRows {
+    NoiseRows::new(time_s, cycle, &(0..time_s.len()).collect::<Vec<_>>())
 }
 
 /// Draws from Student's t by the polar method (Bailey, *Math. Comp.* 62, 779, 1994, doi:10.2307/2153537).

@@ -11,7 +11,7 @@ use nalgebra::{Matrix3, Vector3};
 
 use super::NoiseLikelihood;
 use super::likelihood::ln_student_constant;
-use super::scales::Scales;
+use super::scales::FilterScales;
 use super::terms::Equations;
 
 /// Condition of a position's log likelihood, besides the parameters.
@@ -26,7 +26,7 @@ pub enum Conditional {
 }
 
 /// State of the filter at a row; covariances are over σ².
-struct Visit {
+struct FilterRow {
     /// Factors of the state on its way to this row; 0 for a part that begins anew.
     decay: Vector3<f64>,
     observes: Vector3<f64>,
@@ -77,7 +77,7 @@ impl NoiseLikelihood {
         let mut out = vec![0.0; visits.len()];
         let (mut adjoint, mut information) = (Vector3::zeros(), Matrix3::zeros());
         for (visit, out) in visits.iter().zip(&mut out).rev() {
-            let Visit { decay, observes, gain, innovation_m, variance } = visit;
+            let FilterRow { decay, observes, gain, innovation_m, variance } = visit;
             let weight = innovation_m / variance - gain.dot(&adjoint);
             let precision = 1.0 / variance + gain.dot(&(information * gain));
             *out = ln_density(1.0 / precision, weight / precision);
@@ -90,14 +90,14 @@ impl NoiseLikelihood {
     }
 
     /// Runs the filter forward through the record.
-    fn visits(&self, position_m: &[f64], scales: &Scales) -> Vec<Visit> {
+    fn visits(&self, position_m: &[f64], scales: &FilterScales) -> Vec<FilterRow> {
         let has = |is_there: bool| f64::from(u8::from(is_there));
         let Equations { process, cycles, .. } = self.model.equations();
         let (ou, gains) = (has(process), has(cycles));
         let mut mean: Vector3<f64> = Vector3::zeros();
         let mut covariance: Matrix3<f64> = Matrix3::zeros();
         let steps: Vec<(f64, f64)> = self.rows.step_s.iter().map(|step_s| scales.step(*step_s)).collect();
-        let visit = |(row, observed_m): (&super::rows::Row, &f64)| {
+        let visit = |(row, observed_m): (&super::rows::NoiseRow, &f64)| {
             let (decay, gained) = steps[row.step];
             let stays = has(!row.new_cycle);
             let decay = Vector3::new(decay, stays, stays);
@@ -121,7 +121,7 @@ impl NoiseLikelihood {
             };
             mean += gain * (tail * innovation_m);
             covariance -= gain * direction.transpose();
-            Visit { decay, observes, gain, innovation_m, variance }
+            FilterRow { decay, observes, gain, innovation_m, variance }
         };
         self.rows.rows.iter().zip(&self.observed_m).map(visit).collect()
     }
@@ -145,10 +145,10 @@ mod tests {
         for model in gaussian_models() {
             let likelihood = NoiseLikelihood::new(model, &record.time_s, &record.cycle, &record.observed_m);
             for point in [POINTS[0], POINTS[1], POINTS[2], POINTS[4]] {
-                let own = parameters(model, point);
-                let inverse = covariance_m2(model, &record, &rows, &own).try_inverse().unwrap();
+                let values = parameters(model, point);
+                let inverse = covariance_m2(model, &record, &rows, &values).try_inverse().unwrap();
                 let weight = &inverse * &residual_m;
-                let found = likelihood.ln_pointwise(&record.position_m, &own);
+                let found = likelihood.ln_pointwise(&record.position_m, &values);
                 assert_eq!(found.len(), rows.len());
                 for (i, found) in found.into_iter().enumerate() {
                     let precision = inverse[(i, i)];
@@ -171,9 +171,9 @@ mod tests {
         let of = |names: &[&str]| {
             let model = model(names);
             let likelihood = NoiseLikelihood::new(model, &record.time_s, &record.cycle, &record.observed_m);
-            let own = parameters(model, POINTS[0]);
-            let sum: f64 = likelihood.ln_pointwise(&record.position_m, &own).iter().sum();
-            let whole = likelihood.ln_likelihood(&record.position_m, &own);
+            let values = parameters(model, POINTS[0]);
+            let sum: f64 = likelihood.ln_pointwise(&record.position_m, &values).iter().sum();
+            let whole = likelihood.ln_likelihood(&record.position_m, &values);
             assert!((sum / whole - 1.0).abs() < 1e-10, "{names:?}: {sum} {whole}");
             likelihood.conditional()
         };

@@ -5,8 +5,8 @@ use pulp::{Arch, Simd, WithSimd};
 use super::NoiseLikelihood;
 use super::filter::{Covariance, Mean, PriorVariances};
 use super::lanes::{LANES, Product, Products, Register};
-use super::likelihood::Step;
-use super::scales::Scales;
+use super::likelihood::FilterStep;
+use super::scales::FilterScales;
 
 impl NoiseLikelihood {
     /// Log likelihood, in nats, for each column of residuals and each lane of `parameters[parameter][lane]`. Residuals (observed minus predicted, m) have one value per row
@@ -18,10 +18,10 @@ impl NoiseLikelihood {
         parameters: &[[f64; LANES]],
     ) -> Vec<[f64; LANES]> {
         let scales = self.scales(parameters);
-        let inside = scales.map(|scales| scales.unwrap_or(Scales::UNIT));
+        let inside = scales.map(|scales| scales.unwrap_or(FilterScales::UNIT));
         let mut quadratic_m2 = vec![[0.0; LANES]; residuals_m.len()];
         let mut variance = Products::ONE;
-        Arch::new().dispatch(Pass {
+        Arch::new().dispatch(ResidualPass {
             record: self,
             residuals_m,
             position_m,
@@ -31,7 +31,7 @@ impl NoiseLikelihood {
         });
         let n = self.n_observed() as f64;
         let of_lane = |quadratic_m2: &[f64; LANES], lane: usize| match &scales[lane] {
-            Some(Scales { noise_sd_m, .. }) => {
+            Some(FilterScales { noise_sd_m, .. }) => {
                 -n * (noise_sd_m.ln() + 0.5 * std::f64::consts::TAU.ln())
                     - 0.5 * variance.ln(lane)
                     - 0.5 * quadratic_m2[lane] / (noise_sd_m * noise_sd_m)
@@ -43,16 +43,16 @@ impl NoiseLikelihood {
 }
 
 /// One pass over the record.
-struct Pass<'a> {
+struct ResidualPass<'a> {
     record: &'a NoiseLikelihood,
     residuals_m: &'a [&'a [f64]],
     position_m: &'a [f64],
-    scales: &'a [Scales; LANES],
+    scales: &'a [FilterScales; LANES],
     quadratic_m2: &'a mut [[f64; LANES]],
     variance: &'a mut Products<LANES>,
 }
 
-impl WithSimd for Pass<'_> {
+impl WithSimd for ResidualPass<'_> {
     type Output = ();
 
     #[inline(always)]
@@ -62,7 +62,7 @@ impl WithSimd for Pass<'_> {
             (ou[lane], ou_time_s[lane]) = (scales.ou, scales.ou_time_s);
             (gain[lane], offset[lane]) = (scales.gain_per_m2, scales.offset);
         }
-        let mut steps = vec![Step::<LANES>::NONE; self.record.rows.step_s.len()];
+        let mut steps = vec![FilterStep::<LANES>::NONE; self.record.rows.step_s.len()];
         let zero = Register::splat(simd, 0.0);
         for register in 0..LANES / S::F64_LANES {
             for (step, length_s) in steps.iter_mut().zip(&self.record.rows.step_s) {

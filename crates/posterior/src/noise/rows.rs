@@ -6,7 +6,7 @@ const EQUAL_STEP_TOLERANCE: f64 = 1e-13;
 
 /// A row that the filter visits.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Row {
+pub(super) struct NoiseRow {
     /// Index in the record.
     pub index: usize,
     /// Index of the step from the previously visited row.
@@ -17,13 +17,13 @@ pub(super) struct Row {
 
 /// Rows in order of time.
 #[derive(Debug, Clone)]
-pub(super) struct Rows {
-    pub rows: Vec<Row>,
+pub(super) struct NoiseRows {
+    pub rows: Vec<NoiseRow>,
     /// Distinct step lengths in s. The first is infinite and leads to the first row, because the process is stationary before it.
     pub step_s: Vec<f64>,
 }
 
-impl Rows {
+impl NoiseRows {
     /// Prepares the `visited` rows (ascending) of a record with times in s and cycle numbers.
     pub fn new(time_s: &[f64], cycle: &[u32], visited: &[usize]) -> Self {
         let length_s = |(before, after): (&usize, &usize)| time_s[*after] - time_s[*before];
@@ -42,7 +42,7 @@ impl Rows {
         }
         let row = |position: usize| {
             let new_cycle = position == 0 || cycle[visited[position]] != cycle[visited[position - 1]];
-            Row { index: visited[position], step: steps[position], new_cycle }
+            NoiseRow { index: visited[position], step: steps[position], new_cycle }
         };
         Self { rows: (0..visited.len()).map(row).collect(), step_s }
     }
@@ -57,7 +57,7 @@ mod tests {
         let time_s: Vec<f64> = (0..40).map(|i| 0.1 * f64::from(i)).collect();
         let cycle: Vec<u32> = (0..40).map(|i| 1 + i / 10).collect();
         let visited = [2, 3, 4, 9, 10, 21, 22, 23];
-        let rows = Rows::new(&time_s, &cycle, &visited);
+        let rows = NoiseRows::new(&time_s, &cycle, &visited);
         assert_eq!(rows.step_s.len(), 4, "0.1 s, 0.5 s and 1.1 s are the only lengths: {:?}", rows.step_s);
         for (before, after) in rows.rows.iter().zip(&rows.rows[1..]) {
             let length_s = time_s[after.index] - time_s[before.index];
@@ -70,7 +70,7 @@ mod tests {
 
     #[test]
     fn no_row_is_no_fault() {
-        let rows = Rows::new(&[0.0, 1.0], &[1, 1], &[]);
+        let rows = NoiseRows::new(&[0.0, 1.0], &[1, 1], &[]);
         assert!(rows.rows.is_empty());
     }
 }

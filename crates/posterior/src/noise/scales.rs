@@ -16,7 +16,7 @@ pub struct NoiseScales {
 
 /// Noise parameters in SI units, with variances over the white noise's. Terms that the model lacks have variance 0.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Scales {
+pub(super) struct FilterScales {
     /// Standard deviation of the white noise in m; for a t distribution, its scale.
     pub noise_sd_m: f64,
     /// Stationary variance of the Ornstein–Uhlenbeck process over that of the white noise.
@@ -31,13 +31,13 @@ pub(super) struct Scales {
     pub dof: f64,
 }
 
-impl Scales {
+impl FilterScales {
     /// Placeholder for a point outside the support, whose result is discarded.
     pub const UNIT: Self =
         Self { noise_sd_m: 1.0, ou: 0.0, ou_time_s: 1.0, gain_per_m2: 0.0, offset: 0.0, dof: f64::INFINITY };
 
     /// Returns true if the filter can use the scales: positive white noise, and ratios below the largest.
-    pub fn are_moderate(&self) -> bool {
+    pub fn is_in_range(&self) -> bool {
         let small = |ratio: f64| ratio <= LARGEST_RATIO;
         self.noise_sd_m > 0.0 && small(self.ou) && small(self.gain_per_m2) && small(self.offset)
     }

@@ -63,7 +63,7 @@ impl NoiseLikelihood {
 mod tests {
     use super::super::NoiseModel;
     use super::*;
-    use base::error::Place;
+    use base::error::InputPlace;
 
     /// White noise has closed forms: Σ r dx/σ², and −n/σ + Σ r²/σ³.
     #[test]
@@ -79,10 +79,10 @@ mod tests {
         let along = rows.iter().map(|(r, d)| r * d).sum::<f64>() / (1e-6_f64 * sd_um).powi(2);
         let squares = rows.iter().map(|(r, _)| (1e6 * r).powi(2)).sum::<f64>();
         let in_sd = -(rows.len() as f64) / sd_um + squares / sd_um.powi(3);
-        let own = likelihood.slope_along(&position_m, &direction_m, &[sd_um]);
-        assert!((own / along - 1.0).abs() < 1e-9, "{own} {along}");
-        let own = likelihood.slope_in(&position_m, &[sd_um], 0);
-        assert!((own / in_sd - 1.0).abs() < 1e-8, "{own} {in_sd}");
+        let value = likelihood.slope_along(&position_m, &direction_m, &[sd_um]);
+        assert!((value / along - 1.0).abs() < 1e-9, "{value} {along}");
+        let x_value = likelihood.slope_in(&position_m, &[sd_um], 0);
+        assert!((x_value / in_sd - 1.0).abs() < 1e-8, "{x_value} {in_sd}");
         assert_eq!(likelihood.slope_along(&position_m, &[0.0; 60], &[sd_um]), 0.0);
     }
 
@@ -90,7 +90,7 @@ mod tests {
     #[test]
     fn slopes_under_all_noises_are_differences() {
         let names = ["white", "ou", "gain", "student"].map(String::from);
-        let model = NoiseModel::named(&names, &Place::default()).expect("sound");
+        let model = NoiseModel::named(&names, &InputPlace::default()).expect("sound");
         let time_s: Vec<f64> = (0..80).map(|i| 0.05 * f64::from(i)).collect();
         let cycle: Vec<u32> = (0..80).map(|i| 1 + i / 40).collect();
         let observed_m: Vec<Option<f64>> = (0..80).map(|i| Some(1e-5 * f64::from(i).cos())).collect();
@@ -103,8 +103,8 @@ mod tests {
             likelihood.ln_likelihood(&moved, &parameters)
         };
         let difference = (along(1e-4) - along(-1e-4)) / 2e-4;
-        let own = likelihood.slope_along(&position_m, &direction_m, &parameters);
-        assert!((own / difference - 1.0).abs() < 1e-6, "{own} {difference}");
+        let value = likelihood.slope_along(&position_m, &direction_m, &parameters);
+        assert!((value / difference - 1.0).abs() < 1e-6, "{value} {difference}");
         for index in 0..parameters.len() {
             let at = |step: f64| {
                 let mut moved = parameters;
@@ -112,8 +112,8 @@ mod tests {
                 likelihood.ln_likelihood(&position_m, &moved)
             };
             let difference = (at(1e-5) - at(-1e-5)) / (2e-5 * parameters[index]);
-            let own = likelihood.slope_in(&position_m, &parameters, index);
-            assert!((own - difference).abs() < 1e-5 * (1.0 + own.abs()), "{index}: {own} {difference}");
+            let x_value = likelihood.slope_in(&position_m, &parameters, index);
+            assert!((x_value - difference).abs() < 1e-5 * (1.0 + x_value.abs()), "{index}: {x_value} {difference}");
         }
         let at_end = |sd: f64| likelihood.slope_in(&position_m, &[3.0, 2.0, 0.7, 0.05, sd, 5.0], 4);
         let (at, near) = (at_end(0.0), at_end(1e-3));

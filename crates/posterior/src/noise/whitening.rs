@@ -12,9 +12,9 @@ use pulp::{Arch, Scalar, Simd, WithSimd};
 use super::NoiseLikelihood;
 use super::filter::{GainNumbers, Mean};
 use super::lanes::{LANES, Product, Products as Determinant, Register};
-use super::paths::{Walk, advance, number};
-use super::rows::Row;
-use super::scales::Scales;
+use super::paths::{RowFilter, advance, number};
+use super::rows::NoiseRow;
+use super::scales::FilterScales;
 
 /// Number of rows of a block, small enough that its columns stay in the nearest cache.
 const BLOCK: usize = 256;
@@ -24,7 +24,7 @@ const SHORT_BLOCK: usize = 64;
 /// State of the filter at a row.
 #[derive(Clone, Copy)]
 struct RowGain {
-    row: Row,
+    row: NoiseRow,
     /// Position in m.
     x: f64,
     decay: f64,
@@ -36,7 +36,7 @@ struct RowGain {
 }
 
 impl RowGain {
-    fn of(walk: &mut Walk, row: &Row, position_m: &[f64]) -> Self {
+    fn of(walk: &mut RowFilter, row: &NoiseRow, position_m: &[f64]) -> Self {
         let x = position_m[row.index];
         let (decay, gain) = walk.observe(row, x);
         let numbers = gain.numbers();
@@ -46,13 +46,13 @@ impl RowGain {
 }
 
 /// Some successive rows with their whitened columns.
-struct Block<'a> {
+struct WhiteningBlock<'a> {
     rows: &'a [RowGain],
     /// One array of [`BLOCK`] numbers per column.
     white: &'a [[f64; BLOCK]],
 }
 
-impl Block<'_> {
+impl WhiteningBlock<'_> {
     fn column(&self, column: usize) -> &[f64] {
         &self.white[column][..self.rows.len()]
     }
@@ -93,7 +93,7 @@ impl CycleProducts {
 }
 
 /// Requested products.
-pub struct Asked<'a> {
+pub struct ProductRequest<'a> {
     /// Columns with one value per row of the record; the columns that all sets share come first.
     pub columns: &'a [&'a [f64]],
     /// Number of shared columns.
@@ -119,14 +119,19 @@ impl NoiseLikelihood {
     /// L⁻¹ at a point, for any number of columns; `None` for parameters outside their support.
     pub fn whitening(&self, position_m: &[f64], parameters: &[f64]) -> Option<Whitening> {
         let scales = self.model.scales(parameters)?;
-        let mut walk = Walk::new(&scales, &self.rows.step_s);
+        let mut walk = RowFilter::new(&scales, &self.rows.step_s);
         let rows: Vec<RowGain> = self.rows.rows.iter().map(|row| RowGain::of(&mut walk, row, position_m)).collect();
         let largest_m = rows.iter().fold(0.0, |largest: f64, row| largest.max(row.x.abs()));
         Some(Whitening { rows, inverse_sd: inverse_sd(&scales), largest_m })
     }
 
     /// Inner products of whitened columns, in one pass and without storing the columns; `None` for parameters outside their support.
-    pub fn white_products(&self, asked: &Asked, position_m: &[f64], parameters: &[f64]) -> Option<WhiteProducts> {
+    pub fn white_products(
+        &self,
+        asked: &ProductRequest,
+        position_m: &[f64],
+        parameters: &[f64],
+    ) -> Option<WhiteProducts> {
         let scales = self.model.scales(parameters)?;
         let n = asked.columns.len();
         let mut sums = vec![0.0; n * n];
@@ -139,8 +144,8 @@ impl NoiseLikelihood {
                 cycles.take(block);
             }
         });
-        let set = |own: &Range<usize>| {
-            let members: Vec<usize> = members(own).collect();
+        let set = |range: &Range<usize>| {
+            let members: Vec<usize> = members(range).collect();
             let product = |i: usize, j: usize| sums[members[i].max(members[j]) * n + members[i].min(members[j])];
             DMatrix::from_fn(members.len(), members.len(), product)
         };
@@ -155,12 +160,12 @@ impl NoiseLikelihood {
     /// Whitens columns block by block. Returns ln det of the covariance, relative to that of its white part.
     fn each_block(
         &self,
-        scales: &Scales,
+        scales: &FilterScales,
         columns: &[&[f64]],
         position_m: &[f64],
-        mut visit: impl FnMut(&Block),
+        mut visit: impl FnMut(&WhiteningBlock),
     ) -> f64 {
-        let mut walk = Walk::new(scales, &self.rows.step_s);
+        let mut walk = RowFilter::new(scales, &self.rows.step_s);
         let mut determinant = Product::one(Scalar);
         let mut means = vec![[[0.0; LANES]; 3]; columns.len().div_ceil(LANES)];
         let mut white = vec![[0.0; BLOCK]; columns.len()];
@@ -174,7 +179,7 @@ impl NoiseLikelihood {
             }
             let inverse_sd = inverse_sd(scales);
             sweep(&gains, columns, 0, (&mut white, &mut means), inverse_sd);
-            visit(&Block { rows: &gains, white: &white });
+            visit(&WhiteningBlock { rows: &gains, white: &white });
         }
         let mut product = Determinant::<1>::ONE;
         determinant.store(&mut product, 0);
@@ -234,17 +239,17 @@ fn sweep(
     inverse_sd: f64,
 ) {
     for ((columns, white), means) in columns.chunks(LANES).zip(white.chunks_mut(LANES)).zip(means) {
-        Arch::new().dispatch(Sweep { rows, columns, first_row, white, means, inverse_sd });
+        Arch::new().dispatch(WhiteningSweep { rows, columns, first_row, white, means, inverse_sd });
     }
 }
 
 /// Inverse standard deviation of the white noise, in 1/m.
-fn inverse_sd(scales: &Scales) -> f64 {
+fn inverse_sd(scales: &FilterScales) -> f64 {
     1.0 / (scales.noise_sd_m * scales.variance_factor().sqrt())
 }
 
 /// Pass of up to eight columns through a block.
-struct Sweep<'a> {
+struct WhiteningSweep<'a> {
     rows: &'a [RowGain],
     columns: &'a [&'a [f64]],
     /// Row of the record at which the columns begin.
@@ -254,7 +259,7 @@ struct Sweep<'a> {
     inverse_sd: f64,
 }
 
-impl WithSimd for Sweep<'_> {
+impl WithSimd for WhiteningSweep<'_> {
     type Output = ();
 
     #[inline(always)]
@@ -292,8 +297,8 @@ impl WithSimd for Sweep<'_> {
 
 /// Adds a block's products, by column and smaller column, to their sums.
 struct Gram<'a> {
-    block: &'a Block<'a>,
-    asked: &'a Asked<'a>,
+    block: &'a WhiteningBlock<'a>,
+    asked: &'a ProductRequest<'a>,
     sums: &'a mut [f64],
 }
 
@@ -302,7 +307,7 @@ impl WithSimd for Gram<'_> {
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, _simd: S) {
-        let Asked { columns, n_common, own, .. } = *self.asked;
+        let ProductRequest { columns, n_common, own: ranges, .. } = *self.asked;
         let (n, length) = (columns.len(), self.block.rows.len());
         let white = self.block.white;
         for i in 0..n_common {
@@ -310,7 +315,7 @@ impl WithSimd for Gram<'_> {
                 self.sums[i * n + j] += dot(&white[i][..length], &white[j][..length]);
             }
         }
-        for set in own {
+        for set in ranges {
             for i in set.start..set.end {
                 for j in 0..n_common {
                     self.sums[i * n + j] += dot(&white[i][..length], &white[j][..length]);
@@ -355,13 +360,13 @@ struct Cycles {
 }
 
 impl Cycles {
-    fn new(scales: &Scales, members: Vec<usize>) -> Self {
+    fn new(scales: &FilterScales, members: Vec<usize>) -> Self {
         let mean = Mean::zero(Scalar);
         let white = [Vec::with_capacity(BLOCK), Vec::with_capacity(BLOCK)];
         Self { members, inverse_sd: inverse_sd(scales), unit: mean, past: mean, done: Vec::new(), white }
     }
 
-    fn take(&mut self, block: &Block) {
+    fn take(&mut self, block: &WhiteningBlock) {
         let mut first = 0;
         while first < block.rows.len() {
             let begins = |row: &RowGain| row.row.new_cycle;
@@ -381,7 +386,7 @@ impl Cycles {
     }
 
     /// Processes rows of one cycle.
-    fn rows(&mut self, block: &Block, rows: Range<usize>) {
+    fn rows(&mut self, block: &WhiteningBlock, rows: Range<usize>) {
         let Some(cycle) = self.done.last_mut() else { return };
         let [unit, past] = &mut self.white;
         unit.clear();

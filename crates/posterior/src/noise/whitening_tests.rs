@@ -36,7 +36,7 @@ fn products_are_those_of_whitened_columns() {
             // The last column is common to both sets.
             let order: Vec<usize> = std::iter::once(13).chain(0..13).collect();
             let shuffled: Vec<&[f64]> = order.iter().map(|k| slices[*k]).collect();
-            let asked = Asked { columns: &shuffled, n_common: 1, own: &[1..9, 9..14], with_cycles: Some(1) };
+            let asked = ProductRequest { columns: &shuffled, n_common: 1, own: &[1..9, 9..14], with_cycles: Some(1) };
             let products = likelihood.white_products(&asked, &record.position_m, &parameters).expect("in support");
             let members = [(0..9).collect::<Vec<usize>>(), std::iter::once(0).chain(9..14).collect()];
             for (set, members) in products.sets.iter().zip(&members) {

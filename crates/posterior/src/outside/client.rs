@@ -8,7 +8,7 @@ use ureq::Agent;
 use ureq::http::Uri;
 
 use super::endpoint::Endpoint;
-use base::error::{Error, Place, Result, Setting};
+use base::error::{Error, InputPlace, Result, Setting};
 
 /// Timeouts of a connection and of a response.
 const CONNECTING: Duration = Duration::from_secs(10);
@@ -26,7 +26,7 @@ pub struct Client {
 }
 
 fn refuse(found: impl Into<String>, remedy: impl Into<String>) -> Error {
-    Error::input(Place::setting(Setting::Forward), found, remedy)
+    Error::input(InputPlace::setting(Setting::Forward), found, remedy)
 }
 
 impl Client {
@@ -45,7 +45,7 @@ impl Client {
         let is_plain = |uri: &Uri| {
             let host = uri.host().unwrap_or_default();
             let whole = uri.port_u16().map_or(host.to_string(), |port| format!("{host}:{port}"));
-            let authority = uri.authority().map_or("", |own| own.as_str());
+            let authority = uri.authority().map_or("", |authority| authority.as_str());
             uri.scheme_str() == Some("http") && !host.is_empty() && whole == authority && uri.query().is_none()
         };
         if url.contains('#') || !url.parse::<Uri>().is_ok_and(|uri| is_plain(&uri)) {
@@ -76,15 +76,15 @@ impl Client {
     ///
     /// # Errors
     /// [`Error::Numerical`] if the server cannot be reached, does not respond in time, or responds with an error or without JSON.
-    pub fn ask(&self, endpoint: Endpoint, request: &Value) -> Result<Value> {
+    pub fn send(&self, endpoint: Endpoint, request: &Value) -> Result<Value> {
         let (status, body) = self.exchange(endpoint, request).map_err(|error| self.unreachable(endpoint, &error))?;
         let text = String::from_utf8_lossy(&body);
         let answer: Option<Value> = serde_json::from_str(&text).ok();
         let error = answer.as_ref().and_then(|answer| answer.get("error"));
         if status != 200 || error.is_some() {
-            let own = error.and_then(|error| error.get("message").unwrap_or(error).as_str()).unwrap_or(&text);
+            let name = error.and_then(|error| error.get("message").unwrap_or(error).as_str()).unwrap_or(&text);
             return Err(Error::numerical(
-                format!("{} responds to {} with {status}: {}", self.url, endpoint.path(), shortened(own)),
+                format!("{} responds to {} with {status}: {}", self.url, endpoint.path(), shortened(name)),
                 "read the server's message and log; docs/serve.md describes the requests",
             ));
         }
@@ -162,7 +162,7 @@ mod tests {
 
     #[test]
     fn addresses_are_read_or_refused() {
-        let of = |url: &str| Client::new(url).map(|own| own.url);
+        let of = |url: &str| Client::new(url).map(|client| client.url);
         assert_eq!(of("http://127.0.0.1:4242").unwrap(), "http://127.0.0.1:4242");
         assert_eq!(of("http://gel.org/models/").unwrap(), "http://gel.org/models");
         assert_eq!(of("http://[::1]:80").unwrap(), "http://[::1]:80");
@@ -197,7 +197,7 @@ mod tests {
             }
             stream.write_all(bytes).unwrap();
         });
-        let answer = client.ask(Endpoint::Evaluate, &serde_json::json!({ "name": "forward" }));
+        let answer = client.send(Endpoint::Evaluate, &serde_json::json!({ "name": "forward" }));
         server.join().unwrap();
         answer
     }
@@ -231,7 +231,7 @@ mod tests {
         let listener = TcpListener::bind("127.0.0.1:0").unwrap();
         let client = Client::new(&format!("http://{}", listener.local_addr().unwrap())).unwrap();
         drop(listener);
-        let message = client.ask(Endpoint::Info, &Value::Null).unwrap_err().to_string();
+        let message = client.send(Endpoint::Info, &Value::Null).unwrap_err().to_string();
         assert!(message.contains("cannot be reached") && message.contains("start the server"), "{message}");
     }
 }

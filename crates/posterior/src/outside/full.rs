@@ -2,17 +2,17 @@
 
 use std::sync::Arc;
 
-use super::Outside;
+use super::ExternalModel;
 use base::error::Result;
 use base::number::Dual;
-use laws::stages::{FieldStepper, Load, Spread, Stages, Stepped};
+use laws::stages::{FieldStepper, Load, ReducedField, SharedStepper, Stages};
 use models::model::{Forward, Model, Response};
 use models::surrogate::trajectory::Clock;
 use record::Force;
 
 /// Forward model that requests each trajectory from the program.
-pub struct OutsideForward<'a> {
-    outside: &'a Outside,
+pub struct ExternalForward<'a> {
+    outside: &'a ExternalModel,
     model: &'a Model,
     time_s: &'a [f64],
     force: Force<'a>,
@@ -20,9 +20,9 @@ pub struct OutsideForward<'a> {
     response: Response,
 }
 
-impl<'a> OutsideForward<'a> {
+impl<'a> ExternalForward<'a> {
     /// Creates the model for one record: the rows' times (s) and the commanded force.
-    pub fn new(outside: &'a Outside, model: &'a Model, time_s: &'a [f64], force: Force<'a>) -> Self {
+    pub fn new(outside: &'a ExternalModel, model: &'a Model, time_s: &'a [f64], force: Force<'a>) -> Self {
         let response = Response::new(time_s, force, time_s.len());
         Self { outside, model, time_s, force, clock: Clock::finer(time_s, force), response }
     }
@@ -39,22 +39,22 @@ impl<'a> OutsideForward<'a> {
     }
 }
 
-impl Forward for OutsideForward<'_> {
+impl Forward for ExternalForward<'_> {
     fn trajectory_m(&self, parameters: &[f64]) -> Result<Vec<f64>> {
         let constants: Vec<Dual> = parameters.iter().copied().map(Dual::constant).collect();
         let mut stages = self.model.stages(&constants)?;
         let n_law = self.model.base().parameters().len();
-        let answer = Answer(self.robot_m(&parameters[..n_law], &stages.load)?);
-        stages.spread = Some(Spread::Stepped(Stepped(Arc::new(answer))));
+        let answer = ProgramResponse(self.robot_m(&parameters[..n_law], &stages.load)?);
+        stages.spread = Some(ReducedField::Stepped(SharedStepper(Arc::new(answer))));
         self.response.trajectory_m(&stages, 1.0)
     }
 }
 
 /// Response of the program, passed to the observation stage.
 #[derive(Debug)]
-struct Answer(Vec<f64>);
+struct ProgramResponse(Vec<f64>);
 
-impl FieldStepper for Answer {
+impl FieldStepper for ProgramResponse {
     fn excess_m(&self, _: &Stages, _: f64, time_s: &[f64], _: Force<'_>) -> Result<Vec<f64>> {
         Ok(self.0[..time_s.len()].to_vec())
     }

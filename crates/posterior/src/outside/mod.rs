@@ -6,18 +6,18 @@ mod full;
 
 pub use endpoint::Endpoint;
 
-pub use full::OutsideForward;
+pub use full::ExternalForward;
 
 use std::sync::OnceLock;
 
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 
-use super::cache::{self, BuiltFrom};
-use super::monitor::Silent;
+use super::cache::{self, ModelInputs};
+use super::monitor::SilentMonitor;
 use base::error::{Error, Result, Setting};
 use client::Client;
-use laws::rheology::OutsideLaw;
+use laws::rheology::ExternalLaw;
 use models::model::TrainedRange;
 use models::surrogate::trajectory::Clock;
 use record::{Force, Record};
@@ -31,50 +31,50 @@ const LEAST_CHANGE: f64 = 1e-9;
 
 /// A response as it is kept.
 #[derive(Serialize, Deserialize)]
-struct KeptAnswer {
+struct KeptResponse {
     position_um: Vec<f64>,
 }
 
 /// A server's model with its properties.
 #[derive(Debug)]
-pub struct Outside {
+pub struct ExternalModel {
     client: Client,
     /// Name of the model.
     name: String,
-    law: &'static OutsideLaw,
+    law: &'static ExternalLaw,
     takes_force: bool,
     /// Positions (µm) at the prior's medians. They identify the model, so that kept responses of another model are not used.
     at_medians_um: Vec<f64>,
     /// Reason why the model predicts only under the record's own force, if so.
     own_force_alone: Option<String>,
     /// Box of the surrogate, shared by all models of the experiment so that they are comparable.
-    learnt_in: OnceLock<Ground>,
+    learnt_in: OnceLock<LearnedBox>,
 }
 
 /// Box in which a program was learnt, and the allowed error over the noise there.
 #[derive(Debug)]
-pub struct Ground {
+pub struct LearnedBox {
     pub trained: Vec<TrainedRange>,
     pub allowed: f64,
 }
 
-impl Outside {
+impl ExternalModel {
     /// Connects to the server. It requests the model, the lengths of its vectors and its prediction at `medians`. It then tests whether the model uses
     /// other times and forces than the record's.
     ///
     /// # Errors
     /// [`Error::Input`] for an invalid address; [`Error::Numerical`] for a server that cannot be reached, or whose model does not follow docs/serve.md.
-    pub fn connect(law: &'static OutsideLaw, record: &Record, medians: &[f64]) -> Result<Self> {
+    pub fn connect(law: &'static ExternalLaw, record: &Record, medians: &[f64]) -> Result<Self> {
         let client = Client::new(law.url())?;
         let name = name_of(&client, law.model())?;
-        let info = client.ask(Endpoint::ModelInfo, &json!({ "name": name }))?;
+        let info = client.send(Endpoint::ModelInfo, &json!({ "name": name }))?;
         if info.pointer("/support/Evaluate") != Some(&Value::Bool(true)) {
             return Err(Error::numerical(
                 format!("the model `{name}` at {} does not support Evaluate", client.url()),
                 format!("name another model with {}", Setting::ForwardModel),
             ));
         }
-        let mut own = Self {
+        let mut external_model = Self {
             client,
             name,
             law,
@@ -84,13 +84,13 @@ impl Outside {
             learnt_in: OnceLock::new(),
         };
         let (time_s, force) = (&record.time_s[..], record.force());
-        own.takes_force = own.check_sizes(time_s, force)?;
-        own.at_medians_um = own.fresh_um(medians, time_s, force)?;
-        own.own_force_alone = own.own_force_alone(record, medians).err().map(|error| {
+        external_model.takes_force = external_model.check_sizes(time_s, force)?;
+        external_model.at_medians_um = external_model.fresh_um(medians, time_s, force)?;
+        external_model.own_force_alone = external_model.own_force_alone(record, medians).err().map(|error| {
             let text = error.to_string();
             text.lines().next().unwrap_or_default().to_string()
         });
-        Ok(own)
+        Ok(external_model)
     }
 
     /// Name of the model with the server's address.
@@ -99,17 +99,17 @@ impl Outside {
     }
 
     /// Reason why the model predicts only under the record's own force, if so. Effects of load then have no model.
-    pub fn answers_own_force_alone(&self) -> Option<&str> {
+    pub fn force_refusal(&self) -> Option<&str> {
         self.own_force_alone.as_deref()
     }
 
     /// Box in which the program was learnt, once it is.
-    pub fn learnt_in(&self) -> Option<&Ground> {
+    pub fn learnt_in(&self) -> Option<&LearnedBox> {
         self.learnt_in.get()
     }
 
     /// Keeps the first box in which the program was learnt.
-    pub(super) fn keep_ground(&self, ground: Ground) {
+    pub(super) fn keep_ground(&self, ground: LearnedBox) {
         self.learnt_in.get_or_init(|| ground);
     }
 
@@ -120,12 +120,12 @@ impl Outside {
     pub fn position_m(&self, parameters: &[f64], time_s: &[f64], force: Force<'_>) -> Result<Vec<f64>> {
         let built_from = self.built_from(parameters, time_s, force);
         // An unusable kept response is requested again without a warning, because this costs little.
-        let kept =
-            cache::read::<KeptAnswer>(&built_from, &Silent).filter(|kept| kept.position_um.len() == time_s.len());
+        let kept = cache::read::<KeptResponse>(&built_from, &SilentMonitor)
+            .filter(|kept| kept.position_um.len() == time_s.len());
         let answer = match kept {
             Some(kept) => kept,
             None => {
-                let fresh = KeptAnswer { position_um: self.fresh_um(parameters, time_s, force)? };
+                let fresh = KeptResponse { position_um: self.fresh_um(parameters, time_s, force)? };
                 cache::write(&built_from, &fresh);
                 fresh
             }
@@ -134,9 +134,9 @@ impl Outside {
     }
 
     /// All inputs of a response.
-    fn built_from(&self, parameters: &[f64], time_s: &[f64], force: Force<'_>) -> BuiltFrom {
+    fn built_from(&self, parameters: &[f64], time_s: &[f64], force: Force<'_>) -> ModelInputs {
         let names: Vec<&str> = self.law.parameters().iter().map(|spec| spec.name).collect();
-        BuiltFrom::new("answer of another program")
+        ModelInputs::new("answer of another program")
             .with("url", self.client.url())
             .with("name", &self.name)
             .with("parameters", (names, parameters))
@@ -153,8 +153,8 @@ impl Outside {
     fn check_sizes(&self, time_s: &[f64], force: Force<'_>) -> Result<bool> {
         let request = json!({ "name": self.name, "config": self.config(time_s, force) });
         let (n, n_times) = (self.law.parameters().len(), time_s.len());
-        let inputs = self.client.ask(Endpoint::InputSizes, &request)?;
-        let outputs = self.client.ask(Endpoint::OutputSizes, &request)?;
+        let inputs = self.client.send(Endpoint::InputSizes, &request)?;
+        let outputs = self.client.send(Endpoint::OutputSizes, &request)?;
         let sizes = |answer: &Value, key: &str| -> Option<Vec<u64>> {
             answer.get(key)?.as_array()?.iter().map(Value::as_u64).collect()
         };
@@ -164,8 +164,8 @@ impl Outside {
         };
         let names: Vec<&str> = self.law.parameters().iter().map(|spec| spec.name).collect();
         let takes_force = match sizes(&inputs, "inputSizes").as_deref() {
-            Some([own]) if *own == n as u64 => false,
-            Some([own, of_force]) if *own == n as u64 && *of_force == n_times as u64 => true,
+            Some([index]) if *index == n as u64 => false,
+            Some([number, of_force]) if *number == n as u64 && *of_force == n_times as u64 => true,
             _ => {
                 let wanted =
                     format!("the prior names {n} parameters ({}) and the config has {n_times} times", names.join(", "));
@@ -190,7 +190,7 @@ impl Outside {
             Error::Numerical { what, remedy } => Error::numerical(format!("{what} (at {})", named.join(", ")), remedy),
             other => other,
         };
-        let answer = self.client.ask(Endpoint::Evaluate, &request).map_err(at)?;
+        let answer = self.client.send(Endpoint::Evaluate, &request).map_err(at)?;
         let output = answer.get("output").and_then(Value::as_array);
         let [Value::Array(position_um)] = output.map_or(&[][..], Vec::as_slice) else {
             return Err(Error::numerical(
@@ -209,8 +209,11 @@ impl Outside {
                 "let the output be the position in micrometres at each of config's time_s",
             ));
         }
-        let number = |own: &Value| own.as_f64().filter(|x| x.is_finite());
-        position_um.iter().map(|own| number(own).ok_or_else(|| at(self.client.not_finite(&own.to_string())))).collect()
+        let number = |value: &Value| value.as_f64().filter(|x| x.is_finite());
+        position_um
+            .iter()
+            .map(|value| number(value).ok_or_else(|| at(self.client.not_finite(&value.to_string()))))
+            .collect()
     }
 
     /// Tests whether the model uses times between the rows and another force at them. The error names the input that it ignores.
@@ -222,7 +225,8 @@ impl Outside {
         let takes_force = self.check_sizes(&clock.time_s, stronger)?;
         let moved_m = self.position_m(medians, &clock.time_s, stronger)?;
         let most_um = self.at_medians_um.iter().fold(0.0_f64, |most, x| most.max(x.abs()));
-        let change_um = clock.rows.iter().zip(&self.at_medians_um).map(|(row, own)| (1e6 * moved_m[*row] - own).abs());
+        let change_um =
+            clock.rows.iter().zip(&self.at_medians_um).map(|(row, median_um)| (1e6 * moved_m[*row] - median_um).abs());
         if takes_force != self.takes_force || change_um.fold(0.0, f64::max) <= LEAST_CHANGE * most_um {
             let found = format!("{} ignores the forces that it is given", self.title());
             return Err(Error::numerical(
@@ -236,7 +240,7 @@ impl Outside {
 
 /// Name of the model: the user's, or the usual one, or the only one.
 fn name_of(client: &Client, wanted: Option<&str>) -> Result<String> {
-    let info = client.ask(Endpoint::Info, &Value::Null)?;
+    let info = client.send(Endpoint::Info, &Value::Null)?;
     let models: Vec<&str> = info
         .get("models")
         .and_then(Value::as_array)

@@ -3,10 +3,10 @@
 use std::fs::{File, TryLockError};
 use std::path::Path;
 
-use base::error::{Error, Place, Result, Setting};
+use base::error::{Error, InputPlace, Result, Setting};
 use base::files::{
-    Kind, TemporaryDirectory, copy, create_folders, entries, exchange, folder_of, is_folder, kind, open_lock,
-    refuse_link, refused, remove_all, rename, sync_directory, together,
+    FileKind, TemporaryDirectory, copy, create_folders, entries, exchange, file_error, folder_of, hold_gate, is_folder,
+    kind, open_lock, refuse_link, remove_all, rename, sync_directory,
 };
 
 const UNREADABLE: &str = "check that the study is complete and readable";
@@ -16,10 +16,10 @@ const UNWRITABLE: &str = "check that the study is writable and the disk has room
 pub(super) fn sync_tree(path: &Path) -> Result<()> {
     for (name, kind) in entries(path, UNREADABLE)? {
         let child = path.join(name);
-        if kind == Kind::Folder {
+        if kind == FileKind::Folder {
             sync_tree(&child)?;
         } else {
-            File::open(&child).and_then(|file| file.sync_all()).map_err(refused("write", &child))?;
+            File::open(&child).and_then(|file| file.sync_all()).map_err(file_error("write", &child))?;
         }
     }
     sync_directory(path)
@@ -30,7 +30,7 @@ pub(super) fn sync_tree(path: &Path) -> Result<()> {
 /// If the system cannot exchange directories, the old one is first renamed to `.<name>.replaced`. [`restore`] brings it back if the program is killed before the second
 /// renaming.
 pub(super) fn replace_directory(finished: TemporaryDirectory, target: &Path) -> Result<()> {
-    let uninterrupted = together();
+    let uninterrupted = hold_gate();
     if kind(target).is_none() {
         rename(finished.path(), target)?;
         let _ = finished.keep();
@@ -52,15 +52,15 @@ pub(super) fn copy_tree(from: &Path, to: &Path) -> Result<()> {
     for (name, kind) in entries(from, UNREADABLE)? {
         let (source, target) = (from.join(&name), to.join(&name));
         match kind {
-            Kind::Folder => {
+            FileKind::Folder => {
                 create_folders(&target, UNWRITABLE)?;
                 copy_tree(&source, &target)?;
             }
-            Kind::File => copy(&source, &target)?,
-            Kind::Link | Kind::Other => {
+            FileKind::File => copy(&source, &target)?,
+            FileKind::Link | FileKind::Other => {
                 refuse_link(&source)?;
                 return Err(Error::input(
-                    Place::file(source),
+                    InputPlace::file(source),
                     "this is not a regular file",
                     "remove it from the study",
                 ));
@@ -97,7 +97,7 @@ impl Lock {
         let file = open_lock(&path)?;
         match file.try_lock() {
             Err(TryLockError::WouldBlock) => Err(Error::input(
-                Place::file(dir),
+                InputPlace::file(dir),
                 "another program is writing to this study",
                 format!("wait until it has finished, or choose another directory with `{}`", Setting::Out),
             )),

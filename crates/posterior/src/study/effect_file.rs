@@ -15,15 +15,15 @@
 use std::path::Path;
 
 use crate::prior::distribution_of;
-use base::error::{Error, Place, Result};
+use base::error::{Error, InputPlace, Result};
 use base::files::{self, Content};
 use base::number::{Dual, Scalar as _};
 use base::parameter::{ParameterSpec, Support};
-use base::toml_input::{Table, TomlInput, text_of};
+use base::toml_input::{TomlInput, TomlTable, text_of};
 use base::units::nearest_name;
 use laws::rheology::BaseLaw;
 use laws::stages::{Operation, State, StateFunction};
-use models::effects::{Effect, EffectParameter, Formula, OfScales, QuantityName, StateEffect, define, defined};
+use models::effects::{Effect, EffectParameter, Formula, QuantityName, ScaleFunction, StateEffect, define, defined};
 
 const KEYS: [&str; 8] = ["addend", "factor", "name", "parameters", "quantity", "state", "summary", "table"];
 const EXAMPLE: &str = "factor = \"exp(rate * path)\"";
@@ -51,9 +51,9 @@ pub fn read(path: &Path) -> Result<&'static str> {
 /// Errors of [`read`].
 pub fn from_text(file: &Path, text: &str) -> Result<&'static str> {
     let document = TomlInput::parse(file, text)?;
-    let definition: toml::Table = text
-        .parse()
-        .map_err(|error| Error::input(Place::file(file), format!("not valid TOML: {error}"), "correct the syntax"))?;
+    let definition: toml::Table = text.parse().map_err(|error| {
+        Error::input(InputPlace::file(file), format!("not valid TOML: {error}"), "correct the syntax")
+    })?;
     from_table(&document.root(), definition)
 }
 
@@ -69,7 +69,7 @@ pub fn parsed(file: &Path, text: &str) -> Result<StateEffect> {
 ///
 /// # Errors
 /// Errors of [`read`].
-pub fn from_table(table: &Table<'_>, definition: toml::Table) -> Result<&'static str> {
+pub fn from_table(table: &TomlTable<'_>, definition: toml::Table) -> Result<&'static str> {
     let effect = effect(table)?;
     let slug = effect.slug;
     match define(definition, effect) {
@@ -82,7 +82,7 @@ pub fn from_table(table: &Table<'_>, definition: toml::Table) -> Result<&'static
     }
 }
 
-fn effect(table: &Table<'_>) -> Result<StateEffect> {
+fn effect(table: &TomlTable<'_>) -> Result<StateEffect> {
     table.only(&KEYS)?;
     let slug = table.required_text("name", "name = \"hardening\"")?;
     let is_slug = slug.starts_with(|c: char| c.is_ascii_lowercase())
@@ -107,9 +107,9 @@ fn effect(table: &Table<'_>) -> Result<StateEffect> {
         .text("summary")?
         .unwrap_or_else(|| format!("{} depends on {}", quantity.name(), state.name().replace('_', " ")));
     Ok(StateEffect {
-        slug: leaked(slug),
-        summary: leaked(summary),
-        equation: leaked(equation),
+        slug: leak(slug),
+        summary: leak(summary),
+        equation: leak(equation),
         quantity,
         state,
         operation,
@@ -126,11 +126,11 @@ pub fn definition(slug: &str) -> Option<toml::Table> {
 }
 
 /// Makes a text static by leaking it, because names and texts are static everywhere; few files are read.
-pub fn leaked(text: String) -> &'static str {
+pub fn leak(text: String) -> &'static str {
     Box::leak(text.into_boxed_str())
 }
 
-fn state(table: &Table<'_>) -> Result<State> {
+fn state(table: &TomlTable<'_>) -> Result<State> {
     let name = table.required_text("state", "state = \"path\"")?;
     State::named(&name).ok_or_else(|| {
         let names = State::ALL.map(|(_, name)| name);
@@ -139,7 +139,7 @@ fn state(table: &Table<'_>) -> Result<State> {
     })
 }
 
-fn quantity(table: &Table<'_>) -> Result<QuantityName> {
+fn quantity(table: &TomlTable<'_>) -> Result<QuantityName> {
     let name = table.required_text("quantity", "quantity = \"young_modulus_pa\"")?;
     let is_identifier = name.starts_with(|c: char| c.is_ascii_lowercase())
         && name.chars().all(|c| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '_');
@@ -148,7 +148,7 @@ fn quantity(table: &Table<'_>) -> Result<QuantityName> {
         "position" => Ok(QuantityName::Position),
         _ if is_identifier && (name.ends_with("_pa") || name.ends_with("_pa_s")) => {
             let known = BaseLaw::NAMED.iter().flat_map(|law| law.parameters()).find(|spec| spec.name == name);
-            Ok(QuantityName::Element(known.map_or_else(|| leaked(name.clone()), |spec| spec.name)))
+            Ok(QuantityName::Element(known.map_or_else(|| leak(name.clone()), |spec| spec.name)))
         }
         _ => Err(table.refuse(
             "quantity",
@@ -159,7 +159,7 @@ fn quantity(table: &Table<'_>) -> Result<QuantityName> {
 }
 
 /// Parameters with their names in the formula, in alphabetical order.
-fn parameters(table: &Table<'_>, slug: &str) -> Result<Vec<(String, EffectParameter)>> {
+fn parameters(table: &TomlTable<'_>, slug: &str) -> Result<Vec<(String, EffectParameter)>> {
     let Some(all) = table.table("parameters")? else { return Ok(Vec::new()) };
     let names: Vec<&str> = all.keys().collect();
     if names.len() > MOST_PARAMETERS {
@@ -169,7 +169,7 @@ fn parameters(table: &Table<'_>, slug: &str) -> Result<Vec<(String, EffectParame
     names.into_iter().map(|name| Ok((name.to_string(), parameter(&all, name, slug)?))).collect()
 }
 
-fn parameter(all: &Table<'_>, name: &str, slug: &str) -> Result<EffectParameter> {
+fn parameter(all: &TomlTable<'_>, name: &str, slug: &str) -> Result<EffectParameter> {
     let is_identifier = name.starts_with(|c: char| c.is_ascii_alphabetic())
         && name.chars().all(|c| c.is_ascii_alphanumeric() || c == '_');
     if !is_identifier || State::named(name).is_some() {
@@ -179,49 +179,49 @@ fn parameter(all: &Table<'_>, name: &str, slug: &str) -> Result<EffectParameter>
             "use letters, digits and underscores, but not a state's name",
         ));
     }
-    let own = all.required_table(name)?;
-    own.only(&["lower", "null", "prior", "symbol", "unit", "upper"])?;
-    let unit = own.required_text("unit", "unit = \"1/m\"")?;
+    let toml_table = all.required_table(name)?;
+    toml_table.only(&["lower", "null", "prior", "symbol", "unit", "upper"])?;
+    let unit = toml_table.required_text("unit", "unit = \"1/m\"")?;
     let support = Support {
-        lower: own.number("lower")?.unwrap_or(f64::NEG_INFINITY),
-        upper: own.number("upper")?.unwrap_or(f64::INFINITY),
+        lower: toml_table.number("lower")?.unwrap_or(f64::NEG_INFINITY),
+        upper: toml_table.number("upper")?.unwrap_or(f64::INFINITY),
     };
-    let null = own.number("null")?;
+    let null = toml_table.number("null")?;
     if let Some(null) = null.filter(|null| !support.contains(*null)) {
-        return Err(own.refuse(
+        return Err(toml_table.refuse(
             "null",
             format!("{null} is outside {support}"),
             "give a null inside the parameter's ends",
         ));
     }
-    let prior = own.required_table("prior")?;
+    let prior = toml_table.required_table("prior")?;
     let distribution = distribution_of(prior)?;
     let (lower, upper) = distribution.support();
     if lower < support.lower || upper > support.upper {
-        return Err(own.refuse(
+        return Err(toml_table.refuse(
             "prior",
             format!("the prior reaches [{lower}, {upper}], but the parameter lies in {support}"),
             "narrow the prior, or widen `lower` and `upper`",
         ));
     }
     let source = prior.text("source")?.unwrap_or_else(|| "the effect's file".into());
-    let symbol = own.text("symbol")?.unwrap_or_else(|| name.to_string());
-    let spec = ParameterSpec::new(leaked(format!("{slug}.{name}")), leaked(symbol), leaked(unit), support);
+    let symbol = toml_table.text("symbol")?.unwrap_or_else(|| name.to_string());
+    let spec = ParameterSpec::new(leak(format!("{slug}.{name}")), leak(symbol), leak(unit), support);
     Ok(EffectParameter {
         spec,
         null: leaked_of_scales(null),
         prior: leaked_of_scales(distribution),
-        prior_source: leaked(source),
+        prior_source: leak(source),
         finite_step: None,
     })
 }
 
-fn leaked_of_scales<T: Copy + Send + Sync + 'static>(value: T) -> &'static OfScales<T> {
-    Box::leak(Box::new(move |_: &record::Scales| value))
+fn leaked_of_scales<T: Copy + Send + Sync + 'static>(value: T) -> &'static ScaleFunction<T> {
+    Box::leak(Box::new(move |_: &record::CharacteristicSizes| value))
 }
 
 fn function(
-    table: &Table<'_>,
+    table: &TomlTable<'_>,
     state: State,
     quantity: QuantityName,
     parameters: &[(String, EffectParameter)],
@@ -247,7 +247,7 @@ fn function(
             ));
         };
         let equation = format!("{} × table({})^{name}", quantity.name(), state.name());
-        return Ok((Operation::Multiply, Box::leak(Box::new(Points(points))), equation));
+        return Ok((Operation::Multiply, Box::leak(Box::new(CurvePoints(points))), equation));
     }
     let text = table.required_text(key, EXAMPLE)?;
     let formula = Formula::parse(&text, state.name(), &names).map_err(|mistake| {
@@ -265,19 +265,19 @@ fn function(
         ));
     }
     let (operation, sign) = if key == "factor" { (Operation::Multiply, '×') } else { (Operation::Add, '+') };
-    Ok((operation, Box::leak(Box::new(Written(formula))), format!("{} {sign} ({text})", quantity.name())))
+    Ok((operation, Box::leak(Box::new(WrittenFormula(formula))), format!("{} {sign} ({text})", quantity.name())))
 }
 
 /// Checks that the function is neutral if every parameter with a null is at its null, for any values of the others. The model without the effect is then contained in the
 /// model with it.
 fn nulls_leave_the_base(
-    table: &Table<'_>,
+    table: &TomlTable<'_>,
     state: State,
     operation: Operation,
     function: &dyn StateFunction,
     parameters: &[(String, EffectParameter)],
 ) -> Result<()> {
-    let scales = record::Scales::default();
+    let scales = record::CharacteristicSizes::default();
     let (neutral, word) = if operation == Operation::Add { (0.0, "0") } else { (1.0, "1") };
     if parameters.iter().all(|(_, parameter)| (parameter.null)(&scales).is_none()) {
         let remedy = "give `null` to the parameter that switches the effect off, as in `null = 0.0`";
@@ -305,9 +305,9 @@ fn nulls_leave_the_base(
 
 /// A formula.
 #[derive(Debug)]
-struct Written(Formula);
+struct WrittenFormula(Formula);
 
-impl StateFunction for Written {
+impl StateFunction for WrittenFormula {
     fn value(&self, state: Dual, parameters: &[Dual]) -> Dual {
         self.0.value(state, parameters)
     }
@@ -315,9 +315,9 @@ impl StateFunction for Written {
 
 /// Table of factors. Monotone cubics interpolate their logarithms between states, and the end values hold beyond. The logarithm is multiplied by the parameter.
 #[derive(Debug)]
-struct Points(Vec<[f64; 3]>);
+struct CurvePoints(Vec<[f64; 3]>);
 
-impl StateFunction for Points {
+impl StateFunction for CurvePoints {
     fn value(&self, state: Dual, parameters: &[Dual]) -> Dual {
         (parameters[0] * interpolated(&self.0, state)).exp()
     }
@@ -340,26 +340,26 @@ fn interpolated(points: &[[f64; 3]], state: Dual) -> Dual {
 }
 
 /// States, logarithms of factors, and slopes that keep the curve monotone between monotone points (F. N. Fritsch, J. Butland 1984, doi:10.1137/0905021).
-fn points(table: &Table<'_>) -> Result<Vec<[f64; 3]>> {
+fn points(table: &TomlTable<'_>) -> Result<Vec<[f64; 3]>> {
     let example = "table = { state = [0.0, 1e-4, 1e-3], factor = [1.0, 1.2, 1.5] }";
-    let own = table.required_table("table")?;
-    own.only(&["factor", "state"])?;
-    let [states, factors] = ["state", "factor"].map(|key| own.numbers(key));
-    let missing = |key: &str| own.missing(key, example);
+    let toml_table = table.required_table("table")?;
+    toml_table.only(&["factor", "state"])?;
+    let [states, factors] = ["state", "factor"].map(|key| toml_table.numbers(key));
+    let missing = |key: &str| toml_table.missing(key, example);
     let (states, factors) = (states?.ok_or_else(|| missing("state"))?, factors?.ok_or_else(|| missing("factor"))?);
     if states.len() != factors.len() || !(2..=MOST_POINTS).contains(&states.len()) {
         let found = format!("there are {} states and {} factors", states.len(), factors.len());
-        return Err(own.refuse(
+        return Err(toml_table.refuse(
             "factor",
             found,
             format!("give equally many states and factors, 2 to {MOST_POINTS}: `{example}`"),
         ));
     }
     if states.windows(2).any(|pair| pair[0] >= pair[1]) || states.iter().any(|x| !x.is_finite()) {
-        return Err(own.refuse("state", "the states do not increase", "sort them, and give each state once"));
+        return Err(toml_table.refuse("state", "the states do not increase", "sort them, and give each state once"));
     }
     if factors.iter().any(|factor| !(*factor > 0.0 && factor.is_finite())) {
-        return Err(own.refuse(
+        return Err(toml_table.refuse(
             "factor",
             "a factor is not above 0",
             "give positive factors of the quantity; 1 leaves it unchanged",

@@ -30,12 +30,14 @@ fn an_effect_is_what_its_file_says() {
     assert_eq!(read(HARDENING).unwrap(), "test-hardening");
     assert_eq!(read(HARDENING).unwrap(), "test-hardening", "the same again is the same");
     let effect = Library::default().get("test-hardening").expect("defined");
-    assert!(Library::default().effects().iter().all(|own| own.slug() != "test-hardening"), "no search finds it");
+    assert!(Library::default().effects().iter().all(|effect| effect.slug() != "test-hardening"), "no search finds it");
     let names: Vec<&str> = effect.parameters().iter().map(|parameter| parameter.spec.name).collect();
     assert_eq!(names, ["test-hardening.gain", "test-hardening.length"]);
     let mut stages = laws::stages::Stages::of_law(Vec::new());
     stages.base = Some(BaseLaw::Lethersich);
-    effect.apply(&[Dual::constant(0.5), Dual::constant(1e-3)], &record::Scales::default(), &mut stages).unwrap();
+    effect
+        .apply(&[Dual::constant(0.5), Dual::constant(1e-3)], &record::CharacteristicSizes::default(), &mut stages)
+        .unwrap();
     let law = stages.state_law.expect("written");
     assert!((law.value(Dual::constant(2e-3)).value - 4.0).abs() < 1e-15);
     let specification = ModelSpecification { effects: vec!["test-hardening".into()], ..ModelSpecification::default() };

@@ -27,8 +27,8 @@ pub use provenance::{Kept, Provenance, WithProvenance, sha256_hex};
 pub use revision::RevisionWriter;
 
 use atomic::{Lock, replace_directory, sync_tree};
-use base::error::{Error, Place, Result, Setting};
-use base::files::{self, Content, Kind, TemporaryDirectory};
+use base::error::{Error, InputPlace, Result, Setting};
+use base::files::{self, Content, FileKind, TemporaryDirectory};
 use record::{Experiment, ExperimentFiles};
 
 const TOML_NAME: &str = "experiment.toml";
@@ -48,7 +48,7 @@ pub const POSTERIOR_NAME: &str = "posterior.json";
 /// File name of a revision's predictions of every row.
 pub const PREDICTIONS_NAME: &str = "predictions.csv";
 /// File name of a revision's findings.
-pub const COMPARISON_NAME: &str = "comparison.json";
+pub const FINDINGS_NAME: &str = "comparison.json";
 /// File name of a revision's learnt law, written by `learn`; its figure is in `figures/learned`.
 pub const LEARNED_NAME: &str = "learned.json";
 /// File name of a revision's table of expected effects.
@@ -106,15 +106,15 @@ impl Study {
         let inputs_sha256 = hashes_of(files)?;
         let study = |opening| Self { dir: dir.to_path_buf(), inputs_sha256: inputs_sha256.clone(), opening };
         if Self::is_study(dir) {
-            files::enclose(dir, WHAT);
-            files::sweep(dir);
+            files::forbid_links(dir, WHAT);
+            files::remove_stale_files(dir);
             if read_hashes(dir)? == inputs_sha256 {
                 check_copies(dir, &inputs_sha256)?;
                 return Ok(study(Opening::Continued));
             }
             if !force {
                 return Err(Error::input(
-                    Place::file(dir.join(HASHES_NAME)),
+                    InputPlace::file(dir.join(HASHES_NAME)),
                     "this directory holds a study of another input",
                     format!(
                         "choose another directory with `{}`, or replace the study and all its revisions with `{}`",
@@ -130,7 +130,7 @@ impl Study {
         }
         Self::check_place(dir)?;
         let created = create(dir, files, &inputs_sha256, false);
-        files::enclose(dir, WHAT);
+        files::forbid_links(dir, WHAT);
         match created {
             Ok(()) => Ok(study(Opening::Created)),
             // Another program created the same study in the meantime.
@@ -148,7 +148,7 @@ impl Study {
             return Ok(());
         }
         Err(Error::input(
-            Place::file(dir),
+            InputPlace::file(dir),
             "this is not a study, and it is not empty",
             format!(
                 "choose a new or empty directory with `{}`; `{}` only replaces studies",
@@ -165,13 +165,13 @@ impl Study {
     pub fn open(dir: &Path) -> Result<Self> {
         if !Self::is_study(dir) {
             return Err(Error::input(
-                Place::file(dir),
+                InputPlace::file(dir),
                 format!("this is not a study: it holds no {HASHES_NAME}"),
                 "give the directory that an earlier command made, or an experiment",
             ));
         }
-        files::enclose(dir, WHAT);
-        files::sweep(dir);
+        files::forbid_links(dir, WHAT);
+        files::remove_stale_files(dir);
         let inputs_sha256 = read_hashes(dir)?;
         check_copies(dir, &inputs_sha256)?;
         Ok(Self { dir: dir.to_path_buf(), inputs_sha256, opening: Opening::Continued })
@@ -222,7 +222,7 @@ impl Study {
         for (name, kind) in files::entries(&self.dir, INCOMPLETE_REMEDY)? {
             let Some(number) = name.to_str().and_then(revision_number) else { continue };
             match kind {
-                Kind::Folder => numbers.push(number),
+                FileKind::Folder => numbers.push(number),
                 _ => files::refuse_link(&self.dir.join(&name))?,
             }
         }
@@ -248,7 +248,7 @@ impl Study {
         } else {
             format!("use one of: {known}")
         };
-        Err(Error::input(Place::file(&self.dir).at_key(name), "this study has no such revision", remedy))
+        Err(Error::input(InputPlace::file(&self.dir).at_key(name), "this study has no such revision", remedy))
     }
 
     /// Begins to write a revision, `m0`, `m1`, …. It becomes visible with [`RevisionWriter::commit`].
@@ -301,7 +301,7 @@ impl Study {
             return Ok(name);
         }
         Err(Error::input(
-            Place::file(&self.dir).at_key(name),
+            InputPlace::file(&self.dir).at_key(name),
             "this is not the name of a revision",
             "use a name such as m0, m1, m2",
         ))
@@ -324,7 +324,7 @@ fn hashes_of(files: &ExperimentFiles) -> Result<BTreeMap<String, String>> {
     for (name, _) in tables(files) {
         let first = Path::new(name).components().next();
         let first = first.map_or(String::new(), |part| part.as_os_str().to_string_lossy().into_owned());
-        let own = [
+        let names = [
             TOML_NAME,
             HASHES_NAME,
             SIMULATION_NAME,
@@ -336,10 +336,10 @@ fn hashes_of(files: &ExperimentFiles) -> Result<BTreeMap<String, String>> {
             "corner.svg",
             "corner.png",
         ];
-        let taken = own.contains(&first.as_str());
+        let taken = names.contains(&first.as_str());
         if taken || first.starts_with('.') || revision_number(&first).is_some() {
             return Err(Error::input(
-                Place::file(&files.toml_name).at_key("file"),
+                InputPlace::file(&files.toml_name).at_key("file"),
                 format!("`{name}` is a reserved name in a study"),
                 "rename the table, for example to trajectory.csv, and change `file` in [measurement] or [actuation]",
             ));
@@ -392,7 +392,7 @@ fn read_hashes(dir: &Path) -> Result<BTreeMap<String, String>> {
     for (index, line) in text.lines().enumerate() {
         let (hash, name) = line.split_once("  ").ok_or_else(|| {
             Error::input(
-                Place::file(&path).at_line(index + 1),
+                InputPlace::file(&path).at_line(index + 1),
                 "this is not a hash, two spaces and a file name",
                 format!(
                     "the study's list of hashes is damaged: create the study again with `{}` or in another place",
@@ -403,7 +403,7 @@ fn read_hashes(dir: &Path) -> Result<BTreeMap<String, String>> {
         let is_plain = Path::new(name).components().all(|part| matches!(part, Component::Normal(_)));
         if !is_plain {
             return Err(Error::input(
-                Place::file(&path).at_line(index + 1),
+                InputPlace::file(&path).at_line(index + 1),
                 format!("`{name}` is not a path inside the study"),
                 "the study's list of hashes was changed: create the study again in another place",
             ));
@@ -419,7 +419,7 @@ fn check_copies(dir: &Path, hashes: &BTreeMap<String, String>) -> Result<()> {
         let bytes = files::read(&path, Content::Table, INCOMPLETE_REMEDY)?;
         if sha256_hex(&bytes) != *hash {
             return Err(Error::input(
-                Place::file(&path),
+                InputPlace::file(&path),
                 "this copy has been changed since the study was created",
                 format!(
                     "restore it from the original, or make a new study of the changed input with `{}`",

@@ -8,15 +8,15 @@ use serde::Serialize;
 use super::effect_file;
 use crate::noise::NoiseModel;
 use crate::prior::PriorSet;
-use base::error::{Error, Place, Result, Setting};
+use base::error::{Error, InputPlace, Result, Setting};
 use base::files::{self, Content, write_atomically};
 use base::parameter::{ParameterSpec, RELATIVE_NOISE};
-use base::toml_input::{Table, TomlInput, text_of};
+use base::toml_input::{TomlInput, TomlTable, text_of};
 use base::units::nearest_name;
 use documents::posterior::ModelSummary;
-use laws::rheology::{BaseLaw, MOST_PARAMETERS, Network, OutsideLaw};
+use laws::rheology::{BaseLaw, ExternalLaw, MOST_PARAMETERS, Network};
 use models::effects::{Effect, Library, NUISANCES};
-use record::Scales;
+use record::CharacteristicSizes;
 
 /// File name of a revision's copy of a prior that is not built in.
 pub const PRIOR_COPY: &str = "prior.toml";
@@ -54,7 +54,7 @@ impl Default for ModelSpecification {
             base: BaseLaw::default(),
             effects: Vec::new(),
             noise: vec!["white".into()],
-            prior: PriorSet::embedded_names().next().unwrap_or("porcine").into(),
+            prior: PriorSet::builtin_names().next().unwrap_or("porcine").into(),
             fixed: BTreeMap::new(),
             freed: Vec::new(),
         }
@@ -63,7 +63,7 @@ impl Default for ModelSpecification {
 
 /// Specification as written in `model.toml`. Tables come last, because TOML assigns the keys after a table to it.
 #[derive(Serialize)]
-struct Written<'a> {
+struct ModelFile<'a> {
     #[serde(skip_serializing_if = "Option::is_none")]
     base: Option<&'a str>,
     effects: &'a [String],
@@ -81,7 +81,7 @@ struct Written<'a> {
 
 /// Places of the parts of a specification, for messages.
 struct Places<'p> {
-    of: &'p dyn Fn(&str) -> Place,
+    of: &'p dyn Fn(&str) -> InputPlace,
 }
 
 impl ModelSpecification {
@@ -90,7 +90,7 @@ impl ModelSpecification {
     /// # Errors
     /// Errors of [`ModelSpecification::read`].
     pub fn of_revision(revision_dir: &Path, library: &Library) -> Result<Self> {
-        let mut specification = Self::kept(revision_dir, library)?;
+        let mut specification = Self::read_kept(revision_dir, library)?;
         if specification.prior == PRIOR_COPY {
             specification.prior = revision_dir.join(PRIOR_COPY).display().to_string();
         }
@@ -101,15 +101,15 @@ impl ModelSpecification {
     ///
     /// # Errors
     /// Errors of [`ModelSpecification::read`].
-    pub fn kept(revision_dir: &Path, library: &Library) -> Result<Self> {
+    pub fn read_kept(revision_dir: &Path, library: &Library) -> Result<Self> {
         let path = revision_dir.join("model.toml");
         let specification = Self::read(&path, library)?;
         let prior = &specification.prior;
-        if prior == PRIOR_COPY || PriorSet::embedded_names().any(|name| name == prior) {
+        if prior == PRIOR_COPY || PriorSet::builtin_names().any(|name| name == prior) {
             return Ok(specification);
         }
         Err(Error::input(
-            Place::file(path).at_key("prior"),
+            InputPlace::file(path).at_key("prior"),
             format!("`{prior}` is neither a built-in prior nor the revision's own copy, `{PRIOR_COPY}`"),
             format!("copy the prior into the revision as `{PRIOR_COPY}`, if you trust it, and write that name"),
         ))
@@ -152,7 +152,7 @@ impl ModelSpecification {
             Ok(Some(table)) => {
                 table.only(&["network", "forward"])?;
                 match table.table("forward")? {
-                    Some(forward) => BaseLaw::Outside(OutsideLaw::from_toml(&forward)?),
+                    Some(forward) => BaseLaw::Outside(ExternalLaw::from_toml(&forward)?),
                     None => BaseLaw::Network(Network::from_toml(&table.required_table("network")?)?),
                 }
             }
@@ -209,7 +209,7 @@ impl ModelSpecification {
         let (effects, noise) = (trimmed(effects), trimmed(noise));
         if let Some(twice) = effects.iter().enumerate().find(|(i, slug)| effects[..*i].contains(slug)) {
             return Err(Error::input(
-                Place::setting(Setting::Effects),
+                InputPlace::setting(Setting::Effects),
                 format!("`{}` is named twice", twice.1),
                 "name it once",
             ));
@@ -226,7 +226,7 @@ impl ModelSpecification {
             } else if base.contains("://") {
                 base_at(base, prior.unwrap_or(&specification.prior))?
             } else {
-                base_named(base, Place::setting(Setting::Base))?
+                base_named(base, InputPlace::setting(Setting::Base))?
             };
         }
         if !noise.is_empty() {
@@ -237,7 +237,7 @@ impl ModelSpecification {
         }
         specification.set(&assignments(set)?);
         let place = |key: &str| {
-            Place::setting(match key {
+            InputPlace::setting(match key {
                 "base" => Setting::Base,
                 "effects" => Setting::Effects,
                 "noise" => Setting::Noise,
@@ -257,7 +257,7 @@ impl ModelSpecification {
         let assignments = assignments(set)?;
         let mut model = Self { fixed: BTreeMap::new(), ..self.clone() };
         model.set(&assignments);
-        model.check(&Places { of: &|_| Place::setting(Setting::Fixed) }, library)?;
+        model.check(&Places { of: &|_| InputPlace::setting(Setting::Fixed) }, library)?;
         Ok(assignments)
     }
 
@@ -274,7 +274,7 @@ impl ModelSpecification {
     }
 
     /// Adds optional parameters that are neither set nor freed to the fixed ones, at their nulls. Fixed parameters of missing effects are removed.
-    pub fn with_nulls(mut self, scales: &Scales, library: &Library) -> Self {
+    pub fn with_nulls(mut self, scales: &CharacteristicSizes, library: &Library) -> Self {
         for effect in library.effects() {
             let is_there = self.effects.iter().any(|slug| slug == effect.slug());
             for parameter in effect.parameters().iter().filter(|parameter| parameter.spec.is_optional) {
@@ -303,7 +303,8 @@ impl ModelSpecification {
             named => (Some(named.name()), None),
         };
         let definitions: Vec<toml::Table> = effects.iter().filter_map(|slug| effect_file::definition(slug)).collect();
-        let written = Written { base: name, effects, noise, prior, free: freed, network, fixed, effect: &definitions };
+        let written =
+            ModelFile { base: name, effects, noise, prior, free: freed, network, fixed, effect: &definitions };
         let text = toml::to_string(&written).map_err(|error| {
             Error::numerical(
                 format!("the model cannot be written as TOML: {error}"),
@@ -326,7 +327,7 @@ impl ModelSpecification {
     ///
     /// # Errors
     /// [`Error::Input`] at `place` for unknown names, or a missing `white`.
-    pub fn noise_model(&self, place: &Place) -> Result<NoiseModel> {
+    pub fn noise_model(&self, place: &InputPlace) -> Result<NoiseModel> {
         NoiseModel::named(&self.noise, place)
     }
 
@@ -393,7 +394,7 @@ pub fn named_effects(names: &[String]) -> Result<Vec<String>> {
 }
 
 /// Registers the effects that a `model.toml` defines.
-fn define_effects(root: &Table<'_>, text: &str) -> Result<()> {
+fn define_effects(root: &TomlTable<'_>, text: &str) -> Result<()> {
     let whole: toml::Table = text
         .parse()
         .map_err(|error| root.refuse("effect", format!("not valid TOML: {error}"), "correct the syntax"))?;
@@ -415,7 +416,7 @@ fn base_of_file(file: &Path) -> Result<BaseLaw> {
     let base = specification.base;
     if specification != (ModelSpecification { base, ..ModelSpecification::default() }) {
         return Err(Error::input(
-            Place::file(file),
+            InputPlace::file(file),
             "this file contains more than a base law",
             format!(
                 "keep only its base, and give effects, noise, prior and values by {}, {}, {} and {}",
@@ -435,9 +436,10 @@ fn base_at(address: &str, prior: &str) -> Result<BaseLaw> {
     let of_noise: Vec<&str> = NoiseModel::known_parameters().map(|spec| spec.name).collect();
     let is_own = |name: &str| !name.contains('.') && !of_noise.contains(&name) && name != RELATIVE_NOISE.name;
     let parameters: Vec<_> = PriorSet::listed(prior)?.into_iter().filter(|(name, _)| is_own(name)).collect();
-    let refuse = |found: String, remedy: String| Err(Error::input(Place::setting(Setting::Prior), found, remedy));
+    let refuse = |found: String, remedy: String| Err(Error::input(InputPlace::setting(Setting::Prior), found, remedy));
     for (k, (name, _)) in parameters.iter().enumerate() {
-        if let Some((found, remedy)) = OutsideLaw::mistake(name, parameters[..k].iter().map(|(name, _)| name.as_str()))
+        if let Some((found, remedy)) =
+            ExternalLaw::check_name(name, parameters[..k].iter().map(|(name, _)| name.as_str()))
         {
             return refuse(found, remedy);
         }
@@ -449,11 +451,11 @@ fn base_at(address: &str, prior: &str) -> Result<BaseLaw> {
         );
         return refuse(found, remedy);
     }
-    Ok(BaseLaw::Outside(OutsideLaw::new(url, name, &parameters)))
+    Ok(BaseLaw::Outside(ExternalLaw::new(url, name, &parameters)))
 }
 
 /// Base law with a name, which is given at `place`.
-fn base_named(name: &str, place: Place) -> Result<BaseLaw> {
+fn base_named(name: &str, place: InputPlace) -> Result<BaseLaw> {
     BaseLaw::named(name).ok_or_else(|| {
         let known = BaseLaw::NAMED.map(BaseLaw::name);
         let near = nearest_name(name, known);
@@ -496,7 +498,7 @@ fn assignments(set: &[String]) -> Result<Assignments> {
         let (name, value) = assignment_from(assignment)?;
         if values.insert(name.clone(), value).is_some() {
             let found = format!("{name} is set twice");
-            return Err(Error::input(Place::setting(Setting::Fixed), found, "set each parameter once"));
+            return Err(Error::input(InputPlace::setting(Setting::Fixed), found, "set each parameter once"));
         }
     }
     Ok(values)
@@ -505,7 +507,7 @@ fn assignments(set: &[String]) -> Result<Assignments> {
 fn assignment_from(text: &str) -> Result<(String, Option<f64>)> {
     let refuse = |found: String| {
         Error::input(
-            Place::setting(Setting::Fixed),
+            InputPlace::setting(Setting::Fixed),
             found,
             format!("write NAME=VALUE, as in `{} young_modulus_pa=3.5`", Setting::Fixed),
         )

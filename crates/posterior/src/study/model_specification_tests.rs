@@ -100,8 +100,8 @@ fn unacceptable_models_are_refused_with_line_key_and_remedy() {
 #[test]
 fn options_are_refused_by_their_names() {
     let refused = |base: Option<&str>, with: &[&str], noise: &[&str], set: &[&str]| {
-        let own = |texts: &[&str]| texts.iter().map(|text| text.to_string()).collect::<Vec<_>>();
-        match ModelSpecification::from_options(base, &own(with), &own(noise), None, &own(set)) {
+        let function = |texts: &[&str]| texts.iter().map(|text| text.to_string()).collect::<Vec<_>>();
+        match ModelSpecification::from_options(base, &function(with), &function(noise), None, &function(set)) {
             Err(Error::Input { place, .. }) => place.key.unwrap(),
             other => panic!("{other:?}"),
         }

@@ -7,7 +7,7 @@ use serde::Serialize;
 use super::WithProvenance;
 use super::atomic::{Lock, replace_directory, restore, sync_tree};
 use base::error::Result;
-use base::files::{Kind, TemporaryDirectory, enclose, entries, remove_all, write_json_atomically};
+use base::files::{FileKind, TemporaryDirectory, entries, forbid_links, remove_all, write_json_atomically};
 
 /// A revision or simulation under construction in a hidden directory of the study; dropping it discards it.
 ///
@@ -21,7 +21,7 @@ pub struct RevisionWriter {
 
 impl RevisionWriter {
     pub fn begin(study_dir: &Path, name: &str) -> Result<Self> {
-        enclose(study_dir, super::WHAT);
+        forbid_links(study_dir, super::WHAT);
         let lock = Lock::acquire(study_dir)?;
         let target = study_dir.join(name);
         restore(&target)?;
@@ -65,7 +65,7 @@ impl RevisionWriter {
 fn remove_leftovers(study_dir: &Path) -> Result<()> {
     for (name, kind) in entries(study_dir, "check that the study is readable")? {
         let text = name.to_string_lossy();
-        if text.starts_with('.') && text.contains(".partial-") && kind == Kind::Folder {
+        if text.starts_with('.') && text.contains(".partial-") && kind == FileKind::Folder {
             remove_all(&study_dir.join(&name))?;
         }
     }

@@ -10,7 +10,7 @@ fn files(id: &str) -> ExperimentFiles {
         csv_bytes: b"time_s,force_N,position_m\r\n".to_vec(),
         log_file: None,
         notes: vec![],
-        understood: record::Understood::default(),
+        interpretation: record::Interpretation::default(),
     }
 }
 

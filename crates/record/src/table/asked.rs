@@ -2,7 +2,7 @@
 
 /// The user's settings for a table. Missing settings are inferred from the table.
 #[derive(Debug, Clone, Default, PartialEq)]
-pub struct Given {
+pub struct TableSettings {
     /// Columns of time, force, position and cycle, by name or number.
     pub columns: [Option<String>; 4],
     /// Columns of x, y and z, if the position is not in a single column.

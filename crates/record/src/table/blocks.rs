@@ -2,8 +2,8 @@
 
 use std::borrow::Cow;
 
-use super::spelling::{Spelt, clock_s, is_date_time, split_unit, unit};
-use super::text::{Decimal, Delimiter, cells, header_cells, is_aside};
+use super::spelling::{ParsedUnit, clock_s, is_date_time, split_unit, unit};
+use super::text::{Decimal, Delimiter, cells, header_cells, is_blank_or_comment};
 use crate::trajectory::is_lost;
 
 /// Number of lines inspected for the layout.
@@ -29,7 +29,7 @@ pub(super) struct Layout {
 
 /// Consecutive rows under one header.
 #[derive(Debug, Clone)]
-pub(super) struct Block {
+pub(super) struct TableBlock {
     pub layout: Layout,
     /// Index of the line after the last row.
     pub end: usize,
@@ -41,7 +41,7 @@ pub(super) struct Block {
     pub n_empty: usize,
 }
 
-impl Block {
+impl TableBlock {
     /// First and last line, from 1.
     pub fn lines(&self) -> [usize; 2] {
         [self.layout.first + 1, self.end]
@@ -75,7 +75,7 @@ fn layout(lines: &[&str]) -> Option<Layout> {
                     best = Some((score, layout));
                 }
             };
-            for (index, line) in lines.iter().enumerate().filter(|(_, line)| !is_aside(line, None)) {
+            for (index, line) in lines.iter().enumerate().filter(|(_, line)| !is_blank_or_comment(line, None)) {
                 let cells = cells(line, delimiter);
                 let (n_values, n_others) = counts(&cells, decimal);
                 if n_values < 2 || n_values < n_others {
@@ -97,12 +97,12 @@ fn layout(lines: &[&str]) -> Option<Layout> {
 /// Finds the tables of a text, in order. Returns at least one, or `None` if there is no block of numbers.
 ///
 /// A new table begins at a header between rows. Other lines between rows belong to the table and cause an error when they are read.
-pub(super) fn blocks(lines: &[&str]) -> Option<Vec<Block>> {
+pub(super) fn blocks(lines: &[&str]) -> Option<Vec<TableBlock>> {
     let found = layout(&lines[..lines.len().min(LOOKED_AT)])?;
-    let mut blocks: Vec<Block> = Vec::new();
+    let mut blocks: Vec<TableBlock> = Vec::new();
     // Index of the line after the last row. A header may begin there.
     let mut after = 0;
-    for (index, line) in lines.iter().enumerate().filter(|(_, line)| !is_aside(line, None)) {
+    for (index, line) in lines.iter().enumerate().filter(|(_, line)| !is_blank_or_comment(line, None)) {
         let cells = cells(line, found.delimiter);
         let (n_values, n_others) = counts(&cells, found.decimal);
         // A row of a table may have lost all values but its time.
@@ -120,7 +120,7 @@ pub(super) fn blocks(lines: &[&str]) -> Option<Vec<Block>> {
             Some(_) => header(lines, after, &fresh, 0).line.is_some(),
         };
         if begins {
-            blocks.push(Block {
+            blocks.push(TableBlock {
                 layout: fresh,
                 end: 0,
                 n_rows: 0,
@@ -154,7 +154,7 @@ pub(super) fn blocks(lines: &[&str]) -> Option<Vec<Block>> {
 
 /// Number of last columns that are empty in every row, because rows may end in a delimiter.
 fn n_empty_at_end(rows: &[&str], layout: &Layout) -> usize {
-    let rows = rows.iter().filter(|line| !is_aside(line, None)).take(LOOKED_AT);
+    let rows = rows.iter().filter(|line| !is_blank_or_comment(line, None)).take(LOOKED_AT);
     let empty = rows.map(|line| {
         let cells = cells(line, layout.delimiter);
         cells.iter().rev().take_while(|cell| cell.is_empty()).count()
@@ -168,7 +168,7 @@ pub(super) struct Header {
     /// Index of the line.
     pub line: Option<usize>,
     pub names: Vec<String>,
-    pub units: Vec<Option<Spelt>>,
+    pub units: Vec<Option<ParsedUnit>>,
     /// Columns with a unit that the program does not know, such as a temperature or a voltage.
     pub foreign: Vec<usize>,
 }
@@ -197,7 +197,7 @@ fn header(lines: &[&str], from: usize, layout: &Layout, n_empty: usize) -> Heade
     let names =
         |place: usize| above.get(place).and_then(|index| Some((*index, names_in(lines[*index], layout, n_empty)?)));
     let Some((line, nearest)) = names(0) else { return Header::default() };
-    let units: Vec<Option<Spelt>> = nearest.iter().map(|cell| unit(cell)).collect();
+    let units: Vec<Option<ParsedUnit>> = nearest.iter().map(|cell| unit(cell)).collect();
     let length = |cell: &String| cell.trim_matches(['[', ']', '(', ')']).chars().count();
     // A unit line may contain units that the program does not know, such as °C.
     if let Some((line, names)) = names(1)
@@ -213,7 +213,7 @@ fn header(lines: &[&str], from: usize, layout: &Layout, n_empty: usize) -> Heade
 }
 
 /// Nearest line above a table's header, as words.
-fn title(lines: &[&str], from: usize, block: &Block) -> String {
+fn title(lines: &[&str], from: usize, block: &TableBlock) -> String {
     let above =
         (from..block.header.line.unwrap_or(block.layout.first)).rev().find(|index| !lines[*index].trim().is_empty());
     let words = above.map_or(Vec::new(), |index| lines[index].split_whitespace().collect());

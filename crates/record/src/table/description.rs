@@ -1,10 +1,10 @@
 //! Description of a foreign table in `[measurement]`, in addition to its file name (formats §1).
 
-use super::spelling::{DateOrder, Spelt, split_unit, unit};
+use super::spelling::{DateOrder, ParsedUnit, split_unit, unit};
 use super::text::{Decimal, Delimiter, Encoding, Thousands};
 use crate::times::TimeRules;
 use base::error::Result;
-use base::toml_input::Table;
+use base::toml_input::TomlTable;
 use base::units::Dimension;
 
 /// A column, by its name or by its number from 1.
@@ -20,7 +20,7 @@ pub enum ColumnName {
 #[derive(Debug, Clone, PartialEq)]
 pub enum TimeFormat {
     /// Numbers in a unit.
-    Unit(Spelt),
+    Unit(ParsedUnit),
     /// Times of day `hh:mm:ss`, counted from the first row and continued past midnight.
     Clock,
     /// Date with time, counted from the first row. Without a given order the dates must show it themselves.
@@ -121,9 +121,9 @@ pub struct TableDescription {
     /// Column and format of the times.
     pub time: (ColumnName, TimeFormat),
     /// Column and unit of forces, or of currents that produce them; `None` if another table contains the force.
-    pub force: Option<(ColumnName, Spelt)>,
+    pub force: Option<(ColumnName, ParsedUnit)>,
     /// Columns and unit of positions; `None` for a force log.
-    pub position: Option<(PositionColumns, Spelt)>,
+    pub position: Option<(PositionColumns, ParsedUnit)>,
     /// Column of cycles; `None` if cycles are found from the force.
     pub cycle: Option<ColumnName>,
     /// Column of a tracker's tracks, and the track that is read.
@@ -164,7 +164,7 @@ const EXAMPLE: &str = "position = \"x [µm]\"";
 impl TableDescription {
     /// Reads `[measurement]`. Returns `None` without `[measurement.columns]`: the table then has the program's own format. `is_driven_elsewhere` is true if
     /// `[actuation]` contains the force.
-    pub fn read(measurement: Table<'_>, is_driven_elsewhere: bool) -> Result<Option<Self>> {
+    pub fn read(measurement: TomlTable<'_>, is_driven_elsewhere: bool) -> Result<Option<Self>> {
         let Some(columns) = measurement.table("columns")? else {
             return match KEYS.iter().find(|key| measurement.has(key)) {
                 None => Ok(None),
@@ -190,7 +190,7 @@ impl TableDescription {
     }
 
     /// Reads the log's description in `[actuation]`.
-    pub(crate) fn read_log(actuation: Table<'_>) -> Result<Self> {
+    pub(crate) fn read_log(actuation: TomlTable<'_>) -> Result<Self> {
         let columns = actuation.required_table("columns")?;
         columns.only(&["time", "force", "current"])?;
         let units = Units::read(actuation, &["time", "force", "current"])?;
@@ -206,7 +206,7 @@ impl TableDescription {
     }
 
     /// Reads only the layout and the times.
-    fn of_times(measurement: Table<'_>, columns: Table<'_>, units: &Units<'_>) -> Result<Self> {
+    fn of_times(measurement: TomlTable<'_>, columns: TomlTable<'_>, units: &Units<'_>) -> Result<Self> {
         let time = column(columns, "time")?;
         let format = match units.text("time")?.as_deref().and_then(TimeFormat::named) {
             Some(format) => format,
@@ -219,11 +219,11 @@ impl TableDescription {
             time: (time, format),
             cycle: None,
             track: track(measurement, columns)?,
-            blank_force: one_of(measurement, "blank_force", &BlankForce::ALL, BlankForce::name)?,
+            blank_force: read_choice(measurement, "blank_force", &BlankForce::ALL, BlankForce::name)?,
             lost: Vec::new(),
             time_rules: TimeRules {
-                joins_restarts: is_said(measurement, "time_restarts", "join")?,
-                spreads_ties: is_said(measurement, "time_ties", "spread")?,
+                joins_restarts: has_flag_word(measurement, "time_restarts", "join")?,
+                spreads_ties: has_flag_word(measurement, "time_ties", "spread")?,
             },
         })
     }
@@ -235,11 +235,11 @@ impl TableDescription {
 }
 
 /// True if a key has its only allowed value; an error for another value.
-fn is_said(table: Table<'_>, key: &str, word: &'static str) -> Result<bool> {
-    Ok(one_of(table, key, &[word], |word| word)?.is_some())
+fn has_flag_word(table: TomlTable<'_>, key: &str, word: &'static str) -> Result<bool> {
+    Ok(read_choice(table, key, &[word], |word| word)?.is_some())
 }
 
-fn track(measurement: Table<'_>, columns: Table<'_>) -> Result<Option<(ColumnName, String)>> {
+fn track(measurement: TomlTable<'_>, columns: TomlTable<'_>) -> Result<Option<(ColumnName, String)>> {
     match (columns.has("track"), measurement.has("track")) {
         (false, false) => Ok(None),
         (true, false) => Err(measurement.missing("track", "track = \"0\"")),
@@ -250,9 +250,10 @@ fn track(measurement: Table<'_>, columns: Table<'_>) -> Result<Option<(ColumnNam
 
 impl TableLayout {
     /// Reads the keys of the layout.
-    pub fn read(measurement: Table<'_>) -> Result<Self> {
-        let delimiter = one_of(measurement, "delimiter", &Delimiter::ALL, Delimiter::name)?.unwrap_or(Delimiter::Comma);
-        let decimal = one_of(measurement, "decimal", &Decimal::ALL, Decimal::name)?.unwrap_or(Decimal::Point);
+    pub fn read(measurement: TomlTable<'_>) -> Result<Self> {
+        let delimiter =
+            read_choice(measurement, "delimiter", &Delimiter::ALL, Delimiter::name)?.unwrap_or(Delimiter::Comma);
+        let decimal = read_choice(measurement, "decimal", &Decimal::ALL, Decimal::name)?.unwrap_or(Decimal::Point);
         if delimiter == Delimiter::Comma && decimal == Decimal::Comma {
             let remedy = "change `delimiter` or `decimal`";
             return Err(measurement.refuse("decimal", "the comma is both delimiter and decimal sign", remedy));
@@ -271,12 +272,12 @@ impl TableLayout {
         let layout = Self {
             delimiter,
             decimal,
-            encoding: one_of(measurement, "encoding", &Encoding::ALL, Encoding::name)?,
+            encoding: read_choice(measurement, "encoding", &Encoding::ALL, Encoding::name)?,
             comment: measurement.text("comment")?,
             header_line,
             first_row_line: first_row_line.unwrap_or(header_line.map_or(1, |line| line + 1)),
             row_lines,
-            thousands: one_of(measurement, "thousands", &Thousands::ALL, Thousands::name)?,
+            thousands: read_choice(measurement, "thousands", &Thousands::ALL, Thousands::name)?,
         };
         if layout.thousands.is_some_and(|thousands| thousands.name() == decimal.name()) {
             let remedy = "change `thousands` or `decimal`";
@@ -308,7 +309,7 @@ impl TableLayout {
 }
 
 /// Reads pairs of first and last lines in ascending order.
-fn row_lines(measurement: Table<'_>) -> Result<Vec<[usize; 2]>> {
+fn row_lines(measurement: TomlTable<'_>) -> Result<Vec<[usize; 2]>> {
     let key = "row_lines";
     let Some(pairs) = measurement.intervals(key)? else { return Ok(Vec::new()) };
     let are_lines = pairs.iter().flatten().all(|line| *line >= 1.0 && line.fract() == 0.0 && *line < 1e9);
@@ -321,8 +322,8 @@ fn row_lines(measurement: Table<'_>) -> Result<Vec<[usize; 2]>> {
 }
 
 /// Reads one of several allowed words.
-pub(crate) fn one_of<T: Copy>(
-    table: Table<'_>,
+pub(crate) fn read_choice<T: Copy>(
+    table: TomlTable<'_>,
     key: &str,
     all: &[T],
     name: fn(T) -> &'static str,
@@ -337,7 +338,7 @@ pub(crate) fn one_of<T: Copy>(
     }
 }
 
-fn line(table: Table<'_>, key: &str) -> Result<Option<usize>> {
+fn line(table: TomlTable<'_>, key: &str) -> Result<Option<usize>> {
     let Some(number) = table.number(key)? else { return Ok(None) };
     if number >= 1.0 && number.fract() == 0.0 && number < 1e9 {
         return Ok(Some(number as usize));
@@ -345,7 +346,7 @@ fn line(table: Table<'_>, key: &str) -> Result<Option<usize>> {
     Err(table.refuse(key, format!("{number} is not a line number"), format!("count lines from 1, as in `{key} = 1`")))
 }
 
-pub(crate) fn column(columns: Table<'_>, key: &str) -> Result<ColumnName> {
+pub(crate) fn column(columns: TomlTable<'_>, key: &str) -> Result<ColumnName> {
     if !columns.has(key) {
         return Err(columns.missing(key, &EXAMPLE.replace("position", key)));
     }
@@ -355,7 +356,7 @@ pub(crate) fn column(columns: Table<'_>, key: &str) -> Result<ColumnName> {
     columns.required_text(key, EXAMPLE).map(ColumnName::Named)
 }
 
-fn position_columns(columns: Table<'_>) -> Result<PositionColumns> {
+fn position_columns(columns: TomlTable<'_>) -> Result<PositionColumns> {
     let has_axes = ["position_x", "position_y", "position_z"].iter().any(|key| columns.has(key));
     if !has_axes {
         return column(columns, "position").map(PositionColumns::Along);
@@ -373,19 +374,19 @@ fn position_columns(columns: Table<'_>) -> Result<PositionColumns> {
 
 /// Units from `[measurement.units]`. A column whose name ends in its unit needs no entry there.
 pub(crate) struct Units<'a> {
-    measurement: Table<'a>,
-    table: Option<Table<'a>>,
+    measurement: TomlTable<'a>,
+    table: Option<TomlTable<'a>>,
 }
 
 impl<'a> Units<'a> {
-    pub fn read(measurement: Table<'a>, keys: &[&str]) -> Result<Self> {
+    pub fn read(measurement: TomlTable<'a>, keys: &[&str]) -> Result<Self> {
         let table = measurement.table("units")?;
         table.map_or(Ok(()), |table| table.only(keys))?;
         Ok(Self { measurement, table })
     }
 
     /// Returns a column with its unit.
-    fn column(&self, columns: Table<'_>, key: &str, dimension: Dimension) -> Result<(ColumnName, Spelt)> {
+    fn column(&self, columns: TomlTable<'_>, key: &str, dimension: Dimension) -> Result<(ColumnName, ParsedUnit)> {
         let name = column(columns, key)?;
         let unit = self.of(key, dimension, &name)?;
         Ok((name, unit))
@@ -395,7 +396,7 @@ impl<'a> Units<'a> {
         self.table.map_or(Ok(None), |table| table.text(key))
     }
 
-    pub fn of(&self, key: &str, dimension: Dimension, column: &ColumnName) -> Result<Spelt> {
+    pub fn of(&self, key: &str, dimension: Dimension, column: &ColumnName) -> Result<ParsedUnit> {
         let Some((table, text)) = self.table.zip(self.text(key)?) else {
             let by_name = match column {
                 ColumnName::Named(name) => split_unit(name).1,

@@ -2,19 +2,19 @@
 
 use std::path::Path;
 
-use super::asked::{Ask, Given, Question};
-use super::blocks::{Block, Header, blocks};
+use super::asked::{Ask, Question, TableSettings};
+use super::blocks::{Header, TableBlock, blocks};
 use super::description::{BlankForce, ColumnName, PositionColumns, TableDescription, TableLayout, TimeFormat};
 use super::read::read_described;
-use super::roles::{Found, Role, Seen};
-use super::spelling::{Spelt, clock_s, counted, is_date_time, unit};
-use super::text::{Decimal, Delimiter, Encoding, Thousands, cells, comment_sign, is_aside, table_text};
+use super::roles::{ColumnMatch, KnownColumns, Role};
+use super::spelling::{ParsedUnit, clock_s, counted, is_date_time, unit};
+use super::text::{Decimal, Delimiter, Encoding, Thousands, cells, comment_sign, decode_detected, is_blank_or_comment};
 use crate::force::has_noisy_levels;
-use crate::frame::{Direction, Frame, Zero, rest_m, turns_against};
+use crate::frame::{Direction, Frame, Zero, moves_against_force, rest_m};
 use crate::lost::repeated_outliers;
 use crate::times::TimeRules;
 use crate::trajectory::{Trajectory, is_lost};
-use base::error::{Error, Place, Result, Setting};
+use base::error::{Error, InputPlace, Result, Setting};
 
 /// Names of track columns, without the `ID` that may follow.
 const TRACKS: [&str; 5] = ["track", "particle", "trajectory", "bead", "spottrack"];
@@ -31,7 +31,7 @@ const NEAR_ZERO: f64 = 0.02;
 
 /// A description with its reasons.
 #[derive(Debug, Clone)]
-pub struct Proposal {
+pub struct TableProposal {
     /// The description.
     pub description: TableDescription,
     /// Zero and direction of positions.
@@ -61,30 +61,31 @@ pub struct Proposal {
 /// # Errors
 /// [`Error::Input`] if there is no block of numbers; if a column, a unit or the table stays ambiguous; or if reading fails with the description. The error
 /// names the option that helps.
-pub fn propose(file: &Path, bytes: &[u8], given: &Given, ask: Ask<'_>) -> Result<Proposal> {
-    let text = &*table_text(bytes);
+pub fn propose(file: &Path, bytes: &[u8], given: &TableSettings, ask: Ask<'_>) -> Result<TableProposal> {
+    let text = &*decode_detected(bytes);
     let lines: Vec<&str> = text.lines().collect();
     let all = tables_of(file, &lines)?;
     let mut reasons = Vec::new();
     let mut chosen = chosen_tables(file, &all, given, ask)?;
-    if let Chosen::Joined(tables) = &chosen
+    if let ChosenTables::Joined(tables) = &chosen
         && given.tables.is_none()
         && tables.len() > 1
     {
         // Times and positions show if several tables form one recording.
-        let described = Described { file, bytes, text, lines: &lines, given, tables };
+        let described = DescribedFile { file, bytes, text, lines: &lines, given, tables };
         let description = described.description(&mut Vec::new(), ask)?;
         if !described.goes_on(&description)? {
-            chosen = Chosen::One(asked_table(file, &all, "each starts anew, so they are not one recording", ask)?);
+            chosen =
+                ChosenTables::One(asked_table(file, &all, "each starts anew, so they are not one recording", ask)?);
         }
     }
     let tables = match chosen {
-        Chosen::Joined(tables) => tables,
-        Chosen::One(table) => vec![table],
+        ChosenTables::Joined(tables) => tables,
+        ChosenTables::One(table) => vec![table],
     };
     reasons.push(said_of(&tables, &lines));
     reasons.extend(said_of_tables(&all, &tables));
-    let described = Described { file, bytes, text, lines: &lines, given, tables: &tables };
+    let described = DescribedFile { file, bytes, text, lines: &lines, given, tables: &tables };
     let mut description = described.description(&mut reasons, ask)?;
     let mut trajectory = described.completed(&mut description, &mut reasons)?;
     let has_noisy_levels = has_noisy_levels(&trajectory.force_n);
@@ -94,7 +95,7 @@ pub fn propose(file: &Path, bytes: &[u8], given: &Given, ask: Ask<'_>) -> Result
         );
     }
     let frame = frame(&trajectory, &mut reasons);
-    if let Some(projection) = frame.settle(file, &mut trajectory)?.projection {
+    if let Some(projection) = frame.apply(file, &mut trajectory)?.projection {
         reasons.push(format!(
             "positions are {projection}; across it they vary by {:.3} µm (root mean square)",
             1e6 * projection.across_rms_m
@@ -103,7 +104,7 @@ pub fn propose(file: &Path, bytes: &[u8], given: &Given, ask: Ask<'_>) -> Result
     let ends = |values: &mut dyn Iterator<Item = f64>| {
         values.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], x| [low.min(x), high.max(x)])
     };
-    Ok(Proposal {
+    Ok(TableProposal {
         columns: named_columns(tables[0]),
         reasons,
         n_rows: trajectory.time_s.len(),
@@ -119,7 +120,7 @@ pub fn propose(file: &Path, bytes: &[u8], given: &Given, ask: Ask<'_>) -> Result
 }
 
 /// Names of the columns, without last columns that have neither a name nor a cell.
-fn named_columns(table: &Block) -> Vec<String> {
+fn named_columns(table: &TableBlock) -> Vec<String> {
     let mut names = table.header.names.clone();
     while names.len() + table.n_empty > table.layout.n_cells && names.last().is_some_and(String::is_empty) {
         names.pop();
@@ -131,21 +132,21 @@ fn named_columns(table: &Block) -> Vec<String> {
 ///
 /// # Errors
 /// [`Error::Input`] if there is no block of numbers, or if the given column does not exist.
-pub fn tracks(file: &Path, bytes: &[u8], given: &Given) -> Result<Vec<String>> {
-    let text = &*table_text(bytes);
+pub fn tracks(file: &Path, bytes: &[u8], given: &TableSettings) -> Result<Vec<String>> {
+    let text = &*decode_detected(bytes);
     let lines: Vec<&str> = text.lines().collect();
     let all = tables_of(file, &lines)?;
     let tables = [&all[0]];
-    let described = Described { file, bytes, text, lines: &lines, given, tables: &tables };
-    let seen = Seen { file, given, header: described.header(), n_cells: all[0].layout.n_cells };
+    let described = DescribedFile { file, bytes, text, lines: &lines, given, tables: &tables };
+    let seen = KnownColumns { file, given, header: described.header(), n_cells: all[0].layout.n_cells };
     let column = described.track_column(&seen, &[])?;
     Ok(column.map_or(Vec::new(), |at| described.tracks(at).into_iter().map(|(track, _)| track).collect()))
 }
 
-fn tables_of(file: &Path, lines: &[&str]) -> Result<Vec<Block>> {
+fn tables_of(file: &Path, lines: &[&str]) -> Result<Vec<TableBlock>> {
     blocks(lines).filter(|blocks| !blocks.is_empty()).ok_or_else(|| {
         Error::input(
-            Place::file(file),
+            InputPlace::file(file),
             "the file has no two columns of numbers",
             "export the table as text: one sample on each line, with commas, semicolons, tabs or blanks between cells",
         )
@@ -153,15 +154,15 @@ fn tables_of(file: &Path, lines: &[&str]) -> Result<Vec<Block>> {
 }
 
 /// Tables that are read.
-enum Chosen<'a> {
+enum ChosenTables<'a> {
     /// Several tables, joined in time.
-    Joined(Vec<&'a Block>),
+    Joined(Vec<&'a TableBlock>),
     /// A single table.
-    One(&'a Block),
+    One(&'a TableBlock),
 }
 
 /// Text for a table in a list: its number, lines, rows, title and columns.
-fn listed_table(number: usize, table: &Block) -> String {
+fn listed_table(number: usize, table: &TableBlock) -> String {
     let [first, last] = table.lines();
     let title = if table.title.is_empty() { String::new() } else { format!(" \"{}\"", table.title) };
     format!(
@@ -171,34 +172,43 @@ fn listed_table(number: usize, table: &Block) -> String {
     )
 }
 
-fn chosen_tables<'a>(file: &Path, all: &'a [Block], given: &Given, ask: Ask<'_>) -> Result<Chosen<'a>> {
+fn chosen_tables<'a>(
+    file: &Path,
+    all: &'a [TableBlock],
+    given: &TableSettings,
+    ask: Ask<'_>,
+) -> Result<ChosenTables<'a>> {
     let setting = Setting::Tables;
     let Some(said) = given.tables.as_deref() else {
         let first = &all[0];
         let is_like =
-            |other: &Block| other.header.names == first.header.names && other.header.units == first.header.units;
+            |other: &TableBlock| other.header.names == first.header.names && other.header.units == first.header.units;
         if all.iter().all(is_like) {
-            return Ok(Chosen::Joined(all.iter().collect()));
+            return Ok(ChosenTables::Joined(all.iter().collect()));
         }
-        return asked_table(file, all, "their columns differ", ask).map(Chosen::One);
+        return asked_table(file, all, "their columns differ", ask).map(ChosenTables::One);
     };
     if said == "all" {
-        return Ok(Chosen::Joined(all.iter().collect()));
+        return Ok(ChosenTables::Joined(all.iter().collect()));
     }
     let numbers =
         said.split(',').map(|number| number.trim().parse::<usize>().ok().filter(|n| (1..=all.len()).contains(n)));
     let mut numbers: Vec<usize> = numbers.collect::<Option<_>>().ok_or_else(|| {
         let remedy =
             format!("give numbers from 1 to {}, as in `{setting} 1` or `{setting} 1,2`, or `{setting} all`", all.len());
-        Error::input(Place::setting(setting), format!("`{said}` is not a list of tables in {}", file.display()), remedy)
+        Error::input(
+            InputPlace::setting(setting),
+            format!("`{said}` is not a list of tables in {}", file.display()),
+            remedy,
+        )
     })?;
     numbers.sort_unstable();
     numbers.dedup();
-    Ok(Chosen::Joined(numbers.into_iter().map(|number| &all[number - 1]).collect()))
+    Ok(ChosenTables::Joined(numbers.into_iter().map(|number| &all[number - 1]).collect()))
 }
 
 /// Asks for one of several tables that cannot be read as one.
-fn asked_table<'a>(file: &Path, all: &'a [Block], why: &str, ask: Ask<'_>) -> Result<&'a Block> {
+fn asked_table<'a>(file: &Path, all: &'a [TableBlock], why: &str, ask: Ask<'_>) -> Result<&'a TableBlock> {
     let list: Vec<String> = all.iter().enumerate().map(|(place, table)| listed_table(place + 1, table)).collect();
     let question = Question {
         text: format!("which table ({})", list.join("; ")),
@@ -209,7 +219,7 @@ fn asked_table<'a>(file: &Path, all: &'a [Block], why: &str, ask: Ask<'_>) -> Re
     match ask(&question).and_then(|answer| all.get(answer.parse::<usize>().ok()?.checked_sub(1)?)) {
         Some(table) => Ok(table),
         None => Err(Error::input(
-            Place::file(file),
+            InputPlace::file(file),
             format!("the file contains {} tables, and {why}:\n    {}", all.len(), list.join("\n    ")),
             format!(
                 "choose one with `{0} 1`; join several steps of one test with `{0} 1,2` or `{0} all`",
@@ -220,12 +230,12 @@ fn asked_table<'a>(file: &Path, all: &'a [Block], why: &str, ask: Ask<'_>) -> Re
 }
 
 /// Sentences on the use of each table of a file with several tables.
-fn said_of_tables(all: &[Block], read: &[&Block]) -> Vec<String> {
+fn said_of_tables(all: &[TableBlock], read: &[&TableBlock]) -> Vec<String> {
     if all.len() == 1 {
         return Vec::new();
     }
-    let is_read = |table: &Block| read.iter().any(|other| other.lines() == table.lines());
-    let said = |(place, table): (usize, &Block)| {
+    let is_read = |table: &TableBlock| read.iter().any(|other| other.lines() == table.lines());
+    let said = |(place, table): (usize, &TableBlock)| {
         let how = if is_read(table) { "read" } else { "not read" };
         format!("{}: {how}", listed_table(place + 1, table))
     };
@@ -237,16 +247,16 @@ fn said_of_tables(all: &[Block], read: &[&Block]) -> Vec<String> {
 }
 
 /// A file, the user's settings, and the tables that are read.
-struct Described<'a> {
+struct DescribedFile<'a> {
     file: &'a Path,
     bytes: &'a [u8],
     text: &'a str,
     lines: &'a [&'a str],
-    given: &'a Given,
-    tables: &'a [&'a Block],
+    given: &'a TableSettings,
+    tables: &'a [&'a TableBlock],
 }
 
-impl Described<'_> {
+impl DescribedFile<'_> {
     fn header(&self) -> &Header {
         &self.tables[0].header
     }
@@ -254,22 +264,22 @@ impl Described<'_> {
     /// Cells of the rows that are read, without blank lines and comments.
     fn rows(&self) -> impl Iterator<Item = Vec<std::borrow::Cow<'_, str>>> {
         let lines = self.tables.iter().flat_map(|table| &self.lines[table.layout.first..table.end]);
-        lines.filter(|line| !is_aside(line, None)).map(|line| cells(line, self.tables[0].layout.delimiter))
+        lines.filter(|line| !is_blank_or_comment(line, None)).map(|line| cells(line, self.tables[0].layout.delimiter))
     }
 
     /// Infers the columns, units and layout.
     fn description(&self, reasons: &mut Vec<String>, ask: Ask<'_>) -> Result<TableDescription> {
         let Self { file, bytes, lines, given, tables, .. } = *self;
         let (header, layout) = (self.header(), &tables[0].layout);
-        let seen = Seen { file, given, header, n_cells: layout.n_cells };
+        let seen = KnownColumns { file, given, header, n_cells: layout.n_cells };
         let mut columns: [Option<usize>; 4] = [None; 4];
         let mut other_axes: Vec<usize> = Vec::new();
         for role in Role::ALL {
             let taken: Vec<usize> = columns.into_iter().flatten().chain(other_axes.iter().copied()).collect();
             match seen.column(role, &taken, ask)? {
-                Found::Nowhere => {}
-                Found::Alone(at) => columns[role as usize] = Some(at),
-                Found::Axes(axes) => {
+                ColumnMatch::Missing => {}
+                ColumnMatch::Single(at) => columns[role as usize] = Some(at),
+                ColumnMatch::Axes(axes) => {
                     (columns[role as usize], other_axes) = (axes.first().copied(), axes[1..].to_vec());
                 }
             }
@@ -299,18 +309,18 @@ impl Described<'_> {
             let counts: Vec<&str> = missing.iter().filter_map(|role| Some(counted(called(*role))?.1)).collect();
             let of_counts = counts.first().map_or(String::new(), |what| format!(" if one {what} is that long"));
             return Err(Error::input(
-                Place::setting(first.unit_setting()),
+                InputPlace::setting(first.unit_setting()),
                 format!("{}: the table does not give the unit of {}", file.display(), names.join(" and ")),
                 format!("give it, as in `{}`{of_counts}", options.join(" ")),
             ));
         }
         let told = |role: Role| said[role as usize].as_deref();
-        let unit_of = |role: Role| -> Result<Spelt> {
+        let unit_of = |role: Role| -> Result<ParsedUnit> {
             let found = told(role).map_or_else(|| own_unit(role), unit);
             found.filter(|unit| Some(unit.dimension) == role.dimension()).ok_or_else(|| {
                 let found = format!("`{}` is not a unit of {}", told(role).unwrap_or_default(), role.name());
                 let remedy = format!("give it, as in `{}`", role.unit_option(called(role)));
-                Error::input(Place::setting(role.unit_setting()), found, remedy)
+                Error::input(InputPlace::setting(role.unit_setting()), found, remedy)
             })
         };
         let time_format = match told(Role::Time).and_then(TimeFormat::named) {
@@ -373,11 +383,11 @@ impl Described<'_> {
     /// True if lines other than blank lines and comments follow the last row that is read.
     fn is_followed(&self) -> bool {
         let end = self.tables.last().map_or(0, |table| table.end);
-        self.lines[end..].iter().any(|line| !is_aside(line, None))
+        self.lines[end..].iter().any(|line| !is_blank_or_comment(line, None))
     }
 
     /// The given track column, or else one with a known name.
-    fn track_column(&self, seen: &Seen<'_>, taken: &[usize]) -> Result<Option<usize>> {
+    fn track_column(&self, seen: &KnownColumns<'_>, taken: &[usize]) -> Result<Option<usize>> {
         if let Some(column) = &self.given.track[0] {
             return seen.told(Setting::TrackColumn, column).map(Some);
         }
@@ -403,7 +413,7 @@ impl Described<'_> {
     }
 
     /// Track column and the track that is read, if the rows belong to several tracks.
-    fn track(&self, seen: &Seen<'_>, taken: &[usize], ask: Ask<'_>) -> Result<Option<(usize, String)>> {
+    fn track(&self, seen: &KnownColumns<'_>, taken: &[usize], ask: Ask<'_>) -> Result<Option<(usize, String)>> {
         let Some(at) = self.track_column(seen, taken)? else { return Ok(None) };
         if let Some(track) = &self.given.track[1] {
             return Ok(Some((at, track.clone())));
@@ -422,7 +432,7 @@ impl Described<'_> {
         match ask(&question) {
             Some(track) => Ok(Some((at, track))),
             None => Err(Error::input(
-                Place::setting(Setting::Track),
+                InputPlace::setting(Setting::Track),
                 format!("the rows belong to several tracks: {}", list.join(", ")),
                 format!(
                     "choose one with `{0} {1}`, or create an experiment for each with `{0} all`",
@@ -440,7 +450,7 @@ impl Described<'_> {
         if let Some(word) = &self.given.blank_force {
             return named(word).map(Some).ok_or_else(|| {
                 Error::input(
-                    Place::setting(setting),
+                    InputPlace::setting(setting),
                     format!("`{word}` is not a known meaning of a blank force"),
                     "give `above` or `zero`",
                 )
@@ -470,7 +480,7 @@ impl Described<'_> {
             Some(word) => {
                 return Thousands::ALL.into_iter().find(|sign| sign.name() == word).map(Some).ok_or_else(|| {
                     let remedy = format!("give `{setting} .`, `{setting} ,` or `{setting} none`");
-                    Error::input(Place::setting(setting), format!("`{word}` is not a thousands separator"), remedy)
+                    Error::input(InputPlace::setting(setting), format!("`{word}` is not a thousands separator"), remedy)
                 });
             }
         }
@@ -603,9 +613,11 @@ fn one_word(setting: Setting, given: Option<&str>, word: &str) -> Result<bool> {
     match given {
         None => Ok(false),
         Some(given) if given == word => Ok(true),
-        Some(other) => {
-            Err(Error::input(Place::setting(setting), format!("unknown `{other}`"), format!("give `{setting} {word}`")))
-        }
+        Some(other) => Err(Error::input(
+            InputPlace::setting(setting),
+            format!("unknown `{other}`"),
+            format!("give `{setting} {word}`"),
+        )),
     }
 }
 
@@ -618,13 +630,13 @@ fn spoken(column: &ColumnName) -> String {
 
 /// Layout of a table and names of its columns.
 #[derive(Debug, Clone)]
-pub struct Looked {
+pub struct InspectedTable {
     /// The layout.
     pub layout: TableLayout,
     /// Names of the columns; empty without a header.
     pub columns: Vec<String>,
     /// Units of the columns, if given.
-    pub units: Vec<Option<Spelt>>,
+    pub units: Vec<Option<ParsedUnit>>,
     /// Description of the layout as a sentence.
     pub said: String,
 }
@@ -633,18 +645,18 @@ pub struct Looked {
 ///
 /// # Errors
 /// [`Error::Input`] if there is no block of numbers.
-pub fn look(file: &Path, bytes: &[u8]) -> Result<Looked> {
-    let text = &*table_text(bytes);
+pub fn inspect_table(file: &Path, bytes: &[u8]) -> Result<InspectedTable> {
+    let text = &*decode_detected(bytes);
     let lines: Vec<&str> = text.lines().collect();
     let all = tables_of(file, &lines)?;
     let first = &all[0];
     let said = said_of(&[first], &lines);
     let Header { names, units, .. } = first.header.clone();
-    Ok(Looked { layout: written(bytes, &lines, first), columns: names, units, said })
+    Ok(InspectedTable { layout: written(bytes, &lines, first), columns: names, units, said })
 }
 
 /// Layout for the description, with all lines from the first row on.
-fn written(bytes: &[u8], lines: &[&str], table: &Block) -> TableLayout {
+fn written(bytes: &[u8], lines: &[&str], table: &TableBlock) -> TableLayout {
     TableLayout {
         delimiter: table.layout.delimiter,
         decimal: table.layout.decimal,
@@ -657,8 +669,8 @@ fn written(bytes: &[u8], lines: &[&str], table: &Block) -> TableLayout {
     }
 }
 
-fn said_of(tables: &[&Block], lines: &[&str]) -> String {
-    let Block { layout, header, .. } = tables[0];
+fn said_of(tables: &[&TableBlock], lines: &[&str]) -> String {
+    let TableBlock { layout, header, .. } = tables[0];
     let between = match layout.delimiter {
         Delimiter::Comma => "commas",
         Delimiter::Semicolon => "semicolons",
@@ -715,7 +727,7 @@ fn frame(trajectory: &Trajectory, reasons: &mut Vec<String>) -> Frame {
     if !others_m.is_empty() {
         return Frame { zero, direction: Direction::Fit };
     }
-    if turns_against(force_n, position_m) {
+    if moves_against_force(force_n, position_m) {
         reasons.push("the position grows against the force, so its sign is reversed (direction = \"-\")".into());
         return Frame { zero, direction: Direction::Backward };
     }
@@ -729,7 +741,9 @@ mod tests {
     #[test]
     fn what_cannot_be_told_is_asked_for() {
         let refused = |text: &str| {
-            propose(Path::new("t.csv"), text.as_bytes(), &Given::default(), &mut |_| None).unwrap_err().to_string()
+            propose(Path::new("t.csv"), text.as_bytes(), &TableSettings::default(), &mut |_| None)
+                .unwrap_err()
+                .to_string()
         };
         let rows = "0,1,0\n1,1,2\n2,1,3\n";
         assert!(refused(rows).contains("`time`"));
@@ -757,7 +771,7 @@ mod tests {
                 _ => question.proposal.clone()?,
             })
         };
-        let proposal = propose(Path::new("t.csv"), text.as_bytes(), &Given::default(), &mut answer).unwrap();
+        let proposal = propose(Path::new("t.csv"), text.as_bytes(), &TableSettings::default(), &mut answer).unwrap();
         assert_eq!(asked.len(), 5, "{asked:?}");
         assert_eq!(
             proposal.description.position.unwrap().0,
@@ -770,7 +784,10 @@ mod tests {
     /// A comment column without cells, as written by LabVIEW, and a camera's pixels and frames with given sizes.
     #[test]
     fn remarks_are_no_column_and_counts_have_sizes() {
-        let given = Given { units: ["0.05 s", "uN", "0.65 um"].map(|unit| Some(unit.into())), ..Given::default() };
+        let given = TableSettings {
+            units: ["0.05 s", "uN", "0.65 um"].map(|unit| Some(unit.into())),
+            ..TableSettings::default()
+        };
         let text = "X_Value\tForce\tx_px\tComment\n0\t1\t0\n1\t1\t2\n2\t1\t4\n";
         let proposal = propose(Path::new("t.lvm"), text.as_bytes(), &given, &mut |_| None).unwrap();
         assert_eq!(proposal.columns, ["X_Value", "Force", "x_px"]);
@@ -782,7 +799,7 @@ mod tests {
     fn x_with_a_y_beside_it_is_a_plane() {
         let plane = |header: &str| {
             let text = format!("{header}\n0,1,0,0\n1,1,3,4\n2,1,6,8\n");
-            propose(Path::new("t.csv"), text.as_bytes(), &Given::default(), &mut |_| None).unwrap()
+            propose(Path::new("t.csv"), text.as_bytes(), &TableSettings::default(), &mut |_| None).unwrap()
         };
         for header in
             ["t_s,F_uN,x (um),y (um)", "t_s,F_uN,position_x_um,position_y_um", "t_s,F_uN,Pos X [um],Pos Y [um]"]

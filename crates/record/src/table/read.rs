@@ -5,10 +5,10 @@ use std::path::Path;
 
 use super::description::{BlankForce, ColumnName, TableDescription, TableLayout, TimeFormat};
 use super::spelling::{DateOrder, clock_s, date_time_s};
-use super::text::{Encoding, cells, header_cells, is_aside};
-use crate::times::{Rows, order_times};
-use crate::trajectory::{CYCLE, FORCE, POSITION, Row, TIME, Trajectory, is_lost};
-use base::error::{Error, Place, Result, Setting};
+use super::text::{Encoding, cells, header_cells, is_blank_or_comment};
+use crate::times::{TimeRows, order_times};
+use crate::trajectory::{CYCLE, FORCE, POSITION, TIME, TableRow, Trajectory, is_lost};
+use base::error::{Error, InputPlace, Result, Setting};
 use base::files::refuse_long_lines;
 
 /// Seconds in a day. A clock that falls back by more than half a day has passed midnight.
@@ -59,7 +59,7 @@ impl<'a> ColumnNames<'a> {
             (ColumnName::Named(name), Some((line, cells))) => {
                 let at = cells.iter().position(|cell| cell == name).ok_or_else(|| {
                     Error::input(
-                        Place::file(self.file).at_line(*line).at_key(name.as_str()),
+                        InputPlace::file(self.file).at_line(*line).at_key(name.as_str()),
                         format!("the header lacks this column; it has {}", quoted(cells)),
                         "correct the name in [measurement.columns], or give the column's number",
                     )
@@ -67,7 +67,7 @@ impl<'a> ColumnNames<'a> {
                 Ok((at, name.clone()))
             }
             (ColumnName::Named(name), None) => Err(Error::input(
-                Place::file(self.file).at_key(name.as_str()),
+                InputPlace::file(self.file).at_key(name.as_str()),
                 "the column is given by name, but the table has no header",
                 "give the column's number in [measurement.columns], or `header_line`",
             )),
@@ -96,11 +96,11 @@ fn quoted(cells: &[Cow<'_, str>]) -> String {
 }
 
 /// Decodes a table in the given encoding, or in the one detected from its bytes.
-pub fn text_in<'a>(file: &Path, bytes: &'a [u8], encoding: Option<Encoding>) -> Result<Cow<'a, str>> {
+pub fn decode_table<'a>(file: &Path, bytes: &'a [u8], encoding: Option<Encoding>) -> Result<Cow<'a, str>> {
     let encoding = encoding.unwrap_or_else(|| Encoding::of(bytes));
     encoding.text(bytes).ok_or_else(|| {
         let found = format!("the table is not valid {}", encoding.name());
-        Error::input(Place::file(file), found, "correct `encoding`, or remove it so that it is detected")
+        Error::input(InputPlace::file(file), found, "correct `encoding`, or remove it so that it is detected")
     })
 }
 
@@ -124,10 +124,10 @@ pub(crate) fn read_described(file: &Path, text: &str, description: &TableDescrip
     let mut table = None;
     for (index, line) in text.lines().enumerate().skip(layout.first_row_line - 1) {
         let Some(of_line) = layout.table_of(index + 1) else { continue };
-        if is_aside(line, comment) {
+        if is_blank_or_comment(line, comment) {
             continue;
         }
-        let place = || Place::file(file).at_line(index + 1);
+        let place = || InputPlace::file(file).at_line(index + 1);
         let cells = cells(line, layout.delimiter);
         let cell = |(at, name): &(usize, String)| match cells.get(*at) {
             Some(cell) => Ok(cell.as_ref()),
@@ -155,7 +155,7 @@ pub(crate) fn read_described(file: &Path, text: &str, description: &TableDescrip
             place().at_key(column.unwrap_or(&columns.time).1.as_str())
         };
         let time_s = clock.seconds(cell(&columns.time)?, &description.time.1, layout, &|| at(TIME))?;
-        let number = |cell: &str, at: &dyn Fn() -> Place, remedy: &dyn Fn() -> String| {
+        let number = |cell: &str, at: &dyn Fn() -> InputPlace, remedy: &dyn Fn() -> String| {
             layout.number(cell).ok_or_else(|| Error::input(at(), not_a_number(cell, layout), remedy()))
         };
         let force_n = match columns.force.as_ref().zip(description.force.as_ref()) {
@@ -193,20 +193,23 @@ pub(crate) fn read_described(file: &Path, text: &str, description: &TableDescrip
         let position_m = coordinates.first().copied().flatten().filter(|_| is_whole);
         let cycle = columns.cycle.as_ref().map(cell).transpose()?;
         trajectory.note_line(file, index + 1)?;
-        trajectory.add(Row { time_s, force_n, position_m, cycle }, &at)?;
+        trajectory.add(TableRow { time_s, force_n, position_m, cycle }, &at)?;
     }
     if let (Some((_, track)), true) = (&description.track, trajectory.time_s.is_empty()) {
         let remedy = "give one of the table's tracks";
         return Err(Error::input(
-            Place::file(file).at_key("track"),
+            InputPlace::file(file).at_key("track"),
             format!("no row belongs to track `{track}`"),
             remedy,
         ));
     }
     trajectory.check_length(file, layout.first_row_line)?;
-    let place = |row: usize| Place::file(file).at_line(trajectory.lines[row]).at_key(columns.time.1.as_str());
-    let rows =
-        Rows { time_s: &mut trajectory.time_s, force_n: &mut trajectory.force_n, position_m: &trajectory.position_m };
+    let place = |row: usize| InputPlace::file(file).at_line(trajectory.lines[row]).at_key(columns.time.1.as_str());
+    let rows = TimeRows {
+        time_s: &mut trajectory.time_s,
+        force_n: &mut trajectory.force_n,
+        position_m: &trajectory.position_m,
+    };
     trajectory.ordered = order_times(&place, description.time_rules, &starts, rows)?;
     trajectory.clock_zero_s = clock.first_s.unwrap_or(0.0);
     Ok(trajectory)
@@ -218,7 +221,7 @@ fn not_a_number(cell: &str, layout: &TableLayout) -> String {
     format!("`{cell}` is not a number with the decimal sign `{}`{thousands}", layout.decimal.name())
 }
 
-fn blank_force(place: Place) -> Error {
+fn blank_force(place: InputPlace) -> Error {
     let option = Setting::BlankForce;
     Error::input(
         place,
@@ -245,7 +248,7 @@ impl Clock {
         cell: &str,
         format: &TimeFormat,
         layout: &TableLayout,
-        place: &dyn Fn() -> Place,
+        place: &dyn Fn() -> InputPlace,
     ) -> Result<f64> {
         let refuse = |what: &str| {
             Error::input(place(), format!("`{cell}` is {what}"), "correct the time, or `time` in [measurement.units]")
@@ -275,7 +278,7 @@ impl Clock {
     }
 
     /// Seconds since the first row for dates without a given order. All remaining orders must agree.
-    fn dated(&mut self, cell: &str, place: &dyn Fn() -> Place) -> Result<f64> {
+    fn dated(&mut self, cell: &str, place: &dyn Fn() -> InputPlace) -> Result<f64> {
         let refuse = |what: &str, remedy: String| Err(Error::input(place(), format!("`{cell}` {what}"), remedy));
         let read = |order| Some((order, date_time_s(cell, order)?));
         let now: Vec<(DateOrder, f64)> = DateOrder::ALL.into_iter().filter_map(read).collect();

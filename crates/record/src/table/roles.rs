@@ -2,14 +2,14 @@
 
 use std::path::Path;
 
-use super::asked::{Ask, Given, Question};
+use super::asked::{Ask, Question, TableSettings};
 use super::blocks::Header;
 use super::description::TimeFormat;
-use super::spelling::{Spelt, counted, split_unit, unit};
-use base::error::{Error, Place, Result, Setting};
+use super::spelling::{ParsedUnit, counted, split_unit, unit};
+use base::error::{Error, InputPlace, Result, Setting};
 use base::units::Dimension;
 
-/// Role of a column, in the order of [`Given::columns`].
+/// Role of a column, in the order of [`PrescribedQuantity::columns`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Role {
     Time,
@@ -120,7 +120,7 @@ impl Role {
 }
 
 /// Score of a column for a role; `None` if its unit contradicts the role.
-fn fit(role: Role, name: &str, unit: Option<&Spelt>) -> Option<u32> {
+fn fit(role: Role, name: &str, unit: Option<&ParsedUnit>) -> Option<u32> {
     let stem = counted(name).map_or_else(|| split_unit(name).0, |(stem, _)| stem);
     let plain: String = stem.to_lowercase().chars().filter(|c| c.is_alphanumeric()).collect();
     let (exact, parts) = role.words();
@@ -139,21 +139,21 @@ fn fit(role: Role, name: &str, unit: Option<&Spelt>) -> Option<u32> {
 }
 
 /// Columns found for a quantity.
-pub(super) enum Found {
-    Nowhere,
-    Alone(usize),
+pub(super) enum ColumnMatch {
+    Missing,
+    Single(usize),
     Axes(Vec<usize>),
 }
 
 /// Known properties of a table's columns.
-pub(super) struct Seen<'a> {
+pub(super) struct KnownColumns<'a> {
     pub file: &'a Path,
-    pub given: &'a Given,
+    pub given: &'a TableSettings,
     pub header: &'a Header,
     pub n_cells: usize,
 }
 
-impl Seen<'_> {
+impl KnownColumns<'_> {
     fn listed(&self) -> String {
         if self.header.names.is_empty() {
             return format!("columns are counted from 1 to {}", self.n_cells);
@@ -171,7 +171,7 @@ impl Seen<'_> {
     pub fn told(&self, setting: Setting, told: &str) -> Result<usize> {
         self.at(told).ok_or_else(|| {
             let remedy = format!("{}; give one of them or its number", self.listed());
-            Error::input(Place::setting(setting), format!("there is no column `{told}`"), remedy)
+            Error::input(InputPlace::setting(setting), format!("there is no column `{told}`"), remedy)
         })
     }
 
@@ -191,11 +191,11 @@ impl Seen<'_> {
             ([x, ..], None) => {
                 let missing = if x.is_none() { Setting::XColumn } else { Setting::YColumn };
                 let found = "the columns of x and y must be given together";
-                Err(Error::input(Place::setting(missing), found, one_way))
+                Err(Error::input(InputPlace::setting(missing), found, one_way))
             }
             (_, Some(_)) => {
                 let found = "the position is given in addition to x and y";
-                Err(Error::input(Place::setting(Setting::PositionColumn), found, one_way))
+                Err(Error::input(InputPlace::setting(Setting::PositionColumn), found, one_way))
             }
         }
     }
@@ -219,15 +219,15 @@ impl Seen<'_> {
     }
 
     /// Column of a role: the given one, the one with the best score, or the answer to a question.
-    pub fn column(&self, role: Role, taken: &[usize], ask: Ask<'_>) -> Result<Found> {
+    pub fn column(&self, role: Role, taken: &[usize], ask: Ask<'_>) -> Result<ColumnMatch> {
         if role == Role::Position
             && let Some(axes) = self.given_axes()?
         {
-            return Ok(Found::Axes(axes));
+            return Ok(ColumnMatch::Axes(axes));
         }
         let setting = role.column_setting();
         if let Some(told) = &self.given.columns[role as usize] {
-            return self.told(setting, told).map(Found::Alone);
+            return self.told(setting, told).map(ColumnMatch::Single);
         }
         let header = self.header;
         let free = (0..header.names.len()).filter(|at| !taken.contains(at) && !header.foreign.contains(at));
@@ -242,12 +242,12 @@ impl Seen<'_> {
                 Some([*at, y].into_iter().chain(self.partner(*at, 'z', taken)).collect::<Vec<_>>())
             });
             if let Some(axes) = axes.filter(|axes| best.iter().all(|at| axes.contains(at))) {
-                return Ok(Found::Axes(axes));
+                return Ok(ColumnMatch::Axes(axes));
             }
         }
         let found = match best.as_slice() {
-            [] if role == Role::Cycle => return Ok(Found::Nowhere),
-            [at] => return Ok(Found::Alone(*at)),
+            [] if role == Role::Cycle => return Ok(ColumnMatch::Missing),
+            [at] => return Ok(ColumnMatch::Single(*at)),
             [] => format!("{}: no column name suggests a {}", self.file.display(), role.name()),
             _ => format!("{}: several columns may be the {}", self.file.display(), role.name()),
         };
@@ -259,10 +259,10 @@ impl Seen<'_> {
         let also = (1..=self.n_cells).map(|number| number.to_string()).collect();
         let question = Question { text: format!("column of the {}", role.name()), choices, also, proposal };
         match ask(&question).map(|told| self.told(setting, &told)) {
-            Some(at) => at.map(Found::Alone),
+            Some(at) => at.map(ColumnMatch::Single),
             None => {
                 let is_current =
-                    |unit: &Option<Spelt>| unit.as_ref().is_some_and(|unit| unit.dimension == Dimension::Current);
+                    |unit: &Option<ParsedUnit>| unit.as_ref().is_some_and(|unit| unit.dimension == Dimension::Current);
                 let of_current = match role {
                     Role::Force if header.units.iter().any(is_current) => {
                         "; to convert a coil current to a force, use [actuation] (docs/experiment.md)"
@@ -271,7 +271,7 @@ impl Seen<'_> {
                     _ => "",
                 };
                 let remedy = format!("select it with `{setting} NAME` or its number; {}{of_current}", self.listed());
-                Err(Error::input(Place::setting(setting), found, remedy))
+                Err(Error::input(InputPlace::setting(setting), found, remedy))
             }
         }
     }

@@ -42,40 +42,40 @@ const SPELLINGS: [(&str, Dimension, f64); 34] = [
 
 /// A recognised unit.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Spelt {
+pub struct ParsedUnit {
     /// Dimension of the unit.
     pub dimension: Dimension,
     /// Name in `experiment.toml`, with `u` for µ.
     pub name: String,
     /// Conversion to SI: exactly `value / per_si_unit` for powers of ten, otherwise `value × si_units`.
-    scale: Scale,
+    scale: UnitScale,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq)]
-enum Scale {
+enum UnitScale {
     Over(f64),
     Times(f64),
 }
 
-impl Spelt {
+impl ParsedUnit {
     /// Converts a value in this unit to SI.
     pub fn to_si(&self, value: f64) -> f64 {
         match self.scale {
-            Scale::Over(per_si_unit) => value / per_si_unit,
-            Scale::Times(si_units) => value * si_units,
+            UnitScale::Over(per_si_unit) => value / per_si_unit,
+            UnitScale::Times(si_units) => value * si_units,
         }
     }
 }
 
 /// Parses a unit such as `µm`, `[uN]` or `(s)`. Multiples are allowed: a camera's pixel may be `0.65 um` and its frame `0.05 s`. The program's own suffixes are
 /// case-sensitive (`mN` is not `MN`); words are not.
-pub fn unit(text: &str) -> Option<Spelt> {
+pub fn unit(text: &str) -> Option<ParsedUnit> {
     let many = text.trim().split_once(' ').and_then(|(many, of)| Some((many.parse::<f64>().ok()?, one_unit(of)?)));
     match many {
-        Some((many, of)) => (many > 0.0 && many.is_finite()).then(|| Spelt {
+        Some((many, of)) => (many > 0.0 && many.is_finite()).then(|| ParsedUnit {
             dimension: of.dimension,
             name: format!("{many} {}", of.name),
-            scale: Scale::Times(of.to_si(many)),
+            scale: UnitScale::Times(of.to_si(many)),
         }),
         None => one_unit(text),
     }
@@ -85,7 +85,7 @@ pub fn unit(text: &str) -> Option<Spelt> {
 const PREFIXES: [(&str, &str); 6] =
     [("micro", "u"), ("milli", "m"), ("nano", "n"), ("pico", "p"), ("femto", "f"), ("kilo", "k")];
 
-fn one_unit(text: &str) -> Option<Spelt> {
+fn one_unit(text: &str) -> Option<ParsedUnit> {
     let plain = text.trim().trim_matches(['[', ']', '(', ')', '{', '}', '<', '>', '"', '.', ' ']);
     let plain = plain.replace(['µ', 'μ'], "u");
     let lower = plain.to_lowercase();
@@ -107,19 +107,23 @@ fn one_unit(text: &str) -> Option<Spelt> {
     rest.and_then(by_prefix).or_else(|| known_unit(&plain))
 }
 
-fn known_unit(plain: &str) -> Option<Spelt> {
-    let own = UNITS.iter().find(|unit| unit.suffix == plain);
-    if let Some(own) = own {
-        return Some(Spelt { dimension: own.dimension, name: plain.into(), scale: Scale::Over(own.per_si_unit) });
+fn known_unit(plain: &str) -> Option<ParsedUnit> {
+    let entry = UNITS.iter().find(|unit| unit.suffix == plain);
+    if let Some(item) = entry {
+        return Some(ParsedUnit {
+            dimension: item.dimension,
+            name: plain.into(),
+            scale: UnitScale::Over(item.per_si_unit),
+        });
     }
     let is_word = plain.len() > 2;
     let same = |known: &str| if is_word { known.eq_ignore_ascii_case(plain) } else { known == plain };
     let (name, dimension, si_units) = SPELLINGS.iter().find(|(known, ..)| same(known))?;
-    Some(Spelt { dimension: *dimension, name: (*name).into(), scale: Scale::Times(*si_units) })
+    Some(ParsedUnit { dimension: *dimension, name: (*name).into(), scale: UnitScale::Times(*si_units) })
 }
 
 /// Splits a name such as `x [µm]`, `x (µm)`, `x/µm`, `x_um` or `x in µm` into stem and unit.
-pub fn split_unit(name: &str) -> (&str, Option<Spelt>) {
+pub fn split_unit(name: &str) -> (&str, Option<ParsedUnit>) {
     // The `_` of `rad_s` and the `/` of `rad/s` belong to the unit.
     for ending in ["_rad_s", "_rad/s", " rad/s"] {
         if let Some(stem) = name.strip_suffix(ending) {

@@ -215,7 +215,7 @@ impl Encoding {
 }
 
 /// Decodes a table in the encoding detected from its bytes.
-pub fn table_text(bytes: &[u8]) -> Cow<'_, str> {
+pub fn decode_detected(bytes: &[u8]) -> Cow<'_, str> {
     Encoding::of(bytes).text(bytes).unwrap_or_else(|| String::from_utf8_lossy(bytes))
 }
 
@@ -232,7 +232,7 @@ pub fn comment_sign<'a>(line: &str, comment: Option<&'a str>) -> Option<&'a str>
 }
 
 /// True if a line is blank or a comment.
-pub fn is_aside(line: &str, comment: Option<&str>) -> bool {
+pub fn is_blank_or_comment(line: &str, comment: Option<&str>) -> bool {
     line.trim().is_empty() || comment_sign(line, comment).is_some()
 }
 
@@ -308,14 +308,14 @@ mod tests {
             .chain([true, false].map(|mark| utf16(mark, u16::to_le_bytes)))
             .chain([true, false].map(|mark| utf16(mark, u16::to_be_bytes)));
         for bytes in all {
-            assert_eq!(table_text(&bytes), text, "{bytes:?}");
+            assert_eq!(decode_detected(&bytes), text, "{bytes:?}");
         }
     }
 
     #[test]
     fn lines_may_end_in_a_carriage_return_alone() {
-        assert_eq!(table_text(b"t,x\r0,1\r"), "t,x\n0,1\n");
-        assert_eq!(table_text(b"t,x\r\n0,1\r\n"), "t,x\r\n0,1\r\n");
+        assert_eq!(decode_detected(b"t,x\r0,1\r"), "t,x\n0,1\n");
+        assert_eq!(decode_detected(b"t,x\r\n0,1\r\n"), "t,x\r\n0,1\r\n");
     }
 
     #[test]
@@ -344,8 +344,16 @@ mod tests {
 
     #[test]
     fn a_named_comment_sign_is_the_only_one() {
-        assert!(is_aside(" # a", None) && is_aside("// a", None) && is_aside(" ", Some("!")));
-        assert!(is_aside("! a", Some("!")) && !is_aside("# a", Some("!")) && !is_aside("! a", None));
+        assert!(
+            is_blank_or_comment(" # a", None)
+                && is_blank_or_comment("// a", None)
+                && is_blank_or_comment(" ", Some("!"))
+        );
+        assert!(
+            is_blank_or_comment("! a", Some("!"))
+                && !is_blank_or_comment("# a", Some("!"))
+                && !is_blank_or_comment("! a", None)
+        );
     }
 
     #[test]

@@ -132,10 +132,10 @@ mod tests {
         let mut values = Vec::new();
         for _ in 0..4 {
             let mut shared = normal();
-            let mut own: Vec<f64> = (0..n_walkers).map(|_| normal()).collect();
+            let mut entry: Vec<f64> = (0..n_walkers).map(|_| normal()).collect();
             for _ in 0..n_steps {
                 shared = phi * shared + innovation * normal();
-                for x in &mut own {
+                for x in &mut entry {
                     *x = phi * *x + innovation * normal();
                     values.push(common.sqrt() * shared + (1.0 - common).sqrt() * *x);
                 }

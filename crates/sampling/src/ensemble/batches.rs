@@ -21,9 +21,9 @@ impl LogDensity for SplitDensity<'_> {
         let (n, dimension) = (log_density.len(), self.dimension());
         log_density.par_chunks_mut(self.piece.max(1)).enumerate().for_each(|(k, values)| {
             let first = k * self.piece.max(1);
-            let own: Vec<f64> =
+            let entry: Vec<f64> =
                 (0..dimension).flat_map(|d| &points[d * n + first..d * n + first + values.len()]).copied().collect();
-            self.inner.log_density(&own, values);
+            self.inner.log_density(&entry, values);
         });
     }
 }

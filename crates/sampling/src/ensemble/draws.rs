@@ -34,7 +34,7 @@ impl Draws {
     }
 
     /// `n` points spread over all ensembles, steps and walkers by the golden ratio, which is no multiple of their strides.
-    pub fn spread(&self, n: usize) -> Vec<Vec<f64>> {
+    pub fn subsample(&self, n: usize) -> Vec<Vec<f64>> {
         let golden = 0.5 * (5.0_f64.sqrt() - 1.0);
         let pick = |k: usize| {
             let index = (((k as f64 + 0.5) * golden).fract() * self.len() as f64) as usize;
@@ -82,7 +82,7 @@ impl Draws {
 
 /// Draws of one ensemble while it runs.
 #[derive(Debug, Clone, Default)]
-pub(super) struct Record {
+pub(super) struct DrawRecord {
     pub positions: Vec<f64>,
     pub log_density: Vec<f64>,
     pub n_stored: usize,
@@ -91,7 +91,7 @@ pub(super) struct Record {
     pub store_every: u64,
 }
 
-impl Record {
+impl DrawRecord {
     /// An empty record with memory for at most `capacity` steps.
     pub fn new(base_step: u64, store_every: u64, capacity: usize, dimension: usize, n_walkers: usize) -> Self {
         Self {
@@ -138,7 +138,7 @@ impl Record {
 }
 
 /// Joins the records of ensembles that have done equally many steps.
-pub(super) fn join(records: &[&Record], dimension: usize, n_walkers: usize) -> Draws {
+pub(super) fn join(records: &[&DrawRecord], dimension: usize, n_walkers: usize) -> Draws {
     let first = records.first();
     Draws {
         n_ensembles: records.len(),
@@ -157,7 +157,7 @@ mod tests {
 
     #[test]
     fn thinning_keeps_the_multiples_of_the_new_interval() {
-        let mut record = Record::new(10, 1, 8, 1, 2);
+        let mut record = DrawRecord::new(10, 1, 8, 1, 2);
         for step in 1..=8 {
             record.positions.extend([f64::from(step), -f64::from(step)]);
             record.log_density.extend([0.5 * f64::from(step); 2]);

@@ -1,7 +1,7 @@
 //! Options of a sampling run.
 
 use super::moves::{Move, default_move};
-use base::error::{Place, Setting};
+use base::error::{InputPlace, Setting};
 use base::{Error, Result};
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
@@ -31,7 +31,7 @@ pub struct SamplerOptions {
     /// True ends the run as soon as the demands are met. Otherwise it continues to `max_steps`.
     pub stop_when_converged: bool,
     /// Convergence criteria.
-    pub demands: Demands,
+    pub convergence: ConvergenceCriteria,
     /// Number of threads; 0 for one per core.
     pub threads: usize,
     /// Splitting of one ensemble's batch over threads.
@@ -40,7 +40,7 @@ pub struct SamplerOptions {
 
 /// Convergence criteria for all parameters.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Demands {
+pub struct ConvergenceCriteria {
     /// Steps after the freeze, in autocorrelation times.
     pub autocorrelation_times: f64,
     /// Largest R̂ over ensembles.
@@ -56,14 +56,14 @@ pub struct Demands {
 pub enum Batches {
     /// Split if threads outnumber ensembles and the measured cost of a point exceeds 20 µs.
     #[default]
-    Measured,
+    Auto,
     /// Never split: the density is cheap.
     Whole,
     /// Always split: the density is expensive.
     Split,
 }
 
-impl Default for Demands {
+impl Default for ConvergenceCriteria {
     fn default() -> Self {
         Self { autocorrelation_times: 50.0, rhat: 1.01, ess: 1000.0, rhat_walkers: 1.1 }
     }
@@ -81,9 +81,9 @@ impl Default for SamplerOptions {
             store_every: None,
             max_stored_steps: 1000,
             stop_when_converged: true,
-            demands: Demands::default(),
+            convergence: ConvergenceCriteria::default(),
             threads: 0,
-            batches: Batches::Measured,
+            batches: Batches::Auto,
         }
     }
 }
@@ -101,11 +101,11 @@ impl SamplerOptions {
     /// # Errors
     /// [`Error::Input`] that names the option.
     pub fn validate(&self, dimension: usize) -> Result<()> {
-        let refuse = |place: Place, found: String, remedy: String| Err(Error::input(place, found, remedy));
+        let refuse = |place: InputPlace, found: String, remedy: String| Err(Error::input(place, found, remedy));
         let fewest = self.fewest_walkers(dimension);
         if !self.n_walkers.is_multiple_of(2) || self.n_walkers < fewest {
             return refuse(
-                Place::setting(Setting::Chains),
+                InputPlace::setting(Setting::Chains),
                 format!("{} walkers for {dimension} parameters", self.n_walkers),
                 format!(
                     "use an even number of walkers, at least {fewest} (more than twice the parameters); 32 is a good choice"
@@ -115,7 +115,7 @@ impl SamplerOptions {
         if self.n_walkers > MOST_WALKERS {
             let found = format!("{} walkers", self.n_walkers);
             return refuse(
-                Place::setting(Setting::Chains),
+                InputPlace::setting(Setting::Chains),
                 found,
                 format!("use at most {MOST_WALKERS} walkers; 32 is a good choice"),
             );
@@ -123,7 +123,7 @@ impl SamplerOptions {
         if self.max_steps > MOST_STEPS {
             let found = format!("{} steps", self.max_steps);
             return refuse(
-                Place::setting(Setting::Steps),
+                InputPlace::setting(Setting::Steps),
                 found,
                 format!("allow at most {MOST_STEPS} steps; thousands are usual"),
             );
@@ -131,7 +131,7 @@ impl SamplerOptions {
         if self.n_ensembles < 4 {
             let found = format!("{} ensembles", self.n_ensembles);
             return refuse(
-                Place::default().at_key("ensembles"),
+                InputPlace::default().at_key("ensembles"),
                 found,
                 "use at least 4 independent ensembles: convergence is judged between them".into(),
             );
@@ -139,14 +139,14 @@ impl SamplerOptions {
         if self.max_steps < FEWEST_STEPS {
             let found = format!("{} steps", self.max_steps);
             return refuse(
-                Place::setting(Setting::Steps),
+                InputPlace::setting(Setting::Steps),
                 found,
                 format!("allow at least {FEWEST_STEPS} steps; thousands are usual"),
             );
         }
         if self.store_every == Some(0) || self.max_stored_steps < 16 || !self.max_stored_steps.is_multiple_of(2) {
             return refuse(
-                Place::default().at_key("store_every"),
+                InputPlace::default().at_key("store_every"),
                 format!("an interval of {:?} steps and at most {} kept steps", self.store_every, self.max_stored_steps),
                 "use an interval of at least 1 step and an even number of at least 16 kept steps".into(),
             );
@@ -154,7 +154,7 @@ impl SamplerOptions {
         if !(0.0..=0.9).contains(&self.jump_fraction) {
             let found = format!("a jump fraction of {}", self.jump_fraction);
             return refuse(
-                Place::default().at_key("jump_fraction"),
+                InputPlace::default().at_key("jump_fraction"),
                 found,
                 "use 0 to 0.9: the ensemble's own moves need the rest".into(),
             );
@@ -207,7 +207,7 @@ pub struct Progress {
     /// Steps of the slowest ensemble.
     pub steps: u64,
     /// Step of the next judgement, at which the run may end.
-    pub next_judgement: u64,
+    pub next_check_step: u64,
     /// Step at which the run ends at the latest.
     pub max_steps: u64,
 }

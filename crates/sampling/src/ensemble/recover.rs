@@ -1,9 +1,9 @@
 //! Recovery of walkers that may have been left behind.
 
 use super::draws::Draws;
-use super::left_behind::{Reason, Suspect, suspects};
 use super::starts::{draw, reach};
-use super::state::Lane;
+use super::state::EnsembleRecord;
+use super::stuck_walkers::{SuspicionReason, SuspiciousWalker, find_suspicious_walkers};
 use crate::LogDensity;
 use crate::diagnostics::ranks::Sorted;
 use crate::optimum::{Modes, Optimum, maximise};
@@ -14,7 +14,7 @@ use rayon::prelude::*;
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub(super) struct Recovery {
     /// Walkers left behind: their own mode, if any, has negligible mass.
-    pub left_behind: u64,
+    pub n_stranded: u64,
     /// Walkers that were reseeded among the others.
     pub reseeded: u64,
     /// Walkers that do not move, although they are at a mode with mass.
@@ -25,8 +25,8 @@ pub(super) struct Recovery {
 
 impl Recovery {
     /// True if the draws so far must be discarded.
-    pub fn disturbed(&self) -> bool {
-        self.left_behind > 0 || self.new_heavy_mode
+    pub fn invalidates_draws(&self) -> bool {
+        self.n_stranded > 0 || self.new_heavy_mode
     }
 }
 
@@ -39,14 +39,14 @@ const HEAVY_SHARE: f64 = 4e-3;
 ///
 /// A walker stays if its climb ends in a mode with mass and either the walker is within that mode's reach or the mode is not
 /// the heaviest. `only_look` moves no walker.
-pub(super) fn recover(
+pub(super) fn reseed_stranded_walkers(
     density: &dyn LogDensity,
     draws: &Draws,
     modes: &mut Modes,
-    lanes: &mut [Lane],
+    lanes: &mut [EnsembleRecord],
     only_look: bool,
 ) -> Result<Recovery> {
-    let suspects = suspects(draws);
+    let suspects = find_suspicious_walkers(draws);
     let optima = suspects
         .par_iter()
         .map(|suspect| maximise(density, &lanes[suspect.ensemble].ensemble.position(suspect.walker)))
@@ -60,16 +60,16 @@ pub(super) fn recover(
     };
     let floor = floor(lanes);
     for (suspect, optimum) in suspects.iter().zip(&optima) {
-        let own = optimum.as_ref().and_then(|optimum| modes.nearest(&optimum.location));
-        let belongs = own.is_some_and(|(idx, mode)| {
+        let pair = optimum.as_ref().and_then(|optimum| modes.nearest(&optimum.location));
+        let belongs = pair.is_some_and(|(idx, mode)| {
             let within = suspect.mean_log_density > mode.log_density - reach(draws.dimension);
             weights[idx] >= NEGLIGIBLE_SHARE && (within || idx > 0)
         });
         if belongs {
-            recovery.stuck += u64::from(suspect.reason == Reason::Stuck);
+            recovery.stuck += u64::from(suspect.reason == SuspicionReason::Stuck);
             continue;
         }
-        recovery.left_behind += 1;
+        recovery.n_stranded += 1;
         if !only_look && !recovery.new_heavy_mode {
             reseed(density, modes, &mut lanes[suspect.ensemble], suspect, &suspects, floor)?;
             recovery.reseeded += 1;
@@ -92,7 +92,7 @@ fn add_new<'a>(modes: &mut Modes, optima: impl Iterator<Item = &'a Optimum>) -> 
 }
 
 /// Log density exceeded by 95 % of the walkers.
-fn floor(lanes: &[Lane]) -> f64 {
+fn floor(lanes: &[EnsembleRecord]) -> f64 {
     let values: Vec<f64> = lanes
         .iter()
         .flat_map(|lane| (0..lane.ensemble.n_walkers()).map(|walker| lane.ensemble.log_density(walker)))
@@ -105,18 +105,18 @@ fn floor(lanes: &[Lane]) -> f64 {
 fn reseed(
     density: &dyn LogDensity,
     modes: &Modes,
-    lane: &mut Lane,
-    suspect: &Suspect,
-    suspects: &[Suspect],
+    lane: &mut EnsembleRecord,
+    suspect: &SuspiciousWalker,
+    suspects: &[SuspiciousWalker],
     floor: f64,
 ) -> Result<()> {
     for _ in 0..20 {
         let stream = lane.ensemble.stream(suspect.walker);
         let u = stream.unit();
-        let Some(mode) = modes.at_share(u) else { break };
+        let Some(mode) = modes.at_cumulative_weight(u) else { break };
         let (point, value) = draw(density, mode, stream)?;
         if value >= floor {
-            lane.ensemble.place(suspect.walker, &point, value);
+            lane.ensemble.set_walker(suspect.walker, &point, value);
             return Ok(());
         }
     }
@@ -127,14 +127,14 @@ fn reseed(
     }
     let model = healthy[lane.ensemble.stream(suspect.walker).below(healthy.len())];
     let (point, value) = (lane.ensemble.position(model), lane.ensemble.log_density(model));
-    lane.ensemble.place(suspect.walker, &point, value);
+    lane.ensemble.set_walker(suspect.walker, &point, value);
     Ok(())
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::ensemble::draws::{Record, join};
+    use crate::ensemble::draws::{DrawRecord, join};
     use crate::ensemble::moves::Stretch;
     use crate::ensemble::random::RandomStream;
     use crate::ensemble::walkers::{Ensemble, Kernel};
@@ -145,9 +145,9 @@ mod tests {
     const N_STEPS: usize = 300;
 
     /// Four ensembles in the first mode of a target after 300 stretch moves. In each, some walkers start at `elsewhere`.
-    fn run(target: &TwoBumps, n_elsewhere: usize, elsewhere: [f64; 2]) -> (Vec<Lane>, Draws) {
+    fn run(target: &TwoBumps, n_elsewhere: usize, elsewhere: [f64; 2]) -> (Vec<EnsembleRecord>, Draws) {
         let mut stream = RandomStream::new(21, 0);
-        let lanes: Vec<Lane> = (0..4)
+        let lanes: Vec<EnsembleRecord> = (0..4)
             .map(|number| {
                 let mut ensemble = Ensemble::new(3, number, 2, &[0.0; 2 * N_WALKERS], &[0.0; N_WALKERS]);
                 for walker in 0..N_WALKERS {
@@ -155,14 +155,14 @@ mod tests {
                     let point = if walker < n_elsewhere { elsewhere } else { near };
                     let mut value = [0.0];
                     target.log_density(&point, &mut value);
-                    ensemble.place(walker, &point, value[0]);
+                    ensemble.set_walker(walker, &point, value[0]);
                 }
-                let mut record = Record::new(0, 1, N_STEPS, 2, N_WALKERS);
+                let mut record = DrawRecord::new(0, 1, N_STEPS, 2, N_WALKERS);
                 for _ in 0..N_STEPS {
                     ensemble.step(target, &Kernel { local: &Stretch::default(), jumps: None }).unwrap();
                     record.keep(&ensemble, None);
                 }
-                Lane { ensemble, record }
+                EnsembleRecord { ensemble, record }
             })
             .collect();
         let draws = join(&lanes.iter().map(|lane| &lane.record).collect::<Vec<_>>(), 2, N_WALKERS);
@@ -176,10 +176,10 @@ mod tests {
         let (mut lanes, draws) = run(&target, 1, [30.0, 0.0]);
         let mut modes = find_modes(&target, &[vec![0.1, 0.1]]).unwrap();
         assert!((0..4).all(|e| lanes[e].ensemble.position(0)[0] > 29.0), "the walkers must be held for this test");
-        let looked = recover(&target, &draws, &mut modes.clone(), &mut lanes, true).unwrap();
-        assert_eq!((looked.left_behind, looked.reseeded), (4, 0));
-        let recovery = recover(&target, &draws, &mut modes, &mut lanes, false).unwrap();
-        assert_eq!((recovery.left_behind, recovery.reseeded, recovery.new_heavy_mode), (4, 4, false));
+        let looked = reseed_stranded_walkers(&target, &draws, &mut modes.clone(), &mut lanes, true).unwrap();
+        assert_eq!((looked.n_stranded, looked.reseeded), (4, 0));
+        let recovery = reseed_stranded_walkers(&target, &draws, &mut modes, &mut lanes, false).unwrap();
+        assert_eq!((recovery.n_stranded, recovery.reseeded, recovery.new_heavy_mode), (4, 4, false));
         assert!(lanes.iter().all(|lane| lane.ensemble.position(0)[0].abs() < 6.0));
     }
 
@@ -192,8 +192,8 @@ mod tests {
             let starts = if known { vec![vec![0.1, 0.1], vec![59.0, 0.0]] } else { vec![vec![0.1, 0.1]] };
             let mut modes = find_modes(&target, &starts).unwrap();
             let before: Vec<f64> = lanes.iter().map(|lane| lane.ensemble.position(0)[0]).collect();
-            let recovery = recover(&target, &draws, &mut modes, &mut lanes, false).unwrap();
-            assert_eq!((recovery.left_behind, recovery.reseeded), (0, 0));
+            let recovery = reseed_stranded_walkers(&target, &draws, &mut modes, &mut lanes, false).unwrap();
+            assert_eq!((recovery.n_stranded, recovery.reseeded), (0, 0));
             assert_eq!(recovery.new_heavy_mode, !known);
             assert_eq!(lanes.iter().map(|lane| lane.ensemble.position(0)[0]).collect::<Vec<_>>(), before);
         }

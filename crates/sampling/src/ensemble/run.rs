@@ -1,18 +1,18 @@
 //! A run from starting points to draws: the order of events and the end.
 
 use super::batches::{CountingDensity, SplitDensity};
-use super::draws::{Draws, Record, join};
+use super::draws::{DrawRecord, Draws, join};
 use super::moves::Independence;
 use super::options::{Batches, Phase, Progress, RunControl, SamplerOptions};
-use super::recover::{Recovery, recover};
+use super::recover::{Recovery, reseed_stranded_walkers};
 use super::starts;
-use super::state::{Course, Lane, from_bytes, problem, to_bytes};
-use super::verdict::{Verdict, autocorrelation_time, judge};
+use super::state::{AdaptationState, EnsembleRecord, from_bytes, problem, to_bytes};
+use super::verdict::{ConvergenceReport, autocorrelation_time, check_convergence};
 use super::walkers::{Ensemble, Kernel};
 use crate::LogDensity;
 use crate::diagnostics::ParameterDiagnostics;
 use crate::optimum::{Mode, find_modes};
-use base::error::{Place, Setting};
+use base::error::{InputPlace, Setting};
 use base::{Error, Result};
 use rayon::prelude::*;
 use std::sync::atomic::Ordering;
@@ -74,7 +74,7 @@ pub fn sample(
     options.validate(dimension)?;
     if dimension == 0 || start_points.is_empty() || start_points.iter().any(|start| start.len() != dimension) {
         return Err(Error::input(
-            Place::default().at_key("starts"),
+            InputPlace::default().at_key("starts"),
             format!("the {} starts do not fit a log density of {dimension} parameters", start_points.len()),
             "give at least one start with one coordinate for every parameter",
         ));
@@ -90,25 +90,25 @@ pub fn sample(
         let mut run = match control.resume {
             Some(bytes) => {
                 let (course, lanes) = from_bytes(&problem, options, dimension, bytes)?;
-                Run { density, options, control, problem, course, lanes, pace: Pace::new() }
+                EnsembleRun { density, options, control, problem, course, lanes, pace: Pace::new() }
             }
-            None => Run::begin(density, start_points, options, control, problem)?,
+            None => EnsembleRun::begin(density, start_points, options, control, problem)?,
         };
         run.finish()
     })
 }
 
-struct Run<'a> {
+struct EnsembleRun<'a> {
     density: &'a dyn LogDensity,
     options: &'a SamplerOptions,
     control: &'a RunControl<'a>,
     problem: String,
-    course: Course,
-    lanes: Vec<Lane>,
+    course: AdaptationState,
+    lanes: Vec<EnsembleRecord>,
     pace: Pace,
 }
 
-impl<'a> Run<'a> {
+impl<'a> EnsembleRun<'a> {
     fn begin(
         density: &'a dyn LogDensity,
         start_points: &[Vec<f64>],
@@ -119,7 +119,7 @@ impl<'a> Run<'a> {
         let counting = CountingDensity::new(density);
         let modes = find_modes(&counting, start_points)?;
         starts::require(&modes, start_points.len())?;
-        let course = Course {
+        let course = AdaptationState {
             phase: Phase::BurnIn,
             base_step: 0,
             target_step: FIRST_ROUND.min(options.max_steps / 2),
@@ -134,9 +134,9 @@ impl<'a> Run<'a> {
         let dimension = density.dimension();
         let blank = vec![0.0; dimension * options.n_walkers];
         let capacity = if options.store_every.is_none() { options.max_stored_steps } else { 0 };
-        let lane = |number| Lane {
+        let lane = |number| EnsembleRecord {
             ensemble: Ensemble::new(options.seed, number, dimension, &blank, &blank[..options.n_walkers]),
-            record: Record::new(0, options.store_every.unwrap_or(1), capacity, dimension, options.n_walkers),
+            record: DrawRecord::new(0, options.store_every.unwrap_or(1), capacity, dimension, options.n_walkers),
         };
         let lanes = (0..options.n_ensembles).map(lane).collect();
         let mut run = Self { density, options, control, problem, course, lanes, pace: Pace::new() };
@@ -153,7 +153,7 @@ impl<'a> Run<'a> {
         for (lane, walkers) in self.lanes.iter_mut().zip(&allocation) {
             for (walker, &mode) in walkers.iter().enumerate() {
                 let (point, value) = starts::draw(density, modes[mode], lane.ensemble.stream(walker))?;
-                lane.ensemble.place(walker, &point, value);
+                lane.ensemble.set_walker(walker, &point, value);
             }
         }
         Ok(())
@@ -179,8 +179,8 @@ impl<'a> Run<'a> {
         match self.options.batches {
             Batches::Whole => None,
             Batches::Split => Some(piece),
-            Batches::Measured if threads <= self.options.n_ensembles => None,
-            Batches::Measured => {
+            Batches::Auto if threads <= self.options.n_ensembles => None,
+            Batches::Auto => {
                 let position = self.lanes[0].ensemble.position(0);
                 let began = Instant::now();
                 self.density.log_density(&position, &mut [0.0]);
@@ -241,14 +241,14 @@ impl<'a> Run<'a> {
             progress(&Progress {
                 phase: self.course.phase,
                 steps: self.lanes.iter().map(|lane| lane.ensemble.n_steps()).min().unwrap_or(0),
-                next_judgement: self.course.target_step,
+                next_check_step: self.course.target_step,
                 max_steps: self.options.max_steps,
             });
         }
     }
 
     fn draws(&self) -> Draws {
-        let records: Vec<&Record> = self.lanes.iter().map(|lane| &lane.record).collect();
+        let records: Vec<&DrawRecord> = self.lanes.iter().map(|lane| &lane.record).collect();
         join(&records, self.density.dimension(), self.options.n_walkers)
     }
 
@@ -264,9 +264,9 @@ impl<'a> Run<'a> {
         // An unknown time (NaN) does not prolong the burn-in: the sampling phase resolves it.
         let too_short = (burnt as f64) < BURN_IN_TIMES * time;
         // Reported in any case: a later freeze does not bring walkers back.
-        self.course.forced |= recovery.disturbed() && !may_burn;
+        self.course.forced |= recovery.invalidates_draws() && !may_burn;
         match self.course.phase {
-            _ if may_burn && recovery.disturbed() => self.burn_in(steps),
+            _ if may_burn && recovery.invalidates_draws() => self.burn_in(steps),
             Phase::BurnIn if may_burn && too_short => self.burn_in(steps),
             Phase::Sampling if 2 * steps <= self.options.max_steps && too_short => self.freeze(steps, time, &draws),
             Phase::BurnIn => self.freeze(steps, time, &draws),
@@ -289,7 +289,7 @@ impl<'a> Run<'a> {
         let since = (steps - self.course.base_step) as f64;
         let at_the_end = steps >= self.options.max_steps;
         if !at_the_end {
-            let wanted = self.options.demands.autocorrelation_times * time;
+            let wanted = self.options.convergence.autocorrelation_times * time;
             if since < wanted {
                 self.go_on(steps, (1.05 * wanted).min(2.0 * since) - since);
                 return None;
@@ -299,8 +299,8 @@ impl<'a> Run<'a> {
                 return None;
             }
         }
-        let verdict = judge(&draws, &self.options.demands);
-        let met = verdict.missing.is_empty() && !self.course.forced && recovery.stuck == 0;
+        let verdict = check_convergence(&draws, &self.options.convergence);
+        let met = verdict.unmet_criteria.is_empty() && !self.course.forced && recovery.stuck == 0;
         if met || at_the_end {
             return Some(self.outcome(draws, verdict, time, recovery, met));
         }
@@ -326,7 +326,7 @@ impl<'a> Run<'a> {
         self.course.n_freezes += 1;
         self.fit_jumps(draws);
         self.discard(steps);
-        let wanted = 1.05 * self.options.demands.autocorrelation_times * time;
+        let wanted = 1.05 * self.options.convergence.autocorrelation_times * time;
         // If the burn-in round did not resolve the autocorrelation time, the first sampling round is short.
         self.go_on(steps, if wanted.is_finite() { wanted.clamp(64.0, 1e6) } else { 256.0 });
     }
@@ -347,7 +347,7 @@ impl<'a> Run<'a> {
         self.course.autocorrelation_time = None;
         for lane in &mut self.lanes {
             lane.record.restart(steps, self.options.store_every.unwrap_or(1));
-            lane.ensemble.forget_acceptance();
+            lane.ensemble.reset_acceptance();
         }
     }
 
@@ -356,7 +356,7 @@ impl<'a> Run<'a> {
         let counting = CountingDensity::new(self.density);
         // Kept draws must come from the kernel alone.
         let only_look = self.course.phase == Phase::Sampling && 4 * self.course.target_step > self.options.max_steps;
-        let recovery = recover(&counting, draws, &mut self.course.modes, &mut self.lanes, only_look)?;
+        let recovery = reseed_stranded_walkers(&counting, draws, &mut self.course.modes, &mut self.lanes, only_look)?;
         if recovery.new_heavy_mode && !only_look {
             self.place_all(&counting)?;
         }
@@ -368,14 +368,14 @@ impl<'a> Run<'a> {
     fn outcome(
         &self,
         draws: Draws,
-        verdict: Verdict,
+        verdict: ConvergenceReport,
         time: f64,
         recovery: &Recovery,
         converged: bool,
     ) -> SampleOutcome {
         let n_proposals = (self.course.target_step - self.course.base_step) * self.n_all_walkers();
         let accepted: u64 = self.lanes.iter().flat_map(|lane| lane.ensemble.accepted()).sum();
-        let mut messages = verdict.missing;
+        let mut messages = verdict.unmet_criteria;
         if self.course.forced {
             messages.push("walkers were still left behind when the burn-in reached its step limit".into());
         }

@@ -1,6 +1,6 @@
 //! The complete state of a run, and its serialised form.
 
-use super::draws::Record;
+use super::draws::DrawRecord;
 use super::moves::Independence;
 use super::options::{Phase, SamplerOptions};
 use super::walkers::{Ensemble, EnsembleState, JumpCount};
@@ -11,7 +11,7 @@ use serde::{Deserialize, Serialize};
 
 /// Results of a run's decisions so far. They change only at judgements.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub(super) struct Course {
+pub(super) struct AdaptationState {
     pub phase: Phase,
     /// Step of the last freeze, or of the start of the last burn-in round.
     pub base_step: u64,
@@ -32,9 +32,9 @@ pub(super) struct Course {
 
 /// An ensemble with its draws.
 #[derive(Debug, Clone)]
-pub(super) struct Lane {
+pub(super) struct EnsembleRecord {
     pub ensemble: Ensemble,
-    pub record: Record,
+    pub record: DrawRecord,
 }
 
 /// Integers of a lane. Its floating-point numbers follow in binary form.
@@ -51,7 +51,7 @@ struct LaneHeader {
 
 #[derive(Serialize, Deserialize)]
 struct Header {
-    course: Course,
+    course: AdaptationState,
     lanes: Vec<LaneHeader>,
 }
 
@@ -60,7 +60,7 @@ pub(super) fn problem(options: &SamplerOptions, dimension: usize, starts: &[Vec<
     let SamplerOptions {
         n_walkers, n_ensembles, max_steps, seed, jump_fraction, store_every, max_stored_steps, ..
     } = options;
-    let (demands, stop) = (options.demands, options.stop_when_converged);
+    let (demands, stop) = (options.convergence, options.stop_when_converged);
     let starts: Vec<Vec<u64>> = starts.iter().map(|start| start.iter().map(|x| x.to_bits()).collect()).collect();
     format!(
         "{n_walkers} {n_ensembles} {max_steps} {seed} {jump_fraction} {store_every:?} {max_stored_steps} {demands:?} {stop} {dimension} {} \
@@ -70,9 +70,9 @@ pub(super) fn problem(options: &SamplerOptions, dimension: usize, starts: &[Vec<
 }
 
 /// Serialises a state.
-pub(super) fn to_bytes(problem: &str, course: &Course, lanes: &[Lane]) -> Result<Vec<u8>> {
+pub(super) fn to_bytes(problem: &str, course: &AdaptationState, lanes: &[EnsembleRecord]) -> Result<Vec<u8>> {
     let states: Vec<EnsembleState> = lanes.iter().map(|lane| lane.ensemble.state()).collect();
-    let lane_header = |(lane, state): (&Lane, &EnsembleState)| LaneHeader {
+    let lane_header = |(lane, state): (&EnsembleRecord, &EnsembleState)| LaneHeader {
         n_steps: state.n_steps,
         n_stored: lane.record.n_stored,
         base_step: lane.record.base_step,
@@ -101,7 +101,7 @@ pub(super) fn from_bytes(
     options: &SamplerOptions,
     dimension: usize,
     bytes: &[u8],
-) -> Result<(Course, Vec<Lane>)> {
+) -> Result<(AdaptationState, Vec<EnsembleRecord>)> {
     let inconsistent = || checkpoint::refuse("the checkpoint is inconsistent", "delete it and start the run again");
     let (header, numbers) = checkpoint::unpack(problem, bytes)?;
     let header: Header = serde_json::from_str(&header).map_err(|_| inconsistent())?;
@@ -128,14 +128,14 @@ pub(super) fn from_bytes(
             jumps: lane.jumps,
             n_steps: lane.n_steps,
         };
-        let record = Record {
+        let record = DrawRecord {
             positions: take(lane.n_stored.saturating_mul(dimension * w))?,
             log_density: take(lane.n_stored.saturating_mul(w))?,
             n_stored: lane.n_stored,
             base_step: lane.base_step,
             store_every: lane.store_every,
         };
-        lanes.push(Lane { ensemble: Ensemble::restored(options.seed, number, dimension, &state), record });
+        lanes.push(EnsembleRecord { ensemble: Ensemble::restored(options.seed, number, dimension, &state), record });
     }
     Ok((header.course, lanes))
 }

@@ -1,26 +1,26 @@
 //! Judges whether a run has enough draws, in numbers and in words.
 
 use super::draws::Draws;
-use super::options::Demands;
+use super::options::ConvergenceCriteria;
 use crate::diagnostics::ranks::BlomScores;
 use crate::diagnostics::{DrawColumn, ParameterDiagnostics, diagnose, ensembles};
 use rayon::prelude::*;
 
 /// Judgement of a set of draws.
 #[derive(Debug, Clone)]
-pub(super) struct Verdict {
+pub(super) struct ConvergenceReport {
     /// One summary per coordinate, with autocorrelation times in steps.
     pub parameters: Vec<ParameterDiagnostics>,
     /// Longest autocorrelation time over all coordinates, in steps; NaN if unknown.
     pub autocorrelation_time: f64,
     /// Demands that are not met, in words; empty if all are met.
-    pub missing: Vec<String>,
+    pub unmet_criteria: Vec<String>,
     /// Factor by which the number of steps is too small: 1 if all demands are met, ∞ if unknown.
     pub shortfall: f64,
 }
 
 /// Judges the draws kept since a freeze.
-pub(super) fn judge(draws: &Draws, demands: &Demands) -> Verdict {
+pub(super) fn check_convergence(draws: &Draws, demands: &ConvergenceCriteria) -> ConvergenceReport {
     let blom = BlomScores::new(draws.len());
     let columns: Vec<(ParameterDiagnostics, f64)> = (0..draws.dimension)
         .into_par_iter()
@@ -37,14 +37,15 @@ pub(super) fn judge(draws: &Draws, demands: &Demands) -> Verdict {
     let time = parameters.iter().map(longest).fold(0.0, longer);
     let n_steps = draws.n_steps as f64 * draws.store_every as f64;
     let rhat_walkers = columns.iter().map(|column| column.1).fold(0.0, f64::max);
-    let mut verdict = Verdict { parameters, autocorrelation_time: time, missing: Vec::new(), shortfall: 1.0 };
+    let mut verdict =
+        ConvergenceReport { parameters, autocorrelation_time: time, unmet_criteria: Vec::new(), shortfall: 1.0 };
     verdict.demand_length(n_steps, demands);
     verdict.demand_ess(demands);
     verdict.demand_agreement(rhat_walkers, demands);
     verdict
 }
 
-/// Longest autocorrelation time of the means, in steps; NaN if one is unknown. This is much cheaper than [`judge`].
+/// Longest autocorrelation time of the means, in steps; NaN if one is unknown. This is much cheaper than [`check_convergence`].
 pub(super) fn autocorrelation_time(draws: &Draws) -> f64 {
     let times: Vec<f64> =
         (0..draws.dimension).into_par_iter().map(|d| ensembles::autocorrelation_time(&draws.column(d))).collect();
@@ -56,14 +57,14 @@ fn longer(a: f64, b: f64) -> f64 {
     if a.is_nan() || b.is_nan() { f64::NAN } else { a.max(b) }
 }
 
-impl Verdict {
-    fn demand_length(&mut self, n_steps: f64, demands: &Demands) {
+impl ConvergenceReport {
+    fn demand_length(&mut self, n_steps: f64, demands: &ConvergenceCriteria) {
         let times = n_steps / self.autocorrelation_time;
         if times >= demands.autocorrelation_times {
             return;
         }
         self.fall_short(demands.autocorrelation_times / times);
-        self.missing.push(if times.is_nan() {
+        self.unmet_criteria.push(if times.is_nan() {
             format!("{n_steps} steps after the freeze are too few to estimate the autocorrelation time")
         } else {
             format!(
@@ -73,7 +74,7 @@ impl Verdict {
         });
     }
 
-    fn demand_ess(&mut self, demands: &Demands) {
+    fn demand_ess(&mut self, demands: &ConvergenceCriteria) {
         for (name, of) in [("bulk", (|p| p.ess_bulk) as fn(&ParameterDiagnostics) -> f64), ("tail", |p| p.ess_tail)] {
             let worst = worst(&self.parameters, |p| -of(p));
             let Some((d, ess)) = worst.map(|(d, value)| (d, -value)) else { continue };
@@ -82,7 +83,7 @@ impl Verdict {
                 continue;
             }
             self.fall_short(demands.ess / ess);
-            self.missing.push(format!(
+            self.unmet_criteria.push(format!(
                 "{name} ESS of parameter {} is {ess:.0}; at least {} is required",
                 d + 1,
                 demands.ess
@@ -90,17 +91,21 @@ impl Verdict {
         }
     }
 
-    fn demand_agreement(&mut self, rhat_walkers: f64, demands: &Demands) {
+    fn demand_agreement(&mut self, rhat_walkers: f64, demands: &ConvergenceCriteria) {
         if let Some((d, rhat)) = worst(&self.parameters, |p| p.rhat)
             && (rhat > demands.rhat || rhat.is_nan())
         {
             // The excess of R̂ falls with the number of steps.
             self.fall_short(((rhat - 1.0) / (demands.rhat - 1.0)).max(1.2));
-            self.missing.push(format!("R̂ of parameter {} is {rhat:.3}; at most {} is allowed", d + 1, demands.rhat));
+            self.unmet_criteria.push(format!(
+                "R̂ of parameter {} is {rhat:.3}; at most {} is allowed",
+                d + 1,
+                demands.rhat
+            ));
         }
         if rhat_walkers > demands.rhat_walkers {
             self.fall_short(2.0);
-            self.missing.push(format!(
+            self.unmet_criteria.push(format!(
                 "walkers stay in separate regions (R̂ over walkers is {rhat_walkers:.2}): the weights of the regions come from \
                  the Laplace approximations at the start, not from sampling"
             ));

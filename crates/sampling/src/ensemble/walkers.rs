@@ -1,6 +1,6 @@
 //! One ensemble of walkers and the split-ensemble step that moves it.
 
-use super::moves::{Independence, Move, Points};
+use super::moves::{Independence, Move, WalkerPoints};
 use super::random::RandomStream;
 use crate::{LogDensity, check_log_densities};
 use base::Result;
@@ -34,7 +34,7 @@ pub struct Ensemble {
     dimension: usize,
     halves: [Half; 2],
     shared: RandomStream,
-    proposal: Proposal,
+    proposal: WalkerProposal,
     jumps: JumpCount,
     n_steps: u64,
 }
@@ -50,14 +50,14 @@ struct Half {
 
 /// Work space of a half-step.
 #[derive(Debug, Clone)]
-struct Proposal {
+struct WalkerProposal {
     positions: Vec<f64>,
     log_density: Vec<f64>,
     log_factors: Vec<f64>,
     thresholds: Vec<f64>,
 }
 
-/// Checkpoint data of an ensemble. Walkers are in order, in the layout of [`Points`].
+/// Checkpoint data of an ensemble. Walkers are in order, in the layout of [`KernelPoints`].
 #[derive(Debug, Clone, PartialEq)]
 pub struct EnsembleState {
     /// Coordinate d of walker w at `positions[d * n_walkers + w]`.
@@ -91,7 +91,7 @@ impl Ensemble {
             accepted: vec![0; h],
             streams: (first..first + h).map(|w| RandomStream::new(seed, (number * n_walkers + w) as u64)).collect(),
         };
-        let proposal = Proposal {
+        let proposal = WalkerProposal {
             positions: vec![0.0; dimension * h],
             log_density: vec![0.0; h],
             log_factors: vec![0.0; h],
@@ -122,8 +122,8 @@ impl Ensemble {
         let jump = kernel.jumps.filter(|(_, fraction)| self.shared.unit() < *fraction).map(|(jump, _)| jump);
         let chosen: &dyn Move = jump.map_or(kernel.local, |jump| jump);
         chosen.propose(
-            Points { coordinates: &half.positions, n, dimension },
-            Points { coordinates: &other.positions, n, dimension },
+            WalkerPoints { coordinates: &half.positions, n, dimension },
+            WalkerPoints { coordinates: &other.positions, n, dimension },
             &mut self.shared,
             &mut half.streams,
             &mut proposal.positions,
@@ -149,13 +149,13 @@ impl Ensemble {
         self.n_steps
     }
 
-    /// Accepted proposals of each walker since [`Ensemble::forget_acceptance`].
+    /// Accepted proposals of each walker since [`Ensemble::reset_acceptance`].
     pub fn accepted(&self) -> impl Iterator<Item = u64> {
         self.halves.iter().flat_map(|half| half.accepted.iter().copied())
     }
 
     /// Resets the counts of accepted proposals and jumps.
-    pub fn forget_acceptance(&mut self) {
+    pub fn reset_acceptance(&mut self) {
         self.halves.iter_mut().for_each(|half| half.accepted.fill(0));
         self.jumps = JumpCount::default();
     }
@@ -188,7 +188,7 @@ impl Ensemble {
     }
 
     /// Moves a walker to another position. Only valid before a freeze, because it breaks the chain.
-    pub fn place(&mut self, walker: usize, position: &[f64], log_density: f64) {
+    pub fn set_walker(&mut self, walker: usize, position: &[f64], log_density: f64) {
         let h = self.halves[0].log_density.len();
         let (half, i) = (&mut self.halves[walker / h], walker % h);
         for (d, &x) in position.iter().enumerate() {
@@ -236,7 +236,7 @@ impl Ensemble {
 
 impl Half {
     /// Metropolis decision for every walker. It always reads one word per walker. Returns the number of walkers that moved.
-    fn accept(&mut self, proposal: &mut Proposal, dimension: usize) -> u64 {
+    fn accept(&mut self, proposal: &mut WalkerProposal, dimension: usize) -> u64 {
         let n = self.log_density.len();
         let mut n_accepted = 0;
         proposal.thresholds.iter_mut().zip(&mut self.streams).for_each(|(u, stream)| *u = stream.unit());

@@ -18,12 +18,12 @@ const SMALLEST_SHARE: f64 = 0.02;
 
 /// A mixture of proposals.
 #[derive(Debug, Clone)]
-pub struct Charts {
+pub struct ProposalMixture {
     /// Shares, which add up to one, and proposals.
     parts: Vec<(f64, Proposal)>,
 }
 
-impl Charts {
+impl ProposalMixture {
     /// One proposal.
     pub fn one(proposal: Proposal) -> Self {
         Self { parts: vec![(1.0, proposal)] }
@@ -46,11 +46,11 @@ impl Charts {
     /// Fits one proposal, or one part per mode, to points with weights that add up to one. `None` if the points lie in a plane.
     pub fn fitted(points: &[Vec<f64>], weights: &[f64], modes: &Modes, stream: &mut RandomStream) -> Option<Self> {
         let one = Proposal::fitted(points, weights, stream);
-        Self::or_parted(one, points, weights, modes, stream)
+        Self::best_of_single_or_split(one, points, weights, modes, stream)
     }
 
     /// Returns the proposal fitted to these points, or one part per mode if that fits better.
-    pub fn or_parted(
+    pub fn best_of_single_or_split(
         one: Option<Proposal>,
         points: &[Vec<f64>],
         weights: &[f64],
@@ -101,11 +101,11 @@ impl Charts {
         if let [(_, only)] = &self.parts[..] {
             return Self::one(only.with_background(points, weights, share, stretch));
         }
-        let Some(whole) = TMixture::of_moments(points, weights) else { return self.clone() };
+        let Some(whole) = TMixture::from_moments(points, weights) else { return self.clone() };
         let dimension = points.first().map_or(0, Vec::len);
         let background = Proposal::plain(whole.stretched(stretch), dimension);
         let mut parts: Vec<(f64, Proposal)> =
-            self.parts.iter().map(|(own, proposal)| ((1.0 - share) * own, proposal.clone())).collect();
+            self.parts.iter().map(|(part, proposal)| ((1.0 - share) * part, proposal.clone())).collect();
         parts.push((share, background));
         Self { parts }
     }
@@ -140,7 +140,7 @@ impl Charts {
 
 /// A mode's Laplace approximation; `None` if its curvature is unusable.
 fn touching(mode: &Mode, dimension: usize) -> Option<Proposal> {
-    Some(Proposal::plain(TMixture::from_modes(&Modes::only(mode), dimension)?, dimension))
+    Some(Proposal::plain(TMixture::from_modes(&Modes::from_mode(mode), dimension)?, dimension))
 }
 
 #[cfg(test)]
@@ -175,7 +175,7 @@ mod tests {
         let weights = vec![1.0 / 4_000.0; 4_000];
         let both = modes(&[[-8.0, 0.0], [8.0, 0.0]]);
         let mut stream = RandomStream::new(3, 0);
-        let charts = Charts::fitted(&points, &weights, &both, &mut stream).expect("spread");
+        let charts = ProposalMixture::fitted(&points, &weights, &both, &mut stream).expect("spread");
         let one = Proposal::fitted(&points, &weights, &mut stream).expect("spread");
         assert_eq!(charts.parts.len(), 2);
         let mean = |of: &dyn Fn(&[f64]) -> f64| others.iter().map(|x| of(x)).sum::<f64>() / 4_000.0;
@@ -193,11 +193,11 @@ mod tests {
         let weights = vec![1.0 / 4_000.0; 4_000];
         let three = modes(&[[-8.0, 0.0], [8.0, 0.0], [60.0, 0.0]]);
         let mut stream = RandomStream::new(5, 0);
-        let charts = Charts::fitted(&points, &weights, &three, &mut stream).expect("spread");
+        let charts = ProposalMixture::fitted(&points, &weights, &three, &mut stream).expect("spread");
         let drawn = charts.draw(4_000, 2, &mut stream);
         // 80 are expected: fewer than 30 occur once in 10⁹.
         assert!(drawn.iter().filter(|x| x[0] > 40.0).count() >= 30);
-        let alone = Charts::fitted(&points, &weights, &modes(&[[8.0, 0.0]]), &mut stream).expect("spread");
+        let alone = ProposalMixture::fitted(&points, &weights, &modes(&[[8.0, 0.0]]), &mut stream).expect("spread");
         assert_eq!(alone.parts.len(), 1);
     }
 
@@ -208,7 +208,7 @@ mod tests {
         let weights = vec![1.0 / 4_000.0; 4_000];
         let both = modes(&[[-8.0, 0.0], [8.0, 0.0]]);
         let mut stream = RandomStream::new(7, 0);
-        let charts = Charts::fitted(&points, &weights, &both, &mut stream).expect("spread");
+        let charts = ProposalMixture::fitted(&points, &weights, &both, &mut stream).expect("spread");
         let wide = charts.with_background(&points, &weights, 0.1, 1.5);
         let drawn = wide.draw(20_000, 2, &mut stream);
         let ratios: Vec<f64> = drawn.iter().map(|x| (charts.ln_density(x) - wide.ln_density(x)).exp()).collect();

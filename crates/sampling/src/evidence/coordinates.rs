@@ -22,20 +22,20 @@ pub fn ln_standard_normal(point: &[f64]) -> f64 {
 }
 
 /// The coordinate u of a value under its prior. Values far in a tail move to the end of the tables.
-pub fn normal_of(prior: &Distribution, value: f64) -> f64 {
+pub fn to_normal_coordinate(prior: &Distribution, value: f64) -> f64 {
     Normal::standard().inverse_cdf(prior.cdf(value)).clamp(-REACH, REACH)
 }
 
 /// A posterior over the sampler's coordinates, expressed in coordinates with standard normal priors.
 pub struct PriorCoordinates<'a> {
     posterior: &'a dyn LogDensity,
-    scales: Vec<Scale>,
+    scales: Vec<CoordinateScale>,
 }
 
 impl<'a> PriorCoordinates<'a> {
     /// Wraps a posterior, given the priors of its coordinates in their order.
     pub fn new(posterior: &'a dyn LogDensity, priors: impl IntoIterator<Item = Distribution>) -> Self {
-        let scales = priors.into_iter().map(Scale::new).collect();
+        let scales = priors.into_iter().map(CoordinateScale::new).collect();
         Self { posterior, scales }
     }
 
@@ -46,8 +46,8 @@ impl<'a> PriorCoordinates<'a> {
     }
 
     /// Coordinate u of a natural value. Values far in a tail move to the end of the table.
-    pub fn of_natural(&self, coordinate: usize, value: f64) -> f64 {
-        normal_of(&self.scales[coordinate].distribution, value)
+    pub fn from_natural(&self, coordinate: usize, value: f64) -> f64 {
+        to_normal_coordinate(&self.scales[coordinate].distribution, value)
     }
 }
 
@@ -73,13 +73,13 @@ impl LogDensity for PriorCoordinates<'_> {
 }
 
 /// z(u) of one parameter.
-struct Scale {
+struct CoordinateScale {
     distribution: Distribution,
     /// z and dz/du at the nodes.
     nodes: Vec<(f64, f64)>,
 }
 
-impl Scale {
+impl CoordinateScale {
     fn new(distribution: Distribution) -> Self {
         let normal = Normal::standard();
         let node = |k: usize| {
@@ -130,7 +130,7 @@ mod tests {
     #[test]
     fn priors_are_standard_normals() {
         for distribution in examples() {
-            let scale = Scale::new(distribution);
+            let scale = CoordinateScale::new(distribution);
             for k in 0..97 {
                 let u = -4.8 + 0.1 * f64::from(k) + 0.037;
                 let (z, slope) = scale.at(u);
@@ -147,7 +147,7 @@ mod tests {
     #[test]
     fn slopes_are_the_derivatives_of_values() {
         for distribution in examples() {
-            let scale = Scale::new(distribution);
+            let scale = CoordinateScale::new(distribution);
             for k in 0..150 {
                 let u = -7.47 + 0.1 * f64::from(k);
                 let step = 1e-5;

@@ -6,7 +6,7 @@
 //! doi:10.1198/106186008X320456). The estimate uses only fresh draws of the final proposal:
 //! it is unbiased for any adaptation, and its k̂ tells whether its error is reliable.
 
-use super::charts::Charts;
+use super::charts::ProposalMixture;
 use super::weighted::{effective_size, normalised};
 use super::{Estimate, WeightedDraws, evaluate, ln_mean};
 use crate::LogDensity;
@@ -49,12 +49,12 @@ impl Default for ImportanceOptions {
 
 impl ImportanceOptions {
     /// For densities that take a millisecond: an error of 0.03 nats with a good proposal, and more draws only with a poor one.
-    pub fn of_slow_density() -> Self {
+    pub fn for_slow_density() -> Self {
         Self { n_adapting: 600, n_draws: 2_000, ..Self::default() }
     }
 
     /// For an error of a tenth of a nat: one attempt with few draws is enough if the proposal is good.
-    pub fn in_brief() -> Self {
+    pub fn quick() -> Self {
         Self { n_adapting: 800, n_rounds: 5, n_draws: 2_500, ..Self::default() }
     }
 }
@@ -78,7 +78,7 @@ const ROUNDS_AGAIN: usize = 2;
 /// [`Error::Numerical`] if no mode has a usable curvature, if no draw has a finite density, or if the density is +∞ or often NaN.
 pub fn evidence(density: &dyn LogDensity, modes: &Modes, options: &ImportanceOptions) -> Result<Estimate> {
     let dimension = density.dimension();
-    let proposal = Charts::of_modes(modes, dimension).ok_or_else(no_mode)?;
+    let proposal = ProposalMixture::of_modes(modes, dimension).ok_or_else(no_mode)?;
     let stream = RandomStream::new(options.seed, 0);
     let mut sampler = Sampler { density, modes, proposal, stream, pool: Pool::default(), n_evaluations: 0 };
     let mut best: Option<Estimate> = None;
@@ -109,7 +109,7 @@ fn no_mode() -> Error {
 struct Sampler<'a> {
     density: &'a dyn LogDensity,
     modes: &'a Modes,
-    proposal: Charts,
+    proposal: ProposalMixture,
     stream: RandomStream,
     pool: Pool,
     n_evaluations: usize,
@@ -124,11 +124,11 @@ struct Pool {
     /// ln Σ n_r q_r of each point over the rounds r.
     ln_proposed: Vec<f64>,
     /// The proposals and the number of draws from each.
-    proposals: Vec<(Charts, usize)>,
+    proposals: Vec<(ProposalMixture, usize)>,
 }
 
 impl Pool {
-    fn add(&mut self, mixture: &Charts, points: Vec<Vec<f64>>, values: Vec<f64>) {
+    fn add(&mut self, mixture: &ProposalMixture, points: Vec<Vec<f64>>, values: Vec<f64>) {
         let ln_n = (points.len() as f64).ln();
         for (point, ln_proposed) in self.points.iter().zip(&mut self.ln_proposed) {
             *ln_proposed = ln_sum(*ln_proposed, ln_n + mixture.ln_density(point));
@@ -158,7 +158,7 @@ fn ln_sum(a: f64, b: f64) -> f64 {
 
 impl Sampler<'_> {
     /// Draws from a proposal; returns the points and their log densities.
-    fn draw(&mut self, proposal: &Charts, n: usize) -> Result<(Vec<Vec<f64>>, Vec<f64>)> {
+    fn draw(&mut self, proposal: &ProposalMixture, n: usize) -> Result<(Vec<Vec<f64>>, Vec<f64>)> {
         let points = proposal.draw(n, self.density.dimension(), &mut self.stream);
         let values = evaluate(self.density, &points)?;
         self.n_evaluations += n;
@@ -175,7 +175,7 @@ impl Sampler<'_> {
                 break;
             }
             let weights = self.pool.weights();
-            if let Some(fitted) = Charts::fitted(&self.pool.points, &weights, self.modes, &mut self.stream) {
+            if let Some(fitted) = ProposalMixture::fitted(&self.pool.points, &weights, self.modes, &mut self.stream) {
                 self.proposal = fitted;
             }
         }
@@ -195,7 +195,7 @@ impl Sampler<'_> {
     }
 }
 
-fn ln_weights(mixture: &Charts, points: &[Vec<f64>], values: &[f64]) -> Vec<f64> {
+fn ln_weights(mixture: &ProposalMixture, points: &[Vec<f64>], values: &[f64]) -> Vec<f64> {
     points.iter().zip(values).map(|(point, value)| value - mixture.ln_density(point)).collect()
 }
 

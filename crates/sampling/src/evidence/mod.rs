@@ -11,8 +11,8 @@ pub mod tempering;
 mod valley;
 mod weighted;
 
-pub use coordinates::{PriorCoordinates, normal_of};
-pub use valley::valley;
+pub use coordinates::{PriorCoordinates, to_normal_coordinate};
+pub use valley::find_density_valley;
 pub use weighted::WeightedDraws;
 
 use crate::LogDensity;

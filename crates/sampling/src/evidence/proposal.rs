@@ -221,7 +221,7 @@ impl Proposal {
         let straight: Vec<Vec<f64>> = points.iter().map(|x| map.straightened(x).0).collect();
         let centres: Vec<Vec<f64>> =
             resampled_indices(weights, ADDED_COMPONENTS, stream).into_iter().map(|i| straight[i].clone()).collect();
-        let start = TMixture::of_moments(&straight, weights)?.with_centres(&centres);
+        let start = TMixture::from_moments(&straight, weights)?.with_centres(&centres);
         let mixture = (0..FIT_STEPS).fold(start, |mixture, _| mixture.refitted(&straight, weights));
         Some(Self::new(map, mixture))
     }

@@ -11,7 +11,7 @@
 
 use rayon::prelude::*;
 
-use super::charts::Charts;
+use super::charts::ProposalMixture;
 use super::coordinates::ln_standard_normal;
 use super::proposal::{Map, Proposal};
 use super::weighted::{effective_size, normalised, resampled_indices};
@@ -180,14 +180,17 @@ impl<'a> Replicate<'a> {
     }
 
     /// The proposal for jumps, and the map that straightens steps.
-    fn proposals(&mut self, weights: &[f64]) -> Option<(Charts, Map)> {
+    fn proposals(&mut self, weights: &[f64]) -> Option<(ProposalMixture, Map)> {
         let points: Vec<Vec<f64>> = self.particles.iter().map(|particle| particle.point.clone()).collect();
         let one = Proposal::fitted(&points, weights, &mut self.stream)?;
         let map = one.map.clone();
-        Some((Charts::or_parted(Some(one), &points, weights, self.modes, &mut self.stream)?, map))
+        Some((
+            ProposalMixture::best_of_single_or_split(Some(one), &points, weights, self.modes, &mut self.stream)?,
+            map,
+        ))
     }
 
-    fn move_particles(&mut self, jumps: &Charts, map: &Map) -> Result<()> {
+    fn move_particles(&mut self, jumps: &ProposalMixture, map: &Map) -> Result<()> {
         let wanted = WANTED_ACCEPTANCES * self.particles.len() as f64;
         let mut n_accepted = 0;
         for _ in 0..MOST_ROUNDS {
@@ -200,7 +203,7 @@ impl<'a> Replicate<'a> {
         Ok(())
     }
 
-    fn jump(&mut self, proposal: &Charts) -> Result<usize> {
+    fn jump(&mut self, proposal: &ProposalMixture) -> Result<usize> {
         let points = proposal.draw(self.particles.len(), self.posterior.dimension(), &mut self.stream);
         self.accept(points, |old, new| proposal.ln_density(old) - proposal.ln_density(new))
     }

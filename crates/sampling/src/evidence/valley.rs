@@ -18,7 +18,7 @@ const REACH: f64 = 4.0;
 const QUARTILES_APART: f64 = 1.349;
 
 /// Value at the bottom of the deepest valley of a function of the draws; `None` if there is only one mode.
-pub fn valley(draws: &WeightedDraws, of: impl Fn(&[f64]) -> f64) -> Option<f64> {
+pub fn find_density_valley(draws: &WeightedDraws, of: impl Fn(&[f64]) -> f64) -> Option<f64> {
     let [low, lower, upper, high] = draws.quantiles(&of, &[0.001, 0.25, 0.75, 0.999]).try_into().ok()?;
     let mean = draws.mean(&of);
     let sd = draws.mean(|point| (of(point) - mean).powi(2)).sqrt();
@@ -70,7 +70,7 @@ mod tests {
         let two = |stream: &mut RandomStream| stream.normal() + if stream.unit() < 0.2 { 6.0 } else { 0.0 };
         for seed in 0..20 {
             let draws = draws(1_000, seed, two);
-            let bottom = valley(&draws, |x| x[0]).expect("two answers");
+            let bottom = find_density_valley(&draws, |x| x[0]).expect("two answers");
             let share = draws.mean(|x| f64::from(u8::from(x[0] > bottom)));
             assert!((1.5..5.0).contains(&bottom) && (share - 0.2).abs() < 0.065, "{bottom} {share}");
         }
@@ -80,16 +80,16 @@ mod tests {
     #[test]
     fn one_bump_has_no_valley() {
         for seed in 0..100 {
-            assert_eq!(valley(&draws(200, seed, RandomStream::normal), |x| x[0]), None);
-            assert_eq!(valley(&draws(200, seed, RandomStream::unit), |x| x[0]), None);
-            assert_eq!(valley(&draws(200, seed, |stream| -stream.unit().ln()), |x| x[0]), None);
+            assert_eq!(find_density_valley(&draws(200, seed, RandomStream::normal), |x| x[0]), None);
+            assert_eq!(find_density_valley(&draws(200, seed, RandomStream::unit), |x| x[0]), None);
+            assert_eq!(find_density_valley(&draws(200, seed, |stream| -stream.unit().ln()), |x| x[0]), None);
         }
     }
 
     #[test]
     fn a_share_that_is_not_worth_a_word_and_no_spread_at_all_are_no_answers() {
         let rare = |stream: &mut RandomStream| stream.normal() + if stream.unit() < 0.01 { 9.0 } else { 0.0 };
-        assert_eq!(valley(&draws(2_000, 3, rare), |x| x[0]), None);
-        assert_eq!(valley(&draws(200, 3, |_| 1.0), |x| x[0]), None);
+        assert_eq!(find_density_valley(&draws(2_000, 3, rare), |x| x[0]), None);
+        assert_eq!(find_density_valley(&draws(200, 3, |_| 1.0), |x| x[0]), None);
     }
 }

@@ -45,10 +45,10 @@ impl WeightedDraws {
     }
 
     /// Restricts the weights to draws that satisfy a condition. Returns all draws if the condition holds at no draw with weight.
-    pub fn part(&self, is_in: impl Fn(&[f64]) -> bool) -> Self {
+    pub fn restricted_to(&self, is_in: impl Fn(&[f64]) -> bool) -> Self {
         let mut part = self.clone();
-        let own = self.points.iter().zip(&mut part.weights);
-        own.for_each(|(point, weight)| *weight *= f64::from(u8::from(is_in(point))));
+        let zip = self.points.iter().zip(&mut part.weights);
+        zip.for_each(|(point, weight)| *weight *= f64::from(u8::from(is_in(point))));
         let total: f64 = part.weights.iter().sum();
         if total == 0.0 {
             return self.clone();

@@ -68,7 +68,7 @@ impl Mode {
 
 impl Modes {
     /// A set of one mode.
-    pub fn only(mode: &Mode) -> Self {
+    pub fn from_mode(mode: &Mode) -> Self {
         Self { modes: vec![mode.clone()] }
     }
 
@@ -95,7 +95,7 @@ impl Modes {
     }
 
     /// The mode at which the cumulated weights exceed u, in [0, 1).
-    pub fn at_share(&self, u: f64) -> Option<&Mode> {
+    pub fn at_cumulative_weight(&self, u: f64) -> Option<&Mode> {
         let mut cumulated = 0.0;
         let reached = |weight: f64| {
             cumulated += weight;

@@ -5,7 +5,7 @@ mod newton;
 mod stencil;
 
 pub use laplace::{Mode, Modes};
-pub use newton::{Optimum, maximise, touching};
+pub use newton::{Optimum, fit_local_gaussian, maximise};
 
 use crate::LogDensity;
 use base::Result;

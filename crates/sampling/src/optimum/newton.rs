@@ -75,7 +75,7 @@ pub fn maximise(density: &dyn LogDensity, start: &[f64]) -> Result<Option<Optimu
 ///
 /// # Errors
 /// [`base::Error::Numerical`] when a log density is +∞.
-pub fn touching(density: &dyn LogDensity, point: &[f64]) -> Result<Option<Optimum>> {
+pub fn fit_local_gaussian(density: &dyn LogDensity, point: &[f64]) -> Result<Option<Optimum>> {
     let Some((x, value, mut steps)) = beginning(density, point)? else { return Ok(None) };
     for _ in 0..2 {
         let Some(derivatives) = differentiate(density, &x, value, &mut steps)? else { return Ok(None) };
@@ -86,10 +86,10 @@ pub fn touching(density: &dyn LogDensity, point: &[f64]) -> Result<Option<Optimu
 }
 
 /// A point, its log density and the first difference steps.
-type Beginning = (DVector<f64>, f64, DVector<f64>);
+type StartPoint = (DVector<f64>, f64, DVector<f64>);
 
 /// Starting values at a point; `None` outside the support.
-fn beginning(density: &dyn LogDensity, point: &[f64]) -> Result<Option<Beginning>> {
+fn beginning(density: &dyn LogDensity, point: &[f64]) -> Result<Option<StartPoint>> {
     let x = DVector::from_column_slice(point);
     let value = evaluate(density, std::slice::from_ref(&x))?[0];
     let steps = x.map(|coordinate| 1e-3 * (1.0 + coordinate.abs()));

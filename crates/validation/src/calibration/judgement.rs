@@ -1,7 +1,7 @@
 //! Judges a calibration by the ranks of all replicates.
 
 use super::sentence::sentence;
-use super::{FEWEST, LEVEL, LOG_DENSITY, N_DRAWS, Ranked, Replicate, Subject};
+use super::{CalibrationSubject, FEWEST, LEVEL, LOG_DENSITY, N_DRAWS, Ranked, Replicate};
 use documents::calibration::{CalibratedQuantity, Calibration, CalibrationKind, CalibrationVerdict, Coverage};
 use sampling::calibration::{
     Ranks, chi_square, count_interval, holm, p_of_chi_square, p_of_score, probability_interval,
@@ -13,18 +13,18 @@ const BINS: [usize; 4] = [20, 10, 5, 4];
 const FEWEST_IN_BIN: usize = 5;
 
 /// Document of a calibration, from its replicates in any order.
-pub fn judged(subject: &Subject, replicates: &[Replicate]) -> Calibration {
+pub fn judge(subject: &CalibrationSubject, replicates: &[Replicate]) -> Calibration {
     let mut sorted: Vec<&Replicate> = replicates.iter().collect();
-    sorted.sort_by_key(|own| own.number);
-    let sampled: Vec<&Ranked> = sorted.iter().filter_map(|own| own.ranked.as_ref()).collect();
+    sorted.sort_by_key(|replicate| replicate.number);
+    let sampled: Vec<&Ranked> = sorted.iter().filter_map(|replicate| replicate.ranked.as_ref()).collect();
     // Convergence depends on the truth only through the record. Leaving out runs that did not converge therefore keeps the other ranks uniform.
-    let ranked: Vec<&Ranked> = sampled.iter().copied().filter(|own| own.converged).collect();
+    let ranked: Vec<&Ranked> = sampled.iter().copied().filter(|ranked| ranked.converged).collect();
     let n_bins = BINS.into_iter().find(|bins| bins * FEWEST_IN_BIN <= ranked.len()).unwrap_or(BINS[BINS.len() - 1]);
     let names = subject.parameters.iter().map(String::as_str).chain([LOG_DENSITY]);
     let mut quantities: Vec<CalibratedQuantity> =
         names.enumerate().map(|(index, name)| quantity(name, index, &ranked, n_bins)).collect();
     correct(&mut quantities);
-    let kind = match quantities.iter().filter_map(|own| own.p_holm).min_by(f64::total_cmp) {
+    let kind = match quantities.iter().filter_map(|quantity| quantity.p_holm).min_by(f64::total_cmp) {
         None => CalibrationKind::Undecided,
         Some(p) if p < LEVEL => CalibrationKind::Miscalibrated,
         Some(_) => CalibrationKind::Calibrated,
@@ -37,7 +37,7 @@ pub fn judged(subject: &Subject, replicates: &[Replicate]) -> Calibration {
         ranked: ranked.len(),
         not_converged: sampled.len() - ranked.len(),
         failed: sorted.len() - sampled.len(),
-        redrawn: sorted.iter().map(|own| own.redrawn).sum(),
+        redrawn: sorted.iter().map(|replicate| replicate.redrawn).sum(),
         draws: N_DRAWS,
         bin_interval_99: count_interval(ranked.len(), 1.0 / n_bins as f64, 0.99),
         quantities,
@@ -48,11 +48,11 @@ pub fn judged(subject: &Subject, replicates: &[Replicate]) -> Calibration {
 }
 
 fn quantity(name: &str, index: usize, ranked: &[&Ranked], n_bins: usize) -> CalibratedQuantity {
-    let ranks = Ranks { ranks: ranked.iter().map(|own| own.ranks[index]).collect(), n_draws: N_DRAWS };
+    let ranks = Ranks { ranks: ranked.iter().map(|ranked| ranked.ranks[index]).collect(), n_draws: N_DRAWS };
     let counts = ranks.counts(n_bins);
     let is_judged = ranked.len() >= FEWEST;
     let chi_square = is_judged.then(|| chi_square(&counts));
-    let z: Vec<f64> = ranked.iter().filter_map(|own| own.z.get(index).copied()).collect();
+    let z: Vec<f64> = ranked.iter().filter_map(|ranked| ranked.z.get(index).copied()).collect();
     let n = z.len() as f64;
     let z_mean = (!z.is_empty()).then(|| z.iter().sum::<f64>() / n);
     let z_sd = z_mean
@@ -68,8 +68,8 @@ fn quantity(name: &str, index: usize, ranked: &[&Ranked], n_bins: usize) -> Cali
     CalibratedQuantity {
         name: name.into(),
         chi_square,
-        place: is_judged.then(|| ranks.place()),
-        spread: is_judged.then(|| ranks.spread()),
+        place: is_judged.then(|| ranks.location_score()),
+        spread: is_judged.then(|| ranks.dispersion_score()),
         p_chi_square: chi_square.map(|value| p_of_chi_square(value, n_bins)),
         p_holm: None,
         z_mean,
@@ -82,11 +82,17 @@ fn quantity(name: &str, index: usize, ranked: &[&Ranked], n_bins: usize) -> Cali
 
 /// Corrects p for three statistics of each quantity: χ² detects any shape, while place and spread detect the two usual faults with fewer replicates.
 fn correct(quantities: &mut [CalibratedQuantity]) {
-    let of = |own: &CalibratedQuantity| Some([own.p_chi_square?, p_of_score(own.place?), p_of_score(own.spread?)]);
+    let of = |calibrated_quantity: &CalibratedQuantity| {
+        Some([
+            calibrated_quantity.p_chi_square?,
+            p_of_score(calibrated_quantity.place?),
+            p_of_score(calibrated_quantity.spread?),
+        ])
+    };
     let Some(p) = quantities.iter().map(of).collect::<Option<Vec<_>>>() else { return };
     let corrected = holm(p.as_flattened());
-    for (own, three) in quantities.iter_mut().zip(corrected.chunks(3)) {
-        own.p_holm = three.iter().copied().min_by(f64::total_cmp);
+    for (quantity, three) in quantities.iter_mut().zip(corrected.chunks(3)) {
+        quantity.p_holm = three.iter().copied().min_by(f64::total_cmp);
     }
 }
 

@@ -7,8 +7,8 @@ use super::*;
 use documents::calibration::Simulator;
 use documents::posterior::ModelSummary;
 
-fn subject() -> Subject {
-    Subject {
+fn subject() -> CalibrationSubject {
+    CalibrationSubject {
         experiment: "eye".into(),
         model: ModelSummary { base: "lethersich".into(), effects: Vec::new(), noise: vec!["white".into()] },
         parameters: vec!["young_modulus_pa".into(), "noise_sd_um".into()],
@@ -32,17 +32,17 @@ fn replicates(n: usize, change: impl Fn(usize) -> usize) -> Vec<Replicate> {
 /// drawn towards the ends the spread exceeds 8.
 #[test]
 fn verdicts_are_those_of_the_ranks() {
-    let right = judged(&subject(), &replicates(200, |rank| rank));
+    let right = judge(&subject(), &replicates(200, |rank| rank));
     assert_eq!((right.verdict.kind, right.redrawn), (CalibrationKind::Calibrated, 100));
     assert!(right.verdict.sentence.contains("as often as stated, over 200 simulated records"));
-    assert_eq!(right.quantities.iter().map(|own| own.counts.len()).collect::<Vec<_>>(), [20, 20, 20]);
+    assert_eq!(right.quantities.iter().map(|quantity| quantity.counts.len()).collect::<Vec<_>>(), [20, 20, 20]);
     assert_eq!((right.quantities[0].z_mean, right.quantities[2].z_mean), (Some(0.5), None));
-    let high = judged(&subject(), &replicates(200, |rank| rank / 2));
+    let high = judge(&subject(), &replicates(200, |rank| rank / 2));
     assert_eq!(high.verdict.kind, CalibrationKind::Miscalibrated);
     assert!(high.verdict.sentence.contains("young_modulus_pa is too high"), "{}", high.verdict.sentence);
     assert!(!high.verdict.sentence.contains("noise_sd_um"));
     let ends = |rank: usize| if rank < 50 { rank / 3 } else { N_DRAWS - (N_DRAWS - rank) / 3 };
-    let narrow = judged(&subject(), &replicates(200, ends));
+    let narrow = judge(&subject(), &replicates(200, ends));
     assert!(narrow.verdict.sentence.contains("young_modulus_pa is too narrow"), "{}", narrow.verdict.sentence);
     assert!(narrow.quantities[0].coverage_90.share < Some(0.8));
 }
@@ -51,19 +51,20 @@ fn verdicts_are_those_of_the_ranks() {
 #[test]
 fn what_cannot_be_counted_is_said() {
     let mut all = replicates(60, |rank| rank);
-    for own in all.iter_mut().take(30) {
-        own.ranked = own.ranked.take().map(|ranked| Ranked { ranks: vec![0, 0, 0], converged: false, ..ranked });
+    for replicate in all.iter_mut().take(30) {
+        replicate.ranked =
+            replicate.ranked.take().map(|ranked| Ranked { ranks: vec![0, 0, 0], converged: false, ..ranked });
     }
     all[40] = Replicate { ranked: None, failure: Some("no".into()), ..all[40].clone() };
-    let found = judged(&subject(), &all);
+    let found = judge(&subject(), &all);
     assert_eq!((found.replicates, found.ranked, found.not_converged, found.failed), (60, 29, 30, 1));
     assert_eq!((found.verdict.kind, found.quantities[0].counts.len()), (CalibrationKind::Calibrated, 5));
     assert!(found.verdict.sentence.contains("30 of 60 did not converge and are not counted, 1 of 60 could not be"));
     all.reverse();
-    assert_eq!(judged(&subject(), &all), found, "the order of replicates shows");
-    let few = judged(&subject(), &all[..30]);
+    assert_eq!(judge(&subject(), &all), found, "the order of replicates shows");
+    let few = judge(&subject(), &all[..30]);
     assert!(few.ranked >= FEWEST && few.verdict.kind != CalibrationKind::Undecided);
-    let fewer = judged(&subject(), &all[..19]);
+    let fewer = judge(&subject(), &all[..19]);
     assert_eq!((fewer.verdict.kind, fewer.quantities[0].p_holm), (CalibrationKind::Undecided, None));
-    assert_eq!(judged(&subject(), &[]).verdict.kind, CalibrationKind::Undecided);
+    assert_eq!(judge(&subject(), &[]).verdict.kind, CalibrationKind::Undecided);
 }

@@ -14,21 +14,21 @@ use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-pub use judgement::judged;
+pub use judgement::judge;
 
-use base::error::{Error, Place, Result, Setting};
+use base::error::{Error, InputPlace, Result, Setting};
 use documents::calibration::Simulator;
 use documents::posterior::ModelSummary;
 use models::effects::Library;
-use models::model::{Forward, FullForward};
+use models::model::{Forward, FullOrderForward};
 use posterior::mechanics::Mechanics;
-use posterior::monitor::{Counter, Monitor, Stoppable, refuse_if_stopped};
+use posterior::monitor::{Counter, Monitor, StoppableMonitor, refuse_if_stopped};
 use posterior::prepared::{PreparedModel, training_load};
 use posterior::problem::Problem;
 use posterior::sample::{SampleRequest, refuse_too_many_rows, sample};
 use posterior::study::ModelSpecification;
 use record::Experiment;
-use sampling::calibration::{apart, rank};
+use sampling::calibration::{independent_draw_indices, rank};
 use sampling::ensemble::SampleOutcome;
 use sampling::{LogDensity, SamplerOptions};
 
@@ -47,7 +47,7 @@ const MOST_DRAWN: usize = 200;
 
 /// Subject of a calibration, common to all replicates.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Subject {
+pub struct CalibrationSubject {
     /// Specimen of the experiment.
     pub experiment: String,
     /// The model.
@@ -95,7 +95,7 @@ pub fn check(experiment: &Experiment, model: &ModelSpecification, options: &Samp
     posterior::sample::refuse_nothing_to_sample(&problem)?;
     if let Some((slug, field)) = problem.model.field().filter(|(_, field)| field.is_learnt_for_record()) {
         return Err(Error::input(
-            Place::setting(Setting::Effects),
+            InputPlace::setting(Setting::Effects),
             format!(
                 "the surrogate for {} is trained for the law of one record, so each simulated record would need its own",
                 field.words()
@@ -123,9 +123,9 @@ impl Bench {
     }
 
     /// Returns the subject of the calibration.
-    pub fn subject(&self) -> Subject {
+    pub fn subject(&self) -> CalibrationSubject {
         let has_finite_elements = self.model.problem.finite_elements().is_some();
-        Subject {
+        CalibrationSubject {
             experiment: self.model.problem.experiment.specimen_id.clone(),
             model: self.model.problem.specification.summary(),
             parameters: self.model.problem.priors.names().map(String::from).collect(),
@@ -147,7 +147,7 @@ impl Bench {
         let model = &self.model.problem.model;
         let full = match self.model.problem.finite_elements() {
             Some(fe) => {
-                let full = FullForward::new(model, &fe.stiffness, fe.poisson_ratio, time_s, force)?;
+                let full = FullOrderForward::new(model, &fe.stiffness, fe.poisson_ratio, time_s, force)?;
                 Some(full.in_surroundings(fe.surroundings()))
             }
             None => None,
@@ -231,7 +231,7 @@ impl Bench {
         let model = self.model.for_problem(self.model.problem.with_positions(position_m));
         let (problem, posterior) = (&model.problem, model.posterior());
         let request = SampleRequest { options: options.clone(), kept_surrogate: None, checkpoint: None, resume: false };
-        let outcome = sample(problem, &posterior, &request, &Stoppable(monitor.stop()))?;
+        let outcome = sample(problem, &posterior, &request, &StoppableMonitor(monitor.stop()))?;
         let point = problem.priors.to_unconstrained(truth);
         let mut log_density = [0.0];
         posterior.log_density(&point, &mut log_density);
@@ -242,7 +242,7 @@ impl Bench {
 /// Ranks a truth among the draws, by its coordinates and its log density.
 fn ranked(point: &[f64], log_density: f64, outcome: &SampleOutcome) -> Result<Ranked> {
     let draws = &outcome.draws;
-    let places = apart(draws, N_DRAWS);
+    let places = independent_draw_indices(draws, N_DRAWS);
     if places.len() < N_DRAWS {
         return Err(Error::numerical(
             format!("only {} draws were kept, but ranks need {N_DRAWS}", places.len()),

@@ -2,7 +2,7 @@
 
 use super::{FEWEST, LEVEL, LOG_DENSITY};
 use documents::calibration::{CalibratedQuantity, Calibration, CalibrationKind};
-use figures::number::significant;
+use figures::number::format_significant;
 
 /// Score beyond which a fault is named. The verdict itself uses the corrected p.
 const TELLING: f64 = 3.0;
@@ -24,9 +24,10 @@ pub(super) fn sentence(found: &Calibration) -> String {
         ),
         CalibrationKind::Miscalibrated => {
             let mut wrong: Vec<&CalibratedQuantity> =
-                found.quantities.iter().filter(|own| own.p_holm.is_some_and(|p| p < LEVEL)).collect();
+                found.quantities.iter().filter(|quantity| quantity.p_holm.is_some_and(|p| p < LEVEL)).collect();
             wrong.sort_by(|a, b| a.p_holm.unwrap_or(1.0).total_cmp(&b.p_holm.unwrap_or(1.0)));
-            let named: Vec<String> = wrong.iter().take(MOST_NAMED).map(|own| fault(own)).collect();
+            let named: Vec<String> =
+                wrong.iter().take(MOST_NAMED).map(|calibrated_quantity| fault(calibrated_quantity)).collect();
             let more = match wrong.len().saturating_sub(MOST_NAMED) {
                 0 => String::new(),
                 more => format!("; and {more} more"),
@@ -44,14 +45,14 @@ pub(super) fn sentence(found: &Calibration) -> String {
 }
 
 /// Text on one quantity's fault.
-fn fault(own: &CalibratedQuantity) -> String {
-    let corrected = p([own].into_iter());
-    if own.name == LOG_DENSITY {
+fn fault(calibrated_quantity: &CalibratedQuantity) -> String {
+    let corrected = p([calibrated_quantity].into_iter());
+    if calibrated_quantity.name == LOG_DENSITY {
         return format!(
             "the log density at the true values does not rank uniformly among the draws (corrected p {corrected})"
         );
     }
-    let (place, spread) = (own.place.unwrap_or(0.0), own.spread.unwrap_or(0.0));
+    let (place, spread) = (calibrated_quantity.place.unwrap_or(0.0), calibrated_quantity.spread.unwrap_or(0.0));
     let mut words = Vec::new();
     if place < -TELLING {
         words.push("too high");
@@ -64,11 +65,11 @@ fn fault(own: &CalibratedQuantity) -> String {
         words.push("too wide");
     }
     let what = if words.is_empty() { "wrong in shape".into() } else { words.join(" and ") };
-    format!("{} is {what} (corrected p {corrected})", own.name)
+    format!("{} is {what} (corrected p {corrected})", calibrated_quantity.name)
 }
 
 /// Smallest corrected p, with two digits.
 fn p<'a>(quantities: impl Iterator<Item = &'a CalibratedQuantity>) -> String {
-    let smallest = quantities.filter_map(|own| own.p_holm).fold(1.0, f64::min);
-    significant(smallest, 2)
+    let smallest = quantities.filter_map(|calibrated_quantity| calibrated_quantity.p_holm).fold(1.0, f64::min);
+    format_significant(smallest, 2)
 }

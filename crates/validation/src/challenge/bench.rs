@@ -6,11 +6,11 @@ use super::large::{self, LargeGel};
 use super::motion::Motion;
 use super::protocol::WHITE_M;
 use super::strength::Strength;
-use super::{Disturbance, Hidden, HiddenEffect, NamedValue, NoiseKind, OutsideKind, Protocol, Truth};
-use base::error::{Error, Place, Result, Setting};
+use super::{Disturbance, DisturbanceKind, HiddenEffect, HiddenThing, NamedValue, NoiseKind, Protocol, Truth};
+use base::error::{Error, InputPlace, Result, Setting};
 use criticism::Candidate;
 use criticism::Subject;
-use criticism::separation::{Truth as Shown, closest};
+use criticism::separation::{RivalTruth as Shown, fit_rival};
 use laws::rheology::BaseLaw;
 use models::effects::{AMPLITUDE, Effect, Library};
 use models::model::{Compliance, Model};
@@ -27,9 +27,9 @@ const MOST_PAIRS: usize = 1000;
 
 /// Specification of a truth: the hidden thing and the experiment.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Order {
+pub struct TruthRequest {
     /// The hidden thing.
-    pub hidden: Hidden,
+    pub hidden: HiddenThing,
     /// Protocol of the experiment.
     pub protocol: Protocol,
     /// Noise of the experiment.
@@ -85,7 +85,7 @@ impl Bench {
     ///
     /// # Errors
     /// [`Error::Input`] if an effect does not exist; errors of the training.
-    pub fn serving(slugs: &[String], monitor: &dyn Monitor) -> Result<Self> {
+    pub fn for_effects(slugs: &[String], monitor: &dyn Monitor) -> Result<Self> {
         refuse_unknown(&Library::default(), slugs)?;
         Self::serving_those(|effect| !effect.changes_field() || slugs.iter().any(|s| s == effect.slug()), monitor)
     }
@@ -115,7 +115,7 @@ impl Bench {
     /// # Errors
     /// As [`Subject::with_compliance`].
     pub fn subject(&self, experiment: Experiment) -> Result<Subject> {
-        let problem = self.problem.with(experiment, self.problem.specification.clone(), &self.library)?;
+        let problem = self.problem.with_experiment(experiment, self.problem.specification.clone(), &self.library)?;
         Subject::with_compliance(&problem, &self.library, self.compliance.clone())
     }
 
@@ -145,8 +145,8 @@ impl Bench {
     ///
     /// # Errors
     /// [`Error::Input`] if an effect does not exist, or if the requested signal is out of reach.
-    pub fn draw(&self, order: &Order, stream: &mut RandomStream) -> Result<Truth> {
-        if let Hidden::Outside(kind) = order.hidden
+    pub fn draw(&self, order: &TruthRequest, stream: &mut RandomStream) -> Result<Truth> {
+        if let HiddenThing::Outside(kind) = order.hidden
             && !kind.suits(order.protocol)
         {
             return Err(unsuited(kind));
@@ -170,7 +170,7 @@ impl Bench {
     ///
     /// # Errors
     /// [`Error::Numerical`] if the model fails for the truth.
-    pub fn compared(&self, truth: &Truth) -> Result<Truth> {
+    pub fn complete_ideal_class(&self, truth: &Truth) -> Result<Truth> {
         let mut whole = Truth { not_compared: Vec::new(), ..truth.clone() };
         let is_late = |effect: &&&'static dyn Effect| truth.not_compared.iter().any(|slug| slug == effect.slug());
         let late: Vec<_> = self.served.iter().filter(is_late).copied().collect();
@@ -199,12 +199,12 @@ impl Bench {
     }
 
     /// Sorts the effects in the library's order, which is the order of a model's parameters.
-    fn in_order_of_application(&self, order: &Order) -> Result<Order> {
-        let Hidden::Effects(slugs) = &order.hidden else { return Ok(order.clone()) };
+    fn in_order_of_application(&self, order: &TruthRequest) -> Result<TruthRequest> {
+        let HiddenThing::Effects(slugs) = &order.hidden else { return Ok(order.clone()) };
         refuse_unknown(&self.library, slugs)?;
         let known = self.library.effects().iter().map(|effect| effect.slug());
         let sorted: Vec<String> = known.filter(|slug| slugs.iter().any(|s| s == slug)).map(String::from).collect();
-        Ok(Order { hidden: Hidden::Effects(sorted), ..order.clone() })
+        Ok(TruthRequest { hidden: HiddenThing::Effects(sorted), ..order.clone() })
     }
 
     /// Draws a law from the prior with elastic displacement, retardation time and flow within factors of Table I. The motion then resembles an experiment: no
@@ -269,7 +269,7 @@ impl Bench {
         }
         let Some((subject, candidate, theta)) = drawn else { return Ok(None) };
         let shown = Shown { candidate: &candidate, theta: &theta, noise: motion.noise, position_m: &position_m };
-        let Ok(nearest) = closest(&subject, &subject.base(), &shown) else { return Ok(None) };
+        let Ok(nearest) = fit_rival(&subject, &subject.base(), &shown) else { return Ok(None) };
         let values = candidate.parameters(&theta);
         let of_effect = candidate.free.iter().filter(|free| free.effect.is_some());
         let parameters =
@@ -277,14 +277,14 @@ impl Bench {
         Ok(Some(FromPriors { law, parameters, signal_sigma: nearest.distance, position_m }))
     }
 
-    fn with_hidden(&self, order: &Order, motion: &Motion, stream: &mut RandomStream) -> Result<Option<Truth>> {
+    fn with_hidden(&self, order: &TruthRequest, motion: &Motion, stream: &mut RandomStream) -> Result<Option<Truth>> {
         let mut law = [0.0; 3];
         law.copy_from_slice(&motion.base.parameters(&motion.theta)[..3]);
         let mut truth = Truth::of_nothing(order.protocol, order.noise, law);
         match &order.hidden {
-            Hidden::Nothing => {}
-            Hidden::Apparatus(error) => truth.apparatus = Some(*error),
-            Hidden::Effects(slugs) if slugs.iter().any(|slug| self.is_large(slug)) => {
+            HiddenThing::Nothing => {}
+            HiddenThing::Apparatus(error) => truth.apparatus = Some(*error),
+            HiddenThing::Effects(slugs) if slugs.iter().any(|slug| self.is_large(slug)) => {
                 let [slug] = &slugs[..] else { return Err(not_beside()) };
                 let effect = |signal_sigma: f64| HiddenEffect {
                     slug: slug.clone(),
@@ -294,20 +294,20 @@ impl Bench {
                 let (large, _, sigma) = self.with_large(order, motion, law, 0.0)?;
                 return Ok(Some(Truth { effects: vec![effect(sigma)], ..large }));
             }
-            Hidden::Effects(slugs) => {
+            HiddenThing::Effects(slugs) => {
                 let Some((effects, class)) = motion.with_effects(slugs, order.strength, &self.served, stream)? else {
                     return Ok(None);
                 };
                 truth.ideal_class = class;
                 truth.effects = effects;
             }
-            Hidden::Outside(kind @ OutsideKind::LargeDisplacement) => {
+            HiddenThing::Outside(kind @ DisturbanceKind::LargeDisplacement) => {
                 let mobility = large::mobility(stream.unit());
                 let (large, size, sigma) = self.with_large(order, motion, law, mobility)?;
                 let outside = Some(Disturbance { kind: *kind, size, shape: vec![mobility] });
                 return Ok(Some(Truth { outside, outside_sigma: Some(sigma), ..large }));
             }
-            Hidden::Outside(kind) => {
+            HiddenThing::Outside(kind) => {
                 let asked_sigma = order.strength.sigma_or(OUTSIDE_SIGMA);
                 let drawn = Disturbance::draw(*kind, stream);
                 let Some((disturbance, sigma)) = motion.with_outside(&drawn, asked_sigma)? else { return Ok(None) };
@@ -335,7 +335,13 @@ impl Bench {
     /// Returns a truth with large displacements, the distance in radii and the signal in σ. The drawn law is scaled so that the robot moves by 1 to 4 radii.
     /// The tried distance with the signal nearest to the requested one is taken. The law absorbs much of the deviation, so the signal need not grow with the
     /// distance.
-    fn with_large(&self, order: &Order, motion: &Motion, law: [f64; 3], mobility: f64) -> Result<(Truth, f64, f64)> {
+    fn with_large(
+        &self,
+        order: &TruthRequest,
+        motion: &Motion,
+        law: [f64; 3],
+        mobility: f64,
+    ) -> Result<(Truth, f64, f64)> {
         let asked_sigma = order.strength.sigma_or(OUTSIDE_SIGMA);
         let gel = LargeGel::new(self.apparatus(), &large::SIZING)?;
         let (farthest_m, radius_m) = (motion.farthest_m()?, large::radius_m(self.apparatus())?);
@@ -361,7 +367,7 @@ impl Bench {
 
 /// Effects that may be hidden if none is named. Left out are effects that only rescale the law in a creep test of one body, because their signal cannot be
 /// prescribed. Large displacements are left out because their surrogate is trained for each record and their signal is bounded.
-pub fn hideable(library: &Library) -> Vec<String> {
+pub fn hideable_effects(library: &Library) -> Vec<String> {
     let shows = |effect: &&&dyn Effect| match effect.field() {
         Some(field) => !field.is_learnt_for_record(),
         None => !effect.changes_field(),
@@ -378,16 +384,20 @@ pub fn draw_pair(library: &Library, slugs: &[String], stream: &mut RandomStream)
     for _ in 0..MOST_PAIRS {
         let (a, b) = stream.distinct_pair(slugs.len());
         let effects = [a, b].iter().filter_map(|k| library.get(&slugs[*k])).collect();
-        if Model::new(BaseLaw::Lethersich, effects, replica.scales(), &Place::default()).is_ok() {
+        if Model::new(BaseLaw::Lethersich, effects, replica.scales(), &InputPlace::default()).is_ok() {
             return Ok([slugs[a].clone(), slugs[b].clone()]);
         }
     }
-    Err(Error::input(Place::setting(Setting::Pair), "no two of these effects fit into one model", "give other effects"))
+    Err(Error::input(
+        InputPlace::setting(Setting::Pair),
+        "no two of these effects fit into one model",
+        "give other effects",
+    ))
 }
 
 fn not_beside() -> Error {
     Error::input(
-        Place::setting(Setting::Pair),
+        InputPlace::setting(Setting::Pair),
         "large displacements cannot be hidden together with another effect",
         format!("give only `{} large-displacement`", Setting::HiddenEffect),
     )
@@ -397,16 +407,16 @@ fn refuse_unknown(library: &Library, slugs: &[String]) -> Result<()> {
     match slugs.iter().find(|slug| library.get(slug).is_none()) {
         None => Ok(()),
         Some(unknown) => Err(Error::input(
-            Place::setting(Setting::HiddenEffect),
+            InputPlace::setting(Setting::HiddenEffect),
             format!("there is no effect `{unknown}`"),
             "give effects listed by `vitreo-uq effects`",
         )),
     }
 }
 
-fn unsuited(kind: OutsideKind) -> Error {
+fn unsuited(kind: DisturbanceKind) -> Error {
     Error::input(
-        Place::setting(Setting::Outside),
+        InputPlace::setting(Setting::Outside),
         format!(
             "`{}` is not outside the library with the paper's protocol: with one force level it equals a delay or a scale",
             kind.name()
@@ -415,10 +425,10 @@ fn unsuited(kind: OutsideKind) -> Error {
     )
 }
 
-fn out_of_reach(order: &Order) -> Error {
+fn out_of_reach(order: &TruthRequest) -> Error {
     let what = match &order.hidden {
-        Hidden::Effects(slugs) => slugs.join(" and "),
-        Hidden::Outside(kind) => kind.name().into(),
+        HiddenThing::Effects(slugs) => slugs.join(" and "),
+        HiddenThing::Outside(kind) => kind.name().into(),
         _ => "this".into(),
     };
     let (setting, strength) = match order.strength {
@@ -427,7 +437,7 @@ fn out_of_reach(order: &Order) -> Error {
         Strength::Size(size) => (Setting::Size, format!(" at a size of {size}")),
     };
     Error::input(
-        Place::setting(setting),
+        InputPlace::setting(setting),
         format!("{what} is out of reach{strength} under the {} protocol", order.protocol.name()),
         "request a smaller signal, another effect or the other protocol; `vitreo-uq effects` lists the detectable effects of an experiment",
     )

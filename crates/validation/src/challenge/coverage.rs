@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 
 use super::bench::FromPriors;
 use super::{Bench, NamedValue, NoiseKind, Protocol};
-use base::error::{Error, Place, Result, Setting};
+use base::error::{Error, InputPlace, Result, Setting};
 use criticism::evidence::{EvidenceMethod, evidence};
 use criticism::refit::Refitted;
 use criticism::{Search, Subject};
@@ -104,7 +104,7 @@ const NOISES: [NoiseKind; 3] = [NoiseKind::White, NoiseKind::Ou, NoiseKind::Gain
 pub fn count(bench: &Bench, request: &CoverageRequest, monitor: &dyn Monitor) -> Result<Coverage> {
     if request.count == 0 || request.effects.is_empty() {
         return Err(Error::input(
-            Place::setting(Setting::Count),
+            InputPlace::setting(Setting::Count),
             "there is nothing to count",
             "give a positive number and an effect",
         ));
@@ -119,14 +119,14 @@ pub fn count(bench: &Bench, request: &CoverageRequest, monitor: &dyn Monitor) ->
     let intervals: Vec<Interval> =
         (request.first..request.first + request.count).into_par_iter().map(one).collect::<Result<_>>()?;
     let of_effect = |slug: &String| {
-        let own: Vec<&Interval> = intervals.iter().filter(|interval| &interval.effect == slug).collect();
-        let counted: Vec<&&Interval> = own.iter().filter(|interval| interval.is_covered.is_some()).collect();
+        let entry: Vec<&Interval> = intervals.iter().filter(|interval| &interval.effect == slug).collect();
+        let counted: Vec<&&Interval> = entry.iter().filter(|interval| interval.is_covered.is_some()).collect();
         EffectCoverage {
             effect: slug.clone(),
             counted: counted.len(),
             covered: counted.iter().filter(|interval| interval.is_covered == Some(true)).count(),
             with_several_answers: counted.iter().filter(|interval| interval.n_answers > 1).count(),
-            failed: own.len() - counted.len(),
+            failed: entry.len() - counted.len(),
         }
     };
     let effects: Vec<EffectCoverage> = request.effects.iter().map(of_effect).collect();
@@ -170,7 +170,7 @@ fn interval(bench: &Bench, request: &CoverageRequest, number: usize) -> Result<I
                 made.interval = Some([parameter.q05, parameter.q95]);
                 made.is_covered = Some((parameter.q05..=parameter.q95).contains(&first.value));
             }
-            made.n_answers = found.answers.len().max(1);
+            made.n_answers = found.modes.len().max(1);
             made.pareto_k = found.pareto_k;
             let name = match found.method {
                 EvidenceMethod::ImportanceSampling => "importance sampling",
@@ -197,7 +197,7 @@ fn drawn(
         }
     }
     Err(Error::input(
-        Place::setting(Setting::HiddenEffect),
+        InputPlace::setting(Setting::HiddenEffect),
         format!("none of {MOST_DRAWS} draws of {slug} reaches a signal of {least_sigma} standard deviations"),
         "give another effect",
     ))

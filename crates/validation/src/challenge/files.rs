@@ -8,8 +8,8 @@ use serde::{Deserialize, Serialize};
 use super::full_order::trajectories_m;
 use super::protocol::WHITE_M;
 use super::seal::{SALT_BYTES, Sealed, open, seal};
-use super::{Bench, Noise, Order, Truth};
-use base::error::{Error, Place, Result, Setting};
+use super::{Bench, Noise, Truth, TruthRequest};
+use base::error::{Error, InputPlace, Result, Setting};
 use base::files::{self, Content, TemporaryDirectory, write_atomically, write_json_atomically};
 use posterior::monitor::Monitor;
 use posterior::study::sha256_hex;
@@ -25,7 +25,7 @@ const COMMENT: &str = "# Sealed answer, SHA-256: ";
 
 /// Content of the seal.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Answer {
+pub struct SealedAnswer {
     /// Truth behind the data.
     pub truth: Truth,
     /// SHA-256 of `trajectory.csv`. It binds the answer to these data.
@@ -35,7 +35,7 @@ pub struct Answer {
     pub noise_free_um: Vec<f64>,
 }
 
-impl Answer {
+impl SealedAnswer {
     /// Noise of the data in a CSV; `None` if the seal lacks the noise-free positions.
     fn noise(&self, csv: &str) -> Option<Noise> {
         let measured_um = csv.lines().skip(1).map(|line| line.split(',').nth(2)?.parse::<f64>().ok());
@@ -51,9 +51,9 @@ impl Answer {
 
 /// An opened challenge.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Opened {
+pub struct OpenedChallenge {
     /// The sealed answer.
-    pub answer: Answer,
+    pub answer: SealedAnswer,
     /// Noise of the data; `None` if the seal lacks the noise-free positions.
     pub noise: Option<Noise>,
     /// The committed hash.
@@ -62,11 +62,11 @@ pub struct Opened {
 
 /// A challenge to create.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Case {
+pub struct ChallengeCase {
     /// Directory that does not exist or is empty.
     pub dir: PathBuf,
     /// Specification of the truth.
-    pub order: Order,
+    pub order: TruthRequest,
     /// Seed of all random numbers. Equal orders and seeds give equal files, independent of other challenges.
     pub seed: u64,
 }
@@ -76,10 +76,10 @@ pub struct Case {
 ///
 /// # Errors
 /// [`Error::Input`] if a directory is in use or an order cannot be met; [`Error::File`] if a directory cannot be written.
-pub fn make(cases: &[Case], bench: &Bench, monitor: &dyn Monitor) -> Result<Vec<String>> {
+pub fn make(cases: &[ChallengeCase], bench: &Bench, monitor: &dyn Monitor) -> Result<Vec<String>> {
     cases.iter().try_for_each(|case| check_place(&case.dir))?;
     monitor.stage("drawing the hidden effects and setting their signals");
-    let draw = |case: &Case| bench.draw(&case.order, &mut RandomStream::new(case.seed, 0));
+    let draw = |case: &ChallengeCase| bench.draw(&case.order, &mut RandomStream::new(case.seed, 0));
     let truths: Vec<Truth> = cases.par_iter().map(draw).collect::<Result<_>>()?;
     let trajectories_m = trajectories_m(bench, &truths, None, monitor)?;
     let made = cases.iter().zip(truths).zip(trajectories_m);
@@ -87,7 +87,7 @@ pub fn make(cases: &[Case], bench: &Bench, monitor: &dyn Monitor) -> Result<Vec<
 }
 
 /// Creates one challenge from noise-free positions `position_m`.
-fn make_one(case: &Case, bench: &Bench, truth: Truth, position_m: &[f64]) -> Result<String> {
+fn make_one(case: &ChallengeCase, bench: &Bench, truth: Truth, position_m: &[f64]) -> Result<String> {
     let record = truth.protocol.record();
     let noise = truth.noise.draw(&record, position_m, &mut RandomStream::new(case.seed, 1));
     let csv = trajectory_csv(&record, &noise.measured_m(position_m));
@@ -97,7 +97,7 @@ fn make_one(case: &Case, bench: &Bench, truth: Truth, position_m: &[f64]) -> Res
     let mut salt = [0; SALT_BYTES];
     let mut stream = RandomStream::new(case.seed, 2);
     salt.chunks_mut(4).for_each(|part| part.copy_from_slice(&stream.word().to_le_bytes()));
-    let answer = Answer { truth, trajectory_sha256: sha256_hex(csv.as_bytes()), noise_free_um };
+    let answer = SealedAnswer { truth, trajectory_sha256: sha256_hex(csv.as_bytes()), noise_free_um };
     let bytes = serde_json::to_vec(&answer).map_err(|error| {
         Error::numerical(format!("the answer cannot be written as JSON: {error}"), "report the command that you ran")
     })?;
@@ -137,7 +137,7 @@ pub fn check_place(dir: &Path) -> Result<()> {
         return Ok(());
     }
     Err(Error::input(
-        Place::setting(Setting::Out),
+        InputPlace::setting(Setting::Out),
         format!("{} is not an empty directory", dir.display()),
         "give a directory that does not exist; a challenge never replaces files",
     ))
@@ -147,17 +147,17 @@ pub fn check_place(dir: &Path) -> Result<()> {
 ///
 /// # Errors
 /// [`Error::Input`] with the file that does not match; [`Error::File`] if a file cannot be read.
-pub fn reveal(dir: &Path) -> Result<Opened> {
-    files::enclose(dir, "a challenge");
+pub fn open_challenge(dir: &Path) -> Result<OpenedChallenge> {
+    files::forbid_links(dir, "a challenge");
     let text = |name: &str| {
         let (path, remedy) = (dir.join(name), "give the directory created by `vitreo-uq challenge new`");
         let content = if name.ends_with(".csv") { Content::Table } else { Content::Document };
         let bytes = files::read(&path, content, remedy)?;
-        String::from_utf8(bytes).map_err(|_| Error::input(Place::file(path), "the file is not UTF-8 text", remedy))
+        String::from_utf8(bytes).map_err(|_| Error::input(InputPlace::file(path), "the file is not UTF-8 text", remedy))
     };
     let refuse = |name: &str, found: &str| {
         Err(Error::input(
-            Place::file(dir.join(name)),
+            InputPlace::file(dir.join(name)),
             found,
             "restore the directory as created by `vitreo-uq challenge new`; a changed challenge proves nothing",
         ))
@@ -172,14 +172,14 @@ pub fn reveal(dir: &Path) -> Result<Opened> {
     if !text("experiment.toml")?.lines().any(|line| line.strip_prefix(COMMENT) == Some(commitment.as_str())) {
         return refuse("experiment.toml", "its comment does not contain the hash in commitment.sha256");
     }
-    let Some(answer) = open(&sealed).and_then(|bytes| serde_json::from_slice::<Answer>(&bytes).ok()) else {
+    let Some(answer) = open(&sealed).and_then(|bytes| serde_json::from_slice::<SealedAnswer>(&bytes).ok()) else {
         return refuse(SEALED_FILE, "the opened answer does not match its committed hash");
     };
     let csv = text("trajectory.csv")?;
     if sha256_hex(csv.as_bytes()) != answer.trajectory_sha256 {
         return refuse("trajectory.csv", "the data do not match the hash in the answer");
     }
-    Ok(Opened { noise: answer.noise(&csv), answer, commitment_sha256: commitment })
+    Ok(OpenedChallenge { noise: answer.noise(&csv), answer, commitment_sha256: commitment })
 }
 
 /// Specimen identifier of the challenge with this hash.
@@ -243,7 +243,7 @@ mod tests {
         measured_m[7] = None;
         let csv = trajectory_csv(&Protocol::Paper.record(), &measured_m);
         let (trajectory_sha256, noise_free_um) = (sha256_hex(csv.as_bytes()), vec![0.25; 800]);
-        let answer = Answer { truth, trajectory_sha256, noise_free_um };
+        let answer = SealedAnswer { truth, trajectory_sha256, noise_free_um };
         let sealed = seal(salt, &serde_json::to_vec(&answer).expect("JSON"));
         let toml =
             experiment_toml(&Apparatus::Instrument { compliance_per_m: 1.0 }, &sealed.commitment_sha256, Some(4.0));
@@ -262,12 +262,12 @@ mod tests {
     #[test]
     fn an_older_answer_opens_without_its_noise() {
         let truth = Truth::of_nothing(Protocol::Paper, NoiseKind::White, [1.0, 2.0, 3.0]);
-        let answer = Answer { truth, trajectory_sha256: String::new(), noise_free_um: vec![1.0; 800] };
+        let answer = SealedAnswer { truth, trajectory_sha256: String::new(), noise_free_um: vec![1.0; 800] };
         let mut json = serde_json::to_value(&answer).expect("JSON");
         json.as_object_mut().expect("an object").remove("noise_free_um");
         json["truth"].as_object_mut().expect("an object").remove("is_noise_given");
         let csv = trajectory_csv(&Protocol::Paper.record(), &vec![Some(0.0); 800]);
-        let older: Answer = serde_json::from_value(json).expect("an answer");
+        let older: SealedAnswer = serde_json::from_value(json).expect("an answer");
         assert!(older.truth.is_noise_given && older.noise(&csv).is_none());
     }
 
@@ -287,7 +287,7 @@ mod tests {
         let (salt, law) = ([3; SALT_BYTES], [1.0, 2.0, 3.0]);
         let other = written(dir, &[4; SALT_BYTES], [9.0, 2.0, 3.0]);
         let sealed = written(dir, &salt, law);
-        let opened = reveal(dir).expect("whole");
+        let opened = open_challenge(dir).expect("whole");
         assert_eq!(opened.commitment_sha256, sealed.commitment_sha256);
         // 1 µm was measured, the true position is 0.25 µm, and one position was lost.
         let noise = opened.noise.expect("sealed");
@@ -305,13 +305,13 @@ mod tests {
         ] {
             written(dir, &salt, law);
             std::fs::write(dir.join(name), text).expect("writable");
-            let refusal = reveal(dir).expect_err("changed").to_string();
+            let refusal = open_challenge(dir).expect_err("changed").to_string();
             assert!(refusal.contains(name), "{name}: {refusal}");
         }
         // A hash that was replaced together with its answer still differs from the experiment's comment.
         written(dir, &salt, law);
         std::fs::write(dir.join(COMMITMENT_FILE), &other.commitment_sha256).expect("writable");
         std::fs::write(dir.join(SEALED_FILE), json(&other)).expect("writable");
-        assert!(reveal(dir).expect_err("changed").to_string().contains("experiment.toml"));
+        assert!(open_challenge(dir).expect_err("changed").to_string().contains("experiment.toml"));
     }
 }

@@ -10,13 +10,13 @@ use super::{ApparatusError, Bench, Truth};
 use base::error::{Error, Result, Setting};
 use base::files::{Content, read_if_there, write_atomically};
 use base::number::Dual;
-use elements::fe::spatial::{Sizes, SpatialJob, Surroundings};
+use elements::fe::spatial::{GelAndRobot, PhysicalProperties, SpatialInput};
 use elements::fe::stepping::Resolution;
 use elements::fe::time::FullOrderModel;
 use elements::fe::{Stiffness, transient};
 use elements::mesh::Mesh;
 use laws::stages::Spatial;
-use models::model::{Forward, FullForward};
+use models::model::{Forward, FullOrderForward};
 use posterior::mechanics::{MODEL_LEVEL, robot_mesh, sizes_of};
 use posterior::monitor::Monitor;
 use posterior::study::{ModelSpecification, sha256_hex};
@@ -62,10 +62,10 @@ pub fn trajectories_m(
     }
     if !needed.is_empty() {
         monitor.stage(&format!("computing {} trajectories with full finite elements", needed.len()));
-        let workshop = Workshop::new(bench, DATA_LEVEL)?;
+        let workshop = DataSolver::new(bench, DATA_LEVEL)?;
         let full = FullOrderModel::new(&workshop.stiffness, workshop.poisson_ratio)?;
         let is_any_nonlinear = needed.values().any(|truth| is_nonlinear(bench, truth));
-        let for_nonlinear = is_any_nonlinear.then(|| Workshop::new(bench, NONLINEAR_DATA_LEVEL)).transpose()?;
+        let for_nonlinear = is_any_nonlinear.then(|| DataSolver::new(bench, NONLINEAR_DATA_LEVEL)).transpose()?;
         let places = off_centre(bench, needed.values())?;
         let models: Vec<(ApparatusError, FullOrderModel<'_>)> = places
             .par_iter()
@@ -76,8 +76,8 @@ pub fn trajectories_m(
                 let gel = LargeGel::new(bench.apparatus(), &large::DATA)?;
                 return gel.position_m(truth.law, mobility, &truth.protocol.record());
             }
-            let own = models.iter().find(|(error, _)| truth.apparatus == Some(*error));
-            let full = own.map_or(&full, |(_, model)| model);
+            let pair = models.iter().find(|(error, _)| truth.apparatus == Some(*error));
+            let full = pair.map_or(&full, |(_, model)| model);
             let workshop = for_nonlinear.as_ref().filter(|_| is_nonlinear(bench, truth)).unwrap_or(&workshop);
             workshop.trajectory_m(bench, full, truth)
         };
@@ -143,15 +143,15 @@ fn read(path: &Path, n_rows: usize) -> Option<Vec<f64>> {
 }
 
 /// Finer finite elements for the data.
-struct Workshop {
+struct DataSolver {
     mesh: Mesh,
     stiffness: Stiffness,
     poisson_ratio: f64,
-    sizes: Sizes,
+    sizes: PhysicalProperties,
     resolution: Resolution,
 }
 
-impl Workshop {
+impl DataSolver {
     fn new(bench: &Bench, level: usize) -> Result<Self> {
         let (robot, vitreous) = robot_of(bench.apparatus())?;
         let mesh = robot_mesh(robot, vitreous, level)?;
@@ -179,11 +179,11 @@ impl Workshop {
         let force = Force { at_rows_n: &force_n, rule: record.force_rule };
         let Self { mesh, stiffness, sizes, .. } = self;
         let poisson_ratio = wrong_ratio.unwrap_or(self.poisson_ratio);
-        let surroundings = Surroundings { mesh, stiffness, poisson_ratio, sizes: *sizes };
+        let surroundings = GelAndRobot { mesh, stiffness, poisson_ratio, sizes: *sizes };
         let in_half_meridian = match (&stages.spatial, model.field()) {
             (Some(Spatial::Linear(linear)), Some((_, field))) => {
                 let (time_s, resolution) = (&record.time_s, transient::Resolution::default());
-                let job = SpatialJob { stages: &stages, time_s, force, rows: &[], resolution };
+                let job = SpatialInput { stages: &stages, time_s, force, rows: &[], resolution };
                 field.run_in_half_meridian(&surroundings, linear, &job)?
             }
             _ => None,
@@ -192,7 +192,7 @@ impl Workshop {
             position_m
         } else if stages.spatial.is_some() {
             let values: Vec<f64> = values.iter().map(|value| value.value).collect();
-            FullForward::new(&model, stiffness, poisson_ratio, &record.time_s, force)?
+            FullOrderForward::new(&model, stiffness, poisson_ratio, &record.time_s, force)?
                 .in_surroundings(surroundings)
                 .trajectory_m(&values)?
         } else {

@@ -4,11 +4,11 @@
 //! The robot's motion is the linear full-order model's plus the fluid's deviation from it. One factor scales all three parameters of the drawn law, so its
 //! times stay unchanged.
 
-use super::{Disturbance, OutsideKind, Truth};
+use super::{Disturbance, DisturbanceKind, Truth};
 use base::error::{Error, Result};
 use base::number::Dual;
 use elements::fe::Stiffness;
-use elements::fe::oldroyd::{Fineness, FiniteGel, FiniteLaw, FiniteRun};
+use elements::fe::oldroyd::{Discretisation, FiniteGel, FiniteInput, FiniteLaw};
 use elements::fe::stepping::Resolution;
 use elements::fe::time::FullOrderModel;
 use laws::rheology::BaseLaw;
@@ -25,14 +25,14 @@ const MOBILITIES: [f64; 2] = [0.005, 0.05];
 pub(super) struct Cut {
     /// Level of the linear model's mesh.
     level: usize,
-    fineness: Fineness,
+    fineness: Discretisation,
 }
 
 /// Resolution for sizing signals.
-pub(super) const SIZING: Cut = Cut { level: 1, fineness: Fineness::ESTIMATE };
+pub(super) const SIZING: Cut = Cut { level: 1, fineness: Discretisation::ESTIMATE };
 /// Resolution for data, finer than that of the training.
 pub(super) const DATA: Cut =
-    Cut { level: 2, fineness: Fineness { order: 6, n_angles: 6, layer_ratio: 2.0, steps_per_doubling: 6 } };
+    Cut { level: 2, fineness: Discretisation { order: 6, n_angles: 6, layer_ratio: 2.0, steps_per_doubling: 6 } };
 
 /// True if an effect is that of large displacements.
 pub(super) fn is_large(effect: &dyn Effect) -> bool {
@@ -42,7 +42,7 @@ pub(super) fn is_large(effect: &dyn Effect) -> bool {
 /// Mobility of a truth's gel with large displacements, 0 for Oldroyd-B; `None` without large displacements.
 pub(super) fn mobility_of(truth: &Truth, is_large: impl Fn(&str) -> bool) -> Option<f64> {
     match &truth.outside {
-        Some(Disturbance { kind: OutsideKind::LargeDisplacement, shape, .. }) => shape.first().copied(),
+        Some(Disturbance { kind: DisturbanceKind::LargeDisplacement, shape, .. }) => shape.first().copied(),
         _ => truth.effects.iter().any(|effect| is_large(&effect.slug)).then_some(0.0),
     }
 }
@@ -75,7 +75,7 @@ impl LargeGel {
         let linear_m = linear.step(&stages, time_s, force, Resolution::default())?.position_m;
         let law = FiniteLaw::new(&stages.law, mobility)
             .ok_or_else(|| Error::numerical("the base law has a springpot", "reinstall the program"))?;
-        let found = self.gel.run(&FiniteRun { law: &law, load: &stages.load, time_s, force })?;
+        let found = self.gel.run(&FiniteInput { law: &law, load: &stages.load, time_s, force })?;
         Ok(linear_m.iter().zip(&found.deviation_m).map(|(x, deviation)| x + deviation).collect())
     }
 }

@@ -21,9 +21,9 @@ mod strength;
 pub mod tally;
 mod truth;
 
-pub use bench::{Bench, Order, draw_pair, hideable};
+pub use bench::{Bench, TruthRequest, draw_pair, hideable_effects};
 pub use noise::{Noise, NoiseKind};
-pub use outside::{Disturbance, OutsideKind};
+pub use outside::{Disturbance, DisturbanceKind};
 pub use protocol::Protocol;
 pub use strength::Strength;
-pub use truth::{ApparatusError, Hidden, HiddenEffect, NamedValue, Truth};
+pub use truth::{ApparatusError, HiddenEffect, HiddenThing, NamedValue, Truth};

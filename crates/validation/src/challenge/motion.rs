@@ -4,7 +4,7 @@ use super::strength::{Strength, scaled_to};
 use super::{Disturbance, HiddenEffect, NamedValue, Truth};
 use base::error::Result;
 use criticism::NoiseValues;
-use criticism::separation::{SEPARATED_SIGMA, Truth as Shown, closest};
+use criticism::separation::{RivalTruth as Shown, SEPARATED_SIGMA, fit_rival};
 use criticism::{Candidate, Subject};
 use models::effects::Effect;
 use record::Record;
@@ -39,7 +39,7 @@ impl Motion {
 
     /// Distance in σ between the positions and the best fit of a candidate; `None` if its model fails.
     pub fn distance_sigma(&self, shown: &Shown, candidate: &Candidate) -> Option<f64> {
-        closest(&self.subject, candidate, shown).ok().map(|closest| closest.distance)
+        fit_rival(&self.subject, candidate, shown).ok().map(|closest| closest.distance)
     }
 
     /// Returns effects of the requested strength and the effects that are equivalent to them. Each signal is measured with the other effects in the model.
@@ -147,7 +147,8 @@ impl Motion {
         let mut experiment = self.subject.experiment().clone();
         experiment.record.force_n = disturbance.force_n(record);
         let problem = self.subject.problem();
-        let acting = problem.with(experiment, self.subject.specification().clone(), self.subject.library())?;
+        let acting =
+            problem.with_experiment(experiment, self.subject.specification().clone(), self.subject.library())?;
         let acting = Subject::with_compliance(&acting, self.subject.library(), self.subject.compliance().clone())?;
         let position_m = acting.trajectory_m(&acting.base(), &self.theta)?;
         Ok(disturbance.recorded_m(record, &position_m))

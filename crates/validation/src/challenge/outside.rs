@@ -12,7 +12,7 @@ use sampling::ensemble::RandomStream;
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 #[serde(rename_all = "kebab-case")]
-pub enum OutsideKind {
+pub enum DisturbanceKind {
     /// A vibration of the camera at its own frequency.
     Vibration,
     /// A vibration whose frequency is a multiple of the cycle's.
@@ -37,7 +37,7 @@ pub enum OutsideKind {
     LargeDisplacement,
 }
 
-impl OutsideKind {
+impl DisturbanceKind {
     /// Kinds that may be drawn at random. Data with large displacements take a minute, so they are only made on request.
     pub const DRAWN: [Self; 10] = [
         Self::Vibration,
@@ -99,7 +99,7 @@ impl OutsideKind {
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct Disturbance {
     /// Kind of the disturbance.
-    pub kind: OutsideKind,
+    pub kind: DisturbanceKind,
     /// Size of the disturbance: in m if it adds to the position, otherwise a fraction. For large displacements: farthest position in a linear gel, in robot
     /// radii.
     pub size: f64,
@@ -109,7 +109,7 @@ pub struct Disturbance {
 
 impl Disturbance {
     /// Draws a disturbance with random moments, frequencies, phases and sign, and a surely detectable size.
-    pub fn draw(kind: OutsideKind, stream: &mut RandomStream) -> Self {
+    pub fn draw(kind: DisturbanceKind, stream: &mut RandomStream) -> Self {
         let sign = if stream.unit() < 0.5 && kind.has_two_signs() { -1.0 } else { 1.0 };
         Self { kind, size: sign * kind.first_size(), shape: (0..4).map(|_| stream.unit()).collect() }
     }
@@ -131,7 +131,7 @@ impl Disturbance {
 
     /// The acting force, in N.
     pub fn force_n(&self, record: &Record) -> Vec<f64> {
-        if self.kind != OutsideKind::ForceLevel {
+        if self.kind != DisturbanceKind::ForceLevel {
             return record.force_n.clone();
         }
         let largest_n = record.force_n.iter().fold(f64::MIN_POSITIVE, |a, force| a.max(force.abs()));
@@ -145,28 +145,28 @@ impl Disturbance {
             record.time_s.iter().zip(position_m).map(|(time_s, position)| of(*time_s, *position)).collect()
         };
         match self.kind {
-            OutsideKind::Vibration => {
+            DisturbanceKind::Vibration => {
                 let frequency_hz = 0.6 * (4.0_f64 / 0.6).powf(self.shape(0));
                 each(&|t, x| x + size * (TAU * (frequency_hz * t + self.shape(1))).sin())
             }
-            OutsideKind::CycleVibration => {
+            DisturbanceKind::CycleVibration => {
                 let cycle_s = cycle_s(record);
                 let order = (6.0 + 20.0 * self.shape(0)).floor();
                 each(&|t, x| x + size * (TAU * (order * t / cycle_s + self.shape(1))).sin())
             }
-            OutsideKind::Slip => {
+            DisturbanceKind::Slip => {
                 let moment_s = self.moment_s(record, [0.1, 0.62]);
                 each(&|t, x| if t >= moment_s { x + size } else { x })
             }
-            OutsideKind::GainJump => {
+            DisturbanceKind::GainJump => {
                 let moment_s = self.moment_s(record, [0.2, 0.55]);
                 each(&|t, x| if t >= moment_s { x * (1.0 + size) } else { x })
             }
-            OutsideKind::Bump => {
+            DisturbanceKind::Bump => {
                 let (moment_s, width_s) = (self.moment_s(record, [0.1, 0.65]), 0.3 + 0.7 * self.shape(1));
                 each(&|t, x| x + size * (-0.5 * ((t - moment_s) / width_s).powi(2)).exp())
             }
-            OutsideKind::Wander => {
+            DisturbanceKind::Wander => {
                 let last_s = record.time_s.last().copied().unwrap_or(1.0);
                 let wave = |turns: f64, phase: f64, t: f64| (TAU * (turns * t / last_s + phase)).sin();
                 each(&|t, x| {
@@ -175,15 +175,15 @@ impl Disturbance {
                     x + 0.5 * size * waves.sum::<f64>()
                 })
             }
-            OutsideKind::CubicScale => {
+            DisturbanceKind::CubicScale => {
                 let largest_m = position_m.iter().fold(f64::MIN_POSITIVE, |a, x| a.max(x.abs()));
                 each(&|_, x| x * (1.0 + size * (x / largest_m).powi(2)))
             }
-            OutsideKind::PixelLocking => {
+            DisturbanceKind::PixelLocking => {
                 let pitch_m = 60e-6 + 140e-6 * self.shape(0);
                 each(&|_, x| x - 2.0 * size * (x / pitch_m - (x / pitch_m).round()))
             }
-            OutsideKind::Backlash => {
+            DisturbanceKind::Backlash => {
                 let mut followed_m = 0.0_f64;
                 let follow = |x: &f64| {
                     followed_m = followed_m.clamp(x - size, x + size);
@@ -192,7 +192,7 @@ impl Disturbance {
                 position_m.iter().map(follow).collect()
             }
             // The changed physics is already part of the true position.
-            OutsideKind::ForceLevel | OutsideKind::LargeDisplacement => position_m.to_vec(),
+            DisturbanceKind::ForceLevel | DisturbanceKind::LargeDisplacement => position_m.to_vec(),
         }
     }
 }
@@ -215,7 +215,7 @@ mod tests {
     #[test]
     fn nothing_of_it_is_nothing() {
         let (record, position_m) = ramp();
-        for kind in OutsideKind::DRAWN {
+        for kind in DisturbanceKind::DRAWN {
             let none = Disturbance::draw(kind, &mut RandomStream::new(1, 0)).sized(0.0);
             assert_eq!(none.recorded_m(&record, &position_m), position_m, "{kind:?}");
             assert_eq!(none.force_n(&record), record.force_n, "{kind:?}");
@@ -225,7 +225,7 @@ mod tests {
     #[test]
     fn every_kind_changes_the_fitted_cycles() {
         let (record, position_m) = ramp();
-        for kind in OutsideKind::DRAWN {
+        for kind in DisturbanceKind::DRAWN {
             for stream in 0..20 {
                 let made = Disturbance::draw(kind, &mut RandomStream::new(1, stream));
                 let moved =
@@ -240,7 +240,7 @@ mod tests {
     fn backlash_follows_half_a_width_behind() {
         let record = Protocol::Levels.record();
         let position_m: Vec<f64> = record.time_s.iter().map(|t| 1e-5 * t).collect();
-        let made = Disturbance { kind: OutsideKind::Backlash, size: 2e-5, shape: Vec::new() };
+        let made = Disturbance { kind: DisturbanceKind::Backlash, size: 2e-5, shape: Vec::new() };
         let recorded_m = made.recorded_m(&record, &position_m);
         assert_eq!(recorded_m[20], 0.0);
         assert!((position_m[400] - recorded_m[400] - 2e-5).abs() < 1e-18);
@@ -249,7 +249,7 @@ mod tests {
     #[test]
     fn the_largest_force_is_its_command() {
         let (record, _) = ramp();
-        let made = Disturbance { kind: OutsideKind::ForceLevel, size: 0.1, shape: Vec::new() };
+        let made = Disturbance { kind: DisturbanceKind::ForceLevel, size: 0.1, shape: Vec::new() };
         let force_n = made.force_n(&record);
         assert_eq!(force_n[0], record.force_n[0]);
         let row = record.force_n.iter().position(|force| *force < 0.0).unwrap();

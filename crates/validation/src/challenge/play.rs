@@ -8,7 +8,7 @@ use super::Truth;
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 #[serde(rename_all = "lowercase")]
-pub enum Sort {
+pub enum HiddenKind {
     /// Nothing is hidden.
     None,
     /// One effect of the library.
@@ -21,7 +21,7 @@ pub enum Sort {
     Apparatus,
 }
 
-impl Sort {
+impl HiddenKind {
     /// Sort of a truth.
     pub fn of(truth: &Truth) -> Self {
         match (&truth.outside, truth.apparatus, truth.effects.len()) {
@@ -52,7 +52,7 @@ pub struct Play {
     /// Number of the play, from 0.
     pub number: usize,
     /// Sort of the hidden thing.
-    pub sort: Sort,
+    pub sort: HiddenKind,
     /// Truth behind the data.
     pub truth: Truth,
     /// Verdict of a right diagnosis.
@@ -109,12 +109,12 @@ impl Play {
     /// True if the diagnosis was right: the hidden effects are in the class, `none` if nothing is hidden, `unexplained` for physics outside the library.
     pub fn is_right(&self) -> bool {
         match self.sort {
-            Sort::None | Sort::Apparatus => self.said == "none",
+            HiddenKind::None | HiddenKind::Apparatus => self.said == "none",
             // An equivalent effect of the library may be claimed instead.
-            Sort::Outside => {
+            HiddenKind::Outside => {
                 self.said == "unexplained" || self.class.iter().any(|slug| self.truth.ideal_class.contains(slug))
             }
-            Sort::Single | Sort::Pair => self.is_in_class(),
+            HiddenKind::Single | HiddenKind::Pair => self.is_in_class(),
         }
     }
 

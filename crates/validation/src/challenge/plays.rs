@@ -8,19 +8,22 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use super::full_order::trajectories_m;
-use super::play::{NamedSize, Play, Sort};
+use super::play::{HiddenKind, NamedSize, Play};
 use super::tally::{Tally, tally};
 use super::truth::joined;
-use super::{ApparatusError, Bench, Hidden, Noise, NoiseKind, Order, OutsideKind, Protocol, Strength, Truth, hideable};
-use base::error::{Error, Place, Result, Setting};
+use super::{
+    ApparatusError, Bench, DisturbanceKind, HiddenThing, Noise, NoiseKind, Protocol, Strength, Truth, TruthRequest,
+    hideable_effects,
+};
+use base::error::{Error, InputPlace, Result, Setting};
 use criticism::Subject;
 use criticism::diagnose::{DiagnosisRequest, diagnose};
 use documents::diagnosis::{Diagnosis, VerdictKind};
 use models::effects::Library;
-use posterior::check::refuse_certain;
-use posterior::monitor::{Monitor, Silent};
+use posterior::check::refuse_contradictions;
+use posterior::monitor::{Monitor, SilentMonitor};
 use posterior::study::{Provenance, WithProvenance};
-use record::Understood;
+use record::Interpretation;
 use sampling::ensemble::RandomStream;
 
 /// Function that diagnoses a subject with a seed.
@@ -30,9 +33,9 @@ pub type Diagnose<'a> = dyn Fn(&Subject, u64) -> Result<Diagnosis> + Sync + 'a;
 ///
 /// # Errors
 /// As [`diagnose`].
-pub fn in_brief(subject: &Subject, seed: u64) -> Result<Diagnosis> {
+pub fn diagnose_briefly(subject: &Subject, seed: u64) -> Result<Diagnosis> {
     let request = DiagnosisRequest { seed, in_full: false, ..DiagnosisRequest::default() };
-    Ok(diagnose(subject, &request, &Silent)?.diagnosis)
+    Ok(diagnose(subject, &request, &SilentMonitor)?.diagnosis)
 }
 
 /// Request for a run of challenges.
@@ -45,7 +48,7 @@ pub struct PlaysRequest {
     /// Signals in standard deviations.
     pub signals_sigma: Vec<f64>,
     /// The only sort to play; `None` for a mixture.
-    pub only: Option<Sort>,
+    pub only: Option<HiddenKind>,
     /// The only effects to hide; empty for the whole library.
     pub effects: Vec<String>,
     /// Protocols, used in turn.
@@ -75,17 +78,17 @@ impl Default for PlaysRequest {
 }
 
 /// Sorts of ten consecutive plays of a mixture.
-const MIXTURE: [Sort; 10] = [
-    Sort::Single,
-    Sort::None,
-    Sort::Single,
-    Sort::Outside,
-    Sort::Single,
-    Sort::Pair,
-    Sort::None,
-    Sort::Single,
-    Sort::Apparatus,
-    Sort::Pair,
+const MIXTURE: [HiddenKind; 10] = [
+    HiddenKind::Single,
+    HiddenKind::None,
+    HiddenKind::Single,
+    HiddenKind::Outside,
+    HiddenKind::Single,
+    HiddenKind::Pair,
+    HiddenKind::None,
+    HiddenKind::Single,
+    HiddenKind::Apparatus,
+    HiddenKind::Pair,
 ];
 /// Random streams of the seed: truths start at 0, noise at the first constant, and the controls' laws at the second.
 const NOISE_STREAMS: u64 = 1 << 32;
@@ -133,7 +136,7 @@ pub fn run(
 ) -> Result<Plays> {
     check(bench.library(), request)?;
     monitor.stage(&format!("drawing {} truths and setting their signals", request.count));
-    let drawn: Vec<(Sort, Truth)> = (request.first..request.first + request.count)
+    let drawn: Vec<(HiddenKind, Truth)> = (request.first..request.first + request.count)
         .into_par_iter()
         .map(|number| {
             let sort = request.only.unwrap_or(MIXTURE[number % MIXTURE.len()]);
@@ -153,7 +156,7 @@ pub fn run(
             if monitor.stop().is_some_and(|stop| stop.load(Ordering::Relaxed)) {
                 return Err(Error::Interrupted { kept: "only the trajectories in the cache are kept".into() });
             }
-            let case = Case { number: request.first + number, sort, truth, position_m };
+            let case = PlayCase { number: request.first + number, sort, truth, position_m };
             let play = play(bench, request, case, diagnose)?;
             let n_done = 1 + done.fetch_add(1, Ordering::Relaxed);
             if n_done.is_multiple_of(every) {
@@ -171,7 +174,7 @@ pub fn run(
 /// [`Error::Input`] with the option and the remedy.
 pub fn check(library: &Library, request: &PlaysRequest) -> Result<()> {
     let refuse =
-        |setting: Setting, found: String, remedy: &str| Err(Error::input(Place::setting(setting), found, remedy));
+        |setting: Setting, found: String, remedy: &str| Err(Error::input(InputPlace::setting(setting), found, remedy));
     if request.count == 0 {
         return refuse(Setting::Count, "there is nothing to play".into(), "give a positive number");
     }
@@ -186,7 +189,7 @@ pub fn check(library: &Library, request: &PlaysRequest) -> Result<()> {
             "give effects listed by `vitreo-uq effects`",
         );
     }
-    if request.effects.len() == 1 && request.only == Some(Sort::Pair) {
+    if request.effects.len() == 1 && request.only == Some(HiddenKind::Pair) {
         return refuse(Setting::HiddenEffect, "a pair needs two effects".into(), "give at least two effects");
     }
     if request.protocols.is_empty() || request.noises.is_empty() {
@@ -200,7 +203,7 @@ pub fn check(library: &Library, request: &PlaysRequest) -> Result<()> {
 }
 
 /// Draws truth number `number`. If its signal is out of reach, the next effect is tried.
-fn draw(bench: &Bench, request: &PlaysRequest, sort: Sort, number: usize) -> Result<Truth> {
+fn draw(bench: &Bench, request: &PlaysRequest, sort: HiddenKind, number: usize) -> Result<Truth> {
     let (protocols, noises, signals) = (&request.protocols, &request.noises, &request.signals_sigma);
     // In a mixture, each sort has its own numbering.
     let place = if request.only.is_some() {
@@ -213,7 +216,7 @@ fn draw(bench: &Bench, request: &PlaysRequest, sort: Sort, number: usize) -> Res
     let noise = noises[place / protocols.len() % noises.len()];
     let signal_sigma = signals[place / (protocols.len() * noises.len()) % signals.len()];
     let is_noise_given = request.is_noise_given;
-    let order = |hidden: Hidden, signal_sigma: f64| Order {
+    let order = |hidden: HiddenThing, signal_sigma: f64| TruthRequest {
         hidden,
         protocol,
         noise,
@@ -222,8 +225,8 @@ fn draw(bench: &Bench, request: &PlaysRequest, sort: Sort, number: usize) -> Res
     };
     let stream_number = match sort {
         // All noises share these laws.
-        Sort::None => CONTROL_STREAMS + (place / (protocols.len() * noises.len()) % CONTROL_LAWS) as u64,
-        Sort::Apparatus => CONTROL_STREAMS + (place / protocols.len() % CONTROL_LAWS) as u64,
+        HiddenKind::None => CONTROL_STREAMS + (place / (protocols.len() * noises.len()) % CONTROL_LAWS) as u64,
+        HiddenKind::Apparatus => CONTROL_STREAMS + (place / protocols.len() % CONTROL_LAWS) as u64,
         _ => number as u64,
     };
     let mut stream = RandomStream::new(request.seed, stream_number);
@@ -231,24 +234,30 @@ fn draw(bench: &Bench, request: &PlaysRequest, sort: Sort, number: usize) -> Res
     let mut refusal = None;
     for attempt in 0..32 {
         let order = match sort {
-            Sort::None => order(Hidden::Nothing, signal_sigma),
-            Sort::Apparatus => {
+            HiddenKind::None => order(HiddenThing::Nothing, signal_sigma),
+            HiddenKind::Apparatus => {
                 let errors = ApparatusError::ALL;
-                order(Hidden::Apparatus(errors[place / protocols.len() % errors.len()]), signal_sigma)
+                order(HiddenThing::Apparatus(errors[place / protocols.len() % errors.len()]), signal_sigma)
             }
-            Sort::Outside => {
-                let kinds: Vec<OutsideKind> =
-                    OutsideKind::DRAWN.into_iter().filter(|kind| kind.suits(protocol)).collect();
-                order(Hidden::Outside(kinds[(spread(kinds.len()) + attempt) % kinds.len()]), signal_sigma)
+            HiddenKind::Outside => {
+                let kinds: Vec<DisturbanceKind> =
+                    DisturbanceKind::DRAWN.into_iter().filter(|kind| kind.suits(protocol)).collect();
+                order(HiddenThing::Outside(kinds[(spread(kinds.len()) + attempt) % kinds.len()]), signal_sigma)
             }
-            Sort::Single => {
+            HiddenKind::Single => {
                 let slugs = slugs(bench, request);
-                order(Hidden::Effects(vec![slugs[(spread(slugs.len()) + attempt) % slugs.len()].clone()]), signal_sigma)
+                order(
+                    HiddenThing::Effects(vec![slugs[(spread(slugs.len()) + attempt) % slugs.len()].clone()]),
+                    signal_sigma,
+                )
             }
-            Sort::Pair => {
+            HiddenKind::Pair => {
                 let slugs = slugs(bench, request);
                 let (a, b) = stream.distinct_pair(slugs.len());
-                order(Hidden::Effects(vec![slugs[a].clone(), slugs[b].clone()]), signal_sigma.max(LEAST_PAIR_SIGMA))
+                order(
+                    HiddenThing::Effects(vec![slugs[a].clone(), slugs[b].clone()]),
+                    signal_sigma.max(LEAST_PAIR_SIGMA),
+                )
             }
         };
         match bench.draw(&order, &mut stream) {
@@ -262,19 +271,19 @@ fn draw(bench: &Bench, request: &PlaysRequest, sort: Sort, number: usize) -> Res
 
 /// Effects to choose from: the requested ones, or all that can be hidden.
 fn slugs(bench: &Bench, request: &PlaysRequest) -> Vec<String> {
-    if request.effects.is_empty() { hideable(bench.library()) } else { request.effects.clone() }
+    if request.effects.is_empty() { hideable_effects(bench.library()) } else { request.effects.clone() }
 }
 
 /// A case without its noise.
-struct Case {
+struct PlayCase {
     number: usize,
-    sort: Sort,
+    sort: HiddenKind,
     truth: Truth,
     position_m: Vec<f64>,
 }
 
-fn play(bench: &Bench, request: &PlaysRequest, case: Case, diagnose: &Diagnose<'_>) -> Result<Play> {
-    let Case { number, sort, truth, position_m } = case;
+fn play(bench: &Bench, request: &PlaysRequest, case: PlayCase, diagnose: &Diagnose<'_>) -> Result<Play> {
+    let PlayCase { number, sort, truth, position_m } = case;
     let record = truth.protocol.record();
     let mut stream = RandomStream::new(request.seed, NOISE_STREAMS + number as u64);
     let noise = truth.noise.draw(&record, &position_m, &mut stream);
@@ -282,15 +291,15 @@ fn play(bench: &Bench, request: &PlaysRequest, case: Case, diagnose: &Diagnose<'
     let subject = bench.subject_measured(truth.protocol, &noise.measured_m(&position_m), stated_sd_m)?;
     let seed = u64::from(stream.word()) << 32 | u64::from(stream.word());
     // The command also checks the record before it fits. If a sound record is refused, the play has failed.
-    let looked = refuse_certain(subject.experiment(), &Understood::default(), &Silent);
+    let looked = refuse_contradictions(subject.experiment(), &Interpretation::default(), &SilentMonitor);
     let play = match looked.and_then(|()| diagnose(&subject, seed)) {
-        Ok(diagnosis) => judged(number, sort, truth, &diagnosis, Some(&noise)),
+        Ok(diagnosis) => judge(number, sort, truth, &diagnosis, Some(&noise)),
         Err(error) => failed(number, sort, truth, &error),
     };
     Ok(Play { seed, ..play })
 }
 
-fn failed(number: usize, sort: Sort, truth: Truth, error: &Error) -> Play {
+fn failed(number: usize, sort: HiddenKind, truth: Truth, error: &Error) -> Play {
     Play {
         number,
         sort,
@@ -315,7 +324,7 @@ fn failed(number: usize, sort: Sort, truth: Truth, error: &Error) -> Play {
 }
 
 /// Compares a diagnosis with the truth and with the drawn noise, if it is known.
-pub fn judged(number: usize, sort: Sort, truth: Truth, diagnosis: &Diagnosis, noise: Option<&Noise>) -> Play {
+pub fn judge(number: usize, sort: HiddenKind, truth: Truth, diagnosis: &Diagnosis, noise: Option<&Noise>) -> Play {
     let verdict = &diagnosis.verdict;
     let said = match verdict.kind {
         VerdictKind::Missing => joined(verdict.effects.iter().map(String::as_str)),

@@ -3,7 +3,7 @@
 use super::super::{Disturbance, HiddenEffect, NamedValue};
 use super::*;
 use documents::diagnosis::{
-    BaseErrors, CandidateEntry, Errors, Refit, RefitParameter, Status, UnexplainedEntry, Verdict,
+    BaseErrors, CandidateEntry, Errors, Refit, RefitParameter, Status, UnexplainedMisfit, Verdict,
 };
 
 fn truth(slugs: &[&str], ideal_class: &[&str]) -> Truth {
@@ -20,7 +20,7 @@ fn truth(slugs: &[&str], ideal_class: &[&str]) -> Truth {
 }
 
 fn outside() -> Truth {
-    let disturbance = Disturbance { kind: OutsideKind::Slip, size: 1e-5, shape: vec![0.5; 4] };
+    let disturbance = Disturbance { kind: DisturbanceKind::Slip, size: 1e-5, shape: vec![0.5; 4] };
     Truth { outside: Some(disturbance), outside_sigma: Some(20.2), ..truth(&[], &[]) }
 }
 
@@ -86,7 +86,7 @@ fn diagnosis(kind: VerdictKind, effects: &[&str], equivalent: &[&str]) -> Diagno
 }
 
 fn unexplained(diagnosis: Diagnosis) -> Diagnosis {
-    let entry = UnexplainedEntry {
+    let entry = UnexplainedMisfit {
         kind: "slip".into(),
         sentence: String::new(),
         gain_nats: 20.0,
@@ -105,7 +105,7 @@ fn noise_of_um(size_um: f64) -> Noise {
 
 fn play(truth: Truth, diagnosis: &Diagnosis) -> Play {
     let noise = noise_of_um(4.0);
-    judged(0, Sort::of(&truth), truth, diagnosis, Some(&noise))
+    judge(0, HiddenKind::of(&truth), truth, diagnosis, Some(&noise))
 }
 
 #[test]
@@ -166,7 +166,7 @@ fn an_error_is_counted_against_the_noise_that_was_drawn() {
     let none = play(truth(&[], &[]), &nothing);
     assert_eq!((none.rmse_heldout_um, none.heldout_over_predictive_noise), (Some(9.0), None));
     assert!((none.heldout_over_true_noise.expect("scored") - 9.0 / 4.0).abs() < 1e-9);
-    let unknown = judged(0, Sort::Single, hidden(), &diagnosis, None);
+    let unknown = judge(0, HiddenKind::Single, hidden(), &diagnosis, None);
     assert_eq!((unknown.heldout_over_true_noise, unknown.heldout_over_predictive_noise), (None, Some(1.0)));
 }
 
@@ -242,17 +242,17 @@ fn shares_are_counted_over_what_they_are_shares_of() {
     };
     assert_eq!((of("drift", "delay"), of("bias+drift", "bias+drift"), of("outside", "unexplained")), (2, 1, 2));
     assert_eq!(found.confusion.iter().map(|entry| entry.count).sum::<usize>(), 19);
-    let group = |sort: Sort| {
+    let group = |sort: HiddenKind| {
         let group = found.groups.iter().find(|group| group.sort == sort).expect("played");
         (group.played, group.right, group.claimed, group.signal_sigma)
     };
-    assert_eq!(group(Sort::Single), (7, 3, 5, Some(10)));
-    assert_eq!(group(Sort::Pair), (3, 1, 3, Some(10)));
-    assert_eq!(group(Sort::None), (3, 1, 1, None));
-    assert_eq!(group(Sort::Apparatus), (2, 1, 0, None));
-    assert_eq!(group(Sort::Outside), (4, 2, 2, Some(20)));
+    assert_eq!(group(HiddenKind::Single), (7, 3, 5, Some(10)));
+    assert_eq!(group(HiddenKind::Pair), (3, 1, 3, Some(10)));
+    assert_eq!(group(HiddenKind::None), (3, 1, 1, None));
+    assert_eq!(group(HiddenKind::Apparatus), (2, 1, 0, None));
+    assert_eq!(group(HiddenKind::Outside), (4, 2, 2, Some(20)));
     // A failed diagnosis is no claim and not right.
-    plays = vec![failed(0, Sort::None, truth(&[], &[]), &Error::numerical("no model", "try again"))];
+    plays = vec![failed(0, HiddenKind::None, truth(&[], &[]), &Error::numerical("no model", "try again"))];
     let found = tally(&plays);
     assert_eq!((found.failed, found.false_claims, found.false_unexplained), (1, Some(0.0), Some(0.0)));
     assert_eq!((found.class_coverage, found.groups[0].right), (None, 0));

@@ -38,19 +38,19 @@ pub fn seal(salt: &[u8; SALT_BYTES], answer: &[u8]) -> Sealed {
         schema: SCHEMA.into(),
         commitment_sha256: commitment_sha256(salt, answer),
         salt: to_hex(salt),
-        answer: to_hex(&folded(salt, answer)),
+        answer: to_hex(&mask(salt, answer)),
     }
 }
 
 /// Opens a sealed answer; `None` if it is damaged or does not match its commitment.
 pub fn open(sealed: &Sealed) -> Option<Vec<u8>> {
     let (salt, bytes) = (from_hex(&sealed.salt)?, from_hex(&sealed.answer)?);
-    let answer = folded(&salt, &bytes);
+    let answer = mask(&salt, &bytes);
     (commitment_sha256(&salt, &answer) == sealed.commitment_sha256).then_some(answer)
 }
 
 /// Exclusive or with the SHA-256 of salt and block number. Applying it twice restores the bytes.
-fn folded(salt: &[u8], bytes: &[u8]) -> Vec<u8> {
+fn mask(salt: &[u8], bytes: &[u8]) -> Vec<u8> {
     let mut out = Vec::with_capacity(bytes.len());
     for (number, block) in (0_u64..).zip(bytes.chunks(32)) {
         let mask = Sha256::new().chain_update(salt).chain_update(number.to_le_bytes()).finalize();

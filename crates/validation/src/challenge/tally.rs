@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
 
-use super::play::{Play, Sort};
+use super::play::{HiddenKind, Play};
 use super::{NoiseKind, Protocol};
 
 /// Body of `vitreo-uq/challenge/1`. Rates are from 0 to 1; `None` if no such case was played.
@@ -63,7 +63,7 @@ pub struct Confusion {
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct Group {
     /// Sort of the hidden thing.
-    pub sort: Sort,
+    pub sort: HiddenKind,
     /// Protocol of the plays.
     pub protocol: Protocol,
     /// Noise of the plays.
@@ -92,11 +92,11 @@ fn mean(plays: &[&Play], of: impl Fn(&Play) -> f64) -> Option<f64> {
 /// Counts plays.
 pub fn tally(plays: &[Play]) -> Tally {
     let of = |is: &dyn Fn(&Play) -> bool| -> Vec<&Play> { plays.iter().filter(|play| is(play)).collect() };
-    let singles = of(&|play| play.sort == Sort::Single);
-    let claimed_singles = of(&|play| play.sort == Sort::Single && play.is_claim());
-    let pairs = of(&|play| play.sort == Sort::Pair);
-    let controls = of(&|play| matches!(play.sort, Sort::None | Sort::Apparatus));
-    let outside = of(&|play| play.sort == Sort::Outside);
+    let singles = of(&|play| play.sort == HiddenKind::Single);
+    let claimed_singles = of(&|play| play.sort == HiddenKind::Single && play.is_claim());
+    let pairs = of(&|play| play.sort == HiddenKind::Pair);
+    let controls = of(&|play| matches!(play.sort, HiddenKind::None | HiddenKind::Apparatus));
+    let outside = of(&|play| play.sort == HiddenKind::Outside);
     let sized = of(&|play| play.size_covered.is_some());
     let at_noise = |ratio: &dyn Fn(&Play) -> Option<f64>| {
         let named = of(&|play| !play.truth.effects.is_empty() && play.is_in_class() && ratio(play).is_some());
@@ -131,7 +131,7 @@ fn confusion(plays: &[Play]) -> Vec<Confusion> {
 }
 
 fn groups(plays: &[Play]) -> Vec<Group> {
-    let mut groups: BTreeMap<(Sort, &str, &str, Option<u32>), Group> = BTreeMap::new();
+    let mut groups: BTreeMap<(HiddenKind, &str, &str, Option<u32>), Group> = BTreeMap::new();
     for play in plays {
         let (protocol, noise) = (play.truth.protocol, play.truth.noise);
         let signal_sigma = play.truth.signal_sigma().map(|sigma| sigma.round() as u32);

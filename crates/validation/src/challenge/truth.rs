@@ -2,18 +2,18 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::{Disturbance, NoiseKind, OutsideKind, Protocol};
+use super::{Disturbance, DisturbanceKind, NoiseKind, Protocol};
 use record::{Offset, OffsetDirection, Robot};
 
 /// A thing to hide.
 #[derive(Debug, Clone, PartialEq)]
-pub enum Hidden {
+pub enum HiddenThing {
     /// Nothing.
     Nothing,
     /// One effect of the library, or two, by slug.
     Effects(Vec<String>),
     /// Something outside the library.
-    Outside(OutsideKind),
+    Outside(DisturbanceKind),
     /// A wrong constant of the apparatus. In a creep test of one body the law absorbs it, so the right verdict is `none`.
     Apparatus(ApparatusError),
 }

@@ -21,14 +21,14 @@ pub fn write(study: &Study, found: &ShapesResult, summary: &ShapesSummary, prove
     let document = WithProvenance { provenance, body: summary };
     RevisionWriter::begin(study.dir(), FOLDER)?.publish("shapes.json", &document, |dir| {
         write_figure(dir, FOLDER, &shapes_figure(found, summary)?)?;
-        for own in &found.fields {
+        for body_field in &found.fields {
             let displacement = PointData {
                 name: "displacement_per_displacement_of_robot",
                 components: 3,
-                values: own.displacement.as_flattened(),
+                values: body_field.displacement.as_flattened(),
             };
-            let name = own.body.label().replace(", ", "_");
-            write_vtu(dir.join(format!("{name}.vtu")), &own.mesh, &[displacement])?;
+            let name = body_field.body.label().replace(", ", "_");
+            write_vtu(dir.join(format!("{name}.vtu")), &body_field.mesh, &[displacement])?;
         }
         Ok(())
     })

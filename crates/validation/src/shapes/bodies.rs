@@ -1,6 +1,6 @@
 //! The five bodies under two size rules.
 
-use documents::shapes::{Shape, SizeRule};
+use documents::shapes::{BodyShape, SizeRule};
 use elements::fe::meridional::{BodyOfRevolution, Direction};
 use record::{Orientation, Robot, RobotShape};
 
@@ -8,12 +8,12 @@ use record::{Orientation, Robot, RobotShape};
 pub const PAPER_ASPECT: f64 = 68.0 / 7.0;
 
 /// Returns a body of this shape and aspect ratio (length to diameter), sized by the rule to a sphere of this diameter.
-pub fn sized(shape: Shape, aspect: f64, rule: SizeRule, sphere_diameter_m: f64) -> BodyOfRevolution {
+pub fn sized(shape: BodyShape, aspect: f64, rule: SizeRule, sphere_diameter_m: f64) -> BodyOfRevolution {
     let sphere = BodyOfRevolution::sphere(0.5 * sphere_diameter_m);
     let unit = match shape {
-        Shape::Sphere => return sphere,
-        Shape::Ellipsoid => BodyOfRevolution::Spheroid { semi_axis_along_m: 0.5 * aspect, semi_axis_across_m: 0.5 },
-        Shape::Cylinder => BodyOfRevolution::Cylinder { length_m: aspect, diameter_m: 1.0 },
+        BodyShape::Sphere => return sphere,
+        BodyShape::Ellipsoid => BodyOfRevolution::Spheroid { semi_axis_along_m: 0.5 * aspect, semi_axis_across_m: 0.5 },
+        BodyShape::Cylinder => BodyOfRevolution::Cylinder { length_m: aspect, diameter_m: 1.0 },
     };
     unit.scaled(match rule {
         SizeRule::EqualVolume => (sphere.volume_m3() / unit.volume_m3()).cbrt(),
@@ -23,9 +23,9 @@ pub fn sized(shape: Shape, aspect: f64, rule: SizeRule, sphere_diameter_m: f64) 
 
 /// A body of the study.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Body {
+pub struct StudyBody {
     /// Shape of the body.
-    pub shape: Shape,
+    pub shape: BodyShape,
     /// Orientation to the force; without effect for a sphere.
     pub orientation: Orientation,
     /// Rule that sets the body's size.
@@ -34,7 +34,7 @@ pub struct Body {
     pub revolution: BodyOfRevolution,
 }
 
-impl Body {
+impl StudyBody {
     /// Direction of the force relative to the body's axis.
     pub fn direction(&self) -> Direction {
         match self.orientation {
@@ -57,9 +57,9 @@ impl Body {
     pub fn robot(&self) -> Robot {
         let ([length_m, diameter_m], orientation) = (self.sizes_m(), self.orientation);
         let shape = match self.shape {
-            Shape::Sphere => RobotShape::Sphere { diameter_m },
-            Shape::Ellipsoid => RobotShape::Ellipsoid { length_m, diameter_m, orientation },
-            Shape::Cylinder => RobotShape::Cylinder { length_m, diameter_m, orientation },
+            BodyShape::Sphere => RobotShape::Sphere { diameter_m },
+            BodyShape::Ellipsoid => RobotShape::Ellipsoid { length_m, diameter_m, orientation },
+            BodyShape::Cylinder => RobotShape::Cylinder { length_m, diameter_m, orientation },
         };
         Robot { shape, density_kg_m3: None, offset: None }
     }
@@ -67,7 +67,7 @@ impl Body {
     /// Label in figures and sentences.
     pub fn label(&self) -> String {
         match (self.shape, self.orientation) {
-            (Shape::Sphere, _) => "sphere".into(),
+            (BodyShape::Sphere, _) => "sphere".into(),
             (shape, Orientation::Horizontal) => format!("{}, horizontal", shape.name()),
             (shape, Orientation::Vertical) => format!("{}, vertical", shape.name()),
         }
@@ -75,22 +75,22 @@ impl Body {
 }
 
 /// Returns ten bodies: the sphere, and ellipsoid and cylinder in both orientations, each under both rules.
-pub fn bodies(aspect: f64, sphere_diameter_m: f64) -> Vec<Body> {
+pub fn bodies(aspect: f64, sphere_diameter_m: f64) -> Vec<StudyBody> {
     use Orientation::{Horizontal, Vertical};
     let five = [
-        (Shape::Sphere, Horizontal),
-        (Shape::Ellipsoid, Horizontal),
-        (Shape::Ellipsoid, Vertical),
-        (Shape::Cylinder, Horizontal),
-        (Shape::Cylinder, Vertical),
+        (BodyShape::Sphere, Horizontal),
+        (BodyShape::Ellipsoid, Horizontal),
+        (BodyShape::Ellipsoid, Vertical),
+        (BodyShape::Cylinder, Horizontal),
+        (BodyShape::Cylinder, Vertical),
     ];
-    let sized = |rule: SizeRule, (shape, orientation): (Shape, Orientation)| Body {
+    let sized = |rule: SizeRule, (shape, orientation): (BodyShape, Orientation)| StudyBody {
         shape,
         orientation,
         rule,
         revolution: sized(shape, aspect, rule, sphere_diameter_m),
     };
-    SizeRule::ALL.into_iter().flat_map(|rule| five.map(|own| sized(rule, own))).collect()
+    SizeRule::ALL.into_iter().flat_map(|rule| five.map(|pair| sized(rule, pair))).collect()
 }
 
 #[cfg(test)]
@@ -100,11 +100,11 @@ mod tests {
     /// Sphere : ellipsoid : cylinder = 1 : 1.684 : 1.712 at equal volume (the paper, physics §4.4).
     #[test]
     fn surfaces_are_the_papers() {
-        let area = |shape: Shape| sized(shape, PAPER_ASPECT, SizeRule::EqualVolume, 0.55e-3).surface_area_m2();
-        assert!((area(Shape::Ellipsoid) / area(Shape::Sphere) - 1.684).abs() < 1e-3);
-        assert!((area(Shape::Cylinder) / area(Shape::Sphere) - 1.712).abs() < 1e-3);
-        let surface = |shape: Shape| sized(shape, PAPER_ASPECT, SizeRule::EqualSurface, 0.55e-3).surface_area_m2();
-        assert!((surface(Shape::Cylinder) / surface(Shape::Sphere) - 1.0).abs() < 1e-14);
+        let area = |shape: BodyShape| sized(shape, PAPER_ASPECT, SizeRule::EqualVolume, 0.55e-3).surface_area_m2();
+        assert!((area(BodyShape::Ellipsoid) / area(BodyShape::Sphere) - 1.684).abs() < 1e-3);
+        assert!((area(BodyShape::Cylinder) / area(BodyShape::Sphere) - 1.712).abs() < 1e-3);
+        let surface = |shape: BodyShape| sized(shape, PAPER_ASPECT, SizeRule::EqualSurface, 0.55e-3).surface_area_m2();
+        assert!((surface(BodyShape::Cylinder) / surface(BodyShape::Sphere) - 1.0).abs() < 1e-14);
         assert_eq!(bodies(PAPER_ASPECT, 0.55e-3).len(), 10);
     }
 }

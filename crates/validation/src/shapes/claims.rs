@@ -3,8 +3,8 @@
 use documents::shapes::{Claim, ClaimVerdict};
 use statrs::distribution::{ContinuousCDF, Normal};
 
-use super::bodies::Body;
-use documents::shapes::{Shape, SizeRule};
+use super::bodies::StudyBody;
+use documents::shapes::{BodyShape, SizeRule};
 use record::Orientation;
 
 /// A claim holds above this probability, and does not hold below 1 minus it.
@@ -14,16 +14,16 @@ const PROPORTIONAL: f64 = 0.05;
 
 /// Stiffness of a body with its error.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Measured {
+pub struct StiffnessEstimate {
     /// The body.
-    pub body: Body,
+    pub body: StudyBody,
     /// Force per displacement per Pa of Young's modulus, in m.
     pub stiffness_m: f64,
     /// Relative error.
     pub relative_error: f64,
 }
 
-impl Measured {
+impl StiffnessEstimate {
     /// Probability that this body moves more easily than another. Relative errors count as standard deviations.
     fn easier_than(&self, other: &Self) -> f64 {
         easier(-self.stiffness_m.ln(), -other.stiffness_m.ln(), self.relative_error.hypot(other.relative_error))
@@ -31,29 +31,35 @@ impl Measured {
 }
 
 /// Tests the paper's claims, in its order.
-pub fn claims(all: &[Measured]) -> Vec<Claim> {
+pub fn claims(all: &[StiffnessEstimate]) -> Vec<Claim> {
     let mut list = Vec::new();
-    let find = |rule: SizeRule, shape: Shape, orientation: Orientation| {
-        all.iter().find(|own| {
-            let is_so = own.body.orientation == orientation || shape == Shape::Sphere;
-            own.body.rule == rule && own.body.shape == shape && is_so
+    let find = |rule: SizeRule, shape: BodyShape, orientation: Orientation| {
+        all.iter().find(|stiffness_estimate| {
+            let is_so = stiffness_estimate.body.orientation == orientation || shape == BodyShape::Sphere;
+            stiffness_estimate.body.rule == rule && stiffness_estimate.body.shape == shape && is_so
         })
     };
     use Orientation::{Horizontal, Vertical};
     for rule in SizeRule::ALL {
-        let of_rule: Vec<&Measured> = all.iter().filter(|own| own.body.rule == rule).collect();
-        let Some(sphere) = find(rule, Shape::Sphere, Horizontal) else { continue };
-        let ratio = |own: &Measured| own.stiffness_m / sphere.stiffness_m;
-        let others: Vec<&&Measured> = of_rule.iter().filter(|own| own.body.shape != Shape::Sphere).collect();
-        let easiest = others.iter().map(|own| sphere.easier_than(own)).product();
+        let of_rule: Vec<&StiffnessEstimate> =
+            all.iter().filter(|stiffness_estimate| stiffness_estimate.body.rule == rule).collect();
+        let Some(sphere) = find(rule, BodyShape::Sphere, Horizontal) else { continue };
+        let ratio = |stiffness_estimate: &StiffnessEstimate| stiffness_estimate.stiffness_m / sphere.stiffness_m;
+        let others: Vec<&&StiffnessEstimate> =
+            of_rule.iter().filter(|stiffness_estimate| stiffness_estimate.body.shape != BodyShape::Sphere).collect();
+        let easiest = others.iter().map(|other| sphere.easier_than(other)).product();
         let lowest = others.iter().min_by(|a, b| a.stiffness_m.total_cmp(&b.stiffness_m));
-        let numbers = lowest.map_or_else(String::new, |own| {
-            format!("closest to the sphere: {} at {:.4} × the sphere's resistance", own.body.label(), ratio(own))
+        let numbers = lowest.map_or_else(String::new, |stiffness_estimate| {
+            format!(
+                "closest to the sphere: {} at {:.4} × the sphere's resistance",
+                stiffness_estimate.body.label(),
+                ratio(stiffness_estimate)
+            )
         });
         list.push(claim(format!("at {}, the sphere moves easiest", rule.title()), easiest, numbers));
         for orientation in [Horizontal, Vertical] {
             let (Some(ellipsoid), Some(cylinder)) =
-                (find(rule, Shape::Ellipsoid, orientation), find(rule, Shape::Cylinder, orientation))
+                (find(rule, BodyShape::Ellipsoid, orientation), find(rule, BodyShape::Cylinder, orientation))
             else {
                 continue;
             };
@@ -64,7 +70,7 @@ pub fn claims(all: &[Measured]) -> Vec<Claim> {
                 format!("{:.4} against {:.4} × the sphere's resistance", ratio(ellipsoid), ratio(cylinder)),
             ));
         }
-        for shape in [Shape::Ellipsoid, Shape::Cylinder] {
+        for shape in [BodyShape::Ellipsoid, BodyShape::Cylinder] {
             let (Some(along), Some(across)) = (find(rule, shape, Horizontal), find(rule, shape, Vertical)) else {
                 continue;
             };
@@ -100,16 +106,16 @@ pub(super) fn verdict_of(probability: f64) -> ClaimVerdict {
 }
 
 /// Tests "The viscoelastic force is approximately proportional to the surface area of the robot."
-fn proportional_to_surface(sphere: &Measured, others: &[&&Measured]) -> Claim {
-    let area = |own: &Measured| own.body.revolution.surface_area_m2();
+fn proportional_to_surface(sphere: &StiffnessEstimate, others: &[&&StiffnessEstimate]) -> Claim {
+    let area = |stiffness_estimate: &StiffnessEstimate| stiffness_estimate.body.revolution.surface_area_m2();
     let parts: Vec<(f64, f64)> =
-        others.iter().map(|own| (own.stiffness_m / sphere.stiffness_m, area(own) / area(sphere))).collect();
+        others.iter().map(|other| (other.stiffness_m / sphere.stiffness_m, area(other) / area(sphere))).collect();
     let is_so = parts.iter().all(|(resistance, surface)| (resistance / surface - 1.0).abs() < PROPORTIONAL);
     let numbers: Vec<String> = others
         .iter()
         .zip(&parts)
-        .map(|(own, (resistance, surface))| {
-            format!("{}: {resistance:.3} for a surface of {surface:.3}", own.body.label())
+        .map(|(stiffness_estimate, (resistance, surface))| {
+            format!("{}: {resistance:.3} for a surface of {surface:.3}", stiffness_estimate.body.label())
         })
         .collect();
     claim(
@@ -124,10 +130,10 @@ mod tests {
     use super::super::bodies::{PAPER_ASPECT, bodies};
     use super::*;
 
-    fn measured(stiffness_of: impl Fn(&Body) -> f64, relative_error: f64) -> Vec<Measured> {
+    fn measured(stiffness_of: impl Fn(&StudyBody) -> f64, relative_error: f64) -> Vec<StiffnessEstimate> {
         bodies(PAPER_ASPECT, 0.55e-3)
             .into_iter()
-            .map(|body| Measured { body, stiffness_m: stiffness_of(&body), relative_error })
+            .map(|body| StiffnessEstimate { body, stiffness_m: stiffness_of(&body), relative_error })
             .collect()
     }
 
@@ -136,11 +142,11 @@ mod tests {
     fn errors_decide_what_is_too_close() {
         let easier = |distance: f64, relative_error: f64| {
             let horizontal =
-                |body: &Body| body.orientation == Orientation::Horizontal && body.shape == Shape::Ellipsoid;
+                |body: &StudyBody| body.orientation == Orientation::Horizontal && body.shape == BodyShape::Ellipsoid;
             let all = measured(|body| if horizontal(body) { (-distance).exp() } else { 1.0 }, relative_error);
             let list = claims(&all);
             let wanted = "at equal volume, the horizontal ellipsoid moves easier than the horizontal cylinder";
-            list.into_iter().find(|own| own.claim == wanted).unwrap()
+            list.into_iter().find(|claim| claim.claim == wanted).unwrap()
         };
         let sd = 2.0_f64.sqrt() * 1e-3;
         let close = easier(sd, 1e-3);
@@ -154,7 +160,7 @@ mod tests {
     #[test]
     fn resistance_that_is_proportional_to_the_surface_is_called_so() {
         let list = claims(&measured(|body| body.revolution.surface_area_m2(), 1e-6));
-        let verdict = |words: &str| list.iter().find(|own| own.claim.contains(words)).unwrap().verdict;
+        let verdict = |words: &str| list.iter().find(|claim| claim.claim.contains(words)).unwrap().verdict;
         assert_eq!(verdict("proportional to the surface"), ClaimVerdict::Holds);
         assert_eq!(verdict("at equal volume, the sphere moves easiest"), ClaimVerdict::Holds);
         // At equal surface all bodies are alike.

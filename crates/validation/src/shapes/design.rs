@@ -8,9 +8,9 @@ use std::f64::consts::PI;
 
 use rayon::prelude::*;
 
-use super::bodies::{Body, sized};
+use super::bodies::{StudyBody, sized};
 use base::error::Result;
-use documents::shapes::{Shape, SizeRule};
+use documents::shapes::{BodyShape, SizeRule};
 use elements::fe::meridional::{Resolution, solve};
 use record::Orientation;
 
@@ -29,7 +29,7 @@ pub const WANTED_PROBABILITY: f64 = 0.95;
 #[derive(Debug, Clone, PartialEq)]
 pub struct StiffnessSurrogate {
     /// Shape of the body.
-    pub shape: Shape,
+    pub shape: BodyShape,
     /// Orientation of the body.
     pub orientation: Orientation,
     poisson: [f64; 2],
@@ -75,7 +75,7 @@ impl StiffnessSurrogate {
     /// # Errors
     /// Errors of the meridional solver.
     pub fn new(
-        shape: Shape,
+        shape: BodyShape,
         orientation: Orientation,
         sphere_diameter_m: f64,
         outer_radius_m: f64,
@@ -87,9 +87,9 @@ impl StiffnessSurrogate {
             let (rule, resolution) =
                 (SizeRule::EqualVolume, Resolution { order: 6, rim_layers: 5, ..Resolution::default() });
             let revolution = sized(shape, aspect, rule, sphere_diameter_m);
-            let body = Body { shape, orientation, rule, revolution };
+            let body = StudyBody { shape, orientation, rule, revolution };
             solve(revolution, outer_radius_m, poisson_ratio, body.direction(), resolution)
-                .map(|own| own.stiffness_m.ln())
+                .map(|meridional_solution| meridional_solution.stiffness_m.ln())
         };
         let at = |(x, y): (f64, f64)| ln_stiffness(unscaled(x, logs).exp(), unscaled(y, poisson));
         let grid: Vec<(f64, f64)> =
@@ -130,7 +130,7 @@ pub fn longest(
     let place = ((1.0 - WANTED_PROBABILITY) * ascending.len() as f64) as usize;
     // Largest stiffness at which enough draws move far enough.
     let most_m = ascending.get(place).map_or(f64::NAN, |smallest| smallest / distance_m);
-    let moves = |aspect: f64| surrogate.stiffness_m(aspect, poisson_ratio).is_some_and(|own| own <= most_m);
+    let moves = |aspect: f64| surrogate.stiffness_m(aspect, poisson_ratio).is_some_and(|value| value <= most_m);
     let is_limit_of_range = moves(ASPECTS[1]);
     let aspect = if is_limit_of_range {
         Some(ASPECTS[1])
@@ -146,7 +146,7 @@ pub fn longest(
     };
     let length_m = aspect.map(|aspect| {
         let revolution = sized(surrogate.shape, aspect, SizeRule::EqualVolume, sphere_diameter_m);
-        let body = Body {
+        let body = StudyBody {
             shape: surrogate.shape,
             orientation: surrogate.orientation,
             rule: SizeRule::EqualVolume,
@@ -185,13 +185,13 @@ mod tests {
     #[test]
     fn the_longest_robot_moves_just_far_enough() {
         let (diameter_m, outer_m, nu) = (0.55e-3, 10e-3, 0.48);
-        let (shape, orientation) = (Shape::Ellipsoid, Orientation::Vertical);
+        let (shape, orientation) = (BodyShape::Ellipsoid, Orientation::Vertical);
         let surrogate = StiffnessSurrogate::new(shape, orientation, diameter_m, outer_m, nu).unwrap();
         assert!(surrogate.relative_error < 1e-3, "{}", surrogate.relative_error);
         let draws: Vec<f64> = (0..20).map(|i| 1.8e-6 * (1.0 + 0.01 * f64::from(i))).collect();
         let found = longest(&surrogate, diameter_m, nu, &draws, 0.55e-3);
         let revolution = sized(shape, found.aspect.unwrap(), SizeRule::EqualVolume, diameter_m);
-        let body = Body { shape, orientation, rule: SizeRule::EqualVolume, revolution };
+        let body = StudyBody { shape, orientation, rule: SizeRule::EqualVolume, revolution };
         let stiffness_m = solve(revolution, outer_m, nu, body.direction(), Resolution::default()).unwrap().stiffness_m;
         // 95 % of twenty draws are all but the lowest.
         assert!((draws[1] / stiffness_m / 0.55e-3 - 1.0).abs() < 2e-3, "{found:?}");

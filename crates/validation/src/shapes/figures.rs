@@ -1,10 +1,10 @@
 //! Figure of a shape study: trajectories as in the paper's Figs. 7 and 8, beside the bodies drawn to scale.
 
-use super::bodies::Body;
-use super::job::{ShapesResult, Solved};
+use super::bodies::StudyBody;
+use super::job::{BodyStiffness, ShapesResult};
 use base::error::Result;
 use documents::shapes::ShapesSummary;
-use documents::shapes::{Shape, SizeRule};
+use documents::shapes::{BodyShape, SizeRule};
 use figures::palette::{Colour, series};
 use figures::shapes::{Outline, ShapeCurve, ShapesFigure, ShapesPanel, shapes};
 use figures::svg::Svg;
@@ -15,21 +15,28 @@ use record::Orientation;
 /// # Errors
 /// Errors of the figure.
 pub fn shapes_figure(found: &ShapesResult, summary: &ShapesSummary) -> Result<Svg> {
-    let curve = |(index, own): (usize, &Solved)| {
-        let quantile = |k: usize| found.force_per_pa.iter().map(|row| 1e6 * row[k] / own.stiffness_m).collect();
+    let curve = |(index, body_stiffness): (usize, &BodyStiffness)| {
+        let quantile =
+            |k: usize| found.force_per_pa.iter().map(|row| 1e6 * row[k] / body_stiffness.stiffness_m).collect();
         ShapeCurve {
-            label: own.body.label(),
+            label: body_stiffness.body.label(),
             colour: colour(index),
-            is_dashed: own.body.orientation == Orientation::Vertical,
+            is_dashed: body_stiffness.body.orientation == Orientation::Vertical,
             lower_um: quantile(0),
             median_um: quantile(1),
             upper_um: quantile(2),
-            outline: outline(&own.body),
+            outline: outline(&body_stiffness.body),
         }
     };
     let panel = |rule: SizeRule| ShapesPanel {
         title: format!("{} (Fig. {})", rule.title(), if rule == SizeRule::EqualVolume { 7 } else { 8 }),
-        curves: found.studied[0].solved.iter().filter(|own| own.body.rule == rule).enumerate().map(curve).collect(),
+        curves: found.studied[0]
+            .solved
+            .iter()
+            .filter(|body_stiffness| body_stiffness.body.rule == rule)
+            .enumerate()
+            .map(curve)
+            .collect(),
     };
     shapes(&ShapesFigure {
         title: format!(
@@ -46,9 +53,9 @@ fn colour(index: usize) -> Colour {
     series(index.div_ceil(2))
 }
 
-fn outline(body: &Body) -> Outline {
+fn outline(body: &StudyBody) -> Outline {
     let [along, across] = body.sizes_m().map(|x| 1e3 * x);
     let (width_mm, height_mm) =
         if body.orientation == Orientation::Horizontal { (along, across) } else { (across, along) };
-    Outline { width_mm, height_mm, is_round: body.shape != Shape::Cylinder }
+    Outline { width_mm, height_mm, is_round: body.shape != BodyShape::Cylinder }
 }

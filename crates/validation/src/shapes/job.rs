@@ -1,19 +1,19 @@
 //! Runs the shape study: stiffness of every body by two solvers, posterior displacements, claims, predictors and the longest robot.
 
-use documents::shapes::ElasticRecord;
+use documents::shapes::ElasticRobotResult;
 use rayon::prelude::*;
 
-use super::bodies::{Body, bodies};
-use super::claims::{Measured, claims};
+use super::bodies::{StudyBody, bodies};
+use super::claims::{StiffnessEstimate, claims};
 use super::design::{StiffnessSurrogate, longest};
 use super::large;
 use super::predictors::compare_predictors;
 use base::error::Result;
+use documents::shapes::BodyShape;
 use documents::shapes::Claim;
 use documents::shapes::LargeStrains;
 use documents::shapes::LongestRobot;
-use documents::shapes::PredictorRecord;
-use documents::shapes::Shape;
+use documents::shapes::PredictorAccuracy;
 use elements::fe::Stiffness;
 use elements::fe::meridional::{ElasticRobot, Formulation, Resolution, solve, solve_elastic};
 use elements::fe::oldroyd::FiniteLaw;
@@ -57,9 +57,9 @@ pub struct ShapesRequest {
 
 /// Stiffness of a body from two solvers.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Solved {
+pub struct BodyStiffness {
     /// The body.
-    pub body: Body,
+    pub body: StudyBody,
     /// Force per displacement per Pa of Young's modulus for the whole body, in m, from high-order elements in the meridian.
     pub stiffness_m: f64,
     /// Error estimate of these elements, relative.
@@ -75,7 +75,7 @@ pub struct Solved {
 /// A mesh around a body, with the gel's displacement on it.
 pub struct BodyField {
     /// The body.
-    pub body: Body,
+    pub body: StudyBody,
     /// Mesh around the body.
     pub mesh: Mesh,
     /// Displacement of every node per displacement of the robot.
@@ -83,13 +83,13 @@ pub struct BodyField {
 }
 
 /// Results for the bodies of one aspect ratio in a gel of one Poisson ratio.
-pub struct Studied {
+pub struct StudyPoint {
     /// Ratio of length to diameter.
     pub aspect: f64,
     /// Poisson ratio of the gel.
     pub poisson_ratio: f64,
     /// Ten bodies, five under each size rule.
-    pub solved: Vec<Solved>,
+    pub solved: Vec<BodyStiffness>,
     /// Tests of the paper's claims.
     pub claims: Vec<Claim>,
     /// Stiffness of the user's own body, in m.
@@ -110,7 +110,7 @@ pub struct OwnMesh {
 /// Results of a shape study.
 pub struct ShapesResult {
     /// Every aspect ratio with every Poisson ratio. The first is the study's own.
-    pub studied: Vec<Studied>,
+    pub studied: Vec<StudyPoint>,
     /// Meshes and fields of the study's equal-volume bodies.
     pub fields: Vec<BodyField>,
     /// The user's own mesh, if given.
@@ -122,9 +122,9 @@ pub struct ShapesResult {
     /// Position times stiffness (N/Pa) at the end of the first hold: 5 %, 50 %, 95 % quantile.
     pub after_hold: [f64; 3],
     /// Differences of elastic robots from rigid ones.
-    pub elastic: Vec<ElasticRecord>,
+    pub elastic: Vec<ElasticRobotResult>,
     /// Predictors of the stiffness.
-    pub predictors: Vec<PredictorRecord>,
+    pub predictors: Vec<PredictorAccuracy>,
     /// The longest robots.
     pub longest: Vec<LongestRobot>,
     /// Bodies along the force with large strains.
@@ -136,9 +136,9 @@ const MODULUS_RATIOS: [f64; 3] = [1e2, 1e3, 1e4];
 /// Resolution of the elastic robots and of the rigid ones that they are compared with.
 const ELASTIC: Resolution = Resolution { order: 6, rim_layers: 3, formulation: Formulation::Mixed };
 
-fn elastic(bodies: &[Body], outer_radius_m: f64, poisson_ratio: f64) -> Result<Vec<ElasticRecord>> {
+fn elastic(bodies: &[StudyBody], outer_radius_m: f64, poisson_ratio: f64) -> Result<Vec<ElasticRobotResult>> {
     let of_ratio = |modulus_ratio: f64| {
-        let share = |body: &Body| {
+        let share = |body: &StudyBody| {
             let (revolution, direction) = (body.revolution, body.direction());
             let robot = ElasticRobot { modulus_ratio, poisson_ratio: 0.3 };
             let rigid = solve(revolution, outer_radius_m, poisson_ratio, direction, ELASTIC)?.stiffness_m;
@@ -147,13 +147,17 @@ fn elastic(bodies: &[Body], outer_radius_m: f64, poisson_ratio: f64) -> Result<V
         };
         let shares: Vec<f64> = bodies.par_iter().map(share).collect::<Result<_>>()?;
         let largest_relative_difference = shares.into_iter().fold(0.0, f64::max);
-        Ok(ElasticRecord { modulus_ratio, largest_relative_difference })
+        Ok(ElasticRobotResult { modulus_ratio, largest_relative_difference })
     };
     MODULUS_RATIOS.into_iter().map(of_ratio).collect()
 }
 
 /// Returns a body's stiffness at every Poisson ratio, from one mesh, and its field at the first.
-fn solve_body(body: &Body, vitreous: &Vitreous, poisson_ratios: &[f64]) -> Result<(Vec<Solved>, BodyField)> {
+fn solve_body(
+    body: &StudyBody,
+    vitreous: &Vitreous,
+    poisson_ratios: &[f64],
+) -> Result<(Vec<BodyStiffness>, BodyField)> {
     let mesh = robot_mesh(&body.robot(), vitreous, MODEL_LEVEL)?;
     let stiffness = Stiffness::new(&mesh)?;
     let (quality, unknowns) = (MeshQuality::of(&mesh), &stiffness.assembly.unknowns);
@@ -167,7 +171,7 @@ fn solve_body(body: &Body, vitreous: &Vitreous, poisson_ratios: &[f64]) -> Resul
         if displacement.is_empty() {
             displacement = unknowns.nodal_displacement(&response.iter().map(|u| u / moved).collect::<Vec<f64>>());
         }
-        solved.push(Solved {
+        solved.push(BodyStiffness {
             body: *body,
             stiffness_m: meridional.stiffness_m,
             relative_error: meridional.relative_error,
@@ -186,9 +190,9 @@ fn study(
     request: &ShapesRequest,
     own_stiffnesses_m: &[f64],
     monitor: &dyn Monitor,
-) -> Result<(Vec<Studied>, Vec<BodyField>)> {
+) -> Result<(Vec<StudyPoint>, Vec<BodyField>)> {
     let ShapesRequest { sphere_diameter_m, vitreous, aspects, poisson_ratios, .. } = request;
-    let all: Vec<Body> = aspects.iter().flat_map(|aspect| bodies(*aspect, *sphere_diameter_m)).collect();
+    let all: Vec<StudyBody> = aspects.iter().flat_map(|aspect| bodies(*aspect, *sphere_diameter_m)).collect();
     let counter = Counter::new(monitor, all.len());
     let n_bodies = all.len() / aspects.len();
     let solve_one = |(index, body)| {
@@ -196,19 +200,19 @@ fn study(
         counter.add_one();
         Ok((solved, (index < n_bodies / 2).then_some(field)))
     };
-    let found: Vec<(Vec<Solved>, Option<BodyField>)> =
+    let found: Vec<(Vec<BodyStiffness>, Option<BodyField>)> =
         all.par_iter().enumerate().map(solve_one).collect::<Result<_>>()?;
-    let (solved, fields): (Vec<Vec<Solved>>, Vec<Option<BodyField>>) = found.into_iter().unzip();
+    let (solved, fields): (Vec<Vec<BodyStiffness>>, Vec<Option<BodyField>>) = found.into_iter().unzip();
     let mut studied = Vec::new();
     for (aspect, of_aspect) in aspects.iter().zip(solved.chunks(n_bodies)) {
         for (index, poisson_ratio) in poisson_ratios.iter().enumerate() {
-            let solved: Vec<Solved> = of_aspect.iter().map(|body| body[index]).collect();
-            let measured = |own: &Solved| Measured {
-                body: own.body,
-                stiffness_m: own.stiffness_m,
-                relative_error: own.relative_error,
+            let solved: Vec<BodyStiffness> = of_aspect.iter().map(|body| body[index]).collect();
+            let measured = |body_stiffness: &BodyStiffness| StiffnessEstimate {
+                body: body_stiffness.body,
+                stiffness_m: body_stiffness.stiffness_m,
+                relative_error: body_stiffness.relative_error,
             };
-            studied.push(Studied {
+            studied.push(StudyPoint {
                 aspect: *aspect,
                 poisson_ratio: *poisson_ratio,
                 claims: claims(&solved.iter().map(measured).collect::<Vec<_>>()),
@@ -226,8 +230,9 @@ fn own_body(request: &ShapesRequest) -> Result<(Option<OwnMesh>, Vec<f64>)> {
     let stiffness = Stiffness::new(mesh)?;
     let stiffness_m = |ratio: &f64| Ok(1.0 / FullOrderModel::new(&stiffness, *ratio)?.compliance_per_m());
     let stiffnesses_m = request.poisson_ratios.iter().map(stiffness_m).collect::<Result<_>>()?;
-    let own = OwnMesh { size: RobotSize::of(mesh), unknowns: stiffness.n_unknowns(), quality: MeshQuality::of(mesh) };
-    Ok((Some(own), stiffnesses_m))
+    let own_mesh =
+        OwnMesh { size: RobotSize::of(mesh), unknowns: stiffness.n_unknowns(), quality: MeshQuality::of(mesh) };
+    Ok((Some(own_mesh), stiffnesses_m))
 }
 
 /// Runs the shape study.
@@ -247,7 +252,7 @@ pub fn run(request: &ShapesRequest, monitor: &dyn Monitor) -> Result<ShapesResul
         (0..time_s.len()).map(|i| if (i / ROWS_A_HOLD).is_multiple_of(2) { *force_n } else { -force_n }).collect();
     let trajectories: Vec<Vec<f64>> = laws.par_iter().map(|law| convolve_m(1.0, law, &time_s, &force_n)).collect();
     let at_row = |row: usize| {
-        let ascending = sorted(&trajectories.iter().map(|own| own[row]).collect::<Vec<f64>>());
+        let ascending = sorted(&trajectories.iter().map(|trajectory| trajectory[row]).collect::<Vec<f64>>());
         [0.05, 0.5, 0.95].map(|probability| quantile_of_sorted(&ascending, probability))
     };
     let force_per_pa: Vec<[f64; 3]> = (0..time_s.len()).into_par_iter().map(at_row).collect();
@@ -258,9 +263,9 @@ pub fn run(request: &ShapesRequest, monitor: &dyn Monitor) -> Result<ShapesResul
     monitor.stage("comparing predictors of the stiffness");
     let predictors = compare_predictors(*sphere_diameter_m, outer_radius_m, poisson_ratio)?;
     monitor.stage("searching for the longest robot that moves far enough");
-    let ends: Vec<f64> = trajectories.iter().map(|own| own[ROWS_A_HOLD]).collect();
+    let ends: Vec<f64> = trajectories.iter().map(|trajectory| trajectory[ROWS_A_HOLD]).collect();
     let mut found = Vec::new();
-    for shape in [Shape::Ellipsoid, Shape::Cylinder] {
+    for shape in [BodyShape::Ellipsoid, BodyShape::Cylinder] {
         for orientation in [Orientation::Horizontal, Orientation::Vertical] {
             let surrogate =
                 StiffnessSurrogate::new(shape, orientation, *sphere_diameter_m, outer_radius_m, poisson_ratio)?;
@@ -271,7 +276,7 @@ pub fn run(request: &ShapesRequest, monitor: &dyn Monitor) -> Result<ShapesResul
         Some(law) => {
             monitor.stage("following bodies along the force through large strains");
             let median: Vec<f64> = force_per_pa[..=ROWS_A_HOLD].iter().map(|row| row[1]).collect();
-            let setting = large::Setting {
+            let setting = large::LargeShapeSetting {
                 sphere_diameter_m: *sphere_diameter_m,
                 outer_radius_m,
                 poisson_ratio,

@@ -6,12 +6,12 @@
 
 use rayon::prelude::*;
 
-use super::bodies::{Body, sized};
+use super::bodies::{StudyBody, sized};
 use super::claims::{easier, verdict_of};
 use base::error::Result;
-use documents::shapes::{Claim, ClaimVerdict, LargeShape, LargeStrains, Shape, SizeRule};
+use documents::shapes::{BodyShape, Claim, ClaimVerdict, LargeShape, LargeStrains, SizeRule};
 use elements::fe::meridional::{Resolution, solve};
-use elements::fe::oldroyd::{Fineness, FiniteGel, FiniteLaw, FiniteRun, Volume};
+use elements::fe::oldroyd::{Discretisation, FiniteGel, FiniteInput, FiniteLaw, VolumeRule};
 use laws::stages::Stages;
 use posterior::monitor::{Counter, Monitor};
 use record::{Force, Orientation};
@@ -23,7 +23,7 @@ pub const OTHER_MOBILITY: f64 = 0.1;
 
 /// Surroundings of the bodies, and the force.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Setting {
+pub struct LargeShapeSetting {
     /// Diameter of the sphere whose volume or surface the other bodies have, in m.
     pub sphere_diameter_m: f64,
     /// Radius of the gel, in m.
@@ -37,8 +37,8 @@ pub struct Setting {
 }
 
 /// Motion of a body through the hold.
-struct Followed {
-    body: Body,
+struct FollowedBody {
+    body: StudyBody,
     aspect: f64,
     /// Small-strain displacement (m) at every row of the hold.
     small_m: Vec<f64>,
@@ -50,7 +50,7 @@ struct Followed {
     other_deviation_m: Option<Vec<f64>>,
 }
 
-impl Followed {
+impl FollowedBody {
     /// Number of rows that both meshes can follow.
     fn n_rows(&self) -> usize {
         self.error_m.len()
@@ -91,40 +91,40 @@ impl Followed {
 }
 
 /// Resolutions of a body's mesh: the reported one and a coarser one for comparison.
-fn finenesses(shape: Shape) -> [Fineness; 2] {
-    let of_order = |order| Fineness { order, ..Fineness::ESTIMATE };
+fn finenesses(shape: BodyShape) -> [Discretisation; 2] {
+    let of_order = |order| Discretisation { order, ..Discretisation::ESTIMATE };
     match shape {
-        Shape::Cylinder => [of_order(4), of_order(3)],
+        BodyShape::Cylinder => [of_order(4), of_order(3)],
         _ => [of_order(6), of_order(5)],
     }
 }
 
 fn follow(
-    setting: &Setting,
+    setting: &LargeShapeSetting,
     laws: &[FiniteLaw; 2],
     rows: (&[f64], &[f64]),
-    (body, aspect): (Body, f64),
+    (body, aspect): (StudyBody, f64),
     force_per_pa: &[f64],
-) -> Result<Followed> {
-    let Setting { outer_radius_m, poisson_ratio, .. } = *setting;
+) -> Result<FollowedBody> {
+    let LargeShapeSetting { outer_radius_m, poisson_ratio, .. } = *setting;
     let (time_s, force_n) = rows;
     let load = Stages::of_law(Vec::new()).load;
-    let deviation_m = |fineness: Fineness, law: &FiniteLaw| -> Result<Vec<f64>> {
-        let gel = FiniteGel::new(body.revolution, outer_radius_m, Volume::Kept, fineness)?;
-        let (run, _) = gel.follow(&FiniteRun { law, load: &load, time_s, force: Force::from(force_n) })?;
+    let deviation_m = |fineness: Discretisation, law: &FiniteLaw| -> Result<Vec<f64>> {
+        let gel = FiniteGel::new(body.revolution, outer_radius_m, VolumeRule::Incompressible, fineness)?;
+        let (run, _) = gel.run_until_failure(&FiniteInput { law, load: &load, time_s, force: Force::from(force_n) })?;
         Ok(run.deviation_m)
     };
     let [fine, coarse] = finenesses(body.shape);
-    let (own, coarser) = (deviation_m(fine, &laws[0])?, deviation_m(coarse, &laws[0])?);
-    let is_whole = own.len().min(coarser.len()) == time_s.len();
+    let (values, coarser) = (deviation_m(fine, &laws[0])?, deviation_m(coarse, &laws[0])?);
+    let is_whole = values.len().min(coarser.len()) == time_s.len();
     let resolution = Resolution::default();
     let stiffness_m = solve(body.revolution, outer_radius_m, poisson_ratio, body.direction(), resolution)?.stiffness_m;
-    Ok(Followed {
+    Ok(FollowedBody {
         body,
         aspect,
         small_m: force_per_pa.iter().map(|x| x / stiffness_m).collect(),
-        error_m: own.iter().zip(&coarser).map(|(a, b)| (a - b).abs()).collect(),
-        deviation_m: own,
+        error_m: values.iter().zip(&coarser).map(|(a, b)| (a - b).abs()).collect(),
+        deviation_m: values,
         other_deviation_m: if is_whole { Some(deviation_m(coarse, &laws[1])?) } else { None },
     })
 }
@@ -134,7 +134,7 @@ fn follow(
 /// # Errors
 /// Errors of meshes. A mesh that cannot follow a body further causes no error.
 pub fn run(
-    setting: &Setting,
+    setting: &LargeShapeSetting,
     law: &FiniteLaw,
     time_s: &[f64],
     force_per_pa: &[f64],
@@ -142,44 +142,46 @@ pub fn run(
 ) -> Result<LargeStrains> {
     let mut laws = [law.clone(), law.clone()];
     laws[1].mobility = OTHER_MOBILITY;
-    let Setting { sphere_diameter_m, aspect: own, force_n, .. } = *setting;
+    let LargeShapeSetting { sphere_diameter_m, aspect: value, force_n, .. } = *setting;
     let force_n = vec![force_n; time_s.len()];
-    let mut aspects: Vec<f64> = ASPECTS.into_iter().filter(|aspect| *aspect != own).chain([own]).collect();
+    let mut aspects: Vec<f64> = ASPECTS.into_iter().filter(|aspect| *aspect != value).chain([value]).collect();
     aspects.sort_by(f64::total_cmp);
-    let body = |shape: Shape, rule: SizeRule, aspect: f64| {
+    let body = |shape: BodyShape, rule: SizeRule, aspect: f64| {
         let revolution = sized(shape, aspect, rule, sphere_diameter_m);
-        (Body { shape, orientation: Orientation::Horizontal, rule, revolution }, aspect)
+        (StudyBody { shape, orientation: Orientation::Horizontal, rule, revolution }, aspect)
     };
     // A sphere has equal size under both rules.
-    let mut all = vec![body(Shape::Sphere, SizeRule::EqualVolume, 1.0)];
+    let mut all = vec![body(BodyShape::Sphere, SizeRule::EqualVolume, 1.0)];
     for rule in SizeRule::ALL {
-        all.extend(aspects.iter().map(|aspect| body(Shape::Ellipsoid, rule, *aspect)));
-        all.push(body(Shape::Cylinder, rule, own));
+        all.extend(aspects.iter().map(|aspect| body(BodyShape::Ellipsoid, rule, *aspect)));
+        all.push(body(BodyShape::Cylinder, rule, value));
     }
     let counter = Counter::new(monitor, all.len());
-    let one = |own: &(Body, f64)| {
-        let followed = follow(setting, &laws, (time_s, &force_n), *own, force_per_pa)?;
+    let one = |pair: &(StudyBody, f64)| {
+        let followed = follow(setting, &laws, (time_s, &force_n), *pair, force_per_pa)?;
         counter.add_one();
         Ok(followed)
     };
-    let followed: Vec<Followed> = all.par_iter().map(one).collect::<Result<_>>()?;
+    let followed: Vec<FollowedBody> = all.par_iter().map(one).collect::<Result<_>>()?;
     let mut claims = Vec::new();
     for rule in SizeRule::ALL {
-        let is_of_rule = |own: &&Followed| own.body.rule == rule || own.body.shape == Shape::Sphere;
-        let of_rule: Vec<&Followed> = followed.iter().filter(is_of_rule).collect();
+        let is_of_rule = |followed_body: &&FollowedBody| {
+            followed_body.body.rule == rule || followed_body.body.shape == BodyShape::Sphere
+        };
+        let of_rule: Vec<&FollowedBody> = followed.iter().filter(is_of_rule).collect();
         claims.extend(sphere_is_easiest(rule, &of_rule));
-        claims.extend(ellipsoid_before_cylinder(rule, &of_rule, own, time_s));
+        claims.extend(ellipsoid_before_cylinder(rule, &of_rule, value, time_s));
     }
     Ok(LargeStrains {
         other_mobility: OTHER_MOBILITY,
-        bodies: followed.iter().filter_map(|own| own.summary(time_s)).collect(),
+        bodies: followed.iter().filter_map(|followed_body| followed_body.summary(time_s)).collect(),
         claims,
     })
 }
 
 /// Tests if the first body moves farther than the others at a row. A claim that holds in only one fluid is undecided.
-fn judge(claim: String, first: &Followed, others: &[&Followed], row: usize, numbers: String) -> Claim {
-    let sd = |other: &Followed| first.error_m[row].hypot(other.error_m[row]);
+fn judge(claim: String, first: &FollowedBody, others: &[&FollowedBody], row: usize, numbers: String) -> Claim {
+    let sd = |other: &FollowedBody| first.error_m[row].hypot(other.error_m[row]);
     let probability: f64 = others.iter().map(|other| easier(first.at_m(row), other.at_m(row), sd(other))).product();
     let in_other = others.iter().map(|other| Some(easier(first.other_m(row)?, other.other_m(row)?, sd(other))));
     let verdict = verdict_of(probability);
@@ -193,20 +195,24 @@ fn judge(claim: String, first: &Followed, others: &[&Followed], row: usize, numb
 }
 
 /// Compares the sphere with the ellipsoids that were followed to the end of the hold.
-fn sphere_is_easiest(rule: SizeRule, all: &[&Followed]) -> Option<Claim> {
-    let sphere = all.iter().find(|own| own.body.shape == Shape::Sphere && own.is_whole())?;
-    let others: Vec<&Followed> =
-        all.iter().filter(|own| own.body.shape == Shape::Ellipsoid && own.is_whole()).copied().collect();
+fn sphere_is_easiest(rule: SizeRule, all: &[&FollowedBody]) -> Option<Claim> {
+    let sphere =
+        all.iter().find(|followed_body| followed_body.body.shape == BodyShape::Sphere && followed_body.is_whole())?;
+    let others: Vec<&FollowedBody> = all
+        .iter()
+        .filter(|followed_body| followed_body.body.shape == BodyShape::Ellipsoid && followed_body.is_whole())
+        .copied()
+        .collect();
     let row = sphere.small_m.len() - 1;
     if others.is_empty() {
         return None;
     }
-    let ratios = |own: &&Followed| {
-        let small = own.small_m[row] / sphere.small_m[row];
-        let large = own.at_m(row) / sphere.at_m(row);
-        let other = own.other_m(row).zip(sphere.other_m(row)).map(|(own, sphere)| own / sphere);
+    let ratios = |followed_body: &&FollowedBody| {
+        let small = followed_body.small_m[row] / sphere.small_m[row];
+        let large = followed_body.at_m(row) / sphere.at_m(row);
+        let other = followed_body.other_m(row).zip(sphere.other_m(row)).map(|(value, sphere)| value / sphere);
         let other = other.map_or(String::new(), |other| format!(", with mobility {other:.4}"));
-        format!("{:.2}: {large:.4} (small strains {small:.4}{other})", own.aspect)
+        format!("{:.2}: {large:.4} (small strains {small:.4}{other})", followed_body.aspect)
     };
     let numbers: Vec<String> = others.iter().map(ratios).collect();
     let numbers = format!("displacement over the sphere's, by aspect ratio: {}", numbers.join("; "));
@@ -215,11 +221,15 @@ fn sphere_is_easiest(rule: SizeRule, all: &[&Followed]) -> Option<Claim> {
 }
 
 /// Compares ellipsoid and cylinder at the last time to which both were followed.
-fn ellipsoid_before_cylinder(rule: SizeRule, all: &[&Followed], aspect: f64, time_s: &[f64]) -> Option<Claim> {
-    let find = |shape: Shape| all.iter().find(|own| own.body.shape == shape && own.aspect == aspect).copied();
-    let (ellipsoid, cylinder) = (find(Shape::Ellipsoid)?, find(Shape::Cylinder)?);
+fn ellipsoid_before_cylinder(rule: SizeRule, all: &[&FollowedBody], aspect: f64, time_s: &[f64]) -> Option<Claim> {
+    let find = |shape: BodyShape| {
+        all.iter().find(|followed_body| followed_body.body.shape == shape && followed_body.aspect == aspect).copied()
+    };
+    let (ellipsoid, cylinder) = (find(BodyShape::Ellipsoid)?, find(BodyShape::Cylinder)?);
     let row = ellipsoid.n_rows().min(cylinder.n_rows()).checked_sub(1).filter(|row| *row > 0)?;
-    let way = |own: &Followed| format!("{:.1} µm (small strains {:.1})", 1e6 * own.at_m(row), 1e6 * own.small_m[row]);
+    let way = |followed_body: &FollowedBody| {
+        format!("{:.1} µm (small strains {:.1})", 1e6 * followed_body.at_m(row), 1e6 * followed_body.small_m[row])
+    };
     let claim = format!(
         "at {}, the horizontal ellipsoid moves easier than the horizontal cylinder, up to {:.2} s",
         rule.title(),

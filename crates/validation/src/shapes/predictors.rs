@@ -5,14 +5,14 @@
 //! predictors: they include aspect ratio and orientation, and their stiffness has a closed form (physics §4.3, §4.8). They are compared for cylinders only,
 //! because a spheroid would replace itself.
 
-use documents::shapes::PredictorRecord;
+use documents::shapes::PredictorAccuracy;
 use std::f64::consts::PI;
 
 use rayon::prelude::*;
 
-use super::bodies::{Body, sized};
+use super::bodies::{StudyBody, sized};
 use base::error::Result;
-use documents::shapes::{Shape, SizeRule};
+use documents::shapes::{BodyShape, SizeRule};
 use elements::fe::meridional::{BodyOfRevolution, Resolution, solve};
 use record::Orientation;
 
@@ -54,7 +54,7 @@ impl Predictor {
     }
 
     /// Value of this length for a body, in m.
-    pub fn length_m(self, body: &Body) -> f64 {
+    pub fn length_m(self, body: &StudyBody) -> f64 {
         let [along, across] = body.sizes_m();
         let disc = |area_m2: f64| (4.0 * area_m2 / PI).sqrt();
         match self {
@@ -97,25 +97,25 @@ pub fn compare_predictors(
     sphere_diameter_m: f64,
     outer_radius_m: f64,
     poisson_ratio: f64,
-) -> Result<Vec<PredictorRecord>> {
+) -> Result<Vec<PredictorAccuracy>> {
     let mut bodies = Vec::new();
     for aspect in SWEEP_ASPECTS {
-        for shape in [Shape::Ellipsoid, Shape::Cylinder] {
+        for shape in [BodyShape::Ellipsoid, BodyShape::Cylinder] {
             for orientation in [Orientation::Horizontal, Orientation::Vertical] {
                 let rule = SizeRule::EqualVolume;
                 let revolution = sized(shape, aspect, rule, sphere_diameter_m);
-                bodies.push((aspect, Body { shape, orientation, rule, revolution }));
+                bodies.push((aspect, StudyBody { shape, orientation, rule, revolution }));
             }
         }
     }
-    let sphere = Body {
-        shape: Shape::Sphere,
+    let sphere = StudyBody {
+        shape: BodyShape::Sphere,
         orientation: Orientation::Horizontal,
         rule: SizeRule::EqualVolume,
         revolution: BodyOfRevolution::sphere(0.5 * sphere_diameter_m),
     };
     let coarse = Resolution { order: 6, rim_layers: 5, ..Resolution::default() };
-    let stiffness_m = |body: &Body| {
+    let stiffness_m = |body: &StudyBody| {
         solve(body.revolution, outer_radius_m, poisson_ratio, body.direction(), coarse).map(|found| found.stiffness_m)
     };
     let of_sphere_m = stiffness_m(&sphere)?;
@@ -130,12 +130,12 @@ pub fn compare_predictors(
             .collect();
         record_of(predictor.title(), &errors, &bodies)
     };
-    let mut records: Vec<PredictorRecord> = Predictor::ALL.into_iter().map(record).collect();
-    let cylinders = || bodies.iter().zip(&ratios).filter(|((_, body), _)| body.shape == Shape::Cylinder);
+    let mut records: Vec<PredictorAccuracy> = Predictor::ALL.into_iter().map(record).collect();
+    let cylinders = || bodies.iter().zip(&ratios).filter(|((_, body), _)| body.shape == BodyShape::Cylinder);
     let names = cylinders().map(|((aspect, body), _)| (*aspect, *body)).collect::<Vec<_>>();
-    for (title, scales) in TWINS {
-        let of_twin = |((_, body), ratio): (&(f64, Body), &f64)| {
-            let twin = Body { revolution: twin(body, scales), ..*body };
+    for (title, scales) in EQUIVALENT_SPHEROIDS {
+        let of_twin = |((_, body), ratio): (&(f64, StudyBody), &f64)| {
+            let twin = StudyBody { revolution: equivalent_spheroid(body, scales), ..*body };
             Ok(stiffness_m(&twin)? / of_sphere_m / ratio - 1.0)
         };
         let errors: Vec<f64> = cylinders().map(of_twin).collect::<Result<_>>()?;
@@ -145,10 +145,10 @@ pub fn compare_predictors(
     Ok(records)
 }
 
-fn record_of(title: &str, errors: &[f64], bodies: &[(f64, Body)]) -> PredictorRecord {
+fn record_of(title: &str, errors: &[f64], bodies: &[(f64, StudyBody)]) -> PredictorAccuracy {
     let squares = errors.iter().map(|e| e * e).sum::<f64>() / errors.len() as f64;
     let worst = (0..errors.len()).max_by(|a, b| errors[*a].abs().total_cmp(&errors[*b].abs())).unwrap_or(0);
-    PredictorRecord {
+    PredictorAccuracy {
         predictor: title.into(),
         rms_relative_error: squares.sqrt(),
         largest_relative_error: errors[worst],
@@ -158,12 +158,12 @@ fn record_of(title: &str, errors: &[f64], bodies: &[(f64, Body)]) -> PredictorRe
 
 /// Spheroids that replace a cylinder, with the ratios of their axes to its length and diameter. For equal volume both are the cube root of 3/2. For equal mean
 /// squares of the coordinates, L²/12 = a²/5 and D²/16 = b²/5.
-const TWINS: [(&str, [f64; 2]); 2] = [
+const EQUIVALENT_SPHEROIDS: [(&str, [f64; 2]); 2] = [
     ("spheroid of equal volume and aspect (cylinders)", [1.144_714_242_553_332, 1.144_714_242_553_332]),
     ("spheroid of equal second moments (cylinders)", [1.290_994_448_735_805_6, 1.118_033_988_749_895]),
 ];
 
-fn twin(body: &Body, [of_length, of_diameter]: [f64; 2]) -> BodyOfRevolution {
+fn equivalent_spheroid(body: &StudyBody, [of_length, of_diameter]: [f64; 2]) -> BodyOfRevolution {
     let [length_m, diameter_m] = body.sizes_m();
     BodyOfRevolution::Spheroid {
         semi_axis_along_m: 0.5 * of_length * length_m,
@@ -181,8 +181,8 @@ mod tests {
     #[test]
     fn lengths_of_a_sphere_are_its_diameter() {
         let (diameter_m, orientation) = (0.55e-3, Orientation::Vertical);
-        let body = Body {
-            shape: Shape::Sphere,
+        let body = StudyBody {
+            shape: BodyShape::Sphere,
             orientation,
             rule: RULE,
             revolution: BodyOfRevolution::sphere(0.5 * diameter_m),
@@ -207,10 +207,13 @@ mod tests {
     fn spheroids_in_a_cylinders_place() {
         let (length_m, diameter_m) = (3e-3, 0.4e-3);
         let revolution = BodyOfRevolution::Cylinder { length_m, diameter_m };
-        let body = Body { shape: Shape::Cylinder, orientation: Orientation::Horizontal, rule: RULE, revolution };
-        let of_volume = twin(&body, TWINS[0].1);
+        let body =
+            StudyBody { shape: BodyShape::Cylinder, orientation: Orientation::Horizontal, rule: RULE, revolution };
+        let of_volume = equivalent_spheroid(&body, EQUIVALENT_SPHEROIDS[0].1);
         assert!((of_volume.volume_m3() / revolution.volume_m3() - 1.0).abs() < 1e-14);
-        let BodyOfRevolution::Spheroid { semi_axis_along_m: a, semi_axis_across_m: b } = twin(&body, TWINS[1].1) else {
+        let BodyOfRevolution::Spheroid { semi_axis_along_m: a, semi_axis_across_m: b } =
+            equivalent_spheroid(&body, EQUIVALENT_SPHEROIDS[1].1)
+        else {
             panic!("not a spheroid")
         };
         assert!((a * a / 5.0 / (length_m * length_m / 12.0) - 1.0).abs() < 1e-14);

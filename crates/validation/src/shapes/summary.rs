@@ -1,9 +1,9 @@
 //! Document of a shape study, `vitreo-uq/shapes/1`.
 
-use documents::shapes::{BodySummary, Displacement, MeshSummary, OwnBody, ShapesSummary, SweepSummary};
+use documents::shapes::{BodySummary, Displacement, MeshSummary, ShapesSummary, SweepSummary, UserBody};
 
-use super::job::{OwnMesh, ShapesRequest, ShapesResult, Solved, Studied};
-use documents::shapes::Shape;
+use super::job::{BodyStiffness, OwnMesh, ShapesRequest, ShapesResult, StudyPoint};
+use documents::shapes::BodyShape;
 use elements::fe::exact::SphereInContainer;
 use elements::fe::quality::MeshQuality;
 use record::Orientation;
@@ -16,7 +16,7 @@ fn mesh_summary(unknowns: usize, quality: &MeshQuality) -> MeshSummary {
 /// Summarises the results. `forces_n` are the sweep's forces, the first of which is the study's own.
 pub fn summarise(request: &ShapesRequest, found: &ShapesResult, forces_n: &[f64]) -> ShapesSummary {
     let outer_radius_m = 0.5 * request.vitreous.diameter_m;
-    let of = |studied: &Studied, force_n: f64| {
+    let of = |studied: &StudyPoint, force_n: f64| {
         // The gel is linear, so displacements are proportional to the force.
         let after_hold = found.after_hold.map(|x| x * force_n / request.force_n);
         let own_body = found.own_mesh.as_ref().zip(studied.own_stiffness_m);
@@ -24,7 +24,11 @@ pub fn summarise(request: &ShapesRequest, found: &ShapesResult, forces_n: &[f64]
             aspect: studied.aspect,
             poisson_ratio: studied.poisson_ratio,
             force_un: 1e6 * force_n,
-            bodies: studied.solved.iter().map(|own| body(own, sphere_of(studied, own), after_hold)).collect(),
+            bodies: studied
+                .solved
+                .iter()
+                .map(|body_stiffness| body(body_stiffness, sphere_of(studied, body_stiffness), after_hold))
+                .collect(),
             own_body: own_body
                 .map(|(mesh, stiffness_m)| own(mesh, stiffness_m, studied.poisson_ratio, outer_radius_m, after_hold)),
             claims: studied.claims.clone(),
@@ -53,8 +57,9 @@ pub fn summarise(request: &ShapesRequest, found: &ShapesResult, forces_n: &[f64]
 }
 
 /// The sphere of a body's size rule.
-fn sphere_of<'a>(studied: &'a Studied, own: &Solved) -> &'a Solved {
-    let is_sphere = |other: &&Solved| other.body.rule == own.body.rule && other.body.shape == Shape::Sphere;
+fn sphere_of<'a>(studied: &'a StudyPoint, body_stiffness: &BodyStiffness) -> &'a BodyStiffness {
+    let is_sphere =
+        |other: &&BodyStiffness| other.body.rule == body_stiffness.body.rule && other.body.shape == BodyShape::Sphere;
     studied.solved.iter().find(is_sphere).unwrap_or(&studied.solved[0])
 }
 
@@ -63,35 +68,35 @@ fn displacement(force_per_pa: [f64; 3], stiffness_m: f64) -> Displacement {
     Displacement { median, q05, q95 }
 }
 
-fn body(own: &Solved, sphere: &Solved, force_per_pa: [f64; 3]) -> BodySummary {
-    let [length_m, diameter_m] = own.body.sizes_m();
-    let (surface, unit) = (own.body.revolution, sphere.body.revolution);
+fn body(body_stiffness: &BodyStiffness, sphere: &BodyStiffness, force_per_pa: [f64; 3]) -> BodySummary {
+    let [length_m, diameter_m] = body_stiffness.body.sizes_m();
+    let (surface, unit) = (body_stiffness.body.revolution, sphere.body.revolution);
     BodySummary {
-        shape: own.body.shape,
-        orientation: match (own.body.shape, own.body.orientation) {
-            (Shape::Sphere, _) => None,
+        shape: body_stiffness.body.shape,
+        orientation: match (body_stiffness.body.shape, body_stiffness.body.orientation) {
+            (BodyShape::Sphere, _) => None,
             (_, Orientation::Horizontal) => Some("horizontal".into()),
             (_, Orientation::Vertical) => Some("vertical".into()),
         },
-        size_rule: own.body.rule,
+        size_rule: body_stiffness.body.rule,
         length_mm: 1e3 * length_m,
         diameter_mm: 1e3 * diameter_m,
-        stiffness_m: own.stiffness_m,
-        relative_error: own.relative_error,
-        relative_difference_3d: own.stiffness_3d_m / own.stiffness_m - 1.0,
-        mesh_3d: mesh_summary(own.unknowns, &own.quality),
-        ratio_to_sphere: own.stiffness_m / sphere.stiffness_m,
+        stiffness_m: body_stiffness.stiffness_m,
+        relative_error: body_stiffness.relative_error,
+        relative_difference_3d: body_stiffness.stiffness_3d_m / body_stiffness.stiffness_m - 1.0,
+        mesh_3d: mesh_summary(body_stiffness.unknowns, &body_stiffness.quality),
+        ratio_to_sphere: body_stiffness.stiffness_m / sphere.stiffness_m,
         surface_ratio: surface.surface_area_m2() / unit.surface_area_m2(),
         volume_ratio: surface.volume_m3() / unit.volume_m3(),
-        displacement_5s_um: displacement(force_per_pa, own.stiffness_m),
+        displacement_5s_um: displacement(force_per_pa, body_stiffness.stiffness_m),
     }
 }
 
-fn own(mesh: &OwnMesh, stiffness_m: f64, poisson_ratio: f64, outer_radius_m: f64, force_per_pa: [f64; 3]) -> OwnBody {
+fn own(mesh: &OwnMesh, stiffness_m: f64, poisson_ratio: f64, outer_radius_m: f64, force_per_pa: [f64; 3]) -> UserBody {
     let [of_volume, of_surface] = mesh.size.equivalent_diameters_m().map(|diameter_m| {
         stiffness_m / SphereInContainer::new(poisson_ratio, 0.5 * diameter_m, outer_radius_m).stiffness_n_per_m(1.0)
     });
-    OwnBody {
+    UserBody {
         surface_area_mm2: 1e6 * mesh.size.surface_area_m2,
         volume_mm3: 1e9 * mesh.size.volume_m3,
         mesh: mesh_summary(mesh.unknowns, &mesh.quality),

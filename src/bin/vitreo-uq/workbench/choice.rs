@@ -3,13 +3,13 @@
 use std::path::Path;
 
 use serde::Deserialize;
-use vitreo_uq::base::error::{Error, Place, Result};
+use vitreo_uq::base::error::{Error, InputPlace, Result};
 use vitreo_uq::base::files::{self, Content};
 use vitreo_uq::record::Experiment;
 
 /// Choice that a page sends.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
-pub struct Choice {
+pub struct RowChoice {
     /// Name of the item.
     pub item: String,
     /// Fitted cycles.
@@ -21,11 +21,11 @@ pub struct Choice {
 }
 
 /// Writes a choice into a folder's description, after checking that the changed description is readable.
-pub fn choose(dir: &Path, choice: &Choice) -> Result<()> {
+pub fn apply_choice(dir: &Path, choice: &RowChoice) -> Result<()> {
     let path = dir.join("experiment.toml");
     let bytes = files::read(&path, Content::Settings, "restore the description")?;
     let by_hand = |found: &str| {
-        Error::input(Place::file(&path).at_key("measurement"), found, "change the description in an editor")
+        Error::input(InputPlace::file(&path).at_key("measurement"), found, "change the description in an editor")
     };
     let text = String::from_utf8(bytes).map_err(|_| by_hand("this is not text"))?;
     let list = |numbers: &[u32]| format!("{numbers:?}");
@@ -62,7 +62,7 @@ fn with_keys(text: &str, keys: &[(&str, Option<String>)]) -> Option<String> {
     for (key, value) in keys {
         let end = lines[head + 1..].iter().position(|line| line.trim_start().starts_with('['));
         let end = end.map_or(lines.len(), |place| head + 1 + place);
-        let is_key = |line: &String| line.split_once('=').is_some_and(|(own, _)| own.trim() == *key);
+        let is_key = |line: &String| line.split_once('=').is_some_and(|(name, _)| name.trim() == *key);
         let there = lines[head + 1..end].iter().position(is_key).map(|place| head + 1 + place);
         match (there, value) {
             (Some(place), Some(value)) => lines[place] = format!("{key} = {value}"),

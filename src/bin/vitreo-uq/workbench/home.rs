@@ -4,14 +4,14 @@ use std::ffi::OsString;
 use std::path::{Component, Path, PathBuf};
 
 use serde::Serialize;
-use vitreo_uq::base::error::{Error, Place, Result};
-use vitreo_uq::base::files::{self, Content, Kind};
+use vitreo_uq::base::error::{Error, InputPlace, Result};
+use vitreo_uq::base::files::{self, Content, FileKind};
 use vitreo_uq::posterior::study::Study;
 
 /// Environment variable of commands that a workbench starts. It holds the workbench's folder, whose files are untrusted data for these commands too.
 pub const FOLDER_VARIABLE: &str = "VITREO_UQ_WORKBENCH";
 /// Folder for the workbench's own files: uploads and the record of its job.
-const OWN: &str = ".vitreo-uq-workbench";
+const PRIVATE_FOLDER: &str = ".vitreo-uq-workbench";
 /// Directory that `groups` writes to by default.
 pub const GROUPS: &str = "vitreo-uq-out/groups";
 const DESCRIPTION: &str = "experiment.toml";
@@ -24,7 +24,7 @@ const MOST_ENTRIES: usize = 5000;
 
 /// Folder of experiments and studies.
 #[derive(Debug, Clone)]
-pub struct Home {
+pub struct WorkbenchFolder {
     dir: PathBuf,
 }
 
@@ -43,7 +43,7 @@ pub struct Item {
     pub figures: Vec<String>,
 }
 
-impl Home {
+impl WorkbenchFolder {
     /// Returns the folder that a user means by a path, and the item in it.
     pub fn of(target: &Path) -> Result<(Self, Option<String>)> {
         let whole = std::fs::canonicalize(target).map_err(|error| {
@@ -55,7 +55,7 @@ impl Home {
         };
         if !whole.is_dir() {
             return Err(Error::input(
-                Place::file(target),
+                InputPlace::file(target),
                 "this is not a folder",
                 "give an experiment, a study, or a folder of them; drop tables on the page",
             ));
@@ -77,7 +77,7 @@ impl Home {
 
     /// The folder's files may come from other people.
     fn in_folder(dir: PathBuf) -> Self {
-        files::enclose_folder(&dir, "a workbench's folder");
+        files::forbid_links_in_user_folder(&dir, "a workbench's folder");
         Self { dir }
     }
 
@@ -88,7 +88,7 @@ impl Home {
 
     /// Folder for the workbench's own files.
     pub fn own(&self) -> PathBuf {
-        self.dir.join(OWN)
+        self.dir.join(PRIVATE_FOLDER)
     }
 
     /// Experiments with their studies, then studies without an experiment.
@@ -128,7 +128,7 @@ impl Home {
     }
 
     /// Experiments whose descriptions contain all of these keys of the specimen.
-    pub fn labelled(&self, keys: &[String]) -> Vec<PathBuf> {
+    pub fn experiments_with_keys(&self, keys: &[String]) -> Vec<PathBuf> {
         let has_all = |inside: &PathBuf| keys.iter().all(|key| of_specimen(&self.dir.join(inside), key).is_some());
         self.items().into_iter().filter_map(|item| item.experiment).filter(has_all).collect()
     }
@@ -147,7 +147,7 @@ impl Home {
     pub fn find(&self, name: &str) -> Result<Item> {
         self.items().into_iter().find(|item| item.name == name).ok_or_else(|| {
             Error::input(
-                Place::file(&self.dir),
+                InputPlace::file(&self.dir),
                 format!("there is no experiment or study `{name}` in this folder"),
                 "choose one from the list, or drop a table",
             )
@@ -157,13 +157,13 @@ impl Home {
     /// Path of a file of a study. It must have a shown extension, and lie in the study without links on the way.
     pub fn file(&self, item: &Item, path: &str) -> Result<PathBuf> {
         let refused =
-            || Error::input(Place::file(path), "this is not a file of the study", "follow the links on the page");
+            || Error::input(InputPlace::file(path), "this is not a file of the study", "follow the links on the page");
         let inside = Path::new(path);
         let is_plain = |part: Component<'_>| match part {
             Component::Normal(name) => !name.to_string_lossy().starts_with('.'),
             _ => false,
         };
-        let is_shown = inside.extension().and_then(|own| own.to_str()).is_some_and(|own| SHOWN.contains(&own));
+        let is_shown = inside.extension().and_then(|name| name.to_str()).is_some_and(|name| SHOWN.contains(&name));
         if !(is_shown && inside.components().all(is_plain)) {
             return Err(refused());
         }
@@ -181,7 +181,7 @@ impl Home {
     }
 
     /// Hash that changes whenever an item changes.
-    pub fn state(&self) -> u64 {
+    pub fn content_hash(&self) -> u64 {
         use std::hash::{DefaultHasher, Hash, Hasher};
         let mut hasher = DefaultHasher::new();
         for item in self.items() {
@@ -201,8 +201,8 @@ impl Home {
 /// Sorted names of the folders in a folder, without links and hidden folders.
 fn folders(dir: &Path) -> Vec<String> {
     let entries = files::entries(dir, "").unwrap_or_default().into_iter().take(MOST_ENTRIES);
-    let folder = |(name, kind): (OsString, Kind)| {
-        name.into_string().ok().filter(|name| kind == Kind::Folder && !name.starts_with('.'))
+    let folder = |(name, kind): (OsString, FileKind)| {
+        name.into_string().ok().filter(|name| kind == FileKind::Folder && !name.starts_with('.'))
     };
     entries.filter_map(folder).collect()
 }
@@ -231,7 +231,7 @@ mod tests {
     use super::*;
 
     /// Creates a study with a revision, an experiment beside it, and a secret file outside.
-    fn place() -> (tempfile::TempDir, Home) {
+    fn place() -> (tempfile::TempDir, WorkbenchFolder) {
         let place = tempfile::tempdir().unwrap();
         let put = |path: &str, text: &str| {
             let path = place.path().join(path);
@@ -246,7 +246,7 @@ mod tests {
         put("home/vitreo-uq-out/left-eye/m2/posterior.json", "{}");
         put("home/vitreo-uq-out/left-eye/.hidden.json", "{}");
         put("home/vitreo-uq-out/other/inputs.sha256", "");
-        let home = Home::in_folder(place.path().join("home"));
+        let home = WorkbenchFolder::in_folder(place.path().join("home"));
         (place, home)
     }
 
@@ -262,7 +262,7 @@ mod tests {
             let error = home.find(name).err().unwrap().to_string();
             assert!(error.contains(&format!("there is no experiment or study `{name}` in this folder")), "{error}");
         }
-        let (found, name) = Home::of(&home.dir.join("vitreo-uq-out/left-eye")).unwrap();
+        let (found, name) = WorkbenchFolder::of(&home.dir.join("vitreo-uq-out/left-eye")).unwrap();
         assert_eq!(name.as_deref(), Some("eye"));
         assert_eq!(found.dir(), std::fs::canonicalize(&home.dir).unwrap());
     }

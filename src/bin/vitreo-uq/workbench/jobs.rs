@@ -12,34 +12,34 @@ use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
 use serde::{Deserialize, Serialize};
 use tokio::sync::watch;
-use vitreo_uq::base::error::{Error, Place, Result, Setting};
+use vitreo_uq::base::error::{Error, InputPlace, Result, Setting};
 use vitreo_uq::base::files::{self, Content};
 use vitreo_uq::posterior::study::CORNER_NAME;
 
-use super::home::{FOLDER_VARIABLE, GROUPS, Home, Item};
+use super::home::{FOLDER_VARIABLE, GROUPS, Item, WorkbenchFolder};
 use super::process::{Process, stop_child};
 use crate::child::{absolute, words};
 use crate::interrupt;
 
 /// Time between two reads of a command's output.
-const LOOK: Duration = Duration::from_millis(150);
+const POLL_INTERVAL: Duration = Duration::from_millis(150);
 /// Time between two reads while the workbench waits for the command's end.
-const LAST_LOOK: Duration = Duration::from_millis(20);
+const FINAL_POLL_INTERVAL: Duration = Duration::from_millis(20);
 /// Number of bytes that are read from the end of a command's output.
 const TAIL_BYTES: u64 = 16_384;
 /// Maximum number of revisions whose posteriors are overlaid.
 const MOST_OVERLAID: usize = 4;
 const WRITABLE: &str = "make the folder writable";
 /// Exit code of a command that finished with a result that is not to be trusted.
-const DOUBTFUL: i32 = 1;
+const EXIT_UNTRUSTED: i32 = 1;
 
 /// Job that a page requests.
 #[derive(Debug, Clone, Deserialize)]
-pub struct Wish {
+pub struct JobRequest {
     /// Name of the item; for a comparison of groups, the folder of its results.
     pub item: String,
     /// Kind of the job.
-    pub kind: Kind,
+    pub kind: JobKind,
     /// Revision to analyse or extend; by default the last.
     pub revision: Option<String>,
     /// Effects to add; for a comparison of groups, the keys that define them.
@@ -50,7 +50,7 @@ pub struct Wish {
 /// Kinds of jobs.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
-pub enum Kind {
+pub enum JobKind {
     /// Fit the first model, and test its residuals.
     Sample,
     /// Test the residuals of a revision.
@@ -70,7 +70,7 @@ pub enum Kind {
 /// Status of a job.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
-pub enum Standing {
+pub enum JobStatus {
     /// Running.
     Running,
     /// Finished.
@@ -89,7 +89,7 @@ pub struct Job {
     /// Name of the item.
     pub item: String,
     /// Kind of the job.
-    pub kind: Kind,
+    pub kind: JobKind,
     /// Arguments of each command.
     pub commands: Vec<Vec<String>>,
     /// Index of the command that runs.
@@ -99,7 +99,7 @@ pub struct Job {
     /// Start of the job, in seconds since 1970.
     pub began_s: u64,
     /// Status of the job.
-    pub standing: Standing,
+    pub standing: JobStatus,
     /// Last line of its output, or the reason of its failure.
     pub words: String,
     /// Steps done in the present stage, and all steps of it.
@@ -108,7 +108,7 @@ pub struct Job {
 
 /// Job queue of length one, because each command uses all cores.
 pub struct Jobs {
-    home: Home,
+    home: WorkbenchFolder,
     program: PathBuf,
     present: Mutex<Option<Job>>,
     /// Process that this workbench has started and not yet waited for, so that its number cannot be reused.
@@ -119,7 +119,7 @@ pub struct Jobs {
 
 impl Jobs {
     /// Creates the queue, and takes over the job of an earlier workbench.
-    pub fn new(home: Home, news: watch::Sender<u64>) -> Result<Arc<Self>> {
+    pub fn new(home: WorkbenchFolder, news: watch::Sender<u64>) -> Result<Arc<Self>> {
         let program = std::env::current_exe()
             .map_err(|error| Error::at_path("find", "the program", error, "start it by its absolute path"))?;
         let left: Option<Job> = files::read_if_there(&home.own().join("job.json"), Content::Document)
@@ -132,9 +132,9 @@ impl Jobs {
             is_stopped: AtomicBool::new(false),
             news,
         });
-        if jobs.present().is_some_and(|job| job.standing == Standing::Running) {
-            let own = Arc::clone(&jobs);
-            std::thread::spawn(move || own.look_after_left());
+        if jobs.present().is_some_and(|job| job.standing == JobStatus::Running) {
+            let entry = Arc::clone(&jobs);
+            std::thread::spawn(move || entry.watch_inherited_job());
         }
         Ok(jobs)
     }
@@ -145,8 +145,9 @@ impl Jobs {
     }
 
     /// Starts a requested job. If `is_replaced`, the study belongs to another record and its first model is made anew.
-    pub fn start(self: &Arc<Self>, wish: &Wish, item: &Item, is_replaced: bool) -> Result<Job> {
-        let members = if wish.kind == Kind::Groups { self.home.labelled(&wish.with) } else { Vec::new() };
+    pub fn start(self: &Arc<Self>, wish: &JobRequest, item: &Item, is_replaced: bool) -> Result<Job> {
+        let members =
+            if wish.kind == JobKind::Groups { self.home.experiments_with_keys(&wish.with) } else { Vec::new() };
         let commands = commands(self.home.dir(), wish, item, is_replaced, &members)?;
         let began_s = SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |since| since.as_secs());
         let job = Job {
@@ -156,15 +157,15 @@ impl Jobs {
             at: 0,
             process: Process::default(),
             began_s,
-            standing: Standing::Running,
+            standing: JobStatus::Running,
             words: "starting".into(),
             progress: None,
         };
         {
-            let mut present = self.present.lock().map_err(|_| broken())?;
-            if let Some(other) = present.as_ref().filter(|other| other.standing == Standing::Running) {
+            let mut present = self.present.lock().map_err(|_| lost_jobs_error())?;
+            if let Some(other) = present.as_ref().filter(|other| other.standing == JobStatus::Running) {
                 return Err(Error::input(
-                    Place::file(&other.item),
+                    InputPlace::file(&other.item),
                     "another job is running",
                     "wait until it ends, or stop it",
                 ));
@@ -172,9 +173,9 @@ impl Jobs {
             *present = Some(job.clone());
         }
         self.is_stopped.store(false, Ordering::SeqCst);
-        let own = Arc::clone(self);
-        std::thread::spawn(move || own.run(job.commands.len()));
-        self.present().ok_or_else(broken)
+        let jobs = Arc::clone(self);
+        std::thread::spawn(move || jobs.run(job.commands.len()));
+        self.present().ok_or_else(lost_jobs_error)
     }
 
     /// Stops the job. Its process has a second to finish its files.
@@ -183,7 +184,7 @@ impl Jobs {
         if let Some(child) = self.child().as_ref() {
             return stop_child(child);
         }
-        if let Some(job) = self.present().filter(|job| job.standing == Standing::Running) {
+        if let Some(job) = self.present().filter(|job| job.standing == JobStatus::Running) {
             job.process.stop();
         }
     }
@@ -211,7 +212,7 @@ impl Jobs {
         self.news.send_modify(|number| *number += 1);
     }
 
-    fn end(&self, standing: Standing, words: String) {
+    fn end(&self, standing: JobStatus, words: String) {
         self.change(|job| {
             job.standing = standing;
             job.words = words;
@@ -230,28 +231,28 @@ impl Jobs {
                 self.change(|job| job.process = process);
                 self.watch()
             });
-            let is_stopped = self.is_stopped.load(Ordering::SeqCst) || interrupt::has_come();
+            let is_stopped = self.is_stopped.load(Ordering::SeqCst) || interrupt::is_signalled();
             if is_stopped {
-                self.end(Standing::Stopped, "stopped; finished results are kept, and no file is half-written".into());
+                self.end(JobStatus::Stopped, "stopped; finished results are kept, and no file is half-written".into());
             }
             interrupt::owns_group(0);
             if is_stopped {
                 return;
             }
             match code {
-                Ok(Some(0 | DOUBTFUL)) => {}
-                Ok(_) => return self.end(Standing::Failed, error_in(&self.tail())),
-                Err(error) => return self.end(Standing::Failed, error.to_string()),
+                Ok(Some(0 | EXIT_UNTRUSTED)) => {}
+                Ok(_) => return self.end(JobStatus::Failed, find_error_message(&self.tail())),
+                Err(error) => return self.end(JobStatus::Failed, error.to_string()),
             }
         }
-        self.end(Standing::Done, String::new());
+        self.end(JobStatus::Done, String::new());
     }
 
     fn spawn(&self, arguments: &[String]) -> Result<Process> {
-        let own = self.home.own();
-        files::create_folders(&own, WRITABLE)?;
+        let path = self.home.own();
+        files::create_folders(&path, WRITABLE)?;
         // Output goes to files instead of pipes, so that the command continues if the workbench is killed.
-        let [out, log] = ["job.out", "job.log"].map(|name| files::create_anew(&own.join(name), WRITABLE));
+        let [out, log] = ["job.out", "job.log"].map(|name| files::create_or_replace(&path.join(name), WRITABLE));
         let mut command = Command::new(&self.program);
         command
             .args(arguments)
@@ -289,12 +290,12 @@ impl Jobs {
                 }
             }
             self.pass_on();
-            std::thread::sleep(if interrupt::has_come() { LAST_LOOK } else { LOOK });
+            std::thread::sleep(if interrupt::is_signalled() { FINAL_POLL_INTERVAL } else { POLL_INTERVAL });
         }
     }
 
     fn pass_on(&self) {
-        let (words, progress) = told(&self.tail());
+        let (words, progress) = last_message_and_progress(&self.tail());
         self.change(|job| {
             if let Some(words) = words {
                 job.words = words;
@@ -304,23 +305,23 @@ impl Jobs {
     }
 
     /// Waits for the command of an earlier workbench. The user has to start the commands after it.
-    fn look_after_left(&self) {
+    fn watch_inherited_job(&self) {
         let Some(job) = self.present() else { return };
         if !job.process.is_running() {
             let words = "the workbench ended during this job; finished results are kept; start the job again";
-            return self.end(Standing::Broken, words.into());
+            return self.end(JobStatus::Broken, words.into());
         }
         interrupt::owns_group(job.process.number());
         while job.process.is_running() {
             self.pass_on();
-            std::thread::sleep(if interrupt::has_come() { LAST_LOOK } else { LOOK });
+            std::thread::sleep(if interrupt::is_signalled() { FINAL_POLL_INTERVAL } else { POLL_INTERVAL });
         }
         let tail = self.tail();
-        let is_stopped = self.is_stopped.load(Ordering::SeqCst) || interrupt::has_come();
+        let is_stopped = self.is_stopped.load(Ordering::SeqCst) || interrupt::is_signalled();
         match tail.lines().any(|line| line.starts_with("error: ")) {
-            _ if is_stopped => self.end(Standing::Stopped, "stopped; no file is half-written".into()),
-            true => self.end(Standing::Failed, error_in(&tail)),
-            false => self.end(Standing::Done, String::new()),
+            _ if is_stopped => self.end(JobStatus::Stopped, "stopped; no file is half-written".into()),
+            true => self.end(JobStatus::Failed, find_error_message(&tail)),
+            false => self.end(JobStatus::Done, String::new()),
         }
         interrupt::owns_group(0);
     }
@@ -339,14 +340,14 @@ impl Jobs {
     }
 }
 
-fn broken() -> Error {
+fn lost_jobs_error() -> Error {
     Error::numerical("the workbench has lost its list of jobs", "start the workbench again")
 }
 
 /// Commands of a requested job in a folder; `members` are the experiments of a comparison of groups.
 pub(super) fn commands(
     home: &Path,
-    wish: &Wish,
+    wish: &JobRequest,
     item: &Item,
     is_replaced: bool,
     members: &[PathBuf],
@@ -357,7 +358,7 @@ pub(super) fn commands(
         let revision = wish.revision.as_ref().or(item.revisions.last());
         revision.filter(|name| item.revisions.contains(name)).ok_or_else(|| {
             let remedy = "fit the first model to the record";
-            Error::input(Place::file(&item.study), "this revision does not exist", remedy)
+            Error::input(InputPlace::file(&item.study), "this revision does not exist", remedy)
         })
     };
     let of_study = |command: &str| words(&[command], &[], std::slice::from_ref(&study));
@@ -367,10 +368,15 @@ pub(super) fn commands(
         Ok(words(&[command], &options, std::slice::from_ref(&study)))
     };
     let extended = |with: String| -> Result<Vec<Vec<String>>> {
-        Ok(vec![of_revision("extend", Some(with))?, of_study("compare"), of_study("ladder"), overlaid(home, item)?])
+        Ok(vec![
+            of_revision("extend", Some(with))?,
+            of_study("compare"),
+            of_study("ladder"),
+            corner_command(home, item)?,
+        ])
     };
     match wish.kind {
-        Kind::Sample => {
+        JobKind::Sample => {
             let mut options: Vec<(&str, Option<String>)> = Vec::new();
             let target = match &item.experiment {
                 Some(experiment) => {
@@ -383,35 +389,39 @@ pub(super) fn commands(
             let compare = words(&["compare"], &[("from", Some("m0".into()))], std::slice::from_ref(&study));
             Ok(vec![words(&["sample"], &options, &[target]), compare])
         }
-        Kind::Compare => Ok(vec![of_revision("compare", None)?]),
-        Kind::Diagnose => Ok(vec![of_revision("diagnose", None)?]),
-        Kind::Learn => Ok(vec![of_revision("learn", None)?]),
-        Kind::Extend => {
+        JobKind::Compare => Ok(vec![of_revision("compare", None)?]),
+        JobKind::Diagnose => Ok(vec![of_revision("diagnose", None)?]),
+        JobKind::Learn => Ok(vec![of_revision("learn", None)?]),
+        JobKind::Extend => {
             let is_letter = |c: char| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '-';
             let is_slug = |slug: &String| !slug.is_empty() && !slug.starts_with('-') && slug.chars().all(is_letter);
             if wish.with.is_empty() || !wish.with.iter().all(is_slug) {
                 let remedy = "choose effects from the list";
-                return Err(Error::input(Place::setting(Setting::Effects), "these are not names of effects", remedy));
+                return Err(Error::input(
+                    InputPlace::setting(Setting::Effects),
+                    "these are not names of effects",
+                    remedy,
+                ));
             }
             extended(wish.with.join(","))
         }
-        Kind::Groups => {
+        JobKind::Groups => {
             if wish.with.is_empty() || !wish.with.iter().all(|key| key == "species" || key == "region") {
                 let remedy = "choose species, region, or both";
-                return Err(Error::input(Place::setting(Setting::By), "this is not a key for groups", remedy));
+                return Err(Error::input(InputPlace::setting(Setting::By), "this is not a key for groups", remedy));
             }
             let options = [("by", Some(wish.with.join(","))), ("out", Some(place(Path::new(GROUPS))?))];
             // The comparison uses these paths as names of its members, and its results stay in its folder.
             let members: Vec<String> = members.iter().map(|member| member.display().to_string()).collect();
             Ok(vec![words(&["groups"], &options, &members), of_study("report")])
         }
-        Kind::Adopt => {
+        JobKind::Adopt => {
             // The path is relative to the folder in which the command runs. A comma would divide the path, and the folder's own name may contain one.
             let file = Path::new(".").join(&item.study).join(named()?).join(vitreo_uq::criticism::learn::FILE_NAME);
             let file = file.display().to_string();
             if file.contains(',') {
                 return Err(Error::input(
-                    Place::file(&item.study),
+                    InputPlace::file(&item.study),
                     "this name contains a comma",
                     "rename it without one",
                 ));
@@ -422,7 +432,7 @@ pub(super) fn commands(
 }
 
 /// Command that overlays the posteriors of the latest revisions and the next one.
-fn overlaid(home: &Path, item: &Item) -> Result<Vec<String>> {
+fn corner_command(home: &Path, item: &Item) -> Result<Vec<String>> {
     let last = item.revisions.last().and_then(|name| name.strip_prefix('m')?.parse::<u32>().ok());
     let next = last.map(|number| format!("m{}", number + 1));
     let first = item.revisions.len().saturating_sub(MOST_OVERLAID - 1);
@@ -433,7 +443,7 @@ fn overlaid(home: &Path, item: &Item) -> Result<Vec<String>> {
 }
 
 /// Last message of a command, and its progress.
-fn told(tail: &str) -> (Option<String>, Option<[u64; 2]>) {
+fn last_message_and_progress(tail: &str) -> (Option<String>, Option<[u64; 2]>) {
     let mut lines = tail.lines().rev().filter(|line| !line.trim().is_empty());
     let Some(last) = lines.next() else { return (None, None) };
     let Some(progress) = last.strip_prefix(crate::terminal::PROGRESS) else { return (Some(last.into()), None) };
@@ -442,7 +452,7 @@ fn told(tail: &str) -> (Option<String>, Option<[u64; 2]>) {
 }
 
 /// Error message of a failed command.
-fn error_in(tail: &str) -> String {
+fn find_error_message(tail: &str) -> String {
     match tail.rfind("error: ") {
         Some(at) => tail[at + "error: ".len()..].trim_end().to_string(),
         None => tail.lines().last().unwrap_or("the command ended without a message").to_string(),
@@ -463,34 +473,34 @@ mod tests {
         }
     }
 
-    fn wish(kind: Kind, revision: Option<&str>, with: &[&str]) -> Wish {
+    fn wish(kind: JobKind, revision: Option<&str>, with: &[&str]) -> JobRequest {
         let with = with.iter().map(|slug| (*slug).to_string()).collect();
-        Wish { item: "eye".into(), kind, revision: revision.map(String::from), with }
+        JobRequest { item: "eye".into(), kind, revision: revision.map(String::from), with }
     }
 
     #[test]
     fn wishes_are_commands_of_a_terminal() {
-        let lines = |wish: &Wish, item: &Item| -> Vec<String> {
+        let lines = |wish: &JobRequest, item: &Item| -> Vec<String> {
             commands(Path::new("/eyes"), wish, item, false, &[]).unwrap().iter().map(|words| words.join(" ")).collect()
         };
         assert_eq!(
-            lines(&wish(Kind::Sample, None, &[]), &item(&[])),
+            lines(&wish(JobKind::Sample, None, &[]), &item(&[])),
             ["sample --out=/eyes/vitreo-uq-out/eye -- /eyes/eye", "compare --from=m0 -- /eyes/vitreo-uq-out/eye"]
         );
         assert_eq!(
-            lines(&wish(Kind::Diagnose, None, &[]), &item(&["m0", "m1"])),
+            lines(&wish(JobKind::Diagnose, None, &[]), &item(&["m0", "m1"])),
             ["diagnose --from=m1 -- /eyes/vitreo-uq-out/eye"]
         );
         assert_eq!(
-            lines(&wish(Kind::Extend, Some("m0"), &["wall-slip", "drift"]), &item(&["m0"]))[0],
+            lines(&wish(JobKind::Extend, Some("m0"), &["wall-slip", "drift"]), &item(&["m0"]))[0],
             "extend --from=m0 --with=wall-slip,drift -- /eyes/vitreo-uq-out/eye"
         );
         assert_eq!(
-            lines(&wish(Kind::Extend, Some("m0"), &["drift"]), &item(&["m0", "m1"]))[3],
+            lines(&wish(JobKind::Extend, Some("m0"), &["drift"]), &item(&["m0", "m1"]))[3],
             "corner --out=/eyes/vitreo-uq-out/eye/corner -- /eyes/vitreo-uq-out/eye/m0 /eyes/vitreo-uq-out/eye/m1 /eyes/vitreo-uq-out/eye/m2"
         );
         assert_eq!(
-            lines(&wish(Kind::Adopt, None, &[]), &item(&["m0"]))[0],
+            lines(&wish(JobKind::Adopt, None, &[]), &item(&["m0"]))[0],
             "extend --from=m0 --with=./vitreo-uq-out/eye/m0/learned-effect.toml -- /eyes/vitreo-uq-out/eye"
         );
     }
@@ -498,30 +508,30 @@ mod tests {
     #[test]
     fn no_word_of_a_wish_becomes_another_option() {
         vitreo_uq::base::error::rename_settings("command line", crate::settings::option);
-        let refuses = |wish: Wish, revisions: &[&str], words: &str| {
+        let refuses = |wish: JobRequest, revisions: &[&str], words: &str| {
             let error = commands(Path::new("/eyes"), &wish, &item(revisions), false, &[]).unwrap_err().to_string();
             assert!(error.contains(words), "`{words}` in {error}");
         };
         for with in [&["--force"][..], &["../x.toml"], &["a b"], &[]] {
-            refuses(wish(Kind::Extend, None, with), &["m0"], "`--with`: these are not names of effects");
+            refuses(wish(JobKind::Extend, None, with), &["m0"], "`--with`: these are not names of effects");
         }
         for with in [&["--force"][..], &[]] {
-            refuses(wish(Kind::Groups, None, with), &[], "`--by`: this is not a key for groups");
+            refuses(wish(JobKind::Groups, None, with), &[], "`--by`: this is not a key for groups");
         }
         for revision in ["--out", "m7", ""] {
-            refuses(wish(Kind::Diagnose, Some(revision), &[]), &["m0"], "this revision does not exist");
+            refuses(wish(JobKind::Diagnose, Some(revision), &[]), &["m0"], "this revision does not exist");
         }
-        refuses(wish(Kind::Compare, None, &[]), &[], "this revision does not exist");
+        refuses(wish(JobKind::Compare, None, &[]), &[], "this revision does not exist");
     }
 
     #[test]
     fn words_and_progress_are_read_from_a_log() {
         let log = "fitting …\nrefitting every effect …\nprogress: 3 of 18\nprogress: 7 of 18\n";
-        assert_eq!(told(log), (Some("refitting every effect …".into()), Some([7, 18])));
-        assert_eq!(told("fitting …\n"), (Some("fitting …".into()), None));
-        assert_eq!(told(""), (None, None));
+        assert_eq!(last_message_and_progress(log), (Some("refitting every effect …".into()), Some([7, 18])));
+        assert_eq!(last_message_and_progress("fitting …\n"), (Some("fitting …".into()), None));
+        assert_eq!(last_message_and_progress(""), (None, None));
         assert_eq!(
-            error_in("fitting …\nerror: a.csv:3: no number\n  what to do: mend it\n"),
+            find_error_message("fitting …\nerror: a.csv:3: no number\n  what to do: mend it\n"),
             "a.csv:3: no number\n  what to do: mend it"
         );
     }

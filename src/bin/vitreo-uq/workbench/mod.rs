@@ -22,9 +22,9 @@ use clap::Args;
 use vitreo_uq::base::error::{Error, Result};
 
 use crate::guard::Guard;
-use crate::interrupt::say;
+use crate::interrupt::print_message;
 pub use home::FOLDER_VARIABLE;
-use home::Home;
+use home::WorkbenchFolder;
 
 const USUAL_PORT: u16 = 8421;
 
@@ -52,21 +52,21 @@ pub struct WorkbenchArguments {
 }
 
 pub fn run(arguments: &WorkbenchArguments) -> Result<ExitCode> {
-    let (home, item) = Home::of(arguments.target.as_deref().unwrap_or(Path::new(".")))?;
+    let (home, item) = WorkbenchFolder::of(arguments.target.as_deref().unwrap_or(Path::new(".")))?;
     // Another workbench may use the usual port.
     let ports = if arguments.port == USUAL_PORT { vec![USUAL_PORT, 0] } else { vec![arguments.port] };
     let (listener, address) = crate::http::listen(arguments.listen, &ports)?;
     let token = token()?;
     let link = format!("http://{address}/{token}/{}", item.map_or(String::new(), |item| format!("#{item}")));
     if !arguments.quiet {
-        say(&format!("Workbench of {}; Ctrl-C ends it and its running command.", home.dir().display()));
+        print_message(&format!("Workbench of {}; Ctrl-C ends it and its running command.", home.dir().display()));
         if !address.ip().is_loopback() {
-            say("note: other machines can reach this page; anyone with its link can run commands here");
+            print_message("note: other machines can reach this page; anyone with its link can run commands here");
         }
-        say("Open this link in a browser:");
+        print_message("Open this link in a browser:");
     }
     crate::output::print(&format!("{link}\n"))?;
-    server::run(listener, home, token, Guard::of(address, &arguments.allow_host))?;
+    server::run(listener, home, token, Guard::new(address, &arguments.allow_host))?;
     Ok(ExitCode::SUCCESS)
 }
 

@@ -8,9 +8,9 @@ use clap::{ArgMatches, CommandFactory};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-use super::home::{Home, Item};
-use super::jobs::{Kind, Wish, commands};
-use super::tables::{Answered, Described, describe, keep};
+use super::home::{Item, WorkbenchFolder};
+use super::jobs::{JobKind, JobRequest, commands};
+use super::tables::{DescribeOutcome, Described, describe, store_upload};
 
 const N_NAMES: usize = 500;
 /// Parts that names are assembled from.
@@ -104,11 +104,11 @@ fn hostile_names() -> Vec<String> {
 }
 
 /// Folder with a secret file beside it.
-fn place() -> (tempfile::TempDir, Home) {
+fn place() -> (tempfile::TempDir, WorkbenchFolder) {
     let place = tempfile::tempdir().unwrap();
     std::fs::create_dir(place.path().join("home")).unwrap();
     std::fs::write(place.path().join("secret"), "secret").unwrap();
-    let (home, item) = Home::of(&place.path().join("home")).unwrap();
+    let (home, item) = WorkbenchFolder::of(&place.path().join("home")).unwrap();
     assert_eq!(item, None);
     (place, home)
 }
@@ -135,35 +135,35 @@ fn understood(words: &[String]) -> (String, BTreeMap<String, Vec<String>>) {
 }
 
 /// Checks that the parser understands every command for an item as intended.
-fn is_understood(home: &Home, item: &Item) {
+fn is_understood(home: &WorkbenchFolder, item: &Item) {
     let place = |inside: &Path| home.dir().join(inside).display().to_string();
     let study = place(&item.study);
     let item = Item { revisions: vec!["m0".into(), "m1".into()], ..item.clone() };
-    let built = |kind: Kind, with: &[&str], is_replaced: bool| {
-        let with = with.iter().map(|own| (*own).to_string()).collect();
-        let wish = Wish { item: item.name.clone(), kind, revision: None, with };
+    let built = |kind: JobKind, with: &[&str], is_replaced: bool| {
+        let with = with.iter().map(|name| (*name).to_string()).collect();
+        let wish = JobRequest { item: item.name.clone(), kind, revision: None, with };
         let members: Vec<_> = item.experiment.clone().into_iter().collect();
         commands(home.dir(), &wish, &item, is_replaced, &members)
     };
     let check = |words: &[String], command: &str, expected: &[(&str, &[&str])]| {
         let (found, given) = understood(words);
-        let values = |own: &[&str]| own.iter().map(|own| (*own).to_string()).collect::<Vec<String>>();
+        let values = |names: &[&str]| names.iter().map(|name| (*name).to_string()).collect::<Vec<String>>();
         let expected: BTreeMap<String, Vec<String>> =
-            expected.iter().map(|(id, own)| ((*id).to_string(), values(own))).collect();
+            expected.iter().map(|(id, names)| ((*id).to_string(), values(names))).collect();
         assert_eq!((found.as_str(), &given), (command, &expected), "{words:?}");
     };
-    let sample = built(Kind::Sample, &[], false).unwrap();
+    let sample = built(JobKind::Sample, &[], false).unwrap();
     match &item.experiment {
         Some(experiment) => check(&sample[0], "sample", &[("target", &[&place(experiment)]), ("out", &[&study])]),
         None => check(&sample[0], "sample", &[("target", &[&study])]),
     }
     check(&sample[1], "compare", &[("target", &[&study]), ("from", &["m0"])]);
-    let (_, given) = understood(&built(Kind::Sample, &[], true).unwrap()[0]);
+    let (_, given) = understood(&built(JobKind::Sample, &[], true).unwrap()[0]);
     assert!(given.contains_key("force"));
-    for (kind, command) in [(Kind::Compare, "compare"), (Kind::Diagnose, "diagnose"), (Kind::Learn, "learn")] {
+    for (kind, command) in [(JobKind::Compare, "compare"), (JobKind::Diagnose, "diagnose"), (JobKind::Learn, "learn")] {
         check(&built(kind, &[], false).unwrap()[0], command, &[("target", &[&study]), ("from", &["m1"])]);
     }
-    let extend = built(Kind::Extend, &["wall-slip", "drift"], false).unwrap();
+    let extend = built(JobKind::Extend, &["wall-slip", "drift"], false).unwrap();
     let with: &[&str] = &["wall-slip", "drift"];
     check(&extend[0], "extend", &[("target", &[&study]), ("from", &["m1"]), ("with", with)]);
     check(&extend[1], "compare", &[("target", &[&study])]);
@@ -172,14 +172,14 @@ fn is_understood(home: &Home, item: &Item) {
     let paths: Vec<&str> = paths.iter().map(String::as_str).collect();
     check(&extend[3], "corner", &[("paths", &paths), ("out", &[&format!("{study}/corner")])]);
     let file = format!("./{}/m1/learned-effect.toml", item.study.display());
-    match built(Kind::Adopt, &[], false) {
+    match built(JobKind::Adopt, &[], false) {
         Ok(adopt) => {
             check(&adopt[0], "extend", &[("target", &[&study]), ("from", &["m1"]), ("with", &[&file])]);
         }
         Err(error) => assert!(file.contains(',') && error.to_string().contains("contains a comma"), "{error}"),
     }
     if let Some(member) = &item.experiment {
-        let groups = built(Kind::Groups, &["species"], false).unwrap();
+        let groups = built(JobKind::Groups, &["species"], false).unwrap();
         let out = place(Path::new(super::home::GROUPS));
         let member = member.display().to_string();
         check(&groups[0], "groups", &[("paths", &[&member]), ("by", &["species"]), ("out", &[&out])]);
@@ -188,23 +188,23 @@ fn is_understood(home: &Home, item: &Item) {
 }
 
 /// Answers to the questions of the page about the table of [`table`].
-fn answers(home: &Home) -> BTreeMap<String, String> {
+fn answers(home: &WorkbenchFolder) -> BTreeMap<String, String> {
     let mut answers = BTreeMap::new();
     for number in 0..9 {
-        let upload = keep(home, "plain.csv", 9000 + number, table().as_bytes()).unwrap();
+        let upload = store_upload(home, "plain.csv", 9000 + number, table().as_bytes()).unwrap();
         let described =
             Described { upload, file: "plain.csv".into(), answers: answers.clone(), ..Described::default() };
         match describe(home, &described).unwrap() {
-            Answered::Written { item, .. } => {
+            DescribeOutcome::Written { item, .. } => {
                 std::fs::remove_dir_all(home.dir().join(item)).unwrap();
                 return answers;
             }
-            Answered::Questions { questions } => {
+            DescribeOutcome::Questions { questions } => {
                 let asked = serde_json::to_value(&questions).unwrap();
-                for own in asked.as_array().unwrap() {
-                    let first = own["choices"].get(0).and_then(serde_json::Value::as_str);
-                    let answer = own["proposal"].as_str().or(first).unwrap_or("1");
-                    answers.insert(own["text"].as_str().unwrap().to_string(), answer.to_string());
+                for value in asked.as_array().unwrap() {
+                    let first = value["choices"].get(0).and_then(serde_json::Value::as_str);
+                    let answer = value["proposal"].as_str().or(first).unwrap_or("1");
+                    answers.insert(value["text"].as_str().unwrap().to_string(), answer.to_string());
                 }
             }
         }
@@ -226,9 +226,9 @@ fn hostile_names_of_tables_become_plain_folders() {
     let answers = answers(&home);
     let mut items = BTreeSet::new();
     for (number, name) in hostile_names().iter().enumerate() {
-        let upload = keep(&home, name, number as u64, table().as_bytes()).unwrap();
+        let upload = store_upload(&home, name, number as u64, table().as_bytes()).unwrap();
         let described = Described { upload, file: name.clone(), answers: answers.clone(), ..Described::default() };
-        let Answered::Written { item, .. } =
+        let DescribeOutcome::Written { item, .. } =
             describe(&home, &described).unwrap_or_else(|error| panic!("{name:?}: {error}"))
         else {
             panic!("{name:?}: something else is asked")

@@ -73,7 +73,7 @@ mod system {
     /// Returns whether a process started with this variable. If its environment is unreadable, the process belongs to another user.
     pub fn has_in_environment(number: u32, variable: &str) -> bool {
         let bytes = std::fs::read(format!("/proc/{number}/environ")).unwrap_or_default();
-        bytes.split(|byte| *byte == 0).any(|own| own == variable.as_bytes())
+        bytes.split(|byte| *byte == 0).any(|indexes| indexes == variable.as_bytes())
     }
 }
 
@@ -112,15 +112,21 @@ mod system {
 mod tests {
     use super::*;
 
+    /// Starts a process and waits until the system shows its environment, which is a moment after its start.
     fn sleeping(token: &str) -> (Child, Process) {
-        Process::spawn(Command::new("sleep").arg("60"), token.into()).unwrap()
+        let (child, process) = Process::spawn(Command::new("sleep").arg("60"), token.into()).unwrap();
+        let began = std::time::Instant::now();
+        while !process.is_running() {
+            assert!(began.elapsed() < std::time::Duration::from_secs(10), "{process:?} is not known");
+            std::thread::sleep(std::time::Duration::from_millis(1));
+        }
+        (child, process)
     }
 
     #[test]
     fn only_the_process_itself_is_known_and_stopped() {
-        let (mut own, process) = sleeping("0a1b");
+        let (mut child, process) = sleeping("0a1b");
         let (mut other, of_other) = sleeping("ffff");
-        assert!(process.is_running() && of_other.is_running());
         // A process that differs in any field is another process.
         for foreign in [
             Process { number: of_other.number, ..process.clone() },
@@ -135,9 +141,9 @@ mod tests {
             assert!(!foreign.is_running(), "{foreign:?}");
             foreign.stop();
         }
-        assert!(own.try_wait().unwrap().is_none() && other.try_wait().unwrap().is_none());
+        assert!(child.try_wait().unwrap().is_none() && other.try_wait().unwrap().is_none());
         process.stop();
-        assert!(!own.wait().unwrap().success());
+        assert!(!child.wait().unwrap().success());
         assert!(!process.is_running() && of_other.is_running());
         stop_child(&other);
         assert!(!other.wait().unwrap().success());

@@ -7,7 +7,7 @@ use std::time::SystemTime;
 
 use serde::Serialize;
 use vitreo_uq::base::error::Result;
-use vitreo_uq::base::files::{self, Kind};
+use vitreo_uq::base::files::{self, FileKind};
 use vitreo_uq::documents::check::CheckSummary;
 use vitreo_uq::figures::predictions::{Predictions, read_predictions};
 use vitreo_uq::posterior::check;
@@ -20,7 +20,7 @@ const POINTS: [usize; 2] = [50, 4000];
 const KEPT: usize = 4;
 
 /// Record with its check.
-pub struct Read {
+pub struct CheckedRecord {
     /// Parsed experiment.
     pub experiment: Experiment,
     /// Description of the record as read, and contradictions with it.
@@ -30,53 +30,54 @@ pub struct Read {
 }
 
 /// Cache of values read from files, valid until a file changes.
-pub struct Memory<T> {
-    kept: Mutex<Vec<Remembered<T>>>,
+pub struct FileCache<T> {
+    kept: Mutex<Vec<CacheEntry<T>>>,
 }
 
 /// Cached value with its path and the times of the last changes of its files.
-struct Remembered<T> {
+struct CacheEntry<T> {
     path: PathBuf,
     changed: Vec<Option<SystemTime>>,
     found: Arc<T>,
 }
 
-impl<T> Default for Memory<T> {
+impl<T> Default for FileCache<T> {
     fn default() -> Self {
         Self { kept: Mutex::default() }
     }
 }
 
-impl<T> Memory<T> {
+impl<T> FileCache<T> {
     /// Returns the value of a path, and reads it again if one of the files has changed.
     pub fn get(&self, path: &Path, files: &[PathBuf], read: impl FnOnce() -> Result<T>) -> Result<Arc<T>> {
         let changed = |path: &PathBuf| std::fs::metadata(path).and_then(|metadata| metadata.modified()).ok();
         let changed: Vec<_> = files.iter().map(changed).collect();
         let mut kept = self.kept.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
-        if let Some(own) = kept.iter().find(|own| own.path == path && own.changed == changed) {
-            return Ok(Arc::clone(&own.found));
+        if let Some(cache) = kept.iter().find(|cache| cache.path == path && cache.changed == changed) {
+            return Ok(Arc::clone(&cache.found));
         }
         let found = Arc::new(read()?);
-        kept.retain(|own| own.path != path);
-        kept.insert(0, Remembered { path: path.to_path_buf(), changed, found: Arc::clone(&found) });
+        kept.retain(|cache| cache.path != path);
+        kept.insert(0, CacheEntry { path: path.to_path_buf(), changed, found: Arc::clone(&found) });
         kept.truncate(KEPT);
         Ok(found)
     }
 }
 
 /// Reads the record that a folder describes.
-pub fn read_record(memory: &Memory<Read>, dir: &Path) -> Result<Arc<Read>> {
+pub fn read_record(memory: &FileCache<CheckedRecord>, dir: &Path) -> Result<Arc<CheckedRecord>> {
     let entries = files::entries(dir, "").unwrap_or_default().into_iter();
-    let files: Vec<PathBuf> = entries.filter(|(_, kind)| *kind == Kind::File).map(|(name, _)| dir.join(name)).collect();
+    let files: Vec<PathBuf> =
+        entries.filter(|(_, kind)| *kind == FileKind::File).map(|(name, _)| dir.join(name)).collect();
     memory.get(dir, &files, || {
         let (experiment, files) = Experiment::read(dir)?;
         let summary = check::summary(&experiment, &files);
-        Ok(Read { experiment, summary, sha256: Study::hashes_of(&files)? })
+        Ok(CheckedRecord { experiment, summary, sha256: Study::hashes_of(&files)? })
     })
 }
 
 /// Reads a revision's predictions, or `None` if an older version wrote no predictions.
-pub fn read_revision(memory: &Memory<Predictions>, dir: &Path) -> Result<Option<Arc<Predictions>>> {
+pub fn read_revision(memory: &FileCache<Predictions>, dir: &Path) -> Result<Option<Arc<Predictions>>> {
     let path = dir.join(PREDICTIONS_NAME);
     files::refuse_link(&path)?;
     if !files::is_file(&path) {
@@ -98,7 +99,7 @@ pub struct Window {
 
 /// Rows to show.
 #[derive(Debug, Serialize)]
-pub struct Shown {
+pub struct PlotRows {
     /// Number of rows of the record, and of the window.
     pub rows: [usize; 2],
     /// Indices of the shown rows: in each pixel column those with the lowest and highest values.
@@ -122,27 +123,27 @@ struct ShownPredictions {
 }
 
 /// Rows of a record in a window, with their predictions.
-pub fn shown(experiment: &Experiment, predictions: Option<&Predictions>, window: Window) -> Shown {
+pub fn select_rows(experiment: &Experiment, predictions: Option<&Predictions>, window: Window) -> PlotRows {
     let record = &experiment.record;
-    let predictions = predictions.filter(|own| own.time_s.len() == record.n_rows());
+    let predictions = predictions.filter(|predictions| predictions.time_s.len() == record.n_rows());
     let position_um: Vec<Option<f64>> = record.position_m.iter().map(|x| x.map(|x| 1e6 * x)).collect();
     let residual_um = |row: usize| {
-        let own = predictions?;
-        Some(position_um[row]? - own.quantiles_um[2][row])
+        let entry = predictions?;
+        Some(position_um[row]? - entry.quantiles_um[2][row])
     };
     let force = |row: usize| Some(record.force_n[row]);
     let looks: [&dyn Fn(usize) -> Option<f64>; 3] = [&|row| position_um[row], &residual_um, &force];
     let range = rows_of(&record.time_s, window);
     let n_points = window.points.unwrap_or(POINTS[1]).clamp(POINTS[0], POINTS[1]);
-    let chosen = decimated(range.clone(), n_points, &looks);
+    let chosen = decimate_rows(range.clone(), n_points, &looks);
     let of = |values: &[f64]| chosen.iter().map(|row| values[*row]).collect::<Vec<f64>>();
-    let predicted = predictions.map(|own| ShownPredictions {
-        median_um: of(&own.quantiles_um[2]),
-        q05_um: of(&own.quantiles_um[0]),
-        q95_um: of(&own.quantiles_um[4]),
+    let predicted = predictions.map(|predictions| ShownPredictions {
+        median_um: of(&predictions.quantiles_um[2]),
+        q05_um: of(&predictions.quantiles_um[0]),
+        q95_um: of(&predictions.quantiles_um[4]),
         residual_um: chosen.iter().map(|row| residual_um(*row)).collect(),
     });
-    Shown {
+    PlotRows {
         rows: [record.n_rows(), range.len()],
         time_s: of(&record.time_s),
         force_un: chosen.iter().map(|row| 1e6 * record.force_n[*row]).collect(),
@@ -161,7 +162,7 @@ fn rows_of(time_s: &[f64], window: Window) -> std::ops::Range<usize> {
 }
 
 /// Picks rows: in each column the first row, and those with the lowest and highest value of each function in `looks`.
-fn decimated(rows: std::ops::Range<usize>, n_points: usize, looks: &[&dyn Fn(usize) -> Option<f64>]) -> Vec<usize> {
+fn decimate_rows(rows: std::ops::Range<usize>, n_points: usize, looks: &[&dyn Fn(usize) -> Option<f64>]) -> Vec<usize> {
     if rows.len() <= n_points {
         return rows.collect();
     }
@@ -169,10 +170,10 @@ fn decimated(rows: std::ops::Range<usize>, n_points: usize, looks: &[&dyn Fn(usi
     let edge = |column: usize| rows.start + rows.len() * column / n_columns;
     let mut chosen = Vec::with_capacity(n_points);
     for column in 0..n_columns {
-        let own = edge(column)..edge(column + 1);
-        let mut of_column = vec![own.start];
+        let range = edge(column)..edge(column + 1);
+        let mut of_column = vec![range.start];
         for look in looks {
-            let valued = || own.clone().filter_map(|row| Some((row, look(row)?)));
+            let valued = || range.clone().filter_map(|row| Some((row, look(row)?)));
             of_column.extend(valued().min_by(|a, b| a.1.total_cmp(&b.1)).map(|(row, _)| row));
             of_column.extend(valued().max_by(|a, b| a.1.total_cmp(&b.1)).map(|(row, _)| row));
         }
@@ -193,11 +194,11 @@ mod tests {
     fn what_stands_out_is_shown() {
         let value = |row: usize| Some(if row == 54_321 { 9.0 } else { (row as f64 * 0.01).sin() });
         let other = |row: usize| (row != 7).then_some(-(row as f64));
-        let chosen = decimated(0..100_000, 1000, &[&value, &other]);
+        let chosen = decimate_rows(0..100_000, 1000, &[&value, &other]);
         assert!(chosen.contains(&54_321) && chosen.contains(&99_999) && chosen.contains(&0));
         assert!(chosen.windows(2).all(|pair| pair[0] < pair[1]));
         assert!((500..=1010).contains(&chosen.len()), "{}", chosen.len());
-        assert_eq!(decimated(3..10, 50, &[&value]), (3..10).collect::<Vec<_>>());
+        assert_eq!(decimate_rows(3..10, 50, &[&value]), (3..10).collect::<Vec<_>>());
     }
 
     #[test]

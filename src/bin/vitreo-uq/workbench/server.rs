@@ -18,21 +18,21 @@ use serde_json::{Map, Value, json};
 use tokio::sync::watch;
 use tokio_stream::StreamExt;
 use tokio_stream::wrappers::WatchStream;
-use vitreo_uq::base::error::{Error, Place, Result};
+use vitreo_uq::base::error::{Error, InputPlace, Result};
 use vitreo_uq::base::files::{self, Content};
 use vitreo_uq::figures::predictive::{CycleKind, CycleSpan};
 use vitreo_uq::jobs::{artefacts, pages};
 use vitreo_uq::posterior::study::{
-    COMPARISON_NAME, CORNER_NAME, DIAGNOSIS_NAME, EXTENSION_NAME, LADDER_NAME, LEARNED_NAME, POSTERIOR_NAME, Study,
+    CORNER_NAME, DIAGNOSIS_NAME, EXTENSION_NAME, FINDINGS_NAME, LADDER_NAME, LEARNED_NAME, POSTERIOR_NAME, Study,
 };
 use vitreo_uq::record::{Experiment, Record};
 
-use super::choice::{Choice, choose};
-use super::home::{Home, Item};
-use super::jobs::{Jobs, Kind, Wish};
-use super::rows::{Memory, Read, Window, read_record, read_revision, shown};
+use super::choice::{RowChoice, apply_choice};
+use super::home::{Item, WorkbenchFolder};
+use super::jobs::{JobKind, JobRequest, Jobs};
+use super::rows::{CheckedRecord, FileCache, Window, read_record, read_revision, select_rows};
 use super::tables::{self, Described};
-use super::trial::{Trial, Tried, trial};
+use super::trial::{Trial, TrialRequest, trial};
 use crate::guard::{Guard, guard};
 use crate::http::{self, Connection};
 use vitreo_uq::figures::predictions::Predictions;
@@ -56,31 +56,31 @@ const FILES: [(&str, &str, &str); 7] = [
 ];
 
 struct Bench {
-    home: Home,
+    home: WorkbenchFolder,
     jobs: Arc<Jobs>,
-    records: Memory<Read>,
-    predictions: Memory<Predictions>,
-    trials: Memory<Trial>,
+    records: FileCache<CheckedRecord>,
+    predictions: FileCache<Predictions>,
+    trials: FileCache<Trial>,
     news: watch::Sender<u64>,
     /// Hash of the folder's state, with the number of the event for which it was computed.
     folder: tokio::sync::Mutex<Option<(u64, String)>>,
     uploads: AtomicU64,
 }
 
-type Shared = Arc<Bench>;
+type SharedBench = Arc<Bench>;
 
 /// Serves until the program ends.
-pub fn run(listener: TcpListener, home: Home, token: String, names: Guard) -> Result<()> {
+pub fn run(listener: TcpListener, home: WorkbenchFolder, token: String, names: Guard) -> Result<()> {
     let refused = |error| Error::at_path("serve", home.dir(), error, "start the workbench again");
-    tables::forget(&home);
+    tables::remove_old_uploads(&home);
     let news = watch::Sender::new(0);
     let jobs = Jobs::new(home.clone(), news.clone())?;
     let bench = Arc::new(Bench {
         home: home.clone(),
         jobs,
-        records: Memory::default(),
-        predictions: Memory::default(),
-        trials: Memory::default(),
+        records: FileCache::default(),
+        predictions: FileCache::default(),
+        trials: FileCache::default(),
         news,
         folder: tokio::sync::Mutex::default(),
         uploads: AtomicU64::new(0),
@@ -92,7 +92,7 @@ pub fn run(listener: TcpListener, home: Home, token: String, names: Guard) -> Re
     http::serve(listener, app).map_err(refused)
 }
 
-fn router(bench: Shared, token: &str, names: Guard) -> Router {
+fn router(bench: SharedBench, token: &str, names: Guard) -> Router {
     let at = |path: &str| format!("/{token}/{path}");
     let mut router = Router::new()
         .route(&at("api/items"), get(items))
@@ -118,15 +118,15 @@ fn router(bench: Shared, token: &str, names: Guard) -> Router {
 }
 
 /// Checks for changes by other programs, as long as a page listens.
-async fn watch_folder(bench: Shared) {
+async fn watch_folder(bench: SharedBench) {
     let mut before = 0;
     loop {
         tokio::time::sleep(LOOK).await;
         if bench.news.receiver_count() == 0 {
             continue;
         }
-        let own = Arc::clone(&bench);
-        let Ok(now) = tokio::task::spawn_blocking(move || own.home.state()).await else { continue };
+        let entry = Arc::clone(&bench);
+        let Ok(now) = tokio::task::spawn_blocking(move || entry.home.content_hash()).await else { continue };
         if now != before {
             before = now;
             bench.news.send_modify(|number| *number += 1);
@@ -148,34 +148,35 @@ async fn answer<T: Serialize + Send + 'static>(work: impl FnOnce() -> Result<T> 
 
 /// Item by name, and the revision to show.
 #[derive(Deserialize)]
-struct Named {
+struct ItemQuery {
     item: String,
     revision: Option<String>,
 }
 
-async fn items(State(bench): State<Shared>) -> Response {
+async fn items(State(bench): State<SharedBench>) -> Response {
     answer(move || Ok(json!({ "home": bench.home.dir().display().to_string(), "items": bench.home.items() }))).await
 }
 
-async fn study(State(bench): State<Shared>, Query(named): Query<Named>) -> Response {
+async fn study(State(bench): State<SharedBench>, Query(named): Query<ItemQuery>) -> Response {
     answer(move || study_of(&bench, &named.item, named.revision)).await
 }
 
 impl Bench {
     /// Record of an item: the experiment's, or the study's if it has no experiment.
-    fn record(&self, item: &Item) -> Result<Arc<Read>> {
+    fn record(&self, item: &Item) -> Result<Arc<CheckedRecord>> {
         let inside = item.experiment.as_ref().unwrap_or(&item.study);
         read_record(&self.records, &self.home.dir().join(inside))
     }
 
     /// Finds an item. If its study belongs to another record than the experiment has, the study's revisions are omitted, because they do not describe this record.
-    fn current(&self, name: &str) -> Result<(Item, bool)> {
+    fn find_current_item(&self, name: &str) -> Result<(Item, bool)> {
         let mut item = self.home.find(name)?;
         let study = self.home.dir().join(&item.study);
         let is_other = item.experiment.is_some()
             && Study::is_study(&study)
-            && Study::open(&study)
-                .is_ok_and(|study| self.record(&item).is_ok_and(|own| own.sha256 != *study.inputs_sha256()));
+            && Study::open(&study).is_ok_and(|study| {
+                self.record(&item).is_ok_and(|checked_record| checked_record.sha256 != *study.inputs_sha256())
+            });
         if is_other {
             item.revisions.clear();
         }
@@ -183,17 +184,17 @@ impl Bench {
     }
 }
 
-async fn choice(State(bench): State<Shared>, Json(choice): Json<Choice>) -> Response {
+async fn choice(State(bench): State<SharedBench>, Json(choice): Json<RowChoice>) -> Response {
     answer(move || {
         let item = bench.home.find(&choice.item)?;
         let Some(experiment) = &item.experiment else {
             return Err(Error::input(
-                Place::file(&item.study),
+                InputPlace::file(&item.study),
                 "this is a study without its experiment, whose record cannot be changed",
                 "open the experiment that the study was made from",
             ));
         };
-        choose(&bench.home.dir().join(experiment), &choice)?;
+        apply_choice(&bench.home.dir().join(experiment), &choice)?;
         bench.news.send_modify(|number| *number += 1);
         Ok(json!({}))
     })
@@ -202,7 +203,7 @@ async fn choice(State(bench): State<Shared>, Json(choice): Json<Choice>) -> Resp
 
 /// All documents of an item, and the parts of its report.
 fn study_of(bench: &Bench, name: &str, revision: Option<String>) -> Result<Value> {
-    let (item, is_changed) = bench.current(name)?;
+    let (item, is_changed) = bench.find_current_item(name)?;
     if !item.figures.is_empty() {
         return Ok(json!({ "item": item }));
     }
@@ -214,7 +215,7 @@ fn study_of(bench: &Bench, name: &str, revision: Option<String>) -> Result<Value
         let mut documents = Map::from_iter([("name".to_string(), json!(name))]);
         for (key, file) in [
             ("posterior", POSTERIOR_NAME),
-            ("comparison", COMPARISON_NAME),
+            ("comparison", FINDINGS_NAME),
             ("diagnosis", DIAGNOSIS_NAME),
             ("learned", LEARNED_NAME),
             ("extension", EXTENSION_NAME),
@@ -232,7 +233,7 @@ fn study_of(bench: &Bench, name: &str, revision: Option<String>) -> Result<Value
         "is_changed": is_changed,
         "record": read.summary,
         "left_out_s": left_out_s(bench, &item),
-        "noise_um": experiment.noise_yardstick().map(|yardstick| 1e6 * yardstick.sd_m),
+        "noise_um": experiment.reference_noise().map(|yardstick| 1e6 * yardstick.sd_m),
         "cycles": cycles(experiment),
         "steps_s": steps_s(&experiment.record),
         "revisions": revisions,
@@ -309,21 +310,21 @@ impl WindowOfQuery {
     }
 }
 
-async fn rows(State(bench): State<Shared>, Query(asked): Query<AskedRows>) -> Response {
+async fn rows(State(bench): State<SharedBench>, Query(asked): Query<AskedRows>) -> Response {
     answer(move || {
-        let (item, _) = bench.current(&asked.item)?;
+        let (item, _) = bench.find_current_item(&asked.item)?;
         let read = bench.record(&item)?;
         let revision = asked.revision.filter(|name| item.revisions.contains(name));
         let predictions = match revision {
             Some(name) => read_revision(&bench.predictions, &bench.home.dir().join(&item.study).join(name))?,
             None => None,
         };
-        Ok(shown(&read.experiment, predictions.as_deref(), asked.window.window()))
+        Ok(select_rows(&read.experiment, predictions.as_deref(), asked.window.window()))
     })
     .await
 }
 
-async fn knobs(State(bench): State<Shared>, Json(tried): Json<Tried>) -> Response {
+async fn knobs(State(bench): State<SharedBench>, Json(tried): Json<TrialRequest>) -> Response {
     answer(move || {
         let trial = bench.trial(&tried)?;
         serde_json::to_value(trial.knobs())
@@ -332,12 +333,12 @@ async fn knobs(State(bench): State<Shared>, Json(tried): Json<Tried>) -> Respons
     .await
 }
 
-async fn try_model(State(bench): State<Shared>, Json(tried): Json<Tried>) -> Response {
+async fn try_model(State(bench): State<SharedBench>, Json(tried): Json<TrialRequest>) -> Response {
     answer(move || bench.trial(&tried)?.curve(&tried)).await
 }
 
 impl Bench {
-    fn trial(&self, tried: &Tried) -> Result<Arc<Trial>> {
+    fn trial(&self, tried: &TrialRequest) -> Result<Arc<Trial>> {
         let item = self.home.find(&tried.item)?;
         trial(&self.trials, &self.home.dir().join(&item.study), tried)
     }
@@ -349,14 +350,14 @@ struct Upload {
 }
 
 async fn table(
-    State(bench): State<Shared>,
+    State(bench): State<SharedBench>,
     Extension(connection): Extension<Connection>,
     Query(upload): Query<Upload>,
     body: Body,
 ) -> Response {
     // This limit exceeds that of the upload, so that a slow upload gets an error message.
     connection.give_time(2 * UPLOAD);
-    let most = usize::try_from(Content::Table.most_bytes()).unwrap_or(usize::MAX);
+    let most = usize::try_from(Content::Table.max_bytes()).unwrap_or(usize::MAX);
     let refused = |words: &str| (StatusCode::UNPROCESSABLE_ENTITY, Json(json!({ "error": words }))).into_response();
     let bytes = match tokio::time::timeout(UPLOAD, to_bytes(body, most)).await {
         Ok(Ok(bytes)) => bytes,
@@ -365,25 +366,25 @@ async fn table(
     };
     connection.has_whole_request();
     let number = bench.uploads.fetch_add(1, Ordering::Relaxed);
-    answer(move || Ok(json!({ "upload": tables::keep(&bench.home, &upload.name, number, &bytes)? }))).await
+    answer(move || Ok(json!({ "upload": tables::store_upload(&bench.home, &upload.name, number, &bytes)? }))).await
 }
 
-async fn init(State(bench): State<Shared>, Json(described): Json<Described>) -> Response {
+async fn init(State(bench): State<SharedBench>, Json(described): Json<Described>) -> Response {
     answer(move || tables::describe(&bench.home, &described)).await
 }
 
-async fn start(State(bench): State<Shared>, Json(wish): Json<Wish>) -> Response {
+async fn start(State(bench): State<SharedBench>, Json(wish): Json<JobRequest>) -> Response {
     answer(move || {
         let (item, is_changed) = match wish.kind {
-            Kind::Groups => (bench.home.groups(&wish.with), false),
-            _ => bench.current(&wish.item)?,
+            JobKind::Groups => (bench.home.groups(&wish.with), false),
+            _ => bench.find_current_item(&wish.item)?,
         };
         bench.jobs.start(&wish, &item, is_changed)
     })
     .await
 }
 
-async fn stop(State(bench): State<Shared>) -> Response {
+async fn stop(State(bench): State<SharedBench>) -> Response {
     answer(move || {
         bench.jobs.stop();
         Ok(json!({}))
@@ -392,7 +393,7 @@ async fn stop(State(bench): State<Shared>) -> Response {
 }
 
 /// Event stream of the present job, and a hash that changes with the folder.
-async fn events(State(bench): State<Shared>, Extension(connection): Extension<Connection>) -> impl IntoResponse {
+async fn events(State(bench): State<SharedBench>, Extension(connection): Extension<Connection>) -> impl IntoResponse {
     connection.becomes_stream();
     let news = WatchStream::new(bench.news.subscribe());
     let events = news.then(move |number| {
@@ -413,7 +414,8 @@ impl Bench {
             return state.clone();
         }
         let bench = Arc::clone(self);
-        let state = tokio::task::spawn_blocking(move || bench.home.state().to_string()).await.unwrap_or_default();
+        let state =
+            tokio::task::spawn_blocking(move || bench.home.content_hash().to_string()).await.unwrap_or_default();
         *known = Some((number, state.clone()));
         state
     }
@@ -425,7 +427,7 @@ struct AskedFile {
     path: String,
 }
 
-async fn file(State(bench): State<Shared>, Query(asked): Query<AskedFile>) -> Response {
+async fn file(State(bench): State<SharedBench>, Query(asked): Query<AskedFile>) -> Response {
     let read = move || {
         let path = bench.home.file(&bench.home.find(&asked.item)?, &asked.path)?;
         let bytes = files::read(&path, Content::Document, "make the study again")?;
@@ -433,7 +435,7 @@ async fn file(State(bench): State<Shared>, Query(asked): Query<AskedFile>) -> Re
     };
     match tokio::task::spawn_blocking(read).await {
         Ok(Ok((path, bytes))) => {
-            let kind = match path.extension().and_then(|own| own.to_str()) {
+            let kind = match path.extension().and_then(|name| name.to_str()) {
                 Some("svg") => "image/svg+xml",
                 Some("png") => "image/png",
                 Some("html") => "text/html; charset=utf-8",

@@ -4,13 +4,13 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
-use vitreo_uq::base::error::{Error, Place, Result};
+use vitreo_uq::base::error::{Error, InputPlace, Result};
 use vitreo_uq::base::files;
 use vitreo_uq::documents::init::InitSummary;
 use vitreo_uq::jobs::init::{self, InitRequest};
 use vitreo_uq::record::table::Question;
 
-use super::home::Home;
+use super::home::WorkbenchFolder;
 
 /// Maximum length of the extension of a table's name that is kept.
 const LONGEST_ENDING: usize = 10;
@@ -18,7 +18,7 @@ const LONGEST_ENDING: usize = 10;
 /// Information of the page about a table.
 #[derive(Debug, Clone, Default, Deserialize)]
 pub struct Described {
-    /// Name of the upload, as returned by [`keep`].
+    /// Name of the upload, as returned by [`store_upload`].
     pub upload: String,
     /// Original name of the table.
     pub file: String,
@@ -34,7 +34,7 @@ pub struct Described {
 
 /// Question for the page.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
-pub struct Asked {
+pub struct OpenQuestion {
     text: String,
     choices: Vec<String>,
     proposal: Option<String>,
@@ -43,11 +43,11 @@ pub struct Asked {
 /// Result of describing a table.
 #[derive(Debug, Serialize)]
 #[serde(untagged)]
-pub enum Answered {
+pub enum DescribeOutcome {
     /// Further information is needed.
     Questions {
         /// Open questions.
-        questions: Vec<Asked>,
+        questions: Vec<OpenQuestion>,
     },
     /// The experiment is written.
     Written {
@@ -59,7 +59,7 @@ pub enum Answered {
 }
 
 /// Keeps an uploaded table, whatever its name. Returns the name of the upload.
-pub fn keep(home: &Home, name: &str, number: u64, bytes: &[u8]) -> Result<String> {
+pub fn store_upload(home: &WorkbenchFolder, name: &str, number: u64, bytes: &[u8]) -> Result<String> {
     let upload = format!("upload-{number}");
     let folder = home.own().join(&upload);
     files::create_folders(&folder, "make the folder writable")?;
@@ -79,7 +79,7 @@ fn stored(name: &str) -> String {
 }
 
 /// Removes the uploads of earlier workbenches.
-pub fn forget(home: &Home) {
+pub fn remove_old_uploads(home: &WorkbenchFolder) {
     for (name, _) in files::entries(&home.own(), "").unwrap_or_default() {
         if name.to_string_lossy().starts_with("upload-") {
             let _ = files::remove_all(&home.own().join(name));
@@ -88,13 +88,13 @@ pub fn forget(home: &Home) {
 }
 
 /// Writes the experiment of a table, or returns open questions. Nothing is written until every question has an answer.
-pub fn describe(home: &Home, described: &Described) -> Result<Answered> {
-    let file = kept(home, described)?;
-    written(home, &file, described).map_err(|error| named_alone(error, &file))
+pub fn describe(home: &WorkbenchFolder, described: &Described) -> Result<DescribeOutcome> {
+    let file = find_upload(home, described)?;
+    written(home, &file, described).map_err(|error| with_original_name(error, &file))
 }
 
 /// Writes the experiment of a kept table, or returns open questions.
-fn written(home: &Home, file: &Path, described: &Described) -> Result<Answered> {
+fn written(home: &WorkbenchFolder, file: &Path, described: &Described) -> Result<DescribeOutcome> {
     let request = |out: PathBuf| InitRequest {
         file: file.to_path_buf(),
         out: Some(out),
@@ -102,7 +102,7 @@ fn written(home: &Home, file: &Path, described: &Described) -> Result<Answered> 
         groups: described.groups.clone(),
         ..InitRequest::default()
     };
-    let mut questions: Vec<Asked> = Vec::new();
+    let mut questions: Vec<OpenQuestion> = Vec::new();
     let known = |question: &Question| {
         let answer = described.answers.get(&question.text).map(|answer| answer.trim().to_string());
         answer.filter(|answer| !answer.is_empty())
@@ -111,7 +111,7 @@ fn written(home: &Home, file: &Path, described: &Described) -> Result<Answered> 
         let known = known(question);
         if known.is_none() && questions.iter().all(|asked| asked.text != question.text) {
             let Question { text, choices, proposal, .. } = question.clone();
-            questions.push(Asked { text, choices, proposal: proposal.filter(|proposal| proposal != "?") });
+            questions.push(OpenQuestion { text, choices, proposal: proposal.filter(|proposal| proposal != "?") });
         }
         known
     };
@@ -120,18 +120,18 @@ fn written(home: &Home, file: &Path, described: &Described) -> Result<Answered> 
         .map_err(|error| Error::at_path("create", home.own(), error, "make the folder writable"))?;
     let tried = init::run(&request(trial.path().join("trial")), &mut answer);
     if !questions.is_empty() {
-        return Ok(Answered::Questions { questions });
+        return Ok(DescribeOutcome::Questions { questions });
     }
     tried?;
     let item = home.new_experiment(&described.file);
     let out = home.dir().join(&item);
     let (mut summary, _) = init::run(&request(out), &mut |question| known(question))?;
     summary.directory.clone_from(&item);
-    Ok(Answered::Written { item, summary: Box::new(summary) })
+    Ok(DescribeOutcome::Written { item, summary: Box::new(summary) })
 }
 
 /// Replaces the path of a kept table in an error by the table's original name.
-fn named_alone(error: Error, file: &Path) -> Error {
+fn with_original_name(error: Error, file: &Path) -> Error {
     match error {
         Error::Input { mut place, found, remedy } => {
             if let (true, Some(name)) = (place.file.as_deref() == Some(file), file.file_name()) {
@@ -144,12 +144,12 @@ fn named_alone(error: Error, file: &Path) -> Error {
 }
 
 /// Path of the kept table of an upload.
-fn kept(home: &Home, described: &Described) -> Result<PathBuf> {
+fn find_upload(home: &WorkbenchFolder, described: &Described) -> Result<PathBuf> {
     let is_number = |name: &str| !name.is_empty() && name.chars().all(|c| c.is_ascii_digit());
     let is_upload = described.upload.strip_prefix("upload-").is_some_and(is_number);
     let path = home.own().join(&described.upload).join(stored(&described.file));
     if is_upload && files::is_file(&path) {
         return Ok(path);
     }
-    Err(Error::input(Place::file(&described.file), "the workbench has no such table", "drop it on the page again"))
+    Err(Error::input(InputPlace::file(&described.file), "the workbench has no such table", "drop it on the page again"))
 }

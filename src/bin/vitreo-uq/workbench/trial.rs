@@ -6,28 +6,28 @@ use std::sync::Arc;
 use vitreo_uq::posterior::study::ModelSpecification;
 
 use serde::{Deserialize, Serialize};
-use vitreo_uq::base::error::{Error, Place, Result};
+use vitreo_uq::base::error::{Error, InputPlace, Result};
 use vitreo_uq::base::files::{self, Content};
 use vitreo_uq::documents::posterior::PosteriorSummary;
-use vitreo_uq::figures::labels::of_parameter;
+use vitreo_uq::figures::labels::parameter_label;
 use vitreo_uq::jobs::first_revision::kept_surrogate;
 use vitreo_uq::models::effects::Library;
 use vitreo_uq::models::model::Forward;
-use vitreo_uq::posterior::monitor::Silent;
+use vitreo_uq::posterior::monitor::SilentMonitor;
 use vitreo_uq::posterior::prepared::PreparedModel;
 use vitreo_uq::posterior::problem::Problem;
 use vitreo_uq::posterior::study::{POSTERIOR_NAME, Study, WithProvenance};
 
-use super::rows::{Memory, Shown, Window, shown};
+use super::rows::{FileCache, PlotRows, Window, select_rows};
 
 /// Prior quantiles that limit the slider of an effect's parameter.
 const TAIL: f64 = 0.02;
 /// Largest factor by which a slider of the law changes a parameter from its posterior median.
-const SPREAD: f64 = 3.0;
+const MAX_SLIDER_FACTOR: f64 = 3.0;
 
 /// Trial that a page requests.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
-pub struct Tried {
+pub struct TrialRequest {
     /// Name of the item.
     pub item: String,
     /// Name of the revision.
@@ -46,12 +46,12 @@ pub struct Tried {
 /// Prepared model and its sliders.
 pub struct Trial {
     model: PreparedModel,
-    knobs: Vec<Knob>,
+    knobs: Vec<ParameterSlider>,
 }
 
 /// Slider of a parameter.
 #[derive(Debug, Clone, Serialize)]
-pub struct Knob {
+pub struct ParameterSlider {
     name: String,
     symbol: String,
     unit: String,
@@ -65,31 +65,31 @@ pub struct Knob {
 
 /// Effect that can be tried.
 #[derive(Debug, Serialize)]
-pub struct Offered {
+pub struct EffectOption {
     slug: &'static str,
     summary: &'static str,
 }
 
 /// Sliders, and effects that can be added.
 #[derive(Debug, Serialize)]
-pub struct Knobs<'a> {
-    knobs: &'a [Knob],
-    effects: Vec<Offered>,
+pub struct TrialControls<'a> {
+    knobs: &'a [ParameterSlider],
+    effects: Vec<EffectOption>,
 }
 
 /// Curve of a trial, and its distance from the measurement.
 #[derive(Debug, Serialize)]
 pub struct Curve {
     #[serde(flatten)]
-    rows: Shown,
+    rows: PlotRows,
     tried_um: Vec<f64>,
     rmse_fitted_um: Option<f64>,
     rmse_heldout_um: Option<f64>,
 }
 
 /// Returns the model of a trial, prepared once.
-pub fn trial(memory: &Memory<Trial>, study: &Path, tried: &Tried) -> Result<Arc<Trial>> {
-    let Tried { revision, effects, .. } = tried;
+pub fn trial(memory: &FileCache<Trial>, study: &Path, tried: &TrialRequest) -> Result<Arc<Trial>> {
+    let TrialRequest { revision, effects, .. } = tried;
     let key = study.join(revision).join(effects.join(","));
     let posterior = study.join(revision).join(POSTERIOR_NAME);
     memory.get(&key, &[posterior], || Trial::new(study, revision, effects))
@@ -102,35 +102,35 @@ impl Trial {
         let (experiment, _) = study.read_experiment()?;
         let mut specification = ModelSpecification::of_revision(&dir, &Library::default())?;
         specification.effects.extend(effects.iter().cloned());
-        let problem = Problem::new(experiment, specification, None, &Silent)?;
-        let model = PreparedModel::unverified(&problem, kept_surrogate(&study, &Silent), &Silent)?;
+        let problem = Problem::new(experiment, specification, None, &SilentMonitor)?;
+        let model = PreparedModel::unverified(&problem, kept_surrogate(&study, &SilentMonitor), &SilentMonitor)?;
         let path = dir.join(POSTERIOR_NAME);
         let bytes = files::read(&path, Content::Document, "make the study again")?;
         let posterior: WithProvenance<PosteriorSummary> = serde_json::from_slice(&bytes).map_err(|error| {
-            Error::input(Place::file(&path).at_line(error.line()), error.to_string(), "make the study again")
+            Error::input(InputPlace::file(&path).at_line(error.line()), error.to_string(), "make the study again")
         })?;
         let knobs = knobs(&problem, &posterior.body);
         Ok(Self { model, knobs })
     }
 
     /// Sliders, and effects that can be added.
-    pub fn knobs(&self) -> Knobs<'_> {
-        let own = &self.model.problem.specification.effects;
+    pub fn knobs(&self) -> TrialControls<'_> {
+        let names = &self.model.problem.specification.effects;
         let library = Library::default();
-        let others = library.effects().iter().filter(|effect| !own.iter().any(|slug| slug == effect.slug()));
-        let effects = others.map(|effect| Offered { slug: effect.slug(), summary: effect.summary() }).collect();
-        Knobs { knobs: &self.knobs, effects }
+        let others = library.effects().iter().filter(|effect| !names.iter().any(|slug| slug == effect.slug()));
+        let effects = others.map(|effect| EffectOption { slug: effect.slug(), summary: effect.summary() }).collect();
+        TrialControls { knobs: &self.knobs, effects }
     }
 
     /// Curve of the model at the given parameter values.
-    pub fn curve(&self, tried: &Tried) -> Result<Curve> {
+    pub fn curve(&self, tried: &TrialRequest) -> Result<Curve> {
         let problem = &self.model.problem;
         let value = |name: &str| {
-            let own = self.knobs.iter().find(|knob| knob.name == name);
+            let parameter_slider = self.knobs.iter().find(|knob| knob.name == name);
             let asked = tried.parameters.get(name).copied().filter(|value| value.is_finite());
             asked
-                .and_then(|value| own.map(|knob| value.clamp(knob.low, knob.high)))
-                .or(own.map(|knob| knob.value))
+                .and_then(|value| parameter_slider.map(|knob| value.clamp(knob.low, knob.high)))
+                .or(parameter_slider.map(|knob| knob.value))
                 .or_else(|| problem.specification.fixed.get(name).copied())
                 .unwrap_or(f64::NAN)
         };
@@ -143,7 +143,7 @@ impl Trial {
             let (n, sum) = errors.fold((0_usize, 0.0), |(n, sum), square| (n + 1, sum + square));
             (n > 0).then(|| (sum / n as f64).sqrt())
         };
-        let rows = shown(experiment, None, tried.window);
+        let rows = select_rows(experiment, None, tried.window);
         Ok(Curve {
             tried_um: rows.chosen.iter().map(|row| 1e6 * position_m[*row]).collect(),
             rmse_fitted_um: rmse_um(&experiment.calibration_cycles),
@@ -154,24 +154,28 @@ impl Trial {
 }
 
 /// Sliders of a model, at the revision's values or at the null of added effects.
-fn knobs(problem: &Problem, posterior: &PosteriorSummary) -> Vec<Knob> {
+fn knobs(problem: &Problem, posterior: &PosteriorSummary) -> Vec<ParameterSlider> {
     let model = &problem.model;
     let n_before = model.n_before_effects();
     let of_effects: Vec<_> = model.effects().iter().flat_map(|effect| effect.parameters()).collect();
     let knob = |(place, spec): (usize, &vitreo_uq::base::parameter::ParameterSpec)| {
         let prior = problem.priors.get(spec.name)?.distribution;
-        let told = posterior.parameters.iter().find(|own| own.name == spec.name).map(|own| own.median);
+        let told = posterior
+            .parameters
+            .iter()
+            .find(|parameter| parameter.name == spec.name)
+            .map(|parameter_summary| parameter_summary.median);
         let null = place.checked_sub(n_before).and_then(|k| (of_effects[k].null)(model.scales()));
         let [mut low, mut high] = [prior.quantile(TAIL), prior.quantile(1.0 - TAIL)];
         let value = told.or(null).unwrap_or_else(|| prior.quantile(0.5));
         let is_logarithmic = null.is_none() && low > 0.0;
         if is_logarithmic && told.is_some() {
-            (low, high) = (low.max(value / SPREAD), high.min(value * SPREAD));
+            (low, high) = (low.max(value / MAX_SLIDER_FACTOR), high.min(value * MAX_SLIDER_FACTOR));
         }
         (low, high) = (low.min(value), high.max(value));
-        let label = of_parameter(spec.name);
+        let label = parameter_label(spec.name);
         let unit = if label.unit == "–" { String::new() } else { label.unit };
-        Some(Knob {
+        Some(ParameterSlider {
             name: spec.name.into(),
             symbol: label.symbol,
             unit,

@@ -3,7 +3,7 @@
 mod steps;
 mod tableau;
 
-pub(crate) use steps::{Grading, StepRule, ending_well, share_of_gap};
+pub(crate) use steps::{Grading, StepRule, fit_step_to_stop, share_of_gap};
 pub use tableau::Scheme;
 pub use tableau::{FOURTH, Tableau};
 

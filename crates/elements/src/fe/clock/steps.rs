@@ -54,13 +54,13 @@ impl StepRule {
         let scale = (now_s - grading.switched_s + grading.scale_s).min(self.longest_step_s / self.growth);
         let ladder_s =
             self.growth * ((self.steps_per_doubling * scale.log2()).floor() / self.steps_per_doubling).exp2();
-        ending_well(ladder_s, left_s)
+        fit_step_to_stop(ladder_s, left_s)
     }
 }
 
 /// Length of the next step for a wanted length `ladder_s` and a remaining time `left_s`. It does not pass the end or leave a short rest. It is rounded to 36 binary
 /// digits, 7e-12 of its value.
-pub(crate) fn ending_well(ladder_s: f64, left_s: f64) -> f64 {
+pub(crate) fn fit_step_to_stop(ladder_s: f64, left_s: f64) -> f64 {
     let length_s = if ladder_s >= left_s {
         left_s
     } else if 2.0 * ladder_s >= left_s {

@@ -5,7 +5,7 @@
 
 use std::f64::consts::FRAC_PI_2;
 
-use super::element::Table;
+use super::element::ShapeTable;
 use super::mesh::{Boundary, Mesh};
 use super::solver::{Assembled, Motion};
 use super::{Direction, Resolution};
@@ -78,17 +78,17 @@ impl EccentricSphere {
             ));
         }
         let mesh = self.mesh();
-        let (fine, coarse) = (Table::new(order), Table::new(order - 1));
+        let (fine, coarse) = (ShapeTable::new(order), ShapeTable::new(order - 1));
         let assembled = Assembled::new(&mesh, &fine, direction, poisson_ratio, formulation)?;
         let translated = assembled.respond(Motion::Translation)?;
         let translation_m = assembled.energy(&translated, &translated);
         let (mut rotation_m3, mut coupling_m2, mut free_translation_m) = (None, None, translation_m);
         if direction == Direction::Transverse {
             let rotated = assembled.respond(Motion::Rotation { height_m: offset_m })?;
-            let own = assembled.energy(&rotated, &rotated);
+            let value = assembled.energy(&rotated, &rotated);
             let coupling = assembled.energy(&rotated, &translated);
-            (rotation_m3, coupling_m2) = (Some(own), Some(coupling));
-            free_translation_m -= coupling * coupling / own;
+            (rotation_m3, coupling_m2) = (Some(value), Some(coupling));
+            free_translation_m -= coupling * coupling / value;
         }
         let less = Assembled::new(&mesh, &coarse, direction, poisson_ratio, formulation)?;
         let response = less.respond(Motion::Translation)?;

@@ -5,7 +5,7 @@
 use faer::sparse::Triplet;
 use rayon::prelude::*;
 
-use super::element::{Mode, Table};
+use super::element::{Mode, ShapeTable};
 use super::geometry::{Curve, Ruled};
 use super::mesh::{Boundary, Cell, Mesh};
 use super::solver::{Condensed, Freedom, Skeleton, condense, edges_of, freedoms, solve_sparse, translation};
@@ -37,7 +37,7 @@ pub fn solve_elastic(
     let mut mesh = body.mesh(outer_radius_m, rim_layers);
     let n_gel = mesh.cells.len();
     add_inside(&mut mesh);
-    let (table, mode) = (Table::new(order), Mode::of(direction));
+    let (table, mode) = (ShapeTable::new(order), Mode::of(direction));
     let skeleton = Skeleton::new(&mesh, order);
     let (freedoms, n_skeleton) = freedoms(&skeleton.boundaries, direction, false);
     let condensed = |(index, cell): (usize, &Cell)| {

@@ -79,7 +79,7 @@ impl Mode {
 const EXTRA_POINTS: usize = 3;
 
 /// Functions of one order tabulated at the quadrature points of the reference square. Rows are points, columns functions.
-pub(super) struct Table {
+pub(super) struct ShapeTable {
     /// Polynomial order of the displacements.
     pub(super) order: usize,
     /// Gauss–Lobatto nodes, order + 1 of them.
@@ -91,7 +91,7 @@ pub(super) struct Table {
     pressure: Mat<f64>,
 }
 
-impl Table {
+impl ShapeTable {
     /// Tabulates Lagrange functions of this order at the Gauss–Lobatto nodes, ξ running fastest.
     pub fn new(order: usize) -> Self {
         let nodes = gauss_lobatto(order);

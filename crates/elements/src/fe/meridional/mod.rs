@@ -28,9 +28,9 @@ use std::f64::consts::PI;
 use base::error::{Error, Result};
 pub use eccentric::{EccentricSphere, EccentricStiffness};
 pub use elastic::{ElasticRobot, solve_elastic};
-use element::Table;
+use element::ShapeTable;
 use mesh::Mesh;
-pub use pair::{SecondMatrix, pair_around_sphere};
+pub use pair::{EffectMatrix, build_effect_system};
 
 /// A rigid body of revolution about z, symmetric about z = 0. Lengths in m.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -156,7 +156,7 @@ pub struct MeridionalSolution {
     /// Twice the strain energy of unit displacement.
     pub stiffness_m: f64,
     /// Force on the outer sphere for unit displacement. It differs from the energy only by rounding.
-    pub by_reaction_m: f64,
+    pub reaction_stiffness_m: f64,
     /// Relative difference from the solution with one order and one rim layer less. It estimates the error of that coarser solution and is therefore
     /// conservative. At least the difference between energy and reaction.
     pub relative_error: f64,
@@ -200,13 +200,13 @@ pub fn solve(
     }
     let discrete = |order: usize, rim_layers: usize| {
         let mesh = body.mesh(outer_radius_m, rim_layers);
-        solver::solve(&mesh, &Table::new(order), direction, poisson_ratio, formulation)
+        solver::solve(&mesh, &ShapeTable::new(order), direction, poisson_ratio, formulation)
     };
     let (fine, coarse) = (discrete(order, rim_layers)?, discrete(order - 1, rim_layers - 1)?);
     let difference = |other: f64| (other / fine.by_energy_m - 1.0).abs();
     Ok(MeridionalSolution {
         stiffness_m: fine.by_energy_m,
-        by_reaction_m: fine.by_reaction_m,
+        reaction_stiffness_m: fine.by_reaction_m,
         relative_error: difference(coarse.by_energy_m).max(difference(fine.by_reaction_m)),
         n_unknowns: fine.n_unknowns,
     })

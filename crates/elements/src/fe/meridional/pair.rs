@@ -10,11 +10,11 @@ use faer::sparse::Triplet;
 use nalgebra::DMatrix;
 
 use super::basis::{gauss_legendre, lagrange};
-use super::element::{Mode, Table};
+use super::element::{Mode, ShapeTable};
 use super::mesh::{Boundary, Cell, Mesh};
 use super::solver::Skeleton;
 use super::{Direction, Formulation};
-use crate::fe::spatial::{Freedoms, SpatialSystem, SymmetricMatrix};
+use crate::fe::spatial::{DegreesOfFreedom, SpatialSystem, SymmetricMatrix};
 use base::error::{Error, Result};
 
 /// Polynomial order of the displacements. Relative errors of the stiffness are below 10⁻⁸.
@@ -28,7 +28,7 @@ const SHARE: f64 = 0.5;
 
 /// Second matrix of an effect around a sphere.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub enum SecondMatrix {
+pub enum EffectMatrix {
     /// Stiffness (m) of the gel closer to the centre than this radius, for unit Young's modulus. The gel's own matrix is that of the rest.
     GelWithin {
         /// Radius in m.
@@ -51,14 +51,14 @@ pub enum SecondMatrix {
 ///
 /// # Errors
 /// [`Error::Numerical`] if the radii are not in order, and for a Poisson ratio outside (−1, ½).
-pub fn pair_around_sphere(
+pub fn build_effect_system(
     radius_m: f64,
     outer_radius_m: f64,
     poisson_ratio: f64,
-    second: SecondMatrix,
+    second: EffectMatrix,
 ) -> Result<SpatialSystem> {
     let between_m = match second {
-        SecondMatrix::GelWithin { radius_m } => Some(radius_m),
+        EffectMatrix::GelWithin { radius_m } => Some(radius_m),
         _ => None,
     };
     let corners_m: Vec<f64> = [Some(radius_m), between_m, Some(outer_radius_m)].into_iter().flatten().collect();
@@ -83,8 +83,8 @@ pub fn pair_around_sphere(
     };
     let gel = half.assembled(&freedoms, |cell| !is_second(cell), stiffness)?;
     let second = match second {
-        SecondMatrix::GelWithin { .. } => half.assembled(&freedoms, is_second, stiffness)?,
-        SecondMatrix::Mass { gel_density_kg_m3, body_kg } => {
+        EffectMatrix::GelWithin { .. } => half.assembled(&freedoms, is_second, stiffness)?,
+        EffectMatrix::Mass { gel_density_kg_m3, body_kg } => {
             let mass = |cell: &Cell| {
                 let products = table.products(&cell.map)?;
                 Ok(isotropic(&products, mode.circle * gel_density_kg_m3))
@@ -97,8 +97,8 @@ pub fn pair_around_sphere(
             )?;
             SymmetricMatrix::sum(freedoms.count(), &[&gel, &body], &[1.0, 1.0])?
         }
-        SecondMatrix::Slip => half.on_surface(&freedoms, |boundary| boundary.body, true, 1.0)?,
-        SecondMatrix::OuterSprings => {
+        EffectMatrix::Slip => half.on_surface(&freedoms, |boundary| boundary.body, true, 1.0)?,
+        EffectMatrix::OuterSprings => {
             half.on_surface(&freedoms, |boundary| boundary.outer, false, 1.0 / outer_radius_m)?
         }
     };
@@ -115,7 +115,7 @@ fn isotropic(products: &Mat<f64>, factor: f64) -> DMatrix<f64> {
 /// Cells between spheres, from the axis to the equator, and their nodes.
 struct HalfMeridian {
     mesh: Mesh,
-    table: Table,
+    table: ShapeTable,
     boundaries: Vec<Boundary>,
     /// Node of every function of a cell.
     nodes: Vec<Vec<u32>>,
@@ -126,7 +126,7 @@ struct HalfMeridian {
 impl HalfMeridian {
     /// Builds layers that end at each of the radii (m).
     fn new(radii_m: &[f64]) -> Self {
-        let (mut mesh, table) = (Mesh::default(), Table::new(ORDER));
+        let (mut mesh, table) = (Mesh::default(), ShapeTable::new(ORDER));
         let mut layers_m = vec![radii_m[0]];
         for pair in radii_m.windows(2) {
             let n = ((pair[1] / pair[0]).ln() / LAYER_RATIO.ln()).ceil().max(1.0) as usize;
@@ -155,8 +155,8 @@ impl HalfMeridian {
             nodes.push(skeleton.nodes(cell).into_iter().map(&mut node).collect::<Vec<u32>>());
         }
         let mut places_m = vec![[0.0; 2]; boundaries.len()];
-        for (cell, own) in mesh.cells.iter().zip(&nodes) {
-            for (k, node) in own.iter().enumerate() {
+        for (cell, indexes) in mesh.cells.iter().zip(&nodes) {
+            for (k, node) in indexes.iter().enumerate() {
                 let n_line = table.nodes.len();
                 places_m[*node as usize] = cell.map.at(table.nodes[k % n_line], table.nodes[k / n_line]).0;
             }
@@ -170,11 +170,11 @@ impl HalfMeridian {
     }
 
     /// Nothing moves across the axis, and an axial translation causes no motion across it on the equator.
-    fn freedoms(&self, second: SecondMatrix) -> Freedoms {
+    fn freedoms(&self, second: EffectMatrix) -> DegreesOfFreedom {
         let mut combinations: Vec<[Vec<(u32, f64)>; 3]> = vec![Default::default(); self.boundaries.len()];
         let mut count = 0;
         for (of_node, boundary) in combinations.iter_mut().zip(&self.boundaries) {
-            if boundary.body || (boundary.outer && second != SecondMatrix::OuterSprings) {
+            if boundary.body || (boundary.outer && second != EffectMatrix::OuterSprings) {
                 continue;
             }
             let is_free = [true, !(boundary.axis || boundary.equator)];
@@ -185,7 +185,7 @@ impl HalfMeridian {
         }
         let first_slip = count as usize;
         let on_body = || self.boundaries.iter().enumerate().filter(|(_, boundary)| boundary.body);
-        if second == SecondMatrix::Slip {
+        if second == EffectMatrix::Slip {
             for (node, _) in on_body().filter(|(_, boundary)| !boundary.axis) {
                 let [r, z] = self.places_m[node];
                 let radius_m = r.hypot(z);
@@ -198,12 +198,12 @@ impl HalfMeridian {
             }
         }
         let robot_nodes: Vec<usize> = on_body().map(|(node, _)| node).collect();
-        Freedoms::of_combinations(combinations, robot_nodes.into_iter(), [first_slip, count as usize], SHARE)
+        DegreesOfFreedom::of_combinations(combinations, robot_nodes.into_iter(), [first_slip, count as usize], SHARE)
     }
 
     fn assembled(
         &self,
-        freedoms: &Freedoms,
+        freedoms: &DegreesOfFreedom,
         is_wanted: impl Fn(&Cell) -> bool,
         matrix: impl Fn(&Cell) -> Result<DMatrix<f64>>,
     ) -> Result<SymmetricMatrix> {
@@ -216,7 +216,7 @@ impl HalfMeridian {
     /// `factor` ∫ u·u over a surface, or of the slips along it only.
     fn on_surface(
         &self,
-        freedoms: &Freedoms,
+        freedoms: &DegreesOfFreedom,
         is_on: impl Fn(&Boundary) -> bool,
         of_slips: bool,
         factor: f64,

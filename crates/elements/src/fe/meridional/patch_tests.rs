@@ -1,7 +1,7 @@
 //! Patch tests: fields that the elements represent exactly cause no force on any node inside the patch, and have the energy of their closed form.
 
 use super::basis::gauss_legendre;
-use super::element::{Mode, Table};
+use super::element::{Mode, ShapeTable};
 use super::geometry::{Curve, Point, Ruled};
 use super::{Direction, Formulation};
 
@@ -32,7 +32,7 @@ fn patch(start: f64) -> Vec<Ruled> {
 
 /// Force on every node of the patch, identified by its position, and twice the energy.
 fn forces(start: f64, direction: Direction, formulation: Formulation, field: Field) -> (Vec<(Point, Vec<f64>)>, f64) {
-    let (table, mode) = (Table::new(ORDER), Mode::of(direction));
+    let (table, mode) = (ShapeTable::new(ORDER), Mode::of(direction));
     let (mut nodes, mut energy): (Vec<(Point, Vec<f64>)>, f64) = (Vec::new(), 0.0);
     for map in patch(start) {
         let stiffness = table.stiffness(&map, &mode, POISSON_RATIO, formulation).expect("a sound cell");

@@ -10,7 +10,7 @@ use faer::sparse::{SparseColMat, Triplet};
 use faer::{Conj, Mat, MatMut, Par, Side};
 use rayon::prelude::*;
 
-use super::element::{self, Mode, Table};
+use super::element::{self, Mode, ShapeTable};
 use super::mesh::{Boundary, Cell, Mesh};
 use super::{Direction, Formulation};
 use base::error::{Error, Result};
@@ -183,7 +183,7 @@ pub(super) enum Motion {
 /// The problem without the body's motion: condensed cells and numbered unknowns.
 pub(super) struct Assembled<'a> {
     mesh: &'a Mesh,
-    table: &'a Table,
+    table: &'a ShapeTable,
     direction: Direction,
     boundaries: Vec<Boundary>,
     freedoms: Vec<Vec<Freedom>>,
@@ -201,7 +201,7 @@ pub(super) struct Response(Vec<Vec<f64>>);
 impl<'a> Assembled<'a> {
     pub fn new(
         mesh: &'a Mesh,
-        table: &'a Table,
+        table: &'a ShapeTable,
         direction: Direction,
         poisson_ratio: f64,
         formulation: Formulation,
@@ -326,7 +326,7 @@ impl<'a> Assembled<'a> {
 /// Solves for the unit translation of the body.
 pub(super) fn solve(
     mesh: &Mesh,
-    table: &Table,
+    table: &ShapeTable,
     direction: Direction,
     poisson_ratio: f64,
     formulation: Formulation,

@@ -3,8 +3,8 @@
 //! Between two switches the robot's excess over a linear law is a smooth function of ξ = ln(1 + t/θ). t is the time since the switch; θ follows from the first step.
 //! A polynomial of degree 5 interpolates the excess between the ends of steps. The linear model steps the linear law separately, at steps' ends and rows.
 
-use super::run::{self, Record};
-use super::{Bodies, NonlinearModel, NonlinearResult, Options};
+use super::run::{self, RunRecorder};
+use super::{Bodies, NonlinearModel, NonlinearOptions, NonlinearResult};
 use crate::fe::clock::CLOCK_ROUNDING;
 use crate::fe::stepping::Resolution;
 use crate::fe::stepping::run::strains;
@@ -27,7 +27,7 @@ impl NonlinearModel<'_> {
         time_s: &[f64],
         force: impl Into<Force<'f>>,
         rows: &[usize],
-        options: Options,
+        options: NonlinearOptions,
     ) -> Result<NonlinearResult> {
         let force = force.into();
         let Some(Spatial::Nonlinear(nonlinearity)) = stages.spatial else {
@@ -49,9 +49,9 @@ impl NonlinearModel<'_> {
         stop_rows.sort_unstable();
         stop_rows.dedup();
         let stops_s: Vec<f64> = stop_rows.iter().map(|&row| time_s[row]).collect();
-        let record = Record { time_s, force, stops_s: &stops_s };
+        let record = RunRecorder { time_s, force, stops_s: &stops_s };
         let (mut fields, mut steps) = (BTreeMap::new(), Vec::new());
-        let at_stop = |at: run::AtRow| {
+        let at_stop = |at: run::RowState| {
             let row = stop_rows[at.row];
             if rows.contains(&row) {
                 fields.insert(row, at.displacement.to_vec());
@@ -140,9 +140,9 @@ fn interpolated(nodes: &[(f64, f64)], time_s: f64) -> f64 {
     let chosen = &nodes[from..from + n];
     let at = place(time_s);
     let weight = |i: usize| -> f64 {
-        let own = place(chosen[i].0);
+        let value = place(chosen[i].0);
         let others = chosen.iter().enumerate().filter(|(j, _)| *j != i).map(|(_, node)| place(node.0));
-        others.map(|other| (at - other) / (own - other)).product()
+        others.map(|other| (at - other) / (value - other)).product()
     };
     chosen.iter().enumerate().map(|(i, node)| weight(i) * node.1).sum()
 }

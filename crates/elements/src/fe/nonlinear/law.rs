@@ -59,17 +59,19 @@ impl<N: PointScalar> Bodies<N> {
         let mut instantaneous_per_pa = N::constant(0.0);
         for element in law {
             match element {
-                Element::Spring { modulus_pa } => instantaneous_per_pa += N::constant(1.0) / N::of(*modulus_pa),
-                Element::Compliance { compliance_per_pa } => instantaneous_per_pa += N::of(*compliance_per_pa),
-                Element::Dashpot { viscosity_pa_s } if dashpot.is_none() => dashpot = Some(N::of(*viscosity_pa_s)),
+                Element::Spring { modulus_pa } => instantaneous_per_pa += N::constant(1.0) / N::from_dual(*modulus_pa),
+                Element::Compliance { compliance_per_pa } => instantaneous_per_pa += N::from_dual(*compliance_per_pa),
+                Element::Dashpot { viscosity_pa_s } if dashpot.is_none() => {
+                    dashpot = Some(N::from_dual(*viscosity_pa_s))
+                }
                 Element::Retarded { compliance_per_pa, time_s } => {
-                    let (compliance_per_pa, time_s) = (N::of(*compliance_per_pa), N::of(*time_s));
+                    let (compliance_per_pa, time_s) = (N::from_dual(*compliance_per_pa), N::from_dual(*time_s));
                     retarded.push(Retarded { compliance_per_pa, time_s });
                 }
                 Element::Parallel(parts) => match parts.as_slice() {
                     [Element::Spring { modulus_pa }, Element::Dashpot { viscosity_pa_s }]
                     | [Element::Dashpot { viscosity_pa_s }, Element::Spring { modulus_pa }] => {
-                        let (modulus, viscosity) = (N::of(*modulus_pa), N::of(*viscosity_pa_s));
+                        let (modulus, viscosity) = (N::from_dual(*modulus_pa), N::from_dual(*viscosity_pa_s));
                         if first.is_none() {
                             first = Some((modulus, viscosity));
                         } else {

@@ -19,7 +19,7 @@ mod tests;
 
 pub use super::clock::Scheme;
 pub use law::Bodies;
-pub use run::AtRow;
+pub use run::RowState;
 
 use crate::fe::stepping::Resolution;
 use crate::fe::{Factor, Stiffness};
@@ -33,7 +33,7 @@ use record::Force;
 
 /// Refinement and accuracy of a run.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Options {
+pub struct NonlinearOptions {
     /// Time-stepping method.
     pub scheme: Scheme,
     /// Refinement of the steps. The error falls with the power of the method's order.
@@ -42,7 +42,7 @@ pub struct Options {
     pub tolerance: f64,
 }
 
-impl Default for Options {
+impl Default for NonlinearOptions {
     /// The error of the robot's position is below 2·10⁻⁵ of the largest position.
     fn default() -> Self {
         Self { scheme: Scheme::Fourth, resolution: Resolution { steps_per_doubling: 4 }, tolerance: 1e-7 }
@@ -51,7 +51,7 @@ impl Default for Options {
 
 /// Input of a run: a law, a load and a record.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct NonlinearRun<'a> {
+pub struct NonlinearInput<'a> {
     /// Kelvin–Voigt bodies, springs and one dashpot in series. Derivatives are ignored.
     pub law: &'a [Element],
     /// Nonlinearity of the law.
@@ -131,13 +131,13 @@ impl<'a> NonlinearModel<'a> {
     /// # Errors
     /// [`Error::Numerical`] for a law that is not a series of Kelvin–Voigt bodies, springs and a dashpot, and for parameters outside their support. The run also
     /// fails if a force gradient is refused, or no balance is found in ever smaller steps.
-    pub fn run(&self, what: &NonlinearRun, rows: &[usize], options: Options) -> Result<NonlinearResult> {
+    pub fn run(&self, what: &NonlinearInput, rows: &[usize], options: NonlinearOptions) -> Result<NonlinearResult> {
         let mut result = NonlinearResult {
             displacement_m: Vec::with_capacity(what.time_s.len()),
             fields: Vec::new(),
             cost: Cost::default(),
         };
-        let cost = self.watch(what, options, |at| {
+        let cost = self.run_with_row_states(what, options, |at| {
             result.displacement_m.push(at.displacement[self.robot]);
             if rows.contains(&at.row) {
                 result.fields.push(at.displacement.to_vec());
@@ -148,10 +148,15 @@ impl<'a> NonlinearModel<'a> {
     }
 
     /// [`Self::run`] that passes every row's state to `at_row`.
-    pub fn watch(&self, what: &NonlinearRun, options: Options, at_row: impl FnMut(AtRow)) -> Result<Cost> {
+    pub fn run_with_row_states(
+        &self,
+        what: &NonlinearInput,
+        options: NonlinearOptions,
+        at_row: impl FnMut(RowState),
+    ) -> Result<Cost> {
         let bodies = Bodies::new(what.law, what.nonlinearity)?;
         let balance = self.balance();
-        let record = run::Record { time_s: what.time_s, force: what.force, stops_s: what.time_s };
+        let record = run::RunRecorder { time_s: what.time_s, force: what.force, stops_s: what.time_s };
         run::run(balance, &bodies, what.load, record, options, at_row, |_, _| {})
     }
 

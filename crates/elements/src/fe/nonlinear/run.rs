@@ -2,8 +2,8 @@
 
 use super::law::Bodies;
 use super::point::{EQUIVALENT, StageLaw, Tensor, deviator_norm};
-use super::stage::{Balance, Push, Stage};
-use super::{Cost, Options};
+use super::stage::{Balance, NonlinearStage, RobotForce};
+use super::{Cost, NonlinearOptions};
 use crate::fe::clock::{CLOCK_ROUNDING, Grading, StepRule, Tableau};
 use crate::fe::stepping::Resolution;
 use crate::fe::stepping::run::gap_s;
@@ -19,7 +19,7 @@ const MOST_RETRIES: u32 = 8;
 const LAST_STAGE: usize = 4;
 
 /// State at a stop: unknowns (m) and stresses s (Pa) at all points, as the limit from the left.
-pub struct AtRow<'a> {
+pub struct RowState<'a> {
     pub row: usize,
     pub displacement: &'a [f64],
     pub stresses: &'a [Tensor<f64>],
@@ -27,7 +27,7 @@ pub struct AtRow<'a> {
 
 /// Times and commands of a record, and the stop times of a run within it, all ascending.
 #[derive(Clone, Copy)]
-pub(super) struct Record<'a> {
+pub(super) struct RunRecorder<'a> {
     pub time_s: &'a [f64],
     pub force: Force<'a>,
     pub stops_s: &'a [f64],
@@ -38,9 +38,9 @@ pub fn run(
     balance: Balance,
     bodies: &Bodies<f64>,
     load: &Load,
-    Record { time_s, force, stops_s }: Record,
-    options: Options,
-    mut at_row: impl FnMut(AtRow),
+    RunRecorder { time_s, force, stops_s }: RunRecorder,
+    options: NonlinearOptions,
+    mut at_row: impl FnMut(RowState),
     mut at_step: impl FnMut(f64, f64),
 ) -> Result<Cost> {
     let load = load.of::<f64>();
@@ -48,7 +48,7 @@ pub fn run(
     let start_s = time_s.first().copied().unwrap_or(0.0);
     let length_s = time_s.last().map_or(0.0, |end_s| end_s - start_s).max(f64::MIN_POSITIVE);
     let rounding_s = CLOCK_ROUNDING * length_s;
-    let mut run = Run::new(balance, bodies, &load, &switches, options, start_s);
+    let mut run = NonlinearStepper::new(balance, bodies, &load, &switches, options, start_s);
     let mut coming = switches.iter().copied().enumerate().peekable();
     for (row, &row_s) in stops_s.iter().enumerate() {
         // A switch at a row comes after the row: positions are limits from the left.
@@ -57,12 +57,12 @@ pub fn run(
             run.switch(switch, gap_s(time_s, &switches, i, rounding_s));
         }
         run.advance_to(row_s, rounding_s, &mut at_step)?;
-        at_row(AtRow { row, displacement: &run.displacement, stresses: &run.stresses });
+        at_row(RowState { row, displacement: &run.displacement, stresses: &run.stresses });
     }
     Ok(run.cost)
 }
 
-struct Run<'a> {
+struct NonlinearStepper<'a> {
     balance: Balance<'a>,
     bodies: &'a Bodies<f64>,
     tableau: Tableau,
@@ -85,13 +85,13 @@ struct Run<'a> {
     cost: Cost,
 }
 
-impl<'a> Run<'a> {
+impl<'a> NonlinearStepper<'a> {
     fn new(
         balance: Balance<'a>,
         bodies: &'a Bodies<f64>,
         load: &'a Load<f64>,
         switches: &[Switch],
-        options: Options,
+        options: NonlinearOptions,
         start_s: f64,
     ) -> Self {
         let rule = StepRule::new(options.resolution.steps_per_doubling, bodies.fastest_s(0.0), false, 0.0);
@@ -158,7 +158,7 @@ impl<'a> Run<'a> {
                 format!(
                     "the nonlinear balance is not found at {start_s} s with a step of {:.1e} s{}: {}",
                     end_s - start_s,
-                    self.load.feedback_words(),
+                    self.load.describe_gradient(),
                     words(&reason)
                 ),
                 "give parameters of moderate size: a smaller coefficient, a larger index, or a stiffer gel",
@@ -185,9 +185,9 @@ impl<'a> Run<'a> {
             let mut histories = started(&self.histories, &rates, weights, step_s);
             let input_n = self.force_n(time_s);
             let force_n = self.balance.share * input_n;
-            let push = Push { force_n, load: self.load };
+            let push = RobotForce { force_n, load: self.load };
             let mut displacement = self.extrapolated(stage, time_s);
-            let problem = Stage { law: &law, histories: &histories, n_histories: n, push };
+            let problem = NonlinearStage { law: &law, histories: &histories, n_histories: n, push };
             let solved = self.balance.solve(&problem, &mut displacement, self.tolerance)?;
             self.load.check_feedback(&[displacement[self.balance.robot]], time_s)?;
             self.cost.n_stages += 1;

@@ -25,7 +25,7 @@ const CHUNK: usize = 512;
 
 /// Force on the robot: a force in N on the unknowns, which may depend on the robot's displacement.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Push<'a> {
+pub(super) struct RobotForce<'a> {
     pub force_n: f64,
     pub load: &'a Load<f64>,
 }
@@ -50,11 +50,11 @@ pub(super) struct Balance<'a> {
 }
 
 /// One stage: the law, the histories of all points (`n_histories` each, one point after the other) and the force.
-pub(super) struct Stage<'a> {
+pub(super) struct NonlinearStage<'a> {
     pub law: &'a StageLaw<f64>,
     pub histories: &'a [Tensor<f64>],
     pub n_histories: usize,
-    pub push: Push<'a>,
+    pub push: RobotForce<'a>,
 }
 
 /// A residual with its intermediate results.
@@ -72,7 +72,7 @@ struct Evaluated {
 }
 
 /// A solved stage.
-pub(super) struct Solved {
+pub(super) struct StageSolution {
     pub strains: Vec<Tensor<f64>>,
     pub stresses: Vec<Tensor<f64>>,
     /// Numbers of residuals and of linear operators computed, for the cost of a run.
@@ -88,13 +88,18 @@ impl Balance<'_> {
     ///
     /// # Errors
     /// [`Error::Numerical`] if Newton's method does not converge.
-    pub(super) fn solve(&self, stage: &Stage, displacement: &mut [f64], tolerance: f64) -> Result<Solved> {
+    pub(super) fn solve(
+        &self,
+        stage: &NonlinearStage,
+        displacement: &mut [f64],
+        tolerance: f64,
+    ) -> Result<StageSolution> {
         let mut now = self.evaluate(stage, displacement);
         let (mut n_evaluations, mut n_gradients, mut norms) = (1, 0, vec![now.norm]);
         for _ in 0..MOST_STEPS {
             if now.norm <= tolerance {
                 let Evaluated { strains, stresses, .. } = now;
-                return Ok(Solved { strains, stresses, n_evaluations, n_gradients, norms });
+                return Ok(StageSolution { strains, stresses, n_evaluations, n_gradients, norms });
             }
             let goal = (FORCING * now.norm).min((now.norm * now.norm / norms[0]).max(0.3 * tolerance));
             let (step, n) = self.conjugate_gradients(&now, goal.max(0.1 * tolerance));
@@ -124,7 +129,7 @@ impl Balance<'_> {
         ))
     }
 
-    fn evaluate(&self, stage: &Stage, displacement: &[f64]) -> Evaluated {
+    fn evaluate(&self, stage: &NonlinearStage, displacement: &[f64]) -> Evaluated {
         let strains = self.points.strains(displacement);
         let mut stresses = vec![[0.0; 6]; strains.len()];
         let still = Tangent { secant: 0.0, along: 0.0, volumetric: 0.0, coupling: 0.0, direction: [0.0; 5] };

@@ -21,7 +21,7 @@ fn kinds() -> [Nonlinearity; 3] {
 }
 
 /// Calls `check` with a balance on a coarse ball, a stage with non-zero histories, and a displacement of the solution's size.
-fn with_stage(nonlinearity: Nonlinearity, check: impl Fn(&Balance, &Stage, Vec<f64>)) {
+fn with_stage(nonlinearity: Nonlinearity, check: impl Fn(&Balance, &NonlinearStage, Vec<f64>)) {
     // Ratio of the displacement to the linear displacement under the force.
     let size = 0.1;
     let ball = QuarterBall { robot_radius_m: 0.275e-3, outer_radius_m: 10e-3, n_per_edge: 1, n_layers: 2 };
@@ -40,14 +40,14 @@ fn with_stage(nonlinearity: Nonlinearity, check: impl Fn(&Balance, &Stage, Vec<f
     let histories: Vec<Tensor<f64>> = strains.iter().flat_map(|e| [e.map(|e| 0.3 * e), e.map(|e| -0.2 * e)]).collect();
     let force_n = unknowns.share() * FORCE_N;
     let load = Load { gradient_per_m: 200.0, ..Load::COMMANDED.of() };
-    let push = Push { force_n, load: &load };
-    let stage = Stage { law: &law, histories: &histories, n_histories: 2, push };
+    let push = RobotForce { force_n, load: &load };
+    let stage = NonlinearStage { law: &law, histories: &histories, n_histories: 2, push };
     let wavy = field.iter().enumerate().map(|(i, u)| u * (1.0 + 0.1 * (i as f64).sin())).collect();
     check(&balance, &stage, wavy);
 }
 
 /// Tangent as a matrix, including its asymmetric part.
-fn dense_tangent(balance: &Balance, stage: &Stage, displacement: &[f64]) -> DMatrix<f64> {
+fn dense_tangent(balance: &Balance, stage: &NonlinearStage, displacement: &[f64]) -> DMatrix<f64> {
     let now = balance.evaluate(stage, displacement);
     let n = displacement.len();
     let columns: Vec<DVector<f64>> = (0..n)

@@ -1,7 +1,7 @@
 //! Runs against the linear model, against homogeneous bodies solved by other means, and against each other.
 
 use super::*;
-use crate::fe::spatial::{Sizes, Surroundings};
+use crate::fe::spatial::{GelAndRobot, PhysicalProperties};
 use crate::fe::time::FullOrderModel;
 use crate::mesh::QuarterBall;
 use laws::rheology::BaseLaw;
@@ -68,8 +68,8 @@ fn nulls_are_the_linear_model() {
             let exact = linear.step(&stages, &time_s, &force_n, Resolution::default()).unwrap();
             let load = &stages.load;
             let (law, nonlinearity) = (&stages.law, nonlinearity.constant());
-            let what = NonlinearRun { law, nonlinearity, load, time_s: &time_s, force: (&force_n).into() };
-            let found = model.run(&what, &[3, 7, 99], Options::default()).unwrap();
+            let what = NonlinearInput { law, nonlinearity, load, time_s: &time_s, force: (&force_n).into() };
+            let found = model.run(&what, &[3, 7, 99], NonlinearOptions::default()).unwrap();
             let error = distance(&found.displacement_m, &exact.displacement_m);
             assert!(error < 1e-5, "{law:?}: {error:e}");
             for (field, exact) in found.fields.iter().zip(linear.fields_of(&exact, &[3, 7])) {
@@ -195,12 +195,18 @@ impl Homogeneous {
 }
 
 /// Runs a cube of 1 m³.
-fn run_cube(homogeneous: &Homogeneous, load: &Load, time_s: &[f64], force_n: &[f64], options: Options) -> Vec<f64> {
+fn run_cube(
+    homogeneous: &Homogeneous,
+    load: &Load,
+    time_s: &[f64],
+    force_n: &[f64],
+    options: NonlinearOptions,
+) -> Vec<f64> {
     let mesh = cube(usize::from(homogeneous.shears));
     let stiffness = Stiffness::new(&mesh).unwrap();
     let model = NonlinearModel::new(&mesh, &stiffness, homogeneous.poisson_ratio).unwrap();
     let nonlinearity = homogeneous.nonlinearity.constant();
-    let what = NonlinearRun { law: &lethersich(), nonlinearity, load, time_s, force: force_n.into() };
+    let what = NonlinearInput { law: &lethersich(), nonlinearity, load, time_s, force: force_n.into() };
     model.run(&what, &[], options).unwrap().displacement_m
 }
 
@@ -219,7 +225,7 @@ fn homogeneous_motions_are_the_scalar_equations() {
     ] {
         for shears in [true, false] {
             let homogeneous = Homogeneous { nonlinearity, poisson_ratio: 0.3, shears };
-            let found = run_cube(&homogeneous, &load, &CUBE_TIME_S, &CUBE_FORCE_N, Options::default());
+            let found = run_cube(&homogeneous, &load, &CUBE_TIME_S, &CUBE_FORCE_N, NonlinearOptions::default());
             let exact = homogeneous.run(&CUBE_TIME_S, &CUBE_FORCE_N, |f, x| f * (0.1 * x).exp());
             let error = distance(&found, &exact);
             assert!(error < 2e-5, "{nonlinearity:?} {shears}: {error:e}");
@@ -234,7 +240,7 @@ fn the_sharp_yield_stress_is_the_limit_of_the_smoothed_one() {
     let error = |smoothing: f64| {
         let nonlinearity = Nonlinearity::YieldStress { stress_pa: 1.0, smoothing };
         let homogeneous = Homogeneous { nonlinearity, poisson_ratio: 0.3, shears: true };
-        let found = run_cube(&homogeneous, &load, &CUBE_TIME_S, &CUBE_FORCE_N, Options::default());
+        let found = run_cube(&homogeneous, &load, &CUBE_TIME_S, &CUBE_FORCE_N, NonlinearOptions::default());
         distance(&found, &homogeneous.run(&CUBE_TIME_S, &CUBE_FORCE_N, |f, _| f))
     };
     let errors = [0.3, 0.1, 0.03].map(error);
@@ -253,7 +259,7 @@ fn the_error_falls_with_the_fourth_power_of_the_step() {
     ] {
         let homogeneous = Homogeneous { nonlinearity, poisson_ratio: 0.3, shears: false };
         let run = |steps_per_doubling: u32, scheme: Scheme| {
-            let options = Options { scheme, resolution: Resolution { steps_per_doubling }, tolerance: 1e-11 };
+            let options = NonlinearOptions { scheme, resolution: Resolution { steps_per_doubling }, tolerance: 1e-11 };
             run_cube(&homogeneous, &load, &time_s, &force_n, options)
         };
         let exact = homogeneous.run(&time_s, &force_n, |f, _| f);
@@ -277,8 +283,8 @@ fn a_run_has_the_same_bytes_for_any_number_of_threads() {
     let model = NonlinearModel::new(&mesh, &stiffness, 0.48).unwrap();
     let nonlinearity = Nonlinearity::ShearThinning { index: 0.5, reference_stress_pa: REFERENCE_STRESS_PA };
     let (law, nonlinearity) = (&lethersich(), nonlinearity.constant());
-    let what = NonlinearRun { law, nonlinearity, load: &load, time_s: &time_s, force: (&force_n).into() };
-    let options = Options { resolution: Resolution { steps_per_doubling: 1 }, ..Options::default() };
+    let what = NonlinearInput { law, nonlinearity, load: &load, time_s: &time_s, force: (&force_n).into() };
+    let options = NonlinearOptions { resolution: Resolution { steps_per_doubling: 1 }, ..NonlinearOptions::default() };
     let run = |threads: usize| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
         pool.install(|| model.run(&what, &[7], options)).unwrap()
@@ -299,14 +305,14 @@ fn a_balance_that_is_not_found_is_an_error() {
     let load = full_load();
     let nonlinearity = Nonlinearity::StrainStiffening { coefficient: 1.0 };
     let (law, nonlinearity) = (&lethersich(), nonlinearity.constant());
-    let what = NonlinearRun { law, nonlinearity, load: &load, time_s: &time_s, force: (&force_n).into() };
-    let failed = model.run(&what, &[], Options { tolerance: 1e-30, ..Options::default() });
+    let what = NonlinearInput { law, nonlinearity, load: &load, time_s: &time_s, force: (&force_n).into() };
+    let failed = model.run(&what, &[], NonlinearOptions { tolerance: 1e-30, ..NonlinearOptions::default() });
     let message = failed.unwrap_err().to_string();
     assert!(message.contains("at 3 s with a step of") && message.contains("residual stays at"), "{message}");
     assert!(message.contains("what to do"), "{message}");
     let mut strong = full_load();
     strong.gradient_per_m = 1e4.into();
-    let refused = model.run(&NonlinearRun { load: &strong, ..what }, &[], Options::default());
+    let refused = model.run(&NonlinearInput { load: &strong, ..what }, &[], NonlinearOptions::default());
     assert!(refused.unwrap_err().to_string().contains("under a force gradient of 10000 per m"));
 }
 
@@ -340,17 +346,17 @@ fn rows_between_steps_are_interpolated_to_the_steps_own_error() {
             load.gradient_per_m = 0.0.into();
         }
         stages.load = load;
-        let what = NonlinearRun {
+        let what = NonlinearInput {
             law: &stages.law,
             nonlinearity: nonlinearity.constant(),
             load: &stages.load,
             time_s: &time_s,
             force: (&force_n).into(),
         };
-        let exact = model.run(&what, &[20, 47], Options::default()).unwrap();
+        let exact = model.run(&what, &[20, 47], NonlinearOptions::default()).unwrap();
         let mut stages = stages.clone();
         stages.spatial = Some(laws::stages::Spatial::Nonlinear(nonlinearity.constant()));
-        let found = model.run_stages(&stages, &time_s, &force_n, &[47, 20, 999], Options::default()).unwrap();
+        let found = model.run_stages(&stages, &time_s, &force_n, &[47, 20, 999], NonlinearOptions::default()).unwrap();
         let error = distance(&found.displacement_m, &exact.displacement_m);
         println!("{law:?}: {error:.1e} in {} steps instead of {}", found.cost.n_steps, exact.cost.n_steps);
         assert!(error < 1e-4, "{law:?}: {error:e}");
@@ -374,12 +380,13 @@ fn errors_without_and_with_layers(ball: QuarterBall) -> [f64; 2] {
             let thinning = Nonlinearity::ShearThinning { index, reference_stress_pa: REFERENCE_STRESS_PA };
             let mut stages = Stages::of_law(lethersich());
             stages.spatial = Some(Spatial::Nonlinear(thinning.constant()));
-            let options = Options { resolution: Resolution { steps_per_doubling: 1 }, ..Options::default() };
+            let options =
+                NonlinearOptions { resolution: Resolution { steps_per_doubling: 1 }, ..NonlinearOptions::default() };
             model.run_stages(&stages, &time_s, &force_n, &[], options).unwrap().displacement_m[2]
         };
         at(0.3) - at(1.0)
     };
-    let sizes = Sizes {
+    let sizes = PhysicalProperties {
         gel_density_kg_m3: 1000.0,
         robot_mass_kg: 0.65e-6,
         robot_radius_m: ball.robot_radius_m,
@@ -388,13 +395,13 @@ fn errors_without_and_with_layers(ball: QuarterBall) -> [f64; 2] {
     };
     let mesh = ball.mesh().unwrap();
     let stiffness = Stiffness::new(&mesh).unwrap();
-    let surroundings = Surroundings { mesh: &mesh, stiffness: &stiffness, poisson_ratio: 0.48, sizes };
+    let surroundings = GelAndRobot { mesh: &mesh, stiffness: &stiffness, poisson_ratio: 0.48, sizes };
     let layered = surroundings.thinning_ball().unwrap();
     let finer = QuarterBall { n_per_edge: 2 * layered.n_per_edge, n_layers: 2 * layered.n_layers, ..layered };
     let exact_m = excess_m(finer);
-    let [own, layered] = [ball, layered].map(|ball| (excess_m(ball) / exact_m - 1.0).abs());
-    println!("the level's mesh errs {own:.1e}, the mesh for thinning {layered:.1e}");
-    [own, layered]
+    let [value, layered] = [ball, layered].map(|ball| (excess_m(ball) / exact_m - 1.0).abs());
+    println!("the level's mesh errs {value:.1e}, the mesh for thinning {layered:.1e}");
+    [value, layered]
 }
 
 const LEVEL_1: QuarterBall =
@@ -404,13 +411,13 @@ const LEVEL_1: QuarterBall =
 #[test]
 #[ignore = "thorough"]
 fn layers_are_what_a_law_that_thins_needs() {
-    let [own, layered] = errors_without_and_with_layers(LEVEL_1);
-    assert!(layered < 0.5 * own, "{layered:e} {own:e}");
+    let [value, layered] = errors_without_and_with_layers(LEVEL_1);
+    assert!(layered < 0.5 * value, "{layered:e} {value:e}");
 }
 
 #[test]
 #[ignore = "campaigns/long-tests"]
 fn layers_are_what_a_law_that_thins_needs_at_level_2() {
-    let [own, layered] = errors_without_and_with_layers(QuarterBall { n_per_edge: 2, n_layers: 8, ..LEVEL_1 });
-    assert!(layered < 0.2 * own && layered < 5e-3, "{layered:e} {own:e}");
+    let [value, layered] = errors_without_and_with_layers(QuarterBall { n_per_edge: 2, n_layers: 8, ..LEVEL_1 });
+    assert!(layered < 0.2 * value && layered < 5e-3, "{layered:e} {value:e}");
 }

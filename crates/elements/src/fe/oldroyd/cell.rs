@@ -6,7 +6,7 @@ use faer::linalg::matmul::matmul;
 use faer::{Accum, Mat, MatRef, Par};
 
 use super::lu::DenseLu;
-use super::point::{self, Gradient, Held, IDENTITY};
+use super::point::{self, Gradient, IDENTITY, PointConstants};
 use crate::fe::meridional::basis::{gauss_legendre, gauss_lobatto, lagrange, legendre};
 use crate::fe::meridional::geometry::Ruled;
 use base::error::Result;
@@ -119,7 +119,13 @@ impl CellShape {
     }
 
     /// Forces on the displacements, component by component, followed by −∫ ψ (det F − 1) for every pressure ψ. The part of a compressible volume is subtracted.
-    pub(super) fn forces(&self, reference: &Reference, held: &[Held], f: &[Gradient], pressures: &[f64]) -> Vec<f64> {
+    pub(super) fn forces(
+        &self,
+        reference: &Reference,
+        held: &[PointConstants],
+        f: &[Gradient],
+        pressures: &[f64],
+    ) -> Vec<f64> {
         let pressure_at = reference.pressures_at(pressures);
         let n_points = f.len();
         let mut nominal = Mat::<f64>::zeros(self.operators.nrows(), OF.len());
@@ -143,7 +149,13 @@ impl CellShape {
     }
 
     /// Derivatives of [`Self::forces`] by displacements and pressures.
-    pub(super) fn matrix(&self, reference: &Reference, held: &[Held], f: &[Gradient], pressures: &[f64]) -> Mat<f64> {
+    pub(super) fn matrix(
+        &self,
+        reference: &Reference,
+        held: &[PointConstants],
+        f: &[Gradient],
+        pressures: &[f64],
+    ) -> Mat<f64> {
         let (n, n_points) = (reference.n_functions(), f.len());
         let pressure_at = reference.pressures_at(pressures);
         let tangents: Vec<_> = (0..n_points).map(|q| point::tangent(&held[q], &f[q], pressure_at[q])).collect();

@@ -263,8 +263,8 @@ impl Eulerian {
                     2.0 * (l_tr * e_rt + l_tt * (1.0 + e_tt)),
                     2.0 * l_pp * (1.0 + e_pp),
                 ];
-                for (k, own) in [e_rr, e_rt, e_tt, e_pp].into_iter().enumerate() {
-                    rates[k][at] = stretched[k] - carried[k] - own / self.fluid.time_s;
+                for (k, value) in [e_rr, e_rt, e_tt, e_pp].into_iter().enumerate() {
+                    rates[k][at] = stretched[k] - carried[k] - value / self.fluid.time_s;
                 }
             }
         }

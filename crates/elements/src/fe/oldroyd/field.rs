@@ -7,7 +7,7 @@ use rayon::prelude::*;
 
 use super::cell::{CellShape, Condensed, Reference};
 use super::lu::{Pattern, SparseLu};
-use super::point::{self, Gradient, Held, StageLaw, Symmetric};
+use super::point::{self, Gradient, PointConstants, StageLaw, Symmetric};
 use crate::fe::meridional::mesh::Mesh;
 use crate::fe::meridional::solver::Skeleton;
 use base::error::{Error, Result};
@@ -129,7 +129,7 @@ impl FieldMesh {
 }
 
 /// Constants of a stage.
-pub(super) struct Stage<'a> {
+pub(super) struct FieldStage<'a> {
     /// Force on the body over its radius squared, in Pa.
     pub(super) force_pa: f64,
     /// The law.
@@ -142,13 +142,13 @@ pub(super) struct Stage<'a> {
     pub(super) rests: &'a [Vec<f64>],
 }
 
-impl Stage<'_> {
-    fn held<'a>(&'a self, cell: usize, start: &[Gradient]) -> Vec<Held<'a>> {
+impl FieldStage<'_> {
+    fn held<'a>(&'a self, cell: usize, start: &[Gradient]) -> Vec<PointConstants<'a>> {
         let configurations = self.configurations[cell].chunks_exact(self.law.modes.len().max(1));
         let empty: &[Symmetric] = &[];
         let configurations = configurations.chain(std::iter::repeat(empty));
         let rests = self.rests.get(cell).map_or(&[][..], |rests| rests);
-        let of = |(q, (start, configurations)): (usize, (&Gradient, &'a [Symmetric]))| Held {
+        let of = |(q, (start, configurations)): (usize, (&Gradient, &'a [Symmetric]))| PointConstants {
             law: self.law,
             start: *start,
             configurations,
@@ -186,10 +186,11 @@ impl<'a> Solver<'a> {
     }
 
     /// Solves for the unknowns that balance a stage, from a guess.
-    pub(super) fn solve(&mut self, stage: &Stage, guess: Vec<f64>) -> Result<Vec<f64>> {
+    pub(super) fn solve(&mut self, stage: &FieldStage, guess: Vec<f64>) -> Result<Vec<f64>> {
         let mesh = self.mesh;
         let starts: Vec<Vec<Gradient>> = mesh.cells.par_iter().map(|cell| mesh.gradients(cell, stage.start)).collect();
-        let held: Vec<Vec<Held>> = starts.iter().enumerate().map(|(cell, start)| stage.held(cell, start)).collect();
+        let held: Vec<Vec<PointConstants>> =
+            starts.iter().enumerate().map(|(cell, start)| stage.held(cell, start)).collect();
         let mut x = guess;
         let rate = stage.law.rate_per_s;
         // Steps of other lengths have other matrices. Those of slowly growing steps are close enough.
@@ -219,20 +220,21 @@ impl<'a> Solver<'a> {
     }
 
     /// Solves for the unknowns that balance a stage of small strains, by one Newton step from rest.
-    pub(super) fn linear(&mut self, stage: &Stage) -> Result<Vec<f64>> {
+    pub(super) fn linear(&mut self, stage: &FieldStage) -> Result<Vec<f64>> {
         let mesh = self.mesh;
         let mut x = vec![0.0; mesh.n_unknowns];
         let starts: Vec<Vec<Gradient>> = mesh.cells.iter().map(|cell| mesh.gradients(cell, stage.start)).collect();
-        let held: Vec<Vec<Held>> = starts.iter().enumerate().map(|(cell, start)| stage.held(cell, start)).collect();
+        let held: Vec<Vec<PointConstants>> =
+            starts.iter().enumerate().map(|(cell, start)| stage.held(cell, start)).collect();
         let factorised = self.factorise(&held, &x, stage.law.rate_per_s, None)?;
         self.iterate(stage, &held, &factorised, &mut x);
         Ok(x)
     }
 
     /// One Newton step with a stored matrix. Returns the largest change of a displacement.
-    fn iterate(&self, stage: &Stage, held: &[Vec<Held>], factorised: &Factorised, x: &mut [f64]) -> f64 {
+    fn iterate(&self, stage: &FieldStage, held: &[Vec<PointConstants>], factorised: &Factorised, x: &mut [f64]) -> f64 {
         let mesh = self.mesh;
-        let of_cell = |((cell, held), condensed): ((&FieldCell, &Vec<Held>), &Condensed)| {
+        let of_cell = |((cell, held), condensed): ((&FieldCell, &Vec<PointConstants>), &Condensed)| {
             let (displacement, pressures) = mesh.local(cell, x);
             let f = cell.shape.gradients(&displacement);
             let all = cell.shape.forces(&mesh.reference, held, &f, &pressures);
@@ -277,14 +279,14 @@ impl<'a> Solver<'a> {
 
     fn factorise(
         &mut self,
-        held: &[Vec<Held>],
+        held: &[Vec<PointConstants>],
         x: &[f64],
         rate_per_s: f64,
         like: Option<&Factorised>,
     ) -> Result<Factorised> {
         let mesh = self.mesh;
         self.factorisations += 1;
-        let condensed = |(cell, held): (&FieldCell, &Vec<Held>)| {
+        let condensed = |(cell, held): (&FieldCell, &Vec<PointConstants>)| {
             let (displacement, pressures) = mesh.local(cell, x);
             let f = cell.shape.gradients(&displacement);
             let matrix = cell.shape.matrix(&mesh.reference, held, &f, &pressures);

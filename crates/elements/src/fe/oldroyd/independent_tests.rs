@@ -18,7 +18,7 @@ fn pulled(gel: &FiniteGel, n_holds: usize) -> FiniteResult {
     let law = FiniteLaw::new(&BaseLaw::Lethersich.elements(&LAW.map(Dual::constant)), 0.0).expect("no springpot");
     let (time_s, force_n) = record(1.0, n_holds);
     let load = Stages::of_law(Vec::new()).load;
-    let what = FiniteRun { law: &law, load: &load, time_s: &time_s, force: Force::from(&force_n) };
+    let what = FiniteInput { law: &law, load: &load, time_s: &time_s, force: Force::from(&force_n) };
     gel.run(&what).expect("the mesh carries it")
 }
 
@@ -30,7 +30,7 @@ fn a_mesh_that_moves_with_the_sphere_finds_the_same_pull() {
     const OUTER_RADII: f64 = 100.0;
     let law = FiniteLaw::new(&BaseLaw::Lethersich.elements(&LAW.map(Dual::constant)), 0.0).expect("no springpot");
     let [mode] = law.modes[..] else { panic!("{law:?}") };
-    let gel = FiniteGel::around_sphere(RADIUS_M, OUTER_RADII * RADIUS_M, Fineness::default()).expect("a mesh");
+    let gel = FiniteGel::around_sphere(RADIUS_M, OUTER_RADII * RADIUS_M, Discretisation::default()).expect("a mesh");
     let run = pulled(&gel, 1);
     let fluid = Fluid {
         solvent_pa_s: law.solvent_pa_s,
@@ -112,8 +112,8 @@ fn drag_in_a_tube_falls_with_elasticity() {
         let mesh = FieldMesh::new(&tube(8.0, n_each), 5, None).expect("a mesh");
         let newtonian = stiffness(&mesh).expect("a solution");
         let switches = [Switch::to(0.0, force)];
-        let pull = Pull { switches: &switches, load: &Load::COMMANDED.of(), newtons_per_pa: 1.0, end_s };
-        let walked = walk(&mesh, &law, newtonian, &pull, 6);
+        let pull = AppliedForce { switches: &switches, load: &Load::COMMANDED.of(), newtons_per_pa: 1.0, end_s };
+        let walked = run_pull(&mesh, &law, newtonian, &pull, 6);
         assert!(walked.stopped.is_none(), "the mesh carries it");
         let leg = &walked.legs[0];
         let near = &leg[leg.len() - N_NEAREST..];
@@ -146,15 +146,17 @@ fn volumes_that_give_deviate_otherwise() {
     let kept = holds(coarse(), 0.0, 1.0, 2);
     let ends = [ROWS_A_HOLD, 2 * ROWS_A_HOLD];
     let by_um = |found: &FiniteResult| ends.map(|row| 1e6 * (found.deviation_m[row] - kept.deviation_m[row]));
-    let of = |volume: Volume, fineness: Fineness| {
+    let of = |volume: VolumeRule, fineness: Discretisation| {
         let gel = FiniteGel::new(BodyOfRevolution::sphere(RADIUS_M), OUTER_M, volume, fineness).expect("a mesh");
         let nu = volume.poisson_ratio();
         let exact_m = SphereInContainer::new(nu, RADIUS_M, OUTER_M).stiffness_n_per_m(2.0 * (1.0 + nu));
         assert!((gel.stiffness_m() / exact_m - 1.0).abs() < 1e-4, "{volume:?}");
         pulled(&gel, 2)
     };
-    let rules: [fn(f64) -> Volume; 2] =
-        [|poisson_ratio| Volume::Network { poisson_ratio }, |poisson_ratio| Volume::Apart { poisson_ratio }];
+    let rules: [fn(f64) -> VolumeRule; 2] = [
+        |poisson_ratio| VolumeRule::Network { poisson_ratio },
+        |poisson_ratio| VolumeRule::Decoupled { poisson_ratio },
+    ];
     let mut both = Vec::new();
     for rule in rules {
         let [far, near] = [0.48, 0.49].map(|nu| by_um(&of(rule(nu), coarse())));
@@ -168,12 +170,13 @@ fn volumes_that_give_deviate_otherwise() {
     assert!(both[0][0] < -3.0 && both[0][1] > 10.0 && both[1][0] > 8.0 && both[1][1] < -10.0, "{both:?}");
     assert!(both.iter().flatten().all(|by| by.abs() < 20.0), "{both:?}");
     // The values in the documentation are not those of the coarse mesh.
-    let finer = of(Volume::Network { poisson_ratio: 0.48 }, Fineness::default());
-    let kept_finer = holds(Fineness::default(), 0.0, 1.0, 2);
+    let finer = of(VolumeRule::Network { poisson_ratio: 0.48 }, Discretisation::default());
+    let kept_finer = holds(Discretisation::default(), 0.0, 1.0, 2);
     let apart = ends.map(|row| 1e6 * (finer.deviation_m[row] - kept_finer.deviation_m[row]));
     println!("finer {apart:?}");
     assert!(apart.iter().zip(both[0]).all(|(fine, coarse)| (fine - coarse).abs() < 0.5), "{apart:?}");
-    let refused = FiniteGel::new(BodyOfRevolution::sphere(1.0), 9.0, Volume::Apart { poisson_ratio: 0.5 }, coarse());
+    let refused =
+        FiniteGel::new(BodyOfRevolution::sphere(1.0), 9.0, VolumeRule::Decoupled { poisson_ratio: 0.5 }, coarse());
     let refused = refused.err().expect("refused").to_string();
     assert!(refused.contains("the Poisson ratio of a compressible gel is 0.5\n"), "{refused}");
 }
@@ -186,13 +189,14 @@ fn spheroids_are_meshed_too() {
         let unit = BodyOfRevolution::Spheroid { semi_axis_along_m: aspect, semi_axis_across_m: 1.0 };
         unit.scaled(RADIUS_M / aspect.cbrt())
     };
-    let fine = Fineness { order: 7, ..Fineness::default() };
-    let nearly = FiniteGel::new(spheroid(1.0001), OUTER_M, Volume::Kept, fine).expect("a mesh");
-    let apart_um = farthest_apart_um(&pulled(&nearly, 1), &holds(Fineness::default(), 0.0, 1.0, 1));
+    let fine = Discretisation { order: 7, ..Discretisation::default() };
+    let nearly = FiniteGel::new(spheroid(1.0001), OUTER_M, VolumeRule::Incompressible, fine).expect("a mesh");
+    let apart_um = farthest_apart_um(&pulled(&nearly, 1), &holds(Discretisation::default(), 0.0, 1.0, 1));
     println!("{apart_um:.3} µm");
     assert!(apart_um < 0.3, "{apart_um}");
     let long = |order: usize| {
-        let gel = FiniteGel::new(spheroid(2.0), OUTER_M, Volume::Kept, Fineness { order, ..fine }).expect("a mesh");
+        let gel = FiniteGel::new(spheroid(2.0), OUTER_M, VolumeRule::Incompressible, Discretisation { order, ..fine })
+            .expect("a mesh");
         1e6 * pulled(&gel, 1).deviation_m[ROWS_A_HOLD]
     };
     let [coarser_um, finer_um] = [5, 6].map(long);
@@ -200,7 +204,8 @@ fn spheroids_are_meshed_too() {
     assert!((coarser_um - finer_um).abs() < 0.3 && finer_um > 2.0 && finer_um < 4.0, "{coarser_um} {finer_um}");
     for aspect in [2.0, 68.0 / 7.0] {
         let poisson_ratio = 0.48;
-        let gel = FiniteGel::new(spheroid(aspect), OUTER_M, Volume::Network { poisson_ratio }, fine).expect("a mesh");
+        let gel =
+            FiniteGel::new(spheroid(aspect), OUTER_M, VolumeRule::Network { poisson_ratio }, fine).expect("a mesh");
         let exact = solve(spheroid(aspect), OUTER_M, poisson_ratio, Direction::Axial, Resolution::default());
         let exact_m = 2.0 * (1.0 + poisson_ratio) * exact.expect("a solution").stiffness_m;
         println!("{aspect}: {:.1e}", gel.stiffness_m() / exact_m - 1.0);

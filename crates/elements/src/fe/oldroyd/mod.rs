@@ -12,7 +12,7 @@
 //! Newton's method uses one matrix as long as it converges. A small-strain twin takes equal steps. The reported deviation is the difference from the twin, which cancels common errors of mesh and
 //! steps. The final position adds this deviation to the linear model's response at its own Poisson ratio.
 //!
-//! **Limits.** The gel is bonded: it neither tears nor slides. It is incompressible unless [`Volume`] says otherwise. The Poisson ratio alone does not determine the gel's volume beyond
+//! **Limits.** The gel is bonded: it neither tears nor slides. It is incompressible unless [`VolumeRule`] says otherwise. The Poisson ratio alone does not determine the gel's volume beyond
 //! small strains; studies must choose a rule. Cells in front of the body are pressed flat. The run ends with an error if a volume that should stay constant becomes a tenth or ten times as large at a point.
 
 mod cell;
@@ -36,15 +36,15 @@ use super::meridional::BodyOfRevolution;
 use super::meridional::basis::lagrange;
 use super::meridional::mesh::{Boundary, Mesh};
 use base::error::{Error, Result};
-use field::{BODY, FieldMesh, GivingVolume, Solver, Stage};
+use field::{BODY, FieldMesh, FieldStage, GivingVolume, Solver};
 use laws::stages::{Load, Spatial};
 use point::{AT_REST, StageLaw};
 use record::Force;
-use run::{Moment, Pull, walk};
+use run::{AppliedForce, Moment, run_pull};
 
 /// Refinement in space and time.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Fineness {
+pub struct Discretisation {
     /// Polynomial order of the displacements, 3 to 10.
     pub order: usize,
     /// Number of cells from pole to pole of a sphere. Spheroids and cylinders have their own numbers.
@@ -55,12 +55,12 @@ pub struct Fineness {
     pub steps_per_doubling: u32,
 }
 
-impl Fineness {
+impl Discretisation {
     /// For an estimate: an error of 0.3 µm over the paper's four cycles, four times as fast as the default.
     pub const ESTIMATE: Self = Self { order: 5, n_angles: 4, layer_ratio: 2.0, steps_per_doubling: 3 };
 }
 
-impl Default for Fineness {
+impl Default for Discretisation {
     /// An error of 0.1 µm over the paper's four cycles, in which the body moves by 3.6 radii.
     fn default() -> Self {
         Self { order: 5, n_angles: 6, layer_ratio: 2.0, steps_per_doubling: 6 }
@@ -69,26 +69,26 @@ impl Default for Fineness {
 
 /// Rule for the gel's volume. For small strains the Poisson ratio determines the volume. Large strains need a rule; two rules are common.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Volume {
+pub enum VolumeRule {
     /// Constant volume: a Poisson ratio of ½.
-    Kept,
+    Incompressible,
     /// Rule of a rubber network (Lamé's moduli): a stretched conformation contracts the volume. Λ (det F − 1) resists, with equal relaxation.
     Network {
         /// Poisson ratio of small strains, below ½.
         poisson_ratio: f64,
     },
     /// Separate resistance of shape and volume. The conformation does not depend on the volume, and only the bulk modulus resists its change.
-    Apart {
+    Decoupled {
         /// Poisson ratio of small strains, below ½.
         poisson_ratio: f64,
     },
 }
 
-impl Volume {
+impl VolumeRule {
     fn poisson_ratio(self) -> f64 {
         match self {
-            Self::Kept => 0.5,
-            Self::Network { poisson_ratio } | Self::Apart { poisson_ratio } => poisson_ratio,
+            Self::Incompressible => 0.5,
+            Self::Network { poisson_ratio } | Self::Decoupled { poisson_ratio } => poisson_ratio,
         }
     }
 
@@ -96,13 +96,13 @@ impl Volume {
         let poisson_ratio = self.poisson_ratio();
         let lame_ratio = 2.0 * poisson_ratio / (1.0 - 2.0 * poisson_ratio);
         match self {
-            Self::Kept => Ok(None),
+            Self::Incompressible => Ok(None),
             _ if !(poisson_ratio > 0.0 && poisson_ratio < 0.5) => Err(Error::numerical(
                 format!("the Poisson ratio of a compressible gel is {poisson_ratio}"),
                 "give a Poisson ratio between 0 and 0.5, both excluded",
             )),
             Self::Network { .. } => Ok(Some(GivingVolume { modulus_ratio: lame_ratio, is_apart: false })),
-            Self::Apart { .. } => Ok(Some(GivingVolume { modulus_ratio: lame_ratio + 2.0 / 3.0, is_apart: true })),
+            Self::Decoupled { .. } => Ok(Some(GivingVolume { modulus_ratio: lame_ratio + 2.0 / 3.0, is_apart: true })),
         }
     }
 }
@@ -114,13 +114,13 @@ pub struct FiniteGel {
     radius_m: f64,
     /// Force over shear modulus and displacement for small strains, in units of the radius.
     stiffness: f64,
-    volume: Volume,
-    fineness: Fineness,
+    volume: VolumeRule,
+    fineness: Discretisation,
 }
 
 /// Input of a run.
 #[derive(Debug, Clone, Copy)]
-pub struct FiniteRun<'a> {
+pub struct FiniteInput<'a> {
     /// The gel's law.
     pub law: &'a FiniteLaw,
     /// Stages from the commanded to the acting force.
@@ -151,15 +151,20 @@ impl FiniteGel {
     ///
     /// # Errors
     /// [`Error::Numerical`] if one does not lie inside the other.
-    pub fn around_sphere(radius_m: f64, outer_radius_m: f64, fineness: Fineness) -> Result<Self> {
-        Self::new(BodyOfRevolution::sphere(radius_m), outer_radius_m, Volume::Kept, fineness)
+    pub fn around_sphere(radius_m: f64, outer_radius_m: f64, fineness: Discretisation) -> Result<Self> {
+        Self::new(BodyOfRevolution::sphere(radius_m), outer_radius_m, VolumeRule::Incompressible, fineness)
     }
 
     /// Meshes the gel between a body that is pulled along its axis and the fixed sphere around it.
     ///
     /// # Errors
     /// [`Error::Numerical`] if one does not lie inside the other, and for a Poisson ratio outside (0, ½).
-    pub fn new(body: BodyOfRevolution, outer_radius_m: f64, volume: Volume, fineness: Fineness) -> Result<Self> {
+    pub fn new(
+        body: BodyOfRevolution,
+        outer_radius_m: f64,
+        volume: VolumeRule,
+        fineness: Discretisation,
+    ) -> Result<Self> {
         let [across_m, along_m, around_m] = body.extents_m();
         if !(across_m > 0.0 && along_m > 0.0 && outer_radius_m > around_m && outer_radius_m.is_finite()) {
             return Err(Error::numerical(
@@ -191,8 +196,8 @@ impl FiniteGel {
     ///
     /// # Errors
     /// [`Error::Numerical`] for a load that depends on the position, if the mesh fails, or if no balance is found. The last two state the time and the distance reached.
-    pub fn run(&self, what: &FiniteRun) -> Result<FiniteResult> {
-        let (result, stopped) = self.follow(what)?;
+    pub fn run(&self, what: &FiniteInput) -> Result<FiniteResult> {
+        let (result, stopped) = self.run_until_failure(what)?;
         stopped.map_or(Ok(result), Err)
     }
 
@@ -200,11 +205,11 @@ impl FiniteGel {
     ///
     /// # Errors
     /// [`Error::Numerical`] for a load that depends on the position.
-    pub fn follow(&self, what: &FiniteRun) -> Result<(FiniteResult, Option<Error>)> {
-        let FiniteRun { law, load, time_s, force } = *what;
+    pub fn run_until_failure(&self, what: &FiniteInput) -> Result<(FiniteResult, Option<Error>)> {
+        let FiniteInput { law, load, time_s, force } = *what;
         let load = load.of::<f64>();
         if load.depends_on_position() {
-            return Err(Error::numerical(Spatial::BARS_FEEDBACK, "remove the gradient of the force"));
+            return Err(Error::numerical(Spatial::EXCLUDES_FEEDBACK, "remove the gradient of the force"));
         }
         let Some(&end_s) = time_s.last() else {
             let nothing = FiniteResult {
@@ -216,14 +221,14 @@ impl FiniteGel {
             };
             return Ok((nothing, None));
         };
-        let pull = Pull {
+        let pull = AppliedForce {
             switches: &load.switches(time_s, force),
             load: &load,
             newtons_per_pa: self.radius_m * self.radius_m,
             end_s,
         };
         let law = law.of_poisson_ratio(self.volume.poisson_ratio());
-        let walked = walk(&self.mesh, &law, self.stiffness, &pull, self.fineness.steps_per_doubling);
+        let walked = run_pull(&self.mesh, &law, self.stiffness, &pull, self.fineness.steps_per_doubling);
         let reached_s = match &walked.stopped {
             None => f64::INFINITY,
             Some(_) => walked.legs.last().and_then(|leg| leg.last()).map_or(f64::NEG_INFINITY, |last| last.time_s),
@@ -246,7 +251,7 @@ const RIM_LAYERS: usize = 2;
 const GRADING: f64 = 1.5;
 
 /// Cells between a sphere of radius 1 and one around it, layer by layer.
-fn concentric(outer_radius: f64, fineness: Fineness) -> Mesh {
+fn concentric(outer_radius: f64, fineness: Discretisation) -> Mesh {
     let n_angles = fineness.n_angles;
     // Exact values at the ends, so that they lie on the axis.
     let angle = |k: usize| FRAC_PI_2 * (n_angles as f64 - 2.0 * k as f64) / n_angles as f64;
@@ -269,7 +274,7 @@ fn concentric(outer_radius: f64, fineness: Fineness) -> Mesh {
 fn stiffness(mesh: &FieldMesh) -> Result<f64> {
     let start = vec![0.0; mesh.n_unknowns];
     let configurations: Vec<_> = mesh.cells.iter().map(|cell| vec![AT_REST; cell.shape.weights.len()]).collect();
-    let stage = Stage {
+    let stage = FieldStage {
         force_pa: 1.0,
         law: StageLaw {
             rate_per_s: 1.0,

@@ -36,7 +36,7 @@ pub struct StageLaw<'a> {
 
 /// Constants of a stage at a point.
 #[derive(Debug, Clone)]
-pub(super) struct Held<'a> {
+pub(super) struct PointConstants<'a> {
     /// The law.
     pub(super) law: StageLaw<'a>,
     /// F at the start of the stage.
@@ -128,7 +128,7 @@ fn shape<N: PointScalar>(f: &Gradient<N>, is_apart: bool) -> Gradient<N> {
 ///
 /// Each mode adds G (A − 1). G A alone differs from it by a pressure if det F = 1. A mesh satisfies this only in the mean. The relaxed part of G A then pulls volumes apart, and a mode as stiff as a spring in series
 /// (Burgers) destroys the mesh.
-pub(super) fn stress<N: PointScalar>(held: &Held, f: &Gradient<N>) -> Gradient<N> {
+pub(super) fn stress<N: PointScalar>(held: &PointConstants, f: &Gradient<N>) -> Gradient<N> {
     let law = held.law;
     let m = inverse(&plane(f));
     let moved: Plane<N> = std::array::from_fn(|k| (f[k] - N::constant(held.start[k])) * law.rate_per_s);
@@ -162,7 +162,7 @@ pub(super) fn configuration(f: &Gradient, start: &Symmetric, z: f64, mobility: f
 }
 
 /// ∂P/∂F in Pa, including the part −p cof F of a pressure (Pa): [row][column].
-pub(super) fn tangent(held: &Held, f: &Gradient, pressure_pa: f64) -> [Gradient; N_GRADIENT] {
+pub(super) fn tangent(held: &PointConstants, f: &Gradient, pressure_pa: f64) -> [Gradient; N_GRADIENT] {
     let mut tangent = [[0.0; N_GRADIENT]; N_GRADIENT];
     for column in 0..N_GRADIENT {
         let mut moving = f.map(Dual::constant);
@@ -183,8 +183,8 @@ mod tests {
     const STARTS: [Symmetric; 2] = [[1.4, 0.3, 0.9, 1.1], [0.7, -0.2, 1.6, 0.8]];
     const MODES: [(f64, f64); 2] = [(1.1, 0.4), (0.3, 2.5)];
 
-    fn held(mobility: f64) -> Held<'static> {
-        Held {
+    fn held(mobility: f64) -> PointConstants<'static> {
+        PointConstants {
             law: StageLaw {
                 rate_per_s: 3.0,
                 solvent_pa_s: 0.45,
@@ -221,7 +221,7 @@ mod tests {
     #[test]
     fn what_does_not_relax_is_a_rubber() {
         let law = StageLaw { modes: &[(2.0, 0.0)], ..held(0.0).law };
-        let still = Held { law, start: F, configurations: &[AT_REST], rest: 0.0 };
+        let still = PointConstants { law, start: F, configurations: &[AT_REST], rest: 0.0 };
         let determinant = determinant(&F);
         for ((found, f), cofactor) in stress(&still, &F).into_iter().zip(F).zip(cofactor(&F)) {
             let exact = 2.0 * (f - cofactor / determinant);

@@ -2,7 +2,7 @@
 
 use rayon::prelude::*;
 
-use super::field::{BODY, FieldCell, FieldMesh, Solver, Stage};
+use super::field::{BODY, FieldCell, FieldMesh, FieldStage, Solver};
 use super::law::FiniteLaw;
 use super::point::{self, AT_REST, StageLaw, Symmetric};
 use crate::fe::clock::{FOURTH, StepRule};
@@ -10,7 +10,7 @@ use crate::fe::meridional::basis::lagrange;
 use base::error::{Error, Result};
 use laws::stages::{Load, Switch};
 
-/// Range of det F at a point within which a mesh is valid. Over the paper's four cycles it is 0.64 to 1.37 on the mesh of [`super::Fineness::ESTIMATE`], whose positions then have an error of 0.3 µm. At 1.3
+/// Range of det F at a point within which a mesh is valid. Over the paper's four cycles it is 0.64 to 1.37 on the mesh of [`super::Discretisation::ESTIMATE`], whose positions then have an error of 0.3 µm. At 1.3
 /// times the force it is 0.26 to 3.6, with an error of 1 µm.
 const VOLUME_RATIOS: [f64; 2] = [0.1, 10.0];
 /// First step after a jump of the force, over the law's fastest time. The body itself jumps if there is no solvent.
@@ -25,7 +25,7 @@ const MOST_HALVINGS: u32 = 6;
 const N_GUESS: usize = 4;
 
 /// Result of a run, in body radii.
-pub(super) struct Walked {
+pub(super) struct RunHistory {
     /// From switch to switch: the end of each step, preceded by the start of the first step.
     pub(super) legs: Vec<Vec<Moment>>,
     pub(super) farthest: f64,
@@ -78,7 +78,7 @@ struct Rates {
 }
 
 /// The force that moves the body.
-pub(super) struct Pull<'a> {
+pub(super) struct AppliedForce<'a> {
     /// Changes of the force, in N, before the lag.
     pub switches: &'a [Switch],
     pub(super) load: &'a Load<f64>,
@@ -88,12 +88,18 @@ pub(super) struct Pull<'a> {
 }
 
 /// Runs a law up to the end of the pull, or as far as the mesh is valid.
-pub(super) fn walk(mesh: &FieldMesh, law: &FiniteLaw, stiffness: f64, pull: &Pull, steps_per_doubling: u32) -> Walked {
-    let Pull { switches, load, newtons_per_pa, end_s } = *pull;
+pub(super) fn run_pull(
+    mesh: &FieldMesh,
+    law: &FiniteLaw,
+    stiffness: f64,
+    pull: &AppliedForce,
+    steps_per_doubling: u32,
+) -> RunHistory {
+    let AppliedForce { switches, load, newtons_per_pa, end_s } = *pull;
     let mut walker = Walker::new(mesh, law, stiffness);
     let fastest_s = law.fastest_s.min(load.fastest_s());
     let rule = StepRule::new(steps_per_doubling, RESOLVED * fastest_s, false, 0.0);
-    let mut walked = Walked {
+    let mut walked = RunHistory {
         legs: Vec::new(),
         farthest: 0.0,
         volume_ratios: [1.0; 2],
@@ -232,7 +238,7 @@ impl<'a> Walker<'a> {
             let time_s = now_s + node * step_s;
             let force_pa = force_pa(time_s);
             let rests: Vec<Vec<f64>> = swellings.iter().map(|cell| rests(&modes, cell)).collect();
-            let stage = Stage { force_pa, law, start: &start, configurations: &configurations, rests: &rests };
+            let stage = FieldStage { force_pa, law, start: &start, configurations: &configurations, rests: &rests };
             let x = self.solver.solve(&stage, guess(&past, time_s).unwrap_or_else(|| self.x.clone()))?;
             if past.len() == N_GUESS {
                 past.remove(0);
@@ -265,7 +271,12 @@ impl<'a> Walker<'a> {
     }
 
     /// S of every mode at a stage's end, and its rate.
-    fn ended(&self, stage: &Stage, x: &[f64], starts: &[Vec<Symmetric>]) -> (Vec<Vec<Symmetric>>, Vec<Vec<Symmetric>>) {
+    fn ended(
+        &self,
+        stage: &FieldStage,
+        x: &[f64],
+        starts: &[Vec<Symmetric>],
+    ) -> (Vec<Vec<Symmetric>>, Vec<Vec<Symmetric>>) {
         let n_modes = stage.law.modes.len().max(1);
         let law = stage.law;
         let of_cell = |(cell, starts): (&FieldCell, &Vec<Symmetric>)| {
@@ -282,7 +293,7 @@ impl<'a> Walker<'a> {
     }
 
     /// Relaxed part of det F − 1 at a stage's end, and its rate.
-    fn swollen(&self, stage: &Stage, x: &[f64], starts: &[Vec<f64>]) -> (Vec<Vec<f64>>, Vec<Vec<f64>>) {
+    fn swollen(&self, stage: &FieldStage, x: &[f64], starts: &[Vec<f64>]) -> (Vec<Vec<f64>>, Vec<Vec<f64>>) {
         let modes = stage.law.modes;
         let of_cell = |(cell, starts): (&FieldCell, &Vec<f64>)| {
             let f = self.mesh.gradients(cell, x);
@@ -296,7 +307,7 @@ impl<'a> Walker<'a> {
         self.mesh.cells.iter().zip(starts).map(of_cell).unzip()
     }
 
-    fn twin_ended(&self, stage: &Stage, start: &Twin) -> Twin {
+    fn twin_ended(&self, stage: &FieldStage, start: &Twin) -> Twin {
         let elastic = stage.law.modes.iter().zip(&start.elastic);
         let carried: f64 = elastic.clone().map(|((modulus_pa, z), e)| modulus_pa * e / (1.0 + z)).sum();
         let stiff_pa = stage.law.solvent_pa_s * stage.law.rate_per_s + stiff_pa(stage.law.modes);
@@ -315,9 +326,14 @@ fn stiff_pa(modes: &[(f64, f64)]) -> f64 {
 
 /// det F − 1 without pressure at every point of a cell, from its relaxed part by point and mode.
 fn rests(modes: &[(f64, f64)], swellings: &[f64]) -> Vec<f64> {
-    let weighed = |own: &[f64]| modes.iter().zip(own).map(|((modulus_pa, z), x)| modulus_pa / (1.0 + z) * x).sum();
+    let weighed =
+        |values: &[f64]| modes.iter().zip(values).map(|((modulus_pa, z), x)| modulus_pa / (1.0 + z) * x).sum();
     let stiff_pa = stiff_pa(modes);
-    swellings.chunks_exact(modes.len().max(1)).map(|own| -> f64 { weighed(own) }).map(|sum| sum / stiff_pa).collect()
+    swellings
+        .chunks_exact(modes.len().max(1))
+        .map(|values| -> f64 { weighed(values) })
+        .map(|sum| sum / stiff_pa)
+        .collect()
 }
 
 fn add(to: &mut [f64], by: f64, from: &[f64]) {
@@ -342,7 +358,7 @@ fn guess(past: &[(f64, Vec<f64>)], time_s: f64) -> Option<Vec<f64>> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::fe::oldroyd::{Fineness, concentric, stiffness};
+    use crate::fe::oldroyd::{Discretisation, concentric, stiffness};
     use base::number::Dual;
     use laws::rheology::BaseLaw;
 
@@ -386,7 +402,7 @@ mod tests {
     #[test]
     #[ignore = "thorough"]
     fn work_is_stored_or_lost() {
-        let fineness = Fineness { order: 4, n_angles: 4, ..Fineness::default() };
+        let fineness = Discretisation { order: 4, n_angles: 4, ..Discretisation::default() };
         let mesh = FieldMesh::new(&concentric(10.0 / 0.275, fineness), fineness.order, None).expect("a mesh");
         let elements = BaseLaw::Lethersich.elements(&[3.527, 1.402, 47.370].map(Dual::constant));
         let law = FiniteLaw::new(&elements, 0.0).expect("no springpot");

@@ -13,8 +13,8 @@ pub(super) const LAW: [f64; 3] = [3.527, 1.402, 47.370];
 pub(super) const HOLD_S: f64 = 5.0;
 pub(super) const ROWS_A_HOLD: usize = 20;
 
-pub(super) fn coarse() -> Fineness {
-    Fineness { order: 4, n_angles: 4, steps_per_doubling: 3, ..Fineness::default() }
+pub(super) fn coarse() -> Discretisation {
+    Discretisation { order: 4, n_angles: 4, steps_per_doubling: 3, ..Discretisation::default() }
 }
 
 /// Rows of holds in alternating directions. Each hold starts at a row.
@@ -25,14 +25,14 @@ pub(super) fn record(share: f64, n_holds: usize) -> (Vec<f64>, Vec<f64>) {
     (time_s, rows.map(|row| share * FORCE_N * sign(row)).collect())
 }
 
-fn run(fineness: Fineness, mobility: f64, time_s: &[f64], force: Force) -> Result<FiniteResult> {
+fn run(fineness: Discretisation, mobility: f64, time_s: &[f64], force: Force) -> Result<FiniteResult> {
     run_law(BaseLaw::Lethersich, &LAW, fineness, mobility, time_s, force)
 }
 
 fn run_law(
     law: BaseLaw,
     parameters: &[f64],
-    fineness: Fineness,
+    fineness: Discretisation,
     mobility: f64,
     time_s: &[f64],
     force: Force,
@@ -40,10 +40,10 @@ fn run_law(
     let elements = law.elements(&parameters.iter().copied().map(Dual::constant).collect::<Vec<Dual>>());
     let law = FiniteLaw::new(&elements, mobility).expect("no springpot");
     let load = Stages::of_law(Vec::new()).load;
-    FiniteGel::around_sphere(RADIUS_M, OUTER_M, fineness)?.run(&FiniteRun { law: &law, load: &load, time_s, force })
+    FiniteGel::around_sphere(RADIUS_M, OUTER_M, fineness)?.run(&FiniteInput { law: &law, load: &load, time_s, force })
 }
 
-pub(super) fn holds(fineness: Fineness, mobility: f64, share: f64, n_holds: usize) -> FiniteResult {
+pub(super) fn holds(fineness: Discretisation, mobility: f64, share: f64, n_holds: usize) -> FiniteResult {
     let (time_s, force_n) = record(share, n_holds);
     run(fineness, mobility, &time_s, Force::from(&force_n)).expect("the mesh carries it")
 }
@@ -61,7 +61,7 @@ fn stiffness_m() -> f64 {
 
 #[test]
 fn the_stiffness_is_stokes_drag() {
-    for (fineness, bound) in [(coarse(), 1e-4), (Fineness::default(), 1e-5)] {
+    for (fineness, bound) in [(coarse(), 1e-4), (Discretisation::default(), 1e-5)] {
         let found = FiniteGel::around_sphere(RADIUS_M, OUTER_M, fineness).expect("a mesh").stiffness_m();
         assert!((found / stiffness_m() - 1.0).abs() < bound, "{fineness:?}: {found} {}", stiffness_m());
     }
@@ -73,7 +73,7 @@ fn the_stiffness_is_stokes_drag() {
 fn small_displacements_are_the_linear_models() {
     let j = CreepCompliance::lethersich(&LAW);
     let (time_s, force_n) = record(0.01, 2);
-    let fine_steps = Fineness { steps_per_doubling: 8, ..coarse() };
+    let fine_steps = Discretisation { steps_per_doubling: 8, ..coarse() };
     let found = run(fine_steps, 0.0, &time_s, Force::from(&force_n)).expect("a run");
     let sinks = |t: f64| if t > HOLD_S { 2.0 * j.at(t - HOLD_S) } else { 0.0 };
     let exact_m = |t: f64| 0.01 * FORCE_N * (j.at(t) - sinks(t)) * 3.0 / stiffness_m();
@@ -109,14 +109,14 @@ fn the_deviation_goes_with_the_third_power() {
 #[test]
 #[ignore = "thorough"]
 fn the_papers_pull_goes_27_um_farther() {
-    let found = holds(Fineness::default(), 0.0, 1.0, 2);
+    let found = holds(Discretisation::default(), 0.0, 1.0, 2);
     let end_um = 1e6 * found.deviation_m[ROWS_A_HOLD];
     println!("{end_um:.3} µm at {:.1} µm; det F {:?}; {:?}", 1e6 * found.farthest_m, found.volume_ratios, found.cost);
     assert!((end_um - 27.0).abs() < 0.3, "{end_um}");
     assert!((found.farthest_m / RADIUS_M - 3.63).abs() < 0.01);
-    let finer = Fineness { order: 6, n_angles: 8, ..Fineness::default() };
-    let halved = Fineness { steps_per_doubling: 12, ..Fineness::default() };
-    for (other, bound_um) in [(finer, 0.02), (halved, 0.1), (Fineness::ESTIMATE, 0.3)] {
+    let finer = Discretisation { order: 6, n_angles: 8, ..Discretisation::default() };
+    let halved = Discretisation { steps_per_doubling: 12, ..Discretisation::default() };
+    for (other, bound_um) in [(finer, 0.02), (halved, 0.1), (Discretisation::ESTIMATE, 0.3)] {
         let apart_um = farthest_apart_um(&found, &holds(other, 0.0, 1.0, 2));
         println!("{other:?}: {apart_um:.4} µm");
         assert!(apart_um < bound_um, "{other:?}: {apart_um}");
@@ -127,11 +127,11 @@ fn the_papers_pull_goes_27_um_farther() {
 #[test]
 #[ignore = "campaigns/long-tests"]
 fn the_papers_protocol_has_converged() {
-    let found = holds(Fineness::default(), 0.0, 1.0, 8);
+    let found = holds(Discretisation::default(), 0.0, 1.0, 8);
     println!("det F {:?}", found.volume_ratios);
-    let finer = Fineness { order: 7, n_angles: 8, ..Fineness::default() };
-    let halved = Fineness { steps_per_doubling: 12, ..Fineness::default() };
-    for (other, bound_um) in [(finer, 0.1), (halved, 0.1), (Fineness::ESTIMATE, 0.3)] {
+    let finer = Discretisation { order: 7, n_angles: 8, ..Discretisation::default() };
+    let halved = Discretisation { steps_per_doubling: 12, ..Discretisation::default() };
+    for (other, bound_um) in [(finer, 0.1), (halved, 0.1), (Discretisation::ESTIMATE, 0.3)] {
         let other_result = holds(other, 0.0, 1.0, 8);
         let apart_um = farthest_apart_um(&found, &other_result);
         println!("{other:?}: {apart_um:.3} µm, det F {:?}", other_result.volume_ratios);
@@ -154,7 +154,7 @@ fn a_mobility_changes_large_strains_alone() {
 #[ignore = "thorough"]
 fn a_spring_in_series_jumps_and_a_stiff_one_is_none() {
     let (time_s, force_n) = record(1.0, 2);
-    let burgers = |spring_pa: f64, fineness: Fineness| {
+    let burgers = |spring_pa: f64, fineness: Discretisation| {
         let law = [&LAW[..], &[spring_pa]].concat();
         run_law(BaseLaw::Burgers, &law, fineness, 0.0, &time_s, Force::from(&force_n)).expect("a run")
     };
@@ -168,7 +168,7 @@ fn a_spring_in_series_jumps_and_a_stiff_one_is_none() {
         let apart_m = found.displacement_m[k] - found.deviation_m[k] - linear_m;
         assert!(apart_m.abs() < 1e-3 * found.farthest_m, "{t} s: {apart_m}");
     }
-    let apart_um = farthest_apart_um(&found, &burgers(20.0, Fineness { order: 5, n_angles: 6, ..coarse() }));
+    let apart_um = farthest_apart_um(&found, &burgers(20.0, Discretisation { order: 5, n_angles: 6, ..coarse() }));
     println!("{apart_um:.3} µm, {:.1} µm", 1e6 * found.farthest_m);
     assert!(apart_um < 0.5, "{apart_um}");
 }
@@ -182,12 +182,12 @@ fn what_goes_too_far_is_refused() {
     let gel = FiniteGel::around_sphere(RADIUS_M, OUTER_M, coarse()).expect("a mesh");
     let law = FiniteLaw::new(&BaseLaw::Lethersich.elements(&LAW.map(Dual::constant)), 0.0).expect("no springpot");
     let load = Stages::of_law(Vec::new()).load;
-    let what = FiniteRun { law: &law, load: &load, time_s: &time_s, force: Force::from(&force_n) };
-    let (found, stopped) = gel.follow(&what).expect("a load that is run");
+    let what = FiniteInput { law: &law, load: &load, time_s: &time_s, force: Force::from(&force_n) };
+    let (found, stopped) = gel.run_until_failure(&what).expect("a load that is run");
     let n = found.displacement_m.len();
-    assert_eq!(stopped.map(|own| own.to_string()), Some(error));
+    assert_eq!(stopped.map(|error| error.to_string()), Some(error));
     assert!(n > 1 && n < time_s.len() && found.deviation_m.len() == n, "{n}");
-    let shorter = FiniteRun { time_s: &time_s[..n], force: Force::from(&force_n[..n]), ..what };
+    let shorter = FiniteInput { time_s: &time_s[..n], force: Force::from(&force_n[..n]), ..what };
     let whole = gel.run(&shorter).expect("a mesh that follows");
     let apart_m = (found.displacement_m[n - 1] - whole.displacement_m[n - 1]).abs();
     assert!(apart_m < 1e-3 * whole.farthest_m, "{apart_m} of {}", whole.farthest_m);

@@ -9,7 +9,7 @@ use faer::{Conj, Mat, MatMut, Par};
 use super::drained::{DrainedModel, dot};
 use super::terms::dense_cholesky;
 use crate::fe::factorisation::add_symmetric_product;
-use crate::fe::transient::{Part, StageSolve, StageWeights, TransientSystem};
+use crate::fe::transient::{ChainPart, StageSolve, StageWeights, TransientSystem};
 use base::error::Result;
 
 /// Number of columns of B K_d⁻¹ Bᵀ solved at once.
@@ -32,7 +32,7 @@ impl<'a> CondensedPores<'a> {
             let unit = |k: usize| (0..n).map(|i| f64::from(u8::from(i == k))).collect::<Vec<f64>>();
             let columns: Vec<Vec<f64>> = (first..n.min(first + BLOCK)).map(unit).collect();
             let columns: Vec<&[f64]> = columns.iter().map(Vec::as_slice).collect();
-            body.stored(&columns).iter().for_each(|column| stored.extend_from_slice(column));
+            body.apply_storage(&columns).iter().for_each(|column| stored.extend_from_slice(column));
         }
         Self { body, mobility_m2_per_pa_s, stored }
     }
@@ -95,21 +95,21 @@ impl TransientSystem for CondensedPores<'_> {
         }))
     }
 
-    fn add_product(&self, part: Part, x: &[f64], result: &mut [f64]) {
+    fn add_product(&self, part: ChainPart, x: &[f64], result: &mut [f64]) {
         let n = self.n_pressures();
         match part {
-            Part::Stiffness(_) => {
+            ChainPart::Stiffness(_) => {
                 let scaled: Vec<f64> = x[..n].iter().map(|p| self.mobility_m2_per_pa_s * p).collect();
                 add_symmetric_product(self.body.model.pressures.diffusion(), &scaled, &mut result[..n]);
                 result[n] += x[n];
             }
-            Part::Damping => {
+            ChainPart::Damping => {
                 for (column, p) in self.stored.chunks_exact(n).zip(x) {
                     result[..n].iter_mut().zip(column).for_each(|(r, a)| *r += a * p);
                 }
                 result.iter_mut().zip(&self.body.load).for_each(|(r, b)| *r += b * x[n]);
             }
-            Part::Mass => {}
+            ChainPart::Mass => {}
         }
     }
 

@@ -102,7 +102,7 @@ impl<'a> DrainedModel<'a> {
     }
 
     /// A times columns, A = M/M̂ + B K_d⁻¹ Bᵀ.
-    pub(super) fn stored(&self, columns: &[&[f64]]) -> Vec<Vec<f64>> {
+    pub(super) fn apply_storage(&self, columns: &[&[f64]]) -> Vec<Vec<f64>> {
         let (pressures, n) = (&self.model.pressures, self.model.pressures.n_displacements());
         let mut block = vec![0.0; n * columns.len()];
         for (column, field) in columns.iter().zip(block.chunks_exact_mut(n)) {
@@ -128,7 +128,7 @@ impl<'a> DrainedModel<'a> {
                 return Ok(systems.into_iter().map(|s| Pressure { values: s.pressure, stored: s.stored }).collect());
             }
             let directions: Vec<&[f64]> = active.iter().map(|system| system.direction.as_slice()).collect();
-            let stored = self.stored(&directions);
+            let stored = self.apply_storage(&directions);
             active.iter_mut().zip(stored).for_each(|(system, stored)| system.advance(self, &stored));
         }
         Err(Error::numerical(

@@ -7,7 +7,7 @@ use faer::Mat;
 use faer::sparse::Triplet;
 
 use super::matrices::triplets_of;
-use super::{Freedoms, SpatialSystem, SymmetricMatrix, SymmetricSolver};
+use super::{DegreesOfFreedom, SpatialSystem, SymmetricMatrix, SymmetricSolver};
 use base::error::Result;
 
 /// Number of columns solved at once.
@@ -101,7 +101,7 @@ impl<'a> Condensed<'a> {
             let upper: Vec<_> = upper.map(|(i, j)| Triplet::new(i as u32, j as u32, entry(i, j))).collect();
             SymmetricMatrix::from_triplets(matrix.ncols(), &upper)
         });
-        let freedoms = Freedoms::without_nodes(kept.len(), whole.freedoms.share());
+        let freedoms = DegreesOfFreedom::without_nodes(kept.len(), whole.freedoms.share());
         let system = SpatialSystem::of_unknowns(freedoms, gel?, second?, (0..kept.len()).collect())?;
         Ok(Some(Self { whole, system, kept, eliminated, between, solver }))
     }

@@ -13,7 +13,7 @@ const NOTHING_LEFT: f64 = 1e-6;
 
 /// Displacement of every node as combinations of unknowns. The last unknown is the robot's translation along x (physics §3.1).
 #[derive(Debug, Clone)]
-pub struct Freedoms {
+pub struct DegreesOfFreedom {
     /// Terms of component 3·node + i: from this entry to the next.
     start: Vec<u32>,
     terms: Vec<(u32, f64)>,
@@ -23,7 +23,7 @@ pub struct Freedoms {
     share: f64,
 }
 
-impl Freedoms {
+impl DegreesOfFreedom {
     /// Ties the robot's surface to the robot.
     ///
     /// # Errors

@@ -1,10 +1,10 @@
-//! Symmetric sparse matrices over [`Freedoms`] and their Cholesky factors.
+//! Symmetric sparse matrices over [`DegreesOfFreedom`] and their Cholesky factors.
 
 use faer::sparse::linalg::cholesky::SymbolicCholesky;
 use faer::sparse::{SparseColMat, SparseColMatRef, Triplet};
 use nalgebra::DMatrix;
 
-use super::Freedoms;
+use super::DegreesOfFreedom;
 use crate::fe::factorisation::{add_symmetric_product, analysed, factorised, solve_in_place};
 use base::error::{Error, Result};
 
@@ -18,7 +18,7 @@ impl SymmetricMatrix {
     /// # Errors
     /// [`Error::Numerical`] if there are too many entries to number.
     pub fn assemble<'a>(
-        freedoms: &Freedoms,
+        freedoms: &DegreesOfFreedom,
         elements: impl Iterator<Item = (&'a [u32], DMatrix<f64>)>,
     ) -> Result<Self> {
         let mut triplets = Vec::new();

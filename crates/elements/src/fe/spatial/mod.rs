@@ -15,8 +15,8 @@ mod run;
 mod surroundings;
 mod systems;
 
-pub use freedoms::Freedoms;
+pub use freedoms::DegreesOfFreedom;
 pub use matrices::{SymmetricFactor, SymmetricMatrix, SymmetricSolver};
-pub use run::{SpatialJob, SpatialRun};
-pub use surroundings::{Sizes, Surroundings};
-pub use systems::{SpatialSystem, Splitting, SteppedSystem, decades, element_matrices, stiffness};
+pub use run::{SpatialInput, SpatialResult};
+pub use surroundings::{GelAndRobot, PhysicalProperties};
+pub use systems::{MatrixSplitting, SpatialSystem, SteppedSystem, element_matrices, log_spaced, stiffness};

@@ -1,18 +1,18 @@
 //! Full-order runs of linear effects that change the displacement field. They step the effects' definitions in time.
 
 use super::condensed::Condensed;
-use super::{SpatialSystem, SteppedSystem, Surroundings};
+use super::{GelAndRobot, SpatialSystem, SteppedSystem};
 use crate::fe::clock::CLOCK_ROUNDING;
 use crate::fe::poroelastic::{CondensedPores, PoreModel};
 use crate::fe::transient::{self, ChainLaw, FieldTerm, Load, Resolution, TransientSystem};
 use crate::mesh::Mesh;
 use base::error::{Error, Result};
-use laws::rheology::{Beside, Element, TimeWindow};
+use laws::rheology::{AdditionalTerm, Element, TimeWindow};
 use laws::stages::{Stages, Switch};
 use record::Force;
 
 /// Result of a run.
-pub struct SpatialRun {
+pub struct SpatialResult {
     /// Recorded position (m) at every row.
     pub position_m: Vec<f64>,
     /// Displacement of every node (m) at the requested rows.
@@ -23,7 +23,7 @@ pub struct SpatialRun {
 
 /// A record to step through.
 #[derive(Debug, Clone, Copy)]
-pub struct SpatialJob<'a> {
+pub struct SpatialInput<'a> {
     /// Load, law and observation.
     pub stages: &'a Stages,
     /// Times in s.
@@ -39,7 +39,7 @@ pub struct SpatialJob<'a> {
 /// Positions (m) at rows, and unknowns at the rows of `job`, by superposition. A force that does not depend on the position acts on a linear system. Responses to one step and
 /// one ramp over the record's length therefore give the response to any force.
 fn superposed(
-    job: &SpatialJob<'_>,
+    job: &SpatialInput<'_>,
     system: &dyn TransientSystem,
     chains: &[ChainLaw],
     load: &Load,
@@ -75,7 +75,7 @@ fn superposed(
             rows.flat_map(|row| changes.iter().filter_map(move |change| term(row, change))).collect();
         terms.sort_by(|a, b| a.age_s.total_cmp(&b.age_s));
         let unit = Load { switches: vec![unit], equations: load.equations.clone() };
-        let response = transient::respond(system, chains, &unit, ages_s, &terms, job.resolution)?;
+        let response = transient::unit_response(system, chains, &unit, ages_s, &terms, job.resolution)?;
         for (switched_s, change) in changes {
             let first = rows_after(switched_s);
             for (x, t) in position_m[first..].iter_mut().zip(&time_s[first..]) {
@@ -89,15 +89,18 @@ fn superposed(
     Ok((position_m, fields))
 }
 
-impl SpatialJob<'_> {
+impl SpatialInput<'_> {
     /// Steps a gel with an effect in addition to its law.
     ///
     /// # Errors
     /// [`Error::Numerical`] if the gel softens over time in addition to the effect, or the run fails.
-    pub fn run(&self, system: &SpatialSystem, beside: &Beside) -> Result<SpatialRun> {
+    pub fn run(&self, system: &SpatialSystem, beside: &AdditionalTerm) -> Result<SpatialResult> {
         let condensed = Condensed::of(system)?;
-        let (stepped, laws) =
-            SteppedSystem::new(condensed.as_ref().map_or(system, |own| &own.system), &self.stages.law, beside);
+        let (stepped, laws) = SteppedSystem::new(
+            condensed.as_ref().map_or(system, |condensed| &condensed.system),
+            &self.stages.law,
+            beside,
+        );
         self.step(&stepped, &laws, |fields| {
             let fields = match &condensed {
                 Some(condensed) => condensed.expanded(fields)?,
@@ -111,7 +114,12 @@ impl SpatialJob<'_> {
     ///
     /// # Errors
     /// As [`Self::run`].
-    pub fn run_pores(&self, surroundings: &Surroundings<'_>, mobility: f64, drained_ratio: f64) -> Result<SpatialRun> {
+    pub fn run_pores(
+        &self,
+        surroundings: &GelAndRobot<'_>,
+        mobility: f64,
+        drained_ratio: f64,
+    ) -> Result<SpatialResult> {
         let model = PoreModel::new(surroundings.mesh, surroundings.stiffness, surroundings.poisson_ratio)?;
         let body = model.drained(drained_ratio)?;
         let pores = CondensedPores::new(&body, mobility);
@@ -127,7 +135,7 @@ impl SpatialJob<'_> {
         system: &dyn TransientSystem,
         laws: &[Vec<Element>],
         nodal: impl Fn(Vec<Vec<f64>>) -> Result<Vec<Vec<[f64; 3]>>>,
-    ) -> Result<SpatialRun> {
+    ) -> Result<SpatialResult> {
         if !self.stages.softening_rate_per_s.is_constant(0.0) {
             return Err(Error::numerical(
                 "softening over time cannot be combined with an effect that changes the displacement field",
@@ -136,7 +144,7 @@ impl SpatialJob<'_> {
         }
         let load = Load::of(&self.stages.load, self.time_s, self.force);
         let window = self.window();
-        let chains: Vec<ChainLaw> = laws.iter().map(|law| transient::chain_of(law, window)).collect::<Result<_>>()?;
+        let chains: Vec<ChainLaw> = laws.iter().map(|law| transient::to_chain(law, window)).collect::<Result<_>>()?;
         let start_s = self.time_s.first().copied().unwrap_or(0.0);
         let observation = self.stages.observation.of::<f64>();
         let observe = |(x, t): (&f64, &f64)| observation.recorded_m(*x, t - start_s);
@@ -146,7 +154,7 @@ impl SpatialJob<'_> {
         } else {
             superposed(self, system, &chains, &load)?
         };
-        Ok(SpatialRun {
+        Ok(SpatialResult {
             position_m: position_m.iter().zip(self.time_s).map(observe).collect(),
             fields: nodal(fields)?,
             mesh: None,

@@ -3,21 +3,21 @@
 use nalgebra::DMatrix;
 use rayon::prelude::*;
 
-use super::surroundings::Surroundings;
-use super::{Freedoms, SymmetricFactor, SymmetricMatrix, SymmetricSolver};
+use super::surroundings::GelAndRobot;
+use super::{DegreesOfFreedom, SymmetricFactor, SymmetricMatrix, SymmetricSolver};
 use crate::fe::assembly::unit_moduli;
 use crate::fe::element::TabulatedElement;
 use crate::fe::ordering::nested_dissection;
-use crate::fe::transient::{Part, StageSolve, StageWeights, TransientSystem};
+use crate::fe::transient::{ChainPart, StageSolve, StageWeights, TransientSystem};
 use crate::mesh::Mesh;
 use base::error::Result;
-use laws::rheology::{Beside, Element};
+use laws::rheology::{AdditionalTerm, Element};
 
 /// Matrices of one effect at one Poisson ratio.
 #[derive(Debug)]
 pub struct SpatialSystem {
     /// The unknowns.
-    pub freedoms: Freedoms,
+    pub freedoms: DegreesOfFreedom,
     /// Matrix that the gel's law multiplies: stiffness for unit Young's modulus, in m.
     pub gel: SymmetricMatrix,
     /// Matrix of the effect: a stiffness for unit modulus (m), a mass for unit density scale (kg), or a friction for unit coefficient (m²).
@@ -29,7 +29,7 @@ pub struct SpatialSystem {
 
 /// Splitting of two matrices into terms.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Splitting {
+pub struct MatrixSplitting {
     /// Factor of the second matrix at which the two define the energy norm. At 0 a term is w/(G + μ B), with B the effect's operator; at 1 it is w/((1 − θ) G + θ B).
     pub reference: f64,
     /// Factors over the reference at which the full-order model is solved.
@@ -39,7 +39,7 @@ pub struct Splitting {
 }
 
 /// Values from the lowest to the highest, with a number per decade.
-pub fn decades(lowest: f64, highest: f64, per_decade: f64) -> Vec<f64> {
+pub fn log_spaced(lowest: f64, highest: f64, per_decade: f64) -> Vec<f64> {
     let n = ((highest / lowest).log10() * per_decade).ceil() as usize;
     (0..=n).map(|k| lowest * (highest / lowest).powf(k as f64 / n as f64)).collect()
 }
@@ -49,7 +49,7 @@ impl SpatialSystem {
     ///
     /// # Errors
     /// As [`SymmetricSolver::new`].
-    pub fn new(mesh: &Mesh, freedoms: Freedoms, gel: SymmetricMatrix, second: SymmetricMatrix) -> Result<Self> {
+    pub fn new(mesh: &Mesh, freedoms: DegreesOfFreedom, gel: SymmetricMatrix, second: SymmetricMatrix) -> Result<Self> {
         let n_nodes_per_element = mesh.element_kind.n_nodes();
         let node_order =
             nested_dissection(mesh.n_nodes(), &mesh.connectivity, n_nodes_per_element, &mesh.node_coordinates_m);
@@ -61,7 +61,7 @@ impl SpatialSystem {
     /// # Errors
     /// As [`SymmetricSolver::new`].
     pub(in crate::fe) fn in_order(
-        freedoms: Freedoms,
+        freedoms: DegreesOfFreedom,
         gel: SymmetricMatrix,
         second: SymmetricMatrix,
         node_order: &[usize],
@@ -72,7 +72,7 @@ impl SpatialSystem {
 
     /// Prepares the factorisation for a given elimination order of the unknowns.
     pub(super) fn of_unknowns(
-        freedoms: Freedoms,
+        freedoms: DegreesOfFreedom,
         gel: SymmetricMatrix,
         second: SymmetricMatrix,
         order: Vec<usize>,
@@ -125,9 +125,9 @@ pub fn element_matrices<'a>(
 /// # Errors
 /// [`base::Error::Numerical`] for inverted elements.
 pub fn stiffness(
-    surroundings: &Surroundings<'_>,
+    surroundings: &GelAndRobot<'_>,
     mesh: &Mesh,
-    freedoms: &Freedoms,
+    freedoms: &DegreesOfFreedom,
     is_wanted: impl Fn(&[u32]) -> bool,
 ) -> Result<SymmetricMatrix> {
     let table = TabulatedElement::of(mesh.element_kind);
@@ -157,17 +157,17 @@ pub struct SteppedSystem<'a> {
 }
 
 impl<'a> SteppedSystem<'a> {
-    /// Builds the system and its laws, in the order of [`Part::Stiffness`].
-    pub fn new(system: &'a SpatialSystem, law: &[Element], beside: &Beside) -> (Self, Vec<Vec<Element>>) {
-        let (second, own) = match beside {
-            Beside::Friction { compliance } => (Second::Damping(compliance.value.recip()), None),
-            Beside::Mass { scale } => (Second::Mass(scale.value), None),
-            Beside::Spring { compliance_per_pa } => {
+    /// Builds the system and its laws, in the order of [`ChainPart::Stiffness`].
+    pub fn new(system: &'a SpatialSystem, law: &[Element], beside: &AdditionalTerm) -> (Self, Vec<Vec<Element>>) {
+        let (second, elements) = match beside {
+            AdditionalTerm::Friction { compliance } => (Second::Damping(compliance.value.recip()), None),
+            AdditionalTerm::Mass { scale } => (Second::Mass(scale.value), None),
+            AdditionalTerm::Spring { compliance_per_pa } => {
                 (Second::Stiffness, Some(vec![Element::Compliance { compliance_per_pa: *compliance_per_pa }]))
             }
-            Beside::Law(own) => (Second::Stiffness, Some(own.clone())),
+            AdditionalTerm::Law(entry) => (Second::Stiffness, Some(entry.clone())),
         };
-        (Self { system, second }, own.into_iter().chain([law.to_vec()]).collect())
+        (Self { system, second }, elements.into_iter().chain([law.to_vec()]).collect())
     }
 }
 
@@ -193,12 +193,12 @@ impl TransientSystem for SteppedSystem<'_> {
             Ok(())
         }))
     }
-    fn add_product(&self, part: Part, x: &[f64], result: &mut [f64]) {
+    fn add_product(&self, part: ChainPart, x: &[f64], result: &mut [f64]) {
         let (gel, second) = (&self.system.gel, &self.system.second);
         let (matrix, scale) = match (part, self.second) {
-            (Part::Stiffness(0), Second::Stiffness) => (second, 1.0),
-            (Part::Stiffness(_), _) => (gel, 1.0),
-            (Part::Damping, Second::Damping(scale)) | (Part::Mass, Second::Mass(scale)) => (second, scale),
+            (ChainPart::Stiffness(0), Second::Stiffness) => (second, 1.0),
+            (ChainPart::Stiffness(_), _) => (gel, 1.0),
+            (ChainPart::Damping, Second::Damping(scale)) | (ChainPart::Mass, Second::Mass(scale)) => (second, scale),
             _ => return,
         };
         let product = matrix.product(x);

@@ -1,6 +1,6 @@
 //! Solves for a force that depends on the position within a step (physics §5).
 
-use laws::stages::{Load, MOST_NEWTON_STEPS};
+use laws::stages::{Load, MAX_NEWTON_STEPS};
 use nalgebra::{Matrix3, Vector3};
 
 /// Response to the force within a step: x = compliance (M F + h).
@@ -26,7 +26,7 @@ pub(crate) fn with_gradient(
     let gradient_per_m = load.gradient_per_m;
     let strength = gradient_per_m * mechanics.compliance_per_m;
     let mut exponent = Vector3::repeat(gradient_per_m * start_m);
-    for _ in 0..MOST_NEWTON_STEPS {
+    for _ in 0..MAX_NEWTON_STEPS {
         let grown_n = force_n.component_mul(&exponent.map(f64::exp));
         let rest = (mechanics.response * grown_n + mechanics.history) * strength - exponent;
         let tangent = Matrix3::identity() - mechanics.response * Matrix3::from_diagonal(&grown_n) * strength;

@@ -38,7 +38,7 @@ impl Default for Resolution {
 
 /// Result of a run: recorded position and displacement of the robot at every row, as limits from the left.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Stepped {
+pub struct SteppingResult {
     /// Recorded position, in m.
     pub position_m: Vec<f64>,
     /// Displacement of the robot, in m.
@@ -60,9 +60,9 @@ impl FullOrderModel<'_> {
         time_s: &[f64],
         force: impl Into<Force<'f>>,
         resolution: Resolution,
-    ) -> Result<Stepped> {
+    ) -> Result<SteppingResult> {
         let compliance_per_m = self.compliance_per_m();
-        let answers = run::answers(compliance_per_m, stages, time_s, force.into(), resolution)?;
+        let answers = run::strains_and_positions(compliance_per_m, stages, time_s, force.into(), resolution)?;
         let strain_n_per_pa: Vec<f64> = answers.iter().map(|answer| answer[0]).collect();
         let displacement_m: Vec<f64> = strain_n_per_pa.iter().map(|q| compliance_per_m * q).collect();
         let start_s = time_s.first().copied().unwrap_or(0.0);
@@ -75,11 +75,11 @@ impl FullOrderModel<'_> {
                 "give parameters of moderate size",
             ));
         }
-        Ok(Stepped { position_m, displacement_m, strain_n_per_pa })
+        Ok(SteppingResult { position_m, displacement_m, strain_n_per_pa })
     }
 
     /// Displacement of all unknowns (m) at the chosen rows of a run, one vector after the other. Rows that the run lacks are omitted.
-    pub fn fields_of(&self, stepped: &Stepped, rows: &[usize]) -> Vec<Vec<f64>> {
+    pub fn fields_of(&self, stepped: &SteppingResult, rows: &[usize]) -> Vec<Vec<f64>> {
         let field_per_n = self.field_per_n();
         let strains = rows.iter().filter_map(|&row| stepped.strain_n_per_pa.get(row));
         strains.map(|q| field_per_n.iter().map(|u| u * q).collect()).collect()

@@ -11,19 +11,19 @@ use super::springpot::{ArmsStep, RateRange, Springpot};
 use base::error::{Error, Result};
 use base::number::Dual;
 use laws::rheology::Element;
-use laws::stages::Leaf;
+use laws::stages::ElementPlace;
 use nalgebra::{Matrix3, Vector3};
 
 /// Quantity given to a body.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Given {
+enum PrescribedQuantity {
     /// The stress: the body is one of several in series.
     Stress,
     /// The strain: the body is one of several in parallel.
     Strain,
 }
 
-impl Given {
+impl PrescribedQuantity {
     fn other(self) -> Self {
         match self {
             Self::Stress => Self::Strain,
@@ -35,7 +35,7 @@ impl Given {
 /// Bodies in series with their state.
 #[derive(Debug, Clone)]
 pub(super) struct Network {
-    bodies: Vec<Body>,
+    bodies: Vec<NetworkBody>,
     /// Index of the body whose element depends on a state, and of that element's part.
     depending: Option<(usize, Option<usize>)>,
 }
@@ -48,18 +48,18 @@ struct Factors {
 }
 
 #[derive(Debug, Clone)]
-struct Body {
-    kind: Kind,
+struct NetworkBody {
+    kind: BodyKind,
     /// h or g of the present step.
     history: Vector3<f64>,
 }
 
 #[derive(Debug, Clone)]
-enum Kind {
+enum BodyKind {
     Spring { modulus_pa: f64 },
     Dashpot { viscosity_pa_s: f64, strain: f64 },
     Springpot(Springpot),
-    Group(Vec<Body>),
+    Group(Vec<NetworkBody>),
 }
 
 /// Coefficients of the network for steps of one length.
@@ -92,7 +92,7 @@ impl Network {
     /// # Errors
     /// [`Error::Numerical`] for a law without resistance.
     pub fn new(law: &[Element], range: RateRange) -> Result<Self> {
-        let bodies = bodies(law, Given::Stress, range).ok_or_else(|| {
+        let bodies = bodies(law, PrescribedQuantity::Stress, range).ok_or_else(|| {
             Error::numerical("an element of the law has no stiffness and flows without limit", "give it a modulus")
         })?;
         Ok(Self { bodies, depending: None })
@@ -102,16 +102,16 @@ impl Network {
     ///
     /// # Errors
     /// As [`Self::new`], and if the element has no strain of its own.
-    pub(super) fn with_depending(law: &[Element], leaf: Leaf, range: RateRange) -> Result<Self> {
-        let n_before = |elements: &[Element], place: usize, given: Given| -> Option<usize> {
-            let own = elements.get(place..=place)?;
-            let is_one = bodies(own, given, range)?.len() == 1;
+    pub(super) fn with_depending(law: &[Element], leaf: ElementPlace, range: RateRange) -> Result<Self> {
+        let n_before = |elements: &[Element], place: usize, given: PrescribedQuantity| -> Option<usize> {
+            let entry = elements.get(place..=place)?;
+            let is_one = bodies(entry, given, range)?.len() == 1;
             is_one.then(|| bodies(&elements[..place], given, range).map(|before| before.len())).flatten()
         };
-        let body = n_before(law, leaf.body, Given::Stress);
+        let body = n_before(law, leaf.body, PrescribedQuantity::Stress);
         let part = match (leaf.part, law.get(leaf.body)) {
             (None, _) => Some(None),
-            (Some(part), Some(Element::Parallel(parts))) => n_before(parts, part, Given::Strain).map(Some),
+            (Some(part), Some(Element::Parallel(parts))) => n_before(parts, part, PrescribedQuantity::Strain).map(Some),
             _ => None,
         };
         let depending = body.zip(part).ok_or_else(|| {
@@ -122,8 +122,8 @@ impl Network {
 
     /// Approximate fastest rate (1/s) at which the network responds to a change of the stress; 0 if it has none.
     pub(super) fn fastest_rate_per_s(&self, range: RateRange) -> f64 {
-        let rate = |body: &Body| {
-            let mut sizes = Sizes { stiffness_pa: 0.0, viscosity_pa_s: f64::INFINITY, has_springpot: false };
+        let rate = |body: &NetworkBody| {
+            let mut sizes = NetworkSizes { stiffness_pa: 0.0, viscosity_pa_s: f64::INFINITY, has_springpot: false };
             body.measure(&mut sizes);
             let springpot = if sizes.has_springpot { range.highest_per_s() } else { 0.0 };
             springpot.max(sizes.stiffness_pa / sizes.viscosity_pa_s)
@@ -137,9 +137,9 @@ impl Network {
 
     /// [`Self::prepare`] with factors at the stages on the stress of the state-dependent element.
     pub(super) fn prepare_with(&self, radau: &Radau, step_s: f64, at_stages: Vector3<f64>) -> NetworkStep {
-        let of = |(place, body): (usize, &Body)| {
-            let own = self.depending.filter(|(depending, _)| *depending == place);
-            body.prepare(radau, step_s, Given::Stress, own.map(|(_, part)| Factors { part, at_stages }))
+        let of = |(place, body): (usize, &NetworkBody)| {
+            let pair = self.depending.filter(|(depending, _)| *depending == place);
+            body.prepare(radau, step_s, PrescribedQuantity::Stress, pair.map(|(_, part)| Factors { part, at_stages }))
         };
         let bodies: Vec<BodyStep> = self.bodies.iter().enumerate().map(of).collect();
         NetworkStep { compliance: bodies.iter().map(|body| body.response).sum(), bodies }
@@ -154,27 +154,27 @@ impl Network {
 
     /// Strain at the stages for zero stress.
     pub fn begin(&mut self, step: &NetworkStep) -> Vector3<f64> {
-        self.bodies.iter_mut().zip(&step.bodies).map(|(body, step)| body.begin(step, Given::Stress)).sum()
+        self.bodies.iter_mut().zip(&step.bodies).map(|(body, step)| body.begin(step, PrescribedQuantity::Stress)).sum()
     }
 
     /// Advances every body to the step's end, given the stress at the stages.
     pub(super) fn end(&mut self, step: &NetworkStep, stress: &Vector3<f64>) {
         for (body, step) in self.bodies.iter_mut().zip(&step.bodies) {
-            body.end(step, Given::Stress, stress);
+            body.end(step, PrescribedQuantity::Stress, stress);
         }
     }
 }
 
 /// Mechanical type of an element.
-enum Built {
+enum MechanicalType {
     Rigid,
     WithoutResistance,
-    Body(Kind),
+    Body(BodyKind),
 }
 
 /// Bodies of `elements` that all receive the given quantity. `None` if one element alone determines the response: one without resistance in series, or a rigid one
 /// in parallel. Elements without effect (rigid in series, without resistance in parallel) are omitted.
-fn bodies(elements: &[Element], given: Given, range: RateRange) -> Option<Vec<Body>> {
+fn bodies(elements: &[Element], given: PrescribedQuantity, range: RateRange) -> Option<Vec<NetworkBody>> {
     let mut found = Vec::with_capacity(elements.len());
     for element in elements {
         let built = match element {
@@ -191,65 +191,67 @@ fn bodies(elements: &[Element], given: Given, range: RateRange) -> Option<Vec<Bo
             Element::Springpot { modulus_pa, time_s, order } => {
                 springpot(modulus_pa.value * time_s.value.powf(order.value), order.value, range)
             }
-            Element::Series(inner) if given == Given::Stress => {
+            Element::Series(inner) if given == PrescribedQuantity::Stress => {
                 found.extend(bodies(inner, given, range)?);
                 continue;
             }
-            Element::Parallel(inner) if given == Given::Strain => {
+            Element::Parallel(inner) if given == PrescribedQuantity::Strain => {
                 found.extend(bodies(inner, given, range)?);
                 continue;
             }
-            Element::Series(inner) => match bodies(inner, Given::Stress, range) {
-                None => Built::WithoutResistance,
-                Some(inner) if inner.is_empty() => Built::Rigid,
-                Some(inner) => Built::Body(Kind::Group(inner)),
+            Element::Series(inner) => match bodies(inner, PrescribedQuantity::Stress, range) {
+                None => MechanicalType::WithoutResistance,
+                Some(inner) if inner.is_empty() => MechanicalType::Rigid,
+                Some(inner) => MechanicalType::Body(BodyKind::Group(inner)),
             },
-            Element::Parallel(inner) => match bodies(inner, Given::Strain, range) {
-                None => Built::Rigid,
-                Some(inner) if inner.is_empty() => Built::WithoutResistance,
-                Some(inner) => Built::Body(Kind::Group(inner)),
+            Element::Parallel(inner) => match bodies(inner, PrescribedQuantity::Strain, range) {
+                None => MechanicalType::Rigid,
+                Some(inner) if inner.is_empty() => MechanicalType::WithoutResistance,
+                Some(inner) => MechanicalType::Body(BodyKind::Group(inner)),
             },
         };
         match (built, given) {
-            (Built::Body(kind), _) => found.push(Body { kind, history: Vector3::zeros() }),
-            (Built::Rigid, Given::Stress) | (Built::WithoutResistance, Given::Strain) => {}
-            (Built::Rigid, Given::Strain) | (Built::WithoutResistance, Given::Stress) => return None,
+            (MechanicalType::Body(kind), _) => found.push(NetworkBody { kind, history: Vector3::zeros() }),
+            (MechanicalType::Rigid, PrescribedQuantity::Stress)
+            | (MechanicalType::WithoutResistance, PrescribedQuantity::Strain) => {}
+            (MechanicalType::Rigid, PrescribedQuantity::Strain)
+            | (MechanicalType::WithoutResistance, PrescribedQuantity::Stress) => return None,
         }
     }
     Some(found)
 }
 
-fn spring(modulus_pa: f64) -> Built {
-    sized(modulus_pa, || Kind::Spring { modulus_pa })
+fn spring(modulus_pa: f64) -> MechanicalType {
+    sized(modulus_pa, || BodyKind::Spring { modulus_pa })
 }
 
-fn dashpot(viscosity_pa_s: f64) -> Built {
-    sized(viscosity_pa_s, || Kind::Dashpot { viscosity_pa_s, strain: 0.0 })
+fn dashpot(viscosity_pa_s: f64) -> MechanicalType {
+    sized(viscosity_pa_s, || BodyKind::Dashpot { viscosity_pa_s, strain: 0.0 })
 }
 
 /// s = coefficient Dᵅε.
-fn springpot(coefficient: f64, order: f64, range: RateRange) -> Built {
+fn springpot(coefficient: f64, order: f64, range: RateRange) -> MechanicalType {
     if order >= 1.0 {
         dashpot(coefficient)
     } else if order <= 0.0 {
         spring(coefficient)
     } else {
-        sized(coefficient, || Kind::Springpot(Springpot::new(coefficient, order, range)))
+        sized(coefficient, || BodyKind::Springpot(Springpot::new(coefficient, order, range)))
     }
 }
 
-fn sized(size: f64, kind: impl FnOnce() -> Kind) -> Built {
+fn sized(size: f64, kind: impl FnOnce() -> BodyKind) -> MechanicalType {
     if size == 0.0 {
-        Built::WithoutResistance
+        MechanicalType::WithoutResistance
     } else if size == f64::INFINITY {
-        Built::Rigid
+        MechanicalType::Rigid
     } else {
-        Built::Body(kind())
+        MechanicalType::Body(kind())
     }
 }
 
 /// Quantities that determine the rates of a body.
-struct Sizes {
+struct NetworkSizes {
     /// Sum of the springs' moduli.
     stiffness_pa: f64,
     /// Smallest viscosity.
@@ -257,43 +259,47 @@ struct Sizes {
     has_springpot: bool,
 }
 
-impl Body {
-    fn measure(&self, sizes: &mut Sizes) {
+impl NetworkBody {
+    fn measure(&self, sizes: &mut NetworkSizes) {
         match &self.kind {
-            Kind::Spring { modulus_pa } => sizes.stiffness_pa += modulus_pa,
-            Kind::Dashpot { viscosity_pa_s, .. } => sizes.viscosity_pa_s = sizes.viscosity_pa_s.min(*viscosity_pa_s),
-            Kind::Springpot(_) => sizes.has_springpot = true,
-            Kind::Group(bodies) => bodies.iter().for_each(|body| body.measure(sizes)),
+            BodyKind::Spring { modulus_pa } => sizes.stiffness_pa += modulus_pa,
+            BodyKind::Dashpot { viscosity_pa_s, .. } => {
+                sizes.viscosity_pa_s = sizes.viscosity_pa_s.min(*viscosity_pa_s)
+            }
+            BodyKind::Springpot(_) => sizes.has_springpot = true,
+            BodyKind::Group(bodies) => bodies.iter().for_each(|body| body.measure(sizes)),
         }
     }
 
-    fn prepare(&self, radau: &Radau, step_s: f64, given: Given, factors: Option<Factors>) -> BodyStep {
+    fn prepare(&self, radau: &Radau, step_s: f64, given: PrescribedQuantity, factors: Option<Factors>) -> BodyStep {
         let factors_of = |part: Option<usize>| {
-            factors.filter(|own| own.part == part).map_or(Vector3::repeat(1.0), |own| own.at_stages)
+            factors.filter(|factors| factors.part == part).map_or(Vector3::repeat(1.0), |factors| factors.at_stages)
         };
         let factors_here = factors_of(None);
         let [by_factor, over_factor] =
             [factors_here, factors_here.map(f64::recip)].map(|diagonal| Matrix3::from_diagonal(&diagonal));
         let alone = |response| BodyStep { response, parts: Parts::None, factors: factors_here };
         match (&self.kind, given) {
-            (Kind::Spring { modulus_pa }, Given::Stress) => alone(over_factor / *modulus_pa),
-            (Kind::Spring { modulus_pa }, Given::Strain) => alone(by_factor * *modulus_pa),
-            (Kind::Dashpot { viscosity_pa_s, .. }, Given::Stress) => {
+            (BodyKind::Spring { modulus_pa }, PrescribedQuantity::Stress) => alone(over_factor / *modulus_pa),
+            (BodyKind::Spring { modulus_pa }, PrescribedQuantity::Strain) => alone(by_factor * *modulus_pa),
+            (BodyKind::Dashpot { viscosity_pa_s, .. }, PrescribedQuantity::Stress) => {
                 alone(radau.matrix * over_factor * (step_s / viscosity_pa_s))
             }
-            (Kind::Dashpot { viscosity_pa_s, .. }, Given::Strain) => {
+            (BodyKind::Dashpot { viscosity_pa_s, .. }, PrescribedQuantity::Strain) => {
                 alone(by_factor * radau.inverse * (viscosity_pa_s / step_s))
             }
-            (Kind::Springpot(springpot), _) => {
+            (BodyKind::Springpot(springpot), _) => {
                 let arms = springpot.prepare(radau, step_s);
                 let stiffness = by_factor * arms.stiffness;
-                let response = if given == Given::Stress { inverted(stiffness) } else { stiffness };
+                let response = if given == PrescribedQuantity::Stress { inverted(stiffness) } else { stiffness };
                 BodyStep { response, parts: Parts::Arms(arms), factors: factors_here }
             }
-            (Kind::Group(bodies), _) => {
-                let of = |(place, body): (usize, &Body)| {
-                    let own = factors.filter(|own| own.part == Some(place)).map(|own| Factors { part: None, ..own });
-                    body.prepare(radau, step_s, given.other(), own)
+            (BodyKind::Group(bodies), _) => {
+                let of = |(place, body): (usize, &NetworkBody)| {
+                    let entry = factors
+                        .filter(|factors| factors.part == Some(place))
+                        .map(|factors| Factors { part: None, ..factors });
+                    body.prepare(radau, step_s, given.other(), entry)
                 };
                 let steps: Vec<BodyStep> = bodies.iter().enumerate().map(of).collect();
                 let response = inverted(steps.iter().map(|step| step.response).sum());
@@ -302,17 +308,17 @@ impl Body {
         }
     }
 
-    fn begin(&mut self, step: &BodyStep, given: Given) -> Vector3<f64> {
+    fn begin(&mut self, step: &BodyStep, given: PrescribedQuantity) -> Vector3<f64> {
         self.history = match (&mut self.kind, &step.parts) {
-            (Kind::Dashpot { strain, .. }, _) => match given {
-                Given::Stress => Vector3::repeat(*strain),
-                Given::Strain => step.response * Vector3::repeat(-*strain),
+            (BodyKind::Dashpot { strain, .. }, _) => match given {
+                PrescribedQuantity::Stress => Vector3::repeat(*strain),
+                PrescribedQuantity::Strain => step.response * Vector3::repeat(-*strain),
             },
-            (Kind::Springpot(springpot), Parts::Arms(arms)) => {
+            (BodyKind::Springpot(springpot), Parts::Arms(arms)) => {
                 let stress = springpot.history_pa(arms).component_mul(&step.factors);
-                if given == Given::Stress { -(step.response * stress) } else { stress }
+                if given == PrescribedQuantity::Stress { -(step.response * stress) } else { stress }
             }
-            (Kind::Group(bodies), Parts::Group(steps)) => {
+            (BodyKind::Group(bodies), Parts::Group(steps)) => {
                 let parts = bodies.iter_mut().zip(steps).map(|(body, step)| body.begin(step, given.other()));
                 -(step.response * parts.sum::<Vector3<f64>>())
             }
@@ -321,13 +327,13 @@ impl Body {
         self.history
     }
 
-    fn end(&mut self, step: &BodyStep, given: Given, received: &Vector3<f64>) {
+    fn end(&mut self, step: &BodyStep, given: PrescribedQuantity, received: &Vector3<f64>) {
         let answer = step.response * received + self.history;
-        let strain_of_it = if given == Given::Stress { &answer } else { received };
+        let strain_of_it = if given == PrescribedQuantity::Stress { &answer } else { received };
         match (&mut self.kind, &step.parts) {
-            (Kind::Dashpot { strain, .. }, _) => *strain = strain_of_it[2],
-            (Kind::Springpot(springpot), Parts::Arms(arms)) => springpot.advance(arms, strain_of_it),
-            (Kind::Group(bodies), Parts::Group(steps)) => {
+            (BodyKind::Dashpot { strain, .. }, _) => *strain = strain_of_it[2],
+            (BodyKind::Springpot(springpot), Parts::Arms(arms)) => springpot.advance(arms, strain_of_it),
+            (BodyKind::Group(bodies), Parts::Group(steps)) => {
                 for (body, step) in bodies.iter_mut().zip(steps) {
                     body.end(step, given.other(), &answer);
                 }

@@ -5,7 +5,7 @@ use super::gradient::{self, Mechanics};
 use super::network::{Network, NetworkStep};
 use super::radau::Radau;
 use super::springpot::RateRange;
-use super::state_law::{Followed, Stage};
+use super::state_law::{StateStage, StateTracker};
 use crate::fe::clock::{CLOCK_ROUNDING, Grading, StepRule};
 use base::error::{Error, Result};
 use laws::stages::{Load, Quantity, Stages, Switch};
@@ -21,11 +21,14 @@ pub fn strains(
     force: Force<'_>,
     resolution: Resolution,
 ) -> Result<Vec<f64>> {
-    Ok(answers(compliance_per_m, stages, time_s, force, resolution)?.into_iter().map(|answer| answer[0]).collect())
+    Ok(strains_and_positions(compliance_per_m, stages, time_s, force, resolution)?
+        .into_iter()
+        .map(|answer| answer[0])
+        .collect())
 }
 
 /// q (N/Pa) and the observed position (m) at every row.
-pub fn answers(
+pub fn strains_and_positions(
     compliance_per_m: f64,
     stages: &Stages,
     time_s: &[f64],
@@ -34,10 +37,10 @@ pub fn answers(
 ) -> Result<Vec<[f64; 2]>> {
     let load = stages.load.of::<f64>();
     let switches = load.switches(time_s, force);
-    let mut run = Run::new(compliance_per_m, stages, &load, time_s, &switches, resolution)?;
+    let mut run = SteppingRun::new(compliance_per_m, stages, &load, time_s, &switches, resolution)?;
     if let Some(law) = &stages.state_law {
-        let steps_s = force.step_rows().iter().map(|&row| load.acts_at_s(time_s[row])).collect();
-        run.state = Some(Followed::new(law, steps_s, &stages.law));
+        let steps_s = force.step_rows().iter().map(|&row| load.action_time_s(time_s[row])).collect();
+        run.state = Some(StateTracker::new(law, steps_s, &stages.law));
     }
     let mut coming = switches.iter().copied().enumerate().peekable();
     let mut answers = Vec::with_capacity(time_s.len());
@@ -63,7 +66,7 @@ pub(crate) fn gap_s(time_s: &[f64], switches: &[Switch], i: usize, rounding_s: f
 
 /// Factor at the stages on the lag's F − F_in at the step's start.
 fn lag_left(radau: &Radau, load: &Load<f64>, step_s: f64) -> Vector3<f64> {
-    load.lags_in(step_s).map_or_else(Vector3::zeros, |lags| radau.resolvent(lags) * Vector3::repeat(1.0))
+    load.lag_times_in(step_s).map_or_else(Vector3::zeros, |lags| radau.resolvent(lags) * Vector3::repeat(1.0))
 }
 
 /// Force (N) after the lag at stages (s). `start_n` is the force at the step's start, and `left` the remaining share of its distance from the input.
@@ -74,7 +77,7 @@ fn lagged_n(
     at_s: Vector3<f64>,
     left: &Vector3<f64>,
 ) -> Vector3<f64> {
-    left * (start_n - load.followed_n(input, start_s)) + at_s.map(|t| load.followed_n(input, t))
+    left * (start_n - load.steady_lagged_n(input, start_s)) + at_s.map(|t| load.steady_lagged_n(input, t))
 }
 
 /// Shortest time after a switch at which the response is resolved, as a share of the mean time between rows.
@@ -87,7 +90,7 @@ fn shortest_gap_s(time_s: &[f64], switches: &[Switch], length_s: f64, rounding_s
 }
 
 /// Matrices of one step length.
-struct Prepared {
+struct PreparedStepping {
     step_s: f64,
     network: NetworkStep,
     /// Factor at the stages on the lag's F − F_in at the start.
@@ -107,14 +110,14 @@ const SIMPLE_PICARD_STEPS: usize = 60;
 const MOST_LENGTHS: usize = 4096;
 
 /// State of one run.
-struct Run<'a> {
+struct SteppingRun<'a> {
     stages: &'a Stages,
     load: &'a Load<f64>,
     compliance_per_m: f64,
     radau: Radau,
     rule: StepRule,
     network: Network,
-    prepared: HashMap<u64, Prepared>,
+    prepared: HashMap<u64, PreparedStepping>,
     start_s: f64,
     /// Times closer than this count as equal.
     rounding_s: f64,
@@ -125,10 +128,10 @@ struct Run<'a> {
     lagged_n: f64,
     strain_n_per_pa: f64,
     /// State of a quantity that depends on one, if there is such a quantity.
-    state: Option<Followed<'a>>,
+    state: Option<StateTracker<'a>>,
 }
 
-impl<'a> Run<'a> {
+impl<'a> SteppingRun<'a> {
     fn new(
         compliance_per_m: f64,
         stages: &'a Stages,
@@ -212,7 +215,7 @@ impl<'a> Run<'a> {
         );
         let rate = self.stages.softening_rate_per_s.value;
         let amplified = self.radau.nodes.map(|node| (rate * (since_s + node * step_s)).exp());
-        let stage = Stage {
+        let stage = StateStage {
             step_s,
             time_s: at_nodes_s.map(|t| t - self.start_s),
             absolute_s: at_nodes_s,
@@ -226,8 +229,8 @@ impl<'a> Run<'a> {
             let history = self.network.begin(&step);
             let stress = followed.force_n(&lagged_n, &values).component_mul(&amplified);
             let strain = step.compliance * stress + history;
-            let own = self.network.strain_of_depending(&step, &stress);
-            let found = followed.values(&stage, &(strain * self.compliance_per_m), &(own * self.compliance_per_m));
+            let matrix = self.network.strain_of_depending(&step, &stress);
+            let found = followed.values(&stage, &(strain * self.compliance_per_m), &(matrix * self.compliance_per_m));
             let distance = (found - values).amax() / (1.0 + found.amax());
             // If the values oscillate, their mean is closer to the solution.
             values = if turn < SIMPLE_PICARD_STEPS { found } else { (found + values) * 0.5 };
@@ -262,7 +265,7 @@ impl<'a> Run<'a> {
             self.prepared.clear();
         }
         let (network, radau, load) = (&mut self.network, &self.radau, self.load);
-        let prepared = self.prepared.entry(step_s.to_bits()).or_insert_with(|| Prepared {
+        let prepared = self.prepared.entry(step_s.to_bits()).or_insert_with(|| PreparedStepping {
             step_s,
             network: network.prepare(radau, step_s),
             lag_left: lag_left(radau, load, step_s),

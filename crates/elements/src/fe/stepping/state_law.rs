@@ -4,12 +4,12 @@
 use crate::fe::clock::CLOCK_ROUNDING;
 use base::number::Dual;
 use laws::rheology::Element;
-use laws::stages::{Leaf, Operation, Quantity, State, StateLaw};
+use laws::stages::{ElementPlace, Operation, Quantity, State, StateLaw};
 use nalgebra::{Matrix3, Vector3};
 
 /// State of a law with a state-dependent quantity at the end of the last step.
 #[derive(Clone)]
-pub(super) struct Followed<'a> {
+pub(super) struct StateTracker<'a> {
     law: &'a StateLaw,
     /// Times at which force steps start to act, in s.
     steps_s: Vec<f64>,
@@ -23,7 +23,7 @@ pub(super) struct Followed<'a> {
 }
 
 /// Data that the stages of a step share.
-pub(super) struct Stage {
+pub(super) struct StateStage {
     pub step_s: f64,
     /// Stage times since the record's start, and on the record's clock.
     pub time_s: Vector3<f64>,
@@ -35,7 +35,7 @@ pub(super) struct Stage {
     pub begin_m: f64,
 }
 
-impl<'a> Followed<'a> {
+impl<'a> StateTracker<'a> {
     pub fn new(law: &'a StateLaw, steps_s: Vec<f64>, elements: &[Element]) -> Self {
         let quantity = match law.quantity {
             Quantity::Element(leaf) => number_of(elements, leaf),
@@ -93,7 +93,7 @@ impl<'a> Followed<'a> {
     }
 
     /// States at the stages of a step, given the positions (m) and the element's share of them (m).
-    fn states(&self, stage: &Stage, position_m: &Vector3<f64>, share_m: &Vector3<f64>) -> Vector3<f64> {
+    fn states(&self, stage: &StateStage, position_m: &Vector3<f64>, share_m: &Vector3<f64>) -> Vector3<f64> {
         match self.law.state {
             State::Position => *position_m,
             State::Strain => *share_m,
@@ -123,12 +123,12 @@ impl<'a> Followed<'a> {
     }
 
     /// Values of the function at the stages.
-    pub(super) fn values(&self, stage: &Stage, position_m: &Vector3<f64>, share_m: &Vector3<f64>) -> Vector3<f64> {
+    pub(super) fn values(&self, stage: &StateStage, position_m: &Vector3<f64>, share_m: &Vector3<f64>) -> Vector3<f64> {
         self.states(stage, position_m, share_m).map(|state| self.law.value(Dual::constant(state)).value)
     }
 
     /// Updates the state at the end of a step.
-    pub(super) fn take(&mut self, stage: &Stage, position_m: &Vector3<f64>, values: &Vector3<f64>) {
+    pub(super) fn take(&mut self, stage: &StateStage, position_m: &Vector3<f64>, values: &Vector3<f64>) {
         self.path_m += (stage.begin_m - self.begin_m).abs();
         let mut before = stage.begin_m;
         for x in position_m.iter() {
@@ -143,12 +143,12 @@ impl<'a> Followed<'a> {
 }
 
 /// Modulus or viscosity of an element.
-fn number_of(elements: &[Element], leaf: Leaf) -> f64 {
-    let own = match (elements.get(leaf.body), leaf.part) {
+fn number_of(elements: &[Element], leaf: ElementPlace) -> f64 {
+    let element = match (elements.get(leaf.body), leaf.part) {
         (Some(Element::Parallel(parts)), Some(part)) => parts.get(part),
-        (own, _) => own,
+        (entry, _) => entry,
     };
-    match own {
+    match element {
         Some(Element::Spring { modulus_pa } | Element::Springpot { modulus_pa, .. }) => modulus_pa.value,
         Some(Element::Dashpot { viscosity_pa_s }) => viscosity_pa_s.value,
         _ => f64::NAN,

@@ -4,7 +4,7 @@ use super::Resolution;
 use super::run::strains;
 use base::number::Dual;
 use laws::rheology::{BaseLaw, Element};
-use laws::stages::{Approach, Observation, Stages, balanced_exponent};
+use laws::stages::{DriftApproach, Observation, Stages, balanced_exponent};
 use statrs::function::erf::erfc;
 use statrs::function::gamma::gamma;
 
@@ -398,9 +398,9 @@ fn the_error_falls_with_the_fifth_power_of_the_step() {
 
 #[test]
 fn the_recorded_position_is_scaled_and_drifts() {
-    let approaches = vec![Approach { amplitude_m: dual(2.0), time_s: dual(0.5) }];
+    let approaches = vec![DriftApproach { amplitude_m: dual(2.0), time_s: dual(0.5) }];
     let observation =
-        Observation { scale: dual(1.5), velocity_m_per_s: dual(0.1), approaches, ..Observation::AS_IT_IS };
+        Observation { scale: dual(1.5), velocity_m_per_s: dual(0.1), approaches, ..Observation::IDENTITY };
     let exact = 1.5 * 4.0 + 0.1 * 3.0 + 2.0 * (1.0 - (-6.0_f64).exp());
     assert!((observation.of::<f64>().recorded_m(4.0, 3.0) - exact).abs() < 1e-14);
 }

@@ -7,12 +7,12 @@ use super::stages::{DIAGONAL, N_STAGES, predict};
 
 /// A chain of bodies that all carry the stress w. Their strains (fields in m, w in Pa·m) add up to z.
 pub(super) struct Chain {
-    bodies: Vec<Body>,
+    bodies: Vec<HistoryBody>,
     turning: Vec<Turning>,
 }
 
-struct Body {
-    kind: Kind,
+struct HistoryBody {
+    kind: HistoryKind,
     history: History,
 }
 
@@ -36,7 +36,7 @@ struct History {
 }
 
 #[derive(Debug, Clone, Copy)]
-enum Kind {
+enum HistoryKind {
     /// τ ε̇ + ε = a w.
     Retarded { compliance_per_pa: f64, time_s: f64 },
     /// ε̇ = φ w.
@@ -45,7 +45,7 @@ enum Kind {
     Spring { compliance_per_pa: f64 },
 }
 
-impl Kind {
+impl HistoryKind {
     /// Coefficients of ε̇ at a stage: first · w − second · (predicted strain), in 1/(Pa·s) and 1/s.
     fn rate(self, implicit_s: f64) -> [f64; 2] {
         match self {
@@ -113,17 +113,17 @@ impl Free {
 impl Chain {
     /// The chain of a law, at rest.
     pub fn new(law: &ChainLaw, n_unknowns: usize) -> Self {
-        let ChainLaw { bodies: law, turning } = law;
+        let ChainLaw { bodies: law, oscillating: turning } = law;
         let retarded = law
             .retarded
             .iter()
-            .map(|mode| Kind::Retarded { compliance_per_pa: mode.compliance_per_pa, time_s: mode.time_s });
+            .map(|mode| HistoryKind::Retarded { compliance_per_pa: mode.compliance_per_pa, time_s: mode.time_s });
         let flow = Some(law.fluidity_per_pa_s).filter(|&fluidity| fluidity != 0.0);
         let spring = Some(law.instantaneous_per_pa).filter(|&compliance| compliance != 0.0);
         let kinds = retarded
-            .chain(flow.map(|fluidity_per_pa_s| Kind::Flow { fluidity_per_pa_s }))
-            .chain(spring.map(|compliance_per_pa| Kind::Spring { compliance_per_pa }));
-        let body = |kind| Body { kind, history: History::new(n_unknowns) };
+            .chain(flow.map(|fluidity_per_pa_s| HistoryKind::Flow { fluidity_per_pa_s }))
+            .chain(spring.map(|compliance_per_pa| HistoryKind::Spring { compliance_per_pa }));
+        let body = |kind| HistoryBody { kind, history: History::new(n_unknowns) };
         let complex = |[re, im]: [f64; 2]| Complex::new(re, im);
         let turning = turning.iter().map(|mode| Turning {
             compliance_per_pa: complex(mode.compliance_per_pa),
@@ -152,9 +152,9 @@ impl Chain {
             let [_, back] = body.kind.rate(implicit_s);
             // 1 − back · γΔt without cancellation.
             let kept = match body.kind {
-                Kind::Retarded { time_s, .. } => time_s * back,
-                Kind::Flow { .. } => 1.0,
-                Kind::Spring { .. } => 0.0,
+                HistoryKind::Retarded { time_s, .. } => time_s * back,
+                HistoryKind::Flow { .. } => 1.0,
+                HistoryKind::Spring { .. } => 0.0,
             };
             for ((strain, rate), predicted) in
                 free.strain_m.iter_mut().zip(&mut free.rate_m_per_s).zip(&body.history.predicted_m)

@@ -24,7 +24,7 @@ mod steps;
 
 pub use load::Load;
 pub use output::{FieldTerm, UnitResponse};
-pub use run::{TransientRun, respond, run};
+pub use run::{TransientRun, run, unit_response};
 pub use steps::Resolution;
 
 use base::error::Result;
@@ -34,7 +34,7 @@ use laws::rheology::{
 
 /// A matrix of a system.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Part {
+pub enum ChainPart {
     /// Kᵢ of the law with this index.
     Stiffness(usize),
     /// D.
@@ -71,7 +71,7 @@ pub trait TransientSystem {
     /// [`base::Error::Numerical`] if the matrix is singular.
     fn factor(&self, weights: &StageWeights) -> Result<StageSolve<'_>>;
     /// `result` += the part times `x`. Does nothing for parts that the system lacks.
-    fn add_product(&self, part: Part, x: &[f64], result: &mut [f64]);
+    fn add_product(&self, part: ChainPart, x: &[f64], result: &mut [f64]);
     /// Adds the force on the whole body (N) along x to a right-hand side.
     fn add_load(&self, force_n: f64, right_hand_side: &mut [f64]);
     /// Displacement of the robot along x (m), linear in the unknowns.
@@ -84,21 +84,21 @@ pub struct ChainLaw {
     /// Springs, dashpots and Kelvin–Voigt bodies.
     pub bodies: CreepCompliance,
     /// Bodies with complex rate λ and compliance a, Re a (1 − e^{−λt}), as of a springpot beside a spring. y' = λ (a w − y), and the strain is the real part of y.
-    pub turning: Vec<OscillatingMode<f64>>,
+    pub oscillating: Vec<OscillatingMode<f64>>,
 }
 
 impl From<CreepCompliance> for ChainLaw {
     fn from(bodies: CreepCompliance) -> Self {
-        Self { bodies, turning: Vec::new() }
+        Self { bodies, oscillating: Vec::new() }
     }
 }
 
 /// Converts a law into a chain of bodies. Networks of springs and dashpots are exact; springpots are accurate within the window's times.
 ///
 /// # Errors
-/// Those of [`RetardationSpectrum::of`].
-pub fn chain_of(law: &[Element], window: TimeWindow) -> Result<ChainLaw> {
-    let spectrum = RetardationSpectrum::of(law, window)?;
+/// Those of [`RetardationSpectrum::of_law`].
+pub fn to_chain(law: &[Element], window: TimeWindow) -> Result<ChainLaw> {
+    let spectrum = RetardationSpectrum::of_law(law, window)?;
     let body = |mode: &SpectralMode| RetardedMode {
         compliance_per_pa: mode.compliance_per_pa.value,
         time_s: mode.rate_per_s.value.recip(),
@@ -113,7 +113,7 @@ pub fn chain_of(law: &[Element], window: TimeWindow) -> Result<ChainLaw> {
             retarded: spectrum.modes.iter().map(body).collect(),
             fluidity_per_pa_s: spectrum.fluidity_per_pa_s.value,
         },
-        turning: spectrum.oscillating.iter().map(turning).collect(),
+        oscillating: spectrum.oscillating.iter().map(turning).collect(),
     })
 }
 

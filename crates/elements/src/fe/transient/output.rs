@@ -5,12 +5,12 @@ use super::TransientSystem;
 /// Records the steps of a run in order.
 pub(super) trait Recorder {
     /// Records a step.
-    fn record(&mut self, from: &State, to: &State, system: &dyn TransientSystem);
+    fn record(&mut self, from: &OutputState, to: &OutputState, system: &dyn TransientSystem);
 }
 
 /// Unknowns and their rates at one time.
 #[derive(Debug, Clone)]
-pub(super) struct State {
+pub(super) struct OutputState {
     pub time_s: f64,
     pub unknowns: Vec<f64>,
     pub rates_per_s: Vec<f64>,
@@ -36,7 +36,7 @@ fn cubic_weights(from_s: f64, to_s: f64, time_s: f64) -> [f64; 4] {
 
 impl Recorder for Output<'_> {
     /// Records the rows up to the end of a step, by the cubic through values and rates at its ends.
-    fn record(&mut self, from: &State, to: &State, system: &dyn TransientSystem) {
+    fn record(&mut self, from: &OutputState, to: &OutputState, system: &dyn TransientSystem) {
         let ends = [&from.unknowns, &from.rates_per_s, &to.unknowns, &to.rates_per_s];
         let mut at_ends = None;
         while let Some(&row_s) = self.time_s.get(self.row).filter(|&&t| t <= to.time_s + self.rounding_s) {
@@ -99,8 +99,9 @@ impl<'a> ResponseRecorder<'a> {
 }
 
 impl Recorder for ResponseRecorder<'_> {
-    fn record(&mut self, from: &State, to: &State, system: &dyn TransientSystem) {
-        let moment = |at: &State| [at.time_s, system.position_m(&at.unknowns), system.position_m(&at.rates_per_s)];
+    fn record(&mut self, from: &OutputState, to: &OutputState, system: &dyn TransientSystem) {
+        let moment =
+            |at: &OutputState| [at.time_s, system.position_m(&at.unknowns), system.position_m(&at.rates_per_s)];
         if self.response.moments.is_empty() {
             self.response.moments.push(moment(from));
         }

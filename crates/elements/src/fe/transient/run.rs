@@ -5,10 +5,10 @@ use std::rc::Rc;
 
 use super::history::{Chain, Free, Response};
 use super::load::Load;
-use super::output::{FieldTerm, Output, Recorder, ResponseRecorder, State, UnitResponse};
+use super::output::{FieldTerm, Output, OutputState, Recorder, ResponseRecorder, UnitResponse};
 use super::stages::{DIAGONAL, N_STAGES, predict};
 use super::steps::{Grading, Resolution};
-use super::{ChainLaw, Part, StageSolve, StageWeights, TransientSystem};
+use super::{ChainLaw, ChainPart, StageSolve, StageWeights, TransientSystem};
 use crate::fe::clock::{CLOCK_ROUNDING, FOURTH};
 use base::error::{Error, Result};
 use laws::stages::Switch;
@@ -87,7 +87,7 @@ pub fn run<L: Clone + Into<ChainLaw>>(
 ///
 /// # Errors
 /// As [`run`].
-pub fn respond(
+pub fn unit_response(
     system: &dyn TransientSystem,
     laws: &[ChainLaw],
     load: &Load,
@@ -121,7 +121,7 @@ fn gap_s(time_s: &[f64], switches: &[Switch], i: usize, rounding_s: f64) -> f64 
 }
 
 /// Data that all stages of one step length share.
-struct Prepared<'a> {
+struct PreparedTransient<'a> {
     responses: Vec<Response>,
     solve: StageSolve<'a>,
     /// Stress of the first law per unit force, if the force depends on the position.
@@ -133,9 +133,9 @@ struct Run<'a> {
     load: &'a Load,
     chains: Vec<Chain>,
     free: Vec<Free>,
-    factors: HashMap<u64, Rc<Prepared<'a>>>,
+    factors: HashMap<u64, Rc<PreparedTransient<'a>>>,
     grading: Grading,
-    now: State,
+    now: OutputState,
     /// True if no step has followed the switch yet: the rates before the switch do not apply after it.
     is_fresh: bool,
     input: Switch,
@@ -164,7 +164,7 @@ impl<'a> Run<'a> {
             free: vec![Free::new(n); laws.len()],
             factors: HashMap::new(),
             grading: Grading::new(Resolution::default(), start_s, 1.0, true),
-            now: State { time_s: start_s, unknowns: vec![0.0; n], rates_per_s: vec![0.0; n] },
+            now: OutputState { time_s: start_s, unknowns: vec![0.0; n], rates_per_s: vec![0.0; n] },
             is_fresh: true,
             input: Switch::to(start_s, 0.0),
             lagged_n: 0.0,
@@ -176,9 +176,9 @@ impl<'a> Run<'a> {
         })
     }
 
-    fn rest(&self, time_s: f64) -> State {
+    fn rest(&self, time_s: f64) -> OutputState {
         let zeros = vec![0.0; self.now.unknowns.len()];
-        State { time_s, unknowns: zeros.clone(), rates_per_s: zeros }
+        OutputState { time_s, unknowns: zeros.clone(), rates_per_s: zeros }
     }
 
     fn advance_to(&mut self, stop_s: f64, rounding_s: f64, recorder: &mut dyn Recorder) -> Result<()> {
@@ -197,13 +197,13 @@ impl<'a> Run<'a> {
             // The last step is `left_s` up to rounding.
             self.now.time_s = if step_s > 0.75 * left_s { stop_s } else { before.time_s + step_s };
             let rates_per_s = if self.is_fresh { self.now.rates_per_s.clone() } else { before.rates_per_s };
-            recorder.record(&State { rates_per_s, ..before }, &self.now, self.system);
+            recorder.record(&OutputState { rates_per_s, ..before }, &self.now, self.system);
             self.is_fresh = false;
         }
         Ok(())
     }
 
-    fn prepared(&mut self, step_s: f64) -> Result<Rc<Prepared<'a>>> {
+    fn prepared(&mut self, step_s: f64) -> Result<Rc<PreparedTransient<'a>>> {
         if let Some(prepared) = self.factors.get(&step_s.to_bits()) {
             return Ok(prepared.clone());
         }
@@ -235,7 +235,7 @@ impl<'a> Run<'a> {
             Some(stress)
         };
         self.n_factors += 1;
-        let prepared = Rc::new(Prepared { responses, solve, stress_per_n });
+        let prepared = Rc::new(PreparedTransient { responses, solve, stress_per_n });
         self.factors.insert(step_s.to_bits(), prepared.clone());
         Ok(prepared)
     }
@@ -303,26 +303,26 @@ impl<'a> Run<'a> {
         stage: usize,
         step_s: f64,
         velocity: &[f64],
-        prepared: &Prepared,
+        prepared: &PreparedTransient,
         right_hand_side: &mut [f64],
     ) {
         let scratch = &mut self.scratch;
         let first = &self.free[0];
         scratch.iter_mut().zip(&first.rate_m_per_s).for_each(|(s, g)| *s = -g);
-        self.system.add_product(Part::Damping, scratch, right_hand_side);
+        self.system.add_product(ChainPart::Damping, scratch, right_hand_side);
         if self.system.has_mass() {
             predict(stage, step_s, velocity, &self.accelerations, &mut self.predicted_velocity);
             let implicit_s = DIAGONAL * step_s;
             for ((s, g), predicted) in scratch.iter_mut().zip(&first.rate_m_per_s).zip(&self.predicted_velocity) {
                 *s = (predicted - g) / implicit_s;
             }
-            self.system.add_product(Part::Mass, scratch, right_hand_side);
+            self.system.add_product(ChainPart::Mass, scratch, right_hand_side);
         }
         for (i, (free, response)) in self.free.iter().zip(&prepared.responses).enumerate().skip(1) {
-            for ((s, own), h) in scratch.iter_mut().zip(&free.strain_m).zip(&first.strain_m) {
-                *s = (own - h) / response.compliance_per_pa;
+            for ((s, value), h) in scratch.iter_mut().zip(&free.strain_m).zip(&first.strain_m) {
+                *s = (value - h) / response.compliance_per_pa;
             }
-            self.system.add_product(Part::Stiffness(i), scratch, right_hand_side);
+            self.system.add_product(ChainPart::Stiffness(i), scratch, right_hand_side);
         }
     }
 }

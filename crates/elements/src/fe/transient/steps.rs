@@ -1,6 +1,6 @@
 //! Lengths of steps: powers of two that grow with the time since the last switch.
 
-use crate::fe::clock::{ending_well, share_of_gap};
+use crate::fe::clock::{fit_step_to_stop, share_of_gap};
 
 /// Refinement of the steps.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -44,6 +44,6 @@ impl Grading {
     pub(super) fn step_s(&self, now_s: f64, left_s: f64) -> f64 {
         let wanted_s = (self.growth * (now_s - self.switched_s + self.scale_s)).min(self.longest_step_s);
         let ladder_s = wanted_s.log2().floor().exp2();
-        ending_well(ladder_s, left_s)
+        fit_step_to_stop(ladder_s, left_s)
     }
 }

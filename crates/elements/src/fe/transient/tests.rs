@@ -20,7 +20,7 @@ fn elements(law: BaseLaw) -> Vec<Element> {
 }
 
 fn chain(law: BaseLaw) -> CreepCompliance {
-    chain_of(&elements(law), WINDOW).expect("springs and dashpots").bodies
+    to_chain(&elements(law), WINDOW).expect("springs and dashpots").bodies
 }
 
 /// Irregular times (s) from 3 s on, with a gap and rows 1 ms apart, and forces (N): holds of both signs, a rest, a force that changes at every row.
@@ -81,11 +81,11 @@ impl TransientSystem for Dense {
             Ok(())
         }))
     }
-    fn add_product(&self, part: Part, x: &[f64], result: &mut [f64]) {
+    fn add_product(&self, part: ChainPart, x: &[f64], result: &mut [f64]) {
         let matrix = match part {
-            Part::Stiffness(law) => Some(&self.stiffness[law]),
-            Part::Damping => self.damping.as_ref(),
-            Part::Mass => self.mass.as_ref(),
+            ChainPart::Stiffness(law) => Some(&self.stiffness[law]),
+            ChainPart::Damping => self.damping.as_ref(),
+            ChainPart::Mass => self.mass.as_ref(),
         };
         if let Some(matrix) = matrix {
             let product = matrix * DVector::from_column_slice(x);
@@ -300,7 +300,7 @@ fn two_laws_are_the_sum_of_their_modes() {
         } else {
             vec![Element::Parallel(vec![scaled(&elements(BaseLaw::Lethersich), kappa), scaled(&other, 1.0 - kappa)])]
         };
-        let spectrum = RetardationSpectrum::of(&law, WINDOW).expect("springs and dashpots");
+        let spectrum = RetardationSpectrum::of_law(&law, WINDOW).expect("springs and dashpots");
         let at = |row: usize| {
             let jumps = (0..row).map(|k| (time_s[k], force_n[k] - if k == 0 { 0.0 } else { force_n[k - 1] }));
             jumps.filter(|j| j.1 != 0.0).map(|(t, f)| f * spectrum.creep_compliance_per_pa(time_s[row] - t)).sum()
@@ -308,7 +308,7 @@ fn two_laws_are_the_sum_of_their_modes() {
         (0..time_s.len()).map(at).collect()
     });
     let system = Dense { stiffness: vec![first, second], ..base() };
-    let laws = [chain(BaseLaw::Lethersich), chain_of(&other, WINDOW).expect("springs and dashpots").bodies];
+    let laws = [chain(BaseLaw::Lethersich), to_chain(&other, WINDOW).expect("springs and dashpots").bodies];
     let found = stepped(&system, &laws, Resolution::default());
     let without = stepped(&whole, &laws[..1], Resolution::default());
     println!("two laws: error {:e}, effect {:e}", distance(&found, &exact), distance(&without, &exact));
@@ -395,8 +395,8 @@ fn springpots_are_those_of_the_other_stepper() {
         (vec![beside.clone(), flow], 1),
         (vec![beside], 1),
     ] {
-        let chain = chain_of(&law, WINDOW).expect("a law");
-        assert_eq!(chain.turning.len(), n_turning);
+        let chain = to_chain(&law, WINDOW).expect("a law");
+        assert_eq!(chain.oscillating.len(), n_turning);
         let stages = Stages::of_law(law);
         let exact = model.step(&stages, &time_s, &force_n, stepping::Resolution::default()).expect("a sound model");
         let load = Load::commanded(&time_s, &force_n);

@@ -12,7 +12,7 @@ mod sections;
 use std::path::Path;
 
 use crate::mesh::Mesh;
-use base::error::{Error, Place, Result};
+use base::error::{Error, InputPlace, Result};
 use base::files::{self, Content};
 
 /// An imported mesh with its warnings.
@@ -62,7 +62,7 @@ impl GmshWarning {
     }
 
     /// The finding, in words.
-    pub fn text(&self) -> String {
+    pub fn message(&self) -> String {
         match self {
             Self::LinearTetrahedra { n_elements } => format!(
                 "the mesh has {n_elements} tetrahedra of 4 nodes, which lock (are too stiff). The error at a Poisson ratio of 0.48 is 18 % with \
@@ -109,7 +109,7 @@ pub fn read_gmsh(path: impl AsRef<Path>, metres_per_unit: f64) -> Result<GmshMes
     let path = path.as_ref();
     if !(UNITS_M[0]..=UNITS_M[1]).contains(&metres_per_unit) {
         return Err(Error::input(
-            Place::default().at_key("metres_per_unit"),
+            InputPlace::default().at_key("metres_per_unit"),
             format!("{metres_per_unit} is not a unit of length from 1e-12 to 1e3 m"),
             "give the file's unit in m, 1e-3 for mm",
         ));

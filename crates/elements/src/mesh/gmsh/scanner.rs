@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use base::error::{Error, Place, Result};
+use base::error::{Error, InputPlace, Result};
 
 /// Remedy for a file that ends early or does not follow the format.
 const DAMAGED: &str = "the file is damaged or not a Gmsh 4.1 mesh: save it again with `gmsh -3 -format msh41`";
@@ -27,9 +27,9 @@ impl<'a> Scanner<'a> {
     pub(super) fn error(&self, found: impl std::fmt::Display, remedy: impl Into<String>) -> Error {
         if self.binary {
             let found = format!("at byte offset {}: {found}", self.position);
-            Error::input(Place::file(self.path), found, remedy)
+            Error::input(InputPlace::file(self.path), found, remedy)
         } else {
-            Error::input(Place::file(self.path).at_line(self.line), found.to_string(), remedy)
+            Error::input(InputPlace::file(self.path).at_line(self.line), found.to_string(), remedy)
         }
     }
 
@@ -40,7 +40,7 @@ impl<'a> Scanner<'a> {
 
     /// An error about the file as a whole.
     pub(super) fn file_error(&self, found: impl Into<String>, remedy: impl Into<String>) -> Error {
-        Error::input(Place::file(self.path), found, remedy)
+        Error::input(InputPlace::file(self.path), found, remedy)
     }
 
     fn skip_whitespace(&mut self) {

@@ -9,7 +9,7 @@ use std::ops::{Add, Mul};
 
 use pulp::{Arch, Simd, WithSimd};
 
-use super::linear::{Row, oscillating_row, row};
+use super::linear::{LinearRow, oscillating_row, row};
 use super::moments::{N_FUNCTIONS, entire_functions, entire_functions_of_decay};
 use super::numbers::{ComplexLanes, Number};
 use super::system::{Mode, System};
@@ -37,7 +37,7 @@ const MOST_CHANGE: f64 = 1.5;
 pub(super) struct ModeStep<T> {
     /// e^{−ρ c h} at the nodes c.
     pub node_decay: [T; N_NODES],
-    pub whole: Row<T>,
+    pub whole: LinearRow<T>,
     /// Weights of R at the nodes.
     pub weights: [T; N_NODES],
 }
@@ -59,7 +59,7 @@ pub(super) struct CollocationStep<S> {
 }
 
 /// State between steps.
-pub(super) struct State<S> {
+pub(super) struct CollocationState<S> {
     modes: Vec<S>,
     oscillating: Vec<Complex<S>>,
     pub now_s: S,
@@ -70,7 +70,7 @@ pub(super) struct State<S> {
     growth: S,
 }
 
-impl<S: Number> State<S> {
+impl<S: Number> CollocationState<S> {
     pub fn new(system: &System<S>) -> Self {
         let zero = S::constant(0.0);
         Self {
@@ -99,7 +99,7 @@ pub(super) struct OfMode<T> {
 #[inline(always)]
 pub(super) fn of_mode<T: Copy + Add<Output = T> + Mul<Output = T> + Mul<f64, Output = T>>(
     gain: T,
-    rows: [Row<T>; N_NODES],
+    rows: [LinearRow<T>; N_NODES],
     functions: [[T; N_FUNCTIONS]; N_NODES],
     polynomials: &[[f64; N_NODES]; N_NODES],
 ) -> OfMode<T> {
@@ -230,7 +230,7 @@ impl<S: Number> WithSimd for FillModes<'_, S> {
         let zero = S::constant(0.0);
         let lag_rate = if system.shape.lagging { Some(system.lag_rate) } else { None };
         for (mode, target) in system.modes.iter().zip(step.modes.iter_mut()) {
-            let mut rows = [Row::filled(zero); N_NODES];
+            let mut rows = [LinearRow::filled(zero); N_NODES];
             let mut functions = [[zero; N_FUNCTIONS]; N_NODES];
             for k in 0..N_NODES {
                 let part_s = length_s * NODES[k];
@@ -252,7 +252,7 @@ impl<S: Number> WithSimd for FillModes<'_, S> {
 }
 
 fn empty<T: Copy>(zero: T) -> ModeStep<T> {
-    ModeStep { node_decay: [zero; N_NODES], whole: Row::filled(zero), weights: [zero; N_NODES] }
+    ModeStep { node_decay: [zero; N_NODES], whole: LinearRow::filled(zero), weights: [zero; N_NODES] }
 }
 
 fn set_parts<T, U>(target: &mut ModeStep<T>, source: &ModeStep<U>, mut set: impl FnMut(&mut T, &U)) {
@@ -268,7 +268,7 @@ fn set_parts<T, U>(target: &mut ModeStep<T>, source: &ModeStep<U>, mut set: impl
 
 /// Moves the state by one step.
 #[inline(always)]
-pub(super) fn advance<S: Number>(system: &System<S>, step: &CollocationStep<S>, state: &mut State<S>) {
+pub(super) fn advance<S: Number>(system: &System<S>, step: &CollocationStep<S>, state: &mut CollocationState<S>) {
     let feedback = feedback_at_nodes(system, step, state);
     let (level_n, slope, deficit_n) = (state.level_n, state.slope_n_per_s, state.deficit_n);
     for (y, mode) in state.modes.iter_mut().zip(&step.modes) {
@@ -301,7 +301,11 @@ pub(super) fn advance<S: Number>(system: &System<S>, step: &CollocationStep<S>, 
 
 /// Returns R at the nodes.
 #[inline(always)]
-fn feedback_at_nodes<S: Number>(system: &System<S>, step: &CollocationStep<S>, state: &State<S>) -> [S; N_NODES] {
+fn feedback_at_nodes<S: Number>(
+    system: &System<S>,
+    step: &CollocationStep<S>,
+    state: &CollocationState<S>,
+) -> [S; N_NODES] {
     let (zero, one) = (S::constant(0.0), S::constant(1.0));
     // Σ Y at the nodes without R. The inner loop is over the nodes of a mode, so that no sum waits for itself.
     let mut known = [zero; N_NODES];
@@ -407,7 +411,7 @@ pub(super) fn solve<S: Number>(mut matrix: [[S; N_NODES]; N_NODES], mut right: [
 
 /// Returns Σ Y.
 #[inline(always)]
-fn flowed_m_per_growth<S: Number>(state: &State<S>) -> S {
+fn flowed_m_per_growth<S: Number>(state: &CollocationState<S>) -> S {
     let mut sum = S::constant(0.0);
     for &y in &state.modes {
         sum += y;
@@ -420,7 +424,7 @@ fn flowed_m_per_growth<S: Number>(state: &State<S>) -> S {
 
 /// Position (m) of the robot: x = e^{rt} (Σ Y + C J₀ F_in e^{gx}), by Newton's method for g x.
 #[inline(always)]
-pub(super) fn position_m<S: Number>(system: &System<S>, state: &State<S>) -> S {
+pub(super) fn position_m<S: Number>(system: &System<S>, state: &CollocationState<S>) -> S {
     let one = S::constant(1.0);
     let flowed_m = state.growth * flowed_m_per_growth(state);
     let jump_m = state.growth * system.instantaneous * (state.level_n + state.deficit_n);

@@ -5,7 +5,7 @@ use super::numbers::Number;
 use super::tests::{largest, record, respond_with, rich_law, spectrum};
 use base::number::Dual;
 use laws::rheology::RetardationSpectrum;
-use laws::stages::{Approach, Stages};
+use laws::stages::{DriftApproach, Stages};
 use record::ForceRule;
 
 /// All inputs that a model may change: the stages' numbers, the spectrum's, and the compliance.
@@ -63,7 +63,7 @@ fn point(choice: usize) -> Point {
     stages.load.gradient_per_m = on(3, -350.0);
     stages.load.offset_n = on(4, 3e-7);
     let amplitude_m = on(4, 1e-4);
-    stages.observation.approaches.push(Approach { amplitude_m, time_s: Dual::constant(0.8) });
+    stages.observation.approaches.push(DriftApproach { amplitude_m, time_s: Dual::constant(0.8) });
     let spectrum = spectrum(&stages, choice & 32 != 0);
     Point { stages, spectrum, compliance_per_m: Dual::constant(549.0), rule: ForceRule::Hold }
 }

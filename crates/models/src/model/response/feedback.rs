@@ -4,14 +4,14 @@ use pulp::{Arch, Simd, WithSimd};
 
 use super::collocation::{self, CollocationStep};
 use super::numbers::{N_LANES, Number};
-use super::prepared_record::Record;
+use super::prepared_record::PreparedRows;
 use super::schedule::Schedule;
 use super::system::System;
 use base::number::PointScalar;
-use laws::stages::LARGEST_EXPONENT;
+use laws::stages::MAX_GRADIENT_EXPONENT;
 
 /// Computes the position (m) of the robot at every row.
-pub fn run<S: Number>(record: &Record, system: &System<S>, position_m: &mut [S]) {
+pub fn run<S: Number>(record: &PreparedRows, system: &System<S>, position_m: &mut [S]) {
     let schedule = Schedule::new(record, system);
     let steps: Vec<CollocationStep<S>> =
         schedule.length_s.iter().map(|&length_s| CollocationStep::new(system, length_s, record.is_linear)).collect();
@@ -20,7 +20,7 @@ pub fn run<S: Number>(record: &Record, system: &System<S>, position_m: &mut [S])
 
 /// For each point, true if |g x| stays below the limit at every row. NaN counts as true here and is found at the last row.
 pub(super) fn are_held<S: Number>(system: &System<S>, position_m: &[S]) -> [bool; N_LANES] {
-    Arch::new().dispatch(LargestExponent { system, position_m }).map(|largest| largest < LARGEST_EXPONENT)
+    Arch::new().dispatch(LargestExponent { system, position_m }).map(|largest| largest < MAX_GRADIENT_EXPONENT)
 }
 
 struct LargestExponent<'a, S> {
@@ -58,7 +58,7 @@ impl<S: Number> WithSimd for CollocationRun<'_, S> {
     #[inline(always)]
     fn with_simd<V: Simd>(self, _simd: V) {
         let system = self.system;
-        let mut state = collocation::State::new(system);
+        let mut state = collocation::CollocationState::new(system);
         let late_s = system.late_s();
         for piece in &self.schedule.pieces {
             let level = &self.schedule.levels[piece.level];

@@ -10,14 +10,14 @@ use pulp::{Arch, Simd, WithSimd};
 
 use super::moments::entire_functions_of_decay;
 use super::numbers::{ComplexLanes, Field, N_LANES, Number, Real};
-use super::prepared_record::Record;
+use super::prepared_record::PreparedRows;
 use super::system::{Mode, System};
 use base::number::{Complex, PointScalar, Scalar};
 
 /// Effect of a step on the modes.
-struct Step<S> {
-    modes: Vec<Row<S>>,
-    oscillating: Vec<Row<Complex<S>>>,
+struct LinearStep<S> {
+    modes: Vec<LinearRow<S>>,
+    oscillating: Vec<LinearRow<Complex<S>>>,
     /// e^{−λh}.
     lag_decay: S,
     length_s: f64,
@@ -25,7 +25,7 @@ struct Step<S> {
 
 /// Coefficients d, q, k and r of one mode.
 #[derive(Clone, Copy)]
-pub(super) struct Row<T> {
+pub(super) struct LinearRow<T> {
     pub decay: T,
     pub gain: T,
     pub lag_gain: T,
@@ -33,7 +33,7 @@ pub(super) struct Row<T> {
     pub ramp_gain: T,
 }
 
-impl<T: Copy> Row<T> {
+impl<T: Copy> LinearRow<T> {
     pub fn filled(zero: T) -> Self {
         Self { decay: zero, gain: zero, lag_gain: zero, ramp_gain: zero }
     }
@@ -41,7 +41,7 @@ impl<T: Copy> Row<T> {
 
 /// Coefficients d, q, k of a mode over a step of length h, and r where forces rise.
 #[inline(always)]
-pub(super) fn row<N: Number>(mode: Mode<N>, length_s: N, lag_rate: Option<N>, rises: bool) -> Row<N> {
+pub(super) fn row<N: Number>(mode: Mode<N>, length_s: N, lag_rate: Option<N>, rises: bool) -> LinearRow<N> {
     let z = mode.rate * length_s;
     let (decay, mean) = z.decay();
     let input = mode.gain * length_s;
@@ -50,7 +50,7 @@ pub(super) fn row<N: Number>(mode: Mode<N>, length_s: N, lag_rate: Option<N>, ri
         None => N::constant(0.0),
     };
     let ramp_gain = if rises { input * length_s * entire_functions_of_decay(z)[1] } else { N::constant(0.0) };
-    Row { decay, gain: input * mean, lag_gain, ramp_gain }
+    LinearRow { decay, gain: input * mean, lag_gain, ramp_gain }
 }
 
 /// Coefficients of an oscillating mode, as [`row`] returns them.
@@ -59,7 +59,7 @@ pub(super) fn oscillating_row<N: Real>(
     length_s: N,
     lag_rate: Option<N>,
     rises: bool,
-) -> Row<Complex<N>> {
+) -> LinearRow<Complex<N>> {
     let z = mode.rate.times(length_s);
     let input = mode.gain.times(length_s);
     let lag_gain = lag_rate.map_or(Complex::real(0.0), |lag_rate| {
@@ -71,7 +71,7 @@ pub(super) fn oscillating_row<N: Real>(
         true => input.times(length_s) * super::moments::entire_functions(z * -1.0)[1],
         false => Complex::real(0.0),
     };
-    Row { decay: (z * -1.0).exponential(), gain: input * mean_decay(z), lag_gain, ramp_gain }
+    LinearRow { decay: (z * -1.0).exponential(), gain: input * mean_decay(z), lag_gain, ramp_gain }
 }
 
 /// (1 − e⁻ᶻ)/z, by its series near 0.
@@ -91,12 +91,12 @@ impl<S: Number> Mode<Complex<S>> {
     }
 }
 
-impl<S: Number> Step<S> {
+impl<S: Number> LinearStep<S> {
     fn new(system: &System<S>, length_s: f64, rises: bool) -> Self {
         let zero = S::constant(0.0);
         let mut step = Self {
-            modes: vec![Row::filled(zero); system.modes.len()],
-            oscillating: vec![Row::filled(complex_zero()); system.oscillating.len()],
+            modes: vec![LinearRow::filled(zero); system.modes.len()],
+            oscillating: vec![LinearRow::filled(complex_zero()); system.oscillating.len()],
             lag_decay: zero,
             length_s,
         };
@@ -124,7 +124,7 @@ struct FillRows<'a, S> {
     system: &'a System<S>,
     length_s: f64,
     rises: bool,
-    rows: &'a mut [Row<S>],
+    rows: &'a mut [LinearRow<S>],
 }
 
 impl<S: Number> WithSimd for FillRows<'_, S> {
@@ -145,7 +145,7 @@ fn complex_zero<N: Number>() -> Complex<N> {
 }
 
 /// Switch between rows, at one point.
-struct Kick<N> {
+struct BetweenRowsSwitch<N> {
     lane: usize,
     /// Row after the switch.
     row: usize,
@@ -157,7 +157,7 @@ struct Kick<N> {
 }
 
 /// Switches of all points in the order of rows.
-fn kicks<S: Number>(record: &Record, system: &System<S>) -> Vec<Kick<S::Lane>> {
+fn kicks<S: Number>(record: &PreparedRows, system: &System<S>) -> Vec<BetweenRowsSwitch<S::Lane>> {
     let mut kicks = Vec::with_capacity(S::N_POINTS * record.switches.len());
     let mut rows = [1; N_LANES];
     // Points are the inner loop: delays are similar, so that the kicks are nearly sorted.
@@ -176,7 +176,7 @@ fn kicks<S: Number>(record: &Record, system: &System<S>) -> Vec<Kick<S::Lane>> {
             if row < record.n_rows {
                 let remaining_s = S::Lane::constant(record.time_s[row] - switch.time_s) - delay_s;
                 let (change_n, bend_n_per_s) = (change_n.lane(lane), bend_n_per_s.lane(lane));
-                kicks.push(Kick { lane, row, remaining_s, change_n, bend_n_per_s });
+                kicks.push(BetweenRowsSwitch { lane, row, remaining_s, change_n, bend_n_per_s });
             }
         }
     }
@@ -202,11 +202,11 @@ impl<N: Real> KickResponse<N> {
         let real = system.modes.iter().map(|mode| row(mode.lane(lane), after_s, lag_rate, rises));
         let complex = system.oscillating.iter().map(|mode| oscillating_row(mode.lane(lane), after_s, lag_rate, rises));
         // Behind a lag, a bend moves the level by −τ times the change of the slope and leaves the force unchanged.
-        let of_real = |row: Row<N>| {
+        let of_real = |row: LinearRow<N>| {
             let step = row.gain - row.lag_gain;
             (step, row.ramp_gain - late_s * step)
         };
-        let of_complex = |row: Row<Complex<N>>| {
+        let of_complex = |row: LinearRow<Complex<N>>| {
             let step = row.gain - row.lag_gain;
             (step, row.ramp_gain - step.times(late_s))
         };
@@ -221,12 +221,12 @@ impl<N: Real> KickResponse<N> {
 }
 
 /// Computes the position (m) at every row without the factor of softening.
-pub fn run<S: Number>(record: &Record, system: &System<S>, position_m: &mut [S]) {
+pub fn run<S: Number>(record: &PreparedRows, system: &System<S>, position_m: &mut [S]) {
     let zero = S::constant(0.0);
     let longest = record.holds.iter().map(|hold| hold.rows.len()).max().unwrap_or(0);
-    let mut sweep = Sweep {
+    let mut sweep = LinearSweep {
         system,
-        steps: record.step_s.iter().map(|&length_s| Step::new(system, length_s, record.is_linear)).collect(),
+        steps: record.step_s.iter().map(|&length_s| LinearStep::new(system, length_s, record.is_linear)).collect(),
         modes: vec![zero; system.modes.len()],
         oscillating: vec![complex_zero(); system.oscillating.len()],
         is_linear: record.is_linear,
@@ -264,9 +264,9 @@ pub fn run<S: Number>(record: &Record, system: &System<S>, position_m: &mut [S])
 }
 
 /// State on its way through the record.
-struct Sweep<'a, S> {
+struct LinearSweep<'a, S> {
     system: &'a System<S>,
-    steps: Vec<Step<S>>,
+    steps: Vec<LinearStep<S>>,
     modes: Vec<S>,
     oscillating: Vec<Complex<S>>,
     is_linear: bool,
@@ -283,7 +283,7 @@ struct Sweep<'a, S> {
     oscillating_input: Vec<Complex<S>>,
 }
 
-impl<S: Number> Sweep<'_, S> {
+impl<S: Number> LinearSweep<'_, S> {
     /// Changes the level. Behind a lag the force itself does not jump.
     fn change_level(&mut self, command_n: S, slope_n_per_s: S) {
         let mut level_n = command_n;
@@ -315,7 +315,7 @@ impl<S: Number> Sweep<'_, S> {
             // In such a record every row is a separate step.
             self.level_n += self.slope_n_per_s * step.length_s;
         }
-        Arch::new().dispatch(Rows {
+        Arch::new().dispatch(LinearRows {
             step,
             system: self.system,
             modes: &mut self.modes,
@@ -332,7 +332,7 @@ impl<S: Number> Sweep<'_, S> {
     /// Adds a switch's own response in the last step.
     fn kick(
         &mut self,
-        kick: &Kick<S::Lane>,
+        kick: &BetweenRowsSwitch<S::Lane>,
         known: &mut Option<KickResponse<S::Lane>>,
         tolerance_s: f64,
         position_m: &mut S,
@@ -366,8 +366,8 @@ impl<S: Number> Sweep<'_, S> {
 }
 
 /// Task that takes equal steps under one level.
-struct Rows<'a, S> {
-    step: &'a Step<S>,
+struct LinearRows<'a, S> {
+    step: &'a LinearStep<S>,
     system: &'a System<S>,
     modes: &'a mut [S],
     oscillating: &'a mut [Complex<S>],
@@ -379,7 +379,7 @@ struct Rows<'a, S> {
     position_m: &'a mut [S],
 }
 
-impl<S: Number> WithSimd for Rows<'_, S> {
+impl<S: Number> WithSimd for LinearRows<'_, S> {
     type Output = ();
 
     #[inline(always)]
@@ -397,7 +397,7 @@ impl<S: Number> WithSimd for Rows<'_, S> {
         } else {
             position_m.fill(system.instantaneous * level_n);
         }
-        let mut part = Part {
+        let mut part = LinearPart {
             rows: &step.modes,
             inputs: self.input,
             oscillating_inputs: self.oscillating_input,
@@ -433,18 +433,18 @@ impl<S: Number> WithSimd for Rows<'_, S> {
 const WIDEST: usize = 8;
 
 /// Modes that have not passed through the rows yet.
-struct Part<'a, S> {
-    rows: &'a [Row<S>],
+struct LinearPart<'a, S> {
+    rows: &'a [LinearRow<S>],
     inputs: &'a [S],
     oscillating_inputs: &'a [Complex<S>],
     states: &'a mut [S],
-    oscillating_rows: &'a [Row<Complex<S>>],
+    oscillating_rows: &'a [LinearRow<Complex<S>>],
     oscillating: &'a mut [Complex<S>],
     deficits_n: &'a [S],
     lagging: bool,
 }
 
-impl<S: Number> Part<'_, S> {
+impl<S: Number> LinearPart<'_, S> {
     /// Passes the first `B` modes, with an oscillating one if any is left, through the rows, and adds them to the position.
     #[inline(always)]
     fn block<const B: usize>(&mut self, position_m: &mut [S]) {

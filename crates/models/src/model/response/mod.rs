@@ -31,19 +31,19 @@ pub use numbers::{Lanes, N_LANES};
 use base::error::Result;
 use base::number::{Dual, PointScalar, Scalar};
 use laws::rheology::TimeWindow;
-use laws::stages::{Observation, Spread, Stages};
+use laws::stages::{Observation, ReducedField, Stages};
 use numbers::{Number, Real, gather};
-use prepared_record::Record;
-use record::{Force, KeptForce};
-use system::{Lowered, System};
+use prepared_record::PreparedRows;
+use record::{Force, OwnedForce};
+use system::{PointNumbers, System};
 
 /// Record prepared for the evaluation of models.
 #[derive(Debug, Clone)]
 pub struct Response {
-    record: Record,
+    record: PreparedRows,
     window: TimeWindow,
     time_s: Vec<f64>,
-    force: KeptForce,
+    force: OwnedForce,
 }
 
 impl Response {
@@ -51,7 +51,7 @@ impl Response {
     pub fn new<'f>(time_s: &[f64], force: impl Into<Force<'f>>, n_rows: usize) -> Self {
         // The force after the last row does not affect the rows.
         let force = force.into().first(n_rows);
-        let record = Record::new(time_s, force, n_rows);
+        let record = PreparedRows::new(time_s, force, n_rows);
         let shortest_s = record.step_s.iter().copied().fold(f64::INFINITY, f64::min);
         // Without a step the law is not evaluated, and any window is suitable.
         let window = match record.time_s.last() {
@@ -63,9 +63,9 @@ impl Response {
     }
 
     /// Numbers of stages, with the excess of a nonlinear law over the linear one's position.
-    fn lowered<T: Real>(&self, stages: &Stages, compliance_per_m: T) -> Result<Lowered<T>> {
-        let mut point = Lowered::new(stages, compliance_per_m, self.window, &self.record)?;
-        if let Some(Spread::Stepped(stepped)) = &stages.spread {
+    fn lowered<T: Real>(&self, stages: &Stages, compliance_per_m: T) -> Result<PointNumbers<T>> {
+        let mut point = PointNumbers::new(stages, compliance_per_m, self.window, &self.record)?;
+        if let Some(ReducedField::Stepped(stepped)) = &stages.spread {
             let excess_m = T::excess_m(&*stepped.0, stages, compliance_per_m, &self.time_s, self.force.get())?;
             point.excess_m = Some(excess_m);
         }
@@ -83,7 +83,7 @@ impl Response {
         let point = self.lowered(stages, compliance_per_m)?;
         let mut position_m = Vec::new();
         let sound = self.run::<f64>(&[&point], &mut position_m)[0];
-        if sound { Ok(position_m) } else { Err(stages.load.of::<f64>().refusal()) }
+        if sound { Ok(position_m) } else { Err(stages.load.of::<f64>().divergence_error()) }
     }
 
     /// Recorded position and its derivative in the direction that the stages carry, at every row.
@@ -95,7 +95,7 @@ impl Response {
         let point = self.lowered(stages, compliance_per_m)?;
         let mut position_m = Vec::new();
         let sound = self.run::<Dual>(&[&point], &mut position_m)[0];
-        if sound { Ok(position_m) } else { Err(stages.load.of::<f64>().refusal()) }
+        if sound { Ok(position_m) } else { Err(stages.load.of::<f64>().divergence_error()) }
     }
 
     /// Derivatives of the recorded position at every row by each parameter of the function of a state; empty without such a function.
@@ -104,9 +104,9 @@ impl Response {
     /// Those of [`Self::trajectory_m`].
     pub fn by_function_m(&self, stages: &Stages, compliance_per_m: f64) -> Result<Vec<Vec<f64>>> {
         let Some(law) = &stages.state_law else { return Ok(Vec::new()) };
-        let mut point = Lowered::<Dual>::new(stages, Dual::constant(compliance_per_m), self.window, &self.record)?;
+        let mut point = PointNumbers::<Dual>::new(stages, Dual::constant(compliance_per_m), self.window, &self.record)?;
         let (excess_m, slopes) = state_law::excess_and_slopes_m(self, stages, law, compliance_per_m)?;
-        if !(point.shape.rooted || point.shape.observed) {
+        if !(point.shape.is_depth || point.shape.observed) {
             return Ok(slopes);
         }
         let mut position_m = Vec::new();
@@ -127,7 +127,7 @@ impl Response {
         compliance_per_m: &[f64],
         position_m: &mut Vec<Lanes>,
     ) -> [bool; N_LANES] {
-        let points: Vec<Option<Lowered<f64>>> = stages
+        let points: Vec<Option<PointNumbers<f64>>> = stages
             .iter()
             .zip(compliance_per_m)
             .take(N_LANES)
@@ -140,7 +140,7 @@ impl Response {
             let alike = |lane: &usize| points[*lane].as_ref().is_some_and(|point| point.shape == shape);
             let (group, others): (Vec<usize>, Vec<usize>) = waiting.into_iter().partition(alike);
             waiting = others;
-            let members: Vec<&Lowered<f64>> = group.iter().filter_map(|&lane| points[lane].as_ref()).collect();
+            let members: Vec<&PointNumbers<f64>> = group.iter().filter_map(|&lane| points[lane].as_ref()).collect();
             if group.len() == points.len() {
                 return self.run::<Lanes>(&members, position_m);
             } else {
@@ -158,7 +158,7 @@ impl Response {
     }
 
     /// Computes points of one shape. The result is true for each point that has a position.
-    fn run<S: Number>(&self, points: &[&Lowered<S::Lane>], position_m: &mut Vec<S>) -> [bool; N_LANES] {
+    fn run<S: Number>(&self, points: &[&PointNumbers<S::Lane>], position_m: &mut Vec<S>) -> [bool; N_LANES] {
         let system = System::<S>::gather(points);
         position_m.resize(self.record.n_rows, S::constant(0.0));
         if let Some(first) = position_m.first_mut() {
@@ -183,7 +183,7 @@ impl Response {
                 position.set_lane(lane, position.lane(lane) + *excess);
             }
         }
-        if system.shape.rooted {
+        if system.shape.is_depth {
             for position in position_m.iter_mut() {
                 *position = depth(*position, &system.observation);
             }
@@ -202,7 +202,7 @@ impl Response {
 }
 
 /// Multiplies the positions by e^{rt}, row by row.
-fn soften<S: Number>(record: &Record, system: &System<S>, position_m: &mut [S]) {
+fn soften<S: Number>(record: &PreparedRows, system: &System<S>, position_m: &mut [S]) {
     let growths: Vec<S> = record.step_s.iter().map(|&step_s| (system.softening_rate * step_s).exp()).collect();
     let mut factor = S::constant(1.0);
     for hold in &record.holds {
@@ -219,17 +219,17 @@ fn depth<S: Number>(linear: S, observation: &Observation<S>) -> S {
 }
 
 /// Converts the robot's into the recorded position.
-fn observe<S: Number>(record: &Record, system: &System<S>, position_m: &mut [S]) {
+fn observe<S: Number>(record: &PreparedRows, system: &System<S>, position_m: &mut [S]) {
     for (position, &time_s) in position_m.iter_mut().zip(&record.time_s) {
-        *position = system.observation.straight_m(*position, time_s);
+        *position = system.observation.without_approaches_m(*position, time_s);
     }
     for approach in &system.observation.approaches {
-        let decays: Vec<S> = record.step_s.iter().map(|&step_s| approach.left_after(step_s)).collect();
+        let decays: Vec<S> = record.step_s.iter().map(|&step_s| approach.remaining_after(step_s)).collect();
         let mut left = S::constant(1.0);
         for hold in &record.holds {
             for position in &mut position_m[hold.rows.clone()] {
                 left = left * decays[hold.step];
-                *position += approach.passed_m(left);
+                *position += approach.drift_m(left);
             }
         }
     }

@@ -15,7 +15,7 @@ const N_SEARCHED: usize = 64;
 
 /// Rows and commands. Times are measured from the first row.
 #[derive(Debug, Clone)]
-pub(super) struct Record {
+pub(super) struct PreparedRows {
     pub n_rows: usize,
     /// Time of every row in s.
     pub time_s: Vec<f64>,
@@ -24,7 +24,7 @@ pub(super) struct Record {
     pub holds: Vec<Hold>,
     pub switches: Vec<Switch>,
     /// Distinct commands. The first is zero and acts before the record.
-    pub commands: Vec<Line>,
+    pub commands: Vec<PreparedLine>,
     /// True if commands change between rows.
     pub is_linear: bool,
     /// Largest size of a command, in N.
@@ -39,14 +39,14 @@ pub(super) struct Hold {
     /// Index of the step's length.
     pub step: usize,
     /// Command from the row before the first on.
-    pub line: Line,
+    pub line: PreparedLine,
     /// Rows at the steps' ends.
     pub rows: Range<usize>,
 }
 
 /// Command that is a straight line in time.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Line {
+pub(super) struct PreparedLine {
     /// Start time in s; any time if the command is constant.
     pub from_s: f64,
     /// Command at the start time, in N.
@@ -57,7 +57,7 @@ pub(super) struct Line {
     pub is_positive: bool,
 }
 
-impl Line {
+impl PreparedLine {
     const ZERO: Self = Self { from_s: 0.0, force_n: 0.0, slope_n_per_s: 0.0, is_positive: false };
 
     /// Command in N at a time (s).
@@ -72,15 +72,15 @@ pub(super) struct Switch {
     /// Row from which on the change is commanded.
     pub row: usize,
     pub time_s: f64,
-    pub before: Line,
-    pub after: Line,
+    pub before: PreparedLine,
+    pub after: PreparedLine,
     /// Index of the command after the change.
     pub command: usize,
     /// Size of the change over the largest force, including the change within the row after it.
     pub relative_size: f64,
 }
 
-impl Record {
+impl PreparedRows {
     /// Prepares the first `n_rows` rows.
     pub fn new(time_s: &[f64], force: Force<'_>, n_rows: usize) -> Self {
         let n_rows = n_rows.min(time_s.len()).min(force.at_rows_n.len());
@@ -90,13 +90,13 @@ impl Record {
         let tolerance_s = EQUAL_STEP_TOLERANCE * time_s.last().map_or(0.0, |last| last.abs() + start_s.abs());
         let (mut step_s, mut holds, mut switches) = (Vec::new(), Vec::<Hold>::new(), Vec::new());
         let largest_n = force.at_rows_n.iter().fold(0.0_f64, |largest, force| force.abs().max(largest));
-        let (mut commands, mut known) = (vec![Line::ZERO], HashMap::from([((0.0_f64.to_bits(), 0), 0)]));
+        let (mut commands, mut known) = (vec![PreparedLine::ZERO], HashMap::from([((0.0_f64.to_bits(), 0), 0)]));
         let is_linear = force.is_linear();
-        let mut before = Line::ZERO;
+        let mut before = PreparedLine::ZERO;
         for row in 1..n_rows {
             let length_s = time_s[row] - time_s[row - 1];
             let step = slot(&mut step_s, length_s, tolerance_s);
-            let line = Line {
+            let line = PreparedLine {
                 from_s: if is_linear { time_s[row - 1] } else { 0.0 },
                 force_n: force.at_rows_n[row - 1],
                 slope_n_per_s: force.slope_n_per_s(&time_s, row - 1),

@@ -8,7 +8,7 @@ use std::ops::Range;
 
 use super::grading::{N_SIZES, SIZE_RATIO};
 use super::numbers::{N_LANES, Number, Real, gather};
-use super::prepared_record::{Line, Record, slot};
+use super::prepared_record::{PreparedLine, PreparedRows, slot};
 use super::system::System;
 
 /// Largest step after a switch of each class, as a share of the time since. Behind a lag it is smaller, as the lag moves the force itself.
@@ -20,7 +20,7 @@ const MOST_HALVINGS: usize = 60;
 
 /// Equal steps under one command.
 #[derive(Debug, Clone)]
-pub(super) struct Piece {
+pub(super) struct SchedulePiece {
     /// Index of the step's length.
     pub length: usize,
     /// Index of the level.
@@ -29,7 +29,7 @@ pub(super) struct Piece {
     pub rows: Range<usize>,
 }
 
-impl Piece {
+impl SchedulePiece {
     #[inline(always)]
     pub fn n_steps(&self) -> usize {
         self.rows.len().max(1)
@@ -44,7 +44,7 @@ impl Piece {
 
 /// Steps of all points, in order.
 pub(super) struct Schedule<S> {
-    pub pieces: Vec<Piece>,
+    pub pieces: Vec<SchedulePiece>,
     /// Lengths in s.
     pub length_s: Vec<S>,
     /// Levels of the force.
@@ -65,10 +65,10 @@ pub(super) struct Level<S> {
 }
 
 impl<S: Number> Schedule<S> {
-    pub fn new(record: &Record, system: &System<S>) -> Self {
-        let level = |line: &Line| {
+    pub fn new(record: &PreparedRows, system: &System<S>) -> Self {
+        let level = |line: &PreparedLine| {
             let (force_n, slope_n_per_s) = system.scaled(*line, line.from_s);
-            let from_s = system.load.acts_at_s(line.from_s);
+            let from_s = system.load.action_time_s(line.from_s);
             Level { force_n: force_n + system.load.start_n(), slope_n_per_s, from_s }
         };
         let of_command: Vec<Level<S>> = record.commands.iter().map(level).collect();
@@ -87,7 +87,7 @@ impl<S: Number> Schedule<S> {
             return Self { pieces, length_s, levels: of_command, is_linear };
         }
         let parts: Vec<Parts<S::Lane>> = (0..S::N_POINTS).map(of_lane).collect();
-        Joint::new(record, &parts).schedule(&parts, &of_command, is_linear)
+        ScheduleJoint::new(record, &parts).schedule(&parts, &of_command, is_linear)
     }
 }
 
@@ -95,8 +95,8 @@ impl<S: Number> Schedule<S> {
 type Indices = [u32; N_LANES];
 
 /// Parts of several points in parallel. A point with fewer parts between two rows than another waits, in steps of length 0.
-struct Joint {
-    pieces: Vec<Piece>,
+struct ScheduleJoint {
+    pieces: Vec<SchedulePiece>,
     lengths: Distinct,
     levels: Distinct,
 }
@@ -144,8 +144,8 @@ struct Cursor {
     n_rows: usize,
 }
 
-impl Joint {
-    fn new<N>(record: &Record, parts: &[Parts<N>]) -> Self {
+impl ScheduleJoint {
+    fn new<N>(record: &PreparedRows, parts: &[Parts<N>]) -> Self {
         let mut joint = Self { pieces: Vec::new(), lengths: Distinct::default(), levels: Distinct::default() };
         let mut cursors = [Cursor { piece: 0, n_before: 0, n_rows: 0 }; N_LANES];
         let mut row = 1;
@@ -155,9 +155,9 @@ impl Joint {
                 cursor.n_before = ahead.iter().take_while(|piece| piece.rows.is_empty()).count();
                 cursor.n_rows = ahead.get(cursor.n_before).map_or(1, |piece| piece.rows.end - row);
             }
-            let own = &cursors[..parts.len()];
-            let n_before = own.iter().map(|cursor| cursor.n_before).max().unwrap_or(0);
-            let n_rows = own.iter().map(|cursor| cursor.n_rows).min().unwrap_or(1);
+            let entry = &cursors[..parts.len()];
+            let n_before = entry.iter().map(|cursor| cursor.n_before).max().unwrap_or(0);
+            let n_rows = entry.iter().map(|cursor| cursor.n_rows).min().unwrap_or(1);
             for place in 0..=n_before {
                 let (mut lengths, mut levels) = ([0; N_LANES], [0; N_LANES]);
                 for (lane, (cursor, parts)) in cursors.iter().zip(parts).enumerate() {
@@ -173,7 +173,7 @@ impl Joint {
                 }
                 let rows = if place == n_before { row..row + n_rows } else { 0..0 };
                 let (length, level) = (joint.lengths.index(lengths), joint.levels.index(levels));
-                joint.pieces.push(Piece { length, level, rows });
+                joint.pieces.push(SchedulePiece { length, level, rows });
             }
             row += n_rows;
             for (cursor, parts) in cursors.iter_mut().zip(parts) {
@@ -198,7 +198,7 @@ impl Joint {
 
 /// Parts of one point in order, and their distinct lengths in s. The first length is 0.
 struct Parts<N> {
-    pieces: Vec<Piece>,
+    pieces: Vec<SchedulePiece>,
     length_s: Vec<N>,
     /// Distinct lengths before they are halved, and the indices of the halves in `length_s`.
     whole_s: Vec<N>,
@@ -221,7 +221,7 @@ impl<N> Parts<N> {
 
 impl<N: Real> Parts<N> {
     /// Parts for a delay. `delay_s` cuts rows where commands begin to act; with `None` they act at rows.
-    fn new(record: &Record, delay_s: Option<N>, longest_s: [f64; N_SIZES], share_of_age: [f64; N_SIZES]) -> Self {
+    fn new(record: &PreparedRows, delay_s: Option<N>, longest_s: [f64; N_SIZES], share_of_age: [f64; N_SIZES]) -> Self {
         let mut age_s = [f64::INFINITY; N_SIZES];
         // A force that acts from the start, such as an offset, may have any size.
         age_s[0] = 0.0;
@@ -334,7 +334,7 @@ impl<N: Real> Parts<N> {
             last.rows.end = rows.end;
             return;
         }
-        self.pieces.push(Piece { length, level, rows });
+        self.pieces.push(SchedulePiece { length, level, rows });
     }
 }
 

@@ -1,6 +1,6 @@
 use super::super::grading::Grading;
 use super::super::numbers::Number;
-use super::super::system::Lowered;
+use super::super::system::PointNumbers;
 use super::super::{Lanes, Response};
 use super::*;
 use base::number::Dual;
@@ -49,7 +49,7 @@ fn fractional(order: f64) -> Stages {
 
 fn spectrum(stages: &Stages) -> RetardationSpectrum<f64> {
     let window = TimeWindow { shortest_s: 1e-3, longest_s: 24.0 };
-    RetardationSpectrum::of(&stages.law, window)
+    RetardationSpectrum::of_law(&stages.law, window)
         .map(|spectrum| RetardationSpectrum {
             instantaneous_per_pa: spectrum.instantaneous_per_pa.value,
             modes: spectrum.modes.iter().map(value_of_mode).collect(),
@@ -65,7 +65,7 @@ fn value_of_mode(mode: &laws::rheology::SpectralMode) -> laws::rheology::Spectra
 
 /// Positions (m) at the rows, with the law's grading or a given one.
 fn positions_m(time_s: &[f64], force_n: &[f64], stages: &Stages, grading: Option<Grading>) -> Vec<f64> {
-    let mut point = Lowered::with_spectrum(stages, &spectrum(stages), COMPLIANCE_PER_M, 2e-6);
+    let mut point = PointNumbers::with_spectrum(stages, &spectrum(stages), COMPLIANCE_PER_M, 2e-6);
     point.grading = grading.unwrap_or(point.grading);
     let mut position_m = Vec::new();
     assert!(Response::new(time_s, force_n, time_s.len()).run::<f64>(&[&point], &mut position_m)[0]);
@@ -167,7 +167,7 @@ fn first_steps_follow_sizes_shares_and_rates() {
 fn parts_fill_the_rows() {
     let time_s = time_s();
     let parts = |force_n: &[f64], delay_s: f64, longest_s: [f64; N_SIZES]| {
-        let record = Record::new(&time_s, force_n.into(), N_ROWS);
+        let record = PreparedRows::new(&time_s, force_n.into(), N_ROWS);
         let parts = Parts::new(&record, (delay_s > 0.0).then_some(delay_s), longest_s, SHARE_OF_AGE);
         let (mut now_s, mut n_steps, mut row) = (0.0, 0, 1);
         for piece in &parts.pieces {
@@ -212,7 +212,7 @@ fn points_with_their_own_gradings_share_a_schedule() {
     let points = [0.1, 0.15, 0.2, 0.3, 0.4, 0.5, 0.7, 0.9].map(fractional).to_vec();
     let gradings = points
         .iter()
-        .map(|stages| Lowered::with_spectrum(stages, &spectrum(stages), COMPLIANCE_PER_M, 2e-6).grading.exponents);
+        .map(|stages| PointNumbers::with_spectrum(stages, &spectrum(stages), COMPLIANCE_PER_M, 2e-6).grading.exponents);
     let mut distinct: Vec<_> = gradings.collect();
     distinct.dedup();
     assert!(distinct.len() > 2, "{distinct:?}");

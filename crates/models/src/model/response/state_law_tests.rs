@@ -4,7 +4,7 @@
 use super::Response;
 use base::number::{Dual, Scalar};
 use elements::fe::stepping::Resolution;
-use elements::fe::stepping::run::answers;
+use elements::fe::stepping::run::strains_and_positions;
 use laws::rheology::{BaseLaw, Network};
 use laws::stages::{Function, Operation, Quantity, Stages, State, StateFunction, StateLaw};
 use record::{Force, ForceRule};
@@ -75,7 +75,7 @@ fn bounded(base: BaseLaw, parameters: &[f64], quantity: &str, state: State, size
 
 fn full_m(stages: &Stages, time_s: &[f64], force: Force<'_>, steps_per_doubling: u32) -> Vec<f64> {
     let resolution = Resolution { steps_per_doubling };
-    let found = answers(COMPLIANCE_PER_M, stages, time_s, force, resolution).expect("a sound model");
+    let found = strains_and_positions(COMPLIANCE_PER_M, stages, time_s, force, resolution).expect("a sound model");
     found
         .iter()
         .zip(time_s)
@@ -112,8 +112,8 @@ fn reduced_and_full_agree() {
                 let found = response.trajectory_m(&stages, COMPLIANCE_PER_M).expect("a sound model");
                 let error = distance(&found, &full_m(&stages, &time_s, force, 24));
                 println!("{rule:?} {quantity} of {name}: {error:.1e}");
-                let own = &mut worst[usize::from(force.is_linear())];
-                *own = own.max(error);
+                let value = &mut worst[usize::from(force.is_linear())];
+                *value = value.max(error);
                 n_cases += 1;
             }
         }
@@ -160,8 +160,8 @@ fn sensitivities_equal_differences() {
         let at = |moved: usize, h: f64, seed: bool| {
             let mut law = LETHERSICH.map(Dual::constant);
             let mut stages = bounded(BaseLaw::Lethersich, &LETHERSICH, quantity, state, 0.4);
-            let own = stages.state_law.as_mut().expect("a state law");
-            let target = if moved < 3 { &mut law[moved] } else { &mut own.parameters[moved - 3] };
+            let state_law = stages.state_law.as_mut().expect("a state law");
+            let target = if moved < 3 { &mut law[moved] } else { &mut state_law.parameters[moved - 3] };
             *target = Dual { value: target.value * (1.0 + h), derivative: if seed { target.value } else { 0.0 } };
             Stages { law: BaseLaw::Lethersich.elements(&law), ..stages }
         };

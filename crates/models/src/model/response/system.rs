@@ -6,15 +6,15 @@
 
 use super::grading::Grading;
 use super::numbers::{N_LANES, Number, Real, gather};
-use super::prepared_record::{Line, Record};
+use super::prepared_record::{PreparedLine, PreparedRows};
 use base::error::{Error, Result};
 use base::number::Complex;
 use laws::rheology::{Accuracy, RetardationSpectrum, TimeWindow};
-use laws::stages::{Load, Observation, Spatial, Spread, Stages};
+use laws::stages::{Load, Observation, ReducedField, Spatial, Stages};
 
 /// Parts that a model has. Points of one shape are computed together. A point's arithmetic depends on its shape alone.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) struct Shape {
+pub(super) struct SystemShape {
     n_modes: usize,
     n_oscillating: usize,
     n_approaches: usize,
@@ -25,13 +25,13 @@ pub(super) struct Shape {
     /// True if the recorded position differs from the robot's.
     pub observed: bool,
     /// True if the position is a root of the linear response.
-    pub rooted: bool,
+    pub is_depth: bool,
 }
 
 /// Numbers of one point, in the order of [`System::gather`], and its shape.
 #[derive(Debug, Clone)]
-pub(super) struct Lowered<T> {
-    pub shape: Shape,
+pub(super) struct PointNumbers<T> {
+    pub shape: SystemShape,
     pub grading: Grading,
     numbers: Vec<T>,
     /// Excess of a nonlinear law's position over the linear one's at every row, in m.
@@ -50,7 +50,7 @@ pub(super) struct Mode<T> {
 /// Numbers of one or several points of one shape.
 #[derive(Debug, Clone)]
 pub(super) struct System<S> {
-    pub shape: Shape,
+    pub shape: SystemShape,
     /// Grading of each point.
     pub gradings: [Grading; N_LANES],
     /// C J₀ in m/N.
@@ -68,9 +68,9 @@ pub(super) struct System<S> {
 /// between them.
 pub(super) const BETWEEN_ROWS: f64 = 1e-2;
 
-impl<T: Real> Lowered<T> {
+impl<T: Real> PointNumbers<T> {
     /// Numbers of stages, without the excess of a nonlinear law. `window` is the range of times that the record's rows need.
-    pub fn new(stages: &Stages, compliance_per_m: T, window: TimeWindow, record: &Record) -> Result<Self> {
+    pub fn new(stages: &Stages, compliance_per_m: T, window: TimeWindow, record: &PreparedRows) -> Result<Self> {
         let load = &stages.load;
         load.check()?;
         if stages.spread.is_some() && stages.state_law.is_some()
@@ -85,15 +85,16 @@ impl<T: Real> Lowered<T> {
         let shortest_s = window.shortest_s * if at_rows { 1.0 } else { BETWEEN_ROWS };
         let window = TimeWindow { shortest_s, ..window };
         let spectrum = match (&stages.spread, &stages.spatial) {
-            (Some(Spread::Terms { beside, terms }), _) if stages.softening_rate_per_s.is_constant(0.0) => {
+            (Some(ReducedField::Terms { beside, terms }), _) if stages.softening_rate_per_s.is_constant(0.0) => {
                 RetardationSpectrum::spread(&stages.law, beside, terms, window, Accuracy::Fast)?
             }
-            (Some(Spread::Stepped(_)), Some(Spatial::Nonlinear(_) | Spatial::Large { .. } | Spatial::Outside(_)))
-                if stages.softening_rate_per_s.is_constant(0.0) =>
-            {
-                RetardationSpectrum::with_accuracy(&stages.law, window, Accuracy::Fast)?
+            (
+                Some(ReducedField::Stepped(_)),
+                Some(Spatial::Nonlinear(_) | Spatial::Large { .. } | Spatial::External(_)),
+            ) if stages.softening_rate_per_s.is_constant(0.0) => {
+                RetardationSpectrum::of_law_with_accuracy(&stages.law, window, Accuracy::Fast)?
             }
-            (None, None) => RetardationSpectrum::with_accuracy(&stages.law, window, Accuracy::Fast)?,
+            (None, None) => RetardationSpectrum::of_law_with_accuracy(&stages.law, window, Accuracy::Fast)?,
             _ => {
                 return Err(Error::numerical(
                     "the field's terms are missing, or the gel softens as well",
@@ -112,16 +113,16 @@ impl<T: Real> Lowered<T> {
         largest_n: f64,
     ) -> Self {
         let (load, observation) = (&stages.load, &stages.observation);
-        let shape = Shape {
+        let shape = SystemShape {
             n_modes: spectrum.modes.len() + 1,
             n_oscillating: spectrum.oscillating.len(),
             n_approaches: observation.approaches.len(),
             delayed: load.is_delayed(),
-            lagging: load.lags(),
+            lagging: load.has_lag(),
             softening: !stages.softening_rate_per_s.is_constant(0.0),
             feedback: load.depends_on_position(),
             observed: observation.is_changed(),
-            rooted: observation.is_rooted(),
+            is_depth: observation.is_depth(),
         };
         let lag = load.of::<f64>().lag_rate_per_s();
         let strength_pa = load.feedback_strength_pa(compliance_per_m.value(), load.largest_n(largest_n));
@@ -132,11 +133,11 @@ impl<T: Real> Lowered<T> {
         numbers.extend([
             compliance_per_m * spectrum.instantaneous_per_pa,
             lag_rate,
-            T::of(stages.softening_rate_per_s),
+            T::from_dual(stages.softening_rate_per_s),
         ]);
         numbers.extend(load.numbers());
-        numbers.extend(observation.numbers().into_iter().map(T::of));
-        let (real, oscillating) = modes_of(spectrum, compliance_per_m, T::of(stages.softening_rate_per_s));
+        numbers.extend(observation.numbers().into_iter().map(T::from_dual));
+        let (real, oscillating) = modes_of(spectrum, compliance_per_m, T::from_dual(stages.softening_rate_per_s));
         numbers.extend(real.flat_map(|mode| [mode.gain, mode.rate]));
         numbers.extend(oscillating.flat_map(|mode| [mode.gain.re, mode.gain.im, mode.rate.re, mode.rate.im]));
         Self { shape, grading, numbers, excess_m: None }
@@ -184,7 +185,7 @@ pub(super) fn modes_of<T: Real>(
 
 impl<S: Number> System<S> {
     /// Gathers points of one shape. The last point fills missing lanes.
-    pub fn gather(points: &[&Lowered<S::Lane>]) -> Self {
+    pub fn gather(points: &[&PointNumbers<S::Lane>]) -> Self {
         let shape = points[0].shape;
         let mut next = 0;
         let mut take = || {
@@ -207,7 +208,7 @@ impl<S: Number> System<S> {
     }
 
     /// Force after the factors, without the offset, in N, and its rate in N/s.
-    pub fn scaled(&self, line: Line, time_s: f64) -> (S, S) {
+    pub fn scaled(&self, line: PreparedLine, time_s: f64) -> (S, S) {
         let scaled = |commanded: f64| self.load.scaled(commanded, line.is_positive);
         (scaled(line.at_n(time_s)), scaled(line.slope_n_per_s))
     }

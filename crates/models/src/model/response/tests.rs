@@ -1,14 +1,14 @@
 //! Tests of the kernel against closed forms and against Runge–Kutta steps of the equations in physics §5.
 
 use super::numbers::Number;
-use super::system::Lowered;
+use super::system::PointNumbers;
 use super::{Lanes, N_LANES, Response};
 use crate::model::convolve_m;
 use base::number::{Dual, PointScalar};
 use laws::rheology::{
     BaseLaw, CreepCompliance, Element, OscillatingMode, RetardationSpectrum, SpectralMode, TimeWindow,
 };
-use laws::stages::{Approach, Stages};
+use laws::stages::{DriftApproach, Stages};
 use record::{Force, ForceRule};
 
 const COMPLIANCE_PER_M: f64 = 549.0;
@@ -170,7 +170,7 @@ fn runge_kutta(stages: &Stages, spectrum: &RetardationSpectrum) -> Vec<f64> {
 /// Spectrum of the law, with an oscillating mode on request.
 pub(super) fn spectrum(stages: &Stages, oscillating: bool) -> RetardationSpectrum {
     let window = TimeWindow { shortest_s: 1e-4, longest_s: 10.0 };
-    let mut spectrum = RetardationSpectrum::of(&stages.law, window).expect("a spectrum");
+    let mut spectrum = RetardationSpectrum::of_law(&stages.law, window).expect("a spectrum");
     if oscillating {
         let complex = |re, im| [number(re), number(im)];
         let mode = OscillatingMode { compliance_per_pa: complex(0.08, -0.05), rate_per_s: complex(1.3, 6.0) };
@@ -182,18 +182,18 @@ pub(super) fn spectrum(stages: &Stages, oscillating: bool) -> RetardationSpectru
 /// Spectrum in the numbers that a kernel carries.
 fn carried<T: PointScalar>(spectrum: &RetardationSpectrum) -> RetardationSpectrum<T> {
     let real = |mode: &SpectralMode| SpectralMode {
-        compliance_per_pa: T::of(mode.compliance_per_pa),
-        rate_per_s: T::of(mode.rate_per_s),
+        compliance_per_pa: T::from_dual(mode.compliance_per_pa),
+        rate_per_s: T::from_dual(mode.rate_per_s),
     };
     let complex = |mode: &OscillatingMode| OscillatingMode {
-        compliance_per_pa: mode.compliance_per_pa.map(T::of),
-        rate_per_s: mode.rate_per_s.map(T::of),
+        compliance_per_pa: mode.compliance_per_pa.map(T::from_dual),
+        rate_per_s: mode.rate_per_s.map(T::from_dual),
     };
     RetardationSpectrum {
-        instantaneous_per_pa: T::of(spectrum.instantaneous_per_pa),
+        instantaneous_per_pa: T::from_dual(spectrum.instantaneous_per_pa),
         modes: spectrum.modes.iter().map(real).collect(),
         oscillating: spectrum.oscillating.iter().map(complex).collect(),
-        fluidity_per_pa_s: T::of(spectrum.fluidity_per_pa_s),
+        fluidity_per_pa_s: T::from_dual(spectrum.fluidity_per_pa_s),
     }
 }
 
@@ -208,7 +208,7 @@ pub(super) fn respond_with<S: Number>(
     let force = Force { at_rows_n: &force_n, rule };
     let mut position_m = Vec::new();
     let response = Response::new(&time_s, force, time_s.len());
-    let point = Lowered::with_spectrum(stages, &carried(spectrum), PointScalar::of(compliance), 4.6e-6);
+    let point = PointNumbers::with_spectrum(stages, &carried(spectrum), PointScalar::from_dual(compliance), 4.6e-6);
     let sound = response.run::<S>(&[&point], &mut position_m);
     assert!(sound[0]);
     position_m
@@ -290,7 +290,7 @@ fn all_combinations_equal_runge_kutta() {
         stages.load.offset_n = number(3e-7);
         stages.observation.scale = number(0.93);
         stages.observation.velocity_m_per_s = number(-2e-5);
-        stages.observation.approaches.push(Approach { amplitude_m: number(1e-4), time_s: number(0.8) });
+        stages.observation.approaches.push(DriftApproach { amplitude_m: number(1e-4), time_s: number(0.8) });
         let spectrum = spectrum(&stages, choice & 16 != 0);
         let found: Vec<f64> = respond_with(&stages, &spectrum, number(COMPLIANCE_PER_M), ForceRule::Hold);
         let tolerance = if choice & 8 == 0 { 1e-10 } else { 2e-8 };

@@ -2,7 +2,7 @@
 
 use pulp::{Arch, Simd, WithSimd};
 
-use super::{LANES, Lanes, SumOfSquares};
+use super::{LANES, Lanes, ResidualSumOfSquares};
 use base::elementary::exp_m1_all;
 
 /// Reference trajectory and its residuals. Entries of rows that are not compared are 0.
@@ -26,7 +26,7 @@ pub(super) struct InnerProducts {
     pub impulse: f64,
 }
 
-impl SumOfSquares {
+impl ResidualSumOfSquares {
     /// Force through a Kelvin–Voigt body of unit compliance, in N, at every row.
     pub(super) fn response_n(&self, rate_per_s: f64) -> Vec<f64> {
         let mut response_n = vec![0.0; self.observed_m.len()];
@@ -54,7 +54,7 @@ impl SumOfSquares {
                 exp_m1_all(grown);
             }
             let mut sums = [[0.0; LANES]; 4];
-            Arch::new().dispatch(Pass { record: self, reference, grown: &grown, sums: &mut sums });
+            Arch::new().dispatch(ProductPass { record: self, reference, grown: &grown, sums: &mut sums });
             found.extend((0..chunk.len()).map(|lane| InnerProducts {
                 residual: sums[0][lane],
                 square: sums[1][lane],
@@ -66,15 +66,15 @@ impl SumOfSquares {
     }
 }
 
-struct Pass<'a> {
-    record: &'a SumOfSquares,
+struct ProductPass<'a> {
+    record: &'a ResidualSumOfSquares,
     reference: &'a Reference,
     /// e^{−rh} − 1 of each step.
     grown: &'a [Lanes],
     sums: &'a mut [Lanes; 4],
 }
 
-impl WithSimd for Pass<'_> {
+impl WithSimd for ProductPass<'_> {
     type Output = ();
 
     #[inline(always)]

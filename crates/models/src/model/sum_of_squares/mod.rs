@@ -5,7 +5,7 @@ mod table;
 
 use pulp::{Arch, Simd, WithSimd};
 
-use table::Table;
+use table::ProductTable;
 
 /// Number of points in one pass. It is a multiple of every register width, so that all points take one shape of pass.
 const LANES: usize = 16;
@@ -16,7 +16,7 @@ const EQUAL_STEP_TOLERANCE: f64 = 1e-13;
 
 /// Record prepared for the evaluation of Σ (yᵢ − xᵢ)² over chosen rows, for laws of one Kelvin–Voigt body and a dashpot.
 #[derive(Debug, Clone)]
-pub struct SumOfSquares {
+pub struct ResidualSumOfSquares {
     /// Distinct step lengths in s.
     step_s: Vec<f64>,
     holds: Vec<Hold>,
@@ -26,7 +26,7 @@ pub struct SumOfSquares {
     observed_m: Vec<f64>,
     n_observed: usize,
     /// Table that replaces the sums over rows, in a range of rates.
-    table: Option<Table>,
+    table: Option<ProductTable>,
 }
 
 /// Number of distinct steps that are searched for an equal one. A record with more has hardly any equal steps.
@@ -51,7 +51,7 @@ pub struct CreepLanes<'a> {
     pub flow_m_per_n_s: &'a [f64],
 }
 
-impl SumOfSquares {
+impl ResidualSumOfSquares {
     /// Prepares a record: times (s), commanded force (N), and the positions (m) to compare with, `None` where there is no comparison.
     /// Rows after the last comparison are dropped.
     pub fn new(time_s: &[f64], force_n: &[f64], observed_m: &[Option<f64>]) -> Self {
@@ -81,7 +81,7 @@ impl SumOfSquares {
     /// Adds a table over a range of ln(rate·s), in which the cost of a point does not depend on the number of rows. No table is added
     /// if it would be less accurate than the sum.
     pub fn tabulated(mut self, ln_rates: (f64, f64)) -> Self {
-        self.table = Table::new(&self, ln_rates);
+        self.table = ProductTable::new(&self, ln_rates);
         self
     }
 
@@ -112,7 +112,7 @@ impl SumOfSquares {
         let mut scratch = Scratch::new(self.step_s.len());
         for (index, chunk) in sum_m2.chunks_mut(LANES).enumerate() {
             scratch.load(&self.step_s, lanes, index * LANES, chunk.len());
-            Arch::new().dispatch(Pass { record: self, scratch: &mut scratch });
+            Arch::new().dispatch(SumPass { record: self, scratch: &mut scratch });
             chunk.copy_from_slice(&scratch.sum[..chunk.len()]);
         }
     }
@@ -154,12 +154,12 @@ impl Scratch {
     }
 }
 
-struct Pass<'a> {
-    record: &'a SumOfSquares,
+struct SumPass<'a> {
+    record: &'a ResidualSumOfSquares,
     scratch: &'a mut Scratch,
 }
 
-impl WithSimd for Pass<'_> {
+impl WithSimd for SumPass<'_> {
     type Output = ();
 
     #[inline(always)]
@@ -223,7 +223,7 @@ mod tests {
         let force_n: Vec<f64> = (0..n).map(|i| if (i / 20) % 2 == 0 { 4.6e-6 } else { -4.6e-6 }).collect();
         let observed: Vec<Option<f64>> =
             (0..n).map(|i| (i % 7 != 3 && i < 120).then(|| 1e-4 * (i as f64 * 0.1).sin())).collect();
-        let record = SumOfSquares::new(&time_s, &force_n, &observed);
+        let record = ResidualSumOfSquares::new(&time_s, &force_n, &observed);
         let points: Vec<[f64; 3]> =
             (0..37).map(|i| [3.0 + 0.1 * i as f64, 1.0 + 0.05 * i as f64, 40.0 + i as f64]).collect();
         let column = |f: fn(&[f64; 3]) -> f64| points.iter().map(f).collect::<Vec<f64>>();
@@ -243,7 +243,7 @@ mod tests {
     }
 
     /// Record of creep under alternating force with noise of 4 µm, at irregular times and with missing positions.
-    fn noisy_record(n: usize, irregular: bool) -> SumOfSquares {
+    fn noisy_record(n: usize, irregular: bool) -> ResidualSumOfSquares {
         let step_s = 40.0 / n as f64;
         let jitter = |i: usize| if irregular { 0.3 * step_s * ((i * 7919) % 13) as f64 / 13.0 } else { 0.0 };
         let time_s: Vec<f64> = (0..n).map(|i| step_s * i as f64 + jitter(i)).collect();
@@ -254,7 +254,7 @@ mod tests {
         let mut noise = || -> f64 { rng.sample(StandardNormal) };
         let observed: Vec<Option<f64>> =
             x.iter().enumerate().map(|(i, x)| (i % 11 != 4).then_some(x + NOISE_M * noise())).collect();
-        SumOfSquares::new(&time_s, &force_n, &observed)
+        ResidualSumOfSquares::new(&time_s, &force_n, &observed)
     }
 
     /// Parameters E, c₁, c₂ of the records, and their noise.
@@ -262,7 +262,7 @@ mod tests {
     const NOISE_M: f64 = 4e-6;
 
     /// Sums by the table and by the rows at points exp(size·(−1 … 1)) times the truth, and the number of points outside the table.
-    fn sums_around_the_truth(record: &SumOfSquares, size: f64, n_points: usize) -> (Vec<(f64, f64)>, usize) {
+    fn sums_around_the_truth(record: &ResidualSumOfSquares, size: f64, n_points: usize) -> (Vec<(f64, f64)>, usize) {
         let golden = [0.618_033_988_75, 0.754_877_666_25, 0.569_840_290_99];
         let of = |i: usize, d: usize| TRUTH[d] * (size * (2.0 * (golden[d] * (i + 1) as f64).fract() - 1.0)).exp();
         let column = |f: &dyn Fn(usize) -> f64| (0..n_points).map(f).collect::<Vec<f64>>();
@@ -304,7 +304,7 @@ mod tests {
     fn a_record_without_motion_is_summed() {
         let observed = [Some(1e-6); 12];
         let time_s: Vec<f64> = (0..12).map(f64::from).collect();
-        let record = SumOfSquares::new(&time_s, &[0.0; 12], &observed).tabulated((-3.0, 3.0));
+        let record = ResidualSumOfSquares::new(&time_s, &[0.0; 12], &observed).tabulated((-3.0, 3.0));
         let (one, mut sum) = ([1.0], [0.0]);
         record.evaluate(CreepLanes { retarded_m_per_n: &one, rate_per_s: &one, flow_m_per_n_s: &one }, &mut sum);
         assert!((sum[0] / 12e-12 - 1.0).abs() < 1e-12);

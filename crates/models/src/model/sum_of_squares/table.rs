@@ -15,7 +15,7 @@
 use pulp::{Arch, Simd, WithSimd};
 
 use super::inner_products::{InnerProducts, Reference};
-use super::{CreepLanes, SumOfSquares};
+use super::{CreepLanes, ResidualSumOfSquares};
 use base::elementary;
 
 /// Width of a piece of the table in ln r. The inner products are analytic for |Im ln r| < π/2, 25 times a piece's half width. Each further
@@ -39,17 +39,17 @@ const N_ROUNDS: usize = 5;
 const FINER: f64 = 16.0;
 
 /// Polynomials in the piece's coordinate on [−1, 1], lowest power first. Each power has one coefficient for each function.
-type Piece = [[f64; N_FUNCTIONS]; N_COEFFICIENTS];
+type CoefficientTable = [[f64; N_FUNCTIONS]; N_COEFFICIENTS];
 
 /// Inner products over a range of rates.
 #[derive(Debug, Clone)]
-pub(super) struct Table {
+pub(super) struct ProductTable {
     retarded_m_per_n: f64,
     flow_m_per_n_s: f64,
     ln_rate: f64,
     /// Number of pieces before the reference rate.
     n_before: usize,
-    pieces: Vec<Piece>,
+    pieces: Vec<CoefficientTable>,
     products: Constants,
 }
 
@@ -65,9 +65,9 @@ struct Constants {
     impulse_2: f64,
 }
 
-impl Table {
+impl ProductTable {
     /// Tabulates a record over a range of ln r; `None` if the record determines no reference, or the table fails its check.
-    pub fn new(record: &SumOfSquares, ln_rates: (f64, f64)) -> Option<Self> {
+    pub fn new(record: &ResidualSumOfSquares, ln_rates: (f64, f64)) -> Option<Self> {
         let (lower, upper) = ln_rates;
         if !(lower.is_finite() && upper.is_finite() && lower <= upper) {
             return None;
@@ -95,14 +95,14 @@ impl Table {
     }
 
     /// Interpolates each piece at its Chebyshev nodes. The reference rate, where k is 0/0, is an end of a piece and no node.
-    fn fill(&mut self, record: &SumOfSquares, reference: &Reference, n_pieces: usize) {
+    fn fill(&mut self, record: &ResidualSumOfSquares, reference: &Reference, n_pieces: usize) {
         let nodes: [f64; N_COEFFICIENTS] =
             std::array::from_fn(|j| (std::f64::consts::PI * (j as f64 + 0.5) / N_COEFFICIENTS as f64).cos());
         let away = |piece: usize, node: f64| self.centre(piece) + 0.5 * PIECE * node;
         let ln_rates: Vec<f64> = (0..n_pieces).flat_map(|piece| nodes.map(|node| away(piece, node))).collect();
         let values = self.products_with_k(record, reference, &ln_rates);
         for values in values.chunks_exact(N_COEFFICIENTS) {
-            let mut piece = Piece::default();
+            let mut piece = CoefficientTable::default();
             for function in 0..N_FUNCTIONS {
                 let of_nodes = std::array::from_fn(|j| values[j][function]);
                 let monomials = polynomial(&nodes, of_nodes);
@@ -113,7 +113,7 @@ impl Table {
     }
 
     /// Products of k with the residual, itself, the reference response and the impulse, summed over the rows.
-    fn products_with_k(&self, record: &SumOfSquares, reference: &Reference, ln_rates: &[f64]) -> Vec<[f64; 4]> {
+    fn products_with_k(&self, record: &ResidualSumOfSquares, reference: &Reference, ln_rates: &[f64]) -> Vec<[f64; 4]> {
         let rates: Vec<f64> = ln_rates.iter().map(|x| x.exp()).collect();
         let of_rate = |(products, ln_rate): (InnerProducts, &f64)| {
             let inverse = 1.0 / (ln_rate - self.ln_rate);
@@ -124,7 +124,7 @@ impl Table {
     }
 
     /// Returns `true` if the table agrees with the rows at rates spread over its range that are nodes of no piece.
-    fn holds(&self, record: &SumOfSquares, reference: &Reference) -> bool {
+    fn holds(&self, record: &ResidualSumOfSquares, reference: &Reference) -> bool {
         let golden = 0.5 * (5.0_f64.sqrt() - 1.0);
         let (first, width) = (self.centre(0) - 0.5 * PIECE, PIECE * self.pieces.len() as f64);
         // Half of the rates cover the whole range, half are around the reference rate.
@@ -189,7 +189,7 @@ impl Table {
 }
 
 struct Evaluation<'a> {
-    table: &'a Table,
+    table: &'a ProductTable,
     lanes: CreepLanes<'a>,
     sum_m2: &'a mut [f64],
 }
@@ -232,7 +232,7 @@ struct Profile {
 }
 
 impl Profile {
-    fn of_rates(record: &SumOfSquares, ln_rates: &[f64]) -> Vec<Self> {
+    fn of_rates(record: &ResidualSumOfSquares, ln_rates: &[f64]) -> Vec<Self> {
         let rates: Vec<f64> = ln_rates.iter().map(|x| x.exp()).collect();
         let n_rows = record.observed_m.len();
         let position_m: Vec<f64> = record.observed_m.iter().map(|y| if y.is_nan() { 0.0 } else { *y }).collect();
@@ -261,7 +261,7 @@ impl Profile {
 }
 
 /// Rate of the least-squares trajectory, by a search in rounds.
-fn best_ln_rate(record: &SumOfSquares, lower: f64, upper: f64) -> Option<f64> {
+fn best_ln_rate(record: &ResidualSumOfSquares, lower: f64, upper: f64) -> Option<f64> {
     let (mut first, mut width) = (lower, upper - lower);
     let mut best = None;
     for _ in 0..N_ROUNDS {
@@ -281,7 +281,7 @@ fn best_ln_rate(record: &SumOfSquares, lower: f64, upper: f64) -> Option<f64> {
 }
 
 /// Returns unit response and residuals of the reference trajectory, and the products that do not depend on the rate.
-fn reference(record: &SumOfSquares, ln_rate: f64, retarded: f64, flow: f64) -> (Reference, Constants) {
+fn reference(record: &ResidualSumOfSquares, ln_rate: f64, retarded: f64, flow: f64) -> (Reference, Constants) {
     let response_n = record.response_n(ln_rate.exp());
     let mut products = Constants::default();
     let rows = record.observed_m.iter().zip(&response_n).zip(&record.impulse_n_s);

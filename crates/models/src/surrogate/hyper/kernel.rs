@@ -5,7 +5,7 @@
 //! Each loop over the blocks is a separate pass ([`pulp::Simd::vectorize`]). A whole run compiled as one function takes the compiler a minute for each kind of
 //! processor, since the time of its passes grows with the square of a function's length.
 
-use super::lanes::{Block, N_LANES, Plain};
+use super::lanes::{LaneBlock, N_LANES, Plain};
 use base::number::PointScalar;
 use elements::fe::nonlinear::Bodies;
 use elements::fe::nonlinear::point::{EQUIVALENT, Number, Radial, STIFFENING_START, StageLaw};
@@ -23,11 +23,11 @@ const HYPERBOLA: f64 = 1.6;
 
 /// Strains of M modes at the points of the cubature, in blocks.
 #[derive(Debug, Clone, PartialEq)]
-pub(super) struct CubaturePoints<const M: usize>(Vec<Points<M>>);
+pub(super) struct CubaturePoints<const M: usize>(Vec<KernelPoints<M>>);
 
 /// Block of points.
 #[derive(Debug, Clone, PartialEq)]
-struct Points<const M: usize> {
+struct KernelPoints<const M: usize> {
     /// Strain of every mode, by tensor coordinate.
     strains: [[Plain; M]; 6],
     /// Products of the modes' deviators.
@@ -52,14 +52,14 @@ impl<const M: usize> CubaturePoints<M> {
             };
             let products = std::array::from_fn(|i| std::array::from_fn(|j| product(i, j)));
             let weights = unit_moduli.map(|modulus| lanes(weights_m3, 1, 0, b) * splat(modulus));
-            Points { strains, products, weights }
+            KernelPoints { strains, products, weights }
         };
         Self((0..weights_m3.len().div_ceil(N_LANES)).map(block).collect())
     }
 
     /// Largest equivalent strain at reduced coordinates.
     pub(super) fn largest_strain(&self, coordinates: &[f64; M]) -> f64 {
-        let at = |points: &Points<M>| deviator_norm(&points.strain::<Plain>(coordinates)).largest();
+        let at = |points: &KernelPoints<M>| deviator_norm(&points.strain::<Plain>(coordinates)).largest();
         EQUIVALENT * self.0.iter().map(at).fold(0.0, f64::max)
     }
 
@@ -69,10 +69,10 @@ impl<const M: usize> CubaturePoints<M> {
     }
 }
 
-impl<const M: usize> Points<M> {
+impl<const M: usize> KernelPoints<M> {
     /// Strain at reduced coordinates.
     #[inline(always)]
-    fn strain<B: Block>(&self, coordinates: &[B::Scalar; M]) -> BlockTensor<B> {
+    fn strain<B: LaneBlock>(&self, coordinates: &[B::Scalar; M]) -> BlockTensor<B> {
         let mut strain = [B::constant(splat(0.0)); 6];
         for (sum, of_modes) in strain.iter_mut().zip(&self.strains) {
             for (z, b) in coordinates.iter().zip(of_modes) {
@@ -85,12 +85,12 @@ impl<const M: usize> Points<M> {
 
 /// Contribution of a block's histories to the law: a = strain + offset, and κ H_N.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Given<B> {
+pub(super) struct HistoryTerms<B> {
     pub offset: BlockTensor<B>,
     pub taken: BlockTensor<B>,
 }
 
-impl<B: Block> Given<B> {
+impl<B: LaneBlock> HistoryTerms<B> {
     /// Contribution of a block's histories: the nonlinear body's, then the linear ones'.
     #[inline(always)]
     pub fn new(law: &StageLaw<B::Scalar>, histories: &[BlockTensor<B>]) -> Self {
@@ -109,8 +109,8 @@ impl<B: Block> Given<B> {
     }
 
     #[inline(always)]
-    pub(super) fn values(&self) -> Given<Plain> {
-        let mut values = Given { offset: [splat(0.0); 6], taken: [splat(0.0); 6] };
+    pub(super) fn values(&self) -> HistoryTerms<Plain> {
+        let mut values = HistoryTerms { offset: [splat(0.0); 6], taken: [splat(0.0); 6] };
         for c in 0..6 {
             values.offset[c] = self.offset[c].values();
             values.taken[c] = self.taken[c].values();
@@ -135,13 +135,13 @@ fn splat(value: f64) -> Plain {
 
 /// Root with its derivative, from the residual `rest` there.
 #[inline(always)]
-fn polished<B: Block>(root: B, rest: B, slope: Plain) -> B {
+fn polished<B: LaneBlock>(root: B, rest: B, slope: Plain) -> B {
     if B::Scalar::HAS_DERIVATIVE { root - rest * (splat(1.0) / slope) } else { root }
 }
 
 /// Moduli of j in series with a flow: strain m (j + `flow`), with the slope j + `slope`.
 #[inline(always)]
-fn in_series<B: Block>(j: B, flow: B, slope: B, m: B) -> BlockModuli<B> {
+fn in_series<B: LaneBlock>(j: B, flow: B, slope: B, m: B) -> BlockModuli<B> {
     let one = B::constant(splat(1.0));
     let (secant, normal) = (one / (j + flow), one / (j + slope));
     let coupling = -(slope - flow) * secant * secant * normal * splat(EQUIVALENT) / m;
@@ -184,14 +184,14 @@ fn stiffening_slope(a: Plain, b: Plain, m: Plain) -> Plain {
 #[inline(always)]
 fn thinning_root(e: Plain, j: f64, g: f64, s0: f64, p: f64) -> (Plain, Plain) {
     let (one, half, power) = (splat(1.0), splat(0.5), splat(p));
-    let c = Block::ln(e * splat(1.0 / (j * s0))) * power + splat((g / j).ln());
+    let c = LaneBlock::ln(e * splat(1.0 / (j * s0))) * power + splat((g / j).ln());
     let bend = (c * c + splat(HYPERBOLA * (1.0 + p))).sqrt();
     let mut v = (c * splat(2.0 + p) - bend * power) * splat(0.5 / (1.0 + p));
-    let mut ratio = Block::exp(v);
+    let mut ratio = LaneBlock::exp(v);
     for _ in 0..2 {
         let whole = one + ratio;
         let share = ratio / whole;
-        let excess = v + power * Block::ln(whole) - c;
+        let excess = v + power * LaneBlock::ln(whole) - c;
         let slope = one + power * share;
         let curvature = power * share * (one - share);
         let change = excess * slope / (slope * slope - half * excess * curvature);
@@ -217,7 +217,7 @@ fn thinning_slope(ratio: Plain, j: f64, p: f64) -> Plain {
 }
 
 #[inline(always)]
-fn moduli<B: Block>(law: &StageLaw<B::Scalar>, norm: B) -> BlockModuli<B> {
+fn moduli<B: LaneBlock>(law: &StageLaw<B::Scalar>, norm: B) -> BlockModuli<B> {
     let (one, j) = (B::constant(splat(1.0)), B::splat(law.linear_compliance));
     let driving = norm * splat(EQUIVALENT);
     match law.radial {
@@ -290,7 +290,7 @@ pub(super) fn stiffened_strain(bodies: &Bodies<f64>, elastic: f64) -> f64 {
 
 /// Largest equivalent strain of the nonlinear body, among histories of `n_histories` a block.
 #[inline(always)]
-pub(super) fn largest_equivalent<B: Block>(histories: &[BlockTensor<B>], n_histories: usize) -> f64 {
+pub(super) fn largest_equivalent<B: LaneBlock>(histories: &[BlockTensor<B>], n_histories: usize) -> f64 {
     let mut largest = 0.0_f64;
     for histories in histories.chunks_exact(n_histories) {
         largest = largest.max(deviator_norm(&histories[0]).values().largest());
@@ -299,7 +299,7 @@ pub(super) fn largest_equivalent<B: Block>(histories: &[BlockTensor<B>], n_histo
 }
 
 #[inline(always)]
-fn sum<B: Block>(a: &BlockTensor<B>, b: &BlockTensor<B>) -> BlockTensor<B> {
+fn sum<B: LaneBlock>(a: &BlockTensor<B>, b: &BlockTensor<B>) -> BlockTensor<B> {
     let mut sum = *a;
     for (s, b) in sum.iter_mut().zip(b) {
         *s = *s + *b;
@@ -308,7 +308,7 @@ fn sum<B: Block>(a: &BlockTensor<B>, b: &BlockTensor<B>) -> BlockTensor<B> {
 }
 
 #[inline(always)]
-fn deviator_norm<B: Block>(a: &BlockTensor<B>) -> B {
+fn deviator_norm<B: LaneBlock>(a: &BlockTensor<B>) -> B {
     let mut squared = a[0] * a[0];
     for t in &a[1..5] {
         squared = squared + *t * *t;
@@ -318,13 +318,13 @@ fn deviator_norm<B: Block>(a: &BlockTensor<B>) -> B {
 
 /// Law at a block.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct At {
+pub(super) struct LinearisedLaw {
     a: BlockTensor<Plain>,
     inverse_norm: Plain,
     moduli: BlockModuli<Plain>,
 }
 
-impl At {
+impl LinearisedLaw {
     /// Stress at a strain slightly different from a, by the tangent.
     #[inline(always)]
     fn stress_beside(&self, a: &BlockTensor<Plain>, taken: &BlockTensor<Plain>) -> BlockTensor<Plain> {
@@ -348,9 +348,9 @@ impl At {
 pub(super) struct ForcesAndTangent<'a, const M: usize> {
     pub points: &'a CubaturePoints<M>,
     pub law: &'a StageLaw<f64>,
-    pub given: &'a [Given<Plain>],
+    pub given: &'a [HistoryTerms<Plain>],
     pub coordinates: &'a [f64; M],
-    pub at: &'a mut Vec<At>,
+    pub at: &'a mut Vec<LinearisedLaw>,
 }
 
 impl<const M: usize> WithSimd for ForcesAndTangent<'_, M> {
@@ -364,12 +364,12 @@ impl<const M: usize> WithSimd for ForcesAndTangent<'_, M> {
         for (points, given) in points.0.iter().zip(given) {
             let a = sum(&points.strain::<Plain>(coordinates), &given.offset);
             let norm = deviator_norm(&a);
-            at.push(At { a, inverse_norm: splat(1.0) / norm, moduli: moduli::<Plain>(law, norm) });
+            at.push(LinearisedLaw { a, inverse_norm: splat(1.0) / norm, moduli: moduli::<Plain>(law, norm) });
         }
         let zero = splat(0.0);
         let (mut force, mut tangent, mut below) = ([zero; M], [[zero; M]; M], [[zero; M]; M]);
         let couples = !matches!(law.radial, Radial::Stiffening { .. });
-        for ((points, given), At { a, inverse_norm, moduli }) in points.0.iter().zip(given).zip(&*at) {
+        for ((points, given), LinearisedLaw { a, inverse_norm, moduli }) in points.0.iter().zip(given).zip(&*at) {
             let [deviatoric, volumetric] = points.weights;
             let mut along = [zero; M];
             for (c, of_modes) in points.strains[..5].iter().enumerate() {
@@ -422,7 +422,7 @@ impl<const M: usize> WithSimd for ForcesAndTangent<'_, M> {
 
 /// Stress s of a block.
 #[inline(always)]
-fn stress<B: Block>(law: &StageLaw<B::Scalar>, given: &Given<B>, strain: &BlockTensor<B>) -> BlockTensor<B> {
+fn stress<B: LaneBlock>(law: &StageLaw<B::Scalar>, given: &HistoryTerms<B>, strain: &BlockTensor<B>) -> BlockTensor<B> {
     let mut stress = sum(strain, &given.offset);
     let at = moduli::<B>(law, deviator_norm(&stress));
     for (c, s) in stress.iter_mut().enumerate() {
@@ -432,14 +432,14 @@ fn stress<B: Block>(law: &StageLaw<B::Scalar>, given: &Given<B>, strain: &BlockT
 }
 
 /// Internal forces on the modes, without derivatives.
-pub(super) struct Forces<'a, B: Block, const M: usize> {
+pub(super) struct Forces<'a, B: LaneBlock, const M: usize> {
     pub points: &'a CubaturePoints<M>,
     pub law: &'a StageLaw<B::Scalar>,
-    pub given: &'a [Given<B>],
+    pub given: &'a [HistoryTerms<B>],
     pub coordinates: &'a [B::Scalar; M],
 }
 
-impl<B: Block, const M: usize> WithSimd for Forces<'_, B, M> {
+impl<B: LaneBlock, const M: usize> WithSimd for Forces<'_, B, M> {
     type Output = [B::Scalar; M];
 
     #[inline(always)]
@@ -462,16 +462,16 @@ impl<B: Block, const M: usize> WithSimd for Forces<'_, B, M> {
 
 /// Advances the histories of all blocks (`n_histories` each) to the stage's end. Plain numbers use the law's tangent at the last evaluation of the balance, `at`.
 /// Its error is at most the square of the last Newton step, as for the balance.
-pub(super) struct Advance<'a, B: Block, const M: usize> {
+pub(super) struct Advance<'a, B: LaneBlock, const M: usize> {
     pub points: &'a CubaturePoints<M>,
     pub law: &'a StageLaw<B::Scalar>,
-    pub given: &'a [Given<B>],
+    pub given: &'a [HistoryTerms<B>],
     pub coordinates: &'a [B::Scalar; M],
-    pub at: &'a [At],
+    pub at: &'a [LinearisedLaw],
     pub histories: &'a mut [BlockTensor<B>],
 }
 
-impl<B: Block, const M: usize> WithSimd for Advance<'_, B, M> {
+impl<B: LaneBlock, const M: usize> WithSimd for Advance<'_, B, M> {
     type Output = ();
 
     #[inline(always)]

@@ -11,7 +11,7 @@ use std::ops::{Add, Div, Mul, Neg, Sub};
 pub(super) const N_LANES: usize = 8;
 
 /// Number type of the kernel at a block of points.
-pub(super) trait Block:
+pub(super) trait LaneBlock:
     Copy
     + Add<Output = Self>
     + Sub<Output = Self>
@@ -162,7 +162,7 @@ fn ln(x: f64) -> f64 {
     (k * LN_2_HIGH + 2.0 * z) + (2.0 * z * squared * sum + k * LN_2_LOW)
 }
 
-impl Block for Plain {
+impl LaneBlock for Plain {
     type Scalar = f64;
     #[inline(always)]
     fn splat(value: f64) -> Self {
@@ -205,26 +205,26 @@ impl Block for Plain {
 
 /// Eight numbers with derivatives.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Carrying {
+pub(super) struct DualLanes {
     value: Plain,
     derivative: Plain,
 }
 
-impl Add for Carrying {
+impl Add for DualLanes {
     type Output = Self;
     #[inline(always)]
     fn add(self, other: Self) -> Self {
         Self { value: self.value + other.value, derivative: self.derivative + other.derivative }
     }
 }
-impl Sub for Carrying {
+impl Sub for DualLanes {
     type Output = Self;
     #[inline(always)]
     fn sub(self, other: Self) -> Self {
         Self { value: self.value - other.value, derivative: self.derivative - other.derivative }
     }
 }
-impl Mul for Carrying {
+impl Mul for DualLanes {
     type Output = Self;
     #[inline(always)]
     fn mul(self, other: Self) -> Self {
@@ -232,14 +232,14 @@ impl Mul for Carrying {
         Self { value: self.value * other.value, derivative }
     }
 }
-impl Mul<Plain> for Carrying {
+impl Mul<Plain> for DualLanes {
     type Output = Self;
     #[inline(always)]
     fn mul(self, other: Plain) -> Self {
         Self { value: self.value * other, derivative: self.derivative * other }
     }
 }
-impl Div for Carrying {
+impl Div for DualLanes {
     type Output = Self;
     #[inline(always)]
     fn div(self, other: Self) -> Self {
@@ -247,7 +247,7 @@ impl Div for Carrying {
         Self { value, derivative: (self.derivative - value * other.derivative) / other.value }
     }
 }
-impl Neg for Carrying {
+impl Neg for DualLanes {
     type Output = Self;
     #[inline(always)]
     fn neg(self) -> Self {
@@ -255,7 +255,7 @@ impl Neg for Carrying {
     }
 }
 
-impl Block for Carrying {
+impl LaneBlock for DualLanes {
     type Scalar = Dual;
     #[inline(always)]
     fn splat(value: Dual) -> Self {
@@ -271,17 +271,17 @@ impl Block for Carrying {
     }
     #[inline(always)]
     fn sqrt(self) -> Self {
-        let root = Block::sqrt(self.value);
+        let root = LaneBlock::sqrt(self.value);
         Self { value: root, derivative: self.derivative / (root + root) }
     }
     #[inline(always)]
     fn exp(self) -> Self {
-        let value = Block::exp(self.value);
+        let value = LaneBlock::exp(self.value);
         Self { value, derivative: value * self.derivative }
     }
     #[inline(always)]
     fn ln(self) -> Self {
-        Self { value: Block::ln(self.value), derivative: self.derivative / self.value }
+        Self { value: LaneBlock::ln(self.value), derivative: self.derivative / self.value }
     }
     #[inline(always)]
     fn choose(sign: Self, above: Self, below: Self) -> Self {
@@ -317,13 +317,13 @@ mod tests {
     fn derivatives_are_those_of_dual_numbers() {
         let x = Dual { value: 0.7, derivative: 1.3 };
         let y = Dual { value: 2.1, derivative: -0.4 };
-        let (a, b) = (Carrying::splat(x), Carrying::splat(y));
+        let (a, b) = (DualLanes::splat(x), DualLanes::splat(y));
         let function = (a * b - a / b + (-b).exp() * Plain([3.0; N_LANES])).sqrt() + a.ln();
         let exact = (x * y - x / y + base::number::Scalar::exp(-y) * 3.0).sqrt() + x.ln();
         let found = function.sum();
         assert!((found.value - 8.0 * exact.value).abs() < 1e-13);
         assert!((found.derivative - 8.0 * exact.derivative).abs() < 1e-13);
-        let Carrying { value, derivative } = function;
+        let DualLanes { value, derivative } = function;
         assert!(value.0.iter().all(|v| *v == value.0[0]) && derivative.0.iter().all(|d| *d == derivative.0[0]));
         assert_eq!(Plain([-3.0, 0.0, 1.0, 2.0, 0.0, 0.0, 0.0, 0.0]).largest(), 3.0);
     }

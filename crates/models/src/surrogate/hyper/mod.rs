@@ -22,21 +22,21 @@ use base::error::{Error, Result};
 use base::number::{Dual, PointScalar};
 use elements::fe::nonlinear::Bodies;
 use kernel::CubaturePoints;
-use lanes::{Block, Carrying, Plain};
+use lanes::{DualLanes, LaneBlock, Plain};
 use laws::stages::{FieldStepper, Load, NonlinearFamily, Nonlinearity, Spatial, Stages};
 use nalgebra::{DMatrix, DVector};
 use pulp::{Arch, Simd, WithSimd};
 use record::Force;
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
-use stepper::{Fineness, Member, Reduced};
+use stepper::{Fineness, Reduced, StepperMember};
 
 /// Number of modes of a surrogate.
 pub const N_MODES: usize = 6;
 
 /// Content of a surrogate, as stored on disk.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct HyperReduced {
+pub struct HyperReducedData {
     /// Kind of the nonlinear law.
     pub family: NonlinearFamily,
     /// Poisson ratio of the gel.
@@ -67,12 +67,12 @@ pub struct HyperReduced {
 
 /// Surrogate that is ready to run. Copies share its numbers.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(into = "HyperReduced", try_from = "HyperReduced")]
+#[serde(into = "HyperReducedData", try_from = "HyperReducedData")]
 pub struct HyperModel(Arc<Ready>);
 
 #[derive(Debug, PartialEq)]
 struct Ready {
-    reduced: HyperReduced,
+    reduced: HyperReducedData,
     points: CubaturePoints<N_MODES>,
     /// One point and one mode of equal compliance.
     linear: CubaturePoints<1>,
@@ -83,16 +83,16 @@ struct Ready {
 }
 
 /// Run, compiled for the processor's vector registers.
-struct Job<'a, B: Block> {
-    law: Member<'a, B::Scalar, N_MODES>,
-    linear: Member<'a, B::Scalar, 1>,
+struct Job<'a, B: LaneBlock> {
+    law: StepperMember<'a, B::Scalar, N_MODES>,
+    linear: StepperMember<'a, B::Scalar, 1>,
     fineness: Fineness,
     load: &'a Load,
     time_s: &'a [f64],
     force: Force<'a>,
 }
 
-impl<B: Block> WithSimd for Job<'_, B> {
+impl<B: LaneBlock> WithSimd for Job<'_, B> {
     type Output = Result<Vec<B::Scalar>>;
 
     #[inline(always)]
@@ -115,17 +115,17 @@ fn linear_bodies<N: PointScalar>(bodies: &Bodies<N>) -> Bodies<N> {
     Bodies { nonlinearity, ..bodies.clone() }
 }
 
-impl From<HyperModel> for HyperReduced {
+impl From<HyperModel> for HyperReducedData {
     fn from(model: HyperModel) -> Self {
         model.0.reduced.clone()
     }
 }
 
-impl TryFrom<HyperReduced> for HyperModel {
+impl TryFrom<HyperReducedData> for HyperModel {
     type Error = Error;
 
     /// Prepares a surrogate.
-    fn try_from(reduced: HyperReduced) -> Result<Self> {
+    fn try_from(reduced: HyperReducedData) -> Result<Self> {
         let n = reduced.weights_m3.len();
         let damaged = || {
             Error::numerical(
@@ -153,7 +153,7 @@ impl TryFrom<HyperReduced> for HyperModel {
 }
 
 /// Coordinates per force (m/N at unit modulus) for a linear law, from the modes and the points; `None` if the points' stiffness is singular.
-fn linear_field(reduced: &HyperReduced) -> Option<[f64; N_MODES]> {
+fn linear_field(reduced: &HyperReducedData) -> Option<[f64; N_MODES]> {
     let m = N_MODES;
     let mut stiffness = DMatrix::<f64>::zeros(m, m);
     for (weight, strains) in reduced.weights_m3.iter().zip(reduced.strains.chunks_exact(6 * m)) {
@@ -170,7 +170,7 @@ fn linear_field(reduced: &HyperReduced) -> Option<[f64; N_MODES]> {
 
 impl HyperModel {
     /// Content that is stored on disk.
-    pub fn reduced(&self) -> &HyperReduced {
+    pub fn reduced(&self) -> &HyperReducedData {
         &self.0.reduced
     }
 
@@ -181,7 +181,7 @@ impl HyperModel {
 
     /// Excess in one number type. The surrogate's compliance differs from the whole model's by the error of its mesh and its points. Positions are
     /// scaled by the ratio.
-    fn excess<B: Block>(
+    fn excess<B: LaneBlock>(
         &self,
         stages: &Stages,
         compliance_per_m: f64,
@@ -194,14 +194,14 @@ impl HyperModel {
         let (linear_bodies, plain_linear_bodies) = (linear_bodies(&bodies), linear_bodies(&plain_bodies));
         let Ready { reduced, points, linear, compliance_per_m: own_per_m, strain_per_force } = &*self.0;
         let scale = compliance_per_m / own_per_m;
-        let load = stages.load.of_positions_in(scale);
+        let load = stages.load.in_position_unit(scale);
         let share = reduced.force_share;
         let law = Reduced { points, robot: reduced.robot, share };
         let alone = Reduced { points: linear, robot: [1.0], share };
         let steps_per_doubling = steps_per_doubling(reduced.family);
         let mut excess_m = Arch::new().dispatch(Job::<B> {
-            law: Member { reduced: law, bodies: &bodies, plain_bodies: &plain_bodies },
-            linear: Member { reduced: alone, bodies: &linear_bodies, plain_bodies: &plain_linear_bodies },
+            law: StepperMember { reduced: law, bodies: &bodies, plain_bodies: &plain_bodies },
+            linear: StepperMember { reduced: alone, bodies: &linear_bodies, plain_bodies: &plain_linear_bodies },
             fineness: Fineness { steps_per_doubling, strain_per_force: *strain_per_force },
             load: &load,
             time_s,
@@ -244,6 +244,6 @@ impl FieldStepper for HyperModel {
                 "take a finite step from 0",
             ));
         }
-        self.excess::<Carrying>(stages, compliance_per_m, time_s, force)
+        self.excess::<DualLanes>(stages, compliance_per_m, time_s, force)
     }
 }

@@ -4,8 +4,10 @@
 //! Rows are between the steps' ends and are interpolated by a polynomial of degree 5 in ξ. The lengths of steps depend on the parameters through that power of
 //! two and the delay alone. A trajectory is therefore smooth in its parameters except where θ passes a power of two.
 
-use super::kernel::{self, Advance, At, BlockTensor, CubaturePoints, Forces, ForcesAndTangent, Given};
-use super::lanes::{Block, N_LANES, Plain};
+use super::kernel::{
+    self, Advance, BlockTensor, CubaturePoints, Forces, ForcesAndTangent, HistoryTerms, LinearisedLaw,
+};
+use super::lanes::{LaneBlock, N_LANES, Plain};
 use base::error::{Error, Result};
 use base::number::{PointScalar, Scalar};
 use elements::fe::clock::{CLOCK_ROUNDING, Tableau};
@@ -53,14 +55,14 @@ pub(super) struct Fineness {
 
 /// Law over some points.
 #[derive(Clone, Copy)]
-pub(super) struct Member<'a, N, const M: usize> {
+pub(super) struct StepperMember<'a, N, const M: usize> {
     pub reduced: Reduced<'a, M>,
     pub bodies: &'a Bodies<N>,
     pub plain_bodies: &'a Bodies<f64>,
 }
 
 /// State of a run.
-struct State<'a, B: Block, const M: usize> {
+struct StepperState<'a, B: LaneBlock, const M: usize> {
     reduced: Reduced<'a, M>,
     bodies: &'a Bodies<B::Scalar>,
     plain_bodies: &'a Bodies<f64>,
@@ -72,12 +74,12 @@ struct State<'a, B: Block, const M: usize> {
     histories: Vec<BlockTensor<B>>,
     started: Vec<BlockTensor<B>>,
     rates: Vec<Vec<BlockTensor<B>>>,
-    given: Vec<Given<B>>,
-    plain_given: Vec<Given<Plain>>,
+    given: Vec<HistoryTerms<B>>,
+    plain_given: Vec<HistoryTerms<Plain>>,
     coordinates: [B::Scalar; M],
     /// Times and coordinates for extrapolation.
     known: Vec<(f64, [f64; M])>,
-    at: Vec<At>,
+    at: Vec<LinearisedLaw>,
     /// Largest coordinate so far.
     largest: f64,
 }
@@ -86,10 +88,10 @@ struct State<'a, B: Block, const M: usize> {
 ///
 /// Both are stepped equally. Most errors of steps and interpolation cancel, and all of them for a linear law.
 #[inline(always)]
-pub fn run<B: Block, S: Simd, const M: usize>(
+pub fn run<B: LaneBlock, S: Simd, const M: usize>(
     simd: S,
-    law: Member<B::Scalar, M>,
-    linear: Member<B::Scalar, 1>,
+    law: StepperMember<B::Scalar, M>,
+    linear: StepperMember<B::Scalar, 1>,
     fineness: Fineness,
     load: &Load,
     time_s: &[f64],
@@ -100,7 +102,7 @@ pub fn run<B: Block, S: Simd, const M: usize>(
     let (Some(&start_s), Some(&end_s)) = (time_s.first(), time_s.last()) else { return Ok(found) };
     let rounding_s = CLOCK_ROUNDING * (end_s - start_s);
     let switches = load.of::<B::Scalar>().switches(time_s, force);
-    let (mut state, mut beside) = (State::<B, M>::new(law, load), State::<B, 1>::new(linear, load));
+    let (mut state, mut beside) = (StepperState::<B, M>::new(law, load), StepperState::<B, 1>::new(linear, load));
     let slowest_s = load.fastest_s();
     let mut row = time_s.partition_point(|&t| t <= start_s + rounding_s);
     for (i, switch) in switches.iter().enumerate() {
@@ -174,10 +176,10 @@ fn denominator(k: usize, n: usize) -> f64 {
     (0..n).filter(|j| *j != k).map(|j| k as f64 - j as f64).product()
 }
 
-impl<'a, B: Block, const M: usize> State<'a, B, M> {
+impl<'a, B: LaneBlock, const M: usize> StepperState<'a, B, M> {
     #[inline(always)]
-    fn new(member: Member<'a, B::Scalar, M>, load: &Load) -> Self {
-        let Member { reduced, bodies, plain_bodies } = member;
+    fn new(member: StepperMember<'a, B::Scalar, M>, load: &Load) -> Self {
+        let StepperMember { reduced, bodies, plain_bodies } = member;
         let (zero, blank) = (B::Scalar::constant(0.0), B::constant(Plain([0.0; N_LANES])));
         let n_blocks = reduced.points.n_blocks();
         let histories = vec![[blank; 6]; n_blocks * bodies.n_histories()];
@@ -192,8 +194,8 @@ impl<'a, B: Block, const M: usize> State<'a, B, M> {
             lagged_n: zero,
             started: histories.clone(),
             rates: vec![histories.clone(); Scheme::Fourth.tableau().nodes.len()],
-            given: vec![Given { offset: [blank; 6], taken: [blank; 6] }; n_blocks],
-            plain_given: vec![Given { offset: [empty; 6], taken: [empty; 6] }; n_blocks],
+            given: vec![HistoryTerms { offset: [blank; 6], taken: [blank; 6] }; n_blocks],
+            plain_given: vec![HistoryTerms { offset: [empty; 6], taken: [empty; 6] }; n_blocks],
             histories,
             coordinates: [zero; M],
             known: Vec::with_capacity(16),
@@ -347,7 +349,7 @@ impl<'a, B: Block, const M: usize> State<'a, B, M> {
         let Reduced { points, robot, share, .. } = self.reduced;
         let histories = self.started.chunks_exact(self.bodies.n_histories());
         for ((given, plain), histories) in self.given.iter_mut().zip(&mut self.plain_given).zip(histories) {
-            *given = Given::new(law, histories);
+            *given = HistoryTerms::new(law, histories);
             *plain = given.values();
         }
         let input_n = self.force_n(time_s);

@@ -3,12 +3,12 @@
 use super::*;
 use crate::model::Response;
 use elements::fe::Stiffness;
-use elements::fe::nonlinear::{NonlinearModel, Options};
-use elements::fe::spatial::{Sizes, Surroundings};
+use elements::fe::nonlinear::{NonlinearModel, NonlinearOptions};
+use elements::fe::spatial::{GelAndRobot, PhysicalProperties};
 use elements::fe::time::FullOrderModel;
 use elements::mesh::{Mesh, QuarterBall};
 use laws::rheology::BaseLaw;
-use laws::stages::{Spread, Stepped, YIELD_SMOOTHING};
+use laws::stages::{ReducedField, SharedStepper, YIELD_SMOOTHING};
 use std::sync::OnceLock;
 
 const FORCE_N: f64 = 4.6e-6;
@@ -21,27 +21,27 @@ const FAMILIES: [NonlinearFamily; 3] =
 const MIDDLE: [f64; 3] = [0.3, 0.6, 1.5];
 const BALL: QuarterBall = QuarterBall { robot_radius_m: 0.275e-3, outer_radius_m: 10e-3, n_per_edge: 1, n_layers: 4 };
 
-fn surroundings() -> Surroundings<'static> {
+fn surroundings() -> GelAndRobot<'static> {
     static PARTS: OnceLock<(Mesh, Stiffness)> = OnceLock::new();
     let (mesh, stiffness) = PARTS.get_or_init(|| {
         let mesh = BALL.mesh().expect("the sizes are good");
         let stiffness = Stiffness::new(&mesh).expect("the mesh is good");
         (mesh, stiffness)
     });
-    let sizes = Sizes {
+    let sizes = PhysicalProperties {
         gel_density_kg_m3: 1000.0,
         robot_mass_kg: 0.65e-6,
         robot_radius_m: BALL.robot_radius_m,
         outer_radius_m: BALL.outer_radius_m,
         ball: Some(BALL),
     };
-    Surroundings { mesh, stiffness, poisson_ratio: 0.48, sizes }
+    GelAndRobot { mesh, stiffness, poisson_ratio: 0.48, sizes }
 }
 
 /// Mesh and stiffness of a family's full-order runs.
 fn parts(which: usize) -> (&'static Mesh, &'static Stiffness) {
     static FOR_THINNING: OnceLock<(Mesh, Stiffness)> = OnceLock::new();
-    let Surroundings { mesh, stiffness, .. } = surroundings();
+    let GelAndRobot { mesh, stiffness, .. } = surroundings();
     if FAMILIES[which] != NonlinearFamily::ShearThinning {
         return (mesh, stiffness);
     }
@@ -87,7 +87,7 @@ fn nonlinearity(which: usize, value: Dual) -> Nonlinearity<Dual> {
 fn stages(which: usize, base: BaseLaw, parameters: &[Dual], value: Dual) -> Stages {
     let mut stages = Stages::of_law(base.elements(&parameters[..base.parameters().len()]));
     stages.spatial = Some(Spatial::Nonlinear(nonlinearity(which, value)));
-    stages.spread = Some(Spread::Stepped(Stepped(Arc::new(model_of(which)))));
+    stages.spread = Some(ReducedField::Stepped(SharedStepper(Arc::new(model_of(which)))));
     stages
 }
 
@@ -133,7 +133,10 @@ fn other_laws_records_and_loads_are_right() {
         stages.load.lag_time_s = 0.1.into();
         stages.load.gradient_per_m = 200.0.into();
         stages.observation.velocity_m_per_s = 1e-6.into();
-        let exact = full(which).run_stages(&stages, &time_s, &force_n, &[], Options::default()).unwrap().displacement_m;
+        let exact = full(which)
+            .run_stages(&stages, &time_s, &force_n, &[], NonlinearOptions::default())
+            .unwrap()
+            .displacement_m;
         let found = response.trajectory_m(&stages, compliance_per_m(which)).unwrap();
         let error = largest_distance(&found, &exact);
         stages.spatial = None;
@@ -154,7 +157,8 @@ fn small_effects_are_right_beside_themselves() {
         let value = null + 0.02 * (MIDDLE[which] - null);
         let at = |value: f64| stages(which, BaseLaw::Lethersich, &PORCINE.map(Dual::constant), value.into());
         let full = full(which);
-        let run = |value: f64| full.run_stages(&at(value), &time_s, &force_n, &[], Options::default()).unwrap();
+        let run =
+            |value: f64| full.run_stages(&at(value), &time_s, &force_n, &[], NonlinearOptions::default()).unwrap();
         let (exact, linear) = (run(value).displacement_m, run(null).displacement_m);
         let excess: Vec<f64> = exact.iter().zip(&linear).map(|(x, l)| x - l).collect();
         let found = model_of(which).excess_m(&at(value), compliance_per_m(which), &time_s, (&force_n).into()).unwrap();
@@ -262,7 +266,7 @@ fn a_surrogate_survives_the_disk_and_refuses_other_laws() {
     let at_null = stages(2, BaseLaw::Lethersich, &PORCINE.map(Dual::constant), Dual::variable(0.0));
     let message = model.excess_dual_m(&at_null, 500.0, &time_s, (&force_n).into()).unwrap_err().to_string();
     assert!(message.contains("take a finite step"), "{message}");
-    let damaged = HyperReduced { strains: Vec::new(), ..model.reduced().clone() };
+    let damaged = HyperReducedData { strains: Vec::new(), ..model.reduced().clone() };
     assert!(HyperModel::try_from(damaged.clone()).unwrap_err().to_string().contains("build it again"));
     let text = serde_json::to_string(&damaged).unwrap();
     assert!(serde_json::from_str::<HyperModel>(&text).is_err_and(|error| error.to_string().contains("build it again")));

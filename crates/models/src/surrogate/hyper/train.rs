@@ -5,19 +5,19 @@
 //! Measurements and priors do not enter. Outside the box the modes are used, too, with larger errors.
 
 use super::cubature;
-use super::{HyperModel, HyperReduced, N_MODES};
+use super::{HyperModel, HyperReducedData, N_MODES};
 use crate::model::Response;
 use crate::surrogate::pod::{EnergyProduct, Pod};
 use base::error::{Error, Result};
 use base::number::Dual;
 use elements::fe::Stiffness;
-use elements::fe::nonlinear::{NonlinearModel, NonlinearRun, Options, Scheme};
-use elements::fe::spatial::Surroundings;
+use elements::fe::nonlinear::{NonlinearInput, NonlinearModel, NonlinearOptions, Scheme};
+use elements::fe::spatial::GelAndRobot;
 use elements::fe::stepping::Resolution;
 use elements::fe::time::FullOrderModel;
 use elements::mesh::QuarterBall;
 use laws::rheology::{BaseLaw, Element};
-use laws::stages::{NonlinearFamily, Nonlinearity, Spatial, Spread, Stages, Stepped, YIELD_SMOOTHING};
+use laws::stages::{NonlinearFamily, Nonlinearity, ReducedField, SharedStepper, Spatial, Stages, YIELD_SMOOTHING};
 use rayon::prelude::*;
 use std::f64::consts::PI;
 use std::sync::Arc;
@@ -43,15 +43,15 @@ const STIFFNESS_WEIGHT: f64 = 1.0;
 /// Number of elements from a quarter sphere's middle to its rim in training meshes. The excess over the linear law, and so its error, is less than the whole.
 const MOST_PER_EDGE: usize = 2;
 /// Accuracy of the training runs. Only the shapes of fields matter, not their times.
-const TRAINING: Options =
-    Options { scheme: Scheme::Euler, resolution: Resolution { steps_per_doubling: 1 }, tolerance: 1e-4 };
+const TRAINING: NonlinearOptions =
+    NonlinearOptions { scheme: Scheme::Euler, resolution: Resolution { steps_per_doubling: 1 }, tolerance: 1e-4 };
 /// Accuracy of the verification runs, of the higher order. Fewer steps do not resolve a spring that relaxes and stiffens again.
-fn verification(family: NonlinearFamily) -> Options {
+fn verification(family: NonlinearFamily) -> NonlinearOptions {
     let steps_per_doubling = match family {
         NonlinearFamily::StrainStiffening | NonlinearFamily::YieldStress => 4,
         NonlinearFamily::ShearThinning => 2,
     };
-    Options { scheme: Scheme::Fourth, resolution: Resolution { steps_per_doubling }, tolerance: 1e-5 }
+    NonlinearOptions { scheme: Scheme::Fourth, resolution: Resolution { steps_per_doubling }, tolerance: 1e-5 }
 }
 
 /// Settings of a surrogate's training.
@@ -85,7 +85,7 @@ impl HyperSettings {
 }
 
 /// State of a training run.
-struct State {
+struct TrainingState {
     displacement: Vec<f64>,
     stresses: Vec<[f64; 6]>,
 }
@@ -97,7 +97,7 @@ struct DesignPoint {
 }
 
 /// Training problem: a prepared mesh, and a force.
-struct Workshop<'a> {
+struct TrainingProblem<'a> {
     model: NonlinearModel<'a>,
     family: NonlinearFamily,
     radius_m: f64,
@@ -114,7 +114,7 @@ struct Workshop<'a> {
 /// # Errors
 /// [`Error::Numerical`] for a number of modes out of range, or if a full-order run fails.
 pub fn build(
-    surroundings: &Surroundings,
+    surroundings: &GelAndRobot,
     family: NonlinearFamily,
     settings: &HyperSettings,
     run_done: &(dyn Fn() + Sync),
@@ -136,7 +136,7 @@ pub fn build(
             let mut sizes = surroundings.sizes;
             sizes.ball = Some(ball);
             let coarser =
-                Surroundings { mesh: &mesh, stiffness: &stiffness, poisson_ratio: surroundings.poisson_ratio, sizes };
+                GelAndRobot { mesh: &mesh, stiffness: &stiffness, poisson_ratio: surroundings.poisson_ratio, sizes };
             train(&coarser, family, settings, run_done)
         }
         None => train(surroundings, family, settings, run_done),
@@ -144,18 +144,18 @@ pub fn build(
 }
 
 fn train(
-    surroundings: &Surroundings,
+    surroundings: &GelAndRobot,
     family: NonlinearFamily,
     settings: &HyperSettings,
     run_done: &(dyn Fn() + Sync),
 ) -> Result<HyperModel> {
-    let workshop = Workshop::new(surroundings, family)?;
+    let workshop = TrainingProblem::new(surroundings, family)?;
     let model = &workshop.model;
-    let runs: Vec<Vec<State>> = (0..settings.training_runs)
+    let runs: Vec<Vec<TrainingState>> = (0..settings.training_runs)
         .into_par_iter()
         .map(|index| workshop.states(index).inspect(|_| run_done()))
         .collect::<Result<_>>()?;
-    let states: Vec<State> = runs.into_iter().flatten().collect();
+    let states: Vec<TrainingState> = runs.into_iter().flatten().collect();
     let energy = EnergyProduct(model.factor().matrix());
     // The linear model's field is one of the snapshots.
     let linear = model.factor().unit_response();
@@ -180,7 +180,7 @@ fn train(
         (0..6).flat_map(move |c| strains.iter().map(move |mode| mode[*point][c]))
     });
     let moduli = points.unit_moduli();
-    let mut reduced = HyperReduced {
+    let mut reduced = HyperReducedData {
         family,
         poisson_ratio: surroundings.poisson_ratio,
         robot,
@@ -213,9 +213,9 @@ fn between([lower, upper]: [f64; 2], share: f64) -> f64 {
     lower + share * (upper - lower)
 }
 
-impl<'a> Workshop<'a> {
-    fn new(surroundings: &Surroundings<'a>, family: NonlinearFamily) -> Result<Self> {
-        let Surroundings { mesh, stiffness, poisson_ratio, sizes } = *surroundings;
+impl<'a> TrainingProblem<'a> {
+    fn new(surroundings: &GelAndRobot<'a>, family: NonlinearFamily) -> Result<Self> {
+        let GelAndRobot { mesh, stiffness, poisson_ratio, sizes } = *surroundings;
         let model = NonlinearModel::new(mesh, stiffness, poisson_ratio)?;
         let compliance_per_m = FullOrderModel::new(stiffness, poisson_ratio)?.compliance_per_m();
         let radius_m = sizes.robot_radius_m;
@@ -250,15 +250,15 @@ impl<'a> Workshop<'a> {
         DesignPoint { law: BaseLaw::Lethersich.elements(&parameters), nonlinearity: nonlinearity.constant() }
     }
 
-    fn states(&self, index: u32) -> Result<Vec<State>> {
+    fn states(&self, index: u32) -> Result<Vec<TrainingState>> {
         let DesignPoint { law, nonlinearity } = self.design_point(index);
         let (load, time_s) = (&Stages::of_law(Vec::new()).load, &self.time_s);
         let force = (&self.command_n).into();
-        let what = NonlinearRun { law: &law, nonlinearity, load, time_s, force };
+        let what = NonlinearInput { law: &law, nonlinearity, load, time_s, force };
         let mut states = Vec::new();
-        self.model.watch(&what, TRAINING, |at| {
+        self.model.run_with_row_states(&what, TRAINING, |at| {
             if at.row > 0 {
-                states.push(State { displacement: at.displacement.to_vec(), stresses: at.stresses.to_vec() });
+                states.push(TrainingState { displacement: at.displacement.to_vec(), stresses: at.stresses.to_vec() });
             }
         })?;
         Ok(states)
@@ -273,7 +273,7 @@ impl<'a> Workshop<'a> {
             .model
             .run_stages(&stages, &self.time_s, &self.command_n, &[], verification(self.family))?
             .displacement_m;
-        stages.spread = Some(Spread::Stepped(Stepped(Arc::new(ready.clone()))));
+        stages.spread = Some(ReducedField::Stepped(SharedStepper(Arc::new(ready.clone()))));
         let response = Response::new(&self.time_s, &self.command_n, self.time_s.len());
         let reduced = response.trajectory_m(&stages, self.compliance_per_m)?;
         let amplitude = full.iter().fold(0.0_f64, |a, x| a.max(x.abs()));
@@ -283,7 +283,7 @@ impl<'a> Workshop<'a> {
 }
 
 /// Selects at most [`MOST_STATES`] of the states, evenly.
-fn kept_states(states: &[State]) -> Vec<&State> {
+fn kept_states(states: &[TrainingState]) -> Vec<&TrainingState> {
     let n = states.len().min(MOST_STATES);
     (0..n).map(|k| &states[k * states.len() / n]).collect()
 }
@@ -293,7 +293,7 @@ fn conditions(
     volumes_m3: &[f64],
     moduli: [f64; 6],
     strains: &[Vec<[f64; 6]>],
-    states: &[&State],
+    states: &[&TrainingState],
 ) -> (Vec<f64>, Vec<f64>) {
     let m = strains.len();
     let n_rows = states.len() * m + m * (m + 1);

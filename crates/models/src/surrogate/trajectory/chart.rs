@@ -22,30 +22,30 @@ pub(super) type Trained = (Vec<f64>, f64);
 
 /// Box of coordinates.
 #[derive(Debug)]
-pub(super) struct Chart {
+pub(super) struct CoordinateBox {
     lower: Vec<f64>,
     upper: Vec<f64>,
     n_halvings: usize,
     /// Runs for building the box; `None` after it is built.
-    work: Mutex<Option<Arc<Work>>>,
-    made: OnceLock<Made>,
+    work: Mutex<Option<Arc<BoxRuns>>>,
+    made: OnceLock<BoxContent>,
 }
 
 /// Runs at the check points of a fit, followed by runs at its design points. The runs of one degree are the first ones of the next degree.
 #[derive(Debug)]
-struct Work {
+struct BoxRuns {
     /// Next run to be started, for each degree.
     next: Vec<AtomicUsize>,
     runs: Vec<OnceLock<Option<Trained>>>,
 }
 
 #[derive(Debug)]
-enum Made {
+enum BoxContent {
     Smooth(Surface),
     Halves {
         coordinate: usize,
         at: f64,
-        halves: Box<[Chart; 2]>,
+        halves: Box<[CoordinateBox; 2]>,
     },
     /// Polynomials of this degree are not accurate enough.
     Rough,
@@ -64,7 +64,7 @@ pub(super) struct Surface {
     pub certified: f64,
 }
 
-impl Chart {
+impl CoordinateBox {
     pub fn new(lower: Vec<f64>, upper: Vec<f64>) -> Self {
         Self::halved(lower, upper, 0)
     }
@@ -83,12 +83,12 @@ impl Chart {
         run: &Run<'_>,
     ) -> Option<(&'a Surface, Vec<N>)> {
         match self.made(bases, tolerance, run) {
-            Made::Rough => None,
-            Made::Halves { coordinate, at, halves } => {
+            BoxContent::Rough => None,
+            BoxContent::Halves { coordinate, at, halves } => {
                 let half = &halves[usize::from(values[*coordinate] >= *at)];
                 half.surface(values, coordinates, bases, tolerance, run)
             }
-            Made::Smooth(surface) => {
+            BoxContent::Smooth(surface) => {
                 let ends = self.lower.iter().zip(&self.upper);
                 let scaled = coordinates
                     .iter()
@@ -100,12 +100,14 @@ impl Chart {
     }
 
     /// Returns the box's content. Every thread that needs it helps to build it, and all get equal results.
-    fn made(&self, bases: &[Basis], tolerance: f64, run: &Run<'_>) -> &Made {
+    fn made(&self, bases: &[Basis], tolerance: f64, run: &Run<'_>) -> &BoxContent {
         if let Some(made) = self.made.get() {
             return made;
         }
         // All degrees use one set of checks, and their designs start with equal points.
-        let Some(Basis { checks, design, .. }) = bases.last() else { return self.made.get_or_init(|| Made::Rough) };
+        let Some(Basis { checks, design, .. }) = bases.last() else {
+            return self.made.get_or_init(|| BoxContent::Rough);
+        };
         let work = {
             let mut work = self.work.lock().unwrap_or_else(PoisonError::into_inner);
             match (&*work, self.made.get()) {
@@ -116,7 +118,7 @@ impl Chart {
                     let begins = std::iter::once(0).chain(ends).take(bases.len());
                     let next = begins.map(AtomicUsize::new).collect();
                     let runs = (0..checks.len() + design.len()).map(|_| OnceLock::new()).collect();
-                    let begun = Arc::new(Work { next, runs });
+                    let begun = Arc::new(BoxRuns { next, runs });
                     *work = Some(begun.clone());
                     begun
                 }
@@ -142,7 +144,7 @@ impl Chart {
                 break;
             }
         }
-        let made = self.made.get_or_init(|| made.unwrap_or(Made::Rough));
+        let made = self.made.get_or_init(|| made.unwrap_or(BoxContent::Rough));
         *self.work.lock().unwrap_or_else(PoisonError::into_inner) = None;
         made
     }
@@ -153,17 +155,17 @@ impl Chart {
     }
 
     /// Content of the box for polynomials of one degree; `None` if the next degree is to be tried.
-    fn make(&self, bases: &[Basis], level: usize, tolerance: f64, runs: &[Option<&Trained>]) -> Option<Made> {
-        let Some(runs) = runs.iter().copied().collect::<Option<Vec<_>>>() else { return Some(Made::Rough) };
+    fn make(&self, bases: &[Basis], level: usize, tolerance: f64, runs: &[Option<&Trained>]) -> Option<BoxContent> {
+        let Some(runs) = runs.iter().copied().collect::<Option<Vec<_>>>() else { return Some(BoxContent::Rough) };
         let surface = Surface::new(bases, level, tolerance, &runs);
         if surface.certified <= tolerance {
-            return Some(Made::Smooth(surface));
+            return Some(BoxContent::Smooth(surface));
         }
         if level + 1 < bases.len() {
             return None;
         }
         if self.n_halvings >= MOST_HALVINGS || surface.certified.is_nan() || surface.certified > FARTHEST * tolerance {
-            return Some(Made::Rough);
+            return Some(BoxContent::Rough);
         }
         let squares: Vec<f64> = (0..bases[level].n_polynomials())
             .map(|k| surface.coefficients.iter().map(|of_mode| of_mode[k] * of_mode[k]).sum())
@@ -175,7 +177,7 @@ impl Chart {
         below[coordinate] = at;
         above[coordinate] = at;
         let half = |lower: Vec<f64>, upper: Vec<f64>| Self::halved(lower, upper, self.n_halvings + 1);
-        Some(Made::Halves {
+        Some(BoxContent::Halves {
             coordinate,
             at,
             halves: Box::new([half(self.lower.clone(), below), half(above, self.upper.clone())]),

@@ -65,8 +65,8 @@ impl Clock {
 
     /// Applies lag and, if requested, delay to the first points of a trajectory. The lag comes first, because a delay moves the trajectory's
     /// corners off the clock's points, where straight lines between the points would cut them.
-    pub(super) fn later<N: PointScalar>(&self, mut x: Vec<N>, load: &Load, is_delayed: bool) -> Vec<N> {
-        if load.lags() {
+    pub(super) fn delayed_and_lagged<N: PointScalar>(&self, mut x: Vec<N>, load: &Load, is_delayed: bool) -> Vec<N> {
+        if load.has_lag() {
             x = self.lagging(&x, &load.of());
         }
         if is_delayed && load.is_delayed() {
@@ -79,7 +79,7 @@ impl Clock {
     fn delayed<N: PointScalar>(&self, x: &[N], load: &Load<N>) -> Vec<N> {
         let time_s = &self.time_s[..x.len()];
         let at = |own_s: &f64| {
-            let t = load.commanded_at_s(*own_s);
+            let t = load.command_time_s(*own_s);
             // The piece is on the left, where a delay that grows from 0 leads.
             let Some(before) = time_s.partition_point(|point| *point < t.value()).checked_sub(1) else { return x[0] };
             let begin = self.breaks.iter().rev().find(|place| **place <= before).copied().unwrap_or(0);
@@ -87,13 +87,13 @@ impl Clock {
             let first =
                 (before + 1).saturating_sub(STENCIL / 2).clamp(begin, end.saturating_sub(STENCIL - 1).max(begin));
             let nodes = first..(first + STENCIL).min(end + 1);
-            let weight = |own: usize| {
-                let others = nodes.clone().filter(|other| *other != own);
+            let weight = |index: usize| {
+                let others = nodes.clone().filter(|other| *other != index);
                 others.fold(N::constant(1.0), |product, other| {
-                    product * (t + N::constant(-time_s[other])) * (1.0 / (time_s[own] - time_s[other]))
+                    product * (t + N::constant(-time_s[other])) * (1.0 / (time_s[index] - time_s[other]))
                 })
             };
-            nodes.clone().fold(N::constant(0.0), |sum, own| sum + weight(own) * x[own])
+            nodes.clone().fold(N::constant(0.0), |sum, index| sum + weight(index) * x[index])
         };
         time_s.iter().map(at).collect()
     }
@@ -101,13 +101,13 @@ impl Clock {
     /// x after the load's lag at the first points, by straight lines between them.
     fn lagging<N: PointScalar>(&self, x: &[N], load: &Load<N>) -> Vec<N> {
         let mut z = Vec::with_capacity(x.len());
-        for (k, own) in x.iter().enumerate() {
+        for (k, item) in x.iter().enumerate() {
             let Some(before) = k.checked_sub(1) else {
-                z.push(*own);
+                z.push(*item);
                 continue;
             };
             let step_s = self.time_s[k] - self.time_s[before];
-            z.push(load.lagged_along(z[before], x[before], *own, step_s));
+            z.push(load.lagged_along(z[before], x[before], *item, step_s));
         }
         z
     }
@@ -118,13 +118,13 @@ impl Clock {
         let load = load.of::<f64>();
         let end_s = self.time_s.last().copied().unwrap_or(0.0);
         let jumps =
-            std::iter::once(0).chain(self.breaks.iter().copied()).map(|place| load.acts_at_s(self.time_s[place]));
+            std::iter::once(0).chain(self.breaks.iter().copied()).map(|place| load.action_time_s(self.time_s[place]));
         let mut times: Vec<f64> = self.time_s.iter().copied().chain(jumps.filter(|at_s| *at_s < end_s)).collect();
         times.sort_by(f64::total_cmp);
         times.dedup();
         let rows = self.rows.iter().map(|row| times.partition_point(|at_s| *at_s < self.time_s[*row])).collect();
         let entering = |at_s: f64| {
-            let own_n = force.at_n(time_s, load.commanded_at_s(at_s));
+            let own_n = force.at_n(time_s, load.command_time_s(at_s));
             load.entering_n(own_n, own_n > 0.0)
         };
         let holds = force.rule == ForceRule::Hold;
@@ -133,7 +133,7 @@ impl Clock {
             let step_s = times.get(k + 1).map_or(0.0, |next| next - at_s);
             // A hold is evaluated at its middle, so that rounding does not decide on which side of a jump it is.
             let entering_n = entering(if holds { at_s + 0.5 * step_s } else { *at_s });
-            if !load.lags() {
+            if !load.has_lag() {
                 acting_n.push(entering_n);
                 continue;
             }
@@ -168,7 +168,7 @@ mod tests {
         let most = x.iter().fold(0.0_f64, |most, x| most.max(x.abs()));
         let load = |delay_s: Dual, lag_time_s: Dual| Load { delay_s, lag_time_s, ..Load::COMMANDED };
         let found = |delay_s: f64, lag_s: f64| -> Vec<f64> {
-            let later = clock.later(x.clone(), &load(delay_s.into(), lag_s.into()), true);
+            let later = clock.delayed_and_lagged(x.clone(), &load(delay_s.into(), lag_s.into()), true);
             clock.rows.iter().map(|row| later[*row]).collect()
         };
         for (delay_s, lag_s) in
@@ -182,7 +182,8 @@ mod tests {
         let constants: Vec<Dual> = x.iter().map(|x| Dual::constant(*x)).collect();
         // The delay avoids the ends of cubic pieces, where slopes differ.
         let (delay_s, lag_s, step_s) = (0.19, 0.1, 1e-5);
-        let lagging = |delay_s: Dual, lag_s: Dual| clock.later(constants.clone(), &load(delay_s, lag_s), true);
+        let lagging =
+            |delay_s: Dual, lag_s: Dual| clock.delayed_and_lagged(constants.clone(), &load(delay_s, lag_s), true);
         let slopes = [
             (
                 lagging(Dual::variable(delay_s), lag_s.into()),

@@ -15,7 +15,7 @@ const YIELD_UNIT: f64 = 0.003;
 
 /// Common properties of laws of one kind.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
-pub(super) struct Kind {
+pub(super) struct CoordinateKind {
     family: NonlinearFamily,
     /// Structure of the law.
     shape: Vec<Tag>,
@@ -23,7 +23,7 @@ pub(super) struct Kind {
     constants: [u64; 2],
 }
 
-impl Kind {
+impl CoordinateKind {
     /// Distance of the last coordinate from the linear law, where the excess vanishes.
     pub fn beyond_null<N: Scalar>(&self, last: N) -> N {
         match self.family {
@@ -44,7 +44,7 @@ pub(super) enum Tag {
 
 /// Sizes of a record and of the robot in it.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Sizes {
+pub(super) struct CoordinateSizes {
     /// Largest force in N.
     pub force_n: f64,
     /// Largest of |∫F dt| in N·s.
@@ -53,7 +53,7 @@ pub(super) struct Sizes {
     pub compliance_per_m: f64,
 }
 
-impl Sizes {
+impl CoordinateSizes {
     /// β (x/R)² per β. Here x = F K is the elastic displacement at unit modulus, and R = 1/(2πK), a sphere's radius in an incompressible gel.
     fn squared_strain(self) -> f64 {
         (2.0 * PI * self.compliance_per_m.powi(2) * self.force_n).powi(2)
@@ -67,16 +67,16 @@ impl Sizes {
 
 /// Coordinates of a law among those of its kind.
 #[derive(Debug, Clone, PartialEq)]
-pub(super) struct Place {
-    pub kind: Kind,
+pub(super) struct CoordinatePlace {
+    pub kind: CoordinateKind,
     /// Logarithms of moduli over E, of times (s), and the nonlinear coordinate.
     pub coordinates: Vec<Dual>,
     pub modulus_pa: Dual,
 }
 
-impl Place {
+impl CoordinatePlace {
     /// Place of a law; `None` if the stages have other effects than a nonlinear law, or the law has other elements.
-    pub fn of(stages: &Stages, sizes: Sizes) -> Option<Self> {
+    pub fn of(stages: &Stages, sizes: CoordinateSizes) -> Option<Self> {
         let plain = Stages::of_law(Vec::new());
         let Some(Spatial::Nonlinear(law)) = stages.spatial else { return None };
         if stages.load != plain.load || !stages.softening_rate_per_s.is_constant(0.0) || stages.poisson_ratio.is_some()
@@ -107,12 +107,12 @@ impl Place {
             return None;
         }
         let constants = [sizes.compliance_per_m.to_bits(), constant.to_bits()];
-        Some(Self { kind: Kind { family: law.family(), shape, constants }, coordinates, modulus_pa })
+        Some(Self { kind: CoordinateKind { family: law.family(), shape, constants }, coordinates, modulus_pa })
     }
 }
 
 /// Distance from the linear law; smooth at it.
-fn coordinate_of(law: Nonlinearity<Dual>, modulus_pa: Dual, sizes: Sizes) -> Dual {
+fn coordinate_of(law: Nonlinearity<Dual>, modulus_pa: Dual, sizes: CoordinateSizes) -> Dual {
     match law {
         Nonlinearity::StrainStiffening { coefficient } => {
             let scale = sizes.squared_strain() / STIFFENING_UNIT;
@@ -126,7 +126,7 @@ fn coordinate_of(law: Nonlinearity<Dual>, modulus_pa: Dual, sizes: Sizes) -> Dua
 }
 
 /// Stages at other coordinates of an equal kind, with the first body's modulus 1 Pa.
-pub(super) fn stages_at(template: &Stages, coordinates: &[f64], sizes: Sizes) -> Option<Stages> {
+pub(super) fn stages_at(template: &Stages, coordinates: &[f64], sizes: CoordinateSizes) -> Option<Stages> {
     let (mut shape, mut numbers) = (Vec::new(), Vec::new());
     read(&template.law, &mut shape, &mut numbers)?;
     let first = first_body(&shape)?;
@@ -155,7 +155,7 @@ pub(super) fn stages_at(template: &Stages, coordinates: &[f64], sizes: Sizes) ->
 }
 
 /// Width of a chart's root in every coordinate, and the ends of the last. The stepper's steps change where a time passes a power of two; charts end there, too.
-pub(super) fn widths(kind: &Kind) -> (Vec<f64>, [f64; 2]) {
+pub(super) fn widths(kind: &CoordinateKind) -> (Vec<f64>, [f64; 2]) {
     let (of_nonlinearity, ends) = match kind.family {
         NonlinearFamily::StrainStiffening => (0.5, [0.0, 6.0]),
         NonlinearFamily::ShearThinning => (0.2, [0.2, 1.0]),
@@ -182,7 +182,7 @@ pub(super) fn widths(kind: &Kind) -> (Vec<f64>, [f64; 2]) {
 }
 
 /// Typical displacement (m) of trajectories at unit modulus.
-pub(super) fn amplitude_m(stages: &Stages, sizes: Sizes) -> f64 {
+pub(super) fn amplitude_m(stages: &Stages, sizes: CoordinateSizes) -> f64 {
     let of = |element: &Element| match element {
         Element::Dashpot { viscosity_pa_s } => sizes.impulse_n_s / viscosity_pa_s.value,
         Element::Spring { modulus_pa } => sizes.force_n / modulus_pa.value,

@@ -15,21 +15,21 @@ use super::polynomial::Basis;
 use crate::model::Response;
 use base::error::{Error, Result};
 use base::number::{Dual, Scalar};
-use elements::fe::oldroyd::{Fineness, FiniteGel, FiniteLaw, FiniteRun};
+use elements::fe::oldroyd::{Discretisation, FiniteGel, FiniteInput, FiniteLaw};
 use laws::rheology::Element;
-use laws::stages::{FieldStepper, Load, LoadNumber, LoadUnit, Spatial, Stages};
-use record::{Force, KeptForce};
+use laws::stages::{FieldStepper, Load, LoadParameter, LoadUnit, Spatial, Stages};
+use record::{Force, OwnedForce};
 
 /// Half the box's width in the logarithm of a ratio.
 const HALF_WIDTH: f64 = 0.2;
 /// Rounding step of the centre's ratios, in their logarithm. Fits that differ by little then use equal runs.
 const CENTRE_STEP: f64 = 0.05;
 /// Linear displacement, in robot radii, of the centre's law under the largest force, for an Oldroyd-B fluid.
-pub const FARTHEST_RADII: f64 = 4.6;
+pub const MAX_RADII: f64 = 4.6;
 /// Ratio of that displacement to the law's own for other fluids, which move farther than linearly.
 const BEYOND_OWN: f64 = 1.2;
 /// Largest free mobility. For larger ones the mesh follows the robot no farther than the paper's robot moves.
-pub const MOST_MOBILITY: f64 = 0.03;
+pub const MAX_MOBILITY: f64 = 0.03;
 /// Smallest square of the force over the largest. Below it the deviation is almost 0, but errors of runs are not.
 const LEAST_SQUARE: f64 = 0.02;
 /// Degree of the polynomials. A degree in a ratio counts as more than one in the square of the force. The polynomials are cubes of the square, squares of ratios,
@@ -46,14 +46,14 @@ const LARGEST_ERROR: f64 = 1e-3;
 
 /// Mobilities of the training.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-pub enum Mobilities {
+pub enum MobilityRange {
     /// One fixed mobility.
     Held(f64),
-    /// All mobilities from 0 to [`MOST_MOBILITY`].
+    /// All mobilities from 0 to [`MAX_MOBILITY`].
     Free,
 }
 
-impl Mobilities {
+impl MobilityRange {
     /// Mobility of the Oldroyd-B fluid.
     pub const OLDROYD_B: Self = Self::Held(0.0);
 }
@@ -63,7 +63,7 @@ const FACTOR_STEP: f64 = 0.03;
 const TIME_STEP_S: f64 = 0.03;
 
 /// Step of a parameter of the load, under commands up to `largest_n` (N).
-fn step(number: &LoadNumber, largest_n: f64) -> f64 {
+fn step(number: &LoadParameter, largest_n: f64) -> f64 {
     match number.unit {
         LoadUnit::Factor => FACTOR_STEP,
         LoadUnit::Force => FACTOR_STEP * largest_n,
@@ -75,7 +75,7 @@ fn step(number: &LoadNumber, largest_n: f64) -> f64 {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct LargeScope {
     /// Mobilities of the training.
-    pub mobilities: Mobilities,
+    pub mobilities: MobilityRange,
     /// True if the acting force may differ from the commanded one.
     pub with_load: bool,
 }
@@ -88,7 +88,7 @@ pub struct LargeSurface {
     /// Square (1/Pa²) of the amplitude over the modulus, at the box's end.
     largest_per_pa2: f64,
     farthest_radii: f64,
-    mobilities: Mobilities,
+    mobilities: MobilityRange,
     /// Change of the deviation, in the surface's units, for a unit of every parameter of the load; empty if the force acts as commanded.
     by_load: Vec<Vec<f64>>,
     surface: Surface,
@@ -129,9 +129,9 @@ impl Ratios {
     }
 }
 
-fn basis(n_ratios: usize, mobilities: Mobilities) -> Option<Basis> {
+fn basis(n_ratios: usize, mobilities: MobilityRange) -> Option<Basis> {
     let mut weights = vec![RATIO_WEIGHT; n_ratios];
-    if mobilities == Mobilities::Free {
+    if mobilities == MobilityRange::Free {
         weights.push(MOBILITY_WEIGHT);
     }
     weights.push(1.0);
@@ -149,7 +149,7 @@ impl LargeSurface {
     /// Number of full-order runs for a law.
     pub fn n_runs(law: &[Element], scope: LargeScope) -> usize {
         let basis = Ratios::of(law).and_then(|ratios| basis(ratios.ln.len(), scope.mobilities));
-        let of_load = if scope.with_load { 1 + LoadNumber::ALL.len() } else { 0 };
+        let of_load = if scope.with_load { 1 + LoadParameter::ALL.len() } else { 0 };
         basis.map_or(0, |basis| basis.checks.len() + basis.design.len() + of_load)
     }
 
@@ -160,7 +160,7 @@ impl LargeSurface {
     pub fn place(law: &[Element], scope: LargeScope) -> Result<Vec<f64>> {
         let ratios = Ratios::of(law).ok_or_else(no_law)?;
         let mut place = ratios.centre();
-        if scope.mobilities != Mobilities::OLDROYD_B {
+        if scope.mobilities != MobilityRange::OLDROYD_B {
             place.push(ratios.modulus_pa.value);
         } else if scope.with_load {
             place.push(ratios.modulus_step());
@@ -182,20 +182,20 @@ impl LargeSurface {
         let ratios = Ratios::of(law).ok_or_else(no_law)?;
         let (centre, mobilities) = (ratios.centre(), scope.mobilities);
         let basis = basis(centre.len(), mobilities).ok_or_else(no_law)?;
-        let gel = FiniteGel::around_sphere(radius_m, outer_radius_m, Fineness::ESTIMATE)?;
+        let gel = FiniteGel::around_sphere(radius_m, outer_radius_m, Discretisation::ESTIMATE)?;
         let at_centre = Stages::of_law(ratios.law(law, &centre).ok_or_else(no_law)?);
         let linear_m = Response::new(time_s, force, time_s.len()).trajectory_m(&at_centre, 3.0 / gel.stiffness_m())?;
         let amplitude_m = linear_m.iter().fold(0.0_f64, |most, x| most.max(x.abs()));
         let own_radii = amplitude_m / (radius_m * ratios.modulus_pa.value);
         let farthest_radii = match mobilities {
-            Mobilities::OLDROYD_B => FARTHEST_RADII,
-            _ => FARTHEST_RADII.min(BEYOND_OWN * own_radii),
+            MobilityRange::OLDROYD_B => MAX_RADII,
+            _ => MAX_RADII.min(BEYOND_OWN * own_radii),
         };
         let largest_per_pa2 = (farthest_radii * radius_m / amplitude_m).powi(2);
-        if own_radii.is_nan() || own_radii >= FARTHEST_RADII {
+        if own_radii.is_nan() || own_radii >= MAX_RADII {
             return Err(Error::numerical(
                 format!(
-                    "the robot moves by {own_radii:.1} of its radii, but large displacements are computed up to {FARTHEST_RADII} only"
+                    "the robot moves by {own_radii:.1} of its radii, but large displacements are computed up to {MAX_RADII} only"
                 ),
                 "leave `large-displacement` out, or use a smaller force",
             ));
@@ -203,18 +203,18 @@ impl LargeSurface {
         // The deviation is in m at every row. The load's offset is given for a scale of 1.
         let deviation_m = |elements: &[Element], mobility: f64, load: &Load, scale: f64| -> Result<Vec<f64>> {
             let law = FiniteLaw::new(elements, mobility).ok_or_else(no_law)?;
-            let load = load.of_commands_times(scale);
+            let load = load.for_scaled_commands(scale);
             let scaled_n: Vec<f64> = force.at_rows_n.iter().map(|force_n| scale * force_n).collect();
             let force = Force { at_rows_n: &scaled_n, ..force };
-            let run = gel.run(&FiniteRun { law: &law, load: &load, time_s, force })?;
+            let run = gel.run(&FiniteInput { law: &law, load: &load, time_s, force })?;
             piece_done();
             Ok(run.deviation_m)
         };
         let run = |point: &Vec<f64>| -> Result<Trained> {
             let (square, ln) = point.split_last().ok_or_else(no_law)?;
             let mobility = match mobilities {
-                Mobilities::Held(mobility) => mobility,
-                Mobilities::Free => 0.5 * MOST_MOBILITY * (1.0 + ln[centre.len()]),
+                MobilityRange::Held(mobility) => mobility,
+                MobilityRange::Free => 0.5 * MAX_MOBILITY * (1.0 + ln[centre.len()]),
             };
             let ln: Vec<f64> = ln.iter().zip(&centre).map(|(x, middle)| middle + HALF_WIDTH * x).collect();
             let share = LEAST_SQUARE + (1.0 - LEAST_SQUARE) * 0.5 * (1.0 + square);
@@ -240,13 +240,13 @@ impl LargeSurface {
             let elements = ratios.law(law, &centre).ok_or_else(no_law)?;
             let scale = (-ratios.modulus_step()).exp();
             let mobility = match mobilities {
-                Mobilities::Held(mobility) => mobility,
-                Mobilities::Free => 0.5 * MOST_MOBILITY,
+                MobilityRange::Held(mobility) => mobility,
+                MobilityRange::Free => 0.5 * MAX_MOBILITY,
             };
             let largest_n = force.at_rows_n.iter().fold(0.0_f64, |most, force_n| most.max(force_n.abs()));
-            let sizes = LoadNumber::ALL.map(|number| step(&number, largest_n));
+            let sizes = LoadParameter::ALL.map(|number| step(&number, largest_n));
             let loads: Vec<Load> = std::iter::once(Load::COMMANDED)
-                .chain(LoadNumber::ALL.into_iter().zip(sizes).map(|(number, size)| number.alone(size)))
+                .chain(LoadParameter::ALL.into_iter().zip(sizes).map(|(number, size)| number.alone(size)))
                 .collect();
             let run = |load: &Load| deviation_m(&elements, mobility, load, scale);
             let runs: Vec<Vec<f64>> = loads.par_iter().map(run).collect::<Result<_>>()?;
@@ -272,7 +272,7 @@ pub struct LargeStepper {
     learnt: LargeSurface,
     bases: [Basis; 1],
     time_s: Vec<f64>,
-    force: KeptForce,
+    force: OwnedForce,
 }
 
 impl LargeStepper {
@@ -305,16 +305,16 @@ impl LargeStepper {
         };
         let LargeSurface { centre, largest_per_pa2, farthest_radii, mobilities, by_load, surface } = &self.learnt;
         let is_learnt = match mobilities {
-            Mobilities::Held(held) => mobility.is_constant(*held),
-            Mobilities::Free => mobility.value <= MOST_MOBILITY,
+            MobilityRange::Held(held) => mobility.is_constant(*held),
+            MobilityRange::Free => mobility.value <= MAX_MOBILITY,
         };
         if !is_learnt {
             return Err(Error::numerical(
                 format!("a mobility of {} was not learnt", mobility.value),
-                format!("hold it at a value, or stay below {MOST_MOBILITY}"),
+                format!("hold it at a value, or stay below {MAX_MOBILITY}"),
             ));
         }
-        let ratios = Ratios::of(&stages.law).filter(|own| own.ln.len() == centre.len()).ok_or_else(no_law)?;
+        let ratios = Ratios::of(&stages.law).filter(|ratios| ratios.ln.len() == centre.len()).ok_or_else(no_law)?;
         let scale = *amplitude / ratios.modulus_pa;
         let square = scale * scale;
         if square.value.is_nan() || square.value > *largest_per_pa2 {
@@ -327,12 +327,12 @@ impl LargeStepper {
         let ln = ratios.ln.iter().zip(centre).map(|(x, middle)| (*x - Dual::constant(*middle)) * (1.0 / HALF_WIDTH));
         let share = square * (1.0 / largest_per_pa2);
         let square_place = (share - Dual::constant(LEAST_SQUARE)) * (2.0 / (1.0 - LEAST_SQUARE)) - Dual::ONE;
-        let is_free = *mobilities == Mobilities::Free;
-        let mobility_place = is_free.then(|| *mobility * (2.0 / MOST_MOBILITY) - Dual::ONE);
+        let is_free = *mobilities == MobilityRange::Free;
+        let mobility_place = is_free.then(|| *mobility * (2.0 / MAX_MOBILITY) - Dual::ONE);
         let place: Vec<N> = ln.chain(mobility_place).chain([square_place]).map(|x| of(inside(x))).collect();
         let factor = square / ratios.modulus_pa;
         let mut excess_m = surface.excess_m(&self.bases, &place, of(factor), n_rows);
-        for (number, slope) in LoadNumber::ALL.into_iter().zip(by_load) {
+        for (number, slope) in LoadParameter::ALL.into_iter().zip(by_load) {
             let by = number.of(&stages.load) * factor;
             if !by.is_constant(0.0) {
                 let by = of(by);
@@ -365,7 +365,7 @@ mod tests {
     use laws::rheology::BaseLaw;
 
     /// Scope of an Oldroyd-B fluid under the commanded force.
-    const COMMANDED: LargeScope = LargeScope { mobilities: Mobilities::OLDROYD_B, with_load: false };
+    const COMMANDED: LargeScope = LargeScope { mobilities: MobilityRange::OLDROYD_B, with_load: false };
 
     /// Checks the paper's bead over one cycle, at laws and amplitudes not used for training, among them the paper's own. The reference is full-order runs
     /// on a finer mesh with finer steps. Derivatives are compared with differences.
@@ -377,26 +377,26 @@ mod tests {
         let force_n: Vec<f64> = (0..=40).map(|row| if row < 20 { 4.6e-6 } else { -4.6e-6 }).collect();
         let force = Force::from(&force_n);
         let law = |p: [f64; 3]| BaseLaw::Lethersich.elements(&p.map(Dual::constant));
-        let own = [3.527, 1.402, 47.370];
-        let learnt = LargeSurface::learn(RADII_M, (&law(own), COMMANDED), &time_s, force, &|| ());
+        let entry = [3.527, 1.402, 47.370];
+        let learnt = LargeSurface::learn(RADII_M, (&law(entry), COMMANDED), &time_s, force, &|| ());
         let learnt = learnt.expect("learns");
-        println!("{} runs, certified {:.1e}", LargeSurface::n_runs(&law(own), COMMANDED), learnt.certified());
+        println!("{} runs, certified {:.1e}", LargeSurface::n_runs(&law(entry), COMMANDED), learnt.certified());
         assert!(learnt.certified() < LARGEST_ERROR);
         let stepper = LargeStepper::new(learnt, &time_s, force).expect("a basis");
-        let gel = FiniteGel::around_sphere(RADII_M[0], RADII_M[1], Fineness::default()).expect("a mesh");
+        let gel = FiniteGel::around_sphere(RADII_M[0], RADII_M[1], Discretisation::default()).expect("a mesh");
         let stages = |p: [Dual; 3], amplitude: Dual| {
             let mut stages = Stages::of_law(BaseLaw::Lethersich.elements(&p));
             stages.spatial = Some(Spatial::Large { amplitude, mobility: Dual::ZERO });
             stages
         };
-        for (p, amplitude) in [(own, 1.0), ([3.6, 1.25, 52.0], 0.8), ([3.3, 1.5, 41.0], 0.5)] {
+        for (p, amplitude) in [(entry, 1.0), ([3.6, 1.25, 52.0], 0.8), ([3.3, 1.5, 41.0], 0.5)] {
             let found = stepper
                 .excess_m(&stages(p.map(Dual::constant), amplitude.into()), 1.0, &time_s, force)
                 .expect("learnt");
             let larger_n: Vec<f64> = force_n.iter().map(|f| amplitude * f).collect();
             let finite = FiniteLaw::new(&law(p), 0.0).expect("no springpot");
             let load = Stages::of_law(Vec::new()).load;
-            let what = FiniteRun { law: &finite, load: &load, time_s: &time_s, force: Force::from(&larger_n) };
+            let what = FiniteInput { law: &finite, load: &load, time_s: &time_s, force: Force::from(&larger_n) };
             let exact = gel.run(&what).expect("a run").deviation_m;
             let apart_um = found.iter().zip(&exact).fold(0.0_f64, |m, (a, b)| m.max(1e6 * (a - b / amplitude).abs()));
             println!("{p:?} at {amplitude}: {apart_um:.3} µm");
@@ -404,7 +404,7 @@ mod tests {
         }
         for seeded in 0..4 {
             let at = |step: f64| {
-                let mut values = [own[0], own[1], own[2], 0.9];
+                let mut values = [entry[0], entry[1], entry[2], 0.9];
                 values[seeded] *= 1.0 + step;
                 let dual = |k: usize| if k == seeded { Dual::variable(values[k]) } else { Dual::constant(values[k]) };
                 let stages = stages([dual(0), dual(1), dual(2)], dual(3));
@@ -428,11 +428,11 @@ mod tests {
         let force_n: Vec<f64> = (0..=40).map(|row| if row < 20 { 3.5e-6 } else { -3.5e-6 }).collect();
         let force = Force::from(&force_n);
         let law = BaseLaw::Lethersich.elements(&[3.527, 1.402, 47.370].map(Dual::constant));
-        let scope = LargeScope { mobilities: Mobilities::Free, with_load: false };
+        let scope = LargeScope { mobilities: MobilityRange::Free, with_load: false };
         let learnt = LargeSurface::learn(RADII_M, (&law, scope), &time_s, force, &|| ()).expect("learns");
         println!("{} runs, certified {:.1e}", LargeSurface::n_runs(&law, scope), learnt.certified());
         let stepper = LargeStepper::new(learnt, &time_s, force).expect("a basis");
-        let gel = FiniteGel::around_sphere(RADII_M[0], RADII_M[1], Fineness::default()).expect("a mesh");
+        let gel = FiniteGel::around_sphere(RADII_M[0], RADII_M[1], Discretisation::default()).expect("a mesh");
         let excess_m = |amplitude: f64, mobility: Dual| {
             let mut stages = Stages::of_law(law.clone());
             stages.spatial = Some(Spatial::Large { amplitude: amplitude.into(), mobility });
@@ -443,7 +443,7 @@ mod tests {
             let larger_n: Vec<f64> = force_n.iter().map(|f| amplitude * f).collect();
             let finite = FiniteLaw::new(&law, mobility).expect("no springpot");
             let load = Stages::of_law(Vec::new()).load;
-            let what = FiniteRun { law: &finite, load: &load, time_s: &time_s, force: Force::from(&larger_n) };
+            let what = FiniteInput { law: &finite, load: &load, time_s: &time_s, force: Force::from(&larger_n) };
             let exact = gel.run(&what).expect("a run").deviation_m;
             let apart = |(found, exact): (&Dual, &f64)| 1e6 * (found.value - exact / amplitude).abs();
             let apart_um = found.iter().zip(&exact).map(apart).fold(0.0, f64::max);
@@ -474,10 +474,10 @@ mod tests {
         let scope = LargeScope { with_load: true, ..COMMANDED };
         let learnt = LargeSurface::learn(RADII_M, (&law, scope), &time_s, force, &|| ()).expect("learns");
         let stepper = LargeStepper::new(learnt, &time_s, force).expect("a basis");
-        let gel = FiniteGel::around_sphere(RADII_M[0], RADII_M[1], Fineness::default()).expect("a mesh");
+        let gel = FiniteGel::around_sphere(RADII_M[0], RADII_M[1], Discretisation::default()).expect("a mesh");
         let finite = FiniteLaw::new(&law, 0.0).expect("no springpot");
         let exact_m = |load: &Load| {
-            let what = FiniteRun { law: &finite, load, time_s: &time_s, force };
+            let what = FiniteInput { law: &finite, load, time_s: &time_s, force };
             gel.run(&what).expect("a run").deviation_m
         };
         let found_m = |load: &Load| {
@@ -495,8 +495,8 @@ mod tests {
             lag_time_s: 0.02.into(),
             ..Load::COMMANDED
         };
-        let alone = LoadNumber::ALL.map(|number| number.alone(-0.04 * step(&number, 3.5e-6) / FACTOR_STEP));
-        let up = [3, 4].map(|time: usize| LoadNumber::ALL[time].alone(0.02));
+        let alone = LoadParameter::ALL.map(|number| number.alone(-0.04 * step(&number, 3.5e-6) / FACTOR_STEP));
+        let up = [3, 4].map(|time: usize| LoadParameter::ALL[time].alone(0.02));
         let loads = alone[..3].iter().chain(&up).chain([&together]);
         for load in loads {
             let (exact_m, found_m) = (exact_m(load), found_m(load));

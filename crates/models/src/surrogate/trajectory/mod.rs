@@ -14,17 +14,19 @@ mod polynomial;
 mod tests;
 
 pub use clocked::Clock;
-pub use large::{FARTHEST_RADII, LargeScope, LargeStepper, LargeSurface, MOST_MOBILITY, Mobilities};
-pub use outside::{Ask, OUTSIDE_MOST_POINTS, OUTSIDE_TOLERANCE, OutsideLesson, OutsideStepper, OutsideSurface};
+pub use large::{LargeScope, LargeStepper, LargeSurface, MAX_MOBILITY, MAX_RADII, MobilityRange};
+pub use outside::{
+    EXTERNAL_MAX_POINTS, EXTERNAL_TOLERANCE, ExternalModelFn, ExternalStepper, ExternalSurface, ExternalTraining,
+};
 
 use crate::model::Compliance;
 use base::error::Result;
 use base::number::{Dual, Scalar};
-use chart::Chart;
-use coordinates::{Kind, Place, Sizes, amplitude_m, stages_at, widths};
-use laws::stages::{FieldStepper, NonlinearFamily, Spatial, Stages, Stepped};
+use chart::CoordinateBox;
+use coordinates::{CoordinateKind, CoordinatePlace, CoordinateSizes, amplitude_m, stages_at, widths};
+use laws::stages::{FieldStepper, NonlinearFamily, SharedStepper, Spatial, Stages};
 use polynomial::Basis;
-use record::{Force, KeptForce};
+use record::{Force, OwnedForce};
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, OnceLock, PoisonError, RwLock};
 
@@ -41,21 +43,21 @@ const MOST_ROWS: usize = 20_000;
 const LONGEST_LN_S: f64 = 16.0;
 
 /// Boxes by the kind of law and their index along every coordinate.
-type Charts = BTreeMap<(Kind, Vec<i32>), Arc<Chart>>;
+type Charts = BTreeMap<(CoordinateKind, Vec<i32>), Arc<CoordinateBox>>;
 
 /// Stepper that stores trained trajectories.
 #[derive(Debug)]
-pub struct LocalStepper {
-    stepper: Stepped,
+pub struct CachedStepper {
+    stepper: SharedStepper,
     time_s: Vec<f64>,
-    force: KeptForce,
+    force: OwnedForce,
     force_and_impulse: [f64; 2],
     charts: RwLock<Charts>,
 }
 
-impl LocalStepper {
+impl CachedStepper {
     /// Stepper for one record: the rows' times (s) and the commanded force. Queries may be for its first rows only.
-    pub fn new(stepper: Stepped, time_s: &[f64], force: Force<'_>) -> Self {
+    pub fn new(stepper: SharedStepper, time_s: &[f64], force: Force<'_>) -> Self {
         let largest_n = force.at_rows_n.iter().fold(0.0_f64, |most, f| most.max(f.abs()));
         let (mut impulse, mut most) = (0.0_f64, 0.0_f64);
         for row in 0..force.at_rows_n.len() {
@@ -88,8 +90,8 @@ impl LocalStepper {
         if !is_own || largest_n == 0.0 {
             return None;
         }
-        let sizes = Sizes { force_n: largest_n, impulse_n_s, compliance_per_m };
-        let Place { kind, coordinates, modulus_pa } = Place::of(stages, sizes)?;
+        let sizes = CoordinateSizes { force_n: largest_n, impulse_n_s, compliance_per_m };
+        let CoordinatePlace { kind, coordinates, modulus_pa } = CoordinatePlace::of(stages, sizes)?;
         let bases = bases_of(coordinates.len())?;
         let values: Vec<f64> = coordinates.iter().map(|x| x.value).collect();
         let (widths, ends) = widths(&kind);
@@ -112,7 +114,7 @@ impl LocalStepper {
         Some(surface.excess_m(bases, &place, factor, n_rows))
     }
 
-    fn chart(&self, kind: Kind, values: &[f64], widths: &[f64], ends: [f64; 2]) -> Arc<Chart> {
+    fn chart(&self, kind: CoordinateKind, values: &[f64], widths: &[f64], ends: [f64; 2]) -> Arc<CoordinateBox> {
         let last = values.len() - 1;
         let origin = |k: usize| if k == last { ends[0] } else { 0.0 };
         let number = |k: usize| ((values[k] - origin(k)) / widths[k]).floor();
@@ -126,11 +128,11 @@ impl LocalStepper {
         }
         let end = |shift: f64| (0..=last).map(|k| origin(k) + (cell[k] + shift) * widths[k]).collect();
         let mut charts = self.charts.write().unwrap_or_else(PoisonError::into_inner);
-        charts.entry(key).or_insert_with(|| Arc::new(Chart::new(end(0.0), end(1.0)))).clone()
+        charts.entry(key).or_insert_with(|| Arc::new(CoordinateBox::new(end(0.0), end(1.0)))).clone()
     }
 }
 
-impl FieldStepper for LocalStepper {
+impl FieldStepper for CachedStepper {
     fn excess_m(&self, stages: &Stages, compliance_per_m: f64, time_s: &[f64], force: Force<'_>) -> Result<Vec<f64>> {
         match self.learnt(stages, compliance_per_m, time_s, force, |x| x.value) {
             Some(excess_m) => Ok(excess_m),
@@ -161,13 +163,13 @@ fn bases_of(n_coordinates: usize) -> Option<&'static [Basis]> {
 }
 
 /// Compliance whose nonlinear laws store their trajectories for one record: the rows' times (s) and the commanded force.
-pub fn local<'f>(compliance: &Compliance, time_s: &[f64], force: impl Into<Force<'f>>) -> Compliance {
-    let record = Arc::new((time_s.to_vec(), KeptForce::from(force.into())));
-    let steppers: Mutex<BTreeMap<NonlinearFamily, Stepped>> = Mutex::default();
+pub fn with_trajectory_cache<'f>(compliance: &Compliance, time_s: &[f64], force: impl Into<Force<'f>>) -> Compliance {
+    let record = Arc::new((time_s.to_vec(), OwnedForce::from(force.into())));
+    let steppers: Mutex<BTreeMap<NonlinearFamily, SharedStepper>> = Mutex::default();
     compliance.clone().with_stepper(move |stages, stepper| {
         let Some(Spatial::Nonlinear(law)) = stages.spatial else { return stepper };
         let mut steppers = steppers.lock().unwrap_or_else(PoisonError::into_inner);
-        let remembering = || Stepped(Arc::new(LocalStepper::new(stepper, &record.0, record.1.get())));
+        let remembering = || SharedStepper(Arc::new(CachedStepper::new(stepper, &record.0, record.1.get())));
         steppers.entry(law.family()).or_insert_with(remembering).clone()
     })
 }

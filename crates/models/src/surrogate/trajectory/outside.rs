@@ -10,15 +10,15 @@ use super::clocked::Clock;
 use super::polynomial::Basis;
 use base::error::{Error, Result, Setting};
 use base::number::{Dual, PointScalar};
-use laws::stages::{FieldStepper, LoadNumber, LoadUnit, Spatial, Stages};
-use record::{Force, KeptForce};
+use laws::stages::{FieldStepper, LoadParameter, LoadUnit, Spatial, Stages};
+use record::{Force, OwnedForce};
 
 /// Largest error of modes and polynomials at any row, in units of the noise.
-pub const OUTSIDE_TOLERANCE: f64 = 0.03;
+pub const EXTERNAL_TOLERANCE: f64 = 0.03;
 /// Degrees that are tried in turn, as far as the number of calls permits.
 const DEGREES: [usize; 8] = [2, 3, 4, 6, 8, 10, 14, 20];
 /// Largest number of training points of a box, without those that check it.
-pub const OUTSIDE_MOST_POINTS: usize = 700;
+pub const EXTERNAL_MAX_POINTS: usize = 700;
 /// Extrapolated error at the highest degree, in units of the noise, above which the search in a box ends.
 /// Such a surface would support no conclusion.
 const HOPELESS: f64 = 0.5;
@@ -32,10 +32,10 @@ const LOAD_STEP: f64 = 0.05;
 const USUAL_SIZE: f64 = 0.1;
 
 /// Function of parameters and the force (N) at the clock's times that returns the position (m) at these times.
-pub type Ask<'a> = dyn Fn(&[f64], &[f64]) -> Result<Vec<f64>> + Sync + 'a;
+pub type ExternalModelFn<'a> = dyn Fn(&[f64], &[f64]) -> Result<Vec<f64>> + Sync + 'a;
 
 /// Box and training data.
-pub struct OutsideLesson<'a> {
+pub struct ExternalTraining<'a> {
     /// Smallest and largest value of every parameter; equal if the parameter is fixed.
     pub ends: &'a [(f64, f64)],
     /// Times at which the program computes positions.
@@ -52,7 +52,7 @@ pub struct OutsideLesson<'a> {
 
 /// Result of the training.
 #[derive(Debug, Clone)]
-pub struct OutsideSurface {
+pub struct ExternalSurface {
     /// Logarithms at the ends of every parameter.
     ln_ends: Vec<(f64, f64)>,
     bases: [Basis; 1],
@@ -64,14 +64,18 @@ pub struct OutsideSurface {
     n_points: usize,
 }
 
-impl OutsideSurface {
-    /// Trains on a rising number of points until errors at other points are below [`OUTSIDE_TOLERANCE`], or no more points are allowed.
+impl ExternalSurface {
+    /// Trains on a rising number of points until errors at other points are below [`EXTERNAL_TOLERANCE`], or no more points are allowed.
     /// It calls `piece_done` after every response, from any thread.
     ///
     /// # Errors
     /// Those of `ask`. [`Error::Numerical`] for more parameters than the polynomials support.
-    pub fn learn(lesson: &OutsideLesson<'_>, ask: &Ask<'_>, piece_done: &(dyn Fn() + Sync)) -> Result<Self> {
-        let OutsideLesson { ends, clock, time_s, force, noise_m, with_load } = *lesson;
+    pub fn learn(
+        lesson: &ExternalTraining<'_>,
+        ask: &ExternalModelFn<'_>,
+        piece_done: &(dyn Fn() + Sync),
+    ) -> Result<Self> {
+        let ExternalTraining { ends, clock, time_s, force, noise_m, with_load } = *lesson;
         let ln_ends: Vec<(f64, f64)> = ends.iter().map(|(lower, upper)| (lower.ln(), upper.ln())).collect();
         let free: Vec<usize> = (0..ends.len()).filter(|k| ends[*k].0 < ends[*k].1).collect();
         let at = |point: &[f64]| -> Vec<f64> {
@@ -94,7 +98,7 @@ impl OutsideSurface {
         let mut asked: [Vec<Vec<f64>>; 2] = [Vec::new(), Vec::new()];
         let mut best: Option<(Basis, Surface)> = None;
         let is_affordable =
-            |degree: &usize| *degree == DEGREES[0] || Basis::n_points(free.len(), *degree) <= OUTSIDE_MOST_POINTS;
+            |degree: &usize| *degree == DEGREES[0] || Basis::n_points(free.len(), *degree) <= EXTERNAL_MAX_POINTS;
         let degrees: Vec<usize> = DEGREES.into_iter().filter(is_affordable).collect();
         let mut before: Option<(usize, f64)> = None;
         for &degree in &degrees {
@@ -105,7 +109,7 @@ impl OutsideSurface {
             let runs: Vec<Trained> = asked.iter().flatten().map(|x| (x.clone(), noise_m)).collect();
             let surface = surface(&basis, &runs);
             let is_better = best.as_ref().is_none_or(|(_, other)| surface.certified < other.certified);
-            let is_done = surface.certified <= OUTSIDE_TOLERANCE;
+            let is_done = surface.certified <= EXTERNAL_TOLERANCE;
             // The error is extrapolated at the rate from the degree before to this one.
             let is_hopeless = before.is_some_and(|(other, error)| {
                 let left = (degrees[degrees.len() - 1] - degree) as f64 / (degree - other) as f64;
@@ -119,7 +123,7 @@ impl OutsideSurface {
                 break;
             }
         }
-        let Some((basis, own)) = best else {
+        let Some((basis, entry)) = best else {
             return Err(Error::numerical(
                 format!("no polynomials of {} parameters can be fitted", free.len()),
                 format!("fix some of them at values ({})", Setting::Fixed),
@@ -129,7 +133,7 @@ impl OutsideSurface {
         let mut by_load = Vec::new();
         if with_load {
             let largest_n = commanded_n.iter().fold(0.0_f64, |most, force_n| most.max(force_n.abs()));
-            for number in LoadNumber::of_size() {
+            for number in LoadParameter::of_size() {
                 let unit = if number.unit == LoadUnit::Force { largest_n } else { 1.0 };
                 let (size, usual) = (LOAD_STEP * unit, USUAL_SIZE * unit);
                 let load = number.alone(size).of::<f64>();
@@ -143,13 +147,13 @@ impl OutsideSurface {
                 by_load.push(surface(&basis, &runs));
             }
         }
-        let at_rows = own.at(&clock.rows);
-        Ok(Self { ln_ends, bases: [basis], surface: own, at_rows, by_load, n_points })
+        let at_rows = entry.at(&clock.rows);
+        Ok(Self { ln_ends, bases: [basis], surface: entry, at_rows, by_load, n_points })
     }
 
     /// Largest error at points not used for training, in units of the noise.
     pub fn certified(&self) -> f64 {
-        self.by_load.iter().fold(self.surface.certified, |worst, own| worst.max(own.certified))
+        self.by_load.iter().fold(self.surface.certified, |worst, surface| worst.max(surface.certified))
     }
 
     /// Number of points that the program computed.
@@ -159,22 +163,22 @@ impl OutsideSurface {
 }
 
 fn surface(basis: &Basis, runs: &[Trained]) -> Surface {
-    Surface::new(std::slice::from_ref(basis), 0, OUTSIDE_TOLERANCE, &runs.iter().collect::<Vec<_>>())
+    Surface::new(std::slice::from_ref(basis), 0, EXTERNAL_TOLERANCE, &runs.iter().collect::<Vec<_>>())
 }
 
 /// Stepper that evaluates a trained surface.
 #[derive(Debug)]
-pub struct OutsideStepper {
-    learnt: OutsideSurface,
+pub struct ExternalStepper {
+    learnt: ExternalSurface,
     clock: Clock,
     time_s: Vec<f64>,
-    force: KeptForce,
+    force: OwnedForce,
 }
 
-impl OutsideStepper {
+impl ExternalStepper {
     /// Stepper for the record of the training.
-    pub fn new(learnt: OutsideSurface, lesson: &OutsideLesson<'_>) -> Self {
-        let OutsideLesson { clock, time_s, force, .. } = *lesson;
+    pub fn new(learnt: ExternalSurface, lesson: &ExternalTraining<'_>) -> Self {
+        let ExternalTraining { clock, time_s, force, .. } = *lesson;
         Self { learnt, clock: clock.clone(), time_s: time_s.to_vec(), force: force.into() }
     }
 
@@ -183,13 +187,13 @@ impl OutsideStepper {
         let is_own = self.time_s.get(..n_rows) == Some(time_s)
             && self.force.get().first(force.at_rows_n.len()) == force
             && !stages.load.depends_on_position();
-        let (Some(Spatial::Outside(parameters)), true) = (&stages.spatial, is_own) else {
+        let (Some(Spatial::External(parameters)), true) = (&stages.spatial, is_own) else {
             return Err(Error::numerical(
                 "the other program's trajectories were learnt for another record or force",
                 "learn them for this record and force",
             ));
         };
-        let OutsideSurface { ln_ends, bases, surface, at_rows, by_load, .. } = &self.learnt;
+        let ExternalSurface { ln_ends, bases, surface, at_rows, by_load, .. } = &self.learnt;
         let mut place = Vec::with_capacity(parameters.len());
         for (value, (lower, upper)) in parameters.iter().zip(ln_ends) {
             let ln = value.ln();
@@ -202,7 +206,7 @@ impl OutsideStepper {
                 ));
             }
             if lower < upper {
-                place.push(N::of((ln * 2.0 - Dual::constant(lower + upper)) * (1.0 / (upper - lower))));
+                place.push(N::from_dual((ln * 2.0 - Dual::constant(lower + upper)) * (1.0 / (upper - lower))));
             }
         }
         let one = N::constant(1.0);
@@ -217,21 +221,23 @@ impl OutsideStepper {
         }
         let n = self.clock.n_points(n_rows);
         let changes = |is_delayed: bool| {
-            let numbers = LoadNumber::of_size().zip(by_load).filter(move |(number, _)| number.is_delayed == is_delayed);
-            let by = numbers.map(|(number, own)| (number.of(&stages.load), own));
-            by.filter(|(by, _)| !by.is_constant(0.0)).map(|(by, own)| own.excess_m(bases, &place, N::of(by), n))
+            let numbers =
+                LoadParameter::of_size().zip(by_load).filter(move |(number, _)| number.is_delayed == is_delayed);
+            let by = numbers.map(|(number, surface)| (number.of(&stages.load), surface));
+            by.filter(|(by, _)| !by.is_constant(0.0))
+                .map(|(by, surface)| surface.excess_m(bases, &place, N::from_dual(by), n))
         };
         let add = |x: &mut Vec<N>, change: Vec<N>| x.iter_mut().zip(change).for_each(|(x, change)| *x += change);
         let mut x = surface.excess_m(bases, &place, one, n);
         changes(true).for_each(|change| add(&mut x, change));
-        let mut x = self.clock.later(x, &stages.load, true);
+        let mut x = self.clock.delayed_and_lagged(x, &stages.load, true);
         // Effects that act from the beginning on are not delayed.
-        changes(false).for_each(|change| add(&mut x, self.clock.later(change, &stages.load, false)));
+        changes(false).for_each(|change| add(&mut x, self.clock.delayed_and_lagged(change, &stages.load, false)));
         Ok(self.clock.rows[..n_rows].iter().map(|row| x[*row]).collect())
     }
 }
 
-impl FieldStepper for OutsideStepper {
+impl FieldStepper for ExternalStepper {
     fn excess_m(&self, stages: &Stages, _compliance_per_m: f64, time_s: &[f64], force: Force<'_>) -> Result<Vec<f64>> {
         self.position_m(stages, time_s, force)
     }

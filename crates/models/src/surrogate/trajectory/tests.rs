@@ -3,7 +3,7 @@
 use super::*;
 use crate::surrogate::hyper::{self, HyperModel, HyperSettings};
 use elements::fe::Stiffness;
-use elements::fe::spatial::{Sizes as BodySizes, Surroundings};
+use elements::fe::spatial::{GelAndRobot, PhysicalProperties as BodySizes};
 use elements::mesh::QuarterBall;
 use laws::rheology::BaseLaw;
 use laws::stages::{Nonlinearity, YIELD_SMOOTHING};
@@ -31,7 +31,7 @@ fn stepper(which: usize) -> &'static HyperModel {
             outer_radius_m: ball.outer_radius_m,
             ball: Some(ball),
         };
-        let surroundings = Surroundings { mesh: &mesh, stiffness: &stiffness, poisson_ratio: 0.48, sizes };
+        let surroundings = GelAndRobot { mesh: &mesh, stiffness: &stiffness, poisson_ratio: 0.48, sizes };
         let family = FAMILIES[which];
         let settings = HyperSettings { training_runs: 8, verification_runs: 0, ..HyperSettings::of(family) };
         hyper::build(&surroundings, family, &settings, &|| ()).expect("training succeeds")
@@ -43,9 +43,9 @@ fn record() -> (Vec<f64>, Vec<f64>) {
     ((0..201).map(|i| 0.1 * i as f64).collect(), (0..201).map(force).collect())
 }
 
-fn local(which: usize) -> LocalStepper {
+fn local(which: usize) -> CachedStepper {
     let (time_s, force_n) = record();
-    LocalStepper::new(Stepped(Arc::new(stepper(which).clone())), &time_s, (&force_n).into())
+    CachedStepper::new(SharedStepper(Arc::new(stepper(which).clone())), &time_s, (&force_n).into())
 }
 
 fn stages(which: usize, law: [Dual; 3], value: Dual) -> Stages {
@@ -98,7 +98,7 @@ fn steppers_only_scale_with_the_modulus() {
 #[test]
 fn what_is_remembered_is_what_the_stepper_says() {
     let (time_s, force_n) = record();
-    let sizes = |local: &LocalStepper| Sizes {
+    let sizes = |local: &CachedStepper| CoordinateSizes {
         force_n: local.force_and_impulse[0],
         impulse_n_s: local.force_and_impulse[1],
         compliance_per_m: COMPLIANCE_PER_M,
@@ -157,7 +157,7 @@ fn answers_depend_on_nothing_but_the_point() {
     let (time_s, force_n) = record();
     let which = 1;
     let points: Vec<Stages> = [0.96, 0.93, 0.88].iter().flat_map(|about| points(which, *about)).collect();
-    let bits = |local: &LocalStepper, at: &Stages| -> Vec<u64> {
+    let bits = |local: &CachedStepper, at: &Stages| -> Vec<u64> {
         let excess_m = local.excess_m(at, COMPLIANCE_PER_M, &time_s, (&force_n).into()).expect("it moves");
         excess_m.into_iter().map(f64::to_bits).collect()
     };
@@ -208,14 +208,14 @@ fn derivatives_are_those_of_the_trajectory() {
             };
             let value = |shift: f64| local.excess_m(&at(shift, 0.0), COMPLIANCE_PER_M, &time_s, (&force_n).into());
             let (ahead, behind) = (value(1e-5).expect("it moves"), value(-1e-5).expect("it moves"));
-            let own = dual(&local);
+            let values = dual(&local);
             let distance = |other: &dyn Fn(usize) -> f64| {
-                own.iter().enumerate().fold(0.0_f64, |m, (i, x)| m.max((x - other(i)).abs())) / largest(&own)
+                values.iter().enumerate().fold(0.0_f64, |m, (i, x)| m.max((x - other(i)).abs())) / largest(&values)
             };
             let of_difference = distance(&|i| (ahead[i] - behind[i]) / 2e-5);
             let of_stepper = dual(stepper(which));
             // Errors are 10⁻⁴ of the displacement, here a millimetre, over boxes of a tenth. Derivatives then have errors of some 10⁻³ of it.
-            let of_stepper = distance(&|i| of_stepper[i]) * largest(&own) / 1e-3;
+            let of_stepper = distance(&|i| of_stepper[i]) * largest(&values) / 1e-3;
             println!("{:?} {direction}: {of_difference:e} {of_stepper:e}", FAMILIES[which]);
             assert!(of_difference < 1e-6, "{:?} {direction}: {of_difference:e}", FAMILIES[which]);
             assert!(of_stepper < 1e-3, "{:?} {direction}: {of_stepper:e}", FAMILIES[which]);

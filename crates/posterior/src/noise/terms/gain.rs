@@ -3,10 +3,10 @@
 use super::{Equations, NoiseTerm};
 use crate::noise::NoiseScales;
 use crate::noise::learnt_term::{DrawRow, LearningPrior, LearntParameter, LearntTerm, RowShare};
-use crate::noise::scales::Scales;
+use crate::noise::scales::FilterScales;
 use base::distribution::Distribution;
 use base::parameter::{GAIN_SD, OFFSET_SD, ParameterSpec};
-use figures::number::significant;
+use figures::number::format_significant;
 use sampling::ensemble::RandomStream;
 
 pub(super) struct Gain;
@@ -36,7 +36,7 @@ impl NoiseTerm for Gain {
         Some(self)
     }
 
-    fn write(&self, values: &[f64], scales: &mut Scales) {
+    fn write(&self, values: &[f64], scales: &mut FilterScales) {
         scales.gain_per_m2 = scales.ratio(values[0]);
         scales.offset = scales.ratio(1e-6 * values[1]);
     }
@@ -70,7 +70,11 @@ impl LearntTerm for Gain {
     }
 
     fn words(&self, values: &[f64]) -> String {
-        format!("a gain of {:.2} % and an offset of {} µm per cycle", 100.0 * values[0], significant(values[1], 2))
+        format!(
+            "a gain of {:.2} % and an offset of {} µm per cycle",
+            100.0 * values[0],
+            format_significant(values[1], 2)
+        )
     }
 
     fn sds_um(&self, values: &[f64], position_um: f64) -> Vec<f64> {

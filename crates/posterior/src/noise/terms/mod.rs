@@ -1,4 +1,4 @@
-//! Terms of the noise, one file each. A term states its name, its parameters with their priors, and its learning in a search. It writes itself into the [`Scales`] of the
+//! Terms of the noise, one file each. A term states its name, its parameters with their priors, and its learning in a search. It writes itself into the [`PredictiveScales`] of the
 //! filter. A new term is a file and a line in [`TERMS`]; only a term with a new equation changes the filter, too.
 
 mod gain;
@@ -7,7 +7,7 @@ mod student;
 mod white;
 
 use super::learnt_term::LearntTerm;
-use super::scales::{NoiseScales, Scales};
+use super::scales::{FilterScales, NoiseScales};
 use base::distribution::Distribution;
 use base::parameter::ParameterSpec;
 
@@ -31,7 +31,7 @@ pub(super) trait NoiseTerm: Sync {
     }
 
     /// Writes parameter values, which lie in their supports, into the scales. The terms before it have already written theirs.
-    fn write(&self, values: &[f64], scales: &mut Scales);
+    fn write(&self, values: &[f64], scales: &mut FilterScales);
 }
 
 /// Parts of the filter.

@@ -3,10 +3,10 @@
 use super::{Equations, NoiseTerm};
 use crate::noise::NoiseScales;
 use crate::noise::learnt_term::{DrawRow, LearningPrior, LearntParameter, LearntTerm, RowShare};
-use crate::noise::scales::Scales;
+use crate::noise::scales::FilterScales;
 use base::distribution::Distribution;
-use base::parameter::{OU_SD, OU_TIME, ParameterSpec};
-use figures::number::significant;
+use base::parameter::{ParameterSpec, SLOW_NOISE_SD, SLOW_NOISE_TIME};
+use figures::number::format_significant;
 use sampling::ensemble::RandomStream;
 
 pub(super) struct OrnsteinUhlenbeck;
@@ -17,12 +17,12 @@ impl NoiseTerm for OrnsteinUhlenbeck {
     }
 
     fn parameters(&self) -> &'static [ParameterSpec] {
-        &[OU_SD, OU_TIME]
+        &[SLOW_NOISE_SD, SLOW_NOISE_TIME]
     }
 
     fn default_prior(&self, parameter: &ParameterSpec, scales: &NoiseScales) -> Option<(Distribution, &'static str)> {
         let NoiseScales { noise_sd_um, sample_interval_s, cycle_s } = *scales;
-        if *parameter == OU_SD {
+        if *parameter == SLOW_NOISE_SD {
             let distribution = Distribution::LogNormal { median: 0.5 * noise_sd_um, log_sd: 1.0 };
             return Some((distribution, "chosen: about half the white noise, within a factor of seven (95 %)"));
         }
@@ -40,7 +40,7 @@ impl NoiseTerm for OrnsteinUhlenbeck {
         Some(self)
     }
 
-    fn write(&self, values: &[f64], scales: &mut Scales) {
+    fn write(&self, values: &[f64], scales: &mut FilterScales) {
         scales.ou = scales.ratio(1e-6 * values[0]);
         scales.ou_time_s = values[1];
     }
@@ -66,14 +66,14 @@ impl LearntTerm for OrnsteinUhlenbeck {
             known => known,
         };
         let sd = LearntParameter {
-            spec: OU_SD,
+            spec: SLOW_NOISE_SD,
             prior: LearningPrior::OfLog(sd),
             ln_ends: [ln_white_um - 7.0, ln_white_um + 9.0],
             ln_white: ln_white_um - 3.0,
             of_row: RowShare::Sd,
         };
         let time = LearntParameter {
-            spec: OU_TIME,
+            spec: SLOW_NOISE_TIME,
             prior: LearningPrior::Flat,
             ln_ends: [shortest, longest],
             ln_white: 0.5 * (shortest + longest),
@@ -96,8 +96,8 @@ impl LearntTerm for OrnsteinUhlenbeck {
     fn words(&self, values: &[f64]) -> String {
         format!(
             "slow noise of {} µm with a correlation time of {} s",
-            significant(values[0], 3),
-            significant(values[1], 2)
+            format_significant(values[0], 3),
+            format_significant(values[1], 2)
         )
     }
 

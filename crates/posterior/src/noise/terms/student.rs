@@ -2,7 +2,7 @@
 
 use super::{Equations, NoiseTerm};
 use crate::noise::NoiseScales;
-use crate::noise::scales::Scales;
+use crate::noise::scales::FilterScales;
 use base::distribution::Distribution;
 use base::parameter::{ParameterSpec, STUDENT_DOF};
 
@@ -26,7 +26,7 @@ impl NoiseTerm for Student {
         Equations { heavy_tails: true, ..Equations::default() }
     }
 
-    fn write(&self, values: &[f64], scales: &mut Scales) {
+    fn write(&self, values: &[f64], scales: &mut FilterScales) {
         scales.dof = values[0];
     }
 }

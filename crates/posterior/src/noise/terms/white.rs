@@ -3,10 +3,10 @@
 use super::{Equations, NoiseTerm};
 use crate::noise::NoiseScales;
 use crate::noise::learnt_term::{LearningPrior, LearntParameter, LearntTerm, RowShare};
-use crate::noise::scales::Scales;
+use crate::noise::scales::FilterScales;
 use base::distribution::Distribution;
 use base::parameter::{NOISE_SD, ParameterSpec};
-use figures::number::significant;
+use figures::number::format_significant;
 
 pub(super) struct White;
 
@@ -31,7 +31,7 @@ impl NoiseTerm for White {
         Some(self)
     }
 
-    fn write(&self, values: &[f64], scales: &mut Scales) {
+    fn write(&self, values: &[f64], scales: &mut FilterScales) {
         scales.noise_sd_m = 1e-6 * values[0];
     }
 }
@@ -56,7 +56,7 @@ impl LearntTerm for White {
     }
 
     fn words(&self, values: &[f64]) -> String {
-        format!("white noise of {} µm", significant(values[0], 3))
+        format!("white noise of {} µm", format_significant(values[0], 3))
     }
 
     fn sds_um(&self, values: &[f64], _: f64) -> Vec<f64> {

@@ -4,7 +4,7 @@
 //! which carries walkers between modes. The move is symmetric, so that the correction is one.
 //! ter Braak 2006, doi:10.1007/s11222-006-8769-1; Nelson, Ford & Payne 2013, doi:10.1088/0067-0049/210/1/11.
 
-use super::{Move, Points};
+use super::{Move, WalkerPoints};
 use crate::ensemble::random::RandomStream;
 
 /// Differential-evolution move.
@@ -34,17 +34,17 @@ impl Move for DifferentialEvolution {
 
     fn propose(
         &self,
-        moving: Points,
-        complement: Points,
+        moving: WalkerPoints,
+        complement: WalkerPoints,
         _shared: &mut RandomStream,
-        own: &mut [RandomStream],
+        random_streams: &mut [RandomStream],
         proposals: &mut [f64],
         log_factors: &mut [f64],
     ) {
         let gamma_0 = self.scale * 2.38 / (2.0 * moving.dimension as f64).sqrt();
         let (n, jump) = (complement.n, self.jump_probability);
         log_factors.fill(0.0);
-        for (i, stream) in own.iter_mut().enumerate() {
+        for (i, stream) in random_streams.iter_mut().enumerate() {
             let (a, b) = stream.distinct_pair(n);
             // One word makes both choices: below `jump` it selects a jump, above it is again uniform.
             let u = stream.unit();

@@ -5,7 +5,7 @@
 //! If q is good, most draws are accepted and nearly independent, within and between modes. Otherwise most draws are
 //! rejected and the other moves do the work. Tierney 1994, doi:10.1214/aos/1176325750, §2.3.2.
 
-use super::{Move, Points};
+use super::{Move, WalkerPoints};
 use crate::ensemble::random::RandomStream;
 use crate::optimum::Modes;
 use crate::t_mixture::{Jumps, TMixture};
@@ -47,16 +47,16 @@ impl Move for Independence {
 
     fn propose(
         &self,
-        moving: Points,
-        _complement: Points,
+        moving: WalkerPoints,
+        _complement: WalkerPoints,
         _shared: &mut RandomStream,
-        own: &mut [RandomStream],
+        random_streams: &mut [RandomStream],
         proposals: &mut [f64],
         log_factors: &mut [f64],
     ) {
         if let Some(component) = self.mixture.only() {
             let (exponent, points) = (self.mixture.exponent(), moving.coordinates);
-            return Jumps { component, exponent, points, draws: proposals, log_factors }.draw(own);
+            return Jumps { component, exponent, points, draws: proposals, log_factors }.draw(random_streams);
         }
         let dimension = moving.dimension;
         // Work space on the stack for usual dimensions, so that the hot loop does not allocate.
@@ -70,7 +70,7 @@ impl Move for Independence {
         };
         let (point, noise) = space.split_at_mut(dimension);
         let n = moving.n;
-        for (i, stream) in own.iter_mut().enumerate() {
+        for (i, stream) in random_streams.iter_mut().enumerate() {
             point.iter_mut().enumerate().for_each(|(d, x)| *x = moving.coordinates[d * n + i]);
             log_factors[i] = self.jump(stream, point, noise);
             point.iter().enumerate().for_each(|(d, x)| proposals[d * n + i] = *x);
@@ -98,11 +98,11 @@ mod tests {
             let streams = || (0..n as u64).map(|i| RandomStream::new(3, i)).collect::<Vec<_>>();
             let coordinates: Vec<f64> = (0..2 * n).map(|i| (1.7 * i as f64).sin() * 3.0).collect();
             let (mut proposals, mut factors) = (vec![0.0; 2 * n], vec![0.0; n]);
-            let moving = Points { coordinates: &coordinates, n, dimension: 2 };
+            let moving = WalkerPoints { coordinates: &coordinates, n, dimension: 2 };
             let mut shared = RandomStream::new(3, 1000);
-            let mut own = streams();
-            q.propose(moving, moving, &mut shared, &mut own, &mut proposals, &mut factors);
-            for (i, (mut stream, used)) in streams().into_iter().zip(own).enumerate() {
+            let mut random_streams = streams();
+            q.propose(moving, moving, &mut shared, &mut random_streams, &mut proposals, &mut factors);
+            for (i, (mut stream, used)) in streams().into_iter().zip(random_streams).enumerate() {
                 let mut point = [coordinates[i], coordinates[n + i]];
                 let factor = q.jump(&mut stream, &mut point, &mut [0.0; 2]);
                 assert!((factor - factors[i]).abs() < 1e-12, "{factor} {}", factors[i]);

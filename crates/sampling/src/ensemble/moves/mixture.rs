@@ -1,6 +1,6 @@
 //! Mixture: every half-step uses one of several moves, drawn with fixed weights.
 
-use super::{Move, Points};
+use super::{Move, WalkerPoints};
 use crate::ensemble::random::RandomStream;
 
 /// Moves with weights. The choice does not depend on the walkers, so that the mixture keeps every distribution invariant that
@@ -35,17 +35,17 @@ impl Move for Mixture {
 
     fn propose(
         &self,
-        moving: Points,
-        complement: Points,
+        moving: WalkerPoints,
+        complement: WalkerPoints,
         shared: &mut RandomStream,
-        own: &mut [RandomStream],
+        random_streams: &mut [RandomStream],
         proposals: &mut [f64],
         log_factors: &mut [f64],
     ) {
         let u = shared.unit();
         let chosen = self.moves.iter().find(|(upper, _)| u < *upper).or(self.moves.last());
         match chosen {
-            Some((_, part)) => part.propose(moving, complement, shared, own, proposals, log_factors),
+            Some((_, part)) => part.propose(moving, complement, shared, random_streams, proposals, log_factors),
             // An empty mixture does not move.
             None => {
                 proposals.copy_from_slice(moving.coordinates);

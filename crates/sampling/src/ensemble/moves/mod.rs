@@ -19,7 +19,7 @@ use super::random::RandomStream;
 
 /// Points in the layout of [`crate::LogDensity`]: coordinate d of point i at `coordinates[d * n + i]`.
 #[derive(Debug, Clone, Copy)]
-pub struct Points<'a> {
+pub struct WalkerPoints<'a> {
     /// The coordinates.
     pub coordinates: &'a [f64],
     /// Number of points.
@@ -36,16 +36,16 @@ pub trait Move: Send + Sync {
     /// Name with all constants. A checkpoint must agree with it.
     fn name(&self) -> String;
 
-    /// Fills `proposals` (layout of [`Points`], as many as `moving`) and `log_factors`.
+    /// Fills `proposals` (layout of [`KernelPoints`], as many as `moving`) and `log_factors`.
     ///
     /// `own` holds one random stream per moving walker. `shared` is the ensemble's stream, for choices that all walkers
     /// share. The complement has at least four points. Draws from `own` must not change it.
     fn propose(
         &self,
-        moving: Points,
-        complement: Points,
+        moving: WalkerPoints,
+        complement: WalkerPoints,
         shared: &mut RandomStream,
-        own: &mut [RandomStream],
+        random_streams: &mut [RandomStream],
         proposals: &mut [f64],
         log_factors: &mut [f64],
     );

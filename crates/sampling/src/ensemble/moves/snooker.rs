@@ -3,7 +3,7 @@
 //! The proposal is y = x + γ ((c₁ − c₂)·e) e, with e the direction of x − c. It is accepted with (|y − c|/|x − c|)^(d−1) π(y)/π(x).
 //! ter Braak & Vrugt 2008, doi:10.1007/s11222-008-9104-9, eq. 3–4.
 
-use super::{Move, Points};
+use super::{Move, WalkerPoints};
 use crate::ensemble::random::RandomStream;
 
 /// Snooker move.
@@ -26,16 +26,16 @@ impl Move for Snooker {
 
     fn propose(
         &self,
-        moving: Points,
-        complement: Points,
+        moving: WalkerPoints,
+        complement: WalkerPoints,
         _shared: &mut RandomStream,
-        own: &mut [RandomStream],
+        random_streams: &mut [RandomStream],
         proposals: &mut [f64],
         log_factors: &mut [f64],
     ) {
         let n = complement.n;
         let exponent = 0.5 * (moving.dimension as f64 - 1.0);
-        for (i, stream) in own.iter_mut().enumerate() {
+        for (i, stream) in random_streams.iter_mut().enumerate() {
             let (anchor, a, b) = stream.distinct_triple(n);
             let (mut distance2, mut projected) = (0.0, 0.0);
             for d in 0..moving.dimension {

@@ -3,7 +3,7 @@
 //! y = c + z (x − c), z with density ∝ 1/√z on [1/a, a]; accepted with z^(d−1) π(y)/π(x).
 //! Goodman & Weare 2010, doi:10.2140/camcos.2010.5.65, eq. 7–9.
 
-use super::{Move, Points};
+use super::{Move, WalkerPoints};
 use crate::ensemble::random::RandomStream;
 
 /// Stretch move with scale a > 1.
@@ -26,15 +26,15 @@ impl Move for Stretch {
 
     fn propose(
         &self,
-        moving: Points,
-        complement: Points,
+        moving: WalkerPoints,
+        complement: WalkerPoints,
         _shared: &mut RandomStream,
-        own: &mut [RandomStream],
+        random_streams: &mut [RandomStream],
         proposals: &mut [f64],
         log_factors: &mut [f64],
     ) {
         let exponent = moving.dimension as f64 - 1.0;
-        for (i, stream) in own.iter_mut().enumerate() {
+        for (i, stream) in random_streams.iter_mut().enumerate() {
             let partner = stream.below(complement.n);
             // Inverse distribution function of 1/√z on [1/a, a].
             let z = ((self.scale - 1.0) * stream.unit() + 1.0).powi(2) / self.scale;

@@ -2,11 +2,11 @@
 
 use super::super::collocation::{END, N_NODES};
 use super::super::numbers::Real;
-use super::{Carried, Run, size};
+use super::{Carried, StateLawRun, size};
 use base::error::{Error, Result};
 use base::number::{Dual, Scalar};
 use laws::rheology::Element;
-use laws::stages::{Leaf, Operation, Quantity, State, StateLaw};
+use laws::stages::{ElementPlace, Operation, Quantity, State, StateLaw};
 
 /// Largest number of Newton steps in one time step.
 const MOST_NEWTON_STEPS: usize = 40;
@@ -66,11 +66,11 @@ pub struct Imbalance<T, const N: usize> {
 
 /// Relation of R, and the quantity if the function is added to it.
 pub fn source<T: Real>(law: &StateLaw, elements: &[Element], compliance_per_m: T) -> Result<(Source<T>, Option<T>)> {
-    let Quantity::Element(Leaf { body, part }) = law.quantity else {
+    let Quantity::Element(ElementPlace { body, part }) = law.quantity else {
         return Ok((if law.quantity == Quantity::Force { Source::Force } else { Source::Position }, None));
     };
-    let own = elements.get(body).ok_or_else(no_element)?;
-    let (leaf, beside): (&Element, Vec<&Element>) = match (own, part) {
+    let entry = elements.get(body).ok_or_else(no_element)?;
+    let (leaf, beside): (&Element, Vec<&Element>) = match (entry, part) {
         (Element::Parallel(parts), Some(part)) => {
             let leaf = parts.get(part).ok_or_else(no_element)?;
             (leaf, parts.iter().enumerate().filter(|(place, _)| *place != part).map(|(_, other)| other).collect())
@@ -79,8 +79,8 @@ pub fn source<T: Real>(law: &StateLaw, elements: &[Element], compliance_per_m: T
         _ => return Err(no_element()),
     };
     let number = match leaf {
-        Element::Spring { modulus_pa } | Element::Springpot { modulus_pa, .. } => T::of(*modulus_pa),
-        Element::Dashpot { viscosity_pa_s } => T::of(*viscosity_pa_s),
+        Element::Spring { modulus_pa } | Element::Springpot { modulus_pa, .. } => T::from_dual(*modulus_pa),
+        Element::Dashpot { viscosity_pa_s } => T::from_dual(*viscosity_pa_s),
         _ => return Err(no_element()),
     };
     let quantity = (law.operation == Operation::Add).then_some(number);
@@ -90,7 +90,7 @@ pub fn source<T: Real>(law: &StateLaw, elements: &[Element], compliance_per_m: T
     let mut springs = T::constant(0.0);
     for other in beside {
         match other {
-            Element::Spring { modulus_pa } => springs += T::of(*modulus_pa),
+            Element::Spring { modulus_pa } => springs += T::from_dual(*modulus_pa),
             _ => {
                 return Err(Error::numerical(
                     "an element in parallel with dashpots or springpots cannot depend on a state",
@@ -106,7 +106,7 @@ pub fn no_element() -> Error {
     Error::numerical("the law has no element for this effect's quantity", "name another element")
 }
 
-impl<T: Real> Run<'_, T> {
+impl<T: Real> StateLawRun<'_, T> {
     /// Returns R and the positions at the nodes, and the velocity at the last, by Newton's method from a guess, with derivatives.
     pub fn balance<const N: usize>(
         &self,
@@ -124,7 +124,7 @@ impl<T: Real> Run<'_, T> {
             return ended([T::constant(0.0); N]);
         }
         // If the state is known in advance, the equations are linear and the first step is the last.
-        let is_linear = !self.law.state.is_of_motion() && !T::CARRIES;
+        let is_linear = !self.law.state.depends_on_motion() && !T::CARRIES;
         let mut feedback = guess;
         let mut before = f64::INFINITY;
         let mut last_step: Option<([T; N], f64)> = None;
@@ -177,7 +177,8 @@ impl<T: Real> Run<'_, T> {
         for i in 0..N {
             let strain = share_m[i] / nodes.growth[i];
             let slope = self.law.function.0.value(Dual::variable(states[i].value()), &self.constants);
-            let value = if T::CARRIES { T::of(self.law.value(states[i].carried())) } else { T::of(slope) };
+            let value =
+                if T::CARRIES { T::from_dual(self.law.value(states[i].carried())) } else { T::from_dual(slope) };
             let (target, by_value, by_strain) = self.feedback(value, nodes.force_n[i], strain);
             at.left[i] = target - feedback[i];
             (at.by_state[i], at.by_value[i], at.by_strain[i]) = (slope.derivative, by_value, by_strain);
@@ -270,9 +271,9 @@ impl<T: Real> Run<'_, T> {
             State::LargestExcursion => {
                 let (mut largest_m, mut by) = (now.largest_m, [0.0; N]);
                 for i in 0..N {
-                    let own = size(position_m[i]);
-                    if own.value() > largest_m.value() {
-                        (largest_m, by) = (own, [0.0; N]);
+                    let item = size(position_m[i]);
+                    if item.value() > largest_m.value() {
+                        (largest_m, by) = (item, [0.0; N]);
                         by[i] = if position_m[i].value() < 0.0 { -1.0 } else { 1.0 };
                     }
                     (states[i], by_position[i]) = (largest_m, by);

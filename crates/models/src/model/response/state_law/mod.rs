@@ -16,7 +16,7 @@ use super::Response;
 use super::collocation::{END, N_NODES, NODES};
 use super::numbers::Real;
 use super::schedule::{Level, Schedule};
-use super::system::{BETWEEN_ROWS, Lowered, System, grading};
+use super::system::{BETWEEN_ROWS, PointNumbers, System, grading};
 use base::error::Result;
 use base::number::{Complex, Dual};
 use laws::rheology::{Accuracy, Element, RetardationSpectrum, TimeWindow};
@@ -51,7 +51,7 @@ struct Carried<T> {
 }
 
 /// One run through the record.
-struct Run<'a, T> {
+struct StateLawRun<'a, T> {
     law: &'a StateLaw,
     /// Parameters of the function without derivatives.
     constants: Vec<Dual>,
@@ -99,16 +99,16 @@ fn excess<T: Real>(
     let TimeWindow { shortest_s, longest_s } = response.window;
     let at_rows = !response.record.is_linear && stages.load.acts_at_rows();
     let window = TimeWindow { shortest_s: shortest_s * if at_rows { WITHIN_ROWS } else { BETWEEN_ROWS }, longest_s };
-    let spectrum = |law: &[Element]| RetardationSpectrum::<T>::with_accuracy(law, window, Accuracy::Fast);
-    let (own, others): (&[Element], Vec<Element>) = match law.quantity {
+    let spectrum = |law: &[Element]| RetardationSpectrum::<T>::of_law_with_accuracy(law, window, Accuracy::Fast);
+    let (elements, others): (&[Element], Vec<Element>) = match law.quantity {
         Quantity::Element(leaf) => {
-            let own = stages.law.get(leaf.body..=leaf.body).ok_or_else(no_element)?;
-            (own, [&stages.law[..leaf.body], &stages.law[leaf.body + 1..]].concat())
+            let entry = stages.law.get(leaf.body..=leaf.body).ok_or_else(no_element)?;
+            (entry, [&stages.law[..leaf.body], &stages.law[leaf.body + 1..]].concat())
         }
         Quantity::Force | Quantity::Position => (&stages.law, Vec::new()),
     };
-    let [of_body, of_others] = [spectrum(own)?, spectrum(&others)?];
-    let softening = T::of(stages.softening_rate_per_s);
+    let [of_body, of_others] = [spectrum(elements)?, spectrum(&others)?];
+    let softening = T::from_dual(stages.softening_rate_per_s);
     let modes = Modes::new([&of_body, &of_others], compliance_per_m, softening);
     let mut whole = of_body;
     whole.modes.extend(of_others.modes);
@@ -116,7 +116,7 @@ fn excess<T: Real>(
     whole.instantaneous_per_pa += of_others.instantaneous_per_pa;
     whole.fluidity_per_pa_s += of_others.fluidity_per_pa_s;
     let record = &response.record;
-    let mut lowered = Lowered::with_spectrum(stages, &whole, compliance_per_m, record.largest_n);
+    let mut lowered = PointNumbers::with_spectrum(stages, &whole, compliance_per_m, record.largest_n);
     let lag_rate = stages.load.of::<f64>().lag_rate_per_s();
     let total = whole.instantaneous_per_pa.value()
         + whole.modes.iter().map(|mode| mode.compliance_per_pa.value()).sum::<f64>()
@@ -128,14 +128,14 @@ fn excess<T: Real>(
     let load = stages.load.of::<T>();
     let start_s = response.time_s.first().copied().unwrap_or(0.0);
     let steps = response.force.get().step_rows();
-    let mut run = Run {
+    let mut run = StateLawRun {
         law,
         constants: law.parameters.iter().map(|p| Dual::constant(p.value)).collect(),
         source,
         quantity,
         modes,
         rises: record.is_linear,
-        steps_s: steps.iter().map(|&row| load.acts_at_s(response.time_s[row] - start_s)).collect(),
+        steps_s: steps.iter().map(|&row| load.action_time_s(response.time_s[row] - start_s)).collect(),
         largest_n: record.largest_n.max(load.start_n().value().abs()).max(f64::MIN_POSITIVE),
         slopes: slopes(),
         next: next(1.0),
@@ -148,7 +148,7 @@ fn excess<T: Real>(
     Ok((excess_m, slopes.excess_m()))
 }
 
-impl<T: Real> Run<'_, T> {
+impl<T: Real> StateLawRun<'_, T> {
     /// Steps through a whole schedule. Returns the excess at the rows.
     fn through(
         &mut self,
@@ -219,7 +219,7 @@ impl<T: Real> Run<'_, T> {
             Source::Position => {
                 let position_m = now.position_m;
                 let state = self.state_now(now, force_n);
-                let value = T::of(self.law.value(state.carried()));
+                let value = T::from_dual(self.law.value(state.carried()));
                 if self.law.operation == Operation::Add { value } else { position_m * (value - one) }
             }
             _ => now.growth * (self.modes.instantaneous[1] * now.feedback_n + sum(&now.by_feedback)),
@@ -249,7 +249,7 @@ impl<T: Real> Run<'_, T> {
     /// Updates position and R after a jump of the force, if part of the law responds instantaneously.
     fn jump(&self, now: &mut Carried<T>, slopes: Option<&mut Slopes>) -> Result<()> {
         let force_n = now.level_n + now.deficit_n;
-        let [whole, own] = self.modes.instantaneous;
+        let [whole, item] = self.modes.instantaneous;
         if whole.value() == 0.0 {
             return Ok(());
         }
@@ -258,8 +258,8 @@ impl<T: Real> Run<'_, T> {
             force_n: [force_n],
             growth: [now.growth],
             time_s: [now.now_s],
-            known: [[whole * force_n + split[0]], [own * force_n + split[1]]],
-            by_feedback: [[own]],
+            known: [[whole * force_n + split[0]], [item * force_n + split[1]]],
+            by_feedback: [[item]],
         };
         let (feedback, position, _) = self.balance(&nodes, now, None, [now.feedback_n])?;
         if let Some(slopes) = slopes {
@@ -275,8 +275,8 @@ impl<T: Real> Run<'_, T> {
         let of_feedback = sum(&now.by_feedback);
         let (real, oscillating) = &now.by_force;
         let own_re = oscillating[..self.modes.n_oscillating].iter().fold(T::constant(0.0), |sum, y| sum + y.re);
-        let own = real[..self.modes.n_real].iter().fold(own_re, |sum, y| sum + *y);
-        [sum(&now.by_force) + of_feedback, own + of_feedback]
+        let item = real[..self.modes.n_real].iter().fold(own_re, |sum, y| sum + *y);
+        [sum(&now.by_force) + of_feedback, item + of_feedback]
     }
 
     fn moved(&self, now: &mut Carried<T>, position_m: &[T]) {
@@ -313,7 +313,7 @@ impl<T: Real> Run<'_, T> {
 
     fn advance(&self, step: &Step<T>, now: &mut Carried<T>, slopes: Option<&mut Slopes>) -> Result<()> {
         let zero = T::constant(0.0);
-        let [whole, own] = self.modes.instantaneous;
+        let [whole, item] = self.modes.instantaneous;
         let mut known = [[zero; N_NODES]; 2];
         let mut force_n = [zero; N_NODES];
         for i in 0..N_NODES {
@@ -337,18 +337,18 @@ impl<T: Real> Run<'_, T> {
             }
         };
         for (place, (step, &y)) in step.real.iter().zip(&now.by_force.0).enumerate() {
-            let y = now.by_feedback.0.get(place).map_or(y, |own| y + *own);
+            let y = now.by_feedback.0.get(place).map_or(y, |item| y + *item);
             add(place, self.modes.n_real, step.node_decay.map(|decay| decay * y));
         }
         for (place, (step, &y)) in step.oscillating.iter().zip(&now.by_force.1).enumerate() {
-            let y = now.by_feedback.1.get(place).map_or(y, |own| y + *own);
+            let y = now.by_feedback.1.get(place).map_or(y, |complex| y + *complex);
             add(place, self.modes.n_oscillating, step.node_decay.map(|decay| (decay * y).re));
         }
         let mut by_feedback = step.by_feedback;
         for i in 0..N_NODES {
             known[0][i] = whole * force_n[i] + known[0][i];
-            known[1][i] = own * force_n[i] + known[1][i];
-            by_feedback[i][i] += own;
+            known[1][i] = item * force_n[i] + known[1][i];
+            by_feedback[i][i] += item;
         }
         let growth = step.growth.map(|growth| now.growth * growth);
         let time_s = NODES.map(|part| now.now_s + step.length_s * part);
@@ -367,8 +367,8 @@ impl<T: Real> Run<'_, T> {
                 next = step.whole.ramp_gain * now.slope_n_per_s + next;
             }
             *y = step.whole.decay * *y + next;
-            if let Some(own) = now.by_feedback.0.get_mut(place) {
-                *own = (0..N_NODES).fold(step.whole.decay * *own, |sum, k| sum + step.weights[k] * feedback[k]);
+            if let Some(entry) = now.by_feedback.0.get_mut(place) {
+                *entry = (0..N_NODES).fold(step.whole.decay * *entry, |sum, k| sum + step.weights[k] * feedback[k]);
             }
         }
         for (place, (step, y)) in step.oscillating.iter().zip(&mut now.by_force.1).enumerate() {
@@ -377,9 +377,9 @@ impl<T: Real> Run<'_, T> {
                 next = next + step.whole.ramp_gain.times(now.slope_n_per_s);
             }
             *y = step.whole.decay * *y + next;
-            if let Some(own) = now.by_feedback.1.get_mut(place) {
+            if let Some(current) = now.by_feedback.1.get_mut(place) {
                 let weighted = |sum: Complex<T>, k: usize| sum + step.weights[k].times(feedback[k]);
-                *own = (0..N_NODES).fold(step.whole.decay * *own, weighted);
+                *current = (0..N_NODES).fold(step.whole.decay * *current, weighted);
             }
         }
         now.deficit_n = now.deficit_n * step.lag_decay[END];

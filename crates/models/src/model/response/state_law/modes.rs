@@ -34,14 +34,18 @@ pub struct Step<T> {
 
 impl<T: Real> Modes<T> {
     /// Modes for the spectra of the body and of the others.
-    pub fn new([own, others]: [&RetardationSpectrum<T>; 2], compliance_per_m: T, softening: T) -> Self {
-        let (real, oscillating) = modes_of(own, compliance_per_m, softening);
+    pub fn new(
+        [retardation_spectrum, others]: [&RetardationSpectrum<T>; 2],
+        compliance_per_m: T,
+        softening: T,
+    ) -> Self {
+        let (real, oscillating) = modes_of(retardation_spectrum, compliance_per_m, softening);
         let (mut real, mut oscillating): (Vec<_>, Vec<_>) = (real.collect(), oscillating.collect());
         let (n_real, n_oscillating) = (real.len(), oscillating.len());
         let (real_others, oscillating_others) = modes_of(others, compliance_per_m, softening);
         real.extend(real_others);
         oscillating.extend(oscillating_others);
-        let of_body = compliance_per_m * own.instantaneous_per_pa;
+        let of_body = compliance_per_m * retardation_spectrum.instantaneous_per_pa;
         let instantaneous = [of_body + compliance_per_m * others.instantaneous_per_pa, of_body];
         Self { real, oscillating, n_real, n_oscillating, instantaneous }
     }

@@ -4,7 +4,7 @@ use super::super::collocation::{END, N_NODES};
 use super::super::numbers::{Lanes, N_LANES, Real};
 use super::balance::{Imbalance, Nodes, no_balance, solved};
 use super::modes::{Modes, Step};
-use super::{Carried, Run, Source};
+use super::{Carried, Source, StateLawRun};
 use base::error::Result;
 use base::number::Complex;
 use laws::stages::{Operation, State};
@@ -12,13 +12,13 @@ use laws::stages::{Operation, State};
 /// Derivatives by all parameters, in blocks of eight.
 pub struct Slopes {
     n_parameters: usize,
-    blocks: Vec<Block>,
+    blocks: Vec<SlopeBlock>,
     /// Derivatives of the function by the parameters, node by node.
     by_parameters: Vec<f64>,
 }
 
 /// Derivatives of the state carried from step to step, and of the excess at the rows.
-struct Block {
+struct SlopeBlock {
     by_feedback: (Vec<Lanes>, Vec<Complex<Lanes>>),
     feedback_n: Lanes,
     position_m: Lanes,
@@ -32,7 +32,7 @@ const ZERO: Lanes = Lanes([0.0; N_LANES]);
 
 impl Slopes {
     pub fn new<T: Real>(n_parameters: usize, modes: &Modes<T>, n_rows: usize) -> Self {
-        let block = || Block {
+        let block = || SlopeBlock {
             by_feedback: (vec![ZERO; modes.n_real], vec![Complex { re: ZERO, im: ZERO }; modes.n_oscillating]),
             feedback_n: ZERO,
             position_m: ZERO,
@@ -52,7 +52,7 @@ impl Slopes {
     }
 
     /// Sets the derivatives of the function at some states.
-    fn set_by_parameters<T: Real>(&mut self, run: &Run<'_, T>, states: &[f64]) {
+    fn set_by_parameters<T: Real>(&mut self, run: &StateLawRun<'_, T>, states: &[f64]) {
         self.by_parameters.resize(states.len() * self.n_parameters, 0.0);
         if self.n_parameters > 0 {
             for (state, slopes) in states.iter().zip(self.by_parameters.chunks_mut(self.n_parameters)) {
@@ -68,7 +68,7 @@ fn of_node(by_parameters: &[f64], n_parameters: usize, block: usize, node: usize
     Lanes(std::array::from_fn(|lane| of_block.get(lane).copied().unwrap_or(0.0)))
 }
 
-impl<T: Real> Run<'_, T> {
+impl<T: Real> StateLawRun<'_, T> {
     /// Records the derivatives at a row.
     pub fn note_slopes(&self, slopes: &mut Slopes, now: &Carried<T>, row: usize) {
         let is_of_position = matches!(self.source, Source::Position);
@@ -119,8 +119,8 @@ impl<T: Real> Run<'_, T> {
             });
             if step.is_some() {
                 let slope = |begin: Lanes| {
-                    let own = moved.iter().zip(&self.slopes[END][1..]);
-                    own.fold(begin * self.slopes[END][0], |sum, (x, slope)| sum + *x * *slope)
+                    let zip = moved.iter().zip(&self.slopes[END][1..]);
+                    zip.fold(begin * self.slopes[END][0], |sum, (x, slope)| sum + *x * *slope)
                 };
                 block.velocity = slope(block.position_m) * length_s.recip();
             }
@@ -138,7 +138,7 @@ impl<T: Real> Run<'_, T> {
     }
 }
 
-impl Block {
+impl SlopeBlock {
     /// Σ Y at a node without R there.
     fn known<T: Real>(&self, step: Option<&Step<T>>, node: usize) -> Lanes {
         let (real, oscillating) = &self.by_feedback;
@@ -158,7 +158,7 @@ impl Block {
     /// Derivatives of the states at the nodes at constant positions there.
     fn carried<T: Real, const N: usize>(
         &self,
-        run: &Run<'_, T>,
+        run: &StateLawRun<'_, T>,
         at: &Imbalance<T, N>,
         length_s: Option<f64>,
     ) -> [Lanes; N] {

@@ -7,17 +7,19 @@
 
 use super::criteria::Criteria;
 use super::derivatives::columns_m;
-use super::outside::{Axis, Discrepancy, Outside, OutsideKind, OutsideRequest, discrepancies, events_over_all_cycles};
+use super::outside::{
+    Axis, Discrepancy, OutsideKind, OutsideRequest, OutsideStructure, discrepancies, events_over_all_cycles,
+};
 use super::predicted::predictive_noise_um;
 use super::refit::Refitted;
 use super::{Candidate, Fitted, Subject};
 use base::error::{Error, Result, Setting};
 use documents::diagnosis::DiscrepancyEntry;
 use figures::discrepancy::{DiscrepancyPanel, discrepancy};
-use figures::number::significant;
-use figures::number::with_decimals;
+use figures::number::format_decimals;
+use figures::number::format_significant;
 use figures::svg::Svg;
-use posterior::misfit::{Gains, Misfit, Remainder};
+use posterior::misfit::{GainKnowledge, Misfit, Residuals};
 
 /// Share of a cycle within which a change of gain counts as one between cycles: positions near zero do not show the exact time.
 const CYCLE_EDGE: f64 = 0.05;
@@ -26,21 +28,21 @@ const CYCLE_EDGE: f64 = 0.05;
 ///
 /// # Errors
 /// [`base::Error::Numerical`] if the model has no derivatives at its fit.
-pub fn misfit(subject: &Subject, model: &Refitted, unexplained: &[Outside]) -> Result<Misfit> {
+pub fn measure_misfit(subject: &Subject, model: &Refitted, unexplained: &[OutsideStructure]) -> Result<Misfit> {
     let (candidate, fitted) = without_shape_of_no_law(model, unexplained);
     let left = |positions_m: &[Option<f64>]| -> Vec<Option<f64>> {
         positions_m.iter().zip(&fitted.position_m).map(|(y, x)| y.map(|y| y - x)).collect()
     };
-    let remainder = Remainder {
+    let remainder = Residuals {
         record: &subject.experiment().record,
         fitted_m: &left(&subject.fitted_m),
         heldout_m: &left(&subject.scored_m),
         position_m: &fitted.position_m,
         absorbed_m: &columns_m(subject, candidate, &fitted.theta)?,
-        gains: if subject.declares_gains() { Gains::Declared } else { Gains::Learnt },
+        gains: if subject.declares_gains() { GainKnowledge::Declared } else { GainKnowledge::Learnt },
     };
     let misfit = if subject.is_noise_unknown() {
-        Misfit::beside_fitted(&remainder)
+        Misfit::relative_to_fitted(&remainder)
     } else {
         Misfit::of(&remainder, subject.yardstick_m(), subject.is_noise_known())
     };
@@ -50,19 +52,19 @@ pub fn misfit(subject: &Subject, model: &Refitted, unexplained: &[Outside]) -> R
 /// The model with the leading structure if that belongs to no law, else the model alone.
 pub(super) fn without_shape_of_no_law<'a>(
     model: &'a Refitted,
-    unexplained: &'a [Outside],
+    unexplained: &'a [OutsideStructure],
 ) -> (&'a Candidate, &'a Fitted) {
     with_shape(model, unexplained.first().filter(|outside| outside.kind.is_apart_from_law()))
 }
 
 /// Residual that no effect explains, with its picture.
-pub struct Leftover {
+pub struct UnexplainedResidual {
     /// Entry of the document.
     pub entry: DiscrepancyEntry,
     panels: Vec<DiscrepancyPanel>,
 }
 
-impl Leftover {
+impl UnexplainedResidual {
     /// Summary of the structure found in a model's residual, the leading one first. There is none if only the size of the noise reveals the misfit.
     ///
     /// # Errors
@@ -70,7 +72,7 @@ impl Leftover {
     pub fn of(
         subject: &Subject,
         model: &Refitted,
-        unexplained: &[Outside],
+        unexplained: &[OutsideStructure],
         (criteria, request): (&Criteria, &OutsideRequest),
     ) -> Result<Self> {
         let leading = unexplained.first();
@@ -89,13 +91,14 @@ impl Leftover {
         let mean_square =
             |of_row: &dyn Fn(usize) -> f64| rows.iter().map(|row| of_row(*row)).sum::<f64>() / rows.len().max(1) as f64;
         let mean_m = |row: usize| {
-            shape.map_or(0.0, |shape| shape.discrepancy_m[row]) + process.as_ref().map_or(0.0, |own| own.mean_m[row])
+            shape.map_or(0.0, |shape| shape.discrepancy_m[row])
+                + process.as_ref().map_or(0.0, |discrepancy| discrepancy.mean_m[row])
         };
-        let variance_m2 = |row: usize| process.as_ref().map_or(0.0, |own| own.sd_m[row].powi(2));
+        let variance_m2 = |row: usize| process.as_ref().map_or(0.0, |discrepancy| discrepancy.sd_m[row].powi(2));
         let size_m2 = mean_square(&|row| mean_m(row).powi(2));
         let predicted =
             if subject.scored_m.iter().any(Option::is_some) { &subject.scored_m } else { &subject.fitted_m };
-        let beside = process.as_ref().map_or(fitted, |own| &own.fitted);
+        let beside = process.as_ref().map_or(fitted, |discrepancy| &discrepancy.fitted);
         let noise_um = predictive_noise_um(subject, candidate, beside, predicted).ok_or_else(|| {
             Error::numerical(
                 "the model has no derivatives at its fit",
@@ -105,20 +108,22 @@ impl Leftover {
         let widened_um = (noise_um.powi(2) + 1e12 * (size_m2 + mean_square(&variance_m2))).sqrt();
         let axis = match (shape, &process) {
             (Some(shape), _) => axis_of_shape(shape.kind),
-            (None, Some(own)) => own.axis.name(),
+            (None, Some(item)) => item.axis.name(),
             (None, None) => Axis::AbsoluteTime.name(),
         };
         let entry = DiscrepancyEntry {
             axis: axis.into(),
             sentence: sentence(subject, leading, process.as_ref(), &rows),
             size_um: 1e6 * size_m2.sqrt(),
-            p_familywise: leading
-                .map_or_else(|| process.as_ref().map_or(1.0, |own| own.p_familywise), |outside| outside.p_familywise),
+            p_familywise: leading.map_or_else(
+                || process.as_ref().map_or(1.0, |current| current.p_familywise),
+                |outside| outside.p_familywise,
+            ),
             predictive_noise_um: noise_um,
             predictive_noise_with_discrepancy_um: widened_um,
         };
         let of_shape = shape.map(|shape| panel_of_shape(subject, shape, &rows));
-        let of_process = process.as_ref().map(|own| panel_of_process(own, &rows));
+        let of_process = process.as_ref().map(|discrepancy| panel_of_process(discrepancy, &rows));
         Ok(Self { entry, panels: of_shape.into_iter().chain(of_process).collect() })
     }
 
@@ -130,8 +135,8 @@ impl Leftover {
         let DiscrepancyEntry { predictive_noise_um: from, predictive_noise_with_discrepancy_um: to, .. } = self.entry;
         let widened = format!(
             "The standard deviation of predictions is widened from {} to {} µm.",
-            significant(from, 3),
-            significant(to, 3)
+            format_significant(from, 3),
+            format_significant(to, 3)
         );
         discrepancy(
             &self.panels,
@@ -149,20 +154,20 @@ impl Leftover {
 pub(super) fn event_in_any_cycle(
     subject: &Subject,
     model: &Refitted,
-    unexplained: &[Outside],
+    unexplained: &[OutsideStructure],
     (criteria, request): (&Criteria, &OutsideRequest),
-) -> Result<Option<Outside>> {
+) -> Result<Option<OutsideStructure>> {
     let (candidate, fitted) = with_shape(model, unexplained.first());
     let found = events_over_all_cycles(subject, candidate, fitted, request)?;
-    let is_new = |event: &Outside| unexplained.is_empty() || scored_cycle_of(subject, event).is_some();
-    let is_wanted = |event: &Outside| {
+    let is_new = |event: &OutsideStructure| unexplained.is_empty() || scored_cycle_of(subject, event).is_some();
+    let is_wanted = |event: &OutsideStructure| {
         criteria.is_significant(&event.evidence()) && is_new(event) && !is_gain_of_a_cycle(subject, event)
     };
     Ok(found.into_iter().find(is_wanted))
 }
 
 /// Returns whether an event is a change of gain at the begin of a cycle; the noise contains such changes for every cycle.
-pub(super) fn is_gain_of_a_cycle(subject: &Subject, event: &Outside) -> bool {
+pub(super) fn is_gain_of_a_cycle(subject: &Subject, event: &OutsideStructure) -> bool {
     let (record, scales) = (&subject.experiment().record, subject.experiment().scales());
     let begins = |row: &usize| *row == 0 || record.cycle[*row] != record.cycle[*row - 1];
     let is_near = |row: usize| {
@@ -172,14 +177,14 @@ pub(super) fn is_gain_of_a_cycle(subject: &Subject, event: &Outside) -> bool {
 }
 
 /// The scored cycle, if an event lies in it.
-fn scored_cycle_of(subject: &Subject, event: &Outside) -> Option<u32> {
+fn scored_cycle_of(subject: &Subject, event: &OutsideStructure) -> Option<u32> {
     let experiment = subject.experiment();
     let row = experiment.record.time_s.partition_point(|time_s| *time_s < event.event_time_s.unwrap_or(f64::INFINITY));
     experiment.record.cycle.get(row).copied().filter(|cycle| experiment.heldout_cycles.contains(cycle))
 }
 
 /// Remark on an event in any cycle.
-pub(super) fn event_remark(subject: &Subject, event: &Outside) -> String {
+pub(super) fn event_remark(subject: &Subject, event: &OutsideStructure) -> String {
     match scored_cycle_of(subject, event) {
         Some(cycle) => format!(
             "held-out cycle {cycle} contains an event that no fit has seen; it affects the errors and gains there: {}",
@@ -190,7 +195,7 @@ pub(super) fn event_remark(subject: &Subject, event: &Outside) -> String {
 }
 
 /// A model with a structure in its mean, or alone.
-fn with_shape<'a>(model: &'a Refitted, shape: Option<&'a Outside>) -> (&'a Candidate, &'a Fitted) {
+fn with_shape<'a>(model: &'a Refitted, shape: Option<&'a OutsideStructure>) -> (&'a Candidate, &'a Fitted) {
     shape.map_or((&model.candidate, &model.fitted), |shape| (&shape.candidate, &shape.fitted))
 }
 
@@ -201,23 +206,28 @@ fn axis_of_shape(kind: OutsideKind) -> &'static str {
     }
 }
 
-fn sentence(subject: &Subject, leading: Option<&Outside>, process: Option<&Discrepancy>, rows: &[usize]) -> String {
-    let peak = process.and_then(|own| Some((own, peak(subject, own, rows)?)));
+fn sentence(
+    subject: &Subject,
+    leading: Option<&OutsideStructure>,
+    process: Option<&Discrepancy>,
+    rows: &[usize],
+) -> String {
+    let peak = process.and_then(|discrepancy| Some((discrepancy, peak(subject, discrepancy, rows)?)));
     match (leading, peak) {
         (Some(outside), Some((_, (by, at)))) if outside.kind.axis_of_curve().is_some() => {
             format!("{} It is largest, {by}, {at}.", outside.sentence)
         }
-        (Some(outside), Some((own, (by, at)))) => {
+        (Some(outside), Some((entry, (by, at)))) => {
             format!(
                 "{} In addition, {} µm {}, at most {by}, {at}.",
                 outside.sentence,
-                significant(own.size_um, 3),
-                follow(own.axis)
+                format_significant(entry.size_um, 3),
+                follow(entry.axis)
             )
         }
         (Some(outside), None) => outside.sentence.clone(),
-        (None, Some((own, (by, at)))) => {
-            format!("{} µm {}, at most {by}, {at}.", significant(own.size_um, 3), follow(own.axis))
+        (None, Some((item, (by, at)))) => {
+            format!("{} µm {}, at most {by}, {at}.", format_significant(item.size_um, 3), follow(item.axis))
         }
         (None, None) => String::new(),
     }
@@ -239,12 +249,14 @@ fn peak(subject: &Subject, process: &Discrepancy, rows: &[usize]) -> Option<(Str
     let mean_um = 1e6 * process.sign[row] * process.mean_m[row];
     let sd_um = 1e6 * process.sd_m[row];
     let decimals = if sd_um > 0.0 { (1.0 - sd_um.log10().floor()).clamp(0.0, 6.0) as usize } else { 1 };
-    let by = format!("{} ± {} µm", with_decimals(mean_um, decimals), with_decimals(sd_um, decimals));
+    let by = format!("{} ± {} µm", format_decimals(mean_um, decimals), format_decimals(sd_um, decimals));
     let place = match process.axis {
-        Axis::Phase => format!("{} s into the cycle", significant(at * subject.experiment().scales().cycle_s, 3)),
-        Axis::TimeSinceStep => format!("{} s after the step", significant(at, 3)),
-        Axis::AbsoluteTime => format!("at {} s (cycle {})", significant(at, 3), record.cycle[row]),
-        Axis::Force => format!("at {} µN", significant(1e6 * at, 3)),
+        Axis::Phase => {
+            format!("{} s into the cycle", format_significant(at * subject.experiment().scales().cycle_s, 3))
+        }
+        Axis::TimeSinceStep => format!("{} s after the step", format_significant(at, 3)),
+        Axis::AbsoluteTime => format!("at {} s (cycle {})", format_significant(at, 3), record.cycle[row]),
+        Axis::Force => format!("at {} µN", format_significant(1e6 * at, 3)),
     };
     Some((by, place))
 }
@@ -259,7 +271,7 @@ fn panel_of_process(process: &Discrepancy, rows: &[usize]) -> DiscrepancyPanel {
     let of = |value: &dyn Fn(usize) -> f64| rows.iter().map(|row| value(*row)).collect();
     let signed_um = |row: usize, value_m: f64| 1e6 * process.sign[row] * value_m;
     DiscrepancyPanel {
-        what: "unexplained, 90 % band".into(),
+        legend_text: "unexplained, 90 % band".into(),
         axis_label: axis_label.into(),
         is_logarithmic: process.axis == Axis::TimeSinceStep,
         coordinate: of(&|row| factor * process.coordinate[row]),
@@ -269,7 +281,7 @@ fn panel_of_process(process: &Discrepancy, rows: &[usize]) -> DiscrepancyPanel {
     }
 }
 
-fn panel_of_shape(subject: &Subject, shape: &Outside, rows: &[usize]) -> DiscrepancyPanel {
+fn panel_of_shape(subject: &Subject, shape: &OutsideStructure, rows: &[usize]) -> DiscrepancyPanel {
     let record = &subject.experiment().record;
     let of = |value: &dyn Fn(usize) -> f64| rows.iter().map(|row| value(*row)).collect();
     // The model without the shape; its parameters absorb what they can of it.
@@ -281,7 +293,7 @@ fn panel_of_shape(subject: &Subject, shape: &Outside, rows: &[usize]) -> Discrep
     };
     let (axis_label, coordinate) = match (shape.kind, shape.period_s) {
         (OutsideKind::Vibration, Some(period_s)) => (
-            format!("time within a period of {} s (s)", significant(period_s, 3)),
+            format!("time within a period of {} s (s)", format_significant(period_s, 3)),
             of(&|row| record.time_s[row].rem_euclid(period_s)),
         ),
         (OutsideKind::Backlash, _) => ("time since the start of the cycle (s)".into(), of(&since_cycle_s)),
@@ -289,7 +301,10 @@ fn panel_of_shape(subject: &Subject, shape: &Outside, rows: &[usize]) -> Discrep
         _ => ("time (s)".into(), of(&|row| record.time_s[row])),
     };
     DiscrepancyPanel {
-        what: format!("{}, without the part that the model's parameters absorb", shape.kind.name().replace('-', " ")),
+        legend_text: format!(
+            "{}, without the part that the model's parameters absorb",
+            shape.kind.name().replace('-', " ")
+        ),
         axis_label,
         is_logarithmic: false,
         coordinate,

@@ -6,8 +6,8 @@
 //! The compared quantity is the mean size over all specimens of a group, where specimens without the effect count as 0. It needs no decision about which specimens have the
 //! effect.
 
-use super::law::{FINE, Laws, Nodes, Ratios, Sides};
-use crate::contrast::{SURE, SURE_OF_SIGNS};
+use super::law::{FINE, LikelihoodRatios, Nodes, Sides, SizeLawGrid};
+use crate::contrast::{CERTAINTY, SIGN_CERTAINTY};
 use documents::groups::RatioVerdict;
 
 /// Width of the ln size cells in which means are compared.
@@ -18,7 +18,7 @@ pub type Quantiles = [f64; 3];
 
 /// Sizes of the effect in the records of a group.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Sizes {
+pub struct GroupSizes {
     /// Median size of the specimens with the effect.
     pub median: Quantiles,
     /// Standard deviation of ln size between them.
@@ -46,11 +46,11 @@ impl Ratio {
     /// Verdict on the ratio, given the margin.
     pub fn verdict(&self) -> RatioVerdict {
         let [_, beyond, below] = self.probabilities;
-        if beyond >= SURE {
+        if beyond >= CERTAINTY {
             RatioVerdict::Greater
-        } else if below >= SURE {
+        } else if below >= CERTAINTY {
             RatioVerdict::Less
-        } else if beyond + below <= 1.0 - SURE {
+        } else if beyond + below <= 1.0 - CERTAINTY {
             RatioVerdict::Equivalent
         } else {
             RatioVerdict::Undecided
@@ -60,41 +60,41 @@ impl Ratio {
     /// Returns true if a difference is stated: its sign, or that it exceeds the margin.
     pub fn is_declared(&self) -> bool {
         let [greater, ..] = self.probabilities;
-        greater.max(1.0 - greater) >= SURE_OF_SIGNS
+        greater.max(1.0 - greater) >= SIGN_CERTAINTY
             || matches!(self.verdict(), RatioVerdict::Greater | RatioVerdict::Less)
     }
 }
 
 /// Comparison of groups of records in one effect.
-pub struct Compared {
+pub struct GroupComparison {
     /// Sizes of every group, in the order that was given.
-    pub groups: Vec<Sizes>,
+    pub groups: Vec<GroupSizes>,
     /// Every pair of groups, the first before the second, with their indices.
     pub ratios: Vec<([usize; 2], Ratio)>,
 }
 
 /// Fine grid of laws for a claim, from the records' likelihoods of its size.
-pub fn fine_laws(likelihoods: &[super::likelihood::Likelihood]) -> Option<Laws> {
-    Laws::new(likelihoods, FINE)
+pub fn fine_laws(likelihoods: &[super::likelihood::SizeLikelihood]) -> Option<SizeLawGrid> {
+    SizeLawGrid::new(likelihoods, FINE)
 }
 
 /// Posterior weight of every law for the records of a group, relative to the largest, and the gain of the law with the largest weight.
-fn weights(laws: &Laws, nodes: &[&Nodes]) -> (Vec<f64>, f64) {
-    let ratios: Vec<Ratios> = nodes.iter().map(|nodes| laws.ratios(nodes)).collect();
+fn weights(laws: &SizeLawGrid, nodes: &[&Nodes]) -> (Vec<f64>, f64) {
+    let ratios: Vec<LikelihoodRatios> = nodes.iter().map(|nodes| laws.ratios(nodes)).collect();
     let lns = laws.ln_likelihoods(&ratios.iter().collect::<Vec<_>>());
     let largest = lns.iter().copied().fold(f64::NEG_INFINITY, f64::max);
     (lns.into_iter().map(|ln| (ln - largest).exp()).collect(), largest.max(0.0))
 }
 
 /// Sizes in a group from its own records alone.
-pub fn sizes(laws: &Laws, nodes: &[&Nodes]) -> Sizes {
+pub fn group_sizes(laws: &SizeLawGrid, nodes: &[&Nodes]) -> GroupSizes {
     let (weights, gain_nats) = weights(laws, nodes);
     summarised(laws, &weights, gain_nats)
 }
 
-fn summarised(laws: &Laws, weights: &[f64], gain_nats: f64) -> Sizes {
-    let all: Vec<super::law::Law> = laws.all().collect();
-    let quantiles = |of: &dyn Fn(&super::law::Law) -> f64| {
+fn summarised(laws: &SizeLawGrid, weights: &[f64], gain_nats: f64) -> GroupSizes {
+    let all: Vec<super::law::SizeLaw> = laws.all().collect();
+    let quantiles = |of: &dyn Fn(&super::law::SizeLaw) -> f64| {
         let mut values: Vec<(f64, f64)> = all.iter().zip(weights).map(|(law, weight)| (of(law), *weight)).collect();
         values.sort_by(|a, b| a.0.total_cmp(&b.0));
         weighted_quantiles(&values)
@@ -103,12 +103,12 @@ fn summarised(laws: &Laws, weights: &[f64], gain_nats: f64) -> Sizes {
     let of_side = |side: Sides| -> f64 {
         all.iter().zip(weights).filter(|(law, _)| law.sides == side).map(|(_, weight)| weight).sum::<f64>() / whole
     };
-    Sizes {
+    GroupSizes {
         median: quantiles(&|law| law.ln_median).map(f64::exp),
         log_sd: quantiles(&|law| law.log_sd),
         share: quantiles(&|law| law.share),
         mean: quantiles(&|law| law.mean_size()),
-        sides: [Sides::Above, Sides::Below, Sides::Either].map(of_side),
+        sides: [Sides::Above, Sides::Below, Sides::Both].map(of_side),
         gain_nats,
     }
 }
@@ -127,14 +127,14 @@ fn weighted_quantiles(values: &[(f64, f64)]) -> Quantiles {
 }
 
 /// Compares groups of records, each given by its records' likelihoods of every size.
-pub fn compared(laws: &Laws, groups: &[Vec<&Nodes>], margin: f64) -> Compared {
+pub fn compare_groups(laws: &SizeLawGrid, groups: &[Vec<&Nodes>], margin: f64) -> GroupComparison {
     let of: Vec<(Vec<f64>, f64)> = groups.iter().map(|nodes| weights(laws, nodes)).collect();
-    let all: Vec<super::law::Law> = laws.all().collect();
+    let all: Vec<super::law::SizeLaw> = laws.all().collect();
     // A block holds the laws of one side and spread, which all groups share.
     let mut blocks: Vec<((Sides, f64), Vec<usize>)> = Vec::new();
     for (place, law) in all.iter().enumerate() {
         let key = (law.sides, law.log_sd);
-        match blocks.iter_mut().find(|(own, _)| *own == key) {
+        match blocks.iter_mut().find(|(block, _)| *block == key) {
             Some((_, places)) => places.push(place),
             None => blocks.push((key, vec![place])),
         }
@@ -150,9 +150,9 @@ pub fn compared(laws: &Laws, groups: &[Vec<&Nodes>], margin: f64) -> Compared {
     let shared = |group: usize| -> Vec<f64> {
         let mut weights = vec![0.0; all.len()];
         for ((_, places), together) in blocks.iter().zip(&together) {
-            let own = evidence(group, places);
-            if own > 0.0 {
-                places.iter().for_each(|place| weights[*place] = together * of[group].0[*place] / own);
+            let value = evidence(group, places);
+            if value > 0.0 {
+                places.iter().for_each(|place| weights[*place] = together * of[group].0[*place] / value);
             }
         }
         weights
@@ -163,7 +163,7 @@ pub fn compared(laws: &Laws, groups: &[Vec<&Nodes>], margin: f64) -> Compared {
         .map(|law| law.mean_size().ln())
         .fold((f64::INFINITY, f64::NEG_INFINITY), |ends, x| (ends.0.min(x), ends.1.max(x)));
     let n_cells = ((high - low) / CELL).ceil() as usize + 1;
-    let cell = |law: &super::law::Law| (((law.mean_size().ln() - low) / CELL).round() as usize).min(n_cells - 1);
+    let cell = |law: &super::law::SizeLaw| (((law.mean_size().ln() - low) / CELL).round() as usize).min(n_cells - 1);
     let histogram = |group: usize, places: &[usize]| -> Vec<f64> {
         let mut cells = vec![0.0; n_cells];
         places.iter().for_each(|place| cells[cell(&all[*place])] += of[group].0[*place]);
@@ -176,8 +176,8 @@ pub fn compared(laws: &Laws, groups: &[Vec<&Nodes>], margin: f64) -> Compared {
             if *together <= 0.0 || both <= 0.0 {
                 continue;
             }
-            let (own, other) = (histogram(a, places), histogram(b, places));
-            for (i, x) in own.iter().enumerate().filter(|(_, x)| **x > 0.0) {
+            let (entry, other) = (histogram(a, places), histogram(b, places));
+            for (i, x) in entry.iter().enumerate().filter(|(_, x)| **x > 0.0) {
                 for (j, y) in other.iter().enumerate() {
                     differences[n_cells - 1 + i - j] += together / both * x * y;
                 }
@@ -206,7 +206,7 @@ pub fn compared(laws: &Laws, groups: &[Vec<&Nodes>], margin: f64) -> Compared {
         }
     };
     let pairs = (0..groups.len()).flat_map(|a| (a + 1..groups.len()).map(move |b| [a, b]));
-    Compared {
+    GroupComparison {
         groups: (0..groups.len()).map(sizes).collect(),
         ratios: pairs.map(|[a, b]| ([a, b], ratio(a, b))).collect(),
     }

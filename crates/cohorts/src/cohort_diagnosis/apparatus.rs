@@ -3,14 +3,14 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-use crate::apparatus::key;
+use crate::apparatus::compliance_key;
 use crate::cohort::Measurement;
 use base::error::Result;
 use criticism::Subject;
 use models::effects::Library;
 use models::model::Compliance;
 use posterior::mechanics::Mechanics;
-use posterior::monitor::{Counter, Monitor, Silent};
+use posterior::monitor::{Counter, Monitor, SilentMonitor};
 use posterior::prepared::PreparedModel;
 use posterior::problem::Problem;
 
@@ -28,19 +28,24 @@ impl Apparatuses {
     pub fn of(measurements: &[Measurement], monitor: &dyn Monitor) -> Result<Self> {
         let library = Library::default();
         let mut first: BTreeMap<String, &Measurement> = BTreeMap::new();
-        for own in measurements {
-            first.entry(key(own, &library)).or_insert(own);
+        for measurement in measurements {
+            first.entry(compliance_key(measurement, &library)).or_insert(measurement);
         }
         let counter = Counter::new(monitor, first.len());
         let mut known = BTreeMap::new();
-        for (key, own) in first {
+        for (key, measurement) in first {
             let built = || -> Result<(Arc<Mechanics>, Compliance)> {
-                let problem = Problem::new(own.experiment.clone(), own.specification.clone(), None, &Silent)?;
+                let problem = Problem::new(
+                    measurement.experiment.clone(),
+                    measurement.specification.clone(),
+                    None,
+                    &SilentMonitor,
+                )?;
                 let compliance =
                     PreparedModel::for_effects(&problem, &library, library.effects(), None, monitor)?.compliance;
                 Ok((problem.mechanics.clone(), compliance))
             };
-            known.insert(key, built().map_err(|error| own.named(error))?);
+            known.insert(key, built().map_err(|error| measurement.with_name(error))?);
             counter.add_one();
         }
         Ok(Self { library, known })
@@ -51,7 +56,7 @@ impl Apparatuses {
     /// # Errors
     /// [`base::Error::Input`] if its model does not suit the experiment.
     pub fn subject(&self, measurement: &Measurement) -> Result<Subject> {
-        let (mechanics, compliance) = &self.known[&key(measurement, &self.library)];
+        let (mechanics, compliance) = &self.known[&compliance_key(measurement, &self.library)];
         let (experiment, specification) = (measurement.experiment.clone(), measurement.specification.clone());
         let problem = Problem::with_mechanics(experiment, specification, &self.library, mechanics.clone())?;
         Subject::with_compliance(&problem, &self.library, compliance.clone())

@@ -1,36 +1,36 @@
 //! Fits of the claimed effect to every record, with law and noise refitted: sizes, gains and held-out errors.
 
-use super::law::{Laws, Nodes, Place};
-use super::likelihood::Likelihood;
+use super::law::{Nodes, Place, SizeLawGrid};
+use super::likelihood::SizeLikelihood;
 use base::error::Result;
 use criticism::predicted::allowed_noise_um;
-use criticism::sketch::{Asked, Based};
+use criticism::sketch::{BaseFit, EffectProbe};
 use criticism::{Candidate, Fitted, Search, Subject, Tangent};
 
 /// Smallest gain (nats) at which a fitted size replaces the first-order likelihood. Below it, the size may lie at its null, and the first order suffices.
 const LEAST_NATS: f64 = 4.5;
 
 /// A record with the effect fitted.
-pub struct Sized {
+pub struct SizeFit {
     /// Likelihood of the size; `None` if the first-order likelihood is better.
-    pub likelihood: Option<Likelihood>,
+    pub likelihood: Option<SizeLikelihood>,
     /// Start point for fits at other sizes: coordinates and noise of this fit.
     start: Option<Fitted>,
 }
 
 /// The base model and the effect, fitted to the same cycles of a record.
-struct Both {
+struct BaseAndEffectFit {
     candidate: Candidate,
     without: Fitted,
     fitted: Fitted,
 }
 
-impl Both {
+impl BaseAndEffectFit {
     /// Fits both; `None` if the effect cannot be added or a model cannot be evaluated.
     ///
     /// # Errors
     /// Errors of [`Subject::extended`].
-    fn new(subject: &Subject, record: &Based, asked: &Asked) -> Result<Option<Self>> {
+    fn new(subject: &Subject, record: &BaseFit, asked: &EffectProbe) -> Result<Option<Self>> {
         if asked.refused.is_some() {
             return Ok(None);
         }
@@ -52,18 +52,18 @@ impl Both {
 ///
 /// # Errors
 /// Errors of [`Subject::extended`].
-pub fn gain_nats(subject: &Subject, record: &Based, asked: &Asked) -> Result<Option<f64>> {
-    Ok(Both::new(subject, record, asked)?.map(|both| both.gain_nats()))
+pub fn gain_nats(subject: &Subject, record: &BaseFit, asked: &EffectProbe) -> Result<Option<f64>> {
+    Ok(BaseAndEffectFit::new(subject, record, asked)?.map(|both| both.gain_nats()))
 }
 
 /// Fits the effect to the cycles that `subject` uses as fitted ones.
 ///
 /// # Errors
 /// Errors of building the model, except for an effect that cannot be added.
-pub fn sized(subject: &Subject, record: &Based, asked: &Asked) -> Result<Sized> {
-    let none = Sized { likelihood: None, start: None };
-    let Some(both) = Both::new(subject, record, asked)? else { return Ok(none) };
-    let (gain, Both { candidate, fitted, .. }) = (both.gain_nats(), both);
+pub fn fit_size(subject: &Subject, record: &BaseFit, asked: &EffectProbe) -> Result<SizeFit> {
+    let none = SizeFit { likelihood: None, start: None };
+    let Some(both) = BaseAndEffectFit::new(subject, record, asked)? else { return Ok(none) };
+    let (gain, BaseAndEffectFit { candidate, fitted, .. }) = (both.gain_nats(), both);
     let Some(place) = candidate.free.iter().position(|free| free.name == asked.parameter) else { return Ok(none) };
     let likelihood = if gain > LEAST_NATS {
         let sd = Tangent::new(subject, &candidate, &fitted)?.standard_deviations()[place];
@@ -73,15 +73,15 @@ pub fn sized(subject: &Subject, record: &Based, asked: &Asked) -> Result<Sized> 
         let sd = 0.5 * (value(theta + sd) - value(theta - sd)).abs();
         let size = value(theta) - asked.null;
         let size = if asked.is_downwards { -size } else { size };
-        (sd > 0.0 && sd.is_finite()).then(|| Likelihood::fitted(size, sd, gain, asked.reach))
+        (sd > 0.0 && sd.is_finite()).then(|| SizeLikelihood::fitted(size, sd, gain, asked.reach))
     } else {
         None
     };
-    Ok(Sized { likelihood, start: Some(fitted) })
+    Ok(SizeFit { likelihood, start: Some(fitted) })
 }
 
 /// A record with the effect at the size that the cohort's law predicts.
-pub struct Predicted {
+pub struct SizedPrediction {
     /// Probability that the record has the effect.
     pub has: f64,
     /// Effect parameter: mean over all sizes, including none.
@@ -98,16 +98,16 @@ pub struct Predicted {
 ///
 /// # Errors
 /// Errors of building the model.
-pub fn predicted(
+pub fn predict_at_cohort_size(
     subject: &Subject,
-    record: &Based,
-    (asked, sized): (&Asked, &Sized),
-    (laws, nodes, place): (&Laws, &Nodes, Place),
-) -> Result<Predicted> {
-    let (has, sizes) = laws.of_specimen(nodes, place);
+    record: &BaseFit,
+    (asked, sized): (&EffectProbe, &SizeFit),
+    (laws, nodes, place): (&SizeLawGrid, &Nodes, Place),
+) -> Result<SizedPrediction> {
+    let (has, sizes) = laws.specimen_posterior(nodes, place);
     let size = has * sizes.iter().map(|(size, weight)| size * weight).sum::<f64>();
     let value = asked.null + if asked.is_downwards { -size } else { size };
-    let of_base = || Predicted {
+    let of_base = || SizedPrediction {
         has,
         value,
         law: law_of(record, &record.base.fitted.theta),
@@ -127,11 +127,11 @@ pub fn predicted(
     let parameters = held.parameters(&fitted.theta);
     let law = parameters[..held.model.base().parameters().len()].to_vec();
     let allowed_um = allowed_noise_um(subject, (&held, &fitted), &subject.scored_m);
-    Ok(Predicted { has, value, law, heldout: heldout_um(subject, &fitted), allowed_um })
+    Ok(SizedPrediction { has, value, law, heldout: heldout_um(subject, &fitted), allowed_um })
 }
 
 /// Base law parameters of a record's base model.
-pub fn law_of(record: &Based, theta: &[f64]) -> Vec<f64> {
+pub fn law_of(record: &BaseFit, theta: &[f64]) -> Vec<f64> {
     let candidate = &record.base.candidate;
     candidate.parameters(theta)[..candidate.model.base().parameters().len()].to_vec()
 }

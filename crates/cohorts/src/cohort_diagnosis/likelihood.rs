@@ -4,10 +4,10 @@ use std::f64::consts::{FRAC_1_SQRT_2, PI};
 
 use statrs::function::erf::erfc;
 
-use criticism::sketch::{Asked, Reading};
+use criticism::sketch::{EffectProbe, SignatureScore};
 
 /// Largest log likelihood ratio. Larger values would not change a result, and products of several ratios stay finite.
-pub const MOST_NATS: f64 = 170.0;
+pub const LARGEST_LOG_RATIO: f64 = 170.0;
 /// Cell width in standard deviations below which a cell is treated as a point.
 const NARROW: f64 = 0.05;
 /// Distance in standard deviations beyond which the normal's tail is treated as exponential.
@@ -15,7 +15,7 @@ const FAR: f64 = 8.0;
 
 /// ln L(size)/L(0) = height − ½(n a − z)². The amplitude is a = ±(size/unit)^power, with the sign of the side. Sizes count from the effect's null.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Likelihood {
+pub struct SizeLikelihood {
     /// Log likelihood ratio at the likeliest amplitude; ½z² to first order.
     pub height: f64,
     /// Likeliest amplitude, in its standard deviations.
@@ -39,10 +39,10 @@ pub enum Side {
     Above,
 }
 
-impl Likelihood {
+impl SizeLikelihood {
     /// First-order likelihood from a reading.
-    pub fn of(asked: &Asked, reading: Reading) -> Self {
-        let Reading { z, norm } = reading;
+    pub fn of(asked: &EffectProbe, reading: SignatureScore) -> Self {
+        let SignatureScore { z, norm } = reading;
         Self { height: 0.5 * z * z, z, norm, unit: asked.unit, power: asked.power, reach: asked.reach }
     }
 
@@ -56,7 +56,7 @@ impl Likelihood {
         self.unit * (sigma / self.norm).powf(1.0 / self.power)
     }
 
-    /// ln of the mean likelihood ratio over the amplitudes between two sizes on one side. It is −∞ beyond the reach and at most [`MOST_NATS`].
+    /// ln of the mean likelihood ratio over the amplitudes between two sizes on one side. It is −∞ beyond the reach and at most [`LARGEST_LOG_RATIO`].
     pub fn ln_mean(&self, side: Side, [from, to]: [f64; 2]) -> f64 {
         let (reach, sign) = match side {
             Side::Below => (self.reach[0], -1.0),
@@ -71,7 +71,7 @@ impl Likelihood {
         let at = |size: f64| sign * self.norm * (size / self.unit).powf(self.power) - self.z;
         let (a, b) = (at(from), at(to.min(reach)));
         let (low, high) = if a < b { (a, b) } else { (b, a) };
-        (self.height + ln_mean_normal(low, high)).min(MOST_NATS)
+        (self.height + ln_mean_normal(low, high)).min(LARGEST_LOG_RATIO)
     }
 }
 
@@ -109,7 +109,7 @@ mod tests {
     fn means_over_cells_are_those_of_sums() {
         for (z, norm, power) in [(2.0, 3.0, 1.0), (-1.5, 0.7, 1.0), (25.0, 4.0, 2.0), (0.0, 1.0, 2.0), (30.0, 1.0, 1.0)]
         {
-            let own = Likelihood { height: 0.5 * z * z, z, norm, unit: 0.8, power, reach: [1e9, 1e9] };
+            let size_likelihood = SizeLikelihood { height: 0.5 * z * z, z, norm, unit: 0.8, power, reach: [1e9, 1e9] };
             for side in [Side::Below, Side::Above] {
                 for cell in [[1e-3, 1.2e-3], [0.5, 0.7], [1.0, 3.0], [4.0, 5.5]] {
                     let sign = if side == Side::Above { 1.0 } else { -1.0 };
@@ -119,8 +119,8 @@ mod tests {
                     let log = |x: f64| 0.5 * z * z - 0.5 * (x - z).powi(2);
                     let largest = (0..n).map(|k| log(at(k))).fold(f64::NEG_INFINITY, f64::max);
                     let sum: f64 = (0..n).map(|k| (log(at(k)) - largest).exp()).sum();
-                    let exact = (largest + (sum / n as f64).ln()).min(MOST_NATS);
-                    let found = own.ln_mean(side, cell);
+                    let exact = (largest + (sum / n as f64).ln()).min(LARGEST_LOG_RATIO);
+                    let found = size_likelihood.ln_mean(side, cell);
                     assert!(
                         (found - exact).abs() < 0.02 * (1.0 + 0.01 * exact.abs()),
                         "{z} {side:?} {cell:?}: {found} {exact}"
@@ -132,12 +132,13 @@ mod tests {
 
     #[test]
     fn what_the_support_leaves_out_has_no_likelihood_and_what_is_blind_says_nothing() {
-        let own = Likelihood { height: 2.0, z: 2.0, norm: 1.0, unit: 1.0, power: 1.0, reach: [0.0, 3.0] };
-        assert_eq!(own.ln_mean(Side::Below, [0.1, 0.2]), f64::NEG_INFINITY);
-        assert_eq!(own.ln_mean(Side::Above, [3.0, 4.0]), f64::NEG_INFINITY);
-        assert!((own.ln_mean(Side::Above, [1.999, 2.001]) - 2.0).abs() < 1e-3);
-        let blind = Likelihood { height: 0.0, z: 0.0, norm: 0.0, ..own };
+        let size_likelihood =
+            SizeLikelihood { height: 2.0, z: 2.0, norm: 1.0, unit: 1.0, power: 1.0, reach: [0.0, 3.0] };
+        assert_eq!(size_likelihood.ln_mean(Side::Below, [0.1, 0.2]), f64::NEG_INFINITY);
+        assert_eq!(size_likelihood.ln_mean(Side::Above, [3.0, 4.0]), f64::NEG_INFINITY);
+        assert!((size_likelihood.ln_mean(Side::Above, [1.999, 2.001]) - 2.0).abs() < 1e-3);
+        let blind = SizeLikelihood { height: 0.0, z: 0.0, norm: 0.0, ..size_likelihood };
         assert_eq!(blind.ln_mean(Side::Above, [0.1, 0.2]), 0.0);
-        assert_eq!(own.size_at(2.0), 2.0);
+        assert_eq!(size_likelihood.size_at(2.0), 2.0);
     }
 }

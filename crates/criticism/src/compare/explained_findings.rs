@@ -4,7 +4,7 @@
 //! or the primary test if it gains at least half of the largest gain: it shows the time course. Such a finding is a source. It explains another finding if, beside its
 //! bias, that one keeps less than half of its gain or is no longer significant.
 
-use super::calibration::{Looks, Significance};
+use super::calibration::{Significance, TestStatistics};
 use super::linear::Linear;
 use super::rows::Columns;
 use base::error::Result;
@@ -18,15 +18,15 @@ const SHARE_OF_PRIMARY: f64 = 0.5;
 
 /// A finding, by the index of its statistic, and the finding that explains it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Standing {
-    /// Index of the statistic in [`Looks::statistics`].
-    pub look: usize,
+pub struct RankedFinding {
+    /// Index of the statistic in [`TestStatistics::statistics`].
+    pub statistic: usize,
     /// Index of the statistic that explains this one.
-    pub echo_of: Option<usize>,
+    pub explained_by: Option<usize>,
 }
 
 /// Results of a record, and the panels' columns.
-pub struct Shown<'a> {
+pub struct RecordResults<'a> {
     /// The model about its fit.
     pub linear: &'a Linear,
     /// Likelihood of the record.
@@ -38,14 +38,18 @@ pub struct Shown<'a> {
     /// Index of the primary test, the correlation of residuals with force changes.
     pub primary: Option<usize>,
     /// Results of all tests.
-    pub looks: &'a Looks,
+    pub looks: &'a TestStatistics,
 }
 
 /// Orders findings: sources by the ratio of their gain to its mean in noise, then explained findings.
 ///
 /// # Errors
 /// Errors of [`Linear::fit_base`].
-pub fn standings(shown: &Shown, significant: &[usize], significance: &Significance) -> Result<Vec<Standing>> {
+pub fn order_findings(
+    shown: &RecordResults,
+    significant: &[usize],
+    significance: &Significance,
+) -> Result<Vec<RankedFinding>> {
     let gains = &shown.looks.statistics;
     // Tests of whiteness show no place: they come after all panels.
     let is_whiteness = |look: &usize| *look >= shown.columns.len();
@@ -56,27 +60,27 @@ pub fn standings(shown: &Shown, significant: &[usize], significance: &Significan
     let class = |look: &usize| (is_whiteness(look), !is_leading(look));
     let mut order = significant.to_vec();
     order.sort_by(|a, b| class(a).cmp(&class(b)).then(strength(b).total_cmp(&strength(a))));
-    let (mut sources, mut echoes): (Vec<Standing>, Vec<Standing>) = (Vec::new(), Vec::new());
+    let (mut sources, mut echoes): (Vec<RankedFinding>, Vec<RankedFinding>) = (Vec::new(), Vec::new());
     for look in order {
         let least = significance.critical[look].max(SHARE_OF_ECHO * gains[look]);
         let mut echo_of = None;
-        for source in sources.iter().filter(|source| !is_whiteness(&source.look)) {
-            if shown.left_beside(look, source.look)? < least {
-                echo_of = Some(source.look);
+        for source in sources.iter().filter(|source| !is_whiteness(&source.statistic)) {
+            if shown.left_beside(look, source.statistic)? < least {
+                echo_of = Some(source.statistic);
                 break;
             }
         }
         let list = if echo_of.is_none() { &mut sources } else { &mut echoes };
-        list.push(Standing { look, echo_of });
+        list.push(RankedFinding { statistic: look, explained_by: echo_of });
     }
     sources.extend(echoes);
     Ok(sources)
 }
 
-impl Shown<'_> {
+impl RecordResults<'_> {
     /// Remaining gain of a test once another panel's columns are in the model.
     fn left_beside(&self, look: usize, source: usize) -> Result<f64> {
-        let there = &self.looks.with[source];
+        let there = &self.looks.panel_fits[source];
         let Some(columns) = self.columns.get(look) else {
             let whitened = self.linear.whitened(self.likelihood, self.residual_m, there);
             return Ok(if look == self.columns.len() { runs(&whitened) } else { ljung_box(&whitened) });

@@ -9,13 +9,13 @@ use std::collections::BTreeMap;
 use rayon::prelude::*;
 
 use super::Subject;
-use super::evidence::{Care, ModelEvidence, evidence, evidence_with, posterior_by_importance};
+use super::evidence::{EvidenceBudget, ModelEvidence, evidence, evidence_with, posterior_by_importance};
 use super::predicted::laplace;
 use super::refit::Refitted;
 use super::request::DiagnosisRequest;
 use super::search::{SearchResult, Single};
 use base::error::{Error, Result};
-use documents::diagnosis::{Answer, RefitParameter};
+use documents::diagnosis::{PosteriorMode, RefitParameter};
 use posterior::monitor::{Counter, Monitor};
 
 /// Distance (nats) below the best at which a Bayes factor is not worth computing.
@@ -25,7 +25,7 @@ const WIDENING_NATS: f64 = 5.0;
 
 /// Bayes factor of an effect, or a bound.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) enum Factor {
+pub(super) enum BayesFactor {
     /// Logarithm of the Bayes factor, computed.
     Known(f64),
     /// Upper bound of its logarithm, far below the best.
@@ -38,17 +38,17 @@ pub(super) enum Factor {
 #[derive(Debug, Clone, Default)]
 pub(super) struct Parameters {
     pub all: Vec<RefitParameter>,
-    pub answers: Vec<Answer>,
+    pub modes: Vec<PosteriorMode>,
 }
 
 impl From<ModelEvidence> for Parameters {
     fn from(evidence: ModelEvidence) -> Self {
-        Self { all: evidence.parameters, answers: evidence.answers }
+        Self { all: evidence.parameters, modes: evidence.modes }
     }
 }
 
 /// The computed evidences.
-pub(super) struct Weighing {
+pub(super) struct EvidenceSet {
     ln_base: f64,
     singles: BTreeMap<&'static str, ModelEvidence>,
     /// Upper bounds for effects whose evidence was not computed because of them.
@@ -60,7 +60,7 @@ pub(super) struct Weighing {
 }
 
 /// Result of weighing an effect.
-enum Weighed {
+enum EvidenceOutcome {
     By(Result<ModelEvidence>),
     /// The effect's gain puts it out of reach of the best.
     Far,
@@ -68,7 +68,7 @@ enum Weighed {
     Slow,
 }
 
-impl Weighing {
+impl EvidenceSet {
     /// Weighs a claim and, if the request is in full, all effects that may come near it.
     pub fn new(
         subject: &Subject,
@@ -77,7 +77,7 @@ impl Weighing {
         monitor: &dyn Monitor,
     ) -> Result<Self> {
         let seed = request.seed;
-        let mut own = Self {
+        let mut evidence_set = Self {
             ln_base: f64::NAN,
             singles: BTreeMap::new(),
             bounds: BTreeMap::new(),
@@ -101,7 +101,7 @@ impl Weighing {
         });
         // Most experiments without a missing effect need no evidence at all.
         if !worth.is_empty() {
-            own.ln_base = evidence(subject, &found.base.candidate, &found.base.fitted, seed)?.ln_evidence;
+            evidence_set.ln_base = evidence(subject, &found.base.candidate, &found.base.fitted, seed)?.ln_evidence;
         }
         let counter = Counter::new(monitor, worth.len());
         // The claim, or else the leading effect, is weighed first and decides which others are worth it; these are weighed in parallel.
@@ -109,58 +109,58 @@ impl Weighing {
         let (leading, others) = worth.split_at(n_leading);
         let mut best = f64::NEG_INFINITY;
         let (mut far, mut slow, mut failed): (Vec<&str>, Vec<&str>, Vec<&str>) = (Vec::new(), Vec::new(), Vec::new());
-        for (part, care) in [(leading, Care::Full), (others, Care::Brief)] {
+        for (part, care) in [(leading, EvidenceBudget::Full), (others, EvidenceBudget::Brief)] {
             let weigh = |single: &&Single| {
                 counter.add_one();
                 let Refitted { candidate, fitted, .. } = single.refitted.as_ref()?;
                 let weighed = if !claimed.contains(&single.slug) && at_most(single) < best - REACH_NATS {
-                    Weighed::Far
-                } else if care == Care::Brief && candidate.model.is_nonlinear() {
-                    Weighed::Slow
+                    EvidenceOutcome::Far
+                } else if care == EvidenceBudget::Brief && candidate.model.is_nonlinear() {
+                    EvidenceOutcome::Slow
                 } else {
-                    Weighed::By(evidence_with(subject, candidate, fitted, (care, seed)))
+                    EvidenceOutcome::By(evidence_with(subject, candidate, fitted, (care, seed)))
                 };
                 Some(weighed)
             };
-            let weighed: Vec<Option<Weighed>> = part.par_iter().map(weigh).collect();
+            let weighed: Vec<Option<EvidenceOutcome>> = part.par_iter().map(weigh).collect();
             for (single, weighed) in part.iter().zip(weighed) {
                 match weighed {
                     None => continue,
-                    Some(Weighed::By(Ok(found))) => {
-                        best = best.max(found.ln_evidence - own.ln_base);
-                        own.singles.insert(single.slug, found);
+                    Some(EvidenceOutcome::By(Ok(found))) => {
+                        best = best.max(found.ln_evidence - evidence_set.ln_base);
+                        evidence_set.singles.insert(single.slug, found);
                         continue;
                     }
-                    Some(Weighed::By(Err(Error::Numerical { .. }))) => failed.push(single.slug),
-                    Some(Weighed::By(Err(other))) => return Err(other),
-                    Some(Weighed::Far) => far.push(single.slug),
-                    Some(Weighed::Slow) => slow.push(single.slug),
+                    Some(EvidenceOutcome::By(Err(Error::Numerical { .. }))) => failed.push(single.slug),
+                    Some(EvidenceOutcome::By(Err(other))) => return Err(other),
+                    Some(EvidenceOutcome::Far) => far.push(single.slug),
+                    Some(EvidenceOutcome::Slow) => slow.push(single.slug),
                 }
-                own.bounds.insert(single.slug, at_most(single));
+                evidence_set.bounds.insert(single.slug, at_most(single));
             }
         }
-        own.remarks.extend((!far.is_empty()).then(|| {
+        evidence_set.remarks.extend((!far.is_empty()).then(|| {
             format!(
                 "the Bayes factors of {} are not computed: their gains put them more than {REACH_NATS:.0} nats below the best",
                 far.join(", ")
             )
         }));
-        own.remarks.extend((!slow.is_empty()).then(|| {
+        evidence_set.remarks.extend((!slow.is_empty()).then(|| {
             format!(
                 "the Bayes factors of {} are not computed, since such nonlinear laws take long: the document gives bounds, and intervals by a normal approximation about the fit",
                 slow.join(", ")
             )
         }));
-        own.remarks.extend((!failed.is_empty()).then(|| {
+        evidence_set.remarks.extend((!failed.is_empty()).then(|| {
             format!(
                 "the evidence of {} takes too long: the document gives bounds of their Bayes factors, and intervals by a normal approximation about the fit",
                 failed.join(", ")
             )
         }));
         if let Some(claim) = claim.filter(|_| claimed.len() > 1) {
-            own.of_claim = Some(own.of_larger_claim(subject, claim, seed)?);
+            evidence_set.of_claim = Some(evidence_set.of_larger_claim(subject, claim, seed)?);
         }
-        Ok(own)
+        Ok(evidence_set)
     }
 
     fn of_larger_claim(&mut self, subject: &Subject, claimed: &Refitted, seed: u64) -> Result<Parameters> {
@@ -171,13 +171,13 @@ impl Weighing {
             "the evidence of the claim could not be computed: its intervals are normal approximations about the fit and cover one mode only"
                 .into(),
         );
-        Ok(Parameters { all: laplace(subject, claimed)?, answers: Vec::new() })
+        Ok(Parameters { all: laplace(subject, claimed)?, modes: Vec::new() })
     }
 
     /// Returns the Bayes factor of an effect over the base, or its bound.
-    pub fn factor(&self, slug: &str) -> Factor {
-        let known = self.singles.get(slug).map(|found| Factor::Known(found.ln_evidence - self.ln_base));
-        known.or_else(|| self.bounds.get(slug).copied().map(Factor::AtMost)).unwrap_or(Factor::Unknown)
+    pub fn factor(&self, slug: &str) -> BayesFactor {
+        let known = self.singles.get(slug).map(|found| BayesFactor::Known(found.ln_evidence - self.ln_base));
+        known.or_else(|| self.bounds.get(slug).copied().map(BayesFactor::AtMost)).unwrap_or(BayesFactor::Unknown)
     }
 
     /// Parameters of an effect: those of the whole model for a claim of several effects, else of the effect alone. A normal approximation about the fit replaces
@@ -186,7 +186,7 @@ impl Weighing {
         match (&self.of_claim, self.singles.get(single.slug), &single.refitted) {
             (Some(of_claim), ..) if is_claimed => Ok(of_claim.clone()),
             (_, Some(found), _) => Ok(found.clone().into()),
-            (_, None, Some(refitted)) => Ok(Parameters { all: laplace(subject, refitted)?, answers: Vec::new() }),
+            (_, None, Some(refitted)) => Ok(Parameters { all: laplace(subject, refitted)?, modes: Vec::new() }),
             (_, None, None) => Ok(Parameters::default()),
         }
     }
@@ -199,8 +199,8 @@ impl Parameters {
             let of = |slug: &&str| parameter.name.strip_prefix(*slug).is_some_and(|rest| rest.starts_with('.'));
             effects.iter().any(of)
         };
-        let own = |list: Vec<RefitParameter>| list.into_iter().filter(is_own).collect();
-        let answer = |answer: Answer| Answer { parameters: own(answer.parameters), ..answer };
-        Self { all: own(self.all), answers: self.answers.into_iter().map(answer).collect() }
+        let function = |list: Vec<RefitParameter>| list.into_iter().filter(is_own).collect();
+        let answer = |answer: PosteriorMode| PosteriorMode { parameters: function(answer.parameters), ..answer };
+        Self { all: function(self.all), modes: self.modes.into_iter().map(answer).collect() }
     }
 }

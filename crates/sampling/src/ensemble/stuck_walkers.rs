@@ -19,7 +19,7 @@ use crate::diagnostics::ranks::{Sorted, median};
 
 /// Reason to examine a walker.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Reason {
+pub enum SuspicionReason {
     /// Mean log density far below that of the others.
     Low,
     /// No move in the window.
@@ -30,13 +30,13 @@ pub enum Reason {
 
 /// A walker that may have been left behind.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Suspect {
+pub struct SuspiciousWalker {
     /// Index of the ensemble.
     pub ensemble: usize,
     /// Index of the walker in its ensemble.
     pub walker: usize,
     /// Reason to examine the walker.
-    pub reason: Reason,
+    pub reason: SuspicionReason,
     /// Mean log density of the walker over the window.
     pub mean_log_density: f64,
 }
@@ -46,7 +46,7 @@ const STUCK_PROBABILITY: f64 = 1e-12;
 const APART_FACTOR: f64 = 10.0;
 
 /// Walkers that may have been left behind, from the last half of the kept steps. Empty if fewer than 8 steps are kept.
-pub fn suspects(draws: &Draws) -> Vec<Suspect> {
+pub fn find_suspicious_walkers(draws: &Draws) -> Vec<SuspiciousWalker> {
     let first = draws.n_steps / 2;
     if draws.n_steps < 8 {
         return Vec::new();
@@ -61,18 +61,18 @@ pub fn suspects(draws: &Draws) -> Vec<Suspect> {
             let idx = ensemble * draws.n_walkers + walker;
             let mean_log_density = window.mean_log_density[idx];
             let reason = if mean_log_density < low {
-                Reason::Low
+                SuspicionReason::Low
             } else if stuck && window.moves[idx] == 0 {
-                Reason::Stuck
+                SuspicionReason::Stuck
             } else if apart[idx] {
-                Reason::Apart
+                SuspicionReason::Apart
             } else {
                 continue;
             };
-            found.push(Suspect { ensemble, walker, reason, mean_log_density });
+            found.push(SuspiciousWalker { ensemble, walker, reason, mean_log_density });
         }
     }
-    for reason in [Reason::Stuck, Reason::Apart] {
+    for reason in [SuspicionReason::Stuck, SuspicionReason::Apart] {
         let n = found.iter().filter(|suspect| suspect.reason == reason).count();
         if 4 * n > draws.n_ensembles * draws.n_walkers {
             found.retain(|suspect| suspect.reason != reason);
@@ -99,8 +99,8 @@ impl<'a> Window<'a> {
             for step in first + 1..draws.n_steps {
                 let before = &draws.log_density[(ensemble * draws.n_steps + step - 1) * draws.n_walkers..];
                 let here = &draws.log_density[(ensemble * draws.n_steps + step) * draws.n_walkers..];
-                let own = window.moves[ensemble * draws.n_walkers..].iter_mut().take(draws.n_walkers);
-                own.zip(here).zip(before).for_each(|((moves, here), before)| *moves += usize::from(here != before));
+                let take = window.moves[ensemble * draws.n_walkers..].iter_mut().take(draws.n_walkers);
+                take.zip(here).zip(before).for_each(|((moves, here), before)| *moves += usize::from(here != before));
             }
         }
         window
@@ -128,8 +128,8 @@ impl<'a> Window<'a> {
         let mut sums = vec![0.0; self.draws.n_ensembles * n_walkers];
         for ensemble in 0..self.draws.n_ensembles {
             for step in self.steps() {
-                let own = sums.iter_mut().enumerate().skip(ensemble * n_walkers);
-                own.zip(row(ensemble, step)).for_each(|((walker, sum), value)| *sum += of(walker, *value));
+                let skip = sums.iter_mut().enumerate().skip(ensemble * n_walkers);
+                skip.zip(row(ensemble, step)).for_each(|((walker, sum), value)| *sum += of(walker, *value));
             }
         }
         let n = self.steps().len() as f64;
@@ -220,16 +220,16 @@ mod tests {
 
     #[test]
     fn a_healthy_bulk_has_no_suspects() {
-        assert_eq!(suspects(&draws(200)), []);
+        assert_eq!(find_suspicious_walkers(&draws(200)), []);
     }
 
     #[test]
     fn each_fault_is_found_and_only_in_its_walker() {
         let mut low = draws(200);
         set(&mut low, 3, |_, x| x + 9.0);
-        let found = suspects(&low);
+        let found = find_suspicious_walkers(&low);
         assert_eq!(found.len(), 1);
-        assert_eq!((found[0].ensemble, found[0].walker, found[0].reason), (1, 3, Reason::Low));
+        assert_eq!((found[0].ensemble, found[0].walker, found[0].reason), (1, 3, SuspicionReason::Low));
 
         let mut stuck = draws(200);
         for s in 0..200 {
@@ -238,10 +238,16 @@ mod tests {
             }
         }
         refresh(&mut stuck);
-        assert_eq!(suspects(&stuck).iter().map(|s| (s.walker, s.reason)).collect::<Vec<_>>(), [(5, Reason::Stuck)]);
+        assert_eq!(
+            find_suspicious_walkers(&stuck).iter().map(|s| (s.walker, s.reason)).collect::<Vec<_>>(),
+            [(5, SuspicionReason::Stuck)]
+        );
 
         let mut apart = draws(200);
         set(&mut apart, 7, |_, x| 0.1 * x + 2.0);
-        assert_eq!(suspects(&apart).iter().map(|s| (s.walker, s.reason)).collect::<Vec<_>>(), [(7, Reason::Apart)]);
+        assert_eq!(
+            find_suspicious_walkers(&apart).iter().map(|s| (s.walker, s.reason)).collect::<Vec<_>>(),
+            [(7, SuspicionReason::Apart)]
+        );
     }
 }

@@ -4,14 +4,14 @@ use nalgebra::DMatrix;
 use rayon::prelude::*;
 
 use super::class::rivals;
-use super::compare::{compared, fine_laws};
-use super::judge::{Gained, Judged, judge};
+use super::compare::{compare_groups, fine_laws};
+use super::judge::{EffectGain, Judged, search_effects};
 use super::law::Nodes;
-use super::likelihood::Likelihood;
+use super::likelihood::SizeLikelihood;
 use criticism::criteria::Criteria;
-use criticism::sketch::{Asked, Reading, Said, Told};
+use criticism::sketch::{EffectProbe, RecordScores, ScoreSet, SignatureScore};
 use documents::groups::RatioVerdict;
-use posterior::monitor::Silent;
+use posterior::monitor::SilentMonitor;
 use sampling::ensemble::RandomStream;
 
 /// Invented effects: name, number of grid points, and true for either sign.
@@ -32,37 +32,42 @@ fn cosines(twin: f64) -> DMatrix<f64> {
 }
 
 /// Readings with these shifts of the first and the third effect.
-fn readings(root: &DMatrix<f64>, cosines: &DMatrix<f64>, shifts: [f64; 2], stream: &mut RandomStream) -> Vec<Reading> {
+fn readings(
+    root: &DMatrix<f64>,
+    cosines: &DMatrix<f64>,
+    shifts: [f64; 2],
+    stream: &mut RandomStream,
+) -> Vec<SignatureScore> {
     let white = nalgebra::DVector::from_fn(N_READINGS, |_, _| stream.normal());
     let z = root * white;
     let shifted = |k: usize| z[k] + shifts[0] * cosines[(0, k)] + shifts[1] * cosines[(4, k)];
-    (0..N_READINGS).map(|k| Reading { z: shifted(k), norm: NORM }).collect()
+    (0..N_READINGS).map(|k| SignatureScore { z: shifted(k), norm: NORM }).collect()
 }
 
 /// Effects that the cohort cannot distinguish from a claim.
-fn class_of(records: &[Said], gained: &[Gained], claimed: usize, seed: u64) -> Vec<String> {
+fn class_of(records: &[RecordScores], gained: &[EffectGain], claimed: usize, seed: u64) -> Vec<String> {
     let rivals = rivals(records, &Criteria::COHORT, gained, claimed, seed).into_iter();
     rivals.filter(|rival| Criteria::COHORT.is_equivalent(rival)).map(|rival| rival.effect).collect()
 }
 
 /// A cohort with these shifts of its records and `n_simulations` simulated records each. Its last cycles have a third of the information of the fitted ones.
-fn cohort(shifts: &[[f64; 2]], twin: f64, n_simulations: usize, seed: u64) -> Vec<Said> {
+fn cohort(shifts: &[[f64; 2]], twin: f64, n_simulations: usize, seed: u64) -> Vec<RecordScores> {
     cohort_with(1.0 / 3.0, shifts, twin, n_simulations, seed)
 }
 
 /// A cohort whose last cycles have `last` times the information of the fitted ones.
-fn cohort_with(last: f64, shifts: &[[f64; 2]], twin: f64, n_simulations: usize, seed: u64) -> Vec<Said> {
+fn cohort_with(last: f64, shifts: &[[f64; 2]], twin: f64, n_simulations: usize, seed: u64) -> Vec<RecordScores> {
     let cosines = cosines(twin);
     let root = cosines.clone().cholesky().expect("positive definite").l();
     let mut first = 0;
-    let asked: Vec<Asked> = EFFECTS
+    let asked: Vec<EffectProbe> = EFFECTS
         .iter()
         .map(|(slug, n, has_both)| {
             let readings = first..first + n;
             first += n;
             let reach = [if *has_both { 1e9 } else { 0.0 }, 1e9];
             let (unit, power, null) = (1.0, 1.0, 0.0);
-            Asked { slug, parameter: "x", refused: None, readings, unit, power, reach, null, is_downwards: false }
+            EffectProbe { slug, parameter: "x", refused: None, readings, unit, power, reach, null, is_downwards: false }
         })
         .collect();
     let record = |(number, shifts): (usize, &[f64; 2])| {
@@ -70,17 +75,17 @@ fn cohort_with(last: f64, shifts: &[[f64; 2]], twin: f64, n_simulations: usize, 
         let mut told = |shifts: [f64; 2]| {
             let fitted = readings(&root, &cosines, shifts, &mut stream);
             let more = readings(&root, &cosines, shifts.map(|shift| shift * last.sqrt()), &mut stream);
-            let all = fitted.iter().zip(&more).map(|(a, b)| Reading {
+            let all = fitted.iter().zip(&more).map(|(a, b)| SignatureScore {
                 z: (a.z + b.z * last.sqrt()) / (1.0 + last).sqrt(),
                 norm: a.norm * (1.0 + last).sqrt(),
             });
             let before_and_after = Some([fitted.clone(), all.collect()]);
-            Told { fitted, before_and_after }
+            ScoreSet { fitted, fitted_and_all: before_and_after }
         };
-        let own = told(*shifts);
+        let score_set = told(*shifts);
         let simulated = (0..n_simulations).map(|_| told([0.0; 2])).collect();
-        let whole = own.all().to_vec();
-        Said { effects: asked.clone(), told: own, whole, simulated, cosines: vec![cosines.clone(); 3] }
+        let whole = score_set.all().to_vec();
+        RecordScores { effects: asked.clone(), told: score_set, whole, simulated, cosines: vec![cosines.clone(); 3] }
     };
     shifts.iter().enumerate().map(record).collect()
 }
@@ -95,8 +100,8 @@ fn leading(judged: &Judged) -> usize {
 #[test]
 fn p_is_uniform_where_nothing_is_missing() {
     let p_of = |seed: u64| {
-        let judged = judge(&cohort(&[[0.0; 2]; 8], 0.3, 60, 100 + seed), seed, &Silent);
-        let least = judged.effects.iter().map(|own| own.p_familywise).fold(1.0, f64::min);
+        let judged = search_effects(&cohort(&[[0.0; 2]; 8], 0.3, 60, 100 + seed), seed, &SilentMonitor);
+        let least = judged.effects.iter().map(|effect| effect.p_familywise).fold(1.0, f64::min);
         (least, judged.effects[leading(&judged)].best.heldout_nats.expect("held out"))
     };
     let found: Vec<(f64, f64)> = (0..60).into_par_iter().map(p_of).collect();
@@ -121,16 +126,19 @@ fn weak_effects_add_up_and_twins_stay() {
     let (mut n_twins, mut n_true, mut heldout_nats) = (0, 0, 0.0);
     for seed in 0..16 {
         let said = cohort(&[[2.0, 0.0]; 20], 0.99, 60, 7 + seed);
-        let judged = judge(&said, seed, &Silent);
+        let judged = search_effects(&said, seed, &SilentMonitor);
         let best = leading(&judged);
-        let own = &judged.effects[best];
-        assert!(["one", "twin of one"].contains(&said[0].effects[own.effect].slug));
-        assert!((10.0..80.0).contains(&own.best.gain_nats) && own.p_familywise <= 0.001, "{own:?}");
-        heldout_nats += own.best.heldout_nats.expect("cycles are held out") / 16.0;
-        let sum: f64 = own.of_records.iter().sum();
-        assert!((sum - own.best.gain_nats).abs() < 1e-9);
+        let effect_gain = &judged.effects[best];
+        assert!(["one", "twin of one"].contains(&said[0].effects[effect_gain.effect].slug));
+        assert!(
+            (10.0..80.0).contains(&effect_gain.best.gain_nats) && effect_gain.p_familywise <= 0.001,
+            "{effect_gain:?}"
+        );
+        heldout_nats += effect_gain.best.heldout_nats.expect("cycles are held out") / 16.0;
+        let sum: f64 = effect_gain.of_records.iter().sum();
+        assert!((sum - effect_gain.best.gain_nats).abs() < 1e-9);
         let slugs = class_of(&said, &judged.effects, best, seed);
-        let is_true = said[0].effects[own.effect].slug == "one";
+        let is_true = said[0].effects[effect_gain.effect].slug == "one";
         let twin = if is_true { "twin of one" } else { "one" };
         assert!(slugs.iter().all(|slug| *slug == twin), "{slugs:?}");
         n_twins += slugs.len();
@@ -149,18 +157,16 @@ fn weak_effects_add_up_and_twins_stay() {
 /// 1 of 10⁵ runs.
 #[test]
 fn last_cycles_count_for_p() {
-    let is_rare = |said: &[Said], seed: u64| {
-        let judged = judge(said, seed, &Silent);
-        judged.effects.iter().any(|own| said[0].effects[own.effect].slug == "one" && own.p_familywise <= 0.001)
+    let is_rare = |said: &[RecordScores], seed: u64| {
+        let judged = search_effects(said, seed, &SilentMonitor);
+        judged.effects.iter().any(|effect| said[0].effects[effect.effect].slug == "one" && effect.p_familywise <= 0.001)
     };
     let (mut n_with, mut n_without) = (0, 0);
     for seed in 0..8 {
         let mut said = cohort_with(8.0, &[[0.7, 0.0]; 20], 0.3, 60, 300 + seed);
         n_with += usize::from(is_rare(&said, seed));
         for record in &mut said {
-            std::iter::once(&mut record.told)
-                .chain(&mut record.simulated)
-                .for_each(|told| told.before_and_after = None);
+            std::iter::once(&mut record.told).chain(&mut record.simulated).for_each(|told| told.fitted_and_all = None);
         }
         n_without += usize::from(is_rare(&said, seed));
     }
@@ -175,13 +181,13 @@ fn like_sizes_are_no_proof() {
     for (k, record) in said.iter_mut().enumerate() {
         let norm = if k % 2 == 0 { 0.5 } else { 8.0 };
         let all = std::iter::once(&mut record.told).chain(&mut record.simulated);
-        all.flat_map(Told::sets_mut).for_each(|readings| readings[0].norm = norm);
+        all.flat_map(ScoreSet::sets_mut).for_each(|readings| readings[0].norm = norm);
     }
-    let judged = judge(&said, 3, &Silent);
+    let judged = search_effects(&said, 3, &SilentMonitor);
     let best = leading(&judged);
     let slug = |k: usize| said[0].effects[judged.effects[k].effect].slug;
     assert_eq!(slug(best), "twin of one");
-    let first = judged.effects.iter().find(|own| said[0].effects[own.effect].slug == "one").expect("searched");
+    let first = judged.effects.iter().find(|effect| said[0].effects[effect.effect].slug == "one").expect("searched");
     assert!(judged.effects[best].best.gain_nats > first.best.gain_nats + 5.0, "{first:?}");
     assert_eq!(class_of(&said, &judged.effects, best, 3), ["one"]);
 }
@@ -191,10 +197,10 @@ fn like_sizes_are_no_proof() {
 fn either_sign_is_found() {
     let shifts: Vec<[f64; 2]> = (0..20).map(|k| [0.0, if k % 2 == 0 { 2.5 } else { -2.5 }]).collect();
     let said = cohort(&shifts, 0.3, 60, 31);
-    let judged = judge(&said, 1, &Silent);
-    let own = &judged.effects[leading(&judged)];
-    assert_eq!(said[0].effects[own.effect].slug, "three");
-    assert!(own.p_familywise <= 0.001 && own.law.sides == super::law::Sides::Either, "{own:?}");
+    let judged = search_effects(&said, 1, &SilentMonitor);
+    let effect_gain = &judged.effects[leading(&judged)];
+    assert_eq!(said[0].effects[effect_gain.effect].slug, "three");
+    assert!(effect_gain.p_familywise <= 0.001 && effect_gain.law.sides == super::law::Sides::Both, "{effect_gain:?}");
 }
 
 /// Sizes (means and standard deviations of ten records per group) that differ by a factor of two are stated; equal ones are not. A group without the effect gains 4 nats by
@@ -202,22 +208,22 @@ fn either_sign_is_found() {
 #[test]
 fn groups_are_compared() {
     let mut stream = RandomStream::new(11, 0);
-    let mut group = |mean: f64| -> Vec<Likelihood> {
-        let mut own = || {
+    let mut group = |mean: f64| -> Vec<SizeLikelihood> {
+        let mut function = || {
             let z = mean + stream.normal();
-            Likelihood { height: 0.5 * z * z, z, norm: 1.0, unit: 1.0, power: 1.0, reach: [0.0, 1e9] }
+            SizeLikelihood { height: 0.5 * z * z, z, norm: 1.0, unit: 1.0, power: 1.0, reach: [0.0, 1e9] }
         };
-        (0..10).map(|_| own()).collect()
+        (0..10).map(|_| function()).collect()
     };
     let (mut n_stated, mut n_false, mut n_loud) = (0, 0, 0);
     for _ in 0..10 {
         let groups = [group(6.0), group(3.0), group(3.0), group(0.0)];
         let laws = fine_laws(&groups.concat()).expect("they show something");
         let nodes: Vec<Vec<Nodes>> =
-            groups.iter().map(|own| own.iter().map(|likelihood| laws.nodes(likelihood)).collect()).collect();
+            groups.iter().map(|group| group.iter().map(|likelihood| laws.nodes(likelihood)).collect()).collect();
         let pair = |a: usize, b: usize| {
             let of = |k: usize| nodes[k].iter().collect::<Vec<_>>();
-            compared(&laws, &[of(a), of(b)], 0.2)
+            compare_groups(&laws, &[of(a), of(b)], 0.2)
         };
         let twice = pair(0, 1);
         n_stated += usize::from(twice.ratios[0].1.verdict() == RatioVerdict::Greater);

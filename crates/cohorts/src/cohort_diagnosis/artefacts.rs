@@ -64,11 +64,11 @@ fn gains_csv(diagnosis: &CohortDiagnosis) -> Result<Vec<u8>> {
     writer
         .write_record(["specimen", "experiment", "group", "effect", "gain_nats", "own_gain_nats"])
         .map_err(refused)?;
-    for own in &diagnosis.specimens {
-        for gain in &own.gains {
+    for cohort_specimen in &diagnosis.specimens {
+        for gain in &cohort_specimen.gains {
             let numbers = [gain.gain_nats, gain.own_gain_nats].map(|x| x.to_string());
-            let group = own.group.as_deref().unwrap_or("");
-            let row = [&own.id, &own.experiment, group, &gain.effect, &numbers[0], &numbers[1]];
+            let group = cohort_specimen.group.as_deref().unwrap_or("");
+            let row = [&cohort_specimen.id, &cohort_specimen.experiment, group, &gain.effect, &numbers[0], &numbers[1]];
             writer.write_record(row).map_err(refused)?;
         }
     }

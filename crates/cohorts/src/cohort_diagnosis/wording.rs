@@ -1,10 +1,10 @@
 //! Sentences of a cohort's diagnosis.
 
-use documents::cohort::{CohortContrast, CohortEffect, CohortGroup, CohortSpecimen, SidesName};
-use documents::diagnosis::{Status, VerdictKind, by_reason};
+use documents::cohort::{CohortContrast, CohortEffect, CohortGroup, CohortSpecimen, NullSide};
+use documents::diagnosis::{Status, VerdictKind, group_by_reason};
 use documents::groups::RatioVerdict;
-use figures::labels::of_parameter;
-use figures::number::significant;
+use figures::labels::parameter_label;
+use figures::number::format_significant;
 
 /// Largest number of names in a sentence.
 const MOST_NAMES: usize = 8;
@@ -25,13 +25,13 @@ fn listed(names: &[&str]) -> String {
 
 /// Sizes of a group as text: "β 2.1 (1.8 to 2.4) m/s, ×/÷ 1.30 between specimens; 95 % (80 % to 100 %) of the records have it".
 pub fn sizes(group: &CohortGroup) -> String {
-    let label = of_parameter(&group.parameter);
+    let label = parameter_label(&group.parameter);
     let unit = if label.unit == "–" { String::new() } else { format!(" {}", label.unit) };
-    let [median, q05, q95] = [group.median, group.q05, group.q95].map(|x| significant(x, 3));
+    let [median, q05, q95] = [group.median, group.q05, group.q95].map(|x| format_significant(x, 3));
     let sides = match group.sides {
-        SidesName::Above => "",
-        SidesName::Below => " below its null",
-        SidesName::Either => " of either sign",
+        NullSide::Above => "",
+        NullSide::Below => " below its null",
+        NullSide::Either => " of either sign",
     };
     format!(
         "{} {median} ({q05} to {q95}){unit}{sides}, ×/÷ {:.2} between specimens; {} ({} to {}) of the records have it",
@@ -50,11 +50,15 @@ pub fn verdict(
     left: Option<(f64, f64)>,
 ) -> String {
     let n = specimens.len();
-    let gained = leading.map(|own| {
-        let heldout = own
+    let gained = leading.map(|cohort_effect| {
+        let heldout = cohort_effect
             .heldout_gain_nats
             .map_or("no cycle is held out".into(), |gain| format!("{gain:.1} nats on held-out cycles"));
-        format!("{:.1} nats over {n} records, p {}, {heldout}", own.gain_nats, significant(own.p_familywise, 2))
+        format!(
+            "{:.1} nats over {n} records, p {}, {heldout}",
+            cohort_effect.gain_nats,
+            format_significant(cohort_effect.p_familywise, 2)
+        )
     });
     match (kind, leading, gained) {
         (VerdictKind::Missing, Some(leading), Some(gained)) => {
@@ -63,8 +67,9 @@ pub fn verdict(
             } else {
                 format!(" These records cannot distinguish it from {}.", equivalent.join(", "))
             };
-            let sizes = pooled.map_or_else(String::new, |own| format!(" {}.", sizes(own)));
-            let absent: Vec<&str> = groups.iter().filter(|own| has_none(own)).map(|own| own.name.as_str()).collect();
+            let sizes = pooled.map_or_else(String::new, |cohort_group| format!(" {}.", sizes(cohort_group)));
+            let absent: Vec<&str> =
+                groups.iter().filter(|group| has_none(group)).map(|cohort_group| cohort_group.name.as_str()).collect();
             let absent = if absent.is_empty() || groups.len() < 2 {
                 String::new()
             } else {
@@ -78,7 +83,7 @@ pub fn verdict(
                 "the law is wrong, and no effect of the library explains it. {} helps most ({gained}), but leaves an error of {} µm on the held-out cycles, {factor:.1} \
                  times the error that noise and parameters allow. Do not interpret its size as a property.",
                 leading.effect,
-                significant(error_um, 3)
+                format_significant(error_um, 3)
             )
         }
         (VerdictKind::Unexplained, ..) => {
@@ -107,23 +112,31 @@ fn has_none(group: &CohortGroup) -> bool {
 }
 
 fn too_much(specimens: &[CohortSpecimen]) -> Vec<&str> {
-    specimens.iter().filter(|own| own.leaves_too_much).map(|own| own.experiment.as_str()).collect()
+    specimens
+        .iter()
+        .filter(|specimen| specimen.leaves_too_much)
+        .map(|cohort_specimen| cohort_specimen.experiment.as_str())
+        .collect()
 }
 
 /// Sentence that compares two groups.
-pub fn contrast(own: &CohortContrast, [a, b]: [&CohortGroup; 2], margin: f64) -> String {
-    let (more, less, ratio) = if own.ratio_median >= 1.0 {
-        (a, b, [own.ratio_median, own.q05, own.q95])
+pub fn contrast(cohort_contrast: &CohortContrast, [a, b]: [&CohortGroup; 2], margin: f64) -> String {
+    let (more, less, ratio) = if cohort_contrast.ratio_median >= 1.0 {
+        (a, b, [cohort_contrast.ratio_median, cohort_contrast.q05, cohort_contrast.q95])
     } else {
-        (b, a, [1.0 / own.ratio_median, 1.0 / own.q95, 1.0 / own.q05])
+        (b, a, [1.0 / cohort_contrast.ratio_median, 1.0 / cohort_contrast.q95, 1.0 / cohort_contrast.q05])
     };
-    let effect = &own.effect;
-    if has_none(less) && own.is_declared {
+    let effect = &cohort_contrast.effect;
+    if has_none(less) && cohort_contrast.is_declared {
         return format!("{} has {effect}, {} shows no sign of it", more.name, less.name);
     }
-    let times =
-        format!("{} × ({} to {})", significant(ratio[0], 2), significant(ratio[1], 2), significant(ratio[2], 2));
-    match own.verdict {
+    let times = format!(
+        "{} × ({} to {})",
+        format_significant(ratio[0], 2),
+        format_significant(ratio[1], 2),
+        format_significant(ratio[2], 2)
+    );
+    match cohort_contrast.verdict {
         RatioVerdict::Greater | RatioVerdict::Less => format!(
             "{} has more {effect} than {}, by more than {} ({times} on average)",
             more.name,
@@ -133,7 +146,7 @@ pub fn contrast(own: &CohortContrast, [a, b]: [&CohortGroup; 2], margin: f64) ->
         RatioVerdict::Equivalent => {
             format!("{effect}: no difference beyond {} between {} and {}", percent(margin), more.name, less.name)
         }
-        RatioVerdict::Undecided if own.is_declared => {
+        RatioVerdict::Undecided if cohort_contrast.is_declared => {
             format!("{} has more {effect} than {}, by an undecided amount ({times})", more.name, less.name)
         }
         RatioVerdict::Undecided => format!("{effect}: undecided if {} and {} differ ({times})", more.name, less.name),
@@ -143,10 +156,10 @@ pub fn contrast(own: &CohortContrast, [a, b]: [&CohortGroup; 2], margin: f64) ->
 /// Remarks for the reader.
 pub fn remarks(effects: &[CohortEffect], specimens: &[CohortSpecimen], kind: VerdictKind) -> Vec<String> {
     let mut remarks = Vec::new();
-    let refused = effects.iter().map(|own| (own.effect.as_str(), own.refused.as_deref()));
+    let refused = effects.iter().map(|effect| (effect.effect.as_str(), effect.refused.as_deref()));
     let not =
         |(why, effects): (&str, Vec<&str>)| format!("{} cannot be tested in any record ({why})", listed(&effects));
-    remarks.extend(by_reason(refused).into_iter().map(not));
+    remarks.extend(group_by_reason(refused).into_iter().map(not));
     let left = too_much(specimens);
     if !left.is_empty() && kind == VerdictKind::Missing {
         remarks.push(format!(
@@ -159,7 +172,7 @@ pub fn remarks(effects: &[CohortEffect], specimens: &[CohortSpecimen], kind: Ver
     if kind == VerdictKind::Unexplained {
         remarks.push("run `vitreo-uq diagnose` on each of these records to find its own missing effect".into());
     }
-    let outliers: usize = specimens.iter().map(|own| own.outliers).sum();
+    let outliers: usize = specimens.iter().map(|specimen| specimen.outliers).sum();
     if outliers > 0 {
         remarks.push(format!("{outliers} positions are isolated tracker errors and are left out"));
     }

@@ -10,7 +10,7 @@
 //!
 //! Sizes lie on a logarithmic grid. The likelihood is averaged over each cell, so that no specimen's peak falls between two nodes.
 
-use super::likelihood::{Likelihood, Side};
+use super::likelihood::{Side, SizeLikelihood};
 use statrs::function::erf::erf;
 
 /// Range of the medians, in standard deviations of the fitted sizes. The most informative specimen shows the lowest median by the first value; half of the specimens show
@@ -31,12 +31,12 @@ pub enum Sides {
     /// Below.
     Below,
     /// Either side, with equal probability.
-    Either,
+    Both,
 }
 
 /// A grid of laws.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Laws {
+pub struct SizeLawGrid {
     /// Distance of neighbouring nodes in ln size.
     step: f64,
     /// ln size of the first node.
@@ -77,7 +77,7 @@ pub const FINE: Fineness = Fineness {
 
 /// A law of the grid.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Law {
+pub struct SizeLaw {
     /// ln of the median size.
     pub ln_median: f64,
     /// Standard deviation of ln size between specimens with the effect.
@@ -88,7 +88,7 @@ pub struct Law {
     pub share: f64,
 }
 
-impl Law {
+impl SizeLaw {
     /// Mean size over all specimens, where those without the effect count as 0. It combines share and median.
     pub fn mean_size(&self) -> f64 {
         self.share * (self.ln_median + 0.5 * self.log_sd * self.log_sd).exp()
@@ -99,7 +99,7 @@ impl Law {
 pub type Place = (usize, usize);
 
 /// Likelihood ratios r of one specimen under every law, without the share.
-pub type Ratios = Vec<f64>;
+pub type LikelihoodRatios = Vec<f64>;
 
 /// Likelihood ratio of every node on both sides.
 #[derive(Debug, Clone, PartialEq)]
@@ -108,25 +108,30 @@ pub struct Nodes {
     above: Vec<f64>,
 }
 
-impl Laws {
+impl SizeLawGrid {
     /// Grid of laws for the sizes that the specimens can show; `None` if no specimen can show any.
-    pub fn new(likelihoods: &[Likelihood], fineness: Fineness) -> Option<Self> {
-        let told: Vec<&Likelihood> = likelihoods.iter().filter(|own| own.norm > 0.0).collect();
-        let mut lowest: Vec<f64> = told.iter().map(|own| own.size_at(SIGMA_RANGE[0]).ln()).collect();
-        let mut highest: Vec<f64> = told.iter().map(|own| own.size_at(SIGMA_RANGE[1]).ln()).collect();
+    pub fn new(likelihoods: &[SizeLikelihood], fineness: Fineness) -> Option<Self> {
+        let told: Vec<&SizeLikelihood> = likelihoods.iter().filter(|likelihood| likelihood.norm > 0.0).collect();
+        let mut lowest: Vec<f64> =
+            told.iter().map(|size_likelihood| size_likelihood.size_at(SIGMA_RANGE[0]).ln()).collect();
+        let mut highest: Vec<f64> =
+            told.iter().map(|size_likelihood| size_likelihood.size_at(SIGMA_RANGE[1]).ln()).collect();
         lowest.sort_by(f64::total_cmp);
         highest.sort_by(f64::total_cmp);
         // Fitted sizes can lie beyond the range of the first-order likelihoods.
-        let fitted = told.iter().filter(|own| own.z.abs() > SIGMA_RANGE[1]).map(|own| own.size_at(own.z.abs()).ln());
+        let fitted = told
+            .iter()
+            .filter(|size_likelihood| size_likelihood.z.abs() > SIGMA_RANGE[1])
+            .map(|size_likelihood| size_likelihood.size_at(size_likelihood.z.abs()).ln());
         let highest = fitted.fold(*highest.get(highest.len() / 2)?, f64::max);
         let range = (highest - lowest.first()?).clamp(fineness.step, LONGEST_RANGE);
         let n_medians = (range / fineness.step).ceil() as usize + 1;
         let step = fineness.step;
         let widest = fineness.spreads.iter().copied().fold(0.0, f64::max);
         let margin = (REACH_SD * widest / step).ceil() as usize;
-        let has = |side: usize| told.iter().any(|own| own.reach[side] > 0.0);
+        let has = |side: usize| told.iter().any(|size_likelihood| size_likelihood.reach[side] > 0.0);
         let sides = match (has(0), has(1)) {
-            (true, true) => vec![Sides::Above, Sides::Below, Sides::Either],
+            (true, true) => vec![Sides::Above, Sides::Below, Sides::Both],
             (true, false) => vec![Sides::Below],
             _ => vec![Sides::Above],
         };
@@ -146,7 +151,7 @@ impl Laws {
     }
 
     /// Likelihood ratios of a specimen at every node.
-    pub fn nodes(&self, likelihood: &Likelihood) -> Nodes {
+    pub fn nodes(&self, likelihood: &SizeLikelihood) -> Nodes {
         let of = |side: Side| -> Vec<f64> {
             let is_out = match side {
                 Side::Below => likelihood.reach[0] <= 0.0,
@@ -162,7 +167,7 @@ impl Laws {
     }
 
     /// Likelihood ratios of a specimen under every law.
-    pub fn ratios(&self, nodes: &Nodes) -> Ratios {
+    pub fn ratios(&self, nodes: &Nodes) -> LikelihoodRatios {
         let mut ratios = Vec::with_capacity(self.n_laws());
         let averaged = |of: &[f64], weights: &[f64], median: usize| -> f64 {
             let from = self.margin + median - weights.len() / 2;
@@ -174,7 +179,7 @@ impl Laws {
                     ratios.push(match sides {
                         Sides::Above => averaged(&nodes.above, weights, median),
                         Sides::Below => averaged(&nodes.below, weights, median),
-                        Sides::Either => {
+                        Sides::Both => {
                             0.5 * (averaged(&nodes.above, weights, median) + averaged(&nodes.below, weights, median))
                         }
                     });
@@ -185,10 +190,10 @@ impl Laws {
     }
 
     /// Law at a position of the grid.
-    pub fn law(&self, (law, share): Place) -> Law {
+    pub fn law(&self, (law, share): Place) -> SizeLaw {
         let (median, rest) = (law % self.n_medians, law / self.n_medians);
         let (spread, sides) = (rest % self.spreads.len(), rest / self.spreads.len());
-        Law {
+        SizeLaw {
             ln_median: self.node(self.margin + median),
             log_sd: self.spreads[spread].0,
             sides: self.sides[sides],
@@ -197,7 +202,7 @@ impl Laws {
     }
 
     /// Largest gain of all specimens together (nats, at least 0), and the position of its law.
-    pub fn best(&self, specimens: &[&Ratios]) -> (f64, Place) {
+    pub fn best(&self, specimens: &[&LikelihoodRatios]) -> (f64, Place) {
         let mut best = (0.0, (0, 0));
         for law in 0..self.n_laws() {
             // The gain is concave in the share and 0 at share 0. If its slope there is not positive, the gain never is.
@@ -217,40 +222,40 @@ impl Laws {
     }
 
     /// Gain of a specimen under a law (nats); negative if the specimen contradicts the law.
-    pub fn gain(&self, ratios: &Ratios, (law, share): Place) -> f64 {
+    pub fn gain(&self, ratios: &LikelihoodRatios, (law, share): Place) -> f64 {
         let share = self.shares[share];
         (1.0 - share + share * ratios[law]).ln()
     }
 
     /// ln likelihood ratio of every law to no effect: laws in their order, the shares of each law together.
-    pub fn ln_likelihoods(&self, specimens: &[&Ratios]) -> Vec<f64> {
+    pub fn ln_likelihoods(&self, specimens: &[&LikelihoodRatios]) -> Vec<f64> {
         let of_law = |law: usize| self.shares.iter().map(move |share| gain(specimens, law, *share));
         (0..self.n_laws()).flat_map(of_law).collect()
     }
 
     /// All laws, in the order of [`Self::ln_likelihoods`].
-    pub fn all(&self) -> impl Iterator<Item = Law> + '_ {
+    pub fn all(&self) -> impl Iterator<Item = SizeLaw> + '_ {
         (0..self.n_laws()).flat_map(move |law| (0..self.shares.len()).map(move |share| self.law((law, share))))
     }
 
     /// Probability that a specimen has the effect under a law, and its possible signed sizes with their probabilities if it has the effect.
-    pub fn of_specimen(&self, nodes: &Nodes, place: Place) -> (f64, Vec<(f64, f64)>) {
+    pub fn specimen_posterior(&self, nodes: &Nodes, place: Place) -> (f64, Vec<(f64, f64)>) {
         let law = self.law(place);
         let (median, rest) = (place.0 % self.n_medians, place.0 / self.n_medians);
         let weights = &self.spreads[rest % self.spreads.len()].1;
         let from = self.margin + median - weights.len() / 2;
         let mut sizes = Vec::new();
         for (sign, of, part) in [
-            (1.0, &nodes.above, matches!(law.sides, Sides::Above | Sides::Either)),
-            (-1.0, &nodes.below, matches!(law.sides, Sides::Below | Sides::Either)),
+            (1.0, &nodes.above, matches!(law.sides, Sides::Above | Sides::Both)),
+            (-1.0, &nodes.below, matches!(law.sides, Sides::Below | Sides::Both)),
         ] {
             if part {
-                let half = if law.sides == Sides::Either { 0.5 } else { 1.0 };
-                let own = weights
+                let half = if law.sides == Sides::Both { 0.5 } else { 1.0 };
+                let map = weights
                     .iter()
                     .enumerate()
                     .map(|(k, weight)| (sign * self.node(from + k).exp(), half * weight * of[from + k]));
-                sizes.extend(own);
+                sizes.extend(map);
             }
         }
         let ratio: f64 = sizes.iter().map(|(_, weight)| weight).sum();
@@ -267,9 +272,9 @@ pub fn averaged(points: &[Nodes]) -> Nodes {
     let n = points.len().max(1) as f64;
     let mean = |of: &dyn Fn(&Nodes) -> &Vec<f64>| -> Vec<f64> {
         let len = points.first().map_or(0, |first| of(first).len());
-        (0..len).map(|node| points.iter().map(|own| of(own)[node]).sum::<f64>() / n).collect()
+        (0..len).map(|node| points.iter().map(|point| of(point)[node]).sum::<f64>() / n).collect()
     };
-    Nodes { below: mean(&|own| &own.below), above: mean(&|own| &own.above) }
+    Nodes { below: mean(&|nodes| &nodes.below), above: mean(&|nodes| &nodes.above) }
 }
 
 /// Weights of the nodes around a median: a normal distribution in ln size.
@@ -283,8 +288,8 @@ fn weights(sd: f64, step: f64) -> Vec<f64> {
 }
 
 /// Σ ln(1 − π + π r).
-fn gain(specimens: &[&Ratios], law: usize, share: f64) -> f64 {
-    let factor = |ratios: &&Ratios| 1.0 - share + share * ratios[law];
+fn gain(specimens: &[&LikelihoodRatios], law: usize, share: f64) -> f64 {
+    let factor = |ratios: &&LikelihoodRatios| 1.0 - share + share * ratios[law];
     specimens.chunks(FACTORS_A_LOGARITHM).map(|few| few.iter().map(factor).product::<f64>().ln()).sum()
 }
 
@@ -293,17 +298,18 @@ mod tests {
     use super::*;
     use sampling::ensemble::RandomStream;
 
-    fn told(z: f64, norm: f64, reach: [f64; 2]) -> Likelihood {
-        Likelihood { height: 0.5 * z * z, z, norm, unit: 1.0, power: 1.0, reach }
+    fn told(z: f64, norm: f64, reach: [f64; 2]) -> SizeLikelihood {
+        SizeLikelihood { height: 0.5 * z * z, z, norm, unit: 1.0, power: 1.0, reach }
     }
 
     /// Compares r with a sum over 40,000 sizes of the log-normal distribution, and the total with the product over specimens.
     #[test]
     fn a_law_weighs_as_quadrature_does() {
-        let specimens: Vec<Likelihood> =
+        let specimens: Vec<SizeLikelihood> =
             [(2.1, 1.0), (-0.4, 0.5), (3.0, 2.0), (0.2, 0.1)].map(|(z, n)| told(z, n, [1e9; 2])).to_vec();
-        let laws = Laws::new(&specimens, FINE).expect("they show something");
-        let ratios: Vec<Ratios> = specimens.iter().map(|own| laws.ratios(&laws.nodes(own))).collect();
+        let laws = SizeLawGrid::new(&specimens, FINE).expect("they show something");
+        let ratios: Vec<LikelihoodRatios> =
+            specimens.iter().map(|specimen| laws.ratios(&laws.nodes(specimen))).collect();
         let lns = laws.ln_likelihoods(&ratios.iter().collect::<Vec<_>>());
         let mut n_compared = 0;
         for (index, law) in laws.all().enumerate().filter(|(index, _)| index % 977 == 5) {
@@ -311,17 +317,19 @@ mod tests {
                 continue;
             }
             n_compared += 1;
-            let of = |own: &Likelihood| {
+            let of = |size_likelihood: &SizeLikelihood| {
                 let n = 40_000;
                 let (mut sum, mut whole) = (0.0, 0.0);
                 for k in 0..n {
                     let t = REACH_SD * (2.0 * (k as f64 + 0.5) / f64::from(n) - 1.0);
                     let size = (law.ln_median + t * law.log_sd).exp();
-                    let at = |x: f64| (own.norm * x * own.z - 0.5 * (own.norm * x).powi(2)).exp();
+                    let at = |x: f64| {
+                        (size_likelihood.norm * x * size_likelihood.z - 0.5 * (size_likelihood.norm * x).powi(2)).exp()
+                    };
                     let likelihood = match law.sides {
                         Sides::Above => at(size),
                         Sides::Below => at(-size),
-                        Sides::Either => 0.5 * (at(size) + at(-size)),
+                        Sides::Both => 0.5 * (at(size) + at(-size)),
                     };
                     let weight = (-0.5 * t * t).exp();
                     sum += weight * likelihood;
@@ -351,9 +359,10 @@ mod tests {
             let z: Vec<f64> =
                 (0..40).map(|k| if k % 2 == 0 { 4.0 + stream.normal() } else { stream.normal() }).collect();
             let best = |z: &[f64], reach: [f64; 2]| {
-                let specimens: Vec<Likelihood> = z.iter().map(|z| told(*z, 2.0, reach)).collect();
-                let laws = Laws::new(&specimens, FINE).expect("they show something");
-                let ratios: Vec<Ratios> = specimens.iter().map(|own| laws.ratios(&laws.nodes(own))).collect();
+                let specimens: Vec<SizeLikelihood> = z.iter().map(|z| told(*z, 2.0, reach)).collect();
+                let laws = SizeLawGrid::new(&specimens, FINE).expect("they show something");
+                let ratios: Vec<LikelihoodRatios> =
+                    specimens.iter().map(|specimen| laws.ratios(&laws.nodes(specimen))).collect();
                 let (gain, place) = laws.best(&ratios.iter().collect::<Vec<_>>());
                 (gain, laws.law(place))
             };
@@ -371,19 +380,19 @@ mod tests {
     #[test]
     fn specimens_are_drawn_to_the_law() {
         let specimens = [told(6.0, 1.0, [0.0, 1e9]), told(0.0, 1.0, [0.0, 1e9])];
-        let laws = Laws::new(&specimens, FINE).expect("they show something");
+        let laws = SizeLawGrid::new(&specimens, FINE).expect("they show something");
         let index = laws
             .all()
             .position(|law| (law.ln_median - 4.0_f64.ln()).abs() < 0.06 && law.log_sd == 0.4 && law.share == 0.5);
         let index = index.expect("on the grid");
         let place = (index / laws.shares.len(), index % laws.shares.len());
         let nodes = laws.nodes(&specimens[0]);
-        let (has, sizes) = laws.of_specimen(&nodes, place);
+        let (has, sizes) = laws.specimen_posterior(&nodes, place);
         let ratio = laws.ratios(&nodes)[place.0];
         assert!((has - ratio / (1.0 + ratio)).abs() < 1e-12 && has > 0.999);
         let mean: f64 = sizes.iter().map(|(size, weight)| size * weight).sum();
         assert!((4.0..6.2).contains(&mean), "{mean}");
-        let (has_not, _) = laws.of_specimen(&laws.nodes(&specimens[1]), place);
+        let (has_not, _) = laws.specimen_posterior(&laws.nodes(&specimens[1]), place);
         assert!(has_not < 0.05, "{has_not}");
     }
 }

@@ -4,9 +4,9 @@
 
 use rayon::prelude::*;
 
-use super::law::Law;
-use super::scan::{Best, Scan, Shape, Weighed};
-use criticism::sketch::Said;
+use super::law::SizeLaw;
+use super::scan::{BestGain, EffectScan, RecordRatios, ShapeIndex};
+use criticism::sketch::RecordScores;
 use posterior::monitor::{Counter, Monitor};
 use sampling::ensemble::RandomStream;
 
@@ -17,17 +17,17 @@ const COHORT_STREAMS: u64 = 0xc0_5075;
 
 /// Gain of a cohort by one effect.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Gained {
+pub struct EffectGain {
     /// Index in the library.
     pub effect: usize,
     /// Gains under the law with the best fit.
-    pub best: Best,
+    pub best: BestGain,
     /// p of its rank over the whole search.
     pub p_familywise: f64,
     /// Law with the best fit.
-    pub law: Law,
+    pub law: SizeLaw,
     /// Shape with the best fit.
-    pub shape: Shape,
+    pub shape: ShapeIndex,
     /// Gain of each record under this law (nats), in the records' order.
     pub of_records: Vec<f64>,
     /// Gain of each record with its own size.
@@ -37,7 +37,7 @@ pub struct Gained {
 /// Results of the whole search.
 pub struct Judged {
     /// Effects that some record can show, in the library's order.
-    pub effects: Vec<Gained>,
+    pub effects: Vec<EffectGain>,
     /// Largest ranks of simulated cohorts (nats), ascending.
     pub largest_by_chance: Vec<f64>,
 }
@@ -50,39 +50,40 @@ impl Judged {
 }
 
 /// Searches all effects and compares their gains with simulated cohorts.
-pub fn judge(records: &[Said], seed: u64, monitor: &dyn Monitor) -> Judged {
+pub fn search_effects(records: &[RecordScores], seed: u64, monitor: &dyn Monitor) -> Judged {
     let n_effects = records.first().map_or(0, |record| record.effects.len());
-    let scans: Vec<(usize, Scan)> =
-        (0..n_effects).filter_map(|effect| Some((effect, Scan::new(records, effect)?))).collect();
-    let jobs: Vec<(usize, &Scan, Shape)> =
+    let scans: Vec<(usize, EffectScan)> =
+        (0..n_effects).filter_map(|effect| Some((effect, EffectScan::new(records, effect)?))).collect();
+    let jobs: Vec<(usize, &EffectScan, ShapeIndex)> =
         scans.iter().flat_map(|(effect, scan)| scan.shapes().map(move |shape| (*effect, scan, shape))).collect();
     let picks = picks(records, seed);
     let counter = Counter::new(monitor, jobs.len());
-    let of_job = |(effect, scan, shape): &(usize, &Scan, Shape)| {
+    let of_job = |(effect, scan, shape): &(usize, &EffectScan, ShapeIndex)| {
         let found = of_shape(records, scan, *shape, &picks);
         counter.add_one();
         (*effect, *shape, found)
     };
-    let found: Vec<(usize, Shape, OfShape)> = jobs.par_iter().map(of_job).collect();
+    let found: Vec<(usize, ShapeIndex, OfShape)> = jobs.par_iter().map(of_job).collect();
     let mut largest = vec![0.0_f64; picks.len()];
     for (effect, _) in &scans {
-        let of_effect: Vec<&OfShape> = found.iter().filter(|(of, ..)| of == effect).map(|(.., own)| own).collect();
+        let of_effect: Vec<&OfShape> =
+            found.iter().filter(|(of, ..)| of == effect).map(|(.., of_shape)| of_shape).collect();
         for (cohort, largest) in largest.iter_mut().enumerate() {
-            let best = of_effect.iter().map(|own| own.by_chance[cohort]).reduce(Best::larger);
+            let best = of_effect.iter().map(|of_shape| of_shape.by_chance[cohort]).reduce(BestGain::larger);
             *largest = best.map_or(0.0, |best| best.rank_nats()).max(*largest);
         }
     }
     largest.sort_by(f64::total_cmp);
     let p = |rank: f64| {
-        let reached = largest.len() - largest.partition_point(|own| *own < rank);
+        let reached = largest.len() - largest.partition_point(|value| *value < rank);
         (1 + reached) as f64 / (1 + largest.len()) as f64
     };
-    let gained = |(effect, scan): &(usize, Scan)| {
-        let own = found.iter().filter(|(of, ..)| of == effect);
+    let gained = |(effect, scan): &(usize, EffectScan)| {
+        let filter = found.iter().filter(|(of, ..)| of == effect);
         // The first of equal shapes wins.
         let (_, shape, best) =
-            own.reduce(|one, other| if other.2.best.gain_nats > one.2.best.gain_nats { other } else { one })?;
-        Some(Gained {
+            filter.reduce(|one, other| if other.2.best.gain_nats > one.2.best.gain_nats { other } else { one })?;
+        Some(EffectGain {
             effect: *effect,
             best: best.best,
             p_familywise: p(best.best.rank_nats()),
@@ -97,7 +98,7 @@ pub fn judge(records: &[Said], seed: u64, monitor: &dyn Monitor) -> Judged {
 }
 
 /// Index of the simulated record that replaces each record in each simulated cohort.
-fn picks(records: &[Said], seed: u64) -> Vec<Vec<usize>> {
+fn picks(records: &[RecordScores], seed: u64) -> Vec<Vec<usize>> {
     let cohort = |number: usize| {
         let mut stream = RandomStream::new(seed ^ COHORT_STREAMS, number as u64);
         records.iter().map(|record| stream.below(record.simulated.len().max(1))).collect()
@@ -108,24 +109,26 @@ fn picks(records: &[Said], seed: u64) -> Vec<Vec<usize>> {
 
 /// Results of one effect at one shape.
 struct OfShape {
-    best: Best,
+    best: BestGain,
     of_records: Vec<f64>,
-    by_chance: Vec<Best>,
+    by_chance: Vec<BestGain>,
 }
 
-fn of_shape(records: &[Said], scan: &Scan, shape: Shape, picks: &[Vec<usize>]) -> OfShape {
-    let own: Vec<Weighed> =
-        records.iter().enumerate().map(|(k, record)| scan.weighed(k, &record.told, shape)).collect();
-    let best = scan.best(&own.iter().collect::<Vec<_>>());
-    let gain = |own: &Weighed| if best.gain_nats > 0.0 { scan.laws.gain(&own.fitted, best.place) } else { 0.0 };
-    let of_records = own.iter().map(gain).collect();
-    let by_chance: Vec<Vec<Weighed>> = records
+fn of_shape(records: &[RecordScores], scan: &EffectScan, shape: ShapeIndex, picks: &[Vec<usize>]) -> OfShape {
+    let record_ratioses: Vec<RecordRatios> =
+        records.iter().enumerate().map(|(k, record)| scan.record_ratios(k, &record.told, shape)).collect();
+    let best = scan.best(&record_ratioses.iter().collect::<Vec<_>>());
+    let gain = |record_ratios: &RecordRatios| {
+        if best.gain_nats > 0.0 { scan.laws.gain(&record_ratios.fitted, best.place) } else { 0.0 }
+    };
+    let of_records = record_ratioses.iter().map(gain).collect();
+    let by_chance: Vec<Vec<RecordRatios>> = records
         .par_iter()
         .enumerate()
-        .map(|(k, record)| record.simulated.iter().map(|told| scan.weighed(k, told, shape)).collect())
+        .map(|(k, record)| record.simulated.iter().map(|told| scan.record_ratios(k, told, shape)).collect())
         .collect();
     let cohort = |picks: &Vec<usize>| {
-        let taken: Vec<&Weighed> = picks.iter().zip(&by_chance).map(|(pick, own)| &own[*pick]).collect();
+        let taken: Vec<&RecordRatios> = picks.iter().zip(&by_chance).map(|(pick, ratios)| &ratios[*pick]).collect();
         scan.best(&taken)
     };
     OfShape { best, of_records, by_chance: picks.par_iter().map(cohort).collect() }

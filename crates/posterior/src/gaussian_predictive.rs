@@ -138,5 +138,5 @@ impl NearNormal {
 }
 
 #[cfg(test)]
-#[path = "near_normal_tests.rs"]
+#[path = "gaussian_predictive_tests.rs"]
 mod tests;

@@ -4,23 +4,25 @@ use rayon::prelude::*;
 
 use super::apparatus::Apparatuses;
 use super::class::rivals;
-use super::compare::{Compared, Sizes, compared, fine_laws, sizes};
-use super::judge::{Gained, Judged, N_COHORTS, judge};
-use super::law::{Laws, Nodes, Ratios, Sides};
-use super::likelihood::Likelihood;
-use super::refit::{Predicted, Sized, gain_nats, law_of, predicted, sized};
-use super::scan::Scan;
+use super::compare::{GroupComparison, GroupSizes, compare_groups, fine_laws, group_sizes};
+use super::judge::{EffectGain, Judged, N_COHORTS, search_effects};
+use super::law::{LikelihoodRatios, Nodes, Sides, SizeLawGrid};
+use super::likelihood::SizeLikelihood;
+use super::refit::{SizeFit, SizedPrediction, fit_size, gain_nats, law_of, predict_at_cohort_size};
+use super::scan::EffectScan;
 use super::wording;
 use crate::cohort::{self, Key, Measurement};
 use crate::design::Labels;
-use base::error::{Error, Place, Result};
+use base::error::{Error, InputPlace, Result};
 use criticism::Subject;
 use criticism::criteria::Criteria;
-use criticism::sketch::{Based, Reading, Said, sketch, whole};
-use criticism::verdict::{Addition, EffectEvidence, Evidence, Proposal, Residual, ResidualTest, Verdict, verdict};
+use criticism::sketch::{BaseFit, RecordScores, SignatureScore, fit_all_cycles, sketch};
+use criticism::verdict::{
+    Addition, ClaimProposal, EffectEvidence, Evidence, Residual, ResidualTest, Verdict, decide_verdict,
+};
 use documents::cohort::{
     CohortContrast, CohortDiagnosis, CohortEffect, CohortErrors, CohortGain, CohortGroup, CohortLaw, CohortSimulations,
-    CohortSizes, CohortSpecimen, CohortVerdict, SidesName,
+    CohortSpecimen, CohortVerdict, NullSide, SizeDistribution,
 };
 use posterior::monitor::{Counter, Monitor};
 
@@ -52,7 +54,7 @@ const KEPT: &str = "nothing was written; the models of apparatus that were built
 pub fn run(measurements: &[Measurement], request: &CohortRequest, monitor: &dyn Monitor) -> Result<CohortDiagnosis> {
     if measurements.len() < FEWEST_RECORDS {
         return Err(Error::input(
-            Place::default(),
+            InputPlace::default(),
             format!("{} record is too few for a cohort", measurements.len()),
             "give at least two experiments or studies, or a directory that holds them",
         ));
@@ -64,32 +66,39 @@ pub fn run(measurements: &[Measurement], request: &CohortRequest, monitor: &dyn 
     monitor.stage("scoring every effect in every record");
     let (said, based) = read(measurements, &apparatuses, request, monitor)?;
     monitor.stage("simulating cohorts without a missing effect");
-    let judged = judge(&said, request.seed, monitor);
-    let mut found =
-        Found { measurements, labels: &labels, request, said: &said, based: &based, judged: &judged, claim: None };
+    let judged = search_effects(&said, request.seed, monitor);
+    let mut found = DiagnosisState {
+        measurements,
+        labels: &labels,
+        request,
+        said: &said,
+        based: &based,
+        judged: &judged,
+        claim: None,
+    };
     let leading = match found.leading() {
-        Some(leading) => Some(found.nearest_by_fits(leading, &apparatuses, monitor)?),
+        Some(leading) => Some(found.leading_after_fits(leading, &apparatuses, monitor)?),
         None => None,
     };
     let mut evidence = found.evidence(leading);
     if let Some(claimed) = evidence.claim(&CRITERIA).and(leading) {
-        stopped(monitor)?;
+        check_interrupt(monitor)?;
         monitor.stage("comparing the claim with its rivals");
         evidence.rivals = rivals(&said, &CRITERIA, &judged.effects, claimed, request.seed);
         monitor.stage("fitting the claim to every record");
         let claim = Claim::new(&found, &apparatuses, claimed, monitor)?;
         if let Some(proposal) = evidence.proposals.first_mut() {
-            let residual = Some(Residual::CohortClaim(claim.over_predicted()));
+            let residual = Some(Residual::CohortClaim(claim.error_ratio()));
             proposal.test = Some(ResidualTest { residual, ..ResidualTest::default() });
         }
         found.claim = Some(claim);
     }
-    Ok(found.document(leading, verdict(&evidence, &CRITERIA)))
+    Ok(found.document(leading, decide_verdict(&evidence, &CRITERIA)))
 }
 
 /// # Errors
 /// [`Error::Interrupted`] if stopped.
-pub fn stopped(monitor: &dyn Monitor) -> Result<()> {
+pub fn check_interrupt(monitor: &dyn Monitor) -> Result<()> {
     match monitor.stop() {
         Some(stop) if stop.load(std::sync::atomic::Ordering::Relaxed) => Err(Error::Interrupted { kept: KEPT.into() }),
         _ => Ok(()),
@@ -102,26 +111,26 @@ fn read(
     apparatuses: &Apparatuses,
     request: &CohortRequest,
     monitor: &dyn Monitor,
-) -> Result<(Vec<Said>, Vec<Based>)> {
+) -> Result<(Vec<RecordScores>, Vec<BaseFit>)> {
     let counter = Counter::new(monitor, measurements.len());
-    let of = |(number, own): (usize, &Measurement)| {
-        stopped(monitor)?;
+    let of = |(number, measurement): (usize, &Measurement)| {
+        check_interrupt(monitor)?;
         let seed = request.seed ^ RECORD_STREAMS ^ ((number as u64) << STREAM_OF_RECORD);
-        let read = apparatuses.subject(own).and_then(|subject| sketch(&subject, request.n_simulations, seed));
+        let read = apparatuses.subject(measurement).and_then(|subject| sketch(&subject, request.n_simulations, seed));
         counter.add_one();
-        read.map_err(|error| own.named(error))
+        read.map_err(|error| measurement.with_name(error))
     };
-    let read: Vec<(Said, Based)> = measurements.iter().enumerate().map(of).collect::<Result<_>>()?;
+    let read: Vec<(RecordScores, BaseFit)> = measurements.iter().enumerate().map(of).collect::<Result<_>>()?;
     Ok(read.into_iter().unzip())
 }
 
 /// Intermediate results of the diagnosis.
-struct Found<'a> {
+struct DiagnosisState<'a> {
     measurements: &'a [Measurement],
     labels: &'a [Labels],
     request: &'a CohortRequest,
-    said: &'a [Said],
-    based: &'a [Based],
+    said: &'a [RecordScores],
+    based: &'a [BaseFit],
     judged: &'a Judged,
     claim: Option<Claim>,
 }
@@ -131,15 +140,15 @@ struct Claim {
     /// Index among the judged effects.
     claimed: usize,
     /// Results of each record with the effect at the size that the cohort predicts for it.
-    predicted: Vec<Predicted>,
+    predicted: Vec<SizedPrediction>,
     /// Sizes over all records.
-    all: Sizes,
+    all: GroupSizes,
     /// Sizes in groups, if there are several groups.
-    compared: Option<Compared>,
+    compared: Option<GroupComparison>,
 }
 
 impl Claim {
-    fn new(found: &Found, apparatuses: &Apparatuses, claimed: usize, monitor: &dyn Monitor) -> Result<Self> {
+    fn new(found: &DiagnosisState, apparatuses: &Apparatuses, claimed: usize, monitor: &dyn Monitor) -> Result<Self> {
         let (said, based) = (found.said, found.based);
         let gained = &found.judged.effects[claimed];
         let counter = Counter::new(monitor, 3 * said.len());
@@ -147,93 +156,97 @@ impl Claim {
         // A prediction of the last cycle must not use that cycle; the sizes use all cycles.
         let fitted = Fits::new(found, gained, &subject, |said| &said.told.fitted)?;
         let (_, place) = fitted.laws.best(&fitted.ratios().iter().collect::<Vec<_>>());
-        let predict = |number: usize| -> Result<Predicted> {
+        let predict = |number: usize| -> Result<SizedPrediction> {
             let of = (&said[number].effects[gained.effect], &fitted.sized[number]);
             let at = (&fitted.laws, &fitted.nodes[number], place);
-            let predicted = predicted(&subject(number)?, &based[number], of, at);
-            predicted.map_err(|error| found.measurements[number].named(error))
+            let predicted = predict_at_cohort_size(&subject(number)?, &based[number], of, at);
+            predicted.map_err(|error| found.measurements[number].with_name(error))
         };
         let predicted = (0..said.len()).into_par_iter().map(predict).collect::<Result<_>>()?;
-        let all = Fits::new(found, gained, &|number| whole(&subject(number)?), |said| &said.whole)?;
+        let all = Fits::new(found, gained, &|number| fit_all_cycles(&subject(number)?), |said| &said.whole)?;
         let groups = found.groups();
         let of_group = |(_, members): &(String, Vec<usize>)| members.iter().map(|number| &all.nodes[*number]).collect();
         let each_group: Vec<Vec<&Nodes>> = groups.iter().map(of_group).collect();
-        let compared = (groups.len() > 1).then(|| compared(&all.laws, &each_group, found.request.margin));
-        let all = sizes(&all.laws, &all.nodes.iter().collect::<Vec<_>>());
+        let compared = (groups.len() > 1).then(|| compare_groups(&all.laws, &each_group, found.request.margin));
+        let all = group_sizes(&all.laws, &all.nodes.iter().collect::<Vec<_>>());
         Ok(Self { claimed, predicted, all, compared })
     }
 
     /// Error on all held-out cycles divided by the error that the predictive noise of all records allows; `None` without held-out cycles.
-    fn over_predicted(&self) -> Option<f64> {
-        let rows = |own: &Predicted| own.heldout.map(|(_, n)| n);
-        let allowed = root_mean_square(self.predicted.iter().map(|own| own.allowed_um.zip(rows(own))));
+    fn error_ratio(&self) -> Option<f64> {
+        let rows = |sized_prediction: &SizedPrediction| sized_prediction.heldout.map(|(_, n)| n);
+        let allowed = root_mean_square(
+            self.predicted.iter().map(|sized_prediction| sized_prediction.allowed_um.zip(rows(sized_prediction))),
+        );
         Some(self.errors().rmse_heldout_um? / allowed.rmse_heldout_um?)
     }
 
     /// Held-out errors with the effect.
     fn errors(&self) -> CohortErrors {
-        root_mean_square(self.predicted.iter().map(|own| own.heldout))
+        root_mean_square(self.predicted.iter().map(|sized_prediction| sized_prediction.heldout))
     }
 }
 
 /// Fits of the claimed effect's size to some cycles of every record.
 struct Fits {
-    sized: Vec<Sized>,
-    laws: Laws,
+    sized: Vec<SizeFit>,
+    laws: SizeLawGrid,
     nodes: Vec<Nodes>,
 }
 
 impl Fits {
     /// Fits the claim to the fitted cycles of `subject`, which are also the cycles of `readings`.
     fn new(
-        found: &Found,
-        gained: &Gained,
+        found: &DiagnosisState,
+        gained: &EffectGain,
         subject: &(dyn Fn(usize) -> Result<Subject> + Sync),
-        readings: fn(&Said) -> &Vec<Reading>,
+        readings: fn(&RecordScores) -> &Vec<SignatureScore>,
     ) -> Result<Self> {
         let (said, based) = (found.said, found.based);
-        let scan = Scan::new(said, gained.effect).ok_or_else(|| nothing_shows(found, gained))?;
+        let scan = EffectScan::new(said, gained.effect).ok_or_else(|| nothing_shows(found, gained))?;
         let asked = |number: usize| &said[number].effects[gained.effect];
-        let fit = |number: usize| -> Result<Sized> {
-            let sized = sized(&subject(number)?, &based[number], asked(number));
-            sized.map_err(|error| found.measurements[number].named(error))
+        let fit = |number: usize| -> Result<SizeFit> {
+            let sized = fit_size(&subject(number)?, &based[number], asked(number));
+            sized.map_err(|error| found.measurements[number].with_name(error))
         };
-        let sized: Vec<Sized> = (0..said.len()).into_par_iter().map(fit).collect::<Result<_>>()?;
+        let sized: Vec<SizeFit> = (0..said.len()).into_par_iter().map(fit).collect::<Result<_>>()?;
         // These grid points, at the shape that was found, give a record's first-order likelihoods.
-        let points = |number: usize| -> Vec<Likelihood> {
+        let points = |number: usize| -> Vec<SizeLikelihood> {
             let n = asked(number).readings.len();
             let points = gained.shape.map_or(0..n, |point| point..(point + 1).min(n));
             points.map(|point| scan.likelihood(number, readings(&said[number]), point)).collect()
         };
-        let told = |number: usize| sized[number].likelihood.map_or_else(|| points(number), |own| vec![own]);
-        let each: Vec<Vec<Likelihood>> = (0..said.len()).map(told).collect();
+        let told = |number: usize| {
+            sized[number].likelihood.map_or_else(|| points(number), |size_likelihood| vec![size_likelihood])
+        };
+        let each: Vec<Vec<SizeLikelihood>> = (0..said.len()).map(told).collect();
         let laws = fine_laws(&each.concat()).ok_or_else(|| nothing_shows(found, gained))?;
-        let nodes = each.iter().map(|own| nodes_of(&laws, own)).collect();
+        let nodes = each.iter().map(|size_likelihoods| nodes_of(&laws, size_likelihoods)).collect();
         Ok(Self { sized, laws, nodes })
     }
 
-    fn ratios(&self) -> Vec<Ratios> {
+    fn ratios(&self) -> Vec<LikelihoodRatios> {
         self.nodes.iter().map(|nodes| self.laws.ratios(nodes)).collect()
     }
 }
 
-fn nothing_shows(found: &Found, gained: &Gained) -> Error {
+fn nothing_shows(found: &DiagnosisState, gained: &EffectGain) -> Error {
     let slug = found.slug(gained);
     Error::numerical(format!("no record shows {slug} when the effect is fitted"), "diagnose the records one by one")
 }
 
 /// A record's likelihood of every size. Without information, all sizes are as likely as none.
-fn nodes_of(laws: &Laws, likelihoods: &[Likelihood]) -> Nodes {
-    let of: Vec<Nodes> = likelihoods.iter().map(|own| laws.nodes(own)).collect();
+fn nodes_of(laws: &SizeLawGrid, likelihoods: &[SizeLikelihood]) -> Nodes {
+    let of: Vec<Nodes> = likelihoods.iter().map(|likelihood| laws.nodes(likelihood)).collect();
     if of.is_empty() {
-        let blind = Likelihood { height: 0.0, z: 0.0, norm: 0.0, unit: 1.0, power: 1.0, reach: [f64::INFINITY; 2] };
+        let blind = SizeLikelihood { height: 0.0, z: 0.0, norm: 0.0, unit: 1.0, power: 1.0, reach: [f64::INFINITY; 2] };
         return laws.nodes(&blind);
     }
     super::law::averaged(&of)
 }
 
-impl Found<'_> {
-    fn slug(&self, gained: &Gained) -> &'static str {
+impl DiagnosisState<'_> {
+    fn slug(&self, gained: &EffectGain) -> &'static str {
         self.said[0].effects[gained.effect].slug
     }
 
@@ -252,7 +265,7 @@ impl Found<'_> {
 
     /// Leading effect after full fits. Effects that rank nearly as high as the leading one are fitted to every record. The gains of these fits replace the first-order
     /// gains, which are wrong for sizes at which an effect is not linear.
-    fn nearest_by_fits(&self, leading: usize, apparatuses: &Apparatuses, monitor: &dyn Monitor) -> Result<usize> {
+    fn leading_after_fits(&self, leading: usize, apparatuses: &Apparatuses, monitor: &dyn Monitor) -> Result<usize> {
         let effects = &self.judged.effects;
         let rank = |place: usize| effects[place].best.rank_nats();
         let is_near =
@@ -261,13 +274,14 @@ impl Found<'_> {
         if near.len() < 2 {
             return Ok(leading);
         }
-        let scans: Vec<Option<Scan>> = near.iter().map(|place| Scan::new(self.said, effects[*place].effect)).collect();
+        let scans: Vec<Option<EffectScan>> =
+            near.iter().map(|place| EffectScan::new(self.said, effects[*place].effect)).collect();
         monitor.stage("fitting effects that rank nearly alike to every record");
         let counter = Counter::new(monitor, self.said.len());
         let more = |number: usize| -> Result<Vec<f64>> {
             let subject = self.subject(number, apparatuses, &counter, monitor)?;
             let (said, based) = (&self.said[number], &self.based[number]);
-            let more = |(place, scan): (&usize, &Option<Scan>)| -> Result<f64> {
+            let more = |(place, scan): (&usize, &Option<EffectScan>)| -> Result<f64> {
                 let first_order = scan.as_ref().map(|scan| scan.own_gain(number, &said.told.fitted));
                 let fitted = gain_nats(&subject, based, &said.effects[effects[*place].effect])?;
                 Ok(fitted.zip(first_order).map_or(0.0, |(fitted, first_order)| fitted - first_order))
@@ -276,10 +290,10 @@ impl Found<'_> {
                 .zip(&scans)
                 .map(more)
                 .collect::<Result<_>>()
-                .map_err(|error| self.measurements[number].named(error))
+                .map_err(|error| self.measurements[number].with_name(error))
         };
         let each: Vec<Vec<f64>> = (0..self.said.len()).into_par_iter().map(more).collect::<Result<_>>()?;
-        let total = |k: usize| rank(near[k]) + each.iter().map(|own| own[k]).sum::<f64>();
+        let total = |k: usize| rank(near[k]) + each.iter().map(|values| values[k]).sum::<f64>();
         // The first of equal effects wins.
         let best = (0..near.len()).reduce(|best, other| if total(other) > total(best) { other } else { best });
         Ok(best.map_or(leading, |best| near[best]))
@@ -293,7 +307,7 @@ impl Found<'_> {
         counter: &Counter,
         monitor: &dyn Monitor,
     ) -> Result<Subject> {
-        stopped(monitor)?;
+        check_interrupt(monitor)?;
         counter.add_one();
         let subject = apparatuses.subject(&self.measurements[number])?;
         let rows = &self.based[number].outlier_rows;
@@ -305,12 +319,12 @@ impl Found<'_> {
     fn evidence(&self, leading: Option<usize>) -> Evidence {
         let proposal = |place: usize| {
             let gained = &self.judged.effects[place];
-            let Gained { best, p_familywise, .. } = gained;
+            let EffectGain { best, p_familywise, .. } = gained;
             let heldout = [best.heldout_nats; 2];
             let addition = Addition::of_gains(self.slug(gained), best.gain_nats, heldout, *p_familywise);
-            Proposal { addition, test: Some(ResidualTest::default()), alone: None }
+            ClaimProposal { addition, test: Some(ResidualTest::default()), alone: None }
         };
-        let n_too_much = self.based.iter().filter(|own| own.leaves_too_much).count();
+        let n_too_much = self.based.iter().filter(|base_fit| base_fit.has_misfit).count();
         let base = ResidualTest { residual: Some(Residual::Cohort(n_too_much)), ..ResidualTest::default() };
         Evidence { proposals: leading.map(proposal).into_iter().collect(), base: Some(base), rivals: Vec::new() }
     }
@@ -323,7 +337,7 @@ impl Found<'_> {
         }
         for (number, labels) in self.labels.iter().enumerate() {
             let name = labels.levels.join(", ");
-            match groups.iter_mut().find(|(own, _)| *own == name) {
+            match groups.iter_mut().find(|(group, _)| *group == name) {
                 Some((_, members)) => members.push(number),
                 None => groups.push((name, vec![number])),
             }
@@ -342,9 +356,9 @@ impl Found<'_> {
             p,
             visible_fraction: gained.map(|_| 1.0),
         };
-        let asked = |said: &Said| said.effects[effect].clone();
+        let asked = |said: &RecordScores| said.effects[effect].clone();
         let can = self.said.iter().filter(|said| asked(said).refused.is_none()).count();
-        let law = gained.filter(|gained| gained.best.gain_nats > 0.0).map(|gained| CohortSizes {
+        let law = gained.filter(|gained| gained.best.gain_nats > 0.0).map(|gained| SizeDistribution {
             median: gained.law.ln_median.exp(),
             between_specimen_log_sd: gained.law.log_sd,
             share: gained.law.share,
@@ -365,8 +379,8 @@ impl Found<'_> {
     }
 
     fn specimen(&self, number: usize) -> CohortSpecimen {
-        let (own, based) = (&self.measurements[number], &self.based[number]);
-        let gain = |gained: &Gained| CohortGain {
+        let (measurement, based) = (&self.measurements[number], &self.based[number]);
+        let gain = |gained: &EffectGain| CohortGain {
             effect: self.slug(gained).into(),
             gain_nats: gained.of_records[number],
             own_gain_nats: gained.by_itself[number],
@@ -374,18 +388,18 @@ impl Found<'_> {
         let predicted = self.claim.as_ref().map(|claim| &claim.predicted[number]);
         let group = (!self.request.keys.is_empty()).then(|| self.labels[number].levels.join(", "));
         CohortSpecimen {
-            id: own.experiment.specimen_id.clone(),
-            experiment: own.name(),
+            id: measurement.experiment.specimen_id.clone(),
+            experiment: measurement.name(),
             group,
             gains: self.judged.effects.iter().map(gain).collect(),
             probability: predicted.map(|predicted| predicted.has),
             value: predicted.map(|predicted| predicted.value),
-            leaves_too_much: based.leaves_too_much,
+            leaves_too_much: based.has_misfit,
             outliers: based.outlier_rows.len(),
         }
     }
 
-    fn group(&self, claim: &Claim, (name, members): (&str, usize), sizes: &Sizes) -> CohortGroup {
+    fn group(&self, claim: &Claim, (name, members): (&str, usize), sizes: &GroupSizes) -> CohortGroup {
         let gained = &self.judged.effects[claim.claimed];
         let [q05, median, q95] = sizes.median;
         let [share_q05, share, share_q95] = sizes.share;
@@ -403,12 +417,12 @@ impl Found<'_> {
             share_q05,
             share_q95,
             mean: sizes.mean,
-            sides: side_name([Sides::Above, Sides::Below, Sides::Either][likeliest]),
+            sides: side_name([Sides::Above, Sides::Below, Sides::Both][likeliest]),
             gain_nats: sizes.gain_nats,
         }
     }
 
-    fn contrasts(&self, claim: &Claim, compared: &Compared, groups: &[CohortGroup]) -> Vec<CohortContrast> {
+    fn contrasts(&self, claim: &Claim, compared: &GroupComparison, groups: &[CohortGroup]) -> Vec<CohortContrast> {
         let gained = &self.judged.effects[claim.claimed];
         let of = |([a, b], ratio): &([usize; 2], super::compare::Ratio)| {
             let [q05, ratio_median, q95] = ratio.ratio;
@@ -437,7 +451,7 @@ impl Found<'_> {
     /// Geometric means of the law's parameters, without and with the effect, in every group; in all records if there are no groups.
     fn law(&self, claim: &Claim, groups: &[(String, Vec<usize>)]) -> Vec<CohortLaw> {
         let base = self.based[0].base.candidate.model.base();
-        let is_same = |own: &Based| own.base.candidate.model.base() == base;
+        let is_same = |base_fit: &BaseFit| base_fit.base.candidate.model.base() == base;
         if !self.based.iter().all(is_same) {
             return Vec::new();
         }
@@ -451,8 +465,8 @@ impl Found<'_> {
                 group: name.clone(),
                 parameter: spec.name.into(),
                 before: mean(members, &|number| {
-                    let own = &self.based[number];
-                    law_of(own, &own.base.fitted.theta)[k]
+                    let fit = &self.based[number];
+                    law_of(fit, &fit.base.fitted.theta)[k]
                 }),
                 after: mean(members, &|number| claim.predicted[number].law[k]),
             };
@@ -470,7 +484,7 @@ impl Found<'_> {
             Some(claim) => match &claim.compared {
                 Some(compared) => {
                     let pairs = named.iter().zip(&compared.groups);
-                    pairs.map(|((name, own), sizes)| self.group(claim, (name, own.len()), sizes)).collect()
+                    pairs.map(|((name, indexes), sizes)| self.group(claim, (name, indexes.len()), sizes)).collect()
                 }
                 None => {
                     let name = named.first().map_or("all", |(name, _)| name.as_str());
@@ -491,10 +505,10 @@ impl Found<'_> {
         let sentence = wording::verdict(
             (kind, of_leading, &equivalent),
             (pooled.as_ref(), &groups, &specimens),
-            self.claim.as_ref().and_then(|claim| Some((claim.errors().rmse_heldout_um?, claim.over_predicted()?))),
+            self.claim.as_ref().and_then(|claim| Some((claim.errors().rmse_heldout_um?, claim.error_ratio()?))),
         );
         let extended = self.claim.as_ref().map(Claim::errors);
-        let base = root_mean_square(self.based.iter().map(|own| own.rmse_heldout));
+        let base = root_mean_square(self.based.iter().map(|base_fit| base_fit.rmse_heldout));
         let threshold = self.judged.threshold();
         CohortDiagnosis {
             remarks: wording::remarks(&effects, &specimens, kind),
@@ -520,17 +534,17 @@ impl Found<'_> {
 /// Root mean square over the scored positions of all records.
 fn root_mean_square(of: impl Iterator<Item = Option<(f64, usize)>>) -> CohortErrors {
     let (mut squares, mut n) = (0.0, 0);
-    for (rmse, own) in of.flatten() {
-        squares += rmse * rmse * own as f64;
-        n += own;
+    for (rmse, index) in of.flatten() {
+        squares += rmse * rmse * index as f64;
+        n += index;
     }
     CohortErrors { rmse_heldout_um: (n > 0).then(|| (squares / n as f64).sqrt()) }
 }
 
-fn side_name(sides: Sides) -> SidesName {
+fn side_name(sides: Sides) -> NullSide {
     match sides {
-        Sides::Above => SidesName::Above,
-        Sides::Below => SidesName::Below,
-        Sides::Either => SidesName::Either,
+        Sides::Above => NullSide::Above,
+        Sides::Below => NullSide::Below,
+        Sides::Both => NullSide::Either,
     }
 }
