@@ -45,7 +45,7 @@ pub struct Diagnosis {
 /// Smallest relative fall of an error that counts.
 const LEAST_FALL: f64 = 0.01;
 /// Largest p at which a gain is not attributed to chance.
-const CHANCE_P: f64 = 0.05;
+pub const CHANCE_P: f64 = 0.05;
 
 impl Diagnosis {
     /// Status of a candidate in words, given the verdict.

@@ -1,9 +1,10 @@
 //! `diagnose`: finds missing physical effects.
 
+use std::path::Path;
 use std::process::ExitCode;
 
 use vitreo_uq::base::error::{Error, InputPlace, Result};
-use vitreo_uq::documents::diagnosis::{CandidateEntry, Diagnosis, Status, VerdictKind, group_by_reason};
+use vitreo_uq::documents::diagnosis::{CHANCE_P, CandidateEntry, Diagnosis, Status, VerdictKind, group_by_reason};
 use vitreo_uq::figures::number::format_ranges;
 use vitreo_uq::jobs::diagnose::{self, DISCREPANCY_FIGURE, DiagnoseDocument, DiagnoseRequest};
 use vitreo_uq::jobs::target::TargetKind;
@@ -16,6 +17,9 @@ use crate::text::{outliers_left_out, significant};
 const FEWEST_SIMULATIONS: usize = 99;
 /// Fewest simulated records for each record of a cohort. Fewer do not resolve the tail.
 const FEWEST_SIMULATIONS_OF_EACH: usize = 19;
+/// Fewest and most candidate effects in the brief table.
+const MIN_ROWS: usize = 3;
+const MAX_ROWS: usize = 8;
 
 pub fn run(arguments: &DiagnoseArguments) -> Result<ExitCode> {
     let session = Session::begin(&arguments.common)?;
@@ -24,7 +28,11 @@ pub fn run(arguments: &DiagnoseArguments) -> Result<ExitCode> {
     let target = session.open(&arguments.model, &arguments.others, &taken)?;
     let outcome = diagnose::run(&target, &request, &session.terminal)?;
     let (words, label) = match &outcome.document.body {
-        DiagnoseDocument::Creep(diagnosis) => (words(diagnosis, &outcome.name()), RESULTS),
+        DiagnoseDocument::Creep(diagnosis) => {
+            let study = outcome.written.parent().unwrap_or(&outcome.written);
+            let details = if arguments.verbose { Details::All } else { Details::Brief };
+            (words(diagnosis, &outcome.name(), study, details), RESULTS)
+        }
         DiagnoseDocument::Oscillation(diagnosis) => (crate::sweep::diagnosis_words(diagnosis), "Result"),
         DiagnoseDocument::Cohort(diagnosis) => (crate::cohort::words(diagnosis), RESULTS),
     };
@@ -64,7 +72,15 @@ fn request(arguments: &DiagnoseArguments, kind: TargetKind, session: &Session) -
     Ok(DiagnoseRequest { smallest, simulations, sampler, keys, margin, leave_out })
 }
 
-fn words(diagnosis: &Diagnosis, revision: &str) -> String {
+/// Amount of text that `diagnose` prints.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Details {
+    /// Answer, candidate effects that matter, next command.
+    Brief,
+    All,
+}
+
+fn words(diagnosis: &Diagnosis, revision: &str, study: &Path, details: Details) -> String {
     let scored = if diagnosis.heldout_cycles.is_empty() {
         "none held out".to_string()
     } else {
@@ -74,16 +90,47 @@ fn words(diagnosis: &Diagnosis, revision: &str) -> String {
         format!("{} ({revision}): {}", diagnosis.experiment, diagnosis.verdict.sentence),
         format!("(every model fitted to cycles {}, {scored})", format_ranges(&diagnosis.fitted_cycles)),
         String::new(),
-        format!(
-            "  {:<26}{:>8}{:>11}{:>11}{:>10}{:>9}{:>10}   {}",
-            "effect", "score z", "gain", "held-out", "expected", "p", "ln Bayes", "status"
-        ),
     ];
+    lines.extend(candidate_lines(diagnosis, details));
+    lines.push(String::new());
+    lines.extend(unexplained(diagnosis));
+    if details == Details::All {
+        lines.extend(noise_lines(diagnosis));
+    }
+    if !diagnosis.separating_protocol.is_empty() {
+        lines.push(format!("To distinguish the equivalent effects: {}", diagnosis.separating_protocol));
+    }
+    lines.extend(outliers_left_out(diagnosis.outlier_rows.len()));
+    if details == Details::All {
+        lines.extend(detectability_lines(diagnosis));
+        lines.extend(diagnosis.remarks.iter().map(|remark| format!("Note: {}.", remark.trim_end_matches('.'))));
+    }
+    lines.extend(next_line(diagnosis, study));
+    lines.join("\n") + "\n"
+}
+
+/// Table of the candidate effects, largest gain first.
+fn candidate_lines(diagnosis: &Diagnosis, details: Details) -> Vec<String> {
+    let mut lines = vec![format!(
+        "  {:<26}{:>8}{:>11}{:>11}{:>10}{:>9}{:>10}   {}",
+        "effect", "score z", "gain", "held-out", "expected", "p", "ln Bayes", "status"
+    )];
     let mut candidates: Vec<&CandidateEntry> = diagnosis.candidates.iter().collect();
     candidates.sort_by(|a, b| gain(b).total_cmp(&gain(a)));
-    lines.extend(
-        candidates.iter().filter(|candidate| candidate.refused.is_none()).map(|candidate| row(diagnosis, candidate)),
-    );
+    let fitted: Vec<&CandidateEntry> =
+        candidates.iter().filter(|candidate| candidate.refused.is_none()).copied().collect();
+    let matters = |candidate: &CandidateEntry| {
+        candidate.status != Status::Invisible && candidate.refit.is_some() && candidate.p_familywise <= CHANCE_P
+    };
+    let n_shown = match details {
+        Details::All => fitted.len(),
+        Details::Brief => fitted.iter().take_while(|candidate| matters(candidate)).count().clamp(MIN_ROWS, MAX_ROWS),
+    };
+    lines.extend(fitted.iter().take(n_shown).map(|candidate| row(diagnosis, candidate)));
+    let n_others = fitted.len().saturating_sub(n_shown);
+    if n_others > 0 {
+        lines.push(format!("  {n_others} other effects gain less; `--verbose` lists them."));
+    }
     let error = diagnosis.base.rmse_heldout_um.map_or(String::new(), |um| {
         format!(
             " expected: error in µm on cycle {}, {} without an effect;",
@@ -93,20 +140,28 @@ fn words(diagnosis: &Diagnosis, revision: &str) -> String {
     });
     lines.push(format!("  (gains in nats over the model without the effect;{error} p: of the whole search)"));
     lines.extend(diagnosis.gains_without_error().map(|sentence| format!("  {sentence}")));
-    let reasons =
-        group_by_reason(candidates.iter().map(|candidate| (candidate.effect.as_str(), candidate.refused.as_deref())));
-    lines.extend(reasons.iter().map(|(reason, effects)| format!("  not applicable: {}: {reason}", effects.join(", "))));
+    if details == Details::All {
+        let reasons = group_by_reason(
+            candidates.iter().map(|candidate| (candidate.effect.as_str(), candidate.refused.as_deref())),
+        );
+        lines.extend(
+            reasons.iter().map(|(reason, effects)| format!("  not applicable: {}: {reason}", effects.join(", "))),
+        );
+    }
     if let Some(pair) = diagnosis.pairs.first() {
         lines.push(format!("  best pair: {} with {:.1} nats", pair.effects.join(" + "), pair.gain_nats));
     }
-    lines.push(String::new());
-    lines.extend(unexplained(diagnosis));
-    lines.push("Noise of a single position".into());
+    lines
+}
+
+fn noise_lines(diagnosis: &Diagnosis) -> Vec<String> {
+    let mut lines = vec!["Noise of a single position".to_string()];
     lines.extend(diagnosis.noise.iter().map(|noise| format!("  {}", noise.text)));
-    if !diagnosis.separating_protocol.is_empty() {
-        lines.push(format!("To distinguish the equivalent effects: {}", diagnosis.separating_protocol));
-    }
-    lines.extend(outliers_left_out(diagnosis.outlier_rows.len()));
+    lines
+}
+
+fn detectability_lines(diagnosis: &Diagnosis) -> Vec<String> {
+    let mut lines = Vec::new();
     if !diagnosis.blind_spots.is_empty() {
         lines.push(format!("Effects that this experiment cannot detect: {}.", diagnosis.blind_spots.join(", ")));
     }
@@ -118,17 +173,19 @@ fn words(diagnosis: &Diagnosis, revision: &str) -> String {
     if !smallest.is_empty() {
         lines.push(format!("Smallest detectable sizes: {}.", smallest.join(", ")));
     }
-    lines.extend(diagnosis.remarks.iter().map(|remark| format!("Note: {}.", remark.trim_end_matches('.'))));
+    lines
+}
+
+/// The command that adds the named effects; `None` without such effects.
+fn next_line(diagnosis: &Diagnosis, study: &Path) -> Option<String> {
     if diagnosis.verdict.effects.is_empty() {
-        return lines.join("\n") + "\n";
+        return None;
     }
-    lines.push(String::new());
-    let command = format!("`vitreo-uq extend STUDY --with {}`", diagnosis.verdict.effects.join(","));
-    lines.push(match diagnosis.verdict.kind {
-        VerdictKind::Missing => format!("Add it with {command}."),
-        _ => format!("This effect explains part of the misfit. {command} shows the rest."),
-    });
-    lines.join("\n") + "\n"
+    let command = format!("vitreo-uq extend {} --with {}", study.display(), diagnosis.verdict.effects.join(","));
+    Some(match diagnosis.verdict.kind {
+        VerdictKind::Missing => format!("\nNext:  {command}"),
+        _ => format!("\nNext:  {command}    (it explains part of the misfit)"),
+    })
 }
 
 /// Size of the unexplained residual, and the width that it adds to predictions.

@@ -193,6 +193,9 @@ pub struct DiagnoseArguments {
     /// Cohorts only: leave out a record (its directory or the directory's name) or a specimen (its id); may be repeated
     #[arg(long, value_name = "NAME")]
     pub leave_out: Vec<String>,
+    /// Single records only: list every candidate effect, the noise estimates, the smallest detectable sizes and all notes
+    #[arg(long)]
+    pub verbose: bool,
 }
 
 /// Arguments of `learn`.
