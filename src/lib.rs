@@ -5,13 +5,13 @@
 //! ```
 //! use vitreo_uq::posterior::study::ModelSpecification;
 //! use vitreo_uq::posterior::problem::Problem;
-//! use vitreo_uq::posterior::monitor::Silent;
+//! use vitreo_uq::posterior::monitor::SilentMonitor;
 //! use vitreo_uq::posterior::{fit, replica};
 //!
 //! // `Experiment::read("my-experiment".as_ref())` reads your own.
 //! let (experiment, _) = replica::embedded()?;
-//! let problem = Problem::new(experiment, ModelSpecification::default(), None, &Silent)?;
-//! let fit = fit::run(&problem, None, &Silent)?.summary;
+//! let problem = Problem::new(experiment, ModelSpecification::default(), None, &SilentMonitor)?;
+//! let fit = fit::run(&problem, None, &SilentMonitor)?.summary;
 //! for parameter in &fit.parameters {
 //!     println!("{} = {:.3}", parameter.name, parameter.value);
 //! }

@@ -184,7 +184,7 @@ fn what_cannot_be_asked_is_refused() {
         vitreo(dir.path(), &[&["diagnose", "--out", "study"][..], arguments].concat()).refuses(words);
     };
     refuses(&["--smallest", "-1"], &["--smallest", "-1 is not a valid size", "--smallest 0.25"]);
-    refuses(&["--smallest", "NaN"], &["--smallest", "NaN is no size"]);
+    refuses(&["--smallest", "NaN"], &["--smallest", "NaN is not a valid size"]);
     refuses(&["--smallest", "much"], &["--smallest", "much"]);
     refuses(&["--simulations", "10"], &["--simulations", "99"]);
     assert!(!dir.path().join("study").exists(), "something was written");

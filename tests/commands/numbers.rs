@@ -170,8 +170,15 @@ fn one_quantity_has_one_value_everywhere() {
     run(&["diagnose", "study"]);
     run(&["extend", "study", "--with", "instantaneous-elasticity"]);
     run(&["compare", "study"]);
-    run(&["diagnose", "study"]);
+    run(&["diagnose", "study", "--verbose"]);
     run(&["ladder", "study"]);
+    // The brief text fits a screen and ends with the next command; the verbose text lists every effect.
+    let printed =
+        |command: &str| said.iter().find(|(place, _)| place == command).map(|(_, text)| text.as_str()).unwrap();
+    let brief = printed("diagnose study");
+    assert!(brief.lines().count() <= 25 && brief.contains("\nNext:  vitreo-uq extend study --with "), "{brief}");
+    let verbose = printed("diagnose study --verbose");
+    assert!(vitreo_uq::models::effects::EFFECTS.iter().all(|effect| verbose.contains(effect.slug())), "{verbose}");
     let read = |name: &str| -> Value { serde_json::from_slice(&std::fs::read(study.join(name)).unwrap()).unwrap() };
     let mut quantities = Quantities::default();
     let documents = ["posterior.json", "last_cycle.json", "comparison.json", "diagnosis.json", "extension.json"];

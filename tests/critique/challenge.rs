@@ -332,7 +332,7 @@ fn what_cannot_be_hidden_is_refused() {
     let hidden = order(HiddenThing::Effects(vec!["compressibility".into()]), Protocol::Paper, 10.0);
     assert!(refused(&hidden).contains("compressibility is out of reach at a signal of 10 standard deviations"));
     let pair = HiddenThing::Effects(vec!["large-displacement".into(), "force-bias".into()]);
-    assert!(refused(&order(pair, Protocol::Paper, 6.0)).contains("alone"));
+    assert!(refused(&order(pair, Protocol::Paper, 6.0)).contains("cannot be hidden together with another effect"));
     let delay = order(HiddenThing::Outside(DisturbanceKind::Backlash), Protocol::Paper, 10.0);
     assert!(refused(&delay).contains("`backlash` is not outside the library"));
 }

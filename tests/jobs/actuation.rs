@@ -149,7 +149,11 @@ fn what_cannot_be_brought_together_is_refused() {
         (later, OF_FORCE.to_string(), "one clock"),
         (&log_of_force(), format!("{OF_FORCE}current = 2\n"), "a force and a current"),
         (&log_of_force(), OF_FORCE.replace("F_nN", "G_nN"), "lacks this column"),
-        (&log_of_force(), OF_FORCE.replace("F_nN\"\n", "F_nN\"\n[actuation.units]\nforce = \"T\"\n"), "no unit"),
+        (
+            &log_of_force(),
+            OF_FORCE.replace("F_nN\"\n", "F_nN\"\n[actuation.units]\nforce = \"T\"\n"),
+            "`T` is not a unit of this quantity",
+        ),
         (
             &log_of_force(),
             OF_FORCE.replace("file =", "calibration = [1.0]\nfile ="),

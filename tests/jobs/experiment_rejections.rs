@@ -114,7 +114,7 @@ const CSV_CASES: &[Case] = &[
     ("unit in the wrong case", "force_uN", "force_UN", 1, "force_UN", "unknown unit `_UN`", "case matters"),
     ("no unit", "time_s", "time", 1, "time", "no unit", "_s, _ms"),
     ("duplicate column", "cycle", "position_um", 1, "position_um", "two columns", "keep one"),
-    ("two units for one quantity", "cycle", "position_mm", 1, "position_mm", "two columns, the other is `position_um`", "keep one"),
+    ("two units for one quantity", "cycle", "position_mm", 1, "position_mm", "two columns contain this quantity; the other is `position_um`", "keep one"),
     ("two cycle columns", "position_um", "cycle", 1, "cycle", "two columns", "keep one"),
     ("semicolons", "time_s,force_uN,position_um,cycle", "time_s;force_uN;position_um;cycle", 1, "time_s;force_uN;position_um;cycle", "semicolons", "by commas"),
     ("time repeats", "\n3.5,", "\n2.5,", 5, "time_s", "2.5 s follows 2.5 s", "sort the rows"),

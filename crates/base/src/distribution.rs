@@ -279,7 +279,7 @@ impl Distribution {
 /// Density of the sampler's coordinate z of one parameter, Jacobian included.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum UnconstrainedDensity {
-    /// constant − half_precision (z − mean)²: normal and log-normal priors, without any exponential.
+    /// ln density = constant − half_precision (z − mean)², for normal and log-normal priors.
     Gaussian {
         /// −ln(sd √(2π)).
         constant: f64,
@@ -288,14 +288,14 @@ pub enum UnconstrainedDensity {
         /// 1/(2 sd²) of z.
         half_precision: f64,
     },
-    /// constant + z − half_precision e²ᶻ.
+    /// ln density = constant + z − half_precision e²ᶻ, for half-normal priors.
     HalfNormal {
         /// ln 2 − ln(sd √(2π)).
         constant: f64,
         /// 1/(2 sd²) of x.
         half_precision: f64,
     },
-    /// u = 1/(1 + e⁻ᶻ) follows Beta(α, β): constant + α ln u + β ln(1 − u).
+    /// ln density = constant + α ln u + β ln(1 − u), where u = 1/(1 + e⁻ᶻ) has the distribution Beta(α, β).
     Logistic {
         /// −ln B(α, β).
         constant: f64,

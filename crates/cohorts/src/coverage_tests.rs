@@ -100,13 +100,14 @@ fn assert_covered(n_cohorts: u64, of_intervals: std::ops::RangeInclusive<usize>,
     assert!(n_wrong <= most_wrong, "{n_wrong}");
 }
 
-/// A coverage of 90 % gives fewer than 15 of 24 with a probability of 5e-5 for each of nine ratios.
+/// With a coverage of 90 %, fewer than 15 of 24 intervals hold the truth with a probability of 5e-5, for each of nine ratios.
 #[test]
 fn intervals_of_ratios_cover_the_truth() {
     assert_covered(24, 15..=24, 7);
 }
 
-/// A coverage of 90 % lies outside 159 to 199 with a probability below 1e-6. The limit of 25 wrong signs is explained below.
+/// With a coverage of 90 %, the number of intervals that hold the truth lies outside 159 to 199 with a probability below 1e-6. The limit of 25 cohorts with a wrong sign
+/// is that of `no_difference_is_stated_where_there_is_none_in_many_cohorts`.
 #[test]
 #[ignore = "campaigns/long-tests"]
 fn intervals_of_ratios_cover_the_truth_in_many_cohorts() {
@@ -124,13 +125,13 @@ fn assert_nothing_stated(n_cohorts: u64, most_stated: usize) {
     assert!(n_stated <= most_stated, "{n_stated}");
 }
 
-/// At a rate of 5 %, more than 7 of 24 have a probability of 2e-5.
+/// At a rate of 5 %, a difference is stated in more than 7 of 24 cohorts with a probability of 2e-5.
 #[test]
 fn no_difference_is_stated_where_there_is_none() {
     assert_nothing_stated(24, 7);
 }
 
-/// At a rate of 5 %, more than 25 of 200 have a probability below 1e-6.
+/// At a rate of 5 %, a difference is stated in more than 25 of 200 cohorts with a probability below 1e-6.
 #[test]
 #[ignore = "campaigns/long-tests"]
 fn no_difference_is_stated_where_there_is_none_in_many_cohorts() {

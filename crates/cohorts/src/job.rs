@@ -42,7 +42,7 @@ const PILOT_SWEEPS: [usize; 2] = [300, 300];
 pub struct GroupsRequest<'a> {
     /// Keys that define the groups.
     pub keys: &'a [Key],
-    /// Margin of practical equivalence: ratios within a factor of 1 + margin of 1 count as no difference.
+    /// Margin of practical equivalence: ratios from 1/(1 + margin) to 1 + margin count as no difference.
     pub margin: f64,
     /// True if specimens scatter with a Student-t distribution, so that an outlying one does not widen its group.
     pub is_heavy_tailed: bool,

@@ -12,7 +12,7 @@ use super::contrast::CERTAINTY;
 
 /// Numbers of new specimens per group that are tried.
 const NUMBERS: [u32; 18] = [1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64, 96, 128, 192, 256, 384, 512];
-/// Probability of settling the question at which a number is recommended.
+/// Smallest probability of settling the question at which a number of new specimens is recommended.
 const WANTED_CHANCE: f64 = 0.8;
 /// Number of truths that are tried, and of draws that are weighted for each.
 const N_TRUTHS: usize = 200;
@@ -24,7 +24,7 @@ pub struct RatioQuestion<'a> {
     pub log_ratio: &'a [f64],
     /// Variance of the difference between one new specimen of each group: spreads and measurement error.
     pub variance_of_pair: &'a [f64],
-    /// Margin of practical equivalence: ratios within a factor of 1 + margin of 1 count as no difference.
+    /// Margin of practical equivalence: ratios from 1/(1 + margin) to 1 + margin count as no difference.
     pub margin: f64,
 }
 

@@ -36,7 +36,7 @@ pub struct PredictedGroup {
     pub group: Option<usize>,
 }
 
-/// All groups of the design, followed, with two keys, by the combinations of levels without measurements.
+/// All groups of the design. If the design has two keys, the combinations of levels without measurements follow.
 ///
 /// For an unmeasured combination, the group's own share is drawn from its spread. Its specimens scatter as in the group that shares most of its levels.
 pub fn predicted_groups(

@@ -87,8 +87,13 @@ fn as_greater(contrast_summary: &ContrastSummary) -> String {
 /// Number of further specimens that would settle a question, as text.
 pub fn required_specimens(plan: &SampleSizePlan) -> String {
     match plan.specimens_per_group {
-        Some(n) => format!("undecided: {n} more per group settle it with {:.0} % probability", 100.0 * plan.chance),
-        None => format!("undecided: 512 more per group settle it with only {:.0} % probability", 100.0 * plan.chance),
+        Some(n) => {
+            format!("undecided: {n} more specimens per group settle it with {:.0} % probability", 100.0 * plan.chance)
+        }
+        None => format!(
+            "undecided: 512 more specimens per group settle it with only {:.0} % probability",
+            100.0 * plan.chance
+        ),
     }
 }
 

@@ -64,7 +64,7 @@ enum EvidenceOutcome {
     By(Result<ModelEvidence>),
     /// The effect's gain puts it out of reach of the best.
     Far,
-    /// A nonlinear law beside a claim, which takes too long.
+    /// The effect is a nonlinear law and there is a claim: weighing it would take too long.
     Slow,
 }
 
@@ -147,13 +147,13 @@ impl EvidenceSet {
         }));
         evidence_set.remarks.extend((!slow.is_empty()).then(|| {
             format!(
-                "the Bayes factors of {} are not computed, since such nonlinear laws take long: the document gives bounds, and intervals by a normal approximation about the fit",
+                "the Bayes factors of {} are not computed, since such nonlinear laws take long: the document gives bounds, and intervals by a normal approximation around the fit",
                 slow.join(", ")
             )
         }));
         evidence_set.remarks.extend((!failed.is_empty()).then(|| {
             format!(
-                "the evidence of {} takes too long: the document gives bounds of their Bayes factors, and intervals by a normal approximation about the fit",
+                "the evidence of {} takes too long: the document gives bounds of their Bayes factors, and intervals by a normal approximation around the fit",
                 failed.join(", ")
             )
         }));
@@ -168,7 +168,7 @@ impl EvidenceSet {
             return Ok(found.into());
         }
         self.remarks.push(
-            "the evidence of the claim could not be computed: its intervals are normal approximations about the fit and cover one mode only"
+            "the evidence of the claim could not be computed: its intervals are normal approximations around the fit and cover one mode only"
                 .into(),
         );
         Ok(Parameters { all: laplace(subject, claimed)?, modes: Vec::new() })
@@ -180,7 +180,7 @@ impl EvidenceSet {
         known.or_else(|| self.bounds.get(slug).copied().map(BayesFactor::AtMost)).unwrap_or(BayesFactor::Unknown)
     }
 
-    /// Parameters of an effect: those of the whole model for a claim of several effects, else of the effect alone. A normal approximation about the fit replaces
+    /// Parameters of an effect: those of the whole model for a claim of several effects, else of the effect alone. A normal approximation around the fit replaces
     /// an evidence that was not computed.
     pub fn parameters(&self, subject: &Subject, single: &Single, is_claimed: bool) -> Result<Parameters> {
         match (&self.of_claim, self.singles.get(single.slug), &single.refitted) {

@@ -30,7 +30,7 @@ const OUT_OF_REACH: f64 = 2.0;
 pub struct Simulations {
     /// Largest number.
     pub most: usize,
-    /// Threshold of p if only the decision matters: simulations stop once they suffice for it and the gain is out of their reach.
+    /// Threshold of p, if only the decision matters. The simulations then stop early if their number suffices for a p below this threshold and the gain is out of their reach.
     pub only_for: Option<f64>,
 }
 

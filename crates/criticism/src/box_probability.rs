@@ -218,7 +218,7 @@ impl Tilted {
         (0..self.n()).map(of_coordinate).sum()
     }
 
-    /// ∂ψ/∂x and ∂ψ/∂μ, except the last coordinate's, with their derivatives.
+    /// Derivatives ∂ψ/∂x and ∂ψ/∂μ of [`Self::ln_weight`] for all coordinates but the last, and the matrix of second derivatives.
     fn slopes(&self, x: &[f64], shift: &[f64]) -> (DVector<f64>, DMatrix<f64>) {
         let (n, m) = (self.n(), self.n() - 1);
         let (mut slope, mut curvature) = (vec![0.0; n], vec![0.0; n]);

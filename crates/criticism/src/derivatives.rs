@@ -34,7 +34,7 @@ pub(super) fn column_m(
         .or_else(|_| difference_m(subject, candidate, (theta, known_m), (coordinate, -step)))
 }
 
-/// Signed step away from the nearer end. [`derivatives_m`] takes the other side if there is no model on this one, as where a force gradient pulls the robot away.
+/// Signed step away from the nearer end. [`derivatives_m`] takes the opposite step if the model has no solution there, for example because a force gradient pulls the robot away.
 fn difference_step(candidate: &Candidate, theta: &[f64], coordinate: usize) -> f64 {
     let [_, upper] = candidate.ends(coordinate);
     if theta[coordinate] + DIFFERENCE > upper { -DIFFERENCE } else { DIFFERENCE }

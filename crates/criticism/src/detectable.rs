@@ -13,12 +13,12 @@ use base::error::{Error, Result};
 const RANGE_TAIL: f64 = 0.005;
 /// Number of sizes tested to first order; each is half of the previous one.
 const N_HALVINGS: i32 = 16;
-/// Number of halvings after which a signature is that at the null.
+/// Number of halvings after which a signature counts as that at the null.
 const SMALL: usize = 5;
-/// Number of ways (sign and grid point) whose sizes are computed by refits.
+/// Number of search directions (each a sign and a grid point) whose sizes are computed by refits.
 const MOST_WAYS: usize = 3;
 const MOST_REFITS: usize = 12;
-/// Relative excess of the distance over the threshold at which a size counts as smallest.
+/// Relative accuracy of the smallest size: its distance exceeds the threshold by at most this share.
 const TOLERANCE: f64 = 0.01;
 /// Largest distance in σ, and visible fraction, below which an experiment is blind to an effect.
 const BLIND_SIGMA: f64 = 1.0;

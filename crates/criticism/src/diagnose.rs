@@ -32,8 +32,8 @@ pub struct DiagnosisResult {
 }
 
 const N_OUTSIDE_SIMULATIONS: usize = 199;
-/// Number of simulated data sets that confirm a finding: none of them may show as much. They are made in batches, at least three, and stop
-/// if the finding is out of their reach.
+/// Number of simulated data sets that confirm a finding: the largest gain in each must stay below the gain of the finding. They are made in batches, at least three. The batches stop
+/// early if the finding is out of their reach.
 const N_CONFIRMING: usize = 195;
 const CONFIRMING_BATCH: usize = 13;
 const FEWEST_CONFIRMING: usize = 39;
@@ -151,7 +151,8 @@ fn gather<'a>(
     })
 }
 
-/// Residual of a model, without structure that belongs to no law, and the number of positions that judge it. It includes the error of a claim, or of a base whose recordings show no slow noise.
+/// Residual of a model, without structure that belongs to no law, and the number of positions that judge it. For a claim, and for a
+/// base whose recordings cannot show slow noise, it includes the error divided by the predictive noise.
 fn residual(subject: &Subject, model: &Refitted, structure: &[OutsideStructure], is_claim: bool) -> Result<Residual> {
     let n = |positions: &[Option<f64>]| positions.iter().flatten().count();
     let n_positions = if n(&subject.scored_m) > 0 { n(&subject.scored_m) } else { n(&subject.fitted_m) };

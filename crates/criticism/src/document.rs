@@ -43,7 +43,7 @@ pub(super) struct Report<'a> {
     pub unexplained: &'a [OutsideStructure],
     /// Misfit on which the verdict rests.
     pub left: &'a Misfit,
-    /// Error of the claim over its predictive noise, if that is too large.
+    /// Error on the last held-out cycle, divided by the predictive noise; `None` if this ratio is small enough.
     pub over_predicted: Option<f64>,
     /// Summary of the unexplained residual; `None` if nothing is unexplained or the request is not in full.
     pub leftover: Option<UnexplainedResidual>,
@@ -148,7 +148,7 @@ impl Report<'_> {
         })
     }
 
-    /// Signal, in σ, whose expected gain equals the threshold of the simulated searches.
+    /// Signal, in σ, whose expected gain equals the threshold of the simulated searches, plus 1.
     fn threshold_sigma(&self) -> f64 {
         (2.0 * self.found.bootstrap.threshold().max(self.request.criteria.least_gain_nats)).sqrt() + 1.0
     }
@@ -250,7 +250,7 @@ impl Report<'_> {
         list.extend(self.found.bootstrap.sentence());
         if let Some(n) = self.unexplained.iter().find_map(|outside| outside.cut_short_after) {
             list.push(format!(
-                "this model takes long to fit, so the test of structure outside the library stopped after {n} simulated records: none shows as much, so p is at most 1 in {}",
+                "this model takes long to fit, so the test of structure outside the library stopped after {n} simulated records: none contains structure of such a gain, so p is at most 1 in {}",
                 n + 1
             ));
         }
@@ -327,7 +327,7 @@ impl Report<'_> {
         )
     }
 
-    /// Unexplained residual, in words; `None` if there is none. A request that is not in full gives `None` if only the size of the noise reveals it.
+    /// Describes the unexplained residual. Returns `None` if there is none. If the request is not in full, a residual that only its size reveals also has no description.
     fn what_remains(&self) -> Option<String> {
         let first = || self.unexplained.first().map(|first| first.sentence.clone());
         self.leftover.as_ref().map(|leftover| leftover.entry.sentence.clone()).or_else(first)
@@ -425,13 +425,13 @@ impl DocumentSource<'_> {
     }
 }
 
-/// Part of an error (µm) without a gain and an offset of each cycle, if these make up much of it. They are noise, and only this phrase explains
+/// Phrase for an error (µm) after removal of each cycle's gain and offset; empty if these add little. They are noise, and only this phrase explains
 /// why an error far above the noise is acceptable.
 fn without_the_cycles_own(rmse_um: f64, left_um: f64) -> String {
     if rmse_um < WORTH_SAYING * left_um {
         return String::new();
     }
-    format!(", {} µm of it without a gain and an offset of the cycle, which are part of the noise", short(left_um))
+    format!(", or {} µm after removal of each cycle's gain and offset, which are part of the noise", short(left_um))
 }
 
 fn entry(outside: &OutsideStructure) -> UnexplainedMisfit {

@@ -128,7 +128,7 @@ fn the_verdict_follows_claim_structure_and_noise() {
     let (none, effects, sentence, statuses) = kind(&found, None, &[], &WITHIN);
     assert_eq!((none, effects.len()), (VerdictKind::None, 0));
     // The bias moves the whole cycle, which a gain and an offset would absorb: the sentence says why this counts as noise.
-    let name = "on the last held-out cycle, 4.00 µm of it without a gain and an offset of the cycle, which are part of the noise (noise 4.00)";
+    let name = "on the last held-out cycle, or 4.00 µm after removal of each cycle's gain and offset, which are part of the noise (noise 4.00)";
     assert!(sentence.contains(name), "{sentence}");
     assert_eq!(statuses[1], Status::Suggestive);
     let (unexplained, _, sentence, statuses) = kind(&found, None, &outside, &WITHIN);
@@ -180,7 +180,7 @@ fn a_rival_that_is_not_separated_is_named() {
     assert!(sentence.contains("cannot distinguish it from force-asymmetry"), "{sentence}");
 }
 
-/// Half the square of a signal is its average gain: the threshold is that of simulated searches in σ, plus one.
+/// A signal of s σ gains s²/2 nats on average. The threshold is 1 σ above the signal that gains as much as the threshold of the simulated searches.
 #[test]
 fn the_threshold_is_the_signal_that_gains_it() {
     let data = measured(&small(), &[], &[], 33);
@@ -325,7 +325,7 @@ fn what_cannot_come_near_the_claim_gets_a_bound() {
     assert_eq!(refit.parameters.len(), 1);
 }
 
-/// A nonlinear law gets a bound beside a claim, however near it comes, and is named.
+/// Beside a claim, a nonlinear law only gets an upper bound of its Bayes factor, however large its gain is. A remark names the law.
 #[test]
 #[ignore = "thorough"]
 fn a_law_that_is_not_linear_is_not_weighed_beside_a_claim() {

@@ -37,7 +37,7 @@ const MOST_ROUNDS: usize = 12;
 pub enum Search {
     /// Many starts and both weightings, for measured data.
     Wide,
-    /// Best of few starts about other fits, for data simulated without the effect.
+    /// The best of a few starts around other fits, for data simulated without the effect.
     Local,
 }
 

@@ -38,7 +38,7 @@ pub(super) fn score_where_not_learnt(subject: &Subject, slug: &str) -> Option<Sc
     }
 }
 
-/// Response to large displacements in this record, learnt about the base's fit, or the reason why it was not learnt.
+/// Response to large displacements in this record, learnt around the base's fit, or the reason why it was not learnt.
 fn learn(subject: &Subject, base: &Refitted, monitor: &dyn Monitor) -> std::result::Result<SharedStepper, NotLearnt> {
     let said = |error: base::Error| NotLearnt::of(error.to_string().lines().next().unwrap_or_default());
     let problem = subject.problem();
@@ -54,7 +54,7 @@ fn learn(subject: &Subject, base: &Refitted, monitor: &dyn Monitor) -> std::resu
     }
     if radii >= MAX_RADII {
         return Err(NotLearnt::of(format!(
-            "the robot moves by {} of its radii, and large displacements are computed up to {MAX_RADII}",
+            "the robot moves by {} of its radii, but large displacements are computed up to {MAX_RADII} only",
             format_significant(radii, 2)
         )));
     }
@@ -67,7 +67,7 @@ fn learn(subject: &Subject, base: &Refitted, monitor: &dyn Monitor) -> std::resu
         let gained = if promised.score.z > 0.0 {
             format!("gain {nats} nats at most after the law has absorbed its part")
         } else {
-            "the law's residual shows nothing like that".into()
+            "the law's residual contains no such change".into()
         };
         return Err(NotLearnt {
             reason: format!("large displacements would change positions by up to {most_um} µm, and {gained}"),
@@ -83,7 +83,7 @@ struct FirstOrderGain {
     score: Score,
 }
 
-/// First-order gain of the deviation at the base's law, after the law has absorbed its part.
+/// First-order gain of the deviation that large displacements cause under the base's law. The law first absorbs the part that its parameters can describe.
 fn promised(subject: &Subject, base: &Refitted, law: &[f64]) -> Result<FirstOrderGain> {
     let deviation_m = deviation_m(subject.problem(), law)?;
     let tangent = Tangent::new(subject, &base.candidate, &base.fitted)?;

@@ -111,9 +111,9 @@ fn assert_nothing_better(n: u64, lacking: &[&str]) {
     assert!(worst < 0.1, "{worst}");
 }
 
-/// The variance from row to row, σ² + σ_ou², under white noise is about the mean square of the residuals, with a relative error of √(2/n). The 800
-/// draws of eight walks follow it to about a tenth of the error. The tolerance of one error leaves room for the prior of the process, and fails falsely
-/// below 10⁻⁶.
+/// Under white noise, the posterior of the variance σ² + σ_ou² lies around the mean square of the n residuals. Its relative standard deviation is √(2/n).
+/// The mean of 800 draws from eight walks is accurate to about a tenth of that. The tolerance of one standard deviation leaves room for the prior of the slow noise.
+/// The test fails falsely with a probability below 10⁻⁶.
 #[test]
 fn draws_follow_the_posterior() {
     let subject = subject(Protocol::Paper);

@@ -19,7 +19,7 @@ use record::noise::SD_PER_MAD;
 
 /// Number of rows on either side whose median a row is compared with: two bad ones among them do no harm.
 const N_NEIGHBOURS: usize = 5;
-/// Least number of neighbours on one side. If there are fewer, as at the record's ends, the other side alone counts, and the departure is reduced to the second value.
+/// Least number of neighbours on one side. If one side has fewer, as at the record's ends, only the other side counts. The departure from that side is multiplied by `ONE_SIDE`.
 const FEWEST_NEIGHBOURS: usize = 2;
 const ONE_SIDE: f64 = 2.0 / 3.0;
 /// Largest distance of neighbours, in sample intervals.
@@ -95,7 +95,7 @@ fn rows_of(record: &Record, residual_m: &[Option<f64>], least_scale_m: f64) -> V
 struct Departure {
     /// Departure from the mean of the medians on both sides, in m, with its sign.
     from_both_m: f64,
-    /// Departure from the nearer of the two medians, in m, if both lie to one side, else 0. A share of the departure if there is one median only.
+    /// Departure from the nearer of the two medians, in m, if both lie to one side, else 0. If there is one median only, the departure from it times `ONE_SIDE`.
     one_sided_m: f64,
 }
 

@@ -21,7 +21,7 @@ fn found(data: &Subject) -> Vec<usize> {
     find_outliers(data, &fitted)
 }
 
-/// Positions of a truth with noise.
+/// True positions (m) with simulated noise added.
 fn noisy_m(subject: &Subject, position_m: &[f64], noise: &NoiseValues, seed: u64) -> Vec<f64> {
     let record = &subject.experiment().record;
     let noise_m = noise_of(subject, position_m, noise, seed);
@@ -108,7 +108,7 @@ fn outliers_are_found_next_to_force_steps_and_elsewhere() {
     }
 }
 
-/// The other 790 rows falsely lose one in fewer than one record of 10³; the seed is fixed.
+/// The test finds the rows of all bursts and no other row. Chance would exclude one of the other 790 rows in fewer than one record of 10³; the seed is fixed.
 #[test]
 fn bursts_of_two_and_three_are_found() {
     let subject = subject(Protocol::Paper);

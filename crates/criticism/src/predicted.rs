@@ -19,8 +19,8 @@ pub(super) fn predictive_noise_um(
     noise_um(subject, (candidate, fitted), positions_m, f64::INFINITY)
 }
 
-/// Largest root mean square residual (µm) allowed for a claim over the rows that have a position: its predictive noise. A given noise limits
-/// the variance from row to row to white and slow noise of the given size each: a learnt noise may contain a misfit.
+/// Largest root mean square residual (µm) allowed for a claim over the rows that have a position: its predictive noise. If the noise is given,
+/// the variance from row to row is limited to that of white and slow noise of the given size each, because a learnt noise may contain a misfit.
 pub fn allowed_noise_um(
     subject: &Subject,
     (candidate, fitted): (&Candidate, &Fitted),
@@ -30,13 +30,14 @@ pub fn allowed_noise_um(
     noise_um(subject, (candidate, fitted), positions_m, 2.0 * given_m * given_m)
 }
 
-/// Error of a claim on the scored cycle over its allowed predictive noise; `None` if no cycle is scored.
+/// Error of a claim on the scored cycle, divided by its allowed predictive noise; `None` if no cycle is scored.
 pub fn error_over_predicted_noise(subject: &Subject, model: (&Candidate, &Fitted)) -> Option<f64> {
     let error_m = model.1.rmse_m(&subject.scored_m)?;
     Some(1e6 * error_m / allowed_noise_um(subject, model, &subject.scored_m)?)
 }
 
-/// Error of a model on the scored cycle over the prediction from white noise and its parameters, the default prediction of `sample`. The noise is the yardstick, or the residual of the fitted cycles
+/// Error of a model on the scored cycle, divided by the error expected from white noise and the uncertainty of its parameters. This is the prediction
+/// that `sample` makes by default. The noise is the yardstick, or the residual of the fitted cycles
 /// if that is larger. `None` if no cycle is scored.
 pub fn error_over_white_noise(subject: &Subject, model: (&Candidate, &Fitted)) -> Option<f64> {
     let (candidate, fitted) = model;

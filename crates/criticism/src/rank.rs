@@ -248,7 +248,7 @@ struct Finite {
 }
 
 impl Finite {
-    /// Finite response of the effect that `candidate` adds; `None` for effects that show at small sizes.
+    /// Response to a finite size of the effect that `candidate` adds; `None` for effects that are visible at small sizes.
     fn new(subject: &Subject, base: &Candidate, fitted: &Fitted, candidate: &Candidate) -> Result<Option<Self>> {
         let is_new = |slug: &str| base.effects.iter().all(|effect| effect != slug);
         let added = candidate.model.effects().iter().find(|effect| is_new(effect.slug()));
@@ -261,7 +261,7 @@ impl Finite {
         let mut finite = Self { step, whole_m: Vec::new(), left_m: Vec::new() };
         for mut theta in points {
             theta[place] += step;
-            // An effect without a model at this size shows nothing.
+            // An effect without a model at this size has no response.
             let Ok(position_m) = subject.trajectory_m(candidate, &theta) else { continue };
             let truth = RivalTruth { candidate, theta: &theta, noise: fitted.noise, position_m: &position_m };
             let nearest_m = subject.trajectory_m(base, &fit_rival(subject, base, &truth)?.theta)?;
@@ -273,7 +273,7 @@ impl Finite {
     }
 }
 
-/// Draws the base model's parameters about its fit.
+/// Draws the base model's parameters around its fit.
 fn drawn(
     subject: &Subject,
     base: &Candidate,

@@ -146,8 +146,8 @@ impl UnexplainedResidual {
     }
 }
 
-/// The leading significant event over all cycles, the scored one included, beside the structure found in the fitted ones. If there is such structure, the event must
-/// lie in the scored cycle, since the fitted ones have been searched and one structure resembles others.
+/// The leading significant event over all cycles, the scored one included. The model contains the leading structure found in the fitted cycles. If there is such structure, the event must
+/// lie in the scored cycle. In the fitted cycles it could be the same structure, described by another shape.
 ///
 /// # Errors
 /// Errors of [`events_over_all_cycles`].

@@ -46,7 +46,7 @@ pub fn refitted(data: &Subject, found: &SearchResult, effects: &[&str]) -> Refit
     Refitted::new(data, data.extended(effects).expect("addable"), &contained, Search::Local).expect("fits")
 }
 
-/// Models with set numbers: a gain consists of differences, and changes are in units of the noise.
+/// The gain consists of the differences of two models' objectives and scores. The largest change of position is in units of the noise. The models have prescribed values.
 #[test]
 fn a_gain_is_the_difference_of_two_models() {
     let subject = subject_with(&TWO_LEVELS, &Library::default(), &[]);

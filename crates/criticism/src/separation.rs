@@ -334,7 +334,7 @@ fn away_from_null(candidate: &Candidate, null: &[f64]) -> Vec<Vec<f64>> {
     starts
 }
 
-/// Coordinates; parameters that are unidentified at an effect's null are set to quantiles of their priors.
+/// Copies of `theta` in which the parameters that are unidentified at an effect's null take quantiles of their priors. Returns `theta` alone if there are no such parameters.
 pub(super) fn over_grid(candidate: &Candidate, effect: usize, theta: &[f64]) -> Vec<Vec<f64>> {
     let unidentified: Vec<usize> = (0..candidate.free.len())
         .filter(|k| candidate.free[*k].effect == Some(effect) && candidate.free[*k].is_unidentified_at_null())

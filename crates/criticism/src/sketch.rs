@@ -44,7 +44,7 @@ pub struct EffectProbe {
     pub parameter: &'static str,
     /// Reason why the effect is not tested, if so.
     pub refused: Option<String>,
-    /// Indices of its readings: one per grid point of the parameters unidentified at its null.
+    /// Indices of its signature scores: one per grid point of the parameters unidentified at its null.
     pub readings: std::ops::Range<usize>,
     /// Unit of the size: the amplitude is (size/unit)^power, with the size in the parameter's unit.
     pub unit: f64,
@@ -58,40 +58,40 @@ pub struct EffectProbe {
     pub is_downwards: bool,
 }
 
-/// Readings of all signatures from one set of positions.
+/// Scores of all signatures from one set of positions.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ScoreSet {
-    /// Readings from the fitted cycles.
+    /// Signature scores from the fitted cycles.
     pub fitted: Vec<SignatureScore>,
-    /// Readings from the fitted cycles and from all cycles, under law and noise of the fitted ones. The gain is no smaller than the scores of future cycles assume. `None` if no
+    /// Signature scores from the fitted cycles and from all cycles. Law and noise are those of the fitted cycles. The gain is no smaller than the scores of future cycles assume. `None` if no
     /// cycle is held out.
     pub fitted_and_all: Option<[Vec<SignatureScore>; 2]>,
 }
 
 impl ScoreSet {
-    /// Readings from all cycles.
+    /// Signature scores from all cycles.
     pub fn all(&self) -> &[SignatureScore] {
         self.fitted_and_all.as_ref().map_or(&self.fitted, |[_, after]| after)
     }
 
-    /// Sets of readings, in the order of [`RecordScores::cosines`].
+    /// Sets of signature scores, in the order of [`RecordScores::cosines`].
     pub fn sets_mut(&mut self) -> impl Iterator<Item = &mut Vec<SignatureScore>> {
         std::iter::once(&mut self.fitted).chain(self.fitted_and_all.iter_mut().flatten())
     }
 }
 
-/// Readings of one record for every effect: the complete input of a cohort's judgement.
+/// Signature scores of one record for every effect. A cohort is judged from these alone.
 #[derive(Debug, Clone, PartialEq)]
 pub struct RecordScores {
     /// Every effect of the library, in its order.
     pub effects: Vec<EffectProbe>,
-    /// Readings of the measured positions.
+    /// Signature scores of the measured positions.
     pub told: ScoreSet,
-    /// Readings from all cycles under law and noise of the fitted ones, from which sizes are estimated. Readings from the fitted cycles if no cycle is held out.
+    /// Signature scores from all cycles, from which sizes are estimated. Law and noise are those of the fitted cycles. If no cycle is held out, these are the scores from the fitted cycles.
     pub whole: Vec<SignatureScore>,
-    /// Readings of every simulated record without any effect.
+    /// Signature scores of every record simulated without any effect.
     pub simulated: Vec<ScoreSet>,
-    /// Cosines of visible signatures, for each set of readings.
+    /// Cosines of visible signatures, for each set of scores.
     pub cosines: Vec<DMatrix<f64>>,
 }
 
@@ -147,7 +147,7 @@ pub fn sketch(subject: &Subject, n_simulations: usize, seed: u64) -> Result<(Rec
     Ok((said, BaseFit { base, outlier_rows, has_misfit: leaves_too_much, rmse_heldout }))
 }
 
-/// Readings of columns (m, one value per row of the record) beside a fit, and the directions of each set. `whole` has the scored cycles among the fitted ones.
+/// Returns the scores of columns (m, one value per row of the record) beside a fit, and the directions of each set. `whole` has the scored cycles among the fitted ones.
 fn read_sets(
     subject: &Subject,
     whole: Option<&Subject>,
@@ -198,7 +198,7 @@ pub fn fit_all_cycles(subject: &Subject) -> Result<Subject> {
     Ok(subject.with_cycles(&cycles, &[])?.without_rows(&left_out))
 }
 
-/// Returns an effect and its columns; no columns if the effect is not tested.
+/// Returns the probe of an effect and the columns of its response (m). An effect that is not tested has no columns.
 fn sketch_effect(subject: &Subject, base: &Refitted, slug: &'static str) -> Result<(EffectProbe, Vec<Vec<f64>>)> {
     let not = |why: String| {
         let asked = EffectProbe {
@@ -233,7 +233,7 @@ fn sketch_effect(subject: &Subject, base: &Refitted, slug: &'static str) -> Resu
     Ok((EffectProbe { slug, parameter, refused: None, readings, unit, power, reach, null, is_downwards }, columns_m))
 }
 
-/// Readings of columns (m, one value per row of the record) beside a fit, over the fitted cycles, and their unit directions.
+/// Returns the scores of columns (m, one value per row of the record) beside a fit, over the fitted cycles, and their unit directions.
 fn read(
     subject: &Subject,
     candidate: &Candidate,

@@ -285,7 +285,7 @@ impl Subject {
         Candidate::new(&self.shared.model.problem)
     }
 
-    /// Specification of the base model, with the noise of the fits.
+    /// Specification of the base model, with the noise terms that the fits use.
     pub fn specification(&self) -> &ModelSpecification {
         &self.problem().specification
     }

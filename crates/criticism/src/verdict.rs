@@ -60,14 +60,15 @@ pub enum Residual {
         misfit: Misfit,
         /// Number of held-out positions, or of fitted ones if no cycle is held out.
         n_positions: usize,
-        /// Error on the held-out cycle over the predictive noise: for a claim, and for a base whose fitted recordings cannot show slow noise and gains. `None` if no cycle is held out.
+        /// Error on the last held-out cycle, divided by the predictive noise. It judges a claim, and a base whose fitted recordings cannot show slow noise or a different gain of
+        /// each recording. `None` for any other base, and if no cycle is held out.
         over_predicted: Option<f64>,
     },
     /// Probability that noise causes at least this residual of a sweep; NaN if the model cannot be evaluated.
     Sweep(f64),
     /// Number of a cohort's records whose residual exceeds the noise.
     Cohort(usize),
-    /// Error of a cohort's claim on all held-out cycles over its predictive noise; `None` if no cycle is held out.
+    /// Error of a cohort's claim on all held-out cycles, divided by its predictive noise; `None` if no cycle is held out.
     CohortClaim(Option<f64>),
 }
 
@@ -111,7 +112,7 @@ pub struct ClaimProposal {
     pub addition: Addition,
     /// Its residual test; `None` until it is made.
     pub test: Option<ResidualTest>,
-    /// Its residual alone, if structure of the law has replaced it.
+    /// Residual of the base with the leading effect alone; computed if structure that may belong to the law replaces every proposal.
     pub alone: Option<Residual>,
 }
 
@@ -173,7 +174,7 @@ impl Criteria {
         structure.gain_nats >= self.least_structure_share * claim.over_base.fitted
     }
 
-    /// Returns whether structure in the base's residual explains more than a claim. The threshold depends on whether the claim's own residual shows structure.
+    /// Returns whether structure in the base's residual explains more than a claim. The threshold is lower if the claim's own residual also has structure (`has_beside`).
     pub fn replaces_claim(&self, structure: &Structure, claim: &Addition, has_beside: bool) -> bool {
         let gain_nats = claim.over_base.fitted;
         let chance_nats = self.chance_nats + self.larger_nats * claim.effects.len().saturating_sub(1) as f64;

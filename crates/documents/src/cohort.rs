@@ -223,7 +223,7 @@ pub struct CohortErrors {
     pub rmse_heldout_um: Option<f64>,
 }
 
-/// Simulations behind p.
+/// Numbers of simulations that p is computed from, and the gain that chance rarely exceeds in them.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct CohortSimulations {

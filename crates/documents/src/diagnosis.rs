@@ -121,7 +121,7 @@ pub enum VerdictKind {
     Missing,
     /// The model explains the data down to the noise.
     None,
-    /// The model does not explain the data, and no effect is claimed. A named effect helps most but is not the cause.
+    /// The model does not explain the data, and no effect is claimed. Effects that the verdict names help but do not suffice.
     Unexplained,
 }
 
@@ -283,7 +283,7 @@ pub struct NoiseEstimate {
 pub struct UnexplainedMisfit {
     /// `slip`, `vibration`, `backlash`, `cycle-locked`, …
     pub kind: String,
-    /// Sentence on kind, time and size.
+    /// Sentence that tells the misfit's kind, time and size.
     pub sentence: String,
     /// Gain in log likelihood over the model without this structure.
     pub gain_nats: f64,
@@ -299,7 +299,7 @@ pub struct UnexplainedMisfit {
 pub struct DiscrepancyEntry {
     /// Axis along which it was found: `time`, `cycle_phase`, `time_since_step`, `force` or `position`.
     pub axis: String,
-    /// Sentence on kind and place.
+    /// Sentence that tells the misfit's kind and place.
     pub sentence: String,
     /// Root mean square over the fitted rows, in µm, of the part that the model's parameters cannot absorb.
     pub size_um: f64,

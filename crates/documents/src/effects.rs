@@ -37,7 +37,8 @@ pub struct EffectEntry {
     pub visible_fraction: Option<f64>,
     /// Standard error of the first parameter near its null in this experiment, in that parameter's unit.
     pub standard_error: Option<f64>,
-    /// Effects whose visible part has the same shape. To first order, only the sign of the support distinguishes them.
+    /// Effects whose signatures have nearly the same visible part, up to sign and size. To first order, only the sign that a one-sided parameter allows
+    /// distinguishes them.
     pub twins: Vec<String>,
     /// Reason why the effect cannot be added here; `None` if it can.
     pub refused: Option<String>,

@@ -238,7 +238,7 @@ pub struct SampleSizePlan {
     pub chance: f64,
 }
 
-/// Creep compliance of a group at each time: median and central 90 % interval of the typical specimen, and that interval of a new specimen.
+/// Creep compliance of a group at each time: median and 90 % interval of the typical specimen, and 90 % interval of a new specimen.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct CreepPrediction {

@@ -124,8 +124,8 @@ impl LadderSummary {
         self.revisions.iter().all(|rung| rung.converged) && self.trust.is_sound()
     }
 
-    /// Warnings with their revisions: those of any revision that spoil the figures, and all fatal ones of the last revision. Misfits of earlier revisions are
-    /// left out because the ladder shows them.
+    /// Warnings with their revisions: from every revision those that make figures wrong, and from the last revision all fatal ones. Misfits of earlier
+    /// revisions are left out because the ladder shows them.
     pub fn warnings(&self) -> impl Iterator<Item = (&str, &Warning)> {
         let last = self.revisions.len().saturating_sub(1);
         let revisions = self.revisions.iter().enumerate();

@@ -178,7 +178,7 @@ pub struct Retardation {
     pub share: f64,
 }
 
-/// Result of a pair that was tried.
+/// Result for one pair of quantity and state.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct LearnedPair {

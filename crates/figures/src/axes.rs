@@ -1,4 +1,4 @@
-//! Pair of axes: draws data into a frame, and the frame's ticks and labels.
+//! Pair of axes. It draws data into a frame, and ticks and labels along the frame.
 
 use super::font::{fitting_size_px, shorten, text_width_px, wrapped};
 use super::palette::{AXIS, Colour, GRID, INK, MUTED};

@@ -51,7 +51,7 @@ pub fn comparison(data: &ComparisonData) -> Result<Svg> {
     if n < 2 || lengths.iter().any(|length| *length != n) {
         return Err(Error::input(
             InputPlace::default().at_key("comparison figure"),
-            format!("{n} times and {lengths:?} values"),
+            format!("there are {n} times and {lengths:?} values"),
             "give one value per row, and at least two rows",
         ));
     }

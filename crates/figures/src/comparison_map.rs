@@ -55,7 +55,8 @@ pub fn failure_map(data: &MapData) -> Svg {
     let height = frame.bottom().max(frame.y + 120.0) + 56.0;
     let mut svg = Svg::new(WIDTH_PX, height, "Failure map: cycle against time since the last force step");
     title(&mut svg, data.title, (left, 24.0), frame.width);
-    let note = "colour: mean residual along the step over its standard error; numbers: µm, if above 3";
+    let note =
+        "colour: mean residual along the step, in standard errors; numbers: mean in µm, where above 3 standard errors";
     svg.text(note, (left, 46.0), TextStyle::new(TICK_SIZE_PX + 1.0, Anchor::Start).colour(MUTED));
     let last = data.lag_ends_s.last().copied().unwrap_or(1.0);
     let x = AxisScale::log10(data.shortest_s, last);

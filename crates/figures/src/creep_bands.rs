@@ -92,18 +92,21 @@ fn check(data: &CreepBands) -> Result<()> {
         |found: String, remedy: &str| Err(Error::input(InputPlace::default().at_key("creep bands"), found, remedy));
     let n = data.time_s.len();
     if n < 2 || data.groups.is_empty() {
-        return refuse(format!("{n} times and {} groups", data.groups.len()), "give at least two times and one group");
+        return refuse(
+            format!("there are {n} times and {} groups", data.groups.len()),
+            "give at least two times and one group",
+        );
     }
     let usable = |value: &f64| value.is_finite() && *value > 0.0;
     if !data.time_s.iter().all(usable) || !data.time_s.is_sorted_by(|a, b| a < b) {
-        return refuse("times that are not positive and increasing".into(), "remove 0 s, and sort the times");
+        return refuse("the times are not positive and increasing".into(), "remove 0 s, and sort the times");
     }
     for group in &data.groups {
         let [lower, upper] = &group.typical_90_per_pa;
         let [new_lower, new_upper] = &group.new_specimen_90_per_pa;
         let curves = [&group.median_per_pa, lower, upper, new_lower, new_upper];
         if curves.iter().any(|curve| curve.len() != n) {
-            let found = format!("{}: {:?} values for {n} times", group.label, curves.map(Vec::len));
+            let found = format!("{}: the curves have {:?} values for {n} times", group.label, curves.map(Vec::len));
             return refuse(found, "give one value per time");
         }
         if let Some(i) = (0..n).find(|i| curves.iter().any(|curve| !usable(&curve[*i]))) {
@@ -116,7 +119,7 @@ fn check(data: &CreepBands) -> Result<()> {
                 && new_lower[*i] <= new_upper[*i]
         };
         if let Some(i) = (0..n).find(|i| !in_order(i)) {
-            let found = format!("{}: limits in the wrong order at {} s", group.label, data.time_s[i]);
+            let found = format!("{}: the limits are in the wrong order at {} s", group.label, data.time_s[i]);
             return refuse(found, "give the lower limit first, and a median between the limits");
         }
     }

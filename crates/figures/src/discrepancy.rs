@@ -107,7 +107,7 @@ fn points(rows: &DiscrepancyPanel) -> Result<Vec<BandPoint>> {
         |found: String, remedy: &str| Err(Error::input(InputPlace::default().at_key("discrepancy"), found, remedy));
     let n = rows.coordinate.len();
     if [rows.mean_um.len(), rows.sd_um.len(), rows.residual_um.len()] != [n; 3] {
-        return refuse("series of unequal length".into(), "give one value per row");
+        return refuse("the series have unequal lengths".into(), "give one value per row");
     }
     let along = |row: usize| if rows.is_logarithmic { rows.coordinate[row].ln() } else { rows.coordinate[row] };
     let is_shown = |row: &usize| along(*row).is_finite() && rows.mean_um[*row].is_finite();
@@ -115,7 +115,10 @@ fn points(rows: &DiscrepancyPanel) -> Result<Vec<BandPoint>> {
     let lowest = shown.iter().map(|row| along(*row)).fold(f64::INFINITY, f64::min);
     let highest = shown.iter().map(|row| along(*row)).fold(f64::NEG_INFINITY, f64::max);
     if shown.is_empty() || highest <= lowest {
-        return refuse(format!("{} rows at a single value of the axis", shown.len()), "give at least two values");
+        return refuse(
+            format!("the {} rows do not have two different values of the axis", shown.len()),
+            "give at least two values",
+        );
     }
     let bin = |row: usize| (((along(row) - lowest) / (highest - lowest)) * (MOST_POINTS - 1) as f64).round() as usize;
     let mut bins: Vec<Vec<usize>> = vec![Vec::new(); MOST_POINTS];
@@ -181,8 +184,11 @@ mod tests {
     #[test]
     fn what_cannot_be_drawn_is_refused() {
         let refused = |panel: DiscrepancyPanel| discrepancy(&[panel], "", "").unwrap_err().to_string();
-        assert!(refused(panel(&[], &[])).contains("0 rows at a single value of the axis"));
-        assert!(refused(panel(&[2.0, 2.0], &[1.0, 1.0])).contains("2 rows at a single value of the axis"));
-        assert!(refused(panel(&[1.0, 2.0], &[1.0])).contains("series of unequal length"));
+        assert!(refused(panel(&[], &[])).contains("the 0 rows do not have two different values of the axis"));
+        assert!(
+            refused(panel(&[2.0, 2.0], &[1.0, 1.0]))
+                .contains("the 2 rows do not have two different values of the axis")
+        );
+        assert!(refused(panel(&[1.0, 2.0], &[1.0])).contains("the series have unequal lengths"));
     }
 }

@@ -55,7 +55,7 @@ fn ladders_are_legible() {
     let rungs = three_rungs();
     assert!(
         ladder(&ladder_of(vec![], "gel", ""))
-            .is_err_and(|error| error.to_string().contains("a ladder without revisions"))
+            .is_err_and(|error| error.to_string().contains("the ladder has no revisions"))
     );
     assert_legible("one rung", &ladder(&ladder_of(rungs[..1].to_vec(), "gel", "There is one revision.")).unwrap());
     assert_legible("three rungs", &ladder(&ladder_of(rungs.clone(), LONG, &[LONG; 3].join(". "))).unwrap());

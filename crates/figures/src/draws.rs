@@ -105,8 +105,8 @@ impl DrawTable {
                 || self.parameter_names[..i].contains(name);
             if taken || name.is_empty() {
                 return Err(refuse(
-                    format!("a parameter has the name `{name}`"),
-                    "give parameters distinct, non-empty names",
+                    format!("a parameter has the name `{name}`, which is empty, repeated or reserved"),
+                    "give every parameter a name of its own",
                 ));
             }
         }

@@ -508,7 +508,7 @@ fn entries(data: &Forest, layout: &ForestLayout) -> Vec<Entry> {
         let has_clouds = layout.blocks.iter().any(|block| block.specimens == Specimens::Cloud);
         let shown = match (has_rows, has_clouds) {
             (true, false) => "median and 90 %",
-            (true, true) => "median and 90 % (of large groups the median)",
+            (true, true) => "median and 90 % (large groups: median only)",
             (false, _) => "median",
         };
         let [item, pooled] =

@@ -294,10 +294,10 @@ fn creep_of_nothing_and_odd_numbers_are_refused() {
         change(&mut groups);
         creep_bands(&CreepBands { title: "", sentence: "", time_s, groups }).map(|_| ()).unwrap_err().to_string()
     };
-    assert!(message(&TIME_S, &|groups| groups.clear()).contains("5 times and 0 groups"));
+    assert!(message(&TIME_S, &|groups| groups.clear()).contains("there are 5 times and 0 groups"));
     assert!(message(&[0.0, 0.1, 1.0, 10.0, 100.0], &|_| {}).contains("remove 0 s"));
     assert!(message(&[0.1, 0.1, 1.0, 10.0, 100.0], &|_| {}).contains("positive and increasing"));
-    assert!(message(&TIME_S[..4], &|_| {}).contains("porcine: [5, 5, 5, 5, 5] values for 4 times"));
+    assert!(message(&TIME_S[..4], &|_| {}).contains("porcine: the curves have [5, 5, 5, 5, 5] values for 4 times"));
     assert!(
         message(&TIME_S, &|groups| groups[1].median_per_pa[2] = f64::NAN).contains("bovine: at 1 s the compliance")
     );

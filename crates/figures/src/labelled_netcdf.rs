@@ -77,7 +77,7 @@ fn check_names(dimensions: &[Dimension], variables: &[Variable]) -> Result<()> {
         // A slash would start a group.
         if name.is_empty() || name.trim() != name || name.contains(|c: char| c == '/' || c.is_control()) {
             return refuse(
-                format!("a dimension or variable has the name `{name}`"),
+                format!("a dimension or variable has the name `{name}`, which NetCDF cannot store"),
                 "give it a name of letters and digits",
             );
         }
@@ -107,8 +107,11 @@ fn check_labels(dimension: &Dimension) -> Result<()> {
     }
     if let Some(label) = labels.iter().find(|label| label.is_empty() || label.contains('\0')) {
         return refuse(
-            format!("dimension `{name}` has the label `{}`", label.escape_default()),
-            "give a label with letters",
+            format!(
+                "dimension `{name}` has the label `{}`, which is empty or contains a null character",
+                label.escape_default()
+            ),
+            "give a label of letters and digits",
         );
     }
     Ok(())

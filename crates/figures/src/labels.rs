@@ -35,7 +35,7 @@ pub fn model_title_with(model: &ModelSummary, equivalents: &[EquivalentEffects])
     format!("{law}{}", effects_with(&model.effects, equivalents))
 }
 
-/// Text " + effect" for every effect, with "(or: …)" after the last effect of those with equivalents.
+/// Text " + effect" for every effect. The last effect of each list in `equivalents` is followed by "(or: …)".
 pub fn effects_with(effects: &[String], equivalents: &[EquivalentEffects]) -> String {
     let words = |slug: &String| {
         let is_last = |equivalent_effects: &&EquivalentEffects| equivalent_effects.effects.last() == Some(slug);

@@ -42,7 +42,7 @@ pub fn ladder(summary: &LadderSummary) -> Result<Svg> {
     if summary.revisions.is_empty() {
         return Err(Error::input(
             InputPlace::default().at_key("revisions"),
-            "a ladder without revisions",
+            "the ladder has no revisions",
             "run `sample` first",
         ));
     }

@@ -30,7 +30,7 @@ pub enum Mark {
 pub struct Entry {
     /// Sample.
     pub mark: Mark,
-    /// Meaning of the sample.
+    /// Text beside the sample, which tells its meaning.
     pub text: String,
 }
 

@@ -29,7 +29,7 @@ pub fn write_draws_netcdf(path: &Path, table: &DrawTable, record: &RecordGroups)
     // A slash would start a group. The other names are reserved by the layout.
     let reserved = |name: &&String| name.contains('/') || ["chain", "draw", "walker", "step"].contains(&name.as_str());
     if let Some(name) = table.parameter_names.iter().find(reserved) {
-        return Err(refused(format!("a parameter has the name `{name}`")));
+        return Err(refused(format!("a parameter has the name `{name}`, which contains a slash or is reserved")));
     }
     record.check().map_err(refused)?;
     let bytes = encode(table, record).map_err(|error| refused(error.to_string()))?;

@@ -84,7 +84,7 @@ pub struct ValueWithErrors {
 }
 
 impl ValueWithErrors {
-    /// Texts from quantiles. The smaller error has two significant digits and sets the decimals of all three numbers.
+    /// Formats the median and its errors from quantiles. The smaller error has two significant digits and sets the decimals of all three numbers.
     pub fn from_quantiles(lower: f64, median: f64, upper: f64) -> Self {
         let (plus, minus) = ((upper - median).abs(), (median - lower).abs());
         let smallest = [plus, minus].into_iter().filter(|error| *error > 0.0).fold(f64::INFINITY, f64::min);

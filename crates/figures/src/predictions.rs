@@ -41,7 +41,7 @@ pub fn write_predictions(path: &Path, predictions: &Predictions) -> Result<()> {
 /// # Errors
 /// [`Error::Input`] with the line that is not a valid row.
 pub fn read_predictions(path: &Path) -> Result<Predictions> {
-    let again = "run the command that wrote it again";
+    let again = "run again the command that wrote it";
     let bytes = files::read(path, Content::Table, again)?;
     let refused =
         |line: usize| Error::input(InputPlace::file(path).at_line(line), "this is not a row of predictions", again);

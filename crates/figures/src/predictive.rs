@@ -134,10 +134,13 @@ fn check(data: &PredictiveData) -> Result<()> {
         data.band_90_um.upper.len(),
     ];
     if n < 2 || lengths.iter().any(|length| *length != n) {
-        return refuse(format!("{n} times and {lengths:?} values"), "give one value per row, and at least two rows");
+        return refuse(
+            format!("there are {n} times and {lengths:?} values"),
+            "give one value per row, and at least two rows",
+        );
     }
     if !data.time_s.is_sorted_by(|a, b| a < b) || !data.time_s.iter().all(|t| t.is_finite()) {
-        return refuse("times that do not increase".to_owned(), "sort the rows by time");
+        return refuse("the times do not increase".to_owned(), "sort the rows by time");
     }
     Ok(())
 }

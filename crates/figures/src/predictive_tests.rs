@@ -70,7 +70,7 @@ fn unequal_lengths_are_refused() {
     assert!(predictive(&data(&rows, &[])).unwrap_err().to_string().contains("one value per row"));
     rows = self::rows(40, 0.1);
     rows.time_s[5] = 0.0;
-    assert!(predictive(&data(&rows, &[])).unwrap_err().to_string().contains("times that do not increase"));
+    assert!(predictive(&data(&rows, &[])).unwrap_err().to_string().contains("the times do not increase"));
 }
 
 #[test]

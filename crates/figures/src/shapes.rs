@@ -113,12 +113,12 @@ fn check(data: &ShapesFigure) -> Result<()> {
         Err(Error::input(place, found, "give every body a finite value at every time"))
     };
     if data.time_s.len() < 2 || data.panels.iter().all(|panel| panel.curves.is_empty()) {
-        return refuse("a figure without bodies or times");
+        return refuse("the figure needs a body and two times");
     }
     for shape_curve in data.panels.iter().flat_map(|panel| &panel.curves) {
         for values in [&shape_curve.lower_um, &shape_curve.median_um, &shape_curve.upper_um] {
             if values.len() != data.time_s.len() || values.iter().any(|x| !x.is_finite()) {
-                return refuse(&format!("{}: values that are not finite, or not one per time", shape_curve.label));
+                return refuse(&format!("{}: a value is not finite, or a time lacks its value", shape_curve.label));
             }
         }
     }
@@ -247,6 +247,8 @@ mod tests {
         let error = shapes(&figure).unwrap_err().to_string();
         assert!(error.contains("sphere 2"), "{error}");
         figure.panels.clear();
-        assert!(shapes(&figure).is_err_and(|error| error.to_string().contains("a figure without bodies or times")));
+        assert!(
+            shapes(&figure).is_err_and(|error| error.to_string().contains("the figure needs a body and two times"))
+        );
     }
 }

@@ -77,7 +77,10 @@ fn check(parameters: &[ParameterTrace]) -> Result<usize> {
     let refuse = |found: String, remedy: &str| Err(Error::input(InputPlace::default().at_key("trace"), found, remedy));
     let n_steps = parameters.iter().flat_map(|p| &p.ensembles).map(|e| e.mean.len()).max().unwrap_or(0);
     if n_steps < 2 {
-        return refuse(format!("{} parameters, {n_steps} steps", parameters.len()), "give at least two steps");
+        return refuse(
+            format!("there are {} parameters and {n_steps} steps", parameters.len()),
+            "give at least two steps",
+        );
     }
     for parameter in parameters {
         for ensemble in &parameter.ensembles {
@@ -86,7 +89,7 @@ fn check(parameters: &[ParameterTrace]) -> Result<usize> {
             let walkers = ensemble.walkers.iter().map(|walker| (walker.len(), true));
             if lengths.into_iter().chain(walkers).any(|(length, counts)| counts && length != n_steps) {
                 return refuse(
-                    format!("series of unequal length for `{}`", parameter.label),
+                    format!("the series for `{}` have unequal lengths", parameter.label),
                     "give one value per step",
                 );
             }
@@ -138,7 +141,7 @@ fn trace_panel(svg: &mut Svg, axes: &Axes, parameter: &ParameterTrace, n_discard
     axes.outline(svg);
 }
 
-/// Number of columns of about two pixels. A longer series is drawn by its extremes in each column.
+/// Number of successive values that share one column of 1.5 pixels.
 fn columns(axes: &Axes, n: usize) -> usize {
     let n_columns = (axes.frame.width / 1.5) as usize;
     n.div_ceil(n_columns.max(1)).max(1)
@@ -251,8 +254,8 @@ mod tests {
         bad.ensembles[0].upper = &short;
         let label = bad.label.to_string();
         let refused = |parameters: &[ParameterTrace]| trace(parameters, 0, "").unwrap_err().to_string();
-        assert!(refused(&[bad]).contains(&format!("series of unequal length for `{label}`")));
-        assert!(refused(&[]).contains("0 parameters, 0 steps"));
+        assert!(refused(&[bad]).contains(&format!("the series for `{label}` have unequal lengths")));
+        assert!(refused(&[]).contains("there are 0 parameters and 0 steps"));
         let mut without_band = parameter(&long, &long);
         without_band.ensembles[0].lower = &[];
         without_band.ensembles[0].upper = &[];

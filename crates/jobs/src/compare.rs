@@ -11,7 +11,7 @@ use crate::target::Target;
 
 /// Settings that the caller chooses.
 pub struct CompareRequest {
-    /// Number of simulated records that correct all tests together; `None` for the default.
+    /// Number of simulated records by which p is corrected for the number of tests; `None` for the default.
     pub simulations: Option<usize>,
     /// The sampler's settings for a first revision. The comparison uses their seed.
     pub sampler: SamplerOptions,

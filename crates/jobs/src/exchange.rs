@@ -16,7 +16,7 @@ use posterior::prepared::PreparedModel;
 use posterior::problem::Problem;
 use sampling::ensemble::Draws;
 
-/// Largest number of predicted draws of all chains, and the number for long records.
+/// Largest and smallest total number of draws, over all chains, that are predicted. Long records have the smallest number.
 const MOST_DRAWS: usize = 500;
 const FEWEST_DRAWS: usize = 100;
 /// Largest number of values in one variable, 4 MB. In longer records every k-th row is predicted.

@@ -42,7 +42,7 @@ impl<'a> LastCycleFit<'a> {
         if there.is_some_and(|document| mesh_of(&document.provenance) != mesh_of(&last_cycle_fit.provenance(0))) {
             return Err(Error::input(
                 InputPlace::file(path),
-                "this revision is on another mesh",
+                "this revision uses another mesh",
                 format!("name the mesh of the study (`{}`, `{}`)", Setting::Mesh, Setting::MeshUnit),
             ));
         }

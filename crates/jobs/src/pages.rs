@@ -24,7 +24,7 @@ use posterior::study::{
 };
 use record::Experiment;
 
-const RERUN_REMEDY: &str = "run the command that wrote it again";
+const RERUN_REMEDY: &str = "run again the command that wrote it";
 
 /// Writes the page of a study, or of the results of `groups` or `shapes`, to `out` or beside the results. Returns the page's path.
 ///

@@ -100,7 +100,7 @@ fn refuse_other_mesh(study: &Study, problem: &Problem, force: bool) -> Result<()
     }
     Err(Error::input(
         InputPlace::file(path),
-        "the study's m0 is on another mesh",
+        "the study's m0 uses another mesh",
         format!("choose another directory with `{}`, or replace m0 with `{}`", Setting::Out, Setting::Force),
     ))
 }

@@ -30,7 +30,7 @@ const MOST_STEPS: usize = 20_000_000;
 pub struct SimulationRequest {
     /// Parameter values with their origins.
     pub parameters: Vec<SimulationParameter>,
-    /// Time integrator for the law alone; `None` for the stepping that also handles effects and networks.
+    /// Time integrator of the law without effects; `None` for `radau`, which also handles effects and springpots.
     pub scheme: Option<TimeScheme>,
     /// Longest time step in s; `None` for one step from row to row.
     pub time_step_s: Option<f64>,
@@ -112,7 +112,7 @@ pub fn check_request(problem: &Problem, request: &SimulationRequest, has_mesh_fi
                 "the {} scheme handles only laws of springs and dashpots without effects",
                 scheme_name(request.scheme)
             ),
-            &format!("leave out {}: `radau` handles models with effects and networks", Setting::Scheme),
+            &format!("leave out {}: `radau` handles effects and springpots", Setting::Scheme),
         );
     }
     if let Some(step_s) = request.time_step_s {

@@ -42,7 +42,7 @@ pub fn run(
     monitor: &dyn Monitor,
 ) -> Result<EffectsSummary> {
     let calibrated = fit::run(problem, kept, monitor)?;
-    monitor.stage("projecting each effect's signature");
+    monitor.stage("computing the detectability of each effect");
     let base = Base::new(problem, &calibrated)?;
     let list = library.effects().par_iter().map(|effect| entry(problem, library, *effect, &base));
     Ok(EffectsSummary {
@@ -117,11 +117,11 @@ impl Base {
 
 /// Change of the positions by an effect, one value per row.
 struct Signature {
-    /// Change in m: per unit of the parameter, or for its size.
+    /// Change in m: per unit of the parameter for a derivative, otherwise at `size`.
     whole_m: Vec<f64>,
-    /// Change in m after the base has absorbed its nonlinear part.
+    /// Change in m that remains at the best values of the law's parameters; the whole change for a derivative.
     remainder_m: Vec<f64>,
-    /// Size of the effect; `None` for a derivative.
+    /// Value of the parameter at which the change is computed; `None` for a derivative.
     size: Option<f64>,
 }
 
@@ -291,7 +291,7 @@ fn signatures(effect: &dyn Effect, forward: &SurrogateForward, base: &Base) -> R
 /// Number of Gauss–Newton steps in which the base's parameters absorb an effect of finite size.
 const ABSORBING_STEPS: usize = 8;
 
-/// Signature of an effect of finite size, and its remainder at the nearest base parameters. They move until the extended model is as close to the base as possible.
+/// Signature of an effect of finite size. The law's parameters move until the extended model is as close to the base as possible; the remaining difference is the remainder.
 fn finite(
     forward: &SurrogateForward,
     base: &Base,

@@ -18,7 +18,7 @@ const SURROGATE_PART: f64 = 0.01;
 const MESH_SHARE: f64 = 0.25;
 /// Largest Pareto k at which importance weights can be trusted.
 const PARETO_LIMIT: f64 = 0.7;
-/// Strain up to which the gel is known to be linear (`literature`: below 1 %).
+/// Strain up to which the gel is known to be linear (below 1 %, by the literature).
 const LINEAR_STRAIN: f64 = 0.01;
 /// Strain above which a wrong unit is the only explanation. The bead of the paper strains its gel by 2.6.
 const IMPOSSIBLE_STRAIN: f64 = 20.0;
@@ -338,7 +338,7 @@ mod tests {
         }
     }
 
-    /// White residuals of many rows; residuals above 1.5 × the noise are no chance.
+    /// Misfit with white residuals of many rows. A root mean square above 1.5 × the noise of 4 µm is too large for chance.
     fn misfit_of(summary: &PosteriorSummary) -> Misfit {
         let size = |rms_um: f64| ResidualSize { rms_m: 1e-6 * rms_um, is_too_large: rms_um > 6.0 };
         Misfit {

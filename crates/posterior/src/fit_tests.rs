@@ -76,9 +76,10 @@ fn table_i_lies_within_the_joint_error_on_the_replica() {
     assert!((summary.rmse_heldout_um.unwrap() / 4.0 - 1.0).abs() < 0.25, "{summary:?}");
 }
 
-/// 400 noisy replicates of closed-form data. The squared z-scores of each parameter, and the squared joint distances, add up to χ² with 400 and 1,200 degrees of freedom.
-/// Standard errors that are all off by a fifth fail. The bounds are at 10⁻⁶ on either side of four sums: one failure in 10⁵. With s² from 197 degrees of freedom the sums
-/// are 1 % larger on average than χ², less than a tenth of the bounds' distance.
+/// Fits 400 noisy replicates of closed-form data. The squared z-scores of each parameter add up to χ² with 400 degrees of freedom, and the squared joint distances to χ²
+/// with 1,200. The test fails if all standard errors are off by a fifth. Each of the four sums exceeds either bound with a probability of 10⁻⁶. By chance, one run of the
+/// test in 10⁵ thus fails. The noise variance s² has 197 degrees of freedom, so that the sums are on average 1 % larger than χ². This is less than a tenth of the
+/// distance to a bound.
 #[test]
 fn standard_errors_are_calibrated() {
     let mut rng = ChaCha8Rng::seed_from_u64(20);
@@ -189,8 +190,8 @@ fn effects_that_are_not_there_are_estimated_at_their_null() {
     }
 }
 
-/// The replica has one retarded body. The time of a second one drifts to an end of its range. A search that stopped there would leave the other parameters at their start:
-/// one start of 16 found the minimum along that end, where nine do.
+/// The replica has one retardation time, so that the time of a second retardation drifts to an end of its range. A search that stopped there would leave the other
+/// parameters near their starts. Only one of 16 such searches found the minimum along that end. Nine find it if the search continues.
 #[test]
 fn a_parameter_at_the_end_of_its_range_does_not_stop_the_others() {
     let base = problem(embedded().unwrap().0, &[]);

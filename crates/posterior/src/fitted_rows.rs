@@ -1,4 +1,5 @@
-//! Rows of a least-squares fit: all rows that the fitted positions need, or a few that show the same motion.
+//! Rows at which a least-squares fit computes the trajectory: all rows up to the last fitted position, or a selection of them. At the selected rows the trajectory is
+//! the same.
 
 use crate::problem::Problem;
 use base::error::Result;
@@ -91,7 +92,7 @@ mod tests {
     use models::effects::Stages;
     use record::ForceRule;
 
-    /// 3000 rows at irregular times, with a force that changes at some of them. Of 40 positions one remains, with the same position of the same trajectory.
+    /// 3000 rows at irregular times, with a force that changes at some of them. Of every 40 positions one remains; its value and the trajectory at its row are unchanged.
     #[test]
     fn few_rows_show_the_same_motion() {
         let n = 3000;

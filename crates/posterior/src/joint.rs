@@ -12,7 +12,7 @@ use super::mixture::Mixture;
 
 /// Number of rows at which slowly varying probabilities are evaluated. They are spread by the golden ratio, which no period of a protocol divides.
 const N_EVALUATED: usize = 4096;
-/// Probability on either side of the expected range of a coverage.
+/// Probability below the expected range of a coverage, and probability above it.
 const TAIL: f64 = 0.005;
 
 /// Scored rows with their predictions.
@@ -26,12 +26,12 @@ pub(super) struct Predicted<'a> {
     pub bands_m: &'a [[f64; 5]],
 }
 
-/// Probabilities of larger statistics, and expected ranges of the coverages.
+/// Probabilities that statistics are at least as large as the observed ones, and expected ranges of the coverages.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct JointScore {
-    /// Probability of a largest standardised deviation at least as large.
+    /// Probability of a largest standardised deviation at least as large as the observed one.
     pub p_largest: f64,
-    /// Probability of a mean square at least as large.
+    /// Probability of a mean square at least as large as the observed one.
     pub p_square: f64,
     /// Ranges that hold 99 % of the coverages of the 50 % and the 90 % band.
     pub coverage: [[f64; 2]; 2],
@@ -45,7 +45,7 @@ struct DrawStatistics {
     coverage: [(f64, f64); 2],
 }
 
-/// Joint probabilities of the observed `largest` and mean `square` of the standardised deviations.
+/// Scores the observed statistics: the `largest` standardised deviation of all rows and the mean `square` of the deviations.
 pub(super) fn joint(predicted: &Predicted, largest: f64, square: f64) -> JointScore {
     let n_draws = predicted.check.trajectories_m.len();
     let draws: Vec<DrawStatistics> =

@@ -203,15 +203,17 @@ pub fn interpretation([mean, q05, q95]: [f64; 3], has_mobility: bool) -> String 
         } else {
             "; the fitted value is not 1, so another gel or effect is at work"
         };
-        return format!("{found}, and 1 is the exact geometry in a Giesekus fluid of the fitted mobility{verdict}");
+        return format!(
+            "{found}; the value 1 means the exact geometry in a Giesekus fluid of the fitted mobility{verdict}"
+        );
     }
     if (q05..=q95).contains(&1.0) {
         return format!(
-            "{found}: 1 is the exact geometry in a gel with large strains (an Oldroyd-B fluid); other gels with the same small strains (Giesekus's) deviate differently"
+            "{found}; the value 1 means the exact geometry in a gel with large strains (an Oldroyd-B fluid); other gels with the same small strains (Giesekus's) deviate differently"
         );
     }
     format!(
-        "{found}, and 1 is the exact geometry in an Oldroyd-B fluid: that geometry alone does not explain the value, so another gel with the same small \
+        "{found}; the value 1 means the exact geometry in an Oldroyd-B fluid: that geometry alone does not explain the value, so another gel with the same small \
          strains or another effect is at work. `extend --with large-displacement --set {MOBILITY}=free` tries Giesekus's"
     )
 }

@@ -91,8 +91,8 @@ pub struct FittedRecord<'a> {
 
 /// Log posterior by the reduced model: prior and likelihood of the compared positions.
 ///
-/// A point outside the surrogate's trained range has log density −∞. The prior is truncated there, to within the tail mass that was declared when the range was chosen. A
-/// point at which an effect has no model has log density −∞, too.
+/// A point outside the surrogate's trained range has log density −∞. This truncates the prior, which loses at most the tail probability that was declared when the range
+/// was chosen. A point at which an effect has no model has log density −∞, too.
 pub struct ReducedPosterior<'a> {
     parts: PosteriorParts<'a>,
     /// Sources of the model's parameters in order, then the noise's.
@@ -103,7 +103,7 @@ pub struct ReducedPosterior<'a> {
 enum Kernel {
     /// Lethersich law, no effect, white noise, a force that holds between rows.
     Squares(ResidualSumOfSquares),
-    /// All other models.
+    /// Any model that [`Self::Squares`] does not cover.
     Stages { response: Response, noise: NoiseLikelihood },
 }
 

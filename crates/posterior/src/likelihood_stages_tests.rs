@@ -188,8 +188,8 @@ fn the_kernel_of_stages_equals_prior_plus_scalar_likelihood() {
     }
 }
 
-/// Neighbours that differ only in their noise share a trajectory. Neighbours that differ in a model parameter do not, also beside points without a trajectory. Each point
-/// has bitwise the same value as alone.
+/// Neighbouring points that differ only in their noise share a trajectory. Points that differ in a model parameter have separate trajectories, even next to points that
+/// have none. The value of each point is bitwise the same as if it were computed alone.
 #[test]
 fn points_that_differ_in_their_noise_alone_share_a_trajectory() {
     let case = Case::new();

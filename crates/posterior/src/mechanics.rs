@@ -1,4 +1,4 @@
-//! Computable mechanics of the apparatus: finite elements for a robot, a given compliance for another instrument.
+//! Mechanics of the apparatus: finite elements for a robot, a given compliance for another instrument, or an external program.
 
 use std::path::PathBuf;
 
@@ -111,7 +111,7 @@ pub fn sizes_of(robot: &Robot, vitreous: &Vitreous, level: Option<usize>) -> Phy
     }
 }
 
-/// Parameters of the built-in mesh of a level around a sphere.
+/// Parameters of the built-in mesh around a sphere; `level` sets its fineness.
 fn ball(diameter_m: f64, outer_radius_m: f64, level: usize) -> QuarterBall {
     QuarterBall { robot_radius_m: 0.5 * diameter_m, outer_radius_m, n_per_edge: level, n_layers: 4 * level }
 }

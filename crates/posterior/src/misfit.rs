@@ -295,8 +295,8 @@ impl Series {
                 .is_ok_and(|f| f.sf(ratio) < FALSE_ALARM)
     }
 
-    /// Degrees of freedom of the mean square: the number of independent values, reduced if a few outliers dominate. A mean square of kurtosis κ varies like a normal one of
-    /// 2/(κ − 1) as many values.
+    /// Degrees of freedom of the mean square: the number of independent values, reduced if a few outliers dominate. The mean square of n values with kurtosis κ scatters as
+    /// much as that of 2n/(κ − 1) normal values.
     fn degrees_of_square(&self) -> f64 {
         let n = self.left_m.len().max(1) as f64;
         let fourth_m4 = self.left_m.iter().map(|left| left.powi(4)).sum::<f64>() / n;
@@ -391,7 +391,7 @@ fn cycles_of(record: &Record) -> impl Iterator<Item = Range<usize>> {
 }
 
 /// Range of the next chunk.
-#[expect(clippy::unnecessary_wraps, reason = "`scan` asks for an option")]
+#[expect(clippy::unnecessary_wraps, reason = "`scan` expects an `Option`")]
 fn next_range(start: &mut usize, chunk: &[u32]) -> Option<Range<usize>> {
     let range = *start..*start + chunk.len();
     *start = range.end;

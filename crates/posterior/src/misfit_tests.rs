@@ -74,9 +74,9 @@ fn misfit(record: &Record, position_m: &[f64], left_m: &[Option<f64>], is_known:
     Misfit::of(&remainder, noise_m, is_known).expect("positions")
 }
 
-/// Pure noise gives a false alarm in one or two records of a thousand for each test; the size has two tests and the return one. Of 250 records of a kind 0.9 are expected,
-/// and 1.3 for slow noise of ten seconds, which few independent numbers represent. 10 or more have a probability below 1e-5 (Poisson). The yardstick of unknown noise is 1
-/// µm, as short lags estimate it for slow noise.
+/// Each test gives a false alarm in one or two of a thousand records of pure noise. Two tests check the misfit's size, and one its recurrence. In 250 records of one kind
+/// of noise, 0.9 alarms are expected. Slow noise of ten seconds has few independent numbers, and 1.3 alarms are expected. 10 or more alarms have a probability below 1e-5
+/// (Poisson). The reference noise of unknown noise is 1 µm, as short lags estimate it for slow noise.
 #[test]
 fn noise_of_every_kind_is_noise() {
     let (record, position_m) = record();
@@ -107,8 +107,8 @@ fn noise_of_every_kind_is_noise() {
     }
 }
 
-/// A misfit of 6 µm that recurs, with 4 µm of noise, is found in all of 100 records, for given and unknown noise. The total residual is 7.2 µm. A drift of 5 µm over the
-/// record, which slow noise could be, is not found. A misfit of five times the noise is found, whatever its shape.
+/// A recurring misfit of 6 µm is found in all of 100 records with 4 µm of noise, whether that noise is known or not. The total residual is 7.2 µm. A drift of 5 µm over
+/// the record is not found, because slow noise could cause it. A misfit of five times the noise is found even if it does not recur.
 #[test]
 fn what_comes_again_is_no_noise() {
     let (record, position_m) = record();

@@ -69,7 +69,7 @@ fn effects_bring_their_own_priors() {
     }
 }
 
-/// A table of a file applies if the model has the parameter, is no mistake if it has not, and keeps the defaults of the others.
+/// A table of a prior file replaces the default prior of its parameter. It is ignored if the model has no such parameter. All other parameters keep their defaults.
 #[test]
 fn a_file_s_table_replaces_the_default() {
     let folder = tempfile::tempdir().unwrap();

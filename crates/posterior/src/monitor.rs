@@ -8,7 +8,7 @@ use sampling::ensemble::Progress;
 
 /// Receiver of a job's progress and warnings, such as the terminal.
 pub trait Monitor: Sync {
-    /// Announces the begin of a stage.
+    /// Announces the beginning of a stage.
     fn stage(&self, text: &str);
     /// Reports the progress of the sampler, a few times a second.
     fn sampling(&self, progress: &Progress);

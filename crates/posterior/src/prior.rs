@@ -326,7 +326,7 @@ fn prior_from(table: TomlTable<'_>, spec: &ParameterSpec) -> Result<Prior> {
     if lower < spec.support.lower || upper > spec.support.upper {
         return Err(table.refuse(
             "distribution",
-            format!("the prior reaches [{lower}, {upper}], but {} lies in {}", spec.name, spec.support),
+            format!("the prior reaches [{lower}, {upper}], but {} must lie in {}", spec.name, spec.support),
             if spec.support.upper.is_infinite() {
                 "use `log_normal`, `half_normal` or `log_uniform`, which stay positive, or narrow the ends"
             } else {

@@ -14,7 +14,7 @@ use super::whiteness::{N_LAGS, autocorrelation, ljung_box, runs_score};
 const FALSE_ALARM: f64 = 0.001;
 /// Number of simulated records; the smallest p that they resolve is half of [`FALSE_ALARM`].
 const N_SIMULATIONS: usize = 3_999;
-/// Largest number of residuals with simulation. Closed forms replace it for more, because the influence of a few parameters on so many is negligible.
+/// Largest number of residuals for which records are simulated. Closed forms serve for more residuals, on which a few parameters have a negligible influence.
 const MOST_SIMULATED: usize = 5_000;
 /// Smallest number of residuals beyond the number of parameters: twice the largest lag.
 const LEAST_DEGREES: usize = 2 * N_LAGS;

@@ -20,9 +20,9 @@ pub fn trust<'a>(warnings: impl IntoIterator<Item = &'a Warning>) -> Trust {
     }
     let has = |kind: WarningKind| warnings.iter().any(|warning| warning.kind == kind);
     let heldout = if has(WarningKind::NothingHeldOut) {
-        "the fitted cycles are described down to the noise; no cycle is held out, so no prediction was tested"
+        "the model describes the fitted cycles down to the noise; no cycle is held out, so no prediction was tested"
     } else {
-        "the fitted and the held-out cycles are described down to the noise"
+        "the model describes the fitted and the held-out cycles down to the noise"
     };
     Trust { level, reason: heldout.into() }
 }

@@ -38,7 +38,7 @@ const N_FALLING: usize = 5;
 struct FreeForce {
     /// Force at the row where contact begins, in N.
     force_n: f64,
-    /// Difference at that row between the straight line through the free rows and the mean of their last quarter, in N.
+    /// Error of `force_n`, in N: its difference from the mean force in the last quarter of the free rows.
     error_n: f64,
     /// Standard deviation from row to row, in N.
     sd_n: f64,
@@ -100,7 +100,7 @@ pub(super) fn trim_to_contact(file: &Path, trajectory: &mut Trajectory, indenter
         return refuse(
             start,
             &trajectory.position_column,
-            format!("only {n_compared} positions are left while the contact grows"),
+            format!("only {n_compared} positions can be compared while the contact grows"),
             "give the approach and the hold of one indentation; rows before contact and rows with falling depth are not used",
         );
     }

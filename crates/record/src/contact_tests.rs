@@ -112,5 +112,8 @@ fn what_is_no_indentation_is_refused_with_a_remedy() {
     refused(&heights, &["depth_um", "falls by", "direction = \"-\""]);
     refused(&|t| t.force_n.iter_mut().for_each(|f| *f = -*f), &["force_nN", "no force presses", "sign"]);
     refused(&|t| t.position_m.iter_mut().for_each(|x| *x = None), &["no position remains"]);
-    refused(&|t| keep(t, 0..CONTACT + 20), &["positions are left while the contact grows", "approach and the hold"]);
+    refused(
+        &|t| keep(t, 0..CONTACT + 20),
+        &["positions can be compared while the contact grows", "approach and the hold"],
+    );
 }

@@ -187,8 +187,8 @@ fn random_record(rng: &mut rand_chacha::ChaCha8Rng, pattern: &[(f64, f64)], n_cy
     record
 }
 
-/// Tests 2,000 random protocols of two to eight cycles with one or two levels, returning to zero or reversed, some cut short. Levels differ and steps rise by
-/// more than 20 % of the range. The true cycles are therefore unique and every row must match.
+/// Tests 2,000 random protocols of two to eight cycles. Each has one or two levels, returns to zero or reverses the force after each, and may be cut short.
+/// Differences between levels and rising steps exceed 20 % of the range. The true cycles are therefore unique, and every row must match.
 #[test]
 fn random_protocols_are_found_row_for_row() {
     use rand::{RngExt, SeedableRng};

@@ -115,7 +115,7 @@ impl Indenter {
                 let remedy = format!("give {}, or correct `exponent`", tip.size_keys().join(" or "));
                 return Err(table.refuse(
                     key,
-                    format!("exponent {exponent} means a {}, which has no such size", tip.name()),
+                    format!("exponent {exponent} belongs to a {}, which does not have this size", tip.name()),
                     remedy,
                 ));
             }

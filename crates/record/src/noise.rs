@@ -48,11 +48,13 @@ const EARLY_FRACTION: f64 = 0.5;
 pub const RECOVERY_FRACTION: f64 = 0.75;
 /// Neighbours farther apart than this multiple of the median interval are separated by a gap.
 const GAP_INTERVALS: f64 = 2.5;
-/// Number of intervals of a deviation from a line, and the largest number tried.
+/// Number of neighbours that define the line from which a position deviates.
 const LINE: usize = 2;
+/// Largest number of neighbours that define a polynomial from which a position deviates.
 const MOST_ORDER: usize = 5;
-/// Smallest fraction of neighbouring deviations with opposite signs, and smallest deviation relative to the positions' range, for deviations to count as noise.
+/// Deviations count as noise only if more than this fraction of neighbouring ones have opposite signs.
 const TURNS: f64 = 0.5;
+/// Deviations count as noise only if their standard deviation exceeds this fraction of the positions' range.
 const NOISELESS: f64 = 1e-7;
 /// Largest ratio of the longest to the shortest interval within one window of rows.
 const UNEVEN: f64 = 4.0;

@@ -137,7 +137,7 @@ impl LeftOut {
             if taken == 0 {
                 return Err(Error::input(
                     self.place.clone(),
-                    format!("there is no further position between {from_s} and {to_s} s to leave out"),
+                    format!("no position between {from_s} and {to_s} s remains to be left out"),
                     "give times of the record in seconds, as the figures show them",
                 ));
             }

@@ -96,8 +96,8 @@ impl Record {
         self.force().step_rows()
     }
 
-    /// Returns the record with an additional row, without position, where a linearly varying force crosses zero. `lines` are the lines of the rows before; the
-    /// lines of all rows are returned.
+    /// Adds a row without position wherever a linearly varying force crosses zero. `lines` holds the line of each existing row. Returns the record and the line
+    /// of each of its rows; an added row has the line of the row before it.
     pub(super) fn with_force_rows(self, lines: Vec<usize>) -> (Self, Vec<usize>) {
         let crossing_s = |row: usize| {
             let (from_n, to_n) = (self.force_n[row], *self.force_n.get(row + 1)?);

@@ -133,7 +133,7 @@ fn spread_ties(time_s: &mut [f64]) -> usize {
     n_ties
 }
 
-/// Error for a time that does not ascend, with the cause that the rows suggest and its remedy.
+/// Error for a time that is not later than the one before. It tells the cause that the rows suggest, and the remedy.
 fn refused(place: InputPlace, row: usize, time_s: &[f64], position_m: &[Option<f64>]) -> Error {
     let (time, before) = (time_s[row], time_s[row - 1]);
     let n_ties = time_s.windows(2).filter(|pair| pair[1] == pair[0]).count();

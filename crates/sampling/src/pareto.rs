@@ -61,7 +61,7 @@ mod tests {
         assert_eq!(pareto_k(&[1.0, 2.0, 3.0]), f64::INFINITY);
     }
 
-    /// Ranges of 0.9e-4 and 1.1e-4 in ln w lie on either side of the limit.
+    /// The values of ln w span a little less and a little more than [`EQUAL_LN_WEIGHTS`].
     #[test]
     fn weights_equal_up_to_rounding_have_no_tail() {
         let within = |range: f64| -> Vec<f64> { (0..100).map(|i| -700.0 + range * f64::from(i) / 99.0).collect() };

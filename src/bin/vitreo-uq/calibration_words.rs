@@ -15,7 +15,7 @@ pub fn format_calibration(found: &Calibration) -> String {
     ];
     lines.extend(found.quantities.iter().map(row));
     lines.push("  (location: negative if the posteriors are too high; spread: positive if they are too narrow; both in standard errors.".into());
-    lines.push("  z: mean ± sd of the true values, in posterior standard deviations. Intervals: share of true values inside, with its 95 % interval)".into());
+    lines.push("  z: mean ± sd of true value minus posterior mean, in posterior standard deviations. Intervals: share that contain the true value, with its 95 % interval)".into());
     lines.join("\n") + "\n\n"
 }
 

@@ -72,7 +72,7 @@ struct NewArguments {
     /// Protocol: paper (±F, 5 s each) or levels (three force levels and rests)
     #[arg(long, value_name = "NAME", default_value = "paper")]
     protocol: String,
-    /// Noise: white, ou, gain, outliers, ou-alone, ou-outliers, lost
+    /// Noise: white; white with slow noise (ou), random gains (gain), outliers, or lost rows (lost); slow noise alone (ou-alone) or with outliers (ou-outliers)
     #[arg(long, value_name = "KIND", default_value = "white")]
     noise_kind: String,
     /// State the noise in the experiment; with `no` it must be estimated
@@ -132,7 +132,7 @@ pub struct PlaysArguments {
     /// Signals in noise standard deviations, separated by commas
     #[arg(long, value_name = "SIGMA", value_delimiter = ',', default_values_t = [5.0, 10.0, 20.0, 40.0])]
     signal: Vec<f64>,
-    /// Play one sort only [default: a mixture of all]
+    /// Play only challenges with this sort of hidden disturbance [default: a mixture of all sorts]
     #[arg(long, value_name = "SORT", value_enum)]
     only: Option<OnlySort>,
     /// Hide these effects only, separated by commas
@@ -141,7 +141,7 @@ pub struct PlaysArguments {
     /// Protocols, separated by commas: paper, levels [default: both]
     #[arg(long, value_name = "NAME", value_delimiter = ',')]
     protocol: Vec<String>,
-    /// Noises, separated by commas: white, ou, gain, outliers, ou-alone, ou-outliers, lost [default: the first four]
+    /// Noises, separated by commas; `challenge new --help` explains their names: white, ou, gain, outliers, ou-alone, ou-outliers, lost [default: the first four]
     #[arg(long, value_name = "KIND", value_delimiter = ',')]
     noise_kind: Vec<String>,
     /// State the noise in the experiments; with `no` it must be estimated

@@ -153,10 +153,10 @@ fn verdict_rows(tally: &Tally) -> Vec<(&str, usize, String)> {
 fn rates(tally: &Tally) -> Vec<(&'static str, String)> {
     let percent = |value: f64| format!("{:.1} %", 100.0 * value);
     let rates = [
-        ("one hidden effect: in the reported class", tally.class_coverage),
+        ("one hidden effect: claimed, or equivalent to the claim", tally.class_coverage),
         ("one hidden effect: first, apart from equivalent effects", tally.first_place_separated),
         ("one hidden effect: true size in the 90 % interval", tally.interval_coverage_90),
-        ("two hidden effects: both in the reported class", tally.pair_coverage),
+        ("two hidden effects: both claimed, or equivalent to a claim", tally.pair_coverage),
         ("right claims: held-out error within 1.1 of the true noise", tally.heldout_at_true_noise),
         ("right claims: held-out error within 1.1 of the predicted noise", tally.heldout_at_predictive_noise),
         ("nothing hidden: an effect claimed", tally.false_claims),
@@ -166,8 +166,8 @@ fn rates(tally: &Tally) -> Vec<(&'static str, String)> {
     ];
     let mut rates: Vec<_> = rates.into_iter().filter_map(|(what, rate)| Some((what, percent(rate?)))).collect();
     if let (Some(size), Some(ideal)) = (tally.mean_class_size, tally.ideal_class_size) {
-        rates.push(("mean size of the reported class", format!("{size:.2}")));
-        rates.push(("  smallest size that this experiment allows", format!("{ideal:.2}")));
+        rates.push(("mean number of claimed effects, equivalent ones included", format!("{size:.2}")));
+        rates.push(("  smallest number that this experiment allows", format!("{ideal:.2}")));
     }
     rates
 }

@@ -264,7 +264,7 @@ fn table(summary: &GroupsSummary) -> Vec<String> {
         .collect();
     if !between_ends.is_empty() {
         rows.push(format!(
-            "  For {}, which is bounded on both sides, ×/÷ applies to the odds.",
+            "  For {}, which is bounded on both sides, ×/÷ applies to the ratio of the distances to the lower and upper bound.",
             between_ends.join(", ")
         ));
     }

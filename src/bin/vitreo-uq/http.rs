@@ -30,12 +30,12 @@ use vitreo_uq::base::error::{Error, InputPlace, Result};
 const MOST_CONNECTIONS: usize = 512;
 const MOST_OF_PEER: usize = 256;
 const MOST_STREAMS: usize = 64;
-/// Time for the head of the first request, and of each further request.
+/// Time limits for the head of a connection's first request, and for the head of each further request.
 const HEAD: Duration = Duration::from_secs(10);
 const NEXT_HEAD: Duration = Duration::from_secs(30);
-/// Time for the body of a request.
+/// Time limit for the body of a request.
 const BODY: Duration = Duration::from_secs(30);
-/// Time for the peer to take the next bytes of a response.
+/// Time limit for the peer to take the next bytes of a response.
 const ANSWER: Duration = Duration::from_secs(30);
 /// Maximum size of a request's head, in bytes.
 const MOST_HEAD_BYTES: usize = 1 << 15;
@@ -152,7 +152,7 @@ impl Connection {
         }
     }
 
-    /// Waits until the peer's time is over or its place is given to another.
+    /// Waits until the peer exceeds its time limit, or the server closes the connection to make room for another.
     async fn wait_until_expired(&self) {
         let is_late = async {
             loop {

@@ -85,9 +85,9 @@ pub fn owns_group(process: u32) {
 /// How to end a process group.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Urgency {
-    /// Ask: it has a second to finish its files.
+    /// Ask the processes to end, so that they can finish their files.
     Ask,
-    /// Kill immediately.
+    /// Kill the processes immediately.
     Kill,
 }
 

@@ -71,7 +71,7 @@ fn label(rung: &LadderRow) -> String {
     }
 }
 
-/// Error of each revision as a bar, with the noise below.
+/// Bars of the errors of all revisions; the last bar is the noise.
 fn bars(summary: &LadderSummary) -> Vec<String> {
     let error_um = |rung: &LadderRow| rung.rmse_heldout_um.unwrap_or(rung.rmse_fitted_um);
     let noise = summary.noise_um.map(|noise| (String::new(), format!("noise, {}", summary.noise_origin), noise));

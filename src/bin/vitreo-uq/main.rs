@@ -175,7 +175,7 @@ fn check_task_command(file: &Path, line: &CommandLine) -> vitreo_uq::Result<()> 
         Program::command().try_get_matches_from(words()).ok().and_then(|found| find_output_outside_task(&found));
     match Program::try_parse_from(words()).map(|program| program.command) {
         Ok(Command::Tasks(_) | Command::Gather(_)) => {
-            refuse("a list cannot contain lists".into(), "write the commands themselves")
+            refuse("a list cannot contain lists".into(), "replace this line by the commands of the other list")
         }
         Ok(Command::Serve(_) | Command::Workbench(_)) => {
             refuse("this command does not end by itself".into(), "remove the line")

@@ -161,7 +161,7 @@ pub struct CompareArguments {
     pub model: ModelOptions,
     #[command(flatten)]
     pub page: PageArguments,
-    /// Number of simulated records that correct p for all tests together [default: 199; fewer above 15,000 fitted rows, but at least 59]
+    /// Number of simulated records by which p is corrected for the number of tests [default: 199; fewer above 15,000 fitted rows, but at least 59]
     #[arg(long, value_name = "N", allow_negative_numbers = true)]
     pub simulations: Option<usize>,
 }
@@ -216,7 +216,7 @@ pub struct LearnArguments {
     /// Learn from the first N cycles and score all later ones [default: score the last held-out cycle and learn from all others]
     #[arg(long, value_name = "N")]
     pub first_cycles: Option<u32>,
-    /// Allow only functions of a state that rise or fall throughout, as for damage or hardening
+    /// Allow only monotone functions of a state, such as those of damage or hardening
     #[arg(long)]
     pub monotone: bool,
 }

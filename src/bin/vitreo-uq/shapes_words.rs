@@ -254,7 +254,7 @@ fn elastic(summary: &ShapesSummary) -> Vec<String> {
 
 fn predictors(summary: &ShapesSummary) -> Vec<String> {
     let mut lines = vec![
-        "Predictors of the resistance at equal volume, as the sphere's times a ratio of lengths (rms error, largest error):"
+        "Errors of simple predictions of the resistance at equal volume, from a length or a spheroid (root mean square, largest):"
             .into(),
     ];
     lines.extend(summary.predictors.iter().map(|predictor| {

@@ -367,7 +367,7 @@ fn part(arguments: &RunTasks, list: &List) -> Result<Range<usize>> {
 
 fn this_program() -> Result<PathBuf> {
     std::env::current_exe()
-        .map_err(|source| Error::at_path("find", "the program itself", source, "start it by its absolute path"))
+        .map_err(|source| Error::at_path("find", "the program itself", source, "run the program by its absolute path"))
 }
 
 fn summary(outcome: &local::LocalOutcome, n_before: usize, dir: &Path) -> String {

@@ -34,7 +34,7 @@ impl Folder {
     }
 }
 
-/// Directories as handles. They prevent anyone from inserting a link between two accesses to a name.
+/// Directories that are held open. Nobody can divert a later access to another directory by replacing a part of the path with a link.
 #[cfg(any(target_os = "linux", target_vendor = "apple"))]
 mod system {
     use super::*;
@@ -124,7 +124,7 @@ mod system {
             Ok(renameat_with(&self.0, name, &with.0, other, RenameFlags::EXCHANGE)?)
         }
 
-        /// Makes its names durable.
+        /// Waits until the disk holds the names of the entries, so that they survive a power failure.
         pub fn sync(&self) -> Result<()> {
             Ok(fsync(&self.0)?)
         }
@@ -140,7 +140,7 @@ mod system {
     }
 }
 
-/// Directories as paths, each checked before use, for systems without known directory handles.
+/// Directories as paths, each checked before use, for systems on which the program cannot hold directories open.
 #[cfg(not(any(target_os = "linux", target_vendor = "apple")))]
 mod system {
     use super::*;
@@ -224,7 +224,7 @@ mod system {
             Err(ErrorKind::Unsupported.into())
         }
 
-        /// Does nothing, because only Unix can make names durable.
+        /// Does nothing, because only Unix can write a directory's names to the disk on request.
         pub fn sync(&self) -> Result<()> {
             Ok(())
         }

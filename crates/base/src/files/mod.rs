@@ -155,7 +155,7 @@ pub fn folder_of(path: &Path) -> &Path {
     }
 }
 
-/// Makes names in a directory durable, which only Unix supports.
+/// Waits until the disk holds the names in a directory, so that they survive a power failure. Only Unix supports this.
 pub fn sync_directory(path: &Path) -> Result<()> {
     let folder = enclosed::folder(path).map_err(|refusal| refusal.error("write", path, REMEDY))?;
     folder.sync().map_err(file_error("write", path))

@@ -1,7 +1,7 @@
 //! Tracks the files that this program is writing, so it can end at any moment and leave nothing half-written.
 //!
 //! It keeps the hidden paths of files and directories that are being written; the end of the program removes them. Steps that belong together
-//! hold a gate open, so the end of the program comes before or after them.
+//! hold a gate open. The end of the program has to close this gate, so it comes before or after them.
 
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
@@ -10,7 +10,7 @@ use std::time::{Duration, Instant};
 
 static HIDDEN_PATHS: Mutex<BTreeSet<PathBuf>> = Mutex::new(BTreeSet::new());
 static GATE: RwLock<()> = RwLock::new(());
-/// Time between two checks of the gate.
+/// Time between two attempts of [`stop_writing`] to close the gate.
 const LOOK: Duration = Duration::from_millis(2);
 /// Number of attempts to remove a directory into which a thread may still write.
 const MOST_TRIES: usize = 5;
@@ -20,7 +20,7 @@ const MOST_TRIES: usize = 5;
 pub(crate) struct HiddenPath(PathBuf);
 
 impl HiddenPath {
-    /// Creates something at a hidden path. No stop can come between its creation and its registration.
+    /// Creates a file or directory at a hidden path and registers the path. [`stop_writing`] cannot come between these two steps.
     pub fn begin<T>(
         create: impl FnOnce() -> std::io::Result<T>,
         path_of: impl FnOnce(&T) -> PathBuf,

@@ -87,7 +87,7 @@ fn rank_nats(scan: &EffectScan, cohort: &[&ScoreSet]) -> f64 {
 /// Probability that a record has the rival, with its possible grid points and sizes.
 struct RivalSimulator {
     has: f64,
-    /// Index of the reading, its amplitude in units of its size, and the probability of both.
+    /// Index of the signature score, its amplitude in units of its size, and the probability of both.
     ways: Vec<(usize, f64, f64)>,
 }
 

@@ -1,4 +1,4 @@
-//! Tests of the diagnosis of cohorts, on readings drawn from normal distributions without gels and records.
+//! Tests of the diagnosis of cohorts, on signature scores drawn from normal distributions without gels and records.
 
 use nalgebra::DMatrix;
 use rayon::prelude::*;
@@ -21,7 +21,7 @@ const N_READINGS: usize = 6;
 /// Inverse standard deviation of an amplitude.
 const NORM: f64 = 2.0;
 
-/// Cosines between the readings: grid points of one effect are similar, and the twin's cosine with the first effect is given.
+/// Cosines between the signatures: grid points of one effect are similar, and the twin's cosine with the first effect is given.
 fn cosines(twin: f64) -> DMatrix<f64> {
     DMatrix::from_fn(N_READINGS, N_READINGS, |i, j| match (i.min(j), i.max(j)) {
         (a, b) if a == b => 1.0,
@@ -31,7 +31,7 @@ fn cosines(twin: f64) -> DMatrix<f64> {
     })
 }
 
-/// Readings with these shifts of the first and the third effect.
+/// Signature scores with these shifts of the first and the third effect.
 fn readings(
     root: &DMatrix<f64>,
     cosines: &DMatrix<f64>,

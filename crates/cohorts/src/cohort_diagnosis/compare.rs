@@ -21,7 +21,7 @@ pub type Quantiles = [f64; 3];
 pub struct GroupSizes {
     /// Median size of the specimens with the effect.
     pub median: Quantiles,
-    /// Standard deviation of ln size between them.
+    /// Standard deviation of ln size between the specimens with the effect.
     pub log_sd: Quantiles,
     /// Share of specimens with the effect.
     pub share: Quantiles,
@@ -36,9 +36,9 @@ pub struct GroupSizes {
 /// Ratio of two groups' mean sizes.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Ratio {
-    /// Ratio of the first group to the second.
+    /// Mean size in the first group over that in the second.
     pub ratio: Quantiles,
-    /// Probabilities that the first is greater, greater by more than the margin, and smaller by more than the margin.
+    /// Probabilities that the first mean is greater, greater by more than the margin, and smaller by more than the margin.
     pub probabilities: [f64; 3],
 }
 

@@ -31,7 +31,7 @@ use posterior::monitor::{Counter, Monitor};
 pub struct CohortRequest {
     /// Keys that define the groups; empty for no groups.
     pub keys: Vec<Key>,
-    /// Margin of practical equivalence: ratios within a factor of 1 + margin of 1 count as no difference.
+    /// Margin of practical equivalence: ratios from 1/(1 + margin) to 1 + margin count as no difference.
     pub margin: f64,
     /// Number of simulated records for each record.
     pub n_simulations: usize,

@@ -13,7 +13,8 @@ const NARROW: f64 = 0.05;
 /// Distance in standard deviations beyond which the normal's tail is treated as exponential.
 const FAR: f64 = 8.0;
 
-/// ln L(size)/L(0) = height − ½(n a − z)². The amplitude is a = ±(size/unit)^power, with the sign of the side. Sizes count from the effect's null.
+/// Log likelihood ratio of a size, ln L(size)/L(0) = `height` − ½(`norm`·a − `z`)². A size is the distance from the effect's null. The amplitude
+/// a = ±(size/`unit`)^`power` is positive above the null and negative below it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SizeLikelihood {
     /// Log likelihood ratio at the likeliest amplitude; ½z² to first order.
@@ -40,7 +41,7 @@ pub enum Side {
 }
 
 impl SizeLikelihood {
-    /// First-order likelihood from a reading.
+    /// First-order likelihood from a signature score.
     pub fn of(asked: &EffectProbe, reading: SignatureScore) -> Self {
         let SignatureScore { z, norm } = reading;
         Self { height: 0.5 * z * z, z, norm, unit: asked.unit, power: asked.power, reach: asked.reach }

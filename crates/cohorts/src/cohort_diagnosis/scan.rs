@@ -40,12 +40,12 @@ impl<'a> EffectScan<'a> {
         &self.records[record].effects[self.effect]
     }
 
-    /// Likelihood of the effect's size at a point of its grid, from readings of a record.
+    /// Likelihood of the effect's size at a point of its grid, from the signature scores of a record.
     pub fn likelihood(&self, record: usize, readings: &[SignatureScore], point: usize) -> SizeLikelihood {
         likelihood(self.request(record), readings, point)
     }
 
-    /// Likelihood ratio of every size, from readings of a record.
+    /// Likelihood ratio of every size, from the signature scores of a record.
     pub fn nodes(&self, record: usize, readings: &[SignatureScore], shape: ShapeIndex) -> Nodes {
         let of = |point: usize| self.laws.nodes(&self.likelihood(record, readings, point));
         match shape {

@@ -176,7 +176,8 @@ impl ExperimentMember<'_> {
     }
 }
 
-/// Proposals for an exact likelihood. Archive differences serve where the experiment determines the parameters, population draws where the population does.
+/// Proposals for an exact likelihood, of two kinds. Differences between archived draws suit parameters that the experiment determines. Draws from the population suit
+/// parameters that only the population determines.
 struct ExactSteps<'a> {
     density: &'a dyn ExperimentDensity,
     mean: &'a [f64],

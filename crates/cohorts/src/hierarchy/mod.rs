@@ -66,7 +66,7 @@ pub struct HierarchyOptions {
     pub level_scale: f64,
     /// Scales of the half-t priors, in the coordinate: spread between groups beyond their levels, between specimens, and between repeats.
     pub scales: [f64; 3],
-    /// Degrees of freedom of Student-t specimens; `None` for normal ones.
+    /// Degrees of freedom of the Student-t distribution between specimens; `None` if that distribution is normal.
     pub student_dof: Option<f64>,
     /// Number of chains.
     pub n_chains: usize,
@@ -74,28 +74,28 @@ pub struct HierarchyOptions {
     pub n_sweeps: [usize; 2],
     /// Largest number of sweeps after the dropped ones. The number of sweeps doubles until the draws have converged.
     pub max_sweeps: usize,
-    /// Interval between kept sweeps at first. It doubles each time the number of sweeps doubles.
+    /// First interval between kept sweeps. The interval doubles each time the number of sweeps doubles.
     pub keep_every: usize,
     /// Seed.
     pub seed: u64,
 }
 
-/// One state of the population.
+/// One state of the population, for p parameters.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PopulationDraw {
-    /// Mean coordinates of every group, p values per group.
+    /// Mean coordinates of every group, p numbers per group.
     pub group_mean: Vec<f64>,
-    /// Covariance of specimens in every stratum, p² values each.
+    /// Covariance matrix between specimens in every stratum, p² numbers each.
     pub between_specimens: Vec<f64>,
-    /// Covariance of repeats, p² values; empty without repeats.
+    /// Covariance matrix between repeats, p² numbers; empty without repeats.
     pub within_specimens: Vec<f64>,
-    /// Standard deviations between the levels of each key and, last, between groups beyond their levels; p values each.
+    /// Standard deviations between the levels of each key and, last, between groups beyond their levels; p numbers each.
     pub between_groups_sd: Vec<f64>,
-    /// Mean coordinates of every specimen, p values per specimen, in the group of its first experiment.
+    /// Mean coordinates of every specimen, p numbers per specimen. If a specimen has several groups, they apply in the group of its first experiment.
     pub specimen_mean: Vec<f64>,
     /// Weights λ of the specimens.
     pub specimen_weight: Vec<f64>,
-    /// Overall mean m and the levels' shares a, in the order of [`ShareLayout`]; p values each.
+    /// Overall mean m and the levels' shares a, in the order of [`ShareLayout`]; p numbers each.
     pub shares: Vec<f64>,
 }
 

@@ -27,7 +27,7 @@ pub struct RankedFinding {
 
 /// Results of a record, and the panels' columns.
 pub struct RecordResults<'a> {
-    /// The model about its fit.
+    /// The model, linearised around its fit.
     pub linear: &'a Linear,
     /// Likelihood of the record.
     pub likelihood: &'a NoiseLikelihood,
@@ -41,7 +41,8 @@ pub struct RecordResults<'a> {
     pub looks: &'a TestStatistics,
 }
 
-/// Orders findings: sources by the ratio of their gain to its mean in noise, then explained findings.
+/// Orders findings: first those that no other finding explains, then the explained findings. Each group is ordered by the ratio of the gain to its mean in noise.
+/// In each group, a strong primary test comes first, and tests of whiteness come last.
 ///
 /// # Errors
 /// Errors of [`Linear::fit_base`].

@@ -1,4 +1,4 @@
-//! Fits of columns about a fit of a model, with the noise estimated anew for each.
+//! Fits of columns around a fit of a model, with the noise estimated anew for each.
 //!
 //! Near its fit a model is linear, f̂ + A δ, and columns C add to it: f̂ + A δ + C a. Noise estimated from residuals that contain the bias
 //! described by C would absorb that bias. So δ, a and the noise are fitted together, and the gain of C is a likelihood ratio.
@@ -15,7 +15,7 @@ use base::error::{Error, Result};
 use posterior::noise::{NoiseLikelihood, ProductRequest};
 use sampling::ensemble::RandomStream;
 
-/// A model linearised about its fit.
+/// A model linearised around its fit.
 pub struct Linear {
     noise_prior: NoisePrior,
     /// f̂ (m), one value per row of the record.
@@ -48,7 +48,7 @@ struct Mean {
 }
 
 impl Linear {
-    /// Linearises a candidate about its fit.
+    /// Linearises a candidate around its fit.
     ///
     /// # Errors
     /// [`Error::Numerical`] if the model has no derivatives.
@@ -97,8 +97,8 @@ impl Linear {
         self.best(likelihood, residual_m, looks, &[base.log_noise, self.noise_prior.white()])
     }
 
-    /// Fits each test from the better of the starts: mean, noise, and the mean again. The calibration repeats exactly this, so that it need not
-    /// converge.
+    /// Fits each test from the better of the starts: first the mean, then the noise, then the mean again. The fit need not converge, because the calibration
+    /// takes exactly the same steps.
     fn best(
         &self,
         likelihood: &NoiseLikelihood,
@@ -156,7 +156,7 @@ impl Linear {
         noises
     }
 
-    /// Position to which the noise is fitted: f̂ plus a correction.
+    /// Predicted positions (m), beside which the noise is fitted: f̂ plus a correction.
     fn moved_m(&self, correction_m: &[f64]) -> Vec<f64> {
         self.position_m.iter().zip(correction_m).map(|(f, correction)| f + correction).collect()
     }
@@ -181,7 +181,7 @@ impl Linear {
         log_noise: &LogNoise,
     ) -> Result<Mean> {
         let mut means = self.means(likelihood, residual_m, &[columns], log_noise)?;
-        means.pop().ok_or_else(|| no_solution("no columns"))
+        means.pop().ok_or_else(|| no_solution("the test has no columns"))
     }
 
     /// Best mean of each test under one noise, by generalised least squares.
@@ -205,7 +205,7 @@ impl Linear {
         let asked = ProductRequest { columns: &columns, n_common, own: &ranges, with_cycles };
         let products = likelihood
             .white_products(&asked, &self.position_m, &noise)
-            .ok_or_else(|| no_solution("noise outside its support"))?;
+            .ok_or_else(|| no_solution("a noise parameter is outside its support"))?;
         let of_noise = products.ln_constant + self.noise_prior.ln_density(log_noise);
         let mut cycles = products.cycles;
         let mut means = Vec::with_capacity(looks.len());
@@ -220,7 +220,7 @@ impl Linear {
                 has_column: look.by_cycle.as_ref().map_or(Vec::new(), |by_cycle| by_cycle.has_column.clone()),
                 priors: self.priors.clone(),
             };
-            let solved = normal.solve().ok_or_else(|| no_solution("columns that are not finite"))?;
+            let solved = normal.solve().ok_or_else(|| no_solution("the columns contain values that are not finite"))?;
             let pulls = self.priors.iter().zip(solved.amplitudes.iter());
             let of_prior: f64 = pulls.map(|((inverse_sd, pull), step)| -0.5 * (pull - step * inverse_sd).powi(2)).sum();
             let objective = of_noise + of_prior - 0.5 * solved.left;
@@ -326,7 +326,7 @@ fn fit_of(mean: &Mean, correction_m: Vec<f64>) -> LinearFit {
 
 fn no_solution(why: &str) -> Error {
     Error::numerical(
-        format!("the misfit cannot be tested about this fit: {why}"),
+        format!("the misfit cannot be tested around this fit: {why}"),
         "fix one of the model's parameters, or check the record for values that are far off",
     )
 }

@@ -1,19 +1,19 @@
-//! Normal equations of columns, with one column for each cycle among them, at a cost linear in the cycles.
+//! Normal equations of columns. Cycles may have a column each; the cost is linear in the number of cycles.
 //!
-//! Whitened columns of cycles overlap only through the process, which links each cycle to the next by one number s. So the amplitudes a of cycles are
-//! eliminated from the last to the first. Given s, the optimum over a cycle and all later ones is ½ K s² − s G, with one G per column. On the
-//! way back the amplitudes, and their variances, follow from s.
+//! Whitened columns of different cycles overlap only through the noise process, of which one number s passes from each cycle to the next. So the cycles' amplitudes a are
+//! eliminated from the last to the first. For a given s at a cycle's start, the optimum over this cycle and all later ones is ½ K s² − s G. K is a number, and G has an
+//! entry for each column and one for the residuals. Then the amplitudes and their variances follow from s, from the first cycle to the last.
 
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 
 use posterior::noise::CycleProducts;
 
-/// Ridge of the normal equations of columns of unit length: directions already in the model or in other columns get no amplitude.
+/// Ridge of the normal equations, relative to the squared lengths of the columns. It gives no amplitude to directions that the model or other columns contain.
 const RIDGE: f64 = 1e-7;
 
-/// Inner products under one noise; those of the residuals are last.
+/// Inner products of columns and residuals, whitened by one set of noise parameters.
 pub(super) struct Normal {
-    /// Inner products of columns and residuals.
+    /// Inner products of the columns and, last, of the residuals.
     pub products: DMatrix<f64>,
     /// Inner products of cycles' columns; empty if there are none.
     pub cycles: Vec<CycleProducts>,
@@ -33,7 +33,7 @@ pub(super) struct NormalSolution {
     pub left: f64,
     covariance: DMatrix<f64>,
     steps: Vec<Option<Elimination>>,
-    /// State of the process at the end of each cycle per unit of its column, and per unit of the incoming process.
+    /// Value of the noise process at the end of each cycle: per unit of the cycle's amplitude, and per unit of the process at the cycle's start.
     links: Vec<[f64; 2]>,
 }
 
@@ -45,11 +45,12 @@ pub(super) struct CycleAmplitude {
     own_variance: f64,
 }
 
-/// A cycle's amplitude a = (b − c s)/h, given the columns' amplitudes and the incoming process s.
+/// Elimination of a cycle's amplitude a = (b·x − c s)/h. Here x are the columns' amplitudes with the opposite sign, followed by 1 for the residuals, and s is the value of the
+/// noise process at the cycle's start.
 struct Elimination {
     h: f64,
     c: f64,
-    /// b of each column and, last, of the residuals.
+    /// An entry for each column and, last, one for the residuals.
     b: DVector<f64>,
 }
 
@@ -90,7 +91,7 @@ impl Normal {
     fn eliminate(&self) -> Vec<Option<Elimination>> {
         let n = self.products.nrows();
         let (mut k, mut g) = (0.0, DVector::zeros(n));
-        // Squared norm, over later cycles, of a unit of process; a column's length includes it.
+        // Squared norm over later cycles of a noise process that enters them with the value 1. The length of a cycle's column includes it.
         let mut seen_later = 0.0;
         let mut steps = Vec::with_capacity(self.cycles.len());
         for (cycle, has_column) in self.cycles.iter().zip(&self.has_column).rev() {
@@ -169,7 +170,7 @@ impl NormalSolution {
         self.steps.iter().zip(&self.links).map(of_cycle).collect()
     }
 
-    /// Weighted sum as in [`StageSolution::weighted`], with the amplitude of cycle `number` added.
+    /// Weighted sum as in [`Self::weighted`], with the amplitude of cycle `number` added.
     pub fn weighted_in_cycle(&self, weights: &DVector<f64>, number: usize, in_cycle: &CycleAmplitude) -> (f64, f64) {
         let net = weights - &in_cycle.following;
         let variance = net.dot(&(&self.covariance * &net)) + in_cycle.own_variance;

@@ -119,7 +119,7 @@ impl<'a> TestRows<'a> {
         (0..self.n()).filter(|row| self.is_fitted[*row])
     }
 
-    /// Cycles that begin a recording with fitted rows, and their columns if they have enough rows.
+    /// Returns the first fitted cycle of every recording that has fitted rows, and the recordings' columns. A recording with too few fitted rows has no column.
     pub(super) fn by_cycle(&self) -> (Vec<u32>, ByCycle) {
         let recordings = recordings(self.record);
         let (mut indexes, mut cycles, mut counts) = (Vec::<u32>::new(), Vec::<u32>::new(), Vec::<usize>::new());

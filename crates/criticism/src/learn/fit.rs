@@ -36,7 +36,8 @@ pub fn weights(candidate: &Candidate) -> Vec<usize> {
     (0..candidate.free.len()).filter(|k| candidate.free[*k].effect == last && last.is_some()).collect()
 }
 
-/// Fits a model whose effect has its parameters' own priors, from a start. Returns it with its ln evidence, up to a constant of all models; `None` if there is none.
+/// Fits a model from `start` with the own priors of its last effect's parameters.
+/// Returns the model, its fit and its ln evidence, up to a constant that all models share. Returns `None` if there is no fit or no evidence.
 pub fn fit_own_priors(
     subject: &Subject,
     candidate: &Candidate,
@@ -49,7 +50,8 @@ pub fn fit_own_priors(
     fit_with_evidence(subject, entry, start)
 }
 
-/// Fits a model whose weights have one spread, from a start. Returns it with its ln evidence, up to a constant of all models; `None` if there is none.
+/// Fits a model from `start` with a normal prior of standard deviation `spread` for every weight.
+/// Returns the model, its fit and its ln evidence, up to a constant that all models share. Returns `None` if there is no fit or no evidence.
 pub fn fit_spread(
     subject: &Subject,
     candidate: &Candidate,
@@ -69,7 +71,7 @@ fn fit_with_evidence(
     Some((candidate, fitted, ln_evidence))
 }
 
-/// The model with a normal prior of standard deviation τ about 0 for every weight.
+/// Returns the model with a normal prior of mean 0 and standard deviation `spread` for every weight.
 fn with_spread(candidate: &Candidate, spread: f64) -> Candidate {
     let mut entry = candidate.clone();
     for k in weights(candidate) {
@@ -214,7 +216,7 @@ impl Screen {
         Ok(Self { tangent, position_m: base.fitted.position_m.clone(), directions, units })
     }
 
-    /// First-order gains in ln evidence, in nats, in other positions of the same rows; −∞ if there are none.
+    /// First-order gains in ln evidence (nats) of all pairs, for other positions of the same rows; −∞ for a pair without directions.
     fn gains_nats(&self, data: &Subject) -> Vec<f64> {
         let left_m = data.fitted_m.iter().zip(&self.position_m).map(|(y, x)| y.map_or(0.0, |y| y - x)).collect();
         let residual = self.tangent.project(self.tangent.whiten(&[left_m]).swap_remove(0));

@@ -1,7 +1,7 @@
 //! A learnt function with its band, averaged over priors by their evidence.
 //!
-//! A search fits each pair with one decay of the cosines and the likeliest spread of the weights, which suffices to compare pairs. A band under one prior is too
-//! narrow, and eight cosines cannot resolve a kink. So the reported pair is refitted with twice as many cosines under several decays and spreads, and with every formula. Each
+//! A search fits each pair with one decay of the cosines (see [`Basis`]) and the likeliest spread of their weights, which suffices to compare pairs. But a band under one
+//! prior is too narrow, and eight cosines cannot resolve a kink. So the reported pair is refitted with twice as many cosines under several decays and spreads, and with every formula. Each
 //! fit is weighted by its evidence.
 
 use nalgebra::DMatrix;
@@ -32,7 +32,7 @@ enum FunctionShape {
     Formula(&'static StateEffect),
 }
 
-/// A function under one prior at its fit.
+/// The fitted function under one prior.
 struct BasisFunction {
     share: f64,
     shape: FunctionShape,
@@ -42,7 +42,7 @@ struct BasisFunction {
     moments: Option<(Vec<f64>, DMatrix<f64>)>,
 }
 
-/// A function of a state with its band.
+/// Learnt factor of a quantity as a function of a state, with its standard deviation.
 pub struct Function {
     quantity: &'static str,
     /// Functions under each prior, best first.
@@ -117,7 +117,7 @@ impl Function {
         states.iter().map(with_variance).min_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, reference)| reference)
     }
 
-    /// Logarithm of the quantity at a state and its standard deviation; `None` if the quantity is no free parameter of the law (force, observed position).
+    /// Logarithm of the quantity at a state and its standard deviation; `None` if the quantity is no free parameter of the law, such as the force or the observed position.
     pub fn ln_quantity(&self, state: f64) -> Option<[f64; 2]> {
         let is_quantity = |free: &Free| free.name == self.quantity && matches!(free.coordinate, Coordinate::Logarithm);
         let of = |member: &BasisFunction| {
@@ -141,7 +141,7 @@ impl Function {
     }
 }
 
-/// Fits a sum of functions under every spread of its weights, from the law and the noise of the search. Returns the fits with their ln evidence.
+/// Fits a sum of functions under every spread of its weights. The first fit starts from the law and the noise of the search. Returns the fits with their ln evidence.
 fn members(
     subject: &Subject,
     learnt: &PairFit,
@@ -235,7 +235,8 @@ impl BasisFunction {
     }
 }
 
-/// Moments of the coordinates if no weight is negative: of the normal about the step that absorbs the residual, truncated at 0.
+/// Mean and covariance of the coordinates if no weight may be negative. They belong to a normal distribution about the coordinates at which the linearised model absorbs
+/// the residual, without its part at weights below 0.
 fn above_zero(tangent: &Tangent, candidate: &Candidate, fitted: &Fitted) -> Option<(Vec<f64>, DMatrix<f64>)> {
     let step = tangent.absorbing_step(tangent.residual())?;
     let centre: Vec<f64> = fitted.theta.iter().zip(step).map(|(theta, step)| theta + step).collect();

@@ -10,7 +10,7 @@ use crate::{NoiseValues, Search};
 /// Number of records, and number of records whose function is averaged over priors.
 const N_RECORDS: u64 = 48;
 const N_AVERAGED: u64 = 16;
-/// Trend and first cosines of ln c₂ by the path.
+/// Weights of ln c₂ as a function of the path: of the trend, then of the cosines.
 const WEIGHTS: [f64; N_WEIGHTS] = [0.5, 0.15, -0.05, 0.0, 0.0, 0.0, 0.0, 0.0];
 
 /// Mean and standard deviation at every setting.

@@ -70,11 +70,11 @@ pub fn preview_learning(subject: &Subject, base: &Refitted, monitor: &dyn Monito
     )))
 }
 
-/// Sources of the reported errors.
+/// What the document's errors come from: the record that models are judged on, and the known errors of the base model.
 struct Errors<'a> {
     /// The record with its outliers.
     whole: &'a Subject,
-    /// Errors of the model without the pair.
+    /// Errors of the base model, which lacks the pair.
     base: ModelErrors,
 }
 

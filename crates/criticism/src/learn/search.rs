@@ -24,7 +24,8 @@ pub const FORMULA_LOSS_NATS: f64 = 3.0;
 pub const FORMULA_LOSS: f64 = 0.05;
 /// Evidence difference in nats up to which another pair may give a simpler formula that predicts as well.
 const SIMPLER_WITHIN_NATS: f64 = 40.0;
-/// Largest deficit of a preferred library effect against the function's log score of unseen cycles: nats, and a share of the function's gain. A formula has a few parameters, the function eight.
+/// Largest amount by which a preferred library effect may fall short of the function in the log score of unseen cycles. It is the sum of `LIBRARY_NATS` and the share
+/// `LIBRARY_SHARE` of the function's gain. A library effect has a few parameters, the function eight.
 const LIBRARY_NATS: f64 = 4.0;
 const LIBRARY_SHARE: f64 = 0.02;
 /// Number of positions in the search of nonlinear models. Models whose first-order bound is below this share of the function's gain are not fitted.

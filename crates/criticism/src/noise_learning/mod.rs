@@ -34,7 +34,7 @@ pub struct NoiseEstimateSd {
 pub struct CycleSpread {
     /// Spread of one position, gains and offsets of cycles included.
     pub whole: NoiseEstimateSd,
-    /// Spread of one position without a gain and an offset of each cycle.
+    /// Spread of one position after removal of each cycle's gain and offset.
     pub within: NoiseEstimateSd,
     /// Standard deviation of a cycle's gain; 0 if no change is detected.
     pub gain_sd: f64,
@@ -114,7 +114,7 @@ impl NoiseEstimates {
             || "Short-lag differences: too few positions late in holds.".into(),
             |neighbours| {
                 format!(
-                    "Short-lag differences: {} from neighbouring positions late in holds; this does not include slow noise and gain.",
+                    "Short-lag differences: {} from neighbouring positions late in holds; this does not include slow noise or changes of gain.",
                     um(neighbours)
                 )
             },
@@ -130,7 +130,7 @@ impl NoiseEstimates {
                     String::new()
                 };
                 format!(
-                    "Cycle-to-cycle differences: {} from {pairs} of successive cycles, {} without a gain and an offset of each{gain}; errors that every cycle repeats are not included.",
+                    "Cycle-to-cycle differences: {} from {pairs} of successive cycles, {} after removal of each cycle's gain and offset{gain}; errors that recur in every cycle are not included.",
                     um(cycles.whole),
                     um(cycles.within)
                 )
@@ -187,7 +187,8 @@ impl NoiseEstimates {
     }
 }
 
-/// Least score of a detected change of gain, and its least share of the scatter. One pair reaches the score by chance once in 2,000, more pairs less often.
+/// Least score at which a change of gain counts as detected, and least fraction by which it must increase the scatter. By chance, one pair of cycles reaches the score once in 2,000; more
+/// pairs reach it less often.
 const LEAST_GAIN_SCORE: f64 = 12.0;
 const LEAST_GAIN_SHARE: f64 = 0.1;
 

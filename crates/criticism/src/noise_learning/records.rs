@@ -38,7 +38,7 @@ pub(super) fn at_rest(record: &Record) -> Option<NoiseEstimateSd> {
     (n_positions >= MIN_REST_POSITIONS).then(|| spread_of(&series, n_positions - 2 * n_windows)).flatten()
 }
 
-/// Spread from second differences of neighbours late in holds.
+/// Noise from neighbouring positions: spread of their second differences late in holds.
 pub(super) fn of_neighbours(record: &Record) -> Option<NoiseEstimateSd> {
     let mut sizes: Vec<f64> = second_differences(record).iter().map(|difference| difference.abs()).collect();
     if sizes.len() < MIN_DIFFERENCES {
@@ -49,8 +49,9 @@ pub(super) fn of_neighbours(record: &Record) -> Option<NoiseEstimateSd> {
     (sd_m > 0.0).then(|| NoiseEstimateSd { sd_m, standard_error_m: sd_m * MAD_ERROR / (sizes.len() as f64).sqrt() })
 }
 
-/// Spread from differences of a fit's residuals (positions in m) at equal times in successive cycles, if the last force step was equal in both. After
-/// different steps, as after the first of all, the true motions differ.
+/// Noise from successive cycles: spread of the differences of a fit's residuals at equal times in both cycles, where `fitted_m` are the fit's positions. It uses only rows
+/// whose last force step was the same in both cycles, because the true motions differ after different steps. The record's first step, which starts without force, often
+/// differs from all later ones.
 pub(super) fn of_cycles(record: &Record, fitted_m: &[f64]) -> Option<CycleSpread> {
     let steps = record.force_step_rows();
     let same = MatchTolerance {
@@ -164,7 +165,7 @@ fn about_line(x: &[f64], y: &[f64]) -> ((f64, f64), Vec<f64>) {
     ((slope, weight), x.iter().zip(y).map(|(x, y)| y - mean_y - slope * (x - mean_x)).collect())
 }
 
-/// Standard deviation of series about 0 with so many degrees of freedom, and its error for the correlation of the series.
+/// Standard deviation of series about 0, with `degrees` degrees of freedom. Its standard error accounts for the correlation of the series.
 fn spread_of(series: &[Vec<f64>], degrees: usize) -> Option<NoiseEstimateSd> {
     let squares: f64 = series.iter().flatten().map(|value| value * value).sum();
     if degrees == 0 || squares <= 0.0 {
@@ -174,8 +175,8 @@ fn spread_of(series: &[Vec<f64>], degrees: usize) -> Option<NoiseEstimateSd> {
     Some(NoiseEstimateSd { sd_m, standard_error_m: sd_m * (slowness(series).0 / (2.0 * degrees as f64)).sqrt() })
 }
 
-/// 1 + 2 Σ ρ² and 1 + 2 Σ ρ over the lags before the correlation ρ vanishes in its own scatter: factors of the variances of a mean square
-/// and of a mean.
+/// Factors by which correlation increases the variance of a mean square (1 + 2 Σ ρ²) and of a mean (1 + 2 Σ ρ). The sums end at the first lag whose correlation ρ is within
+/// its own scatter.
 fn slowness(series: &[Vec<f64>]) -> (f64, f64) {
     let longest = series.iter().map(Vec::len).max().unwrap_or(0) / 3;
     let n: usize = series.iter().map(Vec::len).sum();

@@ -1,6 +1,6 @@
 //! Restricted maximum likelihood: the parameters of the mean are integrated out, so that the noise estimate includes the part that they absorb.
 //!
-//! The whitening is L⁻¹, the residuals are r = L⁻¹(y − f), and A = L⁻¹∂f/∂θ has additional rows for the law's priors. The integral over θ of the likelihood about a fit is,
+//! The whitening is L⁻¹, the residuals are r = L⁻¹(y − f), and A = L⁻¹∂f/∂θ has additional rows for the law's priors. The integral over θ of the likelihood around a fit is,
 //! up to a constant, ln p(y | θ̂) + ½‖A⁺ part of r‖² − ½ ln det AᵀA.
 
 use nalgebra::{DMatrix, DVector};

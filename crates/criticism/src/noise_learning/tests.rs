@@ -29,7 +29,7 @@ fn calibration(found: &[NoiseEstimateSd], truth_um: f64) -> f64 {
     (squares.sum::<f64>() / found.len() as f64).sqrt()
 }
 
-/// White noise of 4 µm, 24 records: every way finds it. The root mean square of 24 normal scores is below 1.9 except once in 10⁶.
+/// Every method finds the white noise of 4 µm in 24 records. The root mean square of 24 normal scores exceeds 1.9 once in 10⁶.
 #[test]
 fn white_noise_is_found_every_way() {
     let subject = subject(Protocol::Levels);
@@ -125,7 +125,8 @@ fn slow_noise_hides_from_neighbours() {
     assert!(by_neighbours < 5.0 && score < 2.2, "{by_neighbours} {score}");
 }
 
-/// −½(ln det Σ + ln det(AᵀΣ⁻¹A + prior) + the squared residual after the best step), dense, on rows of the first hold alone, up to a constant.
+/// On the first hold, the restricted log likelihood equals an expression in dense matrices up to a constant. The expression is
+/// −½(ln det Σ + ln det(AᵀΣ⁻¹A + prior) + the squared residual after the best step).
 #[test]
 fn the_restricted_likelihood_equals_dense_algebra() {
     let subject = subject(Protocol::Paper);

@@ -74,7 +74,7 @@ pub struct Discrepancy {
     pub p_familywise: f64,
     /// Root mean square (µm) of its mean over the fitted rows.
     pub size_um: f64,
-    /// Value of its argument, one per row of the record.
+    /// Values of the process's argument, one per row of the record.
     pub coordinate: Vec<f64>,
     /// Sign of the curve at a row: that of the force step for [`Axis::TimeSinceStep`], else 1.
     pub sign: Vec<f64>,
@@ -98,7 +98,7 @@ struct Process {
     to_amplitudes: DMatrix<f64>,
     /// Prior variances d of its coordinates in whitened data.
     variances: DVector<f64>,
-    /// Whitened directions of its coordinates, times √d.
+    /// Whitened directions of its coordinates; each has the length √d.
     directions: DMatrix<f64>,
 }
 
@@ -137,8 +137,8 @@ struct PreparedDiscrepancy {
     processes: Vec<Process>,
 }
 
-/// Fits processes of phase, time since the step, absolute time and force in the fitted rows; the likeliest comes first. The noise is estimated
-/// beside a free curve of that argument, so that it does not absorb the structure.
+/// Fits processes of phase, time since the step, absolute time and force in the fitted rows; the likeliest comes first. For each process, the noise is estimated
+/// beside a free curve of the same argument, so that the noise does not absorb the structure.
 ///
 /// # Errors
 /// Errors of [`Subject::fit`] and [`Tangent::new`].

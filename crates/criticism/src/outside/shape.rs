@@ -352,7 +352,7 @@ fn moments(setting: &SearchSetting, spacing_s: f64) -> Vec<f64> {
     (1..n).map(|k| first_s + k as f64 * spacing_s).collect()
 }
 
-/// Vibrations at half the frequency resolution, from two periods in the record to the Nyquist frequency.
+/// Vibrations with frequencies from two periods in the record to the Nyquist frequency, in steps of half the frequency resolution.
 fn vibrations(setting: &SearchSetting) -> Vec<StructureShape> {
     let (first_s, last_s) = setting.span_s();
     let length_s = (last_s - first_s).max(f64::MIN_POSITIVE);
@@ -362,7 +362,7 @@ fn vibrations(setting: &SearchSetting) -> Vec<StructureShape> {
         .collect()
 }
 
-/// Waves at half the resolution, from two periods in the range of the fitted positions to four yardsticks: noise blurs shorter ones.
+/// Waves along the position, in steps of half the wavenumber resolution. Their periods range from half the range of the fitted positions to four yardsticks; noise blurs shorter ones.
 fn position_waves(setting: &SearchSetting) -> Vec<StructureShape> {
     let range_m = range_m(setting);
     let most = 2.0 * range_m / (4.0 * setting.yardstick_m).max(f64::MIN_POSITIVE);

@@ -105,13 +105,13 @@ fn sentence(advice: &Advice, n_tried: usize) -> String {
     let instruction = &advice.change.instruction;
     if advice.separates() {
         format!(
-            "{instruction}: the distance of {a} and {b} would then be {then:.1} σ instead of {now:.1} (right in {n_right} of {n_repeats} simulated repeats)."
+            "{instruction}: the distance of {a} and {b} would then be {then:.1} σ instead of {now:.1} (the true model is recognised in {n_right} of {n_repeats} simulated repeats)."
         )
     } else {
         let mut letters = instruction.chars();
         let small: String = letters.next().into_iter().flat_map(char::to_lowercase).chain(letters).collect();
         format!(
-            "None of {n_tried} changes of the protocol would separate {a} from {b} at this size. The best is to {small}, with a distance of {then:.1} σ instead of {now:.1} (right in {n_right} of {n_repeats} simulated repeats)."
+            "None of {n_tried} changes of the protocol would separate {a} from {b} at this size. The best is to {small}, with a distance of {then:.1} σ instead of {now:.1} (the true model is recognised in {n_right} of {n_repeats} simulated repeats)."
         )
     }
 }

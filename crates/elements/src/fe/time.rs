@@ -135,9 +135,11 @@ struct TimeRun<'a> {
     fields: Vec<Vec<f64>>,
     /// w at 1 N, in m.
     field_per_n: &'a [f64],
-    /// Force at the hold's start in N, its slope in N/s, and the time since then in s.
+    /// Force at the start of the hold, in N.
     force_n: f64,
+    /// Slope of the force in the hold, in N/s.
     slope_n_per_s: f64,
+    /// Time since the start of the hold, in s.
     since_s: f64,
 }
 

@@ -48,7 +48,7 @@ impl QuarterBall {
         let is_between = radius_m > self.robot_radius_m && radius_m < self.outer_radius_m;
         if !(is_between && parts.iter().all(|part| part.n_layers > 0 && part.n_per_edge > 0)) {
             return Err(Error::numerical(
-                format!("no {n_inside} of {} layers fit inside a radius of {radius_m} m", self.n_layers),
+                format!("no mesh has {n_inside} of its {} layers inside a radius of {radius_m} m", self.n_layers),
                 "give a radius between robot and outer surface, and layers on both sides of it",
             ));
         }

@@ -71,9 +71,9 @@ impl Spheroid {
         Ok(())
     }
 
-    /// Semi-axes [A, B] of the 2·layers + 1 sheets of nodes. B is in geometric progression, like the radii of the quarter ball and for the reason given there.
-    /// A² − B², the square of the focal distance, falls linearly in B² to 0 at the outer sphere. If that sphere is distant, the sheets are
-    /// confocal near the body. If it is near, they approach it evenly.
+    /// Semi-axes [A, B] of the 2·layers + 1 sheets of nodes. B is in geometric progression, for the same reason as the radii of the quarter ball.
+    /// A² − B² is the square of the focal distance. It falls linearly in B² and is 0 at the outer sphere. If the outer sphere is distant, the sheets
+    /// are confocal near the body. If the outer sphere is near, the sheets approach its shape evenly.
     fn semi_axes_m(&self, n_layers: usize) -> Vec<[f64; 2]> {
         let (a, b, outer) = (0.5 * self.length_m, 0.5 * self.diameter_m, self.outer_radius_m);
         let last = 2 * n_layers;

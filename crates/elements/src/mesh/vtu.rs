@@ -90,7 +90,7 @@ pub fn write_pvd(path: impl AsRef<Path>, steps: &[TimeStep<'_>]) -> Result<()> {
         return Err(Error::input(
             InputPlace::file(path),
             "the time steps of the collection are not finite and increasing",
-            "write each time once, in order",
+            "give the steps finite times, each later than the one before",
         ));
     }
     let mut text = "<?xml version=\"1.0\"?>\n<VTKFile type=\"Collection\" version=\"1.0\">\n<Collection>\n".to_owned();

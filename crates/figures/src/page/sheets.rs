@@ -143,15 +143,17 @@ pub fn shapes(summary: &ShapesSummary, figures: Vec<Figure>, origin: &Origin) ->
 /// Results of many challenges as tables of text.
 #[derive(Debug)]
 pub struct PlaysPage {
-    /// Number of challenges played, and of failed diagnoses.
+    /// Number of challenges played.
     pub played: usize,
+    /// Number of challenges whose diagnosis failed.
     pub failed: usize,
     /// Hidden truths, their numbers of plays, and the verdicts on them.
     pub verdicts: Vec<Vec<String>>,
     /// Rates.
     pub rates: Vec<Vec<String>>,
-    /// Heads and rows of the results by sort, protocol, noise and signal.
+    /// Column heads of the table of results by sort, protocol, noise and signal.
     pub group_heads: Vec<&'static str>,
+    /// Rows of that table.
     pub groups: Vec<Vec<String>>,
 }
 

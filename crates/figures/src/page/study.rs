@@ -76,7 +76,7 @@ impl RevisionPage {
         self.posterior.is_sound() && self.extension.as_ref().is_none_or(ExtensionSummary::is_sound)
     }
 
-    /// Lower trust level of the posterior and the extension, limited by a diagnosis or a comparison.
+    /// Lower of the trust levels of the posterior and the extension. It is at most `effective` if the diagnosis or the comparison finds misfits.
     fn trust(&self) -> Trust {
         let of_extension = self.extension.iter().map(|extension| &extension.trust);
         let entry = of_extension.chain([&self.posterior.trust]).max_by_key(|trust| trust.level).cloned();
@@ -242,7 +242,7 @@ fn equivalent_refits(equivalent_effects: &EquivalentEffects) -> Markup {
     let rows: Vec<Vec<String>> = equivalent_effects.refits.iter().flat_map(row).collect();
     let diagnosed = equivalent_effects.diagnosis_of.as_deref().unwrap_or("an earlier revision");
     let caption = format!(
-        "{} ({}): equivalent in the diagnosis of {diagnosed}, each refitted alone",
+        "{} ({}): equivalent in the diagnosis of {diagnosed}; fitted with one of them at a time",
         equivalent_effects.effects.join(" + "),
         equivalent_effects.alternative().unwrap_or_default()
     );

@@ -31,7 +31,7 @@ pub struct SweepResult {
     pub columns: Vec<DrawColumn>,
     /// All parameters of some draws, in their natural units.
     pub values: Vec<Vec<f64>>,
-    /// Mean prediction of both numbers of every row.
+    /// Posterior mean of the two predicted numbers of every row: G′ and G″, or modulus and phase.
     pub mean: Vec<[f64; 2]>,
 }
 

@@ -17,16 +17,16 @@ const STREAM: u64 = 1 << 40;
 /// Probabilities that noise alone gives residuals at least as extreme, one per test.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ResidualPValues {
-    /// Correlation of the residuals of neighbouring frequencies.
+    /// p of the correlation between residuals of neighbouring frequencies.
     pub p_neighbours: f64,
-    /// Size of fitted residuals; `None` if the size of the errors was inferred.
+    /// p of the size of the fitted residuals; `None` if the fit estimates the size of the errors.
     pub p_size: Option<f64>,
-    /// Size of held-out residuals; `None` if nothing is held out.
+    /// p of the size of the held-out residuals; `None` if no row is held out.
     pub p_heldout: Option<f64>,
 }
 
 impl ResidualPValues {
-    /// Smallest probability times the number of tests.
+    /// Smallest p times the number of tests, at most 1.
     pub fn p(&self) -> f64 {
         let all: Vec<f64> = [Some(self.p_neighbours), self.p_size, self.p_heldout].into_iter().flatten().collect();
         (all.iter().copied().fold(1.0, f64::min) * all.len() as f64).min(1.0)
@@ -38,7 +38,7 @@ impl ResidualPValues {
     }
 }
 
-/// Test statistics: relative sum of products of neighbours, sums of squares of fitted and of held-out rows.
+/// Test statistics: the relative sum of the products of neighbouring residuals, and the sums of squared residuals of the fitted and of the held-out rows.
 fn test_statistics(problem: &SweepProblem, fit: &SweepFit) -> Option<[f64; 3]> {
     let predicted = problem.predict(&fit.values)?;
     let residuals = problem.residuals(&predicted, &fit.values);

@@ -229,7 +229,7 @@ impl SweepProblem {
         (0..n).map(|_| self.priors.to_unconstrained(&self.priors.draw(&mut rng))).collect()
     }
 
-    /// Highest maximum reached from starts in the prior and in `also`; `None` if no search succeeds.
+    /// Highest maximum of the posterior density that searches reach from prior draws and from the points in `also`; `None` if no search succeeds.
     ///
     /// # Errors
     /// Those of [`find_modes`].
@@ -237,7 +237,7 @@ impl SweepProblem {
         self.fit_from(&[self.starts(seed, N_STARTS), also.to_vec()].concat())
     }
 
-    /// Highest maximum reached from the given starts; `None` if no search succeeds.
+    /// Highest maximum of the posterior density that searches reach from the given starts; `None` if no search succeeds.
     ///
     /// # Errors
     /// Those of [`find_modes`].
@@ -245,7 +245,7 @@ impl SweepProblem {
         Ok(self.maxima(starts)?.into_iter().next())
     }
 
-    /// All maxima reached from these starts, highest first. Searches that did not converge come last.
+    /// All maxima of the posterior density that searches reach from these starts, highest first. Searches that did not converge come last.
     ///
     /// # Errors
     /// Those of [`find_modes`].

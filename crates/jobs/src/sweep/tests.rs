@@ -18,7 +18,7 @@ const TRUTH: [f64; 3] = [3.527, 1.402, 47.37];
 const POISSON: f64 = 0.48;
 const ERROR: f64 = 0.03;
 
-/// Addition to the Lethersich law of [`TRUTH`] in the simulated specimen.
+/// Mechanism that the simulated specimen has in addition to its Lethersich law, whose parameters are [`TRUTH`].
 #[derive(Clone, Copy, PartialEq)]
 enum Beside {
     Nothing,
@@ -93,14 +93,14 @@ fn assert_covered(n_sweeps: u64, fewest: usize) {
     }
 }
 
-/// A correct interval fails in 1 of 1,000 seeds (binomial), one of the six in 1 of 170.
+/// Correct intervals of one parameter fail by chance in 1 of 1,000 runs (binomial). At least one of the six fails in 1 of 170 runs.
 #[test]
 #[ignore = "thorough"]
 fn intervals_cover_what_an_independent_formula_was_given() {
     assert_covered(50, 38);
 }
 
-/// False failures are as rare as above. Intervals that cover 80 % fail here with a probability of 0.7 each.
+/// Correct intervals fail as rarely as in `intervals_cover_what_an_independent_formula_was_given`. If the intervals of a parameter cover only 80 %, they fail here with a probability of 0.7.
 #[test]
 #[ignore = "campaigns/long-tests"]
 fn intervals_of_many_sweeps_cover_their_truth() {

@@ -1,4 +1,4 @@
-//! Plays written by hand in parts. The joined document must equal the one of a single machine.
+//! Joins results that these tests write by hand, in parts. The joined document must equal that of a single machine.
 
 use serde_json::json;
 

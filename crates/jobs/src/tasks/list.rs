@@ -57,10 +57,10 @@ impl Task {
         sha256_hex(self.arguments.to_string().as_bytes())
     }
 
-    /// Reads the arguments as the type of a kind.
+    /// Parses the arguments into `T`, the type that the list's kind of tasks uses.
     ///
     /// # Errors
-    /// [`Error::Input`] if the line is not of this program.
+    /// [`Error::Input`] if the arguments are not valid for this program.
     pub fn arguments_as<T: serde::de::DeserializeOwned>(&self) -> Result<T> {
         serde_json::from_value(self.arguments.clone()).map_err(|error| {
             Error::input(

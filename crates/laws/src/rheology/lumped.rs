@@ -1,12 +1,13 @@
 //! Sum of exponentials for a density of retardation rates on a grid.
 //!
 //! A law without discrete rates has J(t) = J₀ + ∫ L(u) (1 − e^{−eᵘt}) du + φ t. The midpoint rule in u converges faster than any power of its
-//! step, but its tails are endless. Nodes inside the window are kept. Nodes too fast for the window become instantaneous compliance; nodes too slow
-//! become flow and one more mode. Their sums converge slowly and therefore follow from the law's complex compliance J*(s) at two real s.
+//! step, but its nodes extend without end to both sides. Nodes inside the window are kept. Nodes too fast for the window become instantaneous compliance. Nodes too slow
+//! become flow and one more mode. The sums over the nodes outside the window converge slowly. They are computed from the law's complex compliance J*(s) at
+//! two real s.
 //!
-//! Error of the fine rule over the window, with h L the weight of a node: a fast node leaves h L e^{−rt}, at most e^{−19.5} = 3.4e-9 of h L. The next ones leave
-//! e^{−31}, e^{−50}, …. The Gauss–Radau rule keeps moments 1, 2 and 3 of the slow nodes. Each leaves h L (rt)⁴/24, at most 3.4e-8 of h L at rt = 0.03, and
-//! each slower one e^{−4h} = 0.15 of that. With weights below 0.05/E this is 2e-9/E in all. The rule itself adds an error of 1e-9.
+//! Error of the fine rule over the window, with h L the weight of a node: a fast node causes an error h L e^{−rt}, at most e^{−19.5} = 3.4e-9 of h L. The
+//! next faster nodes cause e^{−31}, e^{−50}, … of h L. The Gauss–Radau rule keeps moments 1, 2 and 3 of the slow nodes. Each slow node causes an error
+//! h L (rt)⁴/24, at most 3.4e-8 of h L at rt = 0.03. The next slower node causes e^{−4h} = 0.15 of that. With weights below 0.05/E this is 2e-9/E in all. The rule itself adds an error of 1e-9.
 
 use super::{OscillatingMode, RetardationSpectrum, SpectralMode, TimeWindow};
 use base::number::PointScalar;

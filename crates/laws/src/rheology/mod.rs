@@ -156,7 +156,7 @@ impl BaseLaw {
         }
     }
 
-    /// Place of the element whose modulus or viscosity is the parameter `name`. It is a body in series, or a part of a body of parallel parts.
+    /// Place of the element whose modulus or viscosity is the parameter `name`. The element is one of the bodies in series, or one of the parallel parts of such a body.
     /// `None` for orders, and for elements that occur elsewhere or twice.
     pub fn leaf(self, name: &str) -> Option<ElementPlace> {
         let at = |body: usize, part: Option<usize>| Some(ElementPlace { body, part });

@@ -160,7 +160,8 @@ fn the_derivative_by_the_order_is_exact_also_at_one() {
     }
 }
 
-/// Checks derivatives by order, modulus and viscosity against central differences of the function, which are good to 1e-8/step.
+/// Checks derivatives with respect to order, modulus and viscosity against central differences of the function. The differences have an error
+/// of 1e-8/step.
 #[test]
 fn derivatives_of_the_fractional_body_equal_differences_of_the_mittag_leffler_function() {
     let at = |p: [f64; 3], t: f64| (1.0 - mittag_leffler(p[2], (t * p[0] / p[1]).powf(p[2]))) / p[0];

@@ -214,7 +214,7 @@ impl<T: PointScalar> RetardationSpectrum<T> {
         let with_mass = stieltjes::with_mass(&Element::Series(law.to_vec()), mass).ok_or_else(|| {
             Error::numerical(
                 "the creep of this law in parallel with a mass cannot be computed",
-                "use a law without springpots, and take a finite step from a density of 0",
+                "use a law without springpots, and a finite difference for the derivative at a density of 0",
             )
         })?;
         self.add_scaled(&with_mass.converted(), T::from_dual(term.weight))

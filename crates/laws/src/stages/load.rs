@@ -159,7 +159,7 @@ impl Load {
         if self.lag_time_s.value == 0.0 && self.lag_time_s.derivative != 0.0 {
             return Err(Error::numerical(
                 "the derivative with respect to the lag's time cannot be computed at 0",
-                "take a finite step from 0",
+                "compute it as a finite difference from 0",
             ));
         }
         Ok(())

@@ -102,7 +102,7 @@ pub enum ReducedField {
 
 /// Reduced model of a nonlinear law, which is stepped through a record.
 pub trait FieldStepper: std::fmt::Debug + Send + Sync {
-    /// Displacement of the robot at every row (s), in m, minus the displacement of these stages with a linear law, as the limit from the left.
+    /// Displacement of the robot at every row (s), in m, minus that of the same stages with a linear law. At a jump it is the limit from the left.
     /// `compliance_per_m` is the displacement per force at unit creep compliance.
     ///
     /// # Errors

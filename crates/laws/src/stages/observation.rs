@@ -1,4 +1,4 @@
-//! Transformation of the robot's into the recorded position. All equations of the observation are in this file (physics §5).
+//! Transformation of the robot's position into the recorded one. All equations of the observation are in this file (physics §5).
 
 use base::number::{Dual, PointScalar, Scalar};
 
@@ -57,7 +57,7 @@ impl Observation {
 }
 
 impl<N: Scalar> Observation<N> {
-    /// Numbers of the observation, in the order of [`Self::of_numbers`].
+    /// All parameters of the observation as one list, in the order in which [`Self::of_numbers`] reads them.
     pub fn numbers(&self) -> Vec<N> {
         let Self { scale, offset_m, depth_exponent, velocity_m_per_s, approaches } = self;
         let of_approaches = approaches.iter().flat_map(|approach| [approach.amplitude_m, approach.time_s]);

@@ -4,12 +4,11 @@ use super::field::SPRINGPOTS;
 use super::first_body::{body, elements_of, in_series};
 use laws::rheology::{BaseLaw, Element, RetardationSpectrum, TimeWindow};
 
-/// Reason against coefficients that change with time.
+/// Reason why coefficients cannot change with time.
 pub(super) const AGEING: &str = "the field is computed for a gel whose properties are constant";
-/// Reason against springpots that replace a dashpot.
-pub(super) const MEMORY: &str =
-    "a springpot cannot be added where the field changes its shape; write it into the base law (--base)";
-/// Reason against springs in series.
+/// Reason why a springpot cannot replace a dashpot.
+pub(super) const MEMORY: &str = "a springpot cannot be added beside an effect on the displacement field; write the springpot into the base law (--base)";
+/// Reason why a spring in series cannot be combined with mass.
 pub(super) const WAVES: &str = "with mass, a spring in series transmits waves, which the model does not resolve";
 
 /// Reason why mass or large strains cannot be added to a base law with springpots; `None` if they can.

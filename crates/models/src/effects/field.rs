@@ -58,7 +58,8 @@ pub trait MatrixPair: Sync {
     fn has_mass(&self) -> bool {
         false
     }
-    /// Parameter of the matrices besides gel and robot, if there is one. Such a pair must have exactly three shares: 0, one between, and 1.
+    /// Parameter of the matrices besides gel and robot, if there is one. Such a pair must have exactly three shares
+    /// θ (physics §7.2): 0, one between, and 1.
     fn shape(&self) -> Option<ShapeParameter> {
         None
     }

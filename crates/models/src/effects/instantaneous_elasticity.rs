@@ -1,7 +1,8 @@
 //! `instantaneous-elasticity`: the gel has an instantaneous elastic response before it creeps.
 //!
-//! A spring in series, J(t) += (E/E₀)/E. E is the first Kelvin–Voigt spring of the law, or the modulus at the time of a hold for a law without one
-//! ([`super::first_body`]). The parameter is the ratio E/E₀. Null: 0, a rigid spring. Valid for any ratio ≥ 0 below the speed of shear waves.
+//! A spring of modulus E₀ is in series with the law: J(t) += 1/E₀ = (E/E₀)/E. E is the modulus of the law's first Kelvin–Voigt spring. For a law without
+//! one, E is its modulus at the time of a hold ([`super::first_body`]). The parameter is the ratio E/E₀. Null: 0, a rigid spring. Valid for any ratio ≥ 0
+//! if the bead moves more slowly than shear waves.
 //! Tracked beads show it as the first of three phases of creep (Bausch et al. 1998, doi:10.1016/S0006-3495(98)77646-5). To first order it equals `actuator-lag`
 //! and `clock-offset` with the opposite sign, and `second-retardation` with a short time (physics §5). It applies to any law without a spring in series;
 //! Burgers' law has one.

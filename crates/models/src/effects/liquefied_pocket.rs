@@ -2,8 +2,9 @@
 //!
 //! E → (1 − φ) E within ρ_p robot radii of the initial centre; the viscosities are unchanged. E is the first Kelvin–Voigt spring of the law, else its first spring,
 //! else the modulus of its first springpot. Null: φ = 0, where ρ_p is unidentified. Valid for a concentric pocket around a sphere that moves much less than the
-//! pocket's width. Any ρ_p between 1.5 and 5 is meshed with element faces at the pocket's edge. The reduced model is a sum over common eigenvectors of the
-//! pocket's and the rest's stiffness, each the two laws in parallel. Closed form: two concentric layers, each with the four modes of physics §4.2.
+//! pocket's width. Any ρ_p between 1.5 and 5 is meshed with element faces at the pocket's edge. The reduced model is a sum of terms, one for
+//! each common eigenvector of the stiffness inside and outside the pocket. A term is the two laws in parallel. Closed form: two concentric layers, each with
+//! the four modes of physics §4.2.
 //! Liquefied lacunae are common in aged vitreous (Sebag 1987, Graefe's Arch. Clin. Exp. Ophthalmol. 225:89, doi:10.1007/BF02160337).
 
 use nalgebra::Vector3;
@@ -139,8 +140,8 @@ impl MatrixPair for LiquefiedPocket {
     fn lacks(&self, surroundings: &GelAndRobot<'_>) -> Option<&'static str> {
         surroundings.sizes.ball.is_none().then_some("a pocket needs the built-in mesh around a sphere")
     }
-    /// Around a sphere the robot's displacement and two amplitudes at the pocket's edge determine the gel's field (physics §4.2). Exactly three shares occur: 0,
-    /// where the pocket moves as a whole, 1, where the rest is at rest, and one between.
+    /// Around a sphere the robot's displacement and two amplitudes at the pocket's edge determine the gel's field (physics §4.2). So the eigenvectors have exactly three shares
+    /// θ of the pocket in their stiffness (physics §7.2): 0, where the pocket moves as a whole; 1, where the gel outside does not move; and one between.
     fn shape(&self) -> Option<ShapeParameter> {
         Some(ShapeParameter { name: PARAMETERS[1].spec.name, range: RADIUS_RATIOS })
     }

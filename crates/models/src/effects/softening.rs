@@ -17,7 +17,7 @@ const PARAMETERS: &[EffectParameter] = &[EffectParameter {
     spec: ParameterSpec::new("softening.rate_per_s", "r", "1/s", Support::REAL),
     null: &|_| Some(0.0),
     prior: &|scales| Distribution::Normal { mean: 0.0, sd: 0.5 / scales.duration_s },
-    prior_source: "chosen: symmetric, over the record up to about two thirds of the stiffness lost, or the stiffness tripled",
+    prior_source: "chosen: symmetric; two standard deviations mean that the stiffness falls to about a third over the record, or triples",
     finite_step: None,
 }];
 

@@ -17,7 +17,7 @@ type OfStages = dyn Fn(&Stages) -> Result<Option<ReducedField>> + Send + Sync;
 pub struct Compliance {
     /// Compliance at the experiment's Poisson ratio, or of an instrument, in 1/m.
     given_per_m: f64,
-    /// Compliance at other Poisson ratios; `None` without a model of them.
+    /// Function that returns the compliance at other Poisson ratios; `None` if no model covers them.
     family: Option<Arc<OfPoissonRatio>>,
     /// Terms of the other effects on the field.
     spread: Option<Arc<OfStages>>,

@@ -50,13 +50,13 @@ impl Model {
             if effect.needs_finite_elements() && scales.poisson_ratio.is_none() {
                 return refuse(
                     format!("`{slug}` needs finite elements, and an instrument has none"),
-                    "leave it out; load, separable mechanics and observation effects work for instruments",
+                    "leave it out; effects on the force, the creep compliance or the recorded position work for instruments",
                 );
             }
             if effect.depends_on_position() && scales.depth_exponent.is_some_and(|exponent| exponent != 1.0) {
                 return refuse(
                     format!("`{slug}` needs a position in proportion to the force, which an indenter's depth is not"),
-                    "leave it out; other effects of load, separable mechanics and observation work for indenters",
+                    "leave it out; other effects on the force, the creep compliance or the recorded position work for indenters",
                 );
             }
         }

@@ -224,9 +224,9 @@ impl Forward for FullOrderForward<'_> {
 pub struct TrainedRange {
     /// Parameter name, with unit.
     pub name: String,
-    /// Lower end.
+    /// Lower end of the range, in the unit of the name.
     pub lower: f64,
-    /// Upper end.
+    /// Upper end of the range, in the unit of the name.
     pub upper: f64,
 }
 

@@ -6,10 +6,10 @@ use nalgebra::DMatrix;
 use base::error::{Error, Result};
 use elements::fe::factorisation::add_symmetric_product;
 
-/// Remainder of a unit snapshot below which it adds no direction. Larger remainders that are still rounding are kept: the singular values
-/// then show the level of rounding.
+/// A snapshot of unit energy adds no direction if less than this remains of it after orthogonalisation. Larger remainders may still be rounding errors, but are kept: the
+/// singular values then show the level of rounding.
 const ROUNDING: f64 = f64::EPSILON;
-/// Largest number of iterations of the decomposition for every row. Two or three are usual.
+/// Largest number of iterations of the singular value decomposition, divided by the matrix's number of rows. Two or three per row are usual.
 const MOST_ROTATIONS: usize = 100;
 
 /// Energy-orthonormal modes of a set of snapshots, by falling singular value.

@@ -1,4 +1,4 @@
-//! Terms of a pair of matrices that depends on a parameter: exactly three shares, 0, one between, and 1, at any value of it.
+//! Terms of a pair of matrices that depends on a parameter. At any value of it the pair has exactly three shares θ (physics §7.2): 0, one between, and 1.
 //!
 //! The error of finite elements splits the share between into several. Their mean replaces them.
 

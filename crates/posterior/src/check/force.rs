@@ -9,7 +9,7 @@ use record::{ForceRule, has_noisy_levels, is_work_negative};
 const MOST: f64 = 0.5;
 /// Largest change of a force, as a share of its range, that counts as no change.
 const NOTHING: f64 = 1e-6;
-/// Largest difference of positions between the two rules, as a share of the noise, that does not matter.
+/// Largest difference of positions between a held and a linear force that does not matter, as a share of the noise.
 const MATTERS: f64 = 1.0 / 3.0;
 /// Smallest share of a fitted motion's work that must be against the force, and of the variance that the motion must explain.
 const CLEARLY: f64 = 0.5;

@@ -10,9 +10,9 @@ use record::{MotionLine, Record};
 const BEFORE: usize = 4;
 /// Number of rows in which these positions are searched, because some may be lost.
 const WITHIN: usize = 8;
-/// Smallest number of steps.
+/// Smallest number of force steps in this check.
 const STEPS: usize = 2;
-/// Smallest excess of the motion, in its standard errors and in noise standard deviations.
+/// Smallest median excess that counts as a motion before the stated switch: in its standard errors, and in noise standard deviations.
 const ERRORS: f64 = 5.0;
 const NOISES: f64 = 2.0;
 
@@ -71,7 +71,7 @@ const MOST_LAG: usize = 200;
 const LEFT: f64 = 0.5;
 /// Smallest share of the positions' range that the shift must explain.
 const MATTERS: f64 = 0.003;
-/// Number of rows that must move the same way to count as the begin of a motion.
+/// Number of rows that must move the same way to count as the beginning of a motion.
 const SUSTAINED: usize = 3;
 /// Largest number of times in a list.
 const LISTED: usize = 8;

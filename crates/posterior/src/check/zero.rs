@@ -8,10 +8,10 @@ use record::MotionLine;
 
 /// Number of first positions that are used.
 const FIRST: usize = 5;
-/// Smallest distances from zero that are no slip of the tracker: in noise standard deviations, and as a share of the positions' range.
+/// Smallest distances from zero that a slip of the tracker does not explain: in noise standard deviations, and as a share of the positions' range.
 const NOISES: f64 = 6.0;
 const SHARE: f64 = 0.03;
-/// These distances for a first row without a position.
+/// The same two limits for a record whose first row has no position.
 const NOISES_WITHOUT_START: f64 = 12.0;
 const SHARE_WITHOUT_START: f64 = 0.15;
 /// Largest relative difference between the two estimates of the start.
@@ -112,8 +112,8 @@ pub(super) fn drifts_at_rest(looked: &CheckContext<'_>) -> Option<Contradiction>
     ))
 }
 
-/// Time after a switch in which the elastic motion shows, in median intervals. [`NEAR`] is the tolerance of a row's time, as a share of it; [`SHOWS_NOISES`] is the
-/// smallest motion in noise standard deviations.
+/// Time after a switch in which the elastic motion shows, in median intervals. [`NEAR`] is the tolerance of a row's time, as a share of this time. [`SHOWS_NOISES`] is the
+/// smallest motion that shows, in noise standard deviations.
 const ROWS_AFTER: f64 = 5.0;
 const NEAR: f64 = 0.3;
 const SHOWS_NOISES: f64 = 10.0;

@@ -16,15 +16,15 @@ use models::surrogate::trajectory::{
 use nearest::fit_to_data;
 use record::Force;
 
-/// Half widths of the box, in standard deviations of a logarithm. Added effects move parameters by several of them, and by twenty if the base misses the data by far. If
-/// polynomials are not accurate enough, the next width is tried.
+/// Half widths of the box, in standard deviations of a parameter's logarithm. Added effects move parameters by several standard deviations, and by twenty if the base
+/// model misses the data by far. If polynomials are not accurate enough in a box, the next smaller one is tried.
 const WIDTHS: [f64; 4] = [32.0, 16.0, 10.0, 6.0];
 /// Base to whose powers half widths are rounded up, and share of the width to which middles are rounded. Similar fits thus use the same predictions.
 const WIDTH_STEP: f64 = std::f64::consts::SQRT_2;
 const CENTRE_SHARE: f64 = 0.25;
 /// Smallest half width, in standard deviations of the prior.
 const NARROWEST: f64 = 0.05;
-/// Prior mass on either side of one standard deviation.
+/// Probability of a normal distribution beyond one standard deviation, on one side.
 const ONE_SD: f64 = 0.1587;
 /// Largest allowed error over the noise if the model misses the data by more than the noise.
 const LARGEST_BESIDE_MISFIT: f64 = 0.2;

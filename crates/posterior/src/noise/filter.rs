@@ -7,7 +7,7 @@ use pulp::{Scalar, Simd};
 
 use super::lanes::Register;
 
-/// Variances over σ² at the begin of a cycle: of the gain (1/m²) and of the offset.
+/// Variances over σ² at the beginning of a cycle: of the gain (1/m²) and of the offset.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct PriorVariances<S: Simd> {
     pub gain: Register<S>,
@@ -24,14 +24,14 @@ pub(super) struct Covariance<S: Simd, const OU: bool, const GAIN: bool> {
     u12: Register<S>,
 }
 
-/// Correction of the mean by an observation.
+/// Correction of the mean by an observation. S is the predictive variance of the observed position; h and P are those of the module.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Gain<S: Simd> {
-    /// S/σ² − 1 = h P hᵀ/σ², the part of the predictive variance that is not white.
+    /// S/σ² − 1 = h P hᵀ, the part of the predictive variance that is not white.
     pub excess: Register<S>,
     /// σ²/S.
     pub precision: Register<S>,
-    /// P hᵀ/σ²; divided by S/σ² it is Kalman's gain.
+    /// P hᵀ. Divided by S/σ², it is the Kalman gain.
     direction: [Register<S>; 3],
 }
 
@@ -159,7 +159,7 @@ impl<S: Simd, const OU: bool, const GAIN: bool> Mean<S, OU, GAIN> {
         Self { state: [Register::splat(simd, 0.0); 3] }
     }
 
-    /// Mean with a process of a given size (m), and no gain and offset.
+    /// Mean with a given process (m), and with gain and offset 0.
     #[inline(always)]
     pub fn of_process(process: Register<S>) -> Self {
         Self { state: [process, process.zero(), process.zero()] }

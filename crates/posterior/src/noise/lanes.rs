@@ -15,7 +15,7 @@ pub(super) struct Register<S: Simd> {
 }
 
 impl<S: Simd> Register<S> {
-    /// Register with one number in every lane.
+    /// Register with the same number in every lane.
     #[inline(always)]
     pub fn splat(simd: S, number: f64) -> Self {
         Self { simd, value: simd.splat_f64s(number) }
@@ -118,7 +118,7 @@ impl<S: Simd> Div for Register<S> {
 }
 
 impl Register<pulp::Scalar> {
-    /// Number in a register of one lane.
+    /// Value of the only lane of a scalar register.
     pub fn number(self) -> f64 {
         self.value
     }

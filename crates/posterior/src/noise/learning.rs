@@ -87,7 +87,7 @@ pub struct NoiseLearning {
     pub parameters: Vec<LearntParameter>,
     /// Name of the term of each parameter.
     pub terms: Vec<&'static str>,
-    /// Starts of the searches; the first term's starts change last.
+    /// Starts of the searches: every combination of the terms' starts. The last term's start changes fastest along the list.
     pub starts: Vec<NoiseValues>,
 }
 
@@ -97,7 +97,7 @@ impl NoiseModel {
         TERMS.iter().filter(|term| term.learning().is_some()).map(|term| term.name()).collect()
     }
 
-    /// Instructions for learning the model's parameters, without terms that a search cannot learn. `is_known` is true if the yardstick is known and false if it is
+    /// Instructions for learning the model's parameters, without terms that a search cannot learn. `is_known` is true if the reference noise is known and false if it is
     /// estimated from short lags.
     pub fn learning(self, scales: &NoiseScales, is_known: bool) -> NoiseLearning {
         let (mut parameters, mut terms, mut starts) = (Vec::new(), Vec::new(), vec![NoiseValues::new([])]);

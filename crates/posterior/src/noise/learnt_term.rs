@@ -15,7 +15,7 @@ pub struct LearntParameter {
     pub prior: LearningPrior,
     /// Range of the logarithm in the search.
     pub ln_ends: [f64; 2],
-    /// Logarithm at which the noise is white with the yardstick's size and has nearly nothing else.
+    /// Logarithm at which the noise is white with the size of the reference noise, and the other terms nearly vanish.
     pub ln_white: f64,
     /// Contribution to the noise of a row.
     pub of_row: RowShare,
@@ -64,8 +64,8 @@ impl LearningPrior {
 
 /// A term that a search can learn.
 pub(super) trait LearntTerm {
-    /// Parameters of the term, in order. `priors` are those of `sample`, in the same order except for the white noise. `is_known` is true if the yardstick is known and
-    /// false if it is estimated from short lags.
+    /// Parameters of the term, in order. `priors` are those of `sample`, in the same order; the white noise does not use them. `is_known` is true if the reference noise is
+    /// known and false if it is estimated from short lags.
     fn learnt(&self, scales: &NoiseScales, priors: &[Distribution], is_known: bool) -> Vec<LearntParameter>;
 
     /// Starts of the searches, as logarithms of the parameters.

@@ -1,7 +1,7 @@
 //! Observed rows of a record, prepared for the filter.
 
-/// Largest difference of equal steps, as a fraction of the record's length. Decimal times such as 0.05 i are not equally spaced in binary, and one exponential per step
-/// length is expensive.
+/// Largest difference of equal steps, as a fraction of the record's length. Multiples of a decimal interval such as 0.05 s are not equally spaced in binary. Without the
+/// tolerance each step would have a length of its own, and the exponential of each length is expensive.
 const EQUAL_STEP_TOLERANCE: f64 = 1e-13;
 
 /// A row that the filter visits.

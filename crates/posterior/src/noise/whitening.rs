@@ -1,8 +1,11 @@
 //! Whitening of columns, and inner products of whitened columns without storing them.
 //!
-//! One covariance gives the gains of a block of rows; the means of all columns pass through the block, eight at a time. A column of a cycle is 1 in the cycle's rows and 0
-//! elsewhere, and there is one for each cycle. Whitened, it differs from 0 before the cycle's end. After that it differs only through the process, which is one number.
-//! [`CycleProducts`] therefore hold the products of the cycle's own rows with its column and with a unit of incoming process, and the process that leaves the cycle.
+//! All columns have the same covariance and therefore the same gains. The filter computes the gains of a block of rows once. It then takes the means of all columns through
+//! the block, eight columns at a time.
+//!
+//! Each cycle has a column, which is 1 in the cycle's rows and 0 elsewhere. Whitened, it is 0 before the cycle. After the cycle it depends only on the mean of the process,
+//! which is one number. [`CycleProducts`] therefore hold products over the cycle's own rows only, with its column and with a unit of incoming process. They also hold the
+//! process at the cycle's end.
 
 use std::ops::Range;
 
@@ -29,7 +32,7 @@ struct RowGain {
     x: f64,
     decay: f64,
     gain: GainNumbers,
-    /// Square root of σ²/S.
+    /// Square root of σ²/S, where S is the predictive variance of the position.
     root_precision: f64,
     /// S/σ² − 1.
     excess: f64,
@@ -63,23 +66,23 @@ impl WhiteningBlock<'_> {
 pub struct WhiteProducts {
     /// Products of each set: its common columns, then its own.
     pub sets: Vec<DMatrix<f64>>,
-    /// Products of the set with columns of cycles, one entry per cycle with an observed row.
+    /// Products of the set that has a column for each cycle, one entry per cycle with an observed row.
     pub cycles: Vec<CycleProducts>,
     /// Log density in nats without the quadratic form: −½ ln det(2πΣ).
     pub ln_constant: f64,
 }
 
-/// Products over the rows of one cycle, with its column e and a unit of incoming process p, both whitened.
+/// Inner products over the rows of one cycle. Here e is the cycle's whitened column, and p is a whitened unit of the process that enters the cycle.
 #[derive(Debug, Clone)]
 pub struct CycleProducts {
     /// e·e, e·p and p·p.
     pub unit: f64,
     pub both: f64,
     pub past: f64,
-    /// Products of e and of p with the set's columns.
+    /// Inner products of the set's columns with e and, in the next field, with p.
     pub unit_with: Vec<f64>,
     pub past_with: Vec<f64>,
-    /// Process that leaves the cycle for a unit of e and of p.
+    /// Process at the end of the cycle that e causes and, in the next field, that p causes.
     pub left: f64,
     pub kept: f64,
 }
@@ -98,9 +101,9 @@ pub struct ProductRequest<'a> {
     pub columns: &'a [&'a [f64]],
     /// Number of shared columns.
     pub n_common: usize,
-    /// Columns of each set alone.
+    /// Columns that belong to each set alone.
     pub own: &'a [Range<usize>],
-    /// Index of the set that also has columns of cycles.
+    /// Index of the one set in `own` that has a column for each cycle, too.
     pub with_cycles: Option<usize>,
 }
 

@@ -92,7 +92,7 @@ impl Client {
             Some(word) => self.not_finite(word),
             None => Error::numerical(
                 format!("{} responds to {} with text that is no JSON: {}", self.url, endpoint.path(), shortened(&text)),
-                "give the address of an UM-Bridge server of protocol 1.0",
+                "give the address of a UM-Bridge server of protocol 1.0",
             ),
         })
     }
@@ -131,7 +131,7 @@ impl Client {
             ureq::Error::HostNotFound | ureq::Error::ConnectionFailed => self.not_reached(error),
             _ => Error::numerical(
                 format!("{url} sends an incomplete response to {path}: {error}"),
-                "give the address of an UM-Bridge server, and read its log",
+                "give the address of a UM-Bridge server, and read its log",
             ),
         }
     }

@@ -194,7 +194,7 @@ impl ExternalModel {
         let output = answer.get("output").and_then(Value::as_array);
         let [Value::Array(position_um)] = output.map_or(&[][..], Vec::as_slice) else {
             return Err(Error::numerical(
-                format!("{} responds to Evaluate without one vector under `output`", self.title()),
+                format!("the response of {} to Evaluate does not have exactly one vector under `output`", self.title()),
                 "let it respond with {\"output\": [[…]]}: the position in micrometres at each of config's time_s",
             ));
         };

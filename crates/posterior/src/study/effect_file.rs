@@ -200,7 +200,7 @@ fn parameter(all: &TomlTable<'_>, name: &str, slug: &str) -> Result<EffectParame
     if lower < support.lower || upper > support.upper {
         return Err(toml_table.refuse(
             "prior",
-            format!("the prior reaches [{lower}, {upper}], but the parameter lies in {support}"),
+            format!("the prior reaches [{lower}, {upper}], but the parameter must lie in {support}"),
             "narrow the prior, or widen `lower` and `upper`",
         ));
     }

@@ -76,11 +76,11 @@ pub struct Study {
 /// Way in which a study was opened.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Opening {
-    /// It was created.
+    /// The study was created.
     Created,
-    /// It existed with the same input.
+    /// The study existed with the same input.
     Continued,
-    /// It existed with another input, and `--force` replaced it.
+    /// The study existed with another input, and `--force` replaced it.
     Replaced,
 }
 
@@ -90,7 +90,8 @@ impl Study {
         Path::new(DEFAULT_PARENT).join(files::safe_name(specimen_id))
     }
 
-    /// Returns true if a path is a study directory and not an experiment. If its hashes are a link or no file, it still counts as a study, which is refused on opening.
+    /// Returns true if a path is a study directory and not an experiment. A path whose file of hashes is a link or a
+    /// directory counts as a study, too, but opening it is refused.
     pub fn is_study(path: &Path) -> bool {
         path.join(HASHES_NAME).symlink_metadata().is_ok()
     }

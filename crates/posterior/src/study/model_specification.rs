@@ -348,8 +348,11 @@ impl ModelSpecification {
             if !all.iter().any(|spec| spec.name == name && spec.is_optional) {
                 let optional: Vec<&str> = all.iter().filter(|spec| spec.is_optional).map(|spec| spec.name).collect();
                 let remedy = match optional[..] {
-                    [] => "leave it out: parameters of this model are free unless they are set".to_string(),
-                    _ => format!("free {}; other parameters are free unless they are set", optional.join(", ")),
+                    [] => "leave it out: all parameters of this model are free unless they are set".to_string(),
+                    _ => format!(
+                        "give only {} here; all other parameters are free unless they are set",
+                        optional.join(", ")
+                    ),
                 };
                 return Err(Error::input((places.of)("free"), format!("`{name}` is free already"), remedy));
             }

@@ -316,7 +316,7 @@ fn row_lines(measurement: TomlTable<'_>) -> Result<Vec<[usize; 2]>> {
     let ascend = pairs.windows(2).all(|two| two[0][1] < two[1][0]);
     if !are_lines || !ascend || pairs.is_empty() {
         let remedy = "give first and last lines, counted from 1 and in ascending order, as in `row_lines = [[4, 103], [108, 207]]`";
-        return Err(measurement.refuse(key, "these are not pairs of lines in ascending order", remedy));
+        return Err(measurement.refuse(key, "the value is not a list of pairs of lines in ascending order", remedy));
     }
     Ok(pairs.into_iter().map(|pair| pair.map(|line| line as usize)).collect())
 }

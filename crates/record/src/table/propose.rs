@@ -24,7 +24,7 @@ const MOST_TRACKS: usize = 1_000;
 /// two decimals in ten of a hundred values each.
 const FEWEST_GROUPED: usize = 8;
 const FEWEST_SMALL: usize = 2;
-/// Largest gap between the end of a table's positions and the start of the next, as a fraction of the range, for one recording.
+/// Tables belong to one recording if the position jumps by at most this fraction of its range from each table to the next.
 const GOES_ON: f64 = 0.1;
 /// Largest distance of a record's start from 0, as a fraction of the positions' range, that counts as 0.
 const NEAR_ZERO: f64 = 0.02;
@@ -97,7 +97,7 @@ pub fn propose(file: &Path, bytes: &[u8], given: &TableSettings, ask: Ask<'_>) -
     let frame = frame(&trajectory, &mut reasons);
     if let Some(projection) = frame.apply(file, &mut trajectory)?.projection {
         reasons.push(format!(
-            "positions are {projection}; across it they vary by {:.3} µm (root mean square)",
+            "positions are {projection}; across this line they vary by {:.3} µm (root mean square)",
             1e6 * projection.across_rms_m
         ));
     }

@@ -294,7 +294,7 @@ impl Clock {
                 "correct the time, or `time` in [measurement.units]".into(),
             ),
             [first, others @ ..] if others.iter().any(|other| other != first) => refuse(
-                "may begin with the day or with the month, with different resulting times",
+                "may begin with the day or with the month, and the resulting times differ",
                 format!("give the order with `{0} day-first` or `{0} month-first`", Setting::TimeUnit),
             ),
             [elapsed_s, ..] => {

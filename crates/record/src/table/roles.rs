@@ -162,12 +162,17 @@ impl KnownColumns<'_> {
         format!("the columns are {}", names.join(", "))
     }
 
+    /// Index of a column, given by its name or by its number from 1; `None` if there is no such column.
     fn at(&self, told: &str) -> Option<usize> {
         let by_name = self.header.names.iter().position(|name| name == told);
         let numbers = 1..=self.n_cells;
         by_name.or_else(|| told.parse::<usize>().ok().filter(|n| numbers.contains(n)).map(|n| n - 1))
     }
 
+    /// Index of the column that the user has given for a setting, by name or by number from 1.
+    ///
+    /// # Errors
+    /// [`Error::Input`] if there is no such column.
     pub fn told(&self, setting: Setting, told: &str) -> Result<usize> {
         self.at(told).ok_or_else(|| {
             let remedy = format!("{}; give one of them or its number", self.listed());

@@ -22,8 +22,8 @@ const MOSTLY: f64 = 0.9;
 /// Smallest correlation for which a column follows the position.
 const FOLLOWS: f64 = 0.7;
 
-/// Returns unread columns of lengths, or with names of coordinates, that follow the position. `lines` are the line numbers of the rows, from 1, and
-/// `position_m` their positions.
+/// Returns unread columns that follow the position and have a unit of length or a coordinate's name. `lines` holds each row's line number, from 1, and
+/// `position_m` its position.
 pub(crate) fn unread_columns(
     file: &std::path::Path,
     text: &str,

@@ -91,7 +91,7 @@ mod tests {
     }
 
     /// Sokal's formula for 400,000 draws at φ = 0.9 gives τ̂ a relative error of about √(2·(2·2.5τ)/n) = 2.2 %
-    /// (window ≈ 2.5 τ). The tolerance is six of these, which fails once in 10⁸.
+    /// (window ≈ 2.5 τ). The tolerance is six times this error, so that chance fails the test once in 10⁸.
     #[test]
     fn known_autocorrelation_time_is_recovered() {
         for (phi, tolerance) in [(0.9_f64, 0.13), (0.0, 0.06), (-0.6, 0.10)] {

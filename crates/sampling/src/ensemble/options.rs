@@ -156,7 +156,7 @@ impl SamplerOptions {
             return refuse(
                 InputPlace::default().at_key("jump_fraction"),
                 found,
-                "use 0 to 0.9: the ensemble's own moves need the rest".into(),
+                "use at least 0 and at most 0.9: the ensemble's own moves need the rest".into(),
             );
         }
         Ok(())

@@ -168,7 +168,7 @@ mod tests {
     }
 
     /// One part per ridge describes independent draws better than one map for both, by at least half a nat. The shares are those of the ridges: 4,000
-    /// draws in proportions of 1 to 3 have an error of 0.007 in a share, and 4,000 more have it again. The tolerance is six of both.
+    /// draws in proportions of 1 to 3 have an error of 0.007 in a share. Another 4,000 add an equal error. The tolerance is six times the combined error.
     #[test]
     fn a_part_for_each_answer_describes_two_bent_ridges() {
         let (points, others) = (bent(4_000, 1), bent(4_000, 2));
@@ -201,7 +201,7 @@ mod tests {
         assert_eq!(alone.parts.len(), 1);
     }
 
-    /// Densities of mixtures with a background integrate to one: the mean of their ratio over draws of one to another.
+    /// Checks that densities with and without a background are normalised. Over draws from the one with a background, their mean ratio is 1.
     #[test]
     fn densities_are_those_of_the_draws() {
         let points = bent(4_000, 6);

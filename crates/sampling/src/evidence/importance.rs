@@ -18,7 +18,7 @@ use base::error::{Error, Result};
 /// Pareto k̂ below which an estimate is reliable (Vehtari et al. 2024, JMLR 25:72).
 pub const LARGEST_PARETO_K: f64 = 0.7;
 
-/// Effective draws below which an estimate is unreliable for any k̂: quantiles need them.
+/// Effective draws below which an estimate is unreliable for any k̂: quantiles need at least this many.
 pub const FEWEST_EFFECTIVE_DRAWS: f64 = 200.0;
 
 /// True if an estimate by importance sampling is reliable.
@@ -26,7 +26,7 @@ pub fn is_reliable(estimate: &Estimate) -> bool {
     estimate.pareto_k.is_some_and(|k| k < LARGEST_PARETO_K) && estimate.draws.effective_size() >= FEWEST_EFFECTIVE_DRAWS
 }
 
-/// Number of draws to spend.
+/// Numbers of draws, rounds and attempts.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct ImportanceOptions {
     /// Draws of each round of adaptation.
@@ -48,12 +48,12 @@ impl Default for ImportanceOptions {
 }
 
 impl ImportanceOptions {
-    /// For densities that take a millisecond: an error of 0.03 nats with a good proposal, and more draws only with a poor one.
+    /// Settings for densities that take a millisecond. The error is 0.03 nats with a good proposal; only a poor one takes more draws.
     pub fn for_slow_density() -> Self {
         Self { n_adapting: 600, n_draws: 2_000, ..Self::default() }
     }
 
-    /// For an error of a tenth of a nat: one attempt with few draws is enough if the proposal is good.
+    /// Settings for an error of a tenth of a nat. One attempt with few draws is enough if the proposal is good.
     pub fn quick() -> Self {
         Self { n_adapting: 800, n_rounds: 5, n_draws: 2_500, ..Self::default() }
     }

@@ -47,10 +47,10 @@ const WANTED_ACCEPTANCES: f64 = 3.0;
 const MOST_ROUNDS: usize = 12;
 
 /// Estimates the evidence by sequential Monte Carlo. The coordinates of the posterior must have standard normal priors ([`super::PriorCoordinates`]). `modes`
-/// split the particles for the fit of jumps and may be empty.
+/// may be empty. They divide the particles into parts, to each of which the proposal for jumps is fitted.
 ///
 /// # Errors
-/// [`Error::Numerical`] if no draw from the prior has a finite density, if φ does not reach 1, or if the density is
+/// [`Error::Numerical`] if no draw from the prior has a finite density, if the exponent φ does not reach 1, or if the density is
 /// +∞ or often NaN.
 pub fn evidence(posterior: &dyn LogDensity, modes: &Modes, options: &TemperingOptions) -> Result<Estimate> {
     let one = |replicate: usize| Replicate::new((posterior, modes), options, replicate as u64)?.run();

@@ -80,7 +80,8 @@ fn quantity(name: &str, index: usize, ranked: &[&Ranked], n_bins: usize) -> Cali
     }
 }
 
-/// Corrects p for three statistics of each quantity: χ² detects any shape, while place and spread detect the two usual faults with fewer replicates.
+/// Corrects p for the tests of all quantities. Each quantity has three tests: χ² detects any shape, while place and spread detect the two usual faults
+/// with fewer replicates.
 fn correct(quantities: &mut [CalibratedQuantity]) {
     let of = |calibrated_quantity: &CalibratedQuantity| {
         Some([

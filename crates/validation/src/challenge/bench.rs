@@ -25,10 +25,10 @@ use sampling::ensemble::RandomStream;
 /// Largest number of pairs that are drawn until two effects are compatible.
 const MOST_PAIRS: usize = 1000;
 
-/// Specification of a truth: the hidden thing and the experiment.
+/// Specification of a truth: what it hides, and the experiment.
 #[derive(Debug, Clone, PartialEq)]
 pub struct TruthRequest {
-    /// The hidden thing.
+    /// What is hidden from the diagnosis: effects, physics outside the library, a wrong constant of the apparatus, or nothing.
     pub hidden: HiddenThing,
     /// Protocol of the experiment.
     pub protocol: Protocol,
@@ -36,7 +36,7 @@ pub struct TruthRequest {
     pub noise: NoiseKind,
     /// True if the experiment states the noise.
     pub is_noise_given: bool,
-    /// Strength of the hidden thing.
+    /// Strength of what is hidden.
     pub strength: Strength,
 }
 
@@ -141,7 +141,7 @@ impl Bench {
         self.subject(protocol.experiment("challenge", self.apparatus().clone(), position_m, noise_sd_m))
     }
 
-    /// Draws a truth. Equal orders and streams give equal truths.
+    /// Draws a truth. Equal requests and random streams give equal truths.
     ///
     /// # Errors
     /// [`Error::Input`] if an effect does not exist, or if the requested signal is out of reach.
@@ -166,7 +166,7 @@ impl Bench {
         Err(out_of_reach(order))
     }
 
-    /// Completes the ideal class of a truth with the effects that were not compared when it was drawn.
+    /// Compares the effects in `not_compared` with the hidden ones. Adds those that this experiment cannot distinguish from them to the `ideal_class`.
     ///
     /// # Errors
     /// [`Error::Numerical`] if the model fails for the truth.
@@ -239,7 +239,7 @@ impl Bench {
         Ok(Motion { theta: theta_of(&base), subject, base, noise: noise.parameters() })
     }
 
-    /// Draws an effect with parameters at uniform quantiles of their priors, as an experiment with these data has them; `None` if the model fails.
+    /// Draws an effect's parameters from the priors that an experiment with these data gives them; `None` if the model fails.
     pub(super) fn draw_from_priors(
         &self,
         slug: &str,

@@ -47,7 +47,7 @@ pub(super) fn mobility_of(truth: &Truth, is_large: impl Fn(&str) -> bool) -> Opt
     }
 }
 
-/// Mobility for a number between 0 and 1, uniform in its logarithm.
+/// Converts a number between 0 and 1 to a mobility by logarithmic interpolation between the two `MOBILITIES`.
 pub(super) fn mobility(uniform: f64) -> f64 {
     MOBILITIES[0] * (MOBILITIES[1] / MOBILITIES[0]).powf(uniform)
 }

@@ -10,7 +10,7 @@ use models::effects::Effect;
 use record::Record;
 use sampling::ensemble::RandomStream;
 
-/// Prior tail probability that sizes do not enter, on either side.
+/// Probability of each tail of the prior; hidden sizes stay out of both tails.
 const SIZE_TAIL: f64 = 1e-3;
 
 /// Motion of a law, to which effects or disturbances are added.
@@ -22,7 +22,7 @@ pub(super) struct Motion {
 }
 
 impl Motion {
-    /// Farthest position (m) without a hidden thing.
+    /// Farthest position (m) without hidden effects or disturbances.
     pub fn farthest_m(&self) -> Result<f64> {
         let position_m = self.subject.trajectory_m(&self.base, &self.theta)?;
         Ok(position_m.iter().fold(0.0, |most, x| x.abs().max(most)))
@@ -32,7 +32,7 @@ impl Motion {
         &self.subject.experiment().record
     }
 
-    /// Pairs noise-free positions (m) with the law's motion.
+    /// Combines noise-free positions (m) with the law and noise of this motion, as the truth of rival fits.
     pub fn shown<'a>(&'a self, position_m: &'a [f64]) -> Shown<'a> {
         Shown { candidate: &self.base, theta: &self.theta, noise: self.noise, position_m }
     }

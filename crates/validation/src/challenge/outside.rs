@@ -123,7 +123,7 @@ impl Disturbance {
         self.shape.get(index).copied().unwrap_or(0.5)
     }
 
-    /// Moment (s) between two fractions of the record.
+    /// Moment (s) of a sudden disturbance, between two fractions of the record's duration.
     fn moment_s(&self, record: &Record, shares: [f64; 2]) -> f64 {
         let last_s = record.time_s.last().copied().unwrap_or(0.0);
         last_s * (shares[0] + (shares[1] - shares[0]) * self.shape(0))
@@ -138,7 +138,7 @@ impl Disturbance {
         record.force_n.iter().map(|force| force * (1.0 + self.size * (force.abs() / largest_n - 1.0))).collect()
     }
 
-    /// Recorded position (m) for a true one. Events lie in the first three quarters, which are fitted.
+    /// Recorded positions (m) for the true ones. Sudden disturbances lie in the first three quarters of the record, which are fitted.
     pub fn recorded_m(&self, record: &Record, position_m: &[f64]) -> Vec<f64> {
         let size = self.size;
         let each = |of: &dyn Fn(f64, f64) -> f64| {

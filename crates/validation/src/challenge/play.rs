@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use super::Truth;
 
-/// Sorts of hidden things.
+/// Sorts of challenges, by their hidden effects or errors.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 #[serde(rename_all = "lowercase")]
@@ -51,7 +51,7 @@ impl HiddenKind {
 pub struct Play {
     /// Number of the play, from 0.
     pub number: usize,
-    /// Sort of the hidden thing.
+    /// Sort of the challenge.
     pub sort: HiddenKind,
     /// Truth behind the data.
     pub truth: Truth,
@@ -81,9 +81,10 @@ pub struct Play {
     pub rmse_heldout_um: Option<f64>,
     /// Root mean square (µm) of the drawn noise over the scored rows, which is the error of the true model.
     pub true_noise_um: Option<f64>,
-    /// Ratio of the error to the true noise: 1 for the true model. A misfit of f times the noise gives √(1 + f²), unless it correlates with the noise.
+    /// Ratio of the error on the scored cycle to the true noise: 1 for the true model. A misfit of f times the noise gives √(1 + f²),
+    /// unless it correlates with the noise.
     pub heldout_over_true_noise: Option<f64>,
-    /// Ratio of the error to the predictive noise of the claimed model; `None` without a claim.
+    /// Ratio of the error on the scored cycle to the predictive noise of the claimed model; `None` without a claim.
     pub heldout_over_predictive_noise: Option<f64>,
     /// Reason why there is no diagnosis.
     pub failure: Option<String>,

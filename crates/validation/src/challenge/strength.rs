@@ -1,13 +1,13 @@
-//! Strength of a hidden thing, and the search for the size with a given signal.
+//! Strength of a hidden effect or disturbance, and the search for the size with a given signal.
 
 /// Relative tolerance of the signal for a size.
 const TOLERANCE: f64 = 0.02;
 const MOST_ROUNDS: usize = 24;
 
-/// Strength of a hidden thing.
+/// Strength of a hidden effect or disturbance.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Strength {
-    /// Signal of each hidden thing, in standard deviations.
+    /// Signal of each hidden effect or disturbance, in standard deviations.
     Sigma(f64),
     /// Size drawn from the effect's prior.
     Prior,
@@ -26,8 +26,8 @@ impl Strength {
     }
 }
 
-/// Scales sizes until each signal is `asked_sigma`. `signals` returns the signals for sizes, or `None` if the model fails. The search fails if a size reaches
-/// `largest` with a smaller signal.
+/// Scales sizes until each signal is `asked_sigma`. `signals` computes the signals from the sizes, or returns `None` if the model fails. The search fails if a
+/// size reaches `largest` with a smaller signal.
 ///
 /// Few rounds suffice because signals are nearly proportional to sizes.
 pub fn scaled_to(

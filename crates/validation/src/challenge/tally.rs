@@ -62,7 +62,7 @@ pub struct Confusion {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct Group {
-    /// Sort of the hidden thing.
+    /// Sort of the challenges.
     pub sort: HiddenKind,
     /// Protocol of the plays.
     pub protocol: Protocol,

@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 use super::{Disturbance, DisturbanceKind, NoiseKind, Protocol};
 use record::{Offset, OffsetDirection, Robot};
 
-/// A thing to hide.
+/// What a truth hides from the diagnosis.
 #[derive(Debug, Clone, PartialEq)]
 pub enum HiddenThing {
     /// Nothing.

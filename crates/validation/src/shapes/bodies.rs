@@ -1,4 +1,4 @@
-//! The five bodies under two size rules.
+//! The five bodies (shapes in their orientations), sized to the sphere's volume or to its surface.
 
 use documents::shapes::{BodyShape, SizeRule};
 use elements::fe::meridional::{BodyOfRevolution, Direction};

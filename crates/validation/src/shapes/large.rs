@@ -187,7 +187,7 @@ fn judge(claim: String, first: &FollowedBody, others: &[&FollowedBody], row: usi
     let verdict = verdict_of(probability);
     match in_other.product::<Option<f64>>() {
         Some(other) if verdict_of(other) != verdict => {
-            let numbers = format!("{numbers}; the two fluids disagree");
+            let numbers = format!("{numbers}; the two fluids give different verdicts");
             Claim { claim, verdict: ClaimVerdict::TooClose, probability, numbers }
         }
         _ => Claim { claim, verdict, probability, numbers },

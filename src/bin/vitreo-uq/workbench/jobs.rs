@@ -121,7 +121,7 @@ impl Jobs {
     /// Creates the queue, and takes over the job of an earlier workbench.
     pub fn new(home: WorkbenchFolder, news: watch::Sender<u64>) -> Result<Arc<Self>> {
         let program = std::env::current_exe()
-            .map_err(|error| Error::at_path("find", "the program", error, "start it by its absolute path"))?;
+            .map_err(|error| Error::at_path("find", "the program", error, "run the program by its absolute path"))?;
         let left: Option<Job> = files::read_if_there(&home.own().join("job.json"), Content::Document)
             .and_then(|bytes| serde_json::from_slice(&bytes).ok());
         let jobs = Arc::new(Self {

@@ -29,7 +29,7 @@ impl Process {
         Ok((child, Self { number, started: system::start_of(number).unwrap_or_default(), token }))
     }
 
-    /// Number of the process and of its group; 0 before the first.
+    /// Number of the process and of its process group; 0 if no process has been started.
     pub fn number(&self) -> u32 {
         self.number
     }

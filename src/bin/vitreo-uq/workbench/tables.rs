@@ -12,10 +12,10 @@ use vitreo_uq::record::table::Question;
 
 use super::home::WorkbenchFolder;
 
-/// Maximum length of the extension of a table's name that is kept.
+/// Maximum length in bytes of a file extension. The name of a stored table omits a longer one.
 const LONGEST_ENDING: usize = 10;
 
-/// Information of the page about a table.
+/// Description of a table that the user gives on the page.
 #[derive(Debug, Clone, Default, Deserialize)]
 pub struct Described {
     /// Name of the upload, as returned by [`store_upload`].
@@ -32,7 +32,7 @@ pub struct Described {
     pub groups: [Option<String>; 2],
 }
 
-/// Question for the page.
+/// Question about a table that the page asks the user.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct OpenQuestion {
     text: String,

@@ -10,7 +10,7 @@ pub enum Scheme {
     /// Order 4, five stages.
     #[default]
     Fourth,
-    /// Implicit Euler: order 1, a fifth of the cost.
+    /// Implicit Euler: order 1, one stage, a fifth of the cost of [`Self::Fourth`].
     Euler,
 }
 

@@ -39,7 +39,7 @@ pub enum BodyOfRevolution {
     Spheroid {
         /// Half the length along the axis of revolution.
         semi_axis_along_m: f64,
-        /// Half the diameter across it.
+        /// Half the diameter across the axis of revolution.
         semi_axis_across_m: f64,
     },
     /// Right circular cylinder with sharp rims.
@@ -117,9 +117,9 @@ impl BodyOfRevolution {
 /// Direction of the body's translation and of the force on it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Direction {
-    /// Along the axis of revolution. A long body is horizontal if the force is.
+    /// Along the axis of revolution: the force is parallel to a long body.
     Axial,
-    /// Across the axis of revolution. A long body is vertical if the force is horizontal.
+    /// Across the axis of revolution: the force is perpendicular to a long body.
     Transverse,
 }
 

@@ -30,7 +30,7 @@ fn patch(start: f64) -> Vec<Ruled> {
     cells
 }
 
-/// Force on every node of the patch, identified by its position, and twice the energy.
+/// Returns the position of every node of the patch with the force on it, and twice the energy.
 fn forces(start: f64, direction: Direction, formulation: Formulation, field: Field) -> (Vec<(Point, Vec<f64>)>, f64) {
     let (table, mode) = (ShapeTable::new(ORDER), Mode::of(direction));
     let (mut nodes, mut energy): (Vec<(Point, Vec<f64>)>, f64) = (Vec::new(), 0.0);

@@ -150,7 +150,7 @@ impl<N: Number> StageLaw<N> {
         nonlinear[0] = rest;
     }
 
-    /// Moduli for a deviator of a with the norm `norm`.
+    /// Moduli for a tensor a whose deviator has the norm `norm`.
     #[inline(always)]
     pub(crate) fn moduli(&self, norm: N) -> Moduli<N> {
         match self.radial {

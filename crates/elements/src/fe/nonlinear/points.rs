@@ -127,7 +127,7 @@ impl IntegrationPoints {
         strains
     }
 
-    /// Nodal forces (N, per Pa of s) of stresses s, summed over the unknowns.
+    /// Nodal forces of stresses s, assembled into the unknowns: in N if s is in Pa.
     pub(crate) fn forces(&self, stresses: &[Tensor<f64>]) -> Vec<f64> {
         let chunks: Vec<Mat<f64>> = stresses
             .par_chunks(CHUNK * self.n_points)

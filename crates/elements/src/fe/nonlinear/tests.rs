@@ -407,7 +407,7 @@ fn errors_without_and_with_layers(ball: QuarterBall) -> [f64; 2] {
 const LEVEL_1: QuarterBall =
     QuarterBall { robot_radius_m: 0.275e-3, outer_radius_m: 10e-3, n_per_edge: 1, n_layers: 4 };
 
-/// The remaining error at level 1 is that around the robot.
+/// At level 1, layers leave the error that the few elements around the robot's circumference cause.
 #[test]
 #[ignore = "thorough"]
 fn layers_are_what_a_law_that_thins_needs() {

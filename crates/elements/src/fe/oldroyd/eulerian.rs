@@ -5,7 +5,7 @@
 //!
 //!  u_r = N g P/r,  u_θ = (g + ġ) P′/r,  r² ∂u/∂x = N (ġ − g) P in rr, (N g − g − ġ) P′ in rθ, (g̈ − g) P′ in θr, (g + ġ) P″ + N g P in θθ, and their trace is 0.
 //!
-//! The container is a sphere around the moving one, instead of one at rest. The flow through the mesh fades out towards the container and vanishes there. In a sufficiently large container neither has an effect.
+//! The container is a sphere around the moving one, instead of one at rest. The flow through the mesh fades out towards the container and vanishes there. In a sufficiently large container, neither difference has an effect.
 
 use std::f64::consts::PI;
 
@@ -16,14 +16,14 @@ use crate::fe::meridional::basis::{gauss_legendre, gauss_lobatto, lagrange, lege
 /// Numbers of functions and points.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Cut {
-    /// Number of polynomials in ln r. [`MORE_NODES`] gives the additional nodes.
+    /// Number of polynomials in ln r. The number of nodes is larger by [`MORE_NODES`].
     pub(super) n_radial: usize,
     /// Number of Legendre functions; the number of points is larger by half.
     pub(super) n_angular: usize,
     pub(super) step_s: f64,
 }
 
-/// Number of nodes in excess of the polynomials.
+/// Number of nodes minus number of polynomials.
 const MORE_NODES: usize = 12;
 /// Share of the largest ln r from which the flow through the mesh fades out.
 const FADING: f64 = 0.5;

@@ -1,7 +1,8 @@
 //! The gel's field: unknowns, balance and its solution.
 //!
-//! Unknowns are displacements in body radii and pressures in Pa. Those inside a cell, with all its pressures except the mean, are condensed. One unknown is the body's displacement. The
-//! last cell's mean pressure is 0 if the gel keeps its volume: a uniform pressure has no effect in a gel that is fixed all around.
+//! Unknowns are displacements in body radii and pressures in Pa. Displacements inside a cell, and its pressures except their mean, are
+//! eliminated cell by cell (static condensation). One unknown is the body's displacement. The last cell's mean pressure is 0 if the
+//! gel keeps its volume: a uniform pressure has no effect in a gel that is fixed all around.
 
 use rayon::prelude::*;
 
@@ -25,7 +26,7 @@ const MOST_ITERATIONS: usize = 40;
 pub(super) struct GivingVolume {
     /// Modulus of the part that depends only on the volume, over the shear modulus.
     pub(super) modulus_ratio: f64,
-    /// True if the conformation resists only changes of shape.
+    /// True if the conformation resists only changes of shape, and not of volume.
     pub(super) is_apart: bool,
 }
 
@@ -44,11 +45,14 @@ pub(super) struct FieldMesh {
     pattern: Pattern,
 }
 
-/// A cell and the indices of its values, displacements component by component and then pressures.
+/// A cell of the mesh. Its values are the displacements, component by component, and then the pressures.
 pub(super) struct FieldCell {
     pub(super) shape: CellShape,
+    /// Indices of the values that are condensed.
     interior: Vec<usize>,
+    /// Indices of the values that are not condensed: displacements on the edge, and the mean pressure.
     edge: Vec<usize>,
+    /// Index of each value among the unknowns of the mesh; `None` if the value is fixed at 0.
     unknown: Vec<Option<usize>>,
 }
 
@@ -164,7 +168,7 @@ struct CellForces {
     edge: Vec<f64>,
 }
 
-/// The factorised matrix of one stage, which is reused for others.
+/// The factorised matrix of one stage, which later stages reuse.
 struct Factorised {
     cells: Vec<Condensed>,
     lu: SparseLu,

@@ -25,7 +25,7 @@ pub struct FiniteLaw {
 }
 
 impl FiniteLaw {
-    /// The incompressible gel whose creep compliance under a pull is that of these elements in series, a third of its compliance in shear. `None` if an element is a springpot.
+    /// The incompressible gel of these elements in series. They give its creep compliance under a pull, which is a third of that in shear. `None` if an element is a springpot.
     pub fn new(elements: &[Element], mobility: f64) -> Option<Self> {
         let whole = Element::Series(elements.to_vec());
         let (relaxation, retardation) = (stieltjes::relaxation_of(&whole)?, stieltjes::spectrum_of(&whole)?);
@@ -46,7 +46,7 @@ impl FiniteLaw {
 }
 
 impl FiniteLaw {
-    /// The gel with equal creep compliance under a pull and another Poisson ratio.
+    /// Converts the law to another Poisson ratio. The creep compliance under a pull stays the same.
     pub(super) fn of_poisson_ratio(&self, poisson_ratio: f64) -> Self {
         let by = 1.5 / (1.0 + poisson_ratio);
         let mode = |mode: &RelaxationMode| RelaxationMode { shear_modulus_pa: by * mode.shear_modulus_pa, ..*mode };

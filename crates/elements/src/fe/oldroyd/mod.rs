@@ -247,7 +247,7 @@ impl FiniteGel {
 
 /// Number of layers of cells around the rim of a cylinder.
 const RIM_LAYERS: usize = 2;
-/// Power of ln r that grades layers: they are at equal distances in this root of ln r, because strains are large near the body.
+/// Exponent p that grades layers: surface k of n has ln r proportional to (k/n)ᵖ. Layers are thin near the body, where strains are large.
 const GRADING: f64 = 1.5;
 
 /// Cells between a sphere of radius 1 and one around it, layer by layer.

@@ -10,12 +10,12 @@ use crate::fe::meridional::basis::lagrange;
 use base::error::{Error, Result};
 use laws::stages::{Load, Switch};
 
-/// Range of det F at a point within which a mesh is valid. Over the paper's four cycles it is 0.64 to 1.37 on the mesh of [`super::Discretisation::ESTIMATE`], whose positions then have an error of 0.3 µm. At 1.3
-/// times the force it is 0.26 to 3.6, with an error of 1 µm.
+/// Range of det F at a point within which a mesh is valid. Over the paper's four cycles it is 0.64 to 1.37 on the mesh of [`super::Discretisation::ESTIMATE`].
+/// Positions then have an error of 0.3 µm. At 1.3 times the force, det F is 0.26 to 3.6 and the error is 1 µm.
 const VOLUME_RATIOS: [f64; 2] = [0.1, 10.0];
 /// First step after a jump of the force, over the law's fastest time. The body itself jumps if there is no solvent.
 const FIRST_STEP: f64 = 1e-3;
-/// Time that steps resolve after a switch, over the law's fastest time. When the flow reverses, the gel's response is as fast as its law and uneven.
+/// Shortest time that steps resolve after a switch, over the law's fastest time. When the flow reverses, the gel's response is uneven and as fast as the law.
 const RESOLVED: f64 = 0.2;
 /// Relative rounding error of step lengths.
 const LENGTH_ROUNDING: f64 = 1e-9;
@@ -32,7 +32,7 @@ pub(super) struct RunHistory {
     pub(super) volume_ratios: [f64; 2],
     pub(super) iterations: usize,
     pub(super) factorisations: usize,
-    /// Reason for an end before the end of the pull.
+    /// Reason why the run stopped before the end of the pull.
     pub(super) stopped: Option<Error>,
 }
 
@@ -44,7 +44,7 @@ pub(super) struct Moment {
     pub(super) twin: f64,
 }
 
-/// The body in a gel of small strains, with equal modes and steps.
+/// The body in a gel of small strains, with the same modes and steps.
 #[derive(Debug, Clone)]
 struct Twin {
     displacement: f64,

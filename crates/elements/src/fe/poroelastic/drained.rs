@@ -62,7 +62,7 @@ impl<'a> DrainedModel<'a> {
         Ok(Self { model, moduli, factor, unit_response, load })
     }
 
-    /// Displacement of the robot (m) per unit force on the whole body without pressures, at unit Young's modulus: Φ(∞), in 1/m.
+    /// Φ(∞) in 1/m: displacement of the robot per unit force on the whole body after all pressures have vanished, at unit Young's modulus.
     pub fn drained_compliance_per_m(&self) -> f64 {
         self.share() * self.drained()
     }

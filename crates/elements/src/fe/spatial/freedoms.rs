@@ -112,8 +112,8 @@ impl DegreesOfFreedom {
         Self { start: vec![0], terms: Vec::new(), count, first_slip: count, share }
     }
 
-    /// Builds freedoms from every node's components without the robot's translation. This function adds the translation to the first component of the robot's nodes. Unknowns from
-    /// `first_slip` to the last one are slips.
+    /// Builds freedoms from the combination of unknowns in each component of every node. The combinations exclude the robot's translation. This function
+    /// adds it to the first component of the robot's nodes. Unknowns from `first_slip` to the last one are slips.
     pub(in crate::fe) fn of_combinations(
         mut combinations: Vec<[Vec<(u32, f64)>; 3]>,
         robot_nodes: impl Iterator<Item = usize>,

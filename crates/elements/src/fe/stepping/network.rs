@@ -152,7 +152,7 @@ impl Network {
         all.filter(|(place, _)| is_meant(*place)).map(|(_, (body, step))| step.response * stress + body.history).sum()
     }
 
-    /// Strain at the stages for zero stress.
+    /// Begins a step. Returns the strain at the stages for zero stress.
     pub fn begin(&mut self, step: &NetworkStep) -> Vector3<f64> {
         self.bodies.iter_mut().zip(&step.bodies).map(|(body, step)| body.begin(step, PrescribedQuantity::Stress)).sum()
     }

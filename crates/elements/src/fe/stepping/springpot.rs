@@ -3,14 +3,14 @@
 //! For 0 < α < 1 the Caputo derivative from t = 0 is
 //!   Dᵅε = (sin απ / π) ∫₀^∞ r^{α−1} φ_r dr,  φ̇_r = ε̇ − r φ_r,  φ_r(0) = 0,
 //! the stress of Maxwell arms of all rates r. The trapezoidal sum in ln r approximates the integral; its error falls as exp(−π²/h) with the grid's
-//! step h. Arms beyond either end of the grid are joined into one with their weight and their first moment. The sum is geometric there, so that
-//! both are known. The body becomes a dashpot as α → 1 and a spring as α → 0.
+//! step h. At each end of the grid, one arm replaces all arms beyond that end. It has their total weight and their first moment, which are sums of
+//! geometric series. The body becomes a dashpot as α → 1 and a spring as α → 0.
 
 use super::radau::Radau;
 use nalgebra::{Matrix3, Vector3};
 use std::f64::consts::PI;
 
-/// h: exp(−π²/h) is 3e-9.
+/// Step h of the grid in ln r, at which exp(−π²/h) is 3e-9.
 const GRID_STEP: f64 = 0.5;
 /// Slowest rate of the grid times the run's length. The error of slower arms is about this value to the power 2 + α.
 const SLOWEST: f64 = 1e-4;
@@ -90,7 +90,7 @@ impl Springpot {
         ArmsStep { arms, stiffness }
     }
 
-    /// Stress at the stages for zero strain.
+    /// Begins a step. Returns the stress at the stages for zero strain.
     pub(super) fn history_pa(&self, step: &ArmsStep) -> Vector3<f64> {
         let mut stress = [0.0; 3];
         for (arm, psi) in step.arms.iter().zip(&self.flowed) {

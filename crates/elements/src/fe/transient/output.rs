@@ -52,7 +52,7 @@ impl Recorder for Output<'_> {
     }
 }
 
-/// A share of the field of a unit change in a sum of fields.
+/// Term of a sum of fields: the field at one time after a unit change, times a factor.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct FieldTerm {
     /// Time since the change, in s.
@@ -63,17 +63,17 @@ pub struct FieldTerm {
     pub factor: f64,
 }
 
-/// Position of a system after one change of the force, at any age of the change, and sums of its fields.
+/// Position of a system at any time after one change of the force, and sums of its fields.
 #[derive(Debug, Clone, PartialEq)]
 pub struct UnitResponse {
-    /// Age (s), position (m) and its rate (m/s) at the ends of steps.
+    /// Time since the change (s), position (m) and its rate (m/s) at the ends of steps.
     moments: Vec<[f64; 3]>,
-    /// Unknowns of each sum.
+    /// Values of all unknowns in each sum of fields.
     pub fields: Vec<Vec<f64>>,
 }
 
 impl UnitResponse {
-    /// Position (m) at an age (s) up to the last one.
+    /// Position (m) at a time after the change (s), up to the end of the last step.
     pub fn position_m(&self, age_s: f64) -> f64 {
         let after = self.moments.partition_point(|[t, ..]| *t < age_s).clamp(1, self.moments.len() - 1);
         let ([from_s, x, v], [to_s, y, w]) = (self.moments[after - 1], self.moments[after]);

@@ -152,7 +152,7 @@ impl<'a> Run<'a> {
         if laws.len() != system.n_laws() || laws.is_empty() {
             return Err(Error::numerical(
                 format!("the system has {} laws and {} are given", system.n_laws(), laws.len()),
-                "give one law for each law of the system",
+                "give as many laws as the system has, at least one",
             ));
         }
         let n = system.n_unknowns();

@@ -113,7 +113,7 @@ impl<'a> Scanner<'a> {
     pub(super) fn text_number<T: std::str::FromStr>(&mut self, what: &str) -> Result<T> {
         let word = self.word();
         if word.is_empty() {
-            return Err(self.damaged(format!("the file ends, expected {what}")));
+            return Err(self.damaged(format!("the file ends before {what}")));
         }
         std::str::from_utf8(word)
             .ok()

@@ -176,9 +176,9 @@ fn read_nodes(scanner: &mut Scanner<'_>, raw: &mut RawMesh) -> Result<HashMap<u6
             (0, 0..=3) => 0,
             (1, 0..=3) => dimension,
             _ => {
-                return Err(
-                    scanner.damaged(format!("a node block of dimension {dimension}, parametric {is_parametric}"))
-                );
+                return Err(scanner.damaged(format!(
+                    "a node block has the dimension {dimension} and the parametric flag {is_parametric}"
+                )));
             }
         };
         let n_in_block = scanner.count("a node block's size", 32)?;

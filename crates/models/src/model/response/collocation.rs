@@ -42,7 +42,7 @@ pub(super) struct ModeStep<T> {
     pub weights: [T; N_NODES],
 }
 
-/// Step of one length.
+/// Coefficients of a step of one length.
 pub(super) struct CollocationStep<S> {
     modes: Vec<ModeStep<S>>,
     oscillating: Vec<ModeStep<Complex<S>>>,
@@ -94,8 +94,8 @@ pub(super) struct OfMode<T> {
     pub by_feedback: [[T; N_NODES]; N_NODES],
 }
 
-/// Returns the step of one mode. `rows` are the rows over the nodes' parts of the step, `functions` are φₖ(−ρ c h) at the nodes, and
-/// `gain` is κ h.
+/// Returns the step of one mode. `rows` are the mode's coefficients from the step's start to each node, `functions` are φₖ(−ρ c h) at the nodes,
+/// and `gain` is κ h.
 #[inline(always)]
 pub(super) fn of_mode<T: Copy + Add<Output = T> + Mul<Output = T> + Mul<f64, Output = T>>(
     gain: T,
@@ -114,7 +114,7 @@ pub(super) fn of_mode<T: Copy + Add<Output = T> + Mul<Output = T> + Mul<f64, Out
     OfMode { step, by_level, by_slope, by_deficit, by_feedback }
 }
 
-/// Weights gain ∫₀ᶜ e^{−rate (c−s)} ℓⱼ(s) ds for the nodes' Lagrange polynomials ℓⱼ, from φₖ(−rate c).
+/// Returns the weights gain ∫₀ᶜ e^{−rate (c−s)} ℓⱼ(s) ds for the nodes' Lagrange polynomials ℓⱼ, from φₖ(−rate c).
 #[inline(always)]
 fn weights<T: Copy + Add<Output = T> + Mul<Output = T> + Mul<f64, Output = T>>(
     gain: T,
@@ -155,7 +155,7 @@ pub(super) fn lagrange(j: usize) -> [f64; N_NODES] {
 }
 
 impl<S: Number> CollocationStep<S> {
-    /// Step of a length. `rises` is true if forces rise while they act.
+    /// Coefficients of a step of this length. `rises` is true if forces change linearly while they act.
     pub fn new(system: &System<S>, length_s: S, rises: bool) -> Self {
         let zero = S::constant(0.0);
         let mut step = Self {
@@ -384,7 +384,7 @@ fn feedback_at_nodes<S: Number>(
     feedback
 }
 
-/// Solves by elimination without pivots. The matrix is the identity plus a feedback, and a pivot vanishes only where the force diverges.
+/// Solves by elimination without pivoting. The matrix is the identity plus a feedback, and a diagonal entry vanishes only where the force diverges.
 #[inline(always)]
 pub(super) fn solve<S: Number>(mut matrix: [[S; N_NODES]; N_NODES], mut right: [S; N_NODES]) -> [S; N_NODES] {
     for k in 0..N_NODES {
@@ -453,7 +453,7 @@ pub(super) fn position_m<S: Number>(system: &System<S>, state: &CollocationState
 mod tests {
     use super::*;
 
-    /// Checks that nodes and weights integrate polynomials up to degree 8 over the step, as Radau's do. A wrong digit in a node would show.
+    /// Checks that nodes and weights integrate polynomials up to degree 8 exactly over the step, as Radau's do. A wrong digit in a node would fail the test.
     #[test]
     fn nodes_are_those_of_radau() {
         let weights = weights(1.0, 1.0, entire_functions_of_decay(0.0), &std::array::from_fn(lagrange));

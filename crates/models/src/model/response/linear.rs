@@ -29,7 +29,7 @@ pub(super) struct LinearRow<T> {
     pub decay: T,
     pub gain: T,
     pub lag_gain: T,
-    /// r; 0 where forces hold.
+    /// r; 0 if the force is constant over the step.
     pub ramp_gain: T,
 }
 
@@ -39,7 +39,7 @@ impl<T: Copy> LinearRow<T> {
     }
 }
 
-/// Coefficients d, q, k of a mode over a step of length h, and r where forces rise.
+/// Coefficients d, q, k of a mode over a step of length h, and r if the force changes linearly.
 #[inline(always)]
 pub(super) fn row<N: Number>(mode: Mode<N>, length_s: N, lag_rate: Option<N>, rises: bool) -> LinearRow<N> {
     let z = mode.rate * length_s;

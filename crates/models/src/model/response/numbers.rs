@@ -410,7 +410,7 @@ impl<N: Real> Field for Complex<N> {
 mod tests {
     use super::*;
 
-    /// Checks against the standard library's functions, from the smallest arguments to full decay.
+    /// Checks decays against the standard library's functions, from the smallest arguments to full decay.
     #[test]
     fn decays_are_those_of_the_standard_library() {
         for i in -300..=960 {

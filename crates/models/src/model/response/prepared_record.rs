@@ -29,7 +29,7 @@ pub(super) struct PreparedRows {
     pub is_linear: bool,
     /// Largest size of a command, in N.
     pub largest_n: f64,
-    /// Lengths that differ by less are equal, in s.
+    /// Lengths of steps that differ by less than this count as equal, in s.
     pub tolerance_s: f64,
 }
 
@@ -38,7 +38,7 @@ pub(super) struct PreparedRows {
 pub(super) struct Hold {
     /// Index of the step's length.
     pub step: usize,
-    /// Command from the row before the first on.
+    /// Command from the row before the hold's first row on.
     pub line: PreparedLine,
     /// Rows at the steps' ends.
     pub rows: Range<usize>,
@@ -76,7 +76,7 @@ pub(super) struct Switch {
     pub after: PreparedLine,
     /// Index of the command after the change.
     pub command: usize,
-    /// Size of the change over the largest force, including the change within the row after it.
+    /// Jump of the command plus the change of its slope times the next step's length, over the largest command.
     pub relative_size: f64,
 }
 

@@ -11,7 +11,7 @@ use super::numbers::{N_LANES, Number, Real, gather};
 use super::prepared_record::{PreparedLine, PreparedRows, slot};
 use super::system::System;
 
-/// Largest step after a switch of each class, as a share of the time since. Behind a lag it is smaller, as the lag moves the force itself.
+/// Largest step after a switch of each class, as a share of the time since the switch. A lag needs smaller steps, because it changes the force itself.
 const SHARE_OF_AGE: [f64; N_SIZES] = [0.5, 1.0, 1.0];
 const SHARE_OF_AGE_BEHIND_LAG: [f64; N_SIZES] = [0.25, 0.5, 1.0];
 
@@ -101,7 +101,7 @@ struct ScheduleJoint {
     levels: Distinct,
 }
 
-/// Distinct combinations, in the order of their appearance.
+/// Distinct combinations of the points' indices, in the order of their appearance.
 #[derive(Default)]
 struct Distinct {
     list: Vec<Indices>,
@@ -196,7 +196,7 @@ impl ScheduleJoint {
     }
 }
 
-/// Parts of one point in order, and their distinct lengths in s. The first length is 0.
+/// Parts of the schedule of one point, in order, and their distinct lengths in s. The first length is 0.
 struct Parts<N> {
     pieces: Vec<SchedulePiece>,
     length_s: Vec<N>,
@@ -206,7 +206,7 @@ struct Parts<N> {
     tolerance_s: f64,
     /// Longest steps in s just after switches of each class.
     longest_s: [f64; N_SIZES],
-    /// Later steps are at most this share of the time since.
+    /// Largest length of later steps, as a share of the time since the switch.
     share_of_age: [f64; N_SIZES],
     /// Time in s since the last switch of each class.
     age_s: [f64; N_SIZES],
@@ -286,7 +286,7 @@ impl<N: Real> Parts<N> {
         }
     }
 
-    /// Adds a part, cut by the grading into its halves, their halves and so on, so that few lengths are distinct.
+    /// Adds a part. The grading cuts it into halves, their halves and so on, so that few lengths are distinct.
     fn push(&mut self, length_s: N, level: usize, end_row: Option<usize>) {
         // A length of zero may still carry a derivative, or end at a row.
         if end_row.is_none() && length_s.is_close(N::constant(0.0), 0.0) {

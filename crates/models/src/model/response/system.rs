@@ -98,7 +98,7 @@ impl<T: Real> PointNumbers<T> {
             _ => {
                 return Err(Error::numerical(
                     "the field's terms are missing, or the gel softens as well",
-                    "complete the stages by the compliance, and leave `softening` out",
+                    "complete the stages with the compliance's terms of the field, and leave `softening` out",
                 ));
             }
         };

@@ -275,8 +275,8 @@ fn lag_of_a_single_body_has_its_closed_form() {
     }
 }
 
-/// Checks every combination of delay, lag, softening and gradient, with and without an oscillating mode; all have bias, asymmetry and drift.
-/// The tolerance of recursions is the reference's own error, that of collocation under a gradient 2e-8.
+/// Checks every combination of delay, lag, softening and gradient, with and without an oscillating mode. Every combination has bias, asymmetry and drift.
+/// The tolerance for recursions is the error of the reference. Combinations with a gradient use collocation, with a tolerance of 2e-8.
 #[test]
 fn all_combinations_equal_runge_kutta() {
     for choice in 0..32 {

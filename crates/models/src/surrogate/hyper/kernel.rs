@@ -15,7 +15,7 @@ use pulp::{Simd, WithSimd};
 /// Strain or stress at the points of a block.
 pub(super) type BlockTensor<B> = [B; 6];
 
-/// Added to squared deviators (of strains). It is far below any strain in motion and prevents a division by zero.
+/// Number added to squared deviators of strains to prevent a division by zero. It is far below any strain in motion.
 const STILL: f64 = 1e-60;
 const MOST_ITERATIONS: usize = 60;
 /// √(v² + this) approximates |v| + 2 ln(1 + e^−|v|) within 0.2.
@@ -133,7 +133,7 @@ fn splat(value: f64) -> Plain {
     Plain([value; N_LANES])
 }
 
-/// Root with its derivative, from the residual `rest` there.
+/// Gives a root its derivative, by a Newton step with the residual `rest` and its `slope` there.
 #[inline(always)]
 fn polished<B: LaneBlock>(root: B, rest: B, slope: Plain) -> B {
     if B::Scalar::HAS_DERIVATIVE { root - rest * (splat(1.0) / slope) } else { root }
@@ -180,7 +180,7 @@ fn stiffening_slope(a: Plain, b: Plain, m: Plain) -> Plain {
 
 /// Solution m of m (j + g (m/s₀)^p) = e, and g (m/s₀)^p/j.
 ///
-/// With v = ln(g/j) + p ln(m/s₀): v + p ln(1 + eᵛ) = c, a curve along two straight lines. A hyperbola near it gives the start of two steps of third order.
+/// With v = ln(g/j) + p ln(m/s₀): v + p ln(1 + eᵛ) = c, a curve with two straight asymptotes. A hyperbola near it gives the start for two steps of third order.
 #[inline(always)]
 fn thinning_root(e: Plain, j: f64, g: f64, s0: f64, p: f64) -> (Plain, Plain) {
     let (one, half, power) = (splat(1.0), splat(0.5), splat(p));
@@ -316,7 +316,7 @@ fn deviator_norm<B: LaneBlock>(a: &BlockTensor<B>) -> B {
     (squared + B::constant(splat(STILL))).sqrt()
 }
 
-/// Law at a block.
+/// Law of a block of points, linearised about the tensor a.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct LinearisedLaw {
     a: BlockTensor<Plain>,

@@ -241,7 +241,7 @@ impl FieldStepper for HyperModel {
             // Points at rest yield first, and the direction in which they would move is undetermined.
             return Err(Error::numerical(
                 "the derivative with respect to the yield stress cannot be computed at 0",
-                "take a finite step from 0",
+                "compute it as a finite difference from 0",
             ));
         }
         self.excess::<DualLanes>(stages, compliance_per_m, time_s, force)

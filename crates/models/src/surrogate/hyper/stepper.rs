@@ -1,8 +1,8 @@
 //! Steps of the reduced model: few modes, few points, a small dense Newton iteration.
 //!
-//! Between two switches steps grow geometrically: with θ the law's fastest time, rounded down to a power of two, they are equal in ξ = ln(1 + t/θ).
-//! Rows are between the steps' ends and are interpolated by a polynomial of degree 5 in ξ. The lengths of steps depend on the parameters through that power of
-//! two and the delay alone. A trajectory is therefore smooth in its parameters except where θ passes a power of two.
+//! Between two switches steps grow geometrically. They are equal in ξ = ln(1 + t/θ), with θ the law's fastest time, rounded down to a power of two.
+//! Rows lie between the ends of steps. A polynomial of degree 5 in ξ interpolates their positions. The lengths of steps depend on the parameters only
+//! through θ and the delay. A trajectory is therefore smooth in its parameters except where θ passes a power of two.
 
 use super::kernel::{
     self, Advance, BlockTensor, CubaturePoints, Forces, ForcesAndTangent, HistoryTerms, LinearisedLaw,

@@ -166,7 +166,7 @@ fn train(
     let robot: Vec<f64> = pod.modes.iter().map(|mode| mode[model.robot()]).collect();
     let robot = robot.try_into().map_err(|robot: Vec<f64>| {
         Error::numerical(
-            format!("the training runs have {} independent fields of {N_MODES}", robot.len()),
+            format!("the training runs have {} independent fields; {N_MODES} are needed", robot.len()),
             "train on more runs",
         )
     })?;

@@ -12,7 +12,7 @@ const MOST_MODES: usize = 40;
 const SHARE_OF_MODES: f64 = 0.1;
 /// Largest number of successive halvings.
 const MOST_HALVINGS: usize = 2;
-/// Ratio of the error to the tolerance above which a box is not halved, as its halves would fail, too.
+/// Ratio of the error to the tolerance above which a box is not halved, because its halves would fail, too.
 const FARTHEST: f64 = 12.0;
 
 /// Function that runs the stepper at coordinates. It returns the excess (m) at every row at unit modulus, and the displacement (m) that scales errors.
@@ -56,7 +56,7 @@ enum BoxContent {
 pub(super) struct Surface {
     /// Index of the polynomials' degree.
     level: usize,
-    /// Modes, one value a row.
+    /// Values of each mode, one for each row of the record.
     modes: Vec<Vec<f64>>,
     /// Coefficients of each mode, one for each polynomial.
     coefficients: Vec<Vec<f64>>,
@@ -230,7 +230,7 @@ impl Surface {
     }
 }
 
-/// Orthonormal modes. Each next one is the largest remaining trajectory, until no residual exceeds `tolerance` at any row.
+/// Returns orthonormal modes. Each is the largest remaining residual of a trajectory. The search ends if no residual exceeds `tolerance` at any row.
 fn modes(mut trajectories: Vec<Vec<f64>>, tolerance: f64) -> Vec<Vec<f64>> {
     let mut modes: Vec<Vec<f64>> = Vec::new();
     while modes.len() < MOST_MODES {

@@ -7,16 +7,16 @@ use base::number::PointScalar;
 use laws::stages::Load;
 use record::{Force, ForceRule};
 
-/// Least number of points of time in every hold of the force.
+/// Smallest number of points of time in every hold of the force.
 const POINTS_PER_HOLD: f64 = 256.0;
 /// Largest number of points between two rows.
 const MOST_BETWEEN_ROWS: f64 = 16.0;
 /// Largest number of points in all.
 const MOST_POINTS: usize = 20_000;
-/// Number of points for interpolation of a trajectory, by cubic pieces.
+/// Number of points from which a cubic polynomial interpolates a trajectory.
 const STENCIL: usize = 4;
 
-/// Times at which a program computes positions.
+/// Times at which a trajectory is computed.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Clock {
     /// Times in s, which include the rows' times.
@@ -205,7 +205,7 @@ mod tests {
         }
     }
 
-    /// Checks that the closed form under the acting force for a program equals the closed form under the load.
+    /// Checks that the closed form equals that under the load if it takes the acting force that an external program receives.
     #[test]
     fn the_acting_force_is_the_loads() {
         let time_s: Vec<f64> = (0..=80).map(|row| 0.25 * f64::from(row)).collect();

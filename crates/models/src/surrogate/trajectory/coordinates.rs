@@ -1,7 +1,7 @@
-//! Coordinates of a law among all laws of its kind, in as few numbers as similarity permits.
+//! Coordinates that distinguish a law from all others of its kind. Similarity reduces their number by one.
 //!
 //! The first body's modulus E is the unit of stress. Laws under a given force then differ by their times c/E, their ratios of moduli, their distance from the
-//! linear law, and a factor 1/E of all displacements. The coordinates are therefore one fewer than the law's numbers. The omitted one is usually the best determined.
+//! linear law, and a factor 1/E on all displacements. There is therefore one coordinate fewer than parameters of the law. Data usually determine the omitted parameter E best.
 
 use base::number::{Dual, Scalar};
 use laws::rheology::Element;
@@ -75,7 +75,7 @@ pub(super) struct CoordinatePlace {
 }
 
 impl CoordinatePlace {
-    /// Place of a law; `None` if the stages have other effects than a nonlinear law, or the law has other elements.
+    /// Place of a law; `None` if the stages have effects other than a nonlinear law, or the law has elements that no coordinate describes.
     pub fn of(stages: &Stages, sizes: CoordinateSizes) -> Option<Self> {
         let plain = Stages::of_law(Vec::new());
         let Some(Spatial::Nonlinear(law)) = stages.spatial else { return None };
@@ -111,7 +111,7 @@ impl CoordinatePlace {
     }
 }
 
-/// Distance from the linear law; smooth at it.
+/// Last coordinate of a law: a function of the nonlinear parameter that is smooth at the linear law.
 fn coordinate_of(law: Nonlinearity<Dual>, modulus_pa: Dual, sizes: CoordinateSizes) -> Dual {
     match law {
         Nonlinearity::StrainStiffening { coefficient } => {
@@ -125,7 +125,7 @@ fn coordinate_of(law: Nonlinearity<Dual>, modulus_pa: Dual, sizes: CoordinateSiz
     }
 }
 
-/// Stages at other coordinates of an equal kind, with the first body's modulus 1 Pa.
+/// Stages at other coordinates of the same kind, with the first body's modulus 1 Pa.
 pub(super) fn stages_at(template: &Stages, coordinates: &[f64], sizes: CoordinateSizes) -> Option<Stages> {
     let (mut shape, mut numbers) = (Vec::new(), Vec::new());
     read(&template.law, &mut shape, &mut numbers)?;
@@ -154,7 +154,7 @@ pub(super) fn stages_at(template: &Stages, coordinates: &[f64], sizes: Coordinat
     Some(stages)
 }
 
-/// Width of a chart's root in every coordinate, and the ends of the last. The stepper's steps change where a time passes a power of two; charts end there, too.
+/// Width of a chart's largest box in every coordinate, and the ends of the last coordinate. The stepper's steps change where a time passes a power of two; charts end there, too.
 pub(super) fn widths(kind: &CoordinateKind) -> (Vec<f64>, [f64; 2]) {
     let (of_nonlinearity, ends) = match kind.family {
         NonlinearFamily::StrainStiffening => (0.5, [0.0, 6.0]),

@@ -1,8 +1,8 @@
-//! Trajectories of nonlinear laws as few time modes with polynomial amplitudes, where those are certified; elsewhere the stepper computes them.
+//! Trajectories of nonlinear laws as sums of few time modes with polynomial amplitudes. The stepper computes those for which the sums are not accurate enough.
 //!
 //! By similarity few numbers distinguish laws of one kind, as the first body's modulus only scales displacements. Their space is divided into fixed boxes. A box is
-//! trained on first use, by runs of the stepper at a design of points, and checked by runs that were not used for training. It is used if these agree to
-//! [`TOLERANCE`] of the displacement. Otherwise it is halved, or left to the stepper. A box's content depends on the box alone, not on the order of the queries.
+//! trained on first use, by runs of the stepper at a design of points, and checked by runs that were not used for training. It is used if it agrees with the latter
+//! to [`TOLERANCE`] of the displacement. Otherwise it is halved, or left to the stepper. A box's content depends on the box alone, not on the order of the queries.
 
 mod chart;
 mod clocked;

@@ -94,7 +94,8 @@ fn steppers_only_scale_with_the_modulus() {
     }
 }
 
-/// Checks points not used for training, for the whole record and its first half, within the boxes' tolerance.
+/// Checks learnt trajectories against the stepper at points not used for training, to the boxes' tolerance. The first half of the record
+/// alone must give the same positions.
 #[test]
 fn what_is_remembered_is_what_the_stepper_says() {
     let (time_s, force_n) = record();

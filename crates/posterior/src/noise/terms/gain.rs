@@ -24,7 +24,7 @@ impl NoiseTerm for Gain {
         Some(if *parameter == GAIN_SD {
             (Distribution::HalfNormal { sd: 0.03 }, "chosen: cycles agree to a few per cent")
         } else {
-            (Distribution::HalfNormal { sd: scales.noise_sd_um }, "chosen: at most about the white noise")
+            (Distribution::HalfNormal { sd: scales.noise_sd_um }, "chosen: hardly larger than the white noise")
         })
     }
 

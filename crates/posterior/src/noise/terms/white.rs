@@ -36,7 +36,7 @@ impl NoiseTerm for White {
     }
 }
 
-/// Standard deviation of ln σ around the yardstick. It allows for an uncertain yardstick, so that the prior does not dominate the data.
+/// Standard deviation of ln σ around the reference noise. It allows for an uncertain reference noise, so that the prior does not dominate the data.
 const LOG_SD: f64 = 0.5;
 
 impl LearntTerm for White {

@@ -34,9 +34,9 @@ pub struct Nodes<T, const N: usize> {
     pub force_n: [T; N],
     pub growth: [T; N],
     pub time_s: [T; N],
-    /// Position and the body's share without R.
+    /// Position and the body's share of it, both for R = 0.
     pub known: [[T; N]; 2],
-    /// Derivatives of both by R at the nodes.
+    /// Derivatives of the position, and of the body's share of it, by R at the nodes.
     pub by_feedback: [[T; N]; N],
 }
 

@@ -19,13 +19,13 @@ pub struct Modes<T> {
     pub instantaneous: [T; 2],
 }
 
-/// Step of one length.
+/// Coefficients of a step of one length.
 pub struct Step<T> {
     pub real: Vec<ModeStep<T>>,
     pub oscillating: Vec<ModeStep<Complex<T>>>,
-    /// Σ Y at the nodes of all modes, and of the body's, by level, slope and deficit.
+    /// Σ Y at the nodes for a unit of level, slope and deficit: over all modes, then over the body's modes alone.
     pub by_force: [[[T; N_NODES]; 3]; 2],
-    /// Σ Y of the body's modes by R at the nodes.
+    /// Σ Y at the nodes for a unit of R at each node, over the body's modes.
     pub by_feedback: [[T; N_NODES]; N_NODES],
     pub length_s: T,
     pub lag_decay: [T; N_NODES],
@@ -52,7 +52,7 @@ impl<T: Real> Modes<T> {
 }
 
 impl<T: Real> Step<T> {
-    /// Step of a length, under forces in straight lines (`rises`) or constant ones.
+    /// Coefficients of a step of this length, for forces that change linearly (`rises`) or are constant.
     pub fn new(modes: &Modes<T>, system: &System<T>, length_s: T, rises: bool) -> Self {
         let zero = T::constant(0.0);
         let polynomials = std::array::from_fn(lagrange);
