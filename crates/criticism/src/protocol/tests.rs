@@ -25,7 +25,10 @@ fn advice_separates_them_and_repeats_confirm_it() {
     assert!(advice.separates() && advice.separation > 8.0, "{}", advice.sentence);
     // At 8 σ a lead, N(32, 8²), is below 4 nats once in 4,000 repeats, so that one of twenty is below it once in 200 seeds; this seed is fixed.
     assert_eq!(advice.n_right, 20, "{}", advice.sentence);
-    assert!(advice.sentence.starts_with(&advice.change.instruction) && advice.sentence.contains("right in 20 of 20"));
+    assert!(
+        advice.sentence.starts_with(&advice.change.instruction)
+            && advice.sentence.contains("is recognised in 20 of 20")
+    );
     let again = find_best_change(&subject, &members, 20, 7).expect("advice").expect("changes to make");
     assert_eq!(again.sentence, advice.sentence);
 }
